@@ -1,0 +1,210 @@
+#include "characterize/campaign.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <stdlib.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <ctime>
+#include <map>
+
+#include "characterize/cell.h"
+#include "characterize/job_runner.h"
+#include "characterize/measure.h"
+#include "characterize/unit_request.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+#include "workloads/registry.h"
+
+namespace pirt {
+namespace {
+
+/// Where references and kernel caches live for one run; gone with it.
+class ScratchFolder {
+ public:
+  ScratchFolder() {
+    std::string name = (std::filesystem::temp_directory_path() / "pirt-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) {
+      throw_environment(
+          fmt::format("cannot make a scratch folder '{}': {}; set TMPDIR to a folder "
+                      "with space",
+                      name, std::strerror(errno)));
+    }
+    path_ = name;
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+std::string utc_now() {
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+}
+
+SamplingOptions sampling_options(const CampaignOptions& options) {
+  SamplingOptions sampling;
+  if (!options.quick) {
+    sampling.warm_up = std::chrono::milliseconds(300);
+    sampling.minimum = std::chrono::seconds(1);
+    sampling.budget = std::chrono::seconds(5);
+  }
+  sampling.precision = options.precision;
+  sampling.limit = options.job_limit / 2;  // the rest is for setting up and verifying
+  return sampling;
+}
+
+Environment run_environment(const CampaignOptions& options, const CampaignPlan& plan) {
+  Environment facts = host_environment();
+  facts.merge(build_environment());
+  facts.insert(plan.facts.begin(), plan.facts.end());
+  facts["cores_usable"] = fmt::format("{}", fmt::join(usable_cores(), ","));
+  const ClockQuality clock = measure_clock(MachineClock());
+  facts["clock_cost_ns"] = fmt::format("{:.1f}", clock.cost_ns);
+  facts["clock_resolution_ns"] = std::to_string(clock.resolution.count());
+  const auto images =
+      options.images ? images_from(*options.images) : generated_images(options.seed);
+  facts["images"] = images->describe();
+  facts["images_hash"] = fmt::format("{:016x}", images->content_hash());
+  facts["mode"] = options.quick ? "quick" : "full";
+  facts["precision"] = fmt::format("{}", options.precision);
+  if (!options.filter.empty()) facts["filter"] = options.filter;
+  if (!options.platform.assumptions.empty()) facts["assumptions"] = options.platform.assumptions;
+  return facts;
+}
+
+class Campaign {
+ public:
+  Campaign(const CampaignOptions& options, const CampaignPlan& plan, const ProgressSink& sink)
+      : options_(options),
+        plan_(plan),
+        sink_(sink),
+        runner_(options.program, options.job_limit, options.stop) {}
+
+  CampaignSummary run() {
+    ProfileWriter writer(options_.database);
+    summary_.run_id = writer.begin_run({utc_now(), options_.platform.name, options_.seed,
+                                        run_environment(options_, plan_), plan_.units});
+    for (const PlannedCell& cell : plan_.cells) {
+      const auto record = measure(cell);
+      if (!record) {
+        summary_.interrupted = true;
+        break;
+      }
+      writer.write_cell(summary_.run_id, *record);
+      count(*record);
+    }
+    if (!summary_.interrupted) writer.finish_run(summary_.run_id, utc_now());
+    summary_.elapsed = elapsed();
+    return summary_;
+  }
+
+ private:
+  [[nodiscard]] Nanos elapsed() const { return clock_.now() - start_; }
+
+  std::optional<CellRecord> measure(const PlannedCell& planned) {
+    const UnitModel& unit = options_.platform.unit(planned.unit);
+    const auto at =
+        std::ranges::find(plan_.units, planned.unit, &UnitRecord::unit) - plan_.units.begin();
+    CellRequest request{options_.platform,
+                        unit,
+                        find_backend(unit.backend),
+                        *planned.workload,
+                        job_for(planned, unit),
+                        plan_.provenances.at(static_cast<std::size_t>(at)),
+                        options_.quick ? 2 : 5,
+                        scratch_.path(),
+                        [&](std::string_view step) { report(planned, step); }};
+    const auto failure = reference(request);
+    if (!failure) return std::nullopt;
+    if (!failure->empty()) return failed_cell(request, *failure);
+    return measure_cell(request, runner_);
+  }
+
+  Job job_for(const PlannedCell& planned, const UnitModel& unit) const {
+    Job job;
+    job.backend = unit.backend;
+    job.unit = make_unit_request(options_.platform, unit, scratch_.path().string());
+    job.workload = planned.workload->name;
+    job.seed = options_.seed;
+    if (options_.images) job.images = std::filesystem::absolute(*options_.images).string();
+    job.reference = (scratch_.path() / (job.workload + ".reference")).string();
+    job.sampling = sampling_options(options_);
+    return job;
+  }
+
+  /// Computes the workload's reference unless that was done (or failed) for another unit. Returns
+  /// what went wrong, "" if nothing did, or nothing if stopped.
+  std::optional<std::string> reference(const CellRequest& request) {
+    const auto known = references_.find(request.workload.name);
+    if (known != references_.end()) return known->second;
+    request.on_step("reference");
+    Job job = request.job;
+    job.kind = JobKind::kReference;
+    const auto result = runner_.run(job);
+    if (!result) return std::nullopt;
+    return references_[request.workload.name] = result->error;
+  }
+
+  void report(const PlannedCell& cell, std::string_view step) const {
+    if (!sink_.progress) return;
+    const auto total = static_cast<int>(plan_.cells.size());
+    const Nanos spent = elapsed();
+    const Nanos per_cell =
+        summary_.cells > 0 ? cells_took_ / summary_.cells : plan_.estimate / total;
+    const Nanos in_this_cell = spent - cells_took_;
+    const Nanos left = per_cell * (total - summary_.cells) - in_this_cell;
+    sink_.progress({cell.workload->name, cell.unit, std::string(step), summary_.cells + 1, total,
+                    spent, std::max(left, Nanos(0))});
+  }
+
+  void count(const CellRecord& record) {
+    ++summary_.cells;
+    cells_took_ = elapsed();
+    std::map<std::string, std::vector<std::string>>
+        invalid;  // reasons -> the phases that have them
+    for (const PhaseRecord& row : record.phases) {
+      ++(row.reasons.empty() ? summary_.rows_valid : summary_.rows_invalid);
+      if (row.reasons.empty()) continue;
+      auto& phases = invalid[join(row.reasons, ", ")];
+      const std::string phase(to_string(row.phase));
+      if (std::ranges::find(phases, phase) == phases.end()) phases.push_back(phase);
+    }
+    if (!sink_.warning) return;
+    for (const auto& [reasons, phases] : invalid) {
+      const bool wrong = reasons.find("wrong_output") != std::string::npos;
+      sink_.warning(fmt::format("{} on {}: not valid ({}): {}{}", record.workload, record.unit,
+                                join(phases, ", "), reasons,
+                                wrong ? "; " + record.verification : ""));
+    }
+  }
+
+  const CampaignOptions& options_;
+  const CampaignPlan& plan_;
+  const ProgressSink& sink_;
+  JobRunner runner_;
+  ScratchFolder scratch_;
+  MachineClock clock_;
+  Nanos start_ = clock_.now();
+  Nanos cells_took_{0};  ///< When the last cell was done.
+  std::map<std::string, std::string> references_;
+  CampaignSummary summary_;
+};
+
+}  // namespace
+
+CampaignSummary run_campaign(const CampaignOptions& options, const CampaignPlan& plan,
+                             const ProgressSink& sink) {
+  return Campaign(options, plan, sink).run();
+}
+
+}  // namespace pirt

@@ -1,0 +1,179 @@
+#include "characterize/database.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "characterize/database_file.h"
+#include "characterize/sqlite.h"
+#include "characterize/statistics.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+using sqlite::Connection;
+using sqlite::Statement;
+using sqlite::Transaction;
+
+Connection open_or_create(const std::filesystem::path& path, Nanos busy_wait) {
+  if (!std::filesystem::exists(std::filesystem::symlink_status(path))) create_database(path);
+  return open_database(path, Connection::Mode::kReadWrite, busy_wait);
+}
+
+std::string join_cores(const std::vector<int>& cores) {
+  return fmt::format("{}", fmt::join(cores, ","));
+}
+
+void insert_samples(const Connection& connection, std::int64_t id, const PhaseRecord& record) {
+  Statement insert(connection, "INSERT INTO sample VALUES (?, ?, ?)");
+  for (std::size_t i = 0; i < record.samples.size(); ++i) {
+    insert.bind(id).bind(static_cast<std::int64_t>(i)).bind(record.samples[i]).run();
+  }
+}
+
+void insert_phase(const Connection& connection, std::int64_t cell_id, const PhaseRecord& record) {
+  assert((!record.samples.empty() || !record.reasons.empty()) &&
+         "a row without samples needs a reason");
+  std::optional<Statistics> s;
+  std::optional<Interval> interval;
+  if (!record.samples.empty()) {
+    s = summarize(record.samples);
+    interval = s->interval;
+  }
+  const auto of = [&s](Nanos Statistics::*member) {
+    return s ? std::optional((*s).*member) : std::nullopt;
+  };
+  Statement insert(
+      connection,
+      "INSERT INTO measurement (cell_id, phase, state, provenance, valid, reasons, notes, "
+      "samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns) "
+      "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+  insert.bind(cell_id).bind(to_string(record.phase)).bind(to_string(record.state));
+  insert.bind(to_string(record.provenance)).bind(std::int64_t{record.reasons.empty()});
+  insert.bind(join_words(record.reasons)).bind(join_words(record.notes));
+  insert.bind(static_cast<std::int64_t>(record.samples.size()));
+  insert.bind(of(&Statistics::median)).bind(of(&Statistics::mad));
+  insert.bind(of(&Statistics::p95)).bind(of(&Statistics::p99));
+  insert.bind(interval ? std::optional(interval->low) : std::nullopt);
+  insert.bind(interval ? std::optional(interval->high) : std::nullopt);
+  insert.run();
+  insert_samples(connection, connection.last_row_id(), record);
+}
+
+void insert_energy(const Connection& connection, std::int64_t cell_id, const EnergyRecord& energy) {
+  assert((energy.energy_j || !energy.reasons.empty()) && "no energy needs a reason");
+  assert(!energy.energy_j || std::isfinite(*energy.energy_j));
+  Statement insert(connection, "INSERT INTO energy VALUES (?, ?, ?, ?, ?, ?)");
+  insert.bind(cell_id).bind(energy.energy_j).bind(to_string(energy.provenance)).bind(energy.source);
+  insert.bind(std::int64_t{energy.reasons.empty()}).bind(join_words(energy.reasons));
+  insert.run();
+}
+
+void update_run_checksum(const Connection& connection, std::int64_t run_id) {
+  Statement update(connection, "UPDATE run SET checksum = ? WHERE run_id = ?");
+  update.bind(run_checksum(connection, run_id)).bind(run_id).run();
+}
+
+}  // namespace
+
+struct ProfileWriter::Impl {
+  Connection connection;
+};
+
+ProfileWriter::ProfileWriter(const std::filesystem::path& path, Nanos busy_wait)
+    : impl_(new Impl{open_or_create(path, busy_wait)}) {}
+ProfileWriter::~ProfileWriter() = default;
+ProfileWriter::ProfileWriter(ProfileWriter&&) noexcept = default;
+
+std::int64_t ProfileWriter::begin_run(const RunHeader& header) {
+  Connection& connection = impl_->connection;
+  Transaction transaction(connection);
+  Statement run(connection,
+                "INSERT INTO run (started, platform, seed, checksum) VALUES (?, ?, ?, 0)");
+  run.bind(header.started).bind(header.platform).bind(std::to_string(header.seed)).run();
+  const std::int64_t run_id = connection.last_row_id();
+  Statement fact(connection, "INSERT INTO environment VALUES (?, ?, ?)");
+  for (const auto& [key, value] : header.environment) fact.bind(run_id).bind(key).bind(value).run();
+  Statement insert(connection, "INSERT INTO unit VALUES (?, ?, ?, ?, ?, ?, ?)");
+  std::int64_t ordinal = 0;
+  for (const UnitRecord& unit : header.units) {
+    insert.bind(run_id).bind(unit.unit).bind(ordinal++).bind(unit.backend).bind(unit.device);
+    insert.bind(std::int64_t{unit.device_is_cpu}).bind(join_cores(unit.cores)).run();
+  }
+  update_run_checksum(connection, run_id);
+  transaction.commit();
+  return run_id;
+}
+
+void ProfileWriter::write_cell(std::int64_t run_id, const CellRecord& cell) {
+  Connection& connection = impl_->connection;
+  Transaction transaction(connection);
+  Statement insert(connection,
+                   "INSERT INTO cell (run_id, workload, unit, ops, bytes, verification, checksum) "
+                   "VALUES (?, ?, ?, ?, ?, ?, 0)");
+  insert.bind(run_id).bind(cell.workload).bind(cell.unit).bind(cell.ops).bind(cell.bytes);
+  insert.bind(cell.verification).run();
+  const std::int64_t cell_id = connection.last_row_id();
+  for (const PhaseRecord& record : cell.phases) insert_phase(connection, cell_id, record);
+  if (cell.energy) insert_energy(connection, cell_id, *cell.energy);
+  Statement update(connection, "UPDATE cell SET checksum = ? WHERE cell_id = ?");
+  update.bind(cell_checksum(connection, cell_id)).bind(cell_id).run();
+  transaction.commit();
+}
+
+void ProfileWriter::finish_run(std::int64_t run_id, const std::string& finished) {
+  Connection& connection = impl_->connection;
+  Transaction transaction(connection);
+  Statement update(connection, "UPDATE run SET finished = ? WHERE run_id = ?");
+  update.bind(finished).bind(run_id).run();
+  update_run_checksum(connection, run_id);
+  transaction.commit();
+}
+
+std::string join_words(const std::vector<std::string>& words) {
+  std::vector<std::string> clean = words;
+  for (std::string& word : clean) std::ranges::replace(word, ';', ',');
+  return join(clean, "; ");
+}
+
+std::vector<std::string> split_words(const std::string& text) {
+  if (text.empty()) return {};
+  std::vector<std::string> words = split(text, ';');
+  for (std::string& word : words) {
+    if (word.starts_with(' ')) word.erase(0, 1);
+  }
+  return words;
+}
+
+std::vector<RowSamples> load_samples(const std::filesystem::path& path, std::int64_t run_id) {
+  const auto connection = open_database(path, Connection::Mode::kReadOnly);
+  Statement exists(connection, "SELECT 1 FROM run WHERE run_id = ?");
+  if (!exists.bind(run_id).step()) return {};
+  verify_run(connection, run_id);
+  Statement query(connection,
+                  "SELECT measurement_id, workload, unit, phase, state, ns FROM cell "
+                  "JOIN measurement USING (cell_id) JOIN sample USING (measurement_id) "
+                  "WHERE run_id = ? ORDER BY measurement_id, position");
+  query.bind(run_id);
+  std::vector<RowSamples> rows;
+  std::optional<std::int64_t> current;
+  while (query.step()) {
+    if (current != query.integer(0)) {
+      current = query.integer(0);
+      // The columns' CHECK constraints and the checksum have been verified: the words are known
+      // ones.
+      rows.push_back({query.text(1),
+                      query.text(2),
+                      phase_from_string(query.text(3)).value(),
+                      state_from_string(query.text(4)).value(),
+                      {}});
+    }
+    rows.back().samples.push_back(Nanos(query.integer(5)));
+  }
+  return rows;
+}
+
+}  // namespace pirt

@@ -1,0 +1,102 @@
+// Writing a profile database: a run, then its cells, each in one transaction. The format is
+// documented in schema.sql.
+//
+// Reading is in profile.h.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "characterize/profile.h"
+#include "workloads/base/time.h"
+#include "workloads/phase.h"
+
+namespace pirt {
+
+/// What is written before anything is measured.
+struct RunHeader {
+  std::string started;  ///< ISO 8601, UTC.
+  std::string platform;
+  std::uint64_t seed = 0;
+  std::map<std::string, std::string> environment;  ///< No empty values.
+  std::vector<UnitRecord> units;
+};
+
+/// One row of profile_summary with its samples; the statistics are computed when it is written, so
+/// that they always belong to them.
+struct PhaseRecord {
+  Phase phase = Phase::kCall;
+  State state = State::kSteady;
+  Provenance provenance = Provenance::kMeasured;
+  std::vector<std::string> reasons;  ///< Empty = valid; never empty without samples.
+  std::vector<std::string> notes;
+  std::vector<Nanos> samples;
+};
+
+struct EnergyRecord {
+  std::optional<double> energy_j;
+  Provenance provenance = Provenance::kModelled;
+  std::string source;
+  std::vector<std::string> reasons;  ///< Empty = valid; never empty without energy_j.
+};
+
+/// Everything about one workload on one unit.
+struct CellRecord {
+  std::string workload, unit;
+  std::optional<std::int64_t> ops;
+  std::int64_t bytes = 0;
+  std::string verification;
+  std::vector<PhaseRecord> phases;
+  std::optional<EnergyRecord> energy;
+};
+
+/// Appends runs to a profile database. Used by one thread; other processes may read and write the
+/// file at the same time.
+class ProfileWriter {
+ public:
+  /// Opens the database, or creates it where no file is.
+  /// @param busy_wait  How long another writer is waited for.
+  /// @throws Error{kBadInput}: not a profile database, damaged, newer, not writable, no such
+  /// folder. Nothing is written or created then.
+  explicit ProfileWriter(const std::filesystem::path& path,
+                         Nanos busy_wait = std::chrono::seconds(10));
+  ~ProfileWriter();
+  ProfileWriter(ProfileWriter&&) noexcept;
+  ProfileWriter& operator=(ProfileWriter&&) = delete;
+
+  /// Each of the following is one transaction: it is stored completely or not at all, whatever
+  /// happens.
+  /// @throws Error{kEnvironment}: another program is writing, no space, input/output error.
+  std::int64_t begin_run(const RunHeader& header);
+  void write_cell(std::int64_t run_id, const CellRecord& cell);
+  void finish_run(std::int64_t run_id, const std::string& finished);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Reasons and notes as the database has them: separated by "; ". A semicolon inside an entry
+/// becomes a comma.
+[[nodiscard]] std::string join_words(const std::vector<std::string>& words);
+[[nodiscard]] std::vector<std::string> split_words(const std::string& text);
+
+/// The raw samples behind one row of profile_summary.
+struct RowSamples {
+  std::string workload, unit;
+  Phase phase = Phase::kCall;
+  State state = State::kSteady;
+  std::vector<Nanos> samples;  ///< In the order in which they were taken.
+};
+
+/// The samples of all rows of one run that have any; empty if there is no such run.
+/// @throws Error as load_profile.
+[[nodiscard]] std::vector<RowSamples> load_samples(const std::filesystem::path& path,
+                                                   std::int64_t run_id);
+
+}  // namespace pirt

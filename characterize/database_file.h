@@ -1,0 +1,42 @@
+// The file behind a profile database: creating it, telling it from what it is not, finding damage.
+// Private to characterize/.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+#include "characterize/sqlite.h"
+
+namespace pirt {
+
+inline constexpr std::int64_t kDatabaseApplicationId = 0x50495254;  ///< "PIRT", as in schema.sql.
+inline constexpr std::int64_t kDatabaseVersion = 1;
+
+/// How long another writer is waited for.
+inline constexpr Nanos kBusyWait = std::chrono::seconds(10);
+
+/// Opens an existing profile database after checking what it is, its version, its structure
+/// (integrity_check) and its schema. A journal left by a killed writer is rolled back; apart from
+/// that nothing is written.
+/// @throws Error{kBadInput}: missing, a folder, empty, no SQLite database, another application's,
+/// newer, in WAL mode, damaged.
+/// @throws Error{kEnvironment}: busy, unreadable disk.
+[[nodiscard]] sqlite::Connection open_database(const std::filesystem::path& path,
+                                               sqlite::Connection::Mode mode,
+                                               Nanos busy_wait = kBusyWait);
+
+/// Makes an empty profile database where no file is: built beside it and then linked to its name,
+/// so that no half-made one is ever seen.
+/// @throws Error as open_database.
+void create_database(const std::filesystem::path& path);
+
+/// Hash of everything that a run (environment and units included) or a cell (measurements, samples,
+/// energy) holds, apart from the checksum itself.
+[[nodiscard]] std::int64_t run_checksum(const sqlite::Connection& connection, std::int64_t run_id);
+[[nodiscard]] std::int64_t cell_checksum(const sqlite::Connection& connection,
+                                         std::int64_t cell_id);
+
+/// @throws Error{kBadInput} if the run's own checksum, or that of one of its cells, does not match.
+void verify_run(const sqlite::Connection& connection, std::int64_t run_id);
+
+}  // namespace pirt

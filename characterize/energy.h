@@ -1,0 +1,25 @@
+// Energy of one call from a model: watts, picojoules and joules that the platform states, and the
+// measured time of the call.
+//
+// No meter is read here. A meter's reading is another EnergyRecord, with provenance `measured` and
+// the meter as its source.
+#pragma once
+
+#include "characterize/database.h"
+#include "characterize/platform.h"
+#include "workloads/workload.h"
+
+namespace pirt {
+
+/// active_w * call + op_pj * operations + byte_pj * bytes + call_j, with the terms that the
+/// platform gives; provenance `modelled`; the source lists every input.
+///
+/// @param call  The row of phase `call`. Where it is not valid neither is the energy, for the same
+/// reasons; without samples there is none.
+/// @return      Without energy and with reason no_power if the platform states nothing for the unit
+/// (0 J would look like a figure), or
+///              ops_unknown if op_pj is given but the workload's operations depend on the data.
+[[nodiscard]] EnergyRecord model_energy(const Platform& platform, const UnitModel& unit,
+                                        const Workload& workload, const PhaseRecord& call);
+
+}  // namespace pirt

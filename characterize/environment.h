@@ -1,0 +1,24 @@
+// What is known of the machine and the build when something is measured: the facts that figures are
+// comparable by.
+//
+// A fact that cannot be known has no key, but a key "<fact>_unknown" with the reason: never an
+// empty text or a made-up value.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+
+namespace pirt {
+
+using Environment = std::map<std::string, std::string>;
+
+/// cpu_model, cpu_flags (those that kernels are chosen by), cores_online, memory_mb, os, kernel,
+/// governor, turbo, load_1m, steal_percent (since boot), temperature_c (hottest zone), hypervisor.
+/// @param root  Where /proc, /sys and /etc are found; another folder in tests.
+[[nodiscard]] Environment host_environment(const std::filesystem::path& root = "/");
+
+/// pirt_version, compiler, compiler_flags, build_type, git_commit, git_dirty, sqlite_version.
+[[nodiscard]] Environment build_environment();
+
+}  // namespace pirt

@@ -1,0 +1,41 @@
+// What else happened on the machine while something was timed: other programs on the same cores,
+// steal, throttling.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <vector>
+
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+/// Counters at one moment; only differences mean something. Absent where the machine does not
+/// count.
+struct HostCounters {
+  Nanos at{0};                ///< Machine clock.
+  std::optional<Nanos> busy;  ///< Of the cores asked for: everything but idle, steal included.
+  Nanos own{0};               ///< Processor time of this process, all threads.
+  std::optional<std::int64_t> heat_events;  ///< Thermal throttling of the cores asked for.
+  std::optional<Nanos>
+      quota_wait;  ///< Time that this process' control group was held back by its quota.
+};
+
+/// @param cores  The cores that count; empty = all.
+/// @param root   Where /proc and /sys are found; another folder in tests.
+[[nodiscard]] HostCounters read_host_counters(const std::vector<int>& cores,
+                                              const std::filesystem::path& root = "/");
+
+struct Interference {
+  bool contended = false;  ///< Others (or the hypervisor) used more than 5 % of the cores' time,
+                           ///< and more than the counters' grain.
+  bool throttled =
+      false;  ///< A thermal event, or held back by a quota for more than 1 % of the time.
+};
+
+/// @param core_count  How many cores `busy` was summed over.
+[[nodiscard]] Interference interference(const HostCounters& before, const HostCounters& after,
+                                        int core_count);
+
+}  // namespace pirt

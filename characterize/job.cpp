@@ -1,0 +1,183 @@
+#include "characterize/job.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int kProtocol = 1;
+constexpr std::string_view kPrefix = "pirt-record ";
+
+Json encode(const std::vector<Nanos>& times) {
+  Json list = Json::array();
+  for (const Nanos t : times) list.push_back(t.count());
+  return list;
+}
+
+std::vector<Nanos> decode_times(const Json& list) {
+  std::vector<Nanos> times;
+  times.reserve(list.size());
+  for (const auto& value : list) times.emplace_back(value.get<std::int64_t>());
+  return times;
+}
+
+Json encode(const SamplingOptions& o) {
+  return {{"warm_up_ns", o.warm_up.count()}, {"minimum_ns", o.minimum.count()},
+          {"budget_ns", o.budget.count()},   {"limit_ns", o.limit.count()},
+          {"min_samples", o.min_samples},    {"max_samples", o.max_samples},
+          {"precision", o.precision}};
+}
+
+SamplingOptions decode_sampling(const Json& j) {
+  SamplingOptions o;
+  o.warm_up = Nanos(j.at("warm_up_ns").get<std::int64_t>());
+  o.minimum = Nanos(j.at("minimum_ns").get<std::int64_t>());
+  o.budget = Nanos(j.at("budget_ns").get<std::int64_t>());
+  o.limit = Nanos(j.at("limit_ns").get<std::int64_t>());
+  o.min_samples = j.at("min_samples");
+  o.max_samples = j.at("max_samples");
+  o.precision = j.at("precision");
+  return o;
+}
+
+Json encode(const DeviceInfo& device) {
+  return {{"name", device.name},
+          {"platform", device.platform},
+          {"version", device.version},
+          {"compute_units", device.compute_units},
+          {"is_cpu", device.is_cpu}};
+}
+
+DeviceInfo decode_device(const Json& j) {
+  return {j.at("name"), j.at("platform"), j.at("version"), j.at("compute_units"), j.at("is_cpu")};
+}
+
+Json encode(const std::optional<Nanos>& time) { return time ? Json(time->count()) : Json(); }
+
+std::optional<Nanos> decode_time(const Json& j) {
+  if (j.is_null()) return std::nullopt;
+  return Nanos(j.get<std::int64_t>());
+}
+
+JobResult decode_result(const Json& j) {
+  JobResult result;
+  result.done = j.at("done");
+  result.step = j.at("step");
+  result.error = j.at("error");
+  if (!j.at("device").is_null()) result.device = decode_device(j.at("device"));
+  result.provenance = provenance_from_string(j.at("provenance").get<std::string>()).value();
+  result.clock = {j.at("clock_cost_ns"), Nanos(j.at("clock_resolution_ns").get<std::int64_t>())};
+  result.device_init = decode_time(j.at("device_init_ns"));
+  result.prepare = decode_time(j.at("prepare_ns"));
+  result.verification = j.at("verification");
+  result.wrong_output = j.at("wrong_output");
+  result.contended = j.at("contended");
+  result.throttled = j.at("throttled");
+  result.notes = j.at("notes").get<std::vector<std::string>>();
+  for (const auto& phase : j.at("phases")) {
+    result.phases.push_back({phase_from_string(phase.at("phase").get<std::string>()).value(),
+                             decode_times(phase.at("samples_ns")), phase.at("batch")});
+  }
+  return result;
+}
+
+}  // namespace
+
+std::string to_json(const Job& job) {
+  const Json unit = {{"unit", job.unit.unit},
+                     {"cores", job.unit.cores},
+                     {"device", job.unit.device},
+                     {"script", job.unit.script}};
+  const Json j = {{"protocol", kProtocol},
+                  {"kind", static_cast<int>(job.kind)},
+                  {"backend", job.backend},
+                  {"unit", unit},
+                  {"workload", job.workload},
+                  {"seed", job.seed},
+                  {"images", job.images},
+                  {"reference", job.reference},
+                  {"sampling", encode(job.sampling)}};
+  return j.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+Job job_from_json(const std::string& text) {
+  try {
+    const Json j = Json::parse(text);
+    if (const int protocol = j.at("protocol"); protocol != kProtocol) {
+      throw_bad_input(
+          fmt::format("the job has protocol {}, and this worker knows {}; coordinator and "
+                      "worker must be the same program",
+                      protocol, kProtocol));
+    }
+    Job job;
+    const int kind = j.at("kind");
+    if (kind < 0 || kind > static_cast<int>(JobKind::kSample)) {
+      throw_bad_input(fmt::format("unknown kind of job {}", kind));
+    }
+    job.kind = static_cast<JobKind>(kind);
+    job.backend = j.at("backend");
+    const Json& unit = j.at("unit");
+    job.unit = {unit.at("unit"), unit.at("cores").get<std::vector<int>>(), unit.at("device"),
+                unit.at("script")};
+    job.workload = j.at("workload");
+    job.seed = j.at("seed");
+    job.images = j.at("images");
+    job.reference = j.at("reference");
+    job.sampling = decode_sampling(j.at("sampling"));
+    return job;
+  } catch (const Json::exception& error) {
+    throw_bad_input(
+        fmt::format("this is no worker's job ({}); `worker` is started by characterize "
+                    "and not by hand",
+                    error.what()));
+  }
+}
+
+std::string to_record(const JobResult& r) {
+  Json phases = Json::array();
+  for (const PhaseSamples& p : r.phases) {
+    phases.push_back(
+        {{"phase", to_string(p.phase)}, {"samples_ns", encode(p.samples)}, {"batch", p.batch}});
+  }
+  const Json j = {{"done", r.done},
+                  {"step", r.step},
+                  {"error", r.error},
+                  {"device", r.device ? encode(*r.device) : Json()},
+                  {"provenance", to_string(r.provenance)},
+                  {"clock_cost_ns", r.clock.cost_ns},
+                  {"clock_resolution_ns", r.clock.resolution.count()},
+                  {"device_init_ns", encode(r.device_init)},
+                  {"prepare_ns", encode(r.prepare)},
+                  {"verification", r.verification},
+                  {"wrong_output", r.wrong_output},
+                  {"contended", r.contended},
+                  {"throttled", r.throttled},
+                  {"notes", r.notes},
+                  {"phases", phases}};
+  // Drivers' texts need not be UTF-8.
+  return std::string(kPrefix) + j.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+JobResult last_record(std::string_view output) {
+  while (!output.empty()) {
+    const auto line_end = output.rfind('\n');
+    if (line_end == std::string_view::npos) break;                       // never completed
+    const auto line_begin = output.substr(0, line_end).rfind('\n') + 1;  // npos + 1 == 0
+    const auto line = output.substr(line_begin, line_end - line_begin);
+    output = output.substr(0, line_begin);
+    // A library that prints without an end of line may stand before the record.
+    const auto prefix = line.find(kPrefix);
+    if (prefix == std::string_view::npos) continue;
+    const Json j = Json::parse(line.substr(prefix + kPrefix.size()), nullptr, false);
+    if (!j.is_discarded()) return decode_result(j);
+  }
+  return {};
+}
+
+}  // namespace pirt

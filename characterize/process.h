@@ -1,0 +1,38 @@
+// Running another program with a time limit: input in, output and diagnostics out, nothing left
+// behind.
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+struct ProcessRequest {
+  std::filesystem::path program;
+  std::vector<std::string> arguments;  ///< Without the program's own name.
+  std::string input;                   ///< All of standard input.
+  std::vector<std::pair<std::string, std::string>> environment;  ///< On top of this process' own.
+  Nanos limit = std::chrono::seconds(60);
+  const std::atomic<bool>* stop = nullptr;  ///< Looked at several times a second; may be null.
+};
+
+struct ProcessResult {
+  enum class End : std::uint8_t { kExited, kSignalled, kTimedOut, kStopped };
+  End end = End::kExited;
+  int code = 0;             ///< Exit status, or the signal's number.
+  std::string output;       ///< Standard output.
+  std::string diagnostics;  ///< The end of standard error, at most 16 KiB.
+};
+
+/// Runs the program to its end, or kills it and whatever it started (its process group) when the
+/// limit is over or @p stop is set. The child is killed too when this process dies, and a
+/// terminal's Ctrl-C does not reach it.
+/// @throws Error{kEnvironment} if the program cannot be started.
+[[nodiscard]] ProcessResult run_process(const ProcessRequest& request);
+
+}  // namespace pirt

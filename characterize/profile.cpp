@@ -1,0 +1,238 @@
+#include "characterize/profile.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <set>
+#include <tuple>
+
+#include "characterize/database.h"
+#include "characterize/database_file.h"
+#include "characterize/sqlite.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+#include "workloads/catalog.h"
+
+namespace pirt {
+namespace {
+
+using sqlite::Connection;
+using sqlite::Statement;
+
+PhaseRow read_phase_row(const Statement& q) {
+  PhaseRow row;
+  row.run_id = q.integer(0);
+  row.platform = q.text(1);
+  row.workload = q.text(2);
+  row.unit = q.text(3);
+  row.backend = q.text(4);
+  // The words are known ones: integrity_check has verified the CHECK constraints.
+  row.phase = phase_from_string(q.text(5)).value();
+  row.state = state_from_string(q.text(6)).value();
+  row.provenance = provenance_from_string(q.text(7)).value();
+  row.valid = q.integer(8) != 0;
+  row.reasons = split_words(q.text(9));
+  row.notes = split_words(q.text(10));
+  row.samples = q.integer(11);
+  row.median = q.optional_nanos(12);
+  row.mad = q.optional_nanos(13);
+  row.p95 = q.optional_nanos(14);
+  row.p99 = q.optional_nanos(15);
+  row.ci_low = q.optional_nanos(16);
+  row.ci_high = q.optional_nanos(17);
+  row.ops = q.optional_integer(18);
+  row.bytes = q.integer(19);
+  return row;
+}
+
+/// Newest runs first; of each (workload, unit, phase, state) the first row met stays.
+std::vector<PhaseRow> read_phases(const Connection& connection, const std::string& platform) {
+  std::vector<PhaseRow> rows;
+  std::set<std::tuple<std::string, std::string, Phase, State>> seen;
+  Statement query(
+      connection,
+      "SELECT run_id, platform, workload, unit, backend, phase, state, provenance, valid, "
+      "reasons, notes, samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, "
+      "ops, bytes FROM profile_summary WHERE platform = ? ORDER BY run_id DESC");
+  query.bind(platform);
+  while (query.step()) {
+    PhaseRow row = read_phase_row(query);
+    if (seen.emplace(row.workload, row.unit, row.phase, row.state).second) {
+      rows.push_back(std::move(row));
+    }
+  }
+  return rows;
+}
+
+std::vector<EnergyRow> read_energies(const Connection& connection, const std::string& platform) {
+  std::vector<EnergyRow> rows;
+  std::set<std::pair<std::string, std::string>> seen;
+  Statement query(
+      connection,
+      "SELECT run_id, workload, unit, energy_j, energy_summary.provenance, source, valid, "
+      "reasons FROM energy_summary JOIN run USING (run_id) WHERE platform = ? "
+      "ORDER BY run_id DESC");
+  query.bind(platform);
+  while (query.step()) {
+    EnergyRow row;
+    row.run_id = query.integer(0);
+    row.workload = query.text(1);
+    row.unit = query.text(2);
+    if (!query.is_null(3)) row.energy_j = query.real(3);
+    row.provenance = provenance_from_string(query.text(4)).value();
+    row.source = query.text(5);
+    row.valid = query.integer(6) != 0;
+    row.reasons = split_words(query.text(7));
+    if (seen.emplace(row.workload, row.unit).second) rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+std::vector<int> parse_cores(const std::string& text) {
+  std::vector<int> cores;
+  if (text.empty()) return cores;
+  for (const auto& part : split(text, ',')) {
+    int core = 0;
+    std::from_chars(part.data(), part.data() + part.size(), core);
+    cores.push_back(core);
+  }
+  return cores;
+}
+
+RunInfo read_run(const Connection& connection, std::int64_t run_id) {
+  RunInfo run;
+  run.run_id = run_id;
+  Statement head(connection, "SELECT started, finished, platform, seed FROM run WHERE run_id = ?");
+  if (!head.bind(run_id).step()) connection.fail_damaged(fmt::format("run {} is missing", run_id));
+  run.started = head.text(0);
+  run.finished = head.text(1);
+  run.platform = head.text(2);
+  const std::string seed = head.text(3);
+  std::from_chars(seed.data(), seed.data() + seed.size(), run.seed);
+  Statement facts(connection, "SELECT key, value FROM environment WHERE run_id = ?");
+  facts.bind(run_id);
+  while (facts.step()) run.environment[facts.text(0)] = facts.text(1);
+  Statement units(connection,
+                  "SELECT unit, backend, device, device_is_cpu, cores FROM unit WHERE run_id = ? "
+                  "ORDER BY ordinal");
+  units.bind(run_id);
+  while (units.step()) {
+    run.units.push_back({units.text(0), units.text(1), units.text(2), units.integer(3) != 0,
+                         parse_cores(units.text(4))});
+  }
+  return run;
+}
+
+/// The platform that is meant: the given one, or that of the newest run which has cells.
+std::string choose_platform(const Connection& connection, std::string_view wished) {
+  std::vector<std::string> known;  // newest first
+  Statement query(connection,
+                  "SELECT platform FROM run WHERE EXISTS (SELECT 1 FROM cell WHERE cell.run_id = "
+                  "run.run_id) ORDER BY run_id DESC");
+  while (query.step()) {
+    if (std::ranges::find(known, query.text(0)) == known.end()) known.push_back(query.text(0));
+  }
+  const std::string path = connection.path().string();
+  if (known.empty()) {
+    throw_bad_input(fmt::format(
+        "profile database '{}' holds no measurements; add some with: pirt characterize --db {}",
+        path, path));
+  }
+  if (wished.empty()) return known.front();
+  if (std::ranges::find(known, wished) == known.end()) {
+    throw_bad_input(fmt::format(
+        "profile database '{}' has no run of platform '{}'{}; measure it with: pirt characterize "
+        "--db {} --platform {}",
+        path, wished, suggestion(wished, known), path, wished));
+  }
+  return std::string(wished);
+}
+
+/// Table order: workloads as in the catalog (others behind, by name), units as in the runs, phases
+/// as they happen.
+void sort_rows(Profile& profile) {
+  const auto names = workload_names();
+  const auto workload_rank = [&names](const std::string& name) {
+    return std::ranges::find(names, name) - names.begin();
+  };
+  std::vector<std::string> units;
+  for (const RunInfo& run : profile.runs) {
+    for (const UnitRecord& unit : run.units) units.push_back(unit.unit);
+  }
+  const auto unit_rank = [&units](const std::string& name) {
+    return std::ranges::find(units, name) - units.begin();
+  };
+  std::ranges::sort(profile.phases, {}, [&](const PhaseRow& row) {
+    return std::tuple(workload_rank(row.workload), row.workload, unit_rank(row.unit), row.phase,
+                      row.state);
+  });
+  std::ranges::sort(profile.energies, {}, [&](const EnergyRow& row) {
+    return std::tuple(workload_rank(row.workload), row.workload, unit_rank(row.unit));
+  });
+}
+
+template <typename Row>
+std::vector<std::string> first_appearances(const std::vector<Row>& rows, std::string Row::*member) {
+  std::vector<std::string> names;
+  for (const Row& row : rows) {
+    if (std::ranges::find(names, row.*member) == names.end()) names.push_back(row.*member);
+  }
+  return names;
+}
+
+}  // namespace
+
+const PhaseRow* Profile::find(std::string_view workload, std::string_view unit, Phase phase,
+                              State state) const {
+  const auto it = std::ranges::find_if(phases, [&](const PhaseRow& row) {
+    return row.workload == workload && row.unit == unit && row.phase == phase && row.state == state;
+  });
+  return it == phases.end() ? nullptr : &*it;
+}
+
+const EnergyRow* Profile::find_energy(std::string_view workload, std::string_view unit) const {
+  const auto it = std::ranges::find_if(
+      energies, [&](const EnergyRow& row) { return row.workload == workload && row.unit == unit; });
+  return it == energies.end() ? nullptr : &*it;
+}
+
+const UnitRecord* Profile::find_unit(std::string_view unit) const {
+  for (const RunInfo& run : runs) {
+    const auto it = std::ranges::find(run.units, unit, &UnitRecord::unit);
+    if (it != run.units.end()) return &*it;
+  }
+  return nullptr;
+}
+
+std::vector<std::string> Profile::workloads() const {
+  return first_appearances(phases, &PhaseRow::workload);
+}
+
+std::vector<std::string> Profile::units() const {
+  return first_appearances(phases, &PhaseRow::unit);
+}
+
+const std::string& Profile::platform() const { return runs.front().platform; }
+
+Profile load_profile(const std::filesystem::path& path, std::string_view platform) {
+  auto connection = open_database(path, Connection::Mode::kReadOnly);
+  connection.run("BEGIN");  // one state of the file for all that follows, though somebody may be
+                            // appending a run
+  const std::string chosen = choose_platform(connection, platform);
+  Profile profile;
+  profile.path = path.string();
+  profile.phases = read_phases(connection, chosen);
+  profile.energies = read_energies(connection, chosen);
+  std::set<std::int64_t, std::greater<>> run_ids;
+  for (const PhaseRow& row : profile.phases) run_ids.insert(row.run_id);
+  for (const EnergyRow& row : profile.energies) run_ids.insert(row.run_id);
+  for (const std::int64_t run_id : run_ids) {
+    verify_run(connection, run_id);
+    profile.runs.push_back(read_run(connection, run_id));
+  }
+  sort_rows(profile);
+  return profile;
+}
+
+}  // namespace pirt

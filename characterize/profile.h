@@ -1,0 +1,91 @@
+// What is known of each (workload, unit), as read from a profile database: the rows of its two
+// stable views.
+//
+// Scheduler and reports see this and never SQLite. Reading is here; writing is in database.h.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "workloads/base/time.h"
+#include "workloads/phase.h"
+
+namespace pirt {
+
+/// A row of view profile_summary.
+struct PhaseRow {
+  std::int64_t run_id = 0;
+  std::string platform, workload, unit, backend;
+  Phase phase = Phase::kCall;
+  State state = State::kSteady;
+  Provenance provenance = Provenance::kMeasured;
+  bool valid = false;
+  std::vector<std::string> reasons;  ///< Why it is not valid.
+  std::vector<std::string> notes;
+  std::int64_t samples = 0;
+  std::optional<Nanos> median, mad, p95, p99, ci_low, ci_high;  ///< Absent if there are no samples.
+  std::optional<std::int64_t> ops;
+  std::int64_t bytes = 0;
+};
+
+/// A row of view energy_summary: joules a call.
+struct EnergyRow {
+  std::int64_t run_id = 0;
+  std::string workload, unit;
+  std::optional<double> energy_j;
+  Provenance provenance = Provenance::kModelled;
+  std::string source;  ///< "model: active_w 10 W x call", "rapl: package-0".
+  bool valid = false;
+  std::vector<std::string> reasons;
+};
+
+/// A device that a unit of the run computed on.
+struct UnitRecord {
+  std::string unit, backend, device;
+  bool device_is_cpu = false;
+  std::vector<int> cores;
+};
+
+struct RunInfo {
+  std::int64_t run_id = 0;
+  std::string started;   ///< ISO 8601, UTC.
+  std::string finished;  ///< Empty if the run did not end.
+  std::string platform;
+  std::uint64_t seed = 0;
+  std::map<std::string, std::string> environment;  ///< "cpu_model", "kernel", "governor", ...
+  std::vector<UnitRecord> units;
+};
+
+struct Profile {
+  std::string path;
+  std::vector<RunInfo> runs;  ///< Those that rows come from; newest first.
+  std::vector<PhaseRow>
+      phases;  ///< For each (workload, unit, phase, state): the newest run's row that has it.
+  std::vector<EnergyRow> energies;  ///< For each (workload, unit): the newest run's row.
+
+  /// Null if there is no such row.
+  [[nodiscard]] const PhaseRow* find(std::string_view workload, std::string_view unit, Phase phase,
+                                     State state = State::kSteady) const;
+  [[nodiscard]] const EnergyRow* find_energy(std::string_view workload,
+                                             std::string_view unit) const;
+  [[nodiscard]] const UnitRecord* find_unit(std::string_view unit) const;
+  /// In order of first appearance.
+  [[nodiscard]] std::vector<std::string> workloads() const;
+  [[nodiscard]] std::vector<std::string> units() const;
+  /// Of the newest run.
+  [[nodiscard]] const std::string& platform() const;
+};
+
+/// Reads the newest rows of one platform.
+/// @param platform  Only runs of that platform; empty = that of the newest run.
+/// @throws Error{kBadInput}: missing file, not a database, not pirt's, damaged, newer version, no
+/// runs, no run of that platform.
+[[nodiscard]] Profile load_profile(const std::filesystem::path& path,
+                                   std::string_view platform = {});
+
+}  // namespace pirt

@@ -1,0 +1,19 @@
+// The commands of pirt. Each file adds its subcommand and the function that runs it after parsing.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace pirt::cli {
+
+/// Runs the chosen command; returns the exit code.
+using Action = std::function<int()>;
+
+void add_list(CLI::App& app, Action& action);
+void add_characterize(CLI::App& app, Action& action);
+void add_schedule(CLI::App& app, Action& action);
+void add_report(CLI::App& app, Action& action);
+/// Hidden: the body of the processes that `characterize` starts.
+void add_worker(CLI::App& app, Action& action);
+
+}  // namespace pirt::cli

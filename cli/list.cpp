@@ -1,0 +1,205 @@
+// pirt list: what this build and this machine have.
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "characterize/platform.h"
+#include "cli/commands.h"
+#include "cli/output.h"
+#include "reports/document.h"
+#include "scheduler/mix.h"
+#include "scheduler/policy.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+#include "workloads/catalog.h"
+#include "workloads/registry.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string what;
+  std::string platform = "host";
+  std::optional<std::string> json;
+};
+
+/// One listing in both forms.
+struct Listing {
+  Document document;
+  nlohmann::ordered_json json;
+};
+
+std::string count(std::optional<std::int64_t> value) { return value ? fmt::format("{}", *value) : "-"; }
+
+std::string shapes(const std::vector<TensorSpec>& specs) {
+  std::vector<std::string> parts;
+  for (const auto& spec : specs) parts.push_back(spec.describe());
+  return join(parts, ", ");
+}
+
+Listing list_workloads() {
+  Table table{.title = "Workloads",
+              .columns = {{"workload", Align::kLeft}, {"operations"}, {"bytes"}, {"kernel", Align::kLeft},
+                          {"description", Align::kLeft}},
+              .footnotes = {"Operations a call: 2 a multiply-add, bias and activation excluded; - where "
+                            "they depend on the data."}};
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  for (const auto& workload : catalog()) {
+    table.rows.push_back({workload.name, count(workload.ops), count(workload.bytes()), workload.kernel,
+                          workload.description});
+    nlohmann::ordered_json row = {{"name", workload.name},         {"description", workload.description},
+                          {"kernel", workload.kernel},     {"tags", workload.tags},
+                          {"bytes", workload.bytes()},     {"inputs", shapes(workload.inputs)},
+                          {"outputs", shapes(workload.outputs)}};
+    if (workload.ops) row["ops"] = *workload.ops;
+    rows.push_back(std::move(row));
+  }
+  return {{.title = "pirt workloads", .parts = {table}}, {{"workloads", rows}}};
+}
+
+std::vector<std::string> unsupported(const Backend& backend) {
+  std::vector<std::string> names;
+  for (const auto& workload : catalog()) {
+    const auto support = backend.supports(workload);
+    if (!support.ok) names.push_back(workload.name + ": " + support.reason);
+  }
+  return names;
+}
+
+Listing list_backends() {
+  Table table{.title = "Backends",
+              .columns = {{"backend", Align::kLeft}, {"available", Align::kLeft}, {"workloads"},
+                          {"phases", Align::kLeft}, {"description", Align::kLeft}}};
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  for (const auto& backend : backends()) {
+    const auto probe = backend->probe();
+    const auto missing = unsupported(*backend);
+    std::vector<std::string> phases;
+    for (const Phase phase : backend->phases()) phases.emplace_back(to_string(phase));
+    std::vector<std::string> devices;
+    for (const auto& device : probe.devices) devices.push_back(device.name);
+    const auto supported = catalog().size() - missing.size();
+    table.rows.push_back({std::string(backend->name()), probe.available ? "yes" : "no",
+                          fmt::format("{} of {}", supported, catalog().size()), join(phases, " "),
+                          std::string(backend->description())});
+    if (!probe.available) {
+      table.footnotes.push_back(fmt::format("{}: {}", backend->name(), probe.reason));
+    } else if (!devices.empty()) {
+      table.footnotes.push_back(fmt::format("{}: {}", backend->name(), join(devices, "; ")));
+    }
+    for (const auto& reason : missing) {
+      table.footnotes.push_back(fmt::format("{} does not support {}", backend->name(), reason));
+    }
+    nlohmann::ordered_json row = {{"name", backend->name()}, {"description", backend->description()},
+                          {"available", probe.available}, {"phases", phases},
+                          {"devices", devices}, {"unsupported", missing}};
+    if (!probe.available) row["reason"] = probe.reason;
+    rows.push_back(std::move(row));
+  }
+  return {{.title = "pirt backends", .parts = {table}}, {{"backends", rows}}};
+}
+
+std::string core_list(const std::vector<int>& cores) {
+  std::vector<std::string> parts;
+  for (const int core : cores) parts.push_back(std::to_string(core));
+  return parts.empty() ? "-" : join(parts, ",");
+}
+
+/// The device that a unit of the platform would compute on, or why it cannot.
+std::string unit_status(const UnitModel& unit, bool& available) {
+  available = true;
+  if (!unit.measured()) return "modelled by the platform file";
+  const auto probe = find_backend(unit.backend).probe();
+  available = probe.available;
+  if (!probe.available) return "unavailable: " + probe.reason;
+  for (const auto& device : probe.devices) {
+    if (unit.device.empty() || device.name.find(unit.device) != std::string::npos ||
+        device.platform.find(unit.device) != std::string::npos) {
+      return device.name + (device.is_cpu && unit.role != "cpu" ? " (computes on the host's cores)" : "");
+    }
+  }
+  available = probe.devices.empty();
+  return available ? std::string(find_backend(unit.backend).description())
+                   : "unavailable: no device named like '" + unit.device + "'";
+}
+
+Listing list_units(const std::string& platform_name) {
+  const auto platform = load_platform(platform_name);
+  Table table{.title = "Units of platform " + platform.name,
+              .columns = {{"unit", Align::kLeft}, {"role", Align::kLeft}, {"backend", Align::kLeft},
+                          {"cores", Align::kLeft}, {"servers"}, {"active W"}, {"idle W"},
+                          {"device", Align::kLeft}}};
+  if (!platform.assumptions.empty()) table.footnotes.push_back(platform.assumptions);
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  for (const auto& unit : platform.units) {
+    bool available = true;
+    const auto status = unit_status(unit, available);
+    table.rows.push_back({unit.name, unit.role, unit.measured() ? unit.backend : "-",
+                          core_list(unit.cores) + (unit.shares_cores ? " (shared)" : ""),
+                          fmt::format("{}", unit.servers), fmt::format("{}", unit.active_w),
+                          fmt::format("{}", unit.idle_w), status});
+    rows.push_back({{"name", unit.name},         {"role", unit.role},     {"backend", unit.backend},
+                    {"cores", unit.cores},       {"servers", unit.servers}, {"active_w", unit.active_w},
+                    {"idle_w", unit.idle_w},     {"available", available}, {"device", status}});
+  }
+  return {{.title = "pirt units", .parts = {table}}, {{"platform", platform.name}, {"units", rows}}};
+}
+
+Listing list_named(const std::string& what, const std::vector<std::string>& names,
+                   const std::function<std::string(const std::string&)>& describe) {
+  Table table{.title = what, .columns = {{"name", Align::kLeft}, {"description", Align::kLeft}}};
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  for (const auto& name : names) {
+    const auto description = describe(name);
+    table.rows.push_back({name, description});
+    rows.push_back({{"name", name}, {"description", description}});
+  }
+  return {{.title = "pirt " + what, .parts = {table}}, {{what, rows}}};
+}
+
+Listing list_modes() {
+  std::vector<std::string> names;
+  for (const auto& policy : policies()) names.emplace_back(policy.name);
+  return list_named("modes", names,
+                    [](const std::string& name) { return std::string(find_policy(name).description); });
+}
+
+Listing list(const Options& options) {
+  if (options.what == "workloads") return list_workloads();
+  if (options.what == "backends") return list_backends();
+  if (options.what == "units") return list_units(options.platform);
+  if (options.what == "modes") return list_modes();
+  if (options.what == "platforms") {
+    return list_named("platforms", shipped_platforms(),
+                      [](const std::string& name) { return load_platform(name).description; });
+  }
+  if (options.what == "mixes") {
+    return list_named("mixes", shipped_mixes(),
+                      [](const std::string& name) { return load_mix(name).description; });
+  }
+  const std::vector<std::string> known = {"workloads", "backends", "units", "platforms", "mixes", "modes"};
+  throw_bad_input("cannot list '" + options.what + "'" + suggestion(options.what, known));
+}
+
+}  // namespace
+
+void add_list(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  auto* command = app.add_subcommand("list", "Show the workloads, backends, units, platforms, mixes or modes");
+  command->add_option("what", options->what, "workloads | backends | units | platforms | mixes | modes")
+      ->required();
+  command->add_option("--platform", options->platform, "Platform whose units are listed")
+      ->capture_default_str();
+  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  command->footer("Example: pirt list workloads");
+  command->callback([options, &action] {
+    action = [options] {
+      auto listing = list(*options);
+      listing.json["schema_version"] = 1;
+      emit(render(listing.document, Format::kText), listing.json, options->json);
+      return 0;
+    };
+  });
+}
+
+}  // namespace pirt::cli

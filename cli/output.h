@@ -1,0 +1,25 @@
+// Where results go: text on stdout, JSON to a file or stdout (then alone), progress and warnings on stderr.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+#include <string>
+
+namespace pirt::cli {
+
+/// Prints @p text unless JSON takes stdout, and writes @p json where `--json` says.
+/// @param json_target  FILE or "-"; absent = no JSON.
+void emit(const std::string& text, const nlohmann::ordered_json& json,
+          const std::optional<std::string>& json_target);
+
+/// Writes @p text to @p target; absent or "-" is stdout. @throws Error if it cannot be written.
+void emit_text(const std::string& text, const std::optional<std::string>& target);
+
+void warn(const std::string& message);
+void warn_all(std::span<const std::string> messages);
+
+/// Whether stderr is a terminal that may be written over (progress lines).
+[[nodiscard]] bool stderr_is_terminal();
+
+}  // namespace pirt::cli

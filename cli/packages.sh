@@ -1,0 +1,48 @@
+# What pirt needs on Debian 12, and how to get it. Sourced by cli/demo.sh and tests/run.sh; one list for both.
+#
+# Run packages come first, then what only building or testing needs.
+PIRT_PACKAGES=(
+  g++ cmake ninja-build ccache pkg-config git ca-certificates sqlite3
+  libopencv-dev libdnnl-dev
+  ocl-icd-opencl-dev opencl-headers opencl-clhpp-headers pocl-opencl-icd
+  libsqlite3-dev libyaml-cpp-dev nlohmann-json3-dev libcli11-dev libfmt-dev
+)
+PIRT_TEST_PACKAGES=(libgtest-dev libgmock-dev)
+PIRT_LONG_PACKAGES=(clang-14 clang-format-14 clang-tidy-14)
+
+say() { printf '== %s\n' "$*"; }
+
+# install_packages NAME...: installs those that are missing; says so if it cannot.
+install_packages() {
+  local missing=() package
+  for package in "$@"; do
+    if [[ $(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null) != installed ]]; then
+      missing+=("$package")
+    fi
+  done
+  if [[ ${#missing[@]} -eq 0 ]]; then
+    say "packages: all $# installed"
+    return
+  fi
+  say "packages: installing ${missing[*]}"
+  local as_root=()
+  if [[ $EUID -ne 0 ]]; then
+    if ! command -v sudo >/dev/null; then
+      echo "Please install as root: apt-get install ${missing[*]}" >&2
+      return 4
+    fi
+    as_root=(sudo)
+  fi
+  "${as_root[@]}" apt-get update -qq
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+    apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+}
+
+# build_pirt FOLDER [CMAKE_ARGUMENT...]: configures and builds.
+build_pirt() {
+  local folder=$1
+  shift
+  say "build: $folder"
+  cmake -S . -B "$folder" -G Ninja "$@" >/dev/null
+  cmake --build "$folder"
+}

@@ -1,0 +1,129 @@
+// pirt report: what a profile database holds and what the four modes make of it.
+#include <memory>
+
+#include "cli/commands.h"
+#include "cli/output.h"
+#include "reports/document.h"
+#include "reports/profile_report.h"
+#include "reports/run_report.h"
+#include "scheduler/schedule.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::vector<std::string> files;
+  std::string format = "text";
+  std::optional<std::string> output;
+  std::optional<std::string> platform;
+  std::vector<std::string> settings;
+  std::string mix = "full-robot";
+  std::optional<std::string> json;
+};
+
+/// Absent = JSON.
+std::optional<Format> parse_format(const std::string& name) {
+  if (name == "text") return Format::kText;
+  if (name == "md") return Format::kMarkdown;
+  if (name == "html") return Format::kHtml;
+  if (name == "json") return std::nullopt;
+  const std::vector<std::string> known = {"text", "md", "html", "json"};
+  throw_bad_input("unknown --format '" + name + "'" + suggestion(name, known));
+}
+
+/// The four modes side by side, or why they cannot be shown.
+struct Modes {
+  std::vector<RunRecord> records;
+  std::string why_not;  ///< Empty if there are records.
+};
+
+/// Runs the paper's four modes in virtual time. A profile that lacks some of the mix's workloads still makes a report.
+Modes simulate_modes(const Options& options, const Profile& profile, const Mix& mix) {
+  Modes modes;
+  try {
+    std::vector<YamlOverride> overrides;
+    for (const auto& setting : options.settings) overrides.push_back(parse_override(setting));
+    const auto platform = load_platform(options.platform.value_or(profile.platform()), overrides);
+    for (const auto* mode : {"latency", "throughput", "energy", "advanced"}) {
+      ScheduleOptions schedule;
+      schedule.mode = mode;
+      modes.records.push_back(run_virtual(platform, &profile, mix, schedule));
+    }
+  } catch (const Error& error) {
+    modes.records.clear();
+    modes.why_not = error.what();
+  }
+  return modes;
+}
+
+Modes collect_modes(const Options& options, const Profile& profile) {
+  const auto mix = load_mix(options.mix);
+  if (options.files.size() == 1) return simulate_modes(options, profile, mix);
+  Modes modes;
+  for (std::size_t i = 1; i < options.files.size(); ++i) {
+    modes.records.push_back(load_run_record(options.files[i]));
+  }
+  return modes;
+}
+
+Profile open_profile(const Options& options) {
+  if (!options.platform) return load_profile(options.files.front());
+  return load_profile(options.files.front(), load_platform(*options.platform).name);
+}
+
+int report(const Options& options) {
+  const auto format = parse_format(options.format);
+  const auto profile = open_profile(options);
+  const auto modes = collect_modes(options, profile);
+  const auto preferable = preferences(profile);
+
+  Document document{.title = "pirt report",
+                    .parts = {profile_header(profile), profile_table(profile), preference_table(preferable)}};
+  if (modes.why_not.empty()) {
+    document.parts.emplace_back(modes_table(modes.records));
+  } else {
+    document.parts.emplace_back(Paragraph{{"The four modes are not shown: " + modes.why_not}});
+  }
+  auto json = profile_json(profile, preferable);
+  json["schema_version"] = 1;
+  json["modes"] = nlohmann::ordered_json::array();
+  for (const auto& record : modes.records) json["modes"].push_back(to_json(record));
+  if (!modes.why_not.empty()) json["modes_missing"] = modes.why_not;
+
+  if (!format) {
+    emit_text(json.dump(2) + "\n", options.output);
+  } else if (options.output) {
+    emit_text(render(document, *format), options.output);
+    if (options.json) emit("", json, options.json);
+  } else {
+    emit(render(document, *format), json, options.json);
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_report(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  auto* command = app.add_subcommand(
+      "report", "Show a profile, the preferable unit of each workload, and the four modes side by side");
+  command->add_option("files", options->files,
+                      "The profile database, then run records of pirt schedule --json (default: the four modes are "
+                      "simulated now)")
+      ->required();
+  command->add_option("--format", options->format, "text | md | html | json")->capture_default_str();
+  command->add_option("-o,--output", options->output, "Write to FILE instead of stdout");
+  command->add_option("--platform", options->platform,
+                      "Show the runs of this platform (default: that of the newest run)");
+  command->add_option("--set", options->settings,
+                      "Set one value of the platform's units for the simulated modes, e.g. cpu.active_w=15");
+  command->add_option("--mix", options->mix, "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file")
+      ->capture_default_str();
+  command->add_option("--json", options->json, "Write JSON as well, to FILE or to stdout for -");
+  command->footer("Example: pirt report profile.db --format html -o report.html");
+  command->callback([options, &action] { action = [options] { return report(*options); }; });
+}
+
+}  // namespace pirt::cli

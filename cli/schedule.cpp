@@ -1,0 +1,104 @@
+// pirt schedule: runs a robot's mix on a platform under one policy, in virtual time.
+#include "scheduler/schedule.h"
+
+#include <memory>
+
+#include "cli/commands.h"
+#include "cli/duration.h"
+#include "cli/output.h"
+#include "cli/weights.h"
+#include "reports/document.h"
+#include "reports/run_report.h"
+#include "scheduler/policy.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string mode;
+  std::optional<std::string> profile;
+  std::optional<std::string> platform;
+  std::vector<std::string> settings;
+  std::string mix = "full-robot";
+  std::optional<std::string> duration;
+  std::optional<std::string> weights;
+  std::optional<int> in_flight;
+  std::string basic = "throughput";
+  std::string overflow = "hold";
+  bool allow_invalid = false;
+  std::uint64_t seed = 1;
+  std::optional<std::string> json;
+};
+
+ScheduleOptions schedule_options(const Options& options) {
+  ScheduleOptions schedule;
+  schedule.mode = options.mode;
+  schedule.basic = options.basic;
+  if (options.weights) schedule.weights = parse_weights(*options.weights);
+  schedule.in_flight = options.in_flight;
+  const std::vector<std::string> overflows = {"hold", "literal"};
+  if (options.overflow != "hold" && options.overflow != "literal") {
+    throw_bad_input("unknown --overflow '" + options.overflow + "'" + suggestion(options.overflow, overflows));
+  }
+  schedule.literal_overflow = options.overflow == "literal";
+  schedule.allow_invalid = options.allow_invalid;
+  if (options.duration) schedule.duration = parse_duration(*options.duration);
+  schedule.seed = options.seed;
+  return schedule;
+}
+
+int schedule(const Options& options) {
+  // Before any file is read: a mistyped mode is the likeliest mistake.
+  static_cast<void>(find_policy(options.mode));
+  const auto settings = schedule_options(options);
+  if (!options.profile && !options.platform) {
+    throw_bad_input("give --profile FILE (from pirt characterize), or --platform with a modelled one (pirt list "
+                    "platforms)");
+  }
+  std::vector<YamlOverride> overrides;
+  for (const auto& setting : options.settings) overrides.push_back(parse_override(setting));
+  std::optional<Platform> platform;
+  if (options.platform) platform = load_platform(*options.platform, overrides);
+  std::optional<Profile> profile;
+  if (options.profile) profile = load_profile(*options.profile, platform ? platform->name : "");
+  if (!platform) platform = load_platform(profile->platform(), overrides);
+  const auto mix = load_mix(options.mix);
+  const auto record = run_virtual(*platform, profile ? &*profile : nullptr, mix, settings);
+  warn_all(record.warnings);
+  emit(render(run_document(record), Format::kText), to_json(record), options.json);
+  return 0;
+}
+
+}  // namespace
+
+void add_schedule(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  auto* command = app.add_subcommand("schedule", "Schedule a robot's mix on a platform, in virtual time");
+  command->add_option("--mode", options->mode, "Policy: " + join(policy_names(), " | "))->required();
+  command->add_option("--profile", options->profile, "Profile database of pirt characterize");
+  command->add_option("--platform", options->platform,
+                      "A name of `pirt list platforms`, or a YAML file (default: the profile's)");
+  command->add_option("--set", options->settings,
+                      "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable");
+  command->add_option("--mix", options->mix, "A name of `pirt list mixes`, or a YAML file")
+      ->capture_default_str();
+  command->add_option("--duration", options->duration,
+                      "Virtual time in which pipelines with a rate fire, e.g. 60s (the default) or 2min");
+  command->add_option("--weights", options->weights,
+                      "Weights of the units, e.g. gpu=4,cpu=3 (default: the platform's, else derived)");
+  command->add_option("--in-flight", options->in_flight,
+                      "Frames in flight of closed loops (default: the platform's, else derived)");
+  command->add_option("--basic", options->basic, "Fallback of mode advanced")->capture_default_str();
+  command->add_option("--overflow", options->overflow,
+                      "When all queues are full: hold the task, or the literal `else` of Algorithms 2 and 3")
+      ->capture_default_str();
+  command->add_flag("--allow-invalid", options->allow_invalid, "Use profile rows that are marked invalid");
+  command->add_option("--seed", options->seed, "Seed of drawn durations")->capture_default_str();
+  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  command->footer("Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000");
+  command->callback([options, &action] { action = [options] { return schedule(*options); }; });
+}
+
+}  // namespace pirt::cli

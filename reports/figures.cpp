@@ -1,0 +1,48 @@
+#include "reports/figures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace pirt {
+
+std::string figure(double value) {
+  if (value == 0.0) return "0";
+  const int magnitude = static_cast<int>(std::floor(std::log10(std::abs(value))));
+  const int decimals = std::clamp(2 - magnitude, 0, 9);
+  return fmt::format("{:.{}f}", value, decimals);
+}
+
+std::string figure(std::optional<double> value) { return value ? figure(*value) : "-"; }
+
+std::string figure_ms(std::optional<Nanos> value) { return value ? figure(to_ms(*value)) : "-"; }
+
+std::string duration_text(Nanos value) {
+  const double ns = std::abs(static_cast<double>(value.count()));
+  if (ns < 1e3) return fmt::format("{} ns", value.count());
+  if (ns < 1e6) return figure(to_us(value)) + " us";
+  if (ns < 1e9) return figure(to_ms(value)) + " ms";
+  return figure(to_s(value)) + " s";
+}
+
+std::string_view mark(Provenance provenance) {
+  switch (provenance) {
+    case Provenance::kMeasured: return "";
+    case Provenance::kCounted: return "#";
+    case Provenance::kModelled: return "~";
+    case Provenance::kFitted: return "^";
+    case Provenance::kPublished: return "+";
+  }
+  return "?";
+}
+
+std::string_view provenance_legend() {
+  return "Unmarked figures are measured on this machine; # counted, ~ modelled, ^ fitted, + published.";
+}
+
+std::string marked(const std::string& text, Provenance provenance) {
+  return std::string(mark(provenance)) + text;
+}
+
+}  // namespace pirt

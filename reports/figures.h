@@ -1,0 +1,28 @@
+// How figures are printed: three significant digits, the unit in the column's header, a mark for where a figure comes from.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "workloads/base/time.h"
+#include "workloads/phase.h"
+
+namespace pirt {
+
+/// Three significant digits without exponent: 0.0891, 12.3, 1230. An absent figure prints as "-".
+[[nodiscard]] std::string figure(double value);
+[[nodiscard]] std::string figure(std::optional<double> value);
+[[nodiscard]] std::string figure_ms(std::optional<Nanos> value);
+
+/// With a sign of its unit, for prose: "89.1 us", "12.3 ms", "1.23 s".
+[[nodiscard]] std::string duration_text(Nanos value);
+
+/// "" for measured, otherwise one character; `provenance_legend` explains them.
+[[nodiscard]] std::string_view mark(Provenance provenance);
+[[nodiscard]] std::string_view provenance_legend();
+
+/// A figure of that provenance: mark in front.
+[[nodiscard]] std::string marked(const std::string& text, Provenance provenance);
+
+}  // namespace pirt

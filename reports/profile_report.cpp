@@ -1,0 +1,217 @@
+#include "reports/profile_report.h"
+
+#include <fmt/format.h>
+
+#include <set>
+
+#include "reports/figures.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+/// The median with its mark; "invalid" stands where a figure must not be believed.
+std::string cell(const PhaseRow* row) {
+  if (row == nullptr) return "-";
+  if (!row->valid) return "invalid";
+  return marked(figure_ms(row->median), row->provenance);
+}
+
+std::string spread(const PhaseRow* row) {
+  if (row == nullptr || !row->valid || !row->median || !row->ci_low || !row->ci_high) return "-";
+  if (row->median->count() <= 0) return "-";
+  const double half = static_cast<double>((*row->ci_high - *row->ci_low).count()) / 2;
+  return fmt::format("{:.1f}%", 100 * half / static_cast<double>(row->median->count()));
+}
+
+std::string energy_cell(const EnergyRow* row) {
+  if (row == nullptr || !row->energy_j) return "-";
+  if (!row->valid) return "invalid";
+  return marked(figure(*row->energy_j * 1e3), row->provenance);
+}
+
+/// Reasons and notes of all phases of one cell, each once.
+std::string remarks(const Profile& profile, const std::string& workload, const std::string& unit) {
+  std::vector<std::string> parts;
+  std::set<std::string> seen;
+  const auto add = [&](const std::string& text) {
+    if (seen.insert(text).second) parts.push_back(text);
+  };
+  for (const auto& row : profile.phases) {
+    if (row.workload != workload || row.unit != unit) continue;
+    for (const auto& reason : row.reasons) add("INVALID: " + reason);
+    for (const auto& note : row.notes) add(note);
+  }
+  return join(parts, ", ");
+}
+
+template <typename T>
+void put(nlohmann::ordered_json& object, const char* key, const std::optional<T>& value) {
+  if (value) object[key] = *value;
+}
+void put(nlohmann::ordered_json& object, const char* key, const std::optional<Nanos>& value) {
+  if (value) object[key] = value->count();
+}
+
+nlohmann::ordered_json phase_json(const PhaseRow& row) {
+  nlohmann::ordered_json json = {{"run_id", row.run_id},
+                         {"platform", row.platform},
+                         {"workload", row.workload},
+                         {"unit", row.unit},
+                         {"backend", row.backend},
+                         {"phase", to_string(row.phase)},
+                         {"state", to_string(row.state)},
+                         {"provenance", to_string(row.provenance)},
+                         {"valid", row.valid},
+                         {"reasons", row.reasons},
+                         {"notes", row.notes},
+                         {"samples", row.samples},
+                         {"bytes", row.bytes}};
+  put(json, "median_ns", row.median);
+  put(json, "mad_ns", row.mad);
+  put(json, "p95_ns", row.p95);
+  put(json, "p99_ns", row.p99);
+  put(json, "ci_low_ns", row.ci_low);
+  put(json, "ci_high_ns", row.ci_high);
+  put(json, "ops", row.ops);
+  return json;
+}
+
+nlohmann::ordered_json energy_json(const EnergyRow& row) {
+  nlohmann::ordered_json json = {{"run_id", row.run_id},
+                         {"workload", row.workload},
+                         {"unit", row.unit},
+                         {"provenance", to_string(row.provenance)},
+                         {"source", row.source},
+                         {"valid", row.valid},
+                         {"reasons", row.reasons}};
+  put(json, "energy_j", row.energy_j);
+  return json;
+}
+
+nlohmann::ordered_json ranking_json(const Ranking& ranking, const char* value_key) {
+  nlohmann::ordered_json units = nlohmann::ordered_json::array();
+  for (const auto& unit : ranking.units) {
+    units.push_back(
+        {{"unit", unit.unit}, {value_key, unit.value}, {"provenance", to_string(unit.provenance)}});
+  }
+  nlohmann::ordered_json json = {{"preferable", ranking.preferable()}, {"units", units}};
+  put(json, "advantage", ranking.advantage());
+  return json;
+}
+
+nlohmann::ordered_json run_json(const RunInfo& run) {
+  nlohmann::ordered_json units = nlohmann::ordered_json::array();
+  for (const auto& unit : run.units) {
+    units.push_back({{"unit", unit.unit},
+                     {"backend", unit.backend},
+                     {"device", unit.device},
+                     {"device_is_cpu", unit.device_is_cpu},
+                     {"cores", unit.cores}});
+  }
+  return {{"run_id", run.run_id},     {"started", run.started}, {"finished", run.finished},
+          {"platform", run.platform}, {"seed", run.seed},       {"environment", run.environment},
+          {"units", units}};
+}
+
+std::string core_text(const std::vector<int>& cores) {
+  std::vector<std::string> parts;
+  for (const int core : cores) parts.push_back(std::to_string(core));
+  return parts.empty() ? "" : (cores.size() == 1 ? ", core " : ", cores ") + join(parts, " ");
+}
+
+}  // namespace
+
+Paragraph profile_header(const Profile& profile) {
+  Paragraph paragraph;
+  const auto& run = profile.runs.front();
+  const auto fact = [&](const char* key) {
+    const auto it = run.environment.find(key);
+    return it == run.environment.end() ? std::string("unknown") : it->second;
+  };
+  paragraph.lines.push_back(fmt::format("Platform {}, run {} of {}{}; seed {}", run.platform, run.run_id,
+                                        run.started, run.finished.empty() ? " (did not end)" : "",
+                                        run.seed));
+  paragraph.lines.push_back(
+      fmt::format("Machine: {}, kernel {}, governor {}", fact("cpu_model"), fact("kernel"), fact("governor")));
+  for (const auto& unit : run.units) {
+    const bool disguised = unit.device_is_cpu && unit.backend != "cpu";
+    paragraph.lines.push_back(fmt::format("Unit {}: backend {} on {}{}{}", unit.unit, unit.backend, unit.device,
+                                          core_text(unit.cores),
+                                          disguised ? "; computes on the host's own cores, not a GPU" : ""));
+  }
+  return paragraph;
+}
+
+Table profile_table(const Profile& profile) {
+  Table table{.title = "Profile (medians, ms)",
+              .columns = {{"workload", Align::kLeft}, {"unit", Align::kLeft}, {"call"}, {"+/-"}, {"upload"},
+                          {"launch"}, {"execute"}, {"download"}, {"prepare cold"}, {"warm"}, {"energy mJ"},
+                          {"samples"}, {"remarks", Align::kLeft}}};
+  for (const auto& workload : profile.workloads()) {
+    for (const auto& unit : profile.units()) {
+      const auto phase = [&](Phase p, State state = State::kSteady) {
+        return profile.find(workload, unit, p, state);
+      };
+      const auto* call = phase(Phase::kCall);
+      const auto* cold = phase(Phase::kPrepare, State::kCold);
+      if (call == nullptr && cold == nullptr) continue;
+      table.rows.push_back({workload, unit, cell(call), spread(call), cell(phase(Phase::kUpload)),
+                            cell(phase(Phase::kLaunch)), cell(phase(Phase::kExecute)),
+                            cell(phase(Phase::kDownload)), cell(cold),
+                            cell(phase(Phase::kPrepare, State::kWarm)),
+                            energy_cell(profile.find_energy(workload, unit)),
+                            call == nullptr ? "0" : fmt::format("{}", call->samples),
+                            remarks(profile, workload, unit)});
+    }
+  }
+  table.footnotes = {
+      "call = upload + launch + execute + download of one call; +/-: half the 95 % confidence interval of its "
+      "median; - a phase that the unit does not have.",
+      std::string(provenance_legend())};
+  std::set<std::string> sources;
+  for (const auto& energy : profile.energies) sources.insert(energy.unit + ": " + energy.source);
+  for (const auto& source : sources) table.footnotes.push_back("Energy of " + source);
+  return table;
+}
+
+Table preference_table(const std::vector<Preference>& preferences) {
+  Table table{.title = "Preferable unit for each workload (the paper's Table III for this machine)",
+              .columns = {{"workload", Align::kLeft}, {"by time", Align::kLeft}, {"ms"}, {"next takes"},
+                          {"by energy", Align::kLeft}, {"mJ"}, {"next takes"},
+                          {"paper: time", Align::kLeft}, {"energy", Align::kLeft}}};
+  const auto times = [](std::optional<double> x) { return x ? figure(*x) + "x" : std::string("-"); };
+  for (const auto& p : preferences) {
+    const auto best = [](const Ranking& ranking, double scale) {
+      if (ranking.units.empty()) return std::string("-");
+      return marked(figure(ranking.units[0].value * scale), ranking.units[0].provenance);
+    };
+    table.rows.push_back({p.workload, p.by_time.preferable(), best(p.by_time, 1), times(p.by_time.advantage()),
+                          p.by_energy.preferable(), best(p.by_energy, 1e3), times(p.by_energy.advantage()),
+                          p.paper_time ? marked(*p.paper_time, Provenance::kPublished) : "-",
+                          p.paper_energy ? marked(*p.paper_energy, Provenance::kPublished) : "-"});
+  }
+  table.footnotes = {
+      "By phase call, transfers included; a = b where the confidence intervals overlap. The paper's units are "
+      "those of its three boards.",
+      std::string(provenance_legend())};
+  return table;
+}
+
+nlohmann::ordered_json profile_json(const Profile& profile, const std::vector<Preference>& preferences) {
+  nlohmann::ordered_json json = {{"runs", nlohmann::ordered_json::array()},
+                         {"profile_summary", nlohmann::ordered_json::array()},
+                         {"energy_summary", nlohmann::ordered_json::array()},
+                         {"preferable", nlohmann::ordered_json::array()}};
+  for (const auto& run : profile.runs) json["runs"].push_back(run_json(run));
+  for (const auto& row : profile.phases) json["profile_summary"].push_back(phase_json(row));
+  for (const auto& row : profile.energies) json["energy_summary"].push_back(energy_json(row));
+  for (const auto& p : preferences) {
+    json["preferable"].push_back({{"workload", p.workload},
+                                  {"by_time", ranking_json(p.by_time, "call_ms")},
+                                  {"by_energy", ranking_json(p.by_energy, "energy_j")}});
+  }
+  return json;
+}
+
+}  // namespace pirt

@@ -1,0 +1,107 @@
+// The only owner of queues, loads, dependencies and the high-priority queue: a pure state machine.
+//
+// No threads, no clock, no I/O: each call is an input with its time, and appends what may start
+// now. The same inputs in the same order give the same answers, whether virtual time or worker
+// threads drive it. One caller at a time.
+#pragma once
+
+#include <compare>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "scheduler/policy.h"
+#include "scheduler/task.h"
+#include "scheduler/task_store.h"
+
+namespace pirt {
+
+class Dispatcher {
+ public:
+  /// @param slots   By unit: how many tasks may be started on it and not be complete; absent = no
+  /// limit. At most kMaxUnits.
+  Dispatcher(std::vector<std::optional<int>> slots, std::unique_ptr<Policy> policy);
+
+  // `now` must never fall from call to call.
+
+  void submit(const Task& task, Nanos now, Starts& out);
+  /// The paper's per-unit callback: @p task ended on @p unit, where it was started. A failed task
+  /// drops its successors. The unit goes on with the high-priority queue, then with its own.
+  void complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, Starts& out);
+  /// Drops a task in any state, and its successors. One that runs keeps its slot until it is
+  /// completed. Does nothing if the task is done already (which its caller cannot always know).
+  void cancel(TaskId task, Nanos now, Starts& out);
+  /// A unit that is not up hands what waits in its queue to others.
+  void set_unit(UnitId unit, UnitState state, Nanos now, Starts& out);
+  /// Expires what should have started by @p now. Call it after the completions of that time: a task
+  /// may start at its last moment.
+  void wake(Nanos now, Starts& out);
+  /// When to call wake next.
+  [[nodiscard]] std::optional<Nanos> next_wake() const;
+
+  [[nodiscard]] const TaskCounts& counts() const { return counts_; }
+  /// Q of the paper: tasks queued and running on the unit.
+  [[nodiscard]] int load(UnitId unit) const { return load_[unit]; }
+  [[nodiscard]] int running(UnitId unit) const { return units_[unit].running; }
+  /// Absent if the task is done or unknown.
+  [[nodiscard]] std::optional<TaskState> state(TaskId task) const;
+
+ private:
+  struct Unit {
+    int slots = 0;
+    int running = 0;
+    UnitState state = UnitState::kUp;
+    TaskList queue = {};
+  };
+  /// Tasks of one class are refused together, so that a long backlog costs one question.
+  struct Class {
+    TaskClass kind;
+    UnitMask takers = 0;  ///< Of the units that are up.
+    TaskList held = {};
+    TaskList high_priority = {};
+    bool refused = false;  ///< Within one pass over the held tasks.
+  };
+  struct Expiry {
+    Nanos at{0};
+    std::uint64_t sequence = 0;  ///< Ties expire in order of submission.
+    TaskSlot slot = kNoSlot;
+    std::uint32_t generation = 0;
+    friend auto operator<=>(const Expiry&, const Expiry&) = default;
+  };
+
+  std::uint32_t class_of(const TaskClass& kind);
+  void make_ready(TaskSlot slot, Nanos now);
+  bool place(TaskSlot slot, Nanos now);
+  void hold(TaskSlot slot);
+  void place_held(Nanos now);
+  void start_all(Nanos now, Starts& out);
+  void start(TaskSlot slot, UnitId unit, Starts& out);
+  TaskSlot take_high_priority(UnitId unit, Nanos now);
+  void unlink(TaskSlot slot);
+  void drop(TaskSlot slot, Starts& out);
+  void drop_successors(TaskSlot slot, Starts& out);
+  void forget(TaskSlot slot);
+  void watch_expiry(TaskSlot slot, Nanos at);
+  [[nodiscard]] bool is_stale(const Expiry& expiry) const;
+  void tidy_expiries();
+  void advance(Nanos now);
+
+  std::unique_ptr<Policy> policy_;
+  std::vector<Unit> units_;
+  std::vector<int> load_;
+  UnitMask up_ = 0;
+  std::vector<UnitId> start_order_;  ///< The policy's order, then the units that it does not name.
+  TaskStore tasks_;
+  std::vector<Class> classes_;
+  std::size_t held_count_ = 0;
+  std::size_t high_priority_count_ = 0;
+  std::vector<Expiry>
+      expiries_;  ///< A heap, earliest first; may hold entries of tasks that have started or ended.
+  std::size_t expiring_count_ = 0;
+  std::uint64_t ready_sequence_ = 0;
+  std::vector<TaskSlot> scratch_;
+  TaskCounts counts_;
+  Nanos now_ = Nanos::min();
+};
+
+}  // namespace pirt

@@ -1,0 +1,61 @@
+// Algorithm 4, advanced scheduling: cloud awareness and resource awareness around a basic
+// scheduler.
+//
+//   for each waiting task:
+//     if not real-time       : to the cloud
+//     else if image input    : to the high-priority queue; Qh++
+//     else                   : by the basic scheduler
+//
+// Readings. There is one global high-priority queue; each unit's callback takes from it first, the
+// first task that the unit can serve, and Qh falls then. A unit to which the basic scheduler gives
+// no weight for a workload does not take it from there either: it would do what the weights say it
+// should not. Strict priority can starve real-time tasks without images; that is the paper's mode.
+// Where no cloud unit may serve a non-real-time task, the basic scheduler takes it; while the cloud
+// is only away (link loss), the task waits, since it is not urgent and would clog the robot.
+#include "scheduler/policies/policies.h"
+
+namespace pirt {
+namespace {
+
+class AdvancedPolicy final : public Policy {
+ public:
+  explicit AdvancedPolicy(const PolicySetup& setup)
+      : basic_(find_basic_policy(setup.basic).make(setup)) {
+    for (UnitId unit = 0; unit < setup.roles.size(); ++unit) {
+      if (setup.roles[unit] == "cloud") cloud_ |= unit_bit(unit);
+    }
+  }
+
+  Placement place(const TaskClass& task, const UnitsView& units) override {
+    if (offloads(task)) {
+      for (UnitId unit = 0; unit < kMaxUnits; ++unit) {
+        if (contains(task.eligible & cloud_ & units.up, unit)) return Placement::on(unit);
+      }
+      return Placement::hold();
+    }
+    if (task.real_time && task.image_input) return Placement::high_priority();
+    return basic_->place(task, units);
+  }
+
+  UnitMask takers(const TaskClass& task, UnitMask up) const override {
+    return offloads(task) ? task.eligible & cloud_ & up : basic_->takers(task, up);
+  }
+
+  const std::vector<UnitId>& order() const override { return basic_->order(); }
+
+ private:
+  bool offloads(const TaskClass& task) const {
+    return !task.real_time && (task.eligible & cloud_) != 0;
+  }
+
+  std::unique_ptr<Policy> basic_;
+  UnitMask cloud_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Policy> make_advanced_policy(const PolicySetup& setup) {
+  return std::make_unique<AdvancedPolicy>(setup);
+}
+
+}  // namespace pirt

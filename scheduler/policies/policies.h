@@ -1,0 +1,15 @@
+// The policies' factories, one file each in this folder. Shipped ones are named in ../policy.cpp.
+#pragma once
+
+#include <memory>
+
+#include "scheduler/policy.h"
+
+namespace pirt {
+
+[[nodiscard]] std::unique_ptr<Policy> make_latency_policy(const PolicySetup& setup);
+[[nodiscard]] std::unique_ptr<Policy> make_throughput_policy(const PolicySetup& setup);
+[[nodiscard]] std::unique_ptr<Policy> make_energy_policy(const PolicySetup& setup);
+[[nodiscard]] std::unique_ptr<Policy> make_advanced_policy(const PolicySetup& setup);
+
+}  // namespace pirt

@@ -1,0 +1,18 @@
+// What Algorithms 2 and 3 share: the first queue, in a fixed order, that is shorter than its
+// weight.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string_view>
+
+#include "scheduler/policy.h"
+
+namespace pirt {
+
+/// @param order      Roles in the order in which queues are filled.
+/// @param otherwise  Role that the printed `else` names.
+[[nodiscard]] std::unique_ptr<Policy> make_queue_filling_policy(
+    const PolicySetup& setup, std::span<const std::string_view> order, std::string_view otherwise);
+
+}  // namespace pirt

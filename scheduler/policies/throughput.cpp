@@ -1,0 +1,18 @@
+// Algorithm 2, throughput-optimal scheduling: keep the GPU's queue full.
+//
+//   for each waiting task:
+//     if      Qg < Wg : to GPU; Qg++
+//     else if Qc < Wc : to CPU; Qc++
+//     else if Qd < Wd : to DSP; Qd++
+//     else            : to CPU; Qc++      (only with the literal overflow; see queue_filling.cpp)
+#include "scheduler/policies/policies.h"
+#include "scheduler/policies/queue_filling.h"
+#include "scheduler/policies/unit_order.h"
+
+namespace pirt {
+
+std::unique_ptr<Policy> make_throughput_policy(const PolicySetup& setup) {
+  return make_queue_filling_policy(setup, kThroughputOrder, "cpu");
+}
+
+}  // namespace pirt

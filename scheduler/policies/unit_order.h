@@ -1,0 +1,34 @@
+// Algorithms 1 to 3 on platforms other than the paper's: which units its words GPU, DSP and CPU
+// stand for, and in what order.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "scheduler/task.h"
+
+namespace pirt {
+
+/// The orders in which the algorithms ask, by role. Roles that the paper does not have go beside
+/// the DSP, the accelerator that they are most like: `fpga` after `dsp`, `other` after both. The
+/// cloud is in none: the basic scheduler "does not have cloud awareness".
+inline constexpr std::string_view kLatencyOrder[] = {"gpu", "dsp", "fpga", "other", "cpu"};
+inline constexpr std::string_view kThroughputOrder[] = {"gpu", "cpu", "dsp", "fpga", "other"};
+inline constexpr std::string_view kEnergyOrder[] = {"dsp", "fpga", "other", "gpu", "cpu"};
+
+/// Units by role, in the given order of roles; several units of a role in file order.
+/// @param roles  By unit.
+[[nodiscard]] std::vector<UnitId> units_by_role(std::span<const std::string> roles,
+                                                std::span<const std::string_view> order);
+
+/// The unit that an algorithm's printed `else` names, among those of @p mask: the last one of that
+/// role, or, where the platform has none that may serve, the last in the algorithm's order. Absent
+/// only if @p mask holds no unit of the order.
+[[nodiscard]] std::optional<UnitId> else_target(std::span<const UnitId> order,
+                                                std::span<const std::string> roles,
+                                                std::string_view role, UnitMask mask);
+
+}  // namespace pirt

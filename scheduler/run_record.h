@@ -1,0 +1,93 @@
+// The result of one run of a mix: what `pirt schedule --json` writes and reports read.
+//
+// Values are in the unit of their name, as in the file. What does not apply to a run is absent,
+// never 0.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace pirt {
+
+struct UnitResult {
+  std::string unit;
+  std::string role;
+  std::optional<std::string> backend;  ///< Of measured units.
+  std::optional<std::string> device;   ///< What computed, as the profile names it.
+  std::optional<bool> device_is_cpu;   ///< The device computes on the host's own cores.
+  std::vector<std::string>
+      provenance;  ///< Of the times of the services that the run could use, each once.
+  std::vector<std::string> energy_provenance;  ///< Of their energy.
+  std::int64_t completed = 0;
+  std::optional<double>
+      mean_latency_ms;  ///< Dispatch to completion. Absent if it completed nothing.
+  std::optional<double> p99_latency_ms;
+  double busy_s = 0;                  ///< Server-seconds.
+  std::optional<double> utilization;  ///< busy_s over servers x makespan.
+  double energy_j = 0;                ///< Its share; a link's counts for the unit that used it.
+  friend bool operator==(const UnitResult&, const UnitResult&) = default;
+};
+
+struct PipelineResult {
+  std::string pipeline;
+  std::int64_t fired = 0;
+  std::int64_t completed = 0;     ///< Firings of which every task completed.
+  std::int64_t dropped = 0;       ///< No image buffer, or a task was dropped, expired or failed.
+  std::optional<double> rate_hz;  ///< Completed firings a second. Absent if no time passed.
+  std::optional<double> p50_ms, p95_ms,
+      p99_ms;  ///< Firing to last completion. Absent if none completed.
+  std::optional<double> deadline_ms;
+  std::optional<std::int64_t> deadline_misses;  ///< Completed, but late. Absent without a deadline.
+  friend bool operator==(const PipelineResult&, const PipelineResult&) = default;
+};
+
+struct RunRecord {
+  static constexpr int kSchemaVersion = 1;
+
+  std::string mode;
+  std::optional<std::string> basic;  ///< Of mode advanced.
+  std::optional<std::string>
+      overflow;  ///< "hold" or "literal", where the algorithm has an overflow.
+  std::string platform;
+  std::optional<std::string> assumptions;  ///< Of the platform; what modelled energy rests on.
+  std::optional<std::string> profile;      ///< Path, if one was used.
+  std::string mix;
+  std::string time = "virtual";
+  std::uint64_t seed = 1;
+  std::optional<double> duration_s;  ///< Open loops only.
+  std::optional<int> in_flight;      ///< Closed loops only.
+
+  double makespan_s = 0;  ///< To the last completion; with an open loop at least the duration.
+  // Tasks: submitted = completed + dropped + expired + failed + queued.
+  std::int64_t submitted = 0, completed = 0, dropped = 0, expired = 0, failed = 0, queued = 0;
+  std::int64_t offloaded = 0;  ///< Of the completed ones, those that the cloud served.
+  std::optional<double> throughput_per_ms;
+  std::optional<double> mean_latency_ms, p99_latency_ms;  ///< Of all tasks, dispatch to completion.
+  double energy_j = 0;
+  std::optional<double> average_power_w;
+
+  std::vector<UnitResult> units;          ///< In the platform's order.
+  std::vector<PipelineResult> pipelines;  ///< In the mix's order.
+  std::map<std::string, std::map<std::string, int>>
+      weights;  ///< [workload][unit]; units that may serve it.
+  std::vector<std::string> warnings;
+  friend bool operator==(const RunRecord&, const RunRecord&) = default;
+};
+
+[[nodiscard]] nlohmann::ordered_json to_json(const RunRecord& record);
+
+/// @param source  For messages: the file that the JSON came from.
+/// @throws Error{kBadInput} for a missing, other or newer schema version, a missing key or a wrong
+/// type.
+[[nodiscard]] RunRecord run_record_from_json(const nlohmann::ordered_json& json,
+                                             const std::string& source);
+
+/// @throws Error{kBadInput} as above, or if the file cannot be read or is not JSON.
+[[nodiscard]] RunRecord load_run_record(const std::filesystem::path& path);
+
+}  // namespace pirt

@@ -1,0 +1,72 @@
+// What it costs to serve a workload on a unit: stages, energy and where those figures come from.
+//
+// Stages come from the platform file, or for measured units from a profile; whatever cannot be used
+// says why.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "characterize/platform.h"
+#include "characterize/profile.h"
+#include "scheduler/task.h"
+
+namespace pirt {
+
+struct ServiceStage {
+  std::string name;
+  std::optional<UnitId> on;  ///< Absent = pure delay.
+  Distribution time;         ///< Server time at rate 1, before the scale.
+  double scale = 1;          ///< Stretches the time; the stage's energy stays.
+
+  [[nodiscard]] Nanos mean() const;  ///< Scaled.
+};
+
+struct Service {
+  std::vector<ServiceStage> stages;
+  Provenance time_provenance = Provenance::kModelled;
+  Provenance energy_provenance = Provenance::kModelled;
+  /// Joules a call beyond busy servers and links: call_j, operations, bytes.
+  double extra_j = 0;
+  /// A meter's joules a call; stands in place of all modelled energy of a call.
+  std::optional<double> metered_j;
+
+  /// All stages, scaled.
+  [[nodiscard]] Nanos total() const;
+  /// The longest stage on @p unit itself, or the longest of all where none is.
+  [[nodiscard]] Nanos bottleneck(UnitId unit) const;
+};
+
+/// One cell: the service, or why there is none.
+struct ServiceEntry {
+  std::optional<Service> service;
+  std::string reason;  ///< Empty if there is a service.
+};
+
+struct ServiceTable {
+  std::vector<std::string> workloads;              ///< By WorkloadId.
+  std::vector<std::vector<ServiceEntry>> entries;  ///< [workload][unit]
+  std::vector<std::string> warnings;
+
+  [[nodiscard]] const Service* find(WorkloadId workload, UnitId unit) const {
+    const auto& entry = entries[workload][unit];
+    return entry.service ? &*entry.service : nullptr;
+  }
+  [[nodiscard]] UnitMask units_of(WorkloadId workload) const;
+};
+
+struct ServiceOptions {
+  std::map<std::string, double> stage_scale;  ///< "unit.stage" -> factor.
+  bool allow_invalid = false;                 ///< Use rows that say that they are not valid.
+};
+
+/// @param profile    Null = only what the platform file says.
+/// @param workloads  Names of the catalog, each once.
+/// @throws Error{kBadInput} if the profile is of another platform.
+[[nodiscard]] ServiceTable resolve_services(const Platform& platform, const Profile* profile,
+                                            const std::vector<std::string>& workloads,
+                                            const ServiceOptions& options);
+
+}  // namespace pirt

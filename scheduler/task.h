@@ -1,0 +1,91 @@
+// Tasks as the dispatcher and the policies see them: numbers and tags, no names and no durations.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+using TaskId =
+    std::uint64_t;  ///< Chosen by whoever submits; unique among the tasks that are not done.
+using UnitId = std::uint32_t;      ///< Position in Platform::units.
+using WorkloadId = std::uint32_t;  ///< Position in the workloads of a run.
+
+/// A set of units, bit u for unit u.
+using UnitMask = std::uint64_t;
+inline constexpr std::size_t kMaxUnits = 64;
+[[nodiscard]] constexpr UnitMask unit_bit(UnitId unit) { return UnitMask{1} << unit; }
+[[nodiscard]] constexpr bool contains(UnitMask mask, UnitId unit) {
+  return (mask & unit_bit(unit)) != 0;
+}
+
+/// What a policy may look at. Tasks of one class are placed, and refused, alike.
+struct TaskClass {
+  WorkloadId workload = 0;
+  UnitMask eligible = 0;  ///< Units that can serve the workload and are permitted to.
+  bool real_time = true;
+  bool image_input = false;
+  friend bool operator==(const TaskClass&, const TaskClass&) = default;
+};
+
+struct Task {
+  TaskId id = 0;
+  TaskClass kind;
+  std::optional<Nanos> deadline;    ///< When it should be complete; for policies that look at it.
+  std::optional<Nanos> expires_at;  ///< Not started by then: expired, and its successors dropped.
+  /// Tasks that have to complete first, submitted before this one. An id that is no longer known
+  /// counts as complete.
+  std::span<const TaskId> after = {};
+};
+
+enum class Outcome : std::uint8_t { kCompleted, kFailed };
+
+enum class UnitState : std::uint8_t {
+  kUp,
+  kDraining,  ///< Starts nothing new; what waits for it goes elsewhere; what runs completes.
+  kDown,      ///< As draining; whoever drives the unit completes what runs there as failed.
+};
+
+/// A task that may start now.
+struct Start {
+  TaskId task = 0;
+  UnitId unit = 0;
+  Nanos dispatched_at{0};  ///< When it was given to the unit's queue: latency counts from here.
+};
+
+enum class Ending : std::uint8_t { kDropped, kExpired };
+
+/// A task that left without having been started and completed.
+struct Ended {
+  TaskId task = 0;
+  Ending how = Ending::kDropped;
+};
+
+/// What a call of the dispatcher brought about; calls append.
+struct Starts {
+  std::vector<Start> started;
+  std::vector<Ended> ended;
+  void clear() {
+    started.clear();
+    ended.clear();
+  }
+};
+
+/// submitted = completed + dropped + expired + failed + queued, always.
+struct TaskCounts {
+  std::int64_t submitted = 0;
+  std::int64_t completed = 0;
+  std::int64_t dropped = 0;
+  std::int64_t expired = 0;
+  std::int64_t failed = 0;
+  [[nodiscard]] std::int64_t queued() const {
+    return submitted - completed - dropped - expired - failed;
+  }
+};
+
+}  // namespace pirt

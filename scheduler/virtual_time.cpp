@@ -1,0 +1,395 @@
+#include "scheduler/virtual_time.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <functional>
+#include <utility>
+
+#include "workloads/base/random.h"
+#include "workloads/catalog.h"
+
+namespace pirt {
+
+/// One thing after the other that a started task goes through.
+struct VirtualTime::Step {
+  static constexpr std::uint32_t kDelay = UINT32_MAX;
+  std::uint32_t servers = kDelay;  ///< Position in servers_, or a pure delay.
+  Distribution time;               ///< Before the scale.
+  Nanos scaled{0};                 ///< Of a constant.
+  double scale = 1;
+  bool powered = false;  ///< Its server time draws the unit's active_w.
+};
+
+struct VirtualTime::TaskPlan {
+  WorkloadId workload = 0;
+  bool image_input = false;
+  std::vector<std::vector<Step>> steps;  ///< By unit.
+};
+
+struct VirtualTime::PipelineState {
+  const Pipeline* pipeline = nullptr;
+  std::uint32_t first_plan = 0;
+  std::uint32_t image_tasks = 0;
+  std::uint64_t seed = 0;
+  int in_flight = 0;      ///< Firings; of closed loops.
+  int refires = 0;        ///< Of it in refires_.
+  bool starving = false;  ///< A closed loop with nothing in flight that waits for a buffer.
+};
+
+struct VirtualTime::Firing {
+  std::uint32_t pipeline = 0;
+  std::uint32_t tasks_left = 0;
+  std::uint32_t images_left = 0;
+  bool complete = true;
+  std::uint64_t number = 0;
+  Nanos fired_at{0};
+};
+
+struct VirtualTime::Job {
+  TaskId id = 0;
+  FiringIndex firing = 0;
+  std::uint32_t plan = 0;
+  UnitId unit = 0;
+  std::uint32_t step = 0;
+  Nanos dispatched_at{0};
+};
+
+struct VirtualTime::Timer {
+  Moment moment;
+  bool fires = false;       ///< A pipeline; otherwise the end of a job's delay.
+  std::uint32_t index = 0;  ///< Of the pipeline or the job.
+  friend auto operator<=>(const Timer&, const Timer&) = default;
+};
+
+VirtualTime::~VirtualTime() = default;
+
+VirtualTime::VirtualTime(const VirtualSetup& setup, Dispatcher& dispatcher)
+    : setup_(setup), dispatcher_(dispatcher) {
+  for (const auto& unit : setup.platform.units)
+    servers_.push_back(make_servers(unit.servers, unit.discipline));
+  for (std::size_t i = 0; i < setup.platform.links.size(); ++i) {
+    servers_.push_back(make_servers(1, Discipline::kFifo));
+  }
+  plan_tasks();
+  tally_.units.resize(setup.platform.units.size());
+  tally_.pipelines.resize(setup.mix.pipelines.size());
+  tally_.calls.assign(setup.services.workloads.size(),
+                      std::vector<std::int64_t>(setup.platform.units.size(), 0));
+}
+
+void VirtualTime::plan_tasks() {
+  for (std::uint32_t p = 0; p < setup_.mix.pipelines.size(); ++p) {
+    const Pipeline& pipeline = setup_.mix.pipelines[p];
+    PipelineState state;
+    state.pipeline = &pipeline;
+    state.first_plan = static_cast<std::uint32_t>(plans_.size());
+    state.seed = derive_seed(setup_.seed, pipeline.name);
+    for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
+      const TaskClass& kind = setup_.classes[p][t];
+      TaskPlan plan{.workload = kind.workload, .image_input = kind.image_input, .steps = {}};
+      for (UnitId unit = 0; unit < setup_.platform.units.size(); ++unit) {
+        plan.steps.push_back(contains(kind.eligible, unit)
+                                 ? plan_steps(pipeline.tasks[t], kind.workload, unit)
+                                 : std::vector<Step>{});
+      }
+      plans_.push_back(std::move(plan));
+      state.image_tasks += kind.image_input ? 1 : 0;
+    }
+    pipelines_.push_back(state);
+  }
+}
+
+/// A call on a linked unit is: inputs over the link, the stages, outputs back. They travel at each
+/// call, wherever the predecessor ran.
+std::vector<VirtualTime::Step> VirtualTime::plan_steps(const MixTask& task, WorkloadId workload,
+                                                       UnitId unit) const {
+  const Service& service = *setup_.services.find(workload, unit);
+  const auto total_bytes = [](const std::vector<TensorSpec>& specs) {
+    std::int64_t sum = 0;
+    for (const auto& spec : specs) sum += spec.size_bytes();
+    return sum;
+  };
+  const Workload& definition = find_workload(task.workload);
+  std::vector<Step> steps;
+  add_transfer(steps, unit, task.input_bytes.value_or(total_bytes(definition.inputs)));
+  for (const auto& stage : service.stages) {
+    steps.push_back({.servers = stage.on.value_or(Step::kDelay),
+                     .time = stage.time,
+                     .scaled = stage.mean(),
+                     .scale = stage.scale,
+                     .powered = !service.metered_j});
+  }
+  add_transfer(steps, unit, total_bytes(definition.outputs));
+  return steps;
+}
+
+/// The link is busy while it sends (bytes * 8 / mbit_s); the latency that follows is a delay,
+/// during which it may send again.
+void VirtualTime::add_transfer(std::vector<Step>& steps, UnitId unit,
+                               std::int64_t size_bytes) const {
+  const auto& name = setup_.platform.units[unit].link;
+  if (name.empty()) return;
+  const auto link = setup_.platform.links.find(name);
+  const auto position = std::distance(setup_.platform.links.begin(), link);
+  const Nanos sending(std::llround(static_cast<double>(size_bytes) * 8e3 / link->second.mbit_s));
+  steps.push_back({.servers = static_cast<std::uint32_t>(setup_.platform.units.size()) +
+                              static_cast<std::uint32_t>(position),
+                   .time = {.low = sending, .high = sending},
+                   .scaled = sending});
+  steps.push_back({.time = link->second.latency, .scaled = link->second.latency.mean()});
+}
+
+Tally VirtualTime::run() {
+  begin();
+  while (advance()) settle();
+  for (std::size_t w = 0; w < tally_.calls.size(); ++w) {
+    for (UnitId unit = 0; unit < tally_.units.size(); ++unit) {
+      const Service* service = setup_.services.find(static_cast<WorkloadId>(w), unit);
+      if (service == nullptr) continue;
+      tally_.units[unit].extra_j += static_cast<double>(tally_.calls[w][unit]) *
+                                    service->metered_j.value_or(service->extra_j);
+    }
+  }
+  return std::move(tally_);
+}
+
+void VirtualTime::begin() {
+  for (std::uint32_t p = 0; p < pipelines_.size(); ++p) {
+    const Pipeline& pipeline = *pipelines_[p].pipeline;
+    if (pipeline.rate_hz) {
+      schedule_firing(p);
+    } else {
+      const auto first = std::min<std::int64_t>(*pipeline.frames, setup_.in_flight[p]);
+      for (std::int64_t i = 0; i < first; ++i) add_timer(Nanos::zero(), true, p);
+    }
+  }
+}
+
+/// The next thing that happens. False if nothing is left to.
+bool VirtualTime::advance() {
+  const Moment* soonest = timers_.empty() ? nullptr : &timers_.front().moment;
+  Servers* servers = nullptr;
+  for (const auto& each : servers_) {
+    if (each->next().time == Nanos::max() || (soonest != nullptr && *soonest < each->next()))
+      continue;
+    soonest = &each->next();
+    servers = each.get();
+  }
+  // At equal times completions come first: a task may start at its last moment.
+  const auto wake = dispatcher_.next_wake();
+  if (wake && (soonest == nullptr || *wake < soonest->time)) {
+    now_ = std::max(now_, *wake);
+    dispatcher_.wake(now_, starts_);
+    return true;
+  }
+  if (soonest == nullptr) return false;
+  now_ = soonest->time;
+  if (servers != nullptr) {
+    const JobIndex job = servers->complete_next();
+    ++jobs_[job].step;
+    proceed(job);
+    return true;
+  }
+  std::ranges::pop_heap(timers_, std::greater{});
+  const Timer timer = timers_.back();
+  timers_.pop_back();
+  if (timer.fires) {
+    fire(timer.index);
+  } else {
+    ++jobs_[timer.index].step;
+    proceed(timer.index);
+  }
+  return true;
+}
+
+void VirtualTime::add_timer(Nanos at, bool fires, std::uint32_t index) {
+  timers_.push_back({{at, sequence_++}, fires, index});
+  std::ranges::push_heap(timers_, std::greater{});
+}
+
+void VirtualTime::schedule_firing(std::uint32_t pipeline) {
+  // From the number of the firing, not from the last one, so that rounding does not add up.
+  const auto number = static_cast<double>(tally_.pipelines[pipeline].fired);
+  const Nanos at(std::llround(number * 1e9 / *pipelines_[pipeline].pipeline->rate_hz));
+  if (at < setup_.duration) add_timer(at, true, pipeline);
+}
+
+void VirtualTime::fire(std::uint32_t p) {
+  PipelineState& state = pipelines_[p];
+  const Pipeline& pipeline = *state.pipeline;
+  PipelineTally& tally = tally_.pipelines[p];
+  const auto number = static_cast<std::uint64_t>(tally.fired++);
+  if (pipeline.rate_hz) schedule_firing(p);
+  if (state.image_tasks > 0) {
+    if (setup_.mix.image_buffers && buffers_used_ >= *setup_.mix.image_buffers) {
+      ++tally.dropped;
+      tally_.refused_tasks += static_cast<std::int64_t>(pipeline.tasks.size());
+      // A closed loop goes on at its next completion; without any under way, when a buffer is free
+      // again.
+      state.starving = pipeline.frames && state.in_flight == 0 && tally.fired < *pipeline.frames;
+      return;
+    }
+    ++buffers_used_;
+  }
+  ++state.in_flight;
+  if (free_firings_.empty()) {
+    free_firings_.push_back(static_cast<FiringIndex>(firings_.size()));
+    firings_.emplace_back();
+  }
+  const FiringIndex firing = free_firings_.back();
+  free_firings_.pop_back();
+  firings_[firing] = {.pipeline = p,
+                      .tasks_left = static_cast<std::uint32_t>(pipeline.tasks.size()),
+                      .images_left = state.image_tasks,
+                      .number = number,
+                      .fired_at = now_};
+  submit_tasks(p, firing);
+}
+
+void VirtualTime::submit_tasks(std::uint32_t p, FiringIndex firing) {
+  const PipelineState& state = pipelines_[p];
+  const Pipeline& pipeline = *state.pipeline;
+  ids_.clear();
+  for (std::uint32_t t = 0; t < pipeline.tasks.size(); ++t) {
+    if (free_jobs_.empty()) {
+      free_jobs_.push_back(static_cast<JobIndex>(jobs_.size()));
+      jobs_.emplace_back();
+    }
+    const JobIndex job = free_jobs_.back();
+    free_jobs_.pop_back();
+    // The place in jobs_ below, a running number above: unique among live tasks, and found again
+    // without a search.
+    const TaskId id = TaskId{task_number_++} << 32 | job;
+    jobs_[job] = {.id = id, .firing = firing, .plan = state.first_plan + t};
+    ids_.push_back(id);
+    after_.clear();
+    for (const std::size_t each : pipeline.tasks[t].after) after_.push_back(ids_[each]);
+    Task task{
+        .id = id, .kind = setup_.classes[p][t], .deadline = {}, .expires_at = {}, .after = after_};
+    if (pipeline.deadline) task.deadline = now_ + *pipeline.deadline;
+    if (pipeline.expires) task.expires_at = now_ + *pipeline.expires;
+    dispatcher_.submit(task, now_, starts_);
+  }
+}
+
+/// Carries out what the dispatcher said, and what follows at the same moment.
+void VirtualTime::settle() {
+  apply_starts();
+  for (std::size_t i = 0; i < refires_.size(); ++i) {
+    --pipelines_[refires_[i]].refires;
+    fire(refires_[i]);
+    apply_starts();
+  }
+  refires_.clear();
+}
+
+void VirtualTime::apply_starts() {
+  // proceed() may complete a task that has no steps' time left only through an event, so that
+  // starts_ does not grow here.
+  for (const Start& start : starts_.started) {
+    const auto job = static_cast<JobIndex>(start.task);
+    assert(jobs_[job].id == start.task);
+    jobs_[job].unit = start.unit;
+    jobs_[job].dispatched_at = start.dispatched_at;
+    ++tally_.calls[plans_[jobs_[job].plan].workload][start.unit];
+    const auto& steps = plans_[jobs_[job].plan].steps[start.unit];
+    begin_step(job, steps.front());
+  }
+  for (const Ended& ended : starts_.ended) end_task(static_cast<JobIndex>(ended.task), false);
+  starts_.clear();
+}
+
+/// To the job's current step, or to its end.
+void VirtualTime::proceed(JobIndex job) {
+  const auto& steps = plans_[jobs_[job].plan].steps[jobs_[job].unit];
+  if (jobs_[job].step < steps.size()) {
+    begin_step(job, steps[jobs_[job].step]);
+  } else {
+    complete(job);
+  }
+}
+
+void VirtualTime::begin_step(JobIndex job, const Step& step) {
+  const bool constant = step.time.kind == Distribution::Kind::kConstant;
+  const Nanos unscaled = constant ? step.time.low : draw(jobs_[job], step);
+  const Nanos scaled =
+      constant ? step.scaled
+               : Nanos(std::llround(static_cast<double>(unscaled.count()) * step.scale));
+  if (step.servers == Step::kDelay) {
+    add_timer(now_ + scaled, false, job);
+    return;
+  }
+  if (step.servers < tally_.units.size()) {
+    tally_.units[step.servers].busy += scaled;
+    if (step.powered) tally_.units[step.servers].powered += unscaled;
+  } else {
+    tally_.units[jobs_[job].unit].transferring += scaled;
+  }
+  servers_[step.servers]->arrive(job, scaled, sequence_++, now_);
+}
+
+/// A pure function of seed, pipeline, firing, task and step, so that two policies meet the same
+/// luck.
+Nanos VirtualTime::draw(const Job& job, const Step& step) const {
+  const Firing& firing = firings_[job.firing];
+  const PipelineState& state = pipelines_[firing.pipeline];
+  const std::uint64_t task = job.plan - state.first_plan;
+  const std::uint64_t stream = hash_u64(hash_u64(state.seed, firing.number), task);
+  const auto range = static_cast<std::uint64_t>((step.time.high - step.time.low).count()) + 1;
+  return step.time.low + Nanos(static_cast<std::int64_t>(hash_u64(stream, job.step) % range));
+}
+
+void VirtualTime::complete(JobIndex job) {
+  const Job done = jobs_[job];
+  dispatcher_.complete(done.unit, done.id, Outcome::kCompleted, now_, starts_);
+  const Nanos latency = now_ - done.dispatched_at;
+  ++tally_.units[done.unit].completed;
+  tally_.units[done.unit].latency.add(latency);
+  tally_.latency.add(latency);
+  tally_.last_completion = now_;
+  end_task(job, true);
+}
+
+void VirtualTime::end_task(JobIndex job, bool completed) {
+  const FiringIndex index = jobs_[job].firing;
+  Firing& firing = firings_[index];
+  firing.complete = firing.complete && completed;
+  if (plans_[jobs_[job].plan].image_input && --firing.images_left == 0) release_buffer();
+  free_jobs_.push_back(job);
+  if (--firing.tasks_left == 0) end_firing(index);
+}
+
+void VirtualTime::end_firing(FiringIndex index) {
+  const Firing& firing = firings_[index];
+  PipelineState& state = pipelines_[firing.pipeline];
+  PipelineTally& tally = tally_.pipelines[firing.pipeline];
+  if (firing.complete) {
+    const Nanos latency = now_ - firing.fired_at;
+    ++tally.completed;
+    tally.latency.add(latency);
+    tally.last_completion = now_;
+    if (state.pipeline->deadline && latency > *state.pipeline->deadline) ++tally.deadline_misses;
+  } else {
+    ++tally.dropped;
+  }
+  --state.in_flight;
+  free_firings_.push_back(index);
+  if (state.pipeline->frames && tally.fired + state.refires < *state.pipeline->frames)
+    refire(firing.pipeline);
+}
+
+/// The pipeline fires once more at this moment, when what happens now is settled.
+void VirtualTime::refire(std::uint32_t pipeline) {
+  ++pipelines_[pipeline].refires;
+  refires_.push_back(pipeline);
+}
+
+void VirtualTime::release_buffer() {
+  --buffers_used_;
+  for (std::uint32_t p = 0; p < pipelines_.size(); ++p) {
+    if (std::exchange(pipelines_[p].starving, false)) refire(p);
+  }
+}
+
+}  // namespace pirt

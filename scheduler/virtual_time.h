@@ -1,0 +1,91 @@
+// Virtual time: drives a dispatcher from events whose durations come from the services of a
+// platform.
+//
+// Exact in whole nanoseconds and deterministic: the same inputs and seed give the same run. No
+// clock is read.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "scheduler/dispatcher.h"
+#include "scheduler/mix.h"
+#include "scheduler/servers.h"
+#include "scheduler/services.h"
+#include "scheduler/tally.h"
+
+namespace pirt {
+
+struct VirtualSetup {
+  const Platform& platform;
+  const ServiceTable& services;
+  const Mix& mix;
+  std::vector<std::vector<TaskClass>> classes;  ///< [pipeline][task]
+  std::vector<int> in_flight;                   ///< By pipeline; >= 1 where it is a closed loop.
+  Nanos duration{0};  ///< Open loops fire before it; what has fired is finished.
+  std::uint64_t seed = 1;
+};
+
+/// One run. Its references must outlive it.
+class VirtualTime {
+ public:
+  VirtualTime(const VirtualSetup& setup, Dispatcher& dispatcher);
+  ~VirtualTime();
+  /// Until nothing is left to happen. Call once.
+  [[nodiscard]] Tally run();
+
+ private:
+  struct Step;
+  struct TaskPlan;
+  struct PipelineState;
+  struct Job;
+  struct Firing;
+  struct Timer;
+  using JobIndex = std::uint32_t;
+  using FiringIndex = std::uint32_t;
+
+  void plan_tasks();
+  std::vector<Step> plan_steps(const MixTask& task, WorkloadId workload, UnitId unit) const;
+  void add_transfer(std::vector<Step>& steps, UnitId unit, std::int64_t size_bytes) const;
+
+  void begin();
+  bool advance();
+  void fire(std::uint32_t pipeline);
+  void submit_tasks(std::uint32_t pipeline, FiringIndex firing);
+  void schedule_firing(std::uint32_t pipeline);
+  void settle();
+  void apply_starts();
+  void proceed(JobIndex job);
+  void begin_step(JobIndex job, const Step& step);
+  [[nodiscard]] Nanos draw(const Job& job, const Step& step) const;
+  void complete(JobIndex job);
+  void end_task(JobIndex job, bool completed);
+  void end_firing(FiringIndex firing);
+  void release_buffer();
+  void refire(std::uint32_t pipeline);
+  void add_timer(Nanos at, bool fires, std::uint32_t index);
+
+  const VirtualSetup& setup_;
+  Dispatcher& dispatcher_;
+  std::vector<std::unique_ptr<Servers>> servers_;  ///< Units in order, then links.
+  std::vector<TaskPlan> plans_;                    ///< Of all tasks of all pipelines.
+  std::vector<PipelineState> pipelines_;
+  std::vector<Job> jobs_;
+  std::vector<JobIndex> free_jobs_;
+  std::vector<Firing> firings_;
+  std::vector<FiringIndex> free_firings_;
+  std::vector<Timer> timers_;           ///< A heap, earliest first.
+  std::vector<std::uint32_t> refires_;  ///< Closed loops that fire now.
+  std::vector<TaskId> ids_;             ///< Of the firing being submitted.
+  std::vector<TaskId> after_;
+  std::int64_t buffers_used_ = 0;
+  std::uint64_t sequence_ = 0;
+  std::uint32_t task_number_ = 0;
+  Starts starts_;
+  Tally tally_;
+  Nanos now_{0};
+};
+
+}  // namespace pirt

@@ -1,0 +1,55 @@
+// How fast virtual time is, and that its memory does not follow the tasks done: full-robot on
+// platform `fake`, mode advanced.
+//
+// Usage: scheduler [tasks in millions ...]; default 1 10. Prints tasks/s and the peak memory of the
+// process after each.
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <vector>
+
+#include "scheduler/schedule.h"
+
+namespace {
+
+double peak_mib() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024;
+}
+
+/// Tasks that the mix submits in a second of virtual time, in the long run.
+double task_rate(const pirt::Mix& mix) {
+  double rate = 0;
+  for (const auto& pipeline : mix.pipelines) {
+    rate += pipeline.rate_hz.value_or(0) * static_cast<double>(pipeline.tasks.size());
+  }
+  return rate;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::vector<double> millions;
+  for (int i = 1; i < argc; ++i) millions.push_back(std::atof(argv[i]));
+  if (millions.empty()) millions = {1, 10};
+  const auto platform = pirt::load_platform("fake");
+  const auto mix = pirt::load_mix("full-robot");
+  for (const char* mode : {"throughput", "advanced"}) {
+    for (const double count : millions) {
+      pirt::ScheduleOptions options;
+      options.mode = mode;
+      options.duration = pirt::from_s(count * 1e6 / task_rate(mix));
+      const auto begin = std::chrono::steady_clock::now();
+      const auto record = pirt::run_virtual(platform, nullptr, mix, options);
+      const double elapsed_s =
+          std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+      fmt::print("{:<11} {:>9} tasks  {:>6.2f} s  {:>5.2f} M tasks/s  peak {:.1f} MiB\n", mode,
+                 record.completed, elapsed_s,
+                 static_cast<double>(record.completed) / elapsed_s / 1e6, peak_mib());
+    }
+  }
+  return 0;
+}

@@ -1,0 +1,438 @@
+// The real coordinator and real worker processes, measuring scripted units: what is stored when all
+// goes well, and when it does not.
+#include "characterize/campaign.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "characterize/profile.h"
+#include "tests/characterize/support.h"
+#include "tests/support/data.h"
+
+namespace pirt {
+namespace {
+
+using test::error_of;
+using test::fake_platform;
+using test::TemporaryFolder;
+using ::testing::AllOf;
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::IsSupersetOf;
+using ::testing::Not;
+using ::testing::StartsWith;
+using ::testing::UnorderedElementsAre;
+
+/// Two cheap workloads on scripted units, into a database in a folder of its own.
+class Campaign : public ::testing::Test {
+ protected:
+  CampaignOptions options(const std::vector<std::pair<std::string, std::string>>& scripts,
+                          const std::string& filter = "^pool[25]$") const {
+    CampaignOptions result;
+    result.database = folder / "p.db";
+    result.platform = fake_platform(scripts);
+    result.filter = filter;
+    result.quick = true;
+    result.program = PIRT_TEST_WORKER;
+    return result;
+  }
+
+  Profile measure(const CampaignOptions& o) {
+    ProgressSink sink;
+    sink.warning = [this](const std::string& text) { warnings.push_back(text); };
+    summary = run_campaign(o, plan_campaign(o), sink);
+    return load_profile(o.database);
+  }
+
+  TemporaryFolder folder;
+  std::vector<std::string> warnings;
+  CampaignSummary summary;
+};
+
+const PhaseRow& row(const Profile& profile, const std::string& workload, Phase phase,
+                    State state = State::kSteady, const std::string& unit = "gpu") {
+  const PhaseRow* found = profile.find(workload, unit, phase, state);
+  if (found == nullptr) {
+    throw std::runtime_error(
+        fmt::format("no row {} {} {}", workload, to_string(phase), to_string(state)));
+  }
+  return *found;
+}
+
+TEST_F(Campaign, StoresEveryPhaseAsScripted) {
+  const Profile profile = measure(options({{"gpu", R"(
+device: scripted gpu
+device_init_ms: 3
+prepare_ms: {cold: 20, warm: 4}
+stages:
+  pool2: [{name: upload, ms: 0.5}, {name: launch, ms: 0.25}, {name: execute, ms: 2}, {name: download, ms: 1}]
+)"}}));
+  EXPECT_EQ(summary.cells, 2);
+  EXPECT_EQ(summary.rows_valid, 18);  // 2 cells of 2 phases x 2 states + 5
+  EXPECT_EQ(summary.rows_invalid, 0);
+  EXPECT_FALSE(summary.interrupted);
+  EXPECT_THAT(warnings, IsEmpty());
+
+  // A call is 0.5 + 0.25 + 2 + 1 = 3.75 ms; preparing ends after one call: 20 + 3.75 and 4 + 3.75.
+  EXPECT_EQ(row(profile, "pool2", Phase::kDeviceInit, State::kCold).median, from_ms(3));
+  EXPECT_EQ(row(profile, "pool2", Phase::kDeviceInit, State::kWarm).median, from_ms(3));
+  EXPECT_EQ(row(profile, "pool2", Phase::kPrepare, State::kCold).median, from_ms(23.75));
+  EXPECT_EQ(row(profile, "pool2", Phase::kPrepare, State::kWarm).median, from_ms(7.75));
+  EXPECT_EQ(row(profile, "pool2", Phase::kUpload).median, from_ms(0.5));
+  EXPECT_EQ(row(profile, "pool2", Phase::kLaunch).median, from_ms(0.25));
+  EXPECT_EQ(row(profile, "pool2", Phase::kExecute).median, from_ms(2));
+  EXPECT_EQ(row(profile, "pool2", Phase::kDownload).median, from_ms(1));
+  EXPECT_EQ(row(profile, "pool2", Phase::kCall).median, from_ms(3.75));
+  for (const PhaseRow& r : profile.phases) {
+    EXPECT_TRUE(r.valid);
+    EXPECT_EQ(r.provenance, Provenance::kModelled);
+    EXPECT_EQ(r.backend, "fake");
+    EXPECT_THAT(r.notes, IsEmpty());
+    EXPECT_GE(r.samples, r.state == State::kSteady ? 20 : 2);
+  }
+  // active_w 2 for 3.75 ms.
+  EXPECT_DOUBLE_EQ(profile.find_energy("pool2", "gpu")->energy_j.value(), 2 * 0.00375);
+  EXPECT_EQ(profile.find_unit("gpu")->device, "scripted gpu");
+  EXPECT_NE(profile.runs.front().finished, "");
+  const auto& facts = profile.runs.front().environment;
+  EXPECT_EQ(facts.at("mode"), "quick");
+  EXPECT_EQ(facts.at("images"), "generated, seed 1");
+  EXPECT_THAT(facts,
+              IsSupersetOf({std::pair<const std::string, std::string>("filter", "^pool[25]$")}));
+}
+
+TEST_F(Campaign, TakesTheStagesOfThePlatform) {
+  auto o = options({{"gpu", "prepare_ms: 0"}}, "^pool5$");
+  Stage execute{"", "gpu", {Distribution::Kind::kConstant, from_ms(7), from_ms(7)}};
+  o.platform.workloads["pool5"].stages["gpu"] = {execute};
+  const Profile profile = measure(o);
+  EXPECT_EQ(row(profile, "pool5", Phase::kCall).median, from_ms(7));
+  EXPECT_EQ(profile.find("pool5", "gpu", Phase::kUpload), nullptr);  // not among its stages
+  o.platform.workloads["pool5"].stages["gpu"][0].name = "dma";
+  EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return plan_campaign(o); }),
+              HasSubstr("stage 'dma' of a fake unit"));
+}
+
+TEST_F(Campaign, RepeatsExactlyFromTheSameSeed) {
+  const std::string jitter = "stages: {pool5: [{name: execute, ms: {uniform: [1, 2]}}]}";
+  auto o = options({{"gpu", jitter}}, "^pool5$");
+  measure(o);
+  measure(o);
+  const auto first = load_samples(o.database, 1);
+  const auto second = load_samples(o.database, 2);
+  ASSERT_EQ(first.size(), second.size());
+  for (std::size_t i = 0; i < first.size(); ++i) EXPECT_EQ(first[i].samples, second[i].samples);
+}
+
+TEST_F(Campaign, RunsCellsInAnOrderThatTheSeedDecides) {
+  const auto names = [&](std::uint64_t seed) {
+    auto o = options({{"cpu", ""}, {"gpu", ""}}, "");
+    o.seed = seed;
+    std::vector<std::string> result;
+    for (const auto& cell : plan_campaign(o).cells)
+      result.push_back(cell.workload->name + cell.unit);
+    return result;
+  };
+  EXPECT_EQ(names(1).size(), 36U);  // 18 workloads on 2 units
+  EXPECT_EQ(names(1), names(1));
+  EXPECT_NE(names(1), names(2));
+}
+
+TEST_F(Campaign, MarksWrongOutputInvalidBeforeTiming) {
+  const Profile profile = measure(options({{"gpu", "wrong_output: [pool2]"}}));
+  for (const Phase phase :
+       {Phase::kUpload, Phase::kLaunch, Phase::kExecute, Phase::kDownload, Phase::kCall}) {
+    const PhaseRow& r = row(profile, "pool2", phase);
+    EXPECT_FALSE(r.valid);
+    EXPECT_THAT(r.reasons, ElementsAre("wrong_output"));
+    EXPECT_EQ(r.samples, 0);  // a wrong computation is not timed
+  }
+  EXPECT_FALSE(row(profile, "pool2", Phase::kPrepare, State::kWarm).valid);
+  EXPECT_TRUE(row(profile, "pool2", Phase::kDeviceInit, State::kWarm).valid);
+  EXPECT_FALSE(profile.find_energy("pool2", "gpu")->valid);
+  EXPECT_TRUE(row(profile, "pool5", Phase::kCall).valid);
+  EXPECT_THAT(warnings, ElementsAre(AllOf(HasSubstr("pool2 on gpu: not valid"),
+                                          HasSubstr("wrong_output"), HasSubstr("before timing"))));
+}
+
+TEST_F(Campaign, MarksWrongOutputInvalidAfterTiming) {
+  // Preparing is the first call and verifying the second; the outputs go wrong in the midst of the
+  // warm-up.
+  const Profile profile = measure(options({{"gpu", "wrong_output_after: {pool5: 30}"}}, "^pool5$"));
+  const PhaseRow& call = row(profile, "pool5", Phase::kCall);
+  EXPECT_FALSE(call.valid);
+  EXPECT_THAT(call.reasons, ElementsAre("wrong_output"));
+  EXPECT_GE(call.samples, 20);  // timed already, kept and shown
+}
+
+TEST_F(Campaign, MarksNanAsWrongOutput) {
+  const Profile profile = measure(options({{"gpu", "nan_output: [fc8]"}}, "^fc8$"));
+  EXPECT_THAT(row(profile, "fc8", Phase::kCall).reasons, ElementsAre("wrong_output"));
+}
+
+TEST_F(Campaign, LosesOneCellToACrash) {
+  const Profile profile = measure(options({{"gpu", "crash: [pool2]"}}));
+  EXPECT_THAT(row(profile, "pool2", Phase::kCall).reasons,
+              ElementsAre("error: worker crashed (SIGABRT) while preparing"));
+  EXPECT_EQ(row(profile, "pool2", Phase::kCall).median, std::nullopt);
+  EXPECT_FALSE(row(profile, "pool2", Phase::kPrepare, State::kCold).valid);
+  EXPECT_FALSE(profile.find_energy("pool2", "gpu")->valid);
+  EXPECT_TRUE(row(profile, "pool5", Phase::kCall).valid);
+  EXPECT_EQ(summary.rows_invalid, 9);
+}
+
+TEST_F(Campaign, LosesOneCellToAHang) {
+  auto o = options({{"gpu", "hang: [pool2]"}});
+  o.job_limit = std::chrono::seconds(3);
+  const Profile profile = measure(o);
+  EXPECT_THAT(row(profile, "pool2", Phase::kCall).reasons,
+              ElementsAre("error: worker timed out after 3 s while preparing"));
+  EXPECT_TRUE(row(profile, "pool5", Phase::kCall).valid);
+}
+
+TEST_F(Campaign, TellsWhatTheBackendSaid) {
+  const Profile profile =
+      measure(options({{"gpu", "fail_prepare: [pool2]\nfail_execute: [pool5]"}}));
+  EXPECT_THAT(row(profile, "pool2", Phase::kCall).reasons,
+              ElementsAre("error: pool2: preparation fails as its script says (while preparing)"));
+  EXPECT_THAT(row(profile, "pool5", Phase::kCall).reasons,
+              ElementsAre(HasSubstr("pool5: execution fails as its script says")));
+  // The device was opened all the same, once; two openings were asked for.
+  const PhaseRow& init = row(profile, "pool2", Phase::kDeviceInit, State::kCold);
+  EXPECT_FALSE(init.valid);
+  EXPECT_EQ(init.samples, 1);
+}
+
+TEST_F(Campaign, SaysFewSamplesWhenTimeRunsOut) {
+  auto o = options({{"gpu", "samples_ms: {pool5: [2000]}"}}, "^pool5$");
+  o.job_limit = std::chrono::seconds(20);
+  const Profile profile = measure(o);
+  // Half the limit is for sampling, on the simulated clock: 5 calls of 2.21 s pass 10 s.
+  EXPECT_EQ(row(profile, "pool5", Phase::kCall).samples, 5);
+  EXPECT_THAT(row(profile, "pool5", Phase::kCall).reasons, ElementsAre("few_samples"));
+}
+
+TEST_F(Campaign, MeasuresAgainWhatIsUnstableAndThenSaysSo) {
+  // Executing takes 1 ms for 140 calls, then 2 ms; a call 0.21 ms more. Preparing and verifying
+  // take one call each and the warm-up of 50 ms takes 42, which leaves 96 short ones (116 ms) and
+  // 61 long ones until the interval is first looked at after 250 ms. The median of 157 samples with
+  // 96 short ones is precise, but the first half has short ones only and the second half mostly
+  // long ones.
+  std::string samples = "samples_ms: {pool5: [";
+  for (int i = 0; i < 140; ++i) samples += "1, ";
+  for (int i = 0; i < 2000; ++i) samples += "2, ";
+  auto o = options({{"gpu", samples + "2]}"}}, "^pool5$");
+  std::vector<std::string> steps;
+  ProgressSink sink;
+  sink.progress = [&steps](const Progress& p) { steps.push_back(p.step); };
+  run_campaign(o, plan_campaign(o), sink);
+  EXPECT_THAT(steps, ElementsAre("reference", "cold set-up 1/2", "cold set-up 2/2",
+                                 "warm set-up 1/2", "sampling", "sampling again (unstable)"));
+  const Profile profile = load_profile(o.database);
+  EXPECT_THAT(row(profile, "pool5", Phase::kCall).reasons, ElementsAre("unstable"));
+  EXPECT_GE(row(profile, "pool5", Phase::kCall).samples, 20);
+}
+
+TEST_F(Campaign, NotesWhatDoesNotInvalidate) {
+  auto o = options({{"gpu", "samples_ms: {pool5: [1, 2]}"}}, "^pool5$");
+  o.platform.units[0].shares_cores = true;
+  const Profile profile = measure(o);
+  const PhaseRow& call = row(profile, "pool5", Phase::kCall);
+  EXPECT_TRUE(call.valid);
+  EXPECT_THAT(call.notes, ElementsAre("precision_not_reached", "bimodal", "shared_core"));
+  EXPECT_THAT(row(profile, "pool5", Phase::kPrepare, State::kCold).notes,
+              ElementsAre("shared_core"));
+}
+
+TEST_F(Campaign, NotesThatPicturesWereResized) {
+  PIRT_DATA_OR_SKIP(photos, "photos-darknet");
+  auto o = options({{"gpu", ""}}, "^gaussian_blur$");
+  o.images = photos;
+  const Profile profile = measure(o);
+  EXPECT_THAT(row(profile, "gaussian_blur", Phase::kCall).notes, Contains("input_resized"));
+  EXPECT_THAT(row(profile, "gaussian_blur", Phase::kDeviceInit, State::kCold).notes, IsEmpty());
+  EXPECT_THAT(profile.runs.front().environment.at("images"), HasSubstr("photos-darknet"));
+}
+
+TEST_F(Campaign, AppendsRunsAndTakesTheNewest) {
+  measure(options({{"gpu", ""}}));
+  const Profile profile = measure(options({{"gpu", "samples_ms: {pool5: [5]}"}}, "^pool5$"));
+  EXPECT_EQ(row(profile, "pool5", Phase::kExecute).median, from_ms(5));
+  EXPECT_EQ(row(profile, "pool5", Phase::kExecute).run_id, 2);
+  EXPECT_EQ(row(profile, "pool2", Phase::kExecute).run_id, 1);
+}
+
+TEST_F(Campaign, KeepsFinishedCellsWhenInterrupted) {
+  std::atomic<bool> stop = false;
+  auto o = options({{"gpu", "hang: [pool5]"}, {"cpu", ""}}, "^pool5$");
+  o.stop = &stop;
+  auto plan = plan_campaign(o);
+  std::ranges::sort(plan.cells, {}, &PlannedCell::unit);  // cpu first
+  ProgressSink sink;
+  sink.progress = [&stop](const Progress& p) {
+    // The gpu hangs: within the time that a test has only the flag can end it.
+    if (p.unit == "gpu") stop = true;
+  };
+  const auto result = run_campaign(o, plan, sink);
+  EXPECT_TRUE(result.interrupted);
+  EXPECT_EQ(result.cells, 1);
+  const Profile profile = load_profile(o.database);
+  EXPECT_EQ(profile.runs.front().finished, "");
+  EXPECT_THAT(profile.units(), ElementsAre("cpu"));
+  EXPECT_TRUE(row(profile, "pool5", Phase::kCall, State::kSteady, "cpu").valid);
+}
+
+TEST_F(Campaign, KeepsFinishedCellsWhenKilled) {
+  const auto o = options({{"gpu", ""}});
+  const auto plan = plan_campaign(o);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::setenv("TMPDIR", folder.path().c_str(),
+             1);  // what nobody can clean up goes with the test's folder
+    ProgressSink sink;
+    sink.progress = [](const Progress& p) {
+      if (p.cell == 2 && p.step == "sampling") ::raise(SIGKILL);
+    };
+    run_campaign(o, plan, sink);
+    ::_exit(1);
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  ASSERT_TRUE(WIFSIGNALED(status));
+  const Profile profile = load_profile(o.database);
+  EXPECT_THAT(profile.workloads(), ElementsAre(plan.cells[0].workload->name));
+  EXPECT_EQ(profile.runs.front().finished, "");
+  EXPECT_TRUE(row(profile, plan.cells[0].workload->name, Phase::kCall).valid);
+}
+
+TEST_F(Campaign, LeavesNothingBehindButTheDatabase) {
+  std::filesystem::create_directory(folder / "tmp");
+  ::setenv("TMPDIR", (folder / "tmp").c_str(), 1);
+  auto o = options({{"gpu", "crash: [pool2]"}});
+  measure(o);
+  ::unsetenv("TMPDIR");
+  EXPECT_TRUE(std::filesystem::is_empty(folder / "tmp"));
+  EXPECT_THAT(folder.entries(), ElementsAre("p.db", "tmp"));
+  EXPECT_EQ(::waitpid(-1, nullptr, WNOHANG), -1);  // no child is left
+}
+
+TEST_F(Campaign, SkipsAUnitThatIsNotThere) {
+  auto o = options({{"gpu", "fail_open: no such board, plug it in"}, {"cpu", ""}}, "^pool5$");
+  const auto plan = plan_campaign(o);
+  ASSERT_EQ(plan.skipped.size(), 1U);
+  EXPECT_EQ(plan.skipped[0].unit, "gpu");
+  EXPECT_EQ(plan.skipped[0].workload, "");
+  EXPECT_THAT(plan.skipped[0].reason, StartsWith("no such board, plug it in"));
+  ASSERT_EQ(plan.cells.size(), 1U);
+  EXPECT_EQ(plan.cells[0].unit, "cpu");
+  EXPECT_EQ(plan.units.size(), 1U);
+
+  o.units = {"gpu"};  // named: then it is an error
+  EXPECT_THAT(error_of(ErrorCode::kEnvironment, [&] { return plan_campaign(o); }),
+              AllOf(HasSubstr("unit 'gpu' is not available"), HasSubstr("plug it in")));
+  o.units.clear();
+  o.platform.units.pop_back();  // nothing left: too
+  EXPECT_THAT(error_of(ErrorCode::kEnvironment, [&] { return plan_campaign(o); }),
+              HasSubstr("nothing can be measured: gpu: no such board"));
+}
+
+TEST_F(Campaign, SkipsWhatAUnitDoesNotSupport) {
+  auto o = options({{"gpu", "unsupported: [pool2]"}});
+  const auto plan = plan_campaign(o);
+  ASSERT_EQ(plan.skipped.size(), 1U);
+  EXPECT_EQ(plan.skipped[0].workload, "pool2");
+  EXPECT_EQ(plan.skipped[0].reason, "excluded by the unit's script");
+  EXPECT_EQ(plan.cells.size(), 1U);
+  o.filter = "^pool2$";
+  EXPECT_THAT(error_of(ErrorCode::kEnvironment, [&] { return plan_campaign(o); }),
+              HasSubstr("nothing can be measured: pool2 on gpu: excluded"));
+}
+
+TEST_F(Campaign, RefusesBadArgumentsAndMakesNoDatabase) {
+  const auto refused = [&](const std::function<void(CampaignOptions&)>& change) {
+    auto o = options({{"gpu", ""}});
+    UnitModel modelled;
+    modelled.name = "cloud";
+    o.platform.units.push_back(modelled);
+    change(o);
+    const auto message = error_of(ErrorCode::kBadInput, [&] { return plan_campaign(o); });
+    EXPECT_THAT(folder.entries(), IsEmpty()) << message;
+    return message;
+  };
+  EXPECT_THAT(refused([](auto& o) { o.filter = "sobl"; }),
+              AllOf(HasSubstr("matches no workload"), HasSubstr("sobel")));
+  EXPECT_THAT(refused([](auto& o) { o.filter = "["; }), HasSubstr("not a regular expression"));
+  EXPECT_THAT(refused([](auto& o) { o.units = {"gpv"}; }), HasSubstr("gpu"));
+  EXPECT_THAT(refused([](auto& o) { o.units = {"cloud"}; }), HasSubstr("nothing to measure"));
+  EXPECT_THAT(refused([](auto& o) { o.platform.units.erase(o.platform.units.begin()); }),
+              HasSubstr("has no unit to measure"));
+  EXPECT_THAT(refused([](auto& o) { o.images = "/no/such/folder"; }), HasSubstr("/no/such/folder"));
+  EXPECT_THAT(refused([](auto& o) { o.platform.units[0].backend = "fkae"; }), HasSubstr("fake"));
+  EXPECT_THAT(refused([](auto& o) { o.platform.units[0].script = "devic: x"; }),
+              AllOf(HasSubstr("devic"), HasSubstr("device")));
+  for (const double precision : {0.0, 1.0, -0.1, std::nan("")}) {
+    EXPECT_THAT(refused([&](auto& o) { o.precision = precision; }), HasSubstr("--precision"));
+  }
+}
+
+TEST_F(Campaign, DoesNotTouchAFileThatIsNoDatabase) {
+  const auto o = options({{"gpu", ""}});
+  test::write_bytes(o.database, "my thesis");
+  const auto plan = plan_campaign(o);
+  EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return run_campaign(o, plan); }),
+              HasSubstr("not a profile database"));
+  EXPECT_EQ(test::read_bytes(o.database), "my thesis");
+}
+
+TEST_F(Campaign, SaysThatNoWorkerCanBeStarted) {
+  auto o = options({{"gpu", ""}});
+  o.program = "/no/such/pirt";
+  EXPECT_THAT(error_of(ErrorCode::kEnvironment, [&] { return plan_campaign(o); }),
+              HasSubstr("cannot start '/no/such/pirt'"));
+}
+
+TEST_F(Campaign, ReportsProgress) {
+  const auto o = options({{"gpu", ""}});
+  std::vector<Progress> seen;
+  ProgressSink sink;
+  sink.progress = [&seen](const Progress& p) { seen.push_back(p); };
+  run_campaign(o, plan_campaign(o), sink);
+  ASSERT_EQ(seen.size(), 10U);  // 2 cells of reference, 2 cold, 1 warm, sampling
+  EXPECT_EQ(seen.front().cell, 1);
+  EXPECT_EQ(seen.back().cell, 2);
+  EXPECT_EQ(seen.back().cells, 2);
+  EXPECT_GT(seen.front().estimated_left, Nanos(0));
+  EXPECT_LT(seen.front().elapsed, seen.back().elapsed);
+}
+
+TEST_F(Campaign, MeasuresThisMachine) {
+  auto o = options({}, "^pool5$");
+  UnitModel cpu;
+  cpu.name = cpu.role = "cpu";
+  cpu.backend = "cpu";
+  cpu.cores = {usable_cores().front()};
+  cpu.active_w = 10;
+  o.platform.units = {cpu};
+  const Profile profile = measure(o);
+  // How long it takes, and whether others disturb it, is not for a test to say; that it is right,
+  // complete and marked is.
+  const PhaseRow& call = row(profile, "pool5", Phase::kCall, State::kSteady, "cpu");
+  EXPECT_EQ(call.provenance, Provenance::kMeasured);
+  EXPECT_GE(call.samples, 20);
+  EXPECT_GT(call.median.value(), Nanos(0));
+  EXPECT_THAT(call.reasons, Not(Contains("wrong_output")));
+  EXPECT_THAT(row(profile, "pool5", Phase::kPrepare, State::kCold, "cpu").notes,
+              Contains("no_kernel_cache"));
+  EXPECT_EQ(profile.find("pool5", "cpu", Phase::kUpload), nullptr);
+  EXPECT_EQ(profile.find_energy("pool5", "cpu")->provenance, Provenance::kModelled);
+  EXPECT_TRUE(profile.find_unit("cpu")->device_is_cpu);
+}
+
+}  // namespace
+}  // namespace pirt

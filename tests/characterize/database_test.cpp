@@ -1,0 +1,400 @@
+#include "characterize/database.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sqlite3.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "characterize/profile.h"
+#include "tests/characterize/support.h"
+#include "workloads/base/random.h"
+
+namespace pirt {
+namespace {
+
+using test::error_of;
+using test::small_cell;
+using test::small_run;
+using test::TemporaryFolder;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+void write_one_run(const std::filesystem::path& path) {
+  ProfileWriter writer(path);
+  const auto run = writer.begin_run(small_run());
+  writer.write_cell(run, small_cell("sobel", "cpu"));
+  writer.write_cell(run, small_cell("sobel", "gpu", 3000));
+  writer.finish_run(run, "2024-01-02T03:05:00Z");
+}
+
+/// Runs @p action as a user whom permissions bind, also where the tests run as root.
+template <typename Action>
+void as_nobody(Action action) {
+  constexpr uid_t kNobody = 65534;
+  const bool root = ::geteuid() == 0;
+  ASSERT_TRUE(!root || ::seteuid(kNobody) == 0);
+  action();
+  ASSERT_TRUE(!root || ::seteuid(0) == 0);
+}
+
+std::vector<std::string> columns_of(const std::filesystem::path& path, const std::string& view) {
+  sqlite3* handle = nullptr;
+  EXPECT_EQ(sqlite3_open_v2(path.c_str(), &handle, SQLITE_OPEN_READONLY, nullptr), SQLITE_OK);
+  sqlite3_stmt* statement = nullptr;
+  sqlite3_prepare_v2(handle, ("SELECT * FROM " + view).c_str(), -1, &statement, nullptr);
+  std::vector<std::string> names;
+  for (int i = 0; i < sqlite3_column_count(statement); ++i) {
+    names.emplace_back(sqlite3_column_name(statement, i));
+  }
+  sqlite3_finalize(statement);
+  sqlite3_close(handle);
+  return names;
+}
+
+void run_sql(const std::filesystem::path& path, const std::string& sql) {
+  sqlite3* handle = nullptr;
+  ASSERT_EQ(sqlite3_open(path.c_str(), &handle), SQLITE_OK);
+  char* message = nullptr;
+  EXPECT_EQ(sqlite3_exec(handle, sql.c_str(), nullptr, nullptr, &message), SQLITE_OK)
+      << sql << ": " << (message != nullptr ? message : "");
+  sqlite3_free(message);
+  sqlite3_close(handle);
+}
+
+TEST(Database, HasTheStableColumnsInTheirOrder) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  EXPECT_THAT(columns_of(folder / "p.db", "profile_summary"),
+              ElementsAre("run_id", "platform", "workload", "unit", "backend", "phase", "state",
+                          "provenance", "valid", "reasons", "notes", "samples", "median_ns",
+                          "mad_ns", "p95_ns", "p99_ns", "ci_low_ns", "ci_high_ns", "ops", "bytes"));
+  EXPECT_THAT(columns_of(folder / "p.db", "energy_summary"),
+              ElementsAre("run_id", "workload", "unit", "energy_j", "provenance", "source", "valid",
+                          "reasons"));
+}
+
+TEST(Database, IsOneFileWhenClosed) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  EXPECT_THAT(folder.entries(), ElementsAre("p.db"));
+  static_cast<void>(load_profile(folder / "p.db"));
+  EXPECT_THAT(folder.entries(), ElementsAre("p.db"));
+}
+
+TEST(Database, CanBeReadWhereNothingCanBeWritten) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  ::chmod((folder / "p.db").c_str(), 0444);
+  ::chmod(folder.path().c_str(), 0555);
+  as_nobody([&] { EXPECT_EQ(load_profile(folder / "p.db").phases.size(), 4U); });
+  ::chmod(folder.path().c_str(), 0755);
+}
+
+TEST(Database, KeepsRawSamplesInOrder) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  const auto rows = load_samples(folder / "p.db", 1);
+  ASSERT_EQ(rows.size(), 4U);
+  EXPECT_EQ(rows[1].workload, "sobel");
+  EXPECT_EQ(rows[1].phase, Phase::kCall);
+  EXPECT_EQ(rows[1].samples, test::ramp(1000, 20));
+  EXPECT_EQ(rows[2].state, State::kCold);
+  EXPECT_TRUE(load_samples(folder / "p.db", 99).empty());
+}
+
+TEST(Database, JoinsAndSplitsReasons) {
+  EXPECT_EQ(join_words({}), "");
+  EXPECT_EQ(join_words({"contended", "bimodal"}), "contended; bimodal");
+  EXPECT_EQ(split_words("contended; bimodal"), (std::vector<std::string>{"contended", "bimodal"}));
+  EXPECT_TRUE(split_words("").empty());
+  // A semicolon inside an entry must not become two entries.
+  EXPECT_EQ(split_words(join_words({"error: a; b"})), (std::vector<std::string>{"error: a, b"}));
+}
+
+TEST(Database, AppendsARunToAnExistingFile) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  {
+    ProfileWriter writer(folder / "p.db");
+    EXPECT_EQ(writer.begin_run(small_run()), 2);
+    writer.write_cell(2, small_cell("sobel", "cpu", 7000));
+  }
+  const Profile profile = load_profile(folder / "p.db");
+  ASSERT_EQ(profile.runs.size(), 2U);
+  // 20 samples from 7000 on: the mean of 7009 and 7010, rounded down.
+  EXPECT_EQ(profile.find("sobel", "cpu", Phase::kCall)->median, Nanos(7009));
+  EXPECT_EQ(profile.find("sobel", "gpu", Phase::kCall)->median, Nanos(3009));
+}
+
+TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
+  const TemporaryFolder folder;
+  test::write_bytes(folder / "empty.db", "");
+  test::write_bytes(folder / "text.db",
+                    "this is a text file and by no means a database, though long");
+  test::write_bytes(folder / "short.db", "SQLite");
+  test::write_bytes(folder / "cut.db", std::string("SQLite format 3\0 and the end", 28));
+  run_sql(folder / "other.db", "PRAGMA application_id = 7; CREATE TABLE t (x)");
+  write_one_run(folder / "newer.db");
+  run_sql(folder / "newer.db", "PRAGMA user_version = 2");
+  write_one_run(folder / "wal.db");
+  run_sql(folder / "wal.db", "PRAGMA journal_mode = WAL");
+  ASSERT_EQ(::mkfifo((folder / "pipe.db").c_str(), 0600), 0);
+
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"missing.db", "there is no profile database"},
+      {"empty.db", "is empty"},
+      {"text.db", "not a profile database"},
+      {"short.db", "not a profile database"},
+      {"cut.db", "damaged (cut off after 28 bytes)"},
+      {"other.db", "another application"},
+      {"newer.db", "use a newer pirt"},
+      {"wal.db", "journal_mode=DELETE"},
+      {"", "is not a file but a folder"},
+      {"pipe.db", "is not a file but a device or pipe"}};
+  for (const auto& [name, expected] : cases) {
+    const auto path = folder / name;
+    const std::string before = name == "pipe.db" || name.empty() ? "" : test::read_bytes(path);
+    const auto entries = folder.entries();
+    EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return load_profile(path); }),
+                AllOf(HasSubstr(path.string()), HasSubstr(expected)));
+    if (name != "missing.db") {  // a writer makes that one
+      EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { ProfileWriter writer(path); }),
+                  HasSubstr(expected));
+    }
+    EXPECT_EQ(folder.entries(), entries) << name;
+    if (!before.empty()) {
+      EXPECT_EQ(test::read_bytes(path), before) << name;
+    }
+  }
+}
+
+TEST(Database, ExplainsThatThereIsNothingInIt) {
+  const TemporaryFolder folder;
+  { const ProfileWriter writer(folder / "p.db"); }
+  EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "p.db"); }),
+              HasSubstr("holds no measurements"));
+}
+
+TEST(Database, CannotBeMadeWhereThereIsNoFolder) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { ProfileWriter writer(folder / "no/p.db"); }),
+              HasSubstr("cannot make profile database"));
+  EXPECT_TRUE(folder.entries().empty());
+}
+
+TEST(Database, SaysThatAFileOrFolderIsReadOnly) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  ::chmod((folder / "p.db").c_str(), 0444);
+  ::chmod(folder.path().c_str(), 0555);
+  as_nobody([&] {
+    EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { ProfileWriter writer(folder / "p.db"); }),
+                HasSubstr("cannot be written"));
+    EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { ProfileWriter writer(folder / "new.db"); }),
+                HasSubstr("cannot make profile database"));
+  });
+  ::chmod(folder.path().c_str(), 0755);
+  EXPECT_THAT(folder.entries(), ElementsAre("p.db"));
+}
+
+TEST(Database, RefusesRowsThatContradictThemselves) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  sqlite3* handle = nullptr;
+  ASSERT_EQ(sqlite3_open((folder / "p.db").c_str(), &handle), SQLITE_OK);
+  const auto result = [&](const std::string& sql) {
+    return sqlite3_exec(handle, sql.c_str(), nullptr, nullptr, nullptr);
+  };
+  EXPECT_EQ(result("UPDATE measurement SET valid = 0"), SQLITE_CONSTRAINT);  // without a reason
+  EXPECT_EQ(result("UPDATE measurement SET reasons = 'unstable'"), SQLITE_CONSTRAINT);
+  EXPECT_EQ(result("UPDATE measurement SET median_ns = NULL"), SQLITE_CONSTRAINT);
+  EXPECT_EQ(result("UPDATE measurement SET median_ns = -1"), SQLITE_CONSTRAINT);
+  EXPECT_EQ(result("UPDATE measurement SET median_ns = 1.5"), SQLITE_CONSTRAINT);
+  EXPECT_EQ(result("UPDATE measurement SET phase = 'exekute'"), SQLITE_CONSTRAINT);
+  EXPECT_EQ(result("UPDATE measurement SET state = 'steady' WHERE phase = 'prepare'"),
+            SQLITE_CONSTRAINT);
+  EXPECT_EQ(result("UPDATE energy SET energy_j = NULL"), SQLITE_CONSTRAINT);
+  EXPECT_EQ(result("UPDATE environment SET value = ''"), SQLITE_CONSTRAINT);
+  EXPECT_EQ(result("PRAGMA foreign_keys = ON; DELETE FROM run"), SQLITE_CONSTRAINT);
+  sqlite3_close(handle);
+}
+
+TEST(Database, NoticesChangedContentAndChangedViews) {
+  const TemporaryFolder folder;
+  const std::vector<std::pair<std::string, std::string>> changes = {
+      {"UPDATE sample SET ns = ns + 1 WHERE position = 3", "checksum of sobel on cpu"},
+      {"UPDATE measurement SET p99_ns = p99_ns + 1", "checksum of sobel on cpu"},
+      {"UPDATE energy SET energy_j = 0.25", "checksum of sobel on cpu"},
+      {"UPDATE environment SET value = 'other cpu'", "checksum of run 1"},
+      {"DROP VIEW energy_summary", "'energy_summary' is missing"},
+      {"DROP VIEW energy_summary; CREATE VIEW energy_summary AS SELECT 1", "definition of"},
+      {"PRAGMA foreign_keys = OFF; DELETE FROM run", "refers to nothing"}};
+  for (const auto& [sql, expected] : changes) {
+    std::filesystem::remove(folder / "p.db");
+    write_one_run(folder / "p.db");
+    run_sql(folder / "p.db", sql);
+    EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "p.db"); }),
+                AllOf(HasSubstr("damaged"), HasSubstr(expected)))
+        << sql;
+  }
+}
+
+TEST(Database, LeavesTablesOfOthersAlone) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  run_sql(folder / "p.db", "CREATE VIEW mine AS SELECT * FROM profile_summary");
+  EXPECT_EQ(load_profile(folder / "p.db").phases.size(), 4U);
+}
+
+/// Everything that a reader sees, to compare.
+std::string dump(const std::filesystem::path& path) {
+  const Profile profile = load_profile(path);
+  std::string text;
+  for (const PhaseRow& row : profile.phases) {
+    text += row.workload + row.unit + row.backend + std::string(to_string(row.phase)) +
+            join_words(row.reasons) + join_words(row.notes) + std::to_string(row.median->count()) +
+            "," + std::to_string(row.p99->count()) + "," + std::to_string(row.bytes) + "\n";
+  }
+  for (const EnergyRow& row : profile.energies) {
+    text += row.workload + row.source + std::to_string(*row.energy_j) + "\n";
+  }
+  for (const RunInfo& run : profile.runs) {
+    text += run.started + run.finished + std::to_string(run.seed) + run.environment.at("cpu_model");
+  }
+  for (const RowSamples& row : load_samples(path, 1)) {
+    for (const Nanos t : row.samples) text += std::to_string(t.count()) + " ";
+  }
+  return text;
+}
+
+TEST(Database, GivesAnErrorOrTheRightDataWhateverBitFlips) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  const std::string bytes = test::read_bytes(folder / "p.db");
+  const std::string right = dump(folder / "p.db");
+  Random random(2024);
+  int errors = 0;
+  constexpr int kTrials = 400;
+  for (int i = 0; i < kTrials; ++i) {
+    std::string damaged = bytes;
+    const std::size_t at = random.below(bytes.size());
+    damaged[at] = static_cast<char>(damaged[at] ^ (1 << random.below(8)));
+    test::write_bytes(folder / "d.db", damaged);
+    try {
+      EXPECT_EQ(dump(folder / "d.db"), right) << "byte " << at;
+    } catch (const Error&) {
+      ++errors;
+    }
+  }
+  // Much of so small a file is unused space, where a flip changes nothing; but some must have hit.
+  // Observed 57 of 400.
+  EXPECT_GT(errors, 20);
+}
+
+TEST(Database, GivesAnErrorWhereverTheFileIsCutOff) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  const std::string bytes = test::read_bytes(folder / "p.db");
+  Random random(2025);
+  for (int i = 0; i < 60; ++i) {
+    const std::size_t size = random.below(bytes.size());
+    test::write_bytes(folder / "d.db", bytes.substr(0, size));
+    error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "d.db"); });
+    error_of(ErrorCode::kBadInput, [&] { ProfileWriter writer(folder / "d.db"); });
+    EXPECT_EQ(test::read_bytes(folder / "d.db").size(), size);
+  }
+}
+
+TEST(Database, WaitsForASecondWriterAndThenSaysSo) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  sqlite3* other = nullptr;
+  ASSERT_EQ(sqlite3_open((folder / "p.db").c_str(), &other), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(other, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
+  ProfileWriter writer(folder / "p.db", std::chrono::milliseconds(200));
+  EXPECT_THAT(error_of(ErrorCode::kEnvironment, [&] { writer.begin_run(small_run()); }),
+              HasSubstr("in use by another program (waited 0.2 s)"));
+  ASSERT_EQ(sqlite3_exec(other, "ROLLBACK", nullptr, nullptr, nullptr), SQLITE_OK);
+  EXPECT_EQ(writer.begin_run(small_run()), 2);  // and works once the other is done
+  sqlite3_close(other);
+}
+
+TEST(Database, LetsTwoWritersAppendInTurns) {
+  const TemporaryFolder folder;
+  ProfileWriter first(folder / "p.db");
+  ProfileWriter second(folder / "p.db");
+  const auto a = first.begin_run(small_run());
+  const auto b = second.begin_run(small_run("other"));
+  first.write_cell(a, small_cell("sobel", "cpu"));
+  second.write_cell(b, small_cell("sobel", "cpu"));
+  first.write_cell(a, small_cell("conv1", "cpu"));
+  EXPECT_EQ(load_profile(folder / "p.db", "board").phases.size(), 4U);
+  EXPECT_EQ(load_profile(folder / "p.db", "other").phases.size(), 2U);
+}
+
+/// Runs @p action in a process of its own; its wait status.
+template <typename Action>
+int in_child(Action action) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    action();
+    ::_exit(0);
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  return status;
+}
+
+TEST(Database, KeepsWhatWasStoredWhenTheDiskIsFull) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  const std::string right = dump(folder / "p.db");
+  const int status = in_child([&] {
+    ::signal(SIGXFSZ, SIG_IGN);
+    const auto size = static_cast<rlim_t>(std::filesystem::file_size(folder / "p.db"));
+    const rlimit limit{size + 4096, size + 4096};
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    ProfileWriter writer(folder / "p.db");
+    CellRecord large = small_cell("conv1", "cpu");
+    large.phases[1].samples = test::ramp(1, 50'000);
+    try {
+      writer.write_cell(1, large);
+    } catch (const Error& error) {
+      const bool clear =
+          std::string(error.what()).find("what was stored before is kept") != std::string::npos;
+      ::_exit(error.code() == ErrorCode::kEnvironment && clear ? 17 : 18);
+    }
+  });
+  ASSERT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 17);
+  EXPECT_EQ(dump(folder / "p.db"), right);
+}
+
+TEST(Database, RollsBackWhatAKilledWriterLeft) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  const std::string right = dump(folder / "p.db");
+  // A writer that dies inside a transaction with its changes on disk: a small page cache spills
+  // them into the file.
+  const int status = in_child([&] {
+    sqlite3* handle = nullptr;
+    sqlite3_open((folder / "p.db").c_str(), &handle);
+    sqlite3_exec(
+        handle,
+        "PRAGMA cache_size = 2; BEGIN IMMEDIATE; UPDATE sample SET ns = 0; "
+        "WITH RECURSIVE n(i) AS (SELECT 1000 UNION ALL SELECT i + 1 FROM n WHERE i < 60000) "
+        "INSERT INTO sample SELECT 1, i, 0 FROM n",
+        nullptr, nullptr, nullptr);
+    ::raise(SIGKILL);
+  });
+  ASSERT_TRUE(WIFSIGNALED(status));
+  ASSERT_THAT(folder.entries(), ElementsAre("p.db", "p.db-journal"));
+  EXPECT_EQ(dump(folder / "p.db"), right);
+}
+
+}  // namespace
+}  // namespace pirt

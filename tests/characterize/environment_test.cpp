@@ -1,0 +1,131 @@
+#include "characterize/environment.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "characterize/host_load.h"
+#include "tests/characterize/support.h"
+
+namespace pirt {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using test::TemporaryFolder;
+
+void put(const TemporaryFolder& root, const std::string& path, const std::string& text) {
+  std::filesystem::create_directories((root / path).parent_path());
+  test::write_bytes(root / path, text);
+}
+
+TEST(Environment, ReadsAMachine) {
+  const TemporaryFolder root;
+  put(root, "proc/cpuinfo",
+      "processor\t: 0\nmodel name\t: Test CPU @ 3 GHz\nflags\t\t: fpu avx2 fma sse hypervisor\n\n"
+      "processor\t: 1\nmodel name\t: Test CPU @ 3 GHz\n");
+  put(root, "proc/meminfo", "MemTotal:       2097152 kB\n");
+  put(root, "etc/os-release", "NAME=x\nPRETTY_NAME=\"Test OS 1\"\n");
+  put(root, "proc/sys/kernel/osrelease", "6.1.0-test\n");
+  put(root, "sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "performance\n");
+  put(root, "sys/devices/system/cpu/intel_pstate/no_turbo", "1\n");
+  put(root, "proc/loadavg", "0.50 0.40 0.30 1/100 1234\n");
+  put(root, "proc/stat", "cpu  50 0 20 100 20 0 0 10 0 0\n");  // 10 of 200
+  put(root, "sys/class/thermal/thermal_zone0/temp", "45000\n");
+  put(root, "sys/class/thermal/thermal_zone1/temp", "61500\n");
+  const Environment expected = {{"cpu_model", "Test CPU @ 3 GHz"},
+                                {"cpu_flags", "avx2 fma"},
+                                {"cores_online", "2"},
+                                {"memory_mb", "2048"},
+                                {"os", "Test OS 1"},
+                                {"kernel", "6.1.0-test"},
+                                {"governor", "performance"},
+                                {"turbo", "off"},
+                                {"load_1m", "0.50"},
+                                {"steal_percent", "5.00"},
+                                {"temperature_c", "61.5"},
+                                {"hypervisor", "yes"}};
+  EXPECT_EQ(host_environment(root.path()), expected);
+}
+
+TEST(Environment, SaysWhyAFactIsNotKnown) {
+  const TemporaryFolder root;
+  const Environment facts = host_environment(root.path());
+  for (const char* key :
+       {"cpu_model", "cpu_flags", "cores_online", "memory_mb", "os", "kernel", "governor", "turbo",
+        "load_1m", "steal_percent", "temperature_c", "hypervisor"}) {
+    EXPECT_FALSE(facts.contains(key)) << key;
+    ASSERT_TRUE(facts.contains(std::string(key) + "_unknown")) << key;
+    EXPECT_NE(facts.at(std::string(key) + "_unknown"), "") << key;
+  }
+}
+
+TEST(Environment, HasNoEmptyValuesHere) {
+  Environment facts = host_environment();
+  facts.merge(build_environment());
+  for (const auto& [key, value] : facts) EXPECT_NE(value, "") << key;
+  EXPECT_TRUE(facts.contains("compiler"));
+  EXPECT_NE(facts.contains("git_commit"), facts.contains("git_commit_unknown"));
+}
+
+HostCounters at(Nanos when, Nanos busy, Nanos own) {
+  HostCounters counters;
+  counters.at = when;
+  counters.busy = busy;
+  counters.own = own;
+  return counters;
+}
+
+TEST(HostLoad, NoticesOthersOnTheSameCores) {
+  const auto before = at(Nanos(0), seconds(100), seconds(10));
+  // 2 s on 2 cores: 5 % are 0.2 s.
+  EXPECT_FALSE(interference(before, at(seconds(2), seconds(102), seconds(12)), 2).contended);
+  EXPECT_FALSE(
+      interference(before, at(seconds(2), milliseconds(102'200), seconds(12)), 2).contended);
+  EXPECT_TRUE(
+      interference(before, at(seconds(2), milliseconds(102'250), seconds(12)), 2).contended);
+  // Within what ticks can tell: 0.02 s on one core, though it is 20 % of the time.
+  EXPECT_FALSE(
+      interference(before, at(milliseconds(100), milliseconds(100'020), seconds(10)), 1).contended);
+  // The process' own time on other cores does not count against it.
+  EXPECT_FALSE(interference(before, at(seconds(2), seconds(101), seconds(13)), 1).contended);
+}
+
+TEST(HostLoad, NoticesThrottling) {
+  auto before = at(Nanos(0), Nanos(0), Nanos(0));
+  auto after = at(seconds(1), Nanos(0), Nanos(0));
+  EXPECT_FALSE(interference(before, after, 1).throttled);  // nothing is counted here
+  before.heat_events = 3;
+  after.heat_events = 3;
+  before.quota_wait = after.quota_wait = seconds(5);
+  EXPECT_FALSE(interference(before, after, 1).throttled);
+  after.heat_events = 4;
+  EXPECT_TRUE(interference(before, after, 1).throttled);
+  after.heat_events = 3;
+  after.quota_wait = seconds(5) + milliseconds(11);  // 1.1 %
+  EXPECT_TRUE(interference(before, after, 1).throttled);
+}
+
+TEST(HostLoad, ReadsTheCountersOfTheCoresAskedFor) {
+  const TemporaryFolder root;
+  put(root, "proc/stat",
+      "cpu  60 0 0 1000 5 0 0 6 0 0\ncpu0 10 1 2 500 5 3 4 6 0 0\ncpu1 50 0 0 500 0 0 0 0 0 0\n"
+      "cpu10 900 0 0 0 0 0 0 0 0 0\nintr 1\n");
+  put(root, "proc/self/cgroup", "0::/robots\n");
+  put(root, "sys/fs/cgroup/robots/cpu.stat", "usage_usec 10\nthrottled_usec 70\n");
+  put(root, "sys/devices/system/cpu/cpu1/thermal_throttle/core_throttle_count", "9\n");
+  // All fields but idle (500) and iowait (5): 10+1+2+3+4+6 = 26 ticks of 10 ms (the kernel's unit
+  // for user space: 100 a second).
+  EXPECT_EQ(read_host_counters({0}, root.path()).busy, Nanos(milliseconds(260)));
+  EXPECT_EQ(read_host_counters({1}, root.path()).busy, Nanos(milliseconds(500)));
+  EXPECT_EQ(read_host_counters({0, 1}, root.path()).busy, Nanos(milliseconds(760)));
+  EXPECT_EQ(read_host_counters({}, root.path()).busy, Nanos(milliseconds(660)));
+  EXPECT_EQ(read_host_counters({0}, root.path()).heat_events, std::nullopt);
+  EXPECT_EQ(read_host_counters({0, 1}, root.path()).heat_events, 9);
+  EXPECT_EQ(read_host_counters({0}, root.path()).quota_wait, Nanos(std::chrono::microseconds(70)));
+  const TemporaryFolder empty;
+  EXPECT_EQ(read_host_counters({0}, empty.path()).busy, std::nullopt);
+  EXPECT_EQ(read_host_counters({0}, empty.path()).quota_wait, std::nullopt);
+}
+
+}  // namespace
+}  // namespace pirt

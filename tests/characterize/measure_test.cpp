@@ -1,0 +1,283 @@
+#include "characterize/measure.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "characterize/statistics.h"
+#include "characterize/validity.h"
+#include "tests/characterize/support.h"
+
+namespace pirt {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+using ::testing::Each;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+/// Time that passes only where a test says so, and, like a real clock, a little at each reading.
+class TickingClock : public Clock {
+ public:
+  explicit TickingClock(Nanos cost) : cost_(cost) {}
+  [[nodiscard]] Nanos now() const override { return std::exchange(now_, now_ + cost_); }
+  void advance(Nanos by) { now_ += by; }
+
+ private:
+  mutable Nanos now_{0};
+  Nanos cost_;
+};
+
+class TimedKernel : public Kernel {
+ public:
+  explicit TimedKernel(TickingClock& clock) : clock_(clock) {}
+  void bind(std::span<const Tensor>, std::span<Tensor>) override {}
+  void upload() override {
+    clock_.advance(upload_time);
+    ++uploads;
+  }
+  std::optional<Nanos> execute(int repeats) override {
+    EXPECT_EQ(repeats, 1);
+    const auto& time = execute_times[static_cast<std::size_t>(executes++) % execute_times.size()];
+    clock_.advance(launch_time.value_or(Nanos(0)) + time);
+    return reported_launch ? reported_launch : launch_time;
+  }
+  void download() override {
+    clock_.advance(download_time);
+    ++downloads;
+  }
+
+  Nanos upload_time{0}, download_time{0};
+  std::optional<Nanos> launch_time, reported_launch;
+  std::vector<Nanos> execute_times = {milliseconds(5)};
+  int uploads = 0, executes = 0, downloads = 0;
+
+ private:
+  TickingClock& clock_;
+};
+
+constexpr ClockQuality kSimulated;
+constexpr ClockQuality kReal{25, Nanos(20)};
+const std::vector<Phase> kTransfers = {Phase::kDeviceInit, Phase::kPrepare, Phase::kUpload,
+                                       Phase::kLaunch,     Phase::kExecute, Phase::kDownload,
+                                       Phase::kCall};
+const std::vector<Phase> kHost = {Phase::kDeviceInit, Phase::kPrepare, Phase::kExecute,
+                                  Phase::kCall};
+
+SamplingOptions twenty() {
+  SamplingOptions options;
+  options.warm_up = options.minimum = options.budget = Nanos(0);
+  return options;
+}
+
+const PhaseSamples& find(const std::vector<PhaseSamples>& all, Phase phase) {
+  const auto it = std::ranges::find(all, phase, &PhaseSamples::phase);
+  EXPECT_NE(it, all.end());
+  return *it;
+}
+
+TEST(Measure, GivesThePhasesOfOneCallThatSumUpToIt) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  kernel.upload_time = milliseconds(1);
+  kernel.launch_time = microseconds(300);
+  kernel.download_time = milliseconds(2);
+  const auto result = sample_calls(kernel, clock, kSimulated, kTransfers, twenty());
+  ASSERT_EQ(result.size(), 5U);
+  EXPECT_THAT(find(result, Phase::kUpload).samples, Each(Nanos(milliseconds(1))));
+  EXPECT_THAT(find(result, Phase::kLaunch).samples, Each(Nanos(microseconds(300))));
+  EXPECT_THAT(find(result, Phase::kExecute).samples, Each(Nanos(milliseconds(5))));
+  EXPECT_THAT(find(result, Phase::kDownload).samples, Each(Nanos(milliseconds(2))));
+  EXPECT_THAT(find(result, Phase::kCall).samples, Each(Nanos(microseconds(8300))));
+  for (const auto& phase : result) {
+    EXPECT_EQ(phase.samples.size(), 20U);
+    EXPECT_EQ(phase.batch, 1);
+  }
+}
+
+TEST(Measure, HasNoLaunchWithoutDeviceStamps) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  kernel.upload_time = kernel.download_time = milliseconds(1);
+  const auto result = sample_calls(kernel, clock, kSimulated, kTransfers, twenty());
+  EXPECT_EQ(std::ranges::count(result, Phase::kLaunch, &PhaseSamples::phase), 0);
+  EXPECT_EQ(result.size(), 4U);
+}
+
+TEST(Measure, HasNoPhaseThatTakesNoSimulatedTime) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  const auto result = sample_calls(kernel, clock, kSimulated, kTransfers, twenty());
+  ASSERT_EQ(result.size(), 2U);
+  EXPECT_EQ(result[0].phase, Phase::kExecute);
+  EXPECT_EQ(result[1].phase, Phase::kCall);
+}
+
+TEST(Measure, BatchesShortCallsSoThatTheClockDoesNotShow) {
+  TickingClock clock{Nanos(25)};
+  TimedKernel kernel(clock);
+  kernel.execute_times = {microseconds(10)};
+  const auto result = sample_calls(kernel, clock, kReal, kHost, twenty());
+  // The warm-up's last calls took 10 us and up to 3 readings; ceil(1 ms / 10.075 us) = 100 calls a
+  // batch. A batch starts and ends with a reading, of which one falls into it: (100 * 10000 + 25) /
+  // 100 = 10000.25 ns a call, 10000 in whole ns.
+  EXPECT_EQ(find(result, Phase::kCall).batch, 100);
+  EXPECT_THAT(find(result, Phase::kCall).samples, Each(Nanos(10'000)));
+  EXPECT_THAT(find(result, Phase::kExecute).samples, Each(Nanos(10'000)));
+  EXPECT_EQ(kernel.executes, 2 + 20 * 100);  // executing is the call: not timed twice
+}
+
+TEST(Measure, TimesTransfersOfShortCallsOnTheirOwn) {
+  TickingClock clock{Nanos(25)};
+  TimedKernel kernel(clock);
+  kernel.upload_time = microseconds(20);
+  kernel.launch_time = microseconds(5);
+  kernel.execute_times = {microseconds(200)};
+  kernel.download_time = microseconds(40);
+  const auto result = sample_calls(kernel, clock, kReal, kTransfers, twenty());
+  // A call takes 265 us: 4 a batch. Batches of 1 ms of each phase: 50 uploads and 25 downloads (one
+  // fewer where a reading of the clock made the estimate longer), whose samples are free of the
+  // clock's cost in whole nanoseconds.
+  EXPECT_EQ(find(result, Phase::kCall).batch, 4);
+  EXPECT_EQ(find(result, Phase::kUpload).batch, 50);
+  EXPECT_EQ(find(result, Phase::kDownload).batch, 25);
+  EXPECT_EQ(find(result, Phase::kExecute).batch, 5);
+  EXPECT_THAT(find(result, Phase::kUpload).samples, Each(Nanos(microseconds(20))));
+  EXPECT_THAT(find(result, Phase::kLaunch).samples, Each(Nanos(microseconds(5))));
+  EXPECT_THAT(find(result, Phase::kDownload).samples, Each(Nanos(40'001)));  // 25 ns / 25 calls
+  EXPECT_THAT(find(result, Phase::kExecute).samples, Each(Nanos(200'005)));  // 25 ns / 5 calls
+  EXPECT_THAT(find(result, Phase::kCall).samples, Each(Nanos(265'006)));     // 25 ns / 4 calls
+}
+
+TEST(Measure, TimesATinyTransferOfALongCallOnItsOwn) {
+  TickingClock clock{Nanos(25)};
+  TimedKernel kernel(clock);
+  kernel.upload_time = milliseconds(1);
+  kernel.download_time = microseconds(2);  // 25 ns would be 1.2 % of it
+  const auto result = sample_calls(kernel, clock, kReal, kTransfers, twenty());
+  EXPECT_EQ(find(result, Phase::kCall).batch, 1);
+  EXPECT_EQ(find(result, Phase::kUpload).batch, 1);
+  EXPECT_EQ(find(result, Phase::kDownload).batch, 494);  // ceil(1 ms / 2.025 us)
+  EXPECT_THAT(find(result, Phase::kDownload).samples, Each(Nanos(microseconds(2))));
+  EXPECT_EQ(kernel.uploads, 2 + 20);
+}
+
+TEST(Measure, StopsOncePrecisionIsReached) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  SamplingOptions options = twenty();
+  options.budget = std::chrono::seconds(10);
+  EXPECT_EQ(
+      find(sample_calls(kernel, clock, kSimulated, kHost, options), Phase::kCall).samples.size(),
+      20U);
+  options.minimum =
+      milliseconds(500);  // of calls of 5 ms: 100, and looked at from 20 on whenever due
+  EXPECT_EQ(
+      find(sample_calls(kernel, clock, kSimulated, kHost, options), Phase::kCall).samples.size(),
+      100U);
+}
+
+TEST(Measure, StopsAtTheBudgetWhenPrecisionIsOutOfReach) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  kernel.execute_times = {milliseconds(4), milliseconds(6)};
+  SamplingOptions options = twenty();
+  options.budget = std::chrono::seconds(1);
+  // 5 ms on average: 200 calls a second.
+  const auto result = sample_calls(kernel, clock, kSimulated, kHost, options);
+  EXPECT_EQ(find(result, Phase::kCall).samples.size(), 200U);
+  EXPECT_THAT(annotate(find(result, Phase::kCall), {}, options),
+              ElementsAre("precision_not_reached", "bimodal"));
+}
+
+TEST(Measure, TakesTwentySamplesHoweverShortTheBudget) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  kernel.execute_times = {std::chrono::seconds(1)};
+  SamplingOptions options = twenty();
+  options.budget = milliseconds(10);
+  const auto result = sample_calls(kernel, clock, kSimulated, kHost, options);
+  EXPECT_EQ(find(result, Phase::kCall).samples.size(), 20U);
+  options.limit = std::chrono::seconds(7);  // the limit goes before
+  const auto cut = sample_calls(kernel, clock, kSimulated, kHost, options);
+  EXPECT_EQ(find(cut, Phase::kCall).samples.size(), 7U);
+  EXPECT_THAT(judge(find(cut, Phase::kCall), {}, options, false), ElementsAre("few_samples"));
+}
+
+TEST(Measure, WarmsUpForAsLongAsAsked) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  SamplingOptions options = twenty();
+  options.warm_up = milliseconds(100);
+  static_cast<void>(sample_calls(kernel, clock, kSimulated, kHost, options));
+  EXPECT_EQ(kernel.executes, 20 + 20);  // 100 ms of 5 ms calls, then the samples
+}
+
+TEST(Measure, DoesNotBelieveStampsLongerThanTheExecution) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  kernel.reported_launch = milliseconds(6);
+  EXPECT_THAT(
+      test::error_of(ErrorCode::kEnvironment,
+                     [&] { return sample_calls(kernel, clock, kSimulated, kTransfers, twenty()); }),
+      ::testing::HasSubstr("time stamps"));
+}
+
+TEST(Measure, SizesBatchesToAMillisecond) {
+  EXPECT_EQ(batch_size(milliseconds(1)), 1);
+  EXPECT_EQ(batch_size(Nanos(999'999)), 2);
+  EXPECT_EQ(batch_size(microseconds(3)), 334);
+  EXPECT_EQ(batch_size(Nanos(0)), 100'000);  // the most
+}
+
+TEST(Measure, KnowsTheCostOfAClock) {
+  const ClockQuality quality = measure_clock(TickingClock(Nanos(40)));
+  EXPECT_DOUBLE_EQ(quality.cost_ns, 40);
+  EXPECT_EQ(quality.resolution, Nanos(40));
+}
+
+TEST(Measure, KnowsTheMachinesClock) {
+  const ClockQuality quality = measure_clock(MachineClock());
+  EXPECT_GT(quality.cost_ns, 0);
+  EXPECT_GT(quality.resolution, Nanos(0));
+}
+
+TEST(Validity, CallsAFigureClockBoundAboveOnePercent) {
+  EXPECT_FALSE(is_clock_bound(Nanos(2500), 1, kReal));  // 25 ns of 2500: exactly 1 %
+  EXPECT_TRUE(is_clock_bound(Nanos(2499), 1, kReal));
+  EXPECT_FALSE(is_clock_bound(Nanos(25), 100, kReal));  // a batch of 100 counts
+  EXPECT_TRUE(is_clock_bound(milliseconds(50), 1, {30, Nanos(milliseconds(1))}));  // a coarse clock
+  EXPECT_FALSE(is_clock_bound(Nanos(1), 1, kSimulated));
+}
+
+TEST(Validity, CallsADriftUnstable) {
+  std::vector<Nanos> samples(40, Nanos(1000));
+  EXPECT_FALSE(is_unstable(samples));
+  std::fill(samples.begin() + 20, samples.end(), Nanos(1200));
+  EXPECT_FALSE(is_unstable(samples));  // exactly 20 %
+  std::fill(samples.begin() + 20, samples.end(), Nanos(1201));
+  EXPECT_TRUE(is_unstable(samples));
+  std::ranges::reverse(samples);
+  EXPECT_TRUE(is_unstable(samples));
+  std::vector<Nanos> alternating;
+  for (int i = 0; i < 40; ++i) alternating.emplace_back(i % 2 == 0 ? 1000 : 2000);
+  EXPECT_FALSE(is_unstable(alternating));  // noisy, but the same in both halves
+  EXPECT_FALSE(is_unstable(test::ramp(1, 11)));
+}
+
+TEST(Validity, CollectsEveryReason) {
+  JobResult result;
+  result.clock = kReal;
+  result.wrong_output = result.throttled = result.contended = true;
+  const PhaseSamples call{Phase::kCall, std::vector<Nanos>(19, Nanos(100)), 1};
+  EXPECT_THAT(judge(call, result, {}, true),
+              ElementsAre("wrong_output", "few_samples", "clock_bound", "throttled", "unstable"));
+  EXPECT_THAT(annotate(call, result, {}), ElementsAre("contended"));
+  const PhaseSamples launch{Phase::kLaunch, std::vector<Nanos>(20, Nanos(100)), 1};
+  JobResult fine;
+  fine.clock = kReal;
+  EXPECT_THAT(judge(launch, fine, {}, false), IsEmpty());  // the device's stamps, not the clock's
+}
+
+}  // namespace
+}  // namespace pirt

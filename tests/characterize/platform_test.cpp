@@ -1,0 +1,327 @@
+// Platform files: what they mean, and what they refuse.
+#include "characterize/platform.h"
+
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "workloads/base/error.h"
+#include "workloads/catalog.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::StartsWith;
+
+template <typename Call>
+std::string refused_call(const Call& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kBadInput);
+    return error.what();
+  }
+  ADD_FAILURE() << "no error";
+  return "";
+}
+
+Platform parse(const std::string& text, int cores = 4,
+               const std::vector<YamlOverride>& overrides = {}) {
+  return parse_platform("p.yaml", text, overrides, cores);
+}
+std::string refused(const std::string& text) {
+  return refused_call([&] { static_cast<void>(parse(text)); });
+}
+/// A platform of one unit `cpu` with the given keys; it is in line 2.
+std::string refused_unit(const std::string& keys) {
+  return refused("platform: p\nunits: {cpu: {" + keys + "}}\n");
+}
+
+TEST(Platform, ReadsEveryKey) {
+  const auto platform = parse(R"(
+platform: all-keys
+description: what
+assumptions: which
+units:
+  cpu: {servers: 4, discipline: processor_sharing, slots: 3, active_w: 0.5, idle_w: 0.25}
+  npu: {role: dsp, energy: {op_pj: 1.5, byte_pj: 20}}
+  cloud: {servers: 64, link: uplink}
+  probe: {}
+links: {uplink: {mbit_s: 20, latency_ms: {uniform: [20, 60]}, active_w: 0.8}}
+workloads:
+  convolution:
+    cpu: [{on: cpu, ms: 6.84}]
+    npu: [{on: cpu, ms: 1.5, name: setup}, {delay_ms: 0.7, name: dma}, {on: npu, ms: {uniform: [1, 2]}}, {delay_ms: 0}]
+    call_j: {cpu: 0.01}
+    provenance: fitted
+    source: somewhere
+modes:
+  throughput: {weights: {npu: 4, cpu: 0}, in_flight: 7, stage_scale: {npu.setup: 1.299}}
+)");
+  EXPECT_EQ(platform.name, "all-keys");
+  EXPECT_EQ(platform.description, "what");
+  EXPECT_EQ(platform.assumptions, "which");
+  EXPECT_THAT(platform.unit_names(), ElementsAre("cpu", "npu", "cloud", "probe"));
+  const auto& cpu = platform.unit("cpu");
+  EXPECT_EQ(cpu.role, "cpu");
+  EXPECT_EQ(cpu.servers, 4);
+  EXPECT_EQ(cpu.discipline, Discipline::kProcessorSharing);
+  EXPECT_EQ(cpu.slots, 3);
+  EXPECT_EQ(cpu.active_w, 0.5);
+  EXPECT_EQ(cpu.idle_w, 0.25);
+  EXPECT_FALSE(cpu.measured());
+  const auto& npu = platform.unit("npu");
+  EXPECT_EQ(npu.role, "dsp");
+  EXPECT_EQ(npu.op_pj, 1.5);
+  EXPECT_EQ(npu.byte_pj, 20);
+  EXPECT_EQ(npu.servers, 1);
+  EXPECT_EQ(npu.discipline, Discipline::kFifo);
+  EXPECT_FALSE(npu.slots);
+  EXPECT_EQ(platform.unit("cloud").role, "cloud");
+  EXPECT_EQ(platform.unit("probe").role, "other");
+
+  const auto& link = platform.links.at("uplink");
+  EXPECT_EQ(link.mbit_s, 20);
+  EXPECT_EQ(link.latency.mean(), from_ms(40));
+  EXPECT_EQ(link.active_w, 0.8);
+
+  const auto& model = platform.workloads.at("convolution");
+  const auto& stages = model.stages.at("npu");
+  ASSERT_EQ(stages.size(), 4U);
+  EXPECT_EQ(stages[0].name, "setup");
+  EXPECT_EQ(stages[0].on, "cpu");
+  EXPECT_EQ(stages[1].on, "");
+  EXPECT_EQ(stages[1].time.low, from_ms(0.7));
+  EXPECT_EQ(stages[2].name, "execute");
+  EXPECT_EQ(stages[2].time.kind, Distribution::Kind::kUniform);
+  EXPECT_EQ(stages[3].name, "delay");
+  EXPECT_EQ(model.call_j.at("cpu"), 0.01);
+  EXPECT_EQ(model.provenance, Provenance::kFitted);
+  EXPECT_EQ(model.source, "somewhere");
+
+  const auto& mode = platform.modes.at("throughput");
+  EXPECT_EQ(mode.weights, (std::map<std::string, int>{{"npu", 4}, {"cpu", 0}}));
+  EXPECT_EQ(mode.in_flight, 7);
+  EXPECT_EQ(mode.stage_scale.at("npu.setup"), 1.299);
+}
+
+TEST(Platform, SaysFileLineAndPathOfAWrongUnit) {
+  EXPECT_EQ(refused("platform: p\nunits:\n  cpu:\n    slotz: 3\n"),
+            "p.yaml:4: units.cpu.slotz: unknown key (did you mean slots?)");
+  EXPECT_THAT(refused_unit("slots: 0"),
+              StartsWith("p.yaml:2: units.cpu.slots: must be between 1 and"));
+  EXPECT_THAT(refused_unit("servers: 0"), HasSubstr("units.cpu.servers: must be between 1"));
+  EXPECT_THAT(refused_unit("servers: 1.5"), HasSubstr("whole number"));
+  EXPECT_THAT(refused_unit("active_w: -1"), HasSubstr("units.cpu.active_w: must be between 0"));
+  EXPECT_THAT(refused_unit("active_w: .nan"), HasSubstr("finite number"));
+  EXPECT_THAT(refused_unit("active_w: 1, active_w: 2"),
+              HasSubstr("units.cpu.active_w: given twice"));
+  EXPECT_THAT(refused_unit("discipline: fifoo"), HasSubstr("did you mean fifo"));
+  EXPECT_THAT(refused_unit("role: gpuu"), HasSubstr("did you mean gpu"));
+  EXPECT_THAT(refused_unit("link: wire"), HasSubstr("units.cpu.link: no link 'wire'"));
+  EXPECT_THAT(refused_unit("energy: {op_j: 1}"), HasSubstr("units.cpu.energy.op_j: unknown key"));
+  EXPECT_THAT(refused_unit("backend: cpuu"),
+              AllOf(HasSubstr("units.cpu.backend"), HasSubstr("did you mean cpu")));
+  EXPECT_THAT(refused_unit("cores: all"), HasSubstr("needs a `backend:`"));
+  EXPECT_THAT(refused_unit("backend: cpu, script: {a: 1}"), HasSubstr("only backend fake"));
+  EXPECT_THAT(refused_unit("backend: fake, script: text"), HasSubstr("must be a map"));
+}
+
+TEST(Platform, RefusesFilesThatSayNothing) {
+  EXPECT_THAT(refused("units: {cpu: {}}\n"), HasSubstr("missing key 'platform'"));
+  EXPECT_THAT(refused("platform: p\n"), HasSubstr("missing key 'units'"));
+  EXPECT_THAT(refused("platform: p\nunits: {}\n"), HasSubstr("at least one unit"));
+  EXPECT_THAT(refused("platform: p\nunits: {a b: {}}\n"), HasSubstr("letters, digits"));
+  EXPECT_THAT(refused("platform: p\nunits: {source: {}}\n"), HasSubstr("cannot name a unit"));
+  EXPECT_THAT(refused("just text\n"), HasSubstr("must be a map"));
+  EXPECT_THAT(refused("platform: p\nunits: {cpu: {}}\nworkload: {}\n"),
+              HasSubstr("did you mean workloads"));
+}
+
+TEST(Platform, ChecksWhatRefersToWhat) {
+  const auto with = [](const std::string& rest) {
+    return refused("platform: p\nunits: {cpu: {}, gpu: {}}\n" + rest);
+  };
+  EXPECT_THAT(with("workloads:\n  sobell: {cpu: [{on: cpu, ms: 1}]}\n"),
+              AllOf(StartsWith("p.yaml:4: workloads.sobell"), HasSubstr("did you mean sobel")));
+  EXPECT_THAT(with("workloads: {sobel: {cpuu: [{on: cpu, ms: 1}]}}\n"),
+              HasSubstr("did you mean cpu"));
+  EXPECT_THAT(
+      with("workloads: {sobel: {cpu: [{on: gpuu, ms: 1}]}}\n"),
+      AllOf(HasSubstr("workloads.sobel.cpu[0].on: no unit 'gpuu'"), HasSubstr("did you mean gpu")));
+  EXPECT_THAT(with("workloads: {sobel: {cpu: []}}\n"), HasSubstr("at least one stage"));
+  EXPECT_THAT(with("workloads: {sobel: {cpu: [{on: cpu}]}}\n"), HasSubstr("missing key 'ms'"));
+  EXPECT_THAT(with("workloads: {sobel: {cpu: [{on: cpu, delay_ms: 1}]}}\n"), HasSubstr("either"));
+  EXPECT_THAT(with("workloads: {sobel: {cpu: [{on: cpu, ms: -1}]}}\n"), HasSubstr("between 0"));
+  EXPECT_THAT(with("workloads: {sobel: {cpu: [{delay_ms: {uniform: [5, 2]}}]}}\n"),
+              HasSubstr("low must not be above"));
+  EXPECT_THAT(with("workloads: {sobel: {cpu: [{delay_ms: {uniform: [5]}}]}}\n"),
+              HasSubstr("[low, high]"));
+  EXPECT_THAT(with("workloads: {sobel: {call_j: {dsp: 1}}}\n"), HasSubstr("no unit 'dsp'"));
+  EXPECT_THAT(with("workloads: {sobel: {provenance: guessed}}\n"),
+              HasSubstr("'guessed' is not one of"));
+  EXPECT_THAT(with("links: {l: {latency_ms: 1}}\n"), HasSubstr("missing key 'mbit_s'"));
+  EXPECT_THAT(with("links: {l: {mbit_s: 0}}\n"), HasSubstr("links.l.mbit_s"));
+  EXPECT_THAT(with("modes: {latency: {weights: {dsp: 1}}}\n"),
+              HasSubstr("modes.latency.weights.dsp: no unit 'dsp'"));
+  EXPECT_THAT(with("modes: {latency: {weights: {cpu: -1}}}\n"),
+              HasSubstr("modes.latency.weights.cpu"));
+  EXPECT_THAT(with("modes: {latency: {weights: {cpu: 0}}}\n"), HasSubstr("all weights are 0"));
+  EXPECT_THAT(with("modes: {latency: {in_flight: 0}}\n"), HasSubstr("modes.latency.in_flight"));
+  EXPECT_THAT(with("workloads: {sobel: {cpu: [{on: cpu, ms: 1, name: kernel}]}}\n"
+                   "modes: {latency: {stage_scale: {cpu.kernle: 2}}}\n"),
+              HasSubstr("did you mean cpu.kernel"));
+}
+
+const std::string kHalves = R"(
+platform: halves
+units:
+  first: {backend: cpu, cores: first_half}
+  second: {backend: cpu, cores: second_half}
+)";
+
+TEST(PlatformCores, AreHalvedWithTheOddOneInTheFirstHalf) {
+  const auto four = parse(kHalves, 4);
+  EXPECT_THAT(four.unit("first").cores, ElementsAre(0, 1));
+  EXPECT_THAT(four.unit("second").cores, ElementsAre(2, 3));
+  EXPECT_FALSE(four.unit("first").shares_cores);
+  const auto three = parse(kHalves, 3);
+  EXPECT_THAT(three.unit("first").cores, ElementsAre(0, 1));
+  EXPECT_THAT(three.unit("second").cores, ElementsAre(2));
+}
+
+TEST(PlatformCores, AreSharedAndMarkedWhereThereIsOne) {
+  const auto one = parse(kHalves, 1);
+  for (const char* unit : {"first", "second"}) {
+    EXPECT_THAT(one.unit(unit).cores, ElementsAre(0));
+    EXPECT_TRUE(one.unit(unit).shares_cores);
+  }
+}
+
+TEST(PlatformCores, MayBeListed) {
+  const auto listed = [](const std::string& cores) {
+    return parse("platform: p\nunits: {a: {backend: cpu, cores: " + cores +
+                     "}, b: {backend: cpu, cores: all}, c: {backend: cpu}}\n",
+                 2);
+  };
+  EXPECT_THAT(listed("[5, 1]").unit("a").cores, ElementsAre(5, 1));
+  EXPECT_TRUE(listed("[5, 1]").unit("a").shares_cores);
+  EXPECT_TRUE(listed("[5, 1]").unit("b").shares_cores);
+  EXPECT_THAT(listed("[5, 1]").unit("b").cores, ElementsAre(0, 1));
+  EXPECT_FALSE(listed("[5]").unit("a").shares_cores);
+  EXPECT_THAT(listed("[5]").unit("c").cores, IsEmpty());
+  for (const char* bad : {"[]", "[-1]", "[0, 0]", "half", "[x]"}) {
+    EXPECT_THAT(refused_call([&] { static_cast<void>(listed(bad)); }), HasSubstr("units.a.cores"))
+        << bad;
+  }
+}
+
+TEST(PlatformCores, AreThoseThatTheProcessMayUse) {
+  EXPECT_THAT(usable_cores(), testing::Not(IsEmpty()));
+  EXPECT_EQ(load_platform("host-cpu").unit("cpu").cores, usable_cores());
+}
+
+TEST(Platform, KeepsTheScriptOfAFakeUnitAsText) {
+  const auto platform =
+      parse("platform: p\nunits: {gpu: {backend: fake, script: {wrong_output: [sobel]}}}\n");
+  const auto script = parse_yaml("script", platform.unit("gpu").script);
+  EXPECT_EQ(script.at("wrong_output").items()[0].text(), "sobel");
+}
+
+TEST(PlatformOverrides, SetOneValueOfAUnit) {
+  const auto platform = load_platform(
+      "host", {parse_override("cpu.active_w=15"), parse_override("opencl.energy.op_pj=3")});
+  EXPECT_EQ(platform.unit("cpu").active_w, 15);
+  EXPECT_EQ(platform.unit("opencl").op_pj, 3);
+}
+
+TEST(PlatformOverrides, AreExplainedWhenTheyCannotBeRead) {
+  for (const char* bad :
+       {"cpu.active_w", "cpu.active_w=", "active_w=3", "=3", ".x=3", "cpu.=3", ""}) {
+    EXPECT_THAT(refused_call([&] { static_cast<void>(parse_override(bad)); }),
+                HasSubstr("unit.key=value"))
+        << bad;
+  }
+  EXPECT_EQ(parse_override("a.b=c=d").value, "c=d");
+}
+
+TEST(PlatformOverrides, WithAMisspeltMapAreRefused) {
+  EXPECT_THAT(refused_call([] {
+                static_cast<void>(parse("platform: p\nunits: {cpu: {}}\n", 2,
+                                        {parse_override("cpu.nrgy.op_pj=1")}));
+              }),
+              HasSubstr("nrgy"));
+}
+
+TEST(ShippedPlatforms, AllLoadUnderTheirNames) {
+  EXPECT_THAT(shipped_platforms(),
+              ElementsAre("fake", "host", "host-cpu", "host-opencl", "snapdragon820"));
+  for (const auto& name : shipped_platforms()) {
+    const auto platform = load_platform(name);
+    EXPECT_EQ(platform.name, name);
+    EXPECT_FALSE(platform.description.empty());
+    EXPECT_FALSE(platform.assumptions.empty());
+  }
+}
+
+TEST(ShippedPlatforms, FakeServesEveryWorkloadOfTheCatalog) {
+  const auto platform = load_platform("fake");
+  for (const auto& workload : workload_names()) {
+    ASSERT_TRUE(platform.workloads.contains(workload)) << workload;
+    for (const char* unit : {"cpu", "gpu", "dsp"}) {
+      ASSERT_TRUE(platform.workloads.at(workload).stages.contains(unit))
+          << workload << " on " << unit;
+      for (const auto& stage : platform.workloads.at(workload).stages.at(unit)) {
+        EXPECT_EQ(stage.on, unit);
+        EXPECT_TRUE(phase_from_string(stage.name)) << stage.name;
+      }
+    }
+  }
+}
+
+TEST(ShippedPlatforms, HostMeasuresTwoUnitsAndPublishesTheCloud) {
+  const auto host = load_platform("host");
+  EXPECT_EQ(host.unit("cpu").backend, "cpu");
+  EXPECT_EQ(host.unit("opencl").backend, "opencl");
+  EXPECT_EQ(host.unit("opencl").role, "gpu");
+  EXPECT_FALSE(host.unit("cloud").measured());
+  const auto& alexnet = host.workloads.at("alexnet");
+  EXPECT_EQ(alexnet.provenance, Provenance::kPublished);
+  EXPECT_EQ(alexnet.call_j.at("cloud"), 0.010);
+  EXPECT_EQ(alexnet.stages.at("cloud")[0].time.low, from_ms(2000));
+  EXPECT_EQ(alexnet.stages.at("cloud")[0].time.high, from_ms(5000));
+  EXPECT_THAT(host.assumptions, HasSubstr("--set cpu.active_w=15"));
+}
+
+TEST(ShippedPlatforms, UnknownNamesComeWithTheNearest) {
+  EXPECT_THAT(refused_call([] { static_cast<void>(load_platform("hots")); }),
+              AllOf(HasSubstr("'hots'"), HasSubstr("host")));
+  EXPECT_THAT(refused_call([] { static_cast<void>(load_platform("/nowhere/x.yaml")); }),
+              HasSubstr("/nowhere/x.yaml"));
+  EXPECT_TRUE(names_a_file("x.yaml"));
+  EXPECT_TRUE(names_a_file("./host"));
+  EXPECT_FALSE(names_a_file("host"));
+}
+
+TEST(Platform, LoadsFromAFile) {
+  const auto path = std::filesystem::path(testing::TempDir()) / "pirt_platform_test.yaml";
+  std::ofstream(path) << "platform: mine\nunits: {gpu: {}}\n";
+  EXPECT_EQ(load_platform(path.string()).name, "mine");
+  std::ofstream(path) << "platform: mine\nunits: {gpu: {slots: x}}\n";
+  EXPECT_THAT(refused_call([&] { static_cast<void>(load_platform(path.string())); }),
+              StartsWith(path.string() + ":2: units.gpu.slots"));
+  std::filesystem::remove(path);
+}
+
+TEST(Platform, NamesTheNearestUnit) {
+  EXPECT_THAT(refused_call([] { static_cast<void>(load_platform("host").unit("openc")); }),
+              HasSubstr("did you mean opencl"));
+}
+
+}  // namespace
+}  // namespace pirt::test

@@ -1,0 +1,126 @@
+#include "characterize/process.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+
+#include <chrono>
+#include <thread>
+
+#include "tests/characterize/support.h"
+
+namespace pirt {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+ProcessRequest shell(const std::string& script) {
+  ProcessRequest request;
+  request.program = "/bin/sh";
+  request.arguments = {"-c", script};
+  return request;
+}
+
+TEST(Process, GivesInputAndTakesOutputAndStatus) {
+  auto request = shell("cat; echo complaint >&2; exit 3");
+  request.input = std::string(300'000, 'x');  // more than a pipe holds
+  const auto result = run_process(request);
+  EXPECT_EQ(result.end, ProcessResult::End::kExited);
+  EXPECT_EQ(result.code, 3);
+  EXPECT_EQ(result.output, request.input);
+  EXPECT_EQ(result.diagnostics, "complaint\n");
+}
+
+TEST(Process, DoesNotMindAnUnreadInput) {
+  auto request = shell("exit 0");
+  request.input = std::string(300'000, 'x');
+  EXPECT_EQ(run_process(request).code, 0);
+}
+
+TEST(Process, ReportsTheSignalThatKilledIt) {
+  const auto result = run_process(shell("kill -SEGV $$"));
+  EXPECT_EQ(result.end, ProcessResult::End::kSignalled);
+  EXPECT_EQ(result.code, SIGSEGV);
+}
+
+TEST(Process, KeepsTheEndOfLongDiagnostics) {
+  const auto result =
+      run_process(shell("i=0; while [ $i -lt 5000 ]; do echo 'a line of chatter' >&2; i=$((i+1)); "
+                        "done; echo last >&2"));
+  EXPECT_LE(result.diagnostics.size(), 16U * 1024);
+  EXPECT_TRUE(result.diagnostics.ends_with("last\n"));
+}
+
+TEST(Process, PassesVariablesOnTopOfItsOwn) {
+  ::setenv("PIRT_TEST_KEPT", "kept", 1);
+  ::setenv("PIRT_TEST_REPLACED", "old", 1);
+  auto request = shell("echo $PIRT_TEST_KEPT $PIRT_TEST_REPLACED $PIRT_TEST_ADDED");
+  request.environment = {{"PIRT_TEST_REPLACED", "new"}, {"PIRT_TEST_ADDED", "with space"}};
+  EXPECT_EQ(run_process(request).output, "kept new with space\n");
+}
+
+/// Whether the process is gone or only waits to be reaped by init.
+bool is_gone(pid_t pid) {
+  std::ifstream in("/proc/" + std::to_string(pid) + "/stat");
+  std::string text;
+  return !std::getline(in, text) || text.find(") Z") != std::string::npos;
+}
+
+bool is_gone_soon(pid_t pid) {
+  for (int i = 0; i < 500 && !is_gone(pid); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return is_gone(pid);
+}
+
+TEST(Process, KillsItAndWhatItStartedWhenTheTimeIsOver) {
+  auto request = shell("sleep 1000 & echo $!; sleep 1000");
+  request.limit = std::chrono::milliseconds(300);
+  const auto result = run_process(request);
+  EXPECT_EQ(result.end, ProcessResult::End::kTimedOut);
+  ASSERT_FALSE(result.output.empty());
+  EXPECT_TRUE(is_gone_soon(std::stoi(result.output)));
+}
+
+TEST(Process, DoesNotWaitForWhatItLeftBehind) {
+  // The sleeper holds the pipes open; it is killed with the group.
+  const auto result = run_process(shell("sleep 1000 & echo $!"));
+  EXPECT_EQ(result.end, ProcessResult::End::kExited);
+  ASSERT_FALSE(result.output.empty());
+  EXPECT_TRUE(is_gone_soon(std::stoi(result.output)));
+}
+
+TEST(Process, StopsWhenAsked) {
+  std::atomic<bool> stop = false;
+  auto request = shell("sleep 1000");
+  request.stop = &stop;
+  std::thread later([&stop] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    stop = true;
+  });
+  EXPECT_EQ(run_process(request).end, ProcessResult::End::kStopped);
+  later.join();
+}
+
+TEST(Process, LeavesNoZombiesAndNoOpenFiles) {
+  const auto open_files = [] {
+    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
+  };
+  static_cast<void>(run_process(shell("true")));
+  const auto before = open_files();
+  for (int i = 0; i < 20; ++i) static_cast<void>(run_process(shell("true")));
+  EXPECT_EQ(open_files(), before);
+  EXPECT_EQ(::waitpid(-1, nullptr, WNOHANG), -1);  // ECHILD: no child is left to be reaped
+}
+
+TEST(Process, SaysThatAProgramCannotBeStarted) {
+  ProcessRequest request;
+  request.program = "/no/such/program";
+  EXPECT_THAT(test::error_of(ErrorCode::kEnvironment, [&] { return run_process(request); }),
+              StartsWith("cannot start '/no/such/program': No such file or directory"));
+}
+
+}  // namespace
+}  // namespace pirt

@@ -1,0 +1,155 @@
+#include "characterize/profile.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "characterize/database.h"
+#include "tests/characterize/support.h"
+
+namespace pirt {
+namespace {
+
+using test::error_of;
+using test::small_cell;
+using test::small_run;
+using test::TemporaryFolder;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+TEST(Profile, RoundTripsEveryField) {
+  const TemporaryFolder folder;
+  CellRecord cell = small_cell("sobel", "gpu");
+  cell.ops.reset();
+  cell.phases.push_back({Phase::kUpload,
+                         State::kSteady,
+                         Provenance::kMeasured,
+                         {"error: it broke"},
+                         {"shared_core"},
+                         {}});
+  cell.energy = EnergyRecord{std::nullopt, Provenance::kModelled, "model: none", {"no_power"}};
+  {
+    ProfileWriter writer(folder / "p.db");
+    const auto run = writer.begin_run(small_run());
+    writer.write_cell(run, cell);
+    writer.finish_run(run, "2024-01-02T03:05:00Z");
+  }
+  const Profile profile = load_profile(folder / "p.db");
+  EXPECT_EQ(profile.path, (folder / "p.db").string());
+  EXPECT_EQ(profile.platform(), "board");
+
+  const PhaseRow* call = profile.find("sobel", "gpu", Phase::kCall);
+  ASSERT_NE(call, nullptr);
+  EXPECT_EQ(call->backend, "fake");
+  EXPECT_EQ(call->provenance, Provenance::kModelled);
+  EXPECT_TRUE(call->valid);
+  EXPECT_THAT(call->notes, ElementsAre("bimodal"));
+  EXPECT_EQ(call->samples, 20);
+  // Samples 1000..1019: median (1009 + 1010)/2; deviations from 1009 are 0, 1 1, ... 9 9, 10: the
+  // 10th and 11th smallest are both 5; p95 is the 19th, p99 the 20th; the interval's ranks are 6
+  // and 15.
+  EXPECT_EQ(call->median, Nanos(1009));
+  EXPECT_EQ(call->mad, Nanos(5));
+  EXPECT_EQ(call->p95, Nanos(1018));
+  EXPECT_EQ(call->p99, Nanos(1019));
+  EXPECT_EQ(call->ci_low, Nanos(1005));
+  EXPECT_EQ(call->ci_high, Nanos(1014));
+  EXPECT_EQ(call->ops, std::nullopt);
+  EXPECT_EQ(call->bytes, 1000);
+
+  const PhaseRow* cold = profile.find("sobel", "gpu", Phase::kPrepare, State::kCold);
+  ASSERT_NE(cold, nullptr);
+  EXPECT_EQ(cold->median, Nanos(1000));
+  EXPECT_EQ(cold->ci_low, std::nullopt);  // two samples have no 95 % interval
+
+  const PhaseRow* upload = profile.find("sobel", "gpu", Phase::kUpload);
+  ASSERT_NE(upload, nullptr);
+  EXPECT_FALSE(upload->valid);
+  EXPECT_THAT(upload->reasons, ElementsAre("error: it broke"));
+  EXPECT_EQ(upload->samples, 0);
+  EXPECT_EQ(upload->median, std::nullopt);
+
+  const EnergyRow* energy = profile.find_energy("sobel", "gpu");
+  ASSERT_NE(energy, nullptr);
+  EXPECT_EQ(energy->energy_j, std::nullopt);
+  EXPECT_FALSE(energy->valid);
+  EXPECT_THAT(energy->reasons, ElementsAre("no_power"));
+
+  ASSERT_EQ(profile.runs.size(), 1U);
+  EXPECT_EQ(profile.runs[0].seed, 18'446'744'073'709'551'615U);
+  EXPECT_EQ(profile.runs[0].started, "2024-01-02T03:04:05Z");
+  EXPECT_EQ(profile.runs[0].finished, "2024-01-02T03:05:00Z");
+  EXPECT_EQ(profile.runs[0].environment.at("cpu_model"), "test cpu");
+  const UnitRecord* unit = profile.find_unit("cpu");
+  ASSERT_NE(unit, nullptr);
+  EXPECT_TRUE(unit->device_is_cpu);
+  EXPECT_THAT(unit->cores, ElementsAre(0, 1));
+  EXPECT_TRUE(profile.find_unit("gpu")->cores.empty());
+}
+
+TEST(Profile, FindsNothingWhereThereIsNothing) {
+  const Profile profile;
+  EXPECT_EQ(profile.find("sobel", "cpu", Phase::kCall), nullptr);
+  EXPECT_EQ(profile.find_energy("sobel", "cpu"), nullptr);
+  EXPECT_EQ(profile.find_unit("cpu"), nullptr);
+  EXPECT_TRUE(profile.workloads().empty());
+}
+
+TEST(Profile, TakesEachRowFromTheNewestRunThatHasIt) {
+  const TemporaryFolder folder;
+  {
+    ProfileWriter writer(folder / "p.db");
+    const auto old_run = writer.begin_run(small_run());
+    writer.write_cell(old_run, small_cell("sobel", "cpu", 1000));
+    writer.write_cell(old_run, small_cell("conv1", "cpu", 2000));
+    const auto new_run = writer.begin_run(small_run());
+    CellRecord cell = small_cell("sobel", "cpu", 5000);
+    cell.phases[1].reasons = {"unstable"};   // the newest counts, valid or not
+    cell.phases.erase(cell.phases.begin());  // and has no prepare row
+    writer.write_cell(new_run, cell);
+  }
+  const Profile profile = load_profile(folder / "p.db");
+  EXPECT_EQ(profile.find("sobel", "cpu", Phase::kCall)->run_id, 2);
+  EXPECT_FALSE(profile.find("sobel", "cpu", Phase::kCall)->valid);
+  EXPECT_EQ(profile.find("sobel", "cpu", Phase::kPrepare, State::kCold)->run_id, 1);
+  EXPECT_EQ(profile.find("conv1", "cpu", Phase::kCall)->run_id, 1);
+  EXPECT_EQ(profile.find_energy("sobel", "cpu")->run_id, 2);
+  ASSERT_EQ(profile.runs.size(), 2U);
+  EXPECT_EQ(profile.runs[0].run_id, 2);  // newest first
+  EXPECT_EQ(profile.runs[0].finished, "");
+}
+
+TEST(Profile, ReadsOnePlatformAtATime) {
+  const TemporaryFolder folder;
+  {
+    ProfileWriter writer(folder / "p.db");
+    writer.write_cell(writer.begin_run(small_run("host")), small_cell("sobel", "cpu"));
+    writer.write_cell(writer.begin_run(small_run("board")), small_cell("conv1", "cpu"));
+    writer.begin_run(small_run("empty"));  // interrupted before its first cell
+  }
+  EXPECT_EQ(load_profile(folder / "p.db").platform(), "board");
+  EXPECT_THAT(load_profile(folder / "p.db").workloads(), ElementsAre("conv1"));
+  EXPECT_THAT(load_profile(folder / "p.db", "host").workloads(), ElementsAre("sobel"));
+  EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "p.db", "hots"); }),
+              AllOf(HasSubstr("no run of platform 'hots'"), HasSubstr("host")));
+}
+
+TEST(Profile, OrdersRowsAsTablesShowThem) {
+  const TemporaryFolder folder;
+  {
+    ProfileWriter writer(folder / "p.db");
+    const auto run = writer.begin_run(small_run());
+    for (const char* workload : {"unheard_of", "conv1", "sobel"}) {
+      for (const char* unit : {"gpu", "cpu"}) writer.write_cell(run, small_cell(workload, unit));
+    }
+  }
+  const Profile profile = load_profile(folder / "p.db");
+  EXPECT_THAT(profile.workloads(),
+              ElementsAre("sobel", "conv1", "unheard_of"));  // the catalog's order
+  EXPECT_THAT(profile.units(), ElementsAre("cpu", "gpu"));   // the platform's
+  EXPECT_EQ(profile.phases.front().phase, Phase::kPrepare);
+  EXPECT_EQ(profile.phases[1].phase, Phase::kCall);
+}
+
+}  // namespace
+}  // namespace pirt

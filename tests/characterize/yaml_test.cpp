@@ -1,0 +1,181 @@
+// Strict YAML: what is refused, where it says it is, and what it recommends.
+#include "characterize/yaml.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include "workloads/base/error.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+template <typename Call>
+std::string refused(const Call& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kBadInput);
+    return error.what();
+  }
+  ADD_FAILURE() << "no error";
+  return "";
+}
+
+YamlNode parse(const std::string& text) { return parse_yaml("f.yaml", text); }
+std::string refused_text(const std::string& text) {
+  return refused([&] { static_cast<void>(parse(text)); });
+}
+
+TEST(Yaml, ReadsScalarsMapsAndLists) {
+  const auto node = parse("a: {b: [1, -2.5e3, true, text, \"7\"]}\nc: x\n");
+  EXPECT_THAT(node.keys(), ElementsAre("a", "c"));
+  EXPECT_TRUE(node.has("c"));
+  EXPECT_FALSE(node.has("d"));
+  const auto items = node.at("a").at("b").items();
+  ASSERT_EQ(items.size(), 5U);
+  EXPECT_EQ(items[0].integer(0, 1), 1);
+  EXPECT_EQ(items[1].number(-1e4, 0), -2500);
+  EXPECT_TRUE(items[2].boolean());
+  EXPECT_EQ(items[3].text(), "text");
+  EXPECT_EQ(items[4].text(), "7");
+  EXPECT_EQ(items[4].path(), "a.b[4]");
+}
+
+TEST(Yaml, SaysFileAndLineOfBrokenSyntax) {
+  EXPECT_THAT(refused_text("a: 1\nb: [1, }\n"), StartsWith("f.yaml:2: not valid YAML"));
+  EXPECT_THAT(refused_text("a:\n  b: 1\n c: 2\n"), StartsWith("f.yaml:3: not valid YAML"));
+  EXPECT_THAT(refused_text("a: *nothing\n"), StartsWith("f.yaml:1: not valid YAML"));
+}
+
+TEST(Yaml, RefusesDocumentsThatAreNotOne) {
+  EXPECT_THAT(refused_text(""), StartsWith("f.yaml:1: the document is empty"));
+  EXPECT_THAT(refused_text("# only a comment\n"), HasSubstr("empty"));
+  EXPECT_THAT(refused_text("---\n"), HasSubstr("empty"));
+  EXPECT_THAT(refused_text("a: 1\n---\nb: 2\n"), HasSubstr("more than one document"));
+  EXPECT_THAT(refused_text(std::string("a: \0b", 5)), HasSubstr("not a text file"));
+}
+
+TEST(Yaml, NamesTheNearestKey) {
+  const auto node = parse("one: 1\nslotz: 2\n");
+  EXPECT_EQ(refused([&] {
+              node.check_keys({"one", "slots"});
+            }),
+            "f.yaml:2: slotz: unknown key (did you mean slots?)");
+  EXPECT_EQ(refused([&] { static_cast<void>(node.at("two")); }), "f.yaml:1: missing key 'two'");
+}
+
+TEST(Yaml, RefusesAKeyGivenTwice) {
+  const auto node = parse("u:\n  a: 1\n  b: 2\n  a: 3\n");
+  EXPECT_EQ(refused([&] { static_cast<void>(node.at("u").keys()); }), "f.yaml:4: u.a: given twice");
+  EXPECT_THAT(refused([] { static_cast<void>(parse("? [a]\n: 1\n").keys()); }),
+              HasSubstr("plain text"));
+}
+
+TEST(Yaml, RefusesNumbersThatAreNot) {
+  for (const char* text : {"nan", ".nan", "inf", "-.inf", "1e999", "0x10", "1_000", "1.5.2", "two",
+                           "''", "'3'", "[3]", "~"}) {
+    const auto node = parse(std::string("v: ") + text);
+    EXPECT_THAT(refused([&] { static_cast<void>(node.at("v").number(-1e300, 1e300)); }),
+                StartsWith("f.yaml:1: v: must be a finite number, got"))
+        << text;
+    EXPECT_THAT(refused([&] { static_cast<void>(node.at("v").integer(-9, 9)); }),
+                HasSubstr("whole number"))
+        << text;
+  }
+  EXPECT_THAT(refused([] { static_cast<void>(parse("v: 1.0").at("v").integer(0, 9)); }),
+              HasSubstr("whole number"));
+  EXPECT_THAT(
+      refused([] { static_cast<void>(parse("v: 99999999999999999999").at("v").integer(0, 9)); }),
+      HasSubstr("whole number"));
+}
+
+TEST(Yaml, SaysTheRangeThatAValueIsOutOf) {
+  const auto node = parse("a: -1\nb: 5000");
+  EXPECT_EQ(refused([&] { static_cast<void>(node.at("a").number(0, 2.5)); }),
+            "f.yaml:1: a: must be between 0 and 2.5, got -1");
+  EXPECT_EQ(refused([&] { static_cast<void>(node.at("b").integer(1, 64)); }),
+            "f.yaml:2: b: must be between 1 and 64, got 5000");
+}
+
+TEST(Yaml, SaysWhichTypeItWants) {
+  const auto node = parse("m: {a: 1}\nl: [1]\nt: yes\nn:\n");
+  EXPECT_EQ(refused([&] { static_cast<void>(node.at("m").text()); }),
+            "f.yaml:1: m: must be text, is a map");
+  EXPECT_THAT(refused([&] { static_cast<void>(node.at("m").items()); }),
+              HasSubstr("must be a list, is a map"));
+  EXPECT_THAT(refused([&] { static_cast<void>(node.at("l").keys()); }),
+              HasSubstr("must be a map, is a list"));
+  EXPECT_THAT(refused([&] { static_cast<void>(node.at("t").boolean()); }),
+              HasSubstr("must be true or false, got 'yes'"));
+  EXPECT_THAT(refused([&] { static_cast<void>(node.at("n").text()); }), HasSubstr("is empty"));
+  EXPECT_THAT(refused([&] { static_cast<void>(node.at("t").at("x")); }),
+              HasSubstr("must be a map, is a value"));
+}
+
+TEST(Yaml, RefusesWhatWouldTakeMemoryWithoutEnd) {
+  // Nine levels of nine aliases: 9^9 nodes out of a few lines.
+  std::string bomb = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n";
+  for (int i = 1; i < 9; ++i) {
+    bomb += fmt::format("a{0}: &a{0} [{1}]\n", i,
+                        fmt::join(std::vector<std::string>(9, fmt::format("*a{}", i - 1)), ", "));
+  }
+  EXPECT_THAT(refused_text(bomb), HasSubstr("aliases expand to more than"));
+  EXPECT_THAT(refused_text("a: &a [*a]\n"), HasSubstr("nested deeper than 64"));
+  EXPECT_THAT(refused_text(std::string(100, '[') + std::string(100, ']')),
+              HasSubstr("nested deeper than 64"));
+  EXPECT_THAT(refused_text(std::string(100'000, '[')), HasSubstr("nested too deeply"));
+}
+
+TEST(Yaml, OverridesReplaceAndAdd) {
+  const std::string text = "units:\n  cpu: {active_w: 1}\n  gpu: {}\n";
+  const auto node = parse_yaml(
+      "f.yaml", text, "units",
+      {{"cpu.active_w", "15"}, {"gpu.energy", "{op_pj: 2}"}, {"gpu.energy.byte_pj", "3"}});
+  EXPECT_EQ(node.at("units").at("cpu").at("active_w").number(0, 100), 15);
+  EXPECT_EQ(node.at("units").at("gpu").at("energy").at("op_pj").number(0, 100), 2);
+  EXPECT_EQ(node.at("units").at("gpu").at("energy").at("byte_pj").number(0, 100), 3);
+}
+
+TEST(Yaml, SaysWhenAnOverrideIsToBlame) {
+  const std::string text = "units:\n  cpu: {active_w: 1}\n";
+  const auto with = [&](const std::string& path, const std::string& value) {
+    return parse_yaml("f.yaml", text, "units", {{path, value}});
+  };
+  const auto node = with("cpu.activ_w", "2").at("units").at("cpu");
+  EXPECT_EQ(refused([&] { node.check_keys({"active_w"}); }),
+            "f.yaml (--set): units.cpu.activ_w: unknown key (did you mean active_w?)");
+  const auto bad = with("cpu.active_w", "much").at("units").at("cpu").at("active_w");
+  EXPECT_THAT(
+      refused([&] { static_cast<void>(bad.number(0, 1)); }),
+      StartsWith("f.yaml (--set): units.cpu.active_w: must be a finite number, got 'much'"));
+  EXPECT_THAT(refused([&] { static_cast<void>(with("cpuu.active_w", "1")); }),
+              AllOf(HasSubstr("--set cpuu.active_w=1"), HasSubstr("did you mean cpu")));
+  EXPECT_THAT(refused([&] { static_cast<void>(with("cpu.active_w.x", "1")); }),
+              HasSubstr("not a map"));
+  EXPECT_THAT(refused([&] { static_cast<void>(with("cpu.active_w", "[1")); }),
+              HasSubstr("not valid YAML"));
+  EXPECT_THAT(refused([&] { static_cast<void>(with("cpu.active_w", "~")); }), HasSubstr("empty"));
+}
+
+TEST(Yaml, DoesNotChangeTwoUnitsByOneOverride) {
+  const std::string text = "units:\n  a: &u {active_w: 1}\n  b: *u\n";
+  EXPECT_THAT(refused([&] {
+                static_cast<void>(parse_yaml("f.yaml", text, "units", {{"a.active_w", "2"}}));
+              }),
+              AllOf(HasSubstr("units.a"), HasSubstr("units.b")));
+}
+
+TEST(Yaml, DumpsAPartThatReadsTheSame) {
+  const auto node = parse("s: {wrong_output: [a, b], samples: {sobel: [1.0, 1.1]}}");
+  const auto again = parse(node.at("s").dump());
+  EXPECT_THAT(again.keys(), ElementsAre("wrong_output", "samples"));
+  EXPECT_EQ(again.at("samples").at("sobel").items()[1].text(), "1.1");
+}
+
+}  // namespace
+}  // namespace pirt::test

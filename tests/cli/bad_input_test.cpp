@@ -1,0 +1,171 @@
+// Bad input of each kind: exit 2, one clear message with the remedy, nothing written.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/cli/program.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::HasSubstr;
+using testing::StartsWith;
+
+/// Exit 2, nothing on stdout, exactly one message line, which contains all of @p parts.
+void expect_refused(const Outcome& outcome, const std::vector<std::string>& parts) {
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_THAT(outcome.err, StartsWith("pirt: "));
+  EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
+  for (const auto& part : parts) EXPECT_THAT(outcome.err, HasSubstr(part));
+}
+
+TEST(BadInput, UnknownCommandNamesTheNearest) {
+  expect_refused(pirt({"shedule"}), {"unknown command 'shedule'", "schedule"});
+}
+
+TEST(BadInput, UnknownOptionNamesTheNearest) {
+  expect_refused(pirt({"schedule", "--mod", "latency"}), {"unknown option '--mod'", "--mode"});
+}
+
+TEST(BadInput, UnknownModeNamesTheNearest) {
+  expect_refused(pirt({"schedule", "--mode", "latncy", "--platform", "fake"}), {"'latncy'", "latency"});
+}
+
+TEST(BadInput, UnknownWorkloadInFilterNamesTheNearest) {
+  const Scratch scratch;
+  expect_refused(pirt({"characterize", "--platform", "fake", "--filter", "soebl", "--db", scratch.file("p.db")}),
+                 {"soebl", "sobel"});
+  EXPECT_FALSE(std::filesystem::exists(scratch.file("p.db")));
+}
+
+TEST(BadInput, BrokenRegexIsExplained) {
+  const Scratch scratch;
+  expect_refused(pirt({"characterize", "--platform", "fake", "--filter", "(", "--db", scratch.file("p.db")}),
+                 {"'('"});
+}
+
+TEST(BadInput, UnknownUnitNamesTheNearest) {
+  const Scratch scratch;
+  expect_refused(
+      pirt({"characterize", "--platform", "fake", "--units", "gpuu", "--db", scratch.file("p.db")}),
+      {"gpuu", "gpu"});
+}
+
+TEST(BadInput, UnknownPlatformAndMixNameTheNearest) {
+  expect_refused(pirt({"schedule", "--mode", "latency", "--platform", "hots"}), {"'hots'", "host"});
+  expect_refused(pirt({"schedule", "--mode", "latency", "--platform", "fake", "--mix", "full-robt"}),
+                 {"'full-robt'", "full-robot"});
+}
+
+class BadImages : public testing::Test {
+ protected:
+  Outcome characterize(const std::string& images) {
+    const auto outcome = pirt({"characterize", "--platform", "fake", "--filter", "sobel", "--images", images,
+                               "--db", scratch_.file("p.db")});
+    EXPECT_FALSE(std::filesystem::exists(scratch_.file("p.db")));
+    return outcome;
+  }
+  Scratch scratch_;
+};
+
+TEST_F(BadImages, MissingFolder) { expect_refused(characterize(scratch_.file("none")), {scratch_.file("none")}); }
+
+TEST_F(BadImages, FolderWithoutImages) {
+  std::filesystem::create_directory(scratch_.file("empty"));
+  expect_refused(characterize(scratch_.file("empty")), {"PNG", scratch_.file("empty")});
+}
+
+TEST_F(BadImages, TextNamedPng) {
+  std::filesystem::create_directory(scratch_.file("folder"));
+  scratch_.write("folder/a.png", "this is not a picture\n");
+  expect_refused(characterize(scratch_.file("folder")), {"a.png"});
+}
+
+TEST_F(BadImages, SingleFileThatIsNoImage) {
+  expect_refused(characterize(scratch_.write("notes.txt", "hello\n")), {"notes.txt"});
+}
+
+TEST(BadYaml, SaysFileAndLine) {
+  const Scratch scratch;
+  const auto run = [&](const std::string& text) {
+    return pirt({"schedule", "--mode", "latency", "--platform", "fake", "--mix", scratch.write("m.yaml", text)});
+  };
+  expect_refused(run("mix: a\npipelins: {}\n"), {"m.yaml:2", "pipelins", "pipelines"});
+  expect_refused(run("mix: a\npipelines:\n  p: {rate_hz: fast, tasks: [{name: t, workload: sobel}]}\n"),
+                 {"m.yaml:3", "rate_hz"});
+  expect_refused(run("mix: [a\npipelines: {"), {"m.yaml:"});
+  expect_refused(run("mix: a\npipelines:\n  p: {rate_hz: 1, tasks: [{name: t, workload: sobell}]}\n"),
+                 {"m.yaml:3", "sobell", "sobel"});
+  expect_refused(run(""), {"m.yaml"});
+}
+
+class BadDatabase : public testing::Test {
+ protected:
+  void refused(const std::string& path, const std::vector<std::string>& parts) {
+    expect_refused(pirt({"report", path}), parts);
+    expect_refused(pirt({"schedule", "--mode", "latency", "--profile", path}), parts);
+  }
+  Scratch scratch_;
+};
+
+TEST_F(BadDatabase, Missing) {
+  refused(scratch_.file("none.db"), {"none.db"});
+  EXPECT_FALSE(std::filesystem::exists(scratch_.file("none.db")));
+}
+
+TEST_F(BadDatabase, Empty) { refused(scratch_.write("empty.db", ""), {"empty.db"}); }
+
+TEST_F(BadDatabase, NotADatabase) {
+  refused(scratch_.write("text.db", std::string(5000, 'x')), {"text.db", "not"});
+}
+
+class WithProfile : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    scratch_ = std::make_unique<Scratch>();
+    const auto made = pirt({"characterize", "--quick", "--platform", "fake", "--filter", "sobel|fc8", "--db",
+                            scratch_->file("good.db")});
+    ASSERT_EQ(made.exit_code, 0) << made.err;
+  }
+  static void TearDownTestSuite() { scratch_.reset(); }
+  static std::string good() { return slurp(scratch_->file("good.db")); }
+  static inline std::unique_ptr<Scratch> scratch_;
+};
+
+TEST_F(WithProfile, TruncatedDatabaseIsRefused) {
+  const auto bytes = good();
+  expect_refused(pirt({"report", scratch_->write("cut.db", bytes.substr(0, bytes.size() / 2))}), {"cut.db"});
+}
+
+TEST_F(WithProfile, NewerDatabaseIsRefusedByVersion) {
+  auto bytes = good();
+  bytes[63] = static_cast<char>(99);  // user_version: big-endian at offset 60 of the SQLite header
+  expect_refused(pirt({"report", scratch_->write("newer.db", bytes)}), {"newer.db", "99"});
+}
+
+TEST_F(WithProfile, CharacterizeLeavesADamagedDatabaseAsItWas) {
+  const auto bytes = good().substr(0, 3000);
+  const auto path = scratch_->write("damaged.db", bytes);
+  expect_refused(pirt({"characterize", "--quick", "--platform", "fake", "--filter", "sobel", "--db", path}),
+                 {"damaged.db"});
+  EXPECT_EQ(slurp(path), bytes);
+}
+
+TEST_F(WithProfile, UnwritableJsonTargetIsRefused) {
+  const auto outcome =
+      pirt({"report", scratch_->file("good.db"), "--format", "json", "-o", "/nonexistent/folder/x.json"});
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("/nonexistent/folder/x.json"));
+}
+
+TEST_F(WithProfile, MixThatNeedsUnmeasuredWorkloadsSaysWhichCommandMeasuresThem) {
+  const auto outcome = pirt({"schedule", "--mode", "latency", "--platform", "host", "--profile",
+                             scratch_->file("good.db")});
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("pirt characterize"));
+}
+
+}  // namespace
+}  // namespace pirt::test

@@ -1,0 +1,74 @@
+// Runs the built binary as its user would: arguments in, exit code, stdout and stderr out.
+#pragma once
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace pirt::test {
+
+struct Outcome {
+  int exit_code = -1;  ///< -1 if a signal ended it.
+  std::string out;
+  std::string err;
+
+  [[nodiscard]] nlohmann::json json() const { return nlohmann::json::parse(out); }
+};
+
+/// A folder that is gone when the test ends.
+class Scratch {
+ public:
+  Scratch() {
+    std::string name = (std::filesystem::temp_directory_path() / "pirt-test-XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) std::abort();
+    path_ = name;
+  }
+  ~Scratch() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  Scratch(const Scratch&) = delete;
+  Scratch& operator=(const Scratch&) = delete;
+
+  [[nodiscard]] std::string file(const std::string& name) const { return (path_ / name).string(); }
+  std::string write(const std::string& name, const std::string& text) const {
+    std::ofstream(path_ / name, std::ios::binary) << text;
+    return file(name);
+  }
+
+ private:
+  std::filesystem::path path_;
+};
+
+inline std::string slurp(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+inline std::string quoted(const std::string& text) {
+  std::string out = "'";
+  for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return out + "'";
+}
+
+/// @param environment  "NAME=value" pairs in front of the command.
+inline Outcome pirt(const std::vector<std::string>& arguments, const std::string& environment = "") {
+  const Scratch scratch;
+  std::string command = environment + " " + quoted(PIRT_BINARY);
+  for (const auto& argument : arguments) command += " " + quoted(argument);
+  command += " </dev/null >" + quoted(scratch.file("out")) + " 2>" + quoted(scratch.file("err"));
+  const int status = std::system(command.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, slurp(scratch.file("out")),
+          slurp(scratch.file("err"))};
+}
+
+}  // namespace pirt::test

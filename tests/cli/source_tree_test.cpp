@@ -1,0 +1,90 @@
+// The source tree keeps the rules that the compiler does not: includes go one way, backend headers stay in their folder.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::array<std::string_view, 5> kLayers = {"workloads", "characterize", "scheduler", "reports",
+                                                     "cli"};
+
+struct Include {
+  std::string file;    ///< Relative to the source tree.
+  std::string header;  ///< As written.
+};
+
+std::vector<Include> includes() {
+  std::vector<Include> found;
+  const fs::path root = PIRT_SOURCE_DIR;
+  for (const auto layer : kLayers) {
+    for (const auto& entry : fs::recursive_directory_iterator(root / layer)) {
+      const auto extension = entry.path().extension();
+      if (extension != ".h" && extension != ".cpp") continue;
+      std::ifstream in(entry.path());
+      for (std::string line; std::getline(in, line);) {
+        if (!line.starts_with("#include ") || line.size() < 12) continue;
+        const auto end = line.find_first_of(">\"", 10);
+        found.push_back({fs::relative(entry.path(), root).string(), line.substr(10, end - 10)});
+      }
+    }
+  }
+  return found;
+}
+
+std::size_t layer_of(std::string_view path) {
+  const auto folder = path.substr(0, path.find('/'));
+  return static_cast<std::size_t>(std::ranges::find(kLayers, folder) - kLayers.begin());
+}
+
+TEST(SourceTree, IncludesGoOneWay) {
+  const auto all = includes();
+  ASSERT_GT(all.size(), 100U) << "the scan found too little to mean anything";
+  for (const auto& [file, header] : all) {
+    const auto target = layer_of(header);
+    if (target == kLayers.size()) continue;
+    EXPECT_LE(target, layer_of(file)) << file << " includes " << header;
+  }
+}
+
+TEST(SourceTree, BackendHeadersStayInTheirFolder) {
+  struct Rule {
+    std::string_view header_prefix;
+    std::vector<std::string_view> allowed;
+  };
+  // images.cpp decodes files with OpenCV; it computes nothing with it.
+  const std::vector<Rule> rules = {{"opencv2/", {"workloads/cpu/", "workloads/images.cpp"}},
+                                   {"oneapi/", {"workloads/cpu/"}},
+                                   {"dnnl", {"workloads/cpu/"}},
+                                   {"omp.h", {"workloads/cpu/"}},
+                                   {"CL/", {"workloads/opencl/"}},
+                                   {"sqlite3.h", {"characterize/"}},
+                                   {"CLI/", {"cli/"}}};
+  for (const auto& [file, header] : includes()) {
+    for (const auto& rule : rules) {
+      if (!header.starts_with(rule.header_prefix)) continue;
+      EXPECT_TRUE(std::ranges::any_of(rule.allowed, [&](auto a) { return file.starts_with(a); }))
+          << file << " includes " << header;
+    }
+  }
+}
+
+TEST(SourceTree, TopLevelHoldsOnlyWhatIsMandated) {
+  const std::vector<std::string> allowed = {"CMakeLists.txt", "CMakePresets.json", "README.md", "cli",
+                                            "characterize",   "scheduler",         "workloads", "reports",
+                                            "tests"};
+  for (const auto& entry : fs::directory_iterator(PIRT_SOURCE_DIR)) {
+    const auto name = entry.path().filename().string();
+    if (name.starts_with(".") || name.starts_with("build")) continue;
+    EXPECT_NE(std::ranges::find(allowed, name), allowed.end()) << name;
+  }
+}
+
+}  // namespace

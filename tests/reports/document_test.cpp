@@ -1,0 +1,53 @@
+// Renderings of documents and the printing of figures.
+#include "reports/document.h"
+
+#include <gtest/gtest.h>
+
+#include "reports/figures.h"
+
+namespace pirt {
+namespace {
+
+Document small() {
+  return {.title = "T",
+          .parts = {Paragraph{{"a < b"}},
+                    Table{.title = "Figures",
+                          .columns = {{"name", Align::kLeft}, {"ms"}},
+                          .rows = {{"x|y", "1.5"}, {"µ", "10"}},
+                          .footnotes = {"note_1"}}}};
+}
+
+TEST(Document, AlignsTextColumnsByDisplayWidthNotBytes) {
+  EXPECT_EQ(render(small(), Format::kText),
+            "T\n\na < b\n\nFigures\nname   ms\n─────────\nx|y   1.5\nµ      10\nnote_1\n");
+}
+
+TEST(Document, EscapesMarkdownCells) {
+  EXPECT_EQ(render(small(), Format::kMarkdown),
+            "# T\n\n- a \\< b\n\n## Figures\n\n| name | ms |\n|:---|---:|\n| x\\|y | 1.5 |\n| µ | 10 |\n"
+            "\nnote\\_1\n");
+}
+
+TEST(Document, EscapesHtml) {
+  const auto html = render({.title = "<script>", .parts = {Paragraph{{"a & \"b\""}}}}, Format::kHtml);
+  EXPECT_EQ(html.find("<script>"), std::string::npos);
+  EXPECT_NE(html.find("&lt;script&gt;"), std::string::npos);
+  EXPECT_NE(html.find("a &amp; &quot;b&quot;"), std::string::npos);
+}
+
+TEST(Figures, KeepThreeSignificantDigits) {
+  EXPECT_EQ(figure(0.08912), "0.0891");
+  EXPECT_EQ(figure(12.345), "12.3");
+  EXPECT_EQ(figure(1234.5), "1234");
+  EXPECT_EQ(figure(0.0), "0");
+  EXPECT_EQ(figure(std::optional<double>{}), "-");
+}
+
+TEST(Figures, MarkProvenance) {
+  EXPECT_EQ(marked("1", Provenance::kMeasured), "1");
+  EXPECT_EQ(marked("1", Provenance::kModelled), "~1");
+  EXPECT_EQ(duration_text(Nanos(1'234'000)), "1.23 ms");
+}
+
+}  // namespace
+}  // namespace pirt

@@ -1,0 +1,259 @@
+// Random call sequences against a plain model: what must hold whatever happens. Seeded; a failure
+// names its seed.
+#include <map>
+#include <set>
+
+#include "tests/scheduler/support.h"
+#include "workloads/base/random.h"
+
+namespace pirt::test {
+namespace {
+
+constexpr int kSequences = 3000;
+constexpr int kSteps = 120;
+
+/// What the test knows of a task that is not done.
+struct Known {
+  TaskClass kind;
+  std::set<TaskId> waits_for;
+  std::optional<UnitId> runs_on;
+  bool cancelled = false;
+  std::optional<Nanos> expires_at;
+};
+
+/// Feeds a dispatcher and checks each answer.
+class Model {
+ public:
+  Model(std::uint64_t seed, bool keep_log)
+      : random_(seed), keep_log_(keep_log), dispatcher_(make()) {}
+
+  void step() {
+    switch (random_.below(10)) {
+      case 0:
+      case 1:
+      case 2:
+      case 3:
+        submit();
+        break;
+      case 4:
+      case 5:
+      case 6:
+        complete(random_.below(8) == 0 ? Outcome::kFailed : Outcome::kCompleted);
+        break;
+      case 7:
+        cancel();
+        break;
+      case 8:
+        set_unit();
+        break;
+      default:
+        pass_time();
+        break;
+    }
+    check();
+  }
+
+  /// Brings all units up and completes what runs until nothing does.
+  void finish() {
+    for (UnitId unit = 0; unit < kRoles.size(); ++unit) {
+      dispatcher_.set_unit(unit, UnitState::kUp, now_, out_);
+      down_ &= ~unit_bit(unit);
+      absorb();
+    }
+    while (running() != 0) complete(Outcome::kCompleted);
+    check();
+  }
+
+  const Dispatcher& dispatcher() const { return dispatcher_; }
+  const std::string& log() const { return log_; }
+
+ private:
+  Dispatcher make() {
+    const std::vector<std::string> modes = {"latency", "throughput", "energy", "advanced"};
+    PolicySetup setup;
+    setup.roles = kRoles;
+    // All of the weights at least 1, so that every task can be placed somewhere.
+    for (int w = 0; w < 2; ++w) {
+      setup.weights.push_back({1 + pick(4), 1 + pick(4), 1 + pick(4), 0});
+    }
+    setup.literal_overflow = random_.below(2) == 0;
+    setup.basic = modes[random_.below(3)];
+    std::vector<std::optional<int>> slots;
+    for (std::size_t unit = 0; unit < kRoles.size(); ++unit) {
+      slots_.push_back(1 + pick(3));
+      slots.emplace_back(slots_.back());
+    }
+    return {std::move(slots), policy_of(modes[random_.below(4)], setup)};
+  }
+
+  int pick(std::uint64_t n) { return static_cast<int>(random_.below(n)); }
+
+  void submit() {
+    Known known;
+    known.kind = {.workload = static_cast<WorkloadId>(random_.below(2)),
+                  .eligible = 1 + random_.below(7),  // Some of gpu, dsp, cpu.
+                  .real_time = random_.below(4) != 0,
+                  .image_input = random_.below(2) == 0};
+    if (random_.below(2) == 0) known.kind.eligible |= unit_bit(kCloud);
+    std::vector<TaskId> after;
+    for (const auto& [id, each] : tasks_) {
+      if (!each.cancelled && random_.below(tasks_.size()) < 2) after.push_back(id);
+    }
+    known.waits_for.insert(after.begin(), after.end());
+    if (random_.below(3) == 0) known.expires_at = now_ + Nanos(1 + pick(40));
+    const TaskId id = next_id_++;
+    tasks_[id] = known;
+    dispatcher_.submit({.id = id,
+                        .kind = known.kind,
+                        .deadline = {},
+                        .expires_at = known.expires_at,
+                        .after = after},
+                       now_, out_);
+    absorb();
+  }
+
+  void complete(Outcome outcome) {
+    std::vector<TaskId> candidates;
+    for (const auto& [id, each] : tasks_) {
+      if (each.runs_on) candidates.push_back(id);
+    }
+    if (candidates.empty()) return;
+    const TaskId id = candidates[random_.below(candidates.size())];
+    const Known known = tasks_.at(id);
+    if (!known.cancelled) ++(outcome == Outcome::kCompleted ? completed_ : failed_);
+    if (!known.cancelled && outcome == Outcome::kCompleted) {
+      for (auto& [other, each] : tasks_) each.waits_for.erase(id);
+    }
+    tasks_.erase(id);
+    dispatcher_.complete(*known.runs_on, id, outcome, now_, out_);
+    absorb();
+  }
+
+  void cancel() {
+    if (tasks_.empty()) return;
+    const auto at = std::next(tasks_.begin(), pick(tasks_.size()));
+    dispatcher_.cancel(at->first, now_, out_);
+    absorb();
+  }
+
+  void set_unit() {
+    const auto unit = static_cast<UnitId>(random_.below(kRoles.size()));
+    const UnitState states[] = {UnitState::kUp, UnitState::kUp, UnitState::kDraining,
+                                UnitState::kDown};
+    const UnitState state = states[random_.below(4)];
+    down_ = state == UnitState::kUp ? down_ & ~unit_bit(unit) : down_ | unit_bit(unit);
+    dispatcher_.set_unit(unit, state, now_, out_);
+    absorb();
+  }
+
+  void pass_time() {
+    now_ += Nanos(pick(20));
+    while (const auto wake = dispatcher_.next_wake()) {
+      if (*wake > now_) break;
+      dispatcher_.wake(now_, out_);
+      absorb();
+    }
+  }
+
+  /// Every start and every end has to be one that the model allows.
+  void absorb() {
+    for (const Start& start : out_.started) {
+      ASSERT_TRUE(tasks_.contains(start.task));
+      Known& known = tasks_.at(start.task);
+      ASSERT_FALSE(known.runs_on) << "started twice";
+      ASSERT_TRUE(known.waits_for.empty()) << "started before a predecessor was complete";
+      ASSERT_TRUE(contains(known.kind.eligible & ~down_, start.unit));
+      ASSERT_LE(start.dispatched_at, now_);
+      known.runs_on = start.unit;
+      if (keep_log_) log_ += std::to_string(start.task) + letter(start.unit) + ' ';
+    }
+    for (const Ended& ended : out_.ended) {
+      ASSERT_TRUE(tasks_.contains(ended.task));
+      Known& known = tasks_.at(ended.task);
+      ++(ended.how == Ending::kExpired ? expired_ : dropped_);
+      if (ended.how == Ending::kExpired) {
+        ASSERT_FALSE(known.runs_on);
+        ASSERT_TRUE(known.expires_at && *known.expires_at <= now_);
+      }
+      if (known.runs_on) {
+        known.cancelled = true;
+      } else {
+        tasks_.erase(ended.task);
+      }
+      if (keep_log_) log_ += std::to_string(ended.task) + "- ";
+    }
+    out_.clear();
+  }
+
+  std::int64_t running() const {
+    return std::ranges::count_if(tasks_,
+                                 [](const auto& each) { return each.second.runs_on.has_value(); });
+  }
+
+  void check() {
+    const TaskCounts& counts = dispatcher_.counts();
+    const auto cancelled =
+        std::ranges::count_if(tasks_, [](const auto& each) { return each.second.cancelled; });
+    EXPECT_EQ(counts.submitted, static_cast<std::int64_t>(next_id_));
+    EXPECT_EQ(counts.completed, completed_);
+    EXPECT_EQ(counts.dropped, dropped_);
+    EXPECT_EQ(counts.expired, expired_);
+    EXPECT_EQ(counts.failed, failed_);
+    EXPECT_EQ(counts.queued(), static_cast<std::int64_t>(tasks_.size()) - cancelled);
+    std::map<UnitId, int> on_unit;
+    for (const auto& [id, each] : tasks_) {
+      ASSERT_TRUE(dispatcher_.state(id).has_value());
+      if (each.runs_on) ++on_unit[*each.runs_on];
+    }
+    for (UnitId unit = 0; unit < kRoles.size(); ++unit) {
+      EXPECT_EQ(dispatcher_.running(unit), on_unit[unit]);
+      EXPECT_LE(dispatcher_.running(unit), slots_[unit]);
+      // Nothing waits in the queue of a unit that could start it, or of one that is not up.
+      const int queued = dispatcher_.load(unit) - dispatcher_.running(unit);
+      EXPECT_GE(queued, 0);
+      const bool nothing_waits = contains(down_, unit) || dispatcher_.running(unit) < slots_[unit];
+      EXPECT_TRUE(!nothing_waits || queued == 0);
+    }
+  }
+
+  Random random_;
+  bool keep_log_;
+  std::vector<int> slots_;
+  Dispatcher dispatcher_;
+  std::map<TaskId, Known> tasks_;
+  UnitMask down_ = 0;
+  TaskId next_id_ = 0;
+  std::int64_t completed_ = 0, dropped_ = 0, expired_ = 0, failed_ = 0;
+  Starts out_;
+  Nanos now_{0};
+  std::string log_;
+};
+
+TEST(DispatcherProperties, HoldInRandomCallSequences) {
+  for (std::uint64_t seed = 0; seed < kSequences; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Model model(seed, false);
+    for (int i = 0; i < kSteps && !testing::Test::HasFailure(); ++i) model.step();
+    if (testing::Test::HasFailure()) return;
+    model.finish();
+    // With every unit up and all weights above 0, nothing may be left behind.
+    ASSERT_EQ(model.dispatcher().counts().queued(), 0);
+    ASSERT_FALSE(testing::Test::HasFailure());
+  }
+}
+
+TEST(DispatcherProperties, SameInputsGiveTheSameAnswers) {
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    Model first(seed, true);
+    Model second(seed, true);
+    for (int i = 0; i < kSteps; ++i) {
+      first.step();
+      second.step();
+    }
+    ASSERT_FALSE(first.log().empty());
+    ASSERT_EQ(first.log(), second.log()) << "seed " << seed;
+  }
+}
+
+}  // namespace
+}  // namespace pirt::test

@@ -1,0 +1,160 @@
+#include "tests/scheduler/support.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+std::string refused(const std::string& yaml) {
+  return bad_input([&] { static_cast<void>(mix_of(yaml)); });
+}
+
+/// A mix of one pipeline `p` with the given lines inside it.
+std::string pipeline(const std::string& lines) { return "mix: m\npipelines:\n  p:\n" + lines; }
+
+TEST(Mix, ReadsEveryKey) {
+  const Mix mix = mix_of(R"(
+mix: robot
+description: all keys
+image_buffers: 3
+pipelines:
+  first:
+    rate_hz: 12.5
+    deadline_ms: 40
+    expires_ms: 25.5
+    real_time: false
+    eligible: [gpu]
+    tasks:
+      - {name: a, workload: sobel, image_input: true}
+      - {name: b, workload: fc8, after: [a, {task: a, bytes: 10}, {task: a, bytes: 20}], eligible: [cpu, dsp]}
+  second:
+    closed_loop: {frames: 7}
+    tasks: [{workload: conv1}]
+)");
+  EXPECT_EQ(mix.name, "robot");
+  EXPECT_EQ(mix.description, "all keys");
+  EXPECT_EQ(mix.image_buffers, 3);
+  ASSERT_EQ(mix.pipelines.size(), 2U);
+  const Pipeline& first = mix.pipelines[0];
+  EXPECT_EQ(first.rate_hz, 12.5);
+  EXPECT_EQ(first.deadline, Nanos(40'000'000));
+  EXPECT_EQ(first.expires, Nanos(25'500'000));
+  EXPECT_FALSE(first.real_time);
+  EXPECT_TRUE(first.has_image_input());
+  EXPECT_THAT(first.tasks[0].eligible, ElementsAre("gpu"));
+  EXPECT_THAT(first.tasks[1].eligible, ElementsAre("cpu", "dsp"));
+  EXPECT_THAT(first.tasks[1].after, ElementsAre(0, 0, 0));
+  EXPECT_EQ(first.tasks[1].input_bytes, 30);
+  const Pipeline& second = mix.pipelines[1];
+  EXPECT_EQ(second.frames, 7);
+  EXPECT_TRUE(second.real_time);
+  EXPECT_FALSE(second.has_image_input());
+  EXPECT_EQ(second.tasks[0].name, "conv1");
+  EXPECT_FALSE(second.tasks[0].input_bytes);
+}
+
+TEST(Mix, PutsPredecessorsFirst) {
+  const Mix mix = mix_of(pipeline(R"(
+    rate_hz: 1
+    tasks:
+      - {name: last, workload: fc8, after: [middle, first]}
+      - {name: middle, workload: fc8, after: [first]}
+      - {name: other, workload: fc8}
+      - {name: first, workload: fc8}
+)"));
+  // Ready in file order: `other`, then `first`, which frees `middle`, which frees `last`.
+  std::vector<std::string> names;
+  for (const auto& task : mix.pipelines[0].tasks) names.push_back(task.name);
+  EXPECT_THAT(names, ElementsAre("other", "first", "middle", "last"));
+  EXPECT_THAT(mix.pipelines[0].tasks[3].after, ElementsAre(2, 1));
+}
+
+TEST(Mix, PrintsTheCycle) {
+  EXPECT_THAT(refused(pipeline(R"(
+    rate_hz: 1
+    tasks:
+      - {name: start, workload: fc8}
+      - {name: a, workload: fc8, after: [start, c]}
+      - {name: b, workload: fc8, after: [a]}
+      - {name: c, workload: fc8, after: [b]}
+      - {name: behind, workload: fc8, after: [c]}
+)")),
+              AllOf(HasSubstr("pipelines.p"), HasSubstr("a -> b -> c -> a")));
+  EXPECT_THAT(
+      refused(pipeline("    rate_hz: 1\n    tasks: [{name: a, workload: fc8, after: [a]}]\n")),
+      HasSubstr("a -> a"));
+}
+
+TEST(Mix, RefusesBadRates) {
+  const std::string tasks = "\n    tasks: [{workload: fc8}]\n";
+  for (const char* rate : {"0", "-1", ".nan", "nan", ".inf", "1e300", "fast", "'3'", "[1]"}) {
+    EXPECT_THAT(refused(pipeline(std::string("    rate_hz: ") + rate + tasks)),
+                HasSubstr("test.yaml:4: pipelines.p.rate_hz: "))
+        << rate;
+  }
+}
+
+TEST(Mix, NamesTheNearestWorkloadTaskAndKey) {
+  EXPECT_THAT(refused(pipeline("    rate_hz: 1\n    tasks: [{workload: sobell}]\n")),
+              AllOf(HasSubstr("test.yaml:5: pipelines.p.tasks[0].workload"),
+                    HasSubstr("did you mean sobel")));
+  EXPECT_THAT(
+      refused(pipeline("    rate_hz: 1\n    tasks: [{name: blur, workload: fc8},\n"
+                       "      {name: x, workload: fc8, after: [blurr]}]\n")),
+      AllOf(HasSubstr("test.yaml:6: pipelines.p.tasks[1].after"), HasSubstr("did you mean blur")));
+  EXPECT_THAT(
+      refused(pipeline("    rate_hzz: 1\n    tasks: [{workload: fc8}]\n")),
+      AllOf(HasSubstr("test.yaml:4: pipelines.p.rate_hzz"), HasSubstr("did you mean rate_hz")));
+}
+
+TEST(Mix, RefusesWhatCannotRun) {
+  const std::string task = "    tasks: [{workload: fc8}]\n";
+  EXPECT_THAT(refused("mix: m\npipelines: {}\n"), HasSubstr("at least one pipeline"));
+  EXPECT_THAT(refused(pipeline("    rate_hz: 1\n    tasks: []\n")), HasSubstr("at least one task"));
+  EXPECT_THAT(refused(pipeline(task)), HasSubstr("one of rate_hz and closed_loop"));
+  EXPECT_THAT(refused(pipeline("    rate_hz: 1\n    closed_loop: {frames: 1}\n" + task)),
+              HasSubstr("one of rate_hz and closed_loop"));
+  EXPECT_THAT(refused(pipeline("    closed_loop: {frames: 0}\n" + task)),
+              HasSubstr("closed_loop.frames"));
+  EXPECT_THAT(refused(pipeline("    closed_loop: {frames: 1.5}\n" + task)),
+              HasSubstr("whole number"));
+  EXPECT_THAT(refused(pipeline("    rate_hz: 1\n    deadline_ms: 0\n" + task)),
+              HasSubstr("above 0"));
+  EXPECT_THAT(refused(pipeline("    rate_hz: 1\n    eligible: []\n" + task)),
+              HasSubstr("at least one unit"));
+  EXPECT_THAT(refused(pipeline("    rate_hz: 1\n    tasks: [{workload: fc8}, {workload: fc8}]\n")),
+              HasSubstr("two tasks are named 'fc8'"));
+  EXPECT_THAT(refused("mix: m\nimage_buffers: 0\n" + pipeline("    rate_hz: 1\n" + task).substr(7)),
+              HasSubstr("image_buffers"));
+}
+
+TEST(Mix, SortsALongGraphQuickly) {
+  // 20,000 tasks, each after the next one in the file: the worst order. Quadratic sorting would not
+  // end in sensible time.
+  std::string yaml = "mix: long\npipelines:\n  p:\n    rate_hz: 1\n    tasks:\n";
+  for (int i = 0; i < 20'000; ++i) {
+    yaml += "      - {name: t" + std::to_string(i) + ", workload: fc8";
+    yaml += i + 1 < 20'000 ? ", after: [t" + std::to_string(i + 1) + "]}\n" : "}\n";
+  }
+  const Mix mix = mix_of(yaml);
+  EXPECT_EQ(mix.pipelines[0].tasks.front().name, "t19999");
+  EXPECT_EQ(mix.pipelines[0].tasks.back().name, "t0");
+}
+
+TEST(ShippedMixes, AllLoad) {
+  EXPECT_THAT(shipped_mixes(), ElementsAre("convolution-1000", "full-robot"));
+  for (const auto& name : shipped_mixes()) {
+    const Mix mix = load_mix(name);
+    EXPECT_EQ(mix.name, name);
+    EXPECT_FALSE(mix.description.empty());
+  }
+  EXPECT_THAT(bad_input([] { static_cast<void>(load_mix("full-robt")); }),
+              AllOf(HasSubstr("'full-robt'"), HasSubstr("full-robot")));
+  EXPECT_THAT(bad_input([] { static_cast<void>(load_mix("./none.yaml")); }),
+              HasSubstr("./none.yaml"));
+}
+
+}  // namespace
+}  // namespace pirt::test

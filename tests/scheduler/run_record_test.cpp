@@ -1,0 +1,86 @@
+#include "scheduler/run_record.h"
+
+#include <filesystem>
+#include <fstream>
+
+#include "tests/scheduler/support.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+RunRecord sample() {
+  ScheduleOptions options;
+  options.mode = "advanced";
+  options.duration = from_s(3);
+  auto record = run_virtual(load_platform("fake"), nullptr, load_mix("full-robot"), options);
+  record.warnings = {"a \"warning\"\nof two lines"};
+  return record;
+}
+
+TEST(RunRecord, SurvivesTheWayThroughJson) {
+  const auto record = sample();
+  const auto json = to_json(record);
+  EXPECT_EQ(run_record_from_json(nlohmann::ordered_json::parse(json.dump()), "x"), record);
+}
+
+TEST(RunRecord, HasTheKeysThatOtherToolsRead) {
+  const auto json = to_json(sample());
+  for (const char* key : {"schema_version", "mode",      "platform",          "mix",
+                          "time",           "seed",      "makespan_s",        "submitted",
+                          "completed",      "dropped",   "expired",           "failed",
+                          "queued",         "offloaded", "throughput_per_ms", "mean_latency_ms",
+                          "p99_latency_ms", "energy_j",  "average_power_w",   "units",
+                          "pipelines"}) {
+    EXPECT_TRUE(json.contains(key)) << key;
+  }
+  for (const char* key :
+       {"completed", "mean_latency_ms", "p99_latency_ms", "busy_s", "utilization", "energy_j"}) {
+    EXPECT_TRUE(json["units"]["gpu"].contains(key)) << key;
+  }
+  for (const char* key : {"fired", "completed", "dropped", "rate_hz", "p50_ms", "p95_ms", "p99_ms",
+                          "deadline_misses"}) {
+    EXPECT_TRUE(json["pipelines"]["localization"].contains(key)) << key;
+  }
+  EXPECT_EQ(json["time"], "virtual");
+  EXPECT_EQ(json["basic"], "throughput");
+  // What does not apply is absent.
+  EXPECT_FALSE(json.contains("in_flight"));
+  EXPECT_FALSE(json.contains("profile"));
+  EXPECT_FALSE(json.contains("bounds"));
+  EXPECT_FALSE(json["pipelines"]["map_generation"].contains("deadline_misses"));
+}
+
+TEST(RunRecord, RefusesOtherVersionsAndOtherJson) {
+  auto json = to_json(sample());
+  const auto refused = [](const nlohmann::ordered_json& each) {
+    return bad_input([&] { static_cast<void>(run_record_from_json(each, "r.json")); });
+  };
+  json["schema_version"] = 2;
+  EXPECT_THAT(refused(json), AllOf(HasSubstr("r.json"), HasSubstr("schema_version 2")));
+  json["schema_version"] = "1";
+  EXPECT_THAT(refused(json), HasSubstr("not the result of a run"));
+  EXPECT_THAT(refused(nlohmann::ordered_json::array()), HasSubstr("not the result of a run"));
+  json["schema_version"] = 1;
+  json.erase("energy_j");
+  EXPECT_THAT(refused(json), AllOf(HasSubstr("not a complete"), HasSubstr("energy_j")));
+  json["energy_j"] = "much";
+  EXPECT_THAT(refused(json), HasSubstr("not a complete"));
+}
+
+TEST(RunRecord, LoadsFromAFileAndSaysWhatIsWrongWithIt) {
+  const auto path = std::filesystem::path(testing::TempDir()) / "pirt_run_record_test.json";
+  std::ofstream(path) << to_json(sample()).dump(2);
+  EXPECT_EQ(load_run_record(path), sample());
+  std::ofstream(path) << "{\"mode\": ";
+  EXPECT_THAT(bad_input([&] { static_cast<void>(load_run_record(path)); }),
+              AllOf(HasSubstr(path.string()), HasSubstr("not JSON")));
+  std::filesystem::remove(path);
+  EXPECT_THAT(bad_input([&] { static_cast<void>(load_run_record(path)); }),
+              HasSubstr(path.string()));
+}
+
+}  // namespace
+}  // namespace pirt::test

@@ -1,0 +1,171 @@
+// Services from platform files and from profiles.
+#include "scheduler/services.h"
+
+#include "tests/scheduler/support.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::AllOf;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+const std::string kPlatform = R"(
+platform: board
+units:
+  cpu: {backend: fake, slots: 1, active_w: 4, energy: {op_pj: 100, byte_pj: 10}}
+  gpu: {backend: fake, slots: 1, active_w: 2}
+  cloud: {}
+workloads:
+  fc8:
+    gpu: [{on: cpu, ms: 2, name: setup}, {delay_ms: 1}, {on: gpu, ms: {uniform: [4, 8]}, name: execute}]
+    cloud: [{delay_ms: 50}]
+    call_j: {cloud: 0.25, gpu: 0.5}
+    provenance: published
+)";
+
+PhaseRow row(const std::string& unit, Phase phase, std::int64_t ns, bool valid = true) {
+  PhaseRow row;
+  row.platform = "board";
+  row.workload = "fc8";
+  row.unit = unit;
+  row.backend = "fake";
+  row.phase = phase;
+  row.valid = valid;
+  row.median = Nanos(ns);
+  if (!valid) row.reasons = {"wrong_output"};
+  return row;
+}
+
+Profile profile_of(std::vector<PhaseRow> rows, std::vector<EnergyRow> energies = {}) {
+  Profile profile;
+  profile.path = "p.db";
+  RunInfo run;
+  run.platform = "board";
+  profile.runs = {run};
+  profile.phases = std::move(rows);
+  profile.energies = std::move(energies);
+  return profile;
+}
+
+ServiceTable services_of(const Profile* profile, const ServiceOptions& options = {}) {
+  return resolve_services(platform_of(kPlatform), profile, {"fc8"}, options);
+}
+
+TEST(Services, TakeStagesAndEnergyFromThePlatform) {
+  const auto table = services_of(nullptr);
+  const Service& gpu = *table.find(0, 1);
+  ASSERT_EQ(gpu.stages.size(), 3U);
+  EXPECT_EQ(gpu.stages[0].on, UnitId{0});
+  EXPECT_FALSE(gpu.stages[1].on);
+  EXPECT_EQ(gpu.stages[1].name, "delay");
+  EXPECT_EQ(gpu.total(), from_ms(9));  // 2 + 1 + the mean of [4, 8].
+  EXPECT_EQ(gpu.bottleneck(1), from_ms(6));
+  EXPECT_EQ(gpu.bottleneck(0), from_ms(2));
+  EXPECT_EQ(gpu.time_provenance, Provenance::kPublished);
+  EXPECT_DOUBLE_EQ(gpu.extra_j, 0.5);
+  const Service& cloud = *table.find(0, 2);
+  EXPECT_EQ(cloud.bottleneck(2), from_ms(50));  // No stage on itself: the longest of all.
+  EXPECT_DOUBLE_EQ(cloud.extra_j, 0.25);
+  EXPECT_EQ(table.find(0, 0), nullptr);
+  EXPECT_EQ(table.entries[0][0].reason, "no profile given");
+  EXPECT_EQ(table.units_of(0), unit_bit(1) | unit_bit(2));
+}
+
+TEST(Services, ScaleTimesAndNotEnergy) {
+  ServiceOptions options;
+  options.stage_scale = {{"gpu.execute", 1.5}};
+  const auto table = services_of(nullptr, options);
+  EXPECT_EQ(table.find(0, 1)->total(), from_ms(12));
+  EXPECT_EQ(table.find(0, 1)->stages[2].time.low, from_ms(4));
+}
+
+TEST(Services, TakeTheProfilesPhasesBeforeThePlatformsStages) {
+  const Profile profile =
+      profile_of({row("gpu", Phase::kUpload, 100), row("gpu", Phase::kLaunch, 20),
+                  row("gpu", Phase::kExecute, 3000), row("gpu", Phase::kDownload, 80),
+                  row("gpu", Phase::kCall, 3300), row("cpu", Phase::kCall, 5000)});
+  const auto table = services_of(&profile);
+  const Service& gpu = *table.find(0, 1);
+  ASSERT_EQ(gpu.stages.size(), 4U);
+  EXPECT_EQ(gpu.stages[2].name, "execute");
+  EXPECT_EQ(gpu.stages[2].on, UnitId{1});
+  EXPECT_EQ(gpu.total(), Nanos(3200));
+  EXPECT_EQ(gpu.time_provenance, Provenance::kMeasured);
+  EXPECT_DOUBLE_EQ(gpu.extra_j, 0.5);  // The platform's call_j still counts.
+  const Service& cpu = *table.find(0, 0);
+  ASSERT_EQ(cpu.stages.size(), 1U);
+  EXPECT_EQ(cpu.stages[0].name, "call");
+  // fc8: 8192000 operations at 100 pJ = 0.8192 mJ; bytes at 10 pJ: input 4096, weights 4096000,
+  // bias 1000, output 1000 floats = 4102096 * 4 = 16408384 bytes = 0.16408384 mJ.
+  EXPECT_NEAR(cpu.extra_j, 0.8192e-3 + 0.16408384e-3, 1e-12);
+  EXPECT_THAT(table.warnings, IsEmpty());
+}
+
+TEST(Services, RefuseInvalidRowsWithAWarning) {
+  const Profile profile =
+      profile_of({row("gpu", Phase::kExecute, 3000, false), row("cpu", Phase::kCall, 5000)});
+  const auto table = services_of(&profile);
+  EXPECT_EQ(table.find(0, 1),
+            nullptr);  // Not even by the platform's stages: its figures are known to be wrong.
+  EXPECT_THAT(table.entries[0][1].reason, AllOf(HasSubstr("execute"), HasSubstr("wrong_output")));
+  EXPECT_THAT(table.warnings, Contains(AllOf(HasSubstr("fc8 on gpu"), HasSubstr("not used"))));
+}
+
+TEST(Services, BelieveTheCallAsAWholeWhenItSaysThatTheOutputIsWrong) {
+  const Profile profile =
+      profile_of({row("gpu", Phase::kExecute, 3000), row("gpu", Phase::kCall, 3100, false)});
+  const auto table = services_of(&profile);
+  EXPECT_EQ(table.find(0, 1), nullptr);
+  EXPECT_THAT(table.entries[0][1].reason, HasSubstr("call row is invalid"));
+}
+
+TEST(Services, TakeNoCallFromTransfersAlone) {
+  // An upload without its execute is not a call; the platform's stages remain.
+  const Profile profile = profile_of({row("gpu", Phase::kUpload, 100)});
+  EXPECT_EQ(services_of(&profile).find(0, 1)->total(), from_ms(9));
+}
+
+TEST(Services, UseInvalidRowsWhenAllowedIfTheyHaveAFigure) {
+  auto rows =
+      std::vector{row("gpu", Phase::kExecute, 3000, false), row("cpu", Phase::kCall, 1, false)};
+  rows[1].median.reset();
+  const Profile profile = profile_of(rows);
+  ServiceOptions options;
+  options.allow_invalid = true;
+  const auto table = services_of(&profile, options);
+  EXPECT_EQ(table.find(0, 1)->total(), Nanos(3000));
+  EXPECT_EQ(table.find(0, 0), nullptr);
+  EXPECT_THAT(table.warnings, Contains(HasSubstr("used although")));
+  EXPECT_THAT(table.entries[0][0].reason, HasSubstr("no samples"));
+}
+
+TEST(Services, ModelEnergyAnewButBelieveAMeter) {
+  EnergyRow modelled;
+  modelled.workload = "fc8";
+  modelled.unit = "cpu";
+  modelled.energy_j = 99;
+  modelled.valid = true;
+  EnergyRow metered = modelled;
+  metered.unit = "gpu";
+  metered.energy_j = 0.125;
+  metered.provenance = Provenance::kMeasured;
+  const Profile profile = profile_of(
+      {row("cpu", Phase::kCall, 5000), row("gpu", Phase::kCall, 5000)}, {modelled, metered});
+  const auto table = services_of(&profile);
+  EXPECT_FALSE(table.find(0, 0)->metered_j);
+  EXPECT_EQ(table.find(0, 0)->energy_provenance, Provenance::kModelled);
+  EXPECT_EQ(table.find(0, 1)->metered_j, 0.125);
+  EXPECT_EQ(table.find(0, 1)->energy_provenance, Provenance::kMeasured);
+}
+
+TEST(Services, RefuseAProfileOfAnotherPlatform) {
+  Profile profile = profile_of({row("gpu", Phase::kCall, 1)});
+  profile.runs[0].platform = "elsewhere";
+  EXPECT_THAT(bad_input([&] { static_cast<void>(services_of(&profile)); }),
+              AllOf(HasSubstr("elsewhere"), HasSubstr("board")));
+}
+
+}  // namespace
+}  // namespace pirt::test

@@ -1,0 +1,113 @@
+// What the scheduler's tests share: platforms from a few lines of YAML, and dispatchers that say
+// what they did as text.
+#pragma once
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "characterize/platform.h"
+#include "scheduler/dispatcher.h"
+#include "scheduler/policy.h"
+#include "scheduler/schedule.h"
+#include "workloads/base/error.h"
+
+namespace pirt::test {
+
+inline Platform platform_of(const std::string& yaml) {
+  return parse_platform("test.yaml", yaml, {}, 4);
+}
+inline Mix mix_of(const std::string& yaml) { return parse_mix("test.yaml", yaml); }
+
+/// The message of the bad-input error that @p call throws; fails the test if it throws none.
+template <typename Call>
+std::string bad_input(const Call& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kBadInput);
+    return error.what();
+  }
+  ADD_FAILURE() << "no error";
+  return "";
+}
+
+/// Units gpu, dsp, cpu, cloud: the letters that sequences are written in.
+inline const std::vector<std::string> kRoles = {"gpu", "dsp", "cpu", "cloud"};
+inline constexpr UnitId kGpu = 0, kDsp = 1, kCpu = 2, kCloud = 3;
+inline constexpr UnitMask kLocal = 0b0111;
+inline constexpr UnitMask kAll = 0b1111;
+
+inline char letter(UnitId unit) { return "GDCL"[unit]; }
+
+/// A policy for one workload on those units.
+inline PolicySetup setup_of(int gpu, int dsp, int cpu) {
+  PolicySetup setup;
+  setup.roles = kRoles;
+  setup.weights = {{gpu, dsp, cpu, 0}};
+  return setup;
+}
+
+inline std::unique_ptr<Policy> policy_of(const std::string& name, const PolicySetup& setup) {
+  return find_policy(name).make(setup);
+}
+
+/// A dispatcher whose every input appends to one text what it brought about: "G3" = task 3 started
+/// on the GPU, "-3" = dropped, "!3" = expired.
+class Script {
+ public:
+  Script(std::unique_ptr<Policy> policy, std::vector<std::optional<int>> slots)
+      : dispatcher_(std::move(slots), std::move(policy)) {}
+
+  std::string submit(TaskId id, TaskClass kind = {.eligible = kLocal},
+                     std::vector<TaskId> after = {},
+                     std::optional<Nanos> expires_at = std::nullopt) {
+    dispatcher_.submit(
+        {.id = id, .kind = kind, .deadline = {}, .expires_at = expires_at, .after = after}, now_,
+        out_);
+    return take();
+  }
+  std::string complete(UnitId unit, TaskId id, Outcome outcome = Outcome::kCompleted) {
+    dispatcher_.complete(unit, id, outcome, now_, out_);
+    return take();
+  }
+  std::string cancel(TaskId id) {
+    dispatcher_.cancel(id, now_, out_);
+    return take();
+  }
+  std::string set(UnitId unit, UnitState state) {
+    dispatcher_.set_unit(unit, state, now_, out_);
+    return take();
+  }
+  std::string wake(Nanos now) {
+    now_ = now;
+    dispatcher_.wake(now_, out_);
+    return take();
+  }
+  void at(Nanos now) { now_ = now; }
+  const Dispatcher& dispatcher() const { return dispatcher_; }
+
+ private:
+  std::string take() {
+    std::string text;
+    const auto add = [&](char what, TaskId id) {
+      if (!text.empty()) text += ' ';
+      text += what + std::to_string(id);
+    };
+    for (const Start& start : out_.started) add(letter(start.unit), start.task);
+    for (const Ended& ended : out_.ended)
+      add(ended.how == Ending::kExpired ? '!' : '-', ended.task);
+    out_.clear();
+    return text;
+  }
+
+  Dispatcher dispatcher_;
+  Starts out_;
+  Nanos now_{0};
+};
+
+}  // namespace pirt::test

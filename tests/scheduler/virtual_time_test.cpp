@@ -1,0 +1,490 @@
+// Whole runs in virtual time, small enough to be worked by hand.
+#include "tests/scheduler/support.h"
+#include "workloads/base/random.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::AllOf;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+RunRecord run(const Platform& platform, const Mix& mix, ScheduleOptions options) {
+  return run_virtual(platform, nullptr, mix, options);
+}
+
+ScheduleOptions mode(const std::string& name, double duration_s = 0) {
+  ScheduleOptions options;
+  options.mode = name;
+  if (duration_s > 0) options.duration = from_s(duration_s);
+  return options;
+}
+
+const UnitResult& unit(const RunRecord& record, const std::string& name) {
+  return *std::ranges::find(record.units, name, &UnitResult::unit);
+}
+
+void expect_balanced(const RunRecord& record) {
+  EXPECT_EQ(record.submitted,
+            record.completed + record.dropped + record.expired + record.failed + record.queued);
+}
+
+/// One unit `cpu` that serves fc8 in 30 ms, one at a time.
+const std::string kOneUnit = R"(
+platform: one
+units: {cpu: {slots: 1, active_w: 2, idle_w: 0.5}}
+workloads: {fc8: {cpu: [{on: cpu, ms: 30}]}}
+)";
+
+TEST(VirtualTime, DropsAFiringThatFindsNoImageBuffer) {
+  // 100 Hz for 50 ms: firings at 0, 10, 20, 30, 40; two buffers; 30 ms each. 0 runs [0, 30), 1
+  // waits. 2 finds no buffer. At 30 the completion of 0 comes before the firing of 3 (it was set
+  // going earlier), which takes its buffer; 1 runs [30, 60), 3 [60, 90). 4 finds none. Latencies
+  // from firing: 30, 50, 60 ms: with a deadline of 50 only the last is late.
+  const auto record = run(platform_of(kOneUnit), mix_of(R"(
+mix: m
+image_buffers: 2
+pipelines:
+  camera:
+    rate_hz: 100
+    deadline_ms: 50
+    tasks: [{workload: fc8, image_input: true}]
+)"),
+                          mode("throughput", 0.05));
+  EXPECT_EQ(record.submitted, 5);
+  EXPECT_EQ(record.completed, 3);
+  EXPECT_EQ(record.dropped, 2);
+  const PipelineResult& camera = record.pipelines[0];
+  EXPECT_EQ(camera.fired, 5);
+  EXPECT_EQ(camera.completed, 3);
+  EXPECT_EQ(camera.dropped, 2);
+  EXPECT_EQ(camera.deadline_misses, 1);
+  EXPECT_NEAR(*camera.p50_ms, 50, 0.05);
+  EXPECT_DOUBLE_EQ(record.makespan_s, 0.09);
+  // 90 ms busy at 2 W, 90 ms at 0.5 W.
+  EXPECT_NEAR(record.energy_j, 0.18 + 0.045, 1e-12);
+  EXPECT_NEAR(*camera.rate_hz, 3 / 0.09, 1e-9);
+}
+
+TEST(VirtualTime, CountsEveryTaskOfADroppedFiring) {
+  // One buffer, held until the last image task is done. 50 Hz for 40 ms: the second firing, at 20
+  // ms, finds it taken.
+  const auto record = run(platform_of(kOneUnit), mix_of(R"(
+mix: m
+image_buffers: 1
+pipelines:
+  camera:
+    rate_hz: 50
+    tasks:
+      - {name: a, workload: fc8, image_input: true}
+      - {name: b, workload: fc8, after: [a]}
+      - {name: c, workload: fc8, after: [b]}
+)"),
+                          mode("throughput", 0.04));
+  EXPECT_EQ(record.submitted, 6);
+  EXPECT_EQ(record.dropped, 3);
+  EXPECT_EQ(record.completed, 3);
+  EXPECT_FALSE(record.pipelines[0].deadline_misses);
+}
+
+TEST(VirtualTime, FreesABufferWithTheLastImageTask) {
+  // As above, but at 40 ms only b and c, which take no image, are under way: the buffer is free
+  // again since 30.
+  const auto record = run(platform_of(kOneUnit), mix_of(R"(
+mix: m
+image_buffers: 1
+pipelines:
+  camera:
+    rate_hz: 25
+    tasks: [{name: a, workload: fc8, image_input: true}, {name: b, workload: fc8, after: [a]}]
+)"),
+                          mode("throughput", 0.08));
+  EXPECT_EQ(record.dropped, 0);
+  EXPECT_EQ(record.completed, 4);
+}
+
+TEST(VirtualTime, ExpiresTasksThatDoNotStartInTime) {
+  // 100 Hz for 30 ms, 30 ms each, to be started within 25 ms: 0 runs [0, 30); 1 (fired 10) would
+  // start at 30, in time; 2 (fired 20) at 60, expires at 45.
+  const auto record = run(platform_of(kOneUnit), mix_of(R"(
+mix: m
+pipelines:
+  p: {rate_hz: 100, expires_ms: 25, tasks: [{name: a, workload: fc8}, {name: b, workload: fc8, after: [a]}]}
+)"),
+                          mode("throughput", 0.03));
+  // b of 0 is released at 30 and expired by then (25), b of 1 expires at 35 and b of 2 is dropped
+  // with its a.
+  EXPECT_EQ(record.submitted, 6);
+  EXPECT_EQ(record.completed, 2);
+  EXPECT_EQ(record.expired, 3);
+  EXPECT_EQ(record.dropped, 1);
+  EXPECT_EQ(record.pipelines[0].completed, 0);
+  EXPECT_EQ(record.pipelines[0].dropped, 3);
+  EXPECT_FALSE(record.pipelines[0].p50_ms);
+}
+
+TEST(VirtualTime, FiresAtMultiplesOfThePeriodUntilTheDuration) {
+  // 3 Hz for 2 s: 0, 1/3, ..., 5/3: six firings, and the last one does not come at 2.
+  const auto record = run(platform_of(kOneUnit),
+                          mix_of("mix: m\npipelines: {p: {rate_hz: 3, tasks: [{workload: fc8}]}}"),
+                          mode("throughput", 2));
+  EXPECT_EQ(record.pipelines[0].fired, 6);
+  EXPECT_DOUBLE_EQ(*record.pipelines[0].rate_hz, 3);
+  EXPECT_DOUBLE_EQ(record.makespan_s,
+                   2);  // The last completion is at 1.697 s, but the robot is on for 2 s.
+  EXPECT_EQ(record.duration_s, 2);
+  EXPECT_FALSE(record.in_flight);
+}
+
+TEST(VirtualTime, SharesCoresBetweenStagesOfSeveralUnits) {
+  // Two cores, shared. In flight 3, one each of: cpu 4 ms; gpu frames with 2 ms on the cores, then
+  // 1 ms kernel. Weights gpu 2, cpu 1. At 0 all three are on the cores at rate 2/3: the gpu's 2 ms
+  // end at 3; the cpu's 4 then has 2 left, alone: 5. Kernels: the first [3, 4), the second [4, 5).
+  const auto platform = platform_of(R"(
+platform: shared
+units:
+  cpu: {servers: 2, discipline: processor_sharing, active_w: 1}
+  gpu: {active_w: 10}
+workloads:
+  convolution:
+    cpu: [{on: cpu, ms: 4}]
+    gpu: [{on: cpu, ms: 2, name: host}, {on: gpu, ms: 1, name: kernel}]
+)");
+  ScheduleOptions options = mode("throughput");
+  options.weights = {{"gpu", 2}, {"cpu", 1}};
+  options.in_flight = 3;
+  const auto record = run(
+      platform,
+      mix_of(
+          "mix: m\npipelines: {p: {closed_loop: {frames: 3}, tasks: [{workload: convolution}]}}"),
+      options);
+  EXPECT_DOUBLE_EQ(record.makespan_s, 0.005);
+  EXPECT_DOUBLE_EQ(*unit(record, "cpu").mean_latency_ms, 5);
+  EXPECT_DOUBLE_EQ(*unit(record, "gpu").mean_latency_ms, 4.5);
+  EXPECT_DOUBLE_EQ(unit(record, "cpu").busy_s,
+                   0.008);  // 4 + 2 + 2 core-milliseconds, whoever they are for.
+  EXPECT_DOUBLE_EQ(*unit(record, "cpu").utilization, 0.8);
+  EXPECT_NEAR(record.energy_j, 0.008 * 1 + 0.002 * 10, 1e-12);
+}
+
+TEST(VirtualTime, ScaledStagesTakeLongerAndCostTheSame) {
+  auto platform = platform_of(kOneUnit);
+  platform.modes["throughput"].stage_scale = {{"cpu.execute", 1.5}};
+  platform.units[0].idle_w = 0;
+  const auto record =
+      run(platform,
+          mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 2}, tasks: [{workload: fc8}]}}"),
+          mode("throughput"));
+  EXPECT_DOUBLE_EQ(record.makespan_s, 0.09);
+  EXPECT_DOUBLE_EQ(unit(record, "cpu").busy_s, 0.09);
+  EXPECT_NEAR(record.energy_j, 2 * 0.06, 1e-12);
+}
+
+TEST(VirtualTime, SendsInputsAndOutputsOverTheLink) {
+  // fc8: 4096 floats in = 16384 B, at 8 Mbit/s 16.384 ms; 1000 out = 4000 B, 4 ms; latency 10 ms
+  // each way; the cloud takes 5 ms. Two calls at once. Inputs are sent [0, 16.384) and [16.384,
+  // 32.768). The first result is ready at 31.384, waits for the link, is sent [32.768, 36.768) and
+  // there at 46.768. The second is ready at 47.768, sent till 51.768 and there at 61.768.
+  const auto platform = platform_of(R"(
+platform: linked
+units: {cpu: {}, cloud: {servers: 64, link: up}}
+links: {up: {mbit_s: 8, latency_ms: 10, active_w: 0.5}}
+workloads: {fc8: {cpu: [{on: cpu, ms: 1}], cloud: [{on: cloud, ms: 5}], call_j: {cloud: 0.25}}}
+)");
+  const auto mix = mix_of(R"(
+mix: m
+pipelines:
+  p: {rate_hz: 1, real_time: false, tasks: [{name: a, workload: fc8}, {name: b, workload: fc8}]}
+)");
+  const auto record = run(platform, mix, mode("advanced", 0.5));
+  EXPECT_EQ(record.offloaded, 2);
+  EXPECT_DOUBLE_EQ(*unit(record, "cloud").mean_latency_ms, (46.768 + 61.768) / 2);
+  // Sending only: 2 * (16.384 + 4) ms at 0.5 W, and 0.25 J a call.
+  EXPECT_NEAR(unit(record, "cloud").energy_j, 0.5 * 2 * 0.020384 + 0.5, 1e-12);
+}
+
+TEST(VirtualTime, TakesBytesFromTheEdgeWhereGiven) {
+  // b's 1000 given bytes instead of its tensors: 1 ms at 8 Mbit/s, output 4 ms, cloud 5 ms; no
+  // latency.
+  const auto platform = platform_of(R"(
+platform: linked
+units: {cloud: {link: up}, cpu: {}}
+links: {up: {mbit_s: 8}}
+workloads: {fc8: {cloud: [{on: cloud, ms: 5}], cpu: [{on: cpu, ms: 1}]}}
+)");
+  const auto record = run(platform, mix_of(R"(
+mix: m
+pipelines:
+  p: {rate_hz: 1, real_time: false, tasks: [{name: a, workload: fc8}, {name: b, workload: fc8, after: [{task: a, bytes: 1000}]}]}
+)"),
+                          mode("advanced", 0.5));
+  EXPECT_DOUBLE_EQ(*unit(record, "cloud").mean_latency_ms, (16.384 + 5 + 4 + 1 + 5 + 4) / 2);
+}
+
+TEST(VirtualTime, DrawsUniformDelaysWithinTheirBoundsFromTheSeed) {
+  const auto platform = load_platform("fake");
+  const auto mix = mix_of(
+      "mix: m\npipelines: {p: {rate_hz: 1, real_time: false, tasks: [{workload: alexnet}]}}");
+  ScheduleOptions options = mode("advanced", 1000);
+  const auto record = run(platform, mix, options);
+  EXPECT_EQ(record.offloaded, 1000);
+  // Uniform in [2000, 5000] ms: the mean of 1000 has a standard deviation of 866/sqrt(1000) = 27
+  // ms; five of them.
+  EXPECT_NEAR(*unit(record, "cloud").mean_latency_ms, 3500, 137);
+  EXPECT_LE(*record.pipelines[0].p99_ms, 5000);
+  EXPECT_GE(*record.pipelines[0].p99_ms, 4850);
+  EXPECT_EQ(to_json(run(platform, mix, options)).dump(), to_json(record).dump());
+  options.seed = 2;
+  EXPECT_NE(run(platform, mix, options).mean_latency_ms, record.mean_latency_ms);
+}
+
+TEST(VirtualTime, ClosedLoopsKeepTheirFramesWhenBuffersRunOut) {
+  // In flight 3, but two buffers: of the first three firings one is dropped; the other two go on,
+  // one for one, to the end.
+  ScheduleOptions options = mode("throughput");
+  options.in_flight = 3;
+  const auto record = run(platform_of(kOneUnit), mix_of(R"(
+mix: m
+image_buffers: 2
+pipelines: {p: {closed_loop: {frames: 10}, tasks: [{workload: fc8, image_input: true}]}}
+)"),
+                          options);
+  EXPECT_EQ(record.pipelines[0].fired, 10);
+  EXPECT_EQ(record.pipelines[0].completed, 9);
+  EXPECT_EQ(record.dropped, 1);
+}
+
+TEST(VirtualTime, AClosedLoopThatFoundNoBufferAtAllGoesOnWhenOneIsFree) {
+  // `first` holds the only buffer until 30 ms; `loop`, which found none at 0, fires again then.
+  const auto record = run(platform_of(kOneUnit), mix_of(R"(
+mix: m
+image_buffers: 1
+pipelines:
+  first: {closed_loop: {frames: 1}, tasks: [{workload: fc8, image_input: true}]}
+  loop: {closed_loop: {frames: 3}, tasks: [{workload: fc8, image_input: true}]}
+)"),
+                          [] {
+                            auto options = mode("throughput");
+                            options.in_flight = 1;
+                            return options;
+                          }());
+  EXPECT_EQ(record.pipelines[1].fired, 3);
+  EXPECT_EQ(record.pipelines[1].completed, 2);
+  EXPECT_DOUBLE_EQ(record.makespan_s, 0.09);
+}
+
+TEST(VirtualTime, HoldsClosedLoopTasksBeyondTheWeights) {
+  // In flight 4, but the unit's weight is 1: latency counts from the dispatch, so that it is 30 ms
+  // for each.
+  ScheduleOptions options = mode("throughput");
+  options.in_flight = 4;
+  options.weights = {{"cpu", 1}};
+  const auto mix =
+      mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 8}, tasks: [{workload: fc8}]}}");
+  const auto held = run(platform_of(kOneUnit), mix, options);
+  EXPECT_DOUBLE_EQ(*held.mean_latency_ms, 30);
+  EXPECT_EQ(held.overflow, "hold");
+  // Literally all four are queued on the CPU: 30, 60, 90 and then five times 120: 780 / 8.
+  options.literal_overflow = true;
+  const auto literal = run(platform_of(kOneUnit), mix, options);
+  EXPECT_DOUBLE_EQ(*literal.mean_latency_ms, 97.5);
+  EXPECT_EQ(literal.overflow, "literal");
+}
+
+TEST(VirtualTime, EverythingBalancesInRandomMixes) {
+  const auto platform = load_platform("fake");
+  const std::vector<std::string> workloads = {"gaussian_blur", "convolution", "undistort", "fc8",
+                                              "feature_detect"};
+  for (std::uint64_t seed = 0; seed < 200; ++seed) {
+    Random random(seed);
+    const auto pick = [&](std::uint64_t n) { return std::to_string(1 + random.below(n)); };
+    std::string yaml = "mix: random\nimage_buffers: " + pick(4) + "\npipelines:\n";
+    for (int p = 0; p < 4; ++p) {
+      yaml += "  p" + std::to_string(p) + ":\n    " +
+              (random.below(2) == 0 ? "rate_hz: " + pick(200)
+                                    : "closed_loop: {frames: " + pick(50) + "}") +
+              "\n    real_time: " + (random.below(4) != 0 ? "true" : "false") +
+              "\n    deadline_ms: " + pick(50) + "\n" +
+              (random.below(2) == 0 ? "    expires_ms: " + pick(60) + "\n" : "") + "    tasks:\n";
+      for (int t = 0; t < 4; ++t) {
+        yaml += "      - {name: t" + std::to_string(t) +
+                ", workload: " + workloads[random.below(5)] +
+                ", image_input: " + (random.below(2) == 0 ? "true" : "false");
+        if (t > 0)
+          yaml += ", after: [t" + std::to_string(random.below(static_cast<std::uint64_t>(t))) + "]";
+        yaml += "}\n";
+      }
+    }
+    const Mix mix = mix_of(yaml);
+    ScheduleOptions options = mode(policy_names()[random.below(4)]);
+    if (mix.open_loop()) options.duration = from_s(0.3);
+    options.seed = seed;
+    const auto record = run(platform, mix, options);
+    SCOPED_TRACE("seed " + std::to_string(seed) + ", " + options.mode);
+    expect_balanced(record);
+    EXPECT_EQ(record.queued, 0);
+    std::int64_t fired = 0;
+    std::int64_t served = 0;
+    for (const auto& pipeline : record.pipelines) {
+      EXPECT_EQ(pipeline.fired, pipeline.completed + pipeline.dropped);
+      fired += pipeline.fired;
+    }
+    for (const auto& each : record.units) {
+      served += each.completed;
+      EXPECT_LE(each.utilization.value_or(0), 1 + 1e-9);
+    }
+    EXPECT_EQ(record.submitted, 4 * fired);
+    EXPECT_EQ(record.completed, served);
+    for (std::size_t p = 0; p < mix.pipelines.size(); ++p) {
+      EXPECT_EQ(record.pipelines[p].fired,
+                mix.pipelines[p].frames.value_or(record.pipelines[p].fired));
+    }
+    ASSERT_EQ(to_json(run(platform, mix, options)).dump(), to_json(record).dump());
+    ASSERT_FALSE(testing::Test::HasFailure());
+  }
+}
+
+TEST(Schedule, OffloadsExactlyTheNonRealTimeTasksOfTheFullRobot) {
+  // 60 s: scene_understanding at 0.1 Hz fires 6 times one task; map_generation at 0.02 Hz at 0 and
+  // 50 s, two tasks each: 10. The others: 1500 firings of 4, 180 and 600 of 1: 6780.
+  const auto record = run(load_platform("fake"), load_mix("full-robot"), mode("advanced"));
+  EXPECT_EQ(record.submitted, 6790);
+  EXPECT_EQ(record.completed, 6790);
+  EXPECT_EQ(record.offloaded, 10);
+  EXPECT_EQ(unit(record, "cloud").completed, 10);
+  EXPECT_THAT(record.warnings, IsEmpty());
+  for (const char* name : {"latency", "throughput", "energy"}) {
+    const auto basic = run(load_platform("fake"), load_mix("full-robot"), mode(name));
+    EXPECT_EQ(basic.offloaded, 0) << name;
+    expect_balanced(basic);
+  }
+}
+
+TEST(Schedule, WarnsWhenAdvancedHasNoCloudAndWhenThereIsNoDsp) {
+  const auto record = run(
+      platform_of(kOneUnit),
+      mix_of("mix: m\npipelines: {p: {rate_hz: 1, real_time: false, tasks: [{workload: fc8}]}}"),
+      mode("advanced", 1));
+  EXPECT_EQ(record.completed, 1);
+  EXPECT_EQ(record.offloaded, 0);
+  EXPECT_THAT(record.warnings, Contains(AllOf(HasSubstr("pipeline p"), HasSubstr("cloud"))));
+  EXPECT_THAT(record.warnings, Contains(HasSubstr("no unit of role dsp")));
+}
+
+TEST(Schedule, SaysWhichWorkloadNobodyServesAndHowToMeasureIt) {
+  const auto message = bad_input([] {
+    static_cast<void>(run(load_platform("host"), load_mix("convolution-1000"), mode("latency")));
+  });
+  EXPECT_THAT(
+      message,
+      AllOf(HasSubstr("convolution"), HasSubstr("cpu: no profile given"),
+            HasSubstr("pirt characterize --platform host --filter '^(convolution)$' --db")));
+  const auto modelled = bad_input([] {
+    static_cast<void>(run(load_platform("snapdragon820"), load_mix("full-robot"), mode("latency")));
+  });
+  EXPECT_THAT(modelled, AllOf(HasSubstr("no stages"), HasSubstr("workloads:")));
+}
+
+TEST(Schedule, DoesNotTakeTheCloudForARealTimeTask) {
+  // Without a profile host has the cloud's alexnet only: recognition needs it here,
+  // scene_understanding alone would not.
+  const auto message = bad_input([] {
+    static_cast<void>(run(load_platform("host"), load_mix("full-robot"), mode("advanced")));
+  });
+  EXPECT_THAT(message,
+              HasSubstr("'^(undistort|gaussian_blur|feature_detect|optical_flow|alexnet|fc8)$'"));
+  const auto offline = mix_of(
+      "mix: m\npipelines: {p: {rate_hz: 1, real_time: false, tasks: [{workload: alexnet}]}}");
+  EXPECT_EQ(run(load_platform("host"), offline, mode("advanced", 2)).offloaded, 2);
+  EXPECT_THAT(bad_input([&] {
+                static_cast<void>(run(load_platform("host"), offline, mode("latency", 2)));
+              }),
+              HasSubstr("'^(alexnet)$'"));
+}
+
+TEST(Schedule, RefusesEligibleThatNamesNothingOrLeavesNothing) {
+  const auto refused = [](const std::string& eligible, const std::string& name = "throughput") {
+    return bad_input([&] {
+      static_cast<void>(run(load_platform("fake"),
+                            mix_of("mix: m\npipelines: {p: {rate_hz: 1, eligible: [" + eligible +
+                                   "], tasks: [{workload: alexnet}]}}"),
+                            mode(name, 1)));
+    });
+  };
+  EXPECT_THAT(refused("gpuu"), AllOf(HasSubstr("'gpuu'"), HasSubstr("did you mean gpu")));
+  EXPECT_THAT(refused("fpga"), HasSubstr("leaves no unit"));
+  // alexnet on the DSP is too slow for Algorithm 2's weights, and a real-time task never goes to
+  // the cloud.
+  EXPECT_THAT(refused("dsp"), HasSubstr("gives no weight"));
+  EXPECT_THAT(refused("cloud", "advanced"), HasSubstr("would never place it"));
+}
+
+TEST(Schedule, RefusesBadOptions) {
+  const auto refused = [](const ScheduleOptions& options,
+                          const std::string& mix = "convolution-1000") {
+    return bad_input(
+        [&] { static_cast<void>(run(load_platform("snapdragon820"), load_mix(mix), options)); });
+  };
+  EXPECT_THAT(refused(mode("latencyy")), HasSubstr("did you mean latency"));
+  auto options = mode("latency");
+  options.in_flight = 0;
+  EXPECT_THAT(refused(options), HasSubstr("--in-flight"));
+  EXPECT_THAT(refused(mode("latency", 5)), HasSubstr("--duration"));
+  options = mode("advanced");
+  options.basic = "advanced";
+  EXPECT_THAT(refused(options), HasSubstr("not a basic scheduler"));
+  options = mode("latency");
+  options.weights = {{"npu", 1}};
+  EXPECT_THAT(refused(options), HasSubstr("--weights"));
+}
+
+TEST(Schedule, RefusesAPlatformModeThatDoesNotExist) {
+  auto platform = platform_of(kOneUnit);
+  platform.modes["througput"].in_flight = 3;
+  EXPECT_THAT(
+      bad_input([&] {
+        static_cast<void>(
+            run(platform, mix_of("mix: m\npipelines: {p: {rate_hz: 1, tasks: [{workload: fc8}]}}"),
+                mode("latency", 1)));
+      }),
+      AllOf(HasSubstr("'througput'"), HasSubstr("did you mean throughput")));
+}
+
+TEST(Schedule, MetersReplaceTheModelOfACall) {
+  // 30 ms at 2 W would be 60 mJ; the meter says 10 mJ a call. Idle stays the platform's: 0.5 W for
+  // 60 ms.
+  auto platform = platform_of(kOneUnit);
+  platform.units[0].backend = "fake";
+  Profile profile;
+  profile.path = "p.db";
+  profile.runs.resize(1);
+  profile.runs[0].platform = "one";
+  profile.runs[0].units = {
+      {.unit = "cpu", .backend = "fake", .device = "a device", .device_is_cpu = true, .cores = {}}};
+  PhaseRow row;
+  row.workload = "fc8";
+  row.unit = "cpu";
+  row.valid = true;
+  row.median = from_ms(30);
+  profile.phases = {row};
+  EnergyRow energy;
+  energy.workload = "fc8";
+  energy.unit = "cpu";
+  energy.energy_j = 0.010;
+  energy.provenance = Provenance::kMeasured;
+  energy.valid = true;
+  profile.energies = {energy};
+  const auto mix =
+      mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 2}, tasks: [{workload: fc8}]}}");
+  const auto record = run_virtual(platform, &profile, mix, mode("throughput"));
+  EXPECT_NEAR(record.energy_j, 2 * 0.010 + 0.5 * 0.06, 1e-12);
+  EXPECT_EQ(record.profile, "p.db");
+  EXPECT_EQ(record.units[0].device, "a device");
+  EXPECT_EQ(record.units[0].device_is_cpu, true);
+  EXPECT_EQ(record.units[0].provenance, std::vector<std::string>{"measured"});
+  EXPECT_EQ(record.units[0].energy_provenance, std::vector<std::string>{"measured"});
+}
+
+}  // namespace
+}  // namespace pirt::test

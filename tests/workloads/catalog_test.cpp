@@ -1,0 +1,256 @@
+// The catalog: names, operations, tensors, and that every verification accepts what is right and
+// refuses what is not.
+#include "workloads/catalog.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "tests/workloads/workload_support.h"
+#include "workloads/base/error.h"
+#include "workloads/registry.h"
+#include "workloads/vision/vision.h"
+
+namespace pirt {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+TEST(Catalog, ListsTableOneThenThePoolsThenTheChain) {
+  EXPECT_THAT(workload_names(),
+              ElementsAre("gaussian_blur", "convolution", "sobel", "undistort", "feature_detect",
+                          "optical_flow", "conv1", "conv2", "conv3", "conv4", "conv5", "fc6", "fc7",
+                          "fc8", "pool1", "pool2", "pool5", "alexnet"));
+  EXPECT_EQ(std::ranges::count_if(catalog(), [](const auto& w) { return w.has_tag("table1"); }),
+            14);
+}
+
+// The paper's Table I by its formulas, e.g. conv2: 2 * 5*5 * 96 * 256 * 27*27 = 895 795 200
+// (printed as 895.5 M, a slip).
+TEST(Catalog, CountsTheOperationsOfTableOneExactly) {
+  const std::map<std::string, std::int64_t> expected = {{"gaussian_blur", 15'360'000},
+                                                        {"convolution", 30'105'600},
+                                                        {"sobel", 74'649'600},
+                                                        {"conv1", 210'830'400},
+                                                        {"conv2", 895'795'200},
+                                                        {"conv3", 299'040'768},
+                                                        {"conv4", 448'561'152},
+                                                        {"conv5", 299'040'768},
+                                                        {"fc6", 75'497'472},
+                                                        {"fc7", 33'554'432},
+                                                        {"fc8", 8'192'000},
+                                                        // The sum of the eight layers above.
+                                                        {"alexnet", 2'270'512'192}};
+  for (const auto& workload : catalog()) {
+    const auto it = expected.find(workload.name);
+    EXPECT_EQ(workload.ops, it == expected.end() ? std::nullopt : std::optional(it->second))
+        << workload.name;
+  }
+}
+
+// blur: two pictures of 307 200 bytes. conv1: 4 * (3*227*227 + 96*3*11*11 + 96 + 96*55*55) = 1 919
+// 484. sobel: 2 073 600 in, 2 bytes each out twice.
+TEST(Catalog, CountsEachTensorsBytesOnce) {
+  EXPECT_EQ(find_workload("gaussian_blur").bytes(), 614'400);
+  EXPECT_EQ(find_workload("sobel").bytes(), 2'073'600 * 5);
+  EXPECT_EQ(find_workload("conv1").bytes(), 4 * (154'587 + 34'848 + 96 + 290'400));
+  EXPECT_EQ(find_workload("pool5").bytes(), 4 * (256 * 13 * 13 + 256 * 6 * 6));
+}
+
+TEST(Catalog, LayersOfTheChainFitTogether) {
+  for (const auto& [from, to] : {std::pair("conv1", "pool1"),
+                                 {"pool1", "conv2"},
+                                 {"conv2", "pool2"},
+                                 {"pool2", "conv3"},
+                                 {"conv3", "conv4"},
+                                 {"conv4", "conv5"},
+                                 {"conv5", "pool5"}}) {
+    EXPECT_EQ(find_workload(from).outputs[0].shape, find_workload(to).inputs[0].shape) << from;
+  }
+  EXPECT_EQ(find_workload("pool5").outputs[0].count(), find_workload("fc6").inputs[0].count());
+  EXPECT_EQ(find_workload("fc6").inputs[0].shape, (std::vector<std::int64_t>{9216}));
+}
+
+TEST(Catalog, UnknownNamesComeWithTheNearest) {
+  EXPECT_EQ(try_find_workload("blur"), nullptr);
+  try {
+    static_cast<void>(find_workload("gausian_blur"));
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kBadInput);
+    EXPECT_THAT(error.what(), HasSubstr("did you mean gaussian_blur"));
+  }
+}
+
+TEST(Registry, ListsTheBackendsAndNamesTheNearest) {
+  std::vector<std::string> names;
+  for (const auto& backend : backends()) names.emplace_back(backend->name());
+  EXPECT_THAT(names, ElementsAre("cpu", "opencl", "fake"));
+  EXPECT_EQ(find_backend("opencl").name(), "opencl");
+  EXPECT_THROW(static_cast<void>(find_backend("openCL2")), Error);
+}
+
+TEST(Verify, ExactNamesTheWorstElement) {
+  std::vector<Tensor> expected, outputs;
+  expected.push_back(test::tensor_of<std::int16_t>({2, 2}, {1, 2, 3, 4}));
+  outputs.push_back(test::tensor_of<std::int16_t>({2, 2}, {1, 0, 9, 4}));
+  const auto verdict = verify_exact(outputs, expected);
+  EXPECT_FALSE(verdict.ok);
+  EXPECT_EQ(verdict.worst_error, 6.0);
+  EXPECT_THAT(verdict.detail, HasSubstr("2 of 4 differ"));
+  EXPECT_THAT(verdict.detail, HasSubstr("at [1,0]: got 9, expected 3"));
+}
+
+// Peak 8, bound 0.125 * 8 = 1: an error of exactly 1 passes, the next larger one does not.
+TEST(Verify, CloseIsRelativeToThePeakAndIncludesTheBound) {
+  std::vector<Tensor> expected, outputs;
+  expected.push_back(test::tensor_of<double>({3}, {1.0, -8.0, 0.0}));
+  outputs.push_back(test::tensor_of<float>({3}, {1.0F, -8.0F, 1.0F}));
+  const auto at_bound = verify_close(0.125)(outputs, expected);
+  EXPECT_TRUE(at_bound.ok);
+  EXPECT_EQ(at_bound.worst_error, 0.125);
+  outputs[0].as<float>()[2] = std::nextafter(1.0F, 2.0F);
+  EXPECT_FALSE(verify_close(0.125)(outputs, expected).ok);
+}
+
+TEST(Verify, WrongShapesTypesAndCountsAreRefused) {
+  std::vector<Tensor> expected, outputs;
+  expected.push_back(test::tensor_of<double>({2}, {1.0, 2.0}));
+  EXPECT_FALSE(verify_close(0.1)(outputs, expected).ok);
+  outputs.push_back(test::tensor_of<float>({1}, {1.0F}));
+  EXPECT_FALSE(verify_close(0.1)(outputs, expected).ok);
+  outputs[0] = test::tensor_of<std::int32_t>({2}, {1, 2});
+  EXPECT_FALSE(verify_close(0.1)(outputs, expected).ok);
+  EXPECT_FALSE(verify_exact(outputs, expected).ok);
+  EXPECT_FALSE(verify_exact(expected, expected).ok) << "f64 is not of integers";
+}
+
+TEST(Verify, NotANumberInTheReferenceIsNeverRight) {
+  std::vector<Tensor> expected, outputs;
+  expected.push_back(test::tensor_of<double>({2}, {1.0, std::nan("")}));
+  outputs.push_back(test::tensor_of<float>({2}, {1.0F, 1.0F}));
+  EXPECT_FALSE(verify_close(0.1)(outputs, expected).ok);
+}
+
+/// Moves the content of a picture (or plane) by one column.
+void shift(Tensor& tensor) {
+  const auto unit = size_bytes(tensor.spec().element);
+  const auto bytes = static_cast<std::size_t>(tensor.spec().size_bytes());
+  std::copy_backward(tensor.data(), tensor.data() + bytes - unit, tensor.data() + bytes);
+}
+
+/// What a wrong backend might return instead of @p right.
+struct Wrong {
+  std::string what;
+  std::vector<Tensor> outputs;
+};
+
+std::vector<Wrong> wrong_outputs(const Workload& workload, const std::vector<Tensor>& expected) {
+  std::vector<Wrong> wrong;
+  wrong.push_back({"all zero", make_tensors(workload.outputs)});
+  for (std::size_t i = 0; i < workload.outputs.size(); ++i) {
+    const auto& spec = workload.outputs[i];
+    if (spec.element == Element::kF32) {
+      for (const float value :
+           {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+        wrong.push_back({"not finite in " + spec.name, test::as_outputs(workload, expected)});
+        wrong.back().outputs[i].as<float>()[0] = value;
+      }
+      // 1 % of the peak at the peak; corner lists move by half a pixel there.
+      wrong.push_back({"one element off in " + spec.name, test::as_outputs(workload, expected)});
+      auto values = wrong.back().outputs[i].as<float>();
+      auto& peak = *std::ranges::max_element(values, {}, [](float v) { return std::abs(v); });
+      peak += std::max(0.01F * std::abs(peak), workload.kernel == "feature_detect" ? 0.5F : 0.0F);
+    } else {
+      wrong.push_back({"one element off in " + spec.name, test::as_outputs(workload, expected)});
+      // The last byte of the little-endian element, so that 500 corners do not become 499 + 2 %.
+      auto* last = wrong.back().outputs[i].data() + spec.size_bytes() - 1;
+      *last ^= std::byte{1};
+    }
+    if (spec.count() > 1) {
+      wrong.push_back({"content moved in " + spec.name, test::as_outputs(workload, expected)});
+      shift(wrong.back().outputs[i]);
+    }
+  }
+  return wrong;
+}
+
+class EveryWorkload : public testing::TestWithParam<std::string> {};
+
+TEST_P(EveryWorkload, AcceptsItsReferenceAndRefusesWhatIsWrong) {
+  const Workload& workload = find_workload(GetParam());
+  const auto images = generated_images(1);
+  const Data data = workload.make_data({.seed = 1, .images = images.get()});
+  ASSERT_EQ(data.inputs.size(), workload.inputs.size());
+  ASSERT_EQ(data.parameters.size(), workload.parameters.size());
+  for (std::size_t i = 0; i < data.inputs.size(); ++i) {
+    EXPECT_EQ(data.inputs[i].spec().element, workload.inputs[i].element);
+    EXPECT_EQ(data.inputs[i].spec().shape, workload.inputs[i].shape);
+  }
+  for (std::size_t i = 0; i < data.parameters.size(); ++i) {
+    EXPECT_EQ(data.parameters[i].spec(), workload.parameters[i]);
+  }
+  const auto expected = workload.reference(data);
+  const auto right = workload.verify(test::as_outputs(workload, expected), expected);
+  EXPECT_TRUE(right.ok) << right.detail;
+  for (const auto& wrong : wrong_outputs(workload, expected)) {
+    const auto verdict = workload.verify(wrong.outputs, expected);
+    EXPECT_FALSE(verdict.ok) << wrong.what << ": " << verdict.detail;
+    EXPECT_FALSE(verdict.detail.empty());
+  }
+  if (!workload.has_tag("image")) return;
+  Data shifted = workload.make_data({.seed = 1, .images = images.get()});
+  for (auto& input : shifted.inputs) shift(input);
+  const auto outputs = test::as_outputs(workload, workload.reference(shifted));
+  EXPECT_FALSE(workload.verify(outputs, expected).ok) << "of a shifted picture";
+}
+
+INSTANTIATE_TEST_SUITE_P(Catalog, EveryWorkload, testing::ValuesIn(workload_names()),
+                         [](const auto& test) { return test.param; });
+
+TEST(Catalog, CornerListsThatCannotBeAreRefused) {
+  const auto workload = vision::make_feature_detect(160, 120);
+  const auto images = generated_images(1);
+  const auto expected = workload.reference(workload.make_data({.seed = 1, .images = images.get()}));
+  const auto count = static_cast<std::size_t>(expected[1].as<std::int32_t>()[0]);
+  ASSERT_GT(count, 5U);
+  ASSERT_LT(count, 400U);
+  const auto refused = [&](auto change) {
+    auto outputs = test::as_outputs(workload, expected);
+    change(outputs[0].template as<float>(), outputs[1].template as<std::int32_t>()[0]);
+    return !workload.verify(outputs, expected).ok;
+  };
+  EXPECT_TRUE(refused([](auto, auto& n) { n = -1; }));
+  EXPECT_TRUE(refused([](auto, auto& n) { n = 501; }));
+  EXPECT_TRUE(refused([](auto, auto& n) { --n; })) << "the row left over is not 0";
+  EXPECT_TRUE(refused([](auto xy, auto&) { xy[2] = xy[0], xy[3] = xy[1]; })) << "twice the same";
+  EXPECT_TRUE(refused([](auto xy, auto&) { xy[0] = 0.0F; })) << "on the border";
+  EXPECT_TRUE(refused([](auto xy, auto&) { xy[0] = 1e9F; })) << "outside";
+  EXPECT_TRUE(refused([&](auto xy, auto&) { xy[2 * count] = 5.0F; })) << "an unused row";
+  EXPECT_TRUE(refused([&](auto xy, auto& n) {  // 5 % dropped from the end
+    const auto dropped = count / 20 + 1;
+    std::ranges::fill(xy.subspan(2 * (count - dropped), 2 * dropped), 0.0F);
+    n -= static_cast<std::int32_t>(dropped);
+  }));
+}
+
+// The order may differ where strengths nearly tie: sets are compared.
+TEST(Catalog, CornerListsMayComeInAnotherOrder) {
+  const auto workload = vision::make_feature_detect(160, 120);
+  const auto images = generated_images(1);
+  const auto expected = workload.reference(workload.make_data({.seed = 1, .images = images.get()}));
+  auto outputs = test::as_outputs(workload, expected);
+  auto xy = outputs[0].as<float>();
+  std::swap_ranges(xy.begin(), xy.begin() + 2, xy.begin() + 2);
+  EXPECT_TRUE(workload.verify(outputs, expected).ok);
+}
+
+}  // namespace
+}  // namespace pirt

@@ -1,0 +1,46 @@
+// What the tests of the OpenCL backend share.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "workloads/backend.h"
+#include "workloads/images.h"
+#include "workloads/opencl/opencl_backend.h"
+
+namespace pirt::test {
+
+inline UnitRequest unit_request(std::string unit = "opencl", std::vector<int> cores = {},
+                                std::string device = {}) {
+  UnitRequest request;
+  request.unit = std::move(unit);
+  request.cores = std::move(cores);
+  request.device = std::move(device);
+  return request;
+}
+
+/// The first OpenCL device with all its cores, or null where there is none.
+inline std::unique_ptr<Device> open_first_device() {
+  const auto backend = make_opencl_backend();
+  return backend->probe().available ? backend->open(unit_request()) : nullptr;
+}
+
+/// Prepares @p workload, runs it @p repeats times on data of seed 1, and compares with its
+/// reference.
+inline Verdict run_and_verify(Device& device, const Workload& workload, int repeats = 1) {
+  const auto images = generated_images(1);
+  const Data data = workload.make_data({.seed = 1, .images = images.get()});
+  std::vector<Tensor> outputs = make_tensors(workload.outputs);
+  const auto kernel = device.prepare(workload, data.parameters);
+  kernel->bind(data.inputs, outputs);
+  kernel->upload();
+  kernel->execute(repeats);
+  kernel->download();
+  return workload.verify(outputs, workload.reference(data));
+}
+
+}  // namespace pirt::test

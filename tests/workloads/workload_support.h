@@ -1,0 +1,51 @@
+// What the tests of references, catalog and the cpu backend share.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <initializer_list>
+#include <vector>
+
+#include "workloads/workload.h"
+
+namespace pirt::test {
+
+/// The reference's outputs in the types that a backend gives: what a perfect backend would return.
+inline std::vector<Tensor> as_outputs(const Workload& workload,
+                                      const std::vector<Tensor>& expected) {
+  std::vector<Tensor> outputs = make_tensors(workload.outputs);
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    if (expected[i].spec().element == Element::kF64) {
+      std::ranges::transform(expected[i].as<double>(), outputs[i].as<float>().begin(),
+                             [](double value) { return static_cast<float>(value); });
+    } else {
+      std::ranges::copy(expected[i].bytes(), outputs[i].data());
+    }
+  }
+  return outputs;
+}
+
+template <typename T>
+Tensor tensor_of(std::vector<std::int64_t> shape, std::initializer_list<T> values) {
+  Tensor tensor({"test", element_of<T>(), std::move(shape)});
+  std::ranges::copy(values, tensor.as<T>().begin());
+  return tensor;
+}
+
+/// A picture of random pixels: harder on borders and rounding than a textured one.
+inline Tensor noise_picture(int width, int height, std::uint64_t seed) {
+  Tensor picture({"image", Element::kU8, {height, width}});
+  auto pixels = picture.as<std::uint8_t>();
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    pixels[i] = static_cast<std::uint8_t>(
+        (seed = seed * 6364136223846793005ULL + 1442695040888963407ULL) >> 56);
+  }
+  return picture;
+}
+
+/// Sizes with borders that overlap (1x1, 7x5), even ones, and odd ones that no vector width
+/// divides.
+inline constexpr std::initializer_list<std::pair<int, int>> kOddSizes = {
+    {1, 1}, {2, 1}, {1, 3}, {7, 5}, {64, 48}, {641, 479}};
+
+}  // namespace pirt::test

@@ -1,0 +1,110 @@
+// A way to compute: backend -> device (one open unit) -> kernel (one workload prepared on that unit).
+//
+// A device answers for itself what it can do and why not. Nothing here reads a clock: who measures wraps the calls. Errors of a
+// backend's library are translated to pirt::Error inside the backend's folder.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "workloads/base/time.h"
+#include "workloads/phase.h"
+#include "workloads/workload.h"
+
+namespace pirt {
+
+struct Support {
+  bool ok = false;
+  std::string reason;  ///< Why not, with the remedy where there is one; empty if ok.
+};
+
+/// A device that a backend found on this machine.
+struct DeviceInfo {
+  std::string name;      ///< "pthread-haswell-AMD EPYC" or the CPU's model name.
+  std::string platform;  ///< "Portable Computing Language", "OpenCV + oneDNN".
+  std::string version;   ///< Driver or library versions.
+  int compute_units = 0;
+  bool is_cpu = false;  ///< The device computes on the host's own cores (PoCL): never to be taken for a GPU.
+};
+
+struct Probe {
+  bool available = false;
+  std::string reason;  ///< Why not and what to install; empty if available.
+  std::vector<DeviceInfo> devices;
+};
+
+/// What a platform says about the unit that a device is opened for.
+struct UnitRequest {
+  std::string unit;         ///< The platform's name of the unit, for messages.
+  std::vector<int> cores;   ///< Host cores that the unit owns; empty = all. Applied as the calling thread's affinity.
+  std::string device;       ///< Part of a device's name or platform to pick by; empty = the first.
+  std::string script;       ///< Backend-specific: the fake backend's script (YAML text).
+};
+
+/// One workload prepared on one unit. Used by one thread at a time.
+class Kernel {
+ public:
+  virtual ~Kernel() = default;
+
+  /// Sets the host tensors that upload() reads and download() writes (host backends compute on them in place).
+  /// They must outlive the kernel's use and have the workload's specs.
+  virtual void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) = 0;
+
+  /// Host to device; complete on return. Nothing to do for a backend without that phase.
+  virtual void upload() {}
+  /// Computes @p repeats times on the resident data, one after the other, and waits once for the last. Returns the time that the
+  /// device's own stamps give for launching (submit to start, summed over the repeats), where it has such stamps.
+  virtual std::optional<Nanos> execute(int repeats) = 0;
+  /// Device to host; complete on return.
+  virtual void download() {}
+};
+
+/// One open unit.
+class Device {
+ public:
+  virtual ~Device() = default;
+  [[nodiscard]] virtual DeviceInfo info() const = 0;
+  /// Builds the kernels, allocates buffers and takes the parameters (weights, maps) to the device. Does not run it: who prepares
+  /// completes one run afterwards, which ends the `prepare` phase.
+  /// @throws Error{kEnvironment} if the device cannot (build failure, out of memory).
+  [[nodiscard]] virtual std::unique_ptr<Kernel> prepare(const Workload& workload,
+                                                        std::span<const Tensor> parameters) = 0;
+  /// The device's own time, for devices that simulate theirs; null = the machine's clock counts.
+  [[nodiscard]] virtual const Clock* own_clock() const { return nullptr; }
+  /// Where figures taken with own_clock() come from.
+  [[nodiscard]] virtual Provenance provenance() const { return Provenance::kMeasured; }
+};
+
+/// Stateless; any thread may call it.
+class Backend {
+ public:
+  virtual ~Backend() = default;
+  [[nodiscard]] virtual std::string_view name() const = 0;
+  [[nodiscard]] virtual std::string_view description() const = 0;
+  /// The phases that its calls have, in order; kCall is always among them.
+  [[nodiscard]] virtual std::vector<Phase> phases() const = 0;
+  [[nodiscard]] virtual Probe probe() const = 0;
+  [[nodiscard]] virtual Support supports(const Workload& workload) const = 0;
+  /// The same for the unit of @p request, for backends where the request decides too; opens nothing.
+  /// @throws Error{kBadInput} if the request itself is malformed.
+  [[nodiscard]] virtual Support supports_on(const UnitRequest& request,
+                                            const Workload& workload) const {
+    static_cast<void>(request);
+    return supports(workload);
+  }
+  /// @throws Error{kEnvironment} with the remedy if there is no such device.
+  [[nodiscard]] virtual std::unique_ptr<Device> open(const UnitRequest& request) const = 0;
+  /// Environment variables that move the backend's kernel caches into @p folder; empty = it keeps none between processes.
+  [[nodiscard]] virtual std::vector<std::pair<std::string, std::string>> kernel_cache_environment(
+      const std::string& folder) const {
+    static_cast<void>(folder);
+    return {};
+  }
+};
+
+}  // namespace pirt

@@ -1,0 +1,16 @@
+// Which of the host's cores a thread runs on.
+#pragma once
+
+#include <span>
+#include <string>
+
+namespace pirt {
+
+/// Binds the calling thread (threads that it starts inherit this) to @p cores; leaves it alone if
+/// they are empty.
+/// @return  Number of cores that the thread may use now.
+/// @throws  Error{kEnvironment} naming @p unit if a core does not exist or may not be used; the
+/// affinity is then as before.
+int bind_to_cores(std::span<const int> cores, const std::string& unit);
+
+}  // namespace pirt

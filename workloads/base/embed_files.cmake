@@ -1,0 +1,13 @@
+# Script behind pirt_embed: NAME, FILES (joined by |) and OUT_DIR are given.
+string(REPLACE "|" ";" FILES "${FILES}")
+set(header "// Generated from the embedded files of ${NAME}; do not edit.\n#pragma once\n\n#include <span>\n\n#include \"workloads/base/embedded.h\"\n\nnamespace pirt::${NAME} {\nstd::span<const EmbeddedFile> files();\n}\n")
+set(source "// Generated from the embedded files of ${NAME}; do not edit.\n#include \"${NAME}.h\"\n\nnamespace pirt::${NAME} {\nnamespace {\nconstexpr EmbeddedFile kFiles[] = {\n")
+foreach(file IN LISTS FILES)
+  file(READ "${file}" text)
+  get_filename_component(base "${file}" NAME)
+  string(APPEND source "    {\"${base}\", R\"pirt_text(${text})pirt_text\"},\n")
+endforeach()
+string(APPEND source "};\n}  // namespace\nstd::span<const EmbeddedFile> files() { return kFiles; }\n}  // namespace pirt::${NAME}\n")
+file(MAKE_DIRECTORY "${OUT_DIR}")
+file(WRITE "${OUT_DIR}/${NAME}.h" "${header}")
+file(WRITE "${OUT_DIR}/${NAME}.cpp" "${source}")

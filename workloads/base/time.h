@@ -1,0 +1,25 @@
+// Time in pirt: int64 nanoseconds everywhere, floating point only when printing.
+#pragma once
+
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+
+namespace pirt {
+
+using Nanos = std::chrono::duration<std::int64_t, std::nano>;
+
+[[nodiscard]] constexpr double to_ms(Nanos t) { return static_cast<double>(t.count()) / 1e6; }
+[[nodiscard]] constexpr double to_us(Nanos t) { return static_cast<double>(t.count()) / 1e3; }
+[[nodiscard]] constexpr double to_s(Nanos t) { return static_cast<double>(t.count()) / 1e9; }
+[[nodiscard]] inline Nanos from_ms(double ms) { return Nanos(std::llround(ms * 1e6)); }
+[[nodiscard]] inline Nanos from_s(double s) { return Nanos(std::llround(s * 1e9)); }
+
+/// A source of time. Measuring code reads one; a device that simulates its own time provides one.
+class Clock {
+ public:
+  virtual ~Clock() = default;
+  [[nodiscard]] virtual Nanos now() const = 0;
+};
+
+}  // namespace pirt

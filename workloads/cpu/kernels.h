@@ -1,0 +1,24 @@
+// The kernel table of the cpu backend: kernel name -> factory. A new kernel is one entry in
+// vision_kernels.cpp or dnn_kernels.cpp.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string_view>
+
+#include "workloads/backend.h"
+
+namespace pirt::cpu {
+
+using KernelFactory = std::unique_ptr<Kernel> (*)(const Workload& workload,
+                                                  std::span<const Tensor> parameters);
+
+struct KernelEntry {
+  std::string_view kernel;  ///< Workload::kernel.
+  KernelFactory make;
+};
+
+[[nodiscard]] std::span<const KernelEntry> vision_kernels();
+[[nodiscard]] std::span<const KernelEntry> dnn_kernels();
+
+}  // namespace pirt::cpu

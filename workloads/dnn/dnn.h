@@ -1,0 +1,72 @@
+// The AlexNet layers of Table I (ungrouped, no local response normalization: the paper's operation counts say so), the pools between them
+// and the whole chain. Batch 1, f32, channel-major.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "workloads/workload.h"
+
+namespace pirt::dnn {
+
+struct ConvShape {
+  int in_c = 1, in_h = 1, in_w = 1;
+  int out_c = 1, k_h = 1, k_w = 1;
+  int stride = 1, pad = 0;
+  [[nodiscard]] int out_h() const { return (in_h + 2 * pad - k_h) / stride + 1; }
+  [[nodiscard]] int out_w() const { return (in_w + 2 * pad - k_w) / stride + 1; }
+};
+
+/// Arithmetic work of one dense (ungrouped) 2-D convolution; bias and ReLU excluded.
+///
+/// @param s  Input [in_c, in_h, in_w], filter [out_c, in_c, k_h, k_w]; all extents >= 1, in pixels.
+/// @return   2 * out_c*out_h*out_w * in_c*k_h*k_w operations (a multiply-add counts 2).
+/// @throws   Error{kBadInput} if the filter exceeds the padded input.
+/// @source   Paper, Table I. Gives CONV2 = 895.8 M where the paper prints 895.5 M; the formula stands.
+[[nodiscard]] std::int64_t conv2d_ops(const ConvShape& s);
+
+/// Kernel "conv2d_relu": input f32 [in_c,in_h,in_w]; parameters weights f32 [out_c,in_c,k_h,k_w], bias f32 [out_c];
+/// output f32 [out_c,out_h,out_w] = max(0, conv + bias).
+struct Conv2dRelu : Operation {
+  ConvShape shape;
+};
+
+/// Kernel "max_pool": input f32 [c,h,w], output f32 [c,out_h,out_w]; windows inside the input only (floor).
+struct MaxPool : Operation {
+  int channels = 1, in_h = 1, in_w = 1;
+  int size = 3, stride = 2;
+  [[nodiscard]] int out_h() const { return (in_h - size) / stride + 1; }
+  [[nodiscard]] int out_w() const { return (in_w - size) / stride + 1; }
+};
+
+enum class Activation : std::uint8_t {
+  kDropout,  ///< Identity at inference. Table I names dropout and no ReLU for FC6 and FC7; that reading is kept.
+  kSoftmax,
+};
+
+/// Kernel "fully_connected": input f32 [in]; parameters weights f32 [out,in], bias f32 [out]; output f32 [out].
+struct FullyConnected : Operation {
+  int in = 1, out = 1;
+  Activation activation = Activation::kDropout;
+};
+
+/// Kernel "sequence": the layers one after the other, the output of one being the input of the next (flattened where the next is fully
+/// connected). Parameters are those of the layers in order, named "<layer>.weights" and "<layer>.bias".
+struct Sequence : Operation {
+  std::vector<Workload> layers;
+};
+
+[[nodiscard]] Workload make_conv2d_relu(std::string name, const ConvShape& shape);
+[[nodiscard]] Workload make_max_pool(std::string name, int channels, int in_h, int in_w, int size,
+                                     int stride);
+[[nodiscard]] Workload make_fully_connected(std::string name, int in, int out,
+                                            Activation activation);
+/// AlexNet's five convolutions with pool1, pool2, pool5 and the three fully connected layers: f32 [3,227,227] to 1000 probabilities.
+[[nodiscard]] Workload make_alexnet();
+
+/// conv1..5, fc6..8 at the paper's sizes.
+[[nodiscard]] std::vector<Workload> table1();
+/// pool1, pool2, pool5.
+[[nodiscard]] std::vector<Workload> pools();
+
+}  // namespace pirt::dnn

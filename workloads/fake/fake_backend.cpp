@@ -1,0 +1,239 @@
+#include "workloads/fake/fake_backend.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include "workloads/base/error.h"
+#include "workloads/base/random.h"
+#include "workloads/fake/fake_script.h"
+#include "workloads/tensor_file.h"
+
+namespace pirt {
+namespace {
+
+constexpr const char* kCacheVariable = "PIRT_FAKE_KERNEL_CACHE";
+
+class SimulatedClock : public Clock {
+ public:
+  [[nodiscard]] Nanos now() const override { return now_; }
+  void advance(Nanos by) { now_ += by; }
+
+ private:
+  Nanos now_{0};
+};
+
+Nanos draw(const fake::ScriptedStage& stage, Random& random) {
+  const auto width = static_cast<std::uint64_t>((stage.high - stage.low).count());
+  return width == 0 ? stage.low
+                    : stage.low + Nanos(static_cast<std::int64_t>(random.below(width + 1)));
+}
+
+/// A reference tensor in the element type of the output: references give floating point as f64.
+void copy_converted(const Tensor& from, Tensor& to) {
+  if (from.spec().element == to.spec().element) {
+    std::memcpy(to.data(), from.data(), from.bytes().size());
+    return;
+  }
+  assert(from.spec().element == Element::kF64 && to.spec().element == Element::kF32);
+  std::ranges::transform(from.as<double>(), to.as<float>().begin(),
+                         [](double value) { return static_cast<float>(value); });
+}
+
+void spoil_first_element(Tensor& tensor) {
+  if (tensor.count() == 0) return;
+  switch (tensor.spec().element) {
+    case Element::kU8:
+      tensor.as<std::uint8_t>()[0] ^= 1U;
+      break;
+    case Element::kI16:
+      tensor.as<std::int16_t>()[0] ^= 1;
+      break;
+    case Element::kI32:
+      tensor.as<std::int32_t>()[0] ^= 1;
+      break;
+    case Element::kF32:
+      tensor.as<float>()[0] += 1.0F;
+      break;
+    case Element::kF64:
+      tensor.as<double>()[0] += 1.0;
+      break;
+  }
+}
+
+class FakeKernel : public Kernel {
+ public:
+  FakeKernel(const fake::Script& script, const Workload& workload,
+             std::span<const Tensor> parameters, SimulatedClock& clock)
+      : script_(script),
+        workload_(workload),
+        clock_(clock),
+        random_(derive_seed(script.seed, workload.name)) {
+    for (const Tensor& tensor : parameters) data_.parameters.push_back(copy(tensor));
+  }
+
+  void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
+    data_.inputs.clear();
+    for (const Tensor& tensor : inputs) data_.inputs.push_back(copy(tensor));
+    outputs_ = outputs;
+    expected_.clear();
+  }
+
+  void upload() override { advance(Phase::kUpload); }
+
+  std::optional<Nanos> execute(int repeats) override {
+    const std::string& name = workload_.name;
+    if (script_.crash.contains(name)) std::abort();
+    while (script_.hang.contains(name)) ::pause();
+    if (script_.fail_execute.contains(name)) {
+      throw_environment(fmt::format("{}: execution fails as its script says", name));
+    }
+    Nanos launch{0};
+    for (int i = 0; i < repeats; ++i) {
+      launch += advance(Phase::kLaunch);
+      advance_execute();
+      ++calls_;
+    }
+    return launch.count() == 0 ? std::nullopt : std::optional(launch);
+  }
+
+  void download() override {
+    advance(Phase::kDownload);
+    if (expected_.empty()) expected_ = reference();
+    for (std::size_t i = 0; i < outputs_.size(); ++i) {
+      copy_converted(expected_[i], outputs_[i]);
+      if (is_wrong()) spoil_first_element(outputs_[i]);
+      if (script_.nan_output.contains(workload_.name)) {
+        std::memset(outputs_[i].data(), 0xFF, outputs_[i].bytes().size());  // a NaN in f32 and f64
+      }
+    }
+  }
+
+ private:
+  static Tensor copy(const Tensor& tensor) {
+    Tensor result(tensor.spec());
+    copy_converted(tensor, result);
+    return result;
+  }
+
+  Nanos advance(Phase phase) {
+    Nanos total{0};
+    for (const auto& stage : script_.stages_of(workload_.name)) {
+      if (stage.phase == phase) total += draw(stage, random_);
+    }
+    clock_.advance(total);
+    return total;
+  }
+
+  void advance_execute() {
+    const auto samples = script_.samples.find(workload_.name);
+    if (samples == script_.samples.end()) {
+      advance(Phase::kExecute);
+    } else {
+      clock_.advance(samples->second[static_cast<std::size_t>(calls_) % samples->second.size()]);
+    }
+  }
+
+  [[nodiscard]] bool is_wrong() const {
+    if (script_.wrong_output.contains(workload_.name)) return true;
+    const auto after = script_.wrong_output_after.find(workload_.name);
+    return after != script_.wrong_output_after.end() && calls_ > after->second;
+  }
+
+  [[nodiscard]] std::vector<Tensor> reference() const {
+    if (!script_.reference_folder.empty()) {
+      const auto path =
+          std::filesystem::path(script_.reference_folder) / (workload_.name + ".reference");
+      if (std::filesystem::exists(path)) return read_tensors(path, reference_specs(workload_));
+    }
+    return workload_.reference(data_);
+  }
+
+  const fake::Script& script_;
+  Workload workload_;  ///< A copy, since prepare() does not say that its argument lives on.
+  SimulatedClock& clock_;
+  Random random_;
+  Data data_;
+  std::span<Tensor> outputs_;
+  std::vector<Tensor> expected_;  ///< Computed at the first download after bind().
+  std::int64_t calls_ = 0;
+};
+
+class FakeDevice : public Device {
+ public:
+  explicit FakeDevice(fake::Script script) : script_(std::move(script)) {
+    clock_.advance(script_.device_init);
+  }
+
+  [[nodiscard]] DeviceInfo info() const override {
+    return {script_.device, "pirt fake", "1", 1, false};
+  }
+
+  [[nodiscard]] std::unique_ptr<Kernel> prepare(const Workload& workload,
+                                                std::span<const Tensor> parameters) override {
+    if (script_.fail_prepare.contains(workload.name)) {
+      throw_environment(fmt::format("{}: preparation fails as its script says", workload.name));
+    }
+    clock_.advance(is_cached(workload.name) ? script_.prepare_warm : script_.prepare_cold);
+    return std::make_unique<FakeKernel>(script_, workload, parameters, clock_);
+  }
+
+  [[nodiscard]] const Clock* own_clock() const override { return &clock_; }
+  [[nodiscard]] Provenance provenance() const override { return Provenance::kModelled; }
+
+ private:
+  /// Whether the kernel was in the cache; it is from now on, if there is one.
+  static bool is_cached(const std::string& workload) {
+    const char* folder = std::getenv(kCacheVariable);
+    if (folder == nullptr || *folder == '\0') return false;
+    const auto path = std::filesystem::path(folder) / (workload + ".kernel");
+    const bool cached = std::filesystem::exists(path);
+    if (!cached) std::ofstream(path).flush();
+    return cached;
+  }
+
+  fake::Script script_;
+  SimulatedClock clock_;
+};
+
+class FakeBackend : public Backend {
+ public:
+  [[nodiscard]] std::string_view name() const override { return "fake"; }
+  [[nodiscard]] std::string_view description() const override {
+    return "scripted times on a simulated clock, for tests and what-if; computes nothing";
+  }
+  [[nodiscard]] std::vector<Phase> phases() const override {
+    return {kAllPhases.begin(), kAllPhases.end()};
+  }
+  [[nodiscard]] Probe probe() const override {
+    return {true, "", {{fake::Script().device, "pirt fake", "1", 1, false}}};
+  }
+  [[nodiscard]] Support supports(const Workload&) const override { return {true, ""}; }
+  [[nodiscard]] Support supports_on(const UnitRequest& request,
+                                    const Workload& workload) const override {
+    if (!fake::parse_script(request.script).unsupported.contains(workload.name)) return {true, ""};
+    return {false, "excluded by the unit's script"};
+  }
+  [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest& request) const override {
+    auto script = fake::parse_script(request.script);
+    if (script.fail_open) throw_environment(*script.fail_open);
+    return std::make_unique<FakeDevice>(std::move(script));
+  }
+  [[nodiscard]] std::vector<std::pair<std::string, std::string>> kernel_cache_environment(
+      const std::string& folder) const override {
+    return {{kCacheVariable, folder}};
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<const Backend> make_fake_backend() { return std::make_unique<FakeBackend>(); }
+
+}  // namespace pirt

@@ -1,0 +1,64 @@
+// What a fake unit does: durations by phase, jitter, failures. Read from YAML text; an unknown key
+// is an error.
+//
+//   device: fake gpu                       name that it reports
+//   device_init_ms: 1.0
+//   prepare_ms: {cold: 10, warm: 2}        or one number for both
+//   stages: {sobel: [{name: upload, ms: 0.1}, {name: execute, ms: {uniform: [1, 2]}}]}
+//   samples_ms: {sobel: [1.0, 1.1]}        execute times, one a call, over again; replaces the
+//   execute stage seed: 1                                of the uniform draws unsupported: [fc6]
+//   wrong_output: [conv1]                  first element of every output off by one
+//   wrong_output_after: {conv1: 30}        right for that many calls, wrong from then on
+//   nan_output: [conv2]                    NaN (floating point) or all bits set (integers)
+//   fail_open: some message                open() throws
+//   fail_prepare: [conv3]                  prepare() throws
+//   fail_execute: [conv4]                  execute() throws
+//   crash: [conv5]                         execute() aborts the process
+//   hang: [fc8]                            execute() never returns
+//   reference_folder: /tmp/x               where <workload>.reference may lie; otherwise the
+//   reference is computed
+//
+// A workload without stages takes 0.1 ms upload, 0.01 ms launch, 1 ms execute, 0.1 ms download. One
+// with stages lacks the phases that are not among them.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "workloads/base/time.h"
+#include "workloads/phase.h"
+
+namespace pirt::fake {
+
+struct ScriptedStage {
+  Phase phase = Phase::kExecute;  ///< kUpload, kLaunch, kExecute or kDownload.
+  Nanos low{0};
+  Nanos high{0};  ///< Equal to low, or the upper end of a uniform draw (inclusive).
+};
+
+struct Script {
+  std::string device = "fake device";
+  Nanos device_init = from_ms(1);
+  Nanos prepare_cold = from_ms(10);
+  Nanos prepare_warm = from_ms(2);
+  std::map<std::string, std::vector<ScriptedStage>> stages;
+  std::map<std::string, std::vector<Nanos>> samples;
+  std::uint64_t seed = 1;
+  std::set<std::string> unsupported, wrong_output, nan_output;
+  std::set<std::string> fail_prepare, fail_execute, crash, hang;
+  std::map<std::string, std::int64_t> wrong_output_after;
+  std::optional<std::string> fail_open;
+  std::string reference_folder;
+
+  [[nodiscard]] const std::vector<ScriptedStage>& stages_of(const std::string& workload) const;
+};
+
+/// @throws Error{kBadInput} "fake script:LINE: ..." for broken syntax, an unknown key (with the
+/// nearest ones), a wrong type, or a duration
+///         that is negative, not finite or longer than a day.
+[[nodiscard]] Script parse_script(const std::string& text);
+
+}  // namespace pirt::fake

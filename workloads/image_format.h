@@ -1,0 +1,30 @@
+// Whether bytes are a whole PNG or JPEG file, found out before a decoder sees them: decoders fill
+// in what is missing without an error and allocate whatever size a header names.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace pirt {
+
+enum class ImageFormat : std::uint8_t { kPng, kJpeg };
+
+struct ImageHeader {
+  ImageFormat format = ImageFormat::kPng;
+  std::int64_t width = 0;   ///< Pixels.
+  std::int64_t height = 0;  ///< Pixels.
+};
+
+struct ImageCheck {
+  std::optional<ImageHeader> header;  ///< Present if the file is whole.
+  std::string problem;  ///< Otherwise what is wrong, e.g. "it ends within its pixel data".
+};
+
+/// Walks the file's structure: PNG chunks with their checksums from IHDR to IEND; JPEG segments
+/// from SOI to EOI. Does not decode pixels.
+/// @source  PNG (Third Edition), W3C 2025, sections 5 and D; ITU-T T.81, annex B.
+[[nodiscard]] ImageCheck check_image(std::string_view bytes);
+
+}  // namespace pirt

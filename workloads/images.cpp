@@ -1,0 +1,283 @@
+// The user's own pictures: found, checked and decoded before anything is measured. OpenCV decodes
+// and scales; nothing is computed with it.
+#include "workloads/images.h"
+
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <system_error>
+#include <utility>
+
+#include "workloads/base/error.h"
+#include "workloads/base/random.h"
+#include "workloads/base/text.h"
+#include "workloads/image_format.h"
+
+namespace pirt {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// More than any camera of a robot has; a header that asks for more is taken for damage before
+/// memory is.
+constexpr std::int64_t kMaxPixels = 100'000'000;
+constexpr std::uintmax_t kMaxFileBytes = std::uintmax_t{1} << 30;
+constexpr std::string_view kRemedy =
+    "; replace the file by a whole PNG or JPEG picture, or take it away";
+
+[[noreturn]] void throw_unusable(const fs::path& file, const std::string& why) {
+  throw_bad_input("cannot use the picture '" + file.string() + "': " + why + std::string(kRemedy));
+}
+
+/// Takes what is written to the standard error stream while it lives: libjpeg and libpng warn there
+/// and nowhere else, and OpenCV gives no way to set their handlers. The process's other threads
+/// must be quiet meanwhile, as they are before measuring.
+class StderrCapture {
+ public:
+  StderrCapture() : saved_(dup(STDERR_FILENO)), memory_(memfd_create("stderr", MFD_CLOEXEC)) {
+    std::fflush(stderr);
+    if (saved_ >= 0 && memory_ >= 0) dup2(memory_, STDERR_FILENO);
+  }
+  StderrCapture(const StderrCapture&) = delete;
+  StderrCapture& operator=(const StderrCapture&) = delete;
+  ~StderrCapture() {
+    std::fflush(stderr);
+    if (saved_ >= 0) dup2(saved_, STDERR_FILENO);
+    if (saved_ >= 0) close(saved_);
+    if (memory_ >= 0) close(memory_);
+  }
+
+  [[nodiscard]] std::string text() const {
+    std::fflush(stderr);
+    std::array<char, 4096> buffer{};
+    const auto size = pread(memory_, buffer.data(), buffer.size(), 0);
+    return size > 0 ? std::string(buffer.data(), static_cast<std::size_t>(size)) : "";
+  }
+
+ private:
+  int saved_;
+  int memory_;
+};
+
+/// The file's bytes. @throws Error{kBadInput} naming the file.
+std::string read_bytes(const fs::path& file) {
+  std::error_code failed;
+  const auto size = fs::file_size(file, failed);
+  if (failed) throw_unusable(file, failed.message());
+  if (size > kMaxFileBytes) throw_unusable(file, fmt::format("it has {} bytes", size));
+  return read_file(file);
+}
+
+/// B, G, R, 8 bits. Palettes, grey, 16 bits, alpha (dropped) and the EXIF orientation are OpenCV's
+/// work.
+cv::Mat decode(const fs::path& file, const std::string& bytes) {
+  const auto check = check_image(bytes);
+  if (!check.header) throw_unusable(file, check.problem);
+  const auto& header = *check.header;
+  if (header.width > kMaxPixels || header.height > kMaxPixels ||
+      header.width * header.height > kMaxPixels) {
+    throw_unusable(file, fmt::format("{}x{} pixels are too many (the limit is {})", header.width,
+                                     header.height, kMaxPixels));
+  }
+  cv::Mat picture;
+  std::string warnings;
+  try {
+    const StderrCapture capture;
+    // OpenCV has no view of constant memory; imdecode only reads.
+    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
+                          const_cast<char*>(bytes.data()));
+    picture = cv::imdecode(encoded, cv::IMREAD_COLOR);
+    warnings = capture.text();
+  } catch (const cv::Exception& error) {
+    throw_unusable(file, "it does not decode: " + error.err);
+  }
+  // libjpeg's words for damage that it has painted over (jerror.h); its other warnings are
+  // harmless.
+  for (const std::string_view damage : {"Corrupt JPEG data", "Premature end of"}) {
+    if (warnings.find(damage) != std::string::npos) {
+      throw_unusable(file, "it is corrupt: " + warnings.substr(0, warnings.find('\n')));
+    }
+  }
+  if (picture.empty()) throw_unusable(file, "it is corrupt: its pixels do not decode");
+  return picture;
+}
+
+struct Fitted {
+  cv::Mat pixels;
+  std::vector<std::string> notes;
+};
+
+/// Scaled to cover @p width x @p height, keeping the aspect, and centre-cropped; cropped first,
+/// which is the same picture with less work.
+Fitted fit(const cv::Mat& picture, int width, int height) {
+  const double scale = std::max(static_cast<double>(width) / picture.cols,
+                                static_cast<double>(height) / picture.rows);
+  const auto part = [scale](int wished, int have) {
+    return std::clamp(static_cast<int>(std::lround(wished / scale)), 1, have);
+  };
+  const cv::Size kept(part(width, picture.cols), part(height, picture.rows));
+  const cv::Rect centre({(picture.cols - kept.width) / 2, (picture.rows - kept.height) / 2}, kept);
+  Fitted fitted{picture(centre), {}};
+  if (kept != cv::Size(width, height)) {
+    cv::Mat resized;
+    cv::resize(fitted.pixels, resized, {width, height}, 0, 0,
+               scale < 1.0 ? cv::INTER_AREA : cv::INTER_LINEAR);
+    fitted.pixels = resized;
+    fitted.notes.emplace_back("input_resized");
+  }
+  if (kept != picture.size()) fitted.notes.emplace_back("input_cropped");
+  return fitted;
+}
+
+Picture gray_picture(const cv::Mat& picture, int width, int height) {
+  auto fitted = fit(picture, width, height);
+  Picture result{Tensor({"image", Element::kU8, {height, width}}), std::move(fitted.notes)};
+  cv::Mat target(height, width, CV_8U, result.pixels.data());
+  cv::cvtColor(fitted.pixels, target, cv::COLOR_BGR2GRAY);
+  return result;
+}
+
+Picture rgb_picture(const cv::Mat& picture, int width, int height) {
+  auto fitted = fit(picture, width, height);
+  Picture result{Tensor({"image", Element::kU8, {3, height, width}}), std::move(fitted.notes)};
+  for (int channel = 0; channel < 3; ++channel) {
+    auto* plane = result.pixels.data() + std::ptrdiff_t{channel} * height * width;
+    cv::Mat target(height, width, CV_8U, plane);
+    cv::extractChannel(fitted.pixels, target, 2 - channel);
+  }
+  return result;
+}
+
+std::uint64_t hash_bytes(std::string_view bytes) {
+  std::uint64_t hash = bytes.size();
+  for (std::size_t i = 0; i < bytes.size(); i += sizeof(std::uint64_t)) {
+    std::uint64_t word = 0;
+    std::memcpy(&word, &bytes[i], std::min(sizeof word, bytes.size() - i));
+    hash = hash_u64(hash, word);
+  }
+  return hash;
+}
+
+bool has_image_extension(const fs::path& file) {
+  std::string extension = file.extension().string();
+  std::ranges::transform(extension, extension.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
+}
+
+/// The pictures of a folder in name order. Hidden files (macOS leaves "._x.jpg") and folders are no
+/// pictures.
+std::vector<fs::path> pictures_of(const fs::path& folder) {
+  std::error_code failed;
+  fs::directory_iterator entries(folder, failed);
+  if (failed) {
+    throw_bad_input("cannot read the folder '" + folder.string() + "': " + failed.message());
+  }
+  std::vector<fs::path> files;
+  for (const auto& entry : entries) {
+    const auto& path = entry.path();
+    if (path.filename().string().starts_with('.') || !has_image_extension(path)) continue;
+    if (!entry.is_directory(failed)) files.push_back(path);
+  }
+  std::ranges::sort(files);
+  if (files.empty()) {
+    throw_bad_input("there are no PNG or JPEG files in '" + folder.string() +
+                    "'; name a folder that has some, or one file");
+  }
+  return files;
+}
+
+/// Keeps the paths and hashes, not the pixels: a folder may be larger than memory.
+class FileImages : public ImageSource {
+ public:
+  explicit FileImages(const fs::path& path) : path_(path) {
+    std::error_code failed;
+    const auto status = fs::status(path, failed);
+    if (!fs::exists(status)) {
+      throw_bad_input("cannot use '" + path.string() +
+                      "' as pictures: " + (failed ? failed.message() : "no such file or folder"));
+    }
+    const auto files = fs::is_directory(status) ? pictures_of(path) : std::vector{path};
+    for (const auto& file : files) {
+      if (!fs::is_regular_file(file, failed)) throw_unusable(file, "it is not a regular file");
+      const std::string bytes = read_bytes(file);
+      static_cast<void>(decode(file, bytes));
+      files_.push_back({file, hash_bytes(bytes)});
+    }
+  }
+
+  Picture gray(int index, int width, int height) const override {
+    return gray_picture(load(index, files_.size()), width, height);
+  }
+
+  Picture rgb(int index, int width, int height) const override {
+    return rgb_picture(load(index, files_.size()), width, height);
+  }
+
+  std::pair<Picture, Picture> gray_pair(int index, int width, int height) const override {
+    // With n files there are n - 1 pairs: the first file does not follow the last.
+    if (files_.size() > 1) {
+      const std::size_t pairs = files_.size() - 1;
+      const int first = static_cast<int>(static_cast<std::size_t>(index) % pairs);
+      return {gray(first, width, height), gray(first + 1, width, height)};
+    }
+    Picture previous = gray(index, width, height);
+    Picture next{Tensor(previous.pixels.spec()), previous.notes};
+    const auto from = previous.pixels.as<std::uint8_t>();
+    const auto to = next.pixels.as<std::uint8_t>();
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      to[i] = from[i % static_cast<std::size_t>(width) == 0 ? i : i - 1];
+    }
+    return {std::move(previous), std::move(next)};
+  }
+
+  std::string describe() const override {
+    return fs::is_directory(path_) ? fmt::format("{} images of {}", files_.size(), path_.string())
+                                   : "image " + path_.string();
+  }
+
+  std::uint64_t content_hash() const override {
+    std::uint64_t hash = files_.size();
+    for (const auto& file : files_) hash = hash_u64(hash, file.hash);
+    return hash;
+  }
+
+ private:
+  struct File {
+    fs::path path;
+    std::uint64_t hash;  ///< Of its bytes.
+  };
+
+  cv::Mat load(int index, std::size_t count) const {
+    const File& file = files_[static_cast<std::size_t>(index) % count];
+    const std::string bytes = read_bytes(file.path);
+    if (hash_bytes(bytes) != file.hash) throw_unusable(file.path, "it changed while in use");
+    return decode(file.path, bytes);
+  }
+
+  fs::path path_;
+  std::vector<File> files_;
+};
+
+}  // namespace
+
+int picture_index(std::uint64_t seed) {
+  constexpr std::uint64_t kPictures = std::numeric_limits<int>::max();
+  return static_cast<int>((seed + kPictures - 1) % kPictures);
+}
+
+std::unique_ptr<ImageSource> images_from(const fs::path& path) {
+  return std::make_unique<FileImages>(path);
+}
+
+}  // namespace pirt

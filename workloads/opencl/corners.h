@@ -1,0 +1,26 @@
+// The host's part of feature_detect: from candidates to the final corner list.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "workloads/vision/vision.h"
+
+namespace pirt::opencl {
+
+struct Corner {
+  int x = 0;
+  int y = 0;
+  friend bool operator==(const Corner&, const Corner&) = default;
+};
+
+/// Strongest first (ties: the later pixel first, as OpenCV sorts), each at least
+/// FeatureDetect::kMinDistance from every one accepted before, at most FeatureDetect::kMaxCorners.
+///
+/// @param candidates  Bits of the response (f32, not negative) << 32 | y * width + x, in any order:
+/// as integers they
+///                    order as the rule wants. Sorted in place.
+[[nodiscard]] std::vector<Corner> select_corners(std::vector<std::uint64_t>& candidates,
+                                                 const vision::FeatureDetect& operation);
+
+}  // namespace pirt::opencl

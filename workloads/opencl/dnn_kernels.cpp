@@ -1,0 +1,112 @@
+// AlexNet's layers and the chain of them: weights, arguments and extents of the kernels in dnn.cl.
+#include <algorithm>
+#include <cassert>
+#include <vector>
+
+#include "workloads/dnn/dnn.h"
+#include "workloads/opencl/kernel_table.h"
+
+namespace pirt::opencl {
+namespace {
+
+constexpr std::string_view kSource = "dnn.cl";
+constexpr int kChannelsPerItem = 16;  // CHANNELS of dnn.cl.
+constexpr int kPixelsPerItem = 6;     // PIXELS of dnn.cl.
+constexpr int kRowsPerItem = 4;       // Of fully_connected.
+
+int blocks(int count, int size) { return (count + size - 1) / size; }
+
+/// [out_c, ...] -> [blocks of 16 channels, ..., 16], so that a vector load takes 16 channels of one
+/// tap; the last block's missing channels are 0. Also for a bias, where ... is empty.
+std::vector<float> interleave_channels(std::span<const float> weights, int out_c) {
+  const auto channels = static_cast<std::size_t>(out_c);
+  const std::size_t taps = weights.size() / channels;
+  constexpr std::size_t kBlock = kChannelsPerItem;
+  std::vector<float> packed(static_cast<std::size_t>(blocks(out_c, kBlock)) * taps * kBlock);
+  for (std::size_t c = 0; c < channels; ++c) {
+    float* to = packed.data() + c / kBlock * taps * kBlock + c % kBlock;
+    for (std::size_t t = 0; t < taps; ++t) to[t * kBlock] = weights[c * taps + t];
+  }
+  return packed;
+}
+
+}  // namespace
+
+int conv2d_relu_pad(const Workload& workload) {
+  return operation_as<dnn::Conv2dRelu>(workload).shape.pad;
+}
+
+void append_conv2d_relu(PlanBuilder& builder, const Workload& workload,
+                        std::span<const Tensor> parameters, std::span<const Resident> inputs,
+                        std::span<const Resident> outputs) {
+  const dnn::ConvShape& s = operation_as<dnn::Conv2dRelu>(workload).shape;
+  const auto weights = interleave_channels(parameters[0].as<float>(), s.out_c);
+  const auto bias = interleave_channels(parameters[1].as<float>(), s.out_c);
+  const Resident& in = inputs[0];
+  const Resident& out = outputs[0];
+  builder.step(kSource, "conv2d_relu",
+               {blocks(s.out_h() * s.out_w(), kPixelsPerItem), blocks(s.out_c, kChannelsPerItem)},
+               in, builder.constant(std::as_bytes(std::span(weights))),
+               builder.constant(std::as_bytes(std::span(bias))), out, s.in_c, in.plane(),
+               in.pitch(), s.k_h, s.k_w, s.stride, s.out_c, s.out_h(), s.out_w(), out.plane(),
+               out.pitch(), out.offset());
+}
+
+void append_max_pool(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
+                     std::span<const Resident> inputs, std::span<const Resident> outputs) {
+  const auto& op = operation_as<dnn::MaxPool>(workload);
+  const Resident& out = outputs[0];
+  builder.step(kSource, "max_pool", {op.out_w(), std::int64_t{op.channels} * op.out_h()}, inputs[0],
+               out, op.in_h, op.in_w, op.size, op.stride, op.out_h(), op.out_w(), out.plane(),
+               out.pitch(), out.offset());
+}
+
+void append_fully_connected(PlanBuilder& builder, const Workload& workload,
+                            std::span<const Tensor> parameters, std::span<const Resident> inputs,
+                            std::span<const Resident> outputs) {
+  const auto& op = operation_as<dnn::FullyConnected>(workload);
+  builder.step(kSource, "fully_connected", {blocks(op.out, kRowsPerItem), 1}, inputs[0],
+               builder.constant(parameters[0].bytes()), builder.constant(parameters[1].bytes()),
+               outputs[0], op.in, op.out);
+  if (op.activation == dnn::Activation::kSoftmax) {
+    // One work group: the extent is rounded up to it.
+    builder.step(kSource, "softmax", {1, 1}, outputs[0], op.out);
+  }
+}
+
+namespace {
+
+int first_input_pad(const Workload& layer) {
+  const KernelEntry* entry = find_kernel(layer.kernel);
+  assert(entry != nullptr);
+  return entry->input_pad != nullptr ? entry->input_pad(layer) : 0;
+}
+
+}  // namespace
+
+int sequence_pad(const Workload& workload) {
+  return first_input_pad(operation_as<dnn::Sequence>(workload).layers.front());
+}
+
+void append_sequence(PlanBuilder& builder, const Workload& workload,
+                     std::span<const Tensor> parameters, std::span<const Resident> inputs,
+                     std::span<const Resident> outputs) {
+  const auto& layers = operation_as<dnn::Sequence>(workload).layers;
+  Resident previous = inputs[0];
+  for (std::size_t i = 0; i < layers.size(); ++i) {
+    const Workload& layer = layers[i];
+    // Each layer writes straight into the border that the next one wants.
+    const bool last = i + 1 == layers.size();
+    const Resident next =
+        last ? outputs[0] : builder.resident(layer.outputs[0], first_input_pad(layers[i + 1]));
+    find_kernel(layer.kernel)
+        ->append(builder, layer, parameters.first(layer.parameters.size()), std::span(&previous, 1),
+                 std::span(&next, 1));
+    parameters = parameters.subspan(layer.parameters.size());
+    previous = next;
+    if (!last)
+      previous.spec = layers[i + 1].inputs[0];  // Flattened where the next is fully connected.
+  }
+}
+
+}  // namespace pirt::opencl

@@ -1,0 +1,109 @@
+// feature_detect: responses, threshold and local maxima on the device; sorting and the distance
+// rule, which are sequential, on the host within execute(). The result lies on the host, as the
+// workload has it.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "workloads/opencl/corners.h"
+#include "workloads/opencl/kernel_table.h"
+#include "workloads/opencl/plan_kernel.h"
+
+namespace pirt::opencl {
+namespace {
+
+/// Buffers that the host part resets and reads.
+struct CandidateBuffers {
+  cl::Buffer state;       ///< u32: bits of the peak response, number of candidates.
+  cl::Buffer candidates;  ///< u64, see select_corners; room for each pixel.
+};
+
+class FeatureDetectKernel final : public PlanKernel {
+ public:
+  FeatureDetectKernel(Session session, const Workload& workload, Plan plan,
+                      CandidateBuffers buffers)
+      : PlanKernel(std::move(session), workload.name, std::move(plan)),
+        operation_(operation_as<vision::FeatureDetect>(workload)),
+        buffers_(std::move(buffers)) {}
+
+  std::optional<Nanos> execute(int repeats) override {
+    return translated(fmt::format("executing {}", workload()), [&] {
+      LaunchTimes times;
+      for (int i = 0; i < repeats; ++i) {
+        find_candidates(times);
+        corners_ = select_corners(found_, operation_);
+      }
+      return times.finish();
+    });
+  }
+
+  /// Hands over what execute() left on the host.
+  void download() override {
+    if (host_outputs().empty()) return;
+    const auto points = host_outputs()[0].as<float>();
+    std::ranges::fill(points, 0.0F);
+    for (std::size_t i = 0; i < corners_.size(); ++i) {
+      points[2 * i] = static_cast<float>(corners_[i].x);
+      points[2 * i + 1] = static_cast<float>(corners_[i].y);
+    }
+    host_outputs()[1].as<std::int32_t>()[0] = static_cast<std::int32_t>(corners_.size());
+  }
+
+ private:
+  /// Fills found_ with the device's candidates.
+  void find_candidates(LaunchTimes& times) {
+    const cl::CommandQueue& queue = session().queue;
+    std::array<cl_uint, 2> state{};
+    cl::Event reset;
+    queue.enqueueFillBuffer(buffers_.state, cl_uint{0}, 0, sizeof(state), nullptr, &reset);
+    times.add(std::move(reset));
+    enqueue(session(), plan(), times);
+    cl::Event count_read;
+    queue.enqueueReadBuffer(buffers_.state, CL_TRUE, 0, sizeof(state), state.data(), nullptr,
+                            &count_read);
+    times.add(std::move(count_read));
+    found_.resize(state[1]);
+    if (found_.empty()) return;
+    cl::Event candidates_read;
+    queue.enqueueReadBuffer(buffers_.candidates, CL_TRUE, 0, found_.size() * sizeof(found_[0]),
+                            found_.data(), nullptr, &candidates_read);
+    times.add(std::move(candidates_read));
+  }
+
+  vision::FeatureDetect operation_;
+  CandidateBuffers buffers_;
+  std::vector<std::uint64_t> found_;
+  std::vector<Corner> corners_;
+};
+
+}  // namespace
+
+std::unique_ptr<Kernel> make_feature_detect(const Session& session, const Workload& workload,
+                                            std::span<const Tensor> /*parameters*/) {
+  using vision::FeatureDetect;
+  static_assert(FeatureDetect::kBlock == 3, "features.cl sums 3x3 blocks");
+  const auto& op = operation_as<FeatureDetect>(workload);
+  const std::int64_t pixels = std::int64_t{op.width} * op.height;
+  PlanBuilder builder(session);
+  const Resident image = builder.resident(workload.inputs[0]);
+  const cl::Buffer gx = builder.scratch(pixels * std::int64_t{sizeof(cl_short)});
+  const cl::Buffer gy = builder.scratch(pixels * std::int64_t{sizeof(cl_short)});
+  const cl::Buffer response = builder.scratch(pixels * std::int64_t{sizeof(cl_float)});
+  const CandidateBuffers buffers{
+      .state = builder.scratch(2 * std::int64_t{sizeof(cl_uint)}),
+      .candidates = builder.scratch(pixels * std::int64_t{sizeof(cl_ulong)})};
+  const auto segments = [&op](int pixels_per_item) {
+    return Extent{(op.width + pixels_per_item - 1) / pixels_per_item, op.height};
+  };
+  builder.step("vision.cl", "sobel", segments(16), image, gx, gy, op.width, op.height);
+  builder.step("features.cl", "corner_response", segments(8), gx, gy, response, buffers.state,
+               op.width, op.height);
+  builder.step("features.cl", "corner_candidates", segments(8), response, buffers.state,
+               buffers.candidates, static_cast<float>(FeatureDetect::kQuality), op.width,
+               op.height);
+  return std::make_unique<FeatureDetectKernel>(session, workload, builder.finish({image}, {}),
+                                               buffers);
+}
+
+}  // namespace pirt::opencl

@@ -1,0 +1,143 @@
+// The layers of AlexNet (definitions: workloads/dnn/dnn.h) in plain OpenCL C 1.2, f32, batch 1.
+//
+// Shapes are arguments, so that all layers of a network share one binary of each kernel.
+
+/// Output channels of a work item of conv2d_relu. Layers need not have a multiple of it.
+#define CHANNELS 16
+/// Output pixels of a work item: 6 x 16 sums are 12 of the 16 vector registers of AVX2.
+#define PIXELS 6
+
+/// Work items of a work group along x; the host gives the local size that it uses.
+#ifndef LOCAL_X
+#define LOCAL_X 8
+#endif
+
+/// max(0, conv + bias). Global ids (block of PIXELS pixels, block of CHANNELS output channels).
+///
+/// @param input    Planes of in_plane floats, rows of in_pitch floats, zero border included.
+/// @param weights  [ceil(out_c/16), in_c, k_h, k_w, 16], missing channels 0.
+/// @param bias     [ceil(out_c/16), 16], alike.
+/// @param output   Channel c, row y, column x at out_offset + c*out_plane + y*out_pitch + x: the
+///                 border that the next layer wants stays untouched.
+__kernel void conv2d_relu(__global const float* restrict input,
+                          __global const float* restrict weights,
+                          __global const float* restrict bias, __global float* restrict output,
+                          int in_c, int in_plane, int in_pitch, int k_h, int k_w, int stride,
+                          int out_c, int out_h, int out_w, int out_plane, int out_pitch,
+                          int out_offset) {
+  const int first = (int)get_global_id(0) * PIXELS;
+  const int block = (int)get_global_id(1);
+  const int pixels = out_h * out_w;
+  if (first >= pixels) return;
+
+  // The last block computes its last pixel several times rather than branch in the loop.
+  __global const float* from[PIXELS];
+#pragma unroll
+  for (int i = 0; i < PIXELS; ++i) {
+    const int pixel = min(first + i, pixels - 1);
+    from[i] = input + pixel / out_w * stride * in_pitch + pixel % out_w * stride;
+  }
+  float16 sum[PIXELS];
+  const float16 start = vload16(block, bias);
+#pragma unroll
+  for (int i = 0; i < PIXELS; ++i) sum[i] = start;
+
+  __global const float* w = weights + block * in_c * k_h * k_w * CHANNELS;
+  for (int c = 0; c < in_c; ++c) {
+    for (int ky = 0; ky < k_h; ++ky) {
+      const int row = c * in_plane + ky * in_pitch;
+      for (int kx = 0; kx < k_w; ++kx) {
+        const float16 weight = vload16(0, w);
+        w += CHANNELS;
+#pragma unroll
+        for (int i = 0; i < PIXELS; ++i) sum[i] += weight * from[i][row + kx];
+      }
+    }
+  }
+
+#pragma unroll
+  for (int i = 0; i < PIXELS; ++i) {
+    float lanes[CHANNELS];
+    vstore16(fmax(sum[i], 0.0f), 0, lanes);
+    const int pixel = first + i;
+    __global float* to = output + out_offset + pixel / out_w * out_pitch + pixel % out_w;
+    const int channels = pixel < pixels ? min(CHANNELS, out_c - block * CHANNELS) : 0;
+    for (int c = 0; c < channels; ++c) to[(block * CHANNELS + c) * out_plane] = lanes[c];
+  }
+}
+
+/// Global ids (output column, channel * out_h + output row). Output layout as for conv2d_relu.
+__kernel void max_pool(__global const float* restrict input, __global float* restrict output,
+                       int in_h, int in_w, int size, int stride, int out_h, int out_w,
+                       int out_plane, int out_pitch, int out_offset) {
+  const int x = (int)get_global_id(0);
+  const int channel = (int)get_global_id(1) / out_h;
+  const int y = (int)get_global_id(1) % out_h;
+  if (x >= out_w) return;
+  __global const float* window = input + (channel * in_h + y * stride) * in_w + x * stride;
+  float top = window[0];
+  for (int dy = 0; dy < size; ++dy)
+    for (int dx = 0; dx < size; ++dx) top = fmax(top, window[dy * in_w + dx]);
+  output[out_offset + channel * out_plane + y * out_pitch + x] = top;
+}
+
+float horizontal_sum(float8 v) {
+  const float4 a = v.lo + v.hi;
+  const float2 b = a.lo + a.hi;
+  return b.x + b.y;
+}
+
+/// Four output rows a work item, so that each input value is loaded once for four products.
+/// @param weights  [out, in] as the workload has them: 151 MB need no repacking.
+__kernel void fully_connected(__global const float* restrict input,
+                              __global const float* restrict weights,
+                              __global const float* restrict bias, __global float* restrict output,
+                              int in, int out) {
+  const int first = (int)get_global_id(0) * 4;
+  if (first >= out) return;
+  __global const float* row[4];
+  float8 sum[4];
+#pragma unroll
+  for (int r = 0; r < 4; ++r) {
+    row[r] = weights + (size_t)min(first + r, out - 1) * in;
+    sum[r] = 0.0f;
+  }
+  int i = 0;
+  for (; i + 8 <= in; i += 8) {
+    const float8 x = vload8(0, input + i);
+#pragma unroll
+    for (int r = 0; r < 4; ++r) sum[r] += vload8(0, row[r] + i) * x;
+  }
+#pragma unroll
+  for (int r = 0; r < 4; ++r) {
+    if (first + r >= out) continue;
+    float rest = bias[first + r];
+    for (int k = i; k < in; ++k) rest += row[r][k] * input[k];
+    output[first + r] = horizontal_sum(sum[r]) + rest;
+  }
+}
+
+/// In place, by one work group: exp(v - max) / sum.
+__kernel void softmax(__global float* restrict values, int count) {
+  __local float partial[LOCAL_X];
+  const int me = (int)get_local_id(0);
+
+  float top = -INFINITY;
+  for (int i = me; i < count; i += LOCAL_X) top = fmax(top, values[i]);
+  partial[me] = top;
+  barrier(CLK_LOCAL_MEM_FENCE);
+  for (int i = 0; i < LOCAL_X; ++i) top = fmax(top, partial[i]);
+  barrier(CLK_LOCAL_MEM_FENCE);
+
+  float sum = 0.0f;
+  for (int i = me; i < count; i += LOCAL_X) {
+    const float e = exp(values[i] - top);
+    values[i] = e;
+    sum += e;
+  }
+  partial[me] = sum;
+  barrier(CLK_LOCAL_MEM_FENCE);
+  sum = 0.0f;
+  for (int i = 0; i < LOCAL_X; ++i) sum += partial[i];
+  for (int i = me; i < count; i += LOCAL_X) values[i] /= sum;
+}

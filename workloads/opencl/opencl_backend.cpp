@@ -1,0 +1,85 @@
+#include "workloads/opencl/opencl_backend.h"
+
+#include <fmt/format.h>
+
+#include "workloads/base/text.h"
+#include "workloads/dnn/dnn.h"
+#include "workloads/opencl/kernel_table.h"
+#include "workloads/opencl/opencl_device.h"
+
+namespace pirt {
+namespace {
+
+class OpenClBackend final : public Backend {
+ public:
+  [[nodiscard]] std::string_view name() const override { return "opencl"; }
+  [[nodiscard]] std::string_view description() const override {
+    return "OpenCL 1.2 kernels on any installed driver (ICD), PoCL for instance";
+  }
+
+  [[nodiscard]] std::vector<Phase> phases() const override {
+    return {Phase::kDeviceInit, Phase::kPrepare,  Phase::kUpload, Phase::kLaunch,
+            Phase::kExecute,    Phase::kDownload, Phase::kCall};
+  }
+
+  [[nodiscard]] Probe probe() const override {
+    Probe probe;
+    try {
+      for (const cl::Device& device : opencl::all_devices()) {
+        probe.devices.push_back(opencl::describe(device));
+      }
+      if (probe.devices.empty()) {
+        probe.reason = fmt::format("no OpenCL device; {}", opencl::kInstallDriver);
+      }
+    } catch (const cl::Error& error) {
+      probe.devices.clear();
+      probe.reason = opencl::describe(error);
+    }
+    probe.available = probe.reason.empty();
+    return probe;
+  }
+
+  [[nodiscard]] Support supports(const Workload& workload) const override {
+    const opencl::KernelEntry* entry = opencl::find_kernel(workload.kernel);
+    if (entry == nullptr) {
+      std::vector<std::string> known;
+      for (const auto& e : opencl::kernel_table()) known.emplace_back(e.kernel);
+      return {.ok = false,
+              .reason = fmt::format("opencl has no kernel \"{}\"; it has {}", workload.kernel,
+                                    join(known, ", "))};
+    }
+    if (const auto* chain = dynamic_cast<const dnn::Sequence*>(workload.operation.get())) {
+      for (const Workload& layer : chain->layers) {
+        const opencl::KernelEntry* part = opencl::find_kernel(layer.kernel);
+        if (part == nullptr || part->append == nullptr) {
+          return {.ok = false,
+                  .reason = fmt::format("opencl cannot run kernel \"{}\" (layer {}) in a sequence",
+                                        layer.kernel, layer.name)};
+        }
+      }
+    }
+    return {.ok = true, .reason = {}};
+  }
+
+  [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest& request) const override {
+    return opencl::open_device(request);
+  }
+
+  /// PoCL, NVIDIA, Intel (two generations), Mesa, AMD; XDG_CACHE_HOME for those that keep to it.
+  [[nodiscard]] std::vector<std::pair<std::string, std::string>> kernel_cache_environment(
+      const std::string& folder) const override {
+    std::vector<std::pair<std::string, std::string>> variables;
+    for (const char* variable :
+         {"POCL_CACHE_DIR", "CUDA_CACHE_PATH", "NEO_CACHE_DIR", "cl_cache_dir",
+          "MESA_SHADER_CACHE_DIR", "AMD_COMGR_CACHE_DIR", "XDG_CACHE_HOME"}) {
+      variables.emplace_back(variable, folder);
+    }
+    return variables;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<const Backend> make_opencl_backend() { return std::make_unique<OpenClBackend>(); }
+
+}  // namespace pirt

@@ -1,0 +1,114 @@
+#include "workloads/opencl/plan.h"
+
+#include <cassert>
+#include <utility>
+
+#include "opencl_files.h"
+
+namespace pirt::opencl {
+namespace {
+
+std::size_t to_size(std::int64_t value) { return static_cast<std::size_t>(value); }
+
+/// Rows and planes of a padded resident, in bytes, as the rectangle commands want them.
+struct Rectangle {
+  cl::array<cl::size_type, 3> device_origin, host_origin, region;
+  std::size_t row_pitch, slice_pitch;
+};
+
+Rectangle rectangle(const Resident& resident) {
+  const std::size_t element = size_bytes(resident.spec.element);
+  const auto pad = static_cast<std::size_t>(resident.pad);
+  const auto& shape = resident.spec.shape;
+  return {.device_origin = {pad * element, pad, 0},
+          .host_origin = {0, 0, 0},
+          .region = {to_size(shape[2]) * element, to_size(shape[1]), to_size(shape[0])},
+          .row_pitch = static_cast<std::size_t>(resident.pitch()) * element,
+          .slice_pitch = static_cast<std::size_t>(resident.plane()) * element};
+}
+
+}  // namespace
+
+std::int32_t Resident::pitch() const {
+  return static_cast<std::int32_t>(spec.shape.at(2)) + 2 * pad;
+}
+
+std::int32_t Resident::plane() const {
+  return (static_cast<std::int32_t>(spec.shape.at(1)) + 2 * pad) * pitch();
+}
+
+Resident PlanBuilder::resident(const TensorSpec& spec, int pad) {
+  Resident made{.buffer = {}, .spec = spec, .pad = pad};
+  if (pad == 0) {
+    made.buffer = scratch(spec.size_bytes());
+    return made;
+  }
+  const std::size_t bytes = to_size(spec.shape[0] * made.plane()) * size_bytes(spec.element);
+  made.buffer = allocate(CL_MEM_READ_WRITE, bytes);
+  session_.queue.enqueueFillBuffer(made.buffer, cl_uchar{0}, 0, bytes);
+  session_.queue.finish();
+  return made;
+}
+
+cl::Buffer PlanBuilder::scratch(std::int64_t size_bytes) {
+  return allocate(CL_MEM_READ_WRITE, to_size(size_bytes));
+}
+
+cl::Buffer PlanBuilder::constant(std::span<const std::byte> bytes) {
+  cl::Buffer buffer = allocate(CL_MEM_READ_ONLY, bytes.size());
+  session_.queue.enqueueWriteBuffer(buffer, CL_TRUE, 0, bytes.size(), bytes.data());
+  return buffer;
+}
+
+const cl::Program& PlanBuilder::program(std::string_view source) {
+  const auto found = programs_.find(source);
+  if (found != programs_.end()) return found->second;
+  const auto text = find_embedded(opencl_files::files(), source);
+  assert(text && "kernel table names a .cl file that is not embedded");
+  return programs_.emplace(source, build_program(session_, source, *text)).first->second;
+}
+
+cl::Buffer PlanBuilder::allocate(cl_mem_flags flags, std::size_t size_bytes) {
+  return held_.emplace_back(session_.context, flags, size_bytes);
+}
+
+Plan PlanBuilder::finish(std::vector<Resident> inputs, std::vector<Resident> outputs) {
+  return {.inputs = std::move(inputs),
+          .outputs = std::move(outputs),
+          .steps = std::exchange(steps_, {}),
+          .held = std::exchange(held_, {})};
+}
+
+void PlanBuilder::append(cl::Kernel kernel, Extent extent) {
+  const std::size_t local = session_.local_x;
+  const std::size_t groups = (to_size(extent.x) + local - 1) / local;
+  steps_.push_back({.kernel = std::move(kernel),
+                    .global = cl::NDRange(groups * local, to_size(extent.y)),
+                    .local = cl::NDRange(local, 1)});
+}
+
+void write(const Session& session, const Resident& to, const std::byte* from) {
+  if (to.pad == 0) {
+    session.queue.enqueueWriteBuffer(to.buffer, CL_TRUE, 0, to_size(to.spec.size_bytes()), from);
+    return;
+  }
+  const Rectangle r = rectangle(to);
+  session.queue.enqueueWriteBufferRect(to.buffer, CL_TRUE, r.device_origin, r.host_origin, r.region,
+                                       r.row_pitch, r.slice_pitch, 0, 0, from);
+}
+
+void read(const Session& session, const Resident& from, std::byte* to) {
+  assert(from.pad == 0);
+  session.queue.enqueueReadBuffer(from.buffer, CL_TRUE, 0, to_size(from.spec.size_bytes()), to);
+}
+
+void enqueue(const Session& session, const Plan& plan, LaunchTimes& times) {
+  for (const Step& step : plan.steps) {
+    cl::Event event;
+    session.queue.enqueueNDRangeKernel(step.kernel, cl::NullRange, step.global, step.local, nullptr,
+                                       &event);
+    times.add(std::move(event));
+  }
+}
+
+}  // namespace pirt::opencl

@@ -1,0 +1,112 @@
+// A prepared workload as the device sees it: resident tensors and the launches that compute them.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "workloads/opencl/launch_times.h"
+#include "workloads/opencl/session.h"
+#include "workloads/tensor.h"
+
+namespace pirt::opencl {
+
+/// A tensor on the device. With pad > 0 it is [planes, rows, columns] with a border of `pad` zeros
+/// around each plane, so that a convolution needs no bounds in its loops.
+struct Resident {
+  cl::Buffer buffer;
+  TensorSpec spec;
+  int pad = 0;
+
+  /// In elements: from a row to the next, from a plane to the next, and of the first element. Spec
+  /// of 3 dimensions.
+  [[nodiscard]] std::int32_t pitch() const;
+  [[nodiscard]] std::int32_t plane() const;
+  [[nodiscard]] std::int32_t offset() const { return pad * pitch() + pad; }
+};
+
+/// One launch with its arguments set.
+struct Step {
+  cl::Kernel kernel;
+  cl::NDRange global;
+  cl::NDRange local;
+};
+
+struct Plan {
+  std::vector<Resident> inputs;  ///< As the workload's.
+  std::vector<Resident>
+      outputs;              ///< As the workload's, unless the host computes the last part; pad 0.
+  std::vector<Step> steps;  ///< In order.
+  std::vector<cl::Buffer> held;  ///< All buffers of the steps: a cl_kernel retains no arguments.
+};
+
+/// The number of work items of a launch before rounding up to whole work groups; kernels guard the
+/// excess in x.
+struct Extent {
+  std::int64_t x = 1;
+  std::int64_t y = 1;
+};
+
+/// Collects a plan: builds each program once, allocates buffers, sets arguments. Not kept after
+/// `prepare`.
+class PlanBuilder {
+ public:
+  explicit PlanBuilder(const Session& session) : session_(session) {}
+
+  [[nodiscard]] const Session& session() const { return session_; }
+
+  /// Uninitialized if pad is 0, otherwise zeroed for the sake of its border.
+  [[nodiscard]] Resident resident(const TensorSpec& spec, int pad = 0);
+  [[nodiscard]] cl::Buffer scratch(std::int64_t size_bytes);
+  /// A buffer that kernels only read, filled; complete on return.
+  [[nodiscard]] cl::Buffer constant(std::span<const std::byte> bytes);
+
+  /// Appends the launch of a kernel. Buffers, residents, int32 and float are arguments.
+  /// @param source  Name of one of the embedded .cl files.
+  template <typename... Arguments>
+  void step(std::string_view source, const char* kernel, Extent extent,
+            const Arguments&... arguments) {
+    cl::Kernel built(program(source), kernel);
+    cl_uint index = 0;
+    (set(built, index++, arguments), ...);
+    append(std::move(built), extent);
+  }
+
+  /// The plan of all steps so far; the builder is empty afterwards.
+  [[nodiscard]] Plan finish(std::vector<Resident> inputs, std::vector<Resident> outputs);
+
+ private:
+  static void set(cl::Kernel& kernel, cl_uint index, const cl::Buffer& buffer) {
+    kernel.setArg(index, buffer);
+  }
+  static void set(cl::Kernel& kernel, cl_uint index, const Resident& resident) {
+    kernel.setArg(index, resident.buffer);
+  }
+  static void set(cl::Kernel& kernel, cl_uint index, std::int32_t value) {
+    kernel.setArg(index, static_cast<cl_int>(value));
+  }
+  static void set(cl::Kernel& kernel, cl_uint index, float value) {
+    kernel.setArg(index, static_cast<cl_float>(value));
+  }
+
+  [[nodiscard]] const cl::Program& program(std::string_view source);
+  [[nodiscard]] cl::Buffer allocate(cl_mem_flags flags, std::size_t size_bytes);
+  void append(cl::Kernel kernel, Extent extent);
+
+  const Session& session_;
+  std::map<std::string, cl::Program, std::less<>> programs_;
+  std::vector<Step> steps_;
+  std::vector<cl::Buffer> held_;
+};
+
+/// Host to device; blocks. @param from  The tensor's elements without border.
+void write(const Session& session, const Resident& to, const std::byte* from);
+/// Device to host; blocks. Residents without border only.
+void read(const Session& session, const Resident& from, std::byte* to);
+/// Enqueues all steps and adds their events to @p times.
+void enqueue(const Session& session, const Plan& plan, LaunchTimes& times);
+
+}  // namespace pirt::opencl

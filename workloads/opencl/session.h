@@ -1,0 +1,27 @@
+// What the kernels of an open unit share: device, context, queue.
+#pragma once
+
+#include <cstddef>
+
+#include "workloads/opencl/api.h"
+
+namespace pirt::opencl {
+
+/// Handles that count their references: a copy keeps the device's objects alive.
+struct Session {
+  cl::Device device;
+  cl::Context context;
+  cl::CommandQueue queue;  ///< In order, with profiling.
+  bool is_cpu = false;
+  /// The one local size in x of every launch (1 in y). PoCL compiles a kernel anew for each local
+  /// size that it meets, so that more than one would cost set-up time.
+  std::size_t local_x = 8;
+};
+
+/// Builds OpenCL C 1.2 source, with LOCAL_X defined.
+/// @param name  Of the source, for messages.
+/// @throws Error{kEnvironment} with the first lines of the build log if it does not build.
+[[nodiscard]] cl::Program build_program(const Session& session, std::string_view name,
+                                        std::string_view source);
+
+}  // namespace pirt::opencl

@@ -1,0 +1,71 @@
+// The vision workloads that the device computes entirely: arguments and extents of the kernels in
+// vision.cl and flow.cl.
+#include "workloads/opencl/kernel_table.h"
+#include "workloads/vision/vision.h"
+
+namespace pirt::opencl {
+namespace {
+
+constexpr int kPixelsPerItem = 16;  // Of vision.cl.
+
+std::int64_t blocks(std::int64_t count, std::int64_t size) { return (count + size - 1) / size; }
+
+Extent image_extent(const vision::ImageOperation& operation) {
+  return {blocks(operation.width, kPixelsPerItem), operation.height};
+}
+
+}  // namespace
+
+void append_gaussian_blur(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
+                          std::span<const Resident> inputs, std::span<const Resident> outputs) {
+  const auto& op = operation_as<vision::GaussianBlur>(workload);
+  builder.step("vision.cl", "gaussian_blur", image_extent(op), inputs[0], outputs[0], op.width,
+               op.height);
+}
+
+void append_filter7x7(PlanBuilder& builder, const Workload& workload,
+                      std::span<const Tensor> parameters, std::span<const Resident> inputs,
+                      std::span<const Resident> outputs) {
+  static_assert(vision::Filter7x7::kSize == 7 && vision::Filter7x7::kShift == 8,
+                "vision.cl has these as constants");
+  const auto& op = operation_as<vision::Filter7x7>(workload);
+  builder.step("vision.cl", "filter7x7", image_extent(op), inputs[0], outputs[0],
+               builder.constant(parameters[0].bytes()), op.width, op.height);
+}
+
+void append_sobel(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
+                  std::span<const Resident> inputs, std::span<const Resident> outputs) {
+  const auto& op = operation_as<vision::Sobel>(workload);
+  builder.step("vision.cl", "sobel", image_extent(op), inputs[0], outputs[0], outputs[1], op.width,
+               op.height);
+}
+
+void append_undistort(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
+                      std::span<const Resident> inputs, std::span<const Resident> outputs) {
+  static_assert(sizeof(vision::MapEntry) == sizeof(cl_int2), "the map is uploaded as it is");
+  const auto& op = operation_as<vision::Undistort>(workload);
+  const auto map = vision::undistort_map(op);
+  builder.step("vision.cl", "undistort", image_extent(op), inputs[0], outputs[0],
+               builder.constant(std::as_bytes(std::span(map))), op.width, op.height);
+}
+
+void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
+                         std::span<const Resident> inputs, std::span<const Resident> outputs) {
+  static_assert(vision::OpticalFlow::kWindow == 52, "flow.cl has it as a constant");
+  constexpr int kSums = 5;  // xx, xy, yy, xt, yt
+  constexpr int kColumnsPerItem = 8;
+  const auto& op = operation_as<vision::OpticalFlow>(workload);
+  // A CPU slides along whole rows and columns, the least work; other devices want thousands of work
+  // items and pay one window's filling (52 steps) for each 64 steps.
+  const int run_x = builder.session().is_cpu ? op.width : 64;
+  const int run_y = builder.session().is_cpu ? op.height : 64;
+  const auto pitch = static_cast<int>(blocks(op.width, kColumnsPerItem) * kColumnsPerItem);
+  const cl::Buffer sums = builder.scratch(std::int64_t{kSums} * op.height * pitch *
+                                          static_cast<std::int64_t>(sizeof(cl_int)));
+  builder.step("flow.cl", "flow_row_sums", {blocks(op.width, run_x), op.height}, inputs[0],
+               inputs[1], sums, op.width, op.height, pitch, run_x);
+  builder.step("flow.cl", "flow_solve", {pitch / kColumnsPerItem, blocks(op.height, run_y)}, sums,
+               outputs[0], op.width, op.height, pitch, run_y);
+}
+
+}  // namespace pirt::opencl

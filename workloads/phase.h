@@ -1,0 +1,43 @@
+// The phases that offloading a workload goes through, and where a figure comes from.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+namespace pirt {
+
+enum class Phase : std::uint8_t {
+  kDeviceInit,  ///< Once a process: platform, context, queues, worker pools.
+  kPrepare,     ///< Once a workload on a unit: build, buffers, weights, one completed run.
+  kUpload,      ///< Each call: host to device.
+  kLaunch,      ///< Each call: submit to start.
+  kExecute,     ///< Each call: the computation.
+  kDownload,    ///< Each call: device to host.
+  kCall,        ///< upload + launch + execute + download as one call took it.
+};
+inline constexpr std::array kAllPhases = {Phase::kDeviceInit, Phase::kPrepare,  Phase::kUpload,
+                                          Phase::kLaunch,     Phase::kExecute, Phase::kDownload,
+                                          Phase::kCall};
+
+/// "device_init", "prepare", ... as in the profile database.
+[[nodiscard]] std::string_view to_string(Phase phase);
+[[nodiscard]] std::optional<Phase> phase_from_string(std::string_view text);
+
+/// Whether a set-up phase met an empty kernel cache (cold) or a filled one (warm); per-call phases are steady.
+enum class State : std::uint8_t { kCold, kWarm, kSteady };
+[[nodiscard]] std::string_view to_string(State state);
+[[nodiscard]] std::optional<State> state_from_string(std::string_view text);
+
+enum class Provenance : std::uint8_t {
+  kMeasured,   ///< A clock on this machine.
+  kCounted,    ///< Cycles of a simulator times a stated clock.
+  kModelled,   ///< A formula with stated inputs.
+  kFitted,     ///< Inputs chosen to match published figures.
+  kPublished,  ///< Quoted, with source.
+};
+[[nodiscard]] std::string_view to_string(Provenance provenance);
+[[nodiscard]] std::optional<Provenance> provenance_from_string(std::string_view text);
+
+}  // namespace pirt

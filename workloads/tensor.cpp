@@ -1,0 +1,68 @@
+#include "workloads/tensor.h"
+
+#include <algorithm>
+#include <cstring>
+#include <functional>
+#include <new>
+#include <numeric>
+
+namespace pirt {
+namespace {
+constexpr std::align_val_t kAlignment{64};
+}
+
+std::string_view to_string(Element element) {
+  switch (element) {
+    case Element::kU8: return "u8";
+    case Element::kI16: return "i16";
+    case Element::kI32: return "i32";
+    case Element::kF32: return "f32";
+    case Element::kF64: return "f64";
+  }
+  return "?";
+}
+
+std::size_t size_bytes(Element element) {
+  switch (element) {
+    case Element::kU8: return 1;
+    case Element::kI16: return 2;
+    case Element::kI32: return 4;
+    case Element::kF32: return 4;
+    case Element::kF64: return 8;
+  }
+  return 0;
+}
+
+std::int64_t TensorSpec::count() const {
+  return std::accumulate(shape.begin(), shape.end(), std::int64_t{1}, std::multiplies<>());
+}
+
+std::int64_t TensorSpec::size_bytes() const {
+  return count() * static_cast<std::int64_t>(pirt::size_bytes(element));
+}
+
+std::string TensorSpec::describe() const {
+  std::string text = name + " " + std::string(to_string(element)) + "[";
+  for (std::size_t i = 0; i < shape.size(); ++i) {
+    if (i != 0) text += ",";
+    text += std::to_string(shape[i]);
+  }
+  return text + "]";
+}
+
+void Tensor::Free::operator()(std::byte* p) const { ::operator delete[](p, kAlignment); }
+
+Tensor::Tensor(TensorSpec spec) : spec_(std::move(spec)) {
+  const auto bytes = static_cast<std::size_t>(spec_.size_bytes());
+  data_.reset(static_cast<std::byte*>(::operator new[](std::max<std::size_t>(bytes, 1), kAlignment)));
+  std::memset(data_.get(), 0, bytes);
+}
+
+std::vector<Tensor> make_tensors(std::span<const TensorSpec> specs) {
+  std::vector<Tensor> tensors;
+  tensors.reserve(specs.size());
+  for (const auto& spec : specs) tensors.emplace_back(spec);
+  return tensors;
+}
+
+}  // namespace pirt

@@ -1,0 +1,29 @@
+// Tensors in a raw file: how one process hands a workload's reference to another on the same
+// machine.
+//
+// A scratch format, not an archive: the byte order is the machine's, and the reader must know the
+// specs.
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <vector>
+
+#include "workloads/tensor.h"
+#include "workloads/workload.h"
+
+namespace pirt {
+
+/// Writes a whole file or none (a temporary file beside it, then rename).
+/// @throws Error{kBadInput} naming the path and the system's reason.
+void write_tensors(const std::filesystem::path& path, std::span<const Tensor> tensors);
+
+/// @throws Error{kBadInput} if the file is missing, of another size than @p specs say, or its
+/// content does not match its hash.
+[[nodiscard]] std::vector<Tensor> read_tensors(const std::filesystem::path& path,
+                                               std::span<const TensorSpec> specs);
+
+/// The specs of what Workload::reference returns: the outputs', with floating point as f64.
+[[nodiscard]] std::vector<TensorSpec> reference_specs(const Workload& workload);
+
+}  // namespace pirt

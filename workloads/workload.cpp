@@ -1,0 +1,162 @@
+// What all workloads share: their counters and the two ways of comparing outputs with a reference.
+#include "workloads/workload.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
+
+namespace pirt {
+namespace {
+
+std::int64_t total_bytes(std::span<const TensorSpec> specs) {
+  return std::transform_reduce(specs.begin(), specs.end(), std::int64_t{0}, std::plus<>(),
+                               [](const TensorSpec& spec) { return spec.size_bytes(); });
+}
+
+/// "[y,x]" of a flat position.
+std::string position(const TensorSpec& spec, std::int64_t flat) {
+  std::vector<std::int64_t> indices;
+  for (auto extent = spec.shape.rbegin(); extent != spec.shape.rend(); ++extent) {
+    indices.push_back(flat % *extent);
+    flat /= *extent;
+  }
+  std::ranges::reverse(indices);
+  return fmt::format("[{}]", fmt::join(indices, ","));
+}
+
+Verdict failure(std::string detail) {
+  return {false, std::numeric_limits<double>::infinity(), std::move(detail)};
+}
+
+/// Whether the two lists can be compared at all; if not, why.
+std::optional<Verdict> mismatch(std::span<const Tensor> outputs, std::span<const Tensor> expected) {
+  if (outputs.size() != expected.size()) {
+    return failure(
+        fmt::format("{} outputs where {} are expected", outputs.size(), expected.size()));
+  }
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    if (outputs[i].spec().shape != expected[i].spec().shape) {
+      return failure(fmt::format("output {} has another shape than {}",
+                                 outputs[i].spec().describe(), expected[i].spec().describe()));
+    }
+  }
+  return std::nullopt;
+}
+
+template <typename T>
+Verdict compare_exact(const Tensor& output, const Tensor& expected) {
+  const auto got = output.as<T>();
+  const auto want = expected.as<T>();
+  std::int64_t differing = 0;
+  std::int64_t worst = 0;
+  std::size_t worst_at = 0;
+  for (std::size_t i = 0; i < got.size(); ++i) {
+    const std::int64_t error = std::abs(std::int64_t{got[i]} - std::int64_t{want[i]});
+    differing += error != 0 ? 1 : 0;
+    if (error > worst) {
+      worst = error;
+      worst_at = i;
+    }
+  }
+  const auto& name = output.spec().name;
+  if (differing == 0) return {true, 0.0, fmt::format("{}: all {} equal", name, got.size())};
+  return {false, static_cast<double>(worst),
+          fmt::format("{}: {} of {} differ, the worst by {} at {}: got {}, expected {}", name,
+                      differing, got.size(), worst,
+                      position(output.spec(), static_cast<std::int64_t>(worst_at)), got[worst_at],
+                      want[worst_at])};
+}
+
+Verdict compare_exact_any(const Tensor& output, const Tensor& expected) {
+  if (output.spec().element != expected.spec().element) {
+    return failure(fmt::format("output {} has another type than {}", output.spec().describe(),
+                               expected.spec().describe()));
+  }
+  switch (output.spec().element) {
+    case Element::kU8:
+      return compare_exact<std::uint8_t>(output, expected);
+    case Element::kI16:
+      return compare_exact<std::int16_t>(output, expected);
+    case Element::kI32:
+      return compare_exact<std::int32_t>(output, expected);
+    case Element::kF32:
+    case Element::kF64:
+      break;
+  }
+  return failure(fmt::format("output {} is not of integers", output.spec().describe()));
+}
+
+Verdict compare_close(const Tensor& output, const Tensor& expected, double relative_to_peak) {
+  if (output.spec().element != Element::kF32 || expected.spec().element != Element::kF64) {
+    return failure(fmt::format("output {} against {}: f32 against f64 is expected",
+                               output.spec().describe(), expected.spec().describe()));
+  }
+  const auto got = output.as<float>();
+  const auto want = expected.as<double>();
+  double peak = 0.0;
+  for (const double value : want) peak = std::max(peak, std::abs(value));
+  double worst = 0.0;
+  std::size_t worst_at = 0;
+  for (std::size_t i = 0; i < got.size(); ++i) {
+    if (!std::isfinite(got[i]) || !std::isfinite(want[i])) {
+      return failure(fmt::format("{}: {} at {}, expected {:.7g}", output.spec().name, got[i],
+                                 position(output.spec(), static_cast<std::int64_t>(i)), want[i]));
+    }
+    const double error = std::abs(static_cast<double>(got[i]) - want[i]);
+    if (error > worst) {
+      worst = error;
+      worst_at = i;
+    }
+  }
+  const double relative = worst == 0.0 ? 0.0 : worst / peak;
+  return {worst <= relative_to_peak * peak, relative,
+          fmt::format("{}: worst error {:.3g} of the peak {:.4g} at {} (got {:.7g}, expected "
+                      "{:.7g}), bound {:.3g}",
+                      output.spec().name, relative, peak,
+                      position(output.spec(), static_cast<std::int64_t>(worst_at)), got[worst_at],
+                      want[worst_at], relative_to_peak)};
+}
+
+/// Compares pairwise; the verdict is the first failing one, or else the one that came closest to
+/// failing.
+template <typename Compare>
+Verdict compare_all(std::span<const Tensor> outputs, std::span<const Tensor> expected,
+                    const Compare& compare) {
+  if (auto wrong = mismatch(outputs, expected)) return *wrong;
+  Verdict closest{true, 0.0, "nothing to compare"};
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    Verdict verdict = compare(outputs[i], expected[i]);
+    if (!verdict.ok) return verdict;
+    if (i == 0 || verdict.worst_error > closest.worst_error) closest = std::move(verdict);
+  }
+  return closest;
+}
+
+}  // namespace
+
+std::int64_t Workload::bytes() const {
+  return total_bytes(inputs) + total_bytes(parameters) + total_bytes(outputs);
+}
+
+bool Workload::has_tag(std::string_view tag) const {
+  return std::ranges::find(tags, tag) != tags.end();
+}
+
+Verdict verify_exact(std::span<const Tensor> outputs, std::span<const Tensor> expected) {
+  return compare_all(outputs, expected, compare_exact_any);
+}
+
+std::function<Verdict(std::span<const Tensor>, std::span<const Tensor>)> verify_close(
+    double relative_to_peak) {
+  return [relative_to_peak](std::span<const Tensor> outputs, std::span<const Tensor> expected) {
+    return compare_all(outputs, expected, [=](const Tensor& output, const Tensor& want) {
+      return compare_close(output, want, relative_to_peak);
+    });
+  };
+}
+
+}  // namespace pirt
