@@ -10,6 +10,7 @@
 #include <cstring>
 #include <ctime>
 #include <map>
+#include <memory>
 
 #include "characterize/cell.h"
 #include "characterize/job_runner.h"
@@ -94,15 +95,7 @@ class Campaign {
     ProfileWriter writer(options_.database);
     summary_.run_id = writer.begin_run({utc_now(), options_.platform.name, options_.seed,
                                         run_environment(options_, plan_), plan_.units});
-    for (const PlannedCell& cell : plan_.cells) {
-      const auto record = measure(cell);
-      if (!record) {
-        summary_.interrupted = true;
-        break;
-      }
-      writer.write_cell(summary_.run_id, *record);
-      count(*record);
-    }
+    measure_all(writer);
     if (!summary_.interrupted) writer.finish_run(summary_.run_id, utc_now());
     summary_.elapsed = elapsed();
     return summary_;
@@ -111,23 +104,48 @@ class Campaign {
  private:
   [[nodiscard]] Nanos elapsed() const { return clock_.now() - start_; }
 
-  std::optional<CellRecord> measure(const PlannedCell& planned) {
+  /// Unstable cells are sampled again when all others are done, since a busy spell of the machine
+  /// lasts for seconds; those that an interruption leaves over are stored as they are.
+  void measure_all(ProfileWriter& writer) {
+    std::vector<std::unique_ptr<CellMeasurement>> unstable;
+    for (const PlannedCell& planned : plan_.cells) {
+      const CellRequest request = request_for(planned);
+      const auto failure = reference(request);
+      auto cell = std::make_unique<CellMeasurement>(request, runner_);
+      if (!failure || (failure->empty() && !cell->measure())) {
+        summary_.interrupted = true;
+        break;
+      }
+      if (cell->unstable()) {
+        unstable.push_back(std::move(cell));
+      } else {
+        store(writer, failure->empty() ? cell->record() : failed_cell(request, *failure));
+      }
+    }
+    for (const auto& cell : unstable) {
+      if (!summary_.interrupted) summary_.interrupted = !cell->sample_again();
+      store(writer, cell->record());
+    }
+  }
+
+  void store(ProfileWriter& writer, const CellRecord& record) {
+    writer.write_cell(summary_.run_id, record);
+    count(record);
+  }
+
+  CellRequest request_for(const PlannedCell& planned) {
     const UnitModel& unit = options_.platform.unit(planned.unit);
     const auto at =
         std::ranges::find(plan_.units, planned.unit, &UnitRecord::unit) - plan_.units.begin();
-    CellRequest request{options_.platform,
-                        unit,
-                        find_backend(unit.backend),
-                        *planned.workload,
-                        job_for(planned, unit),
-                        plan_.provenances.at(static_cast<std::size_t>(at)),
-                        options_.quick ? 2 : 5,
-                        scratch_.path(),
-                        [&](std::string_view step) { report(planned, step); }};
-    const auto failure = reference(request);
-    if (!failure) return std::nullopt;
-    if (!failure->empty()) return failed_cell(request, *failure);
-    return measure_cell(request, runner_);
+    return {options_.platform,
+            unit,
+            find_backend(unit.backend),
+            *planned.workload,
+            job_for(planned, unit),
+            plan_.provenances.at(static_cast<std::size_t>(at)),
+            options_.quick ? 2 : 5,
+            scratch_.path(),
+            [this, &planned](std::string_view step) { report(planned, step); }};
   }
 
   Job job_for(const PlannedCell& planned, const UnitModel& unit) const {

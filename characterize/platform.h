@@ -1,7 +1,8 @@
 // The units of one board: how fast, how many, how much power, what lies between them.
 //
-// A unit is either measured (it names a backend; its service times come from a profile database) or modelled (the platform file gives its
-// service times as stages). Platform files are YAML; their semantics are exact and other tools check against them.
+// A unit is either measured (it names a backend; its service times come from a profile database) or
+// modelled (the platform file gives its service times as stages). Platform files are YAML; their
+// semantics are exact and other tools check against them.
 #pragma once
 
 #include <cstdint>
@@ -30,9 +31,9 @@ struct Distribution {
 
 /// One step of a unit's service: work on some unit's servers, or a pure delay.
 struct Stage {
-  std::string name;     ///< "host_setup", "kernel"; scaled by `stage_scale: {unit.name: x}`.
-  std::string on;       ///< Unit whose servers it occupies; empty = delay.
-  Distribution time;    ///< Server time at rate 1.
+  std::string name;   ///< "host_setup", "kernel"; scaled by `stage_scale: {unit.name: x}`.
+  std::string on;     ///< Unit whose servers it occupies; empty = delay.
+  Distribution time;  ///< Server time at rate 1.
 };
 
 enum class Discipline : std::uint8_t {
@@ -49,21 +50,23 @@ struct Link {
 
 struct UnitModel {
   std::string name;
-  std::string role;  ///< "cpu", "gpu", "dsp", "fpga", "cloud", or other; what Algorithms 1 to 4 speak of.
+  std::string
+      role;  ///< "cpu", "gpu", "dsp", "fpga", "cloud", or other; what Algorithms 1 to 4 speak of.
   int servers = 1;
   Discipline discipline = Discipline::kFifo;
   std::optional<int> slots;  ///< Tasks started and not complete; absent = no limit.
   double active_w = 0;       ///< Per busy server.
   double idle_w = 0;
-  double op_pj = 0;          ///< Additional energy per operation of the workload.
-  double byte_pj = 0;        ///< Additional energy per byte of the workload.
-  std::string link;          ///< Name of the link that inputs and outputs travel over; empty = none.
+  double op_pj = 0;    ///< Additional energy per operation of the workload.
+  double byte_pj = 0;  ///< Additional energy per byte of the workload.
+  std::string link;    ///< Name of the link that inputs and outputs travel over; empty = none.
 
-  std::string backend;       ///< Measured unit: the backend's name; empty = modelled.
-  std::vector<int> cores;    ///< Host cores that it owns; resolved to numbers when the platform is read.
-  bool shares_cores = false; ///< Another unit owns one of them too (one-core machines).
-  std::string device;        ///< Which device of the backend; empty = the first.
-  std::string script;        ///< Fake backend: its script, as YAML text.
+  std::string backend;  ///< Measured unit: the backend's name; empty = modelled.
+  std::vector<int>
+      cores;  ///< Host cores that it owns; resolved to numbers when the platform is read.
+  bool shares_cores = false;  ///< Another unit owns one of them too (one-core machines).
+  std::string device;         ///< Which device of the backend; empty = the first.
+  std::string script;         ///< Fake backend: its script, as YAML text.
 
   [[nodiscard]] bool measured() const { return !backend.empty(); }
 };
@@ -77,9 +80,10 @@ struct WorkloadModel {
 };
 
 struct ModeDefaults {
-  std::map<std::string, int> weights;         ///< By unit; empty = derive.
-  std::optional<int> in_flight;               ///< Frames in flight of closed loops.
-  std::map<std::string, double> stage_scale;  ///< "unit.stage" -> time factor; the stage's energy stays.
+  std::map<std::string, int> weights;  ///< By unit; empty = derive.
+  std::optional<int> in_flight;        ///< Frames in flight of closed loops.
+  std::map<std::string, double>
+      stage_scale;  ///< "unit.stage" -> time factor; the stage's energy stays.
 };
 
 struct Platform {
@@ -114,7 +118,8 @@ struct Platform {
 /// "--set unit.key=value" -> override. @throws Error{kBadInput} if it is not of that form.
 [[nodiscard]] YamlOverride parse_override(const std::string& text);
 
-/// Whether a command-line name means a file (contains '/' or ends in ".yaml") rather than something shipped.
+/// Whether a command-line name means a file (contains '/' or ends in ".yaml") rather than something
+/// shipped.
 [[nodiscard]] bool names_a_file(std::string_view name);
 
 }  // namespace pirt

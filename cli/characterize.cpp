@@ -99,13 +99,14 @@ nlohmann::ordered_json plan_json(const CampaignPlan& plan) {
 }
 
 std::string plan_text(const CampaignPlan& plan) {
-  Table table{.title = fmt::format("{} cells in the order of measuring, about {} min", plan.cells.size(),
-                                   minutes(plan.estimate)),
+  Table table{.title = fmt::format("{} cells in the order of measuring, about {} min",
+                                   plan.cells.size(), minutes(plan.estimate)),
               .columns = {{"workload", Align::kLeft}, {"unit", Align::kLeft}}};
   for (const auto& cell : plan.cells) table.rows.push_back({cell.workload->name, cell.unit});
   for (const auto& skip : plan.skipped) {
     table.footnotes.push_back(fmt::format("Not measured: {}{}: {}", skip.unit,
-                                          skip.workload.empty() ? "" : ", " + skip.workload, skip.reason));
+                                          skip.workload.empty() ? "" : ", " + skip.workload,
+                                          skip.reason));
   }
   return render({.parts = {table}}, Format::kText);
 }
@@ -146,24 +147,22 @@ int characterize(const Options& options) {
                                 }});
   }
   const auto profile = load_profile(options.database, campaign.platform.name);
-  Document document{.title = "pirt characterize", .parts = {profile_header(profile), profile_table(profile)}};
-  document.parts.emplace_back(Paragraph{
-      {fmt::format("{} of {} cells in {} min, {} valid and {} invalid rows, in {}", summary.cells,
-                   plan.cells.size(), minutes(summary.elapsed), summary.rows_valid, summary.rows_invalid,
-                   options.database)}});
+  Document document{.title = "pirt characterize",
+                    .parts = {profile_header(profile), profile_table(profile)}};
+  document.parts.emplace_back(
+      Paragraph{{fmt::format("{} of {} cells in {} min, {} valid and {} invalid rows, in {}",
+                             summary.cells, plan.cells.size(), minutes(summary.elapsed),
+                             summary.rows_valid, summary.rows_invalid, options.database)}});
   auto json = profile_json(profile, preferences(profile));
   json["schema_version"] = 1;
-  json["summary"] = {{"run_id", summary.run_id},
-                     {"cells", summary.cells},
-                     {"rows_valid", summary.rows_valid},
-                     {"rows_invalid", summary.rows_invalid},
-                     {"interrupted", summary.interrupted},
-                     {"elapsed_s", to_s(summary.elapsed)}};
+  json["summary"] = {{"run_id", summary.run_id},           {"cells", summary.cells},
+                     {"rows_valid", summary.rows_valid},   {"rows_invalid", summary.rows_invalid},
+                     {"interrupted", summary.interrupted}, {"elapsed_s", to_s(summary.elapsed)}};
   json["skipped"] = plan_json(plan)["skipped"];
   emit(render(document, Format::kText), json, options.json);
   if (summary.interrupted) {
-    throw_environment(fmt::format("interrupted; the {} cells that were done are in {}", summary.cells,
-                                  options.database));
+    throw_environment(fmt::format("interrupted; the {} cells that were done are in {}",
+                                  summary.cells, options.database));
   }
   if (summary.rows_valid == 0) {
     throw_environment("no valid row was measured; see the remarks for the reasons");
@@ -176,25 +175,35 @@ int characterize(const Options& options) {
 void add_characterize(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   auto* command = app.add_subcommand(
-      "characterize", "Measure every workload on every unit of a platform, into a profile database");
-  command->add_option("--db", options->database, "Profile database; made if missing, added to otherwise");
-  command->add_option("--platform", options->platform, "A name of `pirt list platforms`, or a YAML file")
+      "characterize",
+      "Measure every workload on every unit of a platform, into a profile database");
+  command->add_option("--db", options->database,
+                      "Profile database; made if missing, added to otherwise");
+  command
+      ->add_option("--platform", options->platform,
+                   "A name of `pirt list platforms`, or a YAML file")
       ->capture_default_str();
-  command->add_option("--set", options->settings,
-                      "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable");
+  command->add_option(
+      "--set", options->settings,
+      "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable");
   command->add_option("--units", options->units, "Units to measure, with commas (default: all)")
       ->delimiter(',');
   command->add_option("--filter", options->filter,
                       "Regular expression: workloads whose names contain it (default: all)");
-  command->add_option("--images", options->images,
-                      "PNG or JPEG file, or a folder of them, as input (default: generated from the seed)");
-  command->add_option("--precision", options->precision,
-                      "Sample until the 95 % interval of a median is within +/- this, or the time is up")
+  command->add_option(
+      "--images", options->images,
+      "PNG or JPEG file, or a folder of them, as input (default: generated from the seed)");
+  command
+      ->add_option(
+          "--precision", options->precision,
+          "Sample until the 95 % interval of a median is within +/- this, or the time is up")
       ->capture_default_str();
   command->add_option("--seed", options->seed, "Seed of inputs, weights and the order of measuring")
       ->capture_default_str();
-  command->add_flag("--quick", options->quick, "Fewer set-ups and at most 0.8 s (else 5 s) of samples a cell");
-  command->add_flag("--dry-run", options->dry_run, "Show the cells and the estimated time; measure nothing");
+  command->add_flag("--quick", options->quick,
+                    "Fewer set-ups and at most 0.8 s (else 5 s) of samples a cell");
+  command->add_flag("--dry-run", options->dry_run,
+                    "Show the cells and the estimated time; measure nothing");
   command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
   command->footer("Example: pirt characterize --quick --filter 'sobel|fc8' --db profile.db");
   command->callback([options, &action] { action = [options] { return characterize(*options); }; });

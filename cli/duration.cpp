@@ -23,8 +23,13 @@ std::optional<double> leading_number(std::string_view text, std::string_view& re
 }  // namespace
 
 Nanos parse_duration(const std::string& text) {
-  constexpr std::array<std::pair<std::string_view, double>, 7> kUnits = {
-      {{"", 1.0}, {"s", 1.0}, {"ms", 1e-3}, {"us", 1e-6}, {"min", 60.0}, {"h", 3600.0}, {"d", 86400.0}}};
+  constexpr std::array<std::pair<std::string_view, double>, 7> kUnits = {{{"", 1.0},
+                                                                          {"s", 1.0},
+                                                                          {"ms", 1e-3},
+                                                                          {"us", 1e-6},
+                                                                          {"min", 60.0},
+                                                                          {"h", 3600.0},
+                                                                          {"d", 86400.0}}};
   std::string_view unit;
   if (const auto value = leading_number(text, unit)) {
     for (const auto& [name, seconds] : kUnits) {

@@ -7,7 +7,8 @@
 
 namespace pirt::cli {
 
-/// "60s", "500ms", "2min", "1h"; a bare number is seconds. @throws Error{kBadInput} unless positive and at most 10 years.
+/// "60s", "500ms", "2min", "1h"; a bare number is seconds. @throws Error{kBadInput} unless positive
+/// and at most 10 years.
 [[nodiscard]] Nanos parse_duration(const std::string& text);
 
 /// "2%" or "0.02" -> 0.02. @throws Error{kBadInput} unless within (0, 1].

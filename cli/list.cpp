@@ -29,7 +29,9 @@ struct Listing {
   nlohmann::ordered_json json;
 };
 
-std::string count(std::optional<std::int64_t> value) { return value ? fmt::format("{}", *value) : "-"; }
+std::string count(std::optional<std::int64_t> value) {
+  return value ? fmt::format("{}", *value) : "-";
+}
 
 std::string shapes(const std::vector<TensorSpec>& specs) {
   std::vector<std::string> parts;
@@ -38,19 +40,26 @@ std::string shapes(const std::vector<TensorSpec>& specs) {
 }
 
 Listing list_workloads() {
-  Table table{.title = "Workloads",
-              .columns = {{"workload", Align::kLeft}, {"operations"}, {"bytes"}, {"kernel", Align::kLeft},
-                          {"description", Align::kLeft}},
-              .footnotes = {"Operations a call: 2 a multiply-add, bias and activation excluded; - where "
-                            "they depend on the data."}};
+  Table table{
+      .title = "Workloads",
+      .columns = {{"workload", Align::kLeft},
+                  {"operations"},
+                  {"bytes"},
+                  {"kernel", Align::kLeft},
+                  {"description", Align::kLeft}},
+      .footnotes = {"Operations a call: 2 a multiply-add, bias and activation excluded; - where "
+                    "they depend on the data."}};
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   for (const auto& workload : catalog()) {
-    table.rows.push_back({workload.name, count(workload.ops), count(workload.bytes()), workload.kernel,
-                          workload.description});
-    nlohmann::ordered_json row = {{"name", workload.name},         {"description", workload.description},
-                          {"kernel", workload.kernel},     {"tags", workload.tags},
-                          {"bytes", workload.bytes()},     {"inputs", shapes(workload.inputs)},
-                          {"outputs", shapes(workload.outputs)}};
+    table.rows.push_back({workload.name, count(workload.ops), count(workload.bytes()),
+                          workload.kernel, workload.description});
+    nlohmann::ordered_json row = {{"name", workload.name},
+                                  {"description", workload.description},
+                                  {"kernel", workload.kernel},
+                                  {"tags", workload.tags},
+                                  {"bytes", workload.bytes()},
+                                  {"inputs", shapes(workload.inputs)},
+                                  {"outputs", shapes(workload.outputs)}};
     if (workload.ops) row["ops"] = *workload.ops;
     rows.push_back(std::move(row));
   }
@@ -68,8 +77,11 @@ std::vector<std::string> unsupported(const Backend& backend) {
 
 Listing list_backends() {
   Table table{.title = "Backends",
-              .columns = {{"backend", Align::kLeft}, {"available", Align::kLeft}, {"workloads"},
-                          {"phases", Align::kLeft}, {"description", Align::kLeft}}};
+              .columns = {{"backend", Align::kLeft},
+                          {"available", Align::kLeft},
+                          {"workloads"},
+                          {"phases", Align::kLeft},
+                          {"description", Align::kLeft}}};
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   for (const auto& backend : backends()) {
     const auto probe = backend->probe();
@@ -90,9 +102,10 @@ Listing list_backends() {
     for (const auto& reason : missing) {
       table.footnotes.push_back(fmt::format("{} does not support {}", backend->name(), reason));
     }
-    nlohmann::ordered_json row = {{"name", backend->name()}, {"description", backend->description()},
-                          {"available", probe.available}, {"phases", phases},
-                          {"devices", devices}, {"unsupported", missing}};
+    nlohmann::ordered_json row = {
+        {"name", backend->name()},      {"description", backend->description()},
+        {"available", probe.available}, {"phases", phases},
+        {"devices", devices},           {"unsupported", missing}};
     if (!probe.available) row["reason"] = probe.reason;
     rows.push_back(std::move(row));
   }
@@ -115,7 +128,8 @@ std::string unit_status(const UnitModel& unit, bool& available) {
   for (const auto& device : probe.devices) {
     if (unit.device.empty() || device.name.find(unit.device) != std::string::npos ||
         device.platform.find(unit.device) != std::string::npos) {
-      return device.name + (device.is_cpu && unit.role != "cpu" ? " (computes on the host's cores)" : "");
+      return device.name +
+             (device.is_cpu && unit.role != "cpu" ? " (computes on the host's cores)" : "");
     }
   }
   available = probe.devices.empty();
@@ -126,8 +140,13 @@ std::string unit_status(const UnitModel& unit, bool& available) {
 Listing list_units(const std::string& platform_name) {
   const auto platform = load_platform(platform_name);
   Table table{.title = "Units of platform " + platform.name,
-              .columns = {{"unit", Align::kLeft}, {"role", Align::kLeft}, {"backend", Align::kLeft},
-                          {"cores", Align::kLeft}, {"servers"}, {"active W"}, {"idle W"},
+              .columns = {{"unit", Align::kLeft},
+                          {"role", Align::kLeft},
+                          {"backend", Align::kLeft},
+                          {"cores", Align::kLeft},
+                          {"servers"},
+                          {"active W"},
+                          {"idle W"},
                           {"device", Align::kLeft}}};
   if (!platform.assumptions.empty()) table.footnotes.push_back(platform.assumptions);
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
@@ -138,11 +157,18 @@ Listing list_units(const std::string& platform_name) {
                           core_list(unit.cores) + (unit.shares_cores ? " (shared)" : ""),
                           fmt::format("{}", unit.servers), fmt::format("{}", unit.active_w),
                           fmt::format("{}", unit.idle_w), status});
-    rows.push_back({{"name", unit.name},         {"role", unit.role},     {"backend", unit.backend},
-                    {"cores", unit.cores},       {"servers", unit.servers}, {"active_w", unit.active_w},
-                    {"idle_w", unit.idle_w},     {"available", available}, {"device", status}});
+    rows.push_back({{"name", unit.name},
+                    {"role", unit.role},
+                    {"backend", unit.backend},
+                    {"cores", unit.cores},
+                    {"servers", unit.servers},
+                    {"active_w", unit.active_w},
+                    {"idle_w", unit.idle_w},
+                    {"available", available},
+                    {"device", status}});
   }
-  return {{.title = "pirt units", .parts = {table}}, {{"platform", platform.name}, {"units", rows}}};
+  return {{.title = "pirt units", .parts = {table}},
+          {{"platform", platform.name}, {"units", rows}}};
 }
 
 Listing list_named(const std::string& what, const std::vector<std::string>& names,
@@ -160,8 +186,9 @@ Listing list_named(const std::string& what, const std::vector<std::string>& name
 Listing list_modes() {
   std::vector<std::string> names;
   for (const auto& policy : policies()) names.emplace_back(policy.name);
-  return list_named("modes", names,
-                    [](const std::string& name) { return std::string(find_policy(name).description); });
+  return list_named("modes", names, [](const std::string& name) {
+    return std::string(find_policy(name).description);
+  });
 }
 
 Listing list(const Options& options) {
@@ -177,7 +204,8 @@ Listing list(const Options& options) {
     return list_named("mixes", shipped_mixes(),
                       [](const std::string& name) { return load_mix(name).description; });
   }
-  const std::vector<std::string> known = {"workloads", "backends", "units", "platforms", "mixes", "modes"};
+  const std::vector<std::string> known = {"workloads", "backends", "units",
+                                          "platforms", "mixes",    "modes"};
   throw_bad_input("cannot list '" + options.what + "'" + suggestion(options.what, known));
 }
 
@@ -185,8 +213,11 @@ Listing list(const Options& options) {
 
 void add_list(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command = app.add_subcommand("list", "Show the workloads, backends, units, platforms, mixes or modes");
-  command->add_option("what", options->what, "workloads | backends | units | platforms | mixes | modes")
+  auto* command =
+      app.add_subcommand("list", "Show the workloads, backends, units, platforms, mixes or modes");
+  command
+      ->add_option("what", options->what,
+                   "workloads | backends | units | platforms | mixes | modes")
       ->required();
   command->add_option("--platform", options->platform, "Platform whose units are listed")
       ->capture_default_str();

@@ -1,4 +1,5 @@
-// The pirt binary: finds the command, runs it, turns errors into one message and an exit code. All catching is here.
+// The pirt binary: finds the command, runs it, turns errors into one message and an exit code. All
+// catching is here.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
@@ -23,13 +24,15 @@ std::vector<std::string> option_names(const CLI::App& app) {
 
 std::vector<std::string> command_names(const CLI::App& app) {
   std::vector<std::string> names;
-  for (const auto* command : app.get_subcommands([](const CLI::App* a) { return !a->get_group().empty(); })) {
+  for (const auto* command :
+       app.get_subcommands([](const CLI::App* a) { return !a->get_group().empty(); })) {
     names.push_back(command->get_name());
   }
   return names;
 }
 
-/// CLI11 leaves what it does not know in remaining(); the nearest known names make a better message than its own.
+/// CLI11 leaves what it does not know in remaining(); the nearest known names make a better message
+/// than its own.
 void reject_unknown(const CLI::App& app, const CLI::App& root) {
   const auto unknown = app.remaining();
   if (unknown.empty()) return;
@@ -37,8 +40,8 @@ void reject_unknown(const CLI::App& app, const CLI::App& root) {
   const std::string command = &app == &root ? "pirt" : "pirt " + app.get_name();
   if (word.size() > 1 && word.front() == '-') {
     const auto name = word.substr(0, word.find('='));
-    throw_bad_input("unknown option '" + name + "'" + suggestion(name, option_names(app)) + "; see '" +
-                    command + " --help'");
+    throw_bad_input("unknown option '" + name + "'" + suggestion(name, option_names(app)) +
+                    "; see '" + command + " --help'");
   }
   if (&app == &root) {
     throw_bad_input("unknown command '" + word + "'" + suggestion(word, command_names(app)));
@@ -48,7 +51,8 @@ void reject_unknown(const CLI::App& app, const CLI::App& root) {
 
 int run(int argc, char** argv) {
   CLI::App app{
-      "Characterizes robot workloads on every processing unit of a machine and schedules a robot's mix\n"
+      "Characterizes robot workloads on every processing unit of a machine and schedules a robot's "
+      "mix\n"
       "of them for latency, throughput or energy."};
   app.name("pirt");
   app.set_version_flag("--version", std::string("pirt ") + PIRT_VERSION);
@@ -60,7 +64,8 @@ int run(int argc, char** argv) {
   add_report(app, action);
   add_worker(app, action);
   app.footer(
-      "Exit codes: 0 good, 1 a check failed, 2 usage or bad input, 3 inconclusive, 4 not possible on this "
+      "Exit codes: 0 good, 1 a check failed, 2 usage or bad input, 3 inconclusive, 4 not possible "
+      "on this "
       "machine.\nFirst steps: pirt characterize --quick --db profile.db && pirt report profile.db");
   for (auto* command : app.get_subcommands({})) command->allow_extras();
 

@@ -1,4 +1,5 @@
-// Where results go: text on stdout, JSON to a file or stdout (then alone), progress and warnings on stderr.
+// Where results go: text on stdout, JSON to a file or stdout (then alone), progress and warnings on
+// stderr.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -39,7 +39,8 @@ struct Modes {
   std::string why_not;  ///< Empty if there are records.
 };
 
-/// Runs the paper's four modes in virtual time. A profile that lacks some of the mix's workloads still makes a report.
+/// Runs the paper's four modes in virtual time. A profile that lacks some of the mix's workloads
+/// still makes a report.
 Modes simulate_modes(const Options& options, const Profile& profile, const Mix& mix) {
   Modes modes;
   try {
@@ -79,8 +80,9 @@ int report(const Options& options) {
   const auto modes = collect_modes(options, profile);
   const auto preferable = preferences(profile);
 
-  Document document{.title = "pirt report",
-                    .parts = {profile_header(profile), profile_table(profile), preference_table(preferable)}};
+  Document document{
+      .title = "pirt report",
+      .parts = {profile_header(profile), profile_table(profile), preference_table(preferable)}};
   if (modes.why_not.empty()) {
     document.parts.emplace_back(modes_table(modes.records));
   } else {
@@ -108,18 +110,25 @@ int report(const Options& options) {
 void add_report(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   auto* command = app.add_subcommand(
-      "report", "Show a profile, the preferable unit of each workload, and the four modes side by side");
-  command->add_option("files", options->files,
-                      "The profile database, then run records of pirt schedule --json (default: the four modes are "
-                      "simulated now)")
+      "report",
+      "Show a profile, the preferable unit of each workload, and the four modes side by side");
+  command
+      ->add_option("files", options->files,
+                   "The profile database, then run records of pirt schedule --json (default: the "
+                   "four modes are "
+                   "simulated now)")
       ->required();
-  command->add_option("--format", options->format, "text | md | html | json")->capture_default_str();
+  command->add_option("--format", options->format, "text | md | html | json")
+      ->capture_default_str();
   command->add_option("-o,--output", options->output, "Write to FILE instead of stdout");
   command->add_option("--platform", options->platform,
                       "Show the runs of this platform (default: that of the newest run)");
-  command->add_option("--set", options->settings,
-                      "Set one value of the platform's units for the simulated modes, e.g. cpu.active_w=15");
-  command->add_option("--mix", options->mix, "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file")
+  command->add_option(
+      "--set", options->settings,
+      "Set one value of the platform's units for the simulated modes, e.g. cpu.active_w=15");
+  command
+      ->add_option("--mix", options->mix,
+                   "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file")
       ->capture_default_str();
   command->add_option("--json", options->json, "Write JSON as well, to FILE or to stdout for -");
   command->footer("Example: pirt report profile.db --format html -o report.html");

@@ -40,7 +40,8 @@ ScheduleOptions schedule_options(const Options& options) {
   schedule.in_flight = options.in_flight;
   const std::vector<std::string> overflows = {"hold", "literal"};
   if (options.overflow != "hold" && options.overflow != "literal") {
-    throw_bad_input("unknown --overflow '" + options.overflow + "'" + suggestion(options.overflow, overflows));
+    throw_bad_input("unknown --overflow '" + options.overflow + "'" +
+                    suggestion(options.overflow, overflows));
   }
   schedule.literal_overflow = options.overflow == "literal";
   schedule.allow_invalid = options.allow_invalid;
@@ -54,8 +55,10 @@ int schedule(const Options& options) {
   static_cast<void>(find_policy(options.mode));
   const auto settings = schedule_options(options);
   if (!options.profile && !options.platform) {
-    throw_bad_input("give --profile FILE (from pirt characterize), or --platform with a modelled one (pirt list "
-                    "platforms)");
+    throw_bad_input(
+        "give --profile FILE (from pirt characterize), or --platform with a modelled one (pirt "
+        "list "
+        "platforms)");
   }
   std::vector<YamlOverride> overrides;
   for (const auto& setting : options.settings) overrides.push_back(parse_override(setting));
@@ -75,29 +78,39 @@ int schedule(const Options& options) {
 
 void add_schedule(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command = app.add_subcommand("schedule", "Schedule a robot's mix on a platform, in virtual time");
-  command->add_option("--mode", options->mode, "Policy: " + join(policy_names(), " | "))->required();
+  auto* command =
+      app.add_subcommand("schedule", "Schedule a robot's mix on a platform, in virtual time");
+  command->add_option("--mode", options->mode, "Policy: " + join(policy_names(), " | "))
+      ->required();
   command->add_option("--profile", options->profile, "Profile database of pirt characterize");
   command->add_option("--platform", options->platform,
                       "A name of `pirt list platforms`, or a YAML file (default: the profile's)");
-  command->add_option("--set", options->settings,
-                      "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable");
+  command->add_option(
+      "--set", options->settings,
+      "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable");
   command->add_option("--mix", options->mix, "A name of `pirt list mixes`, or a YAML file")
       ->capture_default_str();
-  command->add_option("--duration", options->duration,
-                      "Virtual time in which pipelines with a rate fire, e.g. 60s (the default) or 2min");
-  command->add_option("--weights", options->weights,
-                      "Weights of the units, e.g. gpu=4,cpu=3 (default: the platform's, else derived)");
+  command->add_option(
+      "--duration", options->duration,
+      "Virtual time in which pipelines with a rate fire, e.g. 60s (the default) or 2min");
+  command->add_option(
+      "--weights", options->weights,
+      "Weights of the units, e.g. gpu=4,cpu=3 (default: the platform's, else derived)");
   command->add_option("--in-flight", options->in_flight,
                       "Frames in flight of closed loops (default: the platform's, else derived)");
-  command->add_option("--basic", options->basic, "Fallback of mode advanced")->capture_default_str();
-  command->add_option("--overflow", options->overflow,
-                      "When all queues are full: hold the task, or the literal `else` of Algorithms 2 and 3")
+  command->add_option("--basic", options->basic, "Fallback of mode advanced")
       ->capture_default_str();
-  command->add_flag("--allow-invalid", options->allow_invalid, "Use profile rows that are marked invalid");
+  command
+      ->add_option(
+          "--overflow", options->overflow,
+          "When all queues are full: hold the task, or the literal `else` of Algorithms 2 and 3")
+      ->capture_default_str();
+  command->add_flag("--allow-invalid", options->allow_invalid,
+                    "Use profile rows that are marked invalid");
   command->add_option("--seed", options->seed, "Seed of drawn durations")->capture_default_str();
   command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
-  command->footer("Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000");
+  command->footer(
+      "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000");
   command->callback([options, &action] { action = [options] { return schedule(*options); }; });
 }
 

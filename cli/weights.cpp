@@ -18,7 +18,8 @@ std::map<std::string, int> parse_weights(const std::string& text) {
       if (error != std::errc{} || stop != end) weight = -1;
     }
     if (weight < 0) {
-      throw_bad_input("--weights: '" + part + "' is not UNIT=WEIGHT with an integer of at least 0; write e.g. gpu=4,cpu=3");
+      throw_bad_input("--weights: '" + part +
+                      "' is not UNIT=WEIGHT with an integer of at least 0; write e.g. gpu=4,cpu=3");
     }
     if (!weights.emplace(part.substr(0, equals), weight).second) {
       throw_bad_input("--weights: unit '" + part.substr(0, equals) + "' is named twice");

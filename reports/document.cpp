@@ -47,7 +47,8 @@ std::string text_table(const Table& table) {
     for (const auto& row : table.rows) width = std::max(width, display_width(row[c]));
     widths.push_back(width);
   }
-  std::string out = table.title + "\n" + text_row(table, headers(table), widths) + headers_rule(widths);
+  std::string out =
+      table.title + "\n" + text_row(table, headers(table), widths) + headers_rule(widths);
   for (const auto& row : table.rows) out += text_row(table, row, widths);
   for (const auto& note : table.footnotes) out += note + "\n";
   return out;
@@ -69,7 +70,8 @@ std::string markdown_row(const std::vector<std::string>& cells) {
 }
 
 std::string markdown_table(const Table& table) {
-  std::string out = "## " + escape_markdown(table.title) + "\n\n" + markdown_row(headers(table)) + "|";
+  std::string out =
+      "## " + escape_markdown(table.title) + "\n\n" + markdown_row(headers(table)) + "|";
   for (const auto& column : table.columns) out += column.align == Align::kRight ? "---:|" : ":---|";
   out += "\n";
   for (const auto& row : table.rows) out += markdown_row(row);
@@ -81,11 +83,20 @@ std::string escape_html(std::string_view text) {
   std::string out;
   for (const char c : text) {
     switch (c) {
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      case '&': out += "&amp;"; break;
-      case '"': out += "&quot;"; break;
-      default: out += c;
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      case '&':
+        out += "&amp;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      default:
+        out += c;
     }
   }
   return out;
@@ -96,8 +107,8 @@ std::string html_row(const Table& table, const std::vector<std::string>& cells,
   std::string line = "<tr>";
   for (std::size_t c = 0; c < cells.size(); ++c) {
     const bool right = table.columns[c].align == Align::kRight;
-    line += "<" + std::string(tag) + (right ? " class=\"r\">" : ">") + escape_html(cells[c]) + "</" +
-            std::string(tag) + ">";
+    line += "<" + std::string(tag) + (right ? " class=\"r\">" : ">") + escape_html(cells[c]) +
+            "</" + std::string(tag) + ">";
   }
   return line + "</tr>\n";
 }
@@ -107,7 +118,8 @@ std::string html_table(const Table& table) {
                     html_row(table, headers(table), "th") + "</thead>\n<tbody>\n";
   for (const auto& row : table.rows) out += html_row(table, row, "td");
   out += "</tbody>\n</table>\n";
-  for (const auto& note : table.footnotes) out += "<p class=\"note\">" + escape_html(note) + "</p>\n";
+  for (const auto& note : table.footnotes)
+    out += "<p class=\"note\">" + escape_html(note) + "</p>\n";
   return out;
 }
 
@@ -133,9 +145,12 @@ std::string render_part(const Paragraph& paragraph, Format format) {
 
 std::string render_part(const Table& table, Format format) {
   switch (format) {
-    case Format::kText: return text_table(table);
-    case Format::kMarkdown: return markdown_table(table);
-    case Format::kHtml: return html_table(table);
+    case Format::kText:
+      return text_table(table);
+    case Format::kMarkdown:
+      return markdown_table(table);
+    case Format::kHtml:
+      return html_table(table);
   }
   return {};
 }
@@ -150,13 +165,18 @@ std::size_t display_width(std::string_view text) {
 std::string render(const Document& document, Format format) {
   std::string out;
   switch (format) {
-    case Format::kText: out = document.title + "\n"; break;
-    case Format::kMarkdown: out = "# " + escape_markdown(document.title) + "\n"; break;
+    case Format::kText:
+      out = document.title + "\n";
+      break;
+    case Format::kMarkdown:
+      out = "# " + escape_markdown(document.title) + "\n";
+      break;
     case Format::kHtml:
-      out = "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-            "<meta name=\"viewport\" content=\"width=device-width\"><title>" +
-            escape_html(document.title) + "</title>\n<style>" + std::string(kStyle) +
-            "</style></head>\n<body>\n<h1>" + escape_html(document.title) + "</h1>\n";
+      out =
+          "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
+          "<meta name=\"viewport\" content=\"width=device-width\"><title>" +
+          escape_html(document.title) + "</title>\n<style>" + std::string(kStyle) +
+          "</style></head>\n<body>\n<h1>" + escape_html(document.title) + "</h1>\n";
       break;
   }
   for (const auto& part : document.parts) {

@@ -1,4 +1,5 @@
-// Documents made of paragraphs and tables, and their renderings: text for a terminal, Markdown, HTML.
+// Documents made of paragraphs and tables, and their renderings: text for a terminal, Markdown,
+// HTML.
 //
 // What a report says is decided elsewhere; nothing here knows a profile or a run.
 #pragma once
@@ -36,7 +37,8 @@ struct Document {
 
 enum class Format : std::uint8_t { kText, kMarkdown, kHtml };
 
-/// A whole document, ending in a newline. HTML is one self-contained page; everything from outside is escaped.
+/// A whole document, ending in a newline. HTML is one self-contained page; everything from outside
+/// is escaped.
 [[nodiscard]] std::string render(const Document& document, Format format);
 
 /// Columns that a terminal needs for @p text: code points (none here is wide or combining).

@@ -28,17 +28,23 @@ std::string duration_text(Nanos value) {
 
 std::string_view mark(Provenance provenance) {
   switch (provenance) {
-    case Provenance::kMeasured: return "";
-    case Provenance::kCounted: return "#";
-    case Provenance::kModelled: return "~";
-    case Provenance::kFitted: return "^";
-    case Provenance::kPublished: return "+";
+    case Provenance::kMeasured:
+      return "";
+    case Provenance::kCounted:
+      return "#";
+    case Provenance::kModelled:
+      return "~";
+    case Provenance::kFitted:
+      return "^";
+    case Provenance::kPublished:
+      return "+";
   }
   return "?";
 }
 
 std::string_view provenance_legend() {
-  return "Unmarked figures are measured on this machine; # counted, ~ modelled, ^ fitted, + published.";
+  return "Unmarked figures are measured on this machine; # counted, ~ modelled, ^ fitted, + "
+         "published.";
 }
 
 std::string marked(const std::string& text, Provenance provenance) {

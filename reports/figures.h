@@ -1,4 +1,5 @@
-// How figures are printed: three significant digits, the unit in the column's header, a mark for where a figure comes from.
+// How figures are printed: three significant digits, the unit in the column's header, a mark for
+// where a figure comes from.
 #pragma once
 
 #include <optional>

@@ -19,7 +19,9 @@ constexpr std::array<PaperPreference, 6> kTable3 = {{{"gaussian_blur", "CPU", "m
                                                      {"feature_detect", "DSP", "DSP"},
                                                      {"optical_flow", "FPGA", "FPGA"}}};
 
-void sort_best_first(Ranking& ranking) { std::ranges::stable_sort(ranking.units, {}, &RankedUnit::value); }
+void sort_best_first(Ranking& ranking) {
+  std::ranges::stable_sort(ranking.units, {}, &RankedUnit::value);
+}
 
 Ranking rank_time(const Profile& profile, const std::string& workload) {
   Ranking ranking;

@@ -1,4 +1,5 @@
-// Which unit is preferable for each workload, by time and by energy: the paper's Table III for the machine of a profile.
+// Which unit is preferable for each workload, by time and by energy: the paper's Table III for the
+// machine of a profile.
 #pragma once
 
 #include <optional>
@@ -13,7 +14,7 @@ namespace pirt {
 struct RankedUnit {
   std::string unit;
   double value = 0;
-  double low = 0;   ///< 95 % confidence interval of the median; equal to value where there is none.
+  double low = 0;  ///< 95 % confidence interval of the median; equal to value where there is none.
   double high = 0;
   Provenance provenance = Provenance::kMeasured;
 };
@@ -22,7 +23,8 @@ struct RankedUnit {
 struct Ranking {
   std::vector<RankedUnit> units;
 
-  /// The best unit; "a = b" if the intervals of the two best overlap (a tie is not a preference); "-" if there is none.
+  /// The best unit; "a = b" if the intervals of the two best overlap (a tie is not a preference);
+  /// "-" if there is none.
   [[nodiscard]] std::string preferable() const;
   /// How many times the second best takes what the best takes; absent if there is no second.
   [[nodiscard]] std::optional<double> advantage() const;

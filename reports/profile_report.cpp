@@ -55,18 +55,18 @@ void put(nlohmann::ordered_json& object, const char* key, const std::optional<Na
 
 nlohmann::ordered_json phase_json(const PhaseRow& row) {
   nlohmann::ordered_json json = {{"run_id", row.run_id},
-                         {"platform", row.platform},
-                         {"workload", row.workload},
-                         {"unit", row.unit},
-                         {"backend", row.backend},
-                         {"phase", to_string(row.phase)},
-                         {"state", to_string(row.state)},
-                         {"provenance", to_string(row.provenance)},
-                         {"valid", row.valid},
-                         {"reasons", row.reasons},
-                         {"notes", row.notes},
-                         {"samples", row.samples},
-                         {"bytes", row.bytes}};
+                                 {"platform", row.platform},
+                                 {"workload", row.workload},
+                                 {"unit", row.unit},
+                                 {"backend", row.backend},
+                                 {"phase", to_string(row.phase)},
+                                 {"state", to_string(row.state)},
+                                 {"provenance", to_string(row.provenance)},
+                                 {"valid", row.valid},
+                                 {"reasons", row.reasons},
+                                 {"notes", row.notes},
+                                 {"samples", row.samples},
+                                 {"bytes", row.bytes}};
   put(json, "median_ns", row.median);
   put(json, "mad_ns", row.mad);
   put(json, "p95_ns", row.p95);
@@ -78,13 +78,10 @@ nlohmann::ordered_json phase_json(const PhaseRow& row) {
 }
 
 nlohmann::ordered_json energy_json(const EnergyRow& row) {
-  nlohmann::ordered_json json = {{"run_id", row.run_id},
-                         {"workload", row.workload},
-                         {"unit", row.unit},
-                         {"provenance", to_string(row.provenance)},
-                         {"source", row.source},
-                         {"valid", row.valid},
-                         {"reasons", row.reasons}};
+  nlohmann::ordered_json json = {{"run_id", row.run_id},  {"workload", row.workload},
+                                 {"unit", row.unit},      {"provenance", to_string(row.provenance)},
+                                 {"source", row.source},  {"valid", row.valid},
+                                 {"reasons", row.reasons}};
   put(json, "energy_j", row.energy_j);
   return json;
 }
@@ -109,8 +106,12 @@ nlohmann::ordered_json run_json(const RunInfo& run) {
                      {"device_is_cpu", unit.device_is_cpu},
                      {"cores", unit.cores}});
   }
-  return {{"run_id", run.run_id},     {"started", run.started}, {"finished", run.finished},
-          {"platform", run.platform}, {"seed", run.seed},       {"environment", run.environment},
+  return {{"run_id", run.run_id},
+          {"started", run.started},
+          {"finished", run.finished},
+          {"platform", run.platform},
+          {"seed", run.seed},
+          {"environment", run.environment},
           {"units", units}};
 }
 
@@ -129,25 +130,35 @@ Paragraph profile_header(const Profile& profile) {
     const auto it = run.environment.find(key);
     return it == run.environment.end() ? std::string("unknown") : it->second;
   };
-  paragraph.lines.push_back(fmt::format("Platform {}, run {} of {}{}; seed {}", run.platform, run.run_id,
-                                        run.started, run.finished.empty() ? " (did not end)" : "",
-                                        run.seed));
-  paragraph.lines.push_back(
-      fmt::format("Machine: {}, kernel {}, governor {}", fact("cpu_model"), fact("kernel"), fact("governor")));
+  paragraph.lines.push_back(fmt::format("Platform {}, run {} of {}{}; seed {}", run.platform,
+                                        run.run_id, run.started,
+                                        run.finished.empty() ? " (did not end)" : "", run.seed));
+  paragraph.lines.push_back(fmt::format("Machine: {}, kernel {}, governor {}", fact("cpu_model"),
+                                        fact("kernel"), fact("governor")));
   for (const auto& unit : run.units) {
     const bool disguised = unit.device_is_cpu && unit.backend != "cpu";
-    paragraph.lines.push_back(fmt::format("Unit {}: backend {} on {}{}{}", unit.unit, unit.backend, unit.device,
-                                          core_text(unit.cores),
-                                          disguised ? "; computes on the host's own cores, not a GPU" : ""));
+    paragraph.lines.push_back(fmt::format(
+        "Unit {}: backend {} on {}{}{}", unit.unit, unit.backend, unit.device,
+        core_text(unit.cores), disguised ? "; computes on the host's own cores, not a GPU" : ""));
   }
   return paragraph;
 }
 
 Table profile_table(const Profile& profile) {
   Table table{.title = "Profile (medians, ms)",
-              .columns = {{"workload", Align::kLeft}, {"unit", Align::kLeft}, {"call"}, {"+/-"}, {"upload"},
-                          {"launch"}, {"execute"}, {"download"}, {"prepare cold"}, {"warm"}, {"energy mJ"},
-                          {"samples"}, {"remarks", Align::kLeft}}};
+              .columns = {{"workload", Align::kLeft},
+                          {"unit", Align::kLeft},
+                          {"call"},
+                          {"+/-"},
+                          {"upload"},
+                          {"launch"},
+                          {"execute"},
+                          {"download"},
+                          {"prepare cold"},
+                          {"warm"},
+                          {"energy mJ"},
+                          {"samples"},
+                          {"remarks", Align::kLeft}}};
   for (const auto& workload : profile.workloads()) {
     for (const auto& unit : profile.units()) {
       const auto phase = [&](Phase p, State state = State::kSteady) {
@@ -166,7 +177,8 @@ Table profile_table(const Profile& profile) {
     }
   }
   table.footnotes = {
-      "call = upload + launch + execute + download of one call; +/-: half the 95 % confidence interval of its "
+      "call = upload + launch + execute + download of one call; +/-: half the 95 % confidence "
+      "interval of its "
       "median; - a phase that the unit does not have.",
       std::string(provenance_legend())};
   std::set<std::string> sources;
@@ -177,32 +189,43 @@ Table profile_table(const Profile& profile) {
 
 Table preference_table(const std::vector<Preference>& preferences) {
   Table table{.title = "Preferable unit for each workload (the paper's Table III for this machine)",
-              .columns = {{"workload", Align::kLeft}, {"by time", Align::kLeft}, {"ms"}, {"next takes"},
-                          {"by energy", Align::kLeft}, {"mJ"}, {"next takes"},
-                          {"paper: time", Align::kLeft}, {"energy", Align::kLeft}}};
-  const auto times = [](std::optional<double> x) { return x ? figure(*x) + "x" : std::string("-"); };
+              .columns = {{"workload", Align::kLeft},
+                          {"by time", Align::kLeft},
+                          {"ms"},
+                          {"next takes"},
+                          {"by energy", Align::kLeft},
+                          {"mJ"},
+                          {"next takes"},
+                          {"paper: time", Align::kLeft},
+                          {"energy", Align::kLeft}}};
+  const auto times = [](std::optional<double> x) {
+    return x ? figure(*x) + "x" : std::string("-");
+  };
   for (const auto& p : preferences) {
     const auto best = [](const Ranking& ranking, double scale) {
       if (ranking.units.empty()) return std::string("-");
       return marked(figure(ranking.units[0].value * scale), ranking.units[0].provenance);
     };
-    table.rows.push_back({p.workload, p.by_time.preferable(), best(p.by_time, 1), times(p.by_time.advantage()),
-                          p.by_energy.preferable(), best(p.by_energy, 1e3), times(p.by_energy.advantage()),
+    table.rows.push_back({p.workload, p.by_time.preferable(), best(p.by_time, 1),
+                          times(p.by_time.advantage()), p.by_energy.preferable(),
+                          best(p.by_energy, 1e3), times(p.by_energy.advantage()),
                           p.paper_time ? marked(*p.paper_time, Provenance::kPublished) : "-",
                           p.paper_energy ? marked(*p.paper_energy, Provenance::kPublished) : "-"});
   }
   table.footnotes = {
-      "By phase call, transfers included; a = b where the confidence intervals overlap. The paper's units are "
+      "By phase call, transfers included; a = b where the confidence intervals overlap. The "
+      "paper's units are "
       "those of its three boards.",
       std::string(provenance_legend())};
   return table;
 }
 
-nlohmann::ordered_json profile_json(const Profile& profile, const std::vector<Preference>& preferences) {
+nlohmann::ordered_json profile_json(const Profile& profile,
+                                    const std::vector<Preference>& preferences) {
   nlohmann::ordered_json json = {{"runs", nlohmann::ordered_json::array()},
-                         {"profile_summary", nlohmann::ordered_json::array()},
-                         {"energy_summary", nlohmann::ordered_json::array()},
-                         {"preferable", nlohmann::ordered_json::array()}};
+                                 {"profile_summary", nlohmann::ordered_json::array()},
+                                 {"energy_summary", nlohmann::ordered_json::array()},
+                                 {"preferable", nlohmann::ordered_json::array()}};
   for (const auto& run : profile.runs) json["runs"].push_back(run_json(run));
   for (const auto& row : profile.phases) json["profile_summary"].push_back(phase_json(row));
   for (const auto& row : profile.energies) json["energy_summary"].push_back(energy_json(row));

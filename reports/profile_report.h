@@ -1,4 +1,5 @@
-// What a profile says, as tables: the figures of each cell, and the preferable unit for each workload.
+// What a profile says, as tables: the figures of each cell, and the preferable unit for each
+// workload.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -22,6 +23,6 @@ namespace pirt {
 
 /// Everything that the tables are made of, in the units of the names.
 [[nodiscard]] nlohmann::ordered_json profile_json(const Profile& profile,
-                                          const std::vector<Preference>& preferences);
+                                                  const std::vector<Preference>& preferences);
 
 }  // namespace pirt

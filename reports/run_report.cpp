@@ -13,12 +13,13 @@
 namespace pirt {
 namespace {
 
-/// Where a figure of virtual time comes from: it was computed, so it is modelled, unless all of its inputs have one other
-/// provenance that is farther from a measurement.
+/// Where a figure of virtual time comes from: it was computed, so it is modelled, unless all of its
+/// inputs have one other provenance that is farther from a measurement.
 Provenance simulated(const std::set<std::string>& inputs) {
   if (inputs.size() != 1) return Provenance::kModelled;
   const auto only = provenance_from_string(*inputs.begin()).value_or(Provenance::kModelled);
-  return only == Provenance::kMeasured || only == Provenance::kCounted ? Provenance::kModelled : only;
+  return only == Provenance::kMeasured || only == Provenance::kCounted ? Provenance::kModelled
+                                                                       : only;
 }
 
 /// Of the units that the run used, or of all.
@@ -30,7 +31,9 @@ std::set<std::string> inputs_of(const RunRecord& run, std::vector<std::string> U
   return inputs;
 }
 
-std::set<std::string> set_of(const std::vector<std::string>& names) { return {names.begin(), names.end()}; }
+std::set<std::string> set_of(const std::vector<std::string>& names) {
+  return {names.begin(), names.end()};
+}
 
 /// The three marks of a run's figures; counts need none.
 struct Marks {
@@ -63,44 +66,59 @@ Paragraph header(const RunRecord& run) {
   auto when = run.time + " time";
   if (run.duration_s) when += fmt::format(", pipelines fire for {} s", figure(*run.duration_s));
   if (run.in_flight) when += fmt::format(", {} frames in flight", *run.in_flight);
-  paragraph.lines.push_back(fmt::format("Mode {}; mix {} on platform {}", mode, run.mix, run.platform));
-  paragraph.lines.push_back(fmt::format("{}; seed {}{}", when, run.seed,
-                                        run.profile ? "; profile " + *run.profile : ""));
+  paragraph.lines.push_back(
+      fmt::format("Mode {}; mix {} on platform {}", mode, run.mix, run.platform));
+  paragraph.lines.push_back(
+      fmt::format("{}; seed {}{}", when, run.seed, run.profile ? "; profile " + *run.profile : ""));
   if (run.assumptions) paragraph.lines.push_back(*run.assumptions);
   return paragraph;
 }
 
 Paragraph totals(const RunRecord& run) {
   const Marks marks(run);
-  return {{fmt::format("{} tasks submitted: {} completed ({} offloaded to the cloud), {} dropped, {} expired, {} "
-                       "failed, {} queued",
-                       run.submitted, run.completed, run.offloaded, run.dropped, run.expired, run.failed, run.queued),
-           fmt::format("makespan {} s, {} tasks/ms, latency mean {} ms, p99 {} ms, energy {} J, average power {} W",
-                       shown(run.makespan_s, marks.time), shown(run.throughput_per_ms, marks.time),
-                       shown(run.mean_latency_ms, marks.time), shown(run.p99_latency_ms, marks.time),
-                       shown(run.energy_j, marks.energy), shown(run.average_power_w, marks.energy))}};
+  return {
+      {fmt::format("{} tasks submitted: {} completed ({} offloaded to the cloud), {} dropped, {} "
+                   "expired, {} "
+                   "failed, {} queued",
+                   run.submitted, run.completed, run.offloaded, run.dropped, run.expired,
+                   run.failed, run.queued),
+       fmt::format("makespan {} s, {} tasks/ms, latency mean {} ms, p99 {} ms, energy {} J, "
+                   "average power {} W",
+                   shown(run.makespan_s, marks.time), shown(run.throughput_per_ms, marks.time),
+                   shown(run.mean_latency_ms, marks.time), shown(run.p99_latency_ms, marks.time),
+                   shown(run.energy_j, marks.energy), shown(run.average_power_w, marks.energy))}};
 }
 
 /// "opencl: times measured; energy modelled".
 std::string input_note(const UnitResult& unit) {
-  return fmt::format("{}: service times {}, energy {}", unit.unit,
-                     unit.provenance.empty() ? "none" : join(unit.provenance, " and "),
-                     unit.energy_provenance.empty() ? "none" : join(unit.energy_provenance, " and "));
+  return fmt::format(
+      "{}: service times {}, energy {}", unit.unit,
+      unit.provenance.empty() ? "none" : join(unit.provenance, " and "),
+      unit.energy_provenance.empty() ? "none" : join(unit.energy_provenance, " and "));
 }
 
 Table units_table(const RunRecord& run) {
   Table table{.title = "Units",
-              .columns = {{"unit", Align::kLeft}, {"role", Align::kLeft}, {"tasks"}, {"mean ms"}, {"p99 ms"},
-                          {"busy s"}, {"busy %"}, {"energy J"}, {"device", Align::kLeft}}};
+              .columns = {{"unit", Align::kLeft},
+                          {"role", Align::kLeft},
+                          {"tasks"},
+                          {"mean ms"},
+                          {"p99 ms"},
+                          {"busy s"},
+                          {"busy %"},
+                          {"energy J"},
+                          {"device", Align::kLeft}}};
   for (const auto& unit : run.units) {
     const auto time = simulated(set_of(unit.provenance));
     const auto energy = simulated(set_of(unit.energy_provenance));
-    table.rows.push_back({unit.unit, unit.role, fmt::format("{}", unit.completed), shown(unit.mean_latency_ms, time),
-                          shown(unit.p99_latency_ms, time), shown(unit.busy_s, time),
-                          percent(unit.utilization, time), shown(unit.energy_j, energy), name_of_device(unit)});
+    table.rows.push_back({unit.unit, unit.role, fmt::format("{}", unit.completed),
+                          shown(unit.mean_latency_ms, time), shown(unit.p99_latency_ms, time),
+                          shown(unit.busy_s, time), percent(unit.utilization, time),
+                          shown(unit.energy_j, energy), name_of_device(unit)});
     table.footnotes.push_back(input_note(unit));
   }
-  table.footnotes.push_back("ms: dispatch to completion. What virtual time computes from measured inputs is modelled.");
+  table.footnotes.push_back(
+      "ms: dispatch to completion. What virtual time computes from measured inputs is modelled.");
   table.footnotes.emplace_back(provenance_legend());
   return table;
 }
@@ -108,15 +126,24 @@ Table units_table(const RunRecord& run) {
 Table pipelines_table(const RunRecord& run) {
   const Marks marks(run);
   Table table{.title = "Pipelines",
-              .columns = {{"pipeline", Align::kLeft}, {"fired"}, {"completed"}, {"dropped"}, {"rate Hz"}, {"p50 ms"},
-                          {"p95 ms"}, {"p99 ms"}, {"deadline ms"}, {"misses"}}};
+              .columns = {{"pipeline", Align::kLeft},
+                          {"fired"},
+                          {"completed"},
+                          {"dropped"},
+                          {"rate Hz"},
+                          {"p50 ms"},
+                          {"p95 ms"},
+                          {"p99 ms"},
+                          {"deadline ms"},
+                          {"misses"}}};
   for (const auto& pipeline : run.pipelines) {
-    table.rows.push_back({pipeline.pipeline, fmt::format("{}", pipeline.fired), fmt::format("{}", pipeline.completed),
-                          fmt::format("{}", pipeline.dropped), shown(pipeline.rate_hz, marks.time),
-                          shown(pipeline.p50_ms, marks.time), shown(pipeline.p95_ms, marks.time),
-                          shown(pipeline.p99_ms, marks.time),
-                          pipeline.deadline_ms ? figure(*pipeline.deadline_ms) : "-",
-                          pipeline.deadline_misses ? fmt::format("{}", *pipeline.deadline_misses) : "-"});
+    table.rows.push_back(
+        {pipeline.pipeline, fmt::format("{}", pipeline.fired),
+         fmt::format("{}", pipeline.completed), fmt::format("{}", pipeline.dropped),
+         shown(pipeline.rate_hz, marks.time), shown(pipeline.p50_ms, marks.time),
+         shown(pipeline.p95_ms, marks.time), shown(pipeline.p99_ms, marks.time),
+         pipeline.deadline_ms ? figure(*pipeline.deadline_ms) : "-",
+         pipeline.deadline_misses ? fmt::format("{}", *pipeline.deadline_misses) : "-"});
   }
   table.footnotes = {"Firings, not tasks; ms: firing to the completion of its last task."};
   return table;
@@ -152,8 +179,8 @@ const PipelineResult* find_pipeline(const RunRecord& run, const std::string& nam
 
 /// Names in order of first appearance.
 template <typename Part>
-std::vector<std::string> names_of(std::span<const RunRecord> runs, std::vector<Part> RunRecord::*parts,
-                                  std::string Part::*name) {
+std::vector<std::string> names_of(std::span<const RunRecord> runs,
+                                  std::vector<Part> RunRecord::*parts, std::string Part::*name) {
   std::vector<std::string> names;
   for (const auto& run : runs) {
     for (const auto& part : run.*parts) {
@@ -206,14 +233,19 @@ void add_totals(ModesTable& table) {
   table.count("offloaded to the cloud", &RunRecord::offloaded);
   table.row("throughput, tasks/ms",
             [](const RunRecord& run) { return shown(run.throughput_per_ms, Marks(run).time); });
-  table.row("mean latency, ms", [](const RunRecord& run) { return shown(run.mean_latency_ms, Marks(run).time); });
-  table.row("p99 latency, ms", [](const RunRecord& run) { return shown(run.p99_latency_ms, Marks(run).time); });
-  table.row("energy, J", [](const RunRecord& run) { return shown(run.energy_j, Marks(run).energy); });
-  table.row("average power, W", [](const RunRecord& run) { return shown(run.average_power_w, Marks(run).energy); });
+  table.row("mean latency, ms",
+            [](const RunRecord& run) { return shown(run.mean_latency_ms, Marks(run).time); });
+  table.row("p99 latency, ms",
+            [](const RunRecord& run) { return shown(run.p99_latency_ms, Marks(run).time); });
+  table.row("energy, J",
+            [](const RunRecord& run) { return shown(run.energy_j, Marks(run).energy); });
+  table.row("average power, W",
+            [](const RunRecord& run) { return shown(run.average_power_w, Marks(run).energy); });
 }
 
 void add_unit(ModesTable& table, const std::string& name) {
-  table.unit_row(name, "tasks", [](const UnitResult& unit) { return fmt::format("{}", unit.completed); });
+  table.unit_row(name, "tasks",
+                 [](const UnitResult& unit) { return fmt::format("{}", unit.completed); });
   table.unit_row(name, "mean latency, ms", [](const UnitResult& unit) {
     return shown(unit.mean_latency_ms, simulated(set_of(unit.provenance)));
   });
@@ -223,9 +255,12 @@ void add_unit(ModesTable& table, const std::string& name) {
 }
 
 void add_pipeline(ModesTable& table, const std::string& name) {
-  table.pipeline_row(name, "rate, Hz",
-                     [](const PipelineResult& p, Provenance time) { return shown(p.rate_hz, time); });
-  table.pipeline_row(name, "p99, ms", [](const PipelineResult& p, Provenance time) { return shown(p.p99_ms, time); });
+  table.pipeline_row(name, "rate, Hz", [](const PipelineResult& p, Provenance time) {
+    return shown(p.rate_hz, time);
+  });
+  table.pipeline_row(name, "p99, ms", [](const PipelineResult& p, Provenance time) {
+    return shown(p.p99_ms, time);
+  });
   table.pipeline_row(name, "deadline misses", [](const PipelineResult& p, Provenance) {
     return p.deadline_misses ? fmt::format("{}", *p.deadline_misses) : std::string("-");
   });
@@ -233,7 +268,8 @@ void add_pipeline(ModesTable& table, const std::string& name) {
 
 template <typename Projection>
 bool same(std::span<const RunRecord> runs, const Projection& projection) {
-  return std::ranges::all_of(runs, [&](const RunRecord& run) { return projection(run) == projection(runs[0]); });
+  return std::ranges::all_of(
+      runs, [&](const RunRecord& run) { return projection(run) == projection(runs[0]); });
 }
 
 std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
@@ -246,7 +282,8 @@ std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
   });
   if (!comparable) {
     for (const auto& run : runs) {
-      add(fmt::format("NOT COMPARABLE: {} ran {} on {}, seed {}{}{}", run.mode, run.mix, run.platform, run.seed,
+      add(fmt::format("NOT COMPARABLE: {} ran {} on {}, seed {}{}{}", run.mode, run.mix,
+                      run.platform, run.seed,
                       run.duration_s ? fmt::format(", {} s", figure(*run.duration_s)) : "",
                       run.profile ? ", profile " + *run.profile : ""));
     }
@@ -260,7 +297,8 @@ std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
   for (const auto& run : runs) {
     for (const auto& warning : run.warnings) add("Note: " + warning);
   }
-  add("Task latency: dispatch to completion. What virtual time computes from measured inputs is modelled.");
+  add("Task latency: dispatch to completion. What virtual time computes from measured inputs is "
+      "modelled.");
   add(std::string(provenance_legend()));
   return notes;
 }
@@ -269,20 +307,23 @@ std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
 
 Document run_document(const RunRecord& run) {
   return {.title = "pirt schedule",
-          .parts = {header(run), totals(run), units_table(run), pipelines_table(run), weights_table(run)}};
+          .parts = {header(run), totals(run), units_table(run), pipelines_table(run),
+                    weights_table(run)}};
 }
 
 Table modes_table(std::span<const RunRecord> runs) {
   Table table{.title = "Modes side by side (the paper's Table V for this platform and mix)",
               .columns = {{"", Align::kLeft}}};
   if (!runs.empty()) {
-    table.title = fmt::format("Modes side by side: mix {} on {}, {} time (the paper's Table V for this platform)",
-                              runs[0].mix, runs[0].platform, runs[0].time);
+    table.title = fmt::format(
+        "Modes side by side: mix {} on {}, {} time (the paper's Table V for this platform)",
+        runs[0].mix, runs[0].platform, runs[0].time);
   }
   for (const auto& run : runs) table.columns.push_back({run.mode});
   ModesTable rows(runs);
   add_totals(rows);
-  for (const auto& unit : names_of(runs, &RunRecord::units, &UnitResult::unit)) add_unit(rows, unit);
+  for (const auto& unit : names_of(runs, &RunRecord::units, &UnitResult::unit))
+    add_unit(rows, unit);
   for (const auto& pipeline : names_of(runs, &RunRecord::pipelines, &PipelineResult::pipeline)) {
     add_pipeline(rows, pipeline);
   }

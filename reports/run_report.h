@@ -1,4 +1,5 @@
-// Runs of a mix: one in full, or several modes side by side (the paper's Table V for another machine or mix).
+// Runs of a mix: one in full, or several modes side by side (the paper's Table V for another
+// machine or mix).
 #pragma once
 
 #include <span>
@@ -11,7 +12,8 @@ namespace pirt {
 /// What one run did: totals, units, pipelines, weights, and what its figures rest on.
 [[nodiscard]] Document run_document(const RunRecord& run);
 
-/// One column a run, one row a figure. Runs of different platforms or mixes are marked as not comparable.
+/// One column a run, one row a figure. Runs of different platforms or mixes are marked as not
+/// comparable.
 [[nodiscard]] Table modes_table(std::span<const RunRecord> runs);
 
 }  // namespace pirt

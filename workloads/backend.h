@@ -1,7 +1,9 @@
-// A way to compute: backend -> device (one open unit) -> kernel (one workload prepared on that unit).
+// A way to compute: backend -> device (one open unit) -> kernel (one workload prepared on that
+// unit).
 //
-// A device answers for itself what it can do and why not. Nothing here reads a clock: who measures wraps the calls. Errors of a
-// backend's library are translated to pirt::Error inside the backend's folder.
+// A device answers for itself what it can do and why not. Nothing here reads a clock: who measures
+// wraps the calls. Errors of a backend's library are translated to pirt::Error inside the backend's
+// folder.
 #pragma once
 
 #include <memory>
@@ -29,7 +31,8 @@ struct DeviceInfo {
   std::string platform;  ///< "Portable Computing Language", "OpenCV + oneDNN".
   std::string version;   ///< Driver or library versions.
   int compute_units = 0;
-  bool is_cpu = false;  ///< The device computes on the host's own cores (PoCL): never to be taken for a GPU.
+  bool is_cpu =
+      false;  ///< The device computes on the host's own cores (PoCL): never to be taken for a GPU.
 };
 
 struct Probe {
@@ -40,10 +43,11 @@ struct Probe {
 
 /// What a platform says about the unit that a device is opened for.
 struct UnitRequest {
-  std::string unit;         ///< The platform's name of the unit, for messages.
-  std::vector<int> cores;   ///< Host cores that the unit owns; empty = all. Applied as the calling thread's affinity.
-  std::string device;       ///< Part of a device's name or platform to pick by; empty = the first.
-  std::string script;       ///< Backend-specific: the fake backend's script (YAML text).
+  std::string unit;        ///< The platform's name of the unit, for messages.
+  std::vector<int> cores;  ///< Host cores that the unit owns; empty = all. Applied as the calling
+                           ///< thread's affinity.
+  std::string device;      ///< Part of a device's name or platform to pick by; empty = the first.
+  std::string script;      ///< Backend-specific: the fake backend's script (YAML text).
 };
 
 /// One workload prepared on one unit. Used by one thread at a time.
@@ -51,14 +55,15 @@ class Kernel {
  public:
   virtual ~Kernel() = default;
 
-  /// Sets the host tensors that upload() reads and download() writes (host backends compute on them in place).
-  /// They must outlive the kernel's use and have the workload's specs.
+  /// Sets the host tensors that upload() reads and download() writes (host backends compute on them
+  /// in place). They must outlive the kernel's use and have the workload's specs.
   virtual void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) = 0;
 
   /// Host to device; complete on return. Nothing to do for a backend without that phase.
   virtual void upload() {}
-  /// Computes @p repeats times on the resident data, one after the other, and waits once for the last. Returns the time that the
-  /// device's own stamps give for launching (submit to start, summed over the repeats), where it has such stamps.
+  /// Computes @p repeats times on the resident data, one after the other, and waits once for the
+  /// last. Returns the time that the device's own stamps give for launching (submit to start,
+  /// summed over the repeats), where it has such stamps.
   virtual std::optional<Nanos> execute(int repeats) = 0;
   /// Device to host; complete on return.
   virtual void download() {}
@@ -69,8 +74,8 @@ class Device {
  public:
   virtual ~Device() = default;
   [[nodiscard]] virtual DeviceInfo info() const = 0;
-  /// Builds the kernels, allocates buffers and takes the parameters (weights, maps) to the device. Does not run it: who prepares
-  /// completes one run afterwards, which ends the `prepare` phase.
+  /// Builds the kernels, allocates buffers and takes the parameters (weights, maps) to the device.
+  /// Does not run it: who prepares completes one run afterwards, which ends the `prepare` phase.
   /// @throws Error{kEnvironment} if the device cannot (build failure, out of memory).
   [[nodiscard]] virtual std::unique_ptr<Kernel> prepare(const Workload& workload,
                                                         std::span<const Tensor> parameters) = 0;
@@ -90,7 +95,8 @@ class Backend {
   [[nodiscard]] virtual std::vector<Phase> phases() const = 0;
   [[nodiscard]] virtual Probe probe() const = 0;
   [[nodiscard]] virtual Support supports(const Workload& workload) const = 0;
-  /// The same for the unit of @p request, for backends where the request decides too; opens nothing.
+  /// The same for the unit of @p request, for backends where the request decides too; opens
+  /// nothing.
   /// @throws Error{kBadInput} if the request itself is malformed.
   [[nodiscard]] virtual Support supports_on(const UnitRequest& request,
                                             const Workload& workload) const {
@@ -99,7 +105,8 @@ class Backend {
   }
   /// @throws Error{kEnvironment} with the remedy if there is no such device.
   [[nodiscard]] virtual std::unique_ptr<Device> open(const UnitRequest& request) const = 0;
-  /// Environment variables that move the backend's kernel caches into @p folder; empty = it keeps none between processes.
+  /// Environment variables that move the backend's kernel caches into @p folder; empty = it keeps
+  /// none between processes.
   [[nodiscard]] virtual std::vector<std::pair<std::string, std::string>> kernel_cache_environment(
       const std::string& folder) const {
     static_cast<void>(folder);

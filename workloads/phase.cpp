@@ -25,10 +25,13 @@ std::optional<T> value_of(Names<T> names, std::string_view text) {
   return std::nullopt;
 }
 
-constexpr std::pair<Phase, std::string_view> kPhases[] = {
-    {Phase::kDeviceInit, "device_init"}, {Phase::kPrepare, "prepare"}, {Phase::kUpload, "upload"},
-    {Phase::kLaunch, "launch"},          {Phase::kExecute, "execute"}, {Phase::kDownload, "download"},
-    {Phase::kCall, "call"}};
+constexpr std::pair<Phase, std::string_view> kPhases[] = {{Phase::kDeviceInit, "device_init"},
+                                                          {Phase::kPrepare, "prepare"},
+                                                          {Phase::kUpload, "upload"},
+                                                          {Phase::kLaunch, "launch"},
+                                                          {Phase::kExecute, "execute"},
+                                                          {Phase::kDownload, "download"},
+                                                          {Phase::kCall, "call"}};
 constexpr std::pair<State, std::string_view> kStates[] = {
     {State::kCold, "cold"}, {State::kWarm, "warm"}, {State::kSteady, "steady"}};
 constexpr std::pair<Provenance, std::string_view> kProvenances[] = {

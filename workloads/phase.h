@@ -17,7 +17,7 @@ enum class Phase : std::uint8_t {
   kDownload,    ///< Each call: device to host.
   kCall,        ///< upload + launch + execute + download as one call took it.
 };
-inline constexpr std::array kAllPhases = {Phase::kDeviceInit, Phase::kPrepare,  Phase::kUpload,
+inline constexpr std::array kAllPhases = {Phase::kDeviceInit, Phase::kPrepare, Phase::kUpload,
                                           Phase::kLaunch,     Phase::kExecute, Phase::kDownload,
                                           Phase::kCall};
 
@@ -25,7 +25,8 @@ inline constexpr std::array kAllPhases = {Phase::kDeviceInit, Phase::kPrepare,  
 [[nodiscard]] std::string_view to_string(Phase phase);
 [[nodiscard]] std::optional<Phase> phase_from_string(std::string_view text);
 
-/// Whether a set-up phase met an empty kernel cache (cold) or a filled one (warm); per-call phases are steady.
+/// Whether a set-up phase met an empty kernel cache (cold) or a filled one (warm); per-call phases
+/// are steady.
 enum class State : std::uint8_t { kCold, kWarm, kSteady };
 [[nodiscard]] std::string_view to_string(State state);
 [[nodiscard]] std::optional<State> state_from_string(std::string_view text);

@@ -13,22 +13,32 @@ constexpr std::align_val_t kAlignment{64};
 
 std::string_view to_string(Element element) {
   switch (element) {
-    case Element::kU8: return "u8";
-    case Element::kI16: return "i16";
-    case Element::kI32: return "i32";
-    case Element::kF32: return "f32";
-    case Element::kF64: return "f64";
+    case Element::kU8:
+      return "u8";
+    case Element::kI16:
+      return "i16";
+    case Element::kI32:
+      return "i32";
+    case Element::kF32:
+      return "f32";
+    case Element::kF64:
+      return "f64";
   }
   return "?";
 }
 
 std::size_t size_bytes(Element element) {
   switch (element) {
-    case Element::kU8: return 1;
-    case Element::kI16: return 2;
-    case Element::kI32: return 4;
-    case Element::kF32: return 4;
-    case Element::kF64: return 8;
+    case Element::kU8:
+      return 1;
+    case Element::kI16:
+      return 2;
+    case Element::kI32:
+      return 4;
+    case Element::kF32:
+      return 4;
+    case Element::kF64:
+      return 8;
   }
   return 0;
 }
@@ -54,7 +64,8 @@ void Tensor::Free::operator()(std::byte* p) const { ::operator delete[](p, kAlig
 
 Tensor::Tensor(TensorSpec spec) : spec_(std::move(spec)) {
   const auto bytes = static_cast<std::size_t>(spec_.size_bytes());
-  data_.reset(static_cast<std::byte*>(::operator new[](std::max<std::size_t>(bytes, 1), kAlignment)));
+  data_.reset(
+      static_cast<std::byte*>(::operator new[](std::max<std::size_t>(bytes, 1), kAlignment)));
   std::memset(data_.get(), 0, bytes);
 }
 

@@ -19,10 +19,14 @@ enum class Element : std::uint8_t { kU8, kI16, kI32, kF32, kF64 };
 
 template <typename T>
 [[nodiscard]] constexpr Element element_of() {
-  if constexpr (std::is_same_v<T, std::uint8_t>) return Element::kU8;
-  else if constexpr (std::is_same_v<T, std::int16_t>) return Element::kI16;
-  else if constexpr (std::is_same_v<T, std::int32_t>) return Element::kI32;
-  else if constexpr (std::is_same_v<T, float>) return Element::kF32;
+  if constexpr (std::is_same_v<T, std::uint8_t>)
+    return Element::kU8;
+  else if constexpr (std::is_same_v<T, std::int16_t>)
+    return Element::kI16;
+  else if constexpr (std::is_same_v<T, std::int32_t>)
+    return Element::kI32;
+  else if constexpr (std::is_same_v<T, float>)
+    return Element::kF32;
   else {
     static_assert(std::is_same_v<T, double>);
     return Element::kF64;

@@ -1,7 +1,7 @@
 // What is computed, and nothing about where: tensors, operations, reference, tolerance, tags.
 //
-// A workload is data plus three pure functions. It knows no backend; a backend looks at `kernel` and `operation` and
-// says whether it has a kernel for it.
+// A workload is data plus three pure functions. It knows no backend; a backend looks at `kernel`
+// and `operation` and says whether it has a kernel for it.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,8 @@
 
 namespace pirt {
 
-/// Base of the shape records that tell a kernel what to compute (one type a kernel name; see vision/ and dnn/).
+/// Base of the shape records that tell a kernel what to compute (one type a kernel name; see
+/// vision/ and dnn/).
 struct Operation {
   virtual ~Operation() = default;
 };
@@ -25,8 +26,9 @@ struct Operation {
 /// What one verification found.
 struct Verdict {
   bool ok = false;
-  double worst_error = 0.0;  ///< In the unit of `detail`; how close to the tolerance the output came.
-  std::string detail;        ///< One line: what was compared, worst error and where, the bound.
+  double worst_error =
+      0.0;             ///< In the unit of `detail`; how close to the tolerance the output came.
+  std::string detail;  ///< One line: what was compared, worst error and where, the bound.
 };
 
 /// The tensors of one run of a workload on seeded or user-given data.
@@ -42,17 +44,18 @@ struct DataRequest {
 };
 
 struct Workload {
-  std::string name;         ///< "gaussian_blur", "conv1"; unique in the catalog.
-  std::string description;  ///< One line with the sizes.
+  std::string name;               ///< "gaussian_blur", "conv1"; unique in the catalog.
+  std::string description;        ///< One line with the sizes.
   std::vector<std::string> tags;  ///< "table1", "vision", "dnn", "image" (takes pictures).
-  std::string kernel;       ///< Key of the backends' kernel tables, e.g. "conv2d_relu".
+  std::string kernel;             ///< Key of the backends' kernel tables, e.g. "conv2d_relu".
   std::shared_ptr<const Operation> operation;
 
   std::vector<TensorSpec> inputs;
   std::vector<TensorSpec> parameters;
   std::vector<TensorSpec> outputs;
 
-  /// Operations a call, 2 a multiply-add, bias and activation excluded; absent where data-dependent.
+  /// Operations a call, 2 a multiply-add, bias and activation excluded; absent where
+  /// data-dependent.
   std::optional<std::int64_t> ops;
   /// Bytes a call has to move at least: inputs + parameters + outputs, each once.
   [[nodiscard]] std::int64_t bytes() const;
@@ -61,8 +64,8 @@ struct Workload {
 
   /// Inputs and parameters, a pure function of the request; non-constant, every page touched.
   std::function<Data(const DataRequest&)> make_data;
-  /// The definition: plain double precision or exact integers, written for clarity. Integer outputs have the outputs'
-  /// element type; floating-point outputs come as f64. Same shapes as `outputs`.
+  /// The definition: plain double precision or exact integers, written for clarity. Integer outputs
+  /// have the outputs' element type; floating-point outputs come as f64. Same shapes as `outputs`.
   std::function<std::vector<Tensor>(const Data&)> reference;
   /// Compares a backend's outputs with the reference's. NaN is never ok.
   std::function<Verdict(std::span<const Tensor> outputs, std::span<const Tensor> expected)> verify;
@@ -77,9 +80,11 @@ template <typename T>
 }
 
 /// A verify function for integer outputs: every element equal.
-[[nodiscard]] Verdict verify_exact(std::span<const Tensor> outputs, std::span<const Tensor> expected);
+[[nodiscard]] Verdict verify_exact(std::span<const Tensor> outputs,
+                                   std::span<const Tensor> expected);
 
-/// A verify function for f32 outputs against f64: |out - ref| <= relative_to_peak * max|ref| for each tensor.
+/// A verify function for f32 outputs against f64: |out - ref| <= relative_to_peak * max|ref| for
+/// each tensor.
 [[nodiscard]] std::function<Verdict(std::span<const Tensor>, std::span<const Tensor>)> verify_close(
     double relative_to_peak);
 

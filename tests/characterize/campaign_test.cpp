@@ -239,6 +239,24 @@ TEST_F(Campaign, MeasuresAgainWhatIsUnstableAndThenSaysSo) {
   EXPECT_GE(row(profile, "pool5", Phase::kCall).samples, 20);
 }
 
+TEST_F(Campaign, SamplesUnstableCellsAgainWhenAllOthersAreDone) {
+  // As above, for both cells.
+  std::string times;
+  for (int i = 0; i < 140; ++i) times += "1, ";
+  for (int i = 0; i < 2000; ++i) times += "2, ";
+  auto o = options({{"gpu", "samples_ms: {pool2: [" + times + "2], pool5: [" + times + "2]}"}},
+                   "^pool[25]$");
+  std::vector<std::string> samplings;
+  ProgressSink sink;
+  sink.progress = [&samplings](const Progress& p) {
+    if (p.step.starts_with("sampling")) samplings.push_back(p.step);
+  };
+  const auto summary = run_campaign(o, plan_campaign(o), sink);
+  EXPECT_EQ(summary.cells, 2);
+  EXPECT_THAT(samplings, ElementsAre("sampling", "sampling", "sampling again (unstable)",
+                                     "sampling again (unstable)"));
+}
+
 TEST_F(Campaign, NotesWhatDoesNotInvalidate) {
   auto o = options({{"gpu", "samples_ms: {pool5: [1, 2]}"}}, "^pool5$");
   o.platform.units[0].shares_cores = true;

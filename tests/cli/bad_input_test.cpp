@@ -30,20 +30,23 @@ TEST(BadInput, UnknownOptionNamesTheNearest) {
 }
 
 TEST(BadInput, UnknownModeNamesTheNearest) {
-  expect_refused(pirt({"schedule", "--mode", "latncy", "--platform", "fake"}), {"'latncy'", "latency"});
+  expect_refused(pirt({"schedule", "--mode", "latncy", "--platform", "fake"}),
+                 {"'latncy'", "latency"});
 }
 
 TEST(BadInput, UnknownWorkloadInFilterNamesTheNearest) {
   const Scratch scratch;
-  expect_refused(pirt({"characterize", "--platform", "fake", "--filter", "soebl", "--db", scratch.file("p.db")}),
+  expect_refused(pirt({"characterize", "--platform", "fake", "--filter", "soebl", "--db",
+                       scratch.file("p.db")}),
                  {"soebl", "sobel"});
   EXPECT_FALSE(std::filesystem::exists(scratch.file("p.db")));
 }
 
 TEST(BadInput, BrokenRegexIsExplained) {
   const Scratch scratch;
-  expect_refused(pirt({"characterize", "--platform", "fake", "--filter", "(", "--db", scratch.file("p.db")}),
-                 {"'('"});
+  expect_refused(
+      pirt({"characterize", "--platform", "fake", "--filter", "(", "--db", scratch.file("p.db")}),
+      {"'('"});
 }
 
 TEST(BadInput, UnknownUnitNamesTheNearest) {
@@ -55,22 +58,25 @@ TEST(BadInput, UnknownUnitNamesTheNearest) {
 
 TEST(BadInput, UnknownPlatformAndMixNameTheNearest) {
   expect_refused(pirt({"schedule", "--mode", "latency", "--platform", "hots"}), {"'hots'", "host"});
-  expect_refused(pirt({"schedule", "--mode", "latency", "--platform", "fake", "--mix", "full-robt"}),
-                 {"'full-robt'", "full-robot"});
+  expect_refused(
+      pirt({"schedule", "--mode", "latency", "--platform", "fake", "--mix", "full-robt"}),
+      {"'full-robt'", "full-robot"});
 }
 
 class BadImages : public testing::Test {
  protected:
   Outcome characterize(const std::string& images) {
-    const auto outcome = pirt({"characterize", "--platform", "fake", "--filter", "sobel", "--images", images,
-                               "--db", scratch_.file("p.db")});
+    const auto outcome = pirt({"characterize", "--platform", "fake", "--filter", "sobel",
+                               "--images", images, "--db", scratch_.file("p.db")});
     EXPECT_FALSE(std::filesystem::exists(scratch_.file("p.db")));
     return outcome;
   }
   Scratch scratch_;
 };
 
-TEST_F(BadImages, MissingFolder) { expect_refused(characterize(scratch_.file("none")), {scratch_.file("none")}); }
+TEST_F(BadImages, MissingFolder) {
+  expect_refused(characterize(scratch_.file("none")), {scratch_.file("none")});
+}
 
 TEST_F(BadImages, FolderWithoutImages) {
   std::filesystem::create_directory(scratch_.file("empty"));
@@ -90,14 +96,17 @@ TEST_F(BadImages, SingleFileThatIsNoImage) {
 TEST(BadYaml, SaysFileAndLine) {
   const Scratch scratch;
   const auto run = [&](const std::string& text) {
-    return pirt({"schedule", "--mode", "latency", "--platform", "fake", "--mix", scratch.write("m.yaml", text)});
+    return pirt({"schedule", "--mode", "latency", "--platform", "fake", "--mix",
+                 scratch.write("m.yaml", text)});
   };
   expect_refused(run("mix: a\npipelins: {}\n"), {"m.yaml:2", "pipelins", "pipelines"});
-  expect_refused(run("mix: a\npipelines:\n  p: {rate_hz: fast, tasks: [{name: t, workload: sobel}]}\n"),
-                 {"m.yaml:3", "rate_hz"});
+  expect_refused(
+      run("mix: a\npipelines:\n  p: {rate_hz: fast, tasks: [{name: t, workload: sobel}]}\n"),
+      {"m.yaml:3", "rate_hz"});
   expect_refused(run("mix: [a\npipelines: {"), {"m.yaml:"});
-  expect_refused(run("mix: a\npipelines:\n  p: {rate_hz: 1, tasks: [{name: t, workload: sobell}]}\n"),
-                 {"m.yaml:3", "sobell", "sobel"});
+  expect_refused(
+      run("mix: a\npipelines:\n  p: {rate_hz: 1, tasks: [{name: t, workload: sobell}]}\n"),
+      {"m.yaml:3", "sobell", "sobel"});
   expect_refused(run(""), {"m.yaml"});
 }
 
@@ -125,8 +134,8 @@ class WithProfile : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     scratch_ = std::make_unique<Scratch>();
-    const auto made = pirt({"characterize", "--quick", "--platform", "fake", "--filter", "sobel|fc8", "--db",
-                            scratch_->file("good.db")});
+    const auto made = pirt({"characterize", "--quick", "--platform", "fake", "--filter",
+                            "sobel|fc8", "--db", scratch_->file("good.db")});
     ASSERT_EQ(made.exit_code, 0) << made.err;
   }
   static void TearDownTestSuite() { scratch_.reset(); }
@@ -136,7 +145,8 @@ class WithProfile : public testing::Test {
 
 TEST_F(WithProfile, TruncatedDatabaseIsRefused) {
   const auto bytes = good();
-  expect_refused(pirt({"report", scratch_->write("cut.db", bytes.substr(0, bytes.size() / 2))}), {"cut.db"});
+  expect_refused(pirt({"report", scratch_->write("cut.db", bytes.substr(0, bytes.size() / 2))}),
+                 {"cut.db"});
 }
 
 TEST_F(WithProfile, NewerDatabaseIsRefusedByVersion) {
@@ -148,14 +158,15 @@ TEST_F(WithProfile, NewerDatabaseIsRefusedByVersion) {
 TEST_F(WithProfile, CharacterizeLeavesADamagedDatabaseAsItWas) {
   const auto bytes = good().substr(0, 3000);
   const auto path = scratch_->write("damaged.db", bytes);
-  expect_refused(pirt({"characterize", "--quick", "--platform", "fake", "--filter", "sobel", "--db", path}),
-                 {"damaged.db"});
+  expect_refused(
+      pirt({"characterize", "--quick", "--platform", "fake", "--filter", "sobel", "--db", path}),
+      {"damaged.db"});
   EXPECT_EQ(slurp(path), bytes);
 }
 
 TEST_F(WithProfile, UnwritableJsonTargetIsRefused) {
-  const auto outcome =
-      pirt({"report", scratch_->file("good.db"), "--format", "json", "-o", "/nonexistent/folder/x.json"});
+  const auto outcome = pirt({"report", scratch_->file("good.db"), "--format", "json", "-o",
+                             "/nonexistent/folder/x.json"});
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.err, HasSubstr("/nonexistent/folder/x.json"));
 }

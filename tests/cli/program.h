@@ -61,7 +61,8 @@ inline std::string quoted(const std::string& text) {
 }
 
 /// @param environment  "NAME=value" pairs in front of the command.
-inline Outcome pirt(const std::vector<std::string>& arguments, const std::string& environment = "") {
+inline Outcome pirt(const std::vector<std::string>& arguments,
+                    const std::string& environment = "") {
   const Scratch scratch;
   std::string command = environment + " " + quoted(PIRT_BINARY);
   for (const auto& argument : arguments) command += " " + quoted(argument);

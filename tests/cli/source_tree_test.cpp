@@ -1,4 +1,5 @@
-// The source tree keeps the rules that the compiler does not: includes go one way, backend headers stay in their folder.
+// The source tree keeps the rules that the compiler does not: includes go one way, backend headers
+// stay in their folder.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,8 +14,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<std::string_view, 5> kLayers = {"workloads", "characterize", "scheduler", "reports",
-                                                     "cli"};
+constexpr std::array<std::string_view, 5> kLayers = {"workloads", "characterize", "scheduler",
+                                                     "reports", "cli"};
 
 struct Include {
   std::string file;    ///< Relative to the source tree.
@@ -77,9 +78,9 @@ TEST(SourceTree, BackendHeadersStayInTheirFolder) {
 }
 
 TEST(SourceTree, TopLevelHoldsOnlyWhatIsMandated) {
-  const std::vector<std::string> allowed = {"CMakeLists.txt", "CMakePresets.json", "README.md", "cli",
-                                            "characterize",   "scheduler",         "workloads", "reports",
-                                            "tests"};
+  const std::vector<std::string> allowed = {
+      "CMakeLists.txt", "CMakePresets.json", "README.md", "cli",  "characterize",
+      "scheduler",      "workloads",         "reports",   "tests"};
   for (const auto& entry : fs::directory_iterator(PIRT_SOURCE_DIR)) {
     const auto name = entry.path().filename().string();
     if (name.starts_with(".") || name.starts_with("build")) continue;

@@ -10,11 +10,10 @@ namespace {
 
 Document small() {
   return {.title = "T",
-          .parts = {Paragraph{{"a < b"}},
-                    Table{.title = "Figures",
-                          .columns = {{"name", Align::kLeft}, {"ms"}},
-                          .rows = {{"x|y", "1.5"}, {"µ", "10"}},
-                          .footnotes = {"note_1"}}}};
+          .parts = {Paragraph{{"a < b"}}, Table{.title = "Figures",
+                                                .columns = {{"name", Align::kLeft}, {"ms"}},
+                                                .rows = {{"x|y", "1.5"}, {"µ", "10"}},
+                                                .footnotes = {"note_1"}}}};
 }
 
 TEST(Document, AlignsTextColumnsByDisplayWidthNotBytes) {
@@ -23,13 +22,15 @@ TEST(Document, AlignsTextColumnsByDisplayWidthNotBytes) {
 }
 
 TEST(Document, EscapesMarkdownCells) {
-  EXPECT_EQ(render(small(), Format::kMarkdown),
-            "# T\n\n- a \\< b\n\n## Figures\n\n| name | ms |\n|:---|---:|\n| x\\|y | 1.5 |\n| µ | 10 |\n"
-            "\nnote\\_1\n");
+  EXPECT_EQ(
+      render(small(), Format::kMarkdown),
+      "# T\n\n- a \\< b\n\n## Figures\n\n| name | ms |\n|:---|---:|\n| x\\|y | 1.5 |\n| µ | 10 |\n"
+      "\nnote\\_1\n");
 }
 
 TEST(Document, EscapesHtml) {
-  const auto html = render({.title = "<script>", .parts = {Paragraph{{"a & \"b\""}}}}, Format::kHtml);
+  const auto html =
+      render({.title = "<script>", .parts = {Paragraph{{"a & \"b\""}}}}, Format::kHtml);
   EXPECT_EQ(html.find("<script>"), std::string::npos);
   EXPECT_NE(html.find("&lt;script&gt;"), std::string::npos);
   EXPECT_NE(html.find("a &amp; &quot;b&quot;"), std::string::npos);

@@ -1,4 +1,5 @@
-// Where tests find the real data: PIRT_DATA, or ../shared/data beside the repository; tests skip without it.
+// Where tests find the real data: PIRT_DATA, or ../shared/data beside the repository; tests skip
+// without it.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -24,7 +25,7 @@ inline std::optional<std::filesystem::path> data(const std::string& name) {
 }  // namespace pirt::test
 
 /// Declares `variable` as the data folder, or skips the test.
-#define PIRT_DATA_OR_SKIP(variable, name)                           \
-  const auto variable##_found = ::pirt::test::data(name);           \
-  if (!variable##_found) GTEST_SKIP() << "skipped: no data";        \
+#define PIRT_DATA_OR_SKIP(variable, name)                    \
+  const auto variable##_found = ::pirt::test::data(name);    \
+  if (!variable##_found) GTEST_SKIP() << "skipped: no data"; \
   const auto& variable = *variable##_found

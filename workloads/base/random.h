@@ -1,4 +1,5 @@
-// Seeded randomness. Every stream is a pure function of (seed, index), so that generation can be split and repeated.
+// Seeded randomness. Every stream is a pure function of (seed, index), so that generation can be
+// split and repeated.
 #pragma once
 
 #include <cstdint>

@@ -29,7 +29,8 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-[[noreturn]] void throw_system(std::string_view doing, const std::filesystem::path& path, int error) {
+[[noreturn]] void throw_system(std::string_view doing, const std::filesystem::path& path,
+                               int error) {
   throw_bad_input(std::string("cannot ") + std::string(doing) + " '" + path.string() +
                   "': " + std::strerror(error));
 }
@@ -48,14 +49,16 @@ std::vector<std::string> nearest(std::string_view word, std::span<const std::str
   }
   std::ranges::stable_sort(ranked, {}, &std::pair<std::size_t, std::string>::first);
   std::vector<std::string> result;
-  for (std::size_t i = 0; i < std::min(limit, ranked.size()); ++i) result.push_back(ranked[i].second);
+  for (std::size_t i = 0; i < std::min(limit, ranked.size()); ++i)
+    result.push_back(ranked[i].second);
   return result;
 }
 
 std::string suggestion(std::string_view word, std::span<const std::string> candidates) {
   const auto near = nearest(word, candidates);
   if (!near.empty()) return " (did you mean " + join(near, ", ") + "?)";
-  if (!candidates.empty() && candidates.size() <= 12) return " (known: " + join(candidates, ", ") + ")";
+  if (!candidates.empty() && candidates.size() <= 12)
+    return " (known: " + join(candidates, ", ") + ")";
   return "";
 }
 

@@ -1,4 +1,5 @@
-// Small text helpers shared by all folders: nearest names for error messages, joining, file reading.
+// Small text helpers shared by all folders: nearest names for error messages, joining, file
+// reading.
 #pragma once
 
 #include <filesystem>
@@ -9,13 +10,15 @@
 
 namespace pirt {
 
-/// The candidates closest to @p word by edit distance, best first; at most @p limit, none farther than half the word.
+/// The candidates closest to @p word by edit distance, best first; at most @p limit, none farther
+/// than half the word.
 [[nodiscard]] std::vector<std::string> nearest(std::string_view word,
                                                std::span<const std::string> candidates,
                                                std::size_t limit = 3);
 
 /// " (did you mean a, b?)", or the whole list if nothing is near and it is short, or "".
-[[nodiscard]] std::string suggestion(std::string_view word, std::span<const std::string> candidates);
+[[nodiscard]] std::string suggestion(std::string_view word,
+                                     std::span<const std::string> candidates);
 
 [[nodiscard]] std::string join(std::span<const std::string> parts, std::string_view separator);
 [[nodiscard]] std::vector<std::string> split(std::string_view text, char separator);

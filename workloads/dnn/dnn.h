@@ -1,5 +1,5 @@
-// The AlexNet layers of Table I (ungrouped, no local response normalization: the paper's operation counts say so), the pools between them
-// and the whole chain. Batch 1, f32, channel-major.
+// The AlexNet layers of Table I (ungrouped, no local response normalization: the paper's operation
+// counts say so), the pools between them and the whole chain. Batch 1, f32, channel-major.
 #pragma once
 
 #include <cstdint>
@@ -22,16 +22,18 @@ struct ConvShape {
 /// @param s  Input [in_c, in_h, in_w], filter [out_c, in_c, k_h, k_w]; all extents >= 1, in pixels.
 /// @return   2 * out_c*out_h*out_w * in_c*k_h*k_w operations (a multiply-add counts 2).
 /// @throws   Error{kBadInput} if the filter exceeds the padded input.
-/// @source   Paper, Table I. Gives CONV2 = 895.8 M where the paper prints 895.5 M; the formula stands.
+/// @source   Paper, Table I. Gives CONV2 = 895.8 M where the paper prints 895.5 M; the formula
+/// stands.
 [[nodiscard]] std::int64_t conv2d_ops(const ConvShape& s);
 
-/// Kernel "conv2d_relu": input f32 [in_c,in_h,in_w]; parameters weights f32 [out_c,in_c,k_h,k_w], bias f32 [out_c];
-/// output f32 [out_c,out_h,out_w] = max(0, conv + bias).
+/// Kernel "conv2d_relu": input f32 [in_c,in_h,in_w]; parameters weights f32 [out_c,in_c,k_h,k_w],
+/// bias f32 [out_c]; output f32 [out_c,out_h,out_w] = max(0, conv + bias).
 struct Conv2dRelu : Operation {
   ConvShape shape;
 };
 
-/// Kernel "max_pool": input f32 [c,h,w], output f32 [c,out_h,out_w]; windows inside the input only (floor).
+/// Kernel "max_pool": input f32 [c,h,w], output f32 [c,out_h,out_w]; windows inside the input only
+/// (floor).
 struct MaxPool : Operation {
   int channels = 1, in_h = 1, in_w = 1;
   int size = 3, stride = 2;
@@ -40,18 +42,21 @@ struct MaxPool : Operation {
 };
 
 enum class Activation : std::uint8_t {
-  kDropout,  ///< Identity at inference. Table I names dropout and no ReLU for FC6 and FC7; that reading is kept.
+  kDropout,  ///< Identity at inference. Table I names dropout and no ReLU for FC6 and FC7; that
+             ///< reading is kept.
   kSoftmax,
 };
 
-/// Kernel "fully_connected": input f32 [in]; parameters weights f32 [out,in], bias f32 [out]; output f32 [out].
+/// Kernel "fully_connected": input f32 [in]; parameters weights f32 [out,in], bias f32 [out];
+/// output f32 [out].
 struct FullyConnected : Operation {
   int in = 1, out = 1;
   Activation activation = Activation::kDropout;
 };
 
-/// Kernel "sequence": the layers one after the other, the output of one being the input of the next (flattened where the next is fully
-/// connected). Parameters are those of the layers in order, named "<layer>.weights" and "<layer>.bias".
+/// Kernel "sequence": the layers one after the other, the output of one being the input of the next
+/// (flattened where the next is fully connected). Parameters are those of the layers in order,
+/// named "<layer>.weights" and "<layer>.bias".
 struct Sequence : Operation {
   std::vector<Workload> layers;
 };
@@ -61,7 +66,8 @@ struct Sequence : Operation {
                                      int stride);
 [[nodiscard]] Workload make_fully_connected(std::string name, int in, int out,
                                             Activation activation);
-/// AlexNet's five convolutions with pool1, pool2, pool5 and the three fully connected layers: f32 [3,227,227] to 1000 probabilities.
+/// AlexNet's five convolutions with pool1, pool2, pool5 and the three fully connected layers: f32
+/// [3,227,227] to 1000 probabilities.
 [[nodiscard]] Workload make_alexnet();
 
 /// conv1..5, fc6..8 at the paper's sizes.
