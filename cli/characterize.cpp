@@ -146,6 +146,9 @@ int characterize(const Options& options) {
                                   warn(message);
                                 }});
   }
+  if (summary.interrupted && summary.cells == 0) {
+    throw_environment("interrupted before the first cell was done");
+  }
   const auto profile = load_profile(options.database, campaign.platform.name);
   Document document{.title = "pirt characterize",
                     .parts = {profile_header(profile), profile_table(profile)}};

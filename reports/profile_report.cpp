@@ -2,7 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <iterator>
+#include <map>
 #include <set>
+#include <string_view>
+#include <utility>
 
 #include "reports/figures.h"
 #include "workloads/base/text.h"
@@ -30,19 +36,81 @@ std::string energy_cell(const EnergyRow* row) {
   return marked(figure(*row->energy_j * 1e3), row->provenance);
 }
 
-/// Reasons and notes of all phases of one cell, each once.
-std::string remarks(const Profile& profile, const std::string& workload, const std::string& unit) {
-  std::vector<std::string> parts;
-  std::set<std::string> seen;
-  const auto add = [&](const std::string& text) {
-    if (seen.insert(text).second) parts.push_back(text);
+struct Word {
+  std::string_view name, meaning;
+};
+
+/// The notes that characterize/schema.sql lists.
+constexpr std::array<Word, 7> kNotes = {
+    {{"input_resized", "the picture was scaled to the workload's size"},
+     {"input_cropped", "its edges were cut to keep its proportions"},
+     {"precision_not_reached", "the interval of the median is wider than was asked for"},
+     {"contended", "other processes took processor time meanwhile"},
+     {"bimodal", "the samples have two centres"},
+     {"no_kernel_cache", "nothing is compiled that could be cached: cold and warm are alike"},
+     {"shared_core", "another unit owns one of its cores too"}}};
+
+/// What is said of a cell, with the phases that it is said of, in order of first appearance.
+using Remarks = std::vector<std::pair<std::string, std::vector<Phase>>>;
+
+Remarks remarks_of(const Profile& profile, const std::string& workload, const std::string& unit) {
+  Remarks remarks;
+  const auto add = [&](const std::string& text, Phase phase) {
+    auto found = std::ranges::find(remarks, text, &Remarks::value_type::first);
+    if (found == remarks.end()) found = remarks.insert(remarks.end(), {text, {}});
+    if (std::ranges::find(found->second, phase) == found->second.end()) {
+      found->second.push_back(phase);
+    }
   };
   for (const auto& row : profile.phases) {
     if (row.workload != workload || row.unit != unit) continue;
-    for (const auto& reason : row.reasons) add("INVALID: " + reason);
-    for (const auto& note : row.notes) add(note);
+    for (const auto& reason : row.reasons) add("INVALID: " + reason, row.phase);
+    for (const auto& note : row.notes) add(note, row.phase);
   }
-  return join(parts, ", ");
+  return remarks;
+}
+
+/// Notes that every workload of the unit has: said once instead of in every row.
+std::set<std::string> common_notes(const Profile& profile, const std::string& unit) {
+  std::set<std::string> common;
+  bool first = true;
+  for (const auto& workload : profile.workloads()) {
+    std::set<std::string> here;
+    for (const auto& [text, phases] : remarks_of(profile, workload, unit)) here.insert(text);
+    if (here.empty() && profile.find(workload, unit, Phase::kCall) == nullptr) continue;
+    std::set<std::string> both;
+    std::ranges::set_intersection(common, here, std::inserter(both, both.end()));
+    common = first ? here : both;
+    first = false;
+  }
+  std::erase_if(common, [](const std::string& text) { return text.starts_with("INVALID"); });
+  return common;
+}
+
+/// The phases are named where the call as a whole is not concerned.
+std::string remarks_text(const Remarks& remarks, const std::set<std::string>& left_out) {
+  std::vector<std::string> parts;
+  for (const auto& [text, phases] : remarks) {
+    if (left_out.contains(text)) continue;
+    std::vector<std::string> names;
+    for (const Phase phase : phases) names.emplace_back(to_string(phase));
+    const bool call = std::ranges::find(phases, Phase::kCall) != phases.end();
+    parts.push_back(call ? text : text + " (" + join(names, ", ") + ")");
+  }
+  return join(parts, "; ");
+}
+
+/// What the notes that occur mean.
+std::vector<std::string> glossary(const Profile& profile) {
+  std::vector<std::string> lines;
+  for (const auto& [name, meaning] : kNotes) {
+    const auto has = [&](const PhaseRow& row) {
+      return std::ranges::find(row.notes, name) != row.notes.end();
+    };
+    if (std::ranges::any_of(profile.phases, has))
+      lines.push_back(fmt::format("{}: {}.", name, meaning));
+  }
+  return lines;
 }
 
 template <typename T>
@@ -159,6 +227,8 @@ Table profile_table(const Profile& profile) {
                           {"energy mJ"},
                           {"samples"},
                           {"remarks", Align::kLeft}}};
+  std::map<std::string, std::set<std::string>> common;
+  for (const auto& unit : profile.units()) common[unit] = common_notes(profile, unit);
   for (const auto& workload : profile.workloads()) {
     for (const auto& unit : profile.units()) {
       const auto phase = [&](Phase p, State state = State::kSteady) {
@@ -173,7 +243,7 @@ Table profile_table(const Profile& profile) {
                             cell(phase(Phase::kPrepare, State::kWarm)),
                             energy_cell(profile.find_energy(workload, unit)),
                             call == nullptr ? "0" : fmt::format("{}", call->samples),
-                            remarks(profile, workload, unit)});
+                            remarks_text(remarks_of(profile, workload, unit), common[unit])});
     }
   }
   table.footnotes = {
@@ -181,6 +251,12 @@ Table profile_table(const Profile& profile) {
       "interval of its "
       "median; - a phase that the unit does not have.",
       std::string(provenance_legend())};
+  for (const auto& [unit, notes] : common) {
+    if (notes.empty()) continue;
+    const std::vector<std::string> list(notes.begin(), notes.end());
+    table.footnotes.push_back(fmt::format("All rows of {}: {}", unit, join(list, ", ")));
+  }
+  for (auto& line : glossary(profile)) table.footnotes.push_back(std::move(line));
   std::set<std::string> sources;
   for (const auto& energy : profile.energies) sources.insert(energy.unit + ": " + energy.source);
   for (const auto& source : sources) table.footnotes.push_back("Energy of " + source);

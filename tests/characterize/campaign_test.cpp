@@ -251,8 +251,8 @@ TEST_F(Campaign, SamplesUnstableCellsAgainWhenAllOthersAreDone) {
   sink.progress = [&samplings](const Progress& p) {
     if (p.step.starts_with("sampling")) samplings.push_back(p.step);
   };
-  const auto summary = run_campaign(o, plan_campaign(o), sink);
-  EXPECT_EQ(summary.cells, 2);
+  const auto done = run_campaign(o, plan_campaign(o), sink);
+  EXPECT_EQ(done.cells, 2);
   EXPECT_THAT(samplings, ElementsAre("sampling", "sampling", "sampling again (unstable)",
                                      "sampling again (unstable)"));
 }

@@ -1,0 +1,222 @@
+// The main job as its user does it: characterize, schedule, report, on a platform that is there
+// everywhere.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/cli/program.h"
+#include "tests/support/data.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+std::int64_t accounted(const nlohmann::json& run) {
+  std::int64_t sum = 0;
+  for (const auto* key : {"completed", "dropped", "expired", "failed", "queued"}) {
+    sum += run.at(key).get<std::int64_t>();
+  }
+  return sum;
+}
+
+class MainJob : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    scratch_ = std::make_unique<Scratch>();
+    const auto made = pirt({"characterize", "--quick", "--platform", "fake", "--db", profile()});
+    ASSERT_EQ(made.exit_code, 0) << made.err;
+  }
+  static void TearDownTestSuite() { scratch_.reset(); }
+  static std::string profile() { return scratch_->file("profile.db"); }
+  static Outcome schedule(const std::string& mode) {
+    return pirt({"schedule", "--mode", mode, "--profile", profile(), "--json", "-"});
+  }
+  static inline std::unique_ptr<Scratch> scratch_;
+};
+
+TEST_F(MainJob, AllFourModesAccountForEveryTask) {
+  for (const auto* mode : {"latency", "throughput", "energy", "advanced"}) {
+    const auto outcome = schedule(mode);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    const auto run = outcome.json();
+    EXPECT_EQ(run["submitted"], accounted(run)) << mode;
+    EXPECT_EQ(run["mode"], mode);
+    EXPECT_EQ(run["schema_version"], 1);
+  }
+}
+
+TEST_F(MainJob, AdvancedOffloadsExactlyTheTasksThatAreNotRealTime) {
+  // In 60 s scene_understanding (one task) fires at 0, 10, ..., 50 s and map_generation (two tasks)
+  // at 0 and 50 s: 6 + 2 * 2 tasks.
+  const auto advanced = schedule("advanced").json();
+  EXPECT_EQ(advanced["offloaded"], 10);
+  EXPECT_EQ(advanced["units"]["cloud"]["completed"], 10);
+  for (const auto* mode : {"latency", "throughput", "energy"})
+    EXPECT_EQ(schedule(mode).json()["offloaded"], 0);
+}
+
+TEST_F(MainJob, TheSameSeedGivesTheSameBytes) {
+  EXPECT_EQ(schedule("advanced").out, schedule("advanced").out);
+}
+
+TEST_F(MainJob, ReportShowsProfilePreferenceAndTheFourModes) {
+  const auto text = pirt({"report", profile()});
+  ASSERT_EQ(text.exit_code, 0) << text.err;
+  for (const auto* part :
+       {"Profile (medians, ms)", "Table III", "Modes side by side", "advanced", "modelled"}) {
+    EXPECT_THAT(text.out, HasSubstr(part));
+  }
+  const auto json = pirt({"report", profile(), "--format", "json"}).json();
+  EXPECT_EQ(json["modes"].size(), 4U);
+  EXPECT_FALSE(json["profile_summary"].empty());
+  EXPECT_THAT(pirt({"report", profile(), "--format", "html"}).out, HasSubstr("</html>"));
+  EXPECT_THAT(pirt({"report", profile(), "--format", "md"}).out, HasSubstr("| workload |"));
+}
+
+TEST_F(MainJob, ReportTakesStoredRuns) {
+  const auto latency = scratch_->write("latency.json", schedule("latency").out);
+  const auto json = pirt({"report", profile(), latency, "--format", "json"}).json();
+  ASSERT_EQ(json["modes"].size(), 1U);
+  EXPECT_EQ(json["modes"][0]["mode"], "latency");
+}
+
+TEST_F(MainJob, ReportOfAPartialProfileSaysWhyThereAreNoModes) {
+  const auto partial = scratch_->file("partial.db");
+  const auto made = pirt({"characterize", "--quick", "--platform", "host-cpu", "--filter",
+                          "^pool5$", "--db", partial});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const auto report = pirt({"report", partial});
+  EXPECT_EQ(report.exit_code, 0);
+  EXPECT_THAT(report.out, HasSubstr("The four modes are not shown"));
+  EXPECT_THAT(report.out, HasSubstr("pirt characterize --platform host-cpu --filter"));
+}
+
+TEST_F(MainJob, JsonOnStdoutStandsAlone) {
+  const auto outcome = pirt({"list", "workloads", "--json", "-"});
+  EXPECT_EQ(outcome.json()["workloads"].size(), 18U);
+}
+
+TEST(Schedule, AlgorithmOneCyclesAsPrinted) {
+  // Weights gpu 5, dsp 1, cpu 2: the cycle is G G G G G D C C C, nine tasks. 1000 = 111 * 9 + 1
+  // tasks: 5 * 111 + 1 for the GPU, 111 for the DSP, 3 * 111 for the CPU.
+  const auto run = pirt({"schedule", "--platform", "fake", "--mix", "convolution-1000", "--mode",
+                         "latency", "--weights", "gpu=5,dsp=1,cpu=2", "--json", "-"})
+                       .json();
+  EXPECT_EQ(run["units"]["gpu"]["completed"], 556);
+  EXPECT_EQ(run["units"]["dsp"]["completed"], 111);
+  EXPECT_EQ(run["units"]["cpu"]["completed"], 333);
+}
+
+TEST(Schedule, ModesPlaceDifferentlyOnThreeUnits) {
+  const auto placed = [](const std::string& mode) {
+    const auto run = pirt({"schedule", "--platform", "fake", "--mix", "convolution-1000", "--mode",
+                           mode, "--json", "-"})
+                         .json();
+    std::vector<int> counts;
+    for (const auto* unit : {"cpu", "gpu", "dsp"})
+      counts.push_back(run["units"][unit]["completed"]);
+    return counts;
+  };
+  EXPECT_NE(placed("latency"), placed("throughput"));
+  EXPECT_NE(placed("throughput"), placed("energy"));
+  EXPECT_NE(placed("latency"), placed("energy"));
+}
+
+TEST(Schedule, RefusesBadWeightsAndDurations) {
+  const auto with = [](const std::string& option, const std::string& value) {
+    return pirt({"schedule", "--platform", "fake", "--mode", "latency", option, value});
+  };
+  for (const auto* weights : {"gpu", "gpu=", "gpu=-1", "gpu=1.5", "=3", "gpu=1,gpu=2", ""}) {
+    const auto outcome = with("--weights", weights);
+    EXPECT_EQ(outcome.exit_code, 2) << weights;
+    EXPECT_THAT(outcome.err, HasSubstr("--weights")) << weights;
+  }
+  EXPECT_THAT(with("--weights", "gpuu=3").err, HasSubstr("gpuu"));
+  for (const auto* duration : {"0", "-1s", "soon", "1parsec", "nan", ""}) {
+    EXPECT_EQ(with("--duration", duration).exit_code, 2) << duration;
+  }
+}
+
+TEST(Characterize, DryRunShowsTheCellsAndWritesNothing) {
+  const Scratch scratch;
+  const auto outcome = pirt({"characterize", "--platform", "fake", "--filter", "^fc", "--dry-run",
+                             "--db", scratch.file("p.db"), "--json", "-"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(outcome.json()["cells"].size(), 9U);  // fc6, fc7, fc8 on three units
+  EXPECT_FALSE(std::filesystem::exists(scratch.file("p.db")));
+}
+
+/// The loader finds no driver: as on a machine without any.
+constexpr auto* kNoOpenCl = "OCL_ICD_VENDORS=/nonexistent";
+
+TEST(Characterize, GoesOnWithoutAnOpenClDevice) {
+  const Scratch scratch;
+  const auto outcome = pirt({"characterize", "--quick", "--filter", "^pool5$", "--db",
+                             scratch.file("p.db"), "--json", "-"},
+                            kNoOpenCl);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("opencl"));
+  EXPECT_THAT(outcome.err, HasSubstr("pocl-opencl-icd"));  // the remedy
+  const auto json = outcome.json();
+  for (const auto& row : json["profile_summary"]) EXPECT_EQ(row["unit"], "cpu");
+}
+
+TEST(Characterize, AUnitThatIsAskedForByNameMustBeThere) {
+  const Scratch scratch;
+  const auto outcome = pirt(
+      {"characterize", "--quick", "--units", "opencl", "--db", scratch.file("p.db")}, kNoOpenCl);
+  EXPECT_EQ(outcome.exit_code, 4);
+  EXPECT_THAT(outcome.err, HasSubstr("pocl-opencl-icd"));
+  EXPECT_FALSE(std::filesystem::exists(scratch.file("p.db")));
+}
+
+TEST(List, ShowsTheMissingDeviceWithItsRemedy) {
+  const auto backends = pirt({"list", "backends"}, kNoOpenCl);
+  EXPECT_EQ(backends.exit_code, 0);
+  EXPECT_THAT(backends.out, HasSubstr("pocl-opencl-icd"));
+}
+
+TEST(Characterize, AnInterruptionKeepsWhatIsDone) {
+  const Scratch scratch;
+  const auto path = scratch.file("p.db");
+  // The first cells of seed 1 take less than a second each; all 18 take more than ten.
+  const auto outcome = pirt({"characterize", "--platform", "host-cpu", "--db", path},
+                            "timeout --preserve-status -s INT 10");
+  EXPECT_EQ(outcome.exit_code, 4) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("interrupted"));
+  const auto json = pirt({"report", path, "--format", "json"}).json();
+  EXPECT_FALSE(json["profile_summary"].empty());
+  EXPECT_EQ(json["runs"][0]["finished"], "");
+}
+
+TEST(Characterize, TakesRealPictures) {
+  PIRT_DATA_OR_SKIP(images, "tum-fr3-office-640x480");
+  const Scratch scratch;
+  const auto outcome =
+      pirt({"characterize", "--quick", "--platform", "host-cpu", "--filter", "^(undistort|sobel)$",
+            "--images", images.string(), "--db", scratch.file("p.db"), "--json", "-"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  bool resized = false;
+  const auto json = outcome.json();
+  for (const auto& row : json["profile_summary"]) {
+    if (row["phase"] != "call") continue;
+    const bool noted = row["notes"].dump().find("input_resized") != std::string::npos;
+    EXPECT_EQ(noted, row["workload"] ==
+                         "sobel");  // 1920x1080 from 640x480; undistort takes them as they are
+    resized = resized || noted;
+  }
+  EXPECT_TRUE(resized);
+}
+
+TEST(Help, EveryCommandHasOneWithAnExample) {
+  for (const auto* command : {"list", "characterize", "schedule", "report"}) {
+    const auto help = pirt({command, "--help"});
+    EXPECT_EQ(help.exit_code, 0);
+    EXPECT_THAT(help.out, HasSubstr("Example: pirt")) << command;
+    EXPECT_THAT(help.out, Not(HasSubstr("worker")));
+  }
+}
+
+}  // namespace
+}  // namespace pirt::test
