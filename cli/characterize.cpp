@@ -186,11 +186,14 @@ void add_characterize(CLI::App& app, Action& action) {
       ->add_option("--platform", options->platform,
                    "A name of `pirt list platforms`, or a YAML file")
       ->capture_default_str();
-  command->add_option(
-      "--set", options->settings,
-      "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable");
+  command
+      ->add_option(
+          "--set", options->settings,
+          "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable")
+      ->allow_extra_args(false);
   command->add_option("--units", options->units, "Units to measure, with commas (default: all)")
-      ->delimiter(',');
+      ->delimiter(',')
+      ->allow_extra_args(false);
   command->add_option("--filter", options->filter,
                       "Regular expression: workloads whose names contain it (default: all)");
   command->add_option(

@@ -123,9 +123,11 @@ void add_report(CLI::App& app, Action& action) {
   command->add_option("-o,--output", options->output, "Write to FILE instead of stdout");
   command->add_option("--platform", options->platform,
                       "Show the runs of this platform (default: that of the newest run)");
-  command->add_option(
-      "--set", options->settings,
-      "Set one value of the platform's units for the simulated modes, e.g. cpu.active_w=15");
+  command
+      ->add_option(
+          "--set", options->settings,
+          "Set one value of the platform's units for the simulated modes, e.g. cpu.active_w=15")
+      ->allow_extra_args(false);
   command
       ->add_option("--mix", options->mix,
                    "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file")

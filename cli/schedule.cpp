@@ -85,9 +85,11 @@ void add_schedule(CLI::App& app, Action& action) {
   command->add_option("--profile", options->profile, "Profile database of pirt characterize");
   command->add_option("--platform", options->platform,
                       "A name of `pirt list platforms`, or a YAML file (default: the profile's)");
-  command->add_option(
-      "--set", options->settings,
-      "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable");
+  command
+      ->add_option(
+          "--set", options->settings,
+          "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable")
+      ->allow_extra_args(false);
   command->add_option("--mix", options->mix, "A name of `pirt list mixes`, or a YAML file")
       ->capture_default_str();
   command->add_option(

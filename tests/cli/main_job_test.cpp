@@ -81,6 +81,14 @@ TEST_F(MainJob, ReportTakesStoredRuns) {
   EXPECT_EQ(json["modes"][0]["mode"], "latency");
 }
 
+TEST_F(MainJob, SettingsTakeOneValueEach) {
+  const auto report = pirt({"report", "--set", "cpu.active_w=1", "--set", "gpu.active_w=1",
+                            profile(), "--format", "json"});
+  EXPECT_EQ(report.exit_code, 0) << report.err;
+  const auto plain = pirt({"report", profile(), "--format", "json"});
+  EXPECT_LT(report.json()["modes"][0]["energy_j"], plain.json()["modes"][0]["energy_j"]);
+}
+
 TEST_F(MainJob, ReportOfAPartialProfileSaysWhyThereAreNoModes) {
   const auto partial = scratch_->file("partial.db");
   const auto made = pirt({"characterize", "--quick", "--platform", "host-cpu", "--filter",
