@@ -101,6 +101,12 @@ YamlOverride parse_override(const std::string& text) {
   return {.path = path, .value = text.substr(equals + 1)};
 }
 
+std::vector<YamlOverride> parse_overrides(const std::vector<std::string>& texts) {
+  std::vector<YamlOverride> overrides;
+  for (const auto& text : texts) overrides.push_back(parse_override(text));
+  return overrides;
+}
+
 bool names_a_file(std::string_view name) {
   return name.find('/') != std::string_view::npos || name.ends_with(kSuffix);
 }

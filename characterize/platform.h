@@ -117,6 +117,7 @@ struct Platform {
 
 /// "--set unit.key=value" -> override. @throws Error{kBadInput} if it is not of that form.
 [[nodiscard]] YamlOverride parse_override(const std::string& text);
+[[nodiscard]] std::vector<YamlOverride> parse_overrides(const std::vector<std::string>& texts);
 
 /// Whether a command-line name means a file (contains '/' or ends in ".yaml") rather than something
 /// shipped.

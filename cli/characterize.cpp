@@ -69,8 +69,7 @@ class ProgressLine {
 };
 
 CampaignOptions campaign_options(const Options& options) {
-  std::vector<YamlOverride> overrides;
-  for (const auto& setting : options.settings) overrides.push_back(parse_override(setting));
+  const auto overrides = parse_overrides(options.settings);
   CampaignOptions campaign;
   campaign.database = options.database;
   campaign.platform = load_platform(options.platform, overrides);

@@ -44,8 +44,7 @@ struct Modes {
 Modes simulate_modes(const Options& options, const Profile& profile, const Mix& mix) {
   Modes modes;
   try {
-    std::vector<YamlOverride> overrides;
-    for (const auto& setting : options.settings) overrides.push_back(parse_override(setting));
+    const auto overrides = parse_overrides(options.settings);
     const auto platform = load_platform(options.platform.value_or(profile.platform()), overrides);
     for (const auto* mode : {"latency", "throughput", "energy", "advanced"}) {
       ScheduleOptions schedule;

@@ -60,8 +60,7 @@ int schedule(const Options& options) {
         "list "
         "platforms)");
   }
-  std::vector<YamlOverride> overrides;
-  for (const auto& setting : options.settings) overrides.push_back(parse_override(setting));
+  const auto overrides = parse_overrides(options.settings);
   std::optional<Platform> platform;
   if (options.platform) platform = load_platform(*options.platform, overrides);
   std::optional<Profile> profile;

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "workloads/base/error.h"
+#include "tests/support/errors.h"
 #include "workloads/catalog.h"
 
 namespace pirt::test {
@@ -18,24 +18,12 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::StartsWith;
 
-template <typename Call>
-std::string refused_call(const Call& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.code(), ErrorCode::kBadInput);
-    return error.what();
-  }
-  ADD_FAILURE() << "no error";
-  return "";
-}
-
 Platform parse(const std::string& text, int cores = 4,
                const std::vector<YamlOverride>& overrides = {}) {
   return parse_platform("p.yaml", text, overrides, cores);
 }
 std::string refused(const std::string& text) {
-  return refused_call([&] { static_cast<void>(parse(text)); });
+  return bad_input([&] { static_cast<void>(parse(text)); });
 }
 /// A platform of one unit `cpu` with the given keys; it is in line 2.
 std::string refused_unit(const std::string& keys) {
@@ -216,7 +204,7 @@ TEST(PlatformCores, MayBeListed) {
   EXPECT_FALSE(listed("[5]").unit("a").shares_cores);
   EXPECT_THAT(listed("[5]").unit("c").cores, IsEmpty());
   for (const char* bad : {"[]", "[-1]", "[0, 0]", "half", "[x]"}) {
-    EXPECT_THAT(refused_call([&] { static_cast<void>(listed(bad)); }), HasSubstr("units.a.cores"))
+    EXPECT_THAT(bad_input([&] { static_cast<void>(listed(bad)); }), HasSubstr("units.a.cores"))
         << bad;
   }
 }
@@ -243,7 +231,7 @@ TEST(PlatformOverrides, SetOneValueOfAUnit) {
 TEST(PlatformOverrides, AreExplainedWhenTheyCannotBeRead) {
   for (const char* bad :
        {"cpu.active_w", "cpu.active_w=", "active_w=3", "=3", ".x=3", "cpu.=3", ""}) {
-    EXPECT_THAT(refused_call([&] { static_cast<void>(parse_override(bad)); }),
+    EXPECT_THAT(bad_input([&] { static_cast<void>(parse_override(bad)); }),
                 HasSubstr("unit.key=value"))
         << bad;
   }
@@ -251,7 +239,7 @@ TEST(PlatformOverrides, AreExplainedWhenTheyCannotBeRead) {
 }
 
 TEST(PlatformOverrides, WithAMisspeltMapAreRefused) {
-  EXPECT_THAT(refused_call([] {
+  EXPECT_THAT(bad_input([] {
                 static_cast<void>(parse("platform: p\nunits: {cpu: {}}\n", 2,
                                         {parse_override("cpu.nrgy.op_pj=1")}));
               }),
@@ -299,9 +287,9 @@ TEST(ShippedPlatforms, HostMeasuresTwoUnitsAndPublishesTheCloud) {
 }
 
 TEST(ShippedPlatforms, UnknownNamesComeWithTheNearest) {
-  EXPECT_THAT(refused_call([] { static_cast<void>(load_platform("hots")); }),
+  EXPECT_THAT(bad_input([] { static_cast<void>(load_platform("hots")); }),
               AllOf(HasSubstr("'hots'"), HasSubstr("host")));
-  EXPECT_THAT(refused_call([] { static_cast<void>(load_platform("/nowhere/x.yaml")); }),
+  EXPECT_THAT(bad_input([] { static_cast<void>(load_platform("/nowhere/x.yaml")); }),
               HasSubstr("/nowhere/x.yaml"));
   EXPECT_TRUE(names_a_file("x.yaml"));
   EXPECT_TRUE(names_a_file("./host"));
@@ -313,13 +301,13 @@ TEST(Platform, LoadsFromAFile) {
   std::ofstream(path) << "platform: mine\nunits: {gpu: {}}\n";
   EXPECT_EQ(load_platform(path.string()).name, "mine");
   std::ofstream(path) << "platform: mine\nunits: {gpu: {slots: x}}\n";
-  EXPECT_THAT(refused_call([&] { static_cast<void>(load_platform(path.string())); }),
+  EXPECT_THAT(bad_input([&] { static_cast<void>(load_platform(path.string())); }),
               StartsWith(path.string() + ":2: units.gpu.slots"));
   std::filesystem::remove(path);
 }
 
 TEST(Platform, NamesTheNearestUnit) {
-  EXPECT_THAT(refused_call([] { static_cast<void>(load_platform("host").unit("openc")); }),
+  EXPECT_THAT(bad_input([] { static_cast<void>(load_platform("host").unit("openc")); }),
               HasSubstr("did you mean opencl"));
 }
 

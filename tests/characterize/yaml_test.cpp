@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
-#include "workloads/base/error.h"
+#include "tests/support/errors.h"
 
 namespace pirt::test {
 namespace {
@@ -14,21 +14,9 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::StartsWith;
 
-template <typename Call>
-std::string refused(const Call& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.code(), ErrorCode::kBadInput);
-    return error.what();
-  }
-  ADD_FAILURE() << "no error";
-  return "";
-}
-
 YamlNode parse(const std::string& text) { return parse_yaml("f.yaml", text); }
 std::string refused_text(const std::string& text) {
-  return refused([&] { static_cast<void>(parse(text)); });
+  return bad_input([&] { static_cast<void>(parse(text)); });
 }
 
 TEST(Yaml, ReadsScalarsMapsAndLists) {
@@ -62,17 +50,18 @@ TEST(Yaml, RefusesDocumentsThatAreNotOne) {
 
 TEST(Yaml, NamesTheNearestKey) {
   const auto node = parse("one: 1\nslotz: 2\n");
-  EXPECT_EQ(refused([&] {
+  EXPECT_EQ(bad_input([&] {
               node.check_keys({"one", "slots"});
             }),
             "f.yaml:2: slotz: unknown key (did you mean slots?)");
-  EXPECT_EQ(refused([&] { static_cast<void>(node.at("two")); }), "f.yaml:1: missing key 'two'");
+  EXPECT_EQ(bad_input([&] { static_cast<void>(node.at("two")); }), "f.yaml:1: missing key 'two'");
 }
 
 TEST(Yaml, RefusesAKeyGivenTwice) {
   const auto node = parse("u:\n  a: 1\n  b: 2\n  a: 3\n");
-  EXPECT_EQ(refused([&] { static_cast<void>(node.at("u").keys()); }), "f.yaml:4: u.a: given twice");
-  EXPECT_THAT(refused([] { static_cast<void>(parse("? [a]\n: 1\n").keys()); }),
+  EXPECT_EQ(bad_input([&] { static_cast<void>(node.at("u").keys()); }),
+            "f.yaml:4: u.a: given twice");
+  EXPECT_THAT(bad_input([] { static_cast<void>(parse("? [a]\n: 1\n").keys()); }),
               HasSubstr("plain text"));
 }
 
@@ -80,40 +69,40 @@ TEST(Yaml, RefusesNumbersThatAreNot) {
   for (const char* text : {"nan", ".nan", "inf", "-.inf", "1e999", "0x10", "1_000", "1.5.2", "two",
                            "''", "'3'", "[3]", "~"}) {
     const auto node = parse(std::string("v: ") + text);
-    EXPECT_THAT(refused([&] { static_cast<void>(node.at("v").number(-1e300, 1e300)); }),
+    EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("v").number(-1e300, 1e300)); }),
                 StartsWith("f.yaml:1: v: must be a finite number, got"))
         << text;
-    EXPECT_THAT(refused([&] { static_cast<void>(node.at("v").integer(-9, 9)); }),
+    EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("v").integer(-9, 9)); }),
                 HasSubstr("whole number"))
         << text;
   }
-  EXPECT_THAT(refused([] { static_cast<void>(parse("v: 1.0").at("v").integer(0, 9)); }),
+  EXPECT_THAT(bad_input([] { static_cast<void>(parse("v: 1.0").at("v").integer(0, 9)); }),
               HasSubstr("whole number"));
   EXPECT_THAT(
-      refused([] { static_cast<void>(parse("v: 99999999999999999999").at("v").integer(0, 9)); }),
+      bad_input([] { static_cast<void>(parse("v: 99999999999999999999").at("v").integer(0, 9)); }),
       HasSubstr("whole number"));
 }
 
 TEST(Yaml, SaysTheRangeThatAValueIsOutOf) {
   const auto node = parse("a: -1\nb: 5000");
-  EXPECT_EQ(refused([&] { static_cast<void>(node.at("a").number(0, 2.5)); }),
+  EXPECT_EQ(bad_input([&] { static_cast<void>(node.at("a").number(0, 2.5)); }),
             "f.yaml:1: a: must be between 0 and 2.5, got -1");
-  EXPECT_EQ(refused([&] { static_cast<void>(node.at("b").integer(1, 64)); }),
+  EXPECT_EQ(bad_input([&] { static_cast<void>(node.at("b").integer(1, 64)); }),
             "f.yaml:2: b: must be between 1 and 64, got 5000");
 }
 
 TEST(Yaml, SaysWhichTypeItWants) {
   const auto node = parse("m: {a: 1}\nl: [1]\nt: yes\nn:\n");
-  EXPECT_EQ(refused([&] { static_cast<void>(node.at("m").text()); }),
+  EXPECT_EQ(bad_input([&] { static_cast<void>(node.at("m").text()); }),
             "f.yaml:1: m: must be text, is a map");
-  EXPECT_THAT(refused([&] { static_cast<void>(node.at("m").items()); }),
+  EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("m").items()); }),
               HasSubstr("must be a list, is a map"));
-  EXPECT_THAT(refused([&] { static_cast<void>(node.at("l").keys()); }),
+  EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("l").keys()); }),
               HasSubstr("must be a map, is a list"));
-  EXPECT_THAT(refused([&] { static_cast<void>(node.at("t").boolean()); }),
+  EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("t").boolean()); }),
               HasSubstr("must be true or false, got 'yes'"));
-  EXPECT_THAT(refused([&] { static_cast<void>(node.at("n").text()); }), HasSubstr("is empty"));
-  EXPECT_THAT(refused([&] { static_cast<void>(node.at("t").at("x")); }),
+  EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("n").text()); }), HasSubstr("is empty"));
+  EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("t").at("x")); }),
               HasSubstr("must be a map, is a value"));
 }
 
@@ -147,24 +136,24 @@ TEST(Yaml, SaysWhenAnOverrideIsToBlame) {
     return parse_yaml("f.yaml", text, "units", {{path, value}});
   };
   const auto node = with("cpu.activ_w", "2").at("units").at("cpu");
-  EXPECT_EQ(refused([&] { node.check_keys({"active_w"}); }),
+  EXPECT_EQ(bad_input([&] { node.check_keys({"active_w"}); }),
             "f.yaml (--set): units.cpu.activ_w: unknown key (did you mean active_w?)");
   const auto bad = with("cpu.active_w", "much").at("units").at("cpu").at("active_w");
   EXPECT_THAT(
-      refused([&] { static_cast<void>(bad.number(0, 1)); }),
+      bad_input([&] { static_cast<void>(bad.number(0, 1)); }),
       StartsWith("f.yaml (--set): units.cpu.active_w: must be a finite number, got 'much'"));
-  EXPECT_THAT(refused([&] { static_cast<void>(with("cpuu.active_w", "1")); }),
+  EXPECT_THAT(bad_input([&] { static_cast<void>(with("cpuu.active_w", "1")); }),
               AllOf(HasSubstr("--set cpuu.active_w=1"), HasSubstr("did you mean cpu")));
-  EXPECT_THAT(refused([&] { static_cast<void>(with("cpu.active_w.x", "1")); }),
+  EXPECT_THAT(bad_input([&] { static_cast<void>(with("cpu.active_w.x", "1")); }),
               HasSubstr("not a map"));
-  EXPECT_THAT(refused([&] { static_cast<void>(with("cpu.active_w", "[1")); }),
+  EXPECT_THAT(bad_input([&] { static_cast<void>(with("cpu.active_w", "[1")); }),
               HasSubstr("not valid YAML"));
-  EXPECT_THAT(refused([&] { static_cast<void>(with("cpu.active_w", "~")); }), HasSubstr("empty"));
+  EXPECT_THAT(bad_input([&] { static_cast<void>(with("cpu.active_w", "~")); }), HasSubstr("empty"));
 }
 
 TEST(Yaml, DoesNotChangeTwoUnitsByOneOverride) {
   const std::string text = "units:\n  a: &u {active_w: 1}\n  b: *u\n";
-  EXPECT_THAT(refused([&] {
+  EXPECT_THAT(bad_input([&] {
                 static_cast<void>(parse_yaml("f.yaml", text, "units", {{"a.active_w", "2"}}));
               }),
               AllOf(HasSubstr("units.a"), HasSubstr("units.b")));

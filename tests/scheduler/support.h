@@ -14,7 +14,7 @@
 #include "scheduler/dispatcher.h"
 #include "scheduler/policy.h"
 #include "scheduler/schedule.h"
-#include "workloads/base/error.h"
+#include "tests/support/errors.h"
 
 namespace pirt::test {
 
@@ -22,19 +22,6 @@ inline Platform platform_of(const std::string& yaml) {
   return parse_platform("test.yaml", yaml, {}, 4);
 }
 inline Mix mix_of(const std::string& yaml) { return parse_mix("test.yaml", yaml); }
-
-/// The message of the bad-input error that @p call throws; fails the test if it throws none.
-template <typename Call>
-std::string bad_input(const Call& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.code(), ErrorCode::kBadInput);
-    return error.what();
-  }
-  ADD_FAILURE() << "no error";
-  return "";
-}
 
 /// Units gpu, dsp, cpu, cloud: the letters that sequences are written in.
 inline const std::vector<std::string> kRoles = {"gpu", "dsp", "cpu", "cloud"};
