@@ -60,16 +60,22 @@ inline std::string quoted(const std::string& text) {
   return out + "'";
 }
 
-/// @param environment  "NAME=value" pairs in front of the command.
-inline Outcome pirt(const std::vector<std::string>& arguments,
-                    const std::string& environment = "") {
+/// Runs a script of sh(1).
+inline Outcome run(const std::string& script) {
   const Scratch scratch;
-  std::string command = environment + " " + quoted(PIRT_BINARY);
-  for (const auto& argument : arguments) command += " " + quoted(argument);
-  command += " </dev/null >" + quoted(scratch.file("out")) + " 2>" + quoted(scratch.file("err"));
+  const std::string command = "(" + script + ") </dev/null >" + quoted(scratch.file("out")) +
+                              " 2>" + quoted(scratch.file("err"));
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, slurp(scratch.file("out")),
           slurp(scratch.file("err"))};
+}
+
+/// @param environment  "NAME=value" pairs in front of the command.
+inline Outcome pirt(const std::vector<std::string>& arguments,
+                    const std::string& environment = "") {
+  std::string command = environment + " " + quoted(PIRT_BINARY);
+  for (const auto& argument : arguments) command += " " + quoted(argument);
+  return run(command);
 }
 
 }  // namespace pirt::test
