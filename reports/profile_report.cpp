@@ -103,12 +103,13 @@ std::string remarks_text(const Remarks& remarks, const std::set<std::string>& le
 /// What the notes that occur mean.
 std::vector<std::string> glossary(const Profile& profile) {
   std::vector<std::string> lines;
-  for (const auto& [name, meaning] : kNotes) {
+  for (const Word& word : kNotes) {
     const auto has = [&](const PhaseRow& row) {
-      return std::ranges::find(row.notes, name) != row.notes.end();
+      return std::ranges::find(row.notes, word.name) != row.notes.end();
     };
-    if (std::ranges::any_of(profile.phases, has))
-      lines.push_back(fmt::format("{}: {}.", name, meaning));
+    if (std::ranges::any_of(profile.phases, has)) {
+      lines.push_back(fmt::format("{}: {}.", word.name, word.meaning));
+    }
   }
   return lines;
 }

@@ -34,7 +34,6 @@ std::size_t size_bytes(Element element) {
     case Element::kI16:
       return 2;
     case Element::kI32:
-      return 4;
     case Element::kF32:
       return 4;
     case Element::kF64:

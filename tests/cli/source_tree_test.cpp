@@ -68,11 +68,12 @@ TEST(SourceTree, BackendHeadersStayInTheirFolder) {
                                    {"CL/", {"workloads/opencl/"}},
                                    {"sqlite3.h", {"characterize/"}},
                                    {"CLI/", {"cli/"}}};
-  for (const auto& [file, header] : includes()) {
+  for (const auto& include : includes()) {
     for (const auto& rule : rules) {
-      if (!header.starts_with(rule.header_prefix)) continue;
-      EXPECT_TRUE(std::ranges::any_of(rule.allowed, [&](auto a) { return file.starts_with(a); }))
-          << file << " includes " << header;
+      if (!include.header.starts_with(rule.header_prefix)) continue;
+      EXPECT_TRUE(
+          std::ranges::any_of(rule.allowed, [&](auto a) { return include.file.starts_with(a); }))
+          << include.file << " includes " << include.header;
     }
   }
 }
