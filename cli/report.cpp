@@ -1,9 +1,12 @@
 // pirt report: what a profile database holds and what the four modes make of it.
+#include <algorithm>
 #include <memory>
+#include <utility>
 
 #include "cli/commands.h"
 #include "cli/output.h"
 #include "reports/document.h"
+#include "reports/paper_report.h"
 #include "reports/profile_report.h"
 #include "reports/run_report.h"
 #include "scheduler/schedule.h"
@@ -20,6 +23,7 @@ struct Options {
   std::optional<std::string> platform;
   std::vector<std::string> settings;
   std::string mix = "full-robot";
+  bool paper = false;
   std::optional<std::string> json;
 };
 
@@ -73,8 +77,21 @@ Profile open_profile(const Options& options) {
   return load_profile(options.files.front(), load_platform(*options.platform).name);
 }
 
-int report(const Options& options) {
+/// What is asked for, where and as what.
+void write(const Options& options, const Document& document, nlohmann::ordered_json json) {
   const auto format = parse_format(options.format);
+  json["schema_version"] = 1;
+  if (!format) {
+    emit_text(json.dump(2) + "\n", options.output);
+  } else if (options.output) {
+    emit_text(render(document, *format), options.output);
+    if (options.json) emit("", json, options.json);
+  } else {
+    emit(render(document, *format), json, options.json);
+  }
+}
+
+int report_profile(const Options& options) {
   const auto profile = open_profile(options);
   const auto modes = collect_modes(options, profile);
   const auto preferable = preferences(profile);
@@ -88,20 +105,30 @@ int report(const Options& options) {
     document.parts.emplace_back(Paragraph{{"The four modes are not shown: " + modes.why_not}});
   }
   auto json = profile_json(profile, preferable);
-  json["schema_version"] = 1;
   json["modes"] = nlohmann::ordered_json::array();
   for (const auto& record : modes.records) json["modes"].push_back(to_json(record));
   if (!modes.why_not.empty()) json["modes_missing"] = modes.why_not;
-
-  if (!format) {
-    emit_text(json.dump(2) + "\n", options.output);
-  } else if (options.output) {
-    emit_text(render(document, *format), options.output);
-    if (options.json) emit("", json, options.json);
-  } else {
-    emit(render(document, *format), json, options.json);
-  }
+  write(options, document, std::move(json));
   return 0;
+}
+
+/// @return kExitCheckFailed if a cell is farther off than its limit.
+int report_paper(const Options& options) {
+  if (!options.files.empty())
+    throw_bad_input("--paper takes no files: it shows the paper's own table");
+  const auto cells = paper_cells();
+  write(options, {.title = "pirt report --paper", .parts = {paper_table(cells)}},
+        paper_json(cells));
+  return std::ranges::all_of(cells, &PaperCell::holds) ? 0 : kExitCheckFailed;
+}
+
+int report(const Options& options) {
+  static_cast<void>(parse_format(options.format));  // before anything is computed
+  if (options.paper) return report_paper(options);
+  if (options.files.empty()) {
+    throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one");
+  }
+  return report_profile(options);
 }
 
 }  // namespace
@@ -111,12 +138,11 @@ void add_report(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand(
       "report",
       "Show a profile, the preferable unit of each workload, and the four modes side by side");
-  command
-      ->add_option("files", options->files,
-                   "The profile database, then run records of pirt schedule --json (default: the "
-                   "four modes are "
-                   "simulated now)")
-      ->required();
+  command->add_option(
+      "files", options->files,
+      "The profile database, then run records of pirt schedule --json (default: the "
+      "four modes are "
+      "simulated now)");
   command->add_option("--format", options->format, "text | md | html | json")
       ->capture_default_str();
   command->add_option("-o,--output", options->output, "Write to FILE instead of stdout");
@@ -131,6 +157,8 @@ void add_report(CLI::App& app, Action& action) {
       ->add_option("--mix", options->mix,
                    "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file")
       ->capture_default_str();
+  command->add_flag("--paper", options->paper,
+                    "Instead of a profile: Table V of the Pi-RT paper beside virtual time");
   command->add_option("--json", options->json, "Write JSON as well, to FILE or to stdout for -");
   command->footer("Example: pirt report profile.db --format html -o report.html");
   command->callback([options, &action] { action = [options] { return report(*options); }; });

@@ -37,7 +37,7 @@ if $long; then
   say "clang-tidy"
   git ls-files '*.cpp' ':!tests' | xargs -P 2 -n 4 clang-tidy-14 --quiet -p build-clang
   cmake --preset asan -DPIRT_WERROR=ON >/dev/null && cmake --build --preset asan
-  run_tests build-asan
+  LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.txt:print_suppressions=0 run_tests build-asan
   cmake --preset debug -DPIRT_WERROR=ON >/dev/null && cmake --build --preset debug
   run_tests build-debug
 fi
