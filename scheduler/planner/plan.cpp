@@ -23,9 +23,13 @@ Nanos PlanBuilder::data_ready(std::size_t task, UnitId unit) const {
 
 Nanos PlanBuilder::earliest_start(std::size_t task, UnitId unit) const {
   Nanos start = data_ready(task, unit);
-  for (const std::size_t placed : plan_.order[unit]) {
-    if (start + graph_.cost(task, unit) <= plan_.tasks[placed].start) break;
-    start = std::max(start, plan_.tasks[placed].finish);
+  const auto& order = plan_.order[unit];
+  // What has finished by then is in nobody's way.
+  auto placed = std::ranges::upper_bound(
+      order, start, {}, [this](std::size_t each) { return plan_.tasks[each].finish; });
+  for (; placed != order.end(); ++placed) {
+    if (start + graph_.cost(task, unit) <= plan_.tasks[*placed].start) break;
+    start = std::max(start, plan_.tasks[*placed].finish);
   }
   return start;
 }
