@@ -90,7 +90,7 @@ struct PolicyInfo {
   std::string_view description;
   WeightRule rule;
   std::unique_ptr<Policy> (*make)(const PolicySetup& setup);
-  std::string_view needs_role = "";  ///< Of some unit of the platform; "" = none.
+  std::string_view needs_role = {};  ///< Of some unit of the platform; empty = none.
   Planner planner = nullptr;         ///< What makes its plan; null = it has none.
 
   /// Whether it falls back to a basic policy, as advanced does; that one also sends tasks to the

@@ -97,7 +97,7 @@ TEST(Edf, ServesTheEarliestDeadlineFirst) {
   submit(5, milliseconds(20));
   submit(6, milliseconds(10));
   // 1 runs; then by deadline, 4 before 6 by age, and 2, which has none, last.
-  for (const TaskId id : {1, 4, 6, 5, 3, 2}) {
+  for (const TaskId id : std::vector<TaskId>{1, 4, 6, 5, 3, 2}) {
     ASSERT_EQ(out.started.size(), 1U);
     EXPECT_EQ(out.started[0].task, id);
     out.clear();
