@@ -167,6 +167,10 @@ void apply(const YAML::Node& document, const std::string& root, const YamlOverri
 
 }  // namespace
 
+std::string YamlNode::location() const {
+  return pirt::location(file_, node_) + (path_.empty() ? "" : ": " + path_);
+}
+
 void YamlNode::fail(const std::string& message) const { fail_at(file_, node_, path_, message); }
 
 std::vector<std::string> YamlNode::keys() const {

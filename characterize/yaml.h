@@ -42,6 +42,8 @@ class YamlNode {
   /// The node as YAML text, for those that keep a part of a file uninterpreted.
   [[nodiscard]] std::string dump() const;
 
+  /// "file:line: path", for those that find out later what is wrong with the node.
+  [[nodiscard]] std::string location() const;
   /// @throws Error{kBadInput} "file:line: path: message".
   [[noreturn]] void fail(const std::string& message) const;
 

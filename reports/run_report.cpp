@@ -76,7 +76,7 @@ Paragraph header(const RunRecord& run) {
 
 Paragraph totals(const RunRecord& run) {
   const Marks marks(run);
-  return {
+  Paragraph paragraph = {
       {fmt::format("{} tasks submitted: {} completed ({} offloaded to the cloud), {} dropped, {} "
                    "expired, {} "
                    "failed, {} queued",
@@ -87,6 +87,11 @@ Paragraph totals(const RunRecord& run) {
                    shown(run.makespan_s, marks.time), shown(run.throughput_per_ms, marks.time),
                    shown(run.mean_latency_ms, marks.time), shown(run.p99_latency_ms, marks.time),
                    shown(run.energy_j, marks.energy), shown(run.average_power_w, marks.energy))}};
+  if (run.planned_makespan_s) {
+    paragraph.lines.push_back("planned makespan " + shown(run.planned_makespan_s, marks.time) +
+                              " s");
+  }
+  return paragraph;
 }
 
 /// "opencl: times measured; energy modelled".

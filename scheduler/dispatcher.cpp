@@ -23,6 +23,7 @@ void Dispatcher::submit(const Task& task, Nanos now, Starts& out) {
   assert(tasks_.find(task.id) == kNoSlot && "the id of a task that is not done");
   const TaskSlot slot = tasks_.add(task.id);
   tasks_[slot].class_index = class_of(task.kind);
+  tasks_[slot].rank = policy_->rank(task);
   ++counts_.submitted;
   for (const TaskId id : task.after) {
     const TaskSlot predecessor = tasks_.find(id);
@@ -156,7 +157,7 @@ void Dispatcher::make_ready(TaskSlot slot, Nanos now) {
 bool Dispatcher::place(TaskSlot slot, Nanos now) {
   TaskRecord& record = tasks_[slot];
   Class& entry = classes_[record.class_index];
-  const Placement placement = policy_->place(entry.kind, {.load = load_, .up = up_});
+  const Placement placement = policy_->place(entry.kind, {.load = load_, .up = up_, .now = now});
   switch (placement.kind) {
     case Placement::Kind::kHold:
       return false;
@@ -187,22 +188,23 @@ void Dispatcher::hold(TaskSlot slot) {
 /// that a refusal stands.
 void Dispatcher::place_held(Nanos now) {
   if (held_count_ == 0) return;
-  for (auto& entry : classes_) entry.refused = false;
-  while (held_count_ != 0) {
-    Class* oldest = nullptr;
-    for (auto& entry : classes_) {
-      if (entry.refused || entry.held.empty()) continue;
-      if (oldest == nullptr ||
-          tasks_[entry.held.front()].sequence < tasks_[oldest->held.front()].sequence) {
-        oldest = &entry;
-      }
-    }
-    if (oldest == nullptr) return;
-    const TaskSlot slot = oldest->held.front();
+  // Those that are neither empty nor refused: a task graph has a class a task, few of them held.
+  asking_.clear();
+  for (auto& entry : classes_) {
+    if (!entry.held.empty()) asking_.push_back(&entry);
+  }
+  while (!asking_.empty()) {
+    const auto oldest = std::ranges::min_element(asking_, [this](const Class* a, const Class* b) {
+      return precedes(tasks_[a->held.front()], tasks_[b->held.front()]);
+    });
+    const TaskSlot slot = (*oldest)->held.front();
     unlink(slot);
-    if (place(slot, now)) continue;
-    hold(slot);
-    oldest->refused = true;
+    const bool placed = place(slot, now);
+    if (!placed) hold(slot);
+    if (!placed || (*oldest)->held.empty()) {
+      *oldest = asking_.back();
+      asking_.pop_back();
+    }
   }
 }
 
@@ -228,8 +230,8 @@ TaskSlot Dispatcher::take_high_priority(UnitId unit, Nanos now) {
   Class* oldest = nullptr;
   for (auto& entry : classes_) {
     if (entry.high_priority.empty() || !contains(entry.takers, unit)) continue;
-    if (oldest == nullptr || tasks_[entry.high_priority.front()].sequence <
-                                 tasks_[oldest->high_priority.front()].sequence) {
+    if (oldest == nullptr ||
+        precedes(tasks_[entry.high_priority.front()], tasks_[oldest->high_priority.front()])) {
       oldest = &entry;
     }
   }
@@ -305,6 +307,10 @@ void Dispatcher::drop_successors(TaskSlot slot, Starts& out) {
 }
 
 void Dispatcher::forget(TaskSlot slot) {
+  const TaskState state = tasks_[slot].state;
+  if (state == TaskState::kWaiting || state == TaskState::kHeld) {
+    policy_->gone(classes_[tasks_[slot].class_index].kind);
+  }
   if (tasks_[slot].expires) --expiring_count_;
   tasks_.remove(slot);
 }

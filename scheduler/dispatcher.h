@@ -59,7 +59,6 @@ class Dispatcher {
     UnitMask takers = 0;  ///< Of the units that are up.
     TaskList held = {};
     TaskList high_priority = {};
-    bool refused = false;  ///< Within one pass over the held tasks.
   };
   struct Expiry {
     Nanos at{0};
@@ -100,6 +99,7 @@ class Dispatcher {
   std::size_t expiring_count_ = 0;
   std::uint64_t ready_sequence_ = 0;
   std::vector<TaskSlot> scratch_;
+  std::vector<Class*> asking_;  ///< Of place_held; kept for its memory.
   TaskCounts counts_;
   Nanos now_ = Nanos::min();
 };

@@ -4,6 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
+#include <set>
+#include <string_view>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
@@ -30,9 +33,10 @@ std::vector<std::string> unit_reasons(const Platform& platform,
 }
 
 /// Whether some task of the workload has to be served on the robot.
-bool needed_locally(const Mix& mix, const std::string& workload, bool offloads) {
+bool needed_locally(const Mix& mix, const std::string& workload, CloudUse cloud_use) {
+  if (cloud_use == CloudUse::kAll) return false;
   return std::ranges::any_of(mix.pipelines, [&](const Pipeline& pipeline) {
-    return (pipeline.real_time || !offloads) &&
+    return (pipeline.real_time || cloud_use == CloudUse::kNone) &&
            std::ranges::find(pipeline.tasks, workload, &MixTask::workload) != pipeline.tasks.end();
   });
 }
@@ -49,22 +53,29 @@ std::string remedy(const Platform& platform, const Profile* profile,
          (profile == nullptr ? ", then give --profile " + path : "");
 }
 
+/// @param where  For the message.
+void check_unit_or_role(const Platform& platform, const std::string& name,
+                        const std::string& where) {
+  if (std::ranges::find(kRoles, name) != kRoles.end()) return;
+  for (const auto& unit : platform.units) {
+    if (unit.name == name || unit.role == name) return;
+  }
+  auto candidates = platform.unit_names();
+  candidates.insert(candidates.end(), kRoles.begin(), kRoles.end());
+  throw_bad_input(fmt::format("{}: '{}' is neither a unit of platform {} nor a role{}", where, name,
+                              platform.name, suggestion(name, candidates)));
+}
+
 /// The units that a list of names stands for.
 UnitMask named_units(const Platform& platform, const std::vector<std::string>& names,
                      const std::string& where) {
   UnitMask mask = 0;
   for (const auto& name : names) {
-    bool known = std::ranges::find(kRoles, name) != kRoles.end();
+    check_unit_or_role(platform, name, where + ": eligible");
     for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-      if (platform.units[unit].name != name && platform.units[unit].role != name) continue;
-      mask |= unit_bit(unit);
-      known = true;
+      if (platform.units[unit].name == name || platform.units[unit].role == name)
+        mask |= unit_bit(unit);
     }
-    if (known) continue;
-    auto candidates = platform.unit_names();
-    candidates.insert(candidates.end(), kRoles.begin(), kRoles.end());
-    throw_bad_input(fmt::format("{}: eligible: '{}' is neither a unit of platform {} nor a role{}",
-                                where, name, platform.name, suggestion(name, candidates)));
   }
   return mask;
 }
@@ -85,16 +96,40 @@ std::string task_name(const Mix& mix, const Pipeline& pipeline, const MixTask& t
 
 std::vector<std::string> workloads_of(const Mix& mix) {
   std::vector<std::string> names;
+  std::set<std::string_view> seen;
   for (const auto& pipeline : mix.pipelines) {
     for (const auto& task : pipeline.tasks) {
-      if (std::ranges::find(names, task.workload) == names.end()) names.push_back(task.workload);
+      if (seen.insert(task.workload).second) names.push_back(task.workload);
     }
   }
   return names;
 }
 
+GivenServices given_services(const Platform& platform, const Mix& mix) {
+  GivenServices given;
+  for (const auto& pipeline : mix.pipelines) {
+    for (const auto& task : pipeline.tasks) {
+      if (task.service.empty()) continue;
+      auto& times = given[task.workload];
+      for (const auto& [name, time] : task.service)
+        check_unit_or_role(platform, name, task.service_location);
+      for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+        auto time = task.service.find(platform.units[unit].name);
+        if (time == task.service.end()) time = task.service.find(platform.units[unit].role);
+        if (time != task.service.end()) times.emplace(unit, time->second);
+      }
+      if (times.empty()) {
+        throw_bad_input(task.service_location + ": none of these units is on platform " +
+                        platform.name + " (it has " + join(platform.unit_names(), ", ") +
+                        "); give the time on one of them");
+      }
+    }
+  }
+  return given;
+}
+
 void check_every_workload_served(const Platform& platform, const Profile* profile, const Mix& mix,
-                                 const ServiceTable& services, bool offloads) {
+                                 const ServiceTable& services, CloudUse cloud_use) {
   UnitMask cloud = 0;
   for (UnitId unit = 0; unit < platform.units.size(); ++unit)
     cloud |= is_cloud(platform, unit) ? unit_bit(unit) : 0;
@@ -102,8 +137,9 @@ void check_every_workload_served(const Platform& platform, const Profile* profil
   std::string reasons;
   for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {
     const auto& name = services.workloads[workload];
-    const UnitMask useless = needed_locally(mix, name, offloads) ? cloud : 0;
-    if ((services.units_of(workload) & ~useless) != 0) continue;
+    const UnitMask served = services.units_of(workload);
+    if ((served & ~cloud) != 0) continue;
+    if (served != 0 && !needed_locally(mix, name, cloud_use)) continue;
     if (missing.empty()) reasons = join(unit_reasons(platform, services.entries[workload]), "; ");
     missing.push_back(name);
   }
@@ -115,13 +151,15 @@ void check_every_workload_served(const Platform& platform, const Profile* profil
 
 std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const Mix& mix,
                                                  const ServiceTable& services) {
+  std::map<std::string_view, WorkloadId> ids;
+  for (const auto& name : services.workloads)
+    ids.emplace(name, static_cast<WorkloadId>(ids.size()));
   std::vector<std::vector<TaskClass>> classes;
   for (const auto& pipeline : mix.pipelines) {
     auto& row = classes.emplace_back();
     for (const auto& task : pipeline.tasks) {
       const std::string where = task_name(mix, pipeline, task);
-      const auto workload = static_cast<WorkloadId>(
-          std::ranges::find(services.workloads, task.workload) - services.workloads.begin());
+      const WorkloadId workload = ids.at(task.workload);
       const UnitMask served = services.units_of(workload);
       const UnitMask named =
           task.eligible.empty() ? served : named_units(platform, task.eligible, where);
@@ -148,10 +186,13 @@ void check_every_task_placeable(const Platform& platform, const Mix& mix,
       const TaskClass& kind = classes[p][t];
       if (policy.takers(kind, kind.eligible) != 0) continue;
       const auto& pipeline = mix.pipelines[p];
+      const bool weighted = find_policy(mode).rule != WeightRule::kNone;
       throw_bad_input(task_name(mix, pipeline, pipeline.tasks[t]) + ": mode " + mode +
                       " would never place it: only " + unit_list(platform, kind.eligible) +
-                      " may serve it, to which the mode gives no weight; give one with --weights, "
-                      "or another mode");
+                      " may serve it, " +
+                      (weighted ? "to which the mode gives no weight; give one with --weights, "
+                                  "or another mode"
+                                : "which the mode does not use; give another mode"));
     }
   }
 }

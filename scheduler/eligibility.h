@@ -17,13 +17,19 @@ namespace pirt {
 /// WorkloadId.
 [[nodiscard]] std::vector<std::string> workloads_of(const Mix& mix);
 
-/// @param offloads  Whether the mode sends non-real-time tasks to the cloud, which serves no
-/// others.
+/// The times that the mix itself gives to tasks, by unit. A unit's own name goes before its role.
+/// @throws Error{kBadInput} with file:line if a key names neither a unit nor a role, or if the
+/// platform has a unit for none of them.
+[[nodiscard]] GivenServices given_services(const Platform& platform, const Mix& mix);
+
+/// Which tasks a mode may give to the cloud.
+enum class CloudUse : std::uint8_t { kNone, kNotRealTime, kAll };
+
 /// @throws Error{kBadInput} if no unit has a service for some workload that the mode could use:
 /// which, each unit's reason, and the command that
 ///         measures it.
 void check_every_workload_served(const Platform& platform, const Profile* profile, const Mix& mix,
-                                 const ServiceTable& services, bool offloads);
+                                 const ServiceTable& services, CloudUse cloud_use);
 
 /// [pipeline][task]: the units that have a service and that `eligible` names, by unit or by role.
 /// @throws Error{kBadInput} if `eligible` names neither a unit nor a role, or leaves no unit.

@@ -47,30 +47,56 @@ struct NamedTask {
 };
 
 void read_edge(const YamlNode& node, NamedTask& named) {
+  MixEdge& edge = named.task.edges.emplace_back();
   if (!node.is_map()) {
     named.after.push_back(node.text());
     return;
   }
-  node.check_keys({"task", "bytes"});
+  node.check_keys({"task", "bytes", "transfer_ms"});
   named.after.push_back(node.at("task").text());
+  if (node.has("transfer_ms")) edge.transfer = from_ms(node.at("transfer_ms").number(0, kMaxMs));
   if (node.has("bytes")) {
-    named.task.input_bytes =
-        named.task.input_bytes.value_or(0) + node.at("bytes").integer(0, kMaxCount);
+    edge.bytes = node.at("bytes").integer(0, kMaxCount);
+    named.task.input_bytes = named.task.input_bytes.value_or(0) + *edge.bytes;
   }
 }
 
-NamedTask read_task(const YamlNode& node, const std::vector<std::string>& eligible) {
-  node.check_keys({"name", "workload", "image_input", "after", "eligible"});
-  NamedTask named{.task = {}, .after = {}, .node = node};
-  named.task.workload = node.at("workload").text();
+void read_workload(const YamlNode& node, MixTask& task) {
+  task.workload = node.text();
   const auto known = workload_names();
-  if (std::ranges::find(known, named.task.workload) == known.end()) {
-    node.at("workload")
-        .fail("there is no workload '" + named.task.workload + "'" +
-              suggestion(named.task.workload, known));
+  if (std::ranges::find(known, task.workload) == known.end()) {
+    node.fail("there is no workload '" + task.workload + "'" + suggestion(task.workload, known));
   }
-  named.task.name = named.task.workload;
-  if (node.has("name")) named.task.name = checked_name(node.at("name"), node.at("name").text());
+}
+
+void read_service(const YamlNode& node, MixTask& task) {
+  for (const auto& unit : node.keys()) {
+    const Nanos time = from_ms(positive(node.at(unit), kMaxMs));
+    if (time <= Nanos::zero()) node.at(unit).fail("must be at least 1e-6 (a nanosecond)");
+    task.service.emplace(unit, time);
+  }
+  if (task.service.empty()) node.fail("must give the time on at least one unit");
+  task.service_location = node.location();
+}
+
+NamedTask read_task(const YamlNode& node, const std::string& pipeline,
+                    const std::vector<std::string>& eligible) {
+  node.check_keys({"name", "workload", "service_ms", "image_input", "after", "eligible"});
+  NamedTask named{.task = {}, .after = {}, .node = node};
+  if (node.has("workload") == node.has("service_ms")) {
+    node.fail("needs one of workload (of the catalog) and service_ms ({unit: milliseconds})");
+  }
+  if (node.has("workload")) {
+    read_workload(node.at("workload"), named.task);
+    named.task.name = named.task.workload;
+  }
+  if (node.has("name") || node.has("service_ms")) {
+    named.task.name = checked_name(node.at("name"), node.at("name").text());
+  }
+  if (node.has("service_ms")) {
+    read_service(node.at("service_ms"), named.task);
+    named.task.workload = pipeline + "/" + named.task.name;
+  }
   if (node.has("image_input")) named.task.image_input = node.at("image_input").boolean();
   named.task.eligible = node.has("eligible") ? read_eligible(node.at("eligible")) : eligible;
   if (node.has("after")) {
@@ -175,10 +201,23 @@ Pipeline read_pipeline(const YamlNode& node, const std::string& name) {
   const auto eligible =
       node.has("eligible") ? read_eligible(node.at("eligible")) : std::vector<std::string>{};
   std::vector<NamedTask> tasks;
-  for (const auto& item : node.at("tasks").items()) tasks.push_back(read_task(item, eligible));
+  for (const auto& item : node.at("tasks").items())
+    tasks.push_back(read_task(item, name, eligible));
   if (tasks.empty()) node.at("tasks").fail("must list at least one task");
   pipeline.tasks = sorted_tasks(node, std::move(tasks));
   return pipeline;
+}
+
+/// "a/b" with task "c" and "a" with task "b/c" would be one.
+void check_own_workloads(const YamlNode& node, const Mix& mix) {
+  std::set<std::string> seen;
+  for (const auto& pipeline : mix.pipelines) {
+    for (const auto& task : pipeline.tasks) {
+      if (!task.service.empty() && !seen.insert(task.workload).second) {
+        node.fail("two tasks with service_ms are called '" + task.workload + "'; rename one");
+      }
+    }
+  }
 }
 
 }  // namespace
@@ -188,6 +227,10 @@ bool Pipeline::has_image_input() const { return std::ranges::any_of(tasks, &MixT
 bool Mix::open_loop() const {
   return std::ranges::any_of(pipelines,
                              [](const Pipeline& each) { return each.rate_hz.has_value(); });
+}
+
+bool Mix::fires_once() const {
+  return std::ranges::all_of(pipelines, [](const Pipeline& each) { return each.frames == 1; });
 }
 
 Mix parse_mix(const std::string& file, const std::string& text) {
@@ -203,6 +246,7 @@ Mix parse_mix(const std::string& file, const std::string& text) {
     mix.pipelines.push_back(read_pipeline(pipelines.at(name), name));
   }
   if (mix.pipelines.empty()) pipelines.fail("a mix has at least one pipeline");
+  check_own_workloads(pipelines, mix);
   return mix;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,11 +12,22 @@
 
 namespace pirt {
 
+/// What travels from one task to the next.
+struct MixEdge {
+  std::optional<std::int64_t> bytes;  ///< Over the links of the units.
+  Nanos transfer{0};                  ///< Delay between any two different units.
+};
+
 struct MixTask {
   std::string name;      ///< Unique in its pipeline.
-  std::string workload;  ///< Of the catalog.
+  std::string workload;  ///< Of the catalog, or "pipeline/task" if the task has its own service.
+  /// Time of a call by unit or role, each above 0, for tasks that are in no catalog; otherwise
+  /// empty.
+  std::map<std::string, Nanos> service;
+  std::string service_location;  ///< "file:line: path" of it, for messages.
   bool image_input = false;
   std::vector<std::size_t> after;  ///< Positions in Pipeline::tasks, all before this one.
+  std::vector<MixEdge> edges;      ///< From each of `after`.
   std::optional<std::int64_t>
       input_bytes;                    ///< Given with the edges; absent = the workload's inputs.
   std::vector<std::string> eligible;  ///< Units or roles that may serve it; empty = all.
@@ -41,7 +53,8 @@ struct Mix {
   std::optional<std::int64_t> image_buffers;  ///< Absent = no limit.
   std::vector<Pipeline> pipelines;            ///< In file order; ties in time break by it.
 
-  [[nodiscard]] bool open_loop() const;  ///< Some pipeline has a rate.
+  [[nodiscard]] bool open_loop() const;   ///< Some pipeline has a rate.
+  [[nodiscard]] bool fires_once() const;  ///< Every pipeline is one frame of a closed loop.
 };
 
 /// A shipped name, or a file if @p name contains '/' or ends in ".yaml".

@@ -5,11 +5,14 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "scheduler/mix_plan.h"
+#include "scheduler/planner/planner.h"
 #include "scheduler/task.h"
 
 namespace pirt {
@@ -31,6 +34,7 @@ struct Placement {
 struct UnitsView {
   std::span<const int> load;  ///< Q of the paper: tasks queued and running, by unit.
   UnitMask up = 0;
+  Nanos now{0};
 };
 
 /// Deterministic: the same calls in the same order give the same answers. Used by one dispatcher.
@@ -45,10 +49,27 @@ class Policy {
   [[nodiscard]] virtual UnitMask takers(const TaskClass& task, UnitMask up) const = 0;
   /// The order in which idle units are asked when several could take a task.
   [[nodiscard]] virtual const std::vector<UnitId>& order() const = 0;
+  /// Queues are served by rising rank, then in the order in which tasks became ready.
+  [[nodiscard]] virtual Nanos rank(const Task& task) const {
+    static_cast<void>(task);
+    return Nanos::zero();
+  }
+  /// A task of the class was dropped or expired before it was placed.
+  virtual void gone(const TaskClass& task) { static_cast<void>(task); }
+};
+
+/// What a call is expected to take on a unit that nobody else uses.
+struct ServiceTime {
+  Nanos total{0};
+  Nanos occupied{
+      0};  ///< Of which it occupies one of the unit's servers, so that the next one waits.
 };
 
 struct PolicySetup {
-  std::vector<std::string> roles;  ///< By unit.
+  std::vector<std::string> roles;                              ///< By unit.
+  std::vector<int> servers;                                    ///< By unit, >= 1.
+  std::vector<std::vector<std::optional<ServiceTime>>> times;  ///< [workload][unit]
+  MixPlan plan;  ///< Of modes that have a planner; otherwise empty.
   WeightTable weights;
   bool literal_overflow =
       false;  ///< Algorithms 2 and 3: take the printed `else` instead of holding.
@@ -61,6 +82,7 @@ enum class WeightRule : std::uint8_t {
   kQueue,      ///< Algorithm 3: what keeps the unit busy.
   kFastQueue,  ///< Algorithm 2: the same, without the slow units.
   kOfBasic,    ///< That of the policy's basic one.
+  kNone,       ///< It has none.
 };
 
 struct PolicyInfo {
@@ -68,6 +90,8 @@ struct PolicyInfo {
   std::string_view description;
   WeightRule rule;
   std::unique_ptr<Policy> (*make)(const PolicySetup& setup);
+  std::string_view needs_role = {};  ///< Of some unit of the platform; empty = none.
+  Planner planner = nullptr;         ///< What makes its plan; null = it has none.
 
   /// Whether it falls back to a basic policy, as advanced does; that one also sends tasks to the
   /// cloud.

@@ -88,6 +88,7 @@ void visit_record(Visitor& visitor, Record& record) {
   visitor.field("seed", record.seed);
   visitor.field("duration_s", record.duration_s);
   visitor.field("in_flight", record.in_flight);
+  visitor.field("planned_makespan_s", record.planned_makespan_s);
   visitor.field("makespan_s", record.makespan_s);
   visitor.field("submitted", record.submitted);
   visitor.field("completed", record.completed);

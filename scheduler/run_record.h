@@ -62,6 +62,7 @@ struct RunRecord {
   std::optional<double> duration_s;  ///< Open loops only.
   std::optional<int> in_flight;      ///< Closed loops only.
 
+  std::optional<double> planned_makespan_s;  ///< Of static plans of a mix that fires once.
   double makespan_s = 0;  ///< To the last completion; with an open loop at least the duration.
   // Tasks: submitted = completed + dropped + expired + failed + queued.
   std::int64_t submitted = 0, completed = 0, dropped = 0, expired = 0, failed = 0, queued = 0;

@@ -43,15 +43,24 @@ Defaults defaults_of(const Platform& platform, const ScheduleOptions& options) {
 
 WeightTable choose_weights(const Platform& platform, const ServiceTable& services,
                            const ScheduleOptions& options, const Defaults& defaults) {
+  const PolicyInfo& mode = find_policy(options.mode);
+  const WeightRule rule = mode.has_basic() ? find_basic_policy(options.basic).rule : mode.rule;
+  if (rule == WeightRule::kNone) {
+    const bool in_platform = defaults.mode != nullptr && !defaults.mode->weights.empty();
+    if (options.weights.empty() && !in_platform) return {};
+    throw_bad_input((in_platform
+                         ? "platform " + platform.name + ": modes." + defaults.name + ".weights"
+                         : std::string("--weights")) +
+                    ": mode " + (mode.has_basic() ? options.basic : options.mode) +
+                    " has no weights; leave them out");
+  }
   if (!options.weights.empty())
     return given_weights(options.weights, platform, services, "--weights");
   if (defaults.mode != nullptr && !defaults.mode->weights.empty()) {
     return given_weights(defaults.mode->weights, platform, services,
                          "platform " + platform.name + ": modes." + defaults.name + ".weights");
   }
-  const WeightRule rule = find_policy(options.mode).rule;
-  return derive_weights(rule == WeightRule::kOfBasic ? find_basic_policy(options.basic).rule : rule,
-                        platform, services);
+  return derive_weights(rule, platform, services);
 }
 
 /// By pipeline; 0 for open loops.
@@ -97,6 +106,14 @@ void check_options(const Platform& platform, const Mix& mix, const ScheduleOptio
   }
 }
 
+CloudUse cloud_use(const PolicyInfo& mode) {
+  if (mode.planner != nullptr) return CloudUse::kAll;
+  return mode.has_basic() ? CloudUse::kNotRealTime : CloudUse::kNone;
+}
+
+/// Algorithms 2 and 3 have an `else` for full queues.
+bool has_overflow(const std::string& mode) { return mode == "throughput" || mode == "energy"; }
+
 /// What a reader of the result has to know about how the algorithms apply to this platform.
 void add_warnings(const Platform& platform, const Mix& mix,
                   const std::vector<std::vector<TaskClass>>& classes,
@@ -104,10 +121,19 @@ void add_warnings(const Platform& platform, const Mix& mix,
   std::vector<std::string> roles;
   for (const auto& unit : platform.units) roles.push_back(unit.role);
   const bool advanced = find_policy(options.mode).has_basic();
-  const bool fills = (advanced ? options.basic : options.mode) != "latency";
-  if (fills && units_by_role(roles, kThroughputOrder) == units_by_role(roles, kEnergyOrder)) {
+  const std::string& filling = advanced ? options.basic : options.mode;
+  if (has_overflow(filling) &&
+      units_by_role(roles, kThroughputOrder) == units_by_role(roles, kEnergyOrder)) {
     warnings.push_back("platform " + platform.name +
                        " has no unit of role dsp: throughput and energy modes fill the same order");
+  }
+  if (find_policy(options.mode).planner != nullptr) {
+    for (const auto& unit : platform.units) {
+      if (unit.servers == 1) continue;
+      warnings.push_back("mode " + options.mode + " plans one task at a time on a unit: of the " +
+                         std::to_string(unit.servers) + " servers of " + unit.name +
+                         " it uses one");
+    }
   }
   if (!advanced) return;
   UnitMask cloud = 0;
@@ -124,6 +150,46 @@ void add_warnings(const Platform& platform, const Mix& mix,
   }
 }
 
+void check_role(const Platform& platform, const PolicyInfo& mode) {
+  if (mode.needs_role.empty()) return;
+  std::vector<std::string> units;
+  for (const auto& unit : platform.units) {
+    if (unit.role == mode.needs_role) return;
+    units.push_back(unit.name + " (" + unit.role + ")");
+  }
+  throw_bad_input("mode " + std::string(mode.name) + " needs a unit of role " +
+                  std::string(mode.needs_role) + "; platform " + platform.name + " has " +
+                  join(units, ", "));
+}
+
+PolicySetup policy_setup(const Platform& platform, const ServiceTable& services) {
+  PolicySetup setup;
+  for (const auto& unit : platform.units) {
+    setup.roles.push_back(unit.role);
+    setup.servers.push_back(unit.servers);
+  }
+  for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {
+    auto& row = setup.times.emplace_back();
+    for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+      const Service* service = services.find(workload, unit);
+      row.emplace_back();
+      if (service != nullptr) row.back() = {service->total(), service->bottleneck(unit)};
+    }
+  }
+  return setup;
+}
+
+/// Plans the mix if the mode does, and gives each task its entry in the plan.
+MixPlan make_plan(const Platform& platform, const Mix& mix, const ServiceTable& services,
+                  const PolicyInfo& mode, std::vector<std::vector<TaskClass>>& classes) {
+  if (mode.planner == nullptr) return {};
+  std::uint32_t entry = 0;
+  for (auto& pipeline : classes) {
+    for (auto& kind : pipeline) kind.entry = entry++;
+  }
+  return plan_mix(platform, mix, services, classes, mode.planner);
+}
+
 }  // namespace
 
 RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mix& mix,
@@ -131,19 +197,22 @@ RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mi
   check_options(platform, mix, options);
   const Defaults defaults = defaults_of(platform, options);
   ServiceOptions service_options;
+  service_options.given = given_services(platform, mix);
   service_options.allow_invalid = options.allow_invalid;
   if (defaults.mode != nullptr) service_options.stage_scale = defaults.mode->stage_scale;
   const ServiceTable services =
       resolve_services(platform, profile, workloads_of(mix), service_options);
   const PolicyInfo& mode = find_policy(options.mode);
-  check_every_workload_served(platform, profile, mix, services, mode.has_basic());
-  const auto classes = task_classes(platform, mix, services);
+  check_role(platform, mode);
+  if (mode.has_basic()) check_role(platform, find_basic_policy(options.basic));
+  check_every_workload_served(platform, profile, mix, services, cloud_use(mode));
+  auto classes = task_classes(platform, mix, services);
 
-  PolicySetup setup;
+  PolicySetup setup = policy_setup(platform, services);
+  setup.plan = make_plan(platform, mix, services, mode, classes);
   setup.weights = choose_weights(platform, services, options, defaults);
   setup.literal_overflow = options.literal_overflow;
   setup.basic = options.basic;
-  for (const auto& unit : platform.units) setup.roles.push_back(unit.role);
   auto policy = mode.make(setup);
   check_every_task_placeable(platform, mix, classes, *policy, options.mode);
 
@@ -162,8 +231,10 @@ RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mi
 
   RunRecord record = summarize(run, profile, setup.weights, dispatcher.counts(), tally);
   record.mode = options.mode;
+  if (mode.planner != nullptr && mix.fires_once())
+    record.planned_makespan_s = to_s(setup.plan.makespan);
   if (mode.has_basic()) record.basic = options.basic;
-  if (record.basic.value_or(options.mode) != "latency") {
+  if (has_overflow(record.basic.value_or(options.mode))) {
     record.overflow = options.literal_overflow ? "literal" : "hold";
   }
   record.warnings = services.warnings;

@@ -160,6 +160,16 @@ ServiceEntry resolve(const Cell& cell, std::vector<std::string>& warnings) {
   return entry;
 }
 
+/// One stage on the unit itself.
+ServiceEntry from_mix(const std::map<UnitId, Nanos>& times, UnitId unit) {
+  const auto time = times.find(unit);
+  if (time == times.end()) return {.service = std::nullopt, .reason = "not in its service_ms"};
+  Service service;
+  service.stages.push_back(
+      {.name = "service", .on = unit, .time = {.low = time->second, .high = time->second}});
+  return {.service = std::move(service), .reason = ""};
+}
+
 }  // namespace
 
 Nanos ServiceStage::mean() const {
@@ -202,8 +212,14 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
   ServiceTable table;
   table.workloads = workloads;
   for (const auto& name : workloads) {
-    const Workload& workload = find_workload(name);
     auto& row = table.entries.emplace_back();
+    if (const auto given = options.given.find(name); given != options.given.end()) {
+      for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+        row.push_back(from_mix(given->second, unit));
+      }
+      continue;
+    }
+    const Workload& workload = find_workload(name);
     for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
       row.push_back(resolve({platform, profile, workload, unit, options}, table.warnings));
     }

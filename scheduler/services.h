@@ -57,13 +57,17 @@ struct ServiceTable {
   [[nodiscard]] UnitMask units_of(WorkloadId workload) const;
 };
 
+/// Times of a call by workload and unit that no platform and no profile has.
+using GivenServices = std::map<std::string, std::map<UnitId, Nanos>>;
+
 struct ServiceOptions {
+  GivenServices given;  ///< Of the mix's own tasks; in place of a workload of the catalog.
   std::map<std::string, double> stage_scale;  ///< "unit.stage" -> factor.
   bool allow_invalid = false;                 ///< Use rows that say that they are not valid.
 };
 
 /// @param profile    Null = only what the platform file says.
-/// @param workloads  Names of the catalog, each once.
+/// @param workloads  Names of the catalog or of options.given, each once.
 /// @throws Error{kBadInput} if the profile is of another platform.
 [[nodiscard]] ServiceTable resolve_services(const Platform& platform, const Profile* profile,
                                             const std::vector<std::string>& workloads,

@@ -30,6 +30,7 @@ struct TaskClass {
   UnitMask eligible = 0;  ///< Units that can serve the workload and are permitted to.
   bool real_time = true;
   bool image_input = false;
+  std::uint32_t entry = 0;  ///< Of the plan, where the mode follows one; 0 otherwise.
   friend bool operator==(const TaskClass&, const TaskClass&) = default;
 };
 

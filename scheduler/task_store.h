@@ -33,7 +33,8 @@ struct TaskRecord {
   std::uint32_t generation = 0;  ///< Of the slot; tells a record from an earlier one in its place.
   TaskSlot previous = kNoSlot;   ///< In the list that it is in.
   TaskSlot next = kNoSlot;
-  std::uint64_t sequence = 0;  ///< Order in which tasks became ready; all queues keep it.
+  Nanos rank{0};               ///< The policy's; all queues keep this order,
+  std::uint64_t sequence = 0;  ///< and then the order in which tasks became ready.
   Nanos dispatched_at{0};
   bool expires = false;
 };
@@ -115,20 +116,34 @@ class TaskStore {
   IdMap slots_;
 };
 
-/// A queue in order of `sequence`, linked through the records.
+/// Whether all queues serve @p a before @p b.
+[[nodiscard]] inline bool precedes(const TaskRecord& a, const TaskRecord& b) {
+  return a.rank != b.rank ? a.rank < b.rank : a.sequence < b.sequence;
+}
+
+/// A queue in order of `rank` and `sequence`, linked through the records.
 class TaskList {
  public:
   [[nodiscard]] bool empty() const { return head_ == kNoSlot; }
   [[nodiscard]] TaskSlot front() const { return head_; }
 
-  /// New tasks go to the end at once; one that comes back is older than most, so that its place is
-  /// sought from the front.
+  /// New tasks go to the end at once, or near it; one that comes back is older than most and goes
+  /// near the front. So its place is sought from both sides.
   void insert(TaskStore& store, TaskSlot slot) {
     TaskRecord& record = store[slot];
     TaskSlot after = kNoSlot;
-    if (tail_ != kNoSlot && store[tail_].sequence > record.sequence) {
+    if (tail_ != kNoSlot && precedes(record, store[tail_])) {
+      TaskSlot last = tail_;  // Comes after the record, as all behind it.
       after = head_;
-      while (store[after].sequence < record.sequence) after = store[after].next;
+      while (precedes(store[after], record)) {
+        const TaskSlot before = store[last].previous;
+        if (before == kNoSlot || precedes(store[before], record)) {
+          after = last;
+          break;
+        }
+        last = before;
+        after = store[after].next;
+      }
     }
     record.next = after;
     record.previous = after == kNoSlot ? tail_ : store[after].previous;

@@ -6,8 +6,8 @@
 #include <functional>
 #include <utility>
 
+#include "scheduler/transfers.h"
 #include "workloads/base/random.h"
-#include "workloads/catalog.h"
 
 namespace pirt {
 
@@ -18,12 +18,14 @@ struct VirtualTime::Step {
   Distribution time;               ///< Before the scale.
   Nanos scaled{0};                 ///< Of a constant.
   double scale = 1;
-  bool powered = false;  ///< Its server time draws the unit's active_w.
+  bool powered = false;   ///< Its server time draws the unit's active_w.
+  bool for_data = false;  ///< A delay until the data of the predecessors is there.
 };
 
 struct VirtualTime::TaskPlan {
   WorkloadId workload = 0;
   bool image_input = false;
+  std::vector<GraphEdge> edges;          ///< From its predecessors; empty if none takes time.
   std::vector<std::vector<Step>> steps;  ///< By unit.
 };
 
@@ -32,9 +34,10 @@ struct VirtualTime::PipelineState {
   std::uint32_t first_plan = 0;
   std::uint32_t image_tasks = 0;
   std::uint64_t seed = 0;
-  int in_flight = 0;      ///< Firings; of closed loops.
-  int refires = 0;        ///< Of it in refires_.
-  bool starving = false;  ///< A closed loop with nothing in flight that waits for a buffer.
+  bool has_edges = false;  ///< Some task's plan has edges.
+  int in_flight = 0;       ///< Firings; of closed loops.
+  int refires = 0;         ///< Of it in refires_.
+  bool starving = false;   ///< A closed loop with nothing in flight that waits for a buffer.
 };
 
 struct VirtualTime::Firing {
@@ -44,6 +47,8 @@ struct VirtualTime::Firing {
   bool complete = true;
   std::uint64_t number = 0;
   Nanos fired_at{0};
+  /// Where and when each task of the pipeline completed; empty unless the pipeline has edges.
+  std::vector<std::pair<UnitId, Nanos>> finished = {};
 };
 
 struct VirtualTime::Job {
@@ -61,6 +66,17 @@ struct VirtualTime::Timer {
   std::uint32_t index = 0;  ///< Of the pipeline or the job.
   friend auto operator<=>(const Timer&, const Timer&) = default;
 };
+
+namespace {
+
+bool takes_time(const GraphEdge& edge) {
+  const auto any = [](const std::vector<Nanos>& times) {
+    return std::ranges::any_of(times, [](Nanos time) { return time > Nanos::zero(); });
+  };
+  return edge.delay > Nanos::zero() || any(edge.leave) || any(edge.enter);
+}
+
+}  // namespace
 
 VirtualTime::~VirtualTime() = default;
 
@@ -87,10 +103,14 @@ void VirtualTime::plan_tasks() {
     state.seed = derive_seed(setup_.seed, pipeline.name);
     for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
       const TaskClass& kind = setup_.classes[p][t];
-      TaskPlan plan{.workload = kind.workload, .image_input = kind.image_input, .steps = {}};
+      TaskPlan plan{
+          .workload = kind.workload, .image_input = kind.image_input, .edges = {}, .steps = {}};
+      auto edges = edges_into(setup_.platform, pipeline, t);
+      if (std::ranges::any_of(edges, takes_time)) plan.edges = std::move(edges);
+      state.has_edges = state.has_edges || !plan.edges.empty();
       for (UnitId unit = 0; unit < setup_.platform.units.size(); ++unit) {
         plan.steps.push_back(contains(kind.eligible, unit)
-                                 ? plan_steps(pipeline.tasks[t], kind.workload, unit)
+                                 ? plan_steps(pipeline.tasks[t], plan, unit)
                                  : std::vector<Step>{});
       }
       plans_.push_back(std::move(plan));
@@ -102,17 +122,14 @@ void VirtualTime::plan_tasks() {
 
 /// A call on a linked unit is: inputs over the link, the stages, outputs back. They travel at each
 /// call, wherever the predecessor ran.
-std::vector<VirtualTime::Step> VirtualTime::plan_steps(const MixTask& task, WorkloadId workload,
+std::vector<VirtualTime::Step> VirtualTime::plan_steps(const MixTask& task, const TaskPlan& plan,
                                                        UnitId unit) const {
-  const Service& service = *setup_.services.find(workload, unit);
-  const auto total_bytes = [](const std::vector<TensorSpec>& specs) {
-    std::int64_t sum = 0;
-    for (const auto& spec : specs) sum += spec.size_bytes();
-    return sum;
-  };
-  const Workload& definition = find_workload(task.workload);
+  const Service& service = *setup_.services.find(plan.workload, unit);
+  const bool moves_data = task.service.empty();
+  const CallBytes bytes = call_bytes(task);
   std::vector<Step> steps;
-  add_transfer(steps, unit, task.input_bytes.value_or(total_bytes(definition.inputs)));
+  if (!plan.edges.empty()) steps.push_back({.time = {}, .for_data = true});
+  if (moves_data) add_transfer(steps, unit, bytes.in);
   for (const auto& stage : service.stages) {
     steps.push_back({.servers = stage.on.value_or(Step::kDelay),
                      .time = stage.time,
@@ -120,7 +137,7 @@ std::vector<VirtualTime::Step> VirtualTime::plan_steps(const MixTask& task, Work
                      .scale = stage.scale,
                      .powered = !service.metered_j});
   }
-  add_transfer(steps, unit, total_bytes(definition.outputs));
+  if (moves_data) add_transfer(steps, unit, bytes.out);
   return steps;
 }
 
@@ -132,7 +149,7 @@ void VirtualTime::add_transfer(std::vector<Step>& steps, UnitId unit,
   if (name.empty()) return;
   const auto link = setup_.platform.links.find(name);
   const auto position = std::distance(setup_.platform.links.begin(), link);
-  const Nanos sending(std::llround(static_cast<double>(size_bytes) * 8e3 / link->second.mbit_s));
+  const Nanos sending = sending_time(link->second, size_bytes);
   steps.push_back({.servers = static_cast<std::uint32_t>(setup_.platform.units.size()) +
                               static_cast<std::uint32_t>(position),
                    .time = {.low = sending, .high = sending},
@@ -244,6 +261,7 @@ void VirtualTime::fire(std::uint32_t p) {
                       .images_left = state.image_tasks,
                       .number = number,
                       .fired_at = now_};
+  if (state.has_edges) firings_[firing].finished.resize(pipeline.tasks.size());
   submit_tasks(p, firing);
 }
 
@@ -310,7 +328,36 @@ void VirtualTime::proceed(JobIndex job) {
   }
 }
 
+/// Data sets out to the unit when its predecessor completes; other transfers do not hold it up.
+Nanos VirtualTime::data_arrival(const Job& job) {
+  const TaskPlan& plan = plans_[job.plan];
+  const auto& finished = firings_[job.firing].finished;
+  Nanos arrival = now_;
+  for (std::size_t i = 0; i < plan.edges.size(); ++i) {
+    const GraphEdge& edge = plan.edges[i];
+    const auto [unit, at] = finished[edge.from];
+    arrival = std::max(arrival, at + edge.transfer(unit, job.unit));
+    if (unit == job.unit) continue;
+    const auto sending = [&](UnitId end) {
+      const Link* link = link_of(setup_.platform, end);
+      tally_.units[end].transferring += sending_time(*link, *edge_bytes(job, i));
+    };
+    if (!edge.leave.empty() && edge.leave[unit] > Nanos::zero()) sending(unit);
+    if (!edge.enter.empty() && edge.enter[job.unit] > Nanos::zero()) sending(job.unit);
+  }
+  return arrival;
+}
+
+const std::optional<std::int64_t>& VirtualTime::edge_bytes(const Job& job, std::size_t edge) const {
+  const PipelineState& state = pipelines_[firings_[job.firing].pipeline];
+  return state.pipeline->tasks[job.plan - state.first_plan].edges[edge].bytes;
+}
+
 void VirtualTime::begin_step(JobIndex job, const Step& step) {
+  if (step.for_data) {
+    add_timer(data_arrival(jobs_[job]), false, job);
+    return;
+  }
   const bool constant = step.time.kind == Distribution::Kind::kConstant;
   const Nanos unscaled = constant ? step.time.low : draw(jobs_[job], step);
   const Nanos scaled =
@@ -348,6 +395,10 @@ void VirtualTime::complete(JobIndex job) {
   tally_.units[done.unit].latency.add(latency);
   tally_.latency.add(latency);
   tally_.last_completion = now_;
+  Firing& firing = firings_[done.firing];
+  if (!firing.finished.empty()) {
+    firing.finished[done.plan - pipelines_[firing.pipeline].first_plan] = {done.unit, now_};
+  }
   end_task(job, true);
 }
 

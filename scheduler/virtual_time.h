@@ -47,7 +47,7 @@ class VirtualTime {
   using FiringIndex = std::uint32_t;
 
   void plan_tasks();
-  std::vector<Step> plan_steps(const MixTask& task, WorkloadId workload, UnitId unit) const;
+  std::vector<Step> plan_steps(const MixTask& task, const TaskPlan& plan, UnitId unit) const;
   void add_transfer(std::vector<Step>& steps, UnitId unit, std::int64_t size_bytes) const;
 
   void begin();
@@ -59,6 +59,8 @@ class VirtualTime {
   void apply_starts();
   void proceed(JobIndex job);
   void begin_step(JobIndex job, const Step& step);
+  Nanos data_arrival(const Job& job);
+  const std::optional<std::int64_t>& edge_bytes(const Job& job, std::size_t edge) const;
   [[nodiscard]] Nanos draw(const Job& job, const Step& step) const;
   void complete(JobIndex job);
   void end_task(JobIndex job, bool completed);

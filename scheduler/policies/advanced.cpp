@@ -42,6 +42,8 @@ class AdvancedPolicy final : public Policy {
   }
 
   const std::vector<UnitId>& order() const override { return basic_->order(); }
+  Nanos rank(const Task& task) const override { return basic_->rank(task); }
+  void gone(const TaskClass& task) override { basic_->gone(task); }
 
  private:
   bool offloads(const TaskClass& task) const {

@@ -13,6 +13,14 @@ std::vector<UnitId> units_by_role(std::span<const std::string> roles,
   return units;
 }
 
+UnitMask local_units(std::span<const std::string> roles) {
+  UnitMask mask = 0;
+  for (UnitId unit = 0; unit < roles.size(); ++unit) {
+    if (roles[unit] != "cloud") mask |= unit_bit(unit);
+  }
+  return mask;
+}
+
 std::optional<UnitId> else_target(std::span<const UnitId> order, std::span<const std::string> roles,
                                   std::string_view role, UnitMask mask) {
   std::optional<UnitId> named;

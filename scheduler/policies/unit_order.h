@@ -24,6 +24,9 @@ inline constexpr std::string_view kEnergyOrder[] = {"dsp", "fpga", "other", "gpu
 [[nodiscard]] std::vector<UnitId> units_by_role(std::span<const std::string> roles,
                                                 std::span<const std::string_view> order);
 
+/// The units that are not of role `cloud`: all that a policy without cloud awareness may use.
+[[nodiscard]] UnitMask local_units(std::span<const std::string> roles);
+
 /// The unit that an algorithm's printed `else` names, among those of @p mask: the last one of that
 /// role, or, where the platform has none that may serve, the last in the algorithm's order. Absent
 /// only if @p mask holds no unit of the order.

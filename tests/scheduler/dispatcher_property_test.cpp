@@ -69,21 +69,31 @@ class Model {
 
  private:
   Dispatcher make() {
-    const std::vector<std::string> modes = {"latency", "throughput", "energy", "advanced"};
+    // Not cpu-only, which would never place a task that the CPU cannot serve.
+    const std::vector<std::string> modes = {"latency", "throughput", "energy", "met",     "olb",
+                                            "ect",     "edf",        "qilin",  "advanced"};
     PolicySetup setup;
     setup.roles = kRoles;
+    for (std::size_t unit = 0; unit < kRoles.size(); ++unit) setup.servers.push_back(1 + pick(3));
+    for (int w = 0; w < 2; ++w) {
+      auto& row = setup.times.emplace_back();
+      for (std::size_t unit = 0; unit < kRoles.size(); ++unit) {
+        const Nanos occupied(1 + pick(20));
+        row.push_back(ServiceTime{occupied + Nanos(pick(20)), occupied});
+      }
+    }
     // All of the weights at least 1, so that every task can be placed somewhere.
     for (int w = 0; w < 2; ++w) {
       setup.weights.push_back({1 + pick(4), 1 + pick(4), 1 + pick(4), 0});
     }
     setup.literal_overflow = random_.below(2) == 0;
-    setup.basic = modes[random_.below(3)];
+    setup.basic = modes[random_.below(modes.size() - 1)];
     std::vector<std::optional<int>> slots;
     for (std::size_t unit = 0; unit < kRoles.size(); ++unit) {
       slots_.push_back(1 + pick(3));
       slots.emplace_back(slots_.back());
     }
-    return {std::move(slots), policy_of(modes[random_.below(4)], setup)};
+    return {std::move(slots), policy_of(modes[random_.below(modes.size())], setup)};
   }
 
   int pick(std::uint64_t n) { return static_cast<int>(random_.below(n)); }
@@ -101,11 +111,13 @@ class Model {
     }
     known.waits_for.insert(after.begin(), after.end());
     if (random_.below(3) == 0) known.expires_at = now_ + Nanos(1 + pick(40));
+    std::optional<Nanos> deadline;
+    if (random_.below(2) == 0) deadline = now_ + Nanos(pick(40));
     const TaskId id = next_id_++;
     tasks_[id] = known;
     dispatcher_.submit({.id = id,
                         .kind = known.kind,
-                        .deadline = {},
+                        .deadline = deadline,
                         .expires_at = known.expires_at,
                         .after = after},
                        now_, out_);

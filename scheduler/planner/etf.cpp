@@ -1,0 +1,54 @@
+// ETF, earliest time first.
+//
+//   while tasks are left: of all pairs of a ready task and a unit, the one that can start first;
+//   ties: the task with the higher static level (the longest way to the end, without transfers)
+//
+// Source: Hwang, Chow, Anger, Lee: Scheduling Precedence Graphs in Systems with Interprocessor
+// Communication Times, SIAM J. Computing 18(2), 1989; there units are alike. Readings for units
+// that are not: static levels are of mean costs; among units where a task starts at the same time,
+// the fastest.
+#include <algorithm>
+#include <optional>
+#include <tuple>
+
+#include "scheduler/planner/planner.h"
+
+namespace pirt {
+namespace {
+
+std::vector<Nanos> static_levels(const PlanningGraph& graph) {
+  std::vector<Nanos> levels(graph.tasks(), Nanos::zero());
+  for (auto it = graph.order().rbegin(); it != graph.order().rend(); ++it) {
+    for (const std::size_t e : graph.out(*it)) {
+      levels[*it] = std::max(levels[*it], levels[graph.edge(e).to]);
+    }
+    levels[*it] += graph.mean_cost(*it);
+  }
+  return levels;
+}
+
+}  // namespace
+
+Plan plan_etf(const PlanningGraph& graph) {
+  const auto levels = static_levels(graph);
+  // Start; level, negated, so that the highest is the least; cost; then the first task and unit.
+  using Pair = std::tuple<Nanos, Nanos, Nanos, std::size_t, UnitId>;
+  PlanBuilder builder(graph);
+  for (ReadyList ready(graph); !ready.empty();) {
+    std::optional<Pair> best;
+    for (const std::size_t task : ready.tasks()) {
+      for (UnitId unit = 0; unit < graph.units(); ++unit) {
+        if (!graph.runs(task, unit)) continue;
+        const Pair pair(builder.append_start(task, unit), -levels[task], graph.cost(task, unit),
+                        task, unit);
+        if (!best || pair < *best) best = pair;
+      }
+    }
+    const auto [start, level, cost, task, unit] = *best;
+    builder.place(task, unit, start);
+    ready.take(task);
+  }
+  return std::move(builder).finish();
+}
+
+}  // namespace pirt

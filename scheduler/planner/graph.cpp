@@ -1,0 +1,153 @@
+#include "scheduler/planner/graph.h"
+
+#include <algorithm>
+#include <cassert>
+#include <set>
+#include <utility>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+Nanos rounded_mean(const std::vector<Nanos>& values) {
+  Nanos::rep sum = 0;
+  for (const Nanos value : values) sum += value.count();
+  const auto count = static_cast<Nanos::rep>(values.size());
+  return Nanos(count == 0 ? 0 : (sum + count / 2) / count);
+}
+
+Nanos at_or_none(const std::vector<Nanos>& by_unit, UnitId unit) {
+  return by_unit.empty() ? Nanos::zero() : by_unit[unit];
+}
+
+bool any_negative(const std::vector<Nanos>& values) {
+  return std::ranges::any_of(values, [](Nanos value) { return value < Nanos::zero(); });
+}
+
+}  // namespace
+
+Nanos GraphEdge::transfer(UnitId source, UnitId target) const {
+  if (source == target) return Nanos::zero();
+  return delay + at_or_none(leave, source) + at_or_none(enter, target);
+}
+
+PlanningGraph::PlanningGraph(TaskGraph graph) : graph_(std::move(graph)) {
+  check();
+  in_.resize(tasks());
+  out_.resize(tasks());
+  for (std::size_t e = 0; e < graph_.edges.size(); ++e) {
+    in_[graph_.edges[e].to].push_back(e);
+    out_[graph_.edges[e].from].push_back(e);
+  }
+  sort();
+  average();
+}
+
+void PlanningGraph::check() const {
+  if (graph_.costs.empty()) throw_bad_input("task graph: it has no task");
+  if (graph_.names.size() != graph_.costs.size()) {
+    throw_bad_input("task graph: it has not one name and one row of costs a task");
+  }
+  const std::size_t unit_count = graph_.costs.front().size();
+  for (std::size_t task = 0; task < tasks(); ++task) {
+    const auto& row = graph_.costs[task];
+    const std::string& name = graph_.names[task];
+    if (row.size() != unit_count || unit_count == 0 || unit_count > kMaxUnits) {
+      throw_bad_input("task graph: " + name + " has costs for " + std::to_string(row.size()) +
+                      " units; all tasks have one for each of 1 to " + std::to_string(kMaxUnits));
+    }
+    if (std::ranges::any_of(row, [](Nanos cost) { return cost < Nanos(1); })) {
+      throw_bad_input("task graph: " + name + " has a cost below 1 ns");
+    }
+    if (std::ranges::all_of(row, [](Nanos cost) { return cost == kUnsupported; })) {
+      throw_bad_input("task graph: no unit can run " + name);
+    }
+  }
+  for (const auto& edge : graph_.edges) {
+    if (edge.from >= tasks() || edge.to >= tasks()) {
+      throw_bad_input("task graph: an edge names task " +
+                      std::to_string(std::max(edge.from, edge.to)) + " of " +
+                      std::to_string(tasks()));
+    }
+    assert((edge.leave.empty() || edge.leave.size() == unit_count) &&
+           (edge.enter.empty() || edge.enter.size() == unit_count));
+    if (edge.delay < Nanos::zero() || any_negative(edge.leave) || any_negative(edge.enter)) {
+      throw_bad_input("task graph: the transfer from " + graph_.names[edge.from] + " to " +
+                      graph_.names[edge.to] + " takes less than 0");
+    }
+  }
+}
+
+/// Kahn's algorithm, each time the first that is ready.
+void PlanningGraph::sort() {
+  std::vector<std::size_t> pending(tasks());
+  std::set<std::size_t> ready;
+  for (std::size_t task = 0; task < tasks(); ++task) {
+    pending[task] = in_[task].size();
+    if (pending[task] == 0) ready.insert(task);
+  }
+  while (!ready.empty()) {
+    const std::size_t task = *ready.begin();
+    ready.erase(ready.begin());
+    order_.push_back(task);
+    for (const std::size_t e : out_[task]) {
+      if (--pending[edge(e).to] == 0) ready.insert(edge(e).to);
+    }
+  }
+  if (order_.size() == tasks()) return;
+  // What is left has a predecessor that is left, so that walking back meets a cycle.
+  std::vector<std::size_t> path;
+  auto at = static_cast<std::size_t>(
+      std::ranges::find_if(pending, [](std::size_t count) { return count != 0; }) -
+      pending.begin());
+  while (std::ranges::find(path, at) == path.end()) {
+    path.push_back(at);
+    const auto back =
+        std::ranges::find_if(in_[at], [&](std::size_t e) { return pending[edge(e).from] != 0; });
+    at = edge(*back).from;
+  }
+  std::vector<std::string> names = {graph_.names[at]};
+  for (auto it = path.rbegin(); *it != at; ++it) names.push_back(graph_.names[*it]);
+  names.push_back(graph_.names[at]);
+  throw_bad_input("task graph: the tasks wait for each other: " + join(names, " -> "));
+}
+
+void PlanningGraph::average() {
+  for (const auto& row : graph_.costs) {
+    std::vector<Nanos> supported;
+    std::ranges::copy_if(row, std::back_inserter(supported),
+                         [](Nanos cost) { return cost != kUnsupported; });
+    mean_cost_.push_back(rounded_mean(supported));
+  }
+  for (const auto& edge : graph_.edges) {
+    // Each unit is source, and target, of equally many pairs.
+    const Nanos mean = edge.delay + rounded_mean(edge.leave) + rounded_mean(edge.enter);
+    mean_transfer_.push_back(units() == 1 ? Nanos::zero() : mean);
+  }
+}
+
+std::vector<Nanos> PlanningGraph::upward_ranks() const {
+  std::vector<Nanos> ranks(tasks(), Nanos::zero());
+  for (auto task = order_.rbegin(); task != order_.rend(); ++task) {
+    for (const std::size_t e : out_[*task]) {
+      ranks[*task] = std::max(ranks[*task], mean_transfer(e) + ranks[edge(e).to]);
+    }
+    ranks[*task] += mean_cost(*task);
+  }
+  return ranks;
+}
+
+std::vector<Nanos> PlanningGraph::downward_ranks() const {
+  std::vector<Nanos> ranks(tasks(), Nanos::zero());
+  for (const std::size_t task : order_) {
+    for (const std::size_t e : in_[task]) {
+      const std::size_t from = edge(e).from;
+      ranks[task] = std::max(ranks[task], ranks[from] + mean_cost(from) + mean_transfer(e));
+    }
+  }
+  return ranks;
+}
+
+}  // namespace pirt

@@ -1,0 +1,34 @@
+// ECT, earliest completion time: each task, when it becomes ready, to the unit that is expected to
+// end it first, with what waits there already. Transfers between units are not looked at.
+//
+// Source: minimum completion time of Maheswaran, Ali, Siegel, Hensgen, Freund: Dynamic Mapping of a
+// Class of Independent Tasks onto Heterogeneous Computing Systems, JPDC 59(2), 1999.
+#include "scheduler/policies/baseline.h"
+#include "scheduler/policies/completion_estimate.h"
+#include "scheduler/policies/policies.h"
+
+namespace pirt {
+namespace {
+
+class EctPolicy final : public Baseline {
+ public:
+  explicit EctPolicy(const PolicySetup& setup) : Baseline(setup), estimate_(setup) {}
+
+  Placement place(const TaskClass& task, const UnitsView& units) override {
+    const auto best = estimate_.best_unit(task, units);
+    if (!best) return Placement::hold();
+    estimate_.add(task, *best, units);
+    return Placement::on(*best);
+  }
+
+ private:
+  CompletionEstimate estimate_;
+};
+
+}  // namespace
+
+std::unique_ptr<Policy> make_ect_policy(const PolicySetup& setup) {
+  return std::make_unique<EctPolicy>(setup);
+}
+
+}  // namespace pirt

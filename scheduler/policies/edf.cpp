@@ -1,0 +1,38 @@
+// EDF, earliest deadline first: of the ready tasks the one whose deadline is next, on the unit that
+// is expected to end it first. While that unit has enough to be busy the task is held, so that a
+// more urgent one can still go before it. A running task is not interrupted. All tasks of a firing
+// have the firing's deadline; those without one come last, in the order in which they became ready.
+//
+// Source: Liu, Layland: Scheduling Algorithms for Multiprogramming in a Hard-Real-Time Environment,
+// JACM 20(1), 1973; the choice of the unit is this project's.
+#include "scheduler/policies/baseline.h"
+#include "scheduler/policies/completion_estimate.h"
+#include "scheduler/policies/policies.h"
+
+namespace pirt {
+namespace {
+
+class EdfPolicy final : public Baseline {
+ public:
+  explicit EdfPolicy(const PolicySetup& setup) : Baseline(setup), estimate_(setup) {}
+
+  Placement place(const TaskClass& task, const UnitsView& units) override {
+    const auto best = estimate_.best_unit(task, units);
+    if (!best || !estimate_.has_room(task, *best, units)) return Placement::hold();
+    estimate_.add(task, *best, units);
+    return Placement::on(*best);
+  }
+
+  Nanos rank(const Task& task) const override { return task.deadline.value_or(Nanos::max()); }
+
+ private:
+  CompletionEstimate estimate_;
+};
+
+}  // namespace
+
+std::unique_ptr<Policy> make_edf_policy(const PolicySetup& setup) {
+  return std::make_unique<EdfPolicy>(setup);
+}
+
+}  // namespace pirt

@@ -1,0 +1,38 @@
+// MET, minimum execution time: the unit that was fastest for the workload in its history, which
+// here is the profile or the platform's model. Load plays no part, so that a popular unit's queue
+// grows while others idle. Ties: the first unit.
+//
+// Source: Jimenez, Vilanova, Gelado, Gil, Fursin, Navarro: Predictive Runtime Code Scheduling for
+// Heterogeneous Architectures, HiPEAC 2009 (performance history); Braun et al.: A Comparison of
+// Eleven Static Heuristics, JPDC 61(6), 2001 (the name).
+#include "scheduler/policies/baseline.h"
+#include "scheduler/policies/policies.h"
+
+namespace pirt {
+namespace {
+
+class MetPolicy final : public Baseline {
+ public:
+  explicit MetPolicy(const PolicySetup& setup) : Baseline(setup), times_(setup.times) {}
+
+  Placement place(const TaskClass& task, const UnitsView& units) override {
+    std::optional<UnitId> best;
+    const auto& times = times_[task.workload];
+    for (const UnitId unit : order()) {
+      if (!contains(takers(task, units.up), unit)) continue;
+      if (!best || times[unit]->total < times[*best]->total) best = unit;
+    }
+    return best ? Placement::on(*best) : Placement::hold();
+  }
+
+ private:
+  std::vector<std::vector<std::optional<ServiceTime>>> times_;
+};
+
+}  // namespace
+
+std::unique_ptr<Policy> make_met_policy(const PolicySetup& setup) {
+  return std::make_unique<MetPolicy>(setup);
+}
+
+}  // namespace pirt

@@ -1,0 +1,34 @@
+// OLB, opportunistic load balancing: the next idle unit, in the platform's order, whatever it takes
+// there. A unit is idle while it has fewer tasks than servers; without one the task is held.
+//
+// Source: Armstrong, Hensgen, Kidd: The Relative Performance of Various Mapping Algorithms is
+// Independent of Sizable Variances in Run-time Predictions, HCW 1998.
+#include "scheduler/policies/baseline.h"
+#include "scheduler/policies/policies.h"
+
+namespace pirt {
+namespace {
+
+class OlbPolicy final : public Baseline {
+ public:
+  explicit OlbPolicy(const PolicySetup& setup) : Baseline(setup), servers_(setup.servers) {}
+
+  Placement place(const TaskClass& task, const UnitsView& units) override {
+    const UnitMask mask = takers(task, units.up);
+    for (const UnitId unit : order()) {
+      if (contains(mask, unit) && units.load[unit] < servers_[unit]) return Placement::on(unit);
+    }
+    return Placement::hold();
+  }
+
+ private:
+  std::vector<int> servers_;
+};
+
+}  // namespace
+
+std::unique_ptr<Policy> make_olb_policy(const PolicySetup& setup) {
+  return std::make_unique<OlbPolicy>(setup);
+}
+
+}  // namespace pirt

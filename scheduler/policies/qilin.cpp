@@ -1,0 +1,59 @@
+// Qilin's static split of a divisible workload: of N frames unit u gets N * r_u / sum of r, with
+// r_u its measured rate alone, so that all units end at the same time.
+//
+// Readings. The split is of each workload by itself. The rate of a unit is its servers over the
+// time that a frame occupies one. The number of frames need not be known: each goes to the unit
+// whose share would, with it, end first. After any N frames that is the whole-numbered split that
+// ends first, and within one frame of the shares. Load plays no part; Qilin maps before it runs.
+//
+// Source: Luk, Hong, Kim: Qilin: Exploiting Parallelism on Heterogeneous Multiprocessors with
+// Adaptive Mapping, MICRO 2009. (The rounding is d'Hondt's.)
+#include "scheduler/policies/baseline.h"
+#include "scheduler/policies/policies.h"
+
+namespace pirt {
+namespace {
+
+class QilinPolicy final : public Baseline {
+ public:
+  explicit QilinPolicy(const PolicySetup& setup)
+      : Baseline(setup),
+        servers_(setup.servers),
+        times_(setup.times),
+        frames_(setup.times.size(), std::vector<std::int64_t>(setup.roles.size(), 0)) {}
+
+  Placement place(const TaskClass& task, const UnitsView& units) override {
+    auto& frames = frames_[task.workload];
+    std::optional<UnitId> best;
+    for (const UnitId unit : order()) {
+      if (!contains(takers(task, units.up), unit)) continue;
+      if (!best || ends_before(task.workload, unit, *best)) best = unit;
+    }
+    if (!best) return Placement::hold();
+    ++frames[*best];
+    return Placement::on(*best);
+  }
+
+ private:
+  /// Whether the share of @p a, with one more frame, ends before that of @p b: frames x occupied /
+  /// servers, compared as fractions.
+  bool ends_before(WorkloadId workload, UnitId a, UnitId b) const {
+    return end(workload, a) * servers_[b] < end(workload, b) * servers_[a];
+  }
+  __extension__ using Wide = __int128;  ///< A day of nanoseconds times 64 servers passes 2^52.
+  Wide end(WorkloadId workload, UnitId unit) const {
+    return Wide{frames_[workload][unit] + 1} * times_[workload][unit]->occupied.count();
+  }
+
+  std::vector<int> servers_;
+  std::vector<std::vector<std::optional<ServiceTime>>> times_;
+  std::vector<std::vector<std::int64_t>> frames_;  ///< [workload][unit]: given so far.
+};
+
+}  // namespace
+
+std::unique_ptr<Policy> make_qilin_policy(const PolicySetup& setup) {
+  return std::make_unique<QilinPolicy>(setup);
+}
+
+}  // namespace pirt
