@@ -94,6 +94,30 @@ Paragraph totals(const RunRecord& run) {
   return paragraph;
 }
 
+std::string gap_text(std::optional<double> reached, std::optional<double> bound) {
+  const auto value = gap(reached, bound);
+  return value ? fmt::format("{:+.1f}", 100 * *value) : "-";
+}
+
+/// Absent for records that were written without.
+std::optional<Paragraph> bounds(const RunRecord& run) {
+  if (!run.bounds) return std::nullopt;
+  const Marks marks(run);
+  const RunBounds& b = *run.bounds;
+  std::vector<std::string> parts;
+  const auto add = [&](const std::string& limit, const std::string& gap) {
+    if (gap != "-") parts.push_back(limit + " (gap " + gap + " %)");
+  };
+  add("throughput at most " + shown(b.throughput_per_ms, marks.time) + " tasks/ms",
+      gap_text(run.throughput_per_ms, b.throughput_per_ms));
+  add("energy at least " + shown(b.energy_j, marks.energy) + " J",
+      gap_text(run.energy_j, b.energy_j));
+  add("makespan at least " + shown(b.makespan_s, marks.time) + " s",
+      gap_text(run.makespan_s, b.makespan_s));
+  return Paragraph{
+      {"what no scheduler can beat here: " + join(parts, ", ") + "; gap = reached / bound - 1"}};
+}
+
 /// "opencl: times measured; energy modelled".
 std::string input_note(const UnitResult& unit) {
   return fmt::format(
@@ -246,6 +270,12 @@ void add_totals(ModesTable& table) {
             [](const RunRecord& run) { return shown(run.energy_j, Marks(run).energy); });
   table.row("average power, W",
             [](const RunRecord& run) { return shown(run.average_power_w, Marks(run).energy); });
+  table.row("throughput gap to the bound, %", [](const RunRecord& run) {
+    return run.bounds ? gap_text(run.throughput_per_ms, run.bounds->throughput_per_ms) : "-";
+  });
+  table.row("energy gap to the bound, %", [](const RunRecord& run) {
+    return run.bounds ? gap_text(run.energy_j, run.bounds->energy_j) : "-";
+  });
 }
 
 void add_unit(ModesTable& table, const std::string& name) {
@@ -311,9 +341,12 @@ std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
 }  // namespace
 
 Document run_document(const RunRecord& run) {
-  return {.title = "pirt schedule",
-          .parts = {header(run), totals(run), units_table(run), pipelines_table(run),
-                    weights_table(run)}};
+  Document document{.title = "pirt schedule", .parts = {header(run), totals(run)}};
+  if (auto paragraph = bounds(run)) document.parts.emplace_back(std::move(*paragraph));
+  document.parts.emplace_back(units_table(run));
+  document.parts.emplace_back(pipelines_table(run));
+  document.parts.emplace_back(weights_table(run));
+  return document;
 }
 
 Table modes_table(std::span<const RunRecord> runs) {

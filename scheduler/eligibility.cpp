@@ -128,6 +128,14 @@ GivenServices given_services(const Platform& platform, const Mix& mix) {
   return given;
 }
 
+UnitMask cloud_units(const Platform& platform) {
+  UnitMask cloud = 0;
+  for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+    if (is_cloud(platform, unit)) cloud |= unit_bit(unit);
+  }
+  return cloud;
+}
+
 void check_every_workload_served(const Platform& platform, const Profile* profile, const Mix& mix,
                                  const ServiceTable& services, CloudUse cloud_use) {
   UnitMask cloud = 0;

@@ -25,6 +25,8 @@ namespace pirt {
 /// Which tasks a mode may give to the cloud.
 enum class CloudUse : std::uint8_t { kNone, kNotRealTime, kAll };
 
+[[nodiscard]] UnitMask cloud_units(const Platform& platform);
+
 /// @throws Error{kBadInput} if no unit has a service for some workload that the mode could use:
 /// which, each unit's reason, and the command that
 ///         measures it.

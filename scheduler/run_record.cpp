@@ -75,6 +75,14 @@ void visit_pipeline(Visitor& visitor, Pipeline& pipeline) {
   visitor.field("deadline_misses", pipeline.deadline_misses);
 }
 
+template <typename Visitor, typename Bounds>
+void visit_bounds(Visitor& visitor, Bounds& bounds) {
+  visitor.field("throughput_per_ms", bounds.throughput_per_ms);
+  visitor.field("energy_j", bounds.energy_j);
+  visitor.field("makespan_s", bounds.makespan_s);
+  visitor.field("critical_path_ms", bounds.critical_path_ms);
+}
+
 template <typename Visitor, typename Record>
 void visit_record(Visitor& visitor, Record& record) {
   visitor.field("mode", record.mode);
@@ -121,6 +129,11 @@ void check_version(const Json& json, const std::string& source) {
 
 }  // namespace
 
+std::optional<double> gap(std::optional<double> reached, std::optional<double> bound) {
+  if (!reached || !bound || *bound <= 0) return std::nullopt;
+  return *reached / *bound - 1;
+}
+
 nlohmann::ordered_json to_json(const RunRecord& record) {
   Writer writer;
   writer.field("schema_version", RunRecord::kSchemaVersion);
@@ -139,6 +152,16 @@ nlohmann::ordered_json to_json(const RunRecord& record) {
   }
   writer.field("units", units);
   writer.field("pipelines", pipelines);
+  if (record.bounds) {
+    Writer bounds;
+    visit_bounds(bounds, *record.bounds);
+    writer.field("bounds", bounds.json);
+    Writer gaps;  // derived: not read back
+    gaps.field("throughput", gap(record.throughput_per_ms, record.bounds->throughput_per_ms));
+    gaps.field("energy", gap(record.energy_j, record.bounds->energy_j));
+    gaps.field("makespan", gap(record.makespan_s, record.bounds->makespan_s));
+    writer.field("gaps", gaps.json);
+  }
   return std::move(writer.json);
 }
 
@@ -157,6 +180,10 @@ RunRecord run_record_from_json(const nlohmann::ordered_json& json, const std::st
       Reader each(value);
       visit_pipeline(each, record.pipelines.emplace_back());
       record.pipelines.back().pipeline = name;
+    }
+    if (json.contains("bounds")) {
+      Reader bounds(json.at("bounds"));
+      visit_bounds(bounds, record.bounds.emplace());
     }
     return record;
   } catch (const nlohmann::json::exception& error) {

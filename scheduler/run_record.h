@@ -46,6 +46,19 @@ struct PipelineResult {
   friend bool operator==(const PipelineResult&, const PipelineResult&) = default;
 };
 
+/// What no scheduler could beat on this platform with these services; see bounds/bounds.h.
+struct RunBounds {
+  std::optional<double> throughput_per_ms;  ///< At most.
+  std::optional<double> energy_j;           ///< At least, for what completed in this makespan.
+  std::optional<double> makespan_s;         ///< At least. Closed loops only.
+  std::map<std::string, double> critical_path_ms;  ///< At least, by pipeline: latency of a firing.
+  friend bool operator==(const RunBounds&, const RunBounds&) = default;
+};
+
+/// reached / bound - 1: below 0 for what should be high, above 0 for what should be low. Absent
+/// without both.
+[[nodiscard]] std::optional<double> gap(std::optional<double> reached, std::optional<double> bound);
+
 struct RunRecord {
   static constexpr int kSchemaVersion = 1;
 
@@ -76,6 +89,7 @@ struct RunRecord {
   std::vector<PipelineResult> pipelines;  ///< In the mix's order.
   std::map<std::string, std::map<std::string, int>>
       weights;  ///< [workload][unit]; units that may serve it.
+  std::optional<RunBounds> bounds;
   std::vector<std::string> warnings;
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };

@@ -4,6 +4,7 @@
 #include <memory>
 #include <utility>
 
+#include "scheduler/bounds/bounds.h"
 #include "scheduler/dispatcher.h"
 #include "scheduler/eligibility.h"
 #include "scheduler/policies/unit_order.h"
@@ -136,9 +137,7 @@ void add_warnings(const Platform& platform, const Mix& mix,
     }
   }
   if (!advanced) return;
-  UnitMask cloud = 0;
-  for (UnitId unit = 0; unit < roles.size(); ++unit)
-    cloud |= roles[unit] == "cloud" ? unit_bit(unit) : 0;
+  const UnitMask cloud = cloud_units(platform);
   for (std::size_t p = 0; p < mix.pipelines.size(); ++p) {
     const auto stays = [&](const TaskClass& kind) {
       return !kind.real_time && (kind.eligible & cloud) == 0;
@@ -231,6 +230,7 @@ RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mi
 
   RunRecord record = summarize(run, profile, setup.weights, dispatcher.counts(), tally);
   record.mode = options.mode;
+  record.bounds = bounds_of(run, cloud_use(mode), record);
   if (mode.planner != nullptr && mix.fires_once())
     record.planned_makespan_s = to_s(setup.plan.makespan);
   if (mode.has_basic()) record.basic = options.basic;

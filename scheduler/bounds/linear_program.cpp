@@ -1,0 +1,68 @@
+#include "scheduler/bounds/linear_program.h"
+
+#include <coin/Clp_C_Interface.h>
+
+#include <coin/CoinFinite.hpp>
+#include <memory>
+
+namespace pirt {
+namespace {
+
+constexpr double kTolerance = 1e-9;
+constexpr int kQuiet = 0;
+constexpr int kOptimal = 0;
+
+struct DeleteModel {
+  void operator()(Clp_Simplex* model) const { Clp_deleteModel(model); }
+};
+
+/// Clp's word for "no limit".
+double limit(double value) {
+  if (value == LinearProgram::kUnlimited) return COIN_DBL_MAX;
+  return value == -LinearProgram::kUnlimited ? -COIN_DBL_MAX : value;
+}
+
+}  // namespace
+
+int LinearProgram::add_variable(double cost, double upper) {
+  costs_.push_back(cost);
+  uppers_.push_back(upper);
+  return static_cast<int>(costs_.size()) - 1;
+}
+
+void LinearProgram::add_row(Terms terms, double low, double high) {
+  rows_.push_back({std::move(terms), low, high});
+}
+
+std::optional<double> LinearProgram::minimum() const {
+  const std::unique_ptr<Clp_Simplex, DeleteModel> model(Clp_newModel());
+  Clp_setLogLevel(model.get(), kQuiet);
+  Clp_setPrimalTolerance(model.get(), kTolerance);
+  Clp_setDualTolerance(model.get(), kTolerance);
+  // Empty columns first, then the rows with their coefficients.
+  std::vector<double> lowers(costs_.size(), 0.0);
+  std::vector<double> uppers;
+  for (const double upper : uppers_) uppers.push_back(limit(upper));
+  const std::vector<CoinBigIndex> starts(costs_.size() + 1, 0);
+  Clp_addColumns(model.get(), static_cast<int>(costs_.size()), lowers.data(), uppers.data(),
+                 costs_.data(), starts.data(), nullptr, nullptr);
+  std::vector<double> row_lowers, row_uppers, elements;
+  std::vector<int> columns;
+  std::vector<CoinBigIndex> row_starts = {0};
+  for (const Row& row : rows_) {
+    row_lowers.push_back(limit(row.low));
+    row_uppers.push_back(limit(row.high));
+    for (const auto& [variable, coefficient] : row.terms) {
+      columns.push_back(variable);
+      elements.push_back(coefficient);
+    }
+    row_starts.push_back(static_cast<CoinBigIndex>(columns.size()));
+  }
+  Clp_addRows(model.get(), static_cast<int>(rows_.size()), row_lowers.data(), row_uppers.data(),
+              row_starts.data(), columns.data(), elements.data());
+  Clp_initialSolve(model.get());
+  if (Clp_status(model.get()) != kOptimal) return std::nullopt;
+  return Clp_objectiveValue(model.get());
+}
+
+}  // namespace pirt

@@ -1,0 +1,33 @@
+// A linear programme and its solution; the solver (COIN-OR Clp) is the source file's own business.
+#pragma once
+
+#include <limits>
+#include <optional>
+#include <utility>
+#include <vector>
+
+namespace pirt {
+
+/// Minimize the sum of cost * x over x >= 0 with rows low <= sum of coefficient * x <= high.
+class LinearProgram {
+ public:
+  using Terms = std::vector<std::pair<int, double>>;  ///< Variable and coefficient.
+  static constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+
+  /// @return The variable's number, from 0 on.
+  int add_variable(double cost, double upper = kUnlimited);
+  void add_row(Terms terms, double low, double high);
+
+  /// Absent if there is no solution or no finite one. Rows hold within 1e-9 of their scale.
+  [[nodiscard]] std::optional<double> minimum() const;
+
+ private:
+  struct Row {
+    Terms terms;
+    double low, high;
+  };
+  std::vector<double> costs_, uppers_;
+  std::vector<Row> rows_;
+};
+
+}  // namespace pirt
