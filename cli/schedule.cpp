@@ -7,6 +7,7 @@
 #include "cli/duration.h"
 #include "cli/output.h"
 #include "cli/weights.h"
+#include "reports/comparison_report.h"
 #include "reports/document.h"
 #include "reports/run_report.h"
 #include "scheduler/policy.h"
@@ -18,6 +19,8 @@ namespace {
 
 struct Options {
   std::string mode;
+  std::string compare;  ///< Modes, with commas; empty = all.
+  bool comparing = false;
   std::optional<std::string> profile;
   std::optional<std::string> platform;
   std::vector<std::string> settings;
@@ -50,24 +53,65 @@ ScheduleOptions schedule_options(const Options& options) {
   return schedule;
 }
 
-int schedule(const Options& options) {
-  // Before any file is read: a mistyped mode is the likeliest mistake.
-  static_cast<void>(find_policy(options.mode));
-  const auto settings = schedule_options(options);
+/// What is scheduled on what.
+struct Inputs {
+  Platform platform;
+  std::optional<Profile> profile;
+  Mix mix;
+
+  [[nodiscard]] RunRecord run(const ScheduleOptions& options) const {
+    return run_virtual(platform, profile ? &*profile : nullptr, mix, options);
+  }
+};
+
+Inputs read_inputs(const Options& options) {
   if (!options.profile && !options.platform) {
     throw_bad_input(
         "give --profile FILE (from pirt characterize), or --platform with a modelled one (pirt "
-        "list "
-        "platforms)");
+        "list platforms)");
   }
   const auto overrides = parse_overrides(options.settings);
-  std::optional<Platform> platform;
-  if (options.platform) platform = load_platform(*options.platform, overrides);
-  std::optional<Profile> profile;
-  if (options.profile) profile = load_profile(*options.profile, platform ? platform->name : "");
-  if (!platform) platform = load_platform(profile->platform(), overrides);
-  const auto mix = load_mix(options.mix);
-  const auto record = run_virtual(*platform, profile ? &*profile : nullptr, mix, settings);
+  Inputs inputs;
+  if (options.platform) inputs.platform = load_platform(*options.platform, overrides);
+  if (options.profile) inputs.profile = load_profile(*options.profile, inputs.platform.name);
+  if (!options.platform) inputs.platform = load_platform(inputs.profile->platform(), overrides);
+  inputs.mix = load_mix(options.mix);
+  return inputs;
+}
+
+/// Runs each mode; those that cannot run on this platform and mix are listed with the reason.
+int compare(const Options& options) {
+  const auto modes = options.compare.empty() ? policy_names() : split(options.compare, ',');
+  for (const auto& mode : modes) static_cast<void>(find_policy(mode));
+  auto settings = schedule_options(options);
+  const Inputs inputs = read_inputs(options);
+  Comparison comparison;
+  for (const auto& mode : modes) {
+    settings.mode = mode;
+    try {
+      comparison.runs.push_back(inputs.run(settings));
+    } catch (const Error& error) {
+      comparison.skipped.push_back({mode, error.what()});
+    }
+  }
+  if (comparison.runs.empty()) throw_bad_input(comparison.skipped.front().reason);
+  emit(render(comparison_document(comparison, inputs.mix), Format::kText),
+       comparison_json(comparison), options.json);
+  return 0;
+}
+
+int schedule(const Options& options) {
+  if (options.comparing) {
+    if (!options.mode.empty()) throw_bad_input("--mode and --compare exclude each other");
+    return compare(options);
+  }
+  if (options.mode.empty()) {
+    throw_bad_input("give --mode (" + join(policy_names(), ", ") + ") or --compare");
+  }
+  // Before any file is read: a mistyped mode is the likeliest mistake.
+  static_cast<void>(find_policy(options.mode));
+  const auto settings = schedule_options(options);
+  const auto record = read_inputs(options).run(settings);
   warn_all(record.warnings);
   emit(render(run_document(record), Format::kText), to_json(record), options.json);
   return 0;
@@ -79,8 +123,11 @@ void add_schedule(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   auto* command =
       app.add_subcommand("schedule", "Schedule a robot's mix on a platform, in virtual time");
-  command->add_option("--mode", options->mode, "Policy: " + join(policy_names(), " | "))
-      ->required();
+  command->add_option("--mode", options->mode, "Policy: " + join(policy_names(), " | "));
+  auto* compare = command->add_option(
+      "--compare", options->compare,
+      "Instead of --mode: run these modes, with commas (default: all), and show them as one table");
+  compare->expected(0, 1);
   command->add_option("--profile", options->profile, "Profile database of pirt characterize");
   command->add_option("--platform", options->platform,
                       "A name of `pirt list platforms`, or a YAML file (default: the profile's)");
@@ -112,7 +159,10 @@ void add_schedule(CLI::App& app, Action& action) {
   command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
   command->footer(
       "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000");
-  command->callback([options, &action] { action = [options] { return schedule(*options); }; });
+  command->callback([options, compare, &action] {
+    options->comparing = compare->count() > 0;
+    action = [options] { return schedule(*options); };
+  });
 }
 
 }  // namespace pirt::cli

@@ -35,19 +35,6 @@ std::set<std::string> set_of(const std::vector<std::string>& names) {
   return {names.begin(), names.end()};
 }
 
-/// The three marks of a run's figures; counts need none.
-struct Marks {
-  explicit Marks(const RunRecord& run)
-      : time(simulated(inputs_of(run, &UnitResult::provenance))),
-        energy(simulated(inputs_of(run, &UnitResult::energy_provenance))) {}
-  Provenance time;
-  Provenance energy;
-};
-
-std::string shown(const std::optional<double>& value, Provenance provenance) {
-  return value ? marked(figure(*value), provenance) : "-";
-}
-
 std::string percent(const std::optional<double>& value, Provenance provenance) {
   return value ? marked(fmt::format("{:.1f}", 100 * *value), provenance) : "-";
 }
@@ -75,7 +62,7 @@ Paragraph header(const RunRecord& run) {
 }
 
 Paragraph totals(const RunRecord& run) {
-  const Marks marks(run);
+  const RunMarks marks = marks_of(run);
   Paragraph paragraph = {
       {fmt::format("{} tasks submitted: {} completed ({} offloaded to the cloud), {} dropped, {} "
                    "expired, {} "
@@ -94,15 +81,10 @@ Paragraph totals(const RunRecord& run) {
   return paragraph;
 }
 
-std::string gap_text(std::optional<double> reached, std::optional<double> bound) {
-  const auto value = gap(reached, bound);
-  return value ? fmt::format("{:+.1f}", 100 * *value) : "-";
-}
-
 /// Absent for records that were written without.
 std::optional<Paragraph> bounds(const RunRecord& run) {
   if (!run.bounds) return std::nullopt;
-  const Marks marks(run);
+  const RunMarks marks = marks_of(run);
   const RunBounds& b = *run.bounds;
   std::vector<std::string> parts;
   const auto add = [&](const std::string& limit, const std::string& gap) {
@@ -153,7 +135,7 @@ Table units_table(const RunRecord& run) {
 }
 
 Table pipelines_table(const RunRecord& run) {
-  const Marks marks(run);
+  const RunMarks marks = marks_of(run);
   Table table{.title = "Pipelines",
               .columns = {{"pipeline", Align::kLeft},
                           {"fired"},
@@ -242,7 +224,7 @@ class ModesTable {
                     const std::function<std::string(const PipelineResult&, Provenance)>& cell) {
     row(pipeline + ": " + what, [&](const RunRecord& run) {
       const auto* found = find_pipeline(run, pipeline);
-      return found == nullptr ? std::string("-") : cell(*found, Marks(run).time);
+      return found == nullptr ? std::string("-") : cell(*found, marks_of(run).time);
     });
   }
   [[nodiscard]] std::vector<std::vector<std::string>> take() { return std::move(rows_); }
@@ -261,15 +243,15 @@ void add_totals(ModesTable& table) {
   table.count("queued", &RunRecord::queued);
   table.count("offloaded to the cloud", &RunRecord::offloaded);
   table.row("throughput, tasks/ms",
-            [](const RunRecord& run) { return shown(run.throughput_per_ms, Marks(run).time); });
+            [](const RunRecord& run) { return shown(run.throughput_per_ms, marks_of(run).time); });
   table.row("mean latency, ms",
-            [](const RunRecord& run) { return shown(run.mean_latency_ms, Marks(run).time); });
+            [](const RunRecord& run) { return shown(run.mean_latency_ms, marks_of(run).time); });
   table.row("p99 latency, ms",
-            [](const RunRecord& run) { return shown(run.p99_latency_ms, Marks(run).time); });
+            [](const RunRecord& run) { return shown(run.p99_latency_ms, marks_of(run).time); });
   table.row("energy, J",
-            [](const RunRecord& run) { return shown(run.energy_j, Marks(run).energy); });
+            [](const RunRecord& run) { return shown(run.energy_j, marks_of(run).energy); });
   table.row("average power, W",
-            [](const RunRecord& run) { return shown(run.average_power_w, Marks(run).energy); });
+            [](const RunRecord& run) { return shown(run.average_power_w, marks_of(run).energy); });
   table.row("throughput gap to the bound, %", [](const RunRecord& run) {
     return run.bounds ? gap_text(run.throughput_per_ms, run.bounds->throughput_per_ms) : "-";
   });
@@ -339,6 +321,20 @@ std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
 }
 
 }  // namespace
+
+RunMarks marks_of(const RunRecord& run) {
+  return {.time = simulated(inputs_of(run, &UnitResult::provenance)),
+          .energy = simulated(inputs_of(run, &UnitResult::energy_provenance))};
+}
+
+std::string shown(const std::optional<double>& value, Provenance provenance) {
+  return value ? marked(figure(*value), provenance) : "-";
+}
+
+std::string gap_text(std::optional<double> reached, std::optional<double> bound) {
+  const auto value = gap(reached, bound);
+  return value ? fmt::format("{:+.1f}", 100 * *value) : "-";
+}
 
 Document run_document(const RunRecord& run) {
   Document document{.title = "pirt schedule", .parts = {header(run), totals(run)}};

@@ -2,12 +2,27 @@
 // machine or mix).
 #pragma once
 
+#include <optional>
 #include <span>
+#include <string>
 
 #include "reports/document.h"
 #include "scheduler/run_record.h"
+#include "workloads/phase.h"
 
 namespace pirt {
+
+/// Marks of a run's figures; counts need none.
+struct RunMarks {
+  Provenance time;
+  Provenance energy;
+};
+[[nodiscard]] RunMarks marks_of(const RunRecord& run);
+
+/// A figure with its mark, "-" if absent.
+[[nodiscard]] std::string shown(const std::optional<double>& value, Provenance provenance);
+/// In percent and signed: reached / bound - 1; "-" without both.
+[[nodiscard]] std::string gap_text(std::optional<double> reached, std::optional<double> bound);
 
 /// What one run did: totals, units, pipelines, weights, and what its figures rest on.
 [[nodiscard]] Document run_document(const RunRecord& run);

@@ -133,6 +133,31 @@ TEST(Schedule, ModesPlaceDifferentlyOnThreeUnits) {
   EXPECT_NE(placed("latency"), placed("energy"));
 }
 
+TEST(Schedule, ComparesModesAndListsThoseThatCannotRun) {
+  const auto all = pirt({"schedule", "--platform", "snapdragon820", "--mix", "convolution-1000",
+                         "--compare", "--json", "-"});
+  ASSERT_EQ(all.exit_code, 0) << all.err;
+  const auto json = all.json();
+  EXPECT_GE(json["runs"].size(), 10U);
+  for (const auto& run : json["runs"]) {
+    EXPECT_LE(run["gaps"]["throughput"], 1e-6) << run["mode"];
+    EXPECT_GE(run["gaps"]["energy"], -1e-6) << run["mode"];
+  }
+  const auto two = pirt({"schedule", "--platform", "host-opencl", "--mix", "convolution-1000",
+                         "--compare", "cpu-only"});
+  EXPECT_EQ(two.exit_code, 2);  // none can run
+  EXPECT_EQ(pirt({"schedule", "--platform", "fake", "--compare", "latency,thruput"}).exit_code, 2);
+  EXPECT_EQ(pirt({"schedule", "--platform", "fake", "--compare", "--mode", "latency"}).exit_code,
+            2);
+}
+
+TEST(Report, ShowsThePapersTable) {
+  const auto json = pirt({"report", "--paper", "--format", "json"}).json();
+  EXPECT_EQ(json["table5"].size(), 13U);
+  EXPECT_EQ(pirt({"report"}).exit_code, 2);
+  EXPECT_EQ(pirt({"report", "--paper", "some.db"}).exit_code, 2);
+}
+
 TEST(Schedule, RefusesBadWeightsAndDurations) {
   const auto with = [](const std::string& option, const std::string& value) {
     return pirt({"schedule", "--platform", "fake", "--mode", "latency", option, value});

@@ -1,0 +1,33 @@
+// Several modes on one mix, one row a mode: what each reaches, how far that is from what is
+// possible, and what it costs.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "reports/document.h"
+#include "scheduler/mix.h"
+#include "scheduler/run_record.h"
+
+namespace pirt {
+
+struct Comparison {
+  struct Skipped {
+    std::string mode;
+    std::string reason;
+  };
+  std::vector<RunRecord> runs;   ///< Of one platform and mix.
+  std::vector<Skipped> skipped;  ///< Modes that cannot run there.
+};
+
+/// Gaps are relative to each run's bounds; the costs, energy and p99 latency, to the best mode of
+/// the table.
+///
+/// Where mode advanced is among the runs, and its basic scheduler too, the footnotes say what
+/// strict priority does to real-time pipelines without images: their p99 latency and missed
+/// deadlines under both.
+[[nodiscard]] Document comparison_document(const Comparison& comparison, const Mix& mix);
+[[nodiscard]] nlohmann::ordered_json comparison_json(const Comparison& comparison);
+
+}  // namespace pirt
