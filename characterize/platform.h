@@ -13,21 +13,12 @@
 #include <string_view>
 #include <vector>
 
+#include "characterize/distribution.h"
 #include "characterize/yaml.h"
 #include "workloads/base/time.h"
 #include "workloads/phase.h"
 
 namespace pirt {
-
-/// A duration that is constant or drawn.
-struct Distribution {
-  enum class Kind : std::uint8_t { kConstant, kUniform };
-  Kind kind = Kind::kConstant;
-  Nanos low{0};   ///< The value, if constant.
-  Nanos high{0};  ///< Equal to low, if constant; inclusive.
-  [[nodiscard]] Nanos mean() const { return low + (high - low) / 2; }
-  friend bool operator==(const Distribution&, const Distribution&) = default;
-};
 
 /// One step of a unit's service: work on some unit's servers, or a pure delay.
 struct Stage {

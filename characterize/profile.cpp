@@ -235,4 +235,17 @@ Profile load_profile(const std::filesystem::path& path, std::string_view platfor
   return profile;
 }
 
+void read_samples(Profile& profile) {
+  for (const RunInfo& run : profile.runs) {
+    for (RowSamples& each : load_samples(profile.path, run.run_id)) {
+      const auto row = std::ranges::find_if(profile.phases, [&](const PhaseRow& candidate) {
+        return candidate.run_id == run.run_id && candidate.workload == each.workload &&
+               candidate.unit == each.unit && candidate.phase == each.phase &&
+               candidate.state == each.state;
+      });
+      if (row != profile.phases.end()) row->values = std::move(each.samples);
+    }
+  }
+}
+
 }  // namespace pirt

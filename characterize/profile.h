@@ -31,6 +31,7 @@ struct PhaseRow {
   std::optional<Nanos> median, mad, p95, p99, ci_low, ci_high;  ///< Absent if there are no samples.
   std::optional<std::int64_t> ops;
   std::int64_t bytes = 0;
+  std::vector<Nanos> values;  ///< Its samples as they were taken; empty until read_samples.
 };
 
 /// A row of view energy_summary: joules a call.
@@ -87,5 +88,9 @@ struct Profile {
 /// runs, no run of that platform.
 [[nodiscard]] Profile load_profile(const std::filesystem::path& path,
                                    std::string_view platform = {});
+
+/// Fills in PhaseRow::values of all rows: for whoever needs distributions, not medians alone.
+/// @throws Error as load_profile.
+void read_samples(Profile& profile);
 
 }  // namespace pirt

@@ -62,6 +62,7 @@ int run(int argc, char** argv) {
   add_characterize(app, action);
   add_schedule(app, action);
   add_report(app, action);
+  add_replay(app, action);
   add_generate_dag(app, action);
   add_worker(app, action);
   app.footer(

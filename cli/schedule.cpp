@@ -30,8 +30,10 @@ struct Options {
   std::optional<int> in_flight;
   std::string basic = "throughput";
   std::string overflow = "hold";
+  std::string draw = "median";
   bool allow_invalid = false;
   std::uint64_t seed = 1;
+  std::optional<std::string> trace;
   std::optional<std::string> json;
 };
 
@@ -48,8 +50,10 @@ ScheduleOptions schedule_options(const Options& options) {
   }
   schedule.literal_overflow = options.overflow == "literal";
   schedule.allow_invalid = options.allow_invalid;
+  schedule.draw = find_draw(options.draw);
   if (options.duration) schedule.duration = parse_duration(*options.duration);
   schedule.seed = options.seed;
+  schedule.trace = options.trace;
   return schedule;
 }
 
@@ -70,10 +74,15 @@ Inputs read_inputs(const Options& options) {
         "give --profile FILE (from pirt characterize), or --platform with a modelled one (pirt "
         "list platforms)");
   }
+  if (find_draw(options.draw) != Draw::kMedian && !options.profile) {
+    throw_bad_input("--draw " + options.draw +
+                    " is about the rows of a profile; give one with --profile");
+  }
   const auto overrides = parse_overrides(options.settings);
   Inputs inputs;
   if (options.platform) inputs.platform = load_platform(*options.platform, overrides);
   if (options.profile) inputs.profile = load_profile(*options.profile, inputs.platform.name);
+  if (find_draw(options.draw) == Draw::kSamples) read_samples(*inputs.profile);
   if (!options.platform) inputs.platform = load_platform(inputs.profile->platform(), overrides);
   inputs.mix = load_mix(options.mix);
   return inputs;
@@ -103,6 +112,7 @@ int compare(const Options& options) {
 int schedule(const Options& options) {
   if (options.comparing) {
     if (!options.mode.empty()) throw_bad_input("--mode and --compare exclude each other");
+    if (options.trace) throw_bad_input("--trace is of one run; give --mode instead of --compare");
     return compare(options);
   }
   if (options.mode.empty()) {
@@ -155,7 +165,15 @@ void add_schedule(CLI::App& app, Action& action) {
       ->capture_default_str();
   command->add_flag("--allow-invalid", options->allow_invalid,
                     "Use profile rows that are marked invalid");
+  command
+      ->add_option("--draw", options->draw,
+                   "What a call on a profiled unit takes: median, p95, or samples: one of its "
+                   "samples at a time, drawn with --seed")
+      ->capture_default_str();
   command->add_option("--seed", options->seed, "Seed of drawn durations")->capture_default_str();
+  command->add_option(
+      "--trace", options->trace,
+      "Write what happened to FILE, for Perfetto (ui.perfetto.dev) and pirt replay");
   command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
   command->footer(
       "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000");

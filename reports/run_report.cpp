@@ -56,7 +56,8 @@ Paragraph header(const RunRecord& run) {
   paragraph.lines.push_back(
       fmt::format("Mode {}; mix {} on platform {}", mode, run.mix, run.platform));
   paragraph.lines.push_back(
-      fmt::format("{}; seed {}{}", when, run.seed, run.profile ? "; profile " + *run.profile : ""));
+      fmt::format("{}; seed {}{}", when, run.seed, run.profile ? "; profile " + *run.profile : "") +
+      (run.draw.value_or("median") != "median" ? ", its " + *run.draw : ""));
   if (run.assumptions) paragraph.lines.push_back(*run.assumptions);
   return paragraph;
 }
@@ -157,6 +158,20 @@ Table pipelines_table(const RunRecord& run) {
          pipeline.deadline_misses ? fmt::format("{}", *pipeline.deadline_misses) : "-"});
   }
   table.footnotes = {"Firings, not tasks; ms: firing to the completion of its last task."};
+  return table;
+}
+
+Table plan_table(const RunRecord& run) {
+  const RunMarks marks = marks_of(run);
+  Table table{
+      .title = "Plan",
+      .columns = {{"task", Align::kLeft}, {"unit", Align::kLeft}, {"start ms"}, {"finish ms"}}};
+  auto plan = run.plan;
+  std::ranges::stable_sort(plan, {}, &PlanRow::start_ms);
+  for (const auto& each : plan) {
+    table.rows.push_back({each.pipeline + "." + each.task, each.unit,
+                          shown(each.start_ms, marks.time), shown(each.finish_ms, marks.time)});
+  }
   return table;
 }
 
@@ -295,14 +310,14 @@ std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
     if (std::ranges::find(notes, note) == notes.end()) notes.push_back(note);
   };
   const bool comparable = same(runs, [](const RunRecord& r) {
-    return std::tie(r.platform, r.profile, r.mix, r.duration_s, r.seed, r.time);
+    return std::tie(r.platform, r.profile, r.draw, r.mix, r.duration_s, r.seed, r.time);
   });
   if (!comparable) {
     for (const auto& run : runs) {
-      add(fmt::format("NOT COMPARABLE: {} ran {} on {}, seed {}{}{}", run.mode, run.mix,
-                      run.platform, run.seed,
-                      run.duration_s ? fmt::format(", {} s", figure(*run.duration_s)) : "",
-                      run.profile ? ", profile " + *run.profile : ""));
+      add(fmt::format(
+          "NOT COMPARABLE: {} ran {} on {}, seed {}{}{}", run.mode, run.mix, run.platform, run.seed,
+          run.duration_s ? fmt::format(", {} s", figure(*run.duration_s)) : "",
+          run.profile ? ", profile " + *run.profile + ", " + run.draw.value_or("median") : ""));
     }
   }
   for (const auto& run : runs) {
@@ -341,6 +356,7 @@ Document run_document(const RunRecord& run) {
   if (auto paragraph = bounds(run)) document.parts.emplace_back(std::move(*paragraph));
   document.parts.emplace_back(units_table(run));
   document.parts.emplace_back(pipelines_table(run));
+  if (!run.plan.empty()) document.parts.emplace_back(plan_table(run));
   document.parts.emplace_back(weights_table(run));
   return document;
 }

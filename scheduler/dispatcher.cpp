@@ -19,6 +19,9 @@ Dispatcher::Dispatcher(std::vector<std::optional<int>> slots, std::unique_ptr<Po
 }
 
 void Dispatcher::submit(const Task& task, Nanos now, Starts& out) {
+  const Report report(*this, out, [&] {
+    return DispatcherInput{.kind = DispatcherInput::Kind::kSubmit, .now = now, .task = task};
+  });
   advance(now);
   assert(tasks_.find(task.id) == kNoSlot && "the id of a task that is not done");
   const TaskSlot slot = tasks_.add(task.id);
@@ -42,6 +45,13 @@ void Dispatcher::submit(const Task& task, Nanos now, Starts& out) {
 }
 
 void Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, Starts& out) {
+  const Report report(*this, out, [&] {
+    return DispatcherInput{.kind = DispatcherInput::Kind::kComplete,
+                           .now = now,
+                           .task = Task{.id = task, .kind = {}, .deadline = {}, .expires_at = {}},
+                           .unit = unit,
+                           .outcome = outcome};
+  });
   advance(now);
   const TaskSlot slot = tasks_.find(task);
   assert(slot != kNoSlot && tasks_[slot].unit == unit &&
@@ -74,6 +84,11 @@ void Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
 }
 
 void Dispatcher::cancel(TaskId task, Nanos now, Starts& out) {
+  const Report report(*this, out, [&] {
+    return DispatcherInput{.kind = DispatcherInput::Kind::kCancel,
+                           .now = now,
+                           .task = Task{.id = task, .kind = {}, .deadline = {}, .expires_at = {}}};
+  });
   advance(now);
   const TaskSlot slot = tasks_.find(task);
   if (slot == kNoSlot || tasks_[slot].state == TaskState::kCancelled) return;
@@ -91,6 +106,10 @@ void Dispatcher::cancel(TaskId task, Nanos now, Starts& out) {
 }
 
 void Dispatcher::set_unit(UnitId unit, UnitState state, Nanos now, Starts& out) {
+  const Report report(*this, out, [&] {
+    return DispatcherInput{
+        .kind = DispatcherInput::Kind::kSetUnit, .now = now, .unit = unit, .state = state};
+  });
   advance(now);
   units_[unit].state = state;
   up_ = state == UnitState::kUp ? up_ | unit_bit(unit) : up_ & ~unit_bit(unit);
@@ -106,6 +125,9 @@ void Dispatcher::set_unit(UnitId unit, UnitState state, Nanos now, Starts& out) 
 }
 
 void Dispatcher::wake(Nanos now, Starts& out) {
+  const Report report(*this, out, [&] {
+    return DispatcherInput{.kind = DispatcherInput::Kind::kWake, .now = now};
+  });
   advance(now);
   tidy_expiries();
   while (!expiries_.empty() && expiries_.front().at <= now) {
@@ -149,6 +171,7 @@ std::uint32_t Dispatcher::class_of(const TaskClass& kind) {
 /// The task waits for a unit from now on.
 void Dispatcher::make_ready(TaskSlot slot, Nanos now) {
   tasks_[slot].sequence = ready_sequence_++;
+  tasks_[slot].ready_at = now;
   // Behind older ones of its class: what refuses them refuses it.
   if (!classes_[tasks_[slot].class_index].held.empty() || !place(slot, now)) hold(slot);
 }
@@ -250,7 +273,7 @@ void Dispatcher::start(TaskSlot slot, UnitId unit, Starts& out) {
   record.unit = unit;
   ++units_[unit].running;
   if (std::exchange(record.expires, false)) --expiring_count_;
-  out.started.push_back({record.id, unit, record.dispatched_at});
+  out.started.push_back({record.id, unit, record.dispatched_at, record.ready_at});
 }
 
 /// Takes a task that has not started out of the queue that it is in.

@@ -8,6 +8,8 @@
 #include <compare>
 #include <memory>
 #include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "scheduler/policy.h"
@@ -15,6 +17,26 @@
 #include "scheduler/task_store.h"
 
 namespace pirt {
+
+/// One call of the dispatcher, as it came.
+struct DispatcherInput {
+  enum class Kind : std::uint8_t { kSubmit, kComplete, kCancel, kSetUnit, kWake };
+  Kind kind = Kind::kWake;
+  Nanos now{0};
+  Task task = {};   ///< Of kSubmit as a whole; of kComplete and kCancel its id.
+  UnitId unit = 0;  ///< Of kComplete and kSetUnit.
+  Outcome outcome = Outcome::kCompleted;
+  UnitState state = UnitState::kUp;
+};
+
+/// Hears of every input and what it brought about, in order. Must not call
+/// the dispatcher's inputs, nor throw.
+class DispatcherObserver {
+ public:
+  virtual ~DispatcherObserver() = default;
+  virtual void on_input(const DispatcherInput& input, std::span<const Start> started,
+                        std::span<const Ended> ended) = 0;
+};
 
 class Dispatcher {
  public:
@@ -36,6 +58,8 @@ class Dispatcher {
   /// Expires what should have started by @p now. Call it after the completions of that time: a task
   /// may start at its last moment.
   void wake(Nanos now, Starts& out);
+  /// @param observer  Null = none (the default); must outlive what follows.
+  void observe(DispatcherObserver* observer) { observer_ = observer; }
   /// When to call wake next.
   [[nodiscard]] std::optional<Nanos> next_wake() const;
 
@@ -43,6 +67,8 @@ class Dispatcher {
   /// Q of the paper: tasks queued and running on the unit.
   [[nodiscard]] int load(UnitId unit) const { return load_[unit]; }
   [[nodiscard]] int running(UnitId unit) const { return units_[unit].running; }
+  /// Tasks that could start and are in no unit's queue: held, or in the high-priority queue.
+  [[nodiscard]] std::size_t waiting() const { return held_count_ + high_priority_count_; }
   /// Absent if the task is done or unknown.
   [[nodiscard]] std::optional<TaskState> state(TaskId task) const;
 
@@ -68,6 +94,32 @@ class Dispatcher {
     friend auto operator<=>(const Expiry&, const Expiry&) = default;
   };
 
+  /// Tells the observer at the end of the call, by whatever way it is left. The input is made only
+  /// where somebody listens.
+  template <typename Make>
+  class Report {
+   public:
+    Report(const Dispatcher& dispatcher, const Starts& out, Make make)
+        : observer_(dispatcher.observer_),
+          out_(out),
+          make_(std::move(make)),
+          started_(out.started.size()),
+          ended_(out.ended.size()) {}
+    ~Report() {
+      if (observer_ == nullptr) return;
+      observer_->on_input(make_(), std::span(out_.started).subspan(started_),
+                          std::span(out_.ended).subspan(ended_));
+    }
+    Report(const Report&) = delete;
+    Report& operator=(const Report&) = delete;
+
+   private:
+    DispatcherObserver* observer_;
+    const Starts& out_;
+    Make make_;
+    std::size_t started_, ended_;
+  };
+
   std::uint32_t class_of(const TaskClass& kind);
   void make_ready(TaskSlot slot, Nanos now);
   bool place(TaskSlot slot, Nanos now);
@@ -86,6 +138,7 @@ class Dispatcher {
   void advance(Nanos now);
 
   std::unique_ptr<Policy> policy_;
+  DispatcherObserver* observer_ = nullptr;
   std::vector<Unit> units_;
   std::vector<int> load_;
   UnitMask up_ = 0;

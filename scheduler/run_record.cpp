@@ -75,6 +75,15 @@ void visit_pipeline(Visitor& visitor, Pipeline& pipeline) {
   visitor.field("deadline_misses", pipeline.deadline_misses);
 }
 
+template <typename Visitor, typename Planned>
+void visit_planned(Visitor& visitor, Planned& planned) {
+  visitor.field("pipeline", planned.pipeline);
+  visitor.field("task", planned.task);
+  visitor.field("unit", planned.unit);
+  visitor.field("start_ms", planned.start_ms);
+  visitor.field("finish_ms", planned.finish_ms);
+}
+
 template <typename Visitor, typename Bounds>
 void visit_bounds(Visitor& visitor, Bounds& bounds) {
   visitor.field("throughput_per_ms", bounds.throughput_per_ms);
@@ -91,6 +100,7 @@ void visit_record(Visitor& visitor, Record& record) {
   visitor.field("platform", record.platform);
   visitor.field("assumptions", record.assumptions);
   visitor.field("profile", record.profile);
+  visitor.field("draw", record.draw);
   visitor.field("mix", record.mix);
   visitor.field("time", record.time);
   visitor.field("seed", record.seed);
@@ -152,6 +162,15 @@ nlohmann::ordered_json to_json(const RunRecord& record) {
   }
   writer.field("units", units);
   writer.field("pipelines", pipelines);
+  if (!record.plan.empty()) {
+    Json plan = Json::array();
+    for (const auto& planned : record.plan) {
+      Writer each;
+      visit_planned(each, planned);
+      plan.push_back(std::move(each.json));
+    }
+    writer.field("plan", plan);
+  }
   if (record.bounds) {
     Writer bounds;
     visit_bounds(bounds, *record.bounds);
@@ -180,6 +199,12 @@ RunRecord run_record_from_json(const nlohmann::ordered_json& json, const std::st
       Reader each(value);
       visit_pipeline(each, record.pipelines.emplace_back());
       record.pipelines.back().pipeline = name;
+    }
+    if (json.contains("plan")) {
+      for (const auto& value : json.at("plan")) {
+        Reader each(value);
+        visit_planned(each, record.plan.emplace_back());
+      }
     }
     if (json.contains("bounds")) {
       Reader bounds(json.at("bounds"));

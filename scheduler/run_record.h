@@ -59,6 +59,13 @@ struct RunBounds {
 /// without both.
 [[nodiscard]] std::optional<double> gap(std::optional<double> reached, std::optional<double> bound);
 
+/// What a static plan laid down for one task.
+struct PlanRow {
+  std::string pipeline, task, unit;
+  double start_ms = 0, finish_ms = 0;
+  friend bool operator==(const PlanRow&, const PlanRow&) = default;
+};
+
 struct RunRecord {
   static constexpr int kSchemaVersion = 1;
 
@@ -69,13 +76,17 @@ struct RunRecord {
   std::string platform;
   std::optional<std::string> assumptions;  ///< Of the platform; what modelled energy rests on.
   std::optional<std::string> profile;      ///< Path, if one was used.
+  std::optional<std::string> draw;         ///< What its rows took; see Draw.
   std::string mix;
   std::string time = "virtual";
   std::uint64_t seed = 1;
   std::optional<double> duration_s;  ///< Open loops only.
   std::optional<int> in_flight;      ///< Closed loops only.
 
-  std::optional<double> planned_makespan_s;  ///< Of static plans of a mix that fires once.
+  // Of static plans of a mix that fires once.
+  std::optional<double> planned_makespan_s;
+  std::vector<PlanRow> plan;  ///< In the mix's order.
+
   double makespan_s = 0;  ///< To the last completion; with an open loop at least the duration.
   // Tasks: submitted = completed + dropped + expired + failed + queued.
   std::int64_t submitted = 0, completed = 0, dropped = 0, expired = 0, failed = 0, queued = 0;

@@ -11,6 +11,7 @@
 #include "scheduler/policy.h"
 #include "scheduler/services.h"
 #include "scheduler/summary.h"
+#include "scheduler/trace/trace_writer.h"
 #include "scheduler/virtual_time.h"
 #include "scheduler/weights.h"
 #include "workloads/base/error.h"
@@ -189,6 +190,22 @@ MixPlan make_plan(const Platform& platform, const Mix& mix, const ServiceTable& 
   return plan_mix(platform, mix, services, classes, mode.planner);
 }
 
+std::vector<PlanRow> planned_tasks(const Platform& platform, const Mix& mix,
+                                       const MixPlan& plan) {
+  std::vector<PlanRow> tasks;
+  for (const auto& pipeline : mix.pipelines) {
+    for (const auto& task : pipeline.tasks) {
+      const MixPlan::Entry& entry = plan.entries[tasks.size()];
+      tasks.push_back({.pipeline = pipeline.name,
+                       .task = task.name,
+                       .unit = platform.units[entry.unit].name,
+                       .start_ms = to_ms(entry.start),
+                       .finish_ms = to_ms(entry.finish)});
+    }
+  }
+  return tasks;
+}
+
 }  // namespace
 
 RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mix& mix,
@@ -198,6 +215,7 @@ RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mi
   ServiceOptions service_options;
   service_options.given = given_services(platform, mix);
   service_options.allow_invalid = options.allow_invalid;
+  service_options.draw = options.draw;
   if (defaults.mode != nullptr) service_options.stage_scale = defaults.mode->stage_scale;
   const ServiceTable services =
       resolve_services(platform, profile, workloads_of(mix), service_options);
@@ -215,7 +233,7 @@ RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mi
   auto policy = mode.make(setup);
   check_every_task_placeable(platform, mix, classes, *policy, options.mode);
 
-  const VirtualSetup run{
+  VirtualSetup run{
       .platform = platform,
       .services = services,
       .mix = mix,
@@ -225,14 +243,25 @@ RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mi
       .seed = options.seed};
   std::vector<std::optional<int>> slots;
   for (const auto& unit : platform.units) slots.push_back(unit.slots);
-  Dispatcher dispatcher(std::move(slots), std::move(policy));
+  Dispatcher dispatcher(slots, std::move(policy));
+  std::optional<TraceWriter> trace;
+  if (options.trace) {
+    trace.emplace(*options.trace, run, dispatcher,
+                  DispatcherSetup{options.mode, platform.unit_names(), slots, setup});
+    dispatcher.observe(&*trace);
+    run.observer = &*trace;
+  }
   const Tally tally = VirtualTime(run, dispatcher).run();
 
   RunRecord record = summarize(run, profile, setup.weights, dispatcher.counts(), tally);
+  if (trace) trace->finish(from_s(record.makespan_s));
   record.mode = options.mode;
+  if (profile != nullptr) record.draw = to_string(options.draw);
   record.bounds = bounds_of(run, cloud_use(mode), record);
-  if (mode.planner != nullptr && mix.fires_once())
+  if (mode.planner != nullptr && mix.fires_once()) {
     record.planned_makespan_s = to_s(setup.plan.makespan);
+    record.plan = planned_tasks(platform, mix, setup.plan);
+  }
   if (mode.has_basic()) record.basic = options.basic;
   if (has_overflow(record.basic.value_or(options.mode))) {
     record.overflow = options.literal_overflow ? "literal" : "hold";

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "workloads/base/error.h"
@@ -11,6 +12,8 @@
 
 namespace pirt {
 namespace {
+
+constexpr std::array<std::string_view, 3> kDraws = {"median", "p95", "samples"};
 
 constexpr Phase kCallPhases[] = {Phase::kUpload, Phase::kLaunch, Phase::kExecute, Phase::kDownload};
 
@@ -81,6 +84,19 @@ std::string complaint(const PhaseRow& row) {
   return "";
 }
 
+/// @param row  Has samples.
+Distribution time_of(const PhaseRow& row, Draw draw) {
+  switch (draw) {
+    case Draw::kMedian:
+      return Distribution::constant(*row.median);
+    case Draw::kP95:
+      return Distribution::constant(*row.p95);
+    case Draw::kSamples:
+      break;
+  }
+  return Distribution::of(row.values);
+}
+
 ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::string>& warnings) {
   const std::string where = cell.workload.name + " on " + cell.unit().name;
   auto judged = rows.stages;
@@ -97,10 +113,9 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
   }
   Service service;
   for (const auto* row : rows.stages) {
-    const Distribution time = {
-        .kind = Distribution::Kind::kConstant, .low = *row->median, .high = *row->median};
-    service.stages.push_back(
-        {.name = std::string(to_string(row->phase)), .on = cell.unit_id, .time = time});
+    service.stages.push_back({.name = std::string(to_string(row->phase)),
+                              .on = cell.unit_id,
+                              .time = time_of(*row, cell.options.draw)});
     service.time_provenance = row->provenance;
   }
   const auto* energy = cell.profile->find_energy(cell.workload.name, cell.unit().name);
@@ -166,11 +181,23 @@ ServiceEntry from_mix(const std::map<UnitId, Nanos>& times, UnitId unit) {
   if (time == times.end()) return {.service = std::nullopt, .reason = "not in its service_ms"};
   Service service;
   service.stages.push_back(
-      {.name = "service", .on = unit, .time = {.low = time->second, .high = time->second}});
+      {.name = "service", .on = unit, .time = Distribution::constant(time->second)});
   return {.service = std::move(service), .reason = ""};
 }
 
 }  // namespace
+
+std::vector<std::string> draw_names() { return {kDraws.begin(), kDraws.end()}; }
+
+std::string_view to_string(Draw draw) { return kDraws[static_cast<std::size_t>(draw)]; }
+
+Draw find_draw(const std::string& name) {
+  const auto found = std::ranges::find(kDraws, name);
+  if (found == kDraws.end()) {
+    throw_bad_input("unknown --draw '" + name + "'" + suggestion(name, draw_names()));
+  }
+  return static_cast<Draw>(found - kDraws.begin());
+}
 
 Nanos ServiceStage::mean() const {
   const Nanos time_at_rate_1 = time.mean();

@@ -4,9 +4,11 @@
 // says why.
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "characterize/platform.h"
@@ -60,10 +62,22 @@ struct ServiceTable {
 /// Times of a call by workload and unit that no platform and no profile has.
 using GivenServices = std::map<std::string, std::map<UnitId, Nanos>>;
 
+/// What a measured row says a call takes. Stages of the platform file are as they stand there.
+enum class Draw : std::uint8_t {
+  kMedian,
+  kP95,
+  kSamples,  ///< One of its samples, each alike; phases of a call are drawn apart.
+};
+[[nodiscard]] std::vector<std::string> draw_names();
+/// @throws Error{kBadInput} with the nearest name.
+[[nodiscard]] Draw find_draw(const std::string& name);
+[[nodiscard]] std::string_view to_string(Draw draw);
+
 struct ServiceOptions {
   GivenServices given;  ///< Of the mix's own tasks; in place of a workload of the catalog.
   std::map<std::string, double> stage_scale;  ///< "unit.stage" -> factor.
   bool allow_invalid = false;                 ///< Use rows that say that they are not valid.
+  Draw draw = Draw::kMedian;                  ///< kSamples: the profile's samples have been read.
 };
 
 /// @param profile    Null = only what the platform file says.

@@ -57,6 +57,7 @@ struct Start {
   TaskId task = 0;
   UnitId unit = 0;
   Nanos dispatched_at{0};  ///< When it was given to the unit's queue: latency counts from here.
+  Nanos ready_at{0};       ///< When its predecessors were complete: waiting counts from here.
 };
 
 enum class Ending : std::uint8_t { kDropped, kExpired };

@@ -36,6 +36,7 @@ struct TaskRecord {
   Nanos rank{0};               ///< The policy's; all queues keep this order,
   std::uint64_t sequence = 0;  ///< and then the order in which tasks became ready.
   Nanos dispatched_at{0};
+  Nanos ready_at{0};
   bool expires = false;
 };
 

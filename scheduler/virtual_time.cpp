@@ -204,6 +204,8 @@ bool VirtualTime::advance() {
   now_ = soonest->time;
   if (servers != nullptr) {
     const JobIndex job = servers->complete_next();
+    const Step& step = plans_[jobs_[job].plan].steps[jobs_[job].unit][jobs_[job].step];
+    if (setup_.observer != nullptr) setup_.observer->left(step.servers, job);
     ++jobs_[job].step;
     proceed(job);
     return true;
@@ -287,6 +289,9 @@ void VirtualTime::submit_tasks(std::uint32_t p, FiringIndex firing) {
         .id = id, .kind = setup_.classes[p][t], .deadline = {}, .expires_at = {}, .after = after_};
     if (pipeline.deadline) task.deadline = now_ + *pipeline.deadline;
     if (pipeline.expires) task.expires_at = now_ + *pipeline.expires;
+    if (setup_.observer != nullptr) {
+      setup_.observer->submitting(id, p, t, firings_[firing].number);
+    }
     dispatcher_.submit(task, now_, starts_);
   }
 }
@@ -300,6 +305,7 @@ void VirtualTime::settle() {
     apply_starts();
   }
   refires_.clear();
+  if (setup_.observer != nullptr) setup_.observer->settled(now_);
 }
 
 void VirtualTime::apply_starts() {
@@ -373,7 +379,18 @@ void VirtualTime::begin_step(JobIndex job, const Step& step) {
   } else {
     tally_.units[jobs_[job].unit].transferring += scaled;
   }
+  if (setup_.observer != nullptr) {
+    setup_.observer->arrived(step.servers, job, power_w(jobs_[job], step));
+  }
   servers_[step.servers]->arrive(job, scaled, sequence_++, now_);
+}
+
+/// While a server works on the step. A scaled stage draws less for longer: its energy stays.
+double VirtualTime::power_w(const Job& job, const Step& step) const {
+  if (step.servers < tally_.units.size()) {
+    return step.powered ? setup_.platform.units[step.servers].active_w / step.scale : 0;
+  }
+  return setup_.platform.links.at(setup_.platform.units[job.unit].link).active_w;
 }
 
 /// A pure function of seed, pipeline, firing, task and step, so that two policies meet the same
@@ -383,8 +400,7 @@ Nanos VirtualTime::draw(const Job& job, const Step& step) const {
   const PipelineState& state = pipelines_[firing.pipeline];
   const std::uint64_t task = job.plan - state.first_plan;
   const std::uint64_t stream = hash_u64(hash_u64(state.seed, firing.number), task);
-  const auto range = static_cast<std::uint64_t>((step.time.high - step.time.low).count()) + 1;
-  return step.time.low + Nanos(static_cast<std::int64_t>(hash_u64(stream, job.step) % range));
+  return step.time.draw(hash_u64(stream, job.step));
 }
 
 void VirtualTime::complete(JobIndex job) {

@@ -18,6 +18,23 @@
 
 namespace pirt {
 
+/// Hears of what a run does beyond what its dispatcher is asked. Must not throw.
+class RunObserver {
+ public:
+  virtual ~RunObserver() = default;
+  /// Before the dispatcher gets the task.
+  virtual void submitting(TaskId task, std::size_t pipeline, std::size_t position,
+                          std::uint64_t firing) = 0;
+  /// A stage arrives at, and leaves, the servers of a unit, or of a link (numbered after the
+  /// units).
+  /// @param job      Unique among those that have arrived and not left.
+  /// @param power_w  Drawn while a server works on it at full rate.
+  virtual void arrived(std::size_t servers, std::uint32_t job, double power_w) = 0;
+  virtual void left(std::size_t servers, std::uint32_t job) = 0;
+  /// All that happens at once at this moment has happened; more may follow at the same time.
+  virtual void settled(Nanos now) = 0;
+};
+
 struct VirtualSetup {
   const Platform& platform;
   const ServiceTable& services;
@@ -26,6 +43,7 @@ struct VirtualSetup {
   std::vector<int> in_flight;                   ///< By pipeline; >= 1 where it is a closed loop.
   Nanos duration{0};  ///< Open loops fire before it; what has fired is finished.
   std::uint64_t seed = 1;
+  RunObserver* observer = nullptr;  ///< Null = none.
 };
 
 /// One run. Its references must outlive it.
@@ -62,6 +80,7 @@ class VirtualTime {
   Nanos data_arrival(const Job& job);
   const std::optional<std::int64_t>& edge_bytes(const Job& job, std::size_t edge) const;
   [[nodiscard]] Nanos draw(const Job& job, const Step& step) const;
+  [[nodiscard]] double power_w(const Job& job, const Step& step) const;
   void complete(JobIndex job);
   void end_task(JobIndex job, bool completed);
   void end_firing(FiringIndex firing);

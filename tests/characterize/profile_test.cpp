@@ -151,5 +151,29 @@ TEST(Profile, OrdersRowsAsTablesShowThem) {
   EXPECT_EQ(profile.phases[1].phase, Phase::kCall);
 }
 
+TEST(Profile, ReadsTheSamplesOfEachRowFromItsRun) {
+  const TemporaryFolder folder;
+  {
+    ProfileWriter writer(folder / "p.db");
+    // The newest run measured sobel anew; blur stays from the first.
+    auto first = writer.begin_run(small_run());
+    writer.write_cell(first, small_cell("sobel", "gpu"));
+    CellRecord blur = small_cell("gaussian_blur", "gpu");
+    for (auto& phase : blur.phases) phase.samples = {Nanos(7), Nanos(5)};
+    writer.write_cell(first, blur);
+    const auto second = writer.begin_run(small_run());
+    CellRecord sobel = small_cell("sobel", "gpu");
+    for (auto& phase : sobel.phases) phase.samples = {Nanos(3), Nanos(1), Nanos(2)};
+    writer.write_cell(second, sobel);
+  }
+  Profile profile = load_profile(folder / "p.db");
+  EXPECT_TRUE(profile.find("sobel", "gpu", Phase::kCall)->values.empty());
+  read_samples(profile);
+  EXPECT_THAT(profile.find("sobel", "gpu", Phase::kCall)->values,
+              ElementsAre(Nanos(3), Nanos(1), Nanos(2)));
+  EXPECT_THAT(profile.find("gaussian_blur", "gpu", Phase::kCall)->values,
+              ElementsAre(Nanos(7), Nanos(5)));
+}
+
 }  // namespace
 }  // namespace pirt

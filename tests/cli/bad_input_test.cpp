@@ -10,16 +10,6 @@ namespace pirt::test {
 namespace {
 
 using testing::HasSubstr;
-using testing::StartsWith;
-
-/// Exit 2, nothing on stdout, exactly one message line, which contains all of @p parts.
-void expect_refused(const Outcome& outcome, const std::vector<std::string>& parts) {
-  EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
-  EXPECT_EQ(outcome.out, "");
-  EXPECT_THAT(outcome.err, StartsWith("pirt: "));
-  EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
-  for (const auto& part : parts) EXPECT_THAT(outcome.err, HasSubstr(part));
-}
 
 TEST(BadInput, UnknownCommandNamesTheNearest) {
   expect_refused(pirt({"shedule"}), {"unknown command 'shedule'", "schedule"});
@@ -176,6 +166,27 @@ TEST_F(WithProfile, MixThatNeedsUnmeasuredWorkloadsSaysWhichCommandMeasuresThem)
                              scratch_->file("good.db")});
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.err, HasSubstr("pirt characterize"));
+}
+
+TEST_F(WithProfile, DrawsServiceTimesFromItsRows) {
+  const auto mix = scratch_->write(
+      "one.yaml",
+      "mix: one\npipelines: {p: {closed_loop: {frames: 200}, tasks: [{workload: sobel}]}}");
+  const auto schedule = [&](const std::string& draw, const std::string& seed) {
+    const auto outcome =
+        pirt({"schedule", "--mode", "met", "--in-flight", "1", "--mix", mix, "--profile",
+              scratch_->file("good.db"), "--draw", draw, "--seed", seed, "--json", "-"});
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    return outcome;
+  };
+  const auto drawn = schedule("samples", "1");
+  EXPECT_EQ(drawn.json()["draw"], "samples");
+  EXPECT_EQ(schedule("samples", "1").out, drawn.out);
+  const auto other = schedule("samples", "2").json();
+  EXPECT_EQ(other["completed"], 200);
+  const auto median = schedule("median", "1").json();
+  EXPECT_EQ(schedule("median", "2").json()["makespan_s"], median["makespan_s"]);
+  EXPECT_GE(schedule("p95", "1").json()["makespan_s"], median["makespan_s"]);
 }
 
 }  // namespace

@@ -1,9 +1,12 @@
 // Runs the built binary as its user would: arguments in, exit code, stdout and stderr out.
 #pragma once
 
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -76,6 +79,15 @@ inline Outcome pirt(const std::vector<std::string>& arguments,
   std::string command = environment + " " + quoted(PIRT_BINARY);
   for (const auto& argument : arguments) command += " " + quoted(argument);
   return run(command);
+}
+
+/// Exit 2, nothing on stdout, exactly one message line, which contains all of @p parts.
+inline void expect_refused(const Outcome& outcome, const std::vector<std::string>& parts) {
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_THAT(outcome.err, testing::StartsWith("pirt: "));
+  EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
+  for (const auto& part : parts) EXPECT_THAT(outcome.err, testing::HasSubstr(part));
 }
 
 }  // namespace pirt::test

@@ -73,6 +73,36 @@ TEST(Services, TakeStagesAndEnergyFromThePlatform) {
   EXPECT_EQ(table.units_of(0), unit_bit(1) | unit_bit(2));
 }
 
+TEST(Services, TakeMedianP95OrSamplesOfTheRows) {
+  PhaseRow execute = row("cpu", Phase::kExecute, 100);
+  execute.p95 = Nanos(190);
+  execute.values = {Nanos(90), Nanos(100), Nanos(110), Nanos(200)};
+  const Profile profile = profile_of({execute});
+  const auto time_of = [&](Draw draw) {
+    return services_of(&profile, {.given = {}, .stage_scale = {}, .draw = draw})
+        .find(0, 0)
+        ->stages.at(0)
+        .time;
+  };
+  EXPECT_EQ(time_of(Draw::kMedian), Distribution::constant(Nanos(100)));
+  EXPECT_EQ(time_of(Draw::kP95), Distribution::constant(Nanos(190)));
+  const auto samples = time_of(Draw::kSamples);
+  EXPECT_EQ(samples.mean(), Nanos(125));  // What policies, plans and weights expect.
+  EXPECT_EQ(samples.low, Nanos(90));      // What bounds go by.
+  EXPECT_EQ(samples.high, Nanos(200));
+  // Even numbers of draws of each sample, and of nothing else.
+  std::map<Nanos, int> drawn;
+  for (std::uint64_t random = 0; random < 40; ++random) ++drawn[samples.draw(random)];
+  EXPECT_EQ(drawn, (std::map<Nanos, int>{
+                       {Nanos(90), 10}, {Nanos(100), 10}, {Nanos(110), 10}, {Nanos(200), 10}}));
+}
+
+TEST(Services, NameTheWaysToDraw) {
+  for (const auto& name : draw_names()) EXPECT_EQ(to_string(find_draw(name)), name);
+  EXPECT_THAT(bad_input([] { static_cast<void>(find_draw("sample")); }),
+              AllOf(HasSubstr("'sample'"), HasSubstr("samples")));
+}
+
 TEST(Services, ScaleTimesAndNotEnergy) {
   ServiceOptions options;
   options.stage_scale = {{"gpu.execute", 1.5}};

@@ -51,6 +51,12 @@ TEST(TaskGraph, RunsThePlanAsWorkedByHand) {
   // a and b on the CPU for 5 ms at 1 W, c and d on the GPU for 4 ms at 2 W.
   EXPECT_DOUBLE_EQ(heft.energy_j, 0.013);
   EXPECT_EQ(run("cpop", kDiamond).makespan_s, 0.015);
+  const std::vector<PlanRow> plan = {{"p", "a", "cpu", 0, 2},
+                                     {"p", "b", "cpu", 2, 5},
+                                     {"p", "c", "gpu", 3, 5},
+                                     {"p", "d", "gpu", 7, 9}};
+  EXPECT_EQ(heft.plan, plan);
+  EXPECT_TRUE(run("ect", kDiamond).plan.empty()) << "decides as it goes";
 }
 
 TEST(TaskGraph, DelaysDataBetweenUnitsUnderAnyMode) {

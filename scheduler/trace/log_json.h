@@ -1,0 +1,42 @@
+// The dispatcher's part of a trace as JSON: what it was made of, its inputs, and what it decided.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "scheduler/dispatcher.h"
+#include "scheduler/policy.h"
+
+namespace pirt {
+
+/// All that a fresh dispatcher is made from.
+struct DispatcherSetup {
+  static constexpr int kSchemaVersion = 1;
+  std::string mode;
+  std::vector<std::string> units;
+  std::vector<std::optional<int>> slots;  ///< By unit.
+  PolicySetup policy;
+};
+
+[[nodiscard]] nlohmann::ordered_json to_json(const DispatcherSetup& setup);
+/// @throws nlohmann::json::exception for a missing key or a wrong type, Error{kBadInput} for
+/// another version, an unknown mode, or tables that do not fit the units.
+[[nodiscard]] DispatcherSetup dispatcher_setup_from_json(const nlohmann::json& json);
+
+/// An input with its decisions. Holds the predecessors that DispatcherInput::task only shows.
+struct LogEntry {
+  DispatcherInput input;
+  std::vector<TaskId> after;
+  std::vector<Start> started;
+  std::vector<Ended> ended;
+};
+
+/// One line of JSON. Keys are left out where they do not apply.
+[[nodiscard]] std::string log_line(const DispatcherInput& input, std::span<const Start> started,
+                                   std::span<const Ended> ended);
+/// @throws nlohmann::json::exception as above, Error{kBadInput} for a word that is none.
+[[nodiscard]] LogEntry log_entry_from_json(const nlohmann::json& json);
+
+}  // namespace pirt

@@ -1,0 +1,207 @@
+#include "scheduler/trace/replay.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <unordered_map>
+#include <utility>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+using Kind = DispatcherInput::Kind;
+
+bool same(const std::vector<Start>& a, const std::vector<Start>& b) {
+  return std::ranges::equal(a, b, [](const Start& x, const Start& y) {
+    return x.task == y.task && x.unit == y.unit && x.dispatched_at == y.dispatched_at &&
+           x.ready_at == y.ready_at;
+  });
+}
+
+bool same(const std::vector<Ended>& a, const std::vector<Ended>& b) {
+  return std::ranges::equal(
+      a, b, [](const Ended& x, const Ended& y) { return x.task == y.task && x.how == y.how; });
+}
+
+class Replay {
+ public:
+  Replay(const TraceLog& log, const std::string& source)
+      : log_(log),
+        source_(source),
+        mode_(find_policy(log.setup.mode)),
+        dispatcher_(log.setup.slots, mode_.make(log.setup.policy)) {}
+
+  ReplayResult run() {
+    ReplayResult result;
+    for (position_ = 0; position_ < log_.entries.size(); ++position_) {
+      const LogEntry& entry = log_.entries[position_];
+      check(entry);
+      Starts out;
+      give(entry, out);
+      ++result.inputs;
+      if (!same(entry.started, out.started) || !same(entry.ended, out.ended)) {
+        result.difference = {.entry = position_,
+                             .at = entry.input.now,
+                             .input = describe(entry.input),
+                             .recorded = describe(entry.started, entry.ended),
+                             .replayed = describe(out.started, out.ended)};
+        return result;
+      }
+      result.decisions += static_cast<std::int64_t>(out.started.size() + out.ended.size());
+      note(entry, out);
+    }
+    return result;
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& what) const {
+    throw_bad_input(fmt::format("{}: input {} of the log: {}", source_, position_ + 1, what));
+  }
+
+  void require(bool condition, const std::string& what) const {
+    if (!condition) fail(what);
+  }
+
+  /// What the dispatcher only asserts: its callers are programs.
+  void check(const LogEntry& entry) const {
+    const DispatcherInput& input = entry.input;
+    require(input.now >= now_, "its time is before that of the one before");
+    switch (input.kind) {
+      case Kind::kSubmit:
+        require(!dispatcher_.state(input.task.id), "submits a task that is not done");
+        check_class(input.task.kind);
+        break;
+      case Kind::kComplete: {
+        const auto running = running_.find(input.task.id);
+        require(running != running_.end() && running->second == input.unit,
+                "completes a task that does not run there");
+        break;
+      }
+      case Kind::kSetUnit:
+        require(input.unit < log_.setup.units.size(), "names no unit");
+        break;
+      case Kind::kCancel:
+      case Kind::kWake:
+        break;
+    }
+  }
+
+  void check_class(const TaskClass& kind) const {
+    const PolicySetup& policy = log_.setup.policy;
+    const std::size_t units = log_.setup.units.size();
+    const UnitMask known =
+        units == kMaxUnits ? ~UnitMask{0} : unit_bit(static_cast<UnitId>(units)) - 1;
+    require(kind.workload < policy.times.size(), "names no workload");
+    require(kind.eligible != 0 && (kind.eligible & ~known) == 0, "names no unit");
+    for (UnitId unit = 0; unit < units; ++unit) {
+      require(!contains(kind.eligible, unit) || policy.times[kind.workload][unit].has_value(),
+              "names a unit without a time for its workload");
+    }
+    if (mode_.planner == nullptr) return;
+    require(kind.entry < policy.plan.entries.size() &&
+                contains(kind.eligible, policy.plan.entries[kind.entry].unit),
+            "has no place in the plan");
+  }
+
+  void give(const LogEntry& entry, Starts& out) {
+    const DispatcherInput& input = entry.input;
+    now_ = input.now;
+    Task task = input.task;
+    task.after = entry.after;
+    switch (input.kind) {
+      case Kind::kSubmit:
+        return dispatcher_.submit(task, now_, out);
+      case Kind::kComplete:
+        return dispatcher_.complete(input.unit, task.id, input.outcome, now_, out);
+      case Kind::kCancel:
+        return dispatcher_.cancel(task.id, now_, out);
+      case Kind::kSetUnit:
+        return dispatcher_.set_unit(input.unit, input.state, now_, out);
+      case Kind::kWake:
+        return dispatcher_.wake(now_, out);
+    }
+  }
+
+  void note(const LogEntry& entry, const Starts& out) {
+    if (entry.input.kind == Kind::kComplete) running_.erase(entry.input.task.id);
+    for (const Start& start : out.started) running_[start.task] = start.unit;
+  }
+
+  std::string unit_name(UnitId unit) const {
+    return unit < log_.setup.units.size() ? log_.setup.units[unit] : std::to_string(unit);
+  }
+
+  std::string describe(const DispatcherInput& input) const {
+    switch (input.kind) {
+      case Kind::kSubmit:
+        return fmt::format("submit task {}", input.task.id);
+      case Kind::kComplete:
+        return fmt::format("complete task {} on {}", input.task.id, unit_name(input.unit));
+      case Kind::kCancel:
+        return fmt::format("cancel task {}", input.task.id);
+      case Kind::kSetUnit:
+        return fmt::format("change of unit {}", unit_name(input.unit));
+      case Kind::kWake:
+        break;
+    }
+    return "wake";
+  }
+
+  std::string describe(const std::vector<Start>& started, const std::vector<Ended>& ended) const {
+    std::vector<std::string> parts;
+    for (const Start& each : started) {
+      parts.push_back(fmt::format("starts task {} on {} (ready at {} ns, dispatched at {} ns)",
+                                  each.task, unit_name(each.unit), each.ready_at.count(),
+                                  each.dispatched_at.count()));
+    }
+    for (const Ended& each : ended) {
+      parts.push_back(
+          fmt::format("{} task {}", each.how == Ending::kExpired ? "expires" : "drops", each.task));
+    }
+    return parts.empty() ? "nothing" : join(parts, ", ");
+  }
+
+  const TraceLog& log_;
+  const std::string& source_;
+  const PolicyInfo& mode_;
+  Dispatcher dispatcher_;
+  std::unordered_map<TaskId, UnitId> running_;
+  std::size_t position_ = 0;
+  Nanos now_ = Nanos::min();
+};
+
+}  // namespace
+
+TraceLog load_trace_log(const std::filesystem::path& path) {
+  return parse_trace_log(read_file(path), path.string());
+}
+
+TraceLog parse_trace_log(const std::string& text, const std::string& source) {
+  TraceLog log;
+  try {
+    const auto json = nlohmann::json::parse(text);
+    if (!json.is_object() || !json.contains("traceEvents") || !json.contains("pirt")) {
+      throw_bad_input("not a trace of pirt's; `pirt schedule --trace FILE` writes one");
+    }
+    const auto& part = json.at("pirt");
+    log.setup = dispatcher_setup_from_json(part);
+    for (const auto& entry : part.at("log")) log.entries.push_back(log_entry_from_json(entry));
+    if (part.at("inputs").get<std::size_t>() != log.entries.size()) {
+      throw_bad_input("its log is not as long as it says");
+    }
+  } catch (const nlohmann::json::exception& error) {
+    throw_bad_input(source + ": not a complete trace: " + error.what());
+  } catch (const Error& error) {
+    throw_bad_input(source + ": " + error.what());
+  }
+  return log;
+}
+
+ReplayResult replay(const TraceLog& log, const std::string& source) {
+  return Replay(log, source).run();
+}
+
+}  // namespace pirt

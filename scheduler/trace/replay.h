@@ -1,0 +1,42 @@
+// Feeds the inputs of a trace into a fresh dispatcher: the same inputs have to give the same
+// decisions. What differs would be hidden time, hidden state or a race; or somebody else's trace.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "scheduler/trace/log_json.h"
+
+namespace pirt {
+
+/// The log of a trace, read and checked: every input is one that a dispatcher may be given.
+struct TraceLog {
+  DispatcherSetup setup;
+  std::vector<LogEntry> entries;
+};
+
+/// @throws Error{kBadInput} naming the file: not there, not JSON, not a trace of pirt's, another
+/// version, a part is missing or does not make sense.
+[[nodiscard]] TraceLog load_trace_log(const std::filesystem::path& path);
+/// @param source  For messages.
+[[nodiscard]] TraceLog parse_trace_log(const std::string& text, const std::string& source);
+
+struct ReplayDifference {
+  std::size_t entry = 0;  ///< Position in the log.
+  Nanos at{0};
+  std::string input, recorded, replayed;  ///< "submit task 7", "starts task 7 on gpu", "nothing".
+};
+
+struct ReplayResult {
+  std::int64_t inputs = 0;     ///< That were replayed.
+  std::int64_t decisions = 0;  ///< Starts and ends that were compared and are the same.
+  std::optional<ReplayDifference> difference;  ///< The first; the replay stops there.
+};
+
+/// @throws Error{kBadInput} if the log gives the dispatcher what none can be given, e.g. completes
+/// a task that does not run.
+[[nodiscard]] ReplayResult replay(const TraceLog& log, const std::string& source);
+
+}  // namespace pirt

@@ -1,0 +1,200 @@
+#include "scheduler/trace/trace_writer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+#include <numeric>
+
+namespace pirt {
+namespace {
+
+/// Chrome counts in microseconds; with three decimals nothing of a nanosecond is lost.
+std::string us(Nanos time) {
+  return fmt::format("{}.{:03}", time.count() / 1000, time.count() % 1000);
+}
+
+std::string quoted(const std::string& text) { return nlohmann::json(text).dump(); }
+
+/// Process 0 is the run; units follow.
+std::size_t process(UnitId unit) { return unit + std::size_t{1}; }
+
+}  // namespace
+
+TraceWriter::TraceWriter(const std::filesystem::path& path, const VirtualSetup& run,
+                         const Dispatcher& dispatcher, DispatcherSetup setup)
+    : run_(run),
+      dispatcher_(dispatcher),
+      setup_(std::move(setup)),
+      file_(path),
+      free_lanes_(run.platform.units.size()),
+      lanes_(run.platform.units.size(), 0) {
+  for (const auto& unit : run.platform.units) {
+    loads_.push_back({unit.servers, unit.discipline, unit.idle_w, {}});
+    power_keys_.push_back(quoted(unit.name));
+    depth_keys_.push_back(quoted(unit.name));
+  }
+  for (const auto& [name, link] : run.platform.links) {
+    loads_.push_back({});
+    power_keys_.push_back(quoted("link " + name));
+  }
+  depth_keys_.push_back(quoted("in no queue"));
+  name_tracks();
+  settled(Nanos::zero());
+}
+
+void TraceWriter::name_tracks() {
+  const auto name = [&](std::size_t pid, const std::string& text) {
+    file_.event(fmt::format(R"({{"name":"process_name","ph":"M","pid":{},"args":{{"name":{}}}}})",
+                            pid, quoted(text)));
+    file_.event(fmt::format(
+        R"({{"name":"process_sort_index","ph":"M","pid":{},"args":{{"sort_index":{}}}}})", pid,
+        pid));
+  };
+  name(0, "mix " + run_.mix.name + ", mode " + setup_.mode);
+  for (UnitId unit = 0; unit < run_.platform.units.size(); ++unit) {
+    name(process(unit), run_.platform.units[unit].name);
+  }
+}
+
+void TraceWriter::submitting(TaskId task, std::size_t pipeline, std::size_t position,
+                             std::uint64_t firing) {
+  TaskTrack& track = tasks_[task];
+  track.pipeline = pipeline;
+  track.position = position;
+  track.firing = firing;
+}
+
+void TraceWriter::on_input(const DispatcherInput& input, std::span<const Start> started,
+                           std::span<const Ended> ended) {
+  file_.log(log_line(input, started, ended));
+  using Kind = DispatcherInput::Kind;
+  if (input.kind == Kind::kSubmit) {
+    for (const TaskId before : input.task.after) {
+      const auto found = tasks_.find(before);
+      if (found != tasks_.end()) found->second.successors.push_back(input.task.id);
+    }
+  }
+  // The slot is free before the next task starts on it.
+  if (input.kind == Kind::kComplete) end_slice(input.task.id, input.now);
+  for (const Start& each : started) start(each, input.now);
+  for (const Ended& each : ended) {
+    file_.event(fmt::format(
+        R"({{"name":"{}","ph":"i","s":"p","pid":0,"tid":0,"ts":{},"args":{{"task":{}}}}})",
+        each.how == Ending::kExpired ? "expired" : "dropped", us(input.now), each.task));
+    // A task that is cancelled while it runs keeps its slice until it completes.
+    if (!dispatcher_.state(each.task)) tasks_.erase(each.task);
+  }
+}
+
+std::size_t TraceWriter::take_lane(UnitId unit) {
+  auto& free = free_lanes_[unit];
+  if (!free.empty()) return free.extract(free.begin()).value();
+  const std::size_t lane = lanes_[unit]++;
+  file_.event(fmt::format(
+      R"({{"name":"thread_name","ph":"M","pid":{},"tid":{},"args":{{"name":"slot {}"}}}})",
+      process(unit), lane, lane + 1));
+  return lane;
+}
+
+void TraceWriter::start(const Start& start, Nanos now) {
+  TaskTrack& track = tasks_[start.task];
+  track.slot = {start.unit, take_lane(start.unit)};
+  track.started_at = now;
+  track.ready_at = start.ready_at;
+  for (const FlowStart& flow : track.flows) {
+    const auto id = ++flows_;
+    file_.event(fmt::format(
+        R"({{"name":"after","cat":"dependency","ph":"s","id":{},"pid":{},"tid":{},"ts":{}}})", id,
+        process(flow.slot.unit), flow.slot.lane, us(flow.at)));
+    file_.event(fmt::format(
+        R"({{"name":"after","cat":"dependency","ph":"f","bp":"e","id":{},"pid":{},"tid":{},"ts":{}}})",
+        id, process(start.unit), track.slot.lane, us(now)));
+  }
+}
+
+void TraceWriter::end_slice(TaskId task, Nanos now) {
+  const auto found = tasks_.find(task);
+  if (found == tasks_.end()) return;
+  const TaskTrack track = std::move(found->second);
+  tasks_.erase(found);
+  const Pipeline& pipeline = run_.mix.pipelines[track.pipeline];
+  const MixTask& definition = pipeline.tasks[track.position];
+  file_.event(fmt::format(
+      R"({{"name":{},"cat":{},"ph":"X","pid":{},"tid":{},"ts":{},"dur":{},"args":{{"task":{},"firing":{},"waited_us":{}}}}})",
+      quoted(pipeline.name + "." + definition.name), quoted(definition.workload),
+      process(track.slot.unit), track.slot.lane, us(track.started_at), us(now - track.started_at),
+      task, track.firing, us(track.started_at - track.ready_at)));
+  free_lanes_[track.slot.unit].insert(track.slot.lane);
+  // Within the slice, which ends before `now`.
+  const FlowStart flow{track.slot, std::max(track.started_at, now - Nanos(1))};
+  for (const TaskId each : track.successors) {
+    const auto successor = tasks_.find(each);
+    if (successor != tasks_.end()) successor->second.flows.push_back(flow);
+  }
+}
+
+void TraceWriter::arrived(std::size_t servers, std::uint32_t job, double power_w) {
+  loads_[servers].jobs.emplace_back(job, power_w);
+}
+
+void TraceWriter::left(std::size_t servers, std::uint32_t job) {
+  auto& jobs = loads_[servers].jobs;
+  jobs.erase(std::ranges::find(jobs, job, &std::pair<std::uint32_t, double>::first));
+}
+
+double TraceWriter::ServerLoad::power_w() const {
+  const bool shared = discipline == Discipline::kProcessorSharing;
+  const auto all = static_cast<double>(jobs.size());
+  const double rate = shared && all > servers ? servers / all : 1;
+  const std::size_t served =
+      shared ? jobs.size() : std::min(jobs.size(), static_cast<std::size_t>(servers));
+  double sum = idle_w;
+  for (std::size_t i = 0; i < served; ++i) sum += rate * jobs[i].second;
+  return sum;
+}
+
+/// Several things may happen at one moment; what they come to counts.
+void TraceWriter::settled(Nanos now) {
+  if (now > settled_at_) write_counters();
+  settled_at_ = now;
+  power_.clear();
+  for (const auto& load : loads_) power_.push_back(load.power_w());
+  depth_.clear();
+  for (UnitId unit = 0; unit < run_.platform.units.size(); ++unit) {
+    depth_.push_back(dispatcher_.load(unit) - dispatcher_.running(unit));
+  }
+  depth_.push_back(static_cast<double>(dispatcher_.waiting()));
+}
+
+void TraceWriter::write_counters() {
+  counter("power W", power_, power_keys_, last_power_, settled_at_);
+  counter("queue depth", depth_, depth_keys_, last_depth_, settled_at_);
+}
+
+void TraceWriter::counter(const char* name, const std::vector<double>& values,
+                          const std::vector<std::string>& keys, std::vector<double>& last,
+                          Nanos at) {
+  if (values == last) return;
+  last = values;
+  std::string line =
+      fmt::format(R"({{"name":"{}","ph":"C","pid":0,"tid":0,"ts":{},"args":{{)", name, us(at));
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    fmt::format_to(std::back_inserter(line), "{}{}:{}", i == 0 ? "" : ",", keys[i], values[i]);
+  }
+  file_.event(line + "}}");
+}
+
+void TraceWriter::finish(Nanos makespan) {
+  write_counters();
+  // The run ends here, and with it what idle units draw.
+  std::ranges::fill(power_, 0);
+  counter("power W", power_, power_keys_, last_power_, std::max(makespan, settled_at_));
+  auto header = to_json(setup_);
+  header["platform"] = run_.platform.name;
+  header["mix"] = run_.mix.name;
+  header["seed"] = run_.seed;
+  file_.finish(header);
+}
+
+}  // namespace pirt

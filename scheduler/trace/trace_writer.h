@@ -1,0 +1,98 @@
+// Writes a run as it goes: tracks, counters and flows for Perfetto, and the dispatcher's log for
+// `pirt replay`.
+//
+// Tracks: a process a unit, in it a thread a slot, in that a slice a task, from start to
+// completion. Slices of a slot never overlap. Flows lead from a task to those that waited for it.
+// Counters: power, by unit and link, and queue depth, by unit and for tasks that are in no unit's
+// queue.
+//
+// Power is what servers and links draw and what units draw idle; joules that a call costs as a
+// whole (call_j, a meter's, those of operations and bytes) have no place in time and are left out.
+#pragma once
+
+#include <deque>
+#include <filesystem>
+#include <map>
+#include <set>
+#include <string>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "scheduler/trace/log_json.h"
+#include "scheduler/trace/trace_file.h"
+#include "scheduler/virtual_time.h"
+
+namespace pirt {
+
+class TraceWriter final : public DispatcherObserver, public RunObserver {
+ public:
+  /// @param run         For names; its references must outlive the writer.
+  /// @param dispatcher  For the depth of its queues; must outlive the writer.
+  /// @throws Error{kBadInput} if nothing can be written there.
+  TraceWriter(const std::filesystem::path& path, const VirtualSetup& run,
+              const Dispatcher& dispatcher, DispatcherSetup setup);
+
+  void on_input(const DispatcherInput& input, std::span<const Start> started,
+                std::span<const Ended> ended) override;
+  void submitting(TaskId task, std::size_t pipeline, std::size_t position,
+                  std::uint64_t firing) override;
+  void arrived(std::size_t servers, std::uint32_t job, double power_w) override;
+  void left(std::size_t servers, std::uint32_t job) override;
+  void settled(Nanos now) override;
+
+  /// The trace is there after this.
+  /// @param makespan  To where idle units draw power.
+  /// @throws Error{kBadInput} if it cannot be written.
+  void finish(Nanos makespan);
+
+ private:
+  struct Slot {
+    UnitId unit = 0;
+    std::size_t lane = 0;
+  };
+  /// Where in a slice a flow begins.
+  struct FlowStart {
+    Slot slot;
+    Nanos at{0};
+  };
+  struct TaskTrack {
+    std::size_t pipeline = 0, position = 0;
+    std::uint64_t firing = 0;
+    std::vector<TaskId> successors;
+    std::vector<FlowStart> flows;  ///< Of its predecessors that are complete.
+    Slot slot;
+    Nanos started_at{0}, ready_at{0};
+  };
+  struct ServerLoad {
+    int servers = 1;
+    Discipline discipline = Discipline::kFifo;
+    double idle_w = 0;
+    std::deque<std::pair<std::uint32_t, double>> jobs;  ///< In order of arrival, with their watts.
+    [[nodiscard]] double power_w() const;
+  };
+
+  void name_tracks();
+  void start(const Start& start, Nanos now);
+  void end_slice(TaskId task, Nanos now);
+  std::size_t take_lane(UnitId unit);
+  void counter(const char* name, const std::vector<double>& values,
+               const std::vector<std::string>& keys, std::vector<double>& last, Nanos at);
+  void write_counters();
+
+  const VirtualSetup& run_;
+  const Dispatcher& dispatcher_;
+  DispatcherSetup setup_;
+  TraceFile file_;
+  std::unordered_map<TaskId, TaskTrack> tasks_;
+  std::vector<std::set<std::size_t>> free_lanes_;  ///< By unit.
+  std::vector<std::size_t> lanes_;                 ///< By unit: how many there are.
+  std::vector<ServerLoad> loads_;                  ///< Units, then links.
+  std::vector<std::string> power_keys_, depth_keys_;
+  std::vector<double> power_, depth_;            ///< At settled_at_, not yet written.
+  std::vector<double> last_power_, last_depth_;  ///< As written.
+  Nanos settled_at_{0};
+  std::uint64_t flows_ = 0;
+};
+
+}  // namespace pirt
