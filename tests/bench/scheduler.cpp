@@ -2,7 +2,7 @@
 // platform `fake`, mode advanced.
 //
 // Usage: scheduler [tasks in millions ...]; default 1 10. Prints tasks/s and the peak memory of the
-// process after each.
+// process after each. Then the same beside SimGrid S4U, where that is installed (libsimgrid-dev).
 #include <fmt/format.h>
 #include <sys/resource.h>
 
@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "scheduler/schedule.h"
+#include "tests/bench/peers/comparison.h"
 
 namespace {
 
@@ -51,5 +52,5 @@ int main(int argc, char** argv) {
                  static_cast<double>(record.completed) / elapsed_s / 1e6, peak_mib());
     }
   }
-  return 0;
+  return pirt::bench::compare_with_simgrid() ? 0 : 1;
 }
