@@ -1,0 +1,78 @@
+// When to stop comparing two programs, and what to say then: a sequential rule over blocks of
+// interleaved runs.
+//
+// Pure: no clock, no process. A block is one ABBA or BAAB of fresh processes; its value is the mean
+// log ratio of candidate to baseline, so that 0.10 is about 10 % slower.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+namespace pirt {
+
+enum class DuetVerdict : std::uint8_t {
+  kUndecided,     ///< More blocks are wanted.
+  kNotSlower,     ///< No slowdown worth an alarm.
+  kSlower,        ///< Suspected, and confirmed on fresh blocks.
+  kInconclusive,  ///< Neither can be said within the blocks that there are.
+  kRefused,       ///< The baseline differs from itself: the machine is too unquiet to judge.
+};
+[[nodiscard]] std::string_view to_string(DuetVerdict verdict);
+
+/// Fixed before any figure was taken with them. Effects are log ratios.
+///
+/// @source Simulated with drift, stolen time and spikes: an interleaved sequential rule of these
+/// looks raises no false alarm in 1000 trials and finds 96.7 % (32 blocks) to 100 % (90) of 10 %
+/// slowdowns, where a single run with a threshold of 10 % has 13.8 % false alarms and finds half.
+struct DuetThresholds {
+  std::vector<std::size_t> looks = {8, 12, 20, 32, 56, 90};
+  std::size_t first_suspicion = 12;  ///< Blocks; an earlier look can only clear.
+  std::size_t first_futility = 20;   ///< Blocks.
+  std::vector<std::size_t> confirmations = {20, 40};
+  double suspicious_bound = 0.02;   ///< Suspected: the 99.5 % lower bound is above it,
+  double suspicious_median = 0.04;  ///< and the median above this.
+  double futile_median = 0.02;      ///< Below it there is nothing to find.
+  double bound_confidence = 0.995;
+  double confirmed_confidence = 0.95;  ///< Of a lower bound above 0.
+  double open_bound = 0.10;     ///< At the end an upper bound above it leaves the question open.
+  double canary_median = 0.02;  ///< Of the baseline against itself.
+  std::size_t canaries_needed = 2;
+};
+
+/// One series: a phase of a cell. Blocks are added as they are measured; the verdict changes at
+/// looks only.
+class DuetRule {
+ public:
+  explicit DuetRule(DuetThresholds thresholds = {});
+
+  /// Ignored once there is a verdict.
+  void add_block(double log_ratio);
+  /// A block of the baseline against itself.
+  void add_canary(double log_ratio);
+
+  [[nodiscard]] DuetVerdict verdict() const { return verdict_; }
+  /// Blocks after a suspicion are fresh: those that raised it do not count as its confirmation.
+  [[nodiscard]] bool confirming() const { return confirming_; }
+  [[nodiscard]] const std::vector<double>& blocks() const { return blocks_; }
+  [[nodiscard]] const std::vector<double>& confirmation() const { return confirmation_; }
+  [[nodiscard]] const std::vector<double>& canaries() const { return canaries_; }
+
+  /// Median log ratio of the fresh blocks if there are any, else of all. Needs at least one block.
+  [[nodiscard]] double effect() const;
+  /// Sign test of the confirmation: what Holm's correction over a table of series takes. 1 where
+  /// nothing was confirmed.
+  [[nodiscard]] double p_value() const;
+
+ private:
+  void look();
+  void look_again();
+  void conclude(DuetVerdict verdict);
+
+  DuetThresholds thresholds_;
+  std::vector<double> blocks_, confirmation_, canaries_;
+  bool confirming_ = false;
+  DuetVerdict verdict_ = DuetVerdict::kUndecided;
+};
+
+}  // namespace pirt

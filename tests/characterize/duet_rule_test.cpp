@@ -1,0 +1,140 @@
+// The sequential rule: each way to a verdict, and simulated rates of false alarms and misses.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "characterize/duet/rule.h"
+#include "workloads/base/random.h"
+
+namespace pirt {
+namespace {
+
+void add(DuetRule& rule, int blocks, double log_ratio) {
+  for (int i = 0; i < blocks; ++i) rule.add_block(log_ratio);
+}
+
+TEST(DuetRule, ClearsEqualProgramsAtTheFirstLook) {
+  DuetRule rule;
+  add(rule, 7, 0.001);
+  EXPECT_EQ(rule.verdict(), DuetVerdict::kUndecided);
+  rule.add_block(0.001);  // 8 of 8 below 4 %: the 99.5 % upper bound is.
+  EXPECT_EQ(rule.verdict(), DuetVerdict::kNotSlower);
+  EXPECT_EQ(rule.p_value(), 1);
+}
+
+TEST(DuetRule, SuspectsNotBeforeTwelveBlocksAndConfirmsOnFreshOnes) {
+  DuetRule rule;
+  add(rule, 11, 0.10);
+  EXPECT_FALSE(rule.confirming());
+  rule.add_block(0.10);
+  EXPECT_TRUE(rule.confirming());
+  EXPECT_EQ(rule.verdict(), DuetVerdict::kUndecided);
+  add(rule, 19, 0.10);
+  EXPECT_EQ(rule.verdict(), DuetVerdict::kUndecided);
+  rule.add_block(0.10);
+  EXPECT_EQ(rule.verdict(), DuetVerdict::kSlower);
+  EXPECT_NEAR(rule.effect(), 0.10, 1e-12);
+  EXPECT_NEAR(rule.p_value(), std::pow(0.5, 20), 1e-15);
+  rule.add_block(-1);
+  EXPECT_EQ(rule.confirmation().size(), 20U) << "nothing is added after a verdict";
+}
+
+TEST(DuetRule, DropsASuspicionThatFreshBlocksDoNotBear) {
+  DuetRule rule;
+  add(rule, 12, 0.10);
+  add(rule, 40, 0.005);
+  EXPECT_EQ(rule.verdict(), DuetVerdict::kNotSlower);
+}
+
+TEST(DuetRule, GivesUpOnWhatIsTooSmallToFind) {
+  // Half the blocks at -5 % and half at +6 %: no bound clears it, the median is below 2 %.
+  DuetRule rule;
+  for (int i = 0; i < 10; ++i) {
+    rule.add_block(-0.05);
+    rule.add_block(0.06);
+    if (i == 5) {
+      EXPECT_EQ(rule.verdict(), DuetVerdict::kUndecided);
+    }
+  }
+  EXPECT_EQ(rule.verdict(), DuetVerdict::kNotSlower);
+  EXPECT_EQ(rule.blocks().size(), 20U);
+}
+
+TEST(DuetRule, LeavesTheQuestionOpenAtTheLastLook) {
+  // Half at -24 % and half at 30 %: median 3 %, too little to suspect, and a bound beyond 10 %.
+  DuetRule rule;
+  for (int i = 0; i < 90; ++i) rule.add_block(i % 2 == 0 ? -0.24 : 0.30);
+  EXPECT_EQ(rule.verdict(), DuetVerdict::kInconclusive);
+  EXPECT_EQ(rule.blocks().size(), 90U);
+}
+
+TEST(DuetRule, RefusesWhereTheBaselineDiffersFromItself) {
+  DuetRule rule;
+  rule.add_canary(0.03);
+  rule.add_canary(0.04);
+  add(rule, 12, 0.10);
+  add(rule, 20, 0.10);
+  EXPECT_EQ(rule.verdict(), DuetVerdict::kRefused);
+  DuetRule quiet;
+  quiet.add_canary(0.01);
+  quiet.add_canary(-0.01);
+  add(quiet, 8, 0);
+  EXPECT_EQ(quiet.verdict(), DuetVerdict::kNotSlower);
+}
+
+/// Blocks as a shared machine has them: noise, a spike now and then that hits either side.
+class Machine {
+ public:
+  Machine(double noise, std::uint64_t seed) : noise_(noise), random_(seed) {}
+  double block(double slowdown) {
+    double value = slowdown + noise_ * normal();
+    if (random_.next() % 20 == 0) value += 0.5 * (uniform() - 0.5);
+    return value;
+  }
+
+ private:
+  double uniform() { return (static_cast<double>(random_.next() >> 11) + 0.5) * 0x1p-53; }
+  double normal() {
+    return std::sqrt(-2 * std::log(uniform())) * std::cos(2 * std::numbers::pi * uniform());
+  }
+  double noise_;
+  Random random_;
+};
+
+struct Rates {
+  int slower = 0, not_slower = 0, inconclusive = 0, refused = 0;
+};
+
+Rates simulate(double noise, double slowdown, int trials) {
+  Rates rates;
+  for (int trial = 0; trial < trials; ++trial) {
+    Machine machine(noise, static_cast<std::uint64_t>(trial) + 1);
+    DuetRule rule;
+    for (int i = 0; rule.verdict() == DuetVerdict::kUndecided; ++i) {
+      if (i % 4 == 3) rule.add_canary(machine.block(0));
+      rule.add_block(machine.block(slowdown));
+    }
+    rates.slower += rule.verdict() == DuetVerdict::kSlower ? 1 : 0;
+    rates.not_slower += rule.verdict() == DuetVerdict::kNotSlower ? 1 : 0;
+    rates.inconclusive += rule.verdict() == DuetVerdict::kInconclusive ? 1 : 0;
+    rates.refused += rule.verdict() == DuetVerdict::kRefused ? 1 : 0;
+  }
+  return rates;
+}
+
+TEST(DuetRule, RaisesNoFalseAlarmAndFindsTenPercentInSimulation) {
+  constexpr int kTrials = 2000;
+  for (const double noise : {0.005, 0.02, 0.05}) {
+    const Rates same = simulate(noise, 0, kTrials);
+    EXPECT_EQ(same.slower, 0) << noise;
+  }
+  // Up to 2 % noise of a block, 10 % slower is found nearly always.
+  for (const double noise : {0.005, 0.02}) {
+    EXPECT_GE(simulate(noise, std::log(1.10), kTrials).slower, kTrials * 97 / 100) << noise;
+  }
+  EXPECT_EQ(simulate(0.01, std::log(1.10), kTrials).not_slower, 0);
+}
+
+}  // namespace
+}  // namespace pirt
