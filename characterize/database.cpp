@@ -213,7 +213,6 @@ std::optional<UnfinishedRun> find_unfinished_run(const std::filesystem::path& pa
                    "SELECT run_id, plan FROM run WHERE finished IS NULL AND plan IS NOT NULL "
                    "ORDER BY run_id DESC LIMIT 1");
   if (!newest.step()) return std::nullopt;
-  verify_run(connection, newest.integer(0));
   UnfinishedRun found{read_run(connection, newest.integer(0)), newest.text(1), {}};
   Statement cells(connection, "SELECT workload, unit FROM cell WHERE run_id = ? ORDER BY cell_id");
   cells.bind(found.run.run_id);
@@ -225,7 +224,6 @@ std::vector<RowSamples> load_samples(const std::filesystem::path& path, std::int
   const auto connection = open_database(path, Connection::Mode::kReadOnly);
   Statement exists(connection, "SELECT 1 FROM run WHERE run_id = ?");
   if (!exists.bind(run_id).step()) return {};
-  verify_run(connection, run_id);
   Statement query(connection,
                   "SELECT measurement_id, workload, unit, phase, state, ns, process FROM cell "
                   "JOIN measurement USING (cell_id) JOIN sample USING (measurement_id) "

@@ -134,7 +134,7 @@ sqlite::Connection open_database(const std::filesystem::path& path, sqlite::Conn
   const auto version = stored_version(connection);
   check_version(path.string(), version);
   if (version < kDatabaseVersion && !write) return migrated_copy(connection);
-  check_structure(connection, database_format(version));
+  verify_all(connection, database_format(version));
   connection.run("COMMIT");
   if (write && sqlite3_db_readonly(connection.handle(), "main") != 0) {
     connection.fail(SQLITE_READONLY);

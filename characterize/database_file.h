@@ -13,9 +13,9 @@ namespace pirt {
 inline constexpr Nanos kBusyWait = std::chrono::seconds(10);
 
 /// Opens an existing profile database after checking what it is, its version, its structure
-/// (integrity_check) and its schema. A journal left by a killed writer is rolled back; apart from
-/// that nothing is written to a file of the present version. An older one is migrated
-/// (database_migration.h): for reading in memory, for writing in the file.
+/// (integrity_check), its schema and all its checksums. A journal left by a killed writer is rolled
+/// back; apart from that nothing is written to a file of the present version. An older one is
+/// migrated (database_migration.h): for reading in memory, for writing in the file.
 /// @throws Error{kBadInput}: missing, a folder, empty, no SQLite database, another application's,
 /// newer, in WAL mode, damaged.
 /// @throws Error{kEnvironment}: busy, unreadable disk.

@@ -115,19 +115,19 @@ void check_structure(const Connection& connection, const DatabaseFormat& format)
   }
 }
 
-void verify_run(const Connection& connection, std::int64_t run_id, const DatabaseFormat& format) {
-  Statement run(connection, "SELECT checksum FROM run WHERE run_id = ?");
-  run.bind(run_id);
-  if (!run.step() || run.integer(0) != run_checksum(connection, run_id, format)) {
-    connection.fail_damaged(fmt::format("checksum of run {}", run_id));
+void verify_all(const Connection& connection, const DatabaseFormat& format) {
+  check_structure(connection, format);
+  Statement runs(connection, "SELECT run_id, checksum FROM run");
+  while (runs.step()) {
+    if (runs.integer(1) != run_checksum(connection, runs.integer(0), format)) {
+      connection.fail_damaged(fmt::format("checksum of run {}", runs.integer(0)));
+    }
   }
-  Statement cells(connection,
-                  "SELECT cell_id, workload, unit, checksum FROM cell WHERE run_id = ?");
-  cells.bind(run_id);
+  Statement cells(connection, "SELECT cell_id, workload, unit, run_id, checksum FROM cell");
   while (cells.step()) {
-    if (cells.integer(3) != cell_checksum(connection, cells.integer(0), format)) {
-      connection.fail_damaged(
-          fmt::format("checksum of {} on {} in run {}", cells.text(1), cells.text(2), run_id));
+    if (cells.integer(4) != cell_checksum(connection, cells.integer(0), format)) {
+      connection.fail_damaged(fmt::format("checksum of {} on {} in run {}", cells.text(1),
+                                          cells.text(2), cells.integer(3)));
     }
   }
 }

@@ -37,8 +37,10 @@ struct DatabaseFormat {
 void check_structure(const sqlite::Connection& connection,
                      const DatabaseFormat& format = database_format());
 
-/// @throws Error{kBadInput} if the run's own checksum, or that of one of its cells, does not match.
-void verify_run(const sqlite::Connection& connection, std::int64_t run_id,
+/// check_structure, and the checksums of every run and every cell. Also of runs that are not shown:
+/// damage in a newer one (its platform's name, say) would silently show the figures of an older.
+/// @throws Error{kBadInput}: damaged, saying what.
+void verify_all(const sqlite::Connection& connection,
                 const DatabaseFormat& format = database_format());
 
 }  // namespace pirt

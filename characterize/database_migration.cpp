@@ -29,14 +29,6 @@ std::vector<std::int64_t> ids(const Connection& connection, std::string_view sql
   return found;
 }
 
-/// Nothing damaged may go on with a checksum that is right.
-void verify_all(const Connection& connection, const DatabaseFormat& format) {
-  check_structure(connection, format);
-  for (const auto run_id : ids(connection, "SELECT run_id FROM run")) {
-    verify_run(connection, run_id, format);
-  }
-}
-
 void set_checksums(const Connection& connection, const DatabaseFormat& format) {
   Statement run(connection, "UPDATE run SET checksum = ? WHERE run_id = ?");
   for (const auto id : ids(connection, "SELECT run_id FROM run")) {
@@ -153,6 +145,7 @@ std::int64_t stored_version(const Connection& connection) {
 }
 
 Connection migrated_copy(Connection& source) {
+  // Nothing damaged may go on with a checksum that is right.
   verify_all(source, database_format(stored_version(source)));
   Connection copy(source.path(), Connection::Mode::kMemory, Nanos(0));
   sqlite::copy_database(source, copy);

@@ -286,7 +286,6 @@ Profile load_profile(const std::filesystem::path& path, std::string_view platfor
   for (const EnergyRow& row : profile.energies) run_ids.insert(row.run_id);
   for (const PeakRow& row : profile.peaks) run_ids.insert(row.run_id);
   for (const std::int64_t run_id : run_ids) {
-    verify_run(connection, run_id);
     profile.runs.push_back(read_run(connection, run_id));
   }
   sort_rows(profile);
