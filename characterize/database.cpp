@@ -5,10 +5,16 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <numeric>
+#include <set>
 
 #include "characterize/database_file.h"
+#include "characterize/database_format.h"
+#include "characterize/environment.h"
+#include "characterize/profile_read.h"
 #include "characterize/sqlite.h"
 #include "characterize/statistics.h"
+#include "workloads/base/error.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -27,10 +33,25 @@ std::string join_cores(const std::vector<int>& cores) {
   return fmt::format("{}", fmt::join(cores, ","));
 }
 
+/// The process of each sample, as PhaseRecord::processes says.
+std::vector<std::int32_t> processes_of(const PhaseRecord& record) {
+  if (!record.processes.empty()) {
+    assert(record.processes.size() == record.samples.size());
+    return record.processes;
+  }
+  std::vector<std::int32_t> processes(record.samples.size(), 0);
+  if (record.state != State::kSteady) std::iota(processes.begin(), processes.end(), 0);
+  return processes;
+}
+
 void insert_samples(const Connection& connection, std::int64_t id, const PhaseRecord& record) {
-  Statement insert(connection, "INSERT INTO sample VALUES (?, ?, ?)");
+  const auto processes = processes_of(record);
+  Statement insert(connection,
+                   "INSERT INTO sample (measurement_id, position, ns, process) "
+                   "VALUES (?, ?, ?, ?)");
   for (std::size_t i = 0; i < record.samples.size(); ++i) {
-    insert.bind(id).bind(static_cast<std::int64_t>(i)).bind(record.samples[i]).run();
+    insert.bind(id).bind(static_cast<std::int64_t>(i)).bind(record.samples[i]);
+    insert.bind(std::int64_t{processes[i]}).run();
   }
 }
 
@@ -49,12 +70,14 @@ void insert_phase(const Connection& connection, std::int64_t cell_id, const Phas
   Statement insert(
       connection,
       "INSERT INTO measurement (cell_id, phase, state, provenance, valid, reasons, notes, "
-      "samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns) "
-      "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+      "samples, processes, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns) "
+      "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   insert.bind(cell_id).bind(to_string(record.phase)).bind(to_string(record.state));
   insert.bind(to_string(record.provenance)).bind(std::int64_t{record.reasons.empty()});
   insert.bind(join_words(record.reasons)).bind(join_words(record.notes));
   insert.bind(static_cast<std::int64_t>(record.samples.size()));
+  const auto processes = processes_of(record);
+  insert.bind(static_cast<std::int64_t>(std::set(processes.begin(), processes.end()).size()));
   insert.bind(of(&Statistics::median)).bind(of(&Statistics::mad));
   insert.bind(of(&Statistics::p95)).bind(of(&Statistics::p99));
   insert.bind(interval ? std::optional(interval->low) : std::nullopt);
@@ -66,10 +89,22 @@ void insert_phase(const Connection& connection, std::int64_t cell_id, const Phas
 void insert_energy(const Connection& connection, std::int64_t cell_id, const EnergyRecord& energy) {
   assert((energy.energy_j || !energy.reasons.empty()) && "no energy needs a reason");
   assert(!energy.energy_j || std::isfinite(*energy.energy_j));
-  Statement insert(connection, "INSERT INTO energy VALUES (?, ?, ?, ?, ?, ?)");
+  Statement insert(connection,
+                   "INSERT INTO energy (cell_id, energy_j, provenance, source, valid, reasons, "
+                   "domain, idle_subtracted) VALUES (?, ?, ?, ?, ?, ?, ?, ?)");
   insert.bind(cell_id).bind(energy.energy_j).bind(to_string(energy.provenance)).bind(energy.source);
   insert.bind(std::int64_t{energy.reasons.empty()}).bind(join_words(energy.reasons));
-  insert.run();
+  insert.bind(energy.domain).bind(std::int64_t{energy.idle_subtracted}).run();
+}
+
+/// Two programs that go on with the same run meet here.
+void refuse_twice(const Connection& connection, std::int64_t run_id, const CellRecord& cell) {
+  Statement query(connection, "SELECT 1 FROM cell WHERE run_id = ? AND workload = ? AND unit = ?");
+  if (!query.bind(run_id).bind(cell.workload).bind(cell.unit).step()) return;
+  throw_bad_input(fmt::format(
+      "profile database '{}' has {} on {} in run {} already: another program goes on with the same "
+      "run; let that one end",
+      connection.path().string(), cell.workload, cell.unit, run_id));
 }
 
 void update_run_checksum(const Connection& connection, std::int64_t run_id) {
@@ -92,12 +127,18 @@ std::int64_t ProfileWriter::begin_run(const RunHeader& header) {
   Connection& connection = impl_->connection;
   Transaction transaction(connection);
   Statement run(connection,
-                "INSERT INTO run (started, platform, seed, checksum) VALUES (?, ?, ?, 0)");
-  run.bind(header.started).bind(header.platform).bind(std::to_string(header.seed)).run();
+                "INSERT INTO run (started, platform, seed, plan, checksum) VALUES (?, ?, ?, ?, 0)");
+  run.bind(header.started).bind(header.platform).bind(std::to_string(header.seed));
+  run.bind(header.plan.empty() ? std::nullopt : std::optional<std::string_view>(header.plan)).run();
   const std::int64_t run_id = connection.last_row_id();
-  Statement fact(connection, "INSERT INTO environment VALUES (?, ?, ?)");
-  for (const auto& [key, value] : header.environment) fact.bind(run_id).bind(key).bind(value).run();
-  Statement insert(connection, "INSERT INTO unit VALUES (?, ?, ?, ?, ?, ?, ?)");
+  Statement fact(connection,
+                 "INSERT INTO environment (run_id, key, value, kind) VALUES (?, ?, ?, ?)");
+  for (const auto& [key, value] : header.environment) {
+    fact.bind(run_id).bind(key).bind(value).bind(to_string(fact_kind(key))).run();
+  }
+  Statement insert(connection,
+                   "INSERT INTO unit (run_id, unit, ordinal, backend, device, device_is_cpu, "
+                   "cores) VALUES (?, ?, ?, ?, ?, ?, ?)");
   std::int64_t ordinal = 0;
   for (const UnitRecord& unit : header.units) {
     insert.bind(run_id).bind(unit.unit).bind(ordinal++).bind(unit.backend).bind(unit.device);
@@ -111,6 +152,7 @@ std::int64_t ProfileWriter::begin_run(const RunHeader& header) {
 void ProfileWriter::write_cell(std::int64_t run_id, const CellRecord& cell) {
   Connection& connection = impl_->connection;
   Transaction transaction(connection);
+  refuse_twice(connection, run_id, cell);
   Statement insert(connection,
                    "INSERT INTO cell (run_id, workload, unit, ops, bytes, verification, checksum) "
                    "VALUES (?, ?, ?, ?, ?, ?, 0)");
@@ -121,6 +163,23 @@ void ProfileWriter::write_cell(std::int64_t run_id, const CellRecord& cell) {
   if (cell.energy) insert_energy(connection, cell_id, *cell.energy);
   Statement update(connection, "UPDATE cell SET checksum = ? WHERE cell_id = ?");
   update.bind(cell_checksum(connection, cell_id)).bind(cell_id).run();
+  transaction.commit();
+}
+
+void ProfileWriter::write_peaks(std::int64_t run_id, std::span<const PeakRecord> peaks) {
+  Connection& connection = impl_->connection;
+  Transaction transaction(connection);
+  Statement insert(connection,
+                   "INSERT OR REPLACE INTO peak (run_id, unit, kind, per_second, variant, "
+                   "provenance, valid, reasons) VALUES (?, ?, ?, ?, ?, ?, ?, ?)");
+  for (const PeakRecord& peak : peaks) {
+    assert((peak.per_second || !peak.reasons.empty()) && "no figure needs a reason");
+    assert(!peak.per_second || (std::isfinite(*peak.per_second) && *peak.per_second > 0));
+    insert.bind(run_id).bind(peak.unit).bind(to_string(peak.kind)).bind(peak.per_second);
+    insert.bind(peak.variant).bind(to_string(peak.provenance));
+    insert.bind(std::int64_t{peak.reasons.empty()}).bind(join_words(peak.reasons)).run();
+  }
+  update_run_checksum(connection, run_id);
   transaction.commit();
 }
 
@@ -148,13 +207,25 @@ std::vector<std::string> split_words(const std::string& text) {
   return words;
 }
 
+std::optional<UnfinishedRun> find_unfinished_run(const std::filesystem::path& path) {
+  const auto connection = open_database(path, Connection::Mode::kReadOnly);
+  Statement newest(connection,
+                   "SELECT run_id, plan FROM run WHERE finished IS NULL AND plan IS NOT NULL "
+                   "ORDER BY run_id DESC LIMIT 1");
+  if (!newest.step()) return std::nullopt;
+  UnfinishedRun found{read_run(connection, newest.integer(0)), newest.text(1), {}};
+  Statement cells(connection, "SELECT workload, unit FROM cell WHERE run_id = ? ORDER BY cell_id");
+  cells.bind(found.run.run_id);
+  while (cells.step()) found.done.push_back({cells.text(0), cells.text(1)});
+  return found;
+}
+
 std::vector<RowSamples> load_samples(const std::filesystem::path& path, std::int64_t run_id) {
   const auto connection = open_database(path, Connection::Mode::kReadOnly);
   Statement exists(connection, "SELECT 1 FROM run WHERE run_id = ?");
   if (!exists.bind(run_id).step()) return {};
-  verify_run(connection, run_id);
   Statement query(connection,
-                  "SELECT measurement_id, workload, unit, phase, state, ns FROM cell "
+                  "SELECT measurement_id, workload, unit, phase, state, ns, process FROM cell "
                   "JOIN measurement USING (cell_id) JOIN sample USING (measurement_id) "
                   "WHERE run_id = ? ORDER BY measurement_id, position");
   query.bind(run_id);
@@ -169,9 +240,11 @@ std::vector<RowSamples> load_samples(const std::filesystem::path& path, std::int
                       query.text(2),
                       phase_from_string(query.text(3)).value(),
                       state_from_string(query.text(4)).value(),
+                      {},
                       {}});
     }
     rows.back().samples.push_back(Nanos(query.integer(5)));
+    rows.back().processes.push_back(static_cast<std::int32_t>(query.integer(6)));
   }
   return rows;
 }

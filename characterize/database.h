@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,7 @@ struct RunHeader {
   std::uint64_t seed = 0;
   std::map<std::string, std::string> environment;  ///< No empty values.
   std::vector<UnitRecord> units;
+  std::string plan = {};  ///< What find_unfinished_run gives back; empty = cannot be resumed.
 };
 
 /// One row of profile_summary with its samples; the statistics are computed when it is written, so
@@ -36,13 +38,29 @@ struct PhaseRecord {
   std::vector<std::string> reasons;  ///< Empty = valid; never empty without samples.
   std::vector<std::string> notes;
   std::vector<Nanos> samples;
+  /// Of each sample the worker process that took it, from 0. Empty = one process took all, or, in a
+  /// set-up phase, which happens once in a process, each its own.
+  std::vector<std::int32_t> processes = {};
 };
 
+/// The defaults are those of model_energy, whose watts are above idle.
 struct EnergyRecord {
   std::optional<double> energy_j;
   Provenance provenance = Provenance::kModelled;
   std::string source;
   std::vector<std::string> reasons;  ///< Empty = valid; never empty without energy_j.
+  std::string domain = "unit";       ///< What the meter or model covers.
+  bool idle_subtracted = true;       ///< What the domain takes anyway is not in energy_j.
+};
+
+/// What a unit can do at most.
+struct PeakRecord {
+  std::string unit;
+  PeakKind kind = PeakKind::kF32;
+  std::optional<double> per_second;  ///< Operations or bytes, above 0.
+  std::string variant;               ///< Which loop was the fastest; empty if none ran.
+  Provenance provenance = Provenance::kMeasured;
+  std::vector<std::string> reasons;  ///< Empty = valid; never empty without per_second.
 };
 
 /// Everything about one workload on one unit.
@@ -73,7 +91,11 @@ class ProfileWriter {
   /// happens.
   /// @throws Error{kEnvironment}: another program is writing, no space, input/output error.
   std::int64_t begin_run(const RunHeader& header);
+  /// Also into a run that another process began (find_unfinished_run).
+  /// @throws Error{kBadInput}: the run has that cell already.
   void write_cell(std::int64_t run_id, const CellRecord& cell);
+  /// Peaks of units of the run; takes the place of earlier ones of the same unit and kind.
+  void write_peaks(std::int64_t run_id, std::span<const PeakRecord> peaks);
   void finish_run(std::int64_t run_id, const std::string& finished);
 
  private:
@@ -86,12 +108,29 @@ class ProfileWriter {
 [[nodiscard]] std::string join_words(const std::vector<std::string>& words);
 [[nodiscard]] std::vector<std::string> split_words(const std::string& text);
 
+struct CellName {
+  std::string workload, unit;
+  friend bool operator==(const CellName&, const CellName&) = default;
+};
+
+/// A run that did not end, and what is needed to go on with it.
+struct UnfinishedRun {
+  RunInfo run;
+  std::string plan;            ///< RunHeader::plan.
+  std::vector<CellName> done;  ///< The cells that are stored, in the order of storing.
+};
+
+/// The newest run that did not end and has a plan; nothing if there is none.
+/// @throws Error as load_profile, but not because there are no measurements yet.
+[[nodiscard]] std::optional<UnfinishedRun> find_unfinished_run(const std::filesystem::path& path);
+
 /// The raw samples behind one row of profile_summary.
 struct RowSamples {
   std::string workload, unit;
   Phase phase = Phase::kCall;
   State state = State::kSteady;
-  std::vector<Nanos> samples;  ///< In the order in which they were taken.
+  std::vector<Nanos> samples;           ///< In the order in which they were taken.
+  std::vector<std::int32_t> processes;  ///< Of each sample, the worker process that took it.
 };
 
 /// The samples of all rows of one run that have any; empty if there is no such run.

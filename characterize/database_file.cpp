@@ -10,8 +10,8 @@
 #include <span>
 #include <system_error>
 
-#include "schema_files.h"
-#include "workloads/base/embedded.h"
+#include "characterize/database_format.h"
+#include "characterize/database_migration.h"
 #include "workloads/base/error.h"
 
 namespace pirt {
@@ -19,10 +19,6 @@ namespace {
 
 using sqlite::Connection;
 using sqlite::Statement;
-
-std::string schema_text() {
-  return std::string(find_embedded(schema_files::files(), "schema.sql").value());
-}
 
 constexpr std::size_t kHeaderBytes = 100;
 
@@ -32,6 +28,21 @@ std::uint32_t header_word(std::span<const unsigned char> header, std::size_t off
   std::uint32_t value = 0;
   for (std::size_t i = 0; i < 4; ++i) value = value << 8 | header[offset + i];
   return value;
+}
+
+void check_version(const std::string& name, std::int64_t version) {
+  if (version > kDatabaseVersion) {
+    throw_bad_input(fmt::format(
+        "profile database '{}' has format {}, and this pirt knows formats {} to {}; use a newer "
+        "pirt",
+        name, version, kOldestDatabaseVersion, kDatabaseVersion));
+  }
+  if (version < kOldestDatabaseVersion) {
+    throw_bad_input(fmt::format(
+        "profile database '{}' has format {}, which there never was; it is damaged, or another "
+        "program changed it: restore a copy, or characterize again into a new file",
+        name, version));
+  }
 }
 
 /// Checks by its first bytes what a file is, before SQLite, which would take an empty file for an
@@ -79,11 +90,7 @@ void identify(const std::filesystem::path& path) {
         "'{}' is a database of another application; give a file that pirt characterize made",
         name));
   }
-  if (const auto version = header_word(header, 60); version != kDatabaseVersion) {
-    throw_bad_input(fmt::format(
-        "profile database '{}' has format {}, and this pirt knows {}; {}", name, version,
-        kDatabaseVersion, version > kDatabaseVersion ? "use a newer pirt" : "characterize again"));
-  }
+  check_version(name, header_word(header, 60));
   if (header[18] != 1 || header[19] != 1) {
     throw_bad_input(
         fmt::format("profile database '{}' is not in journal mode DELETE; convert it with: "
@@ -104,49 +111,6 @@ void recover(const std::filesystem::path& path, Nanos busy_wait) {
   Statement(connection, "SELECT count(*) FROM sqlite_schema").run();
 }
 
-std::map<std::string, std::string> schema_objects(const Connection& connection) {
-  std::map<std::string, std::string> objects;
-  Statement query(connection, "SELECT name, sql FROM sqlite_schema WHERE sql IS NOT NULL");
-  while (query.step()) objects[query.text(0)] = query.text(1);
-  return objects;
-}
-
-/// Tables and views of others are left alone; pirt's own must be exactly those of schema.sql.
-void check_schema(const Connection& connection) {
-  Connection fresh(":memory:", Connection::Mode::kCreate, Nanos(0));
-  fresh.run(schema_text());
-  const auto actual = schema_objects(connection);
-  for (const auto& [name, sql] : schema_objects(fresh)) {
-    const auto it = actual.find(name);
-    if (it == actual.end()) connection.fail_damaged(fmt::format("'{}' is missing", name));
-    if (it->second != sql) {
-      connection.fail_damaged(fmt::format("the definition of '{}' was changed", name));
-    }
-  }
-}
-
-void check_structure(const Connection& connection) {
-  Statement integrity(connection, "PRAGMA integrity_check(1)");
-  if (!integrity.step() || integrity.text(0) != "ok") connection.fail_damaged(integrity.text(0));
-  check_schema(connection);
-  Statement references(connection, "PRAGMA foreign_key_check");
-  if (references.step()) {
-    connection.fail_damaged(fmt::format("a row of '{}' refers to nothing", references.text(0)));
-  }
-}
-
-std::int64_t checksum(const Connection& connection, std::int64_t id,
-                      std::initializer_list<std::string_view> queries) {
-  Hash64 hash;
-  for (const auto sql : queries) {
-    Statement query(connection, sql);
-    query.bind(id);
-    while (query.step()) query.hash_row(hash);
-    hash.add(sql);
-  }
-  return static_cast<std::int64_t>(hash.value());
-}
-
 /// Links @p made to @p path unless something has that name by now; true if it did.
 bool link_new(const std::filesystem::path& made, const std::filesystem::path& path) {
   if (::link(made.c_str(), path.c_str()) == 0) return true;
@@ -164,11 +128,18 @@ sqlite::Connection open_database(const std::filesystem::path& path, sqlite::Conn
   identify(path);
   recover(path, busy_wait);
   Connection connection(path, mode, busy_wait);
-  check_structure(connection);
-  if (mode == Connection::Mode::kReadWrite &&
-      sqlite3_db_readonly(connection.handle(), "main") != 0) {
+  const bool write = mode == Connection::Mode::kReadWrite;
+  // One state of the file from its version on, though another program may be migrating it.
+  connection.run("BEGIN");
+  const auto version = stored_version(connection);
+  check_version(path.string(), version);
+  if (version < kDatabaseVersion && !write) return migrated_copy(connection);
+  verify_all(connection, database_format(version));
+  connection.run("COMMIT");
+  if (write && sqlite3_db_readonly(connection.handle(), "main") != 0) {
     connection.fail(SQLITE_READONLY);
   }
+  if (version < kDatabaseVersion) migrate_file(connection, busy_wait);
   return connection;
 }
 
@@ -180,7 +151,8 @@ void create_database(const std::filesystem::path& path) {
   try {
     {
       Connection connection(temporary, Connection::Mode::kCreate, Nanos(0));
-      connection.run("PRAGMA journal_mode = DELETE; BEGIN; " + schema_text() + "; COMMIT");
+      connection.run("PRAGMA journal_mode = DELETE; BEGIN; " +
+                     std::string(database_format().schema) + "; COMMIT");
     }
     link_new(temporary, path);
   } catch (const Error& error) {
@@ -193,43 +165,6 @@ void create_database(const std::filesystem::path& path) {
                                 path.string(), error.code().message()));
   }
   std::filesystem::remove(temporary, ignored);
-}
-
-std::int64_t run_checksum(const sqlite::Connection& connection, std::int64_t run_id) {
-  return checksum(connection, run_id,
-                  {"SELECT run_id, started, finished, platform, seed FROM run WHERE run_id = ?",
-                   "SELECT key, value FROM environment WHERE run_id = ? ORDER BY key",
-                   "SELECT unit, ordinal, backend, device, device_is_cpu, cores FROM unit "
-                   "WHERE run_id = ? ORDER BY unit"});
-}
-
-std::int64_t cell_checksum(const sqlite::Connection& connection, std::int64_t cell_id) {
-  return checksum(
-      connection, cell_id,
-      {"SELECT run_id, workload, unit, ops, bytes, verification FROM cell WHERE cell_id = ?",
-       "SELECT phase, state, provenance, valid, reasons, notes, samples, median_ns, mad_ns, "
-       "p95_ns, "
-       "p99_ns, ci_low_ns, ci_high_ns FROM measurement WHERE cell_id = ? ORDER BY phase, state",
-       "SELECT phase, state, position, ns FROM measurement JOIN sample USING (measurement_id) "
-       "WHERE cell_id = ? ORDER BY phase, state, position",
-       "SELECT energy_j, provenance, source, valid, reasons FROM energy WHERE cell_id = ?"});
-}
-
-void verify_run(const sqlite::Connection& connection, std::int64_t run_id) {
-  Statement run(connection, "SELECT checksum FROM run WHERE run_id = ?");
-  run.bind(run_id);
-  if (!run.step() || run.integer(0) != run_checksum(connection, run_id)) {
-    connection.fail_damaged(fmt::format("checksum of run {}", run_id));
-  }
-  Statement cells(connection,
-                  "SELECT cell_id, workload, unit, checksum FROM cell WHERE run_id = ?");
-  cells.bind(run_id);
-  while (cells.step()) {
-    if (cells.integer(3) != cell_checksum(connection, cells.integer(0))) {
-      connection.fail_damaged(
-          fmt::format("checksum of {} on {} in run {}", cells.text(1), cells.text(2), run_id));
-    }
-  }
 }
 
 }  // namespace pirt

@@ -9,15 +9,13 @@
 
 namespace pirt {
 
-inline constexpr std::int64_t kDatabaseApplicationId = 0x50495254;  ///< "PIRT", as in schema.sql.
-inline constexpr std::int64_t kDatabaseVersion = 1;
-
 /// How long another writer is waited for.
 inline constexpr Nanos kBusyWait = std::chrono::seconds(10);
 
 /// Opens an existing profile database after checking what it is, its version, its structure
-/// (integrity_check) and its schema. A journal left by a killed writer is rolled back; apart from
-/// that nothing is written.
+/// (integrity_check), its schema and all its checksums. A journal left by a killed writer is rolled
+/// back; apart from that nothing is written to a file of the present version. An older one is
+/// migrated (database_migration.h): for reading in memory, for writing in the file.
 /// @throws Error{kBadInput}: missing, a folder, empty, no SQLite database, another application's,
 /// newer, in WAL mode, damaged.
 /// @throws Error{kEnvironment}: busy, unreadable disk.
@@ -29,14 +27,5 @@ inline constexpr Nanos kBusyWait = std::chrono::seconds(10);
 /// so that no half-made one is ever seen.
 /// @throws Error as open_database.
 void create_database(const std::filesystem::path& path);
-
-/// Hash of everything that a run (environment and units included) or a cell (measurements, samples,
-/// energy) holds, apart from the checksum itself.
-[[nodiscard]] std::int64_t run_checksum(const sqlite::Connection& connection, std::int64_t run_id);
-[[nodiscard]] std::int64_t cell_checksum(const sqlite::Connection& connection,
-                                         std::int64_t cell_id);
-
-/// @throws Error{kBadInput} if the run's own checksum, or that of one of its cells, does not match.
-void verify_run(const sqlite::Connection& connection, std::int64_t run_id);
 
 }  // namespace pirt

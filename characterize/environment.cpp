@@ -144,6 +144,20 @@ std::optional<std::string> hypervisor(const std::filesystem::path& root) {
 
 }  // namespace
 
+std::string_view to_string(FactKind kind) {
+  return kind == FactKind::kIdentity ? "identity" : "information";
+}
+
+FactKind fact_kind(std::string_view key) {
+  constexpr std::array<std::string_view, 8> kIdentity = {
+      "cpu_model", "cpu_flags", "cores_usable",   "images_hash",
+      "precision", "compiler",  "compiler_flags", "build_type"};
+  constexpr std::string_view kUnknown = "_unknown";
+  if (key.ends_with(kUnknown)) key.remove_suffix(kUnknown.size());
+  const bool listed = std::ranges::find(kIdentity, key) != kIdentity.end();
+  return listed || key.starts_with("unit.") ? FactKind::kIdentity : FactKind::kInformation;
+}
+
 Environment host_environment(const std::filesystem::path& root) {
   const auto cpuinfo = root / "proc/cpuinfo";
   Environment facts;

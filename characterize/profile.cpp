@@ -3,12 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <set>
 #include <tuple>
 
 #include "characterize/database.h"
 #include "characterize/database_file.h"
+#include "characterize/database_format.h"
+#include "characterize/environment.h"
+#include "characterize/profile_read.h"
 #include "characterize/sqlite.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
@@ -19,6 +23,10 @@ namespace {
 
 using sqlite::Connection;
 using sqlite::Statement;
+
+/// In the order of PeakKind.
+constexpr std::array<std::string_view, 4> kPeakKinds = {"f32", "int8", "bandwidth_l2",
+                                                        "bandwidth_memory"};
 
 PhaseRow read_phase_row(const Statement& q) {
   PhaseRow row;
@@ -43,6 +51,7 @@ PhaseRow read_phase_row(const Statement& q) {
   row.ci_high = q.optional_nanos(17);
   row.ops = q.optional_integer(18);
   row.bytes = q.integer(19);
+  row.processes = q.integer(20);
   return row;
 }
 
@@ -54,7 +63,7 @@ std::vector<PhaseRow> read_phases(const Connection& connection, const std::strin
       connection,
       "SELECT run_id, platform, workload, unit, backend, phase, state, provenance, valid, "
       "reasons, notes, samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, "
-      "ops, bytes FROM profile_summary WHERE platform = ? ORDER BY run_id DESC");
+      "ops, bytes, processes FROM profile_summary WHERE platform = ? ORDER BY run_id DESC");
   query.bind(platform);
   while (query.step()) {
     PhaseRow row = read_phase_row(query);
@@ -71,7 +80,8 @@ std::vector<EnergyRow> read_energies(const Connection& connection, const std::st
   Statement query(
       connection,
       "SELECT run_id, workload, unit, energy_j, energy_summary.provenance, source, valid, "
-      "reasons FROM energy_summary JOIN run USING (run_id) WHERE platform = ? "
+      "reasons, domain, idle_subtracted FROM energy_summary JOIN run USING (run_id) WHERE platform "
+      "= ? "
       "ORDER BY run_id DESC");
   query.bind(platform);
   while (query.step()) {
@@ -84,7 +94,32 @@ std::vector<EnergyRow> read_energies(const Connection& connection, const std::st
     row.source = query.text(5);
     row.valid = query.integer(6) != 0;
     row.reasons = split_words(query.text(7));
+    row.domain = query.text(8);
+    row.idle_subtracted = query.integer(9) != 0;
     if (seen.emplace(row.workload, row.unit).second) rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+std::vector<PeakRow> read_peaks(const Connection& connection, const std::string& platform) {
+  std::vector<PeakRow> rows;
+  std::set<std::pair<std::string, PeakKind>> seen;
+  Statement query(connection,
+                  "SELECT run_id, unit, kind, per_second, variant, provenance, valid, reasons "
+                  "FROM peak JOIN run USING (run_id) WHERE platform = ? "
+                  "ORDER BY run_id DESC, unit, kind");
+  query.bind(platform);
+  while (query.step()) {
+    PeakRow row;
+    row.run_id = query.integer(0);
+    row.unit = query.text(1);
+    row.kind = peak_kind_from_string(query.text(2)).value();
+    if (!query.is_null(3)) row.per_second = query.real(3);
+    row.variant = query.text(4);
+    row.provenance = provenance_from_string(query.text(5)).value();
+    row.valid = query.integer(6) != 0;
+    row.reasons = split_words(query.text(7));
+    if (seen.emplace(row.unit, row.kind).second) rows.push_back(std::move(row));
   }
   return rows;
 }
@@ -100,6 +135,8 @@ std::vector<int> parse_cores(const std::string& text) {
   return cores;
 }
 
+}  // namespace
+
 RunInfo read_run(const Connection& connection, std::int64_t run_id) {
   RunInfo run;
   run.run_id = run_id;
@@ -110,9 +147,12 @@ RunInfo read_run(const Connection& connection, std::int64_t run_id) {
   run.platform = head.text(2);
   const std::string seed = head.text(3);
   std::from_chars(seed.data(), seed.data() + seed.size(), run.seed);
-  Statement facts(connection, "SELECT key, value FROM environment WHERE run_id = ?");
+  Statement facts(connection, "SELECT key, value, kind FROM environment WHERE run_id = ?");
   facts.bind(run_id);
-  while (facts.step()) run.environment[facts.text(0)] = facts.text(1);
+  while (facts.step()) {
+    run.environment[facts.text(0)] = facts.text(1);
+    if (facts.text(2) == to_string(FactKind::kIdentity)) run.identity.insert(facts.text(0));
+  }
   Statement units(connection,
                   "SELECT unit, backend, device, device_is_cpu, cores FROM unit WHERE run_id = ? "
                   "ORDER BY ordinal");
@@ -123,6 +163,8 @@ RunInfo read_run(const Connection& connection, std::int64_t run_id) {
   }
   return run;
 }
+
+namespace {
 
 /// The platform that is meant: the given one, or that of the newest run which has cells.
 std::string choose_platform(const Connection& connection, std::string_view wished) {
@@ -183,6 +225,14 @@ std::vector<std::string> first_appearances(const std::vector<Row>& rows, std::st
 
 }  // namespace
 
+std::string_view to_string(PeakKind kind) { return kPeakKinds.at(static_cast<std::size_t>(kind)); }
+
+std::optional<PeakKind> peak_kind_from_string(std::string_view text) {
+  const auto* it = std::ranges::find(kPeakKinds, text);
+  if (it == kPeakKinds.end()) return std::nullopt;
+  return static_cast<PeakKind>(it - kPeakKinds.begin());
+}
+
 const PhaseRow* Profile::find(std::string_view workload, std::string_view unit, Phase phase,
                               State state) const {
   const auto it = std::ranges::find_if(phases, [&](const PhaseRow& row) {
@@ -195,6 +245,12 @@ const EnergyRow* Profile::find_energy(std::string_view workload, std::string_vie
   const auto it = std::ranges::find_if(
       energies, [&](const EnergyRow& row) { return row.workload == workload && row.unit == unit; });
   return it == energies.end() ? nullptr : &*it;
+}
+
+const PeakRow* Profile::find_peak(std::string_view unit, PeakKind kind) const {
+  const auto it = std::ranges::find_if(
+      peaks, [&](const PeakRow& row) { return row.unit == unit && row.kind == kind; });
+  return it == peaks.end() ? nullptr : &*it;
 }
 
 const UnitRecord* Profile::find_unit(std::string_view unit) const {
@@ -224,11 +280,12 @@ Profile load_profile(const std::filesystem::path& path, std::string_view platfor
   profile.path = path.string();
   profile.phases = read_phases(connection, chosen);
   profile.energies = read_energies(connection, chosen);
+  profile.peaks = read_peaks(connection, chosen);
   std::set<std::int64_t, std::greater<>> run_ids;
   for (const PhaseRow& row : profile.phases) run_ids.insert(row.run_id);
   for (const EnergyRow& row : profile.energies) run_ids.insert(row.run_id);
+  for (const PeakRow& row : profile.peaks) run_ids.insert(row.run_id);
   for (const std::int64_t run_id : run_ids) {
-    verify_run(connection, run_id);
     profile.runs.push_back(read_run(connection, run_id));
   }
   sort_rows(profile);
@@ -243,7 +300,9 @@ void read_samples(Profile& profile) {
                candidate.unit == each.unit && candidate.phase == each.phase &&
                candidate.state == each.state;
       });
-      if (row != profile.phases.end()) row->values = std::move(each.samples);
+      if (row == profile.phases.end()) continue;
+      row->values = std::move(each.samples);
+      row->value_processes = std::move(each.processes);
     }
   }
 }

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,7 +32,10 @@ struct PhaseRow {
   std::optional<Nanos> median, mad, p95, p99, ci_low, ci_high;  ///< Absent if there are no samples.
   std::optional<std::int64_t> ops;
   std::int64_t bytes = 0;
-  std::vector<Nanos> values;  ///< Its samples as they were taken; empty until read_samples.
+  std::int64_t processes = 0;  ///< Fresh worker processes that the samples come from.
+  // Its samples as they were taken, and of each the process that took it; empty until read_samples.
+  std::vector<Nanos> values;
+  std::vector<std::int32_t> value_processes;
 };
 
 /// A row of view energy_summary: joules a call.
@@ -41,6 +45,25 @@ struct EnergyRow {
   std::optional<double> energy_j;
   Provenance provenance = Provenance::kModelled;
   std::string source;  ///< "model: active_w 10 W x call", "rapl: package-0".
+  bool valid = false;
+  std::vector<std::string> reasons;
+  std::string domain;            ///< What the meter or model covers: "unit", "package".
+  bool idle_subtracted = false;  ///< What the domain takes anyway is not in energy_j.
+};
+
+enum class PeakKind : std::uint8_t { kF32, kInt8, kBandwidthL2, kBandwidthMemory };
+/// "f32", "int8", "bandwidth_l2", "bandwidth_memory".
+[[nodiscard]] std::string_view to_string(PeakKind kind);
+[[nodiscard]] std::optional<PeakKind> peak_kind_from_string(std::string_view text);
+
+/// What a unit can do at most: operations (f32, int8) or bytes (bandwidth) a second.
+struct PeakRow {
+  std::int64_t run_id = 0;
+  std::string unit;
+  PeakKind kind = PeakKind::kF32;
+  std::optional<double> per_second;
+  std::string variant;  ///< Which loop was the fastest.
+  Provenance provenance = Provenance::kMeasured;
   bool valid = false;
   std::vector<std::string> reasons;
 };
@@ -59,6 +82,7 @@ struct RunInfo {
   std::string platform;
   std::uint64_t seed = 0;
   std::map<std::string, std::string> environment;  ///< "cpu_model", "kernel", "governor", ...
+  std::set<std::string> identity;  ///< Keys of those facts that must match for runs to compare.
   std::vector<UnitRecord> units;
 };
 
@@ -68,12 +92,14 @@ struct Profile {
   std::vector<PhaseRow>
       phases;  ///< For each (workload, unit, phase, state): the newest run's row that has it.
   std::vector<EnergyRow> energies;  ///< For each (workload, unit): the newest run's row.
+  std::vector<PeakRow> peaks;       ///< For each (unit, kind): the newest run's row.
 
   /// Null if there is no such row.
   [[nodiscard]] const PhaseRow* find(std::string_view workload, std::string_view unit, Phase phase,
                                      State state = State::kSteady) const;
   [[nodiscard]] const EnergyRow* find_energy(std::string_view workload,
                                              std::string_view unit) const;
+  [[nodiscard]] const PeakRow* find_peak(std::string_view unit, PeakKind kind) const;
   [[nodiscard]] const UnitRecord* find_unit(std::string_view unit) const;
   /// In order of first appearance.
   [[nodiscard]] std::vector<std::string> workloads() const;

@@ -1,7 +1,7 @@
--- The profile database of pirt, version 1. One SQLite file, journal mode DELETE: closed, it is one file and opens read-only.
+-- The profile database of pirt, version 2. One SQLite file, journal mode DELETE: closed, it is one file and opens read-only.
 --
--- Other tools read the views profile_summary and energy_summary: their columns, in this order, are stable within user_version 1.
--- The tables are pirt's own. Readers refuse a newer user_version. All times are integer nanoseconds, started/finished are UTC (ISO 8601).
+-- Other tools read the views profile_summary and energy_summary: their columns, in this order, are stable; new ones come at their end.
+-- The tables are pirt's own. Readers refuse a newer user_version and migrate an older one (characterize/migrations/). All times are integer nanoseconds, started/finished are UTC (ISO 8601).
 --
 -- Words in `reasons` (why a row is not valid) and `notes` (what to know about a valid one) are separated by "; ", and "" means none.
 --   reasons: wrong_output      the output did not match the reference, before or after timing
@@ -15,10 +15,11 @@
 --   notes:   input_resized, input_cropped, precision_not_reached (see ci_low_ns, ci_high_ns), contended, bimodal, no_kernel_cache,
 --            shared_core
 -- Statistics are NULL where there are no samples; ci_low_ns and ci_high_ns (95 % interval of the median) also below 6 samples.
--- `checksum` columns are FNV-1a over what a run or a cell holds (characterize/database_file.h): damage that SQLite cannot see is an error.
+-- `checksum` columns are FNV-1a over what a run (with its environment, units and peaks) or a cell (with its measurements, samples
+-- and energy) holds (characterize/database_format.h): damage that SQLite cannot see is an error.
 
 PRAGMA application_id = 1346982484;  -- "PIRT"
-PRAGMA user_version = 1;
+PRAGMA user_version = 2;
 
 -- One `pirt characterize`. `finished` is NULL if it did not end; its cells are complete all the same.
 CREATE TABLE run (
@@ -27,6 +28,7 @@ CREATE TABLE run (
   finished TEXT CHECK (finished <> ''),
   platform TEXT NOT NULL CHECK (platform <> ''),
   seed     TEXT NOT NULL CHECK (seed <> ''),  -- decimal: 64 bits unsigned do not fit SQLite's integers
+  plan     TEXT CHECK (plan <> ''),           -- JSON: options and cells planned, what --resume continues; NULL if it cannot be resumed
   checksum INTEGER NOT NULL
 ) STRICT;
 
@@ -35,6 +37,7 @@ CREATE TABLE environment (
   run_id INTEGER NOT NULL REFERENCES run,
   key    TEXT NOT NULL CHECK (key <> ''),
   value  TEXT NOT NULL CHECK (value <> ''),
+  kind   TEXT NOT NULL CHECK (kind IN ('identity', 'information')),  -- identity: must match for two runs to be comparable
   PRIMARY KEY (run_id, key)
 ) STRICT, WITHOUT ROWID;
 
@@ -48,6 +51,22 @@ CREATE TABLE unit (
   device_is_cpu INTEGER NOT NULL CHECK (device_is_cpu IN (0, 1)),
   cores         TEXT NOT NULL,                  -- "0,1": the host cores that it owned; "" = all
   PRIMARY KEY (run_id, unit)
+) STRICT, WITHOUT ROWID;
+
+-- What each unit can do at most: one row per (run, unit, kind), the roofline that workloads are held against.
+CREATE TABLE peak (
+  run_id     INTEGER NOT NULL,
+  unit       TEXT NOT NULL,
+  kind       TEXT NOT NULL CHECK (kind IN ('f32', 'int8', 'bandwidth_l2', 'bandwidth_memory')),
+  per_second REAL CHECK (per_second > 0),       -- operations (f32, int8) or bytes (bandwidth_*) a second; NULL if unknown
+  variant    TEXT NOT NULL,                     -- which loop was the fastest; "" if none ran
+  provenance TEXT NOT NULL CHECK (provenance IN ('measured', 'counted', 'modelled', 'fitted', 'published')),
+  valid      INTEGER NOT NULL CHECK (valid IN (0, 1)),
+  reasons    TEXT NOT NULL,
+  PRIMARY KEY (run_id, unit, kind),
+  FOREIGN KEY (run_id, unit) REFERENCES unit,
+  CHECK ((valid = 1) = (reasons = '')),
+  CHECK (per_second IS NOT NULL OR valid = 0)
 ) STRICT, WITHOUT ROWID;
 
 -- One workload on one unit; written in one transaction with everything below it.
@@ -74,6 +93,7 @@ CREATE TABLE measurement (
   reasons    TEXT NOT NULL,
   notes      TEXT NOT NULL,
   samples    INTEGER NOT NULL CHECK (samples >= 0),
+  processes  INTEGER NOT NULL CHECK (processes >= 0 AND processes <= samples),  -- fresh worker processes that took them
   median_ns  INTEGER CHECK (median_ns >= 0),
   mad_ns     INTEGER CHECK (mad_ns >= 0),
   p95_ns     INTEGER CHECK (p95_ns >= 0),
@@ -84,6 +104,7 @@ CREATE TABLE measurement (
   CHECK ((phase IN ('device_init', 'prepare')) = (state <> 'steady')),
   CHECK ((valid = 1) = (reasons = '')),
   CHECK (samples > 0 OR valid = 0),
+  CHECK ((samples = 0) = (processes = 0)),
   CHECK ((samples = 0) = (median_ns IS NULL) AND (median_ns IS NULL) = (mad_ns IS NULL)),
   CHECK ((median_ns IS NULL) = (p95_ns IS NULL) AND (median_ns IS NULL) = (p99_ns IS NULL)),
   CHECK ((ci_low_ns IS NULL) = (ci_high_ns IS NULL) AND (samples > 0 OR ci_low_ns IS NULL))
@@ -94,6 +115,7 @@ CREATE TABLE sample (
   measurement_id INTEGER NOT NULL REFERENCES measurement,
   position       INTEGER NOT NULL CHECK (position >= 0),
   ns             INTEGER NOT NULL CHECK (ns >= 0),
+  process        INTEGER NOT NULL CHECK (process >= 0),  -- which of the measurement's processes took it
   PRIMARY KEY (measurement_id, position)
 ) STRICT, WITHOUT ROWID;
 
@@ -105,6 +127,8 @@ CREATE TABLE energy (
   source     TEXT NOT NULL CHECK (source <> ''),
   valid      INTEGER NOT NULL CHECK (valid IN (0, 1)),
   reasons    TEXT NOT NULL,
+  domain     TEXT NOT NULL CHECK (domain <> ''),  -- what the meter or model covers: 'unit', 'package', 'board input'
+  idle_subtracted INTEGER NOT NULL CHECK (idle_subtracted IN (0, 1)),  -- 1: what the domain takes anyway is not in energy_j
   CHECK ((valid = 1) = (reasons = '')),
   CHECK (energy_j IS NOT NULL OR valid = 0)
 ) STRICT;
@@ -114,11 +138,12 @@ CREATE VIEW profile_summary AS
 SELECT run.run_id, run.platform, cell.workload, cell.unit, unit.backend, measurement.phase, measurement.state,
        measurement.provenance, measurement.valid, measurement.reasons, measurement.notes, measurement.samples,
        measurement.median_ns, measurement.mad_ns, measurement.p95_ns, measurement.p99_ns,
-       measurement.ci_low_ns, measurement.ci_high_ns, cell.ops, cell.bytes
+       measurement.ci_low_ns, measurement.ci_high_ns, cell.ops, cell.bytes, measurement.processes
 FROM measurement JOIN cell USING (cell_id) JOIN run USING (run_id)
      JOIN unit ON unit.run_id = cell.run_id AND unit.unit = cell.unit;
 
 -- One row per (run, workload, unit).
 CREATE VIEW energy_summary AS
-SELECT cell.run_id, cell.workload, cell.unit, energy.energy_j, energy.provenance, energy.source, energy.valid, energy.reasons
+SELECT cell.run_id, cell.workload, cell.unit, energy.energy_j, energy.provenance, energy.source, energy.valid, energy.reasons,
+       energy.domain, energy.idle_subtracted
 FROM energy JOIN cell USING (cell_id);

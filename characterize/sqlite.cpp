@@ -16,6 +16,7 @@ int open_flags(Connection::Mode mode) {
     case Connection::Mode::kReadWrite:
       return SQLITE_OPEN_READWRITE;
     case Connection::Mode::kCreate:
+    case Connection::Mode::kMemory:
       return SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
   }
   return SQLITE_OPEN_READONLY;
@@ -26,8 +27,8 @@ int open_flags(Connection::Mode mode) {
 Connection::Connection(std::filesystem::path path, Mode mode, Nanos busy_wait)
     : path_(std::move(path)), busy_wait_(busy_wait) {
   sqlite3* handle = nullptr;
-  const int code =
-      sqlite3_open_v2(path_.c_str(), &handle, open_flags(mode) | SQLITE_OPEN_NOMUTEX, nullptr);
+  const char* name = mode == Mode::kMemory ? ":memory:" : path_.c_str();
+  const int code = sqlite3_open_v2(name, &handle, open_flags(mode) | SQLITE_OPEN_NOMUTEX, nullptr);
   handle_.reset(handle);
   if (code != SQLITE_OK) fail(code);
   sqlite3_extended_result_codes(handle, 1);
@@ -191,5 +192,19 @@ Transaction::~Transaction() {
 }
 
 void Transaction::commit() { connection_.run("COMMIT"); }
+
+void copy_database(const Connection& from, const Connection& to) {
+  {
+    // A database in memory cannot change its page size while it is copied to.
+    Statement page_size(from, "PRAGMA page_size");
+    if (!page_size.step()) from.fail_damaged("no page size");
+    Statement(to, "PRAGMA page_size = " + page_size.text(0)).run();
+  }
+  sqlite3_backup* backup = sqlite3_backup_init(to.handle(), "main", from.handle(), "main");
+  if (backup == nullptr) to.fail(sqlite3_errcode(to.handle()));
+  const int code = sqlite3_backup_step(backup, -1);
+  const int finished = sqlite3_backup_finish(backup);
+  if (code != SQLITE_DONE) to.fail(finished != SQLITE_OK ? finished : code);
+}
 
 }  // namespace pirt::sqlite

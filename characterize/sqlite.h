@@ -21,7 +21,12 @@ namespace pirt::sqlite {
 /// the remedy.
 class Connection {
  public:
-  enum class Mode { kReadOnly, kReadWrite, kCreate };
+  enum class Mode {
+    kReadOnly,
+    kReadWrite,
+    kCreate,
+    kMemory  ///< A database of its own in memory; the path only stands in messages.
+  };
 
   /// @param busy_wait  How long another writer is waited for.
   Connection(std::filesystem::path path, Mode mode, Nanos busy_wait);
@@ -98,5 +103,8 @@ class Transaction {
  private:
   Connection& connection_;
 };
+
+/// Makes @p to an exact copy of what @p from sees; a file is on the disk afterwards.
+void copy_database(const Connection& from, const Connection& to);
 
 }  // namespace pirt::sqlite

@@ -1,6 +1,7 @@
 // The pirt binary: finds the command, runs it, turns errors into one message and an exit code. All
 // catching is here.
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <string>
@@ -93,6 +94,8 @@ int run(int argc, char** argv) {
 }  // namespace pirt::cli
 
 int main(int argc, char** argv) {
+  // A limit on the size of files (ulimit -f) is then an error like a full disk, with its message.
+  std::signal(SIGXFSZ, SIG_IGN);
   try {
     return pirt::cli::run(argc, argv);
   } catch (const pirt::Error& error) {

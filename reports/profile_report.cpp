@@ -135,7 +135,8 @@ nlohmann::ordered_json phase_json(const PhaseRow& row) {
                                  {"reasons", row.reasons},
                                  {"notes", row.notes},
                                  {"samples", row.samples},
-                                 {"bytes", row.bytes}};
+                                 {"bytes", row.bytes},
+                                 {"processes", row.processes}};
   put(json, "median_ns", row.median);
   put(json, "mad_ns", row.mad);
   put(json, "p95_ns", row.p95);
@@ -147,10 +148,15 @@ nlohmann::ordered_json phase_json(const PhaseRow& row) {
 }
 
 nlohmann::ordered_json energy_json(const EnergyRow& row) {
-  nlohmann::ordered_json json = {{"run_id", row.run_id},  {"workload", row.workload},
-                                 {"unit", row.unit},      {"provenance", to_string(row.provenance)},
-                                 {"source", row.source},  {"valid", row.valid},
-                                 {"reasons", row.reasons}};
+  nlohmann::ordered_json json = {{"run_id", row.run_id},
+                                 {"workload", row.workload},
+                                 {"unit", row.unit},
+                                 {"provenance", to_string(row.provenance)},
+                                 {"source", row.source},
+                                 {"valid", row.valid},
+                                 {"reasons", row.reasons},
+                                 {"domain", row.domain},
+                                 {"idle_subtracted", row.idle_subtracted}};
   put(json, "energy_j", row.energy_j);
   return json;
 }

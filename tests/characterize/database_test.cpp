@@ -9,37 +9,25 @@
 #include <unistd.h>
 
 #include "characterize/profile.h"
+#include "tests/characterize/database_support.h"
 #include "tests/characterize/support.h"
 #include "workloads/base/random.h"
 
 namespace pirt {
 namespace {
 
+using test::as_nobody;
+using test::dump;
 using test::error_of;
+using test::in_child;
+using test::run_sql;
 using test::small_cell;
 using test::small_run;
 using test::TemporaryFolder;
+using test::write_one_run;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-
-void write_one_run(const std::filesystem::path& path) {
-  ProfileWriter writer(path);
-  const auto run = writer.begin_run(small_run());
-  writer.write_cell(run, small_cell("sobel", "cpu"));
-  writer.write_cell(run, small_cell("sobel", "gpu", 3000));
-  writer.finish_run(run, "2024-01-02T03:05:00Z");
-}
-
-/// Runs @p action as a user whom permissions bind, also where the tests run as root.
-template <typename Action>
-void as_nobody(Action action) {
-  constexpr uid_t kNobody = 65534;
-  const bool root = ::geteuid() == 0;
-  ASSERT_TRUE(!root || ::seteuid(kNobody) == 0);
-  action();
-  ASSERT_TRUE(!root || ::seteuid(0) == 0);
-}
 
 std::vector<std::string> columns_of(const std::filesystem::path& path, const std::string& view) {
   sqlite3* handle = nullptr;
@@ -55,26 +43,17 @@ std::vector<std::string> columns_of(const std::filesystem::path& path, const std
   return names;
 }
 
-void run_sql(const std::filesystem::path& path, const std::string& sql) {
-  sqlite3* handle = nullptr;
-  ASSERT_EQ(sqlite3_open(path.c_str(), &handle), SQLITE_OK);
-  char* message = nullptr;
-  EXPECT_EQ(sqlite3_exec(handle, sql.c_str(), nullptr, nullptr, &message), SQLITE_OK)
-      << sql << ": " << (message != nullptr ? message : "");
-  sqlite3_free(message);
-  sqlite3_close(handle);
-}
-
 TEST(Database, HasTheStableColumnsInTheirOrder) {
   const TemporaryFolder folder;
   write_one_run(folder / "p.db");
-  EXPECT_THAT(columns_of(folder / "p.db", "profile_summary"),
-              ElementsAre("run_id", "platform", "workload", "unit", "backend", "phase", "state",
-                          "provenance", "valid", "reasons", "notes", "samples", "median_ns",
-                          "mad_ns", "p95_ns", "p99_ns", "ci_low_ns", "ci_high_ns", "ops", "bytes"));
+  EXPECT_THAT(
+      columns_of(folder / "p.db", "profile_summary"),
+      ElementsAre("run_id", "platform", "workload", "unit", "backend", "phase", "state",
+                  "provenance", "valid", "reasons", "notes", "samples", "median_ns", "mad_ns",
+                  "p95_ns", "p99_ns", "ci_low_ns", "ci_high_ns", "ops", "bytes", "processes"));
   EXPECT_THAT(columns_of(folder / "p.db", "energy_summary"),
               ElementsAre("run_id", "workload", "unit", "energy_j", "provenance", "source", "valid",
-                          "reasons"));
+                          "reasons", "domain", "idle_subtracted"));
 }
 
 TEST(Database, IsOneFileWhenClosed) {
@@ -139,7 +118,7 @@ TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
   test::write_bytes(folder / "cut.db", std::string("SQLite format 3\0 and the end", 28));
   run_sql(folder / "other.db", "PRAGMA application_id = 7; CREATE TABLE t (x)");
   write_one_run(folder / "newer.db");
-  run_sql(folder / "newer.db", "PRAGMA user_version = 2");
+  run_sql(folder / "newer.db", "PRAGMA user_version = 3");
   write_one_run(folder / "wal.db");
   run_sql(folder / "wal.db", "PRAGMA journal_mode = WAL");
   ASSERT_EQ(::mkfifo((folder / "pipe.db").c_str(), 0600), 0);
@@ -250,27 +229,6 @@ TEST(Database, LeavesTablesOfOthersAlone) {
   EXPECT_EQ(load_profile(folder / "p.db").phases.size(), 4U);
 }
 
-/// Everything that a reader sees, to compare.
-std::string dump(const std::filesystem::path& path) {
-  const Profile profile = load_profile(path);
-  std::string text;
-  for (const PhaseRow& row : profile.phases) {
-    text += row.workload + row.unit + row.backend + std::string(to_string(row.phase)) +
-            join_words(row.reasons) + join_words(row.notes) + std::to_string(row.median->count()) +
-            "," + std::to_string(row.p99->count()) + "," + std::to_string(row.bytes) + "\n";
-  }
-  for (const EnergyRow& row : profile.energies) {
-    text += row.workload + row.source + std::to_string(*row.energy_j) + "\n";
-  }
-  for (const RunInfo& run : profile.runs) {
-    text += run.started + run.finished + std::to_string(run.seed) + run.environment.at("cpu_model");
-  }
-  for (const RowSamples& row : load_samples(path, 1)) {
-    for (const Nanos t : row.samples) text += std::to_string(t.count()) + " ";
-  }
-  return text;
-}
-
 TEST(Database, GivesAnErrorOrTheRightDataWhateverBitFlips) {
   const TemporaryFolder folder;
   write_one_run(folder / "p.db");
@@ -334,19 +292,6 @@ TEST(Database, LetsTwoWritersAppendInTurns) {
   first.write_cell(a, small_cell("conv1", "cpu"));
   EXPECT_EQ(load_profile(folder / "p.db", "board").phases.size(), 4U);
   EXPECT_EQ(load_profile(folder / "p.db", "other").phases.size(), 2U);
-}
-
-/// Runs @p action in a process of its own; its wait status.
-template <typename Action>
-int in_child(Action action) {
-  const pid_t child = ::fork();
-  if (child == 0) {
-    action();
-    ::_exit(0);
-  }
-  int status = 0;
-  ::waitpid(child, &status, 0);
-  return status;
 }
 
 TEST(Database, KeepsWhatWasStoredWhenTheDiskIsFull) {

@@ -127,5 +127,15 @@ TEST(HostLoad, ReadsTheCountersOfTheCoresAskedFor) {
   EXPECT_EQ(read_host_counters({0}, empty.path()).quota_wait, std::nullopt);
 }
 
+TEST(Environment, TellsIdentityFromInformation) {
+  for (const char* key : {"cpu_model", "cpu_model_unknown", "compiler_flags", "images_hash",
+                          "precision", "unit.opencl.version"}) {
+    EXPECT_EQ(fact_kind(key), FactKind::kIdentity) << key;
+  }
+  for (const char* key : {"load_1m", "temperature_c_unknown", "git_commit", "mode", "kernel"}) {
+    EXPECT_EQ(fact_kind(key), FactKind::kInformation) << key;
+  }
+}
+
 }  // namespace
 }  // namespace pirt

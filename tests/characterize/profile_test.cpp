@@ -27,11 +27,18 @@ TEST(Profile, RoundTripsEveryField) {
                          {"error: it broke"},
                          {"shared_core"},
                          {}});
-  cell.energy = EnergyRecord{std::nullopt, Provenance::kModelled, "model: none", {"no_power"}};
+  cell.energy = EnergyRecord{
+      std::nullopt, Provenance::kModelled, "model: none", {"no_power"}, "package", false};
+  cell.phases[1].processes = {0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2};
   {
     ProfileWriter writer(folder / "p.db");
     const auto run = writer.begin_run(small_run());
     writer.write_cell(run, cell);
+    const PeakRecord f32{"gpu", PeakKind::kF32, 1.5e11, "fma, 8 wide", Provenance::kMeasured, {}};
+    const PeakRecord unknown{"gpu", PeakKind::kInt8,       std::nullopt,
+                             "",    Provenance::kMeasured, {"error: none"}};
+    writer.write_peaks(run, std::vector{f32, unknown});
+    writer.write_peaks(run, std::vector{f32});  // takes the place of the first
     writer.finish_run(run, "2024-01-02T03:05:00Z");
   }
   const Profile profile = load_profile(folder / "p.db");
@@ -56,6 +63,11 @@ TEST(Profile, RoundTripsEveryField) {
   EXPECT_EQ(call->ci_high, Nanos(1014));
   EXPECT_EQ(call->ops, std::nullopt);
   EXPECT_EQ(call->bytes, 1000);
+  EXPECT_EQ(call->processes, 3);
+  const auto samples = load_samples(folder / "p.db", 1);
+  ASSERT_EQ(samples.size(), 2U);
+  EXPECT_THAT(samples[0].processes, ElementsAre(0, 1));  // set-up: each its own
+  EXPECT_EQ(samples[1].processes, cell.phases[1].processes);
 
   const PhaseRow* cold = profile.find("sobel", "gpu", Phase::kPrepare, State::kCold);
   ASSERT_NE(cold, nullptr);
@@ -74,17 +86,57 @@ TEST(Profile, RoundTripsEveryField) {
   EXPECT_EQ(energy->energy_j, std::nullopt);
   EXPECT_FALSE(energy->valid);
   EXPECT_THAT(energy->reasons, ElementsAre("no_power"));
+  EXPECT_EQ(energy->domain, "package");
+  EXPECT_FALSE(energy->idle_subtracted);
+
+  const PeakRow* peak = profile.find_peak("gpu", PeakKind::kF32);
+  ASSERT_NE(peak, nullptr);
+  EXPECT_TRUE(peak->valid);
+  EXPECT_EQ(peak->per_second, 1.5e11);
+  EXPECT_EQ(peak->variant, "fma, 8 wide");
+  const PeakRow* int8 = profile.find_peak("gpu", PeakKind::kInt8);
+  ASSERT_NE(int8, nullptr);
+  EXPECT_EQ(int8->per_second, std::nullopt);
+  EXPECT_THAT(int8->reasons, ElementsAre("error: none"));
+  EXPECT_EQ(profile.peaks.size(), 2U);
 
   ASSERT_EQ(profile.runs.size(), 1U);
   EXPECT_EQ(profile.runs[0].seed, 18'446'744'073'709'551'615U);
   EXPECT_EQ(profile.runs[0].started, "2024-01-02T03:04:05Z");
   EXPECT_EQ(profile.runs[0].finished, "2024-01-02T03:05:00Z");
   EXPECT_EQ(profile.runs[0].environment.at("cpu_model"), "test cpu");
+  EXPECT_THAT(profile.runs[0].identity, ElementsAre("cpu_model"));
   const UnitRecord* unit = profile.find_unit("cpu");
   ASSERT_NE(unit, nullptr);
   EXPECT_TRUE(unit->device_is_cpu);
   EXPECT_THAT(unit->cores, ElementsAre(0, 1));
   EXPECT_TRUE(profile.find_unit("gpu")->cores.empty());
+}
+
+TEST(Profile, FindsTheNewestRunThatDidNotEnd) {
+  const TemporaryFolder folder;
+  {
+    ProfileWriter writer(folder / "p.db");
+    writer.begin_run(small_run());  // without a plan
+    EXPECT_EQ(find_unfinished_run(folder / "p.db"), std::nullopt);
+    RunHeader planned = small_run();
+    for (const char* plan : {R"({"n": 2})", R"({"n": 3})", R"({"n": 4})"}) {
+      planned.plan = plan;
+      writer.begin_run(planned);
+    }
+    writer.finish_run(4, "2024-01-02T03:05:00Z");
+    writer.write_cell(3, small_cell("sobel", "gpu"));
+    writer.write_cell(3, small_cell("conv1", "cpu"));
+    EXPECT_THAT(error_of(ErrorCode::kBadInput,
+                         [&] { writer.write_cell(3, small_cell("conv1", "cpu", 7)); }),
+                HasSubstr("has conv1 on cpu in run 3 already"));
+  }
+  const auto found = find_unfinished_run(folder / "p.db");
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->run.run_id, 3);
+  EXPECT_EQ(found->run.platform, "board");
+  EXPECT_EQ(found->plan, R"({"n": 3})");
+  EXPECT_THAT(found->done, ElementsAre(CellName{"sobel", "gpu"}, CellName{"conv1", "cpu"}));
 }
 
 TEST(Profile, FindsNothingWhereThereIsNothing) {

@@ -1,0 +1,14 @@
+// Parts of reading a profile database that several files need. Private to characterize/.
+#pragma once
+
+#include <cstdint>
+
+#include "characterize/profile.h"
+#include "characterize/sqlite.h"
+
+namespace pirt {
+
+/// One run with its facts and units. @throws Error{kBadInput} if it is missing.
+[[nodiscard]] RunInfo read_run(const sqlite::Connection& connection, std::int64_t run_id);
+
+}  // namespace pirt
