@@ -47,7 +47,7 @@ struct EnergyRow {
   std::string source;  ///< "model: active_w 10 W x call", "rapl: package-0".
   bool valid = false;
   std::vector<std::string> reasons;
-  std::string domain;            ///< What the meter or model covers: "unit", "package".
+  std::string domain = {};       ///< What the meter or model covers: "unit", "package".
   bool idle_subtracted = false;  ///< What the domain takes anyway is not in energy_j.
 };
 
@@ -82,7 +82,8 @@ struct RunInfo {
   std::string platform;
   std::uint64_t seed = 0;
   std::map<std::string, std::string> environment;  ///< "cpu_model", "kernel", "governor", ...
-  std::set<std::string> identity;  ///< Keys of those facts that must match for runs to compare.
+  std::set<std::string> identity =
+      {};  ///< Keys of those facts that must match for runs to compare.
   std::vector<UnitRecord> units;
 };
 
