@@ -64,6 +64,8 @@ int run(int argc, char** argv) {
   add_schedule(app, action);
   add_report(app, action);
   add_replay(app, action);
+  add_export(app, action);
+  add_diff(app, action);
   add_generate_dag(app, action);
   add_worker(app, action);
   app.footer(

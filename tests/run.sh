@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Set-up and every test: installs what is needed, builds, runs. Can be run again at any time.
 #
-# Usage: tests/run.sh [--long]    --long adds the debug, sanitizer and clang builds, format check and clang-tidy
+# Usage: tests/run.sh [--long]    --long adds the long tests, the debug, sanitizer and clang builds, format
+#                             check and clang-tidy
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source cli/packages.sh
@@ -30,6 +31,8 @@ run_tests build
 
 if $long; then
   install_packages "${PIRT_LONG_PACKAGES[@]}"
+  say "long tests"
+  ctest --test-dir build --output-on-failure -C long -L long --no-tests=error
   say "format"
   git ls-files '*.cpp' '*.h' | xargs clang-format-14 --dry-run --Werror
   say "clang 14, warnings as errors"

@@ -13,6 +13,7 @@ namespace {
 using test::as_nobody;
 using test::dump;
 using test::error_of;
+using test::make_version_1;
 using test::read_bytes;
 using test::run_sql;
 using test::small_cell;
@@ -23,11 +24,6 @@ using ::testing::Contains;
 using ::testing::Each;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-
-/// A file that a program of version 1 made.
-void make_version_1(const std::filesystem::path& path) {
-  run_sql(path, read_bytes(PIRT_SOURCE_DIR "/tests/characterize/v1_database.sql"));
-}
 
 TEST(DatabaseMigration, ReadsVersion1WithoutTouchingIt) {
   const TemporaryFolder folder;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 #include <sqlite3.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -77,7 +78,9 @@ inline std::string dump(const std::filesystem::path& path) {
       add(unit.unit, unit.backend, unit.device, unit.device_is_cpu,
           fmt::format("{}", fmt::join(unit.cores, ",")));
     }
-    for (const RowSamples& row : load_samples(path, run.run_id)) {
+  }
+  for (std::int64_t run_id = 1; run_id <= profile.runs.front().run_id; ++run_id) {
+    for (const RowSamples& row : load_samples(path, run_id)) {
       add(row.workload, row.unit, to_string(row.phase), to_string(row.state));
       for (std::size_t i = 0; i < row.samples.size(); ++i) {
         add(row.samples[i].count(), row.processes[i]);
@@ -102,6 +105,28 @@ int in_child(Action action) {
   int status = 0;
   ::waitpid(child, &status, 0);
   return status;
+}
+
+/// A file that a program of version 1 made.
+inline void make_version_1(const std::filesystem::path& path) {
+  run_sql(path, read_bytes(PIRT_SOURCE_DIR "/tests/characterize/v1_database.sql"));
+}
+
+/// A writer that dies inside a transaction with its changes on disk: a small page cache spills them
+/// into the file.
+inline void die_in_transaction(const std::filesystem::path& path) {
+  const int status = in_child([&] {
+    sqlite3* handle = nullptr;
+    sqlite3_open(path.c_str(), &handle);
+    sqlite3_exec(
+        handle,
+        "PRAGMA cache_size = 2; BEGIN IMMEDIATE; UPDATE sample SET ns = 0; "
+        "WITH RECURSIVE n(i) AS (SELECT 1000 UNION ALL SELECT i + 1 FROM n WHERE i < 60000) "
+        "INSERT INTO sample SELECT 1, i, 0, 0 FROM n",
+        nullptr, nullptr, nullptr);
+    ::raise(SIGKILL);
+  });
+  ASSERT_TRUE(WIFSIGNALED(status));
 }
 
 }  // namespace pirt::test

@@ -247,7 +247,7 @@ TEST(Characterize, TakesRealPictures) {
 }
 
 TEST(Help, EveryCommandHasOneWithAnExample) {
-  for (const auto* command : {"list", "characterize", "schedule", "report"}) {
+  for (const auto* command : {"list", "characterize", "schedule", "report", "export", "diff"}) {
     const auto help = pirt({command, "--help"});
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_THAT(help.out, HasSubstr("Example: pirt")) << command;

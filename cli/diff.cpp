@@ -1,0 +1,77 @@
+// pirt diff: the figures of two profiles side by side.
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "cli/commands.h"
+#include "cli/output.h"
+#include "reports/profile_diff.h"
+#include "reports/profile_export.h"
+#include "workloads/base/error.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::vector<std::string> files;
+  std::string filter;
+  std::string platform;
+  std::optional<std::string> json;
+};
+
+void refuse_same_file(const std::vector<std::string>& files) {
+  std::error_code missing;  // which load_profile explains
+  if (std::filesystem::equivalent(files[0], files[1], missing)) {
+    throw_bad_input(fmt::format(
+        "'{}' and '{}' are the same file, and it shows the newest row of each cell; give two files",
+        files[0], files[1]));
+  }
+}
+
+Profile open_profile(const Options& options, const std::string& path) {
+  auto profile = load_profile(path, options.platform);
+  if (!options.filter.empty()) keep_workloads(profile, options.filter);
+  return profile;
+}
+
+int diff(const Options& options) {
+  if (options.files.size() != 2) {
+    throw_bad_input(
+        fmt::format("pirt diff takes two profile databases, not {}; see 'pirt diff --help'",
+                    options.files.size()));
+  }
+  refuse_same_file(options.files);
+  const auto a = open_profile(options, options.files[0]);
+  const auto b = open_profile(options, options.files[1]);
+  const auto result = diff_profiles(a, b);
+  auto json = diff_json(result);
+  json["schema_version"] = 1;
+  emit(render(diff_document(result), Format::kText), json, options.json);
+  if (!result.identity.empty()) {
+    warn("identity differs (" + result.identity.front().fact +
+         (result.identity.size() > 1 ? ", ..." : "") + "): the ratios compare different things");
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_diff(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  auto* command = app.add_subcommand("diff",
+                                     "Show the figures of two profiles side by side: medians, "
+                                     "their ratio, whether their intervals meet");
+  command->add_option("profiles", options->files, "Two profile databases, a and b");
+  command->add_option("--filter", options->filter,
+                      "Regular expression: workloads whose names contain it (default: all)");
+  command->add_option("--platform", options->platform,
+                      "The runs of this platform (default: that of each file's newest run)");
+  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  command->footer(
+      "Shows and does not judge: the exit code is 0 however far apart the figures are.\n"
+      "Example: pirt diff before.db after.db --filter sobel");
+  command->callback([options, &action] { action = [options] { return diff(*options); }; });
+}
+
+}  // namespace pirt::cli
