@@ -13,6 +13,7 @@ void add_list(CLI::App& app, Action& action);
 void add_characterize(CLI::App& app, Action& action);
 void add_schedule(CLI::App& app, Action& action);
 void add_report(CLI::App& app, Action& action);
+void add_regress(CLI::App& app, Action& action);
 void add_replay(CLI::App& app, Action& action);
 void add_export(CLI::App& app, Action& action);
 void add_diff(CLI::App& app, Action& action);

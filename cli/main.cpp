@@ -63,6 +63,7 @@ int run(int argc, char** argv) {
   add_characterize(app, action);
   add_schedule(app, action);
   add_report(app, action);
+  add_regress(app, action);
   add_replay(app, action);
   add_export(app, action);
   add_diff(app, action);

@@ -1,0 +1,310 @@
+#include "reports/gate/gate_report.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <map>
+
+#include "reports/figures.h"
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::array kVerdicts = {GateVerdict::kSlower,        GateVerdict::kInconclusive,
+                                  GateVerdict::kNotComparable, GateVerdict::kFaster,
+                                  GateVerdict::kSame,          GateVerdict::kNotJudged};
+
+std::string percent_text(std::optional<double> value) {
+  return value ? fmt::format("{:+.1f}", 100 * *value) : "-";
+}
+
+bool quiet(const GateRow& row) {
+  return row.verdict == GateVerdict::kSame || row.verdict == GateVerdict::kNotJudged;
+}
+
+/// Nanoseconds as milliseconds; joules as they are.
+std::string value_text(const GateRow& row, std::optional<double> value) {
+  if (!value) return "-";
+  return figure(row.phase == "energy" ? *value : *value * 1e-6);
+}
+
+Paragraph verdict_line(const GateReport& report) {
+  const GateResult& result = report.result;
+  std::vector<std::string> counts;
+  for (const GateVerdict verdict : kVerdicts) {
+    if (const auto count = result.count(verdict); count > 0) {
+      counts.push_back(fmt::format("{} {}", count, to_string(verdict)));
+    }
+  }
+  const int code = exit_code_of(result);
+  const char* answer = code == kExitCheckFailed    ? "REGRESSION"
+                       : code == kExitInconclusive ? "INCONCLUSIVE"
+                                                   : "no regression";
+  return {{fmt::format("{}: {} against {}", answer, report.candidate, report.base),
+           fmt::format("{} rows: {}", result.rows.size(), fmt::join(counts, ", "))}};
+}
+
+Table rows_table(const GateReport& report, bool all) {
+  Table table{.title = "Rows",
+              .columns = {{"workload", Align::kLeft},
+                          {"unit", Align::kLeft},
+                          {"phase", Align::kLeft},
+                          {"verdict", Align::kLeft},
+                          {"base"},
+                          {"candidate"},
+                          {"change %"},
+                          {"needed %"},
+                          {"p"},
+                          {"why", Align::kLeft}}};
+  for (const GateVerdict verdict : kVerdicts) {
+    for (const auto& row : report.result.rows) {
+      if (row.verdict != verdict || (quiet(row) && !all)) continue;
+      table.rows.push_back({row.workload, row.unit, row.phase, std::string(to_string(verdict)),
+                            value_text(row, row.base), value_text(row, row.candidate),
+                            percent_text(row.ratio ? std::optional(*row.ratio - 1) : std::nullopt),
+                            row.needed ? fmt::format("{:.1f}", 100 * *row.needed) : "-",
+                            row.p ? fmt::format("{:.2g}", *row.p) : "-",
+                            row.reason.empty() ? "-" : row.reason});
+    }
+  }
+  const GateThresholds& t = report.thresholds;
+  table.footnotes = {
+      "base, candidate: medians in ms; of energy in J a call.",
+      fmt::format(
+          "slower: one-sided Mann-Whitney p, Holm-adjusted over the table, below {}, and the "
+          "median up by needed %: {:.0f} %, or {:.0f} times what processes of one program differ "
+          "by, whichever is more.",
+          t.alpha, 100 * t.effect, t.noise_factor)};
+  return table;
+}
+
+Table flips_table(const Decisions& decisions) {
+  Table table{.title = "Preferable units that changed",
+              .columns = {{"workload", Align::kLeft},
+                          {"by", Align::kLeft},
+                          {"base", Align::kLeft},
+                          {"candidate", Align::kLeft},
+                          {"how sure", Align::kLeft}}};
+  for (const Flip& flip : decisions.flips) {
+    table.rows.push_back(
+        {flip.workload, flip.by, flip.base, flip.candidate,
+         flip.clear ? "the units' intervals are apart, before and after" : "not sure"});
+  }
+  return table;
+}
+
+/// "12.3 -> 12.9 (+4.9 %)".
+std::string change_text(std::optional<double> base, std::optional<double> candidate) {
+  if (!base || !candidate) return "-";
+  const std::string change =
+      *base > 0 ? fmt::format(" ({:+.1f} %)", 100 * (*candidate / *base - 1)) : "";
+  return figure(*base) + " -> " + figure(*candidate) + change;
+}
+
+std::int64_t misses_of(const RunRecord& run) {
+  std::int64_t misses = 0;
+  for (const auto& pipeline : run.pipelines) misses += pipeline.deadline_misses.value_or(0);
+  return misses;
+}
+
+Table modes_table(const Decisions& decisions) {
+  Table table{.title = "What mix " + decisions.mix + " costs in each mode",
+              .columns = {{"mode", Align::kLeft},
+                          {"mean latency ms"},
+                          {"p99 latency ms"},
+                          {"energy J"},
+                          {"deadline misses"},
+                          {"dropped"}}};
+  for (const ModeCost& cost : decisions.modes) {
+    if (!cost.base || !cost.candidate) {
+      table.rows.push_back({cost.mode, "-", "-", "-", "-", "-"});
+      table.footnotes.push_back(cost.mode + ": " + cost.reason);
+      continue;
+    }
+    const RunRecord& a = *cost.base;
+    const RunRecord& b = *cost.candidate;
+    table.rows.push_back({cost.mode, change_text(a.mean_latency_ms, b.mean_latency_ms),
+                          change_text(a.p99_latency_ms, b.p99_latency_ms),
+                          change_text(a.energy_j, b.energy_j),
+                          fmt::format("{} -> {}", misses_of(a), misses_of(b)),
+                          fmt::format("{} -> {}", a.dropped, b.dropped)});
+  }
+  table.footnotes.emplace_back("Virtual time on both profiles: all of it is modelled.");
+  return table;
+}
+
+Json optional_json(std::optional<double> value) { return value ? Json(*value) : Json(); }
+
+Json row_json(const GateRow& row) {
+  Json json = {{"workload", row.workload},
+               {"unit", row.unit},
+               {"phase", row.phase},
+               {"verdict", to_string(row.verdict)}};
+  const std::string suffix = row.phase == "energy" ? "_j" : "_ns";
+  const auto add = [&](const std::string& key, std::optional<double> value) {
+    if (value) json[key] = *value;
+  };
+  add("base" + suffix, row.base);
+  add("candidate" + suffix, row.candidate);
+  add("ratio", row.ratio);
+  add("p_adjusted", row.p);
+  add("noise", row.noise);
+  add("needed", row.needed);
+  if (!row.reason.empty()) json["reason"] = row.reason;
+  return json;
+}
+
+Json decisions_json(const Decisions& decisions) {
+  Json flips = Json::array();
+  for (const Flip& flip : decisions.flips) {
+    flips.push_back({{"workload", flip.workload},
+                     {"by", flip.by},
+                     {"base", flip.base},
+                     {"candidate", flip.candidate},
+                     {"clear", flip.clear}});
+  }
+  Json modes = Json::object();
+  for (const ModeCost& cost : decisions.modes) {
+    Json& mode = modes[cost.mode];
+    if (!cost.base || !cost.candidate) {
+      mode = {{"reason", cost.reason}};
+      continue;
+    }
+    const auto side = [](const RunRecord& run) {
+      return Json{{"mean_latency_ms", optional_json(run.mean_latency_ms)},
+                  {"p99_latency_ms", optional_json(run.p99_latency_ms)},
+                  {"energy_j", run.energy_j},
+                  {"deadline_misses", misses_of(run)},
+                  {"dropped", run.dropped}};
+    };
+    mode = {{"base", side(*cost.base)}, {"candidate", side(*cost.candidate)}};
+  }
+  return {{"mix", decisions.mix}, {"flips", flips}, {"modes", modes}};
+}
+
+std::string escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        out += "&amp;";
+        break;
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      case '"':
+        out += "&quot;";
+        break;
+      case '\n':
+        out += "&#10;";
+        break;
+      default:
+        // XML 1.0 has no way to write other control characters.
+        out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+    }
+  }
+  return out;
+}
+
+std::string message_of(const GateRow& row) {
+  if (!row.reason.empty()) return row.reason;
+  return fmt::format("{} -> {} {} ({} %)", value_text(row, row.base),
+                     value_text(row, row.candidate), row.phase == "energy" ? "J" : "ms",
+                     percent_text(row.ratio ? std::optional(*row.ratio - 1) : std::nullopt));
+}
+
+}  // namespace
+
+int exit_code_of(const GateResult& result) {
+  if (result.count(GateVerdict::kSlower) > 0) return kExitCheckFailed;
+  const bool open =
+      result.count(GateVerdict::kInconclusive) > 0 || result.count(GateVerdict::kNotComparable) > 0;
+  return open ? kExitInconclusive : 0;
+}
+
+Document gate_document(const GateReport& report, bool all) {
+  Document document{.title = "pirt regress", .parts = {}};
+  document.parts.emplace_back(verdict_line(report));
+  const bool any = all || std::ranges::any_of(report.result.rows,
+                                              [](const GateRow& row) { return !quiet(row); });
+  if (any) document.parts.emplace_back(rows_table(report, all));
+  if (report.decisions) {
+    if (report.decisions->flips.empty()) {
+      document.parts.emplace_back(Paragraph{{"No workload's preferable unit changed."}});
+    } else {
+      document.parts.emplace_back(flips_table(*report.decisions));
+    }
+    document.parts.emplace_back(modes_table(*report.decisions));
+  }
+  return document;
+}
+
+nlohmann::ordered_json gate_json(const GateReport& report) {
+  Json identity = Json::array();
+  for (const auto& each : report.result.identity) {
+    identity.push_back({{"fact", each.fact},
+                        {"base", each.a ? Json(*each.a) : Json()},
+                        {"candidate", each.b ? Json(*each.b) : Json()}});
+  }
+  Json rows = Json::array();
+  for (const auto& row : report.result.rows) rows.push_back(row_json(row));
+  Json json = {{"schema_version", 1},
+               {"base", report.base},
+               {"candidate", report.candidate},
+               {"exit_code", exit_code_of(report.result)},
+               {"alpha", report.thresholds.alpha},
+               {"effect", report.thresholds.effect},
+               {"noise_factor", report.thresholds.noise_factor},
+               {"identity_differences", identity},
+               {"rows", rows}};
+  if (report.decisions) json["decisions"] = decisions_json(*report.decisions);
+  return json;
+}
+
+std::string gate_junit(const GateReport& report) {
+  std::map<std::string, std::vector<const GateRow*>> suites;  // By unit.
+  for (const auto& row : report.result.rows) suites[row.unit].push_back(&row);
+  std::string xml =
+      "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"pirt regress\">\n";
+  for (const auto& [unit, rows] : suites) {
+    const auto failures = std::ranges::count(rows, GateVerdict::kSlower, &GateRow::verdict);
+    const auto skipped = std::ranges::count_if(rows, [](const GateRow* row) {
+      return row->verdict == GateVerdict::kInconclusive ||
+             row->verdict == GateVerdict::kNotComparable || row->verdict == GateVerdict::kNotJudged;
+    });
+    xml += fmt::format(
+        "  <testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" errors=\"0\" skipped=\"{}\">\n",
+        escaped(unit), rows.size(), failures, skipped);
+    for (const GateRow* row : rows) {
+      xml += fmt::format("    <testcase classname=\"{}.{}\" name=\"{}\"", escaped(unit),
+                         escaped(row->workload), escaped(row->phase));
+      const std::string message = fmt::format("{}: {}", to_string(row->verdict), message_of(*row));
+      switch (row->verdict) {
+        case GateVerdict::kSlower:
+          xml += fmt::format("><failure message=\"{}\"/></testcase>\n", escaped(message));
+          break;
+        case GateVerdict::kInconclusive:
+        case GateVerdict::kNotComparable:
+        case GateVerdict::kNotJudged:
+          xml += fmt::format("><skipped message=\"{}\"/></testcase>\n", escaped(message));
+          break;
+        case GateVerdict::kSame:
+        case GateVerdict::kFaster:
+          xml += "/>\n";
+          break;
+      }
+    }
+    xml += "  </testsuite>\n";
+  }
+  return xml + "</testsuites>\n";
+}
+
+}  // namespace pirt

@@ -1,0 +1,35 @@
+// The answer of `pirt regress` for people (a document), for pull requests (the same as Markdown),
+// for CI servers (JUnit XML) and for programs (JSON).
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "reports/document.h"
+#include "reports/gate/decisions.h"
+#include "reports/gate/table_gate.h"
+
+namespace pirt {
+
+struct GateReport {
+  std::string base, candidate;  ///< What was compared: paths.
+  GateResult result;
+  std::optional<Decisions> decisions;
+  GateThresholds thresholds;
+};
+
+/// 1 if anything became slower, else 3 if anything is inconclusive or not comparable, else 0.
+[[nodiscard]] int exit_code_of(const GateResult& result);
+
+/// @param all  Also the rows that are the same or not judged; otherwise they are counted.
+[[nodiscard]] Document gate_document(const GateReport& report, bool all);
+[[nodiscard]] nlohmann::ordered_json gate_json(const GateReport& report);
+
+/// A test case a row: slower ones fail, inconclusive, not comparable and not judged ones are
+/// skipped, with the reason.
+/// @source The format that Jenkins and GitLab read: testsuites, testsuite, testcase, failure,
+/// skipped.
+[[nodiscard]] std::string gate_junit(const GateReport& report);
+
+}  // namespace pirt
