@@ -189,5 +189,17 @@ TEST_F(WithProfile, DrawsServiceTimesFromItsRows) {
   EXPECT_GE(schedule("p95", "1").json()["makespan_s"], median["makespan_s"]);
 }
 
+TEST(FullDisk, IsAnErrorWithAMessageAndLeavesNothing) {
+  const Scratch scratch;
+  // 4 KiB a file, which ends a program by a signal unless it looks at the error; too little for an
+  // empty database.
+  const auto outcome = run("ulimit -f 8; " + quoted(PIRT_BINARY) +
+                           " characterize --quick --platform fake --filter '^pool5$' --db " +
+                           quoted(scratch.file("p.db")));
+  EXPECT_EQ(outcome.exit_code, 4) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("cannot make profile database"));
+  EXPECT_FALSE(std::filesystem::exists(scratch.file("p.db")));
+}
+
 }  // namespace
 }  // namespace pirt::test
