@@ -171,6 +171,10 @@ std::optional<Ranks> median_interval_ranks(std::size_t n) {
 
 Nanos median(std::span<const Nanos> samples) { return median_of_sorted(sorted_copy(samples)); }
 
+Nanos median(std::span<const Nanos> samples, std::span<const std::int32_t> processes) {
+  return processes.empty() ? median(samples) : median(process_medians(samples, processes));
+}
+
 Nanos percentile(std::span<const Nanos> samples, int percent) {
   return percentile_of_sorted(sorted_copy(samples), percent);
 }
@@ -191,7 +195,7 @@ std::optional<double> relative_precision(std::span<const Nanos> samples) {
   return relative_half_width(interval_of_sorted(sorted), median_of_sorted(sorted));
 }
 
-std::vector<Nanos> process_medians(std::span<const Nanos> samples, std::span<const int> processes) {
+std::vector<Nanos> process_medians(std::span<const Nanos> samples, std::span<const std::int32_t> processes) {
   assert(samples.size() == processes.size());
   std::map<int, std::vector<Nanos>> of;
   for (std::size_t i = 0; i < samples.size(); ++i) of[processes[i]].push_back(samples[i]);
@@ -236,10 +240,11 @@ Statistics summarize(std::span<const Nanos> samples) {
   return result;
 }
 
-Statistics summarize(std::span<const Nanos> samples, std::span<const int> processes) {
+Statistics summarize(std::span<const Nanos> samples, std::span<const std::int32_t> processes) {
   const auto medians = process_medians(samples, processes);
   Statistics result = describe(sorted_copy(samples), median(medians));
-  result.interval = interval_over_processes(medians);
+  result.interval =
+      medians.size() == 1 ? median_interval(samples) : interval_over_processes(medians);
   result.processes = static_cast<std::int64_t>(medians.size());
   return result;
 }

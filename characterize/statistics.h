@@ -44,6 +44,10 @@ struct Ranks {
 /// @param percent  1 to 100.
 [[nodiscard]] Nanos percentile(std::span<const Nanos> samples, int percent);
 
+/// Median of the process medians. Needs at least one sample.
+/// @param processes  Which process took each sample; empty = one took all.
+[[nodiscard]] Nanos median(std::span<const Nanos> samples, std::span<const std::int32_t> processes);
+
 /// 95 % interval of the median; absent below 6 samples.
 [[nodiscard]] std::optional<Interval> median_interval(std::span<const Nanos> samples);
 
@@ -54,7 +58,7 @@ struct Ranks {
 /// The median of each process's samples, in order of process number.
 /// @param processes  Which process took each sample; as many as there are samples.
 [[nodiscard]] std::vector<Nanos> process_medians(std::span<const Nanos> samples,
-                                                 std::span<const int> processes);
+                                                 std::span<const std::int32_t> processes);
 
 /// 95 % interval of the median of the medians that processes have: what another run with other
 /// processes would find. Samples of one process share its memory layout and the machine's mood, so
@@ -111,8 +115,9 @@ struct Statistics {
 
 /// The median is the median of the process medians, so that a process counts once however many
 /// samples it took, and the interval that of interval_over_processes; all else is of all samples.
-/// Needs at least one sample.
+/// Samples of a single process have the interval of median_interval, which says nothing of what
+/// another process would find. Needs at least one sample.
 /// @param processes  Which process took each sample; as many as there are samples.
-[[nodiscard]] Statistics summarize(std::span<const Nanos> samples, std::span<const int> processes);
+[[nodiscard]] Statistics summarize(std::span<const Nanos> samples, std::span<const std::int32_t> processes);
 
 }  // namespace pirt
