@@ -133,8 +133,9 @@ struct Google {
 
 Google read_google(const Options& options, const std::vector<std::int64_t>& runs) {
   Google result;
+  const auto platform = load_platform("host");
   for (const std::int64_t run : runs) {
-    for (const UnitModel& unit : load_platform("host").units) {
+    for (const UnitModel& unit : platform.units) {
       std::ifstream in(google_file(options, run, unit.name));
       if (!in) continue;
       for (const auto& entry : nlohmann::json::parse(in).at("benchmarks")) {
