@@ -7,7 +7,7 @@
 #include <cassert>
 #include <cmath>
 
-#include "characterize/energy.h"
+#include "characterize/energy/model.h"
 #include "characterize/statistics.h"
 
 namespace pirt {
