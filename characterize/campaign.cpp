@@ -13,6 +13,7 @@
 #include <memory>
 
 #include "characterize/campaign_estimate.h"
+#include "characterize/campaign_meters.h"
 #include "characterize/campaign_resume.h"
 #include "characterize/cell.h"
 #include "characterize/job_runner.h"
@@ -59,6 +60,7 @@ Environment run_environment(const CampaignOptions& options, const CampaignPlan& 
   Environment facts = host_environment();
   facts.merge(build_environment());
   facts.insert(plan.facts.begin(), plan.facts.end());
+  facts.merge(idle_facts(plan));
   facts["cores_usable"] = fmt::format("{}", fmt::join(usable_cores(), ","));
   const ClockQuality clock = measure_clock(MachineClock());
   facts["clock_cost_ns"] = fmt::format("{:.1f}", clock.cost_ns);
@@ -161,8 +163,9 @@ class Campaign {
       const auto next = cell.measurement->next();
       if (next && (next->needed || !time_is_over())) {
         (next->needed ? needing : wanting).push_back(&cell);
-      } else {
-        store(cell);
+      } else if (!complete(cell)) {
+        summary_.interrupted = true;
+        return {};
       }
     }
     const std::uint64_t seed = derive_seed(options_.seed, fmt::format("round {}", round));
@@ -194,12 +197,18 @@ class Campaign {
                         {cell.measurement->processes(), next->setup, to_record(*result) + "\n"});
     cell.measurement->add(next->setup, std::move(*result));
     ++summary_.processes;
-    if (!cell.measurement->next()) store(cell);
-    return true;
+    return cell.measurement->next() || complete(cell);
   }
 
   [[nodiscard]] static CellName name_of(const Cell& cell) {
     return {cell.planned->workload->name, cell.planned->unit};
+  }
+
+  /// Reads the energy meters first. @return False if stopped; then nothing was stored.
+  bool complete(Cell& cell) {
+    if (cell.measurement->metering_due() && !cell.measurement->meter()) return false;
+    store(cell);
+    return true;
   }
 
   void store(Cell& cell) { finish(cell, cell.measurement->record()); }
@@ -218,7 +227,7 @@ class Campaign {
   void store_interrupted() {
     for (Cell& cell : cells_) {
       if (cell.stored || cell.measurement->processes() == 0) continue;
-      if (cell.measurement->needed_visits() == 0) {
+      if (cell.measurement->needed_visits() == 0 && !cell.measurement->metering_due()) {
         store(cell);
       } else if (cell.measurement->processes() >= kFewestProcesses) {
         writer_.write_interrupted_cell(summary_.run_id, cell.measurement->record());
@@ -252,6 +261,8 @@ class Campaign {
     if (options_.images) job.images = std::filesystem::absolute(*options_.images).string();
     job.reference = (scratch_.path() / (job.workload + ".reference")).string();
     job.sampling = sampling_options(options_);
+    const auto meters = plan_.meters.find(unit.name);
+    if (meters != plan_.meters.end()) job.metering = meters->second;
     return job;
   }
 

@@ -12,11 +12,13 @@
 #include <atomic>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "characterize/database.h"
+#include "characterize/energy/metered_calls.h"
 #include "characterize/environment.h"
 #include "characterize/platform.h"
 #include "workloads/workload.h"
@@ -41,6 +43,7 @@ struct CampaignOptions {
   std::vector<std::string> settings;
   std::optional<UnfinishedRun> resumed;  ///< From resume_options: no new run, but the rest of this.
   std::filesystem::path program = "/proc/self/exe";  ///< Started as `PROGRAM worker`.
+  std::filesystem::path sysfs = "/sys";              ///< Where energy meters are looked for.
   Nanos job_limit = std::chrono::seconds(
       120);  ///< A worker that takes longer is killed and its cell is an error.
   const std::atomic<bool>* stop = nullptr;  ///< Set it (from a signal handler, say) to end the run;
@@ -75,8 +78,10 @@ struct CampaignPlan {
   std::vector<Skip> skipped;
   std::vector<UnitRecord>
       units;  ///< Those with cells, in platform order, with the device that each got.
-  std::vector<Provenance> provenances;  ///< Of each of `units`.
-  Environment facts;                    ///< What probing found: "unit.cpu.version".
+  std::vector<Provenance> provenances;         ///< Of each of `units`.
+  std::map<std::string, MeterRequest> meters;  ///< By unit; those without one are modelled.
+  std::vector<std::string> remarks;  ///< Why a unit's energy is modelled, or from another meter.
+  Environment facts;                 ///< What probing found: "unit.cpu.version".
   Nanos max_time{0};  ///< No process is started for precision alone after that; those that valid
                       ///< rows need are run all the same.
   Estimate estimate;

@@ -7,6 +7,7 @@
 
 #include "characterize/campaign.h"
 #include "characterize/campaign_estimate.h"
+#include "characterize/campaign_meters.h"
 #include "characterize/campaign_resume.h"
 #include "characterize/job_runner.h"
 #include "characterize/unit_request.h"
@@ -144,9 +145,14 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   }
   if (plan.cells.empty()) throw_nothing_to_measure(plan.skipped);
   if (options.resumed) restrict_to_stored(*options.resumed, plan);
+  plan_meters(options, plan);
+  const Nanos metering = metering_time(plan);
   plan.max_time = options.max_time.value_or(static_cast<std::int64_t>(plan.cells.size()) *
-                                            (options.quick ? kQuickTime : kFullTime));
+                                                (options.quick ? kQuickTime : kFullTime) +
+                                            metering);
   plan.estimate = estimate(options, plan);
+  plan.estimate.needed += metering;
+  plan.estimate.total += metering;
   return plan;
 }
 

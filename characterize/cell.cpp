@@ -152,8 +152,7 @@ CellSamples CellMeasurement::samples(Phase phase) const {
 }
 
 bool CellMeasurement::wrong_output() const {
-  return std::ranges::any_of(taken_,
-                             [](const Taken& taken) { return taken.result.wrong_output; });
+  return std::ranges::any_of(taken_, [](const Taken& taken) { return taken.result.wrong_output; });
 }
 
 CellConditions CellMeasurement::conditions() const {
@@ -172,6 +171,36 @@ CellConditions CellMeasurement::conditions() const {
   found.wrong_output = wrong_output();
   found.unstable = unstable_;
   return found;
+}
+
+bool CellMeasurement::metering_due() const {
+  return !request_.job.metering.meters.empty() && !taken_.empty() && !failed() && !wrong_output() &&
+         !metered_;
+}
+
+bool CellMeasurement::meter() {
+  request_.on_step("metering");
+  Job job = request_.job;
+  job.kind = JobKind::kMeter;
+  metered_ = runner_.run(job, environment_);
+  return metered_.has_value();
+}
+
+EnergyRecord CellMeasurement::energy(const PhaseRecord& call) const {
+  const MeterRequest& request = request_.job.metering;
+  if (request.meters.empty() || (!metered_ && !metering_due())) {
+    return model_energy(request_.platform, request_.unit, request_.workload, call);
+  }
+  if (metered_ && metered_->metered) return metered_energy(*metered_->metered);
+  MeteredCalls none;
+  none.source = request.source;
+  none.domain = request.domain;
+  if (!metered_) {
+    none.reasons = {"not_metered: the run was interrupted"};
+  } else {
+    none.reasons = {metered_->error.empty() ? "wrong_output" : "error: " + metered_->error};
+  }
+  return metered_energy(none);
 }
 
 CellRecord CellMeasurement::record() const {
@@ -196,7 +225,7 @@ CellRecord CellMeasurement::record() const {
   }
   const auto call = std::ranges::find(cell.phases, Phase::kCall, &PhaseRecord::phase);
   if (call != cell.phases.end()) {
-    cell.energy = model_energy(request_.platform, request_.unit, workload, *call);
+    cell.energy = energy(*call);
   }
   return cell;
 }

@@ -45,7 +45,7 @@ inline constexpr int kMostProcesses = 30;
 /// What the next process of a cell is for.
 struct Visit {
   State setup = State::kCold;  ///< Whether it finds an empty kernel cache or a filled one.
-  bool needed = true;  ///< A valid row needs it; otherwise it only narrows the interval.
+  bool needed = true;          ///< A valid row needs it; otherwise it only narrows the interval.
 };
 
 /// One cell on its way from nothing to a record.
@@ -75,6 +75,11 @@ class CellMeasurement {
   [[nodiscard]] int expected_visits() const;
   [[nodiscard]] int needed_visits() const;
   [[nodiscard]] int processes() const { return static_cast<int>(taken_.size()); }
+
+  /// Whether the unit has an energy meter and the cell has calls that it has not been read for.
+  [[nodiscard]] bool metering_due() const;
+  /// Reads the meters, in a process of its own. @return False if the runner was stopped.
+  [[nodiscard]] bool meter();
   [[nodiscard]] CellRecord record() const;
 
  private:
@@ -83,7 +88,9 @@ class CellMeasurement {
     State setup;
     JobResult result;
   };
-  [[nodiscard]] bool failed() const { return !taken_.empty() && !taken_.back().result.error.empty(); }
+  [[nodiscard]] bool failed() const {
+    return !taken_.empty() && !taken_.back().result.error.empty();
+  }
   [[nodiscard]] bool wrong_output() const;
   [[nodiscard]] std::optional<JobResult> run(JobKind kind);
   [[nodiscard]] int setups() const { return 2 * request_.setup_repeats; }
@@ -97,6 +104,7 @@ class CellMeasurement {
   [[nodiscard]] std::vector<std::string> failure() const;
   [[nodiscard]] PhaseRecord setup_row(Phase phase, State state) const;
   [[nodiscard]] std::optional<PhaseRecord> call_row(Phase phase) const;
+  [[nodiscard]] EnergyRecord energy(const PhaseRecord& call) const;
   void judge_samples();
 
   CellRequest request_;
@@ -104,10 +112,11 @@ class CellMeasurement {
   std::filesystem::path cache_;  ///< The cell's own kernel cache; gone with this.
   bool cache_filled_ = false;
   std::vector<std::pair<std::string, std::string>> environment_;
-  std::vector<Taken> taken_;               ///< In order of time.
+  std::vector<Taken> taken_;                ///< In order of time.
   std::optional<std::size_t> unstable_at_;  ///< How many had been taken when it turned out.
   bool unstable_ = false;                   ///< Of what is shown.
   std::optional<double> reached_;
+  std::optional<JobResult> metered_;
 };
 
 /// The record of a cell that could not be measured at all: every row of the backend's phases,

@@ -45,6 +45,50 @@ SamplingOptions decode_sampling(const Json& j) {
   return o;
 }
 
+Json encode(const MeterRequest& m) {
+  return {{"meters", m.meters},
+          {"source", m.source},
+          {"domain", m.domain},
+          {"sysfs", m.sysfs},
+          {"window_ns", m.window.count()}};
+}
+
+MeterRequest decode_metering(const Json& j) {
+  return {j.at("meters"), j.at("source"), j.at("domain"), j.at("sysfs"),
+          Nanos(j.at("window_ns").get<std::int64_t>())};
+}
+
+Json encode(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
+
+std::optional<double> decode_number(const Json& j) {
+  if (j.is_null()) return std::nullopt;
+  return j.get<double>();
+}
+
+Json encode(const std::optional<MeteredCalls>& m) {
+  if (!m) return {};
+  return {{"source", m->source},
+          {"domain", m->domain},
+          {"calls", m->calls},
+          {"duration_ns", m->duration.count()},
+          {"active_j", encode(m->active_j)},
+          {"idle_before_w", encode(m->idle_before_w)},
+          {"idle_after_w", encode(m->idle_after_w)},
+          {"reasons", m->reasons}};
+}
+
+std::optional<MeteredCalls> decode_metered(const Json& j) {
+  if (j.is_null()) return std::nullopt;
+  return MeteredCalls{j.at("source"),
+                      j.at("domain"),
+                      j.at("calls"),
+                      Nanos(j.at("duration_ns").get<std::int64_t>()),
+                      decode_number(j.at("active_j")),
+                      decode_number(j.at("idle_before_w")),
+                      decode_number(j.at("idle_after_w")),
+                      j.at("reasons").get<std::vector<std::string>>()};
+}
+
 Json encode(const DeviceInfo& device) {
   return {{"name", device.name},
           {"platform", device.platform},
@@ -83,6 +127,7 @@ JobResult decode_result(const Json& j) {
     result.phases.push_back({phase_from_string(phase.at("phase").get<std::string>()).value(),
                              decode_times(phase.at("samples_ns")), phase.at("batch")});
   }
+  result.metered = decode_metered(j.value("metered", Json()));
   return result;
 }
 
@@ -101,7 +146,8 @@ std::string to_json(const Job& job) {
                   {"seed", job.seed},
                   {"images", job.images},
                   {"reference", job.reference},
-                  {"sampling", encode(job.sampling)}};
+                  {"sampling", encode(job.sampling)},
+                  {"metering", encode(job.metering)}};
   return j.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
@@ -116,7 +162,7 @@ Job job_from_json(const std::string& text) {
     }
     Job job;
     const int kind = j.at("kind");
-    if (kind < 0 || kind > static_cast<int>(JobKind::kSample)) {
+    if (kind < 0 || kind > static_cast<int>(JobKind::kMeter)) {
       throw_bad_input(fmt::format("unknown kind of job {}", kind));
     }
     job.kind = static_cast<JobKind>(kind);
@@ -129,6 +175,7 @@ Job job_from_json(const std::string& text) {
     job.images = j.at("images");
     job.reference = j.at("reference");
     job.sampling = decode_sampling(j.at("sampling"));
+    job.metering = decode_metering(j.at("metering"));
     return job;
   } catch (const Json::exception& error) {
     throw_bad_input(
@@ -158,7 +205,8 @@ std::string to_record(const JobResult& r) {
                   {"contended", r.contended},
                   {"throttled", r.throttled},
                   {"notes", r.notes},
-                  {"phases", phases}};
+                  {"phases", phases},
+                  {"metered", encode(r.metered)}};
   // Drivers' texts need not be UTF-8.
   return std::string(kPrefix) + j.dump(-1, ' ', false, Json::error_handler_t::replace);
 }

@@ -9,6 +9,7 @@
 #include "cli/commands.h"
 #include "cli/duration.h"
 #include "cli/output.h"
+#include "cli/sysfs.h"
 #include "reports/document.h"
 #include "reports/figures.h"
 #include "reports/profile_report.h"
@@ -100,8 +101,14 @@ nlohmann::ordered_json plan_json(const CampaignPlan& plan) {
     if (!skip.workload.empty()) entry["workload"] = skip.workload;
     skipped.push_back(std::move(entry));
   }
+  nlohmann::ordered_json meters = nlohmann::ordered_json::object();
+  for (const auto& [unit, meter] : plan.meters) {
+    meters[unit] = {{"source", meter.source}, {"domain", meter.domain}};
+  }
   return {{"cells", cells},
           {"skipped", skipped},
+          {"meters", meters},
+          {"remarks", plan.remarks},
           {"estimate_s", to_s(plan.estimate.total)},
           {"needed_s", to_s(plan.estimate.needed)},
           {"max_time_s", to_s(plan.max_time)},
@@ -121,6 +128,11 @@ std::string plan_text(const CampaignPlan& plan) {
                                           skip.workload.empty() ? "" : ", " + skip.workload,
                                           skip.reason));
   }
+  for (const auto& [unit, meter] : plan.meters) {
+    table.footnotes.push_back(
+        fmt::format("Energy of {}: {} ({})", unit, meter.source, meter.domain));
+  }
+  for (const auto& remark : plan.remarks) table.footnotes.push_back(remark);
   return render({.parts = {table}}, Format::kText);
 }
 
@@ -190,6 +202,7 @@ int characterize(const Options& options) {
     throw_bad_input("--db is required (or --dry-run to see what would be measured)");
   }
   auto campaign = campaign_options(options);
+  campaign.sysfs = sysfs_root();
   campaign.stop = &stop_requested;
   const auto plan = plan_campaign(campaign);
   if (options.dry_run) {
@@ -199,6 +212,7 @@ int characterize(const Options& options) {
     return 0;
   }
   warn_of_skipped(plan);
+  for (const auto& remark : plan.remarks) warn(remark);
   const auto summary = measure(campaign, plan);
   if (summary.interrupted && summary.cells + summary.cells_begun == 0) {
     throw_environment(

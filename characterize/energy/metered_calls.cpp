@@ -7,6 +7,8 @@
 #include <thread>
 
 #include "characterize/energy/window.h"
+#include "characterize/measure.h"
+#include "workloads/base/error.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -92,6 +94,10 @@ MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& cloc
   metered.source = source_of(meters);
   metered.domain = domain_of(meters);
   const Sum before = idle(meters, clock, window);
+  if (!before.energy_j) {
+    metered.reasons.push_back(before.reason);
+    return metered;
+  }
 
   MeterRecorder recorder(meters, clock);
   const Nanos start = clock.now();
@@ -111,15 +117,26 @@ MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& cloc
   return metered;
 }
 
-std::optional<double> idle_power_w(std::span<const Meter* const> meters, const Clock& clock,
-                                   Nanos window) {
-  return power_w(idle(meters, clock, window));
+std::string idle_power_text(const MeterRequest& request) {
+  const auto found = discover_meters(request.sysfs);
+  std::vector<const Meter*> meters;
+  try {
+    meters = find_meters(found, request.meters);
+  } catch (const Error&) {
+    return "";  // gone since it was chosen; each cell's row will say so
+  }
+  const auto idle_w = power_w(idle(meters, MachineClock(), request.window));
+  return idle_w ? fmt::format("{:.4g}", *idle_w) : "";
+}
+
+std::string names_of(std::span<const Meter* const> meters) {
+  std::vector<std::string> names;
+  for (const Meter* meter : meters) names.push_back(meter->info().name);
+  return join(names, " + ");
 }
 
 std::string source_of(std::span<const Meter* const> meters) {
-  std::vector<std::string> names;
-  for (const Meter* meter : meters) names.push_back(meter->info().name);
-  return meters.front()->info().driver + ": " + join(names, " + ");
+  return meters.front()->info().driver + ": " + names_of(meters);
 }
 
 std::string domain_of(std::span<const Meter* const> meters) {

@@ -15,6 +15,14 @@
 
 namespace pirt {
 
+/// Which meters of the machine, and how; empty = none.
+struct MeterRequest {
+  std::string meters;          ///< For find_meters.
+  std::string source, domain;  ///< As source_of and domain_of had them, for rows without a reading.
+  std::string sysfs = "/sys";
+  Nanos window = std::chrono::seconds(1);  ///< For metering_window.
+};
+
 /// What the readings said; crosses the pipe between worker and coordinator.
 struct MeteredCalls {
   std::string source;  ///< "rapl: package-0"
@@ -43,10 +51,12 @@ struct MeteredCalls {
 [[nodiscard]] MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& clock,
                                        Nanos window, const std::function<void()>& call);
 
-/// The machine's idle power over one window; nothing if the meters do not show it.
-[[nodiscard]] std::optional<double> idle_power_w(std::span<const Meter* const> meters,
-                                                 const Clock& clock, Nanos window);
+/// The machine's idle power over one window, in watts with 4 digits; "" if the meters do not show
+/// it, or cannot be read any more.
+[[nodiscard]] std::string idle_power_text(const MeterRequest& request);
 
+/// "package-0 + package-0/dram", as find_meters takes it.
+[[nodiscard]] std::string names_of(std::span<const Meter* const> meters);
 /// "rapl: package-0 + package-0/dram" and "package + dram".
 [[nodiscard]] std::string source_of(std::span<const Meter* const> meters);
 [[nodiscard]] std::string domain_of(std::span<const Meter* const> meters);
