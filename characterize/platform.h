@@ -108,6 +108,12 @@ struct Platform {
 [[nodiscard]] Platform parse_platform(const std::string& file, const std::string& text,
                                       const std::vector<YamlOverride>& overrides, int host_cores);
 
+/// The file behind a name with @p overrides applied, as YAML that load_platform reads again (its
+/// comments are lost).
+/// @throws Error{kBadInput} as load_platform.
+[[nodiscard]] std::string platform_text(const std::string& name,
+                                        const std::vector<YamlOverride>& overrides);
+
 [[nodiscard]] std::vector<std::string> shipped_platforms();
 /// Cores that this process may run on.
 [[nodiscard]] std::vector<int> usable_cores();

@@ -151,6 +151,8 @@ EnergyRecord metered_energy(const MeteredCalls& metered) {
   record.source = metered.source;
   record.reasons = metered.reasons;
   record.energy_j = metered.call_j();
+  record.domain = metered.domain;
+  record.idle_subtracted = true;
   return record;
 }
 
