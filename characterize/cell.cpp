@@ -191,7 +191,13 @@ EnergyRecord CellMeasurement::energy(const PhaseRecord& call) const {
   if (request.meters.empty() || (!metered_ && !metering_due())) {
     return model_energy(request_.platform, request_.unit, request_.workload, call);
   }
-  if (metered_ && metered_->metered) return metered_energy(*metered_->metered);
+  if (metered_ && metered_->metered) {
+    MeteredCalls metered = *metered_->metered;
+    // A simulated device's time has nothing to do with the machine's.
+    const bool same_clock = metered_->provenance == Provenance::kMeasured;
+    if (same_clock && !call.samples.empty()) check_call_time(metered, median(call.samples));
+    return metered_energy(metered);
+  }
   MeteredCalls none;
   none.source = request.source;
   none.domain = request.domain;

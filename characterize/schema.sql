@@ -13,7 +13,7 @@
 --            ops_unknown       energy only: op_pj is given but the workload's operations depend on the data
 --            meter_frozen      energy only: the meter reads 0, or the same all the time
 --            meter_error: TEXT energy only: the meter could not be read
---            not_above_idle: TEXT, unstable: TEXT  energy only: the calls drew no more than idling did; idling before and after differ
+--            not_above_idle: TEXT, unstable: TEXT  energy only: the calls drew no more than idling did; idling before and after, or calls metered and timed, differ
 --            error: TEXT       the worker failed; the row has then what was sampled before, or no samples
 --   notes:   input_resized, input_cropped, precision_not_reached (see ci_low_ns, ci_high_ns), contended, bimodal, no_kernel_cache,
 --            shared_core

@@ -8,6 +8,7 @@
 #include "characterize/campaign.h"
 #include "cli/commands.h"
 #include "cli/duration.h"
+#include "cli/fit_energy.h"
 #include "cli/output.h"
 #include "cli/sysfs.h"
 #include "reports/document.h"
@@ -32,6 +33,7 @@ struct Options {
   bool quick = false;
   bool resume = false;
   bool dry_run = false;
+  FitOptions fit;
   std::optional<std::string> json;
 };
 
@@ -205,6 +207,7 @@ int characterize(const Options& options) {
   campaign.sysfs = sysfs_root();
   campaign.stop = &stop_requested;
   const auto plan = plan_campaign(campaign);
+  check_fit(options.fit, plan);
   if (options.dry_run) {
     auto json = plan_json(plan);
     json["schema_version"] = 1;
@@ -228,6 +231,13 @@ int characterize(const Options& options) {
   json["schema_version"] = 1;
   json["summary"] = summary_json(summary);
   json["skipped"] = plan_json(plan)["skipped"];
+  const bool fits = options.fit.file && !summary.interrupted;
+  FitOutcome fit;
+  if (fits) {
+    fit = fit_run(options.fit, campaign, profile);
+    for (auto& table : fit.tables) document.parts.emplace_back(std::move(table));
+    json["energy_fit"] = fit.json;
+  }
   emit(render(document, Format::kText), json, options.json);
   if (summary.interrupted) {
     throw_environment(fmt::format("interrupted; {} cells are complete and {} were begun; {}",
@@ -235,6 +245,10 @@ int characterize(const Options& options) {
   }
   if (summary.rows_valid == 0) {
     throw_environment("no valid row was measured; see the remarks for the reasons");
+  }
+  if (fits && !fit.complete) {
+    warn("not every unit's energy model could be fitted; the tables say why");
+    return kExitInconclusive;
   }
   return 0;
 }
@@ -281,6 +295,14 @@ void add_characterize(CLI::App& app, Action& action) {
                     "2 cold and 2 warm set-ups a cell instead of 5 each, and less sampling");
   command->add_flag("--dry-run", options->dry_run,
                     "Show the cells and the estimated time; measure nothing");
+  command->add_option("--fit-energy", options->fit.file,
+                      "Fit the energy model of each unit with a meter to this run, print it with "
+                      "its residuals, and "
+                      "write the platform with it to FILE.yaml, for --platform");
+  command->add_option("--fit-parameters", options->fit.parameters,
+                      "What to fit, with commas: active_w (W), op_pj, byte_pj (pJ), call_j (J) "
+                      "(default: as many as "
+                      "the cells can tell apart)");
   auto* resume = command->add_flag(
       "--resume", options->resume,
       "Go on with the newest run of --db that did not end, with the options it was started with");

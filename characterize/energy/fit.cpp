@@ -248,6 +248,7 @@ EnergyFit fit_energy_parameters(std::span<const FitCell> cells, std::vector<std:
 std::vector<FitCell> fit_cells(const Profile& profile, std::string_view unit) {
   std::vector<FitCell> cells;
   for (const EnergyRow& energy : profile.energies) {
+    if (energy.run_id != profile.runs.front().run_id) continue;
     if (energy.unit != unit || energy.provenance != Provenance::kMeasured || !energy.valid)
       continue;
     const PhaseRow* call = profile.find(energy.workload, unit, Phase::kCall);

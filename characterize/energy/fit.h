@@ -74,7 +74,7 @@ struct EnergyFit {
 [[nodiscard]] EnergyFit fit_energy_parameters(std::span<const FitCell> cells,
                                               std::vector<std::string>& dropped);
 
-/// The valid metered rows of a unit, with the times and sizes of the same run.
+/// The valid metered rows of a unit in the newest run, with the times and sizes of that run.
 [[nodiscard]] std::vector<FitCell> fit_cells(const Profile& profile, std::string_view unit);
 
 }  // namespace pirt

@@ -117,6 +117,16 @@ MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& cloc
   return metered;
 }
 
+void check_call_time(MeteredCalls& metered, Nanos timed) {
+  if (metered.calls == 0 || timed.count() <= 0) return;
+  const double metered_s = to_s(metered.duration) / static_cast<double>(metered.calls);
+  const double timed_s = to_s(timed);
+  if (std::abs(metered_s - timed_s) <= kUnstableShare * std::min(metered_s, timed_s)) return;
+  metered.reasons.push_back(
+      fmt::format("unstable: a call took {:.3g} ms metered and {:.3g} ms timed", metered_s * 1e3,
+                  timed_s * 1e3));
+}
+
 std::string idle_power_text(const MeterRequest& request) {
   const auto found = discover_meters(request.sysfs);
   std::vector<const Meter*> meters;

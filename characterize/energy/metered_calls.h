@@ -51,6 +51,10 @@ struct MeteredCalls {
 [[nodiscard]] MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& clock,
                                        Nanos window, const std::function<void()>& call);
 
+/// Adds the reason `unstable` if a metered call took 20 % more or less than a timed one: power and
+/// time of a row must be those of the same conditions, and a sustained load may be throttled.
+void check_call_time(MeteredCalls& metered, Nanos timed);
+
 /// The machine's idle power over one window, in watts with 4 digits; "" if the meters do not show
 /// it, or cannot be read any more.
 [[nodiscard]] std::string idle_power_text(const MeterRequest& request);

@@ -115,6 +115,20 @@ TEST(MeteredCalls, AFailingCallEndsTheMeasurement) {
   EXPECT_THROW(static_cast<void>(measure(meter, [] { throw_environment("device lost"); })), Error);
 }
 
+TEST(MeteredCalls, PowerAndTimeMustBelongTogether) {
+  MeteredCalls metered;
+  metered.calls = 100;
+  metered.duration = std::chrono::seconds(1);  // 10 ms a call
+  for (const auto& [timed_ms, agrees] :
+       {std::pair{10.0, true}, {11.9, true}, {8.5, true}, {12.1, false}, {8.2, false}}) {
+    metered.reasons.clear();
+    check_call_time(metered, from_ms(timed_ms));
+    EXPECT_EQ(metered.reasons.empty(), agrees) << timed_ms;
+  }
+  EXPECT_THAT(metered.reasons[0],
+              HasSubstr("unstable: a call took 10 ms metered and 8.2 ms timed"));
+}
+
 TEST(MeteredCalls, SlowSensorsGetLongerWindows) {
   MeterInfo gauge;
   gauge.kind = MeterKind::kPower;
