@@ -11,7 +11,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kProtocol = 1;
+constexpr int kProtocol = 2;
 constexpr std::string_view kPrefix = "pirt-record ";
 
 Json encode(const std::vector<Nanos>& times) {
@@ -28,22 +28,65 @@ std::vector<Nanos> decode_times(const Json& list) {
 }
 
 Json encode(const SamplingOptions& o) {
-  return {{"warm_up_ns", o.warm_up.count()}, {"minimum_ns", o.minimum.count()},
-          {"budget_ns", o.budget.count()},   {"limit_ns", o.limit.count()},
-          {"min_samples", o.min_samples},    {"max_samples", o.max_samples},
-          {"precision", o.precision}};
+  return {{"warm_up_ns", o.warm_up.count()},
+          {"slice_ns", o.slice.count()},
+          {"limit_ns", o.limit.count()},
+          {"min_samples", o.min_samples},
+          {"max_samples", o.max_samples}};
 }
 
 SamplingOptions decode_sampling(const Json& j) {
   SamplingOptions o;
   o.warm_up = Nanos(j.at("warm_up_ns").get<std::int64_t>());
-  o.minimum = Nanos(j.at("minimum_ns").get<std::int64_t>());
-  o.budget = Nanos(j.at("budget_ns").get<std::int64_t>());
+  o.slice = Nanos(j.at("slice_ns").get<std::int64_t>());
   o.limit = Nanos(j.at("limit_ns").get<std::int64_t>());
   o.min_samples = j.at("min_samples");
   o.max_samples = j.at("max_samples");
-  o.precision = j.at("precision");
   return o;
+}
+
+Json encode(const MeterRequest& m) {
+  return {{"meters", m.meters},
+          {"source", m.source},
+          {"domain", m.domain},
+          {"sysfs", m.sysfs},
+          {"window_ns", m.window.count()}};
+}
+
+MeterRequest decode_metering(const Json& j) {
+  return {j.at("meters"), j.at("source"), j.at("domain"), j.at("sysfs"),
+          Nanos(j.at("window_ns").get<std::int64_t>())};
+}
+
+Json encode(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
+
+std::optional<double> decode_number(const Json& j) {
+  if (j.is_null()) return std::nullopt;
+  return j.get<double>();
+}
+
+Json encode(const std::optional<MeteredCalls>& m) {
+  if (!m) return {};
+  return {{"source", m->source},
+          {"domain", m->domain},
+          {"calls", m->calls},
+          {"duration_ns", m->duration.count()},
+          {"active_j", encode(m->active_j)},
+          {"idle_before_w", encode(m->idle_before_w)},
+          {"idle_after_w", encode(m->idle_after_w)},
+          {"reasons", m->reasons}};
+}
+
+std::optional<MeteredCalls> decode_metered(const Json& j) {
+  if (j.is_null()) return std::nullopt;
+  return MeteredCalls{j.at("source"),
+                      j.at("domain"),
+                      j.at("calls"),
+                      Nanos(j.at("duration_ns").get<std::int64_t>()),
+                      decode_number(j.at("active_j")),
+                      decode_number(j.at("idle_before_w")),
+                      decode_number(j.at("idle_after_w")),
+                      j.at("reasons").get<std::vector<std::string>>()};
 }
 
 Json encode(const DeviceInfo& device) {
@@ -84,6 +127,7 @@ JobResult decode_result(const Json& j) {
     result.phases.push_back({phase_from_string(phase.at("phase").get<std::string>()).value(),
                              decode_times(phase.at("samples_ns")), phase.at("batch")});
   }
+  result.metered = decode_metered(j.value("metered", Json()));
   return result;
 }
 
@@ -102,7 +146,8 @@ std::string to_json(const Job& job) {
                   {"seed", job.seed},
                   {"images", job.images},
                   {"reference", job.reference},
-                  {"sampling", encode(job.sampling)}};
+                  {"sampling", encode(job.sampling)},
+                  {"metering", encode(job.metering)}};
   return j.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
@@ -117,7 +162,7 @@ Job job_from_json(const std::string& text) {
     }
     Job job;
     const int kind = j.at("kind");
-    if (kind < 0 || kind > static_cast<int>(JobKind::kSample)) {
+    if (kind < 0 || kind > static_cast<int>(JobKind::kMeter)) {
       throw_bad_input(fmt::format("unknown kind of job {}", kind));
     }
     job.kind = static_cast<JobKind>(kind);
@@ -130,6 +175,7 @@ Job job_from_json(const std::string& text) {
     job.images = j.at("images");
     job.reference = j.at("reference");
     job.sampling = decode_sampling(j.at("sampling"));
+    job.metering = decode_metering(j.at("metering"));
     return job;
   } catch (const Json::exception& error) {
     throw_bad_input(
@@ -159,7 +205,8 @@ std::string to_record(const JobResult& r) {
                   {"contended", r.contended},
                   {"throttled", r.throttled},
                   {"notes", r.notes},
-                  {"phases", phases}};
+                  {"phases", phases},
+                  {"metered", encode(r.metered)}};
   // Drivers' texts need not be UTF-8.
   return std::string(kPrefix) + j.dump(-1, ' ', false, Json::error_handler_t::replace);
 }

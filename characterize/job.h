@@ -11,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "characterize/energy/metered_calls.h"
 #include "characterize/measure.h"
 #include "workloads/backend.h"
 
@@ -21,6 +22,7 @@ enum class JobKind : std::uint8_t {
   kReference,  ///< Compute the workload's reference into a file.
   kSetup,      ///< Time device_init and prepare.
   kSample,     ///< The same, then verify, time calls, verify.
+  kMeter,      ///< The same, with energy meters around the calls in place of the clock.
 };
 
 struct Job {
@@ -32,6 +34,7 @@ struct Job {
   std::string images;     ///< Path for images_from; empty = generated.
   std::string reference;  ///< File that kReference writes and kSample reads.
   SamplingOptions sampling;
+  MeterRequest metering;  ///< For kMeter.
 };
 
 struct JobResult {
@@ -49,6 +52,7 @@ struct JobResult {
   bool throttled = false;
   std::vector<std::string> notes;  ///< Of the data: "input_resized".
   std::vector<PhaseSamples> phases;
+  std::optional<MeteredCalls> metered;
 };
 
 [[nodiscard]] std::string to_json(const Job& job);

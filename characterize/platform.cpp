@@ -22,6 +22,21 @@ Platform read(const std::string& file, const std::string& text,
   return read_platform(parse_yaml(file, text, "units", overrides), cores);
 }
 
+struct NamedText {
+  std::string file, text;
+};
+
+NamedText find_file(const std::string& name) {
+  if (names_a_file(name)) return {name, read_file(name)};
+  const std::string file = name + std::string(kSuffix);
+  const auto text = find_embedded(platform_files::files(), file);
+  if (!text) {
+    throw_bad_input("unknown platform '" + name + "'" + suggestion(name, shipped_platforms()) +
+                    "; a file is named with a '/' or ends in .yaml");
+  }
+  return {file, std::string(*text)};
+}
+
 }  // namespace
 
 const UnitModel* Platform::find_unit(std::string_view unit) const {
@@ -42,14 +57,15 @@ std::vector<std::string> Platform::unit_names() const {
 }
 
 Platform load_platform(const std::string& name, const std::vector<YamlOverride>& overrides) {
-  if (names_a_file(name)) return read(name, read_file(name), overrides, usable_cores());
-  const std::string file = name + std::string(kSuffix);
-  const auto text = find_embedded(platform_files::files(), file);
-  if (!text) {
-    throw_bad_input("unknown platform '" + name + "'" + suggestion(name, shipped_platforms()) +
-                    "; a file is named with a '/' or ends in .yaml");
-  }
-  return read(file, std::string(*text), overrides, usable_cores());
+  const auto [file, text] = find_file(name);
+  return read(file, text, overrides, usable_cores());
+}
+
+std::string platform_text(const std::string& name, const std::vector<YamlOverride>& overrides) {
+  const auto [file, text] = find_file(name);
+  std::string changed = parse_yaml(file, text, "units", overrides).dump() + "\n";
+  static_cast<void>(read(file, changed, {}, usable_cores()));
+  return changed;
 }
 
 Platform parse_platform(const std::string& file, const std::string& text,

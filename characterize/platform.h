@@ -50,7 +50,10 @@ struct UnitModel {
   double idle_w = 0;
   double op_pj = 0;    ///< Additional energy per operation of the workload.
   double byte_pj = 0;  ///< Additional energy per byte of the workload.
-  std::string link;    ///< Name of the link that inputs and outputs travel over; empty = none.
+  double call_j = 0;   ///< Additional energy per call, whatever the workload.
+  Provenance energy_provenance = Provenance::kModelled;  ///< Of these figures and active_w.
+  std::string energy_source;  ///< Where they come from; empty = the platform's assumptions.
+  std::string link;  ///< Name of the link that inputs and outputs travel over; empty = none.
 
   std::string backend;  ///< Measured unit: the backend's name; empty = modelled.
   std::vector<int>
@@ -58,6 +61,9 @@ struct UnitModel {
   bool shares_cores = false;  ///< Another unit owns one of them too (one-core machines).
   std::string device;         ///< Which device of the backend; empty = the first.
   std::string script;         ///< Fake backend: its script, as YAML text.
+  /// Meters that its energy is read from: a name of `pirt list meters` or a sum "A + B"; "none" =
+  /// the model; empty = the widest one that the machine has (energy/choice.h).
+  std::string meter;
 
   [[nodiscard]] bool measured() const { return !backend.empty(); }
 };
@@ -101,6 +107,12 @@ struct Platform {
 /// @param host_cores  Number of cores that "first_half", "second_half" and "all" are taken of.
 [[nodiscard]] Platform parse_platform(const std::string& file, const std::string& text,
                                       const std::vector<YamlOverride>& overrides, int host_cores);
+
+/// The file behind a name with @p overrides applied, as YAML that load_platform reads again (its
+/// comments are lost).
+/// @throws Error{kBadInput} as load_platform.
+[[nodiscard]] std::string platform_text(const std::string& name,
+                                        const std::vector<YamlOverride>& overrides);
 
 [[nodiscard]] std::vector<std::string> shipped_platforms();
 /// Cores that this process may run on.

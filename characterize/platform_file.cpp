@@ -106,11 +106,12 @@ void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitMode
     for (const auto& backend : backends()) known.emplace_back(backend->name());
     unit.backend = one_of(node.at("backend"), known);
   }
-  for (const char* key : {"cores", "device", "script"}) {
+  for (const char* key : {"cores", "device", "script", "meter"}) {
     if (node.has(key) && unit.backend.empty()) node.at(key).fail("needs a `backend:` beside it");
   }
   if (node.has("cores")) unit.cores = read_cores(node.at("cores"), usable);
   unit.device = text_or_empty(node, "device");
+  unit.meter = text_or_empty(node, "meter");
   if (node.has("script")) {
     const auto script = node.at("script");
     if (unit.backend != "fake") script.fail("only backend fake takes a script");
@@ -121,7 +122,7 @@ void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitMode
 
 UnitModel read_unit(const YamlNode& node, const std::string& name, const std::vector<int>& usable) {
   node.check_keys({"servers", "discipline", "slots", "active_w", "idle_w", "role", "energy", "link",
-                   "backend", "cores", "device", "script"});
+                   "backend", "cores", "device", "script", "meter"});
   UnitModel unit;
   unit.name = checked_name(node, name);
   unit.role = default_role(name);
@@ -140,9 +141,15 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, const std::ve
   unit.idle_w = number_or_zero(node, "idle_w", kMaxWatts);
   if (node.has("energy")) {
     const auto energy = node.at("energy");
-    energy.check_keys({"op_pj", "byte_pj"});
+    energy.check_keys({"op_pj", "byte_pj", "call_j", "provenance", "source"});
     unit.op_pj = number_or_zero(energy, "op_pj", kMaxPicojoules);
     unit.byte_pj = number_or_zero(energy, "byte_pj", kMaxPicojoules);
+    unit.call_j = number_or_zero(energy, "call_j", kMaxJoules);
+    if (energy.has("provenance")) {
+      unit.energy_provenance =
+          *provenance_from_string(one_of(energy.at("provenance"), {"modelled", "fitted"}));
+    }
+    unit.energy_source = text_or_empty(energy, "source");
   }
   unit.link = text_or_empty(node, "link");
   read_backend(node, usable, unit);

@@ -39,6 +39,10 @@ class Worker {
         set_up();
         sample();
         break;
+      case JobKind::kMeter:
+        set_up();
+        meter();
+        break;
     }
   }
 
@@ -116,14 +120,16 @@ class Worker {
     return verdict.ok;
   }
 
-  void sample() {
+  bool is_right() {
     begin("verifying");
-    const auto expected =
-        read_tensors(job_.reference, reference_specs(find_workload(job_.workload)));
+    expected_ = read_tensors(job_.reference, reference_specs(find_workload(job_.workload)));
     scribble();
     call();
-    if (!verify(expected, "before timing")) return;
+    return verify(expected_, "before timing");
+  }
 
+  void sample() {
+    if (!is_right()) return;
     begin("sampling");
     scribble();
     const auto phases = backend_.phases();
@@ -137,7 +143,28 @@ class Worker {
       result_.contended = found.contended;
       result_.throttled = found.throttled;
     }
-    verify(expected, "after timing");
+    verify(expected_, "after timing");
+  }
+
+  /// The same calls, on the machine's clock even if the device has its own: meters know no other.
+  void meter() {
+    if (!is_right()) return;
+    begin("metering");
+    const auto found = discover_meters(job_.metering.sysfs);
+    const auto meters = find_meters(found, job_.metering.meters);
+    scribble();
+    // A meter sees all cores, whoever uses them.
+    const auto before = read_host_counters({});
+    result_.metered = meter_calls(meters, machine_, metering_window(meters, job_.metering.window),
+                                  [this] { call(); });
+    const auto after = read_host_counters({});
+    const Interference disturbed =
+        interference(before, after, static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN)));
+    if (disturbed.contended) result_.metered->source += "; contended";
+    if (disturbed.throttled) result_.metered->reasons.emplace_back("throttled");
+    if (!verify(expected_, "after metering")) {
+      result_.metered->reasons.emplace_back("wrong_output");
+    }
   }
 
   const Job& job_;
@@ -148,6 +175,7 @@ class Worker {
   const Clock* clock_ = &machine_;
   Data data_;
   std::vector<Tensor> outputs_;
+  std::vector<Tensor> expected_;
   std::unique_ptr<Device> device_;
   std::unique_ptr<Kernel> kernel_;  // goes before its device
 };

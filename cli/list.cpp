@@ -3,9 +3,11 @@
 
 #include <memory>
 
+#include "characterize/energy/meter.h"
 #include "characterize/platform.h"
 #include "cli/commands.h"
 #include "cli/output.h"
+#include "cli/sysfs.h"
 #include "reports/document.h"
 #include "scheduler/mix.h"
 #include "scheduler/policy.h"
@@ -171,6 +173,35 @@ Listing list_units(const std::string& platform_name) {
           {{"platform", platform.name}, {"units", rows}}};
 }
 
+Listing list_meters() {
+  const auto found = discover_meters(sysfs_root());
+  Table table{.title = "Energy meters of this machine",
+              .columns = {{"meter", Align::kLeft},
+                          {"covers", Align::kLeft},
+                          {"driver", Align::kLeft},
+                          {"reads", Align::kLeft},
+                          {"part of", Align::kLeft},
+                          {"status", Align::kLeft}}};
+  auto rows = nlohmann::ordered_json::array();
+  for (const auto& meter : found.meters) {
+    const MeterInfo& info = meter->info();
+    const bool counts = info.kind == MeterKind::kCounter;
+    table.rows.push_back({info.name, info.covers, info.driver, counts ? "energy" : "power",
+                          info.under.empty() ? "-" : info.under,
+                          info.problem.empty() ? "readable" : "not readable (below)"});
+    if (!info.problem.empty()) table.footnotes.push_back(info.name + ": " + info.problem);
+    nlohmann::ordered_json row = {{"name", info.name},     {"covers", info.covers},
+                                  {"driver", info.driver}, {"reads", counts ? "energy" : "power"},
+                                  {"path", info.path},     {"readable", info.problem.empty()}};
+    if (!info.under.empty()) row["part_of"] = info.under;
+    if (!info.problem.empty()) row["reason"] = info.problem;
+    rows.push_back(std::move(row));
+  }
+  for (const auto& missing : found.missing) table.footnotes.push_back("Not there: " + missing);
+  return {{.title = "pirt meters", .parts = {table}},
+          {{"meters", rows}, {"missing", found.missing}}};
+}
+
 Listing list_named(const std::string& what, const std::vector<std::string>& names,
                    const std::function<std::string(const std::string&)>& describe) {
   Table table{.title = what, .columns = {{"name", Align::kLeft}, {"description", Align::kLeft}}};
@@ -196,6 +227,7 @@ Listing list(const Options& options) {
   if (options.what == "backends") return list_backends();
   if (options.what == "units") return list_units(options.platform);
   if (options.what == "modes") return list_modes();
+  if (options.what == "meters") return list_meters();
   if (options.what == "platforms") {
     return list_named("platforms", shipped_platforms(),
                       [](const std::string& name) { return load_platform(name).description; });
@@ -204,8 +236,8 @@ Listing list(const Options& options) {
     return list_named("mixes", shipped_mixes(),
                       [](const std::string& name) { return load_mix(name).description; });
   }
-  const std::vector<std::string> known = {"workloads", "backends", "units",
-                                          "platforms", "mixes",    "modes"};
+  const std::vector<std::string> known = {"workloads", "backends", "units", "platforms",
+                                          "mixes",     "modes",    "meters"};
   throw_bad_input("cannot list '" + options.what + "'" + suggestion(options.what, known));
 }
 
@@ -213,11 +245,11 @@ Listing list(const Options& options) {
 
 void add_list(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command =
-      app.add_subcommand("list", "Show the workloads, backends, units, platforms, mixes or modes");
+  auto* command = app.add_subcommand(
+      "list", "Show the workloads, backends, units, platforms, mixes, modes or energy meters");
   command
       ->add_option("what", options->what,
-                   "workloads | backends | units | platforms | mixes | modes")
+                   "workloads | backends | units | platforms | mixes | modes | meters")
       ->required();
   command->add_option("--platform", options->platform, "Platform whose units are listed")
       ->capture_default_str();

@@ -6,7 +6,7 @@ PIRT_PACKAGES=(
   libopencv-dev libdnnl-dev
   ocl-icd-opencl-dev opencl-headers opencl-clhpp-headers pocl-opencl-icd
   libsqlite3-dev libyaml-cpp-dev nlohmann-json3-dev libcli11-dev libfmt-dev
-  coinor-libclp-dev
+  coinor-libclp-dev libceres-dev
 )
 PIRT_TEST_PACKAGES=(libgtest-dev libgmock-dev)
 PIRT_LONG_PACKAGES=(clang-14 clang-format-14 clang-tidy-14)

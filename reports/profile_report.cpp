@@ -31,7 +31,9 @@ std::string spread(const PhaseRow* row) {
 }
 
 std::string energy_cell(const EnergyRow* row) {
-  if (row == nullptr || !row->energy_j) return "-";
+  if (row == nullptr) return "-";
+  const bool is_model = row->provenance != Provenance::kMeasured;
+  if (!row->energy_j) return is_model ? "-" : "invalid";
   if (!row->valid) return "invalid";
   return marked(figure(*row->energy_j * 1e3), row->provenance);
 }
@@ -66,6 +68,12 @@ Remarks remarks_of(const Profile& profile, const std::string& workload, const st
     if (row.workload != workload || row.unit != unit) continue;
     for (const auto& reason : row.reasons) add("INVALID: " + reason, row.phase);
     for (const auto& note : row.notes) add(note, row.phase);
+  }
+  const auto* energy = profile.find_energy(workload, unit);
+  if (energy != nullptr && energy->provenance == Provenance::kMeasured) {
+    for (const auto& reason : energy->reasons) {
+      remarks.push_back({"INVALID energy: " + reason, {Phase::kCall}});
+    }
   }
   return remarks;
 }
@@ -265,7 +273,10 @@ Table profile_table(const Profile& profile) {
   }
   for (auto& line : glossary(profile)) table.footnotes.push_back(std::move(line));
   std::set<std::string> sources;
-  for (const auto& energy : profile.energies) sources.insert(energy.unit + ": " + energy.source);
+  for (const auto& energy : profile.energies) {
+    sources.insert(fmt::format("{} ({}; idle {}): {}", energy.unit, energy.domain,
+                               energy.idle_subtracted ? "subtracted" : "included", energy.source));
+  }
   for (const auto& source : sources) table.footnotes.push_back("Energy of " + source);
   return table;
 }

@@ -118,6 +118,7 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
                               .time = time_of(*row, cell.options.draw)});
     service.time_provenance = row->provenance;
   }
+  service.energy_provenance = cell.unit().energy_provenance;
   const auto* energy = cell.profile->find_energy(cell.workload.name, cell.unit().name);
   // Modelled joules are modelled anew, so that watts given for this run count.
   if (energy != nullptr && energy->energy_j && energy->provenance == Provenance::kMeasured) {
@@ -142,6 +143,7 @@ void add_energy(const Cell& cell, Service& service, std::vector<std::string>& wa
   if (const auto* model = cell.model(); model != nullptr && model->call_j.contains(unit.name)) {
     service.extra_j += model->call_j.at(unit.name);
   }
+  service.extra_j += unit.call_j;
   service.extra_j += unit.byte_pj * 1e-12 * static_cast<double>(cell.workload.bytes());
   if (cell.workload.ops) {
     service.extra_j += unit.op_pj * 1e-12 * static_cast<double>(*cell.workload.ops);

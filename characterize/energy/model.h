@@ -1,8 +1,7 @@
 // Energy of one call from a model: watts, picojoules and joules that the platform states, and the
 // measured time of the call.
 //
-// No meter is read here. A meter's reading is another EnergyRecord, with provenance `measured` and
-// the meter as its source.
+// No meter is read here (metered_calls.h).
 #pragma once
 
 #include "characterize/database.h"
@@ -11,8 +10,10 @@
 
 namespace pirt {
 
-/// active_w * call + op_pj * operations + byte_pj * bytes + call_j, with the terms that the
-/// platform gives; provenance `modelled`; the source lists every input.
+/// active_w * call + op_pj * operations + byte_pj * bytes + call_j + the link's active_w * the time
+/// that inputs and outputs take over it, with the terms that the platform gives: what the call adds
+/// to the idle power. Provenance `modelled`, or `fitted` where the platform says so; the source
+/// lists every input.
 ///
 /// @param call  The row of phase `call`. Where it is not valid neither is the energy, for the same
 /// reasons; without samples there is none.

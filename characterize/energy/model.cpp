@@ -1,4 +1,4 @@
-#include "characterize/energy.h"
+#include "characterize/energy/model.h"
 
 #include <fmt/format.h>
 
@@ -19,18 +19,39 @@ double stated_call_j(const Platform& platform, const UnitModel& unit, const std:
   return joules == model->second.call_j.end() ? 0 : joules->second;
 }
 
+/// Inputs and outputs, over the unit's link.
+double link_j(const Platform& platform, const UnitModel& unit, const Workload& workload) {
+  const auto link = platform.links.find(unit.link);
+  if (link == platform.links.end()) return 0;
+  std::int64_t size_bytes = 0;
+  for (const auto* tensors : {&workload.inputs, &workload.outputs}) {
+    for (const TensorSpec& spec : *tensors) size_bytes += spec.size_bytes();
+  }
+  return link->second.active_w * static_cast<double>(size_bytes) * 8 / (link->second.mbit_s * 1e6);
+}
+
+/// The platform's own words, in one line.
+std::string remark(const Platform& platform, const UnitModel& unit) {
+  std::string text = unit.energy_source.empty() ? platform.assumptions : unit.energy_source;
+  std::ranges::replace(text, '\n', ' ');
+  while (text.ends_with(' ')) text.pop_back();
+  return text.empty() ? "" : "; " + text;
+}
+
 }  // namespace
 
 EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const Workload& workload,
                           const PhaseRecord& call) {
-  const double call_j = stated_call_j(platform, unit, workload.name);
+  const double call_j = stated_call_j(platform, unit, workload.name) + unit.call_j;
   std::vector<std::string> terms;
   EnergyRecord result;
+  result.provenance = unit.energy_provenance;
   result.reasons = call.reasons;
   double energy_j = call_j;
   if (unit.active_w > 0) {
     terms.push_back(fmt::format("active_w {} W x call", unit.active_w));
-    if (!call.samples.empty()) energy_j += unit.active_w * to_s(median(call.samples));
+    if (!call.samples.empty())
+      energy_j += unit.active_w * to_s(median(call.samples, call.processes));
   }
   if (unit.op_pj > 0) {
     terms.push_back(fmt::format("op_pj {} pJ x ops", unit.op_pj));
@@ -42,6 +63,11 @@ EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const
     energy_j += unit.byte_pj * kPico * static_cast<double>(workload.bytes());
   }
   if (call_j > 0) terms.push_back(fmt::format("call_j {} J", call_j));
+  if (const double sent_j = link_j(platform, unit, workload); sent_j > 0) {
+    terms.push_back(fmt::format("link {} active_w {} W x transfer", unit.link,
+                                platform.links.at(unit.link).active_w));
+    energy_j += sent_j;
+  }
 
   if (terms.empty()) {
     result.source =
@@ -50,13 +76,7 @@ EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const
     result.reasons.emplace_back("no_power");
     return result;
   }
-  result.source = "model: " + join(terms, " + ");
-  if (!platform.assumptions.empty()) {
-    std::string assumptions = platform.assumptions;
-    std::ranges::replace(assumptions, '\n', ' ');
-    while (assumptions.ends_with(' ')) assumptions.pop_back();
-    result.source += "; " + assumptions;
-  }
+  result.source = "model: " + join(terms, " + ") + remark(platform, unit);
   const bool has_ops = unit.op_pj <= 0 || workload.ops.has_value();
   if (!call.samples.empty() && has_ops) result.energy_j = energy_j;
   return result;

@@ -1,4 +1,4 @@
-#include "characterize/energy.h"
+#include "characterize/energy/model.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,0 +1,102 @@
+#include "characterize/energy/choice.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+using Meters = std::vector<const Meter*>;
+
+Meters of_domain(const MeterDiscovery& found, MeterDomain domain) {
+  Meters meters;
+  for (const auto& meter : found.meters) {
+    if (meter->info().domain == domain) meters.push_back(meter.get());
+  }
+  return meters;
+}
+
+/// Of the packages that own one of @p cores; all where that is not known.
+Meters packages_of(const MeterDiscovery& found, const std::vector<int>& cores,
+                   const std::filesystem::path& sys) {
+  const Meters all = of_domain(found, MeterDomain::kPackage);
+  std::set<std::string> owners;
+  for (const int core : cores) {
+    const auto package = read_integer(
+        sys / fmt::format("devices/system/cpu/cpu{}/topology/physical_package_id", core));
+    if (package.value) owners.insert(fmt::format("package-{}", *package.value));
+  }
+  if (owners.empty()) return all;
+  Meters chosen;
+  std::ranges::copy_if(all, std::back_inserter(chosen), [&](const Meter* meter) {
+    const std::string& name = meter->info().name;  // "package-0", or "package-0-die-1"
+    return owners.contains(name.substr(0, name.find("-die-")));
+  });
+  return chosen.empty() ? all : chosen;
+}
+
+/// The first of several is taken only where one must contain the others.
+Meters single(Meters meters) { return meters.size() == 1 ? meters : Meters(); }
+
+std::string problem_of(const Meters& meters) {
+  for (const Meter* meter : meters) {
+    if (!meter->info().problem.empty()) return meter->info().name + ": " + meter->info().problem;
+  }
+  return "";
+}
+
+MeterChoice named(const MeterDiscovery& found, const UnitModel& unit) {
+  Meters meters = find_meters(found, unit.meter);
+  const std::string problem = problem_of(meters);
+  if (!problem.empty()) {
+    throw_environment(fmt::format("unit '{}' has meter '{}', which cannot be read: {}", unit.name,
+                                  unit.meter, problem));
+  }
+  return {std::move(meters), ""};
+}
+
+}  // namespace
+
+MeterChoice choose_meters(const MeterDiscovery& found, const MeterUser& user,
+                          const std::filesystem::path& sys) {
+  if (user.unit.meter == "none") return {};
+  if (!user.unit.meter.empty()) return named(found, user.unit);
+  if (user.simulated) return {};
+  const Meters board = single(of_domain(found, MeterDomain::kBoard));
+  const Meters battery = single(of_domain(found, MeterDomain::kBattery));
+  const Meters own = user.device_is_cpu ? packages_of(found, user.unit.cores, sys)
+                                        : single(of_domain(found, MeterDomain::kGpu));
+  const auto candidates =
+      user.device_is_cpu ? std::vector{own, board, battery} : std::vector{board, own, battery};
+  MeterChoice choice;
+  std::vector<std::string> problems;
+  for (const Meters& meters : candidates) {
+    if (meters.empty()) continue;
+    const std::string problem = problem_of(meters);
+    if (problem.empty()) {
+      choice.meters = meters;
+      break;
+    }
+    problems.push_back(problem);
+  }
+  if (!problems.empty()) {
+    const std::string instead =
+        choice.meters.empty() ? "modelled" : "read from " + choice.meters.front()->info().name;
+    choice.remark =
+        fmt::format("energy of unit {} is {}: {}", user.unit.name, instead, join(problems, "; "));
+  } else if (choice.meters.empty() && !found.meters.empty()) {
+    choice.remark = fmt::format(
+        "energy of unit {} is modelled: none of the meters {} clearly covers it; name one, or a "
+        "sum "
+        "of them, with --set {}.meter=NAME",
+        user.unit.name, join(found.names(), ", "), user.unit.name);
+  }
+  return choice;
+}
+
+}  // namespace pirt

@@ -1,0 +1,71 @@
+// The energy of a kernel's calls from a machine's meters: idle, then calls for as long as the
+// meters need, then idle again; the idle power is subtracted, the rest divided by the calls.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "characterize/database.h"
+#include "characterize/energy/meter.h"
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+/// Which meters of the machine, and how; empty = none.
+struct MeterRequest {
+  std::string meters;          ///< For find_meters.
+  std::string source, domain;  ///< As source_of and domain_of had them, for rows without a reading.
+  std::string sysfs = "/sys";
+  Nanos window = std::chrono::seconds(1);  ///< For metering_window.
+};
+
+/// What the readings said; crosses the pipe between worker and coordinator.
+struct MeteredCalls {
+  std::string source;  ///< "rapl: package-0"
+  std::string domain;  ///< "package"
+  std::int64_t calls = 0;
+  Nanos duration{0};               ///< Of the calls.
+  std::optional<double> active_j;  ///< Of the calls, with what the idle machine would have used.
+  std::optional<double> idle_before_w, idle_after_w;
+  std::vector<std::string> reasons;  ///< Why the figures do not count; empty = they do.
+
+  /// Joules a call above idle; absent if a reading is, or if the calls drew no more than idling.
+  [[nodiscard]] std::optional<double> call_j() const;
+};
+
+/// How long each of the three windows has to be: @p wished, and at least 5 periods of the slowest
+/// power sensor.
+[[nodiscard]] Nanos metering_window(std::span<const Meter* const> meters, Nanos wished);
+
+/// Joules and seconds of the same calls.
+///
+/// reasons: those of integrate (window.h); not_above_idle; unstable, if the idle power before and
+/// after differs by more than 20 % of what the calls drew above it: then something else on the
+/// machine changed meanwhile.
+/// @param call    One call, complete on return; whatever it throws ends the measurement.
+/// @param window  From metering_window.
+[[nodiscard]] MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& clock,
+                                       Nanos window, const std::function<void()>& call);
+
+/// Adds the reason `unstable` if a metered call took 20 % more or less than a timed one: power and
+/// time of a row must be those of the same conditions, and a sustained load may be throttled.
+void check_call_time(MeteredCalls& metered, Nanos timed);
+
+/// The machine's idle power over one window, in watts with 4 digits; "" if the meters do not show
+/// it, or cannot be read any more.
+[[nodiscard]] std::string idle_power_text(const MeterRequest& request);
+
+/// "package-0 + package-0/dram", as find_meters takes it.
+[[nodiscard]] std::string names_of(std::span<const Meter* const> meters);
+/// "rapl: package-0 + package-0/dram" and "package + dram".
+[[nodiscard]] std::string source_of(std::span<const Meter* const> meters);
+[[nodiscard]] std::string domain_of(std::span<const Meter* const> meters);
+
+/// The row: provenance measured, idle subtracted.
+[[nodiscard]] EnergyRecord metered_energy(const MeteredCalls& metered);
+
+}  // namespace pirt

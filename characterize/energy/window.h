@@ -1,0 +1,63 @@
+// What a meter's readings say about a span of time: joules, or why nothing can be said.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "characterize/energy/meter.h"
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+struct MeterReading {
+  Nanos at{0};
+  std::int64_t value = 0;  ///< Microjoules or microwatts, by the meter's kind.
+};
+
+/// The readings of one meter between two moments.
+struct MeterTrace {
+  Nanos begin{0}, end{0};
+  std::vector<MeterReading> readings;  ///< In order; those that failed are not among them.
+  std::int64_t failures = 0;
+  std::string last_error;
+};
+
+struct WindowEnergy {
+  std::optional<double> energy_j;
+  std::string reason;  ///< Why there is none: "meter_frozen", "meter_error: TEXT"; empty otherwise.
+};
+
+/// Joules from trace.begin to trace.end. Counters: the last reading minus the first one, with the
+/// meter's range added at each step back. Power: trapezoids between readings; the first and the
+/// last one stand for what is before and behind them.
+///
+/// meter_frozen: every reading is the same, or 0, so that the meter shows nothing. meter_error:
+/// fewer than two readings, a counter that could not be read at the window's begin or end, more
+/// than a tenth of a power sensor's readings failed, or a counter that went back without a known
+/// range.
+[[nodiscard]] WindowEnergy integrate(const MeterInfo& meter, const MeterTrace& trace);
+
+/// Reads meters while something else happens: counters when it is made and when it is stopped,
+/// power sensors at their own rate in between as well, from a thread of its own that stop() or the
+/// destructor joins.
+class MeterRecorder {
+ public:
+  /// @param meters  Not empty; they outlive this, and nobody else reads them meanwhile.
+  MeterRecorder(std::span<const Meter* const> meters, const Clock& clock);
+  ~MeterRecorder();
+  MeterRecorder(const MeterRecorder&) = delete;
+  MeterRecorder& operator=(const MeterRecorder&) = delete;
+
+  /// One trace a meter, in their order. Called once.
+  [[nodiscard]] std::vector<MeterTrace> stop();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace pirt

@@ -1,0 +1,149 @@
+#include "characterize/energy/metered_calls.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <thread>
+
+#include "characterize/measure.h"
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+/// A counter that advances by what a function of the time since its first reading says.
+class SimulatedCounter : public Meter {
+ public:
+  explicit SimulatedCounter(std::function<double(double seconds)> energy_j)
+      : Meter(info_of_it()), energy_j_(std::move(energy_j)) {}
+  [[nodiscard]] Attribute<std::int64_t> read() const override {
+    return {static_cast<std::int64_t>(energy_j_(to_s(clock_.now() - start_)) * 1e6), "", 0};
+  }
+
+ private:
+  static MeterInfo info_of_it() {
+    MeterInfo info;
+    info.name = "package-0";
+    info.driver = "rapl";
+    info.covers = "package";
+    info.kind = MeterKind::kCounter;
+    info.path = "energy_uj";
+    return info;
+  }
+  MachineClock clock_;
+  Nanos start_ = clock_.now();
+  std::function<double(double)> energy_j_;
+};
+
+constexpr Nanos kWindow = std::chrono::milliseconds(30);
+
+MeteredCalls measure(const Meter& meter, const std::function<void()>& call) {
+  const std::vector<const Meter*> meters = {&meter};
+  const MachineClock clock;
+  return meter_calls(meters, clock, kWindow, call);
+}
+
+void nap() { std::this_thread::sleep_for(std::chrono::milliseconds(2)); }
+
+TEST(MeteredCalls, SubtractsIdleAndDividesByTheCalls) {
+  // 3 W idle, and 0.25 J on top a call, however long it takes.
+  double used_j = 0;
+  const SimulatedCounter meter([&](double seconds) { return 3 * seconds + used_j; });
+  const auto metered = measure(meter, [&] {
+    nap();
+    used_j += 0.25;
+  });
+  EXPECT_THAT(metered.reasons, IsEmpty());
+  EXPECT_GE(metered.calls, 1);
+  EXPECT_GE(metered.duration, kWindow);
+  // Meter and clock are not read at the same moment; the window is short.
+  EXPECT_NEAR(metered.idle_before_w.value(), 3, 1);
+  EXPECT_NEAR(metered.call_j().value(), 0.25, 0.01);
+  EXPECT_EQ(metered.source, "rapl: package-0");
+  EXPECT_EQ(metered.domain, "package");
+}
+
+TEST(MeteredCalls, AFrozenMeterIsInvalidAndNotZero) {
+  const SimulatedCounter meter([](double) { return 5.0; });
+  const auto metered = measure(meter, nap);
+  EXPECT_THAT(metered.reasons, ElementsAre("meter_frozen"));
+  const auto record = metered_energy(metered);
+  EXPECT_EQ(record.energy_j, std::nullopt);
+  EXPECT_EQ(record.provenance, Provenance::kMeasured);
+  EXPECT_THAT(record.reasons, ElementsAre("meter_frozen"));
+}
+
+TEST(MeteredCalls, CallsThatDrawNoMoreThanIdlingHaveNoFigure) {
+  double gain_j = 0;
+  const SimulatedCounter meter([&](double seconds) { return 3 * seconds - gain_j; });
+  const auto metered = measure(meter, [&] {
+    nap();
+    gain_j += 0.005;  // sleeping in the call draws less than idling
+  });
+  ASSERT_EQ(metered.reasons.size(), 1U);
+  EXPECT_THAT(metered.reasons[0], HasSubstr("not_above_idle"));
+  EXPECT_EQ(metered_energy(metered).energy_j, std::nullopt);
+}
+
+TEST(MeteredCalls, AnIdlePowerThatChangesIsUnstable) {
+  // Somebody else draws 5 W from the first call on.
+  double from_s = -1;
+  double used_j = 0;
+  const MachineClock clock;
+  const Nanos start = clock.now();
+  const SimulatedCounter meter([&](double) {
+    const double seconds = to_s(clock.now() - start);
+    return 3 * seconds + used_j + (from_s < 0 ? 0 : 5 * (seconds - from_s));
+  });
+  const auto metered = measure(meter, [&] {
+    if (from_s < 0) from_s = to_s(clock.now() - start);
+    nap();
+    used_j += 0.001;
+  });
+  ASSERT_EQ(metered.reasons.size(), 1U);
+  EXPECT_THAT(metered.reasons[0], HasSubstr("unstable"));
+  EXPECT_TRUE(metered_energy(metered).energy_j.has_value());  // kept and shown
+}
+
+TEST(MeteredCalls, AFailingCallEndsTheMeasurement) {
+  const SimulatedCounter meter([](double seconds) { return seconds; });
+  EXPECT_THROW(static_cast<void>(measure(meter, [] { throw_environment("device lost"); })), Error);
+}
+
+TEST(MeteredCalls, PowerAndTimeMustBelongTogether) {
+  MeteredCalls metered;
+  metered.calls = 100;
+  metered.duration = std::chrono::seconds(1);  // 10 ms a call
+  for (const auto& [timed_ms, agrees] :
+       {std::pair{10.0, true}, {11.9, true}, {8.5, true}, {12.1, false}, {8.2, false}}) {
+    metered.reasons.clear();
+    check_call_time(metered, from_ms(timed_ms));
+    EXPECT_EQ(metered.reasons.empty(), agrees) << timed_ms;
+  }
+  EXPECT_THAT(metered.reasons[0],
+              HasSubstr("unstable: a call took 10 ms metered and 8.2 ms timed"));
+}
+
+TEST(MeteredCalls, SlowSensorsGetLongerWindows) {
+  MeterInfo gauge;
+  gauge.kind = MeterKind::kPower;
+  gauge.period = std::chrono::seconds(1);
+  class Silent : public Meter {
+   public:
+    using Meter::Meter;
+    [[nodiscard]] Attribute<std::int64_t> read() const override { return {1, "", 0}; }
+  };
+  const Silent slow(gauge);
+  const SimulatedCounter counter([](double seconds) { return seconds; });
+  const std::vector<const Meter*> both = {&counter, &slow}, one = {&counter};
+  EXPECT_EQ(metering_window(both, std::chrono::seconds(1)), std::chrono::seconds(5));
+  EXPECT_EQ(metering_window(one, std::chrono::seconds(1)), std::chrono::seconds(1));
+}
+
+}  // namespace
+}  // namespace pirt
