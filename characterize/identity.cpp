@@ -1,0 +1,71 @@
+#include "characterize/identity.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+#include <set>
+
+#include "characterize/environment_keys.h"
+
+namespace pirt {
+namespace {
+
+bool has_unit(const RunInfo& run, const std::string& unit) {
+  return std::ranges::find(run.units, unit, &UnitRecord::unit) != run.units.end();
+}
+
+std::string value_or_unknown(const std::map<std::string, std::string>& identity,
+                             const std::string& field) {
+  const auto it = identity.find(field);
+  return it == identity.end() ? "not known" : it->second;
+}
+
+}  // namespace
+
+std::map<std::string, std::string> identity_of(const RunInfo& run) {
+  std::map<std::string, std::string> identity;
+  for (const auto& [key, value] : run.environment) {
+    const bool known = without_unknown(key) == key;
+    if (known && fact_kind(key) == FactKind::kIdentity) identity[key] = value;
+  }
+  identity["platform"] = run.platform;
+  identity["seed"] = std::to_string(run.seed);
+  for (const UnitRecord& unit : run.units) {
+    const std::string prefix = "unit." + unit.unit + ".";
+    identity[prefix + "backend"] = unit.backend;
+    identity[prefix + "device"] = unit.device;
+    if (!unit.cores.empty()) {
+      identity[prefix + "cores"] = fmt::format("{}", fmt::join(unit.cores, ","));
+    }
+  }
+  return identity;
+}
+
+std::vector<IdentityDifference> compare_identity(const RunInfo& a, const RunInfo& b) {
+  const auto of_a = identity_of(a);
+  const auto of_b = identity_of(b);
+  std::set<std::string> fields;
+  for (const auto* identity : {&of_a, &of_b}) {
+    for (const auto& [field, value] : *identity) fields.insert(field);
+  }
+  std::vector<IdentityDifference> differences;
+  for (const std::string& field : fields) {
+    const std::string unit = unit_of_key(field);
+    if (!unit.empty() && !(has_unit(a, unit) && has_unit(b, unit))) continue;
+    const std::string in_a = value_or_unknown(of_a, field);
+    const std::string in_b = value_or_unknown(of_b, field);
+    if (in_a == in_b) continue;
+    differences.push_back({field, unit, in_a, in_b, std::string(find_environment_key(field)->why)});
+  }
+  std::ranges::stable_sort(differences, {}, [](const IdentityDifference& difference) {
+    return find_environment_key(difference.field);  // a position in one array
+  });
+  return differences;
+}
+
+std::string describe(const IdentityDifference& difference) {
+  return fmt::format("{}: {} against {}", difference.field, difference.a, difference.b);
+}
+
+}  // namespace pirt
