@@ -15,6 +15,7 @@
 #include "characterize/cell.h"
 #include "characterize/job_runner.h"
 #include "characterize/measure.h"
+#include "characterize/peaks.h"
 #include "characterize/unit_request.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
@@ -95,14 +96,39 @@ class Campaign {
     ProfileWriter writer(options_.database);
     summary_.run_id = writer.begin_run({utc_now(), options_.platform.name, options_.seed,
                                         run_environment(options_, plan_), plan_.units});
-    measure_all(writer);
-    if (!summary_.interrupted) writer.finish_run(summary_.run_id, utc_now());
+    measure_peaks_of_units(writer);
+    if (!summary_.interrupted) measure_all(writer);
+    if (!summary_.interrupted) {
+      writer.finish_run(summary_.run_id, utc_now(),
+                        end_environment(counters_, read_host_counters({})));
+    }
     summary_.elapsed = elapsed();
     return summary_;
   }
 
  private:
   [[nodiscard]] Nanos elapsed() const { return clock_.now() - start_; }
+
+  /// Each unit's limits, before its cells; a unit whose worker fails has rows that say so.
+  void measure_peaks_of_units(ProfileWriter& writer) {
+    for (std::size_t i = 0; i < plan_.units.size() && !summary_.interrupted; ++i) {
+      const UnitModel& unit = options_.platform.unit(plan_.units[i].unit);
+      Job job;
+      job.kind = JobKind::kPeaks;
+      job.backend = unit.backend;
+      job.unit = make_unit_request(options_.platform, unit);
+      // A kernel cache of its own: what is compiled here must not warm up a cell's cold set-up.
+      const auto result =
+          runner_.run(job, find_backend(unit.backend)
+                               .kernel_cache_environment((scratch_.path() / "peaks").string()));
+      if (result) {
+        writer.write_peaks(summary_.run_id, peak_records(unit.name, result->peaks, result->error,
+                                                         plan_.provenances[i]));
+      } else {
+        summary_.interrupted = true;
+      }
+    }
+  }
 
   /// Unstable cells are sampled again when all others are done, since a busy spell of the machine
   /// lasts for seconds; those that an interruption leaves over are stored as they are.
@@ -213,6 +239,7 @@ class Campaign {
   ScratchFolder scratch_;
   MachineClock clock_;
   Nanos start_ = clock_.now();
+  HostCounters counters_ = read_host_counters({});
   Nanos cells_took_{0};  ///< When the last cell was done.
   std::map<std::string, std::string> references_;
   CampaignSummary summary_;

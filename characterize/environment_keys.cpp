@@ -90,9 +90,7 @@ bool matches(std::string_view pattern, std::string_view key) {
 
 }  // namespace
 
-std::string_view to_string(FactKind kind) {
-  return kind == kIdentity ? "identity" : "information";
-}
+std::string_view to_string(FactKind kind) { return kind == kIdentity ? "identity" : "information"; }
 
 std::span<const EnvironmentKey> environment_keys() { return kKeys; }
 

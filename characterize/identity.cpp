@@ -26,8 +26,12 @@ std::string value_or_unknown(const std::map<std::string, std::string>& identity,
 std::map<std::string, std::string> identity_of(const RunInfo& run) {
   std::map<std::string, std::string> identity;
   for (const auto& [key, value] : run.environment) {
-    const bool known = without_unknown(key) == key;
-    if (known && fact_kind(key) == FactKind::kIdentity) identity[key] = value;
+    if (without_unknown(key) != key) continue;
+    // A key of another version of pirt is what that version took it for.
+    const bool listed = find_environment_key(key) != nullptr;
+    if (listed ? fact_kind(key) == FactKind::kIdentity : run.identity.contains(key)) {
+      identity[key] = value;
+    }
   }
   identity["platform"] = run.platform;
   identity["seed"] = std::to_string(run.seed);
@@ -56,10 +60,16 @@ std::vector<IdentityDifference> compare_identity(const RunInfo& a, const RunInfo
     const std::string in_a = value_or_unknown(of_a, field);
     const std::string in_b = value_or_unknown(of_b, field);
     if (in_a == in_b) continue;
-    differences.push_back({field, unit, in_a, in_b, std::string(find_environment_key(field)->why)});
+    const auto* key = find_environment_key(field);
+    differences.push_back({field, unit, in_a, in_b,
+                           key == nullptr
+                               ? "the version of pirt that recorded it takes it for identity"
+                               : std::string(key->why)});
   }
   std::ranges::stable_sort(differences, {}, [](const IdentityDifference& difference) {
-    return find_environment_key(difference.field);  // a position in one array
+    const auto* key = find_environment_key(difference.field);
+    return key == nullptr ? environment_keys().size()
+                          : static_cast<std::size_t>(key - environment_keys().data());
   });
   return differences;
 }

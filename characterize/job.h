@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "characterize/measure.h"
+#include "characterize/peaks.h"
 #include "workloads/backend.h"
 
 namespace pirt {
@@ -21,13 +22,14 @@ enum class JobKind : std::uint8_t {
   kReference,  ///< Compute the workload's reference into a file.
   kSetup,      ///< Time device_init and prepare.
   kSample,     ///< The same, then verify, time calls, verify.
+  kPeaks,      ///< Measure the unit's limits.
 };
 
 struct Job {
   JobKind kind = JobKind::kProbe;
   std::string backend;
   UnitRequest unit;
-  std::string workload;  ///< Not for kProbe.
+  std::string workload;  ///< Not for kProbe and kPeaks.
   std::uint64_t seed = 1;
   std::string images;     ///< Path for images_from; empty = generated.
   std::string reference;  ///< File that kReference writes and kSample reads.
@@ -49,6 +51,7 @@ struct JobResult {
   bool throttled = false;
   std::vector<std::string> notes;  ///< Of the data: "input_resized".
   std::vector<PhaseSamples> phases;
+  std::vector<PeakFigure> peaks;
 };
 
 [[nodiscard]] std::string to_json(const Job& job);

@@ -14,11 +14,16 @@ Nanos time_of(PeakLoop& loop, int repeats, const Clock& clock) {
   return clock.now() - start;
 }
 
-/// How many repeats fill a sample. Doubles until they do, which warms up caches and clock as well.
+/// How many repeats fill a sample. Doubles until they do, which warms up caches and clock as well;
+/// one run that was interrupted is not taken for a long one.
 int calibrate(PeakLoop& loop, const Clock& clock, Nanos sample) {
   constexpr int kMost = 1 << 24;  // a clock that stands still must not end in an endless loop
   int repeats = 1;
-  while (repeats < kMost && time_of(loop, repeats, clock) < sample) repeats *= 2;
+  const auto too_short = [&] {
+    return time_of(loop, repeats, clock) < sample || time_of(loop, repeats, clock) < sample ||
+           time_of(loop, repeats, clock) < sample;
+  };
+  while (repeats < kMost && too_short()) repeats *= 2;
   return repeats;
 }
 
@@ -68,6 +73,21 @@ std::vector<PeakFigure> measure_peaks(Device& device, const Clock& clock,
     figures.push_back(std::move(figure));
   }
   return figures;
+}
+
+std::vector<PeakRecord> peak_records(const std::string& unit,
+                                     const std::vector<PeakFigure>& figures,
+                                     const std::string& error, Provenance provenance) {
+  std::vector<PeakRecord> records;
+  for (const PeakFigure& figure : figures) {
+    records.push_back(
+        {unit, figure.kind, figure.per_second, figure.variant, provenance, figure.reasons});
+  }
+  if (!records.empty()) return records;
+  for (const PeakKind kind : kAllPeakKinds) {
+    records.push_back({unit, kind, {}, "", provenance, {"error: " + error}});
+  }
+  return records;
 }
 
 }  // namespace pirt

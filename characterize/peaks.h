@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "characterize/database.h"
 #include "workloads/backend.h"
 
 namespace pirt {
@@ -20,7 +21,7 @@ struct PeakFigure {
 struct PeakOptions {
   Nanos sample = std::chrono::milliseconds(2);  ///< What one sample takes at least; short, so that
                                                 ///< some pass undisturbed on a busy machine.
-  int samples = 15;                              ///< Of each loop.
+  int samples = 15;                             ///< Of each loop.
 };
 
 /// Runs every loop of the device, one after the other. A limit is the rate of the fastest sample:
@@ -30,5 +31,12 @@ struct PeakOptions {
 ///          the device has no loop, "wrong_output: ..." where none was right.
 [[nodiscard]] std::vector<PeakFigure> measure_peaks(Device& device, const Clock& clock,
                                                     const PeakOptions& options = {});
+
+/// The rows of a unit, one a kind.
+/// @param figures  Empty if the worker failed.
+/// @param error    How, then.
+[[nodiscard]] std::vector<PeakRecord> peak_records(const std::string& unit,
+                                                   const std::vector<PeakFigure>& figures,
+                                                   const std::string& error, Provenance provenance);
 
 }  // namespace pirt

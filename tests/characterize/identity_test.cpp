@@ -89,6 +89,14 @@ TEST(Identity, WhatNeitherKnowsIsNoDifferenceAndWhatOneKnowsIsOne) {
   EXPECT_EQ(describe(differences[0]), "turbo: not known against on");
 }
 
+TEST(Identity, AKeyOfAnotherVersionIsWhatThatVersionTookItFor) {
+  RunInfo newer = run();
+  newer.environment["warp_factor"] = "9";
+  EXPECT_THAT(compare_identity(run(), newer), IsEmpty());
+  newer.identity = {"warp_factor"};
+  EXPECT_THAT(fields(run(), newer), ElementsAre("warp_factor"));
+}
+
 TEST(Identity, AUnitThatOnlyOneRunMeasuredIsNoDifference) {
   RunInfo other = run();
   other.units.pop_back();
