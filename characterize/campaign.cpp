@@ -11,11 +11,14 @@
 #include <ctime>
 #include <map>
 #include <memory>
+#include <set>
 
 #include "characterize/cell.h"
 #include "characterize/job_runner.h"
 #include "characterize/measure.h"
 #include "characterize/peaks.h"
+#include "characterize/profile.h"
+#include "characterize/roofline.h"
 #include "characterize/unit_request.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
@@ -98,6 +101,7 @@ class Campaign {
                                         run_environment(options_, plan_), plan_.units});
     measure_peaks_of_units(writer);
     if (!summary_.interrupted) measure_all(writer);
+    if (summary_.cells > 0 && !summary_.interrupted) judge_peaks(writer);
     if (!summary_.interrupted) {
       writer.finish_run(summary_.run_id, utc_now(),
                         end_environment(counters_, read_host_counters({})));
@@ -109,24 +113,56 @@ class Campaign {
  private:
   [[nodiscard]] Nanos elapsed() const { return clock_.now() - start_; }
 
-  /// Each unit's limits, before its cells; a unit whose worker fails has rows that say so.
+  /// The limits of each unit, before its cells.
   void measure_peaks_of_units(ProfileWriter& writer) {
-    for (std::size_t i = 0; i < plan_.units.size() && !summary_.interrupted; ++i) {
-      const UnitModel& unit = options_.platform.unit(plan_.units[i].unit);
-      Job job;
-      job.kind = JobKind::kPeaks;
-      job.backend = unit.backend;
-      job.unit = make_unit_request(options_.platform, unit);
-      // A kernel cache of its own: what is compiled here must not warm up a cell's cold set-up.
-      const auto result =
-          runner_.run(job, find_backend(unit.backend)
-                               .kernel_cache_environment((scratch_.path() / "peaks").string()));
-      if (result) {
-        writer.write_peaks(summary_.run_id, peak_records(unit.name, result->peaks, result->error,
-                                                         plan_.provenances[i]));
-      } else {
-        summary_.interrupted = true;
-      }
+    for (const UnitRecord& unit : plan_.units) {
+      if (!summary_.interrupted) measure_peaks_of(unit.unit, writer);
+    }
+  }
+
+  /// Stores the faster of what is known and what is measured now. A worker that fails leaves rows
+  /// that say so.
+  void measure_peaks_of(const std::string& name, ProfileWriter& writer) {
+    const UnitModel& unit = options_.platform.unit(name);
+    Job job;
+    job.kind = JobKind::kPeaks;
+    job.backend = unit.backend;
+    job.unit = make_unit_request(options_.platform, unit);
+    // A kernel cache of its own: what is compiled here must not warm up a cell's cold set-up.
+    const auto cache = scratch_.path() / "peaks";
+    std::filesystem::create_directories(cache);
+    const auto result =
+        runner_.run(job, find_backend(unit.backend).kernel_cache_environment(cache.string()));
+    if (!result) {
+      summary_.interrupted = true;
+      return;
+    }
+    auto& known = peaks_[name];
+    known =
+        faster_peaks(known, peak_records(name, result->peaks, result->error, result->provenance));
+    writer.write_peaks(summary_.run_id, known);
+  }
+
+  /// A cell above its roof shows that a peak was measured too low, in a busy spell perhaps: it is
+  /// measured once more, and if it is still exceeded, it is stored as not valid.
+  void judge_peaks(ProfileWriter& writer) {
+    const auto exceeded = [&] {
+      return exceeded_peaks(rooflines(load_profile(options_.database, options_.platform.name)),
+                            summary_.run_id);
+    };
+    std::set<std::string> units;
+    for (const PeakRow& peak : exceeded()) units.insert(peak.unit);
+    if (units.empty()) return;
+    for (const std::string& unit : units) {
+      if (!summary_.interrupted) measure_peaks_of(unit, writer);
+    }
+    for (const PeakRow& peak : exceeded()) {
+      const PeakRecord record{peak.unit,    peak.kind,       peak.per_second,
+                              peak.variant, peak.provenance, peak.reasons};
+      writer.write_peaks(summary_.run_id, {&record, 1});
+      if (!sink_.warning) continue;
+      sink_.warning(fmt::format("{}: the {} peak is not valid: {}", peak.unit, to_string(peak.kind),
+                                join(peak.reasons, ", ")));
     }
   }
 
@@ -242,6 +278,7 @@ class Campaign {
   HostCounters counters_ = read_host_counters({});
   Nanos cells_took_{0};  ///< When the last cell was done.
   std::map<std::string, std::string> references_;
+  std::map<std::string, std::vector<PeakRecord>> peaks_;  ///< By unit.
   CampaignSummary summary_;
 };
 

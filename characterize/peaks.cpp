@@ -90,4 +90,14 @@ std::vector<PeakRecord> peak_records(const std::string& unit,
   return records;
 }
 
+std::vector<PeakRecord> faster_peaks(const std::vector<PeakRecord>& first,
+                                     std::vector<PeakRecord> second) {
+  for (PeakRecord& record : second) {
+    const auto earlier = std::ranges::find(first, record.kind, &PeakRecord::kind);
+    if (earlier == first.end()) continue;
+    if (earlier->per_second.value_or(0) > record.per_second.value_or(0)) record = *earlier;
+  }
+  return second;
+}
+
 }  // namespace pirt

@@ -39,4 +39,9 @@ struct PeakOptions {
                                                    const std::vector<PeakFigure>& figures,
                                                    const std::string& error, Provenance provenance);
 
+/// Of two measurements of one unit, the faster for each kind: what disturbs only makes slower. @p
+/// first may be empty.
+[[nodiscard]] std::vector<PeakRecord> faster_peaks(const std::vector<PeakRecord>& first,
+                                                   std::vector<PeakRecord> second);
+
 }  // namespace pirt

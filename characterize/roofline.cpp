@@ -134,20 +134,34 @@ class Exceeded {
   std::map<std::pair<std::string, PeakKind>, std::pair<double, std::string>> worst_;
 };
 
-/// "f32 peak exceeded by conv2", of any of the unit's limits; empty if none is.
+constexpr std::string_view kExceededBy = "exceeded by ";
+
+/// "exceeded by conv2"; empty if the peak is not.
+std::string exceeded_reason(const PeakRow& peak) {
+  const auto it = std::ranges::find_if(
+      peak.reasons, [](const std::string& reason) { return reason.starts_with(kExceededBy); });
+  return it == peak.reasons.end() ? "" : *it;
+}
+
+/// Of the first of the unit's limits that is exceeded; empty if none is.
 std::string exceeded_text(const std::vector<PeakRow>& peaks, const std::string& unit) {
   for (const PeakRow& peak : peaks) {
-    if (peak.unit != unit) continue;
-    for (const std::string& reason : peak.reasons) {
-      if (reason.starts_with("exceeded by ")) {
-        return fmt::format("the unit's {} peak is {}", to_string(peak.kind), reason);
-      }
-    }
+    const std::string reason = exceeded_reason(peak);
+    if (peak.unit != unit || reason.empty()) continue;
+    return fmt::format("the unit's {} peak is {}", to_string(peak.kind), reason);
   }
   return "";
 }
 
 }  // namespace
+
+std::vector<PeakRow> exceeded_peaks(const Rooflines& rooflines, std::int64_t run_id) {
+  std::vector<PeakRow> exceeded;
+  for (const PeakRow& peak : rooflines.peaks) {
+    if (peak.run_id == run_id && !exceeded_reason(peak).empty()) exceeded.push_back(peak);
+  }
+  return exceeded;
+}
 
 const Roofline* Rooflines::find(std::string_view workload, std::string_view unit) const {
   const auto it = std::ranges::find_if(
@@ -200,7 +214,7 @@ Rooflines rooflines(const Profile& profile) {
     const std::string by = exceeded.by(peak.unit, peak.kind);
     if (by.empty()) continue;
     peak.valid = false;
-    peak.reasons.push_back("exceeded by " + by);
+    peak.reasons.push_back(std::string(kExceededBy) + by);
   }
   for (Roofline& cell : result.cells) {
     const std::string why_not = exceeded_text(result.peaks, cell.unit);

@@ -57,4 +57,7 @@ struct Rooflines {
 /// fraction; nor have those of a unit with an exceeded peak.
 [[nodiscard]] Rooflines rooflines(const Profile& profile);
 
+/// The peaks of a run that some cell exceeds.
+[[nodiscard]] std::vector<PeakRow> exceeded_peaks(const Rooflines& rooflines, std::int64_t run_id);
+
 }  // namespace pirt
