@@ -74,7 +74,7 @@ Table peak_table(const Rooflines& rooflines) {
     const std::string reasons = join(peak.reasons, "; ");
     table.rows.push_back({peak.unit, std::string(to_string(peak.kind)), rate(peak),
                           peak.variant.empty() ? "-" : peak.variant,
-                          peak.valid ? "" : "INVALID: " + reasons});
+                          peak.valid || !peak.per_second ? reasons : "INVALID: " + reasons});
   }
   table.footnotes = {
       "f32, int8: operations a second, 2 a multiply-add; bandwidth: bytes a second, reading data "
@@ -86,8 +86,10 @@ Table peak_table(const Rooflines& rooflines) {
 
 std::string roofline_cell(const Roofline* roofline) {
   if (roofline == nullptr || !roofline->fraction) return "-";
-  return marked(fmt::format("{:.0f}%", 100 * *roofline->fraction), roofline->provenance) + " " +
-         short_name(roofline->bound);
+  const double percent = 100 * *roofline->fraction;
+  const auto text =
+      percent < 10 ? fmt::format("{:.1f}%", percent) : fmt::format("{:.0f}%", percent);
+  return marked(text, roofline->provenance) + " " + short_name(roofline->bound);
 }
 
 std::vector<std::string> roofline_footnotes(const Rooflines& rooflines) {
