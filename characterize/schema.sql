@@ -12,6 +12,8 @@
 --            no_power          energy only: the platform gives no watts for the unit
 --            ops_unknown       energy only: op_pj is given but the workload's operations depend on the data
 --            error: TEXT       the worker failed; the row has then what was sampled before, or no samples
+--            unavailable: TEXT peak only: the device has no loop for it, and why
+--            exceeded by TEXT  peak only: that workload ran faster, so the peak was measured too low
 --   notes:   input_resized, input_cropped, precision_not_reached (see ci_low_ns, ci_high_ns), contended, bimodal, no_kernel_cache,
 --            shared_core
 -- Statistics are NULL where there are no samples; ci_low_ns and ci_high_ns (95 % interval of the median) also below 6 samples.

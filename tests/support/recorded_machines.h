@@ -31,10 +31,12 @@ inline RecordedMachine healthy_board(const std::filesystem::path& root) {
   RecordedMachine m(root);
   m.put("proc/cpuinfo", "processor\t: 0\nFeatures\t: asimd\n\nprocessor\t: 1\nFeatures\t: asimd\n");
   m.put("proc/device-tree/model", "Test Board");
-  m.put("proc/stat", "cpu  100 0 100 9800 0 0 0 0 0 0\ncpu0 50 0 50 4900 0 0 0 0 0 0\n"
-                     "cpu1 50 0 50 4900 0 0 0 0 0 0\n");
+  m.put("proc/stat",
+        "cpu  100 0 100 9800 0 0 0 0 0 0\ncpu0 50 0 50 4900 0 0 0 0 0 0\n"
+        "cpu1 50 0 50 4900 0 0 0 0 0 0\n");
   m.put("proc/loadavg", "0.01 0.02 0.00 1/100 1234\n");
-  m.put("proc/meminfo", "MemTotal: 8000000 kB\nMemAvailable: 7000000 kB\nSwapTotal: 0 kB\nSwapFree: 0 kB\n");
+  m.put("proc/meminfo",
+        "MemTotal: 8000000 kB\nMemAvailable: 7000000 kB\nSwapTotal: 0 kB\nSwapFree: 0 kB\n");
   m.put("proc/vmstat", "pswpin 0\npswpout 0\n");
   m.put("proc/pressure/memory", "some avg10=0.00 avg60=0.00 avg300=0.00 total=0\n");
   m.put("proc/self/cgroup", "0::/\n");
@@ -70,7 +72,8 @@ inline RecordedMachine laptop(const std::filesystem::path& root) {
   m.put("sys/class/power_supply/AC/online", "0\n");
   m.put("sys/class/thermal/thermal_zone0/temp", "91000\n");
   m.put("proc/meminfo",
-        "MemTotal: 8000000 kB\nMemAvailable: 500000 kB\nSwapTotal: 2048000 kB\nSwapFree: 1024000 kB\n");
+        "MemTotal: 8000000 kB\nMemAvailable: 500000 kB\nSwapTotal: 2048000 kB\nSwapFree: 1024000 "
+        "kB\n");
   m.put("sys/devices/system/clocksource/clocksource0/current_clocksource", "hpet\n");
   m.put("sys/devices/system/clocksource/clocksource0/available_clocksource", "hpet tsc acpi_pm\n");
   return m;
@@ -79,11 +82,14 @@ inline RecordedMachine laptop(const std::filesystem::path& root) {
 /// A virtual machine with neighbours: 5 % of its time was stolen; it sees no clock and no sensors.
 inline RecordedMachine stolen_from_vm(const std::filesystem::path& root) {
   RecordedMachine m(root);
-  m.put("proc/cpuinfo", "processor\t: 0\nflags\t: avx2 hypervisor\n\nprocessor\t: 1\nflags\t: avx2\n");
-  m.put("proc/stat", "cpu  1000 0 0 8500 0 0 0 500 0 0\ncpu0 500 0 0 4250 0 0 0 250 0 0\n"
-                     "cpu1 500 0 0 4250 0 0 0 250 0 0\n");
+  m.put("proc/cpuinfo",
+        "processor\t: 0\nflags\t: avx2 hypervisor\n\nprocessor\t: 1\nflags\t: avx2\n");
+  m.put("proc/stat",
+        "cpu  1000 0 0 8500 0 0 0 500 0 0\ncpu0 500 0 0 4250 0 0 0 250 0 0\n"
+        "cpu1 500 0 0 4250 0 0 0 250 0 0\n");
   m.put("proc/loadavg", "0.10 0.02 0.00 1/100 1234\n");
-  m.put("proc/meminfo", "MemTotal: 8000000 kB\nMemAvailable: 7000000 kB\nSwapTotal: 0 kB\nSwapFree: 0 kB\n");
+  m.put("proc/meminfo",
+        "MemTotal: 8000000 kB\nMemAvailable: 7000000 kB\nSwapTotal: 0 kB\nSwapFree: 0 kB\n");
   m.put("sys/devices/system/clocksource/clocksource0/current_clocksource", "kvm-clock\n");
   return m;
 }

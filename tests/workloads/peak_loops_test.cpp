@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
+#include <cmath>
+#include <memory>
 #include <numeric>
 
 #include "workloads/base/affinity.h"

@@ -226,6 +226,7 @@ class ReadPeak final : public PeakLoop {
   }
 
   [[nodiscard]] Verdict verify() const override {
+    if (repeats_ == 0) return {.ok = false, .detail = "nothing was read yet"};
     for (std::size_t i = 0; i < found_.size(); ++i) {
       const auto expected = static_cast<std::uint32_t>(repeats_) * slices_->sums[i];
       if (found_[i] == expected) continue;
