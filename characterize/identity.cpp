@@ -15,10 +15,10 @@ bool has_unit(const RunInfo& run, const std::string& unit) {
   return std::ranges::find(run.units, unit, &UnitRecord::unit) != run.units.end();
 }
 
-std::string value_or_unknown(const std::map<std::string, std::string>& identity,
-                             const std::string& field) {
+std::optional<std::string> find_value(const std::map<std::string, std::string>& identity,
+                                      const std::string& field) {
   const auto it = identity.find(field);
-  return it == identity.end() ? "not known" : it->second;
+  return it == identity.end() ? std::nullopt : std::optional(it->second);
 }
 
 }  // namespace
@@ -57,8 +57,8 @@ std::vector<IdentityDifference> compare_identity(const RunInfo& a, const RunInfo
   for (const std::string& field : fields) {
     const std::string unit = unit_of_key(field);
     if (!unit.empty() && !(has_unit(a, unit) && has_unit(b, unit))) continue;
-    const std::string in_a = value_or_unknown(of_a, field);
-    const std::string in_b = value_or_unknown(of_b, field);
+    const auto in_a = find_value(of_a, field);
+    const auto in_b = find_value(of_b, field);
     if (in_a == in_b) continue;
     const auto* key = find_environment_key(field);
     differences.push_back({field, unit, in_a, in_b,
@@ -75,7 +75,9 @@ std::vector<IdentityDifference> compare_identity(const RunInfo& a, const RunInfo
 }
 
 std::string describe(const IdentityDifference& difference) {
-  return fmt::format("{}: {} against {}", difference.field, difference.a, difference.b);
+  constexpr const char* kNotKnown = "not known";
+  return fmt::format("{}: {} against {}", difference.field, difference.a.value_or(kNotKnown),
+                     difference.b.value_or(kNotKnown));
 }
 
 }  // namespace pirt

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,10 +16,10 @@ namespace pirt {
 
 /// A field of the identity that two runs do not share.
 struct IdentityDifference {
-  std::string field;  ///< "governor", "unit.cpu.version".
-  std::string unit;   ///< The unit whose rows it concerns; empty = all rows.
-  std::string a, b;   ///< The values; "not known" where a run has none.
-  std::string why;    ///< Why it has to match.
+  std::string field;                ///< "governor", "unit.cpu.version".
+  std::string unit;                 ///< The unit whose rows it concerns; empty = all rows.
+  std::optional<std::string> a, b;  ///< The values; absent where a run does not know.
+  std::string why;                  ///< Why it has to match.
 };
 
 /// The fields that differ, in the order of environment_keys(); empty = the runs may be compared.

@@ -1,5 +1,7 @@
 #include "reports/environment_report.h"
 
+#include <map>
+
 #include "characterize/environment_keys.h"
 #include "characterize/identity.h"
 
@@ -40,12 +42,6 @@ Table environment_table(const Profile& profile) {
   }
   table.footnotes = {"identity: must match for the figures of two runs to be compared."};
   return table;
-}
-
-nlohmann::ordered_json environment_json(const RunInfo& run) {
-  const auto identity = identity_of(run);
-  const Facts facts = facts_of(run, identity);
-  return {{"identity", identity}, {"information", facts.information}, {"unknown", facts.unknown}};
 }
 
 }  // namespace pirt

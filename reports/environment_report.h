@@ -2,8 +2,6 @@
 // rest.
 #pragma once
 
-#include <nlohmann/json.hpp>
-
 #include "characterize/profile.h"
 #include "reports/document.h"
 
@@ -12,8 +10,5 @@ namespace pirt {
 /// Every recorded fact of the newest run, identity first, each with its value or why it is not
 /// known.
 [[nodiscard]] Table environment_table(const Profile& profile);
-
-/// {"identity": {field: value}, "information": {...}, "unknown": {field: why}} of one run.
-[[nodiscard]] nlohmann::ordered_json environment_json(const RunInfo& run);
 
 }  // namespace pirt

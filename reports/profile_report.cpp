@@ -10,6 +10,7 @@
 #include <string_view>
 #include <utility>
 
+#include "characterize/identity.h"
 #include "characterize/roofline.h"
 #include "reports/environment_report.h"
 #include "reports/figures.h"
@@ -184,13 +185,10 @@ nlohmann::ordered_json run_json(const RunInfo& run) {
                      {"device_is_cpu", unit.device_is_cpu},
                      {"cores", unit.cores}});
   }
-  return {{"run_id", run.run_id},
-          {"started", run.started},
-          {"finished", run.finished},
-          {"platform", run.platform},
-          {"seed", run.seed},
-          {"environment", environment_json(run)},
-          {"units", units}};
+  return {
+      {"run_id", run.run_id},         {"started", run.started}, {"finished", run.finished},
+      {"platform", run.platform},     {"seed", run.seed},       {"environment", run.environment},
+      {"identity", identity_of(run)}, {"units", units}};
 }
 
 std::string core_text(const std::vector<int>& cores) {
