@@ -1,5 +1,5 @@
 # Writes build_info.cpp with the commit that is built; run at every build, but the file changes only if what it says does.
-# SOURCE_DIR, OUT, VERSION, FLAGS and BUILD_TYPE are given.
+# SOURCE_DIR, OUT, VERSION, FLAGS, BUILD_TYPE and SANITIZERS are given.
 set(commit "")
 set(dirty false)
 find_program(GIT git)
@@ -23,7 +23,7 @@ file(CONFIGURE OUTPUT ${OUT} @ONLY CONTENT [[
 
 namespace pirt {
 BuildInfo build_info() {
-  return {R"text(@VERSION@)text", R"text(@FLAGS@)text", R"text(@BUILD_TYPE@)text", "@commit@", @dirty@};
+  return {R"text(@VERSION@)text", R"text(@FLAGS@)text", R"text(@BUILD_TYPE@)text", "@SANITIZERS@", "@commit@", @dirty@};
 }
 }  // namespace pirt
 ]])

@@ -11,6 +11,7 @@
 #include <ctime>
 #include <map>
 #include <memory>
+#include <set>
 
 #include "characterize/campaign_estimate.h"
 #include "characterize/campaign_meters.h"
@@ -18,6 +19,9 @@
 #include "characterize/cell.h"
 #include "characterize/job_runner.h"
 #include "characterize/measure.h"
+#include "characterize/peaks.h"
+#include "characterize/profile.h"
+#include "characterize/roofline.h"
 #include "characterize/unit_request.h"
 #include "workloads/base/error.h"
 #include "workloads/base/random.h"
@@ -109,17 +113,76 @@ class Campaign {
       summary_.run_id = writer_.begin_run({utc_now(), options_.platform.name, options_.seed, facts,
                                            plan_.units, stored_plan(options_, plan_)});
     }
+    measure_peaks_of_units();
     make_cells();
     if (options_.resumed) replay(options_.resumed->visits);
-    measure();
-    if (summary_.interrupted) store_interrupted();
-    if (!summary_.interrupted) writer_.finish_run(summary_.run_id, utc_now());
+    if (!summary_.interrupted) measure();
+    if (!summary_.interrupted) judge_peaks();
+    if (summary_.interrupted) {
+      store_interrupted();
+    } else {
+      writer_.finish_run(summary_.run_id, utc_now(),
+                         end_environment(counters_, read_host_counters({})));
+    }
     summary_.elapsed = elapsed();
     return summary_;
   }
 
  private:
   [[nodiscard]] Nanos elapsed() const { return clock_.now() - start_; }
+
+  /// The limits of each unit, before its cells.
+  void measure_peaks_of_units() {
+    for (const UnitRecord& unit : plan_.units) {
+      if (!summary_.interrupted) measure_peaks_of(unit.unit);
+    }
+  }
+
+  /// Stores the faster of what is known and what is measured now. A worker that fails leaves rows
+  /// that say so.
+  void measure_peaks_of(const std::string& name) {
+    const UnitModel& unit = options_.platform.unit(name);
+    Job job;
+    job.kind = JobKind::kPeaks;
+    job.backend = unit.backend;
+    job.unit = make_unit_request(options_.platform, unit);
+    // A kernel cache of its own: what is compiled here must not warm up a cell's cold set-up.
+    const auto cache = scratch_.path() / "peaks";
+    std::filesystem::create_directories(cache);
+    const auto result =
+        runner_.run(job, find_backend(unit.backend).kernel_cache_environment(cache.string()));
+    if (!result) {
+      summary_.interrupted = true;
+      return;
+    }
+    auto& known = peaks_[name];
+    known =
+        faster_peaks(known, peak_records(name, result->peaks, result->error, result->provenance));
+    writer_.write_peaks(summary_.run_id, known);
+  }
+
+  /// A cell above its roof shows that a peak was measured too low, in a busy spell perhaps: it is
+  /// measured once more, and if it is still exceeded, it is stored as not valid.
+  void judge_peaks() {
+    const auto exceeded = [&] {
+      return exceeded_peaks(rooflines(load_profile(options_.database, options_.platform.name)),
+                            summary_.run_id);
+    };
+    std::set<std::string> units;
+    for (const PeakRow& peak : exceeded()) units.insert(peak.unit);
+    if (units.empty()) return;
+    for (const std::string& unit : units) {
+      if (!summary_.interrupted) measure_peaks_of(unit);
+    }
+    for (const PeakRow& peak : exceeded()) {
+      const PeakRecord record{peak.unit,    peak.kind,       peak.per_second,
+                              peak.variant, peak.provenance, peak.reasons};
+      writer_.write_peaks(summary_.run_id, {&record, 1});
+      if (!sink_.warning) continue;
+      sink_.warning(fmt::format("{}: the {} peak is not valid: {}", peak.unit, to_string(peak.kind),
+                                join(peak.reasons, ", ")));
+    }
+  }
 
   void make_cells() {
     cells_.reserve(plan_.cells.size());
@@ -331,8 +394,10 @@ class Campaign {
   ScratchFolder scratch_;
   MachineClock clock_;
   Nanos start_ = clock_.now();
+  HostCounters counters_ = read_host_counters({});
   std::vector<Cell> cells_;
   std::map<std::string, std::string> references_;
+  std::map<std::string, std::vector<PeakRecord>> peaks_;  ///< By unit.
   CampaignSummary summary_;
 };
 

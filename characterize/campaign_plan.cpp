@@ -82,6 +82,7 @@ void add_unit(const UnitModel& unit, const JobResult& probed, CampaignPlan& plan
   const std::string prefix = "unit." + unit.name + ".";
   if (!device.platform.empty()) plan.facts[prefix + "platform"] = device.platform;
   if (!device.version.empty()) plan.facts[prefix + "version"] = device.version;
+  if (device.cache_bytes) plan.facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);
 }
 
 /// Adds the cells of one unit that is there, or why it has none.

@@ -175,6 +175,13 @@ void insert_cell(const Connection& connection, std::int64_t run_id, const CellRe
   if (cell.energy) insert_energy(connection, cell_id, *cell.energy);
   Statement update(connection, "UPDATE cell SET checksum = ? WHERE cell_id = ?");
   update.bind(cell_checksum(connection, cell_id)).bind(cell_id).run();
+void insert_facts(const Connection& connection, std::int64_t run_id,
+                  const std::map<std::string, std::string>& facts) {
+  Statement insert(connection,
+                   "INSERT INTO environment (run_id, key, value, kind) VALUES (?, ?, ?, ?)");
+  for (const auto& [key, value] : facts) {
+    insert.bind(run_id).bind(key).bind(value).bind(to_string(fact_kind(key))).run();
+  }
 }
 
 void update_run_checksum(const Connection& connection, std::int64_t run_id) {
@@ -201,11 +208,7 @@ std::int64_t ProfileWriter::begin_run(const RunHeader& header) {
   run.bind(header.started).bind(header.platform).bind(std::to_string(header.seed));
   run.bind(header.plan.empty() ? std::nullopt : std::optional<std::string_view>(header.plan)).run();
   const std::int64_t run_id = connection.last_row_id();
-  Statement fact(connection,
-                 "INSERT INTO environment (run_id, key, value, kind) VALUES (?, ?, ?, ?)");
-  for (const auto& [key, value] : header.environment) {
-    fact.bind(run_id).bind(key).bind(value).bind(to_string(fact_kind(key))).run();
-  }
+  insert_facts(connection, run_id, header.environment);
   Statement insert(connection,
                    "INSERT INTO unit (run_id, unit, ordinal, backend, device, device_is_cpu, "
                    "cores) VALUES (?, ?, ?, ?, ?, ?, ?)");
@@ -273,11 +276,13 @@ void ProfileWriter::write_peaks(std::int64_t run_id, std::span<const PeakRecord>
   transaction.commit();
 }
 
-void ProfileWriter::finish_run(std::int64_t run_id, const std::string& finished) {
+void ProfileWriter::finish_run(std::int64_t run_id, const std::string& finished,
+                               const std::map<std::string, std::string>& facts) {
   Connection& connection = impl_->connection;
   Transaction transaction(connection);
   Statement update(connection, "UPDATE run SET finished = ? WHERE run_id = ?");
   update.bind(finished).bind(run_id).run();
+  insert_facts(connection, run_id, facts);
   update_run_checksum(connection, run_id);
   transaction.commit();
 }

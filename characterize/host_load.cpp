@@ -5,9 +5,13 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdlib>
 #include <fstream>
 #include <sstream>
 #include <string>
+
+#include "characterize/system_files.h"
+#include "workloads/base/text.h"
 
 namespace pirt {
 namespace {
@@ -17,21 +21,27 @@ constexpr double kThrottledShare = 0.01;
 
 Nanos tick() { return Nanos(1'000'000'000 / ::sysconf(_SC_CLK_TCK)); }
 
-/// Sum of the fields user nice system idle iowait irq softirq steal but idle and iowait. @source
-/// proc_stat(5).
-std::int64_t busy_ticks(std::istringstream& fields) {
-  std::int64_t sum = 0;
+struct CoreTimes {
+  Nanos busy{0}, total{0}, steal{0};
+};
+
+/// The fields user nice system idle iowait irq softirq steal; busy is all but idle and iowait
+/// (guest time is counted within user). @source proc_stat(5).
+void add_fields(std::istringstream& fields, CoreTimes& times) {
   std::int64_t value = 0;
   for (int i = 0; i < 8 && fields >> value; ++i) {
-    if (i != 3 && i != 4) sum += value;
+    const Nanos time = value * tick();
+    times.total += time;
+    if (i != 3 && i != 4) times.busy += time;
+    if (i == 7) times.steal += time;
   }
-  return sum;
 }
 
-std::optional<Nanos> read_busy(const std::vector<int>& cores, const std::filesystem::path& root) {
+std::optional<CoreTimes> read_times(const std::vector<int>& cores,
+                                    const std::filesystem::path& root) {
   std::ifstream in(root / "proc/stat");
   std::string line;
-  std::optional<Nanos> total;
+  std::optional<CoreTimes> times;
   while (std::getline(in, line)) {
     std::istringstream fields(line);
     std::string name;
@@ -40,16 +50,11 @@ std::optional<Nanos> read_busy(const std::vector<int>& cores, const std::filesys
     const bool wanted = cores.empty() ? name == "cpu" : std::ranges::any_of(cores, [&](int core) {
       return name == "cpu" + std::to_string(core);
     });
-    if (wanted) total = total.value_or(Nanos(0)) + busy_ticks(fields) * tick();
+    if (!wanted) continue;
+    if (!times) times.emplace();
+    add_fields(fields, *times);
   }
-  return total;
-}
-
-std::optional<std::int64_t> read_number(const std::filesystem::path& path) {
-  std::ifstream in(path);
-  std::int64_t value = 0;
-  if (in >> value) return value;
-  return std::nullopt;
+  return times;
 }
 
 std::optional<std::int64_t> read_heat(const std::vector<int>& cores,
@@ -68,24 +73,38 @@ std::optional<std::int64_t> read_heat(const std::vector<int>& cores,
   return total;
 }
 
-/// Of control groups v2, in the process' own group or, seen from inside a container, at the root of
-/// the tree.
+/// Version 2 counts microseconds, version 1 nanoseconds. @source
+/// Documentation/admin-guide/cgroup-v2, Documentation/scheduler/sched-bwc.
 std::optional<Nanos> read_quota_wait(const std::filesystem::path& root) {
-  std::ifstream groups(root / "proc/self/cgroup");
-  std::string line;
-  std::filesystem::path group;
-  while (std::getline(groups, line)) {
-    if (line.starts_with("0::/")) group = line.substr(4);
-  }
-  for (const auto& folder : {root / "sys/fs/cgroup" / group, root / "sys/fs/cgroup"}) {
-    std::ifstream in(folder / "cpu.stat");
-    std::string key;
-    std::int64_t value = 0;
-    while (in >> key >> value) {
-      if (key == "throttled_usec") return std::chrono::microseconds(value);
+  std::optional<Nanos> longest;  // each group around the process may hold it back
+  for (const auto& folder : control_groups(root, "cpu")) {
+    const auto path = folder / "cpu.stat";
+    std::optional<Nanos> waited;
+    if (const auto us = number_of(path, "throttled_usec", ' ')) {
+      waited = std::chrono::microseconds(*us);
+    } else if (const auto ns = number_of(path, "throttled_time", ' ')) {
+      waited = Nanos(*ns);
     }
+    if (waited) longest = std::max(longest.value_or(Nanos(0)), *waited);
   }
-  return std::nullopt;
+  return longest;
+}
+
+/// The limit of one group in cores; 0 = none; absent if the folder has no such files.
+std::optional<double> quota_of(const std::filesystem::path& folder) {
+  // Version 2: "150000 100000" or "max 100000"; version 1 has a file for each, -1 for no limit.
+  if (const auto line = first_line(folder / "cpu.max")) {
+    const auto parts = split(*line, ' ');
+    if (parts.front() == "max") return 0;
+    if (parts.size() != 2) return std::nullopt;
+    const double quota = std::strtod(parts[0].c_str(), nullptr);
+    const double period = std::strtod(parts[1].c_str(), nullptr);
+    return quota > 0 && period > 0 ? std::optional(quota / period) : std::nullopt;
+  }
+  const auto quota = read_number(folder / "cpu.cfs_quota_us");
+  const auto period = read_number(folder / "cpu.cfs_period_us");
+  if (!quota || !period || *period <= 0) return std::nullopt;
+  return *quota < 0 ? 0 : static_cast<double>(*quota) / static_cast<double>(*period);
 }
 
 Nanos process_time() {
@@ -99,11 +118,26 @@ Nanos process_time() {
 HostCounters read_host_counters(const std::vector<int>& cores, const std::filesystem::path& root) {
   HostCounters counters;
   counters.at = std::chrono::steady_clock::now().time_since_epoch();
-  counters.busy = read_busy(cores, root);
+  if (const auto times = read_times(cores, root)) {
+    counters.busy = times->busy;
+    counters.total = times->total;
+    counters.steal = times->steal;
+  }
   counters.own = process_time();
   counters.heat_events = read_heat(cores, root);
   counters.quota_wait = read_quota_wait(root);
   return counters;
+}
+
+std::optional<double> read_cpu_quota(const std::filesystem::path& root) {
+  std::optional<double> tightest;
+  for (const auto& folder : control_groups(root, "cpu")) {
+    const auto cores = quota_of(folder);
+    if (!cores) continue;
+    const bool tighter = *cores > 0 && (tightest.value_or(0) == 0 || *cores < *tightest);
+    if (!tightest || tighter) tightest = cores;
+  }
+  return tightest;
 }
 
 Interference interference(const HostCounters& before, const HostCounters& after, int core_count) {

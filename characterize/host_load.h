@@ -14,9 +14,11 @@ namespace pirt {
 /// Counters at one moment; only differences mean something. Absent where the machine does not
 /// count.
 struct HostCounters {
-  Nanos at{0};                ///< Machine clock.
-  std::optional<Nanos> busy;  ///< Of the cores asked for: everything but idle, steal included.
-  Nanos own{0};               ///< Processor time of this process, all threads.
+  Nanos at{0};                 ///< Machine clock.
+  std::optional<Nanos> busy;   ///< Of the cores asked for: everything but idle, steal included.
+  std::optional<Nanos> total;  ///< Of the same cores: idle time as well.
+  std::optional<Nanos> steal;  ///< Of the same cores: taken by the hypervisor for others.
+  Nanos own{0};                ///< Processor time of this process, all threads.
   std::optional<std::int64_t> heat_events;  ///< Thermal throttling of the cores asked for.
   std::optional<Nanos>
       quota_wait;  ///< Time that this process' control group was held back by its quota.
@@ -26,6 +28,10 @@ struct HostCounters {
 /// @param root   Where /proc and /sys are found; another folder in tests.
 [[nodiscard]] HostCounters read_host_counters(const std::vector<int>& cores,
                                               const std::filesystem::path& root = "/");
+
+/// How many cores' worth of time this process' control group may use; 0 = no limit. Absent where no
+/// such group is seen.
+[[nodiscard]] std::optional<double> read_cpu_quota(const std::filesystem::path& root = "/");
 
 struct Interference {
   bool contended = false;  ///< Others (or the hypervisor) used more than 5 % of the cores' time,

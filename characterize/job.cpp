@@ -94,11 +94,31 @@ Json encode(const DeviceInfo& device) {
           {"platform", device.platform},
           {"version", device.version},
           {"compute_units", device.compute_units},
-          {"is_cpu", device.is_cpu}};
+          {"is_cpu", device.is_cpu},
+          {"cache_bytes", device.cache_bytes ? Json(*device.cache_bytes) : Json()}};
 }
 
 DeviceInfo decode_device(const Json& j) {
-  return {j.at("name"), j.at("platform"), j.at("version"), j.at("compute_units"), j.at("is_cpu")};
+  DeviceInfo device{j.at("name"), j.at("platform"), j.at("version"), j.at("compute_units"),
+                    j.at("is_cpu")};
+  if (!j.at("cache_bytes").is_null()) device.cache_bytes = j.at("cache_bytes").get<std::int64_t>();
+  return device;
+}
+
+Json encode(const PeakFigure& peak) {
+  return {{"kind", to_string(peak.kind)},
+          {"per_second", peak.per_second ? Json(*peak.per_second) : Json()},
+          {"variant", peak.variant},
+          {"reasons", peak.reasons}};
+}
+
+PeakFigure decode_peak(const Json& j) {
+  PeakFigure peak;
+  peak.kind = peak_kind_from_string(j.at("kind").get<std::string>()).value();
+  if (!j.at("per_second").is_null()) peak.per_second = j.at("per_second").get<double>();
+  peak.variant = j.at("variant");
+  peak.reasons = j.at("reasons").get<std::vector<std::string>>();
+  return peak;
 }
 
 Json encode(const std::optional<Nanos>& time) { return time ? Json(time->count()) : Json(); }
@@ -128,6 +148,7 @@ JobResult decode_result(const Json& j) {
                              decode_times(phase.at("samples_ns")), phase.at("batch")});
   }
   result.metered = decode_metered(j.value("metered", Json()));
+  for (const auto& peak : j.at("peaks")) result.peaks.push_back(decode_peak(peak));
   return result;
 }
 
@@ -162,7 +183,7 @@ Job job_from_json(const std::string& text) {
     }
     Job job;
     const int kind = j.at("kind");
-    if (kind < 0 || kind > static_cast<int>(JobKind::kMeter)) {
+    if (kind < 0 || kind > static_cast<int>(JobKind::kPeaks)) {
       throw_bad_input(fmt::format("unknown kind of job {}", kind));
     }
     job.kind = static_cast<JobKind>(kind);
@@ -191,6 +212,8 @@ std::string to_record(const JobResult& r) {
     phases.push_back(
         {{"phase", to_string(p.phase)}, {"samples_ns", encode(p.samples)}, {"batch", p.batch}});
   }
+  Json peaks = Json::array();
+  for (const PeakFigure& peak : r.peaks) peaks.push_back(encode(peak));
   const Json j = {{"done", r.done},
                   {"step", r.step},
                   {"error", r.error},
@@ -206,7 +229,8 @@ std::string to_record(const JobResult& r) {
                   {"throttled", r.throttled},
                   {"notes", r.notes},
                   {"phases", phases},
-                  {"metered", encode(r.metered)}};
+                  {"metered", encode(r.metered)},
+                  {"peaks", peaks}};
   // Drivers' texts need not be UTF-8.
   return std::string(kPrefix) + j.dump(-1, ' ', false, Json::error_handler_t::replace);
 }

@@ -13,6 +13,7 @@
 
 #include "characterize/energy/metered_calls.h"
 #include "characterize/measure.h"
+#include "characterize/peaks.h"
 #include "workloads/backend.h"
 
 namespace pirt {
@@ -23,13 +24,14 @@ enum class JobKind : std::uint8_t {
   kSetup,      ///< Time device_init and prepare.
   kSample,     ///< The same, then verify, time calls, verify.
   kMeter,      ///< The same, with energy meters around the calls in place of the clock.
+  kPeaks,      ///< Measure the unit's limits.
 };
 
 struct Job {
   JobKind kind = JobKind::kProbe;
   std::string backend;
   UnitRequest unit;
-  std::string workload;  ///< Not for kProbe.
+  std::string workload;  ///< Not for kProbe and kPeaks.
   std::uint64_t seed = 1;
   std::string images;     ///< Path for images_from; empty = generated.
   std::string reference;  ///< File that kReference writes and kSample reads.
@@ -53,6 +55,7 @@ struct JobResult {
   std::vector<std::string> notes;  ///< Of the data: "input_resized".
   std::vector<PhaseSamples> phases;
   std::optional<MeteredCalls> metered;
+  std::vector<PeakFigure> peaks;
 };
 
 [[nodiscard]] std::string to_json(const Job& job);

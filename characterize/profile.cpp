@@ -24,10 +24,6 @@ namespace {
 using sqlite::Connection;
 using sqlite::Statement;
 
-/// In the order of PeakKind.
-constexpr std::array<std::string_view, 4> kPeakKinds = {"f32", "int8", "bandwidth_l2",
-                                                        "bandwidth_memory"};
-
 PhaseRow read_phase_row(const Statement& q) {
   PhaseRow row;
   row.run_id = q.integer(0);
@@ -224,14 +220,6 @@ std::vector<std::string> first_appearances(const std::vector<Row>& rows, std::st
 }
 
 }  // namespace
-
-std::string_view to_string(PeakKind kind) { return kPeakKinds.at(static_cast<std::size_t>(kind)); }
-
-std::optional<PeakKind> peak_kind_from_string(std::string_view text) {
-  const auto* it = std::ranges::find(kPeakKinds, text);
-  if (it == kPeakKinds.end()) return std::nullopt;
-  return static_cast<PeakKind>(it - kPeakKinds.begin());
-}
 
 const PhaseRow* Profile::find(std::string_view workload, std::string_view unit, Phase phase,
                               State state) const {

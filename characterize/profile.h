@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "workloads/base/time.h"
+#include "workloads/peak.h"
 #include "workloads/phase.h"
 
 namespace pirt {
@@ -50,11 +51,6 @@ struct EnergyRow {
   std::string domain = {};       ///< What the meter or model covers: "unit", "package".
   bool idle_subtracted = false;  ///< What the domain takes anyway is not in energy_j.
 };
-
-enum class PeakKind : std::uint8_t { kF32, kInt8, kBandwidthL2, kBandwidthMemory };
-/// "f32", "int8", "bandwidth_l2", "bandwidth_memory".
-[[nodiscard]] std::string_view to_string(PeakKind kind);
-[[nodiscard]] std::optional<PeakKind> peak_kind_from_string(std::string_view text);
 
 /// What a unit can do at most: operations (f32, int8) or bytes (bandwidth) a second.
 struct PeakRow {

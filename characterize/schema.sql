@@ -15,6 +15,8 @@
 --            meter_error: TEXT energy only: the meter could not be read
 --            not_above_idle: TEXT, unstable: TEXT  energy only: the calls drew no more than idling did; idling before and after, or calls metered and timed, differ
 --            error: TEXT       the worker failed; the row has then what was sampled before, or no samples
+--            unavailable: TEXT peak only: the device has no loop for it, and why
+--            exceeded by TEXT  peak only: that workload ran faster, so the peak was measured too low
 --   notes:   input_resized, input_cropped, precision_not_reached (see ci_low_ns, ci_high_ns), contended, bimodal, no_kernel_cache,
 --            shared_core
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %

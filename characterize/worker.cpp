@@ -11,6 +11,7 @@
 
 #include "characterize/host_load.h"
 #include "characterize/job.h"
+#include "characterize/peaks.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog.h"
 #include "workloads/registry.h"
@@ -43,6 +44,9 @@ class Worker {
         set_up();
         meter();
         break;
+      case JobKind::kPeaks:
+        peaks();
+        break;
     }
   }
 
@@ -61,6 +65,15 @@ class Worker {
     const auto device = backend_.open(job_.unit);
     result_.device = device->info();
     result_.provenance = device->provenance();
+  }
+
+  void peaks() {
+    begin("opening the device");
+    const auto device = backend_.open(job_.unit);
+    result_.provenance = device->provenance();
+    begin("measuring peaks");
+    const Clock* own = device->own_clock();
+    result_.peaks = measure_peaks(*device, own != nullptr ? *own : machine_);
   }
 
   Data make_data() {

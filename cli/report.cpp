@@ -6,8 +6,10 @@
 #include "cli/commands.h"
 #include "cli/output.h"
 #include "reports/document.h"
+#include "reports/environment_report.h"
 #include "reports/paper_report.h"
 #include "reports/profile_report.h"
+#include "reports/roofline_report.h"
 #include "reports/run_report.h"
 #include "reports/setup_report.h"
 #include "scheduler/schedule.h"
@@ -98,14 +100,15 @@ int report_profile(const Options& options) {
   const auto modes = collect_modes(options, profile);
   const auto preferable = preferences(profile);
 
-  Document document{
-      .title = "pirt report",
-      .parts = {profile_header(profile), profile_table(profile), preference_table(preferable)}};
+  Document document{.title = "pirt report",
+                    .parts = {profile_header(profile), profile_table(profile),
+                              peak_table(rooflines(profile)), preference_table(preferable)}};
   if (modes.why_not.empty()) {
     document.parts.emplace_back(modes_table(modes.records));
   } else {
     document.parts.emplace_back(Paragraph{{"The four modes are not shown: " + modes.why_not}});
   }
+  document.parts.emplace_back(environment_table(profile));
   auto json = profile_json(profile, preferable);
   json["modes"] = nlohmann::ordered_json::array();
   for (const auto& record : modes.records) json["modes"].push_back(to_json(record));

@@ -8,6 +8,8 @@
 #include <set>
 #include <utility>
 
+#include "characterize/environment_keys.h"
+#include "characterize/identity.h"
 #include "reports/figures.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
@@ -39,34 +41,52 @@ std::set<std::string> units_in_common(const Profile& a, const Profile& b) {
   return units;
 }
 
-Facts facts_of(const Profile& profile, const std::set<std::string>& units) {
+/// All facts of the runs that are no identity.
+Facts information_of(const Profile& profile, const std::set<std::string>& units) {
   Facts facts;
   for (const RunInfo& run : profile.runs) {
+    const auto identity = identity_of(run);
     for (const auto& [key, value] : run.environment) {
-      if (in_common(key, units)) facts[key].insert(value);
-    }
-    facts["seed"].insert(std::to_string(run.seed));
-    for (const UnitRecord& unit : run.units) {
-      if (!units.contains(unit.unit)) continue;
-      facts["unit." + unit.unit + ".backend"].insert(unit.backend);
-      facts["unit." + unit.unit + ".device"].insert(unit.device);
-      facts["unit." + unit.unit + ".cores"].insert(
-          unit.cores.empty() ? "all" : fmt::format("{}", fmt::join(unit.cores, ",")));
+      const bool of_identity = identity.contains(key) || fact_kind(key) == FactKind::kIdentity;
+      if (!of_identity && in_common(key, units)) facts[key].insert(value);
     }
   }
   return facts;
 }
 
-bool is_identity(const Profile& profile, const std::string& fact) {
-  return fact == "seed" || fact.starts_with("unit.") ||
-         std::ranges::any_of(profile.runs,
-                             [&fact](const RunInfo& run) { return run.identity.contains(fact); });
+/// The identity of every pair of runs that rows come from; fields in the order of
+/// environment_keys().
+std::vector<FactDifference> identity_differences(const Profile& a, const Profile& b,
+                                                 const std::set<std::string>& units) {
+  std::vector<std::string> fields;
+  Facts values_a;
+  Facts values_b;
+  for (const RunInfo& run_a : a.runs) {
+    for (const RunInfo& run_b : b.runs) {
+      for (const auto& found : compare_identity(run_a, run_b)) {
+        if (!found.unit.empty() && !units.contains(found.unit)) continue;
+        if (std::ranges::find(fields, found.field) == fields.end()) fields.push_back(found.field);
+        if (found.a) values_a[found.field].insert(*found.a);
+        if (found.b) values_b[found.field].insert(*found.b);
+      }
+    }
+  }
+  std::vector<FactDifference> differences;
+  for (const std::string& field : fields) {
+    const auto text = [&field](const Facts& values) -> std::optional<std::string> {
+      const auto it = values.find(field);
+      return it == values.end() ? std::nullopt : std::optional(text_of(it->second));
+    };
+    differences.push_back({field, text(values_a), text(values_b)});
+  }
+  return differences;
 }
 
 void diff_facts(ProfileDiff& diff) {
   const auto units = units_in_common(*diff.a, *diff.b);
-  const Facts a = facts_of(*diff.a, units);
-  const Facts b = facts_of(*diff.b, units);
+  diff.identity = identity_differences(*diff.a, *diff.b, units);
+  const Facts a = information_of(*diff.a, units);
+  const Facts b = information_of(*diff.b, units);
   std::set<std::string> keys;
   for (const auto& [key, values] : a) keys.insert(key);
   for (const auto& [key, values] : b) keys.insert(key);
@@ -76,9 +96,7 @@ void diff_facts(ProfileDiff& diff) {
       return it == facts.end() ? std::nullopt : std::optional(text_of(it->second));
     };
     FactDifference difference{key, value(a), value(b)};
-    if (difference.a == difference.b) continue;
-    const bool identity = is_identity(*diff.a, key) || is_identity(*diff.b, key);
-    (identity ? diff.identity : diff.information).push_back(std::move(difference));
+    if (difference.a != difference.b) diff.information.push_back(std::move(difference));
   }
 }
 

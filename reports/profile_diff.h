@@ -40,8 +40,8 @@ struct EnergyPair {
 struct ProfileDiff {
   const Profile* a = nullptr;  ///< Both outlive this.
   const Profile* b = nullptr;
-  /// Facts of identity (of the units in common), seeds, and the devices behind the units. Several
-  /// runs that disagree within one profile show as "x / y".
+  /// What compare_identity() finds between any run of a and any of b, of the units in common.
+  /// Several runs that disagree within one profile show as "x / y".
   std::vector<FactDifference> identity;
   std::vector<FactDifference> information;  ///< All other facts.
   std::vector<PhasePair> phases;            ///< In the order of a.

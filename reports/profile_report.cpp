@@ -10,7 +10,11 @@
 #include <string_view>
 #include <utility>
 
+#include "characterize/identity.h"
+#include "characterize/roofline.h"
+#include "reports/environment_report.h"
 #include "reports/figures.h"
+#include "reports/roofline_report.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -189,13 +193,10 @@ nlohmann::ordered_json run_json(const RunInfo& run) {
                      {"device_is_cpu", unit.device_is_cpu},
                      {"cores", unit.cores}});
   }
-  return {{"run_id", run.run_id},
-          {"started", run.started},
-          {"finished", run.finished},
-          {"platform", run.platform},
-          {"seed", run.seed},
-          {"environment", run.environment},
-          {"units", units}};
+  return {
+      {"run_id", run.run_id},         {"started", run.started}, {"finished", run.finished},
+      {"platform", run.platform},     {"seed", run.seed},       {"environment", run.environment},
+      {"identity", identity_of(run)}, {"units", units}};
 }
 
 std::string core_text(const std::vector<int>& cores) {
@@ -240,8 +241,10 @@ Table profile_table(const Profile& profile) {
                           {"prepare cold"},
                           {"warm"},
                           {"energy mJ"},
+                          {"roofline"},
                           {"samples"},
                           {"remarks", Align::kLeft}}};
+  const Rooflines roofs = rooflines(profile);
   std::map<std::string, std::set<std::string>> common;
   for (const auto& unit : profile.units()) common[unit] = common_notes(profile, unit);
   for (const auto& workload : profile.workloads()) {
@@ -257,6 +260,7 @@ Table profile_table(const Profile& profile) {
                             cell(phase(Phase::kDownload)), cell(cold),
                             cell(phase(Phase::kPrepare, State::kWarm)),
                             energy_cell(profile.find_energy(workload, unit)),
+                            roofline_cell(roofs.find(workload, unit)),
                             call == nullptr ? "0" : fmt::format("{}", call->samples),
                             remarks_text(remarks_of(profile, workload, unit), common[unit])});
     }
@@ -266,6 +270,7 @@ Table profile_table(const Profile& profile) {
       "interval of its "
       "median; - a phase that the unit does not have.",
       std::string(provenance_legend())};
+  for (auto& line : roofline_footnotes(roofs)) table.footnotes.push_back(std::move(line));
   for (const auto& [unit, notes] : common) {
     if (notes.empty()) continue;
     const std::vector<std::string> list(notes.begin(), notes.end());
@@ -319,7 +324,8 @@ nlohmann::ordered_json profile_json(const Profile& profile,
   nlohmann::ordered_json json = {{"runs", nlohmann::ordered_json::array()},
                                  {"profile_summary", nlohmann::ordered_json::array()},
                                  {"energy_summary", nlohmann::ordered_json::array()},
-                                 {"preferable", nlohmann::ordered_json::array()}};
+                                 {"preferable", nlohmann::ordered_json::array()},
+                                 {"roofline", roofline_json(rooflines(profile))}};
   for (const auto& run : profile.runs) json["runs"].push_back(run_json(run));
   for (const auto& row : profile.phases) json["profile_summary"].push_back(phase_json(row));
   for (const auto& row : profile.energies) json["energy_summary"].push_back(energy_json(row));

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "workloads/base/time.h"
+#include "workloads/peak.h"
 #include "workloads/phase.h"
 #include "workloads/workload.h"
 
@@ -33,6 +34,8 @@ struct DeviceInfo {
   int compute_units = 0;
   bool is_cpu =
       false;  ///< The device computes on the host's own cores (PoCL): never to be taken for a GPU.
+  /// The largest cache before the device's memory; absent where it does not say.
+  std::optional<std::int64_t> cache_bytes = std::nullopt;
 };
 
 struct Probe {
@@ -79,6 +82,14 @@ class Device {
   /// @throws Error{kEnvironment} if the device cannot (build failure, out of memory).
   [[nodiscard]] virtual std::unique_ptr<Kernel> prepare(const Workload& workload,
                                                         std::span<const Tensor> parameters) = 0;
+  /// Loops that try to reach the unit's limits; optional: a device without any says why.
+  /// @throws Error{kEnvironment} if the device cannot (build failure, out of memory).
+  [[nodiscard]] virtual PeakLoops peak_loops() {
+    PeakLoops none;
+    for (const PeakKind kind : kAllPeakKinds)
+      none.unavailable[kind] = "the backend has no loop for it";
+    return none;
+  }
   /// The device's own time, for devices that simulate theirs; null = the machine's clock counts.
   [[nodiscard]] virtual const Clock* own_clock() const { return nullptr; }
   /// Where figures taken with own_clock() come from.

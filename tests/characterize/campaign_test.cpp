@@ -7,8 +7,11 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include "characterize/environment_keys.h"
+#include "characterize/identity.h"
 #include "characterize/profile.h"
 #include "tests/characterize/campaign_support.h"
+#include "characterize/roofline.h"
 #include "tests/characterize/support.h"
 #include "tests/support/data.h"
 
@@ -307,6 +310,54 @@ TEST_F(Campaign, MeasuresThisMachine) {
   EXPECT_EQ(profile.find("pool5", "cpu", Phase::kUpload), nullptr);
   EXPECT_EQ(profile.find_energy("pool5", "cpu")->provenance, Provenance::kModelled);
   EXPECT_TRUE(profile.find_unit("cpu")->device_is_cpu);
+}
+
+TEST_F(Campaign, MeasuresTheLimitsOfEachUnit) {
+  // fc8 has 8192000 operations: 8.192 ms at 1e9 a second; its 16 MB take 0.16 ms.
+  const Profile profile = measure(options({{"gpu", R"(
+cache_kb: 1000000
+stages: {fc8: [{name: execute, ms: 16.384}]}
+peaks_g_s: {f32: 1, bandwidth_l2: 100, bandwidth_memory: 50}
+)"}},
+                                          "^fc8$"));
+  ASSERT_NE(profile.find_peak("gpu", PeakKind::kF32), nullptr);
+  EXPECT_NEAR(*profile.find_peak("gpu", PeakKind::kF32)->per_second, 1e9, 1e3);
+  EXPECT_EQ(profile.find_peak("gpu", PeakKind::kF32)->provenance, Provenance::kModelled);
+  EXPECT_TRUE(profile.find_peak("gpu", PeakKind::kBandwidthMemory)->valid);
+  const PeakRow* int8 = profile.find_peak("gpu", PeakKind::kInt8);
+  EXPECT_FALSE(int8->per_second.has_value());
+  EXPECT_THAT(int8->reasons, ElementsAre("unavailable: the unit's script gives none"));
+  const auto roofs = rooflines(profile);
+  EXPECT_NEAR(roofs.find("fc8", "gpu")->fraction.value(), 0.5, 1e-6);
+  EXPECT_THAT(warnings, IsEmpty());
+}
+
+TEST_F(Campaign, StoresAPeakThatACellExceedsAsNotValid) {
+  const Profile profile = measure(options({{"gpu", R"(
+stages: {fc8: [{name: execute, ms: 2}]}
+peaks_g_s: {f32: 1, bandwidth_l2: 100}
+)"}},
+                                          "^fc8$"));
+  const PeakRow* peak = profile.find_peak("gpu", PeakKind::kF32);
+  EXPECT_FALSE(peak->valid);
+  EXPECT_THAT(peak->reasons, ElementsAre("exceeded by fc8"));
+  EXPECT_TRUE(profile.find_peak("gpu", PeakKind::kBandwidthL2)->valid);
+  EXPECT_THAT(warnings, ElementsAre(HasSubstr("the f32 peak is not valid: exceeded by fc8")));
+  EXPECT_FALSE(rooflines(profile).find("fc8", "gpu")->fraction.has_value());
+}
+
+TEST_F(Campaign, EveryRecordedFactHasItsKind) {
+  auto o = options({{"gpu", "cache_kb: 8"}});
+  o.platform.assumptions = "watts";
+  const RunInfo run = measure(o).runs.front();
+  EXPECT_EQ(run.environment.at("unit.gpu.cache_bytes"), "8192");
+  EXPECT_TRUE(run.environment.contains("end.load_1m"));  // written when the run ended
+  for (const auto& [key, value] : run.environment) {
+    EXPECT_NE(find_environment_key(key), nullptr) << key << " is not in environment_keys.cpp";
+    EXPECT_NE(value, "") << key;
+    EXPECT_EQ(run.identity.contains(key), fact_kind(key) == FactKind::kIdentity) << key;
+  }
+  EXPECT_THAT(compare_identity(run, run), IsEmpty());
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "characterize/environment_keys.h"
 #include "characterize/host_load.h"
 #include "tests/characterize/support.h"
 
@@ -23,23 +24,55 @@ TEST(Environment, ReadsAMachine) {
   put(root, "proc/cpuinfo",
       "processor\t: 0\nmodel name\t: Test CPU @ 3 GHz\nflags\t\t: fpu avx2 fma sse hypervisor\n\n"
       "processor\t: 1\nmodel name\t: Test CPU @ 3 GHz\n");
-  put(root, "proc/meminfo", "MemTotal:       2097152 kB\n");
+  put(root, "proc/meminfo",
+      "MemTotal:       2097152 kB\nSwapTotal:        20480 kB\nSwapFree:         10240 kB\n");
   put(root, "etc/os-release", "NAME=x\nPRETTY_NAME=\"Test OS 1\"\n");
   put(root, "proc/sys/kernel/osrelease", "6.1.0-test\n");
-  put(root, "sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "performance\n");
-  put(root, "sys/devices/system/cpu/intel_pstate/no_turbo", "1\n");
+  const std::string cpu = "sys/devices/system/cpu/";
+  put(root, cpu + "cpu0/cpufreq/scaling_governor", "performance\n");
+  put(root, cpu + "cpu1/cpufreq/scaling_governor", "powersave\n");
+  put(root, cpu + "cpu0/cpufreq/scaling_driver", "intel_pstate\n");
+  put(root, cpu + "cpu0/cpufreq/energy_performance_preference", "balance_power\n");
+  put(root, cpu + "cpu0/cpufreq/scaling_max_freq", "2400000\n");
+  put(root, cpu + "cpu1/cpufreq/scaling_max_freq", "3600000\n");
+  put(root, cpu + "intel_pstate/no_turbo", "1\n");
+  put(root, cpu + "smt/active", "1\n");
+  put(root, cpu + "cpu0/cache/index0/level", "1\n");
+  put(root, cpu + "cpu0/cache/index0/size", "32K\n");
+  put(root, cpu + "cpu0/cache/index1/level", "2\n");
+  put(root, cpu + "cpu0/cache/index1/size", "512K\n");
+  put(root, cpu + "cpu0/cache/index2/level", "3\n");
+  put(root, cpu + "cpu0/cache/index2/size", "8M\n");
+  put(root, "sys/kernel/mm/transparent_hugepage/enabled", "always [madvise] never\n");
+  put(root, "sys/devices/system/clocksource/clocksource0/current_clocksource", "tsc\n");
+  put(root, "sys/class/dmi/id/sys_vendor", "Maker\n");
+  put(root, "sys/class/dmi/id/product_name", "Board 2\n");
+  put(root, "proc/self/cgroup", "0::/jobs/one\n");
+  put(root, "sys/fs/cgroup/jobs/one/cpu.max", "max 100000\n");
+  put(root, "sys/fs/cgroup/jobs/cpu.max", "150000 100000\n");
   put(root, "proc/loadavg", "0.50 0.40 0.30 1/100 1234\n");
   put(root, "proc/stat", "cpu  50 0 20 100 20 0 0 10 0 0\n");  // 10 of 200
   put(root, "sys/class/thermal/thermal_zone0/temp", "45000\n");
   put(root, "sys/class/thermal/thermal_zone1/temp", "61500\n");
-  const Environment expected = {{"cpu_model", "Test CPU @ 3 GHz"},
+  const Environment expected = {{"machine", "Maker Board 2"},
+                                {"cpu_model", "Test CPU @ 3 GHz"},
                                 {"cpu_flags", "avx2 fma"},
                                 {"cores_online", "2"},
+                                {"smt", "on"},
+                                {"l2_cache_kb", "512"},
+                                {"last_cache_kb", "8192"},
                                 {"memory_mb", "2048"},
+                                {"swap_used_mb", "10"},
                                 {"os", "Test OS 1"},
                                 {"kernel", "6.1.0-test"},
-                                {"governor", "performance"},
+                                {"governor", "performance (0), powersave (1)"},
+                                {"energy_preference", "balance_power"},
+                                {"cpufreq_driver", "intel_pstate"},
+                                {"cpu_max_mhz", "3600"},
                                 {"turbo", "off"},
+                                {"huge_pages", "madvise"},
+                                {"clock_source", "tsc"},
+                                {"cpu_quota", "1.50"},
                                 {"load_1m", "0.50"},
                                 {"steal_percent", "5.00"},
                                 {"temperature_c", "61.5"},
@@ -50,12 +83,60 @@ TEST(Environment, ReadsAMachine) {
 TEST(Environment, SaysWhyAFactIsNotKnown) {
   const TemporaryFolder root;
   const Environment facts = host_environment(root.path());
-  for (const char* key :
-       {"cpu_model", "cpu_flags", "cores_online", "memory_mb", "os", "kernel", "governor", "turbo",
-        "load_1m", "steal_percent", "temperature_c", "hypervisor"}) {
-    EXPECT_FALSE(facts.contains(key)) << key;
-    ASSERT_TRUE(facts.contains(std::string(key) + "_unknown")) << key;
-    EXPECT_NE(facts.at(std::string(key) + "_unknown"), "") << key;
+  ASSERT_GT(facts.size(), 20U);
+  for (const auto& [key, value] : facts) {
+    EXPECT_NE(without_unknown(key), key) << key << " is known of an empty machine: " << value;
+    EXPECT_NE(value, "") << key;
+  }
+}
+
+TEST(Environment, ReadsTheQuotaOfBothGenerationsOfControlGroups) {
+  const TemporaryFolder v1;
+  put(v1, "proc/self/cgroup", "4:memory:/m\n2:cpu,cpuacct:/box\n0::/\n");
+  put(v1, "sys/fs/cgroup/cpu/box/cpu.cfs_quota_us", "50000\n");
+  put(v1, "sys/fs/cgroup/cpu/box/cpu.cfs_period_us", "100000\n");
+  put(v1, "sys/fs/cgroup/cpu/box/cpu.stat", "nr_periods 9\nnr_throttled 4\nthrottled_time 7000\n");
+  EXPECT_EQ(read_cpu_quota(v1.path()), 0.5);
+  EXPECT_EQ(read_host_counters({}, v1.path()).quota_wait, Nanos(7000));
+  put(v1, "sys/fs/cgroup/cpu/box/cpu.cfs_quota_us", "-1\n");
+  EXPECT_EQ(read_cpu_quota(v1.path()), 0.0);
+  const TemporaryFolder container;  // sees its own group as the root of the tree
+  put(container, "proc/self/cgroup", "0::/\n");
+  put(container, "sys/fs/cgroup/cpu.max", "200000 100000\n");
+  EXPECT_EQ(read_cpu_quota(container.path()), 2.0);
+  const TemporaryFolder none;
+  EXPECT_EQ(read_cpu_quota(none.path()), std::nullopt);
+}
+
+TEST(Environment, KnowsWhatHappenedDuringTheRun) {
+  const TemporaryFolder root;
+  put(root, "proc/loadavg", "1.25 0.40 0.30 1/100 1234\n");
+  HostCounters before;
+  before.total = seconds(100);
+  before.steal = seconds(1);
+  before.quota_wait = Nanos(0);
+  HostCounters after = before;
+  after.total = seconds(300);
+  after.steal = seconds(7);
+  after.quota_wait = milliseconds(20);
+  const Environment facts = end_environment(before, after, root.path());
+  EXPECT_EQ(facts.at("end.load_1m"), "1.25");
+  EXPECT_EQ(facts.at("run.steal_percent"), "3.00");  // 6 s of 200
+  EXPECT_EQ(facts.at("run.quota_wait_ms"), "20");
+  EXPECT_TRUE(facts.contains("run.heat_events_unknown"));
+  EXPECT_TRUE(facts.contains("end.temperature_c_unknown"));
+}
+
+TEST(Environment, EveryFactHasItsKind) {
+  Environment facts = host_environment();
+  facts.merge(build_environment());
+  facts.merge(end_environment({}, {}, "/"));
+  for (const auto& [key, value] : facts) {
+    EXPECT_NE(find_environment_key(key), nullptr) << key << " is not in environment_keys.cpp";
+  }
+  for (const EnvironmentKey& key : environment_keys()) {
+    EXPECT_NE(key.why, "") << key.key;
+    EXPECT_EQ(find_environment_key(key.key), &key) << key.key << " is listed twice";
   }
 }
 
@@ -132,7 +213,7 @@ TEST(Environment, TellsIdentityFromInformation) {
                           "precision", "unit.opencl.version"}) {
     EXPECT_EQ(fact_kind(key), FactKind::kIdentity) << key;
   }
-  for (const char* key : {"load_1m", "temperature_c_unknown", "git_commit", "mode", "kernel"}) {
+  for (const char* key : {"load_1m", "temperature_c_unknown", "git_commit", "mode", "os"}) {
     EXPECT_EQ(fact_kind(key), FactKind::kInformation) << key;
   }
 }

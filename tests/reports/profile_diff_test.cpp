@@ -62,9 +62,9 @@ TEST(ProfileDiff, TellsIdentityFromInformation) {
   b.runs[0].seed = 2;
   b.runs[0].units[0].device = "Other device";
   const auto diff = diff_profiles(a, b);
-  EXPECT_THAT(diff.identity, ElementsAre(Field(&FactDifference::fact, "cpu_model"),
-                                         Field(&FactDifference::fact, "seed"),
-                                         Field(&FactDifference::fact, "unit.cpu.device")));
+  EXPECT_THAT(diff.identity, ElementsAre(Field(&FactDifference::fact, "seed"),
+                                         Field(&FactDifference::fact, "unit.cpu.device"),
+                                         Field(&FactDifference::fact, "cpu_model")));
   const auto text = render(diff_document(diff), Format::kText);
   EXPECT_LT(text.find("Other CPU"), text.find("Figures side by side"));
 }

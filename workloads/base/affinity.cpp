@@ -31,6 +31,8 @@ std::vector<int> members(const cpu_set_t& set) {
 
 }  // namespace
 
+std::vector<int> current_cores() { return members(current_affinity()); }
+
 int bind_to_cores(std::span<const int> cores, const std::string& unit) {
   const cpu_set_t before = current_affinity();
   if (cores.empty()) return CPU_COUNT(&before);

@@ -3,6 +3,7 @@
 
 #include <span>
 #include <string>
+#include <vector>
 
 namespace pirt {
 
@@ -12,5 +13,9 @@ namespace pirt {
 /// @throws  Error{kEnvironment} naming @p unit if a core does not exist or may not be used; the
 /// affinity is then as before.
 int bind_to_cores(std::span<const int> cores, const std::string& unit);
+
+/// The cores that the calling thread may use, in order.
+/// @throws Error{kEnvironment} if the system does not say.
+[[nodiscard]] std::vector<int> current_cores();
 
 }  // namespace pirt

@@ -11,8 +11,10 @@
 #include <utility>
 
 #include "workloads/base/affinity.h"
+#include "workloads/base/caches.h"
 #include "workloads/base/error.h"
 #include "workloads/cpu/kernels.h"
+#include "workloads/cpu/peak_loops.h"
 #include "workloads/cpu/threads.h"
 
 namespace pirt {
@@ -35,7 +37,7 @@ DeviceInfo device_info(int cores) {
   return {cpu_model(), "OpenCV + oneDNN",
           fmt::format("OpenCV {}, oneDNN {}.{}.{}", cv::getVersionString(), onednn->major,
                       onednn->minor, onednn->patch),
-          cores, true};
+          cores, true, read_cache_sizes().last_bytes};
 }
 
 /// Whether @p part occurs in @p text in whatever case.
@@ -113,6 +115,10 @@ class CpuDevice : public Device {
     auto kernel =
         translated("prepare", workload.name, [&] { return entry->make(workload, parameters); });
     return std::make_unique<GuardedKernel>(workload.name, std::move(kernel), threads_);
+  }
+
+  PeakLoops peak_loops() override {
+    return translated("prepare", "peak loops", [&] { return cpu::make_peak_loops(threads_); });
   }
 
  private:

@@ -175,6 +175,26 @@ class FakeKernel : public Kernel {
   std::int64_t calls_ = 0;
 };
 
+/// 1e6 operations or bytes at the scripted rate.
+class FakePeakLoop : public PeakLoop {
+ public:
+  FakePeakLoop(PeakKind kind, double per_second, SimulatedClock& clock)
+      : kind_(kind), per_second_(per_second), clock_(clock) {}
+
+  [[nodiscard]] PeakKind kind() const override { return kind_; }
+  [[nodiscard]] std::string variant() const override { return "scripted"; }
+  [[nodiscard]] double work() const override { return 1e6; }
+  void run(int repeats) override { clock_.advance(from_s(work() * repeats / per_second_)); }
+  [[nodiscard]] Verdict verify() const override {
+    return {.ok = true, .detail = "computes nothing"};
+  }
+
+ private:
+  PeakKind kind_;
+  double per_second_;
+  SimulatedClock& clock_;
+};
+
 class FakeDevice : public Device {
  public:
   explicit FakeDevice(fake::Script script) : script_(std::move(script)) {
@@ -182,7 +202,20 @@ class FakeDevice : public Device {
   }
 
   [[nodiscard]] DeviceInfo info() const override {
-    return {script_.device, "pirt fake", "1", 1, false};
+    return {script_.device, "pirt fake", "1", 1, false, script_.cache_bytes};
+  }
+
+  [[nodiscard]] PeakLoops peak_loops() override {
+    PeakLoops all;
+    for (const PeakKind kind : kAllPeakKinds) {
+      const auto rate = script_.peaks.find(kind);
+      if (rate == script_.peaks.end()) {
+        all.unavailable[kind] = "the unit's script gives none";
+      } else {
+        all.loops.push_back(std::make_unique<FakePeakLoop>(kind, rate->second, clock_));
+      }
+    }
+    return all;
   }
 
   [[nodiscard]] std::unique_ptr<Kernel> prepare(const Workload& workload,
@@ -227,7 +260,7 @@ class FakeBackend : public Backend {
     return {kAllPhases.begin(), kAllPhases.end()};
   }
   [[nodiscard]] Probe probe() const override {
-    return {true, "", {{fake::Script().device, "pirt fake", "1", 1, false}}};
+    return {true, "", {{fake::Script().device, "pirt fake", "1", 1, false, std::nullopt}}};
   }
   [[nodiscard]] Support supports(const Workload&) const override { return {true, ""}; }
   [[nodiscard]] Support supports_on(const UnitRequest& request,

@@ -109,6 +109,24 @@ void read_prepare(const YAML::Node& node, Script& script) {
   }
 }
 
+void read_peaks(const YAML::Node& node, Script& script) {
+  std::vector<std::string> known;
+  for (const PeakKind kind : kAllPeakKinds) known.emplace_back(to_string(kind));
+  for (const auto& entry : map(node)) {
+    const auto key = scalar<std::string>(entry.first, "a key");
+    const auto kind = peak_kind_from_string(key);
+    if (!kind) {
+      fail(entry.first,
+           fmt::format("unknown key '{}' of peaks_g_s{}", key, suggestion(key, known)));
+    }
+    const auto rate = scalar<double>(entry.second, "a rate in 1e9 a second");
+    if (!std::isfinite(rate) || rate <= 0) {
+      fail(entry.second, fmt::format("'{}' is not a rate above 0", entry.second.Scalar()));
+    }
+    script.peaks[*kind] = rate * 1e9;
+  }
+}
+
 /// Reads a map from workload names to lists of @p item.
 template <typename T>
 std::map<std::string, std::vector<T>> lists(const YAML::Node& node, T (*item)(const YAML::Node&)) {
@@ -150,6 +168,11 @@ std::map<std::string, Reader> readers() {
       {"stages", [](const auto& n, Script& s) { s.stages = lists<ScriptedStage>(n, stage); }},
       {"samples_ms", [](const auto& n, Script& s) { s.samples = lists<Nanos>(n, duration); }},
       {"process_factors", read_factors},
+      {"peaks_g_s", read_peaks},
+      {"cache_kb",
+       [](const auto& n, Script& s) {
+         s.cache_bytes = scalar<std::int64_t>(n, "a size in kB") * 1024;
+       }},
       {"seed", [](const auto& n, Script& s) { s.seed = scalar<std::uint64_t>(n, "a seed"); }},
       {"fail_open", [](const auto& n, Script& s) { s.fail_open = scalar<std::string>(n, "text"); }},
       {"wrong_output_after",

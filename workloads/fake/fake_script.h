@@ -15,13 +15,12 @@
 //   wrong_output: [conv1]                  first element of every output off by one
 //   wrong_output_after: {conv1: 30}        right for that many calls, wrong from then on
 //   nan_output: [conv2]                    NaN (floating point) or all bits set (integers)
-//   fail_open: some message                open() throws
-//   fail_prepare: [conv3]                  prepare() throws
-//   fail_execute: [conv4]                  execute() throws
-//   crash: [conv5]                         execute() aborts the process
-//   hang: [fc8]                            execute() never returns
-//   reference_folder: /tmp/x               where <workload>.reference may lie; otherwise the
-//   reference is computed
+//   peaks_g_s: {f32: 100, bandwidth_memory: 20}    1e9 operations or bytes a second; others:
+//   unavailable cache_kb: 512                          what the device says of its cache fail_open:
+//   some message                open() throws fail_prepare: [conv3]                  prepare()
+//   throws fail_execute: [conv4]                  execute() throws crash: [conv5] execute() aborts
+//   the process hang: [fc8]                            execute() never returns reference_folder:
+//   /tmp/x               where <workload>.reference may lie; otherwise the reference is computed
 //
 // A workload without stages takes 0.1 ms upload, 0.01 ms launch, 1 ms execute, 0.1 ms download. One
 // with stages lacks the phases that are not among them.
@@ -34,6 +33,7 @@
 #include <vector>
 
 #include "workloads/base/time.h"
+#include "workloads/peak.h"
 #include "workloads/phase.h"
 
 namespace pirt::fake {
@@ -56,6 +56,8 @@ struct Script {
   std::set<std::string> unsupported, wrong_output, nan_output;
   std::set<std::string> fail_prepare, fail_execute, crash, hang;
   std::map<std::string, std::int64_t> wrong_output_after;
+  std::map<PeakKind, double> peaks;  ///< Operations or bytes a second.
+  std::optional<std::int64_t> cache_bytes;
   std::optional<std::string> fail_open;
   std::string reference_folder;
 

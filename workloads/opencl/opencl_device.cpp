@@ -11,6 +11,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 #include "workloads/opencl/kernel_table.h"
+#include "workloads/opencl/peak_loops.h"
 
 namespace pirt::opencl {
 namespace {
@@ -114,6 +115,11 @@ class OpenClDevice final : public Device {
                       [&] { return make_kernel(session_, workload, parameters); });
   }
 
+  [[nodiscard]] PeakLoops peak_loops() override {
+    return translated(fmt::format("preparing peak loops on \"{}\"", info_.name),
+                      [&] { return make_peak_loops(session_); });
+  }
+
  private:
   Session session_;
   DeviceInfo info_;
@@ -147,7 +153,8 @@ DeviceInfo describe(const cl::Device& device) {
           .version = fmt::format("{}, driver {}", platform.getInfo<CL_PLATFORM_VERSION>(),
                                  device.getInfo<CL_DRIVER_VERSION>()),
           .compute_units = static_cast<int>(device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>()),
-          .is_cpu = computes_on_host(device)};
+          .is_cpu = computes_on_host(device),
+          .cache_bytes = cache_bytes(device, computes_on_host(device))};
 }
 
 cl::Device choose_device(const std::vector<cl::Device>& devices, const std::string& wanted) {

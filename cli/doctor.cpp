@@ -1,0 +1,102 @@
+// pirt doctor: what would spoil a measurement on this machine, and what to do about it.
+#include "characterize/doctor.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <memory>
+#include <thread>
+
+#include "cli/commands.h"
+#include "cli/output.h"
+#include "reports/doctor_report.h"
+#include "workloads/base/error.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string platform = "host";
+  double seconds = 1;
+  std::optional<std::string> root;
+  std::optional<std::string> json;
+};
+
+/// A recorded machine: its files, nothing of this one.
+DoctorInput recorded(const std::filesystem::path& root) {
+  if (!std::filesystem::is_directory(root / "proc")) {
+    throw_bad_input(
+        fmt::format("--root '{}' has no folder proc; record a machine with: mkdir m && cp -r "
+                    "--parents /proc/cpuinfo /proc/stat /sys/devices/system/cpu m",
+                    root.string()));
+  }
+  DoctorInput input;
+  input.root = root;
+  input.cores = recorded_cores(root);
+  input.before = read_doctor_snapshot(input.cores, root);
+  return input;
+}
+
+DoctorInput this_machine(const Options& options) {
+  const Platform platform = load_platform(options.platform);
+  DoctorInput input;
+  input.cores = usable_cores();
+  input.units = probe_units(platform, "/proc/self/exe");
+  for (const auto& folder :
+       {std::filesystem::temp_directory_path(), std::filesystem::current_path()}) {
+    input.disks.push_back(free_space(folder));
+  }
+  input.before = read_doctor_snapshot(input.cores);
+  std::this_thread::sleep_for(std::chrono::duration<double>(options.seconds));
+  input.after = read_doctor_snapshot(input.cores);
+  return input;
+}
+
+int doctor(const Options& options) {
+  if (!(options.seconds > 0 && options.seconds <= 3600)) {
+    throw_bad_input(fmt::format("--seconds {} is not between 0 and 3600; try 1", options.seconds));
+  }
+  DoctorInput input = options.root ? recorded(*options.root) : this_machine(options);
+  input.build = build_environment();
+  input.readable = [](const std::filesystem::path& path) {
+    return ::access(path.c_str(), R_OK) == 0;
+  };
+  const auto findings = diagnose(input);
+  auto json = doctor_json(findings);
+  json["schema_version"] = 1;
+  emit(render(doctor_document(findings), Format::kText), json, options.json);
+  switch (verdict(findings)) {
+    case Level::kBlocks:
+      return kExitEnvironment;
+    case Level::kSpoils:
+      return kExitCheckFailed;
+    default:
+      return 0;
+  }
+}
+
+}  // namespace
+
+void add_doctor(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  auto* command = app.add_subcommand(
+      "doctor", "Say what would spoil a measurement on this machine, and what to do about it");
+  command
+      ->add_option("--platform", options->platform,
+                   "Whose units are tried: a name of `pirt list platforms`, or a YAML file")
+      ->capture_default_str();
+  command
+      ->add_option("--seconds", options->seconds,
+                   "How long load, steal and throttling are watched, in seconds")
+      ->capture_default_str();
+  command->add_option("--root", options->root,
+                      "Judge a recorded machine: a folder with copies of its /proc and /sys");
+  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  command->footer(
+      "Exit codes: 0 nothing spoils a measurement, 1 something does, 4 no unit can be measured.\n"
+      "Example: pirt doctor");
+  command->callback([options, &action] { action = [options] { return doctor(*options); }; });
+}
+
+}  // namespace pirt::cli

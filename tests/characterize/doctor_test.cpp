@@ -1,0 +1,218 @@
+// What doctor finds on recorded machines, and what it says to do; nothing here looks at this
+// machine.
+#include "characterize/doctor.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/characterize/support.h"
+#include "tests/support/recorded_machines.h"
+
+namespace pirt {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using test::RecordedMachine;
+using test::TemporaryFolder;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::UnorderedElementsAre;
+
+/// The machine twice, one quiet second apart; both units there.
+DoctorInput input_of(const RecordedMachine& machine) {
+  DoctorInput input;
+  input.root = machine.root();
+  input.cores = {0, 1};
+  input.before = read_doctor_snapshot(input.cores, machine.root());
+  input.before.host.own = Nanos(0);
+  input.after = input.before;
+  if (input.after->host.total) *input.after->host.total += seconds(2);
+  input.build = {{"build_type", "Release"}, {"sanitizers", "none"}};
+  input.units = {{"cpu", "Some CPU", "", {0}}, {"opencl", "Some device", "", {1}}};
+  input.disks = {{"/tmp", std::int64_t{1} << 40}};
+  input.readable = [](const std::filesystem::path&) { return true; };
+  return input;
+}
+
+std::vector<std::string> checks_at(const std::vector<Finding>& findings, Level level) {
+  std::vector<std::string> names;
+  for (const Finding& finding : findings) {
+    if (finding.level == level) names.push_back(finding.check);
+  }
+  return names;
+}
+
+Finding finding_of(const DoctorInput& input, const std::string& check) {
+  for (const Finding& finding : diagnose(input)) {
+    if (finding.check == check) return finding;
+  }
+  ADD_FAILURE() << "no check " << check;
+  return {};
+}
+
+class Doctor : public testing::Test {
+ protected:
+  TemporaryFolder folder;
+};
+
+TEST_F(Doctor, FindsNothingOnAHealthyBoard) {
+  const auto findings = diagnose(input_of(test::healthy_board(folder.path())));
+  for (const Finding& finding : findings) {
+    EXPECT_EQ(finding.level, Level::kGood) << finding.check << ": " << finding.found;
+    EXPECT_EQ(finding.why + finding.remedy, "") << finding.check;
+    EXPECT_NE(finding.found, "") << finding.check;
+  }
+  EXPECT_EQ(verdict(findings), Level::kGood);
+  EXPECT_GE(findings.size(), 16U);
+}
+
+TEST_F(Doctor, FindsWhatALaptopDoesToMeasurements) {
+  auto input = input_of(test::laptop(folder.path()));
+  input.readable = [](const std::filesystem::path&) { return false; };
+  const auto findings = diagnose(input);
+  EXPECT_THAT(checks_at(findings, Level::kSpoils),
+              UnorderedElementsAre("governor", "turbo", "siblings", "power_supply", "clock_source",
+                                   "memory"));
+  EXPECT_THAT(checks_at(findings, Level::kNote),
+              UnorderedElementsAre("frequency_limit", "heat", "swap", "energy_meter"));
+  EXPECT_EQ(verdict(findings), Level::kSpoils);
+  for (const Finding& finding : findings) {
+    if (finding.level < Level::kNote) continue;
+    EXPECT_NE(finding.why, "") << finding.check;
+    EXPECT_NE(finding.remedy, "") << finding.check;
+  }
+}
+
+TEST_F(Doctor, NamesTheExactCommands) {
+  auto input = input_of(test::laptop(folder.path()));
+  EXPECT_EQ(finding_of(input, "governor").found, "powersave on cores 0,1");
+  EXPECT_EQ(finding_of(input, "governor").remedy,
+            "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor");
+  EXPECT_EQ(finding_of(input, "turbo").remedy,
+            "echo 1 | sudo tee /sys/devices/system/cpu/intel_pstate/no_turbo");
+  EXPECT_EQ(finding_of(input, "frequency_limit").remedy,
+            "echo 1500000 | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_max_freq");
+  EXPECT_EQ(finding_of(input, "siblings").found,
+            "core 0 of cpu and core 1 of opencl are one physical core");
+  EXPECT_EQ(finding_of(input, "clock_source").remedy,
+            "echo tsc | sudo tee /sys/devices/system/clocksource/clocksource0/current_clocksource");
+  EXPECT_EQ(finding_of(input, "swap").remedy, "sudo swapoff -a");
+  EXPECT_EQ(finding_of(input, "energy_meter").level, Level::kGood);  // this user may read it
+}
+
+TEST_F(Doctor, OnlyTheCoresInUseCount) {
+  auto machine = test::healthy_board(folder.path());
+  machine.core(1, "cpufreq/scaling_governor", "ondemand\n");
+  auto input = input_of(machine);
+  EXPECT_EQ(finding_of(input, "governor").found, "ondemand on cores 1");
+  input.cores = {0};
+  EXPECT_EQ(finding_of(input, "governor").level, Level::kGood);
+  EXPECT_EQ(finding_of(input, "cores").level, Level::kNote);
+}
+
+TEST_F(Doctor, FindsStealInAVirtualMachineNowOrSinceItsStart) {
+  auto input = input_of(test::stolen_from_vm(folder.path()));
+  EXPECT_EQ(finding_of(input, "steal").level, Level::kGood);  // none while doctor looked
+  *input.after->host.steal += milliseconds(30);               // of 2 s
+  EXPECT_EQ(finding_of(input, "steal").level, Level::kSpoils);
+  EXPECT_EQ(finding_of(input, "steal").found, "1.5 % while doctor looked");
+  input.after.reset();
+  EXPECT_EQ(finding_of(input, "steal").found, "5.0 % since the machine started");
+  EXPECT_EQ(finding_of(input, "steal").level, Level::kSpoils);
+}
+
+TEST_F(Doctor, WhatAVirtualMachineDoesNotShowIsUnknownAndNotBad) {
+  const auto findings = diagnose(input_of(test::stolen_from_vm(folder.path())));
+  EXPECT_THAT(checks_at(findings, Level::kUnknown),
+              UnorderedElementsAre("governor", "frequency_limit", "turbo", "siblings", "heat",
+                                   "quota", "energy_meter"));
+  EXPECT_EQ(verdict(findings), Level::kGood);
+}
+
+TEST_F(Doctor, FindsAContainersQuotaAndItsThrottling) {
+  auto input = input_of(test::throttled_container(folder.path()));
+  EXPECT_EQ(finding_of(input, "quota").level, Level::kSpoils);
+  EXPECT_EQ(finding_of(input, "quota").found, "1.50 cores' time for 2 cores");
+  EXPECT_THAT(finding_of(input, "quota").remedy, HasSubstr("docker update --cpus 0"));
+  input.cores = {0};
+  EXPECT_EQ(finding_of(input, "quota").level, Level::kGood);  // more than the one core can use
+  *input.after->host.quota_wait += milliseconds(40);
+  EXPECT_EQ(finding_of(input, "quota").found,
+            "the control group was held back for 40 ms while doctor looked");
+}
+
+TEST_F(Doctor, FindsOtherProgramsButNotItself) {
+  auto input = input_of(test::healthy_board(folder.path()));
+  *input.after->host.busy += milliseconds(300);  // 15 % of 2 s
+  EXPECT_EQ(finding_of(input, "load").level, Level::kSpoils);
+  EXPECT_EQ(finding_of(input, "load").found,
+            "other programs take 15 % of the cores' time, load average 0.01");
+  input.after->host.own = milliseconds(250);
+  EXPECT_EQ(finding_of(input, "load").level, Level::kGood);
+}
+
+TEST_F(Doctor, FindsWhatHappenedWhileItLooked) {
+  auto input = input_of(test::healthy_board(folder.path()));
+  input.after->host.heat_events = 1;
+  input.after->swapped_pages = 12;
+  input.after->memory_stall = milliseconds(3);
+  EXPECT_THAT(checks_at(diagnose(input), Level::kSpoils),
+              UnorderedElementsAre("heat", "swap", "memory"));
+  EXPECT_EQ(finding_of(input, "swap").found, "12 pages moved while doctor looked");
+}
+
+TEST_F(Doctor, FindsSlowBuilds) {
+  auto input = input_of(test::healthy_board(folder.path()));
+  input.build["build_type"] = "Debug";
+  EXPECT_EQ(finding_of(input, "build").level, Level::kSpoils);
+  input.build = {{"build_type", "Release"}, {"sanitizers", "address"}};
+  EXPECT_EQ(finding_of(input, "build").found, "Release with sanitizers address");
+  EXPECT_EQ(finding_of(input, "build").level, Level::kSpoils);
+  input.build = {};
+  EXPECT_EQ(finding_of(input, "build").level, Level::kSpoils);
+}
+
+TEST_F(Doctor, AMissingUnitSpoilsAndNoUnitBlocks) {
+  auto input = input_of(test::healthy_board(folder.path()));
+  (*input.units)[1] = {"opencl", "", "no OpenCL device; apt-get install pocl-opencl-icd", {}};
+  const Finding missing = finding_of(input, "unit opencl");
+  EXPECT_EQ(missing.level, Level::kSpoils);
+  EXPECT_THAT(missing.remedy, HasSubstr("apt-get install"));
+  EXPECT_EQ(finding_of(input, "unit cpu").level, Level::kGood);
+  (*input.units)[0].error = "core 7 does not exist";
+  EXPECT_EQ(verdict(diagnose(input)), Level::kBlocks);
+}
+
+TEST_F(Doctor, FindsAFullDisk) {
+  auto input = input_of(test::healthy_board(folder.path()));
+  input.disks = {{"/scratch", std::int64_t{50} << 20}, {"/nowhere", std::nullopt}};
+  EXPECT_THAT(checks_at(diagnose(input), Level::kSpoils), ElementsAre("disk"));
+  EXPECT_THAT(checks_at(diagnose(input), Level::kUnknown), ElementsAre("disk"));
+  EXPECT_EQ(free_space("/does/not/exist").free_bytes, std::nullopt);
+}
+
+TEST_F(Doctor, OnAnEmptyRootKnowsLittleAndClaimsNothing) {
+  DoctorInput input;
+  input.root = folder.path();
+  input.cores = recorded_cores(folder.path());
+  EXPECT_THAT(input.cores, IsEmpty());
+  input.before = read_doctor_snapshot(input.cores, folder.path());
+  input.build = {{"build_type", "Release"}};
+  input.readable = [](const std::filesystem::path&) { return false; };
+  for (const Finding& finding : diagnose(input)) {
+    EXPECT_NE(finding.level, Level::kSpoils) << finding.check << ": " << finding.found;
+    EXPECT_NE(finding.found, "") << finding.check;
+  }
+}
+
+TEST_F(Doctor, KnowsTheCoresOfARecordedMachine) {
+  auto machine = test::stolen_from_vm(folder.path());
+  EXPECT_THAT(recorded_cores(folder.path()), ElementsAre(0, 1));  // from /proc/cpuinfo
+  machine.core(2, "online", "1\n");
+  EXPECT_THAT(recorded_cores(folder.path()), ElementsAre(2));
+}
+
+}  // namespace
+}  // namespace pirt

@@ -1,0 +1,21 @@
+// The sizes of the host's caches: what a probe of bandwidth has to fit into, or to exceed.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+
+namespace pirt {
+
+/// Absent where the machine does not say.
+struct CacheSizes {
+  std::optional<std::int64_t> l2_bytes;    ///< Level 2 of one core.
+  std::optional<std::int64_t> last_bytes;  ///< The largest level that a core reaches.
+};
+
+/// Data and unified caches of @p core.
+/// @param root  Where /sys is found; another folder in tests. Where it has no caches and is "/",
+/// the C library is asked (which knows them by CPUID).
+[[nodiscard]] CacheSizes read_cache_sizes(int core = 0, const std::filesystem::path& root = "/");
+
+}  // namespace pirt
