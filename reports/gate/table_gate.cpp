@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 
+#include "characterize/environment_keys.h"
 #include "characterize/rank_tests.h"
 #include "workloads/base/text.h"
 
@@ -50,14 +51,6 @@ std::optional<double> spread_of(const PhaseRow& row) {
     spreads.push_back((high - low) / kRangeOf[end - begin] / middle);
   }
   return median_of(spreads);
-}
-
-/// The unit of "unit.<unit>.<fact>"; empty for facts of all units.
-std::string unit_of_key(std::string_view key) {
-  constexpr std::string_view kPrefix = "unit.";
-  if (!key.starts_with(kPrefix)) return "";
-  key.remove_prefix(kPrefix.size());
-  return std::string(key.substr(0, key.rfind('.')));
 }
 
 /// What of the identity differs for this unit; facts without a unit are of all.
