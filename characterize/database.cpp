@@ -175,6 +175,8 @@ void insert_cell(const Connection& connection, std::int64_t run_id, const CellRe
   if (cell.energy) insert_energy(connection, cell_id, *cell.energy);
   Statement update(connection, "UPDATE cell SET checksum = ? WHERE cell_id = ?");
   update.bind(cell_checksum(connection, cell_id)).bind(cell_id).run();
+}
+
 void insert_facts(const Connection& connection, std::int64_t run_id,
                   const std::map<std::string, std::string>& facts) {
   Statement insert(connection,
