@@ -12,11 +12,14 @@
 #include <map>
 #include <memory>
 
+#include "characterize/campaign_estimate.h"
+#include "characterize/campaign_resume.h"
 #include "characterize/cell.h"
 #include "characterize/job_runner.h"
 #include "characterize/measure.h"
 #include "characterize/unit_request.h"
 #include "workloads/base/error.h"
+#include "workloads/base/random.h"
 #include "workloads/base/text.h"
 #include "workloads/registry.h"
 
@@ -52,18 +55,6 @@ std::string utc_now() {
   return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
 }
 
-SamplingOptions sampling_options(const CampaignOptions& options) {
-  SamplingOptions sampling;
-  if (!options.quick) {
-    sampling.warm_up = std::chrono::milliseconds(300);
-    sampling.minimum = std::chrono::seconds(1);
-    sampling.budget = std::chrono::seconds(5);
-  }
-  sampling.precision = options.precision;
-  sampling.limit = options.job_limit / 2;  // the rest is for setting up and verifying
-  return sampling;
-}
-
 Environment run_environment(const CampaignOptions& options, const CampaignPlan& plan) {
   Environment facts = host_environment();
   facts.merge(build_environment());
@@ -83,20 +74,44 @@ Environment run_environment(const CampaignOptions& options, const CampaignPlan& 
   return facts;
 }
 
+/// One cell of a running campaign.
+struct Cell {
+  const PlannedCell* planned = nullptr;
+  CellRequest request;
+  std::unique_ptr<CellMeasurement> measurement;
+  bool stored = false;
+};
+
+/// Fisher and Yates.
+template <typename T>
+void shuffle(std::vector<T>& items, std::uint64_t seed) {
+  Random random(seed);
+  for (std::size_t i = items.size(); i > 1; --i) std::swap(items[i - 1], items[random.below(i)]);
+}
+
 class Campaign {
  public:
   Campaign(const CampaignOptions& options, const CampaignPlan& plan, const ProgressSink& sink)
       : options_(options),
         plan_(plan),
         sink_(sink),
+        writer_(options.database),
         runner_(options.program, options.job_limit, options.stop) {}
 
   CampaignSummary run() {
-    ProfileWriter writer(options_.database);
-    summary_.run_id = writer.begin_run({utc_now(), options_.platform.name, options_.seed,
-                                        run_environment(options_, plan_), plan_.units});
-    measure_all(writer);
-    if (!summary_.interrupted) writer.finish_run(summary_.run_id, utc_now());
+    const Environment facts = run_environment(options_, plan_);
+    if (options_.resumed) {
+      check_identity(options_.resumed->run, facts);
+      summary_.run_id = options_.resumed->run.run_id;
+    } else {
+      summary_.run_id = writer_.begin_run({utc_now(), options_.platform.name, options_.seed, facts,
+                                           plan_.units, stored_plan(options_, plan_)});
+    }
+    make_cells();
+    if (options_.resumed) replay(options_.resumed->visits);
+    measure();
+    if (summary_.interrupted) store_interrupted();
+    if (!summary_.interrupted) writer_.finish_run(summary_.run_id, utc_now());
     summary_.elapsed = elapsed();
     return summary_;
   }
@@ -104,33 +119,112 @@ class Campaign {
  private:
   [[nodiscard]] Nanos elapsed() const { return clock_.now() - start_; }
 
-  /// Unstable cells are sampled again when all others are done, since a busy spell of the machine
-  /// lasts for seconds; those that an interruption leaves over are stored as they are.
-  void measure_all(ProfileWriter& writer) {
-    std::vector<std::unique_ptr<CellMeasurement>> unstable;
+  void make_cells() {
+    cells_.reserve(plan_.cells.size());
     for (const PlannedCell& planned : plan_.cells) {
-      const CellRequest request = request_for(planned);
-      const auto failure = reference(request);
-      auto cell = std::make_unique<CellMeasurement>(request, runner_);
-      if (!failure || (failure->empty() && !cell->measure())) {
-        summary_.interrupted = true;
-        break;
-      }
-      if (cell->unstable()) {
-        unstable.push_back(std::move(cell));
-      } else {
-        store(writer, failure->empty() ? cell->record() : failed_cell(request, *failure));
-      }
-    }
-    for (const auto& cell : unstable) {
-      if (!summary_.interrupted) summary_.interrupted = !cell->sample_again();
-      store(writer, cell->record());
+      Cell cell{&planned, request_for(planned), nullptr, false};
+      cell.measurement = std::make_unique<CellMeasurement>(cell.request, runner_);
+      cells_.push_back(std::move(cell));
     }
   }
 
-  void store(ProfileWriter& writer, const CellRecord& record) {
-    writer.write_cell(summary_.run_id, record);
+  /// What an interrupted campaign found, as if it had just been found.
+  void replay(const std::vector<std::pair<CellName, VisitRecord>>& visits) {
+    for (const auto& [name, visit] : visits) {
+      const auto cell = std::ranges::find_if(cells_, [&name = name](const Cell& c) {
+        return c.planned->workload->name == name.workload && c.planned->unit == name.unit;
+      });
+      if (cell != cells_.end()) cell->measurement->add(visit.setup, last_record(visit.record));
+    }
+  }
+
+  void measure() {
+    for (int round = 0; !summary_.interrupted; ++round) {
+      const std::vector<Cell*> due = cells_of_round(round);
+      if (due.empty()) return;
+      for (Cell* cell : due) {
+        if (!visit(*cell)) {
+          summary_.interrupted = true;
+          break;
+        }
+      }
+    }
+  }
+
+  /// Every cell that needs a process, in an order of the round's own; after them those that want
+  /// one for their precision, the least precise first, as far as the time goes. What is complete
+  /// is stored.
+  std::vector<Cell*> cells_of_round(int round) {
+    std::vector<Cell*> needing, wanting;
+    for (Cell& cell : cells_) {
+      if (cell.stored) continue;
+      const auto next = cell.measurement->next();
+      if (next && (next->needed || !time_is_over())) {
+        (next->needed ? needing : wanting).push_back(&cell);
+      } else {
+        store(cell);
+      }
+    }
+    const std::uint64_t seed = derive_seed(options_.seed, fmt::format("round {}", round));
+    shuffle(needing, seed);
+    shuffle(wanting, derive_seed(seed, "for precision"));
+    const auto reached = [](const Cell* cell) { return cell->measurement->reached(); };
+    std::ranges::stable_sort(wanting, [&](const Cell* a, const Cell* b) {
+      return !reached(a) ? reached(b).has_value() : reached(b) && *reached(a) > *reached(b);
+    });
+    needing.insert(needing.end(), wanting.begin(), wanting.end());
+    return needing;
+  }
+
+  [[nodiscard]] bool time_is_over() const { return elapsed() >= plan_.max_time; }
+
+  /// @return False if stopped.
+  bool visit(Cell& cell) {
+    const auto next = cell.measurement->next();
+    if (!next->needed && time_is_over()) return true;
+    const auto failure = reference(cell.request);
+    if (!failure) return false;
+    if (!failure->empty()) {
+      finish(cell, failed_cell(cell.request, *failure));
+      return true;
+    }
+    auto result = cell.measurement->visit();
+    if (!result) return false;
+    writer_.write_visit(summary_.run_id, name_of(cell),
+                        {cell.measurement->processes(), next->setup, to_record(*result) + "\n"});
+    cell.measurement->add(next->setup, std::move(*result));
+    ++summary_.processes;
+    if (!cell.measurement->next()) store(cell);
+    return true;
+  }
+
+  [[nodiscard]] static CellName name_of(const Cell& cell) {
+    return {cell.planned->workload->name, cell.planned->unit};
+  }
+
+  void store(Cell& cell) { finish(cell, cell.measurement->record()); }
+
+  void finish(Cell& cell, const CellRecord& record) {
+    writer_.write_cell(summary_.run_id, record);
     count(record);
+    const auto reached = cell.measurement->reached();
+    summary_.within_precision += reached && *reached <= options_.precision ? 1 : 0;
+    cell.stored = true;
+    cell.measurement.reset();  // and with it the kernel cache
+  }
+
+  /// Cells whose valid rows need no more are done; of others what there is can be seen, and gone on
+  /// with.
+  void store_interrupted() {
+    for (Cell& cell : cells_) {
+      if (cell.stored || cell.measurement->processes() == 0) continue;
+      if (cell.measurement->needed_visits() == 0) {
+        store(cell);
+      } else if (cell.measurement->processes() >= kFewestProcesses) {
+        writer_.write_interrupted_cell(summary_.run_id, cell.measurement->record());
+        ++summary_.cells_begun;
+      }
+    }
   }
 
   CellRequest request_for(const PlannedCell& planned) {
@@ -143,7 +237,8 @@ class Campaign {
             *planned.workload,
             job_for(planned, unit),
             plan_.provenances.at(static_cast<std::size_t>(at)),
-            options_.quick ? 2 : 5,
+            needed_processes(options_) / 2,
+            options_.precision,
             scratch_.path(),
             [this, &planned](std::string_view step) { report(planned, step); }};
   }
@@ -175,19 +270,30 @@ class Campaign {
 
   void report(const PlannedCell& cell, std::string_view step) const {
     if (!sink_.progress) return;
-    const auto total = static_cast<int>(plan_.cells.size());
-    const Nanos spent = elapsed();
-    const Nanos per_cell =
-        summary_.cells > 0 ? cells_took_ / summary_.cells : plan_.estimate / total;
-    const Nanos in_this_cell = spent - cells_took_;
-    const Nanos left = per_cell * (total - summary_.cells) - in_this_cell;
-    sink_.progress({cell.workload->name, cell.unit, std::string(step), summary_.cells + 1, total,
-                    spent, std::max(left, Nanos(0))});
+    sink_.progress({cell.workload->name, cell.unit, std::string(step), summary_.cells,
+                    static_cast<int>(plan_.cells.size()), elapsed(), estimated_left()});
+  }
+
+  /// Visits to come at what those that were done took on average, or, before the first round is
+  /// over, at what the plan supposes.
+  [[nodiscard]] Nanos estimated_left() const {
+    std::int64_t needed = 0;
+    std::int64_t expected = 0;
+    for (const Cell& cell : cells_) {
+      if (cell.stored) continue;
+      needed += cell.measurement->needed_visits();
+      expected += cell.measurement->expected_visits();
+    }
+    const auto all = static_cast<std::int64_t>(cells_.size());
+    if (summary_.processes < all) {
+      return std::max(Nanos(0), plan_.estimate.total - elapsed());
+    }
+    const Nanos each = elapsed() / summary_.processes;
+    return std::max(needed * each, std::min(expected * each, plan_.max_time - elapsed()));
   }
 
   void count(const CellRecord& record) {
     ++summary_.cells;
-    cells_took_ = elapsed();
     std::map<std::string, std::vector<std::string>>
         invalid;  // reasons -> the phases that have them
     for (const PhaseRecord& row : record.phases) {
@@ -209,11 +315,12 @@ class Campaign {
   const CampaignOptions& options_;
   const CampaignPlan& plan_;
   const ProgressSink& sink_;
+  ProfileWriter writer_;
   JobRunner runner_;
   ScratchFolder scratch_;
   MachineClock clock_;
   Nanos start_ = clock_.now();
-  Nanos cells_took_{0};  ///< When the last cell was done.
+  std::vector<Cell> cells_;
   std::map<std::string, std::string> references_;
   CampaignSummary summary_;
 };

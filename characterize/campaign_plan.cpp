@@ -6,21 +6,17 @@
 #include <regex>
 
 #include "characterize/campaign.h"
+#include "characterize/campaign_estimate.h"
+#include "characterize/campaign_resume.h"
 #include "characterize/job_runner.h"
 #include "characterize/unit_request.h"
 #include "workloads/base/error.h"
-#include "workloads/base/random.h"
 #include "workloads/base/text.h"
 #include "workloads/catalog.h"
 #include "workloads/registry.h"
 
 namespace pirt {
 namespace {
-
-// Observed on a 2-core virtual machine over the 36 cells of platform host: 2.9 s a cell in quick
-// mode, 7.0 s in full.
-constexpr Nanos kQuickCell = std::chrono::seconds(3);
-constexpr Nanos kFullCell = std::chrono::seconds(7);
 
 std::vector<const Workload*> choose_workloads(const std::string& filter) {
   std::vector<const Workload*> chosen;
@@ -105,12 +101,6 @@ void add_cells(const CampaignOptions& options, const UnitModel& unit, const JobR
   if (any) add_unit(unit, probed, plan);
 }
 
-/// Fisher and Yates, from a stream of the seed that nothing else uses.
-void shuffle(std::vector<PlannedCell>& cells, std::uint64_t seed) {
-  Random random(derive_seed(seed, "order of cells"));
-  for (std::size_t i = cells.size(); i > 1; --i) std::swap(cells[i - 1], cells[random.below(i)]);
-}
-
 [[noreturn]] void throw_nothing_to_measure(const std::vector<Skip>& skipped) {
   std::vector<std::string> reasons;
   for (const Skip& skip : skipped) {
@@ -123,6 +113,9 @@ void shuffle(std::vector<PlannedCell>& cells, std::uint64_t seed) {
 }  // namespace
 
 CampaignPlan plan_campaign(const CampaignOptions& options) {
+  if (options.max_time && options.max_time->count() <= 0) {
+    throw_bad_input("--max-time is not above 0; try 9min");
+  }
   if (!(options.precision > 0 && options.precision < 1)) {
     throw_bad_input(fmt::format("--precision {} is not between 0 and 1 (or 0 % and 100 %); try 2%",
                                 options.precision));
@@ -150,9 +143,10 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
     }
   }
   if (plan.cells.empty()) throw_nothing_to_measure(plan.skipped);
-  shuffle(plan.cells, options.seed);
-  plan.estimate =
-      static_cast<std::int64_t>(plan.cells.size()) * (options.quick ? kQuickCell : kFullCell);
+  if (options.resumed) restrict_to_stored(*options.resumed, plan);
+  plan.max_time = options.max_time.value_or(static_cast<std::int64_t>(plan.cells.size()) *
+                                            (options.quick ? kQuickTime : kFullTime));
+  plan.estimate = estimate(options, plan);
   return plan;
 }
 

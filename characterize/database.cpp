@@ -61,7 +61,7 @@ void insert_phase(const Connection& connection, std::int64_t cell_id, const Phas
   std::optional<Statistics> s;
   std::optional<Interval> interval;
   if (!record.samples.empty()) {
-    s = summarize(record.samples);
+    s = summarize(record.samples, processes_of(record));
     interval = s->interval;
   }
   const auto of = [&s](Nanos Statistics::*member) {
@@ -98,13 +98,83 @@ void insert_energy(const Connection& connection, std::int64_t cell_id, const Ene
 }
 
 /// Two programs that go on with the same run meet here.
-void refuse_twice(const Connection& connection, std::int64_t run_id, const CellRecord& cell) {
-  Statement query(connection, "SELECT 1 FROM cell WHERE run_id = ? AND workload = ? AND unit = ?");
-  if (!query.bind(run_id).bind(cell.workload).bind(cell.unit).step()) return;
+[[noreturn]] void throw_twice(const Connection& connection, std::int64_t run_id,
+                              const CellName& cell) {
   throw_bad_input(fmt::format(
       "profile database '{}' has {} on {} in run {} already: another program goes on with the same "
       "run; let that one end",
       connection.path().string(), cell.workload, cell.unit, run_id));
+}
+
+/// The first three parameters are the cell's name.
+Statement& bind_cell(Statement& statement, std::int64_t run_id, const CellName& cell) {
+  return statement.bind(run_id).bind(cell.workload).bind(cell.unit);
+}
+
+std::optional<std::int64_t> find_cell(const Connection& connection, std::int64_t run_id,
+                                      const CellName& cell) {
+  Statement query(connection,
+                  "SELECT cell_id FROM cell WHERE run_id = ? AND workload = ? AND unit = ?");
+  if (!bind_cell(query, run_id, cell).step()) return std::nullopt;
+  return query.integer(0);
+}
+
+bool has_visits(const Connection& connection, std::int64_t run_id, const CellName& cell) {
+  Statement query(connection,
+                  "SELECT 1 FROM visit WHERE run_id = ? AND workload = ? AND unit = ? LIMIT 1");
+  return bind_cell(query, run_id, cell).step();
+}
+
+/// What an interruption wrote of a cell makes way; a complete cell does not.
+void make_way(const Connection& connection, std::int64_t run_id, const CellName& cell) {
+  const auto written = find_cell(connection, run_id, cell);
+  if (!written) return;
+  if (!has_visits(connection, run_id, cell)) throw_twice(connection, run_id, cell);
+  for (const auto* sql :
+       {"DELETE FROM sample WHERE measurement_id IN "
+        "(SELECT measurement_id FROM measurement WHERE cell_id = ?)",
+        "DELETE FROM measurement WHERE cell_id = ?", "DELETE FROM energy WHERE cell_id = ?",
+        "DELETE FROM cell WHERE cell_id = ?"}) {
+    Statement(connection, sql).bind(*written).run();
+  }
+}
+
+std::int64_t text_checksum(std::string_view text) {
+  Hash64 hash;
+  hash.add(text);
+  return static_cast<std::int64_t>(hash.value());
+}
+
+std::vector<std::pair<CellName, VisitRecord>> read_visits(const Connection& connection,
+                                                          std::int64_t run_id) {
+  std::vector<std::pair<CellName, VisitRecord>> visits;
+  Statement query(connection,
+                  "SELECT workload, unit, position, setup, record, checksum FROM visit "
+                  "WHERE run_id = ? ORDER BY workload, unit, position");
+  query.bind(run_id);
+  while (query.step()) {
+    CellName cell{query.text(0), query.text(1)};
+    if (query.integer(5) != text_checksum(query.text(4))) {
+      connection.fail_damaged(fmt::format("checksum of process {} of {} on {} in run {}",
+                                          query.integer(2), cell.workload, cell.unit, run_id));
+    }
+    const State setup = query.text(3) == to_string(State::kCold) ? State::kCold : State::kWarm;
+    visits.push_back({std::move(cell), {query.integer(2), setup, query.text(4)}});
+  }
+  return visits;
+}
+
+void insert_cell(const Connection& connection, std::int64_t run_id, const CellRecord& cell) {
+  Statement insert(connection,
+                   "INSERT INTO cell (run_id, workload, unit, ops, bytes, verification, checksum) "
+                   "VALUES (?, ?, ?, ?, ?, ?, 0)");
+  insert.bind(run_id).bind(cell.workload).bind(cell.unit).bind(cell.ops).bind(cell.bytes);
+  insert.bind(cell.verification).run();
+  const std::int64_t cell_id = connection.last_row_id();
+  for (const PhaseRecord& record : cell.phases) insert_phase(connection, cell_id, record);
+  if (cell.energy) insert_energy(connection, cell_id, *cell.energy);
+  Statement update(connection, "UPDATE cell SET checksum = ? WHERE cell_id = ?");
+  update.bind(cell_checksum(connection, cell_id)).bind(cell_id).run();
 }
 
 void update_run_checksum(const Connection& connection, std::int64_t run_id) {
@@ -149,20 +219,40 @@ std::int64_t ProfileWriter::begin_run(const RunHeader& header) {
   return run_id;
 }
 
+void ProfileWriter::write_visit(std::int64_t run_id, const CellName& cell,
+                                const VisitRecord& visit) {
+  Connection& connection = impl_->connection;
+  Transaction transaction(connection);
+  Statement taken(connection,
+                  "SELECT 1 FROM visit WHERE run_id = ? AND workload = ? AND unit = ? "
+                  "AND position = ?");
+  const bool twice = bind_cell(taken, run_id, cell).bind(visit.position).step() ||
+                     (find_cell(connection, run_id, cell) && !has_visits(connection, run_id, cell));
+  if (twice) throw_twice(connection, run_id, cell);
+  Statement insert(connection,
+                   "INSERT INTO visit (run_id, workload, unit, position, setup, record, checksum) "
+                   "VALUES (?, ?, ?, ?, ?, ?, ?)");
+  bind_cell(insert, run_id, cell).bind(visit.position).bind(to_string(visit.setup));
+  insert.bind(visit.record).bind(text_checksum(visit.record)).run();
+  transaction.commit();
+}
+
 void ProfileWriter::write_cell(std::int64_t run_id, const CellRecord& cell) {
   Connection& connection = impl_->connection;
   Transaction transaction(connection);
-  refuse_twice(connection, run_id, cell);
-  Statement insert(connection,
-                   "INSERT INTO cell (run_id, workload, unit, ops, bytes, verification, checksum) "
-                   "VALUES (?, ?, ?, ?, ?, ?, 0)");
-  insert.bind(run_id).bind(cell.workload).bind(cell.unit).bind(cell.ops).bind(cell.bytes);
-  insert.bind(cell.verification).run();
-  const std::int64_t cell_id = connection.last_row_id();
-  for (const PhaseRecord& record : cell.phases) insert_phase(connection, cell_id, record);
-  if (cell.energy) insert_energy(connection, cell_id, *cell.energy);
-  Statement update(connection, "UPDATE cell SET checksum = ? WHERE cell_id = ?");
-  update.bind(cell_checksum(connection, cell_id)).bind(cell_id).run();
+  const CellName name{cell.workload, cell.unit};
+  make_way(connection, run_id, name);
+  Statement visits(connection, "DELETE FROM visit WHERE run_id = ? AND workload = ? AND unit = ?");
+  bind_cell(visits, run_id, name).run();
+  insert_cell(connection, run_id, cell);
+  transaction.commit();
+}
+
+void ProfileWriter::write_interrupted_cell(std::int64_t run_id, const CellRecord& cell) {
+  Connection& connection = impl_->connection;
+  Transaction transaction(connection);
+  make_way(connection, run_id, {cell.workload, cell.unit});
+  insert_cell(connection, run_id, cell);
   transaction.commit();
 }
 
@@ -213,8 +303,12 @@ std::optional<UnfinishedRun> find_unfinished_run(const std::filesystem::path& pa
                    "SELECT run_id, plan FROM run WHERE finished IS NULL AND plan IS NOT NULL "
                    "ORDER BY run_id DESC LIMIT 1");
   if (!newest.step()) return std::nullopt;
-  UnfinishedRun found{read_run(connection, newest.integer(0)), newest.text(1), {}};
-  Statement cells(connection, "SELECT workload, unit FROM cell WHERE run_id = ? ORDER BY cell_id");
+  UnfinishedRun found{read_run(connection, newest.integer(0)), newest.text(1), {}, {}};
+  found.visits = read_visits(connection, found.run.run_id);
+  Statement cells(connection,
+                  "SELECT workload, unit FROM cell WHERE run_id = ? AND NOT EXISTS (SELECT 1 FROM "
+                  "visit WHERE visit.run_id = cell.run_id AND visit.workload = cell.workload AND "
+                  "visit.unit = cell.unit) ORDER BY cell_id");
   cells.bind(found.run.run_id);
   while (cells.step()) found.done.push_back({cells.text(0), cells.text(1)});
   return found;

@@ -11,6 +11,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "characterize/profile.h"
@@ -73,6 +74,18 @@ struct CellRecord {
   std::optional<EnergyRecord> energy;
 };
 
+struct CellName {
+  std::string workload, unit;
+  friend bool operator==(const CellName&, const CellName&) = default;
+};
+
+/// One worker process of a cell that is not done.
+struct VisitRecord {
+  std::int64_t position = 0;  ///< From 0, in order of time within the cell.
+  State setup = State::kCold;
+  std::string record;  ///< to_record of its JobResult.
+};
+
 /// Appends runs to a profile database. Used by one thread; other processes may read and write the
 /// file at the same time.
 class ProfileWriter {
@@ -91,9 +104,15 @@ class ProfileWriter {
   /// happens.
   /// @throws Error{kEnvironment}: another program is writing, no space, input/output error.
   std::int64_t begin_run(const RunHeader& header);
-  /// Also into a run that another process began (find_unfinished_run).
+  /// Keeps what one worker process of a cell reported, for find_unfinished_run.
+  /// @throws Error{kBadInput}: the run has that cell, or that process of it, already.
+  void write_visit(std::int64_t run_id, const CellName& cell, const VisitRecord& visit);
+  /// Also into a run that another process began (find_unfinished_run). The cell's visits go, and
+  /// what write_interrupted_cell wrote of it.
   /// @throws Error{kBadInput}: the run has that cell already.
   void write_cell(std::int64_t run_id, const CellRecord& cell);
+  /// A cell as far as it was measured. Its visits stay, so that it can be gone on with.
+  void write_interrupted_cell(std::int64_t run_id, const CellRecord& cell);
   /// Peaks of units of the run; takes the place of earlier ones of the same unit and kind.
   void write_peaks(std::int64_t run_id, std::span<const PeakRecord> peaks);
   void finish_run(std::int64_t run_id, const std::string& finished);
@@ -108,16 +127,12 @@ class ProfileWriter {
 [[nodiscard]] std::string join_words(const std::vector<std::string>& words);
 [[nodiscard]] std::vector<std::string> split_words(const std::string& text);
 
-struct CellName {
-  std::string workload, unit;
-  friend bool operator==(const CellName&, const CellName&) = default;
-};
-
 /// A run that did not end, and what is needed to go on with it.
 struct UnfinishedRun {
   RunInfo run;
   std::string plan;            ///< RunHeader::plan.
-  std::vector<CellName> done;  ///< The cells that are stored, in the order of storing.
+  std::vector<CellName> done;  ///< The cells that are complete, in the order of storing.
+  std::vector<std::pair<CellName, VisitRecord>> visits;  ///< Of cells that are not; in order.
 };
 
 /// The newest run that did not end and has a plan; nothing if there is none.

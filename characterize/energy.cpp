@@ -30,7 +30,8 @@ EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const
   double energy_j = call_j;
   if (unit.active_w > 0) {
     terms.push_back(fmt::format("active_w {} W x call", unit.active_w));
-    if (!call.samples.empty()) energy_j += unit.active_w * to_s(median(call.samples));
+    if (!call.samples.empty())
+      energy_j += unit.active_w * to_s(median(call.samples, call.processes));
   }
   if (unit.op_pj > 0) {
     terms.push_back(fmt::format("op_pj {} pJ x ops", unit.op_pj));

@@ -11,7 +11,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kProtocol = 1;
+constexpr int kProtocol = 2;
 constexpr std::string_view kPrefix = "pirt-record ";
 
 Json encode(const std::vector<Nanos>& times) {
@@ -28,21 +28,20 @@ std::vector<Nanos> decode_times(const Json& list) {
 }
 
 Json encode(const SamplingOptions& o) {
-  return {{"warm_up_ns", o.warm_up.count()}, {"minimum_ns", o.minimum.count()},
-          {"budget_ns", o.budget.count()},   {"limit_ns", o.limit.count()},
-          {"min_samples", o.min_samples},    {"max_samples", o.max_samples},
-          {"precision", o.precision}};
+  return {{"warm_up_ns", o.warm_up.count()},
+          {"slice_ns", o.slice.count()},
+          {"limit_ns", o.limit.count()},
+          {"min_samples", o.min_samples},
+          {"max_samples", o.max_samples}};
 }
 
 SamplingOptions decode_sampling(const Json& j) {
   SamplingOptions o;
   o.warm_up = Nanos(j.at("warm_up_ns").get<std::int64_t>());
-  o.minimum = Nanos(j.at("minimum_ns").get<std::int64_t>());
-  o.budget = Nanos(j.at("budget_ns").get<std::int64_t>());
+  o.slice = Nanos(j.at("slice_ns").get<std::int64_t>());
   o.limit = Nanos(j.at("limit_ns").get<std::int64_t>());
   o.min_samples = j.at("min_samples");
   o.max_samples = j.at("max_samples");
-  o.precision = j.at("precision");
   return o;
 }
 

@@ -201,25 +201,14 @@ class Sampler {
   std::vector<Nanos> uploads_, launches_, executes_, downloads_, calls_;
 };
 
-/// When to look at the interval again: sorting after each sample would disturb what is measured.
-std::int64_t next_look(std::int64_t samples) {
-  return samples + std::max<std::int64_t>(5, samples / 5);
-}
-
-void sample_until_done(Sampler& sampler, const Clock& clock, const SamplingOptions& options) {
+void sample_for(Sampler& sampler, const Clock& clock, const SamplingOptions& options) {
   const Nanos start = clock.now();
-  std::int64_t look = options.min_samples;
   while (true) {
     sampler.sample();
     const auto samples = static_cast<std::int64_t>(sampler.calls().size());
     const Nanos spent = clock.now() - start;
     if (spent >= options.limit || samples >= options.max_samples) return;
-    if (samples < options.min_samples) continue;
-    if (spent >= options.budget) return;
-    if (spent < options.minimum || samples < look) continue;
-    look = next_look(samples);
-    const auto reached = relative_precision(sampler.calls());
-    if (reached && *reached <= options.precision) return;
+    if (spent >= options.slice && samples >= options.min_samples) return;
   }
 }
 
@@ -252,7 +241,7 @@ std::vector<PhaseSamples> sample_calls(Kernel& kernel, const Clock& clock,
                                        const SamplingOptions& options) {
   Sampler sampler(kernel, clock, quality, phases);
   sampler.warm_up(options.warm_up);
-  sample_until_done(sampler, clock, options);
+  sample_for(sampler, clock, options);
   const bool simulated = quality.cost_ns == 0;
   std::vector<PhaseSamples> result;
   for (const Phase phase : phases) {
@@ -271,13 +260,16 @@ std::int64_t batch_size(Nanos one_call) {
   return std::min(kLargestBatch, (kBatchTime.count() + call_ns - 1) / call_ns);
 }
 
-bool is_clock_bound(Nanos median_sample, std::int64_t batch, const ClockQuality& quality) {
+double clock_share(Nanos median_sample, std::int64_t batch, const ClockQuality& quality) {
+  if (quality.cost_ns <= 0) return 0;
   const double timed_ns = static_cast<double>(median_sample.count()) * static_cast<double>(batch);
   const double doubt_ns =
-      quality.cost_ns > 0
-          ? std::max(quality.cost_ns, static_cast<double>(quality.resolution.count()))
-          : 0;
-  return doubt_ns > kClockBoundShare * timed_ns;
+      std::max(quality.cost_ns, static_cast<double>(quality.resolution.count()));
+  return doubt_ns / std::max(timed_ns, 1.0);
+}
+
+bool is_clock_bound(Nanos median_sample, std::int64_t batch, const ClockQuality& quality) {
+  return clock_share(median_sample, batch, quality) > kClockBoundShare;
 }
 
 }  // namespace pirt

@@ -32,16 +32,14 @@ struct ClockQuality {
 /// millisecond on a usual machine.
 [[nodiscard]] ClockQuality measure_clock(const Clock& clock);
 
+/// What one process samples. It does not look at the precision: that is a matter of several
+/// processes (cell.h).
 struct SamplingOptions {
-  Nanos warm_up = std::chrono::milliseconds(50);  ///< At least this long and at least 2 calls.
-  Nanos minimum = std::chrono::milliseconds(
-      300);  ///< Not to be ended earlier, since short spans see one mood of the machine only.
-  Nanos budget = std::chrono::milliseconds(800);  ///< Ends sampling once there are min_samples.
+  Nanos warm_up = std::chrono::milliseconds(30);  ///< At least this long and at least 2 calls.
+  Nanos slice = std::chrono::milliseconds(120);   ///< At least this long and min_samples.
   Nanos limit = std::chrono::seconds(60);         ///< Ends sampling whatever there is.
-  std::int64_t min_samples = 20;
-  std::int64_t max_samples = 10'000;
-  double precision =
-      0.02;  ///< Half the 95 % interval of the median of `call`, relative: met = ended.
+  std::int64_t min_samples = 5;
+  std::int64_t max_samples = 1'000;
 };
 
 /// Samples of one phase, with what else is needed to judge them.
@@ -51,11 +49,11 @@ struct PhaseSamples {
   std::int64_t batch = 1;      ///< Calls between two readings of the clock.
 };
 
-/// Times @p kernel, which is bound, prepared and right, until options.precision or the budget is
-/// reached. Afterwards the outputs are those of a timed call.
+/// Times @p kernel, which is bound, prepared and right, for options.slice. Afterwards the outputs
+/// are those of a timed call.
 ///
-/// @param clock    The machine's, or the device's own; it is also what the budget is spent on, so
-/// that simulated devices repeat exactly.
+/// @param clock    The machine's, or the device's own; the slice is one of its time, so that
+/// simulated devices repeat exactly.
 /// @param phases   What the backend's calls have; other phases get no samples. `launch` comes from
 /// the device's stamps, and `execute` is
 ///                 the wall time of one execution without it.
@@ -71,8 +69,12 @@ struct PhaseSamples {
 /// Calls a batch so that it takes 1 ms or more: 1 for calls of at least 1 ms, at most 100000.
 [[nodiscard]] std::int64_t batch_size(Nanos one_call);
 
-/// Whether the clock's cost or step is more than 1 % of the shortest interval behind a typical
-/// sample.
+/// The larger of the clock's cost and step, relative to the interval between the two readings
+/// behind a typical sample; 0 for a simulated clock.
+[[nodiscard]] double clock_share(Nanos median_sample, std::int64_t batch,
+                                 const ClockQuality& quality);
+
+/// Whether clock_share is more than 1 %.
 [[nodiscard]] bool is_clock_bound(Nanos median_sample, std::int64_t batch,
                                   const ClockQuality& quality);
 

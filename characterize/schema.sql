@@ -5,16 +5,17 @@
 --
 -- Words in `reasons` (why a row is not valid) and `notes` (what to know about a valid one) are separated by "; ", and "" means none.
 --   reasons: wrong_output      the output did not match the reference, before or after timing
---            few_samples       fewer samples than asked for
+--            few_samples       fewer samples than asked for, or from fewer than 3 processes; fewer set-ups than asked for
 --            clock_bound       the clock's cost or step is more than 1 % of what was timed in one go
---            throttled         the processor or the container was throttled while it was timed
---            unstable          first and second half of the samples differ, also after one re-measurement
+--            throttled         the processor or the container was throttled while a quarter of the processes or more were timed
+--            unstable          first and second half of the samples or of the processes differ, also after one re-measurement
 --            no_power          energy only: the platform gives no watts for the unit
 --            ops_unknown       energy only: op_pj is given but the workload's operations depend on the data
 --            error: TEXT       the worker failed; the row has then what was sampled before, or no samples
 --   notes:   input_resized, input_cropped, precision_not_reached (see ci_low_ns, ci_high_ns), contended, bimodal, no_kernel_cache,
 --            shared_core
--- Statistics are NULL where there are no samples; ci_low_ns and ci_high_ns (95 % interval of the median) also below 6 samples.
+-- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %
+-- interval over processes (characterize/statistics.h), NULL with 2; of a single process, that of its samples, NULL below 6.
 -- `checksum` columns are FNV-1a over what a run (with its environment, units and peaks) or a cell (with its measurements, samples
 -- and energy) holds (characterize/database_format.h): damage that SQLite cannot see is an error.
 
@@ -51,6 +52,19 @@ CREATE TABLE unit (
   device_is_cpu INTEGER NOT NULL CHECK (device_is_cpu IN (0, 1)),
   cores         TEXT NOT NULL,                  -- "0,1": the host cores that it owned; "" = all
   PRIMARY KEY (run_id, unit)
+) STRICT, WITHOUT ROWID;
+
+-- Worker processes of cells that need more of them: what `pirt characterize --resume` goes on from. A cell's are gone when it is done;
+-- a cell that stands in `cell` beside its visits was written when the run was interrupted, with what there was.
+CREATE TABLE visit (
+  run_id   INTEGER NOT NULL REFERENCES run,
+  workload TEXT NOT NULL CHECK (workload <> ''),
+  unit     TEXT NOT NULL CHECK (unit <> ''),
+  position INTEGER NOT NULL CHECK (position >= 0),  -- order in time within the cell
+  setup    TEXT NOT NULL CHECK (setup IN ('cold', 'warm')),
+  record   TEXT NOT NULL,                           -- what the worker reported (characterize/job.h)
+  checksum INTEGER NOT NULL,                        -- FNV-1a over `record`
+  PRIMARY KEY (run_id, workload, unit, position)
 ) STRICT, WITHOUT ROWID;
 
 -- What each unit can do at most: one row per (run, unit, kind), the roofline that workloads are held against.

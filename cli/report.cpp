@@ -9,6 +9,7 @@
 #include "reports/paper_report.h"
 #include "reports/profile_report.h"
 #include "reports/run_report.h"
+#include "reports/setup_report.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
@@ -24,6 +25,7 @@ struct Options {
   std::vector<std::string> settings;
   std::string mix = "full-robot";
   bool paper = false;
+  bool setup = false;
   std::optional<std::string> json;
 };
 
@@ -112,6 +114,19 @@ int report_profile(const Options& options) {
   return 0;
 }
 
+int report_setup(const Options& options) {
+  if (options.files.size() > 1) {
+    throw_bad_input("--setup takes one profile database and no run records");
+  }
+  const auto profile = open_profile(options);
+  const auto costs = offloading_costs(profile);
+  Document document{.title = "pirt report --setup", .parts = {profile_header(profile)}};
+  document.parts.emplace_back(offloading_table(costs));
+  document.parts.emplace_back(crossover_table(costs));
+  write(options, document, setup_json(costs));
+  return 0;
+}
+
 /// @return kExitCheckFailed if a cell is farther off than its limit.
 int report_paper(const Options& options) {
   if (!options.files.empty())
@@ -124,11 +139,12 @@ int report_paper(const Options& options) {
 
 int report(const Options& options) {
   static_cast<void>(parse_format(options.format));  // before anything is computed
+  if (options.paper && options.setup) throw_bad_input("give either --paper or --setup");
   if (options.paper) return report_paper(options);
   if (options.files.empty()) {
     throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one");
   }
-  return report_profile(options);
+  return options.setup ? report_setup(options) : report_profile(options);
 }
 
 }  // namespace
@@ -159,6 +175,10 @@ void add_report(CLI::App& app, Action& action) {
       ->capture_default_str();
   command->add_flag("--paper", options->paper,
                     "Instead of a profile: Table V of the Pi-RT paper beside virtual time");
+  command->add_flag(
+      "--setup", options->setup,
+      "Instead of the profile: offloading time by phase, cold and warm (ms), and from "
+      "how many calls on one unit beats another");
   command->add_option("--json", options->json, "Write JSON as well, to FILE or to stdout for -");
   command->footer("Example: pirt report profile.db --format html -o report.html");
   command->callback([options, &action] { action = [options] { return report(*options); }; });

@@ -5,20 +5,19 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <signal.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include "characterize/profile.h"
+#include "tests/characterize/campaign_support.h"
 #include "tests/characterize/support.h"
 #include "tests/support/data.h"
 
 namespace pirt {
 namespace {
 
+using test::Campaign;
 using test::error_of;
-using test::fake_platform;
-using test::TemporaryFolder;
+using test::row;
 using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::ElementsAre;
@@ -28,42 +27,6 @@ using ::testing::IsSupersetOf;
 using ::testing::Not;
 using ::testing::StartsWith;
 using ::testing::UnorderedElementsAre;
-
-/// Two cheap workloads on scripted units, into a database in a folder of its own.
-class Campaign : public ::testing::Test {
- protected:
-  CampaignOptions options(const std::vector<std::pair<std::string, std::string>>& scripts,
-                          const std::string& filter = "^pool[25]$") const {
-    CampaignOptions result;
-    result.database = folder / "p.db";
-    result.platform = fake_platform(scripts);
-    result.filter = filter;
-    result.quick = true;
-    result.program = PIRT_TEST_WORKER;
-    return result;
-  }
-
-  Profile measure(const CampaignOptions& o) {
-    ProgressSink sink;
-    sink.warning = [this](const std::string& text) { warnings.push_back(text); };
-    summary = run_campaign(o, plan_campaign(o), sink);
-    return load_profile(o.database);
-  }
-
-  TemporaryFolder folder;
-  std::vector<std::string> warnings;
-  CampaignSummary summary;
-};
-
-const PhaseRow& row(const Profile& profile, const std::string& workload, Phase phase,
-                    State state = State::kSteady, const std::string& unit = "gpu") {
-  const PhaseRow* found = profile.find(workload, unit, phase, state);
-  if (found == nullptr) {
-    throw std::runtime_error(
-        fmt::format("no row {} {} {}", workload, to_string(phase), to_string(state)));
-  }
-  return *found;
-}
 
 TEST_F(Campaign, StoresEveryPhaseAsScripted) {
   const Profile profile = measure(options({{"gpu", R"(
@@ -130,20 +93,6 @@ TEST_F(Campaign, RepeatsExactlyFromTheSameSeed) {
   for (std::size_t i = 0; i < first.size(); ++i) EXPECT_EQ(first[i].samples, second[i].samples);
 }
 
-TEST_F(Campaign, RunsCellsInAnOrderThatTheSeedDecides) {
-  const auto names = [&](std::uint64_t seed) {
-    auto o = options({{"cpu", ""}, {"gpu", ""}}, "");
-    o.seed = seed;
-    std::vector<std::string> result;
-    for (const auto& cell : plan_campaign(o).cells)
-      result.push_back(cell.workload->name + cell.unit);
-    return result;
-  };
-  EXPECT_EQ(names(1).size(), 36U);  // 18 workloads on 2 units
-  EXPECT_EQ(names(1), names(1));
-  EXPECT_NE(names(1), names(2));
-}
-
 TEST_F(Campaign, MarksWrongOutputInvalidBeforeTiming) {
   const Profile profile = measure(options({{"gpu", "wrong_output: [pool2]"}}));
   for (const Phase phase :
@@ -168,7 +117,9 @@ TEST_F(Campaign, MarksWrongOutputInvalidAfterTiming) {
   const PhaseRow& call = row(profile, "pool5", Phase::kCall);
   EXPECT_FALSE(call.valid);
   EXPECT_THAT(call.reasons, ElementsAre("wrong_output"));
-  EXPECT_GE(call.samples, 20);  // timed already, kept and shown
+  EXPECT_GE(call.samples, 20);   // timed already, kept and shown
+  EXPECT_EQ(call.processes, 1);  // and no more of it
+  EXPECT_EQ(row(profile, "pool5", Phase::kDeviceInit, State::kWarm).samples, 2);
 }
 
 TEST_F(Campaign, MarksNanAsWrongOutput) {
@@ -210,56 +161,19 @@ TEST_F(Campaign, TellsWhatTheBackendSaid) {
 }
 
 TEST_F(Campaign, SaysFewSamplesWhenTimeRunsOut) {
-  auto o = options({{"gpu", "samples_ms: {pool5: [2000]}"}}, "^pool5$");
+  auto o = options({{"gpu", "samples_ms: {pool5: [4000]}"}}, "^pool5$");
   o.job_limit = std::chrono::seconds(20);
   const Profile profile = measure(o);
-  // Half the limit is for sampling, on the simulated clock: 5 calls of 2.21 s pass 10 s.
-  EXPECT_EQ(row(profile, "pool5", Phase::kCall).samples, 5);
+  // Half the limit is for sampling, on the simulated clock: 3 calls of 4.21 s pass 10 s, in each of
+  // 4 processes.
+  EXPECT_EQ(row(profile, "pool5", Phase::kCall).samples, 12);
   EXPECT_THAT(row(profile, "pool5", Phase::kCall).reasons, ElementsAre("few_samples"));
 }
 
-TEST_F(Campaign, MeasuresAgainWhatIsUnstableAndThenSaysSo) {
-  // Executing takes 1 ms for 140 calls, then 2 ms; a call 0.21 ms more. Preparing and verifying
-  // take one call each and the warm-up of 50 ms takes 42, which leaves 96 short ones (116 ms) and
-  // 61 long ones until the interval is first looked at after 250 ms. The median of 157 samples with
-  // 96 short ones is precise, but the first half has short ones only and the second half mostly
-  // long ones.
-  std::string samples = "samples_ms: {pool5: [";
-  for (int i = 0; i < 140; ++i) samples += "1, ";
-  for (int i = 0; i < 2000; ++i) samples += "2, ";
-  auto o = options({{"gpu", samples + "2]}"}}, "^pool5$");
-  std::vector<std::string> steps;
-  ProgressSink sink;
-  sink.progress = [&steps](const Progress& p) { steps.push_back(p.step); };
-  run_campaign(o, plan_campaign(o), sink);
-  EXPECT_THAT(steps, ElementsAre("reference", "cold set-up 1/2", "cold set-up 2/2",
-                                 "warm set-up 1/2", "sampling", "sampling again (unstable)"));
-  const Profile profile = load_profile(o.database);
-  EXPECT_THAT(row(profile, "pool5", Phase::kCall).reasons, ElementsAre("unstable"));
-  EXPECT_GE(row(profile, "pool5", Phase::kCall).samples, 20);
-}
-
-TEST_F(Campaign, SamplesUnstableCellsAgainWhenAllOthersAreDone) {
-  // As above, for both cells.
-  std::string times;
-  for (int i = 0; i < 140; ++i) times += "1, ";
-  for (int i = 0; i < 2000; ++i) times += "2, ";
-  auto o = options({{"gpu", "samples_ms: {pool2: [" + times + "2], pool5: [" + times + "2]}"}},
-                   "^pool[25]$");
-  std::vector<std::string> samplings;
-  ProgressSink sink;
-  sink.progress = [&samplings](const Progress& p) {
-    if (p.step.starts_with("sampling")) samplings.push_back(p.step);
-  };
-  const auto done = run_campaign(o, plan_campaign(o), sink);
-  EXPECT_EQ(done.cells, 2);
-  EXPECT_THAT(samplings, ElementsAre("sampling", "sampling", "sampling again (unstable)",
-                                     "sampling again (unstable)"));
-}
-
 TEST_F(Campaign, NotesWhatDoesNotInvalidate) {
-  auto o = options({{"gpu", "samples_ms: {pool5: [1, 2]}"}}, "^pool5$");
+  auto o = options({{"gpu", "samples_ms: {pool5: [1, 2]}\nprocess_factors: [1, 1.1]"}}, "^pool5$");
   o.platform.units[0].shares_cores = true;
+  o.max_time = Nanos(1);
   const Profile profile = measure(o);
   const PhaseRow& call = row(profile, "pool5", Phase::kCall);
   EXPECT_TRUE(call.valid);
@@ -284,49 +198,6 @@ TEST_F(Campaign, AppendsRunsAndTakesTheNewest) {
   EXPECT_EQ(row(profile, "pool5", Phase::kExecute).median, from_ms(5));
   EXPECT_EQ(row(profile, "pool5", Phase::kExecute).run_id, 2);
   EXPECT_EQ(row(profile, "pool2", Phase::kExecute).run_id, 1);
-}
-
-TEST_F(Campaign, KeepsFinishedCellsWhenInterrupted) {
-  std::atomic<bool> stop = false;
-  auto o = options({{"gpu", "hang: [pool5]"}, {"cpu", ""}}, "^pool5$");
-  o.stop = &stop;
-  auto plan = plan_campaign(o);
-  std::ranges::sort(plan.cells, {}, &PlannedCell::unit);  // cpu first
-  ProgressSink sink;
-  sink.progress = [&stop](const Progress& p) {
-    // The gpu hangs: within the time that a test has only the flag can end it.
-    if (p.unit == "gpu") stop = true;
-  };
-  const auto result = run_campaign(o, plan, sink);
-  EXPECT_TRUE(result.interrupted);
-  EXPECT_EQ(result.cells, 1);
-  const Profile profile = load_profile(o.database);
-  EXPECT_EQ(profile.runs.front().finished, "");
-  EXPECT_THAT(profile.units(), ElementsAre("cpu"));
-  EXPECT_TRUE(row(profile, "pool5", Phase::kCall, State::kSteady, "cpu").valid);
-}
-
-TEST_F(Campaign, KeepsFinishedCellsWhenKilled) {
-  const auto o = options({{"gpu", ""}});
-  const auto plan = plan_campaign(o);
-  const pid_t child = ::fork();
-  if (child == 0) {
-    ::setenv("TMPDIR", folder.path().c_str(),
-             1);  // what nobody can clean up goes with the test's folder
-    ProgressSink sink;
-    sink.progress = [](const Progress& p) {
-      if (p.cell == 2 && p.step == "sampling") ::raise(SIGKILL);
-    };
-    run_campaign(o, plan, sink);
-    ::_exit(1);
-  }
-  int status = 0;
-  ::waitpid(child, &status, 0);
-  ASSERT_TRUE(WIFSIGNALED(status));
-  const Profile profile = load_profile(o.database);
-  EXPECT_THAT(profile.workloads(), ElementsAre(plan.cells[0].workload->name));
-  EXPECT_EQ(profile.runs.front().finished, "");
-  EXPECT_TRUE(row(profile, plan.cells[0].workload->name, Phase::kCall).valid);
 }
 
 TEST_F(Campaign, LeavesNothingBehindButTheDatabase) {
@@ -413,20 +284,6 @@ TEST_F(Campaign, SaysThatNoWorkerCanBeStarted) {
   o.program = "/no/such/pirt";
   EXPECT_THAT(error_of(ErrorCode::kEnvironment, [&] { return plan_campaign(o); }),
               HasSubstr("cannot start '/no/such/pirt'"));
-}
-
-TEST_F(Campaign, ReportsProgress) {
-  const auto o = options({{"gpu", ""}});
-  std::vector<Progress> seen;
-  ProgressSink sink;
-  sink.progress = [&seen](const Progress& p) { seen.push_back(p); };
-  run_campaign(o, plan_campaign(o), sink);
-  ASSERT_EQ(seen.size(), 10U);  // 2 cells of reference, 2 cold, 1 warm, sampling
-  EXPECT_EQ(seen.front().cell, 1);
-  EXPECT_EQ(seen.back().cell, 2);
-  EXPECT_EQ(seen.back().cells, 2);
-  EXPECT_GT(seen.front().estimated_left, Nanos(0));
-  EXPECT_LT(seen.front().elapsed, seen.back().elapsed);
 }
 
 TEST_F(Campaign, MeasuresThisMachine) {

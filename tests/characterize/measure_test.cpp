@@ -12,6 +12,7 @@ namespace {
 
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
+using ::testing::Contains;
 using ::testing::Each;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
@@ -66,7 +67,8 @@ const std::vector<Phase> kHost = {Phase::kDeviceInit, Phase::kPrepare, Phase::kE
 
 SamplingOptions twenty() {
   SamplingOptions options;
-  options.warm_up = options.minimum = options.budget = Nanos(0);
+  options.warm_up = options.slice = Nanos(0);
+  options.min_samples = 20;
   return options;
 }
 
@@ -162,46 +164,31 @@ TEST(Measure, TimesATinyTransferOfALongCallOnItsOwn) {
   EXPECT_EQ(kernel.uploads, 2 + 20);
 }
 
-TEST(Measure, StopsOncePrecisionIsReached) {
+TEST(Measure, SamplesForItsSliceWhateverTheSamplesSay) {
   TickingClock clock{Nanos(0)};
   TimedKernel kernel(clock);
   SamplingOptions options = twenty();
-  options.budget = std::chrono::seconds(10);
-  EXPECT_EQ(
-      find(sample_calls(kernel, clock, kSimulated, kHost, options), Phase::kCall).samples.size(),
-      20U);
-  options.minimum =
-      milliseconds(500);  // of calls of 5 ms: 100, and looked at from 20 on whenever due
+  options.slice = milliseconds(500);  // of calls of 5 ms
   EXPECT_EQ(
       find(sample_calls(kernel, clock, kSimulated, kHost, options), Phase::kCall).samples.size(),
       100U);
+  options.max_samples = 30;
+  EXPECT_EQ(
+      find(sample_calls(kernel, clock, kSimulated, kHost, options), Phase::kCall).samples.size(),
+      30U);
 }
 
-TEST(Measure, StopsAtTheBudgetWhenPrecisionIsOutOfReach) {
-  TickingClock clock{Nanos(0)};
-  TimedKernel kernel(clock);
-  kernel.execute_times = {milliseconds(4), milliseconds(6)};
-  SamplingOptions options = twenty();
-  options.budget = std::chrono::seconds(1);
-  // 5 ms on average: 200 calls a second.
-  const auto result = sample_calls(kernel, clock, kSimulated, kHost, options);
-  EXPECT_EQ(find(result, Phase::kCall).samples.size(), 200U);
-  EXPECT_THAT(annotate(find(result, Phase::kCall), {}, options),
-              ElementsAre("precision_not_reached", "bimodal"));
-}
-
-TEST(Measure, TakesTwentySamplesHoweverShortTheBudget) {
+TEST(Measure, TakesItsFewestSamplesHoweverShortTheSlice) {
   TickingClock clock{Nanos(0)};
   TimedKernel kernel(clock);
   kernel.execute_times = {std::chrono::seconds(1)};
   SamplingOptions options = twenty();
-  options.budget = milliseconds(10);
+  options.slice = milliseconds(10);
   const auto result = sample_calls(kernel, clock, kSimulated, kHost, options);
   EXPECT_EQ(find(result, Phase::kCall).samples.size(), 20U);
   options.limit = std::chrono::seconds(7);  // the limit goes before
   const auto cut = sample_calls(kernel, clock, kSimulated, kHost, options);
   EXPECT_EQ(find(cut, Phase::kCall).samples.size(), 7U);
-  EXPECT_THAT(judge(find(cut, Phase::kCall), {}, options, false), ElementsAre("few_samples"));
 }
 
 TEST(Measure, WarmsUpForAsLongAsAsked) {
@@ -265,18 +252,85 @@ TEST(Validity, CallsADriftUnstable) {
   EXPECT_FALSE(is_unstable(test::ramp(1, 11)));
 }
 
+/// @p size samples of @p time in each of @p count processes.
+CellSamples processes_of(std::size_t count, std::size_t size, Nanos time) {
+  CellSamples all;
+  for (std::size_t process = 0; process < count; ++process) {
+    all.samples.resize(all.samples.size() + size, time);
+    all.processes.resize(all.samples.size(), static_cast<std::int32_t>(process));
+  }
+  return all;
+}
+
+bool unstable(std::initializer_list<std::int64_t> process_medians) {
+  CellSamples all;
+  for (const std::int64_t time : process_medians) {
+    all.samples.resize(all.samples.size() + 5, Nanos(time));
+    all.processes.resize(all.samples.size(), all.processes.empty() ? 0 : all.processes.back() + 1);
+  }
+  return is_unstable(all.samples, all.processes);
+}
+
+TEST(Validity, CallsALaterHalfOfProcessesThatIsElsewhereUnstable) {
+  EXPECT_FALSE(unstable({1000, 1000, 1200, 1200}));  // exactly 20 %
+  EXPECT_TRUE(unstable({1000, 1000, 1201, 1201}));
+  EXPECT_TRUE(unstable({1201, 1201, 1000, 1000}));
+  EXPECT_FALSE(unstable({1000, 1500, 1000, 1500}));        // noisy all the time
+  EXPECT_FALSE(unstable({1000, 1400, 1500, 1400, 1500}));  // of the later ones one like the first
+  EXPECT_FALSE(unstable({1000, 1500, 1500}));              // too few to say
+}
+
+TEST(Validity, CallsProcessesThatDriftUnstable) {
+  CellSamples all;
+  for (std::int32_t process = 0; process < 3; ++process) {
+    for (int i = 0; i < 40; ++i) {
+      all.samples.emplace_back(process < 2 && i >= 20 ? 1500 : 1000);
+      all.processes.push_back(process);
+    }
+  }
+  EXPECT_TRUE(is_unstable(all.samples, all.processes));  // two of three
+  std::fill(all.samples.begin() + 40, all.samples.end(), Nanos(1000));
+  EXPECT_FALSE(is_unstable(all.samples, all.processes));  // one of three
+}
+
+TEST(Validity, DisregardsWhatBefellFewProcesses) {
+  EXPECT_FALSE(concerns_row(0, 1));
+  EXPECT_TRUE(concerns_row(1, 4));
+  EXPECT_FALSE(concerns_row(1, 5));
+  EXPECT_TRUE(concerns_row(3, 12));
+}
+
 TEST(Validity, CollectsEveryReason) {
-  JobResult result;
-  result.clock = kReal;
-  result.wrong_output = result.throttled = result.contended = true;
-  const PhaseSamples call{Phase::kCall, std::vector<Nanos>(19, Nanos(100)), 1};
-  EXPECT_THAT(judge(call, result, {}, true),
-              ElementsAre("wrong_output", "few_samples", "clock_bound", "throttled", "unstable"));
-  EXPECT_THAT(annotate(call, result, {}), ElementsAre("contended"));
-  const PhaseSamples launch{Phase::kLaunch, std::vector<Nanos>(20, Nanos(100)), 1};
-  JobResult fine;
-  fine.clock = kReal;
-  EXPECT_THAT(judge(launch, fine, {}, false), IsEmpty());  // the device's stamps, not the clock's
+  CellConditions all{kReal, false, true, true, true};
+  CellSamples call = processes_of(3, 6, Nanos(100));  // 18 samples
+  EXPECT_THAT(judge(call, all), ElementsAre("few_samples", "clock_bound", "throttled", "unstable"));
+  all.wrong_output = true;  // which is why there are few
+  EXPECT_THAT(judge(call, all),
+              ElementsAre("wrong_output", "clock_bound", "throttled", "unstable"));
+  const CellConditions fine{kReal, false, false, false, false};
+  EXPECT_THAT(judge(processes_of(3, 7, Nanos(100'000)), fine), IsEmpty());
+  EXPECT_THAT(judge(processes_of(2, 20, Nanos(100'000)), fine), ElementsAre("few_samples"));
+  CellSamples launch = processes_of(3, 7, Nanos(100));
+  launch.phase = Phase::kLaunch;
+  EXPECT_THAT(judge(launch, fine), IsEmpty());  // the device's stamps, not the clock's
+}
+
+TEST(Validity, NotesWhatWasReachedAndWhatElseHappened) {
+  CellSamples even = processes_of(4, 5, Nanos(1000));
+  EXPECT_THAT(annotate(even, {}, 0.02), IsEmpty());
+  CellConditions busy;
+  busy.contended = true;
+  EXPECT_THAT(annotate(even, busy, 0.02), ElementsAre("contended"));
+  // Processes at 1000 and 1100 in turns: two groups 10 % apart. Mean 1050, deviation 57.7, half
+  // width 3.182 * 57.7 / 2 = 91.9, which is 8.8 % of 1050.
+  for (std::size_t i = 0; i < even.samples.size(); ++i) {
+    if (even.processes[i] % 2 == 1) even.samples[i] = Nanos(1100);
+  }
+  EXPECT_THAT(annotate(even, {}, 0.02), ElementsAre("precision_not_reached", "bimodal"));
+  EXPECT_THAT(annotate(even, {}, 0.08), Contains("precision_not_reached"));
+  EXPECT_THAT(annotate(even, {}, 0.09), ElementsAre("bimodal"));
+  EXPECT_THAT(annotate(processes_of(2, 20, Nanos(1000)), {}, 0.02),
+              ElementsAre("precision_not_reached"));  // no interval: nothing was reached
 }
 
 }  // namespace

@@ -116,6 +116,37 @@ TEST(Statistics, SummarizesAHandWorkedSet) {
   EXPECT_FALSE(s.bimodal);
 }
 
+TEST(Statistics, CountsEachProcessOnce) {
+  // Process 0 took 1 1 1 1 1 1, process 1 took 10 12, process 2 took 20: medians 1, 11, 20, and
+  // their median is 11, where that of all nine samples is 1. Deviations from 11: 10 six times, 1, 1
+  // and 9; sorted 1 1 9 10 10 ..: MAD 10.
+  const auto samples = nanos({1, 1, 10, 1, 20, 1, 1, 12, 1});
+  const std::vector<int> processes = {0, 0, 1, 0, 2, 0, 0, 1, 0};
+  EXPECT_EQ(process_medians(samples, processes), nanos({1, 11, 20}));
+  const auto s = summarize(samples, processes);
+  EXPECT_EQ(s.samples, 9);
+  EXPECT_EQ(s.processes, 3);
+  EXPECT_EQ(s.median, Nanos(11));
+  EXPECT_EQ(s.mad, Nanos(10));
+  EXPECT_EQ(s.p95, Nanos(20));
+}
+
+TEST(Statistics, TakesStudentsIntervalOfThreeProcesses) {
+  // Mean 110, standard deviation 10, t(0.975, 2) = 4.303: half width 4.303 * 10 / sqrt(3) = 24.84.
+  EXPECT_EQ(interval_over_processes(nanos({120, 100, 110})), (Interval{Nanos(85), Nanos(135)}));
+  // 10, 10, 10, 1000: mean 257.5, deviation 495, half 3.182 * 495 / 2 = 787.5; no time is below 0.
+  EXPECT_EQ(interval_over_processes(nanos({10, 10, 1000, 10})), (Interval{Nanos(0), Nanos(1045)}));
+  EXPECT_EQ(interval_over_processes(nanos({10, 20})), std::nullopt);
+  EXPECT_EQ(interval_over_processes({}), std::nullopt);
+}
+
+TEST(Statistics, InterpolatesOrderStatisticsOfSixProcesses) {
+  // Smallest to largest cover 1 - 2/64 = 0.96875, the next inner pair 1 - 14/64 = 0.78125: excess
+  // 0.01875 / 0.1875 = 0.1, so 5 * 0.1 / (1 + 4 * 0.1) = 0.357 of the way inwards.
+  EXPECT_EQ(interval_over_processes(nanos({1000, 2000, 3000, 4000, 5000, 6000})),
+            (Interval{Nanos(1357), Nanos(5643)}));
+}
+
 TEST(Statistics, GivesPrecisionAsHalfTheIntervalOverTheMedian) {
   // 20 samples 101..120: interval 106..115 (ranks 6 and 15), median 110: 0.5 * 9 / 110.
   auto samples = shuffled_ramp(20);

@@ -182,6 +182,53 @@ TEST(Characterize, DryRunShowsTheCellsAndWritesNothing) {
   EXPECT_FALSE(std::filesystem::exists(scratch.file("p.db")));
 }
 
+TEST(Characterize, KeepsWhatWasMeasuredOnCtrlCAndGoesOnWithIt) {
+  const Scratch scratch;
+  const std::string database = scratch.file("p.db");
+  // Interrupted as soon as there is a database: well before its 12 processes are done.
+  const auto interrupted =
+      run(quoted(PIRT_BINARY) +
+          " characterize --quick --platform fake --filter '^pool5$' --seed 5 --db " +
+          quoted(database) + " & pid=$!; while [ ! -e " + quoted(database) +
+          " ]; do sleep 0.02; done; kill -INT $pid; wait $pid");
+  EXPECT_EQ(interrupted.exit_code, 4);
+  EXPECT_THAT(interrupted.err, HasSubstr("pirt characterize --resume --db " + database));
+
+  const auto refused = pirt({"characterize", "--resume", "--db", database, "--precision", "1%"});
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("--precision"));
+
+  const auto rest = pirt({"characterize", "--resume", "--db", database, "--json", "-"});
+  ASSERT_EQ(rest.exit_code, 0) << rest.err;
+  EXPECT_EQ(rest.json()["summary"]["run_id"], 1);
+  EXPECT_EQ(rest.json()["summary"]["cells"], 3);
+  EXPECT_FALSE(rest.json()["summary"]["interrupted"].get<bool>());
+  EXPECT_EQ(pirt({"characterize", "--resume", "--db", database}).exit_code, 2);  // nothing is left
+
+  // Of platform fake: device 1 ms, preparing 10 ms cold, 2 ms warm and a call; calls of pool5 take
+  // 0.1 ms on cpu and 0.1 + 0.1 + 0.05 + 0.05 = 0.3 ms on gpu: never faster.
+  const auto report = pirt({"report", database, "--setup", "--json", "-"});
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  for (const auto& crossover : report.json()["crossovers"]) {
+    if (crossover["first"] == "cpu" && crossover["second"] == "gpu") {
+      EXPECT_EQ(crossover["cold"]["wins"], "never");
+    }
+  }
+  EXPECT_EQ(report.json()["crossovers"].size(), 3U);
+  for (const auto& cost : report.json()["offloading"]) {
+    EXPECT_DOUBLE_EQ(cost["device_init_ms"].get<double>(), 1);
+    EXPECT_DOUBLE_EQ(cost["prepare_ms"].get<double>(), cost["state"] == "cold" ? 10 : 2);
+  }
+}
+
+TEST(Characterize, RefusesAMaxTimeThatIsNone) {
+  for (const auto* time : {"0", "-1s", "soon"}) {
+    const auto outcome =
+        pirt({"characterize", "--platform", "fake", "--dry-run", "--max-time", time});
+    EXPECT_EQ(outcome.exit_code, 2) << time;
+  }
+}
+
 /// The loader finds no driver: as on a machine without any.
 constexpr auto* kNoOpenCl = "OCL_ICD_VENDORS=/nonexistent";
 

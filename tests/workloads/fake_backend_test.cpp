@@ -185,6 +185,10 @@ TEST(FakeBackend, FindsItsKernelsInTheCacheTheSecondTime) {
   EXPECT_EQ(Prepared(script).now(), from_ms(20));
   EXPECT_EQ(Prepared(script).now(), from_ms(4));
   EXPECT_EQ(Prepared(script, "fc8").now(), from_ms(20));  // a kernel of its own
+  Prepared third("process_factors: [1, 1.1, 2.5]\nsamples_ms: {pool5: [10]}");
+  const Nanos before = third.now();
+  third.kernel->execute(1);
+  EXPECT_EQ(third.now() - before, from_ms(2.5 * 10.01));  // a launch of 0.01 ms
   ::unsetenv(variables[0].first.c_str());
   EXPECT_EQ(Prepared(script).now(), from_ms(20));
   std::filesystem::remove_all(folder);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -71,9 +72,10 @@ void spoil_first_element(Tensor& tensor) {
 class FakeKernel : public Kernel {
  public:
   FakeKernel(const fake::Script& script, const Workload& workload,
-             std::span<const Tensor> parameters, SimulatedClock& clock)
+             std::span<const Tensor> parameters, double factor, SimulatedClock& clock)
       : script_(script),
         workload_(workload),
+        factor_(factor),
         clock_(clock),
         random_(derive_seed(script.seed, workload.name)) {
     for (const Tensor& tensor : parameters) data_.parameters.push_back(copy(tensor));
@@ -128,8 +130,13 @@ class FakeKernel : public Kernel {
     for (const auto& stage : script_.stages_of(workload_.name)) {
       if (stage.phase == phase) total += draw(stage, random_);
     }
+    total = scaled(total);
     clock_.advance(total);
     return total;
+  }
+
+  [[nodiscard]] Nanos scaled(Nanos time) const {
+    return Nanos(std::llround(static_cast<double>(time.count()) * factor_));
   }
 
   void advance_execute() {
@@ -137,7 +144,8 @@ class FakeKernel : public Kernel {
     if (samples == script_.samples.end()) {
       advance(Phase::kExecute);
     } else {
-      clock_.advance(samples->second[static_cast<std::size_t>(calls_) % samples->second.size()]);
+      const auto at = static_cast<std::size_t>(calls_) % samples->second.size();
+      clock_.advance(scaled(samples->second[at]));
     }
   }
 
@@ -158,6 +166,7 @@ class FakeKernel : public Kernel {
 
   const fake::Script& script_;
   Workload workload_;  ///< A copy, since prepare() does not say that its argument lives on.
+  double factor_ = 1;  ///< Of all times of calls.
   SimulatedClock& clock_;
   Random random_;
   Data data_;
@@ -181,22 +190,27 @@ class FakeDevice : public Device {
     if (script_.fail_prepare.contains(workload.name)) {
       throw_environment(fmt::format("{}: preparation fails as its script says", workload.name));
     }
-    clock_.advance(is_cached(workload.name) ? script_.prepare_warm : script_.prepare_cold);
-    return std::make_unique<FakeKernel>(script_, workload, parameters, clock_);
+    const std::size_t earlier = count_preparation(workload.name);
+    clock_.advance(earlier > 0 ? script_.prepare_warm : script_.prepare_cold);
+    const auto& factors = script_.process_factors;
+    const double factor = factors.empty() ? 1 : factors[earlier % factors.size()];
+    return std::make_unique<FakeKernel>(script_, workload, parameters, factor, clock_);
   }
 
   [[nodiscard]] const Clock* own_clock() const override { return &clock_; }
   [[nodiscard]] Provenance provenance() const override { return Provenance::kModelled; }
 
  private:
-  /// Whether the kernel was in the cache; it is from now on, if there is one.
-  static bool is_cached(const std::string& workload) {
+  /// How often the workload has been prepared since the kernel cache was empty; 0 if there is none.
+  /// The cache has a file for each workload, one byte longer each time.
+  static std::size_t count_preparation(const std::string& workload) {
     const char* folder = std::getenv(kCacheVariable);
-    if (folder == nullptr || *folder == '\0') return false;
+    if (folder == nullptr || *folder == '\0') return 0;
     const auto path = std::filesystem::path(folder) / (workload + ".kernel");
-    const bool cached = std::filesystem::exists(path);
-    if (!cached) std::ofstream(path).flush();
-    return cached;
+    const std::size_t earlier =
+        std::filesystem::exists(path) ? std::filesystem::file_size(path) : 0;
+    std::ofstream(path, std::ios::app).put('.');
+    return earlier;
   }
 
   fake::Script script_;

@@ -121,6 +121,14 @@ std::map<std::string, std::vector<T>> lists(const YAML::Node& node, T (*item)(co
   return result;
 }
 
+void read_factors(const YAML::Node& node, Script& script) {
+  for (const auto& element : sequence(node)) {
+    const auto factor = scalar<double>(element, "a factor");
+    if (!(factor > 0 && factor <= 1000)) fail(element, "expected a factor above 0, at most 1000");
+    script.process_factors.push_back(factor);
+  }
+}
+
 using Reader = std::function<void(const YAML::Node&, Script&)>;
 
 Reader name_list(std::set<std::string> Script::*member) {
@@ -141,6 +149,7 @@ std::map<std::string, Reader> readers() {
       {"prepare_ms", read_prepare},
       {"stages", [](const auto& n, Script& s) { s.stages = lists<ScriptedStage>(n, stage); }},
       {"samples_ms", [](const auto& n, Script& s) { s.samples = lists<Nanos>(n, duration); }},
+      {"process_factors", read_factors},
       {"seed", [](const auto& n, Script& s) { s.seed = scalar<std::uint64_t>(n, "a seed"); }},
       {"fail_open", [](const auto& n, Script& s) { s.fail_open = scalar<std::string>(n, "text"); }},
       {"wrong_output_after",

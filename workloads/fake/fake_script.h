@@ -6,7 +6,12 @@
 //   prepare_ms: {cold: 10, warm: 2}        or one number for both
 //   stages: {sobel: [{name: upload, ms: 0.1}, {name: execute, ms: {uniform: [1, 2]}}]}
 //   samples_ms: {sobel: [1.0, 1.1]}        execute times, one a call, over again; replaces the
-//   execute stage seed: 1                                of the uniform draws unsupported: [fc6]
+//                                          execute stage
+//   process_factors: [1, 1.1]              of the times of calls: the first for a process that
+//   finds
+//                                          an empty kernel cache, the second for the next one, ...
+//   seed: 1                                of the uniform draws
+//   unsupported: [fc6]
 //   wrong_output: [conv1]                  first element of every output off by one
 //   wrong_output_after: {conv1: 30}        right for that many calls, wrong from then on
 //   nan_output: [conv2]                    NaN (floating point) or all bits set (integers)
@@ -46,6 +51,7 @@ struct Script {
   Nanos prepare_warm = from_ms(2);
   std::map<std::string, std::vector<ScriptedStage>> stages;
   std::map<std::string, std::vector<Nanos>> samples;
+  std::vector<double> process_factors;
   std::uint64_t seed = 1;
   std::set<std::string> unsupported, wrong_output, nan_output;
   std::set<std::string> fail_prepare, fail_execute, crash, hang;

@@ -1,0 +1,144 @@
+#include "characterize/campaign_resume.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kPlanVersion = 1;
+
+[[noreturn]] void throw_unreadable(const UnfinishedRun& run, const std::string& why) {
+  throw_bad_input(fmt::format("the plan of run {} cannot be gone on with ({}); start a new run",
+                              run.run.run_id, why));
+}
+
+Json parse_plan(const UnfinishedRun& run) {
+  const Json json = Json::parse(run.plan, nullptr, false);
+  if (json.is_discarded() || !json.is_object()) throw_unreadable(run, "it is no JSON object");
+  const auto version = json.value("version", 0);
+  if (version != kPlanVersion) {
+    throw_unreadable(
+        run, fmt::format("it has version {}, and this pirt knows {}", version, kPlanVersion));
+  }
+  return json;
+}
+
+/// Calls @p read, whose errors are those of a plan that this pirt did not write.
+template <typename Read>
+auto reading(const UnfinishedRun& run, Read read) {
+  try {
+    return read();
+  } catch (const Json::exception& error) {
+    throw_unreadable(run, error.what());
+  }
+}
+
+std::string reason_of(const CampaignPlan& plan, const CellName& cell) {
+  for (const Skip& skip : plan.skipped) {
+    if (skip.unit == cell.unit && (skip.workload.empty() || skip.workload == cell.workload)) {
+      return skip.reason;
+    }
+  }
+  return "the platform or the catalog changed";
+}
+
+}  // namespace
+
+std::string stored_plan(const CampaignOptions& options, const CampaignPlan& plan) {
+  Json cells = Json::array();
+  for (const PlannedCell& cell : plan.cells) cells.push_back({cell.workload->name, cell.unit});
+  Json json = {{"version", kPlanVersion},
+               {"platform", options.platform_argument},
+               {"settings", options.settings},
+               {"units", options.units},
+               {"filter", options.filter},
+               {"seed", std::to_string(options.seed)},
+               {"precision", options.precision},
+               {"quick", options.quick},
+               {"max_time_ns", plan.max_time.count()},
+               {"cells", cells}};
+  if (options.images) json["images"] = std::filesystem::absolute(*options.images).string();
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+CampaignOptions resume_options(const std::filesystem::path& database) {
+  auto run = find_unfinished_run(database);
+  if (!run) {
+    throw_bad_input(fmt::format(
+        "'{}' has no unfinished run that could be gone on with; start one without --resume",
+        database.string()));
+  }
+  const Json json = parse_plan(*run);
+  return reading(*run, [&] {
+    CampaignOptions options;
+    options.database = database;
+    options.platform_argument = json.at("platform").get<std::string>();
+    options.settings = json.at("settings").get<std::vector<std::string>>();
+    options.platform = load_platform(options.platform_argument, parse_overrides(options.settings));
+    options.units = json.at("units").get<std::vector<std::string>>();
+    options.filter = json.at("filter").get<std::string>();
+    options.seed = run->run.seed;
+    options.precision = json.at("precision").get<double>();
+    options.quick = json.at("quick").get<bool>();
+    options.max_time = Nanos(json.at("max_time_ns").get<std::int64_t>());
+    if (json.contains("images")) options.images = json.at("images").get<std::string>();
+    options.resumed = std::move(run);
+    return options;
+  });
+}
+
+void restrict_to_stored(const UnfinishedRun& run, CampaignPlan& plan) {
+  const Json json = parse_plan(run);
+  std::vector<PlannedCell> left;
+  reading(run, [&] {
+    for (const Json& entry : json.at("cells")) {
+      const CellName name{entry.at(0).get<std::string>(), entry.at(1).get<std::string>()};
+      if (std::ranges::find(run.done, name) != run.done.end()) continue;
+      const auto planned = std::ranges::find_if(plan.cells, [&](const PlannedCell& cell) {
+        return cell.workload->name == name.workload && cell.unit == name.unit;
+      });
+      if (planned == plan.cells.end()) {
+        throw_environment(
+            fmt::format("run {} cannot be gone on with: {} on {} cannot be measured "
+                        "any more: {}",
+                        run.run.run_id, name.workload, name.unit, reason_of(plan, name)));
+      }
+      left.push_back(*planned);
+    }
+  });
+  plan.cells = std::move(left);
+}
+
+void check_identity(const RunInfo& run, const Environment& facts) {
+  std::set<std::string> keys = run.identity;
+  for (const auto& [key, value] : facts) {
+    if (fact_kind(key) == FactKind::kIdentity) keys.insert(key);
+  }
+  std::vector<std::string> changed;
+  for (const std::string& key : keys) {
+    const auto then = run.environment.find(key);
+    const auto now = facts.find(key);
+    const auto text = [](bool known, const std::string& value) {
+      return known ? "'" + value + "'" : std::string("nothing");
+    };
+    const std::string before =
+        text(then != run.environment.end(), then != run.environment.end() ? then->second : "");
+    const std::string after = text(now != facts.end(), now != facts.end() ? now->second : "");
+    if (before != after) changed.push_back(fmt::format("{} was {} and is {}", key, before, after));
+  }
+  if (changed.empty()) return;
+  throw_bad_input(fmt::format(
+      "run {} cannot be gone on with, its figures would not be comparable: {}; start a new run",
+      run.run_id, join(changed, ", ")));
+}
+
+}  // namespace pirt

@@ -1,0 +1,195 @@
+#include "reports/setup_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <functional>
+
+#include "reports/figures.h"
+
+namespace pirt {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// A workload on two units, the one that the profile names first as `a`.
+struct Pair {
+  std::string workload, a, b;
+};
+
+template <typename T>
+void add_once(std::vector<T>& items, const T& item) {
+  if (std::ranges::find(items, item) == items.end()) items.push_back(item);
+}
+
+std::vector<Pair> pairs_of(const OffloadingCosts& costs) {
+  std::vector<std::string> workloads;
+  for (const auto& cost : costs.costs) add_once(workloads, cost.workload);
+  std::vector<Pair> pairs;
+  for (const auto& workload : workloads) {
+    std::vector<std::string> units;
+    for (const auto& cost : costs.costs) {
+      if (cost.workload == workload) add_once(units, cost.unit);
+    }
+    for (std::size_t a = 0; a < units.size(); ++a) {
+      for (std::size_t b = a + 1; b < units.size(); ++b) {
+        pairs.push_back({workload, units[a], units[b]});
+      }
+    }
+  }
+  return pairs;
+}
+
+std::optional<Crossover> crossover_of(const OffloadingCosts& costs, const Pair& pair, State state) {
+  const auto* a = costs.find(pair.workload, pair.a, state);
+  const auto* b = costs.find(pair.workload, pair.b, state);
+  if (a == nullptr || b == nullptr) return std::nullopt;
+  return crossover(*a, *b);
+}
+
+std::string text_of(const std::optional<Crossover>& found) {
+  if (!found) return "-";
+  switch (found->kind) {
+    case Crossover::Kind::kNever:
+      return "never";
+    case Crossover::Kind::kFromFirst:
+      return "from the first";
+    case Crossover::Kind::kFrom:
+      return fmt::format("from {} calls", found->calls);
+    case Crossover::Kind::kUpTo:
+      return found->calls == 1 ? "for one call only" : fmt::format("up to {} calls", found->calls);
+  }
+  return "-";
+}
+
+Json json_of(const Crossover& found) {
+  switch (found.kind) {
+    case Crossover::Kind::kNever:
+      return {{"wins", "never"}};
+    case Crossover::Kind::kFromFirst:
+      return {{"wins", "always"}};
+    case Crossover::Kind::kFrom:
+      return {{"wins", "from"}, {"calls", found.calls}};
+    case Crossover::Kind::kUpTo:
+      return {{"wins", "up_to"}, {"calls", found.calls}};
+  }
+  return {};
+}
+
+/// Share of the first call's time that is not the call.
+double set_up_share(const OffloadingCost& cost) {
+  const double total = to_ms(cost.total(1));
+  return total > 0 ? to_ms(cost.set_up()) / total : 0;
+}
+
+std::vector<std::string> missing_notes(const OffloadingCosts& costs) {
+  std::vector<std::string> notes;
+  for (const auto& missing : costs.missing) {
+    notes.push_back(fmt::format("Left out: {} on {}, {}: {}", missing.workload, missing.unit,
+                                to_string(missing.state), missing.reason));
+  }
+  return notes;
+}
+
+}  // namespace
+
+Table offloading_table(const OffloadingCosts& costs) {
+  Table table{.title = "Offloading time by phase, ms (the paper's Fig. 7)",
+              .columns = {{"workload", Align::kLeft},
+                          {"unit", Align::kLeft},
+                          {"set-up", Align::kLeft},
+                          {"device_init"},
+                          {"prepare"},
+                          {"upload"},
+                          {"launch"},
+                          {"execute"},
+                          {"download"},
+                          {"first call"},
+                          {"set-up part"},
+                          {"each further"}}};
+  for (const auto& cost : costs.costs) {
+    const auto shown = [&cost](std::optional<Nanos> time) {
+      return time ? marked(figure_ms(time), cost.provenance) : "-";
+    };
+    table.rows.push_back({cost.workload, cost.unit, std::string(to_string(cost.state)),
+                          shown(cost.device_init), shown(cost.set_up() - cost.device_init),
+                          shown(cost.upload), shown(cost.launch), shown(cost.execute),
+                          shown(cost.download), shown(cost.total(1)),
+                          fmt::format("{:.1f}%", 100 * set_up_share(cost)), shown(cost.call)});
+  }
+  table.footnotes = {
+      "prepare: without the call that it ends with. first call: from a process that has nothing to "
+      "the end of its first call. Medians of each phase: they need not add up exactly.",
+      "cold: fresh process, empty kernel cache; warm: fresh process, filled cache. - a phase that "
+      "the unit does not have."};
+  for (auto& note : missing_notes(costs)) table.footnotes.push_back(std::move(note));
+  table.footnotes.emplace_back(provenance_legend());
+  return table;
+}
+
+Table crossover_table(const OffloadingCosts& costs) {
+  Table table{.title =
+                  "Crossover: for how many calls the second unit beats the first, set-up "
+                  "included",
+              .columns = {{"workload", Align::kLeft},
+                          {"first", Align::kLeft},
+                          {"second", Align::kLeft},
+                          {"cold", Align::kLeft},
+                          {"warm", Align::kLeft},
+                          {"set up already", Align::kLeft}}};
+  for (const Pair& pair : pairs_of(costs)) {
+    const auto* a = costs.find(pair.workload, pair.a, State::kWarm);
+    const auto* b = costs.find(pair.workload, pair.b, State::kWarm);
+    if (a == nullptr) a = costs.find(pair.workload, pair.a, State::kCold);
+    if (b == nullptr) b = costs.find(pair.workload, pair.b, State::kCold);
+    const std::string steady = b->call < a->call ? "yes" : b->call == a->call ? "equal" : "no";
+    table.rows.push_back({pair.workload, pair.a, pair.b,
+                          text_of(crossover_of(costs, pair, State::kCold)),
+                          text_of(crossover_of(costs, pair, State::kWarm)), steady});
+  }
+  table.footnotes = {
+      "From medians; where intervals are wide, a crossover is as uncertain. set up already: "
+      "whether "
+      "one call is faster when both units are ready (the runtime's set-up at start)."};
+  return table;
+}
+
+Json setup_json(const OffloadingCosts& costs) {
+  Json json = {
+      {"offloading", Json::array()}, {"crossovers", Json::array()}, {"missing", Json::array()}};
+  for (const auto& cost : costs.costs) {
+    Json entry = {{"workload", cost.workload},
+                  {"unit", cost.unit},
+                  {"state", to_string(cost.state)},
+                  {"provenance", to_string(cost.provenance)},
+                  {"device_init_ms", to_ms(cost.device_init)},
+                  {"prepare_ms", to_ms(cost.set_up() - cost.device_init)}};
+    const auto add = [&entry](const char* key, std::optional<Nanos> time) {
+      if (time) entry[key] = to_ms(*time);
+    };
+    add("upload_ms", cost.upload);
+    add("launch_ms", cost.launch);
+    add("execute_ms", cost.execute);
+    add("download_ms", cost.download);
+    add("call_ms", cost.call);
+    add("first_call_ms", cost.total(1));
+    json["offloading"].push_back(std::move(entry));
+  }
+  for (const Pair& pair : pairs_of(costs)) {
+    Json entry = {{"workload", pair.workload}, {"first", pair.a}, {"second", pair.b}};
+    for (const State state : {State::kCold, State::kWarm}) {
+      const auto found = crossover_of(costs, pair, state);
+      if (found) entry[std::string(to_string(state))] = json_of(*found);
+    }
+    json["crossovers"].push_back(std::move(entry));
+  }
+  for (const auto& missing : costs.missing) {
+    json["missing"].push_back({{"workload", missing.workload},
+                               {"unit", missing.unit},
+                               {"state", to_string(missing.state)},
+                               {"reason", missing.reason}});
+  }
+  return json;
+}
+
+}  // namespace pirt

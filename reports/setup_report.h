@@ -1,0 +1,20 @@
+// `pirt report --setup`: total offloading time by phase, and crossovers between units.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "reports/document.h"
+#include "reports/offloading.h"
+
+namespace pirt {
+
+/// The paper's Fig. 7 as a table, for every workload and unit: set-up, cold and warm, and one call.
+[[nodiscard]] Table offloading_table(const OffloadingCosts& costs);
+
+/// For each workload and pair of units, from how many calls on the second beats the first.
+[[nodiscard]] Table crossover_table(const OffloadingCosts& costs);
+
+/// "offloading", "crossovers" and "missing"; times in ms.
+[[nodiscard]] nlohmann::ordered_json setup_json(const OffloadingCosts& costs);
+
+}  // namespace pirt

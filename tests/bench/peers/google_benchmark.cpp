@@ -1,0 +1,64 @@
+// The kernels of one unit of platform host through Google Benchmark, as its users would write it: a
+// call (upload, execute, download) in the timed loop. Peer of tests/bench/aa, which runs it.
+//
+// Usage: aa_google UNIT [--benchmark_...]
+#include <benchmark/benchmark.h>
+
+#include <cstdio>
+#include <memory>
+
+#include "characterize/platform.h"
+#include "characterize/unit_request.h"
+#include "workloads/base/error.h"
+#include "workloads/catalog.h"
+#include "workloads/registry.h"
+
+namespace {
+
+using namespace pirt;  // NOLINT: a program of one page
+
+void call(benchmark::State& state, Device& device, const Workload& workload) {
+  const auto images = generated_images(1);
+  const Data data = workload.make_data({1, images.get()});
+  auto outputs = make_tensors(workload.outputs);
+  const auto kernel = device.prepare(workload, data.parameters);
+  kernel->bind(data.inputs, outputs);
+  for (auto unused : state) {
+    kernel->upload();
+    kernel->execute(1);
+    kernel->download();
+  }
+}
+
+int run(int argc, char** argv) {
+  if (argc < 2) {
+    std::fputs("usage: aa_google UNIT [--benchmark_...]\n", stderr);
+    return kExitBadInput;
+  }
+  const auto platform = load_platform("host");
+  const auto& unit = platform.unit(argv[1]);
+  const auto& backend = find_backend(unit.backend);
+  const auto request = make_unit_request(platform, unit);
+  const auto device = backend.open(request);
+  for (const Workload& workload : catalog()) {
+    if (!backend.supports_on(request, workload).ok) continue;
+    benchmark::RegisterBenchmark(workload.name.c_str(), [&device,
+                                                         &workload](benchmark::State& state) {
+      call(state, *device, workload);
+    })->UseRealTime();
+  }
+  int rest = argc - 1;
+  benchmark::Initialize(&rest, argv + 1);
+  return benchmark::RunSpecifiedBenchmarks() > 0 ? 0 : kExitBadInput;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const Error& error) {
+    std::fprintf(stderr, "aa_google: %s\n", error.what());
+    return exit_code(error.code());
+  }
+}

@@ -1,0 +1,188 @@
+// What a cell makes of the results of its processes: given by hand, nothing is run.
+#include "characterize/cell.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/characterize/support.h"
+#include "workloads/catalog.h"
+#include "workloads/registry.h"
+
+namespace pirt {
+namespace {
+
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+JobResult a_process(double call_ms) {
+  JobResult result;
+  result.done = true;
+  result.device = DeviceInfo{"scripted", "", "", 1, false};
+  result.provenance = Provenance::kModelled;
+  result.device_init = from_ms(1);
+  result.prepare = from_ms(10);
+  result.verification = "after timing: equal";
+  result.phases = {{Phase::kExecute, std::vector<Nanos>(5, from_ms(call_ms / 2)), 1},
+                   {Phase::kCall, std::vector<Nanos>(5, from_ms(call_ms)), 1}};
+  return result;
+}
+
+class Cell : public ::testing::Test {
+ protected:
+  Cell()
+      : platform(test::fake_platform({{"gpu", ""}})),
+        runner("/no/such/program", Nanos(1), nullptr),
+        cell({platform, platform.units[0], find_backend("fake"), find_workload("pool5"), Job(),
+              Provenance::kModelled, 2, 0.02, folder.path(), [](std::string_view) {}},
+             runner) {}
+
+  /// The next visits, whatever they are for, with calls of that long.
+  void add(std::initializer_list<double> calls_ms) {
+    for (const double ms : calls_ms) cell.add(cell.next().value().setup, a_process(ms));
+  }
+  [[nodiscard]] PhaseRecord row(Phase phase) const {
+    const auto phases = cell.record().phases;
+    return *std::ranges::find(phases, phase, &PhaseRecord::phase);
+  }
+
+  test::TemporaryFolder folder;
+  Platform platform;
+  JobRunner runner;
+  CellMeasurement cell;
+};
+
+TEST_F(Cell, NeedsItsSetUpsAndThenNoMoreIfItIsPrecise) {
+  EXPECT_EQ(cell.needed_visits(), 4);
+  add({10, 10});
+  EXPECT_EQ(cell.needed_visits(), 2);
+  EXPECT_EQ(cell.expected_visits(), 2);
+  EXPECT_EQ(cell.next()->setup, State::kCold);
+  add({10, 10});
+  EXPECT_EQ(cell.next().has_value(), false);
+  EXPECT_EQ(cell.reached(), 0);
+  EXPECT_THAT(row(Phase::kCall).reasons, IsEmpty());
+  EXPECT_THAT(row(Phase::kCall).notes, IsEmpty());
+  EXPECT_EQ(row(Phase::kPrepare).samples.size(), 2U);
+}
+
+TEST_F(Cell, WantsAsManyProcessesAsItsPrecisionWillTake) {
+  // Mean 10, deviation sqrt(0.08 / 3) = 0.163, half the interval 3.182 * 0.163 / 2 = 0.26: 2.6 %.
+  // 4 processes x ((2.6 / 2)^2 - 1) = 2.7.
+  add({9.8, 10, 10, 10.2});
+  EXPECT_NEAR(cell.reached().value(), 0.026, 0.0001);
+  EXPECT_FALSE(cell.next()->needed);
+  EXPECT_EQ(cell.next()->setup, State::kWarm);
+  EXPECT_EQ(cell.needed_visits(), 0);
+  EXPECT_EQ(cell.expected_visits(), 3);
+  EXPECT_THAT(row(Phase::kCall).notes, ElementsAre("precision_not_reached"));
+  // With a fifth one: sqrt(0.08 / 4) = 0.141, 2.776 * 0.141 / sqrt(5) = 0.176.
+  add({10});
+  EXPECT_NEAR(cell.reached().value(), 0.0176, 0.0001);
+  EXPECT_FALSE(cell.next().has_value());
+}
+
+TEST_F(Cell, LooksAtExecuteAsWellAsAtCall) {
+  for (const double execute_ms : {5.0, 6.0, 5.0, 6.0}) {
+    auto result = a_process(20);
+    result.phases[0].samples.assign(5, from_ms(execute_ms));
+    cell.add(cell.next()->setup, result);
+  }
+  EXPECT_GT(cell.reached().value(), 0.1);
+  EXPECT_THAT(row(Phase::kCall).notes, IsEmpty());
+  EXPECT_THAT(row(Phase::kExecute).notes, Contains("precision_not_reached"));
+}
+
+TEST_F(Cell, StopsAtTheMostProcesses) {
+  while (cell.next()) add({cell.processes() % 2 == 0 ? 10.0 : 13.0});
+  EXPECT_EQ(cell.processes(), kMostProcesses);
+  EXPECT_THAT(row(Phase::kCall).notes, ElementsAre("precision_not_reached", "bimodal"));
+}
+
+TEST_F(Cell, IsSampledAgainWhenUnstableAndBelievedIfThatIsStable) {
+  add({10, 10, 14, 14});
+  EXPECT_TRUE(cell.next()->needed);
+  EXPECT_EQ(cell.needed_visits(), 4);
+  EXPECT_THAT(row(Phase::kCall).reasons, ElementsAre("unstable"));
+  add({14, 14, 14});
+  EXPECT_THAT(row(Phase::kCall).reasons, ElementsAre("unstable"));  // as long as it is not over
+  EXPECT_EQ(row(Phase::kCall).samples.front(), from_ms(10));
+  add({14});
+  EXPECT_FALSE(cell.next().has_value());
+  EXPECT_THAT(row(Phase::kCall).reasons, IsEmpty());
+  EXPECT_THAT(row(Phase::kCall).samples, ::testing::Each(from_ms(14)));
+  EXPECT_THAT(row(Phase::kCall).processes, Contains(3));
+}
+
+TEST_F(Cell, IsUnstableIfItStillIsTheSecondTime) {
+  add({10, 10, 14, 14, 14, 14, 10, 10});
+  EXPECT_FALSE(cell.next().has_value());
+  EXPECT_THAT(row(Phase::kCall).reasons, ElementsAre("unstable"));
+  EXPECT_THAT(row(Phase::kPrepare).reasons, IsEmpty());
+}
+
+TEST_F(Cell, IsThrottledOrContendedIfAQuarterOfItsProcessesWere) {
+  for (int i = 0; i < 4; ++i) {
+    auto result = a_process(10);
+    result.throttled = result.contended = i == 2;
+    cell.add(cell.next()->setup, result);
+  }
+  EXPECT_THAT(row(Phase::kCall).reasons, ElementsAre("throttled"));
+  EXPECT_THAT(row(Phase::kCall).notes, ElementsAre("contended"));
+}
+
+TEST_F(Cell, DisregardsThrottlingOfOneProcessInFive) {
+  for (int i = 0; i < 5; ++i) {
+    auto result = a_process(i == 4 ? 10 : 9.5 + 0.3 * i);
+    result.throttled = result.contended = i == 2;
+    cell.add(cell.next()->setup, result);
+  }
+  EXPECT_THAT(row(Phase::kCall).reasons, IsEmpty());
+  EXPECT_THAT(row(Phase::kCall).notes, Not(Contains("contended")));
+}
+
+TEST_F(Cell, TakesTheCoarsestClockAndTheSmallestBatch) {
+  for (int i = 0; i < 4; ++i) {
+    auto result = a_process(0.1);
+    result.phases[1].batch = i == 1 ? 1 : 100;
+    result.clock = {i == 3 ? 2000.0 : 20.0, Nanos(1)};
+    cell.add(cell.next()->setup, result);
+  }
+  EXPECT_THAT(row(Phase::kCall).reasons, ElementsAre("clock_bound"));  // 2 us of 100 us
+}
+
+TEST_F(Cell, TimesNoCallsAfterAWrongOutputButGoesOnSettingUp) {
+  auto wrong = a_process(10);
+  wrong.wrong_output = true;
+  wrong.verification = "before timing: element 0 differs";
+  wrong.phases.clear();
+  cell.add(State::kCold, wrong);
+  EXPECT_EQ(cell.needed_visits(), 3);
+  for (int i = 0; i < 3; ++i) {
+    JobResult set_up = a_process(10);
+    set_up.phases.clear();
+    set_up.verification.clear();
+    cell.add(cell.next()->setup, set_up);
+  }
+  EXPECT_FALSE(cell.next().has_value());
+  EXPECT_EQ(cell.record().verification, "before timing: element 0 differs");
+  EXPECT_THAT(row(Phase::kCall).reasons, ElementsAre("wrong_output"));
+  EXPECT_THAT(row(Phase::kPrepare).reasons, ElementsAre("wrong_output"));
+  EXPECT_THAT(row(Phase::kDeviceInit).reasons, IsEmpty());
+}
+
+TEST_F(Cell, KeepsWhatWasSampledBeforeAFailure) {
+  add({10, 10, 10});
+  JobResult crashed;
+  crashed.error = "worker crashed (SIGSEGV) while sampling";
+  cell.add(State::kWarm, crashed);
+  EXPECT_FALSE(cell.next().has_value());
+  EXPECT_EQ(cell.needed_visits(), 0);
+  EXPECT_THAT(row(Phase::kCall).reasons,
+              ElementsAre("error: worker crashed (SIGSEGV) while sampling", "few_samples"));
+  EXPECT_EQ(row(Phase::kCall).samples.size(), 15U);
+}
+
+}  // namespace
+}  // namespace pirt

@@ -1,0 +1,149 @@
+// How often the interval over processes holds the true median, by simulation: few processes, each
+// with its own level and noise within, skewed and disturbed ones included.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numbers>
+
+#include "characterize/statistics.h"
+#include "workloads/base/random.h"
+
+namespace pirt {
+namespace {
+
+constexpr int kRuns = 20'000;
+/// Three standard errors of a share of 95 % in kRuns runs.
+constexpr double kThreeSigma = 0.0047;
+
+using Draw = std::function<double(Random&)>;
+
+double normal(Random& random) {
+  const double radius = std::sqrt(-2 * std::log(1 - random.uniform()));
+  return radius * std::cos(2 * std::numbers::pi * random.uniform());
+}
+
+/// What process medians look like: relative deviations from 1 ms, in units of 1 %.
+struct Shape {
+  std::string name;
+  Draw draw;
+};
+
+std::vector<Shape> shapes() {
+  return {{"normal", normal},
+          {"skewed", [](Random& r) { return std::exp(0.5 * normal(r)); }},
+          {"exponential", [](Random& r) { return -std::log(1 - r.uniform()); }},
+          // One process in eight runs beside something else and is up to 20 % slower.
+          {"disturbed",
+           [](Random& r) {
+             const double own = normal(r);
+             return r.below(8) == 0 ? own + 20 * r.uniform() : own;
+           }},
+          // Two layouts, one in three processes gets the slow one.
+          {"two layouts", [](Random& r) { return 0.3 * normal(r) + (r.below(3) == 0 ? 3 : 0); }}};
+}
+
+Nanos time_of(double deviation) { return Nanos(std::llround(1e6 * (1 + 0.01 * deviation))); }
+
+Nanos true_median(const Draw& draw) {
+  Random random(derive_seed(7, "true median"));
+  std::vector<Nanos> many;
+  for (int i = 0; i < 400'000; ++i) many.push_back(time_of(draw(random)));
+  return median(many);
+}
+
+struct Found {
+  double coverage = 0;
+  double half_width = 0;  ///< Mean, relative.
+};
+
+Found simulate(const Draw& draw, Nanos truth, int processes) {
+  Random random(derive_seed(1, "coverage"));
+  int held = 0;
+  double width = 0;
+  std::vector<Nanos> medians(static_cast<std::size_t>(processes));
+  for (int run = 0; run < kRuns; ++run) {
+    for (Nanos& t : medians) t = time_of(draw(random));
+    const auto interval = interval_over_processes(medians).value();
+    held += interval.low <= truth && truth <= interval.high ? 1 : 0;
+    width += relative_half_width(interval, truth).value();
+  }
+  return {static_cast<double>(held) / kRuns, width / kRuns};
+}
+
+// Observed: 94.1 % (two layouts, 6 processes) to 95.6 %.
+TEST(IntervalOverProcesses, CoversTheMedianWithSixProcessesOrMoreWhateverTheirDistribution) {
+  for (const Shape& shape : shapes()) {
+    const Nanos truth = true_median(shape.draw);
+    for (const int processes : {6, 8, 10, 15, 25}) {
+      const Found found = simulate(shape.draw, truth, processes);
+      EXPECT_GE(found.coverage, 0.94 - kThreeSigma) << shape.name << " " << processes;
+      EXPECT_LE(found.coverage, 0.96 + kThreeSigma) << shape.name << " " << processes;
+    }
+  }
+}
+
+// Observed: 92.3 % (two layouts, 5 processes) to 96.8 % (disturbed, 5): Student's t supposes normal
+// process medians.
+TEST(IntervalOverProcesses, CoversTheMedianNearlyAsOftenWithThreeToFiveProcesses) {
+  for (const Shape& shape : shapes()) {
+    const Nanos truth = true_median(shape.draw);
+    for (const int processes : {3, 4, 5}) {
+      EXPECT_GE(simulate(shape.draw, truth, processes).coverage, 0.92 - kThreeSigma)
+          << shape.name << " " << processes;
+    }
+  }
+}
+
+// A full run looks at the interval again after each further process and ends the cell as soon as it
+// is narrow enough, which favours intervals that happen to be narrow. Observed: 93.5 % (disturbed)
+// to 95.1 %.
+TEST(IntervalOverProcesses, LosesLittleCoverageToStoppingAtAPrecision) {
+  for (const Shape& shape : shapes()) {
+    const Nanos truth = true_median(shape.draw);
+    Random random(derive_seed(1, "stopping"));
+    int held = 0;
+    for (int run = 0; run < kRuns; ++run) {
+      std::vector<Nanos> medians;
+      std::optional<Interval> interval;
+      while (medians.size() < 10 ||
+             (medians.size() < 25 && relative_half_width(interval, truth).value() > 0.006)) {
+        medians.push_back(time_of(shape.draw(random)));
+        interval = interval_over_processes(medians);
+      }
+      held += interval->low <= truth && truth <= interval->high ? 1 : 0;
+    }
+    EXPECT_GE(static_cast<double>(held) / kRuns, 0.93 - kThreeSigma) << shape.name;
+  }
+}
+
+// Why the interval is over processes: of 10 processes with 50 samples each, noise within as large
+// as between, the interval of the 500 samples holds the median in well under 95 % of the runs.
+TEST(IntervalOverProcesses, IsWiderThanThatOfTheSamplesWhichCoversTooLittle) {
+  constexpr int kFewRuns = 2'000;
+  Random random(derive_seed(1, "pooled"));
+  int pooled_held = 0;
+  int held = 0;
+  for (int run = 0; run < kFewRuns; ++run) {
+    std::vector<Nanos> samples;
+    std::vector<int> processes;
+    for (int process = 0; process < 10; ++process) {
+      const double level = normal(random);
+      for (int i = 0; i < 50; ++i) {
+        samples.push_back(time_of(level + normal(random)));
+        processes.push_back(process);
+      }
+    }
+    const Nanos truth = time_of(0);
+    const auto pooled = median_interval(samples).value();
+    const auto over = summarize(samples, processes).interval.value();
+    pooled_held += pooled.low <= truth && truth <= pooled.high ? 1 : 0;
+    held += over.low <= truth && truth <= over.high ? 1 : 0;
+  }
+  EXPECT_LT(pooled_held, 0.6 * kFewRuns);
+  EXPECT_GT(held, 0.93 * kFewRuns);
+}
+
+}  // namespace
+}  // namespace pirt
