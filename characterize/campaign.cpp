@@ -278,6 +278,7 @@ class Campaign {
 
   void finish(Cell& cell, const CellRecord& record) {
     writer_.write_cell(summary_.run_id, record);
+    if (sink_.stored) sink_.stored(name_of(cell));
     count(record);
     const auto reached = cell.measurement->reached();
     summary_.within_precision += reached && *reached <= options_.precision ? 1 : 0;

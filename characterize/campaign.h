@@ -114,6 +114,8 @@ struct ProgressSink {
   std::function<void(const Progress&)> progress;  ///< At each step of each cell; may be empty.
   std::function<void(const std::string&)>
       warning;  ///< A row that turned out invalid, in one line; may be empty.
+  std::function<void(const CellName&)>
+      stored;  ///< A cell that is in the database from here on, whatever happens; may be empty.
 };
 
 struct CampaignSummary {

@@ -139,9 +139,11 @@ void make_way(const Connection& connection, std::int64_t run_id, const CellName&
   }
 }
 
-std::int64_t text_checksum(std::string_view text) {
+std::int64_t visit_checksum(std::int64_t run_id, const CellName& cell, const VisitRecord& visit) {
   Hash64 hash;
-  hash.add(text);
+  hash.add(static_cast<std::uint64_t>(run_id)).add(cell.workload).add(cell.unit);
+  hash.add(static_cast<std::uint64_t>(visit.position)).add(to_string(visit.setup));
+  hash.add(visit.record);
   return static_cast<std::int64_t>(hash.value());
 }
 
@@ -153,13 +155,14 @@ std::vector<std::pair<CellName, VisitRecord>> read_visits(const Connection& conn
                   "WHERE run_id = ? ORDER BY workload, unit, position");
   query.bind(run_id);
   while (query.step()) {
-    CellName cell{query.text(0), query.text(1)};
-    if (query.integer(5) != text_checksum(query.text(4))) {
-      connection.fail_damaged(fmt::format("checksum of process {} of {} on {} in run {}",
-                                          query.integer(2), cell.workload, cell.unit, run_id));
-    }
+    const CellName cell{query.text(0), query.text(1)};
     const State setup = query.text(3) == to_string(State::kCold) ? State::kCold : State::kWarm;
-    visits.push_back({std::move(cell), {query.integer(2), setup, query.text(4)}});
+    const VisitRecord visit{query.integer(2), setup, query.text(4)};
+    if (query.integer(5) != visit_checksum(run_id, cell, visit)) {
+      connection.fail_damaged(fmt::format("checksum of process {} of {} on {} in run {}",
+                                          visit.position, cell.workload, cell.unit, run_id));
+    }
+    visits.emplace_back(cell, visit);
   }
   return visits;
 }
@@ -238,7 +241,7 @@ void ProfileWriter::write_visit(std::int64_t run_id, const CellName& cell,
                    "INSERT INTO visit (run_id, workload, unit, position, setup, record, checksum) "
                    "VALUES (?, ?, ?, ?, ?, ?, ?)");
   bind_cell(insert, run_id, cell).bind(visit.position).bind(to_string(visit.setup));
-  insert.bind(visit.record).bind(text_checksum(visit.record)).run();
+  insert.bind(visit.record).bind(visit_checksum(run_id, cell, visit)).run();
   transaction.commit();
 }
 

@@ -68,7 +68,7 @@ CREATE TABLE visit (
   position INTEGER NOT NULL CHECK (position >= 0),  -- order in time within the cell
   setup    TEXT NOT NULL CHECK (setup IN ('cold', 'warm')),
   record   TEXT NOT NULL,                           -- what the worker reported (characterize/job.h)
-  checksum INTEGER NOT NULL,                        -- FNV-1a over `record`
+  checksum INTEGER NOT NULL,                        -- FNV-1a over all other columns
   PRIMARY KEY (run_id, workload, unit, position)
 ) STRICT, WITHOUT ROWID;
 

@@ -73,6 +73,11 @@ class ProgressLine {
   bool shown_;
 };
 
+/// Where there is no progress line: a log that says what is safe.
+void acknowledge(const CellName& cell) {
+  if (!stderr_is_terminal()) fmt::print(stderr, "stored: {} on {}\n", cell.workload, cell.unit);
+}
+
 CampaignOptions campaign_options(const Options& options) {
   if (options.resume) return resume_options(options.database);
   CampaignOptions campaign;
@@ -158,9 +163,10 @@ CampaignSummary measure(const CampaignOptions& campaign, const CampaignPlan& pla
     line.clear();
     warn(message);
   };
-  return run_campaign(
-      campaign, plan,
-      {.progress = [&](const Progress& progress) { line.show(progress); }, .warning = warn_below});
+  return run_campaign(campaign, plan,
+                      {.progress = [&](const Progress& progress) { line.show(progress); },
+                       .warning = warn_below,
+                       .stored = [](const CellName& cell) { acknowledge(cell); }});
 }
 
 std::string summary_text(const CampaignSummary& summary, const CampaignPlan& plan,
