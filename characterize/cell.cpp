@@ -152,8 +152,7 @@ CellSamples CellMeasurement::samples(Phase phase) const {
 }
 
 bool CellMeasurement::wrong_output() const {
-  return std::ranges::any_of(taken_,
-                             [](const Taken& taken) { return taken.result.wrong_output; });
+  return std::ranges::any_of(taken_, [](const Taken& taken) { return taken.result.wrong_output; });
 }
 
 CellConditions CellMeasurement::conditions() const {

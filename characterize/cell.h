@@ -45,7 +45,7 @@ inline constexpr int kMostProcesses = 30;
 /// What the next process of a cell is for.
 struct Visit {
   State setup = State::kCold;  ///< Whether it finds an empty kernel cache or a filled one.
-  bool needed = true;  ///< A valid row needs it; otherwise it only narrows the interval.
+  bool needed = true;          ///< A valid row needs it; otherwise it only narrows the interval.
 };
 
 /// One cell on its way from nothing to a record.
@@ -83,7 +83,9 @@ class CellMeasurement {
     State setup;
     JobResult result;
   };
-  [[nodiscard]] bool failed() const { return !taken_.empty() && !taken_.back().result.error.empty(); }
+  [[nodiscard]] bool failed() const {
+    return !taken_.empty() && !taken_.back().result.error.empty();
+  }
   [[nodiscard]] bool wrong_output() const;
   [[nodiscard]] std::optional<JobResult> run(JobKind kind);
   [[nodiscard]] int setups() const { return 2 * request_.setup_repeats; }
@@ -104,7 +106,7 @@ class CellMeasurement {
   std::filesystem::path cache_;  ///< The cell's own kernel cache; gone with this.
   bool cache_filled_ = false;
   std::vector<std::pair<std::string, std::string>> environment_;
-  std::vector<Taken> taken_;               ///< In order of time.
+  std::vector<Taken> taken_;                ///< In order of time.
   std::optional<std::size_t> unstable_at_;  ///< How many had been taken when it turned out.
   bool unstable_ = false;                   ///< Of what is shown.
   std::optional<double> reached_;
