@@ -195,7 +195,8 @@ std::optional<double> relative_precision(std::span<const Nanos> samples) {
   return relative_half_width(interval_of_sorted(sorted), median_of_sorted(sorted));
 }
 
-std::vector<Nanos> process_medians(std::span<const Nanos> samples, std::span<const std::int32_t> processes) {
+std::vector<Nanos> process_medians(std::span<const Nanos> samples,
+                                   std::span<const std::int32_t> processes) {
   assert(samples.size() == processes.size());
   std::map<int, std::vector<Nanos>> of;
   for (std::size_t i = 0; i < samples.size(); ++i) of[processes[i]].push_back(samples[i]);

@@ -118,6 +118,7 @@ struct Statistics {
 /// Samples of a single process have the interval of median_interval, which says nothing of what
 /// another process would find. Needs at least one sample.
 /// @param processes  Which process took each sample; as many as there are samples.
-[[nodiscard]] Statistics summarize(std::span<const Nanos> samples, std::span<const std::int32_t> processes);
+[[nodiscard]] Statistics summarize(std::span<const Nanos> samples,
+                                   std::span<const std::int32_t> processes);
 
 }  // namespace pirt

@@ -58,7 +58,6 @@ struct CellConditions {
 /// precision_not_reached, contended, bimodal, where they apply.
 /// @param precision  Half the 95 % interval over processes, relative to the median.
 [[nodiscard]] std::vector<std::string> annotate(const CellSamples& samples,
-                                                const CellConditions& conditions,
-                                                double precision);
+                                                const CellConditions& conditions, double precision);
 
 }  // namespace pirt
