@@ -190,8 +190,7 @@ MixPlan make_plan(const Platform& platform, const Mix& mix, const ServiceTable& 
   return plan_mix(platform, mix, services, classes, mode.planner);
 }
 
-std::vector<PlanRow> planned_tasks(const Platform& platform, const Mix& mix,
-                                       const MixPlan& plan) {
+std::vector<PlanRow> planned_tasks(const Platform& platform, const Mix& mix, const MixPlan& plan) {
   std::vector<PlanRow> tasks;
   for (const auto& pipeline : mix.pipelines) {
     for (const auto& task : pipeline.tasks) {

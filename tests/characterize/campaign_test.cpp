@@ -10,8 +10,8 @@
 #include "characterize/environment_keys.h"
 #include "characterize/identity.h"
 #include "characterize/profile.h"
-#include "tests/characterize/campaign_support.h"
 #include "characterize/roofline.h"
+#include "tests/characterize/campaign_support.h"
 #include "tests/characterize/support.h"
 #include "tests/support/data.h"
 

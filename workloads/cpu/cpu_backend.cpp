@@ -34,10 +34,13 @@ std::string cpu_model() {
 
 DeviceInfo device_info(int cores) {
   const auto* onednn = dnnl_version();
-  return {cpu_model(), "OpenCV + oneDNN",
+  return {cpu_model(),
+          "OpenCV + oneDNN",
           fmt::format("OpenCV {}, oneDNN {}.{}.{}", cv::getVersionString(), onednn->major,
                       onednn->minor, onednn->patch),
-          cores, true, read_cache_sizes().last_bytes};
+          cores,
+          true,
+          read_cache_sizes().last_bytes};
 }
 
 /// Whether @p part occurs in @p text in whatever case.
