@@ -259,21 +259,6 @@ TEST(List, ShowsTheMissingDeviceWithItsRemedy) {
   EXPECT_THAT(backends.out, HasSubstr("pocl-opencl-icd"));
 }
 
-TEST(Characterize, AnInterruptionKeepsWhatIsDone) {
-  const Scratch scratch;
-  const auto path = scratch.file("p.db");
-  // Ended as soon as the first cell can be read; all 18 take far longer.
-  const auto script = "for i in $(seq 600); do " + quoted(PIRT_BINARY) + " report " + quoted(path) +
-                      " >/dev/null 2>&1 && break; sleep 0.1; done; kill -TERM $p; wait $p";
-  const auto outcome = run(quoted(PIRT_BINARY) + " characterize --platform host-cpu --db " +
-                           quoted(path) + " & p=$!; " + script);
-  EXPECT_EQ(outcome.exit_code, 4) << outcome.err;
-  EXPECT_THAT(outcome.err, HasSubstr("interrupted"));
-  const auto json = pirt({"report", path, "--format", "json"}).json();
-  EXPECT_FALSE(json["profile_summary"].empty());
-  EXPECT_EQ(json["runs"][0]["finished"], "");
-}
-
 TEST(Characterize, TakesRealPictures) {
   PIRT_DATA_OR_SKIP(images, "tum-fr3-office-640x480");
   const Scratch scratch;
