@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 
 #include "characterize/environment_keys.h"
 #include "characterize/rank_tests.h"
+#include "characterize/statistics.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -24,21 +24,13 @@ std::string phase_name(const PhaseRow& row) {
   return name;
 }
 
-/// Medians of the processes that took the row's samples.
-std::vector<double> process_medians_of(const PhaseRow& row) {
-  std::map<std::int32_t, std::vector<double>> by_process;
-  for (std::size_t i = 0; i < row.values.size(); ++i) {
-    by_process[row.value_processes[i]].push_back(static_cast<double>(row.values[i].count()));
-  }
-  std::vector<double> medians;
-  for (const auto& [process, values] : by_process) medians.push_back(median_of(values));
-  return medians;
-}
-
 /// Relative; absent for one process. Of many, those in order of being taken ten at a time, since d2
 /// ends there and a range of many is that of its worst.
 std::optional<double> spread_of(const PhaseRow& row) {
-  const auto medians = process_medians_of(row);
+  std::vector<double> medians;
+  for (const Nanos each : process_medians(row.values, row.value_processes)) {
+    medians.push_back(static_cast<double>(each.count()));
+  }
   if (medians.size() < 2) return std::nullopt;
   const double middle = median_of(medians);
   if (middle <= 0) return std::nullopt;
