@@ -143,22 +143,25 @@ class ReadPeak final : public PeakLoop {
   enum class Order : std::uint8_t {
     kEachAll,      ///< A core's: every item reads all words, which each core has in its own cache.
     kStretches,    ///< A core's: items read one stretch each.
+    kStreams,      ///< A core's: items read one stretch each, in four streams.
     kInterleaved,  ///< A GPU's: items read side by side.
   };
 
-  /// @param items  Divides the number of lines (64 bytes) into stretches of an even number of
+  /// @param items  Divides the number of lines (64 bytes) into stretches of a multiple of four
   /// lines.
   ReadPeak(Session session, const cl::Program& program, PeakKind kind, Order order,
            std::shared_ptr<const Words> words, std::size_t items, int passes)
       : session_(std::move(session)),
-        kernel_(program, order == Order::kInterleaved ? "read_words" : "read_lines"),
+        kernel_(program, kernel_of(order)),
         kind_(kind),
         order_(order),
         words_(std::move(words)),
         items_(items),
         passes_(passes),
         sums_(session_.context, CL_MEM_WRITE_ONLY, items * sizeof(std::uint32_t)) {
-    const std::size_t vector_words = order == Order::kInterleaved ? 4 : 16;
+    const std::size_t vector_words = order == Order::kInterleaved ? 4
+                                     : order == Order::kStreams   ? 8
+                                                                  : 16;
     const std::size_t shares = order == Order::kEachAll ? 1 : items;
     const auto count = static_cast<cl_int>(words_->host.size() / vector_words / shares);
     cl_uint next = 0;
@@ -173,11 +176,8 @@ class ReadPeak final : public PeakLoop {
 
   [[nodiscard]] PeakKind kind() const override { return kind_; }
   [[nodiscard]] std::string variant() const override {
-    return fmt::format("{} of {} kB, {}",
-                       order_ == Order::kEachAll     ? "the same words"
-                       : order_ == Order::kStretches ? "stretches"
-                                                     : "interleaved vectors",
-                       words_->host.size() / 256, shape_text(items_, session_));
+    return fmt::format("{} of {} kB, {}", order_text(), words_->host.size() / 256,
+                       shape_text(items_, session_));
   }
   [[nodiscard]] double work() const override {
     return 4.0 * static_cast<double>(words_->host.size()) * passes_ * times_read();
@@ -203,6 +203,33 @@ class ReadPeak final : public PeakLoop {
   }
 
  private:
+  static const char* kernel_of(Order order) {
+    switch (order) {
+      case Order::kEachAll:
+      case Order::kStretches:
+        return "read_lines";
+      case Order::kStreams:
+        return "read_streams";
+      case Order::kInterleaved:
+        break;
+    }
+    return "read_words";
+  }
+
+  [[nodiscard]] const char* order_text() const {
+    switch (order_) {
+      case Order::kEachAll:
+        return "the same words";
+      case Order::kStretches:
+        return "stretches";
+      case Order::kStreams:
+        return "stretches in four streams";
+      case Order::kInterleaved:
+        break;
+    }
+    return "interleaved vectors";
+  }
+
   /// In one pass, by all items together.
   [[nodiscard]] int times_read() const {
     return order_ == Order::kEachAll ? static_cast<int>(items_) : 1;
@@ -258,22 +285,25 @@ void add_reads(const Session& session, const cl::Program& program, PeakKind kind
                std::int64_t wished_bytes, const Shape& shape, PeakLoops& all) {
   const auto size_bytes = std::bit_floor(static_cast<std::size_t>(wished_bytes));
   const auto words = std::make_shared<const Words>(session, size_bytes);
-  const bool near = kind == PeakKind::kBandwidthL2;
-  const auto order = !session.is_cpu ? ReadPeak::Order::kInterleaved
-                     : near          ? ReadPeak::Order::kEachAll
-                                     : ReadPeak::Order::kStretches;
+  using Order = ReadPeak::Order;
+  const auto orders = !session.is_cpu ? std::vector{Order::kInterleaved}
+                      : kind == PeakKind::kBandwidthL2
+                          ? std::vector{Order::kEachAll}
+                          : std::vector{Order::kStretches, Order::kStreams};
   // Enough passes that launching costs nothing, where a pass takes microseconds.
   constexpr std::size_t kBytesALaunch = std::size_t{64} << 20U;
   const std::size_t lines = size_bytes / 64;
   for (const std::size_t per_unit :
        session.is_cpu ? std::array<std::size_t, 2>{1, 4} : std::array<std::size_t, 2>{8, 32}) {
     const std::size_t items =
-        std::min(std::bit_floor(shape.units * session.local_x * per_unit), lines / 2);
+        std::min(std::bit_floor(shape.units * session.local_x * per_unit), lines / 4);
     if (items < session.local_x || items % session.local_x != 0) continue;
-    const std::size_t a_pass = order == ReadPeak::Order::kEachAll ? size_bytes * items : size_bytes;
-    const auto passes = static_cast<int>(std::max<std::size_t>(kBytesALaunch / a_pass, 1));
-    all.loops.push_back(
-        std::make_unique<ReadPeak>(session, program, kind, order, words, items, passes));
+    for (const Order order : orders) {
+      const std::size_t a_pass = order == Order::kEachAll ? size_bytes * items : size_bytes;
+      const auto passes = static_cast<int>(std::max<std::size_t>(kBytesALaunch / a_pass, 1));
+      all.loops.push_back(
+          std::make_unique<ReadPeak>(session, program, kind, order, words, items, passes));
+    }
   }
 }
 
