@@ -22,6 +22,7 @@
 #include "characterize/peaks.h"
 #include "characterize/profile.h"
 #include "characterize/roofline.h"
+#include "characterize/scratch.h"
 #include "characterize/unit_request.h"
 #include "workloads/base/error.h"
 #include "workloads/base/random.h"
@@ -30,31 +31,6 @@
 
 namespace pirt {
 namespace {
-
-/// Where references and kernel caches live for one run; gone with it.
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "pirt-XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) {
-      throw_environment(
-          fmt::format("cannot make a scratch folder '{}': {}; set TMPDIR to a folder "
-                      "with space",
-                      name, std::strerror(errno)));
-    }
-    path_ = name;
-  }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 std::string utc_now() {
   return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));

@@ -1,9 +1,6 @@
 #include "characterize/job_runner.h"
 
 #include <fmt/format.h>
-#include <string.h>
-
-#include <algorithm>
 
 #include "characterize/process.h"
 
@@ -12,31 +9,12 @@ namespace {
 
 constexpr std::size_t kLastWords = 400;  // characters of standard error that a reason quotes
 
-std::string one_line(std::string text, std::size_t longest) {
-  std::ranges::replace_if(
-      text, [](unsigned char c) { return c < ' '; }, ' ');
-  while (!text.empty() && text.back() == ' ') text.pop_back();
-  if (text.size() > longest) text = "..." + text.substr(text.size() - longest);
-  return text;
-}
-
-std::string signal_name(int number) {
-  const char* name = ::sigabbrev_np(number);
-  return name != nullptr ? fmt::format("SIG{}", name) : fmt::format("signal {}", number);
-}
-
 std::string failure(const ProcessResult& process, const JobResult& result, Nanos limit) {
   const std::string step = result.step.empty() ? "starting" : result.step;
-  std::string text;
-  if (process.end == ProcessResult::End::kTimedOut) {
-    text = fmt::format("worker timed out after {:.3g} s while {}", to_s(limit), step);
-  } else if (process.end == ProcessResult::End::kSignalled) {
-    text = fmt::format("worker crashed ({}) while {}", signal_name(process.code), step);
-  } else if (!result.error.empty()) {
+  if (process.end == ProcessResult::End::kExited && !result.error.empty()) {
     return one_line(fmt::format("{} (while {})", result.error, step), 2 * kLastWords);
-  } else {
-    text = fmt::format("worker ended with code {} while {}", process.code, step);
   }
+  const std::string text = fmt::format("worker {} while {}", how_it_ended(process, limit), step);
   const std::string words = one_line(process.diagnostics, kLastWords);
   return words.empty() ? text : text + ": " + words;
 }

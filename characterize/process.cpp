@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <signal.h>
+#include <string.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -228,6 +229,31 @@ ProcessResult run_process(const ProcessRequest& request) {
                                   request.program.string(), result.diagnostics));
   }
   return result;
+}
+
+std::string how_it_ended(const ProcessResult& process, Nanos limit) {
+  switch (process.end) {
+    case ProcessResult::End::kTimedOut:
+      return fmt::format("timed out after {:.3g} s", to_s(limit));
+    case ProcessResult::End::kSignalled: {
+      const char* name = ::sigabbrev_np(process.code);
+      return name != nullptr ? fmt::format("crashed (SIG{})", name)
+                             : fmt::format("crashed (signal {})", process.code);
+    }
+    case ProcessResult::End::kStopped:
+      return "was stopped";
+    case ProcessResult::End::kExited:
+      break;
+  }
+  return fmt::format("ended with code {}", process.code);
+}
+
+std::string one_line(std::string text, std::size_t longest) {
+  std::ranges::replace_if(
+      text, [](unsigned char c) { return c < ' '; }, ' ');
+  while (!text.empty() && text.back() == ' ') text.pop_back();
+  if (text.size() > longest) text = "..." + text.substr(text.size() - longest);
+  return text;
 }
 
 }  // namespace pirt

@@ -35,4 +35,11 @@ struct ProcessResult {
 /// @throws Error{kEnvironment} if the program cannot be started.
 [[nodiscard]] ProcessResult run_process(const ProcessRequest& request);
 
+/// "timed out after 60 s", "crashed (SIGABRT)", "ended with code 3".
+/// @param limit  The request's.
+[[nodiscard]] std::string how_it_ended(const ProcessResult& process, Nanos limit);
+
+/// @p text with control characters as blanks; of longer ones than @p longest characters the end.
+[[nodiscard]] std::string one_line(std::string text, std::size_t longest);
+
 }  // namespace pirt

@@ -52,15 +52,17 @@ PhaseRow read_phase_row(const Statement& q) {
 }
 
 /// Newest runs first; of each (workload, unit, phase, state) the first row met stays.
-std::vector<PhaseRow> read_phases(const Connection& connection, const std::string& platform) {
+std::vector<PhaseRow> read_phases(const Connection& connection, const std::string& platform,
+                                  RunRange runs) {
   std::vector<PhaseRow> rows;
   std::set<std::tuple<std::string, std::string, Phase, State>> seen;
   Statement query(
       connection,
       "SELECT run_id, platform, workload, unit, backend, phase, state, provenance, valid, "
       "reasons, notes, samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, "
-      "ops, bytes, processes FROM profile_summary WHERE platform = ? ORDER BY run_id DESC");
-  query.bind(platform);
+      "ops, bytes, processes FROM profile_summary WHERE platform = ? AND run_id BETWEEN ? AND ? "
+      "ORDER BY run_id DESC");
+  query.bind(platform).bind(runs.first).bind(runs.last);
   while (query.step()) {
     PhaseRow row = read_phase_row(query);
     if (seen.emplace(row.workload, row.unit, row.phase, row.state).second) {
@@ -70,16 +72,16 @@ std::vector<PhaseRow> read_phases(const Connection& connection, const std::strin
   return rows;
 }
 
-std::vector<EnergyRow> read_energies(const Connection& connection, const std::string& platform) {
+std::vector<EnergyRow> read_energies(const Connection& connection, const std::string& platform,
+                                     RunRange runs) {
   std::vector<EnergyRow> rows;
   std::set<std::pair<std::string, std::string>> seen;
   Statement query(
       connection,
       "SELECT run_id, workload, unit, energy_j, energy_summary.provenance, source, valid, "
       "reasons, domain, idle_subtracted FROM energy_summary JOIN run USING (run_id) WHERE platform "
-      "= ? "
-      "ORDER BY run_id DESC");
-  query.bind(platform);
+      "= ? AND run_id BETWEEN ? AND ? ORDER BY run_id DESC");
+  query.bind(platform).bind(runs.first).bind(runs.last);
   while (query.step()) {
     EnergyRow row;
     row.run_id = query.integer(0);
@@ -97,14 +99,15 @@ std::vector<EnergyRow> read_energies(const Connection& connection, const std::st
   return rows;
 }
 
-std::vector<PeakRow> read_peaks(const Connection& connection, const std::string& platform) {
+std::vector<PeakRow> read_peaks(const Connection& connection, const std::string& platform,
+                                RunRange runs) {
   std::vector<PeakRow> rows;
   std::set<std::pair<std::string, PeakKind>> seen;
   Statement query(connection,
                   "SELECT run_id, unit, kind, per_second, variant, provenance, valid, reasons "
                   "FROM peak JOIN run USING (run_id) WHERE platform = ? "
-                  "ORDER BY run_id DESC, unit, kind");
-  query.bind(platform);
+                  "AND run_id BETWEEN ? AND ? ORDER BY run_id DESC, unit, kind");
+  query.bind(platform).bind(runs.first).bind(runs.last);
   while (query.step()) {
     PeakRow row;
     row.run_id = query.integer(0);
@@ -163,11 +166,12 @@ RunInfo read_run(const Connection& connection, std::int64_t run_id) {
 namespace {
 
 /// The platform that is meant: the given one, or that of the newest run which has cells.
-std::string choose_platform(const Connection& connection, std::string_view wished) {
+std::string choose_platform(const Connection& connection, std::string_view wished, RunRange runs) {
   std::vector<std::string> known;  // newest first
   Statement query(connection,
                   "SELECT platform FROM run WHERE EXISTS (SELECT 1 FROM cell WHERE cell.run_id = "
-                  "run.run_id) ORDER BY run_id DESC");
+                  "run.run_id) AND run_id BETWEEN ? AND ? ORDER BY run_id DESC");
+  query.bind(runs.first).bind(runs.last);
   while (query.step()) {
     if (std::ranges::find(known, query.text(0)) == known.end()) known.push_back(query.text(0));
   }
@@ -259,16 +263,16 @@ std::vector<std::string> Profile::units() const {
 
 const std::string& Profile::platform() const { return runs.front().platform; }
 
-Profile load_profile(const std::filesystem::path& path, std::string_view platform) {
+Profile load_profile(const std::filesystem::path& path, std::string_view platform, RunRange runs) {
   auto connection = open_database(path, Connection::Mode::kReadOnly);
   connection.run("BEGIN");  // one state of the file for all that follows, though somebody may be
                             // appending a run
-  const std::string chosen = choose_platform(connection, platform);
+  const std::string chosen = choose_platform(connection, platform, runs);
   Profile profile;
   profile.path = path.string();
-  profile.phases = read_phases(connection, chosen);
-  profile.energies = read_energies(connection, chosen);
-  profile.peaks = read_peaks(connection, chosen);
+  profile.phases = read_phases(connection, chosen, runs);
+  profile.energies = read_energies(connection, chosen, runs);
+  profile.peaks = read_peaks(connection, chosen, runs);
   std::set<std::int64_t, std::greater<>> run_ids;
   for (const PhaseRow& row : profile.phases) run_ids.insert(row.run_id);
   for (const EnergyRow& row : profile.energies) run_ids.insert(row.run_id);
@@ -278,6 +282,18 @@ Profile load_profile(const std::filesystem::path& path, std::string_view platfor
   }
   sort_rows(profile);
   return profile;
+}
+
+std::vector<std::int64_t> finished_runs(const std::filesystem::path& path,
+                                        std::string_view platform) {
+  const auto connection = open_database(path, Connection::Mode::kReadOnly);
+  Statement query(connection,
+                  "SELECT run_id FROM run WHERE platform = ? AND finished IS NOT NULL "
+                  "ORDER BY run_id DESC");
+  query.bind(platform);
+  std::vector<std::int64_t> ids;
+  while (query.step()) ids.push_back(query.integer(0));
+  return ids;
 }
 
 void read_samples(Profile& profile) {

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -105,12 +106,23 @@ struct Profile {
   [[nodiscard]] const std::string& platform() const;
 };
 
+/// Which runs of a database are read.
+struct RunRange {
+  std::int64_t first = 0;
+  std::int64_t last = std::numeric_limits<std::int64_t>::max();
+};
+
 /// Reads the newest rows of one platform.
 /// @param platform  Only runs of that platform; empty = that of the newest run.
+/// @param runs      Only these, as if there were no others.
 /// @throws Error{kBadInput}: missing file, not a database, not pirt's, damaged, newer version, no
 /// runs, no run of that platform.
 [[nodiscard]] Profile load_profile(const std::filesystem::path& path,
-                                   std::string_view platform = {});
+                                   std::string_view platform = {}, RunRange runs = {});
+
+/// The runs of a platform that ended, newest first. @throws Error as load_profile.
+[[nodiscard]] std::vector<std::int64_t> finished_runs(const std::filesystem::path& path,
+                                                      std::string_view platform);
 
 /// Fills in PhaseRow::values of all rows: for whoever needs distributions, not medians alone.
 /// @throws Error as load_profile.

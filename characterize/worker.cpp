@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstring>
 #include <exception>
 #include <istream>
 #include <iterator>
+#include <optional>
 #include <ostream>
 
 #include "characterize/host_load.h"
@@ -22,8 +24,13 @@ namespace {
 
 class Worker {
  public:
-  Worker(const Job& job, std::ostream& records, JobResult& result)
-      : job_(job), records_(records), result_(result), backend_(find_backend(job.backend)) {}
+  /// @param records  Null = nobody follows.
+  Worker(const Job& job, const Injection& injection, std::ostream* records, JobResult& result)
+      : job_(job),
+        injection_(injection),
+        records_(records),
+        result_(result),
+        backend_(find_backend(job.backend)) {}
 
   void run() {
     switch (job_.kind) {
@@ -54,7 +61,7 @@ class Worker {
   /// From here on a failure is one of doing @p what.
   void begin(const std::string& what) {
     result_.step = what;
-    records_ << to_record(result_) << std::endl;
+    if (records_ != nullptr) *records_ << to_record(result_) << std::endl;
   }
 
   void probe() {
@@ -106,12 +113,19 @@ class Worker {
     result_.device = device_->info();
     result_.device_init = own != nullptr ? own->now() : opened - start;  // an own clock starts at 0
 
+    std::optional<ExtraWork> extra;
+    if (injection_.prepare > 1) extra.emplace(machine_);
     begin("preparing");
     const Nanos begun = clock_->now();
     kernel_ = device_->prepare(workload, data_.parameters);
     kernel_->bind(data_.inputs, outputs_);
     call();
+    if (extra) {
+      const auto taken = static_cast<double>((clock_->now() - begun).count());
+      ExtraWork::run(extra->steps_for(Nanos(std::llround((injection_.prepare - 1) * taken))));
+    }
     result_.prepare = clock_->now() - begun;
+    kernel_ = slowed(std::move(kernel_), injection_.execute, machine_);
   }
 
   void call() {
@@ -134,6 +148,7 @@ class Worker {
   }
 
   bool is_right() {
+    if (job_.reference.empty()) return true;
     begin("verifying");
     expected_ = read_tensors(job_.reference, reference_specs(find_workload(job_.workload)));
     scribble();
@@ -156,7 +171,7 @@ class Worker {
       result_.contended = found.contended;
       result_.throttled = found.throttled;
     }
-    verify(expected_, "after timing");
+    if (!job_.reference.empty()) verify(expected_, "after timing");
   }
 
   /// The same calls, on the machine's clock even if the device has its own: meters know no other.
@@ -181,7 +196,8 @@ class Worker {
   }
 
   const Job& job_;
-  std::ostream& records_;
+  Injection injection_;
+  std::ostream* records_;
   JobResult& result_;
   const Backend& backend_;
   MachineClock machine_;
@@ -201,7 +217,7 @@ int run_worker(std::istream& job, std::ostream& records) {
   try {
     const std::string text{std::istreambuf_iterator<char>(job), std::istreambuf_iterator<char>()};
     const Job parsed = job_from_json(text);
-    Worker worker(parsed, records, result);
+    Worker worker(parsed, {}, &records, result);
     worker.run();
     result.done = true;
     // Before the device is closed: a driver that dies then cannot take back what was measured.
@@ -215,6 +231,13 @@ int run_worker(std::istream& job, std::ostream& records) {
   }
   records << to_record(result) << std::endl;
   return code;
+}
+
+JobResult do_job(const Job& job, const Injection& injection) {
+  JobResult result;
+  Worker(job, injection, nullptr, result).run();
+  result.done = true;
+  return result;
 }
 
 }  // namespace pirt

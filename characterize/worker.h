@@ -7,11 +7,18 @@
 
 #include <iosfwd>
 
+#include "characterize/duet/injection.h"
+#include "characterize/job.h"
+
 namespace pirt {
 
 /// Reads one job (job.h), does it and writes its records.
 /// @return 0 if the job was done; otherwise the exit code of the error, which the last record tells
 /// as well. Does not throw.
 int run_worker(std::istream& job, std::ostream& records);
+
+/// Does a job in this process. Without a reference, kSample verifies nothing.
+/// @throws Error as what the job does.
+[[nodiscard]] JobResult do_job(const Job& job, const Injection& injection = {});
 
 }  // namespace pirt

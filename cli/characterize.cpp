@@ -1,14 +1,13 @@
 // pirt characterize: measures every workload on every unit of a platform, into a profile database.
 #include <fmt/format.h>
 
-#include <atomic>
-#include <csignal>
 #include <memory>
 
 #include "characterize/campaign.h"
 #include "cli/commands.h"
 #include "cli/duration.h"
 #include "cli/fit_energy.h"
+#include "cli/long_run.h"
 #include "cli/output.h"
 #include "cli/sysfs.h"
 #include "reports/document.h"
@@ -37,41 +36,16 @@ struct Options {
   std::optional<std::string> json;
 };
 
-std::atomic<bool> stop_requested = false;
-
-/// The first Ctrl-C ends the run with what is measured; the second one ends the process at once.
-extern "C" void request_stop(int signal) {
-  stop_requested = true;
-  std::signal(signal, SIG_DFL);
-}
-
 std::string minutes(Nanos value) {
   const auto seconds = value.count() / 1'000'000'000;
   return fmt::format("{}:{:02}", seconds / 60, seconds % 60);
 }
 
-/// One line on stderr that is written over; silent if stderr is no terminal.
-class ProgressLine {
- public:
-  explicit ProgressLine(bool shown) : shown_(shown) {}
-  ~ProgressLine() { clear(); }
-  ProgressLine(const ProgressLine&) = delete;
-  ProgressLine& operator=(const ProgressLine&) = delete;
-
-  void show(const Progress& progress) const {
-    if (!shown_) return;
-    fmt::print(stderr, "\r[{} of {} done] {} on {}: {}; {} gone, about {} left\x1b[K",
-               progress.done, progress.cells, progress.workload, progress.unit, progress.step,
-               minutes(progress.elapsed), minutes(progress.estimated_left));
-    std::fflush(stderr);
-  }
-  void clear() const {
-    if (shown_) fmt::print(stderr, "\r\x1b[K");
-  }
-
- private:
-  bool shown_;
-};
+std::string progress_text(const Progress& progress) {
+  return fmt::format("[{} of {} done] {} on {}: {}; {} gone, about {} left", progress.done,
+                     progress.cells, progress.workload, progress.unit, progress.step,
+                     minutes(progress.elapsed), minutes(progress.estimated_left));
+}
 
 /// Where there is no progress line: a log that says what is safe.
 void acknowledge(const CellName& cell) {
@@ -156,17 +130,16 @@ std::string resume_hint(const Options& options) {
 }
 
 CampaignSummary measure(const CampaignOptions& campaign, const CampaignPlan& plan) {
-  std::signal(SIGINT, request_stop);
-  std::signal(SIGTERM, request_stop);
-  const ProgressLine line(stderr_is_terminal());
+  const ProgressLine line;
   const auto warn_below = [&line](const std::string& message) {
     line.clear();
     warn(message);
   };
-  return run_campaign(campaign, plan,
-                      {.progress = [&](const Progress& progress) { line.show(progress); },
-                       .warning = warn_below,
-                       .stored = [](const CellName& cell) { acknowledge(cell); }});
+  return run_campaign(
+      campaign, plan,
+      {.progress = [&](const Progress& progress) { line.show(progress_text(progress)); },
+       .warning = warn_below,
+       .stored = [](const CellName& cell) { acknowledge(cell); }});
 }
 
 std::string summary_text(const CampaignSummary& summary, const CampaignPlan& plan,
@@ -211,7 +184,7 @@ int characterize(const Options& options) {
   }
   auto campaign = campaign_options(options);
   campaign.sysfs = sysfs_root();
-  campaign.stop = &stop_requested;
+  campaign.stop = stop_on_signal();
   const auto plan = plan_campaign(campaign);
   check_fit(options.fit, plan);
   if (options.dry_run) {

@@ -23,7 +23,7 @@ struct Options {
 };
 
 const std::vector<std::string>& formats() {
-  static const std::vector<std::string> kFormats = {"json", "csv", "gbench"};
+  static const std::vector<std::string> kFormats = {"json", "csv", "gbench", "history"};
   return kFormats;
 }
 
@@ -52,6 +52,11 @@ std::string exported(const Options& options) {
     auto json = export_json(load());
     json["schema_version"] = 1;
     return json.dump(1) + "\n";
+  }
+  if (options.format == "history") {
+    const auto result = export_history(load().profile);
+    for (const auto& row : result.left_out) warn("not exported, since it is not valid: " + row);
+    return result.json.dump(1) + "\n";
   }
   const auto result = export_google_benchmark(load());
   for (const auto& row : result.left_out) warn("not exported, since it is not valid: " + row);
@@ -82,9 +87,11 @@ void add_export(CLI::App& app, Action& action) {
       "export",
       "Write a profile for other tools: the newest rows of one platform, with provenance");
   command->add_option("profile", options->database, "The profile database");
-  command->add_option("--format", options->format,
-                      "json: everything, raw samples included | csv: one table | gbench: JSON as "
-                      "Google Benchmark writes it, valid rows only, ns a call");
+  command->add_option(
+      "--format", options->format,
+      "json: everything, raw samples included | csv: one table | gbench: JSON as "
+      "Google Benchmark writes it, valid rows only, ns a call | history: medians for "
+      "benchmark-history actions, smaller is better");
   command->add_option("--table", options->table,
                       "With csv: profile | energy | peaks | samples (default: profile)");
   command->add_option("--filter", options->filter,

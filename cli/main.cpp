@@ -69,6 +69,7 @@ int run(int argc, char** argv) {
   add_export(app, action);
   add_diff(app, action);
   add_generate_dag(app, action);
+  add_sample(app, action);
   add_worker(app, action);
   app.footer(
       "Exit codes: 0 good, 1 a check failed, 2 usage or bad input, 3 inconclusive, 4 not possible "

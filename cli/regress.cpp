@@ -1,4 +1,6 @@
-// pirt regress: did anything become slower between two stored profiles?
+// pirt regress: did anything become slower, between two stored profiles or two programs?
+#include "cli/regress.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,27 +10,19 @@
 #include "cli/commands.h"
 #include "cli/output.h"
 #include "reports/gate/gate_report.h"
+#include "reports/gate/pooling.h"
 #include "reports/profile_export.h"
 #include "workloads/base/error.h"
 
 namespace pirt::cli {
 namespace {
 
-struct Options {
-  std::vector<std::string> files;
-  std::string filter;
-  std::string platform;
-  std::string mix = "full-robot";
-  bool all = false;
-  std::optional<std::string> markdown, junit, json;
-};
-
 /// Results that take stdout leave no room there for the text.
-bool takes_stdout(const Options& options) {
+bool takes_stdout(const RegressOptions& options) {
   return options.markdown == "-" || options.junit == "-" || options.json == "-";
 }
 
-void check_outputs(const Options& options) {
+void check_outputs(const RegressOptions& options) {
   int to_stdout = 0;
   for (const auto* target : {&options.markdown, &options.junit, &options.json}) {
     to_stdout += *target == "-" ? 1 : 0;
@@ -39,14 +33,14 @@ void check_outputs(const Options& options) {
 }
 
 /// By its name, or a platform file.
-std::optional<Platform> given_platform(const Options& options) {
+std::optional<Platform> given_platform(const RegressOptions& options) {
   if (options.platform.empty()) return std::nullopt;
   return load_platform(options.platform, {});
 }
 
 /// What the mix costs needs the platform's file; profiles of one that is not shipped can be judged
 /// without it.
-std::optional<Decisions> decide(const Options& options, std::optional<Platform> platform,
+std::optional<Decisions> decide(const RegressOptions& options, std::optional<Platform> platform,
                                 const Profile& base, const Profile& candidate) {
   if (options.mix == "none") return std::nullopt;
   const Mix mix = load_mix(options.mix);
@@ -60,15 +54,20 @@ std::optional<Decisions> decide(const Options& options, std::optional<Platform> 
   return compare_decisions(base, candidate, *platform, mix);
 }
 
-Profile open_profile(const std::string& path, const std::string& platform,
-                     const std::string& filter) {
-  auto profile = load_profile(path, platform);
-  if (!filter.empty()) keep_workloads(profile, filter);
-  read_samples(profile);
-  return profile;
+struct Table {
+  Profile profile;
+  std::string name;  ///< Its path, and how many runs it is made of.
+};
+
+Table open_table(const std::string& path, const std::string& platform, const std::string& filter) {
+  Table table{.profile = load_profile(path, platform), .name = path};
+  if (!filter.empty()) keep_workloads(table.profile, filter);
+  const int runs = pool_samples(table.profile);
+  if (runs > 1) table.name += fmt::format(" ({} runs)", runs);
+  return table;
 }
 
-GateReport compare(const Options& options) {
+GateReport compare(const RegressOptions& options) {
   const auto& base_path = options.files[0];
   const auto& candidate_path = options.files[1];
   std::error_code missing;  // which loading explains
@@ -78,27 +77,43 @@ GateReport compare(const Options& options) {
   }
   const auto platform = given_platform(options);
   const std::string name = platform ? platform->name : "";
-  const Profile base = open_profile(base_path, name, options.filter);
-  const Profile candidate = open_profile(candidate_path, name, options.filter);
-  GateReport report{.base = base_path,
-                    .candidate = candidate_path,
-                    .result = {},
-                    .decisions = {},
-                    .thresholds = {}};
-  report.result = judge(diff_profiles(base, candidate), report.thresholds);
-  report.decisions = decide(options, platform, base, candidate);
+  const Table base = open_table(base_path, name, options.filter);
+  const Table candidate = open_table(candidate_path, name, options.filter);
+  GateReport report{.base = base.name,
+                    .candidate = candidate.name,
+                    .result = judge(diff_profiles(base.profile, candidate.profile)),
+                    .decisions = decide(options, platform, base.profile, candidate.profile),
+                    .rule = {}};
+  describe_rule(GateThresholds{}, report);
   return report;
 }
 
-int regress(const Options& options) {
+int regress_tables(const RegressOptions& options) {
   if (options.files.size() != 2) {
     throw_bad_input(fmt::format(
         "pirt regress takes two profile databases, BASELINE and CANDIDATE, not {}; see 'pirt "
         "regress --help'",
         options.files.size()));
   }
+  return emit_report(compare(options), options);
+}
+
+int regress(const RegressOptions& options) {
   check_outputs(options);
-  const GateReport report = compare(options);
+  const bool programs = !options.baseline_program.empty() || !options.candidate_program.empty();
+  const int ways =
+      (programs ? 1 : 0) + (options.self_test ? 1 : 0) + (options.files.empty() ? 0 : 1);
+  if (ways > 1) {
+    throw_bad_input("give two profiles, two programs or --self-test, not several of them");
+  }
+  if (programs) return regress_programs(options);
+  if (options.self_test) return regress_self_test(options);
+  return regress_tables(options);
+}
+
+}  // namespace
+
+int emit_report(const GateReport& report, const RegressOptions& options) {
   const Document document = gate_document(report, options.all);
   if (options.markdown) emit_text(render(document, Format::kMarkdown), options.markdown);
   if (options.junit) emit_text(gate_junit(report), options.junit);
@@ -107,18 +122,55 @@ int regress(const Options& options) {
   return exit_code_of(report.result);
 }
 
-}  // namespace
-
 void add_regress(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<RegressOptions>();
   auto* command = app.add_subcommand(
-      "regress", "Compare two profiles and fail if anything became slower: for CI");
+      "regress", "Compare two profiles or two programs and fail if anything became slower: for CI");
   command->add_option("profiles", options->files, "Profile databases: BASELINE CANDIDATE");
+  command->add_option("--baseline-program", options->baseline_program,
+                      "A pirt to compare with: fresh processes of both, in turns");
+  command->add_option("--candidate-program", options->candidate_program,
+                      "The pirt that must not be slower");
+  command->add_flag("--self-test", options->self_test,
+                    "Compare this program with itself, as it is and with slowdowns injected, and "
+                    "show how often the answer was right");
   command->add_option("--filter", options->filter,
                       "Regular expression: workloads whose names contain it (default: all)");
   command->add_option("--platform", options->platform,
                       "A name of `pirt list platforms`, or a YAML file (default: that of each "
-                      "file's newest run)");
+                      "file's newest run; host for programs)");
+  command
+      ->add_option("--units", options->units,
+                   "Programs: units to compare on, with commas (default: all)")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  command->add_option("--seed", options->seed, "Programs: seed of inputs and of the order")
+      ->capture_default_str();
+  command->add_option("--work", options->work, "Programs: how long a process repeats its calls")
+      ->capture_default_str();
+  command->add_flag("--cold", options->cold,
+                    "Programs: set up with empty kernel caches instead of filled ones");
+  command
+      ->add_option("--max-time", options->max_time,
+                   "Programs: what is undecided after this is inconclusive; go on with the same "
+                   "command")
+      ->capture_default_str();
+  command
+      ->add_option("--sample-limit", options->sample_limit,
+                   "Programs: a process that takes longer hangs, and its cell has failed")
+      ->capture_default_str();
+  command->add_option("--ledger", options->ledger,
+                      "File that keeps what was measured, to go on after an interruption (default: "
+                      "pirt-regress.ledger until the answer is there; none for --self-test)");
+  command
+      ->add_option("--decisions", options->decisions,
+                   "Self-test: whole decisions of each trial (default: 20; 1 with --quick)")
+      ->check(CLI::Range(1, 1'000'000));
+  command
+      ->add_option("--trial", options->trials,
+                   "Self-test: only this trial, e.g. 'same' or 'execute +10 %'; repeatable")
+      ->allow_extra_args(false);
+  command->add_flag("--quick", options->quick, "Self-test: one decision of each trial");
   command
       ->add_option("--mix", options->mix,
                    "Mix whose cost is shown in each mode on both profiles, or none")
@@ -129,7 +181,8 @@ void add_regress(CLI::App& app, Action& action) {
   command->add_option("--junit", options->junit, "Write JUnit XML to FILE, or to stdout for -");
   command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
   command->footer(
-      "Exit code 0: nothing became slower; 1: something did; 2: bad input; 3: inconclusive, or not "
+      "Exit code 0: nothing became slower; 1: something did, or failed; 2: bad input; 3: "
+      "inconclusive, or not "
       "comparable.\nExample: pirt regress base.db new.db --markdown report.md --junit r.xml");
   command->callback([options, &action] { action = [options] { return regress(*options); }; });
 }

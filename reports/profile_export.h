@@ -57,6 +57,15 @@ struct BenchmarkExport {
 };
 [[nodiscard]] BenchmarkExport export_google_benchmark(const ProfileWithSamples& data);
 
+/// Entries {name, unit, value, range, extra} of medians, as the actions that plot a benchmark's
+/// history read them ("customSmallerIsBetter"): ns a call, and J a call of rows `energy`; valid
+/// rows only. `range` is half the 95 % interval, where there is one.
+struct HistoryExport {
+  nlohmann::ordered_json json;
+  std::vector<std::string> left_out;
+};
+[[nodiscard]] HistoryExport export_history(const Profile& profile);
+
 /// `workload/unit/phase/real_time`, with `prepare_cold` and `prepare_warm` and the like for phases
 /// that have states.
 [[nodiscard]] std::string benchmark_name(const PhaseRow& row);

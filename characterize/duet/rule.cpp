@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <functional>
 #include <utility>
 
 #include "characterize/rank_tests.h"
@@ -78,9 +79,18 @@ void DuetRule::look_again() {
 }
 
 void DuetRule::conclude(DuetVerdict verdict) {
-  const bool unquiet = canaries_.size() >= thresholds_.canaries_needed &&
-                       std::abs(median_of(canaries_)) > thresholds_.canary_median;
-  verdict_ = unquiet ? DuetVerdict::kRefused : verdict;
+  verdict_ = unquiet() ? DuetVerdict::kRefused : verdict;
+}
+
+bool DuetRule::unquiet() const {
+  const auto& t = thresholds_;
+  if (canaries_.size() < t.canaries_needed) return false;
+  const double median = median_of(canaries_);
+  if (std::abs(median) <= t.canary_median) return false;
+  std::vector<double> mirrored = canaries_;
+  if (median < 0) std::ranges::transform(mirrored, mirrored.begin(), std::negate<>());
+  const double least_p = std::ldexp(1.0, -static_cast<int>(canaries_.size()));
+  return sign_test_p(mirrored, 0) <= std::max(t.canary_alpha, least_p);
 }
 
 double DuetRule::effect() const {

@@ -35,9 +35,13 @@ struct DuetThresholds {
   double futile_median = 0.02;      ///< Below it there is nothing to find.
   double bound_confidence = 0.995;
   double confirmed_confidence = 0.95;  ///< Of a lower bound above 0.
-  double open_bound = 0.10;     ///< At the end an upper bound above it leaves the question open.
-  double canary_median = 0.02;  ///< Of the baseline against itself.
+  double open_bound = 0.10;  ///< At the end an upper bound above it leaves the question open.
+  /// Of the baseline against itself: refused if the median is farther from 0 than this, and if that
+  /// is more than the spread of the canaries explains.
+  double canary_median = 0.02;
   std::size_t canaries_needed = 2;
+  double canary_alpha =
+      0.05;  ///< Of a sign test; of fewer than 5 canaries all must be on one side.
 };
 
 /// One series: a phase of a cell. Blocks are added as they are measured; the verdict changes at
@@ -68,6 +72,7 @@ class DuetRule {
   void look();
   void look_again();
   void conclude(DuetVerdict verdict);
+  [[nodiscard]] bool unquiet() const;
 
   DuetThresholds thresholds_;
   std::vector<double> blocks_, confirmation_, canaries_;

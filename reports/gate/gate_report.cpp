@@ -15,9 +15,10 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::array kVerdicts = {GateVerdict::kSlower,        GateVerdict::kInconclusive,
-                                  GateVerdict::kNotComparable, GateVerdict::kFaster,
-                                  GateVerdict::kSame,          GateVerdict::kNotJudged};
+constexpr std::array kVerdicts = {GateVerdict::kFailed,       GateVerdict::kSlower,
+                                  GateVerdict::kInconclusive, GateVerdict::kNotComparable,
+                                  GateVerdict::kFaster,       GateVerdict::kSame,
+                                  GateVerdict::kNotJudged};
 
 std::string percent_text(std::optional<double> value) {
   return value ? fmt::format("{:+.1f}", 100 * *value) : "-";
@@ -72,14 +73,8 @@ Table rows_table(const GateReport& report, bool all) {
                             row.reason.empty() ? "-" : row.reason});
     }
   }
-  const GateThresholds& t = report.thresholds;
-  table.footnotes = {
-      "base, candidate: medians in ms; of energy in J a call.",
-      fmt::format(
-          "slower: one-sided Mann-Whitney p, Holm-adjusted over the table, below {}, and the "
-          "median up by needed %: {:.0f} %, or {:.0f} times what processes of one program differ "
-          "by, whichever is more.",
-          t.alpha, 100 * t.effect, t.noise_factor)};
+  table.footnotes = {"base, candidate: medians in ms; of energy in J a call."};
+  table.footnotes.insert(table.footnotes.end(), report.rule.begin(), report.rule.end());
   return table;
 }
 
@@ -223,8 +218,20 @@ std::string message_of(const GateRow& row) {
 
 }  // namespace
 
+void describe_rule(const GateThresholds& thresholds, GateReport& report) {
+  const GateThresholds& t = thresholds;
+  report.rule = {fmt::format(
+      "slower: one-sided Mann-Whitney p, Holm-adjusted over the table, below {}, and the "
+      "median up by needed %: {:.0f} %, or {:.0f} times what processes of one program differ "
+      "by, whichever is more.",
+      t.alpha, 100 * t.effect, t.noise_factor)};
+  report.rule_json = {{"alpha", t.alpha}, {"effect", t.effect}, {"noise_factor", t.noise_factor}};
+}
+
 int exit_code_of(const GateResult& result) {
-  if (result.count(GateVerdict::kSlower) > 0) return kExitCheckFailed;
+  if (result.count(GateVerdict::kSlower) > 0 || result.count(GateVerdict::kFailed) > 0) {
+    return kExitCheckFailed;
+  }
   const bool open =
       result.count(GateVerdict::kInconclusive) > 0 || result.count(GateVerdict::kNotComparable) > 0;
   return open ? kExitInconclusive : 0;
@@ -242,7 +249,9 @@ Document gate_document(const GateReport& report, bool all) {
     } else {
       document.parts.emplace_back(flips_table(*report.decisions));
     }
-    document.parts.emplace_back(modes_table(*report.decisions));
+    if (!report.decisions->modes.empty()) {
+      document.parts.emplace_back(modes_table(*report.decisions));
+    }
   }
   return document;
 }
@@ -260,9 +269,7 @@ nlohmann::ordered_json gate_json(const GateReport& report) {
                {"base", report.base},
                {"candidate", report.candidate},
                {"exit_code", exit_code_of(report.result)},
-               {"alpha", report.thresholds.alpha},
-               {"effect", report.thresholds.effect},
-               {"noise_factor", report.thresholds.noise_factor},
+               {"rule", report.rule_json},
                {"identity_differences", identity},
                {"rows", rows}};
   if (report.decisions) json["decisions"] = decisions_json(*report.decisions);
@@ -275,7 +282,9 @@ std::string gate_junit(const GateReport& report) {
   std::string xml =
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"pirt regress\">\n";
   for (const auto& [unit, rows] : suites) {
-    const auto failures = std::ranges::count(rows, GateVerdict::kSlower, &GateRow::verdict);
+    const auto failures = std::ranges::count_if(rows, [](const GateRow* row) {
+      return row->verdict == GateVerdict::kSlower || row->verdict == GateVerdict::kFailed;
+    });
     const auto skipped = std::ranges::count_if(rows, [](const GateRow* row) {
       return row->verdict == GateVerdict::kInconclusive ||
              row->verdict == GateVerdict::kNotComparable || row->verdict == GateVerdict::kNotJudged;
@@ -288,6 +297,7 @@ std::string gate_junit(const GateReport& report) {
                          escaped(row->workload), escaped(row->phase));
       const std::string message = fmt::format("{}: {}", to_string(row->verdict), message_of(*row));
       switch (row->verdict) {
+        case GateVerdict::kFailed:
         case GateVerdict::kSlower:
           xml += fmt::format("><failure message=\"{}\"/></testcase>\n", escaped(message));
           break;

@@ -1,10 +1,11 @@
-// The answer of `pirt regress` for people (a document), for pull requests (the same as Markdown),
-// for CI servers (JUnit XML) and for programs (JSON).
+// The answer of `pirt regress`, whatever was compared, for people (a document), for pull requests
+// (the same as Markdown), for CI servers (JUnit XML) and for programs (JSON).
 #pragma once
 
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "reports/document.h"
 #include "reports/gate/decisions.h"
@@ -16,18 +17,23 @@ struct GateReport {
   std::string base, candidate;  ///< What was compared: paths.
   GateResult result;
   std::optional<Decisions> decisions;
-  GateThresholds thresholds;
+  std::vector<std::string> rule;  ///< In words, below the table.
+  nlohmann::ordered_json rule_json = nlohmann::ordered_json::object();  ///< In figures.
 };
 
-/// 1 if anything became slower, else 3 if anything is inconclusive or not comparable, else 0.
+/// The rule of two stored tables.
+void describe_rule(const GateThresholds& thresholds, GateReport& report);
+
+/// 1 if anything became slower or failed, else 3 if anything is inconclusive or not comparable,
+/// else 0.
 [[nodiscard]] int exit_code_of(const GateResult& result);
 
 /// @param all  Also the rows that are the same or not judged; otherwise they are counted.
 [[nodiscard]] Document gate_document(const GateReport& report, bool all);
 [[nodiscard]] nlohmann::ordered_json gate_json(const GateReport& report);
 
-/// A test case a row: slower ones fail, inconclusive, not comparable and not judged ones are
-/// skipped, with the reason.
+/// A test case a row: slower and failed ones fail, inconclusive, not comparable and not judged ones
+/// are skipped, with the reason.
 /// @source The format that Jenkins and GitLab read: testsuites, testsuite, testcase, failure,
 /// skipped.
 [[nodiscard]] std::string gate_junit(const GateReport& report);

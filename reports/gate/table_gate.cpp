@@ -198,6 +198,8 @@ std::string_view to_string(GateVerdict verdict) {
       return "faster";
     case GateVerdict::kSlower:
       return "slower";
+    case GateVerdict::kFailed:
+      return "failed";
     case GateVerdict::kInconclusive:
       return "inconclusive";
     case GateVerdict::kNotComparable:

@@ -22,6 +22,7 @@ enum class GateVerdict : std::uint8_t {
   kSame,
   kFaster,
   kSlower,
+  kFailed,  ///< The candidate crashed, hung or computed something else.
   kInconclusive,
   kNotComparable,  ///< Another identity, another workload size, an invalid row, or missing.
   kNotJudged,      ///< Too few samples for the test; shown, and without influence.
@@ -36,15 +37,15 @@ struct GateThresholds {
 };
 
 struct GateRow {
-  std::string workload, unit;
-  std::string phase;  ///< "execute", "prepare cold", "energy".
+  std::string workload = {}, unit = {};
+  std::string phase = {};  ///< "execute", "prepare cold", "energy".
   GateVerdict verdict = GateVerdict::kSame;
-  std::string reason;                     ///< Why it is not same, faster or slower; else empty.
-  std::optional<double> base, candidate;  ///< Medians in ns; joules a call of "energy".
-  std::optional<double> ratio;            ///< Candidate over base.
-  std::optional<double> p;                ///< Adjusted, of the direction that it went.
-  std::optional<double> noise;            ///< Relative, between processes of one program.
-  std::optional<double> needed;           ///< Rise of the median that counts.
+  std::string reason = {};  ///< Why it is not same, faster or slower; else empty.
+  std::optional<double> base = {}, candidate = {};  ///< Medians in ns; joules a call of "energy".
+  std::optional<double> ratio = {};                 ///< Candidate over base.
+  std::optional<double> p = {};                     ///< Adjusted, of the direction that it went.
+  std::optional<double> noise = {};                 ///< Relative, between processes of one program.
+  std::optional<double> needed = {};                ///< Rise of the median that counts.
 };
 
 struct GateResult {

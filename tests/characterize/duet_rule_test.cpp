@@ -83,6 +83,18 @@ TEST(DuetRule, RefusesWhereTheBaselineDiffersFromItself) {
   EXPECT_EQ(quiet.verdict(), DuetVerdict::kNotSlower);
 }
 
+TEST(DuetRule, NoisyCanariesAroundNothingDoNotRefuse) {
+  // Median 3 %, but spread over both sides: the blocks are as noisy, and the rule knows.
+  DuetRule rule;
+  for (const double canary : {0.10, -0.08, 0.03, 0.12, -0.05}) rule.add_canary(canary);
+  add(rule, 20, 0);
+  EXPECT_EQ(rule.verdict(), DuetVerdict::kNotSlower);
+  DuetRule off;
+  for (const double canary : {-0.10, -0.03, -0.04, -0.12, -0.05}) off.add_canary(canary);
+  add(off, 20, 0);
+  EXPECT_EQ(off.verdict(), DuetVerdict::kRefused);
+}
+
 /// Blocks as a shared machine has them: noise, a spike now and then that hits either side.
 class Machine {
  public:

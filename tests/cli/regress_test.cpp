@@ -68,6 +68,16 @@ TEST_F(Regress, FailsWhereSomethingBecameSlower) {
   EXPECT_EQ(slower, 2) << "execute and call";
 }
 
+TEST_F(Regress, PutsComparableRunsOfAFileTogether) {
+  std::filesystem::copy_file(scratch_->file("base.db"), scratch_->file("two.db"));
+  measure("two.db", 2, 7);
+  measure("two.db", 2, 7);
+  EXPECT_THAT(regress("two.db", {"--all"}).out, HasSubstr("two.db (3 runs)"));
+  // A run on other inputs stays out; being the newest, it is what counts.
+  measure("two.db", 2, 8);
+  EXPECT_THAT(regress("two.db", {"--all"}).out, Not(HasSubstr("runs)")));
+}
+
 TEST_F(Regress, SaysWhatIsNotComparable) {
   const auto outcome = regress("other.db");
   EXPECT_EQ(outcome.exit_code, 3) << outcome.err;

@@ -249,7 +249,7 @@ GateReport report_of(const Profile& base, const Profile& candidate) {
                     .candidate = "b.db",
                     .result = judge_both(base, candidate),
                     .decisions = {},
-                    .thresholds = {}};
+                    .rule = {}};
   report.decisions = Decisions{
       .mix = "full-robot",
       .flips = find_flips(base, candidate),

@@ -1,0 +1,222 @@
+#include "characterize/duet/comparison.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "workloads/base/error.h"
+#include "workloads/base/random.h"
+
+namespace pirt {
+namespace {
+
+using Event = DuetComparison::Event;
+using Seconds = std::map<std::string, double>;
+
+constexpr std::size_t kBlocksACanary = 4;
+constexpr std::size_t kFirstCanary = 2;  ///< After so many blocks.
+/// Parts of a call that are less than this share of it can only be seen in the call.
+constexpr double kLeastShare = 0.10;
+
+constexpr std::size_t index_of(Side side) { return static_cast<std::size_t>(side); }
+
+std::string order_text(const std::vector<Side>& order) {
+  std::string text;
+  for (const Side side : order) text += side == Side::kBaseline ? 'A' : 'B';
+  return text;
+}
+
+Event cell_json(const DuetCell& cell) { return {{"workload", cell.workload}, {"unit", cell.unit}}; }
+
+/// Mean log ratio of the inner two to the outer two.
+double inner_to_outer(const std::array<double, 4>& s) {
+  return (std::log(s[1]) + std::log(s[2]) - std::log(s[0]) - std::log(s[3])) / 2;
+}
+
+/// The time of @p phase in all four, if all four have it.
+std::optional<std::array<double, 4>> times_of(const std::vector<Seconds>& seconds,
+                                              const std::string& phase) {
+  std::array<double, 4> times{};
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    const auto found = seconds[i].find(phase);
+    if (found == seconds[i].end() || !(found->second > 0)) return std::nullopt;
+    times[i] = found->second;
+  }
+  return times;
+}
+
+bool is_part_of_call(const std::string& phase) {
+  return phase == "upload" || phase == "launch" || phase == "download";
+}
+
+}  // namespace
+
+std::string_view to_string(Side side) { return side == Side::kBaseline ? "baseline" : "candidate"; }
+
+bool DuetCellState::ended() const {
+  return !failures[0].empty() || !failures[1].empty() || !not_comparable.empty();
+}
+
+bool DuetCellState::decided() const {
+  if (ended()) return true;
+  if (blocks == 0) return false;
+  return std::ranges::all_of(series, [](const auto& each) {
+    return each.second.rule.verdict() != DuetVerdict::kUndecided;
+  });
+}
+
+DuetComparison::DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed,
+                               DuetThresholds thresholds)
+    : seed_(seed), thresholds_(std::move(thresholds)) {
+  for (DuetCell& cell : cells) {
+    cells_.emplace_back();
+    cells_.back().cell = std::move(cell);
+  }
+}
+
+/// How often it was measured.
+std::size_t DuetComparison::turn_of(const DuetCellState& state) const {
+  return state.blocks + state.canaries + (state.checks[0] ? 1 : 0) + (state.checks[1] ? 1 : 0);
+}
+
+std::optional<DuetStep> DuetComparison::next() const {
+  std::optional<std::size_t> chosen;
+  std::pair<std::size_t, std::uint64_t> least;
+  for (std::size_t c = 0; c < cells_.size(); ++c) {
+    if (cells_[c].decided()) continue;
+    const std::size_t turn = turn_of(cells_[c]);
+    const std::pair rank{turn, hash_u64(hash_u64(seed_, turn), c)};
+    if (chosen && least <= rank) continue;
+    chosen = c;
+    least = rank;
+  }
+  if (!chosen) return std::nullopt;
+  const DuetCellState& state = cells_[*chosen];
+  DuetStep step;
+  step.cell = *chosen;
+  for (const Side side : {Side::kBaseline, Side::kCandidate}) {
+    if (state.checks[index_of(side)]) continue;
+    step.order = {side};
+    return step;
+  }
+  const bool canary = state.blocks >= kFirstCanary + kBlocksACanary * state.canaries;
+  if (canary) {
+    step.kind = DuetStep::Kind::kCanary;
+    step.order.assign(4, Side::kBaseline);
+    return step;
+  }
+  step.kind = DuetStep::Kind::kBlock;
+  const std::uint64_t coin =
+      hash_u64(derive_seed(seed_, to_string(state.cell)), state.blocks) >> 63U;
+  const Side outer = coin == 0 ? Side::kBaseline : Side::kCandidate;
+  const Side inner = coin == 0 ? Side::kCandidate : Side::kBaseline;
+  step.order = {outer, inner, inner, outer};
+  return step;
+}
+
+Event DuetComparison::event_of(const DuetStep& step, const std::vector<Sample>& samples) const {
+  Event body = cell_json(cells_[step.cell].cell);
+  if (step.kind == DuetStep::Kind::kCheck) {
+    body["side"] = to_string(step.order.front());
+    body["sample"] = to_json(samples.front());
+    return {{"check", body}};
+  }
+  body["order"] = order_text(step.order);
+  Event seconds = Event::array();
+  for (const Sample& sample : samples) seconds.push_back(sample.seconds);
+  body["seconds"] = seconds;
+  return {{"block", body}};
+}
+
+Event DuetComparison::failure_of(const DuetStep& step, Side side, const std::string& error) const {
+  Event body = cell_json(cells_[step.cell].cell);
+  body["side"] = to_string(side);
+  body["error"] = error;
+  return {{"failure", body}};
+}
+
+DuetCellState& DuetComparison::cell_of(const Event& event) {
+  const DuetCell cell{event.at("workload"), event.at("unit")};
+  const auto found = std::ranges::find(cells_, cell, &DuetCellState::cell);
+  if (found == cells_.end()) throw_bad_input("no such cell: " + to_string(cell));
+  return *found;
+}
+
+void DuetComparison::apply(const Event& event) {
+  try {
+    if (event.contains("check")) {
+      const Event& body = event["check"];
+      check(cell_of(body), body);
+    } else if (event.contains("block")) {
+      const Event& body = event["block"];
+      block(cell_of(body), body);
+    } else if (event.contains("failure")) {
+      const Event& body = event["failure"];
+      const Side side = body.at("side") == "candidate" ? Side::kCandidate : Side::kBaseline;
+      cell_of(body).failures[index_of(side)] = body.at("error");
+    } else {
+      throw_bad_input("an unknown event");
+    }
+  } catch (const nlohmann::json::exception& error) {
+    throw_bad_input(error.what());
+  }
+}
+
+void DuetComparison::check(DuetCellState& state, const Event& event) {
+  const Side side = event.at("side") == "candidate" ? Side::kCandidate : Side::kBaseline;
+  const Sample sample = sample_from_json(event.at("sample").dump());
+  ++processes_;
+  if (sample.right == false) state.failures[index_of(side)] = "wrong output, " + sample.detail;
+  state.checks[index_of(side)] = sample;
+  if (!state.checks[0] || !state.checks[1]) return;
+  const auto compare = [&](const char* what, const std::string& a, const std::string& b) {
+    if (a != b) state.not_comparable = fmt::format("{}: {} against {}", what, a, b);
+  };
+  compare("device", state.checks[0]->device, state.checks[1]->device);
+  compare("input data", state.checks[0]->inputs, state.checks[1]->inputs);
+}
+
+void DuetComparison::block(DuetCellState& state, const Event& event) {
+  const std::string order = event.at("order");
+  const auto seconds = event.at("seconds").get<std::vector<Seconds>>();
+  if (seconds.size() != 4) throw_bad_input("a block without four processes");
+  const bool canary = order == "AAAA";
+  if (!canary && order != "ABBA" && order != "BAAB") throw_bad_input("no such order: " + order);
+  processes_ += 4;
+  if (state.series.empty()) start_series(state, seconds);
+  for (auto& [phase, series] : state.series) {
+    const auto times = times_of(seconds, phase);
+    if (!times) continue;
+    const double ratio = inner_to_outer(*times);
+    if (canary) {
+      series.rule.add_canary(ratio);
+      continue;
+    }
+    series.rule.add_block(order == "ABBA" ? ratio : -ratio);
+    for (std::size_t i = 0; i < times->size(); ++i) {
+      (order[i] == 'A' ? series.base_s : series.candidate_s).push_back((*times)[i]);
+    }
+  }
+  ++(canary ? state.canaries : state.blocks);
+}
+
+/// Of the phases that every process has; parts of a call only if they are more than a trifle of it.
+void DuetComparison::start_series(DuetCellState& state, const std::vector<Seconds>& seconds) {
+  const auto call = times_of(seconds, "call");
+  for (const auto& [phase, time] : seconds.front()) {
+    const auto times = times_of(seconds, phase);
+    if (!times) continue;
+    const bool trifle =
+        call && is_part_of_call(phase) &&
+        *std::ranges::max_element(*times) < kLeastShare * *std::ranges::min_element(*call);
+    if (!trifle) state.series.emplace(phase, DuetSeries{DuetRule(thresholds_), {}, {}});
+  }
+  if (state.series.empty()) state.not_comparable = "the programs have no phase in common";
+}
+
+std::size_t DuetComparison::decided() const {
+  return static_cast<std::size_t>(std::ranges::count_if(cells_, &DuetCellState::decided));
+}
+
+}  // namespace pirt

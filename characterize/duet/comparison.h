@@ -1,0 +1,87 @@
+// Two programs compared cell by cell, as a pure function of what was measured: what is known, what
+// is decided, and what to measure next.
+//
+// Everything enters through apply() as an event of the ledger, so that replaying a ledger is the
+// same as having measured. Events: {"check": ...} is a verified first process of one side,
+// {"block": ...} four timed ones, {"failure": ...} the end of a cell.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "characterize/duet/rule.h"
+#include "characterize/duet/sample.h"
+
+namespace pirt {
+
+enum class Side : std::uint8_t { kBaseline, kCandidate };
+[[nodiscard]] std::string_view to_string(Side side);
+
+/// What a cell needs next.
+struct DuetStep {
+  std::size_t cell = 0;
+  enum class Kind : std::uint8_t { kCheck, kBlock, kCanary } kind = Kind::kCheck;
+  /// Who runs, in this order; of a check one each.
+  std::vector<Side> order;
+};
+
+/// One phase of a cell.
+struct DuetSeries {
+  DuetRule rule;
+  std::vector<double> base_s, candidate_s;  ///< Of each process; canaries are not in it.
+};
+
+/// One cell.
+struct DuetCellState {
+  DuetCell cell;
+  std::array<std::optional<Sample>, 2> checks;  ///< By side.
+  std::array<std::string, 2> failures;  ///< By side: why it has no more samples; empty = none.
+  std::string not_comparable;           ///< Empty = it is.
+  std::map<std::string, DuetSeries> series;
+  std::size_t blocks = 0, canaries = 0;
+
+  [[nodiscard]] bool ended() const;    ///< Nothing can be measured any more.
+  [[nodiscard]] bool decided() const;  ///< Nothing needs to.
+};
+
+class DuetComparison {
+ public:
+  DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed, DuetThresholds thresholds = {});
+
+  /// Cells in turns, each turn in a random order of its own; a canary after every fourth block,
+  /// the first after the second. Nothing if all is decided.
+  [[nodiscard]] std::optional<DuetStep> next() const;
+
+  using Event = nlohmann::ordered_json;
+  /// The event of a step whose processes all answered.
+  /// @param samples  As long as step.order.
+  [[nodiscard]] Event event_of(const DuetStep& step, const std::vector<Sample>& samples) const;
+  [[nodiscard]] Event failure_of(const DuetStep& step, Side side, const std::string& error) const;
+  /// @throws Error{kBadInput} if it is none of the events above, or of no cell of this comparison.
+  void apply(const Event& event);
+
+  [[nodiscard]] const std::vector<DuetCellState>& cells() const { return cells_; }
+  [[nodiscard]] std::size_t decided() const;
+  [[nodiscard]] std::size_t processes() const { return processes_; }
+
+ private:
+  DuetCellState& cell_of(const Event& event);
+  void check(DuetCellState& state, const Event& event);
+  void block(DuetCellState& state, const Event& event);
+  void start_series(DuetCellState& state,
+                    const std::vector<std::map<std::string, double>>& seconds);
+  [[nodiscard]] std::size_t turn_of(const DuetCellState& state) const;
+
+  std::vector<DuetCellState> cells_;
+  std::uint64_t seed_;
+  DuetThresholds thresholds_;
+  std::size_t processes_ = 0;
+};
+
+}  // namespace pirt

@@ -1,0 +1,134 @@
+#include "characterize/duet/sample.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "characterize/build_info.h"
+#include "characterize/scratch.h"
+#include "characterize/statistics.h"
+#include "characterize/unit_request.h"
+#include "characterize/worker.h"
+#include "workloads/base/error.h"
+#include "workloads/base/hash.h"
+#include "workloads/catalog.h"
+#include "workloads/registry.h"
+
+namespace pirt {
+namespace {
+
+constexpr int kFormat = 1;
+
+Job job_for(const Platform& platform, const SampleRequest& request) {
+  const UnitModel& unit = platform.unit(request.cell.unit);
+  if (!unit.measured()) {
+    throw_bad_input(fmt::format("unit '{}' of platform '{}' has no backend to run anything on",
+                                unit.name, platform.name));
+  }
+  Job job;
+  job.kind = JobKind::kSample;
+  job.backend = unit.backend;
+  job.unit = make_unit_request(platform, unit);
+  job.workload = find_workload(request.cell.workload).name;
+  job.seed = request.seed;
+  job.sampling.warm_up = std::chrono::milliseconds(20);
+  job.sampling.slice = request.work;
+  job.sampling.min_samples = 3;
+  return job;
+}
+
+/// Of all inputs, and of some of the parameters, which may be hundreds of megabytes.
+std::string input_hash(const Workload& workload, std::uint64_t seed) {
+  const auto images = generated_images(seed);
+  const Data data = workload.make_data({seed, images.get()});
+  Hash64 hash;
+  for (const Tensor& tensor : data.inputs) hash.add(tensor.spec().describe()).add(tensor.bytes());
+  for (const Tensor& tensor : data.parameters) {
+    constexpr std::size_t kStride = 4'099;
+    hash.add(tensor.spec().describe());
+    const auto bytes = tensor.bytes();
+    for (std::size_t i = 0; i < bytes.size(); i += kStride) hash.add(bytes.subspan(i, 1));
+  }
+  return fmt::format("{:016x}", hash.value());
+}
+
+double seconds(Nanos time) { return static_cast<double>(time.count()) * 1e-9; }
+
+}  // namespace
+
+std::string to_string(const DuetCell& cell) {
+  return cell.unit.empty() ? cell.workload : cell.workload + " on " + cell.unit;
+}
+
+Sample take_sample(const Platform& platform, const SampleRequest& request) {
+  Job job = job_for(platform, request);
+  Sample sample;
+  sample.version = build_info().version;
+  std::optional<ScratchFolder> scratch;
+  if (request.verify) {
+    scratch.emplace();
+    job.kind = JobKind::kReference;
+    job.reference = scratch->path() / "reference";
+    static_cast<void>(do_job(job));
+    job.kind = JobKind::kSample;
+    sample.inputs = input_hash(find_workload(job.workload), job.seed);
+  }
+  const JobResult result = do_job(job, request.injection);
+  if (result.device) {
+    sample.device = result.device->name;
+    sample.driver = result.device->version;
+  }
+  if (request.verify) {
+    sample.right = !result.wrong_output;
+    sample.detail = result.verification;
+  }
+  sample.contended = result.contended;
+  if (result.device_init) sample.seconds["device_init"] = seconds(*result.device_init);
+  if (result.prepare) sample.seconds["prepare"] = seconds(*result.prepare);
+  for (const PhaseSamples& phase : result.phases) {
+    if (phase.samples.empty()) continue;
+    sample.seconds[std::string(to_string(phase.phase))] = seconds(median(phase.samples));
+  }
+  return sample;
+}
+
+nlohmann::ordered_json to_json(const Sample& sample) {
+  nlohmann::ordered_json json = {{"pirt_sample", kFormat},
+                                 {"version", sample.version},
+                                 {"device", sample.device},
+                                 {"driver", sample.driver}};
+  if (sample.right) {
+    json["inputs"] = sample.inputs;
+    json["right"] = *sample.right;
+    json["detail"] = sample.detail;
+  }
+  json["contended"] = sample.contended;
+  json["seconds"] = sample.seconds;
+  return json;
+}
+
+Sample sample_from_json(const std::string& text) {
+  try {
+    const auto json = nlohmann::json::parse(text);
+    if (json.at("pirt_sample").get<int>() < kFormat) throw_bad_input("an unknown format");
+    Sample sample;
+    sample.version = json.at("version");
+    sample.device = json.at("device");
+    sample.driver = json.value("driver", "");
+    if (json.contains("right")) {
+      sample.inputs = json.at("inputs");
+      sample.right = json.at("right");
+      sample.detail = json.at("detail");
+    }
+    sample.contended = json.value("contended", false);
+    sample.seconds = json.at("seconds").get<std::map<std::string, double>>();
+    for (const auto& [phase, value] : sample.seconds) {
+      if (!(std::isfinite(value) && value >= 0)) throw_bad_input(phase + " is no time");
+    }
+    return sample;
+  } catch (const std::exception& error) {
+    throw_bad_input(fmt::format("no answer of 'pirt sample': {}", error.what()));
+  }
+}
+
+}  // namespace pirt

@@ -1,0 +1,55 @@
+// One fresh process of one program, as `pirt sample` answers it: the time of each phase of a cell.
+//
+// This is what two versions of pirt have to agree on to be compared, so that it stays as it is: a
+// newer version may add fields, and takes nothing away.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "characterize/duet/injection.h"
+#include "characterize/platform.h"
+
+namespace pirt {
+
+/// A workload on a unit; "scheduler" on no unit stands for planning itself.
+struct DuetCell {
+  std::string workload, unit;
+  friend auto operator<=>(const DuetCell&, const DuetCell&) = default;
+};
+inline constexpr std::string_view kSchedulerCell = "scheduler";
+/// "sobel on cpu", "scheduler".
+[[nodiscard]] std::string to_string(const DuetCell& cell);
+
+struct SampleRequest {
+  DuetCell cell;
+  std::uint64_t seed = 1;
+  Nanos work = std::chrono::milliseconds(100);  ///< That calls are repeated for, after warming up.
+  bool verify = false;  ///< Compare with the reference, and tell what was computed.
+  Injection injection;
+};
+
+struct Sample {
+  std::string version;        ///< Of the program.
+  std::string device;         ///< Name; what is compared has to run on the same.
+  std::string driver;         ///< Versions of libraries and drivers, which may be what changed.
+  std::string inputs;         ///< Hash of what was computed on; only if verify was asked for.
+  std::optional<bool> right;  ///< What verifying found, with `detail`.
+  std::string detail;
+  bool contended = false;
+  std::map<std::string, double> seconds;  ///< By phase; medians of calls.
+};
+
+/// Sets up, runs and times a cell in this process, which must be fresh: set-up is timed too.
+/// @throws Error{kBadInput}: no such workload or unit; Error{kEnvironment}: it cannot be done here.
+[[nodiscard]] Sample take_sample(const Platform& platform, const SampleRequest& request);
+
+[[nodiscard]] nlohmann::ordered_json to_json(const Sample& sample);
+/// @throws Error{kBadInput} if @p text is not what `pirt sample` prints.
+[[nodiscard]] Sample sample_from_json(const std::string& text);
+
+}  // namespace pirt

@@ -1,0 +1,40 @@
+#include "cli/long_run.h"
+
+#include <fmt/format.h>
+
+#include <csignal>
+#include <cstdio>
+
+#include "cli/output.h"
+
+namespace pirt::cli {
+namespace {
+
+std::atomic<bool> stop_requested = false;
+
+extern "C" void request_stop(int signal) {
+  stop_requested = true;
+  std::signal(signal, SIG_DFL);
+}
+
+}  // namespace
+
+const std::atomic<bool>* stop_on_signal() {
+  std::signal(SIGINT, request_stop);
+  std::signal(SIGTERM, request_stop);
+  return &stop_requested;
+}
+
+ProgressLine::ProgressLine() : shown_(stderr_is_terminal()) {}
+
+void ProgressLine::show(const std::string& text) const {
+  if (!shown_) return;
+  fmt::print(stderr, "\r{}\x1b[K", text);
+  std::fflush(stderr);
+}
+
+void ProgressLine::clear() const {
+  if (shown_) fmt::print(stderr, "\r\x1b[K");
+}
+
+}  // namespace pirt::cli

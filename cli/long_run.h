@@ -1,0 +1,29 @@
+// What commands that measure for minutes share: Ctrl-C that keeps what there is, and a line that
+// shows how far they are.
+#pragma once
+
+#include <atomic>
+#include <string>
+
+namespace pirt::cli {
+
+/// A flag that the first Ctrl-C (or SIGTERM) sets from here on; the second one ends the process at
+/// once.
+[[nodiscard]] const std::atomic<bool>* stop_on_signal();
+
+/// One line on stderr that is written over; silent if stderr is no terminal.
+class ProgressLine {
+ public:
+  ProgressLine();
+  ~ProgressLine() { clear(); }
+  ProgressLine(const ProgressLine&) = delete;
+  ProgressLine& operator=(const ProgressLine&) = delete;
+
+  void show(const std::string& text) const;
+  void clear() const;
+
+ private:
+  bool shown_;
+};
+
+}  // namespace pirt::cli

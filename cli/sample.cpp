@@ -1,0 +1,84 @@
+// pirt sample: one fresh process of a cell, for `pirt regress` of another version too. Not in the
+// help; what it prints is stable (characterize/duet/sample.h).
+#include "characterize/duet/sample.h"
+
+#include <cmath>
+#include <memory>
+
+#include "characterize/build_info.h"
+#include "characterize/measure.h"
+#include "cli/commands.h"
+#include "cli/duration.h"
+#include "cli/output.h"
+#include "scheduler/planning_time.h"
+#include "workloads/base/error.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string workload, unit;
+  std::string platform = "host";
+  std::uint64_t seed = 1;
+  std::string work = "100ms";
+  bool verify = false;
+  std::string inject;
+};
+
+Sample sample_scheduler(const SampleRequest& request) {
+  const MachineClock clock;
+  const ExtraWork extra(clock);
+  const double more = request.injection.scheduler - 1;
+  std::function<void(Nanos)> slow_down;
+  if (more > 0) {
+    slow_down = [&](Nanos shortest) {
+      const auto time = more * static_cast<double>(shortest.count());
+      ExtraWork::run(extra.steps_for(Nanos(std::llround(time))));
+    };
+  }
+  Sample sample;
+  sample.version = build_info().version;
+  sample.device = "host";
+  sample.seconds = time_planning(clock, request.work, slow_down);
+  return sample;
+}
+
+int sample(const Options& options) {
+  SampleRequest request;
+  request.cell = {options.workload, options.unit};
+  request.seed = options.seed;
+  request.work = parse_duration(options.work);
+  request.verify = options.verify;
+  if (!options.inject.empty()) request.injection = parse_injection(options.inject);
+  const bool scheduler = options.workload == kSchedulerCell;
+  if (!scheduler && options.unit.empty()) throw_bad_input("--unit is required");
+  const Sample result =
+      scheduler ? sample_scheduler(request) : take_sample(load_platform(options.platform), request);
+  emit("", to_json(result), "-");
+  return 0;
+}
+
+}  // namespace
+
+void add_sample(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  auto* command =
+      app.add_subcommand("sample", "Time one workload on one unit in this process, as JSON");
+  command->group("");  // not in the help
+  command->add_option("--workload", options->workload, "A workload, or scheduler")->required();
+  command->add_option("--unit", options->unit, "Unit of the platform");
+  command
+      ->add_option("--platform", options->platform,
+                   "A name of `pirt list platforms`, or a YAML file")
+      ->capture_default_str();
+  command->add_option("--seed", options->seed, "Seed of inputs and weights")->capture_default_str();
+  command->add_option("--work", options->work, "How long calls are repeated")
+      ->capture_default_str();
+  command->add_flag("--verify", options->verify, "Compare with the reference");
+  command->add_option("--inject", options->inject,
+                      "Extra work, e.g. execute=1.1: to see whether a gate notices");
+  command->footer("Example: pirt sample --workload sobel --unit cpu");
+  command->callback([options, &action] { action = [options] { return sample(*options); }; });
+}
+
+}  // namespace pirt::cli

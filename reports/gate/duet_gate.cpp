@@ -1,0 +1,163 @@
+#include "reports/gate/duet_gate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "characterize/rank_tests.h"
+
+namespace pirt {
+namespace {
+
+/// From here on two units are apart, and a candidate is faster.
+constexpr double kApart = 0.05;
+
+double percent(double log_ratio) { return 100 * std::expm1(log_ratio); }
+
+bool is_faster(const DuetRule& rule) {
+  const auto upper = median_upper_bound(rule.blocks(), DuetThresholds{}.bound_confidence);
+  return upper && *upper < 0 && rule.effect() < std::log1p(-kApart);
+}
+
+std::string undecided_reason(const DuetCellState& state, const DuetRule& rule, DuetEnd end) {
+  const std::size_t blocks = rule.blocks().size() + rule.confirmation().size();
+  if (state.ended()) return fmt::format("{} blocks before the cell ended", blocks);
+  return fmt::format("{} after {} blocks; go on to decide it",
+                     end == DuetEnd::kStopped ? "interrupted" : "the time was up", blocks);
+}
+
+GateRow series_row(const DuetCellState& state, const std::string& phase, const DuetSeries& series,
+                   DuetEnd end) {
+  GateRow row{.workload = state.cell.workload, .unit = state.cell.unit, .phase = phase};
+  const DuetRule& rule = series.rule;
+  if (!series.base_s.empty()) {
+    row.base = 1e9 * median_of(series.base_s);
+    row.candidate = 1e9 * median_of(series.candidate_s);
+    row.ratio = std::exp(rule.effect());
+  }
+  switch (rule.verdict()) {
+    case DuetVerdict::kUndecided:
+      row.verdict = GateVerdict::kInconclusive;
+      row.reason = undecided_reason(state, rule, end);
+      break;
+    case DuetVerdict::kNotSlower:
+      row.verdict = is_faster(rule) ? GateVerdict::kFaster : GateVerdict::kSame;
+      break;
+    case DuetVerdict::kSlower:
+      row.verdict = GateVerdict::kSlower;
+      row.p = rule.p_value();
+      break;
+    case DuetVerdict::kInconclusive:
+      row.verdict = GateVerdict::kInconclusive;
+      row.reason = fmt::format("neither slower nor not after {} blocks: too noisy here",
+                               rule.blocks().size() + rule.confirmation().size());
+      break;
+    case DuetVerdict::kRefused:
+      row.verdict = GateVerdict::kInconclusive;
+      row.reason = fmt::format(
+          "the baseline differs from itself by {:+.1f} %: the machine is too unquiet; see pirt "
+          "doctor",
+          percent(median_of(rule.canaries())));
+      break;
+  }
+  return row;
+}
+
+/// What concerns all phases of a cell; nothing if nothing does.
+std::optional<GateRow> cell_row(const DuetCellState& state, DuetEnd end) {
+  GateRow row{.workload = state.cell.workload, .unit = state.cell.unit, .phase = "all"};
+  const std::string blocks =
+      state.blocks == 0 ? "" : fmt::format(" ({} blocks were measured before)", state.blocks);
+  const auto& of_base = state.failures[static_cast<std::size_t>(Side::kBaseline)];
+  const auto& of_candidate = state.failures[static_cast<std::size_t>(Side::kCandidate)];
+  if (!of_base.empty()) {
+    row.verdict = GateVerdict::kNotComparable;
+    row.reason = "the baseline failed: " + of_base + blocks;
+  } else if (!of_candidate.empty()) {
+    row.verdict = GateVerdict::kFailed;
+    row.reason = "the candidate failed: " + of_candidate + blocks;
+  } else if (!state.not_comparable.empty()) {
+    row.verdict = GateVerdict::kNotComparable;
+    row.reason = state.not_comparable;
+  } else if (state.series.empty()) {
+    row.verdict = GateVerdict::kInconclusive;
+    row.reason = end == DuetEnd::kStopped ? "interrupted before its first block"
+                                          : "the time was up before its first block";
+  } else {
+    return std::nullopt;
+  }
+  return row;
+}
+
+/// Takes back what is not sure enough among so many rows.
+void correct(std::vector<GateRow>& rows, double alpha) {
+  std::vector<double> p_values;
+  for (const GateRow& row : rows) {
+    if (row.phase != "all") p_values.push_back(row.p.value_or(1));
+  }
+  const auto adjusted = holm_adjusted(p_values);
+  std::size_t next = 0;
+  for (GateRow& row : rows) {
+    if (row.phase == "all") continue;
+    const double p = adjusted[next++];
+    if (row.verdict != GateVerdict::kSlower) continue;
+    row.p = p;
+    if (p < alpha) continue;
+    row.verdict = GateVerdict::kInconclusive;
+    row.reason = fmt::format("slower by itself, but not for sure among {} rows", p_values.size());
+  }
+}
+
+}  // namespace
+
+GateResult judge_duet(const DuetComparison& comparison, DuetEnd end, double alpha) {
+  GateResult result;
+  for (const DuetCellState& state : comparison.cells()) {
+    if (auto row = cell_row(state, end)) result.rows.push_back(std::move(*row));
+    for (const auto& [phase, series] : state.series) {
+      result.rows.push_back(series_row(state, phase, series, end));
+    }
+  }
+  correct(result.rows, alpha);
+  return result;
+}
+
+std::vector<Flip> find_flips(const GateResult& result) {
+  std::map<std::string, std::vector<const GateRow*>> workloads;
+  for (const GateRow& row : result.rows) {
+    if (row.phase == "call" && row.base && row.candidate) workloads[row.workload].push_back(&row);
+  }
+  std::vector<Flip> flips;
+  for (const auto& [workload, rows] : workloads) {
+    const auto* before = *std::ranges::min_element(rows, {}, &GateRow::base);
+    const auto* after = *std::ranges::min_element(rows, {}, &GateRow::candidate);
+    if (before == after) continue;
+    const bool clear = *after->base > (1 + kApart) * *before->base &&
+                       *before->candidate > (1 + kApart) * *after->candidate;
+    flips.push_back({workload, "time", before->unit, after->unit, clear});
+  }
+  return flips;
+}
+
+void describe_rule(const DuetThresholds& thresholds, GateReport& report) {
+  const DuetThresholds& t = thresholds;
+  report.rule = {
+      "change: median of blocks, each the mean log ratio of four fresh processes in order ABBA or "
+      "BAAB.",
+      fmt::format("slower: {} or more blocks, the {:.1f} % lower bound above {:.0f} % and the "
+                  "median above {:.0f} %, confirmed on {} to {} fresh blocks; p of those, "
+                  "Holm-adjusted over the table, below 0.05.",
+                  t.first_suspicion, 100 * t.bound_confidence, 100 * t.suspicious_bound,
+                  100 * t.suspicious_median, t.confirmations.front(), t.confirmations.back())};
+  report.rule_json = {{"looks", t.looks},
+                      {"first_suspicion", t.first_suspicion},
+                      {"confirmations", t.confirmations},
+                      {"suspicious_bound", t.suspicious_bound},
+                      {"suspicious_median", t.suspicious_median},
+                      {"bound_confidence", t.bound_confidence},
+                      {"canary_median", t.canary_median}};
+}
+
+}  // namespace pirt

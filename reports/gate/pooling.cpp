@@ -1,0 +1,73 @@
+#include "reports/gate/pooling.h"
+
+#include <algorithm>
+#include <set>
+#include <string>
+
+#include "characterize/identity.h"
+#include "characterize/statistics.h"
+
+namespace pirt {
+namespace {
+
+/// Process numbers of one run are below this.
+constexpr std::int32_t kProcessesARun = 10'000;
+
+const RunInfo& run_of(const Profile& profile, std::int64_t run_id) {
+  return *std::ranges::find(profile.runs, run_id, &RunInfo::run_id);
+}
+
+/// Units whose rows must not be put together; "" = all.
+std::set<std::string> units_apart(const RunInfo& a, const RunInfo& b) {
+  std::set<std::string> units;
+  for (const auto& difference : compare_identity(a, b)) units.insert(difference.unit);
+  return units;
+}
+
+bool is_same(const PhaseRow& a, const PhaseRow& b) {
+  return b.valid && a.ops == b.ops && a.bytes == b.bytes && a.provenance == b.provenance;
+}
+
+void add(const PhaseRow& other, std::int32_t offset, PhaseRow& row) {
+  row.values.insert(row.values.end(), other.values.begin(), other.values.end());
+  for (const auto process : other.value_processes) row.value_processes.push_back(offset + process);
+}
+
+void summarize_all(PhaseRow& row) {
+  const auto summary = summarize(row.values, row.value_processes);
+  row.samples = static_cast<std::int64_t>(row.values.size());
+  row.median = summary.median;
+  if (!summary.interval) return;
+  row.ci_low = summary.interval->low;
+  row.ci_high = summary.interval->high;
+}
+
+}  // namespace
+
+int pool_samples(Profile& profile) {
+  read_samples(profile);
+  int pooled = 1;
+  const auto runs = finished_runs(profile.path, profile.platform());
+  for (const std::int64_t id : runs) {
+    Profile other = load_profile(profile.path, profile.platform(), {id, id});
+    read_samples(other);
+    bool any = false;
+    for (PhaseRow& row : profile.phases) {
+      if (row.run_id == id || !row.valid) continue;
+      const auto apart = units_apart(run_of(profile, row.run_id), other.runs.front());
+      if (apart.contains("") || apart.contains(row.unit)) continue;
+      const PhaseRow* same = other.find(row.workload, row.unit, row.phase, row.state);
+      if (same == nullptr || !is_same(row, *same)) continue;
+      add(*same, static_cast<std::int32_t>(pooled) * kProcessesARun, row);
+      any = true;
+    }
+    pooled += any ? 1 : 0;
+  }
+  if (pooled == 1) return pooled;
+  for (PhaseRow& row : profile.phases) {
+    if (row.valid && !row.values.empty()) summarize_all(row);
+  }
+  return pooled;
+}
+
+}  // namespace pirt

@@ -1,0 +1,15 @@
+// The samples of several runs of one database as those of one: what differs between runs is then
+// part of what is tested, and set-up, of which a run has few samples, has enough of them.
+#pragma once
+
+#include "characterize/profile.h"
+
+namespace pirt {
+
+/// Reads the samples of all rows, adds those of the same rows in other runs of the file that may be
+/// compared with the row's own, and takes the medians of all of them.
+/// @return  Runs that samples come from.
+/// @throws Error as load_profile.
+int pool_samples(Profile& profile);
+
+}  // namespace pirt

@@ -1,0 +1,64 @@
+#include "scheduler/planning_time.h"
+
+#include <algorithm>
+#include <array>
+#include <vector>
+
+#include "characterize/platform.h"
+#include "characterize/statistics.h"
+#include "scheduler/mix.h"
+#include "scheduler/schedule.h"
+
+namespace pirt {
+namespace {
+
+constexpr std::array kModes = {"latency", "throughput", "energy", "advanced"};
+/// Of virtual time: some thousand tasks, a millisecond of work or more.
+constexpr Nanos kSpan = std::chrono::seconds(10);
+
+struct Planning {
+  ScheduleOptions options;
+  std::vector<Nanos> times;
+  Nanos shortest = Nanos::max();
+  std::int64_t tasks = 0;
+};
+
+}  // namespace
+
+std::map<std::string, double> time_planning(const Clock& clock, Nanos work,
+                                            const std::function<void(Nanos)>& after_each) {
+  const Platform platform = load_platform("fake");
+  const Mix mix = load_mix("full-robot");
+  std::array<Planning, kModes.size()> modes;
+  for (std::size_t m = 0; m < kModes.size(); ++m) {
+    modes[m].options.mode = kModes[m];
+    modes[m].options.duration = kSpan;
+  }
+  const auto once = [&](Planning& mode, bool counts) {
+    const Nanos begin = clock.now();
+    mode.tasks = run_virtual(platform, nullptr, mix, mode.options).completed;
+    const Nanos taken = clock.now() - begin;
+    if (!counts) {
+      mode.shortest = std::min(mode.shortest, taken);
+      return;
+    }
+    if (after_each) after_each(mode.shortest);
+    mode.times.push_back(clock.now() - begin);
+  };
+  for (int warm_up = 0; warm_up < 3; ++warm_up) {
+    for (Planning& mode : modes) once(mode, false);
+  }
+  const Nanos end = clock.now() + work;
+  do {
+    for (Planning& mode : modes) once(mode, true);
+  } while (clock.now() < end || modes[0].times.size() < 3);
+  std::map<std::string, double> seconds;
+  for (std::size_t m = 0; m < kModes.size(); ++m) {
+    seconds[std::string("schedule ") + kModes[m]] =
+        to_s(median(modes[m].times)) /
+        static_cast<double>(std::max<std::int64_t>(modes[m].tasks, 1));
+  }
+  return seconds;
+}
+
+}  // namespace pirt

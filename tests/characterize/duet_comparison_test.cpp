@@ -1,0 +1,271 @@
+// Two programs compared without any process: which order is asked for, what follows from what was
+// measured, and that a ledger repeats it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+
+#include "characterize/duet/duet.h"
+#include "characterize/scratch.h"
+#include "tests/support/errors.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+using testing::HasSubstr;
+
+const std::vector<DuetCell> kTwo = {{"sobel", "cpu"}, {"fc8", "cpu"}};
+
+/// A program that answers at once.
+Sample answer(double execute_s) {
+  Sample sample;
+  sample.version = "1";
+  sample.device = "CPU";
+  sample.inputs = "abc";
+  sample.right = true;
+  sample.seconds = {{"prepare", 0.01},
+                    {"execute", execute_s},
+                    {"upload", execute_s / 100},
+                    {"call", 1.01 * execute_s}};
+  return sample;
+}
+
+/// Candidates take @p slowdown times as long.
+TakeSample steady(double slowdown) {
+  return [=](Side side, const DuetCell&, bool) {
+    return SampleOutcome{.sample = answer(side == Side::kBaseline ? 1e-3 : 1e-3 * slowdown),
+                         .error = {}};
+  };
+}
+
+DuetEnd run(DuetComparison& comparison, const TakeSample& take) {
+  Ledger nowhere;
+  return run_duet(comparison, nowhere, take, {});
+}
+
+const DuetSeries& series(const DuetComparison& comparison, std::size_t cell,
+                         const std::string& phase) {
+  return comparison.cells()[cell].series.at(phase);
+}
+
+TEST(DuetComparison, ChecksBothThenTakesBlocksInTurnsWithCanaries) {
+  DuetComparison comparison(kTwo, 1);
+  std::vector<std::string> steps;
+  Ledger nowhere;
+  int mirrored = 0;
+  run_duet(comparison, nowhere, steady(1), {}, [&](const DuetStep& step) {
+    std::string text = std::to_string(step.cell);
+    for (const Side side : step.order) text += side == Side::kBaseline ? 'A' : 'B';
+    mirrored += text.ends_with("BAAB") ? 1 : 0;
+    steps.push_back(text);
+  });
+  // A turn has each cell once: 2 checks, 8 blocks and the 2 canaries after the 2nd and 6th.
+  ASSERT_EQ(steps.size(), 2U * (2 + 8 + 2));
+  for (std::size_t i = 0; i < steps.size(); i += 2) {
+    EXPECT_NE(steps[i][0], steps[i + 1][0]) << i;
+  }
+  EXPECT_EQ(std::ranges::count(steps, "0AAAA"), 2);
+  EXPECT_GT(mirrored, 2);
+  EXPECT_LT(mirrored, 14);
+  EXPECT_EQ(comparison.decided(), 2U);
+  EXPECT_EQ(comparison.processes(), 2U * (2 + 40));
+  EXPECT_EQ(series(comparison, 0, "execute").rule.verdict(), DuetVerdict::kNotSlower);
+}
+
+TEST(DuetComparison, FindsASlowdownAndSaysByHowMuch) {
+  DuetComparison comparison(kTwo, 1);
+  EXPECT_EQ(run(comparison, steady(1.1)), DuetEnd::kDecided);
+  const DuetSeries& execute = series(comparison, 1, "execute");
+  EXPECT_EQ(execute.rule.verdict(), DuetVerdict::kSlower);
+  EXPECT_NEAR(execute.rule.effect(), std::log(1.1), 1e-9);
+  EXPECT_EQ(execute.base_s.size(), execute.candidate_s.size());
+  EXPECT_EQ(series(comparison, 1, "prepare").rule.verdict(), DuetVerdict::kNotSlower);
+  EXPECT_FALSE(comparison.cells()[1].series.contains("upload")) << "1 % of a call";
+}
+
+TEST(DuetComparison, DriftWithinABlockCancels) {
+  DuetComparison comparison(kTwo, 1);
+  double now = 1e-3;
+  run(comparison, [&](Side, const DuetCell&, bool) {
+    now *= 1.02;
+    return SampleOutcome{.sample = answer(now), .error = {}};
+  });
+  for (const double block : series(comparison, 0, "execute").rule.blocks()) {
+    EXPECT_NEAR(block, 0, 1e-9);
+  }
+}
+
+TEST(DuetComparison, AFailureEndsTheCellAndKeepsItsBlocks) {
+  DuetComparison comparison(kTwo, 1);
+  int left = 15;
+  EXPECT_EQ(run(comparison,
+                [&](Side side, const DuetCell& cell, bool) {
+                  SampleOutcome outcome{.sample = answer(1e-3), .error = {}};
+                  if (side == Side::kCandidate && cell.workload == "sobel" && --left <= 0) {
+                    outcome = {.sample = {}, .error = "crashed (SIGSEGV)"};
+                  }
+                  return outcome;
+                }),
+            DuetEnd::kDecided);
+  const DuetCellState& sobel = comparison.cells()[0];
+  EXPECT_EQ(sobel.failures[1], "crashed (SIGSEGV)");
+  EXPECT_EQ(sobel.failures[0], "");
+  EXPECT_GE(sobel.blocks, 4U);
+  EXPECT_EQ(series(comparison, 0, "execute").rule.verdict(), DuetVerdict::kUndecided);
+  EXPECT_EQ(series(comparison, 1, "execute").rule.verdict(), DuetVerdict::kNotSlower);
+}
+
+TEST(DuetComparison, ComparesOnlyWhatComputesTheSame) {
+  const auto with = [&](const std::function<void(Sample&)>& change) {
+    DuetComparison comparison({kTwo[0]}, 1);
+    run(comparison, [&](Side side, const DuetCell&, bool) {
+      SampleOutcome outcome{.sample = answer(1e-3), .error = {}};
+      if (side == Side::kCandidate) change(*outcome.sample);
+      return outcome;
+    });
+    return comparison.cells()[0];
+  };
+  EXPECT_THAT(with([](Sample& s) { s.inputs = "xyz"; }).not_comparable, HasSubstr("input data"));
+  EXPECT_THAT(with([](Sample& s) { s.device = "GPU"; }).not_comparable,
+              HasSubstr("CPU against GPU"));
+  EXPECT_THAT(with([](Sample& s) {
+                s.seconds = {{"other", 1.0}};
+              }).not_comparable,
+              HasSubstr("no phase"));
+  const auto wrong = with([](Sample& s) {
+    s.right = false;
+    s.detail = "3 of 4 differ";
+  });
+  EXPECT_EQ(wrong.failures[1], "wrong output, 3 of 4 differ");
+  EXPECT_EQ(wrong.blocks, 0U);
+}
+
+class DuetLedger : public testing::Test {
+ protected:
+  Ledger open(DuetComparison& comparison) {
+    return Ledger(file(), {{"candidate", "1"}},
+                  [&](const Ledger::Event& event) { comparison.apply(event); });
+  }
+  [[nodiscard]] std::filesystem::path file() const { return scratch_.path() / "ledger"; }
+  void expect_refused(const std::string& part, const Ledger::Event& key = {{"candidate", "1"}}) {
+    DuetComparison comparison(kTwo, 1);
+    const auto open_it = [&] {
+      Ledger(file(), key, [&](const Ledger::Event& event) { comparison.apply(event); });
+    };
+    EXPECT_THAT(test::bad_input(open_it), testing::AllOf(HasSubstr(part), HasSubstr("ledger")));
+  }
+  ScratchFolder scratch_;
+};
+
+TEST_F(DuetLedger, GoesOnAfterEveryInterruptionToTheSameEnd) {
+  DuetComparison whole(kTwo, 1);
+  run(whole, steady(1.1));
+  int runs = 0;
+  bool decided = false;
+  while (!decided) {
+    ASSERT_LT(++runs, 1000);
+    DuetComparison comparison(kTwo, 1);
+    Ledger ledger = open(comparison);
+    int left = 7;  // Processes; then Ctrl-C.
+    const auto end = run_duet(comparison, ledger,
+                              [&](Side side, const DuetCell& cell, bool verify) {
+                                if (--left < 0)
+                                  return SampleOutcome{.sample = {}, .error = {}, .stopped = true};
+                                return steady(1.1)(side, cell, verify);
+                              },
+                              {});
+    decided = end == DuetEnd::kDecided;
+    if (!decided) continue;
+    EXPECT_EQ(comparison.processes(), whole.processes());
+    EXPECT_EQ(series(comparison, 0, "execute").rule.blocks(),
+              series(whole, 0, "execute").rule.blocks());
+  }
+  EXPECT_GT(runs, 10);
+}
+
+TEST_F(DuetLedger, CutsOffHalfALine) {
+  DuetComparison first(kTwo, 1);
+  {
+    Ledger ledger = open(first);
+    run_duet(first, ledger, steady(1), {});
+  }
+  const auto size = std::filesystem::file_size(file());
+  std::ofstream(file(), std::ios::app) << R"({"block": {"workload": "so)";
+  DuetComparison second(kTwo, 1);
+  open(second);
+  EXPECT_EQ(second.processes(), first.processes());
+  EXPECT_EQ(std::filesystem::file_size(file()), size);
+}
+
+TEST_F(DuetLedger, RefusesWhatItCannotGoOnWith) {
+  DuetComparison first(kTwo, 1);
+  {
+    const Ledger ledger = open(first);
+    expect_refused("in use");
+  }
+  expect_refused(R"(candidate: "1" there, "2" now)", {{"candidate", "2"}});
+  std::ofstream(file(), std::ios::app) << "{\"block\": 3}\n";
+  expect_refused(":2 is damaged");
+  std::ofstream(file()) << "my notes";
+  expect_refused("no ledger");
+  EXPECT_EQ(read_file(file()), "my notes");
+  std::filesystem::remove(file());
+  std::filesystem::create_directory(file());
+  expect_refused("cannot open");
+}
+
+TEST_F(DuetLedger, AFullDiskKeepsWhatWasThere) {
+  DuetComparison first(kTwo, 1);
+  Ledger ledger = open(first);
+  ledger.append({{"failure", {{"workload", "fc8"}, {"unit", "cpu"}}}});
+  const std::string before = read_file(file());
+  rlimit limit{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &limit), 0);
+  const rlimit small{.rlim_cur = before.size() + 10, .rlim_max = limit.rlim_max};
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &small), 0);
+  EXPECT_THROW(ledger.append({{"failure", "something longer than ten characters"}}), Error);
+  ::setrlimit(RLIMIT_FSIZE, &limit);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_EQ(read_file(file()), before);
+}
+
+TEST_F(DuetLedger, IsAFile) {
+  const auto open_it = [] { Ledger("/dev/zero", {{"candidate", "1"}}, [](const auto&) {}); };
+  EXPECT_THAT(test::bad_input(open_it), HasSubstr("no file"));
+}
+
+TEST(Injection, ReadsWhatItWrites) {
+  const Injection injection = parse_injection("execute=1.1,scheduler=2");
+  EXPECT_EQ(injection.execute, 1.1);
+  EXPECT_EQ(injection.prepare, 1);
+  EXPECT_EQ(to_string(injection), "execute=1.1,scheduler=2");
+  for (const char* bad : {"execute", "execute=", "execute=0.5", "execute=x", "sleep=2", "",
+                          "execute=1e9", "execute=nan"}) {
+    EXPECT_THAT(test::bad_input([&] { static_cast<void>(parse_injection(bad)); }),
+                HasSubstr("execute=1.1"));
+  }
+}
+
+TEST(Sample, ReadsWhatItWritesAndNothingElse) {
+  const Sample there = sample_from_json(to_json(answer(1e-3)).dump());
+  EXPECT_EQ(there.device, "CPU");
+  EXPECT_EQ(there.right, true);
+  EXPECT_EQ(there.seconds, answer(1e-3).seconds);
+  for (const char* bad :
+       {"", "{}", "[1]", "hello", R"({"pirt_sample": 1, "version": "1", "device": "d"})",
+        R"({"pirt_sample": 1, "version": "1", "device": "d", "seconds": {"call": -1}})",
+        R"({"pirt_sample": 1, "version": 1, "device": "d", "seconds": {}})"}) {
+    EXPECT_THAT(test::bad_input([&] { static_cast<void>(sample_from_json(bad)); }),
+                HasSubstr("pirt sample"));
+  }
+}
+
+}  // namespace
+}  // namespace pirt

@@ -1,0 +1,158 @@
+// pirt regress with two programs: scripts in place of programs for each way to end, and the real
+// one against itself.
+#include <csignal>
+
+#include "tests/cli/program.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+/// Scripts that answer as `pirt sample` does, and run the real program for all else.
+class RegressPrograms : public testing::Test {
+ protected:
+  /// @param body  Runs for each sample; $n is how many samples there were before, $verify is empty
+  ///              unless it is a first one.
+  std::string program(const std::string& name, const std::string& body) const {
+    const auto count = scratch_.file(name + ".count");
+    const auto path = scratch_.write(
+        name,
+        "#!/bin/sh\ncase \"$*\" in *--help*) echo --workload; exit 0;; esac\n"
+        "verify=; case \"$*\" in *--verify*) verify=1;; esac\n"
+        "n=$(cat '" +
+            count + "' 2>/dev/null || echo 0); echo $((n + 1)) > '" + count + "'\n" + body + "\n");
+    std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+    return path;
+  }
+  static std::string answers(const std::string& call_s, const std::string& more = "") {
+    return R"(echo '{"pirt_sample": 1, "version": "1", "device": "CPU", "inputs": "a", )"
+           R"("right": true, "detail": "", )" +
+           more + R"("seconds": {"call": )" + call_s + "}}'";
+  }
+  Outcome compare(const std::string& base, const std::string& candidate,
+                  std::vector<std::string> more = {}) const {
+    std::vector<std::string> arguments = {
+        "regress", "--baseline-program", base,    "--candidate-program",
+        candidate, "--platform",         "fake",  "--units",
+        "cpu",     "--filter",           "sobel", "--ledger",
+        ledger()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return pirt(arguments);
+  }
+  [[nodiscard]] std::string ledger() const { return scratch_.file("ledger"); }
+  void forget() const { std::filesystem::remove(ledger()); }
+
+  Scratch scratch_;
+};
+
+TEST_F(RegressPrograms, PassesEqualAndFailsSlowerOnes) {
+  const auto base = program("base", answers("0.010"));
+  const auto same = compare(base, program("same", answers("0.010")), {"--all"});
+  EXPECT_EQ(same.exit_code, 0) << same.err;
+  EXPECT_THAT(same.out, AllOf(HasSubstr("no regression"), HasSubstr("sobel")));
+  forget();
+  const auto junit = scratch_.file("r.xml");
+  const auto slow =
+      compare(base, program("slow", answers("0.012")), {"--markdown", "-", "--junit", junit});
+  EXPECT_EQ(slow.exit_code, 1) << slow.err;
+  EXPECT_THAT(slow.out, AllOf(HasSubstr("REGRESSION"), HasSubstr("| sobel"), HasSubstr("+20.0")));
+  EXPECT_THAT(slurp(junit), HasSubstr("<failure"));
+}
+
+TEST_F(RegressPrograms, KeepsWhatWasMeasuredBeforeACrashAndSaysSo) {
+  const auto base = program("base", answers("0.010"));
+  const auto crash = program("crash", "[ $n -lt 9 ] || kill -SEGV $$\n" + answers("0.010"));
+  const auto outcome = compare(base, crash);
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("SIGSEGV"), HasSubstr("4 blocks were measured before")));
+  forget();
+  const auto hang = program("hang", "[ $n -lt 3 ] || exec tail -f /dev/null\n" + answers("0.010"));
+  const auto hung = compare(base, hang, {"--sample-limit", "500ms"});
+  EXPECT_EQ(hung.exit_code, 1) << hung.err;
+  EXPECT_THAT(hung.out, HasSubstr("timed out after 0.5 s"));
+  forget();
+  const auto babble = compare(base, program("babble", "echo hello"));
+  EXPECT_EQ(babble.exit_code, 1);
+  EXPECT_THAT(babble.out, HasSubstr("no answer of 'pirt sample'"));
+  forget();
+  const auto lost = compare(program("lost", "exit 4"), base);
+  EXPECT_EQ(lost.exit_code, 3);
+  EXPECT_THAT(lost.out, HasSubstr("the baseline failed"));
+}
+
+TEST_F(RegressPrograms, WrongOutputFails) {
+  const auto base = program("base", answers("0.010"));
+  const auto wrong = program("wrong", answers("0.010") + " | sed s/true/false/");
+  const auto outcome = compare(base, wrong);
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.out, HasSubstr("wrong output"));
+}
+
+TEST_F(RegressPrograms, GoesOnAfterAnInterruption) {
+  const auto base = program("base", answers("0.010"));
+  // The parent is the comparing pirt.
+  const auto stop = program("stop", "[ $n -ne 9 ] || kill -INT $PPID\n" + answers("0.012"));
+  const auto first = compare(base, stop);
+  EXPECT_EQ(first.exit_code, 4);
+  EXPECT_THAT(first.err, AllOf(HasSubstr("interrupted; 0 of 1"), HasSubstr("same command")));
+  EXPECT_THAT(first.out, HasSubstr("INCONCLUSIVE"));
+  const auto second = compare(base, stop);
+  EXPECT_EQ(second.exit_code, 1) << second.err;
+  EXPECT_THAT(second.err, HasSubstr("going on with"));
+  EXPECT_THAT(second.out, HasSubstr("+20.0"));
+  // Decided: nothing is left to measure.
+  const auto count = slurp(scratch_.file("stop.count"));
+  EXPECT_EQ(compare(base, stop).exit_code, 1);
+  EXPECT_EQ(slurp(scratch_.file("stop.count")), count);
+  // Another candidate is another comparison.
+  expect_refused(compare(base, base), {"ledger", "another comparison", "candidate"});
+}
+
+TEST_F(RegressPrograms, TimeThatIsUpIsInconclusive) {
+  const auto base = program("base", answers("0.010"));
+  const auto outcome = compare(base, base, {"--max-time", "1ms"});
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("same command goes on"));
+}
+
+TEST_F(RegressPrograms, RefusesBadInput) {
+  const auto base = program("base", answers("0.010"));
+  expect_refused(compare(base, scratch_.file("none")), {"--candidate-program", "none"});
+  expect_refused(compare(base, scratch_.write("text", "no program")), {"text"});
+  expect_refused(compare(base, "/bin/true"), {"/bin/true", "pirt sample"});
+  expect_refused(compare(base, base, {"a.db", "b.db"}), {"two profiles, two programs"});
+  expect_refused(compare(base, base, {"--work", "-1s"}), {"-1s"});
+  expect_refused(pirt({"regress", "--baseline-program", base, "--candidate-program", base,
+                       "--filter", "scheduler", "--ledger", "/nonexistent/l"}),
+                 {"/nonexistent/l"});
+  expect_refused(pirt({"regress", "--baseline-program", base}), {"--candidate-program"});
+  expect_refused(pirt({"regress", "--self-test", "--trial", "sam"}), {"sam", "same"});
+}
+
+TEST_F(RegressPrograms, ComparesItselfOnASimulatedUnit) {
+  const auto outcome = compare(PIRT_BINARY, PIRT_BINARY, {"--work", "5ms", "--all"});
+  // Set-up of a simulated device takes no time, so that only what it simulates is compared.
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("execute"));
+}
+
+TEST(SampleCommand, TimesPhasesAndShowsInjectedWork) {
+  const auto plain =
+      pirt({"sample", "--workload", "sobel", "--unit", "cpu", "--work", "20ms", "--verify"});
+  ASSERT_EQ(plain.exit_code, 0) << plain.err;
+  EXPECT_EQ(plain.json()["right"], true);
+  const double before = plain.json()["seconds"]["execute"];
+  const auto slowed = pirt({"sample", "--workload", "sobel", "--unit", "cpu", "--work", "20ms",
+                            "--inject", "execute=3"});
+  EXPECT_GT(slowed.json()["seconds"]["execute"], 2 * before);
+  const auto scheduler = pirt({"sample", "--workload", "scheduler", "--work", "20ms"});
+  EXPECT_EQ(scheduler.json()["seconds"].size(), 4U);
+  expect_refused(pirt({"sample", "--workload", "soebl", "--unit", "cpu"}), {"soebl", "sobel"});
+  expect_refused(pirt({"sample", "--workload", "sobel"}), {"--unit"});
+  expect_refused(pirt({"sample", "--workload", "sobel", "--unit", "cpu", "--inject", "x"}), {"x"});
+}
+
+}  // namespace
+}  // namespace pirt::test

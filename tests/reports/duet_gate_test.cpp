@@ -1,0 +1,156 @@
+// What the gate says of two programs: verdicts, their correction, flips, and the self-test's rates.
+#include "reports/gate/duet_gate.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "reports/gate/self_test.h"
+#include "tests/support/errors.h"
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+using testing::HasSubstr;
+
+const std::vector<DuetCell> kCells = {{"sobel", "cpu"}, {"sobel", "gpu"}};
+
+/// Steady programs: seconds of `call` by side and cell.
+TakeSample calls(std::map<std::pair<Side, std::string>, double> seconds) {
+  return [=](Side side, const DuetCell& cell, bool) {
+    Sample sample;
+    sample.device = "CPU";
+    sample.right = true;
+    sample.seconds = {{"call", seconds.at({side, cell.unit})}};
+    return SampleOutcome{.sample = sample, .error = {}};
+  };
+}
+
+GateResult judged(const TakeSample& take, const DuetLimits& limits = {}) {
+  DuetComparison comparison(kCells, 1);
+  Ledger nowhere;
+  const auto end = run_duet(comparison, nowhere, take, limits);
+  return judge_duet(comparison, end);
+}
+
+GateReport report_of(GateResult result) {
+  GateReport report{
+      .base = "old", .candidate = "new", .result = std::move(result), .decisions = {}, .rule = {}};
+  describe_rule(DuetThresholds{}, report);
+  return report;
+}
+
+constexpr Side kA = Side::kBaseline, kB = Side::kCandidate;
+
+TEST(DuetGate, SaysWhichPhaseOfWhichCellBecameSlowerAndWhatFlipped) {
+  const auto result = judged(calls(
+      {{{kA, "cpu"}, 1e-3}, {{kB, "cpu"}, 1.5e-3}, {{kA, "gpu"}, 1.2e-3}, {{kB, "gpu"}, 1.0e-3}}));
+  ASSERT_EQ(result.rows.size(), 2U);
+  EXPECT_EQ(result.rows[0].verdict, GateVerdict::kSlower);
+  EXPECT_NEAR(*result.rows[0].ratio, 1.5, 1e-9);
+  EXPECT_NEAR(*result.rows[0].base, 1e6, 1);
+  EXPECT_LT(*result.rows[0].p, 0.001);
+  EXPECT_EQ(result.rows[1].verdict, GateVerdict::kFaster);
+  EXPECT_EQ(exit_code_of(result), 1);
+  const auto flips = find_flips(result);
+  ASSERT_EQ(flips.size(), 1U);
+  EXPECT_EQ(flips[0].base, "cpu");
+  EXPECT_EQ(flips[0].candidate, "gpu");
+  EXPECT_TRUE(flips[0].clear);
+  const auto report = report_of(result);
+  EXPECT_THAT(render(gate_document(report, false), Format::kMarkdown),
+              testing::AllOf(HasSubstr("REGRESSION"), HasSubstr("+50.0"), HasSubstr("ABBA")));
+  EXPECT_THAT(gate_junit(report), HasSubstr("failures=\"1\""));
+  EXPECT_EQ(gate_json(report)["exit_code"], 1);
+}
+
+TEST(DuetGate, EqualProgramsPass) {
+  const auto result = judged(
+      calls({{{kA, "cpu"}, 1e-3}, {{kB, "cpu"}, 1e-3}, {{kA, "gpu"}, 1e-3}, {{kB, "gpu"}, 1e-3}}));
+  EXPECT_EQ(exit_code_of(result), 0);
+  EXPECT_EQ(result.count(GateVerdict::kSame), 2);
+  EXPECT_TRUE(find_flips(result).empty());
+}
+
+TEST(DuetGate, AFailureOfTheCandidateFailsAndOfTheBaselineIsNotComparable) {
+  const auto failing = [](Side which) {
+    return [=](Side side, const DuetCell& cell, bool verify) {
+      if (side == which && cell.unit == "gpu") {
+        return SampleOutcome{.sample = {}, .error = "timed out after 60 s"};
+      }
+      return calls(
+          {{{kA, "cpu"}, 1e-3}, {{kB, "cpu"}, 1e-3}, {{kA, "gpu"}, 1e-3}, {{kB, "gpu"}, 1e-3}})(
+          side, cell, verify);
+    };
+  };
+  const auto of_candidate = judged(failing(kB));
+  EXPECT_EQ(of_candidate.count(GateVerdict::kFailed), 1);
+  EXPECT_EQ(exit_code_of(of_candidate), 1);
+  EXPECT_THAT(gate_junit(report_of(of_candidate)), HasSubstr("timed out after 60 s"));
+  const auto of_baseline = judged(failing(kA));
+  EXPECT_EQ(of_baseline.count(GateVerdict::kNotComparable), 1);
+  EXPECT_EQ(exit_code_of(of_baseline), kExitInconclusive);
+}
+
+TEST(DuetGate, WhatTimeDidNotAllowIsInconclusive) {
+  const auto result = judged(calls({}), {.time = Nanos(0)});
+  EXPECT_EQ(exit_code_of(result), kExitInconclusive);
+  EXPECT_THAT(result.rows[0].reason, HasSubstr("time was up"));
+}
+
+TEST(SelfTest, CountsDecisionsAndBoundsTheirRates) {
+  SelfTest test;
+  const Trial& same = find_trial("same");
+  const Trial& slowed = find_trial("execute +10 %");
+  for (int i = 0; i < 299; ++i) test.apply(SelfTest::event_of(same, TrialAnswer::kRight, 2, ""));
+  test.apply(SelfTest::event_of(slowed, TrialAnswer::kRight, 1, ""));
+  test.apply(SelfTest::event_of(slowed, TrialAnswer::kInconclusive, 1, "noise"));
+  EXPECT_EQ(test.count(same).decisions(), 299);
+  EXPECT_EQ(test.count(same).misses(same), 0);
+  EXPECT_EQ(test.count(slowed).misses(slowed), 1) << "an inconclusive is a miss";
+  EXPECT_FALSE(breaks_promise(test)) << "1 of 2 may be chance";
+  for (int i = 0; i < 3; ++i) test.apply(SelfTest::event_of(slowed, TrialAnswer::kWrong, 1, ""));
+  EXPECT_TRUE(breaks_promise(test));
+  EXPECT_THAT(render(self_test_document(test), Format::kText), HasSubstr("299"));
+  EXPECT_EQ(self_test_json(test)["trials"].size(), 2U);
+}
+
+TEST(SelfTest, BoundsAreThoseOfClopperAndPearson) {
+  EXPECT_NEAR(rate_upper_bound(0, 299), 0.00997, 1e-5);  // 1 - 0.05^(1/299)
+  EXPECT_NEAR(rate_upper_bound(0, 59), 0.0495, 1e-4);
+  EXPECT_NEAR(rate_upper_bound(2, 124), 0.0499, 2e-4);
+  EXPECT_EQ(rate_upper_bound(3, 3), 1);
+  EXPECT_EQ(rate_lower_bound(0, 3), 0);
+  EXPECT_NEAR(rate_lower_bound(3, 3), 0.3684, 1e-4);  // 0.05^(1/3)
+}
+
+TEST(SelfTest, RefusesOtherEvents) {
+  SelfTest test;
+  for (const char* bad : {R"({})", R"({"decision": {"trial": "sam", "answer": "right"}})",
+                          R"({"decision": {"trial": "same", "answer": "maybe"}})"}) {
+    test::bad_input([&] { test.apply(Ledger::Event::parse(bad)); });
+  }
+}
+
+TEST(SelfTest, AnswersByTheInjectedPhase) {
+  const Trial& slowed = find_trial("prepare +20 %");
+  GateResult result;
+  result.rows = {{.workload = "sobel",
+                  .unit = "cpu",
+                  .phase = "prepare",
+                  .verdict = GateVerdict::kInconclusive,
+                  .reason = {}},
+                 {.workload = "sobel",
+                  .unit = "cpu",
+                  .phase = "execute",
+                  .verdict = GateVerdict::kSlower,
+                  .reason = {}}};
+  EXPECT_EQ(answer_of(slowed, result, {"sobel", "cpu"}), TrialAnswer::kInconclusive);
+  result.rows[0].verdict = GateVerdict::kSlower;
+  EXPECT_EQ(answer_of(slowed, result, {"sobel", "cpu"}), TrialAnswer::kRight);
+  EXPECT_EQ(answer_of(slowed, result, {"conv1", "cpu"}), TrialAnswer::kWrong);
+  EXPECT_EQ(answer_of(find_trial("same"), result, {"sobel", "cpu"}), TrialAnswer::kWrong);
+}
+
+}  // namespace
+}  // namespace pirt
