@@ -20,7 +20,7 @@ struct RegressOptions {
   std::vector<std::string> units;
   std::string mix = "full-robot";
   std::uint64_t seed = 1;
-  std::string work = "100ms";
+  std::string work = "50ms";
   bool cold = false;
   std::string max_time = "9min";
   std::string sample_limit = "60s";

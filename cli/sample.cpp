@@ -20,7 +20,7 @@ struct Options {
   std::string workload, unit;
   std::string platform = "host";
   std::uint64_t seed = 1;
-  std::string work = "100ms";
+  std::string work = "50ms";
   bool verify = false;
   std::string inject;
 };

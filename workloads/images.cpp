@@ -3,17 +3,12 @@
 #include "workloads/images.h"
 
 #include <fmt/format.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <limits>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <system_error>
 #include <utility>
@@ -22,6 +17,7 @@
 #include "workloads/base/random.h"
 #include "workloads/base/text.h"
 #include "workloads/image_format.h"
+#include "workloads/pictures/decoder.h"
 
 namespace pirt {
 namespace {
@@ -39,36 +35,6 @@ constexpr std::string_view kRemedy =
   throw_bad_input("cannot use the picture '" + file.string() + "': " + why + std::string(kRemedy));
 }
 
-/// Takes what is written to the standard error stream while it lives: libjpeg and libpng warn there
-/// and nowhere else, and OpenCV gives no way to set their handlers. The process's other threads
-/// must be quiet meanwhile, as they are before measuring.
-class StderrCapture {
- public:
-  StderrCapture() : saved_(dup(STDERR_FILENO)), memory_(memfd_create("stderr", MFD_CLOEXEC)) {
-    std::fflush(stderr);
-    if (saved_ >= 0 && memory_ >= 0) dup2(memory_, STDERR_FILENO);
-  }
-  StderrCapture(const StderrCapture&) = delete;
-  StderrCapture& operator=(const StderrCapture&) = delete;
-  ~StderrCapture() {
-    std::fflush(stderr);
-    if (saved_ >= 0) dup2(saved_, STDERR_FILENO);
-    if (saved_ >= 0) close(saved_);
-    if (memory_ >= 0) close(memory_);
-  }
-
-  [[nodiscard]] std::string text() const {
-    std::fflush(stderr);
-    std::array<char, 4096> buffer{};
-    const auto size = pread(memory_, buffer.data(), buffer.size(), 0);
-    return size > 0 ? std::string(buffer.data(), static_cast<std::size_t>(size)) : "";
-  }
-
- private:
-  int saved_;
-  int memory_;
-};
-
 /// The file's bytes. @throws Error{kBadInput} naming the file.
 std::string read_bytes(const fs::path& file) {
   std::error_code failed;
@@ -78,8 +44,7 @@ std::string read_bytes(const fs::path& file) {
   return read_file(file);
 }
 
-/// B, G, R, 8 bits. Palettes, grey, 16 bits, alpha (dropped) and the EXIF orientation are OpenCV's
-/// work.
+/// B, G, R, 8 bits.
 cv::Mat decode(const fs::path& file, const std::string& bytes) {
   const auto check = check_image(bytes);
   if (!check.header) throw_unusable(file, check.problem);
@@ -89,18 +54,9 @@ cv::Mat decode(const fs::path& file, const std::string& bytes) {
     throw_unusable(file, fmt::format("{}x{} pixels are too many (the limit is {})", header.width,
                                      header.height, kMaxPixels));
   }
-  cv::Mat picture;
-  std::string warnings;
-  try {
-    const StderrCapture capture;
-    // OpenCV has no view of constant memory; imdecode only reads.
-    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
-                          const_cast<char*>(bytes.data()));
-    picture = cv::imdecode(encoded, cv::IMREAD_COLOR);
-    warnings = capture.text();
-  } catch (const cv::Exception& error) {
-    throw_unusable(file, "it does not decode: " + error.err);
-  }
+  DecodedPicture decoded = decode_picture(bytes);
+  if (!decoded.error.empty()) throw_unusable(file, "it does not decode: " + decoded.error);
+  const std::string& warnings = decoded.warnings;
   // libjpeg's words for damage that it has painted over (jerror.h); its other warnings are
   // harmless.
   for (const std::string_view damage : {"Corrupt JPEG data", "Premature end of"}) {
@@ -108,8 +64,10 @@ cv::Mat decode(const fs::path& file, const std::string& bytes) {
       throw_unusable(file, "it is corrupt: " + warnings.substr(0, warnings.find('\n')));
     }
   }
-  if (picture.empty()) throw_unusable(file, "it is corrupt: its pixels do not decode");
-  return picture;
+  if (decoded.pixels.empty()) {
+    throw_unusable(file, "it is corrupt: its pixels do not decode");
+  }
+  return decoded.pixels;
 }
 
 struct Fitted {

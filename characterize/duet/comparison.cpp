@@ -50,6 +50,8 @@ bool is_part_of_call(const std::string& phase) {
   return phase == "upload" || phase == "launch" || phase == "download";
 }
 
+bool is_setup(const std::string& phase) { return phase == "device_init" || phase == "prepare"; }
+
 }  // namespace
 
 std::string_view to_string(Side side) { return side == Side::kBaseline ? "baseline" : "candidate"; }
@@ -66,9 +68,7 @@ bool DuetCellState::decided() const {
   });
 }
 
-DuetComparison::DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed,
-                               DuetThresholds thresholds)
-    : seed_(seed), thresholds_(std::move(thresholds)) {
+DuetComparison::DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed) : seed_(seed) {
   for (DuetCell& cell : cells) {
     cells_.emplace_back();
     cells_.back().cell = std::move(cell);
@@ -107,8 +107,10 @@ std::optional<DuetStep> DuetComparison::next() const {
     return step;
   }
   step.kind = DuetStep::Kind::kBlock;
+  // Two blocks after each other have both orders, in one way or the other.
+  const std::uint64_t pair = state.blocks / 2;
   const std::uint64_t coin =
-      hash_u64(derive_seed(seed_, to_string(state.cell)), state.blocks) >> 63U;
+      ((hash_u64(derive_seed(seed_, to_string(state.cell)), pair) >> 63U) + state.blocks) % 2;
   const Side outer = coin == 0 ? Side::kBaseline : Side::kCandidate;
   const Side inner = coin == 0 ? Side::kCandidate : Side::kBaseline;
   step.order = {outer, inner, inner, outer};
@@ -210,7 +212,10 @@ void DuetComparison::start_series(DuetCellState& state, const std::vector<Second
     const bool trifle =
         call && is_part_of_call(phase) &&
         *std::ranges::max_element(*times) < kLeastShare * *std::ranges::min_element(*call);
-    if (!trifle) state.series.emplace(phase, DuetSeries{DuetRule(thresholds_), {}, {}});
+    if (!trifle)
+      state.series.emplace(
+          phase,
+          DuetSeries{DuetRule(is_setup(phase) ? setup_thresholds() : DuetThresholds{}), {}, {}});
   }
   if (state.series.empty()) state.not_comparable = "the programs have no phase in common";
 }

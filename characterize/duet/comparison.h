@@ -52,10 +52,10 @@ struct DuetCellState {
 
 class DuetComparison {
  public:
-  DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed, DuetThresholds thresholds = {});
+  DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed);
 
-  /// Cells in turns, each turn in a random order of its own; a canary after every fourth block,
-  /// the first after the second. Nothing if all is decided.
+  /// Cells in turns, each turn in a random order of its own; ABBA and BAAB as often; a canary after
+  /// every fourth block, the first after the second. Nothing if all is decided.
   [[nodiscard]] std::optional<DuetStep> next() const;
 
   using Event = nlohmann::ordered_json;
@@ -80,7 +80,6 @@ class DuetComparison {
 
   std::vector<DuetCellState> cells_;
   std::uint64_t seed_;
-  DuetThresholds thresholds_;
   std::size_t processes_ = 0;
 };
 

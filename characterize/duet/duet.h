@@ -26,7 +26,7 @@ struct DuetPrograms {
   Platform platform;              ///< Whose units are compared.
   std::string platform_argument;  ///< What the programs are told: a name, or an absolute path.
   std::uint64_t seed = 1;
-  Nanos work = std::chrono::milliseconds(100);
+  Nanos work = std::chrono::milliseconds(50);
   bool cold = false;                       ///< Set-up with empty kernel caches.
   Nanos limit = std::chrono::seconds(60);  ///< Of one process.
   Injection injection;                     ///< Into the candidate's samples of `injected`.

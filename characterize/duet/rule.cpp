@@ -33,6 +33,13 @@ std::string_view to_string(DuetVerdict verdict) {
   return "";
 }
 
+DuetThresholds setup_thresholds() {
+  DuetThresholds thresholds;
+  thresholds.first_futility = 12;
+  thresholds.puts_off = false;
+  return thresholds;
+}
+
 DuetRule::DuetRule(DuetThresholds thresholds) : thresholds_(std::move(thresholds)) {
   assert(!thresholds_.looks.empty() && !thresholds_.confirmations.empty());
 }
@@ -48,7 +55,9 @@ void DuetRule::add_block(double log_ratio) {
   }
 }
 
-void DuetRule::add_canary(double log_ratio) { canaries_.push_back(log_ratio); }
+void DuetRule::add_canary(double log_ratio) {
+  if (verdict_ == DuetVerdict::kUndecided) canaries_.push_back(log_ratio);
+}
 
 void DuetRule::look() {
   const auto& t = thresholds_;
@@ -63,34 +72,40 @@ void DuetRule::look() {
   }
   const bool cleared = upper && *upper < t.suspicious_median;
   const bool futile = count >= t.first_futility && median < t.futile_median;
-  if (cleared || futile) return conclude(DuetVerdict::kNotSlower);
-  if (count < t.looks.back()) return;
-  conclude(!upper || *upper > t.open_bound ? DuetVerdict::kInconclusive : DuetVerdict::kNotSlower);
+  const bool last = count >= t.looks.back();
+  if (cleared || futile) return conclude(DuetVerdict::kNotSlower, last);
+  if (!last) return;
+  conclude(!upper || *upper > t.open_bound ? DuetVerdict::kInconclusive : DuetVerdict::kNotSlower,
+           last);
 }
 
 void DuetRule::look_again() {
   const auto& t = thresholds_;
   const double median = median_of(confirmation_);
   const auto lower = median_lower_bound(confirmation_, t.confirmed_confidence);
-  if (lower && *lower > 0 && median > t.suspicious_median) return conclude(DuetVerdict::kSlower);
-  if (confirmation_.size() < t.confirmations.back()) return;
+  const bool last = confirmation_.size() >= t.confirmations.back();
+  if (lower && *lower > 0 && median > t.suspicious_median) {
+    return conclude(DuetVerdict::kSlower, last);
+  }
+  if (!last) return;
   const auto upper = median_upper_bound(confirmation_, t.bound_confidence);
-  conclude(!upper || *upper > t.open_bound ? DuetVerdict::kInconclusive : DuetVerdict::kNotSlower);
+  conclude(!upper || *upper > t.open_bound ? DuetVerdict::kInconclusive : DuetVerdict::kNotSlower,
+           last);
 }
 
-void DuetRule::conclude(DuetVerdict verdict) {
-  verdict_ = unquiet() ? DuetVerdict::kRefused : verdict;
-}
-
-bool DuetRule::unquiet() const {
+void DuetRule::conclude(DuetVerdict verdict, bool last_look) {
   const auto& t = thresholds_;
-  if (canaries_.size() < t.canaries_needed) return false;
-  const double median = median_of(canaries_);
-  if (std::abs(median) <= t.canary_median) return false;
+  verdict_ = verdict;
+  if (canaries_.empty() || std::abs(median_of(canaries_)) <= t.canary_median) return;
+  if (canaries_.size() < t.canaries_needed) {
+    if (t.puts_off) verdict_ = last_look ? DuetVerdict::kRefused : DuetVerdict::kUndecided;
+    return;
+  }
   std::vector<double> mirrored = canaries_;
-  if (median < 0) std::ranges::transform(mirrored, mirrored.begin(), std::negate<>());
-  const double least_p = std::ldexp(1.0, -static_cast<int>(canaries_.size()));
-  return sign_test_p(mirrored, 0) <= std::max(t.canary_alpha, least_p);
+  if (median_of(canaries_) < 0) {
+    std::ranges::transform(mirrored, mirrored.begin(), std::negate<>());
+  }
+  if (sign_test_p(mirrored, 0) <= t.canary_alpha) verdict_ = DuetVerdict::kRefused;
 }
 
 double DuetRule::effect() const {

@@ -36,13 +36,19 @@ struct DuetThresholds {
   double bound_confidence = 0.995;
   double confirmed_confidence = 0.95;  ///< Of a lower bound above 0.
   double open_bound = 0.10;  ///< At the end an upper bound above it leaves the question open.
-  /// Of the baseline against itself: refused if the median is farther from 0 than this, and if that
-  /// is more than the spread of the canaries explains.
+  /// Of the baseline against itself: refused if the median is farther from 0 than this, and a sign
+  /// test says that it is not their spread alone. With fewer canaries than can say so a verdict is
+  /// put off.
   double canary_median = 0.02;
-  std::size_t canaries_needed = 2;
-  double canary_alpha =
-      0.05;  ///< Of a sign test; of fewer than 5 canaries all must be on one side.
+  double canary_alpha = 0.05;
+  std::size_t canaries_needed = 5;
+  bool puts_off = true;
 };
+
+/// Of device_init and prepare, which a process does once: each block is as noisy as a single call,
+/// and what matters is 20 % and not 5 %. Futility is found earlier and no verdict is put off, so
+/// that set-up does not keep the gate busy long after calls are decided.
+[[nodiscard]] DuetThresholds setup_thresholds();
 
 /// One series: a phase of a cell. Blocks are added as they are measured; the verdict changes at
 /// looks only.
@@ -52,7 +58,7 @@ class DuetRule {
 
   /// Ignored once there is a verdict.
   void add_block(double log_ratio);
-  /// A block of the baseline against itself.
+  /// A block of the baseline against itself; ignored once there is a verdict.
   void add_canary(double log_ratio);
 
   [[nodiscard]] DuetVerdict verdict() const { return verdict_; }
@@ -71,8 +77,7 @@ class DuetRule {
  private:
   void look();
   void look_again();
-  void conclude(DuetVerdict verdict);
-  [[nodiscard]] bool unquiet() const;
+  void conclude(DuetVerdict verdict, bool last_look);
 
   DuetThresholds thresholds_;
   std::vector<double> blocks_, confirmation_, canaries_;

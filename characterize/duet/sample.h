@@ -28,7 +28,7 @@ inline constexpr std::string_view kSchedulerCell = "scheduler";
 struct SampleRequest {
   DuetCell cell;
   std::uint64_t seed = 1;
-  Nanos work = std::chrono::milliseconds(100);  ///< That calls are repeated for, after warming up.
+  Nanos work = std::chrono::milliseconds(50);  ///< That calls are repeated for, after warming up.
   bool verify = false;  ///< Compare with the reference, and tell what was computed.
   Injection injection;
 };

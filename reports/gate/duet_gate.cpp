@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 
 #include "characterize/rank_tests.h"
@@ -11,14 +12,17 @@
 namespace pirt {
 namespace {
 
-/// From here on two units are apart, and a candidate is faster.
+/// From here on two units are apart, and a candidate may be faster.
 constexpr double kApart = 0.05;
 
 double percent(double log_ratio) { return 100 * std::expm1(log_ratio); }
 
-bool is_faster(const DuetRule& rule) {
-  const auto upper = median_upper_bound(rule.blocks(), DuetThresholds{}.bound_confidence);
-  return upper && *upper < 0 && rule.effect() < std::log1p(-kApart);
+/// How likely so many blocks are to be faster by chance; 1 if they are not by enough.
+double faster_p(const DuetRule& rule) {
+  if (rule.effect() > std::log1p(-kApart)) return 1;
+  std::vector<double> mirrored = rule.blocks();
+  std::ranges::transform(mirrored, mirrored.begin(), std::negate<>());
+  return sign_test_p(mirrored, 0);
 }
 
 std::string undecided_reason(const DuetCellState& state, const DuetRule& rule, DuetEnd end) {
@@ -43,7 +47,9 @@ GateRow series_row(const DuetCellState& state, const std::string& phase, const D
       row.reason = undecided_reason(state, rule, end);
       break;
     case DuetVerdict::kNotSlower:
-      row.verdict = is_faster(rule) ? GateVerdict::kFaster : GateVerdict::kSame;
+      row.p = faster_p(rule);
+      row.verdict = *row.p < 1 ? GateVerdict::kFaster : GateVerdict::kSame;
+      if (row.verdict == GateVerdict::kSame) row.p.reset();
       break;
     case DuetVerdict::kSlower:
       row.verdict = GateVerdict::kSlower;
@@ -93,20 +99,24 @@ std::optional<GateRow> cell_row(const DuetCellState& state, DuetEnd end) {
 
 /// Takes back what is not sure enough among so many rows.
 void correct(std::vector<GateRow>& rows, double alpha) {
-  std::vector<double> p_values;
-  for (const GateRow& row : rows) {
-    if (row.phase != "all") p_values.push_back(row.p.value_or(1));
-  }
-  const auto adjusted = holm_adjusted(p_values);
-  std::size_t next = 0;
-  for (GateRow& row : rows) {
-    if (row.phase == "all") continue;
-    const double p = adjusted[next++];
-    if (row.verdict != GateVerdict::kSlower) continue;
-    row.p = p;
-    if (p < alpha) continue;
-    row.verdict = GateVerdict::kInconclusive;
-    row.reason = fmt::format("slower by itself, but not for sure among {} rows", p_values.size());
+  for (const GateVerdict claim : {GateVerdict::kSlower, GateVerdict::kFaster}) {
+    std::vector<double> p_values;
+    std::vector<GateRow*> judged;
+    for (GateRow& row : rows) {
+      if (row.phase == "all") continue;
+      p_values.push_back(row.verdict == claim ? row.p.value_or(1) : 1);
+      judged.push_back(&row);
+    }
+    const auto adjusted = holm_adjusted(p_values);
+    for (std::size_t i = 0; i < judged.size(); ++i) {
+      GateRow& row = *judged[i];
+      if (row.verdict != claim) continue;
+      row.p = adjusted[i];
+      if (adjusted[i] < alpha) continue;
+      row.verdict = claim == GateVerdict::kSlower ? GateVerdict::kInconclusive : GateVerdict::kSame;
+      if (claim == GateVerdict::kFaster) continue;
+      row.reason = fmt::format("slower by itself, but not for sure among {} rows", judged.size());
+    }
   }
 }
 

@@ -71,11 +71,24 @@ TEST(DuetRule, LeavesTheQuestionOpenAtTheLastLook) {
 
 TEST(DuetRule, RefusesWhereTheBaselineDiffersFromItself) {
   DuetRule rule;
-  rule.add_canary(0.03);
-  rule.add_canary(0.04);
+  for (const double canary : {0.03, 0.04, 0.03, 0.02, 0.05}) rule.add_canary(canary);
   add(rule, 12, 0.10);
   add(rule, 20, 0.10);
   EXPECT_EQ(rule.verdict(), DuetVerdict::kRefused);
+  // Too few to say so put the question off, until the last look.
+  DuetRule few;
+  few.add_canary(0.03);
+  few.add_canary(0.04);
+  add(few, 8, 0);
+  EXPECT_EQ(few.verdict(), DuetVerdict::kUndecided);
+  add(few, 82, 0);
+  EXPECT_EQ(few.verdict(), DuetVerdict::kRefused);
+  // Set-up does not wait for them.
+  DuetRule setup(setup_thresholds());
+  setup.add_canary(0.03);
+  setup.add_canary(0.04);
+  add(setup, 8, 0);
+  EXPECT_EQ(setup.verdict(), DuetVerdict::kNotSlower);
   DuetRule quiet;
   quiet.add_canary(0.01);
   quiet.add_canary(-0.01);

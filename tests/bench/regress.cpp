@@ -1,0 +1,164 @@
+// How often the regression gate is right, on this machine.
+//
+// Usage:
+//   regress tables DATABASE          all ordered pairs of the database's runs (tests/bench/aa makes
+//                                    some): alarms and inconclusive answers without a change, and
+//                                    how often +25 % in one cell is found
+//   regress load PIRT LEDGER [N]     N (60) whole decisions of a program against itself while
+//                                    another program keeps one core busy
+//   regress gate PIRT                how long a whole gate over Table I takes, without a change
+// Two programs on a quiet machine: pirt regress --self-test --ledger FILE --decisions N.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstdlib>
+#include <string>
+#include <thread>
+
+#include "characterize/duet/injection.h"
+#include "characterize/measure.h"
+#include "characterize/process.h"
+#include "reports/gate/gate_report.h"
+#include "reports/gate/self_test.h"
+#include "workloads/base/error.h"
+#include "workloads/base/random.h"
+
+namespace {
+
+using namespace pirt;  // NOLINT: a program
+
+struct Answers {
+  std::int64_t pass = 0, alarm = 0, inconclusive = 0;
+  void add(int code) { ++(code == 0 ? pass : code == kExitCheckFailed ? alarm : inconclusive); }
+  [[nodiscard]] std::int64_t all() const { return pass + alarm + inconclusive; }
+};
+
+double percent(std::int64_t part, std::int64_t all) {
+  return all == 0 ? 0 : 100.0 * static_cast<double>(part) / static_cast<double>(all);
+}
+
+/// @p profile with `execute` and `call` of one cell 25 % slower.
+Profile slower(Profile profile, const std::string& workload, const std::string& unit) {
+  const auto scaled = [](Nanos time) { return Nanos(time.count() * 5 / 4); };
+  for (PhaseRow& row : profile.phases) {
+    if (row.workload != workload || row.unit != unit) continue;
+    if (row.phase != Phase::kExecute && row.phase != Phase::kCall) continue;
+    for (Nanos& value : row.values) value = scaled(value);
+    for (auto* figure : {&row.median, &row.ci_low, &row.ci_high}) {
+      if (*figure) *figure = scaled(**figure);
+    }
+  }
+  return profile;
+}
+
+int tables(const std::string& path) {
+  const std::string platform = load_profile(path).platform();
+  std::vector<Profile> runs;
+  for (const std::int64_t id : finished_runs(path, platform)) {
+    runs.push_back(load_profile(path, platform, {id, id}));
+    read_samples(runs.back());
+  }
+  fmt::print("{} runs of platform {}\n", runs.size(), platform);
+  if (runs.size() < 2) throw_bad_input("two runs are needed; tests/bench/aa makes some");
+  Answers same;
+  std::int64_t injected = 0, found = 0, open = 0;
+  Random random(1);
+  for (std::size_t a = 0; a < runs.size(); ++a) {
+    for (std::size_t b = 0; b < runs.size(); ++b) {
+      if (a == b) continue;
+      const GateResult result = judge(diff_profiles(runs[a], runs[b]));
+      same.add(exit_code_of(result));
+      for (const GateRow& row : result.rows) {
+        const bool loud = row.verdict == GateVerdict::kSlower ||
+                          row.verdict == GateVerdict::kInconclusive ||
+                          row.verdict == GateVerdict::kNotComparable;
+        if (!loud) continue;
+        fmt::print("run {} against {}: {} {} {} {}: {:+.1f} % {}\n", b + 1, a + 1, row.workload,
+                   row.unit, row.phase, to_string(row.verdict),
+                   100 * (row.ratio.value_or(1) - 1), row.reason);
+      }
+      const auto workloads = runs[b].workloads();
+      const auto units = runs[b].units();
+      const auto& workload = workloads[random.below(workloads.size())];
+      const auto& unit = units[random.below(units.size())];
+      if (runs[b].find(workload, unit, Phase::kExecute) == nullptr) continue;
+      const Profile changed = slower(runs[b], workload, unit);
+      const GateResult with = judge(diff_profiles(runs[a], changed));
+      ++injected;
+      bool alarm = false, unsure = false;
+      for (const GateRow& row : with.rows) {
+        if (row.workload != workload || row.unit != unit) continue;
+        if (row.phase != "execute" && row.phase != "call") continue;
+        alarm = alarm || row.verdict == GateVerdict::kSlower;
+        unsure = unsure || row.verdict == GateVerdict::kInconclusive;
+      }
+      found += alarm ? 1 : 0;
+      open += !alarm && unsure ? 1 : 0;
+    }
+  }
+  fmt::print("without a change: {} ordered pairs: {} alarm ({:.1f} %, goal: at most 1 %), {} "
+             "inconclusive ({:.1f} %, goal: at most 20 %)\n",
+             same.all(), same.alarm, percent(same.alarm, same.all()), same.inconclusive,
+             percent(same.inconclusive, same.all()));
+  fmt::print("+25 % in one cell: {} of {} found ({:.1f} %, goal: at least 90 %), {} inconclusive\n",
+             found, injected, percent(found, injected), open);
+  return 0;
+}
+
+/// Runs pirt to its end, its output on ours. @return The exit code.
+int run_pirt(const std::string& program, const std::vector<std::string>& arguments) {
+  ProcessRequest request;
+  request.program = program;
+  request.arguments = arguments;
+  request.limit = std::chrono::hours(24);
+  const ProcessResult result = run_process(request);
+  fmt::print("{}{}", result.output, result.diagnostics);
+  return result.end == ProcessResult::End::kExited ? result.code : -1;
+}
+
+int load(const std::string& program, const std::string& ledger, const std::string& decisions) {
+  std::atomic<bool> stop = false;
+  std::thread busy([&stop] {
+    while (!stop) ExtraWork::run(1'000'000);
+  });
+  const int code = run_pirt(program, {"regress", "--self-test", "--trial", "same", "--decisions",
+                                      decisions, "--ledger", ledger});
+  stop = true;
+  busy.join();
+  return code;
+}
+
+int gate(const std::string& program) {
+  const MachineClock clock;
+  const Nanos begin = clock.now();
+  const std::string ledger = fmt::format("/tmp/pirt-gate-{}.ledger", ::getpid());
+  const int code =
+      run_pirt(program, {"regress", "--baseline-program", program, "--candidate-program", program,
+                         "--ledger", ledger, "--max-time", "1h", "--filter",
+                         "^(gaussian_blur|convolution|sobel|undistort|feature_detect|optical_flow|"
+                         "conv[1-5]|fc[678])$"});
+  fmt::print("a whole gate over Table I: {:.0f} s, exit code {} (goal: under 600 s, 0)\n",
+             to_s(clock.now() - begin), code);
+  std::remove(ledger.c_str());
+  return code;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::vector<std::string> words(argv + 1, argv + argc);
+  try {
+    if (words.size() == 2 && words[0] == "tables") return tables(words[1]);
+    if ((words.size() == 3 || words.size() == 4) && words[0] == "load") {
+      return load(words[1], words[2], words.size() == 4 ? words[3] : "60");
+    }
+    if (words.size() == 2 && words[0] == "gate") return gate(words[1]);
+    fmt::print(stderr, "usage: regress tables DATABASE | load PIRT LEDGER [N] | gate PIRT\n");
+    return kExitBadInput;
+  } catch (const Error& error) {
+    fmt::print(stderr, "regress: {}\n", error.what());
+    return exit_code(error.code());
+  }
+}

@@ -1,0 +1,27 @@
+// Decoding PNG and JPEG, in a module of its own that is loaded with the first picture: OpenCV's
+// codecs bring a hundred libraries, and each start of a process would pay 0.1 s for them.
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <string>
+
+namespace pirt {
+
+struct DecodedPicture {
+  cv::Mat pixels;  ///< B, G, R, 8 bits; empty if it does not decode.
+  /// What the codecs wrote to the standard error stream: libjpeg and libpng warn there and nowhere
+  /// else.
+  std::string warnings;
+  std::string error;  ///< What OpenCV threw; empty = nothing.
+};
+
+/// Palettes, grey, 16 bits, alpha (dropped) and the EXIF orientation are OpenCV's work. The
+/// process's other threads must be quiet meanwhile, as they are before measuring.
+/// @throws Error{kEnvironment} if the module is not there.
+[[nodiscard]] DecodedPicture decode_picture(const std::string& bytes);
+
+/// What the module exports, with C linkage.
+using DecodePictureFunction = void(const std::string& bytes, DecodedPicture& picture);
+inline constexpr const char* kDecodePictureName = "pirt_decode_picture";
+
+}  // namespace pirt
