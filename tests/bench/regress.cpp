@@ -76,8 +76,8 @@ int tables(const std::string& path) {
                           row.verdict == GateVerdict::kNotComparable;
         if (!loud) continue;
         fmt::print("run {} against {}: {} {} {} {}: {:+.1f} % {}\n", b + 1, a + 1, row.workload,
-                   row.unit, row.phase, to_string(row.verdict),
-                   100 * (row.ratio.value_or(1) - 1), row.reason);
+                   row.unit, row.phase, to_string(row.verdict), 100 * (row.ratio.value_or(1) - 1),
+                   row.reason);
       }
       const auto workloads = runs[b].workloads();
       const auto units = runs[b].units();
@@ -98,10 +98,11 @@ int tables(const std::string& path) {
       open += !alarm && unsure ? 1 : 0;
     }
   }
-  fmt::print("without a change: {} ordered pairs: {} alarm ({:.1f} %, goal: at most 1 %), {} "
-             "inconclusive ({:.1f} %, goal: at most 20 %)\n",
-             same.all(), same.alarm, percent(same.alarm, same.all()), same.inconclusive,
-             percent(same.inconclusive, same.all()));
+  fmt::print(
+      "without a change: {} ordered pairs: {} alarm ({:.1f} %, goal: at most 1 %), {} "
+      "inconclusive ({:.1f} %, goal: at most 20 %)\n",
+      same.all(), same.alarm, percent(same.alarm, same.all()), same.inconclusive,
+      percent(same.inconclusive, same.all()));
   fmt::print("+25 % in one cell: {} of {} found ({:.1f} %, goal: at least 90 %), {} inconclusive\n",
              found, injected, percent(found, injected), open);
   return 0;

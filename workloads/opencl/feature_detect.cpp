@@ -9,6 +9,7 @@
 #include "workloads/opencl/corners.h"
 #include "workloads/opencl/kernel_table.h"
 #include "workloads/opencl/plan_kernel.h"
+#include "workloads/opencl/strips.h"
 
 namespace pirt::opencl {
 namespace {
@@ -96,7 +97,9 @@ std::unique_ptr<Kernel> make_feature_detect(const Session& session, const Worklo
   const auto segments = [&op](int pixels_per_item) {
     return Extent{(op.width + pixels_per_item - 1) / pixels_per_item, op.height};
   };
-  builder.step("vision.cl", "sobel", segments(16), image, gx, gy, op.width, op.height);
+  const Strips strips(session, op);
+  builder.step("vision.cl", "sobel", strips.extent, image, gx, gy, op.width, op.height,
+               strips.rows);
   builder.step("features.cl", "corner_response", segments(8), gx, gy, response, buffers.state,
                op.width, op.height);
   builder.step("features.cl", "corner_candidates", segments(8), response, buffers.state,

@@ -1,17 +1,19 @@
 // The vision workloads that the device computes entirely: arguments and extents of the kernels in
 // vision.cl and flow.cl.
+#include <vector>
+
 #include "workloads/opencl/kernel_table.h"
+#include "workloads/opencl/strips.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt::opencl {
 namespace {
 
-constexpr int kPixelsPerItem = 16;  // Of vision.cl.
-
 std::int64_t blocks(std::int64_t count, std::int64_t size) { return (count + size - 1) / size; }
 
+/// Segments of 16 columns by rows, for kernels that have no strips.
 Extent image_extent(const vision::ImageOperation& operation) {
-  return {blocks(operation.width, kPixelsPerItem), operation.height};
+  return {blocks(operation.width, Strips::kColumns), operation.height};
 }
 
 }  // namespace
@@ -19,25 +21,32 @@ Extent image_extent(const vision::ImageOperation& operation) {
 void append_gaussian_blur(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
                           std::span<const Resident> inputs, std::span<const Resident> outputs) {
   const auto& op = operation_as<vision::GaussianBlur>(workload);
-  builder.step("vision.cl", "gaussian_blur", image_extent(op), inputs[0], outputs[0], op.width,
-               op.height);
+  const Strips strips(builder.session(), op);
+  builder.step("vision.cl", "gaussian_blur", strips.extent, inputs[0], outputs[0], op.width,
+               op.height, strips.rows);
 }
 
 void append_filter7x7(PlanBuilder& builder, const Workload& workload,
                       std::span<const Tensor> parameters, std::span<const Resident> inputs,
                       std::span<const Resident> outputs) {
-  static_assert(vision::Filter7x7::kSize == 7 && vision::Filter7x7::kShift == 8,
-                "vision.cl has these as constants");
+  static_assert(vision::Filter7x7::kSize == 7, "vision.cl has it as a constant");
   const auto& op = operation_as<vision::Filter7x7>(workload);
-  builder.step("vision.cl", "filter7x7", image_extent(op), inputs[0], outputs[0],
-               builder.constant(parameters[0].bytes()), op.width, op.height);
+  std::vector<float> weights;
+  for (const std::int16_t weight : parameters[0].as<std::int16_t>()) {
+    weights.push_back(static_cast<float>(weight) / (1 << vision::Filter7x7::kShift));
+  }
+  const Strips strips(builder.session(), op);
+  builder.step("vision.cl", "filter7x7", strips.extent, inputs[0], outputs[0],
+               builder.constant(std::as_bytes(std::span(weights))), op.width, op.height,
+               strips.rows);
 }
 
 void append_sobel(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
                   std::span<const Resident> inputs, std::span<const Resident> outputs) {
   const auto& op = operation_as<vision::Sobel>(workload);
-  builder.step("vision.cl", "sobel", image_extent(op), inputs[0], outputs[0], outputs[1], op.width,
-               op.height);
+  const Strips strips(builder.session(), op);
+  builder.step("vision.cl", "sobel", strips.extent, inputs[0], outputs[0], outputs[1], op.width,
+               op.height, strips.rows);
 }
 
 void append_undistort(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
