@@ -19,12 +19,29 @@
 namespace pirt {
 namespace {
 
-std::vector<const Workload*> choose_workloads(const std::string& filter) {
+/// The plain workloads and the variants that are asked for: by name, or by an '@' in the filter.
+std::vector<const Workload*> all_workloads(const CampaignOptions& options) {
+  std::vector<const Workload*> all;
+  for (const Workload& workload : catalog()) all.push_back(&workload);
+  std::vector<std::string> wanted = options.variants;
+  if (options.filter.find('@') != std::string::npos) {
+    for (const Variant& variant : variants()) wanted.emplace_back(variant.name);
+  }
+  for (const std::string& name : wanted) {
+    for (const Workload* workload : workloads_in_variant(name)) {
+      if (std::ranges::find(all, workload) == all.end()) all.push_back(workload);
+    }
+  }
+  return all;
+}
+
+std::vector<const Workload*> choose_workloads(const CampaignOptions& options) {
+  const std::string& filter = options.filter;
   std::vector<const Workload*> chosen;
   try {
     const std::regex pattern(filter, std::regex::ECMAScript);
-    for (const Workload& workload : catalog()) {
-      if (std::regex_search(workload.name, pattern)) chosen.push_back(&workload);
+    for (const Workload* workload : all_workloads(options)) {
+      if (std::regex_search(workload->name, pattern)) chosen.push_back(workload);
     }
   } catch (const std::regex_error& error) {
     throw_bad_input(
@@ -122,7 +139,7 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
     throw_bad_input(fmt::format("--precision {} is not between 0 and 1 (or 0 % and 100 %); try 2%",
                                 options.precision));
   }
-  const auto workloads = choose_workloads(options.filter);
+  const auto workloads = choose_workloads(options);
   const auto units = choose_units(options);
   for (const UnitModel* unit : units) {
     // A malformed request is the user's slip, also where its device is only reached in a worker.

@@ -61,6 +61,7 @@ std::string stored_plan(const CampaignOptions& options, const CampaignPlan& plan
                {"settings", options.settings},
                {"units", options.units},
                {"filter", options.filter},
+               {"variants", options.variants},
                {"seed", std::to_string(options.seed)},
                {"precision", options.precision},
                {"quick", options.quick},
@@ -86,6 +87,7 @@ CampaignOptions resume_options(const std::filesystem::path& database) {
     options.platform = load_platform(options.platform_argument, parse_overrides(options.settings));
     options.units = json.at("units").get<std::vector<std::string>>();
     options.filter = json.at("filter").get<std::string>();
+    options.variants = json.value("variants", std::vector<std::string>{});
     options.seed = run->run.seed;
     options.precision = json.at("precision").get<double>();
     options.quick = json.at("quick").get<bool>();

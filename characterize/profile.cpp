@@ -196,7 +196,8 @@ std::string choose_platform(const Connection& connection, std::string_view wishe
 void sort_rows(Profile& profile) {
   const auto names = workload_names();
   const auto workload_rank = [&names](const std::string& name) {
-    return std::ranges::find(names, name) - names.begin();
+    const std::string plain = name.substr(0, name.find('@'));  // variants behind their workload
+    return std::ranges::find(names, plain) - names.begin();
   };
   std::vector<std::string> units;
   for (const RunInfo& run : profile.runs) {

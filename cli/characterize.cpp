@@ -25,6 +25,7 @@ struct Options {
   std::vector<std::string> settings;
   std::vector<std::string> units;
   std::string filter;
+  std::vector<std::string> variants;
   std::optional<std::string> images;
   std::string precision = "2%";
   std::optional<std::string> max_time;
@@ -63,6 +64,7 @@ CampaignOptions campaign_options(const Options& options) {
   campaign.platform = load_platform(options.platform, parse_overrides(options.settings));
   campaign.units = options.units;
   campaign.filter = options.filter;
+  campaign.variants = options.variants;
   if (options.images) campaign.images = *options.images;
   campaign.seed = options.seed;
   campaign.precision = parse_fraction(options.precision);
@@ -255,6 +257,12 @@ void add_characterize(CLI::App& app, Action& action) {
       ->allow_extra_args(false);
   command->add_option("--filter", options->filter,
                       "Regular expression: workloads whose names contain it (default: all)");
+  command
+      ->add_option("--variants", options->variants,
+                   "Measure these variants of workloads as well, with commas: see `pirt list "
+                   "workloads` (default: those that --filter names, as in 'sobel@map')")
+      ->delimiter(',')
+      ->allow_extra_args(false);
   command->add_option(
       "--images", options->images,
       "PNG or JPEG file, or a folder of them, as input (default: generated from the seed)");
@@ -285,8 +293,8 @@ void add_characterize(CLI::App& app, Action& action) {
   auto* resume = command->add_flag(
       "--resume", options->resume,
       "Go on with the newest run of --db that did not end, with the options it was started with");
-  for (const auto* name : {"--platform", "--set", "--units", "--filter", "--images", "--precision",
-                           "--max-time", "--seed", "--quick"}) {
+  for (const auto* name : {"--platform", "--set", "--units", "--filter", "--variants", "--images",
+                           "--precision", "--max-time", "--seed", "--quick"}) {
     resume->excludes(command->get_option(name));
   }
   command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");

@@ -65,7 +65,19 @@ Listing list_workloads() {
     if (workload.ops) row["ops"] = *workload.ops;
     rows.push_back(std::move(row));
   }
-  return {{.title = "pirt workloads", .parts = {table}}, {{"workloads", rows}}};
+  nlohmann::ordered_json others = nlohmann::ordered_json::array();
+  for (const Variant& variant : variants()) {
+    const auto workloads = workloads_in_variant(variant.name);
+    table.footnotes.push_back(fmt::format("Variant @{}, of {} workloads: {}", variant.name,
+                                          workloads.size(), variant.description));
+    nlohmann::ordered_json names = nlohmann::ordered_json::array();
+    for (const Workload* workload : workloads) names.push_back(workload->name);
+    others.push_back({{"name", variant.name},
+                      {"description", variant.description},
+                      {"workloads", std::move(names)}});
+  }
+  return {{.title = "pirt workloads", .parts = {table}},
+          {{"workloads", rows}, {"variants", others}}};
 }
 
 std::vector<std::string> unsupported(const Backend& backend) {

@@ -63,9 +63,9 @@ void read_edge(const YamlNode& node, NamedTask& named) {
 
 void read_workload(const YamlNode& node, MixTask& task) {
   task.workload = node.text();
-  const auto known = workload_names();
-  if (std::ranges::find(known, task.workload) == known.end()) {
-    node.fail("there is no workload '" + task.workload + "'" + suggestion(task.workload, known));
+  if (try_find_workload(task.workload) == nullptr) {
+    node.fail("there is no workload '" + task.workload + "'" +
+              suggestion(task.workload, workload_names()));
   }
 }
 

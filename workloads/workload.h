@@ -47,7 +47,10 @@ struct Workload {
   std::string name;               ///< "gaussian_blur", "conv1"; unique in the catalog.
   std::string description;        ///< One line with the sizes.
   std::vector<std::string> tags;  ///< "table1", "vision", "dnn", "image" (takes pictures).
-  std::string kernel;             ///< Key of the backends' kernel tables, e.g. "conv2d_relu".
+  /// How it is computed where that is not the plain way, a name of variants() (catalog.h); empty =
+  /// plain. The workload's name ends in "@<variant>" then.
+  std::string variant = {};
+  std::string kernel;  ///< Key of the backends' kernel tables, e.g. "conv2d_relu".
   std::shared_ptr<const Operation> operation;
 
   std::vector<TensorSpec> inputs;

@@ -61,6 +61,9 @@ const cpu::KernelEntry* find_kernel(std::string_view name) {
 }
 
 Support support_of(const Workload& workload) {
+  if (workload.variant == "map") {
+    return {false, "backend cpu computes on the host's tensors where they are: nothing to map"};
+  }
   if (find_kernel(workload.kernel) != nullptr) return {true, ""};
   return {false, "backend cpu has no kernel '" + workload.kernel + "'"};
 }

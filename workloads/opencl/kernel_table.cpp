@@ -4,6 +4,7 @@
 #include <array>
 #include <cassert>
 
+#include "workloads/opencl/mapped_kernel.h"
 #include "workloads/opencl/plan_kernel.h"
 
 namespace pirt::opencl {
@@ -47,8 +48,11 @@ std::unique_ptr<Kernel> make_kernel(const Session& session, const Workload& work
   std::vector<Resident> outputs;
   for (const TensorSpec& spec : workload.outputs) outputs.push_back(builder.resident(spec));
   entry->append(builder, workload, parameters, inputs, outputs);
-  return std::make_unique<PlanKernel>(session, workload.name,
-                                      builder.finish(std::move(inputs), std::move(outputs)));
+  Plan plan = builder.finish(std::move(inputs), std::move(outputs));
+  if (workload.variant == "map") {
+    return std::make_unique<MappedKernel>(session, workload.name, std::move(plan));
+  }
+  return std::make_unique<PlanKernel>(session, workload.name, std::move(plan));
 }
 
 }  // namespace pirt::opencl

@@ -5,6 +5,7 @@
 #include "workloads/base/text.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/opencl/kernel_table.h"
+#include "workloads/opencl/mapped_kernel.h"
 #include "workloads/opencl/opencl_device.h"
 
 namespace pirt {
@@ -58,11 +59,39 @@ class OpenClBackend final : public Backend {
         }
       }
     }
+    if (workload.variant == "map") return supports_mapping(workload, *entry);
     return {.ok = true, .reason = {}};
+  }
+
+  [[nodiscard]] Support supports_on(const UnitRequest& request,
+                                    const Workload& workload) const override {
+    Support support = supports(workload);
+    if (!support.ok || workload.variant != "map") return support;
+    try {
+      const cl::Device device = opencl::choose_device(opencl::all_devices(), request.device);
+      if (!opencl::shares_memory(device)) {
+        support = {.ok = false, .reason = "the device has memory of its own: nothing to map"};
+      }
+    } catch (const std::exception& error) {
+      support = {.ok = false, .reason = error.what()};
+    }
+    return support;
   }
 
   [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest& request) const override {
     return opencl::open_device(request);
+  }
+
+  /// The host's tensors have no borders, and a part on the host has no buffer.
+  static Support supports_mapping(const Workload& workload, const opencl::KernelEntry& entry) {
+    if (entry.append == nullptr) {
+      return {.ok = false, .reason = "a part of it runs on the host: nothing to map"};
+    }
+    if (entry.input_pad != nullptr && entry.input_pad(workload) > 0) {
+      return {.ok = false,
+              .reason = "its kernel wants a border around the input, which is made by copying"};
+    }
+    return {.ok = true, .reason = {}};
   }
 
   /// PoCL, NVIDIA, Intel (two generations), Mesa, AMD; XDG_CACHE_HOME for those that keep to it.

@@ -37,6 +37,18 @@ std::int32_t Resident::plane() const {
   return (static_cast<std::int32_t>(spec.shape.at(1)) + 2 * pad) * pitch();
 }
 
+void Plan::replace(Resident& resident, const cl::Buffer& with) {
+  const cl_mem old = resident.buffer();
+  for (Use& use : uses) {
+    if (use.buffer != old) continue;
+    steps[use.step].kernel.setArg(use.index, with);
+    use.buffer = with();
+  }
+  std::erase_if(held, [old](const cl::Buffer& buffer) { return buffer() == old; });
+  held.push_back(with);
+  resident.buffer = with;
+}
+
 Resident PlanBuilder::resident(const TensorSpec& spec, int pad) {
   Resident made{.buffer = {}, .spec = spec, .pad = pad};
   if (pad == 0) {
@@ -76,7 +88,8 @@ Plan PlanBuilder::finish(std::vector<Resident> inputs, std::vector<Resident> out
   return {.inputs = std::move(inputs),
           .outputs = std::move(outputs),
           .steps = std::exchange(steps_, {}),
-          .held = std::exchange(held_, {})};
+          .held = std::exchange(held_, {}),
+          .uses = std::exchange(uses_, {})};
 }
 
 void PlanBuilder::append(cl::Kernel kernel, Extent extent) {

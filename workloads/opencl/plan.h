@@ -35,12 +35,23 @@ struct Step {
   cl::NDRange local;
 };
 
+/// Where a buffer is an argument.
+struct Use {
+  std::size_t step = 0;
+  cl_uint index = 0;
+  cl_mem buffer = nullptr;
+};
+
 struct Plan {
   std::vector<Resident> inputs;  ///< As the workload's.
   std::vector<Resident>
       outputs;              ///< As the workload's, unless the host computes the last part; pad 0.
   std::vector<Step> steps;  ///< In order.
   std::vector<cl::Buffer> held;  ///< All buffers of the steps: a cl_kernel retains no arguments.
+  std::vector<Use> uses;         ///< Of all buffers.
+
+  /// Gives the steps another buffer in place of @p resident's, which is freed.
+  void replace(Resident& resident, const cl::Buffer& with);
 };
 
 /// The number of work items of a launch before rounding up to whole work groups; kernels guard the
@@ -79,11 +90,12 @@ class PlanBuilder {
   [[nodiscard]] Plan finish(std::vector<Resident> inputs, std::vector<Resident> outputs);
 
  private:
-  static void set(cl::Kernel& kernel, cl_uint index, const cl::Buffer& buffer) {
+  void set(cl::Kernel& kernel, cl_uint index, const cl::Buffer& buffer) {
     kernel.setArg(index, buffer);
+    uses_.push_back({.step = steps_.size(), .index = index, .buffer = buffer()});
   }
-  static void set(cl::Kernel& kernel, cl_uint index, const Resident& resident) {
-    kernel.setArg(index, resident.buffer);
+  void set(cl::Kernel& kernel, cl_uint index, const Resident& resident) {
+    set(kernel, index, resident.buffer);
   }
   static void set(cl::Kernel& kernel, cl_uint index, std::int32_t value) {
     kernel.setArg(index, static_cast<cl_int>(value));
@@ -100,6 +112,7 @@ class PlanBuilder {
   std::map<std::string, cl::Program, std::less<>> programs_;
   std::vector<Step> steps_;
   std::vector<cl::Buffer> held_;
+  std::vector<Use> uses_;
 };
 
 /// Host to device; blocks. @param from  The tensor's elements without border.
