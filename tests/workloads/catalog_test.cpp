@@ -80,6 +80,11 @@ TEST(Catalog, LayersOfTheChainFitTogether) {
 
 TEST(Catalog, UnknownNamesComeWithTheNearest) {
   EXPECT_EQ(try_find_workload("blur"), nullptr);
+  EXPECT_EQ(try_find_workload("sobel@"), nullptr);
+  EXPECT_EQ(try_find_workload("pool1@map"), nullptr);
+  EXPECT_EQ(find_workload("sobel@map").variant, "map");
+  EXPECT_EQ(workloads_in_variant("map").size(), 14U);
+  EXPECT_THROW(static_cast<void>(workloads_in_variant("mop")), Error);
   try {
     static_cast<void>(find_workload("gausian_blur"));
     FAIL();

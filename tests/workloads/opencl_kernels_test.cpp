@@ -1,9 +1,13 @@
 // Each OpenCL kernel against the definition of its workload: at the catalog's sizes, at odd ones,
 // at the smallest.
+#include <gmock/gmock.h>
+
+#include <algorithm>
 #include <array>
 #include <ostream>
 
 #include "tests/workloads/opencl_support.h"
+#include "tests/workloads/workload_support.h"
 #include "workloads/catalog.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/vision/vision.h"
@@ -59,31 +63,95 @@ constexpr std::array kImageCases = {
 
 class OpenClImages : public testing::TestWithParam<ImageCase> {};
 
-// A work item has 8 or 16 pixels: sizes below, at, and just beside multiples of that, and images
-// smaller than the window, whose border is reflected more than once.
+// A work item has 8 or 16 columns and up to 32 rows: sizes below, at, and just beside multiples of
+// that and of the columns that a filter reaches beyond them, and images smaller than the window,
+// whose border is reflected more than once.
+constexpr std::array<std::pair<int, int>, 20> kSizes = {
+    {{1, 1},   {1, 9},   {9, 1},   {2, 2},   {7, 5},    {16, 3},   {17, 4},
+     {18, 70}, {19, 33}, {20, 32}, {23, 8},  {31, 34},  {32, 36},  {33, 2},
+     {34, 65}, {35, 7},  {36, 31}, {64, 48}, {129, 31}, {641, 479}}};
+
+Data noise_data(const Workload& workload) {
+  const auto images = generated_images(2);
+  Data data = workload.make_data({.seed = 3, .images = images.get()});
+  for (std::uint64_t seed = 1; auto& input : data.inputs) {
+    input =
+        test::noise_picture(static_cast<int>(input.dim(1)), static_cast<int>(input.dim(0)), seed++);
+  }
+  return data;
+}
+
 TEST_P(OpenClImages, ComputesWhatTheReferenceComputesAtAnySize) {
   const auto device = test::open_first_device();
   if (!device) GTEST_SKIP() << "skipped: no OpenCL device";
-  constexpr std::array<std::pair<int, int>, 12> kSizes = {{{1, 1},
-                                                           {1, 9},
-                                                           {9, 1},
-                                                           {2, 2},
-                                                           {7, 5},
-                                                           {16, 3},
-                                                           {17, 4},
-                                                           {19, 33},
-                                                           {23, 8},
-                                                           {64, 48},
-                                                           {129, 31},
-                                                           {641, 479}}};
   for (const auto& [width, height] : kSizes) {
-    const Verdict verdict = run_and_verify(*device, GetParam().make(width, height));
+    const Workload workload = GetParam().make(width, height);
+    const Verdict verdict = run_and_verify(*device, workload);
     EXPECT_TRUE(verdict.ok) << width << "x" << height << ": " << verdict.detail;
+    const Verdict noisy = run_and_verify(*device, workload, noise_data(workload));
+    EXPECT_TRUE(noisy.ok) << width << "x" << height << ", noise: " << noisy.detail;
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(Workloads, OpenClImages, testing::ValuesIn(kImageCases),
                          [](const auto& test) { return std::string(test.param.name); });
+
+// ---------------------------------------------------------------------------------- mapping
+
+TEST(OpenClMapping, GivesTheSameInTheHostsOwnTensors) {
+  const auto backend = make_opencl_backend();
+  const auto device = test::open_first_device();
+  if (!device) GTEST_SKIP() << "skipped: no OpenCL device";
+  int computed = 0;
+  for (const Workload* workload : workloads_in_variant("map")) {
+    const Support support = backend->supports_on(test::unit_request(), *workload);
+    if (!support.ok) {
+      EXPECT_NE(support.reason, "") << workload->name;
+      continue;
+    }
+    const Verdict verdict = run_and_verify(*device, *workload, 3);
+    EXPECT_TRUE(verdict.ok) << workload->name << ": " << verdict.detail;
+    ++computed;
+  }
+  if (device->info().is_cpu) {
+    EXPECT_EQ(computed, 9) << "vision without corners, conv1, fc6 to fc8";
+  }
+}
+
+// What the host writes between a download and the next upload is what the device computes on, and
+// other tensors can be bound at any time.
+TEST(OpenClMapping, TensorsChangeHandsWithEachCall) {
+  const auto device = test::open_first_device();
+  if (!device || !device->info().is_cpu) GTEST_SKIP() << "skipped: no OpenCL device of the host";
+  const Workload& workload = find_workload("gaussian_blur@map");
+  const auto images = generated_images(1);
+  Data data = workload.make_data({.seed = 1, .images = images.get()});
+  std::vector<Tensor> outputs = make_tensors(workload.outputs);
+  const auto kernel = device->prepare(workload, data.parameters);
+  kernel->bind(data.inputs, outputs);
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const Tensor noise = test::noise_picture(640, 480, seed);
+    std::ranges::copy(noise.bytes(), data.inputs[0].data());
+    kernel->upload();
+    kernel->execute(2);
+    kernel->download();
+    EXPECT_TRUE(workload.verify(outputs, workload.reference(data)).ok) << seed;
+  }
+  Data other = workload.make_data({.seed = 7, .images = images.get()});
+  std::vector<Tensor> there = make_tensors(workload.outputs);
+  kernel->bind(other.inputs, there);
+  kernel->upload();
+  kernel->execute(1);
+  kernel->download();
+  EXPECT_TRUE(workload.verify(there, workload.reference(other)).ok);
+}
+
+TEST(OpenClMapping, SaysWhatItCannotMap) {
+  const auto backend = make_opencl_backend();
+  EXPECT_THAT(backend->supports(find_workload("conv2@map")).reason, testing::HasSubstr("border"));
+  EXPECT_THAT(backend->supports(find_workload("feature_detect@map")).reason,
+              testing::HasSubstr("host"));
+}
 
 // ---------------------------------------------------------------------------------- layers
 

@@ -29,11 +29,9 @@ inline std::unique_ptr<Device> open_first_device() {
   return backend->probe().available ? backend->open(unit_request()) : nullptr;
 }
 
-/// Prepares @p workload, runs it @p repeats times on data of seed 1, and compares with its
-/// reference.
-inline Verdict run_and_verify(Device& device, const Workload& workload, int repeats = 1) {
-  const auto images = generated_images(1);
-  const Data data = workload.make_data({.seed = 1, .images = images.get()});
+/// Prepares @p workload, runs it @p repeats times on @p data, and compares with its reference.
+inline Verdict run_and_verify(Device& device, const Workload& workload, const Data& data,
+                              int repeats = 1) {
   std::vector<Tensor> outputs = make_tensors(workload.outputs);
   const auto kernel = device.prepare(workload, data.parameters);
   kernel->bind(data.inputs, outputs);
@@ -41,6 +39,13 @@ inline Verdict run_and_verify(Device& device, const Workload& workload, int repe
   kernel->execute(repeats);
   kernel->download();
   return workload.verify(outputs, workload.reference(data));
+}
+
+/// The same on data of seed 1.
+inline Verdict run_and_verify(Device& device, const Workload& workload, int repeats = 1) {
+  const auto images = generated_images(1);
+  return run_and_verify(device, workload, workload.make_data({.seed = 1, .images = images.get()}),
+                        repeats);
 }
 
 }  // namespace pirt::test
