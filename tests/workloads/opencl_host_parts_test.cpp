@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "workloads/opencl/corners.h"
 #include "workloads/opencl/launch_times.h"
+#include "workloads/vision/corners.h"
 
 namespace pirt::opencl {
 namespace {
@@ -49,14 +49,14 @@ std::uint64_t candidate(std::uint64_t strength, int x, int y) {
 
 TEST(Corners, ComeStrongestFirst) {
   std::vector candidates = {candidate(1, 10, 10), candidate(3, 50, 10), candidate(2, 30, 10)};
-  EXPECT_THAT(select_corners(candidates, image()),
-              ElementsAre(Corner{50, 10}, Corner{30, 10}, Corner{10, 10}));
+  EXPECT_THAT(vision::select_corners(candidates, image()),
+              ElementsAre(vision::Corner{50, 10}, vision::Corner{30, 10}, vision::Corner{10, 10}));
 }
 
 TEST(Corners, OfEqualStrengthComeTheLaterPixelFirst) {
   std::vector candidates = {candidate(1, 10, 10), candidate(1, 10, 40), candidate(1, 80, 10)};
-  EXPECT_THAT(select_corners(candidates, image()),
-              ElementsAre(Corner{10, 40}, Corner{80, 10}, Corner{10, 10}));
+  EXPECT_THAT(vision::select_corners(candidates, image()),
+              ElementsAre(vision::Corner{10, 40}, vision::Corner{80, 10}, vision::Corner{10, 10}));
 }
 
 TEST(Corners, KeepTenPixelsFromEveryStrongerAcceptedOne) {
@@ -64,12 +64,15 @@ TEST(Corners, KeepTenPixelsFromEveryStrongerAcceptedOne) {
   // accepted, and 16 from (20, 20): it stays. (30, 20) would be exactly 10 away, and exactly 10 is
   // enough.
   std::vector candidates = {candidate(9, 20, 20), candidate(8, 28, 20), candidate(7, 36, 20)};
-  EXPECT_THAT(select_corners(candidates, image()), ElementsAre(Corner{20, 20}, Corner{36, 20}));
+  EXPECT_THAT(vision::select_corners(candidates, image()),
+              ElementsAre(vision::Corner{20, 20}, vision::Corner{36, 20}));
   candidates = {candidate(9, 20, 20), candidate(8, 30, 20)};
-  EXPECT_THAT(select_corners(candidates, image()), ElementsAre(Corner{20, 20}, Corner{30, 20}));
+  EXPECT_THAT(vision::select_corners(candidates, image()),
+              ElementsAre(vision::Corner{20, 20}, vision::Corner{30, 20}));
   // 6 and 8 across cells: 36 + 64 = 100 is enough, 6 and 7 is not.
   candidates = {candidate(9, 19, 19), candidate(8, 25, 27), candidate(7, 13, 12)};
-  EXPECT_THAT(select_corners(candidates, image()), ElementsAre(Corner{19, 19}, Corner{25, 27}));
+  EXPECT_THAT(vision::select_corners(candidates, image()),
+              ElementsAre(vision::Corner{19, 19}, vision::Corner{25, 27}));
 }
 
 TEST(Corners, EndAtFiveHundred) {
@@ -78,14 +81,14 @@ TEST(Corners, EndAtFiveHundred) {
   wide.height = 11;
   std::vector<std::uint64_t> candidates;
   for (std::uint64_t i = 0; i < 600; ++i) candidates.push_back((1000 - i) << 32 | (i * 10));
-  const auto corners = select_corners(candidates, wide);
+  const auto corners = vision::select_corners(candidates, wide);
   ASSERT_EQ(corners.size(), 500U);
-  EXPECT_EQ(corners.back(), (Corner{4990, 0}));
+  EXPECT_EQ(corners.back(), (vision::Corner{4990, 0}));
 }
 
 TEST(Corners, OfNothingAreNone) {
   std::vector<std::uint64_t> none;
-  EXPECT_THAT(select_corners(none, image()), IsEmpty());
+  EXPECT_THAT(vision::select_corners(none, image()), IsEmpty());
 }
 
 }  // namespace

@@ -6,14 +6,18 @@
 // exactly what the whole would.
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <functional>
+#include <memory>
+#include <mutex>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 #include <vector>
 
 #include "workloads/cpu/kernels.h"
+#include "workloads/vision/corners.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt::cpu {
@@ -101,16 +105,34 @@ std::unique_ptr<Kernel> make_filter7x7(const Workload&, std::span<const Tensor> 
   });
 }
 
+/// Both gradients in one pass over the picture. cv::spatialGradient does that on one thread and,
+/// unlike the filters, takes the first and the last row of a part for the picture's border: the two
+/// rows at each cut are computed again from the rows around it.
+void gradients(const cv::Mat& image, cv::Mat& gx, cv::Mat& gy) {
+  const int bands = std::clamp(image.rows / 4, 1, cv::getNumThreads());
+  const auto cut = [&](int band) { return image.rows * band / bands; };
+  const auto repair = [&](int row) {  // row - 1 and row
+    cv::Mat x, y;
+    cv::spatialGradient(image.rowRange(row - 2, row + 2), x, y, 3, cv::BORDER_REFLECT_101);
+    x.rowRange(1, 3).copyTo(gx.rowRange(row - 1, row + 1));
+    y.rowRange(1, 3).copyTo(gy.rowRange(row - 1, row + 1));
+  };
+  cv::parallel_for_(
+      cv::Range(0, bands),
+      [&](const cv::Range& range) {
+        for (int band = range.start; band < range.end; ++band) {
+          cv::Mat x = gx.rowRange(cut(band), cut(band + 1));
+          cv::Mat y = gy.rowRange(cut(band), cut(band + 1));
+          cv::spatialGradient(image.rowRange(cut(band), cut(band + 1)), x, y, 3,
+                              cv::BORDER_REFLECT_101);
+        }
+      },
+      bands);
+  for (int band = 1; band < bands; ++band) repair(cut(band));
+}
+
 std::unique_ptr<Kernel> make_sobel(const Workload&, std::span<const Tensor>) {
-  return make([](const Mats& in, Mats& out) {
-    for_bands(in[0].rows, [&](const cv::Range& rows) {
-      const cv::Mat image = in[0].rowRange(rows);
-      cv::Mat gx = out[0].rowRange(rows);
-      cv::Mat gy = out[1].rowRange(rows);
-      cv::Sobel(image, gx, CV_16S, 1, 0, 3, 1.0, 0.0, cv::BORDER_REFLECT_101);
-      cv::Sobel(image, gy, CV_16S, 0, 1, 3, 1.0, 0.0, cv::BORDER_REFLECT_101);
-    });
-  });
+  return make([](const Mats& in, Mats& out) { gradients(in[0], out[0], out[1]); });
 }
 
 std::unique_ptr<Kernel> make_undistort(const Workload& workload, std::span<const Tensor>) {
@@ -128,16 +150,76 @@ std::unique_ptr<Kernel> make_undistort(const Workload& workload, std::span<const
   });
 }
 
-std::unique_ptr<Kernel> make_feature_detect(const Workload&, std::span<const Tensor>) {
-  using Op = vision::FeatureDetect;
-  return make([corners = std::vector<cv::Point2f>()](const Mats& in, Mats& out) mutable {
-    cv::goodFeaturesToTrack(in[0], corners, Op::kMaxCorners, Op::kQuality, Op::kMinDistance,
-                            cv::noArray(), Op::kBlock);
+/// cv::goodFeaturesToTrack in bands: OpenCV's own is one thread from the responses on.
+class FeatureDetect {
+ public:
+  explicit FeatureDetect(const vision::FeatureDetect& operation)
+      : operation_(operation),
+        response_(operation.height, operation.width, CV_32F),
+        largest_(operation.height, operation.width, CV_32F) {}
+
+  void operator()(const Mats& in, Mats& out) {
+    peak_ = 0;
+    candidates_.clear();
+    for_bands(in[0].rows, [&](const cv::Range& rows) { respond(in[0], rows); });
+    for_bands(in[0].rows, [&](const cv::Range& rows) { collect(rows); });
+    const auto corners = vision::select_corners(candidates_, operation_);
     auto* rows = out[0].ptr<cv::Point2f>();
-    std::fill_n(std::ranges::copy(corners, rows).out,
-                static_cast<std::size_t>(Op::kMaxCorners) - corners.size(), cv::Point2f());
+    std::fill_n(rows, Op::kMaxCorners, cv::Point2f());
+    for (const auto& corner : corners) {
+      *rows++ = {static_cast<float>(corner.x), static_cast<float>(corner.y)};
+    }
     out[1].at<int>(0) = static_cast<int>(corners.size());
-  });
+  }
+
+ private:
+  using Op = vision::FeatureDetect;
+
+  /// Responses of @p rows, and their part of the peak. Gradients look around a part; the block sums
+  /// do not, so that a row more is computed at each side.
+  void respond(const cv::Mat& image, const cv::Range& rows) {
+    const cv::Range more(std::max(rows.start - 1, 0), std::min(rows.end + 1, image.rows));
+    cv::Mat response;
+    cv::cornerMinEigenVal(image.rowRange(more), response, Op::kBlock, 3);
+    response.rowRange(rows.start - more.start, rows.end - more.start)
+        .copyTo(response_.rowRange(rows));
+    double peak = 0;
+    cv::minMaxLoc(response_.rowRange(rows), nullptr, &peak);
+    const std::lock_guard guard(*merge_);
+    peak_ = std::max(peak_, peak);
+  }
+
+  /// Candidates among @p rows: above the threshold, and no neighbour larger.
+  void collect(const cv::Range& rows) {
+    cv::Mat largest = largest_.rowRange(rows);
+    cv::dilate(response_.rowRange(rows), largest, cv::Mat());
+    const auto threshold = static_cast<float>(peak_ * Op::kQuality);
+    std::vector<std::uint64_t> found;
+    for (int y = std::max(rows.start, 1); y < std::min(rows.end, response_.rows - 1); ++y) {
+      const auto* response = response_.ptr<float>(y);
+      const auto* neighbours = largest_.ptr<float>(y);
+      for (int x = 1; x < response_.cols - 1; ++x) {
+        if (response[x] > threshold && response[x] == neighbours[x]) {
+          const auto pixel =
+              static_cast<std::uint64_t>(y) * static_cast<std::uint64_t>(response_.cols) +
+              static_cast<std::uint64_t>(x);
+          found.push_back(std::uint64_t{std::bit_cast<std::uint32_t>(response[x])} << 32U | pixel);
+        }
+      }
+    }
+    const std::lock_guard guard(*merge_);
+    candidates_.insert(candidates_.end(), found.begin(), found.end());
+  }
+
+  vision::FeatureDetect operation_;
+  cv::Mat response_, largest_;
+  double peak_ = 0;
+  std::vector<std::uint64_t> candidates_;
+  std::shared_ptr<std::mutex> merge_ = std::make_shared<std::mutex>();
+};
+
+std::unique_ptr<Kernel> make_feature_detect(const Workload& workload, std::span<const Tensor>) {
+  return make(FeatureDetect(operation_as<vision::FeatureDetect>(workload)));
 }
 
 /// Dense Lucas-Kanade: products of derivatives, their window sums by box filters on integers, one

@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <array>
 
-#include "workloads/opencl/corners.h"
 #include "workloads/opencl/kernel_table.h"
 #include "workloads/opencl/plan_kernel.h"
 #include "workloads/opencl/strips.h"
+#include "workloads/vision/corners.h"
 
 namespace pirt::opencl {
 namespace {
@@ -33,7 +33,7 @@ class FeatureDetectKernel final : public PlanKernel {
       LaunchTimes times;
       for (int i = 0; i < repeats; ++i) {
         find_candidates(times);
-        corners_ = select_corners(found_, operation_);
+        corners_ = vision::select_corners(found_, operation_);
       }
       return times.finish();
     });
@@ -75,7 +75,7 @@ class FeatureDetectKernel final : public PlanKernel {
   vision::FeatureDetect operation_;
   CandidateBuffers buffers_;
   std::vector<std::uint64_t> found_;
-  std::vector<Corner> corners_;
+  std::vector<vision::Corner> corners_;
 };
 
 }  // namespace

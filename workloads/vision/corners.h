@@ -1,4 +1,5 @@
-// The host's part of feature_detect: from candidates to the final corner list.
+// The sequential part of feature_detect, for backends that find the candidates themselves: from
+// candidates to the final corner list.
 #pragma once
 
 #include <cstdint>
@@ -6,7 +7,7 @@
 
 #include "workloads/vision/vision.h"
 
-namespace pirt::opencl {
+namespace pirt::vision {
 
 struct Corner {
   int x = 0;
@@ -21,6 +22,6 @@ struct Corner {
 /// as integers they
 ///                    order as the rule wants. Sorted in place.
 [[nodiscard]] std::vector<Corner> select_corners(std::vector<std::uint64_t>& candidates,
-                                                 const vision::FeatureDetect& operation);
+                                                 const FeatureDetect& operation);
 
-}  // namespace pirt::opencl
+}  // namespace pirt::vision

@@ -1,9 +1,9 @@
-#include "workloads/opencl/corners.h"
+#include "workloads/vision/corners.h"
 
 #include <algorithm>
 #include <functional>
 
-namespace pirt::opencl {
+namespace pirt::vision {
 namespace {
 
 /// Accepted corners in cells as wide as the distance, so that only 3x3 cells are looked at.
@@ -34,7 +34,7 @@ class CornerGrid {
   void add(Corner c) { cells_[index(c.x / kCell, c.y / kCell)].push_back(c); }
 
  private:
-  static constexpr int kCell = vision::FeatureDetect::kMinDistance;
+  static constexpr int kCell = FeatureDetect::kMinDistance;
   [[nodiscard]] std::size_t index(int column, int row) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
            static_cast<std::size_t>(column);
@@ -48,7 +48,7 @@ class CornerGrid {
 }  // namespace
 
 std::vector<Corner> select_corners(std::vector<std::uint64_t>& candidates,
-                                   const vision::FeatureDetect& operation) {
+                                   const FeatureDetect& operation) {
   std::ranges::sort(candidates, std::greater{});
   CornerGrid grid(operation.width, operation.height);
   std::vector<Corner> corners;
@@ -57,10 +57,10 @@ std::vector<Corner> select_corners(std::vector<std::uint64_t>& candidates,
     const Corner corner{.x = pixel % operation.width, .y = pixel / operation.width};
     if (!grid.has_room(corner)) continue;
     corners.push_back(corner);
-    if (corners.size() == vision::FeatureDetect::kMaxCorners) break;
+    if (corners.size() == FeatureDetect::kMaxCorners) break;
     grid.add(corner);
   }
   return corners;
 }
 
-}  // namespace pirt::opencl
+}  // namespace pirt::vision
