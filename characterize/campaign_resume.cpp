@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "characterize/identity.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 
@@ -121,21 +122,14 @@ void restrict_to_stored(const UnfinishedRun& run, CampaignPlan& plan) {
 }
 
 void check_identity(const RunInfo& run, const Environment& facts) {
-  std::set<std::string> keys = run.identity;
-  for (const auto& [key, value] : facts) {
-    if (fact_kind(key) == FactKind::kIdentity) keys.insert(key);
-  }
+  RunInfo now = run;
+  now.environment = facts;
+  const auto text = [](const std::optional<std::string>& value) {
+    return value ? "'" + *value + "'" : std::string("nothing");
+  };
   std::vector<std::string> changed;
-  for (const std::string& key : keys) {
-    const auto then = run.environment.find(key);
-    const auto now = facts.find(key);
-    const auto text = [](bool known, const std::string& value) {
-      return known ? "'" + value + "'" : std::string("nothing");
-    };
-    const std::string before =
-        text(then != run.environment.end(), then != run.environment.end() ? then->second : "");
-    const std::string after = text(now != facts.end(), now != facts.end() ? now->second : "");
-    if (before != after) changed.push_back(fmt::format("{} was {} and is {}", key, before, after));
+  for (const auto& each : compare_identity(run, now)) {
+    changed.push_back(fmt::format("{} was {} and is {}", each.field, text(each.a), text(each.b)));
   }
   if (changed.empty()) return;
   throw_bad_input(fmt::format(

@@ -1,6 +1,7 @@
 // pirt characterize: measures every workload on every unit of a platform, into a profile database.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 
 #include "characterize/campaign.h"
@@ -180,6 +181,12 @@ nlohmann::ordered_json summary_json(const CampaignSummary& summary) {
           {"elapsed_s", to_s(summary.elapsed)}};
 }
 
+/// Of the whole run: all of its cells may have been stored before it was interrupted.
+bool has_valid_row(const Profile& profile, std::int64_t run_id) {
+  return std::ranges::any_of(
+      profile.phases, [run_id](const PhaseRow& row) { return row.run_id == run_id && row.valid; });
+}
+
 int characterize(const Options& options) {
   if (options.database.empty() && (!options.dry_run || options.resume)) {
     throw_bad_input("--db is required (or --dry-run to see what would be measured)");
@@ -224,7 +231,7 @@ int characterize(const Options& options) {
     throw_environment(fmt::format("interrupted; {} cells are complete and {} were begun; {}",
                                   summary.cells, summary.cells_begun, resume_hint(options)));
   }
-  if (summary.rows_valid == 0) {
+  if (!has_valid_row(profile, summary.run_id)) {
     throw_environment("no valid row was measured; see the remarks for the reasons");
   }
   if (fits && !fit.complete) {

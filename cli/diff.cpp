@@ -20,15 +20,6 @@ struct Options {
   std::optional<std::string> json;
 };
 
-void refuse_same_file(const std::vector<std::string>& files) {
-  std::error_code missing;  // which load_profile explains
-  if (std::filesystem::equivalent(files[0], files[1], missing)) {
-    throw_bad_input(fmt::format(
-        "'{}' and '{}' are the same file, and it shows the newest row of each cell; give two files",
-        files[0], files[1]));
-  }
-}
-
 Profile open_profile(const Options& options, const std::string& path) {
   auto profile = load_profile(path, options.platform);
   if (!options.filter.empty()) keep_workloads(profile, options.filter);
@@ -41,7 +32,8 @@ int diff(const Options& options) {
         fmt::format("pirt diff takes two profile databases, not {}; see 'pirt diff --help'",
                     options.files.size()));
   }
-  refuse_same_file(options.files);
+  refuse_same_file(options.files[0], options.files[1],
+                   ", and it shows the newest row of each cell; give two files");
   const auto a = open_profile(options, options.files[0]);
   const auto b = open_profile(options, options.files[1]);
   const auto result = diff_profiles(a, b);

@@ -54,7 +54,7 @@ std::string exported(const Options& options) {
     return json.dump(1) + "\n";
   }
   if (options.format == "history") {
-    const auto result = export_history(load().profile);
+    const auto result = export_history(load());
     for (const auto& row : result.left_out) warn("not exported, since it is not valid: " + row);
     return result.json.dump(1) + "\n";
   }

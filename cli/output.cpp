@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
@@ -35,6 +36,13 @@ void emit_text(const std::string& text, const std::optional<std::string>& target
     write_file(*target, text);
   } else {
     write_stdout(text);
+  }
+}
+
+void refuse_same_file(const std::string& a, const std::string& b, const std::string& remedy) {
+  std::error_code missing;  // which opening it explains
+  if (std::filesystem::equivalent(a, b, missing)) {
+    throw_bad_input("'" + a + "' and '" + b + "' are the same file" + remedy);
   }
 }
 

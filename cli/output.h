@@ -17,6 +17,9 @@ void emit(const std::string& text, const nlohmann::ordered_json& json,
 /// Writes @p text to @p target; absent or "-" is stdout. @throws Error if it cannot be written.
 void emit_text(const std::string& text, const std::optional<std::string>& target);
 
+/// @throws Error{kBadInput} with @p remedy if both are the same file.
+void refuse_same_file(const std::string& a, const std::string& b, const std::string& remedy);
+
 void warn(const std::string& message);
 void warn_all(std::span<const std::string> messages);
 

@@ -70,11 +70,7 @@ Table open_table(const std::string& path, const std::string& platform, const std
 GateReport compare(const RegressOptions& options) {
   const auto& base_path = options.files[0];
   const auto& candidate_path = options.files[1];
-  std::error_code missing;  // which loading explains
-  if (std::filesystem::equivalent(base_path, candidate_path, missing)) {
-    throw_bad_input(fmt::format("'{}' and '{}' are the same file; give a baseline and a candidate",
-                                base_path, candidate_path));
-  }
+  refuse_same_file(base_path, candidate_path, "; give a baseline and a candidate");
   const auto platform = given_platform(options);
   const std::string name = platform ? platform->name : "";
   const Table base = open_table(base_path, name, options.filter);

@@ -70,9 +70,9 @@ Json entry(const PhaseRow& row, const std::string& suffix, const std::string& ty
           {"run_id", row.run_id}};
 }
 
-void add_row(const PhaseRow& row, const RowSamples& samples, Json& benchmarks) {
+void add_row(const PhaseRow& row, Json& benchmarks) {
   std::int64_t index = 0;
-  for (const Nanos sample : samples.samples) {
+  for (const Nanos sample : row.values) {
     Json json = entry(row, "", "iteration", sample);
     json["repetition_index"] = index++;
     benchmarks.push_back(std::move(json));
@@ -97,18 +97,17 @@ std::string benchmark_name(const PhaseRow& row) {
   return fmt::format("{}/{}/{}{}/real_time", row.workload, row.unit, to_string(row.phase), state);
 }
 
-BenchmarkExport export_google_benchmark(const ProfileWithSamples& data) {
+BenchmarkExport export_google_benchmark(const Profile& profile) {
   BenchmarkExport result;
   Json benchmarks = Json::array();
-  for (const PhaseRow& row : data.profile.phases) {
-    const auto* samples = data.samples_of(row);
-    if (row.valid && samples != nullptr) {
-      add_row(row, *samples, benchmarks);
+  for (const PhaseRow& row : profile.phases) {
+    if (row.valid && !row.values.empty()) {
+      add_row(row, benchmarks);
     } else {
       result.left_out.push_back(benchmark_name(row) + ": " + join(row.reasons, ", "));
     }
   }
-  result.json = {{"context", context(data.profile)}, {"benchmarks", std::move(benchmarks)}};
+  result.json = {{"context", context(profile)}, {"benchmarks", std::move(benchmarks)}};
   result.json["context"]["pirt_left_out"] = result.left_out;
   return result;
 }

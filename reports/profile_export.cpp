@@ -7,21 +7,12 @@
 #include <charconv>
 #include <regex>
 
+#include "characterize/database.h"
 #include "reports/profile_report.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
-
-const RowSamples* ProfileWithSamples::samples_of(const PhaseRow& row) const {
-  const auto run = samples.find(row.run_id);
-  if (run == samples.end()) return nullptr;
-  const auto it = std::ranges::find_if(run->second, [&row](const RowSamples& s) {
-    return s.workload == row.workload && s.unit == row.unit && s.phase == row.phase &&
-           s.state == row.state;
-  });
-  return it == run->second.end() ? nullptr : &*it;
-}
 
 void keep_workloads(Profile& profile, const std::string& filter) {
   const auto names = profile.workloads();
@@ -44,28 +35,26 @@ void keep_workloads(Profile& profile, const std::string& filter) {
   }
 }
 
-ProfileWithSamples load_with_samples(const std::filesystem::path& path, std::string_view platform,
-                                     const std::string& filter) {
-  ProfileWithSamples data{load_profile(path, platform), {}};
-  if (!filter.empty()) keep_workloads(data.profile, filter);
-  for (const auto& run : data.profile.runs) {
-    data.samples[run.run_id] = load_samples(path, run.run_id);
-  }
-  return data;
+Profile load_with_samples(const std::filesystem::path& path, std::string_view platform,
+                          const std::string& filter) {
+  Profile profile = load_profile(path, platform);
+  if (!filter.empty()) keep_workloads(profile, filter);
+  read_samples(profile);
+  return profile;
 }
 
-nlohmann::ordered_json export_json(const ProfileWithSamples& data) {
-  const Profile& profile = data.profile;
+nlohmann::ordered_json export_json(const Profile& profile) {
   auto json = profile_json(profile, {});
   json.erase("preferable");
   for (std::size_t i = 0; i < profile.phases.size(); ++i) {
     auto& row = json["profile_summary"][i];
     row["samples_ns"] = nlohmann::ordered_json::array();
     row["processes_of_samples"] = nlohmann::ordered_json::array();
-    const auto* samples = data.samples_of(profile.phases[i]);
-    if (samples == nullptr) continue;
-    for (const Nanos sample : samples->samples) row["samples_ns"].push_back(sample.count());
-    row["processes_of_samples"] = samples->processes;
+    const PhaseRow& phase = profile.phases[i];
+    for (const Nanos sample : phase.values) row["samples_ns"].push_back(sample.count());
+    for (const auto process : phase.value_processes) {
+      row["processes_of_samples"].push_back(process);
+    }
   }
   for (std::size_t i = 0; i < profile.runs.size(); ++i) {
     json["runs"][i]["identity"] = profile.runs[i].identity;
@@ -158,16 +147,14 @@ std::string peaks_csv(const Profile& profile) {
   return csv.text();
 }
 
-std::string samples_csv(const ProfileWithSamples& data) {
+std::string samples_csv(const Profile& profile) {
   Csv csv("run_id,workload,unit,phase,state,provenance,valid,position,process,ns");
-  for (const PhaseRow& row : data.profile.phases) {
-    const auto* samples = data.samples_of(row);
-    if (samples == nullptr) continue;
-    for (std::size_t i = 0; i < samples->samples.size(); ++i) {
+  for (const PhaseRow& row : profile.phases) {
+    for (std::size_t i = 0; i < row.values.size(); ++i) {
       csv.add(row.run_id).add(row.workload).add(row.unit).add(to_string(row.phase));
       csv.add(to_string(row.state)).add(to_string(row.provenance)).add(row.valid);
-      csv.add(static_cast<std::int64_t>(i)).add(std::int64_t{samples->processes[i]});
-      csv.add(samples->samples[i]).end_line();
+      csv.add(static_cast<std::int64_t>(i)).add(std::int64_t{row.value_processes[i]});
+      csv.add(row.values[i]).end_line();
     }
   }
   return csv.text();
@@ -175,16 +162,16 @@ std::string samples_csv(const ProfileWithSamples& data) {
 
 }  // namespace
 
-std::string export_csv(const ProfileWithSamples& data, CsvTable table) {
+std::string export_csv(const Profile& profile, CsvTable table) {
   switch (table) {
     case CsvTable::kProfile:
-      return profile_csv(data.profile);
+      return profile_csv(profile);
     case CsvTable::kEnergy:
-      return energy_csv(data.profile);
+      return energy_csv(profile);
     case CsvTable::kPeaks:
-      return peaks_csv(data.profile);
+      return peaks_csv(profile);
     case CsvTable::kSamples:
-      return samples_csv(data);
+      return samples_csv(profile);
   }
   return {};
 }

@@ -5,46 +5,35 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "characterize/database.h"
 #include "characterize/profile.h"
 
 namespace pirt {
 
-/// The rows of a profile with the raw samples behind them.
-struct ProfileWithSamples {
-  Profile profile;
-  std::map<std::int64_t, std::vector<RowSamples>> samples;  ///< By run.
-
-  /// Null if the row has no samples.
-  [[nodiscard]] const RowSamples* samples_of(const PhaseRow& row) const;
-};
-
+/// The rows of a profile with their raw samples (PhaseRow::values).
 /// @param platform  Only runs of that platform; empty = that of the newest run.
 /// @param filter    Regular expression, searched in workload names; empty = all.
 /// @throws Error{kBadInput} as load_profile; a filter that is none, or matches no workload of the
 /// profile (with the nearest names).
-[[nodiscard]] ProfileWithSamples load_with_samples(const std::filesystem::path& path,
-                                                   std::string_view platform,
-                                                   const std::string& filter);
+[[nodiscard]] Profile load_with_samples(const std::filesystem::path& path,
+                                        std::string_view platform, const std::string& filter);
 
 /// Leaves the rows of the workloads that contain @p filter. @throws Error{kBadInput} as above.
 void keep_workloads(Profile& profile, const std::string& filter);
 
 /// profile_json (profile_report.h) without preferences; and `samples_ns` and `processes_of_samples`
 /// in each row, `identity` (the keys of those facts) in each run, and `peaks`.
-[[nodiscard]] nlohmann::ordered_json export_json(const ProfileWithSamples& data);
+[[nodiscard]] nlohmann::ordered_json export_json(const Profile& profile);
 
 /// The tables that CSV has, each with a header: `profile` and `energy` with the columns of the
 /// views profile_summary and energy_summary, `peaks`, and `samples` (one line a sample). Quoted as
 /// RFC 4180 says, lines end in \n, what is unknown is an empty field.
 enum class CsvTable : std::uint8_t { kProfile, kEnergy, kPeaks, kSamples };
-[[nodiscard]] std::string export_csv(const ProfileWithSamples& data, CsvTable table);
+[[nodiscard]] std::string export_csv(const Profile& profile, CsvTable table);
 
 /// What Google Benchmark writes with --benchmark_format=json, for its compare.py and what else
 /// reads that: one entry of run_type iteration for each sample, so that compare.py's U test works,
@@ -55,7 +44,7 @@ struct BenchmarkExport {
   nlohmann::ordered_json json;
   std::vector<std::string> left_out;  ///< Names of invalid rows, with their reasons.
 };
-[[nodiscard]] BenchmarkExport export_google_benchmark(const ProfileWithSamples& data);
+[[nodiscard]] BenchmarkExport export_google_benchmark(const Profile& profile);
 
 /// Entries {name, unit, value, range, extra} of medians, as the actions that plot a benchmark's
 /// history read them ("customSmallerIsBetter"): ns a call, and J a call of rows `energy`; valid

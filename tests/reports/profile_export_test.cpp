@@ -18,23 +18,23 @@ using testing::HasSubstr;
 using testing::SizeIs;
 
 /// Two samples for each of the three rows; sobel's cold preparation is not valid.
-ProfileWithSamples small_data() {
-  ProfileWithSamples data{test::small_profile(100), {}};
-  for (const auto& row : data.profile.phases) {
-    data.samples[1].push_back(
-        {row.workload, row.unit, row.phase, row.state, {from_ms(99), from_ms(101)}, {0, 1}});
+Profile small_data() {
+  Profile data = test::small_profile(100);
+  for (PhaseRow& row : data.phases) {
+    row.values = {from_ms(99), from_ms(101)};
+    row.value_processes = {0, 1};
   }
-  data.profile.phases[0].valid = false;
-  data.profile.phases[0].reasons = {"few_samples", "clock_bound"};
-  data.profile.phases[1].notes = {"bimodal"};
-  data.profile.energies[0].provenance = Provenance::kModelled;
+  data.phases[0].valid = false;
+  data.phases[0].reasons = {"few_samples", "clock_bound"};
+  data.phases[1].notes = {"bimodal"};
+  data.energies[0].provenance = Provenance::kModelled;
   PeakRow peak;
   peak.run_id = 1;
   peak.unit = "cpu";
   peak.per_second = 1.5e11;
   peak.variant = "fma";
   peak.valid = true;
-  data.profile.peaks = {peak};
+  data.peaks = {peak};
   return data;
 }
 
@@ -85,7 +85,7 @@ TEST(ProfileExport, CsvHasTheColumnsOfTheViews) {
 
 TEST(ProfileExport, CsvQuotesQuotesAndLineBreaks) {
   auto data = small_data();
-  data.profile.energies[0].source = "a \"meter\"\nof mine";
+  data.energies[0].source = "a \"meter\"\nof mine";
   EXPECT_THAT(export_csv(data, CsvTable::kEnergy), HasSubstr(",\"a \"\"meter\"\"\nof mine\","));
 }
 
@@ -120,7 +120,7 @@ TEST(ProfileExport, GoogleBenchmarkLeavesOutWhatIsNotValid) {
 }
 
 TEST(ProfileExport, HistoryHasMediansOfValidRows) {
-  const auto result = export_history(small_data().profile);
+  const auto result = export_history(small_data());
   EXPECT_THAT(result.left_out,
               ElementsAre("sobel/cpu/prepare_cold/real_time: few_samples, clock_bound"));
   ASSERT_GE(result.json.size(), 2U);
