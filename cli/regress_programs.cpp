@@ -107,12 +107,6 @@ std::string step_text(const DuetComparison& comparison, const DuetStep& step) {
                      step.kind == DuetStep::Kind::kBlock ? std::to_string(state.blocks + 1) : "");
 }
 
-/// The decision on one comparison: what it is when measuring has ended.
-struct Decided {
-  DuetEnd end = DuetEnd::kDecided;
-  GateResult result;
-};
-
 }  // namespace
 
 int regress_programs(const RegressOptions& options) {

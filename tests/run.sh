@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Set-up and every test: installs what is needed, builds, runs. Can be run again at any time.
 #
-# Usage: tests/run.sh [--long]    --long adds the long tests, the debug, sanitizer and clang builds, format
-#                             check and clang-tidy
+# Usage: tests/run.sh [--long]    --long adds the long tests, the sanitizer build (with assertions) and its tests,
+#                             the clang build, format check and clang-tidy
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source cli/packages.sh
@@ -41,7 +41,5 @@ if $long; then
   git ls-files '*.cpp' ':!tests' | xargs -P 2 -n 4 clang-tidy-14 --quiet -p build-clang
   cmake --preset asan -DPIRT_WERROR=ON >/dev/null && cmake --build --preset asan
   LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.txt:print_suppressions=0 run_tests build-asan
-  cmake --preset debug -DPIRT_WERROR=ON >/dev/null && cmake --build --preset debug
-  run_tests build-debug
 fi
 say "tests: OK"
