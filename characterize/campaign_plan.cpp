@@ -99,6 +99,7 @@ void add_unit(const UnitModel& unit, const JobResult& probed, CampaignPlan& plan
   const std::string prefix = "unit." + unit.name + ".";
   if (!device.platform.empty()) plan.facts[prefix + "platform"] = device.platform;
   if (!device.version.empty()) plan.facts[prefix + "version"] = device.version;
+  if (!device.tuning.empty()) plan.facts[prefix + "tuning"] = device.tuning;
   if (device.cache_bytes) plan.facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);
 }
 
