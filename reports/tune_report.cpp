@@ -29,41 +29,47 @@ std::string_view name_of(TuneVerdict verdict) {
 
 /// How sure the verdict is, in words.
 std::string sureness(const TuneFinding& finding) {
-  const std::string rounds = fmt::format("{} of {} rounds", finding.rounds_faster, finding.rounds);
+  const std::string measured = fmt::format("{:.2f}x, faster in {} of {} rounds", finding.speed_up,
+                                           finding.rounds_faster, finding.rounds);
   switch (finding.verdict) {
     case TuneVerdict::kReplaced:
-      return fmt::format("faster in {} (by chance {:.2g} %)", rounds, 100 * finding.p_value);
+      return fmt::format("faster in {} of {} rounds (by chance: {:.2g} %)", finding.rounds_faster,
+                         finding.rounds, 100 * finding.p_value);
     case TuneVerdict::kDefaultBest:
       return finding.fastest == finding.standard
                  ? "no candidate was faster"
-                 : fmt::format("{} was faster by less than 2 %", finding.fastest);
+                 : fmt::format("{} is no 2 % faster: {}", finding.fastest, measured);
     case TuneVerdict::kNotConfirmed:
-      return finding.rounds == 0 ? "the fastest failed in a later round"
-                                 : fmt::format("{} was faster in {} only, or by less than 2 %",
-                                               finding.fastest, rounds);
+      return finding.rounds == 0 ? "the fastest failed in a later round (below)"
+                                 : fmt::format("{} not confirmed: {}", finding.fastest, measured);
     case TuneVerdict::kNotMeasured:
       return "not measured (below)";
   }
   return "";
 }
 
+/// All workloads that judged it, or how many if that is too long for a column.
+std::string judged_by(const TuneFinding& finding) {
+  constexpr std::size_t kNamed = 3;
+  std::vector<std::string> names;
+  for (const WorkloadGain& gain : finding.gains) names.push_back(gain.workload);
+  if (names.empty()) return "-";
+  return names.size() <= kNamed ? join(names, " ") : fmt::format("{} workloads", names.size());
+}
+
+/// A row for each workload where the default was replaced, since they may gain differently;
+/// otherwise one.
 void add_rows(const TuneFinding& finding, Table& table) {
-  const bool replaced = finding.verdict == TuneVerdict::kReplaced;
-  const std::string name(finding.parameter->name);
-  const std::string standard = std::to_string(finding.standard);
-  const std::string best = std::to_string(finding.best);
-  if (finding.gains.empty()) {
-    table.rows.push_back({"-", name, standard, best, "-", sureness(finding)});
-  }
-  for (const WorkloadGain& gain : finding.gains) {
-    table.rows.push_back({gain.workload, name, standard, best,
-                          replaced ? fmt::format("{:.2f}x", gain.speed_up) : "-",
+  const auto add = [&](const std::string& workload, const std::string& speed_up) {
+    table.rows.push_back({workload, std::string(finding.parameter->name),
+                          std::to_string(finding.standard), std::to_string(finding.best), speed_up,
                           sureness(finding)});
+  };
+  if (finding.verdict != TuneVerdict::kReplaced) return add(judged_by(finding), "-");
+  for (const WorkloadGain& gain : finding.gains) {
+    add(gain.workload, fmt::format("{:.2f}x", gain.speed_up));
   }
-  if (replaced && finding.gains.size() > 1) {
-    table.rows.push_back({"geometric mean", name, standard, best,
-                          fmt::format("{:.2f}x", finding.speed_up), sureness(finding)});
-  }
+  if (finding.gains.size() > 1) add("geometric mean", fmt::format("{:.2f}x", finding.speed_up));
 }
 
 }  // namespace
