@@ -3,83 +3,20 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <regex>
 
 #include "characterize/campaign.h"
 #include "characterize/campaign_estimate.h"
 #include "characterize/campaign_meters.h"
 #include "characterize/campaign_resume.h"
 #include "characterize/job_runner.h"
+#include "characterize/selection.h"
 #include "characterize/unit_request.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
-#include "workloads/catalog.h"
 #include "workloads/registry.h"
 
 namespace pirt {
 namespace {
-
-/// The plain workloads and the variants that are asked for: by name, or by an '@' in the filter.
-std::vector<const Workload*> all_workloads(const CampaignOptions& options) {
-  std::vector<const Workload*> all;
-  for (const Workload& workload : catalog()) all.push_back(&workload);
-  std::vector<std::string> wanted = options.variants;
-  if (options.filter.find('@') != std::string::npos) {
-    for (const Variant& variant : variants()) wanted.emplace_back(variant.name);
-  }
-  for (const std::string& name : wanted) {
-    for (const Workload* workload : workloads_in_variant(name)) {
-      if (std::ranges::find(all, workload) == all.end()) all.push_back(workload);
-    }
-  }
-  return all;
-}
-
-std::vector<const Workload*> choose_workloads(const CampaignOptions& options) {
-  const std::string& filter = options.filter;
-  std::vector<const Workload*> chosen;
-  try {
-    const std::regex pattern(filter, std::regex::ECMAScript);
-    for (const Workload* workload : all_workloads(options)) {
-      if (std::regex_search(workload->name, pattern)) chosen.push_back(workload);
-    }
-  } catch (const std::regex_error& error) {
-    throw_bad_input(
-        fmt::format("--filter '{}' is not a regular expression ({}); try a workload's name, or "
-                    "'conv[12]|sobel'",
-                    filter, error.what()));
-  }
-  if (chosen.empty()) {
-    throw_bad_input(fmt::format("--filter '{}' matches no workload{}; see: pirt list workloads",
-                                filter, suggestion(filter, workload_names())));
-  }
-  return chosen;
-}
-
-std::vector<const UnitModel*> choose_units(const CampaignOptions& options) {
-  const Platform& platform = options.platform;
-  std::vector<const UnitModel*> chosen;
-  for (const std::string& name : options.units) {
-    const UnitModel& unit = platform.unit(name);
-    if (!unit.measured()) {
-      throw_bad_input(fmt::format(
-          "unit '{}' of platform '{}' has no backend: its times are in the platform file, there is "
-          "nothing to measure",
-          name, platform.name));
-    }
-    if (std::ranges::find(chosen, &unit) == chosen.end()) chosen.push_back(&unit);
-  }
-  if (!options.units.empty()) return chosen;
-  for (const UnitModel& unit : platform.units) {
-    if (unit.measured()) chosen.push_back(&unit);
-  }
-  if (chosen.empty()) {
-    throw_bad_input(fmt::format(
-        "platform '{}' has no unit to measure (no unit names a backend); try --platform host",
-        platform.name));
-  }
-  return chosen;
-}
 
 JobResult probe(const CampaignOptions& options, const UnitModel& unit, const JobRunner& runner) {
   Job job;
@@ -99,6 +36,7 @@ void add_unit(const UnitModel& unit, const JobResult& probed, CampaignPlan& plan
   const std::string prefix = "unit." + unit.name + ".";
   if (!device.platform.empty()) plan.facts[prefix + "platform"] = device.platform;
   if (!device.version.empty()) plan.facts[prefix + "version"] = device.version;
+  if (!device.tuning.empty()) plan.facts[prefix + "tuning"] = device.tuning;
   if (device.cache_bytes) plan.facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);
 }
 
@@ -139,8 +77,8 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
     throw_bad_input(fmt::format("--precision {} is not between 0 and 1 (or 0 % and 100 %); try 2%",
                                 options.precision));
   }
-  const auto workloads = choose_workloads(options);
-  const auto units = choose_units(options);
+  const auto workloads = choose_workloads(options.filter, options.variants);
+  const auto units = choose_units(options.platform, options.units);
   for (const UnitModel* unit : units) {
     // A malformed request is the user's slip, also where its device is only reached in a worker.
     static_cast<void>(

@@ -22,6 +22,8 @@ constexpr std::array kKeys = {
     EnvironmentKey{"unit.*.cores", kIdentity, "the unit computes on them"},
     EnvironmentKey{"unit.*.platform", kIdentity, "another driver is another implementation"},
     EnvironmentKey{"unit.*.version", kIdentity, "drivers and libraries bring the kernels' speed"},
+    EnvironmentKey{"unit.*.tuning", kIdentity,
+                   "other parameters make other launches of the kernels"},
     EnvironmentKey{"unit.*.cache_bytes", kIdentity, "it decides which data stay near the unit"},
     // The machine.
     EnvironmentKey{"cpu_model", kIdentity, "it executes the host's part of every unit"},

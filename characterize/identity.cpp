@@ -42,6 +42,8 @@ std::map<std::string, std::string> identity_of(const RunInfo& run) {
     if (!unit.cores.empty()) {
       identity[prefix + "cores"] = fmt::format("{}", fmt::join(unit.cores, ","));
     }
+    // Runs of versions that could not tune do not say so.
+    if (unit.backend == "opencl") identity.try_emplace(prefix + "tuning", "default");
   }
   return identity;
 }

@@ -11,6 +11,7 @@ using Action = std::function<int()>;
 
 void add_list(CLI::App& app, Action& action);
 void add_characterize(CLI::App& app, Action& action);
+void add_tune(CLI::App& app, Action& action);
 void add_doctor(CLI::App& app, Action& action);
 void add_schedule(CLI::App& app, Action& action);
 void add_report(CLI::App& app, Action& action);

@@ -61,6 +61,7 @@ int run(int argc, char** argv) {
   Action action;
   add_list(app, action);
   add_characterize(app, action);
+  add_tune(app, action);
   add_doctor(app, action);
   add_schedule(app, action);
   add_report(app, action);

@@ -36,6 +36,9 @@ struct DeviceInfo {
       false;  ///< The device computes on the host's own cores (PoCL): never to be taken for a GPU.
   /// The largest cache before the device's memory; absent where it does not say.
   std::optional<std::int64_t> cache_bytes = std::nullopt;
+  /// The kernels' parameters that an open device uses: "default", or what was tuned,
+  /// "conv_pixels=8, fc_rows=2". Empty for backends without, and before opening.
+  std::string tuning = {};
 };
 
 struct Probe {

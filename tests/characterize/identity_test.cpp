@@ -40,7 +40,9 @@ TEST(Identity, HoldsWhatDecidesTheSpeedOfUnchangedCode) {
                                                        {"unit.cpu.cores", "0"},
                                                        {"unit.gpu.backend", "opencl"},
                                                        {"unit.gpu.device", "pthread"},
-                                                       {"unit.gpu.cores", "1"}};
+                                                       {"unit.gpu.cores", "1"},
+                                                       // Not recorded by a version of before.
+                                                       {"unit.gpu.tuning", "default"}};
   EXPECT_EQ(identity_of(run()), expected);
 }
 

@@ -32,7 +32,7 @@ TEST(OpenClProgram, KnowsTheLocalSizeOfTheLaunches) {
   const std::string source =
       "#if LOCAL_X != " + std::to_string(session.local_x) +
       "\n#error wrong\n#endif\n__kernel void k(__global int* p) { p[0] = 1; }";
-  EXPECT_NO_THROW(static_cast<void>(build_program(session, "local.cl", source)));
+  EXPECT_NO_THROW(static_cast<void>(build_program(session, "dnn.cl", source)));
 }
 
 TEST(OpenClErrors, KeepTheirNamesAndGainARemedy) {

@@ -10,22 +10,20 @@ namespace pirt::opencl {
 namespace {
 
 constexpr std::string_view kSource = "dnn.cl";
-constexpr int kChannelsPerItem = 16;  // CHANNELS of dnn.cl.
-constexpr int kPixelsPerItem = 6;     // PIXELS of dnn.cl.
-constexpr int kRowsPerItem = 4;       // Of fully_connected.
 
 int blocks(int count, int size) { return (count + size - 1) / size; }
 
-/// [out_c, ...] -> [blocks of 16 channels, ..., 16], so that a vector load takes 16 channels of one
-/// tap; the last block's missing channels are 0. Also for a bias, where ... is empty.
-std::vector<float> interleave_channels(std::span<const float> weights, int out_c) {
+/// [out_c, ...] -> [blocks of `width` channels, ..., width], so that a vector load takes as many
+/// channels of one tap; the last block's missing channels are 0. Also for a bias, where ... is
+/// empty.
+std::vector<float> interleave_channels(std::span<const float> weights, int out_c, int width) {
   const auto channels = static_cast<std::size_t>(out_c);
   const std::size_t taps = weights.size() / channels;
-  constexpr std::size_t kBlock = kChannelsPerItem;
-  std::vector<float> packed(static_cast<std::size_t>(blocks(out_c, kBlock)) * taps * kBlock);
+  const auto block = static_cast<std::size_t>(width);
+  std::vector<float> packed(static_cast<std::size_t>(blocks(out_c, width)) * taps * block);
   for (std::size_t c = 0; c < channels; ++c) {
-    float* to = packed.data() + c / kBlock * taps * kBlock + c % kBlock;
-    for (std::size_t t = 0; t < taps; ++t) to[t * kBlock] = weights[c * taps + t];
+    float* to = packed.data() + c / block * taps * block + c % block;
+    for (std::size_t t = 0; t < taps; ++t) to[t * block] = weights[c * taps + t];
   }
   return packed;
 }
@@ -40,16 +38,17 @@ void append_conv2d_relu(PlanBuilder& builder, const Workload& workload,
                         std::span<const Tensor> parameters, std::span<const Resident> inputs,
                         std::span<const Resident> outputs) {
   const dnn::ConvShape& s = operation_as<dnn::Conv2dRelu>(workload).shape;
-  const auto weights = interleave_channels(parameters[0].as<float>(), s.out_c);
-  const auto bias = interleave_channels(parameters[1].as<float>(), s.out_c);
+  const int channels = builder.session().tuning[Parameter::kConvChannels];
+  const int pixels = builder.session().tuning[Parameter::kConvPixels];
+  const auto weights = interleave_channels(parameters[0].as<float>(), s.out_c, channels);
+  const auto bias = interleave_channels(parameters[1].as<float>(), s.out_c, channels);
   const Resident& in = inputs[0];
   const Resident& out = outputs[0];
-  builder.step(kSource, "conv2d_relu",
-               {blocks(s.out_h() * s.out_w(), kPixelsPerItem), blocks(s.out_c, kChannelsPerItem)},
-               in, builder.constant(std::as_bytes(std::span(weights))),
-               builder.constant(std::as_bytes(std::span(bias))), out, s.in_c, in.plane(),
-               in.pitch(), s.k_h, s.k_w, s.stride, s.out_c, s.out_h(), s.out_w(), out.plane(),
-               out.pitch(), out.offset());
+  builder.step(
+      kSource, "conv2d_relu", {blocks(s.out_h() * s.out_w(), pixels), blocks(s.out_c, channels)},
+      in, builder.constant(std::as_bytes(std::span(weights))),
+      builder.constant(std::as_bytes(std::span(bias))), out, s.in_c, in.plane(), in.pitch(), s.k_h,
+      s.k_w, s.stride, s.out_c, s.out_h(), s.out_w(), out.plane(), out.pitch(), out.offset());
 }
 
 void append_max_pool(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
@@ -65,7 +64,8 @@ void append_fully_connected(PlanBuilder& builder, const Workload& workload,
                             std::span<const Tensor> parameters, std::span<const Resident> inputs,
                             std::span<const Resident> outputs) {
   const auto& op = operation_as<dnn::FullyConnected>(workload);
-  builder.step(kSource, "fully_connected", {blocks(op.out, kRowsPerItem), 1}, inputs[0],
+  const int rows = builder.session().tuning[Parameter::kFcRows];
+  builder.step(kSource, "fully_connected", {blocks(op.out, rows), 1}, inputs[0],
                builder.constant(parameters[0].bytes()), builder.constant(parameters[1].bytes()),
                outputs[0], op.in, op.out);
   if (op.activation == dnn::Activation::kSoftmax) {

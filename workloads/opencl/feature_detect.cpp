@@ -85,26 +85,25 @@ std::unique_ptr<Kernel> make_feature_detect(const Session& session, const Worklo
   using vision::FeatureDetect;
   static_assert(FeatureDetect::kBlock == 3, "features.cl sums 3x3 blocks");
   const auto& op = operation_as<FeatureDetect>(workload);
-  const std::int64_t pixels = std::int64_t{op.width} * op.height;
+  const std::int64_t area = std::int64_t{op.width} * op.height;
   PlanBuilder builder(session);
   const Resident image = builder.resident(workload.inputs[0]);
-  const cl::Buffer gx = builder.scratch(pixels * std::int64_t{sizeof(cl_short)});
-  const cl::Buffer gy = builder.scratch(pixels * std::int64_t{sizeof(cl_short)});
-  const cl::Buffer response = builder.scratch(pixels * std::int64_t{sizeof(cl_float)});
+  const cl::Buffer gx = builder.scratch(area * std::int64_t{sizeof(cl_short)});
+  const cl::Buffer gy = builder.scratch(area * std::int64_t{sizeof(cl_short)});
+  const cl::Buffer response = builder.scratch(area * std::int64_t{sizeof(cl_float)});
   const CandidateBuffers buffers{
       .state = builder.scratch(2 * std::int64_t{sizeof(cl_uint)}),
-      .candidates = builder.scratch(pixels * std::int64_t{sizeof(cl_ulong)})};
-  const auto segments = [&op](int pixels_per_item) {
-    return Extent{(op.width + pixels_per_item - 1) / pixels_per_item, op.height};
-  };
-  const Strips strips(session, op);
+      .candidates = builder.scratch(area * std::int64_t{sizeof(cl_ulong)})};
+  const int pixels = session.tuning[Parameter::kFeaturePixels];
+  const Extent segments{(op.width + pixels - 1) / pixels, op.height};
+  const Strips strips(session.tuning[Parameter::kSobelStripRows], op);
   builder.step("vision.cl", "sobel", strips.extent, image, gx, gy, op.width, op.height,
                strips.rows);
-  builder.step("features.cl", "corner_response", segments(8), gx, gy, response, buffers.state,
-               op.width, op.height);
-  builder.step("features.cl", "corner_candidates", segments(8), response, buffers.state,
-               buffers.candidates, static_cast<float>(FeatureDetect::kQuality), op.width,
-               op.height);
+  builder.step("features.cl", "corner_response", segments, gx, gy, response, buffers.state,
+               op.width, op.height, pixels);
+  builder.step("features.cl", "corner_candidates", segments, response, buffers.state,
+               buffers.candidates, static_cast<float>(FeatureDetect::kQuality), op.width, op.height,
+               pixels);
   return std::make_unique<FeatureDetectKernel>(session, workload, builder.finish({image}, {}),
                                                buffers);
 }

@@ -7,6 +7,7 @@
 #include "workloads/opencl/kernel_table.h"
 #include "workloads/opencl/mapped_kernel.h"
 #include "workloads/opencl/opencl_device.h"
+#include "workloads/opencl/tuning_file.h"
 
 namespace pirt {
 namespace {
@@ -63,8 +64,11 @@ class OpenClBackend final : public Backend {
     return {.ok = true, .reason = {}};
   }
 
+  /// The file of tuned parameters is read here too: a damaged one is the user's to mend before
+  /// anything is measured.
   [[nodiscard]] Support supports_on(const UnitRequest& request,
                                     const Workload& workload) const override {
+    static_cast<void>(opencl::load_tuning());
     Support support = supports(workload);
     if (!support.ok || workload.variant != "map") return support;
     try {

@@ -12,6 +12,7 @@
 #include "workloads/base/text.h"
 #include "workloads/opencl/kernel_table.h"
 #include "workloads/opencl/peak_loops.h"
+#include "workloads/opencl/tuning_file.h"
 
 namespace pirt::opencl {
 namespace {
@@ -105,7 +106,9 @@ cl::Device restrict_to_cores(const cl::Device& device, const std::vector<int>& c
 class OpenClDevice final : public Device {
  public:
   explicit OpenClDevice(Session session)
-      : session_(std::move(session)), info_(describe(session_.device)) {}
+      : session_(std::move(session)), info_(describe(session_.device)) {
+    info_.tuning = session_.tuning.describe();
+  }
 
   [[nodiscard]] DeviceInfo info() const override { return info_; }
 
@@ -180,10 +183,9 @@ Session open_session(const UnitRequest& request) {
     Session session;
     session.device = choose_device(all_devices(), request.device);
     session.is_cpu = computes_on_host(session.device);
-    // 8 items are enough work for one core; GPUs run 32 or 64 in step.
-    session.local_x = session.is_cpu ? 8 : 64;
-    session.local_x =
-        std::min(session.local_x, session.device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>());
+    session.tuning = tuning_for(describe(session.device));
+    session.local_x = std::min(static_cast<std::size_t>(session.tuning[Parameter::kLocalX]),
+                               session.device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>());
     if (session.is_cpu) session.device = restrict_to_cores(session.device, request.cores);
     session.context = context_on(session.device);
     session.queue = cl::CommandQueue(session.context, session.device, CL_QUEUE_PROFILING_ENABLE);

@@ -30,7 +30,9 @@ std::string first_lines(const std::string& log) {
 cl::Program build_program(const Session& session, std::string_view name, std::string_view source) {
   // -w: PoCL would print "12 warnings generated." to stderr, all of them about the ABI of wide
   // vectors in functions that are inlined anyway.
-  const std::string options = fmt::format("-cl-std=CL1.2 -w -DLOCAL_X={}", session.local_x);
+  Tuning tuning = session.tuning;
+  tuning.set(Parameter::kLocalX, static_cast<int>(session.local_x));
+  const std::string options = "-cl-std=CL1.2 -w" + definitions_of(tuning, name);
   cl::Program program(session.context, std::string(source), false);
   try {
     program.build(session.device, options.c_str());

@@ -4,6 +4,7 @@
 #include <cstddef>
 
 #include "workloads/opencl/api.h"
+#include "workloads/opencl/tuning.h"
 
 namespace pirt::opencl {
 
@@ -13,13 +14,16 @@ struct Session {
   cl::Context context;
   cl::CommandQueue queue;  ///< In order, with profiling.
   bool is_cpu = false;
+  Tuning tuning{true};  ///< Of this kind of device.
   /// The one local size in x of every launch (1 in y). PoCL compiles a kernel anew for each local
-  /// size that it meets, so that more than one would cost set-up time.
+  /// size that it meets, so that more than one would cost set-up time. At most what the device
+  /// takes, whatever the tuning says.
   std::size_t local_x = 8;
 };
 
-/// Builds OpenCL C 1.2 source, with LOCAL_X defined.
-/// @param name  Of the source, for messages.
+/// Builds OpenCL C 1.2 source, with the parameters of the session's tuning that it has as
+/// definitions (definitions_of).
+/// @param name  Of the source: "dnn.cl".
 /// @throws Error{kEnvironment} with the first lines of the build log if it does not build.
 [[nodiscard]] cl::Program build_program(const Session& session, std::string_view name,
                                         std::string_view source);

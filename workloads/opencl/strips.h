@@ -1,4 +1,4 @@
-// How a picture is cut into work items by the kernels of vision.cl.
+// How a picture is cut into work items by the kernels of vision.cl that slide down strips.
 #pragma once
 
 #include <cstdint>
@@ -12,13 +12,13 @@ namespace pirt::opencl {
 struct Strips {
   static constexpr int kColumns = 16;
 
-  /// A CPU wants few, long items, which share more between rows; a GPU wants thousands.
-  Strips(const Session& session, const vision::ImageOperation& operation)
-      : rows(session.is_cpu ? 32 : 4),
+  /// @param strip_rows  At least 1; of the session's tuning.
+  Strips(int strip_rows, const vision::ImageOperation& operation)
+      : rows(strip_rows),
         extent{.x = (operation.width + kColumns - 1) / kColumns,
                .y = (operation.height + rows - 1) / rows} {}
 
-  std::int32_t rows;  ///< Of a strip; a multiple of 4, which filter7x7 computes at once.
+  std::int32_t rows;  ///< Of a strip.
   Extent extent;
 };
 

@@ -11,9 +11,8 @@ namespace {
 
 std::int64_t blocks(std::int64_t count, std::int64_t size) { return (count + size - 1) / size; }
 
-/// Segments of 16 columns by rows, for kernels that have no strips.
-Extent image_extent(const vision::ImageOperation& operation) {
-  return {blocks(operation.width, Strips::kColumns), operation.height};
+Strips strips_of(const PlanBuilder& builder, Parameter rows, const vision::ImageOperation& op) {
+  return {builder.session().tuning[rows], op};
 }
 
 }  // namespace
@@ -21,7 +20,7 @@ Extent image_extent(const vision::ImageOperation& operation) {
 void append_gaussian_blur(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
                           std::span<const Resident> inputs, std::span<const Resident> outputs) {
   const auto& op = operation_as<vision::GaussianBlur>(workload);
-  const Strips strips(builder.session(), op);
+  const Strips strips = strips_of(builder, Parameter::kBlurStripRows, op);
   builder.step("vision.cl", "gaussian_blur", strips.extent, inputs[0], outputs[0], op.width,
                op.height, strips.rows);
 }
@@ -35,7 +34,7 @@ void append_filter7x7(PlanBuilder& builder, const Workload& workload,
   for (const std::int16_t weight : parameters[0].as<std::int16_t>()) {
     weights.push_back(static_cast<float>(weight) / (1 << vision::Filter7x7::kShift));
   }
-  const Strips strips(builder.session(), op);
+  const Strips strips = strips_of(builder, Parameter::kFilterStripRows, op);
   builder.step("vision.cl", "filter7x7", strips.extent, inputs[0], outputs[0],
                builder.constant(std::as_bytes(std::span(weights))), op.width, op.height,
                strips.rows);
@@ -44,7 +43,7 @@ void append_filter7x7(PlanBuilder& builder, const Workload& workload,
 void append_sobel(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
                   std::span<const Resident> inputs, std::span<const Resident> outputs) {
   const auto& op = operation_as<vision::Sobel>(workload);
-  const Strips strips(builder.session(), op);
+  const Strips strips = strips_of(builder, Parameter::kSobelStripRows, op);
   builder.step("vision.cl", "sobel", strips.extent, inputs[0], outputs[0], outputs[1], op.width,
                op.height, strips.rows);
 }
@@ -54,8 +53,9 @@ void append_undistort(PlanBuilder& builder, const Workload& workload, std::span<
   static_assert(sizeof(vision::MapEntry) == sizeof(cl_int2), "the map is uploaded as it is");
   const auto& op = operation_as<vision::Undistort>(workload);
   const auto map = vision::undistort_map(op);
-  builder.step("vision.cl", "undistort", image_extent(op), inputs[0], outputs[0],
-               builder.constant(std::as_bytes(std::span(map))), op.width, op.height);
+  const int pixels = builder.session().tuning[Parameter::kUndistortPixels];
+  builder.step("vision.cl", "undistort", {blocks(op.width, pixels), op.height}, inputs[0],
+               outputs[0], builder.constant(std::as_bytes(std::span(map))), op.width, op.height);
 }
 
 void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
@@ -64,10 +64,12 @@ void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::sp
   constexpr int kSums = 5;  // xx, xy, yy, xt, yt
   constexpr int kColumnsPerItem = 8;
   const auto& op = operation_as<vision::OpticalFlow>(workload);
-  // A CPU slides along whole rows and columns, the least work; other devices want thousands of work
-  // items and pay one window's filling (52 steps) for each 64 steps.
-  const int run_x = builder.session().is_cpu ? op.width : 64;
-  const int run_y = builder.session().is_cpu ? op.height : 64;
+  const auto run = [&](Parameter parameter, int whole) {
+    const int tuned = builder.session().tuning[parameter];
+    return tuned == kWholeRun ? whole : tuned;
+  };
+  const int run_x = run(Parameter::kFlowRunX, op.width);
+  const int run_y = run(Parameter::kFlowRunY, op.height);
   const auto pitch = static_cast<int>(blocks(op.width, kColumnsPerItem) * kColumnsPerItem);
   const cl::Buffer sums = builder.scratch(std::int64_t{kSums} * op.height * pitch *
                                           static_cast<std::int64_t>(sizeof(cl_int)));

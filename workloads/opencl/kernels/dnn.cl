@@ -2,21 +2,23 @@
 //
 // Shapes are arguments, so that all layers of a network share one binary of each kernel.
 
-/// Output channels of a work item of conv2d_relu. Layers need not have a multiple of it.
-#define CHANNELS 16
-/// Output pixels of a work item: 6 x 16 sums are 12 of the 16 vector registers of AVX2.
-#define PIXELS 6
-
-/// Work items of a work group along x; the host gives the local size that it uses.
-#ifndef LOCAL_X
-#define LOCAL_X 8
-#endif
+// Defined by the host (tuning.cpp):
+//   LOCAL_X        work items of a work group along x;
+//   CONV_CHANNELS  output channels of a work item of conv2d_relu, a vector's width; layers need not
+//                  have a multiple of it;
+//   CONV_PIXELS    its output pixels: 6 x 16 sums are 12 of the 16 vector registers of AVX2;
+//   FC_ROWS        output rows of a work item of fully_connected.
+#define CHANNELS CONV_CHANNELS
+#define PIXELS CONV_PIXELS
+#define JOIN(a, b) a##b
+#define VECTOR(name, width) JOIN(name, width)
+typedef VECTOR(float, CHANNELS) Lanes;
 
 /// max(0, conv + bias). Global ids (block of PIXELS pixels, block of CHANNELS output channels).
 ///
 /// @param input    Planes of in_plane floats, rows of in_pitch floats, zero border included.
-/// @param weights  [ceil(out_c/16), in_c, k_h, k_w, 16], missing channels 0.
-/// @param bias     [ceil(out_c/16), 16], alike.
+/// @param weights  [ceil(out_c/CHANNELS), in_c, k_h, k_w, CHANNELS], missing channels 0.
+/// @param bias     [ceil(out_c/CHANNELS), CHANNELS], alike.
 /// @param output   Channel c, row y, column x at out_offset + c*out_plane + y*out_pitch + x: the
 ///                 border that the next layer wants stays untouched.
 __kernel void conv2d_relu(__global const float* restrict input,
@@ -37,8 +39,8 @@ __kernel void conv2d_relu(__global const float* restrict input,
     const int pixel = min(first + i, pixels - 1);
     from[i] = input + pixel / out_w * stride * in_pitch + pixel % out_w * stride;
   }
-  float16 sum[PIXELS];
-  const float16 start = vload16(block, bias);
+  Lanes sum[PIXELS];
+  const Lanes start = VECTOR(vload, CHANNELS)(block, bias);
 #pragma unroll
   for (int i = 0; i < PIXELS; ++i) sum[i] = start;
 
@@ -47,7 +49,7 @@ __kernel void conv2d_relu(__global const float* restrict input,
     for (int ky = 0; ky < k_h; ++ky) {
       const int row = c * in_plane + ky * in_pitch;
       for (int kx = 0; kx < k_w; ++kx) {
-        const float16 weight = vload16(0, w);
+        const Lanes weight = VECTOR(vload, CHANNELS)(0, w);
         w += CHANNELS;
 #pragma unroll
         for (int i = 0; i < PIXELS; ++i) sum[i] += weight * from[i][row + kx];
@@ -58,7 +60,7 @@ __kernel void conv2d_relu(__global const float* restrict input,
 #pragma unroll
   for (int i = 0; i < PIXELS; ++i) {
     float lanes[CHANNELS];
-    vstore16(fmax(sum[i], 0.0f), 0, lanes);
+    VECTOR(vstore, CHANNELS)(fmax(sum[i], 0.0f), 0, lanes);
     const int pixel = first + i;
     __global float* to = output + out_offset + pixel / out_w * out_pitch + pixel % out_w;
     const int channels = pixel < pixels ? min(CHANNELS, out_c - block * CHANNELS) : 0;
@@ -87,18 +89,18 @@ float horizontal_sum(float8 v) {
   return b.x + b.y;
 }
 
-/// Four output rows a work item, so that each input value is loaded once for four products.
+/// FC_ROWS output rows a work item, so that each input value is loaded once for as many products.
 /// @param weights  [out, in] as the workload has them: 151 MB need no repacking.
 __kernel void fully_connected(__global const float* restrict input,
                               __global const float* restrict weights,
                               __global const float* restrict bias, __global float* restrict output,
                               int in, int out) {
-  const int first = (int)get_global_id(0) * 4;
+  const int first = (int)get_global_id(0) * FC_ROWS;
   if (first >= out) return;
-  __global const float* row[4];
-  float8 sum[4];
+  __global const float* row[FC_ROWS];
+  float8 sum[FC_ROWS];
 #pragma unroll
-  for (int r = 0; r < 4; ++r) {
+  for (int r = 0; r < FC_ROWS; ++r) {
     row[r] = weights + (size_t)min(first + r, out - 1) * in;
     sum[r] = 0.0f;
   }
@@ -106,10 +108,10 @@ __kernel void fully_connected(__global const float* restrict input,
   for (; i + 8 <= in; i += 8) {
     const float8 x = vload8(0, input + i);
 #pragma unroll
-    for (int r = 0; r < 4; ++r) sum[r] += vload8(0, row[r] + i) * x;
+    for (int r = 0; r < FC_ROWS; ++r) sum[r] += vload8(0, row[r] + i) * x;
   }
 #pragma unroll
-  for (int r = 0; r < 4; ++r) {
+  for (int r = 0; r < FC_ROWS; ++r) {
     if (first + r >= out) continue;
     float rest = bias[first + r];
     for (int k = i; k < in; ++k) rest += row[r][k] * input[k];

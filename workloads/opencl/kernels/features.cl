@@ -1,6 +1,7 @@
 // Shi-Tomasi corners: the response map, its peak, and the candidates; sorting and the distance rule
 // are the host's (feature_detect.cpp). Gradients come from kernel `sobel` of vision.cl.
-// A work item computes 8 neighbouring pixels of a row; global ids are (segment, row).
+// A work item computes `pixels` neighbouring pixels of a row, a multiple of 8, which the host chooses
+// (tuning.cpp); global ids are (segment, row).
 
 int reflect(int i, int n) {
   if (n == 1) return 0;
@@ -20,15 +21,9 @@ float8 response8(int8 sxx, int8 sxy, int8 syy) {
   return select((float8)0.0f, 4.0f * convert_float8(det) / below, below > 0.0f);
 }
 
-/// @param response  f32 [height,width].
-/// @param state     [0] becomes the bits of the largest response; zeroed beforehand. Responses are
-///                  not negative, so that their bits order as they do.
-__kernel void corner_response(__global const short* restrict gx, __global const short* restrict gy,
-                              __global float* restrict response, volatile __global uint* state,
-                              int width, int height) {
-  const int x = (int)get_global_id(0) * 8;
-  const int y = (int)get_global_id(1);
-  if (x >= width) return;
+/// Computes the responses of the 8 pixels from x on, or as many as there are, and gives the largest.
+float segment_response(__global const short* gx, __global const short* gy, __global float* response,
+                       int x, int y, int width, int height) {
   int8 sxx = 0, sxy = 0, syy = 0;
   if (x >= 1 && x + 9 <= width) {
     for (int dy = -1; dy <= 1; ++dy) {
@@ -64,7 +59,24 @@ __kernel void corner_response(__global const short* restrict gx, __global const 
   }
   const float4 top4 = fmax(value.lo, value.hi);
   const float2 top2 = fmax(top4.lo, top4.hi);
-  const uint top = as_uint(fmax(top2.x, top2.y));
+  return fmax(top2.x, top2.y);
+}
+
+/// @param response  f32 [height,width].
+/// @param state     [0] becomes the bits of the largest response; zeroed beforehand. Responses are
+///                  not negative, so that their bits order as they do.
+/// @param pixels    Of a work item.
+__kernel void corner_response(__global const short* restrict gx, __global const short* restrict gy,
+                              __global float* restrict response, volatile __global uint* state,
+                              int width, int height, int pixels) {
+  const int begin = (int)get_global_id(0) * pixels;
+  const int end = min(begin + pixels, width);
+  const int y = (int)get_global_id(1);
+  if (begin >= width) return;
+  float largest = 0.0f;
+  for (int x = begin; x < end; x += 8)
+    largest = fmax(largest, segment_response(gx, gy, response, x, y, width, height));
+  const uint top = as_uint(largest);
   if (top > state[0]) atomic_max(state, top);
 }
 
@@ -74,9 +86,9 @@ __kernel void corner_response(__global const short* restrict gx, __global const 
 ///                    all pixels.
 __kernel void corner_candidates(__global const float* restrict response,
                                 volatile __global uint* state, __global ulong* restrict candidates,
-                                float quality, int width, int height) {
-  const int first = max((int)get_global_id(0) * 8, 1);
-  const int end = min((int)get_global_id(0) * 8 + 8, width - 1);
+                                float quality, int width, int height, int pixels) {
+  const int first = max((int)get_global_id(0) * pixels, 1);
+  const int end = min((int)get_global_id(0) * pixels + pixels, width - 1);
   const int y = (int)get_global_id(1);
   if (y < 1 || y >= height - 1) return;
   const float threshold = as_float(state[0]) * quality;

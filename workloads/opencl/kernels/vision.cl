@@ -6,6 +6,11 @@
 // and they write some pixels again, with the same values. Where a segment touches the left or right border, the columns beyond it are shuffled out of its
 // own. Pictures too narrow for that go pixel by pixel. Global ids are (segment, strip of rows).
 // Integer results are exact.
+//
+// Defined by the host (tuning.cpp):
+//   FILTER_ROWS       rows that an item of filter7x7 computes at once: 4 are 8 of AVX2's 16
+//                     registers;
+//   UNDISTORT_PIXELS  pixels of an item of undistort.
 
 /// Border reflect-101: -1 -> 1, n -> n-2. Loops, since a small image is reflected more than once.
 int reflect(int i, int n) {
@@ -98,8 +103,6 @@ __kernel void gaussian_blur(__global const uchar* restrict image, __global uchar
 }
 
 // -------------------------------------------------------------------------------------- filter7x7
-
-#define FILTER_ROWS 4  // Rows that an item computes at once: 8 of AVX2's 16 registers.
 
 /// Sums of at most 49 * 127 * 255 are exact in single precision, where a multiply-add is one
 /// instruction.
@@ -209,9 +212,9 @@ int pixel_or_zero(__global const uchar* image, int x, int y, int width, int heig
 /// @param map  Source position of each output pixel in 1/32 pixel (MapEntry of vision.h).
 __kernel void undistort(__global const uchar* restrict image, __global uchar* restrict straight,
                         __global const int2* restrict map, int width, int height) {
-  const int first = (int)get_global_id(0) * 16;
+  const int first = (int)get_global_id(0) * UNDISTORT_PIXELS;
   const int y = (int)get_global_id(1);
-  const int end = min(first + 16, width);
+  const int end = min(first + UNDISTORT_PIXELS, width);
   for (int x = first; x < end; ++x) {
     const int2 at = map[y * width + x];
     const int column = at.x >> 5, row = at.y >> 5;

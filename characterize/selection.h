@@ -1,0 +1,27 @@
+// Which workloads and units of a platform a command that measures was asked for.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "characterize/platform.h"
+#include "workloads/workload.h"
+
+namespace pirt {
+
+/// In the catalog's order, variants last.
+/// @param filter       ECMAScript regular expression, searched in workload names; empty = all. One
+///                     with an '@' is searched in the names of all variants too.
+/// @param in_variants  Names of variants() that are chosen from besides the plain workloads.
+/// @throws Error{kBadInput} if the filter is none, matches no workload, or a variant is unknown.
+[[nodiscard]] std::vector<const Workload*> choose_workloads(
+    const std::string& filter, const std::vector<std::string>& in_variants = {});
+
+/// Units with a backend.
+/// @param names  Empty = all of the platform, in its order; otherwise in the order given, each
+/// once.
+/// @throws Error{kBadInput} if a name is unknown or its unit has no backend, or if there are none.
+[[nodiscard]] std::vector<const UnitModel*> choose_units(const Platform& platform,
+                                                         const std::vector<std::string>& names);
+
+}  // namespace pirt

@@ -1,0 +1,177 @@
+// pirt tune: searches the parameters of the OpenCL kernels on this machine's devices, and keeps
+// what is faster.
+#include "characterize/tune/tune.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <ctime>
+#include <memory>
+
+#include "characterize/measure.h"
+#include "cli/commands.h"
+#include "cli/duration.h"
+#include "cli/long_run.h"
+#include "cli/output.h"
+#include "reports/tune_report.h"
+#include "workloads/base/error.h"
+#include "workloads/opencl/tuning_file.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string platform = "host";
+  std::vector<std::string> units;
+  std::string filter;
+  std::string max_time = "15min";
+  std::uint64_t seed = 1;
+  std::optional<std::string> output;
+  std::optional<std::string> json;
+  bool dry_run = false;
+};
+
+std::filesystem::path output_of(const Options& options) {
+  if (options.output) return *options.output;
+  const auto path = opencl::tuning_path();
+  if (!path) {
+    throw_bad_input(
+        "there is no place for the tuned parameters: PIRT_TUNING is none, or there is no home "
+        "folder; give one with --output FILE");
+  }
+  return *path;
+}
+
+void warn_of_rejected(const TunedUnit& tuned) {
+  for (const TuneFinding& finding : tuned.outcome.findings) {
+    for (const RejectedCandidate& rejected : finding.rejected) {
+      if (!rejected.wrong) continue;
+      warn(fmt::format("{}={} computes something else on {} and is not used: {}",
+                       finding.parameter->name, rejected.value, tuned.unit, rejected.reason));
+    }
+  }
+}
+
+bool measured_anything(const TunedUnit& tuned) {
+  return std::ranges::any_of(tuned.outcome.findings, [](const TuneFinding& finding) {
+    return finding.verdict != TuneVerdict::kNotMeasured;
+  });
+}
+
+int show_plan(const TunePlan& plan, const TuneOptions& tune, const Options& options) {
+  Document document{.title = "pirt tune", .parts = {}};
+  nlohmann::ordered_json json = {
+      {"schema_version", 1}, {"output", tune.output.string()}, {"units", nullptr}};
+  json["units"] = nlohmann::ordered_json::array();
+  for (const TuneUnit& unit : plan.units) {
+    Table table = tune_plan_table(unit);
+    const auto processes = expected_processes(unit, {});
+    table.footnotes.push_back(fmt::format(
+        "About {} processes of half a second, and more where something is faster; would be stored "
+        "in {}",
+        processes, tune.output.string()));
+    document.parts.emplace_back(std::move(table));
+    json["units"].push_back(tune_plan_json(unit));
+    json["units"].back()["processes"] = processes;
+  }
+  emit(render(document, Format::kText), json, options.json);
+  return 0;
+}
+
+/// Searches all units; each is stored as soon as it is done.
+std::vector<TunedUnit> search(const TunePlan& plan, const TuneOptions& tune) {
+  const MachineClock clock;
+  const Nanos end = clock.now() + tune.max_time;
+  const ProgressLine line;
+  std::vector<TunedUnit> all;
+  for (const TuneUnit& unit : plan.units) {
+    all.push_back(tune_unit(
+        tune, unit,
+        [&](const std::string& what) { line.show(fmt::format("{}: {}", unit.unit->name, what)); },
+        [&] { return clock.now() >= end; }));
+    line.clear();
+    warn_of_rejected(all.back());
+    if (measured_anything(all.back())) {
+      store_tuning(tune, all.back(), fmt::format("{:%FT%TZ}", fmt::gmtime(std::time(nullptr))));
+    }
+    if (all.back().outcome.stopped) break;
+  }
+  return all;
+}
+
+int tune(const Options& options) {
+  TuneOptions tune;
+  tune.platform = load_platform(options.platform);
+  tune.units = options.units;
+  tune.filter = options.filter;
+  tune.max_time = parse_duration(options.max_time);
+  tune.seed = options.seed;
+  tune.output = output_of(options);
+  tune.stop = stop_on_signal();
+  const TunePlan plan = plan_tuning(tune);
+  for (const Skip& skip : plan.skipped) warn(skip.unit + " is not tuned: " + skip.reason);
+  if (options.dry_run) return show_plan(plan, tune, options);
+
+  check_output(tune.output);
+  const auto tuned = search(plan, tune);
+  Document document{.title = "pirt tune", .parts = {}};
+  nlohmann::ordered_json json = {{"schema_version", 1}, {"output", tune.output.string()}};
+  json["units"] = nlohmann::ordered_json::array();
+  for (const TunedUnit& unit : tuned) {
+    document.parts.emplace_back(tune_table(unit));
+    json["units"].push_back(tune_json(unit));
+  }
+  const bool any = std::ranges::any_of(tuned, measured_anything);
+  if (any) {
+    document.parts.emplace_back(Paragraph{{fmt::format(
+        "Stored in {}; used from now on by every command, for exactly this device and driver "
+        "(PIRT_TUNING=none turns it off).",
+        tune.output.string())}});
+  }
+  emit(render(document, Format::kText), json, options.json);
+  if (tuned.back().outcome.stopped) {
+    throw_environment(any ? "interrupted; the parameters above are stored"
+                          : "interrupted; nothing was stored");
+  }
+  if (!any) throw_environment("nothing could be measured; see the reasons above");
+  return 0;
+}
+
+}  // namespace
+
+void add_tune(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  auto* command = app.add_subcommand(
+      "tune",
+      "Search the parameters of the OpenCL kernels on this machine, and keep what is faster");
+  command
+      ->add_option("--platform", options->platform,
+                   "Whose units are tuned: a name of `pirt list platforms`, or a YAML file")
+      ->capture_default_str();
+  command
+      ->add_option("--units", options->units,
+                   "Units to tune, with commas (default: all with backend opencl)")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  command->add_option("--filter", options->filter,
+                      "Regular expression: only parameters of workloads whose names contain it, "
+                      "judged by those (default: all)");
+  command->add_option("--max-time", options->max_time, "Time after which no parameter is begun")
+      ->capture_default_str();
+  command->add_option("--seed", options->seed, "Seed of inputs, weights and the order of measuring")
+      ->capture_default_str();
+  command->add_flag("--dry-run", options->dry_run,
+                    "Show the parameters and candidates; measure nothing");
+  command->add_option("--output", options->output,
+                      "File of tuned parameters (default: the one that is used: PIRT_TUNING, or "
+                      "pirt/opencl-tuning.json in $XDG_CONFIG_HOME or ~/.config)");
+  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  command->footer(
+      "A candidate has to compute what the reference computes, and replaces the default if it is "
+      "faster by 2 % and\nmore than chance in fresh rounds. What is stored holds for exactly this "
+      "device and driver version.\n"
+      "Example: pirt tune --platform host-opencl --filter 'conv|fc'");
+  command->callback([options, &action] { action = [options] { return tune(*options); }; });
+}
+
+}  // namespace pirt::cli
