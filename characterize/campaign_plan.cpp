@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <regex>
+#include <set>
 
 #include "characterize/campaign.h"
 #include "characterize/campaign_estimate.h"
@@ -19,7 +20,19 @@
 namespace pirt {
 namespace {
 
-/// The plain workloads and the variants that are asked for: by name, or by an '@' in the filter.
+/// That of the option, and those that the filter names: "fc6@batch8".
+std::set<int> wanted_batches(const CampaignOptions& options) {
+  std::set<int> batches;
+  if (options.batch) batches.insert(*options.batch);
+  static const std::regex kNamed("@batch([0-9]{1,3})");
+  for (std::sregex_iterator it(options.filter.begin(), options.filter.end(), kNamed), end;
+       it != end; ++it) {
+    batches.insert(std::stoi((*it)[1]));
+  }
+  return batches;
+}
+
+/// The plain workloads and the variants and batches that are asked for: by name, or in the filter.
 std::vector<const Workload*> all_workloads(const CampaignOptions& options) {
   std::vector<const Workload*> all;
   for (const Workload& workload : catalog()) all.push_back(&workload);
@@ -31,6 +44,9 @@ std::vector<const Workload*> all_workloads(const CampaignOptions& options) {
     for (const Workload* workload : workloads_in_variant(name)) {
       if (std::ranges::find(all, workload) == all.end()) all.push_back(workload);
     }
+  }
+  for (const int batch : wanted_batches(options)) {
+    for (const Workload& workload : workloads_in_batch(batch)) all.push_back(&workload);
   }
   return all;
 }
