@@ -68,6 +68,7 @@ std::string stored_plan(const CampaignOptions& options, const CampaignPlan& plan
                {"quick", options.quick},
                {"max_time_ns", plan.max_time.count()},
                {"cells", cells}};
+  if (options.batch) json["batch"] = *options.batch;
   if (options.images) json["images"] = std::filesystem::absolute(*options.images).string();
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
@@ -89,6 +90,7 @@ CampaignOptions resume_options(const std::filesystem::path& database) {
     options.units = json.at("units").get<std::vector<std::string>>();
     options.filter = json.at("filter").get<std::string>();
     options.variants = json.value("variants", std::vector<std::string>{});
+    if (json.contains("batch")) options.batch = json.at("batch").get<int>();
     options.seed = run->run.seed;
     options.precision = json.at("precision").get<double>();
     options.quick = json.at("quick").get<bool>();

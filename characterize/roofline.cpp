@@ -17,11 +17,6 @@ const RunInfo* find_run(const Profile& profile, std::int64_t run_id) {
   return it == profile.runs.end() ? nullptr : &*it;
 }
 
-const Workload* find_in_catalog(const std::string& name) {
-  const auto it = std::ranges::find(catalog(), name, &Workload::name);
-  return it == catalog().end() ? nullptr : &*it;
-}
-
 std::optional<double> cache_of(const RunInfo& run, const std::string& unit) {
   const auto it = run.environment.find("unit." + unit + ".cache_bytes");
   if (it == run.environment.end()) return std::nullopt;
@@ -198,7 +193,7 @@ Rooflines rooflines(const Profile& profile) {
     if (row.phase != Phase::kExecute || !row.valid || !row.median || row.median->count() <= 0) {
       continue;
     }
-    const Workload* workload = find_in_catalog(row.workload);
+    const Workload* workload = try_find_workload(row.workload);
     const Limits& unit = limits[row.unit];
     std::string why_not = obstacle(profile, row, workload, unit);
     if (!why_not.empty()) {

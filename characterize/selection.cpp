@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <regex>
+#include <set>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
@@ -12,9 +13,21 @@
 namespace pirt {
 namespace {
 
-/// The plain workloads and the variants that are asked for: by name, or by an '@' in the filter.
+/// That of the option, and those that the filter names: "fc6@batch8".
+std::set<int> wanted_batches(const std::string& filter, std::optional<int> batch) {
+  std::set<int> batches;
+  if (batch) batches.insert(*batch);
+  static const std::regex kNamed("@batch([0-9]{1,3})");
+  for (std::sregex_iterator it(filter.begin(), filter.end(), kNamed), end; it != end; ++it) {
+    batches.insert(std::stoi((*it)[1]));
+  }
+  return batches;
+}
+
+/// The plain workloads and the variants and batches that are asked for: by name, or in the filter.
 std::vector<const Workload*> all_workloads(const std::string& filter,
-                                           const std::vector<std::string>& in_variants) {
+                                           const std::vector<std::string>& in_variants,
+                                           std::optional<int> batch) {
   std::vector<const Workload*> all;
   for (const Workload& workload : catalog()) all.push_back(&workload);
   std::vector<std::string> wanted = in_variants;
@@ -26,17 +39,21 @@ std::vector<const Workload*> all_workloads(const std::string& filter,
       if (std::ranges::find(all, workload) == all.end()) all.push_back(workload);
     }
   }
+  for (const int size : wanted_batches(filter, batch)) {
+    for (const Workload& workload : workloads_in_batch(size)) all.push_back(&workload);
+  }
   return all;
 }
 
 }  // namespace
 
 std::vector<const Workload*> choose_workloads(const std::string& filter,
-                                              const std::vector<std::string>& in_variants) {
+                                              const std::vector<std::string>& in_variants,
+                                              std::optional<int> batch) {
   std::vector<const Workload*> chosen;
   try {
     const std::regex pattern(filter, std::regex::ECMAScript);
-    for (const Workload* workload : all_workloads(filter, in_variants)) {
+    for (const Workload* workload : all_workloads(filter, in_variants, batch)) {
       if (std::regex_search(workload->name, pattern)) chosen.push_back(workload);
     }
   } catch (const std::regex_error& error) {

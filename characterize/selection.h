@@ -1,6 +1,7 @@
 // Which workloads and units of a platform a command that measures was asked for.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,9 +14,12 @@ namespace pirt {
 /// @param filter       ECMAScript regular expression, searched in workload names; empty = all. One
 ///                     with an '@' is searched in the names of all variants too.
 /// @param in_variants  Names of variants() that are chosen from besides the plain workloads.
-/// @throws Error{kBadInput} if the filter is none, matches no workload, or a variant is unknown.
+/// @param batch        Images of the batches that are chosen from as well.
+/// @throws Error{kBadInput} if the filter is none, matches no workload, a variant is unknown, or a
+/// batch out of range.
 [[nodiscard]] std::vector<const Workload*> choose_workloads(
-    const std::string& filter, const std::vector<std::string>& in_variants = {});
+    const std::string& filter, const std::vector<std::string>& in_variants = {},
+    std::optional<int> batch = std::nullopt);
 
 /// Units with a backend.
 /// @param names  Empty = all of the platform, in its order; otherwise in the order given, each

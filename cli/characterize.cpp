@@ -27,6 +27,7 @@ struct Options {
   std::vector<std::string> units;
   std::string filter;
   std::vector<std::string> variants;
+  std::optional<int> batch;
   std::optional<std::string> images;
   std::string precision = "2%";
   std::optional<std::string> max_time;
@@ -66,6 +67,7 @@ CampaignOptions campaign_options(const Options& options) {
   campaign.units = options.units;
   campaign.filter = options.filter;
   campaign.variants = options.variants;
+  campaign.batch = options.batch;
   if (options.images) campaign.images = *options.images;
   campaign.seed = options.seed;
   campaign.precision = parse_fraction(options.precision);
@@ -271,6 +273,10 @@ void add_characterize(CLI::App& app, Action& action) {
       ->delimiter(',')
       ->allow_extra_args(false);
   command->add_option(
+      "--batch", options->batch,
+      "Measure AlexNet's layers and the chain with this many images a call as well "
+      "(2 to 256), in rows such as fc6@batch8 (default: those that --filter names)");
+  command->add_option(
       "--images", options->images,
       "PNG or JPEG file, or a folder of them, as input (default: generated from the seed)");
   command
@@ -300,8 +306,8 @@ void add_characterize(CLI::App& app, Action& action) {
   auto* resume = command->add_flag(
       "--resume", options->resume,
       "Go on with the newest run of --db that did not end, with the options it was started with");
-  for (const auto* name : {"--platform", "--set", "--units", "--filter", "--variants", "--images",
-                           "--precision", "--max-time", "--seed", "--quick"}) {
+  for (const auto* name : {"--platform", "--set", "--units", "--filter", "--variants", "--batch",
+                           "--images", "--precision", "--max-time", "--seed", "--quick"}) {
     resume->excludes(command->get_option(name));
   }
   command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");

@@ -65,6 +65,10 @@ Listing list_workloads() {
     if (workload.ops) row["ops"] = *workload.ops;
     rows.push_back(std::move(row));
   }
+  table.footnotes.push_back(fmt::format(
+      "Batches @batch{} to @batch{}, of AlexNet's workloads: so many images a call, the weights "
+      "read once",
+      kSmallestBatch, kLargestBatch));
   nlohmann::ordered_json others = nlohmann::ordered_json::array();
   for (const Variant& variant : variants()) {
     const auto workloads = workloads_in_variant(variant.name);

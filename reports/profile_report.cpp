@@ -16,6 +16,7 @@
 #include "reports/figures.h"
 #include "reports/roofline_report.h"
 #include "workloads/base/text.h"
+#include "workloads/catalog.h"
 
 namespace pirt {
 namespace {
@@ -25,6 +26,32 @@ std::string cell(const PhaseRow* row) {
   if (row == nullptr) return "-";
   if (!row->valid) return "invalid";
   return marked(figure_ms(row->median), row->provenance);
+}
+
+/// Images a call.
+int batch_of(const std::string& workload) {
+  const Workload* found = try_find_workload(workload);
+  return found == nullptr ? 1 : found->batch;
+}
+
+/// A call's share for each image of its batch; "-" where it has one image.
+std::string image_cell(const PhaseRow* row) {
+  if (row == nullptr || batch_of(row->workload) == 1) return "-";
+  if (!row->valid || !row->median) return cell(row);
+  return marked(figure_ms(*row->median / batch_of(row->workload)), row->provenance);
+}
+
+/// Puts the time per image beside that per call, where some workload has a batch.
+void add_image_column(const Profile& profile, Table& table) {
+  constexpr std::ptrdiff_t kBehindCall = 3;
+  const auto names = profile.workloads();
+  if (std::ranges::none_of(names, [](const auto& name) { return batch_of(name) > 1; })) return;
+  table.columns.insert(table.columns.begin() + kBehindCall, {"call/image"});
+  for (auto& row : table.rows) {
+    row.insert(row.begin() + kBehindCall,
+               image_cell(profile.find(row[0], row[1], Phase::kCall, State::kSteady)));
+  }
+  table.footnotes.push_back("call/image: the call's time over the images of its batch.");
 }
 
 std::string spread(const PhaseRow* row) {
@@ -149,6 +176,7 @@ nlohmann::ordered_json phase_json(const PhaseRow& row) {
                                  {"samples", row.samples},
                                  {"bytes", row.bytes},
                                  {"processes", row.processes}};
+  if (const int batch = batch_of(row.workload); batch > 1) json["batch"] = batch;
   put(json, "median_ns", row.median);
   put(json, "mad_ns", row.mad);
   put(json, "p95_ns", row.p95);
@@ -283,6 +311,7 @@ Table profile_table(const Profile& profile) {
                                energy.idle_subtracted ? "subtracted" : "included", energy.source));
   }
   for (const auto& source : sources) table.footnotes.push_back("Energy of " + source);
+  add_image_column(profile, table);
   return table;
 }
 

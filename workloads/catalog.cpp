@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <iterator>
+#include <mutex>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
@@ -46,6 +48,31 @@ std::vector<Workload> make_variant(const Variant& variant) {
   return all;
 }
 
+constexpr std::string_view kBatch = "batch";
+
+std::vector<Workload> make_batch(int batch) {
+  std::vector<Workload> all;
+  for (const Workload& plain : catalog()) {
+    if (!plain.has_tag("dnn")) continue;
+    Workload& made = all.emplace_back(dnn::batched(plain, batch));
+    made.variant = std::string(kBatch) + std::to_string(batch);
+    made.name = plain.name + "@" + made.variant;
+  }
+  return all;
+}
+
+/// 8 of "fc6@batch8"; nothing where the name is not of that form or the batch is out of range.
+std::optional<int> batch_of(std::string_view name) {
+  const auto at = name.find('@');
+  if (at == std::string_view::npos || !name.substr(at + 1).starts_with(kBatch)) return std::nullopt;
+  const std::string_view digits = name.substr(at + 1 + kBatch.size());
+  int batch = 0;
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), batch);
+  const bool whole = error == std::errc() && end == digits.data() + digits.size();
+  if (!whole || batch < kSmallestBatch || batch > kLargestBatch) return std::nullopt;
+  return batch;
+}
+
 /// In the order of variants().
 const std::vector<std::vector<Workload>>& variant_catalogs() {
   static const auto all = [] {
@@ -75,6 +102,23 @@ std::vector<const Workload*> workloads_in_variant(std::string_view name) {
   return all;
 }
 
+std::span<const Workload> workloads_in_batch(int batch) {
+  if (batch < kSmallestBatch || batch > kLargestBatch) {
+    throw_bad_input("a batch of " + std::to_string(batch) + " images is not between " +
+                    std::to_string(kSmallestBatch) + " and " + std::to_string(kLargestBatch) +
+                    "; the plain workloads have one");
+  }
+  // Made when first asked for and never changed: whoever asks may keep pointers to them.
+  struct Made {
+    std::once_flag once;
+    std::vector<Workload> workloads;
+  };
+  static std::array<Made, kLargestBatch + 1> all;
+  Made& made = all[static_cast<std::size_t>(batch)];
+  std::call_once(made.once, [&] { made.workloads = make_batch(batch); });
+  return made.workloads;
+}
+
 std::span<const Workload> catalog() {
   static const std::vector<Workload> all = make_catalog();
   return all;
@@ -94,6 +138,11 @@ const Workload* try_find_workload(std::string_view name) {
   for (const auto& variant : variant_catalogs()) {
     const auto in = std::ranges::find(variant, name, &Workload::name);
     if (in != variant.end()) return &*in;
+  }
+  if (const auto batch = batch_of(name)) {
+    const auto batched = workloads_in_batch(*batch);
+    const auto in = std::ranges::find(batched, name, &Workload::name);
+    if (in != batched.end()) return &*in;
   }
   return nullptr;
 }

@@ -27,7 +27,14 @@ struct Variant {
 /// nearest names.
 [[nodiscard]] std::vector<const Workload*> workloads_in_variant(std::string_view name);
 
-/// Of the catalog or a variant; null if there is none of that name.
+/// How many images a call of a batch may have.
+inline constexpr int kSmallestBatch = 2;
+inline constexpr int kLargestBatch = 256;
+/// The layers and the chain of AlexNet for @p batch images a call, as "fc6@batch8", in the
+/// catalog's order. @throws Error{kBadInput} if there is no such batch.
+[[nodiscard]] std::span<const Workload> workloads_in_batch(int batch);
+
+/// Of the catalog, a variant or a batch; null if there is none of that name.
 [[nodiscard]] const Workload* try_find_workload(std::string_view name);
 /// @throws Error{kBadInput} with the nearest names.
 [[nodiscard]] const Workload& find_workload(std::string_view name);

@@ -50,6 +50,9 @@ struct Workload {
   /// How it is computed where that is not the plain way, a name of variants() (catalog.h); empty =
   /// plain. The workload's name ends in "@<variant>" then.
   std::string variant = {};
+  /// Images or activations a call; where above 1, all inputs and outputs have it as their leading
+  /// dimension.
+  int batch = 1;
   std::string kernel;  ///< Key of the backends' kernel tables, e.g. "conv2d_relu".
   std::shared_ptr<const Operation> operation;
 

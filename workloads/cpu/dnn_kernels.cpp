@@ -29,16 +29,18 @@ memory::desc plain(const memory::dims& dims) {
 /// The same values in whatever layout the primitive likes best.
 memory::desc any(const memory::dims& dims) { return {dims, kF32, Format::any}; }
 
-/// Dimensions of an activation with its batch of 1 in front.
-memory::dims batch_of_one(const TensorSpec& spec) {
+/// Dimensions of an activation with its batch in front, which the tensor of a single image has not.
+memory::dims with_batch(const TensorSpec& spec, int batch) {
   memory::dims dims = spec.shape;
-  dims.insert(dims.begin(), 1);
+  if (batch == 1) dims.insert(dims.begin(), 1);
   return dims;
 }
 
 class DnnKernel : public Kernel {
  public:
-  DnnKernel() : engine_(dnnl::engine::kind::cpu, 0), stream_(engine_) {}
+  /// For @p batch images a call.
+  explicit DnnKernel(int batch)
+      : batch_(batch), engine_(dnnl::engine::kind::cpu, 0), stream_(engine_) {}
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
     // oneDNN has no view of constant memory; the input is only read.
@@ -55,7 +57,7 @@ class DnnKernel : public Kernel {
   }
 
   void begin(const TensorSpec& input) {
-    input_ = current_ = memory(plain(batch_of_one(input)), engine_, DNNL_MEMORY_NONE);
+    input_ = current_ = memory(plain(with_batch(input, batch_)), engine_, DNNL_MEMORY_NONE);
   }
 
   /// Adds the layer that @p layer's operation says. @param parameters  Its own.
@@ -72,7 +74,7 @@ class DnnKernel : public Kernel {
 
   /// The result goes to the host in its plain layout: by the last step itself, or by one more.
   void end(const TensorSpec& output) {
-    const auto desc = plain(batch_of_one(output));
+    const auto desc = plain(with_batch(output, batch_));
     if (current_.get_desc() == desc) {
       output_ = current_;
       return;
@@ -114,8 +116,8 @@ class DnnKernel : public Kernel {
     relu.append_eltwise(1.0F, dnnl::algorithm::eltwise_relu, 0.0F, 0.0F);
     attributes.set_post_ops(relu);
     const dnnl::convolution_forward::desc desc(
-        kInference, dnnl::algorithm::convolution_direct, any({1, s.in_c, s.in_h, s.in_w}),
-        any(weights), any({s.out_c}), any({1, s.out_c, s.out_h(), s.out_w()}),
+        kInference, dnnl::algorithm::convolution_direct, any({batch_, s.in_c, s.in_h, s.in_w}),
+        any(weights), any({s.out_c}), any({batch_, s.out_c, s.out_h(), s.out_w()}),
         memory::dims{s.stride, s.stride}, pad, pad);
     const dnnl::convolution_forward::primitive_desc primitive(desc, attributes, engine_);
     const memory source = current_as(primitive.src_desc());
@@ -132,13 +134,13 @@ class DnnKernel : public Kernel {
     // Pooling plain channels one by one took 4.5 ms for pool1 where channels-last takes 0.5 with
     // both changes of layout (oneDNN 2.6, AVX2); after a convolution the activation is blocked
     // already and stays so.
-    const memory::dims source_dims = {1, op.channels, op.in_h, op.in_w};
+    const memory::dims source_dims = {batch_, op.channels, op.in_h, op.in_w};
     const memory source = current_.get_desc() == plain(source_dims)
                               ? current_as({source_dims, kF32, Format::nhwc})
                               : current_;
     const dnnl::pooling_forward::desc desc(
         kInference, dnnl::algorithm::pooling_max, source.get_desc(),
-        any({1, op.channels, op.out_h(), op.out_w()}), memory::dims{op.stride, op.stride},
+        any({batch_, op.channels, op.out_h(), op.out_w()}), memory::dims{op.stride, op.stride},
         memory::dims{op.size, op.size}, memory::dims{0, 0}, memory::dims{0, 0});
     const dnnl::pooling_forward::primitive_desc primitive(desc, engine_);
     current_ = memory(primitive.dst_desc(), engine_);
@@ -153,7 +155,7 @@ class DnnKernel : public Kernel {
     memory::dims weights = source_dims;
     weights[0] = op.out;
     const dnnl::inner_product_forward::desc desc(kInference, any(source_dims), any(weights),
-                                                 any({op.out}), any({1, op.out}));
+                                                 any({op.out}), any({batch_, op.out}));
     const dnnl::inner_product_forward::primitive_desc primitive(desc, engine_);
     const memory source = current_as(primitive.src_desc());
     current_ = memory(primitive.dst_desc(), engine_);
@@ -174,6 +176,7 @@ class DnnKernel : public Kernel {
         {dnnl::softmax_forward(primitive), {{DNNL_ARG_SRC, current_}, {DNNL_ARG_DST, current_}}});
   }
 
+  int batch_;
   dnnl::engine engine_;
   dnnl::stream stream_;
   std::vector<Step> steps_;
@@ -182,7 +185,7 @@ class DnnKernel : public Kernel {
 };
 
 std::unique_ptr<Kernel> make_layer(const Workload& workload, std::span<const Tensor> parameters) {
-  auto kernel = std::make_unique<DnnKernel>();
+  auto kernel = std::make_unique<DnnKernel>(workload.batch);
   kernel->begin(workload.inputs[0]);
   kernel->add(workload, parameters);
   kernel->end(workload.outputs[0]);
@@ -191,7 +194,7 @@ std::unique_ptr<Kernel> make_layer(const Workload& workload, std::span<const Ten
 
 std::unique_ptr<Kernel> make_sequence(const Workload& workload,
                                       std::span<const Tensor> parameters) {
-  auto kernel = std::make_unique<DnnKernel>();
+  auto kernel = std::make_unique<DnnKernel>(workload.batch);
   kernel->begin(workload.inputs[0]);
   for (const auto& layer : operation_as<dnn::Sequence>(workload).layers) {
     kernel->add(layer, parameters.first(layer.parameters.size()));

@@ -1,5 +1,6 @@
 // The AlexNet layers of Table I (ungrouped, no local response normalization: the paper's operation
-// counts say so), the pools between them and the whole chain. Batch 1, f32, channel-major.
+// counts say so), the pools between them and the whole chain. f32, channel-major, batch 1
+// except for batched().
 #pragma once
 
 #include <cstdint>
@@ -69,6 +70,11 @@ struct Sequence : Operation {
 /// AlexNet's five convolutions with pool1, pool2, pool5 and the three fully connected layers: f32
 /// [3,227,227] to 1000 probabilities.
 [[nodiscard]] Workload make_alexnet();
+
+/// The layer or chain @p plain for @p batch images a call: inputs and outputs with a leading
+/// dimension of it, parameters unchanged. Image i is the one of seed + i; the reference is the
+/// plain one of each image, and each image must verify by itself.
+[[nodiscard]] Workload batched(const Workload& plain, int batch);
 
 /// conv1..5, fc6..8 at the paper's sizes.
 [[nodiscard]] std::vector<Workload> table1();

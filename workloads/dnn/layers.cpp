@@ -154,6 +154,17 @@ std::vector<double> run_layer(const Workload& layer, std::span<const double> in,
                          parameters[1].as<float>());
 }
 
+std::vector<double> run_layers(const Workload& workload, std::vector<double> values,
+                               std::span<const Tensor> parameters) {
+  const auto* chain = dynamic_cast<const Sequence*>(workload.operation.get());
+  if (chain == nullptr) return run_layer(workload, values, parameters);
+  for (const Workload& layer : chain->layers) {
+    values = run_layer(layer, values, parameters.first(layer.parameters.size()));
+    parameters = parameters.subspan(layer.parameters.size());
+  }
+  return values;
+}
+
 Tensor make_input(const Workload& layer, const DataRequest& request,
                   std::vector<std::string>& notes) {
   const TensorSpec& spec = layer.inputs[0];

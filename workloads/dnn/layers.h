@@ -28,6 +28,10 @@ namespace pirt::dnn {
 [[nodiscard]] std::vector<double> run_layer(const Workload& layer, std::span<const double> in,
                                             std::span<const Tensor> parameters);
 
+/// The output of @p workload, a layer or a chain. @param parameters  As Workload::parameters.
+[[nodiscard]] std::vector<double> run_layers(const Workload& workload, std::vector<double> values,
+                                             std::span<const Tensor> parameters);
+
 /// Fills in data, reference and tags of a one-layer workload whose kernel, operation and specs are
 /// set.
 [[nodiscard]] Workload finish_layer(Workload layer);

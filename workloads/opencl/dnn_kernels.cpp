@@ -4,29 +4,14 @@
 #include <vector>
 
 #include "workloads/dnn/dnn.h"
+#include "workloads/opencl/batch_kernels.h"
 #include "workloads/opencl/kernel_table.h"
+#include "workloads/opencl/packing.h"
 
 namespace pirt::opencl {
 namespace {
 
 constexpr std::string_view kSource = "dnn.cl";
-
-int blocks(int count, int size) { return (count + size - 1) / size; }
-
-/// [out_c, ...] -> [blocks of `width` channels, ..., width], so that a vector load takes as many
-/// channels of one tap; the last block's missing channels are 0. Also for a bias, where ... is
-/// empty.
-std::vector<float> interleave_channels(std::span<const float> weights, int out_c, int width) {
-  const auto channels = static_cast<std::size_t>(out_c);
-  const std::size_t taps = weights.size() / channels;
-  const auto block = static_cast<std::size_t>(width);
-  std::vector<float> packed(static_cast<std::size_t>(blocks(out_c, width)) * taps * block);
-  for (std::size_t c = 0; c < channels; ++c) {
-    float* to = packed.data() + c / block * taps * block + c % block;
-    for (std::size_t t = 0; t < taps; ++t) to[t * block] = weights[c * taps + t];
-  }
-  return packed;
-}
 
 }  // namespace
 
@@ -44,18 +29,21 @@ void append_conv2d_relu(PlanBuilder& builder, const Workload& workload,
   const auto bias = interleave_channels(parameters[1].as<float>(), s.out_c, channels);
   const Resident& in = inputs[0];
   const Resident& out = outputs[0];
-  builder.step(
-      kSource, "conv2d_relu", {blocks(s.out_h() * s.out_w(), pixels), blocks(s.out_c, channels)},
-      in, builder.constant(std::as_bytes(std::span(weights))),
-      builder.constant(std::as_bytes(std::span(bias))), out, s.in_c, in.plane(), in.pitch(), s.k_h,
-      s.k_w, s.stride, s.out_c, s.out_h(), s.out_w(), out.plane(), out.pitch(), out.offset());
+  builder.step(kSource, "conv2d_relu",
+               {blocks(s.out_h() * s.out_w(), pixels),
+                std::int64_t{workload.batch} * blocks(s.out_c, channels)},
+               in, builder.constant(std::as_bytes(std::span(weights))),
+               builder.constant(std::as_bytes(std::span(bias))), out, s.in_c, in.plane(),
+               in.pitch(), s.k_h, s.k_w, s.stride, s.out_c, s.out_h(), s.out_w(), out.plane(),
+               out.pitch(), out.offset(), s.in_c * in.plane(), s.out_c * out.plane());
 }
 
 void append_max_pool(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
                      std::span<const Resident> inputs, std::span<const Resident> outputs) {
   const auto& op = operation_as<dnn::MaxPool>(workload);
   const Resident& out = outputs[0];
-  builder.step(kSource, "max_pool", {op.out_w(), std::int64_t{op.channels} * op.out_h()}, inputs[0],
+  builder.step(kSource, "max_pool",
+               {op.out_w(), std::int64_t{workload.batch} * op.channels * op.out_h()}, inputs[0],
                out, op.in_h, op.in_w, op.size, op.stride, op.out_h(), op.out_w(), out.plane(),
                out.pitch(), out.offset());
 }
@@ -64,6 +52,10 @@ void append_fully_connected(PlanBuilder& builder, const Workload& workload,
                             std::span<const Tensor> parameters, std::span<const Resident> inputs,
                             std::span<const Resident> outputs) {
   const auto& op = operation_as<dnn::FullyConnected>(workload);
+  if (workload.batch > 1) {
+    append_fully_connected_batch(builder, workload, parameters, inputs[0], outputs[0]);
+    return;
+  }
   const int rows = builder.session().tuning[Parameter::kFcRows];
   builder.step(kSource, "fully_connected", {blocks(op.out, rows), 1}, inputs[0],
                builder.constant(parameters[0].bytes()), builder.constant(parameters[1].bytes()),

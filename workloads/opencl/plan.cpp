@@ -22,7 +22,8 @@ Rectangle rectangle(const Resident& resident) {
   const auto& shape = resident.spec.shape;
   return {.device_origin = {pad * element, pad, 0},
           .host_origin = {0, 0, 0},
-          .region = {to_size(shape[2]) * element, to_size(shape[1]), to_size(shape[0])},
+          .region = {to_size(shape.back()) * element, to_size(shape.end()[-2]),
+                     to_size(resident.planes())},
           .row_pitch = static_cast<std::size_t>(resident.pitch()) * element,
           .slice_pitch = static_cast<std::size_t>(resident.plane()) * element};
 }
@@ -30,11 +31,15 @@ Rectangle rectangle(const Resident& resident) {
 }  // namespace
 
 std::int32_t Resident::pitch() const {
-  return static_cast<std::int32_t>(spec.shape.at(2)) + 2 * pad;
+  return static_cast<std::int32_t>(spec.shape.back()) + 2 * pad;
 }
 
 std::int32_t Resident::plane() const {
-  return (static_cast<std::int32_t>(spec.shape.at(1)) + 2 * pad) * pitch();
+  return (static_cast<std::int32_t>(spec.shape.end()[-2]) + 2 * pad) * pitch();
+}
+
+std::int64_t Resident::planes() const {
+  return spec.count() / (spec.shape.back() * spec.shape.end()[-2]);
 }
 
 void Plan::replace(Resident& resident, const cl::Buffer& with) {
@@ -55,7 +60,7 @@ Resident PlanBuilder::resident(const TensorSpec& spec, int pad) {
     made.buffer = scratch(spec.size_bytes());
     return made;
   }
-  const std::size_t bytes = to_size(spec.shape[0] * made.plane()) * size_bytes(spec.element);
+  const std::size_t bytes = to_size(made.planes() * made.plane()) * size_bytes(spec.element);
   made.buffer = allocate(CL_MEM_READ_WRITE, bytes);
   session_.queue.enqueueFillBuffer(made.buffer, cl_uchar{0}, 0, bytes);
   session_.queue.finish();

@@ -14,17 +14,20 @@
 
 namespace pirt::opencl {
 
-/// A tensor on the device. With pad > 0 it is [planes, rows, columns] with a border of `pad` zeros
-/// around each plane, so that a convolution needs no bounds in its loops.
+/// A tensor on the device. With pad > 0 it is [planes, rows, columns], or several such images of a
+/// batch ([images, planes, rows, columns], all planes one after the other), with a border of `pad`
+/// zeros around each plane, so that a convolution needs no bounds in its loops.
 struct Resident {
   cl::Buffer buffer;
   TensorSpec spec;
   int pad = 0;
 
   /// In elements: from a row to the next, from a plane to the next, and of the first element. Spec
-  /// of 3 dimensions.
+  /// of 3 dimensions or 4.
   [[nodiscard]] std::int32_t pitch() const;
   [[nodiscard]] std::int32_t plane() const;
+  /// Of all images together.
+  [[nodiscard]] std::int64_t planes() const;
   [[nodiscard]] std::int32_t offset() const { return pad * pitch() + pad; }
 };
 

@@ -1,4 +1,5 @@
-// The layers of AlexNet (definitions: workloads/dnn/dnn.h) in plain OpenCL C 1.2, f32, batch 1.
+// The layers of AlexNet (definitions: workloads/dnn/dnn.h) in plain OpenCL C 1.2, f32. Fully
+// connected layers of a batch are in dnn_batch.cl.
 //
 // Shapes are arguments, so that all layers of a network share one binary of each kernel.
 
@@ -14,21 +15,26 @@
 #define VECTOR(name, width) JOIN(name, width)
 typedef VECTOR(float, CHANNELS) Lanes;
 
-/// max(0, conv + bias). Global ids (block of PIXELS pixels, block of CHANNELS output channels).
+/// max(0, conv + bias). Global ids (block of PIXELS pixels, block of CHANNELS output channels of an
+/// image; those of the next image follow).
 ///
 /// @param input    Planes of in_plane floats, rows of in_pitch floats, zero border included.
 /// @param weights  [ceil(out_c/CHANNELS), in_c, k_h, k_w, CHANNELS], missing channels 0.
 /// @param bias     [ceil(out_c/CHANNELS), CHANNELS], alike.
 /// @param output   Channel c, row y, column x at out_offset + c*out_plane + y*out_pitch + x: the
 ///                 border that the next layer wants stays untouched.
+/// @param in_image, out_image  Floats from an image of a batch to the next.
 __kernel void conv2d_relu(__global const float* restrict input,
                           __global const float* restrict weights,
                           __global const float* restrict bias, __global float* restrict output,
                           int in_c, int in_plane, int in_pitch, int k_h, int k_w, int stride,
                           int out_c, int out_h, int out_w, int out_plane, int out_pitch,
-                          int out_offset) {
+                          int out_offset, int in_image, int out_image) {
   const int first = (int)get_global_id(0) * PIXELS;
-  const int block = (int)get_global_id(1);
+  const int blocks = (out_c + CHANNELS - 1) / CHANNELS;
+  const int block = (int)get_global_id(1) % blocks;
+  input += (int)get_global_id(1) / blocks * in_image;
+  output += (int)get_global_id(1) / blocks * out_image;
   const int pixels = out_h * out_w;
   if (first >= pixels) return;
 
@@ -68,7 +74,8 @@ __kernel void conv2d_relu(__global const float* restrict input,
   }
 }
 
-/// Global ids (output column, channel * out_h + output row). Output layout as for conv2d_relu.
+/// Global ids (output column, channel * out_h + output row); the channels of a batch's images follow
+/// one another. Output layout as for conv2d_relu.
 __kernel void max_pool(__global const float* restrict input, __global float* restrict output,
                        int in_h, int in_w, int size, int stride, int out_h, int out_w,
                        int out_plane, int out_pitch, int out_offset) {
@@ -119,10 +126,11 @@ __kernel void fully_connected(__global const float* restrict input,
   }
 }
 
-/// In place, by one work group: exp(v - max) / sum.
+/// In place, by one work group an image (global id 1): exp(v - max) / sum.
 __kernel void softmax(__global float* restrict values, int count) {
   __local float partial[LOCAL_X];
   const int me = (int)get_local_id(0);
+  values += (int)get_global_id(1) * count;
 
   float top = -INFINITY;
   for (int i = me; i < count; i += LOCAL_X) top = fmax(top, values[i]);
