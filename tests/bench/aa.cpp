@@ -138,7 +138,8 @@ Google read_google(const Options& options, const std::vector<std::int64_t>& runs
     for (const UnitModel& unit : platform.units) {
       std::ifstream in(google_file(options, run, unit.name));
       if (!in) continue;
-      for (const auto& entry : nlohmann::json::parse(in).at("benchmarks")) {
+      const auto json = nlohmann::json::parse(in);  // lives as long as its entries are looked at
+      for (const auto& entry : json.at("benchmarks")) {
         const std::string name = entry.at("name");
         result.times[{name.substr(0, name.find('/')), unit.name}].push_back(entry.at("real_time"));
       }
