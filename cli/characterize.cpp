@@ -122,14 +122,6 @@ std::string plan_text(const CampaignPlan& plan) {
   return render({.parts = {table}}, Format::kText);
 }
 
-void warn_of_skipped(const CampaignPlan& plan) {
-  for (const auto& skip : plan.skipped) {
-    const auto what =
-        skip.workload.empty() ? "unit " + skip.unit : skip.workload + " on unit " + skip.unit;
-    warn(what + " is not measured: " + skip.reason);
-  }
-}
-
 std::string resume_hint(const Options& options) {
   return fmt::format("go on with: pirt characterize --resume --db {}", options.database);
 }
@@ -204,7 +196,7 @@ int characterize(const Options& options) {
     emit(plan_text(plan), json, options.json);
     return 0;
   }
-  warn_of_skipped(plan);
+  warn_of_skipped(plan, "measured");
   for (const auto& remark : plan.remarks) warn(remark);
   const auto summary = measure(campaign, plan);
   if (summary.interrupted && summary.cells + summary.cells_begun == 0) {

@@ -25,6 +25,14 @@ const std::atomic<bool>* stop_on_signal() {
   return &stop_requested;
 }
 
+void warn_of_skipped(const CampaignPlan& plan, const std::string& done) {
+  for (const auto& skip : plan.skipped) {
+    const auto what =
+        skip.workload.empty() ? "unit " + skip.unit : skip.workload + " on unit " + skip.unit;
+    warn(what + " is not " + done + ": " + skip.reason);
+  }
+}
+
 ProgressLine::ProgressLine() : shown_(stderr_is_terminal()) {}
 
 void ProgressLine::show(const std::string& text) const {

@@ -5,11 +5,16 @@
 #include <atomic>
 #include <string>
 
+#include "characterize/campaign.h"
+
 namespace pirt::cli {
 
 /// A flag that the first Ctrl-C (or SIGTERM) sets from here on; the second one ends the process at
 /// once.
 [[nodiscard]] const std::atomic<bool>* stop_on_signal();
+
+/// Warns of each unit or cell that @p plan leaves out: "... is not <done>: <reason>".
+void warn_of_skipped(const CampaignPlan& plan, const std::string& done);
 
 /// One line on stderr that is written over; silent if stderr is no terminal.
 class ProgressLine {

@@ -84,11 +84,7 @@ std::vector<DuetCell> chosen_cells(const RegressOptions& options, const DuetProg
     campaign.stop = programs.stop;
     const auto plan = plan_campaign(campaign);
     for (const auto& cell : plan.cells) cells.push_back({cell.workload->name, cell.unit});
-    for (const auto& skip : plan.skipped) {
-      const auto what =
-          skip.workload.empty() ? "unit " + skip.unit : skip.workload + " on unit " + skip.unit;
-      warn(what + " is not compared: " + skip.reason);
-    }
+    warn_of_skipped(plan, "compared");
   }
   const bool all_units = options.units.empty();
   if (all_units && std::regex_search(scheduler, std::regex(options.filter))) {

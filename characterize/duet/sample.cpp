@@ -52,8 +52,6 @@ std::string input_hash(const Workload& workload, std::uint64_t seed) {
   return fmt::format("{:016x}", hash.value());
 }
 
-double seconds(Nanos time) { return static_cast<double>(time.count()) * 1e-9; }
-
 }  // namespace
 
 std::string to_string(const DuetCell& cell) {
@@ -83,11 +81,11 @@ Sample take_sample(const Platform& platform, const SampleRequest& request) {
     sample.detail = result.verification;
   }
   sample.contended = result.contended;
-  if (result.device_init) sample.seconds["device_init"] = seconds(*result.device_init);
-  if (result.prepare) sample.seconds["prepare"] = seconds(*result.prepare);
+  if (result.device_init) sample.seconds["device_init"] = to_s(*result.device_init);
+  if (result.prepare) sample.seconds["prepare"] = to_s(*result.prepare);
   for (const PhaseSamples& phase : result.phases) {
     if (phase.samples.empty()) continue;
-    sample.seconds[std::string(to_string(phase.phase))] = seconds(median(phase.samples));
+    sample.seconds[std::string(to_string(phase.phase))] = to_s(median(phase.samples));
   }
   return sample;
 }

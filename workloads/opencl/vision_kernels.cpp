@@ -3,13 +3,12 @@
 #include <vector>
 
 #include "workloads/opencl/kernel_table.h"
+#include "workloads/opencl/packing.h"
 #include "workloads/opencl/strips.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt::opencl {
 namespace {
-
-std::int64_t blocks(std::int64_t count, std::int64_t size) { return (count + size - 1) / size; }
 
 Strips strips_of(const PlanBuilder& builder, Parameter rows, const vision::ImageOperation& op) {
   return {builder.session().tuning[rows], op};
@@ -70,7 +69,7 @@ void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::sp
   };
   const int run_x = run(Parameter::kFlowRunX, op.width);
   const int run_y = run(Parameter::kFlowRunY, op.height);
-  const auto pitch = static_cast<int>(blocks(op.width, kColumnsPerItem) * kColumnsPerItem);
+  const auto pitch = blocks(op.width, kColumnsPerItem) * kColumnsPerItem;
   const cl::Buffer sums = builder.scratch(std::int64_t{kSums} * op.height * pitch *
                                           static_cast<std::int64_t>(sizeof(cl_int)));
   builder.step("flow.cl", "flow_row_sums", {blocks(op.width, run_x), op.height}, inputs[0],
