@@ -56,11 +56,19 @@ void append_fully_connected(PlanBuilder& builder, const Workload& workload,
     append_fully_connected_batch(builder, workload, parameters, inputs[0], outputs[0]);
     return;
   }
-  const int rows = builder.session().tuning[Parameter::kFcRows];
-  builder.step(kSource, "fully_connected", {blocks(op.out, rows), 1}, inputs[0],
-               builder.constant(parameters[0].bytes()), builder.constant(parameters[1].bytes()),
-               outputs[0], op.in, op.out);
-  if (op.activation == dnn::Activation::kSoftmax) {
+  const Extent extent{blocks(op.out, builder.session().tuning[Parameter::kFcRows]), 1};
+  const auto weights = builder.constant(parameters[0].bytes());
+  const auto bias = builder.constant(parameters[1].bytes());
+  const bool softmax = op.activation == dnn::Activation::kSoftmax;
+  if (softmax && builder.session().is_cpu) {
+    // A launch costs more than what one core needs for some thousand exponentials.
+    builder.step(kSource, "fully_connected_softmax", extent, inputs[0], weights, bias, outputs[0],
+                 op.in, op.out, builder.zeroed(sizeof(cl_int)));
+    return;
+  }
+  builder.step(kSource, "fully_connected", extent, inputs[0], weights, bias, outputs[0], op.in,
+               op.out);
+  if (softmax) {
     // One work group: the extent is rounded up to it.
     builder.step(kSource, "softmax", {1, 1}, outputs[0], op.out);
   }

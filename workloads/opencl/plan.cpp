@@ -61,14 +61,19 @@ Resident PlanBuilder::resident(const TensorSpec& spec, int pad) {
     return made;
   }
   const std::size_t bytes = to_size(made.planes() * made.plane()) * size_bytes(spec.element);
-  made.buffer = allocate(CL_MEM_READ_WRITE, bytes);
-  session_.queue.enqueueFillBuffer(made.buffer, cl_uchar{0}, 0, bytes);
-  session_.queue.finish();
+  made.buffer = zeroed(bytes);
   return made;
 }
 
 cl::Buffer PlanBuilder::scratch(std::int64_t size_bytes) {
   return allocate(CL_MEM_READ_WRITE, to_size(size_bytes));
+}
+
+cl::Buffer PlanBuilder::zeroed(std::size_t size_bytes) {
+  cl::Buffer buffer = allocate(CL_MEM_READ_WRITE, size_bytes);
+  session_.queue.enqueueFillBuffer(buffer, cl_uchar{0}, 0, size_bytes);
+  session_.queue.finish();
+  return buffer;
 }
 
 cl::Buffer PlanBuilder::constant(std::span<const std::byte> bytes) {

@@ -75,6 +75,8 @@ class PlanBuilder {
   /// Uninitialized if pad is 0, otherwise zeroed for the sake of its border.
   [[nodiscard]] Resident resident(const TensorSpec& spec, int pad = 0);
   [[nodiscard]] cl::Buffer scratch(std::int64_t size_bytes);
+  /// Complete on return.
+  [[nodiscard]] cl::Buffer zeroed(std::size_t size_bytes);
   /// A buffer that kernels only read, filled; complete on return.
   [[nodiscard]] cl::Buffer constant(std::span<const std::byte> bytes);
 

@@ -96,14 +96,12 @@ float horizontal_sum(float8 v) {
   return b.x + b.y;
 }
 
-/// FC_ROWS output rows a work item, so that each input value is loaded once for as many products.
-/// @param weights  [out, in] as the workload has them: 151 MB need no repacking.
-__kernel void fully_connected(__global const float* restrict input,
-                              __global const float* restrict weights,
-                              __global const float* restrict bias, __global float* restrict output,
-                              int in, int out) {
-  const int first = (int)get_global_id(0) * FC_ROWS;
-  if (first >= out) return;
+/// FC_ROWS output rows from @p first on, so that each input value is loaded once for as many
+/// products.
+void rows_of_fully_connected(__global const float* restrict input,
+                             __global const float* restrict weights,
+                             __global const float* restrict bias, __global float* output, int in,
+                             int out, int first) {
   __global const float* row[FC_ROWS];
   float8 sum[FC_ROWS];
 #pragma unroll
@@ -124,6 +122,55 @@ __kernel void fully_connected(__global const float* restrict input,
     for (int k = i; k < in; ++k) rest += row[r][k] * input[k];
     output[first + r] = horizontal_sum(sum[r]) + rest;
   }
+}
+
+/// @param weights  [out, in] as the workload has them: 151 MB need no repacking.
+__kernel void fully_connected(__global const float* restrict input,
+                              __global const float* restrict weights,
+                              __global const float* restrict bias, __global float* output, int in,
+                              int out) {
+  const int first = (int)get_global_id(0) * FC_ROWS;
+  if (first < out) rows_of_fully_connected(input, weights, bias, output, in, out, first);
+}
+
+/// exp(v - max) / sum in place, by one work item.
+void softmax_alone(__global float* values, int count) {
+  float8 tops = -INFINITY;
+  int i = 0;
+  for (; i + 8 <= count; i += 8) tops = fmax(tops, vload8(0, values + i));
+  float4 top4 = fmax(tops.lo, tops.hi);
+  float top = fmax(fmax(top4.x, top4.y), fmax(top4.z, top4.w));
+  for (; i < count; ++i) top = fmax(top, values[i]);
+
+  float8 sums = 0.0f;
+  for (i = 0; i + 8 <= count; i += 8) {
+    const float8 e = exp(vload8(0, values + i) - top);
+    vstore8(e, 0, values + i);
+    sums += e;
+  }
+  float sum = horizontal_sum(sums);
+  for (; i < count; ++i) sum += values[i] = exp(values[i] - top);
+
+  for (i = 0; i + 8 <= count; i += 8) vstore8(vload8(0, values + i) / sum, 0, values + i);
+  for (; i < count; ++i) values[i] /= sum;
+}
+
+/// The softmax of fully_connected, by the work item that ends last: for devices where one work item
+/// takes less time for it than another launch, CPUs.
+/// @param ended  How many work items have, [1]: 0 before and after.
+__kernel void fully_connected_softmax(__global const float* restrict input,
+                                      __global const float* restrict weights,
+                                      __global const float* restrict bias, __global float* output,
+                                      int in, int out, __global volatile int* ended) {
+  const int first = (int)get_global_id(0) * FC_ROWS;
+  if (first >= out) return;
+  rows_of_fully_connected(input, weights, bias, output, in, out, first);
+  mem_fence(CLK_GLOBAL_MEM_FENCE);
+  const int items = (out + FC_ROWS - 1) / FC_ROWS;
+  if (atomic_inc(ended) + 1 < items) return;
+  mem_fence(CLK_GLOBAL_MEM_FENCE);
+  *ended = 0;
+  softmax_alone(output, out);
 }
 
 /// In place, by one work group an image (global id 1): exp(v - max) / sum.
