@@ -93,9 +93,9 @@ TEST(PeakLoops, DotsAreThoseOfFourBytes) {
     std::fill_n(data.data, cpu::DotLoop::kRows * lanes * 4, std::uint8_t{127});
     std::fill_n(weights.data, registers * lanes * 4, std::int8_t{-64});
     std::fill_n(sums.data, registers * lanes, 5);
-    loop.run(data.data, weights.data, sums.data, 3);
+    loop.run(data.data, weights.data, sums.data, 4);
     for (std::size_t i = 0; i < registers * lanes; ++i) {
-      EXPECT_EQ(sums.data[i], 5 - 3 * 4 * 127 * 64) << loop.name;
+      EXPECT_EQ(sums.data[i], 5 - 4 * 4 * 127 * 64) << loop.name;
     }
   }
 }

@@ -36,8 +36,8 @@ struct DotLoop {
   /// For each iteration i, weight w and lane l:
   /// sums[w][l] += dot of the 4 bytes data[i % kRows][l] and weights[w][l].
   /// @param data     [kRows][lanes][4], 0 to 127, aligned to 64 bytes; weights [weights][lanes][4],
-  /// -64
-  ///                 to 63, aligned; sums [weights][lanes], aligned.
+  ///                 -64 to 63, aligned; sums [weights][lanes], aligned.
+  /// @param iterations  Even.
   void (*run)(const std::uint8_t* data, const std::int8_t* weights, std::int32_t* sums,
               std::int64_t iterations);
 };
