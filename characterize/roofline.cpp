@@ -53,7 +53,7 @@ Limits limits_of(const Profile& profile, const std::string& unit) {
 
 /// The least times that the limits allow for one cell.
 struct LeastTimes {
-  PeakKind arithmetic = PeakKind::kF32;
+  std::optional<PeakKind> arithmetic = {};     ///< Absent: no peak is of its kind.
   PeakKind transfer = PeakKind::kBandwidthL2;  ///< The slowest bandwidth that takes part.
   double arithmetic_s = 0;                     ///< 0 = not known.
   double transfer_s = 0;
@@ -62,7 +62,7 @@ struct LeastTimes {
 LeastTimes least_times(const PhaseRow& row, const Workload& workload, const Limits& limits) {
   LeastTimes times;
   times.arithmetic = arithmetic_of(workload);
-  const auto peak = limits.find(times.arithmetic);
+  const auto peak = times.arithmetic ? limits.find(*times.arithmetic) : std::nullopt;
   if (row.ops && peak) times.arithmetic_s = static_cast<double>(*row.ops) / *peak;
   const auto cache = cache_of(*limits.run, row.unit);
   const auto bytes = static_cast<double>(row.bytes);
@@ -88,6 +88,17 @@ std::string obstacle(const Profile& profile, const PhaseRow& row, const Workload
   return "";
 }
 
+/// Why the limit of the cell's arithmetic is not known; empty if it is.
+std::string missing_arithmetic(const Workload& workload, const LeastTimes& times,
+                               const Limits& limits) {
+  if (!times.arithmetic) {
+    return fmt::format("{}: no loop measures its peak", to_string(workload.precision));
+  }
+  const auto missing = limits.missing.find(*times.arithmetic);
+  if (missing == limits.missing.end()) return "";
+  return fmt::format("{}: {}", to_string(missing->first), missing->second);
+}
+
 Roofline roofline(const PhaseRow& row, const LeastTimes& times, const Workload& workload,
                   const Limits& limits) {
   Roofline result{.workload = row.workload, .unit = row.unit, .provenance = row.provenance};
@@ -95,15 +106,13 @@ Roofline roofline(const PhaseRow& row, const LeastTimes& times, const Workload& 
   const double least_s = std::max(times.arithmetic_s, times.transfer_s);
   const auto bytes = static_cast<double>(row.bytes);
   if (row.ops && row.bytes > 0) result.intensity = static_cast<double>(*row.ops) / bytes;
-  const auto missing = limits.missing.find(arithmetic_of(workload));
-  if (row.ops && missing != limits.missing.end()) {
-    result.missing = fmt::format("{}: {}", to_string(missing->first), missing->second);
-  }
+  if (row.ops) result.missing = missing_arithmetic(workload, times, limits);
   if (least_s <= 0) {
     result.why_not = "no limit of the unit applies";
     return result;
   }
-  result.bound = times.arithmetic_s >= times.transfer_s ? times.arithmetic : times.transfer;
+  const bool computing = times.arithmetic && times.arithmetic_s >= times.transfer_s;
+  result.bound = computing ? *times.arithmetic : times.transfer;
   const double work = row.ops ? static_cast<double>(*row.ops) : bytes;
   result.roof_per_second = work / least_s;
   result.reached_per_second = work / took_s;
@@ -164,7 +173,9 @@ const Roofline* Rooflines::find(std::string_view workload, std::string_view unit
   return it == cells.end() ? nullptr : &*it;
 }
 
-PeakKind arithmetic_of(const Workload& workload) {
+std::optional<PeakKind> arithmetic_of(const Workload& workload) {
+  if (workload.precision == Precision::kBf16) return std::nullopt;
+  if (workload.precision == Precision::kInt8) return PeakKind::kInt8;
   const auto is_float = [](const TensorSpec& spec) {
     return spec.element == Element::kF32 || spec.element == Element::kF64;
   };
@@ -201,7 +212,7 @@ Rooflines rooflines(const Profile& profile) {
       continue;
     }
     const LeastTimes times = least_times(row, *workload, unit);
-    exceeded.consider(row, times.arithmetic, times.arithmetic_s);
+    if (times.arithmetic) exceeded.consider(row, *times.arithmetic, times.arithmetic_s);
     exceeded.consider(row, times.transfer, times.transfer_s);
     result.cells.push_back(roofline(row, times, *workload, unit));
   }

@@ -41,9 +41,10 @@ struct Rooflines {
   [[nodiscard]] const Roofline* find(std::string_view workload, std::string_view unit) const;
 };
 
-/// Which arithmetic limit holds for a workload: f32 if any of its tensors is floating point, int8
+/// Which arithmetic limit holds for a workload: of layers that of their precision, nothing for
+/// bf16, which no loop measures; else f32 if any of the tensors is floating point, and int8
 /// otherwise.
-[[nodiscard]] PeakKind arithmetic_of(const Workload& workload);
+[[nodiscard]] std::optional<PeakKind> arithmetic_of(const Workload& workload);
 
 /// The least time that @p bytes take: what fits the cache may stay there and come at L2 bandwidth
 /// (which no larger cache exceeds), what does not comes from memory. Without a cache size all of it

@@ -30,10 +30,25 @@ std::optional<Workload> mapped(const Workload& plain) {
   return plain;
 }
 
+std::optional<Workload> in_bf16(const Workload& plain) {
+  return dnn::in_precision(plain, Precision::kBf16);
+}
+
+std::optional<Workload> in_int8(const Workload& plain) {
+  return dnn::in_precision(plain, Precision::kInt8);
+}
+
 constexpr std::array kVariants = {
     Variant{.name = "map",
             .description = "upload and download by mapping memory that host and device share",
             .make = mapped},
+    Variant{.name = "bf16",
+            .description = "products in bfloat16, sums in f32; an error bound of its own",
+            .make = in_bf16},
+    Variant{.name = "int8",
+            .description = "weights and inputs quantized to 8 bits by fixed scales, sums in 32-bit "
+                           "integers; an error bound of its own",
+            .make = in_int8},
 };
 
 std::vector<Workload> make_variant(const Variant& variant) {

@@ -17,6 +17,13 @@ std::int64_t total_bytes(std::span<const TensorSpec> specs) {
                                [](const TensorSpec& spec) { return spec.size_bytes(); });
 }
 
+/// Of a layer's parameters, weights have two dimensions or more; a bias has one and stays f32.
+std::int64_t parameter_bytes(const TensorSpec& spec, Precision precision) {
+  const bool weights = spec.element == Element::kF32 && spec.shape.size() >= 2;
+  if (!weights || precision == Precision::kF32) return spec.size_bytes();
+  return spec.count() * (precision == Precision::kBf16 ? 2 : 1);
+}
+
 /// "[y,x]" of a flat position.
 std::string position(const TensorSpec& spec, std::int64_t flat) {
   std::vector<std::int64_t> indices;
@@ -138,8 +145,22 @@ Verdict compare_all(std::span<const Tensor> outputs, std::span<const Tensor> exp
 
 }  // namespace
 
+std::string_view to_string(Precision precision) {
+  switch (precision) {
+    case Precision::kF32:
+      return "f32";
+    case Precision::kBf16:
+      return "bf16";
+    case Precision::kInt8:
+      return "int8";
+  }
+  return "";
+}
+
 std::int64_t Workload::bytes() const {
-  return total_bytes(inputs) + total_bytes(parameters) + total_bytes(outputs);
+  std::int64_t bytes = total_bytes(inputs) + total_bytes(outputs);
+  for (const TensorSpec& spec : parameters) bytes += parameter_bytes(spec, precision);
+  return bytes;
 }
 
 bool Workload::has_tag(std::string_view tag) const {

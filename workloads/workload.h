@@ -43,6 +43,16 @@ struct DataRequest {
   const ImageSource* images = nullptr;  ///< Never null when make_data is called.
 };
 
+/// What the products of a layer are computed in. Its tensors are f32 all the same: whoever computes
+/// converts at both ends.
+enum class Precision : std::uint8_t {
+  kF32,
+  kBf16,  ///< Weights and inputs rounded to bfloat16, sums in f32.
+  kInt8,  ///< Weights and inputs quantized to 8 bits by fixed scales, sums in 32-bit integers.
+};
+/// "f32", "bf16", "int8".
+[[nodiscard]] std::string_view to_string(Precision precision);
+
 struct Workload {
   std::string name;               ///< "gaussian_blur", "conv1"; unique in the catalog.
   std::string description;        ///< One line with the sizes.
@@ -50,6 +60,7 @@ struct Workload {
   /// How it is computed where that is not the plain way, a name of variants() (catalog.h); empty =
   /// plain. The workload's name ends in "@<variant>" then.
   std::string variant = {};
+  Precision precision = Precision::kF32;
   /// Images or activations a call; where above 1, all inputs and outputs have it as their leading
   /// dimension.
   int batch = 1;
@@ -63,7 +74,8 @@ struct Workload {
   /// Operations a call, 2 a multiply-add, bias and activation excluded; absent where
   /// data-dependent.
   std::optional<std::int64_t> ops;
-  /// Bytes a call has to move at least: inputs + parameters + outputs, each once.
+  /// Bytes a call has to move at least: inputs + parameters + outputs, each once, weights as they
+  /// are stored in `precision`.
   [[nodiscard]] std::int64_t bytes() const;
 
   [[nodiscard]] bool has_tag(std::string_view tag) const;

@@ -97,6 +97,15 @@ TEST(Roofline, EightBitWorkloadsHaveTheEightBitPeak) {
   EXPECT_EQ(roofs.cells[0].bound, PeakKind::kInt8);
 }
 
+TEST(Roofline, LayersInFewerBitsHaveThePeakOfTheirPrecisionOrNone) {
+  EXPECT_EQ(arithmetic_of(find_workload("conv2@int8")), PeakKind::kInt8);
+  EXPECT_EQ(arithmetic_of(find_workload("conv2@bf16")), std::nullopt);
+  const auto roofs = rooflines(profile_of({execute("conv2@bf16", 1, 1'000'000'000, 500'000)}));
+  EXPECT_EQ(roofs.cells[0].bound, PeakKind::kBandwidthL2);
+  EXPECT_EQ(roofs.cells[0].missing, "bf16: no loop measures its peak");
+  EXPECT_TRUE(roofs.peaks[0].valid) << "its arithmetic exceeds no peak of another kind";
+}
+
 TEST(Roofline, WithoutOperationsTheBytesAreHeldAgainstBandwidthAlone) {
   const auto roofs = rooflines(profile_of({execute("undistort", 2, 0, 500'000)}));
   EXPECT_DOUBLE_EQ(*roofs.cells[0].fraction, 0.25);

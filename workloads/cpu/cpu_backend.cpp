@@ -13,6 +13,7 @@
 #include "workloads/base/affinity.h"
 #include "workloads/base/caches.h"
 #include "workloads/base/error.h"
+#include "workloads/cpu/dnn_precision.h"
 #include "workloads/cpu/kernels.h"
 #include "workloads/cpu/peak_loops.h"
 #include "workloads/cpu/threads.h"
@@ -64,7 +65,10 @@ Support support_of(const Workload& workload) {
   if (workload.variant == "map") {
     return {false, "backend cpu computes on the host's tensors where they are: nothing to map"};
   }
-  if (find_kernel(workload.kernel) != nullptr) return {true, ""};
+  if (find_kernel(workload.kernel) != nullptr) {
+    const std::string missing = cpu::missing_precision(workload);
+    return {missing.empty(), missing};
+  }
   return {false, "backend cpu has no kernel '" + workload.kernel + "'"};
 }
 

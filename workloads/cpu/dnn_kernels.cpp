@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "workloads/cpu/dnn_precision.h"
 #include "workloads/cpu/kernels.h"
 #include "workloads/dnn/dnn.h"
 
@@ -64,11 +65,13 @@ class DnnKernel : public Kernel {
   void add(const Workload& layer, std::span<const Tensor> parameters) {
     const Operation* op = layer.operation.get();
     if (const auto* conv = dynamic_cast<const dnn::Conv2dRelu*>(op)) {
-      add_conv(conv->shape, parameters);
+      add_conv(*conv, arithmetic_of(layer.precision, conv->input, parameters[0]), parameters);
     } else if (const auto* pool = dynamic_cast<const dnn::MaxPool*>(op)) {
       add_pool(*pool);
     } else {
-      add_fully_connected(operation_as<dnn::FullyConnected>(layer), parameters);
+      const auto& full = operation_as<dnn::FullyConnected>(layer);
+      add_fully_connected(full, arithmetic_of(layer.precision, full.input, parameters[0]),
+                          parameters);
     }
   }
 
@@ -90,44 +93,54 @@ class DnnKernel : public Kernel {
     std::unordered_map<int, memory> arguments;
   };
 
-  /// The current activation in the layout @p desc, by one more step if it has another.
-  memory current_as(const memory::desc& desc) {
+  /// The current activation in the layout and type @p desc, by one more step if it has another.
+  memory current_as(const memory::desc& desc, float scale = 1) {
     if (current_.get_desc() == desc) return current_;
     memory reordered(desc, engine_);
-    steps_.push_back({dnnl::reorder(current_, reordered),
+    dnnl::primitive_attr attributes;
+    if (scale != 1) attributes.set_output_scales(0, {scale});
+    steps_.push_back({dnnl::reorder(current_, reordered, attributes),
                       {{DNNL_ARG_FROM, current_}, {DNNL_ARG_TO, reordered}}});
     return reordered;
   }
 
-  /// A copy of the parameters in the primitive's layout, made now.
-  memory parameter_as(const memory::desc& desc, const memory::dims& dims, const Tensor& values) {
-    memory from(plain(dims), engine_, const_cast<std::byte*>(values.data()));
+  /// A copy of the values in the primitive's layout, made now. @param scales  What the values of
+  /// each output channel are multiplied by; empty = nothing.
+  memory parameter_as(const memory::desc& desc, const memory::dims& dims, const float* values,
+                      const std::vector<float>& scales = {}) {
+    memory from(plain(dims), engine_, const_cast<float*>(values));
     memory to(desc, engine_);
-    dnnl::reorder(from, to).execute(stream_, from, to);
+    dnnl::primitive_attr attributes;
+    constexpr int kEachOutput = 1 << 0;
+    if (!scales.empty()) attributes.set_output_scales(kEachOutput, scales);
+    dnnl::reorder(from, to, attributes).execute(stream_, from, to);
     stream_.wait();
     return to;
   }
 
-  void add_conv(const dnn::ConvShape& s, std::span<const Tensor> parameters) {
-    const memory::dims weights = {s.out_c, s.in_c, s.k_h, s.k_w};
-    const memory::dims pad = {s.pad, s.pad};
-    dnnl::primitive_attr attributes;
-    dnnl::post_ops relu;
-    relu.append_eltwise(1.0F, dnnl::algorithm::eltwise_relu, 0.0F, 0.0F);
-    attributes.set_post_ops(relu);
-    const dnnl::convolution_forward::desc desc(
-        kInference, dnnl::algorithm::convolution_direct, any({batch_, s.in_c, s.in_h, s.in_w}),
-        any(weights), any({s.out_c}), any({batch_, s.out_c, s.out_h(), s.out_w()}),
-        memory::dims{s.stride, s.stride}, pad, pad);
-    const dnnl::convolution_forward::primitive_desc primitive(desc, attributes, engine_);
-    const memory source = current_as(primitive.src_desc());
+  /// One step of a layer with weights and bias.
+  template <typename Primitive, typename Description>
+  void add_weighted(const Description& primitive, const memory::dims& weights,
+                    const Arithmetic& arithmetic, std::span<const Tensor> parameters) {
+    const memory source = current_as(primitive.src_desc(), arithmetic.source_scale);
+    const auto bias = arithmetic.scaled_bias(parameters[1]);
     current_ = memory(primitive.dst_desc(), engine_);
     steps_.push_back(
-        {dnnl::convolution_forward(primitive),
+        {Primitive(primitive),
          {{DNNL_ARG_SRC, source},
-          {DNNL_ARG_WEIGHTS, parameter_as(primitive.weights_desc(), weights, parameters[0])},
-          {DNNL_ARG_BIAS, parameter_as(primitive.bias_desc(), {s.out_c}, parameters[1])},
+          {DNNL_ARG_WEIGHTS,
+           parameter_as(primitive.weights_desc(), weights, parameters[0].as<float>().data(),
+                        arithmetic.weight_scales)},
+          {DNNL_ARG_BIAS, parameter_as(primitive.bias_desc(), {weights[0]}, bias.data())},
           {DNNL_ARG_DST, current_}}});
+  }
+
+  void add_conv(const dnn::Conv2dRelu& op, const Arithmetic& arithmetic,
+                std::span<const Tensor> parameters) {
+    const dnn::ConvShape& s = op.shape;
+    add_weighted<dnnl::convolution_forward>(describe(op, batch_, arithmetic, engine_),
+                                            {s.out_c, s.in_c, s.k_h, s.k_w}, arithmetic,
+                                            parameters);
   }
 
   void add_pool(const dnn::MaxPool& op) {
@@ -148,23 +161,15 @@ class DnnKernel : public Kernel {
         {dnnl::pooling_forward(primitive), {{DNNL_ARG_SRC, source}, {DNNL_ARG_DST, current_}}});
   }
 
-  void add_fully_connected(const dnn::FullyConnected& op, std::span<const Tensor> parameters) {
+  void add_fully_connected(const dnn::FullyConnected& op, const Arithmetic& arithmetic,
+                           std::span<const Tensor> parameters) {
     // After a convolution or a pool the activation keeps its three dimensions, and the weights are
     // laid out to fit.
-    const memory::dims source_dims = current_.get_desc().dims();
-    memory::dims weights = source_dims;
+    const memory::dims source = current_.get_desc().dims();
+    memory::dims weights = source;
     weights[0] = op.out;
-    const dnnl::inner_product_forward::desc desc(kInference, any(source_dims), any(weights),
-                                                 any({op.out}), any({batch_, op.out}));
-    const dnnl::inner_product_forward::primitive_desc primitive(desc, engine_);
-    const memory source = current_as(primitive.src_desc());
-    current_ = memory(primitive.dst_desc(), engine_);
-    steps_.push_back(
-        {dnnl::inner_product_forward(primitive),
-         {{DNNL_ARG_SRC, source},
-          {DNNL_ARG_WEIGHTS, parameter_as(primitive.weights_desc(), weights, parameters[0])},
-          {DNNL_ARG_BIAS, parameter_as(primitive.bias_desc(), {op.out}, parameters[1])},
-          {DNNL_ARG_DST, current_}}});
+    add_weighted<dnnl::inner_product_forward>(describe(op, source, arithmetic, engine_), weights,
+                                              arithmetic, parameters);
     if (op.activation == dnn::Activation::kSoftmax) add_softmax();
   }
 

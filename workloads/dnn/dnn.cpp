@@ -89,6 +89,7 @@ Workload make_conv2d_relu(std::string name, const ConvShape& s) {
   const std::int64_t ops = conv2d_ops(s);
   auto op = std::make_shared<Conv2dRelu>();
   op->shape = s;
+  op->input = input_range(s.in_c == 3);
   Workload w = layer(std::move(name), "conv2d_relu", std::move(op));
   w.description = "convolution " + std::to_string(s.k_h) + "x" + std::to_string(s.k_w) +
                   " + ReLU, " + shape_text(s.in_c, s.in_h, s.in_w) + " to " +
@@ -128,6 +129,7 @@ Workload make_fully_connected(std::string name, int in, int out, Activation acti
   auto op = std::make_shared<FullyConnected>();
   op->in = in;
   op->out = out;
+  op->input = input_range(false);
   op->activation = activation;
   Workload w = layer(std::move(name), "fully_connected", std::move(op));
   w.description = "fully connected " + std::to_string(in) + " to " + std::to_string(out) +

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "workloads/workload.h"
@@ -27,10 +28,17 @@ struct ConvShape {
 /// stands.
 [[nodiscard]] std::int64_t conv2d_ops(const ConvShape& s);
 
+/// Where a layer's inputs lie: what calibrating a quantized network on its data finds. Int8 kernels
+/// map it to 8 bits and saturate what lies beyond.
+struct ValueRange {
+  float low = 0, high = 1;
+};
+
 /// Kernel "conv2d_relu": input f32 [in_c,in_h,in_w]; parameters weights f32 [out_c,in_c,k_h,k_w],
 /// bias f32 [out_c]; output f32 [out_c,out_h,out_w] = max(0, conv + bias).
 struct Conv2dRelu : Operation {
   ConvShape shape;
+  ValueRange input = {};
 };
 
 /// Kernel "max_pool": input f32 [c,h,w], output f32 [c,out_h,out_w]; windows inside the input only
@@ -52,6 +60,7 @@ enum class Activation : std::uint8_t {
 /// output f32 [out].
 struct FullyConnected : Operation {
   int in = 1, out = 1;
+  ValueRange input = {};
   Activation activation = Activation::kDropout;
 };
 
@@ -75,6 +84,10 @@ struct Sequence : Operation {
 /// dimension of it, parameters unchanged. Image i is the one of seed + i; the reference is the
 /// plain one of each image, and each image must verify by itself.
 [[nodiscard]] Workload batched(const Workload& plain, int batch);
+
+/// The convolution or fully connected layer @p plain with its products in @p precision, and with
+/// the error bound that this needs; nothing for other workloads.
+[[nodiscard]] std::optional<Workload> in_precision(const Workload& plain, Precision precision);
 
 /// conv1..5, fc6..8 at the paper's sizes.
 [[nodiscard]] std::vector<Workload> table1();

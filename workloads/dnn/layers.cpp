@@ -8,6 +8,14 @@
 namespace pirt::dnn {
 namespace {
 
+/// About zero mean and unit variance for a picture that uses its range, by fixed figures as
+/// networks do.
+float normalized(std::uint8_t pixel) { return (static_cast<float>(pixel) - 127.5F) / 64.0F; }
+
+/// Dense, positive, mean square 3. (0, 3] keeps fc8's logits near +-6: its softmax then neither
+/// spreads evenly nor settles on one.
+constexpr float kActivationRange = 3.0F;
+
 /// The image in double precision with its zero border, so that the loops below need no conditions.
 struct PaddedPlanes {
   std::size_t height, width;
@@ -61,10 +69,7 @@ Tensor make_picture(const TensorSpec& spec, const DataRequest& request,
                           static_cast<int>(spec.shape[1]));
   notes = picture.notes;
   Tensor input(spec);
-  // About zero mean and unit variance for a picture that uses its range, by fixed figures as
-  // networks do.
-  std::ranges::transform(picture.pixels.as<std::uint8_t>(), input.as<float>().begin(),
-                         [](std::uint8_t v) { return (static_cast<float>(v) - 127.5F) / 64.0F; });
+  std::ranges::transform(picture.pixels.as<std::uint8_t>(), input.as<float>().begin(), normalized);
   return input;
 }
 
@@ -165,18 +170,20 @@ std::vector<double> run_layers(const Workload& workload, std::vector<double> val
   return values;
 }
 
+ValueRange input_range(bool picture) {
+  if (picture) return {normalized(0), normalized(255)};
+  return {0.0F, kActivationRange};
+}
+
 Tensor make_input(const Workload& layer, const DataRequest& request,
                   std::vector<std::string>& notes) {
   const TensorSpec& spec = layer.inputs[0];
   if (layer.has_tag("image")) return make_picture(spec, request, notes);
-  // Dense, positive, mean square 3. (0, 3] keeps fc8's logits near +-6: its softmax then neither
-  // spreads evenly nor settles on one.
-  constexpr float kRange = 3.0F;
   Tensor input(spec);
   const std::uint64_t seed = derive_seed(request.seed, layer.name + ".input");
   auto values = input.as<float>();
   for (std::size_t i = 0; i < values.size(); ++i) {
-    values[i] = kRange * (static_cast<float>(hash_u64(seed, i) >> 40) + 1.0F) * 0x1p-24F;
+    values[i] = kActivationRange * (static_cast<float>(hash_u64(seed, i) >> 40) + 1.0F) * 0x1p-24F;
   }
   return input;
 }

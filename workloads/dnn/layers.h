@@ -42,6 +42,9 @@ namespace pirt::dnn {
 [[nodiscard]] Workload make_sequence(std::string name, std::string description,
                                      std::vector<Workload> layers, double relative_to_peak);
 
+/// Where the values of make_input lie, a picture's or an activation's.
+[[nodiscard]] ValueRange input_range(bool picture);
+
 /// Input of @p layer: a picture where it has three channels, otherwise positive like what a ReLU
 /// leaves.
 [[nodiscard]] Tensor make_input(const Workload& layer, const DataRequest& request,

@@ -60,6 +60,11 @@ class OpenClBackend final : public Backend {
         }
       }
     }
+    if (workload.precision != Precision::kF32) {
+      return {.ok = false,
+              .reason = fmt::format("opencl computes AlexNet's layers in f32; backend cpu has {}",
+                                    to_string(workload.precision))};
+    }
     if (workload.variant == "map") return supports_mapping(workload, *entry);
     return {.ok = true, .reason = {}};
   }
