@@ -148,6 +148,7 @@ Json row_json(const GateRow& row) {
   add("candidate" + suffix, row.candidate);
   add("ratio", row.ratio);
   add("p_adjusted", row.p);
+  add("change", row.change);
   add("noise", row.noise);
   add("needed", row.needed);
   if (!row.reason.empty()) json["reason"] = row.reason;
@@ -221,11 +222,14 @@ std::string message_of(const GateRow& row) {
 void describe_rule(const GateThresholds& thresholds, GateReport& report) {
   const GateThresholds& t = thresholds;
   report.rule = {fmt::format(
-      "slower: one-sided Mann-Whitney p, Holm-adjusted over the table, below {}, and the "
-      "median up by needed %: {:.0f} %, or {:.0f} times what processes of one program differ "
-      "by, whichever is more.",
-      t.alpha, 100 * t.effect, t.noise_factor)};
-  report.rule_json = {{"alpha", t.alpha}, {"effect", t.effect}, {"noise_factor", t.noise_factor}};
+      "slower: one-sided Mann-Whitney p, Holm-adjusted over the table, below {}, and median and "
+      "lower quartile up by needed %: {:.0f} %, or {:.0f} times what runs of one program differ "
+      "by, whichever is more; from {:.0f} % of it on, inconclusive. What all rows of a unit moved "
+      "by is taken off and stands in a row of its own.",
+      t.alpha, 100 * t.effect, t.noise_factor, 100 * t.doubt)};
+  report.rule_json = {
+      {"alpha", t.alpha}, {"effect", t.effect},       {"noise_factor", t.noise_factor},
+      {"doubt", t.doubt}, {"workloads", t.workloads}, {"together", t.together}};
 }
 
 int exit_code_of(const GateResult& result) {

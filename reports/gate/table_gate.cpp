@@ -3,46 +3,23 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <map>
+#include <set>
+#include <span>
 
 #include "characterize/environment_keys.h"
 #include "characterize/rank_tests.h"
-#include "characterize/statistics.h"
+#include "reports/gate/between_runs.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
 namespace {
 
-/// Expected range of k draws of a normal distribution, in standard deviations.
-constexpr std::array<double, 11> kRangeOf = {0,     0,     1.128, 1.693, 2.059, 2.326,
-                                             2.534, 2.704, 2.847, 2.970, 3.078};
-
 std::string phase_name(const PhaseRow& row) {
   std::string name(to_string(row.phase));
   if (row.state != State::kSteady) name += " " + std::string(to_string(row.state));
   return name;
-}
-
-/// Relative; absent for one process. Of many, those in order of being taken ten at a time, since d2
-/// ends there and a range of many is that of its worst.
-std::optional<double> spread_of(const PhaseRow& row) {
-  std::vector<double> medians;
-  for (const Nanos each : process_medians(row.values, row.value_processes)) {
-    medians.push_back(static_cast<double>(each.count()));
-  }
-  if (medians.size() < 2) return std::nullopt;
-  const double middle = median_of(medians);
-  if (middle <= 0) return std::nullopt;
-  std::vector<double> spreads;
-  const std::size_t groups = (medians.size() + 9) / 10;
-  for (std::size_t g = 0; g < groups; ++g) {
-    const std::size_t begin = g * medians.size() / groups;
-    const std::size_t end = (g + 1) * medians.size() / groups;
-    const auto [low, high] = std::ranges::minmax(std::span(medians).subspan(begin, end - begin));
-    spreads.push_back((high - low) / kRangeOf[end - begin] / middle);
-  }
-  return median_of(spreads);
 }
 
 /// What of the identity differs for this unit; facts without a unit are of all.
@@ -69,7 +46,44 @@ std::string row_complaint(const PhaseRow& base, const PhaseRow& candidate) {
   return "";
 }
 
-GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const GateThresholds& thresholds) {
+/// Rows that move together: those of set-up, and the others.
+struct Family {
+  std::string unit;
+  bool setup = false;
+  auto operator<=>(const Family&) const = default;
+};
+
+Family family_of(const PhaseRow& row) {
+  return {row.unit, row.phase == Phase::kDeviceInit || row.phase == Phase::kPrepare};
+}
+
+/// Logarithm of what all rows of each family moved by, where enough workloads say so.
+std::map<Family, double> shifts_of(const ProfileDiff& diff, const GateThresholds& thresholds) {
+  std::map<Family, std::vector<double>> changes;
+  std::map<Family, std::set<std::string>> workloads;
+  for (const auto& pair : diff.phases) {
+    const auto ratio = pair.ratio();
+    if (!ratio || *ratio <= 0) continue;
+    changes[family_of(*pair.a)].push_back(std::log(*ratio));
+    workloads[family_of(*pair.a)].insert(pair.a->workload);
+  }
+  std::map<Family, double> shifts;
+  for (const auto& [family, logs] : changes) {
+    if (workloads[family].size() >= thresholds.workloads) shifts[family] = median_of(logs);
+  }
+  return shifts;
+}
+
+std::vector<Nanos> shifted(std::span<const Nanos> values, double shift) {
+  std::vector<Nanos> result;
+  for (const Nanos value : values) {
+    result.emplace_back(std::llround(static_cast<double>(value.count()) * std::exp(shift)));
+  }
+  return result;
+}
+
+GateRow compare(const ProfileDiff& diff, const PhasePair& pair, double shift,
+                const GateThresholds& thresholds) {
   const PhaseRow& base = *pair.a;
   const PhaseRow& candidate = *pair.b;
   GateRow row;
@@ -91,10 +105,16 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const GateThresh
     row.reason = fmt::format("{} samples, {} are needed", fewest, thresholds.samples);
     return row;
   }
-  const bool rose = *row.ratio >= 1;
-  row.p = rose ? mann_whitney_p(base.values, candidate.values)
-               : mann_whitney_p(candidate.values, base.values);
-  row.noise = process_noise(base, candidate);
+  row.change = change_between(base, candidate, shift);
+  if (!row.change) {
+    row.verdict = GateVerdict::kNotJudged;
+    row.reason = "shorter than the clock can tell";
+    return row;
+  }
+  row.noise = noise_between(base, candidate);
+  const auto expected = shifted(base.values, shift);
+  row.p = *row.change > 0 ? mann_whitney_p(expected, candidate.values)
+                          : mann_whitney_p(candidate.values, expected);
   return row;
 }
 
@@ -132,46 +152,76 @@ GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair,
 }
 
 /// A cell's own estimate comes from few processes and may be small by luck; that of a typical row
-/// of the table stands below it.
-double typical_noise(const std::vector<GateRow>& rows) {
-  std::vector<double> all;
-  for (const auto& row : rows) {
-    if (row.noise) all.push_back(*row.noise);
+/// of its family stands below it.
+std::map<Family, double> typical_noise(const std::vector<GateRow*>& rows,
+                                       const std::vector<Family>& families) {
+  std::map<Family, std::vector<double>> all;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (rows[i]->noise) all[families[i]].push_back(*rows[i]->noise);
   }
-  return all.empty() ? 0 : median_of(all);
+  std::map<Family, double> typical;
+  for (const auto& [family, values] : all) typical[family] = median_of(values);
+  return typical;
 }
 
 /// Slower and faster are a family of tests each; who went the other way counts in it with p = 1.
-void adjust(std::vector<GateRow>& rows) {
+void adjust(const std::vector<GateRow*>& rows) {
   for (const bool slower : {true, false}) {
     std::vector<double> p_values;
-    std::vector<GateRow*> judged;
-    for (auto& row : rows) {
-      if (!row.p) continue;
-      const bool ours = (*row.ratio >= 1) == slower;
-      p_values.push_back(ours ? *row.p : 1);
-      judged.push_back(ours ? &row : nullptr);
-    }
+    for (const auto* row : rows) p_values.push_back((*row->change > 0) == slower ? *row->p : 1);
     const auto adjusted = holm_adjusted(p_values);
-    for (std::size_t i = 0; i < judged.size(); ++i) {
-      if (judged[i] != nullptr) judged[i]->p = adjusted[i];
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      if ((*rows[i]->change > 0) == slower) rows[i]->p = adjusted[i];
     }
   }
 }
 
 void conclude(GateRow& row, double floor, const GateThresholds& thresholds) {
+  const double log_change = *row.change;
+  row.change = std::expm1(log_change);
   row.noise = std::max(row.noise.value_or(0), floor);
   row.needed = std::max(thresholds.effect, thresholds.noise_factor * *row.noise);
   if (*row.p >= thresholds.alpha) return;
-  const bool rose = *row.ratio >= 1;
-  const double change = rose ? *row.ratio - 1 : 1 / *row.ratio - 1;
+  const double change = std::expm1(std::abs(log_change));
   if (change >= *row.needed) {
-    row.verdict = rose ? GateVerdict::kSlower : GateVerdict::kFaster;
-  } else if (rose && change >= thresholds.effect) {
+    row.verdict = log_change > 0 ? GateVerdict::kSlower : GateVerdict::kFaster;
+  } else if (log_change > 0 &&
+             change >= std::max(thresholds.effect, thresholds.doubt * *row.needed)) {
     row.verdict = GateVerdict::kInconclusive;
     row.reason = fmt::format(
-        "{:.1f} % slower, but processes of one program differ by {:.1f} % here; measure again",
-        100 * change, 100 * *row.noise);
+        "{:.1f} % slower, but runs of one program differ by {:.1f} % here, so that {:.1f} % count; "
+        "measure again",
+        100 * change, 100 * *row.noise, 100 * *row.needed);
+  }
+}
+
+/// "; its f32 peak moved by -48.9 % between the two"; empty without that peak on both sides.
+std::string witness(const ProfileDiff& diff, const std::string& unit) {
+  const PeakRow* a = diff.a->find_peak(unit, PeakKind::kF32);
+  const PeakRow* b = diff.b->find_peak(unit, PeakKind::kF32);
+  if (a == nullptr || b == nullptr || !a->per_second || !b->per_second) return "";
+  return fmt::format("; its f32 peak, which no program changes, moved by {:+.1f} % between the two",
+                     100 * (*b->per_second / *a->per_second - 1));
+}
+
+/// One row for all that a unit's rows moved by together, where that is more than counts in one.
+void add_shifts(const ProfileDiff& diff, const std::map<Family, double>& shifts,
+                const GateThresholds& thresholds, std::vector<GateRow>& rows) {
+  for (const auto& [family, shift] : shifts) {
+    if (std::expm1(std::abs(shift)) < thresholds.together) continue;
+    GateRow row;
+    row.workload = "all";
+    row.unit = family.unit;
+    row.phase = family.setup ? "set-up" : "running";
+    row.ratio = std::exp(shift);
+    row.verdict = shift > 0 ? GateVerdict::kInconclusive : GateVerdict::kFaster;
+    if (shift > 0) {
+      row.reason = fmt::format(
+          "all of {} is {:.1f} % slower: the machine, or a change to everything{}; compare the two "
+          "programs side by side: --baseline-program",
+          family.unit, 100 * (*row.ratio - 1), witness(diff, family.unit));
+    }
+    rows.push_back(std::move(row));
   }
 }
 
@@ -214,22 +264,29 @@ std::int64_t GateResult::count(GateVerdict verdict) const {
   return std::ranges::count(rows, verdict, &GateRow::verdict);
 }
 
-std::optional<double> process_noise(const PhaseRow& base, const PhaseRow& candidate) {
-  const auto a = spread_of(base);
-  const auto b = spread_of(candidate);
-  if (a && b) return std::sqrt((*a * *a + *b * *b) / 2);
-  return a ? a : b;
-}
-
 GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds) {
   GateResult result;
   result.identity = diff.identity;
-  for (const auto& pair : diff.phases) result.rows.push_back(compare(diff, pair, thresholds));
-  const double floor = typical_noise(result.rows);
-  adjust(result.rows);
-  for (auto& row : result.rows) {
-    if (row.p) conclude(row, floor, thresholds);
+  const auto shifts = shifts_of(diff, thresholds);
+  for (const auto& pair : diff.phases) {
+    const auto shift = shifts.find(family_of(*pair.a));
+    result.rows.push_back(
+        compare(diff, pair, shift == shifts.end() ? 0 : shift->second, thresholds));
   }
+  std::vector<GateRow*> judged;
+  std::vector<Family> families;
+  for (std::size_t i = 0; i < result.rows.size(); ++i) {
+    if (!result.rows[i].p) continue;
+    judged.push_back(&result.rows[i]);
+    families.push_back(family_of(*diff.phases[i].a));
+  }
+  adjust(judged);
+  const auto typical = typical_noise(judged, families);
+  for (std::size_t i = 0; i < judged.size(); ++i) {
+    const auto floor = typical.find(families[i]);
+    conclude(*judged[i], floor == typical.end() ? 0 : floor->second, thresholds);
+  }
+  add_shifts(diff, shifts, thresholds, result.rows);
   for (const auto& pair : diff.energies)
     result.rows.push_back(compare_energy(diff, pair, thresholds));
   add_missing(diff, result.rows);

@@ -3,9 +3,13 @@
 //
 // What both were measured under comes first: rows of runs that differ in identity are not
 // comparable, and say in what. A row is slower if a one-sided Mann-Whitney test on its raw samples
-// says so after Holm's correction over the table, and its median rose by at least `effect` and by
-// `noise_factor` times what processes of the same program differ by. Less than that, but more than
-// chance, is inconclusive: measure again.
+// says so after Holm's correction over the table, and its median and its lower quartile rose by at
+// least `effect` and by `noise_factor` times the A/A noise (between_runs.h). Nearly as much is
+// inconclusive: measure again.
+//
+// Machines have slow hours: what all rows of a unit moved by is taken off each of them and judged
+// in a row of its own, which is inconclusive at worst, since no stored figure says whether the
+// machine or the program was it. Two programs side by side do (`--baseline-program`).
 #pragma once
 
 #include <cstdint>
@@ -33,7 +37,10 @@ struct GateThresholds {
   double alpha = 0.05;  ///< Of the whole table, per direction.
   double effect = 0.05;
   double noise_factor = 3;
-  std::size_t samples = 9;  ///< A side.
+  double doubt = 0.8;         ///< Of what counts as slower: from there on inconclusive.
+  std::size_t workloads = 6;  ///< So many of a unit say what all of it moved by.
+  double together = 0.10;     ///< What all of it moves by without anybody's doing.
+  std::size_t samples = 9;    ///< A side.
 };
 
 struct GateRow {
@@ -44,8 +51,11 @@ struct GateRow {
   std::optional<double> base = {}, candidate = {};  ///< Medians in ns; joules a call of "energy".
   std::optional<double> ratio = {};                 ///< Candidate over base.
   std::optional<double> p = {};                     ///< Adjusted, of the direction that it went.
-  std::optional<double> noise = {};                 ///< Relative, between processes of one program.
-  std::optional<double> needed = {};                ///< Rise of the median that counts.
+  /// Relative change that counts: without what all rows of the unit moved by, and that of the
+  /// median or of the lower quartile, whichever is less.
+  std::optional<double> change = {};
+  std::optional<double> noise = {};   ///< Relative standard deviation between runs of one program.
+  std::optional<double> needed = {};  ///< The change that counts as slower.
 };
 
 struct GateResult {
@@ -56,10 +66,5 @@ struct GateResult {
 
 /// @param diff  Its profiles' samples have been read (read_samples).
 [[nodiscard]] GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds = {});
-
-/// Relative spread of one process's median around those of the others, from the range of the
-/// process medians; of both sides together. Absent where neither has two processes.
-/// @source Range over d2 estimates a standard deviation: Tippett, Biometrika 17 (1925) 364.
-[[nodiscard]] std::optional<double> process_noise(const PhaseRow& base, const PhaseRow& candidate);
 
 }  // namespace pirt

@@ -2,9 +2,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <numbers>
 
+#include "reports/gate/between_runs.h"
 #include "reports/gate/gate_report.h"
 #include "workloads/base/random.h"
 
@@ -83,6 +85,7 @@ TEST(TableGate, FindsWhatBecameSlowerAndWhatFaster) {
   ASSERT_EQ(result.rows.size(), 4U);
   EXPECT_EQ(result.rows[0].verdict, GateVerdict::kSlower);
   EXPECT_NEAR(*result.rows[0].ratio, 1.15, 0.02);
+  EXPECT_NEAR(*result.rows[0].change, 0.15, 0.02);
   EXPECT_LT(*result.rows[0].p, 0.001);
   EXPECT_EQ(result.rows[1].verdict, GateVerdict::kSame);
   EXPECT_EQ(result.rows[2].verdict, GateVerdict::kFaster);
@@ -90,16 +93,25 @@ TEST(TableGate, FindsWhatBecameSlowerAndWhatFaster) {
   EXPECT_EQ(exit_code_of(result), 1);
 }
 
-TEST(TableGate, LeavesARiseWithinTheNoiseBetweenProcessesOpen) {
-  Machine machine(0.06, 0.002, 3);
-  const Profile base = profile_of({machine.row("sobel", 10, 5)});
-  const Profile candidate = profile_of({machine.row("sobel", 11.2, 5)});
-  const auto result = judge_both(base, candidate);
-  ASSERT_GT(*result.rows[0].needed, 0.12);
-  ASSERT_GT(*result.rows[0].ratio, 1.05);
-  EXPECT_EQ(result.rows[0].verdict, GateVerdict::kInconclusive);
-  EXPECT_THAT(result.rows[0].reason, HasSubstr("measure again"));
-  EXPECT_EQ(exit_code_of(result), 3);
+/// Five processes of four samples each, from 6 % below to 6 % above @p ms.
+Profile noisy_run(Machine& exact, double ms) {
+  PhaseRow row = exact.row("sobel", ms, 5, 4);
+  for (std::size_t i = 0; i < row.values.size(); ++i) {
+    row.values[i] = from_ms(ms * (0.94 + 0.03 * row.value_processes[i]));
+  }
+  return profile_of({row});
+}
+
+TEST(TableGate, LeavesARiseNearTheNoiseBetweenRunsOpen) {
+  Machine exact(0, 0, 1);
+  const Profile base = noisy_run(exact, 10);
+  const auto verdict = [&](double ms) { return judge_both(base, noisy_run(exact, ms)).rows[0]; };
+  ASSERT_NEAR(*verdict(10).needed, 0.19, 0.01);
+  EXPECT_EQ(verdict(11.0).verdict, GateVerdict::kSame) << "far within the noise";
+  EXPECT_EQ(verdict(11.7).verdict, GateVerdict::kInconclusive);
+  EXPECT_THAT(verdict(11.7).reason, HasSubstr("measure again"));
+  EXPECT_EQ(exit_code_of(judge_both(base, noisy_run(exact, 11.7))), 3);
+  EXPECT_EQ(verdict(12.0).verdict, GateVerdict::kSlower);
 }
 
 TEST(TableGate, ComparesNothingUnderAnotherIdentity) {
@@ -162,16 +174,48 @@ TEST(TableGate, JudgesMeteredEnergyOnly) {
   EXPECT_EQ(judge_both(base, candidate).rows[1].verdict, GateVerdict::kSame);
 }
 
-TEST(TableGate, NoiseIsTheRangeOfProcessMediansOverD2) {
+PhaseRow of_processes(std::vector<std::int64_t> ns) {
   PhaseRow row;
-  row.values = {Nanos(90), Nanos(100), Nanos(110)};
-  row.value_processes = {0, 1, 2};
-  PhaseRow one = row;
-  one.value_processes = {0, 0, 0};
-  // 20 / 1.693 / 100; one process says nothing.
-  EXPECT_NEAR(*process_noise(row, one), 0.11813, 1e-5);
-  EXPECT_NEAR(*process_noise(row, row), 0.11813, 1e-5);
-  EXPECT_FALSE(process_noise(one, one));
+  for (std::size_t p = 0; p < ns.size(); ++p) {
+    row.values.emplace_back(ns[p]);
+    row.value_processes.push_back(static_cast<std::int32_t>(p));
+  }
+  row.valid = true;
+  std::ranges::sort(ns);
+  row.median = Nanos(ns[ns.size() / 2]);
+  return row;
+}
+
+TEST(BetweenRuns, SpreadIsTheMedianDeviationOfProcesses) {
+  const std::array one = {100.0};
+  EXPECT_FALSE(process_spread(one));
+  const std::array few = {90.0, 100.0, 110.0};
+  EXPECT_NEAR(*process_spread(few), 1.495 * 1.4826 * 0.1, 1e-9);
+  const std::array many = {90.0, 92.0, 94.0, 96.0, 98.0, 102.0, 104.0, 106.0, 108.0, 300.0};
+  EXPECT_NEAR(*process_spread(many), 10 / 9.2 * 1.4826 * 0.06, 1e-9)
+      << "one far off does not count";
+}
+
+TEST(BetweenRuns, NoiseShrinksWithTheProcessesOfBothRuns) {
+  const PhaseRow three = of_processes({90, 100, 110});
+  const double expected = kDrift * 1.495 * 1.4826 * 0.1 * std::sqrt(std::numbers::pi / 2);
+  EXPECT_NEAR(*noise_between(three, three), expected * std::sqrt(2.0 / 3), 1e-9);
+  const PhaseRow one = of_processes({100});
+  EXPECT_NEAR(*noise_between(three, one), expected * std::sqrt(4.0 / 3), 1e-9);
+  EXPECT_FALSE(noise_between(one, one));
+}
+
+TEST(BetweenRuns, ChangeIsWhatMedianAndLowerQuartileAgreeOn) {
+  const PhaseRow base = of_processes({100, 100, 100, 100, 100});
+  const PhaseRow slower = of_processes({120, 120, 120, 120, 120});
+  const PhaseRow busy = of_processes({100, 100, 150, 150, 150});
+  const PhaseRow mixed = of_processes({95, 95, 150, 150, 150});
+  EXPECT_NEAR(*change_between(base, slower, 0), std::log(1.2), 1e-12);
+  EXPECT_NEAR(*change_between(slower, base, 0), -std::log(1.2), 1e-12);
+  EXPECT_NEAR(*change_between(base, busy, 0), 0, 1e-12);
+  EXPECT_EQ(*change_between(base, mixed, 0), 0);
+  EXPECT_NEAR(*change_between(base, slower, std::log(1.1)), std::log(1.2 / 1.1), 1e-12);
+  EXPECT_FALSE(change_between(base, of_processes({0, 0, 0}), 0));
 }
 
 /// 28 cells with a call and an execute row each, as a run of Table I on two units has.
@@ -210,6 +254,46 @@ TEST(TableGate, RaisesNoFalseAlarmAndFindsAQuarterInSimulation) {
     found += result.rows[14].verdict == GateVerdict::kSlower ? 1 : 0;
   }
   EXPECT_GE(found, 18);
+}
+
+/// The simulated run with all its rows @p factor times as long.
+Profile on_slower_machine(std::uint64_t seed, double factor, double slower = 1) {
+  Profile profile = simulated_run(seed, slower);
+  for (PhaseRow& row : profile.phases) {
+    const auto scaled = [factor](Nanos t) {
+      return Nanos(std::llround(factor * static_cast<double>(t.count())));
+    };
+    for (Nanos& value : row.values) value = scaled(value);
+    row.median = scaled(*row.median);
+  }
+  return profile;
+}
+
+TEST(TableGate, WhatAllRowsMovedByIsOneRowAndIsTakenOffTheOthers) {
+  Profile base = simulated_run(1, 1);
+  Profile candidate = on_slower_machine(2, 1.3, 1.25);
+  PeakRow peak;
+  peak.unit = "cpu";
+  peak.kind = PeakKind::kF32;
+  peak.per_second = 200e9;
+  base.peaks = {peak};
+  peak.per_second = 150e9;
+  candidate.peaks = {peak};
+  const auto result = judge_both(base, candidate);
+  EXPECT_EQ(result.count(GateVerdict::kSlower), 2) << "call and execute of the one cell";
+  EXPECT_EQ(result.rows[14].verdict, GateVerdict::kSlower);
+  EXPECT_NEAR(*result.rows[14].change, 0.25, 0.05);
+  EXPECT_NEAR(*result.rows[14].ratio, 1.625, 0.06);
+  const GateRow& all = result.rows.back();
+  EXPECT_EQ(all.workload, "all");
+  EXPECT_EQ(all.verdict, GateVerdict::kInconclusive);
+  EXPECT_NEAR(*all.ratio, 1.3, 0.02);
+  EXPECT_THAT(all.reason, AllOf(HasSubstr("--baseline-program"), HasSubstr("-25.0 %")));
+
+  const auto faster = judge_both(base, on_slower_machine(2, 0.8));
+  EXPECT_EQ(faster.rows.back().verdict, GateVerdict::kFaster);
+  EXPECT_EQ(exit_code_of(faster), 0);
+  EXPECT_EQ(exit_code_of(judge_both(base, on_slower_machine(2, 1.02))), 0);
 }
 
 PhaseRow call_row(const std::string& unit, std::int64_t low, std::int64_t median,

@@ -1,0 +1,82 @@
+#include "reports/gate/between_runs.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "characterize/rank_tests.h"
+#include "characterize/statistics.h"
+
+namespace pirt {
+namespace {
+
+std::vector<double> medians_of(const PhaseRow& row) {
+  std::vector<double> medians;
+  for (const Nanos each : process_medians(row.values, row.value_processes)) {
+    medians.push_back(static_cast<double>(each.count()));
+  }
+  return medians;
+}
+
+/// With interpolation. @param values  At least one.
+double lower_quartile(std::vector<double> values) {
+  std::ranges::sort(values);
+  const double at = 0.25 * static_cast<double>(values.size() - 1);
+  const auto below = static_cast<std::size_t>(at);
+  const std::size_t above = std::min(below + 1, values.size() - 1);
+  return std::lerp(values[below], values[above], at - static_cast<double>(below));
+}
+
+}  // namespace
+
+std::optional<double> process_spread(std::span<const double> medians) {
+  if (medians.size() < 2) return std::nullopt;
+  const double middle = median_of(medians);
+  if (middle <= 0) return std::nullopt;
+  std::vector<double> deviations;
+  for (const double each : medians) deviations.push_back(std::abs(each - middle));
+  // For n from 2 to 9; n / (n - 0.8) from there on.
+  constexpr std::array kFactors = {1.196, 1.495, 1.363, 1.206, 1.200, 1.140, 1.129, 1.107};
+  constexpr double kOfNormal = 1.4826;
+  const std::size_t n = medians.size();
+  const auto count = static_cast<double>(n);
+  const double few = n - 2 < kFactors.size() ? kFactors[n - 2] : count / (count - 0.8);
+  return few * kOfNormal * median_of(deviations) / middle;
+}
+
+std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candidate) {
+  const auto a = medians_of(base);
+  const auto b = medians_of(candidate);
+  const auto spread_a = process_spread(a);
+  const auto spread_b = process_spread(b);
+  if (!spread_a && !spread_b) return std::nullopt;
+  const double spread = spread_a && spread_b
+                            ? std::hypot(*spread_a, *spread_b) / std::numbers::sqrt2
+                            : spread_a.value_or(spread_b.value_or(0));
+  // Of a median of n normal values: sqrt(pi / 2) / sqrt(n) of theirs.
+  const double of_medians = std::sqrt(std::numbers::pi / 2);
+  return kDrift * spread * of_medians *
+         std::sqrt(1.0 / static_cast<double>(a.size()) + 1.0 / static_cast<double>(b.size()));
+}
+
+std::optional<double> change_between(const PhaseRow& base, const PhaseRow& candidate,
+                                     double shift) {
+  if (!base.median || !candidate.median || base.values.empty() || candidate.values.empty()) {
+    return std::nullopt;
+  }
+  const auto of_medians =
+      static_cast<double>(candidate.median->count()) / static_cast<double>(base.median->count());
+  const double of_quartiles =
+      lower_quartile(medians_of(candidate)) / lower_quartile(medians_of(base));
+  if (!(of_medians > 0 && of_quartiles > 0) || std::isinf(of_medians) || std::isinf(of_quartiles)) {
+    return std::nullopt;
+  }
+  const double a = std::log(of_medians) - shift;
+  const double b = std::log(of_quartiles) - shift;
+  if ((a > 0) != (b > 0)) return 0.0;
+  return std::abs(a) < std::abs(b) ? a : b;
+}
+
+}  // namespace pirt

@@ -1,0 +1,35 @@
+// What two runs of one program differ by: the figures of a row that say whether another run's are
+// another program's.
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "characterize/profile.h"
+
+namespace pirt {
+
+/// Relative spread of one process's median around those of the others: their median absolute
+/// deviation as a standard deviation. Robust: a busy spell lifts a few processes far.
+/// Absent for fewer than two processes. @param medians  Of each process; above 0.
+/// @source Factors for few: Croux and Rousseeuw, Time-efficient algorithms for two highly robust
+/// estimators of scale, Computational Statistics 1 (1992) 411.
+[[nodiscard]] std::optional<double> process_spread(std::span<const double> medians);
+
+/// Relative standard deviation of the ratio of the medians of two runs of one program, A/A noise.
+/// From the spread of the processes of both, times kDrift. Absent where neither has two processes.
+[[nodiscard]] std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candidate);
+
+/// Runs lie apart in time, and what slows a machine for a while moves all processes of a run.
+/// Measured: in all pairs of five runs, ratios of medians were 1.5 times as far from 1 as the
+/// spread of their processes says.
+inline constexpr double kDrift = 1.5;
+
+/// Logarithm of candidate over base, the nearer to `shift` of two: of the medians, and of the lower
+/// quartiles of the process medians. A slower program moves both, a busy spell of the machine the
+/// upper part only. 0 = as `shift` says. Absent without valid medians above 0.
+/// @param shift  What is expected, as a logarithm; it is subtracted.
+[[nodiscard]] std::optional<double> change_between(const PhaseRow& base, const PhaseRow& candidate,
+                                                   double shift);
+
+}  // namespace pirt
