@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "characterize/process.h"
+#include "workloads/catalog.h"
 
 namespace pirt {
 namespace {
@@ -19,6 +20,13 @@ std::string failure(const ProcessResult& process, const JobResult& result, Nanos
   return words.empty() ? text : text + ": " + words;
 }
 
+/// References of batches are computed image by image.
+Nanos limit_of(const Job& job, Nanos limit) {
+  if (job.kind != JobKind::kReference) return limit;
+  const Workload* workload = try_find_workload(job.workload);
+  return workload == nullptr ? limit : limit * workload->batch;
+}
+
 }  // namespace
 
 std::optional<JobResult> JobRunner::run(
@@ -28,13 +36,13 @@ std::optional<JobResult> JobRunner::run(
   request.arguments = {"worker"};
   request.input = to_json(job);
   request.environment = environment;
-  request.limit = limit_;
+  request.limit = limit_of(job, limit_);
   request.stop = stop_;
   if (stop_ != nullptr && stop_->load()) return std::nullopt;
   const ProcessResult process = run_process(request);
   if (process.end == ProcessResult::End::kStopped) return std::nullopt;
   JobResult result = last_record(process.output);
-  result.error = result.done ? "" : failure(process, result, limit_);
+  result.error = result.done ? "" : failure(process, result, request.limit);
   return result;
 }
 

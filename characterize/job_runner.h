@@ -15,7 +15,7 @@ namespace pirt {
 class JobRunner {
  public:
   /// @param program  A pirt: it is started with the one argument `worker`.
-  /// @param limit    What a job may take before it is killed.
+  /// @param limit    What a job may take before it is killed; a reference for each of its images.
   /// @param stop     Ends the running job and all later ones when set; may be null.
   JobRunner(std::filesystem::path program, Nanos limit, const std::atomic<bool>* stop)
       : program_(std::move(program)), limit_(limit), stop_(stop) {}

@@ -13,33 +13,38 @@
 namespace pirt {
 namespace {
 
-/// That of the option, and those that the filter names: "fc6@batch8".
-std::set<int> wanted_batches(const std::string& filter, std::optional<int> batch) {
+/// 8 of "fc6@batch8", 8 and 16 of "@(batch8|batch16)".
+std::set<int> named_batches(const std::string& filter) {
   std::set<int> batches;
-  if (batch) batches.insert(*batch);
-  static const std::regex kNamed("@batch([0-9]{1,3})");
+  static const std::regex kNamed("batch([0-9]{1,3})");
   for (std::sregex_iterator it(filter.begin(), filter.end(), kNamed), end; it != end; ++it) {
     batches.insert(std::stoi((*it)[1]));
   }
   return batches;
 }
 
-/// The plain workloads and the variants and batches that are asked for: by name, or in the filter.
-std::vector<const Workload*> all_workloads(const std::string& filter,
-                                           const std::vector<std::string>& in_variants,
-                                           std::optional<int> batch) {
+/// Variants and batches that an option asks for: what is wanted of the workloads that the filter
+/// picks.
+std::vector<const Workload*> asked_for(const std::vector<std::string>& in_variants,
+                                       std::optional<int> batch) {
   std::vector<const Workload*> all;
-  for (const Workload& workload : catalog()) all.push_back(&workload);
-  std::vector<std::string> wanted = in_variants;
-  if (filter.find('@') != std::string::npos) {
-    for (const Variant& variant : variants()) wanted.emplace_back(variant.name);
+  for (const std::string& name : in_variants) {
+    for (const Workload* workload : workloads_in_variant(name)) all.push_back(workload);
   }
-  for (const std::string& name : wanted) {
-    for (const Workload* workload : workloads_in_variant(name)) {
-      if (std::ranges::find(all, workload) == all.end()) all.push_back(workload);
-    }
+  if (batch) {
+    for (const Workload& workload : workloads_in_batch(*batch)) all.push_back(&workload);
   }
-  for (const int size : wanted_batches(filter, batch)) {
+  return all;
+}
+
+/// Variants and batches that the filter itself may name.
+std::vector<const Workload*> nameable(const std::string& filter) {
+  std::vector<const Workload*> all;
+  if (filter.find('@') == std::string::npos) return all;
+  for (const Variant& variant : variants()) {
+    for (const Workload* workload : workloads_in_variant(variant.name)) all.push_back(workload);
+  }
+  for (const int size : named_batches(filter)) {
     for (const Workload& workload : workloads_in_batch(size)) all.push_back(&workload);
   }
   return all;
@@ -51,10 +56,22 @@ std::vector<const Workload*> choose_workloads(const std::string& filter,
                                               const std::vector<std::string>& in_variants,
                                               std::optional<int> batch) {
   std::vector<const Workload*> chosen;
+  const auto choose = [&](const Workload* workload) {
+    if (std::ranges::find(chosen, workload) == chosen.end()) chosen.push_back(workload);
+  };
   try {
     const std::regex pattern(filter, std::regex::ECMAScript);
-    for (const Workload* workload : all_workloads(filter, in_variants, batch)) {
-      if (std::regex_search(workload->name, pattern)) chosen.push_back(workload);
+    for (const Workload& workload : catalog()) {
+      if (std::regex_search(workload.name, pattern)) choose(&workload);
+    }
+    for (const Workload* workload : asked_for(in_variants, batch)) {
+      const std::string plain = workload->name.substr(0, workload->name.find('@'));
+      if (std::regex_search(workload->name, pattern) || std::regex_search(plain, pattern)) {
+        choose(workload);
+      }
+    }
+    for (const Workload* workload : nameable(filter)) {
+      if (std::regex_search(workload->name, pattern)) choose(workload);
     }
   } catch (const std::regex_error& error) {
     throw_bad_input(

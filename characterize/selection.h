@@ -13,8 +13,9 @@ namespace pirt {
 /// In the catalog's order, variants last.
 /// @param filter       ECMAScript regular expression, searched in workload names; empty = all. One
 ///                     with an '@' is searched in the names of all variants too.
-/// @param in_variants  Names of variants() that are chosen from besides the plain workloads.
-/// @param batch        Images of the batches that are chosen from as well.
+/// @param in_variants  Names of variants() that the workloads whose plain name the filter picks are
+///                     chosen in as well.
+/// @param batch        Images a call of batches that they are chosen in as well.
 /// @throws Error{kBadInput} if the filter is none, matches no workload, a variant is unknown, or a
 /// batch out of range.
 [[nodiscard]] std::vector<const Workload*> choose_workloads(

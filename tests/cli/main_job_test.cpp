@@ -182,6 +182,56 @@ TEST(Characterize, DryRunShowsTheCellsAndWritesNothing) {
   EXPECT_FALSE(std::filesystem::exists(scratch.file("p.db")));
 }
 
+TEST(Characterize, MeasuresBatchesBesideThePlainRows) {
+  const Scratch scratch;
+  const std::string database = scratch.file("p.db");
+  const std::vector<std::string> options = {
+      "characterize", "--quick",       "--platform", "fake", "--units", "cpu,gpu",
+      "--filter",     "^(fc8|sobel)$", "--batch",    "4",    "--db",    database};
+  auto dry = options;
+  dry.insert(dry.end(), {"--dry-run", "--json", "-"});
+  std::vector<std::string> cells;
+  const auto planned = pirt(dry).json();
+  for (const auto& cell : planned["cells"]) {
+    cells.push_back(cell["workload"].get<std::string>() + " " + cell["unit"].get<std::string>());
+  }
+  EXPECT_THAT(cells, testing::UnorderedElementsAre("sobel cpu", "fc8 cpu", "fc8@batch4 cpu",
+                                                   "sobel gpu", "fc8 gpu", "fc8@batch4 gpu"));
+
+  const auto made = pirt(options);
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const auto report = pirt({"report", database, "--json", "-"});
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  int batches = 0;
+  const auto shown = report.json();
+  for (const auto& row : shown.at("profile_summary")) {
+    const bool batch = row["workload"] == "fc8@batch4";
+    batches += batch ? 1 : 0;
+    EXPECT_EQ(row.value("batch", 1), batch ? 4 : 1);
+  }
+  EXPECT_GT(batches, 0);
+  EXPECT_THAT(pirt({"report", database}).out, HasSubstr("call/image"));
+  for (const auto* bad : {"1", "257", "many"}) {
+    const auto refused = pirt(
+        {"characterize", "--platform", "fake", "--batch", bad, "--db", scratch.file("none.db")});
+    EXPECT_EQ(refused.exit_code, 2) << bad;
+  }
+}
+
+TEST(Characterize, GoesOnWithABatchThatWasInterrupted) {
+  const Scratch scratch;
+  const std::string database = scratch.file("p.db");
+  const auto interrupted =
+      run(quoted(PIRT_BINARY) +
+          " characterize --quick --platform fake --units cpu --filter '^fc8$' --batch 2 --db " +
+          quoted(database) + " & pid=$!; while [ ! -e " + quoted(database) +
+          " ]; do sleep 0.02; done; kill -INT $pid; wait $pid");
+  EXPECT_EQ(interrupted.exit_code, 4);
+  const auto rest = pirt({"characterize", "--resume", "--db", database, "--json", "-"});
+  ASSERT_EQ(rest.exit_code, 0) << rest.err;
+  EXPECT_EQ(rest.json()["summary"]["cells"], 2) << "fc8 and fc8@batch2";
+}
+
 TEST(Characterize, KeepsWhatWasMeasuredOnCtrlCAndGoesOnWithIt) {
   const Scratch scratch;
   const std::string database = scratch.file("p.db");

@@ -1,0 +1,53 @@
+// Which workloads a filter, variants and a batch choose.
+#include "characterize/selection.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "workloads/base/error.h"
+#include "workloads/catalog.h"
+
+namespace pirt {
+namespace {
+
+using testing::ElementsAre;
+
+std::vector<std::string> chosen(const std::string& filter,
+                                const std::vector<std::string>& in_variants = {},
+                                std::optional<int> batch = std::nullopt) {
+  std::vector<std::string> names;
+  for (const Workload* workload : choose_workloads(filter, in_variants, batch)) {
+    names.push_back(workload->name);
+  }
+  return names;
+}
+
+TEST(ChooseWorkloads, PlainOnesUnlessMoreIsAskedFor) {
+  EXPECT_EQ(chosen(""), workload_names());
+  EXPECT_THAT(chosen("^fc[78]$"), ElementsAre("fc7", "fc8"));
+}
+
+TEST(ChooseWorkloads, VariantsAndBatchesOfThoseThatTheFilterPicks) {
+  EXPECT_THAT(chosen("^fc[78]$", {"int8"}), ElementsAre("fc7", "fc8", "fc7@int8", "fc8@int8"));
+  EXPECT_THAT(chosen("^fc8$", {}, 4), ElementsAre("fc8", "fc8@batch4"));
+  EXPECT_THAT(chosen("^(fc8|sobel)$", {"map"}, 4),
+              ElementsAre("sobel", "fc8", "sobel@map", "fc8@map", "fc8@batch4"));
+  EXPECT_THAT(chosen("fc8@map|^fc7$", {"map"}), ElementsAre("fc7", "fc7@map", "fc8@map"));
+}
+
+TEST(ChooseWorkloads, TheFilterMayNameThemItself) {
+  EXPECT_THAT(chosen("^sobel@map$"), ElementsAre("sobel@map"));
+  EXPECT_THAT(chosen("fc8@(int8|batch2|batch16)$"),
+              ElementsAre("fc8@int8", "fc8@batch2", "fc8@batch16"));
+}
+
+TEST(ChooseWorkloads, RefusesWhatThereIsNot) {
+  EXPECT_THROW(static_cast<void>(choose_workloads("(")), Error);
+  EXPECT_THROW(static_cast<void>(choose_workloads("nothing")), Error);
+  EXPECT_THROW(static_cast<void>(choose_workloads("", {"fp4"})), Error);
+  EXPECT_THROW(static_cast<void>(choose_workloads("", {}, 1)), Error);
+  EXPECT_THROW(static_cast<void>(choose_workloads("fc8@batch999")), Error);
+}
+
+}  // namespace
+}  // namespace pirt
