@@ -19,10 +19,10 @@ done
 werror=()
 if [[ ${CI:-} == true ]]; then werror=(-DPIRT_WERROR=ON); fi
 
-# run_tests FOLDER: every test of a build, two at a time (nothing asserts wall time).
+# run_tests FOLDER [OPTION...]: every test of a build, two at a time (nothing asserts wall time).
 run_tests() {
-  say "tests: $1"
-  ctest --test-dir "$1" --output-on-failure -j 2 --no-tests=error
+  say "tests: $*"
+  ctest --test-dir "$1" --output-on-failure -j 2 --no-tests=error "${@:2}"
 }
 
 install_packages "${PIRT_PACKAGES[@]}" "${PIRT_TEST_PACKAGES[@]}"
@@ -40,6 +40,11 @@ if $long; then
   say "clang-tidy"
   git ls-files '*.cpp' ':!tests' | xargs -P 2 -n 4 clang-tidy-14 --quiet -p build-clang
   cmake --preset asan -DPIRT_WERROR=ON >/dev/null && cmake --build --preset asan
-  LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.txt:print_suppressions=0 run_tests build-asan
+  # LLVM within PoCL sets signal stacks of its own, which the sanitizer would free as its own; and the leak checker
+  # dies of PoCL's threads that are about to end, so that tests with a driver go without it.
+  with_driver='OpenCl|^cli\.|Batch|Tun|Peak'
+  LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.txt:print_suppressions=0 ASAN_OPTIONS=use_sigaltstack=0 \
+    run_tests build-asan -E "$with_driver"
+  ASAN_OPTIONS=use_sigaltstack=0:detect_leaks=0 run_tests build-asan -R "$with_driver"
 fi
 say "tests: OK"
