@@ -206,7 +206,7 @@ TEST(OpenClMaxPool, ComputesAnyShape) {
 TEST(OpenClFullyConnected, ComputesAnyShape) {
   const auto device = test::open_first_device();
   if (!device) GTEST_SKIP() << "skipped: no OpenCL device";
-  // A work item has 4 rows and takes 8 inputs at a time; softmax runs in groups of 8 on a CPU.
+  // A work item has 8 rows on a CPU and takes 16 inputs at a time; softmax is that of its last one.
   for (const auto& [in, out] : {std::pair{1, 1}, {7, 3}, {8, 4}, {9, 5}, {130, 67}, {1001, 9}}) {
     for (const auto activation : {dnn::Activation::kDropout, dnn::Activation::kSoftmax}) {
       const Verdict verdict =

@@ -58,11 +58,11 @@ TEST(OpenClParameters, AreDefinitionsOfExactlyTheSourcesThatUseThem) {
 TEST(OpenClTuning, SaysWhatDiffersFromTheDefaults) {
   Tuning tuning(true);
   EXPECT_EQ(tuning.describe(), "default");
-  tuning.set(Parameter::kFcRows, 8);
+  tuning.set(Parameter::kFcRows, 2);
   tuning.set(Parameter::kLocalX, 16);
-  EXPECT_EQ(tuning.describe(), "local_x=16, fc_rows=8");
+  EXPECT_EQ(tuning.describe(), "local_x=16, fc_rows=2");
   EXPECT_FALSE(tuning.is_default(Parameter::kFcRows));
-  EXPECT_THAT(definitions_of(tuning, "dnn.cl"), HasSubstr(" -DFC_ROWS=8"));
+  EXPECT_THAT(definitions_of(tuning, "dnn.cl"), HasSubstr(" -DFC_ROWS=2"));
   EXPECT_THAT(definitions_of(tuning, "vision.cl"), Not(HasSubstr("FC_ROWS")));
   tuning.set(Parameter::kFcRows, Tuning(true)[Parameter::kFcRows]);
   tuning.set(Parameter::kLocalX, Tuning(true)[Parameter::kLocalX]);

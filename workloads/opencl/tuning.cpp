@@ -115,7 +115,7 @@ std::span<const ParameterInfo> parameter_table() {
        .name = "fc_rows",
        .meaning = "output rows of a work item of fully_connected",
        .kernels = {"fully_connected"},
-       .cpu = {4, kFcRowsCandidates},
+       .cpu = {8, kFcRowsCandidates},
        .gpu = {4, kFcRowsCandidates},
        .definition = "FC_ROWS",
        .sources = {"dnn.cl"}},

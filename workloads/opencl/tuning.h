@@ -76,7 +76,7 @@ class Tuning {
   void set(Parameter parameter, int value) { values_[static_cast<std::size_t>(parameter)] = value; }
 
   [[nodiscard]] bool is_default(Parameter parameter) const;
-  /// "default", or what differs from it in the table's order: "local_x=16, fc_rows=8".
+  /// "default", or what differs from it in the table's order: "local_x=16, fc_rows=2".
   [[nodiscard]] std::string describe() const;
   friend bool operator==(const Tuning&, const Tuning&) = default;
 

@@ -110,10 +110,14 @@ void rows_of_fully_connected(__global const float* restrict input,
     sum[r] = 0.0f;
   }
   int i = 0;
-  for (; i + 8 <= in; i += 8) {
+  for (; i + 16 <= in; i += 16) {  // a cache line of each row
     const float8 x = vload8(0, input + i);
+    const float8 y = vload8(0, input + i + 8);
 #pragma unroll
-    for (int r = 0; r < FC_ROWS; ++r) sum[r] += vload8(0, row[r] + i) * x;
+    for (int r = 0; r < FC_ROWS; ++r) {
+      sum[r] += vload8(0, row[r] + i) * x;
+      sum[r] += vload8(0, row[r] + i + 8) * y;
+    }
   }
 #pragma unroll
   for (int r = 0; r < FC_ROWS; ++r) {
