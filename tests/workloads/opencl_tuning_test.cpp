@@ -9,6 +9,7 @@
 #include "tests/workloads/opencl_support.h"
 #include "tests/workloads/tuning_support.h"
 #include "workloads/base/embedded.h"
+#include "workloads/catalog.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/opencl/opencl_device.h"
 #include "workloads/opencl/tuning.h"
@@ -21,8 +22,7 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
-// ---------------------------------------------------------------------------------------- the
-// table
+// -------------------------------------------------------------------------------------- the table
 
 TEST(OpenClParameters, HaveDefaultsAmongTheirCandidates) {
   std::set<std::string_view> names;
@@ -69,8 +69,7 @@ TEST(OpenClTuning, SaysWhatDiffersFromTheDefaults) {
   EXPECT_EQ(tuning, Tuning(true));
 }
 
-// ------------------------------------------------------------------------------------- each
-// candidate
+// --------------------------------------------------------------------------------- each candidate
 
 /// Sizes below, at and beside all candidates, and the layers' corner cases.
 std::vector<Workload> hard_workloads() {
@@ -109,6 +108,64 @@ std::string parameter_name(const testing::TestParamInfo<ParameterInfo>& info) {
 }
 
 class OpenClCandidates : public testing::TestWithParam<ParameterInfo> {};
+
+/// As if the device had local memory of its own: the kernels of GPUs, computed wherever it is.
+Session gpu_session(int local_x) {
+  Session session = open_session(test::unit_request());
+  session.is_cpu = false;
+  session.tuning = Tuning(false);
+  session.tuning.set(Parameter::kLocalX, local_x);
+  session.local_x = static_cast<std::size_t>(local_x);
+  return session;
+}
+
+TEST(OpenClTiles, ComputeWhatTheReferenceComputes) {
+  const auto first = test::open_first_device();
+  if (!first) GTEST_SKIP() << "skipped: no OpenCL device";
+  std::vector<Workload> workloads = hard_workloads();
+  workloads.push_back(dnn::make_conv2d_relu("conv", {16, 9, 10, 70, 3, 3, 1, 1}));
+  workloads.push_back(dnn::make_fully_connected("fc", 1023, 130, dnn::Activation::kDropout));
+  for (const int local_x : {32, 64}) {
+    const Session session = gpu_session(local_x);
+    for (const Workload& workload : workloads) {
+      const Verdict verdict = test::run_and_verify(session, workload);
+      EXPECT_TRUE(verdict.ok) << local_x << " items, " << workload.description << ": "
+                              << verdict.detail;
+    }
+  }
+}
+
+TEST(OpenClTiles, ComputeBatchesAndTheChain) {
+  const auto first = test::open_first_device();
+  if (!first) GTEST_SKIP() << "skipped: no OpenCL device";
+  const Session session = gpu_session(64);
+  const auto conv = dnn::make_conv2d_relu("conv", {5, 9, 10, 40, 3, 3, 2, 1});
+  for (const Workload& workload : {dnn::batched(conv, 3), find_workload("alexnet")}) {
+    const Verdict verdict = test::run_and_verify(session, workload);
+    EXPECT_TRUE(verdict.ok) << workload.description << ": " << verdict.detail;
+  }
+}
+
+// Rows of a tile and of what is computed at once need not fit each other.
+TEST(OpenClTiles, ComputeWithEachOfTheirParameters) {
+  const auto first = test::open_first_device();
+  if (!first) GTEST_SKIP() << "skipped: no OpenCL device";
+  for (const Parameter parameter :
+       {Parameter::kBlurStripRows, Parameter::kFilterRows, Parameter::kFilterStripRows,
+        Parameter::kSobelStripRows, Parameter::kFcRows}) {
+    const ParameterInfo& info = info_of(parameter);
+    for (const int candidate : info.gpu.candidates) {
+      Session session = gpu_session(64);
+      session.tuning.set(parameter, candidate);
+      for (const Workload& workload : hard_workloads()) {
+        if (!info.concerns(workload.kernel) || workload.kernel == "feature_detect") continue;
+        const Verdict verdict = test::run_and_verify(session, workload);
+        EXPECT_TRUE(verdict.ok) << info.name << "=" << candidate << ", " << workload.description
+                                << ": " << verdict.detail;
+      }
+    }
+  }
+}
 
 // Also those of the other kind of device: a kernel must be right with any of them. Not so local
 // sizes, for each of which a driver may build all kernels anew.

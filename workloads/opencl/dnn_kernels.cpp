@@ -1,4 +1,5 @@
-// AlexNet's layers and the chain of them: weights, arguments and extents of the kernels in dnn.cl.
+// AlexNet's layers and the chain of them: weights, arguments and extents of the kernels in dnn.cl
+// and, where the device has local memory of its own, tiles.cl.
 #include <algorithm>
 #include <cassert>
 #include <vector>
@@ -7,11 +8,44 @@
 #include "workloads/opencl/batch_kernels.h"
 #include "workloads/opencl/kernel_table.h"
 #include "workloads/opencl/packing.h"
+#include "workloads/opencl/tiles.h"
 
 namespace pirt::opencl {
 namespace {
 
 constexpr std::string_view kSource = "dnn.cl";
+constexpr std::string_view kTiles = "tiles.cl";
+
+/// Where the pixel of each term of a sum is, from the first one of an output's window.
+std::vector<cl_int> term_offsets(const dnn::ConvShape& s, const Resident& in) {
+  std::vector<cl_int> offsets;
+  for (int c = 0; c < s.in_c; ++c) {
+    for (int y = 0; y < s.k_h; ++y) {
+      for (int x = 0; x < s.k_w; ++x) offsets.push_back(c * in.plane() + y * in.pitch() + x);
+    }
+  }
+  return offsets;
+}
+
+void append_conv2d_relu_tiles(PlanBuilder& builder, const Workload& workload,
+                              std::span<const Tensor> parameters, const Resident& in,
+                              const Resident& out) {
+  const dnn::ConvShape& s = operation_as<dnn::Conv2dRelu>(workload).shape;
+  const ConvTile tile(builder.session());
+  const auto weights = interleave_channels(parameters[0].as<float>(), s.out_c, ConvTile::kChannels);
+  const auto bias = interleave_channels(parameters[1].as<float>(), s.out_c, ConvTile::kChannels);
+  const auto offsets = term_offsets(s, in);
+  const auto items = static_cast<std::int64_t>(builder.session().local_x);
+  builder.step(kTiles, "conv2d_relu_tile",
+               {items * blocks(s.out_h() * s.out_w(), tile.pixels),
+                std::int64_t{workload.batch} * blocks(s.out_c, ConvTile::kChannels)},
+               in, builder.constant(std::as_bytes(std::span(weights))),
+               builder.constant(std::as_bytes(std::span(bias))), out,
+               builder.constant(std::as_bytes(std::span(offsets))),
+               static_cast<std::int32_t>(offsets.size()), in.pitch(), s.stride, s.out_c, s.out_h(),
+               s.out_w(), out.plane(), out.pitch(), out.offset(), s.in_c * in.plane(),
+               s.out_c * out.plane(), tile.pixel_memory, tile.weight_memory);
+}
 
 }  // namespace
 
@@ -22,6 +56,10 @@ int conv2d_relu_pad(const Workload& workload) {
 void append_conv2d_relu(PlanBuilder& builder, const Workload& workload,
                         std::span<const Tensor> parameters, std::span<const Resident> inputs,
                         std::span<const Resident> outputs) {
+  if (!builder.session().is_cpu && ConvTile::fits(builder.session())) {
+    append_conv2d_relu_tiles(builder, workload, parameters, inputs[0], outputs[0]);
+    return;
+  }
   const dnn::ConvShape& s = operation_as<dnn::Conv2dRelu>(workload).shape;
   const int channels = builder.session().tuning[Parameter::kConvChannels];
   const int pixels = builder.session().tuning[Parameter::kConvPixels];
@@ -56,21 +94,25 @@ void append_fully_connected(PlanBuilder& builder, const Workload& workload,
     append_fully_connected_batch(builder, workload, parameters, inputs[0], outputs[0]);
     return;
   }
-  const Extent extent{blocks(op.out, builder.session().tuning[Parameter::kFcRows]), 1};
+  const int rows = builder.session().tuning[Parameter::kFcRows];
   const auto weights = builder.constant(parameters[0].bytes());
   const auto bias = builder.constant(parameters[1].bytes());
   const bool softmax = op.activation == dnn::Activation::kSoftmax;
-  if (softmax && builder.session().is_cpu) {
-    // A launch costs more than what one core needs for some thousand exponentials.
-    builder.step(kSource, "fully_connected_softmax", extent, inputs[0], weights, bias, outputs[0],
-                 op.in, op.out, builder.zeroed(sizeof(cl_int)));
-    return;
-  }
-  builder.step(kSource, "fully_connected", extent, inputs[0], weights, bias, outputs[0], op.in,
-               op.out);
-  if (softmax) {
+  if (!builder.session().is_cpu) {
+    const std::size_t items = builder.session().local_x;
+    const LocalMemory partial{sizeof(float) * static_cast<std::size_t>(rows) * items};
+    builder.step(kTiles, "fully_connected_group",
+                 {static_cast<std::int64_t>(items) * blocks(op.out, rows), 1}, inputs[0], weights,
+                 bias, outputs[0], op.in, op.out, partial);
     // One work group: the extent is rounded up to it.
-    builder.step(kSource, "softmax", {1, 1}, outputs[0], op.out);
+    if (softmax) builder.step(kSource, "softmax", {1, 1}, outputs[0], op.out);
+  } else if (softmax) {
+    // A launch costs more than what one core needs for some thousand exponentials.
+    builder.step(kSource, "fully_connected_softmax", {blocks(op.out, rows), 1}, inputs[0], weights,
+                 bias, outputs[0], op.in, op.out, builder.zeroed(sizeof(cl_int)));
+  } else {
+    builder.step(kSource, "fully_connected", {blocks(op.out, rows), 1}, inputs[0], weights, bias,
+                 outputs[0], op.in, op.out);
   }
 }
 

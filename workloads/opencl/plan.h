@@ -38,6 +38,11 @@ struct Step {
   cl::NDRange local;
 };
 
+/// An argument: memory that the items of a work group share.
+struct LocalMemory {
+  std::size_t size_bytes = 0;
+};
+
 /// Where a buffer is an argument.
 struct Use {
   std::size_t step = 0;
@@ -80,7 +85,8 @@ class PlanBuilder {
   /// A buffer that kernels only read, filled; complete on return.
   [[nodiscard]] cl::Buffer constant(std::span<const std::byte> bytes);
 
-  /// Appends the launch of a kernel. Buffers, residents, int32 and float are arguments.
+  /// Appends the launch of a kernel. Buffers, residents, int32, float and local memory are
+  /// arguments.
   /// @param source  Name of one of the embedded .cl files.
   template <typename... Arguments>
   void step(std::string_view source, const char* kernel, Extent extent,
@@ -104,6 +110,9 @@ class PlanBuilder {
   }
   static void set(cl::Kernel& kernel, cl_uint index, std::int32_t value) {
     kernel.setArg(index, static_cast<cl_int>(value));
+  }
+  static void set(cl::Kernel& kernel, cl_uint index, LocalMemory memory) {
+    kernel.setArg(index, cl::Local(memory.size_bytes));
   }
   static void set(cl::Kernel& kernel, cl_uint index, float value) {
     kernel.setArg(index, static_cast<cl_float>(value));

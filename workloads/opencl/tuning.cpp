@@ -30,8 +30,7 @@ constexpr std::array kFcRowsCandidates = {1, 2, 4, 8};
 std::span<const ParameterInfo> parameter_table() {
   static const std::array<ParameterInfo, kParameters> kTable = {{
       // PoCL vectorizes over the items of a group: 8 are enough work for one core. GPUs run 32 or
-      // 64
-      // items in step.
+      // 64 items in step.
       {.parameter = Parameter::kLocalX,
        .name = "local_x",
        .meaning = "work items of a work group, the same for all kernels of a device",
@@ -43,7 +42,7 @@ std::span<const ParameterInfo> parameter_table() {
       // Long strips share more between their rows, short ones are more work items.
       {.parameter = Parameter::kBlurStripRows,
        .name = "blur_strip_rows",
-       .meaning = "rows that a work item of gaussian_blur slides down",
+       .meaning = "rows that a work item of gaussian_blur slides down, a GPU's tile has",
        .kernels = {"gaussian_blur"},
        .cpu = {32, kStripsCpu},
        .gpu = {4, kStripsGpu}},
@@ -54,10 +53,10 @@ std::span<const ParameterInfo> parameter_table() {
        .cpu = {4, kFilterAtOnce},
        .gpu = {4, kFilterAtOnce},
        .definition = "FILTER_ROWS",
-       .sources = {"vision.cl"}},
+       .sources = {"vision.cl", "tiles.cl"}},
       {.parameter = Parameter::kFilterStripRows,
        .name = "filter_strip_rows",
-       .meaning = "rows that a work item of filter7x7 slides down",
+       .meaning = "rows that a work item of filter7x7 slides down, a GPU's tile has",
        .kernels = {"filter7x7"},
        .cpu = {32, kStripsCpu},
        .gpu = {4, kStripsGpu}},
@@ -113,12 +112,12 @@ std::span<const ParameterInfo> parameter_table() {
        .sources = {"dnn.cl"}},
       {.parameter = Parameter::kFcRows,
        .name = "fc_rows",
-       .meaning = "output rows of a work item of fully_connected",
+       .meaning = "output rows of a work item of fully_connected, of a group on a GPU",
        .kernels = {"fully_connected"},
        .cpu = {8, kFcRowsCandidates},
        .gpu = {4, kFcRowsCandidates},
        .definition = "FC_ROWS",
-       .sources = {"dnn.cl"}},
+       .sources = {"dnn.cl", "tiles.cl"}},
   }};
   return kTable;
 }

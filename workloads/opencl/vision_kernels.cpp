@@ -1,14 +1,20 @@
 // The vision workloads that the device computes entirely: arguments and extents of the kernels in
-// vision.cl and flow.cl.
+// vision.cl, flow.cl and, where the device has local memory of its own, tiles.cl.
 #include <vector>
 
 #include "workloads/opencl/kernel_table.h"
 #include "workloads/opencl/packing.h"
 #include "workloads/opencl/strips.h"
+#include "workloads/opencl/tiles.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt::opencl {
 namespace {
+
+PictureTiles tiles_of(const PlanBuilder& builder, Parameter rows, int reach,
+                      const vision::ImageOperation& op) {
+  return {builder.session(), builder.session().tuning[rows], reach, op};
+}
 
 Strips strips_of(const PlanBuilder& builder, Parameter rows, const vision::ImageOperation& op) {
   return {builder.session().tuning[rows], op};
@@ -19,6 +25,12 @@ Strips strips_of(const PlanBuilder& builder, Parameter rows, const vision::Image
 void append_gaussian_blur(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
                           std::span<const Resident> inputs, std::span<const Resident> outputs) {
   const auto& op = operation_as<vision::GaussianBlur>(workload);
+  if (!builder.session().is_cpu) {
+    const auto tiles = tiles_of(builder, Parameter::kBlurStripRows, 2, op);
+    builder.step("tiles.cl", "gaussian_blur_tile", tiles.extent, inputs[0], outputs[0], op.width,
+                 op.height, tiles.rows, tiles.memory);
+    return;
+  }
   const Strips strips = strips_of(builder, Parameter::kBlurStripRows, op);
   builder.step("vision.cl", "gaussian_blur", strips.extent, inputs[0], outputs[0], op.width,
                op.height, strips.rows);
@@ -33,15 +45,27 @@ void append_filter7x7(PlanBuilder& builder, const Workload& workload,
   for (const std::int16_t weight : parameters[0].as<std::int16_t>()) {
     weights.push_back(static_cast<float>(weight) / (1 << vision::Filter7x7::kShift));
   }
+  const auto constant = builder.constant(std::as_bytes(std::span(weights)));
+  if (!builder.session().is_cpu) {
+    const auto tiles = tiles_of(builder, Parameter::kFilterStripRows, 3, op);
+    builder.step("tiles.cl", "filter7x7_tile", tiles.extent, inputs[0], outputs[0], constant,
+                 op.width, op.height, tiles.rows, tiles.memory);
+    return;
+  }
   const Strips strips = strips_of(builder, Parameter::kFilterStripRows, op);
-  builder.step("vision.cl", "filter7x7", strips.extent, inputs[0], outputs[0],
-               builder.constant(std::as_bytes(std::span(weights))), op.width, op.height,
-               strips.rows);
+  builder.step("vision.cl", "filter7x7", strips.extent, inputs[0], outputs[0], constant, op.width,
+               op.height, strips.rows);
 }
 
 void append_sobel(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
                   std::span<const Resident> inputs, std::span<const Resident> outputs) {
   const auto& op = operation_as<vision::Sobel>(workload);
+  if (!builder.session().is_cpu) {
+    const auto tiles = tiles_of(builder, Parameter::kSobelStripRows, 1, op);
+    builder.step("tiles.cl", "sobel_tile", tiles.extent, inputs[0], outputs[0], outputs[1],
+                 op.width, op.height, tiles.rows, tiles.memory);
+    return;
+  }
   const Strips strips = strips_of(builder, Parameter::kSobelStripRows, op);
   builder.step("vision.cl", "sobel", strips.extent, inputs[0], outputs[0], outputs[1], op.width,
                op.height, strips.rows);
