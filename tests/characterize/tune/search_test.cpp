@@ -34,17 +34,17 @@ TuneSearch search_of(std::vector<Parameter> parameters, TuneMeasure measure,
 }
 
 TEST(TuneSearch, ChoosesTheFastestAndSaysByHowMuch) {
-  // fc_rows: 1 2 4 8, default 4.
-  const std::map<int, double> ms = {{1, 12}, {2, 9}, {4, 10}, {8, 8}};
+  // fc_rows: 1 2 4 8, default 8.
+  const std::map<int, double> ms = {{1, 12}, {2, 9}, {4, 8}, {8, 10}};
   const auto outcome = search_tuning(search_of({Parameter::kFcRows}, [&](const Tuning& t, auto&) {
     return taking(ms.at(t[Parameter::kFcRows]));
   }));
-  EXPECT_EQ(outcome.tuning.describe(), "fc_rows=8");
+  EXPECT_EQ(outcome.tuning.describe(), "fc_rows=4");
   ASSERT_THAT(outcome.findings, SizeIs(1));
   const TuneFinding& found = outcome.findings[0];
   EXPECT_EQ(found.verdict, TuneVerdict::kReplaced);
-  EXPECT_EQ(found.standard, 4);
-  EXPECT_EQ(found.best, 8);
+  EXPECT_EQ(found.standard, 8);
+  EXPECT_EQ(found.best, 4);
   EXPECT_NEAR(found.speed_up, 10.0 / 8, 1e-9);
   EXPECT_EQ(found.rounds, 8);
   EXPECT_EQ(found.rounds_faster, 8);
@@ -53,28 +53,28 @@ TEST(TuneSearch, ChoosesTheFastestAndSaysByHowMuch) {
 }
 
 TEST(TuneSearch, KeepsTheDefaultUnlessTheGainIsTwoPercent) {
-  for (const auto& [ms, chosen] : {std::pair{9.85, 4}, {9.75, 8}, {10.5, 4}}) {
+  for (const auto& [ms, chosen] : {std::pair{9.85, 8}, {9.75, 4}, {10.5, 8}}) {
     const auto outcome =
         search_tuning(search_of({Parameter::kFcRows}, [&, ms = ms](const Tuning& t, auto&) {
-          return taking(t[Parameter::kFcRows] == 8 ? ms : 10.0);
+          return taking(t[Parameter::kFcRows] == 4 ? ms : 10.0);
         }));
     EXPECT_EQ(outcome.tuning[Parameter::kFcRows], chosen) << ms;
     EXPECT_EQ(outcome.findings[0].verdict,
-              chosen == 8 ? TuneVerdict::kReplaced : TuneVerdict::kDefaultBest);
+              chosen == 4 ? TuneVerdict::kReplaced : TuneVerdict::kDefaultBest);
   }
 }
 
 TEST(TuneSearch, DoesNotTakeALuckyCandidateForAFasterOne) {
-  // 8 looks 10 % faster in the first rounds (one measurement in each of them) and is as fast as the
+  // 4 looks 10 % faster in the first rounds (one measurement in each of them) and is as fast as the
   // default afterwards.
   int measured = 0;
   const auto outcome = search_tuning(search_of({Parameter::kFcRows}, [&](const Tuning& t, auto&) {
-    const bool lucky = t[Parameter::kFcRows] == 8 && ++measured <= TuneRules{}.rounds;
+    const bool lucky = t[Parameter::kFcRows] == 4 && ++measured <= TuneRules{}.rounds;
     return taking(lucky ? 9 : 10);
   }));
   EXPECT_EQ(outcome.tuning, Tuning(true));
   EXPECT_EQ(outcome.findings[0].verdict, TuneVerdict::kNotConfirmed);
-  EXPECT_EQ(outcome.findings[0].fastest, 8);
+  EXPECT_EQ(outcome.findings[0].fastest, 4);
 }
 
 TEST(TuneSearch, DoesNotChooseWithinTheNoise) {
@@ -118,7 +118,7 @@ TEST(TuneSearch, NeverChoosesACandidateThatIsWrongOrDoesNotRun) {
 TEST(TuneSearch, DropsACandidateThatTurnsWrongWhileItIsConfirmed) {
   int measured = 0;
   const auto outcome = search_tuning(search_of({Parameter::kFcRows}, [&](const Tuning& t, auto&) {
-    if (t[Parameter::kFcRows] != 8) return taking(10);
+    if (t[Parameter::kFcRows] != 4) return taking(10);
     return ++measured > TuneRules{}.rounds + 2 ? wrong() : taking(5);
   }));
   EXPECT_EQ(outcome.tuning, Tuning(true));
@@ -153,14 +153,14 @@ TEST(TuneSearch, WithoutAnyMeasuredWorkloadLeavesTheParameterAsItIs) {
 }
 
 TEST(TuneSearch, JudgesByTheGeometricMeanOfTheWorkloads) {
-  // 8 rows: twice as fast on a, 1.6 times as slow on b: sqrt(2 / 1.6) = 1.118 in the mean.
+  // 4 rows: twice as fast on a, 1.6 times as slow on b: sqrt(2 / 1.6) = 1.118 in the mean.
   const auto outcome = search_tuning(search_of({Parameter::kFcRows},
                                                [](const Tuning& t, const std::string& workload) {
-                                                 if (t[Parameter::kFcRows] != 8) return taking(10);
+                                                 if (t[Parameter::kFcRows] != 4) return taking(10);
                                                  return taking(workload == "a" ? 5 : 16);
                                                },
                                                {"a", "b"}));
-  EXPECT_EQ(outcome.tuning.describe(), "fc_rows=8");
+  EXPECT_EQ(outcome.tuning.describe(), "fc_rows=4");
   const TuneFinding& found = outcome.findings[0];
   EXPECT_NEAR(found.speed_up, std::sqrt(2 / 1.6), 1e-9);
   ASSERT_THAT(found.gains, SizeIs(2));
@@ -193,7 +193,7 @@ TEST(TuneSearch, LooksAgainAtWhatSharesAKernelWithWhatChanged) {
 
 TEST(TuneSearch, KeepsWhatIsStoredOfOtherParametersAndGoesBackToADefaultThatIsBest) {
   auto search = search_of({Parameter::kFcRows}, [](auto&, auto&) { return taking(10); });
-  search.start.set(Parameter::kFcRows, 8);
+  search.start.set(Parameter::kFcRows, 4);
   search.start.set(Parameter::kConvPixels, 2);
   EXPECT_EQ(search_tuning(search).tuning.describe(), "conv_pixels=2");
 }
@@ -218,10 +218,10 @@ TEST(TuneSearch, StoppedByTheUserKeepsWhatWasComplete) {
                               [&](const Tuning& t, auto&) -> std::optional<TuneSample> {
                                 if (t[Parameter::kConvPixels] == 12 && ++seen == 2)
                                   return std::nullopt;
-                                return taking(t[Parameter::kFcRows] == 8 ? 5 : 10);
+                                return taking(t[Parameter::kFcRows] == 4 ? 5 : 10);
                               }));
   EXPECT_TRUE(outcome.stopped);
-  EXPECT_EQ(outcome.tuning.describe(), "fc_rows=8");
+  EXPECT_EQ(outcome.tuning.describe(), "fc_rows=4");
   EXPECT_THAT(outcome.not_reached, ElementsAre("conv_pixels"));
 }
 

@@ -54,9 +54,9 @@ TEST_F(TuneOpenCl, PlansEachParameterOfTheChosenWorkloads) {
 
 TEST_F(TuneOpenCl, StartsFromWhatIsStoredForTheDevice) {
   auto stored = entry();
-  stored.tuning.set(Parameter::kFcRows, 8);
+  stored.tuning.set(Parameter::kFcRows, 2);
   write_file(options_.output, opencl::tuning_text({.devices = {stored}}));
-  EXPECT_EQ(plan_tuning(options_).units.at(0).start.describe(), "fc_rows=8");
+  EXPECT_EQ(plan_tuning(options_).units.at(0).start.describe(), "fc_rows=2");
 }
 
 TEST_F(TuneOpenCl, VerifiesAndTimesEachCandidateInAProcess) {
