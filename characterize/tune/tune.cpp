@@ -99,6 +99,7 @@ std::vector<const Workload*> tunable_workloads(const std::string& filter) {
 /// The steps of a unit, those that concern most kernels first.
 void add_steps(const std::vector<const Workload*>& workloads, TuneUnit& unit) {
   for (const ParameterInfo& info : opencl::parameter_table()) {
+    if (info.range(unit.device.is_cpu).candidates.size() < 2) continue;
     TuneStep step{.parameter = &info, .workloads = {}};
     if (info.kernels.empty()) {
       if (kernels_of(workloads) != kernels_of(tunable_workloads(""))) {

@@ -34,7 +34,12 @@ std::string identity_complaint(const ProfileDiff& diff, const std::string& unit)
   return join(parts, "; ");
 }
 
-std::string row_complaint(const PhaseRow& base, const PhaseRow& candidate) {
+/// Why the two rows cannot be compared; empty if they can.
+std::string complaint(const ProfileDiff& diff, const PhasePair& pair) {
+  const PhaseRow& base = *pair.a;
+  const PhaseRow& candidate = *pair.b;
+  std::string identity = identity_complaint(diff, base.unit);
+  if (!identity.empty()) return identity;
   if (!base.valid) return "the base's row is invalid: " + join(base.reasons, ", ");
   if (!candidate.valid) return "the candidate's row is invalid: " + join(candidate.reasons, ", ");
   if (base.ops != candidate.ops || base.bytes != candidate.bytes)
@@ -63,7 +68,7 @@ std::map<Family, double> shifts_of(const ProfileDiff& diff, const GateThresholds
   std::map<Family, std::set<std::string>> workloads;
   for (const auto& pair : diff.phases) {
     const auto ratio = pair.ratio();
-    if (!ratio || *ratio <= 0) continue;
+    if (!ratio || *ratio <= 0 || !complaint(diff, pair).empty()) continue;
     changes[family_of(*pair.a)].push_back(std::log(*ratio));
     workloads[family_of(*pair.a)].insert(pair.a->workload);
   }
@@ -92,8 +97,7 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, double shift,
   row.phase = phase_name(base);
   if (base.median) row.base = static_cast<double>(base.median->count());
   if (candidate.median) row.candidate = static_cast<double>(candidate.median->count());
-  row.reason = identity_complaint(diff, base.unit);
-  if (row.reason.empty()) row.reason = row_complaint(base, candidate);
+  row.reason = complaint(diff, pair);
   if (!row.reason.empty()) {
     row.verdict = GateVerdict::kNotComparable;
     return row;

@@ -294,6 +294,12 @@ TEST(TableGate, WhatAllRowsMovedByIsOneRowAndIsTakenOffTheOthers) {
   EXPECT_EQ(faster.rows.back().verdict, GateVerdict::kFaster);
   EXPECT_EQ(exit_code_of(faster), 0);
   EXPECT_EQ(exit_code_of(judge_both(base, on_slower_machine(2, 1.02))), 0);
+
+  Profile other = on_slower_machine(2, 1.3);
+  other.runs[0].environment["cpu_model"] = "two";
+  const auto nothing = judge_both(base, other);
+  EXPECT_EQ(nothing.count(GateVerdict::kNotComparable), std::ssize(nothing.rows))
+      << "what cannot be compared has not moved either";
 }
 
 PhaseRow call_row(const std::string& unit, std::int64_t low, std::int64_t median,

@@ -23,6 +23,9 @@ constexpr std::array kRunsCpu = {kWholeRun, 64, 128, 256};
 constexpr std::array kRunsGpu = {16, 32, 64, 128, 256};
 constexpr std::array kChannels = {4, 8, 16};
 constexpr std::array kPixels = {2, 4, 6, 8, 12};
+// GPUs have the tiles of tiles.cl, and these where a group does not fit them: nothing to search.
+constexpr std::array kChannelsGpu = {16};
+constexpr std::array kPixelsGpu = {6};
 constexpr std::array kFcRowsCandidates = {1, 2, 4, 8};
 
 }  // namespace
@@ -99,7 +102,7 @@ std::span<const ParameterInfo> parameter_table() {
        .meaning = "output channels of a work item of conv2d_relu, a vector's width",
        .kernels = {"conv2d_relu"},
        .cpu = {16, kChannels},
-       .gpu = {16, kChannels},
+       .gpu = {16, kChannelsGpu},
        .definition = "CONV_CHANNELS",
        .sources = {"dnn.cl"}},
       {.parameter = Parameter::kConvPixels,
@@ -107,7 +110,7 @@ std::span<const ParameterInfo> parameter_table() {
        .meaning = "output pixels of a work item of conv2d_relu",
        .kernels = {"conv2d_relu"},
        .cpu = {6, kPixels},
-       .gpu = {6, kPixels},
+       .gpu = {6, kPixelsGpu},
        .definition = "CONV_PIXELS",
        .sources = {"dnn.cl"}},
       {.parameter = Parameter::kFcRows,

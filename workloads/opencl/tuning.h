@@ -35,7 +35,7 @@ inline constexpr int kWholeRun = 0;
 /// What a parameter may be on one kind of device; its kernels are right with each of them.
 struct ParameterRange {
   int standard = 0;                 ///< Without tuning; one of the candidates.
-  std::span<const int> candidates;  ///< Ascending.
+  std::span<const int> candidates;  ///< Ascending; one where there is nothing to search.
 };
 
 struct ParameterInfo {
