@@ -54,7 +54,7 @@ struct CampaignOptions {
 
 /// The default of max_time, for each cell.
 inline constexpr Nanos kQuickTime = std::chrono::milliseconds(2'900);
-inline constexpr Nanos kFullTime = std::chrono::milliseconds(12'500);
+inline constexpr Nanos kFullTime = std::chrono::milliseconds(15'000);
 
 /// Something that will not be measured.
 struct Skip {

@@ -280,7 +280,7 @@ void add_characterize(CLI::App& app, Action& action) {
   command->add_option(
       "--max-time", options->max_time,
       "Total time after which no process is started for precision alone, e.g. 5min; what valid "
-      "rows need is measured all the same (default: 12.5 s a cell, 2.9 s with --quick)");
+      "rows need is measured all the same (default: 15 s a cell, 2.9 s with --quick)");
   command->add_option("--seed", options->seed, "Seed of inputs, weights and the order of measuring")
       ->capture_default_str();
   command->add_flag("--quick", options->quick,
