@@ -39,11 +39,10 @@ std::vector<const Workload*> asked_for(const std::vector<std::string>& in_varian
 
 /// Variants and batches that the filter itself may name.
 std::vector<const Workload*> nameable(const std::string& filter) {
-  std::vector<const Workload*> all;
-  if (filter.find('@') == std::string::npos) return all;
-  for (const Variant& variant : variants()) {
-    for (const Workload* workload : workloads_in_variant(variant.name)) all.push_back(workload);
-  }
+  if (filter.find('@') == std::string::npos) return {};
+  std::vector<std::string> names;
+  for (const Variant& variant : variants()) names.emplace_back(variant.name);
+  auto all = asked_for(names, std::nullopt);
   for (const int size : named_batches(filter)) {
     for (const Workload& workload : workloads_in_batch(size)) all.push_back(&workload);
   }

@@ -182,6 +182,13 @@ TEST(Characterize, DryRunShowsTheCellsAndWritesNothing) {
   EXPECT_FALSE(std::filesystem::exists(scratch.file("p.db")));
 }
 
+/// Interrupted as soon as there is a database: well before its processes are done.
+Outcome characterize_interrupted(const std::string& options, const std::string& database) {
+  return run(quoted(PIRT_BINARY) + " characterize --quick --platform fake " + options + " --db " +
+             quoted(database) + " & pid=$!; while [ ! -e " + quoted(database) +
+             " ]; do sleep 0.02; done; kill -INT $pid; wait $pid");
+}
+
 TEST(Characterize, MeasuresBatchesBesideThePlainRows) {
   const Scratch scratch;
   const std::string database = scratch.file("p.db");
@@ -222,10 +229,7 @@ TEST(Characterize, GoesOnWithABatchThatWasInterrupted) {
   const Scratch scratch;
   const std::string database = scratch.file("p.db");
   const auto interrupted =
-      run(quoted(PIRT_BINARY) +
-          " characterize --quick --platform fake --units cpu --filter '^fc8$' --batch 2 --db " +
-          quoted(database) + " & pid=$!; while [ ! -e " + quoted(database) +
-          " ]; do sleep 0.02; done; kill -INT $pid; wait $pid");
+      characterize_interrupted("--units cpu --filter '^fc8$' --batch 2", database);
   EXPECT_EQ(interrupted.exit_code, 4);
   const auto rest = pirt({"characterize", "--resume", "--db", database, "--json", "-"});
   ASSERT_EQ(rest.exit_code, 0) << rest.err;
@@ -235,12 +239,7 @@ TEST(Characterize, GoesOnWithABatchThatWasInterrupted) {
 TEST(Characterize, KeepsWhatWasMeasuredOnCtrlCAndGoesOnWithIt) {
   const Scratch scratch;
   const std::string database = scratch.file("p.db");
-  // Interrupted as soon as there is a database: well before its 12 processes are done.
-  const auto interrupted =
-      run(quoted(PIRT_BINARY) +
-          " characterize --quick --platform fake --filter '^pool5$' --seed 5 --db " +
-          quoted(database) + " & pid=$!; while [ ! -e " + quoted(database) +
-          " ]; do sleep 0.02; done; kill -INT $pid; wait $pid");
+  const auto interrupted = characterize_interrupted("--filter '^pool5$' --seed 5", database);
   EXPECT_EQ(interrupted.exit_code, 4);
   EXPECT_THAT(interrupted.err, HasSubstr("pirt characterize --resume --db " + database));
 

@@ -1,5 +1,4 @@
 // Layers whose products are computed in fewer bits.
-#include <array>
 #include <cmath>
 #include <string>
 
