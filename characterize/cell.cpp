@@ -13,11 +13,8 @@
 namespace pirt {
 namespace {
 
-constexpr std::array kSetupPhases = {Phase::kDeviceInit, Phase::kPrepare};
 constexpr std::array kSetupStates = {State::kCold, State::kWarm};
 constexpr int kFewestRepeatsIfUnstable = 4;  // two halves of two processes
-
-bool is_setup(Phase phase) { return std::ranges::find(kSetupPhases, phase) != kSetupPhases.end(); }
 
 void append(std::vector<std::string>& to, const std::vector<std::string>& from) {
   to.insert(to.end(), from.begin(), from.end());

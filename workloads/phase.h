@@ -21,6 +21,11 @@ inline constexpr std::array kAllPhases = {Phase::kDeviceInit, Phase::kPrepare, P
                                           Phase::kLaunch,     Phase::kExecute, Phase::kDownload,
                                           Phase::kCall};
 
+/// Of the phases that a process goes through once; the others belong to each call.
+[[nodiscard]] constexpr bool is_setup(Phase phase) {
+  return phase == Phase::kDeviceInit || phase == Phase::kPrepare;
+}
+
 /// "device_init", "prepare", ... as in the profile database.
 [[nodiscard]] std::string_view to_string(Phase phase);
 [[nodiscard]] std::optional<Phase> phase_from_string(std::string_view text);

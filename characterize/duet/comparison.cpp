@@ -7,6 +7,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/random.h"
+#include "workloads/phase.h"
 
 namespace pirt {
 namespace {
@@ -50,7 +51,10 @@ bool is_part_of_call(const std::string& phase) {
   return phase == "upload" || phase == "launch" || phase == "download";
 }
 
-bool is_setup(const std::string& phase) { return phase == "device_init" || phase == "prepare"; }
+bool is_setup(const std::string& phase) {
+  const auto known = phase_from_string(phase);
+  return known && pirt::is_setup(*known);
+}
 
 }  // namespace
 

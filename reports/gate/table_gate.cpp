@@ -58,9 +58,7 @@ struct Family {
   auto operator<=>(const Family&) const = default;
 };
 
-Family family_of(const PhaseRow& row) {
-  return {row.unit, row.phase == Phase::kDeviceInit || row.phase == Phase::kPrepare};
-}
+Family family_of(const PhaseRow& row) { return {row.unit, is_setup(row.phase)}; }
 
 /// Logarithm of what all rows of each family moved by, where enough workloads say so.
 std::map<Family, double> shifts_of(const ProfileDiff& diff, const GateThresholds& thresholds) {

@@ -42,17 +42,16 @@ struct Figure {
 using CellKey = std::tuple<std::string, std::string, Phase>;
 using Figures = std::map<CellKey, std::vector<Figure>>;
 
-/// Runs that ended, in order; an unfinished one is ended first.
-std::vector<std::int64_t> finished_runs(const Options& options) {
-  std::vector<std::int64_t> ids;
-  if (!std::filesystem::exists(options.database())) return ids;
+/// Runs that ended, oldest first; an unfinished one is ended first.
+std::vector<std::int64_t> runs_so_far(const Options& options) {
+  if (!std::filesystem::exists(options.database())) return {};
   if (find_unfinished_run(options.database())) {
     auto rest = resume_options(options.database());
     rest.program = options.program;
     run_campaign(rest, plan_campaign(rest));
   }
-  const std::int64_t newest = load_profile(options.database()).runs.front().run_id;
-  for (std::int64_t id = 1; id <= newest; ++id) ids.push_back(id);
+  std::vector<std::int64_t> ids = finished_runs(options.database(), "host");
+  std::ranges::reverse(ids);
   return ids;
 }
 
@@ -215,7 +214,7 @@ int run(int argc, char** argv) {
   std::filesystem::create_directories(options.folder);
   const auto peer = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "aa_google";
   for (;;) {
-    const auto runs = finished_runs(options);
+    const auto runs = runs_so_far(options);
     for (const std::int64_t id : runs) static_cast<void>(google(options, peer, id));
     if (static_cast<int>(runs.size()) >= options.runs) return report(options, runs) ? 0 : 1;
     characterize(options);
