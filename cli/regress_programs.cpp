@@ -131,7 +131,7 @@ int regress_programs(const RegressOptions& options) {
                     .result = judge_duet(comparison, end),
                     .decisions = std::nullopt,
                     .rule = {}};
-  describe_rule(DuetThresholds{}, report);
+  describe_rule(report);
   report.decisions = Decisions{.mix = "", .flips = find_flips(report.result), .modes = {}};
   const int code = emit_report(report, options);
   if (end == DuetEnd::kStopped) {

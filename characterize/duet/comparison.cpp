@@ -191,6 +191,7 @@ void DuetComparison::block(DuetCellState& state, const Event& event) {
   if (!canary && order != "ABBA" && order != "BAAB") throw_bad_input("no such order: " + order);
   processes_ += 4;
   if (state.series.empty()) start_series(state, seconds);
+  const std::size_t table = series_count();
   for (auto& [phase, series] : state.series) {
     const auto times = times_of(seconds, phase);
     if (!times) continue;
@@ -199,7 +200,7 @@ void DuetComparison::block(DuetCellState& state, const Event& event) {
       series.rule.add_canary(ratio);
       continue;
     }
-    series.rule.add_block(order == "ABBA" ? ratio : -ratio);
+    series.rule.add_block(order == "ABBA" ? ratio : -ratio, table);
     for (std::size_t i = 0; i < times->size(); ++i) {
       (order[i] == 'A' ? series.base_s : series.candidate_s).push_back((*times)[i]);
     }
@@ -222,6 +223,12 @@ void DuetComparison::start_series(DuetCellState& state, const std::vector<Second
           DuetSeries{DuetRule(is_setup(phase) ? setup_thresholds() : DuetThresholds{}), {}, {}});
   }
   if (state.series.empty()) state.not_comparable = "the programs have no phase in common";
+}
+
+std::size_t DuetComparison::series_count() const {
+  std::size_t count = 0;
+  for (const DuetCellState& state : cells_) count += state.series.size();
+  return count;
 }
 
 std::size_t DuetComparison::decided() const {

@@ -77,6 +77,8 @@ class DuetComparison {
   void start_series(DuetCellState& state,
                     const std::vector<std::map<std::string, double>>& seconds);
   [[nodiscard]] std::size_t turn_of(const DuetCellState& state) const;
+  /// Of all cells. Cells take turns, so that long before a confirmation all of them have theirs.
+  [[nodiscard]] std::size_t series_count() const;
 
   std::vector<DuetCellState> cells_;
   std::uint64_t seed_;

@@ -35,8 +35,11 @@ std::string_view to_string(DuetVerdict verdict) {
 
 DuetThresholds setup_thresholds() {
   DuetThresholds thresholds;
+  for (double* effect : {&thresholds.suspicious_bound, &thresholds.suspicious_median,
+                         &thresholds.futile_median, &thresholds.open_bound}) {
+    *effect *= 2;
+  }
   thresholds.first_futility = 12;
-  thresholds.puts_off = false;
   return thresholds;
 }
 
@@ -44,11 +47,11 @@ DuetRule::DuetRule(DuetThresholds thresholds) : thresholds_(std::move(thresholds
   assert(!thresholds_.looks.empty() && !thresholds_.confirmations.empty());
 }
 
-void DuetRule::add_block(double log_ratio) {
+void DuetRule::add_block(double log_ratio, std::size_t table) {
   if (verdict_ != DuetVerdict::kUndecided) return;
   if (confirming_) {
     confirmation_.push_back(log_ratio);
-    if (is_look(thresholds_.confirmations, confirmation_.size())) look_again();
+    if (is_look(thresholds_.confirmations, confirmation_.size())) look_again(table);
   } else {
     blocks_.push_back(log_ratio);
     if (is_look(thresholds_.looks, blocks_.size())) look();
@@ -61,51 +64,47 @@ void DuetRule::add_canary(double log_ratio) {
 
 void DuetRule::look() {
   const auto& t = thresholds_;
-  const std::size_t count = blocks_.size();
-  const double median = median_of(blocks_);
   const auto lower = median_lower_bound(blocks_, t.bound_confidence);
-  const auto upper = median_upper_bound(blocks_, t.bound_confidence);
-  if (count >= t.first_suspicion && lower && *lower > t.suspicious_bound &&
-      median > t.suspicious_median) {
+  if (blocks_.size() >= t.first_suspicion && lower && *lower > t.suspicious_bound &&
+      median_of(blocks_) > t.suspicious_median) {
     confirming_ = true;
     return;
   }
-  const bool cleared = upper && *upper < t.suspicious_median;
-  const bool futile = count >= t.first_futility && median < t.futile_median;
-  const bool last = count >= t.looks.back();
-  if (cleared || futile) return conclude(DuetVerdict::kNotSlower, last);
-  if (!last) return;
-  conclude(!upper || *upper > t.open_bound ? DuetVerdict::kInconclusive : DuetVerdict::kNotSlower,
-           last);
+  clear(blocks_, t.looks.back());
 }
 
-void DuetRule::look_again() {
+void DuetRule::look_again(std::size_t table) {
   const auto& t = thresholds_;
-  const double median = median_of(confirmation_);
-  const auto lower = median_lower_bound(confirmation_, t.confirmed_confidence);
+  // Whoever corrects for the table takes back what is not sure enough among so many: before the
+  // last look more blocks can still make it so.
   const bool last = confirmation_.size() >= t.confirmations.back();
-  if (lower && *lower > 0 && median > t.suspicious_median) {
-    return conclude(DuetVerdict::kSlower, last);
+  const double alpha = last ? t.alpha : t.alpha / static_cast<double>(table);
+  if (median_of(confirmation_) > t.suspicious_median && sign_test_p(confirmation_, 0) < alpha) {
+    return conclude(DuetVerdict::kSlower);
   }
-  if (!last) return;
-  const auto upper = median_upper_bound(confirmation_, t.bound_confidence);
-  conclude(!upper || *upper > t.open_bound ? DuetVerdict::kInconclusive : DuetVerdict::kNotSlower,
-           last);
+  clear(confirmation_, t.confirmations.back());
 }
 
-void DuetRule::conclude(DuetVerdict verdict, bool last_look) {
+/// Says "not slower" if that is clear, or if there is nothing to find; at the last look something.
+void DuetRule::clear(const std::vector<double>& blocks, std::size_t last) {
+  const auto& t = thresholds_;
+  const auto upper = median_upper_bound(blocks, t.bound_confidence);
+  const bool cleared = upper && *upper < t.suspicious_median;
+  const bool futile = blocks.size() >= t.first_futility && median_of(blocks) < t.futile_median;
+  if (cleared || futile) return conclude(DuetVerdict::kNotSlower);
+  if (blocks.size() < last) return;
+  conclude(!upper || *upper > t.open_bound ? DuetVerdict::kInconclusive : DuetVerdict::kNotSlower);
+}
+
+void DuetRule::conclude(DuetVerdict verdict) {
   const auto& t = thresholds_;
   verdict_ = verdict;
   if (canaries_.empty() || std::abs(median_of(canaries_)) <= t.canary_median) return;
-  if (canaries_.size() < t.canaries_needed) {
-    if (t.puts_off) verdict_ = last_look ? DuetVerdict::kRefused : DuetVerdict::kUndecided;
-    return;
-  }
   std::vector<double> mirrored = canaries_;
   if (median_of(canaries_) < 0) {
     std::ranges::transform(mirrored, mirrored.begin(), std::negate<>());
   }
-  if (sign_test_p(mirrored, 0) <= t.canary_alpha) verdict_ = DuetVerdict::kRefused;
+  if (2 * sign_test_p(mirrored, 0) <= t.canary_alpha) verdict_ = DuetVerdict::kRefused;
 }
 
 double DuetRule::effect() const {

@@ -151,23 +151,35 @@ std::vector<Flip> find_flips(const GateResult& result) {
   return flips;
 }
 
-void describe_rule(const DuetThresholds& thresholds, GateReport& report) {
-  const DuetThresholds& t = thresholds;
+void describe_rule(GateReport& report) {
+  const DuetThresholds t;
+  const DuetThresholds setup = setup_thresholds();
   report.rule = {
       "change: median of blocks, each the mean log ratio of four fresh processes in order ABBA or "
       "BAAB.",
       fmt::format("slower: {} or more blocks, the {:.1f} % lower bound above {:.0f} % and the "
-                  "median above {:.0f} %, confirmed on {} to {} fresh blocks; p of those, "
-                  "Holm-adjusted over the table, below 0.05.",
+                  "median above {:.0f} % (set-up: {:.0f} and {:.0f} %), confirmed on {} to {} "
+                  "fresh blocks; p of those, Holm-adjusted over the table, below {}.",
                   t.first_suspicion, 100 * t.bound_confidence, 100 * t.suspicious_bound,
-                  100 * t.suspicious_median, t.confirmations.front(), t.confirmations.back())};
+                  100 * t.suspicious_median, 100 * setup.suspicious_bound,
+                  100 * setup.suspicious_median, t.confirmations.front(), t.confirmations.back(),
+                  t.alpha)};
   report.rule_json = {{"looks", t.looks},
                       {"first_suspicion", t.first_suspicion},
                       {"confirmations", t.confirmations},
-                      {"suspicious_bound", t.suspicious_bound},
-                      {"suspicious_median", t.suspicious_median},
                       {"bound_confidence", t.bound_confidence},
-                      {"canary_median", t.canary_median}};
+                      {"alpha", t.alpha},
+                      {"canary_median", t.canary_median},
+                      {"canary_alpha", t.canary_alpha}};
+  const auto effects = [](const DuetThresholds& of) {
+    return nlohmann::ordered_json{{"suspicious_bound", of.suspicious_bound},
+                                  {"suspicious_median", of.suspicious_median},
+                                  {"futile_median", of.futile_median},
+                                  {"open_bound", of.open_bound},
+                                  {"first_futility", of.first_futility}};
+  };
+  report.rule_json["calls"] = effects(t);
+  report.rule_json["setup"] = effects(setup);
 }
 
 }  // namespace pirt

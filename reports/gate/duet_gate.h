@@ -20,7 +20,7 @@ namespace pirt {
 /// and after ("clear"), or less.
 [[nodiscard]] std::vector<Flip> find_flips(const GateResult& result);
 
-/// The rule of two programs.
-void describe_rule(const DuetThresholds& thresholds, GateReport& report);
+/// The rule of two programs, for calls and for set-up.
+void describe_rule(GateReport& report);
 
 }  // namespace pirt

@@ -36,7 +36,7 @@ GateResult judged(const TakeSample& take, const DuetLimits& limits = {}) {
 GateReport report_of(GateResult result) {
   GateReport report{
       .base = "old", .candidate = "new", .result = std::move(result), .decisions = {}, .rule = {}};
-  describe_rule(DuetThresholds{}, report);
+  describe_rule(report);
   return report;
 }
 
