@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -44,32 +45,65 @@ int lattice(std::uint64_t seed, int x, int y) {
   return static_cast<int>(hash_u64(seed, at) >> 56);
 }
 
-/// Adds the octave, times its weight, to @p row (one row of sums at height @p y, in 1/8 pixel).
-void add_octave(const Octave& octave, std::uint64_t seed, const Shift& shift, int y,
-                std::vector<int>& row) {
-  const int log2_cell = octave.log2_cell + kLog2Subpixels;
-  const int cell = 1 << log2_cell;
-  const int top = floor_div(y, cell);
-  const int down = y - top * cell;
-  const auto column = [&](int x) {  // the lattice column, interpolated vertically, times cell
-    return lattice(seed, x, top) * (cell - down) + lattice(seed, x, top + 1) * down;
-  };
-  int left = floor_div(-shift.x, cell);
-  int across = -shift.x - left * cell;
-  int from = column(left);
-  int to = column(left + 1);
-  for (int& sum : row) {
-    // Both interpolations scale by cell <= 512; 255 * 512 * 512 fits.
-    sum += octave.weight * ((from * (cell - across) + to * across) >> (2 * log2_cell));
-    across += kSubpixels;
-    if (across >= cell) {
+/// Rows of one octave, from top to bottom: each row of the lattice is drawn once.
+class OctaveRows {
+ public:
+  OctaveRows(const Octave& octave, std::uint64_t seed, int shift_x, int width)
+      : weight_(octave.weight),
+        log2_cell_(octave.log2_cell + kLog2Subpixels),
+        seed_(seed),
+        left_(floor_div(-shift_x, 1 << log2_cell_)),
+        across_(-shift_x - (left_ << log2_cell_)) {
+    const auto columns = static_cast<std::size_t>(width >> octave.log2_cell) + 3;
+    upper_.resize(columns);
+    lower_.resize(columns);
+  }
+
+  /// Adds the octave at height @p y (in 1/8 pixel), times its weight, to a row of sums.
+  void add(int y, std::vector<int>& row) {
+    const int cell = 1 << log2_cell_;
+    draw(floor_div(y, cell));
+    const int down = y - (*top_ << log2_cell_);
+    // A column of the lattice, interpolated vertically, times cell.
+    const auto column = [&](std::size_t i) { return upper_[i] * (cell - down) + lower_[i] * down; };
+    int across = across_;
+    int from = column(0);
+    for (std::size_t x = 0, i = 1; x < row.size(); ++i) {
+      const int to = column(i);
+      // Both interpolations scale by cell <= 512; 255 * 512 * 512 fits.
+      int value = from * (cell - across) + to * across;
+      for (; across < cell && x < row.size(); across += kSubpixels, ++x) {
+        row[x] += weight_ * (value >> (2 * log2_cell_));
+        value += kSubpixels * (to - from);
+      }
       across -= cell;
-      ++left;
       from = to;
-      to = column(left + 1);
     }
   }
-}
+
+ private:
+  void draw(int top) {
+    if (top_ == top) return;
+    const auto draw_row = [&](int y, std::vector<int>& row) {
+      int x = left_;
+      for (int& value : row) value = lattice(seed_, x++, y);
+    };
+    if (top_ && *top_ + 1 == top) {
+      std::swap(upper_, lower_);
+    } else {
+      draw_row(top, upper_);
+    }
+    draw_row(top + 1, lower_);
+    top_ = top;
+  }
+
+  int weight_;
+  int log2_cell_;  ///< Of the lattice's spacing in 1/8 pixel.
+  std::uint64_t seed_;
+  int left_, across_;  ///< Of the first pixel: its column of the lattice, and how far from there.
+  std::optional<int> top_;
+  std::vector<int> upper_, lower_;  ///< Rows of the lattice at top_ and below it.
+};
 
 /// Edges in 1/8 pixel.
 struct Rectangle {
@@ -130,12 +164,14 @@ void paint(const Rectangle& r, const Shift& shift, int width, int height,
 void render(std::uint64_t seed, const Shift& shift, int width, int height,
             std::span<std::uint8_t> pixels) {
   std::vector<int> row(static_cast<std::size_t>(width));
+  std::vector<OctaveRows> octaves;
+  for (std::size_t i = 0; i < kOctaves.size(); ++i) {
+    octaves.emplace_back(kOctaves[i], hash_u64(seed, i), shift.x, width);
+  }
   auto* out = pixels.data();
   for (int y = 0; y < height; ++y) {
     std::ranges::fill(row, 0);
-    for (std::size_t i = 0; i < kOctaves.size(); ++i) {
-      add_octave(kOctaves[i], hash_u64(seed, i), shift, y * kSubpixels - shift.y, row);
-    }
+    for (OctaveRows& octave : octaves) octave.add(y * kSubpixels - shift.y, row);
     for (const int sum : row) {
       // Averages of random values crowd around the middle: stretch by 1.5.
       const int level = sum / 256;
