@@ -23,7 +23,7 @@ struct Options {
   std::string platform = "host";
   std::uint64_t seed = 1;
   std::string work = "50ms";
-  bool verify = false;
+  bool verify = false, setup = false;
   std::string inject;
 };
 
@@ -52,7 +52,8 @@ int sample(const Options& options) {
   request.cell = {options.workload, options.unit};
   request.seed = options.seed;
   request.work = parse_duration(options.work);
-  request.verify = options.verify;
+  if (options.verify) request.kind = SampleKind::kVerified;
+  if (options.setup) request.kind = SampleKind::kSetup;
   if (!options.inject.empty()) request.injection = parse_injection(options.inject);
   const bool scheduler = options.workload == kSchedulerCell;
   if (!scheduler && options.unit.empty()) throw_bad_input("--unit is required");
@@ -78,7 +79,8 @@ void add_sample(CLI::App& app, Action& action) {
   command->add_option("--seed", options->seed, "Seed of inputs and weights")->capture_default_str();
   command->add_option("--work", options->work, "How long calls are repeated")
       ->capture_default_str();
-  command->add_flag("--verify", options->verify, "Compare with the reference");
+  auto* verify = command->add_flag("--verify", options->verify, "Compare with the reference");
+  command->add_flag("--setup", options->setup, "Set up only, without calls")->excludes(verify);
   command->add_option("--inject", options->inject,
                       "Extra work, e.g. execute=1.1: to see whether a gate notices");
   command->footer("Example: pirt sample --workload sobel --unit cpu");

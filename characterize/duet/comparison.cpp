@@ -72,6 +72,12 @@ bool DuetCellState::decided() const {
   });
 }
 
+bool DuetCellState::calls_decided() const {
+  return blocks > 0 && std::ranges::all_of(series, [](const auto& each) {
+           return is_setup(each.first) || each.second.rule.verdict() != DuetVerdict::kUndecided;
+         });
+}
+
 DuetComparison::DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed) : seed_(seed) {
   for (DuetCell& cell : cells) {
     cells_.emplace_back();
@@ -102,8 +108,10 @@ std::optional<DuetStep> DuetComparison::next() const {
   for (const Side side : {Side::kBaseline, Side::kCandidate}) {
     if (state.checks[index_of(side)]) continue;
     step.order = {side};
+    step.sample = SampleKind::kVerified;
     return step;
   }
+  step.sample = state.calls_decided() ? SampleKind::kSetup : SampleKind::kTimed;
   const bool canary = state.blocks >= kFirstCanary + kBlocksACanary * state.canaries;
   if (canary) {
     step.kind = DuetStep::Kind::kCanary;

@@ -29,6 +29,7 @@ struct DuetStep {
   enum class Kind : std::uint8_t { kCheck, kBlock, kCanary } kind = Kind::kCheck;
   /// Who runs, in this order; of a check one each.
   std::vector<Side> order;
+  SampleKind sample = SampleKind::kTimed;  ///< What each of them does.
 };
 
 /// One phase of a cell.
@@ -48,6 +49,8 @@ struct DuetCellState {
 
   [[nodiscard]] bool ended() const;    ///< Nothing can be measured any more.
   [[nodiscard]] bool decided() const;  ///< Nothing needs to.
+  /// Whether only phases of set-up are undecided, so that calls need not be repeated for them.
+  [[nodiscard]] bool calls_decided() const;
 };
 
 class DuetComparison {

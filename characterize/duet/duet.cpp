@@ -21,10 +21,10 @@ class Programs {
  public:
   explicit Programs(DuetPrograms programs) : programs_(std::move(programs)) {}
 
-  SampleOutcome take(Side side, const DuetCell& cell, bool verify) const {
+  SampleOutcome take(Side side, const DuetCell& cell, SampleKind kind) const {
     ProcessRequest request;
     request.program = side == Side::kBaseline ? programs_.baseline : programs_.candidate;
-    request.arguments = arguments(side, cell, verify);
+    request.arguments = arguments(side, cell, kind);
     request.environment = environment(side, cell);
     request.limit = programs_.limit;
     request.stop = programs_.stop;
@@ -49,7 +49,7 @@ class Programs {
 
  private:
   [[nodiscard]] std::vector<std::string> arguments(Side side, const DuetCell& cell,
-                                                   bool verify) const {
+                                                   SampleKind kind) const {
     std::vector<std::string> arguments = {"sample",
                                           "--workload",
                                           cell.workload,
@@ -61,8 +61,9 @@ class Programs {
       arguments.insert(arguments.end(),
                        {"--unit", cell.unit, "--platform", programs_.platform_argument});
     }
-    if (verify) arguments.emplace_back("--verify");
-    if (side == Side::kCandidate && !verify && programs_.injection.any() &&
+    if (kind == SampleKind::kVerified) arguments.emplace_back("--verify");
+    if (kind == SampleKind::kSetup) arguments.emplace_back("--setup");
+    if (side == Side::kCandidate && kind != SampleKind::kVerified && programs_.injection.any() &&
         cell == programs_.injected) {
       arguments.insert(arguments.end(), {"--inject", to_string(programs_.injection)});
     }
@@ -91,8 +92,8 @@ bool is_set(const std::atomic<bool>* flag) { return flag != nullptr && flag->loa
 
 TakeSample program_samples(const DuetPrograms& programs) {
   const auto runner = std::make_shared<const Programs>(programs);
-  return [runner](Side side, const DuetCell& cell, bool verify) {
-    return runner->take(side, cell, verify);
+  return [runner](Side side, const DuetCell& cell, SampleKind kind) {
+    return runner->take(side, cell, kind);
   };
 }
 
@@ -120,11 +121,10 @@ DuetEnd run_duet(DuetComparison& comparison, Ledger& ledger, const TakeSample& t
     if (is_set(limits.stop)) return DuetEnd::kStopped;
     if (limits.time && clock.now() - begin >= *limits.time) return DuetEnd::kOutOfTime;
     if (on_step) on_step(*step);
-    const bool verify = step->kind == DuetStep::Kind::kCheck;
     std::vector<Sample> samples;
     std::optional<DuetComparison::Event> event;
     for (const Side side : step->order) {
-      SampleOutcome outcome = take(side, comparison.cells()[step->cell].cell, verify);
+      SampleOutcome outcome = take(side, comparison.cells()[step->cell].cell, step->sample);
       if (outcome.stopped) return DuetEnd::kStopped;
       if (!outcome.sample) {
         event = comparison.failure_of(*step, side, outcome.error);

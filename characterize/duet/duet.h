@@ -18,8 +18,7 @@ struct SampleOutcome {
   std::string error;     ///< Empty with a sample, and if stopped.
   bool stopped = false;  ///< By the user.
 };
-/// @param verify  Whether the output is to be verified.
-using TakeSample = std::function<SampleOutcome(Side side, const DuetCell& cell, bool verify)>;
+using TakeSample = std::function<SampleOutcome(Side side, const DuetCell& cell, SampleKind kind)>;
 
 struct DuetPrograms {
   std::filesystem::path baseline, candidate;

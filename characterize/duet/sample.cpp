@@ -26,7 +26,7 @@ Job job_for(const Platform& platform, const SampleRequest& request) {
                                 unit.name, platform.name));
   }
   Job job;
-  job.kind = JobKind::kSample;
+  job.kind = request.kind == SampleKind::kSetup ? JobKind::kSetup : JobKind::kSample;
   job.backend = unit.backend;
   job.unit = make_unit_request(platform, unit);
   job.workload = find_workload(request.cell.workload).name;
@@ -63,7 +63,8 @@ Sample take_sample(const Platform& platform, const SampleRequest& request) {
   Sample sample;
   sample.version = build_info().version;
   std::optional<ScratchFolder> scratch;
-  if (request.verify) {
+  const bool verify = request.kind == SampleKind::kVerified;
+  if (verify) {
     scratch.emplace();
     job.kind = JobKind::kReference;
     job.reference = scratch->path() / "reference";
@@ -76,7 +77,7 @@ Sample take_sample(const Platform& platform, const SampleRequest& request) {
     sample.device = result.device->name;
     sample.driver = result.device->version;
   }
-  if (request.verify) {
+  if (verify) {
     sample.right = !result.wrong_output;
     sample.detail = result.verification;
   }

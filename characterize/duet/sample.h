@@ -25,11 +25,17 @@ inline constexpr std::string_view kSchedulerCell = "scheduler";
 /// "sobel on cpu", "scheduler".
 [[nodiscard]] std::string to_string(const DuetCell& cell);
 
+enum class SampleKind : std::uint8_t {
+  kSetup,     ///< Set up, and time that alone.
+  kTimed,     ///< Set up and repeat calls, all of it timed.
+  kVerified,  ///< The same, compared with the reference; tells what was computed.
+};
+
 struct SampleRequest {
   DuetCell cell;
+  SampleKind kind = SampleKind::kTimed;
   std::uint64_t seed = 1;
   Nanos work = std::chrono::milliseconds(50);  ///< That calls are repeated for, after warming up.
-  bool verify = false;  ///< Compare with the reference, and tell what was computed.
   Injection injection;
 };
 
@@ -37,7 +43,7 @@ struct Sample {
   std::string version;        ///< Of the program.
   std::string device;         ///< Name; what is compared has to run on the same.
   std::string driver;         ///< Versions of libraries and drivers, which may be what changed.
-  std::string inputs;         ///< Hash of what was computed on; only if verify was asked for.
+  std::string inputs;         ///< Hash of what was computed on; only if kVerified.
   std::optional<bool> right;  ///< What verifying found, with `detail`.
   std::string detail;
   bool contended = false;

@@ -38,7 +38,7 @@ Sample answer(double execute_s) {
 
 /// Candidates take @p slowdown times as long.
 TakeSample steady(double slowdown) {
-  return [=](Side side, const DuetCell&, bool) {
+  return [=](Side side, const DuetCell&, SampleKind) {
     return SampleOutcome{.sample = answer(side == Side::kBaseline ? 1e-3 : 1e-3 * slowdown),
                          .error = {}};
   };
@@ -88,10 +88,32 @@ TEST(DuetComparison, FindsASlowdownAndSaysByHowMuch) {
   EXPECT_FALSE(comparison.cells()[1].series.contains("upload")) << "1 % of a call";
 }
 
+TEST(DuetComparison, RepeatsNoCallsOnceTheyAreDecided) {
+  // Calls are clear after 8 blocks; prepare is slower, which takes 12 and 20 more.
+  DuetComparison comparison({kTwo[0]}, 1);
+  std::map<SampleKind, int> asked;
+  EXPECT_EQ(run(comparison,
+                [&](Side side, const DuetCell&, SampleKind kind) {
+                  ++asked[kind];
+                  Sample sample = answer(1e-3);
+                  if (kind == SampleKind::kSetup) sample.seconds = {{"prepare", 0.01}};
+                  if (side == Side::kCandidate) sample.seconds["prepare"] *= 1.2;
+                  return SampleOutcome{.sample = sample, .error = {}};
+                }),
+            DuetEnd::kDecided);
+  EXPECT_EQ(series(comparison, 0, "prepare").rule.verdict(), DuetVerdict::kSlower);
+  EXPECT_EQ(series(comparison, 0, "execute").rule.verdict(), DuetVerdict::kNotSlower);
+  EXPECT_EQ(series(comparison, 0, "execute").base_s.size(), 16U);
+  EXPECT_EQ(series(comparison, 0, "prepare").base_s.size(), 64U);
+  EXPECT_EQ(asked[SampleKind::kVerified], 2);
+  EXPECT_EQ(asked[SampleKind::kTimed], 4 * (8 + 2));
+  EXPECT_EQ(asked[SampleKind::kSetup], 4 * (24 + 6));
+}
+
 TEST(DuetComparison, DriftWithinABlockCancels) {
   DuetComparison comparison(kTwo, 1);
   double now = 1e-3;
-  run(comparison, [&](Side, const DuetCell&, bool) {
+  run(comparison, [&](Side, const DuetCell&, SampleKind) {
     now *= 1.02;
     return SampleOutcome{.sample = answer(now), .error = {}};
   });
@@ -104,7 +126,7 @@ TEST(DuetComparison, AFailureEndsTheCellAndKeepsItsBlocks) {
   DuetComparison comparison(kTwo, 1);
   int left = 15;
   EXPECT_EQ(run(comparison,
-                [&](Side side, const DuetCell& cell, bool) {
+                [&](Side side, const DuetCell& cell, SampleKind) {
                   SampleOutcome outcome{.sample = answer(1e-3), .error = {}};
                   if (side == Side::kCandidate && cell.workload == "sobel" && --left <= 0) {
                     outcome = {.sample = {}, .error = "crashed (SIGSEGV)"};
@@ -123,7 +145,7 @@ TEST(DuetComparison, AFailureEndsTheCellAndKeepsItsBlocks) {
 TEST(DuetComparison, ComparesOnlyWhatComputesTheSame) {
   const auto with = [&](const std::function<void(Sample&)>& change) {
     DuetComparison comparison({kTwo[0]}, 1);
-    run(comparison, [&](Side side, const DuetCell&, bool) {
+    run(comparison, [&](Side side, const DuetCell&, SampleKind) {
       SampleOutcome outcome{.sample = answer(1e-3), .error = {}};
       if (side == Side::kCandidate) change(*outcome.sample);
       return outcome;
@@ -173,10 +195,10 @@ TEST_F(DuetLedger, GoesOnAfterEveryInterruptionToTheSameEnd) {
     Ledger ledger = open(comparison);
     int left = 7;  // Processes; then Ctrl-C.
     const auto end = run_duet(comparison, ledger,
-                              [&](Side side, const DuetCell& cell, bool verify) {
+                              [&](Side side, const DuetCell& cell, SampleKind kind) {
                                 if (--left < 0)
                                   return SampleOutcome{.sample = {}, .error = {}, .stopped = true};
-                                return steady(1.1)(side, cell, verify);
+                                return steady(1.1)(side, cell, kind);
                               },
                               {});
     decided = end == DuetEnd::kDecided;

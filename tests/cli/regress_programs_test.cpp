@@ -147,6 +147,10 @@ TEST(SampleCommand, TimesPhasesAndShowsInjectedWork) {
   const auto slowed = pirt({"sample", "--workload", "sobel", "--unit", "cpu", "--work", "20ms",
                             "--inject", "execute=3"});
   EXPECT_GT(slowed.json()["seconds"]["execute"], 2 * before);
+  const auto setup = pirt({"sample", "--workload", "sobel", "--unit", "cpu", "--setup"});
+  ASSERT_EQ(setup.exit_code, 0) << setup.err;
+  EXPECT_TRUE(setup.json()["seconds"].contains("prepare"));
+  EXPECT_FALSE(setup.json()["seconds"].contains("call"));
   const auto scheduler = pirt({"sample", "--workload", "scheduler", "--work", "20ms"});
   EXPECT_EQ(scheduler.json()["seconds"].size(), 4U);
   expect_refused(pirt({"sample", "--workload", "soebl", "--unit", "cpu"}), {"soebl", "sobel"});

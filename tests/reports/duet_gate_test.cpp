@@ -17,7 +17,7 @@ const std::vector<DuetCell> kCells = {{"sobel", "cpu"}, {"sobel", "gpu"}};
 
 /// Steady programs: seconds of `call` by side and cell.
 TakeSample calls(std::map<std::pair<Side, std::string>, double> seconds) {
-  return [=](Side side, const DuetCell& cell, bool) {
+  return [=](Side side, const DuetCell& cell, SampleKind) {
     Sample sample;
     sample.device = "CPU";
     sample.right = true;
@@ -74,13 +74,13 @@ TEST(DuetGate, EqualProgramsPass) {
 
 TEST(DuetGate, AFailureOfTheCandidateFailsAndOfTheBaselineIsNotComparable) {
   const auto failing = [](Side which) {
-    return [=](Side side, const DuetCell& cell, bool verify) {
+    return [=](Side side, const DuetCell& cell, SampleKind kind) {
       if (side == which && cell.unit == "gpu") {
         return SampleOutcome{.sample = {}, .error = "timed out after 60 s"};
       }
       return calls(
           {{{kA, "cpu"}, 1e-3}, {{kB, "cpu"}, 1e-3}, {{kA, "gpu"}, 1e-3}, {{kB, "gpu"}, 1e-3}})(
-          side, cell, verify);
+          side, cell, kind);
     };
   };
   const auto of_candidate = judged(failing(kB));
