@@ -20,6 +20,7 @@
 #include "characterize/job_runner.h"
 #include "characterize/measure.h"
 #include "characterize/peaks.h"
+#include "characterize/precision_plan.h"
 #include "characterize/profile.h"
 #include "characterize/roofline.h"
 #include "characterize/scratch.h"
@@ -61,6 +62,7 @@ struct Cell {
   const PlannedCell* planned = nullptr;
   CellRequest request;
   std::unique_ptr<CellMeasurement> measurement;
+  Nanos last_visit{0};  ///< What it took.
   bool stored = false;
 };
 
@@ -163,7 +165,7 @@ class Campaign {
   void make_cells() {
     cells_.reserve(plan_.cells.size());
     for (const PlannedCell& planned : plan_.cells) {
-      Cell cell{&planned, request_for(planned), nullptr, false};
+      Cell cell{&planned, request_for(planned), nullptr, {}, false};
       cell.measurement = std::make_unique<CellMeasurement>(cell.request, runner_);
       cells_.push_back(std::move(cell));
     }
@@ -192,9 +194,8 @@ class Campaign {
     }
   }
 
-  /// Every cell that needs a process, in an order of the round's own; after them those that want
-  /// one for their precision, the least precise first, as far as the time goes. What is complete
-  /// is stored.
+  /// Every cell that needs a process, in an order of the round's own; after them those that get one
+  /// for their precision. What is complete is stored.
   std::vector<Cell*> cells_of_round(int round) {
     std::vector<Cell*> needing, wanting;
     for (Cell& cell : cells_) {
@@ -208,14 +209,24 @@ class Campaign {
       }
     }
     const std::uint64_t seed = derive_seed(options_.seed, fmt::format("round {}", round));
+    auto chosen = nearest_to_precision(wanting);
     shuffle(needing, seed);
-    shuffle(wanting, derive_seed(seed, "for precision"));
-    const auto reached = [](const Cell* cell) { return cell->measurement->reached(); };
-    std::ranges::stable_sort(wanting, [&](const Cell* a, const Cell* b) {
-      return !reached(a) ? reached(b).has_value() : reached(b) && *reached(a) > *reached(b);
-    });
-    needing.insert(needing.end(), wanting.begin(), wanting.end());
+    shuffle(chosen, derive_seed(seed, "for precision"));
+    needing.insert(needing.end(), chosen.begin(), chosen.end());
     return needing;
+  }
+
+  [[nodiscard]] std::vector<Cell*> nearest_to_precision(const std::vector<Cell*>& wanting) const {
+    std::vector<std::optional<Nanos>> needed;
+    for (const Cell* cell : wanting) {
+      const auto visits = cell->measurement->visits_to_precision();
+      needed.push_back(visits ? std::optional(*visits * cell->last_visit) : std::nullopt);
+    }
+    std::vector<Cell*> chosen;
+    for (const std::size_t i : within_reach(needed, plan_.max_time - elapsed())) {
+      chosen.push_back(wanting[i]);
+    }
+    return chosen;
   }
 
   [[nodiscard]] bool time_is_over() const { return elapsed() >= plan_.max_time; }
@@ -230,8 +241,10 @@ class Campaign {
       finish(cell, failed_cell(cell.request, *failure));
       return true;
     }
+    const Nanos begin = clock_.now();
     auto result = cell.measurement->visit();
     if (!result) return false;
+    cell.last_visit = clock_.now() - begin;
     writer_.write_visit(summary_.run_id, name_of(cell),
                         {cell.measurement->processes(), next->setup, to_record(*result) + "\n"});
     cell.measurement->add(next->setup, std::move(*result));

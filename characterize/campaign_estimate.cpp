@@ -12,12 +12,12 @@ namespace {
 
 // Observed on a 2-core virtual machine over the 36 cells of platform host: starting a process,
 // making its data and verifying twice take 0.25 s on average beside what the profile has. Without a
-// profile: a process of platform host takes 0.55 s on average in quick mode, 0.75 s in full, and in
-// full 4 further processes a cell reach 2 % in most cells.
+// profile: a process of platform host takes 0.55 s on average in quick mode, 0.65 s in full, and in
+// full 9 further processes a cell reach 2 % in most cells.
 constexpr Nanos kOverhead = std::chrono::milliseconds(250);
 constexpr Nanos kQuickProcess = std::chrono::milliseconds(550);
-constexpr Nanos kFullProcess = std::chrono::milliseconds(750);
-constexpr int kFurtherProcesses = 4;
+constexpr Nanos kFullProcess = std::chrono::milliseconds(650);
+constexpr int kFurtherProcesses = 9;
 
 std::optional<Profile> former_profile(const CampaignOptions& options) {
   if (options.database.empty() || !std::filesystem::exists(options.database)) return std::nullopt;

@@ -112,11 +112,15 @@ int CellMeasurement::needed_visits() const {
 int CellMeasurement::expected_visits() const {
   const int needed = needed_visits();
   if (needed > 0 || !next()) return needed;
-  const int most = kMostProcesses - processes();
-  if (!reached_) return most;
+  return visits_to_precision().value_or(kMostProcesses - processes());
+}
+
+std::optional<int> CellMeasurement::visits_to_precision() const {
+  if (!reached_) return std::nullopt;
   const double ratio = *reached_ / request_.precision;
-  const double wanted = static_cast<double>(shown().size()) * (ratio * ratio - 1);
-  return std::clamp(static_cast<int>(std::ceil(std::min(wanted, 1e6))), 1, most);
+  const double wanted = std::ceil(static_cast<double>(shown().size()) * (ratio * ratio - 1));
+  if (wanted > kMostProcesses - processes()) return std::nullopt;
+  return std::max(1, static_cast<int>(wanted));
 }
 
 int CellMeasurement::repeats_if_unstable() const {

@@ -39,8 +39,8 @@ struct CellRequest {
   std::function<void(std::string_view step)> on_step;  ///< "process 3, cold set-up"; never empty.
 };
 
-/// Processes that a cell has at most: with 30, one more would narrow the interval by 2 %.
-inline constexpr int kMostProcesses = 30;
+/// Processes that a cell has at most: with 100, one more would narrow the interval by 0.5 %.
+inline constexpr int kMostProcesses = 100;
 
 /// What the next process of a cell is for.
 struct Visit {
@@ -74,6 +74,8 @@ class CellMeasurement {
   /// on to differ as they do (an interval narrows with the square root of their number).
   [[nodiscard]] int expected_visits() const;
   [[nodiscard]] int needed_visits() const;
+  /// The latter alone; nothing if a cell does not have as many.
+  [[nodiscard]] std::optional<int> visits_to_precision() const;
   [[nodiscard]] int processes() const { return static_cast<int>(taken_.size()); }
 
   /// Whether the unit has an energy meter and the cell has calls that it has not been read for.

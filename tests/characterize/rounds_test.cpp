@@ -6,9 +6,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <set>
 
 #include "characterize/campaign.h"
+#include "characterize/cell.h"
 #include "tests/characterize/campaign_support.h"
 
 namespace pirt {
@@ -131,11 +133,30 @@ TEST_F(Rounds, EndAtTheBudgetButNotBeforeRowsAreValid) {
 }
 
 TEST_F(Rounds, EndWithTheMostProcessesThatACellGets) {
-  auto o = options({{"gpu", "process_factors: [1, 1.3, 0.7, 1.2, 0.8]"}}, "^pool5$");
+  auto o = options({{"gpu", "process_factors: [1, 1.3]"}}, "^pool5$");
   o.max_time = std::chrono::minutes(5);
   const Profile profile = measure(o);
-  EXPECT_EQ(row(profile, "pool5", Phase::kCall).processes, 30);
+  EXPECT_EQ(row(profile, "pool5", Phase::kCall).processes, kMostProcesses);
   EXPECT_THAT(row(profile, "pool5", Phase::kCall).notes, Contains("precision_not_reached"));
+}
+
+TEST_F(Rounds, GiveTheTimeThatIsLeftToCellsThatItSufficesFor) {
+  // One unit is precise with a few more processes; the other, whose processes differ by half, would
+  // need more than there are, and gets none before the first one is done.
+  auto o = options({{"dsp", "process_factors: [1, 1.1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"},
+                    {"gpu", "process_factors: [1, 1.5]"}},
+                   "^pool5$");
+  o.max_time = std::chrono::seconds(60);
+  std::vector<std::string> for_precision;
+  ProgressSink sink;
+  sink.progress = [&](const Progress& p) {
+    if (p.step.ends_with("for precision")) for_precision.push_back(p.unit);
+  };
+  run_campaign(o, plan_campaign(o), sink);
+  const auto first_gpu = std::ranges::find(for_precision, "gpu");
+  EXPECT_GE(first_gpu - for_precision.begin(), 2);
+  EXPECT_EQ(std::find(first_gpu, for_precision.end(), "dsp"), for_precision.end());
+  EXPECT_GT(for_precision.end() - first_gpu, 50);
 }
 
 TEST_F(Rounds, SampleAgainWhatIsUnstableAndThenSaySo) {
