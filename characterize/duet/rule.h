@@ -27,7 +27,7 @@ enum class DuetVerdict : std::uint8_t {
 /// looks raises no false alarm in 1000 trials and finds 96.7 % (32 blocks) to 100 % (90) of 10 %
 /// slowdowns, where a single run with a threshold of 10 % has 13.8 % false alarms and finds half.
 /// Confirmations and canaries: simulated with blocks of a shared machine in a noisy hour (half of
-/// them off by more than 6 %), where 10 % are found in 99 of 100.
+/// them off by more than 6 %), where 97 to 99 of 100 slowdowns of 10 % are found.
 struct DuetThresholds {
   std::vector<std::size_t> looks = {8, 12, 20, 32, 56, 90};
   std::size_t first_suspicion = 12;  ///< Blocks; an earlier look can only clear.
