@@ -59,8 +59,7 @@ class DuetRule {
 
   /// Ignored once there is a verdict.
   /// @param table  How many series are decided together, at least 1: among more of them a
-  /// confirmation must be
-  ///               surer, and may take more blocks.
+  ///               confirmation must be surer, and may take more blocks.
   void add_block(double log_ratio, std::size_t table = 1);
   /// A block of the baseline against itself; ignored once there is a verdict.
   void add_canary(double log_ratio);
