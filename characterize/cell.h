@@ -74,7 +74,7 @@ class CellMeasurement {
   /// on to differ as they do (an interval narrows with the square root of their number).
   [[nodiscard]] int expected_visits() const;
   [[nodiscard]] int needed_visits() const;
-  /// The latter alone; nothing if a cell does not have as many.
+  /// Those of expected_visits() for the precision; nothing if a cell does not get as many.
   [[nodiscard]] std::optional<int> visits_to_precision() const;
   [[nodiscard]] int processes() const { return static_cast<int>(taken_.size()); }
 

@@ -34,6 +34,8 @@ struct Options {
   [[nodiscard]] std::filesystem::path database() const { return folder / "aa.db"; }
 };
 
+constexpr const char* kPlatform = "host";
+
 /// One figure of a cell in one run.
 struct Figure {
   double median = 0, low = 0, high = 0;
@@ -50,7 +52,7 @@ std::vector<std::int64_t> runs_so_far(const Options& options) {
     rest.program = options.program;
     run_campaign(rest, plan_campaign(rest));
   }
-  std::vector<std::int64_t> ids = finished_runs(options.database(), "host");
+  std::vector<std::int64_t> ids = finished_runs(options.database(), kPlatform);
   std::ranges::reverse(ids);
   return ids;
 }
@@ -58,8 +60,8 @@ std::vector<std::int64_t> runs_so_far(const Options& options) {
 void characterize(const Options& options) {
   CampaignOptions campaign;
   campaign.database = options.database();
-  campaign.platform_argument = "host";
-  campaign.platform = load_platform("host");
+  campaign.platform_argument = kPlatform;
+  campaign.platform = load_platform(kPlatform);
   campaign.filter = options.filter;
   campaign.quick = options.quick;
   campaign.program = options.program;
@@ -78,7 +80,7 @@ std::filesystem::path google_file(const Options& options, std::int64_t run,
 /// Google Benchmark's figures of one run. @return False if its program was not built.
 bool google(const Options& options, const std::filesystem::path& program, std::int64_t run) {
   if (!std::filesystem::exists(program)) return false;
-  const auto platform = load_platform("host");
+  const auto platform = load_platform(kPlatform);
   for (const UnitModel& unit : platform.units) {
     if (!unit.measured()) continue;
     const auto file = google_file(options, run, unit.name);
@@ -132,7 +134,7 @@ struct Google {
 
 Google read_google(const Options& options, const std::vector<std::int64_t>& runs) {
   Google result;
-  const auto platform = load_platform("host");
+  const auto platform = load_platform(kPlatform);
   for (const std::int64_t run : runs) {
     for (const UnitModel& unit : platform.units) {
       std::ifstream in(google_file(options, run, unit.name));
