@@ -143,10 +143,20 @@ TEST(SampleCommand, TimesPhasesAndShowsInjectedWork) {
       pirt({"sample", "--workload", "sobel", "--unit", "cpu", "--work", "20ms", "--verify"});
   ASSERT_EQ(plain.exit_code, 0) << plain.err;
   EXPECT_EQ(plain.json()["right"], true);
-  const double before = plain.json()["seconds"]["execute"];
-  const auto slowed = pirt({"sample", "--workload", "sobel", "--unit", "cpu", "--work", "20ms",
-                            "--inject", "execute=3"});
-  EXPECT_GT(slowed.json()["seconds"]["execute"], 2 * before);
+  // The least of three each, in turns: a neighbour may be busy for as long as a process takes.
+  double before = plain.json()["seconds"]["execute"];
+  double slowed = 1e9;
+  for (int i = 0; i < 3; ++i) {
+    const auto least = [](double& least_s, std::vector<std::string> extra) {
+      std::vector<std::string> command = {"sample", "--workload", "sobel", "--unit",
+                                          "cpu",    "--work",     "20ms"};
+      command.insert(command.end(), extra.begin(), extra.end());
+      least_s = std::min(least_s, pirt(command).json()["seconds"]["execute"].get<double>());
+    };
+    least(before, {});
+    least(slowed, {"--inject", "execute=3"});
+  }
+  EXPECT_GT(slowed, 2 * before);
   const auto setup = pirt({"sample", "--workload", "sobel", "--unit", "cpu", "--setup"});
   ASSERT_EQ(setup.exit_code, 0) << setup.err;
   EXPECT_TRUE(setup.json()["seconds"].contains("prepare"));
