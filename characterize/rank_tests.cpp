@@ -124,6 +124,11 @@ double sign_test_p(std::span<const double> values, double limit) {
   return values.empty() ? 1 : binomial_tail(values.size(), static_cast<std::size_t>(above));
 }
 
+double sign_test_p_below(std::span<const double> values, double limit) {
+  const auto below = std::ranges::count_if(values, [&](double value) { return value < limit; });
+  return values.empty() ? 1 : binomial_tail(values.size(), static_cast<std::size_t>(below));
+}
+
 std::optional<double> median_lower_bound(std::span<const double> values, double confidence) {
   assert(confidence > 0.5 && confidence < 1);
   std::vector<double> sorted(values.begin(), values.end());

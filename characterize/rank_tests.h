@@ -28,10 +28,11 @@ namespace pirt {
 /// (1979) 65.
 [[nodiscard]] std::vector<double> holm_adjusted(std::span<const double> p_values);
 
-/// One-sided sign test: how likely at least as many of @p values are above @p limit if their median
-/// is @p limit. Values equal to it count as not above.
+/// One-sided sign tests: how likely at least as many of @p values are above (below) @p limit if
+/// their median is @p limit. Values equal to it count as neither.
 /// @return  In (0, 1]; 1 without values.
 [[nodiscard]] double sign_test_p(std::span<const double> values, double limit);
+[[nodiscard]] double sign_test_p_below(std::span<const double> values, double limit);
 
 /// The largest of the values that the median is above with at least @p confidence, whatever the
 /// distribution. Absent where there are too few values.

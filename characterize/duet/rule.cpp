@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <functional>
 #include <utility>
 
 #include "characterize/rank_tests.h"
@@ -100,11 +99,8 @@ void DuetRule::conclude(DuetVerdict verdict) {
   const auto& t = thresholds_;
   verdict_ = verdict;
   if (canaries_.empty() || std::abs(median_of(canaries_)) <= t.canary_median) return;
-  std::vector<double> mirrored = canaries_;
-  if (median_of(canaries_) < 0) {
-    std::ranges::transform(mirrored, mirrored.begin(), std::negate<>());
-  }
-  if (2 * sign_test_p(mirrored, 0) <= t.canary_alpha) verdict_ = DuetVerdict::kRefused;
+  const double p = std::min(sign_test_p(canaries_, 0), sign_test_p_below(canaries_, 0));
+  if (2 * p <= t.canary_alpha) verdict_ = DuetVerdict::kRefused;
 }
 
 double DuetRule::effect() const {

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <map>
 
 #include "characterize/rank_tests.h"
@@ -20,9 +19,7 @@ double percent(double log_ratio) { return 100 * std::expm1(log_ratio); }
 /// How likely so many blocks are to be faster by chance; 1 if they are not by enough.
 double faster_p(const DuetRule& rule) {
   if (rule.effect() > std::log1p(-kApart)) return 1;
-  std::vector<double> mirrored = rule.blocks();
-  std::ranges::transform(mirrored, mirrored.begin(), std::negate<>());
-  return sign_test_p(mirrored, 0);
+  return sign_test_p_below(rule.blocks(), 0);
 }
 
 std::string undecided_reason(const DuetCellState& state, const DuetRule& rule, DuetEnd end) {

@@ -92,13 +92,17 @@ TEST(Holm, MultipliesByHowManyAreLeftAndNeverFalls) {
   EXPECT_TRUE(holm_adjusted({}).empty());
 }
 
-TEST(SignTest, CountsThoseAboveTheLimit) {
+TEST(SignTest, CountsThoseOnOneSideOfTheLimit) {
   // 8 of 8 above: 1/256. 7 of 8: 9/256. Equal ones are not above.
   const std::vector<double> values = {1, 2, 3, 4, 5, 6, 7, 8};
   EXPECT_NEAR(sign_test_p(values, 0), 1.0 / 256, 1e-12);
   EXPECT_NEAR(sign_test_p(values, 1), 9.0 / 256, 1e-12);
   EXPECT_EQ(sign_test_p(values, 9), 1);
   EXPECT_EQ(sign_test_p({}, 0), 1);
+  EXPECT_NEAR(sign_test_p_below(values, 9), 1.0 / 256, 1e-12);
+  EXPECT_NEAR(sign_test_p_below(values, 8), 9.0 / 256, 1e-12);
+  EXPECT_EQ(sign_test_p_below(values, 0), 1);
+  EXPECT_EQ(sign_test_p_below({}, 0), 1);
 }
 
 TEST(MedianBound, IsTheOrderStatisticThatConfidenceAllows) {
