@@ -1,8 +1,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
-#include <set>
 
 #include "characterize/doctor_checks.h"
 #include "characterize/system_files.h"
@@ -25,21 +23,6 @@ std::optional<double> share(const std::optional<Nanos>& part_before,
   return std::clamp(to_s(*part_after - *part_before) / all, 0.0, 1.0);
 }
 
-/// "0-1,4" -> 0, 1, 4. @source Documentation/admin-guide/cputopology.
-std::set<int> parse_list(const std::string& text) {
-  std::set<int> cores;
-  for (const auto& part : split(text, ',')) {
-    int first = 0;
-    const char* const end = part.data() + part.size();
-    const auto [at, failed] = std::from_chars(part.data(), end, first);
-    if (failed != std::errc()) continue;
-    int last = first;
-    if (at != end && *at == '-') std::from_chars(at + 1, end, last);
-    for (int core = first; core <= last; ++core) cores.insert(core);
-  }
-  return cores;
-}
-
 }  // namespace
 
 Findings cores(const DoctorInput& input) {
@@ -51,15 +34,13 @@ Findings cores(const DoctorInput& input) {
 }
 
 Findings siblings(const DoctorInput& input) {
-  const auto folder = input.root / "sys/devices/system/cpu";
-  const auto active = first_line(folder / "smt/active");
+  const auto active = first_line(input.root / "sys/devices/system/cpu/smt/active");
   if (!active) return {unknown("siblings", "the kernel does not say (no cpu/smt in /sys)")};
   if (*active != "1") return {good("siblings", "no two usable cores share a physical one")};
   const std::string off = "echo off | sudo tee /sys/devices/system/cpu/smt/control";
   for (const auto& a : input.units.value_or(std::vector<UnitProbe>{})) {
     for (const int core : a.cores) {
-      const auto topology = folder / ("cpu" + std::to_string(core)) / "topology";
-      const auto mates = parse_list(first_line(topology / "thread_siblings_list").value_or(""));
+      const auto mates = core_siblings(input.root, core);
       for (const auto& b : *input.units) {
         const auto shared = std::ranges::find_if(b.cores, [&](int c) { return mates.contains(c); });
         if (b.unit <= a.unit || shared == b.cores.end()) continue;

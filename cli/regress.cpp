@@ -146,6 +146,9 @@ void add_regress(CLI::App& app, Action& action) {
       ->capture_default_str();
   command->add_flag("--cold", options->cold,
                     "Programs: set up with empty kernel caches instead of filled ones");
+  command->add_flag("--one-at-a-time", options->one_at_a_time,
+                    "Programs: never two processes at once (default: units that share no physical "
+                    "core are measured side by side)");
   command
       ->add_option("--max-time", options->max_time,
                    "Programs: what is undecided after this is inconclusive; go on with the same "

@@ -22,6 +22,7 @@ struct RegressOptions {
   std::uint64_t seed = 1;
   std::string work = "50ms";
   bool cold = false;
+  bool one_at_a_time = false;
   std::string max_time = "9min";
   std::string sample_limit = "60s";
   std::optional<std::string> ledger;

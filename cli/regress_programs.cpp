@@ -123,6 +123,8 @@ int regress_programs(const RegressOptions& options) {
   {
     const ProgressLine line;
     end = run_duet(comparison, ledger, program_samples(programs),
+                   options.one_at_a_time ? one_at_a_time(cells.size())
+                                         : side_by_side(programs.platform, cells),
                    {.time = parse_duration(options.max_time), .stop = programs.stop},
                    [&](const DuetStep& step) { line.show(step_text(comparison, step)); });
   }
@@ -168,8 +170,9 @@ std::optional<TrialAnswer> decide(const Trial& trial, DuetPrograms programs, std
   programs.injected = cells.front();
   DuetComparison comparison(cells, programs.seed);
   Ledger nowhere;
-  const auto end = run_duet(comparison, nowhere, program_samples(programs),
-                            {.time = std::nullopt, .stop = programs.stop});
+  const auto end =
+      run_duet(comparison, nowhere, program_samples(programs), one_at_a_time(cells.size()),
+               {.time = std::nullopt, .stop = programs.stop});
   if (end == DuetEnd::kStopped) return std::nullopt;
   const GateResult result = judge_duet(comparison, end);
   const TrialAnswer answer = answer_of(trial, result, programs.injected);

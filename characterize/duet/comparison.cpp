@@ -90,10 +90,10 @@ std::size_t DuetComparison::turn_of(const DuetCellState& state) const {
   return state.blocks + state.canaries + (state.checks[0] ? 1 : 0) + (state.checks[1] ? 1 : 0);
 }
 
-std::optional<DuetStep> DuetComparison::next() const {
+std::optional<DuetStep> DuetComparison::next(std::span<const std::size_t> among) const {
   std::optional<std::size_t> chosen;
   std::pair<std::size_t, std::uint64_t> least;
-  for (std::size_t c = 0; c < cells_.size(); ++c) {
+  for (const std::size_t c : among) {
     if (cells_[c].decided()) continue;
     const std::size_t turn = turn_of(cells_[c]);
     const std::pair rank{turn, hash_u64(hash_u64(seed_, turn), c)};

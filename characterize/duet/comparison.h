@@ -11,6 +11,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -59,7 +60,8 @@ class DuetComparison {
 
   /// Cells in turns, each turn in a random order of its own; ABBA and BAAB as often; a canary after
   /// every fourth block, the first after the second. Nothing if all is decided.
-  [[nodiscard]] std::optional<DuetStep> next() const;
+  /// @param among  Indices of the cells in question.
+  [[nodiscard]] std::optional<DuetStep> next(std::span<const std::size_t> among) const;
 
   using Event = nlohmann::ordered_json;
   /// The event of a step whose processes all answered.

@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <exception>
 #include <memory>
+#include <mutex>
+#include <thread>
 
 #include "characterize/measure.h"
 #include "characterize/process.h"
@@ -88,6 +91,92 @@ class Programs {
 
 bool is_set(const std::atomic<bool>* flag) { return flag != nullptr && flag->load(); }
 
+/// One run over all lanes. Comparison and ledger change under the lock; processes run outside it.
+class DuetRun {
+ public:
+  DuetRun(DuetComparison& comparison, Ledger& ledger, const TakeSample& take,
+          const DuetLimits& limits, const std::function<void(const DuetStep&)>& on_step)
+      : comparison_(comparison), ledger_(ledger), take_(take), limits_(limits), on_step_(on_step) {}
+
+  /// Until @p lane is decided, or any lane had to end.
+  void measure(const DuetLane& lane) {
+    try {
+      while (const auto step = begin(lane)) {
+        auto outcomes = take(*step);
+        if (outcomes.back().stopped) return end_all(DuetEnd::kStopped);
+        keep(*step, std::move(outcomes));
+      }
+    } catch (...) {
+      const std::lock_guard lock(mutex_);
+      if (!error_) error_ = std::current_exception();
+    }
+  }
+
+  /// @throws whatever ended a lane.
+  [[nodiscard]] DuetEnd end() const {
+    if (error_) std::rethrow_exception(error_);
+    return end_.value_or(DuetEnd::kDecided);
+  }
+
+ private:
+  std::optional<DuetStep> begin(const DuetLane& lane) {
+    const std::lock_guard lock(mutex_);
+    if (end_ || error_) return std::nullopt;
+    auto step = comparison_.next(lane);
+    if (!step) return std::nullopt;
+    if (is_set(limits_.stop)) end_ = DuetEnd::kStopped;
+    if (!end_ && limits_.time && clock_.now() - start_ >= *limits_.time) {
+      end_ = DuetEnd::kOutOfTime;
+    }
+    if (end_) return std::nullopt;
+    if (on_step_) on_step_(*step);
+    return step;
+  }
+
+  /// Of the step's processes up to the first that gave no sample.
+  [[nodiscard]] std::vector<SampleOutcome> take(const DuetStep& step) const {
+    const DuetCell& cell = comparison_.cells()[step.cell].cell;
+    std::vector<SampleOutcome> outcomes;
+    for (const Side side : step.order) {
+      outcomes.push_back(take_(side, cell, step.sample));
+      if (!outcomes.back().sample) break;
+    }
+    return outcomes;
+  }
+
+  void keep(const DuetStep& step, std::vector<SampleOutcome> outcomes) {
+    const std::lock_guard lock(mutex_);
+    std::vector<Sample> samples;
+    std::optional<DuetComparison::Event> event;
+    for (SampleOutcome& outcome : outcomes) {
+      if (outcome.sample) {
+        samples.push_back(std::move(*outcome.sample));
+      } else {
+        event = comparison_.failure_of(step, step.order[samples.size()], outcome.error);
+      }
+    }
+    if (!event) event = comparison_.event_of(step, samples);
+    ledger_.append(*event);
+    comparison_.apply(*event);
+  }
+
+  void end_all(DuetEnd end) {
+    const std::lock_guard lock(mutex_);
+    end_ = end;
+  }
+
+  DuetComparison& comparison_;
+  Ledger& ledger_;
+  const TakeSample& take_;
+  const DuetLimits& limits_;
+  const std::function<void(const DuetStep&)>& on_step_;
+  const MachineClock clock_;
+  const Nanos start_ = clock_.now();
+  std::mutex mutex_;
+  std::optional<DuetEnd> end_;  ///< Why some lane ended early.
+  std::exception_ptr error_;
+};
+
 }  // namespace
 
 TakeSample program_samples(const DuetPrograms& programs) {
@@ -114,29 +203,17 @@ Ledger::Event ledger_key(const DuetPrograms& programs, const std::vector<DuetCel
 }
 
 DuetEnd run_duet(DuetComparison& comparison, Ledger& ledger, const TakeSample& take,
-                 const DuetLimits& limits, const std::function<void(const DuetStep&)>& on_step) {
-  const MachineClock clock;
-  const Nanos begin = clock.now();
-  while (const auto step = comparison.next()) {
-    if (is_set(limits.stop)) return DuetEnd::kStopped;
-    if (limits.time && clock.now() - begin >= *limits.time) return DuetEnd::kOutOfTime;
-    if (on_step) on_step(*step);
-    std::vector<Sample> samples;
-    std::optional<DuetComparison::Event> event;
-    for (const Side side : step->order) {
-      SampleOutcome outcome = take(side, comparison.cells()[step->cell].cell, step->sample);
-      if (outcome.stopped) return DuetEnd::kStopped;
-      if (!outcome.sample) {
-        event = comparison.failure_of(*step, side, outcome.error);
-        break;
-      }
-      samples.push_back(std::move(*outcome.sample));
+                 const DuetRounds& rounds, const DuetLimits& limits,
+                 const std::function<void(const DuetStep&)>& on_step) {
+  DuetRun run(comparison, ledger, take, limits, on_step);
+  for (const auto& lanes : rounds) {
+    std::vector<std::jthread> others;
+    for (std::size_t i = 1; i < lanes.size(); ++i) {
+      others.emplace_back([&run, &lane = lanes[i]] { run.measure(lane); });
     }
-    if (!event) event = comparison.event_of(*step, samples);
-    ledger.append(*event);
-    comparison.apply(*event);
+    if (!lanes.empty()) run.measure(lanes.front());
   }
-  return DuetEnd::kDecided;
+  return run.end();
 }
 
 }  // namespace pirt

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "characterize/duet/comparison.h"
+#include "characterize/duet/lanes.h"
 #include "characterize/duet/ledger.h"
 
 namespace pirt {
@@ -18,6 +19,7 @@ struct SampleOutcome {
   std::string error;     ///< Empty with a sample, and if stopped.
   bool stopped = false;  ///< By the user.
 };
+/// May be asked for samples of different units at the same time.
 using TakeSample = std::function<SampleOutcome(Side side, const DuetCell& cell, SampleKind kind)>;
 
 struct DuetPrograms {
@@ -50,11 +52,12 @@ struct DuetLimits {
   const std::atomic<bool>* stop = nullptr;
 };
 
-/// Measures until all is decided; each step is in @p ledger before the next begins.
-/// @param on_step  Called before each step; may be empty.
+/// Measures until all is decided; each step is in @p ledger before its lane's next begins.
+/// @param rounds   Of indices of the comparison's cells.
+/// @param on_step  Called before each step, never at the same time; may be empty.
 /// @throws Error{kEnvironment} if the ledger cannot be written.
 DuetEnd run_duet(DuetComparison& comparison, Ledger& ledger, const TakeSample& take,
-                 const DuetLimits& limits,
+                 const DuetRounds& rounds, const DuetLimits& limits,
                  const std::function<void(const DuetStep&)>& on_step = {});
 
 }  // namespace pirt

@@ -46,7 +46,7 @@ TakeSample steady(double slowdown) {
 
 DuetEnd run(DuetComparison& comparison, const TakeSample& take) {
   Ledger nowhere;
-  return run_duet(comparison, nowhere, take, {});
+  return run_duet(comparison, nowhere, take, one_at_a_time(comparison.cells().size()), {});
 }
 
 const DuetSeries& series(const DuetComparison& comparison, std::size_t cell,
@@ -59,7 +59,7 @@ TEST(DuetComparison, ChecksBothThenTakesBlocksInTurnsWithCanaries) {
   std::vector<std::string> steps;
   Ledger nowhere;
   int mirrored = 0;
-  run_duet(comparison, nowhere, steady(1), {}, [&](const DuetStep& step) {
+  run_duet(comparison, nowhere, steady(1), one_at_a_time(2), {}, [&](const DuetStep& step) {
     std::string text = std::to_string(step.cell);
     for (const Side side : step.order) text += side == Side::kBaseline ? 'A' : 'B';
     mirrored += text.ends_with("BAAB") ? 1 : 0;
@@ -200,7 +200,7 @@ TEST_F(DuetLedger, GoesOnAfterEveryInterruptionToTheSameEnd) {
                                   return SampleOutcome{.sample = {}, .error = {}, .stopped = true};
                                 return steady(1.1)(side, cell, kind);
                               },
-                              {});
+                              one_at_a_time(2), {});
     decided = end == DuetEnd::kDecided;
     if (!decided) continue;
     EXPECT_EQ(comparison.processes(), whole.processes());
@@ -214,7 +214,7 @@ TEST_F(DuetLedger, CutsOffHalfALine) {
   DuetComparison first(kTwo, 1);
   {
     Ledger ledger = open(first);
-    run_duet(first, ledger, steady(1), {});
+    run_duet(first, ledger, steady(1), one_at_a_time(2), {});
   }
   const auto size = std::filesystem::file_size(file());
   std::ofstream(file(), std::ios::app) << R"({"block": {"workload": "so)";

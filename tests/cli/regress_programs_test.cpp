@@ -34,10 +34,11 @@ class RegressPrograms : public testing::Test {
   Outcome compare(const std::string& base, const std::string& candidate,
                   std::vector<std::string> more = {}) const {
     std::vector<std::string> arguments = {
-        "regress", "--baseline-program", base,    "--candidate-program",
-        candidate, "--platform",         "fake",  "--units",
-        "cpu",     "--filter",           "sobel", "--ledger",
-        ledger()};
+        "regress", "--baseline-program", base,    "--candidate-program", candidate, "--filter",
+        "sobel",   "--ledger",           ledger()};
+    if (std::ranges::find(more, "--platform") == more.end()) {
+      arguments.insert(arguments.end(), {"--platform", "fake", "--units", "cpu"});
+    }
     arguments.insert(arguments.end(), more.begin(), more.end());
     return pirt(arguments);
   }
@@ -115,6 +116,29 @@ TEST_F(RegressPrograms, TimeThatIsUpIsInconclusive) {
   const auto outcome = compare(base, base, {"--max-time", "1ms"});
   EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("same command goes on"));
+}
+
+TEST_F(RegressPrograms, UnitsOfTheirOwnCoresAreMeasuredSideBySideUnlessForbidden) {
+  const auto platform = scratch_.write(
+      "two.yaml",
+      "platform: two\nunits: {a: {backend: cpu, cores: [0]}, b: {backend: cpu, cores: [1]}}\n");
+  // Of each unit one at a time, in either case; --one-at-a-time: one at all.
+  const std::string exclusive = "mkdir '" + scratch_.file("busy") +
+                                R"('$1 || { echo two at once >&2; exit 5; }; sleep 0.01; rmdir ')" +
+                                scratch_.file("busy") + "'$1\n" + answers("0.010");
+  const std::string by_unit =
+      "while [ $# -gt 1 ]; do [ $1 != --unit ] || { set -- $2; break; }; shift; done\n";
+  const auto run = [&](const std::string& name, const std::string& body,
+                       std::vector<std::string> more) {
+    const auto tested = program(name, body + exclusive);
+    more.insert(more.end(), {"--all", "--platform", platform, "--units", "a,b"});
+    forget();
+    return compare(tested, tested, more);
+  };
+  const auto side_by_side = run("lanes", by_unit, {});
+  EXPECT_EQ(side_by_side.exit_code, 0) << side_by_side.out;
+  const auto alone = run("alone", "set --\n", {"--one-at-a-time"});
+  EXPECT_EQ(alone.exit_code, 0) << alone.out;
 }
 
 TEST_F(RegressPrograms, RefusesBadInput) {
