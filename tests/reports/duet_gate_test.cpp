@@ -29,7 +29,7 @@ TakeSample calls(std::map<std::pair<Side, std::string>, double> seconds) {
 GateResult judged(const TakeSample& take, const DuetLimits& limits = {}) {
   DuetComparison comparison(kCells, 1);
   Ledger nowhere;
-  const auto end = run_duet(comparison, nowhere, take, limits);
+  const auto end = run_duet(comparison, nowhere, take, one_at_a_time(kCells.size()), limits);
   return judge_duet(comparison, end);
 }
 
