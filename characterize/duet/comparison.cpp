@@ -15,8 +15,8 @@ namespace {
 using Event = DuetComparison::Event;
 using Seconds = std::map<std::string, double>;
 
-constexpr std::size_t kBlocksACanary = 4;
-constexpr std::size_t kFirstCanary = 2;  ///< After so many blocks.
+/// Of a confirmation. Ten canaries before the first answer, of which eight would do.
+constexpr std::size_t kBlocksACanary = 2;
 /// Parts of a call that are less than this share of it can only be seen in the call.
 constexpr double kLeastShare = 0.10;
 
@@ -78,6 +78,14 @@ bool DuetCellState::calls_decided() const {
          });
 }
 
+bool DuetCellState::wants_canary() const {
+  return std::ranges::any_of(series, [this](const auto& each) {
+    const DuetRule& rule = each.second.rule;
+    return rule.verdict() == DuetVerdict::kUndecided && rule.confirming() &&
+           rule.confirmation().size() >= kBlocksACanary * canaries;
+  });
+}
+
 DuetComparison::DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed) : seed_(seed) {
   for (DuetCell& cell : cells) {
     cells_.emplace_back();
@@ -112,8 +120,7 @@ std::optional<DuetStep> DuetComparison::next(std::span<const std::size_t> among)
     return step;
   }
   step.sample = state.calls_decided() ? SampleKind::kSetup : SampleKind::kTimed;
-  const bool canary = state.blocks >= kFirstCanary + kBlocksACanary * state.canaries;
-  if (canary) {
+  if (state.wants_canary()) {
     step.kind = DuetStep::Kind::kCanary;
     step.order.assign(4, Side::kBaseline);
     return step;

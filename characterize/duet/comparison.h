@@ -52,14 +52,17 @@ struct DuetCellState {
   [[nodiscard]] bool decided() const;  ///< Nothing needs to.
   /// Whether only phases of set-up are undecided, so that calls need not be repeated for them.
   [[nodiscard]] bool calls_decided() const;
+  /// Whether a confirmation has had too few canaries.
+  [[nodiscard]] bool wants_canary() const;
 };
 
 class DuetComparison {
  public:
   DuetComparison(std::vector<DuetCell> cells, std::uint64_t seed);
 
-  /// Cells in turns, each turn in a random order of its own; ABBA and BAAB as often; a canary after
-  /// every fourth block, the first after the second. Nothing if all is decided.
+  /// Cells in turns, each turn in a random order of its own; ABBA and BAAB as often. While
+  /// something of a cell is being confirmed, a canary before every second block: an alarm needs
+  /// them, and to be cleared takes none. Nothing if all is decided.
   /// @param among  Indices of the cells in question.
   [[nodiscard]] std::optional<DuetStep> next(std::span<const std::size_t> among) const;
 

@@ -40,8 +40,8 @@ struct DuetThresholds {
   double alpha = 0.05;       ///< Of all series of the table together, for a confirmation.
   double open_bound = 0.10;  ///< At the end an upper bound above it leaves the question open.
   /// Of the baseline against itself: refused if the median is farther from 0 than this, and a
-  /// two-sided sign test says that it is not their spread alone. An alarm has had eight of them,
-  /// which can; to be cleared needs none, since either order comes as often.
+  /// two-sided sign test says that it is not their spread alone, for which eight are enough. To be
+  /// cleared needs none, since either order comes as often.
   double canary_median = 0.02;
   double canary_alpha = 0.01;
 };

@@ -54,7 +54,7 @@ const DuetSeries& series(const DuetComparison& comparison, std::size_t cell,
   return comparison.cells()[cell].series.at(phase);
 }
 
-TEST(DuetComparison, ChecksBothThenTakesBlocksInTurnsWithCanaries) {
+TEST(DuetComparison, ChecksBothThenTakesBlocksInTurns) {
   DuetComparison comparison(kTwo, 1);
   std::vector<std::string> steps;
   Ledger nowhere;
@@ -65,16 +65,38 @@ TEST(DuetComparison, ChecksBothThenTakesBlocksInTurnsWithCanaries) {
     mirrored += text.ends_with("BAAB") ? 1 : 0;
     steps.push_back(text);
   });
-  // A turn has each cell once: 2 checks, 8 blocks and the 2 canaries after the 2nd and 6th.
-  ASSERT_EQ(steps.size(), 2U * (2 + 8 + 2));
+  // A turn has each cell once: 2 checks and 8 blocks.
+  ASSERT_EQ(steps.size(), 2U * (2 + 8));
   for (std::size_t i = 0; i < steps.size(); i += 2) {
     EXPECT_NE(steps[i][0], steps[i + 1][0]) << i;
   }
-  EXPECT_EQ(std::ranges::count(steps, "0AAAA"), 2);
   EXPECT_EQ(mirrored, 8) << "half of the blocks";
   EXPECT_EQ(comparison.decided(), 2U);
-  EXPECT_EQ(comparison.processes(), 2U * (2 + 40));
+  EXPECT_EQ(comparison.processes(), 2U * (2 + 32));
   EXPECT_EQ(series(comparison, 0, "execute").rule.verdict(), DuetVerdict::kNotSlower);
+}
+
+TEST(DuetComparison, OnlyAConfirmationIsTakenWithCanaries) {
+  DuetComparison comparison(kTwo, 1);
+  std::string steps;
+  Ledger nowhere;
+  const auto take = [](Side side, const DuetCell& cell, SampleKind kind) {
+    return steady(cell == kTwo[0] ? 1.1 : 1)(side, cell, kind);
+  };
+  run_duet(comparison, nowhere, take, one_at_a_time(2), {}, [&](const DuetStep& step) {
+    if (step.cell == 1) {
+      EXPECT_NE(step.kind, DuetStep::Kind::kCanary);
+    } else if (step.kind != DuetStep::Kind::kCheck) {
+      steps += step.kind == DuetStep::Kind::kCanary ? 'c' : 'b';
+      EXPECT_EQ(step.kind == DuetStep::Kind::kCanary,
+                step.order == std::vector<Side>(4, Side::kBaseline));
+    }
+  });
+  std::string confirmation;
+  for (int i = 0; i < 10; ++i) confirmation += "cbb";
+  EXPECT_EQ(steps, std::string(12, 'b') + confirmation);
+  EXPECT_EQ(series(comparison, 0, "execute").rule.canaries().size(), 10U);
+  EXPECT_EQ(series(comparison, 0, "execute").rule.verdict(), DuetVerdict::kSlower);
 }
 
 TEST(DuetComparison, FindsASlowdownAndSaysByHowMuch) {
@@ -89,7 +111,7 @@ TEST(DuetComparison, FindsASlowdownAndSaysByHowMuch) {
 }
 
 TEST(DuetComparison, RepeatsNoCallsOnceTheyAreDecided) {
-  // Calls are clear after 8 blocks; prepare is slower, which takes 12 and 20 more.
+  // Calls are clear after 8 blocks; prepare is slower, which takes 12 and 20 more, with 10 canaries.
   DuetComparison comparison({kTwo[0]}, 1);
   std::map<SampleKind, int> asked;
   EXPECT_EQ(run(comparison,
@@ -106,8 +128,8 @@ TEST(DuetComparison, RepeatsNoCallsOnceTheyAreDecided) {
   EXPECT_EQ(series(comparison, 0, "execute").base_s.size(), 16U);
   EXPECT_EQ(series(comparison, 0, "prepare").base_s.size(), 64U);
   EXPECT_EQ(asked[SampleKind::kVerified], 2);
-  EXPECT_EQ(asked[SampleKind::kTimed], 4 * (8 + 2));
-  EXPECT_EQ(asked[SampleKind::kSetup], 4 * (24 + 6));
+  EXPECT_EQ(asked[SampleKind::kTimed], 4 * 8);
+  EXPECT_EQ(asked[SampleKind::kSetup], 4 * (4 + 20 + 10));
 }
 
 TEST(DuetComparison, DriftWithinABlockCancels) {

@@ -161,8 +161,10 @@ Rates simulate(const DuetThresholds& thresholds, double noise, double slowdown, 
   for (int trial = 0; trial < trials; ++trial) {
     Machine machine(noise, static_cast<std::uint64_t>(trial) + 1);
     DuetRule rule(thresholds);
-    for (int i = 0; rule.verdict() == DuetVerdict::kUndecided; ++i) {
-      if (i % 4 == 2) rule.add_canary(machine.block(0));
+    while (rule.verdict() == DuetVerdict::kUndecided) {
+      if (rule.confirming() && rule.confirmation().size() % 2 == 0) {
+        rule.add_canary(machine.block(0));
+      }
       rule.add_block(machine.block(slowdown), kTable);
     }
     const bool slower =
