@@ -111,7 +111,8 @@ TEST(DuetComparison, FindsASlowdownAndSaysByHowMuch) {
 }
 
 TEST(DuetComparison, RepeatsNoCallsOnceTheyAreDecided) {
-  // Calls are clear after 8 blocks; prepare is slower, which takes 12 and 20 more, with 10 canaries.
+  // Calls are clear after 8 blocks; prepare is slower, which takes 12 and 20 more, with 10
+  // canaries.
   DuetComparison comparison({kTwo[0]}, 1);
   std::map<SampleKind, int> asked;
   EXPECT_EQ(run(comparison,
