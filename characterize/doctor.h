@@ -15,6 +15,7 @@
 
 #include "characterize/environment.h"
 #include "characterize/host_load.h"
+#include "characterize/jitter.h"
 #include "characterize/platform.h"
 
 namespace pirt {
@@ -64,6 +65,7 @@ struct DoctorInput {
   std::vector<int> cores;  ///< That pirt may use.
   DoctorSnapshot before;
   std::optional<DoctorSnapshot> after;          ///< Some time later; absent for a recorded machine.
+  std::vector<CoreJitter> jitter;               ///< Between the two; empty if nothing computed.
   Environment build;                            ///< build_environment().
   std::optional<std::vector<UnitProbe>> units;  ///< Absent if they were not probed.
   std::vector<DiskSpace> disks;

@@ -23,6 +23,7 @@ using Findings = std::vector<Finding>;
 [[nodiscard]] Findings siblings(const DoctorInput& input);
 [[nodiscard]] Findings load(const DoctorInput& input);
 [[nodiscard]] Findings steal(const DoctorInput& input);
+[[nodiscard]] Findings jitter(const DoctorInput& input);
 [[nodiscard]] Findings quota(const DoctorInput& input);
 [[nodiscard]] Findings memory(const DoctorInput& input);
 [[nodiscard]] Findings swapping(const DoctorInput& input);

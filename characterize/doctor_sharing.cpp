@@ -11,6 +11,8 @@ namespace {
 
 constexpr double kLoadShare = 0.05;   // as host_load.h counts a sample as contended
 constexpr double kStealShare = 0.01;  // what an interval of +/- 2 % should not have to swallow
+constexpr double kJitter = 0.05;      // what 20 processes a cell average to about 2 %
+constexpr std::size_t kFewestPieces = 20;
 constexpr const char* kRecorded = "a recorded machine: there are no two moments to compare";
 
 std::optional<double> share(const std::optional<Nanos>& part_before,
@@ -66,7 +68,8 @@ Findings load(const DoctorInput& input) {
       *after.total <= *before.total) {
     return {unknown("load", "/proc/stat does not count processor time")};
   }
-  const Nanos others = (*after.busy - *before.busy) - (after.own - before.own);
+  Nanos others = (*after.busy - *before.busy) - (after.own - before.own);
+  if (before.steal && after.steal) others -= *after.steal - *before.steal;  // a check of its own
   const double part = std::clamp(to_s(others) / to_s(*after.total - *before.total), 0.0, 1.0);
   const std::string found =
       fmt::format("other programs take {:.0f} % of the cores' time, {}", 100 * part, average);
@@ -95,6 +98,33 @@ Findings steal(const DoctorInput& input) {
   const auto since = share(Nanos(0), before.steal, Nanos(0), before.total);
   if (!since) return {unknown("steal", "/proc/stat does not count it")};
   return judge(*since, "since the machine started");
+}
+
+Findings jitter(const DoctorInput& input) {
+  if (input.jitter.empty()) return {unknown("jitter", "a recorded machine: nothing is computed")};
+  double worst = 0;
+  std::vector<std::string> uneven;
+  for (const CoreJitter& core : input.jitter) {
+    if (core.pieces.size() < kFewestPieces) {
+      return {unknown("jitter", "looked too briefly to tell; try --seconds 1")};
+    }
+    const JitterRange range = range_of(core.pieces);
+    worst = std::max(worst, range.spread());
+    if (range.spread() <= kJitter) continue;
+    uneven.push_back(fmt::format("{:.2f} to {:.2f} times its median on core {}", range.low,
+                                 range.high, core.core));
+  }
+  if (uneven.empty()) {
+    return {good("jitter",
+                 fmt::format("the same work takes the same time within {:.1f} %", 100 * worst))};
+  }
+  return {
+      {"jitter", Level::kSpoils, fmt::format("the same work takes {}", join(uneven, ", ")),
+       "what is not shown here shares the cores (another virtual machine, a sibling thread), or "
+       "their clock changes; processes differ as much",
+       "nothing inside the machine helps against neighbours: measure on a dedicated instance, or "
+       "at another hour (pirt doctor --seconds 60 looks for longer); otherwise give more time "
+       "(--max-time 30min), and go by the intervals"}};
 }
 
 Findings quota(const DoctorInput& input) {

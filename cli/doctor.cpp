@@ -4,9 +4,9 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <filesystem>
 #include <memory>
-#include <thread>
 
 #include "cli/commands.h"
 #include "cli/output.h"
@@ -48,7 +48,8 @@ DoctorInput this_machine(const Options& options) {
     input.disks.push_back(free_space(folder));
   }
   input.before = read_doctor_snapshot(input.cores);
-  std::this_thread::sleep_for(std::chrono::duration<double>(options.seconds));
+  // Steal is counted of cores that want to compute only: so they do.
+  input.jitter = measure_jitter(input.cores, Nanos(std::llround(options.seconds * 1e9)));
   input.after = read_doctor_snapshot(input.cores);
   return input;
 }
@@ -88,7 +89,8 @@ void add_doctor(CLI::App& app, Action& action) {
       ->capture_default_str();
   command
       ->add_option("--seconds", options->seconds,
-                   "How long load, steal and throttling are watched, in seconds")
+                   "How long load, steal, jitter and throttling are watched, in seconds; all cores "
+                   "compute meanwhile")
       ->capture_default_str();
   command->add_option("--root", options->root,
                       "Judge a recorded machine: a folder with copies of its /proc and /sys");

@@ -20,6 +20,14 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::UnorderedElementsAre;
 
+/// A core whose pieces of work lie evenly between @p low and @p high.
+CoreJitter pieces_between(int core, Nanos low, Nanos high) {
+  constexpr int kSteps = 40;
+  CoreJitter jitter{core, {}};
+  for (int i = 0; i <= kSteps; ++i) jitter.pieces.push_back(low + (high - low) * i / kSteps);
+  return jitter;
+}
+
 /// The machine twice, one quiet second apart; both units there.
 DoctorInput input_of(const RecordedMachine& machine) {
   DoctorInput input;
@@ -29,6 +37,8 @@ DoctorInput input_of(const RecordedMachine& machine) {
   input.before.host.own = Nanos(0);
   input.after = input.before;
   if (input.after->host.total) *input.after->host.total += seconds(2);
+  input.jitter = {pieces_between(0, milliseconds(5), milliseconds(5)),
+                  pieces_between(1, milliseconds(6), milliseconds(6))};
   input.build = {{"build_type", "Release"}, {"sanitizers", "none"}};
   input.units = {{"cpu", "Some CPU", "", {0}}, {"opencl", "Some device", "", {1}}};
   input.disks = {{"/tmp", std::int64_t{1} << 40}};
@@ -151,6 +161,30 @@ TEST_F(Doctor, FindsOtherProgramsButNotItself) {
             "other programs take 15 % of the cores' time, load average 0.01");
   input.after->host.own = milliseconds(250);
   EXPECT_EQ(finding_of(input, "load").level, Level::kGood);
+}
+
+TEST_F(Doctor, WhatTheHypervisorTakesIsNotTakenByOtherPrograms) {
+  auto input = input_of(test::stolen_from_vm(folder.path()));
+  *input.after->host.busy += milliseconds(300);
+  *input.after->host.steal += milliseconds(300);  // which is within busy
+  EXPECT_EQ(finding_of(input, "load").level, Level::kGood);
+  EXPECT_EQ(finding_of(input, "steal").level, Level::kSpoils);
+}
+
+TEST_F(Doctor, FindsANeighbourThatNoCounterShows) {
+  auto input = input_of(test::healthy_board(folder.path()));
+  EXPECT_EQ(finding_of(input, "jitter").found, "the same work takes the same time within 0.0 %");
+  input.jitter[1] = pieces_between(1, milliseconds(980), milliseconds(1020));
+  EXPECT_EQ(finding_of(input, "jitter").level, Level::kGood);
+  input.jitter[1] = pieces_between(1, milliseconds(800), milliseconds(1200));
+  const Finding found = finding_of(input, "jitter");
+  EXPECT_EQ(found.level, Level::kSpoils);
+  EXPECT_EQ(found.found, "the same work takes 0.82 to 1.18 times its median on core 1");
+  EXPECT_THAT(found.remedy, HasSubstr("dedicated instance"));
+  input.jitter[0].pieces.resize(19);
+  EXPECT_EQ(finding_of(input, "jitter").level, Level::kUnknown) << "too few to tell";
+  input.jitter.clear();
+  EXPECT_EQ(finding_of(input, "jitter").level, Level::kUnknown);
 }
 
 TEST_F(Doctor, FindsWhatHappenedWhileItLooked) {

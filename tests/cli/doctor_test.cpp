@@ -47,6 +47,14 @@ TEST(Doctor, ExitsWith1AndSaysWhatToDo) {
   EXPECT_EQ(nlohmann::json::parse(slurp(scratch.file("d.json")))["verdict"], "spoils");
 }
 
+TEST(Doctor, LooksAtThisMachine) {
+  const auto outcome = pirt({"doctor", "--seconds", "0.3", "--json", "-"});
+  const auto report = outcome.json();
+  EXPECT_EQ(outcome.exit_code, report["verdict"] == "spoils" ? 1 : 0) << outcome.err;
+  EXPECT_NE(finding(report, "jitter")["level"], "unknown");
+  EXPECT_NE(finding(report, "load")["level"], "unknown");
+}
+
 TEST(Doctor, ExitsWith4WhereNoUnitCanBeMeasured) {
   const Scratch scratch;
   const auto platform = scratch.write(
