@@ -150,6 +150,18 @@ std::string summary_text(const CampaignSummary& summary, const CampaignPlan& pla
       campaign.database.string());
 }
 
+/// What to do where less than half of the cells became precise; "" elsewhere, and after --quick,
+/// which does not try to.
+std::string precision_text(const CampaignSummary& summary, const CampaignPlan& plan,
+                           const CampaignOptions& campaign) {
+  if (campaign.quick || 2 * summary.within_precision >= summary.cells) return "";
+  const auto longer = std::chrono::ceil<std::chrono::minutes>(4 * plan.max_time);
+  return fmt::format(
+      "Less than half of the cells are within {:.3g} %: `pirt doctor` says what disturbs this "
+      "machine; --max-time {}min halves the intervals where nothing helps",
+      100 * campaign.precision, longer.count());
+}
+
 /// What the clock does to a sample: batches keep it below 0.1 % of any phase (measure.h).
 std::string clock_text(const Profile& profile, std::int64_t run_id) {
   for (const RunInfo& run : profile.runs) {
@@ -207,8 +219,10 @@ int characterize(const Options& options) {
   const auto profile = load_profile(options.database, campaign.platform.name);
   Document document{.title = "pirt characterize",
                     .parts = {profile_header(profile), profile_table(profile)}};
-  document.parts.emplace_back(
-      Paragraph{{summary_text(summary, plan, campaign), clock_text(profile, summary.run_id)}});
+  Paragraph closing{{summary_text(summary, plan, campaign), precision_text(summary, plan, campaign),
+                     clock_text(profile, summary.run_id)}};
+  std::erase(closing.lines, "");
+  document.parts.emplace_back(std::move(closing));
   auto json = profile_json(profile, preferences(profile));
   json["schema_version"] = 1;
   json["summary"] = summary_json(summary);

@@ -48,6 +48,12 @@ void add_cost(const Profile& profile, const std::string& workload, const std::st
   cost.execute = median_of(profile.find(workload, unit, Phase::kExecute));
   cost.download = median_of(profile.find(workload, unit, Phase::kDownload));
   cost.provenance = call->provenance;
+  const std::array rows = {init, prepare, call};
+  const auto has_interval = [](const PhaseRow* row) { return row->ci_low && row->ci_high; };
+  if (std::ranges::all_of(rows, has_interval)) {
+    cost.least = {*init->ci_low + *prepare->ci_low, *call->ci_low};
+    cost.most = {*init->ci_high + *prepare->ci_high, *call->ci_high};
+  }
   result.costs.push_back(std::move(cost));
 }
 
@@ -55,9 +61,7 @@ void add_cost(const Profile& profile, const std::string& workload, const std::st
 
 Nanos OffloadingCost::set_up() const { return device_init + std::max(Nanos(0), prepare - call); }
 
-Nanos OffloadingCost::total(std::int64_t calls) const {
-  return device_init + prepare + (calls - 1) * call;
-}
+Nanos CallCosts::total(std::int64_t calls) const { return first + (calls - 1) * further; }
 
 const OffloadingCost* OffloadingCosts::find(std::string_view workload, std::string_view unit,
                                             State state) const {
@@ -77,16 +81,30 @@ OffloadingCosts offloading_costs(const Profile& profile) {
   return result;
 }
 
-Crossover crossover(const OffloadingCost& a, const OffloadingCost& b) {
+Crossover crossover(const CallCosts& a, const CallCosts& b) {
   // b is faster with n calls if later < (n - 1) * gain.
-  const std::int64_t later = (b.total(1) - a.total(1)).count();
-  const std::int64_t gain = (a.call - b.call).count();
+  const std::int64_t later = (b.first - a.first).count();
+  const std::int64_t gain = (a.further - b.further).count();
   if (later < 0) {
     if (gain >= 0) return {Crossover::Kind::kFromFirst, 0};
     return {Crossover::Kind::kUpTo, (-later - 1) / -gain + 1};  // the largest n - 1 < later / gain
   }
   if (gain <= 0) return {Crossover::Kind::kNever, 0};
   return {Crossover::Kind::kFrom, later / gain + 2};  // the smallest n - 1 > later / gain
+}
+
+std::optional<CrossoverRange> crossover_range(const OffloadingCost& a, const OffloadingCost& b) {
+  if (!a.least || !a.most || !b.least || !b.most) return std::nullopt;
+  return CrossoverRange{crossover(*a.most, *b.least), crossover(*a.least, *b.most)};
+}
+
+std::optional<bool> is_faster_call(const OffloadingCost& a, const OffloadingCost& b) {
+  if (a.least && a.most && b.least && b.most) {
+    const bool apart = b.most->further < a.least->further || a.most->further < b.least->further;
+    if (!apart) return std::nullopt;
+  }
+  if (a.call == b.call) return std::nullopt;
+  return b.call < a.call;
 }
 
 }  // namespace pirt

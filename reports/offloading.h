@@ -1,7 +1,8 @@
 // What offloading costs with set-up included (the paper's Observation Three and Fig. 7), and from
 // how many calls on one unit beats another.
 //
-// Pure arithmetic on a profile's medians; a process that does nothing but these calls is supposed.
+// Pure arithmetic on a profile's medians and their intervals; a process that does nothing but these
+// calls is supposed.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +14,16 @@
 
 namespace pirt {
 
+/// What a number of calls costs.
+struct CallCosts {
+  Nanos first{0};    ///< From nothing to the end of the first call.
+  Nanos further{0};  ///< Each call after it.
+
+  /// Time from nothing to the end of the @p calls-th call, at least one.
+  [[nodiscard]] Nanos total(std::int64_t calls) const;
+  friend bool operator==(const CallCosts&, const CallCosts&) = default;
+};
+
 /// One workload on one unit, its set-up cold or warm. Medians of valid rows.
 struct OffloadingCost {
   std::string workload, unit;
@@ -23,11 +34,13 @@ struct OffloadingCost {
   std::optional<Nanos> upload, launch, execute, download;  ///< Of one call; as far as the unit has
                                                            ///< them.
   Provenance provenance = Provenance::kMeasured;           ///< Of `call`.
+  /// With device_init, prepare and call at the lower and at the upper ends of their 95 % intervals;
+  /// absent if one has no interval.
+  std::optional<CallCosts> least, most;
 
   /// Device and kernel prepared, before the first call; not below 0.
   [[nodiscard]] Nanos set_up() const;
-  /// Time from nothing to the end of the @p calls-th call, at least one.
-  [[nodiscard]] Nanos total(std::int64_t calls) const;
+  [[nodiscard]] CallCosts calls() const { return {device_init + prepare, call}; }
 };
 
 struct MissingCost {
@@ -60,6 +73,22 @@ struct Crossover {
 };
 
 /// When @p b takes strictly less time than @p a. Exact, in whole nanoseconds.
-[[nodiscard]] Crossover crossover(const OffloadingCost& a, const OffloadingCost& b);
+[[nodiscard]] Crossover crossover(const CallCosts& a, const CallCosts& b);
+
+/// Between which crossovers the true one lies.
+struct CrossoverRange {
+  Crossover
+      soonest;       ///< With every figure at the end of its interval that favours the second unit,
+  Crossover latest;  ///< and the first.
+  friend bool operator==(const CrossoverRange&, const CrossoverRange&) = default;
+};
+
+/// Wider than 95 %, since all figures stand at their ends at once. Absent without the intervals.
+[[nodiscard]] std::optional<CrossoverRange> crossover_range(const OffloadingCost& a,
+                                                            const OffloadingCost& b);
+
+/// Whether calls on @p b take less time than on @p a once both are set up; nothing where their
+/// intervals overlap, or, without intervals, where the medians are equal.
+[[nodiscard]] std::optional<bool> is_faster_call(const OffloadingCost& a, const OffloadingCost& b);
 
 }  // namespace pirt

@@ -109,32 +109,65 @@ Remarks remarks_of(const Profile& profile, const std::string& workload, const st
   return remarks;
 }
 
-/// Notes that every workload of the unit has: said once instead of in every row.
-std::set<std::string> common_notes(const Profile& profile, const std::string& unit) {
-  std::set<std::string> common;
-  bool first = true;
-  for (const auto& workload : profile.workloads()) {
-    std::set<std::string> here;
-    for (const auto& [text, phases] : remarks_of(profile, workload, unit)) here.insert(text);
-    if (here.empty() && profile.find(workload, unit, Phase::kCall) == nullptr) continue;
-    std::set<std::string> both;
-    std::ranges::set_intersection(common, here, std::inserter(both, both.end()));
-    common = first ? here : both;
-    first = false;
-  }
-  std::erase_if(common, [](const std::string& text) { return text.starts_with("INVALID"); });
-  return common;
+bool concerns_call(const std::vector<Phase>& phases) {
+  return std::ranges::find(phases, Phase::kCall) != phases.end();
 }
 
 /// The phases are named where the call as a whole is not concerned.
-std::string remarks_text(const Remarks& remarks, const std::set<std::string>& left_out) {
+std::string remark_text(const std::string& text, const std::vector<Phase>& phases) {
+  if (concerns_call(phases)) return text;
+  std::vector<std::string> names;
+  for (const Phase phase : phases) names.emplace_back(to_string(phase));
+  return text + " (" + join(names, ", ") + ")";
+}
+
+/// Notes that every workload of a unit has, said once instead of in every row, with their phases.
+/// Those that concern the calls of some workloads are said of all phases but the call: the rows
+/// whose call is concerned say so themselves.
+using CommonNotes = std::map<std::string, std::vector<Phase>>;
+
+CommonNotes common_notes(const Profile& profile, const std::string& unit) {
+  struct Found {
+    int workloads = 0;
+    int calls = 0;
+    std::vector<Phase> phases;       ///< In all workloads,
+    std::vector<Phase> beside_call;  ///< and in those whose call is not concerned.
+  };
+  std::map<std::string, Found> notes;
+  int workloads = 0;
+  const auto add = [](std::vector<Phase>& to, const std::vector<Phase>& phases) {
+    for (const Phase phase : phases) {
+      if (std::ranges::find(to, phase) == to.end()) to.push_back(phase);
+    }
+  };
+  for (const auto& workload : profile.workloads()) {
+    const Remarks remarks = remarks_of(profile, workload, unit);
+    if (remarks.empty() && profile.find(workload, unit, Phase::kCall) == nullptr) continue;
+    ++workloads;
+    for (const auto& [text, phases] : remarks) {
+      if (text.starts_with("INVALID")) continue;
+      Found& found = notes[text];
+      ++found.workloads;
+      found.calls += concerns_call(phases) ? 1 : 0;
+      add(found.phases, phases);
+      if (!concerns_call(phases)) add(found.beside_call, phases);
+    }
+  }
+  CommonNotes common;
+  for (auto& [text, found] : notes) {
+    if (found.workloads != workloads) continue;
+    common[text] = found.calls == workloads ? found.phases : found.beside_call;
+  }
+  return common;
+}
+
+std::string remarks_text(const Remarks& remarks, const CommonNotes& common) {
   std::vector<std::string> parts;
   for (const auto& [text, phases] : remarks) {
-    if (left_out.contains(text)) continue;
-    std::vector<std::string> names;
-    for (const Phase phase : phases) names.emplace_back(to_string(phase));
-    const bool call = std::ranges::find(phases, Phase::kCall) != phases.end();
-    parts.push_back(call ? text : text + " (" + join(names, ", ") + ")");
+    const auto said = common.find(text);
+    const bool is_said =
+        said != common.end() && (concerns_call(said->second) || !concerns_call(phases));
+    if (!is_said) parts.push_back(remark_text(text, phases));
   }
   return join(parts, "; ");
 }
@@ -273,7 +306,7 @@ Table profile_table(const Profile& profile) {
                           {"samples"},
                           {"remarks", Align::kLeft}}};
   const Rooflines roofs = rooflines(profile);
-  std::map<std::string, std::set<std::string>> common;
+  std::map<std::string, CommonNotes> common;
   for (const auto& unit : profile.units()) common[unit] = common_notes(profile, unit);
   for (const auto& workload : profile.workloads()) {
     for (const auto& unit : profile.units()) {
@@ -301,7 +334,8 @@ Table profile_table(const Profile& profile) {
   for (auto& line : roofline_footnotes(roofs)) table.footnotes.push_back(std::move(line));
   for (const auto& [unit, notes] : common) {
     if (notes.empty()) continue;
-    const std::vector<std::string> list(notes.begin(), notes.end());
+    std::vector<std::string> list;
+    for (const auto& [text, phases] : notes) list.push_back(remark_text(text, phases));
     table.footnotes.push_back(fmt::format("All rows of {}: {}", unit, join(list, ", ")));
   }
   for (auto& line : glossary(profile)) table.footnotes.push_back(std::move(line));

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <functional>
 
 #include "reports/figures.h"
 
@@ -40,26 +39,48 @@ std::vector<Pair> pairs_of(const OffloadingCosts& costs) {
   return pairs;
 }
 
-std::optional<Crossover> crossover_of(const OffloadingCosts& costs, const Pair& pair, State state) {
+struct Found {
+  Crossover by_medians;
+  std::optional<CrossoverRange> range;
+};
+
+std::optional<Found> crossover_of(const OffloadingCosts& costs, const Pair& pair, State state) {
   const auto* a = costs.find(pair.workload, pair.a, state);
   const auto* b = costs.find(pair.workload, pair.b, state);
   if (a == nullptr || b == nullptr) return std::nullopt;
-  return crossover(*a, *b);
+  return Found{crossover(a->calls(), b->calls()), crossover_range(*a, *b)};
 }
 
-std::string text_of(const std::optional<Crossover>& found) {
-  if (!found) return "-";
-  switch (found->kind) {
+std::string text_of(const Crossover& found) {
+  switch (found.kind) {
     case Crossover::Kind::kNever:
       return "never";
     case Crossover::Kind::kFromFirst:
       return "from the first";
     case Crossover::Kind::kFrom:
-      return fmt::format("from {} calls", found->calls);
+      return fmt::format("from {} calls", found.calls);
     case Crossover::Kind::kUpTo:
-      return found->calls == 1 ? "for one call only" : fmt::format("up to {} calls", found->calls);
+      return found.calls == 1 ? "for one call only" : fmt::format("up to {} calls", found.calls);
   }
   return "-";
+}
+
+/// "from 74 calls (55 to 102)", "from 74 calls (from 9 calls, or never)", "never (or from 9
+/// calls)".
+std::string text_of(const std::optional<Found>& found) {
+  if (!found) return "-";
+  const Crossover& middle = found->by_medians;
+  std::string text = text_of(middle);
+  if (!found->range) return text;
+  const auto& [soonest, latest] = *found->range;
+  if (soonest == middle && latest == middle) return text;
+  if (soonest.kind == middle.kind && latest.kind == middle.kind) {
+    return fmt::format("{} ({} to {})", text, std::min(soonest.calls, latest.calls),
+                       std::max(soonest.calls, latest.calls));
+  }
+  if (latest == middle) return fmt::format("{} (or {})", text, text_of(soonest));
+  if (soonest == middle) return fmt::format("{} (or {})", text, text_of(latest));
+  return fmt::format("{} ({}, or {})", text, text_of(soonest), text_of(latest));
 }
 
 Json json_of(const Crossover& found) {
@@ -76,9 +97,18 @@ Json json_of(const Crossover& found) {
   return {};
 }
 
+Json json_of(const Found& found) {
+  Json json = json_of(found.by_medians);
+  if (found.range) {
+    json["soonest"] = json_of(found.range->soonest);
+    json["latest"] = json_of(found.range->latest);
+  }
+  return json;
+}
+
 /// Share of the first call's time that is not the call.
 double set_up_share(const OffloadingCost& cost) {
-  const double total = to_ms(cost.total(1));
+  const double total = to_ms(cost.calls().first);
   return total > 0 ? to_ms(cost.set_up()) / total : 0;
 }
 
@@ -114,7 +144,7 @@ Table offloading_table(const OffloadingCosts& costs) {
     table.rows.push_back({cost.workload, cost.unit, std::string(to_string(cost.state)),
                           shown(cost.device_init), shown(cost.set_up() - cost.device_init),
                           shown(cost.upload), shown(cost.launch), shown(cost.execute),
-                          shown(cost.download), shown(cost.total(1)),
+                          shown(cost.download), shown(cost.calls().first),
                           fmt::format("{:.1f}%", 100 * set_up_share(cost)), shown(cost.call)});
   }
   table.footnotes = {
@@ -142,15 +172,19 @@ Table crossover_table(const OffloadingCosts& costs) {
     const auto* b = costs.find(pair.workload, pair.b, State::kWarm);
     if (a == nullptr) a = costs.find(pair.workload, pair.a, State::kCold);
     if (b == nullptr) b = costs.find(pair.workload, pair.b, State::kCold);
-    const std::string steady = b->call < a->call ? "yes" : b->call == a->call ? "equal" : "no";
+    const auto faster = is_faster_call(*a, *b);
+    const std::string steady = !faster ? "equal" : *faster ? "yes" : "no";
     table.rows.push_back({pair.workload, pair.a, pair.b,
                           text_of(crossover_of(costs, pair, State::kCold)),
                           text_of(crossover_of(costs, pair, State::kWarm)), steady});
   }
   table.footnotes = {
-      "From medians; where intervals are wide, a crossover is as uncertain. set up already: "
-      "whether "
-      "one call is faster when both units are ready (the runtime's set-up at start)."};
+      "From medians; in brackets what the ends of their 95 % intervals allow, first those that "
+      "favour the second unit (no brackets: nothing else, or fewer than 3 set-ups). set up "
+      "already: "
+      "whether one call is faster when both units are ready (the runtime's set-up at start); "
+      "equal: "
+      "the intervals overlap."};
   return table;
 }
 
@@ -172,7 +206,7 @@ Json setup_json(const OffloadingCosts& costs) {
     add("execute_ms", cost.execute);
     add("download_ms", cost.download);
     add("call_ms", cost.call);
-    add("first_call_ms", cost.total(1));
+    add("first_call_ms", cost.calls().first);
     json["offloading"].push_back(std::move(entry));
   }
   for (const Pair& pair : pairs_of(costs)) {

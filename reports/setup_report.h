@@ -11,10 +11,13 @@ namespace pirt {
 /// The paper's Fig. 7 as a table, for every workload and unit: set-up, cold and warm, and one call.
 [[nodiscard]] Table offloading_table(const OffloadingCosts& costs);
 
-/// For each workload and pair of units, from how many calls on the second beats the first.
+/// For each workload and pair of units, from how many calls on the second beats the first, and
+/// between which numbers that lies.
 [[nodiscard]] Table crossover_table(const OffloadingCosts& costs);
 
-/// "offloading", "crossovers" and "missing"; times in ms.
+/// "offloading", "crossovers" and "missing"; times in ms. A crossover is {"wins": "never" |
+/// "always" | "from" | "up_to", "calls"}, with two of its kind, "soonest" and "latest", where
+/// intervals are known.
 [[nodiscard]] nlohmann::ordered_json setup_json(const OffloadingCosts& costs);
 
 }  // namespace pirt

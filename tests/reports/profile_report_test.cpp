@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
+
 #include "reports/preference.h"
 
 namespace pirt {
@@ -95,6 +97,33 @@ TEST(ProfileTable, SaysOnceWhatHoldsForAllRowsOfAUnit) {
   EXPECT_EQ(table.rows[0].back(), "bimodal");
   EXPECT_EQ(table.rows[1].back(), "");
   EXPECT_THAT(table.footnotes, Contains("All rows of cpu: no_kernel_cache"));
+}
+
+TEST(ProfileTable, ACommonNoteOfOtherPhasesHidesNoCall) {
+  const auto imprecise = [](PhaseRow row) {
+    row.notes = {"precision_not_reached"};
+    return row;
+  };
+  const auto table = profile_table(profile_of(
+      {imprecise(row("sobel", "opencl", Phase::kLaunch, 1)),
+       row("sobel", "opencl", Phase::kCall, 1), imprecise(row("fc8", "opencl", Phase::kUpload, 1)),
+       imprecise(row("fc8", "opencl", Phase::kLaunch, 1)),
+       imprecise(row("fc8", "opencl", Phase::kCall, 1)),
+       imprecise(row("blur", "opencl", Phase::kDownload, 1)),
+       row("blur", "opencl", Phase::kCall, 1)}));
+  std::map<std::string, std::string> remarks;
+  for (const auto& line : table.rows) remarks[line[0]] = line.back();
+  EXPECT_EQ(remarks["fc8"], "precision_not_reached");
+  EXPECT_EQ(remarks["sobel"], "");
+  EXPECT_EQ(remarks["blur"], "");
+  EXPECT_EQ(std::ranges::count_if(table.footnotes,
+                                  [](const std::string& line) {
+                                    return line.starts_with(
+                                               "All rows of opencl: precision_not_reached (") &&
+                                           line.find("launch") != std::string::npos &&
+                                           line.find("upload") == std::string::npos;
+                                  }),
+            1);
 }
 
 TEST(ProfileHeader, NeverTakesACpuForAGpu) {

@@ -11,11 +11,8 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-OffloadingCost cost(double first_call_ms, double call_ms) {
-  OffloadingCost result;
-  result.prepare = from_ms(first_call_ms);
-  result.call = from_ms(call_ms);
-  return result;
+CallCosts cost(double first_call_ms, double call_ms) {
+  return {from_ms(first_call_ms), from_ms(call_ms)};
 }
 
 PhaseRow row(const std::string& unit, Phase phase, State state, double ms) {
@@ -102,8 +99,8 @@ TEST(Offloading, SplitsTheFirstCallIntoItsPhases) {
   EXPECT_TRUE(costs.missing.empty());
   const auto& gpu = *costs.find("sobel", "gpu", State::kCold);
   EXPECT_EQ(gpu.set_up(), from_ms(150));  // 100 + 51 - 1
-  EXPECT_EQ(gpu.total(1), from_ms(151));
-  EXPECT_EQ(gpu.total(10), from_ms(160));
+  EXPECT_EQ(gpu.calls().total(1), from_ms(151));
+  EXPECT_EQ(gpu.calls().total(10), from_ms(160));
   EXPECT_EQ(gpu.launch, std::nullopt);
   const auto table = offloading_table(costs);
   EXPECT_THAT(table.rows.at(2), ElementsAre("sobel", "gpu", "cold", "100", "50.0", "0.250", "-",
@@ -125,6 +122,71 @@ TEST(Offloading, ShowsTheCrossoverColdAndWarm) {
   EXPECT_EQ(json["crossovers"][0]["warm"]["calls"], 54);
   EXPECT_DOUBLE_EQ(json["offloading"][2]["first_call_ms"].get<double>(), 151);
   EXPECT_FALSE(json["offloading"][0].contains("upload_ms"));
+}
+
+/// Every row's interval: its median +/- @p percent.
+Profile with_intervals(Profile profile, double percent) {
+  for (auto& row : profile.phases) {
+    row.ci_low = from_ms(to_ms(*row.median) * (1 - percent / 100));
+    row.ci_high = from_ms(to_ms(*row.median) * (1 + percent / 100));
+  }
+  return profile;
+}
+
+TEST(Offloading, SaysBetweenWhichNumbersACrossoverLies) {
+  const auto costs = offloading_costs(with_intervals(two_units(), 10));
+  // Cold: 6.6 + 3.3(n-1) against 135.9 + 0.9(n-1): 129.3 < 2.4(n-1) from 54, n = 55; and
+  // 5.4 + 2.7(n-1) against 166.1 + 1.1(n-1): 160.7 < 1.6(n-1) from 101, n = 102.
+  const auto range = crossover_range(*costs.find("sobel", "cpu", State::kCold),
+                                     *costs.find("sobel", "gpu", State::kCold));
+  ASSERT_TRUE(range.has_value());
+  EXPECT_EQ(range->soonest, (Crossover{Crossover::Kind::kFrom, 55}));
+  EXPECT_EQ(range->latest, (Crossover{Crossover::Kind::kFrom, 102}));
+  const auto row = crossover_table(costs).rows.at(0);
+  EXPECT_EQ(row[3], "from 74 calls (55 to 102)");
+  EXPECT_EQ(row[5], "yes");
+  const auto json = setup_json(costs);
+  EXPECT_EQ(json["crossovers"][0]["cold"]["soonest"]["calls"], 55);
+  EXPECT_EQ(json["crossovers"][0]["cold"]["latest"]["calls"], 102);
+}
+
+TEST(Offloading, ACrossoverThatIntervalsDoNotShowMayNeverCome) {
+  // 3 ms and 1 ms, each +/- 60 %: 1.2 to 4.8 and 0.4 to 1.6 overlap.
+  const auto row = crossover_table(offloading_costs(with_intervals(two_units(), 60))).rows.at(0);
+  EXPECT_THAT(row[3], ::testing::StartsWith("from 74 calls (from "));
+  EXPECT_THAT(row[3], ::testing::EndsWith(" calls, or never)"));
+  EXPECT_EQ(row[5], "equal");
+}
+
+TEST(Offloading, ACrossoverThatMediansDoNotHaveMayCome) {
+  auto profile = two_units();
+  for (auto& row : profile.phases) {
+    if (row.phase == Phase::kCall) row.median = from_ms(3);  // the same on both
+  }
+  const auto row = crossover_table(offloading_costs(with_intervals(profile, 10))).rows.at(0);
+  EXPECT_THAT(row[3], ::testing::MatchesRegex("never \\(or from [0-9]+ calls\\)"));
+}
+
+TEST(Offloading, TheTrueCrossoverLiesWithinItsRange) {
+  const auto costs = offloading_costs(with_intervals(two_units(), 20));
+  const auto& a = *costs.find("sobel", "cpu", State::kWarm);
+  const auto& b = *costs.find("sobel", "gpu", State::kWarm);
+  const auto range = crossover_range(a, b).value();
+  // Corners and middles of both units' boxes; all of them cross, since the calls' intervals are
+  // apart.
+  const auto between = [](Nanos low, Nanos high, int step) {
+    return low + (high - low) * step / 2;
+  };
+  for (int corner = 0; corner < 81; ++corner) {
+    const CallCosts x{between(a.least->first, a.most->first, corner % 3),
+                      between(a.least->further, a.most->further, corner / 3 % 3)};
+    const CallCosts y{between(b.least->first, b.most->first, corner / 9 % 3),
+                      between(b.least->further, b.most->further, corner / 27)};
+    const auto found = crossover(x, y);
+    ASSERT_EQ(found.kind, Crossover::Kind::kFrom);
+    EXPECT_GE(found.calls, range.soonest.calls);
+    EXPECT_LE(found.calls, range.latest.calls);
+  }
 }
 
 TEST(Offloading, LeavesOutWhatIsNotValidAndSaysWhy) {
