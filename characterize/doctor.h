@@ -65,7 +65,7 @@ struct DoctorInput {
   std::vector<int> cores;  ///< That pirt may use.
   DoctorSnapshot before;
   std::optional<DoctorSnapshot> after;          ///< Some time later; absent for a recorded machine.
-  std::vector<CoreJitter> jitter;               ///< Between the two; empty if nothing computed.
+  std::optional<Jitter> jitter;                 ///< Between the two; absent if nothing computed.
   Environment build;                            ///< build_environment().
   std::optional<std::vector<UnitProbe>> units;  ///< Absent if they were not probed.
   std::vector<DiskSpace> disks;

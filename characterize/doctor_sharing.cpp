@@ -101,27 +101,34 @@ Findings steal(const DoctorInput& input) {
 }
 
 Findings jitter(const DoctorInput& input) {
-  if (input.jitter.empty()) return {unknown("jitter", "a recorded machine: nothing is computed")};
+  if (!input.jitter) return {unknown("jitter", "a recorded machine: nothing is computed")};
   double worst = 0;
+  bool brief = false;
   std::vector<std::string> uneven;
-  for (const CoreJitter& core : input.jitter) {
-    if (core.pieces.size() < kFewestPieces) {
-      return {unknown("jitter", "looked too briefly to tell; try --seconds 1")};
-    }
-    const JitterRange range = range_of(core.pieces);
+  const auto judge = [&](const std::string& what, std::span<const Nanos> pieces) {
+    brief = brief || pieces.size() < kFewestPieces;
+    if (pieces.empty()) return;
+    const JitterRange range = range_of(pieces);
     worst = std::max(worst, range.spread());
-    if (range.spread() <= kJitter) continue;
-    uneven.push_back(fmt::format("{:.2f} to {:.2f} times its median on core {}", range.low,
-                                 range.high, core.core));
+    if (range.spread() <= kJitter) return;
+    uneven.push_back(
+        fmt::format("{} takes {:.2f} to {:.2f} times its median", what, range.low, range.high));
+  };
+  for (const CoreJitter& core : input.jitter->cores) {
+    judge(fmt::format("the same arithmetic on core {}", core.core), core.pieces);
   }
+  judge("reading memory", input.jitter->reading);
+  if (brief) return {unknown("jitter", "looked too briefly to tell; try --seconds 1")};
   if (uneven.empty()) {
-    return {good("jitter",
-                 fmt::format("the same work takes the same time within {:.1f} %", 100 * worst))};
+    return {good(
+        "jitter",
+        fmt::format("the same arithmetic, and reading memory, take the same time within {:.1f} %",
+                    100 * worst))};
   }
   return {
-      {"jitter", Level::kSpoils, fmt::format("the same work takes {}", join(uneven, ", ")),
-       "what is not shown here shares the cores (another virtual machine, a sibling thread), or "
-       "their clock changes; processes differ as much",
+      {"jitter", Level::kSpoils, join(uneven, "; "),
+       "what is not shown here shares the cores, their caches or the memory (another virtual "
+       "machine, a sibling thread), or their clock changes; processes differ as much",
        "nothing inside the machine helps against neighbours: measure on a dedicated instance, or "
        "at another hour (pirt doctor --seconds 60 looks for longer); otherwise give more time "
        "(--max-time 30min), and go by the intervals"}};

@@ -1,47 +1,49 @@
 #include "characterize/jitter.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <exception>
 #include <thread>
 
 #include "characterize/measure.h"
 #include "characterize/statistics.h"
 #include "workloads/base/affinity.h"
+#include "workloads/base/caches.h"
 #include "workloads/cpu/peak_loops.h"
 
 namespace pirt {
 namespace {
 
 constexpr Nanos kPiece = std::chrono::milliseconds(5);
-constexpr std::int64_t kFirstSteps = 1024;
+constexpr const char* kWho = "the jitter check";
 
 struct alignas(64) CacheLine {
   static constexpr std::size_t kValues = 16;
   std::array<float, kValues> values{};
 };
 
-/// The loop with the widest vectors: a sibling thread slows it most.
-const cpu::ChainLoop& widest_loop() {
-  const auto loops = cpu::chain_loops();
-  const auto last = std::find_if(loops.rbegin(), loops.rend(),
-                                 [](const cpu::ChainLoop& loop) { return loop.available(); });
-  return *last;  // the portable ones always are
+/// The last is that with the widest vectors: a sibling thread slows it most. The first ones, which
+/// are portable, are always available.
+template <typename Loop>
+const Loop& last_available(std::span<const Loop> loops) {
+  return *std::find_if(loops.rbegin(), loops.rend(),
+                       [](const Loop& loop) { return loop.available(); });
 }
 
-/// On the calling thread.
-std::vector<Nanos> time_pieces(Nanos duration) {
-  const cpu::ChainLoop& loop = widest_loop();
-  const std::size_t count = static_cast<std::size_t>(loop.values) / CacheLine::kValues + 1;
-  std::vector<CacheLine> values(count);
+/// @param work  Does a number of equal steps.
+template <typename Work>
+std::vector<Nanos> time_pieces(Nanos duration, std::int64_t first_steps, const Work& work) {
   const MachineClock clock;
   const auto timed = [&](std::int64_t steps) {
     const Nanos start = clock.now();
-    loop.run(values.front().values.data(), steps);
+    work(steps);
     return clock.now() - start;
   };
   const Nanos start = clock.now();
-  std::int64_t steps = kFirstSteps;
+  std::int64_t steps = first_steps;
   // The shorter of two, so that an interruption does not look like work.
   while (std::min(timed(steps), timed(steps)) < kPiece) steps *= 2;
   std::vector<Nanos> pieces;
@@ -52,27 +54,70 @@ std::vector<Nanos> time_pieces(Nanos duration) {
   return pieces;
 }
 
-}  // namespace
+/// Multiply-adds on the calling thread.
+std::vector<Nanos> time_arithmetic(Nanos duration) {
+  constexpr std::int64_t kFirstSteps = 1024;
+  const cpu::ChainLoop& loop = last_available(cpu::chain_loops());
+  std::vector<CacheLine> values(static_cast<std::size_t>(loop.values) / CacheLine::kValues + 1);
+  return time_pieces(duration, kFirstSteps,
+                     [&](std::int64_t steps) { loop.run(values.front().values.data(), steps); });
+}
 
-std::vector<CoreJitter> measure_jitter(const std::vector<int>& cores, Nanos duration) {
-  std::vector<CoreJitter> found(cores.size());
+/// Reading on the calling thread; a step is a stretch of memory, one after the other.
+std::vector<Nanos> time_reading(Nanos duration) {
+  constexpr std::size_t kStep = 16 * cpu::ReadLoop::kGrain;
+  constexpr std::int64_t kWithoutCacheSizes = std::int64_t{64} << 20;
+  const auto last = read_cache_sizes().last_bytes;
+  const std::int64_t memory = std::int64_t{::sysconf(_SC_PHYS_PAGES)} * ::sysconf(_SC_PAGE_SIZE);
+  const std::int64_t bytes = std::min(last ? 2 * *last : kWithoutCacheSizes, memory / 8);
+  const auto stretches = std::max<std::size_t>(1, static_cast<std::size_t>(bytes) / kStep);
+  const std::vector<CacheLine> lines(stretches * kStep / sizeof(CacheLine));
+  const auto* const words = reinterpret_cast<const std::uint32_t*>(lines.data());
+  const cpu::ReadLoop& loop = last_available(cpu::read_loops());
+  std::size_t next = 0;
+  volatile std::uint32_t sum = 0;  // so that the reading is done
+  return time_pieces(duration, 1, [&](std::int64_t steps) {
+    for (std::int64_t i = 0; i < steps; ++i) {
+      sum = loop.sum(words + next * (kStep / sizeof(std::uint32_t)), kStep);
+      next = (next + 1) % stretches;
+    }
+  });
+}
+
+/// @p work on a thread bound to each of @p cores, all at once. Rethrows what one of them throws.
+template <typename Work>
+void on_cores(std::span<const int> cores, const Work& work) {
   std::vector<std::exception_ptr> failed(cores.size());
-  std::vector<std::jthread> threads;
-  threads.reserve(cores.size());
-  for (std::size_t i = 0; i < cores.size(); ++i) {
-    threads.emplace_back([&, i] {
-      try {
-        bind_to_cores({&cores[i], 1}, "the jitter check");
-        found[i] = {cores[i], time_pieces(duration)};
-      } catch (...) {
-        failed[i] = std::current_exception();
-      }
-    });
+  {
+    std::vector<std::jthread> threads;
+    threads.reserve(cores.size());
+    for (std::size_t i = 0; i < cores.size(); ++i) {
+      threads.emplace_back([&, i] {
+        try {
+          bind_to_cores(cores.subspan(i, 1), kWho);
+          work(i);
+        } catch (...) {
+          failed[i] = std::current_exception();
+        }
+      });
+    }
   }
-  threads.clear();  // joins
   for (const auto& error : failed) {
     if (error) std::rethrow_exception(error);
   }
+}
+
+}  // namespace
+
+Jitter measure_jitter(const std::vector<int>& cores, Nanos duration) {
+  assert(!cores.empty());
+  Jitter found;
+  found.cores.resize(cores.size());
+  on_cores(cores, [&](std::size_t i) {
+    found.cores[i] = {cores[i], time_arithmetic(duration / 2)};
+  });
+  on_cores(std::span(cores).first(1),
+           [&](std::size_t) { found.reading = time_reading(duration / 2); });
   return found;
 }
 

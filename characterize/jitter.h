@@ -1,7 +1,8 @@
-// How evenly a core computes: the same work again and again, timed.
+// How evenly a machine computes: the same work again and again, timed.
 //
-// The only check that finds what a virtual machine does not show: a neighbour on the sibling thread
-// of a core counts neither as load nor as steal, and yet takes a third of its arithmetic.
+// The only check that finds what a virtual machine does not show: neighbours on the sibling threads
+// of its cores, in the caches and at the memory count neither as load nor as steal, and yet take a
+// third of a core's arithmetic and half of the bandwidth.
 #pragma once
 
 #include <span>
@@ -11,17 +12,24 @@
 
 namespace pirt {
 
-/// Equal pieces of work on one core.
+/// Equal pieces of arithmetic on one core.
 struct CoreJitter {
   int core = 0;
   std::vector<Nanos> pieces;  ///< What each took, in order of time; about 5 ms.
 };
 
-/// Computes on all of @p cores at once for @p duration: multiply-adds that fill a core's arithmetic
-/// and touch no memory. The first fifth, in which a clock may still rise, is left out; what is left
-/// has at least one piece.
+struct Jitter {
+  std::vector<CoreJitter> cores;
+  std::vector<Nanos> reading;  ///< Equal pieces of reading from memory, by the first core.
+};
+
+/// For half of @p duration, all of @p cores at once: multiply-adds that fill a core's arithmetic
+/// and touch no memory. For the other half, the first core alone: reading twice the last cache. The
+/// first fifth of each, in which a clock may still rise, is left out; what is left has at least one
+/// piece.
+/// @param cores  At least one.
 /// @throws Error{kEnvironment} if a core may not be used.
-[[nodiscard]] std::vector<CoreJitter> measure_jitter(const std::vector<int>& cores, Nanos duration);
+[[nodiscard]] Jitter measure_jitter(const std::vector<int>& cores, Nanos duration);
 
 /// Where most of the pieces lie, relative to their median.
 struct JitterRange {

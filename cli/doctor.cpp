@@ -89,7 +89,7 @@ void add_doctor(CLI::App& app, Action& action) {
       ->capture_default_str();
   command
       ->add_option("--seconds", options->seconds,
-                   "How long load, steal, jitter and throttling are watched, in seconds; all cores "
+                   "How long load, steal, jitter and throttling are watched, in seconds; the cores "
                    "compute meanwhile")
       ->capture_default_str();
   command->add_option("--root", options->root,

@@ -37,8 +37,10 @@ DoctorInput input_of(const RecordedMachine& machine) {
   input.before.host.own = Nanos(0);
   input.after = input.before;
   if (input.after->host.total) *input.after->host.total += seconds(2);
-  input.jitter = {pieces_between(0, milliseconds(5), milliseconds(5)),
-                  pieces_between(1, milliseconds(6), milliseconds(6))};
+  const auto reading = pieces_between(0, milliseconds(7), milliseconds(7)).pieces;
+  input.jitter = {{pieces_between(0, milliseconds(5), milliseconds(5)),
+                   pieces_between(1, milliseconds(6), milliseconds(6))},
+                  reading};
   input.build = {{"build_type", "Release"}, {"sanitizers", "none"}};
   input.units = {{"cpu", "Some CPU", "", {0}}, {"opencl", "Some device", "", {1}}};
   input.disks = {{"/tmp", std::int64_t{1} << 40}};
@@ -173,17 +175,22 @@ TEST_F(Doctor, WhatTheHypervisorTakesIsNotTakenByOtherPrograms) {
 
 TEST_F(Doctor, FindsANeighbourThatNoCounterShows) {
   auto input = input_of(test::healthy_board(folder.path()));
-  EXPECT_EQ(finding_of(input, "jitter").found, "the same work takes the same time within 0.0 %");
-  input.jitter[1] = pieces_between(1, milliseconds(980), milliseconds(1020));
+  EXPECT_THAT(finding_of(input, "jitter").found, HasSubstr("take the same time within 0.0 %"));
+  auto& cores = input.jitter->cores;
+  cores[1] = pieces_between(1, milliseconds(980), milliseconds(1020));
   EXPECT_EQ(finding_of(input, "jitter").level, Level::kGood);
-  input.jitter[1] = pieces_between(1, milliseconds(800), milliseconds(1200));
+  cores[1] = pieces_between(1, milliseconds(800), milliseconds(1200));
   const Finding found = finding_of(input, "jitter");
   EXPECT_EQ(found.level, Level::kSpoils);
-  EXPECT_EQ(found.found, "the same work takes 0.82 to 1.18 times its median on core 1");
+  EXPECT_EQ(found.found, "the same arithmetic on core 1 takes 0.82 to 1.18 times its median");
   EXPECT_THAT(found.remedy, HasSubstr("dedicated instance"));
-  input.jitter[0].pieces.resize(19);
+  cores[1] = cores[0];
+  input.jitter->reading = pieces_between(0, milliseconds(900), milliseconds(1100)).pieces;
+  EXPECT_EQ(finding_of(input, "jitter").found,
+            "reading memory takes 0.91 to 1.09 times its median");
+  cores[0].pieces.resize(19);
   EXPECT_EQ(finding_of(input, "jitter").level, Level::kUnknown) << "too few to tell";
-  input.jitter.clear();
+  input.jitter.reset();
   EXPECT_EQ(finding_of(input, "jitter").level, Level::kUnknown);
 }
 
