@@ -23,7 +23,7 @@ constexpr int kPlanVersion = 1;
 }
 
 Json parse_plan(const UnfinishedRun& run) {
-  const Json json = Json::parse(run.plan, nullptr, false);
+  Json json = Json::parse(run.plan, nullptr, false);
   if (json.is_discarded() || !json.is_object()) throw_unreadable(run, "it is no JSON object");
   const auto version = json.value("version", 0);
   if (version != kPlanVersion) {

@@ -58,7 +58,7 @@ std::optional<JobResult> CellMeasurement::visit() {
     // Going on with an earlier campaign, whose cache went with it.
     request_.on_step("filling the kernel cache");
     empty_folder(cache_);
-    const auto filled = run(JobKind::kSetup);
+    auto filled = run(JobKind::kSetup);
     if (!filled || !filled->error.empty()) return filled;
   }
   const bool again = unstable_at_ && !repeated();

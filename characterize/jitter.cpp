@@ -17,7 +17,7 @@
 namespace pirt {
 namespace {
 
-constexpr Nanos kPiece = std::chrono::milliseconds(5);
+constexpr Nanos kPiece = std::chrono::milliseconds(2);
 constexpr const char* kWho = "the jitter check";
 
 struct alignas(64) CacheLine {

@@ -15,7 +15,7 @@ namespace pirt {
 /// Equal pieces of arithmetic on one core.
 struct CoreJitter {
   int core = 0;
-  std::vector<Nanos> pieces;  ///< What each took, in order of time; about 5 ms.
+  std::vector<Nanos> pieces;  ///< What each took, in order of time; 2 ms or more.
 };
 
 struct Jitter {

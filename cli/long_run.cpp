@@ -29,7 +29,7 @@ void warn_of_skipped(const CampaignPlan& plan, const std::string& done) {
   for (const auto& skip : plan.skipped) {
     const auto what =
         skip.workload.empty() ? "unit " + skip.unit : skip.workload + " on unit " + skip.unit;
-    warn(what + " is not " + done + ": " + skip.reason);
+    warn(fmt::format("{} is not {}: {}", what, done, skip.reason));
   }
 }
 

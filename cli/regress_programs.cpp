@@ -29,7 +29,7 @@ constexpr const char* kDefaultLedger = "pirt-regress.ledger";
 /// @throws Error{kBadInput} if it does not.
 std::filesystem::path checked_program(const std::string& name, const char* option) {
   std::error_code error;
-  const auto path = std::filesystem::canonical(name, error);
+  auto path = std::filesystem::canonical(name, error);
   if (error || std::filesystem::is_directory(path) || ::access(path.c_str(), X_OK) != 0) {
     throw_bad_input(fmt::format("{} '{}' is no program that can be run; give the path of a pirt",
                                 option, name));

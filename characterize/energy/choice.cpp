@@ -24,7 +24,7 @@ Meters of_domain(const MeterDiscovery& found, MeterDomain domain) {
 /// Of the packages that own one of @p cores; all where that is not known.
 Meters packages_of(const MeterDiscovery& found, const std::vector<int>& cores,
                    const std::filesystem::path& sys) {
-  const Meters all = of_domain(found, MeterDomain::kPackage);
+  Meters all = of_domain(found, MeterDomain::kPackage);
   std::set<std::string> owners;
   for (const int core : cores) {
     const auto package = read_integer(
@@ -41,7 +41,7 @@ Meters packages_of(const MeterDiscovery& found, const std::vector<int>& cores,
 }
 
 /// The first of several is taken only where one must contain the others.
-Meters single(Meters meters) { return meters.size() == 1 ? meters : Meters(); }
+Meters single(const Meters& meters) { return meters.size() == 1 ? meters : Meters(); }
 
 std::string problem_of(const Meters& meters) {
   for (const Meter* meter : meters) {

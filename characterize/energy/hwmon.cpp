@@ -37,9 +37,9 @@ class Ina3221Channel : public Meter {
   Ina3221Channel(MeterInfo info, fs::path voltage, fs::path current)
       : Meter(std::move(info)), voltage_(std::move(voltage)), current_(std::move(current)) {}
   [[nodiscard]] Attribute<std::int64_t> read() const override {
-    const auto voltage_mv = read_integer(voltage_);
+    auto voltage_mv = read_integer(voltage_);
     if (!voltage_mv.value) return voltage_mv;
-    const auto current_ma = read_integer(current_);
+    auto current_ma = read_integer(current_);
     if (!current_ma.value) return current_ma;
     return {*voltage_mv.value * *current_ma.value, "", 0};  // mV * mA = uW
   }

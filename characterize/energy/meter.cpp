@@ -1,5 +1,7 @@
 #include "characterize/energy/meter.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cerrno>
 
@@ -89,13 +91,15 @@ std::vector<const Meter*> find_meters(const MeterDiscovery& found, const std::st
                       "; see: pirt list meters");
     }
     for (const Meter* other : meters) {
-      if (other == meter) throw_bad_input("meter '" + name + "' is named twice in '" + sum + "'");
+      if (other == meter)
+        throw_bad_input(fmt::format("meter '{}' is named twice in '{}'", name, sum));
       const bool inner = is_under(found, *meter, *other);
       if (inner || is_under(found, *other, *meter)) {
         const auto& contained = inner ? meter->info().name : other->info().name;
         const auto& container = inner ? other->info().name : meter->info().name;
-        throw_bad_input("meter '" + contained + "' cannot be added to '" + container +
-                        "', which contains it; name one of them");
+        throw_bad_input(
+            fmt::format("meter '{}' cannot be added to '{}', which contains it; name one of them",
+                        contained, container));
       }
     }
     meters.push_back(meter);

@@ -32,9 +32,9 @@ class Battery : public Meter {
     }
     const auto power_uw = read_integer(folder_ / "power_now");
     if (power_uw.value) return {std::abs(*power_uw.value), "", 0};
-    const auto current_ua = read_integer(folder_ / "current_now");
+    auto current_ua = read_integer(folder_ / "current_now");
     if (!current_ua.value) return current_ua;
-    const auto voltage_uv = read_integer(folder_ / "voltage_now");
+    auto voltage_uv = read_integer(folder_ / "voltage_now");
     if (!voltage_uv.value) return voltage_uv;
     const double power_pw = static_cast<double>(*current_ua.value) *
                             static_cast<double>(*voltage_uv.value);  // can exceed 63 bits

@@ -134,7 +134,7 @@ TEST_P(ReducedLayer, CpuBackendKeepsTheBoundOrSaysWhyItHasNone) {
   }
   const auto device = backend->open({"cpu", {}, "", ""});
   const auto images = generated_images(1);
-  for (const std::uint64_t seed : {1, 2}) {
+  for (const std::uint64_t seed : {1U, 2U}) {
     const Data data = workload.make_data({.seed = seed, .images = images.get()});
     const auto kernel = device->prepare(workload, data.parameters);
     auto outputs = make_tensors(workload.outputs);

@@ -48,12 +48,12 @@ template <int kChains>
   __m256 x[kChains];
   const __m256 a = _mm256_set1_ps(kFactor);
   const __m256 b = _mm256_set1_ps(kAddend);
-  for (int i = 0; i < kChains; ++i) x[i] = _mm256_load_ps(values + 8 * i);
+  for (int i = 0; i < kChains; ++i) x[i] = _mm256_load_ps(values + std::ptrdiff_t{8} * i);
   for (std::int64_t n = 0; n < iterations; ++n) {
 #pragma GCC unroll 32
     for (int i = 0; i < kChains; ++i) x[i] = _mm256_fmadd_ps(x[i], a, b);
   }
-  for (int i = 0; i < kChains; ++i) _mm256_store_ps(values + 8 * i, x[i]);
+  for (int i = 0; i < kChains; ++i) _mm256_store_ps(values + std::ptrdiff_t{8} * i, x[i]);
 }
 
 template <int kChains>
@@ -62,12 +62,12 @@ template <int kChains>
   __m512 x[kChains];
   const __m512 a = _mm512_set1_ps(kFactor);
   const __m512 b = _mm512_set1_ps(kAddend);
-  for (int i = 0; i < kChains; ++i) x[i] = _mm512_load_ps(values + 16 * i);
+  for (int i = 0; i < kChains; ++i) x[i] = _mm512_load_ps(values + std::ptrdiff_t{16} * i);
   for (std::int64_t n = 0; n < iterations; ++n) {
 #pragma GCC unroll 32
     for (int i = 0; i < kChains; ++i) x[i] = _mm512_fmadd_ps(x[i], a, b);
   }
-  for (int i = 0; i < kChains; ++i) _mm512_store_ps(values + 16 * i, x[i]);
+  for (int i = 0; i < kChains; ++i) _mm512_store_ps(values + std::ptrdiff_t{16} * i, x[i]);
 }
 
 /// Without a dot product instruction: pairs of products to 16 bits (no saturation with data below
@@ -128,16 +128,17 @@ template <int kWeights>
                                                                     std::int64_t iterations) {
   const __m512i ones = _mm512_set1_epi16(1);
   __m512i s[kWeights];
-  for (int w = 0; w < kWeights; ++w) s[w] = _mm512_load_si512(sums + 16 * w);
+  for (int w = 0; w < kWeights; ++w) s[w] = _mm512_load_si512(sums + std::ptrdiff_t{16} * w);
   for (std::int64_t n = 0; n < iterations; ++n) {
     const __m512i row = _mm512_load_si512(data + 64 * (n % DotLoop::kRows));
 #pragma GCC unroll 32
     for (int w = 0; w < kWeights; ++w) {
-      const __m512i pairs = _mm512_maddubs_epi16(row, _mm512_load_si512(weights + 64 * w));
+      const __m512i pairs =
+          _mm512_maddubs_epi16(row, _mm512_load_si512(weights + std::ptrdiff_t{64} * w));
       s[w] = _mm512_add_epi32(s[w], _mm512_madd_epi16(pairs, ones));
     }
   }
-  for (int w = 0; w < kWeights; ++w) _mm512_store_si512(sums + 16 * w, s[w]);
+  for (int w = 0; w < kWeights; ++w) _mm512_store_si512(sums + std::ptrdiff_t{16} * w, s[w]);
 }
 
 template <int kWeights>
@@ -145,15 +146,15 @@ template <int kWeights>
     const std::uint8_t* data, const std::int8_t* weights, std::int32_t* sums,
     std::int64_t iterations) {
   __m512i s[kWeights];
-  for (int w = 0; w < kWeights; ++w) s[w] = _mm512_load_si512(sums + 16 * w);
+  for (int w = 0; w < kWeights; ++w) s[w] = _mm512_load_si512(sums + std::ptrdiff_t{16} * w);
   for (std::int64_t n = 0; n < iterations; ++n) {
     const __m512i row = _mm512_load_si512(data + 64 * (n % DotLoop::kRows));
 #pragma GCC unroll 32
     for (int w = 0; w < kWeights; ++w) {
-      s[w] = _mm512_dpbusd_epi32(s[w], row, _mm512_load_si512(weights + 64 * w));
+      s[w] = _mm512_dpbusd_epi32(s[w], row, _mm512_load_si512(weights + std::ptrdiff_t{64} * w));
     }
   }
-  for (int w = 0; w < kWeights; ++w) _mm512_store_si512(sums + 16 * w, s[w]);
+  for (int w = 0; w < kWeights; ++w) _mm512_store_si512(sums + std::ptrdiff_t{16} * w, s[w]);
 }
 
 constexpr std::array kChainLoops = {

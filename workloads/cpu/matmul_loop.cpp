@@ -64,8 +64,8 @@ class MatmulPeak final : public PeakLoop {
     const auto* const b = static_cast<const B*>(b_.get_data_handle());
     const auto* const c = static_cast<const C*>(c_.get_data_handle());
     for (int n = 0; n < kChecked; ++n) {
-      const auto at =
-          static_cast<int>(hash_u64(3, static_cast<std::uint64_t>(n)) % (kSize * kSize));
+      const auto at = static_cast<int>(hash_u64(3, static_cast<std::uint64_t>(n)) %
+                                       (std::uint64_t{kSize} * kSize));
       std::int64_t expected = 0;
       for (int k = 0; k < kSize; ++k) {
         expected += static_cast<std::int64_t>(a[at / kSize * kSize + k]) *

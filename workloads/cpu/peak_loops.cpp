@@ -169,7 +169,7 @@ class DotPeak final : public PeakLoop {
     std::int64_t sum = 0;
     for (int row = 0; row < DotLoop::kRows; ++row) {
       for (int k = 0; k < 4; ++k) {
-        sum += data_.as<std::uint8_t>()[(row * loop_.lanes + lane) * 4 + k] *
+        sum += std::int64_t{data_.as<std::uint8_t>()[(row * loop_.lanes + lane) * 4 + k]} *
                weights_.as<std::int8_t>()[(weight * loop_.lanes + lane) * 4 + k];
       }
     }

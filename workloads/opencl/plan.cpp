@@ -43,7 +43,7 @@ std::int64_t Resident::planes() const {
 }
 
 void Plan::replace(Resident& resident, const cl::Buffer& with) {
-  const cl_mem old = resident.buffer();
+  auto* const old = resident.buffer();
   for (Use& use : uses) {
     if (use.buffer != old) continue;
     steps[use.step].kernel.setArg(use.index, with);
