@@ -91,8 +91,9 @@ std::vector<const Meter*> find_meters(const MeterDiscovery& found, const std::st
                       "; see: pirt list meters");
     }
     for (const Meter* other : meters) {
-      if (other == meter)
+      if (other == meter) {
         throw_bad_input(fmt::format("meter '{}' is named twice in '{}'", name, sum));
+      }
       const bool inner = is_under(found, *meter, *other);
       if (inner || is_under(found, *other, *meter)) {
         const auto& contained = inner ? meter->info().name : other->info().name;
