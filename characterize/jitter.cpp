@@ -1,24 +1,24 @@
 #include "characterize/jitter.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cassert>
-#include <exception>
-#include <thread>
 
 #include "characterize/measure.h"
 #include "characterize/statistics.h"
 #include "workloads/base/affinity.h"
 #include "workloads/base/caches.h"
+#include "workloads/base/error.h"
+#include "workloads/cpu/core_team.h"
 #include "workloads/cpu/peak_loops.h"
 
 namespace pirt {
 namespace {
 
 constexpr Nanos kPiece = std::chrono::milliseconds(2);
-constexpr const char* kWho = "the jitter check";
 
 struct alignas(64) CacheLine {
   static constexpr std::size_t kValues = 16;
@@ -84,40 +84,25 @@ std::vector<Nanos> time_reading(Nanos duration) {
   });
 }
 
-/// @p work on a thread bound to each of @p cores, all at once. Rethrows what one of them throws.
-template <typename Work>
-void on_cores(std::span<const int> cores, const Work& work) {
-  std::vector<std::exception_ptr> failed(cores.size());
-  {
-    std::vector<std::jthread> threads;
-    threads.reserve(cores.size());
-    for (std::size_t i = 0; i < cores.size(); ++i) {
-      threads.emplace_back([&, i] {
-        try {
-          bind_to_cores(cores.subspan(i, 1), kWho);
-          work(i);
-        } catch (...) {
-          failed[i] = std::current_exception();
-        }
-      });
-    }
-  }
-  for (const auto& error : failed) {
-    if (error) std::rethrow_exception(error);
-  }
-}
-
 }  // namespace
 
 Jitter measure_jitter(const std::vector<int>& cores, Nanos duration) {
   assert(!cores.empty());
+  // A team goes on elsewhere where it cannot be bound: no figure of that core.
+  const auto usable = current_cores();
+  for (const int core : cores) {
+    if (std::ranges::find(usable, core) == usable.end()) {
+      throw_environment(
+          fmt::format("core {} cannot be used; taskset -p $$ shows which the shell may use", core));
+    }
+  }
   Jitter found;
   found.cores.resize(cores.size());
-  on_cores(cores, [&](std::size_t i) {
-    found.cores[i] = {cores[i], time_arithmetic(duration / 2)};
+  cpu::CoreTeam(cores).run([&](int i) {
+    const auto at = static_cast<std::size_t>(i);
+    found.cores[at] = {cores[at], time_arithmetic(duration / 2)};
   });
-  on_cores(std::span(cores).first(1),
-           [&](std::size_t) { found.reading = time_reading(duration / 2); });
+  cpu::CoreTeam({cores.front()}).run([&](int) { found.reading = time_reading(duration / 2); });
   return found;
 }
 

@@ -181,10 +181,8 @@ Table crossover_table(const OffloadingCosts& costs) {
   table.footnotes = {
       "From medians; in brackets what the ends of their 95 % intervals allow, first those that "
       "favour the second unit (no brackets: nothing else, or fewer than 3 set-ups). set up "
-      "already: "
-      "whether one call is faster when both units are ready (the runtime's set-up at start); "
-      "equal: "
-      "the intervals overlap."};
+      "already: whether one call is faster when both units are ready (the runtime's set-up at "
+      "start); equal: the intervals overlap."};
   return table;
 }
 
