@@ -17,6 +17,8 @@ constexpr double kGroupDistance = 0.05;
 constexpr double kConfidence = 0.95;
 constexpr std::size_t kFewestProcesses = 3;  // for Student's t
 constexpr std::size_t kFewestForRanks = 6;   // with 5, the smallest to the largest covers 93.75 %
+constexpr std::size_t kFewestForDependence = 8;
+constexpr double kMostDependence = 0.6;
 
 std::vector<Nanos> sorted_copy(std::span<const Nanos> samples) {
   std::vector<Nanos> sorted(samples.begin(), samples.end());
@@ -104,9 +106,11 @@ double coverage(std::size_t n, std::size_t low) {
   return 1 - 2 * tail;
 }
 
-Nanos between(Nanos from, Nanos to, double share) {
-  return from + Nanos(std::llround(share * static_cast<double>((to - from).count())));
+Nanos scaled(Nanos time, double factor) {
+  return Nanos(std::llround(factor * static_cast<double>(time.count())));
 }
+
+Nanos between(Nanos from, Nanos to, double share) { return from + scaled(to - from, share); }
 
 /// Between the last pair of order statistics that covers 95 % and the next inner one.
 Interval interpolated_interval(std::span<const Nanos> sorted, std::size_t low) {
@@ -139,6 +143,37 @@ Interval t_interval(std::span<const Nanos> sorted) {
   const Nanos middle = median_of_sorted(sorted);
   const auto at = [&](double x) { return sorted.front() + Nanos(std::llround(x)); };
   return {std::clamp(at(all.mean - half), Nanos(0), middle), std::max(at(all.mean + half), middle)};
+}
+
+/// Ranks in order of the values, equal ones sharing the mean of theirs.
+std::vector<double> ranks_of(std::span<const Nanos> values) {
+  std::vector<double> ranks;
+  ranks.reserve(values.size());
+  const auto sorted = sorted_copy(values);
+  for (const Nanos value : values) {
+    const auto [first, last] = std::ranges::equal_range(sorted, value);
+    ranks.push_back(0.5 * static_cast<double>((first - sorted.begin()) + (last - sorted.begin())));
+  }
+  return ranks;
+}
+
+/// Lag 1, around the mean; absent for values that are all equal.
+std::optional<double> autocorrelation(std::span<const double> values) {
+  double mean = 0;
+  for (const double value : values) mean += value / static_cast<double>(values.size());
+  double products = 0;
+  double squares = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    squares += (values[i] - mean) * (values[i] - mean);
+    if (i > 0) products += (values[i] - mean) * (values[i - 1] - mean);
+  }
+  return squares > 0 ? std::optional(products / squares) : std::nullopt;
+}
+
+/// @param middle  Within @p interval.
+Interval widened(const Interval& interval, Nanos middle, double factor) {
+  return {std::max(Nanos(0), middle - scaled(middle - interval.low, factor)),
+          middle + scaled(interval.high - middle, factor)};
 }
 
 bool bimodal_of_sorted(std::span<const Nanos> sorted) {
@@ -210,7 +245,17 @@ std::optional<Interval> interval_over_processes(std::span<const Nanos> medians) 
   const auto sorted = sorted_copy(medians);
   if (sorted.size() < kFewestProcesses) return std::nullopt;
   if (sorted.size() < kFewestForRanks) return t_interval(sorted);
-  return interpolated_interval(sorted, median_interval_ranks(sorted.size())->low);
+  return widened(interpolated_interval(sorted, median_interval_ranks(sorted.size())->low),
+                 median_of_sorted(sorted), dependence_factor(medians));
+}
+
+double dependence_factor(std::span<const Nanos> values) {
+  if (values.size() < kFewestForDependence) return 1;
+  const auto n = static_cast<double>(values.size());
+  const auto found = autocorrelation(ranks_of(values));
+  if (!found) return 1;
+  const double r = std::clamp((n * *found + 1) / (n - 4), 0.0, kMostDependence);
+  return std::sqrt((1 + r) / (1 - r));
 }
 
 bool is_bimodal(std::span<const Nanos> samples) { return bimodal_of_sorted(sorted_copy(samples)); }

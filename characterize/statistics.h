@@ -75,9 +75,23 @@ struct Ranks {
 ///   and Jones), widened where needed to hold their median.
 /// - Below 3: absent.
 ///
+/// A machine's clock and memory drift, so that processes that follow each other are alike, and n of
+/// them say less than n independent ones would. From 8 processes on the interval is therefore wider
+/// by dependence_factor.
+///
 /// Simulated coverage, 20000 runs each: tests/characterize/coverage_test.cpp.
-/// @param medians  One of each process, in any order.
+/// @param medians  One of each process, in order of time.
 [[nodiscard]] std::optional<Interval> interval_over_processes(std::span<const Nanos> medians);
+
+/// How much wider the interval of the median of these must be for values that follow each other are
+/// alike: sqrt((1 + r) / (1 - r)), with r the lag-1 autocorrelation of their ranks, corrected for
+/// its bias, at least 0 and at most 0.6 (a factor of 2; what drifts more than that is not
+/// stationary and noted as `unstable`). 1 below 8 values.
+/// @param values  In order of time.
+/// @source Bayley and Hammersley, The "effective" number of independent observations in an
+/// autocorrelated time series, Suppl. J. Royal Statist. Soc. 8 (1946) 184; the bias, -(1 + 4 r) /
+/// n: Marriott and Pope, Bias in the estimation of autocorrelations, Biometrika 41 (1954) 390.
+[[nodiscard]] double dependence_factor(std::span<const Nanos> values);
 
 /// Half of @p interval relative to @p middle; absent without an interval or for a middle of 0.
 [[nodiscard]] std::optional<double> relative_half_width(const std::optional<Interval>& interval,

@@ -72,16 +72,69 @@ Found simulate(const Draw& draw, Nanos truth, int processes) {
   return {static_cast<double>(held) / kRuns, width / kRuns};
 }
 
-// Observed: 94.1 % (two layouts, 6 processes) to 95.6 %.
+// Observed: 94.1 % (two layouts, 6 processes) to 97.3 % (8 processes, where what looks like
+// dependence by chance widens the most).
 TEST(IntervalOverProcesses, CoversTheMedianWithSixProcessesOrMoreWhateverTheirDistribution) {
   for (const Shape& shape : shapes()) {
     const Nanos truth = true_median(shape.draw);
     for (const int processes : {6, 8, 10, 15, 25}) {
       const Found found = simulate(shape.draw, truth, processes);
       EXPECT_GE(found.coverage, 0.94 - kThreeSigma) << shape.name << " " << processes;
-      EXPECT_LE(found.coverage, 0.96 + kThreeSigma) << shape.name << " " << processes;
+      EXPECT_LE(found.coverage, 0.98) << shape.name << " " << processes;
     }
   }
+}
+
+/// Share of the intervals of @p processes medians that hold the true one, where each follows the
+/// one before with correlation @p r (autoregressive, stationary).
+double coverage_with_drift(double r, int processes) {
+  Random random(derive_seed(1, "drift"));
+  int held = 0;
+  std::vector<Nanos> medians(static_cast<std::size_t>(processes));
+  for (int run = 0; run < kRuns; ++run) {
+    double state = normal(random);
+    for (Nanos& t : medians) {
+      t = time_of(state);
+      state = r * state + std::sqrt(1 - r * r) * normal(random);
+    }
+    const auto interval = interval_over_processes(medians).value();
+    held += interval.low <= time_of(0) && time_of(0) <= interval.high ? 1 : 0;
+  }
+  return static_cast<double>(held) / kRuns;
+}
+
+// Medians of processes in a row had r = 0.26 in ten runs on a quiet machine. Without the factor of
+// dependence these would be 0.89 to 0.90 and, with r = 0.5, 0.79 to 0.80.
+TEST(IntervalOverProcesses, CoversTheMedianOfAMachineThatDrifts) {
+  for (const int processes : {10, 15, 25, 50}) {
+    EXPECT_GE(coverage_with_drift(0.26, processes), 0.93) << processes;
+    EXPECT_GE(coverage_with_drift(0.5, processes), 0.87) << processes;
+  }
+}
+
+TEST(DependenceFactor, IsOneForFewAndForThoseThatAlternate) {
+  EXPECT_EQ(dependence_factor({}), 1);
+  EXPECT_EQ(dependence_factor(std::vector<Nanos>(20, Nanos(5))), 1);
+  std::vector<Nanos> rising;
+  for (int i = 0; i < 7; ++i) rising.emplace_back(i);
+  EXPECT_EQ(dependence_factor(rising), 1);
+  std::vector<Nanos> alternating;
+  for (int i = 0; i < 20; ++i) alternating.emplace_back(i % 2);
+  EXPECT_EQ(dependence_factor(alternating), 1);
+}
+
+TEST(DependenceFactor, IsTwoAtMost) {
+  std::vector<Nanos> rising;
+  for (int i = 0; i < 30; ++i) rising.emplace_back(i);
+  EXPECT_DOUBLE_EQ(dependence_factor(rising), 2);
+}
+
+// Ranks 0 0 1 1 0 0 1 1 .. around 0.5: of 24, 12 neighbours are alike (+1/4) and 11 not (-1/4), so
+// the autocorrelation is (12 - 11) / 24 = 1/24, and r = (1 + 1) / 20 = 0.1.
+TEST(DependenceFactor, FollowsFromTheAutocorrelationOfRanks) {
+  std::vector<Nanos> pairs;
+  for (int i = 0; i < 24; ++i) pairs.emplace_back(i / 2 % 2 == 0 ? 7 : 900);
+  EXPECT_NEAR(dependence_factor(pairs), std::sqrt(1.1 / 0.9), 1e-12);
 }
 
 // Observed: 92.3 % (two layouts, 5 processes) to 96.8 % (disturbed, 5): Student's t supposes normal
