@@ -52,13 +52,12 @@ std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candid
   const auto spread_a = process_spread(a);
   const auto spread_b = process_spread(b);
   if (!spread_a && !spread_b) return std::nullopt;
-  const double spread = spread_a && spread_b
-                            ? std::hypot(*spread_a, *spread_b) / std::numbers::sqrt2
-                            : spread_a.value_or(spread_b.value_or(0));
+  const double spread = std::max(spread_a.value_or(0), spread_b.value_or(0));
   // Of a median of n normal values: sqrt(pi / 2) / sqrt(n) of theirs.
-  const double of_medians = std::sqrt(std::numbers::pi / 2);
-  return kDrift * spread * of_medians *
-         std::sqrt(1.0 / static_cast<double>(a.size()) + 1.0 / static_cast<double>(b.size()));
+  const double of_medians =
+      std::sqrt(std::numbers::pi / 2 *
+                (1.0 / static_cast<double>(a.size()) + 1.0 / static_cast<double>(b.size())));
+  return spread * std::hypot(of_medians, kDrift * std::numbers::sqrt2);
 }
 
 std::optional<double> change_between(const PhaseRow& base, const PhaseRow& candidate,

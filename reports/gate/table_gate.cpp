@@ -85,6 +85,17 @@ std::vector<Nanos> shifted(std::span<const Nanos> values, double shift) {
   return result;
 }
 
+/// Change of this row that makes the base's call longer by thresholds.of_call; 0 for rows that are
+/// no part of a call.
+double change_that_matters(const ProfileDiff& diff, const PhaseRow& base,
+                           const GateThresholds& thresholds) {
+  if (is_setup(base.phase) || base.phase == Phase::kCall) return 0;
+  const PhaseRow* const call = diff.a->find(base.workload, base.unit, Phase::kCall);
+  if (call == nullptr || !call->median || !base.median || base.median->count() <= 0) return 0;
+  return thresholds.of_call * static_cast<double>(call->median->count()) /
+         static_cast<double>(base.median->count());
+}
+
 GateRow compare(const ProfileDiff& diff, const PhasePair& pair, double shift,
                 const GateThresholds& thresholds) {
   const PhaseRow& base = *pair.a;
@@ -114,6 +125,7 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, double shift,
     return row;
   }
   row.noise = noise_between(base, candidate);
+  row.needed = std::max(thresholds.effect, change_that_matters(diff, base, thresholds));
   const auto expected = shifted(base.values, shift);
   row.p = *row.change > 0 ? mann_whitney_p(expected, candidate.values)
                           : mann_whitney_p(candidate.values, expected);
@@ -182,13 +194,13 @@ void conclude(GateRow& row, double floor, const GateThresholds& thresholds) {
   const double log_change = *row.change;
   row.change = std::expm1(log_change);
   row.noise = std::max(row.noise.value_or(0), floor);
-  row.needed = std::max(thresholds.effect, thresholds.noise_factor * *row.noise);
+  const double matters = *row.needed;
+  row.needed = std::max(matters, thresholds.noise_factor * *row.noise);
   if (*row.p >= thresholds.alpha) return;
   const double change = std::expm1(std::abs(log_change));
   if (change >= *row.needed) {
     row.verdict = log_change > 0 ? GateVerdict::kSlower : GateVerdict::kFaster;
-  } else if (log_change > 0 &&
-             change >= std::max(thresholds.effect, thresholds.doubt * *row.needed)) {
+  } else if (log_change > 0 && change >= std::max(matters, thresholds.doubt * *row.needed)) {
     row.verdict = GateVerdict::kInconclusive;
     row.reason = fmt::format(
         "{:.1f} % slower, but runs of one program differ by {:.1f} % here, so that {:.1f} % count; "

@@ -4,8 +4,9 @@
 // What both were measured under comes first: rows of runs that differ in identity are not
 // comparable, and say in what. A row is slower if a one-sided Mann-Whitney test on its raw samples
 // says so after Holm's correction over the table, and its median and its lower quartile rose by at
-// least `effect` and by `noise_factor` times the A/A noise (between_runs.h). Nearly as much is
-// inconclusive: measure again.
+// least `effect` and by `noise_factor` times the A/A noise (between_runs.h); a phase of a call that
+// is small beside it, such as `launch`, also by so much that a call is `of_call` longer. Nearly as
+// much is inconclusive: measure again.
 //
 // Machines have slow hours: what all rows of a unit moved by is taken off each of them and judged
 // in a row of its own, which is inconclusive at worst, since no stored figure says whether the
@@ -36,6 +37,7 @@ enum class GateVerdict : std::uint8_t {
 struct GateThresholds {
   double alpha = 0.05;  ///< Of the whole table, per direction.
   double effect = 0.05;
+  double of_call = 0.025;  ///< What a phase adds to a call to count, as a share of the call.
   double noise_factor = 3;
   double doubt = 0.8;         ///< Of what counts as slower: from there on inconclusive.
   std::size_t workloads = 6;  ///< So many of a unit say what all of it moved by.

@@ -106,12 +106,27 @@ TEST(TableGate, LeavesARiseNearTheNoiseBetweenRunsOpen) {
   Machine exact(0, 0, 1);
   const Profile base = noisy_run(exact, 10);
   const auto verdict = [&](double ms) { return judge_both(base, noisy_run(exact, ms)).rows[0]; };
-  ASSERT_NEAR(*verdict(10).needed, 0.19, 0.01);
+  ASSERT_NEAR(*verdict(10).needed, 0.26, 0.01);
   EXPECT_EQ(verdict(11.0).verdict, GateVerdict::kSame) << "far within the noise";
-  EXPECT_EQ(verdict(11.7).verdict, GateVerdict::kInconclusive);
-  EXPECT_THAT(verdict(11.7).reason, HasSubstr("measure again"));
-  EXPECT_EQ(exit_code_of(judge_both(base, noisy_run(exact, 11.7))), 3);
-  EXPECT_EQ(verdict(12.0).verdict, GateVerdict::kSlower);
+  EXPECT_EQ(verdict(12.3).verdict, GateVerdict::kInconclusive);
+  EXPECT_THAT(verdict(12.3).reason, HasSubstr("measure again"));
+  EXPECT_EQ(exit_code_of(judge_both(base, noisy_run(exact, 12.3))), 3);
+  EXPECT_EQ(verdict(12.8).verdict, GateVerdict::kSlower);
+}
+
+TEST(TableGate, PassesOverAPhaseThatIsNextToNothingOfItsCall) {
+  Machine exact(0, 0, 1);
+  const auto run = [&](double upload_ms, double launch_ms) {
+    return profile_of({exact.row("sobel", upload_ms, 3, 20, Phase::kUpload),
+                       exact.row("sobel", launch_ms, 3, 20, Phase::kLaunch),
+                       exact.row("sobel", 10, 3, 20, Phase::kCall)});
+  };
+  const auto result = judge_both(run(2, 0.2), run(2.4, 0.3));
+  EXPECT_EQ(result.rows[0].verdict, GateVerdict::kSlower) << "4 % of a call";
+  EXPECT_NEAR(*result.rows[0].needed, 0.125, 1e-9) << "0.025 * 10 ms of 2 ms";
+  EXPECT_EQ(result.rows[1].verdict, GateVerdict::kSame) << "half as long again, and 1 % of a call";
+  EXPECT_NEAR(*result.rows[1].needed, 1.25, 1e-9);
+  EXPECT_EQ(judge_both(run(2, 0.2), run(2, 0.5)).rows[1].verdict, GateVerdict::kSlower);
 }
 
 TEST(TableGate, ComparesNothingUnderAnotherIdentity) {
@@ -196,13 +211,18 @@ TEST(BetweenRuns, SpreadIsTheMedianDeviationOfProcesses) {
       << "one far off does not count";
 }
 
-TEST(BetweenRuns, NoiseShrinksWithTheProcessesOfBothRuns) {
+TEST(BetweenRuns, NoiseIsThatOfTheMediansAndTheDriftOfBothRuns) {
   const PhaseRow three = of_processes({90, 100, 110});
-  const double expected = kDrift * 1.495 * 1.4826 * 0.1 * std::sqrt(std::numbers::pi / 2);
-  EXPECT_NEAR(*noise_between(three, three), expected * std::sqrt(2.0 / 3), 1e-9);
+  const double spread = 1.495 * 1.4826 * 0.1;
+  const auto expected = [&](double medians) {
+    return spread * std::hypot(std::sqrt(std::numbers::pi / 2 * medians), kDrift * std::sqrt(2.0));
+  };
+  EXPECT_NEAR(*noise_between(three, three), expected(2.0 / 3), 1e-9);
   const PhaseRow one = of_processes({100});
-  EXPECT_NEAR(*noise_between(three, one), expected * std::sqrt(4.0 / 3), 1e-9);
+  EXPECT_NEAR(*noise_between(three, one), expected(4.0 / 3), 1e-9);
   EXPECT_FALSE(noise_between(one, one));
+  const PhaseRow alike = of_processes({100, 100, 101});
+  EXPECT_NEAR(*noise_between(alike, three), expected(2.0 / 3), 1e-9) << "the larger spread";
 }
 
 TEST(BetweenRuns, ChangeIsWhatMedianAndLowerQuartileAgreeOn) {
