@@ -59,11 +59,20 @@ struct LeastTimes {
   double transfer_s = 0;
 };
 
+/// Operations of a call that no kernel can leave out; absent where the row has none.
+std::optional<double> needed_ops(const PhaseRow& row, const Workload& workload) {
+  if (!row.ops) return std::nullopt;
+  // A row of another size, from another version, keeps all of its own.
+  const std::int64_t padding = row.ops == workload.ops ? workload.padding_ops : 0;
+  return static_cast<double>(*row.ops - padding);
+}
+
 LeastTimes least_times(const PhaseRow& row, const Workload& workload, const Limits& limits) {
   LeastTimes times;
   times.arithmetic = arithmetic_of(workload);
   const auto peak = times.arithmetic ? limits.find(*times.arithmetic) : std::nullopt;
-  if (row.ops && peak) times.arithmetic_s = static_cast<double>(*row.ops) / *peak;
+  const auto ops = needed_ops(row, workload);
+  if (ops && peak) times.arithmetic_s = *ops / *peak;
   const auto cache = cache_of(*limits.run, row.unit);
   const auto bytes = static_cast<double>(row.bytes);
   if (cache && bytes > *cache) times.transfer = PeakKind::kBandwidthMemory;
@@ -105,15 +114,16 @@ Roofline roofline(const PhaseRow& row, const LeastTimes& times, const Workload& 
   const double took_s = to_s(*row.median);
   const double least_s = std::max(times.arithmetic_s, times.transfer_s);
   const auto bytes = static_cast<double>(row.bytes);
-  if (row.ops && row.bytes > 0) result.intensity = static_cast<double>(*row.ops) / bytes;
-  if (row.ops) result.missing = missing_arithmetic(workload, times, limits);
+  const auto ops = needed_ops(row, workload);
+  if (ops && row.bytes > 0) result.intensity = *ops / bytes;
+  if (ops) result.missing = missing_arithmetic(workload, times, limits);
   if (least_s <= 0) {
     result.why_not = "no limit of the unit applies";
     return result;
   }
   const bool computing = times.arithmetic && times.arithmetic_s >= times.transfer_s;
   result.bound = computing ? *times.arithmetic : times.transfer;
-  const double work = row.ops ? static_cast<double>(*row.ops) : bytes;
+  const double work = ops.value_or(bytes);
   result.roof_per_second = work / least_s;
   result.reached_per_second = work / took_s;
   result.fraction = least_s / took_s;

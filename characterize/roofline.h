@@ -2,7 +2,8 @@
 //
 // roof = min(peak, intensity x bandwidth) operations a second, where intensity = operations / bytes
 // of the cell, so that fraction = max(operations / peak, bytes / bandwidth) / execution time.
-// Operations and bytes are those that the workload cannot do without (Workload::ops, bytes()).
+// Operations and bytes are those that the workload cannot do without (Workload::ops without
+// padding_ops, bytes()): a kernel that skips what is not needed must not exceed a peak by it.
 //
 // @source Williams, Waterman, Patterson: Roofline, an insightful visual performance model, CACM
 // 2009.

@@ -74,6 +74,8 @@ struct Workload {
   /// Operations a call, 2 a multiply-add, bias and activation excluded; absent where
   /// data-dependent.
   std::optional<std::int64_t> ops;
+  /// Of `ops`, those on zeros around the input, which a kernel may leave out.
+  std::int64_t padding_ops = 0;
   /// Bytes a call has to move at least: inputs + parameters + outputs, each once, weights as they
   /// are stored in `precision`.
   [[nodiscard]] std::int64_t bytes() const;

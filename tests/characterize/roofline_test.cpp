@@ -67,6 +67,14 @@ TEST(Roofline, ArithmeticBoundCellIsHeldAgainstThePeak) {
   EXPECT_EQ(cell->missing, "");
 }
 
+TEST(Roofline, OperationsOnPaddingNeedNotBeDone) {
+  // conv4 has 448 561 152 operations, of which 2 * 384 * 384 * 37 * 37 are not on padding.
+  const auto roofs = rooflines(profile_of({execute("conv4", 420, 448'561'152, 100'000)}));
+  EXPECT_DOUBLE_EQ(*roofs.cells[0].fraction, 403'734'528 / 0.42e9);
+  EXPECT_DOUBLE_EQ(roofs.cells[0].roof_per_second, 1e9) << "not above the peak";
+  EXPECT_TRUE(roofs.peaks[0].valid) << "with all operations it would be exceeded";
+}
+
 TEST(Roofline, BandwidthBoundCellIsHeldAgainstIntensityTimesBandwidth) {
   // Intensity 0.1: roof = 0.1 x 1e9 = 1e8 op/s. 50000 ops in 1 ms are 5e7.
   const auto roofs = rooflines(profile_of({execute("fc8", 1, 50'000, 500'000)}));

@@ -145,6 +145,24 @@ TEST(DnnReference, ImpossibleShapesAreRefused) {
   EXPECT_THROW(static_cast<void>(make_max_pool("p", 1, 2, 9, 3, 2)), Error);
 }
 
+// A 3x3 filter over 13x13 with a border of 1: of 13 * 3 taps a line, the first and the last lie
+// outside, 37 within. 5x5 over 27x27 with 2: 135 less 3 on each side. Stride 2 over 4 with 1: at -1
+// 1, of which 2 and 3 taps are within.
+TEST(DnnReference, CountsOperationsOnPadding) {
+  EXPECT_EQ(conv2d_padding_ops({384, 13, 13, 384, 3, 3, 1, 1}),
+            2LL * 384 * 384 * (39 * 39 - 37 * 37));
+  EXPECT_EQ(conv2d_padding_ops({96, 27, 27, 256, 5, 5, 1, 2}),
+            2LL * 96 * 256 * (135 * 135 - 129 * 129));
+  EXPECT_EQ(conv2d_padding_ops({1, 4, 4, 1, 3, 3, 2, 1}), 2LL * (6 * 6 - 5 * 5));
+  EXPECT_EQ(conv2d_padding_ops({3, 227, 227, 96, 11, 11, 4, 0}), 0);
+  std::int64_t all = 0;
+  for (const char* name : {"conv2", "conv3", "conv4", "conv5"}) {
+    all += find_workload(name).padding_ops;
+  }
+  EXPECT_EQ(find_workload("alexnet").padding_ops, all);
+  EXPECT_EQ(find_workload("conv4@batch8").padding_ops, 8 * find_workload("conv4").padding_ops);
+}
+
 // Mean square of uniform [-l, l) is l^2 / 3. He: l = sqrt(6 / fan-in), so that fan-in * mean square
 // = 2 before a ReLU; 1 where none follows. 884 736 and 16.8 million samples: relative spread of the
 // mean below 0.001.

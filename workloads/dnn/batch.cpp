@@ -111,6 +111,7 @@ Workload batched(const Workload& plain, int batch) {
     for (TensorSpec& spec : *specs) spec.shape.insert(spec.shape.begin(), batch);
   }
   if (w.ops) *w.ops *= batch;
+  w.padding_ops *= batch;
   if (const auto* chain = dynamic_cast<const Sequence*>(plain.operation.get())) {
     auto op = std::make_shared<Sequence>();
     for (const Workload& layer : chain->layers) op->layers.push_back(batched(layer, batch));

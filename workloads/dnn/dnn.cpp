@@ -85,6 +85,20 @@ std::int64_t conv2d_ops(const ConvShape& s) {
   return std::int64_t{2} * s.out_c * s.out_h() * s.out_w() * s.in_c * s.k_h * s.k_w;
 }
 
+std::int64_t conv2d_padding_ops(const ConvShape& s) {
+  // Over all outputs of one dimension, the taps of a filter of `size` that lie within the input.
+  const auto within = [&](int in, int out, int size) {
+    std::int64_t taps = 0;
+    for (int at = 0; at < out; ++at) {
+      const int first = at * s.stride - s.pad;
+      taps += std::max(0, std::min(first + size, in) - std::max(first, 0));
+    }
+    return taps;
+  };
+  return conv2d_ops(s) - std::int64_t{2} * s.out_c * s.in_c * within(s.in_h, s.out_h(), s.k_h) *
+                             within(s.in_w, s.out_w(), s.k_w);
+}
+
 Workload make_conv2d_relu(std::string name, const ConvShape& s) {
   const std::int64_t ops = conv2d_ops(s);
   auto op = std::make_shared<Conv2dRelu>();
@@ -99,6 +113,7 @@ Workload make_conv2d_relu(std::string name, const ConvShape& s) {
                   {"bias", Element::kF32, {s.out_c}}};
   w.outputs = {{"output", Element::kF32, {s.out_c, s.out_h(), s.out_w()}}};
   w.ops = ops;
+  w.padding_ops = conv2d_padding_ops(s);
   if (s.in_c == 3) w.tags.emplace_back("image");
   w.verify = verify_close(sum_tolerance(std::int64_t{s.in_c} * s.k_h * s.k_w));
   return finish_layer(std::move(w));
@@ -170,6 +185,7 @@ Workload make_sequence(std::string name, std::string description, std::vector<Wo
   std::int64_t ops = 0;
   for (const auto& one : op->layers) {
     ops += one.ops.value_or(0);
+    w.padding_ops += one.padding_ops;
     for (TensorSpec spec : one.parameters) {
       spec.name = one.name + "." + spec.name;
       w.parameters.push_back(std::move(spec));

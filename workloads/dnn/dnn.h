@@ -28,6 +28,10 @@ struct ConvShape {
 /// stands.
 [[nodiscard]] std::int64_t conv2d_ops(const ConvShape& s);
 
+/// How many of conv2d_ops multiply zeros of the padding: all but those of the taps that lie within
+/// the input.
+[[nodiscard]] std::int64_t conv2d_padding_ops(const ConvShape& s);
+
 /// Where a layer's inputs lie: what calibrating a quantized network on its data finds. Int8 kernels
 /// map it to 8 bits and saturate what lies beyond.
 struct ValueRange {
