@@ -32,7 +32,7 @@ run_tests build
 if $long; then
   install_packages "${PIRT_LONG_PACKAGES[@]}"
   say "long tests"
-  ctest --test-dir build --output-on-failure -C long -L long --no-tests=error
+  ctest --test-dir build --output-on-failure -j 2 -C long -L long --no-tests=error
   say "format"
   git ls-files '*.cpp' '*.h' | xargs clang-format-14 --dry-run --Werror
   say "clang 14, warnings as errors"
