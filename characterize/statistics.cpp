@@ -151,7 +151,7 @@ std::vector<double> ranks_of(std::span<const Nanos> values) {
   ranks.reserve(values.size());
   const auto sorted = sorted_copy(values);
   for (const Nanos value : values) {
-    const auto [first, last] = std::ranges::equal_range(sorted, value);
+    const auto [first, last] = std::equal_range(sorted.begin(), sorted.end(), value);
     ranks.push_back(0.5 * static_cast<double>((first - sorted.begin()) + (last - sorted.begin())));
   }
   return ranks;
