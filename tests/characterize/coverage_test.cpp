@@ -72,8 +72,8 @@ Found simulate(const Draw& draw, Nanos truth, int processes) {
   return {static_cast<double>(held) / kRuns, width / kRuns};
 }
 
-// Observed: 94.1 % (two layouts, 6 processes) to 97.3 % (8 processes, where what looks like
-// dependence by chance widens the most).
+// Observed: 94.1 % (two layouts, 6 processes) to 97.3 % (two layouts, 8 processes); from 8 on what
+// looks like dependence by chance widens, less with 25.
 TEST(IntervalOverProcesses, CoversTheMedianWithSixProcessesOrMoreWhateverTheirDistribution) {
   for (const Shape& shape : shapes()) {
     const Nanos truth = true_median(shape.draw);
@@ -103,12 +103,13 @@ double coverage_with_drift(double r, int processes) {
   return static_cast<double>(held) / kRuns;
 }
 
-// Medians of processes in a row had r = 0.26 in ten runs on a quiet machine. Without the factor of
-// dependence these would be 0.89 to 0.90 and, with r = 0.5, 0.79 to 0.80.
+// Medians of processes in a row had r = 0.26 in ten runs on a quiet machine. Observed: 93.7 to 94.9
+// %, and 89.3 % (10 processes) to 93.9 % (50) with r = 0.5. Without the factor of dependence these
+// would be 0.89 to 0.90 and, with r = 0.5, 0.79 to 0.80.
 TEST(IntervalOverProcesses, CoversTheMedianOfAMachineThatDrifts) {
   for (const int processes : {10, 15, 25, 50}) {
-    EXPECT_GE(coverage_with_drift(0.26, processes), 0.93) << processes;
-    EXPECT_GE(coverage_with_drift(0.5, processes), 0.87) << processes;
+    EXPECT_GE(coverage_with_drift(0.26, processes), 0.935 - kThreeSigma) << processes;
+    EXPECT_GE(coverage_with_drift(0.5, processes), 0.89 - kThreeSigma) << processes;
   }
 }
 
@@ -150,8 +151,8 @@ TEST(IntervalOverProcesses, CoversTheMedianNearlyAsOftenWithThreeToFiveProcesses
 }
 
 // A full run looks at the interval again after each further process and ends the cell as soon as it
-// is narrow enough, which favours intervals that happen to be narrow. Observed: 93.5 % (disturbed)
-// to 95.1 %.
+// is narrow enough, which favours intervals that happen to be narrow. Observed: 94.8 % (disturbed)
+// to 96.6 %.
 TEST(IntervalOverProcesses, LosesLittleCoverageToStoppingAtAPrecision) {
   for (const Shape& shape : shapes()) {
     const Nanos truth = true_median(shape.draw);
@@ -167,7 +168,7 @@ TEST(IntervalOverProcesses, LosesLittleCoverageToStoppingAtAPrecision) {
       }
       held += interval->low <= truth && truth <= interval->high ? 1 : 0;
     }
-    EXPECT_GE(static_cast<double>(held) / kRuns, 0.93 - kThreeSigma) << shape.name;
+    EXPECT_GE(static_cast<double>(held) / kRuns, 0.945 - kThreeSigma) << shape.name;
   }
 }
 
