@@ -271,7 +271,9 @@ TEST(DagGenerator, MakesOneLevelOrAChainOfExtremeShapes) {
   DagParameters parameters;
   parameters.tasks = 9;
   parameters.shape = 100;
-  for (const auto& task : mix_of(generate_dag(parameters)).pipelines[0].tasks) {
+  const auto level = mix_of(generate_dag(parameters)).pipelines[0].tasks;
+  EXPECT_EQ(level.size(), 9U);
+  for (const auto& task : level) {
     EXPECT_TRUE(task.after.empty());
   }
   parameters.shape = 0.01;
