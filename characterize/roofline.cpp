@@ -59,12 +59,11 @@ struct LeastTimes {
   double transfer_s = 0;
 };
 
-/// Operations of a call that no kernel can leave out; absent where the row has none.
+/// A row of another size, from another version, keeps all of its own operations.
 std::optional<double> needed_ops(const PhaseRow& row, const Workload& workload) {
-  if (!row.ops) return std::nullopt;
-  // A row of another size, from another version, keeps all of its own.
-  const std::int64_t padding = row.ops == workload.ops ? workload.padding_ops : 0;
-  return static_cast<double>(*row.ops - padding);
+  const auto ops = row.ops == workload.ops ? workload.needed_ops() : row.ops;
+  if (!ops) return std::nullopt;
+  return static_cast<double>(*ops);
 }
 
 LeastTimes least_times(const PhaseRow& row, const Workload& workload, const Limits& limits) {

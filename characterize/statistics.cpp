@@ -106,10 +106,6 @@ double coverage(std::size_t n, std::size_t low) {
   return 1 - 2 * tail;
 }
 
-Nanos scaled(Nanos time, double factor) {
-  return Nanos(std::llround(factor * static_cast<double>(time.count())));
-}
-
 Nanos between(Nanos from, Nanos to, double share) { return from + scaled(to - from, share); }
 
 /// Between the last pair of order statistics that covers 95 % and the next inner one.

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
@@ -203,8 +202,7 @@ Draw find_draw(const std::string& name) {
 
 Nanos ServiceStage::mean() const {
   const Nanos time_at_rate_1 = time.mean();
-  if (scale == 1) return time_at_rate_1;
-  return Nanos(std::llround(static_cast<double>(time_at_rate_1.count()) * scale));
+  return scale == 1 ? time_at_rate_1 : scaled(time_at_rate_1, scale);
 }
 
 Nanos Service::total() const {

@@ -366,23 +366,21 @@ void VirtualTime::begin_step(JobIndex job, const Step& step) {
   }
   const bool constant = step.time.kind == Distribution::Kind::kConstant;
   const Nanos unscaled = constant ? step.time.low : draw(jobs_[job], step);
-  const Nanos scaled =
-      constant ? step.scaled
-               : Nanos(std::llround(static_cast<double>(unscaled.count()) * step.scale));
+  const Nanos takes = constant ? step.scaled : scaled(unscaled, step.scale);
   if (step.servers == Step::kDelay) {
-    add_timer(now_ + scaled, false, job);
+    add_timer(now_ + takes, false, job);
     return;
   }
   if (step.servers < tally_.units.size()) {
-    tally_.units[step.servers].busy += scaled;
+    tally_.units[step.servers].busy += takes;
     if (step.powered) tally_.units[step.servers].powered += unscaled;
   } else {
-    tally_.units[jobs_[job].unit].transferring += scaled;
+    tally_.units[jobs_[job].unit].transferring += takes;
   }
   if (setup_.observer != nullptr) {
     setup_.observer->arrived(step.servers, job, power_w(jobs_[job], step));
   }
-  servers_[step.servers]->arrive(job, scaled, sequence_++, now_);
+  servers_[step.servers]->arrive(job, takes, sequence_++, now_);
 }
 
 /// While a server works on the step. A scaled stage draws less for longer: its energy stays.

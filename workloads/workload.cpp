@@ -163,6 +163,11 @@ std::int64_t Workload::bytes() const {
   return bytes;
 }
 
+std::optional<std::int64_t> Workload::needed_ops() const {
+  if (!ops) return std::nullopt;
+  return *ops - padding_ops;
+}
+
 bool Workload::has_tag(std::string_view tag) const {
   return std::ranges::find(tags, tag) != tags.end();
 }

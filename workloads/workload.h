@@ -76,6 +76,8 @@ struct Workload {
   std::optional<std::int64_t> ops;
   /// Of `ops`, those on zeros around the input, which a kernel may leave out.
   std::int64_t padding_ops = 0;
+  /// Of `ops`, those that no kernel can leave out.
+  [[nodiscard]] std::optional<std::int64_t> needed_ops() const;
   /// Bytes a call has to move at least: inputs + parameters + outputs, each once, weights as they
   /// are stored in `precision`.
   [[nodiscard]] std::int64_t bytes() const;

@@ -110,8 +110,8 @@ std::unique_ptr<Kernel> slowed(std::unique_ptr<Kernel> kernel, double factor, co
     static_cast<void>(kernel->execute(1));
     shortest = std::min(shortest, clock.now() - begin);
   }
-  const auto extra = Nanos(std::llround((factor - 1) * static_cast<double>(shortest.count())));
-  return std::make_unique<SlowedKernel>(std::move(kernel), work.steps_for(extra));
+  return std::make_unique<SlowedKernel>(std::move(kernel),
+                                        work.steps_for(scaled(shortest, factor - 1)));
 }
 
 }  // namespace pirt

@@ -79,9 +79,7 @@ std::map<Family, double> shifts_of(const ProfileDiff& diff, const GateThresholds
 
 std::vector<Nanos> shifted(std::span<const Nanos> values, double shift) {
   std::vector<Nanos> result;
-  for (const Nanos value : values) {
-    result.emplace_back(std::llround(static_cast<double>(value.count()) * std::exp(shift)));
-  }
+  for (const Nanos value : values) result.push_back(scaled(value, std::exp(shift)));
   return result;
 }
 

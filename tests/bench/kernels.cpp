@@ -226,7 +226,7 @@ std::vector<Contest> make_contests(Devices& devices, const std::regex& filter) {
     if (wanted("fma", name)) {
       if (!fma) fma = fastest_fma(*devices.cpu);
       const Workload& layer = find_workload(name);
-      const auto ops = static_cast<double>(layer.ops.value() - layer.padding_ops);
+      const auto ops = static_cast<double>(layer.needed_ops().value());
       all.push_back({"fma", name, 0.75, ours(*devices.cpu, name), fma->first, ops / fma->second});
     }
   }

@@ -280,11 +280,8 @@ TEST(TableGate, RaisesNoFalseAlarmAndFindsAQuarterInSimulation) {
 Profile on_slower_machine(std::uint64_t seed, double factor, double slower = 1) {
   Profile profile = simulated_run(seed, slower);
   for (PhaseRow& row : profile.phases) {
-    const auto scaled = [factor](Nanos t) {
-      return Nanos(std::llround(factor * static_cast<double>(t.count())));
-    };
-    for (Nanos& value : row.values) value = scaled(value);
-    row.median = scaled(*row.median);
+    for (Nanos& value : row.values) value = scaled(value, factor);
+    row.median = scaled(*row.median, factor);
   }
   return profile;
 }

@@ -159,7 +159,10 @@ TEST(DnnReference, CountsOperationsOnPadding) {
   for (const char* name : {"conv2", "conv3", "conv4", "conv5"}) {
     all += find_workload(name).padding_ops;
   }
-  EXPECT_EQ(find_workload("alexnet").padding_ops, all);
+  const Workload& alexnet = find_workload("alexnet");
+  EXPECT_EQ(alexnet.padding_ops, all);
+  EXPECT_EQ(alexnet.needed_ops(), *alexnet.ops - all);
+  EXPECT_EQ(find_workload("pool5").needed_ops(), std::nullopt);
   EXPECT_EQ(find_workload("conv4@batch8").padding_ops, 8 * find_workload("conv4").padding_ops);
 }
 

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -130,13 +129,9 @@ class FakeKernel : public Kernel {
     for (const auto& stage : script_.stages_of(workload_.name)) {
       if (stage.phase == phase) total += draw(stage, random_);
     }
-    total = scaled(total);
+    total = scaled(total, factor_);
     clock_.advance(total);
     return total;
-  }
-
-  [[nodiscard]] Nanos scaled(Nanos time) const {
-    return Nanos(std::llround(static_cast<double>(time.count()) * factor_));
   }
 
   void advance_execute() {
@@ -145,7 +140,7 @@ class FakeKernel : public Kernel {
       advance(Phase::kExecute);
     } else {
       const auto at = static_cast<std::size_t>(calls_) % samples->second.size();
-      clock_.advance(scaled(samples->second[at]));
+      clock_.advance(scaled(samples->second[at], factor_));
     }
   }
 
