@@ -1,9 +1,9 @@
 // How often the regression gate is right, on this machine.
 //
 // Usage:
-//   regress tables DATABASE          all ordered pairs of the database's runs (tests/bench/aa makes
-//                                    some): alarms and inconclusive answers without a change, and
-//                                    how often +25 % in one cell is found
+//   regress tables DATABASE...       all ordered pairs of the databases' runs (tests/bench/aa makes
+//                                    some): alarms and inconclusive answers without a change, how
+//                                    often +25 % in one cell is found, and where it is not
 //   regress load PIRT LEDGER [N]     N (60) whole decisions of a program against itself while
 //                                    another program keeps one core busy
 //   regress gate PIRT                how long a whole gate over Table I takes, without a change
@@ -14,6 +14,7 @@
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
+#include <span>
 #include <string>
 #include <thread>
 
@@ -41,24 +42,25 @@ double percent(std::int64_t part, std::int64_t all) {
 
 /// @p profile with `execute` and `call` of one cell 25 % slower.
 Profile slower(Profile profile, const std::string& workload, const std::string& unit) {
-  const auto scaled = [](Nanos time) { return Nanos(time.count() * 5 / 4); };
   for (PhaseRow& row : profile.phases) {
     if (row.workload != workload || row.unit != unit) continue;
     if (row.phase != Phase::kExecute && row.phase != Phase::kCall) continue;
-    for (Nanos& value : row.values) value = scaled(value);
+    for (Nanos& value : row.values) value = scaled(value, 1.25);
     for (auto* figure : {&row.median, &row.ci_low, &row.ci_high}) {
-      if (*figure) *figure = scaled(**figure);
+      if (*figure) *figure = scaled(**figure, 1.25);
     }
   }
   return profile;
 }
 
-int tables(const std::string& path) {
-  const std::string platform = load_profile(path).platform();
+int tables(std::span<const std::string> paths) {
+  const std::string platform = load_profile(paths.front()).platform();
   std::vector<Profile> runs;
-  for (const std::int64_t id : finished_runs(path, platform)) {
-    runs.push_back(load_profile(path, platform, {id, id}));
-    read_samples(runs.back());
+  for (const std::string& path : paths) {
+    for (const std::int64_t id : finished_runs(path, platform)) {
+      runs.push_back(load_profile(path, platform, {id, id}));
+      read_samples(runs.back());
+    }
   }
   fmt::print("{} runs of platform {}\n", runs.size(), platform);
   if (runs.size() < 2) throw_bad_input("two runs are needed; tests/bench/aa makes some");
@@ -88,11 +90,18 @@ int tables(const std::string& path) {
       const GateResult with = judge(diff_profiles(runs[a], changed));
       ++injected;
       bool alarm = false, unsure = false;
+      std::string why;
       for (const GateRow& row : with.rows) {
         if (row.workload != workload || row.unit != unit) continue;
         if (row.phase != "execute" && row.phase != "call") continue;
         alarm = alarm || row.verdict == GateVerdict::kSlower;
         unsure = unsure || row.verdict == GateVerdict::kInconclusive;
+        why += fmt::format(" {} {} {:+.1f} % {};", row.phase, to_string(row.verdict),
+                           100 * (row.ratio.value_or(1) - 1), row.reason);
+      }
+      if (!alarm) {
+        fmt::print("+25 % not found, run {} against {}: {} {}:{}\n", b + 1, a + 1, workload, unit,
+                   why);
       }
       found += alarm ? 1 : 0;
       open += !alarm && unsure ? 1 : 0;
@@ -151,12 +160,12 @@ int gate(const std::string& program) {
 int main(int argc, char** argv) {
   const std::vector<std::string> words(argv + 1, argv + argc);
   try {
-    if (words.size() == 2 && words[0] == "tables") return tables(words[1]);
+    if (words.size() >= 2 && words[0] == "tables") return tables(std::span(words).subspan(1));
     if ((words.size() == 3 || words.size() == 4) && words[0] == "load") {
       return load(words[1], words[2], words.size() == 4 ? words[3] : "60");
     }
     if (words.size() == 2 && words[0] == "gate") return gate(words[1]);
-    fmt::print(stderr, "usage: regress tables DATABASE | load PIRT LEDGER [N] | gate PIRT\n");
+    fmt::print(stderr, "usage: regress tables DATABASE... | load PIRT LEDGER [N] | gate PIRT\n");
     return kExitBadInput;
   } catch (const Error& error) {
     fmt::print(stderr, "regress: {}\n", error.what());
