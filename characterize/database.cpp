@@ -324,8 +324,7 @@ std::optional<UnfinishedRun> find_unfinished_run(const std::filesystem::path& pa
   return found;
 }
 
-std::vector<RowSamples> load_samples(const std::filesystem::path& path, std::int64_t run_id) {
-  const auto connection = open_database(path, Connection::Mode::kReadOnly);
+std::vector<RowSamples> read_run_samples(const Connection& connection, std::int64_t run_id) {
   Statement exists(connection, "SELECT 1 FROM run WHERE run_id = ?");
   if (!exists.bind(run_id).step()) return {};
   Statement query(connection,
@@ -351,6 +350,10 @@ std::vector<RowSamples> load_samples(const std::filesystem::path& path, std::int
     rows.back().processes.push_back(static_cast<std::int32_t>(query.integer(6)));
   }
   return rows;
+}
+
+std::vector<RowSamples> load_samples(const std::filesystem::path& path, std::int64_t run_id) {
+  return read_run_samples(open_database(path, Connection::Mode::kReadOnly), run_id);
 }
 
 }  // namespace pirt

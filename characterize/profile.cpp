@@ -264,31 +264,33 @@ std::vector<std::string> Profile::units() const {
 
 const std::string& Profile::platform() const { return runs.front().platform; }
 
-Profile load_profile(const std::filesystem::path& path, std::string_view platform, RunRange runs) {
-  auto connection = open_database(path, Connection::Mode::kReadOnly);
-  connection.run("BEGIN");  // one state of the file for all that follows, though somebody may be
-                            // appending a run
-  const std::string chosen = choose_platform(connection, platform, runs);
+ProfileReader::ProfileReader(const std::filesystem::path& path)
+    : connection_(std::make_unique<Connection>(open_database(path, Connection::Mode::kReadOnly))) {
+  connection_->run("BEGIN");
+}
+
+ProfileReader::~ProfileReader() = default;
+
+Profile ProfileReader::read(std::string_view platform, RunRange runs) const {
+  const std::string chosen = choose_platform(*connection_, platform, runs);
   Profile profile;
-  profile.path = path.string();
-  profile.phases = read_phases(connection, chosen, runs);
-  profile.energies = read_energies(connection, chosen, runs);
-  profile.peaks = read_peaks(connection, chosen, runs);
+  profile.path = connection_->path().string();
+  profile.phases = read_phases(*connection_, chosen, runs);
+  profile.energies = read_energies(*connection_, chosen, runs);
+  profile.peaks = read_peaks(*connection_, chosen, runs);
   std::set<std::int64_t, std::greater<>> run_ids;
   for (const PhaseRow& row : profile.phases) run_ids.insert(row.run_id);
   for (const EnergyRow& row : profile.energies) run_ids.insert(row.run_id);
   for (const PeakRow& row : profile.peaks) run_ids.insert(row.run_id);
   for (const std::int64_t run_id : run_ids) {
-    profile.runs.push_back(read_run(connection, run_id));
+    profile.runs.push_back(read_run(*connection_, run_id));
   }
   sort_rows(profile);
   return profile;
 }
 
-std::vector<std::int64_t> finished_runs(const std::filesystem::path& path,
-                                        std::string_view platform) {
-  const auto connection = open_database(path, Connection::Mode::kReadOnly);
-  Statement query(connection,
+std::vector<std::int64_t> ProfileReader::finished_runs(std::string_view platform) const {
+  Statement query(*connection_,
                   "SELECT run_id FROM run WHERE platform = ? AND finished IS NOT NULL "
                   "ORDER BY run_id DESC");
   query.bind(platform);
@@ -297,9 +299,9 @@ std::vector<std::int64_t> finished_runs(const std::filesystem::path& path,
   return ids;
 }
 
-void read_samples(Profile& profile) {
+void ProfileReader::read_samples(Profile& profile) const {
   for (const RunInfo& run : profile.runs) {
-    for (RowSamples& each : load_samples(profile.path, run.run_id)) {
+    for (RowSamples& each : read_run_samples(*connection_, run.run_id)) {
       const auto row = std::ranges::find_if(profile.phases, [&](const PhaseRow& candidate) {
         return candidate.run_id == run.run_id && candidate.workload == each.workload &&
                candidate.unit == each.unit && candidate.phase == each.phase &&
@@ -310,6 +312,10 @@ void read_samples(Profile& profile) {
       row->value_processes = std::move(each.processes);
     }
   }
+}
+
+Profile load_profile(const std::filesystem::path& path, std::string_view platform, RunRange runs) {
+  return ProfileReader(path).read(platform, runs);
 }
 
 }  // namespace pirt

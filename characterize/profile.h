@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <limits>
 #include <map>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -19,6 +20,10 @@
 #include "workloads/phase.h"
 
 namespace pirt {
+
+namespace sqlite {
+class Connection;
+}
 
 /// A row of view profile_summary.
 struct PhaseRow {
@@ -35,7 +40,8 @@ struct PhaseRow {
   std::optional<std::int64_t> ops;
   std::int64_t bytes = 0;
   std::int64_t processes = 0;  ///< Fresh worker processes that the samples come from.
-  // Its samples as they were taken, and of each the process that took it; empty until read_samples.
+  // Its samples as they were taken, and of each the process that took it; empty until
+  // ProfileReader::read_samples.
   std::vector<Nanos> values;
   std::vector<std::int32_t> value_processes;
 };
@@ -112,20 +118,36 @@ struct RunRange {
   std::int64_t last = std::numeric_limits<std::int64_t>::max();
 };
 
-/// Reads the newest rows of one platform.
-/// @param platform  Only runs of that platform; empty = that of the newest run.
-/// @param runs      Only these, as if there were no others.
-/// @throws Error{kBadInput}: missing file, not a database, not pirt's, damaged, newer version, no
-/// runs, no run of that platform.
+/// A profile database, verified when it is opened and then read as often as wished, all of it from
+/// one state of the file. While there is one, whoever appends a run waits.
+class ProfileReader {
+ public:
+  /// @throws Error{kBadInput}: missing file, not a database, not pirt's, damaged, newer version.
+  /// @throws Error{kEnvironment}: busy, unreadable disk.
+  explicit ProfileReader(const std::filesystem::path& path);
+  ~ProfileReader();
+  ProfileReader(const ProfileReader&) = delete;
+  ProfileReader& operator=(const ProfileReader&) = delete;
+
+  /// The newest rows of one platform.
+  /// @param platform  Only runs of that platform; empty = that of the newest run.
+  /// @param runs      Only these, as if there were no others.
+  /// @throws Error{kBadInput}: no runs, no run of that platform.
+  [[nodiscard]] Profile read(std::string_view platform = {}, RunRange runs = {}) const;
+
+  /// The runs of a platform that ended, newest first.
+  [[nodiscard]] std::vector<std::int64_t> finished_runs(std::string_view platform) const;
+
+  /// Fills in PhaseRow::values of all rows: for whoever needs distributions, not medians alone.
+  /// @param profile  Read from here.
+  void read_samples(Profile& profile) const;
+
+ private:
+  std::unique_ptr<sqlite::Connection> connection_;
+};
+
+/// What a ProfileReader of that file reads. @throws Error as ProfileReader and its read.
 [[nodiscard]] Profile load_profile(const std::filesystem::path& path,
                                    std::string_view platform = {}, RunRange runs = {});
-
-/// The runs of a platform that ended, newest first. @throws Error as load_profile.
-[[nodiscard]] std::vector<std::int64_t> finished_runs(const std::filesystem::path& path,
-                                                      std::string_view platform);
-
-/// Fills in PhaseRow::values of all rows: for whoever needs distributions, not medians alone.
-/// @throws Error as load_profile.
-void read_samples(Profile& profile);
 
 }  // namespace pirt

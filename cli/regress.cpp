@@ -60,9 +60,10 @@ struct Table {
 };
 
 Table open_table(const std::string& path, const std::string& platform, const std::string& filter) {
-  Table table{.profile = load_profile(path, platform), .name = path};
+  const ProfileReader reader(path);
+  Table table{.profile = reader.read(platform), .name = path};
   if (!filter.empty()) keep_workloads(table.profile, filter);
-  const int runs = pool_samples(table.profile);
+  const int runs = pool_samples(reader, table.profile);
   if (runs > 1) table.name += fmt::format(" ({} runs)", runs);
   return table;
 }

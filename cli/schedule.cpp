@@ -81,8 +81,11 @@ Inputs read_inputs(const Options& options) {
   const auto overrides = parse_overrides(options.settings);
   Inputs inputs;
   if (options.platform) inputs.platform = load_platform(*options.platform, overrides);
-  if (options.profile) inputs.profile = load_profile(*options.profile, inputs.platform.name);
-  if (find_draw(options.draw) == Draw::kSamples) read_samples(*inputs.profile);
+  if (options.profile) {
+    const ProfileReader reader(*options.profile);
+    inputs.profile = reader.read(inputs.platform.name);
+    if (find_draw(options.draw) == Draw::kSamples) reader.read_samples(*inputs.profile);
+  }
   if (!options.platform) inputs.platform = load_platform(inputs.profile->platform(), overrides);
   inputs.mix = load_mix(options.mix);
   return inputs;

@@ -37,9 +37,10 @@ void keep_workloads(Profile& profile, const std::string& filter) {
 
 Profile load_with_samples(const std::filesystem::path& path, std::string_view platform,
                           const std::string& filter) {
-  Profile profile = load_profile(path, platform);
+  const ProfileReader reader(path);
+  Profile profile = reader.read(platform);
   if (!filter.empty()) keep_workloads(profile, filter);
-  read_samples(profile);
+  reader.read_samples(profile);
   return profile;
 }
 

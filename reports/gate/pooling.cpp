@@ -44,13 +44,13 @@ void summarize_all(PhaseRow& row) {
 
 }  // namespace
 
-int pool_samples(Profile& profile) {
-  read_samples(profile);
+int pool_samples(const ProfileReader& reader, Profile& profile) {
+  reader.read_samples(profile);
   int pooled = 1;
-  const auto runs = finished_runs(profile.path, profile.platform());
-  for (const std::int64_t id : runs) {
-    Profile other = load_profile(profile.path, profile.platform(), {id, id});
-    read_samples(other);
+  const std::string platform = profile.platform();
+  for (const std::int64_t id : reader.finished_runs(platform)) {
+    Profile other = reader.read(platform, {id, id});
+    reader.read_samples(other);
     bool any = false;
     for (PhaseRow& row : profile.phases) {
       if (row.run_id == id || !row.valid) continue;

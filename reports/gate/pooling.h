@@ -8,8 +8,8 @@ namespace pirt {
 
 /// Reads the samples of all rows, adds those of the same rows in other runs of the file that may be
 /// compared with the row's own, and takes the medians of all of them.
+/// @param profile  Read by @p reader.
 /// @return  Runs that samples come from.
-/// @throws Error as load_profile.
-int pool_samples(Profile& profile);
+int pool_samples(const ProfileReader& reader, Profile& profile);
 
 }  // namespace pirt

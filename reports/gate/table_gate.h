@@ -66,7 +66,7 @@ struct GateResult {
   [[nodiscard]] std::int64_t count(GateVerdict verdict) const;
 };
 
-/// @param diff  Its profiles' samples have been read (read_samples).
+/// @param diff  Its profiles' samples have been read (ProfileReader::read_samples).
 [[nodiscard]] GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds = {});
 
 }  // namespace pirt

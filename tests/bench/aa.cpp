@@ -52,7 +52,7 @@ std::vector<std::int64_t> runs_so_far(const Options& options) {
     rest.program = options.program;
     run_campaign(rest, plan_campaign(rest));
   }
-  std::vector<std::int64_t> ids = finished_runs(options.database(), kPlatform);
+  std::vector<std::int64_t> ids = ProfileReader(options.database()).finished_runs(kPlatform);
   std::ranges::reverse(ids);
   return ids;
 }

@@ -57,9 +57,10 @@ int tables(std::span<const std::string> paths) {
   const std::string platform = load_profile(paths.front()).platform();
   std::vector<Profile> runs;
   for (const std::string& path : paths) {
-    for (const std::int64_t id : finished_runs(path, platform)) {
-      runs.push_back(load_profile(path, platform, {id, id}));
-      read_samples(runs.back());
+    const ProfileReader reader(path);
+    for (const std::int64_t id : reader.finished_runs(platform)) {
+      runs.push_back(reader.read(platform, {id, id}));
+      reader.read_samples(runs.back());
     }
   }
   fmt::print("{} runs of platform {}\n", runs.size(), platform);

@@ -219,9 +219,10 @@ TEST(Profile, ReadsTheSamplesOfEachRowFromItsRun) {
     for (auto& phase : sobel.phases) phase.samples = {Nanos(3), Nanos(1), Nanos(2)};
     writer.write_cell(second, sobel);
   }
-  Profile profile = load_profile(folder / "p.db");
+  const ProfileReader reader(folder / "p.db");
+  Profile profile = reader.read();
   EXPECT_TRUE(profile.find("sobel", "gpu", Phase::kCall)->values.empty());
-  read_samples(profile);
+  reader.read_samples(profile);
   EXPECT_THAT(profile.find("sobel", "gpu", Phase::kCall)->values,
               ElementsAre(Nanos(3), Nanos(1), Nanos(2)));
   EXPECT_THAT(profile.find("gaussian_blur", "gpu", Phase::kCall)->values,
