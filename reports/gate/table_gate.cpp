@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
 #include <span>
 
 #include "characterize/environment_keys.h"
 #include "characterize/rank_tests.h"
 #include "reports/gate/between_runs.h"
+#include "reports/gate/common_movement.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -51,31 +51,10 @@ std::string complaint(const ProfileDiff& diff, const PhasePair& pair) {
   return "";
 }
 
-/// Rows that move together: those of set-up, and the others.
-struct Family {
-  std::string unit;
-  bool setup = false;
-  auto operator<=>(const Family&) const = default;
+struct Judged {
+  GateRow* row = nullptr;
+  Family family;
 };
-
-Family family_of(const PhaseRow& row) { return {row.unit, is_setup(row.phase)}; }
-
-/// Logarithm of what all rows of each family moved by, where enough workloads say so.
-std::map<Family, double> shifts_of(const ProfileDiff& diff, const GateThresholds& thresholds) {
-  std::map<Family, std::vector<double>> changes;
-  std::map<Family, std::set<std::string>> workloads;
-  for (const auto& pair : diff.phases) {
-    const auto ratio = pair.ratio();
-    if (!ratio || *ratio <= 0 || !complaint(diff, pair).empty()) continue;
-    changes[family_of(*pair.a)].push_back(std::log(*ratio));
-    workloads[family_of(*pair.a)].insert(pair.a->workload);
-  }
-  std::map<Family, double> shifts;
-  for (const auto& [family, logs] : changes) {
-    if (workloads[family].size() >= thresholds.workloads) shifts[family] = median_of(logs);
-  }
-  return shifts;
-}
 
 std::vector<Nanos> shifted(std::span<const Nanos> values, double shift) {
   std::vector<Nanos> result;
@@ -94,7 +73,7 @@ double change_that_matters(const ProfileDiff& diff, const PhaseRow& base,
          static_cast<double>(base.median->count());
 }
 
-GateRow compare(const ProfileDiff& diff, const PhasePair& pair, double shift,
+GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const CommonMovement& movement,
                 const GateThresholds& thresholds) {
   const PhaseRow& base = *pair.a;
   const PhaseRow& candidate = *pair.b;
@@ -116,17 +95,19 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, double shift,
     row.reason = fmt::format("{} samples, {} are needed", fewest, thresholds.samples);
     return row;
   }
-  row.change = change_between(base, candidate, shift);
+  const ExpectedMovement expected = movement.expected(pair);
+  row.change = change_between(base, candidate, expected.shift);
   if (!row.change) {
     row.verdict = GateVerdict::kNotJudged;
     row.reason = "shorter than the clock can tell";
     return row;
   }
-  row.noise = noise_between(base, candidate);
+  row.noise = noise_between(base, candidate, expected.drift);
+  if (row.noise) row.noise = std::hypot(*row.noise, expected.sd);
   row.needed = std::max(thresholds.effect, change_that_matters(diff, base, thresholds));
-  const auto expected = shifted(base.values, shift);
-  row.p = *row.change > 0 ? mann_whitney_p(expected, candidate.values)
-                          : mann_whitney_p(candidate.values, expected);
+  const auto values = shifted(base.values, expected.shift);
+  row.p = *row.change > 0 ? mann_whitney_p(values, candidate.values)
+                          : mann_whitney_p(candidate.values, values);
   return row;
 }
 
@@ -163,13 +144,12 @@ GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair,
   return row;
 }
 
-/// A cell's own estimate comes from few processes and may be small by luck; that of a typical row
-/// of its family stands below it.
-std::map<Family, double> typical_noise(const std::vector<GateRow*>& rows,
-                                       const std::vector<Family>& families) {
+/// A row's own estimate comes from few processes and may be small by luck; that of a typical row of
+/// its family stands below it.
+std::map<Family, double> typical_noise(const std::vector<Judged>& rows) {
   std::map<Family, std::vector<double>> all;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (rows[i]->noise) all[families[i]].push_back(*rows[i]->noise);
+  for (const auto& [row, family] : rows) {
+    if (row->noise) all[family].push_back(*row->noise);
   }
   std::map<Family, double> typical;
   for (const auto& [family, values] : all) typical[family] = median_of(values);
@@ -177,13 +157,15 @@ std::map<Family, double> typical_noise(const std::vector<GateRow*>& rows,
 }
 
 /// Slower and faster are a family of tests each; who went the other way counts in it with p = 1.
-void adjust(const std::vector<GateRow*>& rows) {
+void adjust(const std::vector<Judged>& rows) {
   for (const bool slower : {true, false}) {
     std::vector<double> p_values;
-    for (const auto* row : rows) p_values.push_back((*row->change > 0) == slower ? *row->p : 1);
+    for (const auto& [row, family] : rows) {
+      p_values.push_back((*row->change > 0) == slower ? *row->p : 1);
+    }
     const auto adjusted = holm_adjusted(p_values);
     for (std::size_t i = 0; i < rows.size(); ++i) {
-      if ((*rows[i]->change > 0) == slower) rows[i]->p = adjusted[i];
+      if ((*rows[i].row->change > 0) == slower) rows[i].row->p = adjusted[i];
     }
   }
 }
@@ -207,38 +189,55 @@ void conclude(GateRow& row, double floor, const GateThresholds& thresholds) {
   }
 }
 
-/// "; no program changes its f32 peak (-5.6 %) and memory bandwidth (-27.0 %)": what both sides
-/// measured of these; empty if neither.
-std::string witness(const ProfileDiff& diff, const std::string& unit) {
-  std::vector<std::string> moved;
-  for (const auto& [kind, name] : {std::pair{PeakKind::kF32, "f32 peak"},
-                                   std::pair{PeakKind::kBandwidthMemory, "memory bandwidth"}}) {
-    const PeakRow* a = diff.a->find_peak(unit, kind);
-    const PeakRow* b = diff.b->find_peak(unit, kind);
-    if (a == nullptr || b == nullptr || !a->per_second || !b->per_second) continue;
-    moved.push_back(
-        fmt::format("{} ({:+.1f} %)", name, 100 * (*b->per_second / *a->per_second - 1)));
+/// "; no program changes the f32 peak (-5.6 %) and memory bandwidth (-27.0 %) of cpu": what both
+/// sides measured of these; empty if neither.
+std::string witness(const ProfileDiff& diff, const std::vector<std::string>& units) {
+  std::string text;
+  for (const auto& unit : units) {
+    std::vector<std::string> moved;
+    for (const auto& [kind, name] : {std::pair{PeakKind::kF32, "f32 peak"},
+                                     std::pair{PeakKind::kBandwidthMemory, "memory bandwidth"}}) {
+      const PeakRow* a = diff.a->find_peak(unit, kind);
+      const PeakRow* b = diff.b->find_peak(unit, kind);
+      if (a == nullptr || b == nullptr || !a->per_second || !b->per_second) continue;
+      moved.push_back(
+          fmt::format("{} ({:+.1f} %)", name, 100 * (*b->per_second / *a->per_second - 1)));
+    }
+    if (moved.empty()) continue;
+    text += fmt::format("; no program changes the {} of {}", join(moved, " and "), unit);
   }
-  if (moved.empty()) return "";
-  return fmt::format("; no program changes its {}", fmt::join(moved, " and "));
+  return text;
 }
 
-/// One row for all that a unit's rows moved by together, where that is more than counts in one.
-void add_shifts(const ProfileDiff& diff, const std::map<Family, double>& shifts,
-                const GateThresholds& thresholds, std::vector<GateRow>& rows) {
-  for (const auto& [family, shift] : shifts) {
-    if (std::expm1(std::abs(shift)) < thresholds.together) continue;
+/// "all of cpu is", "the rows of cpu and opencl that the machine moves most are".
+std::string subject(const JointMovement& moved) {
+  const std::string units = join(moved.units, " and ");
+  if (moved.rows == JointMovement::Rows::kUnsteady) {
+    return "what the machine moves most of " + units + ", by memory and caches,";
+  }
+  return "all of " + units;
+}
+
+/// One row for all that rows moved by together, where that is more than counts in one.
+void add_movements(const ProfileDiff& diff, const std::vector<JointMovement>& movements,
+                   const GateThresholds& thresholds, std::vector<GateRow>& rows) {
+  for (const auto& moved : movements) {
+    const double needed = std::max(thresholds.together, thresholds.noise_factor * moved.noise);
+    if (std::expm1(std::abs(moved.shift)) < needed) continue;
     GateRow row;
     row.workload = "all";
-    row.unit = family.unit;
-    row.phase = family.setup ? "set-up" : "running";
-    row.ratio = std::exp(shift);
-    row.verdict = shift > 0 ? GateVerdict::kInconclusive : GateVerdict::kFaster;
-    if (shift > 0) {
+    row.unit = join(moved.units, "+");
+    row.phase = to_string(moved.rows);
+    row.ratio = std::exp(moved.shift);
+    row.change = *row.ratio - 1;
+    row.noise = moved.noise;
+    row.needed = needed;
+    row.verdict = moved.shift > 0 ? GateVerdict::kInconclusive : GateVerdict::kFaster;
+    if (moved.shift > 0) {
       row.reason = fmt::format(
-          "all of {} is {:.1f} % slower: the machine, or a change to everything{}; compare the two "
+          "{} is {:.1f} % slower: the machine, or a change to everything{}; compare the two "
           "programs side by side: --baseline-program",
-          family.unit, 100 * (*row.ratio - 1), witness(diff, family.unit));
+          subject(moved), 100 * (*row.ratio - 1), witness(diff, moved.units));
     }
     rows.push_back(std::move(row));
   }
@@ -286,26 +285,25 @@ std::int64_t GateResult::count(GateVerdict verdict) const {
 GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds) {
   GateResult result;
   result.identity = diff.identity;
-  const auto shifts = shifts_of(diff, thresholds);
+  CommonMovement::Pairs comparable;
   for (const auto& pair : diff.phases) {
-    const auto shift = shifts.find(family_of(*pair.a));
-    result.rows.push_back(
-        compare(diff, pair, shift == shifts.end() ? 0 : shift->second, thresholds));
+    if (complaint(diff, pair).empty()) comparable.push_back(&pair);
   }
-  std::vector<GateRow*> judged;
-  std::vector<Family> families;
+  const CommonMovement movement(*diff.a, comparable, thresholds.workloads);
+  for (const auto& pair : diff.phases) {
+    result.rows.push_back(compare(diff, pair, movement, thresholds));
+  }
+  std::vector<Judged> judged;
   for (std::size_t i = 0; i < result.rows.size(); ++i) {
-    if (!result.rows[i].p) continue;
-    judged.push_back(&result.rows[i]);
-    families.push_back(family_of(*diff.phases[i].a));
+    if (result.rows[i].p) judged.push_back({&result.rows[i], family_of(diff.phases[i])});
   }
   adjust(judged);
-  const auto typical = typical_noise(judged, families);
-  for (std::size_t i = 0; i < judged.size(); ++i) {
-    const auto floor = typical.find(families[i]);
-    conclude(*judged[i], floor == typical.end() ? 0 : floor->second, thresholds);
+  const auto typical = typical_noise(judged);
+  for (const auto& [row, family] : judged) {
+    const auto floor = typical.find(family);
+    conclude(*row, floor == typical.end() ? 0 : floor->second, thresholds);
   }
-  add_shifts(diff, shifts, thresholds, result.rows);
+  add_movements(diff, movement.all(), thresholds, result.rows);
   for (const auto& pair : diff.energies)
     result.rows.push_back(compare_energy(diff, pair, thresholds));
   add_missing(diff, result.rows);

@@ -217,12 +217,12 @@ TEST(BetweenRuns, NoiseIsThatOfTheMediansAndTheDriftOfBothRuns) {
   const auto expected = [&](double medians) {
     return spread * std::hypot(std::sqrt(std::numbers::pi / 2 * medians), kDrift * std::sqrt(2.0));
   };
-  EXPECT_NEAR(*noise_between(three, three), expected(2.0 / 3), 1e-9);
+  EXPECT_NEAR(*noise_between(three, three, kDrift), expected(2.0 / 3), 1e-9);
   const PhaseRow one = of_processes({100});
-  EXPECT_NEAR(*noise_between(three, one), expected(4.0 / 3), 1e-9);
-  EXPECT_FALSE(noise_between(one, one));
+  EXPECT_NEAR(*noise_between(three, one, kDrift), expected(4.0 / 3), 1e-9);
+  EXPECT_FALSE(noise_between(one, one, kDrift));
   const PhaseRow alike = of_processes({100, 100, 101});
-  EXPECT_NEAR(*noise_between(alike, three), expected(2.0 / 3), 1e-9) << "the larger spread";
+  EXPECT_NEAR(*noise_between(alike, three, kDrift), expected(2.0 / 3), 1e-9) << "the larger spread";
 }
 
 TEST(BetweenRuns, ChangeIsWhatMedianAndLowerQuartileAgreeOn) {

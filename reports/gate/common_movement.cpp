@@ -1,0 +1,194 @@
+#include "reports/gate/common_movement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <set>
+#include <span>
+
+#include "characterize/rank_tests.h"
+#include "reports/gate/between_runs.h"
+
+namespace pirt {
+namespace {
+
+/// Of what a row is expected to move by in excess: standard deviation of what it then does. And how
+/// much the runs' own drift leaves once that is taken off. Measured in 32 runs of one machine in
+/// three hours of different noise (tests/bench/README.md), as is the next one.
+constexpr double kDoubtInFactor = 0.5;
+constexpr double kDriftLeft = 0.7;
+
+/// More than this many times their excess rows do not move from one hour to another. A bound, so
+/// that a change to all rows that wander is not taken for the machine where they wander little.
+constexpr double kGreatestFactor = 10;
+
+struct Weighted {
+  double value = 0, weight = 0;
+};
+
+/// @param values  At least one, of weight above 0.
+double weighted_median(std::vector<Weighted> values) {
+  std::ranges::sort(values, {}, &Weighted::value);
+  double half = 0;
+  for (const auto& each : values) half += each.weight / 2;
+  double sum = 0;
+  for (const auto& each : values) {
+    sum += each.weight;
+    if (sum >= half) return each.value;
+  }
+  return values.back().value;
+}
+
+bool may_wander(const PhaseRow& row) {
+  return row.phase == Phase::kExecute || row.phase == Phase::kCall;
+}
+
+/// What a row tells of its family's factor.
+struct Testimony {
+  std::string workload;
+  Weighted movement;  ///< Movement over excess, and the excess.
+  double spread = 0;  ///< Of its processes.
+};
+
+/// Of all but one workload. Absent if there are too few.
+std::optional<double> factor_without(const std::string& workload,
+                                     std::span<const Testimony> testimonies,
+                                     std::size_t workloads) {
+  std::vector<Weighted> values;
+  std::set<std::string> told;
+  for (const auto& each : testimonies) {
+    if (each.workload == workload) continue;
+    values.push_back(each.movement);
+    told.insert(each.workload);
+  }
+  if (told.size() < workloads) return std::nullopt;
+  return std::clamp(weighted_median(std::move(values)), -kGreatestFactor, kGreatestFactor);
+}
+
+}  // namespace
+
+std::string_view to_string(JointMovement::Rows rows) {
+  switch (rows) {
+    case JointMovement::Rows::kRunning:
+      return "running";
+    case JointMovement::Rows::kSetup:
+      return "set-up";
+    case JointMovement::Rows::kUnsteady:
+      return "unsteady";
+  }
+  return "";
+}
+
+Family family_of(const PhasePair& pair) { return {pair.a->unit, is_setup(pair.a->phase)}; }
+
+CommonMovement::CommonMovement(const Profile& base, const Pairs& pairs, std::size_t workloads) {
+  find_shifts(pairs, workloads);
+  find_excess(pairs);
+  find_factors(base, pairs, workloads);
+}
+
+double CommonMovement::shift_of(const PhasePair& pair) const {
+  const auto shift = shifts_.find(family_of(pair));
+  return shift == shifts_.end() ? 0 : shift->second;
+}
+
+ExpectedMovement CommonMovement::expected(const PhasePair& pair) const {
+  ExpectedMovement expected{.shift = shift_of(pair), .drift = kDrift};
+  const auto factor = factors_.find({pair.a->unit, pair.a->workload});
+  const auto excess = excess_.find(pair.a);
+  if (factor == factors_.end() || excess == excess_.end()) return expected;
+  const double moved = factor->second * excess->second;
+  expected.shift += moved;
+  expected.sd = kDoubtInFactor * std::abs(moved);
+  expected.drift = kDriftLeft;
+  return expected;
+}
+
+/// The median of what the rows of a family changed by.
+void CommonMovement::find_shifts(const Pairs& pairs, std::size_t workloads) {
+  struct Rows {
+    std::vector<double> changes, spreads;
+    std::set<std::string> workloads;
+  };
+  std::map<Family, Rows> families;
+  for (const PhasePair* pair : pairs) {
+    const auto ratio = pair->ratio();
+    if (!ratio || *ratio <= 0) continue;
+    Rows& rows = families[family_of(*pair)];
+    rows.changes.push_back(std::log(*ratio));
+    rows.workloads.insert(pair->a->workload);
+    if (const auto spread = spread_between(*pair->a, *pair->b)) rows.spreads.push_back(*spread);
+  }
+  for (const auto& [family, rows] : families) {
+    if (rows.workloads.size() < workloads) continue;
+    shifts_[family] = median_of(rows.changes);
+    const double spread = rows.spreads.empty() ? 0 : median_of(rows.spreads);
+    all_.push_back(
+        {.units = {family.unit},
+         .rows = family.setup ? JointMovement::Rows::kSetup : JointMovement::Rows::kRunning,
+         .shift = shifts_[family],
+         .noise = kDrift * std::numbers::sqrt2 * spread});
+  }
+}
+
+/// What each row wanders by more than a typical one of its unit, on average of both runs.
+void CommonMovement::find_excess(const Pairs& pairs) {
+  std::map<const PhaseRow*, double> wanders;
+  std::map<std::string, std::vector<double>> of_unit;
+  for (const PhasePair* pair : pairs) {
+    if (!may_wander(*pair->a)) continue;
+    const auto a = wander_of(*pair->a);
+    const auto b = wander_of(*pair->b);
+    if (!a || !b) continue;
+    wanders[pair->a] = (*a + *b) / 2;
+    of_unit[pair->a->unit].push_back((*a + *b) / 2);
+  }
+  std::map<std::string, double> typical;
+  for (const auto& [unit, values] : of_unit) typical[unit] = median_of(values);
+  for (const auto& [row, wander] : wanders) {
+    excess_[row] = std::max(0.0, wander - typical[row->unit]);
+  }
+}
+
+/// Units that compute on the host share its memory, and with it what others take of that.
+void CommonMovement::find_factors(const Profile& base, const Pairs& pairs, std::size_t workloads) {
+  std::map<std::string, std::set<std::string>> units;  // by memory: "" is the host's
+  std::map<std::string, std::set<std::string>> names;
+  std::map<std::string, std::vector<Testimony>> testimonies;
+  for (const PhasePair* pair : pairs) {
+    const PhaseRow& row = *pair->a;
+    const auto excess = excess_.find(&row);
+    const auto ratio = pair->ratio();
+    if (excess == excess_.end() || !ratio || *ratio <= 0) continue;
+    const UnitRecord* unit = base.find_unit(row.unit);
+    const std::string memory = unit != nullptr && unit->device_is_cpu ? "" : row.unit;
+    units[memory].insert(row.unit);
+    names[memory].insert(row.workload);
+    if (row.phase != Phase::kExecute || excess->second <= 0) continue;
+    testimonies[memory].push_back(
+        {row.workload,
+         {(std::log(*ratio) - shift_of(*pair)) / excess->second, excess->second},
+         spread_between(row, *pair->b).value_or(0)});
+  }
+  for (const auto& [memory, told] : testimonies) {
+    for (const auto& workload : names[memory]) {
+      const auto factor = factor_without(workload, told, workloads);
+      if (!factor) continue;
+      for (const auto& unit : units[memory]) factors_[{unit, workload}] = *factor;
+    }
+    const auto factor = factor_without("", told, workloads);
+    if (!factor) continue;
+    std::vector<Weighted> excesses, spreads;
+    for (const auto& each : told) {
+      excesses.push_back({each.movement.weight, each.movement.weight});
+      spreads.push_back({each.spread, each.movement.weight});
+    }
+    all_.push_back({.units = {units[memory].begin(), units[memory].end()},
+                    .rows = JointMovement::Rows::kUnsteady,
+                    .shift = *factor * weighted_median(std::move(excesses)),
+                    .noise = kDrift * std::numbers::sqrt2 * weighted_median(std::move(spreads))});
+  }
+}
+
+}  // namespace pirt
