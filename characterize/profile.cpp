@@ -264,14 +264,29 @@ std::vector<std::string> Profile::units() const {
 
 const std::string& Profile::platform() const { return runs.front().platform; }
 
+namespace {
+
+/// While it lives, all reading sees one state of the file, though somebody may be appending a run.
+class Snapshot {
+ public:
+  explicit Snapshot(Connection& connection) : connection_(connection) { connection_.run("BEGIN"); }
+  ~Snapshot() { sqlite3_exec(connection_.handle(), "ROLLBACK", nullptr, nullptr, nullptr); }
+  Snapshot(const Snapshot&) = delete;
+  Snapshot& operator=(const Snapshot&) = delete;
+
+ private:
+  Connection& connection_;
+};
+
+}  // namespace
+
 ProfileReader::ProfileReader(const std::filesystem::path& path)
-    : connection_(std::make_unique<Connection>(open_database(path, Connection::Mode::kReadOnly))) {
-  connection_->run("BEGIN");
-}
+    : connection_(std::make_unique<Connection>(open_database(path, Connection::Mode::kReadOnly))) {}
 
 ProfileReader::~ProfileReader() = default;
 
 Profile ProfileReader::read(std::string_view platform, RunRange runs) const {
+  const Snapshot snapshot(*connection_);
   const std::string chosen = choose_platform(*connection_, platform, runs);
   Profile profile;
   profile.path = connection_->path().string();

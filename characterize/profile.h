@@ -118,8 +118,8 @@ struct RunRange {
   std::int64_t last = std::numeric_limits<std::int64_t>::max();
 };
 
-/// A profile database, verified when it is opened and then read as often as wished, all of it from
-/// one state of the file. While there is one, whoever appends a run waits.
+/// A profile database, verified when it is opened and then read as often as wished. Whoever appends
+/// a run meanwhile is kept waiting by no more than one of these calls.
 class ProfileReader {
  public:
   /// @throws Error{kBadInput}: missing file, not a database, not pirt's, damaged, newer version.
@@ -129,7 +129,7 @@ class ProfileReader {
   ProfileReader(const ProfileReader&) = delete;
   ProfileReader& operator=(const ProfileReader&) = delete;
 
-  /// The newest rows of one platform.
+  /// The newest rows of one platform, from one state of the file.
   /// @param platform  Only runs of that platform; empty = that of the newest run.
   /// @param runs      Only these, as if there were no others.
   /// @throws Error{kBadInput}: no runs, no run of that platform.

@@ -5,7 +5,6 @@
 #include <numbers>
 #include <optional>
 #include <set>
-#include <span>
 
 #include "characterize/rank_tests.h"
 #include "reports/gate/between_runs.h"
@@ -47,26 +46,45 @@ bool may_wander(const PhaseRow& row) {
   return row.phase == Phase::kExecute || row.phase == Phase::kCall;
 }
 
-/// What a row tells of its family's factor.
+/// What an `execute` row that wanders in excess tells of those that share a memory.
 struct Testimony {
   std::string workload;
-  Weighted movement;  ///< Movement over excess, and the excess.
+  double moved = 0;  ///< Logarithm of candidate over base, without what all of its family moved by.
+  double excess = 0;  ///< Above 0.
   double spread = 0;  ///< Of its processes.
 };
 
-/// Of all but one workload. Absent if there are too few.
+struct Memory {
+  std::set<std::string> units, workloads;
+  std::vector<Testimony> testimonies;
+};
+
+/// Units that compute on the host share its memory, and with it what others take of that.
+std::string memory_of(const Profile& profile, const std::string& unit) {
+  const UnitRecord* const record = profile.find_unit(unit);
+  return record != nullptr && record->device_is_cpu ? "" : unit;
+}
+
+/// Of all workloads but one. Absent if there are too few.
 std::optional<double> factor_without(const std::string& workload,
-                                     std::span<const Testimony> testimonies,
+                                     const std::vector<Testimony>& testimonies,
                                      std::size_t workloads) {
-  std::vector<Weighted> values;
+  std::vector<Weighted> factors;
   std::set<std::string> told;
   for (const auto& each : testimonies) {
     if (each.workload == workload) continue;
-    values.push_back(each.movement);
+    factors.push_back({each.moved / each.excess, each.excess});
     told.insert(each.workload);
   }
   if (told.size() < workloads) return std::nullopt;
-  return std::clamp(weighted_median(std::move(values)), -kGreatestFactor, kGreatestFactor);
+  return std::clamp(weighted_median(std::move(factors)), -kGreatestFactor, kGreatestFactor);
+}
+
+/// The median, rows that wander more counting more. @param testimonies  At least one.
+double typical(const std::vector<Testimony>& testimonies, double Testimony::*member) {
+  std::vector<Weighted> values;
+  for (const auto& each : testimonies) values.push_back({each.*member, each.excess});
+  return weighted_median(std::move(values));
 }
 
 }  // namespace
@@ -147,51 +165,40 @@ void CommonMovement::find_excess(const Pairs& pairs) {
     wanders[pair->a] = (*a + *b) / 2;
     of_unit[pair->a->unit].push_back((*a + *b) / 2);
   }
-  std::map<std::string, double> typical;
-  for (const auto& [unit, values] : of_unit) typical[unit] = median_of(values);
   for (const auto& [row, wander] : wanders) {
-    excess_[row] = std::max(0.0, wander - typical[row->unit]);
+    excess_[row] = std::max(0.0, wander - median_of(of_unit[row->unit]));
   }
 }
 
-/// Units that compute on the host share its memory, and with it what others take of that.
 void CommonMovement::find_factors(const Profile& base, const Pairs& pairs, std::size_t workloads) {
-  std::map<std::string, std::set<std::string>> units;  // by memory: "" is the host's
-  std::map<std::string, std::set<std::string>> names;
-  std::map<std::string, std::vector<Testimony>> testimonies;
+  std::map<std::string, Memory> memories;
   for (const PhasePair* pair : pairs) {
     const PhaseRow& row = *pair->a;
     const auto excess = excess_.find(&row);
     const auto ratio = pair->ratio();
     if (excess == excess_.end() || !ratio || *ratio <= 0) continue;
-    const UnitRecord* unit = base.find_unit(row.unit);
-    const std::string memory = unit != nullptr && unit->device_is_cpu ? "" : row.unit;
-    units[memory].insert(row.unit);
-    names[memory].insert(row.workload);
+    Memory& memory = memories[memory_of(base, row.unit)];
+    memory.units.insert(row.unit);
+    memory.workloads.insert(row.workload);
     if (row.phase != Phase::kExecute || excess->second <= 0) continue;
-    testimonies[memory].push_back(
-        {row.workload,
-         {(std::log(*ratio) - shift_of(*pair)) / excess->second, excess->second},
-         spread_between(row, *pair->b).value_or(0)});
+    memory.testimonies.push_back({.workload = row.workload,
+                                  .moved = std::log(*ratio) - shift_of(*pair),
+                                  .excess = excess->second,
+                                  .spread = spread_between(row, *pair->b).value_or(0)});
   }
-  for (const auto& [memory, told] : testimonies) {
-    for (const auto& workload : names[memory]) {
-      const auto factor = factor_without(workload, told, workloads);
+  for (const auto& [name, memory] : memories) {
+    for (const auto& workload : memory.workloads) {
+      const auto factor = factor_without(workload, memory.testimonies, workloads);
       if (!factor) continue;
-      for (const auto& unit : units[memory]) factors_[{unit, workload}] = *factor;
+      for (const auto& unit : memory.units) factors_[{unit, workload}] = *factor;
     }
-    const auto factor = factor_without("", told, workloads);
-    if (!factor) continue;
-    std::vector<Weighted> excesses, spreads;
-    for (const auto& each : told) {
-      excesses.push_back({each.movement.weight, each.movement.weight});
-      spreads.push_back({each.spread, each.movement.weight});
+    if (const auto factor = factor_without("", memory.testimonies, workloads)) {
+      all_.push_back({.units = {memory.units.begin(), memory.units.end()},
+                      .rows = JointMovement::Rows::kUnsteady,
+                      .shift = *factor * typical(memory.testimonies, &Testimony::excess),
+                      .noise = kDriftTogether * std::numbers::sqrt2 *
+                               typical(memory.testimonies, &Testimony::spread)});
     }
-    all_.push_back(
-        {.units = {units[memory].begin(), units[memory].end()},
-         .rows = JointMovement::Rows::kUnsteady,
-         .shift = *factor * weighted_median(std::move(excesses)),
-         .noise = kDriftTogether * std::numbers::sqrt2 * weighted_median(std::move(spreads))});
   }
 }
 

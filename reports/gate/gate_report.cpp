@@ -224,8 +224,8 @@ void describe_rule(const GateThresholds& thresholds, GateReport& report) {
   report.rule = {fmt::format(
       "slower: one-sided Mann-Whitney p, Holm-adjusted over the table, below {}, and median and "
       "lower quartile up by needed %: {:.0f} %, or {:.0f} times what runs of one program differ "
-      "by, whichever is more; from {:.0f} % of it on, inconclusive. What all rows of a unit moved "
-      "by is taken off and stands in a row of its own.",
+      "by, whichever is more; from {:.0f} % of it on, inconclusive. What the machine moved many "
+      "rows by is taken off them and stands in a row of its own.",
       t.alpha, 100 * t.effect, t.noise_factor, 100 * t.doubt)};
   report.rule_json = {
       {"alpha", t.alpha}, {"effect", t.effect},       {"noise_factor", t.noise_factor},

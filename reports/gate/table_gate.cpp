@@ -209,13 +209,13 @@ std::string witness(const ProfileDiff& diff, const std::vector<std::string>& uni
   return text;
 }
 
-/// "all of cpu is", "the rows of cpu and opencl that the machine moves most are".
+/// "all of cpu is", "the rows of cpu and opencl that vary most while a process runs are".
 std::string subject(const JointMovement& moved) {
   const std::string units = join(moved.units, " and ");
   if (moved.rows == JointMovement::Rows::kUnsteady) {
-    return "what the machine moves most of " + units + ", by memory and caches,";
+    return "the rows of " + units + " that vary most while a process runs are";
   }
-  return "all of " + units;
+  return "all of " + units + " is";
 }
 
 /// One row for all that rows moved by together, where that is more than counts in one.
@@ -235,8 +235,8 @@ void add_movements(const ProfileDiff& diff, const std::vector<JointMovement>& mo
     row.verdict = moved.shift > 0 ? GateVerdict::kInconclusive : GateVerdict::kFaster;
     if (moved.shift > 0) {
       row.reason = fmt::format(
-          "{} is {:.1f} % slower: the machine, or a change to everything{}; compare the two "
-          "programs side by side: --baseline-program",
+          "{} {:.1f} % slower: the machine, or a change to everything{}; compare the two programs "
+          "side by side: --baseline-program",
           subject(moved), 100 * (*row.ratio - 1), witness(diff, moved.units));
     }
     rows.push_back(std::move(row));

@@ -8,9 +8,10 @@
 // is small beside it, such as `launch`, also by so much that a call is `of_call` longer. Nearly as
 // much is inconclusive: measure again.
 //
-// Machines have slow hours: what all rows of a unit moved by is taken off each of them and judged
-// in a row of its own, which is inconclusive at worst, since no stored figure says whether the
-// machine or the program was it. Two programs side by side do (`--baseline-program`).
+// Machines have slow hours: what many rows moved by together (common_movement.h) is taken off each
+// of them and judged in a row of its own, which is inconclusive at worst, since no stored figure
+// says whether the machine or the program was it. Two programs side by side do
+// (`--baseline-program`).
 #pragma once
 
 #include <cstdint>
@@ -40,8 +41,8 @@ struct GateThresholds {
   double of_call = 0.025;  ///< What a phase adds to a call to count, as a share of the call.
   double noise_factor = 3;
   double doubt = 0.8;         ///< Of what counts as slower: from there on inconclusive.
-  std::size_t workloads = 6;  ///< So many of a unit say what all of it moved by.
-  double together = 0.10;     ///< What all of it moves by without anybody's doing.
+  std::size_t workloads = 6;  ///< So many tell what all of them moved by.
+  double together = 0.10;     ///< What all of them move by without anybody's doing.
   std::size_t samples = 9;    ///< A side.
 };
 
@@ -53,8 +54,8 @@ struct GateRow {
   std::optional<double> base = {}, candidate = {};  ///< Medians in ns; joules a call of "energy".
   std::optional<double> ratio = {};                 ///< Candidate over base.
   std::optional<double> p = {};                     ///< Adjusted, of the direction that it went.
-  /// Relative change that counts: without what all rows of the unit moved by, and that of the
-  /// median or of the lower quartile, whichever is less.
+  /// Relative change that counts: without what rows moved by together, and that of the median or of
+  /// the lower quartile, whichever is less.
   std::optional<double> change = {};
   std::optional<double> noise = {};   ///< Relative standard deviation between runs of one program.
   std::optional<double> needed = {};  ///< The change that counts as slower.

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "characterize/database.h"
-#include "tests/characterize/support.h"
+#include "tests/characterize/database_support.h"
 
 namespace pirt {
 namespace {
@@ -13,6 +13,7 @@ using test::error_of;
 using test::small_cell;
 using test::small_run;
 using test::TemporaryFolder;
+using test::write_one_run;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -227,6 +228,24 @@ TEST(Profile, ReadsTheSamplesOfEachRowFromItsRun) {
               ElementsAre(Nanos(3), Nanos(1), Nanos(2)));
   EXPECT_THAT(profile.find("gaussian_blur", "gpu", Phase::kCall)->values,
               ElementsAre(Nanos(7), Nanos(5)));
+}
+
+TEST(ProfileReader, DoesNotKeepARunFromBeingAppendedAndSeesIt) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  const ProfileReader reader(folder / "p.db");
+  const std::string platform = reader.read().platform();
+  EXPECT_THAT(reader.finished_runs(platform), ElementsAre(1));
+  {
+    ProfileWriter writer(folder / "p.db", Nanos(0));
+    const auto run = writer.begin_run(small_run());
+    writer.write_cell(run, small_cell("conv1", "gpu"));
+    EXPECT_THAT(reader.finished_runs(platform), ElementsAre(1));
+    writer.finish_run(run, "2024-01-02T04:00:00Z");
+  }
+  EXPECT_THAT(reader.finished_runs(platform), ElementsAre(2, 1));
+  EXPECT_THAT(reader.read().workloads(), ElementsAre("sobel", "conv1"));
+  EXPECT_THAT(reader.read(platform, {1, 1}).workloads(), ElementsAre("sobel"));
 }
 
 }  // namespace
