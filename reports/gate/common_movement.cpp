@@ -12,11 +12,14 @@
 namespace pirt {
 namespace {
 
-/// Of what a row is expected to move by in excess: standard deviation of what it then does. And how
-/// much the runs' own drift leaves once that is taken off. Measured in 32 runs of one machine in
-/// three hours of different noise (tests/bench/README.md), as is the next one.
-constexpr double kDoubtInFactor = 0.5;
-constexpr double kDriftLeft = 0.7;
+/// Of what a row is expected to move by for its excess: standard deviation of what it then does.
+/// Besides, what the runs' drift leaves once that is taken off: a part of the spread of processes,
+/// and, for either run, what the row wanders by, which tells how far the machine moves it even if
+/// few processes agree by chance. All of them found by what 46 runs of one machine, in hours of
+/// different noise, differ by (tests/bench/README.md), as are the next two.
+constexpr double kDoubtInFactor = 0.4;
+constexpr double kDriftLeft = 0.5;
+constexpr double kWanderLeft = 1.0;
 
 /// As kDrift, of what many rows move by together: measured 0.4 to 0.7 within an hour.
 constexpr double kDriftTogether = 0.6;
@@ -105,7 +108,7 @@ Family family_of(const PhasePair& pair) { return {pair.a->unit, is_setup(pair.a-
 
 CommonMovement::CommonMovement(const Profile& base, const Pairs& pairs, std::size_t workloads) {
   find_shifts(pairs, workloads);
-  find_excess(pairs);
+  find_wanders(pairs);
   find_factors(base, pairs, workloads);
 }
 
@@ -117,11 +120,12 @@ double CommonMovement::shift_of(const PhasePair& pair) const {
 ExpectedMovement CommonMovement::expected(const PhasePair& pair) const {
   ExpectedMovement expected{.shift = shift_of(pair), .drift = kDrift};
   const auto factor = factors_.find({pair.a->unit, pair.a->workload});
-  const auto excess = excess_.find(pair.a);
-  if (factor == factors_.end() || excess == excess_.end()) return expected;
-  const double moved = factor->second * excess->second;
+  const auto wander = wanders_.find(pair.a);
+  if (factor == factors_.end() || wander == wanders_.end()) return expected;
+  const double moved = factor->second * wander->second.excess;
   expected.shift += moved;
-  expected.sd = kDoubtInFactor * std::abs(moved);
+  expected.sd =
+      std::hypot(kDoubtInFactor * moved, kWanderLeft * std::numbers::sqrt2 * wander->second.most);
   expected.drift = kDriftLeft;
   return expected;
 }
@@ -153,20 +157,18 @@ void CommonMovement::find_shifts(const Pairs& pairs, std::size_t workloads) {
   }
 }
 
-/// What each row wanders by more than a typical one of its unit, on average of both runs.
-void CommonMovement::find_excess(const Pairs& pairs) {
-  std::map<const PhaseRow*, double> wanders;
+void CommonMovement::find_wanders(const Pairs& pairs) {
   std::map<std::string, std::vector<double>> of_unit;
   for (const PhasePair* pair : pairs) {
     if (!may_wander(*pair->a)) continue;
     const auto a = wander_of(*pair->a);
     const auto b = wander_of(*pair->b);
     if (!a || !b) continue;
-    wanders[pair->a] = (*a + *b) / 2;
+    wanders_[pair->a] = {.most = std::max(*a, *b), .mean = (*a + *b) / 2};
     of_unit[pair->a->unit].push_back((*a + *b) / 2);
   }
-  for (const auto& [row, wander] : wanders) {
-    excess_[row] = std::max(0.0, wander - median_of(of_unit[row->unit]));
+  for (auto& [row, wander] : wanders_) {
+    wander.excess = std::max(0.0, wander.mean - median_of(of_unit[row->unit]));
   }
 }
 
@@ -174,16 +176,16 @@ void CommonMovement::find_factors(const Profile& base, const Pairs& pairs, std::
   std::map<std::string, Memory> memories;
   for (const PhasePair* pair : pairs) {
     const PhaseRow& row = *pair->a;
-    const auto excess = excess_.find(&row);
+    const auto wander = wanders_.find(&row);
     const auto ratio = pair->ratio();
-    if (excess == excess_.end() || !ratio || *ratio <= 0) continue;
+    if (wander == wanders_.end() || !ratio || *ratio <= 0) continue;
     Memory& memory = memories[memory_of(base, row.unit)];
     memory.units.insert(row.unit);
     memory.workloads.insert(row.workload);
-    if (row.phase != Phase::kExecute || excess->second <= 0) continue;
+    if (row.phase != Phase::kExecute || wander->second.excess <= 0) continue;
     memory.testimonies.push_back({.workload = row.workload,
                                   .moved = std::log(*ratio) - shift_of(*pair),
-                                  .excess = excess->second,
+                                  .excess = wander->second.excess,
                                   .spread = spread_between(row, *pair->b).value_or(0)});
   }
   for (const auto& [name, memory] : memories) {

@@ -65,11 +65,16 @@ class CommonMovement {
  private:
   [[nodiscard]] double shift_of(const PhasePair& pair) const;
   void find_shifts(const Pairs& pairs, std::size_t workloads);
-  void find_excess(const Pairs& pairs);
+  void find_wanders(const Pairs& pairs);
   void find_factors(const Profile& base, const Pairs& pairs, std::size_t workloads);
 
   std::map<Family, double> shifts_;
-  std::map<const PhaseRow*, double> excess_;  ///< Of base rows: by how much they wander more.
+  struct Wander {
+    double most = 0;    ///< Of both runs.
+    double mean = 0;    ///< Of both runs.
+    double excess = 0;  ///< By how much the mean is above that of the unit's typical row.
+  };
+  std::map<const PhaseRow*, Wander> wanders_;  ///< Of base rows.
   /// Movement over excess, by unit and workload: of all rows but the workload's own.
   std::map<std::pair<std::string, std::string>, double> factors_;
   std::vector<JointMovement> all_;

@@ -126,10 +126,20 @@ TEST(CommonMovement, MovesRowsInProportionToWhatTheyWander) {
   for (const int loose : {0, 3, 6}) {
     const auto expected = compared.expected("loose" + std::to_string(loose));
     EXPECT_NEAR(expected.shift, 4 * Board::excess(loose), 2e-3);
-    EXPECT_NEAR(expected.sd, expected.shift / 2, 2e-3);
+    EXPECT_GT(expected.sd, compared.expected("steady0").sd) << "what moves more is less certain";
+    EXPECT_LT(expected.sd, expected.shift);
     EXPECT_LT(expected.drift, kDrift);
   }
   EXPECT_EQ(compared.verdict("loose6"), GateVerdict::kSame) << "16 % slower, as are its like";
+}
+
+TEST(CommonMovement, IsAsUncertainAsRowsWanderWhereNothingMoved) {
+  const Compared compared(Board{}.rows(), Board{}.rows());
+  for (const int loose : {0, 3, 6}) {
+    const auto expected = compared.expected("loose" + std::to_string(loose));
+    EXPECT_EQ(expected.shift, 0);
+    EXPECT_NEAR(expected.sd, std::sqrt(2.0) * (Board::kSteady + Board::excess(loose)), 1e-3);
+  }
 }
 
 TEST(CommonMovement, FindsTheProgramThatChangedAmongRowsThatMoved) {
