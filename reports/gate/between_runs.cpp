@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <set>
 #include <vector>
 
 #include "characterize/rank_tests.h"
@@ -21,14 +20,11 @@ std::vector<double> medians_of(const PhaseRow& row) {
   return medians;
 }
 
-std::size_t count_processes(const PhaseRow& row) {
-  return std::set(row.value_processes.begin(), row.value_processes.end()).size();
-}
-
-double median_ns(std::span<const Nanos> values) {
-  std::vector<double> counts;
-  for (const Nanos each : values) counts.push_back(static_cast<double>(each.count()));
-  return median_of(counts);
+std::optional<double> wider_spread(std::span<const double> a, std::span<const double> b) {
+  const auto spread_a = process_spread(a);
+  const auto spread_b = process_spread(b);
+  if (!spread_a && !spread_b) return std::nullopt;
+  return std::max(spread_a.value_or(0), spread_b.value_or(0));
 }
 
 /// With interpolation. @param values  At least one.
@@ -58,19 +54,18 @@ std::optional<double> process_spread(std::span<const double> medians) {
 }
 
 std::optional<double> spread_between(const PhaseRow& base, const PhaseRow& candidate) {
-  const auto a = process_spread(medians_of(base));
-  const auto b = process_spread(medians_of(candidate));
-  if (!a && !b) return std::nullopt;
-  return std::max(a.value_or(0), b.value_or(0));
+  return wider_spread(medians_of(base), medians_of(candidate));
 }
 
 std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candidate, double drift) {
-  const auto spread = spread_between(base, candidate);
+  const auto a = medians_of(base);
+  const auto b = medians_of(candidate);
+  const auto spread = wider_spread(a, b);
   if (!spread) return std::nullopt;
-  const auto a = static_cast<double>(count_processes(base));
-  const auto b = static_cast<double>(count_processes(candidate));
   // Of a median of n normal values: sqrt(pi / 2) / sqrt(n) of theirs.
-  const double of_medians = std::sqrt(std::numbers::pi / 2 * (1 / a + 1 / b));
+  const double of_medians =
+      std::sqrt(std::numbers::pi / 2 *
+                (1.0 / static_cast<double>(a.size()) + 1.0 / static_cast<double>(b.size())));
   return *spread * std::hypot(of_medians, drift * std::numbers::sqrt2);
 }
 
@@ -84,9 +79,11 @@ std::optional<double> wander_of(const PhaseRow& row) {
     while (end < values.size() && row.value_processes[end] == row.value_processes[begin]) ++end;
     const std::size_t half = (end - begin) / 2;
     if (end - begin >= kFewest) {
-      const double first = median_ns(values.subspan(begin, half));
-      const double second = median_ns(values.subspan(begin + half, end - begin - half));
-      if (first > 0 && second > 0) wanders.push_back(std::abs(std::log(second / first)));
+      const Nanos first = median(values.subspan(begin, half));
+      const Nanos second = median(values.subspan(begin + half, end - begin - half));
+      if (first.count() > 0 && second.count() > 0) {
+        wanders.push_back(std::abs(std::log(to_s(second) / to_s(first))));
+      }
     }
     begin = end;
   }

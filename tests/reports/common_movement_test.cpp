@@ -6,6 +6,7 @@
 
 #include <cmath>
 
+#include "characterize/statistics.h"
 #include "reports/gate/between_runs.h"
 #include "reports/gate/table_gate.h"
 
@@ -31,10 +32,8 @@ PhaseRow row_of(const std::string& workload, const std::string& unit, double us,
       row.value_processes.push_back(p);
     }
   }
-  auto sorted = row.values;
-  std::ranges::sort(sorted);
-  row.median = sorted[sorted.size() / 2];
-  row.samples = static_cast<std::int64_t>(sorted.size());
+  row.median = median(row.values);
+  row.samples = std::ssize(row.values);
   return row;
 }
 

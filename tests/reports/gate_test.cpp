@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "characterize/statistics.h"
 #include "reports/gate/between_runs.h"
 #include "reports/gate/gate_report.h"
 #include "workloads/base/random.h"
@@ -42,10 +43,8 @@ class Machine {
         row.value_processes.push_back(p);
       }
     }
-    auto sorted = row.values;
-    std::ranges::sort(sorted);
-    row.median = sorted[sorted.size() / 2];
-    row.samples = static_cast<std::int64_t>(sorted.size());
+    row.median = median(row.values);
+    row.samples = std::ssize(row.values);
     return row;
   }
 
