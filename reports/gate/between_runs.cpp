@@ -20,12 +20,11 @@ std::vector<double> medians_of(const PhaseRow& row) {
   return medians;
 }
 
-std::optional<double> common_spread(std::span<const double> a, std::span<const double> b) {
+std::optional<double> wider_spread(std::span<const double> a, std::span<const double> b) {
   const auto spread_a = process_spread(a);
   const auto spread_b = process_spread(b);
-  if (!spread_a) return spread_b;
-  if (!spread_b) return spread_a;
-  return root_mean_square(*spread_a, *spread_b);
+  if (!spread_a && !spread_b) return std::nullopt;
+  return std::max(spread_a.value_or(0), spread_b.value_or(0));
 }
 
 /// With interpolation. @param values  At least one.
@@ -55,13 +54,13 @@ std::optional<double> process_spread(std::span<const double> medians) {
 }
 
 std::optional<double> spread_between(const PhaseRow& base, const PhaseRow& candidate) {
-  return common_spread(medians_of(base), medians_of(candidate));
+  return wider_spread(medians_of(base), medians_of(candidate));
 }
 
 std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candidate, double drift) {
   const auto a = medians_of(base);
   const auto b = medians_of(candidate);
-  const auto spread = common_spread(a, b);
+  const auto spread = wider_spread(a, b);
   if (!spread) return std::nullopt;
   // Of a median of n normal values: sqrt(pi / 2) / sqrt(n) of theirs.
   const double of_medians =
@@ -69,8 +68,6 @@ std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candid
                 (1.0 / static_cast<double>(a.size()) + 1.0 / static_cast<double>(b.size())));
   return *spread * std::hypot(of_medians, drift * std::numbers::sqrt2);
 }
-
-double root_mean_square(double a, double b) { return std::hypot(a, b) / std::numbers::sqrt2; }
 
 std::optional<double> wander_of(const PhaseRow& row) {
   constexpr std::size_t kFewest = 8;

@@ -9,8 +9,6 @@
 
 namespace pirt {
 
-[[nodiscard]] double root_mean_square(double a, double b);
-
 /// Relative spread of one process's median around those of the others: their median absolute
 /// deviation as a standard deviation. Robust: a busy spell lifts a few processes far.
 /// Absent for fewer than two processes. @param medians  Of each process; above 0.
@@ -18,8 +16,8 @@ namespace pirt {
 /// estimators of scale, Computational Statistics 1 (1992) 411.
 [[nodiscard]] std::optional<double> process_spread(std::span<const double> medians);
 
-/// The spread of the processes of both runs: the root of the mean square of theirs, or that of the
-/// one that has two processes. Absent where neither has.
+/// The spread of that run whose processes differ more: of few processes with two levels, the other
+/// may have met one by chance. Absent where neither has two processes.
 [[nodiscard]] std::optional<double> spread_between(const PhaseRow& base, const PhaseRow& candidate);
 
 /// Relative standard deviation of the ratio of the medians of two runs of one program, A/A noise:

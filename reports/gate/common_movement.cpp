@@ -15,10 +15,10 @@ namespace {
 /// Of what a row is expected to move by for its excess: standard deviation of what it then does.
 /// Besides, what the runs' drift leaves once that is taken off: a part of the spread of processes,
 /// and, for either run, what the row wanders by, which tells how far the machine moves it even if
-/// few processes agree by chance. All of them found by what 66 runs of one machine, in hours of
+/// few processes agree by chance. All of them found by what 46 runs of one machine, in hours of
 /// different noise, differ by (tests/bench/README.md), as are the next two.
 constexpr double kDoubtInFactor = 0.4;
-constexpr double kDriftLeft = 0.55;
+constexpr double kDriftLeft = 0.5;
 constexpr double kWanderLeft = 1.0;
 
 /// As kDrift, of what many rows move by together: measured 0.4 to 0.7 within an hour.
@@ -124,8 +124,8 @@ ExpectedMovement CommonMovement::expected(const PhasePair& pair) const {
   if (factor == factors_.end() || wander == wanders_.end()) return expected;
   const double moved = factor->second * wander->second.excess;
   expected.shift += moved;
-  expected.sd = std::hypot(kDoubtInFactor * moved,
-                           kWanderLeft * std::numbers::sqrt2 * wander->second.of_both);
+  expected.sd =
+      std::hypot(kDoubtInFactor * moved, kWanderLeft * std::numbers::sqrt2 * wander->second.most);
   expected.drift = kDriftLeft;
   return expected;
 }
@@ -164,7 +164,7 @@ void CommonMovement::find_wanders(const Pairs& pairs) {
     const auto a = wander_of(*pair->a);
     const auto b = wander_of(*pair->b);
     if (!a || !b) continue;
-    wanders_[pair->a] = {.of_both = root_mean_square(*a, *b), .mean = (*a + *b) / 2};
+    wanders_[pair->a] = {.most = std::max(*a, *b), .mean = (*a + *b) / 2};
     of_unit[pair->a->unit].push_back((*a + *b) / 2);
   }
   for (auto& [row, wander] : wanders_) {

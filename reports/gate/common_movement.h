@@ -70,9 +70,9 @@ class CommonMovement {
 
   std::map<Family, double> shifts_;
   struct Wander {
-    double of_both = 0;  ///< Root of the mean square of both runs'.
-    double mean = 0;     ///< Of both runs.
-    double excess = 0;   ///< By how much the mean is above that of the unit's typical row.
+    double most = 0;    ///< Of both runs.
+    double mean = 0;    ///< Of both runs.
+    double excess = 0;  ///< By how much the mean is above that of the unit's typical row.
   };
   std::map<const PhaseRow*, Wander> wanders_;  ///< Of base rows.
   /// Movement over excess, by unit and workload: of all rows but the workload's own.
