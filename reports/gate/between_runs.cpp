@@ -57,7 +57,7 @@ std::optional<double> spread_between(const PhaseRow& base, const PhaseRow& candi
   return wider_spread(medians_of(base), medians_of(candidate));
 }
 
-std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candidate, double drift) {
+std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candidate, Drift drift) {
   const auto a = medians_of(base);
   const auto b = medians_of(candidate);
   const auto spread = wider_spread(a, b);
@@ -66,7 +66,10 @@ std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candid
   const double of_medians =
       std::sqrt(std::numbers::pi / 2 *
                 (1.0 / static_cast<double>(a.size()) + 1.0 / static_cast<double>(b.size())));
-  return *spread * std::hypot(of_medians, drift * std::numbers::sqrt2);
+  double of_drift = *spread * kDrift * std::numbers::sqrt2;
+  if (drift == Drift::kOfOneRow && of_drift > kWideDrift)
+    of_drift = std::sqrt(of_drift * kWideDrift);
+  return std::hypot(*spread * of_medians, of_drift);
 }
 
 std::optional<double> wander_of(const PhaseRow& row) {

@@ -2,6 +2,7 @@
 // another program's.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <span>
 
@@ -20,18 +21,29 @@ namespace pirt {
 /// may have met one by chance. Absent where neither has two processes.
 [[nodiscard]] std::optional<double> spread_between(const PhaseRow& base, const PhaseRow& candidate);
 
-/// Relative standard deviation of the ratio of the medians of two runs of one program, A/A noise:
-/// what the medians of so many processes differ by, and `drift` times the spread of processes for
-/// each run. Absent where there is no spread.
-[[nodiscard]] std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candidate,
-                                                  double drift);
-
 /// Runs lie apart in time, and what slows a machine for a while moves all processes of a run: clock
 /// and memory drift as much from run to run as within one, and more processes do not average it
 /// out. Standard deviation of a run's median by this, over the spread of the processes within.
 /// Measured in ten runs on a quiet machine: 0.3 for rows that stay in the cache, 0.6 to 1.2 for
 /// those that read memory and for those of a few microseconds.
 inline constexpr double kDrift = 1.0;
+
+/// Rows that others on the machine push about have processes that differ widely, but what runs
+/// differ by once the common movement of such rows is taken off grows with the root of that only:
+/// each run has met many states of the machine. This is the drift of two runs from which on; found
+/// by what 66 runs of one machine, in hours of different noise, differ by (tests/bench/README.md).
+inline constexpr double kWideDrift = 0.035;
+
+enum class Drift : std::uint8_t {
+  kWhole,     ///< kDrift times the spread of the processes, for either run.
+  kOfOneRow,  ///< The common movement is taken off: beyond kWideDrift its geometric mean with that.
+};
+
+/// Relative standard deviation of the ratio of the medians of two runs of one program, A/A noise:
+/// what the medians of so many processes differ by, and the drift of the runs. Absent where there
+/// is no spread.
+[[nodiscard]] std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candidate,
+                                                  Drift drift);
 
 /// What a row changes by while one process runs: the second half of its samples over the first, by
 /// their medians, as a logarithm without sign; the median over the processes. Absent if none took

@@ -7,19 +7,14 @@
 #include <set>
 
 #include "characterize/rank_tests.h"
-#include "reports/gate/between_runs.h"
 
 namespace pirt {
 namespace {
 
 /// Of what a row is expected to move by for its excess: standard deviation of what it then does.
-/// Besides, what the runs' drift leaves once that is taken off: a part of the spread of processes,
-/// and, for either run, what the row wanders by, which tells how far the machine moves it even if
-/// few processes agree by chance. All of them found by what 46 runs of one machine, in hours of
-/// different noise, differ by (tests/bench/README.md), as are the next two.
+/// Found by what 66 runs of one machine, in hours of different noise, differ by
+/// (tests/bench/README.md), as are the next two.
 constexpr double kDoubtInFactor = 0.4;
-constexpr double kDriftLeft = 0.5;
-constexpr double kWanderLeft = 1.0;
 
 /// As kDrift, of what many rows move by together: measured 0.4 to 0.7 within an hour.
 constexpr double kDriftTogether = 0.6;
@@ -118,15 +113,14 @@ double CommonMovement::shift_of(const PhasePair& pair) const {
 }
 
 ExpectedMovement CommonMovement::expected(const PhasePair& pair) const {
-  ExpectedMovement expected{.shift = shift_of(pair), .drift = kDrift};
+  ExpectedMovement expected{.shift = shift_of(pair)};
   const auto factor = factors_.find({pair.a->unit, pair.a->workload});
   const auto wander = wanders_.find(pair.a);
   if (factor == factors_.end() || wander == wanders_.end()) return expected;
   const double moved = factor->second * wander->second.excess;
   expected.shift += moved;
-  expected.sd =
-      std::hypot(kDoubtInFactor * moved, kWanderLeft * std::numbers::sqrt2 * wander->second.most);
-  expected.drift = kDriftLeft;
+  expected.sd = std::abs(kDoubtInFactor * moved);
+  expected.drift = Drift::kOfOneRow;
   return expected;
 }
 
@@ -164,7 +158,7 @@ void CommonMovement::find_wanders(const Pairs& pairs) {
     const auto a = wander_of(*pair->a);
     const auto b = wander_of(*pair->b);
     if (!a || !b) continue;
-    wanders_[pair->a] = {.most = std::max(*a, *b), .mean = (*a + *b) / 2};
+    wanders_[pair->a] = {.mean = (*a + *b) / 2};
     of_unit[pair->a->unit].push_back((*a + *b) / 2);
   }
   for (auto& [row, wander] : wanders_) {

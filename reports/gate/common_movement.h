@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "reports/gate/between_runs.h"
 #include "reports/profile_diff.h"
 
 namespace pirt {
@@ -23,7 +24,7 @@ namespace pirt {
 struct ExpectedMovement {
   double shift = 0;  ///< Logarithm of candidate over base.
   double sd = 0;     ///< Of the shift.
-  double drift = 0;  ///< What is left of the runs' own drift: see noise_between.
+  Drift drift = Drift::kWhole;
 };
 
 /// Rows that moved together.
@@ -70,7 +71,6 @@ class CommonMovement {
 
   std::map<Family, double> shifts_;
   struct Wander {
-    double most = 0;    ///< Of both runs.
     double mean = 0;    ///< Of both runs.
     double excess = 0;  ///< By how much the mean is above that of the unit's typical row.
   };

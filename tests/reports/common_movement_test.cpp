@@ -127,17 +127,18 @@ TEST(CommonMovement, MovesRowsInProportionToWhatTheyWander) {
     EXPECT_NEAR(expected.shift, 4 * Board::excess(loose), 2e-3);
     EXPECT_GT(expected.sd, compared.expected("steady0").sd) << "what moves more is less certain";
     EXPECT_LT(expected.sd, expected.shift);
-    EXPECT_LT(expected.drift, kDrift);
+    EXPECT_EQ(expected.drift, Drift::kOfOneRow);
   }
   EXPECT_EQ(compared.verdict("loose6"), GateVerdict::kSame) << "16 % slower, as are its like";
 }
 
-TEST(CommonMovement, IsAsUncertainAsRowsWanderWhereNothingMoved) {
+TEST(CommonMovement, IsCertainWhereNothingMoved) {
   const Compared compared(Board{}.rows(), Board{}.rows());
   for (const int loose : {0, 3, 6}) {
     const auto expected = compared.expected("loose" + std::to_string(loose));
     EXPECT_EQ(expected.shift, 0);
-    EXPECT_NEAR(expected.sd, std::sqrt(2.0) * (Board::kSteady + Board::excess(loose)), 1e-3);
+    EXPECT_EQ(expected.sd, 0);
+    EXPECT_EQ(expected.drift, Drift::kOfOneRow) << "of which nothing is left";
   }
 }
 
@@ -184,7 +185,7 @@ TEST(CommonMovement, IsSharedByUnitsOfOneMemory) {
   const Compared card(both(Board{}.rows(), few("gpu", 0)),
                       both(Board{.factor = 4}.rows(), few("gpu", 0)));
   EXPECT_NEAR(card.expected("loose1", "gpu").shift, 0, 1e-3) << "a memory of its own";
-  EXPECT_EQ(card.expected("loose1", "gpu").drift, kDrift);
+  EXPECT_EQ(card.expected("loose1", "gpu").drift, Drift::kWhole);
   EXPECT_NEAR(card.expected("loose1").shift, 4 * Board::excess(1), 2e-3);
 }
 
@@ -195,7 +196,7 @@ TEST(CommonMovement, NeedsEnoughWorkloads) {
   };
   const auto expected = Compared(six({}), six({.factor = 4})).expected("loose2");
   EXPECT_EQ(expected.sd, 0) << "five others";
-  EXPECT_EQ(expected.drift, kDrift);
+  EXPECT_EQ(expected.drift, Drift::kWhole);
 }
 
 TEST(CommonMovement, IsARowOfItsOwnWhereItIsLarge) {

@@ -216,12 +216,31 @@ TEST(BetweenRuns, NoiseIsThatOfTheMediansAndTheDriftOfBothRuns) {
   const auto expected = [&](double medians) {
     return spread * std::hypot(std::sqrt(std::numbers::pi / 2 * medians), kDrift * std::sqrt(2.0));
   };
-  EXPECT_NEAR(*noise_between(three, three, kDrift), expected(2.0 / 3), 1e-9);
+  EXPECT_NEAR(*noise_between(three, three, Drift::kWhole), expected(2.0 / 3), 1e-9);
   const PhaseRow one = of_processes({100});
-  EXPECT_NEAR(*noise_between(three, one, kDrift), expected(4.0 / 3), 1e-9);
-  EXPECT_FALSE(noise_between(one, one, kDrift));
+  EXPECT_NEAR(*noise_between(three, one, Drift::kWhole), expected(4.0 / 3), 1e-9);
+  EXPECT_FALSE(noise_between(one, one, Drift::kWhole));
   const PhaseRow alike = of_processes({100, 100, 101});
-  EXPECT_NEAR(*noise_between(alike, three, kDrift), expected(2.0 / 3), 1e-9) << "the larger spread";
+  EXPECT_NEAR(*noise_between(alike, three, Drift::kWhole), expected(2.0 / 3), 1e-9)
+      << "the larger spread";
+}
+
+TEST(BetweenRuns, DriftOfOneRowGrowsWithTheRootOfAWideSpread) {
+  const auto row = [](std::int64_t apart) {
+    return of_processes({10000 - apart, 10000, 10000 + apart});
+  };
+  const auto drift = [&](std::int64_t apart, Drift which) {
+    const double medians =
+        *spread_between(row(apart), row(apart)) * std::sqrt(std::numbers::pi / 3);
+    const double noise = *noise_between(row(apart), row(apart), which);
+    return std::sqrt(noise * noise - medians * medians);
+  };
+  EXPECT_NEAR(drift(100, Drift::kWhole), std::sqrt(2.0) * kDrift * 1.495 * 1.4826 * 0.01, 1e-9);
+  EXPECT_NEAR(drift(100, Drift::kOfOneRow), drift(100, Drift::kWhole), 1e-9) << "3.1 %";
+  EXPECT_NEAR(drift(1000, Drift::kOfOneRow), std::sqrt(kWideDrift * drift(1000, Drift::kWhole)),
+              1e-9);
+  EXPECT_GT(drift(200, Drift::kOfOneRow), kWideDrift);
+  EXPECT_NEAR(drift(800, Drift::kOfOneRow), 2 * drift(200, Drift::kOfOneRow), 1e-9);
 }
 
 TEST(BetweenRuns, ChangeIsWhatMedianAndLowerQuartileAgreeOn) {
