@@ -4,7 +4,8 @@
 //   regress tables DATABASE...       all ordered pairs of the databases' runs (tests/bench/aa makes
 //                                    some): alarms and inconclusive answers without a change, how
 //                                    often +25 % in one cell is found, in four cells a pair, one
-//                                    after another, and where it is not
+//                                    after another, and where it is not; and in all of fc6 to fc8
+//                                    at once, which move together as they would with the machine
 //   regress load PIRT LEDGER [N]     N (60) whole decisions of a program against itself while
 //                                    another program keeps one core busy
 //   regress gate PIRT                how long a whole gate over Table I takes, without a change
@@ -12,12 +13,15 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <span>
 #include <string>
+#include <string_view>
 #include <thread>
+#include <vector>
 
 #include "characterize/duet/injection.h"
 #include "characterize/measure.h"
@@ -41,10 +45,26 @@ double percent(std::int64_t part, std::int64_t all) {
   return all == 0 ? 0 : 100.0 * static_cast<double>(part) / static_cast<double>(all);
 }
 
-/// @p profile with `execute` and `call` of one cell 25 % slower.
-Profile slower(Profile profile, const std::string& workload, const std::string& unit) {
+using Cells = std::vector<const PhaseRow*>;  ///< One row stands for its cell.
+
+bool contains(const Cells& cells, std::string_view workload, std::string_view unit) {
+  return std::ranges::any_of(cells, [&](const PhaseRow* cell) {
+    return cell->workload == workload && cell->unit == unit;
+  });
+}
+
+Cells cells_of(const Profile& profile, std::string_view prefix = {}) {
+  Cells cells;
+  for (const PhaseRow& row : profile.phases) {
+    if (row.phase == Phase::kExecute && row.workload.starts_with(prefix)) cells.push_back(&row);
+  }
+  return cells;
+}
+
+/// @p profile with `execute` and `call` of @p cells 25 % slower.
+Profile slower(Profile profile, const Cells& cells) {
   for (PhaseRow& row : profile.phases) {
-    if (row.workload != workload || row.unit != unit) continue;
+    if (!contains(cells, row.workload, row.unit)) continue;
     if (row.phase != Phase::kExecute && row.phase != Phase::kCall) continue;
     for (Nanos& value : row.values) value = scaled(value, 1.25);
     for (auto* figure : {&row.median, &row.ci_low, &row.ci_high}) {
@@ -60,11 +80,7 @@ constexpr int kInjections = 4;
 /// Cells in random order, each as often as the others.
 class Deck {
  public:
-  explicit Deck(const Profile& profile) {
-    for (const PhaseRow& row : profile.phases) {
-      if (row.phase == Phase::kExecute) cells_.push_back(&row);
-    }
-  }
+  explicit Deck(const Profile& profile) : cells_(cells_of(profile)) {}
   const PhaseRow& deal() {
     if (next_ == 0) next_ = cells_.size();
     std::swap(cells_[random_.below(next_)], cells_[next_ - 1]);
@@ -72,28 +88,29 @@ class Deck {
   }
 
  private:
-  std::vector<const PhaseRow*> cells_;
+  Cells cells_;
   std::size_t next_ = 0;  ///< So many of this round are left.
   Random random_{1};
 };
 
-/// The verdict on a cell of @p candidate that was made 25 % slower; what was not found is printed.
-GateVerdict verdict_on_slower(const Profile& base, const Profile& candidate, const PhaseRow& cell,
-                              const std::string& pair) {
-  const Profile changed = slower(candidate, cell.workload, cell.unit);
-  const GateResult result = judge(diff_profiles(base, changed));
+/// What the gate says about cells of @p candidate that were made 25 % slower: an alarm if it calls
+/// one of them slower. What was not found is printed.
+/// @return The exit code that a gate over these cells alone would give.
+int exit_code_on_slower(const Profile& base, const Profile& candidate, const Cells& cells,
+                        const std::string& pair) {
+  const GateResult result = judge(diff_profiles(base, slower(candidate, cells)));
   bool unsure = false;
   std::string why;
   for (const GateRow& row : result.rows) {
-    if (row.workload != cell.workload || row.unit != cell.unit) continue;
+    if (!contains(cells, row.workload, row.unit)) continue;
     if (row.phase != "execute" && row.phase != "call") continue;
-    if (row.verdict == GateVerdict::kSlower) return row.verdict;
+    if (row.verdict == GateVerdict::kSlower) return kExitCheckFailed;
     unsure = unsure || row.verdict == GateVerdict::kInconclusive;
-    why += fmt::format(" {} {} {:+.1f} % {};", row.phase, to_string(row.verdict),
-                       100 * (row.ratio.value_or(1) - 1), row.reason);
+    why += fmt::format(" {} {} {} {} {:+.1f} % {};", row.workload, row.unit, row.phase,
+                       to_string(row.verdict), 100 * (row.ratio.value_or(1) - 1), row.reason);
   }
-  fmt::print("+25 % not found, {}: {} {}:{}\n", pair, cell.workload, cell.unit, why);
-  return unsure ? GateVerdict::kInconclusive : GateVerdict::kSame;
+  fmt::print("+25 % not found, {}:{}\n", pair, why);
+  return unsure ? kExitInconclusive : 0;
 }
 
 int tables(std::span<const std::string> paths) {
@@ -109,7 +126,7 @@ int tables(std::span<const std::string> paths) {
   fmt::print("{} runs of platform {}\n", runs.size(), platform);
   if (runs.size() < 2) throw_bad_input("two runs are needed; tests/bench/aa makes some");
   Answers same;
-  Answers slowed;
+  Answers one_slowed, family_slowed;
   Deck deck(runs.front());
   for (std::size_t a = 0; a < runs.size(); ++a) {
     for (std::size_t b = 0; b < runs.size(); ++b) {
@@ -125,14 +142,15 @@ int tables(std::span<const std::string> paths) {
                    row.unit, row.phase, to_string(row.verdict), 100 * (row.ratio.value_or(1) - 1),
                    row.reason);
       }
+      const std::string pair = fmt::format("run {} against {}", b + 1, a + 1);
       for (int i = 0; i < kInjections; ++i) {
         const PhaseRow& cell = deck.deal();
         if (runs[b].find(cell.workload, cell.unit, Phase::kExecute) == nullptr) continue;
-        const GateVerdict verdict = verdict_on_slower(
-            runs[a], runs[b], cell, fmt::format("run {} against {}", b + 1, a + 1));
-        slowed.add(verdict == GateVerdict::kSlower         ? kExitCheckFailed
-                   : verdict == GateVerdict::kInconclusive ? kExitInconclusive
-                                                           : 0);
+        one_slowed.add(exit_code_on_slower(runs[a], runs[b], {&cell}, pair));
+      }
+      const Cells family = cells_of(runs[b], "fc");
+      if (!family.empty()) {
+        family_slowed.add(exit_code_on_slower(runs[a], runs[b], family, pair));
       }
     }
   }
@@ -142,7 +160,11 @@ int tables(std::span<const std::string> paths) {
       same.all(), same.alarm, percent(same.alarm, same.all()), same.inconclusive,
       percent(same.inconclusive, same.all()));
   fmt::print("+25 % in one cell: {} of {} found ({:.1f} %, goal: at least 90 %), {} inconclusive\n",
-             slowed.alarm, slowed.all(), percent(slowed.alarm, slowed.all()), slowed.inconclusive);
+             one_slowed.alarm, one_slowed.all(), percent(one_slowed.alarm, one_slowed.all()),
+             one_slowed.inconclusive);
+  fmt::print("+25 % in all of fc6 to fc8: {} of {} found ({:.1f} %), {} inconclusive\n",
+             family_slowed.alarm, family_slowed.all(),
+             percent(family_slowed.alarm, family_slowed.all()), family_slowed.inconclusive);
   return 0;
 }
 
