@@ -22,10 +22,14 @@ double faster_p(const DuetRule& rule) {
   return sign_test_p_below(rule.blocks(), 0);
 }
 
+std::string blocks_text(std::size_t count) {
+  return fmt::format("{} block{}", count, count == 1 ? "" : "s");
+}
+
 std::string undecided_reason(const DuetCellState& state, const DuetRule& rule, DuetEnd end) {
-  const std::size_t blocks = rule.blocks().size() + rule.confirmation().size();
-  if (state.ended()) return fmt::format("{} blocks before the cell ended", blocks);
-  return fmt::format("{} after {} blocks; go on to decide it",
+  const std::string blocks = blocks_text(rule.blocks().size() + rule.confirmation().size());
+  if (state.ended()) return blocks + " before the cell ended";
+  return fmt::format("{} after {}; go on to decide it",
                      end == DuetEnd::kStopped ? "interrupted" : "the time was up", blocks);
 }
 
@@ -72,7 +76,7 @@ GateRow series_row(const DuetCellState& state, const std::string& phase, const D
 std::optional<GateRow> cell_row(const DuetCellState& state, DuetEnd end) {
   GateRow row{.workload = state.cell.workload, .unit = state.cell.unit, .phase = "all"};
   const std::string blocks =
-      state.blocks == 0 ? "" : fmt::format(" ({} blocks were measured before)", state.blocks);
+      state.blocks == 0 ? "" : fmt::format(" ({} measured before)", blocks_text(state.blocks));
   const auto& of_base = state.failures[static_cast<std::size_t>(Side::kBaseline)];
   const auto& of_candidate = state.failures[static_cast<std::size_t>(Side::kCandidate)];
   if (!of_base.empty()) {

@@ -107,6 +107,24 @@ std::int64_t misses_of(const RunRecord& run) {
   return misses;
 }
 
+/// Why modes have no figures, each reason once: "latency, energy: no unit can serve sobel".
+std::vector<std::string> reasons_without_cost(const std::vector<ModeCost>& modes) {
+  std::vector<std::pair<std::string, std::string>> reasons;  // Reason, modes.
+  for (const ModeCost& cost : modes) {
+    if (cost.base && cost.candidate) continue;
+    const auto known =
+        std::ranges::find(reasons, cost.reason, &decltype(reasons)::value_type::first);
+    if (known == reasons.end()) {
+      reasons.emplace_back(cost.reason, cost.mode);
+    } else {
+      known->second += ", " + cost.mode;
+    }
+  }
+  std::vector<std::string> lines;
+  for (const auto& [reason, of_modes] : reasons) lines.push_back(of_modes + ": " + reason);
+  return lines;
+}
+
 Table modes_table(const Decisions& decisions) {
   Table table{.title = "What mix " + decisions.mix + " costs in each mode",
               .columns = {{"mode", Align::kLeft},
@@ -114,13 +132,10 @@ Table modes_table(const Decisions& decisions) {
                           {"p99 latency ms"},
                           {"energy J"},
                           {"deadline misses"},
-                          {"dropped"}}};
+                          {"dropped"}},
+              .footnotes = reasons_without_cost(decisions.modes)};
   for (const ModeCost& cost : decisions.modes) {
-    if (!cost.base || !cost.candidate) {
-      table.rows.push_back({cost.mode, "-", "-", "-", "-", "-"});
-      table.footnotes.push_back(cost.mode + ": " + cost.reason);
-      continue;
-    }
+    if (!cost.base || !cost.candidate) continue;
     const RunRecord& a = *cost.base;
     const RunRecord& b = *cost.candidate;
     table.rows.push_back({cost.mode, change_text(a.mean_latency_ms, b.mean_latency_ms),
@@ -131,6 +146,17 @@ Table modes_table(const Decisions& decisions) {
   }
   table.footnotes.emplace_back("Virtual time on both profiles: all of it is modelled.");
   return table;
+}
+
+/// What the mix costs, or, if that is known in no mode, why.
+std::variant<Paragraph, Table> modes_part(const Decisions& decisions) {
+  Table table = modes_table(decisions);
+  if (!table.rows.empty()) return table;
+  Paragraph paragraph;
+  for (const std::string& reason : reasons_without_cost(decisions.modes)) {
+    paragraph.lines.push_back("No cost in " + reason);
+  }
+  return paragraph;
 }
 
 Json optional_json(std::optional<double> value) { return value ? Json(*value) : Json(); }
@@ -254,7 +280,7 @@ Document gate_document(const GateReport& report, bool all) {
       document.parts.emplace_back(flips_table(*report.decisions));
     }
     if (!report.decisions->modes.empty()) {
-      document.parts.emplace_back(modes_table(*report.decisions));
+      document.parts.push_back(modes_part(*report.decisions));
     }
   }
   return document;

@@ -67,7 +67,7 @@ TEST_F(RegressPrograms, KeepsWhatWasMeasuredBeforeACrashAndSaysSo) {
   const auto crash = program("crash", "[ $n -lt 9 ] || kill -SEGV $$\n" + answers("0.010"));
   const auto outcome = compare(base, crash);
   EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
-  EXPECT_THAT(outcome.out, AllOf(HasSubstr("SIGSEGV"), HasSubstr("4 blocks were measured before")));
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("SIGSEGV"), HasSubstr("4 blocks measured before")));
   forget();
   const auto hang = program("hang", "[ $n -lt 3 ] || exec tail -f /dev/null\n" + answers("0.010"));
   const auto hung = compare(base, hang, {"--sample-limit", "500ms"});

@@ -401,6 +401,25 @@ TEST(GateReport, ShowsWhatMattersAndCountsTheRest) {
   EXPECT_EQ(json["decisions"]["modes"]["latency"]["reason"], "not served");
 }
 
+TEST(GateReport, SaysOnceWhyModesHaveNoCost) {
+  Machine machine(0.005, 0.01, 1);
+  const Profile base = profile_of({machine.row("sobel", 10)});
+  auto report = report_of(base, profile_of({machine.row("sobel", 10)}));
+  report.decisions->modes.push_back(
+      {.mode = "energy", .base = {}, .candidate = {}, .reason = "not served"});
+  const auto nothing = render(gate_document(report, false), Format::kText);
+  EXPECT_THAT(nothing, AllOf(HasSubstr("No cost in latency, energy: not served"),
+                             Not(HasSubstr("Virtual time"))));
+  RunRecord run;
+  run.mean_latency_ms = 12;
+  report.decisions->modes.push_back(
+      {.mode = "advanced", .base = run, .candidate = run, .reason = ""});
+  const auto some = render(gate_document(report, false), Format::kText);
+  EXPECT_THAT(some,
+              AllOf(HasSubstr("What mix full-robot costs in each mode"), HasSubstr("12.0 -> 12.0"),
+                    HasSubstr("latency, energy: not served"), HasSubstr("Virtual time")));
+}
+
 TEST(GateReport, WritesJUnitThatEscapesItsTexts) {
   Machine machine(0.005, 0.01, 1);
   const Profile base = profile_of({machine.row("sobel", 10), machine.row("fc6", 20)});
