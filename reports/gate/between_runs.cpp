@@ -67,8 +67,9 @@ std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candid
       std::sqrt(std::numbers::pi / 2 *
                 (1.0 / static_cast<double>(a.size()) + 1.0 / static_cast<double>(b.size())));
   double of_drift = *spread * kDrift * std::numbers::sqrt2;
-  if (drift == Drift::kOfOneRow && of_drift > kWideDrift)
+  if (drift == Drift::kOfOneRow && of_drift > kWideDrift) {
     of_drift = std::sqrt(of_drift * kWideDrift);
+  }
   return std::hypot(*spread * of_medians, of_drift);
 }
 
