@@ -125,7 +125,9 @@ std::vector<std::string> reasons_without_cost(const std::vector<ModeCost>& modes
   return lines;
 }
 
-Table modes_table(const Decisions& decisions) {
+/// What the mix costs, or, if that is known in no mode, why.
+std::variant<Paragraph, Table> modes_part(const Decisions& decisions) {
+  std::vector<std::string> reasons = reasons_without_cost(decisions.modes);
   Table table{.title = "What mix " + decisions.mix + " costs in each mode",
               .columns = {{"mode", Align::kLeft},
                           {"mean latency ms"},
@@ -133,7 +135,7 @@ Table modes_table(const Decisions& decisions) {
                           {"energy J"},
                           {"deadline misses"},
                           {"dropped"}},
-              .footnotes = reasons_without_cost(decisions.modes)};
+              .footnotes = reasons};
   for (const ModeCost& cost : decisions.modes) {
     if (!cost.base || !cost.candidate) continue;
     const RunRecord& a = *cost.base;
@@ -145,18 +147,9 @@ Table modes_table(const Decisions& decisions) {
                           fmt::format("{} -> {}", a.dropped, b.dropped)});
   }
   table.footnotes.emplace_back("Virtual time on both profiles: all of it is modelled.");
-  return table;
-}
-
-/// What the mix costs, or, if that is known in no mode, why.
-std::variant<Paragraph, Table> modes_part(const Decisions& decisions) {
-  Table table = modes_table(decisions);
   if (!table.rows.empty()) return table;
-  Paragraph paragraph;
-  for (const std::string& reason : reasons_without_cost(decisions.modes)) {
-    paragraph.lines.push_back("No cost in " + reason);
-  }
-  return paragraph;
+  for (std::string& reason : reasons) reason.insert(0, "No cost in ");
+  return Paragraph{reasons};
 }
 
 Json optional_json(std::optional<double> value) { return value ? Json(*value) : Json(); }
