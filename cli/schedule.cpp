@@ -1,6 +1,7 @@
 // pirt schedule: runs a robot's mix on a platform under one policy, in virtual time.
 #include "scheduler/schedule.h"
 
+#include <algorithm>
 #include <memory>
 
 #include "cli/commands.h"
@@ -109,7 +110,9 @@ int compare(const Options& options) {
   if (comparison.runs.empty()) throw_bad_input(comparison.skipped.front().reason);
   emit(render(comparison_document(comparison, inputs.mix), Format::kText),
        comparison_json(comparison), options.json);
-  return 0;
+  const bool stalled =
+      std::ranges::any_of(comparison.runs, [](const RunRecord& run) { return run.stalled > 0; });
+  return stalled ? kExitCheckFailed : 0;
 }
 
 int schedule(const Options& options) {
@@ -127,7 +130,7 @@ int schedule(const Options& options) {
   const auto record = read_inputs(options).run(settings);
   warn_all(record.warnings);
   emit(render(run_document(record), Format::kText), to_json(record), options.json);
-  return 0;
+  return record.stalled > 0 ? kExitCheckFailed : 0;
 }
 
 }  // namespace

@@ -41,6 +41,7 @@ Table table_of(const Comparison& comparison) {
                           {"costs"},
                           {"late"},
                           {"dropped"},
+                          {"queued"},
                           {"offloaded"}}};
   const auto energy = [](const RunRecord& run) { return std::optional(run.energy_j); };
   const auto tail = [](const RunRecord& run) { return run.p99_latency_ms; };
@@ -56,7 +57,7 @@ Table table_of(const Comparison& comparison) {
          ratio(energy(run), least_energy), shown(run.mean_latency_ms, marks.time),
          shown(run.p99_latency_ms, marks.time), ratio(tail(run), least_tail),
          fmt::format("{}", deadline_misses(run)), fmt::format("{}", run.dropped + run.expired),
-         fmt::format("{}", run.offloaded)});
+         fmt::format("{}", run.queued), fmt::format("{}", run.offloaded)});
   }
   table.footnotes = {
       "gap = reached / bound - 1: to the throughput that no scheduler can exceed, and to the least "
@@ -79,7 +80,8 @@ const RunRecord* find_run(const Comparison& comparison, const std::string& mode)
 std::string tail_text(const PipelineResult& pipeline, Provenance time) {
   auto text = "p99 " + shown(pipeline.p99_ms, time) + " ms";
   if (pipeline.deadline_misses) {
-    text += fmt::format(", {} of {} late", *pipeline.deadline_misses, pipeline.completed);
+    text += fmt::format(", {} of {} late", *pipeline.deadline_misses,
+                        pipeline.completed + pipeline.unfinished);
   }
   return text;
 }

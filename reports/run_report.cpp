@@ -75,6 +75,10 @@ Paragraph totals(const RunRecord& run) {
                    shown(run.makespan_s, marks.time), shown(run.throughput_per_ms, marks.time),
                    shown(run.mean_latency_ms, marks.time), shown(run.p99_latency_ms, marks.time),
                    shown(run.energy_j, marks.energy), shown(run.average_power_w, marks.energy))}};
+  if (run.drain_s && *run.drain_s > 0) {
+    paragraph.lines.push_back("all as of the end of the duration; what was unfinished then takes " +
+                              shown(run.drain_s, marks.time) + " s more");
+  }
   if (run.planned_makespan_s) {
     paragraph.lines.push_back("planned makespan " + shown(run.planned_makespan_s, marks.time) +
                               " s");
@@ -142,6 +146,7 @@ Table pipelines_table(const RunRecord& run) {
                           {"fired"},
                           {"completed"},
                           {"dropped"},
+                          {"unfinished"},
                           {"rate Hz"},
                           {"p50 ms"},
                           {"p95 ms"},
@@ -152,12 +157,16 @@ Table pipelines_table(const RunRecord& run) {
     table.rows.push_back(
         {pipeline.pipeline, fmt::format("{}", pipeline.fired),
          fmt::format("{}", pipeline.completed), fmt::format("{}", pipeline.dropped),
-         shown(pipeline.rate_hz, marks.time), shown(pipeline.p50_ms, marks.time),
-         shown(pipeline.p95_ms, marks.time), shown(pipeline.p99_ms, marks.time),
+         fmt::format("{}", pipeline.unfinished), shown(pipeline.rate_hz, marks.time),
+         shown(pipeline.p50_ms, marks.time), shown(pipeline.p95_ms, marks.time),
+         shown(pipeline.p99_ms, marks.time),
          pipeline.deadline_ms ? figure(*pipeline.deadline_ms) : "-",
          pipeline.deadline_misses ? fmt::format("{}", *pipeline.deadline_misses) : "-"});
   }
-  table.footnotes = {"Firings, not tasks; ms: firing to the completion of its last task."};
+  table.footnotes = {
+      "Firings, not tasks; ms: firing to the completion of its last task. misses: completed late, "
+      "or "
+      "unfinished past the deadline."};
   return table;
 }
 
@@ -292,6 +301,9 @@ void add_pipeline(ModesTable& table, const std::string& name) {
   });
   table.pipeline_row(name, "p99, ms", [](const PipelineResult& p, Provenance time) {
     return shown(p.p99_ms, time);
+  });
+  table.pipeline_row(name, "unfinished", [](const PipelineResult& p, Provenance) {
+    return fmt::format("{}", p.unfinished);
   });
   table.pipeline_row(name, "deadline misses", [](const PipelineResult& p, Provenance) {
     return p.deadline_misses ? fmt::format("{}", *p.deadline_misses) : std::string("-");

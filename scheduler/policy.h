@@ -54,6 +54,12 @@ class Policy {
     static_cast<void>(task);
     return Nanos::zero();
   }
+  /// The unit took a task of the class from the high-priority queue; the load shown is without it.
+  virtual void took(const TaskClass& task, UnitId unit, const UnitsView& units) {
+    static_cast<void>(task);
+    static_cast<void>(unit);
+    static_cast<void>(units);
+  }
   /// A task of the class was dropped or expired before it was placed.
   virtual void gone(const TaskClass& task) { static_cast<void>(task); }
 };

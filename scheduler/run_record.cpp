@@ -67,6 +67,7 @@ void visit_pipeline(Visitor& visitor, Pipeline& pipeline) {
   visitor.field("fired", pipeline.fired);
   visitor.field("completed", pipeline.completed);
   visitor.field("dropped", pipeline.dropped);
+  visitor.field("unfinished", pipeline.unfinished);
   visitor.field("rate_hz", pipeline.rate_hz);
   visitor.field("p50_ms", pipeline.p50_ms);
   visitor.field("p95_ms", pipeline.p95_ms);
@@ -108,12 +109,14 @@ void visit_record(Visitor& visitor, Record& record) {
   visitor.field("in_flight", record.in_flight);
   visitor.field("planned_makespan_s", record.planned_makespan_s);
   visitor.field("makespan_s", record.makespan_s);
+  visitor.field("drain_s", record.drain_s);
   visitor.field("submitted", record.submitted);
   visitor.field("completed", record.completed);
   visitor.field("dropped", record.dropped);
   visitor.field("expired", record.expired);
   visitor.field("failed", record.failed);
   visitor.field("queued", record.queued);
+  visitor.field("stalled", record.stalled);
   visitor.field("offloaded", record.offloaded);
   visitor.field("throughput_per_ms", record.throughput_per_ms);
   visitor.field("mean_latency_ms", record.mean_latency_ms);

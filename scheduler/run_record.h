@@ -38,11 +38,13 @@ struct PipelineResult {
   std::int64_t fired = 0;
   std::int64_t completed = 0;     ///< Firings of which every task completed.
   std::int64_t dropped = 0;       ///< No image buffer, or a task was dropped, expired or failed.
+  std::int64_t unfinished = 0;    ///< The others: fired = completed + dropped + unfinished.
   std::optional<double> rate_hz;  ///< Completed firings a second. Absent if no time passed.
   std::optional<double> p50_ms, p95_ms,
       p99_ms;  ///< Firing to last completion. Absent if none completed.
   std::optional<double> deadline_ms;
-  std::optional<std::int64_t> deadline_misses;  ///< Completed, but late. Absent without a deadline.
+  /// Completed late, or unfinished when the deadline had passed. Absent without a deadline.
+  std::optional<std::int64_t> deadline_misses;
   friend bool operator==(const PipelineResult&, const PipelineResult&) = default;
 };
 
@@ -67,7 +69,7 @@ struct PlanRow {
 };
 
 struct RunRecord {
-  static constexpr int kSchemaVersion = 1;
+  static constexpr int kSchemaVersion = 2;
 
   std::string mode;
   std::optional<std::string> basic;  ///< Of mode advanced.
@@ -87,9 +89,12 @@ struct RunRecord {
   std::optional<double> planned_makespan_s;
   std::vector<PlanRow> plan;  ///< In the mix's order.
 
-  double makespan_s = 0;  ///< To the last completion; with an open loop at least the duration.
+  /// With an open loop the duration, at which all is counted; else to the last completion.
+  double makespan_s = 0;
+  std::optional<double> drain_s;  ///< From then to the last completion. Open loops only.
   // Tasks: submitted = completed + dropped + expired + failed + queued.
   std::int64_t submitted = 0, completed = 0, dropped = 0, expired = 0, failed = 0, queued = 0;
+  std::int64_t stalled = 0;    ///< Of the queued ones, those that nothing was ever going to start.
   std::int64_t offloaded = 0;  ///< Of the completed ones, those that the cloud served.
   std::optional<double> throughput_per_ms;
   std::optional<double> mean_latency_ms, p99_latency_ms;  ///< Of all tasks, dispatch to completion.

@@ -81,7 +81,7 @@ std::vector<int> choose_in_flight(const Platform& platform, const Mix& mix,
       } else {
         // What keeps the units busy with the pipeline's most spread-out workload.
         for (const auto& kind : classes[p]) {
-          frames = std::max(frames, in_flight_for(kind.workload, platform, services));
+          frames = std::max(frames, in_flight_for(kind, platform, services));
         }
       }
     }
@@ -252,8 +252,8 @@ RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mi
   }
   const Tally tally = VirtualTime(run, dispatcher).run();
 
-  RunRecord record = summarize(run, profile, setup.weights, dispatcher.counts(), tally);
-  if (trace) trace->finish(from_s(record.makespan_s));
+  RunRecord record = summarize(run, profile, setup.weights, tally);
+  if (trace) trace->finish(tally);
   record.mode = options.mode;
   if (profile != nullptr) record.draw = to_string(options.draw);
   record.bounds = bounds_of(run, cloud_use(mode), record);
@@ -266,6 +266,10 @@ RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mi
     record.overflow = options.literal_overflow ? "literal" : "hold";
   }
   record.warnings = services.warnings;
+  if (record.stalled > 0) {
+    record.warnings.push_back("stalled: nothing is ever going to start " +
+                              std::to_string(record.stalled) + " of the tasks that are queued");
+  }
   add_warnings(platform, mix, classes, options, record.warnings);
   return record;
 }

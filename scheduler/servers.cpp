@@ -39,6 +39,13 @@ class FifoServers final : public Servers {
     return done.job;
   }
 
+  std::vector<std::pair<JobId, Nanos>> left(Nanos now) const override {
+    std::vector<std::pair<JobId, Nanos>> jobs;
+    for (const Busy& each : busy_) jobs.emplace_back(each.job, each.end.time - now);
+    for (const Waiting& each : waiting_) jobs.emplace_back(each.job, each.work);
+    return jobs;
+  }
+
  private:
   struct Waiting {
     JobId job = 0;
@@ -90,6 +97,15 @@ class SharedServers final : public Servers {
     left_.pop_front();
     find_next();
     return job;
+  }
+
+  std::vector<std::pair<JobId, Nanos>> left(Nanos now) const override {
+    SharedServers then = *this;
+    then.progress(fixed(now));
+    std::vector<std::pair<JobId, Nanos>> jobs;
+    for (const Job& each : then.jobs_) jobs.emplace_back(each.job, round_up(each.end - then.done_));
+    for (const Left& each : then.left_) jobs.emplace_back(each.job, Nanos::zero());
+    return jobs;
   }
 
  private:

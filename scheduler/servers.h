@@ -6,6 +6,8 @@
 
 #include <cstdint>
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include "characterize/platform.h"
 #include "workloads/base/time.h"
@@ -30,6 +32,9 @@ class Servers {
   /// Takes the job whose completion is next(); now == next().time.
   virtual JobId complete_next() = 0;
   [[nodiscard]] const Moment& next() const { return next_; }
+  /// The jobs that have arrived and are not complete, with the server time that each still needs.
+  /// @param now  Not after next().
+  [[nodiscard]] virtual std::vector<std::pair<JobId, Nanos>> left(Nanos now) const = 0;
 
  protected:
   Moment next_;

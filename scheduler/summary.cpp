@@ -10,12 +10,6 @@ std::optional<double> in_ms(const std::optional<Nanos>& time) {
   return time ? std::optional(to_ms(*time)) : std::nullopt;
 }
 
-/// With an open loop the robot is on for the whole duration, whenever the last task ended.
-Nanos makespan_of(const VirtualSetup& run, const Tally& tally) {
-  return run.mix.open_loop() ? std::max(run.duration, tally.last_completion)
-                             : tally.last_completion;
-}
-
 double unit_energy_j(const VirtualSetup& run, UnitId unit, const UnitTally& tally, Nanos makespan) {
   const UnitModel& model = run.platform.units[unit];
   double energy_j =
@@ -64,16 +58,17 @@ UnitResult summarize_unit(const VirtualSetup& run, const Profile* profile, UnitI
   return result;
 }
 
-PipelineResult summarize_pipeline(const VirtualSetup& run, const Pipeline& pipeline,
-                                  const PipelineTally& tally, Nanos makespan) {
+PipelineResult summarize_pipeline(const Pipeline& pipeline, const PipelineTally& tally,
+                                  Nanos makespan) {
   PipelineResult result;
   result.pipeline = pipeline.name;
   result.fired = tally.fired;
   result.completed = tally.completed;
   result.dropped = tally.dropped;
-  // An open loop that ends early has not become faster by it.
-  const Nanos time = pipeline.rate_hz ? std::max(run.duration, tally.last_completion) : makespan;
-  if (time > Nanos::zero()) result.rate_hz = static_cast<double>(tally.completed) / to_s(time);
+  result.unfinished = tally.unfinished;
+  if (makespan > Nanos::zero()) {
+    result.rate_hz = static_cast<double>(tally.completed) / to_s(makespan);
+  }
   result.p50_ms = in_ms(tally.latency.percentile(0.50));
   result.p95_ms = in_ms(tally.latency.percentile(0.95));
   result.p99_ms = in_ms(tally.latency.percentile(0.99));
@@ -84,14 +79,15 @@ PipelineResult summarize_pipeline(const VirtualSetup& run, const Pipeline& pipel
   return result;
 }
 
-void add_counts(const VirtualSetup& run, const TaskCounts& counts, const Tally& tally,
-                RunRecord& record) {
+void add_counts(const VirtualSetup& run, const Tally& tally, RunRecord& record) {
+  const TaskCounts& counts = tally.tasks;
   record.submitted = counts.submitted + tally.refused_tasks;
   record.completed = counts.completed;
   record.dropped = counts.dropped + tally.refused_tasks;
   record.expired = counts.expired;
   record.failed = counts.failed;
   record.queued = counts.queued();
+  record.stalled = tally.stalled;
   for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
     if (run.platform.units[unit].role == "cloud") record.offloaded += tally.units[unit].completed;
   }
@@ -111,19 +107,22 @@ void add_weights(const VirtualSetup& run, const WeightTable& weights, RunRecord&
 }  // namespace
 
 RunRecord summarize(const VirtualSetup& run, const Profile* profile, const WeightTable& weights,
-                    const TaskCounts& counts, const Tally& tally) {
-  const Nanos makespan = makespan_of(run, tally);
+                    const Tally& tally) {
+  const Nanos makespan = tally.end;
   RunRecord record;
   record.platform = run.platform.name;
   if (!run.platform.assumptions.empty()) record.assumptions = run.platform.assumptions;
   if (profile != nullptr) record.profile = profile->path;
   record.mix = run.mix.name;
   record.seed = run.seed;
-  if (run.mix.open_loop()) record.duration_s = to_s(run.duration);
+  if (run.mix.open_loop()) {
+    record.duration_s = to_s(run.duration);
+    record.drain_s = to_s(std::max(Nanos::zero(), tally.last_completion - tally.end));
+  }
   const int in_flight = std::ranges::max(run.in_flight);
   if (in_flight > 0) record.in_flight = in_flight;
   record.makespan_s = to_s(makespan);
-  add_counts(run, counts, tally, record);
+  add_counts(run, tally, record);
   record.mean_latency_ms = in_ms(tally.latency.mean());
   record.p99_latency_ms = in_ms(tally.latency.percentile(0.99));
   for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
@@ -136,7 +135,7 @@ RunRecord summarize(const VirtualSetup& run, const Profile* profile, const Weigh
   }
   for (std::size_t p = 0; p < run.mix.pipelines.size(); ++p) {
     record.pipelines.push_back(
-        summarize_pipeline(run, run.mix.pipelines[p], tally.pipelines[p], makespan));
+        summarize_pipeline(run.mix.pipelines[p], tally.pipelines[p], makespan));
   }
   add_weights(run, weights, record);
   return record;

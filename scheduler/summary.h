@@ -5,14 +5,12 @@
 #include "scheduler/policy.h"
 #include "scheduler/run_record.h"
 #include "scheduler/tally.h"
-#include "scheduler/task.h"
 #include "scheduler/virtual_time.h"
 
 namespace pirt {
 
 /// Everything but what the caller chose: mode, basic, overflow and warnings are left to it.
 [[nodiscard]] RunRecord summarize(const VirtualSetup& run, const Profile* profile,
-                                  const WeightTable& weights, const TaskCounts& counts,
-                                  const Tally& tally);
+                                  const WeightTable& weights, const Tally& tally);
 
 }  // namespace pirt

@@ -11,8 +11,10 @@
 
 namespace pirt {
 
-using TaskId =
-    std::uint64_t;  ///< Chosen by whoever submits; unique among the tasks that are not done.
+/// Chosen by whoever submits; unique among the tasks that are not done and those that ended without
+/// completing in a firing that is not released.
+using TaskId = std::uint64_t;
+using FiringId = std::uint64_t;    ///< Chosen likewise; unique among those that are not over.
 using UnitId = std::uint32_t;      ///< Position in Platform::units.
 using WorkloadId = std::uint32_t;  ///< Position in the workloads of a run.
 
@@ -39,8 +41,8 @@ struct Task {
   TaskClass kind;
   std::optional<Nanos> deadline;    ///< When it should be complete; for policies that look at it.
   std::optional<Nanos> expires_at;  ///< Not started by then: expired, and its successors dropped.
-  /// Tasks that have to complete first, submitted before this one. An id that is no longer known
-  /// counts as complete.
+  /// Tasks that have to complete first: earlier ones of the same firing, or submitted before. An id
+  /// that is not known counts as complete; one that ended otherwise drops this task.
   std::span<const TaskId> after = {};
 };
 

@@ -1,9 +1,12 @@
-// The dispatcher's memory: records of the tasks that are not done, their successors, and lists of
-// them. Slots are used again, so that memory follows the tasks that are live, not those that were.
+// The dispatcher's memory: records of the tasks of firings that are not released, their successors,
+// and lists of them. A task that completed is forgotten at once, one that ended otherwise with its
+// firing. Slots are used again, so that memory follows what is live, not what was.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "scheduler/id_map.h"
@@ -12,13 +15,20 @@
 namespace pirt {
 
 enum class TaskState : std::uint8_t {
+  kNew,           ///< Registered; its predecessors have not been looked at.
   kWaiting,       ///< For predecessors.
   kHeld,          ///< The policy refuses it for now.
   kHighPriority,  ///< In the global high-priority queue.
   kQueued,        ///< In a unit's queue.
   kRunning,
   kCancelled,  ///< Still runs, but counts as dropped already.
+  kEnded,      ///< Without having completed; whoever comes after it is dropped.
 };
+
+/// It can no longer start, or has ended.
+[[nodiscard]] constexpr bool is_over(TaskState state) {
+  return state == TaskState::kCancelled || state == TaskState::kEnded;
+}
 
 using TaskSlot = std::uint32_t;
 inline constexpr TaskSlot kNoSlot = IdMap::kAbsent;
@@ -30,7 +40,8 @@ struct TaskRecord {
   UnitId unit = 0;            ///< Of kQueued, kRunning and kCancelled.
   std::uint32_t pending = 0;  ///< Predecessors not complete.
   std::uint32_t first_edge = kNoSlot;
-  std::uint32_t generation = 0;  ///< Of the slot; tells a record from an earlier one in its place.
+  std::uint32_t generation = 0;  ///< Of the slot; what was noted of an earlier one is stale.
+  std::uint32_t firing = 0;      ///< Position in the store's firings.
   TaskSlot previous = kNoSlot;   ///< In the list that it is in.
   TaskSlot next = kNoSlot;
   Nanos rank{0};               ///< The policy's; all queues keep this order,
@@ -47,26 +58,74 @@ class TaskStore {
   /// kNoSlot if there is no such task, any more or yet.
   [[nodiscard]] TaskSlot find(TaskId id) const { return slots_.find(id); }
 
-  TaskSlot add(TaskId id) {
-    TaskSlot slot = 0;
-    if (free_.empty()) {
-      slot = static_cast<TaskSlot>(records_.size());
-      records_.emplace_back();
-    } else {
-      slot = free_.back();
-      free_.pop_back();
+  [[nodiscard]] bool knows_firing(FiringId id) const {
+    return firing_slots_.find(id) != IdMap::kAbsent;
+  }
+
+  /// The firing to add tasks to: a new one, or one that is not released. Absent if it is released
+  /// and still has live tasks.
+  std::optional<std::uint32_t> open_firing(FiringId id) {
+    const std::uint32_t known = firing_slots_.find(id);
+    if (known != IdMap::kAbsent) {
+      return firings_[known].released ? std::nullopt : std::optional(known);
     }
+    const std::uint32_t firing = take_slot(firings_, free_firings_);
+    firings_[firing] = {.id = id};
+    firing_slots_.insert(id, firing);
+    return firing;
+  }
+
+  /// Nothing that comes later names its tasks. False if there is no such firing, or it is released
+  /// already.
+  bool release(FiringId id) {
+    const std::uint32_t firing = firing_slots_.find(id);
+    if (firing == IdMap::kAbsent || firings_[firing].released) return false;
+    for (TaskSlot slot = firings_[firing].ended; slot != kNoSlot;) {
+      const TaskSlot next = records_[slot].next;
+      forget(slot);
+      slot = next;
+    }
+    firings_[firing].ended = kNoSlot;
+    firings_[firing].released = true;
+    forget_if_over(firing);
+    return true;
+  }
+
+  /// Firings that are not released, or have live tasks.
+  [[nodiscard]] std::size_t firings() const { return firings_.size() - free_firings_.size(); }
+  /// Tasks that are live, or ended without completing and are of a firing that is not released.
+  [[nodiscard]] std::size_t tasks() const { return records_.size() - free_.size(); }
+
+  /// @param id  Of no task that is known.
+  TaskSlot add(TaskId id, std::uint32_t firing) {
+    const TaskSlot slot = take_slot(records_, free_);
     const std::uint32_t generation = records_[slot].generation;
-    records_[slot] = TaskRecord{.id = id, .generation = generation};
+    records_[slot] =
+        TaskRecord{.id = id, .state = TaskState::kNew, .generation = generation, .firing = firing};
     slots_.insert(id, slot);
+    ++firings_[firing].live;
     return slot;
   }
 
+  /// The task is done, and who comes after it need not know of it.
   void remove(TaskSlot slot) {
-    slots_.erase(records_[slot].id);
     free_edges(slot);
-    ++records_[slot].generation;
-    free_.push_back(slot);
+    const std::uint32_t firing = records_[slot].firing;
+    forget(slot);
+    --firings_[firing].live;
+    forget_if_over(firing);
+  }
+
+  /// The task ended without having completed: known as that until its firing is released.
+  void end(TaskSlot slot) {
+    FiringRecord& firing = firings_[records_[slot].firing];
+    if (firing.released) return remove(slot);
+    free_edges(slot);
+    TaskRecord& record = records_[slot];
+    record.state = TaskState::kEnded;
+    ++record.generation;
+    record.next = std::exchange(firing.ended, slot);
+    --firing.live;
   }
 
   [[nodiscard]] bool is_current(TaskSlot slot, std::uint32_t generation) const {
@@ -100,6 +159,35 @@ class TaskStore {
     std::uint32_t generation = 0;
     std::uint32_t next = kNoSlot;
   };
+  struct FiringRecord {
+    FiringId id = 0;
+    std::uint32_t live = 0;    ///< Tasks that are not done.
+    TaskSlot ended = kNoSlot;  ///< Those that ended without completing, linked by `next`.
+    bool released = false;
+  };
+
+  template <typename Record>
+  static std::uint32_t take_slot(std::vector<Record>& records, std::vector<std::uint32_t>& free) {
+    if (free.empty()) {
+      records.emplace_back();
+      return static_cast<std::uint32_t>(records.size() - 1);
+    }
+    const std::uint32_t slot = free.back();
+    free.pop_back();
+    return slot;
+  }
+
+  void forget(TaskSlot slot) {
+    slots_.erase(records_[slot].id);
+    ++records_[slot].generation;
+    free_.push_back(slot);
+  }
+
+  void forget_if_over(std::uint32_t firing) {
+    if (!firings_[firing].released || firings_[firing].live > 0) return;
+    firing_slots_.erase(firings_[firing].id);
+    free_firings_.push_back(firing);
+  }
 
   void free_edges(TaskSlot slot) {
     for (std::uint32_t e = records_[slot].first_edge; e != kNoSlot;) {
@@ -115,6 +203,9 @@ class TaskStore {
   std::vector<Edge> edges_;
   std::uint32_t free_edge_ = kNoSlot;
   IdMap slots_;
+  std::vector<FiringRecord> firings_;
+  std::vector<std::uint32_t> free_firings_;
+  IdMap firing_slots_;
 };
 
 /// Whether all queues serve @p a before @p b.

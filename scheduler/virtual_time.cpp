@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 #include <functional>
+#include <stdexcept>
 #include <utility>
 
 #include "scheduler/transfers.h"
@@ -34,15 +35,14 @@ struct VirtualTime::PipelineState {
   std::uint32_t first_plan = 0;
   std::uint32_t image_tasks = 0;
   std::uint64_t seed = 0;
-  bool has_edges = false;  ///< Some task's plan has edges.
-  int in_flight = 0;       ///< Firings; of closed loops.
-  int refires = 0;         ///< Of it in refires_.
-  bool starving = false;   ///< A closed loop with nothing in flight that waits for a buffer.
+  bool has_edges = false;    ///< Some task's plan has edges.
+  std::int64_t to_fire = 0;  ///< Of a closed loop: at the begin, or in refires_ or starving_.
 };
 
 struct VirtualTime::Firing {
+  FiringId id = 0;
   std::uint32_t pipeline = 0;
-  std::uint32_t tasks_left = 0;
+  std::uint32_t tasks_left = 0;  ///< 0: over.
   std::uint32_t images_left = 0;
   bool complete = true;
   std::uint64_t number = 0;
@@ -58,6 +58,8 @@ struct VirtualTime::Job {
   UnitId unit = 0;
   std::uint32_t step = 0;
   Nanos dispatched_at{0};
+  Nanos takes{0};    ///< Server time of its step,
+  Nanos powered{0};  ///< and the part of it that draws the unit's active_w.
 };
 
 struct VirtualTime::Timer {
@@ -68,6 +70,11 @@ struct VirtualTime::Timer {
 };
 
 namespace {
+
+/// What the dispatcher refuses here would be this driver's mistake.
+void must(bool taken) {
+  if (!taken) throw std::logic_error("the dispatcher refused an input of virtual time");
+}
 
 bool takes_time(const GraphEdge& edge) {
   const auto any = [](const std::vector<Nanos>& times) {
@@ -88,6 +95,7 @@ VirtualTime::VirtualTime(const VirtualSetup& setup, Dispatcher& dispatcher)
     servers_.push_back(make_servers(1, Discipline::kFifo));
   }
   plan_tasks();
+  if (setup.mix.open_loop()) end_ = setup.duration;
   tally_.units.resize(setup.platform.units.size());
   tally_.pipelines.resize(setup.mix.pipelines.size());
   tally_.calls.assign(setup.services.workloads.size(),
@@ -160,15 +168,65 @@ void VirtualTime::add_transfer(std::vector<Step>& steps, UnitId unit,
 Tally VirtualTime::run() {
   begin();
   while (advance()) settle();
-  for (std::size_t w = 0; w < tally_.calls.size(); ++w) {
-    for (UnitId unit = 0; unit < tally_.units.size(); ++unit) {
+  if (!at_end_) close_books(setup_.mix.open_loop() ? end_ : tally_.last_completion);
+  at_end_->last_completion = tally_.last_completion;
+  at_end_->stalled = dispatcher_.counts().queued();
+  return *std::move(at_end_);
+}
+
+/// What has been counted by now is what the run returns.
+void VirtualTime::close_books(Nanos end) {
+  Tally tally = tally_;
+  tally.end = end;
+  tally.tasks = dispatcher_.counts();
+  count_served(tally);
+  count_unfinished(tally, end);
+  for (std::size_t w = 0; w < tally.calls.size(); ++w) {
+    for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
       const Service* service = setup_.services.find(static_cast<WorkloadId>(w), unit);
       if (service == nullptr) continue;
-      tally_.units[unit].extra_j += static_cast<double>(tally_.calls[w][unit]) *
-                                    service->metered_j.value_or(service->extra_j);
+      tally.units[unit].extra_j +=
+          static_cast<double>(tally.calls[w][unit]) * service->metered_j.value_or(service->extra_j);
     }
   }
-  return std::move(tally_);
+  at_end_ = std::move(tally);
+}
+
+/// The served part of what is at the servers: steps are charged as they leave.
+void VirtualTime::count_served(Tally& tally) const {
+  for (const auto& servers : servers_) {
+    for (const auto& [index, left] : servers->left(tally.end)) {
+      const Job& job = jobs_[index];
+      const Nanos served = job.takes - left;
+      if (served <= Nanos::zero()) continue;
+      const double part = to_s(served) / to_s(job.takes);
+      charge(tally, job, step_of(job), served, scaled(job.powered, part));
+    }
+  }
+}
+
+void VirtualTime::count_unfinished(Tally& tally, Nanos end) const {
+  for (const Firing& firing : firings_) {
+    if (firing.tasks_left == 0) continue;
+    PipelineTally& pipeline = tally.pipelines[firing.pipeline];
+    ++pipeline.unfinished;
+    const auto& deadline = pipelines_[firing.pipeline].pipeline->deadline;
+    if (deadline && end - firing.fired_at > *deadline) ++pipeline.deadline_misses;
+  }
+}
+
+void VirtualTime::charge(Tally& tally, const Job& job, const Step& step, Nanos served,
+                         Nanos powered) const {
+  if (step.servers < tally.units.size()) {
+    tally.units[step.servers].busy += served;
+    tally.units[step.servers].powered += powered;
+  } else {
+    tally.units[job.unit].transferring += served;
+  }
+}
+
+const VirtualTime::Step& VirtualTime::step_of(const Job& job) const {
+  return plans_[job.plan].steps[job.unit][job.step];
 }
 
 void VirtualTime::begin() {
@@ -177,8 +235,8 @@ void VirtualTime::begin() {
     if (pipeline.rate_hz) {
       schedule_firing(p);
     } else {
-      const auto first = std::min<std::int64_t>(*pipeline.frames, setup_.in_flight[p]);
-      for (std::int64_t i = 0; i < first; ++i) add_timer(Nanos::zero(), true, p);
+      pipelines_[p].to_fire = std::min<std::int64_t>(*pipeline.frames, setup_.in_flight[p]);
+      for (std::int64_t i = 0; i < pipelines_[p].to_fire; ++i) add_timer(Nanos::zero(), true, p);
     }
   }
 }
@@ -195,19 +253,23 @@ bool VirtualTime::advance() {
   }
   // At equal times completions come first: a task may start at its last moment.
   const auto wake = dispatcher_.next_wake();
-  if (wake && (soonest == nullptr || *wake < soonest->time)) {
-    now_ = std::max(now_, *wake);
+  const bool wakes = wake && (soonest == nullptr || *wake < soonest->time);
+  if (!wakes && soonest == nullptr) return false;
+  const Nanos time = std::max(now_, wakes ? *wake : soonest->time);
+  if (time > end_ && !at_end_) close_books(end_);
+  now_ = time;
+  if (wakes) {
     dispatcher_.wake(now_, starts_);
     return true;
   }
-  if (soonest == nullptr) return false;
-  now_ = soonest->time;
   if (servers != nullptr) {
-    const JobIndex job = servers->complete_next();
-    const Step& step = plans_[jobs_[job].plan].steps[jobs_[job].unit][jobs_[job].step];
-    if (setup_.observer != nullptr) setup_.observer->left(step.servers, job);
-    ++jobs_[job].step;
-    proceed(job);
+    const JobIndex index = servers->complete_next();
+    Job& job = jobs_[index];
+    const Step& step = step_of(job);
+    charge(tally_, job, step, job.takes, job.powered);
+    if (setup_.observer != nullptr) setup_.observer->left(step.servers, index);
+    ++job.step;
+    proceed(index);
     return true;
   }
   std::ranges::pop_heap(timers_, std::greater{});
@@ -230,8 +292,11 @@ void VirtualTime::add_timer(Nanos at, bool fires, std::uint32_t index) {
 void VirtualTime::schedule_firing(std::uint32_t pipeline) {
   // From the number of the firing, not from the last one, so that rounding does not add up.
   const auto number = static_cast<double>(tally_.pipelines[pipeline].fired);
-  const Nanos at(std::llround(number * 1e9 / *pipelines_[pipeline].pipeline->rate_hz));
-  if (at < setup_.duration) add_timer(at, true, pipeline);
+  const double at_ns = number * 1e9 / *pipelines_[pipeline].pipeline->rate_hz;
+  // Compared before it is rounded, so that it fits.
+  if (at_ns >= static_cast<double>(end_.count())) return;
+  const Nanos at(std::llround(at_ns));
+  if (at < end_) add_timer(at, true, pipeline);
 }
 
 void VirtualTime::fire(std::uint32_t p) {
@@ -240,25 +305,22 @@ void VirtualTime::fire(std::uint32_t p) {
   PipelineTally& tally = tally_.pipelines[p];
   const auto number = static_cast<std::uint64_t>(tally.fired++);
   if (pipeline.rate_hz) schedule_firing(p);
-  if (state.image_tasks > 0) {
-    if (setup_.mix.image_buffers && buffers_used_ >= *setup_.mix.image_buffers) {
-      ++tally.dropped;
-      tally_.refused_tasks += static_cast<std::int64_t>(pipeline.tasks.size());
-      // A closed loop goes on at its next completion; without any under way, when a buffer is free
-      // again.
-      state.starving = pipeline.frames && state.in_flight == 0 && tally.fired < *pipeline.frames;
-      return;
-    }
-    ++buffers_used_;
+  if (pipeline.frames) --state.to_fire;
+  if (!finds_buffer(state)) {
+    ++tally.dropped;
+    tally_.refused_tasks += static_cast<std::int64_t>(pipeline.tasks.size());
+    if (pipeline.frames) fire_anew(p);
+    return;
   }
-  ++state.in_flight;
+  if (state.image_tasks > 0) ++buffers_used_;
   if (free_firings_.empty()) {
     free_firings_.push_back(static_cast<FiringIndex>(firings_.size()));
     firings_.emplace_back();
   }
   const FiringIndex firing = free_firings_.back();
   free_firings_.pop_back();
-  firings_[firing] = {.pipeline = p,
+  firings_[firing] = {.id = firing_number_++,
+                      .pipeline = p,
                       .tasks_left = static_cast<std::uint32_t>(pipeline.tasks.size()),
                       .images_left = state.image_tasks,
                       .number = number,
@@ -271,6 +333,8 @@ void VirtualTime::submit_tasks(std::uint32_t p, FiringIndex firing) {
   const PipelineState& state = pipelines_[p];
   const Pipeline& pipeline = *state.pipeline;
   ids_.clear();
+  after_.clear();
+  tasks_.clear();
   for (std::uint32_t t = 0; t < pipeline.tasks.size(); ++t) {
     if (free_jobs_.empty()) {
       free_jobs_.push_back(static_cast<JobIndex>(jobs_.size()));
@@ -283,42 +347,69 @@ void VirtualTime::submit_tasks(std::uint32_t p, FiringIndex firing) {
     const TaskId id = TaskId{task_number_++} << 32 | job;
     jobs_[job] = {.id = id, .firing = firing, .plan = state.first_plan + t};
     ids_.push_back(id);
-    after_.clear();
     for (const std::size_t each : pipeline.tasks[t].after) after_.push_back(ids_[each]);
-    Task task{
-        .id = id, .kind = setup_.classes[p][t], .deadline = {}, .expires_at = {}, .after = after_};
+    Task& task = tasks_.emplace_back();
+    task.id = id;
+    task.kind = setup_.classes[p][t];
     if (pipeline.deadline) task.deadline = now_ + *pipeline.deadline;
     if (pipeline.expires) task.expires_at = now_ + *pipeline.expires;
     if (setup_.observer != nullptr) {
       setup_.observer->submitting(id, p, t, firings_[firing].number);
     }
-    dispatcher_.submit(task, now_, starts_);
   }
+  // Now that after_ does not move any more.
+  std::size_t begin = 0;
+  for (std::uint32_t t = 0; t < pipeline.tasks.size(); ++t) {
+    const std::size_t count = pipeline.tasks[t].after.size();
+    tasks_[t].after = std::span(after_).subspan(begin, count);
+    begin += count;
+  }
+  must(dispatcher_.submit(firings_[firing].id, tasks_, now_, starts_));
 }
 
 /// Carries out what the dispatcher said, and what follows at the same moment.
 void VirtualTime::settle() {
   apply_starts();
-  for (std::size_t i = 0; i < refires_.size(); ++i) {
-    --pipelines_[refires_[i]].refires;
-    fire(refires_[i]);
-    apply_starts();
-  }
-  refires_.clear();
+  fire_again();
   if (setup_.observer != nullptr) setup_.observer->settled(now_);
 }
 
+/// Closed loops: those whose firing has ended, then those that were short of a buffer, in the order
+/// in which they were.
+void VirtualTime::fire_again() {
+  if (now_ >= end_) {
+    refires_.clear();
+    starving_.clear();
+  }
+  const auto fires = [this](std::uint32_t pipeline) {
+    fire(pipeline);
+    apply_starts();
+  };
+  for (std::size_t i = 0; i < refires_.size(); ++i) {
+    const std::uint32_t pipeline = refires_[i];
+    if (finds_buffer(pipelines_[pipeline])) {
+      fires(pipeline);
+    } else {
+      starving_.push_back(pipeline);
+    }
+  }
+  refires_.clear();
+  while (!starving_.empty() && finds_buffer(pipelines_[starving_.front()])) {
+    const std::uint32_t pipeline = starving_.front();
+    starving_.pop_front();
+    fires(pipeline);
+  }
+}
+
 void VirtualTime::apply_starts() {
-  // proceed() may complete a task that has no steps' time left only through an event, so that
-  // starts_ does not grow here.
+  // A step ends through an event only, even one that takes no time, so that starts_ does not grow
+  // here.
   for (const Start& start : starts_.started) {
     const auto job = static_cast<JobIndex>(start.task);
     assert(jobs_[job].id == start.task);
     jobs_[job].unit = start.unit;
     jobs_[job].dispatched_at = start.dispatched_at;
-    ++tally_.calls[plans_[jobs_[job].plan].workload][start.unit];
-    const auto& steps = plans_[jobs_[job].plan].steps[start.unit];
-    begin_step(job, steps.front());
+    begin_step(job, step_of(jobs_[job]));
   }
   for (const Ended& ended : starts_.ended) end_task(static_cast<JobIndex>(ended.task), false);
   starts_.clear();
@@ -344,14 +435,23 @@ Nanos VirtualTime::data_arrival(const Job& job) {
     const auto [unit, at] = finished[edge.from];
     arrival = std::max(arrival, at + edge.transfer(unit, job.unit));
     if (unit == job.unit) continue;
-    const auto sending = [&](UnitId end) {
+    const auto sending = [&](UnitId end, Nanos from) {
       const Link* link = link_of(setup_.platform, end);
-      tally_.units[end].transferring += sending_time(*link, *edge_bytes(job, i));
+      const Nanos takes = sending_time(*link, *edge_bytes(job, i));
+      tally_.units[end].transferring += before_end(from, takes);
     };
-    if (!edge.leave.empty() && edge.leave[unit] > Nanos::zero()) sending(unit);
-    if (!edge.enter.empty() && edge.enter[job.unit] > Nanos::zero()) sending(job.unit);
+    const bool leaves = !edge.leave.empty() && edge.leave[unit] > Nanos::zero();
+    if (leaves) sending(unit, at);
+    if (!edge.enter.empty() && edge.enter[job.unit] > Nanos::zero()) {
+      sending(job.unit, leaves ? at + edge.leave[unit] : at);
+    }
   }
   return arrival;
+}
+
+/// The part of a time that counts.
+Nanos VirtualTime::before_end(Nanos start, Nanos length) const {
+  return std::clamp(end_ - start, Nanos::zero(), length);
 }
 
 const std::optional<std::int64_t>& VirtualTime::edge_bytes(const Job& job, std::size_t edge) const {
@@ -371,12 +471,8 @@ void VirtualTime::begin_step(JobIndex job, const Step& step) {
     add_timer(now_ + takes, false, job);
     return;
   }
-  if (step.servers < tally_.units.size()) {
-    tally_.units[step.servers].busy += takes;
-    if (step.powered) tally_.units[step.servers].powered += unscaled;
-  } else {
-    tally_.units[jobs_[job].unit].transferring += takes;
-  }
+  jobs_[job].takes = takes;
+  jobs_[job].powered = step.powered ? unscaled : Nanos::zero();
   if (setup_.observer != nullptr) {
     setup_.observer->arrived(step.servers, job, power_w(jobs_[job], step));
   }
@@ -403,8 +499,9 @@ Nanos VirtualTime::draw(const Job& job, const Step& step) const {
 
 void VirtualTime::complete(JobIndex job) {
   const Job done = jobs_[job];
-  dispatcher_.complete(done.unit, done.id, Outcome::kCompleted, now_, starts_);
+  must(dispatcher_.complete(done.unit, done.id, Outcome::kCompleted, now_, starts_));
   const Nanos latency = now_ - done.dispatched_at;
+  ++tally_.calls[plans_[done.plan].workload][done.unit];
   ++tally_.units[done.unit].completed;
   tally_.units[done.unit].latency.add(latency);
   tally_.latency.add(latency);
@@ -420,41 +517,41 @@ void VirtualTime::end_task(JobIndex job, bool completed) {
   const FiringIndex index = jobs_[job].firing;
   Firing& firing = firings_[index];
   firing.complete = firing.complete && completed;
-  if (plans_[jobs_[job].plan].image_input && --firing.images_left == 0) release_buffer();
+  if (plans_[jobs_[job].plan].image_input && --firing.images_left == 0) --buffers_used_;
   free_jobs_.push_back(job);
   if (--firing.tasks_left == 0) end_firing(index);
 }
 
 void VirtualTime::end_firing(FiringIndex index) {
   const Firing& firing = firings_[index];
-  PipelineState& state = pipelines_[firing.pipeline];
+  const Pipeline& pipeline = *pipelines_[firing.pipeline].pipeline;
   PipelineTally& tally = tally_.pipelines[firing.pipeline];
   if (firing.complete) {
     const Nanos latency = now_ - firing.fired_at;
     ++tally.completed;
     tally.latency.add(latency);
-    tally.last_completion = now_;
-    if (state.pipeline->deadline && latency > *state.pipeline->deadline) ++tally.deadline_misses;
+    if (pipeline.deadline && latency > *pipeline.deadline) ++tally.deadline_misses;
   } else {
     ++tally.dropped;
   }
-  --state.in_flight;
+  must(dispatcher_.release(firing.id, now_));
   free_firings_.push_back(index);
-  if (state.pipeline->frames && tally.fired + state.refires < *state.pipeline->frames)
-    refire(firing.pipeline);
+  if (pipeline.frames) fire_anew(firing.pipeline);
 }
 
-/// The pipeline fires once more at this moment, when what happens now is settled.
-void VirtualTime::refire(std::uint32_t pipeline) {
-  ++pipelines_[pipeline].refires;
-  refires_.push_back(pipeline);
+/// A closed loop's place in flight is free: it fires once more, when what happens now is settled,
+/// if a frame is left.
+void VirtualTime::fire_anew(std::uint32_t p) {
+  PipelineState& state = pipelines_[p];
+  if (tally_.pipelines[p].fired + state.to_fire >= *state.pipeline->frames) return;
+  ++state.to_fire;
+  refires_.push_back(p);
 }
 
-void VirtualTime::release_buffer() {
-  --buffers_used_;
-  for (std::uint32_t p = 0; p < pipelines_.size(); ++p) {
-    if (std::exchange(pipelines_[p].starving, false)) refire(p);
-  }
+/// Whether a firing of the pipeline has, or needs no, image buffer.
+bool VirtualTime::finds_buffer(const PipelineState& state) const {
+  return state.image_tasks == 0 || !setup_.mix.image_buffers ||
+         buffers_used_ < *setup_.mix.image_buffers;
 }
 
 }  // namespace pirt

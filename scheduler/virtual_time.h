@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -41,7 +42,9 @@ struct VirtualSetup {
   const Mix& mix;
   std::vector<std::vector<TaskClass>> classes;  ///< [pipeline][task]
   std::vector<int> in_flight;                   ///< By pipeline; >= 1 where it is a closed loop.
-  Nanos duration{0};  ///< Open loops fire before it; what has fired is finished.
+  /// With an open loop: nothing fires from then on, and counts and energy are those of that moment.
+  /// What has fired is finished all the same, so that the rest of it is known.
+  Nanos duration{0};
   std::uint64_t seed = 1;
   RunObserver* observer = nullptr;  ///< Null = none.
 };
@@ -52,6 +55,7 @@ class VirtualTime {
   VirtualTime(const VirtualSetup& setup, Dispatcher& dispatcher);
   ~VirtualTime();
   /// Until nothing is left to happen. Call once.
+  /// @return  What was counted by the end: the duration with an open loop, else the last event.
   [[nodiscard]] Tally run();
 
  private:
@@ -70,22 +74,29 @@ class VirtualTime {
 
   void begin();
   bool advance();
+  void close_books(Nanos end);
+  void count_served(Tally& tally) const;
+  void count_unfinished(Tally& tally, Nanos end) const;
   void fire(std::uint32_t pipeline);
   void submit_tasks(std::uint32_t pipeline, FiringIndex firing);
   void schedule_firing(std::uint32_t pipeline);
   void settle();
+  void fire_again();
   void apply_starts();
   void proceed(JobIndex job);
   void begin_step(JobIndex job, const Step& step);
   Nanos data_arrival(const Job& job);
+  void charge(Tally& tally, const Job& job, const Step& step, Nanos served, Nanos powered) const;
+  [[nodiscard]] Nanos before_end(Nanos start, Nanos length) const;
+  [[nodiscard]] const Step& step_of(const Job& job) const;
   const std::optional<std::int64_t>& edge_bytes(const Job& job, std::size_t edge) const;
   [[nodiscard]] Nanos draw(const Job& job, const Step& step) const;
   [[nodiscard]] double power_w(const Job& job, const Step& step) const;
   void complete(JobIndex job);
   void end_task(JobIndex job, bool completed);
   void end_firing(FiringIndex firing);
-  void release_buffer();
-  void refire(std::uint32_t pipeline);
+  void fire_anew(std::uint32_t pipeline);
+  [[nodiscard]] bool finds_buffer(const PipelineState& state) const;
   void add_timer(Nanos at, bool fires, std::uint32_t index);
 
   const VirtualSetup& setup_;
@@ -99,13 +110,18 @@ class VirtualTime {
   std::vector<FiringIndex> free_firings_;
   std::vector<Timer> timers_;           ///< A heap, earliest first.
   std::vector<std::uint32_t> refires_;  ///< Closed loops that fire now.
-  std::vector<TaskId> ids_;             ///< Of the firing being submitted.
+  std::deque<std::uint32_t> starving_;  ///< Closed loops that fire when a buffer is free.
+  std::vector<TaskId> ids_;             ///< Of the firing being submitted, as the two below.
   std::vector<TaskId> after_;
+  std::vector<Task> tasks_;
   std::int64_t buffers_used_ = 0;
+  FiringId firing_number_ = 0;
   std::uint64_t sequence_ = 0;
   std::uint32_t task_number_ = 0;
   Starts starts_;
-  Tally tally_;
+  Tally tally_;                  ///< Of all that has happened.
+  std::optional<Tally> at_end_;  ///< What is returned.
+  Nanos end_ = Nanos::max();     ///< The duration with an open loop.
   Nanos now_{0};
 };
 

@@ -190,10 +190,10 @@ WeightTable given_weights(const std::map<std::string, int>& weights, const Platf
   return table;
 }
 
-int in_flight_for(WorkloadId workload, const Platform& platform, const ServiceTable& services) {
+int in_flight_for(const TaskClass& kind, const Platform& platform, const ServiceTable& services) {
   int sum = 0;
-  for (const UnitId unit : candidates(workload, platform, services)) {
-    sum += queue_weight(workload, unit, platform, services);
+  for (const UnitId unit : candidates(kind.workload, platform, services)) {
+    if (contains(kind.eligible, unit)) sum += queue_weight(kind.workload, unit, platform, services);
   }
   return std::max(1, sum);
 }

@@ -38,8 +38,9 @@ namespace pirt {
                                         const Platform& platform, const ServiceTable& services,
                                         const std::string& source);
 
-/// Frames in flight that keep every unit busy with the workload: the sum of kQueue's weights.
-[[nodiscard]] int in_flight_for(WorkloadId workload, const Platform& platform,
+/// Frames in flight that keep every unit busy that may serve the tasks: the sum of kQueue's
+/// weights.
+[[nodiscard]] int in_flight_for(const TaskClass& kind, const Platform& platform,
                                 const ServiceTable& services);
 
 }  // namespace pirt

@@ -1,6 +1,7 @@
 #include "scheduler/policies/completion_estimate.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "scheduler/policies/unit_order.h"
 
@@ -9,43 +10,88 @@ namespace pirt {
 CompletionEstimate::CompletionEstimate(const PolicySetup& setup)
     : local_(local_units(setup.roles)), times_(setup.times) {
   for (const int servers : setup.servers) {
-    idle_at_.emplace_back(static_cast<std::size_t>(servers), Nanos::zero());
+    accounts_.emplace_back().idle_at.resize(static_cast<std::size_t>(servers), Nanos::zero());
   }
 }
 
 std::optional<UnitId> CompletionEstimate::best_unit(const TaskClass& task,
                                                     const UnitsView& units) const {
   std::optional<UnitId> best;
-  for (UnitId unit = 0; unit < idle_at_.size(); ++unit) {
+  Nanos best_end{0};
+  for (UnitId unit = 0; unit < accounts_.size(); ++unit) {
     if (!contains(task.eligible & units.up & local_, unit)) continue;
-    if (!best || completion(task, unit, units) < completion(task, *best, units)) best = unit;
+    const Nanos end = completion(task, unit, units);
+    if (best && end >= best_end) continue;
+    best = unit;
+    best_end = end;
   }
   return best;
 }
 
 bool CompletionEstimate::has_idle_server(UnitId unit, const UnitsView& units) const {
-  return static_cast<std::size_t>(units.load[unit]) < idle_at_[unit].size();
+  return static_cast<std::size_t>(units.load[unit]) < accounts_[unit].idle_at.size();
+}
+
+/// The least number of tasks that keeps all servers busy: more than these have to wait.
+std::int64_t CompletionEstimate::in_service(const TaskClass& task, UnitId unit) const {
+  const ServiceTime& service = time(task, unit);
+  if (service.occupied <= Nanos::zero()) return std::numeric_limits<std::int64_t>::max();
+  // Wide, since servers x total may not fit.
+  __extension__ using Wide = __int128;
+  const Wide occupied = service.occupied.count();
+  const Wide servers = static_cast<Wide>(accounts_[unit].idle_at.size());
+  return static_cast<std::int64_t>(
+      std::min<Wide>((servers * service.total.count() + occupied - 1) / occupied,
+                     std::numeric_limits<std::int64_t>::max()));
+}
+
+Nanos CompletionEstimate::Account::work_of_last(std::int64_t tasks) const {
+  if (tasks <= 0 || given.empty()) return Nanos::zero();
+  const auto known = static_cast<std::int64_t>(given.size());
+  const Nanos before =
+      tasks >= known ? given_before : given[static_cast<std::size_t>(known - tasks - 1)];
+  return given.back() - before;
+}
+
+/// When all servers are taken to be idle alike, where the account cannot be right; absent where it
+/// can.
+std::optional<Nanos> CompletionEstimate::corrected_idle(const TaskClass& task, UnitId unit,
+                                                        const UnitsView& units) const {
+  const Account& account = accounts_[unit];
+  Nanos left{0};
+  for (const Nanos idle_at : account.idle_at) left += std::max(Nanos::zero(), idle_at - units.now);
+  const auto load = std::int64_t{units.load[unit]};
+  const auto servers = static_cast<std::int64_t>(account.idle_at.size());
+  const Nanos least = account.work_of_last(load - std::max(servers, in_service(task, unit)));
+  const Nanos most = account.work_of_last(load);
+  const Nanos right = std::clamp(left, least, most);
+  if (right == left) return std::nullopt;
+  return units.now + right / servers;
 }
 
 Nanos CompletionEstimate::completion(const TaskClass& task, UnitId unit,
                                      const UnitsView& units) const {
-  const Nanos idle = has_idle_server(unit, units) ? units.now : std::ranges::min(idle_at_[unit]);
-  return std::max(idle, units.now) + time(task, unit).total;
-}
-
-bool CompletionEstimate::has_room(const TaskClass& task, UnitId unit,
-                                  const UnitsView& units) const {
-  const ServiceTime& service = time(task, unit);
-  // Before the next task the unit is busy with load of them for load x occupied / servers.
-  const auto servers = static_cast<Nanos::rep>(idle_at_[unit].size());
-  return units.load[unit] * service.occupied < servers * service.total;
+  const Account& account = accounts_[unit];
+  const Nanos total = time(task, unit).total;
+  if (has_idle_server(unit, units)) return units.now + total;
+  if (const auto corrected = corrected_idle(task, unit, units)) return *corrected + total;
+  return std::max(std::ranges::min(account.idle_at), units.now) + total;
 }
 
 void CompletionEstimate::add(const TaskClass& task, UnitId unit, const UnitsView& units) {
-  auto& servers = idle_at_[unit];
-  if (units.load[unit] == 0) std::ranges::fill(servers, units.now);
-  const auto first = std::ranges::min_element(servers);
-  *first = std::max(*first, units.now) + time(task, unit).occupied;
+  Account& account = accounts_[unit];
+  if (const auto corrected = corrected_idle(task, unit, units)) {
+    std::ranges::fill(account.idle_at, *corrected);
+  }
+  const Nanos work = time(task, unit).occupied;
+  const auto first = std::ranges::min_element(account.idle_at);
+  *first = (has_idle_server(unit, units) ? units.now : std::max(*first, units.now)) + work;
+  account.given.push_back((account.given.empty() ? account.given_before : account.given.back()) +
+                          work);
+  while (account.given.size() > static_cast<std::size_t>(units.load[unit]) + 1) {
+    account.given_before = account.given.front();
+    account.given.pop_front();
+  }
 }
 
 }  // namespace pirt

@@ -1,10 +1,13 @@
 // When a unit is expected to end a task, by the services' mean times and what it was given before.
 //
 // The dispatcher knows no durations, so a policy that asks for them keeps this account: for each
-// server of a unit when it will be idle. It corrects itself: a unit with fewer tasks than servers
-// has an idle one, whatever the account says.
+// server of a unit when it will be idle. It corrects itself by the load that the dispatcher shows:
+// a unit with fewer tasks than servers has an idle one, and what is left to do on it is no less
+// than the work of the tasks that have to wait, and no more than that of all that it was given and
+// has not completed, whatever the account says.
 #pragma once
 
+#include <deque>
 #include <optional>
 #include <vector>
 
@@ -24,19 +27,35 @@ class CompletionEstimate {
   [[nodiscard]] Nanos completion(const TaskClass& task, UnitId unit, const UnitsView& units) const;
   /// Whether the unit has something to gain from one more task now: by Little's law it is busy with
   /// servers x total / occupied of them.
-  [[nodiscard]] bool has_room(const TaskClass& task, UnitId unit, const UnitsView& units) const;
+  [[nodiscard]] bool has_room(const TaskClass& task, UnitId unit, const UnitsView& units) const {
+    return units.load[unit] < in_service(task, unit);
+  }
   /// The task goes to the unit.
   void add(const TaskClass& task, UnitId unit, const UnitsView& units);
 
  private:
+  /// A unit's account.
+  struct Account {
+    std::vector<Nanos> idle_at;  ///< By server.
+    /// Sums of the work given so far, newest last: for the tasks that are not complete, taken to be
+    /// those given last.
+    std::deque<Nanos> given;
+    Nanos given_before{0};  ///< The sum before the first of them.
+
+    [[nodiscard]] Nanos work_of_last(std::int64_t tasks) const;
+  };
+
   [[nodiscard]] const ServiceTime& time(const TaskClass& task, UnitId unit) const {
     return *times_[task.workload][unit];
   }
   [[nodiscard]] bool has_idle_server(UnitId unit, const UnitsView& units) const;
+  [[nodiscard]] std::int64_t in_service(const TaskClass& task, UnitId unit) const;
+  [[nodiscard]] std::optional<Nanos> corrected_idle(const TaskClass& task, UnitId unit,
+                                                    const UnitsView& units) const;
 
   UnitMask local_;
   std::vector<std::vector<std::optional<ServiceTime>>> times_;
-  std::vector<std::vector<Nanos>> idle_at_;  ///< [unit][server]
+  std::vector<Account> accounts_;  ///< By unit.
 };
 
 }  // namespace pirt

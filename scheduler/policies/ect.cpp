@@ -21,6 +21,10 @@ class EctPolicy final : public Baseline {
     return Placement::on(*best);
   }
 
+  void took(const TaskClass& task, UnitId unit, const UnitsView& units) override {
+    estimate_.add(task, unit, units);
+  }
+
  private:
   CompletionEstimate estimate_;
 };

@@ -23,6 +23,10 @@ class EdfPolicy final : public Baseline {
     return Placement::on(*best);
   }
 
+  void took(const TaskClass& task, UnitId unit, const UnitsView& units) override {
+    estimate_.add(task, unit, units);
+  }
+
   Nanos rank(const Task& task) const override { return task.deadline.value_or(Nanos::max()); }
 
  private:

@@ -7,6 +7,7 @@
 #include <array>
 #include <iterator>
 #include <string_view>
+#include <utility>
 
 #include "workloads/base/error.h"
 
@@ -15,8 +16,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::array<std::string_view, 5> kInputs = {"submit", "complete", "cancel", "set_unit",
-                                                     "wake"};
+constexpr std::array<std::string_view, 6> kInputs = {"submit", "release",  "complete",
+                                                     "cancel", "set_unit", "wake"};
 constexpr std::array<std::string_view, 2> kOutcomes = {"completed", "failed"};
 constexpr std::array<std::string_view, 3> kUnitStates = {"up", "draining", "down"};
 constexpr std::array<std::string_view, 2> kEndings = {"dropped", "expired"};
@@ -31,6 +32,22 @@ Enum value_of(const std::array<std::string_view, N>& words, const std::string& t
   const auto found = std::ranges::find(words, text);
   if (found == words.end()) throw_bad_input("'" + text + "' is no word of the log");
   return static_cast<Enum>(found - words.begin());
+}
+
+/// A whole number as it stands there: nlohmann's own conversion wraps and truncates.
+template <typename Integer>
+Integer whole(const nlohmann::json& json) {
+  const bool fits = json.is_number_unsigned()  ? std::in_range<Integer>(json.get<std::uint64_t>())
+                    : json.is_number_integer() ? std::in_range<Integer>(json.get<std::int64_t>())
+                                               : false;
+  if (!fits) throw_bad_input(json.dump() + " is no whole number that can stand there");
+  return json.get<Integer>();
+}
+
+Nanos time_from_json(const nlohmann::json& json) {
+  const Nanos time(whole<std::int64_t>(json));
+  if (time < Nanos::zero()) throw_bad_input("a time of " + json.dump() + " ns is before the begin");
+  return time;
 }
 
 Json times_json(const std::vector<std::vector<std::optional<ServiceTime>>>& times) {
@@ -70,18 +87,18 @@ PolicySetup policy_from_json(const nlohmann::json& json) {
     for (const auto& time : workload) {
       row.emplace_back();
       if (!time.is_null()) {
-        row.back() = {Nanos(time.at(0).get<std::int64_t>()), Nanos(time.at(1).get<std::int64_t>())};
+        row.back() = {time_from_json(time.at(0)), time_from_json(time.at(1))};
       }
     }
   }
   for (const auto& entry : json.at("plan").at("entries")) {
-    setup.plan.entries.push_back({entry.at(0).get<UnitId>(), Nanos(entry.at(1).get<std::int64_t>()),
-                                  Nanos(entry.at(2).get<std::int64_t>()), std::nullopt});
+    setup.plan.entries.push_back({whole<UnitId>(entry.at(0)), time_from_json(entry.at(1)),
+                                  time_from_json(entry.at(2)), std::nullopt});
     if (!entry.at(3).is_null()) {
-      setup.plan.entries.back().previous = entry.at(3).get<std::uint32_t>();
+      setup.plan.entries.back().previous = whole<std::uint32_t>(entry.at(3));
     }
   }
-  setup.plan.makespan = Nanos(json.at("plan").at("makespan_ns").get<std::int64_t>());
+  setup.plan.makespan = time_from_json(json.at("plan").at("makespan_ns"));
   setup.weights = json.at("weights").get<WeightTable>();
   setup.literal_overflow = json.at("literal_overflow").get<bool>();
   setup.basic = json.at("basic").get<std::string>();
@@ -124,11 +141,12 @@ void check_sizes(const DispatcherSetup& setup) {
 void add_task(const Task& task, std::string& line) {
   const auto out = std::back_inserter(line);
   const TaskClass& kind = task.kind;
-  fmt::format_to(out, R"(,"class":[{},{},{},{},{}])", kind.workload, kind.eligible, kind.real_time,
-                 kind.image_input, kind.entry);
+  fmt::format_to(out, R"({{"task":{},"class":[{},{},{},{},{}])", task.id, kind.workload,
+                 kind.eligible, kind.real_time, kind.image_input, kind.entry);
   if (task.deadline) fmt::format_to(out, R"(,"deadline":{})", task.deadline->count());
   if (task.expires_at) fmt::format_to(out, R"(,"expires":{})", task.expires_at->count());
   if (!task.after.empty()) fmt::format_to(out, R"(,"after":[{}])", fmt::join(task.after, ","));
+  line += '}';
 }
 
 }  // namespace
@@ -144,7 +162,7 @@ nlohmann::ordered_json to_json(const DispatcherSetup& setup) {
 }
 
 DispatcherSetup dispatcher_setup_from_json(const nlohmann::json& json) {
-  const auto version = json.at("schema_version").get<std::int64_t>();
+  const auto version = whole<std::int64_t>(json.at("schema_version"));
   if (version != DispatcherSetup::kSchemaVersion) {
     throw_bad_input("schema_version " + std::to_string(version) + ", this pirt reads " +
                     std::to_string(DispatcherSetup::kSchemaVersion));
@@ -153,87 +171,122 @@ DispatcherSetup dispatcher_setup_from_json(const nlohmann::json& json) {
   setup.mode = json.at("mode").get<std::string>();
   setup.units = json.at("units").get<std::vector<std::string>>();
   for (const auto& each : json.at("slots")) {
-    setup.slots.push_back(each.is_null() ? std::nullopt : std::optional(each.get<int>()));
+    setup.slots.push_back(each.is_null() ? std::nullopt : std::optional(whole<int>(each)));
   }
   setup.policy = policy_from_json(json.at("policy"));
   check_sizes(setup);
   return setup;
 }
 
-std::string log_line(const DispatcherInput& input, std::span<const Start> started,
-                     std::span<const Ended> ended) {
+std::string log_line(const DispatcherInput& input, const Decisions& decisions) {
   using Kind = DispatcherInput::Kind;
   std::string line;
   const auto out = std::back_inserter(line);
   fmt::format_to(out, R"({{"in":"{}","at":{})", word(kInputs, input.kind), input.now.count());
-  const bool has_task = input.kind != Kind::kSetUnit && input.kind != Kind::kWake;
-  if (has_task) fmt::format_to(out, R"(,"task":{})", input.task.id);
-  if (input.kind == Kind::kSubmit) add_task(input.task, line);
+  if (input.kind == Kind::kSubmit || input.kind == Kind::kRelease) {
+    fmt::format_to(out, R"(,"firing":{})", input.firing);
+  }
+  if (input.kind == Kind::kComplete || input.kind == Kind::kCancel) {
+    fmt::format_to(out, R"(,"task":{})", input.task);
+  }
+  if (input.kind == Kind::kSubmit) {
+    std::string_view separator = R"(,"tasks":[)";
+    for (const Task& task : input.tasks) {
+      line += separator;
+      add_task(task, line);
+      separator = ",";
+    }
+    line += input.tasks.empty() ? R"(,"tasks":[])" : "]";
+  }
   if (input.kind == Kind::kComplete) {
     fmt::format_to(out, R"(,"unit":{},"outcome":"{}")", input.unit, word(kOutcomes, input.outcome));
   }
   if (input.kind == Kind::kSetUnit) {
     fmt::format_to(out, R"(,"unit":{},"state":"{}")", input.unit, word(kUnitStates, input.state));
   }
+  if (!decisions.taken) line += R"(,"refused":true)";
   std::string_view separator = R"(,"start":[)";
-  for (const Start& start : started) {
+  for (const Start& start : decisions.started) {
     fmt::format_to(out, "{}[{},{},{},{}]", separator, start.task, start.unit,
                    start.dispatched_at.count(), start.ready_at.count());
     separator = ",";
   }
-  if (!started.empty()) line += ']';
+  if (!decisions.started.empty()) line += ']';
   separator = R"(,"end":[)";
-  for (const Ended& each : ended) {
+  for (const Ended& each : decisions.ended) {
     fmt::format_to(out, R"({}[{},"{}"])", separator, each.task, word(kEndings, each.how));
     separator = ",";
   }
-  if (!ended.empty()) line += ']';
+  if (!decisions.ended.empty()) line += ']';
   line += '}';
   return line;
 }
 
-LogEntry log_entry_from_json(const nlohmann::json& json) {
-  LogEntry entry;
-  DispatcherInput& input = entry.input;
-  const auto nanos = [](const nlohmann::json& value) { return Nanos(value.get<std::int64_t>()); };
-  input.kind = value_of<DispatcherInput::Kind>(kInputs, json.at("in").get<std::string>());
-  input.now = nanos(json.at("at"));
-  using Kind = DispatcherInput::Kind;
-  if (input.kind != Kind::kSetUnit && input.kind != Kind::kWake) {
-    input.task.id = json.at("task").get<TaskId>();
-  }
-  if (input.kind == Kind::kSubmit) {
-    const auto& kind = json.at("class");
-    input.task.kind = {.workload = kind.at(0).get<WorkloadId>(),
-                       .eligible = kind.at(1).get<UnitMask>(),
-                       .real_time = kind.at(2).get<bool>(),
-                       .image_input = kind.at(3).get<bool>(),
-                       .entry = kind.at(4).get<std::uint32_t>()};
-    if (json.contains("deadline")) input.task.deadline = nanos(json.at("deadline"));
-    if (json.contains("expires")) input.task.expires_at = nanos(json.at("expires"));
-    if (json.contains("after")) entry.after = json.at("after").get<std::vector<TaskId>>();
-  }
-  if (input.kind == Kind::kComplete) {
-    input.outcome = value_of<Outcome>(kOutcomes, json.at("outcome").get<std::string>());
-  }
-  if (input.kind == Kind::kSetUnit) {
-    input.state = value_of<UnitState>(kUnitStates, json.at("state").get<std::string>());
-  }
-  if (input.kind == Kind::kComplete || input.kind == Kind::kSetUnit) {
-    input.unit = json.at("unit").get<UnitId>();
-  }
+namespace {
+
+void add_task_from_json(const nlohmann::json& json, LogEntry& entry) {
+  Task& task = entry.tasks.emplace_back();
+  task.id = whole<TaskId>(json.at("task"));
+  const auto& kind = json.at("class");
+  task.kind = {.workload = whole<WorkloadId>(kind.at(0)),
+               .eligible = whole<UnitMask>(kind.at(1)),
+               .real_time = kind.at(2).get<bool>(),
+               .image_input = kind.at(3).get<bool>(),
+               .entry = whole<std::uint32_t>(kind.at(4))};
+  if (json.contains("deadline")) task.deadline = time_from_json(json.at("deadline"));
+  if (json.contains("expires")) task.expires_at = time_from_json(json.at("expires"));
+  auto& after = entry.after.emplace_back();
+  if (json.contains("after")) after = json.at("after").get<std::vector<TaskId>>();
+}
+
+void add_decisions_from_json(const nlohmann::json& json, LogEntry& entry) {
+  entry.taken = !json.value("refused", false);
   if (json.contains("start")) {
     for (const auto& each : json.at("start")) {
-      entry.started.push_back({each.at(0).get<TaskId>(), each.at(1).get<UnitId>(),
-                               nanos(each.at(2)), nanos(each.at(3))});
+      entry.started.push_back({whole<TaskId>(each.at(0)), whole<UnitId>(each.at(1)),
+                               time_from_json(each.at(2)), time_from_json(each.at(3))});
     }
   }
   if (json.contains("end")) {
     for (const auto& each : json.at("end")) {
       entry.ended.push_back(
-          {each.at(0).get<TaskId>(), value_of<Ending>(kEndings, each.at(1).get<std::string>())});
+          {whole<TaskId>(each.at(0)), value_of<Ending>(kEndings, each.at(1).get<std::string>())});
     }
   }
+}
+
+}  // namespace
+
+LogEntry log_entry_from_json(const nlohmann::json& json) {
+  using Kind = DispatcherInput::Kind;
+  LogEntry entry;
+  DispatcherInput& input = entry.input;
+  input.kind = value_of<Kind>(kInputs, json.at("in").get<std::string>());
+  input.now = time_from_json(json.at("at"));
+  switch (input.kind) {
+    case Kind::kSubmit:
+      input.firing = whole<FiringId>(json.at("firing"));
+      for (const auto& task : json.at("tasks")) add_task_from_json(task, entry);
+      break;
+    case Kind::kRelease:
+      input.firing = whole<FiringId>(json.at("firing"));
+      break;
+    case Kind::kComplete:
+      input.task = whole<TaskId>(json.at("task"));
+      input.unit = whole<UnitId>(json.at("unit"));
+      input.outcome = value_of<Outcome>(kOutcomes, json.at("outcome").get<std::string>());
+      break;
+    case Kind::kCancel:
+      input.task = whole<TaskId>(json.at("task"));
+      break;
+    case Kind::kSetUnit:
+      input.unit = whole<UnitId>(json.at("unit"));
+      input.state = value_of<UnitState>(kUnitStates, json.at("state").get<std::string>());
+      break;
+    case Kind::kWake:
+      break;
+  }
+  add_decisions_from_json(json, entry);
   return entry;
 }
 

@@ -13,7 +13,7 @@ namespace pirt {
 
 /// All that a fresh dispatcher is made from.
 struct DispatcherSetup {
-  static constexpr int kSchemaVersion = 1;
+  static constexpr int kSchemaVersion = 2;
   std::string mode;
   std::vector<std::string> units;
   std::vector<std::optional<int>> slots;  ///< By unit.
@@ -25,17 +25,18 @@ struct DispatcherSetup {
 /// another version, an unknown mode, or tables that do not fit the units.
 [[nodiscard]] DispatcherSetup dispatcher_setup_from_json(const nlohmann::json& json);
 
-/// An input with its decisions. Holds the predecessors that DispatcherInput::task only shows.
+/// An input with its decisions. Holds the tasks and predecessors that an input only shows.
 struct LogEntry {
   DispatcherInput input;
-  std::vector<TaskId> after;
+  std::vector<Task> tasks;
+  std::vector<std::vector<TaskId>> after;  ///< Of each task.
+  bool taken = true;
   std::vector<Start> started;
   std::vector<Ended> ended;
 };
 
 /// One line of JSON. Keys are left out where they do not apply.
-[[nodiscard]] std::string log_line(const DispatcherInput& input, std::span<const Start> started,
-                                   std::span<const Ended> ended);
+[[nodiscard]] std::string log_line(const DispatcherInput& input, const Decisions& decisions);
 /// @throws nlohmann::json::exception as above, Error{kBadInput} for a word that is none.
 [[nodiscard]] LogEntry log_entry_from_json(const nlohmann::json& json);
 

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <unordered_map>
 #include <utility>
 
 #include "workloads/base/error.h"
@@ -40,18 +39,18 @@ class Replay {
       const LogEntry& entry = log_.entries[position_];
       check(entry);
       Starts out;
-      give(entry, out);
+      const bool taken = give(entry, out);
       ++result.inputs;
-      if (!same(entry.started, out.started) || !same(entry.ended, out.ended)) {
+      if (taken != entry.taken || !same(entry.started, out.started) ||
+          !same(entry.ended, out.ended)) {
         result.difference = {.entry = position_,
                              .at = entry.input.now,
-                             .input = describe(entry.input),
-                             .recorded = describe(entry.started, entry.ended),
-                             .replayed = describe(out.started, out.ended)};
+                             .input = describe(entry),
+                             .recorded = describe(entry.taken, entry.started, entry.ended),
+                             .replayed = describe(taken, out.started, out.ended)};
         return result;
       }
       result.decisions += static_cast<std::int64_t>(out.started.size() + out.ended.size());
-      note(entry, out);
     }
     return result;
   }
@@ -65,28 +64,11 @@ class Replay {
     if (!condition) fail(what);
   }
 
-  /// What the dispatcher only asserts: its callers are programs.
-  void check(const LogEntry& entry) const {
-    const DispatcherInput& input = entry.input;
-    require(input.now >= now_, "its time is before that of the one before");
-    switch (input.kind) {
-      case Kind::kSubmit:
-        require(!dispatcher_.state(input.task.id), "submits a task that is not done");
-        check_class(input.task.kind);
-        break;
-      case Kind::kComplete: {
-        const auto running = running_.find(input.task.id);
-        require(running != running_.end() && running->second == input.unit,
-                "completes a task that does not run there");
-        break;
-      }
-      case Kind::kSetUnit:
-        require(input.unit < log_.setup.units.size(), "names no unit");
-        break;
-      case Kind::kCancel:
-      case Kind::kWake:
-        break;
-    }
+  /// What the dispatcher cannot know: the tables of the policy.
+  void check(const LogEntry& entry) {
+    require(entry.input.now >= now_, "its time is before that of the one before");
+    now_ = entry.input.now;
+    for (const Task& task : entry.tasks) check_class(task.kind);
   }
 
   void check_class(const TaskClass& kind) const {
@@ -106,42 +88,47 @@ class Replay {
             "has no place in the plan");
   }
 
-  void give(const LogEntry& entry, Starts& out) {
+  bool give(const LogEntry& entry, Starts& out) {
     const DispatcherInput& input = entry.input;
-    now_ = input.now;
-    Task task = input.task;
-    task.after = entry.after;
+    std::vector<Task> tasks = entry.tasks;
+    for (std::size_t i = 0; i < tasks.size(); ++i) tasks[i].after = entry.after[i];
     switch (input.kind) {
       case Kind::kSubmit:
-        return dispatcher_.submit(task, now_, out);
+        return dispatcher_.submit(input.firing, tasks, now_, out);
+      case Kind::kRelease:
+        return dispatcher_.release(input.firing, now_);
       case Kind::kComplete:
-        return dispatcher_.complete(input.unit, task.id, input.outcome, now_, out);
+        return dispatcher_.complete(input.unit, input.task, input.outcome, now_, out);
       case Kind::kCancel:
-        return dispatcher_.cancel(task.id, now_, out);
+        dispatcher_.cancel(input.task, now_, out);
+        return true;
       case Kind::kSetUnit:
         return dispatcher_.set_unit(input.unit, input.state, now_, out);
       case Kind::kWake:
-        return dispatcher_.wake(now_, out);
+        break;
     }
-  }
-
-  void note(const LogEntry& entry, const Starts& out) {
-    if (entry.input.kind == Kind::kComplete) running_.erase(entry.input.task.id);
-    for (const Start& start : out.started) running_[start.task] = start.unit;
+    dispatcher_.wake(now_, out);
+    return true;
   }
 
   std::string unit_name(UnitId unit) const {
     return unit < log_.setup.units.size() ? log_.setup.units[unit] : std::to_string(unit);
   }
 
-  std::string describe(const DispatcherInput& input) const {
+  std::string describe(const LogEntry& entry) const {
+    const DispatcherInput& input = entry.input;
     switch (input.kind) {
-      case Kind::kSubmit:
-        return fmt::format("submit task {}", input.task.id);
+      case Kind::kSubmit: {
+        std::vector<std::string> ids;
+        for (const Task& task : entry.tasks) ids.push_back(std::to_string(task.id));
+        return fmt::format("submit firing {}: task {}", input.firing, join(ids, ", "));
+      }
+      case Kind::kRelease:
+        return fmt::format("release firing {}", input.firing);
       case Kind::kComplete:
-        return fmt::format("complete task {} on {}", input.task.id, unit_name(input.unit));
+        return fmt::format("complete task {} on {}", input.task, unit_name(input.unit));
       case Kind::kCancel:
-        return fmt::format("cancel task {}", input.task.id);
+        return fmt::format("cancel task {}", input.task);
       case Kind::kSetUnit:
         return fmt::format("change of unit {}", unit_name(input.unit));
       case Kind::kWake:
@@ -150,7 +137,9 @@ class Replay {
     return "wake";
   }
 
-  std::string describe(const std::vector<Start>& started, const std::vector<Ended>& ended) const {
+  std::string describe(bool taken, const std::vector<Start>& started,
+                       const std::vector<Ended>& ended) const {
+    if (!taken) return "refuses it";
     std::vector<std::string> parts;
     for (const Start& each : started) {
       parts.push_back(fmt::format("starts task {} on {} (ready at {} ns, dispatched at {} ns)",
@@ -168,10 +157,17 @@ class Replay {
   const std::string& source_;
   const PolicyInfo& mode_;
   Dispatcher dispatcher_;
-  std::unordered_map<TaskId, UnitId> running_;
   std::size_t position_ = 0;
   Nanos now_ = Nanos::min();
 };
+
+LogEntry entry_from_json(const nlohmann::json& json, std::size_t position) {
+  try {
+    return log_entry_from_json(json);
+  } catch (const Error& error) {
+    throw_bad_input(fmt::format("input {} of the log: {}", position + 1, error.what()));
+  }
+}
 
 }  // namespace
 
@@ -188,7 +184,8 @@ TraceLog parse_trace_log(const std::string& text, const std::string& source) {
     }
     const auto& part = json.at("pirt");
     log.setup = dispatcher_setup_from_json(part);
-    for (const auto& entry : part.at("log")) log.entries.push_back(log_entry_from_json(entry));
+    for (const auto& entry : part.at("log"))
+      log.entries.push_back(entry_from_json(entry, log.entries.size()));
     if (part.at("inputs").get<std::size_t>() != log.entries.size()) {
       throw_bad_input("its log is not as long as it says");
     }

@@ -35,8 +35,9 @@ struct ReplayResult {
   std::optional<ReplayDifference> difference;  ///< The first; the replay stops there.
 };
 
-/// @throws Error{kBadInput} if the log gives the dispatcher what none can be given, e.g. completes
-/// a task that does not run.
+/// An input that was taken and now is refused, e.g. the completion of a task that does not run, is
+/// a difference.
+/// @throws Error{kBadInput} if the log names what its tables do not have.
 [[nodiscard]] ReplayResult replay(const TraceLog& log, const std::string& source);
 
 }  // namespace pirt

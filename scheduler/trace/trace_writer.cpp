@@ -14,7 +14,9 @@ std::string us(Nanos time) {
   return fmt::format("{}.{:03}", time.count() / 1000, time.count() % 1000);
 }
 
-std::string quoted(const std::string& text) { return nlohmann::json(text).dump(); }
+std::string quoted(const std::string& text) {
+  return nlohmann::json(text).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
 
 /// Process 0 is the run; units follow.
 std::size_t process(UnitId unit) { return unit + std::size_t{1}; }
@@ -65,20 +67,20 @@ void TraceWriter::submitting(TaskId task, std::size_t pipeline, std::size_t posi
   track.firing = firing;
 }
 
-void TraceWriter::on_input(const DispatcherInput& input, std::span<const Start> started,
-                           std::span<const Ended> ended) {
-  file_.log(log_line(input, started, ended));
+void TraceWriter::on_input(const DispatcherInput& input, const Decisions& decisions) {
+  file_.log(log_line(input, decisions));
+  if (!decisions.taken) return;
   using Kind = DispatcherInput::Kind;
-  if (input.kind == Kind::kSubmit) {
-    for (const TaskId before : input.task.after) {
+  for (const Task& task : input.tasks) {
+    for (const TaskId before : task.after) {
       const auto found = tasks_.find(before);
-      if (found != tasks_.end()) found->second.successors.push_back(input.task.id);
+      if (found != tasks_.end()) found->second.successors.push_back(task.id);
     }
   }
   // The slot is free before the next task starts on it.
-  if (input.kind == Kind::kComplete) end_slice(input.task.id, input.now);
-  for (const Start& each : started) start(each, input.now);
-  for (const Ended& each : ended) {
+  if (input.kind == Kind::kComplete) end_slice(input.task, input.now);
+  for (const Start& each : decisions.started) start(each, input.now);
+  for (const Ended& each : decisions.ended) {
     file_.event(fmt::format(
         R"({{"name":"{}","ph":"i","s":"p","pid":0,"tid":0,"ts":{},"args":{{"task":{}}}}})",
         each.how == Ending::kExpired ? "expired" : "dropped", us(input.now), each.task));
@@ -185,11 +187,16 @@ void TraceWriter::counter(const char* name, const std::vector<double>& values,
   file_.event(line + "}}");
 }
 
-void TraceWriter::finish(Nanos makespan) {
+void TraceWriter::finish(const Tally& tally) {
   write_counters();
   // The run ends here, and with it what idle units draw.
   std::ranges::fill(power_, 0);
-  counter("power W", power_, power_keys_, last_power_, std::max(makespan, settled_at_));
+  counter("power W", power_, power_keys_, last_power_, std::max(tally.end, settled_at_));
+  if (run_.mix.open_loop()) {
+    file_.event(fmt::format(
+        R"({{"name":"duration: counts and energy are of this moment","ph":"i","s":"g","pid":0,"tid":0,"ts":{}}})",
+        us(tally.end)));
+  }
   auto header = to_json(setup_);
   header["platform"] = run_.platform.name;
   header["mix"] = run_.mix.name;

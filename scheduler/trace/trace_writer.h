@@ -33,18 +33,17 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
   TraceWriter(const std::filesystem::path& path, const VirtualSetup& run,
               const Dispatcher& dispatcher, DispatcherSetup setup);
 
-  void on_input(const DispatcherInput& input, std::span<const Start> started,
-                std::span<const Ended> ended) override;
+  void on_input(const DispatcherInput& input, const Decisions& decisions) override;
   void submitting(TaskId task, std::size_t pipeline, std::size_t position,
                   std::uint64_t firing) override;
   void arrived(std::size_t servers, std::uint32_t job, double power_w) override;
   void left(std::size_t servers, std::uint32_t job) override;
   void settled(Nanos now) override;
 
-  /// The trace is there after this.
-  /// @param makespan  To where idle units draw power.
+  /// The trace is there after this. It runs to the last completion; where counts and energy are of
+  /// an earlier moment, the duration, that is marked.
   /// @throws Error{kBadInput} if it cannot be written.
-  void finish(Nanos makespan);
+  void finish(const Tally& tally);
 
  private:
   struct Slot {

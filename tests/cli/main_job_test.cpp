@@ -44,7 +44,7 @@ TEST_F(MainJob, AllFourModesAccountForEveryTask) {
     const auto run = outcome.json();
     EXPECT_EQ(run["submitted"], accounted(run)) << mode;
     EXPECT_EQ(run["mode"], mode);
-    EXPECT_EQ(run["schema_version"], 1);
+    EXPECT_EQ(run["schema_version"], 2);
   }
 }
 

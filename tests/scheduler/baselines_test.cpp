@@ -75,6 +75,31 @@ TEST(Ect, TrustsAnIdleUnitMoreThanItsAccount) {
   EXPECT_EQ(script.submit(3, {.eligible = kAll}), "D3");
 }
 
+TEST(Ect, KnowsThatALateUnitHasItsWorkStillToDo) {
+  // G 10, D 25: ends on the GPU would be 10, 20 and 30, so that the third goes to the DSP.
+  Script script(policy_of("ect", timed(10, 25, 1000)), {1, 1, 1, 1});
+  EXPECT_EQ(script.submit(1, {.eligible = 0b11}), "G1");
+  EXPECT_EQ(script.submit(2, {.eligible = 0b11}), "");
+  EXPECT_EQ(script.submit(3, {.eligible = 0b11}), "D3");
+  EXPECT_EQ(script.dispatcher().load(kGpu), 2);
+  script.at(milliseconds(40));
+  EXPECT_EQ(script.complete(kDsp, 3), "");
+  // The GPU should be idle and has two tasks, of which one waits: 40 + 10 + 10 < 40 + 25.
+  EXPECT_EQ(script.submit(4, {.eligible = 0b11}), "");
+  EXPECT_EQ(script.dispatcher().load(kGpu), 3);
+  // Now two of them wait: 40 + 20 + 10 > 40 + 25.
+  EXPECT_EQ(script.submit(5, {.eligible = 0b11}), "D5");
+}
+
+TEST(Ect, CountsWhatAUnitTookFromTheHighPriorityQueue) {
+  PolicySetup setup = timed(10, 15, 1000);
+  setup.basic = "ect";
+  Script script(policy_of("advanced", setup), {1, 1, 1, 1});
+  const TaskClass image{.eligible = unit_bit(kGpu), .image_input = true};
+  EXPECT_EQ(script.submit(1, image), "G1");
+  EXPECT_EQ(script.submit(2, {.eligible = 0b11}), "D2");  // At 20 on the GPU, at 15 on the DSP.
+}
+
 TEST(Ect, LetsAPipelinedUnitTakeTheNextBeforeTheLastIsOut) {
   // A call takes 6 ms on the GPU, of which it occupies it for 1: ends at 6, 7, 8, 9 (the CPU: 8).
   PolicySetup setup = timed(6, 20, 8);
@@ -87,8 +112,9 @@ TEST(Edf, ServesTheEarliestDeadlineFirst) {
   Starts out;
   const TaskClass kind{.eligible = unit_bit(kGpu)};
   const auto submit = [&](TaskId id, std::optional<Nanos> deadline) {
-    dispatcher.submit({.id = id, .kind = kind, .deadline = deadline, .expires_at = {}, .after = {}},
-                      Nanos::zero(), out);
+    Task task = task_of(id, kind);
+    task.deadline = deadline;
+    dispatcher.submit(id, std::vector{task}, Nanos::zero(), out);
   };
   submit(1, std::nullopt);
   submit(2, std::nullopt);
@@ -104,6 +130,35 @@ TEST(Edf, ServesTheEarliestDeadlineFirst) {
     dispatcher.complete(kGpu, id, Outcome::kCompleted, Nanos::zero(), out);
   }
   EXPECT_TRUE(out.started.empty());
+}
+
+TEST(Edf, AReleasedTaskGoesBeforeAHeldOneWithALaterDeadline) {
+  // The GPU has one slot: 1, then 2, deadline 40; 3, deadline 500, is held meanwhile.
+  PolicySetup setup = timed(10, 1000, 1000);
+  setup.servers = {1, 1, 1, 1};
+  Dispatcher dispatcher({1, 1, 1, 1}, policy_of("edf", setup));
+  Starts out;
+  const TaskClass first{.eligible = unit_bit(kGpu)};
+  const TaskClass last{.eligible = unit_bit(kGpu), .entry = 1};
+  std::vector<TaskId> one = {1};
+  std::vector tasks = {task_of(1, first), task_of(2, first, one)};
+  tasks[0].deadline = tasks[1].deadline = milliseconds(40);
+  std::vector other = {task_of(3, last)};
+  other[0].deadline = milliseconds(500);
+  dispatcher.submit(1, tasks, Nanos::zero(), out);
+  dispatcher.submit(2, other, Nanos::zero(), out);
+  dispatcher.complete(kGpu, 1, Outcome::kCompleted, milliseconds(10), out);
+  dispatcher.complete(kGpu, 2, Outcome::kCompleted, milliseconds(20), out);
+  ASSERT_EQ(out.started.size(), 3U);
+  EXPECT_EQ(out.started[1].task, 2U);
+  EXPECT_EQ(out.started[2].task, 3U);
+}
+
+TEST(Edf, PlacesTasksThatTakeNoTime) {
+  Script script(policy_of("edf", timed(0, 0, 0)), {1, 1, 1, 1});
+  EXPECT_EQ(script.submit(1, {.eligible = unit_bit(kGpu)}), "G1");
+  EXPECT_EQ(script.submit(2, {.eligible = unit_bit(kGpu)}), "");
+  EXPECT_EQ(script.complete(kGpu, 1), "G2");
 }
 
 TEST(Edf, HoldsATaskWhileItsBestUnitIsBusy) {

@@ -115,12 +115,12 @@ class Model {
     if (random_.below(2) == 0) deadline = now_ + Nanos(pick(40));
     const TaskId id = next_id_++;
     tasks_[id] = known;
-    dispatcher_.submit({.id = id,
-                        .kind = known.kind,
-                        .deadline = deadline,
-                        .expires_at = known.expires_at,
-                        .after = after},
-                       now_, out_);
+    const std::vector tasks = {Task{.id = id,
+                                    .kind = known.kind,
+                                    .deadline = deadline,
+                                    .expires_at = known.expires_at,
+                                    .after = after}};
+    ASSERT_TRUE(dispatcher_.submit(id, tasks, now_, out_));
     absorb();
   }
 
@@ -137,8 +137,11 @@ class Model {
       for (auto& [other, each] : tasks_) each.waits_for.erase(id);
     }
     tasks_.erase(id);
-    dispatcher_.complete(*known.runs_on, id, outcome, now_, out_);
+    ASSERT_TRUE(dispatcher_.complete(*known.runs_on, id, outcome, now_, out_));
     absorb();
+    // Said once more, and of another unit: refused, and nothing has changed.
+    ASSERT_FALSE(dispatcher_.complete(*known.runs_on, id, outcome, now_, out_));
+    ASSERT_TRUE(out_.started.empty() && out_.ended.empty());
   }
 
   void cancel() {

@@ -265,9 +265,9 @@ TEST(Dispatcher, SaysWhenATaskWasDispatched) {
   // it.
   Dispatcher dispatcher({1, 1, 1, {}}, policy_of("advanced", setup_of(2, 0, 0)));
   Starts out;
-  dispatcher.submit({.id = 1, .kind = kPlain, .deadline = {}, .expires_at = {}}, Nanos(1), out);
-  dispatcher.submit({.id = 2, .kind = kPlain, .deadline = {}, .expires_at = {}}, Nanos(2), out);
-  dispatcher.submit({.id = 3, .kind = kImage, .deadline = {}, .expires_at = {}}, Nanos(3), out);
+  dispatcher.submit(1, std::vector{task_of(1, kPlain)}, Nanos(1), out);
+  dispatcher.submit(2, std::vector{task_of(2, kPlain)}, Nanos(2), out);
+  dispatcher.submit(3, std::vector{task_of(3, kImage)}, Nanos(3), out);
   out.clear();
   dispatcher.complete(kGpu, 1, Outcome::kCompleted, Nanos(10), out);
   dispatcher.complete(kGpu, 3, Outcome::kCompleted, Nanos(20), out);
@@ -276,6 +276,168 @@ TEST(Dispatcher, SaysWhenATaskWasDispatched) {
   EXPECT_EQ(out.started[0].dispatched_at, Nanos(10));
   EXPECT_EQ(out.started[1].task, 2U);
   EXPECT_EQ(out.started[1].dispatched_at, Nanos(2));
+}
+
+TEST(Dispatcher, ExpiresWhatShouldHaveStartedBeforeWhateverInputComes) {
+  // 2 and 3 wait behind 1, to be started by 10. At 10 they still may; at 11 none of these does.
+  const auto waiting = [] {
+    Script script = throughput(1, 0, 0);
+    EXPECT_EQ(script.submit(1), "G1");
+    EXPECT_EQ(script.submit(2, kPlain, {}, Nanos(10)), "");
+    EXPECT_EQ(script.submit(3, kPlain, {}, Nanos(10)), "");
+    return script;
+  };
+  Script script = waiting();
+  script.at(Nanos(10));
+  EXPECT_EQ(script.complete(kGpu, 1), "G2");
+  EXPECT_EQ(script.complete(kGpu, 2), "G3");
+  script = waiting();
+  script.at(Nanos(11));
+  EXPECT_EQ(script.complete(kGpu, 1), "!2 !3");
+  script = waiting();
+  script.at(Nanos(11));
+  EXPECT_EQ(script.submit(4), "!2 !3");
+  script = waiting();
+  script.at(Nanos(11));
+  EXPECT_EQ(script.cancel(3), "!2 !3");
+  script = waiting();
+  script.at(Nanos(11));
+  EXPECT_EQ(script.set(kDsp, UnitState::kDown), "!2 !3");
+  // One that comes too late, with its successor.
+  EXPECT_EQ(script.complete(kGpu, 1), "");
+  EXPECT_EQ(script.submit(5, kPlain, {}, Nanos(11)), "G5");
+  EXPECT_EQ(script.submit(6, kPlain, {}, Nanos(10)), "!6");
+}
+
+TEST(Dispatcher, RegistersAFiringBeforeItPlacesAnyOfIt) {
+  // Weights G 1, C 1. 2 is placed on the GPU and 3 on the CPU before the GPU takes 1, the image,
+  // from the high-priority queue.
+  Script script = advanced(1, 0, 1);
+  EXPECT_EQ(script.submit_all(1, {task_of(1, kImage), task_of(2, kPlain), task_of(3, kPlain)}),
+            "G1 C3");
+  EXPECT_EQ(script.dispatcher().state(2), TaskState::kQueued);
+  EXPECT_EQ(script.dispatcher().load(kGpu), 2);
+}
+
+TEST(Dispatcher, RefusesACompletionOfWhatDoesNotRunThere) {
+  Script script = throughput(2, 0, 1);
+  EXPECT_EQ(script.submit(1), "G1");
+  EXPECT_EQ(script.submit(2), "");
+  EXPECT_EQ(script.complete(kCpu, 1), "refused");   // It runs on the GPU.
+  EXPECT_EQ(script.complete(kGpu, 2), "refused");   // Queued.
+  EXPECT_EQ(script.complete(kGpu, 99), "refused");  // Unknown.
+  EXPECT_EQ(script.complete(77, 1), "refused");     // No such unit.
+  EXPECT_EQ(script.complete(kGpu, 1), "G2");
+  EXPECT_EQ(script.complete(kGpu, 1), "refused");  // Again.
+  EXPECT_EQ(script.complete(kGpu, 2, Outcome::kFailed), "");
+  EXPECT_EQ(script.complete(kGpu, 2), "refused");
+  EXPECT_EQ(script.set(77, UnitState::kDown), "refused");
+  EXPECT_EQ(script.dispatcher().refused(), 7);
+  EXPECT_EQ(script.dispatcher().counts().completed, 1);
+  EXPECT_EQ(script.dispatcher().counts().failed, 1);
+  EXPECT_EQ(script.dispatcher().load(kGpu), 0);
+  EXPECT_EQ(script.dispatcher().running(kGpu), 0);
+}
+
+TEST(Dispatcher, RefusesAFiringThatMakesNoSenseAsAWhole) {
+  Script script = throughput(9, 0, 0, {9, 9, 9, {}});
+  const std::vector<TaskId> two = {2};
+  const std::vector<TaskId> three = {3};
+  EXPECT_EQ(script.submit(1), "G1");
+  EXPECT_EQ(script.submit_all(2, {task_of(2, kPlain), task_of(1, kPlain)}), "refused");
+  EXPECT_EQ(script.submit_all(2, {task_of(2, kPlain), task_of(2, kPlain)}), "refused");
+  EXPECT_EQ(script.submit_all(2, {task_of(2, kPlain, two)}), "refused");
+  EXPECT_EQ(script.submit_all(2, {task_of(2, kPlain, three), task_of(3, kPlain)}), "refused");
+  EXPECT_EQ(script.submit_all(2, {task_of(2, kPlain), task_of(3, {.eligible = 0})}), "refused");
+  EXPECT_EQ(script.submit_all(2, {task_of(2, {.eligible = UnitMask{1} << 40})}), "refused");
+  EXPECT_EQ(script.dispatcher().counts().submitted, 1);
+  EXPECT_EQ(script.dispatcher().known_tasks(), 1U);
+  EXPECT_EQ(script.dispatcher().known_firings(), 1U);
+  // Nothing of it is left behind.
+  EXPECT_EQ(script.submit_all(2, {task_of(2, kPlain), task_of(3, kPlain, two)}), "G2");
+  EXPECT_EQ(script.complete(kGpu, 2), "G3");
+}
+
+TEST(Dispatcher, TakesATimeBeforeTheLastAsTheLast) {
+  Dispatcher dispatcher({1, 1, 1, {}}, policy_of("throughput", setup_of(1, 0, 0)));
+  Starts out;
+  ASSERT_TRUE(dispatcher.submit(1, std::vector{task_of(1, kPlain)}, Nanos(10), out));
+  ASSERT_TRUE(dispatcher.submit(2, std::vector{task_of(2, kPlain)}, Nanos(20), out));
+  ASSERT_TRUE(dispatcher.complete(kGpu, 1, Outcome::kCompleted, Nanos(15), out));
+  ASSERT_EQ(out.started.size(), 2U);
+  EXPECT_EQ(out.started[1].dispatched_at, Nanos(20));
+}
+
+TEST(Dispatcher, ATaskAfterOneThatDidNotCompleteIsDroppedUntilTheFiringIsReleased) {
+  // Of firing 7, task 1 fails, 2 is dropped with it, 3 expires and 4 is cancelled while it runs.
+  const std::vector<TaskId> one = {1};
+  Script script = throughput(2, 0, 0, {2, 1, 1, {}});
+  Task late = task_of(3, kPlain);
+  late.expires_at = Nanos(5);
+  EXPECT_EQ(
+      script.submit_all(7, {task_of(1, kPlain), task_of(2, kPlain, one), task_of(4, kPlain), late}),
+      "G1 G4");
+  EXPECT_EQ(script.complete(kGpu, 1, Outcome::kFailed), "G3 -2");
+  EXPECT_EQ(script.cancel(4), "-4");
+  EXPECT_EQ(script.complete(kGpu, 3, Outcome::kFailed), "");
+  for (const TaskId before : {1, 2, 3, 4}) {
+    EXPECT_EQ(script.submit(100 + before, kPlain, {before}), "-" + std::to_string(100 + before));
+  }
+  EXPECT_EQ(script.submit(1), "refused");  // Its id is still known.
+  EXPECT_TRUE(script.release(7));
+  EXPECT_FALSE(script.release(7));
+  EXPECT_FALSE(script.release(8));
+  // 4 has yet to complete. Its firing takes no more tasks; then nothing is known of it.
+  EXPECT_EQ(script.submit_all(7, {task_of(9, kPlain)}), "refused");
+  EXPECT_EQ(script.complete(kGpu, 4), "");
+  for (const TaskId before : {1, 2, 3, 4}) EXPECT_TRUE(script.release(100 + before));
+  EXPECT_EQ(script.dispatcher().known_tasks(), 0U);
+  EXPECT_EQ(script.dispatcher().known_firings(), 0U);
+  EXPECT_EQ(script.submit_all(7, {task_of(1, kPlain, std::vector<TaskId>{4})}), "G1");
+}
+
+TEST(Dispatcher, MemoryIsFlatOverAMillionFiringsOfWhichATenthFails) {
+  Dispatcher dispatcher({1, 1, 1, {}}, policy_of("throughput", setup_of(4, 0, 0)));
+  Starts out;
+  std::size_t most = 0;
+  for (FiringId firing = 0; firing < 1'000'000; ++firing) {
+    const TaskId first = 3 * firing;
+    const std::vector<TaskId> after = {first, first + 1};
+    const Task tasks[] = {task_of(first, kPlain), task_of(first + 1, kPlain),
+                          task_of(first + 2, kPlain, after)};
+    dispatcher.submit(firing, tasks, Nanos(firing), out);
+    while (!out.started.empty()) {
+      const TaskId task = out.started.front().task;
+      out.clear();
+      const bool fails = firing % 10 == 3 && task == first + 1;
+      dispatcher.complete(kGpu, task, fails ? Outcome::kFailed : Outcome::kCompleted, Nanos(firing),
+                          out);
+    }
+    most = std::max(most, dispatcher.known_tasks() + dispatcher.known_firings());
+    ASSERT_TRUE(dispatcher.release(firing, Nanos(firing)));
+  }
+  EXPECT_EQ(dispatcher.counts().failed, 100'000);
+  EXPECT_EQ(dispatcher.counts().dropped, 100'000);
+  EXPECT_LE(most, 4U);
+  EXPECT_EQ(dispatcher.known_tasks() + dispatcher.known_firings(), 0U);
+}
+
+TEST(Dispatcher, AnObserverThatThrowsReachesTheCallerAndLeavesTheDispatcherInOrder) {
+  struct Throws final : DispatcherObserver {
+    void on_input(const DispatcherInput&, const Decisions&) override {
+      throw std::runtime_error("no room");
+    }
+  } throws;
+  Dispatcher dispatcher({1, 1, 1, {}}, policy_of("throughput", setup_of(2, 0, 0)));
+  Starts out;
+  dispatcher.observe(&throws);
+  const std::vector tasks = {task_of(1, kPlain), task_of(2, kPlain)};
+  EXPECT_THROW(dispatcher.submit(1, tasks, Nanos(1), out), std::runtime_error);
+  EXPECT_THROW(dispatcher.complete(kGpu, 1, Outcome::kCompleted, Nanos(2), out),
+               std::runtime_error);
+  dispatcher.observe(nullptr);
+  EXPECT_TRUE(dispatcher.complete(kGpu, 2, Outcome::kCompleted, Nanos(3), out));
+  EXPECT_EQ(dispatcher.counts().completed, 2);
 }
 
 TEST(Dispatcher, DropsALongChainWithoutRecursion) {

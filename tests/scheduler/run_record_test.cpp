@@ -35,6 +35,8 @@ TEST(RunRecord, HasTheKeysThatOtherToolsRead) {
                           "time",
                           "seed",
                           "makespan_s",
+                          "drain_s",
+                          "stalled",
                           "submitted",
                           "completed",
                           "dropped",
@@ -58,7 +60,7 @@ TEST(RunRecord, HasTheKeysThatOtherToolsRead) {
     EXPECT_TRUE(json["units"]["gpu"].contains(key)) << key;
   }
   for (const char* key : {"fired", "completed", "dropped", "rate_hz", "p50_ms", "p95_ms", "p99_ms",
-                          "deadline_misses"}) {
+                          "unfinished", "deadline_misses"}) {
     EXPECT_TRUE(json["pipelines"]["localization"].contains(key)) << key;
   }
   EXPECT_EQ(json["time"], "virtual");
@@ -75,12 +77,12 @@ TEST(RunRecord, RefusesOtherVersionsAndOtherJson) {
   const auto refused = [](const nlohmann::ordered_json& each) {
     return bad_input([&] { static_cast<void>(run_record_from_json(each, "r.json")); });
   };
-  json["schema_version"] = 2;
-  EXPECT_THAT(refused(json), AllOf(HasSubstr("r.json"), HasSubstr("schema_version 2")));
-  json["schema_version"] = "1";
+  json["schema_version"] = RunRecord::kSchemaVersion - 1;
+  EXPECT_THAT(refused(json), AllOf(HasSubstr("r.json"), HasSubstr("schema_version 1")));
+  json["schema_version"] = "2";
   EXPECT_THAT(refused(json), HasSubstr("not the result of a run"));
   EXPECT_THAT(refused(nlohmann::ordered_json::array()), HasSubstr("not the result of a run"));
-  json["schema_version"] = 1;
+  json["schema_version"] = RunRecord::kSchemaVersion;
   json.erase("energy_j");
   EXPECT_THAT(refused(json), AllOf(HasSubstr("not a complete"), HasSubstr("energy_j")));
   json["energy_j"] = "much";

@@ -39,36 +39,41 @@ inline PolicySetup setup_of(int gpu, int dsp, int cpu) {
   return setup;
 }
 
+inline Task task_of(TaskId id, TaskClass kind, std::span<const TaskId> after = {}) {
+  return {.id = id, .kind = kind, .deadline = {}, .expires_at = {}, .after = after};
+}
+
 inline std::unique_ptr<Policy> policy_of(const std::string& name, const PolicySetup& setup) {
   return find_policy(name).make(setup);
 }
 
 /// A dispatcher whose every input appends to one text what it brought about: "G3" = task 3 started
-/// on the GPU, "-3" = dropped, "!3" = expired.
+/// on the GPU, "-3" = dropped, "!3" = expired, "refused".
 class Script {
  public:
   Script(std::unique_ptr<Policy> policy, std::vector<std::optional<int>> slots)
       : dispatcher_(std::move(slots), std::move(policy)) {}
 
+  /// One task, as a firing of its own that has the task's id.
   std::string submit(TaskId id, TaskClass kind = {.eligible = kLocal},
                      std::vector<TaskId> after = {},
                      std::optional<Nanos> expires_at = std::nullopt) {
-    dispatcher_.submit(
-        {.id = id, .kind = kind, .deadline = {}, .expires_at = expires_at, .after = after}, now_,
-        out_);
-    return take();
+    return submit_all(
+        id, {{.id = id, .kind = kind, .deadline = {}, .expires_at = expires_at, .after = after}});
   }
+  std::string submit_all(FiringId firing, const std::vector<Task>& tasks) {
+    return taken(dispatcher_.submit(firing, tasks, now_, out_));
+  }
+  bool release(FiringId firing) { return dispatcher_.release(firing, now_); }
   std::string complete(UnitId unit, TaskId id, Outcome outcome = Outcome::kCompleted) {
-    dispatcher_.complete(unit, id, outcome, now_, out_);
-    return take();
+    return taken(dispatcher_.complete(unit, id, outcome, now_, out_));
   }
   std::string cancel(TaskId id) {
     dispatcher_.cancel(id, now_, out_);
     return take();
   }
   std::string set(UnitId unit, UnitState state) {
-    dispatcher_.set_unit(unit, state, now_, out_);
-    return take();
+    return taken(dispatcher_.set_unit(unit, state, now_, out_));
   }
   std::string wake(Nanos now) {
     now_ = now;
@@ -79,6 +84,11 @@ class Script {
   const Dispatcher& dispatcher() const { return dispatcher_; }
 
  private:
+  std::string taken(bool taken) {
+    const std::string text = take();
+    EXPECT_TRUE(taken || text.empty());
+    return taken ? text : "refused";
+  }
   std::string take() {
     std::string text;
     const auto add = [&](char what, TaskId id) {

@@ -119,7 +119,7 @@ TEST(TaskGraph, PassesOverDroppedTasks) {
   const auto record = run("heft", kDiamond, kThreeUnits, "rate_hz: 1000\n    expires_ms: 12");
   EXPECT_GT(record.expired, 0);
   EXPECT_GT(record.completed, 1000);
-  EXPECT_EQ(record.queued, 0);
+  EXPECT_EQ(record.stalled, 0);
 }
 
 TEST(TaskGraph, RunsRandomGraphsAsPlanned) {

@@ -62,7 +62,7 @@ TEST(QueueWeights, AreWhatKeepsTheUnitBusy) {
   const auto services = resolve_services(platform, nullptr, {"convolution"}, {});
   EXPECT_THAT(derive_weights(WeightRule::kQueue, platform, services)[0], ElementsAre(4, 3, 2));
   EXPECT_THAT(derive_weights(WeightRule::kFastQueue, platform, services)[0], ElementsAre(4, 3, 0));
-  EXPECT_EQ(in_flight_for(0, platform, services), 9);
+  EXPECT_EQ(in_flight_for({.workload = 0, .eligible = kAll}, platform, services), 9);
 }
 
 TEST(QueueWeights, DoNotRoundUpWhatIsWhole) {

@@ -124,9 +124,8 @@ Scenario scenario_of(const Platform& platform, const Mix& mix, const ScheduleOpt
   std::unordered_map<TaskId, WorkloadId> workloads;
   PeerStart now;  // At time 0, then at the latest completion.
   for (const auto& entry : log.entries) {
-    if (entry.input.kind == DispatcherInput::Kind::kSubmit) {
-      workloads[entry.input.task.id] = entry.input.task.kind.workload;
-    } else {
+    for (const Task& task : entry.tasks) workloads[task.id] = task.kind.workload;
+    if (entry.input.kind == DispatcherInput::Kind::kComplete) {
       scenario.starts.push_back(std::exchange(now, {}));
       auto& list = scenario.completions[entry.input.unit];
       list.push_back(to_s(entry.input.now));
