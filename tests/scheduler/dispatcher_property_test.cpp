@@ -14,6 +14,7 @@ constexpr int kSteps = 120;
 
 /// What the test knows of a task that is not done.
 struct Known {
+  FiringId firing = 0;
   TaskClass kind;
   std::set<TaskId> waits_for;
   std::optional<UnitId> runs_on;
@@ -28,7 +29,7 @@ class Model {
       : random_(seed), keep_log_(keep_log), dispatcher_(make()) {}
 
   void step() {
-    switch (random_.below(10)) {
+    switch (random_.below(11)) {
       case 0:
       case 1:
       case 2:
@@ -46,6 +47,9 @@ class Model {
       case 8:
         set_unit();
         break;
+      case 9:
+        release();
+        break;
       default:
         pass_time();
         break;
@@ -62,6 +66,10 @@ class Model {
     }
     while (running() != 0) complete(Outcome::kCompleted);
     check();
+    // A million firings later memory would still be this.
+    for (const FiringId firing : std::set(firings_)) release(firing);
+    ASSERT_EQ(dispatcher_.known_tasks(), 0U);
+    ASSERT_EQ(dispatcher_.known_firings(), 0U);
   }
 
   const Dispatcher& dispatcher() const { return dispatcher_; }
@@ -98,30 +106,63 @@ class Model {
 
   int pick(std::uint64_t n) { return static_cast<int>(random_.below(n)); }
 
+  /// One to three tasks, after any that are known: live, ended without completing, of this firing.
   void submit() {
-    Known known;
-    known.kind = {.workload = static_cast<WorkloadId>(random_.below(2)),
-                  .eligible = 1 + random_.below(7),  // Some of gpu, dsp, cpu.
-                  .real_time = random_.below(4) != 0,
-                  .image_input = random_.below(2) == 0};
-    if (random_.below(2) == 0) known.kind.eligible |= unit_bit(kCloud);
-    std::vector<TaskId> after;
-    for (const auto& [id, each] : tasks_) {
-      if (!each.cancelled && random_.below(tasks_.size()) < 2) after.push_back(id);
+    const FiringId firing = next_firing_++;
+    firings_.insert(firing);
+    std::vector<Task> tasks(1 + random_.below(3));
+    std::vector<std::vector<TaskId>> after(tasks.size());
+    for (std::size_t i = 0; i < tasks.size(); ++i) {
+      Known known;
+      known.firing = firing;
+      known.kind = {.workload = static_cast<WorkloadId>(random_.below(2)),
+                    .eligible = 1 + random_.below(7),  // Some of gpu, dsp, cpu.
+                    .real_time = random_.below(4) != 0,
+                    .image_input = random_.below(2) == 0};
+      if (random_.below(2) == 0) known.kind.eligible |= unit_bit(kCloud);
+      for (const auto& [id, each] : tasks_) {
+        if (random_.below(tasks_.size()) < 2) after[i].push_back(id);
+      }
+      for (const auto& [id, of] : ended_) {
+        if (random_.below(20 * ended_.size()) == 0) after[i].push_back(id);
+      }
+      known.waits_for.insert(after[i].begin(), after[i].end());
+      if (random_.below(3) == 0) known.expires_at = now_ + Nanos(pick(40) - 2);
+      const TaskId id = next_id_++;
+      tasks[i] = {.id = id,
+                  .kind = known.kind,
+                  .deadline = {},
+                  .expires_at = known.expires_at,
+                  .after = after[i]};
+      if (random_.below(2) == 0) tasks[i].deadline = now_ + Nanos(pick(40));
+      tasks_[id] = known;
     }
-    known.waits_for.insert(after.begin(), after.end());
-    if (random_.below(3) == 0) known.expires_at = now_ + Nanos(1 + pick(40));
-    std::optional<Nanos> deadline;
-    if (random_.below(2) == 0) deadline = now_ + Nanos(pick(40));
-    const TaskId id = next_id_++;
-    tasks_[id] = known;
-    const std::vector tasks = {Task{.id = id,
-                                    .kind = known.kind,
-                                    .deadline = deadline,
-                                    .expires_at = known.expires_at,
-                                    .after = after}};
-    ASSERT_TRUE(dispatcher_.submit(id, tasks, now_, out_));
+    ASSERT_TRUE(dispatcher_.submit(firing, tasks, said_time(), out_));
     absorb();
+  }
+
+  void release() {
+    if (firings_.empty()) return;
+    release(*std::next(firings_.begin(), pick(firings_.size())));
+  }
+
+  void release(FiringId firing) {
+    ASSERT_TRUE(dispatcher_.release(firing, said_time()));
+    ASSERT_FALSE(dispatcher_.release(firing, said_time()));
+    firings_.erase(firing);
+    std::erase_if(ended_, [&](const auto& each) { return each.second == firing; });
+  }
+
+  /// A caller's clock may be a little behind.
+  Nanos said_time() {
+    const Nanos said = random_.below(4) == 0 ? now_ - Nanos(pick(5)) : now_;
+    taken_as_ = std::max(taken_as_, said);
+    return said;
+  }
+
+  void ended(TaskId id) {
+    if (firings_.contains(tasks_.at(id).firing)) ended_[id] = tasks_.at(id).firing;
+    tasks_.erase(id);
   }
 
   void complete(Outcome outcome) {
@@ -135,9 +176,11 @@ class Model {
     if (!known.cancelled) ++(outcome == Outcome::kCompleted ? completed_ : failed_);
     if (!known.cancelled && outcome == Outcome::kCompleted) {
       for (auto& [other, each] : tasks_) each.waits_for.erase(id);
+      tasks_.erase(id);
+    } else {
+      ended(id);
     }
-    tasks_.erase(id);
-    ASSERT_TRUE(dispatcher_.complete(*known.runs_on, id, outcome, now_, out_));
+    ASSERT_TRUE(dispatcher_.complete(*known.runs_on, id, outcome, said_time(), out_));
     absorb();
     // Said once more, and of another unit: refused, and nothing has changed.
     ASSERT_FALSE(dispatcher_.complete(*known.runs_on, id, outcome, now_, out_));
@@ -163,8 +206,10 @@ class Model {
 
   void pass_time() {
     now_ += Nanos(pick(20));
+    if (random_.below(3) == 0) return;  // Whoever should wake it is late.
     while (const auto wake = dispatcher_.next_wake()) {
       if (*wake > now_) break;
+      taken_as_ = std::max(taken_as_, now_);
       dispatcher_.wake(now_, out_);
       absorb();
     }
@@ -177,6 +222,7 @@ class Model {
       Known& known = tasks_.at(start.task);
       ASSERT_FALSE(known.runs_on) << "started twice";
       ASSERT_TRUE(known.waits_for.empty()) << "started before a predecessor was complete";
+      ASSERT_TRUE(!known.expires_at || *known.expires_at >= taken_as_) << "started too late";
       ASSERT_TRUE(contains(known.kind.eligible & ~down_, start.unit));
       ASSERT_LE(start.dispatched_at, now_);
       known.runs_on = start.unit;
@@ -193,7 +239,7 @@ class Model {
       if (known.runs_on) {
         known.cancelled = true;
       } else {
-        tasks_.erase(ended.task);
+        this->ended(ended.task);
       }
       if (keep_log_) log_ += std::to_string(ended.task) + "- ";
     }
@@ -236,11 +282,15 @@ class Model {
   std::vector<int> slots_;
   Dispatcher dispatcher_;
   std::map<TaskId, Known> tasks_;
+  std::map<TaskId, FiringId> ended_;  ///< Without completing, of firings that are not released.
+  std::set<FiringId> firings_;        ///< Not released.
   UnitMask down_ = 0;
   TaskId next_id_ = 0;
+  FiringId next_firing_ = 0;
   std::int64_t completed_ = 0, dropped_ = 0, expired_ = 0, failed_ = 0;
   Starts out_;
   Nanos now_{0};
+  Nanos taken_as_ = Nanos::min();  ///< By the dispatcher: never before what it was told last.
   std::string log_;
 };
 
