@@ -26,7 +26,7 @@ TEST(Replay, ExitsWithWhatItFound) {
   const auto altered = pirt({"replay", scratch.write("altered.json", json.dump())});
   EXPECT_EQ(altered.exit_code, 1);
   EXPECT_THAT(altered.out,
-              AllOf(HasSubstr("input 1 of 2000"), HasSubstr("on cpu"), HasSubstr("on dsp")));
+              AllOf(HasSubstr("input 1 of 3000"), HasSubstr("on cpu"), HasSubstr("on dsp")));
 }
 
 TEST(Replay, RefusesWhatIsNoTrace) {
