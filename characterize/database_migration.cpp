@@ -104,7 +104,8 @@ void keep_backup(const std::filesystem::path& made, const std::filesystem::path&
       sync_folder(name);
       return;
     }
-    if (std::filesystem::is_regular_file(name) && read_file(name) == read_file(made)) {
+    if (std::filesystem::is_regular_file(name) &&
+        read_file(name, kAnySize) == read_file(made, kAnySize)) {
       std::filesystem::remove(made);
       return;
     }

@@ -27,7 +27,7 @@ namespace fs = std::filesystem;
 /// More than any camera of a robot has; a header that asks for more is taken for damage before
 /// memory is.
 constexpr std::int64_t kMaxPixels = 100'000'000;
-constexpr std::uintmax_t kMaxFileBytes = std::uintmax_t{1} << 30;
+constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
 constexpr std::string_view kRemedy =
     "; replace the file by a whole PNG or JPEG picture, or take it away";
 
@@ -41,7 +41,7 @@ std::string read_bytes(const fs::path& file) {
   const auto size = fs::file_size(file, failed);
   if (failed) throw_unusable(file, failed.message());
   if (size > kMaxFileBytes) throw_unusable(file, fmt::format("it has {} bytes", size));
-  return read_file(file);
+  return read_file(file, kMaxFileBytes);
 }
 
 /// B, G, R, 8 bits.

@@ -34,7 +34,7 @@ void write_tensors(const std::filesystem::path& path, std::span<const Tensor> te
 
 std::vector<Tensor> read_tensors(const std::filesystem::path& path,
                                  std::span<const TensorSpec> specs) {
-  const std::string text = read_file(path);
+  const std::string text = read_file(path, kAnySize);
   std::vector<Tensor> tensors = make_tensors(specs);
   std::size_t expected = kMagic.size() + sizeof(std::uint64_t);
   for (const Tensor& tensor : tensors) expected += tensor.bytes().size();

@@ -188,7 +188,7 @@ TakeSample program_samples(const DuetPrograms& programs) {
 
 Ledger::Event ledger_key(const DuetPrograms& programs, const std::vector<DuetCell>& cells) {
   const auto content = [](const std::filesystem::path& program) {
-    return fmt::format("{:016x}", Hash64().add(read_file(program)).value());
+    return fmt::format("{:016x}", Hash64().add(read_file(program, kAnySize)).value());
   };
   Ledger::Event names = Ledger::Event::array();
   for (const DuetCell& cell : cells) names.push_back(to_string(cell));

@@ -71,7 +71,7 @@ void Ledger::open() {
 }
 
 void Ledger::read(const Event& key, const std::function<void(const Event&)>& replay) {
-  std::string text = read_file(path_);
+  std::string text = read_file(path_, kAnySize);
   const std::size_t complete = text.rfind('\n') == std::string::npos ? 0 : text.rfind('\n') + 1;
   // Only the tail of what this program writes is cut off, not somebody's notes.
   const std::string begin = fmt::format("{{\"{}\"", kFormatKey);

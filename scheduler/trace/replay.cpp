@@ -172,7 +172,7 @@ LogEntry entry_from_json(const nlohmann::json& json, std::size_t position) {
 }  // namespace
 
 TraceLog load_trace_log(const std::filesystem::path& path) {
-  return parse_trace_log(read_file(path), path.string());
+  return parse_trace_log(read_file(path, kAnySize), path.string());
 }
 
 TraceLog parse_trace_log(const std::string& text, const std::string& source) {

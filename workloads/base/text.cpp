@@ -1,5 +1,8 @@
 #include "workloads/base/text.h"
 
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -7,7 +10,6 @@
 #include <cstring>
 #include <fstream>
 #include <numeric>
-#include <sstream>
 #include <utility>
 
 #include "workloads/base/error.h"
@@ -34,6 +36,64 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   throw_bad_input(std::string("cannot ") + std::string(doing) + " '" + path.string() +
                   "': " + std::strerror(error));
 }
+
+constexpr std::size_t kLeastRead = 4096;
+
+/// A file that the user named, open for reading.
+class InputFile {
+ public:
+  explicit InputFile(const std::filesystem::path& path) : path_(path) {
+    // Looked at before it is opened, since opening alone sets some devices going.
+    if (::stat(path.c_str(), &status_) != 0) throw_system("read", path, errno);
+    if (S_ISDIR(status_.st_mode)) throw_system("read", path, EISDIR);
+    if (!S_ISREG(status_.st_mode) && !S_ISFIFO(status_.st_mode) && !is_own_terminal()) {
+      throw_bad_input("cannot read '" + path.string() +
+                      "': it is a device or a socket; name a file or a pipe");
+    }
+    // Without O_NONBLOCK, opening a FIFO waits for its writer, and handled signals do not end that.
+    fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK);
+    if (fd_ < 0) throw_system("read", path, errno);
+  }
+  InputFile(const InputFile&) = delete;
+  InputFile& operator=(const InputFile&) = delete;
+  ~InputFile() { ::close(fd_); }
+
+  /// One more than the size, so that the end is met without growing; a guess for pipes.
+  [[nodiscard]] std::size_t expected_bytes() const {
+    constexpr off_t kMost = off_t{1} << 30;
+    return status_.st_size < kMost ? static_cast<std::size_t>(status_.st_size) + 1 : kLeastRead;
+  }
+
+  /// @return bytes read; 0 = the end.
+  [[nodiscard]] std::size_t read(char* to, std::size_t bytes) const {
+    while (true) {
+      if (!S_ISREG(status_.st_mode)) wait();
+      const ssize_t got = ::read(fd_, to, bytes);
+      if (got >= 0) return static_cast<std::size_t>(got);
+      if (errno != EINTR && errno != EAGAIN) throw_system("read", path_, errno);
+    }
+  }
+
+ private:
+  /// What /dev/stdin is when somebody types; other devices need not have an end.
+  [[nodiscard]] bool is_own_terminal() const {
+    struct stat input {};
+    return S_ISCHR(status_.st_mode) && ::isatty(STDIN_FILENO) == 1 &&
+           ::fstat(STDIN_FILENO, &input) == 0 && input.st_rdev == status_.st_rdev;
+  }
+
+  /// Until a writer has written or gone. poll() is never restarted after a handler has run.
+  void wait() const {
+    pollfd state{.fd = fd_, .events = POLLIN, .revents = 0};
+    if (::poll(&state, 1, -1) >= 0) return;
+    if (errno != EINTR) throw_system("read", path_, errno);
+    throw_environment("stopped by a signal while waiting for '" + path_.string() + "'");
+  }
+
+  std::filesystem::path path_;
+  struct stat status_ {};
+  int fd_ = -1;
+};
 
 }  // namespace
 
@@ -82,15 +142,22 @@ std::vector<std::string> split(std::string_view text, char separator) {
   return parts;
 }
 
-std::string read_file(const std::filesystem::path& path) {
-  if (std::filesystem::is_directory(path)) throw_system("read", path, EISDIR);
-  errno = 0;
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw_system("read", path, errno != 0 ? errno : EIO);
-  std::ostringstream text;
-  text << in.rdbuf();
-  if (in.bad()) throw_system("read", path, EIO);
-  return text.str();
+std::string read_file(const std::filesystem::path& path, std::size_t max_bytes) {
+  const InputFile file(path);
+  std::string text(std::min(file.expected_bytes(), max_bytes), '\0');
+  std::size_t size = 0;
+  while (true) {
+    if (size > max_bytes) {
+      throw_bad_input("'" + path.string() + "' is longer than the " +
+                      std::to_string(max_bytes >> 20) + " MiB that are read of such a file");
+    }
+    if (size == text.size()) text.resize(size + std::max(size, kLeastRead));
+    const std::size_t got = file.read(text.data() + size, text.size() - size);
+    if (got == 0) break;
+    size += got;
+  }
+  text.resize(size);
+  return text;
 }
 
 void write_file(const std::filesystem::path& path, std::string_view text) {

@@ -2,6 +2,7 @@
 // reading.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string>
@@ -23,8 +24,17 @@ namespace pirt {
 [[nodiscard]] std::string join(std::span<const std::string> parts, std::string_view separator);
 [[nodiscard]] std::vector<std::string> split(std::string_view text, char separator);
 
-/// @throws Error{kBadInput} naming the path and the system's reason.
-[[nodiscard]] std::string read_file(const std::filesystem::path& path);
+/// What a mix, a platform or a result of a run stays far below; more is not a file of ours.
+inline constexpr std::size_t kMaxInputBytes = std::size_t{64} << 20;
+/// For files that grow with what was measured or run.
+inline constexpr std::size_t kAnySize = SIZE_MAX;
+
+/// The whole file. A pipe that the user names (`/dev/stdin`, `<(...)`, a FIFO) is read to its end;
+/// a signal ends the wait for it, even if the program handles that signal.
+/// @throws Error{kBadInput} naming the path and the system's reason; folders and devices other than
+/// a terminal (/dev/zero has no end) are refused, and what is longer than @p max_bytes.
+[[nodiscard]] std::string read_file(const std::filesystem::path& path,
+                                    std::size_t max_bytes = kMaxInputBytes);
 
 /// Writes a whole file or leaves the old one: a temporary file beside it, then rename.
 /// @throws Error{kBadInput} naming the path and the system's reason.
