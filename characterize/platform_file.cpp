@@ -10,12 +10,12 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 #include "workloads/catalog.h"
+#include "workloads/fake/fake_script.h"
 #include "workloads/registry.h"
 
 namespace pirt {
 namespace {
 
-constexpr double kMaxMs = 1e9;  // Eleven days; keeps sums of stages far inside int64 nanoseconds.
 constexpr double kMaxWatts = 1e6;
 constexpr double kMaxPicojoules = 1e12;
 constexpr double kMaxJoules = 1e9;
@@ -59,20 +59,24 @@ std::string text_or_empty(const YamlNode& node, std::string_view key) {
   return node.has(key) ? node.at(key).text() : "";
 }
 
+std::string paragraph_or_empty(const YamlNode& node, std::string_view key) {
+  return node.has(key) ? node.at(key).paragraph() : "";
+}
+
 double number_or_zero(const YamlNode& node, std::string_view key, double high) {
   return node.has(key) ? node.at(key).number(0, high) : 0;
 }
 
 Distribution read_distribution(const YamlNode& node) {
   if (!node.is_map()) {
-    const Nanos value = from_ms(node.number(0, kMaxMs));
+    const Nanos value = node.milliseconds(0);
     return {.kind = Distribution::Kind::kConstant, .low = value, .high = value};
   }
   node.check_keys({"uniform"});
   const auto bounds = node.at("uniform").items();
   if (bounds.size() != 2) node.at("uniform").fail("must be [low, high]");
-  const Nanos low = from_ms(bounds[0].number(0, kMaxMs));
-  const Nanos high = from_ms(bounds[1].number(0, kMaxMs));
+  const Nanos low = bounds[0].milliseconds(0);
+  const Nanos high = bounds[1].milliseconds(0);
   if (low > high) node.at("uniform").fail("low must not be above high");
   return {.kind = Distribution::Kind::kUniform, .low = low, .high = high};
 }
@@ -100,6 +104,15 @@ std::string default_role(const std::string& unit) {
   return std::ranges::find(roles(), unit) != roles().end() ? unit : "other";
 }
 
+/// The backend reads it again when it opens the unit; only here are file and line known.
+void check_fake_script(const YamlNode& script) {
+  try {
+    static_cast<void>(fake::read_script(script.raw()));
+  } catch (const fake::ScriptError& error) {
+    script.fail_at(error.node(), error.what());
+  }
+}
+
 void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitModel& unit) {
   if (node.has("backend")) {
     std::vector<std::string> known;
@@ -116,6 +129,7 @@ void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitMode
     const auto script = node.at("script");
     if (unit.backend != "fake") script.fail("only backend fake takes a script");
     static_cast<void>(script.keys());
+    check_fake_script(script);
     unit.script = script.dump();
   }
 }
@@ -149,7 +163,7 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, const std::ve
       unit.energy_provenance =
           *provenance_from_string(one_of(energy.at("provenance"), {"modelled", "fitted"}));
     }
-    unit.energy_source = text_or_empty(energy, "source");
+    unit.energy_source = paragraph_or_empty(energy, "source");
   }
   unit.link = text_or_empty(node, "link");
   read_backend(node, usable, unit);
@@ -242,7 +256,7 @@ WorkloadModel read_workload(const YamlNode& node, const Platform& platform) {
                                             "published"};
     model.provenance = *provenance_from_string(one_of(node.at("provenance"), known));
   }
-  model.source = text_or_empty(node, "source");
+  model.source = paragraph_or_empty(node, "source");
   return model;
 }
 
@@ -298,8 +312,8 @@ Platform read_platform(const YamlNode& document, const std::vector<int>& usable)
       {"platform", "description", "assumptions", "units", "links", "workloads", "modes"});
   Platform platform;
   platform.name = checked_name(document.at("platform"), document.at("platform").text());
-  platform.description = text_or_empty(document, "description");
-  platform.assumptions = text_or_empty(document, "assumptions");
+  platform.description = paragraph_or_empty(document, "description");
+  platform.assumptions = paragraph_or_empty(document, "assumptions");
   read_units(document.at("units"), usable, platform);
   if (document.has("links")) read_links(document.at("links"), platform);
   check_links(document.at("units"), platform);

@@ -6,12 +6,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 #include <cstdint>
+#include <unordered_set>
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/printable.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -59,22 +59,40 @@ std::string shown(const YAML::Node& node) {
 /// A quoted scalar is text, whatever it looks like.
 bool is_plain(const YAML::Node& node) { return node.IsScalar() && node.Tag() != "!"; }
 
-void check_size(const std::string& file, const YAML::Node& node, int depth, std::int64_t& nodes) {
+/// What a text of several lines may contain beside printable text.
+constexpr std::string_view kLineBreaks = "\n\r\t";
+
+/// On the file's bytes, before anything is parsed: the line is known, comments are covered, and
+/// yaml-cpp is never given bytes that it would pass on.
+void check_bytes(const std::string& file, const std::string& text) {
+  const auto found = find_unprintable(text, kLineBreaks);
+  if (!found) return;
+  const auto before = std::string_view(text).substr(0, found->at);
+  throw_bad_input(fmt::format("{}:{}: not a text file: {}", file,
+                              1 + std::ranges::count(before, '\n'), found->what));
+}
+
+/// Size and, since quoted scalars have escapes of their own ("\x1b"), once more the text.
+void check_node(const std::string& file, const YAML::Node& node, int depth, std::int64_t& nodes) {
+  if (node.IsScalar()) {
+    const auto found = find_unprintable(node.Scalar(), kLineBreaks);
+    if (found) fail_at(file, node, "", "the text has " + found->what);
+  }
   if (depth > kMaxDepth) fail_at(file, node, "", "nested deeper than 64 levels");
   if (++nodes > kMaxNodes) fail_at(file, node, "", "aliases expand to more than 10 million nodes");
   if (!node.IsMap() && !node.IsSequence()) return;
   for (const auto& child : node) {
     if (node.IsMap()) {
-      check_size(file, child.first, depth + 1, nodes);
-      check_size(file, child.second, depth + 1, nodes);
+      check_node(file, child.first, depth + 1, nodes);
+      check_node(file, child.second, depth + 1, nodes);
     } else {
-      check_size(file, child, depth + 1, nodes);
+      check_node(file, child, depth + 1, nodes);
     }
   }
 }
 
 YAML::Node load_one(const std::string& file, const std::string& text) {
-  if (text.find('\0') != std::string::npos) throw_bad_input(file + ": not a text file");
+  check_bytes(file, text);
   try {
     auto documents = YAML::LoadAll(text);
     if (documents.empty() || documents.front().IsNull()) {
@@ -82,7 +100,7 @@ YAML::Node load_one(const std::string& file, const std::string& text) {
     }
     if (documents.size() > 1) fail_at(file, documents[1], "", "more than one document in a file");
     std::int64_t nodes = 0;
-    check_size(file, documents.front(), 0, nodes);
+    check_node(file, documents.front(), 0, nodes);
     return documents.front();
   } catch (const YAML::Exception& error) {
     fail_at(file, error);
@@ -147,7 +165,7 @@ void apply(const YAML::Node& document, const std::string& root, const YamlOverri
   }
   if (value.IsNull()) throw_bad_input(what + ": the value is empty");
   std::int64_t nodes = 0;
-  check_size(what, value, 0, nodes);
+  check_node(what, value, 0, nodes);
 
   std::string path = root;
   YAML::Node parent = child_of(document, root);
@@ -171,16 +189,24 @@ std::string YamlNode::location() const {
   return pirt::location(file_, node_) + (path_.empty() ? "" : ": " + path_);
 }
 
-void YamlNode::fail(const std::string& message) const { fail_at(file_, node_, path_, message); }
+void YamlNode::fail(const std::string& message) const { fail_at(node_, message); }
+
+void YamlNode::fail_at(const YAML::Node& below, const std::string& message) const {
+  pirt::fail_at(file_, below, path_, message);
+}
 
 std::vector<std::string> YamlNode::keys() const {
   if (!node_.IsMap()) fail("must be a map, is " + std::string(kind_of(node_)));
   std::vector<std::string> names;
+  std::unordered_set<std::string_view> seen;
   for (const auto& entry : node_) {
-    if (!entry.first.IsScalar()) fail_at(file_, entry.first, path_, "a key must be plain text");
+    if (!entry.first.IsScalar())
+      pirt::fail_at(file_, entry.first, path_, "a key must be plain text");
     const std::string& name = entry.first.Scalar();
-    if (std::ranges::find(names, name) != names.end()) {
-      fail_at(file_, entry.first, child_path(path_, name), "given twice");
+    if (find_unprintable(name))
+      pirt::fail_at(file_, entry.first, path_, "a key must be one line of text");
+    if (!seen.insert(name).second) {
+      pirt::fail_at(file_, entry.first, child_path(path_, name), "given twice");
     }
     names.push_back(name);
   }
@@ -192,8 +218,8 @@ void YamlNode::check_keys(const std::vector<std::string>& allowed) const {
     if (std::ranges::find(allowed, name) != allowed.end()) continue;
     for (const auto& entry : node_) {
       if (entry.first.Scalar() != name) continue;
-      fail_at(file_, entry.first, child_path(path_, name),
-              "unknown key" + suggestion(name, allowed));
+      pirt::fail_at(file_, entry.first, child_path(path_, name),
+                    "unknown key" + suggestion(name, allowed));
     }
   }
 }
@@ -220,36 +246,43 @@ std::vector<YamlNode> YamlNode::items() const {
 
 std::string YamlNode::text() const {
   if (!node_.IsScalar()) fail("must be text, is " + std::string(kind_of(node_)));
+  if (find_unprintable(node_.Scalar())) fail("must be one line of text, without tabs");
   return node_.Scalar();
 }
 
+std::string YamlNode::paragraph() const {
+  if (!node_.IsScalar()) fail("must be text, is " + std::string(kind_of(node_)));
+  std::string line;
+  for (const char c : node_.Scalar()) {
+    const bool gap = c == ' ' || kLineBreaks.find(c) != std::string_view::npos;
+    if (!gap) {
+      line += c;
+    } else if (!line.empty() && line.back() != ' ') {
+      line += ' ';
+    }
+  }
+  if (line.ends_with(' ')) line.pop_back();
+  return line;
+}
+
+template <typename T>
+T YamlNode::number_of(const NumberRead<T>& read) const {
+  if (!node_.IsScalar()) fail("must be a number, is " + std::string(kind_of(node_)));
+  if (!is_plain(node_)) fail("must be a number without quotes, got '" + node_.Scalar() + "'");
+  if (!read.value) fail(read.problem);
+  return *read.value;
+}
+
 double YamlNode::number(double low, double high) const {
-  double value = 0;
-  const std::string text = node_.IsScalar() ? node_.Scalar() : "";
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (!is_plain(node_) || error != std::errc() || end != text.data() + text.size() ||
-      !std::isfinite(value)) {
-    fail("must be a finite number, got " + shown(node_));
-  }
-  if (value < low || value > high) {
-    const auto plain = [](double x) { return YAML::Dump(YAML::Node(x)); };
-    fail("must be between " + plain(low) + " and " + plain(high) + ", got " + text);
-  }
-  return value;
+  return number_of(decimal_number(scalar(), low, high));
+}
+
+Nanos YamlNode::milliseconds(double low_ms) const {
+  return number_of(pirt::milliseconds(scalar(), low_ms, kLongestMs));
 }
 
 std::int64_t YamlNode::integer(std::int64_t low, std::int64_t high) const {
-  std::int64_t value = 0;
-  const std::string text = node_.IsScalar() ? node_.Scalar() : "";
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (!is_plain(node_) || error != std::errc() || end != text.data() + text.size()) {
-    fail("must be a whole number, got " + shown(node_));
-  }
-  if (value < low || value > high) {
-    fail("must be between " + std::to_string(low) + " and " + std::to_string(high) + ", got " +
-         text);
-  }
-  return value;
+  return number_of(whole_number(scalar(), low, high));
 }
 
 bool YamlNode::boolean() const {

@@ -12,6 +12,9 @@
 #include <string_view>
 #include <vector>
 
+#include "workloads/base/numbers.h"
+#include "workloads/base/time.h"
+
 namespace pirt {
 
 /// A node with the file that it came from, so that every message can say file:line.
@@ -34,9 +37,14 @@ class YamlNode {
   [[nodiscard]] YamlNode at(std::string_view key) const;
   [[nodiscard]] std::vector<YamlNode> items() const;
 
+  /// One printable line.
   [[nodiscard]] std::string text() const;
-  /// Finite, within [low, high].
+  /// Text that may have several lines in the file, as one.
+  [[nodiscard]] std::string paragraph() const;
+  /// Numbers are what base/numbers.h reads, within [low, high].
   [[nodiscard]] double number(double low, double high) const;
+  /// A time in ms up to kLongestMs; @p low_ms is 0 or kNanosecondMs.
+  [[nodiscard]] Nanos milliseconds(double low_ms) const;
   [[nodiscard]] std::int64_t integer(std::int64_t low, std::int64_t high) const;
   [[nodiscard]] bool boolean() const;
   /// The node as YAML text, for those that keep a part of a file uninterpreted.
@@ -46,8 +54,16 @@ class YamlNode {
   [[nodiscard]] std::string location() const;
   /// @throws Error{kBadInput} "file:line: path: message".
   [[noreturn]] void fail(const std::string& message) const;
+  /// For readers of a part that have their own messages: the node, and failing at one below it.
+  [[nodiscard]] const YAML::Node& raw() const { return node_; }
+  [[noreturn]] void fail_at(const YAML::Node& below, const std::string& message) const;
 
  private:
+  /// "" for what is no scalar.
+  [[nodiscard]] const std::string& scalar() const { return node_.Scalar(); }
+  template <typename T>
+  [[nodiscard]] T number_of(const NumberRead<T>& read) const;
+
   std::string file_;
   YAML::Node node_;
   std::string path_;  ///< "units.cpu.slots", for messages.

@@ -16,16 +16,11 @@ namespace pirt {
 namespace {
 
 constexpr std::string_view kSuffix = ".yaml";
-constexpr double kMaxRate = 1e6;  // Hz
-constexpr double kMaxMs = 1e9;    // Eleven days, as in platform files.
+// Hz. At the least rate the second firing comes after eleven days: the time of any firing that a
+// run may reach, and of the one after it, is far inside int64 nanoseconds.
+constexpr double kMinRate = 1e-6;
+constexpr double kMaxRate = 1e6;
 constexpr std::int64_t kMaxCount = 1'000'000'000'000;
-
-/// A number above 0.
-double positive(const YamlNode& node, double high) {
-  const double value = node.number(0, high);
-  if (value <= 0) node.fail("must be above 0");
-  return value;
-}
 
 std::string checked_name(const YamlNode& node, const std::string& name) {
   if (name.empty()) node.fail("a name must not be empty");
@@ -54,7 +49,7 @@ void read_edge(const YamlNode& node, NamedTask& named) {
   }
   node.check_keys({"task", "bytes", "transfer_ms"});
   named.after.push_back(node.at("task").text());
-  if (node.has("transfer_ms")) edge.transfer = from_ms(node.at("transfer_ms").number(0, kMaxMs));
+  if (node.has("transfer_ms")) edge.transfer = node.at("transfer_ms").milliseconds(0);
   if (node.has("bytes")) {
     edge.bytes = node.at("bytes").integer(0, kMaxCount);
     named.task.input_bytes = named.task.input_bytes.value_or(0) + *edge.bytes;
@@ -71,9 +66,7 @@ void read_workload(const YamlNode& node, MixTask& task) {
 
 void read_service(const YamlNode& node, MixTask& task) {
   for (const auto& unit : node.keys()) {
-    const Nanos time = from_ms(positive(node.at(unit), kMaxMs));
-    if (time <= Nanos::zero()) node.at(unit).fail("must be at least 1e-6 (a nanosecond)");
-    task.service.emplace(unit, time);
+    task.service.emplace(unit, node.at(unit).milliseconds(kNanosecondMs));
   }
   if (task.service.empty()) node.fail("must give the time on at least one unit");
   task.service_location = node.location();
@@ -137,15 +130,17 @@ Edges resolve_edges(const std::vector<NamedTask>& tasks) {
                                   const Edges& edges, const std::vector<bool>& placed) {
   const auto start = static_cast<std::size_t>(std::ranges::find(placed, false) - placed.begin());
   std::vector<std::size_t> path;
-  for (std::size_t at = start; std::ranges::find(path, at) == path.end();) {
+  std::vector<bool> on_path(tasks.size(), false);
+  std::size_t at = start;
+  while (!on_path[at]) {
+    on_path[at] = true;
     path.push_back(at);
     at = *std::ranges::find_if(edges[at], [&](std::size_t each) { return !placed[each]; });
-    if (std::ranges::find(path, at) == path.end()) continue;
-    // Only the loop, closed, and in the direction of the data.
-    path.erase(path.begin(), std::ranges::find(path, at));
-    path.push_back(at);
-    std::ranges::reverse(path);
   }
+  // Only the loop, closed, and in the direction of the data.
+  path.erase(path.begin(), std::ranges::find(path, at));
+  path.push_back(at);
+  std::ranges::reverse(path);
   std::vector<std::string> names;
   names.reserve(path.size());
   for (const std::size_t each : path) names.push_back(tasks[each].task.name);
@@ -188,15 +183,15 @@ Pipeline read_pipeline(const YamlNode& node, const std::string& name) {
   pipeline.name = checked_name(node, name);
   if (node.has("rate_hz") == node.has("closed_loop"))
     node.fail("needs one of rate_hz and closed_loop");
-  if (node.has("rate_hz")) pipeline.rate_hz = positive(node.at("rate_hz"), kMaxRate);
+  if (node.has("rate_hz")) pipeline.rate_hz = node.at("rate_hz").number(kMinRate, kMaxRate);
   if (node.has("closed_loop")) {
     const auto loop = node.at("closed_loop");
     loop.check_keys({"frames"});
     pipeline.frames = loop.at("frames").integer(1, kMaxCount);
   }
   if (node.has("deadline_ms"))
-    pipeline.deadline = from_ms(positive(node.at("deadline_ms"), kMaxMs));
-  if (node.has("expires_ms")) pipeline.expires = from_ms(positive(node.at("expires_ms"), kMaxMs));
+    pipeline.deadline = node.at("deadline_ms").milliseconds(kNanosecondMs);
+  if (node.has("expires_ms")) pipeline.expires = node.at("expires_ms").milliseconds(kNanosecondMs);
   if (node.has("real_time")) pipeline.real_time = node.at("real_time").boolean();
   const auto eligible =
       node.has("eligible") ? read_eligible(node.at("eligible")) : std::vector<std::string>{};
@@ -238,7 +233,7 @@ Mix parse_mix(const std::string& file, const std::string& text) {
   document.check_keys({"mix", "description", "image_buffers", "pipelines"});
   Mix mix;
   mix.name = checked_name(document.at("mix"), document.at("mix").text());
-  if (document.has("description")) mix.description = document.at("description").text();
+  if (document.has("description")) mix.description = document.at("description").paragraph();
   if (document.has("image_buffers"))
     mix.image_buffers = document.at("image_buffers").integer(1, kMaxCount);
   const auto pipelines = document.at("pipelines");

@@ -1,7 +1,11 @@
 #include "scheduler/transfers.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
+#include "workloads/base/error.h"
+#include "workloads/base/numbers.h"
 #include "workloads/catalog.h"
 
 namespace pirt {
@@ -31,7 +35,15 @@ const Link* link_of(const Platform& platform, UnitId unit) {
 }
 
 Nanos sending_time(const Link& link, std::int64_t size_bytes) {
-  return Nanos(std::llround(static_cast<double>(size_bytes) * 8e3 / link.mbit_s));
+  const double ns = static_cast<double>(size_bytes) * 8e3 / link.mbit_s;
+  // Neither number is out of its range, but together they may be.
+  if (ns > kLongestMs * 1e6) {
+    throw_bad_input(fmt::format(
+        "sending {} bytes over link {} at {} Mbit/s takes more than {} ms; give fewer bytes in the "
+        "mix or a faster link in the platform file",
+        size_bytes, link.name, link.mbit_s, kLongestMs));
+  }
+  return Nanos(std::llround(ns));
 }
 
 CallBytes call_bytes(const MixTask& task) {

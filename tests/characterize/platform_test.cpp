@@ -120,6 +120,71 @@ TEST(Platform, SaysFileLineAndPathOfAWrongUnit) {
   EXPECT_THAT(refused_unit("backend: fake, script: text"), HasSubstr("must be a map"));
 }
 
+/// The platform with one number in each place that takes one; @p bad in the place called @p key.
+std::string with_number(const std::string& key, const std::string& bad) {
+  const auto number = [&](const std::string& name, const std::string& good) {
+    return name + ": " + (name == key ? bad : good);
+  };
+  return "platform: p\nunits:\n  cpu: {" + number("servers", "1") + ", " + number("slots", "1") +
+         ", " + number("active_w", "1") + ", " + number("idle_w", "0") + ",\n    energy: {" +
+         number("op_pj", "1") + ", " + number("byte_pj", "1") + ", " + number("call_j", "1") +
+         "}}\nlinks: {l: {" + number("mbit_s", "1") + ", " + number("latency_ms", "1") +
+         "}}\nworkloads:\n  sobel: {cpu: [{on: cpu, " + number("ms", "1") + "}, {" +
+         number("delay_ms", "{uniform: [0, 1]}") + "}]}\nmodes:\n  latency: {weights: {" +
+         number("cpu", "1") + "}, " + number("in_flight", "1") + ", stage_scale: {" +
+         number("cpu.execute", "1") + "}}\n";
+}
+
+TEST(Platform, RefusesEachNumberOutsideItsRange) {
+  EXPECT_EQ(parse(with_number("", "")).units.size(), 1U);
+  const auto expect_refused = [](const std::string& key, const std::string& bad) {
+    EXPECT_THAT(refused(with_number(key, bad)),
+                AllOf(StartsWith("p.yaml:"), HasSubstr(key + ": must be")))
+        << key << ": " << bad;
+  };
+  for (const char* key : {"servers", "slots", "in_flight"}) {
+    for (const char* bad : {"0", "-1", "1.5", "1e3", "010", "0x10", "1000001", "4294967297",
+                            "18446744073709551617", ".nan", "'1'", "many"}) {
+      expect_refused(key, bad);
+    }
+  }
+  for (const char* key :
+       {"active_w", "idle_w", "op_pj", "byte_pj", "call_j", "mbit_s", "cpu.execute"}) {
+    for (const char* bad : {"-1", "1e300", "1e-999", ".inf", ".nan", "010", "0x1", "+1", "'1'"}) {
+      expect_refused(key, bad);
+    }
+  }
+  for (const char* key : {"latency_ms", "ms", "delay_ms"}) {
+    for (const char* bad : {"1e-7", "1e-320", "-1", "1000000001", ".inf", ".nan", "010", "+1"}) {
+      expect_refused(key, bad);
+    }
+  }
+  EXPECT_THAT(refused(with_number("delay_ms", "{uniform: [0, 1e-7]}")),
+              HasSubstr("delay_ms.uniform[1]: must be 0 or at least 1e-06"));
+  EXPECT_EQ(parse(with_number("latency_ms", "0")).links.at("l").latency.mean(), Nanos(0));
+}
+
+TEST(Platform, SaysWhereInTheFileTheScriptOfAFakeUnitIsWrong) {
+  const auto with = [](const std::string& script) {
+    return refused("platform: p\nunits:\n  gpu:\n    backend: fake\n    script:\n      seed: 1\n" +
+                   script);
+  };
+  EXPECT_EQ(with("      device_init_ms: 1e-7\n"),
+            "p.yaml:7: units.gpu.script: a duration in ms must be 0 or at least 1e-06 (a "
+            "nanosecond), got 1e-7");
+  EXPECT_THAT(with("      cache_kb: 010\n"),
+              StartsWith("p.yaml:7: units.gpu.script: a size in kB"));
+  EXPECT_THAT(with("      devise: x\n"), HasSubstr("did you mean device"));
+}
+
+TEST(Platform, ReadsTextOfSeveralLinesAsOne) {
+  const auto platform = parse(
+      "platform: p\ndescription: |\n  one\n  two\nassumptions: >\n  a\n\n  b\nunits: {cpu: {}}\n");
+  EXPECT_EQ(platform.description, "one two");
+  EXPECT_EQ(platform.assumptions, "a b");
+  EXPECT_THAT(refused_unit("backend: fake, device: \"a\\nb\""), HasSubstr("units.cpu.device"));
+}
+
 TEST(Platform, RefusesFilesThatSayNothing) {
   EXPECT_THAT(refused("units: {cpu: {}}\n"), HasSubstr("missing key 'platform'"));
   EXPECT_THAT(refused("platform: p\n"), HasSubstr("missing key 'units'"));

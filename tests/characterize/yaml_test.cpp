@@ -45,7 +45,7 @@ TEST(Yaml, RefusesDocumentsThatAreNotOne) {
   EXPECT_THAT(refused_text("# only a comment\n"), HasSubstr("empty"));
   EXPECT_THAT(refused_text("---\n"), HasSubstr("empty"));
   EXPECT_THAT(refused_text("a: 1\n---\nb: 2\n"), HasSubstr("more than one document"));
-  EXPECT_THAT(refused_text(std::string("a: \0b", 5)), HasSubstr("not a text file"));
+  EXPECT_THAT(refused_text(std::string("a: \0b", 5)), HasSubstr("f.yaml:1: not a text file"));
 }
 
 TEST(Yaml, NamesTheNearestKey) {
@@ -66,21 +66,70 @@ TEST(Yaml, RefusesAKeyGivenTwice) {
 }
 
 TEST(Yaml, RefusesNumbersThatAreNot) {
-  for (const char* text : {"nan", ".nan", "inf", "-.inf", "1e999", "0x10", "1_000", "1.5.2", "two",
-                           "''", "'3'", "[3]", "~"}) {
+  for (const char* text : {"nan", ".nan", "inf", "-.inf", "1e999", "1e-999", "0x10", "0o10", "010",
+                           "+1", "1_000", "1.5.2", "two"}) {
     const auto node = parse(std::string("v: ") + text);
     EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("v").number(-1e300, 1e300)); }),
-                StartsWith("f.yaml:1: v: must be a finite number, got"))
+                StartsWith("f.yaml:1: v: must be a finite number in decimal notation, got"))
+        << text;
+    EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("v").milliseconds(0)); }),
+                StartsWith("f.yaml:1: v: must be a finite number in decimal notation, got"))
         << text;
     EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("v").integer(-9, 9)); }),
                 HasSubstr("whole number"))
+        << text;
+  }
+  for (const char* text : {"''", "'3'", "[3]", "{a: 3}", "~"}) {
+    const auto node = parse(std::string("v: ") + text);
+    EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("v").number(-1e300, 1e300)); }),
+                StartsWith("f.yaml:1: v: must be a number"))
+        << text;
+    EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("v").integer(-9, 9)); }),
+                StartsWith("f.yaml:1: v: must be a number"))
         << text;
   }
   EXPECT_THAT(bad_input([] { static_cast<void>(parse("v: 1.0").at("v").integer(0, 9)); }),
               HasSubstr("whole number"));
   EXPECT_THAT(
       bad_input([] { static_cast<void>(parse("v: 99999999999999999999").at("v").integer(0, 9)); }),
-      HasSubstr("whole number"));
+      HasSubstr("between 0 and 9"));
+}
+
+TEST(Yaml, ReadsTimesAndRoundsNoneToZero) {
+  const auto node = parse("a: 0\nb: 1e-6\nc: 1e-7\nd: 1.1e9");
+  EXPECT_EQ(node.at("a").milliseconds(0), Nanos(0));
+  EXPECT_EQ(node.at("b").milliseconds(kNanosecondMs), Nanos(1));
+  EXPECT_EQ(bad_input([&] { static_cast<void>(node.at("c").milliseconds(0)); }),
+            "f.yaml:3: c: must be 0 or at least 1e-06 (a nanosecond), got 1e-7");
+  EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("a").milliseconds(kNanosecondMs)); }),
+              HasSubstr("f.yaml:1: a: must be between"));
+  EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("d").milliseconds(0)); }),
+              HasSubstr("f.yaml:4: d: must be between"));
+}
+
+TEST(Yaml, RefusesBytesThatAreNoTextAtTheirLine) {
+  EXPECT_EQ(refused_text("a: 1\nb: caf\xe9\n"),
+            "f.yaml:2: not a text file: the byte \\xe9, which is not UTF-8");
+  EXPECT_EQ(refused_text("a: 1\n# \x1b[31m\n"),
+            "f.yaml:2: not a text file: the control character \\x1b");
+  EXPECT_THAT(refused_text("a: \x7f"), HasSubstr("f.yaml:1: not a text file"));
+  EXPECT_THAT(refused_text("a: \u009b"), HasSubstr("f.yaml:1: not a text file"));
+  // Written as escapes of YAML's own.
+  EXPECT_EQ(refused_text("a: 1\nb: [\"x\\x1b\"]\n"),
+            "f.yaml:2: the text has the control character \\x1b");
+  EXPECT_THAT(refused_text("\"k\\N\": 1"), HasSubstr("f.yaml:1: the text has the"));
+  EXPECT_EQ(parse("a: Π-RT µ 日本語\n").at("a").text(), "Π-RT µ 日本語");
+}
+
+TEST(Yaml, TellsALineOfTextFromAParagraph) {
+  const auto node = parse("a: \"x\\ny\"\nb: \"x\\ty\"\nc: |\n  one\n  two\n\n  three\n");
+  EXPECT_EQ(bad_input([&] { static_cast<void>(node.at("a").text()); }),
+            "f.yaml:1: a: must be one line of text, without tabs");
+  EXPECT_THAT(bad_input([&] { static_cast<void>(node.at("b").text()); }), HasSubstr("one line"));
+  EXPECT_EQ(node.at("a").paragraph(), "x y");
+  EXPECT_EQ(node.at("c").paragraph(), "one two three");
+  EXPECT_THAT(bad_input([] { static_cast<void>(parse("\"a\\nb\": 1").keys()); }),
+              HasSubstr("f.yaml:1: a key must be one line"));
 }
 
 TEST(Yaml, SaysTheRangeThatAValueIsOutOf) {
@@ -139,9 +188,9 @@ TEST(Yaml, SaysWhenAnOverrideIsToBlame) {
   EXPECT_EQ(bad_input([&] { node.check_keys({"active_w"}); }),
             "f.yaml (--set): units.cpu.activ_w: unknown key (did you mean active_w?)");
   const auto bad = with("cpu.active_w", "much").at("units").at("cpu").at("active_w");
-  EXPECT_THAT(
-      bad_input([&] { static_cast<void>(bad.number(0, 1)); }),
-      StartsWith("f.yaml (--set): units.cpu.active_w: must be a finite number, got 'much'"));
+  EXPECT_THAT(bad_input([&] { static_cast<void>(bad.number(0, 1)); }),
+              StartsWith("f.yaml (--set): units.cpu.active_w: must be a finite number in decimal "
+                         "notation, got 'much'"));
   EXPECT_THAT(bad_input([&] { static_cast<void>(with("cpuu.active_w", "1")); }),
               AllOf(HasSubstr("--set cpuu.active_w=1"), HasSubstr("did you mean cpu")));
   EXPECT_THAT(bad_input([&] { static_cast<void>(with("cpu.active_w.x", "1")); }),

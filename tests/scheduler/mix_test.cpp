@@ -89,11 +89,75 @@ TEST(Mix, PrintsTheCycle) {
 
 TEST(Mix, RefusesBadRates) {
   const std::string tasks = "\n    tasks: [{workload: fc8}]\n";
-  for (const char* rate : {"0", "-1", ".nan", "nan", ".inf", "1e300", "fast", "'3'", "[1]"}) {
+  for (const char* rate : {"0", "-1", ".nan", "nan", ".inf", "1e300", "fast", "'3'", "[1]", "1e-10",
+                           "1000001", "010", "0x10", "+1"}) {
     EXPECT_THAT(refused(pipeline(std::string("    rate_hz: ") + rate + tasks)),
                 HasSubstr("test.yaml:4: pipelines.p.rate_hz: "))
         << rate;
   }
+}
+
+/// The mix with one number in each place that takes one; @p bad in the place called @p key.
+std::string with_number(const std::string& key, const std::string& bad) {
+  const auto number = [&](const std::string& name, const std::string& good) {
+    return name + ": " + (name == key ? bad : good);
+  };
+  return "mix: m\n" + number("image_buffers", "1") + "\npipelines:\n  p:\n    " +
+         number("rate_hz", "1") + "\n    " + number("deadline_ms", "1") + "\n    " +
+         number("expires_ms", "1") + "\n    tasks:\n      - {name: a, workload: fc8}\n" +
+         "      - {name: b, after: [{task: a, " + number("bytes", "0") + ", " +
+         number("transfer_ms", "0") + "}], service_ms: {" + number("cpu", "1") + "}}\n" +
+         "  q: {closed_loop: {" + number("frames", "1") + "}, tasks: [{workload: fc8}]}\n";
+}
+
+TEST(Mix, RefusesEachNumberOutsideItsRangeAtItsLine) {
+  const std::vector<std::string> counts = {"image_buffers", "bytes", "frames"};
+  const std::vector<std::string> times = {"deadline_ms", "expires_ms", "transfer_ms", "cpu"};
+  EXPECT_EQ(mix_of(with_number("", "")).pipelines.size(), 2U);
+  const auto expect_refused = [](const std::string& key, const std::string& bad) {
+    const std::string yaml = with_number(key, bad);
+    const auto before = yaml.substr(0, yaml.find(key + ": "));
+    const auto line = 1 + std::ranges::count(before, '\n');
+    EXPECT_THAT(refused(yaml),
+                AllOf(testing::StartsWith("test.yaml:" + std::to_string(line) + ": "),
+                      HasSubstr(key + ": must be")))
+        << key << ": " << bad;
+  };
+  for (const auto& key : counts) {
+    for (const char* bad : {"-1", "1.5", "1e3", "010", "0x10", "1000000000001",
+                            "9223372036854775808", "18446744073709551617", ".nan", "'1'", "many"}) {
+      expect_refused(key, bad);
+    }
+  }
+  for (const auto& key : times) {
+    for (const char* bad : {"1e-7", "9.9e-7", "1e-320", "1e-999", "-1", "1000000001", "1e300",
+                            ".inf", ".nan", "010", "0x1", "+1", "'1'", "soon"}) {
+      expect_refused(key, bad);
+    }
+  }
+  // 0 is "none" for a transfer, and nothing for the others.
+  EXPECT_EQ(mix_of(with_number("transfer_ms", "0.0")).pipelines[0].tasks[1].edges[0].transfer,
+            Nanos(0));
+  for (const char* key : {"deadline_ms", "expires_ms", "cpu"}) expect_refused(key, "0");
+  EXPECT_EQ(mix_of(with_number("deadline_ms", "1e-6")).pipelines[0].deadline, Nanos(1));
+}
+
+TEST(Mix, RefusesNamesThatATerminalWouldObey) {
+  for (const char* name : {"\"a\\e[2J\"", "\"a\\nb\"", "\"a\\tb\"", "\"a\\Nb\""}) {
+    EXPECT_THAT(refused(std::string("mix: ") + name + "\npipelines: {}\n"),
+                testing::StartsWith("test.yaml:1: "))
+        << name;
+    EXPECT_THAT(refused(pipeline(std::string("    rate_hz: 1\n    tasks:\n      - {name: ") + name +
+                                 ", workload: fc8}\n")),
+                testing::StartsWith("test.yaml:6: "))
+        << name;
+    EXPECT_THAT(refused(std::string("mix: m\npipelines:\n  ") + name +
+                        ": {rate_hz: 1, tasks: [{workload: fc8}]}\n"),
+                testing::StartsWith("test.yaml:3: "))
+        << name;
+  }
+  EXPECT_THAT(refused("mix: caf\xe9\npipelines: {}\n"),
+              testing::StartsWith("test.yaml:1: not a text file"));
 }
 
 TEST(Mix, NamesTheNearestWorkloadTaskAndKey) {
@@ -121,7 +185,7 @@ TEST(Mix, RefusesWhatCannotRun) {
   EXPECT_THAT(refused(pipeline("    closed_loop: {frames: 1.5}\n" + task)),
               HasSubstr("whole number"));
   EXPECT_THAT(refused(pipeline("    rate_hz: 1\n    deadline_ms: 0\n" + task)),
-              HasSubstr("above 0"));
+              HasSubstr("deadline_ms: must be between"));
   EXPECT_THAT(refused(pipeline("    rate_hz: 1\n    eligible: []\n" + task)),
               HasSubstr("at least one unit"));
   EXPECT_THAT(refused(pipeline("    rate_hz: 1\n    tasks: [{workload: fc8}, {workload: fc8}]\n")),

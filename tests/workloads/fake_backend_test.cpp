@@ -257,15 +257,31 @@ TEST(FakeScript, RefusesWhatItDoesNotUnderstand) {
       {"stages: {a: []}", "at least one entry"},
       {"stages: {a: [{ms: {uniform: [2, 1]}}]}", "high below low"},
       {"stages: {a: [{ms: {normal: [2, 1]}}]}", "expected ms: 1.5 or"},
-      {"device_init_ms: -1", "not within 0"},
-      {"device_init_ms: .nan", "not within 0"},
-      {"device_init_ms: 1e300", "not within 0"},
-      {"device_init_ms: soon", "'soon' is not a duration"},
+      {"device_init_ms: -1", "a duration in ms must be between 0 and"},
+      {"device_init_ms: .nan", "a duration in ms must be a finite number"},
+      {"device_init_ms: 1e300", "a duration in ms must be between 0 and"},
+      {"device_init_ms: soon", "must be a finite number in decimal notation, got 'soon'"},
+      {"device_init_ms: 1e-7", "must be 0 or at least"},
+      {"device_init_ms: '1'", "expected a duration in ms"},
+      {"device: x\nseed: 010", "fake script:2: a seed must be a whole number"},
+      {"seed: -1", "a seed must be between 0 and 18446744073709551615, got -1"},
+      {"seed: 18446744073709551616", "a seed must be between 0 and 18446744073709551615"},
+      {"cache_kb: 0", "a size in kB must be between 1 and"},
+      {"cache_kb: 9223372036854775807", "a size in kB must be between 1 and"},
+      {"cache_kb: 0x10", "a size in kB must be a whole number"},
+      {"process_factors: [1, 0]", "a factor must be between 0.001 and 1000, got 0"},
+      {"process_factors: [.inf]", "a factor must be a finite number"},
+      {"peaks_g_s: {f32: 1e-300}", "a rate in 1e9 a second must be between"},
+      {"peaks_g_s: {f32: 0}", "a rate in 1e9 a second must be between"},
+      {"wrong_output_after: {a: -1}", "a number of calls must be between 0 and"},
+      {"device: \"a\\nb\"", "text must be one line of text"},
+      {"crash: [\"a\\x1bb\"]", "a name must be one line of text"},
       {"prepare_ms: {hot: 1}", "unknown key 'hot'"},
       {"crash: sobel", "expected a list"},
       {"- a", "expected a map"},
       {"crash: [a", "fake script:"},
-      {"wrong_output_after: {a: many}", "'many' is not a number of calls"}};
+      {"wrong_output_after: {a: many}",
+       "a number of calls must be a whole number in plain digits, got 'many'"}};
   for (const auto& [text, expected] : cases) {
     const std::string& script = text;  // a lambda cannot capture a binding
     EXPECT_THAT(
@@ -274,6 +290,15 @@ TEST(FakeScript, RefusesWhatItDoesNotUnderstand) {
         << script;
   }
   EXPECT_EQ(fake::parse_script("").device, "fake device");
+}
+
+TEST(FakeBackend, RefusesTimesThatDoNotAddUpInsteadOfWrappingRound) {
+  Prepared fake("samples_ms: {pool5: [1e9]}\nprocess_factors: [1000]");
+  EXPECT_THAT(error_of(ErrorCode::kBadInput,
+                       [&] {
+                         for (int i = 0; i < 10; ++i) fake.kernel->execute(1);
+                       }),
+              HasSubstr("add up to 292 years"));
 }
 
 }  // namespace

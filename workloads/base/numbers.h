@@ -37,6 +37,9 @@ template <std::integral T>
 
 /// A nanosecond, the least time above 0 that a file or an option can say.
 inline constexpr double kNanosecondMs = 1e-6;
+/// The longest one, eleven days: longer is a slip of the pen, and sums of thousands of them stay
+/// inside int64 nanoseconds.
+inline constexpr double kLongestMs = 1e9;
 
 /// A time in ms. What lies between 0 and a nanosecond is refused, not rounded to 0.
 /// @param low_ms   0 (an exact 0 is good) or at least kNanosecondMs.

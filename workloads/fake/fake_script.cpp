@@ -1,44 +1,58 @@
 #include "workloads/fake/fake_script.h"
 
 #include <fmt/format.h>
-#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
-#include <cmath>
 #include <functional>
+#include <limits>
 
 #include "workloads/base/error.h"
+#include "workloads/base/numbers.h"
+#include "workloads/base/printable.h"
 #include "workloads/base/text.h"
 
 namespace pirt::fake {
 namespace {
 
-constexpr double kLongestMs = 86'400'000;  // a day: longer is a slip of the pen
-
-[[noreturn]] void fail(const YAML::Mark& mark, const std::string& message) {
-  throw_bad_input(fmt::format("fake script:{}: {}", mark.line + 1, message));
-}
+constexpr double kMinFactor = 1e-3;
+constexpr double kMaxFactor = 1e3;
+// In 1e9 a second; at the least of them, as many repeats as an int holds fit int64 nanoseconds.
+constexpr double kMinRate = 1e-3;
+constexpr double kMaxRate = 1e9;
+constexpr std::int64_t kMaxCacheKb = 1'000'000'000;
+constexpr std::int64_t kMaxCalls = 1'000'000'000'000;
+constexpr std::uint64_t kMaxSeed = std::numeric_limits<std::uint64_t>::max();
 
 [[noreturn]] void fail(const YAML::Node& node, const std::string& message) {
-  fail(node.Mark(), message);
+  throw ScriptError(node, message);
+}
+
+std::string text_of(const YAML::Node& node, const char* wanted) {
+  if (!node.IsScalar()) fail(node, fmt::format("expected {}", wanted));
+  const auto found = find_unprintable(node.Scalar());
+  if (found) fail(node, fmt::format("{} must be one line of text", wanted));
+  return node.Scalar();
+}
+
+/// @param read  Of the node's text.
+template <typename T>
+T number_of(const YAML::Node& node, const char* what, const NumberRead<T>& read) {
+  if (!node.IsScalar() || node.Tag() == "!") fail(node, fmt::format("expected {}", what));
+  if (!read.value) fail(node, fmt::format("{} {}", what, read.problem));
+  return *read.value;
 }
 
 template <typename T>
-T scalar(const YAML::Node& node, const char* wanted) {
-  if (!node.IsScalar()) fail(node, fmt::format("expected {}", wanted));
-  try {
-    return node.as<T>();
-  } catch (const YAML::Exception&) {
-    fail(node, fmt::format("'{}' is not {}", node.Scalar(), wanted));
-  }
+T whole(const YAML::Node& node, const char* what, T low, T high) {
+  return number_of(node, what, whole_number(node.Scalar(), low, high));
+}
+
+double decimal(const YAML::Node& node, const char* what, double low, double high) {
+  return number_of(node, what, decimal_number(node.Scalar(), low, high));
 }
 
 Nanos duration(const YAML::Node& node) {
-  const auto ms = scalar<double>(node, "a duration in ms");
-  if (!std::isfinite(ms) || ms < 0 || ms > kLongestMs) {
-    fail(node, fmt::format("'{}' ms is not within 0 and {} ms", node.Scalar(), kLongestMs));
-  }
-  return from_ms(ms);
+  return number_of(node, "a duration in ms", milliseconds(node.Scalar(), 0, kLongestMs));
 }
 
 const YAML::Node& sequence(const YAML::Node& node) {
@@ -53,13 +67,13 @@ const YAML::Node& map(const YAML::Node& node) {
 
 std::set<std::string> names(const YAML::Node& node) {
   std::set<std::string> result;
-  for (const auto& item : sequence(node)) result.insert(scalar<std::string>(item, "a name"));
+  for (const auto& item : sequence(node)) result.insert(text_of(item, "a name"));
   return result;
 }
 
 Phase stage_phase(const YAML::Node& node) {
   const std::vector<std::string> known = {"upload", "launch", "execute", "download"};
-  const auto name = scalar<std::string>(node, "a stage name");
+  const auto name = text_of(node, "a stage name");
   const auto phase = phase_from_string(name);
   if (!phase || std::ranges::find(known, name) == known.end()) {
     fail(node, fmt::format("stage '{}' of a fake unit{}", name, suggestion(name, known)));
@@ -71,7 +85,7 @@ ScriptedStage stage(const YAML::Node& node) {
   ScriptedStage result;
   std::optional<YAML::Node> ms;
   for (const auto& entry : map(node)) {
-    const auto key = scalar<std::string>(entry.first, "a key");
+    const auto key = text_of(entry.first, "a key");
     if (key == "name") {
       result.phase = stage_phase(entry.second);
     } else if (key == "ms") {
@@ -101,7 +115,7 @@ void read_prepare(const YAML::Node& node, Script& script) {
     return;
   }
   for (const auto& entry : map(node)) {
-    const auto key = scalar<std::string>(entry.first, "a key");
+    const auto key = text_of(entry.first, "a key");
     if (key != "cold" && key != "warm") {
       fail(entry.first, fmt::format("unknown key '{}' of prepare_ms (known: cold, warm)", key));
     }
@@ -113,17 +127,13 @@ void read_peaks(const YAML::Node& node, Script& script) {
   std::vector<std::string> known;
   for (const PeakKind kind : kAllPeakKinds) known.emplace_back(to_string(kind));
   for (const auto& entry : map(node)) {
-    const auto key = scalar<std::string>(entry.first, "a key");
+    const auto key = text_of(entry.first, "a key");
     const auto kind = peak_kind_from_string(key);
     if (!kind) {
       fail(entry.first,
            fmt::format("unknown key '{}' of peaks_g_s{}", key, suggestion(key, known)));
     }
-    const auto rate = scalar<double>(entry.second, "a rate in 1e9 a second");
-    if (!std::isfinite(rate) || rate <= 0) {
-      fail(entry.second, fmt::format("'{}' is not a rate above 0", entry.second.Scalar()));
-    }
-    script.peaks[*kind] = rate * 1e9;
+    script.peaks[*kind] = 1e9 * decimal(entry.second, "a rate in 1e9 a second", kMinRate, kMaxRate);
   }
 }
 
@@ -132,7 +142,7 @@ template <typename T>
 std::map<std::string, std::vector<T>> lists(const YAML::Node& node, T (*item)(const YAML::Node&)) {
   std::map<std::string, std::vector<T>> result;
   for (const auto& entry : map(node)) {
-    auto& list = result[scalar<std::string>(entry.first, "a workload's name")];
+    auto& list = result[text_of(entry.first, "a workload's name")];
     for (const auto& element : sequence(entry.second)) list.push_back(item(element));
     if (list.empty()) fail(entry.second, "expected at least one entry");
   }
@@ -141,9 +151,7 @@ std::map<std::string, std::vector<T>> lists(const YAML::Node& node, T (*item)(co
 
 void read_factors(const YAML::Node& node, Script& script) {
   for (const auto& element : sequence(node)) {
-    const auto factor = scalar<double>(element, "a factor");
-    if (!(factor > 0 && factor <= 1000)) fail(element, "expected a factor above 0, at most 1000");
-    script.process_factors.push_back(factor);
+    script.process_factors.push_back(decimal(element, "a factor", kMinFactor, kMaxFactor));
   }
 }
 
@@ -154,9 +162,8 @@ Reader name_list(std::set<std::string> Script::*member) {
 }
 
 Reader text(std::string Script::*member) {
-  return [member](const YAML::Node& node, Script& script) {
-    script.*member = scalar<std::string>(node, "text");
-  };
+  return
+      [member](const YAML::Node& node, Script& script) { script.*member = text_of(node, "text"); };
 }
 
 std::map<std::string, Reader> readers() {
@@ -171,15 +178,16 @@ std::map<std::string, Reader> readers() {
       {"peaks_g_s", read_peaks},
       {"cache_kb",
        [](const auto& n, Script& s) {
-         s.cache_bytes = scalar<std::int64_t>(n, "a size in kB") * 1024;
+         s.cache_bytes = whole(n, "a size in kB", std::int64_t{1}, kMaxCacheKb) * 1024;
        }},
-      {"seed", [](const auto& n, Script& s) { s.seed = scalar<std::uint64_t>(n, "a seed"); }},
-      {"fail_open", [](const auto& n, Script& s) { s.fail_open = scalar<std::string>(n, "text"); }},
+      {"seed",
+       [](const auto& n, Script& s) { s.seed = whole(n, "a seed", std::uint64_t{0}, kMaxSeed); }},
+      {"fail_open", [](const auto& n, Script& s) { s.fail_open = text_of(n, "text"); }},
       {"wrong_output_after",
        [](const auto& n, Script& s) {
          for (const auto& entry : map(n)) {
-           s.wrong_output_after[scalar<std::string>(entry.first, "a workload's name")] =
-               scalar<std::int64_t>(entry.second, "a number of calls");
+           s.wrong_output_after[text_of(entry.first, "a workload's name")] =
+               whole(entry.second, "a number of calls", std::int64_t{0}, kMaxCalls);
          }
        }},
       {"unsupported", name_list(&Script::unsupported)},
@@ -192,12 +200,8 @@ std::map<std::string, Reader> readers() {
   };
 }
 
-YAML::Node load(const std::string& yaml) {
-  try {
-    return YAML::Load(yaml);
-  } catch (const YAML::Exception& error) {
-    fail(error.mark, error.msg);
-  }
+[[noreturn]] void fail_at(const YAML::Mark& mark, const std::string& message) {
+  throw_bad_input(fmt::format("fake script:{}: {}", mark.line + 1, message));
 }
 
 }  // namespace
@@ -212,13 +216,12 @@ const std::vector<ScriptedStage>& Script::stages_of(const std::string& workload)
   return it == stages.end() ? kDefault : it->second;
 }
 
-Script parse_script(const std::string& yaml) {
+Script read_script(const YAML::Node& root) {
   Script script;
-  const YAML::Node root = load(yaml);
   if (root.IsNull()) return script;
   const auto known = readers();
   for (const auto& entry : map(root)) {
-    const auto key = scalar<std::string>(entry.first, "a key");
+    const auto key = text_of(entry.first, "a key");
     const auto it = known.find(key);
     if (it == known.end()) {
       std::vector<std::string> keys;
@@ -229,6 +232,16 @@ Script parse_script(const std::string& yaml) {
     it->second(entry.second, script);
   }
   return script;
+}
+
+Script parse_script(const std::string& yaml) {
+  try {
+    return read_script(YAML::Load(yaml));
+  } catch (const ScriptError& error) {
+    fail_at(error.node().Mark(), error.what());
+  } catch (const YAML::Exception& error) {
+    fail_at(error.mark, error.msg);
+  }
 }
 
 }  // namespace pirt::fake

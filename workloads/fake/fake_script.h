@@ -26,9 +26,13 @@
 // with stages lacks the phases that are not among them.
 #pragma once
 
+#include <yaml-cpp/yaml.h>
+
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <set>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -64,9 +68,22 @@ struct Script {
   [[nodiscard]] const std::vector<ScriptedStage>& stages_of(const std::string& workload) const;
 };
 
-/// @throws Error{kBadInput} "fake script:LINE: ..." for broken syntax, an unknown key (with the
-/// nearest ones), a wrong type, or a duration
-///         that is negative, not finite or longer than a day.
+/// What is wrong with a script, for those that know where it is written.
+class ScriptError : public std::runtime_error {
+ public:
+  ScriptError(const YAML::Node& node, const std::string& message)
+      : std::runtime_error(message), node_(node) {}
+  [[nodiscard]] const YAML::Node& node() const { return node_; }
+
+ private:
+  YAML::Node node_;
+};
+
+/// @throws ScriptError for an unknown key (with the nearest ones), a wrong type, a number outside
+/// its range (times: 0, or a nanosecond to eleven days).
+[[nodiscard]] Script read_script(const YAML::Node& root);
+
+/// @throws Error{kBadInput} "fake script:LINE: ..." for broken syntax and what read_script refuses.
 [[nodiscard]] Script parse_script(const std::string& text);
 
 }  // namespace pirt::fake
