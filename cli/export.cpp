@@ -51,16 +51,16 @@ std::string exported(const Options& options) {
   if (options.format == "json") {
     auto json = export_json(load());
     json["schema_version"] = 1;
-    return json.dump(1) + "\n";
+    return json_text(json, 1);
   }
   if (options.format == "history") {
     const auto result = export_history(load());
     for (const auto& row : result.left_out) warn("not exported, since it is not valid: " + row);
-    return result.json.dump(1) + "\n";
+    return json_text(result.json, 1);
   }
   const auto result = export_google_benchmark(load());
   for (const auto& row : result.left_out) warn("not exported, since it is not valid: " + row);
-  return result.json.dump(1) + "\n";
+  return json_text(result.json, 1);
 }
 
 int run_export(const Options& options) {

@@ -9,6 +9,7 @@
 
 #include "cli/commands.h"
 #include "workloads/base/error.h"
+#include "workloads/base/printable.h"
 #include "workloads/base/text.h"
 
 namespace pirt::cli {
@@ -105,13 +106,14 @@ int main(int argc, char** argv) {
   try {
     return pirt::cli::run(argc, argv);
   } catch (const pirt::Error& error) {
-    std::fprintf(stderr, "pirt: %s\n", error.what());
+    std::fprintf(stderr, "pirt: %s\n", pirt::printable(error.what()).c_str());
     return pirt::exit_code(error.code());
   } catch (const std::bad_alloc&) {
     std::fputs("pirt: out of memory\n", stderr);
     return pirt::kExitEnvironment;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "pirt: internal error: %s (please report this)\n", error.what());
+    std::fprintf(stderr, "pirt: internal error: %s (please report this)\n",
+                 pirt::printable(error.what()).c_str());
     return pirt::kExitEnvironment;
   }
 }

@@ -8,26 +8,34 @@
 #include <filesystem>
 
 #include "workloads/base/error.h"
+#include "workloads/base/printable.h"
 #include "workloads/base/text.h"
 
 namespace pirt::cli {
 namespace {
 
+/// Files and pipes get what there is; a terminal would obey it.
 void write_stdout(const std::string& text) {
-  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0) {
+  const std::string shown = ::isatty(STDOUT_FILENO) == 1 ? printable(text, "\n\t") : text;
+  if (std::fwrite(shown.data(), 1, shown.size(), stdout) != shown.size() ||
+      std::fflush(stdout) != 0) {
     throw_environment(std::string("cannot write to standard output: ") + std::strerror(errno));
   }
 }
 
 }  // namespace
 
+std::string json_text(const nlohmann::ordered_json& json, int indent) {
+  return json.dump(indent, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
 void emit(const std::string& text, const nlohmann::ordered_json& json,
           const std::optional<std::string>& json_target) {
   if (json_target == "-") {
-    write_stdout(json.dump(2) + "\n");
+    write_stdout(json_text(json));
     return;
   }
-  if (json_target) write_file(*json_target, json.dump(2) + "\n");
+  if (json_target) write_file(*json_target, json_text(json));
   write_stdout(text);
 }
 
@@ -46,7 +54,9 @@ void refuse_same_file(const std::string& a, const std::string& b, const std::str
   }
 }
 
-void warn(const std::string& message) { std::fprintf(stderr, "warning: %s\n", message.c_str()); }
+void warn(const std::string& message) {
+  std::fprintf(stderr, "warning: %s\n", printable(message).c_str());
+}
 
 void warn_all(std::span<const std::string> messages) {
   for (const auto& message : messages) warn(message);

@@ -9,6 +9,10 @@
 
 namespace pirt::cli {
 
+/// With a newline. File names need not be UTF-8, and JSON has to be: their other bytes become
+/// U+FFFD.
+[[nodiscard]] std::string json_text(const nlohmann::ordered_json& json, int indent = 2);
+
 /// Prints @p text unless JSON takes stdout, and writes @p json where `--json` says.
 /// @param json_target  FILE or "-"; absent = no JSON.
 void emit(const std::string& text, const nlohmann::ordered_json& json,

@@ -86,7 +86,7 @@ void write(const Options& options, const Document& document, nlohmann::ordered_j
   const auto format = parse_format(options.format);
   json["schema_version"] = 1;
   if (!format) {
-    emit_text(json.dump(2) + "\n", options.output);
+    emit_text(json_text(json), options.output);
   } else if (options.output) {
     emit_text(render(document, *format), options.output);
     if (options.json) emit("", json, options.json);

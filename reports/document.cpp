@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "workloads/base/printable.h"
+
 namespace pirt {
 namespace {
 
@@ -58,7 +60,7 @@ std::string escape_markdown(std::string_view text) {
   std::string out;
   for (const char c : text) {
     if (c == '|' || c == '*' || c == '_' || c == '`' || c == '<' || c == '\\') out += '\\';
-    out += c == '\n' ? ' ' : c;
+    out += c;
   }
   return out;
 }
@@ -155,6 +157,19 @@ std::string render_part(const Table& table, Format format) {
   return {};
 }
 
+void make_printable(std::vector<std::string>& texts) {
+  for (auto& text : texts) text = printable(text);
+}
+
+void make_printable(Paragraph& paragraph) { make_printable(paragraph.lines); }
+
+void make_printable(Table& table) {
+  table.title = printable(table.title);
+  for (auto& column : table.columns) column.header = printable(column.header);
+  for (auto& row : table.rows) make_printable(row);
+  make_printable(table.footnotes);
+}
+
 }  // namespace
 
 std::size_t display_width(std::string_view text) {
@@ -162,7 +177,14 @@ std::size_t display_width(std::string_view text) {
       text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
 }
 
-std::string render(const Document& document, Format format) {
+std::string render(const Document& given, Format format) {
+  // Names may come from files of others; a terminal obeys control characters, and a line break in
+  // a cell would make a row of it.
+  Document document = given;
+  document.title = printable(document.title);
+  for (auto& part : document.parts) {
+    std::visit([](auto& each) { make_printable(each); }, part);
+  }
   std::string out;
   switch (format) {
     case Format::kText:

@@ -38,8 +38,8 @@ struct Document {
 enum class Format : std::uint8_t { kText, kMarkdown, kHtml };
 
 /// A whole document, ending in a newline. HTML is one self-contained page; everything from outside
-/// is escaped.
-[[nodiscard]] std::string render(const Document& document, Format format);
+/// is escaped. What is not printable (base/printable.h) shows as escapes in every format.
+[[nodiscard]] std::string render(const Document& given, Format format);
 
 /// Columns that a terminal needs for @p text: code points (none here is wide or combining).
 [[nodiscard]] std::size_t display_width(std::string_view text);

@@ -1,6 +1,7 @@
 // Bad input of each kind: exit 2, one clear message with the remedy, nothing written.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 
@@ -98,6 +99,88 @@ TEST(BadYaml, SaysFileAndLine) {
       run("mix: a\npipelines:\n  p: {rate_hz: 1, tasks: [{name: t, workload: sobell}]}\n"),
       {"m.yaml:3", "sobell", "sobel"});
   expect_refused(run(""), {"m.yaml"});
+}
+
+constexpr const char* kMix =
+    "mix: piped\npipelines: {p: {closed_loop: {frames: 1}, tasks: [{workload: sobel}]}}\n";
+
+TEST(Inputs, APipeThatTheUserNamesIsRead) {
+  const Scratch scratch;
+  const auto mix = scratch.write("m.yaml", kMix);
+  const std::string command =
+      quoted(PIRT_BINARY) + " schedule --mode met --platform fake --json - --mix ";
+  for (const auto& script :
+       {"cat " + quoted(mix) + " | " + command + "/dev/stdin",
+        "mkfifo " + quoted(scratch.file("fifo")) + "; cat " + quoted(mix) + " >" +
+            quoted(scratch.file("fifo")) + " & " + command + quoted(scratch.file("fifo"))}) {
+    const auto outcome = run(script);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    EXPECT_EQ(outcome.json()["mix"], "piped");
+  }
+}
+
+TEST(Inputs, WaitingForAPipeEndsBySignal) {
+  const Scratch scratch;
+  const auto outcome =
+      run("mkfifo " + quoted(scratch.file("f")) + "; timeout -s TERM 1 " + quoted(PIRT_BINARY) +
+          " schedule --mode met --platform fake --mix " + quoted(scratch.file("f")));
+  EXPECT_EQ(outcome.exit_code, 124) << outcome.err;  // as timeout(1) says it
+}
+
+TEST(Inputs, WithoutAnEndOrThatAreNoFilesAreRefused) {
+  const Scratch scratch;
+  std::filesystem::create_directory(scratch.file("folder.yaml"));
+  scratch.write("long.yaml", "");
+  std::filesystem::resize_file(scratch.file("long.yaml"), (std::uintmax_t{64} << 20) + 1);
+  const std::vector<std::pair<std::string, std::string>> inputs = {
+      {"/dev/zero", "device"},
+      {scratch.file("folder.yaml"), "Is a directory"},
+      {scratch.file("long.yaml"), "longer than the 64 MiB"}};
+  for (const auto& [path, part] : inputs) {
+    expect_refused(pirt({"schedule", "--mode", "met", "--platform", "fake", "--mix", path}),
+                   {path, part});
+    expect_refused(pirt({"schedule", "--mode", "met", "--platform", path}), {path, part});
+    if (path != scratch.file("long.yaml")) {
+      expect_refused(pirt({"replay", path}), {path, part});
+    }
+  }
+}
+
+TEST(Names, ThatATerminalWouldObeyAreShownAsEscapes) {
+  expect_refused(pirt({"schedule", "--mode", "lat\x1b[2Jency\n", "--platform", "fake"}),
+                 {"lat\\x1b[2Jency\\n"});
+  expect_refused(pirt({"report", "none\x1b[2J\xff.db"}), {"none\\x1b[2J\\xff.db"});
+  const Scratch scratch;
+  const auto platform = scratch.write("p.yaml", "platform: p\nunits: {cpu: {servers: 1}}\n");
+  expect_refused(pirt({"schedule", "--platform", platform, "--mix",
+                       scratch.write("m.yaml", "mix: caf\xe9\npipelines: {}\n"), "--mode", "met",
+                       "--trace", scratch.file("t.json")}),
+                 {"m.yaml:1: not a text file", "\\xe9"});
+  EXPECT_FALSE(std::filesystem::exists(scratch.file("t.json")));
+}
+
+TEST(Names, InARunOfOthersAreShownAsEscapes) {
+  const Scratch scratch;
+  const auto mix = scratch.write("m.yaml", kMix);
+  auto run_json =
+      pirt({"schedule", "--mode", "met", "--platform", "fake", "--mix", mix, "--json", "-"}).json();
+  auto& units = run_json["units"];
+  units["cpu\x1b[2J\nx"] = units["cpu"];
+  units.erase("cpu");
+  const auto made = pirt({"characterize", "--quick", "--platform", "fake", "--filter", "^pool5$",
+                          "--db", scratch.file("p.db")});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const auto outcome = pirt(
+      {"report", scratch.file("p.db"), "--mix", mix, scratch.write("run.json", run_json.dump())});
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("cpu\\x1b[2J\\nx"));
+  EXPECT_EQ(outcome.out.find('\x1b'), std::string::npos);
+}
+
+TEST_F(BadImages, FolderWithAPipeInIt) {
+  std::filesystem::create_directory(scratch_.file("folder"));
+  ASSERT_EQ(::mkfifo(scratch_.file("folder/a.png").c_str(), 0600), 0);
+  expect_refused(characterize(scratch_.file("folder")), {"a.png", "not a regular file"});
 }
 
 class BadDatabase : public testing::Test {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "reports/figures.h"
+#include "workloads/base/printable.h"
 
 namespace pirt {
 namespace {
@@ -34,6 +35,21 @@ TEST(Document, EscapesHtml) {
   EXPECT_EQ(html.find("<script>"), std::string::npos);
   EXPECT_NE(html.find("&lt;script&gt;"), std::string::npos);
   EXPECT_NE(html.find("a &amp; &quot;b&quot;"), std::string::npos);
+}
+
+TEST(Document, ShowsControlCharactersAndBrokenUtf8AsEscapes) {
+  const Document document{
+      .title = "T\x1b[2J",
+      .parts = {Paragraph{{"one\ntwo"}}, Table{.title = "F\x7f",
+                                               .columns = {{"name\r", Align::kLeft}},
+                                               .rows = {{"\u009b31m"}, {"caf\xe9"}},
+                                               .footnotes = {"tab\there"}}}};
+  EXPECT_EQ(render(document, Format::kText),
+            "T\\x1b[2J\n\none\\ntwo\n\nF\\x7f\nname\\r\n───────────\n\\xc2\\x9b31m\ncaf\\xe9\n"
+            "tab\\there\n");
+  for (const auto format : {Format::kText, Format::kMarkdown, Format::kHtml}) {
+    EXPECT_FALSE(find_unprintable(render(document, format), "\n"));
+  }
 }
 
 TEST(Figures, KeepThreeSignificantDigits) {
