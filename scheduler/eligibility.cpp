@@ -32,13 +32,15 @@ std::vector<std::string> unit_reasons(const Platform& platform,
   return reasons;
 }
 
-/// Whether some task of the workload has to be served on the robot.
-bool needed_locally(const Mix& mix, const std::string& workload, CloudUse cloud_use) {
-  if (cloud_use == CloudUse::kAll) return false;
-  return std::ranges::any_of(mix.pipelines, [&](const Pipeline& pipeline) {
-    return (pipeline.real_time || cloud_use == CloudUse::kNone) &&
-           std::ranges::find(pipeline.tasks, workload, &MixTask::workload) != pipeline.tasks.end();
-  });
+/// Workloads of which some task has to be served on the robot.
+std::set<std::string_view> needed_locally(const Mix& mix, CloudUse cloud_use) {
+  std::set<std::string_view> needed;
+  if (cloud_use == CloudUse::kAll) return needed;
+  for (const auto& pipeline : mix.pipelines) {
+    if (!pipeline.real_time && cloud_use != CloudUse::kNone) continue;
+    for (const auto& task : pipeline.tasks) needed.insert(task.workload);
+  }
+  return needed;
 }
 
 /// What to do about workloads that no unit serves.
@@ -141,13 +143,14 @@ void check_every_workload_served(const Platform& platform, const Profile* profil
   UnitMask cloud = 0;
   for (UnitId unit = 0; unit < platform.units.size(); ++unit)
     cloud |= is_cloud(platform, unit) ? unit_bit(unit) : 0;
+  const auto needed = needed_locally(mix, cloud_use);
   std::vector<std::string> missing;
   std::string reasons;
   for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {
     const auto& name = services.workloads[workload];
     const UnitMask served = services.units_of(workload);
     if ((served & ~cloud) != 0) continue;
-    if (served != 0 && !needed_locally(mix, name, cloud_use)) continue;
+    if (served != 0 && !needed.contains(name)) continue;
     if (missing.empty()) reasons = join(unit_reasons(platform, services.entries[workload]), "; ");
     missing.push_back(name);
   }

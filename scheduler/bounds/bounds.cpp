@@ -46,14 +46,33 @@ void for_each_choice(const Work& work, const Function& function) {
   }
 }
 
-/// The variables of one task, with @p coefficient each.
-Terms terms_of_task(const Work& work, std::size_t pipeline, std::size_t task, double coefficient) {
-  Terms terms;
-  for_each_choice(work, [&](std::size_t p, std::size_t t, const UnitWork&, int variable) {
-    if (p == pipeline && t == task) terms.emplace_back(variable, coefficient);
-  });
-  return terms;
-}
+/// The variables of each task: by pipeline and task, the first and how many.
+class TaskVariables {
+ public:
+  explicit TaskVariables(const Work& work) {
+    int next = 0;
+    for (const PipelineWork& pipeline : work.pipelines) {
+      auto& row = ranges_.emplace_back();
+      for (const TaskWork& task : pipeline.tasks) {
+        const int count = static_cast<int>(task.units.size());
+        row.push_back({next, count});
+        next += count;
+      }
+    }
+  }
+
+  /// Those of one task, with @p coefficient each.
+  void add(std::size_t pipeline, std::size_t task, double coefficient, Terms& terms) const {
+    const Range& range = ranges_[pipeline][task];
+    for (int i = 0; i < range.count; ++i) terms.emplace_back(range.first + i, coefficient);
+  }
+
+ private:
+  struct Range {
+    int first, count;
+  };
+  std::vector<std::vector<Range>> ranges_;
+};
 
 /// Server time and slots of each unit: at most its own. @p amount is what a variable of 1 stands
 /// for in that pipeline.
@@ -78,11 +97,18 @@ void add_capacity(const Work& work, const std::vector<double>& amount, double ti
   }
 }
 
-/// Each task of a pipeline with firings is done once a firing, in parts on the units.
+/// Each task of a pipeline with firings is done once a firing, in parts on the units; most often
+/// all of it where it is fastest.
 void add_completeness(const Work& work, LinearProgram& program) {
+  const TaskVariables variables(work);
   for (std::size_t p = 0; p < work.pipelines.size(); ++p) {
     for (std::size_t t = 0; t < work.pipelines[p].tasks.size(); ++t) {
-      program.add_row(terms_of_task(work, p, t, 1.0), 1.0, 1.0);
+      Terms terms;
+      variables.add(p, t, 1.0, terms);
+      const auto& units = work.pipelines[p].tasks[t].units;
+      const auto best = std::ranges::min_element(units, {}, &UnitWork::total_ms) - units.begin();
+      const int guess = terms[static_cast<std::size_t>(best)].first;
+      program.add_row(std::move(terms), 1.0, 1.0, guess);
     }
   }
 }
@@ -125,16 +151,16 @@ std::optional<double> most_tasks_per_ms(const Work& work) {
   LinearProgram program;
   for_each_choice(
       work, [&](std::size_t, std::size_t, const UnitWork&, int) { program.add_variable(-1.0); });
+  const TaskVariables variables(work);
   for (std::size_t p = 0; p < work.pipelines.size(); ++p) {
     const PipelineWork& pipeline = work.pipelines[p];
     for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
-      if (pipeline.per_ms) {
-        program.add_row(terms_of_task(work, p, t, 1.0), 0.0, *pipeline.per_ms);
-      }
+      Terms own;
+      variables.add(p, t, 1.0, own);
+      if (pipeline.per_ms) program.add_row(own, 0.0, *pipeline.per_ms);
       for (const std::size_t before : pipeline.tasks[t].after) {
-        Terms terms = terms_of_task(work, p, t, 1.0);
-        const Terms predecessor = terms_of_task(work, p, before, -1.0);
-        terms.insert(terms.end(), predecessor.begin(), predecessor.end());
+        Terms terms = own;
+        variables.add(p, before, -1.0, terms);
         program.add_row(std::move(terms), -LinearProgram::kUnlimited, 0.0);
       }
     }

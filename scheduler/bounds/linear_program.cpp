@@ -30,8 +30,22 @@ int LinearProgram::add_variable(double cost, double upper) {
   return static_cast<int>(costs_.size()) - 1;
 }
 
-void LinearProgram::add_row(Terms terms, double low, double high) {
-  rows_.push_back({std::move(terms), low, high});
+void LinearProgram::add_row(Terms terms, double low, double high, std::optional<int> guess) {
+  rows_.push_back({std::move(terms), low, high, guess});
+}
+
+/// Columns, then rows: each row's slack makes it up, or the variable that was guessed.
+std::vector<unsigned char> LinearProgram::first_basis() const {
+  constexpr unsigned char kBasic = 1;
+  constexpr unsigned char kAtLowerBound = 3;
+  std::vector<unsigned char> statuses(costs_.size(), kAtLowerBound);
+  statuses.resize(costs_.size() + rows_.size(), kBasic);
+  for (std::size_t row = 0; row < rows_.size(); ++row) {
+    if (!rows_[row].guess) continue;
+    statuses[static_cast<std::size_t>(*rows_[row].guess)] = kBasic;
+    statuses[costs_.size() + row] = kAtLowerBound;
+  }
+  return statuses;
 }
 
 std::optional<double> LinearProgram::minimum() const {
@@ -60,7 +74,11 @@ std::optional<double> LinearProgram::minimum() const {
   }
   Clp_addRows(model.get(), static_cast<int>(rows_.size()), row_lowers.data(), row_uppers.data(),
               row_starts.data(), columns.data(), elements.data());
-  Clp_initialSolve(model.get());
+  Clp_copyinStatus(model.get(), first_basis().data());
+  // Dual simplex: what Clp chooses by itself takes ten times as long for a graph of 10,000 tasks,
+  // and is off by more. Without presolve, which would forget where to start.
+  constexpr int kValuesPass = 0;
+  Clp_dual(model.get(), kValuesPass);
   if (Clp_status(model.get()) != kOptimal) return std::nullopt;
   return Clp_objectiveValue(model.get());
 }

@@ -16,7 +16,9 @@ class LinearProgram {
 
   /// @return The variable's number, from 0 on.
   int add_variable(double cost, double upper = kUnlimited);
-  void add_row(Terms terms, double low, double high);
+  /// @param guess  A variable that is likely to be above 0 where the row is at its low end, which
+  /// saves the search for it.
+  void add_row(Terms terms, double low, double high, std::optional<int> guess = std::nullopt);
 
   /// Absent if there is no solution or no finite one. Rows hold within 1e-9 of their scale.
   [[nodiscard]] std::optional<double> minimum() const;
@@ -25,7 +27,10 @@ class LinearProgram {
   struct Row {
     Terms terms;
     double low, high;
+    std::optional<int> guess;
   };
+  [[nodiscard]] std::vector<unsigned char> first_basis() const;
+
   std::vector<double> costs_, uppers_;
   std::vector<Row> rows_;
 };
