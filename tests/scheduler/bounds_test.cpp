@@ -71,6 +71,31 @@ TEST(Bounds, AreaIsTheInverseOfTheThroughput) {
   EXPECT_NEAR(*area_ms(snapdragon(18.61), {1000}), 1000 / 0.809142, 0.01);
 }
 
+TEST(Bounds, OfALongGraphComeQuickly) {
+  // 20,000 tasks in a chain, 1 ms on either of two units: the shares that fill both. A search for
+  // the variables of each task would not end in sensible time.
+  constexpr std::size_t kTasks = 20'000;
+  Work work;
+  work.units.resize(2);
+  work.pipelines.resize(1);
+  const auto on = [](UnitId unit, double energy_j) {
+    UnitWork each{.unit = unit, .server_ms = {0, 0}, .total_ms = 1, .energy_j = energy_j};
+    each.server_ms[unit] = 1;
+    return each;
+  };
+  for (std::size_t t = 0; t < kTasks; ++t) {
+    auto& task = work.pipelines[0].tasks.emplace_back();
+    task.units = {on(0, 0.001), on(1, 0.002)};
+    if (t > 0) task.after = {t - 1};
+  }
+  EXPECT_NEAR(most_tasks_per_ms(work).value(), 2.0, 1e-6);
+  EXPECT_NEAR(area_ms(work, {1.0}).value(), kTasks / 2.0, 1e-3);
+  // Within three quarters of the time that one unit takes, it does as many tasks of the cheaper
+  // kind.
+  EXPECT_NEAR(least_energy_j(work, {1.0}, 0.75 * kTasks).value(),
+              0.75 * kTasks * 0.001 + 0.25 * kTasks * 0.002, 1e-6);
+}
+
 TEST(Bounds, CriticalPathTakesTheFastestUnitsAlongTheLongestChain) {
   const auto task = [](double a, double b, std::vector<std::size_t> after) {
     return TaskWork{{{0, {a, 0}, a, 0}, {1, {0, b}, b, 0}}, std::move(after)};
