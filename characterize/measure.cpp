@@ -18,8 +18,8 @@ constexpr std::int64_t kLargestBatch = 100'000;
 constexpr double kClockShare = 0.001;      // what the clock may cost within a sample
 constexpr double kClockBoundShare = 0.01;  // what invalidates
 constexpr std::size_t kFewestWarmUpCalls = 2;
-constexpr std::size_t kMostWarmUpCalls = 1000;  // for simulated calls that take no time
-constexpr std::size_t kEstimateCalls = 5;       // of the warm-up's end, for the size of batches
+constexpr std::size_t kMostSimulatedWarmUpCalls = 1000;  // they may take no time at all
+constexpr std::size_t kEstimateCalls = 5;  // of the warm-up's end, for the size of batches
 
 struct CallTimes {
   Nanos upload{0}, execute{0}, download{0}, call{0};
@@ -54,19 +54,20 @@ class Sampler {
   }
 
   void warm_up(Nanos time) {
-    std::vector<CallTimes> calls;
+    const bool simulated = quality_.cost_ns == 0;
+    std::vector<CallTimes> latest;
     const Nanos start = clock_.now();
-    while (calls.size() < kFewestWarmUpCalls ||
-           (clock_.now() - start < time && calls.size() < kMostWarmUpCalls)) {
-      calls.push_back(timed_call());
+    for (std::size_t calls = 0;
+         calls < kFewestWarmUpCalls ||
+         (clock_.now() - start < time && !(simulated && calls == kMostSimulatedWarmUpCalls));
+         ++calls) {
+      if (latest.size() == kEstimateCalls) latest.erase(latest.begin());
+      latest.push_back(timed_call());
     }
-    const auto estimate = [&calls](Nanos CallTimes::*member) {
-      std::vector<Nanos> last;
-      for (std::size_t i = calls.size() - std::min(calls.size(), kEstimateCalls); i < calls.size();
-           ++i) {
-        last.push_back(calls[i].*member);
-      }
-      return median(last);
+    const auto estimate = [&latest](Nanos CallTimes::*member) {
+      std::vector<Nanos> times;
+      for (const CallTimes& call : latest) times.push_back(call.*member);
+      return median(times);
     };
     plan_.call = batch(estimate(&CallTimes::call));
     plan_.upload = own_batch(estimate(&CallTimes::upload));

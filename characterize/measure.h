@@ -35,7 +35,8 @@ struct ClockQuality {
 /// What one process samples. It does not look at the precision: that is a matter of several
 /// processes (cell.h).
 struct SamplingOptions {
-  Nanos warm_up = std::chrono::milliseconds(30);  ///< At least this long and at least 2 calls.
+  Nanos warm_up = std::chrono::milliseconds(30);  ///< At least this long and at least 2 calls;
+                                                  ///< on a simulated clock at most 1000.
   Nanos slice = std::chrono::milliseconds(120);   ///< At least this long and min_samples.
   Nanos limit = std::chrono::seconds(60);         ///< Ends sampling whatever there is.
   std::int64_t min_samples = 5;

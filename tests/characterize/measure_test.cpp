@@ -200,6 +200,28 @@ TEST(Measure, WarmsUpForAsLongAsAsked) {
   EXPECT_EQ(kernel.executes, 20 + 20);  // 100 ms of 5 ms calls, then the samples
 }
 
+TEST(Measure, WarmsUpForItsTimeHoweverShortTheCalls) {
+  TickingClock clock{Nanos(25)};
+  TimedKernel kernel(clock);
+  kernel.execute_times = {Nanos(900)};
+  SamplingOptions options = twenty();
+  options.warm_up = milliseconds(80);
+  options.min_samples = 1;
+  const auto result = sample_calls(kernel, clock, kReal, kHost, options);
+  // A call is 900 ns and 5 readings, its own 4 and that of the loop: 1025 ns; ceil(80 ms / that).
+  EXPECT_EQ(kernel.executes - find(result, Phase::kCall).batch, 78'049);
+}
+
+TEST(Measure, EndsTheWarmUpOfSimulatedCallsThatTakeNoTime) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  kernel.execute_times = {Nanos(0)};
+  SamplingOptions options = twenty();
+  options.warm_up = milliseconds(80);
+  static_cast<void>(sample_calls(kernel, clock, kSimulated, kHost, options));
+  EXPECT_EQ(kernel.executes, 1000 + 20);
+}
+
 TEST(Measure, DoesNotBelieveStampsLongerThanTheExecution) {
   TickingClock clock{Nanos(0)};
   TimedKernel kernel(clock);
