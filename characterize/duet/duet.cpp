@@ -13,6 +13,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
 #include "workloads/base/text.h"
+#include "workloads/base/thread.h"
 #include "workloads/registry.h"
 
 namespace pirt {
@@ -107,9 +108,14 @@ class DuetRun {
         keep(*step, std::move(outcomes));
       }
     } catch (...) {
-      const std::lock_guard lock(mutex_);
-      if (!error_) error_ = std::current_exception();
+      fail(std::current_exception());
     }
+  }
+
+  /// All lanes end, and end() throws the first @p error.
+  void fail(const std::exception_ptr& error) {
+    const std::lock_guard lock(mutex_);
+    if (!error_) error_ = error;
   }
 
   /// @throws whatever ended a lane.
@@ -208,8 +214,12 @@ DuetEnd run_duet(DuetComparison& comparison, Ledger& ledger, const TakeSample& t
   DuetRun run(comparison, ledger, take, limits, on_step);
   for (const auto& lanes : rounds) {
     std::vector<std::jthread> others;
-    for (std::size_t i = 1; i < lanes.size(); ++i) {
-      others.emplace_back([&run, &lane = lanes[i]] { run.measure(lane); });
+    try {
+      for (std::size_t i = 1; i < lanes.size(); ++i) {
+        others.push_back(start_thread([&run, &lane = lanes[i]] { run.measure(lane); }));
+      }
+    } catch (...) {
+      run.fail(std::current_exception());  // the lanes that are measured end with their step
     }
     if (!lanes.empty()) run.measure(lanes.front());
   }

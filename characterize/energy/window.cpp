@@ -8,6 +8,8 @@
 #include <mutex>
 #include <thread>
 
+#include "workloads/base/thread.h"
+
 namespace pirt {
 namespace {
 
@@ -79,7 +81,7 @@ struct MeterRecorder::Impl {
   std::mutex mutex;
   std::condition_variable stopping;
   bool stop = false;
-  std::thread thread;
+  std::jthread thread;
 
   void read(std::size_t i) {
     const auto reading = meters[i]->read();
@@ -131,7 +133,7 @@ MeterRecorder::MeterRecorder(std::span<const Meter* const> meters, const Clock& 
   for (std::size_t i = 0; i < meters.size(); ++i) impl_->read(i);
   for (auto& trace : impl_->traces) trace.begin = clock.now();
   if (const auto every = impl_->period()) {
-    impl_->thread = std::thread([impl = impl_.get(), every] { impl->sample(*every); });
+    impl_->thread = start_thread([impl = impl_.get(), every] { impl->sample(*every); });
   }
 }
 

@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <csignal>
 #include <filesystem>
@@ -13,6 +15,7 @@
 #include "characterize/duet/duet.h"
 #include "characterize/scratch.h"
 #include "tests/support/errors.h"
+#include "tests/support/few_threads.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -231,6 +234,24 @@ TEST_F(DuetLedger, GoesOnAfterEveryInterruptionToTheSameEnd) {
               series(whole, 0, "execute").rule.blocks());
   }
   EXPECT_GT(runs, 10);
+}
+
+TEST_F(DuetLedger, EndsAllLanesWhenOneCannotStart) {
+  DuetComparison comparison(kTwo, 1);
+  Ledger ledger = open(comparison);
+  std::atomic<int> samples = 0;
+  const DuetRounds rounds = {std::vector<DuetLane>{{0}, {1}}};
+  EXPECT_EQ(test::with_threads(0,
+                               [&] {
+                                 run_duet(comparison, ledger,
+                                          [&](Side side, const DuetCell& cell, SampleKind kind) {
+                                            // Nothing is measured for what cannot be decided.
+                                            if (++samples > 0) ::_exit(1);
+                                            return steady(1)(side, cell, kind);
+                                          },
+                                          rounds, {});
+                               }),
+            "cannot start a thread");
 }
 
 TEST_F(DuetLedger, CutsOffHalfALine) {

@@ -2,6 +2,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <thread>
+
+#include "tests/support/few_threads.h"
 #include "tests/workloads/opencl_support.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog.h"
@@ -50,6 +53,15 @@ TEST(Batch, BothBackendsComputeEachImageAsThePlainReference) {
       EXPECT_TRUE(on_opencl.ok) << workload.description << ": " << on_opencl.detail;
     }
   }
+}
+
+TEST(Batch, SaysThatAThreadCannotStart) {
+  if (std::thread::hardware_concurrency() < 2) GTEST_SKIP() << "needs no threads on one core";
+  const Workload workload = small_batches(3)[3];
+  const auto images = generated_images(1);
+  const auto data = workload.make_data({.seed = 1, .images = images.get()});
+  EXPECT_EQ(test::with_threads(0, [&] { static_cast<void>(workload.reference(data)); }),
+            "cannot start a thread");
 }
 
 TEST(Batch, AnExchangedImageIsRefused) {

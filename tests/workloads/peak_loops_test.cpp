@@ -9,6 +9,7 @@
 #include <memory>
 #include <numeric>
 
+#include "tests/support/few_threads.h"
 #include "workloads/base/affinity.h"
 #include "workloads/base/caches.h"
 #include "workloads/base/peak_math.h"
@@ -128,6 +129,16 @@ TEST(CoreTeam, RunsOnEachOfItsCoresAndAgain) {
   }
   EXPECT_EQ(calls, 3 * team.size());
   for (std::size_t i = 0; i < cores.size(); ++i) EXPECT_EQ(ran_on[i], std::vector{cores[i]});
+}
+
+TEST(CoreTeam, EndsWhenOneOfItsThreadsCannotStart) {
+  const std::vector<int> cores(3, current_cores().front());
+  for (const int threads : {0, 1, 2}) {
+    EXPECT_EQ(test::with_threads(threads, [&] { cpu::CoreTeam team(cores); }),
+              "cannot start a thread")
+        << threads;
+  }
+  EXPECT_EQ(test::with_threads(3, [&] { cpu::CoreTeam team(cores); }), "nothing");
 }
 
 TEST(PeakKinds, AreWrittenAsInTheDatabase) {

@@ -4,6 +4,7 @@
 
 #include "workloads/base/affinity.h"
 #include "workloads/base/error.h"
+#include "workloads/base/thread.h"
 
 namespace pirt::cpu {
 
@@ -11,8 +12,16 @@ CoreTeam::CoreTeam(const std::vector<int>& cores)
     : begin_(static_cast<std::ptrdiff_t>(cores.size()) + 1),
       end_(static_cast<std::ptrdiff_t>(cores.size()) + 1) {
   threads_.reserve(cores.size());
-  for (std::size_t i = 0; i < cores.size(); ++i) {
-    threads_.emplace_back([this, i, core = cores[i]] { work(static_cast<int>(i), core); });
+  try {
+    for (std::size_t i = 0; i < cores.size(); ++i) {
+      threads_.push_back(
+          start_thread([this, i, core = cores[i]] { work(static_cast<int>(i), core); }));
+    }
+  } catch (...) {
+    // In the place of those that are missing and of this one, so that the others end.
+    static_cast<void>(
+        begin_.arrive(static_cast<std::ptrdiff_t>(cores.size() + 1 - threads_.size())));
+    throw;
   }
 }
 

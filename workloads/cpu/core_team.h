@@ -11,6 +11,7 @@ namespace pirt::cpu {
 /// Used by one thread at a time; joins its threads when it goes.
 class CoreTeam {
  public:
+  /// @throws Error{kEnvironment} if not all threads can be started.
   explicit CoreTeam(const std::vector<int>& cores);
   ~CoreTeam();
   CoreTeam(const CoreTeam&) = delete;

@@ -6,6 +6,7 @@
 #include <thread>
 #include <vector>
 
+#include "workloads/base/thread.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/dnn/layers.h"
 
@@ -75,7 +76,12 @@ std::vector<Tensor> reference(const Workload& plain, TensorSpec output, const Da
     }
   };
   std::vector<std::jthread> others(std::max(1U, std::thread::hardware_concurrency()) - 1);
-  for (std::jthread& other : others) other = std::jthread(compute);
+  try {
+    for (std::jthread& other : others) other = start_thread(compute);
+  } catch (...) {
+    next = images;  // the others end with the image that they are at
+    throw;
+  }
   compute();
   others.clear();
   return outputs;

@@ -8,6 +8,7 @@
 
 #include "characterize/measure.h"
 #include "tests/characterize/energy/sysfs_tree.h"
+#include "tests/support/few_threads.h"
 
 namespace pirt {
 namespace {
@@ -141,6 +142,14 @@ TEST(Recorder, EndsItsThreadWithoutBeingAsked) {
   const auto reads = sensor.reads();
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   EXPECT_EQ(sensor.reads(), reads);
+}
+
+TEST(Recorder, SaysThatItsThreadCannotStart) {
+  const CountingMeter sensor(power());
+  const std::vector<const Meter*> meters = {&sensor};
+  const MachineClock clock;
+  EXPECT_EQ(test::with_threads(0, [&] { const MeterRecorder recorder(meters, clock); }),
+            "cannot start a thread");
 }
 
 TEST(Recorder, AVanishingFileIsATraceOfFailures) {
