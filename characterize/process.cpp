@@ -19,6 +19,7 @@
 #include <string_view>
 
 #include "workloads/base/error.h"
+#include "workloads/base/file_descriptor.h"
 
 namespace pirt {
 namespace {
@@ -32,25 +33,6 @@ constexpr int kReapEveryMs = 1;    // once both streams are closed the child is 
   throw_environment(fmt::format("cannot {}: {}; check the limits on processes and open files",
                                 doing, std::strerror(error)));
 }
-
-class FileDescriptor {
- public:
-  FileDescriptor() = default;
-  explicit FileDescriptor(int fd) : fd_(fd) {}
-  ~FileDescriptor() { close(); }
-  FileDescriptor(FileDescriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  FileDescriptor& operator=(FileDescriptor&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  void close() {
-    if (fd_ >= 0) ::close(std::exchange(fd_, -1));
-  }
-  [[nodiscard]] int get() const { return fd_; }
-
- private:
-  int fd_ = -1;
-};
 
 struct Pipe {
   FileDescriptor read, write;

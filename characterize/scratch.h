@@ -3,9 +3,16 @@
 
 #include <filesystem>
 
+#include "workloads/base/file_descriptor.h"
+
 namespace pirt {
 
-/// Made in TMPDIR; gone with this, and all that is in it.
+/// TMPDIR, or where the system keeps temporary files.
+/// @throws Error{kEnvironment} if that is no folder.
+[[nodiscard]] std::filesystem::path scratch_base();
+
+/// Made in scratch_base(); gone with this, and all that is in it. It holds a lock while it lives,
+/// by which the next one knows, and removes, what a run that was killed left there.
 class ScratchFolder {
  public:
   /// @throws Error{kEnvironment} if it cannot be made.
@@ -17,6 +24,7 @@ class ScratchFolder {
 
  private:
   std::filesystem::path path_;
+  FileDescriptor lock_;
 };
 
 }  // namespace pirt

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "characterize/scratch.h"
 #include "cli/commands.h"
 #include "cli/output.h"
 #include "reports/doctor_report.h"
@@ -43,8 +44,7 @@ DoctorInput this_machine(const Options& options) {
   DoctorInput input;
   input.cores = usable_cores();
   input.units = probe_units(platform, "/proc/self/exe");
-  for (const auto& folder :
-       {std::filesystem::temp_directory_path(), std::filesystem::current_path()}) {
+  for (const auto& folder : {scratch_base(), std::filesystem::current_path()}) {
     input.disks.push_back(free_space(folder));
   }
   input.before = read_doctor_snapshot(input.cores);

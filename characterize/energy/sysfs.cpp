@@ -9,34 +9,21 @@
 #include <charconv>
 #include <cstring>
 
+#include "workloads/base/file_descriptor.h"
+
 namespace pirt {
 namespace {
 
 constexpr int kAttempts = 3;
 
-class FileDescriptor {
- public:
-  explicit FileDescriptor(const std::filesystem::path& path)
-      : number_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {}
-  ~FileDescriptor() {
-    if (number_ >= 0) ::close(number_);
-  }
-  FileDescriptor(const FileDescriptor&) = delete;
-  FileDescriptor& operator=(const FileDescriptor&) = delete;
-  [[nodiscard]] int number() const { return number_; }
-
- private:
-  int number_;
-};
-
 /// One attempt: the text, or errno. An attribute is at most a page and comes in one read.
 Attribute<std::string> read_once(const std::filesystem::path& path) {
-  const FileDescriptor file(path);
-  if (file.number() < 0) return {std::nullopt, "", errno};
+  const FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (file.get() < 0) return {std::nullopt, "", errno};
   std::array<char, 4096> page{};
   ssize_t count = 0;
   do {
-    count = ::read(file.number(), page.data(), page.size());
+    count = ::read(file.get(), page.data(), page.size());
   } while (count < 0 && errno == EINTR);
   if (count < 0) return {std::nullopt, "", errno};
   std::string text(page.data(), static_cast<std::size_t>(count));
