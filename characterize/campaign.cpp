@@ -83,6 +83,7 @@ class Campaign {
         runner_(options.program, options.job_limit, options.stop) {}
 
   CampaignSummary run() {
+    if (options_.resumed) writer_.resume_run(*options_.resumed);
     const Environment facts = run_environment(options_, plan_);
     if (options_.resumed) {
       check_identity(options_.resumed->run, facts);
@@ -143,7 +144,8 @@ class Campaign {
   /// measured once more, and if it is still exceeded, it is stored as not valid.
   void judge_peaks() {
     const auto exceeded = [&] {
-      return exceeded_peaks(rooflines(load_profile(options_.database, options_.platform.name)),
+      const RunRange own{summary_.run_id, summary_.run_id};
+      return exceeded_peaks(rooflines(load_profile(options_.database, options_.platform.name, own)),
                             summary_.run_id);
     };
     std::set<std::string> units;
@@ -379,9 +381,9 @@ class Campaign {
   const CampaignOptions& options_;
   const CampaignPlan& plan_;
   const ProgressSink& sink_;
+  ScratchFolder scratch_;  // before the writer: without it no database is made
   ProfileWriter writer_;
   JobRunner runner_;
-  ScratchFolder scratch_;
   MachineClock clock_;
   Nanos start_ = clock_.now();
   HostCounters counters_ = read_host_counters({});

@@ -20,7 +20,10 @@ constexpr Nanos kFullProcess = std::chrono::milliseconds(650);
 constexpr int kFurtherProcesses = 9;
 
 std::optional<Profile> former_profile(const CampaignOptions& options) {
-  if (options.database.empty() || !std::filesystem::exists(options.database)) return std::nullopt;
+  std::error_code failed;
+  if (options.database.empty() || !std::filesystem::exists(options.database, failed)) {
+    return std::nullopt;
+  }
   try {
     return load_profile(options.database, options.platform.name);
   } catch (const Error&) {

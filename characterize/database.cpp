@@ -1,9 +1,11 @@
 #include "characterize/database.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cassert>
+#include <cerrno>
 #include <cmath>
 #include <numeric>
 #include <set>
@@ -15,6 +17,7 @@
 #include "characterize/sqlite.h"
 #include "characterize/statistics.h"
 #include "workloads/base/error.h"
+#include "workloads/base/file_descriptor.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -25,7 +28,9 @@ using sqlite::Statement;
 using sqlite::Transaction;
 
 Connection open_or_create(const std::filesystem::path& path, Nanos busy_wait) {
-  if (!std::filesystem::exists(std::filesystem::symlink_status(path))) create_database(path);
+  std::error_code failed;  // which opening it explains
+  const auto status = std::filesystem::symlink_status(path, failed);
+  if (status.type() == std::filesystem::file_type::not_found) create_database(path);
   return open_database(path, Connection::Mode::kReadWrite, busy_wait);
 }
 
@@ -194,10 +199,41 @@ void update_run_checksum(const Connection& connection, std::int64_t run_id) {
   update.bind(run_checksum(connection, run_id)).bind(run_id).run();
 }
 
+/// What says that a run is being measured: a lock on a byte far behind the file's end, one a run.
+/// It goes with the process, however that ends. It is one of the open file and not of the process
+/// (F_OFD_SETLK), so that SQLite's locks, which are of the process, do not meet it.
+class RunLock {
+ public:
+  explicit RunLock(const std::filesystem::path& path)
+      : file_(::open(path.c_str(), O_RDWR | O_CLOEXEC)) {}
+
+  /// @return False if another program has it. True as well where there are no such locks.
+  [[nodiscard]] bool take(std::int64_t run_id) const {
+    constexpr std::int64_t kBehindEveryFile = std::int64_t{1} << 62;
+    struct flock lock {};
+    lock.l_type = F_WRLCK;
+    lock.l_whence = SEEK_SET;
+    lock.l_start = kBehindEveryFile + run_id;
+    lock.l_len = 1;
+    return ::fcntl(file_.get(), F_OFD_SETLK, &lock) == 0 || (errno != EAGAIN && errno != EACCES);
+  }
+
+ private:
+  FileDescriptor file_;
+};
+
+[[noreturn]] void throw_measured(const Connection& connection, std::int64_t run_id) {
+  throw_environment(fmt::format(
+      "run {} of profile database '{}' is being measured by another program; let that one end, or "
+      "start another run without --resume",
+      run_id, connection.path().string()));
+}
+
 }  // namespace
 
 struct ProfileWriter::Impl {
   Connection connection;
+  RunLock lock{connection.path()};
 };
 
 ProfileWriter::ProfileWriter(const std::filesystem::path& path, Nanos busy_wait)
@@ -223,8 +259,21 @@ std::int64_t ProfileWriter::begin_run(const RunHeader& header) {
     insert.bind(std::int64_t{unit.device_is_cpu}).bind(join_cores(unit.cores)).run();
   }
   update_run_checksum(connection, run_id);
+  if (!impl_->lock.take(run_id)) throw_measured(connection, run_id);
   transaction.commit();
   return run_id;
+}
+
+void ProfileWriter::resume_run(const UnfinishedRun& run) {
+  const Connection& connection = impl_->connection;
+  const std::int64_t run_id = run.run.run_id;
+  if (!impl_->lock.take(run_id)) throw_measured(connection, run_id);
+  Statement query(connection, "SELECT checksum FROM run WHERE run_id = ?");
+  if (!query.bind(run_id).step() || query.integer(0) != run.checksum) {
+    throw_environment(fmt::format(
+        "another program went on with run {} of profile database '{}' just now; try again", run_id,
+        connection.path().string()));
+  }
 }
 
 void ProfileWriter::write_visit(std::int64_t run_id, const CellName& cell,
@@ -242,6 +291,7 @@ void ProfileWriter::write_visit(std::int64_t run_id, const CellName& cell,
                    "VALUES (?, ?, ?, ?, ?, ?, ?)");
   bind_cell(insert, run_id, cell).bind(visit.position).bind(to_string(visit.setup));
   insert.bind(visit.record).bind(visit_checksum(run_id, cell, visit)).run();
+  update_run_checksum(connection, run_id);
   transaction.commit();
 }
 
@@ -253,6 +303,7 @@ void ProfileWriter::write_cell(std::int64_t run_id, const CellRecord& cell) {
   Statement visits(connection, "DELETE FROM visit WHERE run_id = ? AND workload = ? AND unit = ?");
   bind_cell(visits, run_id, name).run();
   insert_cell(connection, run_id, cell);
+  update_run_checksum(connection, run_id);
   transaction.commit();
 }
 
@@ -261,6 +312,7 @@ void ProfileWriter::write_interrupted_cell(std::int64_t run_id, const CellRecord
   Transaction transaction(connection);
   make_way(connection, run_id, {cell.workload, cell.unit});
   insert_cell(connection, run_id, cell);
+  update_run_checksum(connection, run_id);
   transaction.commit();
 }
 
@@ -309,11 +361,13 @@ std::vector<std::string> split_words(const std::string& text) {
 
 std::optional<UnfinishedRun> find_unfinished_run(const std::filesystem::path& path) {
   const auto connection = open_database(path, Connection::Mode::kReadOnly);
-  Statement newest(connection,
-                   "SELECT run_id, plan FROM run WHERE finished IS NULL AND plan IS NOT NULL "
-                   "ORDER BY run_id DESC LIMIT 1");
+  Statement newest(
+      connection,
+      "SELECT run_id, plan, checksum FROM run WHERE finished IS NULL AND plan IS NOT NULL "
+      "ORDER BY run_id DESC LIMIT 1");
   if (!newest.step()) return std::nullopt;
-  UnfinishedRun found{read_run(connection, newest.integer(0)), newest.text(1), {}, {}};
+  UnfinishedRun found{
+      read_run(connection, newest.integer(0)), newest.text(1), newest.integer(2), {}, {}};
   found.visits = read_visits(connection, found.run.run_id);
   Statement cells(connection,
                   "SELECT workload, unit FROM cell WHERE run_id = ? AND NOT EXISTS (SELECT 1 FROM "

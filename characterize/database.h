@@ -86,6 +86,15 @@ struct VisitRecord {
   std::string record;  ///< to_record of its JobResult.
 };
 
+/// A run that did not end, and what is needed to go on with it.
+struct UnfinishedRun {
+  RunInfo run;
+  std::string plan;            ///< RunHeader::plan.
+  std::int64_t checksum = 0;   ///< Of the state that this is.
+  std::vector<CellName> done;  ///< The cells that are complete, in the order of storing.
+  std::vector<std::pair<CellName, VisitRecord>> visits;  ///< Of cells that are not; in order.
+};
+
 /// Appends runs to a profile database. Used by one thread; other processes may read and write the
 /// file at the same time.
 class ProfileWriter {
@@ -104,6 +113,10 @@ class ProfileWriter {
   /// happens.
   /// @throws Error{kEnvironment}: another program is writing, no space, input/output error.
   std::int64_t begin_run(const RunHeader& header);
+  /// Nothing is stored: the run, which another writer began, becomes this one's, as those are that
+  /// it begins itself, until it goes.
+  /// @throws Error{kEnvironment}: it is another's, or has changed since @p run was read.
+  void resume_run(const UnfinishedRun& run);
   /// Keeps what one worker process of a cell reported, for find_unfinished_run.
   /// @throws Error{kBadInput}: the run has that cell, or that process of it, already.
   void write_visit(std::int64_t run_id, const CellName& cell, const VisitRecord& visit);
@@ -128,14 +141,6 @@ class ProfileWriter {
 /// becomes a comma.
 [[nodiscard]] std::string join_words(const std::vector<std::string>& words);
 [[nodiscard]] std::vector<std::string> split_words(const std::string& text);
-
-/// A run that did not end, and what is needed to go on with it.
-struct UnfinishedRun {
-  RunInfo run;
-  std::string plan;            ///< RunHeader::plan.
-  std::vector<CellName> done;  ///< The cells that are complete, in the order of storing.
-  std::vector<std::pair<CellName, VisitRecord>> visits;  ///< Of cells that are not; in order.
-};
 
 /// The newest run that did not end and has a plan; nothing if there is none.
 /// @throws Error as load_profile, but not because there are no measurements yet.

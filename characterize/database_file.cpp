@@ -11,7 +11,6 @@
 #include <system_error>
 
 #include "characterize/database_format.h"
-#include "characterize/database_migration.h"
 #include "workloads/base/error.h"
 
 namespace pirt {
@@ -31,18 +30,11 @@ std::uint32_t header_word(std::span<const unsigned char> header, std::size_t off
 }
 
 void check_version(const std::string& name, std::int64_t version) {
-  if (version > kDatabaseVersion) {
-    throw_bad_input(fmt::format(
-        "profile database '{}' has format {}, and this pirt knows formats {} to {}; use a newer "
-        "pirt",
-        name, version, kOldestDatabaseVersion, kDatabaseVersion));
-  }
-  if (version < kOldestDatabaseVersion) {
-    throw_bad_input(fmt::format(
-        "profile database '{}' has format {}, which there never was; it is damaged, or another "
-        "program changed it: restore a copy, or characterize again into a new file",
-        name, version));
-  }
+  if (version == kDatabaseVersion) return;
+  throw_bad_input(fmt::format(
+      "profile database '{}' is of version {}, and this pirt reads version {}: {}", name, version,
+      kDatabaseVersion,
+      version > kDatabaseVersion ? "use a newer pirt" : "characterize again, into a new file"));
 }
 
 /// Checks by its first bytes what a file is, before SQLite, which would take an empty file for an
@@ -51,6 +43,11 @@ void identify(const std::filesystem::path& path) {
   const std::string name = path.string();
   std::error_code failed;
   const auto status = std::filesystem::status(path, failed);
+  if (failed && status.type() != std::filesystem::file_type::not_found) {
+    throw_bad_input(
+        fmt::format("cannot read profile database '{}': {}; give a path that you may read", name,
+                    failed.message()));
+  }
   if (!std::filesystem::exists(status)) {
     throw_bad_input(fmt::format(
         "there is no profile database '{}'; make one with: pirt characterize --db {}", name, name));
@@ -128,18 +125,14 @@ sqlite::Connection open_database(const std::filesystem::path& path, sqlite::Conn
   identify(path);
   recover(path, busy_wait);
   Connection connection(path, mode, busy_wait);
-  const bool write = mode == Connection::Mode::kReadWrite;
-  // One state of the file from its version on, though another program may be migrating it.
+  // One state of the file, though another program may be appending a run.
   connection.run("BEGIN");
-  const auto version = stored_version(connection);
-  check_version(path.string(), version);
-  if (version < kDatabaseVersion && !write) return migrated_copy(connection);
-  verify_all(connection, database_format(version));
+  verify_all(connection);
   connection.run("COMMIT");
-  if (write && sqlite3_db_readonly(connection.handle(), "main") != 0) {
+  if (mode == Connection::Mode::kReadWrite &&
+      sqlite3_db_readonly(connection.handle(), "main") != 0) {
     connection.fail(SQLITE_READONLY);
   }
-  if (version < kDatabaseVersion) migrate_file(connection, busy_wait);
   return connection;
 }
 
@@ -151,8 +144,8 @@ void create_database(const std::filesystem::path& path) {
   try {
     {
       Connection connection(temporary, Connection::Mode::kCreate, Nanos(0));
-      connection.run("PRAGMA journal_mode = DELETE; BEGIN; " +
-                     std::string(database_format().schema) + "; COMMIT");
+      connection.run("PRAGMA journal_mode = DELETE; BEGIN; " + std::string(database_schema()) +
+                     "; COMMIT");
     }
     link_new(temporary, path);
   } catch (const Error& error) {

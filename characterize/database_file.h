@@ -14,10 +14,9 @@ inline constexpr Nanos kBusyWait = std::chrono::seconds(10);
 
 /// Opens an existing profile database after checking what it is, its version, its structure
 /// (integrity_check), its schema and all its checksums. A journal left by a killed writer is rolled
-/// back; apart from that nothing is written to a file of the present version. An older one is
-/// migrated (database_migration.h): for reading in memory, for writing in the file.
+/// back; apart from that nothing is written.
 /// @throws Error{kBadInput}: missing, a folder, empty, no SQLite database, another application's,
-/// newer, in WAL mode, damaged.
+/// of another version, in WAL mode, damaged.
 /// @throws Error{kEnvironment}: busy, unreadable disk.
 [[nodiscard]] sqlite::Connection open_database(const std::filesystem::path& path,
                                                sqlite::Connection::Mode mode,

@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include <array>
-#include <cassert>
 #include <map>
+#include <span>
 
 #include "schema_files.h"
 #include "workloads/base/embedded.h"
@@ -15,28 +15,18 @@ namespace {
 using sqlite::Connection;
 using sqlite::Statement;
 
-// The text of each query is part of the checksum: those of an old version stay as they are.
-constexpr std::array<std::string_view, 3> kRunQueries1 = {
-    "SELECT run_id, started, finished, platform, seed FROM run WHERE run_id = ?",
-    "SELECT key, value FROM environment WHERE run_id = ? ORDER BY key",
-    "SELECT unit, ordinal, backend, device, device_is_cpu, cores FROM unit "
-    "WHERE run_id = ? ORDER BY unit"};
-constexpr std::array<std::string_view, 4> kCellQueries1 = {
-    "SELECT run_id, workload, unit, ops, bytes, verification FROM cell WHERE cell_id = ?",
-    "SELECT phase, state, provenance, valid, reasons, notes, samples, median_ns, mad_ns, p95_ns, "
-    "p99_ns, ci_low_ns, ci_high_ns FROM measurement WHERE cell_id = ? ORDER BY phase, state",
-    "SELECT phase, state, position, ns FROM measurement JOIN sample USING (measurement_id) "
-    "WHERE cell_id = ? ORDER BY phase, state, position",
-    "SELECT energy_j, provenance, source, valid, reasons FROM energy WHERE cell_id = ?"};
-
-constexpr std::array<std::string_view, 4> kRunQueries2 = {
+constexpr std::array<std::string_view, 6> kRunQueries = {
     "SELECT run_id, started, finished, platform, seed, plan FROM run WHERE run_id = ?",
     "SELECT key, value, kind FROM environment WHERE run_id = ? ORDER BY key",
     "SELECT unit, ordinal, backend, device, device_is_cpu, cores FROM unit "
     "WHERE run_id = ? ORDER BY unit",
     "SELECT unit, kind, per_second, variant, provenance, valid, reasons FROM peak "
-    "WHERE run_id = ? ORDER BY unit, kind"};
-constexpr std::array<std::string_view, 4> kCellQueries2 = {
+    "WHERE run_id = ? ORDER BY unit, kind",
+    // Which cells and visits there are; what each holds is in its own checksum.
+    "SELECT workload, unit, checksum FROM cell WHERE run_id = ? ORDER BY workload, unit",
+    "SELECT workload, unit, position, checksum FROM visit WHERE run_id = ? "
+    "ORDER BY workload, unit, position"};
+constexpr std::array<std::string_view, 4> kCellQueries = {
     "SELECT run_id, workload, unit, ops, bytes, verification FROM cell WHERE cell_id = ?",
     "SELECT phase, state, provenance, valid, reasons, notes, samples, processes, median_ns, "
     "mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns FROM measurement WHERE cell_id = ? "
@@ -45,10 +35,6 @@ constexpr std::array<std::string_view, 4> kCellQueries2 = {
     "JOIN sample USING (measurement_id) WHERE cell_id = ? ORDER BY phase, state, position",
     "SELECT energy_j, provenance, source, valid, reasons, domain, idle_subtracted FROM energy "
     "WHERE cell_id = ?"};
-
-std::string_view schema_file(std::string_view name) {
-  return find_embedded(schema_files::files(), name).value();
-}
 
 std::map<std::string, std::string> schema_objects(const Connection& connection) {
   std::map<std::string, std::string> objects;
@@ -59,9 +45,9 @@ std::map<std::string, std::string> schema_objects(const Connection& connection) 
 
 /// What the file defines must be what the schema says, word for word: a changed view or constraint
 /// would show other figures. Objects of others beside it are left alone.
-void check_schema(const Connection& connection, const DatabaseFormat& format) {
-  Connection reference(":memory:", Connection::Mode::kCreate, Nanos(0));
-  reference.run(std::string(format.schema));
+void check_schema(const Connection& connection) {
+  Connection reference("schema.sql", Connection::Mode::kMemory, Nanos(0));
+  reference.run(std::string(database_schema()));
   const auto expected = schema_objects(reference);
   const auto actual = schema_objects(connection);
   for (const auto& [name, sql] : expected) {
@@ -87,47 +73,38 @@ std::int64_t checksum(const Connection& connection, std::int64_t id,
 
 }  // namespace
 
-const DatabaseFormat& database_format(std::int64_t version) {
-  static const std::array<DatabaseFormat, kDatabaseVersion> kFormats = {
-      {{1, schema_file("v1.sql"), kRunQueries1, kCellQueries1},
-       {2, schema_file("schema.sql"), kRunQueries2, kCellQueries2}}};
-  assert(version >= kOldestDatabaseVersion && version <= kDatabaseVersion);
-  return kFormats.at(static_cast<std::size_t>(version - 1));
+std::string_view database_schema() {
+  return find_embedded(schema_files::files(), "schema.sql").value();
 }
 
-std::int64_t run_checksum(const Connection& connection, std::int64_t run_id,
-                          const DatabaseFormat& format) {
-  return checksum(connection, run_id, format.run_queries);
+std::int64_t run_checksum(const Connection& connection, std::int64_t run_id) {
+  return checksum(connection, run_id, kRunQueries);
 }
 
-std::int64_t cell_checksum(const Connection& connection, std::int64_t cell_id,
-                           const DatabaseFormat& format) {
-  return checksum(connection, cell_id, format.cell_queries);
+std::int64_t cell_checksum(const Connection& connection, std::int64_t cell_id) {
+  return checksum(connection, cell_id, kCellQueries);
 }
 
-void check_structure(const Connection& connection, const DatabaseFormat& format) {
+void verify_all(const Connection& connection) {
   Statement integrity(connection, "PRAGMA integrity_check(1)");
   if (!integrity.step() || integrity.text(0) != "ok") connection.fail_damaged(integrity.text(0));
-  check_schema(connection, format);
+  check_schema(connection);
   Statement references(connection, "PRAGMA foreign_key_check");
   if (references.step()) {
     connection.fail_damaged(fmt::format("a row of '{}' refers to nothing", references.text(0)));
   }
-}
-
-void verify_all(const Connection& connection, const DatabaseFormat& format) {
-  check_structure(connection, format);
-  Statement runs(connection, "SELECT run_id, checksum FROM run");
-  while (runs.step()) {
-    if (runs.integer(1) != run_checksum(connection, runs.integer(0), format)) {
-      connection.fail_damaged(fmt::format("checksum of run {}", runs.integer(0)));
-    }
-  }
+  // Cells first: a run's checksum covers theirs, and the message shall name the cell.
   Statement cells(connection, "SELECT cell_id, workload, unit, run_id, checksum FROM cell");
   while (cells.step()) {
-    if (cells.integer(4) != cell_checksum(connection, cells.integer(0), format)) {
+    if (cells.integer(4) != cell_checksum(connection, cells.integer(0))) {
       connection.fail_damaged(fmt::format("checksum of {} on {} in run {}", cells.text(1),
                                           cells.text(2), cells.integer(3)));
+    }
+  }
+  Statement runs(connection, "SELECT run_id, checksum FROM run");
+  while (runs.step()) {
+    if (runs.integer(1) != run_checksum(connection, runs.integer(0))) {
+      connection.fail_damaged(fmt::format("checksum of run {}", runs.integer(0)));
     }
   }
 }

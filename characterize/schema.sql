@@ -1,7 +1,7 @@
--- The profile database of pirt, version 2. One SQLite file, journal mode DELETE: closed, it is one file and opens read-only.
+-- The profile database of pirt, version 3. One SQLite file, journal mode DELETE: closed, it is one file and opens read-only.
 --
 -- Other tools read the views profile_summary and energy_summary: their columns, in this order, are stable; new ones come at their end.
--- The tables are pirt's own. Readers refuse a newer user_version and migrate an older one (characterize/migrations/). All times are integer nanoseconds, started/finished are UTC (ISO 8601).
+-- The tables are pirt's own. Readers refuse every other user_version. All times are integer nanoseconds, started/finished are UTC (ISO 8601).
 --
 -- Words in `reasons` (why a row is not valid) and `notes` (what to know about a valid one) are separated by "; ", and "" means none.
 --   reasons: wrong_output      the output did not match the reference, before or after timing
@@ -21,11 +21,11 @@
 --            shared_core
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %
 -- interval over processes (characterize/statistics.h), NULL with 2; of a single process, that of its samples, NULL below 6.
--- `checksum` columns are FNV-1a over what a run (with its environment, units and peaks) or a cell (with its measurements, samples
--- and energy) holds (characterize/database_format.h): damage that SQLite cannot see is an error.
+-- `checksum` columns are FNV-1a over what a run (with its environment, units, peaks, and which cells and visits it has) or a cell
+-- (with its measurements, samples and energy) holds (characterize/database_format.h): damage that SQLite cannot see is an error.
 
 PRAGMA application_id = 1346982484;  -- "PIRT"
-PRAGMA user_version = 2;
+PRAGMA user_version = 3;
 
 -- One `pirt characterize`. `finished` is NULL if it did not end; its cells are complete all the same.
 CREATE TABLE run (

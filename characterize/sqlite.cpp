@@ -22,13 +22,19 @@ int open_flags(Connection::Mode mode) {
   return SQLITE_OPEN_READONLY;
 }
 
+/// ":memory:" and, where it is built so, "file:..." are names to SQLite: only where a path begins.
+std::string file_name(const std::filesystem::path& path) {
+  return (path.is_relative() ? "." / path : path).string();
+}
+
 }  // namespace
 
 Connection::Connection(std::filesystem::path path, Mode mode, Nanos busy_wait)
     : path_(std::move(path)), busy_wait_(busy_wait) {
   sqlite3* handle = nullptr;
-  const char* name = mode == Mode::kMemory ? ":memory:" : path_.c_str();
-  const int code = sqlite3_open_v2(name, &handle, open_flags(mode) | SQLITE_OPEN_NOMUTEX, nullptr);
+  const std::string name = mode == Mode::kMemory ? ":memory:" : file_name(path_);
+  const int code =
+      sqlite3_open_v2(name.c_str(), &handle, open_flags(mode) | SQLITE_OPEN_NOMUTEX, nullptr);
   handle_.reset(handle);
   if (code != SQLITE_OK) fail(code);
   sqlite3_extended_result_codes(handle, 1);
@@ -44,7 +50,9 @@ void Connection::run(const std::string& sql) {
 
 void Connection::fail(int code) const {
   const std::string path = path_.string();
-  const std::string detail = handle_ ? sqlite3_errmsg(handle()) : std::string(sqlite3_errstr(code));
+  // The connection's last message may be of another error, or of none ("not an error").
+  const bool last = handle_ && (sqlite3_errcode(handle()) & 0xFF) == (code & 0xFF);
+  const std::string detail = last ? sqlite3_errmsg(handle()) : sqlite3_errstr(code);
   switch (code & 0xFF) {
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
@@ -192,19 +200,5 @@ Transaction::~Transaction() {
 }
 
 void Transaction::commit() { connection_.run("COMMIT"); }
-
-void copy_database(const Connection& from, const Connection& to) {
-  {
-    // A database in memory cannot change its page size while it is copied to.
-    Statement page_size(from, "PRAGMA page_size");
-    if (!page_size.step()) from.fail_damaged("no page size");
-    Statement(to, "PRAGMA page_size = " + page_size.text(0)).run();
-  }
-  sqlite3_backup* backup = sqlite3_backup_init(to.handle(), "main", from.handle(), "main");
-  if (backup == nullptr) to.fail(sqlite3_errcode(to.handle()));
-  const int code = sqlite3_backup_step(backup, -1);
-  const int finished = sqlite3_backup_finish(backup);
-  if (code != SQLITE_DONE) to.fail(finished != SQLITE_OK ? finished : code);
-}
 
 }  // namespace pirt::sqlite

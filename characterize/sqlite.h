@@ -28,6 +28,7 @@ class Connection {
     kMemory  ///< A database of its own in memory; the path only stands in messages.
   };
 
+  /// @param path       A file's, whatever it looks like: ":memory:" and "file:p.db" are files too.
   /// @param busy_wait  How long another writer is waited for.
   Connection(std::filesystem::path path, Mode mode, Nanos busy_wait);
 
@@ -103,8 +104,5 @@ class Transaction {
  private:
   Connection& connection_;
 };
-
-/// Makes @p to an exact copy of what @p from sees; a file is on the disk afterwards.
-void copy_database(const Connection& from, const Connection& to);
 
 }  // namespace pirt::sqlite

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <memory>
 
 #include "characterize/campaign.h"
@@ -52,7 +53,9 @@ std::string progress_text(const Progress& progress) {
 
 /// Where there is no progress line: a log that says what is safe.
 void acknowledge(const CellName& cell) {
-  if (!stderr_is_terminal()) fmt::print(stderr, "stored: {} on {}\n", cell.workload, cell.unit);
+  if (stderr_is_terminal()) return;
+  // Not fmt::print, which throws where nobody listens.
+  std::fprintf(stderr, "stored: %s on %s\n", cell.workload.c_str(), cell.unit.c_str());
 }
 
 CampaignOptions campaign_options(const Options& options) {
@@ -163,16 +166,13 @@ std::string precision_text(const CampaignSummary& summary, const CampaignPlan& p
 }
 
 /// What the clock does to a sample: batches keep it below 0.1 % of any phase (measure.h).
-std::string clock_text(const Profile& profile, std::int64_t run_id) {
-  for (const RunInfo& run : profile.runs) {
-    const auto cost = run.environment.find("clock_cost_ns");
-    if (run.run_id != run_id || cost == run.environment.end()) continue;
-    return fmt::format(
-        "Clock: {} ns a reading, at most {:.2g} % of a call's sample (1 ms or more) and 0.1 % of a "
-        "phase's",
-        cost->second, std::stod(cost->second) / 1e6 * 100);
-  }
-  return "";
+std::string clock_text(const RunInfo& run) {
+  const auto cost = run.environment.find("clock_cost_ns");
+  if (cost == run.environment.end()) return "";
+  return fmt::format(
+      "Clock: {} ns a reading, at most {:.2g} % of a call's sample (1 ms or more) and 0.1 % of a "
+      "phase's",
+      cost->second, std::stod(cost->second) / 1e6 * 100);
 }
 
 nlohmann::ordered_json summary_json(const CampaignSummary& summary) {
@@ -188,9 +188,8 @@ nlohmann::ordered_json summary_json(const CampaignSummary& summary) {
 }
 
 /// Of the whole run: all of its cells may have been stored before it was interrupted.
-bool has_valid_row(const Profile& profile, std::int64_t run_id) {
-  return std::ranges::any_of(
-      profile.phases, [run_id](const PhaseRow& row) { return row.run_id == run_id && row.valid; });
+bool has_valid_row(const Profile& profile) {
+  return std::ranges::any_of(profile.phases, &PhaseRow::valid);
 }
 
 int characterize(const Options& options) {
@@ -216,11 +215,13 @@ int characterize(const Options& options) {
         fmt::format("interrupted before a cell had rows to show, {} processes are kept; {}",
                     summary.processes, resume_hint(options)));
   }
-  const auto profile = load_profile(options.database, campaign.platform.name);
+  // This run alone: others may write to the same database meanwhile.
+  const auto profile =
+      load_profile(options.database, campaign.platform.name, {summary.run_id, summary.run_id});
   Document document{.title = "pirt characterize",
                     .parts = {profile_header(profile), profile_table(profile)}};
   Paragraph closing{{summary_text(summary, plan, campaign), precision_text(summary, plan, campaign),
-                     clock_text(profile, summary.run_id)}};
+                     clock_text(profile.runs.front())}};
   std::erase(closing.lines, "");
   document.parts.emplace_back(std::move(closing));
   auto json = profile_json(profile, preferences(profile));
@@ -239,7 +240,7 @@ int characterize(const Options& options) {
     throw_environment(fmt::format("interrupted; {} cells are complete and {} were begun; {}",
                                   summary.cells, summary.cells_begun, resume_hint(options)));
   }
-  if (!has_valid_row(profile, summary.run_id)) {
+  if (!has_valid_row(profile)) {
     throw_environment("no valid row was measured; see the remarks for the reasons");
   }
   if (fits && !fit.complete) {

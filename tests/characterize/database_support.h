@@ -107,11 +107,6 @@ int in_child(Action action) {
   return status;
 }
 
-/// A file that a program of version 1 made.
-inline void make_version_1(const std::filesystem::path& path) {
-  run_sql(path, read_bytes(PIRT_SOURCE_DIR "/tests/characterize/v1_database.sql"));
-}
-
 /// A writer that dies inside a transaction with its changes on disk: a small page cache spills them
 /// into the file.
 inline void die_in_transaction(const std::filesystem::path& path) {

@@ -201,16 +201,6 @@ TEST(DatabaseSurvival, GivesAnErrorOrTheRightDataWhateverBitFlips) {
   RecordProperty("refused", refused);
 }
 
-TEST(DatabaseSurvival, GivesAnErrorOrTheRightDataWhateverBitFlipsInAnOldFile) {
-  const TemporaryFolder folder;
-  test::make_version_1(folder / "p.db");
-  const int flips = repeats(60, 2'000);
-  const int refused = flip_bits(folder / "p.db", folder / "d.db", flips, 2025);
-  EXPECT_GT(refused, flips / 20);
-  RecordProperty("flips", flips);
-  RecordProperty("refused", refused);
-}
-
 TEST(DatabaseSurvival, GivesAnErrorWhereverTheFileIsCutOff) {
   const TemporaryFolder folder;
   write_full_file(folder / "p.db");
@@ -223,36 +213,6 @@ TEST(DatabaseSurvival, GivesAnErrorWhereverTheFileIsCutOff) {
     error_of(ErrorCode::kBadInput, [&] { ProfileWriter writer(folder / "d.db"); });
     EXPECT_EQ(read_bytes(folder / "d.db").size(), size);
   }
-}
-
-TEST(DatabaseSurvival, IsOldOrNewWhenItsMigrationIsKilled) {
-  const TemporaryFolder folder;
-  test::make_version_1(folder / "v1.db");
-  const std::string right = dump(folder / "v1.db");
-  Random random(1);
-  int killed = 0;
-  for (int i = 0, n = repeats(10, 300); i < n; ++i) {
-    const TemporaryFolder place;
-    std::filesystem::copy_file(folder / "v1.db", place / "p.db");
-    const pid_t child = ::fork();
-    if (child == 0) {
-      { const ProfileWriter writer(place / "p.db"); }
-      ::_exit(0);
-    }
-    std::this_thread::sleep_for(std::chrono::microseconds(random.below(60'000)));
-    ::kill(child, SIGKILL);
-    int status = 0;
-    ::waitpid(child, &status, 0);
-    killed += WIFSIGNALED(status) ? 1 : 0;
-    EXPECT_EQ(dump(place / "p.db"), right);
-    if (std::filesystem::exists(place / "p.db.v1.bak")) {
-      EXPECT_EQ(dump(place / "p.db.v1.bak"), right);
-    }
-    { const ProfileWriter writer(place / "p.db"); }
-    EXPECT_EQ(dump(place / "p.db"), right);
-    EXPECT_THAT(place.entries(), ElementsAre("p.db", "p.db.v1.bak"));
-  }
-  EXPECT_GT(killed, 0);
 }
 
 TEST(DatabaseSurvival, LosesNoCellOfSeveralWriters) {
@@ -338,27 +298,6 @@ TEST(DatabaseSurvival, KeepsEveryCellOnAFullDisk) {
   ASSERT_TRUE(WIFEXITED(status));
   if (WEXITSTATUS(status) == kNotPermitted) GTEST_SKIP() << "may not mount a file system here";
   EXPECT_EQ(WEXITSTATUS(status), 0) << "a line of fill_disk";
-}
-
-TEST(DatabaseSurvival, LeavesAnOldFileAloneWhenThereIsNoSpaceToMigrateIt) {
-  const TemporaryFolder folder;
-  test::make_version_1(folder / "p.db");
-  const std::string before = read_bytes(folder / "p.db");
-  const int status = in_child([&] {
-    ::signal(SIGXFSZ, SIG_IGN);
-    const rlimit limit{20'000, 20'000};  // not enough for the copy
-    ::setrlimit(RLIMIT_FSIZE, &limit);
-    try {
-      ProfileWriter writer(folder / "p.db");
-    } catch (const Error& error) {
-      const bool clear = std::string(error.what()).find("nothing was changed") != std::string::npos;
-      ::_exit(error.code() == ErrorCode::kEnvironment && clear ? 17 : 18);
-    }
-  });
-  ASSERT_TRUE(WIFEXITED(status));
-  EXPECT_EQ(WEXITSTATUS(status), 17);
-  EXPECT_EQ(read_bytes(folder / "p.db"), before);
-  EXPECT_THAT(folder.entries(), ElementsAre("p.db"));
 }
 
 TEST(DatabaseSurvival, SaysThatItCannotRollBackWhereItMayNotWrite) {

@@ -117,7 +117,9 @@ TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
   test::write_bytes(folder / "cut.db", std::string("SQLite format 3\0 and the end", 28));
   run_sql(folder / "other.db", "PRAGMA application_id = 7; CREATE TABLE t (x)");
   write_one_run(folder / "newer.db");
-  run_sql(folder / "newer.db", "PRAGMA user_version = 3");
+  run_sql(folder / "newer.db", "PRAGMA user_version = 4");
+  write_one_run(folder / "older.db");
+  run_sql(folder / "older.db", "PRAGMA user_version = 2; DROP VIEW energy_summary");
   write_one_run(folder / "wal.db");
   run_sql(folder / "wal.db", "PRAGMA journal_mode = WAL");
   ASSERT_EQ(::mkfifo((folder / "pipe.db").c_str(), 0600), 0);
@@ -129,7 +131,8 @@ TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
       {"short.db", "not a profile database"},
       {"cut.db", "damaged (cut off after 28 bytes)"},
       {"other.db", "another application"},
-      {"newer.db", "use a newer pirt"},
+      {"newer.db", "is of version 4, and this pirt reads version 3: use a newer pirt"},
+      {"older.db", "is of version 2, and this pirt reads version 3: characterize again"},
       {"wal.db", "journal_mode=DELETE"},
       {"", "is not a file but a folder"},
       {"pipe.db", "is not a file but a device or pipe"}};
@@ -157,6 +160,18 @@ TEST(Database, ExplainsThatThereIsNothingInIt) {
               HasSubstr("holds no measurements"));
 }
 
+TEST(Database, TakesEveryPathForAFile) {
+  const TemporaryFolder folder;
+  const auto before = std::filesystem::current_path();
+  std::filesystem::current_path(folder.path());
+  for (const auto* name : {":memory:", "file:y.db", "file::memory:?cache=shared"}) {
+    write_one_run(name);
+    EXPECT_EQ(load_profile(name).phases.size(), 4U) << name;
+  }
+  std::filesystem::current_path(before);
+  EXPECT_THAT(folder.entries(), ElementsAre(":memory:", "file::memory:?cache=shared", "file:y.db"));
+}
+
 TEST(Database, CannotBeMadeWhereThereIsNoFolder) {
   const TemporaryFolder folder;
   EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { ProfileWriter writer(folder / "no/p.db"); }),
@@ -171,7 +186,7 @@ TEST(Database, SaysThatAFileOrFolderIsReadOnly) {
   ::chmod(folder.path().c_str(), 0555);
   as_nobody([&] {
     EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { ProfileWriter writer(folder / "p.db"); }),
-                HasSubstr("cannot be written"));
+                HasSubstr("cannot be written (attempt to write a readonly database)"));
     EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { ProfileWriter writer(folder / "new.db"); }),
                 HasSubstr("cannot make profile database"));
   });
@@ -221,6 +236,29 @@ TEST(Database, NoticesChangedContentAndChangedViews) {
   }
 }
 
+TEST(Database, NoticesACellOrAProcessThatIsGone) {
+  const TemporaryFolder folder;
+  const std::string whole_cell =
+      "DELETE FROM sample WHERE measurement_id IN "
+      "(SELECT measurement_id FROM measurement WHERE cell_id = 2); "
+      "DELETE FROM measurement WHERE cell_id = 2; DELETE FROM energy WHERE cell_id = 2; "
+      "DELETE FROM cell WHERE cell_id = 2";
+  for (const auto& sql : {whole_cell, std::string("DELETE FROM visit WHERE position = 1")}) {
+    std::filesystem::remove(folder / "p.db");
+    write_one_run(folder / "p.db");
+    {
+      ProfileWriter writer(folder / "p.db");
+      writer.write_visit(1, {"fc8", "cpu"}, {0, State::kCold, "a"});
+      writer.write_visit(1, {"fc8", "cpu"}, {1, State::kWarm, "b"});
+    }
+    static_cast<void>(load_profile(folder / "p.db"));
+    run_sql(folder / "p.db", sql);
+    EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "p.db"); }),
+                AllOf(HasSubstr("damaged"), HasSubstr("checksum of run 1")))
+        << sql;
+  }
+}
+
 TEST(Database, LeavesTablesOfOthersAlone) {
   const TemporaryFolder folder;
   write_one_run(folder / "p.db");
@@ -240,6 +278,36 @@ TEST(Database, WaitsForASecondWriterAndThenSaysSo) {
   ASSERT_EQ(sqlite3_exec(other, "ROLLBACK", nullptr, nullptr, nullptr), SQLITE_OK);
   EXPECT_EQ(writer.begin_run(small_run()), 2);  // and works once the other is done
   sqlite3_close(other);
+}
+
+TEST(Database, GivesARunToOneWriterAtATime) {
+  const TemporaryFolder folder;
+  RunHeader header = small_run();
+  header.plan = "{}";
+  auto first = std::make_unique<ProfileWriter>(folder / "p.db");
+  const auto run = first->begin_run(header);
+  const auto seen = find_unfinished_run(folder / "p.db").value();
+  ProfileWriter second(folder / "p.db");
+  EXPECT_EQ(second.begin_run(small_run()), run + 1);  // another run goes all the same
+  const auto resume = [&](const UnfinishedRun& unfinished) {
+    second.resume_run(unfinished);
+    return 0;
+  };
+  EXPECT_THAT(error_of(ErrorCode::kEnvironment, [&] { return resume(seen); }),
+              AllOf(HasSubstr("run 1 of"), HasSubstr("is being measured by another program")));
+  first->write_visit(run, {"sobel", "cpu"}, {0, State::kCold, "a"});
+  first.reset();
+  // What had been read before is not what there is to go on with.
+  EXPECT_THAT(error_of(ErrorCode::kEnvironment, [&] { return resume(seen); }),
+              HasSubstr("try again"));
+  second.resume_run(find_unfinished_run(folder / "p.db").value());
+  ProfileWriter third(folder / "p.db");
+  EXPECT_THAT(error_of(ErrorCode::kEnvironment,
+                       [&] {
+                         third.resume_run(find_unfinished_run(folder / "p.db").value());
+                         return 0;
+                       }),
+              HasSubstr("is being measured by another program"));
 }
 
 TEST(Database, LetsTwoWritersAppendInTurns) {
