@@ -7,6 +7,7 @@
 #include <set>
 
 #include "characterize/identity.h"
+#include "characterize/job.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 
@@ -18,19 +19,8 @@ using Json = nlohmann::ordered_json;
 constexpr int kPlanVersion = 1;
 
 [[noreturn]] void throw_unreadable(const UnfinishedRun& run, const std::string& why) {
-  throw_bad_input(fmt::format("the plan of run {} cannot be gone on with ({}); start a new run",
-                              run.run.run_id, why));
-}
-
-Json parse_plan(const UnfinishedRun& run) {
-  Json json = Json::parse(run.plan, nullptr, false);
-  if (json.is_discarded() || !json.is_object()) throw_unreadable(run, "it is no JSON object");
-  const auto version = json.value("version", 0);
-  if (version != kPlanVersion) {
-    throw_unreadable(
-        run, fmt::format("it has version {}, and this pirt knows {}", version, kPlanVersion));
-  }
-  return json;
+  throw_bad_input(
+      fmt::format("run {} cannot be gone on with ({}); start a new run", run.run.run_id, why));
 }
 
 /// Calls @p read, whose errors are those of a plan that this pirt did not write.
@@ -43,6 +33,28 @@ auto reading(const UnfinishedRun& run, Read read) {
   }
 }
 
+Json parse_plan(const UnfinishedRun& run) {
+  Json json = Json::parse(run.plan, nullptr, false);
+  if (json.is_discarded() || !json.is_object()) throw_unreadable(run, "its plan is no JSON object");
+  const int version = reading(run, [&json] { return json.value("version", 0); });
+  if (version != kPlanVersion) {
+    throw_unreadable(
+        run, fmt::format("its plan has version {}, and this pirt knows {}", version, kPlanVersion));
+  }
+  return json;
+}
+
+void check_visits(const UnfinishedRun& run) {
+  for (const auto& [cell, visit] : run.visits) {
+    try {
+      static_cast<void>(last_record(visit.record));
+    } catch (const Error& error) {
+      throw_unreadable(run, fmt::format("process {} of {} on {}: {}", visit.position, cell.workload,
+                                        cell.unit, error.what()));
+    }
+  }
+}
+
 std::string reason_of(const CampaignPlan& plan, const CellName& cell) {
   for (const Skip& skip : plan.skipped) {
     if (skip.unit == cell.unit && (skip.workload.empty() || skip.workload == cell.workload)) {
@@ -50,6 +62,11 @@ std::string reason_of(const CampaignPlan& plan, const CellName& cell) {
     }
   }
   return "the platform or the catalog changed";
+}
+
+std::optional<std::string> fact(const RunInfo& run, const std::string& key) {
+  const auto it = run.environment.find(key);
+  return it == run.environment.end() ? std::nullopt : std::optional(it->second);
 }
 
 }  // namespace
@@ -81,6 +98,7 @@ CampaignOptions resume_options(const std::filesystem::path& database) {
         database.string()));
   }
   const Json json = parse_plan(*run);
+  check_visits(*run);
   return reading(*run, [&] {
     CampaignOptions options;
     options.database = database;
@@ -132,6 +150,11 @@ void check_identity(const RunInfo& run, const Environment& facts) {
   std::vector<std::string> changed;
   for (const auto& each : compare_identity(run, now)) {
     changed.push_back(fmt::format("{} was {} and is {}", each.field, text(each.a), text(each.b)));
+  }
+  for (const auto* key : {"pirt_version", "git_commit"}) {  // figures of one run are of one program
+    const auto was = fact(run, key);
+    const auto is = fact(now, key);
+    if (was != is) changed.push_back(fmt::format("{} was {} and is {}", key, text(was), text(is)));
   }
   if (changed.empty()) return;
   throw_bad_input(fmt::format(

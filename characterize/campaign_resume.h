@@ -16,7 +16,7 @@ namespace pirt {
 void restrict_to_stored(const UnfinishedRun& run, CampaignPlan& plan);
 
 /// @throws Error{kBadInput} if facts that must match for runs to be comparable (fact_kind) are not
-/// those of @p run: names them.
+/// those of @p run, or the program is another: names them.
 void check_identity(const RunInfo& run, const Environment& facts);
 
 }  // namespace pirt

@@ -20,6 +20,15 @@ Json encode(const std::vector<Nanos>& times) {
   return list;
 }
 
+/// A word of an enumeration, by its own parser.
+template <typename Parse>
+auto decode_word(const Json& j, Parse parse) {
+  const auto text = j.get<std::string>();
+  const auto value = parse(text);
+  if (!value) throw_bad_input(fmt::format("there is no '{}'", text));
+  return *value;
+}
+
 std::vector<Nanos> decode_times(const Json& list) {
   std::vector<Nanos> times;
   times.reserve(list.size());
@@ -116,7 +125,7 @@ Json encode(const PeakFigure& peak) {
 
 PeakFigure decode_peak(const Json& j) {
   PeakFigure peak;
-  peak.kind = peak_kind_from_string(j.at("kind").get<std::string>()).value();
+  peak.kind = decode_word(j.at("kind"), peak_kind_from_string);
   if (!j.at("per_second").is_null()) peak.per_second = j.at("per_second").get<double>();
   peak.variant = j.at("variant");
   peak.reasons = j.at("reasons").get<std::vector<std::string>>();
@@ -136,7 +145,7 @@ JobResult decode_result(const Json& j) {
   result.step = j.at("step");
   result.error = j.at("error");
   if (!j.at("device").is_null()) result.device = decode_device(j.at("device"));
-  result.provenance = provenance_from_string(j.at("provenance").get<std::string>()).value();
+  result.provenance = decode_word(j.at("provenance"), provenance_from_string);
   result.clock = {j.at("clock_cost_ns"), Nanos(j.at("clock_resolution_ns").get<std::int64_t>())};
   result.device_init = decode_time(j.at("device_init_ns"));
   result.prepare = decode_time(j.at("prepare_ns"));
@@ -146,12 +155,20 @@ JobResult decode_result(const Json& j) {
   result.throttled = j.at("throttled");
   result.notes = j.at("notes").get<std::vector<std::string>>();
   for (const auto& phase : j.at("phases")) {
-    result.phases.push_back({phase_from_string(phase.at("phase").get<std::string>()).value(),
+    result.phases.push_back({decode_word(phase.at("phase"), phase_from_string),
                              decode_times(phase.at("samples_ns")), phase.at("batch")});
   }
   result.metered = decode_metered(j.value("metered", Json()));
   for (const auto& peak : j.at("peaks")) result.peaks.push_back(decode_peak(peak));
   return result;
+}
+
+JobResult result_from(const Json& j) {
+  try {
+    return decode_result(j);
+  } catch (const Json::exception& error) {
+    throw_bad_input(fmt::format("this is no record of this version's worker ({})", error.what()));
+  }
 }
 
 }  // namespace
@@ -248,7 +265,7 @@ JobResult last_record(std::string_view output) {
     const auto prefix = line.find(kPrefix);
     if (prefix == std::string_view::npos) continue;
     const Json j = Json::parse(line.substr(prefix + kPrefix.size()), nullptr, false);
-    if (!j.is_discarded()) return decode_result(j);
+    if (!j.is_discarded()) return result_from(j);
   }
   return {};
 }

@@ -65,6 +65,7 @@ struct JobResult {
 /// One line without its end.
 [[nodiscard]] std::string to_record(const JobResult& result);
 /// The last record among the lines of @p output; a result with nothing done if there is none.
+/// @throws Error{kBadInput} if it is none of this version.
 [[nodiscard]] JobResult last_record(std::string_view output);
 
 }  // namespace pirt

@@ -268,6 +268,24 @@ TEST_F(Rounds, GoOnWithAKilledRun) {
   EXPECT_EQ(row(load_profile(o.database), "pool5", Phase::kCall).processes, 4);
 }
 
+TEST_F(Rounds, RefuseToGoOnWithWhatAnotherVersionWrote) {
+  RunHeader header = test::small_run();
+  const auto refused = [&](const std::string& plan, const std::string& record) {
+    header.plan = plan;
+    {
+      ProfileWriter writer(folder / "p.db");
+      const auto run = writer.begin_run(header);
+      writer.write_visit(run, {"pool5", "gpu"}, {0, State::kCold, record});
+    }
+    return error_of(ErrorCode::kBadInput, [&] { return resume_options(folder / "p.db"); });
+  };
+  EXPECT_THAT(refused("{\"version\": \"2\"}", ""), HasSubstr("run 1 cannot be gone on with"));
+  EXPECT_THAT(refused("{\"version\": 1}", "pirt-record {\"done\": true}\n"),
+              ::testing::AllOf(HasSubstr("run 2 cannot be gone on with (process 0 of pool5 on gpu"),
+                               HasSubstr("start a new run")));
+  EXPECT_THAT(refused("{\"version\": 1}", ""), HasSubstr("run 3 cannot be gone on with"));
+}
+
 TEST_F(Rounds, RefuseToGoOnOnAnotherMachine) {
   std::atomic<bool> stop = false;
   auto o = shipped("^pool5$");
@@ -279,6 +297,10 @@ TEST_F(Rounds, RefuseToGoOnOnAnotherMachine) {
   EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return run_campaign(other, plan); }),
               ::testing::AllOf(HasSubstr("cpu_model was 'another processor'"),
                                HasSubstr("start a new run")));
+  auto upgraded = resumed();
+  upgraded.resumed->run.environment["pirt_version"] = "0.0.1";
+  EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return run_campaign(upgraded, plan); }),
+              HasSubstr("pirt_version was '0.0.1'"));
   auto gone = resumed();
   gone.platform.units.erase(gone.platform.units.begin() + 1);  // gpu
   gone.units.clear();
