@@ -1,8 +1,8 @@
 #include "cli/long_run.h"
 
 #include <fmt/format.h>
+#include <signal.h>
 
-#include <csignal>
 #include <cstdio>
 
 #include "cli/output.h"
@@ -12,16 +12,26 @@ namespace {
 
 std::atomic<bool> stop_requested = false;
 
-extern "C" void request_stop(int signal) {
-  stop_requested = true;
-  std::signal(signal, SIG_DFL);
+extern "C" void request_stop(int) { stop_requested = true; }
+
+/// What is ignored already stays so: nohup, or a shell's background.
+void stop_on(int signal, int flags) {
+  struct sigaction now {};
+  ::sigaction(signal, nullptr, &now);
+  if (now.sa_handler == SIG_IGN) return;
+  now = {};
+  now.sa_handler = request_stop;
+  now.sa_flags = flags;
+  ::sigaction(signal, &now, nullptr);
 }
 
 }  // namespace
 
 const std::atomic<bool>* stop_on_signal() {
-  std::signal(SIGINT, request_stop);
-  std::signal(SIGTERM, request_stop);
+  constexpr int kOnce = static_cast<int>(SA_RESETHAND | SA_RESTART);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) stop_on(signal, kOnce);
+  // Not once: what is still to be said would end the process before it has cleaned up.
+  stop_on(SIGPIPE, SA_RESTART);
   return &stop_requested;
 }
 
@@ -37,12 +47,12 @@ ProgressLine::ProgressLine() : shown_(stderr_is_terminal()) {}
 
 void ProgressLine::show(const std::string& text) const {
   if (!shown_) return;
-  fmt::print(stderr, "\r{}\x1b[K", text);
+  std::fprintf(stderr, "\r%s\x1b[K", text.c_str());
   std::fflush(stderr);
 }
 
 void ProgressLine::clear() const {
-  if (shown_) fmt::print(stderr, "\r\x1b[K");
+  if (shown_) std::fputs("\r\x1b[K", stderr);
 }
 
 }  // namespace pirt::cli

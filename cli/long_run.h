@@ -9,8 +9,9 @@
 
 namespace pirt::cli {
 
-/// A flag that the first Ctrl-C (or SIGTERM) sets from here on; the second one ends the process at
-/// once.
+/// A flag that the first Ctrl-C (or SIGTERM, SIGHUP) sets from here on; the second one ends the
+/// process at once. A reader of our output that goes away (SIGPIPE) sets it too. Signals that are
+/// ignored stay ignored.
 [[nodiscard]] const std::atomic<bool>* stop_on_signal();
 
 /// Warns of each unit or cell that @p plan leaves out: "... is not <done>: <reason>".

@@ -1,10 +1,14 @@
 // The pirt binary: finds the command, runs it, turns errors into one message and an exit code. All
 // catching is here.
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
 #include <exception>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "cli/commands.h"
@@ -97,12 +101,25 @@ int run(int argc, char** argv) {
   return action();
 }
 
+/// Makes sure that no file is ever opened as one of the standard streams: what is written to those
+/// would end up in it. A stream that was closed is open the wrong way round, so that using it fails
+/// as before.
+bool occupy_standard_streams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (::fcntl(stream, F_GETFD) >= 0) continue;
+    // The lowest number that is free is the one that open takes.
+    if (::open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY) != stream) return false;
+  }
+  return true;
+}
+
 }  // namespace
 }  // namespace pirt::cli
 
 int main(int argc, char** argv) {
   // A limit on the size of files (ulimit -f) is then an error like a full disk, with its message.
   std::signal(SIGXFSZ, SIG_IGN);
+  if (!pirt::cli::occupy_standard_streams()) return pirt::kExitEnvironment;
   try {
     return pirt::cli::run(argc, argv);
   } catch (const pirt::Error& error) {
@@ -110,6 +127,10 @@ int main(int argc, char** argv) {
     return pirt::exit_code(error.code());
   } catch (const std::bad_alloc&) {
     std::fputs("pirt: out of memory\n", stderr);
+    return pirt::kExitEnvironment;
+  } catch (const std::system_error& error) {  // of std::filesystem too, with the path
+    std::fprintf(stderr, "pirt: the system refused: %s; check that path, permission and space\n",
+                 error.what());
     return pirt::kExitEnvironment;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "pirt: internal error: %s (please report this)\n",

@@ -1,9 +1,13 @@
 #include "workloads/opencl/tuning_file.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdlib>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
@@ -156,6 +160,13 @@ TuningFile load_tuning(const std::filesystem::path& path) {
   std::error_code failed;
   const auto status = std::filesystem::status(path, failed);
   if (status.type() == std::filesystem::file_type::not_found) return {};
+  if (failed || ::faccessat(AT_FDCWD, path.c_str(), R_OK, AT_EACCESS) != 0) {
+    throw_bad_input(
+        fmt::format("cannot read the tuned parameters in {}: {}; make it readable (HOME may be "
+                    "another user's), "
+                    "or set PIRT_TUNING to a file of yours, or to none for the defaults",
+                    path.string(), failed ? failed.message() : std::strerror(errno)));
+  }
   return parse_tuning(path, read_file(path));
 }
 
@@ -163,7 +174,7 @@ TuningFile load_tuning() {
   const auto path = tuning_path();
   if (!path) return {};
   std::error_code failed;
-  if (!variable(kVariable).empty() && !std::filesystem::exists(*path, failed)) {
+  if (!variable(kVariable).empty() && !std::filesystem::exists(*path, failed) && !failed) {
     throw_bad_input(fmt::format(
         "PIRT_TUNING names {}, which is not there; make it with: pirt tune --output {}, or set "
         "PIRT_TUNING=none for the defaults",
