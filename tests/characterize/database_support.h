@@ -16,6 +16,7 @@
 #include "characterize/database.h"
 #include "characterize/profile.h"
 #include "tests/characterize/support.h"
+#include "tests/support/as_nobody.h"
 
 namespace pirt::test {
 
@@ -26,16 +27,6 @@ inline void write_one_run(const std::filesystem::path& path) {
   writer.write_cell(run, small_cell("sobel", "cpu"));
   writer.write_cell(run, small_cell("sobel", "gpu", 3000));
   writer.finish_run(run, "2024-01-02T03:05:00Z");
-}
-
-/// Runs @p action as a user whom permissions bind, also where the tests run as root.
-template <typename Action>
-inline void as_nobody(Action action) {
-  constexpr uid_t kNobody = 65534;
-  const bool root = ::geteuid() == 0;
-  ASSERT_TRUE(!root || ::seteuid(kNobody) == 0);
-  action();
-  ASSERT_TRUE(!root || ::seteuid(0) == 0);
 }
 
 inline void run_sql(const std::filesystem::path& path, const std::string& sql) {

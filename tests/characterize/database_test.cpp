@@ -179,6 +179,21 @@ TEST(Database, CannotBeMadeWhereThereIsNoFolder) {
   EXPECT_TRUE(folder.entries().empty());
 }
 
+TEST(Database, SaysThatAPlaceMayNotBeRead) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  ::chmod(folder.path().c_str(), 0);
+  as_nobody([&] {
+    const auto denied = AllOf(HasSubstr((folder / "p.db").string()), HasSubstr("Permission denied"),
+                              HasSubstr("give a path that you may read"));
+    EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "p.db"); }),
+                denied);
+    EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { ProfileWriter writer(folder / "p.db"); }),
+                denied);
+  });
+  ::chmod(folder.path().c_str(), 0755);
+}
+
 TEST(Database, SaysThatAFileOrFolderIsReadOnly) {
   const TemporaryFolder folder;
   write_one_run(folder / "p.db");

@@ -3,10 +3,13 @@
 
 #include <gmock/gmock.h>
 
+#include <cstdlib>
 #include <functional>
 
+#include "tests/support/as_nobody.h"
 #include "tests/workloads/tuning_support.h"
 #include "workloads/base/error.h"
+#include "workloads/base/text.h"
 
 namespace pirt::opencl {
 namespace {
@@ -95,6 +98,26 @@ TEST(TuningFile, OfAnotherKindOfDeviceIsRefusedWhenTheDeviceIsOpened) {
   const test::TuningInUse file({entry});
   EXPECT_THAT(refusal([] { static_cast<void>(tuning_for(kDevice)); }),
               AllOf(HasSubstr(file.path().string()), HasSubstr("is_cpu")));
+}
+
+TEST(TuningFile, ThatMayNotBeReadIsSaidWithTheRemedy) {
+  std::string folder = (std::filesystem::temp_directory_path() / "pirt-test-XXXXXX").string();
+  ASSERT_NE(::mkdtemp(folder.data()), nullptr);
+  std::filesystem::permissions(folder, std::filesystem::perms(0755));
+  const auto file = std::filesystem::path(folder) / "tuning.json";
+  write_file(file, tuning_text({.devices = {test::entry_for(kDevice)}}));
+  const test::TuningVariable variable(file.string());
+  for (const std::filesystem::path& closed : {file, std::filesystem::path(folder)}) {
+    const auto before = std::filesystem::status(closed).permissions();
+    std::filesystem::permissions(closed, std::filesystem::perms::none);
+    test::as_nobody([&] {
+      EXPECT_THAT(refusal([] { static_cast<void>(tuning_for(kDevice)); }),
+                  AllOf(HasSubstr(file.string()), HasSubstr("Permission denied"),
+                        HasSubstr("PIRT_TUNING")));
+    });
+    std::filesystem::permissions(closed, before);
+  }
+  std::filesystem::remove_all(folder);
 }
 
 TEST(TuningFile, ThatPirtTuningNamesMustBeThere) {
