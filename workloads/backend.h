@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "workloads/base/error.h"
 #include "workloads/base/time.h"
 #include "workloads/peak.h"
 #include "workloads/phase.h"
@@ -80,11 +81,21 @@ class Device {
  public:
   virtual ~Device() = default;
   [[nodiscard]] virtual DeviceInfo info() const = 0;
+  /// What Backend::supports_on says for this unit.
+  [[nodiscard]] virtual Support supports(const Workload& workload) const = 0;
   /// Builds the kernels, allocates buffers and takes the parameters (weights, maps) to the device.
   /// Does not run it: who prepares completes one run afterwards, which ends the `prepare` phase.
-  /// @throws Error{kEnvironment} if the device cannot (build failure, out of memory).
-  [[nodiscard]] virtual std::unique_ptr<Kernel> prepare(const Workload& workload,
-                                                        std::span<const Tensor> parameters) = 0;
+  /// The only way to a kernel, so that nothing is computed in another way than its name says.
+  /// @throws Error{kEnvironment} if the device cannot (not supported, build failure, out of
+  /// memory).
+  [[nodiscard]] std::unique_ptr<Kernel> prepare(const Workload& workload,
+                                                std::span<const Tensor> parameters) {
+    if (const Support support = supports(workload); !support.ok) {
+      throw_environment("'" + workload.name + "' cannot run on " + info().name + ": " +
+                        support.reason);
+    }
+    return make_kernel(workload, parameters);
+  }
   /// Loops that try to reach the unit's limits; optional: a device without any says why.
   /// @throws Error{kEnvironment} if the device cannot (build failure, out of memory).
   [[nodiscard]] virtual PeakLoops peak_loops() {
@@ -97,6 +108,11 @@ class Device {
   [[nodiscard]] virtual const Clock* own_clock() const { return nullptr; }
   /// Where figures taken with own_clock() come from.
   [[nodiscard]] virtual Provenance provenance() const { return Provenance::kMeasured; }
+
+ private:
+  /// prepare() of a workload that supports() has.
+  [[nodiscard]] virtual std::unique_ptr<Kernel> make_kernel(const Workload& workload,
+                                                            std::span<const Tensor> parameters) = 0;
 };
 
 /// Stateless; any thread may call it.

@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -94,10 +95,14 @@ struct Workload {
 };
 
 /// The operation as the type that kernel @p T expects.
+/// @throws std::logic_error if it is another one: a kernel table and a workload disagree.
 template <typename T>
 [[nodiscard]] const T& operation_as(const Workload& workload) {
   const auto* operation = dynamic_cast<const T*>(workload.operation.get());
-  assert(operation != nullptr && "kernel table names the wrong operation type");
+  if (operation == nullptr) {
+    throw std::logic_error("kernel '" + workload.kernel + "' does not compute what '" +
+                           workload.name + "' is");
+  }
   return *operation;
 }
 

@@ -53,8 +53,8 @@ class TestDevice : public Device {
  public:
   explicit TestDevice(std::vector<ScriptedLoop> loops) : loops_(std::move(loops)) {}
   [[nodiscard]] DeviceInfo info() const override { return {}; }
-  [[nodiscard]] std::unique_ptr<Kernel> prepare(const Workload&, std::span<const Tensor>) override {
-    return nullptr;
+  [[nodiscard]] Support supports(const Workload&) const override {
+    return {false, "it has peak loops only"};
   }
   [[nodiscard]] PeakLoops peak_loops() override {
     PeakLoops all;
@@ -65,6 +65,11 @@ class TestDevice : public Device {
   ScriptedClock clock;
 
  private:
+  [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload&,
+                                                    std::span<const Tensor>) override {
+    return nullptr;
+  }
+
   std::vector<ScriptedLoop> loops_;
 };
 

@@ -117,21 +117,21 @@ class CpuDevice : public Device {
 
   DeviceInfo info() const override { return device_info(threads_); }
 
-  std::unique_ptr<Kernel> prepare(const Workload& workload,
-                                  std::span<const Tensor> parameters) override {
-    const auto* entry = find_kernel(workload.kernel);
-    if (entry == nullptr) throw_environment(support_of(workload).reason);
-    cpu::set_openmp_threads(threads_);
-    auto kernel =
-        translated("prepare", workload.name, [&] { return entry->make(workload, parameters); });
-    return std::make_unique<GuardedKernel>(workload.name, std::move(kernel), threads_);
-  }
+  Support supports(const Workload& workload) const override { return support_of(workload); }
 
   PeakLoops peak_loops() override {
     return translated("prepare", "peak loops", [&] { return cpu::make_peak_loops(threads_); });
   }
 
  private:
+  std::unique_ptr<Kernel> make_kernel(const Workload& workload,
+                                      std::span<const Tensor> parameters) override {
+    const auto make = find_kernel(workload.kernel)->make;
+    cpu::set_openmp_threads(threads_);
+    auto kernel = translated("prepare", workload.name, [&] { return make(workload, parameters); });
+    return std::make_unique<GuardedKernel>(workload.name, std::move(kernel), threads_);
+  }
+
   int threads_;
 };
 

@@ -191,6 +191,11 @@ class FakePeakLoop : public PeakLoop {
   SimulatedClock& clock_;
 };
 
+Support support_of(const fake::Script& script, const Workload& workload) {
+  if (!script.unsupported.contains(workload.name)) return {true, ""};
+  return {false, "excluded by the unit's script"};
+}
+
 class FakeDevice : public Device {
  public:
   explicit FakeDevice(fake::Script script) : script_(std::move(script)) {
@@ -214,8 +219,16 @@ class FakeDevice : public Device {
     return all;
   }
 
-  [[nodiscard]] std::unique_ptr<Kernel> prepare(const Workload& workload,
-                                                std::span<const Tensor> parameters) override {
+  [[nodiscard]] Support supports(const Workload& workload) const override {
+    return support_of(script_, workload);
+  }
+
+  [[nodiscard]] const Clock* own_clock() const override { return &clock_; }
+  [[nodiscard]] Provenance provenance() const override { return Provenance::kModelled; }
+
+ private:
+  [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload& workload,
+                                                    std::span<const Tensor> parameters) override {
     if (script_.fail_prepare.contains(workload.name)) {
       throw_environment(fmt::format("{}: preparation fails as its script says", workload.name));
     }
@@ -226,10 +239,6 @@ class FakeDevice : public Device {
     return std::make_unique<FakeKernel>(script_, workload, parameters, factor, clock_);
   }
 
-  [[nodiscard]] const Clock* own_clock() const override { return &clock_; }
-  [[nodiscard]] Provenance provenance() const override { return Provenance::kModelled; }
-
- private:
   /// How often the workload has been prepared since the kernel cache was empty; 0 if there is none.
   /// The cache has a file for each workload, one byte longer each time.
   static std::size_t count_preparation(const std::string& workload) {
@@ -261,8 +270,7 @@ class FakeBackend : public Backend {
   [[nodiscard]] Support supports(const Workload&) const override { return {true, ""}; }
   [[nodiscard]] Support supports_on(const UnitRequest& request,
                                     const Workload& workload) const override {
-    if (!fake::parse_script(request.script).unsupported.contains(workload.name)) return {true, ""};
-    return {false, "excluded by the unit's script"};
+    return support_of(fake::parse_script(request.script), workload);
   }
   [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest& request) const override {
     auto script = fake::parse_script(request.script);

@@ -1,7 +1,6 @@
 // AlexNet's layers and the chain of them: weights, arguments and extents of the kernels in dnn.cl
 // and, where the device has local memory of its own, tiles.cl.
 #include <algorithm>
-#include <cassert>
 #include <vector>
 
 #include "workloads/dnn/dnn.h"
@@ -119,9 +118,8 @@ void append_fully_connected(PlanBuilder& builder, const Workload& workload,
 namespace {
 
 int first_input_pad(const Workload& layer) {
-  const KernelEntry* entry = find_kernel(layer.kernel);
-  assert(entry != nullptr);
-  return entry->input_pad != nullptr ? entry->input_pad(layer) : 0;
+  const KernelEntry& entry = find_kernel(layer.kernel);
+  return entry.input_pad != nullptr ? entry.input_pad(layer) : 0;
 }
 
 }  // namespace
@@ -142,8 +140,8 @@ void append_sequence(PlanBuilder& builder, const Workload& workload,
     const Resident next =
         last ? outputs[0] : builder.resident(layer.outputs[0], first_input_pad(layers[i + 1]));
     find_kernel(layer.kernel)
-        ->append(builder, layer, parameters.first(layer.parameters.size()), std::span(&previous, 1),
-                 std::span(&next, 1));
+        .append(builder, layer, parameters.first(layer.parameters.size()), std::span(&previous, 1),
+                std::span(&next, 1));
     parameters = parameters.subspan(layer.parameters.size());
     previous = next;
     if (!last)

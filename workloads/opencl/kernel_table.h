@@ -27,9 +27,12 @@ struct KernelEntry {
   int (*input_pad)(const Workload& workload) = nullptr;
 };
 
-[[nodiscard]] std::span<const KernelEntry> kernel_table();
-/// Null if there is none.
-[[nodiscard]] const KernelEntry* find_kernel(std::string_view kernel);
+/// @throws std::logic_error if there is none, of which support_of() warns.
+[[nodiscard]] const KernelEntry& find_kernel(std::string_view kernel);
+
+/// Whether there are kernels that compute the workload as its name says; on @p device too.
+[[nodiscard]] Support support_of(const Workload& workload);
+[[nodiscard]] Support support_of(const Workload& workload, const cl::Device& device);
 
 /// @throws Error{kEnvironment} or cl::Error if the device cannot.
 [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Session& session, const Workload& workload,

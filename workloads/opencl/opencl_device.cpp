@@ -112,10 +112,8 @@ class OpenClDevice final : public Device {
 
   [[nodiscard]] DeviceInfo info() const override { return info_; }
 
-  [[nodiscard]] std::unique_ptr<Kernel> prepare(const Workload& workload,
-                                                std::span<const Tensor> parameters) override {
-    return translated(fmt::format("preparing {} on \"{}\"", workload.name, info_.name),
-                      [&] { return make_kernel(session_, workload, parameters); });
+  [[nodiscard]] Support supports(const Workload& workload) const override {
+    return support_of(workload, session_.device);
   }
 
   [[nodiscard]] PeakLoops peak_loops() override {
@@ -124,6 +122,12 @@ class OpenClDevice final : public Device {
   }
 
  private:
+  [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload& workload,
+                                                    std::span<const Tensor> parameters) override {
+    return translated(fmt::format("preparing {} on \"{}\"", workload.name, info_.name),
+                      [&] { return opencl::make_kernel(session_, workload, parameters); });
+  }
+
   Session session_;
   DeviceInfo info_;
 };

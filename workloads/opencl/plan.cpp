@@ -1,6 +1,7 @@
 #include "workloads/opencl/plan.h"
 
 #include <cassert>
+#include <stdexcept>
 #include <utility>
 
 #include "opencl_files.h"
@@ -86,7 +87,7 @@ const cl::Program& PlanBuilder::program(std::string_view source) {
   const auto found = programs_.find(source);
   if (found != programs_.end()) return found->second;
   const auto text = find_embedded(opencl_files::files(), source);
-  assert(text && "kernel table names a .cl file that is not embedded");
+  if (!text) throw std::logic_error("no embedded file " + std::string(source));
   return programs_.emplace(source, build_program(session_, source, *text)).first->second;
 }
 
