@@ -16,13 +16,16 @@ class Caches : public testing::Test {
   }
   ~Caches() override { std::filesystem::remove_all(root_); }
 
-  void put(int index, const std::string& level, const std::string& type, const std::string& size) {
-    const auto folder = std::filesystem::path(root_) / "sys/devices/system/cpu/cpu3/cache" /
+  void put(int index, const std::string& level, const std::string& type, const std::string& size,
+           int core = 3, const std::string& shared = "") {
+    const auto folder = std::filesystem::path(root_) / "sys/devices/system/cpu" /
+                        ("cpu" + std::to_string(core)) / "cache" /
                         ("index" + std::to_string(index));
     std::filesystem::create_directories(folder);
     std::ofstream(folder / "level") << level << "\n";
     std::ofstream(folder / "type") << type << "\n";
     std::ofstream(folder / "size") << size << "\n";
+    if (!shared.empty()) std::ofstream(folder / "shared_cpu_list") << shared << "\n";
   }
 
   std::string root_;
@@ -41,6 +44,29 @@ TEST_F(Caches, AreReadByLevel) {
 TEST_F(Caches, WithoutAThirdLevelTheSecondIsTheLast) {
   put(0, "2", "Unified", "1048576");
   EXPECT_EQ(read_cache_sizes(3, root_).last_bytes, 1 << 20);
+}
+
+TEST_F(Caches, OfTheLastLevelAddUpOverDomainsAndSockets) {
+  // Two domains of 32 MB with two cores each, and a socket whose core has 8 MB of its own.
+  for (const int core : {0, 1, 2, 3, 4}) {
+    const std::string own = std::to_string(core);
+    const std::string domain = core < 2 ? "0-1" : core < 4 ? "2-3" : "4";
+    put(0, "1", "Data", "32K", core, own);
+    put(1, "2", "Unified", "1M", core, own);
+    put(2, "3", "Unified", core < 4 ? "32M" : "8M", core, domain);
+  }
+  EXPECT_EQ(all_last_cache_bytes(root_), std::int64_t{72} << 20);
+  EXPECT_EQ(read_cache_sizes(0, root_).last_bytes, 32 << 20) << "of one core";
+}
+
+TEST_F(Caches, OfTheLastLevelWithoutSharersAreCountedOncePerCore) {
+  put(0, "2", "Unified", "1M", 0);
+  put(0, "2", "Unified", "1M", 1);
+  EXPECT_EQ(all_last_cache_bytes(root_), 2 << 20);
+}
+
+TEST_F(Caches, OfTheLastLevelAreAbsentWhereTheMachineDoesNotSay) {
+  EXPECT_EQ(all_last_cache_bytes(root_), std::nullopt);
 }
 
 TEST_F(Caches, AreAbsentWhereTheMachineDoesNotSay) {

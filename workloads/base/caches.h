@@ -13,6 +13,13 @@ struct CacheSizes {
   std::optional<std::int64_t> last_bytes;  ///< The largest level that a core reaches.
 };
 
+/// All caches of the last level of the machine's processors together: of each core the largest
+/// level that it reaches, those that several cores share once. Absent where the machine does not
+/// say.
+/// @param root  As for read_cache_sizes.
+[[nodiscard]] std::optional<std::int64_t> all_last_cache_bytes(
+    const std::filesystem::path& root = "/");
+
 /// Data and unified caches of @p core.
 /// @param root  Where /sys is found; another folder in tests. Where it has no caches and is "/",
 /// the C library is asked (which knows them by CPUID).

@@ -265,14 +265,16 @@ void add_l2_reads(const CacheSizes& caches, const Team& team, PeakLoops& all) {
   add_reads(PeakKind::kBandwidthL2, rounded_down(*caches.l2_bytes / 2), team, all);
 }
 
-/// Four times the last cache over all cores, so that a pass finds next to nothing of the one
-/// before; no more than an eighth of the memory.
-void add_memory_reads(const CacheSizes& caches, const Team& team, PeakLoops& all) {
+/// Four times the last caches of the whole machine, over all cores of the unit, so that a pass
+/// finds next to nothing of the one before in whatever cache it may lie; no more than an eighth of
+/// the memory.
+void add_memory_reads(const Team& team, PeakLoops& all) {
   constexpr std::int64_t kWithoutCacheSizes = std::int64_t{128} << 20;
+  const auto caches = all_last_cache_bytes();
   const std::int64_t memory = std::int64_t{::sysconf(_SC_PHYS_PAGES)} * ::sysconf(_SC_PAGE_SIZE);
-  const std::int64_t wanted = caches.last_bytes ? 4 * *caches.last_bytes : kWithoutCacheSizes;
+  const std::int64_t wanted = caches ? 4 * *caches : kWithoutCacheSizes;
   const std::int64_t total = std::min(wanted, memory / 8);
-  if (caches.last_bytes && total < 2 * *caches.last_bytes) {
+  if (caches && total < 2 * *caches) {
     all.unavailable[PeakKind::kBandwidthMemory] =
         "the machine has too little memory to exceed its caches";
     return;
@@ -306,7 +308,7 @@ PeakLoops make_peak_loops(int threads) {
   add_matmul(PeakKind::kF32, threads, all);
   add_matmul(PeakKind::kInt8, threads, all);
   add_l2_reads(caches, team, all);
-  add_memory_reads(caches, team, all);
+  add_memory_reads(team, all);
   for (const auto& loop : all.loops) all.unavailable.erase(loop->kind());
   return all;
 }

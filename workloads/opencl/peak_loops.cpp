@@ -249,7 +249,7 @@ class ReadPeak final : public PeakLoop {
 struct Shape {
   std::size_t units = 1;
   std::optional<std::int64_t> l2_bytes;     ///< Of one core, or of a whole GPU.
-  std::optional<std::int64_t> cache_bytes;  ///< The largest.
+  std::optional<std::int64_t> cache_bytes;  ///< All of the last level.
   std::int64_t memory_bytes = 0;            ///< That one buffer may have.
 };
 
@@ -258,7 +258,10 @@ Shape shape_of(const Session& session) {
   shape.units = session.device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
   shape.cache_bytes = cache_bytes(session.device, session.is_cpu);
   shape.l2_bytes = shape.cache_bytes;
-  if (session.is_cpu) shape.l2_bytes = read_cache_sizes(current_cores().front()).l2_bytes;
+  if (session.is_cpu) {
+    shape.l2_bytes = read_cache_sizes(current_cores().front()).l2_bytes;
+    shape.cache_bytes = std::max(shape.cache_bytes, all_last_cache_bytes());
+  }
   const auto largest = session.device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>();
   const auto memory = session.device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>() / 8;
   shape.memory_bytes = static_cast<std::int64_t>(std::min(largest, memory));
@@ -314,7 +317,7 @@ void add_l2_reads(const Session& session, const cl::Program& program, const Shap
   }
 }
 
-/// Four times the largest cache, at least 64 MB.
+/// Four times all caches of the last level, at least 64 MB.
 void add_memory_reads(const Session& session, const cl::Program& program, const Shape& shape,
                       PeakLoops& all) {
   constexpr std::int64_t kLeast = std::int64_t{64} << 20;
