@@ -212,7 +212,57 @@ TEST(CpuBackend, BindsTheOpeningThreadToTheUnitsCores) {
     const auto verdict = run(*device, find_workload("conv1"));
     EXPECT_TRUE(verdict.ok) << verdict.detail;
   });
-  open_device();  // gives OpenCV's pool, one a process, its size back
+}
+
+// OpenCV has one pool a process and one size for it; each device has as many threads as cores.
+TEST(CpuBackend, DevicesOfOneProcessComputeAtOnce) {
+  const int core = first_core();
+  const auto images = generated_images(1);
+  const auto compute = [&](const std::vector<int>& cores) {
+    const auto device = make_cpu_backend()->open(request(cores));
+    for (const std::string name : {"gaussian_blur", "convolution", "sobel", "undistort",
+                                   "feature_detect", "optical_flow", "conv5"}) {
+      const Workload& workload = find_workload(name);
+      const Data data = workload.make_data({.seed = 1, .images = images.get()});
+      const Verdict verdict = run(*device, workload, data, 5);
+      EXPECT_TRUE(verdict.ok) << name << " on " << cores.size() << ": " << verdict.detail;
+    }
+  };
+  std::thread one(compute, std::vector{core});
+  std::thread all(compute, std::vector<int>{});
+  one.join();
+  all.join();
+}
+
+TEST(CpuBackend, DevicesOfOneThreadTakeTurns) {
+  in_thread([] {
+    const auto backend = make_cpu_backend();
+    const auto all = backend->open(request());
+    const auto one = backend->open(request({first_core()}));
+    EXPECT_GE(all->info().compute_units, one->info().compute_units);
+    for (int turn = 0; turn < 2; ++turn) {
+      for (Device* device : {all.get(), one.get()}) {
+        for (const char* name : {"gaussian_blur", "sobel", "fc8"}) {
+          const Verdict verdict = run(*device, find_workload(name));
+          EXPECT_TRUE(verdict.ok) << name << ": " << verdict.detail;
+        }
+      }
+    }
+  });
+}
+
+// Odd sizes, whose bands are of unlike heights and as low as one row.
+TEST(CpuBackend, SplitsPicturesOfAnySize) {
+  const auto device = open_device();
+  for (const auto& [width, height] : test::kOddSizes) {
+    for (const auto& workload :
+         {vision::make_gaussian_blur(width, height), vision::make_sobel(width, height),
+          vision::make_undistort(width, height), vision::make_optical_flow(width, height)}) {
+      const Verdict verdict = run(*device, workload);
+      EXPECT_TRUE(verdict.ok) << workload.name << " " << width << "x" << height << ": "
+                              << verdict.detail;
+    }
+  }
 }
 
 TEST(CpuBackend, CoresThatDoNotExistAreAnErrorAndChangeNothing) {

@@ -90,7 +90,7 @@ auto translated(std::string_view doing, std::string_view what, const Call& call)
   }
 }
 
-/// Gives each call its team size and translates errors.
+/// Gives each call the size of its OpenMP team and translates errors.
 class GuardedKernel : public Kernel {
  public:
   GuardedKernel(std::string name, std::unique_ptr<Kernel> kernel, int threads)
@@ -113,7 +113,8 @@ class GuardedKernel : public Kernel {
 
 class CpuDevice : public Device {
  public:
-  explicit CpuDevice(int threads) : threads_(threads) {}
+  explicit CpuDevice(int threads)
+      : threads_(threads), team_(std::make_shared<cpu::BandTeam>(threads)) {}
 
   DeviceInfo info() const override { return device_info(threads_); }
 
@@ -128,11 +129,13 @@ class CpuDevice : public Device {
                                       std::span<const Tensor> parameters) override {
     const auto make = find_kernel(workload.kernel)->make;
     cpu::set_openmp_threads(threads_);
-    auto kernel = translated("prepare", workload.name, [&] { return make(workload, parameters); });
+    auto kernel =
+        translated("prepare", workload.name, [&] { return make(workload, parameters, team_); });
     return std::make_unique<GuardedKernel>(workload.name, std::move(kernel), threads_);
   }
 
   int threads_;
+  std::shared_ptr<cpu::BandTeam> team_;
 };
 
 class CpuBackend : public Backend {
@@ -156,7 +159,7 @@ class CpuBackend : public Backend {
                       request.unit, request.device, info.name, info.platform));
     }
     const int threads = bind_to_cores(request.cores, request.unit);
-    translated("open", request.unit, [&] { cpu::start_workers(threads); });
+    translated("open", request.unit, [&] { cpu::start_openmp_team(threads); });
     return std::make_unique<CpuDevice>(threads);
   }
 };

@@ -7,9 +7,10 @@
 
 namespace pirt {
 
-/// Backend "cpu". Its devices are opened, used and destroyed by one thread: the affinity, and with
-/// it that of the worker pools, is the opening thread's. OpenCV has one pool a process: of two open
-/// devices the later one sets its size.
+/// Backend "cpu". A device is opened, used and destroyed by one thread: the affinity, and with it
+/// that of its threads, is the opening thread's. Several devices may be open in a process and, by
+/// threads of their own, compute at once; each has as many threads as its unit has cores. (One
+/// thread that opens two has the affinity of the second.)
 [[nodiscard]] std::unique_ptr<const Backend> make_cpu_backend();
 
 }  // namespace pirt

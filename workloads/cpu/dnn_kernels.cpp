@@ -189,7 +189,8 @@ class DnnKernel : public Kernel {
   memory current_;         ///< Output of the last step added.
 };
 
-std::unique_ptr<Kernel> make_layer(const Workload& workload, std::span<const Tensor> parameters) {
+std::unique_ptr<Kernel> make_layer(const Workload& workload, std::span<const Tensor> parameters,
+                                   const std::shared_ptr<BandTeam>&) {
   auto kernel = std::make_unique<DnnKernel>(workload.batch);
   kernel->begin(workload.inputs[0]);
   kernel->add(workload, parameters);
@@ -197,8 +198,8 @@ std::unique_ptr<Kernel> make_layer(const Workload& workload, std::span<const Ten
   return kernel;
 }
 
-std::unique_ptr<Kernel> make_sequence(const Workload& workload,
-                                      std::span<const Tensor> parameters) {
+std::unique_ptr<Kernel> make_sequence(const Workload& workload, std::span<const Tensor> parameters,
+                                      const std::shared_ptr<BandTeam>&) {
   auto kernel = std::make_unique<DnnKernel>(workload.batch);
   kernel->begin(workload.inputs[0]);
   for (const auto& layer : operation_as<dnn::Sequence>(workload).layers) {

@@ -7,11 +7,14 @@
 #include <string_view>
 
 #include "workloads/backend.h"
+#include "workloads/cpu/bands.h"
 
 namespace pirt::cpu {
 
+/// @param team  The unit's threads, for what does not have its own (oneDNN has).
 using KernelFactory = std::unique_ptr<Kernel> (*)(const Workload& workload,
-                                                  std::span<const Tensor> parameters);
+                                                  std::span<const Tensor> parameters,
+                                                  const std::shared_ptr<BandTeam>& team);
 
 struct KernelEntry {
   std::string_view kernel;  ///< Workload::kernel.

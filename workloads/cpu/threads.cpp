@@ -2,42 +2,9 @@
 
 #include <dlfcn.h>
 
-#include <atomic>
 #include <oneapi/dnnl/dnnl.hpp>
-#include <opencv2/core/utility.hpp>
-#include <thread>
 
 namespace pirt::cpu {
-namespace {
-
-/// TBB wakes its workers lazily. Each stripe waits, for a bounded number of turns, until all have
-/// begun, so that all threads exist.
-void start_opencv_pool(int threads) {
-  constexpr int kTurns = 100'000;
-  std::atomic<int> begun = 0;
-  cv::parallel_for_(
-      cv::Range(0, threads),
-      [&](const cv::Range& range) {
-        begun += range.size();
-        for (int turn = 0; turn < kTurns && begun < threads; ++turn) std::this_thread::yield();
-      },
-      threads);
-}
-
-/// Any primitive that is large enough for a parallel region makes the OpenMP team.
-void start_openmp_team(int threads) {
-  const dnnl::engine engine(dnnl::engine::kind::cpu, 0);
-  dnnl::stream stream(engine);
-  const dnnl::memory::desc desc({dnnl::memory::dim{16'384} * threads}, dnnl::memory::data_type::f32,
-                                dnnl::memory::format_tag::a);
-  const dnnl::memory values(desc, engine);
-  const dnnl::eltwise_forward::primitive_desc relu(
-      {dnnl::prop_kind::forward_inference, dnnl::algorithm::eltwise_relu, desc, 0.0F}, engine);
-  dnnl::eltwise_forward(relu).execute(stream, {{DNNL_ARG_SRC, values}, {DNNL_ARG_DST, values}});
-  stream.wait();
-}
-
-}  // namespace
 
 void set_openmp_threads(int threads) {
   // oneDNN's build decides which OpenMP runtime is loaded (libgomp in Debian's); linking one here
@@ -47,11 +14,18 @@ void set_openmp_threads(int threads) {
   if (set != nullptr) set(threads);
 }
 
-void start_workers(int threads) {
-  cv::setNumThreads(threads);
+/// Any primitive that is large enough for a parallel region makes the OpenMP team.
+void start_openmp_team(int threads) {
   set_openmp_threads(threads);
-  start_opencv_pool(threads);
-  start_openmp_team(threads);
+  const dnnl::engine engine(dnnl::engine::kind::cpu, 0);
+  dnnl::stream stream(engine);
+  const dnnl::memory::desc desc({dnnl::memory::dim{16'384} * threads}, dnnl::memory::data_type::f32,
+                                dnnl::memory::format_tag::a);
+  const dnnl::memory values(desc, engine);
+  const dnnl::eltwise_forward::primitive_desc relu(
+      {dnnl::prop_kind::forward_inference, dnnl::algorithm::eltwise_relu, desc, 0.0F}, engine);
+  dnnl::eltwise_forward(relu).execute(stream, {{DNNL_ARG_SRC, values}, {DNNL_ARG_DST, values}});
+  stream.wait();
 }
 
 }  // namespace pirt::cpu

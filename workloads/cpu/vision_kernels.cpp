@@ -1,9 +1,8 @@
 // The vision kernels of the cpu backend, made of OpenCV's functions. Host tensors are used in
 // place.
 //
-// Filters that OpenCV runs on one thread are split into bands of rows here; a filter on a part of a
-// picture looks at the rows around that part (no BORDER_ISOLATED), so that the bands together give
-// exactly what the whole would.
+// Pictures are split into bands of rows over the unit's threads (bands.h); each step says its halo,
+// so that the bands together give exactly what the whole would.
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -22,8 +21,6 @@
 
 namespace pirt::cpu {
 namespace {
-
-using Mats = std::vector<cv::Mat>;
 
 int mat_depth(Element element) {
   switch (element) {
@@ -79,63 +76,43 @@ std::unique_ptr<Kernel> make(MatKernel::Function function) {
   return std::make_unique<MatKernel>(std::move(function));
 }
 
-/// Calls @p band with ranges of rows that together cover @p rows, one a thread.
-template <typename Band>
-void for_bands(int rows, const Band& band) {
-  cv::parallel_for_(cv::Range(0, rows), band, std::min(rows, cv::getNumThreads()));
-}
+using Team = std::shared_ptr<BandTeam>;
 
-std::unique_ptr<Kernel> make_gaussian_blur(const Workload&, std::span<const Tensor>) {
-  return make([](const Mats& in, Mats& out) {
-    cv::GaussianBlur(in[0], out[0], {5, 5}, 0.0, 0.0, cv::BORDER_REFLECT_101);
-  });
-}
-
-std::unique_ptr<Kernel> make_filter7x7(const Workload&, std::span<const Tensor> parameters) {
-  // Weights / 2^8 and their products with 8-bit pixels are exact in f32, and OpenCV rounds halves
-  // to even: as defined.
-  cv::Mat weights;
-  view(parameters[0]).convertTo(weights, CV_32F, 1.0 / (1 << vision::Filter7x7::kShift));
-  return make([weights](const Mats& in, Mats& out) {
-    for_bands(in[0].rows, [&](const cv::Range& rows) {
-      cv::Mat band = out[0].rowRange(rows);
-      cv::filter2D(in[0].rowRange(rows), band, CV_8U, weights, {-1, -1}, 0.0,
-                   cv::BORDER_REFLECT_101);
+std::unique_ptr<Kernel> make_gaussian_blur(const Workload&, std::span<const Tensor>,
+                                           const Team& team) {
+  return make([team](const Mats& in, Mats& out) {
+    // Of parts OpenCV has a slower blur, in other arithmetic.
+    filter_in_bands(*team, in[0], out, Halo(2), [](const cv::Mat& from, Mats& to) {
+      cv::GaussianBlur(from, to[0], {5, 5}, 0.0, 0.0, cv::BORDER_REFLECT_101);
     });
   });
 }
 
-/// Both gradients in one pass over the picture. cv::spatialGradient does that on one thread and,
-/// unlike the filters, takes the first and the last row of a part for the picture's border: the two
-/// rows at each cut are computed again from the rows around it.
-void gradients(const cv::Mat& image, cv::Mat& gx, cv::Mat& gy) {
-  const int bands = std::clamp(image.rows / 4, 1, cv::getNumThreads());
-  const auto cut = [&](int band) { return image.rows * band / bands; };
-  const auto repair = [&](int row) {  // row - 1 and row
-    cv::Mat x, y;
-    cv::spatialGradient(image.rowRange(row - 2, row + 2), x, y, 3, cv::BORDER_REFLECT_101);
-    x.rowRange(1, 3).copyTo(gx.rowRange(row - 1, row + 1));
-    y.rowRange(1, 3).copyTo(gy.rowRange(row - 1, row + 1));
-  };
-  cv::parallel_for_(
-      cv::Range(0, bands),
-      [&](const cv::Range& range) {
-        for (int band = range.start; band < range.end; ++band) {
-          cv::Mat x = gx.rowRange(cut(band), cut(band + 1));
-          cv::Mat y = gy.rowRange(cut(band), cut(band + 1));
-          cv::spatialGradient(image.rowRange(cut(band), cut(band + 1)), x, y, 3,
-                              cv::BORDER_REFLECT_101);
-        }
-      },
-      bands);
-  for (int band = 1; band < bands; ++band) repair(cut(band));
+std::unique_ptr<Kernel> make_filter7x7(const Workload&, std::span<const Tensor> parameters,
+                                       const Team& team) {
+  // Weights / 2^8 and their products with 8-bit pixels are exact in f32, and OpenCV rounds halves
+  // to even: as defined.
+  cv::Mat weights;
+  view(parameters[0]).convertTo(weights, CV_32F, 1.0 / (1 << vision::Filter7x7::kShift));
+  return make([weights, team](const Mats& in, Mats& out) {
+    for_bands(*team, in[0].rows, Halo(vision::Filter7x7::kSize / 2), [&](const Band& band) {
+      cv::Mat to = out[0].rowRange(band.rows);
+      cv::filter2D(band.part(in[0]), to, CV_8U, weights, {-1, -1}, 0.0, cv::BORDER_REFLECT_101);
+    });
+  });
 }
 
-std::unique_ptr<Kernel> make_sobel(const Workload&, std::span<const Tensor>) {
-  return make([](const Mats& in, Mats& out) { gradients(in[0], out[0], out[1]); });
+/// Both gradients in one pass over the picture.
+std::unique_ptr<Kernel> make_sobel(const Workload&, std::span<const Tensor>, const Team& team) {
+  return make([team](const Mats& in, Mats& out) {
+    filter_in_bands(*team, in[0], out, Halo(1), [](const cv::Mat& from, Mats& to) {
+      cv::spatialGradient(from, to[0], to[1], 3, cv::BORDER_REFLECT_101);
+    });
+  });
 }
 
-std::unique_ptr<Kernel> make_undistort(const Workload& workload, std::span<const Tensor>) {
+std::unique_ptr<Kernel> make_undistort(const Workload& workload, std::span<const Tensor>,
+                                       const Team& team) {
   const auto& op = operation_as<vision::Undistort>(workload);
   const auto& c = op.camera;
   const cv::Matx33d matrix(c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1);
@@ -144,25 +121,31 @@ std::unique_ptr<Kernel> make_undistort(const Workload& workload, std::span<const
   cv::Mat positions, fractions;
   cv::initUndistortRectifyMap(matrix, distortion, cv::noArray(), matrix, {op.width, op.height},
                               CV_16SC2, positions, fractions);
-  return make([positions, fractions](const Mats& in, Mats& out) {
-    cv::remap(in[0], out[0], positions, fractions, cv::INTER_LINEAR, cv::BORDER_CONSTANT,
-              cv::Scalar());
+  return make([positions, fractions, team](const Mats& in, Mats& out) {
+    for_bands(*team, out[0].rows, Halo::whole_picture(), [&](const Band& band) {
+      cv::Mat to = out[0].rowRange(band.rows);
+      cv::remap(band.surroundings(in[0]), to, positions.rowRange(band.rows),
+                fractions.rowRange(band.rows), cv::INTER_LINEAR, cv::BORDER_CONSTANT, cv::Scalar());
+    });
   });
 }
 
 /// cv::goodFeaturesToTrack in bands: OpenCV's own is one thread from the responses on.
 class FeatureDetect {
  public:
-  explicit FeatureDetect(const vision::FeatureDetect& operation)
+  FeatureDetect(const vision::FeatureDetect& operation, Team team)
       : operation_(operation),
+        team_(std::move(team)),
         response_(operation.height, operation.width, CV_32F),
         largest_(operation.height, operation.width, CV_32F) {}
 
   void operator()(const Mats& in, Mats& out) {
     peak_ = 0;
     candidates_.clear();
-    for_bands(in[0].rows, [&](const cv::Range& rows) { respond(in[0], rows); });
-    for_bands(in[0].rows, [&](const cv::Range& rows) { collect(rows); });
+    constexpr int kGradient = 1;
+    for_bands(*team_, in[0].rows, Halo(kGradient + Op::kBlock / 2),
+              [&](const Band& band) { respond(in[0], band); });
+    for_bands(*team_, in[0].rows, Halo(1), [&](const Band& band) { collect(band); });
     const auto corners = vision::select_corners(candidates_, operation_);
     auto* rows = out[0].ptr<cv::Point2f>();
     std::fill_n(rows, Op::kMaxCorners, cv::Point2f());
@@ -175,24 +158,24 @@ class FeatureDetect {
  private:
   using Op = vision::FeatureDetect;
 
-  /// Responses of @p rows, and their part of the peak. Gradients look around a part; the block sums
-  /// do not, so that a row more is computed at each side.
-  void respond(const cv::Mat& image, const cv::Range& rows) {
-    const cv::Range more(std::max(rows.start - 1, 0), std::min(rows.end + 1, image.rows));
+  /// Responses of the band, and their part of the peak.
+  void respond(const cv::Mat& image, const Band& band) {
     cv::Mat response;
-    cv::cornerMinEigenVal(image.rowRange(more), response, Op::kBlock, 3);
-    response.rowRange(rows.start - more.start, rows.end - more.start)
-        .copyTo(response_.rowRange(rows));
+    cv::cornerMinEigenVal(band.surroundings(image), response, Op::kBlock, 3);
+    cv::Mat own = response_.rowRange(band.rows);
+    response.rowRange(band.rows.start - band.around.start, band.rows.end - band.around.start)
+        .copyTo(own);
     double peak = 0;
-    cv::minMaxLoc(response_.rowRange(rows), nullptr, &peak);
+    cv::minMaxLoc(own, nullptr, &peak);
     const std::lock_guard guard(*merge_);
     peak_ = std::max(peak_, peak);
   }
 
-  /// Candidates among @p rows: above the threshold, and no neighbour larger.
-  void collect(const cv::Range& rows) {
+  /// Candidates in the band: above the threshold, and no neighbour larger.
+  void collect(const Band& band) {
+    const cv::Range& rows = band.rows;
     cv::Mat largest = largest_.rowRange(rows);
-    cv::dilate(response_.rowRange(rows), largest, cv::Mat());
+    cv::dilate(band.part(response_), largest, cv::Mat());
     const auto threshold = static_cast<float>(peak_ * Op::kQuality);
     std::vector<std::uint64_t> found;
     for (int y = std::max(rows.start, 1); y < std::min(rows.end, response_.rows - 1); ++y) {
@@ -212,21 +195,23 @@ class FeatureDetect {
   }
 
   vision::FeatureDetect operation_;
+  Team team_;
   cv::Mat response_, largest_;
   double peak_ = 0;
   std::vector<std::uint64_t> candidates_;
   std::shared_ptr<std::mutex> merge_ = std::make_shared<std::mutex>();
 };
 
-std::unique_ptr<Kernel> make_feature_detect(const Workload& workload, std::span<const Tensor>) {
-  return make(FeatureDetect(operation_as<vision::FeatureDetect>(workload)));
+std::unique_ptr<Kernel> make_feature_detect(const Workload& workload, std::span<const Tensor>,
+                                            const Team& team) {
+  return make(FeatureDetect(operation_as<vision::FeatureDetect>(workload), team));
 }
 
 /// Dense Lucas-Kanade: products of derivatives, their window sums by box filters on integers, one
 /// 2x2 system a pixel.
 class OpticalFlow {
  public:
-  OpticalFlow(int width, int height) {
+  OpticalFlow(int width, int height, Team team) : team_(std::move(team)) {
     for (auto& plane : derivatives_) plane.create(height, width, CV_16S);
     for (auto& plane : products_) plane.create(height, width, CV_32S);
     for (auto& plane : sums_) plane.create(height, width, CV_32S);
@@ -234,10 +219,10 @@ class OpticalFlow {
 
   void operator()(const Mats& in, Mats& out) {
     const int height = in[0].rows;
-    for_bands(height, [&](const cv::Range& rows) { multiply(in, rows); });
-    for_bands(height, [&](const cv::Range& rows) {
-      sum(rows);
-      for (int y = rows.start; y < rows.end; ++y) solve(y, out[0].ptr<float>(y));
+    for_bands(*team_, height, Halo(1), [&](const Band& band) { multiply(in, band); });
+    for_bands(*team_, height, Halo(vision::OpticalFlow::kWindow / 2), [&](const Band& band) {
+      sum(band);
+      for (int y = band.rows.start; y < band.rows.end; ++y) solve(y, out[0].ptr<float>(y));
     });
   }
 
@@ -247,25 +232,26 @@ class OpticalFlow {
   static constexpr std::array<std::pair<Derivative, Derivative>, 5> kFactors = {
       {{kX, kX}, {kX, kY}, {kY, kY}, {kX, kT}, {kY, kT}}};
 
-  void multiply(const Mats& in, const cv::Range& rows) {
-    const cv::Mat previous = in[0].rowRange(rows);
+  void multiply(const Mats& in, const Band& band) {
+    const cv::Range& rows = band.rows;
+    const cv::Mat previous = band.part(in[0]);
     std::array<cv::Mat, 3> d;
     for (std::size_t i = 0; i < d.size(); ++i) d[i] = derivatives_[i].rowRange(rows);
     // An aperture of 1 is the plain difference [-1 0 1].
     cv::Sobel(previous, d[kX], CV_16S, 1, 0, 1, 1.0, 0.0, cv::BORDER_REPLICATE);
     cv::Sobel(previous, d[kY], CV_16S, 0, 1, 1, 1.0, 0.0, cv::BORDER_REPLICATE);
-    cv::subtract(in[1].rowRange(rows), previous, d[kT], cv::noArray(), CV_16S);
+    cv::subtract(band.part(in[1]), previous, d[kT], cv::noArray(), CV_16S);
     for (std::size_t i = 0; i < kFactors.size(); ++i) {
       cv::Mat product = products_[i].rowRange(rows);
       cv::multiply(d[kFactors[i].first], d[kFactors[i].second], product, 1.0, CV_32S);
     }
   }
 
-  void sum(const cv::Range& rows) {
+  void sum(const Band& band) {
     constexpr int kWindow = vision::OpticalFlow::kWindow;
     for (std::size_t i = 0; i < sums_.size(); ++i) {
-      cv::Mat sums = sums_[i].rowRange(rows);
-      cv::boxFilter(products_[i].rowRange(rows), sums, CV_32S, {kWindow, kWindow},
+      cv::Mat sums = sums_[i].rowRange(band.rows);
+      cv::boxFilter(band.part(products_[i]), sums, CV_32S, {kWindow, kWindow},
                     {kWindow / 2, kWindow / 2}, false, cv::BORDER_REPLICATE);
     }
   }
@@ -287,13 +273,15 @@ class OpticalFlow {
     }
   }
 
+  Team team_;
   std::array<cv::Mat, 3> derivatives_;
   std::array<cv::Mat, 5> products_, sums_;
 };
 
-std::unique_ptr<Kernel> make_optical_flow(const Workload& workload, std::span<const Tensor>) {
+std::unique_ptr<Kernel> make_optical_flow(const Workload& workload, std::span<const Tensor>,
+                                          const Team& team) {
   const auto& op = operation_as<vision::OpticalFlow>(workload);
-  return make(OpticalFlow(op.width, op.height));
+  return make(OpticalFlow(op.width, op.height, team));
 }
 
 constexpr std::array<KernelEntry, 6> kKernels = {{{"gaussian_blur", make_gaussian_blur},

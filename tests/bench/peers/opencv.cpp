@@ -127,7 +127,11 @@ std::shared_ptr<State<Image>> state_of(const Workload& workload, const Data& dat
 
 Call opencv_plain(const Workload& workload, const Data& data) {
   const auto state = state_of<cv::Mat>(workload, data);
-  return [state, run = function_of<cv::Mat>(workload)] { run(*state); };
+  return [state, run = function_of<cv::Mat>(workload)] {
+    // Backend cpu keeps OpenCV to the calling thread.
+    if (cv::getNumThreads() == 1) cv::setNumThreads(cv::getNumberOfCPUs());
+    run(*state);
+  };
 }
 
 std::optional<Call> opencv_opencl(const Workload& workload, const Data& data) {
