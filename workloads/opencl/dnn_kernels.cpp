@@ -96,22 +96,20 @@ void append_fully_connected(PlanBuilder& builder, const Workload& workload,
   const int rows = builder.session().tuning[Parameter::kFcRows];
   const auto weights = builder.constant(parameters[0].bytes());
   const auto bias = builder.constant(parameters[1].bytes());
-  const bool softmax = op.activation == dnn::Activation::kSoftmax;
-  if (!builder.session().is_cpu) {
+  const bool is_cpu = builder.session().is_cpu;
+  if (!is_cpu) {
     const std::size_t items = builder.session().local_x;
     const LocalMemory partial{sizeof(float) * static_cast<std::size_t>(rows) * items};
     builder.step(kTiles, "fully_connected_group",
                  {static_cast<std::int64_t>(items) * blocks(op.out, rows), 1}, inputs[0], weights,
                  bias, outputs[0], op.in, op.out, partial);
-    // One work group: the extent is rounded up to it.
-    if (softmax) builder.step(kSource, "softmax", {1, 1}, outputs[0], op.out);
-  } else if (softmax) {
-    // A launch costs more than what one core needs for some thousand exponentials.
-    builder.step(kSource, "fully_connected_softmax", {blocks(op.out, rows), 1}, inputs[0], weights,
-                 bias, outputs[0], op.in, op.out, builder.zeroed(sizeof(cl_int)));
   } else {
     builder.step(kSource, "fully_connected", {blocks(op.out, rows), 1}, inputs[0], weights, bias,
                  outputs[0], op.in, op.out);
+  }
+  if (op.activation == dnn::Activation::kSoftmax) {
+    // One work group: the extent is rounded up to it.
+    builder.step(kSource, is_cpu ? "softmax_alone" : "softmax", {1, 1}, outputs[0], op.out);
   }
 }
 

@@ -137,8 +137,11 @@ __kernel void fully_connected(__global const float* restrict input,
   if (first < out) rows_of_fully_connected(input, weights, bias, output, in, out, first);
 }
 
-/// exp(v - max) / sum in place, by one work item.
-void softmax_alone(__global float* values, int count) {
+/// exp(v - max) / sum in place, by one work item: for devices where that takes less than waking a
+/// work group's others, CPUs. A launch of its own: within one, no work group of OpenCL 1.2 may read
+/// what another has written.
+__kernel void softmax_alone(__global float* restrict values, int count) {
+  if (get_global_id(0) > 0) return;
   float8 tops = -INFINITY;
   int i = 0;
   for (; i + 8 <= count; i += 8) tops = fmax(tops, vload8(0, values + i));
@@ -157,24 +160,6 @@ void softmax_alone(__global float* values, int count) {
 
   for (i = 0; i + 8 <= count; i += 8) vstore8(vload8(0, values + i) / sum, 0, values + i);
   for (; i < count; ++i) values[i] /= sum;
-}
-
-/// The softmax of fully_connected, by the work item that ends last: for devices where one work item
-/// takes less time for it than another launch, CPUs.
-/// @param ended  How many work items have, [1]: 0 before and after.
-__kernel void fully_connected_softmax(__global const float* restrict input,
-                                      __global const float* restrict weights,
-                                      __global const float* restrict bias, __global float* output,
-                                      int in, int out, __global volatile int* ended) {
-  const int first = (int)get_global_id(0) * FC_ROWS;
-  if (first >= out) return;
-  rows_of_fully_connected(input, weights, bias, output, in, out, first);
-  mem_fence(CLK_GLOBAL_MEM_FENCE);
-  const int items = (out + FC_ROWS - 1) / FC_ROWS;
-  if (atomic_inc(ended) + 1 < items) return;
-  mem_fence(CLK_GLOBAL_MEM_FENCE);
-  *ended = 0;
-  softmax_alone(output, out);
 }
 
 /// In place, by one work group an image (global id 1): exp(v - max) / sum.
