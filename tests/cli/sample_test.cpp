@@ -20,5 +20,22 @@ TEST(Sample, OfWhatTheUnitCannotComputeIsAnErrorAndNoFigure) {
   }
 }
 
+// PoCL without a folder for its compiled kernels has no devices (the folder cannot be made), or
+// builds nothing (it is a file).
+TEST(Sample, SaysThatPoclCannotWriteItsKernelCache) {
+  if (pirt({"list", "backends"}).out.find("pthread") == std::string::npos)
+    GTEST_SKIP() << "no PoCL";
+  const Scratch scratch;
+  for (const std::string& folder : {std::string("/proc/nope"), scratch.write("file", "")}) {
+    const auto outcome = pirt({"sample", "--workload", "sobel", "--unit", "opencl"},
+                              "POCL_CACHE_DIR=" + quoted(folder));
+    EXPECT_EQ(outcome.exit_code, 4);
+    EXPECT_THAT(outcome.err, testing::HasSubstr("cannot write its kernel cache '" + folder + "'"));
+    EXPECT_THAT(outcome.err, testing::HasSubstr("set POCL_CACHE_DIR"));
+  }
+  EXPECT_THAT(pirt({"list", "backends"}, "POCL_CACHE_DIR=/proc/nope").out,
+              testing::HasSubstr("set POCL_CACHE_DIR"));
+}
+
 }  // namespace
 }  // namespace pirt::test

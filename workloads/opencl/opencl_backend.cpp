@@ -1,7 +1,6 @@
 #include "workloads/opencl/opencl_backend.h"
 
-#include <fmt/format.h>
-
+#include "workloads/opencl/kernel_cache.h"
 #include "workloads/opencl/kernel_table.h"
 #include "workloads/opencl/opencl_device.h"
 #include "workloads/opencl/tuning_file.h"
@@ -28,7 +27,7 @@ class OpenClBackend final : public Backend {
         probe.devices.push_back(opencl::describe(device));
       }
       if (probe.devices.empty()) {
-        probe.reason = fmt::format("no OpenCL device; {}", opencl::kInstallDriver);
+        probe.reason = opencl::why_no_device();
       }
     } catch (const cl::Error& error) {
       probe.devices.clear();

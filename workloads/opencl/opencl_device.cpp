@@ -10,6 +10,7 @@
 #include "workloads/base/affinity.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
+#include "workloads/opencl/kernel_cache.h"
 #include "workloads/opencl/kernel_table.h"
 #include "workloads/opencl/peak_loops.h"
 #include "workloads/opencl/tuning_file.h"
@@ -166,7 +167,7 @@ DeviceInfo describe(const cl::Device& device) {
 
 cl::Device choose_device(const std::vector<cl::Device>& devices, const std::string& wanted) {
   if (devices.empty()) {
-    throw_environment(fmt::format("opencl: no device; {}", kInstallDriver));
+    throw_environment("opencl: " + why_no_device());
   }
   std::vector<std::string> names;
   for (const cl::Device& device : devices) {

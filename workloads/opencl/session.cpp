@@ -6,6 +6,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
+#include "workloads/opencl/kernel_cache.h"
 
 namespace pirt::opencl {
 namespace {
@@ -37,6 +38,10 @@ cl::Program build_program(const Session& session, std::string_view name, std::st
   try {
     program.build(session.device, options.c_str());
   } catch (const cl::BuildError& error) {
+    const std::string complaint = kernel_cache_complaint();
+    if (!complaint.empty()) {
+      throw_environment(fmt::format("opencl: {} does not build: {}", name, complaint));
+    }
     const auto logs = error.getBuildLog();
     throw_environment(fmt::format(
         "opencl: {} does not build on \"{}\" with {} ({}): {}; choose another device or report it",
