@@ -22,16 +22,20 @@ struct Sum {
   std::optional<double> energy_j;
   Nanos duration{0};
   std::string reason;
+  std::vector<std::optional<std::int64_t>> constant_uw = {};  ///< Of each meter, see WindowEnergy.
 };
 
 Sum sum_of(std::span<const Meter* const> meters, const std::vector<MeterTrace>& traces) {
-  Sum sum{0.0, traces.front().end - traces.front().begin, ""};
+  Sum sum{.energy_j = 0.0, .duration = traces.front().end - traces.front().begin, .reason = ""};
   for (std::size_t i = 0; i < meters.size(); ++i) {
     const WindowEnergy energy = integrate(meters[i]->info(), traces[i]);
-    if (!energy.energy_j) return {std::nullopt, sum.duration, energy.reason};
+    if (!energy.energy_j)
+      return {.energy_j = std::nullopt, .duration = sum.duration, .reason = energy.reason};
     *sum.energy_j += *energy.energy_j;
+    sum.constant_uw.push_back(energy.constant_uw);
   }
-  if (*sum.energy_j <= 0) return {std::nullopt, sum.duration, "meter_frozen"};
+  if (*sum.energy_j <= 0)
+    return {.energy_j = std::nullopt, .duration = sum.duration, .reason = "meter_frozen"};
   return sum;
 }
 
@@ -45,6 +49,16 @@ Sum idle(std::span<const Meter* const> meters, const Clock& clock, Nanos window)
 std::optional<double> power_w(const Sum& sum) {
   if (!sum.energy_j || sum.duration.count() <= 0) return std::nullopt;
   return *sum.energy_j / to_s(sum.duration);
+}
+
+/// Whether one of the meters read the same idle and under load.
+bool stood_still(const Sum& before, const Sum& active, const Sum& after) {
+  if (!before.energy_j || !active.energy_j || !after.energy_j) return false;
+  for (std::size_t i = 0; i < active.constant_uw.size(); ++i) {
+    const auto& value = active.constant_uw[i];
+    if (value && before.constant_uw[i] == value && after.constant_uw[i] == value) return true;
+  }
+  return false;
 }
 
 void keep_reason(const Sum& sum, std::vector<std::string>& reasons) {
@@ -113,6 +127,10 @@ MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& cloc
   metered.idle_before_w = power_w(before);
   metered.idle_after_w = power_w(after);
   for (const Sum* sum : {&before, &active, &after}) keep_reason(*sum, metered.reasons);
+  if (stood_still(before, active, after)) {
+    metered.active_j.reset();
+    metered.reasons.emplace_back("meter_frozen");
+  }
   judge(metered);
   return metered;
 }

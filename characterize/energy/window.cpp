@@ -16,7 +16,9 @@ namespace {
 constexpr double kMicro = 1e-6;
 constexpr std::int64_t kReadingsAFailure = 10;  // failures below a tenth of all reads are bridged
 
-WindowEnergy failed(const std::string& text) { return {std::nullopt, "meter_error: " + text}; }
+WindowEnergy failed(const std::string& text) {
+  return {.energy_j = std::nullopt, .reason = "meter_error: " + text};
+}
 
 bool stands_still(const std::vector<MeterReading>& readings) {
   return std::ranges::all_of(readings, [&](const MeterReading& reading) {
@@ -42,7 +44,7 @@ WindowEnergy count(const MeterInfo& meter, const MeterTrace& trace) {
     }
     energy_uj += step;
   }
-  return {static_cast<double>(energy_uj) * kMicro, ""};
+  return {.energy_j = static_cast<double>(energy_uj) * kMicro, .reason = ""};
 }
 
 WindowEnergy add_trapezoids(const MeterTrace& trace) {
@@ -54,7 +56,7 @@ WindowEnergy add_trapezoids(const MeterTrace& trace) {
     energy_j += (power_w(readings[i - 1]) + power_w(readings[i])) / 2 *
                 to_s(readings[i].at - readings[i - 1].at);
   }
-  return {energy_j, ""};
+  return {.energy_j = energy_j, .reason = ""};
 }
 
 }  // namespace
@@ -67,8 +69,12 @@ WindowEnergy integrate(const MeterInfo& meter, const MeterTrace& trace) {
                               trace.last_error));
   }
   if (trace.readings.size() < 2) return failed(meter.path + ": fewer than two readings");
-  if (stands_still(trace.readings)) return {std::nullopt, "meter_frozen"};
-  return counter ? count(meter, trace) : add_trapezoids(trace);
+  const bool still = stands_still(trace.readings);
+  const std::int64_t first = trace.readings.front().value;
+  if (still && (counter || first == 0)) return {.energy_j = std::nullopt, .reason = "meter_frozen"};
+  WindowEnergy energy = counter ? count(meter, trace) : add_trapezoids(trace);
+  if (still) energy.constant_uw = first;
+  return energy;
 }
 
 struct MeterRecorder::Impl {

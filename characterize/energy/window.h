@@ -29,16 +29,20 @@ struct MeterTrace {
 struct WindowEnergy {
   std::optional<double> energy_j;
   std::string reason;  ///< Why there is none: "meter_frozen", "meter_error: TEXT"; empty otherwise.
+  /// What a power sensor read each time, if that was always the same: frozen if it reads that under
+  /// load as well.
+  std::optional<std::int64_t> constant_uw = {};
 };
 
 /// Joules from trace.begin to trace.end. Counters: the last reading minus the first one, with the
 /// meter's range added at each step back. Power: trapezoids between readings; the first and the
 /// last one stand for what is before and behind them.
 ///
-/// meter_frozen: every reading is the same, or 0, so that the meter shows nothing. meter_error:
-/// fewer than two readings, a counter that could not be read at the window's begin or end, more
-/// than a tenth of a power sensor's readings failed, or a counter that went back without a known
-/// range.
+/// meter_frozen: a counter's readings are all the same, or a power sensor's all 0, so that the
+/// meter shows nothing. A power above 0 may well be constant for as long as the machine idles;
+/// whether the sensor moves at all only other windows tell. meter_error: fewer than two readings, a
+/// counter that could not be read at the window's begin or end, more than a tenth of a power
+/// sensor's readings failed, or a counter that went back without a known range.
 [[nodiscard]] WindowEnergy integrate(const MeterInfo& meter, const MeterTrace& trace);
 
 /// Reads meters while something else happens: counters when it is made and when it is stopped,

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <functional>
 #include <thread>
 
@@ -76,6 +77,48 @@ TEST(MeteredCalls, AFrozenMeterIsInvalidAndNotZero) {
   EXPECT_EQ(record.energy_j, std::nullopt);
   EXPECT_EQ(record.provenance, Provenance::kMeasured);
   EXPECT_THAT(record.reasons, ElementsAre("meter_frozen"));
+}
+
+/// A power sensor with a reading every millisecond.
+class SimulatedSensor : public Meter {
+ public:
+  explicit SimulatedSensor(std::function<double()> power_w)
+      : Meter(info_of_it()), power_w_(std::move(power_w)) {}
+  [[nodiscard]] Attribute<std::int64_t> read() const override {
+    return {static_cast<std::int64_t>(power_w_() * 1e6), "", 0};
+  }
+
+ private:
+  static MeterInfo info_of_it() {
+    MeterInfo info;
+    info.name = "VDD_IN";
+    info.driver = "ina3221";
+    info.covers = "board input";
+    info.kind = MeterKind::kPower;
+    info.period = std::chrono::milliseconds(1);
+    return info;
+  }
+  std::function<double()> power_w_;
+};
+
+TEST(MeteredCalls, AMeterThatIsConstantWhileIdleMayMoveUnderLoad) {
+  std::atomic<bool> calling = false;
+  const SimulatedSensor meter([&] { return calling ? 8.0 : 3.0; });  // steps of a coarse sensor
+  const auto metered = measure(meter, [&] {
+    calling = true;
+    nap();
+    calling = false;
+  });
+  EXPECT_THAT(metered.reasons, IsEmpty());
+  EXPECT_DOUBLE_EQ(metered.idle_before_w.value(), 3);
+  EXPECT_GT(metered.call_j().value(), 0);
+}
+
+TEST(MeteredCalls, AMeterThatStandsStillUnderLoadTooIsFrozen) {
+  const SimulatedSensor meter([] { return 5.0; });
+  const auto record = metered_energy(measure(meter, nap));
+  EXPECT_THAT(record.reasons, ElementsAre("meter_frozen"));
+  EXPECT_EQ(record.energy_j, std::nullopt);
 }
 
 TEST(MeteredCalls, CallsThatDrawNoMoreThanIdlingHaveNoFigure) {
