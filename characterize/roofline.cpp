@@ -28,7 +28,8 @@ std::optional<double> cache_of(const RunInfo& run, const std::string& unit) {
 /// The limits of one unit, as far as they are valid, and the run that they were measured in.
 struct Limits {
   std::map<PeakKind, double> per_second;
-  std::map<PeakKind, std::string> missing;  ///< Why a limit is not there.
+  std::map<PeakKind, std::string> missing;        ///< Why a limit is not there.
+  Provenance provenance = Provenance::kMeasured;  ///< The weakest of them.
   const RunInfo* run = nullptr;
 
   [[nodiscard]] std::optional<double> find(PeakKind kind) const {
@@ -44,6 +45,7 @@ Limits limits_of(const Profile& profile, const std::string& unit) {
     limits.run = find_run(profile, peak.run_id);
     if (peak.valid && peak.per_second) {
       limits.per_second[peak.kind] = *peak.per_second;
+      limits.provenance = weakest(limits.provenance, peak.provenance);
     } else {
       limits.missing[peak.kind] = peak.reasons.empty() ? "not measured" : peak.reasons.front();
     }
@@ -109,7 +111,9 @@ std::string missing_arithmetic(const Workload& workload, const LeastTimes& times
 
 Roofline roofline(const PhaseRow& row, const LeastTimes& times, const Workload& workload,
                   const Limits& limits) {
-  Roofline result{.workload = row.workload, .unit = row.unit, .provenance = row.provenance};
+  Roofline result{.workload = row.workload,
+                  .unit = row.unit,
+                  .provenance = weakest(row.provenance, limits.provenance)};
   const double took_s = to_s(*row.median);
   const double least_s = std::max(times.arithmetic_s, times.transfer_s);
   const auto bytes = static_cast<double>(row.bytes);

@@ -47,8 +47,8 @@ void add_cost(const Profile& profile, const std::string& workload, const std::st
   cost.launch = median_of(profile.find(workload, unit, Phase::kLaunch));
   cost.execute = median_of(profile.find(workload, unit, Phase::kExecute));
   cost.download = median_of(profile.find(workload, unit, Phase::kDownload));
-  cost.provenance = call->provenance;
   const std::array rows = {init, prepare, call};
+  for (const PhaseRow* row : rows) cost.provenance = weakest(cost.provenance, row->provenance);
   const auto has_interval = [](const PhaseRow* row) { return row->ci_low && row->ci_high; };
   if (std::ranges::all_of(rows, has_interval)) {
     cost.least = {*init->ci_low + *prepare->ci_low, *call->ci_low};

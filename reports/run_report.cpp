@@ -13,13 +13,14 @@
 namespace pirt {
 namespace {
 
-/// Where a figure of virtual time comes from: it was computed, so it is modelled, unless all of its
-/// inputs have one other provenance that is farther from a measurement.
+/// Where a figure of virtual time comes from: it was computed, so it is modelled, or what the
+/// weakest of its inputs is.
 Provenance simulated(const std::set<std::string>& inputs) {
-  if (inputs.size() != 1) return Provenance::kModelled;
-  const auto only = provenance_from_string(*inputs.begin()).value_or(Provenance::kModelled);
-  return only == Provenance::kMeasured || only == Provenance::kCounted ? Provenance::kModelled
-                                                                       : only;
+  Provenance result = Provenance::kModelled;
+  for (const std::string& input : inputs) {
+    result = weakest(result, provenance_from_string(input).value_or(Provenance::kModelled));
+  }
+  return result;
 }
 
 /// Of the units that the run used, or of all.

@@ -1,6 +1,7 @@
 // The phases that offloading a workload goes through, and where a figure comes from.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <optional>
@@ -36,6 +37,7 @@ enum class State : std::uint8_t { kCold, kWarm, kSteady };
 [[nodiscard]] std::string_view to_string(State state);
 [[nodiscard]] std::optional<State> state_from_string(std::string_view text);
 
+/// The strongest first: see weakest().
 enum class Provenance : std::uint8_t {
   kMeasured,   ///< A clock on this machine.
   kCounted,    ///< Cycles of a simulator times a stated clock.
@@ -43,6 +45,8 @@ enum class Provenance : std::uint8_t {
   kFitted,     ///< Inputs chosen to match published figures.
   kPublished,  ///< Quoted, with source.
 };
+/// Of what is made of both: the one that is farther from a measurement.
+[[nodiscard]] constexpr Provenance weakest(Provenance a, Provenance b) { return std::max(a, b); }
 [[nodiscard]] std::string_view to_string(Provenance provenance);
 [[nodiscard]] std::optional<Provenance> provenance_from_string(std::string_view text);
 
