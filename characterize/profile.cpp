@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <set>
 #include <tuple>
 
@@ -266,6 +267,40 @@ const std::string& Profile::platform() const { return runs.front().platform; }
 
 namespace {
 
+struct RowKey {
+  std::string workload, unit;
+  Phase phase = Phase::kCall;
+  State state = State::kSteady;
+};
+
+/// Null where another run's row stands in the profile.
+PhaseRow* row_of(Profile& profile, std::int64_t run_id, const RowKey& key) {
+  const auto row = std::ranges::find_if(profile.phases, [&](const PhaseRow& candidate) {
+    return candidate.run_id == run_id && candidate.workload == key.workload &&
+           candidate.unit == key.unit && candidate.phase == key.phase &&
+           candidate.state == key.state;
+  });
+  return row == profile.phases.end() ? nullptr : &*row;
+}
+
+/// Of the processes' means, as mean() of statistics.h has it.
+void read_means(const Connection& connection, std::int64_t run_id, Profile& profile) {
+  Statement query(connection,
+                  "SELECT workload, unit, phase, state, AVG(of_process) FROM "
+                  "(SELECT measurement_id, AVG(ns) AS of_process FROM cell "
+                  "JOIN measurement USING (cell_id) JOIN sample USING (measurement_id) "
+                  "WHERE run_id = ? GROUP BY measurement_id, process) "
+                  "JOIN measurement USING (measurement_id) JOIN cell USING (cell_id) "
+                  "GROUP BY measurement_id");
+  query.bind(run_id);
+  while (query.step()) {
+    PhaseRow* row = row_of(profile, run_id,
+                           {query.text(0), query.text(1), phase_from_string(query.text(2)).value(),
+                            state_from_string(query.text(3)).value()});
+    if (row != nullptr) row->mean = Nanos(std::llround(query.real(4)));
+  }
+}
+
 /// While it lives, all reading sees one state of the file, though somebody may be appending a run.
 class Snapshot {
  public:
@@ -300,6 +335,7 @@ Profile ProfileReader::read(std::string_view platform, RunRange runs) const {
   for (const std::int64_t run_id : run_ids) {
     profile.runs.push_back(read_run(*connection_, run_id));
   }
+  for (const RunInfo& run : profile.runs) read_means(*connection_, run.run_id, profile);
   sort_rows(profile);
   return profile;
 }
@@ -317,12 +353,9 @@ std::vector<std::int64_t> ProfileReader::finished_runs(std::string_view platform
 void ProfileReader::read_samples(Profile& profile) const {
   for (const RunInfo& run : profile.runs) {
     for (RowSamples& each : read_run_samples(*connection_, run.run_id)) {
-      const auto row = std::ranges::find_if(profile.phases, [&](const PhaseRow& candidate) {
-        return candidate.run_id == run.run_id && candidate.workload == each.workload &&
-               candidate.unit == each.unit && candidate.phase == each.phase &&
-               candidate.state == each.state;
-      });
-      if (row == profile.phases.end()) continue;
+      PhaseRow* row =
+          row_of(profile, run.run_id, {each.workload, each.unit, each.phase, each.state});
+      if (row == nullptr) continue;
       row->values = std::move(each.samples);
       row->value_processes = std::move(each.processes);
     }

@@ -40,6 +40,9 @@ struct PhaseRow {
   std::optional<std::int64_t> ops;
   std::int64_t bytes = 0;
   std::int64_t processes = 0;  ///< Fresh worker processes that the samples come from.
+  /// Mean of the process means (statistics.h), for what adds up; absent if there are no samples. In
+  /// no view: read from the samples.
+  std::optional<Nanos> mean = std::nullopt;
   // Its samples as they were taken, and of each the process that took it; empty until
   // ProfileReader::read_samples.
   std::vector<Nanos> values;

@@ -11,7 +11,7 @@
 --            unstable          first and second half of the samples or of the processes differ, also after one re-measurement
 --            no_power          energy only: the platform gives no watts for the unit
 --            ops_unknown       energy only: op_pj is given but the workload's operations depend on the data
---            meter_frozen      energy only: the meter reads 0, or the same all the time
+--            meter_frozen      energy only: the meter reads 0, or the same all the time, under load too
 --            meter_error: TEXT energy only: the meter could not be read
 --            not_above_idle: TEXT, unstable: TEXT  energy only: the calls drew no more than idling did; idling before and after, or calls metered and timed, differ
 --            error: TEXT       the worker failed; the row has then what was sampled before, or no samples
@@ -138,7 +138,7 @@ CREATE TABLE sample (
   PRIMARY KEY (measurement_id, position)
 ) STRICT, WITHOUT ROWID;
 
--- Joules a call.
+-- Joules a call: a meter's over many calls, or modelled from the mean time of a call.
 CREATE TABLE energy (
   cell_id    INTEGER PRIMARY KEY REFERENCES cell,
   energy_j   REAL CHECK (energy_j >= 0),

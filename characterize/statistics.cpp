@@ -206,6 +206,23 @@ Nanos median(std::span<const Nanos> samples, std::span<const std::int32_t> proce
   return processes.empty() ? median(samples) : median(process_medians(samples, processes));
 }
 
+Nanos mean(std::span<const Nanos> samples, std::span<const std::int32_t> processes) {
+  struct Sum {
+    double ns = 0;
+    double count = 0;
+  };
+  std::map<std::int32_t, Sum> sums;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    Sum& sum = sums[processes.empty() ? 0 : processes[i]];
+    sum.ns += static_cast<double>(samples[i].count());
+    ++sum.count;
+  }
+  assert(!sums.empty());
+  double of_means = 0;
+  for (const auto& [process, sum] : sums) of_means += sum.ns / sum.count;
+  return Nanos(std::llround(of_means / static_cast<double>(sums.size())));
+}
+
 Nanos percentile(std::span<const Nanos> samples, int percent) {
   return percentile_of_sorted(sorted_copy(samples), percent);
 }

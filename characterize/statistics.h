@@ -2,8 +2,8 @@
 // bimodality.
 //
 // All on integer nanoseconds, on all samples: nothing is dropped as an outlier, since a spike that
-// happens is part of what a robot meets. Deliberately no means and no normal theory: timing samples
-// are skewed.
+// happens is part of what a robot meets. Deliberately no normal theory: timing samples are skewed.
+// A mean is only for what adds up, joules.
 #pragma once
 
 #include <cstddef>
@@ -47,6 +47,11 @@ struct Ranks {
 /// Median of the process medians. Needs at least one sample.
 /// @param processes  Which process took each sample; empty = one took all.
 [[nodiscard]] Nanos median(std::span<const Nanos> samples, std::span<const std::int32_t> processes);
+
+/// Mean of the process means: what a call takes in the long run, where a process counts once
+/// however many samples it took. Needs at least one sample.
+/// @param processes  As for median.
+[[nodiscard]] Nanos mean(std::span<const Nanos> samples, std::span<const std::int32_t> processes);
 
 /// 95 % interval of the median; absent below 6 samples.
 [[nodiscard]] std::optional<Interval> median_interval(std::span<const Nanos> samples);

@@ -42,7 +42,8 @@ std::optional<Service> from_platform(const Cell& cell) {
   const auto stages = model->stages.find(cell.unit().name);
   if (stages == model->stages.end()) return std::nullopt;
   Service service;
-  service.time_provenance = service.energy_provenance = model->provenance;
+  service.time_provenance = model->provenance;
+  service.energy_provenance = weakest(model->provenance, cell.unit().energy_provenance);
   for (const auto& stage : stages->second) {
     service.stages.push_back({.name = stage.name, .on = std::nullopt, .time = stage.time});
     if (!stage.on.empty()) service.stages.back().on = unit_id_of(cell.platform, stage.on);
@@ -96,6 +97,11 @@ Distribution time_of(const PhaseRow& row, Draw draw) {
   return Distribution::of(row.values);
 }
 
+double energy_scale(const PhaseRow& row, const Distribution& time) {
+  const Nanos taken = time.mean();
+  return row.mean && taken > Nanos::zero() ? to_s(*row.mean) / to_s(taken) : 1;
+}
+
 ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::string>& warnings) {
   const std::string where = cell.workload.name + " on " + cell.unit().name;
   auto judged = rows.stages;
@@ -111,13 +117,16 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
     warnings.push_back(fmt::format("{} is used although {}", where, problem));
   }
   Service service;
+  service.time_provenance = rows.stages.front()->provenance;
   for (const auto* row : rows.stages) {
+    const Distribution time = time_of(*row, cell.options.draw);
     service.stages.push_back({.name = std::string(to_string(row->phase)),
                               .on = cell.unit_id,
-                              .time = time_of(*row, cell.options.draw)});
-    service.time_provenance = row->provenance;
+                              .time = time,
+                              .energy_scale = energy_scale(*row, time)});
+    service.time_provenance = weakest(service.time_provenance, row->provenance);
   }
-  service.energy_provenance = cell.unit().energy_provenance;
+  service.energy_provenance = weakest(cell.unit().energy_provenance, service.time_provenance);
   const auto* energy = cell.profile->find_energy(cell.workload.name, cell.unit().name);
   // Modelled joules are modelled anew, so that watts given for this run count.
   if (energy != nullptr && energy->energy_j && energy->provenance == Provenance::kMeasured) {

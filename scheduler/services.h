@@ -22,13 +22,16 @@ struct ServiceStage {
   std::optional<UnitId> on;  ///< Absent = pure delay.
   Distribution time;         ///< Server time at rate 1, before the scale.
   double scale = 1;          ///< Stretches the time; the stage's energy stays.
+  /// Of the time before the scale, what draws active_w: joules add up, so that a stage whose time
+  /// is a median or a percentile draws for its mean.
+  double energy_scale = 1;
 
   [[nodiscard]] Nanos mean() const;  ///< Scaled.
 };
 
 struct Service {
   std::vector<ServiceStage> stages;
-  Provenance time_provenance = Provenance::kModelled;
+  Provenance time_provenance = Provenance::kModelled;  ///< The weakest of its stages.
   Provenance energy_provenance = Provenance::kModelled;
   /// Joules a call beyond busy servers and links: call_j, operations, bytes.
   double extra_j = 0;
@@ -62,7 +65,8 @@ struct ServiceTable {
 /// Times of a call by workload and unit that no platform and no profile has.
 using GivenServices = std::map<std::string, std::map<UnitId, Nanos>>;
 
-/// What a measured row says a call takes. Stages of the platform file are as they stand there.
+/// What a measured row says a call takes; its joules are those of its mean time all the same.
+/// Stages of the platform file are as they stand there.
 enum class Draw : std::uint8_t {
   kMedian,
   kP95,

@@ -253,8 +253,8 @@ std::vector<FitCell> fit_cells(const Profile& profile, std::string_view unit) {
       continue;
     const PhaseRow* call = profile.find(energy.workload, unit, Phase::kCall);
     if (call == nullptr || !call->valid || call->run_id != energy.run_id) continue;
-    cells.push_back(
-        {energy.workload, to_s(*call->median), call->ops, call->bytes, energy.energy_j.value()});
+    cells.push_back({energy.workload, to_s(call->mean.value_or(*call->median)), call->ops,
+                     call->bytes, energy.energy_j.value()});
   }
   return cells;
 }

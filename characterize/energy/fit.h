@@ -31,7 +31,7 @@ enum class EnergyParameter : std::uint8_t {
 /// What was measured of one workload on the unit.
 struct FitCell {
   std::string workload;
-  double seconds = 0;               ///< A call.
+  double seconds = 0;               ///< A call, the mean: as its joules are.
   std::optional<std::int64_t> ops;  ///< Absent where they depend on the data.
   std::int64_t bytes = 0;
   double energy_j = 0;  ///< A call, idle subtracted; above 0.

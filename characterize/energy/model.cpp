@@ -45,13 +45,14 @@ EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const
   const double call_j = stated_call_j(platform, unit, workload.name) + unit.call_j;
   std::vector<std::string> terms;
   EnergyRecord result;
-  result.provenance = unit.energy_provenance;
+  result.provenance = weakest(unit.energy_provenance, call.provenance);
   result.reasons = call.reasons;
   double energy_j = call_j;
   if (unit.active_w > 0) {
-    terms.push_back(fmt::format("active_w {} W x call", unit.active_w));
-    if (!call.samples.empty())
-      energy_j += unit.active_w * to_s(median(call.samples, call.processes));
+    terms.push_back(fmt::format("active_w {} W x mean call", unit.active_w));
+    if (!call.samples.empty()) {
+      energy_j += unit.active_w * to_s(mean(call.samples, call.processes));
+    }
   }
   if (unit.op_pj > 0) {
     terms.push_back(fmt::format("op_pj {} pJ x ops", unit.op_pj));

@@ -10,10 +10,11 @@
 
 namespace pirt {
 
-/// active_w * call + op_pj * operations + byte_pj * bytes + call_j + the link's active_w * the time
-/// that inputs and outputs take over it, with the terms that the platform gives: what the call adds
-/// to the idle power. Provenance `modelled`, or `fitted` where the platform says so; the source
-/// lists every input.
+/// active_w * mean call + op_pj * operations + byte_pj * bytes + call_j + the link's active_w * the
+/// time that inputs and outputs take over it, with the terms that the platform gives: what the call
+/// adds to the idle power. The mean, since joules of calls add up: a robot that makes n calls uses
+/// n times this. Provenance `modelled`, or `fitted` where the platform says so, or that of the time
+/// if it is weaker; the source lists every input.
 ///
 /// @param call  The row of phase `call`. Where it is not valid neither is the energy, for the same
 /// reasons; without samples there is none.

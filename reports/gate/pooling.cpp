@@ -37,6 +37,7 @@ void summarize_all(PhaseRow& row) {
   const auto summary = summarize(row.values, row.value_processes);
   row.samples = static_cast<std::int64_t>(row.values.size());
   row.median = summary.median;
+  row.mean = mean(row.values, row.value_processes);
   if (!summary.interval) return;
   row.ci_low = summary.interval->low;
   row.ci_high = summary.interval->high;

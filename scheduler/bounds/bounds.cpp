@@ -20,7 +20,8 @@ UnitWork unit_work(const VirtualSetup& run, const MixTask& task, WorkloadId work
     if (!stage.on) continue;
     work.server_ms[*stage.on] += ms;
     if (!service.metered_j) {
-      work.energy_j += run.platform.units[*stage.on].active_w * to_s(stage.time.low);
+      work.energy_j +=
+          run.platform.units[*stage.on].active_w * to_s(stage.time.low) * stage.energy_scale;
     }
   }
   work.energy_j += service.metered_j.value_or(service.extra_j);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "characterize/database.h"
+#include "characterize/statistics.h"
 #include "tests/characterize/database_support.h"
 
 namespace pirt {
@@ -70,6 +71,7 @@ TEST(Profile, RoundTripsEveryField) {
   ASSERT_EQ(samples.size(), 2U);
   EXPECT_THAT(samples[0].processes, ElementsAre(0, 1));  // set-up: each its own
   EXPECT_EQ(samples[1].processes, cell.phases[1].processes);
+  EXPECT_EQ(call->mean, mean(samples[1].samples, samples[1].processes));
 
   const PhaseRow* cold = profile.find("sobel", "gpu", Phase::kPrepare, State::kCold);
   ASSERT_NE(cold, nullptr);
@@ -82,6 +84,7 @@ TEST(Profile, RoundTripsEveryField) {
   EXPECT_THAT(upload->reasons, ElementsAre("error: it broke"));
   EXPECT_EQ(upload->samples, 0);
   EXPECT_EQ(upload->median, std::nullopt);
+  EXPECT_EQ(upload->mean, std::nullopt);
 
   const EnergyRow* energy = profile.find_energy("sobel", "gpu");
   ASSERT_NE(energy, nullptr);
@@ -223,6 +226,8 @@ TEST(Profile, ReadsTheSamplesOfEachRowFromItsRun) {
   const ProfileReader reader(folder / "p.db");
   Profile profile = reader.read();
   EXPECT_TRUE(profile.find("sobel", "gpu", Phase::kCall)->values.empty());
+  EXPECT_EQ(profile.find("sobel", "gpu", Phase::kCall)->mean, Nanos(2)) << "of the newest run";
+  EXPECT_EQ(profile.find("gaussian_blur", "gpu", Phase::kCall)->mean, Nanos(6));
   reader.read_samples(profile);
   EXPECT_THAT(profile.find("sobel", "gpu", Phase::kCall)->values,
               ElementsAre(Nanos(3), Nanos(1), Nanos(2)));

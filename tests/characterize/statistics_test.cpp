@@ -206,5 +206,12 @@ TEST(Statistics, SeldomFlagsDrawsOfOneMode) {
   EXPECT_LE(flagged, 20);
 }
 
+TEST(Statistics, AMeanCountsEachProcessOnce) {
+  const std::vector<Nanos> samples = {Nanos(1), Nanos(3), Nanos(8)};
+  const std::vector<std::int32_t> processes = {0, 0, 1};
+  EXPECT_EQ(mean(samples, processes), Nanos(5));
+  EXPECT_EQ(mean(samples, {}), Nanos(4));
+}
+
 }  // namespace
 }  // namespace pirt

@@ -97,6 +97,45 @@ TEST(Services, TakeMedianP95OrSamplesOfTheRows) {
                        {Nanos(90), 10}, {Nanos(100), 10}, {Nanos(110), 10}, {Nanos(200), 10}}));
 }
 
+TEST(Services, PowerTheMeanOfARowWhateverIsDrawn) {
+  PhaseRow execute = row("cpu", Phase::kExecute, 100);
+  execute.p95 = Nanos(250);
+  execute.values = {Nanos(50), Nanos(100), Nanos(110), Nanos(240)};
+  execute.mean = Nanos(125);
+  const auto powered = [&](Draw draw) {
+    const Profile profile = profile_of({execute});
+    const auto table =
+        services_of(&profile, {.given = {}, .stage_scale = {{"cpu.execute", 3}}, .draw = draw});
+    const ServiceStage& stage = table.find(0, 0)->stages.at(0);
+    return to_s(stage.time.mean()) * stage.energy_scale;
+  };
+  for (const Draw draw : {Draw::kMedian, Draw::kP95, Draw::kSamples}) {
+    EXPECT_NEAR(powered(draw), 125e-9, 1e-15) << to_string(draw);
+  }
+  execute.mean.reset();
+  EXPECT_NEAR(powered(Draw::kMedian), 100e-9, 1e-15) << "nothing else is known";
+  EXPECT_EQ(services_of(nullptr).find(0, 1)->stages.at(0).energy_scale, 1) << "as it stands there";
+}
+
+TEST(Services, OfStagesOfSeveralProvenancesHaveTheWeakest) {
+  // Counted cycles between measured transfers, in whatever order the weakest one comes.
+  for (const Phase weak : {Phase::kUpload, Phase::kExecute, Phase::kDownload}) {
+    std::vector<PhaseRow> rows;
+    for (const Phase phase : {Phase::kUpload, Phase::kExecute, Phase::kDownload}) {
+      rows.push_back(row("gpu", phase, 100));
+      rows.back().provenance = phase == weak ? Provenance::kCounted : Provenance::kMeasured;
+    }
+    const Profile profile = profile_of(rows);
+    const auto table = services_of(&profile);
+    EXPECT_EQ(table.find(0, 1)->time_provenance, Provenance::kCounted);
+    EXPECT_EQ(table.find(0, 1)->energy_provenance, Provenance::kModelled) << "watts are";
+  }
+  PhaseRow published = row("gpu", Phase::kCall, 100);
+  published.provenance = Provenance::kPublished;
+  const Profile profile = profile_of({published});
+  EXPECT_EQ(services_of(&profile).find(0, 1)->energy_provenance, Provenance::kPublished);
+}
+
 TEST(Services, NameTheWaysToDraw) {
   for (const auto& name : draw_names()) EXPECT_EQ(to_string(find_draw(name)), name);
   EXPECT_THAT(bad_input([] { static_cast<void>(find_draw("sample")); }),

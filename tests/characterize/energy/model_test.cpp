@@ -30,13 +30,39 @@ Platform board() {
   return platform;
 }
 
-TEST(EnergyModel, MultipliesPowerAndMedianTime) {
+TEST(EnergyModel, MultipliesPowerAndMeanTime) {
   const Platform platform = board();  // active_w 2
   const auto energy = model_energy(platform, platform.units[0], find_workload("sobel"), call_row());
   EXPECT_DOUBLE_EQ(energy.energy_j.value(), 2 * 0.002);
   EXPECT_EQ(energy.provenance, Provenance::kModelled);
   EXPECT_THAT(energy.reasons, IsEmpty());
-  EXPECT_EQ(energy.source, "model: active_w 2 W x call; watts are guesses of mine");
+  EXPECT_EQ(energy.source, "model: active_w 2 W x mean call; watts are guesses of mine");
+}
+
+// A robot that makes these calls again and again uses their mean each time.
+TEST(EnergyModel, IsOfTheMeanWhereTimesAreSkewed) {
+  const Platform platform = board();  // active_w 2
+  PhaseRecord call = call_row();
+  // Process 0: 1 ms nine times and 11 ms once, mean 2 ms. Process 1, with two samples: 4 ms.
+  call.samples.assign(9, from_ms(1));
+  call.samples.insert(call.samples.end(), {from_ms(11), from_ms(4), from_ms(4)});
+  call.processes.assign(10, 0);
+  call.processes.insert(call.processes.end(), {1, 1});
+  const auto energy = model_energy(platform, platform.units[0], find_workload("sobel"), call);
+  EXPECT_DOUBLE_EQ(energy.energy_j.value(), 2 * 0.003) << "a process counts once";
+}
+
+TEST(EnergyModel, IsAsWeakAsItsWeakestInput) {
+  Platform platform = board();
+  PhaseRecord call = call_row();
+  const auto provenance = [&](Provenance watts, Provenance time) {
+    platform.units[0].energy_provenance = watts;
+    call.provenance = time;
+    return model_energy(platform, platform.units[0], find_workload("sobel"), call).provenance;
+  };
+  EXPECT_EQ(provenance(Provenance::kModelled, Provenance::kMeasured), Provenance::kModelled);
+  EXPECT_EQ(provenance(Provenance::kFitted, Provenance::kModelled), Provenance::kFitted);
+  EXPECT_EQ(provenance(Provenance::kFitted, Provenance::kPublished), Provenance::kPublished);
 }
 
 TEST(EnergyModel, AddsEveryStatedTerm) {
