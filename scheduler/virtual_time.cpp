@@ -19,8 +19,9 @@ struct VirtualTime::Step {
   Distribution time;               ///< Before the scale.
   Nanos scaled{0};                 ///< Of a constant.
   double scale = 1;
-  bool powered = false;   ///< Its server time draws the unit's active_w.
-  bool for_data = false;  ///< A delay until the data of the predecessors is there.
+  double energy_scale = 1;  ///< See ServiceStage.
+  bool powered = false;     ///< Its server time draws the unit's active_w.
+  bool for_data = false;    ///< A delay until the data of the predecessors is there.
 };
 
 struct VirtualTime::TaskPlan {
@@ -143,6 +144,7 @@ std::vector<VirtualTime::Step> VirtualTime::plan_steps(const MixTask& task, cons
                      .time = stage.time,
                      .scaled = stage.mean(),
                      .scale = stage.scale,
+                     .energy_scale = stage.energy_scale,
                      .powered = !service.metered_j});
   }
   if (moves_data) add_transfer(steps, unit, bytes.out);
@@ -472,7 +474,9 @@ void VirtualTime::begin_step(JobIndex job, const Step& step) {
     return;
   }
   jobs_[job].takes = takes;
-  jobs_[job].powered = step.powered ? unscaled : Nanos::zero();
+  jobs_[job].powered = !step.powered            ? Nanos::zero()
+                       : step.energy_scale == 1 ? unscaled
+                                                : scaled(unscaled, step.energy_scale);
   if (setup_.observer != nullptr) {
     setup_.observer->arrived(step.servers, job, power_w(jobs_[job], step));
   }
@@ -482,7 +486,9 @@ void VirtualTime::begin_step(JobIndex job, const Step& step) {
 /// While a server works on the step. A scaled stage draws less for longer: its energy stays.
 double VirtualTime::power_w(const Job& job, const Step& step) const {
   if (step.servers < tally_.units.size()) {
-    return step.powered ? setup_.platform.units[step.servers].active_w / step.scale : 0;
+    return step.powered
+               ? setup_.platform.units[step.servers].active_w * step.energy_scale / step.scale
+               : 0;
   }
   return setup_.platform.links.at(setup_.platform.units[job.unit].link).active_w;
 }
