@@ -73,6 +73,17 @@ std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candid
   return std::hypot(*spread * of_medians, of_drift);
 }
 
+std::optional<double> half_width_between(const PhaseRow& base, const PhaseRow& candidate) {
+  double both = 0;
+  for (const PhaseRow* row : {&base, &candidate}) {
+    const auto medians = process_medians(row->values, row->value_processes);
+    const auto half = relative_half_width(interval_over_processes(medians), *row->median);
+    if (!half) return std::nullopt;
+    both = std::hypot(both, *half);
+  }
+  return both;
+}
+
 std::optional<double> wander_of(const PhaseRow& row) {
   constexpr std::size_t kFewest = 8;
   const std::span<const Nanos> values(row.values);

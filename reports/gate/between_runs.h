@@ -12,7 +12,8 @@ namespace pirt {
 
 /// Relative spread of one process's median around those of the others: their median absolute
 /// deviation as a standard deviation. Robust: a busy spell lifts a few processes far.
-/// Absent for fewer than two processes. @param medians  Of each process; above 0.
+/// Absent for fewer than two processes. @param medians  Of each process, or other figures that
+/// should be alike; above 0.
 /// @source Factors for few: Croux and Rousseeuw, Time-efficient algorithms for two highly robust
 /// estimators of scale, Computational Statistics 1 (1992) 411.
 [[nodiscard]] std::optional<double> process_spread(std::span<const double> medians);
@@ -44,6 +45,12 @@ enum class Drift : std::uint8_t {
 /// is no spread.
 [[nodiscard]] std::optional<double> noise_between(const PhaseRow& base, const PhaseRow& candidate,
                                                   Drift drift);
+
+/// Half the width of the 95 % interval of the ratio of both medians, as a part of it: those over
+/// the processes of either run (interval_over_processes), put together. Absent where one has none.
+/// @param base  Both have samples.
+[[nodiscard]] std::optional<double> half_width_between(const PhaseRow& base,
+                                                       const PhaseRow& candidate);
 
 /// What a row changes by while one process runs: the second half of its samples over the first, by
 /// their medians, as a logarithm without sign; the median over the processes. Absent if none took

@@ -17,8 +17,8 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::array kVerdicts = {GateVerdict::kFailed,       GateVerdict::kSlower,
                                   GateVerdict::kInconclusive, GateVerdict::kNotComparable,
-                                  GateVerdict::kFaster,       GateVerdict::kSame,
-                                  GateVerdict::kNotJudged};
+                                  GateVerdict::kFaster,       GateVerdict::kCannotTell,
+                                  GateVerdict::kSame,         GateVerdict::kNotJudged};
 
 std::string percent_text(std::optional<double> value) {
   return value ? fmt::format("{:+.1f}", 100 * *value) : "-";
@@ -168,6 +168,7 @@ Json row_json(const GateRow& row) {
   add("ratio", row.ratio);
   add("p_adjusted", row.p);
   add("change", row.change);
+  add("change_at_most", row.at_most);
   add("noise", row.noise);
   add("needed", row.needed);
   if (!row.reason.empty()) json["reason"] = row.reason;
@@ -229,6 +230,15 @@ std::string escaped(const std::string& text) {
   return out;
 }
 
+bool is_failure(GateVerdict verdict) {
+  return verdict == GateVerdict::kSlower || verdict == GateVerdict::kFailed;
+}
+
+/// Of JUnit: without an answer.
+bool is_skipped(GateVerdict verdict) {
+  return !is_failure(verdict) && verdict != GateVerdict::kSame && verdict != GateVerdict::kFaster;
+}
+
 std::string message_of(const GateRow& row) {
   if (!row.reason.empty()) return row.reason;
   return fmt::format("{} -> {} {} ({} %)", value_text(row, row.base),
@@ -243,8 +253,9 @@ void describe_rule(const GateThresholds& thresholds, GateReport& report) {
   report.rule = {fmt::format(
       "slower: one-sided Mann-Whitney p, Holm-adjusted over the table, below {}, and median and "
       "lower quartile up by needed %: {:.0f} %, or {:.0f} times what runs of one program differ "
-      "by, whichever is more; from {:.0f} % of it on, inconclusive. What the machine moved many "
-      "rows by is taken off them and stands in a row of its own.",
+      "by, whichever is more; from {:.0f} % of it on, inconclusive. Cannot tell: none of that, but "
+      "the 95 % interval over the processes reaches what matters; no influence on the exit code. "
+      "What the machine moved many rows by is taken off them and stands in a row of its own.",
       t.alpha, 100 * t.effect, t.noise_factor, 100 * t.doubt)};
   report.rule_json = {
       {"alpha", t.alpha}, {"effect", t.effect},       {"noise_factor", t.noise_factor},
@@ -305,13 +316,10 @@ std::string gate_junit(const GateReport& report) {
   std::string xml =
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites name=\"pirt regress\">\n";
   for (const auto& [unit, rows] : suites) {
-    const auto failures = std::ranges::count_if(rows, [](const GateRow* row) {
-      return row->verdict == GateVerdict::kSlower || row->verdict == GateVerdict::kFailed;
-    });
-    const auto skipped = std::ranges::count_if(rows, [](const GateRow* row) {
-      return row->verdict == GateVerdict::kInconclusive ||
-             row->verdict == GateVerdict::kNotComparable || row->verdict == GateVerdict::kNotJudged;
-    });
+    const auto failures =
+        std::ranges::count_if(rows, [](const GateRow* row) { return is_failure(row->verdict); });
+    const auto skipped =
+        std::ranges::count_if(rows, [](const GateRow* row) { return is_skipped(row->verdict); });
     xml += fmt::format(
         "  <testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" errors=\"0\" skipped=\"{}\">\n",
         escaped(unit), rows.size(), failures, skipped);
@@ -319,20 +327,12 @@ std::string gate_junit(const GateReport& report) {
       xml += fmt::format("    <testcase classname=\"{}.{}\" name=\"{}\"", escaped(unit),
                          escaped(row->workload), escaped(row->phase));
       const std::string message = fmt::format("{}: {}", to_string(row->verdict), message_of(*row));
-      switch (row->verdict) {
-        case GateVerdict::kFailed:
-        case GateVerdict::kSlower:
-          xml += fmt::format("><failure message=\"{}\"/></testcase>\n", escaped(message));
-          break;
-        case GateVerdict::kInconclusive:
-        case GateVerdict::kNotComparable:
-        case GateVerdict::kNotJudged:
-          xml += fmt::format("><skipped message=\"{}\"/></testcase>\n", escaped(message));
-          break;
-        case GateVerdict::kSame:
-        case GateVerdict::kFaster:
-          xml += "/>\n";
-          break;
+      if (is_failure(row->verdict)) {
+        xml += fmt::format("><failure message=\"{}\"/></testcase>\n", escaped(message));
+      } else if (is_skipped(row->verdict)) {
+        xml += fmt::format("><skipped message=\"{}\"/></testcase>\n", escaped(message));
+      } else {
+        xml += "/>\n";
       }
     }
     xml += "  </testsuite>\n";

@@ -102,6 +102,9 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const CommonMove
     row.reason = "shorter than the clock can tell";
     return row;
   }
+  if (const auto half = half_width_between(base, candidate)) {
+    row.at_most = *row.ratio * std::exp(-expected.shift) * (1 + *half) - 1;
+  }
   row.noise = noise_between(base, candidate, expected.drift);
   if (row.noise) row.noise = std::hypot(*row.noise, expected.sd);
   row.needed = std::max(thresholds.effect, change_that_matters(diff, base, thresholds));
@@ -111,10 +114,9 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const CommonMove
   return row;
 }
 
-/// Energy has one figure a cell and no samples to test: only what a meter read is judged, and only
-/// a rise of twice the effect counts. Modelled joules follow from times that are judged themselves.
-GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair,
-                       const GateThresholds& thresholds) {
+/// Energy has one figure a cell and no samples to test: only what a meter read is judged. Modelled
+/// joules follow from times that are judged themselves.
+GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair) {
   GateRow row;
   row.workload = pair.a->workload;
   row.unit = pair.a->unit;
@@ -138,9 +140,7 @@ GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair,
     row.reason = fmt::format("{}, follows from the times", to_string(pair.a->provenance));
     return row;
   }
-  row.needed = 2 * thresholds.effect;
-  if (*row.ratio >= 1 + *row.needed) row.verdict = GateVerdict::kSlower;
-  if (*row.ratio <= 1 / (1 + *row.needed)) row.verdict = GateVerdict::kFaster;
+  row.change = *row.ratio - 1;
   return row;
 }
 
@@ -170,22 +170,60 @@ void adjust(const std::vector<Judged>& rows) {
   }
 }
 
-void conclude(GateRow& row, double floor, const GateThresholds& thresholds) {
-  const double log_change = *row.change;
-  row.change = std::expm1(log_change);
-  row.noise = std::max(row.noise.value_or(0), floor);
-  const double matters = *row.needed;
-  row.needed = std::max(matters, thresholds.noise_factor * *row.noise);
-  if (*row.p >= thresholds.alpha) return;
+/// A change that is not chance: beyond the noise between runs, nearly, or neither.
+void weigh(double log_change, double matters, const GateThresholds& thresholds, GateRow& row) {
   const double change = std::expm1(std::abs(log_change));
   if (change >= *row.needed) {
     row.verdict = log_change > 0 ? GateVerdict::kSlower : GateVerdict::kFaster;
   } else if (log_change > 0 && change >= std::max(matters, thresholds.doubt * *row.needed)) {
     row.verdict = GateVerdict::kInconclusive;
     row.reason = fmt::format(
-        "{:.1f} % slower, but runs of one program differ by {:.1f} % here, so that {:.1f} % count; "
+        "{:.1f} % more, but runs of one program differ by {:.1f} % here, so that {:.1f} % count; "
         "measure again",
         100 * change, 100 * *row.noise, 100 * *row.needed);
+  }
+}
+
+/// For a row that is not known to have moved: whether it is known not to have.
+void leave_open(GateRow& row, double matters) {
+  if (row.verdict != GateVerdict::kSame) return;
+  if (row.at_most && *row.at_most < matters) return;
+  row.verdict = GateVerdict::kCannotTell;
+  row.reason =
+      row.at_most
+          ? fmt::format(
+                "may be slower by up to {:.1f} %, where {:.1f} % matter; more processes tell",
+                100 * *row.at_most, 100 * matters)
+          : "too few processes to say how far it may have moved";
+}
+
+void conclude(GateRow& row, double floor, const GateThresholds& thresholds) {
+  const double log_change = *row.change;
+  row.change = std::expm1(log_change);
+  row.noise = std::max(row.noise.value_or(0), floor);
+  const double matters = *row.needed;
+  row.needed = std::max(matters, thresholds.noise_factor * *row.noise);
+  if (*row.p < thresholds.alpha) weigh(log_change, matters, thresholds, row);
+  leave_open(row, matters);
+}
+
+/// Only a rise of twice the effect counts, and of noise_factor times what metered rows of the unit
+/// differ by between these two runs: meters have noise of their own, which no sample of time shows.
+/// Most programs are as they were, so that the rows' spread around their middle is that noise.
+void conclude_energy(const std::vector<GateRow*>& rows, const GateThresholds& thresholds) {
+  std::map<std::string, std::vector<double>> ratios;
+  for (const GateRow* row : rows) ratios[row->unit].push_back(*row->ratio);
+  for (GateRow* row : rows) {
+    const auto& of_unit = ratios[row->unit];
+    const double matters = 2 * thresholds.effect;
+    if (of_unit.size() >= thresholds.workloads) row->noise = process_spread(of_unit);
+    row->needed = std::max(matters, thresholds.noise_factor * row->noise.value_or(0));
+    const double log_change = std::log(*row->ratio);
+    weigh(log_change, matters, thresholds, *row);
+    if (!row->noise) continue;  // one figure, and nothing says how far it may be off
+    constexpr double kOf95Percent = 1.96;
+    row->at_most = std::expm1(log_change + kOf95Percent * *row->noise);
+    leave_open(*row, matters);
   }
 }
 
@@ -270,6 +308,8 @@ std::string_view to_string(GateVerdict verdict) {
       return "failed";
     case GateVerdict::kInconclusive:
       return "inconclusive";
+    case GateVerdict::kCannotTell:
+      return "cannot tell";
     case GateVerdict::kNotComparable:
       return "not comparable";
     case GateVerdict::kNotJudged:
@@ -304,8 +344,13 @@ GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds) {
     conclude(*row, floor == typical.end() ? 0 : floor->second, thresholds);
   }
   add_movements(diff, movement.all(), thresholds, result.rows);
-  for (const auto& pair : diff.energies)
-    result.rows.push_back(compare_energy(diff, pair, thresholds));
+  const auto times = result.rows.size();
+  for (const auto& pair : diff.energies) result.rows.push_back(compare_energy(diff, pair));
+  std::vector<GateRow*> metered;
+  for (std::size_t i = times; i < result.rows.size(); ++i) {
+    if (result.rows[i].change) metered.push_back(&result.rows[i]);
+  }
+  conclude_energy(metered, thresholds);
   add_missing(diff, result.rows);
   return result;
 }

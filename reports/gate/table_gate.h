@@ -6,7 +6,9 @@
 // says so after Holm's correction over the table, and its median and its lower quartile rose by at
 // least `effect` and by `noise_factor` times the A/A noise (between_runs.h); a phase of a call that
 // is small beside it, such as `launch`, also by so much that a call is `of_call` longer. Nearly as
-// much is inconclusive: measure again.
+// much is inconclusive: measure again. A row of which nothing of that holds is the same only if the
+// 95 % interval of its change, over the medians of the processes, says that it is not slower by
+// what counts; else one cannot tell.
 //
 // Machines have slow hours: what many rows moved by together (common_movement.h) is taken off each
 // of them and judged in a row of its own, which is inconclusive at worst, since no stored figure
@@ -30,6 +32,8 @@ enum class GateVerdict : std::uint8_t {
   kSlower,
   kFailed,  ///< The candidate crashed, hung or computed something else.
   kInconclusive,
+  /// Nothing was found, though what counts may be there: shown, and without influence.
+  kCannotTell,
   kNotComparable,  ///< Another identity, another workload size, an invalid row, or missing.
   kNotJudged,      ///< Too few samples for the test; shown, and without influence.
 };
@@ -57,6 +61,9 @@ struct GateRow {
   /// Relative change that counts: without what rows moved by together, and that of the median or of
   /// the lower quartile, whichever is less.
   std::optional<double> change = {};
+  /// Upper end of the 95 % interval of the change, over the medians of the processes; absent below
+  /// 3 processes a side.
+  std::optional<double> at_most = {};
   std::optional<double> noise = {};   ///< Relative standard deviation between runs of one program.
   std::optional<double> needed = {};  ///< The change that counts as slower.
 };

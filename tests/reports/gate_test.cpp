@@ -106,11 +106,35 @@ TEST(TableGate, LeavesARiseNearTheNoiseBetweenRunsOpen) {
   const Profile base = noisy_run(exact, 10);
   const auto verdict = [&](double ms) { return judge_both(base, noisy_run(exact, ms)).rows[0]; };
   ASSERT_NEAR(*verdict(10).needed, 0.26, 0.01);
-  EXPECT_EQ(verdict(11.0).verdict, GateVerdict::kSame) << "far within the noise";
+  EXPECT_EQ(verdict(11.0).verdict, GateVerdict::kCannotTell) << "far within the noise";
   EXPECT_EQ(verdict(12.3).verdict, GateVerdict::kInconclusive);
   EXPECT_THAT(verdict(12.3).reason, HasSubstr("measure again"));
   EXPECT_EQ(exit_code_of(judge_both(base, noisy_run(exact, 12.3))), 3);
   EXPECT_EQ(verdict(12.8).verdict, GateVerdict::kSlower);
+}
+
+TEST(TableGate, CannotTellWhereTheProcessesLeaveWhatCountsOpen) {
+  Machine exact(0, 0, 1);
+  const auto open = judge_both(noisy_run(exact, 10), noisy_run(exact, 10));
+  const GateRow& row = open.rows[0];
+  EXPECT_EQ(row.verdict, GateVerdict::kCannotTell) << "no change found, and none excluded";
+  EXPECT_GT(*row.at_most, 0.05);
+  EXPECT_THAT(row.reason, AllOf(HasSubstr("up to"), HasSubstr("5.0 % matter")));
+  EXPECT_EQ(exit_code_of(open), 0) << "an answer that does not fail a build";
+
+  // The same spread over many processes: their median is known well enough.
+  const auto many = [&](double ms) {
+    PhaseRow all = exact.row("sobel", ms, 60, 2);
+    for (std::size_t i = 0; i < all.values.size(); ++i) {
+      all.values[i] = from_ms(ms * (0.94 + 0.03 * (all.value_processes[i] * 7 % 5)));
+    }
+    return profile_of({all});
+  };
+  EXPECT_EQ(judge_both(many(10), many(10)).rows[0].verdict, GateVerdict::kSame);
+  // Two processes have no interval at all.
+  const Profile two = profile_of({exact.row("sobel", 10, 2, 20)});
+  EXPECT_EQ(judge_both(two, two).rows[0].verdict, GateVerdict::kCannotTell);
+  EXPECT_THAT(judge_both(two, two).rows[0].reason, HasSubstr("too few processes"));
 }
 
 TEST(TableGate, PassesOverAPhaseThatIsNextToNothingOfItsCall) {
@@ -186,6 +210,46 @@ TEST(TableGate, JudgesMeteredEnergyOnly) {
   EXPECT_EQ(judge_both(base, candidate).rows[1].verdict, GateVerdict::kSlower);
   candidate.energies[0].energy_j = 1.05;
   EXPECT_EQ(judge_both(base, candidate).rows[1].verdict, GateVerdict::kSame);
+}
+
+/// Metered joules of eight cells, and one more.
+Profile metered_run(const std::vector<double>& factors) {
+  Machine exact(0, 0, 1);
+  Profile profile = profile_of({exact.row("w0", 10)});
+  for (std::size_t i = 0; i < factors.size(); ++i) {
+    EnergyRow energy;
+    energy.workload = "w" + std::to_string(i);
+    energy.unit = "cpu";
+    energy.energy_j = factors[i] * static_cast<double>(i + 1);
+    energy.provenance = Provenance::kMeasured;
+    energy.valid = true;
+    profile.energies.push_back(energy);
+  }
+  return profile;
+}
+
+TEST(TableGate, JudgesMeteredEnergyByItsOwnNoise) {
+  const Profile base = metered_run(std::vector<double>(9, 1.0));
+  const auto last = [&](const std::vector<double>& factors) {
+    return judge_both(base, metered_run(factors)).rows.back();
+  };
+  // Times are exact in all of them. 8 cells 2 % apart: 12 % is more than meters make of nothing.
+  const auto quiet = last({0.98, 1.02, 1, 0.99, 1.01, 1, 0.98, 1.02, 1.12});
+  EXPECT_EQ(quiet.verdict, GateVerdict::kSlower);
+  EXPECT_NEAR(*quiet.needed, 0.10, 1e-9);
+  // 8 cells 10 % apart: the same 12 % are nothing to speak of, nor is their absence; 80 % are.
+  const std::vector<double> noisy = {0.9, 1.1, 1, 0.92, 1.08, 1, 0.9, 1.1};
+  const auto with = [&](double factor) {
+    auto all = noisy;
+    all.push_back(factor);
+    return last(all);
+  };
+  EXPECT_EQ(with(1.12).verdict, GateVerdict::kCannotTell);
+  EXPECT_GT(*with(1.12).needed, 0.2);
+  EXPECT_EQ(with(1.0).verdict, GateVerdict::kCannotTell);
+  EXPECT_EQ(with(1.8).verdict, GateVerdict::kSlower);
+  EXPECT_EQ(with(*with(1.12).needed * 0.9 + 1).verdict, GateVerdict::kInconclusive);
+  EXPECT_EQ(with(0.5).verdict, GateVerdict::kFaster);
 }
 
 PhaseRow of_processes(std::vector<std::int64_t> ns) {
@@ -399,6 +463,20 @@ TEST(GateReport, ShowsWhatMattersAndCountsTheRest) {
   EXPECT_EQ(json["rows"][0]["verdict"], "slower");
   EXPECT_EQ(json["rows"][0]["workload"], "sobel");
   EXPECT_EQ(json["decisions"]["modes"]["latency"]["reason"], "not served");
+}
+
+TEST(GateReport, ShowsAndCountsWhatItCannotTell) {
+  Machine exact(0, 0, 1);
+  const auto report = report_of(noisy_run(exact, 10), noisy_run(exact, 10));
+  EXPECT_THAT(
+      render(gate_document(report, false), Format::kText),
+      AllOf(HasSubstr("no regression"), HasSubstr("1 rows: 1 cannot tell"), HasSubstr("sobel")));
+  EXPECT_THAT(render(gate_document(report, false), Format::kMarkdown), HasSubstr("cannot tell"));
+  EXPECT_EQ(gate_json(report)["exit_code"], 0);
+  EXPECT_EQ(gate_json(report)["rows"][0]["verdict"], "cannot tell");
+  EXPECT_GT(gate_json(report)["rows"][0]["change_at_most"], 0.05);
+  EXPECT_THAT(gate_junit(report), AllOf(HasSubstr("failures=\"0\" errors=\"0\" skipped=\"1\""),
+                                        HasSubstr("<skipped message=\"cannot tell: ")));
 }
 
 TEST(GateReport, SaysOnceWhyModesHaveNoCost) {
