@@ -72,9 +72,9 @@ TEST(Bounds, AreaIsTheInverseOfTheThroughput) {
 }
 
 TEST(Bounds, OfALongGraphComeQuickly) {
-  // 20,000 tasks in a chain, 1 ms on either of two units: the shares that fill both. A search for
+  // 10,000 tasks in a chain, 1 ms on either of two units: the shares that fill both. A search for
   // the variables of each task would not end in sensible time.
-  constexpr std::size_t kTasks = 20'000;
+  constexpr std::size_t kTasks = 10'000;
   Work work;
   work.units.resize(2);
   work.pipelines.resize(1);
