@@ -78,8 +78,11 @@ TEST(TuningFile, RefusesWhatItDoesNotKnowAndSaysWhereAndWhatToDo) {
   EXPECT_THAT(refusal_of("[]"), names_the_file);
   EXPECT_THAT(refusal_of("{\"schema_version\": 1, \"devices\": null}"), names_the_file);
   EXPECT_THAT(refusal_of("{\"schema_version\": 1, \"devices\": [3]}"), names_the_file);
-  EXPECT_THAT(refusal_of(changed("\"schema_version\": 1", "\"schema_version\": 2")),
-              AllOf(names_the_file, HasSubstr("schema version 2")));
+  for (const char* version : {"2", "1.5", "1e+300", "-1", "true", "null"}) {
+    EXPECT_THAT(
+        refusal_of(changed("\"schema_version\": 1", std::string("\"schema_version\": ") + version)),
+        AllOf(names_the_file, HasSubstr(std::string("schema version ") + version)));
+  }
   EXPECT_THAT(refusal_of(changed("fc_rows", "fc_row")),
               AllOf(names_the_file, HasSubstr("\"fc_row\""), HasSubstr("fc_rows")));
   for (const char* value : {"3", "-1", "8.5", "\"8\"", "null", "99999999999999", "[8]"}) {

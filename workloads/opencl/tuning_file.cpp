@@ -126,9 +126,9 @@ std::optional<std::filesystem::path> tuning_path() {
 TuningFile parse_tuning(const std::filesystem::path& path, const std::string& text) {
   try {
     const Json j = Json::parse(text);
-    if (const auto version = j.at("schema_version").get<std::int64_t>();
-        version != kSchemaVersion) {
-      refuse(path, fmt::format("it has schema version {}, and this pirt knows {}", version,
+    // Compared as it is written: 1.5 would become 1, and 1e300 anything.
+    if (const Json& version = j.at("schema_version"); version != kSchemaVersion) {
+      refuse(path, fmt::format("it has schema version {}, and this pirt knows {}", version.dump(),
                                kSchemaVersion));
     }
     TuningFile file;
