@@ -3,10 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <regex>
 #include <set>
 
 #include "workloads/base/error.h"
+#include "workloads/base/name_filter.h"
+#include "workloads/base/numbers.h"
 #include "workloads/base/text.h"
 #include "workloads/catalog.h"
 
@@ -16,9 +17,12 @@ namespace {
 /// 8 of "fc6@batch8", 8 and 16 of "@(batch8|batch16)".
 std::set<int> named_batches(const std::string& filter) {
   std::set<int> batches;
-  static const std::regex kNamed("batch([0-9]{1,3})");
-  for (std::sregex_iterator it(filter.begin(), filter.end(), kNamed), end; it != end; ++it) {
-    batches.insert(std::stoi((*it)[1]));
+  constexpr std::string_view kWord = "batch";
+  for (auto at = filter.find(kWord); at != std::string::npos; at = filter.find(kWord, at + 1)) {
+    const auto begin = at + kWord.size();
+    const auto end = std::min(filter.find_first_not_of("0123456789", begin), begin + 3);
+    const auto size = whole_number<int>(filter.substr(begin, end - begin), 0, 999);
+    if (size.value) batches.insert(*size.value);
   }
   return batches;
 }
@@ -58,25 +62,16 @@ std::vector<const Workload*> choose_workloads(const std::string& filter,
   const auto choose = [&](const Workload* workload) {
     if (std::ranges::find(chosen, workload) == chosen.end()) chosen.push_back(workload);
   };
-  try {
-    const std::regex pattern(filter, std::regex::ECMAScript);
-    for (const Workload& workload : catalog()) {
-      if (std::regex_search(workload.name, pattern)) choose(&workload);
-    }
-    for (const Workload* workload : asked_for(in_variants, batch)) {
-      const std::string plain = workload->name.substr(0, workload->name.find('@'));
-      if (std::regex_search(workload->name, pattern) || std::regex_search(plain, pattern)) {
-        choose(workload);
-      }
-    }
-    for (const Workload* workload : nameable(filter)) {
-      if (std::regex_search(workload->name, pattern)) choose(workload);
-    }
-  } catch (const std::regex_error& error) {
-    throw_bad_input(
-        fmt::format("--filter '{}' is not a regular expression ({}); try a workload's name, or "
-                    "'conv[12]|sobel'",
-                    filter, error.what()));
+  const NameFilter wanted(filter);
+  for (const Workload& workload : catalog()) {
+    if (wanted.picks(workload.name)) choose(&workload);
+  }
+  for (const Workload* workload : asked_for(in_variants, batch)) {
+    const std::string plain = workload->name.substr(0, workload->name.find('@'));
+    if (wanted.picks(workload->name) || wanted.picks(plain)) choose(workload);
+  }
+  for (const Workload* workload : nameable(filter)) {
+    if (wanted.picks(workload->name)) choose(workload);
   }
   if (chosen.empty()) {
     throw_bad_input(fmt::format("--filter '{}' matches no workload{}; see: pirt list workloads",

@@ -11,7 +11,7 @@
 namespace pirt {
 
 /// In the catalog's order, variants last.
-/// @param filter       ECMAScript regular expression, searched in workload names; empty = all. One
+/// @param filter       A NameFilter of workload names; empty = all. One
 ///                     with an '@' is searched in the names of all variants too.
 /// @param in_variants  Names of variants() that the workloads whose plain name the filter picks are
 ///                     chosen in as well.

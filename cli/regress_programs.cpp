@@ -5,7 +5,6 @@
 
 #include <filesystem>
 #include <memory>
-#include <regex>
 
 #include "characterize/campaign.h"
 #include "characterize/measure.h"
@@ -18,6 +17,7 @@
 #include "reports/gate/duet_gate.h"
 #include "reports/gate/self_test.h"
 #include "workloads/base/error.h"
+#include "workloads/base/name_filter.h"
 #include "workloads/base/text.h"
 
 namespace pirt::cli {
@@ -87,7 +87,7 @@ std::vector<DuetCell> chosen_cells(const RegressOptions& options, const DuetProg
     warn_of_skipped(plan, "compared");
   }
   const bool all_units = options.units.empty();
-  if (all_units && std::regex_search(scheduler, std::regex(options.filter))) {
+  if (all_units && NameFilter(options.filter).picks(scheduler)) {
     cells.push_back({scheduler, ""});
   }
   return cells;

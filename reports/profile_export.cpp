@@ -5,30 +5,21 @@
 
 #include <algorithm>
 #include <charconv>
-#include <regex>
 
 #include "characterize/database.h"
 #include "reports/profile_report.h"
 #include "workloads/base/error.h"
+#include "workloads/base/name_filter.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
 
 void keep_workloads(Profile& profile, const std::string& filter) {
   const auto names = profile.workloads();
-  try {
-    const std::regex pattern(filter, std::regex::ECMAScript);
-    const auto other = [&pattern](const auto& row) {
-      return !std::regex_search(row.workload, pattern);
-    };
-    std::erase_if(profile.phases, other);
-    std::erase_if(profile.energies, other);
-  } catch (const std::regex_error& error) {
-    throw_bad_input(
-        fmt::format("--filter '{}' is not a regular expression ({}); try a workload's name, or "
-                    "'conv[12]|sobel'",
-                    filter, error.what()));
-  }
+  const NameFilter wanted(filter);
+  const auto other = [&wanted](const auto& row) { return !wanted.picks(row.workload); };
+  std::erase_if(profile.phases, other);
+  std::erase_if(profile.energies, other);
   if (profile.phases.empty()) {
     throw_bad_input(fmt::format("--filter '{}' matches no workload of '{}'{}", filter, profile.path,
                                 suggestion(filter, names)));

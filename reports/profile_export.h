@@ -16,7 +16,7 @@ namespace pirt {
 
 /// The rows of a profile with their raw samples (PhaseRow::values).
 /// @param platform  Only runs of that platform; empty = that of the newest run.
-/// @param filter    Regular expression, searched in workload names; empty = all.
+/// @param filter    A NameFilter of workload names; empty = all.
 /// @throws Error{kBadInput} as load_profile; a filter that is none, or matches no workload of the
 /// profile (with the nearest names).
 [[nodiscard]] Profile load_with_samples(const std::filesystem::path& path,

@@ -14,7 +14,6 @@
 #include <cmath>
 #include <memory>
 #include <optional>
-#include <regex>
 
 #include "characterize/job_runner.h"
 #include "characterize/measure.h"
@@ -27,6 +26,7 @@
 #include "reports/figures.h"
 #include "workloads/base/affinity.h"
 #include "workloads/base/error.h"
+#include "workloads/base/name_filter.h"
 #include "workloads/base/random.h"
 #include "workloads/catalog.h"
 #include "workloads/cpu/peak_loops.h"
@@ -190,10 +190,10 @@ std::pair<Call, double> fastest_fma(Device& device) {
   return {[loops, fastest, repeats] { fastest->run(repeats); }, fastest->work() * repeats};
 }
 
-std::vector<Contest> make_contests(Devices& devices, const std::regex& filter) {
+std::vector<Contest> make_contests(Devices& devices, const NameFilter& filter) {
   std::vector<Contest> all;
   const auto wanted = [&](const std::string& group, const std::string& name) {
-    return std::regex_search(group + "/" + name, filter);
+    return filter.picks(group + "/" + name);
   };
   for (const char* name : kVision) {
     const Workload& workload = find_workload(name);
@@ -345,7 +345,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   try {
     Devices devices{open("host-cpu", "cpu"), open("host-opencl", "opencl")};
-    auto contests = make_contests(devices, std::regex(filter));
+    auto contests = make_contests(devices, NameFilter(filter));
     fmt::print("{} cores, opencl: {}, OpenCV's OpenCL: {}, {} rounds\n", current_cores().size(),
                devices.opencl->info().name, bench::opencv_opencl_device(), rounds);
     run_rounds(contests, rounds);
