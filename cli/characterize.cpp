@@ -8,15 +8,18 @@
 #include "characterize/campaign.h"
 #include "cli/commands.h"
 #include "cli/duration.h"
+#include "cli/files.h"
 #include "cli/fit_energy.h"
 #include "cli/long_run.h"
 #include "cli/output.h"
 #include "cli/sysfs.h"
+#include "cli/values.h"
 #include "reports/document.h"
 #include "reports/figures.h"
 #include "reports/profile_report.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
+#include "workloads/catalog.h"
 
 namespace pirt::cli {
 namespace {
@@ -37,7 +40,7 @@ struct Options {
   bool resume = false;
   bool dry_run = false;
   FitOptions fit;
-  std::optional<std::string> json;
+  Output json;
 };
 
 std::string minutes(Nanos value) {
@@ -192,11 +195,24 @@ bool has_valid_row(const Profile& profile) {
   return std::ranges::any_of(profile.phases, &PhaseRow::valid);
 }
 
+/// The files of a run that is gone on with stand in its database and not on the command line.
+void check_resumed_files(const Options& options, const CampaignOptions& campaign) {
+  auto files = written_files({&options.json, &options.fit.file});
+  if (names_a_file(campaign.platform_argument)) {
+    files.push_back({"the run's platform", campaign.platform_argument, FileUse::kRead});
+  }
+  if (campaign.images) {
+    files.push_back({"the run's images", *campaign.images, FileUse::kReadPictures});
+  }
+  check_files(std::move(files));
+}
+
 int characterize(const Options& options) {
   if (options.database.empty() && (!options.dry_run || options.resume)) {
     throw_bad_input("--db is required (or --dry-run to see what would be measured)");
   }
   auto campaign = campaign_options(options);
+  if (options.resume) check_resumed_files(options, campaign);
   campaign.sysfs = sysfs_root();
   campaign.stop = stop_on_signal();
   const auto plan = plan_campaign(campaign);
@@ -257,59 +273,45 @@ void add_characterize(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand(
       "characterize",
       "Measure every workload on every unit of a platform, into a profile database");
-  command->add_option("--db", options->database,
-                      "Profile database; made if missing, added to otherwise");
-  command
-      ->add_option("--platform", options->platform,
-                   "A name of `pirt list platforms`, or a YAML file")
+  add_continued(*command, "--db", options->database,
+                "Profile database; made if missing, added to otherwise");
+  add_input(*command, "--platform", options->platform,
+            "A name of `pirt list platforms`, or a YAML file", FileUse::kReadIfFile)
       ->capture_default_str();
-  command
-      ->add_option(
-          "--set", options->settings,
-          "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable")
-      ->allow_extra_args(false);
-  command->add_option("--units", options->units, "Units to measure, with commas (default: all)")
-      ->delimiter(',')
-      ->allow_extra_args(false);
-  command->add_option("--filter", options->filter,
-                      "Regular expression: workloads whose names contain it (default: all)");
-  command
-      ->add_option("--variants", options->variants,
-                   "Measure these variants of workloads as well, with commas: see `pirt list "
-                   "workloads` (default: those that --filter names, as in 'sobel@map')")
-      ->delimiter(',')
-      ->allow_extra_args(false);
-  command->add_option(
-      "--batch", options->batch,
-      "Measure AlexNet's layers and the chain with this many images a call as well "
-      "(2 to 256), in rows such as fc6@batch8 (default: those that --filter names)");
-  command->add_option(
-      "--images", options->images,
-      "PNG or JPEG file, or a folder of them, as input (default: generated from the seed)");
-  command
-      ->add_option(
-          "--precision", options->precision,
-          "Sample until the 95 % interval of each median of call and execute, over processes, is "
-          "within +/- this, or the time is up; a fraction or a percentage")
+  add_settings(*command, options->settings);
+  add_list_of(*command, "--units", options->units, "UNIT",
+              "Units to measure, with commas (default: all)");
+  add_filter(*command, options->filter);
+  add_list_of(*command, "--variants", options->variants, "VARIANT",
+              "Measure these variants of workloads as well, with commas: see `pirt list "
+              "workloads` (default: those that --filter names, as in 'sobel@map')");
+  add_value(*command, "--batch", options->batch, "INTEGER",
+            not_within(kSmallestBatch, kLargestBatch),
+            "Measure AlexNet's layers and the chain with this many images a call as well "
+            "(2 to 256), in rows such as fc6@batch8 (default: those that --filter names)");
+  add_input(*command, "--images", options->images,
+            "PNG or JPEG file, or a folder of them, as input (default: generated from the seed)",
+            FileUse::kReadPictures);
+  add_value(*command, "--precision", options->precision, "FRACTION", no_fraction,
+            "Sample until the 95 % interval of each median of call and execute, over processes, is "
+            "within +/- this, or the time is up; a fraction or a percentage")
       ->capture_default_str();
-  command->add_option(
-      "--max-time", options->max_time,
-      "Total time after which no process is started for precision alone, e.g. 5min; what valid "
-      "rows need is measured all the same (default: 15 s a cell, 2.9 s with --quick)");
-  command->add_option("--seed", options->seed, "Seed of inputs, weights and the order of measuring")
-      ->capture_default_str();
+  add_value(*command, "--max-time", options->max_time, "DURATION", no_duration,
+            "Total time after which no process is started for precision alone, e.g. 5min; what "
+            "valid rows need is measured all the same (default: 15 s a cell, 2.9 s with --quick)");
+  add_seed(*command, options->seed, "Seed of inputs, weights and the order of measuring");
   command->add_flag("--quick", options->quick,
                     "2 cold and 2 warm set-ups a cell instead of 5 each, and less sampling");
   command->add_flag("--dry-run", options->dry_run,
                     "Show the cells and the estimated time; measure nothing");
-  command->add_option("--fit-energy", options->fit.file,
-                      "Fit the energy model of each unit with a meter to this run, print it with "
-                      "its residuals, and "
-                      "write the platform with it to FILE.yaml, for --platform");
-  command->add_option("--fit-parameters", options->fit.parameters,
-                      "What to fit, with commas: active_w (W), op_pj, byte_pj (pJ), call_j (J) "
-                      "(default: as many as "
-                      "the cells can tell apart)");
+  add_output(*command, "--fit-energy", options->fit.file,
+             "Fit the energy model of each unit with a meter to this run, print it with its "
+             "residuals, and write the platform with it to a file that ends in .yaml, for "
+             "--platform",
+             StdoutUse::kRefused);
+  add_text(*command, "--fit-parameters", options->fit.parameters, "PARAMETER,...",
+           "What to fit, with commas: active_w (W), op_pj, byte_pj (pJ), call_j (J) (default: as "
+           "many as the cells can tell apart)");
   auto* resume = command->add_flag(
       "--resume", options->resume,
       "Go on with the newest run of --db that did not end, with the options it was started with");
@@ -317,7 +319,7 @@ void add_characterize(CLI::App& app, Action& action) {
                            "--images", "--precision", "--max-time", "--seed", "--quick"}) {
     resume->excludes(command->get_option(name));
   }
-  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  add_json(*command, options->json);
   command->footer("Example: pirt characterize --quick --filter 'sobel|fc8' --db profile.db");
   command->callback([options, &action] { action = [options] { return characterize(*options); }; });
 }

@@ -5,7 +5,9 @@
 #include <memory>
 
 #include "cli/commands.h"
+#include "cli/files.h"
 #include "cli/output.h"
+#include "cli/values.h"
 #include "reports/profile_diff.h"
 #include "reports/profile_export.h"
 #include "workloads/base/error.h"
@@ -17,7 +19,7 @@ struct Options {
   std::vector<std::string> files;
   std::string filter;
   std::string platform;
-  std::optional<std::string> json;
+  Output json;
 };
 
 Profile open_profile(const Options& options, const std::string& path) {
@@ -54,12 +56,11 @@ void add_diff(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand("diff",
                                      "Show the figures of two profiles side by side: medians, "
                                      "their ratio, whether their intervals meet");
-  command->add_option("profiles", options->files, "Two profile databases, a and b");
-  command->add_option("--filter", options->filter,
-                      "Regular expression: workloads whose names contain it (default: all)");
-  command->add_option("--platform", options->platform,
-                      "The runs of this platform (default: that of each file's newest run)");
-  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  add_input(*command, "profiles", options->files, "Two profile databases, a and b");
+  add_filter(*command, options->filter);
+  add_text(*command, "--platform", options->platform, "NAME",
+           "The runs of this platform (default: that of each file's newest run)");
+  add_json(*command, options->json);
   command->footer(
       "Shows and does not judge: the exit code is 0 however far apart the figures are.\n"
       "Example: pirt diff before.db after.db --filter sobel");

@@ -10,7 +10,9 @@
 
 #include "characterize/scratch.h"
 #include "cli/commands.h"
+#include "cli/files.h"
 #include "cli/output.h"
+#include "cli/values.h"
 #include "reports/doctor_report.h"
 #include "workloads/base/error.h"
 
@@ -21,7 +23,7 @@ struct Options {
   std::string platform = "host";
   double seconds = 1;
   std::optional<std::string> root;
-  std::optional<std::string> json;
+  Output json;
 };
 
 /// A recorded machine: its files, nothing of this one.
@@ -55,9 +57,6 @@ DoctorInput this_machine(const Options& options) {
 }
 
 int doctor(const Options& options) {
-  if (!(options.seconds > 0 && options.seconds <= 3600)) {
-    throw_bad_input(fmt::format("--seconds {} is not between 0 and 3600; try 1", options.seconds));
-  }
   DoctorInput input = options.root ? recorded(*options.root) : this_machine(options);
   input.build = build_environment();
   input.readable = [](const std::filesystem::path& path) {
@@ -83,18 +82,17 @@ void add_doctor(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   auto* command = app.add_subcommand(
       "doctor", "Say what would spoil a measurement on this machine, and what to do about it");
-  command
-      ->add_option("--platform", options->platform,
-                   "Whose units are tried: a name of `pirt list platforms`, or a YAML file")
+  add_input(*command, "--platform", options->platform,
+            "Whose units are tried: a name of `pirt list platforms`, or a YAML file",
+            FileUse::kReadIfFile)
       ->capture_default_str();
-  command
-      ->add_option("--seconds", options->seconds,
-                   "How long load, steal, jitter and throttling are watched, in seconds; the cores "
-                   "compute meanwhile")
+  add_value(*command, "--seconds", options->seconds, "NUMBER", not_within(1e-6, 3600.0),
+            "How long load, steal, jitter and throttling are watched, in seconds; the cores "
+            "compute meanwhile")
       ->capture_default_str();
-  command->add_option("--root", options->root,
-                      "Judge a recorded machine: a folder with copies of its /proc and /sys");
-  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  add_input(*command, "--root", options->root,
+            "Judge a recorded machine: a folder with copies of its /proc and /sys");
+  add_json(*command, options->json);
   command->footer(
       "Exit codes: 0 nothing spoils a measurement, 1 something does, 4 no unit can be measured.\n"
       "Example: pirt doctor");

@@ -5,7 +5,9 @@
 #include <memory>
 
 #include "cli/commands.h"
+#include "cli/files.h"
 #include "cli/output.h"
+#include "cli/values.h"
 #include "reports/profile_export.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
@@ -19,7 +21,7 @@ struct Options {
   std::string table;
   std::string filter;
   std::string platform;
-  std::optional<std::string> output;
+  Output output;
 };
 
 const std::vector<std::string>& formats() {
@@ -86,19 +88,17 @@ void add_export(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand(
       "export",
       "Write a profile for other tools: the newest rows of one platform, with provenance");
-  command->add_option("profile", options->database, "The profile database");
-  command->add_option(
-      "--format", options->format,
-      "json: everything, raw samples included | csv: one table | gbench: JSON as "
-      "Google Benchmark writes it, valid rows only, ns a call | history: medians for "
-      "benchmark-history actions, smaller is better");
-  command->add_option("--table", options->table,
-                      "With csv: profile | energy | peaks | samples (default: profile)");
-  command->add_option("--filter", options->filter,
-                      "Regular expression: workloads whose names contain it (default: all)");
-  command->add_option("--platform", options->platform,
-                      "The runs of this platform (default: that of the newest run)");
-  command->add_option("-o,--output", options->output, "Write to FILE (default, and -: stdout)");
+  add_input(*command, "profile", options->database, "The profile database");
+  add_text(*command, "--format", options->format, "FORMAT",
+           "json: everything, raw samples included | csv: one table | gbench: JSON as "
+           "Google Benchmark writes it, valid rows only, ns a call | history: medians for "
+           "benchmark-history actions, smaller is better");
+  add_text(*command, "--table", options->table, "TABLE",
+           "With csv: profile | energy | peaks | samples (default: profile)");
+  add_filter(*command, options->filter);
+  add_text(*command, "--platform", options->platform, "NAME",
+           "The runs of this platform (default: that of the newest run)");
+  add_output(*command, "-o,--output", options->output, "Write to a file (default, and -: stdout)");
   command->footer("Example: pirt export profile.db --format gbench -o profile.json");
   command->callback([options, &action] { action = [options] { return run_export(*options); }; });
 }

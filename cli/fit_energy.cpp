@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "characterize/energy/fitted_platform.h"
-#include "cli/output.h"
 #include "reports/fit_report.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
@@ -34,8 +33,8 @@ void check_fit(const FitOptions& options, const CampaignPlan& plan) {
     if (options.parameters) throw_bad_input("--fit-parameters needs --fit-energy FILE.yaml");
     return;
   }
-  if (!names_a_file(*options.file)) {
-    throw_bad_input("--fit-energy '" + *options.file +
+  if (!names_a_file(options.file.path())) {
+    throw_bad_input("--fit-energy '" + options.file.path() +
                     "' could not be given to --platform later; end it in .yaml");
   }
   static_cast<void>(parameters_of(options));
@@ -56,9 +55,9 @@ FitOutcome fit_run(const FitOptions& options, const CampaignOptions& campaign,
   outcome.complete = !fits.empty() && std::ranges::all_of(fits, is_fitted);
   if (std::ranges::any_of(fits, is_fitted)) {
     emit_text(file_text(campaign, fits), options.file);
-    outcome.tables.back().footnotes.push_back(
-        fmt::format("Use the fitted platform with: --platform {}{}",
-                    options.file->find('/') == std::string::npos ? "./" : "", *options.file));
+    outcome.tables.back().footnotes.push_back(fmt::format(
+        "Use the fitted platform with: --platform {}{}",
+        options.file.path().find('/') == std::string::npos ? "./" : "", options.file.path()));
   }
   return outcome;
 }

@@ -10,12 +10,13 @@
 #include "characterize/campaign.h"
 #include "characterize/energy/fit.h"
 #include "characterize/profile.h"
+#include "cli/output.h"
 #include "reports/document.h"
 
 namespace pirt::cli {
 
 struct FitOptions {
-  std::optional<std::string> file;        ///< Where the platform goes; absent = no fit.
+  Output file;                            ///< Where the platform goes; absent = no fit.
   std::optional<std::string> parameters;  ///< "active_w,op_pj"; absent = what the cells tell apart.
 };
 

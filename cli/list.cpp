@@ -6,8 +6,10 @@
 #include "characterize/energy/meter.h"
 #include "characterize/platform.h"
 #include "cli/commands.h"
+#include "cli/files.h"
 #include "cli/output.h"
 #include "cli/sysfs.h"
+#include "cli/values.h"
 #include "reports/document.h"
 #include "scheduler/mix.h"
 #include "scheduler/policy.h"
@@ -22,7 +24,7 @@ namespace {
 struct Options {
   std::string what;
   std::string platform = "host";
-  std::optional<std::string> json;
+  Output json;
 };
 
 /// One listing in both forms.
@@ -263,13 +265,13 @@ void add_list(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   auto* command = app.add_subcommand(
       "list", "Show the workloads, backends, units, platforms, mixes, modes or energy meters");
-  command
-      ->add_option("what", options->what,
-                   "workloads | backends | units | platforms | mixes | modes | meters")
+  add_text(*command, "what", options->what, "WHAT",
+           "workloads | backends | units | platforms | mixes | modes | meters")
       ->required();
-  command->add_option("--platform", options->platform, "Platform whose units are listed")
+  add_input(*command, "--platform", options->platform, "Platform whose units are listed",
+            FileUse::kReadIfFile)
       ->capture_default_str();
-  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  add_json(*command, options->json);
   command->footer("Example: pirt list workloads");
   command->callback([options, &action] {
     action = [options] {

@@ -4,14 +4,17 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <exception>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <vector>
 
 #include "cli/commands.h"
+#include "cli/files.h"
 #include "workloads/base/error.h"
 #include "workloads/base/printable.h"
 #include "workloads/base/text.h"
@@ -40,8 +43,10 @@ std::vector<std::string> command_names(const CLI::App& app) {
 /// CLI11 leaves what it does not know in remaining(); the nearest known names make a better message
 /// than its own.
 void reject_unknown(const CLI::App& app, const CLI::App& root) {
-  const auto unknown = app.remaining();
-  if (unknown.empty()) return;
+  // All that remains of "--" is the mark itself, which is no argument.
+  auto unknown = app.remaining();
+  if (app.remaining_size() == 0) return;
+  if (unknown.size() > app.remaining_size()) unknown.erase(std::ranges::find(unknown, "--"));
   const auto& word = unknown.front();
   const std::string command = &app == &root ? "pirt" : "pirt " + app.get_name();
   if (word.size() > 1 && word.front() == '-') {
@@ -83,6 +88,8 @@ int run(int argc, char** argv) {
       "machine.\nFirst steps: pirt characterize --quick --db profile.db && pirt report profile.db");
   for (auto* command : app.get_subcommands({})) command->allow_extras();
 
+  // Nothing but the command can follow.
+  if (argc > 1 && std::string_view(argv[1]) == "--") argv[1] = argv[0], ++argv, --argc;
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {  // --help, --version
@@ -98,6 +105,7 @@ int run(int argc, char** argv) {
     std::fputs(app.help().c_str(), stderr);
     throw_bad_input("no command given (known: " + join(command_names(app), ", ") + ")");
   }
+  for (auto* command : app.get_subcommands()) check_files(given_files(*command));
   return action();
 }
 

@@ -29,19 +29,22 @@ std::string json_text(const nlohmann::ordered_json& json, int indent) {
   return json.dump(indent, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-void emit(const std::string& text, const nlohmann::ordered_json& json,
-          const std::optional<std::string>& json_target) {
-  if (json_target == "-") {
+bool means_stdout(std::string_view name) {
+  return name == "-" || name == "/dev/stdout" || name == "/dev/fd/1" || name == "/proc/self/fd/1";
+}
+
+void emit(const std::string& text, const nlohmann::ordered_json& json, const Output& json_target) {
+  if (json_target.to_stdout()) {
     write_stdout(json_text(json));
     return;
   }
-  if (json_target) write_file(*json_target, json_text(json));
+  if (json_target) write_file(json_target.path(), json_text(json));
   write_stdout(text);
 }
 
-void emit_text(const std::string& text, const std::optional<std::string>& target) {
-  if (target && *target != "-") {
-    write_file(*target, text);
+void emit_text(const std::string& text, const Output& target) {
+  if (target && !target.to_stdout()) {
+    write_file(target.path(), text);
   } else {
     write_stdout(text);
   }

@@ -2,10 +2,17 @@
 // stderr.
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <span>
 #include <string>
+#include <string_view>
+#include <utility>
+
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
 
 namespace pirt::cli {
 
@@ -13,13 +20,38 @@ namespace pirt::cli {
 /// U+FFFD.
 [[nodiscard]] std::string json_text(const nlohmann::ordered_json& json, int indent = 2);
 
-/// Prints @p text unless JSON takes stdout, and writes @p json where `--json` says.
-/// @param json_target  FILE or "-"; absent = no JSON.
-void emit(const std::string& text, const nlohmann::ordered_json& json,
-          const std::optional<std::string>& json_target);
+/// "-" and the names that stdout has in the file system.
+[[nodiscard]] bool means_stdout(std::string_view name);
 
-/// Writes @p text to @p target; absent or "-" is stdout. @throws Error if it cannot be written.
-void emit_text(const std::string& text, const std::optional<std::string>& target);
+/// Whether a result may go to standard output.
+enum class StdoutUse : std::uint8_t { kAllowed, kRefused };
+
+/// Where one result of a command goes: to stdout unless an option said otherwise. Options alone
+/// make one (files.h), so that main has seen that it overwrites nothing that is read.
+class Output {
+ public:
+  Output() = default;
+
+  /// Whether it was asked for.
+  [[nodiscard]] explicit operator bool() const { return !path_.empty(); }
+  [[nodiscard]] bool to_stdout() const { return means_stdout(path_); }
+  [[nodiscard]] const std::string& path() const { return path_; }
+  [[nodiscard]] const std::string& option() const { return option_; }
+
+ private:
+  friend CLI::Option* add_output(CLI::App& command, const std::string& name, Output& output,
+                                 const std::string& help, StdoutUse stdout_use);
+  Output(std::string option, std::string path)
+      : option_(std::move(option)), path_(std::move(path)) {}
+
+  std::string option_, path_;
+};
+
+/// Prints @p text unless JSON takes stdout, and writes @p json if that was asked for.
+void emit(const std::string& text, const nlohmann::ordered_json& json, const Output& json_target);
+
+/// Writes @p text to @p target, or to stdout. @throws Error if it cannot be written.
+void emit_text(const std::string& text, const Output& target);
 
 /// @throws Error{kBadInput} with @p remedy if both are the same file.
 void refuse_same_file(const std::string& a, const std::string& b, const std::string& remedy);

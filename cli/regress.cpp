@@ -8,7 +8,9 @@
 #include <memory>
 
 #include "cli/commands.h"
+#include "cli/files.h"
 #include "cli/output.h"
+#include "cli/values.h"
 #include "reports/gate/gate_report.h"
 #include "reports/gate/pooling.h"
 #include "reports/profile_export.h"
@@ -19,17 +21,7 @@ namespace {
 
 /// Results that take stdout leave no room there for the text.
 bool takes_stdout(const RegressOptions& options) {
-  return options.markdown == "-" || options.junit == "-" || options.json == "-";
-}
-
-void check_outputs(const RegressOptions& options) {
-  int to_stdout = 0;
-  for (const auto* target : {&options.markdown, &options.junit, &options.json}) {
-    to_stdout += *target == "-" ? 1 : 0;
-  }
-  if (to_stdout > 1) {
-    throw_bad_input("only one of --markdown, --junit and --json can write to stdout; name files");
-  }
+  return options.markdown.to_stdout() || options.junit.to_stdout() || options.json.to_stdout();
 }
 
 /// By its name, or a platform file.
@@ -96,7 +88,6 @@ int regress_tables(const RegressOptions& options) {
 }
 
 int regress(const RegressOptions& options) {
-  check_outputs(options);
   const bool programs = !options.baseline_program.empty() || !options.candidate_program.empty();
   const int ways =
       (programs ? 1 : 0) + (options.self_test ? 1 : 0) + (options.files.empty() ? 0 : 1);
@@ -123,63 +114,53 @@ void add_regress(CLI::App& app, Action& action) {
   auto options = std::make_shared<RegressOptions>();
   auto* command = app.add_subcommand(
       "regress", "Compare two profiles or two programs and fail if anything became slower: for CI");
-  command->add_option("profiles", options->files, "Profile databases: BASELINE CANDIDATE");
-  command->add_option("--baseline-program", options->baseline_program,
-                      "A pirt to compare with: fresh processes of both, in turns");
-  command->add_option("--candidate-program", options->candidate_program,
-                      "The pirt that must not be slower");
+  add_input(*command, "profiles", options->files, "Profile databases: BASELINE CANDIDATE");
+  add_input(*command, "--baseline-program", options->baseline_program,
+            "A pirt to compare with: fresh processes of both, in turns");
+  add_input(*command, "--candidate-program", options->candidate_program,
+            "The pirt that must not be slower");
   command->add_flag("--self-test", options->self_test,
                     "Compare this program with itself, as it is and with slowdowns injected, and "
                     "show how often the answer was right");
-  command->add_option("--filter", options->filter,
-                      "Regular expression: workloads whose names contain it (default: all)");
-  command->add_option("--platform", options->platform,
-                      "A name of `pirt list platforms`, or a YAML file (default: that of each "
-                      "file's newest run; host for programs)");
-  command
-      ->add_option("--units", options->units,
-                   "Programs: units to compare on, with commas (default: all)")
-      ->delimiter(',')
-      ->allow_extra_args(false);
-  command->add_option("--seed", options->seed, "Programs: seed of inputs and of the order")
-      ->capture_default_str();
-  command->add_option("--work", options->work, "Programs: how long a process repeats its calls")
+  add_filter(*command, options->filter);
+  add_input(*command, "--platform", options->platform,
+            "A name of `pirt list platforms`, or a YAML file (default: that of each file's newest "
+            "run; host for programs)",
+            FileUse::kReadIfFile);
+  add_list_of(*command, "--units", options->units, "UNIT",
+              "Programs: units to compare on, with commas (default: all)");
+  add_seed(*command, options->seed, "Programs: seed of inputs and of the order");
+  add_value(*command, "--work", options->work, "DURATION", no_duration,
+            "Programs: how long a process repeats its calls")
       ->capture_default_str();
   command->add_flag("--cold", options->cold,
                     "Programs: set up with empty kernel caches instead of filled ones");
   command->add_flag("--one-at-a-time", options->one_at_a_time,
                     "Programs: never two processes at once (default: units that share no physical "
                     "core are measured side by side)");
-  command
-      ->add_option("--max-time", options->max_time,
-                   "Programs: what is undecided after this is inconclusive; go on with the same "
-                   "command")
+  add_value(*command, "--max-time", options->max_time, "DURATION", no_duration,
+            "Programs: what is undecided after this is inconclusive; go on with the same command")
       ->capture_default_str();
-  command
-      ->add_option("--sample-limit", options->sample_limit,
-                   "Programs: a process that takes longer hangs, and its cell has failed")
+  add_value(*command, "--sample-limit", options->sample_limit, "DURATION", no_duration,
+            "Programs: a process that takes longer hangs, and its cell has failed")
       ->capture_default_str();
-  command->add_option("--ledger", options->ledger,
-                      "File that keeps what was measured, to go on after an interruption (default: "
-                      "pirt-regress.ledger until the answer is there; none for --self-test)");
-  command
-      ->add_option("--decisions", options->decisions,
-                   "Self-test: whole decisions of each trial (default: 20; 1 with --quick)")
-      ->check(CLI::Range(1, 1'000'000));
-  command
-      ->add_option("--trial", options->trials,
-                   "Self-test: only this trial, e.g. 'same' or 'execute +10 %'; repeatable")
+  add_continued(*command, "--ledger", options->ledger,
+                "File that keeps what was measured, to go on after an interruption (default: "
+                "pirt-regress.ledger until the answer is there; none for --self-test)");
+  add_value(*command, "--decisions", options->decisions, "INTEGER", not_within(1, 1'000'000),
+            "Self-test: whole decisions of each trial (default: 20; 1 with --quick)");
+  add_text(*command, "--trial", options->trials, "TRIAL",
+           "Self-test: only this trial, e.g. 'same' or 'execute +10 %'; repeatable")
       ->allow_extra_args(false);
   command->add_flag("--quick", options->quick, "Self-test: one decision of each trial");
-  command
-      ->add_option("--mix", options->mix,
-                   "Mix whose cost is shown in each mode on both profiles, or none")
+  add_input(*command, "--mix", options->mix,
+            "Mix whose cost is shown in each mode on both profiles, or none", FileUse::kReadIfFile)
       ->capture_default_str();
   command->add_flag("--all", options->all, "Show also the rows that are the same or not judged");
-  command->add_option("--markdown", options->markdown,
-                      "Write the report as Markdown to FILE, or to stdout for -");
-  command->add_option("--junit", options->junit, "Write JUnit XML to FILE, or to stdout for -");
-  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  add_output(*command, "--markdown", options->markdown,
+             "Write the report as Markdown to a file, or to stdout for -");
+  add_output(*command, "--junit", options->junit, "Write JUnit XML to a file, or to stdout for -");
+  add_json(*command, options->json);
   command->footer(
       "Exit code 0: nothing became slower; 1: something did, or failed; 2: bad input; 3: "
       "inconclusive, or not "

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/output.h"
 #include "reports/gate/gate_report.h"
 
 namespace pirt::cli {
@@ -31,7 +32,7 @@ struct RegressOptions {
   std::vector<std::string> trials;
 
   bool all = false;
-  std::optional<std::string> markdown, junit, json;
+  Output markdown, junit, json;
 };
 
 /// Prints or writes @p report as the options say. @return The exit code.

@@ -10,6 +10,7 @@
 #include "characterize/measure.h"
 #include "characterize/process.h"
 #include "cli/duration.h"
+#include "cli/files.h"
 #include "cli/long_run.h"
 #include "cli/output.h"
 #include "cli/regress.h"
@@ -108,6 +109,11 @@ std::string step_text(const DuetComparison& comparison, const DuetStep& step) {
 int regress_programs(const RegressOptions& options) {
   if (options.baseline_program.empty() || options.candidate_program.empty()) {
     throw_bad_input("--baseline-program and --candidate-program go together");
+  }
+  if (!options.ledger) {  // main knows one that is named
+    auto files = written_files({&options.markdown, &options.junit, &options.json});
+    files.push_back({"the ledger", kDefaultLedger, FileUse::kContinued});
+    check_files(std::move(files));
   }
   DuetPrograms programs = programs_of(options);
   programs.baseline = checked_program(options.baseline_program, "--baseline-program");

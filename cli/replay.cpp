@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "cli/commands.h"
+#include "cli/files.h"
 #include "cli/output.h"
 #include "workloads/base/error.h"
 
@@ -14,7 +15,7 @@ namespace {
 
 struct Options {
   std::string file;
-  std::optional<std::string> json;
+  Output json;
 };
 
 std::string text_of(const ReplayResult& result, const TraceLog& log) {
@@ -59,8 +60,8 @@ void add_replay(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   auto* command = app.add_subcommand(
       "replay", "Check that the inputs of a trace give a fresh dispatcher the same decisions");
-  command->add_option("trace", options->file, "A trace of pirt schedule --trace")->required();
-  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  add_input(*command, "trace", options->file, "A trace of pirt schedule --trace")->required();
+  add_json(*command, options->json);
   command->footer(
       "Exit code 0: the same; 1: they differ, with the first difference; 2: the file is damaged.\n"
       "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000 "

@@ -4,7 +4,9 @@
 #include <utility>
 
 #include "cli/commands.h"
+#include "cli/files.h"
 #include "cli/output.h"
+#include "cli/values.h"
 #include "reports/document.h"
 #include "reports/environment_report.h"
 #include "reports/paper_report.h"
@@ -22,13 +24,13 @@ namespace {
 struct Options {
   std::vector<std::string> files;
   std::string format = "text";
-  std::optional<std::string> output;
+  Output output;
   std::optional<std::string> platform;
   std::vector<std::string> settings;
   std::string mix = "full-robot";
   bool paper = false;
   bool setup = false;
-  std::optional<std::string> json;
+  Output json;
 };
 
 /// Absent = JSON.
@@ -85,13 +87,12 @@ Profile open_profile(const Options& options) {
 void write(const Options& options, const Document& document, nlohmann::ordered_json json) {
   const auto format = parse_format(options.format);
   json["schema_version"] = 1;
-  if (!format) {
-    emit_text(json_text(json), options.output);
-  } else if (options.output) {
-    emit_text(render(document, *format), options.output);
+  const std::string text = format ? render(document, *format) : json_text(json);
+  if (options.output) {
+    emit_text(text, options.output);
     if (options.json) emit("", json, options.json);
   } else {
-    emit(render(document, *format), json, options.json);
+    emit(text, json, options.json);
   }
 }
 
@@ -157,24 +158,19 @@ void add_report(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand(
       "report",
       "Show a profile, the preferable unit of each workload, and the four modes side by side");
-  command->add_option(
-      "files", options->files,
-      "The profile database, then run records of pirt schedule --json (default: the "
-      "four modes are "
-      "simulated now)");
-  command->add_option("--format", options->format, "text | md | html | json")
+  add_input(*command, "files", options->files,
+            "The profile database, then run records of pirt schedule --json (default: the four "
+            "modes are simulated now)");
+  add_text(*command, "--format", options->format, "FORMAT", "text | md | html | json")
       ->capture_default_str();
-  command->add_option("-o,--output", options->output, "Write to FILE instead of stdout");
-  command->add_option("--platform", options->platform,
-                      "Show the runs of this platform (default: that of the newest run)");
-  command
-      ->add_option(
-          "--set", options->settings,
-          "Set one value of the platform's units for the simulated modes, e.g. cpu.active_w=15")
-      ->allow_extra_args(false);
-  command
-      ->add_option("--mix", options->mix,
-                   "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file")
+  add_output(*command, "-o,--output", options->output, "Write to a file instead of stdout");
+  add_input(*command, "--platform", options->platform,
+            "Show the runs of this platform (default: that of the newest run)",
+            FileUse::kReadIfFile);
+  add_settings(*command, options->settings);
+  add_input(*command, "--mix", options->mix,
+            "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file",
+            FileUse::kReadIfFile)
       ->capture_default_str();
   command->add_flag("--paper", options->paper,
                     "Instead of a profile: Table V of the Pi-RT paper beside virtual time");
@@ -182,7 +178,7 @@ void add_report(CLI::App& app, Action& action) {
       "--setup", options->setup,
       "Instead of the profile: offloading time by phase, cold and warm (ms), and from "
       "how many calls on one unit beats another");
-  command->add_option("--json", options->json, "Write JSON as well, to FILE or to stdout for -");
+  add_json(*command, options->json);
   command->footer("Example: pirt report profile.db --format html -o report.html");
   command->callback([options, &action] { action = [options] { return report(*options); }; });
 }

@@ -10,7 +10,9 @@
 #include "characterize/measure.h"
 #include "cli/commands.h"
 #include "cli/duration.h"
+#include "cli/files.h"
 #include "cli/output.h"
+#include "cli/values.h"
 #include "scheduler/planning_time.h"
 #include "workloads/base/affinity.h"
 #include "workloads/base/error.h"
@@ -59,7 +61,7 @@ int sample(const Options& options) {
   if (!scheduler && options.unit.empty()) throw_bad_input("--unit is required");
   const Sample result =
       scheduler ? sample_scheduler(request) : take_sample(load_platform(options.platform), request);
-  emit("", to_json(result), "-");
+  emit_text(to_json(result).dump(2) + "\n", {});
   return 0;
 }
 
@@ -70,19 +72,20 @@ void add_sample(CLI::App& app, Action& action) {
   auto* command =
       app.add_subcommand("sample", "Time one workload on one unit in this process, as JSON");
   command->group("");  // not in the help
-  command->add_option("--workload", options->workload, "A workload, or scheduler")->required();
-  command->add_option("--unit", options->unit, "Unit of the platform");
-  command
-      ->add_option("--platform", options->platform,
-                   "A name of `pirt list platforms`, or a YAML file")
+  add_text(*command, "--workload", options->workload, "WORKLOAD", "A workload, or scheduler")
+      ->required();
+  add_text(*command, "--unit", options->unit, "UNIT", "Unit of the platform");
+  add_input(*command, "--platform", options->platform,
+            "A name of `pirt list platforms`, or a YAML file", FileUse::kReadIfFile)
       ->capture_default_str();
-  command->add_option("--seed", options->seed, "Seed of inputs and weights")->capture_default_str();
-  command->add_option("--work", options->work, "How long calls are repeated")
+  add_seed(*command, options->seed, "Seed of inputs and weights");
+  add_value(*command, "--work", options->work, "DURATION", no_duration,
+            "How long calls are repeated")
       ->capture_default_str();
   auto* verify = command->add_flag("--verify", options->verify, "Compare with the reference");
   command->add_flag("--setup", options->setup, "Set up only, without calls")->excludes(verify);
-  command->add_option("--inject", options->inject,
-                      "Extra work, e.g. execute=1.1: to see whether a gate notices");
+  add_text(*command, "--inject", options->inject, "STEP=FACTOR",
+           "Extra work, e.g. execute=1.1: to see whether a gate notices");
   command->footer("Example: pirt sample --workload sobel --unit cpu");
   command->callback([options, &action] { action = [options] { return sample(*options); }; });
 }

@@ -6,7 +6,9 @@
 
 #include "cli/commands.h"
 #include "cli/duration.h"
+#include "cli/files.h"
 #include "cli/output.h"
+#include "cli/values.h"
 #include "cli/weights.h"
 #include "reports/comparison_report.h"
 #include "reports/document.h"
@@ -34,8 +36,7 @@ struct Options {
   std::string draw = "median";
   bool allow_invalid = false;
   std::uint64_t seed = 1;
-  std::optional<std::string> trace;
-  std::optional<std::string> json;
+  Output trace, json;
 };
 
 ScheduleOptions schedule_options(const Options& options) {
@@ -54,7 +55,7 @@ ScheduleOptions schedule_options(const Options& options) {
   schedule.draw = find_draw(options.draw);
   if (options.duration) schedule.duration = parse_duration(*options.duration);
   schedule.seed = options.seed;
-  schedule.trace = options.trace;
+  if (options.trace) schedule.trace = options.trace.path();
   return schedule;
 }
 
@@ -139,48 +140,41 @@ void add_schedule(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   auto* command =
       app.add_subcommand("schedule", "Schedule a robot's mix on a platform, in virtual time");
-  command->add_option("--mode", options->mode, "Policy: " + join(policy_names(), " | "));
+  add_text(*command, "--mode", options->mode, "MODE", "Policy: " + join(policy_names(), " | "));
   auto* compare = command->add_option(
       "--compare", options->compare,
       "Instead of --mode: run these modes, with commas (default: all), and show them as one table");
-  compare->expected(0, 1);
-  command->add_option("--profile", options->profile, "Profile database of pirt characterize");
-  command->add_option("--platform", options->platform,
-                      "A name of `pirt list platforms`, or a YAML file (default: the profile's)");
-  command
-      ->add_option(
-          "--set", options->settings,
-          "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable")
-      ->allow_extra_args(false);
-  command->add_option("--mix", options->mix, "A name of `pirt list mixes`, or a YAML file")
+  compare->expected(0, 1)->type_name("MODE,...");
+  add_input(*command, "--profile", options->profile, "Profile database of pirt characterize");
+  add_input(*command, "--platform", options->platform,
+            "A name of `pirt list platforms`, or a YAML file (default: the profile's)",
+            FileUse::kReadIfFile);
+  add_settings(*command, options->settings);
+  add_input(*command, "--mix", options->mix, "A name of `pirt list mixes`, or a YAML file",
+            FileUse::kReadIfFile)
       ->capture_default_str();
-  command->add_option(
-      "--duration", options->duration,
-      "Virtual time in which pipelines with a rate fire, e.g. 60s (the default) or 2min");
-  command->add_option(
-      "--weights", options->weights,
-      "Weights of the units, e.g. gpu=4,cpu=3 (default: the platform's, else derived)");
-  command->add_option("--in-flight", options->in_flight,
-                      "Frames in flight of closed loops (default: the platform's, else derived)");
-  command->add_option("--basic", options->basic, "Fallback of mode advanced")
+  add_value(*command, "--duration", options->duration, "DURATION", no_duration,
+            "Virtual time in which pipelines with a rate fire, e.g. 60s (the default) or 2min");
+  add_value(*command, "--weights", options->weights, "UNIT=WEIGHT,...", no_weights,
+            "Weights of the units, e.g. gpu=4,cpu=3 (default: the platform's, else derived)");
+  add_value(*command, "--in-flight", options->in_flight, "INTEGER", not_within(1, 1'000'000),
+            "Frames in flight of closed loops (default: the platform's, else derived)");
+  add_text(*command, "--basic", options->basic, "MODE", "Fallback of mode advanced")
       ->capture_default_str();
-  command
-      ->add_option(
-          "--overflow", options->overflow,
-          "When all queues are full: hold the task, or the literal `else` of Algorithms 2 and 3")
+  add_text(*command, "--overflow", options->overflow, "HOW",
+           "When all queues are full: hold the task, or the literal `else` of Algorithms 2 and 3")
       ->capture_default_str();
   command->add_flag("--allow-invalid", options->allow_invalid,
                     "Use profile rows that are marked invalid");
-  command
-      ->add_option("--draw", options->draw,
-                   "What a call on a profiled unit takes: median, p95, or samples: one of its "
-                   "samples at a time, drawn with --seed")
+  add_text(*command, "--draw", options->draw, "HOW",
+           "What a call on a profiled unit takes: median, p95, or samples: one of its samples at a "
+           "time, drawn with --seed")
       ->capture_default_str();
-  command->add_option("--seed", options->seed, "Seed of drawn durations")->capture_default_str();
-  command->add_option(
-      "--trace", options->trace,
-      "Write what happened to FILE, for Perfetto (ui.perfetto.dev) and pirt replay");
-  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  add_seed(*command, options->seed, "Seed of drawn durations");
+  add_output(*command, "--trace", options->trace,
+             "Write what happened to a file, for Perfetto (ui.perfetto.dev) and pirt replay",
+             StdoutUse::kRefused);
+  add_json(*command, options->json);
   command->footer(
       "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000");
   command->callback([options, compare, &action] {

@@ -11,8 +11,10 @@
 #include "characterize/measure.h"
 #include "cli/commands.h"
 #include "cli/duration.h"
+#include "cli/files.h"
 #include "cli/long_run.h"
 #include "cli/output.h"
+#include "cli/values.h"
 #include "reports/tune_report.h"
 #include "workloads/base/error.h"
 #include "workloads/opencl/tuning_file.h"
@@ -27,7 +29,7 @@ struct Options {
   std::string max_time = "15min";
   std::uint64_t seed = 1;
   std::optional<std::string> output;
-  std::optional<std::string> json;
+  Output json;
   bool dry_run = false;
 };
 
@@ -144,28 +146,24 @@ void add_tune(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand(
       "tune",
       "Search the parameters of the OpenCL kernels on this machine, and keep what is faster");
-  command
-      ->add_option("--platform", options->platform,
-                   "Whose units are tuned: a name of `pirt list platforms`, or a YAML file")
+  add_input(*command, "--platform", options->platform,
+            "Whose units are tuned: a name of `pirt list platforms`, or a YAML file",
+            FileUse::kReadIfFile)
       ->capture_default_str();
-  command
-      ->add_option("--units", options->units,
-                   "Units to tune, with commas (default: all with backend opencl)")
-      ->delimiter(',')
-      ->allow_extra_args(false);
-  command->add_option("--filter", options->filter,
-                      "Regular expression: only parameters of workloads whose names contain it, "
-                      "judged by those (default: all)");
-  command->add_option("--max-time", options->max_time, "Time after which no parameter is begun")
+  add_list_of(*command, "--units", options->units, "UNIT",
+              "Units to tune, with commas (default: all with backend opencl)");
+  add_filter(*command, options->filter,
+             "only parameters of workloads whose names contain it, judged by those");
+  add_value(*command, "--max-time", options->max_time, "DURATION", no_duration,
+            "Time after which no parameter is begun")
       ->capture_default_str();
-  command->add_option("--seed", options->seed, "Seed of inputs, weights and the order of measuring")
-      ->capture_default_str();
+  add_seed(*command, options->seed, "Seed of inputs, weights and the order of measuring");
   command->add_flag("--dry-run", options->dry_run,
                     "Show the parameters and candidates; measure nothing");
-  command->add_option("--output", options->output,
-                      "File of tuned parameters (default: the one that is used: PIRT_TUNING, or "
-                      "pirt/opencl-tuning.json in $XDG_CONFIG_HOME or ~/.config)");
-  command->add_option("--json", options->json, "Write JSON to FILE, or to stdout for -");
+  add_continued(*command, "--output", options->output,
+                "File of tuned parameters (default: the one that is used: PIRT_TUNING, or "
+                "pirt/opencl-tuning.json in $XDG_CONFIG_HOME or ~/.config)");
+  add_json(*command, options->json);
   command->footer(
       "A candidate has to compute what the reference computes, and replaces the default if it is "
       "faster by 2 % and\nmore than chance in fresh rounds. What is stored holds for exactly this "

@@ -1,28 +1,31 @@
 #include "cli/weights.h"
 
-#include <charconv>
+#include <fmt/format.h>
 
 #include "workloads/base/error.h"
+#include "workloads/base/numbers.h"
 #include "workloads/base/text.h"
 
 namespace pirt::cli {
+namespace {
+
+constexpr int kHighestWeight = 1'000'000;
+
+}  // namespace
 
 std::map<std::string, int> parse_weights(const std::string& text) {
   std::map<std::string, int> weights;
   for (const auto& part : split(text, ',')) {
     const auto equals = part.find('=');
-    int weight = -1;
-    if (equals != std::string::npos && equals > 0) {
-      const char* end = part.data() + part.size();
-      const auto [stop, error] = std::from_chars(part.data() + equals + 1, end, weight);
-      if (error != std::errc{} || stop != end) weight = -1;
+    const bool has_both = equals != std::string::npos && equals > 0;
+    const auto weight = whole_number(has_both ? part.substr(equals + 1) : "", 0, kHighestWeight);
+    if (!weight.value) {
+      throw_bad_input(fmt::format(
+          "'{}' is not UNIT=WEIGHT with a whole number between 0 and {}; write e.g. gpu=4,cpu=3",
+          part, kHighestWeight));
     }
-    if (weight < 0) {
-      throw_bad_input("--weights: '" + part +
-                      "' is not UNIT=WEIGHT with an integer of at least 0; write e.g. gpu=4,cpu=3");
-    }
-    if (!weights.emplace(part.substr(0, equals), weight).second) {
-      throw_bad_input("--weights: unit '" + part.substr(0, equals) + "' is named twice");
+    if (!weights.emplace(part.substr(0, equals), *weight.value).second) {
+      throw_bad_input("unit '" + part.substr(0, equals) + "' is named twice");
     }
   }
   return weights;

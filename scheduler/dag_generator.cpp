@@ -14,8 +14,6 @@
 namespace pirt {
 namespace {
 
-constexpr int kMaxTasks = 10'000;
-
 void check_range(const char* name, double value, double low, double high, bool low_allowed) {
   // Written so that NaN is refused.
   const bool good = (low_allowed ? value >= low : value > low) && value <= high;
@@ -25,12 +23,12 @@ void check_range(const char* name, double value, double low, double high, bool l
 }
 
 void check(const DagParameters& parameters) {
-  check_range("--tasks", parameters.tasks, 1, kMaxTasks, true);
-  check_range("--shape", parameters.shape, 0, 100, false);
-  check_range("--out-degree", parameters.out_degree, 1, kMaxTasks, true);
-  check_range("--ccr", parameters.ccr, 0, 1000, true);
-  check_range("--heterogeneity", parameters.heterogeneity, 0, 2, true);
-  check_range("--mean-ms", parameters.mean_ms, 0, 1e6, false);
+  check_range("--tasks", parameters.tasks, 1, kMostDagTasks, true);
+  check_range("--shape", parameters.shape, 0, kHighestDagShape, false);
+  check_range("--out-degree", parameters.out_degree, 1, kMostDagTasks, true);
+  check_range("--ccr", parameters.ccr, 0, kHighestDagCcr, true);
+  check_range("--heterogeneity", parameters.heterogeneity, 0, kHighestDagHeterogeneity, true);
+  check_range("--mean-ms", parameters.mean_ms, 0, kLongestDagMeanMs, false);
   if (parameters.units.empty()) throw_bad_input("--units names no unit");
   std::set<std::string> seen;
   for (const auto& unit : parameters.units) {

@@ -7,6 +7,13 @@
 
 namespace pirt {
 
+// The highest that generate_dag takes.
+inline constexpr int kMostDagTasks = 10'000;
+inline constexpr double kHighestDagShape = 100;
+inline constexpr double kHighestDagCcr = 1000;
+inline constexpr double kHighestDagHeterogeneity = 2;
+inline constexpr double kLongestDagMeanMs = 1e6;
+
 /// @source Topcuoglu, Hariri, Wu: Performance-Effective and Low-Complexity Task Scheduling for
 /// Heterogeneous Computing, IEEE TPDS 13(3), 2002, section 5.
 struct DagParameters {

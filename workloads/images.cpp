@@ -133,28 +133,6 @@ bool has_image_extension(const fs::path& file) {
   return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
 }
 
-/// The pictures of a folder in name order. Hidden files (macOS leaves "._x.jpg") and folders are no
-/// pictures.
-std::vector<fs::path> pictures_of(const fs::path& folder) {
-  std::error_code failed;
-  fs::directory_iterator entries(folder, failed);
-  if (failed) {
-    throw_bad_input("cannot read the folder '" + folder.string() + "': " + failed.message());
-  }
-  std::vector<fs::path> files;
-  for (const auto& entry : entries) {
-    const auto& path = entry.path();
-    if (path.filename().string().starts_with('.') || !has_image_extension(path)) continue;
-    if (!entry.is_directory(failed)) files.push_back(path);
-  }
-  std::ranges::sort(files);
-  if (files.empty()) {
-    throw_bad_input("there are no PNG or JPEG files in '" + folder.string() +
-                    "'; name a folder that has some, or one file");
-  }
-  return files;
-}
-
 /// Keeps the paths and hashes, not the pixels: a folder may be larger than memory.
 class FileImages : public ImageSource {
  public:
@@ -232,6 +210,26 @@ class FileImages : public ImageSource {
 int picture_index(std::uint64_t seed) {
   constexpr std::uint64_t kPictures = std::numeric_limits<int>::max();
   return static_cast<int>((seed + kPictures - 1) % kPictures);
+}
+
+std::vector<fs::path> pictures_of(const fs::path& folder) {
+  std::error_code failed;
+  fs::directory_iterator entries(folder, failed);
+  if (failed) {
+    throw_bad_input("cannot read the folder '" + folder.string() + "': " + failed.message());
+  }
+  std::vector<fs::path> files;
+  for (const auto& entry : entries) {
+    const auto& path = entry.path();
+    if (path.filename().string().starts_with('.') || !has_image_extension(path)) continue;
+    if (!entry.is_directory(failed)) files.push_back(path);
+  }
+  std::ranges::sort(files);
+  if (files.empty()) {
+    throw_bad_input("there are no PNG or JPEG files in '" + folder.string() +
+                    "'; name a folder that has some, or one file");
+  }
+  return files;
 }
 
 std::unique_ptr<ImageSource> images_from(const fs::path& path) {

@@ -46,6 +46,11 @@ class ImageSource {
 /// seed.
 [[nodiscard]] std::unique_ptr<ImageSource> generated_images(std::uint64_t seed);
 
+/// The PNG and JPEG files of a folder in name order. Hidden files (macOS leaves "._x.jpg") and
+/// folders are no pictures.
+/// @throws Error{kBadInput} if it cannot be read or has none.
+[[nodiscard]] std::vector<std::filesystem::path> pictures_of(const std::filesystem::path& folder);
+
 /// The PNG and JPEG files of a folder in name order, or one such file. Other files in the folder
 /// are ignored; each picture is scaled to cover the wished size, keeping its aspect, and
 /// centre-cropped.

@@ -81,6 +81,21 @@ TEST(SourceTree, BackendHeadersStayInTheirFolder) {
   }
 }
 
+// Elsewhere, nobody would have looked whether it overwrites an input (cli/files.h).
+TEST(SourceTree, CommandsWriteFilesInOnePlace) {
+  int lines = 0;
+  for (const auto& entry : fs::directory_iterator(fs::path(PIRT_SOURCE_DIR) / "cli")) {
+    if (!entry.is_regular_file() || entry.path().filename() == "output.cpp") continue;
+    std::ifstream in(entry.path());
+    for (std::string line; std::getline(in, line); ++lines) {
+      for (const auto* way : {"write_file(", "ofstream", "fopen(", "TraceFile"}) {
+        EXPECT_EQ(line.find(way), std::string::npos) << entry.path() << ": " << line;
+      }
+    }
+  }
+  EXPECT_GT(lines, 1000) << "the scan found too little to mean anything";
+}
+
 TEST(SourceTree, TopLevelHoldsOnlyWhatIsMandated) {
   const std::vector<std::string> allowed = {
       "CMakeLists.txt", "CMakePresets.json", "README.md", "cli",  "characterize",

@@ -94,13 +94,32 @@ class InputFile {
   struct stat status_ {};
   int fd_ = -1;
 };
+/// In the order of their first: a unit's name may be its role as well.
+std::vector<std::string> once_each(std::span<const std::string> words) {
+  std::vector<std::string> once;
+  for (const auto& word : words) {
+    if (std::ranges::find(once, word) == once.end()) once.push_back(word);
+  }
+  return once;
+}
+
+/// Beside @p path, so that renaming puts it there in one step.
+std::filesystem::path temporary_of(std::filesystem::path path) {
+  path += ".tmp" + std::to_string(::getpid());
+  return path;
+}
+
+void remove_quietly(const std::filesystem::path& path) {
+  std::error_code ignored;
+  std::filesystem::remove(path, ignored);
+}
 
 }  // namespace
 
 std::vector<std::string> nearest(std::string_view word, std::span<const std::string> candidates,
                                  std::size_t limit) {
   std::vector<std::pair<std::size_t, std::string>> ranked;
-  for (const auto& candidate : candidates) {
+  for (const auto& candidate : once_each(candidates)) {
     const bool prefix = !word.empty() && candidate.starts_with(word);
     const std::size_t distance = prefix ? 0 : edit_distance(word, candidate);
     if (distance <= std::max<std::size_t>(1, std::max(word.size(), candidate.size()) / 2)) {
@@ -117,8 +136,8 @@ std::vector<std::string> nearest(std::string_view word, std::span<const std::str
 std::string suggestion(std::string_view word, std::span<const std::string> candidates) {
   const auto near = nearest(word, candidates);
   if (!near.empty()) return " (did you mean " + join(near, ", ") + "?)";
-  if (!candidates.empty() && candidates.size() <= 12)
-    return " (known: " + join(candidates, ", ") + ")";
+  const auto known = once_each(candidates);
+  if (!known.empty() && known.size() <= 12) return " (known: " + join(known, ", ") + ")";
   return "";
 }
 
@@ -167,25 +186,35 @@ void write_file(const std::filesystem::path& path, std::string_view text) {
     if (!(out << text << std::flush)) throw_system("write", path, errno != 0 ? errno : EIO);
     return;
   }
-  auto temporary = path;
-  temporary += ".tmp" + std::to_string(::getpid());
+  const auto temporary = temporary_of(path);
   errno = 0;
   {
     std::ofstream out(temporary, std::ios::binary);
     if (!out || !(out << text << std::flush)) {
       const int error = errno != 0 ? errno : EIO;
-      std::error_code ignored;
-      std::filesystem::remove(temporary, ignored);
+      remove_quietly(temporary);
       throw_system("write", path, error);
     }
   }
   std::error_code failed;
   std::filesystem::rename(temporary, path, failed);
   if (failed) {
-    std::error_code ignored;
-    std::filesystem::remove(temporary, ignored);
+    remove_quietly(temporary);
     throw_bad_input("cannot write '" + path.string() + "': " + failed.message());
   }
+}
+
+void check_writable(const std::filesystem::path& path) {
+  std::error_code failed;
+  if (std::filesystem::is_directory(path, failed)) throw_system("write", path, EISDIR);
+  if (std::filesystem::exists(path, failed) && !std::filesystem::is_regular_file(path, failed)) {
+    return;
+  }
+  const auto temporary = temporary_of(path);
+  errno = 0;
+  const bool opened = std::ofstream(temporary, std::ios::binary).is_open();
+  if (!opened) throw_system("write", path, errno != 0 ? errno : EIO);
+  remove_quietly(temporary);
 }
 
 }  // namespace pirt

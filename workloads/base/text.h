@@ -40,4 +40,9 @@ inline constexpr std::size_t kAnySize = SIZE_MAX;
 /// @throws Error{kBadInput} naming the path and the system's reason.
 void write_file(const std::filesystem::path& path, std::string_view text);
 
+/// Before long work: whether write_file() could begin. Leaves everything as it was; pipes and
+/// devices are not tried.
+/// @throws Error{kBadInput} as write_file().
+void check_writable(const std::filesystem::path& path);
+
 }  // namespace pirt
