@@ -28,8 +28,8 @@ namespace pirt {
 struct CampaignOptions {
   std::filesystem::path database;
   Platform platform;
-  std::vector<std::string> units;  ///< Empty = all measured units of the platform.
-  std::string filter;  ///< A NameFilter of workload names; empty = all.
+  std::vector<std::string> units;     ///< Empty = all measured units of the platform.
+  std::string filter;                 ///< A NameFilter of workload names; empty = all.
   std::vector<std::string> variants;  ///< Measured beside the plain workloads (catalog.h).
   std::optional<int> batch;  ///< AlexNet's rows are measured with this many images a call as well.
   std::optional<std::filesystem::path>
