@@ -170,14 +170,16 @@ std::vector<NamedFile> written_files(std::initializer_list<const Output*> output
 }
 
 void check_files(std::vector<NamedFile> files) {
-  const auto to_stdout = std::ranges::stable_partition(files, [](const NamedFile& file) {
-    return file.use != FileUse::kWritten || !means_stdout(file.path.string());
-  });
-  if (to_stdout.size() > 1) {
+  // Not std::ranges: clang 14 does not compile the subrange of this libstdc++.
+  const auto to_stdout =
+      std::stable_partition(files.begin(), files.end(), [](const NamedFile& file) {
+        return file.use != FileUse::kWritten || !means_stdout(file.path.string());
+      });
+  if (files.end() - to_stdout > 1) {
     throw_bad_input(fmt::format("only one of {} and {} can write to stdout; name files",
-                                to_stdout[0].option, to_stdout[1].option));
+                                to_stdout->option, std::next(to_stdout)->option));
   }
-  files.erase(to_stdout.begin(), to_stdout.end());
+  files.erase(to_stdout, files.end());
   const auto given = files.size();
   std::ranges::move(standing_files(), std::back_inserter(files));
   for (std::size_t i = 0; i < files.size(); ++i) {
