@@ -61,7 +61,7 @@ int sample(const Options& options) {
   if (!scheduler && options.unit.empty()) throw_bad_input("--unit is required");
   const Sample result =
       scheduler ? sample_scheduler(request) : take_sample(load_platform(options.platform), request);
-  emit_text(to_json(result).dump(2) + "\n", {});
+  emit_text(json_text(to_json(result)), {});
   return 0;
 }
 

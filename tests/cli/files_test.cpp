@@ -182,7 +182,7 @@ TEST_F(SameFile, OfARunThatIsGoneOnWithIsRefusedToo) {
   scratch_.write("mine.yaml", platform.out);
   const auto begun = pirt_here(
       "characterize --quick --platform mine.yaml --filter '^pool5$' --db p.db & pid=$!; while kill "
-      "-0 $pid && [ ! -e p.db ]; do sleep 0.02; done; kill -INT $pid; wait $pid");
+      "-0 $pid && [ ! -e p.db ]; do sleep 0.02; done; kill -TERM $pid; wait $pid");
   ASSERT_EQ(begun.exit_code, 4) << begun.err;
   const auto before = slurp(scratch_.file("mine.yaml"));
   expect_refused(pirt_here("characterize --resume --db p.db --json mine.yaml"),

@@ -38,7 +38,7 @@ TEST(Comparison, ShowsGapsAndCostsAgainstTheBestOfTheTable) {
   const auto& table = std::get<Table>(document.parts[1]);
   EXPECT_EQ(table.rows[0],
             (std::vector<std::string>{"a", "^0.500", "-50.0", "~4.00", "+100.0", "2.00x", "-",
-                                      "^10.0", "1.00x", "0", "0", "0"}));
+                                      "^10.0", "1.00x", "0", "0", "0", "0"}));
   EXPECT_EQ(table.rows[1][4], "+0.0");
   EXPECT_EQ(table.rows[1][8], "2.50x");
 }
