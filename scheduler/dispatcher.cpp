@@ -58,8 +58,11 @@ bool Dispatcher::submit(FiringId firing, std::span<const Task> tasks, Nanos now,
       if (tasks_[each].state == TaskState::kWaiting) drop(each, out);
     }
     expire(Expire::kBeforeNow, out);
+    const bool alone = added_.size() == 1;
     for (const TaskSlot each : added_) {
-      if (tasks_[each].state == TaskState::kWaiting && tasks_[each].pending == 0) make_ready(each);
+      if (tasks_[each].state == TaskState::kWaiting && tasks_[each].pending == 0) {
+        make_ready(each, alone);
+      }
     }
     settle(out);
     return true;
@@ -69,16 +72,15 @@ bool Dispatcher::submit(FiringId firing, std::span<const Task> tasks, Nanos now,
 /// Registers the tasks and links them to those that they come after. False, and nothing changed, if
 /// one makes no sense.
 bool Dispatcher::add(FiringId firing, std::span<const Task> tasks) {
-  const bool is_new = !tasks_.knows_firing(firing);
-  const auto place = tasks_.open_firing(firing);
-  if (!place) return false;
+  const auto [place, is_new] = tasks_.open_firing(firing);
+  if (place == kNoSlot) return false;
   added_.clear();
   doomed_.clear();
   bool good = true;
   for (const Task& task : tasks) {
     const bool servable = task.kind.eligible != 0 && (task.kind.eligible & ~all_) == 0;
     good = good && servable && tasks_.find(task.id) == kNoSlot;
-    if (good) added_.push_back(tasks_.add(task.id, *place));
+    if (good) added_.push_back(tasks_.add(task.id, place));
   }
   for (std::size_t i = 0; good && i < tasks.size(); ++i) good = link(added_[i], tasks[i]);
   if (!good) {
@@ -143,10 +145,11 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
       released_.clear();
       tasks_.successors(slot, released_);
       tasks_.remove(slot);
-      for (const TaskSlot successor : released_) {
-        if (--tasks_[successor].pending == 0) make_ready(successor);
-      }
       refusals_stand_ = false;
+      const bool alone = released_.size() == 1;
+      for (const TaskSlot successor : released_) {
+        if (--tasks_[successor].pending == 0) make_ready(successor, alone);
+      }
     } else {
       if (state == TaskState::kRunning) {
         ++counts_.failed;
@@ -214,6 +217,7 @@ void Dispatcher::wake(Nanos now, Starts& out) {
 
 /// Ends what should have started by now, or before now.
 void Dispatcher::expire(Expire which, Starts& out) {
+  if (expiries_.empty()) return;
   tidy_expiries();
   while (!expiries_.empty() &&
          (which == Expire::kByNow ? expiries_.front().at <= now_ : expiries_.front().at < now_)) {
@@ -231,7 +235,7 @@ void Dispatcher::expire(Expire which, Starts& out) {
 void Dispatcher::settle(Starts& out) {
   place_held();
   start_all(out);
-  tidy_expiries();
+  if (!expiries_.empty()) tidy_expiries();
 }
 
 std::optional<Nanos> Dispatcher::next_wake() const {
@@ -244,19 +248,21 @@ std::optional<TaskState> Dispatcher::state(TaskId task) const {
   return tasks_[slot].state;
 }
 
-/// A task graph has a class a task.
+/// A task graph has a class a task; elsewhere the same come again and again.
 std::uint32_t Dispatcher::class_of(const TaskClass& kind) {
+  if (last_class_ < classes_.size() && classes_[last_class_].kind == kind) return last_class_;
   const auto [found, is_new] =
       class_indices_.try_emplace(kind, static_cast<std::uint32_t>(classes_.size()));
   if (is_new) classes_.push_back({.kind = kind, .takers = policy_->takers(kind, up_)});
-  return found->second;
+  return last_class_ = found->second;
 }
 
 /// The task waits for a unit from now on; place_held asks for it.
-void Dispatcher::make_ready(TaskSlot slot) {
+/// @param alone  No other becomes ready at once; without held ones it has none to compete with.
+void Dispatcher::make_ready(TaskSlot slot, bool alone) {
   tasks_[slot].sequence = ready_sequence_++;
   tasks_[slot].ready_at = now_;
-  hold(slot);
+  if (!alone || held_count_ != 0 || !place(slot)) hold(slot);
 }
 
 /// Asks the policy. False if it refuses; the task is then in no queue.
@@ -297,6 +303,7 @@ void Dispatcher::hold(TaskSlot slot) {
 /// Places what waits, in the order of all queues, until every class is refused: what has become
 /// ready competes with what was held. Loads only rise meanwhile, so that a refusal stands.
 void Dispatcher::place_held() {
+  if (held_count_ == 0) return;
   asking_.clear();
   std::erase_if(holding_, [this](std::uint32_t index) {
     Class& entry = classes_[index];

@@ -136,7 +136,7 @@ class Dispatcher {
   void expire(Expire which, Starts& out);
   void settle(Starts& out);
   std::uint32_t class_of(const TaskClass& kind);
-  void make_ready(TaskSlot slot);
+  void make_ready(TaskSlot slot, bool alone);
   bool place(TaskSlot slot);
   void hold(TaskSlot slot);
   void place_held();
@@ -162,6 +162,7 @@ class Dispatcher {
   TaskStore tasks_;
   std::vector<Class> classes_;
   std::unordered_map<TaskClass, std::uint32_t, ClassHash> class_indices_;
+  std::uint32_t last_class_ = 0;
   std::vector<std::uint32_t> holding_;      ///< Classes with held tasks, and some that had.
   std::vector<std::uint32_t> prioritized_;  ///< The same for the high-priority queue.
   bool refusals_stand_ = true;  ///< No load fell, no unit changed and nothing left since.

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <optional>
 #include <utility>
 #include <vector>
 
@@ -58,21 +57,18 @@ class TaskStore {
   /// kNoSlot if there is no such task, any more or yet.
   [[nodiscard]] TaskSlot find(TaskId id) const { return slots_.find(id); }
 
-  [[nodiscard]] bool knows_firing(FiringId id) const {
-    return firing_slots_.find(id) != IdMap::kAbsent;
-  }
-
-  /// The firing to add tasks to: a new one, or one that is not released. Absent if it is released
-  /// and still has live tasks.
-  std::optional<std::uint32_t> open_firing(FiringId id) {
+  struct OpenFiring {
+    std::uint32_t slot = kNoSlot;  ///< kNoSlot if it is released and still has live tasks.
+    bool is_new = false;
+  };
+  /// The firing to add tasks to: a new one, or one that is not released.
+  OpenFiring open_firing(FiringId id) {
     const std::uint32_t known = firing_slots_.find(id);
-    if (known != IdMap::kAbsent) {
-      return firings_[known].released ? std::nullopt : std::optional(known);
-    }
+    if (known != IdMap::kAbsent) return {firings_[known].released ? kNoSlot : known, false};
     const std::uint32_t firing = take_slot(firings_, free_firings_);
     firings_[firing] = {.id = id};
     firing_slots_.insert(id, firing);
-    return firing;
+    return {firing, true};
   }
 
   /// Nothing that comes later names its tasks. False if there is no such firing, or it is released
