@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "tests/support/few_threads.h"
 #include "tests/workloads/workload_support.h"
 
 namespace pirt::cpu {
@@ -69,6 +70,14 @@ TEST(BandTeam, PassesOnWhatAPartThrowsAndGoesOn) {
       EXPECT_EQ(runs, threads);
     }
   }
+}
+
+TEST(BandTeam, EndsWhenOneOfItsThreadsCannotStart) {
+  for (const int threads : {0, 1, 2}) {
+    EXPECT_EQ(test::with_threads(threads, [] { BandTeam team(4); }), "cannot start a thread")
+        << threads;
+  }
+  EXPECT_EQ(test::with_threads(3, [] { BandTeam team(4); }), "nothing");
 }
 
 TEST(BandTeam, KeepsOpenCvToTheCallingThread) {

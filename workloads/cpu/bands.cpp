@@ -4,6 +4,8 @@
 #include <functional>
 #include <opencv2/core.hpp>
 
+#include "workloads/base/thread.h"
+
 namespace pirt::cpu {
 namespace {
 
@@ -37,10 +39,16 @@ Mats parts(const Mats& of, const cv::Range& rows) {
 }  // namespace
 
 BandTeam::BandTeam(int threads) {
-  for (int i = 1; i < threads; ++i) workers_.emplace_back([this] { work(); });
+  try {
+    for (int i = 1; i < threads; ++i) workers_.push_back(start_thread([this] { work(); }));
+  } catch (...) {
+    end();
+    throw;
+  }
 }
 
-BandTeam::~BandTeam() {
+/// The workers end, and are joined as members.
+void BandTeam::end() {
   ending_ = true;
   State next = state_;
   ++next.round;

@@ -21,8 +21,9 @@ namespace pirt::cpu {
 class BandTeam {
  public:
   /// @param threads  All together, at least 1.
+  /// @throws Error{kEnvironment} if one of them cannot be started.
   explicit BandTeam(int threads);
-  ~BandTeam();
+  ~BandTeam() { end(); }
   BandTeam(const BandTeam&) = delete;
   BandTeam& operator=(const BandTeam&) = delete;
 
@@ -34,12 +35,14 @@ class BandTeam {
   void run(int parts, const std::function<void(int part)>& body);
 
  private:
-  /// Of the current run; in one word, so that who takes a part knows which run it is of.
-  struct State {
+  /// Of the current run; in one word, so that who takes a part knows which run it is of. Aligned as
+  /// such a word is, without which clang calls a library for what is one instruction.
+  struct alignas(8) State {
     std::uint32_t round = 0;
     std::uint16_t parts = 0;
     std::uint16_t taken = 0;
   };
+  void end();
   void work();
   State take_parts();
   void do_part(int part);
