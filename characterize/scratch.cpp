@@ -91,7 +91,7 @@ std::optional<FileDescriptor> lock_new(const std::filesystem::path& folder) {
 
 std::filesystem::path scratch_base() {
   std::error_code failed;
-  const auto base = std::filesystem::temp_directory_path(failed);
+  auto base = std::filesystem::temp_directory_path(failed);
   if (!failed) return base;
   const char* const set = ::getenv("TMPDIR");
   throw_cannot_make(set != nullptr ? set : "/tmp", failed.message());
