@@ -79,8 +79,10 @@ bool Dispatcher::add(FiringId firing, std::span<const Task> tasks) {
   bool good = true;
   for (const Task& task : tasks) {
     const bool servable = task.kind.eligible != 0 && (task.kind.eligible & ~all_) == 0;
-    good = good && servable && tasks_.find(task.id) == kNoSlot;
-    if (good) added_.push_back(tasks_.add(task.id, place));
+    const TaskSlot slot = servable ? tasks_.add(task.id, place) : kNoSlot;
+    good = slot != kNoSlot;
+    if (!good) break;
+    added_.push_back(slot);
   }
   for (std::size_t i = 0; good && i < tasks.size(); ++i) good = link(added_[i], tasks[i]);
   if (!good) {
@@ -236,10 +238,6 @@ void Dispatcher::settle(Starts& out) {
   place_held();
   start_all(out);
   if (!expiries_.empty()) tidy_expiries();
-}
-
-std::optional<Nanos> Dispatcher::next_wake() const {
-  return expiries_.empty() ? std::nullopt : std::optional(expiries_.front().at);
 }
 
 std::optional<TaskState> Dispatcher::state(TaskId task) const {

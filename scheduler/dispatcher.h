@@ -83,8 +83,10 @@ class Dispatcher {
   void wake(Nanos now, Starts& out);
   /// @param observer  Null = none (the default); must outlive what follows.
   void observe(DispatcherObserver* observer) { observer_ = observer; }
-  /// When to call wake next.
-  [[nodiscard]] std::optional<Nanos> next_wake() const;
+  /// When to call wake next; Nanos::max() = never.
+  [[nodiscard]] Nanos next_wake() const {
+    return expiries_.empty() ? Nanos::max() : expiries_.front().at;
+  }
 
   [[nodiscard]] const TaskCounts& counts() const { return counts_; }
   /// Inputs that were refused.

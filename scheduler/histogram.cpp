@@ -39,6 +39,15 @@ void Histogram::add(Nanos value) {
   max_ = std::max(max_, value);
 }
 
+void Histogram::add(const Histogram& other) {
+  counts_.resize(std::max(counts_.size(), other.counts_.size()));
+  for (std::size_t i = 0; i < other.counts_.size(); ++i) counts_[i] += other.counts_[i];
+  count_ += other.count_;
+  sum_ns_ += other.sum_ns_;
+  min_ = std::min(min_, other.min_);
+  max_ = std::max(max_, other.max_);
+}
+
 std::optional<Nanos> Histogram::mean() const {
   if (count_ == 0) return std::nullopt;
   return Nanos(std::llround(sum_ns_ / static_cast<double>(count_)));

@@ -17,6 +17,8 @@ class Histogram {
  public:
   /// @param value  >= 0.
   void add(Nanos value);
+  /// All that @p other has.
+  void add(const Histogram& other);
   [[nodiscard]] std::int64_t count() const { return count_; }
   /// Absent if nothing was added. Exact but for the rounding of double.
   [[nodiscard]] std::optional<Nanos> mean() const;

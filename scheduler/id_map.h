@@ -15,23 +15,24 @@ class IdMap {
 
   IdMap() : cells_(kInitial) {}
 
-  [[nodiscard]] std::uint32_t find(TaskId id) const {
-    for (std::size_t i = home(id);; i = next(i)) {
-      if (cells_[i].value == kAbsent) return kAbsent;
-      if (cells_[i].id == id) return cells_[i].value;
-    }
+  /// Where the id is, or would be; true until the map changes.
+  [[nodiscard]] std::size_t locate(TaskId id) const {
+    std::size_t i = home(id);
+    while (cells_[i].value != kAbsent && cells_[i].id != id) i = next(i);
+    return i;
   }
+  /// kAbsent if the id that was located is not there.
+  [[nodiscard]] std::uint32_t at(std::size_t position) const { return cells_[position].value; }
+  [[nodiscard]] std::uint32_t find(TaskId id) const { return at(locate(id)); }
 
-  /// The id must not be there.
-  void insert(TaskId id, std::uint32_t value) {
+  /// @param position  Of an id that is not there.
+  void insert_at(std::size_t position, TaskId id, std::uint32_t value) {
+    cells_[position] = {id, value};
     if (2 * ++size_ > cells_.size()) grow();
-    place({id, value});
   }
 
-  /// The id must be there.
-  void erase(TaskId id) {
-    std::size_t hole = home(id);
-    while (cells_[hole].id != id || cells_[hole].value == kAbsent) hole = next(hole);
+  /// @param hole  Of an id that is there.
+  void erase_at(std::size_t hole) {
     // Whoever probed past the hole moves into it, as long as its home is not behind it.
     for (std::size_t i = next(hole); cells_[i].value != kAbsent; i = next(i)) {
       const std::size_t from_home = (i - home(cells_[i].id)) & (cells_.size() - 1);
@@ -56,17 +57,11 @@ class IdMap {
   }
   [[nodiscard]] std::size_t next(std::size_t i) const { return (i + 1) & (cells_.size() - 1); }
 
-  void place(Cell cell) {
-    std::size_t i = home(cell.id);
-    while (cells_[i].value != kAbsent) i = next(i);
-    cells_[i] = cell;
-  }
-
   void grow() {
     auto old = std::vector<Cell>(cells_.size() * 2);
     old.swap(cells_);
     for (const Cell& cell : old) {
-      if (cell.value != kAbsent) place(cell);
+      if (cell.value != kAbsent) cells_[locate(cell.id)] = cell;
     }
   }
 

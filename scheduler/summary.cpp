@@ -123,12 +123,14 @@ RunRecord summarize(const VirtualSetup& run, const Profile* profile, const Weigh
   if (in_flight > 0) record.in_flight = in_flight;
   record.makespan_s = to_s(makespan);
   add_counts(run, tally, record);
-  record.mean_latency_ms = in_ms(tally.latency.mean());
-  record.p99_latency_ms = in_ms(tally.latency.percentile(0.99));
+  Histogram latency;
   for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
     record.units.push_back(summarize_unit(run, profile, unit, tally.units[unit], makespan));
     record.energy_j += record.units.back().energy_j;
+    latency.add(tally.units[unit].latency);
   }
+  record.mean_latency_ms = in_ms(latency.mean());
+  record.p99_latency_ms = in_ms(latency.percentile(0.99));
   if (makespan > Nanos::zero()) {
     record.throughput_per_ms = static_cast<double>(record.completed) / to_ms(makespan);
     record.average_power_w = record.energy_j / record.makespan_s;

@@ -33,7 +33,6 @@ struct Tally {
   std::vector<UnitTally> units;
   std::vector<PipelineTally> pipelines;
   std::vector<std::vector<std::int64_t>> calls;  ///< Completed, [workload][unit].
-  Histogram latency;               ///< Of all completed tasks, dispatch to completion.
   std::int64_t refused_tasks = 0;  ///< Of firings that found no buffer; no dispatcher saw them.
   TaskCounts tasks;                ///< Of the dispatcher.
   Nanos end{0};                    ///< When this was counted: the duration, or the last completion.

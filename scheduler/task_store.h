@@ -63,18 +63,20 @@ class TaskStore {
   };
   /// The firing to add tasks to: a new one, or one that is not released.
   OpenFiring open_firing(FiringId id) {
-    const std::uint32_t known = firing_slots_.find(id);
+    const std::size_t position = firing_slots_.locate(id);
+    const std::uint32_t known = firing_slots_.at(position);
     if (known != IdMap::kAbsent) return {firings_[known].released ? kNoSlot : known, false};
     const std::uint32_t firing = take_slot(firings_, free_firings_);
     firings_[firing] = {.id = id};
-    firing_slots_.insert(id, firing);
+    firing_slots_.insert_at(position, id, firing);
     return {firing, true};
   }
 
   /// Nothing that comes later names its tasks. False if there is no such firing, or it is released
   /// already.
   bool release(FiringId id) {
-    const std::uint32_t firing = firing_slots_.find(id);
+    const std::size_t position = firing_slots_.locate(id);
+    const std::uint32_t firing = firing_slots_.at(position);
     if (firing == IdMap::kAbsent || firings_[firing].released) return false;
     for (TaskSlot slot = firings_[firing].ended; slot != kNoSlot;) {
       const TaskSlot next = records_[slot].next;
@@ -83,7 +85,7 @@ class TaskStore {
     }
     firings_[firing].ended = kNoSlot;
     firings_[firing].released = true;
-    forget_if_over(firing);
+    if (firings_[firing].live == 0) forget_firing(position);
     return true;
   }
 
@@ -92,13 +94,15 @@ class TaskStore {
   /// Tasks that are live, or ended without completing and are of a firing that is not released.
   [[nodiscard]] std::size_t tasks() const { return records_.size() - free_.size(); }
 
-  /// @param id  Of no task that is known.
+  /// kNoSlot if the id is of a task that is known.
   TaskSlot add(TaskId id, std::uint32_t firing) {
+    const std::size_t position = slots_.locate(id);
+    if (slots_.at(position) != kNoSlot) return kNoSlot;
     const TaskSlot slot = take_slot(records_, free_);
     const std::uint32_t generation = records_[slot].generation;
     records_[slot] =
         TaskRecord{.id = id, .state = TaskState::kNew, .generation = generation, .firing = firing};
-    slots_.insert(id, slot);
+    slots_.insert_at(position, id, slot);
     ++firings_[firing].live;
     return slot;
   }
@@ -108,8 +112,9 @@ class TaskStore {
     free_edges(slot);
     const std::uint32_t firing = records_[slot].firing;
     forget(slot);
-    --firings_[firing].live;
-    forget_if_over(firing);
+    if (--firings_[firing].live == 0 && firings_[firing].released) {
+      forget_firing(firing_slots_.locate(firings_[firing].id));
+    }
   }
 
   /// The task ended without having completed: known as that until its firing is released.
@@ -174,15 +179,14 @@ class TaskStore {
   }
 
   void forget(TaskSlot slot) {
-    slots_.erase(records_[slot].id);
+    slots_.erase_at(slots_.locate(records_[slot].id));
     ++records_[slot].generation;
     free_.push_back(slot);
   }
 
-  void forget_if_over(std::uint32_t firing) {
-    if (!firings_[firing].released || firings_[firing].live > 0) return;
-    firing_slots_.erase(firings_[firing].id);
-    free_firings_.push_back(firing);
+  void forget_firing(std::size_t position) {
+    free_firings_.push_back(firing_slots_.at(position));
+    firing_slots_.erase_at(position);
   }
 
   void free_edges(TaskSlot slot) {

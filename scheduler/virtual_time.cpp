@@ -245,19 +245,19 @@ void VirtualTime::begin() {
 
 /// The next thing that happens. False if nothing is left to.
 bool VirtualTime::advance() {
-  const Moment* soonest = timers_.empty() ? nullptr : &timers_.front().moment;
+  static constexpr Moment kNever;
+  const Moment* soonest = timers_.empty() ? &kNever : &timers_.front().moment;
   Servers* servers = nullptr;
   for (const auto& each : servers_) {
-    if (each->next().time == Nanos::max() || (soonest != nullptr && *soonest < each->next()))
-      continue;
+    if (*soonest <= each->next()) continue;
     soonest = &each->next();
     servers = each.get();
   }
   // At equal times completions come first: a task may start at its last moment.
-  const auto wake = dispatcher_.next_wake();
-  const bool wakes = wake && (soonest == nullptr || *wake < soonest->time);
-  if (!wakes && soonest == nullptr) return false;
-  const Nanos time = std::max(now_, wakes ? *wake : soonest->time);
+  const Nanos wake = dispatcher_.next_wake();
+  const bool wakes = wake < soonest->time;
+  if (!wakes && soonest->time == Nanos::max()) return false;
+  const Nanos time = std::max(now_, wakes ? wake : soonest->time);
   if (time > end_ && !at_end_) close_books(end_);
   now_ = time;
   if (wakes) {
@@ -510,7 +510,6 @@ void VirtualTime::complete(JobIndex job) {
   ++tally_.calls[plans_[done.plan].workload][done.unit];
   ++tally_.units[done.unit].completed;
   tally_.units[done.unit].latency.add(latency);
-  tally_.latency.add(latency);
   tally_.last_completion = now_;
   Firing& firing = firings_[done.firing];
   if (!firing.finished.empty()) {

@@ -207,8 +207,7 @@ class Model {
   void pass_time() {
     now_ += Nanos(pick(20));
     if (random_.below(3) == 0) return;  // Whoever should wake it is late.
-    while (const auto wake = dispatcher_.next_wake()) {
-      if (*wake > now_) break;
+    while (dispatcher_.next_wake() <= now_) {
       taken_as_ = std::max(taken_as_, now_);
       dispatcher_.wake(now_, out_);
       absorb();

@@ -217,7 +217,7 @@ TEST(Dispatcher, ExpiresWhatHasNotStartedInTime) {
   EXPECT_EQ(script.dispatcher().state(3), TaskState::kQueued);
   EXPECT_EQ(script.dispatcher().next_wake(), Nanos(20));
   EXPECT_EQ(script.complete(kGpu, 1), "G3");
-  EXPECT_EQ(script.dispatcher().next_wake(), std::nullopt);
+  EXPECT_EQ(script.dispatcher().next_wake(), Nanos::max());
   EXPECT_EQ(script.dispatcher().counts().expired, 1);
   EXPECT_EQ(script.dispatcher().counts().dropped, 1);
 }

@@ -61,4 +61,21 @@ TEST(Histogram, IsWithinATenthOfAPercentOfTheSortedValues) {
 }
 
 }  // namespace
+TEST(Histogram, TakesAnotherOnesValues) {
+  Histogram all;
+  Histogram parts[2];
+  for (std::int64_t i = 1; i <= 1000; ++i) {
+    all.add(Nanos(i * i));
+    parts[i % 3 == 0 ? 0 : 1].add(Nanos(i * i));
+  }
+  Histogram merged;
+  for (const Histogram& part : parts) merged.add(part);
+  merged.add(Histogram());
+  EXPECT_EQ(merged.count(), all.count());
+  EXPECT_EQ(merged.mean(), all.mean());
+  for (const double fraction : {0.001, 0.5, 0.99, 1.0}) {
+    EXPECT_EQ(merged.percentile(fraction), all.percentile(fraction));
+  }
+}
+
 }  // namespace pirt::test
