@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <memory>
 
-#include "characterize/campaign.h"
+#include "characterize/campaign/campaign.h"
 #include "cli/commands.h"
 #include "cli/duration.h"
 #include "cli/files.h"

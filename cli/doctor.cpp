@@ -1,5 +1,5 @@
 // pirt doctor: what would spoil a measurement on this machine, and what to do about it.
-#include "characterize/doctor.h"
+#include "characterize/doctor/doctor.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "characterize/scratch.h"
+#include "characterize/worker/scratch.h"
 #include "cli/commands.h"
 #include "cli/files.h"
 #include "cli/output.h"

@@ -8,7 +8,7 @@
 #include <optional>
 #include <string_view>
 
-#include "characterize/platform.h"
+#include "characterize/platform/platform.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 #include "workloads/images.h"

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "characterize/campaign.h"
+#include "characterize/campaign/campaign.h"
 #include "characterize/energy/fit.h"
-#include "characterize/profile.h"
+#include "characterize/profile/profile.h"
 #include "cli/output.h"
 #include "reports/document.h"
 

@@ -5,7 +5,7 @@
 #include "cli/files.h"
 #include "cli/output.h"
 #include "cli/values.h"
-#include "scheduler/dag_generator.h"
+#include "scheduler/mix/dag_generator.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 

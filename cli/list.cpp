@@ -4,15 +4,15 @@
 #include <memory>
 
 #include "characterize/energy/meter.h"
-#include "characterize/platform.h"
+#include "characterize/platform/platform.h"
 #include "cli/commands.h"
 #include "cli/files.h"
 #include "cli/output.h"
 #include "cli/sysfs.h"
 #include "cli/values.h"
 #include "reports/document.h"
-#include "scheduler/mix.h"
-#include "scheduler/policy.h"
+#include "scheduler/mix/mix.h"
+#include "scheduler/policies/policy.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 #include "workloads/catalog.h"

@@ -5,7 +5,7 @@
 #include <atomic>
 #include <string>
 
-#include "characterize/campaign.h"
+#include "characterize/campaign/campaign.h"
 
 namespace pirt::cli {
 

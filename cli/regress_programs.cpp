@@ -6,9 +6,8 @@
 #include <filesystem>
 #include <memory>
 
-#include "characterize/campaign.h"
-#include "characterize/measure.h"
-#include "characterize/process.h"
+#include "characterize/campaign/campaign.h"
+#include "characterize/worker/process.h"
 #include "cli/duration.h"
 #include "cli/files.h"
 #include "cli/long_run.h"
@@ -20,6 +19,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/name_filter.h"
 #include "workloads/base/text.h"
+#include "workloads/base/time.h"
 
 namespace pirt::cli {
 namespace {

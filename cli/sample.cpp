@@ -6,8 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "characterize/build_info.h"
-#include "characterize/measure.h"
+#include "characterize/machine/build_info.h"
 #include "cli/commands.h"
 #include "cli/duration.h"
 #include "cli/files.h"
@@ -16,6 +15,7 @@
 #include "scheduler/planning_time.h"
 #include "workloads/base/affinity.h"
 #include "workloads/base/error.h"
+#include "workloads/base/time.h"
 
 namespace pirt::cli {
 namespace {

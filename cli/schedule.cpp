@@ -13,7 +13,7 @@
 #include "reports/comparison_report.h"
 #include "reports/document.h"
 #include "reports/run_report.h"
-#include "scheduler/policy.h"
+#include "scheduler/policies/policy.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 

@@ -8,7 +8,6 @@
 #include <ctime>
 #include <memory>
 
-#include "characterize/measure.h"
 #include "cli/commands.h"
 #include "cli/duration.h"
 #include "cli/files.h"
@@ -17,6 +16,7 @@
 #include "cli/values.h"
 #include "reports/tune_report.h"
 #include "workloads/base/error.h"
+#include "workloads/base/time.h"
 #include "workloads/opencl/tuning_file.h"
 
 namespace pirt::cli {

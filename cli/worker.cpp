@@ -1,5 +1,5 @@
 // pirt worker: the process that `characterize` starts for whatever touches a device. Not for users.
-#include "characterize/worker.h"
+#include "characterize/worker/worker.h"
 
 #include <iostream>
 

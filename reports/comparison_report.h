@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "reports/document.h"
-#include "scheduler/mix.h"
-#include "scheduler/run_record.h"
+#include "scheduler/mix/mix.h"
+#include "scheduler/record/run_record.h"
 
 namespace pirt {
 

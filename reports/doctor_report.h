@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "characterize/doctor.h"
+#include "characterize/doctor/doctor.h"
 #include "reports/document.h"
 
 namespace pirt {

@@ -2,8 +2,8 @@
 
 #include <map>
 
-#include "characterize/environment_keys.h"
-#include "characterize/identity.h"
+#include "characterize/machine/environment_keys.h"
+#include "characterize/profile/identity.h"
 
 namespace pirt {
 namespace {

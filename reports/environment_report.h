@@ -2,7 +2,7 @@
 // rest.
 #pragma once
 
-#include "characterize/profile.h"
+#include "characterize/profile/profile.h"
 #include "reports/document.h"
 
 namespace pirt {

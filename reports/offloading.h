@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "characterize/profile.h"
+#include "characterize/profile/profile.h"
 
 namespace pirt {
 

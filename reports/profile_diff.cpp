@@ -8,8 +8,8 @@
 #include <set>
 #include <utility>
 
-#include "characterize/environment_keys.h"
-#include "characterize/identity.h"
+#include "characterize/machine/environment_keys.h"
+#include "characterize/profile/identity.h"
 #include "reports/figures.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"

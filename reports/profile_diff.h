@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "characterize/profile.h"
+#include "characterize/profile/profile.h"
 #include "reports/document.h"
 
 namespace pirt {

@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <charconv>
 
-#include "characterize/database.h"
+#include "characterize/profile/profile.h"
+#include "characterize/profile/store/database_format.h"
+#include "characterize/profile/store/reader.h"
 #include "reports/profile_report.h"
 #include "workloads/base/error.h"
 #include "workloads/base/name_filter.h"

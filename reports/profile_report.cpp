@@ -10,8 +10,8 @@
 #include <string_view>
 #include <utility>
 
-#include "characterize/identity.h"
-#include "characterize/roofline.h"
+#include "characterize/profile/identity.h"
+#include "characterize/profile/roofline.h"
 #include "reports/environment_report.h"
 #include "reports/figures.h"
 #include "reports/roofline_report.h"
@@ -73,7 +73,7 @@ struct Word {
   std::string_view name, meaning;
 };
 
-/// The notes that characterize/schema.sql lists.
+/// The notes that characterize/profile/store/schema.sql lists.
 constexpr std::array<Word, 7> kNotes = {
     {{"input_resized", "the picture was scaled to the workload's size"},
      {"input_cropped", "its edges were cut to keep its proportions"},

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "characterize/profile.h"
+#include "characterize/profile/profile.h"
 #include "reports/document.h"
 #include "reports/preference.h"
 

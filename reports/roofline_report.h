@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "characterize/roofline.h"
+#include "characterize/profile/roofline.h"
 #include "reports/document.h"
 
 namespace pirt {

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "reports/document.h"
-#include "scheduler/run_record.h"
+#include "scheduler/record/run_record.h"
 #include "workloads/phase.h"
 
 namespace pirt {

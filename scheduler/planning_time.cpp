@@ -4,9 +4,9 @@
 #include <array>
 #include <vector>
 
-#include "characterize/platform.h"
-#include "characterize/statistics.h"
-#include "scheduler/mix.h"
+#include "characterize/platform/platform.h"
+#include "characterize/statistics/statistics.h"
+#include "scheduler/mix/mix.h"
 #include "scheduler/schedule.h"
 
 namespace pirt {

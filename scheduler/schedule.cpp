@@ -5,15 +5,15 @@
 #include <utility>
 
 #include "scheduler/bounds/bounds.h"
-#include "scheduler/dispatcher.h"
-#include "scheduler/eligibility.h"
+#include "scheduler/dispatcher/dispatcher.h"
+#include "scheduler/policies/eligibility.h"
+#include "scheduler/policies/policy.h"
 #include "scheduler/policies/unit_order.h"
-#include "scheduler/policy.h"
-#include "scheduler/services.h"
-#include "scheduler/summary.h"
+#include "scheduler/policies/weights.h"
+#include "scheduler/record/summary.h"
+#include "scheduler/services/services.h"
 #include "scheduler/trace/trace_writer.h"
-#include "scheduler/virtual_time.h"
-#include "scheduler/weights.h"
+#include "scheduler/virtual/virtual_time.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 

@@ -6,11 +6,11 @@
 #include <optional>
 #include <string>
 
-#include "characterize/platform.h"
-#include "characterize/profile.h"
-#include "scheduler/mix.h"
-#include "scheduler/run_record.h"
-#include "scheduler/services.h"
+#include "characterize/platform/platform.h"
+#include "characterize/profile/profile.h"
+#include "scheduler/mix/mix.h"
+#include "scheduler/record/run_record.h"
+#include "scheduler/services/services.h"
 #include "workloads/base/time.h"
 
 namespace pirt {

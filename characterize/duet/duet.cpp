@@ -7,13 +7,13 @@
 #include <mutex>
 #include <thread>
 
-#include "characterize/measure.h"
-#include "characterize/process.h"
-#include "characterize/scratch.h"
+#include "characterize/worker/process.h"
+#include "characterize/worker/scratch.h"
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
 #include "workloads/base/text.h"
 #include "workloads/base/thread.h"
+#include "workloads/base/time.h"
 #include "workloads/registry.h"
 
 namespace pirt {

@@ -4,7 +4,7 @@
 #include <numeric>
 #include <set>
 
-#include "characterize/system_files.h"
+#include "characterize/machine/system_files.h"
 
 namespace pirt {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "characterize/rank_tests.h"
+#include "characterize/statistics/rank_tests.h"
 
 namespace pirt {
 namespace {

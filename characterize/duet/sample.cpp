@@ -4,11 +4,11 @@
 
 #include <cmath>
 
-#include "characterize/build_info.h"
-#include "characterize/scratch.h"
-#include "characterize/statistics.h"
-#include "characterize/unit_request.h"
-#include "characterize/worker.h"
+#include "characterize/machine/build_info.h"
+#include "characterize/platform/unit_request.h"
+#include "characterize/statistics/statistics.h"
+#include "characterize/worker/scratch.h"
+#include "characterize/worker/worker.h"
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
 #include "workloads/catalog.h"

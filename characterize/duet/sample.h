@@ -11,8 +11,8 @@
 #include <string>
 #include <string_view>
 
-#include "characterize/duet/injection.h"
-#include "characterize/platform.h"
+#include "characterize/platform/platform.h"
+#include "characterize/worker/injection.h"
 
 namespace pirt {
 

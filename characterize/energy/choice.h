@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "characterize/energy/meter.h"
-#include "characterize/platform.h"
+#include "characterize/platform/platform.h"
 
 namespace pirt {
 

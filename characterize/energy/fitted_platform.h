@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "characterize/energy/fit.h"
-#include "characterize/platform.h"
-#include "characterize/profile.h"
+#include "characterize/platform/platform.h"
+#include "characterize/profile/profile.h"
 
 namespace pirt {
 

@@ -13,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-#include "characterize/energy/sysfs.h"
+#include "characterize/machine/sysfs.h"
 #include "workloads/base/time.h"
 
 namespace pirt {

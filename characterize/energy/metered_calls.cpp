@@ -7,7 +7,6 @@
 #include <thread>
 
 #include "characterize/energy/window.h"
-#include "characterize/measure.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "characterize/database.h"
 #include "characterize/energy/meter.h"
+#include "characterize/profile/records.h"
 #include "workloads/base/time.h"
 
 namespace pirt {

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "characterize/statistics.h"
+#include "characterize/statistics/statistics.h"
 #include "workloads/base/text.h"
 
 namespace pirt {

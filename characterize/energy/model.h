@@ -4,8 +4,8 @@
 // No meter is read here (metered_calls.h).
 #pragma once
 
-#include "characterize/database.h"
-#include "characterize/platform.h"
+#include "characterize/platform/platform.h"
+#include "characterize/profile/records.h"
 #include "workloads/workload.h"
 
 namespace pirt {

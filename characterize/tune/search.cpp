@@ -8,7 +8,7 @@
 #include <span>
 #include <utility>
 
-#include "characterize/rank_tests.h"
+#include "characterize/statistics/rank_tests.h"
 
 namespace pirt {
 namespace {

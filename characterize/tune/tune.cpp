@@ -10,12 +10,12 @@
 #include <system_error>
 #include <utility>
 
-#include "characterize/build_info.h"
-#include "characterize/job_runner.h"
-#include "characterize/scratch.h"
-#include "characterize/selection.h"
-#include "characterize/statistics.h"
-#include "characterize/unit_request.h"
+#include "characterize/machine/build_info.h"
+#include "characterize/platform/selection.h"
+#include "characterize/platform/unit_request.h"
+#include "characterize/statistics/statistics.h"
+#include "characterize/worker/job_runner.h"
+#include "characterize/worker/scratch.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 #include "workloads/catalog.h"

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "characterize/campaign.h"
-#include "characterize/platform.h"
+#include "characterize/platform/platform.h"
+#include "characterize/platform/selection.h"
 #include "characterize/tune/search.h"
 #include "workloads/backend.h"
 

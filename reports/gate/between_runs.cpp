@@ -6,8 +6,8 @@
 #include <numbers>
 #include <vector>
 
-#include "characterize/rank_tests.h"
-#include "characterize/statistics.h"
+#include "characterize/statistics/rank_tests.h"
+#include "characterize/statistics/statistics.h"
 
 namespace pirt {
 namespace {

@@ -6,7 +6,7 @@
 #include <optional>
 #include <span>
 
-#include "characterize/profile.h"
+#include "characterize/profile/profile.h"
 
 namespace pirt {
 

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include "characterize/platform.h"
+#include "characterize/platform/platform.h"
 #include "reports/profile_diff.h"
-#include "scheduler/mix.h"
-#include "scheduler/run_record.h"
+#include "scheduler/mix/mix.h"
+#include "scheduler/record/run_record.h"
 
 namespace pirt {
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <map>
 
-#include "characterize/rank_tests.h"
+#include "characterize/statistics/rank_tests.h"
 
 namespace pirt {
 namespace {

@@ -4,8 +4,8 @@
 #include <set>
 #include <string>
 
-#include "characterize/identity.h"
-#include "characterize/statistics.h"
+#include "characterize/profile/identity.h"
+#include "characterize/statistics/statistics.h"
 
 namespace pirt {
 namespace {

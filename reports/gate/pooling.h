@@ -2,7 +2,8 @@
 // part of what is tested, and set-up, of which a run has few samples, has enough of them.
 #pragma once
 
-#include "characterize/profile.h"
+#include "characterize/profile/profile.h"
+#include "characterize/profile/store/reader.h"
 
 namespace pirt {
 

@@ -7,8 +7,8 @@
 #include <map>
 #include <span>
 
-#include "characterize/environment_keys.h"
-#include "characterize/rank_tests.h"
+#include "characterize/machine/environment_keys.h"
+#include "characterize/statistics/rank_tests.h"
 #include "reports/gate/between_runs.h"
 #include "reports/gate/common_movement.h"
 #include "workloads/base/text.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "scheduler/bounds/linear_program.h"
-#include "scheduler/transfers.h"
+#include "scheduler/services/transfers.h"
 
 namespace pirt {
 namespace {

@@ -13,9 +13,9 @@
 #include <optional>
 #include <vector>
 
-#include "scheduler/eligibility.h"
-#include "scheduler/run_record.h"
-#include "scheduler/virtual_time.h"
+#include "scheduler/policies/eligibility.h"
+#include "scheduler/record/run_record.h"
+#include "scheduler/virtual/virtual_time.h"
 
 namespace pirt {
 

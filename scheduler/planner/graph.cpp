@@ -18,20 +18,11 @@ Nanos rounded_mean(const std::vector<Nanos>& values) {
   return Nanos(count == 0 ? 0 : (sum + count / 2) / count);
 }
 
-Nanos at_or_none(const std::vector<Nanos>& by_unit, UnitId unit) {
-  return by_unit.empty() ? Nanos::zero() : by_unit[unit];
-}
-
 bool any_negative(const std::vector<Nanos>& values) {
   return std::ranges::any_of(values, [](Nanos value) { return value < Nanos::zero(); });
 }
 
 }  // namespace
-
-Nanos GraphEdge::transfer(UnitId source, UnitId target) const {
-  if (source == target) return Nanos::zero();
-  return delay + at_or_none(leave, source) + at_or_none(enter, target);
-}
 
 PlanningGraph::PlanningGraph(TaskGraph graph) : graph_(std::move(graph)) {
   check();

@@ -6,24 +6,14 @@
 #include <string>
 #include <vector>
 
-#include "scheduler/task.h"
+#include "scheduler/mix/task.h"
+#include "scheduler/services/transfers.h"
 #include "workloads/base/time.h"
 
 namespace pirt {
 
 /// The cost of a task on a unit that cannot run it.
 inline constexpr Nanos kUnsupported = Nanos::max();
-
-/// Data that one task makes for another. On the same unit it costs nothing to hand on.
-struct GraphEdge {
-  std::size_t from = 0;
-  std::size_t to = 0;
-  Nanos delay{0};              ///< Between any two different units.
-  std::vector<Nanos> leave{};  ///< By unit: what it adds that the data leaves it; empty = nothing.
-  std::vector<Nanos> enter{};  ///< By unit: what it adds that the data goes to it; empty = nothing.
-
-  [[nodiscard]] Nanos transfer(UnitId source, UnitId target) const;
-};
 
 /// Units run one task at a time; transfers do not wait for each other (the model of the planners'
 /// papers).

@@ -4,8 +4,8 @@
 
 #include <vector>
 
+#include "scheduler/policies/policy.h"
 #include "scheduler/policies/unit_order.h"
-#include "scheduler/policy.h"
 
 namespace pirt {
 

@@ -11,7 +11,7 @@
 #include <optional>
 #include <vector>
 
-#include "scheduler/policy.h"
+#include "scheduler/policies/policy.h"
 
 namespace pirt {
 

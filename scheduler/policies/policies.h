@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "scheduler/policy.h"
+#include "scheduler/policies/policy.h"
 
 namespace pirt {
 

@@ -6,7 +6,7 @@
 #include <span>
 #include <string_view>
 
-#include "scheduler/policy.h"
+#include "scheduler/policies/policy.h"
 
 namespace pirt {
 

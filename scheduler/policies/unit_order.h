@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "scheduler/task.h"
+#include "scheduler/mix/task.h"
 
 namespace pirt {
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "scheduler/dispatcher.h"
-#include "scheduler/policy.h"
+#include "scheduler/dispatcher/dispatcher.h"
+#include "scheduler/policies/policy.h"
 
 namespace pirt {
 

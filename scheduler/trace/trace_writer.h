@@ -21,7 +21,7 @@
 
 #include "scheduler/trace/log_json.h"
 #include "scheduler/trace/trace_file.h"
-#include "scheduler/virtual_time.h"
+#include "scheduler/virtual/virtual_time.h"
 
 namespace pirt {
 

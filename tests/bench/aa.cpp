@@ -15,10 +15,10 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "characterize/campaign.h"
-#include "characterize/process.h"
-#include "characterize/profile.h"
-#include "characterize/statistics.h"
+#include "characterize/campaign/campaign.h"
+#include "characterize/profile/store/reader.h"
+#include "characterize/statistics/statistics.h"
+#include "characterize/worker/process.h"
 #include "workloads/base/error.h"
 #include "workloads/registry.h"
 

@@ -9,7 +9,7 @@
 #include <cstdio>
 #include <string_view>
 
-#include "characterize/campaign.h"
+#include "characterize/campaign/campaign.h"
 #include "workloads/base/error.h"
 
 namespace {

@@ -9,8 +9,8 @@
 #include <cstdlib>
 #include <vector>
 
-#include "characterize/measure.h"
-#include "characterize/statistics.h"
+#include "characterize/statistics/statistics.h"
+#include "characterize/worker/measure.h"
 
 namespace {
 

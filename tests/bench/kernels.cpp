@@ -15,13 +15,13 @@
 #include <memory>
 #include <optional>
 
-#include "characterize/job_runner.h"
-#include "characterize/measure.h"
-#include "characterize/platform.h"
-#include "characterize/rank_tests.h"
-#include "characterize/scratch.h"
-#include "characterize/statistics.h"
-#include "characterize/unit_request.h"
+#include "characterize/platform/platform.h"
+#include "characterize/platform/unit_request.h"
+#include "characterize/statistics/rank_tests.h"
+#include "characterize/statistics/statistics.h"
+#include "characterize/worker/job_runner.h"
+#include "characterize/worker/measure.h"
+#include "characterize/worker/scratch.h"
 #include "reports/document.h"
 #include "reports/figures.h"
 #include "workloads/base/affinity.h"

@@ -9,7 +9,7 @@
 #include <map>
 #include <thread>
 
-#include "characterize/measure.h"
+#include "characterize/worker/measure.h"
 #include "workloads/base/error.h"
 #include "workloads/base/peak_math.h"
 #include "workloads/registry.h"

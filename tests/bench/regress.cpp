@@ -23,9 +23,9 @@
 #include <thread>
 #include <vector>
 
-#include "characterize/duet/injection.h"
-#include "characterize/measure.h"
-#include "characterize/process.h"
+#include "characterize/worker/injection.h"
+#include "characterize/worker/measure.h"
+#include "characterize/worker/process.h"
 #include "reports/gate/gate_report.h"
 #include "reports/gate/self_test.h"
 #include "workloads/base/error.h"

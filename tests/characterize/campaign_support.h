@@ -9,8 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "characterize/campaign.h"
-#include "characterize/profile.h"
+#include "characterize/campaign/campaign.h"
+#include "characterize/profile/profile.h"
+#include "characterize/profile/store/reader.h"
 #include "tests/characterize/support.h"
 
 namespace pirt::test {

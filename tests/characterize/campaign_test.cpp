@@ -1,16 +1,17 @@
 // The real coordinator and real worker processes, measuring scripted units: what is stored when all
 // goes well, and when it does not.
-#include "characterize/campaign.h"
+#include "characterize/campaign/campaign.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
-#include "characterize/environment_keys.h"
-#include "characterize/identity.h"
-#include "characterize/profile.h"
-#include "characterize/roofline.h"
+#include "characterize/machine/environment_keys.h"
+#include "characterize/profile/identity.h"
+#include "characterize/profile/profile.h"
+#include "characterize/profile/roofline.h"
+#include "characterize/profile/store/reader.h"
 #include "tests/characterize/campaign_support.h"
 #include "tests/characterize/support.h"
 #include "tests/support/data.h"

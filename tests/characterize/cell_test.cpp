@@ -1,5 +1,5 @@
 // What a cell makes of the results of its processes: given by hand, nothing is run.
-#include "characterize/cell.h"
+#include "characterize/campaign/cell.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

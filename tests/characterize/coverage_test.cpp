@@ -7,7 +7,7 @@
 #include <functional>
 #include <numbers>
 
-#include "characterize/statistics.h"
+#include "characterize/statistics/statistics.h"
 #include "workloads/base/random.h"
 
 namespace pirt {

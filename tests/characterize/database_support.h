@@ -13,8 +13,11 @@
 #include <optional>
 #include <string>
 
-#include "characterize/database.h"
-#include "characterize/profile.h"
+#include "characterize/profile/profile.h"
+#include "characterize/profile/records.h"
+#include "characterize/profile/store/database_format.h"
+#include "characterize/profile/store/reader.h"
+#include "characterize/profile/store/writer.h"
 #include "tests/characterize/support.h"
 #include "tests/support/as_nobody.h"
 

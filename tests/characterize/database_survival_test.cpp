@@ -12,8 +12,9 @@
 #include <sstream>
 #include <thread>
 
-#include "characterize/database.h"
-#include "characterize/profile.h"
+#include "characterize/profile/records.h"
+#include "characterize/profile/store/reader.h"
+#include "characterize/profile/store/writer.h"
 #include "tests/characterize/database_support.h"
 #include "tests/characterize/support.h"
 #include "tests/support/long.h"

@@ -1,4 +1,3 @@
-#include "characterize/database.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,7 +7,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "characterize/profile.h"
+#include "characterize/profile/profile.h"
+#include "characterize/profile/records.h"
+#include "characterize/profile/store/database_format.h"
+#include "characterize/profile/store/reader.h"
+#include "characterize/profile/store/writer.h"
 #include "tests/characterize/database_support.h"
 #include "tests/characterize/support.h"
 

@@ -1,6 +1,6 @@
 // What doctor finds on recorded machines, and what it says to do; nothing here looks at this
 // machine.
-#include "characterize/doctor.h"
+#include "characterize/doctor/doctor.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

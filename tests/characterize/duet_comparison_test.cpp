@@ -13,7 +13,7 @@
 #include <fstream>
 
 #include "characterize/duet/duet.h"
-#include "characterize/scratch.h"
+#include "characterize/worker/scratch.h"
 #include "tests/support/errors.h"
 #include "tests/support/few_threads.h"
 #include "workloads/base/text.h"

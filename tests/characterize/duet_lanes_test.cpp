@@ -8,7 +8,7 @@
 #include <mutex>
 
 #include "characterize/duet/duet.h"
-#include "characterize/scratch.h"
+#include "characterize/worker/scratch.h"
 #include "tests/support/errors.h"
 #include "tests/support/recorded_machines.h"
 

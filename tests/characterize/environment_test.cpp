@@ -1,10 +1,10 @@
-#include "characterize/environment.h"
+#include "characterize/machine/environment.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "characterize/environment_keys.h"
-#include "characterize/host_load.h"
+#include "characterize/machine/environment_keys.h"
+#include "characterize/machine/host_load.h"
 #include "tests/characterize/support.h"
 
 namespace pirt {

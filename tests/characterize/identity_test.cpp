@@ -1,10 +1,10 @@
 // What must match for two runs to be compared, and what may differ.
-#include "characterize/identity.h"
+#include "characterize/profile/identity.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "characterize/environment_keys.h"
+#include "characterize/machine/environment_keys.h"
 
 namespace pirt {
 namespace {

@@ -1,5 +1,5 @@
 // Equal pieces of work: what is measured of the usable cores, and where most of the pieces lie.
-#include "characterize/jitter.h"
+#include "characterize/doctor/jitter.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
-#include "characterize/job.h"
+#include "characterize/worker/job.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <sstream>
 
-#include "characterize/worker.h"
+#include "characterize/worker/worker.h"
 #include "tests/characterize/support.h"
 
 namespace pirt {

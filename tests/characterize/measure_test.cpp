@@ -1,10 +1,10 @@
-#include "characterize/measure.h"
+#include "characterize/worker/measure.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "characterize/statistics.h"
-#include "characterize/validity.h"
+#include "characterize/campaign/validity.h"
+#include "characterize/statistics/statistics.h"
 #include "tests/characterize/support.h"
 
 namespace pirt {

@@ -1,10 +1,10 @@
 // Which loop a peak is taken from, and what is said where there is none.
-#include "characterize/peaks.h"
+#include "characterize/worker/peaks.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "characterize/job.h"
+#include "characterize/worker/job.h"
 
 namespace pirt {
 namespace {

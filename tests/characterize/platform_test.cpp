@@ -1,5 +1,5 @@
 // Platform files: what they mean, and what they refuse.
-#include "characterize/platform.h"
+#include "characterize/platform/platform.h"
 
 #include <gmock/gmock.h>
 

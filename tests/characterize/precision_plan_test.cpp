@@ -1,4 +1,4 @@
-#include "characterize/precision_plan.h"
+#include "characterize/campaign/precision_plan.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

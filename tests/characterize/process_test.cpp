@@ -1,4 +1,4 @@
-#include "characterize/process.h"
+#include "characterize/worker/process.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

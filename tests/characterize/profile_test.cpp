@@ -1,10 +1,13 @@
-#include "characterize/profile.h"
+
+#include "characterize/profile/profile.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "characterize/database.h"
-#include "characterize/statistics.h"
+#include "characterize/profile/records.h"
+#include "characterize/profile/store/reader.h"
+#include "characterize/profile/store/writer.h"
+#include "characterize/statistics/statistics.h"
 #include "tests/characterize/database_support.h"
 
 namespace pirt {

@@ -1,4 +1,4 @@
-#include "characterize/rank_tests.h"
+#include "characterize/statistics/rank_tests.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // Fractions of rooflines, worked by hand, and what invalidates a peak.
-#include "characterize/roofline.h"
+#include "characterize/profile/roofline.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

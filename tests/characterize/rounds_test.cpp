@@ -9,8 +9,8 @@
 #include <algorithm>
 #include <set>
 
-#include "characterize/campaign.h"
-#include "characterize/cell.h"
+#include "characterize/campaign/campaign.h"
+#include "characterize/campaign/cell.h"
 #include "tests/characterize/campaign_support.h"
 
 namespace pirt {

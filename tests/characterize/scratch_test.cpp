@@ -1,4 +1,4 @@
-#include "characterize/scratch.h"
+#include "characterize/worker/scratch.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

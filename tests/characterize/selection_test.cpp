@@ -1,5 +1,5 @@
 // Which workloads a filter, variants and a batch choose.
-#include "characterize/selection.h"
+#include "characterize/platform/selection.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

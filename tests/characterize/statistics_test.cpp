@@ -1,4 +1,4 @@
-#include "characterize/statistics.h"
+#include "characterize/statistics/statistics.h"
 
 #include <gtest/gtest.h>
 

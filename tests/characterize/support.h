@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
-#include "characterize/campaign.h"
-#include "characterize/database.h"
-#include "characterize/platform.h"
+#include "characterize/campaign/campaign.h"
+#include "characterize/platform/platform.h"
+#include "characterize/profile/records.h"
 #include "workloads/base/error.h"
 
 namespace pirt::test {

@@ -2,6 +2,6 @@
 // depend on the command line.
 #include <iostream>
 
-#include "characterize/worker.h"
+#include "characterize/worker/worker.h"
 
 int main() { return pirt::run_worker(std::cin, std::cout); }

@@ -178,7 +178,8 @@ TEST_F(SameFile, IsNothingOfARecordedMachine) {
 }
 
 TEST_F(SameFile, OfARunThatIsGoneOnWithIsRefusedToo) {
-  const auto platform = run("cat " + quoted(PIRT_SOURCE_DIR) + "/characterize/platforms/fake.yaml");
+  const auto platform =
+      run("cat " + quoted(PIRT_SOURCE_DIR) + "/characterize/platform/platforms/fake.yaml");
   scratch_.write("mine.yaml", platform.out);
   const auto begun = pirt_here(
       "characterize --quick --platform mine.yaml --filter '^pool5$' --db p.db & pid=$!; while kill "

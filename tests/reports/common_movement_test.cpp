@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "characterize/statistics.h"
+#include "characterize/statistics/statistics.h"
 #include "reports/gate/between_runs.h"
 #include "reports/gate/table_gate.h"
 

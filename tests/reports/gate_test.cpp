@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "characterize/statistics.h"
+#include "characterize/statistics/statistics.h"
 #include "reports/gate/between_runs.h"
 #include "reports/gate/gate_report.h"
 #include "workloads/base/random.h"

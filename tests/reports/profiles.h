@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "characterize/profile.h"
+#include "characterize/profile/profile.h"
 
 namespace pirt::test {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "characterize/statistics.h"
+#include "characterize/statistics/statistics.h"
 #include "tests/scheduler/support.h"
 
 namespace pirt::test {

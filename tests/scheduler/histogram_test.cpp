@@ -1,4 +1,4 @@
-#include "scheduler/histogram.h"
+#include "scheduler/record/histogram.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "scheduler/run_record.h"
+#include "scheduler/record/run_record.h"
 
 #include <filesystem>
 #include <fstream>

@@ -1,5 +1,5 @@
 // FIFO and processor sharing, worked by hand to the nanosecond.
-#include "scheduler/servers.h"
+#include "scheduler/virtual/servers.h"
 
 #include <gmock/gmock.h>
 

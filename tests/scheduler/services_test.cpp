@@ -1,5 +1,5 @@
 // Services from platform files and from profiles.
-#include "scheduler/services.h"
+#include "scheduler/services/services.h"
 
 #include "tests/scheduler/support.h"
 

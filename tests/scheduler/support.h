@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "characterize/platform.h"
-#include "scheduler/dispatcher.h"
-#include "scheduler/policy.h"
+#include "characterize/platform/platform.h"
+#include "scheduler/dispatcher/dispatcher.h"
+#include "scheduler/policies/policy.h"
 #include "scheduler/schedule.h"
 #include "tests/support/errors.h"
 

@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "scheduler/dag_generator.h"
-#include "scheduler/eligibility.h"
-#include "scheduler/mix_plan.h"
+#include "scheduler/mix/dag_generator.h"
+#include "scheduler/planner/mix_plan.h"
+#include "scheduler/policies/eligibility.h"
 #include "tests/scheduler/support.h"
 #include "workloads/base/random.h"
 

@@ -1,6 +1,6 @@
 // Whole runs in virtual time, small enough to be worked by hand.
-#include "scheduler/eligibility.h"
-#include "scheduler/summary.h"
+#include "scheduler/policies/eligibility.h"
+#include "scheduler/record/summary.h"
 #include "tests/scheduler/support.h"
 #include "workloads/base/random.h"
 

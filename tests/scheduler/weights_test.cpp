@@ -1,5 +1,5 @@
 // The derivation of weights, worked by hand.
-#include "scheduler/weights.h"
+#include "scheduler/policies/weights.h"
 
 #include "tests/scheduler/support.h"
 

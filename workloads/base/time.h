@@ -27,4 +27,12 @@ class Clock {
   [[nodiscard]] virtual Nanos now() const = 0;
 };
 
+/// The machine's monotonic clock.
+class MachineClock : public Clock {
+ public:
+  [[nodiscard]] Nanos now() const override {
+    return std::chrono::steady_clock::now().time_since_epoch();
+  }
+};
+
 }  // namespace pirt

@@ -7,8 +7,8 @@
 #include <cstdio>
 #include <memory>
 
-#include "characterize/platform.h"
-#include "characterize/unit_request.h"
+#include "characterize/platform/platform.h"
+#include "characterize/platform/unit_request.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog.h"
 #include "workloads/registry.h"

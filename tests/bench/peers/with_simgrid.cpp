@@ -12,9 +12,9 @@
 #include <unordered_map>
 #include <utility>
 
-#include "scheduler/eligibility.h"
+#include "scheduler/policies/eligibility.h"
 #include "scheduler/schedule.h"
-#include "scheduler/services.h"
+#include "scheduler/services/services.h"
 #include "scheduler/trace/replay.h"
 #include "tests/bench/peers/comparison.h"
 #include "tests/bench/peers/simgrid.h"

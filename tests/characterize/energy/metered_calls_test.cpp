@@ -7,7 +7,7 @@
 #include <functional>
 #include <thread>
 
-#include "characterize/measure.h"
+#include "characterize/worker/measure.h"
 #include "workloads/base/error.h"
 
 namespace pirt {

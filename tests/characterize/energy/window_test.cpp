@@ -6,7 +6,7 @@
 #include <atomic>
 #include <thread>
 
-#include "characterize/measure.h"
+#include "characterize/worker/measure.h"
 #include "tests/characterize/energy/sysfs_tree.h"
 #include "tests/support/few_threads.h"
 

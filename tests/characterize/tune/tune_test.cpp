@@ -4,9 +4,9 @@
 
 #include <gmock/gmock.h>
 
-#include "characterize/campaign.h"
-#include "characterize/environment_keys.h"
-#include "characterize/identity.h"
+#include "characterize/campaign/campaign.h"
+#include "characterize/machine/environment_keys.h"
+#include "characterize/profile/identity.h"
 #include "tests/characterize/support.h"
 #include "tests/workloads/tuning_support.h"
 #include "workloads/base/error.h"

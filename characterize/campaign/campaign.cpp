@@ -1,0 +1,404 @@
+#include "characterize/campaign/campaign.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <stdlib.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <ctime>
+#include <map>
+#include <memory>
+#include <set>
+
+#include "characterize/campaign/campaign_estimate.h"
+#include "characterize/campaign/campaign_meters.h"
+#include "characterize/campaign/campaign_resume.h"
+#include "characterize/campaign/cell.h"
+#include "characterize/campaign/precision_plan.h"
+#include "characterize/platform/unit_request.h"
+#include "characterize/profile/profile.h"
+#include "characterize/profile/roofline.h"
+#include "characterize/profile/store/reader.h"
+#include "characterize/worker/job_runner.h"
+#include "characterize/worker/measure.h"
+#include "characterize/worker/peaks.h"
+#include "characterize/worker/scratch.h"
+#include "workloads/base/error.h"
+#include "workloads/base/random.h"
+#include "workloads/base/text.h"
+#include "workloads/registry.h"
+
+namespace pirt {
+namespace {
+
+std::string utc_now() {
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+}
+
+Environment run_environment(const CampaignOptions& options, const CampaignPlan& plan) {
+  Environment facts = host_environment();
+  facts.merge(build_environment());
+  facts.insert(plan.facts.begin(), plan.facts.end());
+  facts.merge(idle_facts(plan));
+  facts["cores_usable"] = fmt::format("{}", fmt::join(usable_cores(), ","));
+  const ClockQuality clock = measure_clock(MachineClock());
+  facts["clock_cost_ns"] = fmt::format("{:.1f}", clock.cost_ns);
+  facts["clock_resolution_ns"] = std::to_string(clock.resolution.count());
+  const auto images =
+      options.images ? images_from(*options.images) : generated_images(options.seed);
+  facts["images"] = images->describe();
+  facts["images_hash"] = fmt::format("{:016x}", images->content_hash());
+  facts["mode"] = options.quick ? "quick" : "full";
+  facts["precision"] = fmt::format("{}", options.precision);
+  if (!options.filter.empty()) facts["filter"] = options.filter;
+  if (!options.platform.assumptions.empty()) facts["assumptions"] = options.platform.assumptions;
+  return facts;
+}
+
+/// One cell of a running campaign.
+struct Cell {
+  const PlannedCell* planned = nullptr;
+  CellRequest request;
+  std::unique_ptr<CellMeasurement> measurement;
+  Nanos last_visit{0};  ///< What it took.
+  bool stored = false;
+};
+
+/// Fisher and Yates.
+template <typename T>
+void shuffle(std::vector<T>& items, std::uint64_t seed) {
+  Random random(seed);
+  for (std::size_t i = items.size(); i > 1; --i) std::swap(items[i - 1], items[random.below(i)]);
+}
+
+class Campaign {
+ public:
+  Campaign(const CampaignOptions& options, const CampaignPlan& plan, const ProgressSink& sink)
+      : options_(options),
+        plan_(plan),
+        sink_(sink),
+        writer_(options.database),
+        runner_(options.program, options.job_limit, options.stop) {}
+
+  CampaignSummary run() {
+    if (options_.resumed) writer_.resume_run(*options_.resumed);
+    const Environment facts = run_environment(options_, plan_);
+    if (options_.resumed) {
+      check_identity(options_.resumed->run, facts);
+      summary_.run_id = options_.resumed->run.run_id;
+    } else {
+      summary_.run_id = writer_.begin_run({utc_now(), options_.platform.name, options_.seed, facts,
+                                           plan_.units, stored_plan(options_, plan_)});
+    }
+    measure_peaks_of_units();
+    make_cells();
+    if (options_.resumed) replay(options_.resumed->visits);
+    if (!summary_.interrupted) measure();
+    if (!summary_.interrupted) judge_peaks();
+    if (summary_.interrupted) {
+      store_interrupted();
+    } else {
+      writer_.finish_run(summary_.run_id, utc_now(),
+                         end_environment(counters_, read_host_counters({})));
+    }
+    summary_.elapsed = elapsed();
+    return summary_;
+  }
+
+ private:
+  [[nodiscard]] Nanos elapsed() const { return clock_.now() - start_; }
+
+  /// The limits of each unit, before its cells.
+  void measure_peaks_of_units() {
+    for (const UnitRecord& unit : plan_.units) {
+      if (!summary_.interrupted) measure_peaks_of(unit.unit);
+    }
+  }
+
+  /// Stores the faster of what is known and what is measured now. A worker that fails leaves rows
+  /// that say so.
+  void measure_peaks_of(const std::string& name) {
+    const UnitModel& unit = options_.platform.unit(name);
+    Job job;
+    job.kind = JobKind::kPeaks;
+    job.backend = unit.backend;
+    job.unit = make_unit_request(options_.platform, unit);
+    // A kernel cache of its own: what is compiled here must not warm up a cell's cold set-up.
+    const auto cache = scratch_.path() / "peaks";
+    std::filesystem::create_directories(cache);
+    const auto result =
+        runner_.run(job, find_backend(unit.backend).kernel_cache_environment(cache.string()));
+    if (!result) {
+      summary_.interrupted = true;
+      return;
+    }
+    auto& known = peaks_[name];
+    known =
+        faster_peaks(known, peak_records(name, result->peaks, result->error, result->provenance));
+    writer_.write_peaks(summary_.run_id, known);
+  }
+
+  /// A cell above its roof shows that a peak was measured too low, in a busy spell perhaps: it is
+  /// measured once more, and if it is still exceeded, it is stored as not valid.
+  void judge_peaks() {
+    const auto exceeded = [&] {
+      const RunRange own{summary_.run_id, summary_.run_id};
+      return exceeded_peaks(rooflines(load_profile(options_.database, options_.platform.name, own)),
+                            summary_.run_id);
+    };
+    std::set<std::string> units;
+    for (const PeakRow& peak : exceeded()) units.insert(peak.unit);
+    if (units.empty()) return;
+    for (const std::string& unit : units) {
+      if (!summary_.interrupted) measure_peaks_of(unit);
+    }
+    for (const PeakRow& peak : exceeded()) {
+      const PeakRecord record{peak.unit,    peak.kind,       peak.per_second,
+                              peak.variant, peak.provenance, peak.reasons};
+      writer_.write_peaks(summary_.run_id, {&record, 1});
+      if (!sink_.warning) continue;
+      sink_.warning(fmt::format("{}: the {} peak is not valid: {}", peak.unit, to_string(peak.kind),
+                                join(peak.reasons, ", ")));
+    }
+  }
+
+  void make_cells() {
+    cells_.reserve(plan_.cells.size());
+    for (const PlannedCell& planned : plan_.cells) {
+      Cell cell{&planned, request_for(planned), nullptr, {}, false};
+      cell.measurement = std::make_unique<CellMeasurement>(cell.request, runner_);
+      cells_.push_back(std::move(cell));
+    }
+  }
+
+  /// What an interrupted campaign found, as if it had just been found.
+  void replay(const std::vector<std::pair<CellName, VisitRecord>>& visits) {
+    for (const auto& [name, visit] : visits) {
+      const auto cell = std::ranges::find_if(cells_, [&name = name](const Cell& c) {
+        return c.planned->workload->name == name.workload && c.planned->unit == name.unit;
+      });
+      if (cell != cells_.end()) cell->measurement->add(visit.setup, last_record(visit.record));
+    }
+  }
+
+  void measure() {
+    for (int round = 0; !summary_.interrupted; ++round) {
+      const std::vector<Cell*> due = cells_of_round(round);
+      if (due.empty()) return;
+      for (Cell* cell : due) {
+        if (!visit(*cell)) {
+          summary_.interrupted = true;
+          break;
+        }
+      }
+    }
+  }
+
+  /// Every cell that needs a process, in an order of the round's own; after them those that get one
+  /// for their precision. What is complete is stored.
+  std::vector<Cell*> cells_of_round(int round) {
+    std::vector<Cell*> needing, wanting;
+    for (Cell& cell : cells_) {
+      if (cell.stored) continue;
+      const auto next = cell.measurement->next();
+      if (next && (next->needed || !time_is_over())) {
+        (next->needed ? needing : wanting).push_back(&cell);
+      } else if (!complete(cell)) {
+        summary_.interrupted = true;
+        return {};
+      }
+    }
+    const std::uint64_t seed = derive_seed(options_.seed, fmt::format("round {}", round));
+    auto chosen = nearest_to_precision(wanting);
+    shuffle(needing, seed);
+    shuffle(chosen, derive_seed(seed, "for precision"));
+    needing.insert(needing.end(), chosen.begin(), chosen.end());
+    return needing;
+  }
+
+  [[nodiscard]] std::vector<Cell*> nearest_to_precision(const std::vector<Cell*>& wanting) const {
+    std::vector<std::optional<Nanos>> needed;
+    for (const Cell* cell : wanting) {
+      const auto visits = cell->measurement->visits_to_precision();
+      needed.push_back(visits ? std::optional(*visits * cell->last_visit) : std::nullopt);
+    }
+    std::vector<Cell*> chosen;
+    for (const std::size_t i : within_reach(needed, plan_.max_time - elapsed())) {
+      chosen.push_back(wanting[i]);
+    }
+    return chosen;
+  }
+
+  [[nodiscard]] bool time_is_over() const { return elapsed() >= plan_.max_time; }
+
+  /// @return False if stopped.
+  bool visit(Cell& cell) {
+    const auto next = cell.measurement->next();
+    if (!next->needed && time_is_over()) return true;
+    const auto failure = reference(cell.request);
+    if (!failure) return false;
+    if (!failure->empty()) {
+      finish(cell, failed_cell(cell.request, *failure));
+      return true;
+    }
+    const Nanos begin = clock_.now();
+    auto result = cell.measurement->visit();
+    if (!result) return false;
+    cell.last_visit = clock_.now() - begin;
+    writer_.write_visit(summary_.run_id, name_of(cell),
+                        {cell.measurement->processes(), next->setup, to_record(*result) + "\n"});
+    cell.measurement->add(next->setup, std::move(*result));
+    ++summary_.processes;
+    return cell.measurement->next() || complete(cell);
+  }
+
+  [[nodiscard]] static CellName name_of(const Cell& cell) {
+    return {cell.planned->workload->name, cell.planned->unit};
+  }
+
+  /// Reads the energy meters first. @return False if stopped; then nothing was stored.
+  bool complete(Cell& cell) {
+    if (cell.measurement->metering_due() && !cell.measurement->meter()) return false;
+    store(cell);
+    return true;
+  }
+
+  void store(Cell& cell) { finish(cell, cell.measurement->record()); }
+
+  void finish(Cell& cell, const CellRecord& record) {
+    writer_.write_cell(summary_.run_id, record);
+    if (sink_.stored) sink_.stored(name_of(cell));
+    count(record);
+    const auto reached = cell.measurement->reached();
+    summary_.within_precision += reached && *reached <= options_.precision ? 1 : 0;
+    cell.stored = true;
+    cell.measurement.reset();  // and with it the kernel cache
+  }
+
+  /// Cells whose valid rows need no more are done; of others what there is can be seen, and gone on
+  /// with.
+  void store_interrupted() {
+    for (Cell& cell : cells_) {
+      if (cell.stored || cell.measurement->processes() == 0) continue;
+      if (cell.measurement->needed_visits() == 0 && !cell.measurement->metering_due()) {
+        store(cell);
+      } else if (cell.measurement->processes() >= kFewestProcesses) {
+        writer_.write_interrupted_cell(summary_.run_id, cell.measurement->record());
+        ++summary_.cells_begun;
+      }
+    }
+  }
+
+  CellRequest request_for(const PlannedCell& planned) {
+    const UnitModel& unit = options_.platform.unit(planned.unit);
+    const auto at =
+        std::ranges::find(plan_.units, planned.unit, &UnitRecord::unit) - plan_.units.begin();
+    return {options_.platform,
+            unit,
+            find_backend(unit.backend),
+            *planned.workload,
+            job_for(planned, unit),
+            plan_.provenances.at(static_cast<std::size_t>(at)),
+            needed_processes(options_) / 2,
+            options_.precision,
+            scratch_.path(),
+            [this, &planned](std::string_view step) { report(planned, step); }};
+  }
+
+  Job job_for(const PlannedCell& planned, const UnitModel& unit) const {
+    Job job;
+    job.backend = unit.backend;
+    job.unit = make_unit_request(options_.platform, unit, scratch_.path().string());
+    job.workload = planned.workload->name;
+    job.seed = options_.seed;
+    if (options_.images) job.images = std::filesystem::absolute(*options_.images).string();
+    job.reference = (scratch_.path() / (job.workload + ".reference")).string();
+    job.sampling = sampling_options(options_);
+    const auto meters = plan_.meters.find(unit.name);
+    if (meters != plan_.meters.end()) job.metering = meters->second;
+    return job;
+  }
+
+  /// Computes the workload's reference unless that was done (or failed) for another unit. Returns
+  /// what went wrong, "" if nothing did, or nothing if stopped.
+  std::optional<std::string> reference(const CellRequest& request) {
+    const auto known = references_.find(request.workload.name);
+    if (known != references_.end()) return known->second;
+    request.on_step("reference");
+    Job job = request.job;
+    job.kind = JobKind::kReference;
+    const auto result = runner_.run(job);
+    if (!result) return std::nullopt;
+    return references_[request.workload.name] = result->error;
+  }
+
+  void report(const PlannedCell& cell, std::string_view step) const {
+    if (!sink_.progress) return;
+    sink_.progress({cell.workload->name, cell.unit, std::string(step), summary_.cells,
+                    static_cast<int>(plan_.cells.size()), elapsed(), estimated_left()});
+  }
+
+  /// Visits to come at what those that were done took on average, or, before the first round is
+  /// over, at what the plan supposes.
+  [[nodiscard]] Nanos estimated_left() const {
+    std::int64_t needed = 0;
+    std::int64_t expected = 0;
+    for (const Cell& cell : cells_) {
+      if (cell.stored) continue;
+      needed += cell.measurement->needed_visits();
+      expected += cell.measurement->expected_visits();
+    }
+    const auto all = static_cast<std::int64_t>(cells_.size());
+    if (summary_.processes < all) {
+      return std::max(Nanos(0), plan_.estimate.total - elapsed());
+    }
+    const Nanos each = elapsed() / summary_.processes;
+    return std::max(needed * each, std::min(expected * each, plan_.max_time - elapsed()));
+  }
+
+  void count(const CellRecord& record) {
+    ++summary_.cells;
+    std::map<std::string, std::vector<std::string>>
+        invalid;  // reasons -> the phases that have them
+    for (const PhaseRecord& row : record.phases) {
+      ++(row.reasons.empty() ? summary_.rows_valid : summary_.rows_invalid);
+      if (row.reasons.empty()) continue;
+      auto& phases = invalid[join(row.reasons, ", ")];
+      const std::string phase(to_string(row.phase));
+      if (std::ranges::find(phases, phase) == phases.end()) phases.push_back(phase);
+    }
+    if (!sink_.warning) return;
+    for (const auto& [reasons, phases] : invalid) {
+      const bool wrong = reasons.find("wrong_output") != std::string::npos;
+      sink_.warning(fmt::format("{} on {}: not valid ({}): {}{}", record.workload, record.unit,
+                                join(phases, ", "), reasons,
+                                wrong ? "; " + record.verification : ""));
+    }
+  }
+
+  const CampaignOptions& options_;
+  const CampaignPlan& plan_;
+  const ProgressSink& sink_;
+  ScratchFolder scratch_;  // before the writer: without it no database is made
+  ProfileWriter writer_;
+  JobRunner runner_;
+  MachineClock clock_;
+  Nanos start_ = clock_.now();
+  HostCounters counters_ = read_host_counters({});
+  std::vector<Cell> cells_;
+  std::map<std::string, std::string> references_;
+  std::map<std::string, std::vector<PeakRecord>> peaks_;  ///< By unit.
+  CampaignSummary summary_;
+};
+
+}  // namespace
+
+CampaignSummary run_campaign(const CampaignOptions& options, const CampaignPlan& plan,
+                             const ProgressSink& sink) {
+  return Campaign(options, plan, sink).run();
+}
+
+}  // namespace pirt

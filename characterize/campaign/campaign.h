@@ -1,0 +1,138 @@
+// `pirt characterize`: which cells (workload on unit) there are, measuring them in rounds, storing
+// each as it is done.
+//
+// A round visits every cell that needs a process, each with a fresh one, in an order of its own: a
+// cell's processes are spread over the whole run, so that a busy spell or a slow drift of the
+// machine is within each interval and not between cells.
+//
+// The coordinator opens no device: all that touches one happens in worker processes (worker.h), one
+// at a time, so that nothing is timed beside something else.
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "characterize/energy/metered_calls.h"
+#include "characterize/machine/environment.h"
+#include "characterize/platform/platform.h"
+#include "characterize/platform/selection.h"
+#include "characterize/profile/profile.h"
+#include "characterize/profile/records.h"
+#include "characterize/profile/store/reader.h"
+#include "workloads/workload.h"
+
+namespace pirt {
+
+struct CampaignOptions {
+  std::filesystem::path database;
+  Platform platform;
+  std::vector<std::string> units;     ///< Empty = all measured units of the platform.
+  std::string filter;                 ///< A NameFilter of workload names; empty = all.
+  std::vector<std::string> variants;  ///< Measured beside the plain workloads (catalog.h).
+  std::optional<int> batch;  ///< AlexNet's rows are measured with this many images a call as well.
+  std::optional<std::filesystem::path>
+      images;  ///< For images_from; absent = generated from the seed.
+  std::uint64_t seed = 1;
+  double precision =
+      0.02;  ///< Half the 95 % interval of the median, relative; within 0 and 1, both excluded.
+  bool quick = false;             ///< 2 cold and 2 warm set-ups a cell, instead of 5 each.
+  std::optional<Nanos> max_time;  ///< See CampaignPlan::max_time; absent = kQuickTime or kFullTime
+                                  ///< a cell.
+  /// What `platform` was loaded from, so that the run can be gone on with.
+  std::string platform_argument;
+  std::vector<std::string> settings;
+  std::optional<UnfinishedRun> resumed;  ///< From resume_options: no new run, but the rest of this.
+  std::filesystem::path program = "/proc/self/exe";  ///< Started as `PROGRAM worker`.
+  std::filesystem::path sysfs = "/sys";              ///< Where energy meters are looked for.
+  Nanos job_limit = std::chrono::seconds(
+      120);  ///< A worker that takes longer is killed and its cell is an error.
+  const std::atomic<bool>* stop = nullptr;  ///< Set it (from a signal handler, say) to end the run;
+                                            ///< finished cells stay. May be null.
+};
+
+/// The default of max_time, for each cell.
+inline constexpr Nanos kQuickTime = std::chrono::milliseconds(2'900);
+inline constexpr Nanos kFullTime = std::chrono::milliseconds(15'000);
+
+struct PlannedCell {
+  const Workload* workload = nullptr;  ///< In the catalog.
+  std::string unit;
+};
+
+/// How long a campaign will take.
+struct Estimate {
+  Nanos needed{0};     ///< What valid rows need.
+  Nanos total{0};      ///< With what the precision will take, as far as max_time goes.
+  std::string source;  ///< "run 3 of a.db", or what machine the constants are from.
+};
+
+struct CampaignPlan {
+  std::vector<PlannedCell> cells;  ///< In platform order; each round has its own order.
+  std::vector<Skip> skipped;
+  std::vector<UnitRecord>
+      units;  ///< Those with cells, in platform order, with the device that each got.
+  std::vector<Provenance> provenances;         ///< Of each of `units`.
+  std::map<std::string, MeterRequest> meters;  ///< By unit; those without one are modelled.
+  std::vector<std::string> remarks;  ///< Why a unit's energy is modelled, or from another meter.
+  Environment facts;                 ///< What probing found: "unit.cpu.version".
+  Nanos max_time{0};  ///< No process is started for precision alone after that; those that valid
+                      ///< rows need are run all the same.
+  Estimate estimate;
+};
+
+/// Checks all arguments, probes each unit in a worker process and lays out the cells. Writes
+/// nothing and makes no database.
+/// @throws Error{kBadInput}: a unit that the platform does not have or does not measure; a filter
+/// that is no regular expression or matches
+///         nothing (with the nearest names); bad images; a precision out of range.
+/// @throws Error{kEnvironment}: a unit that was named is not available (with the remedy), or none
+/// is; no unit supports any chosen workload.
+[[nodiscard]] CampaignPlan plan_campaign(const CampaignOptions& options);
+
+/// The options that the newest unfinished run of @p database was started with, to go on with it;
+/// program, job_limit and stop are left to the caller.
+/// @throws Error{kBadInput} if there is none, or its plan is not readable; as load_profile.
+[[nodiscard]] CampaignOptions resume_options(const std::filesystem::path& database);
+
+struct Progress {
+  std::string workload, unit;
+  std::string step;  ///< "process 3, cold set-up"
+  int done = 0;      ///< Cells that are stored.
+  int cells = 0;
+  Nanos elapsed{0};
+  Nanos estimated_left{0};  ///< From the plan's estimate at first, then from the visits done.
+};
+
+struct ProgressSink {
+  std::function<void(const Progress&)> progress;  ///< At each step of each cell; may be empty.
+  std::function<void(const std::string&)>
+      warning;  ///< A row that turned out invalid, in one line; may be empty.
+  std::function<void(const CellName&)>
+      stored;  ///< A cell that is in the database from here on, whatever happens; may be empty.
+};
+
+struct CampaignSummary {
+  std::int64_t run_id = 0;
+  int cells = 0;        ///< Stored.
+  int cells_begun = 0;  ///< Not complete when the run was interrupted, and stored as they are.
+  int rows_valid = 0;
+  int rows_invalid = 0;
+  int processes = 0;         ///< That were run to their end.
+  int within_precision = 0;  ///< Stored cells whose `call` and `execute` reached the precision.
+  bool interrupted = false;  ///< By options.stop; what was measured is kept.
+  Nanos elapsed{0};
+};
+
+/// Appends one run to the database, which is made if there is none, or goes on with one.
+/// @throws Error as ProfileWriter; Error{kBadInput} if the machine is not the one that the run was
+/// begun on; Error{kEnvironment} if no worker can be started or scratch space
+/// cannot be made.
+CampaignSummary run_campaign(const CampaignOptions& options, const CampaignPlan& plan,
+                             const ProgressSink& sink = {});
+
+}  // namespace pirt

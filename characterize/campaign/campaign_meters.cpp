@@ -1,0 +1,63 @@
+#include "characterize/campaign/campaign_meters.h"
+
+#include "characterize/energy/choice.h"
+
+namespace pirt {
+namespace {
+
+constexpr int kWindowsACell = 3;  // idle, calls, idle
+
+MeterRequest request_for(const std::vector<const Meter*>& meters,
+                         const std::filesystem::path& sysfs) {
+  MeterRequest request;
+  request.meters = names_of(meters);
+  request.source = source_of(meters);
+  request.domain = domain_of(meters);
+  request.sysfs = std::filesystem::absolute(sysfs).string();
+  request.window = metering_window(meters, request.window);
+  return request;
+}
+
+}  // namespace
+
+void plan_meters(const CampaignOptions& options, CampaignPlan& plan) {
+  const MeterDiscovery found = discover_meters(options.sysfs);
+  for (std::size_t i = 0; i < plan.units.size(); ++i) {
+    const UnitRecord& unit = plan.units[i];
+    const MeterUser user{options.platform.unit(unit.unit), unit.device_is_cpu,
+                         plan.provenances[i] != Provenance::kMeasured};
+    const MeterChoice choice = choose_meters(found, user, options.sysfs);
+    if (!choice.remark.empty()) plan.remarks.push_back(choice.remark);
+    const std::string fact = "meter." + unit.unit;
+    if (choice.meters.empty()) {
+      plan.facts[fact + "_unknown"] = choice.remark.empty() ? "none" : choice.remark;
+      continue;
+    }
+    const MeterRequest request = request_for(choice.meters, options.sysfs);
+    plan.facts[fact] = request.source + " (" + request.domain + ")";
+    plan.meters[unit.unit] = request;
+  }
+}
+
+Nanos metering_time(const CampaignPlan& plan) {
+  Nanos time{0};
+  for (const PlannedCell& cell : plan.cells) {
+    const auto meter = plan.meters.find(cell.unit);
+    if (meter != plan.meters.end()) time += kWindowsACell * meter->second.window;
+  }
+  return time;
+}
+
+Environment idle_facts(const CampaignPlan& plan) {
+  Environment facts;
+  std::map<std::string, std::string> known;  // units that share a meter share its reading
+  for (const auto& [unit, request] : plan.meters) {
+    if (!known.contains(request.meters)) known[request.meters] = idle_power_text(request);
+    const bool is_figure = !known[request.meters].empty();
+    facts["meter." + unit + (is_figure ? ".idle_w" : ".idle_w_unknown")] =
+        is_figure ? known[request.meters] : "the meter shows none";
+  }
+  return facts;
+}
+
+}  // namespace pirt

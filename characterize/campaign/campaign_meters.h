@@ -1,0 +1,20 @@
+// The energy meters of a campaign: which unit's energy is read from which, how long that takes, and
+// what they show before anything is measured.
+#pragma once
+
+#include "characterize/campaign/campaign.h"
+
+namespace pirt {
+
+/// Fills in plan.meters, plan.remarks and the facts "meter.UNIT" of plan.units.
+/// @throws Error as choose_meters.
+void plan_meters(const CampaignOptions& options, CampaignPlan& plan);
+
+/// What metering adds to the campaign: three windows a cell (metered_calls.h).
+[[nodiscard]] Nanos metering_time(const CampaignPlan& plan);
+
+/// The machine's power before the first cell, by each unit's meter: "meter.UNIT.idle_w". Takes a
+/// window a meter.
+[[nodiscard]] Environment idle_facts(const CampaignPlan& plan);
+
+}  // namespace pirt

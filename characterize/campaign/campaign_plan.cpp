@@ -1,0 +1,115 @@
+// Which cells a campaign has: arguments checked, units probed, workloads chosen. Declared in
+// campaign.h.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "characterize/campaign/campaign.h"
+#include "characterize/campaign/campaign_estimate.h"
+#include "characterize/campaign/campaign_meters.h"
+#include "characterize/campaign/campaign_resume.h"
+#include "characterize/platform/selection.h"
+#include "characterize/platform/unit_request.h"
+#include "characterize/worker/job_runner.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+#include "workloads/registry.h"
+
+namespace pirt {
+namespace {
+
+JobResult probe(const CampaignOptions& options, const UnitModel& unit, const JobRunner& runner) {
+  Job job;
+  job.kind = JobKind::kProbe;
+  job.backend = unit.backend;
+  job.unit = make_unit_request(options.platform, unit);
+  const auto result = runner.run(job);
+  if (!result) throw_environment("interrupted while probing the units; nothing was stored");
+  return *result;
+}
+
+void add_unit(const UnitModel& unit, const JobResult& probed, CampaignPlan& plan) {
+  const DeviceInfo& device = probed.device.value();
+  plan.units.push_back({unit.name, unit.backend, device.name.empty() ? "unnamed" : device.name,
+                        device.is_cpu, unit.cores});
+  plan.provenances.push_back(probed.provenance);
+  const std::string prefix = "unit." + unit.name + ".";
+  if (!device.platform.empty()) plan.facts[prefix + "platform"] = device.platform;
+  if (!device.version.empty()) plan.facts[prefix + "version"] = device.version;
+  if (!device.tuning.empty()) plan.facts[prefix + "tuning"] = device.tuning;
+  if (device.cache_bytes) plan.facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);
+}
+
+/// Adds the cells of one unit that is there, or why it has none.
+void add_cells(const CampaignOptions& options, const UnitModel& unit, const JobResult& probed,
+               const std::vector<const Workload*>& workloads, CampaignPlan& plan) {
+  const Backend& backend = find_backend(unit.backend);
+  const UnitRequest request = make_unit_request(options.platform, unit);
+  bool any = false;
+  for (const Workload* workload : workloads) {
+    const Support support = backend.supports_on(request, *workload);
+    if (support.ok) {
+      plan.cells.push_back({workload, unit.name});
+      any = true;
+    } else {
+      plan.skipped.push_back({unit.name, workload->name, support.reason});
+    }
+  }
+  if (any) add_unit(unit, probed, plan);
+}
+
+[[noreturn]] void throw_nothing_to_measure(const std::vector<Skip>& skipped) {
+  std::vector<std::string> reasons;
+  for (const Skip& skip : skipped) {
+    const std::string of = skip.workload.empty() ? skip.unit : skip.workload + " on " + skip.unit;
+    reasons.push_back(of + ": " + skip.reason);
+  }
+  throw_environment("nothing can be measured: " + join(reasons, "; "));
+}
+
+}  // namespace
+
+CampaignPlan plan_campaign(const CampaignOptions& options) {
+  if (options.max_time && options.max_time->count() <= 0) {
+    throw_bad_input("--max-time is not above 0; try 9min");
+  }
+  if (!(options.precision > 0 && options.precision < 1)) {
+    throw_bad_input(fmt::format("--precision {} is not between 0 and 1 (or 0 % and 100 %); try 2%",
+                                options.precision));
+  }
+  const auto workloads = choose_workloads(options.filter, options.variants, options.batch);
+  const auto units = choose_units(options.platform, options.units);
+  for (const UnitModel* unit : units) {
+    // A malformed request is the user's slip, also where its device is only reached in a worker.
+    static_cast<void>(
+        find_backend(unit->backend)
+            .supports_on(make_unit_request(options.platform, *unit), *workloads.front()));
+  }
+  if (options.images) static_cast<void>(images_from(*options.images));
+
+  CampaignPlan plan;
+  const JobRunner runner(options.program, options.job_limit, options.stop);
+  for (const UnitModel* unit : units) {
+    const JobResult probed = probe(options, *unit, runner);
+    if (probed.error.empty()) {
+      add_cells(options, *unit, probed, workloads, plan);
+    } else if (!options.units.empty()) {
+      throw_environment(fmt::format("unit '{}' is not available: {}", unit->name, probed.error));
+    } else {
+      plan.skipped.push_back({unit->name, "", probed.error});
+    }
+  }
+  if (plan.cells.empty()) throw_nothing_to_measure(plan.skipped);
+  if (options.resumed) restrict_to_stored(*options.resumed, plan);
+  plan_meters(options, plan);
+  const Nanos metering = metering_time(plan);
+  plan.max_time = options.max_time.value_or(static_cast<std::int64_t>(plan.cells.size()) *
+                                                (options.quick ? kQuickTime : kFullTime) +
+                                            metering);
+  plan.estimate = estimate(options, plan);
+  plan.estimate.needed += metering;
+  plan.estimate.total += metering;
+  return plan;
+}
+
+}  // namespace pirt

@@ -1,0 +1,322 @@
+#include "characterize/campaign/cell.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+
+#include "characterize/energy/model.h"
+#include "characterize/statistics/statistics.h"
+
+namespace pirt {
+namespace {
+
+constexpr std::array kSetupStates = {State::kCold, State::kWarm};
+constexpr int kFewestRepeatsIfUnstable = 4;  // two halves of two processes
+
+void append(std::vector<std::string>& to, const std::vector<std::string>& from) {
+  to.insert(to.end(), from.begin(), from.end());
+}
+
+void empty_folder(const std::filesystem::path& path) {
+  std::filesystem::remove_all(path);
+  std::filesystem::create_directories(path);
+}
+
+}  // namespace
+
+CellMeasurement::CellMeasurement(CellRequest request, const JobRunner& runner)
+    : request_(std::move(request)),
+      runner_(runner),
+      cache_(request_.scratch /
+             fmt::format("kernels-{}-{}", request_.workload.name, request_.unit.name)),
+      environment_(request_.backend.kernel_cache_environment(cache_.string())) {}
+
+CellMeasurement::~CellMeasurement() {
+  std::error_code ignored;
+  std::filesystem::remove_all(cache_, ignored);
+}
+
+std::optional<Visit> CellMeasurement::next() const {
+  if (failed()) return std::nullopt;
+  const int taken = processes();
+  if (taken < setups()) return Visit{taken % 2 == 0 ? State::kCold : State::kWarm, true};
+  if (wrong_output()) return std::nullopt;
+  if (unstable_at_ && !repeated()) return Visit{State::kWarm, true};
+  if (unstable_ || taken >= kMostProcesses) return std::nullopt;
+  if (reached_ && *reached_ <= request_.precision) return std::nullopt;
+  return Visit{State::kWarm, false};
+}
+
+std::optional<JobResult> CellMeasurement::visit() {
+  const Visit visit = next().value();
+  if (visit.setup == State::kCold) {
+    empty_folder(cache_);
+  } else if (!cache_filled_ && !environment_.empty()) {
+    // Going on with an earlier campaign, whose cache went with it.
+    request_.on_step("filling the kernel cache");
+    empty_folder(cache_);
+    auto filled = run(JobKind::kSetup);
+    if (!filled || !filled->error.empty()) return filled;
+  }
+  const bool again = unstable_at_ && !repeated();
+  request_.on_step(fmt::format("process {}, {}", processes() + 1,
+                               again          ? "again (unstable)"
+                               : visit.needed ? fmt::format("{} set-up", to_string(visit.setup))
+                                              : "for precision"));
+  // A wrong computation is not timed, but its set-up is.
+  return run(wrong_output() ? JobKind::kSetup : JobKind::kSample);
+}
+
+std::optional<JobResult> CellMeasurement::run(JobKind kind) {
+  Job job = request_.job;
+  job.kind = kind;
+  auto result = runner_.run(job, environment_);
+  cache_filled_ = result && result->error.empty();
+  return result;
+}
+
+void CellMeasurement::add(State setup, JobResult result) {
+  taken_.push_back({setup, std::move(result)});
+  if (!failed() && processes() >= setups()) judge_samples();
+}
+
+void CellMeasurement::judge_samples() {
+  if (unstable_at_ && !repeated()) return;
+  const CellSamples calls = samples(Phase::kCall);
+  unstable_ = is_unstable(calls.samples, calls.processes);
+  if (unstable_ && !unstable_at_) unstable_at_ = taken_.size();
+  reached_.reset();
+  for (const Phase phase : {Phase::kCall, Phase::kExecute}) {
+    const CellSamples found = samples(phase);
+    if (found.samples.empty()) continue;
+    const auto medians = process_medians(found.samples, found.processes);
+    const auto half = relative_half_width(interval_over_processes(medians), median(medians));
+    if (!half) {
+      reached_.reset();
+      return;
+    }
+    reached_ = std::max(reached_.value_or(0), *half);
+  }
+}
+
+int CellMeasurement::needed_visits() const {
+  if (failed()) return 0;
+  if (processes() < setups()) return setups() - processes();
+  if (!unstable_at_ || wrong_output()) return 0;
+  return std::max(0, static_cast<int>(*unstable_at_) + repeats_if_unstable() - processes());
+}
+
+int CellMeasurement::expected_visits() const {
+  const int needed = needed_visits();
+  if (needed > 0 || !next()) return needed;
+  return visits_to_precision().value_or(kMostProcesses - processes());
+}
+
+std::optional<int> CellMeasurement::visits_to_precision() const {
+  if (!reached_) return std::nullopt;
+  const double ratio = *reached_ / request_.precision;
+  const double wanted = std::ceil(static_cast<double>(shown().size()) * (ratio * ratio - 1));
+  if (wanted > kMostProcesses - processes()) return std::nullopt;
+  return std::max(1, static_cast<int>(wanted));
+}
+
+int CellMeasurement::repeats_if_unstable() const {
+  return std::max(kFewestRepeatsIfUnstable, request_.setup_repeats);
+}
+
+/// Whether an unstable cell has been sampled again to the end.
+bool CellMeasurement::repeated() const {
+  return unstable_at_ && processes() >= static_cast<int>(*unstable_at_) + repeats_if_unstable();
+}
+
+/// The processes that the figures of calls come from.
+std::span<const CellMeasurement::Taken> CellMeasurement::shown() const {
+  const std::span all(taken_);
+  if (!unstable_at_) return all;
+  return repeated() ? all.subspan(*unstable_at_) : all.first(*unstable_at_);
+}
+
+CellSamples CellMeasurement::samples(Phase phase) const {
+  CellSamples all{phase, {}, {}, 0};
+  std::int32_t process = 0;
+  for (const Taken& taken : shown()) {
+    const auto found = std::ranges::find(taken.result.phases, phase, &PhaseSamples::phase);
+    if (found == taken.result.phases.end() || found->samples.empty()) continue;
+    all.samples.insert(all.samples.end(), found->samples.begin(), found->samples.end());
+    all.processes.resize(all.samples.size(), process++);
+    all.batch = all.batch == 0 ? found->batch : std::min(all.batch, found->batch);
+  }
+  return all;
+}
+
+bool CellMeasurement::wrong_output() const {
+  return std::ranges::any_of(taken_, [](const Taken& taken) { return taken.result.wrong_output; });
+}
+
+CellConditions CellMeasurement::conditions() const {
+  CellConditions found;
+  std::int64_t contended = 0;
+  std::int64_t throttled = 0;
+  for (const Taken& taken : shown()) {
+    found.clock.cost_ns = std::max(found.clock.cost_ns, taken.result.clock.cost_ns);
+    found.clock.resolution = std::max(found.clock.resolution, taken.result.clock.resolution);
+    contended += taken.result.contended ? 1 : 0;
+    throttled += taken.result.throttled ? 1 : 0;
+  }
+  const auto processes = static_cast<std::int64_t>(shown().size());
+  found.contended = concerns_row(contended, processes);
+  found.throttled = concerns_row(throttled, processes);
+  found.wrong_output = wrong_output();
+  found.unstable = unstable_;
+  return found;
+}
+
+bool CellMeasurement::metering_due() const {
+  return !request_.job.metering.meters.empty() && !taken_.empty() && !failed() && !wrong_output() &&
+         !metered_;
+}
+
+bool CellMeasurement::meter() {
+  request_.on_step("metering");
+  Job job = request_.job;
+  job.kind = JobKind::kMeter;
+  metered_ = runner_.run(job, environment_);
+  return metered_.has_value();
+}
+
+EnergyRecord CellMeasurement::energy(const PhaseRecord& call) const {
+  const MeterRequest& request = request_.job.metering;
+  if (request.meters.empty() || (!metered_ && !metering_due())) {
+    return model_energy(request_.platform, request_.unit, request_.workload, call);
+  }
+  if (metered_ && metered_->metered) {
+    MeteredCalls metered = *metered_->metered;
+    // A simulated device's time has nothing to do with the machine's.
+    const bool same_clock = metered_->provenance == Provenance::kMeasured;
+    if (same_clock && !call.samples.empty()) check_call_time(metered, median(call.samples));
+    return metered_energy(metered);
+  }
+  MeteredCalls none;
+  none.source = request.source;
+  none.domain = request.domain;
+  if (!metered_) {
+    none.reasons = {"not_metered: the run was interrupted"};
+  } else {
+    none.reasons = {metered_->error.empty() ? "wrong_output" : "error: " + metered_->error};
+  }
+  return metered_energy(none);
+}
+
+CellRecord CellMeasurement::record() const {
+  const Workload& workload = request_.workload;
+  CellRecord cell;
+  cell.workload = workload.name;
+  cell.unit = request_.unit.name;
+  cell.ops = workload.ops;
+  cell.bytes = workload.bytes();
+  for (const Taken& taken : taken_) {
+    // That of the last process that compared, or the one that was wrong.
+    if (taken.result.verification.empty()) continue;
+    cell.verification = taken.result.verification;
+    if (taken.result.wrong_output) break;
+  }
+  for (const Phase phase : request_.backend.phases()) {
+    if (is_setup(phase)) {
+      for (const State state : kSetupStates) cell.phases.push_back(setup_row(phase, state));
+    } else if (auto row = call_row(phase)) {
+      cell.phases.push_back(std::move(*row));
+    }
+  }
+  const auto call = std::ranges::find(cell.phases, Phase::kCall, &PhaseRecord::phase);
+  if (call != cell.phases.end()) {
+    cell.energy = energy(*call);
+  }
+  return cell;
+}
+
+Provenance CellMeasurement::provenance() const {
+  const auto opened = std::ranges::find_if(
+      taken_, [](const Taken& taken) { return taken.result.device.has_value(); });
+  return opened == taken_.end() ? request_.provenance : opened->result.provenance;
+}
+
+/// Of the data, which are the same in all processes; one that failed early may not have them.
+std::vector<std::string> CellMeasurement::notes() const {
+  for (const Taken& taken : taken_) {
+    if (!taken.result.notes.empty()) return taken.result.notes;
+  }
+  return {};
+}
+
+/// Why every row of a cell whose worker failed is not valid, as far as the row is not complete.
+std::vector<std::string> CellMeasurement::failure() const {
+  return failed() ? std::vector{"error: " + taken_.back().result.error}
+                  : std::vector<std::string>();
+}
+
+PhaseRecord CellMeasurement::setup_row(Phase phase, State state) const {
+  PhaseRecord row;
+  row.phase = phase;
+  row.state = state;
+  row.provenance = provenance();
+  ClockQuality clock;
+  for (const Taken& taken : taken_) {
+    const JobResult& result = taken.result;
+    const auto& time = phase == Phase::kDeviceInit ? result.device_init : result.prepare;
+    if (taken.setup != state || !time) continue;
+    row.processes.push_back(static_cast<std::int32_t>(row.samples.size()));
+    row.samples.push_back(*time);
+    clock = result.clock;
+  }
+  const bool complete = static_cast<int>(row.samples.size()) >= request_.setup_repeats;
+  if (!complete) {
+    append(row.reasons, failed() ? failure() : std::vector<std::string>{"few_samples"});
+  } else if (is_clock_bound(median(row.samples), 1, clock)) {
+    row.reasons.emplace_back("clock_bound");
+  }
+  if (phase == Phase::kPrepare) {
+    // It ends with a completed run, and that run was wrong.
+    if (wrong_output()) row.reasons.emplace_back("wrong_output");
+    append(row.notes, notes());
+  }
+  if (environment_.empty()) row.notes.emplace_back("no_kernel_cache");
+  if (request_.unit.shares_cores) row.notes.emplace_back("shared_core");
+  return row;
+}
+
+/// Nothing for a phase that the sampling did not find, such as launching on a device without time
+/// stamps.
+std::optional<PhaseRecord> CellMeasurement::call_row(Phase phase) const {
+  CellSamples found = samples(phase);
+  const bool none = found.samples.empty();
+  if (none && !failed() && !wrong_output()) return std::nullopt;
+  PhaseRecord row;
+  row.phase = phase;
+  row.provenance = provenance();
+  row.reasons = failure();
+  row.notes = notes();
+  if (none) {
+    if (wrong_output()) row.reasons.emplace_back("wrong_output");
+  } else {
+    append(row.reasons, judge(found, conditions()));
+    append(row.notes, annotate(found, conditions(), request_.precision));
+    row.samples = std::move(found.samples);
+    row.processes = std::move(found.processes);
+  }
+  if (request_.unit.shares_cores) row.notes.emplace_back("shared_core");
+  return row;
+}
+
+CellRecord failed_cell(const CellRequest& request, const std::string& error) {
+  const JobRunner unused("", Nanos(0), nullptr);
+  CellMeasurement cell(request, unused);
+  JobResult failure;
+  failure.error = error;
+  cell.add(State::kCold, std::move(failure));
+  return cell.record();
+}
+
+}  // namespace pirt

@@ -1,0 +1,128 @@
+// Measuring one workload on one unit through worker processes, and judging what came back.
+//
+// A cell is measured in visits: one fresh process each, which sets the unit up (cold or warm) and
+// then samples calls. The campaign decides when a cell is visited (campaign.h); the cell knows what
+// a visit has to be, and when it needs no more.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "characterize/campaign/validity.h"
+#include "characterize/platform/platform.h"
+#include "characterize/profile/records.h"
+#include "characterize/worker/job_runner.h"
+#include "workloads/backend.h"
+#include "workloads/workload.h"
+
+namespace pirt {
+
+struct CellRequest {
+  const Platform& platform;
+  const UnitModel& unit;
+  const Backend& backend;
+  const Workload& workload;
+  Job job;  ///< Everything but its kind.
+  Provenance provenance =
+      Provenance::kMeasured;  ///< Of rows whose worker did not get as far as opening the device.
+  int setup_repeats = 2;      ///< Cold ones, and as many warm ones.
+  double precision = 0.02;    ///< Wanted of `call` and `execute`.
+  std::filesystem::path
+      scratch;  ///< Folder for kernel caches; what is made in it is removed again.
+  std::function<void(std::string_view step)> on_step;  ///< "process 3, cold set-up"; never empty.
+};
+
+/// Processes that a cell has at most: with 100, one more would narrow the interval by 0.5 %.
+inline constexpr int kMostProcesses = 100;
+
+/// What the next process of a cell is for.
+struct Visit {
+  State setup = State::kCold;  ///< Whether it finds an empty kernel cache or a filled one.
+  bool needed = true;          ///< A valid row needs it; otherwise it only narrows the interval.
+};
+
+/// One cell on its way from nothing to a record.
+class CellMeasurement {
+ public:
+  /// @param runner  Outlives this.
+  CellMeasurement(CellRequest request, const JobRunner& runner);
+  ~CellMeasurement();
+  CellMeasurement(const CellMeasurement&) = delete;
+  CellMeasurement& operator=(const CellMeasurement&) = delete;
+
+  /// Cold and warm set-ups in turns, then, if the cell is unstable, as many processes again, whose
+  /// samples take the place of the earlier ones, then more while the precision is not reached.
+  /// Nothing after a failure (its rows say why) and when all is done.
+  [[nodiscard]] std::optional<Visit> next() const;
+  /// Does next(), which must be there. @return What the worker found; nothing if the runner was
+  /// stopped.
+  [[nodiscard]] std::optional<JobResult> visit();
+  /// Takes in a result of visit(), or of the same visit of an earlier, interrupted campaign.
+  void add(State setup, JobResult result);
+
+  /// The wider of the intervals of `call` and `execute`, half of it, relative; nothing as long as
+  /// there is no interval.
+  [[nodiscard]] std::optional<double> reached() const { return reached_; }
+  /// Visits to come: those that are needed, and those that the precision will take if processes go
+  /// on to differ as they do (an interval narrows with the square root of their number).
+  [[nodiscard]] int expected_visits() const;
+  [[nodiscard]] int needed_visits() const;
+  /// Those of expected_visits() for the precision; nothing if a cell does not get as many.
+  [[nodiscard]] std::optional<int> visits_to_precision() const;
+  [[nodiscard]] int processes() const { return static_cast<int>(taken_.size()); }
+
+  /// Whether the unit has an energy meter and the cell has calls that it has not been read for.
+  [[nodiscard]] bool metering_due() const;
+  /// Reads the meters, in a process of its own. @return False if the runner was stopped.
+  [[nodiscard]] bool meter();
+  [[nodiscard]] CellRecord record() const;
+
+ private:
+  friend CellRecord failed_cell(const CellRequest& request, const std::string& error);
+  struct Taken {
+    State setup;
+    JobResult result;
+  };
+  [[nodiscard]] bool failed() const {
+    return !taken_.empty() && !taken_.back().result.error.empty();
+  }
+  [[nodiscard]] bool wrong_output() const;
+  [[nodiscard]] std::optional<JobResult> run(JobKind kind);
+  [[nodiscard]] int setups() const { return 2 * request_.setup_repeats; }
+  [[nodiscard]] int repeats_if_unstable() const;
+  [[nodiscard]] bool repeated() const;
+  [[nodiscard]] std::span<const Taken> shown() const;
+  [[nodiscard]] CellSamples samples(Phase phase) const;
+  [[nodiscard]] CellConditions conditions() const;
+  [[nodiscard]] Provenance provenance() const;
+  [[nodiscard]] std::vector<std::string> notes() const;
+  [[nodiscard]] std::vector<std::string> failure() const;
+  [[nodiscard]] PhaseRecord setup_row(Phase phase, State state) const;
+  [[nodiscard]] std::optional<PhaseRecord> call_row(Phase phase) const;
+  [[nodiscard]] EnergyRecord energy(const PhaseRecord& call) const;
+  void judge_samples();
+
+  CellRequest request_;
+  const JobRunner& runner_;
+  std::filesystem::path cache_;  ///< The cell's own kernel cache; gone with this.
+  bool cache_filled_ = false;
+  std::vector<std::pair<std::string, std::string>> environment_;
+  std::vector<Taken> taken_;                ///< In order of time.
+  std::optional<std::size_t> unstable_at_;  ///< How many had been taken when it turned out.
+  bool unstable_ = false;                   ///< Of what is shown.
+  std::optional<double> reached_;
+  std::optional<JobResult> metered_;
+};
+
+/// The record of a cell that could not be measured at all: every row of the backend's phases,
+/// without samples.
+[[nodiscard]] CellRecord failed_cell(const CellRequest& request, const std::string& error);
+
+}  // namespace pirt

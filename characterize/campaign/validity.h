@@ -1,0 +1,63 @@
+// When a measured row counts: the reasons that invalidate it and the notes that do not. The
+// vocabulary is documented in schema.sql.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "characterize/worker/measure.h"
+
+namespace pirt {
+
+/// Samples that a row of a per-call phase needs.
+inline constexpr std::int64_t kFewestSamples = 20;
+/// Processes that they must come from: below, nothing is known of what lies between processes.
+inline constexpr std::int64_t kFewestProcesses = 3;
+
+/// Samples of one phase from all processes of a cell.
+struct CellSamples {
+  Phase phase = Phase::kCall;
+  std::vector<Nanos> samples;
+  std::vector<std::int32_t> processes;  ///< Which process took each, from 0 in order of time.
+  std::int64_t batch = 1;  ///< Calls between two readings of the clock: the fewest of any process.
+};
+
+/// What else is known of how a cell's samples were taken.
+struct CellConditions {
+  ClockQuality clock;  ///< The worst of the processes'.
+  bool wrong_output = false;
+  bool contended = false;
+  bool throttled = false;
+  bool unstable = false;
+};
+
+/// Whether the figure depends on when it was taken: the 95 % intervals of the medians of the first
+/// and the second half do not meet, and the medians differ by more than 20 % of the smaller. Below
+/// 12 samples nothing can be said: false.
+///
+/// The limit is a choice: a smaller drift shows in the interval and leaves the order of units as it
+/// is, as a rule; the paper's own units differ by factors.
+[[nodiscard]] bool is_unstable(std::span<const Nanos> samples);
+
+/// The same over processes in order of time: more than half of them are unstable in themselves, or
+/// the medians of the first half of them all lie on one side of those of the second half, and the
+/// halves' medians are more than 20 % apart. Below 4 processes only the former can be said.
+[[nodiscard]] bool is_unstable(std::span<const Nanos> samples,
+                               std::span<const std::int32_t> processes);
+
+/// Whether something that befell @p affected of @p processes concerns the row: a quarter of them or
+/// more. The median over processes lies within the quartiles of the others as long as it is fewer.
+[[nodiscard]] bool concerns_row(std::int64_t affected, std::int64_t processes);
+
+/// Reasons of one per-call row. `launch` is stamped by the device and cannot be clock-bound.
+[[nodiscard]] std::vector<std::string> judge(const CellSamples& samples,
+                                             const CellConditions& conditions);
+
+/// precision_not_reached, contended, bimodal, where they apply.
+/// @param precision  Half the 95 % interval over processes, relative to the median.
+[[nodiscard]] std::vector<std::string> annotate(const CellSamples& samples,
+                                                const CellConditions& conditions, double precision);
+
+}  // namespace pirt

@@ -1,0 +1,160 @@
+#include "characterize/machine/host_load.h"
+
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "characterize/machine/system_files.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+constexpr double kContendedShare = 0.05;
+constexpr double kThrottledShare = 0.01;
+
+Nanos tick() { return Nanos(1'000'000'000 / ::sysconf(_SC_CLK_TCK)); }
+
+struct CoreTimes {
+  Nanos busy{0}, total{0}, steal{0};
+};
+
+/// The fields user nice system idle iowait irq softirq steal; busy is all but idle and iowait
+/// (guest time is counted within user). @source proc_stat(5).
+void add_fields(std::istringstream& fields, CoreTimes& times) {
+  std::int64_t value = 0;
+  for (int i = 0; i < 8 && fields >> value; ++i) {
+    const Nanos time = value * tick();
+    times.total += time;
+    if (i != 3 && i != 4) times.busy += time;
+    if (i == 7) times.steal += time;
+  }
+}
+
+std::optional<CoreTimes> read_times(const std::vector<int>& cores,
+                                    const std::filesystem::path& root) {
+  std::ifstream in(root / "proc/stat");
+  std::string line;
+  std::optional<CoreTimes> times;
+  while (std::getline(in, line)) {
+    std::istringstream fields(line);
+    std::string name;
+    fields >> name;
+    if (!name.starts_with("cpu")) break;
+    const bool wanted = cores.empty() ? name == "cpu" : std::ranges::any_of(cores, [&](int core) {
+      return name == "cpu" + std::to_string(core);
+    });
+    if (!wanted) continue;
+    if (!times) times.emplace();
+    add_fields(fields, *times);
+  }
+  return times;
+}
+
+std::optional<std::int64_t> read_heat(const std::vector<int>& cores,
+                                      const std::filesystem::path& root) {
+  const auto folder = root / "sys/devices/system/cpu";
+  std::optional<std::int64_t> total;
+  const auto add = [&](const std::string& cpu) {
+    const auto count = read_number(folder / cpu / "thermal_throttle/core_throttle_count");
+    if (count) total = total.value_or(0) + *count;
+  };
+  for (const int core : cores) add("cpu" + std::to_string(core));
+  if (cores.empty()) {
+    const long configured = ::sysconf(_SC_NPROCESSORS_CONF);
+    for (long core = 0; core < configured; ++core) add("cpu" + std::to_string(core));
+  }
+  return total;
+}
+
+/// Version 2 counts microseconds, version 1 nanoseconds. @source
+/// Documentation/admin-guide/cgroup-v2, Documentation/scheduler/sched-bwc.
+std::optional<Nanos> read_quota_wait(const std::filesystem::path& root) {
+  std::optional<Nanos> longest;  // each group around the process may hold it back
+  for (const auto& folder : control_groups(root, "cpu")) {
+    const auto path = folder / "cpu.stat";
+    std::optional<Nanos> waited;
+    if (const auto us = number_of(path, "throttled_usec", ' ')) {
+      waited = std::chrono::microseconds(*us);
+    } else if (const auto ns = number_of(path, "throttled_time", ' ')) {
+      waited = Nanos(*ns);
+    }
+    if (waited) longest = std::max(longest.value_or(Nanos(0)), *waited);
+  }
+  return longest;
+}
+
+/// The limit of one group in cores; 0 = none; absent if the folder has no such files.
+std::optional<double> quota_of(const std::filesystem::path& folder) {
+  // Version 2: "150000 100000" or "max 100000"; version 1 has a file for each, -1 for no limit.
+  if (const auto line = first_line(folder / "cpu.max")) {
+    const auto parts = split(*line, ' ');
+    if (parts.front() == "max") return 0;
+    if (parts.size() != 2) return std::nullopt;
+    const double quota = std::strtod(parts[0].c_str(), nullptr);
+    const double period = std::strtod(parts[1].c_str(), nullptr);
+    return quota > 0 && period > 0 ? std::optional(quota / period) : std::nullopt;
+  }
+  const auto quota = read_number(folder / "cpu.cfs_quota_us");
+  const auto period = read_number(folder / "cpu.cfs_period_us");
+  if (!quota || !period || *period <= 0) return std::nullopt;
+  return *quota < 0 ? 0 : static_cast<double>(*quota) / static_cast<double>(*period);
+}
+
+Nanos process_time() {
+  timespec time{};
+  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return std::chrono::seconds(time.tv_sec) + Nanos(time.tv_nsec);
+}
+
+}  // namespace
+
+HostCounters read_host_counters(const std::vector<int>& cores, const std::filesystem::path& root) {
+  HostCounters counters;
+  counters.at = std::chrono::steady_clock::now().time_since_epoch();
+  if (const auto times = read_times(cores, root)) {
+    counters.busy = times->busy;
+    counters.total = times->total;
+    counters.steal = times->steal;
+  }
+  counters.own = process_time();
+  counters.heat_events = read_heat(cores, root);
+  counters.quota_wait = read_quota_wait(root);
+  return counters;
+}
+
+std::optional<double> read_cpu_quota(const std::filesystem::path& root) {
+  std::optional<double> tightest;
+  for (const auto& folder : control_groups(root, "cpu")) {
+    const auto cores = quota_of(folder);
+    if (!cores) continue;
+    const bool tighter = *cores > 0 && (tightest.value_or(0) == 0 || *cores < *tightest);
+    if (!tightest || tighter) tightest = cores;
+  }
+  return tightest;
+}
+
+Interference interference(const HostCounters& before, const HostCounters& after, int core_count) {
+  Interference result;
+  const double wall_s = to_s(after.at - before.at);
+  if (before.busy && after.busy) {
+    const Nanos others = (*after.busy - *before.busy) - (after.own - before.own);
+    // Busy time is counted in ticks, so each core's difference can be off by one at either end.
+    const double grain_s = 2 * to_s(tick()) * core_count;
+    result.contended = to_s(others) > std::max(kContendedShare * wall_s * core_count, grain_s);
+  }
+  const bool heat =
+      before.heat_events && after.heat_events && *after.heat_events > *before.heat_events;
+  const bool quota = before.quota_wait && after.quota_wait &&
+                     to_s(*after.quota_wait - *before.quota_wait) > kThrottledShare * wall_s;
+  result.throttled = heat || quota;
+  return result;
+}
+
+}  // namespace pirt

@@ -1,0 +1,130 @@
+// Finding platforms: shipped ones are embedded in the binary, others are files.
+#include "characterize/platform/platform.h"
+
+#include <sched.h>
+
+#include <algorithm>
+#include <numeric>
+#include <thread>
+
+#include "characterize/platform/platform_file.h"
+#include "platform_files.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+constexpr std::string_view kSuffix = ".yaml";
+
+Platform read(const std::string& file, const std::string& text,
+              const std::vector<YamlOverride>& overrides, const std::vector<int>& cores) {
+  return read_platform(parse_yaml(file, text, "units", overrides), cores);
+}
+
+struct NamedText {
+  std::string file, text;
+};
+
+NamedText find_file(const std::string& name) {
+  if (names_a_file(name)) return {name, read_file(name)};
+  const std::string file = name + std::string(kSuffix);
+  const auto text = find_embedded(platform_files::files(), file);
+  if (!text) {
+    throw_bad_input("unknown platform '" + name + "'" + suggestion(name, shipped_platforms()) +
+                    "; a file is named with a '/' or ends in .yaml");
+  }
+  return {file, std::string(*text)};
+}
+
+}  // namespace
+
+const UnitModel* Platform::find_unit(std::string_view unit) const {
+  const auto it = std::ranges::find(units, unit, &UnitModel::name);
+  return it == units.end() ? nullptr : &*it;
+}
+
+const UnitModel& Platform::unit(std::string_view name_of_unit) const {
+  if (const auto* found = find_unit(name_of_unit)) return *found;
+  throw_bad_input("platform " + name + " has no unit '" + std::string(name_of_unit) + "'" +
+                  suggestion(name_of_unit, unit_names()));
+}
+
+std::vector<std::string> Platform::unit_names() const {
+  std::vector<std::string> names;
+  for (const auto& unit : units) names.push_back(unit.name);
+  return names;
+}
+
+Platform load_platform(const std::string& name, const std::vector<YamlOverride>& overrides) {
+  const auto [file, text] = find_file(name);
+  return read(file, text, overrides, usable_cores());
+}
+
+std::string platform_text(const std::string& name, const std::vector<YamlOverride>& overrides) {
+  const auto [file, text] = find_file(name);
+  std::string changed = parse_yaml(file, text, "units", overrides).dump() + "\n";
+  static_cast<void>(read(file, changed, {}, usable_cores()));
+  return changed;
+}
+
+Platform parse_platform(const std::string& file, const std::string& text,
+                        const std::vector<YamlOverride>& overrides, int host_cores) {
+  std::vector<int> cores(static_cast<std::size_t>(std::max(1, host_cores)));
+  std::iota(cores.begin(), cores.end(), 0);
+  return read(file, text, overrides, cores);
+}
+
+std::vector<std::string> shipped_platforms() {
+  std::vector<std::string> names;
+  for (const auto& file : platform_files::files()) {
+    names.emplace_back(file.name.substr(0, file.name.size() - kSuffix.size()));
+  }
+  std::ranges::sort(names);
+  return names;
+}
+
+std::vector<int> usable_cores() {
+  std::vector<int> cores;
+  // Machines with more cores than a mask of this size are refused by the kernel with EINVAL, so
+  // that it grows.
+  for (std::size_t count = 1024; cores.empty() && count <= 65536; count *= 4) {
+    const auto size_bytes = CPU_ALLOC_SIZE(count);
+    std::vector<cpu_set_t> mask(size_bytes / sizeof(cpu_set_t) + 1);
+    if (sched_getaffinity(0, size_bytes, mask.data()) != 0) continue;
+    for (std::size_t core = 0; core < count; ++core) {
+      if (CPU_ISSET_S(core, size_bytes, mask.data())) cores.push_back(static_cast<int>(core));
+    }
+  }
+  if (cores.empty()) {
+    cores.resize(std::max(1U, std::thread::hardware_concurrency()));
+    std::iota(cores.begin(), cores.end(), 0);
+  }
+  return cores;
+}
+
+YamlOverride parse_override(const std::string& text) {
+  const auto equals = text.find('=');
+  const std::string path = text.substr(0, equals);
+  const auto keys = split(path, '.');
+  const bool complete = equals != std::string::npos && equals + 1 < text.size() &&
+                        keys.size() >= 2 &&
+                        std::ranges::none_of(keys, [](const auto& key) { return key.empty(); });
+  if (!complete) {
+    throw_bad_input("cannot read the setting '" + text +
+                    "'; it is unit.key=value, e.g. cpu.active_w=15");
+  }
+  return {.path = path, .value = text.substr(equals + 1)};
+}
+
+std::vector<YamlOverride> parse_overrides(const std::vector<std::string>& texts) {
+  std::vector<YamlOverride> overrides;
+  for (const auto& text : texts) overrides.push_back(parse_override(text));
+  return overrides;
+}
+
+bool names_a_file(std::string_view name) {
+  return name.find('/') != std::string_view::npos || name.ends_with(kSuffix);
+}
+
+}  // namespace pirt

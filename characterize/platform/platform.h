@@ -1,0 +1,129 @@
+// The units of one board: how fast, how many, how much power, what lies between them.
+//
+// A unit is either measured (it names a backend; its service times come from a profile database) or
+// modelled (the platform file gives its service times as stages). Platform files are YAML; their
+// semantics are exact and other tools check against them.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "characterize/statistics/distribution.h"
+#include "workloads/base/time.h"
+#include "workloads/base/yaml.h"
+#include "workloads/phase.h"
+
+namespace pirt {
+
+/// One step of a unit's service: work on some unit's servers, or a pure delay.
+struct Stage {
+  std::string name;   ///< "host_setup", "kernel"; scaled by `stage_scale: {unit.name: x}`.
+  std::string on;     ///< Unit whose servers it occupies; empty = delay.
+  Distribution time;  ///< Server time at rate 1.
+};
+
+enum class Discipline : std::uint8_t {
+  kFifo,              ///< Each server takes one job at a time, in order of arrival.
+  kProcessorSharing,  ///< n jobs share k servers: each runs at rate min(1, k/n).
+};
+
+struct Link {
+  std::string name;
+  double mbit_s = 0;
+  Distribution latency;
+  double active_w = 0;
+};
+
+struct UnitModel {
+  std::string name;
+  std::string
+      role;  ///< "cpu", "gpu", "dsp", "fpga", "cloud", or other; what Algorithms 1 to 4 speak of.
+  int servers = 1;
+  Discipline discipline = Discipline::kFifo;
+  std::optional<int> slots;  ///< Tasks started and not complete; absent = no limit.
+  double active_w = 0;       ///< Per busy server.
+  double idle_w = 0;
+  double op_pj = 0;    ///< Additional energy per operation of the workload.
+  double byte_pj = 0;  ///< Additional energy per byte of the workload.
+  double call_j = 0;   ///< Additional energy per call, whatever the workload.
+  Provenance energy_provenance = Provenance::kModelled;  ///< Of these figures and active_w.
+  std::string energy_source;  ///< Where they come from; empty = the platform's assumptions.
+  std::string link;  ///< Name of the link that inputs and outputs travel over; empty = none.
+
+  std::string backend;  ///< Measured unit: the backend's name; empty = modelled.
+  std::vector<int>
+      cores;  ///< Host cores that it owns; resolved to numbers when the platform is read.
+  bool shares_cores = false;  ///< Another unit owns one of them too (one-core machines).
+  std::string device;         ///< Which device of the backend; empty = the first.
+  std::string script;         ///< Fake backend: its script, as YAML text.
+  /// Meters that its energy is read from: a name of `pirt list meters` or a sum "A + B"; "none" =
+  /// the model; empty = the widest one that the machine has (energy/choice.h).
+  std::string meter;
+
+  [[nodiscard]] bool measured() const { return !backend.empty(); }
+};
+
+/// What the platform file says about one workload on its modelled units.
+struct WorkloadModel {
+  std::map<std::string, std::vector<Stage>> stages;  ///< By unit.
+  std::map<std::string, double> call_j;              ///< Joules a call, by unit.
+  Provenance provenance = Provenance::kModelled;
+  std::string source;
+};
+
+struct ModeDefaults {
+  std::map<std::string, int> weights;  ///< By unit; empty = derive.
+  std::optional<int> in_flight;        ///< Frames in flight of closed loops.
+  std::map<std::string, double>
+      stage_scale;  ///< "unit.stage" -> time factor; the stage's energy stays.
+};
+
+struct Platform {
+  std::string name;
+  std::string description;
+  std::string assumptions;  ///< Printed beside modelled energy; e.g. where the watts come from.
+  std::vector<UnitModel> units;  ///< In file order; ties between units break by it.
+  std::map<std::string, Link> links;
+  std::map<std::string, WorkloadModel> workloads;
+  std::map<std::string, ModeDefaults> modes;
+
+  /// Null if there is none.
+  [[nodiscard]] const UnitModel* find_unit(std::string_view unit) const;
+  /// @throws Error{kBadInput} with the nearest names.
+  [[nodiscard]] const UnitModel& unit(std::string_view unit) const;
+  [[nodiscard]] std::vector<std::string> unit_names() const;
+};
+
+/// A shipped name, or a file if @p name contains '/' or ends in ".yaml".
+/// @param overrides  Applied to `units` first: {"cpu.active_w", "15"} sets units.cpu.active_w.
+/// @throws Error{kBadInput} with file:line; unknown shipped names come with the nearest ones.
+[[nodiscard]] Platform load_platform(const std::string& name,
+                                     const std::vector<YamlOverride>& overrides = {});
+/// @param host_cores  Number of cores that "first_half", "second_half" and "all" are taken of.
+[[nodiscard]] Platform parse_platform(const std::string& file, const std::string& text,
+                                      const std::vector<YamlOverride>& overrides, int host_cores);
+
+/// The file behind a name with @p overrides applied, as YAML that load_platform reads again (its
+/// comments are lost).
+/// @throws Error{kBadInput} as load_platform.
+[[nodiscard]] std::string platform_text(const std::string& name,
+                                        const std::vector<YamlOverride>& overrides);
+
+[[nodiscard]] std::vector<std::string> shipped_platforms();
+/// Cores that this process may run on.
+[[nodiscard]] std::vector<int> usable_cores();
+
+/// "--set unit.key=value" -> override. @throws Error{kBadInput} if it is not of that form.
+[[nodiscard]] YamlOverride parse_override(const std::string& text);
+[[nodiscard]] std::vector<YamlOverride> parse_overrides(const std::vector<std::string>& texts);
+
+/// Whether a command-line name means a file (contains '/' or ends in ".yaml") rather than something
+/// shipped.
+[[nodiscard]] bool names_a_file(std::string_view name);
+
+}  // namespace pirt

@@ -1,0 +1,331 @@
+// The platform file: its keys, their ranges and what refers to what. Semantics of the values are
+// the scheduler's business.
+#include "characterize/platform/platform_file.h"
+
+#include <algorithm>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+#include "workloads/catalog.h"
+#include "workloads/fake/fake_script.h"
+#include "workloads/registry.h"
+
+namespace pirt {
+namespace {
+
+constexpr double kMaxWatts = 1e6;
+constexpr double kMaxPicojoules = 1e12;
+constexpr double kMaxJoules = 1e9;
+constexpr double kMaxScale = 1e3;
+constexpr std::int64_t kMaxServers = 1'000'000;
+constexpr std::int64_t kMaxWeight = 1'000'000;
+
+const std::vector<std::string>& roles() {
+  static const std::vector<std::string> names = {"cpu", "gpu", "dsp", "fpga", "cloud", "other"};
+  return names;
+}
+
+/// Keys that stand beside unit names in a workload's entry, and so cannot be units.
+const std::vector<std::string>& workload_keys() {
+  static const std::vector<std::string> names = {"call_j", "provenance", "source"};
+  return names;
+}
+
+/// Names are parts of `--set unit.key`, `--weights unit=n` and `unit.stage`, which must stay
+/// readable by machine.
+std::string checked_name(const YamlNode& node, const std::string& name) {
+  const auto allowed = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
+           c == '-';
+  };
+  if (name.empty() || !std::ranges::all_of(name, allowed)) {
+    node.fail("a name is made of letters, digits, '_' and '-', got '" + name + "'");
+  }
+  return name;
+}
+
+std::string one_of(const YamlNode& node, const std::vector<std::string>& known) {
+  std::string text = node.text();
+  if (std::ranges::find(known, text) == known.end()) {
+    node.fail("'" + text + "' is not one of " + join(known, ", ") + suggestion(text, known));
+  }
+  return text;
+}
+
+std::string text_or_empty(const YamlNode& node, std::string_view key) {
+  return node.has(key) ? node.at(key).text() : "";
+}
+
+std::string paragraph_or_empty(const YamlNode& node, std::string_view key) {
+  return node.has(key) ? node.at(key).paragraph() : "";
+}
+
+double number_or_zero(const YamlNode& node, std::string_view key, double high) {
+  return node.has(key) ? node.at(key).number(0, high) : 0;
+}
+
+Distribution read_distribution(const YamlNode& node) {
+  if (!node.is_map()) {
+    const Nanos value = node.milliseconds(0);
+    return {.kind = Distribution::Kind::kConstant, .low = value, .high = value};
+  }
+  node.check_keys({"uniform"});
+  const auto bounds = node.at("uniform").items();
+  if (bounds.size() != 2) node.at("uniform").fail("must be [low, high]");
+  const Nanos low = bounds[0].milliseconds(0);
+  const Nanos high = bounds[1].milliseconds(0);
+  if (low > high) node.at("uniform").fail("low must not be above high");
+  return {.kind = Distribution::Kind::kUniform, .low = low, .high = high};
+}
+
+std::vector<int> read_cores(const YamlNode& node, const std::vector<int>& usable) {
+  if (node.is_sequence()) {
+    std::vector<int> cores;
+    for (const auto& item : node.items()) {
+      const int core = static_cast<int>(item.integer(0, 65535));
+      if (std::ranges::find(cores, core) != cores.end()) item.fail("core given twice");
+      cores.push_back(core);
+    }
+    if (cores.empty()) node.fail("must name at least one core");
+    return cores;
+  }
+  const std::string which = one_of(node, {"first_half", "second_half", "all"});
+  // An odd core goes to the first half; a single one to both.
+  const auto middle = usable.begin() + static_cast<std::ptrdiff_t>((usable.size() + 1) / 2);
+  if (which == "all" || usable.size() < 2) return usable;
+  if (which == "first_half") return {usable.begin(), middle};
+  return {middle, usable.end()};
+}
+
+std::string default_role(const std::string& unit) {
+  return std::ranges::find(roles(), unit) != roles().end() ? unit : "other";
+}
+
+/// The backend reads it again when it opens the unit; only here are file and line known.
+void check_fake_script(const YamlNode& script) {
+  try {
+    static_cast<void>(fake::read_script(script.raw()));
+  } catch (const fake::ScriptError& error) {
+    script.fail_at(error.node(), error.what());
+  }
+}
+
+void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitModel& unit) {
+  if (node.has("backend")) {
+    std::vector<std::string> known;
+    for (const auto& backend : backends()) known.emplace_back(backend->name());
+    unit.backend = one_of(node.at("backend"), known);
+  }
+  for (const char* key : {"cores", "device", "script", "meter"}) {
+    if (node.has(key) && unit.backend.empty()) node.at(key).fail("needs a `backend:` beside it");
+  }
+  if (node.has("cores")) unit.cores = read_cores(node.at("cores"), usable);
+  unit.device = text_or_empty(node, "device");
+  unit.meter = text_or_empty(node, "meter");
+  if (node.has("script")) {
+    const auto script = node.at("script");
+    if (unit.backend != "fake") script.fail("only backend fake takes a script");
+    static_cast<void>(script.keys());
+    check_fake_script(script);
+    unit.script = script.dump();
+  }
+}
+
+UnitModel read_unit(const YamlNode& node, const std::string& name, const std::vector<int>& usable) {
+  node.check_keys({"servers", "discipline", "slots", "active_w", "idle_w", "role", "energy", "link",
+                   "backend", "cores", "device", "script", "meter"});
+  UnitModel unit;
+  unit.name = checked_name(node, name);
+  unit.role = default_role(name);
+  if (std::ranges::find(workload_keys(), name) != workload_keys().end()) {
+    node.fail("'" + name + "' is a key of workload entries and cannot name a unit");
+  }
+  if (node.has("role")) unit.role = one_of(node.at("role"), roles());
+  if (node.has("servers"))
+    unit.servers = static_cast<int>(node.at("servers").integer(1, kMaxServers));
+  if (node.has("discipline") &&
+      one_of(node.at("discipline"), {"fifo", "processor_sharing"}) == "processor_sharing") {
+    unit.discipline = Discipline::kProcessorSharing;
+  }
+  if (node.has("slots")) unit.slots = static_cast<int>(node.at("slots").integer(1, kMaxServers));
+  unit.active_w = number_or_zero(node, "active_w", kMaxWatts);
+  unit.idle_w = number_or_zero(node, "idle_w", kMaxWatts);
+  if (node.has("energy")) {
+    const auto energy = node.at("energy");
+    energy.check_keys({"op_pj", "byte_pj", "call_j", "provenance", "source"});
+    unit.op_pj = number_or_zero(energy, "op_pj", kMaxPicojoules);
+    unit.byte_pj = number_or_zero(energy, "byte_pj", kMaxPicojoules);
+    unit.call_j = number_or_zero(energy, "call_j", kMaxJoules);
+    if (energy.has("provenance")) {
+      unit.energy_provenance =
+          *provenance_from_string(one_of(energy.at("provenance"), {"modelled", "fitted"}));
+    }
+    unit.energy_source = paragraph_or_empty(energy, "source");
+  }
+  unit.link = text_or_empty(node, "link");
+  read_backend(node, usable, unit);
+  return unit;
+}
+
+void mark_shared_cores(std::vector<UnitModel>& units) {
+  for (auto& unit : units) {
+    for (const auto& other : units) {
+      if (&unit == &other) continue;
+      unit.shares_cores |= std::ranges::find_first_of(unit.cores, other.cores) != unit.cores.end();
+    }
+  }
+}
+
+void read_units(const YamlNode& node, const std::vector<int>& usable, Platform& platform) {
+  for (const auto& name : node.keys()) {
+    platform.units.push_back(read_unit(node.at(name), name, usable));
+  }
+  if (platform.units.empty()) node.fail("a platform has at least one unit");
+  mark_shared_cores(platform.units);
+}
+
+void read_links(const YamlNode& node, Platform& platform) {
+  for (const auto& name : node.keys()) {
+    const auto entry = node.at(name);
+    entry.check_keys({"mbit_s", "latency_ms", "active_w"});
+    Link link;
+    link.name = checked_name(entry, name);
+    link.mbit_s = entry.at("mbit_s").number(1e-6, 1e9);
+    if (entry.has("latency_ms")) link.latency = read_distribution(entry.at("latency_ms"));
+    link.active_w = number_or_zero(entry, "active_w", kMaxWatts);
+    platform.links.emplace(name, link);
+  }
+}
+
+void check_links(const YamlNode& units, const Platform& platform) {
+  std::vector<std::string> known;
+  for (const auto& [name, link] : platform.links) known.push_back(name);
+  for (const auto& unit : platform.units) {
+    if (unit.link.empty() || platform.links.contains(unit.link)) continue;
+    units.at(unit.name).at("link").fail("no link '" + unit.link + "' under `links:`" +
+                                        suggestion(unit.link, known));
+  }
+}
+
+/// The key must be a unit of the platform.
+void check_unit(const YamlNode& node, const std::string& unit, const Platform& platform) {
+  if (platform.find_unit(unit) != nullptr) return;
+  node.fail("no unit '" + unit + "' on this platform" + suggestion(unit, platform.unit_names()));
+}
+
+Stage read_stage(const YamlNode& node, const Platform& platform) {
+  node.check_keys({"on", "ms", "delay_ms", "name"});
+  Stage stage;
+  if (node.has("delay_ms")) {
+    if (node.has("on") || node.has("ms")) node.fail("is either `on` with `ms`, or `delay_ms`");
+    stage.time = read_distribution(node.at("delay_ms"));
+    stage.name = "delay";
+  } else {
+    stage.on = node.at("on").text();
+    check_unit(node.at("on"), stage.on, platform);
+    stage.time = read_distribution(node.at("ms"));
+    stage.name = "execute";
+  }
+  if (node.has("name")) stage.name = checked_name(node.at("name"), node.at("name").text());
+  return stage;
+}
+
+WorkloadModel read_workload(const YamlNode& node, const Platform& platform) {
+  WorkloadModel model;
+  auto allowed = platform.unit_names();
+  allowed.insert(allowed.end(), workload_keys().begin(), workload_keys().end());
+  node.check_keys(allowed);
+  for (const auto& unit : platform.unit_names()) {
+    if (!node.has(unit)) continue;
+    auto& stages = model.stages[unit];
+    for (const auto& stage : node.at(unit).items()) stages.push_back(read_stage(stage, platform));
+    if (stages.empty()) node.at(unit).fail("must list at least one stage");
+  }
+  if (node.has("call_j")) {
+    const auto call_j = node.at("call_j");
+    for (const auto& unit : call_j.keys()) {
+      check_unit(call_j.at(unit), unit, platform);
+      model.call_j[unit] = call_j.at(unit).number(0, kMaxJoules);
+    }
+  }
+  if (node.has("provenance")) {
+    const std::vector<std::string> known = {"measured", "counted", "modelled", "fitted",
+                                            "published"};
+    model.provenance = *provenance_from_string(one_of(node.at("provenance"), known));
+  }
+  model.source = paragraph_or_empty(node, "source");
+  return model;
+}
+
+void read_workloads(const YamlNode& node, Platform& platform) {
+  const auto known = workload_names();
+  node.check_keys(known);
+  for (const auto& name : node.keys()) {
+    platform.workloads.emplace(name, read_workload(node.at(name), platform));
+  }
+}
+
+/// All "unit.stage" of the platform: what `stage_scale` may name.
+std::vector<std::string> stage_names(const Platform& platform) {
+  std::set<std::string> names;
+  for (const auto& [workload, model] : platform.workloads) {
+    for (const auto& [unit, stages] : model.stages) {
+      for (const auto& stage : stages) names.insert(unit + "." + stage.name);
+    }
+  }
+  return {names.begin(), names.end()};
+}
+
+ModeDefaults read_mode(const YamlNode& node, const Platform& platform) {
+  node.check_keys({"weights", "in_flight", "stage_scale"});
+  ModeDefaults mode;
+  if (node.has("weights")) {
+    const auto weights = node.at("weights");
+    bool any = false;
+    for (const auto& unit : weights.keys()) {
+      check_unit(weights.at(unit), unit, platform);
+      mode.weights[unit] = static_cast<int>(weights.at(unit).integer(0, kMaxWeight));
+      any |= mode.weights[unit] > 0;
+    }
+    if (!any) weights.fail("all weights are 0; give one unit at least 1");
+  }
+  if (node.has("in_flight")) {
+    mode.in_flight = static_cast<int>(node.at("in_flight").integer(1, kMaxWeight));
+  }
+  if (node.has("stage_scale")) {
+    const auto scales = node.at("stage_scale");
+    scales.check_keys(stage_names(platform));
+    for (const auto& stage : scales.keys()) {
+      mode.stage_scale[stage] = scales.at(stage).number(1 / kMaxScale, kMaxScale);
+    }
+  }
+  return mode;
+}
+
+}  // namespace
+
+Platform read_platform(const YamlNode& document, const std::vector<int>& usable) {
+  document.check_keys(
+      {"platform", "description", "assumptions", "units", "links", "workloads", "modes"});
+  Platform platform;
+  platform.name = checked_name(document.at("platform"), document.at("platform").text());
+  platform.description = paragraph_or_empty(document, "description");
+  platform.assumptions = paragraph_or_empty(document, "assumptions");
+  read_units(document.at("units"), usable, platform);
+  if (document.has("links")) read_links(document.at("links"), platform);
+  check_links(document.at("units"), platform);
+  if (document.has("workloads")) read_workloads(document.at("workloads"), platform);
+  if (document.has("modes")) {
+    const auto modes = document.at("modes");
+    for (const auto& name : modes.keys()) {
+      platform.modes.emplace(checked_name(modes.at(name), name),
+                             read_mode(modes.at(name), platform));
+    }
+  }
+  return platform;
+}
+
+}  // namespace pirt

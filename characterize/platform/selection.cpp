@@ -1,0 +1,108 @@
+#include "characterize/platform/selection.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "workloads/base/error.h"
+#include "workloads/base/name_filter.h"
+#include "workloads/base/numbers.h"
+#include "workloads/base/text.h"
+#include "workloads/catalog.h"
+
+namespace pirt {
+namespace {
+
+/// 8 of "fc6@batch8", 8 and 16 of "@(batch8|batch16)".
+std::set<int> named_batches(const std::string& filter) {
+  std::set<int> batches;
+  constexpr std::string_view kWord = "batch";
+  for (auto at = filter.find(kWord); at != std::string::npos; at = filter.find(kWord, at + 1)) {
+    const auto begin = at + kWord.size();
+    const auto end = std::min(filter.find_first_not_of("0123456789", begin), begin + 3);
+    const auto size = whole_number<int>(filter.substr(begin, end - begin), 0, 999);
+    if (size.value) batches.insert(*size.value);
+  }
+  return batches;
+}
+
+/// Variants and batches that an option asks for: what is wanted of the workloads that the filter
+/// picks.
+std::vector<const Workload*> asked_for(const std::vector<std::string>& in_variants,
+                                       std::optional<int> batch) {
+  std::vector<const Workload*> all;
+  for (const std::string& name : in_variants) {
+    for (const Workload* workload : workloads_in_variant(name)) all.push_back(workload);
+  }
+  if (batch) {
+    for (const Workload& workload : workloads_in_batch(*batch)) all.push_back(&workload);
+  }
+  return all;
+}
+
+/// Variants and batches that the filter itself may name.
+std::vector<const Workload*> nameable(const std::string& filter) {
+  if (filter.find('@') == std::string::npos) return {};
+  std::vector<std::string> names;
+  for (const Variant& variant : variants()) names.emplace_back(variant.name);
+  auto all = asked_for(names, std::nullopt);
+  for (const int size : named_batches(filter)) {
+    for (const Workload& workload : workloads_in_batch(size)) all.push_back(&workload);
+  }
+  return all;
+}
+
+}  // namespace
+
+std::vector<const Workload*> choose_workloads(const std::string& filter,
+                                              const std::vector<std::string>& in_variants,
+                                              std::optional<int> batch) {
+  std::vector<const Workload*> chosen;
+  const auto choose = [&](const Workload* workload) {
+    if (std::ranges::find(chosen, workload) == chosen.end()) chosen.push_back(workload);
+  };
+  const NameFilter wanted(filter);
+  for (const Workload& workload : catalog()) {
+    if (wanted.picks(workload.name)) choose(&workload);
+  }
+  for (const Workload* workload : asked_for(in_variants, batch)) {
+    const std::string plain = workload->name.substr(0, workload->name.find('@'));
+    if (wanted.picks(workload->name) || wanted.picks(plain)) choose(workload);
+  }
+  for (const Workload* workload : nameable(filter)) {
+    if (wanted.picks(workload->name)) choose(workload);
+  }
+  if (chosen.empty()) {
+    throw_bad_input(fmt::format("--filter '{}' matches no workload{}; see: pirt list workloads",
+                                filter, suggestion(filter, workload_names())));
+  }
+  return chosen;
+}
+
+std::vector<const UnitModel*> choose_units(const Platform& platform,
+                                           const std::vector<std::string>& names) {
+  std::vector<const UnitModel*> chosen;
+  for (const std::string& name : names) {
+    const UnitModel& unit = platform.unit(name);
+    if (!unit.measured()) {
+      throw_bad_input(fmt::format(
+          "unit '{}' of platform '{}' has no backend: its times are in the platform file, there is "
+          "nothing to measure",
+          name, platform.name));
+    }
+    if (std::ranges::find(chosen, &unit) == chosen.end()) chosen.push_back(&unit);
+  }
+  if (!names.empty()) return chosen;
+  for (const UnitModel& unit : platform.units) {
+    if (unit.measured()) chosen.push_back(&unit);
+  }
+  if (chosen.empty()) {
+    throw_bad_input(fmt::format(
+        "platform '{}' has no unit to measure (no unit names a backend); try --platform host",
+        platform.name));
+  }
+  return chosen;
+}
+
+}  // namespace pirt

@@ -1,0 +1,57 @@
+#include "characterize/profile/profile.h"
+
+#include <algorithm>
+
+namespace pirt {
+namespace {
+
+template <typename Row>
+std::vector<std::string> first_appearances(const std::vector<Row>& rows, std::string Row::*member) {
+  std::vector<std::string> names;
+  for (const Row& row : rows) {
+    if (std::ranges::find(names, row.*member) == names.end()) names.push_back(row.*member);
+  }
+  return names;
+}
+
+}  // namespace
+
+const PhaseRow* Profile::find(std::string_view workload, std::string_view unit, Phase phase,
+                              State state) const {
+  const auto it = std::ranges::find_if(phases, [&](const PhaseRow& row) {
+    return row.workload == workload && row.unit == unit && row.phase == phase && row.state == state;
+  });
+  return it == phases.end() ? nullptr : &*it;
+}
+
+const EnergyRow* Profile::find_energy(std::string_view workload, std::string_view unit) const {
+  const auto it = std::ranges::find_if(
+      energies, [&](const EnergyRow& row) { return row.workload == workload && row.unit == unit; });
+  return it == energies.end() ? nullptr : &*it;
+}
+
+const PeakRow* Profile::find_peak(std::string_view unit, PeakKind kind) const {
+  const auto it = std::ranges::find_if(
+      peaks, [&](const PeakRow& row) { return row.unit == unit && row.kind == kind; });
+  return it == peaks.end() ? nullptr : &*it;
+}
+
+const UnitRecord* Profile::find_unit(std::string_view unit) const {
+  for (const RunInfo& run : runs) {
+    const auto it = std::ranges::find(run.units, unit, &UnitRecord::unit);
+    if (it != run.units.end()) return &*it;
+  }
+  return nullptr;
+}
+
+std::vector<std::string> Profile::workloads() const {
+  return first_appearances(phases, &PhaseRow::workload);
+}
+
+std::vector<std::string> Profile::units() const {
+  return first_appearances(phases, &PhaseRow::unit);
+}
+
+const std::string& Profile::platform() const { return runs.front().platform; }
+
+}  // namespace pirt

@@ -1,0 +1,111 @@
+// What is known of each (workload, unit), as read from a profile database: the rows of its two
+// stable views.
+//
+// Scheduler and reports see this and never SQLite (store/).
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "workloads/base/time.h"
+#include "workloads/peak.h"
+#include "workloads/phase.h"
+
+namespace pirt {
+
+/// A row of view profile_summary.
+struct PhaseRow {
+  std::int64_t run_id = 0;
+  std::string platform, workload, unit, backend;
+  Phase phase = Phase::kCall;
+  State state = State::kSteady;
+  Provenance provenance = Provenance::kMeasured;
+  bool valid = false;
+  std::vector<std::string> reasons;  ///< Why it is not valid.
+  std::vector<std::string> notes;
+  std::int64_t samples = 0;
+  std::optional<Nanos> median, mad, p95, p99, ci_low, ci_high;  ///< Absent if there are no samples.
+  std::optional<std::int64_t> ops;
+  std::int64_t bytes = 0;
+  std::int64_t processes = 0;  ///< Fresh worker processes that the samples come from.
+  /// Mean of the process means (statistics.h), for what adds up; absent if there are no samples. In
+  /// no view: read from the samples.
+  std::optional<Nanos> mean = std::nullopt;
+  // Its samples as they were taken, and of each the process that took it; empty until
+  // ProfileReader::read_samples.
+  std::vector<Nanos> values;
+  std::vector<std::int32_t> value_processes;
+};
+
+/// A row of view energy_summary: joules a call.
+struct EnergyRow {
+  std::int64_t run_id = 0;
+  std::string workload, unit;
+  std::optional<double> energy_j;
+  Provenance provenance = Provenance::kModelled;
+  std::string source;  ///< "model: active_w 10 W x call", "rapl: package-0".
+  bool valid = false;
+  std::vector<std::string> reasons;
+  std::string domain = {};       ///< What the meter or model covers: "unit", "package".
+  bool idle_subtracted = false;  ///< What the domain takes anyway is not in energy_j.
+};
+
+/// What a unit can do at most: operations (f32, int8) or bytes (bandwidth) a second.
+struct PeakRow {
+  std::int64_t run_id = 0;
+  std::string unit;
+  PeakKind kind = PeakKind::kF32;
+  std::optional<double> per_second;
+  std::string variant;  ///< Which loop was the fastest.
+  Provenance provenance = Provenance::kMeasured;
+  bool valid = false;
+  std::vector<std::string> reasons;
+};
+
+/// A device that a unit of the run computed on.
+struct UnitRecord {
+  std::string unit, backend, device;
+  bool device_is_cpu = false;
+  std::vector<int> cores;
+};
+
+struct RunInfo {
+  std::int64_t run_id = 0;
+  std::string started;   ///< ISO 8601, UTC.
+  std::string finished;  ///< Empty if the run did not end.
+  std::string platform;
+  std::uint64_t seed = 0;
+  std::map<std::string, std::string> environment;  ///< "cpu_model", "kernel", "governor", ...
+  std::set<std::string> identity =
+      {};  ///< Keys of those facts that must match for runs to compare.
+  std::vector<UnitRecord> units;
+};
+
+struct Profile {
+  std::string path;
+  std::vector<RunInfo> runs;  ///< Those that rows come from; newest first.
+  std::vector<PhaseRow>
+      phases;  ///< For each (workload, unit, phase, state): the newest run's row that has it.
+  std::vector<EnergyRow> energies;  ///< For each (workload, unit): the newest run's row.
+  std::vector<PeakRow> peaks;       ///< For each (unit, kind): the newest run's row.
+
+  /// Null if there is no such row.
+  [[nodiscard]] const PhaseRow* find(std::string_view workload, std::string_view unit, Phase phase,
+                                     State state = State::kSteady) const;
+  [[nodiscard]] const EnergyRow* find_energy(std::string_view workload,
+                                             std::string_view unit) const;
+  [[nodiscard]] const PeakRow* find_peak(std::string_view unit, PeakKind kind) const;
+  [[nodiscard]] const UnitRecord* find_unit(std::string_view unit) const;
+  /// In order of first appearance.
+  [[nodiscard]] std::vector<std::string> workloads() const;
+  [[nodiscard]] std::vector<std::string> units() const;
+  /// Of the newest run.
+  [[nodiscard]] const std::string& platform() const;
+};
+
+}  // namespace pirt

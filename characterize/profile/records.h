@@ -1,0 +1,83 @@
+// What a measurement leaves to be stored, before there are statistics of it: the rows of profile.h
+// are read back from these.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "characterize/profile/profile.h"
+#include "workloads/base/time.h"
+#include "workloads/phase.h"
+
+namespace pirt {
+
+/// What is written before anything is measured.
+struct RunHeader {
+  std::string started;  ///< ISO 8601, UTC.
+  std::string platform;
+  std::uint64_t seed = 0;
+  std::map<std::string, std::string> environment;  ///< No empty values.
+  std::vector<UnitRecord> units;
+  std::string plan = {};  ///< What find_unfinished_run gives back; empty = cannot be resumed.
+};
+
+/// One row of profile_summary with its samples; the statistics are computed when it is written, so
+/// that they always belong to them.
+struct PhaseRecord {
+  Phase phase = Phase::kCall;
+  State state = State::kSteady;
+  Provenance provenance = Provenance::kMeasured;
+  std::vector<std::string> reasons;  ///< Empty = valid; never empty without samples.
+  std::vector<std::string> notes;
+  std::vector<Nanos> samples;
+  /// Of each sample the worker process that took it, from 0. Empty = one process took all, or, in a
+  /// set-up phase, which happens once in a process, each its own.
+  std::vector<std::int32_t> processes = {};
+};
+
+/// The defaults are those of model_energy, whose watts are above idle.
+struct EnergyRecord {
+  std::optional<double> energy_j;
+  Provenance provenance = Provenance::kModelled;
+  std::string source;
+  std::vector<std::string> reasons;  ///< Empty = valid; never empty without energy_j.
+  std::string domain = "unit";       ///< What the meter or model covers.
+  bool idle_subtracted = true;       ///< What the domain takes anyway is not in energy_j.
+};
+
+/// What a unit can do at most.
+struct PeakRecord {
+  std::string unit;
+  PeakKind kind = PeakKind::kF32;
+  std::optional<double> per_second;  ///< Operations or bytes, above 0.
+  std::string variant;               ///< Which loop was the fastest; empty if none ran.
+  Provenance provenance = Provenance::kMeasured;
+  std::vector<std::string> reasons;  ///< Empty = valid; never empty without per_second.
+};
+
+/// Everything about one workload on one unit.
+struct CellRecord {
+  std::string workload, unit;
+  std::optional<std::int64_t> ops;
+  std::int64_t bytes = 0;
+  std::string verification;
+  std::vector<PhaseRecord> phases;
+  std::optional<EnergyRecord> energy;
+};
+
+struct CellName {
+  std::string workload, unit;
+  friend bool operator==(const CellName&, const CellName&) = default;
+};
+
+/// One worker process of a cell that is not done.
+struct VisitRecord {
+  std::int64_t position = 0;  ///< From 0, in order of time within the cell.
+  State setup = State::kCold;
+  std::string record;  ///< to_record of its JobResult.
+};
+
+}  // namespace pirt

@@ -1,0 +1,163 @@
+#include "characterize/profile/store/database_file.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstring>
+#include <fstream>
+#include <map>
+#include <span>
+#include <system_error>
+
+#include "characterize/profile/store/database_format.h"
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+using sqlite::Connection;
+using sqlite::Statement;
+
+constexpr std::size_t kHeaderBytes = 100;
+
+/// Big-endian, as all of SQLite's header. @source https://www.sqlite.org/fileformat2.html,
+/// section 1.3.
+std::uint32_t header_word(std::span<const unsigned char> header, std::size_t offset) {
+  std::uint32_t value = 0;
+  for (std::size_t i = 0; i < 4; ++i) value = value << 8 | header[offset + i];
+  return value;
+}
+
+void check_version(const std::string& name, std::int64_t version) {
+  if (version == kDatabaseVersion) return;
+  throw_bad_input(fmt::format(
+      "profile database '{}' is of version {}, and this pirt reads version {}: {}", name, version,
+      kDatabaseVersion,
+      version > kDatabaseVersion ? "use a newer pirt" : "characterize again, into a new file"));
+}
+
+/// Checks by its first bytes what a file is, before SQLite, which would take an empty file for an
+/// empty database, sees it.
+void identify(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  std::error_code failed;
+  const auto status = std::filesystem::status(path, failed);
+  if (failed && status.type() != std::filesystem::file_type::not_found) {
+    throw_bad_input(
+        fmt::format("cannot read profile database '{}': {}; give a path that you may read", name,
+                    failed.message()));
+  }
+  if (!std::filesystem::exists(status)) {
+    throw_bad_input(fmt::format(
+        "there is no profile database '{}'; make one with: pirt characterize --db {}", name, name));
+  }
+  if (!std::filesystem::is_regular_file(status)) {
+    throw_bad_input(
+        fmt::format("'{}' is not a file but a {}; give the path of a profile database", name,
+                    std::filesystem::is_directory(status) ? "folder" : "device or pipe"));
+  }
+  std::array<unsigned char, kHeaderBytes> header{};
+  errno = 0;
+  std::ifstream in(path, std::ios::binary);
+  if (!in) {
+    throw_bad_input(fmt::format("cannot read profile database '{}': {}", name,
+                                std::strerror(errno != 0 ? errno : EIO)));
+  }
+  in.read(reinterpret_cast<char*>(header.data()), header.size());
+  const auto size = static_cast<std::size_t>(in.gcount());
+  if (size == 0) {
+    throw_bad_input(fmt::format(
+        "'{}' is empty and no profile database; remove it, or give another path", name));
+  }
+  constexpr std::size_t kMagicBytes = 16;
+  if (size < kMagicBytes || std::memcmp(header.data(), "SQLite format 3", kMagicBytes) != 0) {
+    throw_bad_input(fmt::format(
+        "'{}' is not a profile database (not SQLite); give a file that pirt characterize made",
+        name));
+  }
+  if (size < kHeaderBytes) {
+    throw_bad_input(
+        fmt::format("profile database '{}' is damaged (cut off after {} bytes); restore a "
+                    "copy, or characterize again into a new file",
+                    name, size));
+  }
+  if (header_word(header, 68) != kDatabaseApplicationId) {
+    throw_bad_input(fmt::format(
+        "'{}' is a database of another application; give a file that pirt characterize made",
+        name));
+  }
+  check_version(name, header_word(header, 60));
+  if (header[18] != 1 || header[19] != 1) {
+    throw_bad_input(
+        fmt::format("profile database '{}' is not in journal mode DELETE; convert it with: "
+                    "sqlite3 {} 'PRAGMA journal_mode=DELETE'",
+                    name, name));
+  }
+}
+
+/// A writer that was killed in a transaction leaves a journal; only a connection that may write can
+/// roll it back.
+void recover(const std::filesystem::path& path, Nanos busy_wait) {
+  auto journal = path;
+  journal += "-journal";
+  std::error_code failed;
+  const auto size = std::filesystem::file_size(journal, failed);
+  if (failed || size == 0) return;
+  const Connection connection(path, Connection::Mode::kReadWrite, busy_wait);
+  Statement(connection, "SELECT count(*) FROM sqlite_schema").run();
+}
+
+/// Links @p made to @p path unless something has that name by now; true if it did.
+bool link_new(const std::filesystem::path& made, const std::filesystem::path& path) {
+  if (::link(made.c_str(), path.c_str()) == 0) return true;
+  if (errno == EEXIST) return false;
+  // File systems without hard links (FAT): a rename, which is not safe against a second creator in
+  // the same instant.
+  std::filesystem::rename(made, path);
+  return true;
+}
+
+}  // namespace
+
+sqlite::Connection open_database(const std::filesystem::path& path, sqlite::Connection::Mode mode,
+                                 Nanos busy_wait) {
+  identify(path);
+  recover(path, busy_wait);
+  Connection connection(path, mode, busy_wait);
+  // One state of the file, though another program may be appending a run.
+  connection.run("BEGIN");
+  verify_all(connection);
+  connection.run("COMMIT");
+  if (mode == Connection::Mode::kReadWrite &&
+      sqlite3_db_readonly(connection.handle(), "main") != 0) {
+    connection.fail(SQLITE_READONLY);
+  }
+  return connection;
+}
+
+void create_database(const std::filesystem::path& path) {
+  auto temporary = path;
+  temporary += fmt::format(".tmp{}", ::getpid());
+  std::error_code ignored;
+  std::filesystem::remove(temporary, ignored);
+  try {
+    {
+      Connection connection(temporary, Connection::Mode::kCreate, Nanos(0));
+      connection.run("PRAGMA journal_mode = DELETE; BEGIN; " + std::string(database_schema()) +
+                     "; COMMIT");
+    }
+    link_new(temporary, path);
+  } catch (const Error& error) {
+    std::filesystem::remove(temporary, ignored);
+    throw Error(error.code(),
+                fmt::format("cannot make profile database '{}': {}", path.string(), error.what()));
+  } catch (const std::filesystem::filesystem_error& error) {
+    std::filesystem::remove(temporary, ignored);
+    throw_bad_input(fmt::format("cannot make profile database '{}': {}; give another --db",
+                                path.string(), error.code().message()));
+  }
+  std::filesystem::remove(temporary, ignored);
+}
+
+}  // namespace pirt

@@ -1,0 +1,30 @@
+// The file behind a profile database: creating it, telling it from what it is not, finding damage.
+// Private to characterize/.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+#include "characterize/profile/store/sqlite.h"
+
+namespace pirt {
+
+/// How long another writer is waited for.
+inline constexpr Nanos kBusyWait = std::chrono::seconds(10);
+
+/// Opens an existing profile database after checking what it is, its version, its structure
+/// (integrity_check), its schema and all its checksums. A journal left by a killed writer is rolled
+/// back; apart from that nothing is written.
+/// @throws Error{kBadInput}: missing, a folder, empty, no SQLite database, another application's,
+/// of another version, in WAL mode, damaged.
+/// @throws Error{kEnvironment}: busy, unreadable disk.
+[[nodiscard]] sqlite::Connection open_database(const std::filesystem::path& path,
+                                               sqlite::Connection::Mode mode,
+                                               Nanos busy_wait = kBusyWait);
+
+/// Makes an empty profile database where no file is: built beside it and then linked to its name,
+/// so that no half-made one is ever seen.
+/// @throws Error as open_database.
+void create_database(const std::filesystem::path& path);
+
+}  // namespace pirt

@@ -1,0 +1,41 @@
+// The format of the profile database: its schema and what its checksums cover. Private to
+// characterize/.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "characterize/profile/records.h"
+#include "characterize/profile/store/sqlite.h"
+
+namespace pirt {
+
+inline constexpr std::int64_t kDatabaseApplicationId = 0x50495254;  ///< "PIRT", as in schema.sql.
+inline constexpr std::int64_t kDatabaseVersion = 3;                 ///< user_version.
+
+/// Definitions, which a file has byte for byte.
+[[nodiscard]] std::string_view database_schema();
+
+/// Hash of everything that a run (environment, units, peaks, and which cells and visits it has) or
+/// a cell (measurements, samples, energy) holds, apart from the checksum itself.
+[[nodiscard]] std::int64_t run_checksum(const sqlite::Connection& connection, std::int64_t run_id);
+[[nodiscard]] std::int64_t cell_checksum(const sqlite::Connection& connection,
+                                         std::int64_t cell_id);
+
+[[nodiscard]] std::int64_t visit_checksum(std::int64_t run_id, const CellName& cell,
+                                          const VisitRecord& visit);
+
+/// Reasons and notes as the database has them: separated by "; ". A semicolon inside an entry
+/// becomes a comma.
+[[nodiscard]] std::string join_words(const std::vector<std::string>& words);
+[[nodiscard]] std::vector<std::string> split_words(const std::string& text);
+
+/// Checks structure (integrity_check), definitions, references and the checksums of every run and
+/// every cell. Also of runs that are not shown: damage in a newer one (its platform's name, say)
+/// would silently show the figures of an older.
+/// @throws Error{kBadInput}: damaged, saying what.
+void verify_all(const sqlite::Connection& connection);
+
+}  // namespace pirt

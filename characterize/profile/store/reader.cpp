@@ -1,0 +1,395 @@
+#include "characterize/profile/store/reader.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <set>
+#include <tuple>
+
+#include "characterize/machine/environment.h"
+#include "characterize/profile/store/database_file.h"
+#include "characterize/profile/store/database_format.h"
+#include "characterize/profile/store/sqlite.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+#include "workloads/catalog.h"
+
+namespace pirt {
+namespace {
+
+using sqlite::Connection;
+using sqlite::Statement;
+
+PhaseRow read_phase_row(const Statement& q) {
+  PhaseRow row;
+  row.run_id = q.integer(0);
+  row.platform = q.text(1);
+  row.workload = q.text(2);
+  row.unit = q.text(3);
+  row.backend = q.text(4);
+  // The words are known ones: integrity_check has verified the CHECK constraints.
+  row.phase = phase_from_string(q.text(5)).value();
+  row.state = state_from_string(q.text(6)).value();
+  row.provenance = provenance_from_string(q.text(7)).value();
+  row.valid = q.integer(8) != 0;
+  row.reasons = split_words(q.text(9));
+  row.notes = split_words(q.text(10));
+  row.samples = q.integer(11);
+  row.median = q.optional_nanos(12);
+  row.mad = q.optional_nanos(13);
+  row.p95 = q.optional_nanos(14);
+  row.p99 = q.optional_nanos(15);
+  row.ci_low = q.optional_nanos(16);
+  row.ci_high = q.optional_nanos(17);
+  row.ops = q.optional_integer(18);
+  row.bytes = q.integer(19);
+  row.processes = q.integer(20);
+  return row;
+}
+
+/// Newest runs first; of each (workload, unit, phase, state) the first row met stays.
+std::vector<PhaseRow> read_phases(const Connection& connection, const std::string& platform,
+                                  RunRange runs) {
+  std::vector<PhaseRow> rows;
+  std::set<std::tuple<std::string, std::string, Phase, State>> seen;
+  Statement query(
+      connection,
+      "SELECT run_id, platform, workload, unit, backend, phase, state, provenance, valid, "
+      "reasons, notes, samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, "
+      "ops, bytes, processes FROM profile_summary WHERE platform = ? AND run_id BETWEEN ? AND ? "
+      "ORDER BY run_id DESC");
+  query.bind(platform).bind(runs.first).bind(runs.last);
+  while (query.step()) {
+    PhaseRow row = read_phase_row(query);
+    if (seen.emplace(row.workload, row.unit, row.phase, row.state).second) {
+      rows.push_back(std::move(row));
+    }
+  }
+  return rows;
+}
+
+std::vector<EnergyRow> read_energies(const Connection& connection, const std::string& platform,
+                                     RunRange runs) {
+  std::vector<EnergyRow> rows;
+  std::set<std::pair<std::string, std::string>> seen;
+  Statement query(
+      connection,
+      "SELECT run_id, workload, unit, energy_j, energy_summary.provenance, source, valid, "
+      "reasons, domain, idle_subtracted FROM energy_summary JOIN run USING (run_id) WHERE platform "
+      "= ? AND run_id BETWEEN ? AND ? ORDER BY run_id DESC");
+  query.bind(platform).bind(runs.first).bind(runs.last);
+  while (query.step()) {
+    EnergyRow row;
+    row.run_id = query.integer(0);
+    row.workload = query.text(1);
+    row.unit = query.text(2);
+    if (!query.is_null(3)) row.energy_j = query.real(3);
+    row.provenance = provenance_from_string(query.text(4)).value();
+    row.source = query.text(5);
+    row.valid = query.integer(6) != 0;
+    row.reasons = split_words(query.text(7));
+    row.domain = query.text(8);
+    row.idle_subtracted = query.integer(9) != 0;
+    if (seen.emplace(row.workload, row.unit).second) rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+std::vector<PeakRow> read_peaks(const Connection& connection, const std::string& platform,
+                                RunRange runs) {
+  std::vector<PeakRow> rows;
+  std::set<std::pair<std::string, PeakKind>> seen;
+  Statement query(connection,
+                  "SELECT run_id, unit, kind, per_second, variant, provenance, valid, reasons "
+                  "FROM peak JOIN run USING (run_id) WHERE platform = ? "
+                  "AND run_id BETWEEN ? AND ? ORDER BY run_id DESC, unit, kind");
+  query.bind(platform).bind(runs.first).bind(runs.last);
+  while (query.step()) {
+    PeakRow row;
+    row.run_id = query.integer(0);
+    row.unit = query.text(1);
+    row.kind = peak_kind_from_string(query.text(2)).value();
+    if (!query.is_null(3)) row.per_second = query.real(3);
+    row.variant = query.text(4);
+    row.provenance = provenance_from_string(query.text(5)).value();
+    row.valid = query.integer(6) != 0;
+    row.reasons = split_words(query.text(7));
+    if (seen.emplace(row.unit, row.kind).second) rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+std::vector<int> parse_cores(const std::string& text) {
+  std::vector<int> cores;
+  if (text.empty()) return cores;
+  for (const auto& part : split(text, ',')) {
+    int core = 0;
+    std::from_chars(part.data(), part.data() + part.size(), core);
+    cores.push_back(core);
+  }
+  return cores;
+}
+
+}  // namespace
+
+RunInfo read_run(const Connection& connection, std::int64_t run_id) {
+  RunInfo run;
+  run.run_id = run_id;
+  Statement head(connection, "SELECT started, finished, platform, seed FROM run WHERE run_id = ?");
+  if (!head.bind(run_id).step()) connection.fail_damaged(fmt::format("run {} is missing", run_id));
+  run.started = head.text(0);
+  run.finished = head.text(1);
+  run.platform = head.text(2);
+  const std::string seed = head.text(3);
+  std::from_chars(seed.data(), seed.data() + seed.size(), run.seed);
+  Statement facts(connection, "SELECT key, value, kind FROM environment WHERE run_id = ?");
+  facts.bind(run_id);
+  while (facts.step()) {
+    run.environment[facts.text(0)] = facts.text(1);
+    if (facts.text(2) == to_string(FactKind::kIdentity)) run.identity.insert(facts.text(0));
+  }
+  Statement units(connection,
+                  "SELECT unit, backend, device, device_is_cpu, cores FROM unit WHERE run_id = ? "
+                  "ORDER BY ordinal");
+  units.bind(run_id);
+  while (units.step()) {
+    run.units.push_back({units.text(0), units.text(1), units.text(2), units.integer(3) != 0,
+                         parse_cores(units.text(4))});
+  }
+  return run;
+}
+
+namespace {
+
+/// The platform that is meant: the given one, or that of the newest run which has cells.
+std::string choose_platform(const Connection& connection, std::string_view wished, RunRange runs) {
+  std::vector<std::string> known;  // newest first
+  Statement query(connection,
+                  "SELECT platform FROM run WHERE EXISTS (SELECT 1 FROM cell WHERE cell.run_id = "
+                  "run.run_id) AND run_id BETWEEN ? AND ? ORDER BY run_id DESC");
+  query.bind(runs.first).bind(runs.last);
+  while (query.step()) {
+    if (std::ranges::find(known, query.text(0)) == known.end()) known.push_back(query.text(0));
+  }
+  const std::string path = connection.path().string();
+  if (known.empty()) {
+    throw_bad_input(fmt::format(
+        "profile database '{}' holds no measurements; add some with: pirt characterize --db {}",
+        path, path));
+  }
+  if (wished.empty()) return known.front();
+  if (std::ranges::find(known, wished) == known.end()) {
+    throw_bad_input(fmt::format(
+        "profile database '{}' has no run of platform '{}'{}; measure it with: pirt characterize "
+        "--db {} --platform {}",
+        path, wished, suggestion(wished, known), path, wished));
+  }
+  return std::string(wished);
+}
+
+/// Table order: workloads as in the catalog (others behind, by name), units as in the runs, phases
+/// as they happen.
+void sort_rows(Profile& profile) {
+  const auto names = workload_names();
+  const auto workload_rank = [&names](const std::string& name) {
+    const std::string plain = name.substr(0, name.find('@'));  // variants behind their workload
+    return std::ranges::find(names, plain) - names.begin();
+  };
+  std::vector<std::string> units;
+  for (const RunInfo& run : profile.runs) {
+    for (const UnitRecord& unit : run.units) units.push_back(unit.unit);
+  }
+  const auto unit_rank = [&units](const std::string& name) {
+    return std::ranges::find(units, name) - units.begin();
+  };
+  std::ranges::sort(profile.phases, {}, [&](const PhaseRow& row) {
+    return std::tuple(workload_rank(row.workload), row.workload, unit_rank(row.unit), row.phase,
+                      row.state);
+  });
+  std::ranges::sort(profile.energies, {}, [&](const EnergyRow& row) {
+    return std::tuple(workload_rank(row.workload), row.workload, unit_rank(row.unit));
+  });
+}
+
+}  // namespace
+
+namespace {
+
+struct RowKey {
+  std::string workload, unit;
+  Phase phase = Phase::kCall;
+  State state = State::kSteady;
+};
+
+/// Null where another run's row stands in the profile.
+PhaseRow* row_of(Profile& profile, std::int64_t run_id, const RowKey& key) {
+  const auto row = std::ranges::find_if(profile.phases, [&](const PhaseRow& candidate) {
+    return candidate.run_id == run_id && candidate.workload == key.workload &&
+           candidate.unit == key.unit && candidate.phase == key.phase &&
+           candidate.state == key.state;
+  });
+  return row == profile.phases.end() ? nullptr : &*row;
+}
+
+/// Of the processes' means, as mean() of statistics.h has it.
+void read_means(const Connection& connection, std::int64_t run_id, Profile& profile) {
+  Statement query(connection,
+                  "SELECT workload, unit, phase, state, AVG(of_process) FROM "
+                  "(SELECT measurement_id, AVG(ns) AS of_process FROM cell "
+                  "JOIN measurement USING (cell_id) JOIN sample USING (measurement_id) "
+                  "WHERE run_id = ? GROUP BY measurement_id, process) "
+                  "JOIN measurement USING (measurement_id) JOIN cell USING (cell_id) "
+                  "GROUP BY measurement_id");
+  query.bind(run_id);
+  while (query.step()) {
+    PhaseRow* row = row_of(profile, run_id,
+                           {query.text(0), query.text(1), phase_from_string(query.text(2)).value(),
+                            state_from_string(query.text(3)).value()});
+    if (row != nullptr) row->mean = Nanos(std::llround(query.real(4)));
+  }
+}
+
+/// While it lives, all reading sees one state of the file, though somebody may be appending a run.
+class Snapshot {
+ public:
+  explicit Snapshot(Connection& connection) : connection_(connection) { connection_.run("BEGIN"); }
+  ~Snapshot() { sqlite3_exec(connection_.handle(), "ROLLBACK", nullptr, nullptr, nullptr); }
+  Snapshot(const Snapshot&) = delete;
+  Snapshot& operator=(const Snapshot&) = delete;
+
+ private:
+  Connection& connection_;
+};
+
+}  // namespace
+
+ProfileReader::ProfileReader(const std::filesystem::path& path)
+    : connection_(std::make_unique<Connection>(open_database(path, Connection::Mode::kReadOnly))) {}
+
+ProfileReader::~ProfileReader() = default;
+
+Profile ProfileReader::read(std::string_view platform, RunRange runs) const {
+  const Snapshot snapshot(*connection_);
+  const std::string chosen = choose_platform(*connection_, platform, runs);
+  Profile profile;
+  profile.path = connection_->path().string();
+  profile.phases = read_phases(*connection_, chosen, runs);
+  profile.energies = read_energies(*connection_, chosen, runs);
+  profile.peaks = read_peaks(*connection_, chosen, runs);
+  std::set<std::int64_t, std::greater<>> run_ids;
+  for (const PhaseRow& row : profile.phases) run_ids.insert(row.run_id);
+  for (const EnergyRow& row : profile.energies) run_ids.insert(row.run_id);
+  for (const PeakRow& row : profile.peaks) run_ids.insert(row.run_id);
+  for (const std::int64_t run_id : run_ids) {
+    profile.runs.push_back(read_run(*connection_, run_id));
+  }
+  for (const RunInfo& run : profile.runs) read_means(*connection_, run.run_id, profile);
+  sort_rows(profile);
+  return profile;
+}
+
+std::vector<std::int64_t> ProfileReader::finished_runs(std::string_view platform) const {
+  Statement query(*connection_,
+                  "SELECT run_id FROM run WHERE platform = ? AND finished IS NOT NULL "
+                  "ORDER BY run_id DESC");
+  query.bind(platform);
+  std::vector<std::int64_t> ids;
+  while (query.step()) ids.push_back(query.integer(0));
+  return ids;
+}
+
+void ProfileReader::read_samples(Profile& profile) const {
+  for (const RunInfo& run : profile.runs) {
+    for (RowSamples& each : read_run_samples(*connection_, run.run_id)) {
+      PhaseRow* row =
+          row_of(profile, run.run_id, {each.workload, each.unit, each.phase, each.state});
+      if (row == nullptr) continue;
+      row->values = std::move(each.samples);
+      row->value_processes = std::move(each.processes);
+    }
+  }
+}
+
+Profile load_profile(const std::filesystem::path& path, std::string_view platform, RunRange runs) {
+  return ProfileReader(path).read(platform, runs);
+}
+
+namespace {
+
+std::vector<std::pair<CellName, VisitRecord>> read_visits(const Connection& connection,
+                                                          std::int64_t run_id) {
+  std::vector<std::pair<CellName, VisitRecord>> visits;
+  Statement query(connection,
+                  "SELECT workload, unit, position, setup, record, checksum FROM visit "
+                  "WHERE run_id = ? ORDER BY workload, unit, position");
+  query.bind(run_id);
+  while (query.step()) {
+    const CellName cell{query.text(0), query.text(1)};
+    const State setup = query.text(3) == to_string(State::kCold) ? State::kCold : State::kWarm;
+    const VisitRecord visit{query.integer(2), setup, query.text(4)};
+    if (query.integer(5) != visit_checksum(run_id, cell, visit)) {
+      connection.fail_damaged(fmt::format("checksum of process {} of {} on {} in run {}",
+                                          visit.position, cell.workload, cell.unit, run_id));
+    }
+    visits.emplace_back(cell, visit);
+  }
+  return visits;
+}
+
+}  // namespace
+
+std::optional<UnfinishedRun> find_unfinished_run(const std::filesystem::path& path) {
+  const auto connection = open_database(path, Connection::Mode::kReadOnly);
+  Statement newest(
+      connection,
+      "SELECT run_id, plan, checksum FROM run WHERE finished IS NULL AND plan IS NOT NULL "
+      "ORDER BY run_id DESC LIMIT 1");
+  if (!newest.step()) return std::nullopt;
+  UnfinishedRun found{
+      read_run(connection, newest.integer(0)), newest.text(1), newest.integer(2), {}, {}};
+  found.visits = read_visits(connection, found.run.run_id);
+  Statement cells(connection,
+                  "SELECT workload, unit FROM cell WHERE run_id = ? AND NOT EXISTS (SELECT 1 FROM "
+                  "visit WHERE visit.run_id = cell.run_id AND visit.workload = cell.workload AND "
+                  "visit.unit = cell.unit) ORDER BY cell_id");
+  cells.bind(found.run.run_id);
+  while (cells.step()) found.done.push_back({cells.text(0), cells.text(1)});
+  return found;
+}
+
+std::vector<RowSamples> read_run_samples(const Connection& connection, std::int64_t run_id) {
+  Statement exists(connection, "SELECT 1 FROM run WHERE run_id = ?");
+  if (!exists.bind(run_id).step()) return {};
+  Statement query(connection,
+                  "SELECT measurement_id, workload, unit, phase, state, ns, process FROM cell "
+                  "JOIN measurement USING (cell_id) JOIN sample USING (measurement_id) "
+                  "WHERE run_id = ? ORDER BY measurement_id, position");
+  query.bind(run_id);
+  std::vector<RowSamples> rows;
+  std::optional<std::int64_t> current;
+  while (query.step()) {
+    if (current != query.integer(0)) {
+      current = query.integer(0);
+      // The columns' CHECK constraints and the checksum have been verified: the words are known
+      // ones.
+      rows.push_back({query.text(1),
+                      query.text(2),
+                      phase_from_string(query.text(3)).value(),
+                      state_from_string(query.text(4)).value(),
+                      {},
+                      {}});
+    }
+    rows.back().samples.push_back(Nanos(query.integer(5)));
+    rows.back().processes.push_back(static_cast<std::int32_t>(query.integer(6)));
+  }
+  return rows;
+}
+
+std::vector<RowSamples> load_samples(const std::filesystem::path& path, std::int64_t run_id) {
+  return read_run_samples(open_database(path, Connection::Mode::kReadOnly), run_id);
+}
+
+}  // namespace pirt

@@ -1,0 +1,204 @@
+#include "characterize/profile/store/sqlite.h"
+
+#include <fmt/format.h>
+
+#include <bit>
+
+#include "workloads/base/error.h"
+
+namespace pirt::sqlite {
+namespace {
+
+int open_flags(Connection::Mode mode) {
+  switch (mode) {
+    case Connection::Mode::kReadOnly:
+      return SQLITE_OPEN_READONLY;
+    case Connection::Mode::kReadWrite:
+      return SQLITE_OPEN_READWRITE;
+    case Connection::Mode::kCreate:
+    case Connection::Mode::kMemory:
+      return SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
+  }
+  return SQLITE_OPEN_READONLY;
+}
+
+/// ":memory:" and, where it is built so, "file:..." are names to SQLite: only where a path begins.
+std::string file_name(const std::filesystem::path& path) {
+  return (path.is_relative() ? "." / path : path).string();
+}
+
+}  // namespace
+
+Connection::Connection(std::filesystem::path path, Mode mode, Nanos busy_wait)
+    : path_(std::move(path)), busy_wait_(busy_wait) {
+  sqlite3* handle = nullptr;
+  const std::string name = mode == Mode::kMemory ? ":memory:" : file_name(path_);
+  const int code =
+      sqlite3_open_v2(name.c_str(), &handle, open_flags(mode) | SQLITE_OPEN_NOMUTEX, nullptr);
+  handle_.reset(handle);
+  if (code != SQLITE_OK) fail(code);
+  sqlite3_extended_result_codes(handle, 1);
+  sqlite3_busy_timeout(handle, static_cast<int>(busy_wait.count() / 1'000'000));
+  sqlite3_db_config(handle, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+  run("PRAGMA foreign_keys = ON; PRAGMA trusted_schema = OFF; PRAGMA temp_store = MEMORY");
+}
+
+void Connection::run(const std::string& sql) {
+  const int code = sqlite3_exec(handle(), sql.c_str(), nullptr, nullptr, nullptr);
+  if (code != SQLITE_OK) fail(code);
+}
+
+void Connection::fail(int code) const {
+  const std::string path = path_.string();
+  // The connection's last message may be of another error, or of none ("not an error").
+  const bool last = handle_ && (sqlite3_errcode(handle()) & 0xFF) == (code & 0xFF);
+  const std::string detail = last ? sqlite3_errmsg(handle()) : sqlite3_errstr(code);
+  switch (code & 0xFF) {
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      throw_environment(
+          fmt::format("profile database '{}' is in use by another program (waited {:.3g} s); try "
+                      "again when that has ended, or give another --db",
+                      path, to_s(busy_wait_)));
+    case SQLITE_FULL:
+      throw_environment(fmt::format(
+          "no space left to write profile database '{}'; what was stored before is kept: free "
+          "some space and run again",
+          path));
+    case SQLITE_IOERR:
+      throw_environment(
+          fmt::format("cannot read or write profile database '{}' ({}); what was stored before is "
+                      "kept: check the disk and its limits, and run again",
+                      path, detail));
+    case SQLITE_READONLY:
+      throw_bad_input(
+          fmt::format("profile database '{}' cannot be written ({}); make the file and "
+                      "its folder writable, or give another --db",
+                      path, detail));
+    case SQLITE_CANTOPEN:
+    case SQLITE_PERM:
+    case SQLITE_AUTH:
+      throw_bad_input(
+          fmt::format("cannot open profile database '{}' ({}); check that the path is right and "
+                      "that the file and its folder permit it",
+                      path, detail));
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB:
+      fail_damaged(detail);
+    default:
+      throw_environment(
+          fmt::format("profile database '{}': {} (SQLite error {})", path, detail, code));
+  }
+}
+
+void Connection::fail_damaged(std::string_view detail) const {
+  throw_bad_input(
+      fmt::format("profile database '{}' is damaged ({}); restore a copy, or characterize again "
+                  "into a new file",
+                  path_.string(), detail));
+}
+
+Statement::Statement(const Connection& connection, std::string_view sql) : connection_(connection) {
+  sqlite3_stmt* statement = nullptr;
+  const int code = sqlite3_prepare_v2(connection.handle(), sql.data(), static_cast<int>(sql.size()),
+                                      &statement, nullptr);
+  statement_.reset(statement);
+  // The statements are pirt's own: one that the file's schema does not fit means that the schema is
+  // not what it should be.
+  if ((code & 0xFF) == SQLITE_ERROR) {
+    connection.fail_damaged(sqlite3_errmsg(connection.handle()));
+  }
+  check(code);
+}
+
+void Statement::check(int code) {
+  if (code != SQLITE_OK) connection_.fail(code);
+}
+
+Statement& Statement::bind(std::int64_t value) {
+  check(sqlite3_bind_int64(statement_.get(), next_++, value));
+  return *this;
+}
+
+Statement& Statement::bind(double value) {
+  check(sqlite3_bind_double(statement_.get(), next_++, value));
+  return *this;
+}
+
+Statement& Statement::bind(std::string_view value) {
+  check(sqlite3_bind_text(statement_.get(), next_++, value.data(), static_cast<int>(value.size()),
+                          SQLITE_TRANSIENT));
+  return *this;
+}
+
+Statement& Statement::bind_null() {
+  check(sqlite3_bind_null(statement_.get(), next_++));
+  return *this;
+}
+
+bool Statement::step() {
+  const int code = sqlite3_step(statement_.get());
+  if (code == SQLITE_ROW) return true;
+  if (code != SQLITE_DONE) connection_.fail(code);
+  return false;
+}
+
+void Statement::run() {
+  while (step()) {
+  }
+  sqlite3_reset(statement_.get());
+  next_ = 1;
+}
+
+std::int64_t Statement::integer(int column) const {
+  return sqlite3_column_int64(statement_.get(), column);
+}
+
+double Statement::real(int column) const { return sqlite3_column_double(statement_.get(), column); }
+
+std::string Statement::text(int column) const {
+  const auto* data = sqlite3_column_text(statement_.get(), column);
+  if (data == nullptr) return "";
+  return {reinterpret_cast<const char*>(data),
+          static_cast<std::size_t>(sqlite3_column_bytes(statement_.get(), column))};
+}
+
+bool Statement::is_null(int column) const {
+  return sqlite3_column_type(statement_.get(), column) == SQLITE_NULL;
+}
+
+std::optional<std::int64_t> Statement::optional_integer(int column) const {
+  return is_null(column) ? std::nullopt : std::optional(integer(column));
+}
+
+std::optional<Nanos> Statement::optional_nanos(int column) const {
+  return is_null(column) ? std::nullopt : std::optional(Nanos(integer(column)));
+}
+
+void Statement::hash_row(Hash64& hash) const {
+  const int columns = sqlite3_column_count(statement_.get());
+  for (int i = 0; i < columns; ++i) {
+    const int type = sqlite3_column_type(statement_.get(), i);
+    hash.add(static_cast<std::uint64_t>(type));
+    if (type == SQLITE_INTEGER) hash.add(static_cast<std::uint64_t>(integer(i)));
+    if (type == SQLITE_FLOAT) hash.add(std::bit_cast<std::uint64_t>(real(i)));
+    if (type == SQLITE_TEXT) hash.add(text(i));
+  }
+}
+
+Transaction::Transaction(Connection& connection) : connection_(connection) {
+  // IMMEDIATE: a second writer is met here, before anything was done, and waited for.
+  connection_.run("BEGIN IMMEDIATE");
+}
+
+Transaction::~Transaction() {
+  // Some errors (a full disk) have rolled back already. Nothing can be done about a failing
+  // rollback: the journal then undoes it at the next opening.
+  if (connection_.in_transaction()) {
+    sqlite3_exec(connection_.handle(), "ROLLBACK", nullptr, nullptr, nullptr);
+  }
+}
+
+void Transaction::commit() { connection_.run("COMMIT"); }
+
+}  // namespace pirt::sqlite

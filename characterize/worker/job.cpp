@@ -1,0 +1,273 @@
+#include "characterize/worker/job.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int kProtocol = 2;
+constexpr std::string_view kPrefix = "pirt-record ";
+
+Json encode(const std::vector<Nanos>& times) {
+  Json list = Json::array();
+  for (const Nanos t : times) list.push_back(t.count());
+  return list;
+}
+
+/// A word of an enumeration, by its own parser.
+template <typename Parse>
+auto decode_word(const Json& j, Parse parse) {
+  const auto text = j.get<std::string>();
+  const auto value = parse(text);
+  if (!value) throw_bad_input(fmt::format("there is no '{}'", text));
+  return *value;
+}
+
+std::vector<Nanos> decode_times(const Json& list) {
+  std::vector<Nanos> times;
+  times.reserve(list.size());
+  for (const auto& value : list) times.emplace_back(value.get<std::int64_t>());
+  return times;
+}
+
+Json encode(const SamplingOptions& o) {
+  return {{"warm_up_ns", o.warm_up.count()},
+          {"slice_ns", o.slice.count()},
+          {"limit_ns", o.limit.count()},
+          {"min_samples", o.min_samples},
+          {"max_samples", o.max_samples}};
+}
+
+SamplingOptions decode_sampling(const Json& j) {
+  SamplingOptions o;
+  o.warm_up = Nanos(j.at("warm_up_ns").get<std::int64_t>());
+  o.slice = Nanos(j.at("slice_ns").get<std::int64_t>());
+  o.limit = Nanos(j.at("limit_ns").get<std::int64_t>());
+  o.min_samples = j.at("min_samples");
+  o.max_samples = j.at("max_samples");
+  return o;
+}
+
+Json encode(const MeterRequest& m) {
+  return {{"meters", m.meters},
+          {"source", m.source},
+          {"domain", m.domain},
+          {"sysfs", m.sysfs},
+          {"window_ns", m.window.count()}};
+}
+
+MeterRequest decode_metering(const Json& j) {
+  return {j.at("meters"), j.at("source"), j.at("domain"), j.at("sysfs"),
+          Nanos(j.at("window_ns").get<std::int64_t>())};
+}
+
+Json encode(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
+
+std::optional<double> decode_number(const Json& j) {
+  if (j.is_null()) return std::nullopt;
+  return j.get<double>();
+}
+
+Json encode(const std::optional<MeteredCalls>& m) {
+  if (!m) return {};
+  return {{"source", m->source},
+          {"domain", m->domain},
+          {"calls", m->calls},
+          {"duration_ns", m->duration.count()},
+          {"active_j", encode(m->active_j)},
+          {"idle_before_w", encode(m->idle_before_w)},
+          {"idle_after_w", encode(m->idle_after_w)},
+          {"reasons", m->reasons}};
+}
+
+std::optional<MeteredCalls> decode_metered(const Json& j) {
+  if (j.is_null()) return std::nullopt;
+  return MeteredCalls{j.at("source"),
+                      j.at("domain"),
+                      j.at("calls"),
+                      Nanos(j.at("duration_ns").get<std::int64_t>()),
+                      decode_number(j.at("active_j")),
+                      decode_number(j.at("idle_before_w")),
+                      decode_number(j.at("idle_after_w")),
+                      j.at("reasons").get<std::vector<std::string>>()};
+}
+
+Json encode(const DeviceInfo& device) {
+  return {{"name", device.name},
+          {"platform", device.platform},
+          {"version", device.version},
+          {"compute_units", device.compute_units},
+          {"is_cpu", device.is_cpu},
+          {"cache_bytes", device.cache_bytes ? Json(*device.cache_bytes) : Json()},
+          {"tuning", device.tuning}};
+}
+
+DeviceInfo decode_device(const Json& j) {
+  DeviceInfo device{j.at("name"), j.at("platform"), j.at("version"), j.at("compute_units"),
+                    j.at("is_cpu")};
+  if (!j.at("cache_bytes").is_null()) device.cache_bytes = j.at("cache_bytes").get<std::int64_t>();
+  device.tuning = j.value("tuning", "");  // Records of interrupted runs of before have none.
+  return device;
+}
+
+Json encode(const PeakFigure& peak) {
+  return {{"kind", to_string(peak.kind)},
+          {"per_second", peak.per_second ? Json(*peak.per_second) : Json()},
+          {"variant", peak.variant},
+          {"reasons", peak.reasons}};
+}
+
+PeakFigure decode_peak(const Json& j) {
+  PeakFigure peak;
+  peak.kind = decode_word(j.at("kind"), peak_kind_from_string);
+  if (!j.at("per_second").is_null()) peak.per_second = j.at("per_second").get<double>();
+  peak.variant = j.at("variant");
+  peak.reasons = j.at("reasons").get<std::vector<std::string>>();
+  return peak;
+}
+
+Json encode(const std::optional<Nanos>& time) { return time ? Json(time->count()) : Json(); }
+
+std::optional<Nanos> decode_time(const Json& j) {
+  if (j.is_null()) return std::nullopt;
+  return Nanos(j.get<std::int64_t>());
+}
+
+JobResult decode_result(const Json& j) {
+  JobResult result;
+  result.done = j.at("done");
+  result.step = j.at("step");
+  result.error = j.at("error");
+  if (!j.at("device").is_null()) result.device = decode_device(j.at("device"));
+  result.provenance = decode_word(j.at("provenance"), provenance_from_string);
+  result.clock = {j.at("clock_cost_ns"), Nanos(j.at("clock_resolution_ns").get<std::int64_t>())};
+  result.device_init = decode_time(j.at("device_init_ns"));
+  result.prepare = decode_time(j.at("prepare_ns"));
+  result.verification = j.at("verification");
+  result.wrong_output = j.at("wrong_output");
+  result.contended = j.at("contended");
+  result.throttled = j.at("throttled");
+  result.notes = j.at("notes").get<std::vector<std::string>>();
+  for (const auto& phase : j.at("phases")) {
+    result.phases.push_back({decode_word(phase.at("phase"), phase_from_string),
+                             decode_times(phase.at("samples_ns")), phase.at("batch")});
+  }
+  result.metered = decode_metered(j.value("metered", Json()));
+  for (const auto& peak : j.at("peaks")) result.peaks.push_back(decode_peak(peak));
+  return result;
+}
+
+JobResult result_from(const Json& j) {
+  try {
+    return decode_result(j);
+  } catch (const Json::exception& error) {
+    throw_bad_input(fmt::format("this is no record of this version's worker ({})", error.what()));
+  }
+}
+
+}  // namespace
+
+std::string to_json(const Job& job) {
+  const Json unit = {{"unit", job.unit.unit},
+                     {"cores", job.unit.cores},
+                     {"device", job.unit.device},
+                     {"script", job.unit.script}};
+  const Json j = {{"protocol", kProtocol},
+                  {"kind", static_cast<int>(job.kind)},
+                  {"backend", job.backend},
+                  {"unit", unit},
+                  {"workload", job.workload},
+                  {"seed", job.seed},
+                  {"images", job.images},
+                  {"reference", job.reference},
+                  {"sampling", encode(job.sampling)},
+                  {"metering", encode(job.metering)}};
+  return j.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+Job job_from_json(const std::string& text) {
+  try {
+    const Json j = Json::parse(text);
+    if (const int protocol = j.at("protocol"); protocol != kProtocol) {
+      throw_bad_input(
+          fmt::format("the job has protocol {}, and this worker knows {}; coordinator and "
+                      "worker must be the same program",
+                      protocol, kProtocol));
+    }
+    Job job;
+    const int kind = j.at("kind");
+    if (kind < 0 || kind > static_cast<int>(JobKind::kPeaks)) {
+      throw_bad_input(fmt::format("unknown kind of job {}", kind));
+    }
+    job.kind = static_cast<JobKind>(kind);
+    job.backend = j.at("backend");
+    const Json& unit = j.at("unit");
+    job.unit = {unit.at("unit"), unit.at("cores").get<std::vector<int>>(), unit.at("device"),
+                unit.at("script")};
+    job.workload = j.at("workload");
+    job.seed = j.at("seed");
+    job.images = j.at("images");
+    job.reference = j.at("reference");
+    job.sampling = decode_sampling(j.at("sampling"));
+    job.metering = decode_metering(j.at("metering"));
+    return job;
+  } catch (const Json::exception& error) {
+    throw_bad_input(
+        fmt::format("this is no worker's job ({}); `worker` is started by characterize "
+                    "and not by hand",
+                    error.what()));
+  }
+}
+
+std::string to_record(const JobResult& r) {
+  Json phases = Json::array();
+  for (const PhaseSamples& p : r.phases) {
+    phases.push_back(
+        {{"phase", to_string(p.phase)}, {"samples_ns", encode(p.samples)}, {"batch", p.batch}});
+  }
+  Json peaks = Json::array();
+  for (const PeakFigure& peak : r.peaks) peaks.push_back(encode(peak));
+  const Json j = {{"done", r.done},
+                  {"step", r.step},
+                  {"error", r.error},
+                  {"device", r.device ? encode(*r.device) : Json()},
+                  {"provenance", to_string(r.provenance)},
+                  {"clock_cost_ns", r.clock.cost_ns},
+                  {"clock_resolution_ns", r.clock.resolution.count()},
+                  {"device_init_ns", encode(r.device_init)},
+                  {"prepare_ns", encode(r.prepare)},
+                  {"verification", r.verification},
+                  {"wrong_output", r.wrong_output},
+                  {"contended", r.contended},
+                  {"throttled", r.throttled},
+                  {"notes", r.notes},
+                  {"phases", phases},
+                  {"metered", encode(r.metered)},
+                  {"peaks", peaks}};
+  // Drivers' texts need not be UTF-8.
+  return std::string(kPrefix) + j.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+JobResult last_record(std::string_view output) {
+  while (!output.empty()) {
+    const auto line_end = output.rfind('\n');
+    if (line_end == std::string_view::npos) break;                       // never completed
+    const auto line_begin = output.substr(0, line_end).rfind('\n') + 1;  // npos + 1 == 0
+    const auto line = output.substr(line_begin, line_end - line_begin);
+    output = output.substr(0, line_begin);
+    // A library that prints without an end of line may stand before the record.
+    const auto prefix = line.find(kPrefix);
+    if (prefix == std::string_view::npos) continue;
+    const Json j = Json::parse(line.substr(prefix + kPrefix.size()), nullptr, false);
+    if (!j.is_discarded()) return result_from(j);
+  }
+  return {};
+}
+
+}  // namespace pirt

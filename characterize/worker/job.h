@@ -1,0 +1,71 @@
+// What the coordinator asks of a worker process, and what the worker reports: the two records that
+// cross the pipe.
+//
+// The job is one JSON document on the worker's standard input. The worker writes lines "pirt-record
+// {...}" on its standard output; each holds everything that is known so far, so that the last
+// complete line is the result, however the worker ended. Other lines are a library's chatter.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "characterize/energy/metered_calls.h"
+#include "characterize/worker/measure.h"
+#include "characterize/worker/peaks.h"
+#include "workloads/backend.h"
+
+namespace pirt {
+
+enum class JobKind : std::uint8_t {
+  kProbe,      ///< Is the backend there, and which device does the unit get?
+  kReference,  ///< Compute the workload's reference into a file.
+  kSetup,      ///< Time device_init and prepare.
+  kSample,     ///< The same, then verify, time calls, verify.
+  kMeter,      ///< The same, with energy meters around the calls in place of the clock.
+  kPeaks,      ///< Measure the unit's limits.
+};
+
+struct Job {
+  JobKind kind = JobKind::kProbe;
+  std::string backend;
+  UnitRequest unit;
+  std::string workload;  ///< Not for kProbe and kPeaks.
+  std::uint64_t seed = 1;
+  std::string images;     ///< Path for images_from; empty = generated.
+  std::string reference;  ///< File that kReference writes and kSample reads.
+  SamplingOptions sampling;
+  MeterRequest metering;  ///< For kMeter.
+};
+
+struct JobResult {
+  bool done = false;  ///< The worker did all that it was asked for.
+  std::string step;   ///< What it was doing when the record was written: "opening the device".
+  std::string error;  ///< Empty unless it failed.
+  std::optional<DeviceInfo> device;
+  Provenance provenance = Provenance::kMeasured;
+  ClockQuality clock;
+  std::optional<Nanos> device_init, prepare;
+  std::string verification;  ///< What the last comparison with the reference found; empty if none
+                             ///< took place.
+  bool wrong_output = false;
+  bool contended = false;
+  bool throttled = false;
+  std::vector<std::string> notes;  ///< Of the data: "input_resized".
+  std::vector<PhaseSamples> phases;
+  std::optional<MeteredCalls> metered;
+  std::vector<PeakFigure> peaks;
+};
+
+[[nodiscard]] std::string to_json(const Job& job);
+/// @throws Error{kBadInput} if it is not a job of this version.
+[[nodiscard]] Job job_from_json(const std::string& text);
+
+/// One line without its end.
+[[nodiscard]] std::string to_record(const JobResult& result);
+/// The last record among the lines of @p output; a result with nothing done if there is none.
+/// @throws Error{kBadInput} if it is none of this version.
+[[nodiscard]] JobResult last_record(std::string_view output);
+
+}  // namespace pirt

@@ -1,0 +1,49 @@
+#include "characterize/worker/job_runner.h"
+
+#include <fmt/format.h>
+
+#include "characterize/worker/process.h"
+#include "workloads/catalog.h"
+
+namespace pirt {
+namespace {
+
+constexpr std::size_t kLastWords = 400;  // characters of standard error that a reason quotes
+
+std::string failure(const ProcessResult& process, const JobResult& result, Nanos limit) {
+  const std::string step = result.step.empty() ? "starting" : result.step;
+  if (process.end == ProcessResult::End::kExited && !result.error.empty()) {
+    return one_line(fmt::format("{} (while {})", result.error, step), 2 * kLastWords);
+  }
+  const std::string text = fmt::format("worker {} while {}", how_it_ended(process, limit), step);
+  const std::string words = one_line(process.diagnostics, kLastWords);
+  return words.empty() ? text : text + ": " + words;
+}
+
+/// References of batches are computed image by image.
+Nanos limit_of(const Job& job, Nanos limit) {
+  if (job.kind != JobKind::kReference) return limit;
+  const Workload* workload = try_find_workload(job.workload);
+  return workload == nullptr ? limit : limit * workload->batch;
+}
+
+}  // namespace
+
+std::optional<JobResult> JobRunner::run(
+    const Job& job, const std::vector<std::pair<std::string, std::string>>& environment) const {
+  ProcessRequest request;
+  request.program = program_;
+  request.arguments = {"worker"};
+  request.input = to_json(job);
+  request.environment = environment;
+  request.limit = limit_of(job, limit_);
+  request.stop = stop_;
+  if (stop_ != nullptr && stop_->load()) return std::nullopt;
+  const ProcessResult process = run_process(request);
+  if (process.end == ProcessResult::End::kStopped) return std::nullopt;
+  JobResult result = last_record(process.output);
+  result.error = result.done ? "" : failure(process, result, request.limit);
+  return result;
+}
+
+}  // namespace pirt

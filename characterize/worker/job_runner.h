@@ -1,0 +1,40 @@
+// Runs jobs in worker processes, one at a time, and turns however they end into a JobResult.
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "characterize/worker/job.h"
+
+namespace pirt {
+
+class JobRunner {
+ public:
+  /// @param program  A pirt: it is started with the one argument `worker`.
+  /// @param limit    What a job may take before it is killed; a reference for each of its images.
+  /// @param stop     Ends the running job and all later ones when set; may be null.
+  JobRunner(std::filesystem::path program, Nanos limit, const std::atomic<bool>* stop)
+      : program_(std::move(program)), limit_(limit), stop_(stop) {}
+
+  /// @param environment  Variables on top of this process' own.
+  /// @return Nothing if stopped. Otherwise a result that is done, or has an error: what the worker
+  /// said, or how it died ("worker crashed
+  ///         (SIGABRT) while sampling: last words"), in one line.
+  /// @throws Error{kEnvironment} if no process can be started.
+  [[nodiscard]] std::optional<JobResult> run(
+      const Job& job,
+      const std::vector<std::pair<std::string, std::string>>& environment = {}) const;
+
+  [[nodiscard]] Nanos limit() const { return limit_; }
+
+ private:
+  std::filesystem::path program_;
+  Nanos limit_;
+  const std::atomic<bool>* stop_;
+};
+
+}  // namespace pirt

@@ -1,0 +1,76 @@
+// Timing the phases of prepared kernels, in one process: batches, warm-up, when to stop.
+//
+// A sample is one call, or a batch's time over its calls where one call is so short that the clock
+// would show. Knows nothing of processes, files or validity; see worker.h, cell.h.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "workloads/backend.h"
+#include "workloads/base/time.h"
+#include "workloads/phase.h"
+
+namespace pirt {
+
+/// What reading a clock costs and how finely it counts. A simulated clock costs nothing and counts
+/// single nanoseconds.
+struct ClockQuality {
+  double cost_ns = 0;
+  Nanos resolution{1};
+};
+
+/// Median cost of a reading over 21 rounds of 500, and the smallest step seen. Takes less than a
+/// millisecond on a usual machine.
+[[nodiscard]] ClockQuality measure_clock(const Clock& clock);
+
+/// What one process samples. It does not look at the precision: that is a matter of several
+/// processes (cell.h).
+struct SamplingOptions {
+  Nanos warm_up = std::chrono::milliseconds(30);  ///< At least this long and at least 2 calls;
+                                                  ///< on a simulated clock at most 1000.
+  Nanos slice = std::chrono::milliseconds(120);   ///< At least this long and min_samples.
+  Nanos limit = std::chrono::seconds(60);         ///< Ends sampling whatever there is.
+  std::int64_t min_samples = 5;
+  std::int64_t max_samples = 1'000;
+};
+
+/// Samples of one phase, with what else is needed to judge them.
+struct PhaseSamples {
+  Phase phase = Phase::kCall;
+  std::vector<Nanos> samples;  ///< A call each.
+  std::int64_t batch = 1;      ///< Calls between two readings of the clock.
+};
+
+/// Times @p kernel, which is bound, prepared and right, for options.slice. Afterwards the outputs
+/// are those of a timed call.
+///
+/// @param clock    The machine's, or the device's own; the slice is one of its time, so that
+/// simulated devices repeat exactly.
+/// @param phases   What the backend's calls have; other phases get no samples. `launch` comes from
+/// the device's stamps, and `execute` is
+///                 the wall time of one execution without it.
+/// @return One entry for each per-call phase that was found, in the order of @p phases. On a
+/// simulated clock a phase that takes no time at
+///         all does not exist.
+/// @throws Error{kEnvironment} if device stamps contradict the clock; whatever the kernel throws.
+[[nodiscard]] std::vector<PhaseSamples> sample_calls(Kernel& kernel, const Clock& clock,
+                                                     const ClockQuality& quality,
+                                                     std::span<const Phase> phases,
+                                                     const SamplingOptions& options);
+
+/// Calls a batch so that it takes 1 ms or more: 1 for calls of at least 1 ms, at most 100000.
+[[nodiscard]] std::int64_t batch_size(Nanos one_call);
+
+/// The larger of the clock's cost and step, relative to the interval between the two readings
+/// behind a typical sample; 0 for a simulated clock.
+[[nodiscard]] double clock_share(Nanos median_sample, std::int64_t batch,
+                                 const ClockQuality& quality);
+
+/// Whether clock_share is more than 1 %.
+[[nodiscard]] bool is_clock_bound(Nanos median_sample, std::int64_t batch,
+                                  const ClockQuality& quality);
+
+}  // namespace pirt

@@ -1,0 +1,241 @@
+#include "characterize/worker/process.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <signal.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <optional>
+#include <string_view>
+
+#include "workloads/base/error.h"
+#include "workloads/base/file_descriptor.h"
+
+namespace pirt {
+namespace {
+
+constexpr std::size_t kDiagnosticsKept = 16384;
+constexpr int kCannotStart = 127;
+constexpr int kLookEveryMs = 100;  // how often the stop flag and the limit are looked at
+constexpr int kReapEveryMs = 1;    // once both streams are closed the child is about to be gone
+
+[[noreturn]] void throw_system(std::string_view doing, int error) {
+  throw_environment(fmt::format("cannot {}: {}; check the limits on processes and open files",
+                                doing, std::strerror(error)));
+}
+
+struct Pipe {
+  FileDescriptor read, write;
+};
+
+Pipe make_pipe() {
+  std::array<int, 2> ends{};
+  if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw_system("make a pipe", errno);
+  return {FileDescriptor(ends[0]), FileDescriptor(ends[1])};
+}
+
+/// The input as a file in memory: nothing to feed while the child runs, and no SIGPIPE if it does
+/// not read.
+FileDescriptor input_file(const std::string& text) {
+  FileDescriptor file(::memfd_create("pirt-input", MFD_CLOEXEC));
+  if (file.get() < 0) throw_system("make a file in memory", errno);
+  std::size_t written = 0;
+  while (written < text.size()) {
+    const auto n = ::write(file.get(), text.data() + written, text.size() - written);
+    if (n < 0 && errno != EINTR) throw_system("write a file in memory", errno);
+    if (n > 0) written += static_cast<std::size_t>(n);
+  }
+  if (::lseek(file.get(), 0, SEEK_SET) != 0) throw_system("rewind a file in memory", errno);
+  return file;
+}
+
+/// Environment of the child as execve wants it; replaces variables of the same name.
+class ChildEnvironment {
+ public:
+  explicit ChildEnvironment(const std::vector<std::pair<std::string, std::string>>& added) {
+    for (char** entry = environ; *entry != nullptr; ++entry) {
+      const std::string_view text(*entry);
+      const auto name = text.substr(0, text.find('='));
+      const bool replaced =
+          std::ranges::any_of(added, [&](const auto& variable) { return variable.first == name; });
+      if (!replaced) entries_.emplace_back(text);
+    }
+    for (const auto& [name, value] : added) entries_.push_back(fmt::format("{}={}", name, value));
+    for (std::string& entry : entries_) pointers_.push_back(entry.data());
+    pointers_.push_back(nullptr);
+  }
+  [[nodiscard]] char* const* get() const { return pointers_.data(); }
+
+ private:
+  std::vector<std::string> entries_;
+  std::vector<char*> pointers_;
+};
+
+/// Between fork and exec; only calls that POSIX allows there.
+[[noreturn]] void become(const char* program, char* const* arguments, char* const* environment,
+                         int in, int out, int err, pid_t parent) {
+  ::setpgid(0, 0);
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != parent) ::_exit(kCannotStart);  // it died before prctl
+  sigset_t none;
+  sigemptyset(&none);
+  ::sigprocmask(SIG_SETMASK, &none, nullptr);
+  ::signal(SIGPIPE, SIG_DFL);
+  ::signal(SIGINT, SIG_DFL);
+  if (::dup2(in, STDIN_FILENO) >= 0 && ::dup2(out, STDOUT_FILENO) >= 0 &&
+      ::dup2(err, STDERR_FILENO) >= 0) {
+    ::execve(program, arguments, environment);
+  }
+  const char* const reason = ::strerrordesc_np(errno);  // strerror is not for here
+  static_cast<void>(!::write(STDERR_FILENO, reason, std::strlen(reason)));
+  ::_exit(kCannotStart);
+}
+
+class Child {
+ public:
+  explicit Child(const ProcessRequest& request) {
+    std::vector<std::string> words = {request.program.string()};
+    words.insert(words.end(), request.arguments.begin(), request.arguments.end());
+    std::vector<char*> arguments;
+    arguments.reserve(words.size() + 1);
+    for (std::string& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
+    const ChildEnvironment environment(request.environment);
+    const FileDescriptor input = input_file(request.input);
+    Pipe out = make_pipe();
+    Pipe err = make_pipe();
+    const pid_t self = ::getpid();
+    pid_ = ::fork();
+    if (pid_ < 0) throw_system("start a process", errno);
+    if (pid_ == 0) {
+      become(words[0].c_str(), arguments.data(), environment.get(), input.get(), out.write.get(),
+             err.write.get(), self);
+    }
+    ::setpgid(pid_, pid_);  // also here, so that a kill right away finds the group
+    out_ = std::move(out.read);
+    err_ = std::move(err.read);
+  }
+  ~Child() {
+    kill();
+    ::waitpid(pid_, nullptr, 0);
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+
+  /// The whole group: compilers that a driver started must not go on computing. The child itself is
+  /// reaped last, so that its number cannot be somebody else's by now.
+  void kill() const { ::kill(-pid_, SIGKILL); }
+
+  /// Waits for output or @p wait_ms and takes in what there is.
+  void pump(int wait_ms, ProcessResult& result) {
+    std::array<pollfd, 2> streams = {pollfd{out_.get(), POLLIN, 0}, pollfd{err_.get(), POLLIN, 0}};
+    if (is_closed()) wait_ms = std::min(wait_ms, kReapEveryMs);
+    if (::poll(streams.data(), streams.size(), wait_ms) <= 0)
+      return;  // EINTR: the caller looks again
+    if (streams[0].revents != 0) take(out_, result.output);
+    if (streams[1].revents != 0) {
+      take(err_, result.diagnostics);
+      const std::size_t size = result.diagnostics.size();
+      if (size > kDiagnosticsKept) result.diagnostics.erase(0, size - kDiagnosticsKept);
+    }
+  }
+
+  [[nodiscard]] bool is_closed() const { return out_.get() < 0 && err_.get() < 0; }
+
+  /// How it ended, once it has; it stays to be reaped.
+  [[nodiscard]] std::optional<siginfo_t> ended() const {
+    siginfo_t info{};
+    if (::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) != 0) {
+      return std::nullopt;
+    }
+    return info.si_pid == pid_ ? std::optional(info) : std::nullopt;
+  }
+
+ private:
+  static void take(FileDescriptor& stream, std::string& text) {
+    std::array<char, 65536> buffer;
+    const auto n = ::read(stream.get(), buffer.data(), buffer.size());
+    if (n > 0) text.append(buffer.data(), static_cast<std::size_t>(n));
+    if (n == 0 || (n < 0 && errno != EINTR)) stream.close();
+  }
+
+  pid_t pid_ = -1;
+  FileDescriptor out_, err_;
+};
+
+/// What is left in the pipes of a child that has ended. Something that it started may hold them
+/// open: nothing is waited for.
+void drain(Child& child, ProcessResult& result) {
+  std::size_t before = 0;
+  do {
+    before = result.output.size() + result.diagnostics.size();
+    child.pump(0, result);
+  } while (!child.is_closed() && result.output.size() + result.diagnostics.size() != before);
+}
+
+}  // namespace
+
+ProcessResult run_process(const ProcessRequest& request) {
+  using SteadyClock = std::chrono::steady_clock;
+  Child child(request);
+  const auto deadline = SteadyClock::now() + request.limit;
+  ProcessResult result;
+  while (!child.ended()) {
+    const bool stopped = request.stop != nullptr && request.stop->load();
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - SteadyClock::now());
+    if (stopped || left.count() <= 0) {
+      result.end = stopped ? ProcessResult::End::kStopped : ProcessResult::End::kTimedOut;
+      child.kill();
+      drain(child, result);
+      return result;  // ~Child waits for it
+    }
+    child.pump(static_cast<int>(std::min<std::int64_t>(left.count(), kLookEveryMs)), result);
+  }
+  drain(child, result);
+  const siginfo_t info = child.ended().value();
+  result.end =
+      info.si_code == CLD_EXITED ? ProcessResult::End::kExited : ProcessResult::End::kSignalled;
+  result.code = info.si_status;
+  if (result.code == kCannotStart && result.end == ProcessResult::End::kExited) {
+    throw_environment(fmt::format("cannot start '{}': {}; give the path of a pirt program",
+                                  request.program.string(), result.diagnostics));
+  }
+  return result;
+}
+
+std::string how_it_ended(const ProcessResult& process, Nanos limit) {
+  switch (process.end) {
+    case ProcessResult::End::kTimedOut:
+      return fmt::format("timed out after {:.3g} s", to_s(limit));
+    case ProcessResult::End::kSignalled: {
+      const char* name = ::sigabbrev_np(process.code);
+      return name != nullptr ? fmt::format("crashed (SIG{})", name)
+                             : fmt::format("crashed (signal {})", process.code);
+    }
+    case ProcessResult::End::kStopped:
+      return "was stopped";
+    case ProcessResult::End::kExited:
+      break;
+  }
+  return fmt::format("ended with code {}", process.code);
+}
+
+std::string one_line(std::string text, std::size_t longest) {
+  std::ranges::replace_if(
+      text, [](unsigned char c) { return c < ' '; }, ' ');
+  while (!text.empty() && text.back() == ' ') text.pop_back();
+  if (text.size() > longest) text = "..." + text.substr(text.size() - longest);
+  return text;
+}
+
+}  // namespace pirt

@@ -1,0 +1,243 @@
+#include "characterize/worker/worker.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstring>
+#include <exception>
+#include <istream>
+#include <iterator>
+#include <optional>
+#include <ostream>
+
+#include "characterize/machine/host_load.h"
+#include "characterize/worker/job.h"
+#include "characterize/worker/peaks.h"
+#include "workloads/base/error.h"
+#include "workloads/catalog.h"
+#include "workloads/registry.h"
+#include "workloads/tensor_file.h"
+
+namespace pirt {
+namespace {
+
+class Worker {
+ public:
+  /// @param records  Null = nobody follows.
+  Worker(const Job& job, const Injection& injection, std::ostream* records, JobResult& result)
+      : job_(job),
+        injection_(injection),
+        records_(records),
+        result_(result),
+        backend_(find_backend(job.backend)) {}
+
+  void run() {
+    switch (job_.kind) {
+      case JobKind::kProbe:
+        probe();
+        break;
+      case JobKind::kReference:
+        reference();
+        break;
+      case JobKind::kSetup:
+        set_up();
+        break;
+      case JobKind::kSample:
+        set_up();
+        sample();
+        break;
+      case JobKind::kMeter:
+        set_up();
+        meter();
+        break;
+      case JobKind::kPeaks:
+        peaks();
+        break;
+    }
+  }
+
+ private:
+  /// From here on a failure is one of doing @p what.
+  void begin(const std::string& what) {
+    result_.step = what;
+    if (records_ != nullptr) *records_ << to_record(result_) << std::endl;
+  }
+
+  void probe() {
+    begin("probing the backend");
+    const Probe found = backend_.probe();
+    if (!found.available) throw_environment(found.reason);
+    begin("opening the device");
+    const auto device = backend_.open(job_.unit);
+    result_.device = device->info();
+    result_.provenance = device->provenance();
+  }
+
+  void peaks() {
+    begin("opening the device");
+    const auto device = backend_.open(job_.unit);
+    result_.provenance = device->provenance();
+    begin("measuring peaks");
+    const Clock* own = device->own_clock();
+    result_.peaks = measure_peaks(*device, own != nullptr ? *own : machine_);
+  }
+
+  Data make_data() {
+    begin("making the input data");
+    const auto images =
+        job_.images.empty() ? generated_images(job_.seed) : images_from(job_.images);
+    return find_workload(job_.workload).make_data({job_.seed, images.get()});
+  }
+
+  void reference() {
+    const Data data = make_data();
+    begin("computing the reference");
+    write_tensors(job_.reference, find_workload(job_.workload).reference(data));
+  }
+
+  void set_up() {
+    const Workload& workload = find_workload(job_.workload);
+    data_ = make_data();
+    outputs_ = make_tensors(workload.outputs);
+    result_.notes = data_.notes;
+
+    begin("opening the device");
+    const Nanos start = machine_.now();
+    device_ = backend_.open(job_.unit);
+    const Nanos opened = machine_.now();
+    const Clock* own = device_->own_clock();
+    clock_ = own != nullptr ? own : &machine_;
+    result_.clock = own != nullptr ? ClockQuality{} : measure_clock(machine_);
+    result_.provenance = device_->provenance();
+    result_.device = device_->info();
+    result_.device_init = own != nullptr ? own->now() : opened - start;  // an own clock starts at 0
+
+    std::optional<ExtraWork> extra;
+    if (injection_.prepare > 1) extra.emplace(machine_);
+    begin("preparing");
+    const Nanos begun = clock_->now();
+    kernel_ = device_->prepare(workload, data_.parameters);
+    kernel_->bind(data_.inputs, outputs_);
+    call();
+    if (extra) {
+      const auto taken = static_cast<double>((clock_->now() - begun).count());
+      ExtraWork::run(extra->steps_for(Nanos(std::llround((injection_.prepare - 1) * taken))));
+    }
+    result_.prepare = clock_->now() - begun;
+    kernel_ = slowed(std::move(kernel_), injection_.execute, machine_);
+  }
+
+  void call() {
+    kernel_->upload();
+    kernel_->execute(1);
+    kernel_->download();
+  }
+
+  /// Makes sure that what is verified next was written by the calls in between; 0xFF is NaN in
+  /// floating point.
+  void scribble() {
+    for (Tensor& tensor : outputs_) std::memset(tensor.data(), 0xFF, tensor.bytes().size());
+  }
+
+  bool verify(std::span<const Tensor> expected, std::string_view when) {
+    const Verdict verdict = find_workload(job_.workload).verify(outputs_, expected);
+    result_.verification = fmt::format("{}: {}", when, verdict.detail);
+    result_.wrong_output = !verdict.ok;
+    return verdict.ok;
+  }
+
+  bool is_right() {
+    if (job_.reference.empty()) return true;
+    begin("verifying");
+    expected_ = read_tensors(job_.reference, reference_specs(find_workload(job_.workload)));
+    scribble();
+    call();
+    return verify(expected_, "before timing");
+  }
+
+  void sample() {
+    if (!is_right()) return;
+    begin("sampling");
+    scribble();
+    const auto phases = backend_.phases();
+    const auto before = read_host_counters(job_.unit.cores);
+    result_.phases = sample_calls(*kernel_, *clock_, result_.clock, phases, job_.sampling);
+    const auto after = read_host_counters(job_.unit.cores);
+    if (device_->own_clock() == nullptr) {
+      const int cores = job_.unit.cores.empty() ? static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))
+                                                : static_cast<int>(job_.unit.cores.size());
+      const Interference found = interference(before, after, cores);
+      result_.contended = found.contended;
+      result_.throttled = found.throttled;
+    }
+    if (!job_.reference.empty()) verify(expected_, "after timing");
+  }
+
+  /// The same calls, on the machine's clock even if the device has its own: meters know no other.
+  void meter() {
+    if (!is_right()) return;
+    begin("metering");
+    const auto found = discover_meters(job_.metering.sysfs);
+    const auto meters = find_meters(found, job_.metering.meters);
+    scribble();
+    // A meter sees all cores, whoever uses them.
+    const auto before = read_host_counters({});
+    result_.metered = meter_calls(meters, machine_, metering_window(meters, job_.metering.window),
+                                  [this] { call(); });
+    const auto after = read_host_counters({});
+    const Interference disturbed =
+        interference(before, after, static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN)));
+    if (disturbed.contended) result_.metered->source += "; contended";
+    if (disturbed.throttled) result_.metered->reasons.emplace_back("throttled");
+    if (!verify(expected_, "after metering")) {
+      result_.metered->reasons.emplace_back("wrong_output");
+    }
+  }
+
+  const Job& job_;
+  Injection injection_;
+  std::ostream* records_;
+  JobResult& result_;
+  const Backend& backend_;
+  MachineClock machine_;
+  const Clock* clock_ = &machine_;
+  Data data_;
+  std::vector<Tensor> outputs_;
+  std::vector<Tensor> expected_;
+  std::unique_ptr<Device> device_;
+  std::unique_ptr<Kernel> kernel_;  // goes before its device
+};
+
+}  // namespace
+
+int run_worker(std::istream& job, std::ostream& records) {
+  JobResult result;
+  int code = kExitEnvironment;
+  try {
+    const std::string text{std::istreambuf_iterator<char>(job), std::istreambuf_iterator<char>()};
+    const Job parsed = job_from_json(text);
+    Worker worker(parsed, {}, &records, result);
+    worker.run();
+    result.done = true;
+    // Before the device is closed: a driver that dies then cannot take back what was measured.
+    records << to_record(result) << std::endl;
+    return 0;
+  } catch (const Error& error) {
+    result.error = error.what();
+    code = exit_code(error.code());
+  } catch (const std::exception& error) {
+    result.error = fmt::format("unexpected: {}", error.what());
+  }
+  records << to_record(result) << std::endl;
+  return code;
+}
+
+JobResult do_job(const Job& job, const Injection& injection) {
+  JobResult result;
+  Worker(job, injection, nullptr, result).run();
+  result.done = true;
+  return result;
+}
+
+}  // namespace pirt

@@ -1,0 +1,258 @@
+// The dispatcher's memory: records of the tasks of firings that are not released, their successors,
+// and lists of them. A task that completed is forgotten at once, one that ended otherwise with its
+// firing. Slots are used again, so that memory follows what is live, not what was.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "scheduler/dispatcher/id_map.h"
+#include "scheduler/mix/task.h"
+
+namespace pirt {
+
+enum class TaskState : std::uint8_t {
+  kNew,           ///< Registered; its predecessors have not been looked at.
+  kWaiting,       ///< For predecessors.
+  kHeld,          ///< The policy refuses it for now.
+  kHighPriority,  ///< In the global high-priority queue.
+  kQueued,        ///< In a unit's queue.
+  kRunning,
+  kCancelled,  ///< Still runs, but counts as dropped already.
+  kEnded,      ///< Without having completed; whoever comes after it is dropped.
+};
+
+/// It can no longer start, or has ended.
+[[nodiscard]] constexpr bool is_over(TaskState state) {
+  return state == TaskState::kCancelled || state == TaskState::kEnded;
+}
+
+using TaskSlot = std::uint32_t;
+inline constexpr TaskSlot kNoSlot = IdMap::kAbsent;
+
+struct TaskRecord {
+  TaskId id = 0;
+  std::uint32_t class_index = 0;
+  TaskState state = TaskState::kWaiting;
+  UnitId unit = 0;            ///< Of kQueued, kRunning and kCancelled.
+  std::uint32_t pending = 0;  ///< Predecessors not complete.
+  std::uint32_t first_edge = kNoSlot;
+  std::uint32_t generation = 0;  ///< Of the slot; what was noted of an earlier one is stale.
+  std::uint32_t firing = 0;      ///< Position in the store's firings.
+  TaskSlot previous = kNoSlot;   ///< In the list that it is in.
+  TaskSlot next = kNoSlot;
+  Nanos rank{0};               ///< The policy's; all queues keep this order,
+  std::uint64_t sequence = 0;  ///< and then the order in which tasks became ready.
+  Nanos dispatched_at{0};
+  Nanos ready_at{0};
+  bool expires = false;
+};
+
+class TaskStore {
+ public:
+  [[nodiscard]] TaskRecord& operator[](TaskSlot slot) { return records_[slot]; }
+  [[nodiscard]] const TaskRecord& operator[](TaskSlot slot) const { return records_[slot]; }
+  /// kNoSlot if there is no such task, any more or yet.
+  [[nodiscard]] TaskSlot find(TaskId id) const { return slots_.find(id); }
+
+  struct OpenFiring {
+    std::uint32_t slot = kNoSlot;  ///< kNoSlot if it is released and still has live tasks.
+    bool is_new = false;
+  };
+  /// The firing to add tasks to: a new one, or one that is not released.
+  OpenFiring open_firing(FiringId id) {
+    const std::size_t position = firing_slots_.locate(id);
+    const std::uint32_t known = firing_slots_.at(position);
+    if (known != IdMap::kAbsent) return {firings_[known].released ? kNoSlot : known, false};
+    const std::uint32_t firing = take_slot(firings_, free_firings_);
+    firings_[firing] = {.id = id};
+    firing_slots_.insert_at(position, id, firing);
+    return {firing, true};
+  }
+
+  /// Nothing that comes later names its tasks. False if there is no such firing, or it is released
+  /// already.
+  bool release(FiringId id) {
+    const std::size_t position = firing_slots_.locate(id);
+    const std::uint32_t firing = firing_slots_.at(position);
+    if (firing == IdMap::kAbsent || firings_[firing].released) return false;
+    for (TaskSlot slot = firings_[firing].ended; slot != kNoSlot;) {
+      const TaskSlot next = records_[slot].next;
+      forget(slot);
+      slot = next;
+    }
+    firings_[firing].ended = kNoSlot;
+    firings_[firing].released = true;
+    if (firings_[firing].live == 0) forget_firing(position);
+    return true;
+  }
+
+  /// Firings that are not released, or have live tasks.
+  [[nodiscard]] std::size_t firings() const { return firings_.size() - free_firings_.size(); }
+  /// Tasks that are live, or ended without completing and are of a firing that is not released.
+  [[nodiscard]] std::size_t tasks() const { return records_.size() - free_.size(); }
+
+  /// kNoSlot if the id is of a task that is known.
+  TaskSlot add(TaskId id, std::uint32_t firing) {
+    const std::size_t position = slots_.locate(id);
+    if (slots_.at(position) != kNoSlot) return kNoSlot;
+    const TaskSlot slot = take_slot(records_, free_);
+    const std::uint32_t generation = records_[slot].generation;
+    records_[slot] =
+        TaskRecord{.id = id, .state = TaskState::kNew, .generation = generation, .firing = firing};
+    slots_.insert_at(position, id, slot);
+    ++firings_[firing].live;
+    return slot;
+  }
+
+  /// The task is done, and who comes after it need not know of it.
+  void remove(TaskSlot slot) {
+    free_edges(slot);
+    const std::uint32_t firing = records_[slot].firing;
+    forget(slot);
+    if (--firings_[firing].live == 0 && firings_[firing].released) {
+      forget_firing(firing_slots_.locate(firings_[firing].id));
+    }
+  }
+
+  /// The task ended without having completed: known as that until its firing is released.
+  void end(TaskSlot slot) {
+    FiringRecord& firing = firings_[records_[slot].firing];
+    if (firing.released) return remove(slot);
+    free_edges(slot);
+    TaskRecord& record = records_[slot];
+    record.state = TaskState::kEnded;
+    ++record.generation;
+    record.next = std::exchange(firing.ended, slot);
+    --firing.live;
+  }
+
+  [[nodiscard]] bool is_current(TaskSlot slot, std::uint32_t generation) const {
+    return records_[slot].generation == generation;
+  }
+
+  void add_successor(TaskSlot predecessor, TaskSlot successor) {
+    std::uint32_t edge = free_edge_;
+    if (edge == kNoSlot) {
+      edge = static_cast<std::uint32_t>(edges_.size());
+      edges_.emplace_back();
+    } else {
+      free_edge_ = edges_[edge].next;
+    }
+    edges_[edge] = {successor, records_[successor].generation, records_[predecessor].first_edge};
+    records_[predecessor].first_edge = edge;
+  }
+
+  /// Appends the successors that are still live, in order of submission.
+  void successors(TaskSlot slot, std::vector<TaskSlot>& out) const {
+    const auto begin = static_cast<std::ptrdiff_t>(out.size());
+    for (std::uint32_t e = records_[slot].first_edge; e != kNoSlot; e = edges_[e].next) {
+      if (is_current(edges_[e].successor, edges_[e].generation)) out.push_back(edges_[e].successor);
+    }
+    std::reverse(out.begin() + begin, out.end());  // Edges are linked newest first.
+  }
+
+ private:
+  struct Edge {
+    TaskSlot successor = kNoSlot;
+    std::uint32_t generation = 0;
+    std::uint32_t next = kNoSlot;
+  };
+  struct FiringRecord {
+    FiringId id = 0;
+    std::uint32_t live = 0;    ///< Tasks that are not done.
+    TaskSlot ended = kNoSlot;  ///< Those that ended without completing, linked by `next`.
+    bool released = false;
+  };
+
+  template <typename Record>
+  static std::uint32_t take_slot(std::vector<Record>& records, std::vector<std::uint32_t>& free) {
+    if (free.empty()) {
+      records.emplace_back();
+      return static_cast<std::uint32_t>(records.size() - 1);
+    }
+    const std::uint32_t slot = free.back();
+    free.pop_back();
+    return slot;
+  }
+
+  void forget(TaskSlot slot) {
+    slots_.erase_at(slots_.locate(records_[slot].id));
+    ++records_[slot].generation;
+    free_.push_back(slot);
+  }
+
+  void forget_firing(std::size_t position) {
+    free_firings_.push_back(firing_slots_.at(position));
+    firing_slots_.erase_at(position);
+  }
+
+  void free_edges(TaskSlot slot) {
+    for (std::uint32_t e = records_[slot].first_edge; e != kNoSlot;) {
+      const std::uint32_t next = edges_[e].next;
+      edges_[e].next = free_edge_;
+      free_edge_ = e;
+      e = next;
+    }
+  }
+
+  std::vector<TaskRecord> records_;
+  std::vector<TaskSlot> free_;
+  std::vector<Edge> edges_;
+  std::uint32_t free_edge_ = kNoSlot;
+  IdMap slots_;
+  std::vector<FiringRecord> firings_;
+  std::vector<std::uint32_t> free_firings_;
+  IdMap firing_slots_;
+};
+
+/// Whether all queues serve @p a before @p b.
+[[nodiscard]] inline bool precedes(const TaskRecord& a, const TaskRecord& b) {
+  return a.rank != b.rank ? a.rank < b.rank : a.sequence < b.sequence;
+}
+
+/// A queue in order of `rank` and `sequence`, linked through the records.
+class TaskList {
+ public:
+  [[nodiscard]] bool empty() const { return head_ == kNoSlot; }
+  [[nodiscard]] TaskSlot front() const { return head_; }
+
+  /// New tasks go to the end at once, or near it; one that comes back is older than most and goes
+  /// near the front. So its place is sought from both sides.
+  void insert(TaskStore& store, TaskSlot slot) {
+    TaskRecord& record = store[slot];
+    TaskSlot after = kNoSlot;
+    if (tail_ != kNoSlot && precedes(record, store[tail_])) {
+      TaskSlot last = tail_;  // Comes after the record, as all behind it.
+      after = head_;
+      while (precedes(store[after], record)) {
+        const TaskSlot before = store[last].previous;
+        if (before == kNoSlot || precedes(store[before], record)) {
+          after = last;
+          break;
+        }
+        last = before;
+        after = store[after].next;
+      }
+    }
+    record.next = after;
+    record.previous = after == kNoSlot ? tail_ : store[after].previous;
+    (record.previous == kNoSlot ? head_ : store[record.previous].next) = slot;
+    (after == kNoSlot ? tail_ : store[after].previous) = slot;
+  }
+
+  void erase(TaskStore& store, TaskSlot slot) {
+    TaskRecord& record = store[slot];
+    (record.previous == kNoSlot ? head_ : store[record.previous].next) = record.next;
+    (record.next == kNoSlot ? tail_ : store[record.next].previous) = record.previous;
+    record.previous = record.next = kNoSlot;
+  }
+
+ private:
+  TaskSlot head_ = kNoSlot;
+  TaskSlot tail_ = kNoSlot;
+};
+
+}  // namespace pirt

@@ -1,0 +1,76 @@
+#include "scheduler/planner/mix_plan.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "scheduler/services/transfers.h"
+
+namespace pirt {
+namespace {
+
+Nanos call_cost(const Platform& platform, const MixTask& task, const Service& service,
+                UnitId unit) {
+  Nanos cost = service.total();
+  if (const Link* link = link_of(platform, unit); link != nullptr && task.service.empty()) {
+    const CallBytes bytes = call_bytes(task);
+    cost +=
+        sending_time(*link, bytes.in) + sending_time(*link, bytes.out) + 2 * link->latency.mean();
+  }
+  return std::max(cost, Nanos(1));
+}
+
+}  // namespace
+
+TaskGraph graph_of(const Platform& platform, const Mix& mix, const ServiceTable& services,
+                   const std::vector<std::vector<TaskClass>>& classes) {
+  TaskGraph graph;
+  for (std::size_t p = 0; p < mix.pipelines.size(); ++p) {
+    const Pipeline& pipeline = mix.pipelines[p];
+    const std::size_t first = graph.costs.size();
+    for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
+      const MixTask& task = pipeline.tasks[t];
+      const TaskClass& kind = classes[p][t];
+      graph.names.push_back(pipeline.name + "/" + task.name);
+      auto& row = graph.costs.emplace_back(platform.units.size(), kUnsupported);
+      for (UnitId unit = 0; unit < row.size(); ++unit) {
+        if (!contains(kind.eligible, unit)) continue;
+        row[unit] = call_cost(platform, task, *services.find(kind.workload, unit), unit);
+      }
+      for (auto& edge : edges_into(platform, pipeline, t)) {
+        edge.from += first;
+        edge.to += first;
+        graph.edges.push_back(std::move(edge));
+      }
+    }
+  }
+  return graph;
+}
+
+MixPlan plan_mix(const Platform& platform, const Mix& mix, const ServiceTable& services,
+                 const std::vector<std::vector<TaskClass>>& classes, Planner planner) {
+  const Plan plan = planner(PlanningGraph(graph_of(platform, mix, services, classes)));
+  MixPlan result;
+  result.makespan = plan.makespan;
+  for (const auto& task : plan.tasks) {
+    result.entries.push_back(
+        {.unit = task.unit, .start = task.start, .finish = task.finish, .previous = {}});
+  }
+  std::vector<std::size_t> group;
+  for (std::size_t p = 0; p < mix.pipelines.size(); ++p) {
+    group.insert(group.end(), mix.pipelines[p].tasks.size(), mix.fires_once() ? 0 : p);
+  }
+  for (const auto& order : plan.order) {
+    std::map<std::size_t, std::uint32_t> last;  // By group.
+    for (const std::size_t task : order) {
+      const auto entry = static_cast<std::uint32_t>(task);
+      const auto [before, is_first] = last.try_emplace(group[task], entry);
+      if (is_first) continue;
+      result.entries[task].previous = before->second;
+      before->second = entry;
+    }
+  }
+  return result;
+}
+
+}  // namespace pirt

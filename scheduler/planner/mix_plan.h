@@ -1,0 +1,43 @@
+// A plan for a whole mix, made before it runs: which unit serves each task, and in what order.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "characterize/platform/platform.h"
+#include "scheduler/mix/mix.h"
+#include "scheduler/mix/task.h"
+#include "scheduler/planner/planner.h"
+#include "scheduler/services/services.h"
+
+namespace pirt {
+
+struct MixPlan {
+  struct Entry {
+    UnitId unit = 0;
+    Nanos start{0};
+    Nanos finish{0};
+    /// The entry whose turn on the unit is before; absent = it is the first.
+    std::optional<std::uint32_t> previous;
+  };
+  std::vector<Entry> entries;  ///< All tasks of all pipelines; the position is TaskClass::entry.
+  Nanos makespan{0};
+};
+
+/// The mix as one task graph: a firing of each pipeline, all at time 0. A task's cost is its
+/// service's total with what a call moves over the unit's link; data of edges moves as edges_into
+/// says.
+/// @param classes  [pipeline][task]; units that are not eligible cannot run the task.
+[[nodiscard]] TaskGraph graph_of(const Platform& platform, const Mix& mix,
+                                 const ServiceTable& services,
+                                 const std::vector<std::vector<TaskClass>>& classes);
+
+/// Pure: the same mix, platform and services give the same plan. If every pipeline fires once, the
+/// order on a unit is of all tasks; otherwise of those of one pipeline, as pipelines fire at rates
+/// of their own.
+[[nodiscard]] MixPlan plan_mix(const Platform& platform, const Mix& mix,
+                               const ServiceTable& services,
+                               const std::vector<std::vector<TaskClass>>& classes, Planner planner);
+
+}  // namespace pirt

@@ -1,0 +1,211 @@
+#include "scheduler/policies/eligibility.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <set>
+#include <string_view>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+constexpr std::array<std::string_view, 6> kRoles = {"cpu", "gpu", "dsp", "fpga", "cloud", "other"};
+
+bool is_cloud(const Platform& platform, UnitId unit) {
+  return platform.units[unit].role == "cloud";
+}
+
+std::vector<std::string> unit_reasons(const Platform& platform,
+                                      const std::vector<ServiceEntry>& entries) {
+  std::vector<std::string> reasons;
+  for (UnitId unit = 0; unit < entries.size(); ++unit) {
+    const bool serves = entries[unit].service.has_value();
+    reasons.push_back(
+        platform.units[unit].name + ": " +
+        (serves ? "not for tasks that the cloud is too slow for" : entries[unit].reason));
+  }
+  return reasons;
+}
+
+/// Workloads of which some task has to be served on the robot.
+std::set<std::string_view> needed_locally(const Mix& mix, CloudUse cloud_use) {
+  std::set<std::string_view> needed;
+  if (cloud_use == CloudUse::kAll) return needed;
+  for (const auto& pipeline : mix.pipelines) {
+    if (!pipeline.real_time && cloud_use != CloudUse::kNone) continue;
+    for (const auto& task : pipeline.tasks) needed.insert(task.workload);
+  }
+  return needed;
+}
+
+/// What to do about workloads that no unit serves.
+std::string remedy(const Platform& platform, const Profile* profile,
+                   const std::vector<std::string>& missing) {
+  if (std::ranges::none_of(platform.units, &UnitModel::measured)) {
+    return "give their stages under `workloads:` in the platform file";
+  }
+  const std::string path = profile == nullptr ? "profile.db" : profile->path;
+  return "measure with: pirt characterize --platform " + platform.name + " --filter '^(" +
+         join(missing, "|") + ")$' --db " + path +
+         (profile == nullptr ? ", then give --profile " + path : "");
+}
+
+/// @param where  For the message.
+void check_unit_or_role(const Platform& platform, const std::string& name,
+                        const std::string& where) {
+  if (std::ranges::find(kRoles, name) != kRoles.end()) return;
+  for (const auto& unit : platform.units) {
+    if (unit.name == name || unit.role == name) return;
+  }
+  auto candidates = platform.unit_names();
+  candidates.insert(candidates.end(), kRoles.begin(), kRoles.end());
+  throw_bad_input(fmt::format("{}: '{}' is neither a unit of platform {} nor a role{}", where, name,
+                              platform.name, suggestion(name, candidates)));
+}
+
+/// The units that a list of names stands for.
+UnitMask named_units(const Platform& platform, const std::vector<std::string>& names,
+                     const std::string& where) {
+  UnitMask mask = 0;
+  for (const auto& name : names) {
+    check_unit_or_role(platform, name, where + ": eligible");
+    for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+      if (platform.units[unit].name == name || platform.units[unit].role == name)
+        mask |= unit_bit(unit);
+    }
+  }
+  return mask;
+}
+
+std::string unit_list(const Platform& platform, UnitMask mask) {
+  std::vector<std::string> names;
+  for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+    if (contains(mask, unit)) names.push_back(platform.units[unit].name);
+  }
+  return join(names, ", ");
+}
+
+std::string task_name(const Mix& mix, const Pipeline& pipeline, const MixTask& task) {
+  return "mix " + mix.name + ": pipelines." + pipeline.name + ": " + task.name;
+}
+
+}  // namespace
+
+std::vector<std::string> workloads_of(const Mix& mix) {
+  std::vector<std::string> names;
+  std::set<std::string_view> seen;
+  for (const auto& pipeline : mix.pipelines) {
+    for (const auto& task : pipeline.tasks) {
+      if (seen.insert(task.workload).second) names.push_back(task.workload);
+    }
+  }
+  return names;
+}
+
+GivenServices given_services(const Platform& platform, const Mix& mix) {
+  GivenServices given;
+  for (const auto& pipeline : mix.pipelines) {
+    for (const auto& task : pipeline.tasks) {
+      if (task.service.empty()) continue;
+      auto& times = given[task.workload];
+      for (const auto& [name, time] : task.service)
+        check_unit_or_role(platform, name, task.service_location);
+      for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+        auto time = task.service.find(platform.units[unit].name);
+        if (time == task.service.end()) time = task.service.find(platform.units[unit].role);
+        if (time != task.service.end()) times.emplace(unit, time->second);
+      }
+      if (times.empty()) {
+        throw_bad_input(task.service_location + ": none of these units is on platform " +
+                        platform.name + " (it has " + join(platform.unit_names(), ", ") +
+                        "); give the time on one of them");
+      }
+    }
+  }
+  return given;
+}
+
+UnitMask cloud_units(const Platform& platform) {
+  UnitMask cloud = 0;
+  for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+    if (is_cloud(platform, unit)) cloud |= unit_bit(unit);
+  }
+  return cloud;
+}
+
+void check_every_workload_served(const Platform& platform, const Profile* profile, const Mix& mix,
+                                 const ServiceTable& services, CloudUse cloud_use) {
+  UnitMask cloud = 0;
+  for (UnitId unit = 0; unit < platform.units.size(); ++unit)
+    cloud |= is_cloud(platform, unit) ? unit_bit(unit) : 0;
+  const auto needed = needed_locally(mix, cloud_use);
+  std::vector<std::string> missing;
+  std::string reasons;
+  for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {
+    const auto& name = services.workloads[workload];
+    const UnitMask served = services.units_of(workload);
+    if ((served & ~cloud) != 0) continue;
+    if (served != 0 && !needed.contains(name)) continue;
+    if (missing.empty()) reasons = join(unit_reasons(platform, services.entries[workload]), "; ");
+    missing.push_back(name);
+  }
+  if (missing.empty()) return;
+  throw_bad_input("mix " + mix.name + ": no unit of platform " + platform.name + " can serve " +
+                  join(missing, ", ") + " (" + missing.front() + " - " + reasons + "); " +
+                  remedy(platform, profile, missing));
+}
+
+std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const Mix& mix,
+                                                 const ServiceTable& services) {
+  std::map<std::string_view, WorkloadId> ids;
+  for (const auto& name : services.workloads)
+    ids.emplace(name, static_cast<WorkloadId>(ids.size()));
+  std::vector<std::vector<TaskClass>> classes;
+  for (const auto& pipeline : mix.pipelines) {
+    auto& row = classes.emplace_back();
+    for (const auto& task : pipeline.tasks) {
+      const std::string where = task_name(mix, pipeline, task);
+      const WorkloadId workload = ids.at(task.workload);
+      const UnitMask served = services.units_of(workload);
+      const UnitMask named =
+          task.eligible.empty() ? served : named_units(platform, task.eligible, where);
+      if ((served & named) == 0) {
+        throw_bad_input(where + ": eligible [" + join(task.eligible, ", ") +
+                        "] leaves no unit for " + task.workload + ", which " +
+                        unit_list(platform, served) + " of platform " + platform.name +
+                        " can serve");
+      }
+      row.push_back({.workload = workload,
+                     .eligible = served & named,
+                     .real_time = pipeline.real_time,
+                     .image_input = task.image_input});
+    }
+  }
+  return classes;
+}
+
+void check_every_task_placeable(const Platform& platform, const Mix& mix,
+                                const std::vector<std::vector<TaskClass>>& classes,
+                                const Policy& policy, const std::string& mode) {
+  for (std::size_t p = 0; p < classes.size(); ++p) {
+    for (std::size_t t = 0; t < classes[p].size(); ++t) {
+      const TaskClass& kind = classes[p][t];
+      if (policy.takers(kind, kind.eligible) != 0) continue;
+      const auto& pipeline = mix.pipelines[p];
+      const bool weighted = find_policy(mode).rule != WeightRule::kNone;
+      throw_bad_input(task_name(mix, pipeline, pipeline.tasks[t]) + ": mode " + mode +
+                      " would never place it: only " + unit_list(platform, kind.eligible) +
+                      " may serve it, " +
+                      (weighted ? "to which the mode gives no weight; give one with --weights, "
+                                  "or another mode"
+                                : "which the mode does not use; give another mode"));
+    }
+  }
+}
+
+}  // namespace pirt

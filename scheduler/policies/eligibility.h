@@ -1,0 +1,48 @@
+// Which units may serve which task of a mix, and the errors for those that nobody can serve.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "characterize/platform/platform.h"
+#include "characterize/profile/profile.h"
+#include "scheduler/mix/mix.h"
+#include "scheduler/mix/task.h"
+#include "scheduler/policies/policy.h"
+#include "scheduler/services/services.h"
+
+namespace pirt {
+
+/// The workloads of the mix, each once, in order of first appearance: the position is the
+/// WorkloadId.
+[[nodiscard]] std::vector<std::string> workloads_of(const Mix& mix);
+
+/// The times that the mix itself gives to tasks, by unit. A unit's own name goes before its role.
+/// @throws Error{kBadInput} with file:line if a key names neither a unit nor a role, or if the
+/// platform has a unit for none of them.
+[[nodiscard]] GivenServices given_services(const Platform& platform, const Mix& mix);
+
+/// Which tasks a mode may give to the cloud.
+enum class CloudUse : std::uint8_t { kNone, kNotRealTime, kAll };
+
+[[nodiscard]] UnitMask cloud_units(const Platform& platform);
+
+/// @throws Error{kBadInput} if no unit has a service for some workload that the mode could use:
+/// which, each unit's reason, and the command that
+///         measures it.
+void check_every_workload_served(const Platform& platform, const Profile* profile, const Mix& mix,
+                                 const ServiceTable& services, CloudUse cloud_use);
+
+/// [pipeline][task]: the units that have a service and that `eligible` names, by unit or by role.
+/// @throws Error{kBadInput} if `eligible` names neither a unit nor a role, or leaves no unit.
+[[nodiscard]] std::vector<std::vector<TaskClass>> task_classes(const Platform& platform,
+                                                               const Mix& mix,
+                                                               const ServiceTable& services);
+
+/// @throws Error{kBadInput} if the policy would never give some task to any unit: it would wait for
+/// ever.
+void check_every_task_placeable(const Platform& platform, const Mix& mix,
+                                const std::vector<std::vector<TaskClass>>& classes,
+                                const Policy& policy, const std::string& mode);
+
+}  // namespace pirt

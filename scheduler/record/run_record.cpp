@@ -1,0 +1,231 @@
+// One list of fields a record, walked by the writer and the reader alike, so that the two cannot
+// drift apart.
+#include "scheduler/record/run_record.h"
+
+#include <type_traits>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+template <typename T>
+struct IsOptional : std::false_type {};
+template <typename T>
+struct IsOptional<std::optional<T>> : std::true_type {};
+
+class Writer {
+ public:
+  template <typename T>
+  void field(const char* key, const T& value) {
+    if constexpr (IsOptional<T>::value) {
+      if (value) json[key] = *value;
+    } else {
+      json[key] = value;
+    }
+  }
+  Json json = Json::object();
+};
+
+class Reader {
+ public:
+  explicit Reader(const Json& json) : json_(json) {}
+  template <typename T>
+  void field(const char* key, T& value) {
+    if constexpr (IsOptional<T>::value) {
+      if (json_.contains(key)) value = json_.at(key).get<typename T::value_type>();
+    } else {
+      value = json_.at(key).get<T>();
+    }
+  }
+
+ private:
+  const Json& json_;
+};
+
+template <typename Visitor, typename Unit>
+void visit_unit(Visitor& visitor, Unit& unit) {
+  visitor.field("role", unit.role);
+  visitor.field("backend", unit.backend);
+  visitor.field("device", unit.device);
+  visitor.field("device_is_cpu", unit.device_is_cpu);
+  visitor.field("provenance", unit.provenance);
+  visitor.field("energy_provenance", unit.energy_provenance);
+  visitor.field("completed", unit.completed);
+  visitor.field("mean_latency_ms", unit.mean_latency_ms);
+  visitor.field("p99_latency_ms", unit.p99_latency_ms);
+  visitor.field("busy_s", unit.busy_s);
+  visitor.field("utilization", unit.utilization);
+  visitor.field("energy_j", unit.energy_j);
+}
+
+template <typename Visitor, typename Pipeline>
+void visit_pipeline(Visitor& visitor, Pipeline& pipeline) {
+  visitor.field("fired", pipeline.fired);
+  visitor.field("completed", pipeline.completed);
+  visitor.field("dropped", pipeline.dropped);
+  visitor.field("unfinished", pipeline.unfinished);
+  visitor.field("rate_hz", pipeline.rate_hz);
+  visitor.field("p50_ms", pipeline.p50_ms);
+  visitor.field("p95_ms", pipeline.p95_ms);
+  visitor.field("p99_ms", pipeline.p99_ms);
+  visitor.field("deadline_ms", pipeline.deadline_ms);
+  visitor.field("deadline_misses", pipeline.deadline_misses);
+}
+
+template <typename Visitor, typename Planned>
+void visit_planned(Visitor& visitor, Planned& planned) {
+  visitor.field("pipeline", planned.pipeline);
+  visitor.field("task", planned.task);
+  visitor.field("unit", planned.unit);
+  visitor.field("start_ms", planned.start_ms);
+  visitor.field("finish_ms", planned.finish_ms);
+}
+
+template <typename Visitor, typename Bounds>
+void visit_bounds(Visitor& visitor, Bounds& bounds) {
+  visitor.field("throughput_per_ms", bounds.throughput_per_ms);
+  visitor.field("energy_j", bounds.energy_j);
+  visitor.field("makespan_s", bounds.makespan_s);
+  visitor.field("critical_path_ms", bounds.critical_path_ms);
+}
+
+template <typename Visitor, typename Record>
+void visit_record(Visitor& visitor, Record& record) {
+  visitor.field("mode", record.mode);
+  visitor.field("basic", record.basic);
+  visitor.field("overflow", record.overflow);
+  visitor.field("platform", record.platform);
+  visitor.field("assumptions", record.assumptions);
+  visitor.field("profile", record.profile);
+  visitor.field("draw", record.draw);
+  visitor.field("mix", record.mix);
+  visitor.field("time", record.time);
+  visitor.field("seed", record.seed);
+  visitor.field("duration_s", record.duration_s);
+  visitor.field("in_flight", record.in_flight);
+  visitor.field("planned_makespan_s", record.planned_makespan_s);
+  visitor.field("makespan_s", record.makespan_s);
+  visitor.field("drain_s", record.drain_s);
+  visitor.field("submitted", record.submitted);
+  visitor.field("completed", record.completed);
+  visitor.field("dropped", record.dropped);
+  visitor.field("expired", record.expired);
+  visitor.field("failed", record.failed);
+  visitor.field("queued", record.queued);
+  visitor.field("stalled", record.stalled);
+  visitor.field("offloaded", record.offloaded);
+  visitor.field("throughput_per_ms", record.throughput_per_ms);
+  visitor.field("mean_latency_ms", record.mean_latency_ms);
+  visitor.field("p99_latency_ms", record.p99_latency_ms);
+  visitor.field("energy_j", record.energy_j);
+  visitor.field("average_power_w", record.average_power_w);
+  visitor.field("weights", record.weights);
+  visitor.field("warnings", record.warnings);
+}
+
+void check_version(const Json& json, const std::string& source) {
+  const bool has_version = json.is_object() && json.contains("schema_version") &&
+                           json["schema_version"].is_number_integer();
+  if (!has_version || !json.contains("mode")) {
+    throw_bad_input(source + ": not the result of a run; `pirt schedule --json FILE` writes one");
+  }
+  const auto version = json["schema_version"].get<std::int64_t>();
+  if (version != RunRecord::kSchemaVersion) {
+    throw_bad_input(source + ": schema_version " + std::to_string(version) + ", this pirt reads " +
+                    std::to_string(RunRecord::kSchemaVersion) + "; write it again with this one");
+  }
+}
+
+}  // namespace
+
+std::optional<double> gap(std::optional<double> reached, std::optional<double> bound) {
+  if (!reached || !bound || *bound <= 0) return std::nullopt;
+  return *reached / *bound - 1;
+}
+
+nlohmann::ordered_json to_json(const RunRecord& record) {
+  Writer writer;
+  writer.field("schema_version", RunRecord::kSchemaVersion);
+  visit_record(writer, record);
+  Json units = Json::object();
+  for (const auto& unit : record.units) {
+    Writer each;
+    visit_unit(each, unit);
+    units[unit.unit] = std::move(each.json);
+  }
+  Json pipelines = Json::object();
+  for (const auto& pipeline : record.pipelines) {
+    Writer each;
+    visit_pipeline(each, pipeline);
+    pipelines[pipeline.pipeline] = std::move(each.json);
+  }
+  writer.field("units", units);
+  writer.field("pipelines", pipelines);
+  if (!record.plan.empty()) {
+    Json plan = Json::array();
+    for (const auto& planned : record.plan) {
+      Writer each;
+      visit_planned(each, planned);
+      plan.push_back(std::move(each.json));
+    }
+    writer.field("plan", plan);
+  }
+  if (record.bounds) {
+    Writer bounds;
+    visit_bounds(bounds, *record.bounds);
+    writer.field("bounds", bounds.json);
+    Writer gaps;  // derived: not read back
+    gaps.field("throughput", gap(record.throughput_per_ms, record.bounds->throughput_per_ms));
+    gaps.field("energy", gap(record.energy_j, record.bounds->energy_j));
+    gaps.field("makespan", gap(record.makespan_s, record.bounds->makespan_s));
+    writer.field("gaps", gaps.json);
+  }
+  return std::move(writer.json);
+}
+
+RunRecord run_record_from_json(const nlohmann::ordered_json& json, const std::string& source) {
+  check_version(json, source);
+  try {
+    RunRecord record;
+    Reader reader(json);
+    visit_record(reader, record);
+    for (const auto& [name, value] : json.at("units").items()) {
+      Reader each(value);
+      visit_unit(each, record.units.emplace_back());
+      record.units.back().unit = name;
+    }
+    for (const auto& [name, value] : json.at("pipelines").items()) {
+      Reader each(value);
+      visit_pipeline(each, record.pipelines.emplace_back());
+      record.pipelines.back().pipeline = name;
+    }
+    if (json.contains("plan")) {
+      for (const auto& value : json.at("plan")) {
+        Reader each(value);
+        visit_planned(each, record.plan.emplace_back());
+      }
+    }
+    if (json.contains("bounds")) {
+      Reader bounds(json.at("bounds"));
+      visit_bounds(bounds, record.bounds.emplace());
+    }
+    return record;
+  } catch (const nlohmann::json::exception& error) {
+    throw_bad_input(source + ": not a complete result of a run: " + error.what());
+  }
+}
+
+RunRecord load_run_record(const std::filesystem::path& path) {
+  const std::string text = read_file(path);
+  try {
+    return run_record_from_json(Json::parse(text), path.string());
+  } catch (const nlohmann::json::parse_error& error) {
+    throw_bad_input(path.string() + ": not JSON: " + error.what());
+  }
+}
+
+}  // namespace pirt

@@ -1,0 +1,146 @@
+#include "scheduler/record/summary.h"
+
+#include <algorithm>
+#include <set>
+
+namespace pirt {
+namespace {
+
+std::optional<double> in_ms(const std::optional<Nanos>& time) {
+  return time ? std::optional(to_ms(*time)) : std::nullopt;
+}
+
+double unit_energy_j(const VirtualSetup& run, UnitId unit, const UnitTally& tally, Nanos makespan) {
+  const UnitModel& model = run.platform.units[unit];
+  double energy_j =
+      model.active_w * to_s(tally.powered) + model.idle_w * to_s(makespan) + tally.extra_j;
+  if (!model.link.empty())
+    energy_j += run.platform.links.at(model.link).active_w * to_s(tally.transferring);
+  return energy_j;
+}
+
+void add_device(const Profile* profile, UnitResult& result) {
+  const UnitRecord* device = profile == nullptr ? nullptr : profile->find_unit(result.unit);
+  if (device == nullptr) return;
+  result.device = device->device;
+  result.device_is_cpu = device->device_is_cpu;
+}
+
+void add_provenance(const ServiceTable& services, UnitId unit, UnitResult& result) {
+  std::set<Provenance> times;
+  std::set<Provenance> energies;
+  for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {
+    const Service* service = services.find(workload, unit);
+    if (service == nullptr) continue;
+    times.insert(service->time_provenance);
+    energies.insert(service->energy_provenance);
+  }
+  for (const Provenance each : times) result.provenance.emplace_back(to_string(each));
+  for (const Provenance each : energies) result.energy_provenance.emplace_back(to_string(each));
+}
+
+UnitResult summarize_unit(const VirtualSetup& run, const Profile* profile, UnitId unit,
+                          const UnitTally& tally, Nanos makespan) {
+  const UnitModel& model = run.platform.units[unit];
+  UnitResult result;
+  result.unit = model.name;
+  result.role = model.role;
+  if (model.measured()) result.backend = model.backend;
+  add_device(profile, result);
+  add_provenance(run.services, unit, result);
+  result.completed = tally.completed;
+  result.mean_latency_ms = in_ms(tally.latency.mean());
+  result.p99_latency_ms = in_ms(tally.latency.percentile(0.99));
+  result.busy_s = to_s(tally.busy);
+  if (makespan > Nanos::zero())
+    result.utilization = result.busy_s / (model.servers * to_s(makespan));
+  result.energy_j = unit_energy_j(run, unit, tally, makespan);
+  return result;
+}
+
+PipelineResult summarize_pipeline(const Pipeline& pipeline, const PipelineTally& tally,
+                                  Nanos makespan) {
+  PipelineResult result;
+  result.pipeline = pipeline.name;
+  result.fired = tally.fired;
+  result.completed = tally.completed;
+  result.dropped = tally.dropped;
+  result.unfinished = tally.unfinished;
+  if (makespan > Nanos::zero()) {
+    result.rate_hz = static_cast<double>(tally.completed) / to_s(makespan);
+  }
+  result.p50_ms = in_ms(tally.latency.percentile(0.50));
+  result.p95_ms = in_ms(tally.latency.percentile(0.95));
+  result.p99_ms = in_ms(tally.latency.percentile(0.99));
+  if (pipeline.deadline) {
+    result.deadline_ms = to_ms(*pipeline.deadline);
+    result.deadline_misses = tally.deadline_misses;
+  }
+  return result;
+}
+
+void add_counts(const VirtualSetup& run, const Tally& tally, RunRecord& record) {
+  const TaskCounts& counts = tally.tasks;
+  record.submitted = counts.submitted + tally.refused_tasks;
+  record.completed = counts.completed;
+  record.dropped = counts.dropped + tally.refused_tasks;
+  record.expired = counts.expired;
+  record.failed = counts.failed;
+  record.queued = counts.queued();
+  record.stalled = tally.stalled;
+  for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
+    if (run.platform.units[unit].role == "cloud") record.offloaded += tally.units[unit].completed;
+  }
+}
+
+void add_weights(const VirtualSetup& run, const WeightTable& weights, RunRecord& record) {
+  for (WorkloadId workload = 0; workload < weights.size(); ++workload) {
+    auto& row = record.weights[run.services.workloads[workload]];
+    for (UnitId unit = 0; unit < run.platform.units.size(); ++unit) {
+      const auto& model = run.platform.units[unit];
+      if (model.role != "cloud" && run.services.find(workload, unit) != nullptr)
+        row[model.name] = weights[workload][unit];
+    }
+  }
+}
+
+}  // namespace
+
+RunRecord summarize(const VirtualSetup& run, const Profile* profile, const WeightTable& weights,
+                    const Tally& tally) {
+  const Nanos makespan = tally.end;
+  RunRecord record;
+  record.platform = run.platform.name;
+  if (!run.platform.assumptions.empty()) record.assumptions = run.platform.assumptions;
+  if (profile != nullptr) record.profile = profile->path;
+  record.mix = run.mix.name;
+  record.seed = run.seed;
+  if (run.mix.open_loop()) {
+    record.duration_s = to_s(run.duration);
+    record.drain_s = to_s(std::max(Nanos::zero(), tally.last_completion - tally.end));
+  }
+  const int in_flight = std::ranges::max(run.in_flight);
+  if (in_flight > 0) record.in_flight = in_flight;
+  record.makespan_s = to_s(makespan);
+  add_counts(run, tally, record);
+  Histogram latency;
+  for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
+    record.units.push_back(summarize_unit(run, profile, unit, tally.units[unit], makespan));
+    record.energy_j += record.units.back().energy_j;
+    latency.add(tally.units[unit].latency);
+  }
+  record.mean_latency_ms = in_ms(latency.mean());
+  record.p99_latency_ms = in_ms(latency.percentile(0.99));
+  if (makespan > Nanos::zero()) {
+    record.throughput_per_ms = static_cast<double>(record.completed) / to_ms(makespan);
+    record.average_power_w = record.energy_j / record.makespan_s;
+  }
+  for (std::size_t p = 0; p < run.mix.pipelines.size(); ++p) {
+    record.pipelines.push_back(
+        summarize_pipeline(run.mix.pipelines[p], tally.pipelines[p], makespan));
+  }
+  add_weights(run, weights, record);
+  return record;
+}
+
+}  // namespace pirt

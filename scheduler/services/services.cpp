@@ -1,0 +1,266 @@
+#include "scheduler/services/services.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+#include "workloads/catalog.h"
+
+namespace pirt {
+namespace {
+
+constexpr std::array<std::string_view, 3> kDraws = {"median", "p95", "samples"};
+
+constexpr Phase kCallPhases[] = {Phase::kUpload, Phase::kLaunch, Phase::kExecute, Phase::kDownload};
+
+/// Everything that one cell is made of.
+struct Cell {
+  const Platform& platform;
+  const Profile* profile;
+  const Workload& workload;
+  UnitId unit_id;
+  const ServiceOptions& options;
+
+  [[nodiscard]] const UnitModel& unit() const { return platform.units[unit_id]; }
+  [[nodiscard]] const WorkloadModel* model() const {
+    const auto it = platform.workloads.find(workload.name);
+    return it == platform.workloads.end() ? nullptr : &it->second;
+  }
+};
+
+UnitId unit_id_of(const Platform& platform, const std::string& name) {
+  const auto it = std::ranges::find(platform.units, name, &UnitModel::name);
+  return static_cast<UnitId>(it - platform.units.begin());
+}
+
+std::optional<Service> from_platform(const Cell& cell) {
+  const auto* model = cell.model();
+  if (model == nullptr) return std::nullopt;
+  const auto stages = model->stages.find(cell.unit().name);
+  if (stages == model->stages.end()) return std::nullopt;
+  Service service;
+  service.time_provenance = model->provenance;
+  service.energy_provenance = weakest(model->provenance, cell.unit().energy_provenance);
+  for (const auto& stage : stages->second) {
+    service.stages.push_back({.name = stage.name, .on = std::nullopt, .time = stage.time});
+    if (!stage.on.empty()) service.stages.back().on = unit_id_of(cell.platform, stage.on);
+  }
+  return service;
+}
+
+/// The rows of one call on one unit.
+struct CallRows {
+  std::vector<const PhaseRow*>
+      stages;  ///< Its phases, or the call as a whole where they are not told apart.
+  const PhaseRow* whole = nullptr;  ///< The call as a whole; null if there is no such row.
+};
+
+CallRows call_rows(const Cell& cell) {
+  const auto find = [&](Phase phase) {
+    return cell.profile->find(cell.workload.name, cell.unit().name, phase);
+  };
+  CallRows rows;
+  rows.whole = find(Phase::kCall);
+  if (find(Phase::kExecute) != nullptr) {
+    for (const Phase phase : kCallPhases) {
+      if (const auto* row = find(phase)) rows.stages.push_back(row);
+    }
+  } else if (rows.whole != nullptr) {
+    rows.stages.push_back(rows.whole);
+  }
+  return rows;
+}
+
+/// Why a row cannot be used, or "".
+std::string complaint(const PhaseRow& row) {
+  const std::string phase(to_string(row.phase));
+  if (!row.median)
+    return "its " + phase + " row has no samples" +
+           (row.reasons.empty() ? "" : " (" + join(row.reasons, ", ") + ")");
+  if (!row.valid) return "its " + phase + " row is invalid (" + join(row.reasons, ", ") + ")";
+  return "";
+}
+
+/// @param row  Has samples.
+Distribution time_of(const PhaseRow& row, Draw draw) {
+  switch (draw) {
+    case Draw::kMedian:
+      return Distribution::constant(*row.median);
+    case Draw::kP95:
+      return Distribution::constant(*row.p95);
+    case Draw::kSamples:
+      break;
+  }
+  return Distribution::of(row.values);
+}
+
+double energy_scale(const PhaseRow& row, const Distribution& time) {
+  const Nanos taken = time.mean();
+  return row.mean && taken > Nanos::zero() ? to_s(*row.mean) / to_s(taken) : 1;
+}
+
+ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::string>& warnings) {
+  const std::string where = cell.workload.name + " on " + cell.unit().name;
+  auto judged = rows.stages;
+  if (rows.whole != nullptr && rows.whole != judged.front()) judged.push_back(rows.whole);
+  for (const auto* row : judged) {
+    const std::string problem = complaint(*row);
+    if (problem.empty()) continue;
+    const bool needs_figure = std::ranges::find(rows.stages, row) != rows.stages.end();
+    if (!cell.options.allow_invalid || (needs_figure && !row->median)) {
+      warnings.push_back(fmt::format("{} is not used: {}", where, problem));
+      return {.service = std::nullopt, .reason = problem};
+    }
+    warnings.push_back(fmt::format("{} is used although {}", where, problem));
+  }
+  Service service;
+  service.time_provenance = rows.stages.front()->provenance;
+  for (const auto* row : rows.stages) {
+    const Distribution time = time_of(*row, cell.options.draw);
+    service.stages.push_back({.name = std::string(to_string(row->phase)),
+                              .on = cell.unit_id,
+                              .time = time,
+                              .energy_scale = energy_scale(*row, time)});
+    service.time_provenance = weakest(service.time_provenance, row->provenance);
+  }
+  service.energy_provenance = weakest(cell.unit().energy_provenance, service.time_provenance);
+  const auto* energy = cell.profile->find_energy(cell.workload.name, cell.unit().name);
+  // Modelled joules are modelled anew, so that watts given for this run count.
+  if (energy != nullptr && energy->energy_j && energy->provenance == Provenance::kMeasured) {
+    if (energy->valid || cell.options.allow_invalid) {
+      service.metered_j = *energy->energy_j;
+      service.energy_provenance = Provenance::kMeasured;
+    } else {
+      warnings.push_back(where + ": its metered energy is not used (" +
+                         join(energy->reasons, ", ") + ")");
+    }
+  }
+  return {.service = std::move(service), .reason = ""};
+}
+
+std::string why_none(const Cell& cell) {
+  if (!cell.unit().measured()) return "the platform file has no stages for it";
+  return cell.profile == nullptr ? "no profile given" : "not in profile " + cell.profile->path;
+}
+
+void add_energy(const Cell& cell, Service& service, std::vector<std::string>& warnings) {
+  const auto& unit = cell.unit();
+  if (const auto* model = cell.model(); model != nullptr && model->call_j.contains(unit.name)) {
+    service.extra_j += model->call_j.at(unit.name);
+  }
+  service.extra_j += unit.call_j;
+  service.extra_j += unit.byte_pj * 1e-12 * static_cast<double>(cell.workload.bytes());
+  if (cell.workload.ops) {
+    service.extra_j += unit.op_pj * 1e-12 * static_cast<double>(*cell.workload.ops);
+  } else if (unit.op_pj > 0 && !service.metered_j) {
+    warnings.push_back(
+        cell.workload.name + " on " + unit.name +
+        ": its operations depend on the data, so that op_pj adds nothing to its energy");
+  }
+}
+
+void scale_stages(const Cell& cell, Service& service) {
+  for (auto& stage : service.stages) {
+    const auto scale = cell.options.stage_scale.find(cell.unit().name + "." + stage.name);
+    if (scale != cell.options.stage_scale.end()) stage.scale = scale->second;
+  }
+}
+
+ServiceEntry resolve(const Cell& cell, std::vector<std::string>& warnings) {
+  ServiceEntry entry;
+  const auto rows = cell.profile == nullptr ? CallRows{} : call_rows(cell);
+  if (!rows.stages.empty()) {
+    entry = from_rows(cell, rows, warnings);
+  } else {
+    entry.service = from_platform(cell);
+    if (!entry.service) entry.reason = why_none(cell);
+  }
+  if (entry.service) {
+    scale_stages(cell, *entry.service);
+    add_energy(cell, *entry.service, warnings);
+  }
+  return entry;
+}
+
+/// One stage on the unit itself.
+ServiceEntry from_mix(const std::map<UnitId, Nanos>& times, UnitId unit) {
+  const auto time = times.find(unit);
+  if (time == times.end()) return {.service = std::nullopt, .reason = "not in its service_ms"};
+  Service service;
+  service.stages.push_back(
+      {.name = "service", .on = unit, .time = Distribution::constant(time->second)});
+  return {.service = std::move(service), .reason = ""};
+}
+
+}  // namespace
+
+std::vector<std::string> draw_names() { return {kDraws.begin(), kDraws.end()}; }
+
+std::string_view to_string(Draw draw) { return kDraws[static_cast<std::size_t>(draw)]; }
+
+Draw find_draw(const std::string& name) {
+  const auto found = std::ranges::find(kDraws, name);
+  if (found == kDraws.end()) {
+    throw_bad_input("unknown --draw '" + name + "'" + suggestion(name, draw_names()));
+  }
+  return static_cast<Draw>(found - kDraws.begin());
+}
+
+Nanos ServiceStage::mean() const {
+  const Nanos time_at_rate_1 = time.mean();
+  return scale == 1 ? time_at_rate_1 : scaled(time_at_rate_1, scale);
+}
+
+Nanos Service::total() const {
+  Nanos sum{0};
+  for (const auto& stage : stages) sum += stage.mean();
+  return sum;
+}
+
+Nanos Service::bottleneck(UnitId unit) const {
+  Nanos own{0};
+  Nanos any{0};
+  for (const auto& stage : stages) {
+    any = std::max(any, stage.mean());
+    if (stage.on == unit) own = std::max(own, stage.mean());
+  }
+  return own > Nanos::zero() ? own : any;
+}
+
+UnitMask ServiceTable::units_of(WorkloadId workload) const {
+  UnitMask mask = 0;
+  for (UnitId unit = 0; unit < entries[workload].size(); ++unit) {
+    if (entries[workload][unit].service) mask |= unit_bit(unit);
+  }
+  return mask;
+}
+
+ServiceTable resolve_services(const Platform& platform, const Profile* profile,
+                              const std::vector<std::string>& workloads,
+                              const ServiceOptions& options) {
+  if (profile != nullptr && profile->platform() != platform.name) {
+    throw_bad_input("profile " + profile->path + " was taken on platform " + profile->platform() +
+                    ", not on " + platform.name + "; give --platform " + profile->platform());
+  }
+  ServiceTable table;
+  table.workloads = workloads;
+  for (const auto& name : workloads) {
+    auto& row = table.entries.emplace_back();
+    if (const auto given = options.given.find(name); given != options.given.end()) {
+      for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+        row.push_back(from_mix(given->second, unit));
+      }
+      continue;
+    }
+    const Workload& workload = find_workload(name);
+    for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+      row.push_back(resolve({platform, profile, workload, unit, options}, table.warnings));
+    }
+  }
+  return table;
+}
+
+}  // namespace pirt

@@ -1,0 +1,94 @@
+// What it costs to serve a workload on a unit: stages, energy and where those figures come from.
+//
+// Stages come from the platform file, or for measured units from a profile; whatever cannot be used
+// says why.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "characterize/platform/platform.h"
+#include "characterize/profile/profile.h"
+#include "scheduler/mix/task.h"
+
+namespace pirt {
+
+struct ServiceStage {
+  std::string name;
+  std::optional<UnitId> on;  ///< Absent = pure delay.
+  Distribution time;         ///< Server time at rate 1, before the scale.
+  double scale = 1;          ///< Stretches the time; the stage's energy stays.
+  /// Of the time before the scale, what draws active_w: joules add up, so that a stage whose time
+  /// is a median or a percentile draws for its mean.
+  double energy_scale = 1;
+
+  [[nodiscard]] Nanos mean() const;  ///< Scaled.
+};
+
+struct Service {
+  std::vector<ServiceStage> stages;
+  Provenance time_provenance = Provenance::kModelled;  ///< The weakest of its stages.
+  Provenance energy_provenance = Provenance::kModelled;
+  /// Joules a call beyond busy servers and links: call_j, operations, bytes.
+  double extra_j = 0;
+  /// A meter's joules a call; stands in place of all modelled energy of a call.
+  std::optional<double> metered_j;
+
+  /// All stages, scaled.
+  [[nodiscard]] Nanos total() const;
+  /// The longest stage on @p unit itself, or the longest of all where none is.
+  [[nodiscard]] Nanos bottleneck(UnitId unit) const;
+};
+
+/// One cell: the service, or why there is none.
+struct ServiceEntry {
+  std::optional<Service> service;
+  std::string reason;  ///< Empty if there is a service.
+};
+
+struct ServiceTable {
+  std::vector<std::string> workloads;              ///< By WorkloadId.
+  std::vector<std::vector<ServiceEntry>> entries;  ///< [workload][unit]
+  std::vector<std::string> warnings;
+
+  [[nodiscard]] const Service* find(WorkloadId workload, UnitId unit) const {
+    const auto& entry = entries[workload][unit];
+    return entry.service ? &*entry.service : nullptr;
+  }
+  [[nodiscard]] UnitMask units_of(WorkloadId workload) const;
+};
+
+/// Times of a call by workload and unit that no platform and no profile has.
+using GivenServices = std::map<std::string, std::map<UnitId, Nanos>>;
+
+/// What a measured row says a call takes; its joules are those of its mean time all the same.
+/// Stages of the platform file are as they stand there.
+enum class Draw : std::uint8_t {
+  kMedian,
+  kP95,
+  kSamples,  ///< One of its samples, each alike; phases of a call are drawn apart.
+};
+[[nodiscard]] std::vector<std::string> draw_names();
+/// @throws Error{kBadInput} with the nearest name.
+[[nodiscard]] Draw find_draw(const std::string& name);
+[[nodiscard]] std::string_view to_string(Draw draw);
+
+struct ServiceOptions {
+  GivenServices given;  ///< Of the mix's own tasks; in place of a workload of the catalog.
+  std::map<std::string, double> stage_scale;  ///< "unit.stage" -> factor.
+  bool allow_invalid = false;                 ///< Use rows that say that they are not valid.
+  Draw draw = Draw::kMedian;                  ///< kSamples: the profile's samples have been read.
+};
+
+/// @param profile    Null = only what the platform file says.
+/// @param workloads  Names of the catalog or of options.given, each once.
+/// @throws Error{kBadInput} if the profile is of another platform.
+[[nodiscard]] ServiceTable resolve_services(const Platform& platform, const Profile* profile,
+                                            const std::vector<std::string>& workloads,
+                                            const ServiceOptions& options);
+
+}  // namespace pirt

@@ -1,0 +1,83 @@
+#include "scheduler/services/transfers.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "workloads/base/error.h"
+#include "workloads/base/numbers.h"
+#include "workloads/catalog.h"
+
+namespace pirt {
+namespace {
+
+std::int64_t total_bytes(const std::vector<TensorSpec>& specs) {
+  std::int64_t sum = 0;
+  for (const auto& spec : specs) sum += spec.size_bytes();
+  return sum;
+}
+
+Nanos at_or_none(const std::vector<Nanos>& by_unit, UnitId unit) {
+  return by_unit.empty() ? Nanos::zero() : by_unit[unit];
+}
+
+std::vector<Nanos> link_times(const Platform& platform, std::int64_t size_bytes) {
+  std::vector<Nanos> times;
+  for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+    const Link* link = link_of(platform, unit);
+    times.push_back(link == nullptr ? Nanos::zero()
+                                    : sending_time(*link, size_bytes) + link->latency.mean());
+  }
+  return times;
+}
+
+}  // namespace
+
+Nanos GraphEdge::transfer(UnitId source, UnitId target) const {
+  if (source == target) return Nanos::zero();
+  return delay + at_or_none(leave, source) + at_or_none(enter, target);
+}
+
+const Link* link_of(const Platform& platform, UnitId unit) {
+  const auto link = platform.links.find(platform.units[unit].link);
+  return link == platform.links.end() ? nullptr : &link->second;
+}
+
+Nanos sending_time(const Link& link, std::int64_t size_bytes) {
+  const double ns = static_cast<double>(size_bytes) * 8e3 / link.mbit_s;
+  // Neither number is out of its range, but together they may be.
+  if (ns > kLongestMs * 1e6) {
+    throw_bad_input(fmt::format(
+        "sending {} bytes over link {} at {} Mbit/s takes more than {} ms; give fewer bytes in the "
+        "mix or a faster link in the platform file",
+        size_bytes, link.name, link.mbit_s, kLongestMs));
+  }
+  return Nanos(std::llround(ns));
+}
+
+CallBytes call_bytes(const MixTask& task) {
+  if (!task.service.empty()) return {};
+  const Workload& workload = find_workload(task.workload);
+  return {.in = task.input_bytes.value_or(total_bytes(workload.inputs)),
+          .out = total_bytes(workload.outputs)};
+}
+
+std::vector<GraphEdge> edges_into(const Platform& platform, const Pipeline& pipeline,
+                                  std::size_t task) {
+  std::vector<GraphEdge> edges;
+  const MixTask& target = pipeline.tasks[task];
+  for (std::size_t i = 0; i < target.after.size(); ++i) {
+    const MixEdge& given = target.edges[i];
+    GraphEdge edge{.from = target.after[i], .to = task, .delay = given.transfer};
+    if (given.bytes && !platform.links.empty()) {
+      const bool from_catalog = pipeline.tasks[edge.from].service.empty();
+      const bool to_catalog = target.service.empty();
+      if (!from_catalog) edge.leave = link_times(platform, *given.bytes);
+      if (!to_catalog) edge.enter = link_times(platform, *given.bytes);
+    }
+    edges.push_back(std::move(edge));
+  }
+  return edges;
+}
+
+}  // namespace pirt

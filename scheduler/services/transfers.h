@@ -1,0 +1,46 @@
+// What it takes to move data to, from and between the units of a platform.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "characterize/platform/platform.h"
+#include "scheduler/mix/mix.h"
+#include "scheduler/mix/task.h"
+
+namespace pirt {
+
+/// The link that data to and from the unit travels over; null if there is none.
+[[nodiscard]] const Link* link_of(const Platform& platform, UnitId unit);
+/// How long the link is busy with it; its latency follows.
+/// @throws Error{kBadInput} if it is longer than a time in a file may be.
+[[nodiscard]] Nanos sending_time(const Link& link, std::int64_t size_bytes);
+
+/// What each call of a task moves over the link of its unit, wherever its predecessors ran. Nothing
+/// for a task with a service of its own: there, data travels along the edges.
+struct CallBytes {
+  std::int64_t in = 0;
+  std::int64_t out = 0;
+};
+[[nodiscard]] CallBytes call_bytes(const MixTask& task);
+
+/// Data that one task makes for another. On the same unit it costs nothing to hand on.
+struct GraphEdge {
+  std::size_t from = 0;
+  std::size_t to = 0;
+  Nanos delay{0};              ///< Between any two different units.
+  std::vector<Nanos> leave{};  ///< By unit: what it adds that the data leaves it; empty = nothing.
+  std::vector<Nanos> enter{};  ///< By unit: what it adds that the data goes to it; empty = nothing.
+
+  [[nodiscard]] Nanos transfer(UnitId source, UnitId target) const;
+};
+
+/// The edges into a task, as its data moves: `transfer_ms` between different units, and bytes over
+/// the links of both, at the mean of their latency. A catalog workload moves its own data at each
+/// call, so that its unit's link is not counted again here.
+/// @return  By MixTask::after; from and to are positions in the pipeline.
+[[nodiscard]] std::vector<GraphEdge> edges_into(const Platform& platform, const Pipeline& pipeline,
+                                                std::size_t task);
+
+}  // namespace pirt

@@ -1,0 +1,46 @@
+// The servers that stages of virtual time wait for: a unit's, or a link's one.
+//
+// Jobs are opaque numbers. Whoever owns the servers asks for the next completion, lets time pass
+// until then and takes it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "characterize/platform/platform.h"
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+/// A moment in virtual time; ties break by the order in which things were set going.
+struct Moment {
+  Nanos time = Nanos::max();  ///< Nanos::max() = never.
+  std::uint64_t sequence = 0;
+  friend auto operator<=>(const Moment&, const Moment&) = default;
+};
+
+using JobId = std::uint32_t;
+
+class Servers {
+ public:
+  virtual ~Servers() = default;
+  /// @param work      Server time at rate 1, >= 0.
+  /// @param sequence  Unique and rising over all arrivals.
+  virtual void arrive(JobId job, Nanos work, std::uint64_t sequence, Nanos now) = 0;
+  /// Takes the job whose completion is next(); now == next().time.
+  virtual JobId complete_next() = 0;
+  [[nodiscard]] const Moment& next() const { return next_; }
+  /// The jobs that have arrived and are not complete, with the server time that each still needs.
+  /// @param now  Not after next().
+  [[nodiscard]] virtual std::vector<std::pair<JobId, Nanos>> left(Nanos now) const = 0;
+
+ protected:
+  Moment next_;
+};
+
+/// @param servers  >= 1.
+[[nodiscard]] std::unique_ptr<Servers> make_servers(int servers, Discipline discipline);
+
+}  // namespace pirt

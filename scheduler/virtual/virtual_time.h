@@ -1,0 +1,128 @@
+// Virtual time: drives a dispatcher from events whose durations come from the services of a
+// platform.
+//
+// Exact in whole nanoseconds and deterministic: the same inputs and seed give the same run. No
+// clock is read.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "scheduler/dispatcher/dispatcher.h"
+#include "scheduler/mix/mix.h"
+#include "scheduler/record/tally.h"
+#include "scheduler/services/services.h"
+#include "scheduler/virtual/servers.h"
+
+namespace pirt {
+
+/// Hears of what a run does beyond what its dispatcher is asked. Must not throw.
+class RunObserver {
+ public:
+  virtual ~RunObserver() = default;
+  /// Before the dispatcher gets the task.
+  virtual void submitting(TaskId task, std::size_t pipeline, std::size_t position,
+                          std::uint64_t firing) = 0;
+  /// A stage arrives at, and leaves, the servers of a unit, or of a link (numbered after the
+  /// units).
+  /// @param job      Unique among those that have arrived and not left.
+  /// @param power_w  Drawn while a server works on it at full rate.
+  virtual void arrived(std::size_t servers, std::uint32_t job, double power_w) = 0;
+  virtual void left(std::size_t servers, std::uint32_t job) = 0;
+  /// All that happens at once at this moment has happened; more may follow at the same time.
+  virtual void settled(Nanos now) = 0;
+};
+
+struct VirtualSetup {
+  const Platform& platform;
+  const ServiceTable& services;
+  const Mix& mix;
+  std::vector<std::vector<TaskClass>> classes;  ///< [pipeline][task]
+  std::vector<int> in_flight;                   ///< By pipeline; >= 1 where it is a closed loop.
+  /// With an open loop: nothing fires from then on, and counts and energy are those of that moment.
+  /// What has fired is finished all the same, so that the rest of it is known.
+  Nanos duration{0};
+  std::uint64_t seed = 1;
+  RunObserver* observer = nullptr;  ///< Null = none.
+};
+
+/// One run. Its references must outlive it.
+class VirtualTime {
+ public:
+  VirtualTime(const VirtualSetup& setup, Dispatcher& dispatcher);
+  ~VirtualTime();
+  /// Until nothing is left to happen. Call once.
+  /// @return  What was counted by the end: the duration with an open loop, else the last event.
+  [[nodiscard]] Tally run();
+
+ private:
+  struct Step;
+  struct TaskPlan;
+  struct PipelineState;
+  struct Job;
+  struct Firing;
+  struct Timer;
+  using JobIndex = std::uint32_t;
+  using FiringIndex = std::uint32_t;
+
+  void plan_tasks();
+  std::vector<Step> plan_steps(const MixTask& task, const TaskPlan& plan, UnitId unit) const;
+  void add_transfer(std::vector<Step>& steps, UnitId unit, std::int64_t size_bytes) const;
+
+  void begin();
+  bool advance();
+  void close_books(Nanos end);
+  void count_served(Tally& tally) const;
+  void count_unfinished(Tally& tally, Nanos end) const;
+  void fire(std::uint32_t pipeline);
+  void submit_tasks(std::uint32_t pipeline, FiringIndex firing);
+  void schedule_firing(std::uint32_t pipeline);
+  void settle();
+  void fire_again();
+  void apply_starts();
+  void proceed(JobIndex job);
+  void begin_step(JobIndex job, const Step& step);
+  Nanos data_arrival(const Job& job);
+  void charge(Tally& tally, const Job& job, const Step& step, Nanos served, Nanos powered) const;
+  [[nodiscard]] Nanos before_end(Nanos start, Nanos length) const;
+  [[nodiscard]] const Step& step_of(const Job& job) const;
+  const std::optional<std::int64_t>& edge_bytes(const Job& job, std::size_t edge) const;
+  [[nodiscard]] Nanos draw(const Job& job, const Step& step) const;
+  [[nodiscard]] double power_w(const Job& job, const Step& step) const;
+  void complete(JobIndex job);
+  void end_task(JobIndex job, bool completed);
+  void end_firing(FiringIndex firing);
+  void fire_anew(std::uint32_t pipeline);
+  [[nodiscard]] bool finds_buffer(const PipelineState& state) const;
+  void add_timer(Nanos at, bool fires, std::uint32_t index);
+
+  const VirtualSetup& setup_;
+  Dispatcher& dispatcher_;
+  std::vector<std::unique_ptr<Servers>> servers_;  ///< Units in order, then links.
+  std::vector<TaskPlan> plans_;                    ///< Of all tasks of all pipelines.
+  std::vector<PipelineState> pipelines_;
+  std::vector<Job> jobs_;
+  std::vector<JobIndex> free_jobs_;
+  std::vector<Firing> firings_;
+  std::vector<FiringIndex> free_firings_;
+  std::vector<Timer> timers_;           ///< A heap, earliest first.
+  std::vector<std::uint32_t> refires_;  ///< Closed loops that fire now.
+  std::deque<std::uint32_t> starving_;  ///< Closed loops that fire when a buffer is free.
+  std::vector<TaskId> ids_;             ///< Of the firing being submitted, as the two below.
+  std::vector<TaskId> after_;
+  std::vector<Task> tasks_;
+  std::int64_t buffers_used_ = 0;
+  FiringId firing_number_ = 0;
+  std::uint64_t sequence_ = 0;
+  std::uint32_t task_number_ = 0;
+  Starts starts_;
+  Tally tally_;                  ///< Of all that has happened.
+  std::optional<Tally> at_end_;  ///< What is returned.
+  Nanos end_ = Nanos::max();     ///< The duration with an open loop.
+  Nanos now_{0};
+};
+
+}  // namespace pirt
