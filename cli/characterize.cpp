@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "characterize/campaign/campaign.h"
+#include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
 #include "cli/duration.h"
 #include "cli/files.h"
@@ -270,58 +271,57 @@ int characterize(const Options& options) {
 
 void add_characterize(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command = app.add_subcommand(
-      "characterize",
-      "Measure every workload on every unit of a platform, into a profile database");
-  add_continued(*command, "--db", options->database,
+  Command command(app, "characterize",
+                  "Measure every workload on every unit of a platform, into a profile database");
+  add_continued(command, "--db", &options->database,
                 "Profile database; made if missing, added to otherwise");
-  add_input(*command, "--platform", options->platform,
+  add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file", FileUse::kReadIfFile)
-      ->capture_default_str();
-  add_settings(*command, options->settings);
-  add_list_of(*command, "--units", options->units, "UNIT",
+      .shows_default();
+  add_settings(command, options->settings);
+  add_list_of(command, "--units", options->units, "UNIT",
               "Units to measure, with commas (default: all)");
-  add_filter(*command, options->filter);
-  add_list_of(*command, "--variants", options->variants, "VARIANT",
+  add_filter(command, options->filter);
+  add_list_of(command, "--variants", options->variants, "VARIANT",
               "Measure these variants of workloads as well, with commas: see `pirt list "
               "workloads` (default: those that --filter names, as in 'sobel@map')");
-  add_value(*command, "--batch", options->batch, "INTEGER",
+  add_value(command, "--batch", &options->batch, "INTEGER",
             not_within(kSmallestBatch, kLargestBatch),
             "Measure AlexNet's layers and the chain with this many images a call as well "
             "(2 to 256), in rows such as fc6@batch8 (default: those that --filter names)");
-  add_input(*command, "--images", options->images,
+  add_input(command, "--images", &options->images,
             "PNG or JPEG file, or a folder of them, as input (default: generated from the seed)",
             FileUse::kReadPictures);
-  add_value(*command, "--precision", options->precision, "FRACTION", no_fraction,
+  add_value(command, "--precision", &options->precision, "FRACTION", no_fraction,
             "Sample until the 95 % interval of each median of call and execute, over processes, is "
             "within +/- this, or the time is up; a fraction or a percentage")
-      ->capture_default_str();
-  add_value(*command, "--max-time", options->max_time, "DURATION", no_duration,
+      .shows_default();
+  add_value(command, "--max-time", &options->max_time, "DURATION", no_duration,
             "Total time after which no process is started for precision alone, e.g. 5min; what "
             "valid rows need is measured all the same (default: 15 s a cell, 2.9 s with --quick)");
-  add_seed(*command, options->seed, "Seed of inputs, weights and the order of measuring");
-  command->add_flag("--quick", options->quick,
-                    "2 cold and 2 warm set-ups a cell instead of 5 each, and less sampling");
-  command->add_flag("--dry-run", options->dry_run,
-                    "Show the cells and the estimated time; measure nothing");
-  add_output(*command, "--fit-energy", options->fit.file,
+  add_seed(command, options->seed, "Seed of inputs, weights and the order of measuring");
+  command.add_flag("--quick", options->quick,
+                   "2 cold and 2 warm set-ups a cell instead of 5 each, and less sampling");
+  command.add_flag("--dry-run", options->dry_run,
+                   "Show the cells and the estimated time; measure nothing");
+  add_output(command, "--fit-energy", options->fit.file,
              "Fit the energy model of each unit with a meter to this run, print it with its "
              "residuals, and write the platform with it to a file that ends in .yaml, for "
              "--platform",
              StdoutUse::kRefused);
-  add_text(*command, "--fit-parameters", options->fit.parameters, "PARAMETER,...",
+  add_text(command, "--fit-parameters", &options->fit.parameters, "PARAMETER,...",
            "What to fit, with commas: active_w (W), op_pj, byte_pj (pJ), call_j (J) (default: as "
            "many as the cells can tell apart)");
-  auto* resume = command->add_flag(
+  const Option resume = command.add_flag(
       "--resume", options->resume,
       "Go on with the newest run of --db that did not end, with the options it was started with");
   for (const auto* name : {"--platform", "--set", "--units", "--filter", "--variants", "--batch",
                            "--images", "--precision", "--max-time", "--seed", "--quick"}) {
-    resume->excludes(command->get_option(name));
+    resume.excludes(command.option(name));
   }
-  add_json(*command, options->json);
-  command->footer("Example: pirt characterize --quick --filter 'sobel|fc8' --db profile.db");
-  command->callback([options, &action] { action = [options] { return characterize(*options); }; });
+  add_json(command, options->json);
+  command.footer("Example: pirt characterize --quick --filter 'sobel|fc8' --db profile.db");
+  command.runs(action, [options] { return characterize(*options); });
 }
 
 }  // namespace pirt::cli

@@ -1,13 +1,9 @@
 // The commands of pirt. Each file adds its subcommand and the function that runs it after parsing.
 #pragma once
 
-#include <CLI/CLI.hpp>
-#include <functional>
+#include "cli/command.h"
 
 namespace pirt::cli {
-
-/// Runs the chosen command; returns the exit code.
-using Action = std::function<int()>;
 
 void add_list(CLI::App& app, Action& action);
 void add_characterize(CLI::App& app, Action& action);

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
 #include "cli/files.h"
 #include "cli/output.h"
@@ -53,18 +54,18 @@ int diff(const Options& options) {
 
 void add_diff(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command = app.add_subcommand("diff",
-                                     "Show the figures of two profiles side by side: medians, "
-                                     "their ratio, whether their intervals meet");
-  add_input(*command, "profiles", options->files, "Two profile databases, a and b");
-  add_filter(*command, options->filter);
-  add_text(*command, "--platform", options->platform, "NAME",
+  Command command(app, "diff",
+                  "Show the figures of two profiles side by side: medians, "
+                  "their ratio, whether their intervals meet");
+  add_input(command, "profiles", &options->files, "Two profile databases, a and b");
+  add_filter(command, options->filter);
+  add_text(command, "--platform", &options->platform, "NAME",
            "The runs of this platform (default: that of each file's newest run)");
-  add_json(*command, options->json);
-  command->footer(
+  add_json(command, options->json);
+  command.footer(
       "Shows and does not judge: the exit code is 0 however far apart the figures are.\n"
       "Example: pirt diff before.db after.db --filter sobel");
-  command->callback([options, &action] { action = [options] { return diff(*options); }; });
+  command.runs(action, [options] { return diff(*options); });
 }
 
 }  // namespace pirt::cli

@@ -80,23 +80,23 @@ int doctor(const Options& options) {
 
 void add_doctor(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command = app.add_subcommand(
-      "doctor", "Say what would spoil a measurement on this machine, and what to do about it");
-  add_input(*command, "--platform", options->platform,
+  Command command(app, "doctor",
+                  "Say what would spoil a measurement on this machine, and what to do about it");
+  add_input(command, "--platform", &options->platform,
             "Whose units are tried: a name of `pirt list platforms`, or a YAML file",
             FileUse::kReadIfFile)
-      ->capture_default_str();
-  add_value(*command, "--seconds", options->seconds, "NUMBER", not_within(1e-6, 3600.0),
+      .shows_default();
+  add_value(command, "--seconds", &options->seconds, "NUMBER", not_within(1e-6, 3600.0),
             "How long load, steal, jitter and throttling are watched, in seconds; the cores "
             "compute meanwhile")
-      ->capture_default_str();
-  add_input(*command, "--root", options->root,
+      .shows_default();
+  add_input(command, "--root", &options->root,
             "Judge a recorded machine: a folder with copies of its /proc and /sys");
-  add_json(*command, options->json);
-  command->footer(
+  add_json(command, options->json);
+  command.footer(
       "Exit codes: 0 nothing spoils a measurement, 1 something does, 4 no unit can be measured.\n"
       "Example: pirt doctor");
-  command->callback([options, &action] { action = [options] { return doctor(*options); }; });
+  command.runs(action, [options] { return doctor(*options); });
 }
 
 }  // namespace pirt::cli

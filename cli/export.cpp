@@ -10,6 +10,7 @@
 #include "cli/values.h"
 #include "reports/profile_export.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 #include "workloads/base/text.h"
 
 namespace pirt::cli {
@@ -53,16 +54,16 @@ std::string exported(const Options& options) {
   if (options.format == "json") {
     auto json = export_json(load());
     json["schema_version"] = 1;
-    return json_text(json, 1);
+    return json_text(json, 1) + "\n";
   }
   if (options.format == "history") {
     const auto result = export_history(load());
     for (const auto& row : result.left_out) warn("not exported, since it is not valid: " + row);
-    return json_text(result.json, 1);
+    return json_text(result.json, 1) + "\n";
   }
   const auto result = export_google_benchmark(load());
   for (const auto& row : result.left_out) warn("not exported, since it is not valid: " + row);
-  return json_text(result.json, 1);
+  return json_text(result.json, 1) + "\n";
 }
 
 int run_export(const Options& options) {
@@ -85,22 +86,22 @@ int run_export(const Options& options) {
 
 void add_export(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command = app.add_subcommand(
-      "export",
+  Command command(
+      app, "export",
       "Write a profile for other tools: the newest rows of one platform, with provenance");
-  add_input(*command, "profile", options->database, "The profile database");
-  add_text(*command, "--format", options->format, "FORMAT",
+  add_input(command, "profile", &options->database, "The profile database");
+  add_text(command, "--format", &options->format, "FORMAT",
            "json: everything, raw samples included | csv: one table | gbench: JSON as "
            "Google Benchmark writes it, valid rows only, ns a call | history: medians for "
            "benchmark-history actions, smaller is better");
-  add_text(*command, "--table", options->table, "TABLE",
+  add_text(command, "--table", &options->table, "TABLE",
            "With csv: profile | energy | peaks | samples (default: profile)");
-  add_filter(*command, options->filter);
-  add_text(*command, "--platform", options->platform, "NAME",
+  add_filter(command, options->filter);
+  add_text(command, "--platform", &options->platform, "NAME",
            "The runs of this platform (default: that of the newest run)");
-  add_output(*command, "-o,--output", options->output, "Write to a file (default, and -: stdout)");
-  command->footer("Example: pirt export profile.db --format gbench -o profile.json");
-  command->callback([options, &action] { action = [options] { return run_export(*options); }; });
+  add_output(command, "-o,--output", options->output, "Write to a file (default, and -: stdout)");
+  command.footer("Example: pirt export profile.db --format gbench -o profile.json");
+  command.runs(action, [options] { return run_export(*options); });
 }
 
 }  // namespace pirt::cli

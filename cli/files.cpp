@@ -44,15 +44,15 @@ std::string problem_of_name(const std::string& name, FileUse use, bool stdout_ta
   return fmt::format("'{0}' is taken for an option; write ./{0} for a file of that name", name);
 }
 
-CLI::Option* mark_as(CLI::Option* option, FileUse use, bool stdout_takes_it) {
+Option mark(Option option, FileUse use, bool stdout_takes_it = false) {
   std::string type(std::ranges::find(kUses, use, &UseType::use)->type);
   if (stdout_takes_it) type += kOrStdout;
-  return option->type_name(type)->check(
+  return option.type(type).check(
       [=](const std::string& name) { return problem_of_name(name, use, stdout_takes_it); });
 }
 
-std::optional<FileUse> use_of(const CLI::Option& option) {
-  std::string type = option.get_type_name();
+std::optional<FileUse> use_of(const GivenOption& option) {
+  std::string type = option.type;
   if (type.ends_with(kOrStdout)) type.resize(type.size() - kOrStdout.size());
   const auto* const entry = std::ranges::find(kUses, type, &UseType::type);
   if (entry == kUses.end()) return std::nullopt;
@@ -134,28 +134,35 @@ std::vector<NamedFile> standing_files() {
 
 }  // namespace
 
-CLI::Option* mark(CLI::Option* option, FileUse use) { return mark_as(option, use, false); }
-
-CLI::Option* add_output(CLI::App& command, const std::string& name, Output& output,
-                        const std::string& help, StdoutUse stdout_use) {
-  const auto label = name.substr(name.rfind(',') + 1);
-  const auto set = [&output, label](const std::string& target) { output = Output(label, target); };
-  return mark_as(command.add_option_function<std::string>(name, set, help), FileUse::kWritten,
-                 stdout_use == StdoutUse::kAllowed);
+Option add_input(Command& command, const std::string& name, const Target& target,
+                 const std::string& help, FileUse use) {
+  return mark(command.add(name, target, help), use);
 }
 
-void add_json(CLI::App& command, Output& output) {
+Option add_continued(Command& command, const std::string& name, const Target& target,
+                     const std::string& help) {
+  return mark(command.add(name, target, help), FileUse::kContinued);
+}
+
+Option add_output(Command& command, const std::string& name, Output& output,
+                  const std::string& help, StdoutUse stdout_use) {
+  const auto label = name.substr(name.rfind(',') + 1);
+  const auto set = [&output, label](const std::string& target) { output = Output(label, target); };
+  return mark(command.add(name, set, help), FileUse::kWritten, stdout_use == StdoutUse::kAllowed);
+}
+
+void add_json(Command& command, Output& output) {
   add_output(command, "--json", output, "Write JSON to a file, or to stdout for -");
 }
 
 std::vector<NamedFile> given_files(const CLI::App& command) {
   std::vector<NamedFile> files;
-  for (const auto* option : command.get_options()) {
-    const auto use = use_of(*option);
-    if (!use || option->count() == 0) continue;
-    for (const auto& name : option->results()) {
+  for (const GivenOption& option : given_options(command)) {
+    const auto use = use_of(option);
+    if (!use) continue;
+    for (const auto& name : option.values) {
       if (*use == FileUse::kReadIfFile && !names_a_file(name)) continue;
-      files.push_back({option->get_name(), name, *use});
+      files.push_back({option.name, name, *use});
     }
   }
   return files;

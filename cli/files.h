@@ -2,13 +2,13 @@
 // reads and writes and can refuse, before it runs, to let one file overwrite another.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <filesystem>
 #include <initializer_list>
 #include <string>
 #include <vector>
 
+#include "cli/command.h"
 #include "cli/output.h"
 
 namespace pirt::cli {
@@ -28,28 +28,16 @@ struct NamedFile {
   FileUse use = FileUse::kRead;
 };
 
-/// Marks @p option as one whose value (or each of whose values) is a file. Empty names are refused;
-/// of what is written also those that begin with '-', which is an option without its value more
-/// likely than a file.
-CLI::Option* mark(CLI::Option* option, FileUse use);
-
-/// @param value  A string, an optional one, or a vector.
-template <typename Value>
-CLI::Option* add_input(CLI::App& command, const std::string& name, Value& value,
-                       const std::string& help, FileUse use = FileUse::kRead) {
-  return mark(command.add_option(name, value, help), use);
-}
-
-template <typename Value>
-CLI::Option* add_continued(CLI::App& command, const std::string& name, Value& value,
-                           const std::string& help) {
-  return mark(command.add_option(name, value, help), FileUse::kContinued);
-}
-
-CLI::Option* add_output(CLI::App& command, const std::string& name, Output& output,
-                        const std::string& help, StdoutUse stdout_use = StdoutUse::kAllowed);
+/// Empty names are refused; of what is written also those that begin with '-', which is an option
+/// without its value more likely than a file.
+Option add_input(Command& command, const std::string& name, const Target& target,
+                 const std::string& help, FileUse use = FileUse::kRead);
+Option add_continued(Command& command, const std::string& name, const Target& target,
+                     const std::string& help);
+Option add_output(Command& command, const std::string& name, Output& output,
+                  const std::string& help, StdoutUse stdout_use = StdoutUse::kAllowed);
 /// --json, as every command has it.
-void add_json(CLI::App& command, Output& output);
+void add_json(Command& command, Output& output);
 
 /// The files that @p command was given.
 [[nodiscard]] std::vector<NamedFile> given_files(const CLI::App& command);

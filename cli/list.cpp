@@ -149,7 +149,7 @@ std::string unit_status(const UnitModel& unit, bool& available) {
     if (unit.device.empty() || device.name.find(unit.device) != std::string::npos ||
         device.platform.find(unit.device) != std::string::npos) {
       return device.name +
-             (device.is_cpu && unit.role != "cpu" ? " (computes on the host's cores)" : "");
+             (device.is_cpu && unit.role != Role::kCpu ? " (computes on the host's cores)" : "");
     }
   }
   available = probe.devices.empty();
@@ -173,12 +173,13 @@ Listing list_units(const std::string& platform_name) {
   for (const auto& unit : platform.units) {
     bool available = true;
     const auto status = unit_status(unit, available);
-    table.rows.push_back({unit.name, unit.role, unit.measured() ? unit.backend : "-",
+    table.rows.push_back({unit.name, std::string(to_string(unit.role)),
+                          unit.measured() ? unit.backend : "-",
                           core_list(unit.cores) + (unit.shares_cores ? " (shared)" : ""),
                           fmt::format("{}", unit.servers), fmt::format("{}", unit.active_w),
                           fmt::format("{}", unit.idle_w), status});
     rows.push_back({{"name", unit.name},
-                    {"role", unit.role},
+                    {"role", to_string(unit.role)},
                     {"backend", unit.backend},
                     {"cores", unit.cores},
                     {"servers", unit.servers},
@@ -263,23 +264,21 @@ Listing list(const Options& options) {
 
 void add_list(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command = app.add_subcommand(
-      "list", "Show the workloads, backends, units, platforms, mixes, modes or energy meters");
-  add_text(*command, "what", options->what, "WHAT",
+  Command command(app, "list",
+                  "Show the workloads, backends, units, platforms, mixes, modes or energy meters");
+  add_text(command, "what", &options->what, "WHAT",
            "workloads | backends | units | platforms | mixes | modes | meters")
-      ->required();
-  add_input(*command, "--platform", options->platform, "Platform whose units are listed",
+      .required();
+  add_input(command, "--platform", &options->platform, "Platform whose units are listed",
             FileUse::kReadIfFile)
-      ->capture_default_str();
-  add_json(*command, options->json);
-  command->footer("Example: pirt list workloads");
-  command->callback([options, &action] {
-    action = [options] {
-      auto listing = list(*options);
-      listing.json["schema_version"] = 1;
-      emit(render(listing.document, Format::kText), listing.json, options->json);
-      return 0;
-    };
+      .shows_default();
+  add_json(command, options->json);
+  command.footer("Example: pirt list workloads");
+  command.runs(action, [options] {
+    auto listing = list(*options);
+    listing.json["schema_version"] = 1;
+    emit(render(listing.document, Format::kText), listing.json, options->json);
+    return 0;
   });
 }
 

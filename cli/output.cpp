@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 #include "workloads/base/printable.h"
 #include "workloads/base/text.h"
 
@@ -25,20 +26,16 @@ void write_stdout(const std::string& text) {
 
 }  // namespace
 
-std::string json_text(const nlohmann::ordered_json& json, int indent) {
-  return json.dump(indent, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
-}
-
 bool means_stdout(std::string_view name) {
   return name == "-" || name == "/dev/stdout" || name == "/dev/fd/1" || name == "/proc/self/fd/1";
 }
 
 void emit(const std::string& text, const nlohmann::ordered_json& json, const Output& json_target) {
   if (json_target.to_stdout()) {
-    write_stdout(json_text(json));
+    write_stdout(json_text(json, 2) + "\n");
     return;
   }
-  if (json_target) write_file(json_target.path(), json_text(json));
+  if (json_target) write_file(json_target.path(), json_text(json, 2) + "\n");
   write_stdout(text);
 }
 

@@ -9,16 +9,10 @@
 #include <string_view>
 #include <utility>
 
-namespace CLI {
-class App;
-class Option;
-}  // namespace CLI
+#include "cli/command.h"
+#include "workloads/base/json.h"
 
 namespace pirt::cli {
-
-/// With a newline. File names need not be UTF-8, and JSON has to be: their other bytes become
-/// U+FFFD.
-[[nodiscard]] std::string json_text(const nlohmann::ordered_json& json, int indent = 2);
 
 /// "-" and the names that stdout has in the file system.
 [[nodiscard]] bool means_stdout(std::string_view name);
@@ -39,8 +33,8 @@ class Output {
   [[nodiscard]] const std::string& option() const { return option_; }
 
  private:
-  friend CLI::Option* add_output(CLI::App& command, const std::string& name, Output& output,
-                                 const std::string& help, StdoutUse stdout_use);
+  friend Option add_output(Command& command, const std::string& name, Output& output,
+                           const std::string& help, StdoutUse stdout_use);
   Output(std::string option, std::string path)
       : option_(std::move(option)), path_(std::move(path)) {}
 

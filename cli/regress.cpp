@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
 #include "cli/files.h"
 #include "cli/output.h"
@@ -112,60 +113,61 @@ int emit_report(const GateReport& report, const RegressOptions& options) {
 
 void add_regress(CLI::App& app, Action& action) {
   auto options = std::make_shared<RegressOptions>();
-  auto* command = app.add_subcommand(
-      "regress", "Compare two profiles or two programs and fail if anything became slower: for CI");
-  add_input(*command, "profiles", options->files, "Profile databases: BASELINE CANDIDATE");
-  add_input(*command, "--baseline-program", options->baseline_program,
+  Command command(
+      app, "regress",
+      "Compare two profiles or two programs and fail if anything became slower: for CI");
+  add_input(command, "profiles", &options->files, "Profile databases: BASELINE CANDIDATE");
+  add_input(command, "--baseline-program", &options->baseline_program,
             "A pirt to compare with: fresh processes of both, in turns");
-  add_input(*command, "--candidate-program", options->candidate_program,
+  add_input(command, "--candidate-program", &options->candidate_program,
             "The pirt that must not be slower");
-  command->add_flag("--self-test", options->self_test,
-                    "Compare this program with itself, as it is and with slowdowns injected, and "
-                    "show how often the answer was right");
-  add_filter(*command, options->filter);
-  add_input(*command, "--platform", options->platform,
+  command.add_flag("--self-test", options->self_test,
+                   "Compare this program with itself, as it is and with slowdowns injected, and "
+                   "show how often the answer was right");
+  add_filter(command, options->filter);
+  add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file (default: that of each file's newest "
             "run; host for programs)",
             FileUse::kReadIfFile);
-  add_list_of(*command, "--units", options->units, "UNIT",
+  add_list_of(command, "--units", options->units, "UNIT",
               "Programs: units to compare on, with commas (default: all)");
-  add_seed(*command, options->seed, "Programs: seed of inputs and of the order");
-  add_value(*command, "--work", options->work, "DURATION", no_duration,
+  add_seed(command, options->seed, "Programs: seed of inputs and of the order");
+  add_value(command, "--work", &options->work, "DURATION", no_duration,
             "Programs: how long a process repeats its calls")
-      ->capture_default_str();
-  command->add_flag("--cold", options->cold,
-                    "Programs: set up with empty kernel caches instead of filled ones");
-  command->add_flag("--one-at-a-time", options->one_at_a_time,
-                    "Programs: never two processes at once (default: units that share no physical "
-                    "core are measured side by side)");
-  add_value(*command, "--max-time", options->max_time, "DURATION", no_duration,
+      .shows_default();
+  command.add_flag("--cold", options->cold,
+                   "Programs: set up with empty kernel caches instead of filled ones");
+  command.add_flag("--one-at-a-time", options->one_at_a_time,
+                   "Programs: never two processes at once (default: units that share no physical "
+                   "core are measured side by side)");
+  add_value(command, "--max-time", &options->max_time, "DURATION", no_duration,
             "Programs: what is undecided after this is inconclusive; go on with the same command")
-      ->capture_default_str();
-  add_value(*command, "--sample-limit", options->sample_limit, "DURATION", no_duration,
+      .shows_default();
+  add_value(command, "--sample-limit", &options->sample_limit, "DURATION", no_duration,
             "Programs: a process that takes longer hangs, and its cell has failed")
-      ->capture_default_str();
-  add_continued(*command, "--ledger", options->ledger,
+      .shows_default();
+  add_continued(command, "--ledger", &options->ledger,
                 "File that keeps what was measured, to go on after an interruption (default: "
                 "pirt-regress.ledger until the answer is there; none for --self-test)");
-  add_value(*command, "--decisions", options->decisions, "INTEGER", not_within(1, 1'000'000),
+  add_value(command, "--decisions", &options->decisions, "INTEGER", not_within(1, 1'000'000),
             "Self-test: whole decisions of each trial (default: 20; 1 with --quick)");
-  add_text(*command, "--trial", options->trials, "TRIAL",
+  add_text(command, "--trial", &options->trials, "TRIAL",
            "Self-test: only this trial, e.g. 'same' or 'execute +10 %'; repeatable")
-      ->allow_extra_args(false);
-  command->add_flag("--quick", options->quick, "Self-test: one decision of each trial");
-  add_input(*command, "--mix", options->mix,
+      .one_at_a_time();
+  command.add_flag("--quick", options->quick, "Self-test: one decision of each trial");
+  add_input(command, "--mix", &options->mix,
             "Mix whose cost is shown in each mode on both profiles, or none", FileUse::kReadIfFile)
-      ->capture_default_str();
-  command->add_flag("--all", options->all, "Show also the rows that are the same or not judged");
-  add_output(*command, "--markdown", options->markdown,
+      .shows_default();
+  command.add_flag("--all", options->all, "Show also the rows that are the same or not judged");
+  add_output(command, "--markdown", options->markdown,
              "Write the report as Markdown to a file, or to stdout for -");
-  add_output(*command, "--junit", options->junit, "Write JUnit XML to a file, or to stdout for -");
-  add_json(*command, options->json);
-  command->footer(
+  add_output(command, "--junit", options->junit, "Write JUnit XML to a file, or to stdout for -");
+  add_json(command, options->json);
+  command.footer(
       "Exit code 0: nothing became slower; 1: something did, or failed; 2: bad input; 3: "
       "inconclusive, or not "
       "comparable.\nExample: pirt regress base.db new.db --markdown report.md --junit r.xml");
-  command->callback([options, &action] { action = [options] { return regress(*options); }; });
+  command.runs(action, [options] { return regress(*options); });
 }
 
 }  // namespace pirt::cli

@@ -21,7 +21,7 @@ struct Options {
 std::string text_of(const ReplayResult& result, const TraceLog& log) {
   if (!result.difference) {
     return fmt::format("{} inputs replayed, mode {}: all {} decisions are the same\n",
-                       result.inputs, log.setup.mode, result.decisions);
+                       result.inputs, std::string(log.setup.mode->name), result.decisions);
   }
   const ReplayDifference& difference = *result.difference;
   return fmt::format(
@@ -32,7 +32,7 @@ std::string text_of(const ReplayResult& result, const TraceLog& log) {
 
 nlohmann::ordered_json json_of(const ReplayResult& result, const TraceLog& log) {
   nlohmann::ordered_json json = {{"schema_version", 1},
-                                 {"mode", log.setup.mode},
+                                 {"mode", std::string(log.setup.mode->name)},
                                  {"inputs", result.inputs},
                                  {"decisions", result.decisions},
                                  {"same", !result.difference.has_value()}};
@@ -58,15 +58,15 @@ int replay_trace(const Options& options) {
 
 void add_replay(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command = app.add_subcommand(
-      "replay", "Check that the inputs of a trace give a fresh dispatcher the same decisions");
-  add_input(*command, "trace", options->file, "A trace of pirt schedule --trace")->required();
-  add_json(*command, options->json);
-  command->footer(
+  Command command(app, "replay",
+                  "Check that the inputs of a trace give a fresh dispatcher the same decisions");
+  add_input(command, "trace", &options->file, "A trace of pirt schedule --trace").required();
+  add_json(command, options->json);
+  command.footer(
       "Exit code 0: the same; 1: they differ, with the first difference; 2: the file is damaged.\n"
       "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000 "
       "--trace t.json && pirt replay t.json");
-  command->callback([options, &action] { action = [options] { return replay_trace(*options); }; });
+  command.runs(action, [options] { return replay_trace(*options); });
 }
 
 }  // namespace pirt::cli

@@ -3,6 +3,7 @@
 #include <memory>
 #include <utility>
 
+#include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
 #include "cli/files.h"
 #include "cli/output.h"
@@ -16,6 +17,7 @@
 #include "reports/setup_report.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 #include "workloads/base/text.h"
 
 namespace pirt::cli {
@@ -43,37 +45,26 @@ std::optional<Format> parse_format(const std::string& name) {
   throw_bad_input("unknown --format '" + name + "'" + suggestion(name, known));
 }
 
-/// The four modes side by side, or why they cannot be shown.
-struct Modes {
-  std::vector<RunRecord> records;
-  std::string why_not;  ///< Empty if there are records.
-};
-
-/// Runs the paper's four modes in virtual time. A profile that lacks some of the mix's workloads
-/// still makes a report.
-Modes simulate_modes(const Options& options, const Profile& profile, const Mix& mix) {
-  Modes modes;
+/// The paper's four modes in virtual time. A profile that lacks some of the mix's workloads still
+/// makes a report.
+ModeRuns simulate_modes(const Options& options, const Profile& profile, const Mix& mix) {
   try {
     const auto overrides = parse_overrides(options.settings);
     const auto platform = load_platform(options.platform.value_or(profile.platform()), overrides);
-    for (const auto* mode : {"latency", "throughput", "energy", "advanced"}) {
-      ScheduleOptions schedule;
-      schedule.mode = mode;
-      modes.records.push_back(run_virtual(platform, &profile, mix, schedule));
-    }
+    return run_modes(platform, &profile, mix, paper_modes(), {});
   } catch (const Error& error) {
-    modes.records.clear();
-    modes.why_not = error.what();
+    ModeRuns none;
+    for (const auto& mode : paper_modes()) none.skipped.push_back({mode, error.what()});
+    return none;
   }
-  return modes;
 }
 
-Modes collect_modes(const Options& options, const Profile& profile) {
+ModeRuns collect_modes(const Options& options, const Profile& profile) {
   const auto mix = load_mix(options.mix);
   if (options.files.size() == 1) return simulate_modes(options, profile, mix);
-  Modes modes;
+  ModeRuns modes;
   for (std::size_t i = 1; i < options.files.size(); ++i) {
-    modes.records.push_back(load_run_record(options.files[i]));
+    modes.runs.push_back(load_run_record(options.files[i]));
   }
   return modes;
 }
@@ -87,7 +78,7 @@ Profile open_profile(const Options& options) {
 void write(const Options& options, const Document& document, nlohmann::ordered_json json) {
   const auto format = parse_format(options.format);
   json["schema_version"] = 1;
-  const std::string text = format ? render(document, *format) : json_text(json);
+  const std::string text = format ? render(document, *format) : json_text(json, 2) + "\n";
   if (options.output) {
     emit_text(text, options.output);
     if (options.json) emit("", json, options.json);
@@ -104,16 +95,16 @@ int report_profile(const Options& options) {
   Document document{.title = "pirt report",
                     .parts = {profile_header(profile), profile_table(profile),
                               peak_table(rooflines(profile)), preference_table(preferable)}};
-  if (modes.why_not.empty()) {
-    document.parts.emplace_back(modes_table(modes.records));
-  } else {
-    document.parts.emplace_back(Paragraph{{"The four modes are not shown: " + modes.why_not}});
+  if (!modes.runs.empty()) document.parts.emplace_back(modes_table(modes.runs));
+  const auto missing = reason_lines(modes.skipped);
+  if (!missing.empty()) {
+    document.parts.emplace_back(Paragraph{{"Modes that are not shown: " + join(missing, "; ")}});
   }
   document.parts.emplace_back(environment_table(profile));
   auto json = profile_json(profile, preferable);
   json["modes"] = nlohmann::ordered_json::array();
-  for (const auto& record : modes.records) json["modes"].push_back(to_json(record));
-  if (!modes.why_not.empty()) json["modes_missing"] = modes.why_not;
+  for (const auto& record : modes.runs) json["modes"].push_back(to_json(record));
+  if (!missing.empty()) json["modes_missing"] = join(missing, "; ");
   write(options, document, std::move(json));
   return 0;
 }
@@ -155,32 +146,31 @@ int report(const Options& options) {
 
 void add_report(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command = app.add_subcommand(
-      "report",
+  Command command(
+      app, "report",
       "Show a profile, the preferable unit of each workload, and the four modes side by side");
-  add_input(*command, "files", options->files,
+  add_input(command, "files", &options->files,
             "The profile database, then run records of pirt schedule --json (default: the four "
             "modes are simulated now)");
-  add_text(*command, "--format", options->format, "FORMAT", "text | md | html | json")
-      ->capture_default_str();
-  add_output(*command, "-o,--output", options->output, "Write to a file instead of stdout");
-  add_input(*command, "--platform", options->platform,
+  add_text(command, "--format", &options->format, "FORMAT", "text | md | html | json")
+      .shows_default();
+  add_output(command, "-o,--output", options->output, "Write to a file instead of stdout");
+  add_input(command, "--platform", &options->platform,
             "Show the runs of this platform (default: that of the newest run)",
             FileUse::kReadIfFile);
-  add_settings(*command, options->settings);
-  add_input(*command, "--mix", options->mix,
+  add_settings(command, options->settings);
+  add_input(command, "--mix", &options->mix,
             "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file",
             FileUse::kReadIfFile)
-      ->capture_default_str();
-  command->add_flag("--paper", options->paper,
-                    "Instead of a profile: Table V of the Pi-RT paper beside virtual time");
-  command->add_flag(
-      "--setup", options->setup,
-      "Instead of the profile: offloading time by phase, cold and warm (ms), and from "
-      "how many calls on one unit beats another");
-  add_json(*command, options->json);
-  command->footer("Example: pirt report profile.db --format html -o report.html");
-  command->callback([options, &action] { action = [options] { return report(*options); }; });
+      .shows_default();
+  command.add_flag("--paper", options->paper,
+                   "Instead of a profile: Table V of the Pi-RT paper beside virtual time");
+  command.add_flag("--setup", options->setup,
+                   "Instead of the profile: offloading time by phase, cold and warm (ms), and from "
+                   "how many calls on one unit beats another");
+  add_json(command, options->json);
+  command.footer("Example: pirt report profile.db --format html -o report.html");
+  command.runs(action, [options] { return report(*options); });
 }
 
 }  // namespace pirt::cli

@@ -15,6 +15,7 @@
 #include "scheduler/planning_time.h"
 #include "workloads/base/affinity.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 #include "workloads/base/time.h"
 
 namespace pirt::cli {
@@ -61,7 +62,7 @@ int sample(const Options& options) {
   if (!scheduler && options.unit.empty()) throw_bad_input("--unit is required");
   const Sample result =
       scheduler ? sample_scheduler(request) : take_sample(load_platform(options.platform), request);
-  emit_text(json_text(to_json(result)), {});
+  emit_text(json_text(to_json(result), 2) + "\n", {});
   return 0;
 }
 
@@ -69,25 +70,24 @@ int sample(const Options& options) {
 
 void add_sample(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command =
-      app.add_subcommand("sample", "Time one workload on one unit in this process, as JSON");
-  command->group("");  // not in the help
-  add_text(*command, "--workload", options->workload, "WORKLOAD", "A workload, or scheduler")
-      ->required();
-  add_text(*command, "--unit", options->unit, "UNIT", "Unit of the platform");
-  add_input(*command, "--platform", options->platform,
+  Command command(app, "sample", "Time one workload on one unit in this process, as JSON");
+  command.hide();  // not in the help
+  add_text(command, "--workload", &options->workload, "WORKLOAD", "A workload, or scheduler")
+      .required();
+  add_text(command, "--unit", &options->unit, "UNIT", "Unit of the platform");
+  add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file", FileUse::kReadIfFile)
-      ->capture_default_str();
-  add_seed(*command, options->seed, "Seed of inputs and weights");
-  add_value(*command, "--work", options->work, "DURATION", no_duration,
+      .shows_default();
+  add_seed(command, options->seed, "Seed of inputs and weights");
+  add_value(command, "--work", &options->work, "DURATION", no_duration,
             "How long calls are repeated")
-      ->capture_default_str();
-  auto* verify = command->add_flag("--verify", options->verify, "Compare with the reference");
-  command->add_flag("--setup", options->setup, "Set up only, without calls")->excludes(verify);
-  add_text(*command, "--inject", options->inject, "STEP=FACTOR",
+      .shows_default();
+  const Option verify = command.add_flag("--verify", options->verify, "Compare with the reference");
+  command.add_flag("--setup", options->setup, "Set up only, without calls").excludes(verify);
+  add_text(command, "--inject", &options->inject, "STEP=FACTOR",
            "Extra work, e.g. execute=1.1: to see whether a gate notices");
-  command->footer("Example: pirt sample --workload sobel --unit cpu");
-  command->callback([options, &action] { action = [options] { return sample(*options); }; });
+  command.footer("Example: pirt sample --workload sobel --unit cpu");
+  command.runs(action, [options] { return sample(*options); });
 }
 
 }  // namespace pirt::cli

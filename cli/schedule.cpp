@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
 #include "cli/duration.h"
 #include "cli/files.h"
@@ -32,7 +33,7 @@ struct Options {
   std::optional<std::string> weights;
   std::optional<int> in_flight;
   std::string basic = "throughput";
-  std::string overflow = "hold";
+  std::optional<std::string> overflow;
   std::string draw = "median";
   bool allow_invalid = false;
   std::uint64_t seed = 1;
@@ -45,12 +46,9 @@ ScheduleOptions schedule_options(const Options& options) {
   schedule.basic = options.basic;
   if (options.weights) schedule.weights = parse_weights(*options.weights);
   schedule.in_flight = options.in_flight;
-  const std::vector<std::string> overflows = {"hold", "literal"};
-  if (options.overflow != "hold" && options.overflow != "literal") {
-    throw_bad_input("unknown --overflow '" + options.overflow + "'" +
-                    suggestion(options.overflow, overflows));
+  if (options.overflow) {
+    schedule.overflow = *options.overflow == "literal" ? Overflow::kLiteral : Overflow::kHold;
   }
-  schedule.literal_overflow = options.overflow == "literal";
   schedule.allow_invalid = options.allow_invalid;
   schedule.draw = find_draw(options.draw);
   if (options.duration) schedule.duration = parse_duration(*options.duration);
@@ -93,26 +91,18 @@ Inputs read_inputs(const Options& options) {
   return inputs;
 }
 
-/// Runs each mode; those that cannot run on this platform and mix are listed with the reason.
 int compare(const Options& options) {
   const auto modes = options.compare.empty() ? policy_names() : split(options.compare, ',');
   for (const auto& mode : modes) static_cast<void>(find_policy(mode));
-  auto settings = schedule_options(options);
+  const auto settings = schedule_options(options);
   const Inputs inputs = read_inputs(options);
-  Comparison comparison;
-  for (const auto& mode : modes) {
-    settings.mode = mode;
-    try {
-      comparison.runs.push_back(inputs.run(settings));
-    } catch (const Error& error) {
-      comparison.skipped.push_back({mode, error.what()});
-    }
-  }
-  if (comparison.runs.empty()) throw_bad_input(comparison.skipped.front().reason);
-  emit(render(comparison_document(comparison, inputs.mix), Format::kText),
-       comparison_json(comparison), options.json);
+  const ModeRuns runs = run_modes(inputs.platform, inputs.profile ? &*inputs.profile : nullptr,
+                                  inputs.mix, modes, settings);
+  if (runs.runs.empty()) throw_bad_input(runs.skipped.front().reason);
+  emit(render(comparison_document(runs, inputs.mix), Format::kText), comparison_json(runs),
+       options.json);
   const bool stalled =
-      std::ranges::any_of(comparison.runs, [](const RunRecord& run) { return run.stalled > 0; });
+      std::ranges::any_of(runs.runs, [](const RunRecord& run) { return run.stalled > 0; });
   return stalled ? kExitCheckFailed : 0;
 }
 
@@ -125,8 +115,6 @@ int schedule(const Options& options) {
   if (options.mode.empty()) {
     throw_bad_input("give --mode (" + join(policy_names(), ", ") + ") or --compare");
   }
-  // Before any file is read: a mistyped mode is the likeliest mistake.
-  static_cast<void>(find_policy(options.mode));
   const auto settings = schedule_options(options);
   const auto record = read_inputs(options).run(settings);
   warn_all(record.warnings);
@@ -138,48 +126,48 @@ int schedule(const Options& options) {
 
 void add_schedule(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command =
-      app.add_subcommand("schedule", "Schedule a robot's mix on a platform, in virtual time");
-  add_text(*command, "--mode", options->mode, "MODE", "Policy: " + join(policy_names(), " | "));
-  auto* compare = command->add_option(
-      "--compare", options->compare,
+  Command command(app, "schedule", "Schedule a robot's mix on a platform, in virtual time");
+  add_choice(command, "--mode", &options->mode, "MODE", policy_names(), "Policy");
+  const Option compare = command.add(
+      "--compare", &options->compare,
       "Instead of --mode: run these modes, with commas (default: all), and show them as one table");
-  compare->expected(0, 1)->type_name("MODE,...");
-  add_input(*command, "--profile", options->profile, "Profile database of pirt characterize");
-  add_input(*command, "--platform", options->platform,
+  compare.takes(0, 1).type("MODE,...");
+  add_input(command, "--profile", &options->profile, "Profile database of pirt characterize");
+  add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file (default: the profile's)",
             FileUse::kReadIfFile);
-  add_settings(*command, options->settings);
-  add_input(*command, "--mix", options->mix, "A name of `pirt list mixes`, or a YAML file",
+  add_settings(command, options->settings);
+  add_input(command, "--mix", &options->mix, "A name of `pirt list mixes`, or a YAML file",
             FileUse::kReadIfFile)
-      ->capture_default_str();
-  add_value(*command, "--duration", options->duration, "DURATION", no_duration,
+      .shows_default();
+  add_value(command, "--duration", &options->duration, "DURATION", no_duration,
             "Virtual time in which pipelines with a rate fire, e.g. 60s (the default) or 2min");
-  add_value(*command, "--weights", options->weights, "UNIT=WEIGHT,...", no_weights,
+  add_value(command, "--weights", &options->weights, "UNIT=WEIGHT,...", no_weights,
             "Weights of the units, e.g. gpu=4,cpu=3 (default: the platform's, else derived)");
-  add_value(*command, "--in-flight", options->in_flight, "INTEGER", not_within(1, 1'000'000),
+  add_value(command, "--in-flight", &options->in_flight, "INTEGER", not_within(1, 1'000'000),
             "Frames in flight of closed loops (default: the platform's, else derived)");
-  add_text(*command, "--basic", options->basic, "MODE", "Fallback of mode advanced")
-      ->capture_default_str();
-  add_text(*command, "--overflow", options->overflow, "HOW",
-           "When all queues are full: hold the task, or the literal `else` of Algorithms 2 and 3")
-      ->capture_default_str();
-  command->add_flag("--allow-invalid", options->allow_invalid,
-                    "Use profile rows that are marked invalid");
-  add_text(*command, "--draw", options->draw, "HOW",
-           "What a call on a profiled unit takes: median, p95, or samples: one of its samples at a "
-           "time, drawn with --seed")
-      ->capture_default_str();
-  add_seed(*command, options->seed, "Seed of drawn durations");
-  add_output(*command, "--trace", options->trace,
+  add_text(command, "--basic", &options->basic, "MODE", "Fallback of mode advanced")
+      .shows_default();
+  add_choice(
+      command, "--overflow", &options->overflow, "HOW", {"hold", "literal"},
+      "When all queues are full, Algorithms 2 and 3 hold the task (the default) or take their "
+      "literal `else`");
+  command.add_flag("--allow-invalid", options->allow_invalid,
+                   "Use profile rows that are marked invalid");
+  add_choice(command, "--draw", &options->draw, "HOW", draw_names(),
+             "What a call on a profiled unit takes; samples: one of its samples at a time, drawn "
+             "with --seed")
+      .shows_default();
+  add_seed(command, options->seed, "Seed of drawn durations");
+  add_output(command, "--trace", options->trace,
              "Write what happened to a file, for Perfetto (ui.perfetto.dev) and pirt replay",
              StdoutUse::kRefused);
-  add_json(*command, options->json);
-  command->footer(
+  add_json(command, options->json);
+  command.footer(
       "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000");
-  command->callback([options, compare, &action] {
-    options->comparing = compare->count() > 0;
-    action = [options] { return schedule(*options); };
+  command.runs(action, [options, compare] {
+    options->comparing = compare.given();
+    return schedule(*options);
   });
 }
 

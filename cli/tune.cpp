@@ -143,33 +143,33 @@ int tune(const Options& options) {
 
 void add_tune(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  auto* command = app.add_subcommand(
-      "tune",
+  Command command(
+      app, "tune",
       "Search the parameters of the OpenCL kernels on this machine, and keep what is faster");
-  add_input(*command, "--platform", options->platform,
+  add_input(command, "--platform", &options->platform,
             "Whose units are tuned: a name of `pirt list platforms`, or a YAML file",
             FileUse::kReadIfFile)
-      ->capture_default_str();
-  add_list_of(*command, "--units", options->units, "UNIT",
+      .shows_default();
+  add_list_of(command, "--units", options->units, "UNIT",
               "Units to tune, with commas (default: all with backend opencl)");
-  add_filter(*command, options->filter,
+  add_filter(command, options->filter,
              "only parameters of workloads whose names contain it, judged by those");
-  add_value(*command, "--max-time", options->max_time, "DURATION", no_duration,
+  add_value(command, "--max-time", &options->max_time, "DURATION", no_duration,
             "Time after which no parameter is begun")
-      ->capture_default_str();
-  add_seed(*command, options->seed, "Seed of inputs, weights and the order of measuring");
-  command->add_flag("--dry-run", options->dry_run,
-                    "Show the parameters and candidates; measure nothing");
-  add_continued(*command, "--output", options->output,
+      .shows_default();
+  add_seed(command, options->seed, "Seed of inputs, weights and the order of measuring");
+  command.add_flag("--dry-run", options->dry_run,
+                   "Show the parameters and candidates; measure nothing");
+  add_continued(command, "--output", &options->output,
                 "File of tuned parameters (default: the one that is used: PIRT_TUNING, or "
                 "pirt/opencl-tuning.json in $XDG_CONFIG_HOME or ~/.config)");
-  add_json(*command, options->json);
-  command->footer(
+  add_json(command, options->json);
+  command.footer(
       "A candidate has to compute what the reference computes, and replaces the default if it is "
       "faster by 2 % and\nmore than chance in fresh rounds. What is stored holds for exactly this "
       "device and driver version.\n"
       "Example: pirt tune --platform host-opencl --filter 'conv|fc'");
-  command->callback([options, &action] { action = [options] { return tune(*options); }; });
+  command.runs(action, [options] { return tune(*options); });
 }
 
 }  // namespace pirt::cli

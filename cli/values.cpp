@@ -1,11 +1,14 @@
 #include "cli/values.h"
 
+#include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "cli/duration.h"
 #include "cli/weights.h"
 #include "workloads/base/error.h"
 #include "workloads/base/name_filter.h"
+#include "workloads/base/text.h"
 
 namespace pirt::cli {
 namespace {
@@ -45,33 +48,54 @@ Problem not_within(double low, double high) {
   };
 }
 
-CLI::Option* add_list_of(CLI::App& command, const std::string& name,
-                         std::vector<std::string>& values, const std::string& type,
-                         const std::string& help) {
-  return add_text(command, name, values, type, help)->delimiter(',')->allow_extra_args(false);
+Problem not_among(std::vector<std::string> known) {
+  return [known = std::move(known)](const std::string& text) {
+    if (text.empty() || std::ranges::find(known, text) != known.end()) return nothing_given(text);
+    return "'" + text + "' is not one of " + join(known, ", ") + suggestion(text, known);
+  };
 }
 
-CLI::Option* add_seed(CLI::App& command, std::uint64_t& seed, const std::string& help) {
+Option add_value(Command& command, const std::string& name, const Target& target,
+                 const std::string& type, const Problem& problem, const std::string& help) {
+  return command.add(name, target, help).type(type).check(problem);
+}
+
+Option add_text(Command& command, const std::string& name, const Target& target,
+                const std::string& type, const std::string& help) {
+  return add_value(command, name, target, type, nothing_given, help);
+}
+
+Option add_choice(Command& command, const std::string& name, const Target& target,
+                  const std::string& type, const std::vector<std::string>& known,
+                  const std::string& help) {
+  return add_value(command, name, target, type, not_among(known), help + ": " + join(known, " | "));
+}
+
+Option add_list_of(Command& command, const std::string& name, std::vector<std::string>& values,
+                   const std::string& type, const std::string& help) {
+  return add_text(command, name, &values, type, help).with_commas();
+}
+
+Option add_seed(Command& command, std::uint64_t& seed, const std::string& help) {
   const auto problem = not_within(std::uint64_t{0}, std::numeric_limits<std::uint64_t>::max());
-  return add_value(command, "--seed", seed, "INTEGER", problem, help)->capture_default_str();
+  return add_value(command, "--seed", &seed, "INTEGER", problem, help).shows_default();
 }
 
-CLI::Option* add_settings(CLI::App& command, std::vector<std::string>& settings) {
-  return add_text(command, "--set", settings, "UNIT.KEY=VALUE",
+Option add_settings(Command& command, std::vector<std::string>& settings) {
+  return add_text(command, "--set", &settings, "UNIT.KEY=VALUE",
                   "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable")
-      ->allow_extra_args(false);
+      .one_at_a_time();
 }
 
-CLI::Option* add_filter(CLI::App& command, std::string& filter, const std::string& what) {
-  return command
-      .add_option("--filter", filter,
-                  "Regular expression (RE2 syntax: no look-ahead, no back-references): " + what +
-                      " (default: all)")
-      ->type_name("REGEX")
-      ->check([](const std::string& text) {
+Option add_filter(Command& command, std::string& filter, const std::string& what) {
+  return add_value(
+      command, "--filter", &filter, "REGEX",
+      [](const std::string& text) {
         static_cast<void>(NameFilter(text));  // names the option itself
         return std::string();
-      });
+      },
+      "Regular expression (RE2 syntax: no look-ahead, no back-references): " + what +
+          " (default: all)");
 }
 
 }  // namespace pirt::cli

@@ -4,18 +4,15 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <concepts>
 #include <cstdint>
-#include <functional>
 #include <string>
+#include <vector>
 
+#include "cli/command.h"
 #include "workloads/base/numbers.h"
 
 namespace pirt::cli {
-
-/// What is wrong with a text as a value; empty = nothing.
-using Problem = std::function<std::string(const std::string&)>;
 
 [[nodiscard]] std::string nothing_given(const std::string& text);
 [[nodiscard]] std::string no_duration(const std::string& text);
@@ -32,34 +29,34 @@ template <std::integral Number>
 }
 [[nodiscard]] Problem not_within(double low, double high);
 
-/// @param value    A string or number, an optional one, or a vector.
+/// The nearest of them is suggested.
+[[nodiscard]] Problem not_among(std::vector<std::string> known);
+
 /// @param type     What --help shows: "DURATION", "UNIT,...".
 /// @param problem  What each given value has to be without.
-template <typename Value>
-CLI::Option* add_value(CLI::App& command, const std::string& name, Value& value,
-                       const std::string& type, const Problem& problem, const std::string& help) {
-  return command.add_option(name, value, help)->type_name(type)->check(problem);
-}
+Option add_value(Command& command, const std::string& name, const Target& target,
+                 const std::string& type, const Problem& problem, const std::string& help);
 
 /// Any text, but not none.
-template <typename Value>
-CLI::Option* add_text(CLI::App& command, const std::string& name, Value& value,
-                      const std::string& type, const std::string& help) {
-  return add_value(command, name, value, type, nothing_given, help);
-}
+Option add_text(Command& command, const std::string& name, const Target& target,
+                const std::string& type, const std::string& help);
+
+/// One of a few words, which --help lists.
+Option add_choice(Command& command, const std::string& name, const Target& target,
+                  const std::string& type, const std::vector<std::string>& known,
+                  const std::string& help);
 
 /// Several of them, with commas.
-CLI::Option* add_list_of(CLI::App& command, const std::string& name,
-                         std::vector<std::string>& values, const std::string& type,
-                         const std::string& help);
+Option add_list_of(Command& command, const std::string& name, std::vector<std::string>& values,
+                   const std::string& type, const std::string& help);
 
-CLI::Option* add_seed(CLI::App& command, std::uint64_t& seed, const std::string& help);
+Option add_seed(Command& command, std::uint64_t& seed, const std::string& help);
 
 /// --set, as every command with a platform has it.
-CLI::Option* add_settings(CLI::App& command, std::vector<std::string>& settings);
+Option add_settings(Command& command, std::vector<std::string>& settings);
 
 /// --filter, a NameFilter.
-CLI::Option* add_filter(CLI::App& command, std::string& filter,
-                        const std::string& what = "workloads whose names contain it");
+Option add_filter(Command& command, std::string& filter,
+                  const std::string& what = "workloads whose names contain it");
 
 }  // namespace pirt::cli

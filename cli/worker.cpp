@@ -8,9 +8,9 @@
 namespace pirt::cli {
 
 void add_worker(CLI::App& app, Action& action) {
-  auto* command = app.add_subcommand("worker", "Does one job from standard input");
-  command->group("");  // not in the help
-  command->callback([&action] { action = [] { return run_worker(std::cin, std::cout); }; });
+  Command command(app, "worker", "Does one job from standard input");
+  command.hide();  // not in the help
+  command.runs(action, [] { return run_worker(std::cin, std::cout); });
 }
 
 }  // namespace pirt::cli

@@ -28,7 +28,7 @@ std::int64_t deadline_misses(const RunRecord& run) {
   return misses;
 }
 
-Table table_of(const Comparison& comparison) {
+Table table_of(const ModeRuns& comparison) {
   Table table{.title = "Modes",
               .columns = {{"mode", Align::kLeft},
                           {"tasks/ms"},
@@ -72,7 +72,7 @@ Table table_of(const Comparison& comparison) {
   return table;
 }
 
-const RunRecord* find_run(const Comparison& comparison, const std::string& mode) {
+const RunRecord* find_run(const ModeRuns& comparison, const std::string& mode) {
   const auto found = std::ranges::find(comparison.runs, mode, &RunRecord::mode);
   return found == comparison.runs.end() ? nullptr : &*found;
 }
@@ -87,7 +87,7 @@ std::string tail_text(const PipelineResult& pipeline, Provenance time) {
 }
 
 /// What mode advanced's strict priority of images does to the real-time pipelines that have none.
-Paragraph starvation(const Comparison& comparison, const Mix& mix) {
+Paragraph starvation(const ModeRuns& comparison, const Mix& mix) {
   Paragraph paragraph;
   for (const auto& advanced : comparison.runs) {
     const RunRecord* basic = advanced.basic ? find_run(comparison, *advanced.basic) : nullptr;
@@ -106,7 +106,7 @@ Paragraph starvation(const Comparison& comparison, const Mix& mix) {
 
 }  // namespace
 
-Document comparison_document(const Comparison& comparison, const Mix& mix) {
+Document comparison_document(const ModeRuns& comparison, const Mix& mix) {
   Document document{.title = "pirt schedule --compare", .parts = {}};
   if (!comparison.runs.empty()) {
     const RunRecord& run = comparison.runs.front();
@@ -121,7 +121,7 @@ Document comparison_document(const Comparison& comparison, const Mix& mix) {
   return document;
 }
 
-nlohmann::ordered_json comparison_json(const Comparison& comparison) {
+nlohmann::ordered_json comparison_json(const ModeRuns& comparison) {
   auto runs = nlohmann::ordered_json::array();
   for (const auto& run : comparison.runs) runs.push_back(to_json(run));
   auto skipped = nlohmann::ordered_json::array();

@@ -3,23 +3,12 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
-#include <string>
-#include <vector>
 
 #include "reports/document.h"
 #include "scheduler/mix/mix.h"
-#include "scheduler/record/run_record.h"
+#include "scheduler/schedule.h"
 
 namespace pirt {
-
-struct Comparison {
-  struct Skipped {
-    std::string mode;
-    std::string reason;
-  };
-  std::vector<RunRecord> runs;   ///< Of one platform and mix.
-  std::vector<Skipped> skipped;  ///< Modes that cannot run there.
-};
 
 /// Gaps are relative to each run's bounds; the costs, energy and p99 latency, to the best mode of
 /// the table.
@@ -27,7 +16,7 @@ struct Comparison {
 /// Where mode advanced is among the runs, and its basic scheduler too, the footnotes say what
 /// strict priority does to real-time pipelines without images: their p99 latency and missed
 /// deadlines under both.
-[[nodiscard]] Document comparison_document(const Comparison& comparison, const Mix& mix);
-[[nodiscard]] nlohmann::ordered_json comparison_json(const Comparison& comparison);
+[[nodiscard]] Document comparison_document(const ModeRuns& comparison, const Mix& mix);
+[[nodiscard]] nlohmann::ordered_json comparison_json(const ModeRuns& comparison);
 
 }  // namespace pirt

@@ -44,7 +44,7 @@ Table parameter_table(const UnitFit& each) {
                               join(fit.left_out, ", "));
   }
   if (fit.refusal.empty()) {
-    table.footnotes.push_back("+/-: standard error, from the residuals below");
+    table.footnotes.emplace_back("+/-: standard error, from the residuals below");
   }
   return table;
 }

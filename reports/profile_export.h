@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "characterize/profile/profile.h"
+#include "characterize/profile/store/reader.h"
 
 namespace pirt {
 

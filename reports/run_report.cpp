@@ -6,6 +6,7 @@
 #include <functional>
 #include <set>
 
+#include "characterize/platform/platform.h"
 #include "reports/figures.h"
 #include "workloads/base/text.h"
 #include "workloads/phase.h"
@@ -42,7 +43,7 @@ std::string percent(const std::optional<double>& value, Provenance provenance) {
 
 std::string name_of_device(const UnitResult& unit) {
   if (!unit.device) return "model of the platform file";
-  const bool disguised = unit.device_is_cpu.value_or(false) && unit.role != "cpu";
+  const bool disguised = unit.device_is_cpu.value_or(false) && unit.role != to_string(Role::kCpu);
   return *unit.device + (disguised ? " (computes on the host's cores, not a GPU)" : "");
 }
 

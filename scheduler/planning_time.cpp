@@ -1,7 +1,6 @@
 #include "scheduler/planning_time.h"
 
 #include <algorithm>
-#include <array>
 #include <vector>
 
 #include "characterize/platform/platform.h"
@@ -12,7 +11,6 @@
 namespace pirt {
 namespace {
 
-constexpr std::array kModes = {"latency", "throughput", "energy", "advanced"};
 /// Of virtual time: some thousand tasks, a millisecond of work or more.
 constexpr Nanos kSpan = std::chrono::seconds(10);
 
@@ -29,9 +27,10 @@ std::map<std::string, double> time_planning(const Clock& clock, Nanos work,
                                             const std::function<void(Nanos)>& after_each) {
   const Platform platform = load_platform("fake");
   const Mix mix = load_mix("full-robot");
-  std::array<Planning, kModes.size()> modes;
-  for (std::size_t m = 0; m < kModes.size(); ++m) {
-    modes[m].options.mode = kModes[m];
+  const auto names = paper_modes();
+  std::vector<Planning> modes(names.size());
+  for (std::size_t m = 0; m < names.size(); ++m) {
+    modes[m].options.mode = names[m];
     modes[m].options.duration = kSpan;
   }
   const auto once = [&](Planning& mode, bool counts) {
@@ -53,8 +52,8 @@ std::map<std::string, double> time_planning(const Clock& clock, Nanos work,
     for (Planning& mode : modes) once(mode, true);
   } while (clock.now() < end || modes[0].times.size() < 3);
   std::map<std::string, double> seconds;
-  for (std::size_t m = 0; m < kModes.size(); ++m) {
-    seconds[std::string("schedule ") + kModes[m]] =
+  for (std::size_t m = 0; m < names.size(); ++m) {
+    seconds["schedule " + names[m]] =
         to_s(median(modes[m].times)) /
         static_cast<double>(std::max<std::int64_t>(modes[m].tasks, 1));
   }

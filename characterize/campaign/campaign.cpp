@@ -22,6 +22,7 @@
 #include "characterize/profile/profile.h"
 #include "characterize/profile/roofline.h"
 #include "characterize/profile/store/reader.h"
+#include "characterize/profile/store/writer.h"
 #include "characterize/worker/job_runner.h"
 #include "characterize/worker/measure.h"
 #include "characterize/worker/peaks.h"

@@ -7,14 +7,14 @@
 #include <set>
 
 #include "characterize/profile/identity.h"
+#include "characterize/profile/store/reader.h"
 #include "characterize/worker/job.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr int kPlanVersion = 1;
 
@@ -34,7 +34,7 @@ auto reading(const UnfinishedRun& run, Read read) {
 }
 
 Json parse_plan(const UnfinishedRun& run) {
-  Json json = Json::parse(run.plan, nullptr, false);
+  Json json = parse_json_or_discard(run.plan);
   if (json.is_discarded() || !json.is_object()) throw_unreadable(run, "its plan is no JSON object");
   const int version = reading(run, [&json] { return json.value("version", 0); });
   if (version != kPlanVersion) {
@@ -87,7 +87,7 @@ std::string stored_plan(const CampaignOptions& options, const CampaignPlan& plan
                {"cells", cells}};
   if (options.batch) json["batch"] = *options.batch;
   if (options.images) json["images"] = std::filesystem::absolute(*options.images).string();
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return json_text(json);
 }
 
 CampaignOptions resume_options(const std::filesystem::path& database) {

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 #include "workloads/base/random.h"
 #include "workloads/phase.h"
 
@@ -186,7 +187,7 @@ void DuetComparison::apply(const Event& event) {
 
 void DuetComparison::check(DuetCellState& state, const Event& event) {
   const Side side = event.at("side") == "candidate" ? Side::kCandidate : Side::kBaseline;
-  const Sample sample = sample_from_json(event.at("sample").dump());
+  const Sample sample = sample_from_json(json_text(event.at("sample")));
   ++processes_;
   if (sample.right == false) state.failures[index_of(side)] = "wrong output, " + sample.detail;
   state.checks[index_of(side)] = sample;

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -20,7 +21,7 @@ constexpr int kFormat = 1;
 constexpr const char* kFormatKey = "pirt_ledger";
 
 std::string value_text(const Ledger::Event& key, const std::string& field) {
-  return key.contains(field) ? key[field].dump() : "nothing";
+  return key.contains(field) ? json_text(key[field]) : "nothing";
 }
 
 }  // namespace
@@ -101,7 +102,7 @@ void Ledger::read(const Event& key, const std::function<void(const Event&)>& rep
       throw_bad_input(fmt::format("ledger {}:{} is damaged ({}); remove it to begin anew",
                                   path_.string(), number, why));
     };
-    const Event event = Event::parse(line, nullptr, false);
+    const Event event = parse_json_or_discard(line);
     if (!event.is_object()) damaged("no JSON object");
     if (number > 1) {
       try {
@@ -128,7 +129,7 @@ void Ledger::read(const Event& key, const std::function<void(const Event&)>& rep
 
 void Ledger::append(const Event& event) {
   if (fd_ < 0) return;
-  const std::string line = event.dump(-1, ' ', false, Event::error_handler_t::replace) + "\n";
+  const std::string line = json_text(event) + "\n";
   struct stat before {};
   const bool known = ::fstat(fd_, &before) == 0;
   const ssize_t written = ::write(fd_, line.data(), line.size());

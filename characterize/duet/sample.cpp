@@ -11,6 +11,7 @@
 #include "characterize/worker/worker.h"
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
+#include "workloads/base/json.h"
 #include "workloads/catalog.h"
 #include "workloads/registry.h"
 
@@ -108,7 +109,7 @@ nlohmann::ordered_json to_json(const Sample& sample) {
 
 Sample sample_from_json(const std::string& text) {
   try {
-    const auto json = nlohmann::json::parse(text);
+    const auto json = parse_json(text);
     if (json.at("pirt_sample").get<int>() < kFormat) throw_bad_input("an unknown format");
     Sample sample;
     sample.version = json.at("version");

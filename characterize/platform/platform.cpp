@@ -4,6 +4,7 @@
 #include <sched.h>
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 #include <thread>
 
@@ -14,6 +15,8 @@
 
 namespace pirt {
 namespace {
+
+constexpr std::array<std::string_view, 6> kRoles = {"cpu", "gpu", "dsp", "fpga", "cloud", "other"};
 
 constexpr std::string_view kSuffix = ".yaml";
 
@@ -38,6 +41,16 @@ NamedText find_file(const std::string& name) {
 }
 
 }  // namespace
+
+std::string_view to_string(Role role) { return kRoles[static_cast<std::size_t>(role)]; }
+
+std::optional<Role> role_from_string(std::string_view text) {
+  const auto found = std::ranges::find(kRoles, text);
+  if (found == kRoles.end()) return std::nullopt;
+  return static_cast<Role>(found - kRoles.begin());
+}
+
+std::vector<std::string> role_names() { return {kRoles.begin(), kRoles.end()}; }
 
 const UnitModel* Platform::find_unit(std::string_view unit) const {
   const auto it = std::ranges::find(units, unit, &UnitModel::name);

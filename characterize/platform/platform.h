@@ -39,10 +39,17 @@ struct Link {
   double active_w = 0;
 };
 
+/// What Algorithms 1 to 4 speak of. A unit of another name than these is kOther unless the file
+/// says what it is.
+enum class Role : std::uint8_t { kCpu, kGpu, kDsp, kFpga, kCloud, kOther };
+/// "cpu", "gpu", "dsp", "fpga", "cloud", "other".
+[[nodiscard]] std::string_view to_string(Role role);
+[[nodiscard]] std::optional<Role> role_from_string(std::string_view text);
+[[nodiscard]] std::vector<std::string> role_names();
+
 struct UnitModel {
   std::string name;
-  std::string
-      role;  ///< "cpu", "gpu", "dsp", "fpga", "cloud", or other; what Algorithms 1 to 4 speak of.
+  Role role = Role::kOther;
   int servers = 1;
   Discipline discipline = Discipline::kFifo;
   std::optional<int> slots;  ///< Tasks started and not complete; absent = no limit.

@@ -23,11 +23,6 @@ constexpr double kMaxScale = 1e3;
 constexpr std::int64_t kMaxServers = 1'000'000;
 constexpr std::int64_t kMaxWeight = 1'000'000;
 
-const std::vector<std::string>& roles() {
-  static const std::vector<std::string> names = {"cpu", "gpu", "dsp", "fpga", "cloud", "other"};
-  return names;
-}
-
 /// Keys that stand beside unit names in a workload's entry, and so cannot be units.
 const std::vector<std::string>& workload_keys() {
   static const std::vector<std::string> names = {"call_j", "provenance", "source"};
@@ -100,10 +95,6 @@ std::vector<int> read_cores(const YamlNode& node, const std::vector<int>& usable
   return {middle, usable.end()};
 }
 
-std::string default_role(const std::string& unit) {
-  return std::ranges::find(roles(), unit) != roles().end() ? unit : "other";
-}
-
 /// The backend reads it again when it opens the unit; only here are file and line known.
 void check_fake_script(const YamlNode& script) {
   try {
@@ -139,11 +130,11 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, const std::ve
                    "backend", "cores", "device", "script", "meter"});
   UnitModel unit;
   unit.name = checked_name(node, name);
-  unit.role = default_role(name);
+  unit.role = role_from_string(name).value_or(Role::kOther);
   if (std::ranges::find(workload_keys(), name) != workload_keys().end()) {
     node.fail("'" + name + "' is a key of workload entries and cannot name a unit");
   }
-  if (node.has("role")) unit.role = one_of(node.at("role"), roles());
+  if (node.has("role")) unit.role = *role_from_string(one_of(node.at("role"), role_names()));
   if (node.has("servers"))
     unit.servers = static_cast<int>(node.at("servers").integer(1, kMaxServers));
   if (node.has("discipline") &&

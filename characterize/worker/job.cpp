@@ -5,11 +5,10 @@
 #include <nlohmann/json.hpp>
 
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 namespace {
-
-using Json = nlohmann::json;
 
 constexpr int kProtocol = 2;
 constexpr std::string_view kPrefix = "pirt-record ";
@@ -188,12 +187,12 @@ std::string to_json(const Job& job) {
                   {"reference", job.reference},
                   {"sampling", encode(job.sampling)},
                   {"metering", encode(job.metering)}};
-  return j.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return json_text(j);
 }
 
 Job job_from_json(const std::string& text) {
   try {
-    const Json j = Json::parse(text);
+    const Json j = parse_json(text);
     if (const int protocol = j.at("protocol"); protocol != kProtocol) {
       throw_bad_input(
           fmt::format("the job has protocol {}, and this worker knows {}; coordinator and "
@@ -251,7 +250,7 @@ std::string to_record(const JobResult& r) {
                   {"metered", encode(r.metered)},
                   {"peaks", peaks}};
   // Drivers' texts need not be UTF-8.
-  return std::string(kPrefix) + j.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return std::string(kPrefix) + json_text(j);
 }
 
 JobResult last_record(std::string_view output) {
@@ -264,7 +263,7 @@ JobResult last_record(std::string_view output) {
     // A library that prints without an end of line may stand before the record.
     const auto prefix = line.find(kPrefix);
     if (prefix == std::string_view::npos) continue;
-    const Json j = Json::parse(line.substr(prefix + kPrefix.size()), nullptr, false);
+    const Json j = parse_json_or_discard(line.substr(prefix + kPrefix.size()));
     if (!j.is_discarded()) return result_from(j);
   }
   return {};

@@ -40,11 +40,13 @@ bool apart(const Profile& profile, const std::string& workload, const std::strin
   return a != nullptr && b != nullptr && a->ci_high && b->ci_low && *a->ci_high < *b->ci_low;
 }
 
-RunRecord run_mode(const Profile& profile, const Platform& platform, const Mix& mix,
-                   const std::string& mode) {
-  ScheduleOptions options;
-  options.mode = mode;
-  return run_virtual(platform, &profile, mix, options);
+std::optional<RunRecord> run_of(const ModeRuns& modes, const std::string& mode) {
+  const auto found = std::ranges::find(modes.runs, mode, &RunRecord::mode);
+  return found == modes.runs.end() ? std::nullopt : std::optional(*found);
+}
+
+std::string why_not(const ModeRuns& modes, const std::string& mode) {
+  return std::ranges::find(modes.skipped, mode, &ModeRuns::Skipped::mode)->reason;
 }
 
 }  // namespace
@@ -90,14 +92,14 @@ std::vector<Flip> find_flips(const Profile& base, const Profile& candidate) {
 Decisions compare_decisions(const Profile& base, const Profile& candidate, const Platform& platform,
                             const Mix& mix) {
   Decisions decisions{.mix = mix.name, .flips = find_flips(base, candidate), .modes = {}};
-  for (const char* mode : {"latency", "throughput", "energy", "advanced"}) {
-    ModeCost cost{.mode = mode, .base = {}, .candidate = {}, .reason = ""};
-    try {
-      cost.base = run_mode(base, platform, mix, mode);
-      cost.candidate = run_mode(candidate, platform, mix, mode);
-    } catch (const Error& error) {
+  const ModeRuns before = run_modes(platform, &base, mix, paper_modes(), {});
+  const ModeRuns after = run_modes(platform, &candidate, mix, paper_modes(), {});
+  for (const std::string& mode : paper_modes()) {
+    ModeCost cost{.mode = mode, .base = run_of(before, mode), .candidate = {}, .reason = ""};
+    if (cost.base) cost.candidate = run_of(after, mode);
+    if (!cost.candidate) {
+      cost.reason = why_not(cost.base ? after : before, mode);
       cost.base.reset();
-      cost.reason = error.what();
     }
     decisions.modes.push_back(std::move(cost));
   }

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "reports/figures.h"
+#include "scheduler/schedule.h"
 #include "workloads/base/error.h"
 
 namespace pirt {
@@ -107,22 +108,12 @@ std::int64_t misses_of(const RunRecord& run) {
   return misses;
 }
 
-/// Why modes have no figures, each reason once: "latency, energy: no unit can serve sobel".
 std::vector<std::string> reasons_without_cost(const std::vector<ModeCost>& modes) {
-  std::vector<std::pair<std::string, std::string>> reasons;  // Reason, modes.
+  std::vector<ModeRuns::Skipped> skipped;
   for (const ModeCost& cost : modes) {
-    if (cost.base && cost.candidate) continue;
-    const auto known =
-        std::ranges::find(reasons, cost.reason, &decltype(reasons)::value_type::first);
-    if (known == reasons.end()) {
-      reasons.emplace_back(cost.reason, cost.mode);
-    } else {
-      known->second += ", " + cost.mode;
-    }
+    if (!cost.base || !cost.candidate) skipped.push_back({cost.mode, cost.reason});
   }
-  std::vector<std::string> lines;
-  for (const auto& [reason, of_modes] : reasons) lines.push_back(of_modes + ": " + reason);
-  return lines;
+  return reason_lines(skipped);
 }
 
 /// What the mix costs, or, if that is known in no mode, why.

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "characterize/profile/identity.h"
+#include "characterize/profile/store/reader.h"
 #include "characterize/statistics/statistics.h"
 
 namespace pirt {

@@ -22,6 +22,7 @@
 #include <string_view>
 #include <vector>
 
+#include "characterize/profile/store/reader.h"
 #include "reports/profile_diff.h"
 
 namespace pirt {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "scheduler/bounds/linear_program.h"
+#include "scheduler/services/eligibility.h"
 #include "scheduler/services/transfers.h"
 
 namespace pirt {
@@ -11,7 +12,7 @@ namespace {
 using Terms = LinearProgram::Terms;
 
 /// The least that a call can cost: drawn times at their lowest.
-UnitWork unit_work(const VirtualSetup& run, const MixTask& task, WorkloadId workload, UnitId unit) {
+UnitWork unit_work(const Scenario& run, const MixTask& task, WorkloadId workload, UnitId unit) {
   const Service& service = *run.services.find(workload, unit);
   UnitWork work{.unit = unit, .server_ms = std::vector<double>(run.platform.units.size(), 0.0)};
   for (const ServiceStage& stage : service.stages) {
@@ -19,12 +20,9 @@ UnitWork unit_work(const VirtualSetup& run, const MixTask& task, WorkloadId work
     work.total_ms += ms;
     if (!stage.on) continue;
     work.server_ms[*stage.on] += ms;
-    if (!service.metered_j) {
-      work.energy_j +=
-          run.platform.units[*stage.on].active_w * to_s(stage.time.low) * stage.energy_scale;
-    }
   }
-  work.energy_j += service.metered_j.value_or(service.extra_j);
+  work.energy_j = call_energy_j(run.platform, service,
+                                [](const ServiceStage& stage) { return stage.time.low; });
   if (const Link* link = link_of(run.platform, unit)) {
     const CallBytes bytes = call_bytes(task);
     const Nanos sending = sending_time(*link, bytes.in) + sending_time(*link, bytes.out);
@@ -116,7 +114,7 @@ void add_completeness(const Work& work, LinearProgram& program) {
 
 }  // namespace
 
-Work work_of(const VirtualSetup& run, CloudUse cloud_use) {
+Work work_of(const Scenario& run, CloudUse cloud_use) {
   Work work;
   for (const UnitModel& unit : run.platform.units) {
     work.units.push_back({static_cast<double>(unit.servers), unit.slots});
@@ -204,7 +202,7 @@ double critical_path_ms(const PipelineWork& pipeline) {
   return end.empty() ? 0 : std::ranges::max(end);
 }
 
-RunBounds bounds_of(const VirtualSetup& run, CloudUse cloud_use, const RunRecord& record) {
+RunBounds bounds_of(const Scenario& run, CloudUse cloud_use, const RunRecord& record) {
   const Work work = work_of(run, cloud_use);
   RunBounds bounds;
   std::vector<double> firings;

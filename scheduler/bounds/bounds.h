@@ -13,9 +13,9 @@
 #include <optional>
 #include <vector>
 
-#include "scheduler/policies/eligibility.h"
 #include "scheduler/record/run_record.h"
-#include "scheduler/virtual/virtual_time.h"
+#include "scheduler/services/eligibility.h"
+#include "scheduler/services/scenario.h"
 
 namespace pirt {
 
@@ -51,7 +51,7 @@ struct Work {
 
 /// @param cloud_use  Which tasks the mode gives to units of role cloud; others do not count as able
 /// to go there, since a cloud that misses every deadline is no alternative.
-[[nodiscard]] Work work_of(const VirtualSetup& run, CloudUse cloud_use);
+[[nodiscard]] Work work_of(const Scenario& run, CloudUse cloud_use);
 
 /// Throughput programme: most tasks a millisecond, with no task more often than its predecessors or
 /// its pipeline's rate. Absent if nothing limits it.
@@ -70,7 +70,6 @@ struct Work {
 [[nodiscard]] double critical_path_ms(const PipelineWork& pipeline);
 
 /// All of them for a run that was done.
-[[nodiscard]] RunBounds bounds_of(const VirtualSetup& run, CloudUse cloud_use,
-                                  const RunRecord& record);
+[[nodiscard]] RunBounds bounds_of(const Scenario& run, CloudUse cloud_use, const RunRecord& record);
 
 }  // namespace pirt

@@ -56,9 +56,7 @@ UnitId path_unit(const PlanningGraph& graph, const std::vector<bool>& on_path) {
   return std::get<UnitId>(best);
 }
 
-}  // namespace
-
-Plan plan_cpop(const PlanningGraph& graph) {
+Plan make_plan(const PlanningGraph& graph) {
   auto priorities = graph.upward_ranks();
   const auto downward = graph.downward_ranks();
   for (std::size_t task = 0; task < graph.tasks(); ++task) priorities[task] += downward[task];
@@ -73,5 +71,12 @@ Plan plan_cpop(const PlanningGraph& graph) {
   }
   return std::move(builder).finish();
 }
+
+}  // namespace
+
+constinit const PlannerInfo planner::cpop = {
+    .name = "cpop",
+    .description = "Static plan, critical path on a processor: the longest path stays on one unit",
+    .plan = make_plan};
 
 }  // namespace pirt

@@ -27,9 +27,7 @@ std::vector<Nanos> static_levels(const PlanningGraph& graph) {
   return levels;
 }
 
-}  // namespace
-
-Plan plan_etf(const PlanningGraph& graph) {
+Plan make_plan(const PlanningGraph& graph) {
   const auto levels = static_levels(graph);
   // Start; level, negated, so that the highest is the least; cost; then the first task and unit.
   using Pair = std::tuple<Nanos, Nanos, Nanos, std::size_t, UnitId>;
@@ -50,5 +48,12 @@ Plan plan_etf(const PlanningGraph& graph) {
   }
   return std::move(builder).finish();
 }
+
+}  // namespace
+
+constinit const PlannerInfo planner::etf = {
+    .name = "etf",
+    .description = "Static plan, earliest time first: of ready tasks the one that can start first",
+    .plan = make_plan};
 
 }  // namespace pirt

@@ -12,7 +12,9 @@
 
 namespace pirt {
 
-Plan plan_heft(const PlanningGraph& graph) {
+namespace {
+
+Plan make_plan(const PlanningGraph& graph) {
   const auto ranks = graph.upward_ranks();
   // Costs are above 0, so that a predecessor's rank is above its successors'.
   auto order = graph.order();
@@ -25,5 +27,13 @@ Plan plan_heft(const PlanningGraph& graph) {
   }
   return std::move(builder).finish();
 }
+
+}  // namespace
+
+constinit const PlannerInfo planner::heft = {
+    .name = "heft",
+    .description =
+        "Static plan, heterogeneous earliest finish time: by upward rank, with insertion",
+    .plan = make_plan};
 
 }  // namespace pirt

@@ -22,20 +22,21 @@ Nanos call_cost(const Platform& platform, const MixTask& task, const Service& se
 
 }  // namespace
 
-TaskGraph graph_of(const Platform& platform, const Mix& mix, const ServiceTable& services,
-                   const std::vector<std::vector<TaskClass>>& classes) {
+TaskGraph graph_of(const Scenario& scenario) {
+  const Platform& platform = scenario.platform;
+  const Mix& mix = scenario.mix;
   TaskGraph graph;
   for (std::size_t p = 0; p < mix.pipelines.size(); ++p) {
     const Pipeline& pipeline = mix.pipelines[p];
     const std::size_t first = graph.costs.size();
     for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
       const MixTask& task = pipeline.tasks[t];
-      const TaskClass& kind = classes[p][t];
+      const TaskClass& kind = scenario.classes[p][t];
       graph.names.push_back(pipeline.name + "/" + task.name);
       auto& row = graph.costs.emplace_back(platform.units.size(), kUnsupported);
       for (UnitId unit = 0; unit < row.size(); ++unit) {
         if (!contains(kind.eligible, unit)) continue;
-        row[unit] = call_cost(platform, task, *services.find(kind.workload, unit), unit);
+        row[unit] = call_cost(platform, task, *scenario.services.find(kind.workload, unit), unit);
       }
       for (auto& edge : edges_into(platform, pipeline, t)) {
         edge.from += first;
@@ -47,9 +48,9 @@ TaskGraph graph_of(const Platform& platform, const Mix& mix, const ServiceTable&
   return graph;
 }
 
-MixPlan plan_mix(const Platform& platform, const Mix& mix, const ServiceTable& services,
-                 const std::vector<std::vector<TaskClass>>& classes, Planner planner) {
-  const Plan plan = planner(PlanningGraph(graph_of(platform, mix, services, classes)));
+MixPlan plan_mix(const Scenario& scenario, Planner planner) {
+  const Mix& mix = scenario.mix;
+  const Plan plan = planner(PlanningGraph(graph_of(scenario)));
   MixPlan result;
   result.makespan = plan.makespan;
   for (const auto& task : plan.tasks) {

@@ -5,11 +5,9 @@
 #include <optional>
 #include <vector>
 
-#include "characterize/platform/platform.h"
-#include "scheduler/mix/mix.h"
 #include "scheduler/mix/task.h"
 #include "scheduler/planner/planner.h"
-#include "scheduler/services/services.h"
+#include "scheduler/services/scenario.h"
 
 namespace pirt {
 
@@ -28,16 +26,11 @@ struct MixPlan {
 /// The mix as one task graph: a firing of each pipeline, all at time 0. A task's cost is its
 /// service's total with what a call moves over the unit's link; data of edges moves as edges_into
 /// says.
-/// @param classes  [pipeline][task]; units that are not eligible cannot run the task.
-[[nodiscard]] TaskGraph graph_of(const Platform& platform, const Mix& mix,
-                                 const ServiceTable& services,
-                                 const std::vector<std::vector<TaskClass>>& classes);
+[[nodiscard]] TaskGraph graph_of(const Scenario& scenario);
 
 /// Pure: the same mix, platform and services give the same plan. If every pipeline fires once, the
 /// order on a unit is of all tasks; otherwise of those of one pipeline, as pipelines fire at rates
 /// of their own.
-[[nodiscard]] MixPlan plan_mix(const Platform& platform, const Mix& mix,
-                               const ServiceTable& services,
-                               const std::vector<std::vector<TaskClass>>& classes, Planner planner);
+[[nodiscard]] MixPlan plan_mix(const Scenario& scenario, Planner planner);
 
 }  // namespace pirt

@@ -52,9 +52,7 @@ std::vector<Nanos> ranks_of(const PlanningGraph& graph,
   return ranks;
 }
 
-}  // namespace
-
-Plan plan_peft(const PlanningGraph& graph) {
+Plan make_plan(const PlanningGraph& graph) {
   const auto table = optimistic_costs(graph);
   const auto ranks = ranks_of(graph, table);
   PlanBuilder builder(graph);
@@ -65,5 +63,13 @@ Plan plan_peft(const PlanningGraph& graph) {
   }
   return std::move(builder).finish();
 }
+
+}  // namespace
+
+constinit const PlannerInfo planner::peft = {
+    .name = "peft",
+    .description =
+        "Static plan, predict earliest finish time: looks ahead by an optimistic cost table",
+    .plan = make_plan};
 
 }  // namespace pirt

@@ -1,5 +1,9 @@
-// The static planners: pure functions from a task graph to a plan, one file each in this folder.
+// The static planners: pure functions from a task graph to a plan, one file each in this folder. A
+// new one is such a file and its line in planners.inc.
 #pragma once
+
+#include <span>
+#include <string_view>
 
 #include "scheduler/planner/plan.h"
 
@@ -7,11 +11,18 @@ namespace pirt {
 
 using Planner = Plan (*)(const PlanningGraph& graph);
 
-[[nodiscard]] Plan plan_heft(const PlanningGraph& graph);
-[[nodiscard]] Plan plan_cpop(const PlanningGraph& graph);
-[[nodiscard]] Plan plan_peft(const PlanningGraph& graph);
-[[nodiscard]] Plan plan_etf(const PlanningGraph& graph);
-/// The shortest of the four above; ties: the first in that order.
-[[nodiscard]] Plan plan_shortest(const PlanningGraph& graph);
+struct PlannerInfo {
+  std::string_view name;
+  std::string_view description;
+  Planner plan;
+};
+
+[[nodiscard]] std::span<const PlannerInfo* const> planners();
+
+namespace planner {
+#define PIRT_PLANNER(name) extern const PlannerInfo name;
+#include "scheduler/planner/planners.inc"
+#undef PIRT_PLANNER
+}  // namespace planner
 
 }  // namespace pirt

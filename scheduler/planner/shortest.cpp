@@ -1,17 +1,28 @@
 // The shortest plan that the static planners find: each wins on some graphs, and planning is cheap.
+#include <optional>
 #include <utility>
 
 #include "scheduler/planner/planner.h"
 
 namespace pirt {
 
-Plan plan_shortest(const PlanningGraph& graph) {
-  Plan best = plan_heft(graph);
-  for (const Planner planner : {&plan_cpop, &plan_peft, &plan_etf}) {
-    Plan plan = planner(graph);
-    if (plan.makespan < best.makespan) best = std::move(plan);
+namespace {
+
+Plan make_plan(const PlanningGraph& graph) {
+  std::optional<Plan> best;
+  for (const PlannerInfo* planner : planners()) {
+    if (planner == &planner::shortest) continue;
+    Plan plan = planner->plan(graph);
+    if (!best || plan.makespan < best->makespan) best = std::move(plan);
   }
-  return best;
+  return *std::move(best);
 }
+
+}  // namespace
+
+constinit const PlannerInfo planner::shortest = {
+    .name = "shortest",
+    .description = "Static plan: the shortest of those of all other planners",
+    .plan = make_plan};
 
 }  // namespace pirt

@@ -12,6 +12,8 @@
 // should not. Strict priority can starve real-time tasks without images; that is the paper's mode.
 // Where no cloud unit may serve a non-real-time task, the basic scheduler takes it; while the cloud
 // is only away (link loss), the task waits, since it is not urgent and would clog the robot.
+#include <stdexcept>
+
 #include "scheduler/policies/policies.h"
 
 namespace pirt {
@@ -19,10 +21,11 @@ namespace {
 
 class AdvancedPolicy final : public Policy {
  public:
-  explicit AdvancedPolicy(const PolicySetup& setup)
-      : basic_(find_basic_policy(setup.basic).make(setup)) {
+  explicit AdvancedPolicy(const PolicySetup& setup) {
+    if (setup.basic == nullptr) throw std::logic_error("mode advanced without a basic policy");
+    basic_ = setup.basic->make(setup);
     for (UnitId unit = 0; unit < setup.roles.size(); ++unit) {
-      if (setup.roles[unit] == "cloud") cloud_ |= unit_bit(unit);
+      if (setup.roles[unit] == Role::kCloud) cloud_ |= unit_bit(unit);
     }
   }
 
@@ -59,8 +62,14 @@ class AdvancedPolicy final : public Policy {
 
 }  // namespace
 
-std::unique_ptr<Policy> make_advanced_policy(const PolicySetup& setup) {
-  return std::make_unique<AdvancedPolicy>(setup);
-}
+constinit const PolicyInfo policy::advanced = {
+    .name = "advanced",
+    .description =
+        "Algorithm 4: non-real-time tasks to the cloud, image tasks first on any unit, the rest by "
+        "--basic",
+    .make = make_policy<AdvancedPolicy>,
+    .rule = WeightRule::kOfBasic,
+    .cloud_use = CloudUse::kNotRealTime,
+};
 
 }  // namespace pirt

@@ -8,7 +8,7 @@
 namespace pirt {
 
 CompletionEstimate::CompletionEstimate(const PolicySetup& setup)
-    : local_(local_units(setup.roles)), times_(setup.times) {
+    : local_(local_units(setup.roles)), costs_(setup.costs) {
   for (const int servers : setup.servers) {
     accounts_.emplace_back().idle_at.resize(static_cast<std::size_t>(servers), Nanos::zero());
   }
@@ -34,7 +34,7 @@ bool CompletionEstimate::has_idle_server(UnitId unit, const UnitsView& units) co
 
 /// The least number of tasks that keeps all servers busy: more than these have to wait.
 std::int64_t CompletionEstimate::in_service(const TaskClass& task, UnitId unit) const {
-  const ServiceTime& service = time(task, unit);
+  const CallCost& service = time(task, unit);
   if (service.occupied <= Nanos::zero()) return std::numeric_limits<std::int64_t>::max();
   // Wide, since servers x total may not fit.
   __extension__ using Wide = __int128;

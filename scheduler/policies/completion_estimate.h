@@ -45,8 +45,8 @@ class CompletionEstimate {
     [[nodiscard]] Nanos work_of_last(std::int64_t tasks) const;
   };
 
-  [[nodiscard]] const ServiceTime& time(const TaskClass& task, UnitId unit) const {
-    return *times_[task.workload][unit];
+  [[nodiscard]] const CallCost& time(const TaskClass& task, UnitId unit) const {
+    return *costs_[task.workload][unit];
   }
   [[nodiscard]] bool has_idle_server(UnitId unit, const UnitsView& units) const;
   [[nodiscard]] std::int64_t in_service(const TaskClass& task, UnitId unit) const;
@@ -54,7 +54,7 @@ class CompletionEstimate {
                                                     const UnitsView& units) const;
 
   UnitMask local_;
-  std::vector<std::vector<std::optional<ServiceTime>>> times_;
+  CostTable costs_;
   std::vector<Account> accounts_;  ///< By unit.
 };
 

@@ -9,7 +9,7 @@ namespace {
 UnitMask cpus(const PolicySetup& setup) {
   UnitMask mask = 0;
   for (UnitId unit = 0; unit < setup.roles.size(); ++unit) {
-    if (setup.roles[unit] == "cpu") mask |= unit_bit(unit);
+    if (setup.roles[unit] == Role::kCpu) mask |= unit_bit(unit);
   }
   return mask;
 }
@@ -38,8 +38,11 @@ class CpuOnlyPolicy final : public Baseline {
 
 }  // namespace
 
-std::unique_ptr<Policy> make_cpu_only_policy(const PolicySetup& setup) {
-  return std::make_unique<CpuOnlyPolicy>(setup);
-}
+constinit const PolicyInfo policy::cpu_only = {
+    .name = "cpu-only",
+    .description = "Baseline: every task to the CPU, whatever else the platform has",
+    .make = make_policy<CpuOnlyPolicy>,
+    .needs_role = Role::kCpu,
+};
 
 }  // namespace pirt

@@ -31,8 +31,11 @@ class EctPolicy final : public Baseline {
 
 }  // namespace
 
-std::unique_ptr<Policy> make_ect_policy(const PolicySetup& setup) {
-  return std::make_unique<EctPolicy>(setup);
-}
+constinit const PolicyInfo policy::ect = {
+    .name = "ect",
+    .description =
+        "Baseline, earliest completion time: the unit that is expected to end the task first",
+    .make = make_policy<EctPolicy>,
+};
 
 }  // namespace pirt

@@ -35,8 +35,11 @@ class EdfPolicy final : public Baseline {
 
 }  // namespace
 
-std::unique_ptr<Policy> make_edf_policy(const PolicySetup& setup) {
-  return std::make_unique<EdfPolicy>(setup);
-}
+constinit const PolicyInfo policy::edf = {
+    .name = "edf",
+    .description =
+        "Earliest deadline first, each task on the unit that is expected to end it first",
+    .make = make_policy<EdfPolicy>,
+};
 
 }  // namespace pirt

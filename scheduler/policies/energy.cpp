@@ -11,8 +11,15 @@
 
 namespace pirt {
 
-std::unique_ptr<Policy> make_energy_policy(const PolicySetup& setup) {
-  return make_queue_filling_policy(setup, kEnergyOrder, "dsp");
-}
+constinit const PolicyInfo policy::energy = {
+    .name = "energy",
+    .description = "Algorithm 3: fills the DSP's queue first, then the GPU's, then the CPU's",
+    .make =
+        [](const PolicySetup& setup) {
+          return make_queue_filling_policy(setup, kEnergyOrder, Role::kDsp);
+        },
+    .rule = WeightRule::kQueue,
+    .overflows = true,
+};
 
 }  // namespace pirt

@@ -36,7 +36,7 @@ class LatencyPolicy final : public Policy {
         return Placement::on(unit);
       }
     }
-    const auto otherwise = else_target(order_, roles_, "cpu", mask);
+    const auto otherwise = else_target(order_, roles_, Role::kCpu, mask);
     if (!otherwise) return Placement::hold();
     n = 0;
     return Placement::on(*otherwise);
@@ -48,7 +48,7 @@ class LatencyPolicy final : public Policy {
     for (const UnitId unit : order_) {
       if (contains(mask, unit) && weights_[task.workload][unit] > 0) result |= unit_bit(unit);
     }
-    if (const auto otherwise = else_target(order_, roles_, "cpu", mask))
+    if (const auto otherwise = else_target(order_, roles_, Role::kCpu, mask))
       result |= unit_bit(*otherwise);
     return result;
   }
@@ -56,7 +56,7 @@ class LatencyPolicy final : public Policy {
   const std::vector<UnitId>& order() const override { return order_; }
 
  private:
-  std::vector<std::string> roles_;
+  std::vector<Role> roles_;
   WeightTable weights_;
   std::vector<UnitId> order_;
   std::vector<int> dispatched_;  ///< N, by workload.
@@ -64,8 +64,11 @@ class LatencyPolicy final : public Policy {
 
 }  // namespace
 
-std::unique_ptr<Policy> make_latency_policy(const PolicySetup& setup) {
-  return std::make_unique<LatencyPolicy>(setup);
-}
+constinit const PolicyInfo policy::latency = {
+    .name = "latency",
+    .description = "Algorithm 1: deals tasks out to GPU, DSP and CPU in turn, by weight",
+    .make = make_policy<LatencyPolicy>,
+    .rule = WeightRule::kShare,
+};
 
 }  // namespace pirt

@@ -13,11 +13,11 @@ namespace {
 
 class MetPolicy final : public Baseline {
  public:
-  explicit MetPolicy(const PolicySetup& setup) : Baseline(setup), times_(setup.times) {}
+  explicit MetPolicy(const PolicySetup& setup) : Baseline(setup), costs_(setup.costs) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
     std::optional<UnitId> best;
-    const auto& times = times_[task.workload];
+    const auto& times = costs_[task.workload];
     for (const UnitId unit : order()) {
       if (!contains(takers(task, units.up), unit)) continue;
       if (!best || times[unit]->total < times[*best]->total) best = unit;
@@ -26,13 +26,16 @@ class MetPolicy final : public Baseline {
   }
 
  private:
-  std::vector<std::vector<std::optional<ServiceTime>>> times_;
+  CostTable costs_;
 };
 
 }  // namespace
 
-std::unique_ptr<Policy> make_met_policy(const PolicySetup& setup) {
-  return std::make_unique<MetPolicy>(setup);
-}
+constinit const PolicyInfo policy::met = {
+    .name = "met",
+    .description =
+        "Baseline, minimum execution time: the fastest unit for the workload, whatever its load",
+    .make = make_policy<MetPolicy>,
+};
 
 }  // namespace pirt

@@ -27,8 +27,10 @@ class OlbPolicy final : public Baseline {
 
 }  // namespace
 
-std::unique_ptr<Policy> make_olb_policy(const PolicySetup& setup) {
-  return std::make_unique<OlbPolicy>(setup);
-}
+constinit const PolicyInfo policy::olb = {
+    .name = "olb",
+    .description = "Baseline, opportunistic load balancing: the next idle unit, whatever its speed",
+    .make = make_policy<OlbPolicy>,
+};
 
 }  // namespace pirt

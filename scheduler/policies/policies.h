@@ -1,23 +1,19 @@
-// The policies' factories, one file each in this folder. Shipped ones are named in ../policy.cpp.
+// The policies by name, one file each in this folder. A new one is such a file and its line in
+// policies.inc.
 #pragma once
 
-#include <memory>
-
+#include "scheduler/planner/planner.h"
 #include "scheduler/policies/policy.h"
 
 namespace pirt {
 
-[[nodiscard]] std::unique_ptr<Policy> make_latency_policy(const PolicySetup& setup);
-[[nodiscard]] std::unique_ptr<Policy> make_throughput_policy(const PolicySetup& setup);
-[[nodiscard]] std::unique_ptr<Policy> make_energy_policy(const PolicySetup& setup);
-[[nodiscard]] std::unique_ptr<Policy> make_advanced_policy(const PolicySetup& setup);
-[[nodiscard]] std::unique_ptr<Policy> make_cpu_only_policy(const PolicySetup& setup);
-[[nodiscard]] std::unique_ptr<Policy> make_met_policy(const PolicySetup& setup);
-[[nodiscard]] std::unique_ptr<Policy> make_olb_policy(const PolicySetup& setup);
-[[nodiscard]] std::unique_ptr<Policy> make_ect_policy(const PolicySetup& setup);
-[[nodiscard]] std::unique_ptr<Policy> make_edf_policy(const PolicySetup& setup);
-[[nodiscard]] std::unique_ptr<Policy> make_qilin_policy(const PolicySetup& setup);
-/// Of all modes with a planner.
-[[nodiscard]] std::unique_ptr<Policy> make_planned_policy(const PolicySetup& setup);
+namespace policy {
+#define PIRT_POLICY(name) extern const PolicyInfo name;
+#include "scheduler/policies/policies.inc"
+#undef PIRT_POLICY
+}  // namespace policy
+
+/// Follows the plan that the planner makes before the run.
+[[nodiscard]] PolicyInfo planned_policy(const PlannerInfo& planner);
 
 }  // namespace pirt

@@ -1,4 +1,4 @@
-// A policy chooses a unit for a task; the table of all policies is what `--mode` names.
+// A policy chooses a unit for a task; `--mode` names one (policies.inc).
 //
 // Policies own no queue and no load: the dispatcher has both and shows them. A policy may keep
 // counters of its own, as Algorithm 1 does.
@@ -11,9 +11,12 @@
 #include <string_view>
 #include <vector>
 
+#include "characterize/platform/platform.h"
 #include "scheduler/mix/task.h"
 #include "scheduler/planner/mix_plan.h"
 #include "scheduler/planner/planner.h"
+#include "scheduler/services/eligibility.h"
+#include "scheduler/services/services.h"
 
 namespace pirt {
 
@@ -64,45 +67,60 @@ class Policy {
   virtual void gone(const TaskClass& task) { static_cast<void>(task); }
 };
 
-/// What a call is expected to take on a unit that nobody else uses.
-struct ServiceTime {
-  Nanos total{0};
-  Nanos occupied{
-      0};  ///< Of which it occupies one of the unit's servers, so that the next one waits.
-};
+struct PolicyInfo;
 
+/// All that a policy may see: neither names nor distributions, nor what is to come. It hears of
+/// tasks through the calls above.
 struct PolicySetup {
-  std::vector<std::string> roles;                              ///< By unit.
-  std::vector<int> servers;                                    ///< By unit, >= 1.
-  std::vector<std::vector<std::optional<ServiceTime>>> times;  ///< [workload][unit]
+  std::vector<Role> roles;   ///< By unit.
+  std::vector<int> servers;  ///< By unit, >= 1.
+  CostTable costs;
   MixPlan plan;  ///< Of modes that have a planner; otherwise empty.
   WeightTable weights;
-  bool literal_overflow =
-      false;  ///< Algorithms 2 and 3: take the printed `else` instead of holding.
-  std::string basic = "throughput";  ///< Fallback of advanced.
+  /// Algorithms 2 and 3: take the printed `else` instead of holding.
+  bool literal_overflow = false;
+  const PolicyInfo* basic = nullptr;  ///< Of a policy that falls back to one.
 };
 
 /// How weights are derived when none are given; see weights.h.
 enum class WeightRule : std::uint8_t {
+  kNone,       ///< It has none.
   kShare,      ///< Algorithm 1: in proportion to speed.
   kQueue,      ///< Algorithm 3: what keeps the unit busy.
   kFastQueue,  ///< Algorithm 2: the same, without the slow units.
   kOfBasic,    ///< That of the policy's basic one.
-  kNone,       ///< It has none.
 };
 
 struct PolicyInfo {
   std::string_view name;
   std::string_view description;
-  WeightRule rule;
-  std::unique_ptr<Policy> (*make)(const PolicySetup& setup);
-  std::string_view needs_role = {};  ///< Of some unit of the platform; empty = none.
-  Planner planner = nullptr;         ///< What makes its plan; null = it has none.
+  std::unique_ptr<Policy> (*make)(const PolicySetup& setup) = nullptr;
+  WeightRule rule = WeightRule::kNone;
+  bool overflows = false;  ///< Has a printed `else` for full queues.
+  CloudUse cloud_use = CloudUse::kNone;
+  std::optional<Role> needs_role = {};  ///< Of some unit of the platform.
+  Planner planner = nullptr;            ///< What makes its plan; null = it has none.
 
-  /// Whether it falls back to a basic policy, as advanced does; that one also sends tasks to the
-  /// cloud.
+  /// Whether it falls back to a basic policy, as advanced does.
   [[nodiscard]] bool has_basic() const { return rule == WeightRule::kOfBasic; }
 };
+
+/// PolicyInfo::make of a class that is made from its setup.
+template <typename Made>
+std::unique_ptr<Policy> make_policy(const PolicySetup& setup) {
+  return std::make_unique<Made>(setup);
+}
+
+/// What --mode and --basic name.
+struct Mode {
+  const PolicyInfo& policy;
+  const PolicyInfo* basic = nullptr;  ///< Null if the policy falls back to none.
+
+  /// Whose weights count.
+  [[nodiscard]] const PolicyInfo& weighed() const { return basic == nullptr ? policy : *basic; }
+};
+/// @throws Error{kBadInput} with the nearest names, also if the policy has no use for @p basic.
+[[nodiscard]] Mode find_mode(std::string_view name, std::string_view basic = "throughput");
 
 [[nodiscard]] std::span<const PolicyInfo> policies();
 [[nodiscard]] std::vector<std::string> policy_names();

@@ -19,8 +19,8 @@ class QilinPolicy final : public Baseline {
   explicit QilinPolicy(const PolicySetup& setup)
       : Baseline(setup),
         servers_(setup.servers),
-        times_(setup.times),
-        frames_(setup.times.size(), std::vector<std::int64_t>(setup.roles.size(), 0)) {}
+        costs_(setup.costs),
+        frames_(setup.costs.size(), std::vector<std::int64_t>(setup.roles.size(), 0)) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
     auto& frames = frames_[task.workload];
@@ -42,18 +42,21 @@ class QilinPolicy final : public Baseline {
   }
   __extension__ using Wide = __int128;  ///< A day of nanoseconds times 64 servers passes 2^52.
   Wide end(WorkloadId workload, UnitId unit) const {
-    return Wide{frames_[workload][unit] + 1} * times_[workload][unit]->occupied.count();
+    return Wide{frames_[workload][unit] + 1} * costs_[workload][unit]->occupied.count();
   }
 
   std::vector<int> servers_;
-  std::vector<std::vector<std::optional<ServiceTime>>> times_;
+  CostTable costs_;
   std::vector<std::vector<std::int64_t>> frames_;  ///< [workload][unit]: given so far.
 };
 
 }  // namespace
 
-std::unique_ptr<Policy> make_qilin_policy(const PolicySetup& setup) {
-  return std::make_unique<QilinPolicy>(setup);
-}
+constinit const PolicyInfo policy::qilin = {
+    .name = "qilin",
+    .description =
+        "Qilin's static split: each workload's frames over the units in proportion to their rates",
+    .make = make_policy<QilinPolicy>,
+};
 
 }  // namespace pirt

@@ -12,8 +12,7 @@ namespace {
 
 class QueueFillingPolicy final : public Policy {
  public:
-  QueueFillingPolicy(const PolicySetup& setup, std::span<const std::string_view> order,
-                     std::string_view otherwise)
+  QueueFillingPolicy(const PolicySetup& setup, std::span<const Role> order, Role otherwise)
       : roles_(setup.roles),
         weights_(setup.weights),
         literal_overflow_(setup.literal_overflow),
@@ -48,18 +47,17 @@ class QueueFillingPolicy final : public Policy {
     return literal_overflow_ ? else_target(order_, roles_, otherwise_, mask) : std::nullopt;
   }
 
-  std::vector<std::string> roles_;
+  std::vector<Role> roles_;
   WeightTable weights_;
   bool literal_overflow_;
-  std::string otherwise_;
+  Role otherwise_;
   std::vector<UnitId> order_;
 };
 
 }  // namespace
 
 std::unique_ptr<Policy> make_queue_filling_policy(const PolicySetup& setup,
-                                                  std::span<const std::string_view> order,
-                                                  std::string_view otherwise) {
+                                                  std::span<const Role> order, Role otherwise) {
   return std::make_unique<QueueFillingPolicy>(setup, order, otherwise);
 }
 

@@ -12,7 +12,8 @@ namespace pirt {
 
 /// @param order      Roles in the order in which queues are filled.
 /// @param otherwise  Role that the printed `else` names.
-[[nodiscard]] std::unique_ptr<Policy> make_queue_filling_policy(
-    const PolicySetup& setup, std::span<const std::string_view> order, std::string_view otherwise);
+[[nodiscard]] std::unique_ptr<Policy> make_queue_filling_policy(const PolicySetup& setup,
+                                                                std::span<const Role> order,
+                                                                Role otherwise);
 
 }  // namespace pirt

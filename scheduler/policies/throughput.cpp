@@ -11,8 +11,15 @@
 
 namespace pirt {
 
-std::unique_ptr<Policy> make_throughput_policy(const PolicySetup& setup) {
-  return make_queue_filling_policy(setup, kThroughputOrder, "cpu");
-}
+constinit const PolicyInfo policy::throughput = {
+    .name = "throughput",
+    .description = "Algorithm 2: keeps the GPU's queue full, then the CPU's, then the DSP's",
+    .make =
+        [](const PolicySetup& setup) {
+          return make_queue_filling_policy(setup, kThroughputOrder, Role::kCpu);
+        },
+    .rule = WeightRule::kFastQueue,
+    .overflows = true,
+};
 
 }  // namespace pirt

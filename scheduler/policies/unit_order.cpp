@@ -2,8 +2,13 @@
 
 namespace pirt {
 
-std::vector<UnitId> units_by_role(std::span<const std::string> roles,
-                                  std::span<const std::string_view> order) {
+std::vector<Role> roles_of(const Platform& platform) {
+  std::vector<Role> roles;
+  for (const auto& unit : platform.units) roles.push_back(unit.role);
+  return roles;
+}
+
+std::vector<UnitId> units_by_role(std::span<const Role> roles, std::span<const Role> order) {
   std::vector<UnitId> units;
   for (const auto role : order) {
     for (UnitId unit = 0; unit < roles.size(); ++unit) {
@@ -13,16 +18,16 @@ std::vector<UnitId> units_by_role(std::span<const std::string> roles,
   return units;
 }
 
-UnitMask local_units(std::span<const std::string> roles) {
+UnitMask local_units(std::span<const Role> roles) {
   UnitMask mask = 0;
   for (UnitId unit = 0; unit < roles.size(); ++unit) {
-    if (roles[unit] != "cloud") mask |= unit_bit(unit);
+    if (roles[unit] != Role::kCloud) mask |= unit_bit(unit);
   }
   return mask;
 }
 
-std::optional<UnitId> else_target(std::span<const UnitId> order, std::span<const std::string> roles,
-                                  std::string_view role, UnitMask mask) {
+std::optional<UnitId> else_target(std::span<const UnitId> order, std::span<const Role> roles,
+                                  Role role, UnitMask mask) {
   std::optional<UnitId> named;
   std::optional<UnitId> last;
   for (const UnitId unit : order) {

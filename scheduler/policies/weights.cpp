@@ -19,14 +19,8 @@ constexpr int kMaxCycle = 9;
 constexpr double kNegligibleShare = 1.0 / 20;
 constexpr double kSlowRate = 1.0 / 10;  // Of the fastest.
 
-std::vector<std::string> roles_of(const Platform& platform) {
-  std::vector<std::string> roles;
-  for (const auto& unit : platform.units) roles.push_back(unit.role);
-  return roles;
-}
-
 bool is_basic(const Platform& platform, UnitId unit) {
-  return platform.units[unit].role != "cloud";
+  return platform.units[unit].role != Role::kCloud;
 }
 
 /// Local units that serve the workload.
@@ -105,7 +99,7 @@ void share_weights(WorkloadId workload, const Platform& platform, const ServiceT
     sum += shares.back();
   }
   for (double& share : shares) share /= sum;
-  const UnitId named = *else_target(order, roles, "cpu", mask);
+  const UnitId named = *else_target(order, roles, Role::kCpu, mask);
   const auto otherwise = static_cast<std::size_t>(std::ranges::find(units, named) - units.begin());
   const auto counts = cycle_of(shares, otherwise);
   for (std::size_t i = 0; i < units.size(); ++i)

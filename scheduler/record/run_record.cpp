@@ -5,12 +5,11 @@
 #include <type_traits>
 
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 template <typename T>
 struct IsOptional : std::false_type {};
@@ -124,6 +123,7 @@ void visit_record(Visitor& visitor, Record& record) {
   visitor.field("energy_j", record.energy_j);
   visitor.field("average_power_w", record.average_power_w);
   visitor.field("weights", record.weights);
+  visitor.field("weights_from", record.weights_from);
   visitor.field("warnings", record.warnings);
 }
 
@@ -222,7 +222,7 @@ RunRecord run_record_from_json(const nlohmann::ordered_json& json, const std::st
 RunRecord load_run_record(const std::filesystem::path& path) {
   const std::string text = read_file(path);
   try {
-    return run_record_from_json(Json::parse(text), path.string());
+    return run_record_from_json(parse_json(text), path.string());
   } catch (const nlohmann::json::parse_error& error) {
     throw_bad_input(path.string() + ": not JSON: " + error.what());
   }

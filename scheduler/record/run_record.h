@@ -104,7 +104,8 @@ struct RunRecord {
   std::vector<UnitResult> units;          ///< In the platform's order.
   std::vector<PipelineResult> pipelines;  ///< In the mix's order.
   std::map<std::string, std::map<std::string, int>>
-      weights;  ///< [workload][unit]; units that may serve it.
+      weights;  ///< [workload][unit]; units that may serve it. Empty for modes without weights.
+  std::optional<std::string> weights_from;  ///< "given", "platform", "derived".
   std::optional<RunBounds> bounds;
   std::vector<std::string> warnings;
   friend bool operator==(const RunRecord&, const RunRecord&) = default;

@@ -10,7 +10,7 @@ std::optional<double> in_ms(const std::optional<Nanos>& time) {
   return time ? std::optional(to_ms(*time)) : std::nullopt;
 }
 
-double unit_energy_j(const VirtualSetup& run, UnitId unit, const UnitTally& tally, Nanos makespan) {
+double unit_energy_j(const Scenario& run, UnitId unit, const UnitTally& tally, Nanos makespan) {
   const UnitModel& model = run.platform.units[unit];
   double energy_j =
       model.active_w * to_s(tally.powered) + model.idle_w * to_s(makespan) + tally.extra_j;
@@ -39,12 +39,12 @@ void add_provenance(const ServiceTable& services, UnitId unit, UnitResult& resul
   for (const Provenance each : energies) result.energy_provenance.emplace_back(to_string(each));
 }
 
-UnitResult summarize_unit(const VirtualSetup& run, const Profile* profile, UnitId unit,
+UnitResult summarize_unit(const Scenario& run, const Profile* profile, UnitId unit,
                           const UnitTally& tally, Nanos makespan) {
   const UnitModel& model = run.platform.units[unit];
   UnitResult result;
   result.unit = model.name;
-  result.role = model.role;
+  result.role = to_string(model.role);
   if (model.measured()) result.backend = model.backend;
   add_device(profile, result);
   add_provenance(run.services, unit, result);
@@ -79,7 +79,7 @@ PipelineResult summarize_pipeline(const Pipeline& pipeline, const PipelineTally&
   return result;
 }
 
-void add_counts(const VirtualSetup& run, const Tally& tally, RunRecord& record) {
+void add_counts(const Scenario& run, const Tally& tally, RunRecord& record) {
   const TaskCounts& counts = tally.tasks;
   record.submitted = counts.submitted + tally.refused_tasks;
   record.completed = counts.completed;
@@ -89,16 +89,17 @@ void add_counts(const VirtualSetup& run, const Tally& tally, RunRecord& record) 
   record.queued = counts.queued();
   record.stalled = tally.stalled;
   for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
-    if (run.platform.units[unit].role == "cloud") record.offloaded += tally.units[unit].completed;
+    if (run.platform.units[unit].role == Role::kCloud)
+      record.offloaded += tally.units[unit].completed;
   }
 }
 
-void add_weights(const VirtualSetup& run, const WeightTable& weights, RunRecord& record) {
+void add_weights(const Scenario& run, const WeightTable& weights, RunRecord& record) {
   for (WorkloadId workload = 0; workload < weights.size(); ++workload) {
     auto& row = record.weights[run.services.workloads[workload]];
     for (UnitId unit = 0; unit < run.platform.units.size(); ++unit) {
       const auto& model = run.platform.units[unit];
-      if (model.role != "cloud" && run.services.find(workload, unit) != nullptr)
+      if (model.role != Role::kCloud && run.services.find(workload, unit) != nullptr)
         row[model.name] = weights[workload][unit];
     }
   }
@@ -106,7 +107,7 @@ void add_weights(const VirtualSetup& run, const WeightTable& weights, RunRecord&
 
 }  // namespace
 
-RunRecord summarize(const VirtualSetup& run, const Profile* profile, const WeightTable& weights,
+RunRecord summarize(const Scenario& run, const Profile* profile, const WeightTable& weights,
                     const Tally& tally) {
   const Nanos makespan = tally.end;
   RunRecord record;

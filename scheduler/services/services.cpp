@@ -238,6 +238,24 @@ UnitMask ServiceTable::units_of(WorkloadId workload) const {
   return mask;
 }
 
+CostTable call_costs(const Platform& platform, const ServiceTable& services) {
+  CostTable costs;
+  for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {
+    auto& row = costs.emplace_back(platform.units.size());
+    for (UnitId unit = 0; unit < row.size(); ++unit) {
+      const Service* service = services.find(workload, unit);
+      if (service == nullptr) continue;
+      row[unit] = {
+          .total = service->total(),
+          .occupied = service->bottleneck(unit),
+          .energy_j = call_energy_j(platform, *service,
+                                    [](const ServiceStage& stage) { return stage.time.mean(); }),
+          .energy_provenance = service->energy_provenance};
+    }
+  }
+  return costs;
+}
+
 ServiceTable resolve_services(const Platform& platform, const Profile* profile,
                               const std::vector<std::string>& workloads,
                               const ServiceOptions& options) {

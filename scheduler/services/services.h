@@ -38,6 +38,12 @@ struct Service {
   /// A meter's joules a call; stands in place of all modelled energy of a call.
   std::optional<double> metered_j;
 
+  /// Of the stage's time before the scale, how much draws active_w: none of a metered call's.
+  [[nodiscard]] double energy_scale(const ServiceStage& stage) const {
+    return metered_j ? 0 : stage.energy_scale;
+  }
+  /// Joules of a call beyond busy servers and links.
+  [[nodiscard]] double fixed_j() const { return metered_j.value_or(extra_j); }
   /// All stages, scaled.
   [[nodiscard]] Nanos total() const;
   /// The longest stage on @p unit itself, or the longest of all where none is.
@@ -61,6 +67,33 @@ struct ServiceTable {
   }
   [[nodiscard]] UnitMask units_of(WorkloadId workload) const;
 };
+
+/// Joules of one call without what travels over a link and without idle power.
+/// @param stage_time  The time of a stage before its scale: Nanos(const ServiceStage&).
+template <typename StageTime>
+[[nodiscard]] double call_energy_j(const Platform& platform, const Service& service,
+                                   const StageTime& stage_time) {
+  double energy_j = service.fixed_j();
+  for (const ServiceStage& stage : service.stages) {
+    if (!stage.on) continue;
+    energy_j +=
+        platform.units[*stage.on].active_w * to_s(stage_time(stage)) * service.energy_scale(stage);
+  }
+  return energy_j;
+}
+
+/// What a call is expected to cost on a unit that nobody else uses: means, without what travels
+/// over the unit's link, which depends on the task.
+struct CallCost {
+  Nanos total{0};
+  /// Of which it occupies one of the unit's servers, so that the next one waits.
+  Nanos occupied{0};
+  double energy_j = 0;  ///< Above idle.
+  Provenance energy_provenance = Provenance::kModelled;
+};
+/// [workload][unit]; absent where there is no service.
+using CostTable = std::vector<std::vector<std::optional<CallCost>>>;
+[[nodiscard]] CostTable call_costs(const Platform& platform, const ServiceTable& services);
 
 /// Times of a call by workload and unit that no platform and no profile has.
 using GivenServices = std::map<std::string, std::map<UnitId, Nanos>>;

@@ -10,11 +10,10 @@
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr std::array<std::string_view, 6> kInputs = {"submit", "release",  "complete",
                                                      "cancel", "set_unit", "wake"};
@@ -36,29 +35,52 @@ Enum value_of(const std::array<std::string_view, N>& words, const std::string& t
 
 /// A whole number as it stands there: nlohmann's own conversion wraps and truncates.
 template <typename Integer>
-Integer whole(const nlohmann::json& json) {
+Integer whole(const Json& json) {
   const bool fits = json.is_number_unsigned()  ? std::in_range<Integer>(json.get<std::uint64_t>())
                     : json.is_number_integer() ? std::in_range<Integer>(json.get<std::int64_t>())
                                                : false;
-  if (!fits) throw_bad_input(json.dump() + " is no whole number that can stand there");
+  if (!fits) throw_bad_input(json_text(json) + " is no whole number that can stand there");
   return json.get<Integer>();
 }
 
-Nanos time_from_json(const nlohmann::json& json) {
+Nanos time_from_json(const Json& json) {
   const Nanos time(whole<std::int64_t>(json));
-  if (time < Nanos::zero()) throw_bad_input("a time of " + json.dump() + " ns is before the begin");
+  if (time < Nanos::zero())
+    throw_bad_input("a time of " + json_text(json) + " ns is before the begin");
   return time;
 }
 
-Json times_json(const std::vector<std::vector<std::optional<ServiceTime>>>& times) {
+Json costs_json(const CostTable& costs) {
   Json rows = Json::array();
-  for (const auto& workload : times) {
+  for (const auto& workload : costs) {
     Json& row = rows.emplace_back(Json::array());
-    for (const auto& time : workload) {
-      row.push_back(time ? Json{time->total.count(), time->occupied.count()} : Json());
+    for (const auto& cost : workload) {
+      row.push_back(cost ? Json{cost->total.count(), cost->occupied.count(), cost->energy_j,
+                                to_string(cost->energy_provenance)}
+                         : Json());
     }
   }
   return rows;
+}
+
+CallCost cost_from_json(const Json& json) {
+  CallCost cost{.total = time_from_json(json.at(0)),
+                .occupied = time_from_json(json.at(1)),
+                .energy_j = json.at(2).get<double>()};
+  const auto provenance = provenance_from_string(json.at(3).get<std::string>());
+  if (!provenance) throw_bad_input(json_text(json.at(3)) + " is no provenance");
+  cost.energy_provenance = *provenance;
+  return cost;
+}
+
+std::vector<Role> roles_from_json(const Json& json) {
+  std::vector<Role> roles;
+  for (const auto& each : json) {
+    const auto role = role_from_string(each.get<std::string>());
+    if (!role) throw_bad_input(json_text(each) + " is no role");
+    roles.push_back(*role);
+  }
+  return roles;
 }
 
 Json plan_json(const MixPlan& plan) {
@@ -72,23 +94,26 @@ Json plan_json(const MixPlan& plan) {
 /// By its members in order, so that one that is added does not compile until it is written here
 /// and read below.
 Json policy_json(const PolicySetup& setup) {
-  const auto& [roles, servers, times, plan, weights, literal_overflow, basic] = setup;
-  return {{"roles", roles},          {"servers", servers}, {"times_ns", times_json(times)},
-          {"plan", plan_json(plan)}, {"weights", weights}, {"literal_overflow", literal_overflow},
-          {"basic", basic}};
+  const auto& [roles, servers, costs, plan, weights, literal_overflow, basic] = setup;
+  Json role_names = Json::array();
+  for (const Role role : roles) role_names.push_back(to_string(role));
+  return {{"roles", role_names},
+          {"servers", servers},
+          {"costs", costs_json(costs)},
+          {"plan", plan_json(plan)},
+          {"weights", weights},
+          {"literal_overflow", literal_overflow},
+          {"basic", basic == nullptr ? Json() : Json(basic->name)}};
 }
 
-PolicySetup policy_from_json(const nlohmann::json& json) {
+PolicySetup policy_from_json(const Json& json) {
   PolicySetup setup;
-  setup.roles = json.at("roles").get<std::vector<std::string>>();
+  setup.roles = roles_from_json(json.at("roles"));
   setup.servers = json.at("servers").get<std::vector<int>>();
-  for (const auto& workload : json.at("times_ns")) {
-    auto& row = setup.times.emplace_back();
-    for (const auto& time : workload) {
-      row.emplace_back();
-      if (!time.is_null()) {
-        row.back() = {time_from_json(time.at(0)), time_from_json(time.at(1))};
-      }
+  for (const auto& workload : json.at("costs")) {
+    auto& row = setup.costs.emplace_back();
+    for (const auto& cost : workload) {
+      row.push_back(cost.is_null() ? std::nullopt : std::optional(cost_from_json(cost)));
     }
   }
   for (const auto& entry : json.at("plan").at("entries")) {
@@ -101,7 +126,9 @@ PolicySetup policy_from_json(const nlohmann::json& json) {
   setup.plan.makespan = time_from_json(json.at("plan").at("makespan_ns"));
   setup.weights = json.at("weights").get<WeightTable>();
   setup.literal_overflow = json.at("literal_overflow").get<bool>();
-  setup.basic = json.at("basic").get<std::string>();
+  if (!json.at("basic").is_null()) {
+    setup.basic = &find_basic_policy(json.at("basic").get<std::string>());
+  }
   return setup;
 }
 
@@ -120,16 +147,16 @@ void check_sizes(const DispatcherSetup& setup) {
   require(std::ranges::all_of(policy.servers, [](int each) { return each >= 1; }), "servers");
   require(std::ranges::all_of(setup.slots, [](const auto& each) { return each.value_or(1) >= 1; }),
           "slots");
-  require(std::ranges::all_of(policy.times, of_units), "times");
-  const PolicyInfo& mode = find_policy(setup.mode);
+  require(std::ranges::all_of(policy.costs, of_units), "costs");
+  require(setup.mode->has_basic() == (policy.basic != nullptr), "mode and basic");
+  const PolicyInfo& basic = policy.basic == nullptr ? *setup.mode : *policy.basic;
   const auto has_role = [&](const PolicyInfo& info) {
-    return info.needs_role.empty() ||
-           std::ranges::find(policy.roles, info.needs_role) != policy.roles.end();
+    return !info.needs_role ||
+           std::ranges::find(policy.roles, *info.needs_role) != policy.roles.end();
   };
-  const PolicyInfo& basic = mode.has_basic() ? find_basic_policy(policy.basic) : mode;
-  require(has_role(mode) && has_role(basic), "roles");
+  require(has_role(*setup.mode) && has_role(basic), "roles");
   const bool weighed = basic.rule != WeightRule::kNone;
-  require(policy.weights.size() == (weighed ? policy.times.size() : 0) &&
+  require(policy.weights.size() == (weighed ? policy.costs.size() : 0) &&
               std::ranges::all_of(policy.weights, of_units),
           "weights");
   for (const auto& entry : policy.plan.entries) {
@@ -155,20 +182,20 @@ nlohmann::ordered_json to_json(const DispatcherSetup& setup) {
   Json slots = Json::array();
   for (const auto& each : setup.slots) slots.push_back(each ? Json(*each) : Json());
   return {{"schema_version", DispatcherSetup::kSchemaVersion},
-          {"mode", setup.mode},
+          {"mode", setup.mode->name},
           {"units", setup.units},
           {"slots", slots},
           {"policy", policy_json(setup.policy)}};
 }
 
-DispatcherSetup dispatcher_setup_from_json(const nlohmann::json& json) {
+DispatcherSetup dispatcher_setup_from_json(const Json& json) {
   const auto version = whole<std::int64_t>(json.at("schema_version"));
   if (version != DispatcherSetup::kSchemaVersion) {
     throw_bad_input("schema_version " + std::to_string(version) + ", this pirt reads " +
                     std::to_string(DispatcherSetup::kSchemaVersion));
   }
   DispatcherSetup setup;
-  setup.mode = json.at("mode").get<std::string>();
+  setup.mode = &find_policy(json.at("mode").get<std::string>());
   setup.units = json.at("units").get<std::vector<std::string>>();
   for (const auto& each : json.at("slots")) {
     setup.slots.push_back(each.is_null() ? std::nullopt : std::optional(whole<int>(each)));
@@ -224,7 +251,7 @@ std::string log_line(const DispatcherInput& input, const Decisions& decisions) {
 
 namespace {
 
-void add_task_from_json(const nlohmann::json& json, LogEntry& entry) {
+void add_task_from_json(const Json& json, LogEntry& entry) {
   Task& task = entry.tasks.emplace_back();
   task.id = whole<TaskId>(json.at("task"));
   const auto& kind = json.at("class");
@@ -239,7 +266,7 @@ void add_task_from_json(const nlohmann::json& json, LogEntry& entry) {
   if (json.contains("after")) after = json.at("after").get<std::vector<TaskId>>();
 }
 
-void add_decisions_from_json(const nlohmann::json& json, LogEntry& entry) {
+void add_decisions_from_json(const Json& json, LogEntry& entry) {
   entry.taken = !json.value("refused", false);
   if (json.contains("start")) {
     for (const auto& each : json.at("start")) {
@@ -257,7 +284,7 @@ void add_decisions_from_json(const nlohmann::json& json, LogEntry& entry) {
 
 }  // namespace
 
-LogEntry log_entry_from_json(const nlohmann::json& json) {
+LogEntry log_entry_from_json(const Json& json) {
   using Kind = DispatcherInput::Kind;
   LogEntry entry;
   DispatcherInput& input = entry.input;

@@ -8,13 +8,14 @@
 
 #include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/policies/policy.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 
 /// All that a fresh dispatcher is made from.
 struct DispatcherSetup {
-  static constexpr int kSchemaVersion = 2;
-  std::string mode;
+  static constexpr int kSchemaVersion = 3;
+  const PolicyInfo* mode = nullptr;
   std::vector<std::string> units;
   std::vector<std::optional<int>> slots;  ///< By unit.
   PolicySetup policy;
@@ -23,7 +24,7 @@ struct DispatcherSetup {
 [[nodiscard]] nlohmann::ordered_json to_json(const DispatcherSetup& setup);
 /// @throws nlohmann::json::exception for a missing key or a wrong type, Error{kBadInput} for
 /// another version, an unknown mode, or tables that do not fit the units.
-[[nodiscard]] DispatcherSetup dispatcher_setup_from_json(const nlohmann::json& json);
+[[nodiscard]] DispatcherSetup dispatcher_setup_from_json(const Json& json);
 
 /// An input with its decisions. Holds the tasks and predecessors that an input only shows.
 struct LogEntry {
@@ -38,6 +39,6 @@ struct LogEntry {
 /// One line of JSON. Keys are left out where they do not apply.
 [[nodiscard]] std::string log_line(const DispatcherInput& input, const Decisions& decisions);
 /// @throws nlohmann::json::exception as above, Error{kBadInput} for a word that is none.
-[[nodiscard]] LogEntry log_entry_from_json(const nlohmann::json& json);
+[[nodiscard]] LogEntry log_entry_from_json(const Json& json);
 
 }  // namespace pirt

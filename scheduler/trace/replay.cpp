@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -30,7 +31,7 @@ class Replay {
   Replay(const TraceLog& log, const std::string& source)
       : log_(log),
         source_(source),
-        mode_(find_policy(log.setup.mode)),
+        mode_(*log.setup.mode),
         dispatcher_(log.setup.slots, mode_.make(log.setup.policy)) {}
 
   ReplayResult run() {
@@ -76,10 +77,10 @@ class Replay {
     const std::size_t units = log_.setup.units.size();
     const UnitMask known =
         units == kMaxUnits ? ~UnitMask{0} : unit_bit(static_cast<UnitId>(units)) - 1;
-    require(kind.workload < policy.times.size(), "names no workload");
+    require(kind.workload < policy.costs.size(), "names no workload");
     require(kind.eligible != 0 && (kind.eligible & ~known) == 0, "names no unit");
     for (UnitId unit = 0; unit < units; ++unit) {
-      require(!contains(kind.eligible, unit) || policy.times[kind.workload][unit].has_value(),
+      require(!contains(kind.eligible, unit) || policy.costs[kind.workload][unit].has_value(),
               "names a unit without a time for its workload");
     }
     if (mode_.planner == nullptr) return;
@@ -161,7 +162,7 @@ class Replay {
   Nanos now_ = Nanos::min();
 };
 
-LogEntry entry_from_json(const nlohmann::json& json, std::size_t position) {
+LogEntry entry_from_json(const Json& json, std::size_t position) {
   try {
     return log_entry_from_json(json);
   } catch (const Error& error) {
@@ -178,7 +179,7 @@ TraceLog load_trace_log(const std::filesystem::path& path) {
 TraceLog parse_trace_log(const std::string& text, const std::string& source) {
   TraceLog log;
   try {
-    const auto json = nlohmann::json::parse(text);
+    const auto json = parse_json(text);
     if (!json.is_object() || !json.contains("traceEvents") || !json.contains("pirt")) {
       throw_bad_input("not a trace of pirt's; `pirt schedule --trace FILE` writes one");
     }

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 namespace {
@@ -52,7 +53,7 @@ void TraceFile::log(std::string_view json) {
 void TraceFile::finish(const nlohmann::ordered_json& header) {
   auto head = header;
   head["inputs"] = log_count_;
-  std::string text = head.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  std::string text = json_text(head);
   text.pop_back();  // The brace; "log" comes last.
   // Perfetto leaves the rest of the file alone after a key that it does not know.
   events_ << "\n],\n\"pirt\": " << text << ",\"log\": [\n";

@@ -6,6 +6,8 @@
 #include <iterator>
 #include <numeric>
 
+#include "workloads/base/json.h"
+
 namespace pirt {
 namespace {
 
@@ -14,16 +16,14 @@ std::string us(Nanos time) {
   return fmt::format("{}.{:03}", time.count() / 1000, time.count() % 1000);
 }
 
-std::string quoted(const std::string& text) {
-  return nlohmann::json(text).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-}
+std::string quoted(const std::string& text) { return json_text(text); }
 
 /// Process 0 is the run; units follow.
 std::size_t process(UnitId unit) { return unit + std::size_t{1}; }
 
 }  // namespace
 
-TraceWriter::TraceWriter(const std::filesystem::path& path, const VirtualSetup& run,
+TraceWriter::TraceWriter(const std::filesystem::path& path, const Scenario& run,
                          const Dispatcher& dispatcher, DispatcherSetup setup)
     : run_(run),
       dispatcher_(dispatcher),
@@ -53,7 +53,7 @@ void TraceWriter::name_tracks() {
         R"({{"name":"process_sort_index","ph":"M","pid":{},"args":{{"sort_index":{}}}}})", pid,
         pid));
   };
-  name(0, "mix " + run_.mix.name + ", mode " + setup_.mode);
+  name(0, "mix " + run_.mix.name + ", mode " + std::string(setup_.mode->name));
   for (UnitId unit = 0; unit < run_.platform.units.size(); ++unit) {
     name(process(unit), run_.platform.units[unit].name);
   }

@@ -19,6 +19,7 @@
 #include <utility>
 #include <vector>
 
+#include "scheduler/services/scenario.h"
 #include "scheduler/trace/log_json.h"
 #include "scheduler/trace/trace_file.h"
 #include "scheduler/virtual/virtual_time.h"
@@ -30,8 +31,8 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
   /// @param run         For names; its references must outlive the writer.
   /// @param dispatcher  For the depth of its queues; must outlive the writer.
   /// @throws Error{kBadInput} if nothing can be written there.
-  TraceWriter(const std::filesystem::path& path, const VirtualSetup& run,
-              const Dispatcher& dispatcher, DispatcherSetup setup);
+  TraceWriter(const std::filesystem::path& path, const Scenario& run, const Dispatcher& dispatcher,
+              DispatcherSetup setup);
 
   void on_input(const DispatcherInput& input, const Decisions& decisions) override;
   void submitting(TaskId task, std::size_t pipeline, std::size_t position,
@@ -79,7 +80,7 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
                const std::vector<std::string>& keys, std::vector<double>& last, Nanos at);
   void write_counters();
 
-  const VirtualSetup& run_;
+  const Scenario& run_;
   const Dispatcher& dispatcher_;
   DispatcherSetup setup_;
   TraceFile file_;

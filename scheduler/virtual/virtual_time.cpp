@@ -19,8 +19,7 @@ struct VirtualTime::Step {
   Distribution time;               ///< Before the scale.
   Nanos scaled{0};                 ///< Of a constant.
   double scale = 1;
-  double energy_scale = 1;  ///< See ServiceStage.
-  bool powered = false;     ///< Its server time draws the unit's active_w.
+  double energy_scale = 0;  ///< Of its time before the scale, what draws the unit's active_w.
   bool for_data = false;    ///< A delay until the data of the predecessors is there.
 };
 
@@ -88,36 +87,36 @@ bool takes_time(const GraphEdge& edge) {
 
 VirtualTime::~VirtualTime() = default;
 
-VirtualTime::VirtualTime(const VirtualSetup& setup, Dispatcher& dispatcher)
-    : setup_(setup), dispatcher_(dispatcher) {
-  for (const auto& unit : setup.platform.units)
+VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunObserver* observer)
+    : scenario_(scenario), observer_(observer), dispatcher_(dispatcher) {
+  for (const auto& unit : scenario.platform.units)
     servers_.push_back(make_servers(unit.servers, unit.discipline));
-  for (std::size_t i = 0; i < setup.platform.links.size(); ++i) {
+  for (std::size_t i = 0; i < scenario.platform.links.size(); ++i) {
     servers_.push_back(make_servers(1, Discipline::kFifo));
   }
   plan_tasks();
-  if (setup.mix.open_loop()) end_ = setup.duration;
-  tally_.units.resize(setup.platform.units.size());
-  tally_.pipelines.resize(setup.mix.pipelines.size());
-  tally_.calls.assign(setup.services.workloads.size(),
-                      std::vector<std::int64_t>(setup.platform.units.size(), 0));
+  if (scenario.mix.open_loop()) end_ = scenario.duration;
+  tally_.units.resize(scenario.platform.units.size());
+  tally_.pipelines.resize(scenario.mix.pipelines.size());
+  tally_.calls.assign(scenario.services.workloads.size(),
+                      std::vector<std::int64_t>(scenario.platform.units.size(), 0));
 }
 
 void VirtualTime::plan_tasks() {
-  for (std::uint32_t p = 0; p < setup_.mix.pipelines.size(); ++p) {
-    const Pipeline& pipeline = setup_.mix.pipelines[p];
+  for (std::uint32_t p = 0; p < scenario_.mix.pipelines.size(); ++p) {
+    const Pipeline& pipeline = scenario_.mix.pipelines[p];
     PipelineState state;
     state.pipeline = &pipeline;
     state.first_plan = static_cast<std::uint32_t>(plans_.size());
-    state.seed = derive_seed(setup_.seed, pipeline.name);
+    state.seed = derive_seed(scenario_.seed, pipeline.name);
     for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
-      const TaskClass& kind = setup_.classes[p][t];
+      const TaskClass& kind = scenario_.classes[p][t];
       TaskPlan plan{
           .workload = kind.workload, .image_input = kind.image_input, .edges = {}, .steps = {}};
-      auto edges = edges_into(setup_.platform, pipeline, t);
+      auto edges = edges_into(scenario_.platform, pipeline, t);
       if (std::ranges::any_of(edges, takes_time)) plan.edges = std::move(edges);
       state.has_edges = state.has_edges || !plan.edges.empty();
-      for (UnitId unit = 0; unit < setup_.platform.units.size(); ++unit) {
+      for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
         plan.steps.push_back(contains(kind.eligible, unit)
                                  ? plan_steps(pipeline.tasks[t], plan, unit)
                                  : std::vector<Step>{});
@@ -133,7 +132,7 @@ void VirtualTime::plan_tasks() {
 /// call, wherever the predecessor ran.
 std::vector<VirtualTime::Step> VirtualTime::plan_steps(const MixTask& task, const TaskPlan& plan,
                                                        UnitId unit) const {
-  const Service& service = *setup_.services.find(plan.workload, unit);
+  const Service& service = *scenario_.services.find(plan.workload, unit);
   const bool moves_data = task.service.empty();
   const CallBytes bytes = call_bytes(task);
   std::vector<Step> steps;
@@ -144,8 +143,7 @@ std::vector<VirtualTime::Step> VirtualTime::plan_steps(const MixTask& task, cons
                      .time = stage.time,
                      .scaled = stage.mean(),
                      .scale = stage.scale,
-                     .energy_scale = stage.energy_scale,
-                     .powered = !service.metered_j});
+                     .energy_scale = service.energy_scale(stage)});
   }
   if (moves_data) add_transfer(steps, unit, bytes.out);
   return steps;
@@ -155,12 +153,12 @@ std::vector<VirtualTime::Step> VirtualTime::plan_steps(const MixTask& task, cons
 /// during which it may send again.
 void VirtualTime::add_transfer(std::vector<Step>& steps, UnitId unit,
                                std::int64_t size_bytes) const {
-  const auto& name = setup_.platform.units[unit].link;
+  const auto& name = scenario_.platform.units[unit].link;
   if (name.empty()) return;
-  const auto link = setup_.platform.links.find(name);
-  const auto position = std::distance(setup_.platform.links.begin(), link);
+  const auto link = scenario_.platform.links.find(name);
+  const auto position = std::distance(scenario_.platform.links.begin(), link);
   const Nanos sending = sending_time(link->second, size_bytes);
-  steps.push_back({.servers = static_cast<std::uint32_t>(setup_.platform.units.size()) +
+  steps.push_back({.servers = static_cast<std::uint32_t>(scenario_.platform.units.size()) +
                               static_cast<std::uint32_t>(position),
                    .time = {.low = sending, .high = sending},
                    .scaled = sending});
@@ -170,7 +168,7 @@ void VirtualTime::add_transfer(std::vector<Step>& steps, UnitId unit,
 Tally VirtualTime::run() {
   begin();
   while (advance()) settle();
-  if (!at_end_) close_books(setup_.mix.open_loop() ? end_ : tally_.last_completion);
+  if (!at_end_) close_books(scenario_.mix.open_loop() ? end_ : tally_.last_completion);
   at_end_->last_completion = tally_.last_completion;
   at_end_->stalled = dispatcher_.counts().queued();
   return *std::move(at_end_);
@@ -185,10 +183,9 @@ void VirtualTime::close_books(Nanos end) {
   count_unfinished(tally, end);
   for (std::size_t w = 0; w < tally.calls.size(); ++w) {
     for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
-      const Service* service = setup_.services.find(static_cast<WorkloadId>(w), unit);
+      const Service* service = scenario_.services.find(static_cast<WorkloadId>(w), unit);
       if (service == nullptr) continue;
-      tally.units[unit].extra_j +=
-          static_cast<double>(tally.calls[w][unit]) * service->metered_j.value_or(service->extra_j);
+      tally.units[unit].extra_j += static_cast<double>(tally.calls[w][unit]) * service->fixed_j();
     }
   }
   at_end_ = std::move(tally);
@@ -237,7 +234,7 @@ void VirtualTime::begin() {
     if (pipeline.rate_hz) {
       schedule_firing(p);
     } else {
-      pipelines_[p].to_fire = std::min<std::int64_t>(*pipeline.frames, setup_.in_flight[p]);
+      pipelines_[p].to_fire = std::min<std::int64_t>(*pipeline.frames, scenario_.in_flight[p]);
       for (std::int64_t i = 0; i < pipelines_[p].to_fire; ++i) add_timer(Nanos::zero(), true, p);
     }
   }
@@ -269,7 +266,7 @@ bool VirtualTime::advance() {
     Job& job = jobs_[index];
     const Step& step = step_of(job);
     charge(tally_, job, step, job.takes, job.powered);
-    if (setup_.observer != nullptr) setup_.observer->left(step.servers, index);
+    if (observer_ != nullptr) observer_->left(step.servers, index);
     ++job.step;
     proceed(index);
     return true;
@@ -352,11 +349,11 @@ void VirtualTime::submit_tasks(std::uint32_t p, FiringIndex firing) {
     for (const std::size_t each : pipeline.tasks[t].after) after_.push_back(ids_[each]);
     Task& task = tasks_.emplace_back();
     task.id = id;
-    task.kind = setup_.classes[p][t];
+    task.kind = scenario_.classes[p][t];
     if (pipeline.deadline) task.deadline = now_ + *pipeline.deadline;
     if (pipeline.expires) task.expires_at = now_ + *pipeline.expires;
-    if (setup_.observer != nullptr) {
-      setup_.observer->submitting(id, p, t, firings_[firing].number);
+    if (observer_ != nullptr) {
+      observer_->submitting(id, p, t, firings_[firing].number);
     }
   }
   // Now that after_ does not move any more.
@@ -373,7 +370,7 @@ void VirtualTime::submit_tasks(std::uint32_t p, FiringIndex firing) {
 void VirtualTime::settle() {
   apply_starts();
   fire_again();
-  if (setup_.observer != nullptr) setup_.observer->settled(now_);
+  if (observer_ != nullptr) observer_->settled(now_);
 }
 
 /// Closed loops: those whose firing has ended, then those that were short of a buffer, in the order
@@ -438,7 +435,7 @@ Nanos VirtualTime::data_arrival(const Job& job) {
     arrival = std::max(arrival, at + edge.transfer(unit, job.unit));
     if (unit == job.unit) continue;
     const auto sending = [&](UnitId end, Nanos from) {
-      const Link* link = link_of(setup_.platform, end);
+      const Link* link = link_of(scenario_.platform, end);
       const Nanos takes = sending_time(*link, *edge_bytes(job, i));
       tally_.units[end].transferring += before_end(from, takes);
     };
@@ -474,11 +471,9 @@ void VirtualTime::begin_step(JobIndex job, const Step& step) {
     return;
   }
   jobs_[job].takes = takes;
-  jobs_[job].powered = !step.powered            ? Nanos::zero()
-                       : step.energy_scale == 1 ? unscaled
-                                                : scaled(unscaled, step.energy_scale);
-  if (setup_.observer != nullptr) {
-    setup_.observer->arrived(step.servers, job, power_w(jobs_[job], step));
+  jobs_[job].powered = step.energy_scale == 1 ? unscaled : scaled(unscaled, step.energy_scale);
+  if (observer_ != nullptr) {
+    observer_->arrived(step.servers, job, power_w(jobs_[job], step));
   }
   servers_[step.servers]->arrive(job, takes, sequence_++, now_);
 }
@@ -486,11 +481,9 @@ void VirtualTime::begin_step(JobIndex job, const Step& step) {
 /// While a server works on the step. A scaled stage draws less for longer: its energy stays.
 double VirtualTime::power_w(const Job& job, const Step& step) const {
   if (step.servers < tally_.units.size()) {
-    return step.powered
-               ? setup_.platform.units[step.servers].active_w * step.energy_scale / step.scale
-               : 0;
+    return scenario_.platform.units[step.servers].active_w * step.energy_scale / step.scale;
   }
-  return setup_.platform.links.at(setup_.platform.units[job.unit].link).active_w;
+  return scenario_.platform.links.at(scenario_.platform.units[job.unit].link).active_w;
 }
 
 /// A pure function of seed, pipeline, firing, task and step, so that two policies meet the same
@@ -555,8 +548,8 @@ void VirtualTime::fire_anew(std::uint32_t p) {
 
 /// Whether a firing of the pipeline has, or needs no, image buffer.
 bool VirtualTime::finds_buffer(const PipelineState& state) const {
-  return state.image_tasks == 0 || !setup_.mix.image_buffers ||
-         buffers_used_ < *setup_.mix.image_buffers;
+  return state.image_tasks == 0 || !scenario_.mix.image_buffers ||
+         buffers_used_ < *scenario_.mix.image_buffers;
 }
 
 }  // namespace pirt

@@ -12,9 +12,8 @@
 #include <vector>
 
 #include "scheduler/dispatcher/dispatcher.h"
-#include "scheduler/mix/mix.h"
 #include "scheduler/record/tally.h"
-#include "scheduler/services/services.h"
+#include "scheduler/services/scenario.h"
 #include "scheduler/virtual/servers.h"
 
 namespace pirt {
@@ -36,23 +35,11 @@ class RunObserver {
   virtual void settled(Nanos now) = 0;
 };
 
-struct VirtualSetup {
-  const Platform& platform;
-  const ServiceTable& services;
-  const Mix& mix;
-  std::vector<std::vector<TaskClass>> classes;  ///< [pipeline][task]
-  std::vector<int> in_flight;                   ///< By pipeline; >= 1 where it is a closed loop.
-  /// With an open loop: nothing fires from then on, and counts and energy are those of that moment.
-  /// What has fired is finished all the same, so that the rest of it is known.
-  Nanos duration{0};
-  std::uint64_t seed = 1;
-  RunObserver* observer = nullptr;  ///< Null = none.
-};
-
 /// One run. Its references must outlive it.
 class VirtualTime {
  public:
-  VirtualTime(const VirtualSetup& setup, Dispatcher& dispatcher);
+  /// @param observer  Null = none.
+  VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunObserver* observer = nullptr);
   ~VirtualTime();
   /// Until nothing is left to happen. Call once.
   /// @return  What was counted by the end: the duration with an open loop, else the last event.
@@ -99,7 +86,8 @@ class VirtualTime {
   [[nodiscard]] bool finds_buffer(const PipelineState& state) const;
   void add_timer(Nanos at, bool fires, std::uint32_t index);
 
-  const VirtualSetup& setup_;
+  const Scenario& scenario_;
+  RunObserver* observer_;
   Dispatcher& dispatcher_;
   std::vector<std::unique_ptr<Servers>> servers_;  ///< Units in order, then links.
   std::vector<TaskPlan> plans_;                    ///< Of all tasks of all pipelines.

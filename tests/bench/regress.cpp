@@ -23,6 +23,7 @@
 #include <thread>
 #include <vector>
 
+#include "characterize/profile/store/reader.h"
 #include "characterize/worker/injection.h"
 #include "characterize/worker/measure.h"
 #include "characterize/worker/process.h"

@@ -293,7 +293,8 @@ TEST_F(Campaign, SaysThatNoWorkerCanBeStarted) {
 TEST_F(Campaign, MeasuresThisMachine) {
   auto o = options({}, "^pool5$");
   UnitModel cpu;
-  cpu.name = cpu.role = "cpu";
+  cpu.name = "cpu";
+  cpu.role = Role::kCpu;
   cpu.backend = "cpu";
   cpu.cores = {usable_cores().front()};
   cpu.active_w = 10;

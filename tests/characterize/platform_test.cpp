@@ -56,7 +56,7 @@ modes:
   EXPECT_EQ(platform.assumptions, "which");
   EXPECT_THAT(platform.unit_names(), ElementsAre("cpu", "npu", "cloud", "probe"));
   const auto& cpu = platform.unit("cpu");
-  EXPECT_EQ(cpu.role, "cpu");
+  EXPECT_EQ(cpu.role, Role::kCpu);
   EXPECT_EQ(cpu.servers, 4);
   EXPECT_EQ(cpu.discipline, Discipline::kProcessorSharing);
   EXPECT_EQ(cpu.slots, 3);
@@ -64,14 +64,14 @@ modes:
   EXPECT_EQ(cpu.idle_w, 0.25);
   EXPECT_FALSE(cpu.measured());
   const auto& npu = platform.unit("npu");
-  EXPECT_EQ(npu.role, "dsp");
+  EXPECT_EQ(npu.role, Role::kDsp);
   EXPECT_EQ(npu.op_pj, 1.5);
   EXPECT_EQ(npu.byte_pj, 20);
   EXPECT_EQ(npu.servers, 1);
   EXPECT_EQ(npu.discipline, Discipline::kFifo);
   EXPECT_FALSE(npu.slots);
-  EXPECT_EQ(platform.unit("cloud").role, "cloud");
-  EXPECT_EQ(platform.unit("probe").role, "other");
+  EXPECT_EQ(platform.unit("cloud").role, Role::kCloud);
+  EXPECT_EQ(platform.unit("probe").role, Role::kOther);
 
   const auto& link = platform.links.at("uplink");
   EXPECT_EQ(link.mbit_s, 20);
@@ -341,7 +341,7 @@ TEST(ShippedPlatforms, HostMeasuresTwoUnitsAndPublishesTheCloud) {
   const auto host = load_platform("host");
   EXPECT_EQ(host.unit("cpu").backend, "cpu");
   EXPECT_EQ(host.unit("opencl").backend, "opencl");
-  EXPECT_EQ(host.unit("opencl").role, "gpu");
+  EXPECT_EQ(host.unit("opencl").role, Role::kGpu);
   EXPECT_FALSE(host.unit("cloud").measured());
   const auto& alexnet = host.workloads.at("alexnet");
   EXPECT_EQ(alexnet.provenance, Provenance::kPublished);

@@ -11,6 +11,8 @@
 
 #include "characterize/campaign/campaign.h"
 #include "characterize/campaign/cell.h"
+#include "characterize/profile/store/reader.h"
+#include "characterize/profile/store/writer.h"
 #include "tests/characterize/campaign_support.h"
 
 namespace pirt {

@@ -103,7 +103,8 @@ inline Platform fake_platform(const std::vector<std::pair<std::string, std::stri
   platform.name = "scripted";
   for (const auto& [name, script] : scripts) {
     UnitModel unit;
-    unit.name = unit.role = name;
+    unit.name = name;
+    unit.role = role_from_string(name).value_or(Role::kOther);
     unit.backend = "fake";
     unit.active_w = 2;
     unit.script = script;

@@ -55,6 +55,43 @@ TEST(SourceTree, IncludesGoOneWay) {
   }
 }
 
+// What each folder's README says of its rooms: one may include those before it.
+TEST(SourceTree, RoomsIncludeThoseBeforeThem) {
+  const std::vector<std::vector<std::string>> houses = {
+      {"characterize/statistics", "characterize/machine", "characterize/platform",
+       "characterize/profile", "characterize/profile/store", "characterize/energy",
+       "characterize/worker", "characterize/campaign", "characterize/doctor", "characterize/duet",
+       "characterize/tune"},
+      {"scheduler/mix", "scheduler/services", "scheduler/planner", "scheduler/policies",
+       "scheduler/dispatcher", "scheduler/record", "scheduler/virtual", "scheduler/trace",
+       "scheduler/bounds", "scheduler"}};
+  const auto room_of = [](const std::vector<std::string>& house, const std::string& path) {
+    const auto folder = fs::path(path).parent_path().string();
+    return std::ranges::find(house, folder) - house.begin();
+  };
+  for (const auto& house : houses) {
+    const auto top = house.front().substr(0, house.front().find('/') + 1);
+    const auto none = std::ssize(house);
+    for (const auto& [file, header] : includes()) {
+      if (!file.starts_with(top)) continue;
+      EXPECT_LT(room_of(house, file), none) << file << " is in no room";
+      if (!header.starts_with(top)) continue;
+      EXPECT_LE(room_of(house, header), room_of(house, file)) << file << " includes " << header;
+    }
+  }
+}
+
+// A schedule is made from what is known of a platform, not from how it was found out.
+TEST(SourceTree, TheSchedulerSeesPlatformsProfilesAndStatistics) {
+  for (const auto& [file, header] : includes()) {
+    if (!file.starts_with("scheduler/") || !header.starts_with("characterize/")) continue;
+    const auto room = fs::path(header).parent_path().filename().string();
+    EXPECT_TRUE(room == "platform" || room == "profile" || room == "statistics")
+        << file << " includes " << header;
+  }
+}
+
+// A device's own headers stay with its backend: others know the interfaces in workloads/.
 TEST(SourceTree, BackendHeadersStayInTheirFolder) {
   struct Rule {
     std::string_view header_prefix;
@@ -67,7 +104,14 @@ TEST(SourceTree, BackendHeadersStayInTheirFolder) {
       {"dnnl", {"workloads/cpu/"}},
       {"omp.h", {"workloads/cpu/"}},
       {"CL/", {"workloads/opencl/"}},
-      {"sqlite3.h", {"characterize/"}},
+      {"workloads/cpu/",
+       {"workloads/cpu/", "workloads/registry.cpp", "characterize/doctor/jitter"}},
+      {"workloads/fake/",
+       {"workloads/fake/", "workloads/registry.cpp", "characterize/platform/platform_file.cpp"}},
+      {"workloads/opencl/",
+       {"workloads/opencl/", "workloads/registry.cpp", "characterize/tune/", "cli/tune.cpp",
+        "cli/files.cpp"}},
+      {"sqlite3.h", {"characterize/profile/store/", "characterize/machine/environment.cpp"}},
       {"ceres/", {"characterize/energy/fit.cpp"}},
       {"Eigen/", {"characterize/energy/fit.cpp"}},
       {"CLI/", {"cli/"}}};

@@ -33,7 +33,7 @@ RunRecord run_of(const std::string& mode, double energy_j, double p99_ms) {
 }
 
 TEST(Comparison, ShowsGapsAndCostsAgainstTheBestOfTheTable) {
-  const Comparison comparison = {{run_of("a", 4, 10), run_of("b", 2, 25)}, {}};
+  const ModeRuns comparison = {{run_of("a", 4, 10), run_of("b", 2, 25)}, {}};
   const auto document = comparison_document(comparison, {});
   const auto& table = std::get<Table>(document.parts[1]);
   EXPECT_EQ(table.rows[0],
@@ -44,7 +44,7 @@ TEST(Comparison, ShowsGapsAndCostsAgainstTheBestOfTheTable) {
 }
 
 TEST(Comparison, SaysWhichModesCouldNotRunAndWhy) {
-  const Comparison comparison = {{run_of("a", 4, 10)}, {{"cpu-only", "there is no cpu"}}};
+  const ModeRuns comparison = {{run_of("a", 4, 10)}, {{"cpu-only", "there is no cpu"}}};
   EXPECT_THAT(render(comparison_document(comparison, {}), Format::kText),
               HasSubstr("Not run: cpu-only: there is no cpu"));
   EXPECT_EQ(comparison_json(comparison)["skipped"][0]["mode"], "cpu-only");
@@ -64,7 +64,7 @@ TEST(Comparison, ShowsWhatStrictPriorityDoesToPipelinesWithoutImages) {
       "  camera: {rate_hz: 100, tasks: [{name: a, workload: sobel, image_input: true}, {name: b, "
       "workload: sobel, image_input: true}]}\n"
       "  planner: {rate_hz: 50, deadline_ms: 5, tasks: [{name: p, workload: fc8}]}\n");
-  Comparison comparison;
+  ModeRuns comparison;
   for (const auto* mode : {"throughput", "advanced"}) {
     ScheduleOptions options;
     options.mode = mode;

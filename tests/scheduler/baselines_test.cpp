@@ -13,9 +13,9 @@ using testing::HasSubstr;
 PolicySetup timed(int gpu, int dsp, int cpu) {
   PolicySetup setup = setup_of(0, 0, 0);
   setup.servers = {1, 1, 2, 64};
-  setup.times.emplace_back();
+  setup.costs.emplace_back();
   for (const int ms : {gpu, dsp, cpu, 0}) {
-    setup.times[0].push_back(ServiceTime{milliseconds(ms), milliseconds(ms)});
+    setup.costs[0].push_back(CallCost{.total = milliseconds(ms), .occupied = milliseconds(ms)});
   }
   return setup;
 }
@@ -36,7 +36,7 @@ TEST(CpuOnly, SendsEverythingToTheCpu) { EXPECT_EQ(dealt("cpu-only", timed(1, 1,
 
 TEST(CpuOnly, SharesBetweenCpusByTheirServers) {
   PolicySetup setup = timed(1, 1, 1);
-  setup.roles = {"cpu", "dsp", "cpu", "cloud"};
+  setup.roles = {Role::kCpu, Role::kDsp, Role::kCpu, Role::kCloud};
   // Loads over servers, unit 0 with one and unit 2 with two: 0/1 0/2 -> 0; 1/1 0/2 -> 2;
   // 1/1 1/2 -> 2; 1/1 2/2 -> 0.
   EXPECT_EQ(dealt("cpu-only", setup, 4), "GCCG");
@@ -93,7 +93,7 @@ TEST(Ect, KnowsThatALateUnitHasItsWorkStillToDo) {
 
 TEST(Ect, CountsWhatAUnitTookFromTheHighPriorityQueue) {
   PolicySetup setup = timed(10, 15, 1000);
-  setup.basic = "ect";
+  setup.basic = &find_basic_policy("ect");
   Script script(policy_of("advanced", setup), {1, 1, 1, 1});
   const TaskClass image{.eligible = unit_bit(kGpu), .image_input = true};
   EXPECT_EQ(script.submit(1, image), "G1");
@@ -103,7 +103,7 @@ TEST(Ect, CountsWhatAUnitTookFromTheHighPriorityQueue) {
 TEST(Ect, LetsAPipelinedUnitTakeTheNextBeforeTheLastIsOut) {
   // A call takes 6 ms on the GPU, of which it occupies it for 1: ends at 6, 7, 8, 9 (the CPU: 8).
   PolicySetup setup = timed(6, 20, 8);
-  setup.times[0][kGpu]->occupied = milliseconds(1);
+  setup.costs[0][kGpu]->occupied = milliseconds(1);
   EXPECT_EQ(dealt("ect", setup, 4), "GGGC");
 }
 

@@ -77,17 +77,22 @@ class Model {
 
  private:
   Dispatcher make() {
-    // Not cpu-only, which would never place a task that the CPU cannot serve.
-    const std::vector<std::string> modes = {"latency", "throughput", "energy", "met",     "olb",
-                                            "ect",     "edf",        "qilin",  "advanced"};
+    // Not those that would never place a task that only other roles can serve.
+    std::vector<const PolicyInfo*> modes;
+    std::vector<const PolicyInfo*> basic;
+    for (const PolicyInfo& each : policies()) {
+      if (each.planner != nullptr || each.needs_role) continue;
+      modes.push_back(&each);
+      if (!each.has_basic()) basic.push_back(&each);
+    }
     PolicySetup setup;
     setup.roles = kRoles;
     for (std::size_t unit = 0; unit < kRoles.size(); ++unit) setup.servers.push_back(1 + pick(3));
     for (int w = 0; w < 2; ++w) {
-      auto& row = setup.times.emplace_back();
+      auto& row = setup.costs.emplace_back();
       for (std::size_t unit = 0; unit < kRoles.size(); ++unit) {
         const Nanos occupied(1 + pick(20));
-        row.push_back(ServiceTime{occupied + Nanos(pick(20)), occupied});
+        row.push_back(CallCost{.total = occupied + Nanos(pick(20)), .occupied = occupied});
       }
     }
     // All of the weights at least 1, so that every task can be placed somewhere.
@@ -95,13 +100,13 @@ class Model {
       setup.weights.push_back({1 + pick(4), 1 + pick(4), 1 + pick(4), 0});
     }
     setup.literal_overflow = random_.below(2) == 0;
-    setup.basic = modes[random_.below(modes.size() - 1)];
+    setup.basic = basic[random_.below(basic.size())];
     std::vector<std::optional<int>> slots;
     for (std::size_t unit = 0; unit < kRoles.size(); ++unit) {
       slots_.push_back(1 + pick(3));
       slots.emplace_back(slots_.back());
     }
-    return {std::move(slots), policy_of(modes[random_.below(modes.size())], setup)};
+    return {std::move(slots), modes[random_.below(modes.size())]->make(setup)};
   }
 
   int pick(std::uint64_t n) { return static_cast<int>(random_.below(n)); }

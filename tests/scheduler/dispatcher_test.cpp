@@ -101,7 +101,7 @@ TEST(Dispatcher, AUnitWithoutWeightTakesNothingFromHighPriority) {
 
 TEST(Dispatcher, AsksIdleUnitsInTheOrderOfTheBasicScheduler) {
   PolicySetup setup = setup_of(1, 1, 1);
-  setup.basic = "energy";  // D, G, C
+  setup.basic = &find_basic_policy("energy");  // D, G, C
   Script script(policy_of("advanced", setup), {1, 1, 1, {}});
   EXPECT_EQ(script.submit(1, kImage), "D1");
   EXPECT_EQ(script.submit(2, kImage), "G2");

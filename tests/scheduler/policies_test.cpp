@@ -118,7 +118,8 @@ TEST(LiteralOverflow, SendsABacklogOf1000AsThePaperPrintsIt) {
 
 TEST(Orders, PutSeveralUnitsOfARoleInFileOrderAndFpgaAfterDsp) {
   PolicySetup setup;
-  setup.roles = {"cpu", "fpga", "gpu", "dsp", "gpu", "cloud", "other"};
+  setup.roles = {Role::kCpu, Role::kFpga,  Role::kGpu,  Role::kDsp,
+                 Role::kGpu, Role::kCloud, Role::kOther};
   setup.weights = {std::vector<int>(7, 1)};
   EXPECT_THAT(policy_of("latency", setup)->order(), testing::ElementsAre(2, 4, 3, 1, 6, 0));
   EXPECT_THAT(policy_of("throughput", setup)->order(), testing::ElementsAre(2, 4, 0, 3, 1, 6));
@@ -137,7 +138,7 @@ TEST(Algorithm4, TellsCloudHighPriorityAndBasicApart) {
 
 TEST(Algorithm4, UsesTheBasicSchedulerThatIsNamed) {
   PolicySetup setup = setup_of(2, 1, 3);
-  setup.basic = "energy";
+  setup.basic = &find_basic_policy("energy");
   EXPECT_EQ(placements(*policy_of("advanced", setup), 7, {.eligible = kAll}), "DGGCCC.");
 }
 

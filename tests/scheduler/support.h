@@ -24,7 +24,7 @@ inline Platform platform_of(const std::string& yaml) {
 inline Mix mix_of(const std::string& yaml) { return parse_mix("test.yaml", yaml); }
 
 /// Units gpu, dsp, cpu, cloud: the letters that sequences are written in.
-inline const std::vector<std::string> kRoles = {"gpu", "dsp", "cpu", "cloud"};
+inline const std::vector<Role> kRoles = {Role::kGpu, Role::kDsp, Role::kCpu, Role::kCloud};
 inline constexpr UnitId kGpu = 0, kDsp = 1, kCpu = 2, kCloud = 3;
 inline constexpr UnitMask kLocal = 0b0111;
 inline constexpr UnitMask kAll = 0b1111;
@@ -35,6 +35,7 @@ inline char letter(UnitId unit) { return "GDCL"[unit]; }
 inline PolicySetup setup_of(int gpu, int dsp, int cpu) {
   PolicySetup setup;
   setup.roles = kRoles;
+  setup.basic = &find_basic_policy("throughput");
   setup.weights = {{gpu, dsp, cpu, 0}};
   return setup;
 }

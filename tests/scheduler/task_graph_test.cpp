@@ -4,7 +4,7 @@
 
 #include "scheduler/mix/dag_generator.h"
 #include "scheduler/planner/mix_plan.h"
-#include "scheduler/policies/eligibility.h"
+#include "scheduler/services/eligibility.h"
 #include "tests/scheduler/support.h"
 #include "workloads/base/random.h"
 

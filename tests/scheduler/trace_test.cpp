@@ -257,7 +257,7 @@ TEST_F(Traces, ThatAreDamagedAreRefused) {
   EXPECT_THAT(with([](json& part) { part["mode"] = "edff"; }), HasSubstr("edf"));
   EXPECT_THAT(with([](json& part) { part.erase("slots"); }), HasSubstr("slots"));
   EXPECT_THAT(with([](json& part) { part["slots"] = json::array(); }), HasSubstr("slots"));
-  EXPECT_THAT(with([](json& part) { part["policy"]["times_ns"][0].erase(0); }), HasSubstr("times"));
+  EXPECT_THAT(with([](json& part) { part["policy"]["costs"][0].erase(0); }), HasSubstr("costs"));
   EXPECT_THAT(with([](json& part) { part["log"].erase(0); }), HasSubstr("as long"));
   EXPECT_THAT(with([](json& part) { part["log"][0]["in"] = "sumbit"; }), HasSubstr("sumbit"));
   EXPECT_THAT(with([](json& part) { part["log"][3]["at"] = -1; }),
@@ -265,7 +265,7 @@ TEST_F(Traces, ThatAreDamagedAreRefused) {
   EXPECT_THAT(with([](json& part) { part["log"][0]["tasks"][0]["deadline"] = -5; }),
               HasSubstr("before the begin"));
   EXPECT_THAT(with([](json& part) {
-                part["policy"]["times_ns"][0][0] = {-1, -1};
+                part["policy"]["costs"][0][0] = {-1, -1, 0, "modelled"};
               }),
               HasSubstr("before the begin"));
   EXPECT_THAT(with([](json& part) { part["log"][0]["tasks"][0]["task"] = -7; }),

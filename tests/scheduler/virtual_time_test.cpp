@@ -1,6 +1,7 @@
 // Whole runs in virtual time, small enough to be worked by hand.
-#include "scheduler/policies/eligibility.h"
 #include "scheduler/record/summary.h"
+#include "scheduler/services/scenario.h"
+#include "scheduler/virtual/virtual_time.h"
 #include "tests/scheduler/support.h"
 #include "workloads/base/random.h"
 
@@ -430,15 +431,11 @@ TEST(VirtualTime, SaysWhichTasksNothingIsEverGoingToStart) {
   const auto platform = platform_of(kOneUnit);
   const auto mix =
       mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 5}, tasks: [{workload: fc8}]}}");
-  const auto services = resolve_services(platform, nullptr, workloads_of(mix), {});
-  const VirtualSetup setup{.platform = platform,
-                           .services = services,
-                           .mix = mix,
-                           .classes = task_classes(platform, mix, services),
-                           .in_flight = {3}};
+  Scenario scenario = make_scenario(platform, nullptr, mix, {}, CloudUse::kNone);
+  scenario.in_flight = {3};
   Dispatcher dispatcher({1}, std::make_unique<TakesTwo>());
-  const Tally tally = VirtualTime(setup, dispatcher).run();
-  const auto record = summarize(setup, nullptr, {}, tally);
+  const Tally tally = VirtualTime(scenario, dispatcher).run();
+  const auto record = summarize(scenario, nullptr, {}, tally);
   EXPECT_EQ(record.completed, 2);
   EXPECT_EQ(record.queued, 3);
   EXPECT_EQ(record.stalled, 3);
@@ -458,7 +455,7 @@ TEST(VirtualTime, HoldsClosedLoopTasksBeyondTheWeights) {
   EXPECT_DOUBLE_EQ(*held.mean_latency_ms, 30);
   EXPECT_EQ(held.overflow, "hold");
   // Literally all four are queued on the CPU: 30, 60, 90 and then five times 120: 780 / 8.
-  options.literal_overflow = true;
+  options.overflow = Overflow::kLiteral;
   const auto literal = run(platform_of(kOneUnit), mix, options);
   EXPECT_DOUBLE_EQ(*literal.mean_latency_ms, 97.5);
   EXPECT_EQ(literal.overflow, "literal");

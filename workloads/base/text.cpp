@@ -1,6 +1,7 @@
 #include "workloads/base/text.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -167,8 +168,8 @@ std::string read_file(const std::filesystem::path& path, std::size_t max_bytes) 
   std::size_t size = 0;
   while (true) {
     if (size > max_bytes) {
-      throw_bad_input("'" + path.string() + "' is longer than the " +
-                      std::to_string(max_bytes >> 20) + " MiB that are read of such a file");
+      throw_bad_input(fmt::format("'{}' is longer than the {} MiB that are read of such a file",
+                                  path.string(), max_bytes >> 20));
     }
     if (size == text.size()) text.resize(size + std::max(size, kLeastRead));
     const std::size_t got = file.read(text.data() + size, text.size() - size);

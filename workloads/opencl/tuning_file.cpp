@@ -12,12 +12,11 @@
 #include <string_view>
 
 #include "workloads/base/error.h"
+#include "workloads/base/json.h"
 #include "workloads/base/text.h"
 
 namespace pirt::opencl {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr int kSchemaVersion = 1;
 constexpr const char* kVariable = "PIRT_TUNING";
@@ -45,7 +44,7 @@ int decode_value(const std::filesystem::path& path, const ParameterInfo& info, b
   const bool known = value.is_number_integer() &&
                      std::ranges::find(candidates, value.get<std::int64_t>()) != candidates.end();
   if (!known) {
-    refuse(path, fmt::format("{} is {}, which is none of {}", info.name, value.dump(),
+    refuse(path, fmt::format("{} is {}, which is none of {}", info.name, json_text(value),
                              fmt::join(candidates, ", ")));
   }
   return value.get<int>();
@@ -125,11 +124,11 @@ std::optional<std::filesystem::path> tuning_path() {
 
 TuningFile parse_tuning(const std::filesystem::path& path, const std::string& text) {
   try {
-    const Json j = Json::parse(text);
+    const Json j = parse_json(text);
     // Compared as it is written: 1.5 would become 1, and 1e300 anything.
     if (const Json& version = j.at("schema_version"); version != kSchemaVersion) {
-      refuse(path, fmt::format("it has schema version {}, and this pirt knows {}", version.dump(),
-                               kSchemaVersion));
+      refuse(path, fmt::format("it has schema version {}, and this pirt knows {}",
+                               json_text(version), kSchemaVersion));
     }
     TuningFile file;
     if (!j.at("devices").is_array()) refuse(path, "\"devices\" is no list");
@@ -153,7 +152,7 @@ std::string tuning_text(const TuningFile& file) {
   for (const TunedDevice& entry : file.devices) devices.push_back(encode(entry));
   const Json j = {{"schema_version", kSchemaVersion}, {"devices", devices}};
   // Drivers' texts need not be UTF-8.
-  return j.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return json_text(j, 2) + "\n";
 }
 
 TuningFile load_tuning(const std::filesystem::path& path) {

@@ -133,8 +133,6 @@ std::vector<int> parse_cores(const std::string& text) {
   return cores;
 }
 
-}  // namespace
-
 RunInfo read_run(const Connection& connection, std::int64_t run_id) {
   RunInfo run;
   run.run_id = run_id;
@@ -161,8 +159,6 @@ RunInfo read_run(const Connection& connection, std::int64_t run_id) {
   }
   return run;
 }
-
-namespace {
 
 /// The platform that is meant: the given one, or that of the newest run which has cells.
 std::string choose_platform(const Connection& connection, std::string_view wished, RunRange runs) {
@@ -250,6 +246,34 @@ void read_means(const Connection& connection, std::int64_t run_id, Profile& prof
                             state_from_string(query.text(3)).value()});
     if (row != nullptr) row->mean = Nanos(std::llround(query.real(4)));
   }
+}
+
+std::vector<RowSamples> read_run_samples(const Connection& connection, std::int64_t run_id) {
+  Statement exists(connection, "SELECT 1 FROM run WHERE run_id = ?");
+  if (!exists.bind(run_id).step()) return {};
+  Statement query(connection,
+                  "SELECT measurement_id, workload, unit, phase, state, ns, process FROM cell "
+                  "JOIN measurement USING (cell_id) JOIN sample USING (measurement_id) "
+                  "WHERE run_id = ? ORDER BY measurement_id, position");
+  query.bind(run_id);
+  std::vector<RowSamples> rows;
+  std::optional<std::int64_t> current;
+  while (query.step()) {
+    if (current != query.integer(0)) {
+      current = query.integer(0);
+      // The columns' CHECK constraints and the checksum have been verified: the words are known
+      // ones.
+      rows.push_back({query.text(1),
+                      query.text(2),
+                      phase_from_string(query.text(3)).value(),
+                      state_from_string(query.text(4)).value(),
+                      {},
+                      {}});
+    }
+    rows.back().samples.push_back(Nanos(query.integer(5)));
+    rows.back().processes.push_back(static_cast<std::int32_t>(query.integer(6)));
+  }
+  return rows;
 }
 
 /// While it lives, all reading sees one state of the file, though somebody may be appending a run.
@@ -358,34 +382,6 @@ std::optional<UnfinishedRun> find_unfinished_run(const std::filesystem::path& pa
   cells.bind(found.run.run_id);
   while (cells.step()) found.done.push_back({cells.text(0), cells.text(1)});
   return found;
-}
-
-std::vector<RowSamples> read_run_samples(const Connection& connection, std::int64_t run_id) {
-  Statement exists(connection, "SELECT 1 FROM run WHERE run_id = ?");
-  if (!exists.bind(run_id).step()) return {};
-  Statement query(connection,
-                  "SELECT measurement_id, workload, unit, phase, state, ns, process FROM cell "
-                  "JOIN measurement USING (cell_id) JOIN sample USING (measurement_id) "
-                  "WHERE run_id = ? ORDER BY measurement_id, position");
-  query.bind(run_id);
-  std::vector<RowSamples> rows;
-  std::optional<std::int64_t> current;
-  while (query.step()) {
-    if (current != query.integer(0)) {
-      current = query.integer(0);
-      // The columns' CHECK constraints and the checksum have been verified: the words are known
-      // ones.
-      rows.push_back({query.text(1),
-                      query.text(2),
-                      phase_from_string(query.text(3)).value(),
-                      state_from_string(query.text(4)).value(),
-                      {},
-                      {}});
-    }
-    rows.back().samples.push_back(Nanos(query.integer(5)));
-    rows.back().processes.push_back(static_cast<std::int32_t>(query.integer(6)));
-  }
-  return rows;
 }
 
 std::vector<RowSamples> load_samples(const std::filesystem::path& path, std::int64_t run_id) {

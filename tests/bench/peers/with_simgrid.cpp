@@ -12,8 +12,8 @@
 #include <unordered_map>
 #include <utility>
 
-#include "scheduler/policies/eligibility.h"
 #include "scheduler/schedule.h"
+#include "scheduler/services/eligibility.h"
 #include "scheduler/services/services.h"
 #include "scheduler/trace/replay.h"
 #include "tests/bench/peers/comparison.h"

@@ -1,4 +1,4 @@
-#include "scheduler/policies/eligibility.h"
+#include "scheduler/services/eligibility.h"
 
 #include <fmt/format.h>
 
@@ -14,10 +14,9 @@
 namespace pirt {
 namespace {
 
-constexpr std::array<std::string_view, 6> kRoles = {"cpu", "gpu", "dsp", "fpga", "cloud", "other"};
-
-bool is_cloud(const Platform& platform, UnitId unit) {
-  return platform.units[unit].role == "cloud";
+/// Whether @p name is the unit's, or that of its role.
+bool is_called(const UnitModel& unit, std::string_view name) {
+  return unit.name == name || to_string(unit.role) == name;
 }
 
 std::vector<std::string> unit_reasons(const Platform& platform,
@@ -58,12 +57,12 @@ std::string remedy(const Platform& platform, const Profile* profile,
 /// @param where  For the message.
 void check_unit_or_role(const Platform& platform, const std::string& name,
                         const std::string& where) {
-  if (std::ranges::find(kRoles, name) != kRoles.end()) return;
+  if (role_from_string(name)) return;
   for (const auto& unit : platform.units) {
-    if (unit.name == name || unit.role == name) return;
+    if (is_called(unit, name)) return;
   }
   auto candidates = platform.unit_names();
-  candidates.insert(candidates.end(), kRoles.begin(), kRoles.end());
+  for (auto& role : role_names()) candidates.push_back(std::move(role));
   throw_bad_input(fmt::format("{}: '{}' is neither a unit of platform {} nor a role{}", where, name,
                               platform.name, suggestion(name, candidates)));
 }
@@ -75,12 +74,13 @@ UnitMask named_units(const Platform& platform, const std::vector<std::string>& n
   for (const auto& name : names) {
     check_unit_or_role(platform, name, where + ": eligible");
     for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-      if (platform.units[unit].name == name || platform.units[unit].role == name)
-        mask |= unit_bit(unit);
+      if (is_called(platform.units[unit], name)) mask |= unit_bit(unit);
     }
   }
   return mask;
 }
+
+}  // namespace
 
 std::string unit_list(const Platform& platform, UnitMask mask) {
   std::vector<std::string> names;
@@ -93,8 +93,6 @@ std::string unit_list(const Platform& platform, UnitMask mask) {
 std::string task_name(const Mix& mix, const Pipeline& pipeline, const MixTask& task) {
   return "mix " + mix.name + ": pipelines." + pipeline.name + ": " + task.name;
 }
-
-}  // namespace
 
 std::vector<std::string> workloads_of(const Mix& mix) {
   std::vector<std::string> names;
@@ -117,7 +115,9 @@ GivenServices given_services(const Platform& platform, const Mix& mix) {
         check_unit_or_role(platform, name, task.service_location);
       for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
         auto time = task.service.find(platform.units[unit].name);
-        if (time == task.service.end()) time = task.service.find(platform.units[unit].role);
+        if (time == task.service.end()) {
+          time = task.service.find(std::string(to_string(platform.units[unit].role)));
+        }
         if (time != task.service.end()) times.emplace(unit, time->second);
       }
       if (times.empty()) {
@@ -133,16 +133,14 @@ GivenServices given_services(const Platform& platform, const Mix& mix) {
 UnitMask cloud_units(const Platform& platform) {
   UnitMask cloud = 0;
   for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-    if (is_cloud(platform, unit)) cloud |= unit_bit(unit);
+    if (platform.units[unit].role == Role::kCloud) cloud |= unit_bit(unit);
   }
   return cloud;
 }
 
 void check_every_workload_served(const Platform& platform, const Profile* profile, const Mix& mix,
                                  const ServiceTable& services, CloudUse cloud_use) {
-  UnitMask cloud = 0;
-  for (UnitId unit = 0; unit < platform.units.size(); ++unit)
-    cloud |= is_cloud(platform, unit) ? unit_bit(unit) : 0;
+  const UnitMask cloud = cloud_units(platform);
   const auto needed = needed_locally(mix, cloud_use);
   std::vector<std::string> missing;
   std::string reasons;
@@ -187,25 +185,6 @@ std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const
     }
   }
   return classes;
-}
-
-void check_every_task_placeable(const Platform& platform, const Mix& mix,
-                                const std::vector<std::vector<TaskClass>>& classes,
-                                const Policy& policy, const std::string& mode) {
-  for (std::size_t p = 0; p < classes.size(); ++p) {
-    for (std::size_t t = 0; t < classes[p].size(); ++t) {
-      const TaskClass& kind = classes[p][t];
-      if (policy.takers(kind, kind.eligible) != 0) continue;
-      const auto& pipeline = mix.pipelines[p];
-      const bool weighted = find_policy(mode).rule != WeightRule::kNone;
-      throw_bad_input(task_name(mix, pipeline, pipeline.tasks[t]) + ": mode " + mode +
-                      " would never place it: only " + unit_list(platform, kind.eligible) +
-                      " may serve it, " +
-                      (weighted ? "to which the mode gives no weight; give one with --weights, "
-                                  "or another mode"
-                                : "which the mode does not use; give another mode"));
-    }
-  }
 }
 
 }  // namespace pirt

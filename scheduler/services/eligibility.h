@@ -8,7 +8,6 @@
 #include "characterize/profile/profile.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/mix/task.h"
-#include "scheduler/policies/policy.h"
 #include "scheduler/services/services.h"
 
 namespace pirt {
@@ -39,10 +38,9 @@ void check_every_workload_served(const Platform& platform, const Profile* profil
                                                                const Mix& mix,
                                                                const ServiceTable& services);
 
-/// @throws Error{kBadInput} if the policy would never give some task to any unit: it would wait for
-/// ever.
-void check_every_task_placeable(const Platform& platform, const Mix& mix,
-                                const std::vector<std::vector<TaskClass>>& classes,
-                                const Policy& policy, const std::string& mode);
+/// "mix m: pipelines.p: task", for messages.
+[[nodiscard]] std::string task_name(const Mix& mix, const Pipeline& pipeline, const MixTask& task);
+/// "cpu, gpu", for messages.
+[[nodiscard]] std::string unit_list(const Platform& platform, UnitMask mask);
 
 }  // namespace pirt

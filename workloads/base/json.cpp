@@ -1,0 +1,15 @@
+#include "workloads/base/json.h"
+
+#include <nlohmann/json.hpp>
+
+namespace pirt {
+
+Json parse_json(std::string_view text) { return Json::parse(text); }
+
+Json parse_json_or_discard(std::string_view text) { return Json::parse(text, nullptr, false); }
+
+std::string json_text(const Json& json, int indent) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace pirt
