@@ -11,6 +11,7 @@
 #include "cli/commands.h"
 #include "cli/files.h"
 #include "cli/output.h"
+#include "cli/profile_platform.h"
 #include "cli/values.h"
 #include "reports/gate/gate_report.h"
 #include "reports/gate/pooling.h"
@@ -43,7 +44,7 @@ std::optional<Decisions> decide(const RegressOptions& options, std::optional<Pla
          " is not a shipped one; give its file with --platform");
     return std::nullopt;
   }
-  if (!platform) platform = load_platform(base.platform(), {});
+  if (!platform) platform = platform_of(base);
   return compare_decisions(base, candidate, *platform, mix);
 }
 

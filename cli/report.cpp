@@ -7,6 +7,7 @@
 #include "cli/commands.h"
 #include "cli/files.h"
 #include "cli/output.h"
+#include "cli/profile_platform.h"
 #include "cli/values.h"
 #include "reports/document.h"
 #include "reports/environment_report.h"
@@ -50,7 +51,8 @@ std::optional<Format> parse_format(const std::string& name) {
 ModeRuns simulate_modes(const Options& options, const Profile& profile, const Mix& mix) {
   try {
     const auto overrides = parse_overrides(options.settings);
-    const auto platform = load_platform(options.platform.value_or(profile.platform()), overrides);
+    const auto platform = options.platform ? load_platform(*options.platform, overrides)
+                                           : platform_of(profile, overrides);
     return run_modes(platform, &profile, mix, paper_modes(), {});
   } catch (const Error& error) {
     ModeRuns none;

@@ -9,6 +9,7 @@
 #include "cli/duration.h"
 #include "cli/files.h"
 #include "cli/output.h"
+#include "cli/profile_platform.h"
 #include "cli/values.h"
 #include "cli/weights.h"
 #include "reports/comparison_report.h"
@@ -86,7 +87,7 @@ Inputs read_inputs(const Options& options) {
     inputs.profile = reader.read(inputs.platform.name);
     if (find_draw(options.draw) == Draw::kSamples) reader.read_samples(*inputs.profile);
   }
-  if (!options.platform) inputs.platform = load_platform(inputs.profile->platform(), overrides);
+  if (!options.platform) inputs.platform = platform_of(*inputs.profile, overrides);
   inputs.mix = load_mix(options.mix);
   return inputs;
 }

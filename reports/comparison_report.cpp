@@ -42,7 +42,9 @@ Table table_of(const ModeRuns& comparison) {
                           {"late"},
                           {"dropped"},
                           {"queued"},
-                          {"offloaded"}}};
+                          {"offloaded"},
+                          {"in flight"},
+                          {"weights", Align::kLeft}}};
   const auto energy = [](const RunRecord& run) { return std::optional(run.energy_j); };
   const auto tail = [](const RunRecord& run) { return run.p99_latency_ms; };
   const double least_energy = least(comparison.runs, energy);
@@ -57,14 +59,16 @@ Table table_of(const ModeRuns& comparison) {
          ratio(energy(run), least_energy), shown(run.mean_latency_ms, marks.time),
          shown(run.p99_latency_ms, marks.time), ratio(tail(run), least_tail),
          fmt::format("{}", deadline_misses(run)), fmt::format("{}", run.dropped + run.expired),
-         fmt::format("{}", run.queued), fmt::format("{}", run.offloaded)});
+         fmt::format("{}", run.queued), fmt::format("{}", run.offloaded),
+         run.in_flight ? fmt::format("{}", *run.in_flight) : "-", run.weights_from.value_or("-")});
   }
   table.footnotes = {
       "gap = reached / bound - 1: to the throughput that no scheduler can exceed, and to the least "
       "energy for what the "
       "mode completed in its makespan.",
       "costs: times the least energy and the least p99 task latency of the table. late: firings "
-      "past their deadline."};
+      "past their deadline. in flight: frames of a closed loop at a time. weights: where they come "
+      "from."};
   for (const auto& skipped : comparison.skipped) {
     table.footnotes.push_back(fmt::format("Not run: {}: {}", skipped.mode, skipped.reason));
   }

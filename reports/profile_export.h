@@ -1,6 +1,6 @@
 // A profile in the formats of other tools: JSON, CSV, and the JSON of Google Benchmark.
 //
-// All figures keep their provenance and validity. README.md describes the formats.
+// All figures keep their provenance and validity. reports/README.md describes the formats.
 #pragma once
 
 #include <cstdint>

@@ -371,7 +371,7 @@ Document run_document(const RunRecord& run) {
   document.parts.emplace_back(units_table(run));
   document.parts.emplace_back(pipelines_table(run));
   if (!run.plan.empty()) document.parts.emplace_back(plan_table(run));
-  document.parts.emplace_back(weights_table(run));
+  if (!run.weights.empty()) document.parts.emplace_back(weights_table(run));
   return document;
 }
 

@@ -28,6 +28,12 @@ run_tests() {
 install_packages "${PIRT_PACKAGES[@]}" "${PIRT_TEST_PACKAGES[@]}"
 build_pirt build -DPIRT_TESTS=ON "${werror[@]}"
 run_tests build
+if [[ ${CI:-} == true ]]; then
+  say "the scheduler's tests, with assertions"
+  cmake --preset debug >/dev/null
+  cmake --build --preset debug --target scheduler_test
+  build-debug/tests/scheduler_test --gtest_brief=1
+fi
 
 if $long; then
   install_packages "${PIRT_LONG_PACKAGES[@]}"
@@ -37,6 +43,8 @@ if $long; then
   git ls-files '*.cpp' '*.h' | xargs clang-format-14 --dry-run --Werror
   say "clang 14, warnings as errors"
   build_pirt build-clang -DCMAKE_CXX_COMPILER=clang++-14 -DPIRT_WERROR=ON
+  say "each header alone"
+  cmake --build build-clang --target all_verify_interface_header_sets
   say "clang-tidy"
   git ls-files '*.cpp' ':!tests' | xargs -P 2 -n 4 clang-tidy-14 --quiet -p build-clang
   cmake --preset asan -DPIRT_WERROR=ON >/dev/null && cmake --build --preset asan

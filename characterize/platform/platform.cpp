@@ -71,7 +71,9 @@ std::vector<std::string> Platform::unit_names() const {
 
 Platform load_platform(const std::string& name, const std::vector<YamlOverride>& overrides) {
   const auto [file, text] = find_file(name);
-  return read(file, text, overrides, usable_cores());
+  Platform platform = read(file, text, overrides, usable_cores());
+  platform.argument = name;
+  return platform;
 }
 
 std::string platform_text(const std::string& name, const std::vector<YamlOverride>& overrides) {

@@ -92,6 +92,7 @@ struct ModeDefaults {
 
 struct Platform {
   std::string name;
+  std::string argument;  ///< What load_platform was given: the name, or a file. For messages.
   std::string description;
   std::string assumptions;  ///< Printed beside modelled energy; e.g. where the watts come from.
   std::vector<UnitModel> units;  ///< In file order; ties between units break by it.

@@ -49,7 +49,8 @@ std::string remedy(const Platform& platform, const Profile* profile,
     return "give their stages under `workloads:` in the platform file";
   }
   const std::string path = profile == nullptr ? "profile.db" : profile->path;
-  return "measure with: pirt characterize --platform " + platform.name + " --filter '^(" +
+  const std::string& argument = platform.argument.empty() ? platform.name : platform.argument;
+  return "measure with: pirt characterize --platform " + argument + " --filter '^(" +
          join(missing, "|") + ")$' --db " + path +
          (profile == nullptr ? ", then give --profile " + path : "");
 }

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tests/support/documentation.h"
 #include "tests/support/errors.h"
 #include "workloads/catalog.h"
 
@@ -374,6 +375,12 @@ TEST(Platform, LoadsFromAFile) {
 TEST(Platform, NamesTheNearestUnit) {
   EXPECT_THAT(bad_input([] { static_cast<void>(load_platform("host").unit("openc")); }),
               HasSubstr("did you mean opencl"));
+}
+
+TEST(Platform, IsAsItsReferenceSays) {
+  const std::string text = yaml_example("characterize/platform/README.md");
+  const Platform platform = parse_platform("README.md", text, {}, 4);
+  EXPECT_GE(platform.units.size(), 4U);
 }
 
 }  // namespace

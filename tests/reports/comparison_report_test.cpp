@@ -29,6 +29,8 @@ RunRecord run_of(const std::string& mode, double energy_j, double p99_ms) {
   unit.provenance = {"fitted"};
   unit.energy_provenance = {"modelled"};
   run.units = {unit};
+  run.in_flight = 6;
+  run.weights_from = "derived";
   return run;
 }
 
@@ -38,7 +40,7 @@ TEST(Comparison, ShowsGapsAndCostsAgainstTheBestOfTheTable) {
   const auto& table = std::get<Table>(document.parts[1]);
   EXPECT_EQ(table.rows[0],
             (std::vector<std::string>{"a", "^0.500", "-50.0", "~4.00", "+100.0", "2.00x", "-",
-                                      "^10.0", "1.00x", "0", "0", "0", "0"}));
+                                      "^10.0", "1.00x", "0", "0", "0", "0", "6", "derived"}));
   EXPECT_EQ(table.rows[1][4], "+0.0");
   EXPECT_EQ(table.rows[1][8], "2.50x");
 }

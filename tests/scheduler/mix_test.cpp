@@ -1,4 +1,5 @@
 #include "tests/scheduler/support.h"
+#include "tests/support/documentation.h"
 
 namespace pirt::test {
 namespace {
@@ -218,6 +219,15 @@ TEST(ShippedMixes, AllLoad) {
               AllOf(HasSubstr("'full-robt'"), HasSubstr("full-robot")));
   EXPECT_THAT(bad_input([] { static_cast<void>(load_mix("./none.yaml")); }),
               HasSubstr("./none.yaml"));
+}
+
+TEST(Mix, IsAsItsReferenceSays) {
+  const Mix mix = parse_mix("README.md", yaml_example("scheduler/mix/README.md"));
+  ScheduleOptions options;
+  options.mode = "throughput";
+  const RunRecord record = run_virtual(load_platform("fake"), nullptr, mix, options);
+  EXPECT_GT(record.completed, 0);
+  EXPECT_EQ(record.stalled, 0);
 }
 
 }  // namespace

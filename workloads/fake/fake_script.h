@@ -7,20 +7,22 @@
 //   stages: {sobel: [{name: upload, ms: 0.1}, {name: execute, ms: {uniform: [1, 2]}}]}
 //   samples_ms: {sobel: [1.0, 1.1]}        execute times, one a call, over again; replaces the
 //                                          execute stage
-//   process_factors: [1, 1.1]              of the times of calls: the first for a process that
-//   finds
-//                                          an empty kernel cache, the second for the next one, ...
+//   process_factors: [1, 1.1]              of calls, in time: the first for a process that has
+//                                          an empty kernel cache, the second for the next, ...
 //   seed: 1                                of the uniform draws
 //   unsupported: [fc6]
 //   wrong_output: [conv1]                  first element of every output off by one
 //   wrong_output_after: {conv1: 30}        right for that many calls, wrong from then on
 //   nan_output: [conv2]                    NaN (floating point) or all bits set (integers)
-//   peaks_g_s: {f32: 100, bandwidth_memory: 20}    1e9 operations or bytes a second; others:
-//   unavailable cache_kb: 512                          what the device says of its cache fail_open:
-//   some message                open() throws fail_prepare: [conv3]                  prepare()
-//   throws fail_execute: [conv4]                  execute() throws crash: [conv5] execute() aborts
-//   the process hang: [fc8]                            execute() never returns reference_folder:
-//   /tmp/x               where <workload>.reference may lie; otherwise the reference is computed
+//   peaks_g_s: {f32: 100}                  1e9 operations or bytes a second; others: unavailable
+//   cache_kb: 512                          what the device says of its cache
+//   fail_open: some message                open() throws
+//   fail_prepare: [conv3]                  prepare() throws
+//   fail_execute: [conv4]                  execute() throws
+//   crash: [conv5]                         execute() aborts the process
+//   hang: [fc8]                            execute() never returns
+//   reference_folder: /tmp/x               where <workload>.reference may lie; otherwise the
+//                                          reference is computed
 //
 // A workload without stages takes 0.1 ms upload, 0.01 ms launch, 1 ms execute, 0.1 ms download. One
 // with stages lacks the phases that are not among them.
