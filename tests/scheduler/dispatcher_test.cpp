@@ -380,7 +380,7 @@ TEST(Dispatcher, ATaskAfterOneThatDidNotCompleteIsDroppedUntilTheFiringIsRelease
   EXPECT_EQ(script.complete(kGpu, 1, Outcome::kFailed), "G3 -2");
   EXPECT_EQ(script.cancel(4), "-4");
   EXPECT_EQ(script.complete(kGpu, 3, Outcome::kFailed), "");
-  for (const TaskId before : {1, 2, 3, 4}) {
+  for (const TaskId before : {TaskId{1}, TaskId{2}, TaskId{3}, TaskId{4}}) {
     EXPECT_EQ(script.submit(100 + before, kPlain, {before}), "-" + std::to_string(100 + before));
   }
   EXPECT_EQ(script.submit(1), "refused");  // Its id is still known.
@@ -390,7 +390,8 @@ TEST(Dispatcher, ATaskAfterOneThatDidNotCompleteIsDroppedUntilTheFiringIsRelease
   // 4 has yet to complete. Its firing takes no more tasks; then nothing is known of it.
   EXPECT_EQ(script.submit_all(7, {task_of(9, kPlain)}), "refused");
   EXPECT_EQ(script.complete(kGpu, 4), "");
-  for (const TaskId before : {1, 2, 3, 4}) EXPECT_TRUE(script.release(100 + before));
+  for (const TaskId before : {TaskId{1}, TaskId{2}, TaskId{3}, TaskId{4}})
+    EXPECT_TRUE(script.release(100 + before));
   EXPECT_EQ(script.dispatcher().known_tasks(), 0U);
   EXPECT_EQ(script.dispatcher().known_firings(), 0U);
   EXPECT_EQ(script.submit_all(7, {task_of(1, kPlain, std::vector<TaskId>{4})}), "G1");
