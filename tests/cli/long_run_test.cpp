@@ -81,8 +81,13 @@ TEST_F(LongRun, EndsItsWorkersWhenItIsKilled) {
   // Its workers are the processes whose environment has this folder as TMPDIR.
   const std::string workers = "grep -lsz " + quoted("TMPDIR=" + tmp()) + " /proc/[0-9]*/environ";
   const auto outcome =
-      run(with_signal(command(), "KILL") + "; i=0; while " + workers +
-          " >/dev/null && [ $i -lt 300 ]; do sleep 0.01; i=$((i+1)); done; " + workers + "; true");
+      // One that is just being started has no environment for a moment: none has to be seen in
+      // turn.
+      run(with_signal(command(), "KILL") +
+          "; i=0; none=0; while [ $none -lt 10 ] && [ $i -lt 1000 ]; do if " + workers +
+          " >/dev/null; then none=0; else none=$((none+1)); fi; sleep 0.01; i=$((i+1)); done; "
+          "[ $none -ge 10 ] || " +
+          workers + "; true");
   EXPECT_EQ(outcome.out, "");
 }
 

@@ -23,13 +23,14 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-TEST(Catalog, ListsTableOneThenThePoolsThenTheChain) {
-  EXPECT_THAT(workload_names(),
-              ElementsAre("gaussian_blur", "convolution", "sobel", "undistort", "feature_detect",
-                          "optical_flow", "conv1", "conv2", "conv3", "conv4", "conv5", "fc6", "fc7",
-                          "fc8", "pool1", "pool2", "pool5", "alexnet"));
-  EXPECT_EQ(std::ranges::count_if(catalog(), [](const auto& w) { return w.has_tag("table1"); }),
-            14);
+TEST(Catalog, HasTableOneInThePapersOrder) {
+  std::vector<std::string> names;
+  for (const Workload& workload : catalog()) {
+    if (workload.has_tag("table1")) names.push_back(workload.name);
+  }
+  EXPECT_THAT(names, ElementsAre("gaussian_blur", "convolution", "sobel", "undistort",
+                                 "feature_detect", "optical_flow", "conv1", "conv2", "conv3",
+                                 "conv4", "conv5", "fc6", "fc7", "fc8"));
 }
 
 // The paper's Table I by its formulas, e.g. conv2: 2 * 5*5 * 96 * 256 * 27*27 = 895 795 200
@@ -81,9 +82,8 @@ TEST(Catalog, LayersOfTheChainFitTogether) {
 TEST(Catalog, UnknownNamesComeWithTheNearest) {
   EXPECT_EQ(try_find_workload("blur"), nullptr);
   EXPECT_EQ(try_find_workload("sobel@"), nullptr);
-  EXPECT_EQ(try_find_workload("pool1@map"), nullptr);
+  EXPECT_EQ(try_find_workload("alexnet@map"), nullptr);
   EXPECT_EQ(find_workload("sobel@map").variant, "map");
-  EXPECT_EQ(workloads_in_variant("map").size(), 14U);
   EXPECT_THROW(static_cast<void>(workloads_in_variant("mop")), Error);
   try {
     static_cast<void>(find_workload("gausian_blur"));

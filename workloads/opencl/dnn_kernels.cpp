@@ -1,6 +1,7 @@
 // AlexNet's layers and the chain of them: weights, arguments and extents of the kernels in dnn.cl
 // and, where the device has local memory of its own, tiles.cl.
 #include <algorithm>
+#include <array>
 #include <vector>
 
 #include "workloads/dnn/dnn.h"
@@ -45,8 +46,6 @@ void append_conv2d_relu_tiles(PlanBuilder& builder, const Workload& workload,
                s.out_w(), out.plane(), out.pitch(), out.offset(), s.in_c * in.plane(),
                s.out_c * out.plane(), tile.pixel_memory, tile.weight_memory);
 }
-
-}  // namespace
 
 int conv2d_relu_pad(const Workload& workload) {
   return operation_as<dnn::Conv2dRelu>(workload).shape.pad;
@@ -113,14 +112,10 @@ void append_fully_connected(PlanBuilder& builder, const Workload& workload,
   }
 }
 
-namespace {
-
 int first_input_pad(const Workload& layer) {
   const KernelEntry& entry = find_kernel(layer.kernel);
   return entry.input_pad != nullptr ? entry.input_pad(layer) : 0;
 }
-
-}  // namespace
 
 int sequence_pad(const Workload& workload) {
   return first_input_pad(operation_as<dnn::Sequence>(workload).layers.front());
@@ -146,5 +141,17 @@ void append_sequence(PlanBuilder& builder, const Workload& workload,
       previous.spec = layers[i + 1].inputs[0];  // Flattened where the next is fully connected.
   }
 }
+
+constexpr std::array kKernels = {
+    KernelEntry{
+        .kernel = "conv2d_relu", .append = append_conv2d_relu, .input_pad = conv2d_relu_pad},
+    KernelEntry{.kernel = "max_pool", .append = append_max_pool},
+    KernelEntry{.kernel = "fully_connected", .append = append_fully_connected},
+    KernelEntry{.kernel = "sequence", .append = append_sequence, .input_pad = sequence_pad},
+};
+
+}  // namespace
+
+std::span<const KernelEntry> dnn_kernels() { return kKernels; }
 
 }  // namespace pirt::opencl

@@ -14,23 +14,15 @@
 namespace pirt::opencl {
 namespace {
 
-constexpr std::array kTable = {
-    KernelEntry{.kernel = "gaussian_blur", .append = append_gaussian_blur},
-    KernelEntry{.kernel = "filter7x7", .append = append_filter7x7},
-    KernelEntry{.kernel = "sobel", .append = append_sobel},
-    KernelEntry{.kernel = "undistort", .append = append_undistort},
-    KernelEntry{.kernel = "feature_detect", .make = make_feature_detect},
-    KernelEntry{.kernel = "optical_flow", .append = append_optical_flow},
-    KernelEntry{
-        .kernel = "conv2d_relu", .append = append_conv2d_relu, .input_pad = conv2d_relu_pad},
-    KernelEntry{.kernel = "max_pool", .append = append_max_pool},
-    KernelEntry{.kernel = "fully_connected", .append = append_fully_connected},
-    KernelEntry{.kernel = "sequence", .append = append_sequence, .input_pad = sequence_pad},
-};
+constexpr std::array kFamilies = {vision_kernels, dnn_kernels};
 
 const KernelEntry* try_find_kernel(std::string_view kernel) {
-  const auto* it = std::ranges::find(kTable, kernel, &KernelEntry::kernel);
-  return it == kTable.end() ? nullptr : it;
+  for (const auto family : kFamilies) {
+    const auto entries = family();
+    const auto it = std::ranges::find(entries, kernel, &KernelEntry::kernel);
+    if (it != entries.end()) return &*it;
+  }
+  return nullptr;
 }
 
 /// The host's tensors have no borders, and a part on the host has no buffer.
@@ -56,7 +48,9 @@ Support support_of(const Workload& workload) {
   const KernelEntry* entry = try_find_kernel(workload.kernel);
   if (entry == nullptr) {
     std::vector<std::string> known;
-    for (const KernelEntry& each : kTable) known.emplace_back(each.kernel);
+    for (const auto family : kFamilies) {
+      for (const KernelEntry& each : family()) known.emplace_back(each.kernel);
+    }
     return {.ok = false,
             .reason = fmt::format("opencl has no kernel \"{}\"; it has {}", workload.kernel,
                                   join(known, ", "))};

@@ -1,5 +1,5 @@
-// Which workload kernels this backend has; adding one is an entry in kernel_table.cpp and its .cl
-// code.
+// Which workload kernels this backend has; adding one is an entry in its family's table
+// (vision_kernels.cpp, dnn_kernels.cpp) and its .cl code.
 #pragma once
 
 #include <memory>
@@ -38,28 +38,11 @@ struct KernelEntry {
 [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Session& session, const Workload& workload,
                                                   std::span<const Tensor> parameters);
 
-// The entries' functions, by family.
-void append_gaussian_blur(PlanBuilder&, const Workload&, std::span<const Tensor>,
-                          std::span<const Resident>, std::span<const Resident>);
-void append_filter7x7(PlanBuilder&, const Workload&, std::span<const Tensor>,
-                      std::span<const Resident>, std::span<const Resident>);
-void append_sobel(PlanBuilder&, const Workload&, std::span<const Tensor>, std::span<const Resident>,
-                  std::span<const Resident>);
-void append_undistort(PlanBuilder&, const Workload&, std::span<const Tensor>,
-                      std::span<const Resident>, std::span<const Resident>);
-void append_optical_flow(PlanBuilder&, const Workload&, std::span<const Tensor>,
-                         std::span<const Resident>, std::span<const Resident>);
-std::unique_ptr<Kernel> make_feature_detect(const Session&, const Workload&,
-                                            std::span<const Tensor>);
-void append_conv2d_relu(PlanBuilder&, const Workload&, std::span<const Tensor>,
-                        std::span<const Resident>, std::span<const Resident>);
-int conv2d_relu_pad(const Workload&);
-void append_max_pool(PlanBuilder&, const Workload&, std::span<const Tensor>,
-                     std::span<const Resident>, std::span<const Resident>);
-void append_fully_connected(PlanBuilder&, const Workload&, std::span<const Tensor>,
-                            std::span<const Resident>, std::span<const Resident>);
-void append_sequence(PlanBuilder&, const Workload&, std::span<const Tensor>,
-                     std::span<const Resident>, std::span<const Resident>);
-int sequence_pad(const Workload&);
+// The families, each in its own file.
+[[nodiscard]] std::span<const KernelEntry> vision_kernels();
+[[nodiscard]] std::span<const KernelEntry> dnn_kernels();
+[[nodiscard]] std::unique_ptr<Kernel> make_feature_detect(const Session& session,
+                                                          const Workload& workload,
+                                                          std::span<const Tensor> parameters);
 
 }  // namespace pirt::opencl

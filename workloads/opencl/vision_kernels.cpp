@@ -1,5 +1,6 @@
 // The vision workloads that the device computes entirely: arguments and extents of the kernels in
 // vision.cl, flow.cl and, where the device has local memory of its own, tiles.cl.
+#include <array>
 #include <vector>
 
 #include "workloads/opencl/kernel_table.h"
@@ -19,8 +20,6 @@ PictureTiles tiles_of(const PlanBuilder& builder, Parameter rows, int reach,
 Strips strips_of(const PlanBuilder& builder, Parameter rows, const vision::ImageOperation& op) {
   return {builder.session().tuning[rows], op};
 }
-
-}  // namespace
 
 void append_gaussian_blur(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
                           std::span<const Resident> inputs, std::span<const Resident> outputs) {
@@ -101,5 +100,18 @@ void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::sp
   builder.step("flow.cl", "flow_solve", {pitch / kColumnsPerItem, blocks(op.height, run_y)}, sums,
                outputs[0], op.width, op.height, pitch, run_y);
 }
+
+constexpr std::array kKernels = {
+    KernelEntry{.kernel = "gaussian_blur", .append = append_gaussian_blur},
+    KernelEntry{.kernel = "filter7x7", .append = append_filter7x7},
+    KernelEntry{.kernel = "sobel", .append = append_sobel},
+    KernelEntry{.kernel = "undistort", .append = append_undistort},
+    KernelEntry{.kernel = "feature_detect", .make = make_feature_detect},
+    KernelEntry{.kernel = "optical_flow", .append = append_optical_flow},
+};
+
+}  // namespace
+
+std::span<const KernelEntry> vision_kernels() { return kKernels; }
 
 }  // namespace pirt::opencl

@@ -1,13 +1,21 @@
-// The six vision workloads of Table I at the paper's sizes.
 #include "workloads/vision/vision.h"
 
 namespace pirt::vision {
 
-std::vector<Workload> table1() {
-  std::vector<Workload> all = {make_gaussian_blur(640, 480),  make_convolution(640, 480),
-                               make_sobel(1920, 1080),        make_undistort(640, 480),
-                               make_feature_detect(640, 480), make_optical_flow(640, 480)};
-  for (auto& workload : all) workload.tags.insert(workload.tags.begin(), "table1");
+std::vector<Entry> entries() {
+  return {
+#define PIRT_TABLE1(name, width, height) {make_##name, width, height, true},
+#define PIRT_VISION(name, width, height) {make_##name, width, height, false},
+#include "workloads/vision/workloads.inc"
+  };
+}
+
+std::vector<Workload> all() {
+  std::vector<Workload> all;
+  for (const Entry& entry : entries()) {
+    all.push_back(entry.make(entry.width, entry.height));
+    if (entry.in_table1) all.back().tags.insert(all.back().tags.begin(), "table1");
+  }
   return all;
 }
 

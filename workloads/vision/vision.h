@@ -50,22 +50,22 @@ struct OpticalFlow : ImageOperation {
 
 /// 5x5 binomial [1 4 6 4 1]^2/256 (what OpenCV takes for 5x5 and sigma <= 0), border reflect-101,
 /// (sum + 128) >> 8. Kernel "gaussian_blur". Input u8 [h,w], output u8 [h,w].
-[[nodiscard]] Workload make_gaussian_blur(int width, int height);
+Workload make_gaussian_blur(int width, int height);
 
 /// Correlation with a general 7x7 kernel of integers, border reflect-101:
 /// saturate_u8(round_half_even(sum / 2^8)). Kernel "filter7x7". Input u8 [h,w], parameter weights
 /// i16 [7,7] (seeded, |w| <= 127, not separable, sum about 2^8), output u8 [h,w].
-[[nodiscard]] Workload make_convolution(int width, int height);
+Workload make_convolution(int width, int height);
 
 /// 3x3 Sobel, Gx and Gy, border reflect-101, exact. Kernel "sobel". Input u8 [h,w], outputs gx i16
 /// [h,w], gy i16 [h,w].
-[[nodiscard]] Workload make_sobel(int width, int height);
+Workload make_sobel(int width, int height);
 
 /// Undistortion by a map made once in `prepare`: for each output pixel the source position in 1/32
 /// pixel (round half even of 32*u), then bilinear with weights (32-fx)(32-fy)..., (sum + 512) >>
 /// 10, 0 outside the image (as remap with a constant border does: each of the four neighbours
 /// outside counts as 0). Kernel "undistort". Input u8 [h,w], output u8 [h,w].
-[[nodiscard]] Workload make_undistort(int width, int height);
+Workload make_undistort(int width, int height);
 
 /// Source position of one output pixel in 1/32 pixel: x = floor-free integer 32*u, so that column =
 /// x >> 5 and fraction = x & 31.
@@ -84,7 +84,7 @@ struct MapEntry {
 /// accepted corner, at most 500. Kernel "feature_detect". Input u8 [h,w], outputs corners f32
 /// [500,2] (x, y; unused rows 0), count i32 [1]. Verified as sets: float rounding of near ties may
 /// move a few; see the tolerance in the .cpp.
-[[nodiscard]] Workload make_feature_detect(int width, int height);
+Workload make_feature_detect(int width, int height);
 
 /// Dense, single-level, non-iterative Lucas-Kanade. With border replicate: dx = I0(x+1) - I0(x-1),
 /// dy alike, dt = I1 - I0 (integers; dx and dy are twice the central difference). Sums of dx*dx,
@@ -92,9 +92,21 @@ struct MapEntry {
 /// beyond the border. det = Sxx*Syy - Sxy^2 in exact 64-bit integers; flow 0 where det == 0,
 /// otherwise u = 2*(Sxy*Syt - Syy*Sxt)/det, v = 2*(Sxy*Sxt - Sxx*Syt)/det, in pixels per frame.
 /// Kernel "optical_flow". Inputs previous u8 [h,w], next u8 [h,w]; output flow f32 [h,w,2].
-[[nodiscard]] Workload make_optical_flow(int width, int height);
+Workload make_optical_flow(int width, int height);
 
-/// The six of Table I at the paper's sizes.
-[[nodiscard]] std::vector<Workload> table1();
+// All of them, also those whose definition stands in their own file.
+#define PIRT_VISION(name, width, height) Workload make_##name(int, int);
+#include "workloads/vision/workloads.inc"
+
+/// One of the vision workloads.
+struct Entry {
+  Workload (*make)(int width, int height);
+  int width, height;  ///< Of the catalog.
+  bool in_table1;
+};
+[[nodiscard]] std::vector<Entry> entries();
+
+/// All of them as the catalog has them.
+[[nodiscard]] std::vector<Workload> all();
 
 }  // namespace pirt::vision
