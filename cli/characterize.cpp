@@ -1,5 +1,5 @@
 // pirt characterize: measures every workload on every unit of a platform, into a profile database.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -19,6 +19,7 @@
 #include "reports/figures.h"
 #include "reports/profile_report.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 #include "workloads/catalog.h"
 
@@ -83,18 +84,18 @@ CampaignOptions campaign_options(const Options& options) {
   return campaign;
 }
 
-nlohmann::ordered_json plan_json(const CampaignPlan& plan) {
-  auto cells = nlohmann::ordered_json::array();
+Json plan_json(const CampaignPlan& plan) {
+  auto cells = Json::array();
   for (const auto& cell : plan.cells) {
     cells.push_back({{"workload", cell.workload->name}, {"unit", cell.unit}});
   }
-  auto skipped = nlohmann::ordered_json::array();
+  auto skipped = Json::array();
   for (const auto& skip : plan.skipped) {
-    nlohmann::ordered_json entry = {{"unit", skip.unit}, {"reason", skip.reason}};
+    Json entry = {{"unit", skip.unit}, {"reason", skip.reason}};
     if (!skip.workload.empty()) entry["workload"] = skip.workload;
     skipped.push_back(std::move(entry));
   }
-  nlohmann::ordered_json meters = nlohmann::ordered_json::object();
+  Json meters = Json::object();
   for (const auto& [unit, meter] : plan.meters) {
     meters[unit] = {{"source", meter.source}, {"domain", meter.domain}};
   }
@@ -179,7 +180,7 @@ std::string clock_text(const RunInfo& run) {
       cost->second, std::stod(cost->second) / 1e6 * 100);
 }
 
-nlohmann::ordered_json summary_json(const CampaignSummary& summary) {
+Json summary_json(const CampaignSummary& summary) {
   return {{"run_id", summary.run_id},
           {"cells", summary.cells},
           {"cells_begun", summary.cells_begun},

@@ -1,10 +1,11 @@
 // A subcommand and its options, as the files of commands see them. CLI11 itself stays in
-// command.cpp and main.cpp: whoever includes its header compiles for seconds longer.
+// command.cpp: whoever includes its header compiles for seconds longer.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <variant>
 #include <vector>
@@ -82,5 +83,13 @@ class Command {
  private:
   CLI::App* app_;
 };
+
+/// Adds a command to the program.
+using AddCommand = void(CLI::App& app, Action& action);
+
+/// Parses the command line, checks the files that it names, and runs the command.
+/// @throws Error{kBadInput} for what no command knows, with the nearest names.
+/// @return  The exit code.
+[[nodiscard]] int run(std::span<AddCommand* const> commands, int argc, char** argv);
 
 }  // namespace pirt::cli

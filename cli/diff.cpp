@@ -1,5 +1,5 @@
 // pirt diff: the figures of two profiles side by side.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <filesystem>
 #include <memory>
@@ -12,6 +12,7 @@
 #include "reports/profile_diff.h"
 #include "reports/profile_export.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt::cli {
 namespace {

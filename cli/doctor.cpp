@@ -1,7 +1,7 @@
 // pirt doctor: what would spoil a measurement on this machine, and what to do about it.
 #include "characterize/doctor/doctor.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -15,6 +15,7 @@
 #include "cli/values.h"
 #include "reports/doctor_report.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt::cli {
 namespace {

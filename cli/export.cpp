@@ -1,5 +1,5 @@
 // pirt export: a profile in the formats of other tools.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <array>
 #include <memory>
@@ -10,7 +10,7 @@
 #include "cli/values.h"
 #include "reports/profile_export.h"
 #include "workloads/base/error.h"
-#include "workloads/base/json.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt::cli {

@@ -1,6 +1,6 @@
 #include "cli/files.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -10,6 +10,7 @@
 
 #include "characterize/platform/platform.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 #include "workloads/images.h"
 #include "workloads/opencl/tuning_file.h"

@@ -1,12 +1,13 @@
 #include "cli/fit_energy.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 
 #include "characterize/energy/fitted_platform.h"
 #include "reports/fit_report.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt::cli {

@@ -2,7 +2,6 @@
 // platform file.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,6 +11,7 @@
 #include "characterize/profile/profile.h"
 #include "cli/output.h"
 #include "reports/document.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt::cli {
 
@@ -26,7 +26,7 @@ void check_fit(const FitOptions& options, const CampaignPlan& plan);
 
 struct FitOutcome {
   std::vector<Table> tables;
-  nlohmann::ordered_json json;
+  Json json;
   bool complete = false;  ///< Every unit with a meter was fitted.
 };
 

@@ -1,5 +1,5 @@
 // pirt list: what this build and this machine have.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <memory>
 
@@ -14,6 +14,7 @@
 #include "scheduler/mix/mix.h"
 #include "scheduler/policies/policy.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 #include "workloads/catalog.h"
 #include "workloads/registry.h"
@@ -30,7 +31,7 @@ struct Options {
 /// One listing in both forms.
 struct Listing {
   Document document;
-  nlohmann::ordered_json json;
+  Json json;
 };
 
 std::string count(std::optional<std::int64_t> value) {
@@ -53,17 +54,17 @@ Listing list_workloads() {
                   {"description", Align::kLeft}},
       .footnotes = {"Operations a call: 2 a multiply-add, bias and activation excluded; - where "
                     "they depend on the data."}};
-  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  Json rows = Json::array();
   for (const auto& workload : catalog()) {
     table.rows.push_back({workload.name, count(workload.ops), count(workload.bytes()),
                           workload.kernel, workload.description});
-    nlohmann::ordered_json row = {{"name", workload.name},
-                                  {"description", workload.description},
-                                  {"kernel", workload.kernel},
-                                  {"tags", workload.tags},
-                                  {"bytes", workload.bytes()},
-                                  {"inputs", shapes(workload.inputs)},
-                                  {"outputs", shapes(workload.outputs)}};
+    Json row = {{"name", workload.name},
+                {"description", workload.description},
+                {"kernel", workload.kernel},
+                {"tags", workload.tags},
+                {"bytes", workload.bytes()},
+                {"inputs", shapes(workload.inputs)},
+                {"outputs", shapes(workload.outputs)}};
     if (workload.ops) row["ops"] = *workload.ops;
     rows.push_back(std::move(row));
   }
@@ -71,12 +72,12 @@ Listing list_workloads() {
       "Batches @batch{} to @batch{}, of AlexNet's workloads: so many images a call, the weights "
       "read once",
       kSmallestBatch, kLargestBatch));
-  nlohmann::ordered_json others = nlohmann::ordered_json::array();
+  Json others = Json::array();
   for (const Variant& variant : variants()) {
     const auto workloads = workloads_in_variant(variant.name);
     table.footnotes.push_back(fmt::format("Variant @{}, of {} workloads: {}", variant.name,
                                           workloads.size(), variant.description));
-    nlohmann::ordered_json names = nlohmann::ordered_json::array();
+    Json names = Json::array();
     for (const Workload* workload : workloads) names.push_back(workload->name);
     others.push_back({{"name", variant.name},
                       {"description", variant.description},
@@ -102,7 +103,7 @@ Listing list_backends() {
                           {"workloads"},
                           {"phases", Align::kLeft},
                           {"description", Align::kLeft}}};
-  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  Json rows = Json::array();
   for (const auto& backend : backends()) {
     const auto probe = backend->probe();
     const auto missing = unsupported(*backend);
@@ -122,10 +123,9 @@ Listing list_backends() {
     for (const auto& reason : missing) {
       table.footnotes.push_back(fmt::format("{} does not support {}", backend->name(), reason));
     }
-    nlohmann::ordered_json row = {
-        {"name", backend->name()},      {"description", backend->description()},
-        {"available", probe.available}, {"phases", phases},
-        {"devices", devices},           {"unsupported", missing}};
+    Json row = {{"name", backend->name()},      {"description", backend->description()},
+                {"available", probe.available}, {"phases", phases},
+                {"devices", devices},           {"unsupported", missing}};
     if (!probe.available) row["reason"] = probe.reason;
     rows.push_back(std::move(row));
   }
@@ -169,7 +169,7 @@ Listing list_units(const std::string& platform_name) {
                           {"idle W"},
                           {"device", Align::kLeft}}};
   if (!platform.assumptions.empty()) table.footnotes.push_back(platform.assumptions);
-  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  Json rows = Json::array();
   for (const auto& unit : platform.units) {
     bool available = true;
     const auto status = unit_status(unit, available);
@@ -201,7 +201,7 @@ Listing list_meters() {
                           {"reads", Align::kLeft},
                           {"part of", Align::kLeft},
                           {"status", Align::kLeft}}};
-  auto rows = nlohmann::ordered_json::array();
+  auto rows = Json::array();
   for (const auto& meter : found.meters) {
     const MeterInfo& info = meter->info();
     const bool counts = info.kind == MeterKind::kCounter;
@@ -209,9 +209,9 @@ Listing list_meters() {
                           info.under.empty() ? "-" : info.under,
                           info.problem.empty() ? "readable" : "not readable (below)"});
     if (!info.problem.empty()) table.footnotes.push_back(info.name + ": " + info.problem);
-    nlohmann::ordered_json row = {{"name", info.name},     {"covers", info.covers},
-                                  {"driver", info.driver}, {"reads", counts ? "energy" : "power"},
-                                  {"path", info.path},     {"readable", info.problem.empty()}};
+    Json row = {{"name", info.name},     {"covers", info.covers},
+                {"driver", info.driver}, {"reads", counts ? "energy" : "power"},
+                {"path", info.path},     {"readable", info.problem.empty()}};
     if (!info.under.empty()) row["part_of"] = info.under;
     if (!info.problem.empty()) row["reason"] = info.problem;
     rows.push_back(std::move(row));
@@ -224,7 +224,7 @@ Listing list_meters() {
 Listing list_named(const std::string& what, const std::vector<std::string>& names,
                    const std::function<std::string(const std::string&)>& describe) {
   Table table{.title = what, .columns = {{"name", Align::kLeft}, {"description", Align::kLeft}}};
-  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  Json rows = Json::array();
   for (const auto& name : names) {
     const auto description = describe(name);
     table.rows.push_back({name, description});

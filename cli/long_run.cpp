@@ -1,6 +1,6 @@
 #include "cli/long_run.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <signal.h>
 
 #include <cstdio>

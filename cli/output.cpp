@@ -8,7 +8,7 @@
 #include <filesystem>
 
 #include "workloads/base/error.h"
-#include "workloads/base/json.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/printable.h"
 #include "workloads/base/text.h"
 
@@ -30,7 +30,7 @@ bool means_stdout(std::string_view name) {
   return name == "-" || name == "/dev/stdout" || name == "/dev/fd/1" || name == "/proc/self/fd/1";
 }
 
-void emit(const std::string& text, const nlohmann::ordered_json& json, const Output& json_target) {
+void emit(const std::string& text, const Json& json, const Output& json_target) {
   if (json_target.to_stdout()) {
     write_stdout(json_text(json, 2) + "\n");
     return;

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <nlohmann/json.hpp>
 #include <span>
 #include <string>
 #include <string_view>
@@ -42,7 +41,7 @@ class Output {
 };
 
 /// Prints @p text unless JSON takes stdout, and writes @p json if that was asked for.
-void emit(const std::string& text, const nlohmann::ordered_json& json, const Output& json_target);
+void emit(const std::string& text, const Json& json, const Output& json_target);
 
 /// Writes @p text to @p target, or to stdout. @throws Error if it cannot be written.
 void emit_text(const std::string& text, const Output& target);

@@ -1,7 +1,7 @@
 // pirt regress: did anything become slower, between two stored profiles or two programs?
 #include "cli/regress.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -17,6 +17,7 @@
 #include "reports/gate/pooling.h"
 #include "reports/profile_export.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt::cli {
 namespace {

@@ -1,6 +1,6 @@
 // pirt regress with two programs: is the candidate slower than the baseline, here and now? And with
 // --self-test: would that answer be right?
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -17,6 +17,7 @@
 #include "reports/gate/duet_gate.h"
 #include "reports/gate/self_test.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/name_filter.h"
 #include "workloads/base/text.h"
 #include "workloads/base/time.h"

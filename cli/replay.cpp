@@ -1,7 +1,7 @@
 // pirt replay: feeds the log of a trace into a fresh dispatcher and compares the decisions.
 #include "scheduler/trace/replay.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <memory>
 
@@ -9,6 +9,7 @@
 #include "cli/files.h"
 #include "cli/output.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt::cli {
 namespace {
@@ -30,12 +31,12 @@ std::string text_of(const ReplayResult& result, const TraceLog& log) {
       difference.recorded, difference.replayed);
 }
 
-nlohmann::ordered_json json_of(const ReplayResult& result, const TraceLog& log) {
-  nlohmann::ordered_json json = {{"schema_version", 1},
-                                 {"mode", std::string(log.setup.mode->name)},
-                                 {"inputs", result.inputs},
-                                 {"decisions", result.decisions},
-                                 {"same", !result.difference.has_value()}};
+Json json_of(const ReplayResult& result, const TraceLog& log) {
+  Json json = {{"schema_version", 1},
+               {"mode", std::string(log.setup.mode->name)},
+               {"inputs", result.inputs},
+               {"decisions", result.decisions},
+               {"same", !result.difference.has_value()}};
   if (result.difference) {
     const ReplayDifference& difference = *result.difference;
     json["difference"] = {{"input", difference.entry + 1},

@@ -18,7 +18,7 @@
 #include "reports/setup_report.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
-#include "workloads/base/json.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt::cli {
@@ -77,7 +77,7 @@ Profile open_profile(const Options& options) {
 }
 
 /// What is asked for, where and as what.
-void write(const Options& options, const Document& document, nlohmann::ordered_json json) {
+void write(const Options& options, const Document& document, Json json) {
   const auto format = parse_format(options.format);
   json["schema_version"] = 1;
   const std::string text = format ? render(document, *format) : json_text(json, 2) + "\n";
@@ -104,7 +104,7 @@ int report_profile(const Options& options) {
   }
   document.parts.emplace_back(environment_table(profile));
   auto json = profile_json(profile, preferable);
-  json["modes"] = nlohmann::ordered_json::array();
+  json["modes"] = Json::array();
   for (const auto& record : modes.runs) json["modes"].push_back(to_json(record));
   if (!missing.empty()) json["modes_missing"] = join(missing, "; ");
   write(options, document, std::move(json));

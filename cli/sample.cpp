@@ -15,7 +15,7 @@
 #include "scheduler/planning_time.h"
 #include "workloads/base/affinity.h"
 #include "workloads/base/error.h"
-#include "workloads/base/json.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/time.h"
 
 namespace pirt::cli {

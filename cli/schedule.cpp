@@ -17,6 +17,7 @@
 #include "reports/run_report.h"
 #include "scheduler/policies/policy.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt::cli {

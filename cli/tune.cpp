@@ -3,7 +3,7 @@
 #include "characterize/tune/tune.h"
 
 #include <fmt/chrono.h>
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <ctime>
 #include <memory>
@@ -16,6 +16,7 @@
 #include "cli/values.h"
 #include "reports/tune_report.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/time.h"
 #include "workloads/opencl/tuning_file.h"
 
@@ -62,9 +63,8 @@ bool measured_anything(const TunedUnit& tuned) {
 
 int show_plan(const TunePlan& plan, const TuneOptions& tune, const Options& options) {
   Document document{.title = "pirt tune", .parts = {}};
-  nlohmann::ordered_json json = {
-      {"schema_version", 1}, {"output", tune.output.string()}, {"units", nullptr}};
-  json["units"] = nlohmann::ordered_json::array();
+  Json json = {{"schema_version", 1}, {"output", tune.output.string()}, {"units", nullptr}};
+  json["units"] = Json::array();
   for (const TuneUnit& unit : plan.units) {
     Table table = tune_plan_table(unit);
     const auto processes = expected_processes(unit, {});
@@ -117,8 +117,8 @@ int tune(const Options& options) {
   check_output(tune.output);
   const auto tuned = search(plan, tune);
   Document document{.title = "pirt tune", .parts = {}};
-  nlohmann::ordered_json json = {{"schema_version", 1}, {"output", tune.output.string()}};
-  json["units"] = nlohmann::ordered_json::array();
+  Json json = {{"schema_version", 1}, {"output", tune.output.string()}};
+  json["units"] = Json::array();
   for (const TunedUnit& unit : tuned) {
     document.parts.emplace_back(tune_table(unit));
     json["units"].push_back(tune_json(unit));

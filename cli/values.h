@@ -2,7 +2,7 @@
 // commands; what it is not is refused with the option, the value and what it may be.
 #pragma once
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <concepts>
 #include <cstdint>

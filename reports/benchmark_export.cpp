@@ -2,19 +2,20 @@
 //
 // Source of the keys: google/benchmark v1.7.1, src/json_reporter.cc, and what its tools/gbench
 // reads.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <charconv>
 #include <optional>
 #include <utility>
 
 #include "reports/profile_export.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Json = Json;
 
 std::optional<double> number(const RunInfo& run, const std::string& key) {
   const auto fact = run.environment.find(key);

@@ -1,12 +1,13 @@
 #include "reports/comparison_report.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <limits>
 
 #include "reports/figures.h"
 #include "reports/run_report.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {
@@ -125,10 +126,10 @@ Document comparison_document(const ModeRuns& comparison, const Mix& mix) {
   return document;
 }
 
-nlohmann::ordered_json comparison_json(const ModeRuns& comparison) {
-  auto runs = nlohmann::ordered_json::array();
+Json comparison_json(const ModeRuns& comparison) {
+  auto runs = Json::array();
   for (const auto& run : comparison.runs) runs.push_back(to_json(run));
-  auto skipped = nlohmann::ordered_json::array();
+  auto skipped = Json::array();
   for (const auto& each : comparison.skipped) {
     skipped.push_back({{"mode", each.mode}, {"reason", each.reason}});
   }

@@ -2,11 +2,10 @@
 // possible, and what it costs.
 #pragma once
 
-#include <nlohmann/json.hpp>
-
 #include "reports/document.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/schedule.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -17,6 +16,6 @@ namespace pirt {
 /// strict priority does to real-time pipelines without images: their p99 latency and missed
 /// deadlines under both.
 [[nodiscard]] Document comparison_document(const ModeRuns& comparison, const Mix& mix);
-[[nodiscard]] nlohmann::ordered_json comparison_json(const ModeRuns& comparison);
+[[nodiscard]] Json comparison_json(const ModeRuns& comparison);
 
 }  // namespace pirt

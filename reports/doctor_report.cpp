@@ -1,9 +1,11 @@
 #include "reports/doctor_report.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <functional>
+
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {
@@ -45,10 +47,10 @@ Document doctor_document(const std::vector<Finding>& findings) {
   return document;
 }
 
-nlohmann::ordered_json doctor_json(const std::vector<Finding>& findings) {
-  auto list = nlohmann::ordered_json::array();
+Json doctor_json(const std::vector<Finding>& findings) {
+  auto list = Json::array();
   for (const Finding& finding : findings) {
-    nlohmann::ordered_json entry = {
+    Json entry = {
         {"check", finding.check}, {"level", to_string(finding.level)}, {"found", finding.found}};
     if (!finding.why.empty()) entry["why"] = finding.why;
     if (!finding.remedy.empty()) entry["remedy"] = finding.remedy;

@@ -1,11 +1,11 @@
 // What `pirt doctor` found, worst first.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "characterize/doctor/doctor.h"
 #include "reports/document.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -13,6 +13,6 @@ namespace pirt {
 
 /// {"verdict": "good" | "spoils" | "blocks", "findings": [{check, level, found, why, remedy}]}; why
 /// and remedy are absent where there are none.
-[[nodiscard]] nlohmann::ordered_json doctor_json(const std::vector<Finding>& findings);
+[[nodiscard]] Json doctor_json(const std::vector<Finding>& findings);
 
 }  // namespace pirt

@@ -1,11 +1,12 @@
 #include "reports/fit_report.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
 
 #include "reports/figures.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -82,30 +83,29 @@ std::vector<Table> fit_tables(std::span<const UnitFit> fits) {
   return tables;
 }
 
-nlohmann::ordered_json fit_json(std::span<const UnitFit> fits) {
-  auto units = nlohmann::ordered_json::array();
+Json fit_json(std::span<const UnitFit> fits) {
+  auto units = Json::array();
   for (const UnitFit& each : fits) {
-    auto parameters = nlohmann::ordered_json::array();
+    auto parameters = Json::array();
     for (const FittedParameter& parameter : each.fit.parameters) {
-      nlohmann::ordered_json entry = {{"parameter", to_string(parameter.parameter)},
-                                      {"value", parameter.value},
-                                      {"unit", unit_of(parameter.parameter)},
-                                      {"told_from_zero", is_told_from_zero(parameter)}};
+      Json entry = {{"parameter", to_string(parameter.parameter)},
+                    {"value", parameter.value},
+                    {"unit", unit_of(parameter.parameter)},
+                    {"told_from_zero", is_told_from_zero(parameter)}};
       if (parameter.standard_error) entry["standard_error"] = *parameter.standard_error;
       parameters.push_back(std::move(entry));
     }
-    auto residuals = nlohmann::ordered_json::array();
+    auto residuals = Json::array();
     for (const FitResidual& residual : each.fit.residuals) {
       residuals.push_back({{"workload", residual.workload},
                            {"measured_j", residual.measured_j},
                            {"fitted_j", residual.fitted_j},
                            {"relative_error", residual.relative_error()}});
     }
-    nlohmann::ordered_json unit = {
-        {"unit", each.unit},        {"meter", each.meter},
-        {"run", each.run},          {"provenance", to_string(Provenance::kFitted)},
-        {"parameters", parameters}, {"residuals", residuals},
-        {"dropped", each.dropped},  {"left_out", each.fit.left_out}};
+    Json unit = {{"unit", each.unit},        {"meter", each.meter},
+                 {"run", each.run},          {"provenance", to_string(Provenance::kFitted)},
+                 {"parameters", parameters}, {"residuals", residuals},
+                 {"dropped", each.dropped},  {"left_out", each.fit.left_out}};
     if (each.idle_w) unit["idle_w"] = *each.idle_w;
     if (each.fit.condition > 0 && std::isfinite(each.fit.condition)) {
       unit["condition"] = each.fit.condition;

@@ -2,12 +2,12 @@
 // errors, each cell's error, and what could not be told.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <span>
 #include <vector>
 
 #include "characterize/energy/fitted_platform.h"
 #include "reports/document.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -15,6 +15,6 @@ namespace pirt {
 [[nodiscard]] std::vector<Table> fit_tables(std::span<const UnitFit> fits);
 
 /// An array with one entry a unit: "parameters", "residuals", "dropped", "refusal".
-[[nodiscard]] nlohmann::ordered_json fit_json(std::span<const UnitFit> fits);
+[[nodiscard]] Json fit_json(std::span<const UnitFit> fits);
 
 }  // namespace pirt

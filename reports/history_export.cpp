@@ -1,17 +1,18 @@
 // The JSON of benchmark-history actions. Declared in profile_export.h.
 //
 // Source of the keys: benchmark-action/github-action-benchmark, "customSmallerIsBetter".
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <optional>
 
 #include "reports/profile_export.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Json = Json;
 
 Json entry(const std::string& name, const char* unit, double value,
            std::optional<double> half_width, const std::string& extra) {

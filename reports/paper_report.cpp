@@ -1,6 +1,6 @@
 #include "reports/paper_report.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cassert>
@@ -9,6 +9,7 @@
 
 #include "reports/figures.h"
 #include "scheduler/schedule.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {
@@ -89,8 +90,8 @@ Table paper_table(const std::vector<PaperCell>& cells) {
   return table;
 }
 
-nlohmann::ordered_json paper_json(const std::vector<PaperCell>& cells) {
-  auto rows = nlohmann::ordered_json::array();
+Json paper_json(const std::vector<PaperCell>& cells) {
+  auto rows = Json::array();
   for (const PaperCell& cell : cells) {
     rows.push_back({{"mode", cell.mode},
                     {"figure", cell.figure},

@@ -1,11 +1,11 @@
 // Table V of the Pi-RT paper beside what virtual time gives on the platform that is fitted to it.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "reports/document.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -29,6 +29,6 @@ struct PaperCell {
 [[nodiscard]] std::vector<PaperCell> paper_cells();
 
 [[nodiscard]] Table paper_table(const std::vector<PaperCell>& cells);
-[[nodiscard]] nlohmann::ordered_json paper_json(const std::vector<PaperCell>& cells);
+[[nodiscard]] Json paper_json(const std::vector<PaperCell>& cells);
 
 }  // namespace pirt

@@ -12,6 +12,7 @@
 #include "characterize/profile/identity.h"
 #include "reports/figures.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -209,25 +210,25 @@ Table energy_table(const ProfileDiff& diff) {
 }
 
 template <typename T>
-void put(nlohmann::ordered_json& object, const char* key, const std::optional<T>& value) {
+void put(Json& object, const char* key, const std::optional<T>& value) {
   if (value) object[key] = *value;
 }
-void put(nlohmann::ordered_json& object, const char* key, const std::optional<Nanos>& value) {
+void put(Json& object, const char* key, const std::optional<Nanos>& value) {
   if (value) object[key] = value->count();
 }
 
-nlohmann::ordered_json side_json(const PhaseRow& row) {
-  nlohmann::ordered_json json = {{"run_id", row.run_id}, {"provenance", to_string(row.provenance)},
-                                 {"valid", row.valid},   {"reasons", row.reasons},
-                                 {"notes", row.notes},   {"samples", row.samples}};
+Json side_json(const PhaseRow& row) {
+  Json json = {{"run_id", row.run_id}, {"provenance", to_string(row.provenance)},
+               {"valid", row.valid},   {"reasons", row.reasons},
+               {"notes", row.notes},   {"samples", row.samples}};
   put(json, "median_ns", row.median);
   put(json, "ci_low_ns", row.ci_low);
   put(json, "ci_high_ns", row.ci_high);
   return json;
 }
 
-nlohmann::ordered_json side_json(const EnergyRow& row) {
-  nlohmann::ordered_json json = {
+Json side_json(const EnergyRow& row) {
+  Json json = {
       {"run_id", row.run_id},  {"provenance", to_string(row.provenance)}, {"source", row.source},
       {"domain", row.domain},  {"idle_subtracted", row.idle_subtracted},  {"valid", row.valid},
       {"reasons", row.reasons}};
@@ -235,16 +236,16 @@ nlohmann::ordered_json side_json(const EnergyRow& row) {
   return json;
 }
 
-nlohmann::ordered_json profile_side_json(const Profile& profile) {
-  nlohmann::ordered_json runs = nlohmann::ordered_json::array();
+Json profile_side_json(const Profile& profile) {
+  Json runs = Json::array();
   for (const RunInfo& run : profile.runs) runs.push_back(run.run_id);
   return {{"path", profile.path}, {"platform", profile.platform()}, {"runs", runs}};
 }
 
-nlohmann::ordered_json facts_json(const std::vector<FactDifference>& facts) {
-  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+Json facts_json(const std::vector<FactDifference>& facts) {
+  Json json = Json::array();
   for (const auto& difference : facts) {
-    nlohmann::ordered_json entry = {{"fact", difference.fact}};
+    Json entry = {{"fact", difference.fact}};
     put(entry, "a", difference.a);
     put(entry, "b", difference.b);
     json.push_back(std::move(entry));
@@ -316,30 +317,29 @@ Document diff_document(const ProfileDiff& diff) {
   return document;
 }
 
-nlohmann::ordered_json diff_json(const ProfileDiff& diff) {
-  nlohmann::ordered_json json = {{"a", profile_side_json(*diff.a)},
-                                 {"b", profile_side_json(*diff.b)},
-                                 {"same_identity", diff.identity.empty()},
-                                 {"identity", facts_json(diff.identity)},
-                                 {"information", facts_json(diff.information)},
-                                 {"figures", nlohmann::ordered_json::array()},
-                                 {"energies", nlohmann::ordered_json::array()},
-                                 {"only_in_a", diff.only_a},
-                                 {"only_in_b", diff.only_b}};
+Json diff_json(const ProfileDiff& diff) {
+  Json json = {{"a", profile_side_json(*diff.a)},
+               {"b", profile_side_json(*diff.b)},
+               {"same_identity", diff.identity.empty()},
+               {"identity", facts_json(diff.identity)},
+               {"information", facts_json(diff.information)},
+               {"figures", Json::array()},
+               {"energies", Json::array()},
+               {"only_in_a", diff.only_a},
+               {"only_in_b", diff.only_b}};
   for (const PhasePair& pair : diff.phases) {
-    nlohmann::ordered_json row = {
-        {"workload", pair.a->workload},      {"unit", pair.a->unit},
-        {"phase", to_string(pair.a->phase)}, {"state", to_string(pair.a->state)},
-        {"a", side_json(*pair.a)},           {"b", side_json(*pair.b)}};
+    Json row = {{"workload", pair.a->workload},      {"unit", pair.a->unit},
+                {"phase", to_string(pair.a->phase)}, {"state", to_string(pair.a->state)},
+                {"a", side_json(*pair.a)},           {"b", side_json(*pair.b)}};
     put(row, "ratio", pair.ratio());
     put(row, "intervals_overlap", pair.overlap());
     json["figures"].push_back(std::move(row));
   }
   for (const EnergyPair& pair : diff.energies) {
-    nlohmann::ordered_json row = {{"workload", pair.a->workload},
-                                  {"unit", pair.a->unit},
-                                  {"a", side_json(*pair.a)},
-                                  {"b", side_json(*pair.b)}};
+    Json row = {{"workload", pair.a->workload},
+                {"unit", pair.a->unit},
+                {"a", side_json(*pair.a)},
+                {"b", side_json(*pair.b)}};
     put(row, "ratio", pair.ratio());
     json["energies"].push_back(std::move(row));
   }

@@ -3,13 +3,13 @@
 // No verdict: whether a difference is a regression needs more than two intervals (`pirt regress`).
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "characterize/profile/profile.h"
 #include "reports/document.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -54,6 +54,6 @@ struct ProfileDiff {
 
 /// Identity first, then the figures, then what only one of them has.
 [[nodiscard]] Document diff_document(const ProfileDiff& diff);
-[[nodiscard]] nlohmann::ordered_json diff_json(const ProfileDiff& diff);
+[[nodiscard]] Json diff_json(const ProfileDiff& diff);
 
 }  // namespace pirt

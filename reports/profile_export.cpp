@@ -1,6 +1,6 @@
 #include "reports/profile_export.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
@@ -11,6 +11,7 @@
 #include "characterize/profile/store/reader.h"
 #include "reports/profile_report.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/name_filter.h"
 #include "workloads/base/text.h"
 
@@ -37,13 +38,13 @@ Profile load_with_samples(const std::filesystem::path& path, std::string_view pl
   return profile;
 }
 
-nlohmann::ordered_json export_json(const Profile& profile) {
+Json export_json(const Profile& profile) {
   auto json = profile_json(profile, {});
   json.erase("preferable");
   for (std::size_t i = 0; i < profile.phases.size(); ++i) {
     auto& row = json["profile_summary"][i];
-    row["samples_ns"] = nlohmann::ordered_json::array();
-    row["processes_of_samples"] = nlohmann::ordered_json::array();
+    row["samples_ns"] = Json::array();
+    row["processes_of_samples"] = Json::array();
     const PhaseRow& phase = profile.phases[i];
     for (const Nanos sample : phase.values) row["samples_ns"].push_back(sample.count());
     for (const auto process : phase.value_processes) {
@@ -53,15 +54,15 @@ nlohmann::ordered_json export_json(const Profile& profile) {
   for (std::size_t i = 0; i < profile.runs.size(); ++i) {
     json["runs"][i]["identity"] = profile.runs[i].identity;
   }
-  json["peaks"] = nlohmann::ordered_json::array();
+  json["peaks"] = Json::array();
   for (const PeakRow& peak : profile.peaks) {
-    nlohmann::ordered_json row = {{"run_id", peak.run_id},
-                                  {"unit", peak.unit},
-                                  {"kind", to_string(peak.kind)},
-                                  {"variant", peak.variant},
-                                  {"provenance", to_string(peak.provenance)},
-                                  {"valid", peak.valid},
-                                  {"reasons", peak.reasons}};
+    Json row = {{"run_id", peak.run_id},
+                {"unit", peak.unit},
+                {"kind", to_string(peak.kind)},
+                {"variant", peak.variant},
+                {"provenance", to_string(peak.provenance)},
+                {"valid", peak.valid},
+                {"reasons", peak.reasons}};
     if (peak.per_second) row["per_second"] = *peak.per_second;
     json["peaks"].push_back(std::move(row));
   }

@@ -5,13 +5,13 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "characterize/profile/profile.h"
 #include "characterize/profile/store/reader.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 
@@ -28,7 +28,7 @@ void keep_workloads(Profile& profile, const std::string& filter);
 
 /// profile_json (profile_report.h) without preferences; and `samples_ns` and `processes_of_samples`
 /// in each row, `identity` (the keys of those facts) in each run, and `peaks`.
-[[nodiscard]] nlohmann::ordered_json export_json(const Profile& profile);
+[[nodiscard]] Json export_json(const Profile& profile);
 
 /// The tables that CSV has, each with a header: `profile` and `energy` with the columns of the
 /// views profile_summary and energy_summary, `peaks`, and `samples` (one line a sample). Quoted as
@@ -42,7 +42,7 @@ enum class CsvTable : std::uint8_t { kProfile, kEnergy, kPeaks, kSamples };
 /// out: readers would take them for figures. cpu_time repeats real_time, since readers ask for it
 /// and nothing else is known.
 struct BenchmarkExport {
-  nlohmann::ordered_json json;
+  Json json;
   std::vector<std::string> left_out;  ///< Names of invalid rows, with their reasons.
 };
 [[nodiscard]] BenchmarkExport export_google_benchmark(const Profile& profile);
@@ -51,7 +51,7 @@ struct BenchmarkExport {
 /// history read them ("customSmallerIsBetter"): ns a call, and J a call of rows `energy`; valid
 /// rows only. `range` is half the 95 % interval, where there is one.
 struct HistoryExport {
-  nlohmann::ordered_json json;
+  Json json;
   std::vector<std::string> left_out;
 };
 [[nodiscard]] HistoryExport export_history(const Profile& profile);

@@ -1,6 +1,6 @@
 #include "reports/profile_report.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
@@ -15,6 +15,7 @@
 #include "reports/environment_report.h"
 #include "reports/figures.h"
 #include "reports/roofline_report.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 #include "workloads/catalog.h"
 
@@ -187,28 +188,28 @@ std::vector<std::string> glossary(const Profile& profile) {
 }
 
 template <typename T>
-void put(nlohmann::ordered_json& object, const char* key, const std::optional<T>& value) {
+void put(Json& object, const char* key, const std::optional<T>& value) {
   if (value) object[key] = *value;
 }
-void put(nlohmann::ordered_json& object, const char* key, const std::optional<Nanos>& value) {
+void put(Json& object, const char* key, const std::optional<Nanos>& value) {
   if (value) object[key] = value->count();
 }
 
-nlohmann::ordered_json phase_json(const PhaseRow& row) {
-  nlohmann::ordered_json json = {{"run_id", row.run_id},
-                                 {"platform", row.platform},
-                                 {"workload", row.workload},
-                                 {"unit", row.unit},
-                                 {"backend", row.backend},
-                                 {"phase", to_string(row.phase)},
-                                 {"state", to_string(row.state)},
-                                 {"provenance", to_string(row.provenance)},
-                                 {"valid", row.valid},
-                                 {"reasons", row.reasons},
-                                 {"notes", row.notes},
-                                 {"samples", row.samples},
-                                 {"bytes", row.bytes},
-                                 {"processes", row.processes}};
+Json phase_json(const PhaseRow& row) {
+  Json json = {{"run_id", row.run_id},
+               {"platform", row.platform},
+               {"workload", row.workload},
+               {"unit", row.unit},
+               {"backend", row.backend},
+               {"phase", to_string(row.phase)},
+               {"state", to_string(row.state)},
+               {"provenance", to_string(row.provenance)},
+               {"valid", row.valid},
+               {"reasons", row.reasons},
+               {"notes", row.notes},
+               {"samples", row.samples},
+               {"bytes", row.bytes},
+               {"processes", row.processes}};
   if (const int batch = batch_of(row.workload); batch > 1) json["batch"] = batch;
   put(json, "median_ns", row.median);
   put(json, "mad_ns", row.mad);
@@ -220,33 +221,33 @@ nlohmann::ordered_json phase_json(const PhaseRow& row) {
   return json;
 }
 
-nlohmann::ordered_json energy_json(const EnergyRow& row) {
-  nlohmann::ordered_json json = {{"run_id", row.run_id},
-                                 {"workload", row.workload},
-                                 {"unit", row.unit},
-                                 {"provenance", to_string(row.provenance)},
-                                 {"source", row.source},
-                                 {"valid", row.valid},
-                                 {"reasons", row.reasons},
-                                 {"domain", row.domain},
-                                 {"idle_subtracted", row.idle_subtracted}};
+Json energy_json(const EnergyRow& row) {
+  Json json = {{"run_id", row.run_id},
+               {"workload", row.workload},
+               {"unit", row.unit},
+               {"provenance", to_string(row.provenance)},
+               {"source", row.source},
+               {"valid", row.valid},
+               {"reasons", row.reasons},
+               {"domain", row.domain},
+               {"idle_subtracted", row.idle_subtracted}};
   put(json, "energy_j", row.energy_j);
   return json;
 }
 
-nlohmann::ordered_json ranking_json(const Ranking& ranking, const char* value_key) {
-  nlohmann::ordered_json units = nlohmann::ordered_json::array();
+Json ranking_json(const Ranking& ranking, const char* value_key) {
+  Json units = Json::array();
   for (const auto& unit : ranking.units) {
     units.push_back(
         {{"unit", unit.unit}, {value_key, unit.value}, {"provenance", to_string(unit.provenance)}});
   }
-  nlohmann::ordered_json json = {{"preferable", ranking.preferable()}, {"units", units}};
+  Json json = {{"preferable", ranking.preferable()}, {"units", units}};
   put(json, "advantage", ranking.advantage());
   return json;
 }
 
-nlohmann::ordered_json run_json(const RunInfo& run) {
-  nlohmann::ordered_json units = nlohmann::ordered_json::array();
+Json run_json(const RunInfo& run) {
+  Json units = Json::array();
   for (const auto& unit : run.units) {
     units.push_back({{"unit", unit.unit},
                      {"backend", unit.backend},
@@ -382,13 +383,12 @@ Table preference_table(const std::vector<Preference>& preferences) {
   return table;
 }
 
-nlohmann::ordered_json profile_json(const Profile& profile,
-                                    const std::vector<Preference>& preferences) {
-  nlohmann::ordered_json json = {{"runs", nlohmann::ordered_json::array()},
-                                 {"profile_summary", nlohmann::ordered_json::array()},
-                                 {"energy_summary", nlohmann::ordered_json::array()},
-                                 {"preferable", nlohmann::ordered_json::array()},
-                                 {"roofline", roofline_json(rooflines(profile))}};
+Json profile_json(const Profile& profile, const std::vector<Preference>& preferences) {
+  Json json = {{"runs", Json::array()},
+               {"profile_summary", Json::array()},
+               {"energy_summary", Json::array()},
+               {"preferable", Json::array()},
+               {"roofline", roofline_json(rooflines(profile))}};
   for (const auto& run : profile.runs) json["runs"].push_back(run_json(run));
   for (const auto& row : profile.phases) json["profile_summary"].push_back(phase_json(row));
   for (const auto& row : profile.energies) json["energy_summary"].push_back(energy_json(row));

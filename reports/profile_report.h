@@ -2,13 +2,13 @@
 // workload.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "characterize/profile/profile.h"
 #include "reports/document.h"
 #include "reports/preference.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -22,7 +22,6 @@ namespace pirt {
 [[nodiscard]] Table preference_table(const std::vector<Preference>& preferences);
 
 /// Everything that the tables are made of, in the units of the names.
-[[nodiscard]] nlohmann::ordered_json profile_json(const Profile& profile,
-                                                  const std::vector<Preference>& preferences);
+[[nodiscard]] Json profile_json(const Profile& profile, const std::vector<Preference>& preferences);
 
 }  // namespace pirt

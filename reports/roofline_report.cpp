@@ -1,10 +1,11 @@
 #include "reports/roofline_report.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <set>
 
 #include "reports/figures.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -32,20 +33,20 @@ std::string rate(const PeakRow& peak) {
          (is_bandwidth(peak.kind) ? " GB/s" : " Gop/s");
 }
 
-nlohmann::ordered_json peak_json(const PeakRow& peak) {
-  nlohmann::ordered_json json = {{"run_id", peak.run_id},
-                                 {"unit", peak.unit},
-                                 {"kind", to_string(peak.kind)},
-                                 {"variant", peak.variant},
-                                 {"provenance", to_string(peak.provenance)},
-                                 {"valid", peak.valid},
-                                 {"reasons", peak.reasons}};
+Json peak_json(const PeakRow& peak) {
+  Json json = {{"run_id", peak.run_id},
+               {"unit", peak.unit},
+               {"kind", to_string(peak.kind)},
+               {"variant", peak.variant},
+               {"provenance", to_string(peak.provenance)},
+               {"valid", peak.valid},
+               {"reasons", peak.reasons}};
   if (peak.per_second) json["per_second"] = *peak.per_second;
   return json;
 }
 
-nlohmann::ordered_json cell_json(const Roofline& cell) {
-  nlohmann::ordered_json json = {{"workload", cell.workload}, {"unit", cell.unit}};
+Json cell_json(const Roofline& cell) {
+  Json json = {{"workload", cell.workload}, {"unit", cell.unit}};
   if (!cell.fraction) {
     json["why_not"] = cell.why_not;
     return json;
@@ -114,10 +115,10 @@ std::vector<std::string> roofline_footnotes(const Rooflines& rooflines) {
   return lines;
 }
 
-nlohmann::ordered_json roofline_json(const Rooflines& rooflines) {
-  auto peaks = nlohmann::ordered_json::array();
+Json roofline_json(const Rooflines& rooflines) {
+  auto peaks = Json::array();
   for (const PeakRow& peak : rooflines.peaks) peaks.push_back(peak_json(peak));
-  auto cells = nlohmann::ordered_json::array();
+  auto cells = Json::array();
   for (const Roofline& cell : rooflines.cells) cells.push_back(cell_json(cell));
   return {{"peaks", peaks}, {"cells", cells}};
 }

@@ -1,11 +1,11 @@
 // The measured limits of each unit, and how near each workload comes to them.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "characterize/profile/roofline.h"
 #include "reports/document.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -19,6 +19,6 @@ namespace pirt {
 [[nodiscard]] std::vector<std::string> roofline_footnotes(const Rooflines& rooflines);
 
 /// {"peaks": [...], "cells": [...]}; a fraction that is not known is absent and `why_not` is there.
-[[nodiscard]] nlohmann::ordered_json roofline_json(const Rooflines& rooflines);
+[[nodiscard]] Json roofline_json(const Rooflines& rooflines);
 
 }  // namespace pirt

@@ -1,15 +1,16 @@
 #include "reports/setup_report.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 
 #include "reports/figures.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Json = Json;
 
 /// A workload on two units, the one that the profile names first as `a`.
 struct Pair {

@@ -1,10 +1,9 @@
 // `pirt report --setup`: total offloading time by phase, and crossovers between units.
 #pragma once
 
-#include <nlohmann/json.hpp>
-
 #include "reports/document.h"
 #include "reports/offloading.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -18,6 +17,6 @@ namespace pirt {
 /// "offloading", "crossovers" and "missing"; times in ms. A crossover is {"wins": "never" |
 /// "always" | "from" | "up_to", "calls"}, with two of its kind, "soonest" and "latest", where
 /// intervals are known.
-[[nodiscard]] nlohmann::ordered_json setup_json(const OffloadingCosts& costs);
+[[nodiscard]] Json setup_json(const OffloadingCosts& costs);
 
 }  // namespace pirt

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -104,24 +105,23 @@ Table tune_table(const TunedUnit& tuned) {
   return table;
 }
 
-nlohmann::ordered_json tune_json(const TunedUnit& tuned) {
-  auto parameters = nlohmann::ordered_json::array();
+Json tune_json(const TunedUnit& tuned) {
+  auto parameters = Json::array();
   for (const TuneFinding& finding : tuned.outcome.findings) {
-    nlohmann::ordered_json entry = {
-        {"name", finding.parameter->name}, {"meaning", finding.parameter->meaning},
-        {"default", finding.standard},     {"best", finding.best},
-        {"fastest", finding.fastest},      {"verdict", name_of(finding.verdict)}};
+    Json entry = {{"name", finding.parameter->name}, {"meaning", finding.parameter->meaning},
+                  {"default", finding.standard},     {"best", finding.best},
+                  {"fastest", finding.fastest},      {"verdict", name_of(finding.verdict)}};
     if (finding.rounds > 0) {
       entry["speed_up"] = finding.speed_up;
       entry["rounds"] = finding.rounds;
       entry["rounds_faster"] = finding.rounds_faster;
       entry["p_value"] = finding.p_value;
     }
-    entry["workloads"] = nlohmann::ordered_json::array();
+    entry["workloads"] = Json::array();
     for (const WorkloadGain& gain : finding.gains) {
       entry["workloads"].push_back({{"name", gain.workload}, {"speed_up", gain.speed_up}});
     }
-    entry["rejected"] = nlohmann::ordered_json::array();
+    entry["rejected"] = Json::array();
     for (const RejectedCandidate& rejected : finding.rejected) {
       entry["rejected"].push_back({{"value", rejected.value},
                                    {"wrong_output", rejected.wrong},
@@ -159,8 +159,8 @@ Table tune_plan_table(const TuneUnit& unit) {
   return table;
 }
 
-nlohmann::ordered_json tune_plan_json(const TuneUnit& unit) {
-  auto parameters = nlohmann::ordered_json::array();
+Json tune_plan_json(const TuneUnit& unit) {
+  auto parameters = Json::array();
   for (const TuneStep& step : unit.steps) {
     const auto& range = step.parameter->range(unit.device.is_cpu);
     parameters.push_back(

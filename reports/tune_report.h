@@ -1,11 +1,11 @@
 // What `pirt tune` found, and what it would do.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "characterize/tune/tune.h"
 #include "reports/document.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -14,10 +14,10 @@ namespace pirt {
 /// {"unit", "device", "platform", "version", "tuning", "parameters": [{name, meaning, default,
 /// best, fastest, verdict, speed_up, rounds, rounds_faster, p_value, workloads, rejected}],
 /// "not_reached", "remarks"}; figures are absent where nothing was measured.
-[[nodiscard]] nlohmann::ordered_json tune_json(const TunedUnit& tuned);
+[[nodiscard]] Json tune_json(const TunedUnit& tuned);
 
 /// The same of what is only planned: candidates and workloads.
 [[nodiscard]] Table tune_plan_table(const TuneUnit& unit);
-[[nodiscard]] nlohmann::ordered_json tune_plan_json(const TuneUnit& unit);
+[[nodiscard]] Json tune_plan_json(const TuneUnit& unit);
 
 }  // namespace pirt

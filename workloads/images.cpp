@@ -2,18 +2,18 @@
 // and scales; nothing is computed with it.
 #include "workloads/images.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <system_error>
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/hash.h"
 #include "workloads/base/random.h"
 #include "workloads/base/text.h"
 #include "workloads/image_format.h"
@@ -116,16 +116,6 @@ Picture rgb_picture(const cv::Mat& picture, int width, int height) {
   return result;
 }
 
-std::uint64_t hash_bytes(std::string_view bytes) {
-  std::uint64_t hash = bytes.size();
-  for (std::size_t i = 0; i < bytes.size(); i += sizeof(std::uint64_t)) {
-    std::uint64_t word = 0;
-    std::memcpy(&word, &bytes[i], std::min(sizeof word, bytes.size() - i));
-    hash = hash_u64(hash, word);
-  }
-  return hash;
-}
-
 bool has_image_extension(const fs::path& file) {
   std::string extension = file.extension().string();
   std::ranges::transform(extension, extension.begin(),
@@ -148,7 +138,7 @@ class FileImages : public ImageSource {
       if (!fs::is_regular_file(file, failed)) throw_unusable(file, "it is not a regular file");
       const std::string bytes = read_bytes(file);
       static_cast<void>(decode(file, bytes));
-      files_.push_back({file, hash_bytes(bytes)});
+      files_.push_back({file, Hash64().add(bytes).value()});
     }
   }
 
@@ -197,7 +187,8 @@ class FileImages : public ImageSource {
   cv::Mat load(int index, std::size_t count) const {
     const File& file = files_[static_cast<std::size_t>(index) % count];
     const std::string bytes = read_bytes(file.path);
-    if (hash_bytes(bytes) != file.hash) throw_unusable(file.path, "it changed while in use");
+    if (Hash64().add(bytes).value() != file.hash)
+      throw_unusable(file.path, "it changed while in use");
     return decode(file.path, bytes);
   }
 

@@ -1,6 +1,6 @@
 #include "characterize/campaign/campaign_estimate.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 

@@ -1,6 +1,6 @@
 // Which cells a campaign has: arguments checked, units probed, workloads chosen. Declared in
 // campaign.h.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 

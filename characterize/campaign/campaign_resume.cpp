@@ -1,16 +1,15 @@
 #include "characterize/campaign/campaign_resume.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <set>
 
 #include "characterize/profile/identity.h"
 #include "characterize/profile/store/reader.h"
 #include "characterize/worker/job.h"
 #include "workloads/base/error.h"
-#include "workloads/base/json.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt {

@@ -1,6 +1,6 @@
 #include "characterize/doctor/doctor.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

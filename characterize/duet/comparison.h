@@ -9,7 +9,6 @@
 #include <array>
 #include <cstdint>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
 #include <string>
@@ -18,6 +17,7 @@
 
 #include "characterize/duet/rule.h"
 #include "characterize/duet/sample.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -66,7 +66,7 @@ class DuetComparison {
   /// @param among  Indices of the cells in question.
   [[nodiscard]] std::optional<DuetStep> next(std::span<const std::size_t> among) const;
 
-  using Event = nlohmann::ordered_json;
+  using Event = Json;
   /// The event of a step whose processes all answered.
   /// @param samples  As long as step.order.
   [[nodiscard]] Event event_of(const DuetStep& step, const std::vector<Sample>& samples) const;

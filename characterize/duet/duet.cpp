@@ -1,6 +1,6 @@
 #include "characterize/duet/duet.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <exception>
 #include <memory>
@@ -11,6 +11,7 @@
 #include "characterize/worker/scratch.h"
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 #include "workloads/base/thread.h"
 #include "workloads/base/time.h"

@@ -4,8 +4,9 @@
 
 #include <filesystem>
 #include <functional>
-#include <nlohmann/json.hpp>
 #include <string>
+
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -13,7 +14,7 @@ namespace pirt {
 /// has it at a time.
 class Ledger {
  public:
-  using Event = nlohmann::ordered_json;
+  using Event = Json;
 
   /// Keeps nothing.
   Ledger() = default;

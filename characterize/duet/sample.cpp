@@ -1,6 +1,6 @@
 #include "characterize/duet/sample.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cmath>
 
@@ -11,7 +11,7 @@
 #include "characterize/worker/worker.h"
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
-#include "workloads/base/json.h"
+#include "workloads/base/json_value.h"
 #include "workloads/catalog.h"
 #include "workloads/registry.h"
 
@@ -92,11 +92,11 @@ Sample take_sample(const Platform& platform, const SampleRequest& request) {
   return sample;
 }
 
-nlohmann::ordered_json to_json(const Sample& sample) {
-  nlohmann::ordered_json json = {{"pirt_sample", kFormat},
-                                 {"version", sample.version},
-                                 {"device", sample.device},
-                                 {"driver", sample.driver}};
+Json to_json(const Sample& sample) {
+  Json json = {{"pirt_sample", kFormat},
+               {"version", sample.version},
+               {"device", sample.device},
+               {"driver", sample.driver}};
   if (sample.right) {
     json["inputs"] = sample.inputs;
     json["right"] = *sample.right;

@@ -6,13 +6,13 @@
 
 #include <cstdint>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
 
 #include "characterize/platform/platform.h"
 #include "characterize/worker/injection.h"
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -54,7 +54,7 @@ struct Sample {
 /// @throws Error{kBadInput}: no such workload or unit; Error{kEnvironment}: it cannot be done here.
 [[nodiscard]] Sample take_sample(const Platform& platform, const SampleRequest& request);
 
-[[nodiscard]] nlohmann::ordered_json to_json(const Sample& sample);
+[[nodiscard]] Json to_json(const Sample& sample);
 /// @throws Error{kBadInput} if @p text is not what `pirt sample` prints.
 [[nodiscard]] Sample sample_from_json(const std::string& text);
 

@@ -1,6 +1,6 @@
 #include "characterize/energy/choice.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <set>

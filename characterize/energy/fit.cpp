@@ -1,7 +1,7 @@
 #include "characterize/energy/fit.h"
 
 #include <ceres/ceres.h>
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <Eigen/Dense>
 #include <algorithm>

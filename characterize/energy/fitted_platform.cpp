@@ -1,6 +1,6 @@
 #include "characterize/energy/fitted_platform.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <charconv>

@@ -1,6 +1,6 @@
 #include "characterize/energy/metered_calls.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

@@ -4,7 +4,7 @@
 // microamperes, voltage_now in microvolts. Some drivers give a discharge as a negative figure, so
 // that only the size counts. While a battery is charging, or full on the mains, its figures say
 // nothing about what the machine draws.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cstdlib>
 

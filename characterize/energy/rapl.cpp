@@ -3,7 +3,7 @@
 // Source: Documentation/power/powercap/powercap.rst, ABI/testing/sysfs-class-powercap. energy_uj is
 // in microjoules and starts again at 0 behind max_energy_range_uj. Zones are told apart by `name`,
 // since their numbers differ from machine to machine.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <map>
 

@@ -1,6 +1,6 @@
 #include "characterize/platform/selection.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <set>

@@ -1,6 +1,6 @@
 #include "characterize/platform/unit_request.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 #include "characterize/profile/roofline.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <charconv>

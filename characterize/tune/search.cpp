@@ -1,6 +1,6 @@
 #include "characterize/tune/search.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

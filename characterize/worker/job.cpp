@@ -1,11 +1,9 @@
 #include "characterize/worker/job.h"
 
-#include <fmt/format.h>
-
-#include <nlohmann/json.hpp>
+#include <fmt/core.h>
 
 #include "workloads/base/error.h"
-#include "workloads/base/json.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {

@@ -1,8 +1,9 @@
 #include "characterize/worker/job_runner.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include "characterize/worker/process.h"
+#include "workloads/base/json_value.h"
 #include "workloads/catalog.h"
 
 namespace pirt {

@@ -1,6 +1,6 @@
 #include "characterize/worker/measure.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 #include "characterize/worker/peaks.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <limits>

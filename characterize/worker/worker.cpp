@@ -1,6 +1,6 @@
 #include "characterize/worker/worker.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -15,6 +15,7 @@
 #include "characterize/worker/job.h"
 #include "characterize/worker/peaks.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/catalog.h"
 #include "workloads/registry.h"
 #include "workloads/tensor_file.h"

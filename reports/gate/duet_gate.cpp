@@ -1,12 +1,13 @@
 #include "reports/gate/duet_gate.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 
 #include "characterize/statistics/rank_tests.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {
@@ -173,11 +174,11 @@ void describe_rule(GateReport& report) {
                       {"canary_median", t.canary_median},
                       {"canary_alpha", t.canary_alpha}};
   const auto effects = [](const DuetThresholds& of) {
-    return nlohmann::ordered_json{{"suspicious_bound", of.suspicious_bound},
-                                  {"suspicious_median", of.suspicious_median},
-                                  {"futile_median", of.futile_median},
-                                  {"open_bound", of.open_bound},
-                                  {"first_futility", of.first_futility}};
+    return Json{{"suspicious_bound", of.suspicious_bound},
+                {"suspicious_median", of.suspicious_median},
+                {"futile_median", of.futile_median},
+                {"open_bound", of.open_bound},
+                {"first_futility", of.first_futility}};
   };
   report.rule_json["calls"] = effects(t);
   report.rule_json["setup"] = effects(setup);

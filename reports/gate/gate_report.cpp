@@ -10,11 +10,12 @@
 #include "reports/figures.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Json = Json;
 
 constexpr std::array kVerdicts = {GateVerdict::kFailed,       GateVerdict::kSlower,
                                   GateVerdict::kInconclusive, GateVerdict::kNotComparable,
@@ -281,7 +282,7 @@ Document gate_document(const GateReport& report, bool all) {
   return document;
 }
 
-nlohmann::ordered_json gate_json(const GateReport& report) {
+Json gate_json(const GateReport& report) {
   Json identity = Json::array();
   for (const auto& each : report.result.identity) {
     identity.push_back({{"fact", each.fact},

@@ -2,7 +2,6 @@
 // (the same as Markdown), for CI servers (JUnit XML) and for programs (JSON).
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,6 +9,7 @@
 #include "reports/document.h"
 #include "reports/gate/decisions.h"
 #include "reports/gate/table_gate.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 
@@ -17,8 +17,8 @@ struct GateReport {
   std::string base, candidate;  ///< What was compared: paths.
   GateResult result;
   std::optional<Decisions> decisions;
-  std::vector<std::string> rule;  ///< In words, below the table.
-  nlohmann::ordered_json rule_json = nlohmann::ordered_json::object();  ///< In figures.
+  std::vector<std::string> rule;    ///< In words, below the table.
+  Json rule_json = Json::object();  ///< In figures.
 };
 
 /// The rule of two stored tables.
@@ -30,7 +30,7 @@ void describe_rule(const GateThresholds& thresholds, GateReport& report);
 
 /// @param all  Also the rows that are the same or not judged; otherwise they are counted.
 [[nodiscard]] Document gate_document(const GateReport& report, bool all);
-[[nodiscard]] nlohmann::ordered_json gate_json(const GateReport& report);
+[[nodiscard]] Json gate_json(const GateReport& report);
 
 /// A test case a row: slower and failed ones fail, inconclusive, not comparable and not judged ones
 /// are skipped, with the reason.

@@ -1,11 +1,12 @@
 #include "reports/gate/self_test.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>
 
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -171,7 +172,7 @@ Document self_test_document(const SelfTest& test) {
   return document;
 }
 
-nlohmann::ordered_json self_test_json(const SelfTest& test) {
+Json self_test_json(const SelfTest& test) {
   Event trials = Event::array();
   for (const Trial& trial : self_test_trials()) {
     const TrialCount count = test.count(trial);

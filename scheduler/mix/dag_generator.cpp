@@ -1,6 +1,6 @@
 #include "scheduler/mix/dag_generator.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cctype>

@@ -7,6 +7,7 @@
 
 #include "characterize/platform/platform.h"
 #include "mix_files.h"
+#include "scheduler/mix/dependency_order.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 #include "workloads/base/yaml.h"
@@ -124,55 +125,24 @@ Edges resolve_edges(const std::vector<NamedTask>& tasks) {
   return edges;
 }
 
-/// Every task that is not placed has a predecessor that is not either, so that walking back meets a
-/// cycle.
-[[noreturn]] void fail_with_cycle(const YamlNode& node, const std::vector<NamedTask>& tasks,
-                                  const Edges& edges, const std::vector<bool>& placed) {
-  const auto start = static_cast<std::size_t>(std::ranges::find(placed, false) - placed.begin());
-  std::vector<std::size_t> path;
-  std::vector<bool> on_path(tasks.size(), false);
-  std::size_t at = start;
-  while (!on_path[at]) {
-    on_path[at] = true;
-    path.push_back(at);
-    at = *std::ranges::find_if(edges[at], [&](std::size_t each) { return !placed[each]; });
-  }
-  // Only the loop, closed, and in the direction of the data.
-  path.erase(path.begin(), std::ranges::find(path, at));
-  path.push_back(at);
-  std::ranges::reverse(path);
-  std::vector<std::string> names;
-  names.reserve(path.size());
-  for (const std::size_t each : path) names.push_back(tasks[each].task.name);
-  node.fail("the tasks wait for each other: " + join(names, " -> "));
-}
-
-/// Kahn's algorithm, each time the first in file order that is ready.
+/// Predecessors first, otherwise in file order.
 std::vector<MixTask> sorted_tasks(const YamlNode& node, std::vector<NamedTask> tasks) {
   const Edges edges = resolve_edges(tasks);
-  Edges successors(tasks.size());
-  std::vector<std::size_t> pending(tasks.size());
-  std::set<std::size_t> ready;
-  for (std::size_t i = 0; i < tasks.size(); ++i) {
-    pending[i] = edges[i].size();
-    if (pending[i] == 0) ready.insert(i);
-    for (const std::size_t each : edges[i]) successors[each].push_back(i);
+  const auto [order, cycle] = dependency_order(edges);
+  if (!cycle.empty()) {
+    std::vector<std::string> names;
+    for (const auto& each : tasks) names.push_back(each.task.name);
+    node.fail(cycle_text(cycle, names));
   }
   std::vector<std::size_t> new_position(tasks.size());
-  std::vector<bool> placed(tasks.size(), false);
   std::vector<MixTask> sorted;
-  while (!ready.empty()) {
-    const std::size_t first = *ready.begin();
-    ready.erase(ready.begin());
-    placed[first] = true;
-    new_position[first] = sorted.size();
-    sorted.push_back(std::move(tasks[first].task));
-    for (const std::size_t each : edges[first]) sorted.back().after.push_back(new_position[each]);
-    for (const std::size_t each : successors[first]) {
-      if (--pending[each] == 0) ready.insert(each);
+  for (const std::size_t each : order) {
+    new_position[each] = sorted.size();
+    sorted.push_back(std::move(tasks[each].task));
+    for (const std::size_t before : edges[each]) {
+      sorted.back().after.push_back(new_position[before]);
     }
   }
-  if (sorted.size() < tasks.size()) fail_with_cycle(node, tasks, edges, placed);
   return sorted;
 }
 

@@ -1,6 +1,7 @@
 // Tasks as the dispatcher and the policies see them: numbers and tags, no names and no durations.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -24,6 +25,18 @@ inline constexpr std::size_t kMaxUnits = 64;
 [[nodiscard]] constexpr UnitMask unit_bit(UnitId unit) { return UnitMask{1} << unit; }
 [[nodiscard]] constexpr bool contains(UnitMask mask, UnitId unit) {
   return (mask & unit_bit(unit)) != 0;
+}
+
+/// The unit of @p mask that is better than all before it; ties: the first. Absent if it is empty.
+/// @param better  bool(UnitId a, UnitId b): whether @p a is better than @p b.
+template <typename Better>
+[[nodiscard]] std::optional<UnitId> first_best(UnitMask mask, const Better& better) {
+  std::optional<UnitId> best;
+  for (; mask != 0; mask &= mask - 1) {
+    const auto unit = static_cast<UnitId>(std::countr_zero(mask));
+    if (!best || better(unit, *best)) best = unit;
+  }
+  return best;
 }
 
 /// What a policy may look at. Tasks of one class are placed, and refused, alike.

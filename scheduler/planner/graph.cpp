@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <cassert>
-#include <set>
 #include <utility>
 
+#include "scheduler/mix/dependency_order.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
 
 namespace pirt {
 namespace {
@@ -71,38 +70,14 @@ void PlanningGraph::check() const {
   }
 }
 
-/// Kahn's algorithm, each time the first that is ready.
 void PlanningGraph::sort() {
-  std::vector<std::size_t> pending(tasks());
-  std::set<std::size_t> ready;
-  for (std::size_t task = 0; task < tasks(); ++task) {
-    pending[task] = in_[task].size();
-    if (pending[task] == 0) ready.insert(task);
+  std::vector<std::vector<std::size_t>> predecessors(tasks());
+  for (const auto& each : graph_.edges) predecessors[each.to].push_back(each.from);
+  auto sorted = dependency_order(predecessors);
+  if (!sorted.cycle.empty()) {
+    throw_bad_input("task graph: " + cycle_text(sorted.cycle, graph_.names));
   }
-  while (!ready.empty()) {
-    const std::size_t task = *ready.begin();
-    ready.erase(ready.begin());
-    order_.push_back(task);
-    for (const std::size_t e : out_[task]) {
-      if (--pending[edge(e).to] == 0) ready.insert(edge(e).to);
-    }
-  }
-  if (order_.size() == tasks()) return;
-  // What is left has a predecessor that is left, so that walking back meets a cycle.
-  std::vector<std::size_t> path;
-  auto at = static_cast<std::size_t>(
-      std::ranges::find_if(pending, [](std::size_t count) { return count != 0; }) -
-      pending.begin());
-  while (std::ranges::find(path, at) == path.end()) {
-    path.push_back(at);
-    const auto back =
-        std::ranges::find_if(in_[at], [&](std::size_t e) { return pending[edge(e).from] != 0; });
-    at = edge(*back).from;
-  }
-  std::vector<std::string> names = {graph_.names[at]};
-  for (auto it = path.rbegin(); *it != at; ++it) names.push_back(graph_.names[*it]);
-  names.push_back(graph_.names[at]);
-  throw_bad_input("task graph: the tasks wait for each other: " + join(names, " -> "));
+  order_ = std::move(sorted.order);
 }
 
 void PlanningGraph::average() {

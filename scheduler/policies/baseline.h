@@ -15,6 +15,9 @@ class Baseline : public Policy {
     return task.eligible & up & usable_;
   }
   const std::vector<UnitId>& order() const override { return order_; }
+  static Placement on_or_hold(std::optional<UnitId> unit) {
+    return unit ? Placement::on(*unit) : Placement::hold();
+  }
 
  protected:
   explicit Baseline(const PolicySetup& setup) : Baseline(setup, local_units(setup.roles)) {}

@@ -1,6 +1,7 @@
 #include "scheduler/policies/completion_estimate.h"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 
 #include "scheduler/policies/unit_order.h"
@@ -16,16 +17,12 @@ CompletionEstimate::CompletionEstimate(const PolicySetup& setup)
 
 std::optional<UnitId> CompletionEstimate::best_unit(const TaskClass& task,
                                                     const UnitsView& units) const {
-  std::optional<UnitId> best;
-  Nanos best_end{0};
+  const UnitMask mask = task.eligible & units.up & local_;
+  std::array<Nanos, kMaxUnits> ends{};
   for (UnitId unit = 0; unit < accounts_.size(); ++unit) {
-    if (!contains(task.eligible & units.up & local_, unit)) continue;
-    const Nanos end = completion(task, unit, units);
-    if (best && end >= best_end) continue;
-    best = unit;
-    best_end = end;
+    if (contains(mask, unit)) ends[unit] = completion(task, unit, units);
   }
-  return best;
+  return first_best(mask, [&](UnitId a, UnitId b) { return ends[a] < ends[b]; });
 }
 
 bool CompletionEstimate::has_idle_server(UnitId unit, const UnitsView& units) const {

@@ -20,16 +20,10 @@ class CpuOnlyPolicy final : public Baseline {
       : Baseline(setup, cpus(setup)), servers_(setup.servers) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
-    std::optional<UnitId> best;
-    const UnitMask mask = takers(task, units.up);
-    for (const UnitId unit : order()) {
-      if (!contains(mask, unit)) continue;
-      // Loads over servers, compared as fractions.
-      if (!best || units.load[unit] * servers_[*best] < units.load[*best] * servers_[unit]) {
-        best = unit;
-      }
-    }
-    return best ? Placement::on(*best) : Placement::hold();
+    // Loads over servers, compared as fractions.
+    return on_or_hold(first_best(takers(task, units.up), [&](UnitId a, UnitId b) {
+      return units.load[a] * servers_[b] < units.load[b] * servers_[a];
+    }));
   }
 
  private:

@@ -11,13 +11,10 @@ class MeePolicy final : public Baseline {
   explicit MeePolicy(const PolicySetup& setup) : Baseline(setup), costs_(setup.costs) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
-    std::optional<UnitId> best;
     const auto& costs = costs_[task.workload];
-    for (const UnitId unit : order()) {
-      if (!contains(takers(task, units.up), unit)) continue;
-      if (!best || costs[unit]->energy_j < costs[*best]->energy_j) best = unit;
-    }
-    return best ? Placement::on(*best) : Placement::hold();
+    return on_or_hold(first_best(takers(task, units.up), [&](UnitId a, UnitId b) {
+      return costs[a]->energy_j < costs[b]->energy_j;
+    }));
   }
 
  private:

@@ -16,13 +16,10 @@ class MetPolicy final : public Baseline {
   explicit MetPolicy(const PolicySetup& setup) : Baseline(setup), costs_(setup.costs) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
-    std::optional<UnitId> best;
-    const auto& times = costs_[task.workload];
-    for (const UnitId unit : order()) {
-      if (!contains(takers(task, units.up), unit)) continue;
-      if (!best || times[unit]->total < times[*best]->total) best = unit;
-    }
-    return best ? Placement::on(*best) : Placement::hold();
+    const auto& costs = costs_[task.workload];
+    return on_or_hold(first_best(takers(task, units.up), [&](UnitId a, UnitId b) {
+      return costs[a]->total < costs[b]->total;
+    }));
   }
 
  private:

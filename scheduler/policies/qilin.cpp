@@ -23,15 +23,11 @@ class QilinPolicy final : public Baseline {
         frames_(setup.costs.size(), std::vector<std::int64_t>(setup.roles.size(), 0)) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
-    auto& frames = frames_[task.workload];
-    std::optional<UnitId> best;
-    for (const UnitId unit : order()) {
-      if (!contains(takers(task, units.up), unit)) continue;
-      if (!best || ends_before(task.workload, unit, *best)) best = unit;
-    }
-    if (!best) return Placement::hold();
-    ++frames[*best];
-    return Placement::on(*best);
+    const auto best = first_best(takers(task, units.up), [&](UnitId a, UnitId b) {
+      return ends_before(task.workload, a, b);
+    });
+    if (best) ++frames_[task.workload][*best];
+    return on_or_hold(best);
   }
 
  private:

@@ -5,7 +5,7 @@
 #include <type_traits>
 
 #include "workloads/base/error.h"
-#include "workloads/base/json.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt {
@@ -147,7 +147,7 @@ std::optional<double> gap(std::optional<double> reached, std::optional<double> b
   return *reached / *bound - 1;
 }
 
-nlohmann::ordered_json to_json(const RunRecord& record) {
+Json to_json(const RunRecord& record) {
   Writer writer;
   writer.field("schema_version", RunRecord::kSchemaVersion);
   visit_record(writer, record);
@@ -187,7 +187,7 @@ nlohmann::ordered_json to_json(const RunRecord& record) {
   return std::move(writer.json);
 }
 
-RunRecord run_record_from_json(const nlohmann::ordered_json& json, const std::string& source) {
+RunRecord run_record_from_json(const Json& json, const std::string& source) {
   check_version(json, source);
   try {
     RunRecord record;

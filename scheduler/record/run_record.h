@@ -7,10 +7,11 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -111,13 +112,12 @@ struct RunRecord {
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };
 
-[[nodiscard]] nlohmann::ordered_json to_json(const RunRecord& record);
+[[nodiscard]] Json to_json(const RunRecord& record);
 
 /// @param source  For messages: the file that the JSON came from.
 /// @throws Error{kBadInput} for a missing, other or newer schema version, a missing key or a wrong
 /// type.
-[[nodiscard]] RunRecord run_record_from_json(const nlohmann::ordered_json& json,
-                                             const std::string& source);
+[[nodiscard]] RunRecord run_record_from_json(const Json& json, const std::string& source);
 
 /// @throws Error{kBadInput} as above, or if the file cannot be read or is not JSON.
 [[nodiscard]] RunRecord load_run_record(const std::filesystem::path& path);

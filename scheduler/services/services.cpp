@@ -1,6 +1,6 @@
 #include "scheduler/services/services.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 #include "scheduler/services/transfers.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cmath>
 

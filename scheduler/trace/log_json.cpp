@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/json.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {
@@ -178,7 +178,7 @@ void add_task(const Task& task, std::string& line) {
 
 }  // namespace
 
-nlohmann::ordered_json to_json(const DispatcherSetup& setup) {
+Json to_json(const DispatcherSetup& setup) {
   Json slots = Json::array();
   for (const auto& each : setup.slots) slots.push_back(each ? Json(*each) : Json());
   return {{"schema_version", DispatcherSetup::kSchemaVersion},

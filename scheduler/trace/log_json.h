@@ -1,7 +1,6 @@
 // The dispatcher's part of a trace as JSON: what it was made of, its inputs, and what it decided.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,7 +20,7 @@ struct DispatcherSetup {
   PolicySetup policy;
 };
 
-[[nodiscard]] nlohmann::ordered_json to_json(const DispatcherSetup& setup);
+[[nodiscard]] Json to_json(const DispatcherSetup& setup);
 /// @throws nlohmann::json::exception for a missing key or a wrong type, Error{kBadInput} for
 /// another version, an unknown mode, or tables that do not fit the units.
 [[nodiscard]] DispatcherSetup dispatcher_setup_from_json(const Json& json);

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/json.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {
@@ -50,7 +50,7 @@ void TraceFile::log(std::string_view json) {
   log_ << json;
 }
 
-void TraceFile::finish(const nlohmann::ordered_json& header) {
+void TraceFile::finish(const Json& header) {
   auto head = header;
   head["inputs"] = log_count_;
   std::string text = json_text(head);

@@ -10,8 +10,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <string_view>
+
+#include "workloads/base/json.h"
 
 namespace pirt {
 
@@ -32,7 +33,7 @@ class TraceFile {
   /// @param header  What stands beside "log" under "pirt": an object.
   /// @throws Error{kBadInput} if something could not be written; the trace is then not there, and a
   /// file that was under its name before is as it was.
-  void finish(const nlohmann::ordered_json& header);
+  void finish(const Json& header);
 
  private:
   [[noreturn]] void fail() const;

@@ -1,12 +1,12 @@
 #include "scheduler/trace/trace_writer.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <iterator>
 #include <numeric>
 
-#include "workloads/base/json.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {

@@ -1,6 +1,6 @@
-#include "workloads/base/json.h"
+#include "workloads/base/json_value.h"
 
-#include <nlohmann/json.hpp>
+template class nlohmann::basic_json<nlohmann::ordered_map>;
 
 namespace pirt {
 

@@ -1,6 +1,6 @@
 #include "workloads/base/name_filter.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <re2/re2.h>
 
 #include "workloads/base/error.h"

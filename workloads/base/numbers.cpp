@@ -1,6 +1,6 @@
 #include "workloads/base/numbers.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cassert>
 #include <charconv>

@@ -3,7 +3,7 @@
 // yaml-cpp keeps duplicate keys and follows aliases without limit, so both are checked by hand.
 #include "workloads/base/yaml.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cstdint>

@@ -1,6 +1,6 @@
 #include "workloads/cpu/dnn_precision.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,6 @@
 // oneDNN's matrix products as candidates for the peaks: it knows instructions that no loop here is
 // written in.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <array>
 #include <cmath>

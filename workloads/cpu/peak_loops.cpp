@@ -1,6 +1,6 @@
 #include "workloads/cpu/peak_loops.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <sys/mman.h>
 #include <unistd.h>
 

@@ -1,6 +1,6 @@
 #include "workloads/fake/fake_backend.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 #include "workloads/fake/fake_script.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <functional>

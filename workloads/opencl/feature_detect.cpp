@@ -1,7 +1,7 @@
 // feature_detect: responses, threshold and local maxima on the device; sorting and the distance
 // rule, which are sequential, on the host within execute(). The result lies on the host, as the
 // workload has it.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

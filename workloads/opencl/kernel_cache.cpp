@@ -1,6 +1,6 @@
 #include "workloads/opencl/kernel_cache.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <stdlib.h>
 
 #include <cerrno>

@@ -1,6 +1,6 @@
 #include "workloads/opencl/opencl_device.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <sched.h>
 
 #include <algorithm>

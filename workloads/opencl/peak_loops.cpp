@@ -1,6 +1,6 @@
 #include "workloads/opencl/peak_loops.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 #include "workloads/opencl/plan_kernel.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cassert>
 

@@ -1,6 +1,6 @@
 #include "workloads/opencl/session.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 

@@ -1,7 +1,7 @@
 #include "workloads/pictures/decoder.h"
 
 #include <dlfcn.h>
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <filesystem>
 #include <vector>

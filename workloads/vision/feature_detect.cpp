@@ -1,5 +1,5 @@
 // feature_detect: the spec, the reference that defines it, and the comparison of corner lists.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // optical_flow: the spec and the reference that defines it.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cmath>
 #include <limits>

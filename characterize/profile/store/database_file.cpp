@@ -1,6 +1,6 @@
 #include "characterize/profile/store/database_file.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <unistd.h>
 
 #include <array>

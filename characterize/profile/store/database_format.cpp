@@ -1,6 +1,6 @@
 #include "characterize/profile/store/database_format.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 #include "characterize/profile/store/reader.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 #include "characterize/profile/store/sqlite.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <bit>
 
