@@ -16,6 +16,7 @@
 #include "characterize/worker/scratch.h"
 #include "tests/support/errors.h"
 #include "tests/support/few_threads.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt {

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "tests/cli/program.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt::test {
 namespace {

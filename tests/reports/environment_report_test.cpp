@@ -7,6 +7,7 @@
 #include "reports/doctor_report.h"
 #include "reports/profile_report.h"
 #include "reports/roofline_report.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {

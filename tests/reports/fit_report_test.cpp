@@ -1,4 +1,5 @@
 #include "reports/fit_report.h"
+#include "workloads/base/json_value.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

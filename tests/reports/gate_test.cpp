@@ -9,6 +9,7 @@
 #include "characterize/statistics/statistics.h"
 #include "reports/gate/between_runs.h"
 #include "reports/gate/gate_report.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/random.h"
 
 namespace pirt::test {

@@ -1,5 +1,6 @@
 // Table V of the paper: every cell within 2 %, the energy mode's throughput within 4 %.
 #include "reports/paper_report.h"
+#include "workloads/base/json_value.h"
 
 #include <gtest/gtest.h>
 

@@ -6,6 +6,7 @@
 
 #include "tests/reports/profiles.h"
 #include "tests/support/errors.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "reports/preference.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {

@@ -1,5 +1,6 @@
 // What `pirt tune` prints of what it found.
 #include "reports/tune_report.h"
+#include "workloads/base/json_value.h"
 
 #include <gmock/gmock.h>
 

@@ -4,6 +4,7 @@
 #include <fstream>
 
 #include "tests/scheduler/support.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt::test {
 namespace {

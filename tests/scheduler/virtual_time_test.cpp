@@ -3,6 +3,7 @@
 #include "scheduler/services/scenario.h"
 #include "scheduler/virtual/virtual_time.h"
 #include "tests/scheduler/support.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/random.h"
 
 namespace pirt::test {
