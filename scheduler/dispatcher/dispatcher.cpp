@@ -55,8 +55,9 @@ bool Dispatcher::submit(FiringId firing, std::span<const Task> tasks, Nanos now,
     counts_.submitted += static_cast<std::int64_t>(tasks.size());
     // A task may have been dropped with one before it.
     for (const TaskSlot each : doomed_) {
-      if (tasks_[each].state == TaskState::kWaiting) drop(each, out);
+      if (tasks_[each].state == TaskState::kWaiting) drop(each, Ending::kDropped, out);
     }
+    drop_unmet(out);
     expire(Expire::kBeforeNow, out);
     const bool alone = added_.size() == 1;
     for (const TaskSlot each : added_) {
@@ -78,8 +79,11 @@ bool Dispatcher::add(FiringId firing, std::span<const Task> tasks) {
   doomed_.clear();
   bool good = true;
   for (const Task& task : tasks) {
-    const bool servable = task.kind.eligible != 0 && (task.kind.eligible & ~all_) == 0;
-    const TaskSlot slot = servable ? tasks_.add(task.id, place) : kNoSlot;
+    const bool sound =
+        task.kind.eligible != 0 && (task.kind.eligible & ~all_) == 0 &&
+        task.state.value_or(0) < kMaxStates && task.series.value_or(0) < kMaxSeries &&
+        std::ranges::all_of(task.reads, [](SeriesId each) { return each < kMaxSeries; });
+    const TaskSlot slot = sound ? tasks_.add(task.id, place) : kNoSlot;
     good = slot != kNoSlot;
     if (!good) break;
     added_.push_back(slot);
@@ -93,9 +97,105 @@ bool Dispatcher::add(FiringId firing, std::span<const Task> tasks) {
   for (std::size_t i = 0; i < tasks.size(); ++i) {
     tasks_[added_[i]].class_index = class_of(tasks[i].kind);
     tasks_[added_[i]].rank = policy_->rank(tasks[i]);
-    if (tasks[i].expires_at) watch_expiry(added_[i], *tasks[i].expires_at);
+    if (tasks[i].expires_at) {
+      tasks_.tie(added_[i]).expires_at = tasks[i].expires_at;
+      watch_expiry(added_[i], *tasks[i].expires_at);
+    }
+    await_earlier(added_[i], tasks[i]);
   }
+  for (std::size_t i = 0; i < tasks.size(); ++i) join(added_[i], tasks[i]);
   return true;
+}
+
+/// Of tasks that are submitted together, none reads another: none has joined its series yet.
+void Dispatcher::await_earlier(TaskSlot slot, const Task& task) {
+  for (const SeriesId series : task.reads) {
+    const TaskSlot newest = series < series_.size() ? series_[series] : kNoSlot;
+    if (newest == kDoneSlot) continue;
+    if (newest == kNoSlot) {
+      unmet_.push_back({slot, tasks_[slot].generation});
+    } else {
+      tasks_.add_reader(newest, slot);
+      ++tasks_[slot].pending;
+    }
+  }
+}
+
+/// The task is last of its state and newest of its series.
+void Dispatcher::join(TaskSlot slot, const Task& task) {
+  if (task.state) {
+    if (*task.state >= states_.size()) states_.resize(*task.state + std::size_t{1});
+    TaskTies& ties = tasks_.tie(slot);
+    StateQueue& queue = states_[*task.state];
+    ties.state = *task.state;
+    ties.state_before = queue.tail;
+    if (queue.tail == kNoSlot) {
+      queue.head = slot;
+    } else {
+      tasks_.ties(queue.tail).state_behind = slot;
+      ++tasks_[slot].pending;
+    }
+    queue.tail = slot;
+    tasks_[slot].in_state = true;
+  }
+  if (task.series) {
+    if (*task.series >= series_.size()) series_.resize(*task.series + std::size_t{1}, kNoSlot);
+    TaskTies& ties = tasks_.tie(slot);
+    ties.series = *task.series;
+    ties.older = std::exchange(series_[*task.series], slot);
+    if (ties.older < kDoneSlot) tasks_.ties(ties.older).newer = slot;
+    tasks_[slot].in_series = true;
+  }
+}
+
+void Dispatcher::leave_state(TaskSlot slot) {
+  const TaskTies& ties = tasks_.ties(slot);
+  StateQueue& queue = states_[ties.state];
+  tasks_[slot].in_state = false;
+  const auto [before, behind] = std::pair(ties.state_before, ties.state_behind);
+  (before == kNoSlot ? queue.head : tasks_.ties(before).state_behind) = behind;
+  (behind == kNoSlot ? queue.tail : tasks_.ties(behind).state_before) = before;
+  if (before == kNoSlot && behind != kNoSlot) free_from_one(behind);
+}
+
+/// What reads the task has its data, or reads the next older one in its place.
+void Dispatcher::decide(TaskSlot slot, bool completed) {
+  const TaskTies& ties = tasks_.ties(slot);
+  const TaskSlot stands = completed ? kDoneSlot : ties.older;
+  tasks_[slot].in_series = false;
+  if (ties.newer != kNoSlot) {
+    tasks_.ties(ties.newer).older = stands;
+  } else if (series_[ties.series] == slot) {
+    series_[ties.series] = stands;
+  }
+  // Nobody who is still to come looks behind one that completed.
+  if (ties.older < kDoneSlot) tasks_.ties(ties.older).newer = completed ? kNoSlot : ties.newer;
+  readers_.clear();
+  tasks_.take_readers(slot, readers_);
+  for (const TaskSlot reader : readers_) {
+    if (stands == kDoneSlot) {
+      free_from_one(reader);
+    } else if (stands == kNoSlot) {
+      unmet_.push_back({reader, tasks_[reader].generation});
+    } else {
+      tasks_.add_reader(stands, reader);
+    }
+  }
+}
+
+/// @param slot  Waits for one thing less. One that drop_successors is about to drop waits for none.
+void Dispatcher::free_from_one(TaskSlot slot) {
+  TaskRecord& record = tasks_[slot];
+  if (record.pending != 0 && --record.pending == 0) freed_.push_back({slot, record.generation});
+}
+
+/// Each may leave others unmet.
+void Dispatcher::drop_unmet(Starts& out) {
+  for (std::size_t i = 0; i < unmet_.size(); ++i) {
+    const auto [slot, generation] = unmet_[i];
+    if (tasks_.is_current(slot, generation)) drop(slot, Ending::kNoPredecessor, out);
+  }
+  unmet_.clear();
 }
 
 /// False if the task comes after itself or one that is not linked yet.
@@ -146,22 +246,52 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
       ++counts_.completed;
       released_.clear();
       tasks_.successors(slot, released_);
+      if (tasks_[slot].in_state) leave_state(slot);
+      if (tasks_[slot].in_series) decide(slot, true);
       tasks_.remove(slot);
       refusals_stand_ = false;
-      const bool alone = released_.size() == 1;
+      const bool alone = released_.size() == 1 && freed_.empty();
       for (const TaskSlot successor : released_) {
         if (--tasks_[successor].pending == 0) make_ready(successor, alone);
       }
-    } else {
-      if (state == TaskState::kRunning) {
-        ++counts_.failed;
-        drop_successors(slot, out);
-      }
+    } else if (state == TaskState::kCancelled) {
       end(slot);
+    } else if (outcome == Outcome::kReturned) {
+      give_back(slot, unit, out);
+    } else {
+      fail(slot, out);
     }
     settle(out);
     return true;
   });
+}
+
+/// The task has failed, and was running.
+void Dispatcher::fail(TaskSlot slot, Starts& out) {
+  ++counts_.failed;
+  drop_successors(slot, Ending::kDropped, out);
+  end(slot);
+}
+
+/// The task waits for another unit, in the place in line that it had. A plan knows no other unit:
+/// the policy takes it nowhere.
+void Dispatcher::give_back(TaskSlot slot, UnitId unit, Starts& out) {
+  ++counts_.returned;
+  refusals_stand_ = false;
+  TaskTies& ties = tasks_.tie(slot);
+  ties.returned_by |= unit_bit(unit);
+  TaskClass kind = classes_[tasks_[slot].class_index].kind;
+  kind.eligible &= ~ties.returned_by;
+  if (++ties.returns == kMostTries || kind.eligible == 0 ||
+      policy_->takers(kind, kind.eligible) == 0) {
+    out.ended.push_back({tasks_[slot].id, Ending::kFailed});
+    return fail(slot, out);
+  }
+  tasks_[slot].class_index = class_of(kind);
+  hold(slot);
+  if (!ties.expires_at) return;
+  watch_expiry(slot, *ties.expires_at);
+  expire(Expire::kBeforeNow, out);
 }
 
 void Dispatcher::cancel(TaskId task, Nanos now, Starts& out) {
@@ -173,11 +303,11 @@ void Dispatcher::cancel(TaskId task, Nanos now, Starts& out) {
     const TaskSlot slot = tasks_.find(task);
     if (slot != kNoSlot && tasks_[slot].state == TaskState::kRunning) {
       tasks_[slot].state = TaskState::kCancelled;
-      ++counts_.dropped;
-      out.ended.push_back({task, Ending::kDropped});
-      drop_successors(slot, out);
+      count_drop(slot, Ending::kDropped, out);
+      drop_successors(slot, Ending::kDropped, out);
+      if (tasks_[slot].in_series) decide(slot, false);
     } else if (slot != kNoSlot && !is_over(tasks_[slot].state)) {
-      drop(slot, out);
+      drop(slot, Ending::kDropped, out);
     }
     settle(out);
     return true;
@@ -227,7 +357,7 @@ void Dispatcher::expire(Expire which, Starts& out) {
     ++counts_.expired;
     out.ended.push_back({tasks_[slot].id, Ending::kExpired});
     unlink(slot);
-    drop_successors(slot, out);
+    drop_successors(slot, Ending::kDropped, out);
     end(slot);
     tidy_expiries();
   }
@@ -235,6 +365,14 @@ void Dispatcher::expire(Expire which, Starts& out) {
 
 /// What every input but release ends with.
 void Dispatcher::settle(Starts& out) {
+  drop_unmet(out);
+  for (const auto& [slot, generation] : freed_) {
+    if (!tasks_.is_current(slot, generation)) continue;
+    if (tasks_[slot].state == TaskState::kWaiting && tasks_[slot].pending == 0) {
+      make_ready(slot, false);
+    }
+  }
+  freed_.clear();
   place_held();
   start_all(out);
   if (!expiries_.empty()) tidy_expiries();
@@ -405,18 +543,23 @@ void Dispatcher::unlink(TaskSlot slot) {
   }
 }
 
-/// Drops a task that has not started, and its successors.
-void Dispatcher::drop(TaskSlot slot, Starts& out) {
+void Dispatcher::count_drop(TaskSlot slot, Ending how, Starts& out) {
   ++counts_.dropped;
-  out.ended.push_back({tasks_[slot].id, Ending::kDropped});
+  if (how == Ending::kNoPredecessor) ++counts_.no_predecessor;
+  out.ended.push_back({tasks_[slot].id, how});
+}
+
+/// Drops a task that has not started, and its successors.
+void Dispatcher::drop(TaskSlot slot, Ending how, Starts& out) {
+  count_drop(slot, how, out);
   unlink(slot);
-  drop_successors(slot, out);
+  drop_successors(slot, how, out);
   end(slot);
 }
 
 /// Successors of a task that did not complete; all of them still wait. Not recursive: a chain may
 /// be long.
-void Dispatcher::drop_successors(TaskSlot slot, Starts& out) {
+void Dispatcher::drop_successors(TaskSlot slot, Ending how, Starts& out) {
   std::vector<TaskSlot> doomed = {slot};
   std::vector<TaskSlot> successors;
   for (std::size_t i = 0; i < doomed.size(); ++i) {
@@ -428,8 +571,7 @@ void Dispatcher::drop_successors(TaskSlot slot, Starts& out) {
       if (std::exchange(tasks_[each].pending, 0) != 0) doomed.push_back(each);
     }
     if (i == 0) continue;
-    ++counts_.dropped;
-    out.ended.push_back({tasks_[doomed[i]].id, Ending::kDropped});
+    count_drop(doomed[i], how, out);
     end(doomed[i]);
   }
 }
@@ -441,6 +583,8 @@ void Dispatcher::end(TaskSlot slot) {
     policy_->gone(classes_[tasks_[slot].class_index].kind);
   }
   if (tasks_[slot].expires) --expiring_count_;
+  if (tasks_[slot].in_state) leave_state(slot);
+  if (tasks_[slot].in_series) decide(slot, false);
   tasks_.end(slot);
   refusals_stand_ = false;
 }

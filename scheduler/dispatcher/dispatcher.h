@@ -63,14 +63,16 @@ class Dispatcher {
 
   /// Registers the tasks of a firing, or more of them, and then places those that are ready.
   /// Refused: a task whose id is known, that comes after itself or a later one of @p tasks, or that
-  /// no unit may serve; a firing that is released.
+  /// no unit may serve; a state or series out of range; a firing that is released.
   bool submit(FiringId firing, std::span<const Task> tasks, Nanos now, Starts& out);
   /// No task that is submitted from now on names one of this firing: those of its ids that ended
   /// without completing are forgotten, and those that have yet to end will be as they do. A firing
   /// that is never released is kept. Refused: a firing that is not known, or released.
   bool release(FiringId firing, Nanos now);
   /// The paper's per-unit callback: @p task ended on @p unit, where it was started. A failed task
-  /// drops its successors. The unit goes on with the high-priority queue, then with its own.
+  /// drops its successors; one that is given back keeps its place in line, and leaves as kFailed if
+  /// no unit is left that the policy would let try. The unit goes on with the high-priority queue,
+  /// then with its own.
   /// Refused: a task that does not run there, as after a second completion.
   bool complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, Starts& out);
   /// Drops a task in any state, and its successors. One that runs keeps its slot until it is
@@ -122,6 +124,16 @@ class Dispatcher {
   struct ClassHash {
     std::size_t operator()(const TaskClass& kind) const;
   };
+  /// A task that is of interest if it is still the same one.
+  struct Noted {
+    TaskSlot slot = kNoSlot;
+    std::uint32_t generation = 0;
+  };
+  struct StateQueue {
+    TaskSlot head =
+        kNoSlot;  ///< Holds the state, or will when the rest of what it waits for is there.
+    TaskSlot tail = kNoSlot;
+  };
   struct Expiry {
     Nanos at{0};
     std::uint64_t sequence = 0;  ///< Ties expire in order of submission.
@@ -134,6 +146,14 @@ class Dispatcher {
   bool take(Nanos now, Starts& out, const Make& input, const Body& body);
   bool add(FiringId firing, std::span<const Task> tasks);
   bool link(TaskSlot slot, const Task& task);
+  void await_earlier(TaskSlot slot, const Task& task);
+  void join(TaskSlot slot, const Task& task);
+  void leave_state(TaskSlot slot);
+  void decide(TaskSlot slot, bool completed);
+  void free_from_one(TaskSlot slot);
+  void drop_unmet(Starts& out);
+  void give_back(TaskSlot slot, UnitId unit, Starts& out);
+  void fail(TaskSlot slot, Starts& out);
   enum class Expire : std::uint8_t { kBeforeNow, kByNow };
   void expire(Expire which, Starts& out);
   void settle(Starts& out);
@@ -146,8 +166,9 @@ class Dispatcher {
   void start(TaskSlot slot, UnitId unit, Starts& out);
   TaskSlot take_high_priority(UnitId unit);
   void unlink(TaskSlot slot);
-  void drop(TaskSlot slot, Starts& out);
-  void drop_successors(TaskSlot slot, Starts& out);
+  void drop(TaskSlot slot, Ending how, Starts& out);
+  void drop_successors(TaskSlot slot, Ending how, Starts& out);
+  void count_drop(TaskSlot slot, Ending how, Starts& out);
   void end(TaskSlot slot);
   void watch_expiry(TaskSlot slot, Nanos at);
   [[nodiscard]] bool is_stale(const Expiry& expiry) const;
@@ -162,6 +183,9 @@ class Dispatcher {
   UnitMask up_ = 0;
   std::vector<UnitId> start_order_;  ///< The policy's order, then the units that it does not name.
   TaskStore tasks_;
+  std::vector<StateQueue> states_;
+  std::vector<TaskSlot>
+      series_;  ///< By series: the newest that is not decided, kDoneSlot, kNoSlot.
   std::vector<Class> classes_;
   std::unordered_map<TaskClass, std::uint32_t, ClassHash> class_indices_;
   std::uint32_t last_class_ = 0;
@@ -179,7 +203,11 @@ class Dispatcher {
   std::vector<TaskSlot> added_;     ///< Of submit.
   std::vector<TaskSlot> doomed_;    ///< Those of them with a predecessor that did not complete.
   std::vector<TaskSlot> released_;  ///< Of complete.
-  std::vector<Class*> asking_;      ///< Of place_held: a heap, that of the first task on top.
+  std::vector<TaskSlot> readers_;   ///< Of decide.
+  // Empty between two inputs.
+  std::vector<Noted> unmet_;    ///< Nothing that they read will ever be there.
+  std::vector<Noted> freed_;    ///< They wait for a state, or for what they read, no longer.
+  std::vector<Class*> asking_;  ///< Of place_held: a heap, that of the first task on top.
   TaskCounts counts_;
   std::int64_t refused_ = 0;
   Nanos now_ = Nanos::min();

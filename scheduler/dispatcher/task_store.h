@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -31,6 +32,7 @@ enum class TaskState : std::uint8_t {
 
 using TaskSlot = std::uint32_t;
 inline constexpr TaskSlot kNoSlot = IdMap::kAbsent;
+inline constexpr TaskSlot kDoneSlot = kNoSlot - 1;  ///< Stands for one that completed.
 
 struct TaskRecord {
   TaskId id = 0;
@@ -48,12 +50,35 @@ struct TaskRecord {
   Nanos dispatched_at{0};
   Nanos ready_at{0};
   bool expires = false;
+  bool in_state = false;   ///< In the queue of a state; see TaskTies.
+  bool in_series = false;  ///< Not decided, and in the list of a series.
+};
+
+/// What few tasks have, kept apart so that the others need not carry it.
+struct TaskTies {
+  std::optional<Nanos> expires_at;
+  UnitMask returned_by = 0;
+  int returns = 0;
+  // In the queue of a state, while in_state.
+  StateId state = 0;
+  TaskSlot state_before = kNoSlot, state_behind = kNoSlot;
+  // In the list of those of a series that are not decided, while in_series.
+  SeriesId series = 0;
+  TaskSlot older = kNoSlot;  ///< Or kDoneSlot: the next older one has completed.
+  TaskSlot newer = kNoSlot;
+  std::uint32_t first_reader = kNoSlot;  ///< Edges to those that read it, if it completes.
 };
 
 class TaskStore {
  public:
   [[nodiscard]] TaskRecord& operator[](TaskSlot slot) { return records_[slot]; }
   [[nodiscard]] const TaskRecord& operator[](TaskSlot slot) const { return records_[slot]; }
+  /// Those of a task that got some by tie(); a task's are its own from then to its end.
+  [[nodiscard]] TaskTies& ties(TaskSlot slot) { return ties_[slot]; }
+  TaskTies& tie(TaskSlot slot) {
+    if (ties_.size() <= slot) ties_.resize(records_.size());
+    return ties_[slot];
+  }
   /// kNoSlot if there is no such task, any more or yet.
   [[nodiscard]] TaskSlot find(TaskId id) const { return slots_.find(id); }
 
@@ -102,6 +127,7 @@ class TaskStore {
     const std::uint32_t generation = records_[slot].generation;
     records_[slot] =
         TaskRecord{.id = id, .state = TaskState::kNew, .generation = generation, .firing = firing};
+    if (slot < ties_.size()) ties_[slot] = {};
     slots_.insert_at(position, id, slot);
     ++firings_[firing].live;
     return slot;
@@ -109,7 +135,7 @@ class TaskStore {
 
   /// The task is done, and who comes after it need not know of it.
   void remove(TaskSlot slot) {
-    free_edges(slot);
+    free_edges(records_[slot].first_edge);
     const std::uint32_t firing = records_[slot].firing;
     forget(slot);
     if (--firings_[firing].live == 0 && firings_[firing].released) {
@@ -121,7 +147,7 @@ class TaskStore {
   void end(TaskSlot slot) {
     FiringRecord& firing = firings_[records_[slot].firing];
     if (firing.released) return remove(slot);
-    free_edges(slot);
+    free_edges(records_[slot].first_edge);
     TaskRecord& record = records_[slot];
     record.state = TaskState::kEnded;
     ++record.generation;
@@ -134,24 +160,20 @@ class TaskStore {
   }
 
   void add_successor(TaskSlot predecessor, TaskSlot successor) {
-    std::uint32_t edge = free_edge_;
-    if (edge == kNoSlot) {
-      edge = static_cast<std::uint32_t>(edges_.size());
-      edges_.emplace_back();
-    } else {
-      free_edge_ = edges_[edge].next;
-    }
-    edges_[edge] = {successor, records_[successor].generation, records_[predecessor].first_edge};
-    records_[predecessor].first_edge = edge;
+    add_edge(records_[predecessor].first_edge, successor);
   }
-
   /// Appends the successors that are still live, in order of submission.
   void successors(TaskSlot slot, std::vector<TaskSlot>& out) const {
-    const auto begin = static_cast<std::ptrdiff_t>(out.size());
-    for (std::uint32_t e = records_[slot].first_edge; e != kNoSlot; e = edges_[e].next) {
-      if (is_current(edges_[e].successor, edges_[e].generation)) out.push_back(edges_[e].successor);
-    }
-    std::reverse(out.begin() + begin, out.end());  // Edges are linked newest first.
+    edges_from(records_[slot].first_edge, out);
+  }
+
+  /// @param reader  Reads what the task makes, if it completes. The task has ties.
+  void add_reader(TaskSlot slot, TaskSlot reader) { add_edge(ties_[slot].first_reader, reader); }
+  /// Appends the readers that are still live, in the order in which they were added, and forgets
+  /// them.
+  void take_readers(TaskSlot slot, std::vector<TaskSlot>& out) {
+    edges_from(ties_[slot].first_reader, out);
+    free_edges(ties_[slot].first_reader);
   }
 
  private:
@@ -189,8 +211,29 @@ class TaskStore {
     firing_slots_.erase_at(position);
   }
 
-  void free_edges(TaskSlot slot) {
-    for (std::uint32_t e = records_[slot].first_edge; e != kNoSlot;) {
+  /// @param first  Of a list of edges, newest first.
+  void add_edge(std::uint32_t& first, TaskSlot successor) {
+    std::uint32_t edge = free_edge_;
+    if (edge == kNoSlot) {
+      edge = static_cast<std::uint32_t>(edges_.size());
+      edges_.emplace_back();
+    } else {
+      free_edge_ = edges_[edge].next;
+    }
+    edges_[edge] = {successor, records_[successor].generation, first};
+    first = edge;
+  }
+
+  void edges_from(std::uint32_t first, std::vector<TaskSlot>& out) const {
+    const auto begin = static_cast<std::ptrdiff_t>(out.size());
+    for (std::uint32_t e = first; e != kNoSlot; e = edges_[e].next) {
+      if (is_current(edges_[e].successor, edges_[e].generation)) out.push_back(edges_[e].successor);
+    }
+    std::reverse(out.begin() + begin, out.end());
+  }
+
+  void free_edges(std::uint32_t& first) {
+    for (std::uint32_t e = std::exchange(first, kNoSlot); e != kNoSlot;) {
       const std::uint32_t next = edges_[e].next;
       edges_[e].next = free_edge_;
       free_edge_ = e;
@@ -199,6 +242,7 @@ class TaskStore {
   }
 
   std::vector<TaskRecord> records_;
+  std::vector<TaskTies> ties_;  ///< By slot, as far as there was need of them.
   std::vector<TaskSlot> free_;
   std::vector<Edge> edges_;
   std::uint32_t free_edge_ = kNoSlot;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <ranges>
 #include <set>
 #include <utility>
 
@@ -35,10 +36,19 @@ std::vector<std::string> read_eligible(const YamlNode& node) {
   return names;
 }
 
+/// "undistort.image@-1", with names.
+struct NamedPort {
+  std::size_t input = 0;
+  std::string task, output;
+  bool earlier = false;
+  YamlNode node;
+};
+
 /// A task with the names that it comes after; positions come once all are known.
 struct NamedTask {
   MixTask task;
   std::vector<std::string> after;
+  std::vector<NamedPort> ports;
   YamlNode node;
 };
 
@@ -54,6 +64,54 @@ void read_edge(const YamlNode& node, NamedTask& named) {
   if (node.has("bytes")) {
     edge.bytes = node.at("bytes").integer(0, kMaxCount);
     named.task.input_bytes = named.task.input_bytes.value_or(0) + *edge.bytes;
+  }
+}
+
+/// Position of the tensor called @p name. @throws with the nearest name.
+std::size_t find_port(const YamlNode& node, const std::string& workload, const char* kind,
+                      const std::vector<TensorSpec>& specs, const std::string& name) {
+  const auto found = std::ranges::find(specs, name, &TensorSpec::name);
+  if (found == specs.end()) {
+    std::vector<std::string> names;
+    for (const auto& spec : specs) names.push_back(spec.name);
+    node.fail(workload + " has no " + kind + " '" + name + "'" + suggestion(name, names));
+  }
+  return static_cast<std::size_t>(found - specs.begin());
+}
+
+/// Whether what is made fits where it is taken: a list may have a lower capacity.
+bool fits(const TensorSpec& made, const TensorSpec& taken) {
+  if (made.element != taken.element || made.varies != taken.varies) return false;
+  if (!made.varies) return made.shape == taken.shape;
+  return std::ranges::equal(made.shape | std::views::drop(1), taken.shape | std::views::drop(1)) &&
+         made.shape.front() <= taken.shape.front();
+}
+
+void read_ports(const YamlNode& node, NamedTask& named) {
+  constexpr std::string_view kEarlier = "@-1";
+  if (!named.task.service.empty()) {
+    node.fail("a task with service_ms has no tensors; use after: [{task: NAME, bytes: N}]");
+  }
+  const Workload& workload = find_workload(named.task.workload);
+  for (const auto& name : node.keys()) {
+    const YamlNode value = node.at(name);
+    NamedPort port{.input = find_port(value, workload.name, "input", workload.inputs, name),
+                   .task = value.text(),
+                   .output = {},
+                   .earlier = false,
+                   .node = value};
+    if (port.task.ends_with(kEarlier)) {
+      port.earlier = true;
+      port.task.resize(port.task.size() - kEarlier.size());
+    }
+    const auto dot = port.task.rfind('.');
+    if (dot == std::string::npos || dot == 0 || dot + 1 == port.task.size() ||
+        port.task.find('@', dot) != std::string::npos) {
+      value.fail("'" + value.text() + "' is not of the form TASK.OUTPUT or TASK.OUTPUT@-1");
+    }
+    port.output = port.task.substr(dot + 1);
+    port.task.resize(dot);
+    named.ports.push_back(std::move(port));
   }
 }
 
@@ -75,8 +133,9 @@ void read_service(const YamlNode& node, MixTask& task) {
 
 NamedTask read_task(const YamlNode& node, const std::string& pipeline,
                     const std::vector<std::string>& eligible) {
-  node.check_keys({"name", "workload", "service_ms", "image_input", "after", "eligible"});
-  NamedTask named{.task = {}, .after = {}, .node = node};
+  node.check_keys(
+      {"name", "workload", "service_ms", "image_input", "inputs", "after", "state", "eligible"});
+  NamedTask named{.task = {}, .after = {}, .ports = {}, .node = node};
   if (node.has("workload") == node.has("service_ms")) {
     node.fail("needs one of workload (of the catalog) and service_ms ({unit: milliseconds})");
   }
@@ -96,57 +155,167 @@ NamedTask read_task(const YamlNode& node, const std::string& pipeline,
   if (node.has("after")) {
     for (const auto& edge : node.at("after").items()) read_edge(edge, named);
   }
+  if (node.has("inputs")) read_ports(node.at("inputs"), named);
   return named;
 }
 
 /// Predecessors of each task, by position in the file.
 using Edges = std::vector<std::vector<std::size_t>>;
 
-Edges resolve_edges(const std::vector<NamedTask>& tasks) {
+std::vector<std::string> names_of(const std::vector<NamedTask>& tasks) {
   std::vector<std::string> names;
-  std::map<std::string, std::size_t> positions;
-  for (const auto& each : tasks) {
-    if (!positions.emplace(each.task.name, names.size()).second) {
-      each.node.fail("two tasks are named '" + each.task.name + "'");
+  for (const auto& each : tasks) names.push_back(each.task.name);
+  return names;
+}
+
+/// Finds tasks by their name.
+class TaskNames {
+ public:
+  explicit TaskNames(const std::vector<NamedTask>& tasks) : names_(names_of(tasks)) {
+    for (std::size_t i = 0; i < tasks.size(); ++i) {
+      if (!positions_.emplace(names_[i], i).second) {
+        tasks[i].node.fail("two tasks are named '" + names_[i] + "'");
+      }
     }
-    names.push_back(each.task.name);
   }
+  [[nodiscard]] std::size_t find(const YamlNode& node, const std::string& name) const {
+    const auto found = positions_.find(name);
+    if (found == positions_.end()) {
+      node.fail("no task '" + name + "' in this pipeline" + suggestion(name, names_));
+    }
+    return found->second;
+  }
+  [[nodiscard]] const std::vector<std::string>& all() const { return names_; }
+
+ private:
+  std::vector<std::string> names_;
+  std::map<std::string, std::size_t> positions_;
+};
+
+/// The port with positions, by file order; checked against what the other task makes.
+PortInput resolve_port(const NamedPort& port, const NamedTask& taker,
+                       const std::vector<NamedTask>& tasks, const TaskNames& names) {
+  const std::size_t position = names.find(port.node, port.task);
+  const MixTask& maker = tasks[position].task;
+  if (!maker.service.empty()) {
+    port.node.fail("'" + port.task + "' has service_ms and makes no tensors; use after:");
+  }
+  const auto& outputs = find_workload(maker.workload).outputs;
+  const std::size_t output = find_port(port.node, maker.workload, "output", outputs, port.output);
+  const TensorSpec& taken = find_workload(taker.task.workload).inputs[port.input];
+  if (!fits(outputs[output], taken)) {
+    port.node.fail(maker.workload + " makes " + outputs[output].describe() + ", but " +
+                   taker.task.workload + " takes " + taken.describe());
+  }
+  return {.input = port.input, .task = position, .output = output, .earlier = port.earlier};
+}
+
+/// What comes in by ports of one firing is an edge whose bytes follow from them.
+void add_port_edge(const PortInput& port, const std::vector<NamedTask>& tasks, NamedTask& taker,
+                   std::vector<std::size_t>& after) {
+  const auto known = std::ranges::find(after, port.task);
+  const auto position = static_cast<std::size_t>(known - after.begin());
+  if (known == after.end()) {
+    after.push_back(port.task);
+    taker.task.edges.emplace_back();
+  }
+  MixEdge& edge = taker.task.edges[position];
+  if (edge.bytes && !edge.by_port) {
+    taker.node.at("after").fail("the bytes from '" + tasks[port.task].task.name +
+                                "' follow from `inputs`; leave them out");
+  }
+  edge.by_port = true;
+  edge.bytes = edge.bytes.value_or(0) +
+               find_workload(tasks[port.task].task.workload).outputs[port.output].size_bytes();
+}
+
+Edges resolve_edges(std::vector<NamedTask>& tasks, const TaskNames& names) {
   Edges edges(tasks.size());
   for (std::size_t i = 0; i < tasks.size(); ++i) {
     for (const auto& name : tasks[i].after) {
-      const auto predecessor = positions.find(name);
-      if (predecessor == positions.end()) {
-        tasks[i].node.at("after").fail("no task '" + name + "' in this pipeline" +
-                                       suggestion(name, names));
-      }
-      edges[i].push_back(predecessor->second);
+      edges[i].push_back(names.find(tasks[i].node.at("after"), name));
+    }
+    for (const NamedPort& named : tasks[i].ports) {
+      const PortInput port = resolve_port(named, tasks[i], tasks, names);
+      tasks[i].task.inputs.push_back(port);
+      if (!port.earlier) add_port_edge(port, tasks, tasks[i], edges[i]);
     }
   }
   return edges;
 }
 
-/// Predecessors first, otherwise in file order.
-std::vector<MixTask> sorted_tasks(const YamlNode& node, std::vector<NamedTask> tasks) {
-  const Edges edges = resolve_edges(tasks);
-  const auto [order, cycle] = dependency_order(edges);
-  if (!cycle.empty()) {
-    std::vector<std::string> names;
-    for (const auto& each : tasks) names.push_back(each.task.name);
-    node.fail(cycle_text(cycle, names));
+/// A loop that leads through an earlier firing has no first one: nothing in it could ever start.
+void check_starts(const YamlNode& node, const std::vector<NamedTask>& tasks, Edges edges,
+                  const std::vector<std::string>& names) {
+  for (std::size_t i = 0; i < tasks.size(); ++i) {
+    for (const PortInput& port : tasks[i].task.inputs) edges[i].push_back(port.task);
   }
-  std::vector<std::size_t> new_position(tasks.size());
-  std::vector<MixTask> sorted;
-  for (const std::size_t each : order) {
-    new_position[each] = sorted.size();
-    sorted.push_back(std::move(tasks[each].task));
-    for (const std::size_t before : edges[each]) {
-      sorted.back().after.push_back(new_position[before]);
+  const auto [order, cycle] = dependency_order(edges);
+  if (cycle.empty()) return;
+  node.fail(cycle_text(cycle, names) + ", through @-1: no firing could be the first");
+}
+
+/// Who makes something for others knows it.
+void note_makers(std::vector<MixTask>& tasks) {
+  for (const MixTask& taker : tasks) {
+    for (const PortInput& port : taker.inputs) {
+      auto& handed_on = tasks[port.task].handed_on;
+      const auto place = std::ranges::lower_bound(handed_on, port.output);
+      if (place == handed_on.end() || *place != port.output) handed_on.insert(place, port.output);
+      tasks[port.task].read_later = tasks[port.task].read_later || port.earlier;
     }
   }
+}
+
+/// Predecessors first, otherwise in file order.
+std::vector<MixTask> sorted_tasks(const YamlNode& node, std::vector<NamedTask> tasks) {
+  const TaskNames names(tasks);
+  const Edges edges = resolve_edges(tasks, names);
+  const auto [order, cycle] = dependency_order(edges);
+  if (!cycle.empty()) node.fail(cycle_text(cycle, names.all()));
+  check_starts(node, tasks, edges, names.all());
+  std::vector<std::size_t> new_position(tasks.size());
+  for (std::size_t i = 0; i < order.size(); ++i) new_position[order[i]] = i;
+  std::vector<MixTask> sorted;
+  for (const std::size_t each : order) {
+    MixTask& task = sorted.emplace_back(std::move(tasks[each].task));
+    for (const std::size_t before : edges[each]) task.after.push_back(new_position[before]);
+    for (PortInput& port : task.inputs) port.task = new_position[port.task];
+  }
+  note_makers(sorted);
   return sorted;
 }
 
-Pipeline read_pipeline(const YamlNode& node, const std::string& name) {
+/// Gives the task its state: one of the pipeline's own, or one that `state:` names and tasks of
+/// other pipelines may hold too.
+void resolve_state(const YamlNode& node, const std::string& pipeline, MixTask& task, Mix& mix) {
+  const auto* workload = task.service.empty() ? &find_workload(task.workload) : nullptr;
+  const bool has_state = workload != nullptr && workload->state.has_value();
+  if (!has_state) {
+    if (node.has("state")) node.at("state").fail(task.workload + " has no state; leave it out");
+    return;
+  }
+  const StateSpec& spec = *workload->state;
+  const std::string name = node.has("state")
+                               ? checked_name(node.at("state"), node.at("state").text())
+                               : pipeline + "/" + spec.name;
+  const auto known = std::ranges::find(mix.states, name, &MixState::name);
+  task.state = static_cast<std::size_t>(known - mix.states.begin());
+  if (known == mix.states.end()) {
+    std::int64_t size_bytes = 0;
+    for (const auto& tensor : spec.tensors) size_bytes += tensor.size_bytes();
+    mix.states.push_back({.name = name, .size_bytes = size_bytes, .workload = task.workload});
+    return;
+  }
+  const StateSpec& theirs = *find_workload(known->workload).state;
+  if (theirs.name != spec.name || theirs.tensors != spec.tensors) {
+    node.at(node.has("state") ? "state" : "workload")
+        .fail("state '" + name + "' is already " + known->workload + "'s " + theirs.name + "; " +
+              task.workload + " keeps another, " + spec.name + ": give it a name of its own");
+  }
+}
+
+Pipeline read_pipeline(const YamlNode& node, const std::string& name, Mix& mix) {
   node.check_keys(
       {"rate_hz", "closed_loop", "deadline_ms", "expires_ms", "real_time", "eligible", "tasks"});
   Pipeline pipeline;
@@ -166,8 +335,10 @@ Pipeline read_pipeline(const YamlNode& node, const std::string& name) {
   const auto eligible =
       node.has("eligible") ? read_eligible(node.at("eligible")) : std::vector<std::string>{};
   std::vector<NamedTask> tasks;
-  for (const auto& item : node.at("tasks").items())
+  for (const auto& item : node.at("tasks").items()) {
     tasks.push_back(read_task(item, name, eligible));
+    resolve_state(item, name, tasks.back().task, mix);
+  }
   if (tasks.empty()) node.at("tasks").fail("must list at least one task");
   pipeline.tasks = sorted_tasks(node, std::move(tasks));
   return pipeline;
@@ -185,7 +356,28 @@ void check_own_workloads(const YamlNode& node, const Mix& mix) {
   }
 }
 
+/// A pipeline of which a later firing takes an image keeps one buffer for it all the time.
+void check_buffers(const YamlNode& document, const Mix& mix) {
+  const auto kept = std::ranges::count_if(mix.pipelines, &Pipeline::keeps_image);
+  if (!mix.image_buffers || kept == 0 || *mix.image_buffers > kept) return;
+  document.at("image_buffers")
+      .fail("images that @-1 takes hold " + std::to_string(kept) +
+            " of them all the time, so that no firing finds one; at least " +
+            std::to_string(kept + 1));
+}
+
 }  // namespace
+
+bool Pipeline::keeps_image() const {
+  return std::ranges::any_of(
+      tasks, [](const MixTask& each) { return each.image_input && each.read_later; });
+}
+
+bool Mix::reads_earlier() const {
+  return std::ranges::any_of(pipelines, [](const Pipeline& pipeline) {
+    return std::ranges::any_of(pipeline.tasks, &MixTask::read_later);
+  });
+}
 
 bool Pipeline::has_image_input() const { return std::ranges::any_of(tasks, &MixTask::image_input); }
 
@@ -208,10 +400,11 @@ Mix parse_mix(const std::string& file, const std::string& text) {
     mix.image_buffers = document.at("image_buffers").integer(1, kMaxCount);
   const auto pipelines = document.at("pipelines");
   for (const auto& name : pipelines.keys()) {
-    mix.pipelines.push_back(read_pipeline(pipelines.at(name), name));
+    mix.pipelines.push_back(read_pipeline(pipelines.at(name), name, mix));
   }
   if (mix.pipelines.empty()) pipelines.fail("a mix has at least one pipeline");
   check_own_workloads(pipelines, mix);
+  check_buffers(document, mix);
   return mix;
 }
 

@@ -16,6 +16,20 @@ namespace pirt {
 struct MixEdge {
   std::optional<std::int64_t> bytes;  ///< Over the links of the units.
   Nanos transfer{0};                  ///< Delay between any two different units.
+  /// The bytes are those of ports: the data stays where it was made until somebody elsewhere takes
+  /// it, and no call moves it besides.
+  bool by_port = false;
+};
+
+/// Data that a task takes from another.
+struct PortInput {
+  std::size_t input = 0;   ///< Position in its workload's inputs.
+  std::size_t task = 0;    ///< Who makes it: position in Pipeline::tasks.
+  std::size_t output = 0;  ///< Position in that one's workload's outputs.
+  /// `@-1`: not of the same firing, but of the nearest earlier one that completed that task. No
+  /// edge, since nothing of the same firing is waited for.
+  bool earlier = false;
+  friend bool operator==(const PortInput&, const PortInput&) = default;
 };
 
 struct MixTask {
@@ -29,8 +43,12 @@ struct MixTask {
   std::vector<std::size_t> after;  ///< Positions in Pipeline::tasks, all before this one.
   std::vector<MixEdge> edges;      ///< From each of `after`.
   std::optional<std::int64_t>
-      input_bytes;                    ///< Given with the edges; absent = the workload's inputs.
-  std::vector<std::string> eligible;  ///< Units or roles that may serve it; empty = all.
+      input_bytes;                     ///< Given with the edges; absent = the workload's inputs.
+  std::vector<PortInput> inputs;       ///< Each input at most once; the others come from outside.
+  std::vector<std::size_t> handed_on;  ///< Its outputs that others take, each once, rising.
+  bool read_later = false;             ///< Some task of a later firing takes one of them.
+  std::optional<std::size_t> state;    ///< Position in Mix::states of what it holds.
+  std::vector<std::string> eligible;   ///< Units or roles that may serve it; empty = all.
 };
 
 struct Pipeline {
@@ -45,6 +63,15 @@ struct Pipeline {
   std::vector<MixTask> tasks;  ///< Predecessors first, otherwise in file order.
 
   [[nodiscard]] bool has_image_input() const;
+  /// Whether a later firing takes an image of this one, which keeps its buffer until then.
+  [[nodiscard]] bool keeps_image() const;
+};
+
+/// What tasks hold while they run, one at a time.
+struct MixState {
+  std::string name;  ///< "pipeline/state of the workload", or what the tasks call it.
+  std::int64_t size_bytes = 0;
+  std::string workload;  ///< Of the first task that holds it: makes it.
 };
 
 struct Mix {
@@ -52,9 +79,11 @@ struct Mix {
   std::string description;
   std::optional<std::int64_t> image_buffers;  ///< Absent = no limit.
   std::vector<Pipeline> pipelines;            ///< In file order; ties in time break by it.
+  std::vector<MixState> states;
 
-  [[nodiscard]] bool open_loop() const;   ///< Some pipeline has a rate.
-  [[nodiscard]] bool fires_once() const;  ///< Every pipeline is one frame of a closed loop.
+  [[nodiscard]] bool open_loop() const;      ///< Some pipeline has a rate.
+  [[nodiscard]] bool fires_once() const;     ///< Every pipeline is one frame of a closed loop.
+  [[nodiscard]] bool reads_earlier() const;  ///< Some task takes data of an earlier firing.
 };
 
 /// A shipped name, or a file if @p name contains '/' or ends in ".yaml".

@@ -18,6 +18,12 @@ using TaskId = std::uint64_t;
 using FiringId = std::uint64_t;    ///< Chosen likewise; unique among those that are not over.
 using UnitId = std::uint32_t;      ///< Position in Platform::units.
 using WorkloadId = std::uint32_t;  ///< Position in the workloads of a run.
+using StateId = std::uint32_t;     ///< Position in the states of a run; below kMaxStates.
+/// The tasks of one place in a pipeline, firing after firing: position among those of a run that a
+/// later firing may read; below kMaxSeries.
+using SeriesId = std::uint32_t;
+inline constexpr std::uint32_t kMaxStates = 1U << 20;
+inline constexpr std::uint32_t kMaxSeries = 1U << 20;
 
 /// A set of units, bit u for unit u.
 using UnitMask = std::uint64_t;
@@ -57,9 +63,25 @@ struct Task {
   /// Tasks that have to complete first: earlier ones of the same firing, or submitted before. An id
   /// that is not known counts as complete; one that ended otherwise drops this task.
   std::span<const TaskId> after = {};
+  /// What it holds while it runs. Tasks get a state one at a time, in the order in which they were
+  /// submitted; one that ends in another way than by completing stops nobody behind it.
+  std::optional<StateId> state = {};
+  /// Of which it is the next; a later firing may read what it makes.
+  std::optional<SeriesId> series = {};
+  /// Of each it reads the newest task that was submitted before and completes: `@-1` in a mix. It
+  /// waits until that is known; where there is none, it is dropped as kNoPredecessor.
+  std::span<const SeriesId> reads = {};
 };
 
-enum class Outcome : std::uint8_t { kCompleted, kFailed };
+enum class Outcome : std::uint8_t {
+  kCompleted,
+  kFailed,
+  /// The unit could not, and gives the task back: it is placed anew on the others, kMostTries times
+  /// at most in all. Where no other may take it, it has failed.
+  kReturned,
+};
+/// How often a task is started.
+inline constexpr int kMostTries = 3;
 
 enum class UnitState : std::uint8_t {
   kUp,
@@ -75,9 +97,14 @@ struct Start {
   Nanos ready_at{0};       ///< When its predecessors were complete: waiting counts from here.
 };
 
-enum class Ending : std::uint8_t { kDropped, kExpired };
+enum class Ending : std::uint8_t {
+  kDropped,
+  kExpired,
+  kNoPredecessor,  ///< No earlier firing made what it reads; or what it comes after ended so.
+  kFailed,         ///< It was given back and no unit is left to try; counts as failed.
+};
 
-/// A task that left without having been started and completed.
+/// A task that left and was not completed by its unit just now.
 struct Ended {
   TaskId task = 0;
   Ending how = Ending::kDropped;
@@ -100,6 +127,8 @@ struct TaskCounts {
   std::int64_t dropped = 0;
   std::int64_t expired = 0;
   std::int64_t failed = 0;
+  std::int64_t no_predecessor = 0;  ///< Of `dropped`.
+  std::int64_t returned = 0;        ///< How often a task was given back.
   [[nodiscard]] std::int64_t queued() const {
     return submitted - completed - dropped - expired - failed;
   }

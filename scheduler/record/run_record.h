@@ -95,6 +95,9 @@ struct RunRecord {
   std::optional<double> drain_s;  ///< From then to the last completion. Open loops only.
   // Tasks: submitted = completed + dropped + expired + failed + queued.
   std::int64_t submitted = 0, completed = 0, dropped = 0, expired = 0, failed = 0, queued = 0;
+  /// Of the dropped ones, those that no earlier firing had made data for. Absent where none is
+  /// read.
+  std::optional<std::int64_t> no_predecessor;
   std::int64_t stalled = 0;    ///< Of the queued ones, those that nothing was ever going to start.
   std::int64_t offloaded = 0;  ///< Of the completed ones, those that the cloud served.
   std::optional<double> throughput_per_ms;

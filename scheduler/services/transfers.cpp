@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "workloads/base/error.h"
@@ -58,8 +59,12 @@ Nanos sending_time(const Link& link, std::int64_t size_bytes) {
 CallBytes call_bytes(const MixTask& task) {
   if (!task.service.empty()) return {};
   const Workload& workload = find_workload(task.workload);
-  return {.in = task.input_bytes.value_or(total_bytes(workload.inputs)),
-          .out = total_bytes(workload.outputs)};
+  CallBytes bytes{.in = total_bytes(workload.inputs), .out = total_bytes(workload.outputs)};
+  for (const PortInput& port : task.inputs) bytes.in -= workload.inputs[port.input].size_bytes();
+  for (const std::size_t output : task.handed_on)
+    bytes.out -= workload.outputs[output].size_bytes();
+  if (task.input_bytes) bytes.in = *task.input_bytes;
+  return bytes;
 }
 
 std::vector<GraphEdge> edges_into(const Platform& platform, const Pipeline& pipeline,
@@ -70,12 +75,33 @@ std::vector<GraphEdge> edges_into(const Platform& platform, const Pipeline& pipe
     const MixEdge& given = target.edges[i];
     GraphEdge edge{.from = target.after[i], .to = task, .delay = given.transfer};
     if (given.bytes && !platform.links.empty()) {
-      const bool from_catalog = pipeline.tasks[edge.from].service.empty();
-      const bool to_catalog = target.service.empty();
-      if (!from_catalog) edge.leave = link_times(platform, *given.bytes);
-      if (!to_catalog) edge.enter = link_times(platform, *given.bytes);
+      const bool leaves = given.by_port || !pipeline.tasks[edge.from].service.empty();
+      const bool enters = given.by_port || !target.service.empty();
+      if (leaves) edge.leave = link_times(platform, *given.bytes);
+      if (enters) edge.enter = link_times(platform, *given.bytes);
     }
     edges.push_back(std::move(edge));
+  }
+  return edges;
+}
+
+std::vector<EarlierEdge> earlier_edges_into(const Platform& platform, const Pipeline& pipeline,
+                                            std::size_t task) {
+  std::vector<EarlierEdge> edges;
+  for (const PortInput& port : pipeline.tasks[task].inputs) {
+    if (!port.earlier) continue;
+    const auto same_maker = [&](const EarlierEdge& each) { return each.edge.from == port.task; };
+    auto known = std::ranges::find_if(edges, same_maker);
+    if (known == edges.end()) {
+      edges.push_back({.edge = {.from = port.task, .to = task}});
+      known = edges.end() - 1;
+    }
+    const Workload& maker = find_workload(pipeline.tasks[port.task].workload);
+    known->size_bytes += maker.outputs[port.output].size_bytes();
+  }
+  for (EarlierEdge& each : edges) {
+    if (platform.links.empty()) continue;
+    each.edge.leave = each.edge.enter = link_times(platform, each.size_bytes);
   }
   return edges;
 }

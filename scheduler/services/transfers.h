@@ -17,8 +17,9 @@ namespace pirt {
 /// @throws Error{kBadInput} if it is longer than a time in a file may be.
 [[nodiscard]] Nanos sending_time(const Link& link, std::int64_t size_bytes);
 
-/// What each call of a task moves over the link of its unit, wherever its predecessors ran. Nothing
-/// for a task with a service of its own: there, data travels along the edges.
+/// What each call of a task moves over the link of its unit, wherever its predecessors ran: of the
+/// workload's inputs and outputs those that travel by no port. Nothing for a task with a service of
+/// its own: there, data travels along the edges.
 struct CallBytes {
   std::int64_t in = 0;
   std::int64_t out = 0;
@@ -37,10 +38,20 @@ struct GraphEdge {
 };
 
 /// The edges into a task, as its data moves: `transfer_ms` between different units, and bytes over
-/// the links of both, at the mean of their latency. A catalog workload moves its own data at each
-/// call, so that its unit's link is not counted again here.
+/// the links of both, at the mean of their latency. A catalog workload moves data that has no port
+/// at each call, so that its unit's link is not counted again here.
 /// @return  By MixTask::after; from and to are positions in the pipeline.
 [[nodiscard]] std::vector<GraphEdge> edges_into(const Platform& platform, const Pipeline& pipeline,
                                                 std::size_t task);
+
+/// The same for what a task takes from earlier firings.
+struct EarlierEdge {
+  GraphEdge edge;
+  std::int64_t size_bytes = 0;
+};
+/// @return  One for each task that it takes from.
+[[nodiscard]] std::vector<EarlierEdge> earlier_edges_into(const Platform& platform,
+                                                          const Pipeline& pipeline,
+                                                          std::size_t task);
 
 }  // namespace pirt

@@ -17,9 +17,10 @@ namespace {
 
 constexpr std::array<std::string_view, 6> kInputs = {"submit", "release",  "complete",
                                                      "cancel", "set_unit", "wake"};
-constexpr std::array<std::string_view, 2> kOutcomes = {"completed", "failed"};
+constexpr std::array<std::string_view, 3> kOutcomes = {"completed", "failed", "returned"};
 constexpr std::array<std::string_view, 3> kUnitStates = {"up", "draining", "down"};
-constexpr std::array<std::string_view, 2> kEndings = {"dropped", "expired"};
+constexpr std::array<std::string_view, 4> kEndings = {"dropped", "expired", "no_predecessor",
+                                                      "failed"};
 
 template <typename Enum, std::size_t N>
 std::string_view word(const std::array<std::string_view, N>& words, Enum value) {
@@ -173,6 +174,9 @@ void add_task(const Task& task, std::string& line) {
   if (task.deadline) fmt::format_to(out, R"(,"deadline":{})", task.deadline->count());
   if (task.expires_at) fmt::format_to(out, R"(,"expires":{})", task.expires_at->count());
   if (!task.after.empty()) fmt::format_to(out, R"(,"after":[{}])", fmt::join(task.after, ","));
+  if (task.state) fmt::format_to(out, R"(,"state":{})", *task.state);
+  if (task.series) fmt::format_to(out, R"(,"series":{})", *task.series);
+  if (!task.reads.empty()) fmt::format_to(out, R"(,"reads":[{}])", fmt::join(task.reads, ","));
   line += '}';
 }
 
@@ -204,6 +208,9 @@ DispatcherSetup dispatcher_setup_from_json(const Json& json) {
   check_sizes(setup);
   return setup;
 }
+
+std::string_view word(Outcome outcome) { return word(kOutcomes, outcome); }
+std::string_view word(Ending how) { return word(kEndings, how); }
 
 std::string log_line(const DispatcherInput& input, const Decisions& decisions) {
   using Kind = DispatcherInput::Kind;
@@ -263,7 +270,15 @@ void add_task_from_json(const Json& json, LogEntry& entry) {
   if (json.contains("deadline")) task.deadline = time_from_json(json.at("deadline"));
   if (json.contains("expires")) task.expires_at = time_from_json(json.at("expires"));
   auto& after = entry.after.emplace_back();
-  if (json.contains("after")) after = json.at("after").get<std::vector<TaskId>>();
+  if (json.contains("after")) {
+    for (const auto& each : json.at("after")) after.push_back(whole<TaskId>(each));
+  }
+  if (json.contains("state")) task.state = whole<StateId>(json.at("state"));
+  if (json.contains("series")) task.series = whole<SeriesId>(json.at("series"));
+  auto& reads = entry.reads.emplace_back();
+  if (json.contains("reads")) {
+    for (const auto& each : json.at("reads")) reads.push_back(whole<SeriesId>(each));
+  }
 }
 
 void add_decisions_from_json(const Json& json, LogEntry& entry) {

@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "scheduler/dispatcher/dispatcher.h"
@@ -13,7 +14,7 @@ namespace pirt {
 
 /// All that a fresh dispatcher is made from.
 struct DispatcherSetup {
-  static constexpr int kSchemaVersion = 3;
+  static constexpr int kSchemaVersion = 4;
   const PolicyInfo* mode = nullptr;
   std::vector<std::string> units;
   std::vector<std::optional<int>> slots;  ///< By unit.
@@ -29,11 +30,16 @@ struct DispatcherSetup {
 struct LogEntry {
   DispatcherInput input;
   std::vector<Task> tasks;
-  std::vector<std::vector<TaskId>> after;  ///< Of each task.
+  std::vector<std::vector<TaskId>> after;    ///< Of each task,
+  std::vector<std::vector<SeriesId>> reads;  ///< and likewise.
   bool taken = true;
   std::vector<Start> started;
   std::vector<Ended> ended;
 };
+
+/// "completed", "dropped": as they stand in the log.
+[[nodiscard]] std::string_view word(Outcome outcome);
+[[nodiscard]] std::string_view word(Ending how);
 
 /// One line of JSON. Keys are left out where they do not apply.
 [[nodiscard]] std::string log_line(const DispatcherInput& input, const Decisions& decisions);

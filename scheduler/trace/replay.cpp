@@ -26,6 +26,20 @@ bool same(const std::vector<Ended>& a, const std::vector<Ended>& b) {
       a, b, [](const Ended& x, const Ended& y) { return x.task == y.task && x.how == y.how; });
 }
 
+std::string_view verb(Ending how) {
+  switch (how) {
+    case Ending::kDropped:
+      return "drops";
+    case Ending::kExpired:
+      return "expires";
+    case Ending::kNoPredecessor:
+      return "drops, for want of an earlier firing's data,";
+    case Ending::kFailed:
+      return "fails";
+  }
+  return "";
+}
+
 class Replay {
  public:
   Replay(const TraceLog& log, const std::string& source)
@@ -92,7 +106,10 @@ class Replay {
   bool give(const LogEntry& entry, Starts& out) {
     const DispatcherInput& input = entry.input;
     std::vector<Task> tasks = entry.tasks;
-    for (std::size_t i = 0; i < tasks.size(); ++i) tasks[i].after = entry.after[i];
+    for (std::size_t i = 0; i < tasks.size(); ++i) {
+      tasks[i].after = entry.after[i];
+      tasks[i].reads = entry.reads[i];
+    }
     switch (input.kind) {
       case Kind::kSubmit:
         return dispatcher_.submit(input.firing, tasks, now_, out);
@@ -127,7 +144,8 @@ class Replay {
       case Kind::kRelease:
         return fmt::format("release firing {}", input.firing);
       case Kind::kComplete:
-        return fmt::format("complete task {} on {}", input.task, unit_name(input.unit));
+        return fmt::format("complete task {} on {}{}", input.task, unit_name(input.unit),
+                           input.outcome == Outcome::kReturned ? ", which gives it back" : "");
       case Kind::kCancel:
         return fmt::format("cancel task {}", input.task);
       case Kind::kSetUnit:
@@ -148,8 +166,7 @@ class Replay {
                                   each.dispatched_at.count()));
     }
     for (const Ended& each : ended) {
-      parts.push_back(
-          fmt::format("{} task {}", each.how == Ending::kExpired ? "expires" : "drops", each.task));
+      parts.push_back(fmt::format("{} task {}", verb(each.how), each.task));
     }
     return parts.empty() ? "nothing" : join(parts, ", ");
   }

@@ -78,12 +78,12 @@ void TraceWriter::on_input(const DispatcherInput& input, const Decisions& decisi
     }
   }
   // The slot is free before the next task starts on it.
-  if (input.kind == Kind::kComplete) end_slice(input.task, input.now);
+  if (input.kind == Kind::kComplete) end_slice(input.task, input.outcome, input.now);
   for (const Start& each : decisions.started) start(each, input.now);
   for (const Ended& each : decisions.ended) {
     file_.event(fmt::format(
         R"({{"name":"{}","ph":"i","s":"p","pid":0,"tid":0,"ts":{},"args":{{"task":{}}}}})",
-        each.how == Ending::kExpired ? "expired" : "dropped", us(input.now), each.task));
+        word(each.how), us(input.now), each.task));
     // A task that is cancelled while it runs keeps its slice until it completes.
     if (!dispatcher_.state(each.task)) tasks_.erase(each.task);
   }
@@ -115,18 +115,24 @@ void TraceWriter::start(const Start& start, Nanos now) {
   }
 }
 
-void TraceWriter::end_slice(TaskId task, Nanos now) {
+void TraceWriter::end_slice(TaskId task, Outcome outcome, Nanos now) {
   const auto found = tasks_.find(task);
   if (found == tasks_.end()) return;
-  const TaskTrack track = std::move(found->second);
-  tasks_.erase(found);
+  // A task that is given back has another slice to come, and only then those behind it.
+  const bool returned = outcome == Outcome::kReturned && dispatcher_.state(task).has_value();
+  TaskTrack track = returned ? found->second : std::move(found->second);
+  if (returned) {
+    track.successors.clear();
+  } else {
+    tasks_.erase(found);
+  }
   const Pipeline& pipeline = run_.mix.pipelines[track.pipeline];
   const MixTask& definition = pipeline.tasks[track.position];
   file_.event(fmt::format(
-      R"({{"name":{},"cat":{},"ph":"X","pid":{},"tid":{},"ts":{},"dur":{},"args":{{"task":{},"firing":{},"waited_us":{}}}}})",
+      R"({{"name":{},"cat":{},"ph":"X","pid":{},"tid":{},"ts":{},"dur":{},"args":{{"task":{},"firing":{},"waited_us":{},"outcome":"{}"}}}})",
       quoted(pipeline.name + "." + definition.name), quoted(definition.workload),
       process(track.slot.unit), track.slot.lane, us(track.started_at), us(now - track.started_at),
-      task, track.firing, us(track.started_at - track.ready_at)));
+      task, track.firing, us(track.started_at - track.ready_at), word(outcome)));
   free_lanes_[track.slot.unit].insert(track.slot.lane);
   // Within the slice, which ends before `now`.
   const FlowStart flow{track.slot, std::max(track.started_at, now - Nanos(1))};

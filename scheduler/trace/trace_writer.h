@@ -74,7 +74,7 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
 
   void name_tracks();
   void start(const Start& start, Nanos now);
-  void end_slice(TaskId task, Nanos now);
+  void end_slice(TaskId task, Outcome outcome, Nanos now);
   std::size_t take_lane(UnitId unit);
   void counter(const char* name, const std::vector<double>& values,
                const std::vector<std::string>& keys, std::vector<double>& last, Nanos at);

@@ -6,7 +6,6 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -14,6 +13,7 @@
 #include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/record/tally.h"
 #include "scheduler/services/scenario.h"
+#include "scheduler/virtual/firings.h"
 #include "scheduler/virtual/servers.h"
 
 namespace pirt {
@@ -47,15 +47,13 @@ class VirtualTime {
 
  private:
   struct Step;
+  struct DataEdge;
   struct TaskPlan;
-  struct PipelineState;
   struct Job;
-  struct Firing;
   struct Timer;
-  using JobIndex = std::uint32_t;
-  using FiringIndex = std::uint32_t;
 
-  void plan_tasks();
+  void plan_tasks(std::uint32_t pipeline);
+  [[nodiscard]] std::vector<DataEdge> data_edges(const Pipeline& pipeline, std::size_t task) const;
   std::vector<Step> plan_steps(const MixTask& task, const TaskPlan& plan, UnitId unit) const;
   void add_transfer(std::vector<Step>& steps, UnitId unit, std::int64_t size_bytes) const;
 
@@ -63,53 +61,38 @@ class VirtualTime {
   bool advance();
   void close_books(Nanos end);
   void count_served(Tally& tally) const;
-  void count_unfinished(Tally& tally, Nanos end) const;
   void fire(std::uint32_t pipeline);
-  void submit_tasks(std::uint32_t pipeline, FiringIndex firing);
   void schedule_firing(std::uint32_t pipeline);
   void settle();
-  void fire_again();
   void apply_starts();
   void proceed(JobIndex job);
   void begin_step(JobIndex job, const Step& step);
-  Nanos data_arrival(const Job& job);
+  Nanos data_arrival(JobIndex job);
+  void send(UnitId unit, std::int64_t size_bytes, Nanos from);
   void charge(Tally& tally, const Job& job, const Step& step, Nanos served, Nanos powered) const;
-  [[nodiscard]] Nanos before_end(Nanos start, Nanos length) const;
   [[nodiscard]] const Step& step_of(const Job& job) const;
-  const std::optional<std::int64_t>& edge_bytes(const Job& job, std::size_t edge) const;
-  [[nodiscard]] Nanos draw(const Job& job, const Step& step) const;
+  [[nodiscard]] Nanos draw(JobIndex job, const Step& step) const;
   [[nodiscard]] double power_w(const Job& job, const Step& step) const;
   void complete(JobIndex job);
-  void end_task(JobIndex job, bool completed);
-  void end_firing(FiringIndex firing);
-  void fire_anew(std::uint32_t pipeline);
-  [[nodiscard]] bool finds_buffer(const PipelineState& state) const;
+  void release(const std::optional<FiringId>& firing);
   void add_timer(Nanos at, bool fires, std::uint32_t index);
 
   const Scenario& scenario_;
   RunObserver* observer_;
   Dispatcher& dispatcher_;
+  Firings firings_;
   std::vector<std::unique_ptr<Servers>> servers_;  ///< Units in order, then links.
   std::vector<TaskPlan> plans_;                    ///< Of all tasks of all pipelines.
-  std::vector<PipelineState> pipelines_;
+  std::vector<std::uint32_t> first_plans_;         ///< By pipeline,
+  std::vector<std::uint64_t> seeds_;               ///< and likewise.
+  std::vector<std::optional<UnitId>>
+      state_units_;  ///< By state: where it is; absent = nowhere yet.
   std::vector<Job> jobs_;
-  std::vector<JobIndex> free_jobs_;
-  std::vector<Firing> firings_;
-  std::vector<FiringIndex> free_firings_;
-  std::vector<Timer> timers_;           ///< A heap, earliest first.
-  std::vector<std::uint32_t> refires_;  ///< Closed loops that fire now.
-  std::deque<std::uint32_t> starving_;  ///< Closed loops that fire when a buffer is free.
-  std::vector<TaskId> ids_;             ///< Of the firing being submitted, as the two below.
-  std::vector<TaskId> after_;
-  std::vector<Task> tasks_;
-  std::int64_t buffers_used_ = 0;
-  FiringId firing_number_ = 0;
+  std::vector<Timer> timers_;  ///< A heap, earliest first.
   std::uint64_t sequence_ = 0;
-  std::uint32_t task_number_ = 0;
   Starts starts_;
-  Tally tally_;                  ///< Of all that has happened.
+  Tally tally_;                  ///< Of all that has happened at units and links.
   std::optional<Tally> at_end_;  ///< What is returned.
-  Nanos end_ = Nanos::max();     ///< The duration with an open loop.
   Nanos now_{0};
 };
 

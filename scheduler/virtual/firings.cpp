@@ -1,0 +1,258 @@
+#include "scheduler/virtual/firings.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace pirt {
+
+Firings::Firings(const Scenario& scenario)
+    : scenario_(scenario), tallies_(scenario.mix.pipelines.size()) {
+  if (scenario.mix.open_loop()) end_ = scenario.duration;
+  for (std::uint32_t p = 0; p < scenario.mix.pipelines.size(); ++p) plan(p);
+}
+
+void Firings::plan(std::uint32_t p) {
+  PipelineState& state = pipelines_.emplace_back();
+  const Pipeline& pipeline = scenario_.mix.pipelines[p];
+  state.pipeline = &pipeline;
+  state.first_series = series_count_;
+  const auto moves = [this](const MixEdge& edge) {
+    return edge.transfer > Nanos::zero() || (edge.bytes && !scenario_.platform.links.empty());
+  };
+  std::vector<SeriesId> series_of(pipeline.tasks.size(), 0);
+  for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
+    const MixTask& task = pipeline.tasks[t];
+    state.image_tasks += task.image_input ? 1 : 0;
+    state.moves_data = state.moves_data || std::ranges::any_of(task.edges, moves);
+    if (!task.read_later) continue;
+    state.series.push_back({.task = t, .image = task.image_input});
+    series_of[t] = series_count_++;
+  }
+  for (const MixTask& task : pipeline.tasks) {
+    auto& reads = state.reads.emplace_back();
+    for (const PortInput& port : task.inputs) {
+      if (!port.earlier || std::ranges::find(reads, series_of[port.task]) != reads.end()) continue;
+      reads.push_back(series_of[port.task]);
+    }
+  }
+  if (pipeline.frames) {
+    state.to_fire = std::min<std::int64_t>(*pipeline.frames, scenario_.in_flight[p]);
+  }
+}
+
+std::optional<Nanos> Firings::due(std::uint32_t pipeline) const {
+  const auto& rate_hz = pipelines_[pipeline].pipeline->rate_hz;
+  if (!rate_hz) return std::nullopt;
+  // From the number of the firing, not from the last one, so that rounding does not add up.
+  const double at_ns = static_cast<double>(tallies_[pipeline].fired) * 1e9 / *rate_hz;
+  // Compared before it is rounded, so that it fits.
+  if (at_ns >= static_cast<double>(end_.count())) return std::nullopt;
+  const Nanos at(std::llround(at_ns));
+  return at < end_ ? std::optional(at) : std::nullopt;
+}
+
+std::int64_t Firings::at_begin(std::uint32_t pipeline) const {
+  return pipelines_[pipeline].to_fire;
+}
+
+std::optional<std::uint32_t> Firings::next_loop(Nanos now) {
+  if (now >= end_) {
+    refires_.clear();
+    starving_.clear();
+  }
+  const auto take = [](std::deque<std::uint32_t>& from) {
+    const std::uint32_t first = from.front();
+    from.pop_front();
+    return first;
+  };
+  while (!refires_.empty()) {
+    const std::uint32_t pipeline = take(refires_);
+    if (finds_buffer(pipelines_[pipeline])) return pipeline;
+    starving_.push_back(pipeline);
+  }
+  if (starving_.empty() || !finds_buffer(pipelines_[starving_.front()])) return std::nullopt;
+  return take(starving_);
+}
+
+std::optional<Firings::Submission> Firings::fire(std::uint32_t p, Nanos now) {
+  PipelineState& state = pipelines_[p];
+  const Pipeline& pipeline = *state.pipeline;
+  const auto number = static_cast<std::uint64_t>(tallies_[p].fired++);
+  const bool has_buffer = finds_buffer(state);
+  if (pipeline.frames) --state.to_fire;
+  if (!state.series.empty()) state.over.push_back(!has_buffer);
+  if (!has_buffer) {
+    advance(state);
+    ++tallies_[p].dropped;
+    refused_tasks_ += static_cast<std::int64_t>(pipeline.tasks.size());
+    if (pipeline.frames) fire_anew(p);
+    return std::nullopt;
+  }
+  if (state.image_tasks > 0) ++buffers_used_;
+  if (free_firings_.empty()) {
+    free_firings_.push_back(static_cast<std::uint32_t>(firings_.size()));
+    firings_.emplace_back();
+  }
+  const std::uint32_t slot = free_firings_.back();
+  free_firings_.pop_back();
+  Firing& firing = firings_[slot];
+  firing.id = firing_number_++;
+  firing.pipeline = p;
+  firing.tasks_left = static_cast<std::uint32_t>(pipeline.tasks.size());
+  firing.images_left = state.image_tasks;
+  firing.complete = true;
+  firing.number = number;
+  firing.fired_at = now;
+  if (state.moves_data) firing.made.assign(pipeline.tasks.size(), {});
+  fill_tasks(p, slot, now);
+  return Submission{.firing = firing.id, .tasks = tasks_};
+}
+
+void Firings::fill_tasks(std::uint32_t p, std::uint32_t slot, Nanos now) {
+  const PipelineState& state = pipelines_[p];
+  const Pipeline& pipeline = *state.pipeline;
+  ids_.clear();
+  after_.clear();
+  tasks_.clear();
+  SeriesId series = state.first_series;
+  for (std::uint32_t t = 0; t < pipeline.tasks.size(); ++t) {
+    if (free_jobs_.empty()) {
+      free_jobs_.push_back(static_cast<JobIndex>(places_.size()));
+      places_.emplace_back();
+    }
+    const JobIndex job = free_jobs_.back();
+    free_jobs_.pop_back();
+    // The place below, a running number above: unique among live tasks, and found again without a
+    // search.
+    const TaskId id = TaskId{task_number_++} << 32 | job;
+    places_[job] = {
+        .id = id, .pipeline = p, .task = t, .firing = firings_[slot].number, .slot = slot};
+    ids_.push_back(id);
+    const MixTask& definition = pipeline.tasks[t];
+    for (const std::size_t each : definition.after) after_.push_back(ids_[each]);
+    Task& task = tasks_.emplace_back();
+    task.id = id;
+    task.kind = scenario_.classes[p][t];
+    if (pipeline.deadline) task.deadline = now + *pipeline.deadline;
+    if (pipeline.expires) task.expires_at = now + *pipeline.expires;
+    if (definition.state) task.state = static_cast<StateId>(*definition.state);
+    if (definition.read_later) task.series = series++;
+    task.reads = state.reads[t];
+  }
+  // Now that after_ does not move any more.
+  std::size_t begin = 0;
+  for (std::uint32_t t = 0; t < pipeline.tasks.size(); ++t) {
+    const std::size_t count = pipeline.tasks[t].after.size();
+    tasks_[t].after = std::span(after_).subspan(begin, count);
+    begin += count;
+  }
+}
+
+const Firings::Made& Firings::made_earlier(JobIndex job, std::size_t task) const {
+  const Place& place = places_[job];
+  const auto& series = pipelines_[place.pipeline].series;
+  const auto& made = std::ranges::find(series, task, &Series::task)->made;
+  return *(std::ranges::lower_bound(made, place.firing, {}, &Made::firing) - 1);
+}
+
+std::optional<FiringId> Firings::complete(JobIndex job, UnitId unit, Nanos now) {
+  const Place& place = places_[job];
+  Firing& firing = firings_[place.slot];
+  PipelineState& state = pipelines_[place.pipeline];
+  const Made made{.unit = unit, .at = now, .firing = place.firing};
+  if (!firing.made.empty()) firing.made[place.task] = made;
+  const auto series = std::ranges::find(state.series, place.task, &Series::task);
+  if (series != state.series.end()) {
+    const auto behind = std::ranges::upper_bound(series->made, made.firing, {}, &Made::firing);
+    series->made.insert(behind, made);
+    if (series->image) ++state.kept[made.firing];
+    forget_read(state);
+  }
+  return end_task(job, true, now);
+}
+
+std::optional<FiringId> Firings::lose(JobIndex job, Nanos now) { return end_task(job, false, now); }
+
+std::optional<FiringId> Firings::end_task(JobIndex job, bool completed, Nanos now) {
+  const Place place = places_[job];
+  Firing& firing = firings_[place.slot];
+  PipelineState& state = pipelines_[place.pipeline];
+  firing.complete = firing.complete && completed;
+  if (state.pipeline->tasks[place.task].image_input && --firing.images_left == 0 &&
+      !state.kept.contains(firing.number)) {
+    --buffers_used_;
+  }
+  free_jobs_.push_back(job);
+  if (--firing.tasks_left > 0) return std::nullopt;
+  end_firing(firing, now);
+  free_firings_.push_back(place.slot);
+  return firing.id;
+}
+
+void Firings::end_firing(const Firing& firing, Nanos now) {
+  PipelineState& state = pipelines_[firing.pipeline];
+  PipelineTally& tally = tallies_[firing.pipeline];
+  if (firing.complete) {
+    const Nanos latency = now - firing.fired_at;
+    ++tally.completed;
+    tally.latency.add(latency);
+    const auto& deadline = state.pipeline->deadline;
+    if (deadline && latency > *deadline) ++tally.deadline_misses;
+  } else {
+    ++tally.dropped;
+  }
+  if (!state.series.empty()) {
+    state.over[firing.number - state.first_live] = true;
+    advance(state);
+  }
+  if (state.pipeline->frames) fire_anew(firing.pipeline);
+}
+
+void Firings::advance(PipelineState& state) {
+  while (!state.over.empty() && state.over.front()) {
+    state.over.pop_front();
+    ++state.first_live;
+  }
+  forget_read(state);
+}
+
+/// Of what was made before all firings that are not over, they and those to come read the newest.
+void Firings::forget_read(PipelineState& state) {
+  for (Series& series : state.series) {
+    auto& made = series.made;
+    while (made.size() > 1 && made[1].firing < state.first_live) {
+      const std::uint64_t firing = made.front().firing;
+      made.pop_front();
+      if (!series.image || --state.kept[firing] > 0) continue;
+      state.kept.erase(firing);
+      --buffers_used_;
+    }
+  }
+}
+
+/// A closed loop's place in flight is free: it fires once more, when what happens now is settled,
+/// if a frame is left.
+void Firings::fire_anew(std::uint32_t p) {
+  PipelineState& state = pipelines_[p];
+  if (tallies_[p].fired + state.to_fire >= *state.pipeline->frames) return;
+  ++state.to_fire;
+  refires_.push_back(p);
+}
+
+/// Whether a firing of the pipeline has, or needs no, image buffer.
+bool Firings::finds_buffer(const PipelineState& state) const {
+  return state.image_tasks == 0 || !scenario_.mix.image_buffers ||
+         buffers_used_ < *scenario_.mix.image_buffers;
+}
+
+void Firings::count_unfinished(std::vector<PipelineTally>& tallies, Nanos end) const {
+  for (const Firing& firing : firings_) {
+    if (firing.tasks_left == 0) continue;
+    PipelineTally& tally = tallies[firing.pipeline];
+    ++tally.unfinished;
+    const auto& deadline = pipelines_[firing.pipeline].pipeline->deadline;
+    if (deadline && end - firing.fired_at > *deadline) ++tally.deadline_misses;
+  }
+}
+
+}  // namespace pirt

@@ -1,0 +1,145 @@
+// The firings of a mix's pipelines: when they come, who gets an image buffer, the ids of their
+// tasks, where and when data was made, and what a firing comes to. Pure: it reads no clock and
+// calls nobody, so that virtual time and the live driver share it.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "scheduler/mix/task.h"
+#include "scheduler/record/tally.h"
+#include "scheduler/services/scenario.h"
+
+namespace pirt {
+
+/// Where the driver keeps what it knows of a live task: small, and used again.
+using JobIndex = std::uint32_t;
+
+class Firings {
+ public:
+  /// @param scenario  Must outlive it.
+  explicit Firings(const Scenario& scenario);
+
+  /// Nothing fires from then on.
+  [[nodiscard]] Nanos end() const { return end_; }
+
+  // When: pipelines with a rate are asked for their next time after each firing; closed loops fire
+  // so often at the begin, and then whenever next_loop says so.
+
+  /// Absent if it comes no more, or the pipeline is a closed loop.
+  [[nodiscard]] std::optional<Nanos> due(std::uint32_t pipeline) const;
+  [[nodiscard]] std::int64_t at_begin(std::uint32_t pipeline) const;
+  /// A closed loop that fires now: one whose firing has ended, then those that were short of a
+  /// buffer, in the order in which they were. Absent: none more.
+  [[nodiscard]] std::optional<std::uint32_t> next_loop(Nanos now);
+
+  /// What a dispatcher is given; true until the next call.
+  struct Submission {
+    FiringId firing = 0;
+    std::span<const Task> tasks;
+  };
+  /// The pipeline fires. Absent if it finds no image buffer: the firing is dropped, and counted.
+  [[nodiscard]] std::optional<Submission> fire(std::uint32_t pipeline, Nanos now);
+
+  /// Where a live task stands.
+  struct Place {
+    TaskId id = 0;
+    std::uint32_t pipeline = 0;
+    std::uint32_t task = 0;    ///< Position in the pipeline.
+    std::uint64_t firing = 0;  ///< Number in the pipeline, from 0.
+    std::uint32_t slot = 0;    ///< Of the firing, in here.
+  };
+  [[nodiscard]] static JobIndex job_of(TaskId id) { return static_cast<JobIndex>(id); }
+  [[nodiscard]] const Place& place(JobIndex job) const { return places_[job]; }
+
+  /// Where and when a task's data was made.
+  struct Made {
+    UnitId unit = 0;
+    Nanos at{0};
+    std::uint64_t firing = 0;
+  };
+  /// By another task of the same firing, which completed.
+  [[nodiscard]] const Made& made(JobIndex job, std::size_t task) const {
+    return firings_[places_[job].slot].made[task];
+  }
+  /// By the nearest earlier firing that completed the task, for a task that may start.
+  [[nodiscard]] const Made& made_earlier(JobIndex job, std::size_t task) const;
+
+  /// The task completed, or ended otherwise; its job is free. What is returned names the firing
+  /// that is over with it, which the dispatcher may forget.
+  [[nodiscard]] std::optional<FiringId> complete(JobIndex job, UnitId unit, Nanos now);
+  [[nodiscard]] std::optional<FiringId> lose(JobIndex job, Nanos now);
+
+  /// By pipeline, of all that has happened.
+  [[nodiscard]] const std::vector<PipelineTally>& tallies() const { return tallies_; }
+  [[nodiscard]] std::int64_t refused_tasks() const { return refused_tasks_; }
+  /// Adds what is not over at @p end.
+  void count_unfinished(std::vector<PipelineTally>& tallies, Nanos end) const;
+  /// Images of these are in use, or kept for a later firing.
+  [[nodiscard]] std::int64_t buffers_used() const { return buffers_used_; }
+
+ private:
+  struct Firing {
+    FiringId id = 0;
+    std::uint32_t pipeline = 0;
+    std::uint32_t tasks_left = 0;  ///< 0: over.
+    std::uint32_t images_left = 0;
+    bool complete = true;
+    std::uint64_t number = 0;
+    Nanos fired_at{0};
+    std::vector<Made> made = {};  ///< By task; empty unless data of the pipeline moves.
+  };
+  /// What later firings may read of one task: completed firings, rising.
+  struct Series {
+    std::size_t task = 0;
+    bool image = false;
+    std::deque<Made> made = {};
+  };
+  struct PipelineState {
+    const Pipeline* pipeline = nullptr;
+    std::uint32_t image_tasks = 0;
+    bool moves_data = false;
+    std::int64_t to_fire = 0;  ///< Of a closed loop: at the begin, or in refires_ or starving_.
+    SeriesId first_series = 0;
+    std::vector<Series> series = {};
+    std::vector<std::vector<SeriesId>> reads = {};  ///< By task.
+    std::deque<bool> over = {};                     ///< Of firings from first_live on.
+    std::uint64_t first_live = 0;
+    std::map<std::uint64_t, int> kept = {};  ///< By firing: series that keep its image.
+  };
+
+  void plan(std::uint32_t pipeline);
+  void fill_tasks(std::uint32_t pipeline, std::uint32_t slot, Nanos now);
+  std::optional<FiringId> end_task(JobIndex job, bool completed, Nanos now);
+  void end_firing(const Firing& firing, Nanos now);
+  void advance(PipelineState& state);
+  void forget_read(PipelineState& state);
+  void fire_anew(std::uint32_t pipeline);
+  [[nodiscard]] bool finds_buffer(const PipelineState& state) const;
+
+  const Scenario& scenario_;
+  Nanos end_ = Nanos::max();
+  std::vector<PipelineState> pipelines_;
+  std::vector<PipelineTally> tallies_;
+  std::vector<Firing> firings_;
+  std::vector<std::uint32_t> free_firings_;
+  std::vector<Place> places_;
+  std::vector<JobIndex> free_jobs_;
+  std::deque<std::uint32_t> refires_;   ///< Closed loops that fire now.
+  std::deque<std::uint32_t> starving_;  ///< Closed loops that fire when a buffer is free.
+  std::vector<TaskId> ids_;             ///< Of the firing being submitted, as the two below.
+  std::vector<TaskId> after_;
+  std::vector<Task> tasks_;
+  SeriesId series_count_ = 0;
+  std::int64_t buffers_used_ = 0;
+  std::int64_t refused_tasks_ = 0;
+  FiringId firing_number_ = 0;
+  std::uint32_t task_number_ = 0;
+};
+
+}  // namespace pirt
