@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -63,7 +64,8 @@ class Kernel {
   virtual ~Kernel() = default;
 
   /// Sets the host tensors that upload() reads and download() writes (host backends compute on them
-  /// in place). They must outlive the kernel's use and have the workload's specs.
+  /// in place). They must outlive the kernel's use and have the workload's specs. Inputs that vary
+  /// are read with the rows that they have at upload (host backends: at execute).
   virtual void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) = 0;
 
   /// Host to device; complete on return. Nothing to do for a backend without that phase.
@@ -71,9 +73,30 @@ class Kernel {
   /// Computes @p repeats times on the resident data, one after the other, and waits once for the
   /// last. Returns the time that the device's own stamps give for launching (submit to start,
   /// summed over the repeats), where it has such stamps.
+  /// With a state every repeat reads the current one and writes the next: all are the same call.
   virtual std::optional<Nanos> execute(int repeats) = 0;
-  /// Device to host; complete on return.
+  /// Device to host; complete on return. Outputs that vary get their rows, here or in execute. With
+  /// a state its next value comes as well.
   virtual void download() {}
+
+  // The rest is for workloads with a state only, of which host and device have two sets: the one
+  // that is committed, and the one that a call writes. A call that fails or is cancelled leaves the
+  // committed one as it was. One call: upload, execute, download, commit_state, then the driver
+  // swaps the host's two sets and binds them again.
+
+  /// Sets the host's two sets of Workload::state's tensors; moves nothing. They must outlive the
+  /// kernel's use.
+  /// @throws std::logic_error if the workload has none.
+  virtual void bind_state(std::span<const Tensor> current, std::span<Tensor> next) {
+    static_cast<void>(current), static_cast<void>(next);
+    throw std::logic_error("a workload without a state has nothing to bind");
+  }
+  /// The current state to the device; complete on return. Needed before the first call, and where
+  /// the device's copy is not the committed one.
+  virtual void upload_state() {}
+  /// What the last call wrote becomes the device's current state. Nothing to do for host backends,
+  /// which compute on what is bound.
+  virtual void commit_state() {}
 };
 
 /// One open unit.

@@ -37,10 +37,12 @@ struct TensorSpec {
   std::string name;
   Element element = Element::kF32;
   std::vector<std::int64_t> shape;  ///< Slowest dimension first; all extents >= 1.
+  /// The slowest dimension is a capacity; each tensor says how many of its rows it has.
+  bool varies = false;
 
-  [[nodiscard]] std::int64_t count() const;
-  [[nodiscard]] std::int64_t size_bytes() const;
-  /// "image u8[480,640]"
+  [[nodiscard]] std::int64_t count() const;       ///< Of the capacity.
+  [[nodiscard]] std::int64_t size_bytes() const;  ///< Of the capacity.
+  /// "image u8[480,640]", "corners f32[<=500,2]"
   [[nodiscard]] std::string describe() const;
   friend bool operator==(const TensorSpec&, const TensorSpec&) = default;
 };
@@ -52,15 +54,30 @@ class Tensor {
   explicit Tensor(TensorSpec spec);
 
   [[nodiscard]] const TensorSpec& spec() const { return spec_; }
+  /// Elements of the capacity.
   [[nodiscard]] std::int64_t count() const { return spec_.count(); }
   [[nodiscard]] std::int64_t dim(std::size_t axis) const { return spec_.shape[axis]; }
+
+  /// How many of its rows (entries of the slowest dimension) the tensor has: all, unless the spec
+  /// varies and somebody said otherwise. What lies behind them means nothing.
+  [[nodiscard]] std::int64_t rows() const { return rows_; }
+  /// @param rows  0 to shape[0].
+  /// @throws std::logic_error for others, and where the spec does not vary.
+  void set_rows(std::int64_t rows);
+  /// Elements of the rows that it has.
+  [[nodiscard]] std::int64_t used_count() const;
 
   [[nodiscard]] std::byte* data() { return data_.get(); }
   [[nodiscard]] const std::byte* data() const { return data_.get(); }
   [[nodiscard]] std::span<const std::byte> bytes() const {
     return {data(), static_cast<std::size_t>(spec_.size_bytes())};
   }
+  /// Of the rows that it has: what a transfer has to move.
+  [[nodiscard]] std::span<const std::byte> used_bytes() const {
+    return bytes().first(static_cast<std::size_t>(used_count()) * pirt::size_bytes(spec_.element));
+  }
 
+  /// All of the capacity.
   template <typename T>
   [[nodiscard]] std::span<T> as() {
     assert(element_of<T>() == spec_.element);
@@ -71,15 +88,30 @@ class Tensor {
     assert(element_of<T>() == spec_.element);
     return {reinterpret_cast<const T*>(data()), static_cast<std::size_t>(count())};
   }
+  /// The rows that it has.
+  template <typename T>
+  [[nodiscard]] std::span<T> used() {
+    return as<T>().first(static_cast<std::size_t>(used_count()));
+  }
+  template <typename T>
+  [[nodiscard]] std::span<const T> used() const {
+    return as<T>().first(static_cast<std::size_t>(used_count()));
+  }
 
  private:
   struct Free {
     void operator()(std::byte* p) const;
   };
   TensorSpec spec_;
+  std::int64_t rows_ = 0;
   std::unique_ptr<std::byte[], Free> data_;
 };
 
 [[nodiscard]] std::vector<Tensor> make_tensors(std::span<const TensorSpec> specs);
+
+/// Elements and rows of @p from. The specs are the same, but for their names.
+/// @throws std::logic_error if they are not.
+void copy_tensor(const Tensor& from, Tensor& to);
+[[nodiscard]] std::vector<Tensor> copy_tensors(std::span<const Tensor> tensors);
 
 }  // namespace pirt

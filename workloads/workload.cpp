@@ -50,14 +50,19 @@ std::optional<Verdict> mismatch(std::span<const Tensor> outputs, std::span<const
       return failure(fmt::format("output {} has another shape than {}",
                                  outputs[i].spec().describe(), expected[i].spec().describe()));
     }
+    if (outputs[i].rows() != expected[i].rows()) {
+      return failure(fmt::format("output {} has {} rows where {} are expected",
+                                 outputs[i].spec().describe(), outputs[i].rows(),
+                                 expected[i].rows()));
+    }
   }
   return std::nullopt;
 }
 
 template <typename T>
 Verdict compare_exact(const Tensor& output, const Tensor& expected) {
-  const auto got = output.as<T>();
-  const auto want = expected.as<T>();
+  const auto got = output.used<T>();
+  const auto want = expected.used<T>();
   std::int64_t differing = 0;
   std::int64_t worst = 0;
   std::size_t worst_at = 0;
@@ -97,13 +102,12 @@ Verdict compare_exact_any(const Tensor& output, const Tensor& expected) {
   return failure(fmt::format("output {} is not of integers", output.spec().describe()));
 }
 
+/// @tparam T  Of the output.
+template <typename T>
 Verdict compare_close(const Tensor& output, const Tensor& expected, double relative_to_peak) {
-  if (output.spec().element != Element::kF32 || expected.spec().element != Element::kF64) {
-    return failure(fmt::format("output {} against {}: f32 against f64 is expected",
-                               output.spec().describe(), expected.spec().describe()));
-  }
-  const auto got = output.as<float>();
-  const auto want = expected.as<double>();
+  const auto got = output.used<T>();
+  const auto want = expected.used<double>();
+  if (got.empty()) return {true, 0.0, fmt::format("{}: both have no rows", output.spec().name)};
   double peak = 0.0;
   for (const double value : want) peak = std::max(peak, std::abs(value));
   double worst = 0.0;
@@ -126,6 +130,16 @@ Verdict compare_close(const Tensor& output, const Tensor& expected, double relat
                       output.spec().name, relative, peak,
                       position(output.spec(), static_cast<std::int64_t>(worst_at)), got[worst_at],
                       want[worst_at], relative_to_peak)};
+}
+
+Verdict compare_close_any(const Tensor& output, const Tensor& expected, double relative_to_peak) {
+  const Element element = output.spec().element;
+  if (expected.spec().element == Element::kF64) {
+    if (element == Element::kF32) return compare_close<float>(output, expected, relative_to_peak);
+    if (element == Element::kF64) return compare_close<double>(output, expected, relative_to_peak);
+  }
+  return failure(fmt::format("output {} against {}: f32 or f64 against f64 is expected",
+                             output.spec().describe(), expected.spec().describe()));
 }
 
 /// Compares pairwise; the verdict is the first failing one, or else the one that came closest to
@@ -160,7 +174,22 @@ std::string_view to_string(Precision precision) {
 std::int64_t Workload::bytes() const {
   std::int64_t bytes = total_bytes(inputs) + total_bytes(outputs);
   for (const TensorSpec& spec : parameters) bytes += parameter_bytes(spec, precision);
+  if (state) bytes += 2 * total_bytes(state->tensors);
   return bytes;
+}
+
+std::int64_t Workload::bytes(const Data& data, std::span<const Tensor> given) const {
+  std::int64_t saved = 0;  // Of the capacities.
+  const auto add = [&saved](std::span<const Tensor> tensors, std::span<const TensorSpec> specs) {
+    for (std::size_t i = 0; i < specs.size(); ++i) {
+      const TensorSpec& spec = specs[i];
+      if (spec.varies)
+        saved += spec.size_bytes() / spec.shape[0] * (spec.shape[0] - tensors[i].rows());
+    }
+  };
+  add(data.inputs, inputs);
+  add(given, outputs);
+  return bytes() - saved;
 }
 
 std::optional<std::int64_t> Workload::needed_ops() const {
@@ -172,6 +201,31 @@ bool Workload::has_tag(std::string_view tag) const {
   return std::ranges::find(tags, tag) != tags.end();
 }
 
+std::vector<std::vector<Tensor>> reference_of(const Workload& workload,
+                                              std::span<const Data> frames) {
+  std::vector<std::vector<Tensor>> expected;
+  std::vector<Tensor> state;
+  if (workload.state) state = workload.make_state();
+  for (const Data& data : frames) {
+    expected.push_back(workload.state ? workload.step(state, data) : workload.reference(data));
+  }
+  return expected;
+}
+
+Verdict verify_sequence(const Workload& workload, std::span<const PlayedFrame> sequence) {
+  if (workload.judge) return workload.judge(sequence);
+  Verdict closest{true, 0.0, "nothing to compare"};
+  for (std::size_t i = 0; i < sequence.size(); ++i) {
+    Verdict verdict = workload.verify(sequence[i].outputs, sequence[i].expected);
+    if (sequence.size() > 1) {
+      verdict.detail = fmt::format("frame {} of {}: {}", i + 1, sequence.size(), verdict.detail);
+    }
+    if (!verdict.ok) return verdict;
+    if (i == 0 || verdict.worst_error > closest.worst_error) closest = std::move(verdict);
+  }
+  return closest;
+}
+
 Verdict verify_exact(std::span<const Tensor> outputs, std::span<const Tensor> expected) {
   return compare_all(outputs, expected, compare_exact_any);
 }
@@ -180,7 +234,7 @@ std::function<Verdict(std::span<const Tensor>, std::span<const Tensor>)> verify_
     double relative_to_peak) {
   return [relative_to_peak](std::span<const Tensor> outputs, std::span<const Tensor> expected) {
     return compare_all(outputs, expected, [=](const Tensor& output, const Tensor& want) {
-      return compare_close(output, want, relative_to_peak);
+      return compare_close_any(output, want, relative_to_peak);
     });
   };
 }

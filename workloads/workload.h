@@ -1,7 +1,9 @@
 // What is computed, and nothing about where: tensors, operations, reference, tolerance, tags.
 //
-// A workload is data plus three pure functions. It knows no backend; a backend looks at `kernel`
-// and `operation` and says whether it has a kernel for it.
+// A workload is data plus pure functions. It knows no backend; a backend looks at `kernel` and
+// `operation` and says whether it has a kernel for it. Most are one call on tensors of fixed sizes;
+// some have a state that goes from call to call, lists whose length varies, or inputs that come as
+// a sequence.
 #pragma once
 
 #include <cstdint>
@@ -42,6 +44,21 @@ struct Data {
 struct DataRequest {
   std::uint64_t seed = 1;
   const ImageSource* images = nullptr;  ///< Never null when make_data is called.
+  int frame = 0;                        ///< Which input of the sequence; below Workload::frames.
+};
+
+/// What a workload keeps from call to call: a filter, a map.
+struct StateSpec {
+  std::string name;  ///< Workloads may share a state: same name and equal tensors.
+  std::vector<TensorSpec> tensors;
+  friend bool operator==(const StateSpec&, const StateSpec&) = default;
+};
+
+/// One call of a played sequence, for judging it.
+struct PlayedFrame {
+  const Data* data = nullptr;
+  std::span<const Tensor> outputs;   ///< A backend's.
+  std::span<const Tensor> expected;  ///< The reference's.
 };
 
 /// What the products of a layer are computed in. Its tensors are f32 all the same: whoever computes
@@ -71,28 +88,58 @@ struct Workload {
   std::vector<TensorSpec> inputs;
   std::vector<TensorSpec> parameters;
   std::vector<TensorSpec> outputs;
+  /// Absent for most: a call depends on its inputs alone.
+  std::optional<StateSpec> state = std::nullopt;
+  /// How many inputs the sequence has that it is measured with; parameters are those of the first.
+  int frames = 1;
 
   /// Operations a call, 2 a multiply-add, bias and activation excluded; absent where
   /// data-dependent.
   std::optional<std::int64_t> ops;
+  /// Operations of the call on these data, where they follow from them; may be empty.
+  std::function<std::int64_t(const Data&)> ops_of = {};
   /// Of `ops`, those on zeros around the input, which a kernel may leave out.
   std::int64_t padding_ops = 0;
   /// Of `ops`, those that no kernel can leave out.
   [[nodiscard]] std::optional<std::int64_t> needed_ops() const;
   /// Bytes a call has to move at least: inputs + parameters + outputs, each once, weights as they
-  /// are stored in `precision`.
+  /// are stored in `precision`, and the state, which is read and written. Lists count as full.
   [[nodiscard]] std::int64_t bytes() const;
+  /// The same of one call, with the rows that its tensors have.
+  /// @param outputs  As Workload::outputs, in whatever type of element.
+  [[nodiscard]] std::int64_t bytes(const Data& data, std::span<const Tensor> outputs) const;
 
   [[nodiscard]] bool has_tag(std::string_view tag) const;
+  /// Whether it is measured by playing a sequence; the others repeat one call.
+  [[nodiscard]] bool is_played() const { return frames > 1 || state.has_value(); }
 
   /// Inputs and parameters, a pure function of the request; non-constant, every page touched.
   std::function<Data(const DataRequest&)> make_data;
   /// The definition: plain double precision or exact integers, written for clarity. Integer outputs
   /// have the outputs' element type; floating-point outputs come as f64. Same shapes as `outputs`.
+  /// Empty if there is a state.
   std::function<std::vector<Tensor>(const Data&)> reference;
-  /// Compares a backend's outputs with the reference's. NaN is never ok.
+  /// The definition of one call of a workload with a state, which it advances: tensors as
+  /// state->tensors, whose values it takes and leaves. Empty if there is none.
+  std::function<std::vector<Tensor>(std::span<Tensor> state, const Data&)> step = {};
+  /// The state before the first call, a constant; empty if there is none.
+  std::function<std::vector<Tensor>()> make_state = {};
+  /// Compares a backend's outputs of one call with the reference's. NaN is never ok.
   std::function<Verdict(std::span<const Tensor> outputs, std::span<const Tensor> expected)> verify;
+  /// Judges a whole sequence by a measure of the workload with a bound; empty = `verify` on each
+  /// call. NaN is never ok.
+  std::function<Verdict(std::span<const PlayedFrame> sequence)> judge = {};
 };
+
+/// The reference's outputs of a sequence of calls, one element a frame; with a state from its
+/// initial value on.
+[[nodiscard]] std::vector<std::vector<Tensor>> reference_of(const Workload& workload,
+                                                            std::span<const Data> frames);
+
+/// By Workload::judge, or else by `verify` on each frame: the first that fails, or else the one
+/// that came closest to failing; says which.
+[[nodiscard]] Verdict verify_sequence(const Workload& workload,
+                                      std::span<const PlayedFrame> sequence);
 
 /// The operation as the type that kernel @p T expects.
 /// @throws std::logic_error if it is another one: a kernel table and a workload disagree.
@@ -106,12 +153,12 @@ template <typename T>
   return *operation;
 }
 
-/// A verify function for integer outputs: every element equal.
+/// A verify function for integer outputs: as many rows, and every element equal.
 [[nodiscard]] Verdict verify_exact(std::span<const Tensor> outputs,
                                    std::span<const Tensor> expected);
 
-/// A verify function for f32 outputs against f64: |out - ref| <= relative_to_peak * max|ref| for
-/// each tensor.
+/// A verify function for f32 or f64 outputs against f64: as many rows, and |out - ref| <=
+/// relative_to_peak * max|ref|, for each tensor.
 [[nodiscard]] std::function<Verdict(std::span<const Tensor>, std::span<const Tensor>)> verify_close(
     double relative_to_peak);
 
