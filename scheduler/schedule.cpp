@@ -141,6 +141,11 @@ void add_warnings(const Scenario& scenario, const Mode& mode, std::vector<std::s
           std::to_string(unit.servers) + " servers of " + unit.name + " it uses one");
     }
   }
+  if (scenario.mix.reads_earlier() || !scenario.mix.states.empty()) {
+    warnings.push_back(std::string(mode.policy.planner != nullptr ? "the plan and the bounds leave"
+                                                                  : "the bounds leave") +
+                       " out that tasks wait for data of earlier firings (@-1) and for states");
+  }
   if (mode.policy.cloud_use != CloudUse::kNotRealTime) return;
   const UnitMask cloud = cloud_units(platform);
   for (std::size_t p = 0; p < scenario.mix.pipelines.size(); ++p) {
@@ -227,6 +232,7 @@ RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mi
   scenario.in_flight = choose_in_flight(scenario, options, defaults);
   scenario.duration = options.duration.value_or(kDefaultDuration);
   scenario.seed = options.seed;
+  scenario.faults = options.faults;
 
   PolicySetup setup;
   setup.roles = roles_of(platform);

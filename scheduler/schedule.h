@@ -36,6 +36,7 @@ struct ScheduleOptions {
   Draw draw = Draw::kMedian;         ///< What a profile's rows take.
   std::optional<Nanos> duration;     ///< Of open loops; absent = kDefaultDuration.
   std::uint64_t seed = 1;
+  std::optional<Faults> faults;      ///< Calls that do not complete; absent = none.
   std::optional<std::string> trace;  ///< Path; see trace/trace_writer.h.
 };
 

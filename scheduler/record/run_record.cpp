@@ -116,6 +116,7 @@ void visit_record(Visitor& visitor, Record& record) {
   visitor.field("failed", record.failed);
   visitor.field("queued", record.queued);
   visitor.field("no_predecessor", record.no_predecessor);
+  visitor.field("returned", record.returned);
   visitor.field("stalled", record.stalled);
   visitor.field("offloaded", record.offloaded);
   visitor.field("throughput_per_ms", record.throughput_per_ms);

@@ -98,6 +98,8 @@ struct RunRecord {
   /// Of the dropped ones, those that no earlier firing had made data for. Absent where none is
   /// read.
   std::optional<std::int64_t> no_predecessor;
+  /// How often a unit gave a task back. Absent where nothing ever does.
+  std::optional<std::int64_t> returned;
   std::int64_t stalled = 0;    ///< Of the queued ones, those that nothing was ever going to start.
   std::int64_t offloaded = 0;  ///< Of the completed ones, those that the cloud served.
   std::optional<double> throughput_per_ms;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "characterize/platform/platform.h"
@@ -9,6 +10,7 @@
 #include "scheduler/mix/mix.h"
 #include "scheduler/mix/task.h"
 #include "scheduler/services/eligibility.h"
+#include "scheduler/services/faults.h"
 #include "scheduler/services/services.h"
 #include "workloads/base/time.h"
 
@@ -25,6 +27,7 @@ struct Scenario {
   /// What has fired is finished all the same, so that the rest of it is known.
   Nanos duration{0};
   std::uint64_t seed = 1;
+  std::optional<Faults> faults = {};  ///< Absent = every call completes.
 };
 
 /// Services and classes of the mix's tasks; the rest is left to the caller.

@@ -42,6 +42,7 @@ struct VirtualTime::Job {
   std::uint32_t plan = 0;
   UnitId unit = 0;
   std::uint32_t step = 0;
+  std::uint32_t tries = 0;  ///< Before this one.
   Nanos dispatched_at{0};
   Nanos takes{0};    ///< Server time of its step,
   Nanos powered{0};  ///< and the part of it that draws the unit's active_w.
@@ -395,14 +396,27 @@ Nanos VirtualTime::draw(JobIndex job, const Step& step) const {
   return step.time.draw(hash_u64(stream, jobs_[job].step));
 }
 
+Outcome VirtualTime::outcome(JobIndex job) const {
+  if (!scenario_.faults) return Outcome::kCompleted;
+  const Firings::Place& place = firings_.place(job);
+  return scenario_.faults->outcome(place.pipeline, place.firing, place.task, jobs_[job].tries);
+}
+
 void VirtualTime::complete(JobIndex job) {
-  const Job& done = jobs_[job];
-  must(dispatcher_.complete(done.unit, done.id, Outcome::kCompleted, now_, starts_));
+  Job& done = jobs_[job];
+  const Outcome outcome = this->outcome(job);
+  must(dispatcher_.complete(done.unit, done.id, outcome, now_, starts_));
+  tally_.last_completion = now_;
+  if (outcome == Outcome::kReturned) {
+    done.step = 0;
+    ++done.tries;
+    return;
+  }
+  if (outcome == Outcome::kFailed) return release(firings_.lose(job, now_));
   const Nanos latency = now_ - done.dispatched_at;
   ++tally_.calls[plans_[done.plan].workload][done.unit];
   ++tally_.units[done.unit].completed;
   tally_.units[done.unit].latency.add(latency);
-  tally_.last_completion = now_;
   release(firings_.complete(job, done.unit, now_));
 }
 

@@ -73,6 +73,7 @@ class VirtualTime {
   [[nodiscard]] const Step& step_of(const Job& job) const;
   [[nodiscard]] Nanos draw(JobIndex job, const Step& step) const;
   [[nodiscard]] double power_w(const Job& job, const Step& step) const;
+  [[nodiscard]] Outcome outcome(JobIndex job) const;
   void complete(JobIndex job);
   void release(const std::optional<FiringId>& firing);
   void add_timer(Nanos at, bool fires, std::uint32_t index);

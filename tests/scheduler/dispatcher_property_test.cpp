@@ -20,7 +20,15 @@ struct Known {
   std::optional<UnitId> runs_on;
   bool cancelled = false;
   std::optional<Nanos> expires_at;
+  std::optional<StateId> state;
+  /// What it reads: of each series, how many tasks had joined when it was submitted.
+  std::vector<std::pair<SeriesId, std::size_t>> reads;
+  UnitMask returned_by = 0;
+  int returns = 0;
 };
+
+/// What became of a task of a series.
+enum class Fate : std::uint8_t { kOpen, kCompleted, kLost };
 
 /// Feeds a dispatcher and checks each answer.
 class Model {
@@ -29,7 +37,7 @@ class Model {
       : random_(seed), keep_log_(keep_log), dispatcher_(make()) {}
 
   void step() {
-    switch (random_.below(11)) {
+    switch (random_.below(12)) {
       case 0:
       case 1:
       case 2:
@@ -43,6 +51,9 @@ class Model {
         break;
       case 7:
         cancel();
+        break;
+      case 11:
+        complete(Outcome::kReturned);
         break;
       case 8:
         set_unit();
@@ -117,6 +128,8 @@ class Model {
     firings_.insert(firing);
     std::vector<Task> tasks(1 + random_.below(3));
     std::vector<std::vector<TaskId>> after(tasks.size());
+    std::vector<std::vector<SeriesId>> reads(tasks.size());
+    const auto joined = series_;
     for (std::size_t i = 0; i < tasks.size(); ++i) {
       Known known;
       known.firing = firing;
@@ -132,13 +145,26 @@ class Model {
         if (random_.below(20 * ended_.size()) == 0) after[i].push_back(id);
       }
       known.waits_for.insert(after[i].begin(), after[i].end());
+      if (random_.below(4) == 0) known.state = static_cast<StateId>(random_.below(2));
+      for (SeriesId each = 0; each < series_.size(); ++each) {
+        if (random_.below(6) != 0) continue;
+        reads[i].push_back(each);
+        known.reads.emplace_back(each, joined[each].size());
+      }
       if (random_.below(3) == 0) known.expires_at = now_ + Nanos(pick(40) - 2);
       const TaskId id = next_id_++;
       tasks[i] = {.id = id,
                   .kind = known.kind,
                   .deadline = {},
                   .expires_at = known.expires_at,
-                  .after = after[i]};
+                  .after = after[i],
+                  .state = known.state,
+                  .series = {},
+                  .reads = reads[i]};
+      if (random_.below(3) == 0) {
+        tasks[i].series = static_cast<SeriesId>(random_.below(series_.size()));
+        series_[*tasks[i].series].emplace_back(id, Fate::kOpen);
+      }
       if (random_.below(2) == 0) tasks[i].deadline = now_ + Nanos(pick(40));
       tasks_[id] = known;
     }
@@ -165,7 +191,46 @@ class Model {
     return said;
   }
 
+  void set_fate(TaskId id, Fate fate) {
+    for (auto& series : series_) {
+      for (auto& [member, its] : series) {
+        if (member == id) its = fate;
+      }
+    }
+  }
+
+  /// The newest that completed of those that had joined, where all newer ones are lost.
+  bool has_read(const Known& known) const {
+    return std::ranges::all_of(known.reads, [this](const auto& read) {
+      for (std::size_t i = read.second; i-- > 0;) {
+        const Fate fate = series_[read.first][i].second;
+        if (fate != Fate::kLost) return fate == Fate::kCompleted;
+      }
+      return false;
+    });
+  }
+
+  /// Some series has nothing for it, or some task that it comes after ended for want of that.
+  bool finds_nothing(const Known& known) const {
+    const auto empty = [this](const auto& read) {
+      const auto& series = series_[read.first];
+      return std::all_of(series.begin(), series.begin() + static_cast<std::ptrdiff_t>(read.second),
+                         [](const auto& each) { return each.second == Fate::kLost; });
+    };
+    return std::ranges::any_of(known.reads, empty) ||
+           std::ranges::any_of(known.waits_for,
+                               [this](TaskId each) { return found_nothing_.contains(each); });
+  }
+
+  /// Nobody who was submitted before it still may hold its state.
+  bool has_state(TaskId id, const Known& known) const {
+    return !known.state || std::ranges::none_of(tasks_, [&](const auto& each) {
+      return each.first < id && each.second.state == known.state;
+    });
+  }
+
   void ended(TaskId id) {
+    set_fate(id, Fate::kLost);
     if (firings_.contains(tasks_.at(id).firing)) ended_[id] = tasks_.at(id).firing;
     tasks_.erase(id);
   }
@@ -178,9 +243,11 @@ class Model {
     if (candidates.empty()) return;
     const TaskId id = candidates[random_.below(candidates.size())];
     const Known known = tasks_.at(id);
+    if (outcome == Outcome::kReturned && !known.cancelled) return give_back(id);
     if (!known.cancelled) ++(outcome == Outcome::kCompleted ? completed_ : failed_);
     if (!known.cancelled && outcome == Outcome::kCompleted) {
       for (auto& [other, each] : tasks_) each.waits_for.erase(id);
+      set_fate(id, Fate::kCompleted);
       tasks_.erase(id);
     } else {
       ended(id);
@@ -190,6 +257,25 @@ class Model {
     // Said once more, and of another unit: refused, and nothing has changed.
     ASSERT_FALSE(dispatcher_.complete(*known.runs_on, id, outcome, now_, out_));
     ASSERT_TRUE(out_.started.empty() && out_.ended.empty());
+  }
+
+  /// It goes on waiting, or fails.
+  void give_back(TaskId id) {
+    Known& known = tasks_.at(id);
+    const UnitId unit = *std::exchange(known.runs_on, std::nullopt);
+    known.returned_by |= unit_bit(unit);
+    ++known.returns;
+    ++returned_;
+    ASSERT_TRUE(dispatcher_.complete(unit, id, Outcome::kReturned, said_time(), out_));
+    const bool stays = std::ranges::none_of(out_.ended, [&](const Ended& each) {
+      return each.task == id && each.how == Ending::kFailed;
+    });
+    const UnitMask left = known.kind.eligible & ~known.returned_by;
+    ASSERT_FALSE(stays && (left == 0 || known.returns == kMostTries));
+    // Weights of all local units are above 0: some of them takes it.
+    ASSERT_TRUE(stays || (left & kLocal) == 0 || known.returns == kMostTries);
+    absorb();
+    ASSERT_FALSE(dispatcher_.complete(unit, id, Outcome::kReturned, now_, out_));
   }
 
   void cancel() {
@@ -221,31 +307,42 @@ class Model {
 
   /// Every start and every end has to be one that the model allows.
   void absorb() {
-    for (const Start& start : out_.started) {
-      ASSERT_TRUE(tasks_.contains(start.task));
-      Known& known = tasks_.at(start.task);
-      ASSERT_FALSE(known.runs_on) << "started twice";
-      ASSERT_TRUE(known.waits_for.empty()) << "started before a predecessor was complete";
-      ASSERT_TRUE(!known.expires_at || *known.expires_at >= taken_as_) << "started too late";
-      ASSERT_TRUE(contains(known.kind.eligible & ~down_, start.unit));
-      ASSERT_LE(start.dispatched_at, now_);
-      known.runs_on = start.unit;
-      if (keep_log_) log_ += std::to_string(start.task) + letter(start.unit) + ' ';
-    }
     for (const Ended& ended : out_.ended) {
       ASSERT_TRUE(tasks_.contains(ended.task));
       Known& known = tasks_.at(ended.task);
-      ++(ended.how == Ending::kExpired ? expired_ : dropped_);
+      ++(ended.how == Ending::kExpired  ? expired_
+         : ended.how == Ending::kFailed ? failed_
+                                        : dropped_);
+      if (ended.how == Ending::kNoPredecessor) {
+        ASSERT_TRUE(finds_nothing(known));
+        found_nothing_.insert(ended.task);
+        ++no_predecessor_;
+      }
       if (ended.how == Ending::kExpired) {
         ASSERT_FALSE(known.runs_on);
         ASSERT_TRUE(known.expires_at && *known.expires_at <= now_);
       }
       if (known.runs_on) {
         known.cancelled = true;
+        set_fate(ended.task, Fate::kLost);
       } else {
         this->ended(ended.task);
       }
       if (keep_log_) log_ += std::to_string(ended.task) + "- ";
+    }
+    for (const Start& start : out_.started) {
+      ASSERT_TRUE(tasks_.contains(start.task));
+      Known& known = tasks_.at(start.task);
+      ASSERT_FALSE(known.runs_on) << "started twice";
+      ASSERT_TRUE(known.waits_for.empty()) << "started before a predecessor was complete";
+      ASSERT_TRUE(has_read(known)) << "started before it was known what it reads";
+      ASSERT_TRUE(has_state(start.task, known)) << "two hold a state, or out of turn";
+      ASSERT_FALSE(contains(known.returned_by, start.unit)) << "back to who gave it back";
+      ASSERT_TRUE(!known.expires_at || *known.expires_at >= taken_as_) << "started too late";
+      ASSERT_TRUE(contains(known.kind.eligible & ~down_, start.unit));
+      ASSERT_LE(start.dispatched_at, now_);
+      known.runs_on = start.unit;
+      if (keep_log_) log_ += std::to_string(start.task) + letter(start.unit) + ' ';
     }
     out_.clear();
   }
@@ -264,6 +361,8 @@ class Model {
     EXPECT_EQ(counts.dropped, dropped_);
     EXPECT_EQ(counts.expired, expired_);
     EXPECT_EQ(counts.failed, failed_);
+    EXPECT_EQ(counts.no_predecessor, no_predecessor_);
+    EXPECT_EQ(counts.returned, returned_);
     EXPECT_EQ(counts.queued(), static_cast<std::int64_t>(tasks_.size()) - cancelled);
     std::map<UnitId, int> on_unit;
     for (const auto& [id, each] : tasks_) {
@@ -292,6 +391,9 @@ class Model {
   TaskId next_id_ = 0;
   FiringId next_firing_ = 0;
   std::int64_t completed_ = 0, dropped_ = 0, expired_ = 0, failed_ = 0;
+  std::int64_t no_predecessor_ = 0, returned_ = 0;
+  std::vector<std::vector<std::pair<TaskId, Fate>>> series_{3};  ///< In order of submission.
+  std::set<TaskId> found_nothing_;
   Starts out_;
   Nanos now_{0};
   Nanos taken_as_ = Nanos::min();  ///< By the dispatcher: never before what it was told last.

@@ -49,7 +49,8 @@ inline std::unique_ptr<Policy> policy_of(const std::string& name, const PolicySe
 }
 
 /// A dispatcher whose every input appends to one text what it brought about: "G3" = task 3 started
-/// on the GPU, "-3" = dropped, "!3" = expired, "refused".
+/// on the GPU, "-3" = dropped, "!3" = expired, "?3" = no earlier firing has its data, "x3" = given
+/// back and failed, "refused".
 class Script {
  public:
   Script(std::unique_ptr<Policy> policy, std::vector<std::optional<int>> slots)
@@ -98,7 +99,7 @@ class Script {
     };
     for (const Start& start : out_.started) add(letter(start.unit), start.task);
     for (const Ended& ended : out_.ended)
-      add(ended.how == Ending::kExpired ? '!' : '-', ended.task);
+      add("-!?x"[static_cast<std::size_t>(ended.how)], ended.task);
     out_.clear();
     return text;
   }
