@@ -24,8 +24,13 @@ std::vector<Workload> make_catalog() {
 }
 
 /// Inputs and outputs stay where they are and change hands by mapping: for devices that share the
-/// host's memory.
+/// host's memory. A state is the device's, and of a list only the rows that it has are moved: no
+/// such variant.
 std::optional<Workload> mapped(const Workload& plain) {
+  const auto varies = [](const std::vector<TensorSpec>& specs) {
+    return std::ranges::any_of(specs, &TensorSpec::varies);
+  };
+  if (plain.state || varies(plain.inputs) || varies(plain.outputs)) return std::nullopt;
   if (plain.kernel == "sequence") return std::nullopt;  // Its layers hand on what nobody maps.
   return plain;
 }

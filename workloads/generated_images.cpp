@@ -21,7 +21,7 @@ namespace {
 constexpr int kLog2Subpixels = 3;
 constexpr int kSubpixels = 1 << kLog2Subpixels;
 
-/// What the second picture of a pair is moved by, in 1/8 pixel: right by 0.75 and up by 0.5 pixels.
+/// From frame to frame of a sequence, in 1/8 pixel: right by 0.75 and up by 0.5 pixels.
 struct Shift {
   int x = 0;
   int y = 0;
@@ -207,8 +207,8 @@ class GeneratedImages : public ImageSource {
     return picture;
   }
 
-  std::pair<Picture, Picture> gray_pair(int index, int width, int height) const override {
-    return {moved(index, width, height, {}), moved(index, width, height, kMotion)};
+  Picture gray_frame(int index, int frame, int width, int height) const override {
+    return moved(index, width, height, {kMotion.x * frame, kMotion.y * frame});
   }
 
   std::string describe() const override { return "generated, seed " + std::to_string(seed_); }

@@ -150,21 +150,13 @@ class FileImages : public ImageSource {
     return rgb_picture(load(index, files_.size()), width, height);
   }
 
-  std::pair<Picture, Picture> gray_pair(int index, int width, int height) const override {
-    // With n files there are n - 1 pairs: the first file does not follow the last.
-    if (files_.size() > 1) {
-      const std::size_t pairs = files_.size() - 1;
-      const int first = static_cast<int>(static_cast<std::size_t>(index) % pairs);
-      return {gray(first, width, height), gray(first + 1, width, height)};
-    }
-    Picture previous = gray(index, width, height);
-    Picture next{Tensor(previous.pixels.spec()), previous.notes};
-    const auto from = previous.pixels.as<std::uint8_t>();
-    const auto to = next.pixels.as<std::uint8_t>();
-    for (std::size_t i = 0; i < from.size(); ++i) {
-      to[i] = from[i % static_cast<std::size_t>(width) == 0 ? i : i - 1];
-    }
-    return {std::move(previous), std::move(next)};
+  /// The files in name order, back from the last, and so on: n files have n - 1 beginnings, since
+  /// the first does not follow the last. A single one slides to the right by a pixel a frame.
+  Picture gray_frame(int index, int frame, int width, int height) const override {
+    if (files_.size() == 1) return slid(gray(0, width, height), frame, width);
+    const auto turns = static_cast<std::int64_t>(files_.size()) - 1;
+    const std::int64_t at = (index % turns + frame) % (2 * turns);
+    return gray(static_cast<int>(std::min(at, 2 * turns - at)), width, height);
   }
 
   std::string describe() const override {
@@ -179,6 +171,19 @@ class FileImages : public ImageSource {
   }
 
  private:
+  /// Moved right by @p frame pixels; the left edge is repeated.
+  static Picture slid(Picture picture, int frame, int width) {
+    if (frame == 0) return picture;
+    Picture moved{Tensor(picture.pixels.spec()), picture.notes};
+    const auto from = picture.pixels.as<std::uint8_t>();
+    const auto to = moved.pixels.as<std::uint8_t>();
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      const std::size_t x = i % static_cast<std::size_t>(width);
+      to[i] = from[i - std::min(x, static_cast<std::size_t>(frame))];
+    }
+    return moved;
+  }
+
   struct File {
     fs::path path;
     std::uint64_t hash;  ///< Of its bytes.

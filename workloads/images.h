@@ -27,10 +27,13 @@ class ImageSource {
   [[nodiscard]] virtual Picture gray(int index, int width, int height) const = 0;
   /// The same in colour, planar, as u8 [3, height, width], order R, G, B.
   [[nodiscard]] virtual Picture rgb(int index, int width, int height) const = 0;
-  /// Two consecutive frames (index, index + 1) with small motion between them where the source can
-  /// give it.
-  [[nodiscard]] virtual std::pair<Picture, Picture> gray_pair(int index, int width,
-                                                              int height) const = 0;
+  /// Frame number @p frame (from 0 on) of the sequence that begins with picture @p index, as gray()
+  /// gives it: small steady motion from frame to frame where the source can give it.
+  [[nodiscard]] virtual Picture gray_frame(int index, int frame, int width, int height) const = 0;
+  /// The first two frames of a sequence.
+  [[nodiscard]] std::pair<Picture, Picture> gray_pair(int index, int width, int height) const {
+    return {gray_frame(index, 0, width, height), gray_frame(index, 1, width, height)};
+  }
   /// One line for the database: "generated, seed 1" or "5 images of DIR".
   [[nodiscard]] virtual std::string describe() const = 0;
   /// Hash of what the pictures contain (file bytes, or generator and seed): part of a run's

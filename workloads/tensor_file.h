@@ -26,4 +26,10 @@ void write_tensors(const std::filesystem::path& path, std::span<const Tensor> te
 /// The specs of what Workload::reference returns: the outputs', with floating point as f64.
 [[nodiscard]] std::vector<TensorSpec> reference_specs(const Workload& workload);
 
+/// What reference_of() gives for a whole sequence.
+/// @throws Error{kBadInput} as write_tensors and read_tensors.
+void write_reference(const std::filesystem::path& path, std::vector<std::vector<Tensor>> sequence);
+[[nodiscard]] std::vector<std::vector<Tensor>> read_reference(const std::filesystem::path& path,
+                                                              const Workload& workload);
+
 }  // namespace pirt

@@ -190,7 +190,7 @@ bool CellMeasurement::meter() {
 EnergyRecord CellMeasurement::energy(const PhaseRecord& call) const {
   const MeterRequest& request = request_.job.metering;
   if (request.meters.empty() || (!metered_ && !metering_due())) {
-    return model_energy(request_.platform, request_.unit, request_.workload, call);
+    return model_energy(request_.platform, request_.unit, request_.workload, call, work());
   }
   if (metered_ && metered_->metered) {
     MeteredCalls metered = *metered_->metered;
@@ -215,8 +215,9 @@ CellRecord CellMeasurement::record() const {
   CellRecord cell;
   cell.workload = workload.name;
   cell.unit = request_.unit.name;
-  cell.ops = workload.ops;
-  cell.bytes = workload.bytes();
+  const CallWork call_work = work();
+  cell.ops = call_work.ops;
+  cell.bytes = call_work.bytes;
   for (const Taken& taken : taken_) {
     // That of the last process that compared, or the one that was wrong.
     if (taken.result.verification.empty()) continue;
@@ -241,6 +242,15 @@ Provenance CellMeasurement::provenance() const {
   const auto opened = std::ranges::find_if(
       taken_, [](const Taken& taken) { return taken.result.device.has_value(); });
   return opened == taken_.end() ? request_.provenance : opened->result.provenance;
+}
+
+/// Operations and bytes of a call: what a process found in the data, which are the same in all, or
+/// else what the workload says of all data.
+CallWork CellMeasurement::work() const {
+  for (const Taken& taken : taken_) {
+    if (taken.result.bytes) return {taken.result.ops, *taken.result.bytes};
+  }
+  return {request_.workload.ops, request_.workload.bytes()};
 }
 
 /// Of the data, which are the same in all processes; one that failed early may not have them.

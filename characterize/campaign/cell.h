@@ -102,6 +102,7 @@ class CellMeasurement {
   [[nodiscard]] CellSamples samples(Phase phase) const;
   [[nodiscard]] CellConditions conditions() const;
   [[nodiscard]] Provenance provenance() const;
+  [[nodiscard]] CallWork work() const;
   [[nodiscard]] std::vector<std::string> notes() const;
   [[nodiscard]] std::vector<std::string> failure() const;
   [[nodiscard]] PhaseRecord setup_row(Phase phase, State state) const;

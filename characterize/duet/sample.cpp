@@ -13,6 +13,7 @@
 #include "workloads/base/hash.h"
 #include "workloads/base/json_value.h"
 #include "workloads/catalog.h"
+#include "workloads/player.h"
 #include "workloads/registry.h"
 
 namespace pirt {
@@ -41,10 +42,14 @@ Job job_for(const Platform& platform, const SampleRequest& request) {
 /// Of all inputs, and of some of the parameters, which may be hundreds of megabytes.
 std::string input_hash(const Workload& workload, std::uint64_t seed) {
   const auto images = generated_images(seed);
-  const Data data = workload.make_data({seed, images.get()});
+  const auto frames = make_sequence(workload, {seed, images.get()});
   Hash64 hash;
-  for (const Tensor& tensor : data.inputs) hash.add(tensor.spec().describe()).add(tensor.bytes());
-  for (const Tensor& tensor : data.parameters) {
+  for (const Data& data : frames) {
+    for (const Tensor& tensor : data.inputs) {
+      hash.add(tensor.spec().describe()).add(tensor.used_bytes());
+    }
+  }
+  for (const Tensor& tensor : frames.front().parameters) {
     constexpr std::size_t kStride = 4'099;
     hash.add(tensor.spec().describe());
     const auto bytes = tensor.bytes();

@@ -19,7 +19,7 @@ double stated_call_j(const Platform& platform, const UnitModel& unit, const std:
   return joules == model->second.call_j.end() ? 0 : joules->second;
 }
 
-/// Inputs and outputs, over the unit's link.
+/// Inputs and outputs, lists as if they were full, over the unit's link.
 double link_j(const Platform& platform, const UnitModel& unit, const Workload& workload) {
   const auto link = platform.links.find(unit.link);
   if (link == platform.links.end()) return 0;
@@ -41,7 +41,8 @@ std::string remark(const Platform& platform, const UnitModel& unit) {
 }  // namespace
 
 EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const Workload& workload,
-                          const PhaseRecord& call) {
+                          const PhaseRecord& call, const std::optional<CallWork>& work) {
+  const auto [ops, bytes] = work.value_or(CallWork{workload.ops, workload.bytes()});
   const double call_j = stated_call_j(platform, unit, workload.name) + unit.call_j;
   std::vector<std::string> terms;
   EnergyRecord result;
@@ -56,12 +57,12 @@ EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const
   }
   if (unit.op_pj > 0) {
     terms.push_back(fmt::format("op_pj {} pJ x ops", unit.op_pj));
-    energy_j += unit.op_pj * kPico * static_cast<double>(workload.ops.value_or(0));
-    if (!workload.ops) result.reasons.emplace_back("ops_unknown");
+    energy_j += unit.op_pj * kPico * static_cast<double>(ops.value_or(0));
+    if (!ops) result.reasons.emplace_back("ops_unknown");
   }
   if (unit.byte_pj > 0) {
     terms.push_back(fmt::format("byte_pj {} pJ x bytes", unit.byte_pj));
-    energy_j += unit.byte_pj * kPico * static_cast<double>(workload.bytes());
+    energy_j += unit.byte_pj * kPico * static_cast<double>(bytes);
   }
   if (call_j > 0) terms.push_back(fmt::format("call_j {} J", call_j));
   if (const double sent_j = link_j(platform, unit, workload); sent_j > 0) {
@@ -78,7 +79,7 @@ EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const
     return result;
   }
   result.source = "model: " + join(terms, " + ") + remark(platform, unit);
-  const bool has_ops = unit.op_pj <= 0 || workload.ops.has_value();
+  const bool has_ops = unit.op_pj <= 0 || ops.has_value();
   if (!call.samples.empty() && has_ops) result.energy_j = energy_j;
   return result;
 }

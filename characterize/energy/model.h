@@ -21,7 +21,10 @@ namespace pirt {
 /// @return      Without energy and with reason no_power if the platform states nothing for the unit
 /// (0 J would look like a figure), or
 ///              ops_unknown if op_pj is given but the workload's operations depend on the data.
+/// @param work  Of a call, the mean over the workload's sequence; by default what holds for all
+/// data.
 [[nodiscard]] EnergyRecord model_energy(const Platform& platform, const UnitModel& unit,
-                                        const Workload& workload, const PhaseRecord& call);
+                                        const Workload& workload, const PhaseRecord& call,
+                                        const std::optional<CallWork>& work = std::nullopt);
 
 }  // namespace pirt

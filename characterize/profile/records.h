@@ -58,6 +58,12 @@ struct PeakRecord {
   std::vector<std::string> reasons;  ///< Empty = valid; never empty without per_second.
 };
 
+/// What a call computes and moves at least.
+struct CallWork {
+  std::optional<std::int64_t> ops;  ///< Absent where they depend on the data and nobody says how.
+  std::int64_t bytes = 0;
+};
+
 /// Everything about one workload on one unit.
 struct CellRecord {
   std::string workload, unit;

@@ -41,6 +41,11 @@ class SlowedKernel final : public Kernel {
     return launch;
   }
   void download() override { kernel_->download(); }
+  void bind_state(std::span<const Tensor> current, std::span<Tensor> next) override {
+    kernel_->bind_state(current, next);
+  }
+  void upload_state() override { kernel_->upload_state(); }
+  void commit_state() override { kernel_->commit_state(); }
 
  private:
   std::unique_ptr<Kernel> kernel_;

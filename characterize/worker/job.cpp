@@ -8,7 +8,7 @@
 namespace pirt {
 namespace {
 
-constexpr int kProtocol = 2;
+constexpr int kProtocol = 3;
 constexpr std::string_view kPrefix = "pirt-record ";
 
 Json encode(const std::vector<Nanos>& times) {
@@ -136,6 +136,13 @@ std::optional<Nanos> decode_time(const Json& j) {
   return Nanos(j.get<std::int64_t>());
 }
 
+Json encode(std::optional<std::int64_t> count) { return count ? Json(*count) : Json(); }
+
+std::optional<std::int64_t> decode_count(const Json& j) {
+  if (j.is_null()) return std::nullopt;
+  return j.get<std::int64_t>();
+}
+
 JobResult decode_result(const Json& j) {
   JobResult result;
   result.done = j.at("done");
@@ -151,6 +158,8 @@ JobResult decode_result(const Json& j) {
   result.contended = j.at("contended");
   result.throttled = j.at("throttled");
   result.notes = j.at("notes").get<std::vector<std::string>>();
+  result.ops = decode_count(j.at("ops"));
+  result.bytes = decode_count(j.at("bytes"));
   for (const auto& phase : j.at("phases")) {
     result.phases.push_back({decode_word(phase.at("phase"), phase_from_string),
                              decode_times(phase.at("samples_ns")), phase.at("batch")});
@@ -244,6 +253,8 @@ std::string to_record(const JobResult& r) {
                   {"contended", r.contended},
                   {"throttled", r.throttled},
                   {"notes", r.notes},
+                  {"ops", encode(r.ops)},
+                  {"bytes", encode(r.bytes)},
                   {"phases", phases},
                   {"metered", encode(r.metered)},
                   {"peaks", peaks}};

@@ -52,7 +52,9 @@ struct JobResult {
   bool wrong_output = false;
   bool contended = false;
   bool throttled = false;
-  std::vector<std::string> notes;  ///< Of the data: "input_resized".
+  std::vector<std::string> notes;  ///< Of the data: "input_resized", "sequence of 8 frames".
+  /// Of a call, the mean over a sequence, where they are not the workload's own.
+  std::optional<std::int64_t> ops, bytes;
   std::vector<PhaseSamples> phases;
   std::optional<MeteredCalls> metered;
   std::vector<PeakFigure> peaks;

@@ -47,8 +47,8 @@ struct Plan {
 class Sampler {
  public:
   Sampler(Kernel& kernel, const Clock& clock, const ClockQuality& quality,
-          std::span<const Phase> phases)
-      : kernel_(kernel), clock_(clock), quality_(quality) {
+          std::span<const Phase> phases, const Sequence& sequence)
+      : kernel_(kernel), clock_(clock), quality_(quality), sequence_(sequence) {
     has_upload_ = std::ranges::find(phases, Phase::kUpload) != phases.end();
     has_download_ = std::ranges::find(phases, Phase::kDownload) != phases.end();
   }
@@ -63,6 +63,7 @@ class Sampler {
          ++calls) {
       if (latest.size() == kEstimateCalls) latest.erase(latest.begin());
       latest.push_back(timed_call());
+      if (sequence_.next) sequence_.next();
     }
     const auto estimate = [&latest](Nanos CallTimes::*member) {
       std::vector<Nanos> times;
@@ -88,6 +89,7 @@ class Sampler {
     if (has_download_ && plan_.download != 0) {
       downloads_.push_back(timed(plan_.download, [this] { kernel_.download(); }));
     }
+    if (sequence_.next) sequence_.next();
   }
 
   [[nodiscard]] const std::vector<Nanos>& calls() const { return calls_; }
@@ -196,20 +198,23 @@ class Sampler {
   Kernel& kernel_;
   const Clock& clock_;
   ClockQuality quality_;
+  const Sequence& sequence_;
   bool has_upload_ = false;
   bool has_download_ = false;
   Plan plan_;
   std::vector<Nanos> uploads_, launches_, executes_, downloads_, calls_;
 };
 
-void sample_for(Sampler& sampler, const Clock& clock, const SamplingOptions& options) {
+void sample_for(Sampler& sampler, const Clock& clock, const SamplingOptions& options,
+                std::int64_t frames) {
   const Nanos start = clock.now();
   while (true) {
     sampler.sample();
     const auto samples = static_cast<std::int64_t>(sampler.calls().size());
     const Nanos spent = clock.now() - start;
     if (spent >= options.limit || samples >= options.max_samples) return;
-    if (spent >= options.slice && samples >= options.min_samples) return;
+    const bool whole = samples % frames == 0;
+    if (whole && spent >= options.slice && samples >= options.min_samples) return;
   }
 }
 
@@ -237,10 +242,10 @@ ClockQuality measure_clock(const Clock& clock) {
 
 std::vector<PhaseSamples> sample_calls(Kernel& kernel, const Clock& clock,
                                        const ClockQuality& quality, std::span<const Phase> phases,
-                                       const SamplingOptions& options) {
-  Sampler sampler(kernel, clock, quality, phases);
+                                       const SamplingOptions& options, const Sequence& sequence) {
+  Sampler sampler(kernel, clock, quality, phases, sequence);
   sampler.warm_up(options.warm_up);
-  sample_for(sampler, clock, options);
+  sample_for(sampler, clock, options, sequence.frames);
   const bool simulated = quality.cost_ns == 0;
   std::vector<PhaseSamples> result;
   for (const Phase phase : phases) {

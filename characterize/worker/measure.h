@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -44,8 +45,17 @@ struct PhaseSamples {
   std::int64_t batch = 1;      ///< Calls between two readings of the clock.
 };
 
+/// How the calls of a played sequence follow each other; by default one call is repeated.
+struct Sequence {
+  /// Between two samples, and not timed: the kernel was called, and is to be bound to the next
+  /// frame.
+  std::function<void()> next;
+  std::int64_t frames = 1;
+};
+
 /// Times @p kernel, which is bound, prepared and right, for options.slice. Afterwards the outputs
-/// are those of a timed call.
+/// are those of a timed call. Of a sequence each frame has as many samples, unless options.limit or
+/// max_samples ended it; the calls of a batch are all on one frame and commit no state.
 ///
 /// @param clock    The machine's, or the device's own; the slice is one of its time, so that
 /// simulated devices repeat exactly.
@@ -59,7 +69,8 @@ struct PhaseSamples {
 [[nodiscard]] std::vector<PhaseSamples> sample_calls(Kernel& kernel, const Clock& clock,
                                                      const ClockQuality& quality,
                                                      std::span<const Phase> phases,
-                                                     const SamplingOptions& options);
+                                                     const SamplingOptions& options,
+                                                     const Sequence& sequence = {});
 
 /// Calls a batch so that it takes 1 ms or more: 1 for calls of at least 1 ms, at most 100000.
 [[nodiscard]] std::int64_t batch_size(Nanos one_call);

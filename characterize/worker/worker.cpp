@@ -3,8 +3,8 @@
 #include <fmt/core.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <exception>
 #include <istream>
 #include <iterator>
@@ -17,11 +17,53 @@
 #include "workloads/base/error.h"
 #include "workloads/base/json_value.h"
 #include "workloads/catalog.h"
+#include "workloads/player.h"
 #include "workloads/registry.h"
 #include "workloads/tensor_file.h"
 
 namespace pirt {
 namespace {
+
+/// Of the data, each once, and that they are a sequence.
+std::vector<std::string> notes_of(const Workload& workload, std::span<const Data> frames) {
+  std::vector<std::string> notes;
+  for (const Data& data : frames) {
+    for (const std::string& note : data.notes) {
+      if (std::ranges::find(notes, note) == notes.end()) notes.push_back(note);
+    }
+  }
+  if (workload.is_played()) notes.push_back(sequence_note(workload));
+  return notes;
+}
+
+/// The calls that are metered. A meter sees what lies between frames too, such as resetting the
+/// state: each frame is called again and again without going on, so often that the window sees the
+/// sequence about once.
+class MeteredFrames {
+ public:
+  MeteredFrames(Player& player, const Clock& clock, Nanos window) : player_(player) {
+    const Nanos start = clock.now();
+    for (std::size_t i = 0; i < player.frames(); ++i) {
+      player.call();
+      player.next();
+    }
+    calls_ = std::max<std::int64_t>(1, window / std::max(clock.now() - start, Nanos(1)));
+  }
+
+  void call() {
+    if (called_ == calls_) {
+      player_.next();
+      called_ = 0;
+    }
+    player_.call();
+    ++called_;
+  }
+
+ private:
+  Player& player_;
+  std::int64_t calls_ = 1;  ///< Of each frame.
+  std::int64_t called_ = 0;
+};
 
 class Worker {
  public:
@@ -84,24 +126,24 @@ class Worker {
     result_.peaks = measure_peaks(*device, own != nullptr ? *own : machine_);
   }
 
-  Data make_data() {
+  std::vector<Data> make_data(const Workload& workload) {
     begin("making the input data");
     const auto images =
         job_.images.empty() ? generated_images(job_.seed) : images_from(job_.images);
-    return find_workload(job_.workload).make_data({job_.seed, images.get()});
+    return make_sequence(workload, {job_.seed, images.get()});
   }
 
   void reference() {
-    const Data data = make_data();
+    const Workload& workload = find_workload(job_.workload);
+    const auto data = make_data(workload);
     begin("computing the reference");
-    write_tensors(job_.reference, find_workload(job_.workload).reference(data));
+    write_reference(job_.reference, reference_of(workload, data));
   }
 
   void set_up() {
     const Workload& workload = find_workload(job_.workload);
-    data_ = make_data();
-    outputs_ = make_tensors(workload.outputs);
-    result_.notes = data_.notes;
+    data_ = make_data(workload);
+    result_.notes = notes_of(workload, data_);
 
     begin("opening the device");
     const Nanos start = machine_.now();
@@ -118,31 +160,25 @@ class Worker {
     if (injection_.prepare > 1) extra.emplace(machine_);
     begin("preparing");
     const Nanos begun = clock_->now();
-    kernel_ = device_->prepare(workload, data_.parameters);
-    kernel_->bind(data_.inputs, outputs_);
-    call();
+    kernel_ = device_->prepare(workload, data_.front().parameters);
+    player_.emplace(*kernel_, workload, data_);
+    player_->call();
     if (extra) {
       const auto taken = static_cast<double>((clock_->now() - begun).count());
       ExtraWork::run(extra->steps_for(Nanos(std::llround((injection_.prepare - 1) * taken))));
     }
     result_.prepare = clock_->now() - begun;
-    kernel_ = slowed(std::move(kernel_), injection_.execute, machine_);
+    if (injection_.execute > 1) {
+      kernel_ = slowed(std::move(kernel_), injection_.execute, machine_);
+      player_.emplace(*kernel_, workload, data_);
+    }
   }
 
-  void call() {
-    kernel_->upload();
-    kernel_->execute(1);
-    kernel_->download();
-  }
-
-  /// Makes sure that what is verified next was written by the calls in between; 0xFF is NaN in
-  /// floating point.
-  void scribble() {
-    for (Tensor& tensor : outputs_) std::memset(tensor.data(), 0xFF, tensor.bytes().size());
-  }
-
-  bool verify(std::span<const Tensor> expected, std::string_view when) {
-    const Verdict verdict = find_workload(job_.workload).verify(outputs_, expected);
+  /// Verifies what the calls since Player::scribble() wrote, of each frame of the sequence.
+  bool verify(std::string_view when) {
+    const Workload& workload = find_workload(job_.workload);
+    player_->complete();
+    const Verdict verdict = verify_sequence(workload, player_->played(expected_));
     result_.verification = fmt::format("{}: {}", when, verdict.detail);
     result_.wrong_output = !verdict.ok;
     return verdict.ok;
@@ -151,19 +187,33 @@ class Worker {
   bool is_right() {
     if (job_.reference.empty()) return true;
     begin("verifying");
-    expected_ = read_tensors(job_.reference, reference_specs(find_workload(job_.workload)));
-    scribble();
-    call();
-    return verify(expected_, "before timing");
+    const Workload& workload = find_workload(job_.workload);
+    expected_ = read_reference(job_.reference, workload);
+    player_->scribble();
+    if (!verify("before timing")) return false;
+    result_.ops = player_->mean_ops();
+    result_.bytes = player_->mean_bytes();
+    return true;
+  }
+
+  /// Goes from sample to sample: the kernel was called by others.
+  [[nodiscard]] Sequence sequence() {
+    return {.next =
+                [this] {
+                  player_->called();
+                  player_->next();
+                },
+            .frames = static_cast<std::int64_t>(player_->frames())};
   }
 
   void sample() {
     if (!is_right()) return;
     begin("sampling");
-    scribble();
+    player_->scribble();
     const auto phases = backend_.phases();
     const auto before = read_host_counters(job_.unit.cores);
-    result_.phases = sample_calls(*kernel_, *clock_, result_.clock, phases, job_.sampling);
+    result_.phases =
+        sample_calls(*kernel_, *clock_, result_.clock, phases, job_.sampling, sequence());
     const auto after = read_host_counters(job_.unit.cores);
     if (device_->own_clock() == nullptr) {
       const int cores = job_.unit.cores.empty() ? static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))
@@ -172,7 +222,7 @@ class Worker {
       result_.contended = found.contended;
       result_.throttled = found.throttled;
     }
-    if (!job_.reference.empty()) verify(expected_, "after timing");
+    if (!job_.reference.empty()) verify("after timing");
   }
 
   /// The same calls, on the machine's clock even if the device has its own: meters know no other.
@@ -181,17 +231,19 @@ class Worker {
     begin("metering");
     const auto found = discover_meters(job_.metering.sysfs);
     const auto meters = find_meters(found, job_.metering.meters);
-    scribble();
+    player_->restart();
+    player_->scribble();
+    const Nanos window = metering_window(meters, job_.metering.window);
+    MeteredFrames frames(*player_, machine_, window);
     // A meter sees all cores, whoever uses them.
     const auto before = read_host_counters({});
-    result_.metered = meter_calls(meters, machine_, metering_window(meters, job_.metering.window),
-                                  [this] { call(); });
+    result_.metered = meter_calls(meters, machine_, window, [&frames] { frames.call(); });
     const auto after = read_host_counters({});
     const Interference disturbed =
         interference(before, after, static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN)));
     if (disturbed.contended) result_.metered->source += "; contended";
     if (disturbed.throttled) result_.metered->reasons.emplace_back("throttled");
-    if (!verify(expected_, "after metering")) {
+    if (!verify("after metering")) {
       result_.metered->reasons.emplace_back("wrong_output");
     }
   }
@@ -203,11 +255,11 @@ class Worker {
   const Backend& backend_;
   MachineClock machine_;
   const Clock* clock_ = &machine_;
-  Data data_;
-  std::vector<Tensor> outputs_;
-  std::vector<Tensor> expected_;
+  std::vector<Data> data_;                     ///< Of each frame of the sequence.
+  std::vector<std::vector<Tensor>> expected_;  ///< The same.
   std::unique_ptr<Device> device_;
   std::unique_ptr<Kernel> kernel_;  // goes before its device
+  std::optional<Player> player_;
 };
 
 }  // namespace

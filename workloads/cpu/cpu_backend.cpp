@@ -100,6 +100,10 @@ class GuardedKernel : public Kernel {
     kernel_->bind(inputs, outputs);
   }
 
+  void bind_state(std::span<const Tensor> current, std::span<Tensor> next) override {
+    kernel_->bind_state(current, next);
+  }
+
   std::optional<Nanos> execute(int repeats) override {
     cpu::set_openmp_threads(threads_);
     return translated("run", name_, [&] { return kernel_->execute(repeats); });

@@ -21,6 +21,14 @@ struct KernelEntry {
   KernelFactory make;
 };
 
+// Those with a file of their own.
+[[nodiscard]] std::unique_ptr<Kernel> make_track_features(const Workload& workload,
+                                                          std::span<const Tensor> parameters,
+                                                          const std::shared_ptr<BandTeam>& team);
+[[nodiscard]] std::unique_ptr<Kernel> make_background_model(const Workload& workload,
+                                                            std::span<const Tensor> parameters,
+                                                            const std::shared_ptr<BandTeam>& team);
+
 [[nodiscard]] std::span<const KernelEntry> vision_kernels();
 [[nodiscard]] std::span<const KernelEntry> dnn_kernels();
 

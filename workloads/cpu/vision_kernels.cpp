@@ -131,7 +131,7 @@ std::unique_ptr<Kernel> make_undistort(const Workload& workload, std::span<const
 }
 
 /// cv::goodFeaturesToTrack in bands: OpenCV's own is one thread from the responses on.
-class FeatureDetect {
+class FeatureDetect : public Kernel {
  public:
   FeatureDetect(const vision::FeatureDetect& operation, Team team)
       : operation_(operation),
@@ -139,24 +139,28 @@ class FeatureDetect {
         response_(operation.height, operation.width, CV_32F),
         largest_(operation.height, operation.width, CV_32F) {}
 
-  void operator()(const Mats& in, Mats& out) {
-    peak_ = 0;
-    candidates_.clear();
-    constexpr int kGradient = 1;
-    for_bands(*team_, in[0].rows, Halo(kGradient + Op::kBlock / 2),
-              [&](const Band& band) { respond(in[0], band); });
-    for_bands(*team_, in[0].rows, Halo(1), [&](const Band& band) { collect(band); });
-    const auto corners = vision::select_corners(candidates_, operation_);
-    auto* rows = out[0].ptr<cv::Point2f>();
-    std::fill_n(rows, Op::kMaxCorners, cv::Point2f());
-    for (const auto& corner : corners) {
-      *rows++ = {static_cast<float>(corner.x), static_cast<float>(corner.y)};
-    }
-    out[1].at<int>(0) = static_cast<int>(corners.size());
+  void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
+    image_ = view(inputs[0]);
+    list_ = &outputs[0];
+  }
+
+  std::optional<Nanos> execute(int repeats) override {
+    for (int i = 0; i < repeats; ++i) detect();
+    return std::nullopt;
   }
 
  private:
   using Op = vision::FeatureDetect;
+
+  void detect() {
+    peak_ = 0;
+    candidates_.clear();
+    constexpr int kGradient = 1;
+    for_bands(*team_, image_.rows, Halo(kGradient + Op::kBlock / 2),
+              [&](const Band& band) { respond(image_, band); });
+    for_bands(*team_, image_.rows, Halo(1), [&](const Band& band) { collect(band); });
+    vision::write_corners(vision::select_corners(candidates_, operation_), *list_);
+  }
 
   /// Responses of the band, and their part of the peak.
   void respond(const cv::Mat& image, const Band& band) {
@@ -167,7 +171,7 @@ class FeatureDetect {
         .copyTo(own);
     double peak = 0;
     cv::minMaxLoc(own, nullptr, &peak);
-    const std::lock_guard guard(*merge_);
+    const std::lock_guard guard(merge_);
     peak_ = std::max(peak_, peak);
   }
 
@@ -190,21 +194,23 @@ class FeatureDetect {
         }
       }
     }
-    const std::lock_guard guard(*merge_);
+    const std::lock_guard guard(merge_);
     candidates_.insert(candidates_.end(), found.begin(), found.end());
   }
 
   vision::FeatureDetect operation_;
   Team team_;
+  cv::Mat image_;
+  Tensor* list_ = nullptr;
   cv::Mat response_, largest_;
   double peak_ = 0;
   std::vector<std::uint64_t> candidates_;
-  std::shared_ptr<std::mutex> merge_ = std::make_shared<std::mutex>();
+  std::mutex merge_;
 };
 
 std::unique_ptr<Kernel> make_feature_detect(const Workload& workload, std::span<const Tensor>,
                                             const Team& team) {
-  return make(FeatureDetect(operation_as<vision::FeatureDetect>(workload), team));
+  return std::make_unique<FeatureDetect>(operation_as<vision::FeatureDetect>(workload), team);
 }
 
 /// Dense Lucas-Kanade: products of derivatives, their window sums by box filters on integers, one
@@ -284,12 +290,16 @@ std::unique_ptr<Kernel> make_optical_flow(const Workload& workload, std::span<co
   return make(OpticalFlow(op.width, op.height, team));
 }
 
-constexpr std::array<KernelEntry, 6> kKernels = {{{"gaussian_blur", make_gaussian_blur},
-                                                  {"filter7x7", make_filter7x7},
-                                                  {"sobel", make_sobel},
-                                                  {"undistort", make_undistort},
-                                                  {"feature_detect", make_feature_detect},
-                                                  {"optical_flow", make_optical_flow}}};
+constexpr std::array kKernels = {
+    KernelEntry{"gaussian_blur", make_gaussian_blur},
+    KernelEntry{"filter7x7", make_filter7x7},
+    KernelEntry{"sobel", make_sobel},
+    KernelEntry{"undistort", make_undistort},
+    KernelEntry{"feature_detect", make_feature_detect},
+    KernelEntry{"optical_flow", make_optical_flow},
+    KernelEntry{"track_features", make_track_features},
+    KernelEntry{"background_model", make_background_model},
+};
 
 }  // namespace
 

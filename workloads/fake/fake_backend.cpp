@@ -10,8 +10,12 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <memory>
+#include <thread>
+#include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/hash.h"
 #include "workloads/base/random.h"
 #include "workloads/fake/fake_script.h"
 #include "workloads/tensor_file.h"
@@ -21,15 +25,28 @@ namespace {
 
 constexpr const char* kCacheVariable = "PIRT_FAKE_KERNEL_CACHE";
 
-class SimulatedClock : public Clock {
+/// Spends what the script says: on a clock of its own, or on everybody's.
+class ScriptedClock : public Clock {
  public:
-  [[nodiscard]] Nanos now() const override { return now_; }
-  void advance(Nanos by) {
+  explicit ScriptedClock(bool wall) : wall_(wall) {}
+
+  [[nodiscard]] bool is_wall() const { return wall_; }
+  [[nodiscard]] Nanos now() const override { return wall_ ? machine_.now() : now_; }
+
+  /// @param since  When what takes that long began.
+  void hold(Nanos by, Nanos since) {
+    if (wall_) {
+      std::this_thread::sleep_for(by - (machine_.now() - since));
+      return;
+    }
     if (by > Nanos::max() - now_) throw_bad_input("the times of a fake unit add up to 292 years");
     now_ += by;
   }
+  void hold(Nanos by) { hold(by, now()); }
 
  private:
+  bool wall_;
+  MachineClock machine_;
   Nanos now_{0};
 };
 
@@ -42,16 +59,17 @@ Nanos draw(const fake::ScriptedStage& stage, Random& random) {
 /// A reference tensor in the element type of the output: references give floating point as f64.
 void copy_converted(const Tensor& from, Tensor& to) {
   if (from.spec().element == to.spec().element) {
-    std::memcpy(to.data(), from.data(), from.bytes().size());
+    copy_tensor(from, to);
     return;
   }
   assert(from.spec().element == Element::kF64 && to.spec().element == Element::kF32);
-  std::ranges::transform(from.as<double>(), to.as<float>().begin(),
+  if (to.spec().varies) to.set_rows(from.rows());
+  std::ranges::transform(from.used<double>(), to.as<float>().begin(),
                          [](double value) { return static_cast<float>(value); });
 }
 
 void spoil_first_element(Tensor& tensor) {
-  if (tensor.count() == 0) return;
+  if (tensor.used_count() == 0) return;
   switch (tensor.spec().element) {
     case Element::kU8:
       tensor.as<std::uint8_t>()[0] ^= 1U;
@@ -71,26 +89,81 @@ void spoil_first_element(Tensor& tensor) {
   }
 }
 
+bool same_content(const Tensor& a, const Tensor& b) {
+  return std::ranges::equal(a.used_bytes(), b.used_bytes());
+}
+
+/// What a call gives: found once for inputs and a state, and kept for a while, since the same calls
+/// come again and again.
+class References {
+ public:
+  struct Result {
+    std::vector<Tensor> outputs;  ///< As the reference gives them.
+    std::vector<Tensor> state;    ///< After the call.
+  };
+
+  References(const fake::Script& script, const Workload& workload)
+      : script_(script), workload_(workload) {}
+
+  [[nodiscard]] std::shared_ptr<const Result> find(const Data& data,
+                                                   std::span<const Tensor> state) {
+    Hash64 hash;
+    for (const auto tensors : {std::span<const Tensor>(data.inputs), state}) {
+      for (const Tensor& tensor : tensors) hash.add(tensor.used_bytes());
+    }
+    const auto known = std::ranges::find(kept_, hash.value(), &Kept::first);
+    if (known != kept_.end()) return known->second;
+    auto result = std::make_shared<Result>();
+    result->state = copy_tensors(state);
+    result->outputs = compute(data, result->state);
+    if (kept_.size() == kMostKept) kept_.erase(kept_.begin());
+    kept_.emplace_back(hash.value(), result);
+    return result;
+  }
+
+ private:
+  using Kept = std::pair<std::uint64_t, std::shared_ptr<const Result>>;
+  static constexpr std::size_t kMostKept = 16;
+
+  [[nodiscard]] std::vector<Tensor> compute(const Data& data, std::span<Tensor> state) const {
+    if (workload_.state) return workload_.step(state, data);
+    if (!script_.reference_folder.empty() && !workload_.is_played()) {
+      const auto path =
+          std::filesystem::path(script_.reference_folder) / (workload_.name + ".reference");
+      if (std::filesystem::exists(path)) return read_tensors(path, reference_specs(workload_));
+    }
+    return workload_.reference(data);
+  }
+
+  const fake::Script& script_;
+  const Workload& workload_;
+  std::vector<Kept> kept_;  ///< The latest last.
+};
+
 class FakeKernel : public Kernel {
  public:
   FakeKernel(const fake::Script& script, const Workload& workload,
-             std::span<const Tensor> parameters, double factor, SimulatedClock& clock)
+             std::span<const Tensor> parameters, double factor, ScriptedClock& clock)
       : script_(script),
         workload_(workload),
         factor_(factor),
         clock_(clock),
-        random_(derive_seed(script.seed, workload.name)) {
-    for (const Tensor& tensor : parameters) data_.parameters.push_back(copy(tensor));
+        random_(derive_seed(script.seed, workload.name)),
+        references_(script_, workload_) {
+    data_.parameters = copy_tensors(parameters);
   }
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
-    data_.inputs.clear();
-    for (const Tensor& tensor : inputs) data_.inputs.push_back(copy(tensor));
+    inputs_ = inputs;
     outputs_ = outputs;
-    expected_.clear();
+    take_inputs();
   }
 
-  void upload() override { advance(Phase::kUpload); }
+  void upload() override {
+    const Nanos start = clock_.now();
+    take_inputs();
+    hold(Phase::kUpload, start);
+  }
 
   std::optional<Nanos> execute(int repeats) override {
     const std::string& name = workload_.name;
@@ -101,47 +174,82 @@ class FakeKernel : public Kernel {
     }
     Nanos launch{0};
     for (int i = 0; i < repeats; ++i) {
-      launch += advance(Phase::kLaunch);
-      advance_execute();
+      launch += hold(Phase::kLaunch, clock_.now());
+      const Nanos start = clock_.now();
+      // Of what a unit computes in real time, the reference is part of the time.
+      if (clock_.is_wall()) compute();
+      hold_execute(start);
       ++calls_;
     }
     return launch.count() == 0 ? std::nullopt : std::optional(launch);
   }
 
   void download() override {
-    advance(Phase::kDownload);
-    if (expected_.empty()) expected_ = reference();
+    const Nanos start = clock_.now();
+    compute();
     for (std::size_t i = 0; i < outputs_.size(); ++i) {
-      copy_converted(expected_[i], outputs_[i]);
+      copy_converted(result_->outputs[i], outputs_[i]);
       if (is_wrong()) spoil_first_element(outputs_[i]);
       if (script_.nan_output.contains(workload_.name)) {
         std::memset(outputs_[i].data(), 0xFF, outputs_[i].bytes().size());  // a NaN in f32 and f64
       }
     }
+    for (std::size_t i = 0; i < next_.size(); ++i) copy_tensor(result_->state[i], next_[i]);
+    hold(Phase::kDownload, start);
+  }
+
+  void bind_state(std::span<const Tensor> current, std::span<Tensor> next) override {
+    if (!workload_.state) Kernel::bind_state(current, next);
+    current_ = current;
+    next_ = next;
+  }
+
+  void upload_state() override {
+    state_ = copy_tensors(current_);
+    result_.reset();
+  }
+
+  void commit_state() override {
+    compute();
+    state_ = copy_tensors(result_->state);
+    result_.reset();
   }
 
  private:
-  static Tensor copy(const Tensor& tensor) {
-    Tensor result(tensor.spec());
-    copy_converted(tensor, result);
-    return result;
-  }
-
-  Nanos advance(Phase phase) {
-    const Nanos before = clock_.now();
-    for (const auto& stage : script_.stages_of(workload_.name)) {
-      if (stage.phase == phase) clock_.advance(scaled(draw(stage, random_), factor_));
+  /// The device's copies of the inputs, as they are now.
+  void take_inputs() {
+    const auto& have = data_.inputs;
+    if (have.size() == inputs_.size() &&
+        std::ranges::equal(have, inputs_, [](const Tensor& a, const Tensor& b) {
+          return a.rows() == b.rows() && same_content(a, b);
+        })) {
+      return;
     }
-    return clock_.now() - before;
+    data_.inputs = copy_tensors(inputs_);
+    result_.reset();
   }
 
-  void advance_execute() {
+  void compute() {
+    if (!result_) result_ = references_.find(data_, state_);
+  }
+
+  /// @param start  When the phase began. @return How long it took.
+  Nanos hold(Phase phase, Nanos start) {
+    Nanos time{0};
+    for (const auto& stage : script_.stages_of(workload_.name)) {
+      if (stage.phase == phase) time += scaled(draw(stage, random_), factor_);
+    }
+    if (time.count() > 0) clock_.hold(time, start);
+    return time.count() > 0 ? clock_.now() - start : time;
+  }
+
+  void hold_execute(Nanos start) {
     const auto samples = script_.samples.find(workload_.name);
     if (samples == script_.samples.end()) {
-      advance(Phase::kExecute);
+      hold(Phase::kExecute, start);
     } else {
       const auto at = static_cast<std::size_t>(calls_) % samples->second.size();
-      clock_.advance(scaled(samples->second[at], factor_));
+      clock_.hold(scaled(samples->second[at], factor_), start);
     }
   }
 
@@ -151,36 +259,33 @@ class FakeKernel : public Kernel {
     return after != script_.wrong_output_after.end() && calls_ > after->second;
   }
 
-  [[nodiscard]] std::vector<Tensor> reference() const {
-    if (!script_.reference_folder.empty()) {
-      const auto path =
-          std::filesystem::path(script_.reference_folder) / (workload_.name + ".reference");
-      if (std::filesystem::exists(path)) return read_tensors(path, reference_specs(workload_));
-    }
-    return workload_.reference(data_);
-  }
-
   const fake::Script& script_;
   Workload workload_;  ///< A copy, since prepare() does not say that its argument lives on.
   double factor_ = 1;  ///< Of all times of calls.
-  SimulatedClock& clock_;
+  ScriptedClock& clock_;
   Random random_;
-  Data data_;
+  std::span<const Tensor> inputs_;
   std::span<Tensor> outputs_;
-  std::vector<Tensor> expected_;  ///< Computed at the first download after bind().
+  std::span<const Tensor> current_;
+  std::span<Tensor> next_;
+  Data data_;                  ///< The device's.
+  std::vector<Tensor> state_;  ///< The device's current one.
+  References references_;
+  /// Of data_ and state_; found when it is first asked for.
+  std::shared_ptr<const References::Result> result_;
   std::int64_t calls_ = 0;
 };
 
 /// 1e6 operations or bytes at the scripted rate.
 class FakePeakLoop : public PeakLoop {
  public:
-  FakePeakLoop(PeakKind kind, double per_second, SimulatedClock& clock)
+  FakePeakLoop(PeakKind kind, double per_second, ScriptedClock& clock)
       : kind_(kind), per_second_(per_second), clock_(clock) {}
 
   [[nodiscard]] PeakKind kind() const override { return kind_; }
   [[nodiscard]] std::string variant() const override { return "scripted"; }
   [[nodiscard]] double work() const override { return 1e6; }
-  void run(int repeats) override { clock_.advance(from_s(work() * repeats / per_second_)); }
+  void run(int repeats) override { clock_.hold(from_s(work() * repeats / per_second_)); }
   [[nodiscard]] Verdict verify() const override {
     return {.ok = true, .detail = "computes nothing"};
   }
@@ -188,7 +293,7 @@ class FakePeakLoop : public PeakLoop {
  private:
   PeakKind kind_;
   double per_second_;
-  SimulatedClock& clock_;
+  ScriptedClock& clock_;
 };
 
 Support support_of(const fake::Script& script, const Workload& workload) {
@@ -198,8 +303,9 @@ Support support_of(const fake::Script& script, const Workload& workload) {
 
 class FakeDevice : public Device {
  public:
-  explicit FakeDevice(fake::Script script) : script_(std::move(script)) {
-    clock_.advance(script_.device_init);
+  explicit FakeDevice(fake::Script script)
+      : script_(std::move(script)), clock_(script_.wall_clock) {
+    clock_.hold(script_.device_init);
   }
 
   [[nodiscard]] DeviceInfo info() const override {
@@ -223,7 +329,9 @@ class FakeDevice : public Device {
     return support_of(script_, workload);
   }
 
-  [[nodiscard]] const Clock* own_clock() const override { return &clock_; }
+  [[nodiscard]] const Clock* own_clock() const override {
+    return clock_.is_wall() ? nullptr : &clock_;
+  }
   [[nodiscard]] Provenance provenance() const override { return Provenance::kModelled; }
 
  private:
@@ -233,7 +341,7 @@ class FakeDevice : public Device {
       throw_environment(fmt::format("{}: preparation fails as its script says", workload.name));
     }
     const std::size_t earlier = count_preparation(workload.name);
-    clock_.advance(earlier > 0 ? script_.prepare_warm : script_.prepare_cold);
+    clock_.hold(earlier > 0 ? script_.prepare_warm : script_.prepare_cold);
     const auto& factors = script_.process_factors;
     const double factor = factors.empty() ? 1 : factors[earlier % factors.size()];
     return std::make_unique<FakeKernel>(script_, workload, parameters, factor, clock_);
@@ -252,14 +360,15 @@ class FakeDevice : public Device {
   }
 
   fake::Script script_;
-  SimulatedClock clock_;
+  ScriptedClock clock_;
 };
 
 class FakeBackend : public Backend {
  public:
   [[nodiscard]] std::string_view name() const override { return "fake"; }
   [[nodiscard]] std::string_view description() const override {
-    return "scripted times on a simulated clock, for tests and what-if; computes nothing";
+    return "scripted times on a simulated clock or the wall's, for tests and what-if; computes "
+           "nothing";
   }
   [[nodiscard]] std::vector<Phase> phases() const override {
     return {kAllPhases.begin(), kAllPhases.end()};

@@ -10,8 +10,10 @@
 namespace pirt {
 
 /// Supports every workload that its script (UnitRequest::script, see fake_script.h) does not
-/// exclude. Outputs are the workload's reference, unless scripted wrong. Time is simulated: nothing
-/// sleeps, except where a script asks for a hang.
+/// exclude. Outputs are the workload's reference, unless scripted wrong; states and lists are as
+/// those of other backends. Time is simulated: nothing sleeps, except where a script asks for a
+/// hang. With `clock: wall` the device has no time of its own and the calling thread sleeps as long
+/// as the script says; what is computed besides is not part of it, as long as it takes less.
 ///
 /// Its "kernel cache" is one empty file a workload in the folder that the environment variable
 /// PIRT_FAKE_KERNEL_CACHE names (kernel_cache_environment sets it); without the variable every

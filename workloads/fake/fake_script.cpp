@@ -155,6 +155,15 @@ void read_factors(const YAML::Node& node, Script& script) {
   }
 }
 
+void read_clock(const YAML::Node& node, Script& script) {
+  const std::vector<std::string> known = {"simulated", "wall"};
+  const auto clock = text_of(node, "a clock");
+  if (std::ranges::find(known, clock) == known.end()) {
+    fail(node, fmt::format("there is no clock '{}'{}", clock, suggestion(clock, known)));
+  }
+  script.wall_clock = clock == "wall";
+}
+
 using Reader = std::function<void(const YAML::Node&, Script&)>;
 
 Reader name_list(std::set<std::string> Script::*member) {
@@ -180,6 +189,7 @@ std::map<std::string, Reader> readers() {
        [](const auto& n, Script& s) {
          s.cache_bytes = whole(n, "a size in kB", std::int64_t{1}, kMaxCacheKb) * 1024;
        }},
+      {"clock", read_clock},
       {"seed",
        [](const auto& n, Script& s) { s.seed = whole(n, "a seed", std::uint64_t{0}, kMaxSeed); }},
       {"fail_open", [](const auto& n, Script& s) { s.fail_open = text_of(n, "text"); }},

@@ -9,6 +9,8 @@
 //                                          execute stage
 //   process_factors: [1, 1.1]              of calls, in time: the first for a process that has
 //                                          an empty kernel cache, the second for the next, ...
+//   clock: wall                            holds the unit for its times in real time; default
+//                                          simulated: nothing sleeps
 //   seed: 1                                of the uniform draws
 //   unsupported: [fc6]
 //   wrong_output: [conv1]                  first element of every output off by one
@@ -58,6 +60,7 @@ struct Script {
   std::map<std::string, std::vector<ScriptedStage>> stages;
   std::map<std::string, std::vector<Nanos>> samples;
   std::vector<double> process_factors;
+  bool wall_clock = false;
   std::uint64_t seed = 1;
   std::set<std::string> unsupported, wrong_output, nan_output;
   std::set<std::string> fail_prepare, fail_execute, crash, hang;

@@ -41,14 +41,7 @@ class FeatureDetectKernel final : public PlanKernel {
 
   /// Hands over what execute() left on the host.
   void download() override {
-    if (host_outputs().empty()) return;
-    const auto points = host_outputs()[0].as<float>();
-    std::ranges::fill(points, 0.0F);
-    for (std::size_t i = 0; i < corners_.size(); ++i) {
-      points[2 * i] = static_cast<float>(corners_[i].x);
-      points[2 * i + 1] = static_cast<float>(corners_[i].y);
-    }
-    host_outputs()[1].as<std::int32_t>()[0] = static_cast<std::int32_t>(corners_.size());
+    if (!host_outputs().empty()) vision::write_corners(corners_, host_outputs()[0]);
   }
 
  private:

@@ -95,6 +95,7 @@ std::unique_ptr<Kernel> make_kernel(const Session& session, const Workload& work
   }
   std::vector<Resident> outputs;
   for (const TensorSpec& spec : workload.outputs) outputs.push_back(builder.resident(spec));
+  if (workload.state) builder.make_state(workload.state->tensors);
   entry.append(builder, workload, parameters, inputs, outputs);
   Plan plan = builder.finish(std::move(inputs), std::move(outputs));
   if (workload.variant == "map") {

@@ -1,10 +1,13 @@
 #include "workloads/opencl/plan.h"
 
+#include <fmt/format.h>
+
 #include <cassert>
 #include <stdexcept>
 #include <utility>
 
 #include "opencl_files.h"
+#include "workloads/base/error.h"
 
 namespace pirt::opencl {
 namespace {
@@ -55,8 +58,25 @@ void Plan::replace(Resident& resident, const cl::Buffer& with) {
   resident.buffer = with;
 }
 
+void Plan::swap_state() {
+  for (std::size_t i = 0; i < current.size(); ++i) {
+    const auto exchange = [this](cl::Buffer& a, cl::Buffer& b) {
+      for (Use& use : uses) {
+        if (use.buffer != a() && use.buffer != b()) continue;
+        const cl::Buffer& other = use.buffer == a() ? b : a;
+        steps[use.step].kernel.setArg(use.index, other);
+        use.buffer = other();
+      }
+      std::swap(a, b);
+    };
+    exchange(current[i].buffer, next[i].buffer);
+    if (current[i].spec.varies) exchange(current[i].rows, next[i].rows);
+  }
+}
+
 Resident PlanBuilder::resident(const TensorSpec& spec, int pad) {
   Resident made{.buffer = {}, .spec = spec, .pad = pad};
+  if (spec.varies) made.rows = zeroed(sizeof(cl_int));
   if (pad == 0) {
     made.buffer = scratch(spec.size_bytes());
     return made;
@@ -64,6 +84,13 @@ Resident PlanBuilder::resident(const TensorSpec& spec, int pad) {
   const std::size_t bytes = to_size(made.planes() * made.plane()) * size_bytes(spec.element);
   made.buffer = zeroed(bytes);
   return made;
+}
+
+void PlanBuilder::make_state(std::span<const TensorSpec> specs) {
+  for (const TensorSpec& spec : specs) {
+    current_.push_back(resident(spec));
+    next_.push_back(resident(spec));
+  }
 }
 
 cl::Buffer PlanBuilder::scratch(std::int64_t size_bytes) {
@@ -100,7 +127,9 @@ Plan PlanBuilder::finish(std::vector<Resident> inputs, std::vector<Resident> out
           .outputs = std::move(outputs),
           .steps = std::exchange(steps_, {}),
           .held = std::exchange(held_, {}),
-          .uses = std::exchange(uses_, {})};
+          .uses = std::exchange(uses_, {}),
+          .current = std::exchange(current_, {}),
+          .next = std::exchange(next_, {})};
 }
 
 void PlanBuilder::append(cl::Kernel kernel, Extent extent) {
@@ -111,19 +140,37 @@ void PlanBuilder::append(cl::Kernel kernel, Extent extent) {
                     .local = cl::NDRange(local, 1)});
 }
 
-void write(const Session& session, const Resident& to, const std::byte* from) {
+void write(const Session& session, const Resident& to, const Tensor& from) {
+  const cl::CommandQueue& queue = session.queue;
+  if (to.spec.varies) {
+    const auto rows = static_cast<cl_int>(from.rows());
+    queue.enqueueWriteBuffer(to.rows, CL_TRUE, 0, sizeof(rows), &rows);
+  }
   if (to.pad == 0) {
-    session.queue.enqueueWriteBuffer(to.buffer, CL_TRUE, 0, to_size(to.spec.size_bytes()), from);
+    const auto bytes = from.used_bytes();
+    if (!bytes.empty()) queue.enqueueWriteBuffer(to.buffer, CL_TRUE, 0, bytes.size(), bytes.data());
     return;
   }
   const Rectangle r = rectangle(to);
-  session.queue.enqueueWriteBufferRect(to.buffer, CL_TRUE, r.device_origin, r.host_origin, r.region,
-                                       r.row_pitch, r.slice_pitch, 0, 0, from);
+  queue.enqueueWriteBufferRect(to.buffer, CL_TRUE, r.device_origin, r.host_origin, r.region,
+                               r.row_pitch, r.slice_pitch, 0, 0, from.data());
 }
 
-void read(const Session& session, const Resident& from, std::byte* to) {
+void read(const Session& session, const Resident& from, Tensor& to) {
   assert(from.pad == 0);
-  session.queue.enqueueReadBuffer(from.buffer, CL_TRUE, 0, to_size(from.spec.size_bytes()), to);
+  if (from.spec.varies) {
+    cl_int rows = 0;
+    session.queue.enqueueReadBuffer(from.rows, CL_TRUE, 0, sizeof(rows), &rows);
+    if (rows < 0 || rows > from.spec.shape.front()) {
+      throw_environment(
+          fmt::format("opencl: the device says that {} has {} rows; its driver is "
+                      "broken, choose another device",
+                      from.spec.describe(), rows));
+    }
+    to.set_rows(rows);
+  }
+  const auto bytes = to.used_bytes().size();
+  if (bytes != 0) session.queue.enqueueReadBuffer(from.buffer, CL_TRUE, 0, bytes, to.data());
 }
 
 void enqueue(const Session& session, const Plan& plan, LaunchTimes& times) {

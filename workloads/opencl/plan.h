@@ -21,6 +21,7 @@ struct Resident {
   cl::Buffer buffer;
   TensorSpec spec;
   int pad = 0;
+  cl::Buffer rows = {};  ///< i32 [1]: how many it has; only where the spec varies.
 
   /// In elements: from a row to the next, from a plane to the next, and of the first element. Spec
   /// of 3 dimensions or 4.
@@ -57,9 +58,12 @@ struct Plan {
   std::vector<Step> steps;  ///< In order.
   std::vector<cl::Buffer> held;  ///< All buffers of the steps: a cl_kernel retains no arguments.
   std::vector<Use> uses;         ///< Of all buffers.
+  std::vector<Resident> current, next;  ///< The two sets of the workload's state; pad 0.
 
   /// Gives the steps another buffer in place of @p resident's, which is freed.
   void replace(Resident& resident, const cl::Buffer& with);
+  /// The two sets of the state change places.
+  void swap_state();
 };
 
 /// The number of work items of a launch before rounding up to whole work groups; kernels guard the
@@ -77,8 +81,13 @@ class PlanBuilder {
 
   [[nodiscard]] const Session& session() const { return session_; }
 
-  /// Uninitialized if pad is 0, otherwise zeroed for the sake of its border.
+  /// Uninitialized if pad is 0, otherwise zeroed for the sake of its border. No rows yet.
   [[nodiscard]] Resident resident(const TensorSpec& spec, int pad = 0);
+  /// Allocates both sets of a state, which the plan will have.
+  void make_state(std::span<const TensorSpec> specs);
+  /// For the steps: what a call reads and what it writes.
+  [[nodiscard]] const Resident& current(std::size_t tensor) const { return current_.at(tensor); }
+  [[nodiscard]] const Resident& next(std::size_t tensor) const { return next_.at(tensor); }
   [[nodiscard]] cl::Buffer scratch(std::int64_t size_bytes);
   /// Complete on return.
   [[nodiscard]] cl::Buffer zeroed(std::size_t size_bytes);
@@ -127,12 +136,15 @@ class PlanBuilder {
   std::vector<Step> steps_;
   std::vector<cl::Buffer> held_;
   std::vector<Use> uses_;
+  std::vector<Resident> current_, next_;
 };
 
-/// Host to device; blocks. @param from  The tensor's elements without border.
-void write(const Session& session, const Resident& to, const std::byte* from);
-/// Device to host; blocks. Residents without border only.
-void read(const Session& session, const Resident& from, std::byte* to);
+/// Host to device, of a list the rows that it has; blocks. @param from  Without border.
+void write(const Session& session, const Resident& to, const Tensor& from);
+/// Device to host, of a list the rows that the device says; blocks. Residents without border only.
+/// @throws Error{kEnvironment} if the device says more rows than the list can have, or fewer than
+/// 0.
+void read(const Session& session, const Resident& from, Tensor& to);
 /// Enqueues all steps and adds their events to @p times.
 void enqueue(const Session& session, const Plan& plan, LaunchTimes& times);
 

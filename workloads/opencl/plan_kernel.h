@@ -19,6 +19,9 @@ class PlanKernel : public Kernel {
   void upload() override;
   std::optional<Nanos> execute(int repeats) override;
   void download() override;
+  void bind_state(std::span<const Tensor> current, std::span<Tensor> next) override;
+  void upload_state() override;
+  void commit_state() override;
 
  protected:
   [[nodiscard]] const Session& session() const { return session_; }
@@ -32,6 +35,8 @@ class PlanKernel : public Kernel {
   Plan plan_;
   std::span<const Tensor> inputs_;
   std::span<Tensor> outputs_;
+  std::span<const Tensor> current_;
+  std::span<Tensor> next_;
 };
 
 }  // namespace pirt::opencl

@@ -1,5 +1,6 @@
 // The vision workloads that the device computes entirely: arguments and extents of the kernels in
-// vision.cl, flow.cl and, where the device has local memory of its own, tiles.cl.
+// vision.cl, flow.cl, track.cl, background.cl and, where the device has local memory of its own,
+// tiles.cl.
 #include <array>
 #include <vector>
 
@@ -101,6 +102,45 @@ void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::sp
                outputs[0], op.width, op.height, pitch, run_y);
 }
 
+void append_background_model(PlanBuilder& builder, const Workload& workload,
+                             std::span<const Tensor>, std::span<const Resident> inputs,
+                             std::span<const Resident> outputs) {
+  static_assert(
+      vision::BackgroundModel::kThreshold == 24 && vision::BackgroundModel::kMaxShift == 4,
+      "background.cl has them as constants");
+  constexpr int kPixelsPerItem = 16;
+  const auto& op = operation_as<vision::BackgroundModel>(workload);
+  const int pixels = op.width * op.height;
+  builder.step("background.cl", "background_model", {blocks(pixels, kPixelsPerItem), 1}, inputs[0],
+               builder.current(0), builder.current(1), outputs[0], builder.next(0), builder.next(1),
+               pixels);
+}
+
+void append_track_features(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
+                           std::span<const Resident> inputs, std::span<const Resident> outputs) {
+  using Op = vision::TrackFeatures;
+  static_assert(
+      Op::kLevels == 3 && Op::kIterations == 8 && Op::kRadius == 7 && Op::kLeastEigenvalue == 1.0,
+      "track.cl has them as constants");
+  const auto& op = operation_as<Op>(workload);
+  const auto levels = op.levels();
+  const auto pyramid = [&](const Resident& image) {
+    std::array<cl::Buffer, Op::kLevels> all = {image.buffer};
+    for (std::size_t i = 1; i < levels.size(); ++i) {
+      const auto& [width, height] = levels[i];
+      all[i] = builder.scratch(std::int64_t{width} * height);
+      builder.step("track.cl", "next_level", {width, height}, all[i - 1], all[i],
+                   levels[i - 1].width, levels[i - 1].height, width, height);
+    }
+    return all;
+  };
+  const auto previous = pyramid(inputs[0]);
+  const auto next = pyramid(inputs[1]);
+  builder.step("track.cl", "track_points", {Op::kMaxPoints, 1}, previous[0], previous[1],
+               previous[2], next[0], next[1], next[2], inputs[2], inputs[2].rows, outputs[0],
+               outputs[0].rows, outputs[1], outputs[1].rows, op.width, op.height, Op::kMaxPoints);
+}
+
 constexpr std::array kKernels = {
     KernelEntry{.kernel = "gaussian_blur", .append = append_gaussian_blur},
     KernelEntry{.kernel = "filter7x7", .append = append_filter7x7},
@@ -108,6 +148,8 @@ constexpr std::array kKernels = {
     KernelEntry{.kernel = "undistort", .append = append_undistort},
     KernelEntry{.kernel = "feature_detect", .make = make_feature_detect},
     KernelEntry{.kernel = "optical_flow", .append = append_optical_flow},
+    KernelEntry{.kernel = "track_features", .append = append_track_features},
+    KernelEntry{.kernel = "background_model", .append = append_background_model},
 };
 
 }  // namespace

@@ -63,4 +63,13 @@ std::vector<Corner> select_corners(std::vector<std::uint64_t>& candidates,
   return corners;
 }
 
+void write_corners(const std::vector<Corner>& corners, Tensor& list) {
+  list.set_rows(static_cast<std::int64_t>(corners.size()));
+  auto* out = list.as<float>().data();
+  for (const Corner& corner : corners) {
+    *out++ = static_cast<float>(corner.x);
+    *out++ = static_cast<float>(corner.y);
+  }
+}
+
 }  // namespace pirt::vision

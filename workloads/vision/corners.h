@@ -24,4 +24,7 @@ struct Corner {
 [[nodiscard]] std::vector<Corner> select_corners(std::vector<std::uint64_t>& candidates,
                                                  const FeatureDetect& operation);
 
+/// As feature_detect's output: f32 [<=500,2], as many rows as there are corners.
+void write_corners(const std::vector<Corner>& corners, Tensor& list);
+
 }  // namespace pirt::vision

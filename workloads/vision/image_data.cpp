@@ -9,6 +9,10 @@ TensorSpec gray_spec(std::string name, int width, int height) {
   return {std::move(name), Element::kU8, {height, width}};
 }
 
+TensorSpec corners_spec(Element element) {
+  return {"corners", element, {FeatureDetect::kMaxCorners, 2}, true};
+}
+
 std::string size_text(int width, int height) {
   return std::to_string(width) + "x" + std::to_string(height);
 }
@@ -32,6 +36,26 @@ Data gray_data(const DataRequest& request, int width, int height) {
   Data data;
   data.inputs.push_back(std::move(picture.pixels));
   data.notes = std::move(picture.notes);
+  return data;
+}
+
+Data gray_frame_data(const DataRequest& request, int width, int height) {
+  Picture picture =
+      request.images->gray_frame(picture_index(request.seed), request.frame, width, height);
+  Data data;
+  data.inputs.push_back(std::move(picture.pixels));
+  data.notes = std::move(picture.notes);
+  return data;
+}
+
+Data gray_pair_data(const DataRequest& request, int width, int height) {
+  const int index = picture_index(request.seed);
+  Picture previous = request.images->gray_frame(index, request.frame, width, height);
+  Picture next = request.images->gray_frame(index, request.frame + 1, width, height);
+  Data data;
+  data.notes = merge_notes(std::move(previous.notes), next.notes);
+  data.inputs.push_back(std::move(previous.pixels));
+  data.inputs.push_back(std::move(next.pixels));
   return data;
 }
 

@@ -14,6 +14,9 @@ namespace pirt::vision {
 /// u8 [height, width].
 [[nodiscard]] TensorSpec gray_spec(std::string name, int width, int height);
 
+/// "corners" [<=500,2]: a list of x and y in pixels.
+[[nodiscard]] TensorSpec corners_spec(Element element);
+
 /// "640x480"
 [[nodiscard]] std::string size_text(int width, int height);
 
@@ -22,6 +25,10 @@ namespace pirt::vision {
 
 /// Data of one grey picture named "image".
 [[nodiscard]] Data gray_data(const DataRequest& request, int width, int height);
+/// The same of the request's frame of a sequence.
+[[nodiscard]] Data gray_frame_data(const DataRequest& request, int width, int height);
+/// Data of that frame and the next, "previous" and "next".
+[[nodiscard]] Data gray_pair_data(const DataRequest& request, int width, int height);
 
 /// The notes of both, each once.
 [[nodiscard]] std::vector<std::string> merge_notes(std::vector<std::string> notes,

@@ -137,14 +137,7 @@ Workload make_optical_flow(int width, int height) {
   w.operation = op;
   w.inputs = {gray_spec("previous", width, height), gray_spec("next", width, height)};
   w.outputs = {{"flow", Element::kF32, {height, width, 2}}};
-  w.make_data = [=](const DataRequest& request) {
-    auto [previous, next] = request.images->gray_pair(picture_index(request.seed), width, height);
-    Data data;
-    data.notes = merge_notes(std::move(previous.notes), next.notes);
-    data.inputs.push_back(std::move(previous.pixels));
-    data.inputs.push_back(std::move(next.pixels));
-    return data;
-  };
+  w.make_data = [=](const DataRequest& request) { return gray_pair_data(request, width, height); };
   w.reference = [op](const Data& data) { return reference(*op, data); };
   w.verify = verify;
   return w;

@@ -48,6 +48,25 @@ struct OpticalFlow : ImageOperation {
   static constexpr int kWindow = 52;  ///< Rows y-26 .. y+25, columns alike.
 };
 
+struct TrackFeatures : ImageOperation {
+  static constexpr int kMaxPoints = FeatureDetect::kMaxCorners;
+  static constexpr int kLevels = 3;
+  static constexpr int kIterations = 8;
+  static constexpr int kRadius = 7;                ///< The window is 15x15.
+  static constexpr double kLeastEigenvalue = 1.0;  ///< Grey levels per pixel, squared.
+
+  struct Level {
+    int width, height;
+  };
+  /// The finest first.
+  [[nodiscard]] std::array<Level, kLevels> levels() const;
+};
+
+struct BackgroundModel : ImageOperation {
+  static constexpr int kThreshold = 24;  ///< Grey levels.
+  static constexpr int kMaxShift = 4;    ///< The slowest rate is 1/2^4.
+};
+
 /// 5x5 binomial [1 4 6 4 1]^2/256 (what OpenCV takes for 5x5 and sigma <= 0), border reflect-101,
 /// (sum + 128) >> 8. Kernel "gaussian_blur". Input u8 [h,w], output u8 [h,w].
 Workload make_gaussian_blur(int width, int height);
@@ -81,9 +100,9 @@ struct MapEntry {
 /// products summed over a 3x3 block with border reflect-101, smaller eigenvalue, threshold at
 /// quality * maximum, 3x3 local maxima (border pixels of the image excluded), strongest first
 /// (ties: the later in memory first, as OpenCV sorts), at least 10 pixels from every stronger
-/// accepted corner, at most 500. Kernel "feature_detect". Input u8 [h,w], outputs corners f32
-/// [500,2] (x, y; unused rows 0), count i32 [1]. Verified as sets: float rounding of near ties may
-/// move a few; see the tolerance in the .cpp.
+/// accepted corner, at most 500. Kernel "feature_detect". Input u8 [h,w], output the list corners
+/// f32 [<=500,2] (x, y). Verified as sets: float rounding of near ties may move a few; see the
+/// tolerance in the .cpp.
 Workload make_feature_detect(int width, int height);
 
 /// Dense, single-level, non-iterative Lucas-Kanade. With border replicate: dx = I0(x+1) - I0(x-1),
@@ -93,6 +112,30 @@ Workload make_feature_detect(int width, int height);
 /// otherwise u = 2*(Sxy*Syt - Syy*Sxt)/det, v = 2*(Sxy*Sxt - Sxx*Syt)/det, in pixels per frame.
 /// Kernel "optical_flow". Inputs previous u8 [h,w], next u8 [h,w]; output flow f32 [h,w,2].
 Workload make_optical_flow(int width, int height);
+
+/// Sparse pyramidal Lucas-Kanade: where the points of a list have moved to. Pyramids of kLevels
+/// levels, each the one below blurred by the binomial of gaussian_blur and every second pixel of
+/// every second row taken. From the coarsest level (a point is at p / 2^level) to the finest: a
+/// window of 15x15 samples around p of `previous`, bilinear, with central differences ix, iy of the
+/// samples; G = [mean ix*ix, mean ix*iy; ., mean iy*iy]. If G's smaller eigenvalue is below
+/// kLeastEigenvalue the level is left out. Otherwise kIterations times: e = mean of (previous -
+/// next, sampled around q) * (ix, iy), q += G^-1 e. The next finer level starts at 2q. Pixels
+/// beyond the border repeat it. A point is lost (status 0) if it is not within the picture, more
+/// than a pixel outside it on any level and step, outside it at the end, or the finest level was
+/// left out; its track is then the point itself. Kernel "track_features". Inputs previous u8 [h,w],
+/// next u8 [h,w], list corners f32 [<=500,2]; outputs tracks f32 [<=500,2] and status u8 [<=500],
+/// as many rows as corners. Measured with a sequence of 4 pairs and corners of the first of each,
+/// of which each pair has fewer, as a tracker loses them.
+Workload make_track_features(int width, int height);
+
+/// Exponential background of a picture's pixels, and what differs from it. With b the state's
+/// background and n its frames: d = image - b; mask = 255 where n > 0 and |d| > 24, otherwise 0;
+/// b += d / 2^n; n = min(n + 1, 4). So that the first picture is the background, then the mean of
+/// two, and later ones count 1/16. In f32: the subtraction and the sum round, the product is exact,
+/// so that every way to compute it gives the same bits. Kernel "background_model". Input u8 [h,w],
+/// output mask u8 [h,w], state "background": background f32 [h,w], frames i32 [1], all 0 at first.
+/// Measured with a sequence of 8 pictures.
+Workload make_background_model(int width, int height);
 
 // All of them, also those whose definition stands in their own file.
 #define PIRT_VISION(name, width, height) Workload make_##name(int, int);
