@@ -11,6 +11,7 @@
 #include "characterize/profile/profile.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/record/run_record.h"
+#include "scheduler/services/faults.h"
 #include "scheduler/services/services.h"
 #include "workloads/base/time.h"
 

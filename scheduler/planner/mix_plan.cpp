@@ -26,9 +26,12 @@ TaskGraph graph_of(const Scenario& scenario) {
   const Platform& platform = scenario.platform;
   const Mix& mix = scenario.mix;
   TaskGraph graph;
+  // By state: the last task that holds it, among those that follow one plan together.
+  std::vector<std::optional<std::size_t>> holder(mix.states.size());
   for (std::size_t p = 0; p < mix.pipelines.size(); ++p) {
     const Pipeline& pipeline = mix.pipelines[p];
     const std::size_t first = graph.costs.size();
+    if (!mix.fires_once()) std::ranges::fill(holder, std::nullopt);
     for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
       const MixTask& task = pipeline.tasks[t];
       const TaskClass& kind = scenario.classes[p][t];
@@ -43,6 +46,11 @@ TaskGraph graph_of(const Scenario& scenario) {
         edge.to += first;
         graph.edges.push_back(std::move(edge));
       }
+      if (!task.state) continue;
+      // Tasks get a state in this order: a plan in another one would wait for ever.
+      auto& last = holder[*task.state];
+      if (last) graph.edges.push_back({.from = *last, .to = first + t});
+      last = first + t;
     }
   }
   return graph;

@@ -23,7 +23,8 @@ void Firings::plan(std::uint32_t p) {
   for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
     const MixTask& task = pipeline.tasks[t];
     state.image_tasks += task.image_input ? 1 : 0;
-    state.moves_data = state.moves_data || std::ranges::any_of(task.edges, moves);
+    const bool by_port = !task.inputs.empty() && !scenario_.platform.links.empty();
+    state.moves_data = state.moves_data || by_port || std::ranges::any_of(task.edges, moves);
     if (!task.read_later) continue;
     state.series.push_back({.task = t, .image = task.image_input});
     series_of[t] = series_count_++;
@@ -103,7 +104,7 @@ std::optional<Firings::Submission> Firings::fire(std::uint32_t p, Nanos now) {
   firing.complete = true;
   firing.number = number;
   firing.fired_at = now;
-  if (state.moves_data) firing.made.assign(pipeline.tasks.size(), {});
+  firing.made.assign(state.moves_data ? pipeline.tasks.size() : 0, {});
   fill_tasks(p, slot, now);
   return Submission{.firing = firing.id, .tasks = tasks_};
 }

@@ -25,7 +25,7 @@ class MainJob : public testing::Test {
   static void SetUpTestSuite() {
     scratch_ = std::make_unique<Scratch>();
     const auto made = pirt({"characterize", "--quick", "--platform", "fake", "--filter",
-                            "undistort|gaussian_blur|feature_detect|optical_flow|alexnet|fc8",
+                            "undistort|gaussian_blur|feature_detect|optical_flow|track_features|alexnet|fc8",
                             "--db", profile()});
     ASSERT_EQ(made.exit_code, 0) << made.err;
   }

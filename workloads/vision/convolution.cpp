@@ -42,7 +42,7 @@ std::uint8_t scale(int sum) {
 std::vector<Tensor> reference(const Filter7x7& op, const Data& data) {
   const Padded image(data.inputs[0].as<std::uint8_t>(), op.width, op.height, kRadius, reflect101);
   const auto weights = data.parameters[0].as<std::int16_t>();
-  Tensor filtered(gray_spec("filtered", op.width, op.height));
+  Tensor filtered(gray_spec("image", op.width, op.height));
   auto* out = filtered.as<std::uint8_t>().data();
   for (int y = 0; y < op.height; ++y) {
     for (int x = 0; x < op.width; ++x) {
@@ -73,7 +73,7 @@ Workload make_convolution(int width, int height) {
   w.operation = op;
   w.inputs = {gray_spec("image", width, height)};
   w.parameters = {{"weights", Element::kI16, {kSize, kSize}}};
-  w.outputs = {gray_spec("filtered", width, height)};
+  w.outputs = {gray_spec("image", width, height)};
   w.ops = std::int64_t{2} * kSize * kSize * width * height;
   w.make_data = [=, spec = w.parameters[0]](const DataRequest& request) {
     Data data = gray_data(request, width, height);

@@ -9,7 +9,7 @@ namespace {
 std::vector<Tensor> reference(const GaussianBlur& op, const Data& data) {
   constexpr std::array kBinomial = {1, 4, 6, 4, 1};
   const Padded image(data.inputs[0].as<std::uint8_t>(), op.width, op.height, 2, reflect101);
-  Tensor blurred(gray_spec("blurred", op.width, op.height));
+  Tensor blurred(gray_spec("image", op.width, op.height));
   auto* out = blurred.as<std::uint8_t>().data();
   for (int y = 0; y < op.height; ++y) {
     for (int x = 0; x < op.width; ++x) {
@@ -40,7 +40,7 @@ Workload make_gaussian_blur(int width, int height) {
   w.kernel = "gaussian_blur";
   w.operation = op;
   w.inputs = {gray_spec("image", width, height)};
-  w.outputs = {gray_spec("blurred", width, height)};
+  w.outputs = {gray_spec("image", width, height)};
   w.ops = std::int64_t{2} * 5 * 5 * width * height;
   w.make_data = [=](const DataRequest& request) { return gray_data(request, width, height); };
   w.reference = [op](const Data& data) { return reference(*op, data); };

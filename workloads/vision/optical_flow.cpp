@@ -135,7 +135,7 @@ Workload make_optical_flow(int width, int height) {
   w.tags = {"vision", "image"};
   w.kernel = "optical_flow";
   w.operation = op;
-  w.inputs = {gray_spec("previous", width, height), gray_spec("next", width, height)};
+  w.inputs = {gray_spec("previous", width, height), gray_spec("image", width, height)};
   w.outputs = {{"flow", Element::kF32, {height, width, 2}}};
   w.make_data = [=](const DataRequest& request) { return gray_pair_data(request, width, height); };
   w.reference = [op](const Data& data) { return reference(*op, data); };

@@ -270,7 +270,7 @@ Workload make_track_features(int width, int height) {
   w.tags = {"vision", "image"};
   w.kernel = "track_features";
   w.operation = op;
-  w.inputs = {gray_spec("previous", width, height), gray_spec("next", width, height),
+  w.inputs = {gray_spec("previous", width, height), gray_spec("image", width, height),
               corners_spec(Element::kF32)};
   w.outputs = {tracks_spec(Element::kF32), status_spec()};
   w.frames = kFrames;

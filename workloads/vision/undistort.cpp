@@ -32,7 +32,7 @@ std::vector<Tensor> reference(const Undistort& op, const Data& data) {
     return image[static_cast<std::size_t>(y) * static_cast<std::size_t>(op.width) +
                  static_cast<std::size_t>(x)];
   };
-  Tensor undistorted(gray_spec("undistorted", op.width, op.height));
+  Tensor undistorted(gray_spec("image", op.width, op.height));
   auto* out = undistorted.as<std::uint8_t>().data();
   for (const MapEntry& entry : undistort_map(op)) {
     const int x = entry.x >> 5;
@@ -82,7 +82,7 @@ Workload make_undistort(int width, int height) {
   w.kernel = "undistort";
   w.operation = op;
   w.inputs = {gray_spec("image", width, height)};
-  w.outputs = {gray_spec("undistorted", width, height)};
+  w.outputs = {gray_spec("image", width, height)};
   w.make_data = [=](const DataRequest& request) { return gray_data(request, width, height); };
   w.reference = [op](const Data& data) { return reference(*op, data); };
   w.verify = verify_exact;
