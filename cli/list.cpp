@@ -41,7 +41,30 @@ std::string count(std::optional<std::int64_t> value) {
 std::string shapes(const std::vector<TensorSpec>& specs) {
   std::vector<std::string> parts;
   for (const auto& spec : specs) parts.push_back(spec.describe());
-  return join(parts, ", ");
+  return parts.empty() ? "-" : join(parts, ", ");
+}
+
+/// Of a list the first extent is what it can hold: `capacity`.
+Json tensors(const std::vector<TensorSpec>& specs) {
+  auto rows = Json::array();
+  for (const auto& spec : specs) {
+    Json row = {
+        {"name", spec.name}, {"element", to_string(spec.element)}, {"shape", spec.shape}};
+    if (spec.varies) row["capacity"] = spec.shape.front();
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+/// A chain of layers has many.
+std::string parameters_text(const std::vector<TensorSpec>& specs) {
+  constexpr std::size_t kShown = 2;
+  return specs.size() <= kShown ? shapes(specs) : fmt::format("{} tensors", specs.size());
+}
+
+std::string state_text(const Workload& workload) {
+  if (!workload.state) return "-";
+  return workload.state->name + ": " + shapes(workload.state->tensors);
 }
 
 Listing list_workloads() {
@@ -54,17 +77,33 @@ Listing list_workloads() {
                   {"description", Align::kLeft}},
       .footnotes = {"Operations a call: 2 a multiply-add, bias and activation excluded; - where "
                     "they depend on the data."}};
+  Table ports{.title = "Tensors",
+              .columns = {{"workload", Align::kLeft},
+                          {"inputs", Align::kLeft},
+                          {"parameters", Align::kLeft},
+                          {"outputs", Align::kLeft},
+                          {"state", Align::kLeft}},
+              .footnotes = {"<=500: a list, whose length varies from call to call."}};
   Json rows = Json::array();
   for (const auto& workload : catalog()) {
+    ports.rows.push_back({workload.name, shapes(workload.inputs),
+                          parameters_text(workload.parameters), shapes(workload.outputs),
+                          state_text(workload)});
     table.rows.push_back({workload.name, count(workload.ops), count(workload.bytes()),
                           workload.kernel, workload.description});
     Json row = {{"name", workload.name},
-                {"description", workload.description},
-                {"kernel", workload.kernel},
-                {"tags", workload.tags},
-                {"bytes", workload.bytes()},
-                {"inputs", shapes(workload.inputs)},
-                {"outputs", shapes(workload.outputs)}};
+                                  {"description", workload.description},
+                                  {"kernel", workload.kernel},
+                                  {"tags", workload.tags},
+                                  {"bytes", workload.bytes()},
+                                  {"inputs", tensors(workload.inputs)},
+                                  {"parameters", tensors(workload.parameters)},
+                                  {"outputs", tensors(workload.outputs)},
+                                  {"frames", workload.frames}};
+    if (workload.state) {
+      row["state"] = {{"name", workload.state->name},
+                      {"tensors", tensors(workload.state->tensors)}};
+    }
     if (workload.ops) row["ops"] = *workload.ops;
     rows.push_back(std::move(row));
   }
@@ -83,7 +122,7 @@ Listing list_workloads() {
                       {"description", variant.description},
                       {"workloads", std::move(names)}});
   }
-  return {{.title = "pirt workloads", .parts = {table}},
+  return {{.title = "pirt workloads", .parts = {table, ports}},
           {{"workloads", rows}, {"variants", others}}};
 }
 

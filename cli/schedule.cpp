@@ -2,6 +2,7 @@
 #include "scheduler/schedule.h"
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 
 #include "characterize/profile/store/reader.h"
@@ -18,6 +19,7 @@
 #include "scheduler/policies/policy.h"
 #include "workloads/base/error.h"
 #include "workloads/base/json_value.h"
+#include "workloads/base/numbers.h"
 #include "workloads/base/text.h"
 
 namespace pirt::cli {
@@ -39,8 +41,35 @@ struct Options {
   std::string draw = "median";
   bool allow_invalid = false;
   std::uint64_t seed = 1;
+  std::optional<std::string> faults;
   Output trace, json;
 };
+
+/// "seed=7,fail=0.02,return=0.02"; what is not given is as in Faults.
+Faults parse_faults(const std::string& text) {
+  Faults faults;
+  for (const auto& part : split(text, ',')) {
+    const auto equals = part.find('=');
+    const std::string key = part.substr(0, equals);
+    const std::string value = equals == std::string::npos ? "" : part.substr(equals + 1);
+    const std::string what = "--faults " + key;
+    if (key == "seed") {
+      faults.seed =
+          whole_number<std::uint64_t>(value, 0, std::numeric_limits<std::uint64_t>::max())
+              .or_refuse(what);
+    } else if (key == "fail" || key == "return") {
+      (key == "fail" ? faults.failing : faults.returning) =
+          decimal_number(value, 0, 1).or_refuse(what);
+    } else {
+      throw_bad_input("--faults: '" + key + "' is none of its keys" +
+                      suggestion(key, {"seed", "fail", "return"}));
+    }
+  }
+  if (faults.failing + faults.returning > 1) {
+    throw_bad_input("--faults: fail and return are parts of all calls, together at most 1");
+  }
+  return faults;
+}
 
 ScheduleOptions schedule_options(const Options& options) {
   ScheduleOptions schedule;
@@ -55,6 +84,7 @@ ScheduleOptions schedule_options(const Options& options) {
   schedule.draw = find_draw(options.draw);
   if (options.duration) schedule.duration = parse_duration(*options.duration);
   schedule.seed = options.seed;
+  if (options.faults) schedule.faults = parse_faults(*options.faults);
   if (options.trace) schedule.trace = options.trace.path();
   return schedule;
 }
@@ -161,6 +191,8 @@ void add_schedule(CLI::App& app, Action& action) {
              "with --seed")
       .shows_default();
   add_seed(command, options->seed, "Seed of drawn durations");
+  add_text(command, "--faults", &options->faults, "seed=N,...",
+           "Let calls fail (fail=0.02 of them) and units give tasks back (return=0.02), by a seed");
   add_output(command, "--trace", options->trace,
              "Write what happened to a file, for Perfetto (ui.perfetto.dev) and pirt replay",
              StdoutUse::kRefused);

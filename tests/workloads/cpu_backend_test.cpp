@@ -31,11 +31,13 @@ std::unique_ptr<Device> open_device() { return make_cpu_backend()->open(request(
 
 /// Runs @p workload on @p data and compares with the reference.
 Verdict run(Device& device, const Workload& workload, const Data& data, int repeats = 1) {
+  const std::span frame(&data, 1);
   const auto kernel = device.prepare(workload, data.parameters);
-  auto outputs = make_tensors(workload.outputs);
-  kernel->bind(data.inputs, outputs);
+  Player player(*kernel, workload, frame);
+  player.scribble();
   EXPECT_EQ(kernel->execute(repeats), std::nullopt) << "the host has no launch stamps";
-  return workload.verify(outputs, workload.reference(data));
+  player.called();
+  return verify_sequence(workload, player.played(reference_of(workload, frame)));
 }
 
 Verdict run(Device& device, const Workload& workload) {
@@ -91,7 +93,8 @@ class CpuWorkload : public testing::TestWithParam<std::string> {};
 
 TEST_P(CpuWorkload, AgreesWithTheReference) {
   const auto device = open_device();
-  const auto verdict = run(*device, find_workload(GetParam()));
+  const Workload& workload = find_workload(GetParam());
+  const auto verdict = test::play_and_verify(*device, workload, test::sequence_of(workload));
   EXPECT_TRUE(verdict.ok) << verdict.detail;
   RecordProperty("verdict", verdict.detail);
 }

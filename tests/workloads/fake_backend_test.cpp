@@ -81,6 +81,38 @@ stages: {pool5: [{name: upload, ms: 1}, {name: launch, ms: 0.5}, {ms: 2}, {name:
   EXPECT_EQ(fake.device->provenance(), Provenance::kModelled);
 }
 
+// At least: how much longer a sleep takes is the machine's.
+TEST(FakeBackend, HoldsItsUnitInRealTimeIfTheScriptSaysSo) {
+  const MachineClock clock;
+  const Nanos start = clock.now();
+  Prepared fake(R"(
+clock: wall
+device_init_ms: 2
+prepare_ms: 3
+stages: {pool5: [{name: upload, ms: 1}, {name: launch, ms: 1}, {ms: 2}, {name: download, ms: 1}]}
+)");
+  EXPECT_GE(clock.now() - start, from_ms(5));
+  EXPECT_EQ(fake.device->own_clock(), nullptr);
+  EXPECT_EQ(fake.device->provenance(), Provenance::kModelled) << "nothing computes for so long";
+  const Nanos before = clock.now();
+  fake.call();
+  EXPECT_GE(clock.now() - before, from_ms(5));
+  EXPECT_GE(fake.launched, from_ms(1));
+  EXPECT_TRUE(fake.is_right());
+}
+
+// What lies in the host's tensors counts when it is uploaded, not when they are bound.
+TEST(FakeBackend, TakesItsInputsWhenTheyAreUploaded) {
+  Prepared fake("device: x", "gaussian_blur");
+  fake.call();
+  std::ranges::fill(fake.data.inputs[0].as<std::uint8_t>(), std::uint8_t{7});
+  fake.kernel->execute(1);
+  fake.kernel->download();
+  EXPECT_FALSE(fake.is_right());
+  fake.call();
+  EXPECT_TRUE(fake.is_right());
+}
+
 TEST(FakeBackend, HasNoLaunchTimeWithoutALaunchStage) {
   Prepared fake("stages: {pool5: [{name: execute, ms: 2}]}");
   EXPECT_EQ(fake.kernel->execute(1), std::nullopt);
@@ -233,7 +265,7 @@ TEST(TensorFile, RoundTripsAndNoticesDamage) {
 
   const std::vector<TensorSpec> other = {{"a", Element::kU8, {4}}};
   EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { static_cast<void>(read_tensors(path, other)); }),
-              HasSubstr("bytes where"));
+              HasSubstr("other tensors"));
   {
     std::FILE* file = std::fopen(path.c_str(), "r+b");
     ASSERT_NE(file, nullptr);
@@ -264,6 +296,7 @@ TEST(FakeScript, RefusesWhatItDoesNotUnderstand) {
       {"device_init_ms: 1e-7", "must be 0 or at least"},
       {"device_init_ms: '1'", "expected a duration in ms"},
       {"device: x\nseed: 010", "fake script:2: a seed must be a whole number"},
+      {"clock: real", "fake script:1: there is no clock 'real'"},
       {"seed: -1", "a seed must be between 0 and 18446744073709551615, got -1"},
       {"seed: 18446744073709551616", "a seed must be between 0 and 18446744073709551615"},
       {"cache_kb: 0", "a size in kB must be between 1 and"},

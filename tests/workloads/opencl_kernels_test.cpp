@@ -24,7 +24,8 @@ class OpenClCatalog : public testing::TestWithParam<std::string> {};
 TEST_P(OpenClCatalog, ComputesWhatTheReferenceComputes) {
   const auto device = test::open_first_device();
   if (!device) GTEST_SKIP() << "skipped: no OpenCL device";
-  const Verdict verdict = run_and_verify(*device, find_workload(GetParam()));
+  const Workload& workload = find_workload(GetParam());
+  const Verdict verdict = test::play_and_verify(*device, workload, test::sequence_of(workload));
   EXPECT_TRUE(verdict.ok) << verdict.detail;
 }
 
@@ -58,9 +59,13 @@ constexpr std::array<std::pair<int, int>, 20> kSizes = {
 Data noise_data(const Workload& workload) {
   const auto images = generated_images(2);
   Data data = workload.make_data({.seed = 3, .images = images.get()});
+  // To follow a point through unrelated noise is chaos: pictures with a list are alike.
+  const bool alike = std::ranges::any_of(workload.inputs, &TensorSpec::varies);
   for (std::uint64_t seed = 1; auto& input : data.inputs) {
+    if (input.spec().element != Element::kU8) continue;
     input =
-        test::noise_picture(static_cast<int>(input.dim(1)), static_cast<int>(input.dim(0)), seed++);
+        test::noise_picture(static_cast<int>(input.dim(1)), static_cast<int>(input.dim(0)), seed);
+    if (!alike) ++seed;
   }
   return data;
 }
@@ -137,8 +142,10 @@ TEST(OpenClMapping, TensorsChangeHandsWithEachCall) {
 TEST(OpenClMapping, SaysWhatItCannotMap) {
   const auto backend = make_opencl_backend();
   EXPECT_THAT(backend->supports(find_workload("conv2@map")).reason, testing::HasSubstr("border"));
-  EXPECT_THAT(backend->supports(find_workload("feature_detect@map")).reason,
-              testing::HasSubstr("host"));
+  // What moves only the rows that it has, and a state, which is the device's.
+  for (const char* name : {"feature_detect@map", "track_features@map", "background_model@map"}) {
+    EXPECT_EQ(try_find_workload(name), nullptr) << name;
+  }
 }
 
 // ---------------------------------------------------------------------------------- layers

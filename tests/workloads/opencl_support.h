@@ -12,6 +12,7 @@
 #include "workloads/images.h"
 #include "workloads/opencl/kernel_table.h"
 #include "workloads/opencl/opencl_backend.h"
+#include "workloads/player.h"
 
 namespace pirt::test {
 
@@ -35,13 +36,15 @@ inline std::unique_ptr<Device> open_first_device() {
 template <typename Prepare>
 Verdict run_and_verify_prepared(const Workload& workload, const Data& data, int repeats,
                                 const Prepare& prepare) {
-  std::vector<Tensor> outputs = make_tensors(workload.outputs);
+  const std::span frame(&data, 1);
   const auto kernel = prepare(data.parameters);
-  kernel->bind(data.inputs, outputs);
+  Player player(*kernel, workload, frame);
+  player.scribble();
   kernel->upload();
   kernel->execute(repeats);
   kernel->download();
-  return workload.verify(outputs, workload.reference(data));
+  player.called();
+  return verify_sequence(workload, player.played(reference_of(workload, frame)));
 }
 
 inline Data data_of_seed_1(const Workload& workload) {

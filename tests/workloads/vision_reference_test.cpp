@@ -230,9 +230,9 @@ TEST(VisionReference, UndistortBendsThePictureVisibly) {
 
 std::vector<std::pair<int, int>> corners_of(const std::vector<Tensor>& outputs) {
   std::vector<std::pair<int, int>> corners;
-  for (int i = 0; i < outputs[1].as<std::int32_t>()[0]; ++i) {
-    const auto* xy = outputs[0].as<double>().data() + std::ptrdiff_t{2} * i;
-    corners.emplace_back(static_cast<int>(xy[0]), static_cast<int>(xy[1]));
+  const auto xy = outputs[0].used<double>();
+  for (std::size_t i = 0; i < xy.size(); i += 2) {
+    corners.emplace_back(static_cast<int>(xy[i]), static_cast<int>(xy[i + 1]));
   }
   return corners;
 }

@@ -6,6 +6,8 @@
 #include <initializer_list>
 #include <vector>
 
+#include "workloads/backend.h"
+#include "workloads/player.h"
 #include "workloads/workload.h"
 
 namespace pirt::test {
@@ -15,14 +17,31 @@ inline std::vector<Tensor> as_outputs(const Workload& workload,
                                       const std::vector<Tensor>& expected) {
   std::vector<Tensor> outputs = make_tensors(workload.outputs);
   for (std::size_t i = 0; i < outputs.size(); ++i) {
+    if (outputs[i].spec().varies) outputs[i].set_rows(expected[i].rows());
     if (expected[i].spec().element == Element::kF64) {
-      std::ranges::transform(expected[i].as<double>(), outputs[i].as<float>().begin(),
+      std::ranges::transform(expected[i].used<double>(), outputs[i].as<float>().begin(),
                              [](double value) { return static_cast<float>(value); });
     } else {
-      std::ranges::copy(expected[i].bytes(), outputs[i].data());
+      std::ranges::copy(expected[i].used_bytes(), outputs[i].data());
     }
   }
   return outputs;
+}
+
+/// All inputs of a workload's sequence, of seed 1.
+inline std::vector<Data> sequence_of(const Workload& workload) {
+  const auto images = generated_images(1);
+  return make_sequence(workload, {.seed = 1, .images = images.get()});
+}
+
+/// Plays @p frames on a fresh kernel of @p device and compares each with the reference.
+inline Verdict play_and_verify(Device& device, const Workload& workload,
+                               std::span<const Data> frames) {
+  const auto kernel = device.prepare(workload, frames.front().parameters);
+  Player player(*kernel, workload, frames);
+  player.scribble();
+  player.complete();
+  return verify_sequence(workload, player.played(reference_of(workload, frames)));
 }
 
 template <typename T>

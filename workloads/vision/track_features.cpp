@@ -203,12 +203,13 @@ Data make_data(const Workload& detect, const DataRequest& request, int width, in
 }
 
 /// A lost point's track is the point itself, in both. A tracked one may be off by 0.01 pixels: the
-/// f32 sums of 225 products err by some 1e-7 of the largest, up to 2e-3 over the least eigenvalue.
-/// Where a window repeats itself or moved farther than the iterations reach, these do not contract
-/// and small errors grow: at most 2 % of the points (none below 50) may differ in status or by
-/// more. Observed: see the test of both backends.
+/// f32 sums of 225 products err by some 1e-7 of the largest, which is 2e-3 pixels over the least
+/// eigenvalue. Where a window repeats itself or moved farther than the iterations reach, these do
+/// not contract and small errors grow: at most 0.5 % of the points (none below 200) may differ by
+/// more, or in status. Observed on both backends: at most 7e-5 pixels in generated pictures; in
+/// real ones, also of different scenes, 0.007 pixels, and 1 of 25 000 points beyond the bound.
 Verdict verify(std::span<const Tensor> outputs, std::span<const Tensor> expected) {
-  constexpr double kAllowed = 0.02;
+  constexpr double kAllowed = 0.005;
   constexpr double kBoundPixels = 0.01;
   const auto fail = [](std::string why) {
     return Verdict{false, std::numeric_limits<double>::infinity(), "tracks: " + std::move(why)};
@@ -242,7 +243,7 @@ Verdict verify(std::span<const Tensor> outputs, std::span<const Tensor> expected
   const double share =
       static_cast<double>(differing) / static_cast<double>(std::max<std::int64_t>(points, 1));
   return {share <= kAllowed, share,
-          fmt::format("tracks: {} of {} are not the reference's, bound {:.0f} %; the others are "
+          fmt::format("tracks: {} of {} are not the reference's, bound {:.1f} %; the others are "
                       "off by at most {:.2g} pixels, bound {}",
                       differing, points, 100.0 * kAllowed, worst, kBoundPixels)};
 }
