@@ -1,5 +1,7 @@
-// pirt schedule: runs a robot's mix on a platform under one policy, in virtual time.
+// pirt schedule: runs a robot's mix on a platform under one policy, in virtual time or live.
 #include "scheduler/schedule.h"
+
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <limits>
@@ -42,6 +44,8 @@ struct Options {
   bool allow_invalid = false;
   std::uint64_t seed = 1;
   std::optional<std::string> faults;
+  bool live = false;
+  bool no_preinit = false;
   Output trace, json;
 };
 
@@ -54,9 +58,8 @@ Faults parse_faults(const std::string& text) {
     const std::string value = equals == std::string::npos ? "" : part.substr(equals + 1);
     const std::string what = "--faults " + key;
     if (key == "seed") {
-      faults.seed =
-          whole_number<std::uint64_t>(value, 0, std::numeric_limits<std::uint64_t>::max())
-              .or_refuse(what);
+      faults.seed = whole_number<std::uint64_t>(value, 0, std::numeric_limits<std::uint64_t>::max())
+                        .or_refuse(what);
     } else if (key == "fail" || key == "return") {
       (key == "fail" ? faults.failing : faults.returning) =
           decimal_number(value, 0, 1).or_refuse(what);
@@ -97,6 +100,9 @@ struct Inputs {
 
   [[nodiscard]] RunRecord run(const ScheduleOptions& options) const {
     return run_virtual(platform, profile ? &*profile : nullptr, mix, options);
+  }
+  [[nodiscard]] RunRecord run_live(const ScheduleOptions& options, const LiveOptions& live) const {
+    return pirt::run_live(platform, profile ? &*profile : nullptr, mix, options, live);
   }
 };
 
@@ -142,13 +148,19 @@ int schedule(const Options& options) {
   if (options.comparing) {
     if (!options.mode.empty()) throw_bad_input("--mode and --compare exclude each other");
     if (options.trace) throw_bad_input("--trace is of one run; give --mode instead of --compare");
+    if (options.live) throw_bad_input("--live is one run; give --mode instead of --compare");
     return compare(options);
   }
   if (options.mode.empty()) {
     throw_bad_input("give --mode (" + join(policy_names(), ", ") + ") or --compare");
   }
+  if (options.no_preinit && !options.live) throw_bad_input("--no-preinit is about --live");
   const auto settings = schedule_options(options);
-  const auto record = read_inputs(options).run(settings);
+  const Inputs inputs = read_inputs(options);
+  const LiveOptions live{
+      .prepare_first = !options.no_preinit,
+      .progress = [](const std::string& line) { fmt::print(stderr, "pirt: {}\n", line); }};
+  const auto record = options.live ? inputs.run_live(settings, live) : inputs.run(settings);
   warn_all(record.warnings);
   emit(render(run_document(record), Format::kText), to_json(record), options.json);
   return record.stalled > 0 ? kExitCheckFailed : 0;
@@ -158,7 +170,7 @@ int schedule(const Options& options) {
 
 void add_schedule(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  Command command(app, "schedule", "Schedule a robot's mix on a platform, in virtual time");
+  Command command(app, "schedule", "Schedule a robot's mix on a platform, in virtual time or live");
   add_choice(command, "--mode", &options->mode, "MODE", policy_names(), "Policy");
   const Option compare = command.add(
       "--compare", &options->compare,
@@ -191,6 +203,11 @@ void add_schedule(CLI::App& app, Action& action) {
              "with --seed")
       .shows_default();
   add_seed(command, options->seed, "Seed of drawn durations");
+  command.add_flag("--live", options->live,
+                   "By the machine's clock: real kernels on units with a backend; the others are "
+                   "paced by their stages");
+  command.add_flag("--no-preinit", options->no_preinit,
+                   "With --live: prepare a kernel only when its first task comes");
   add_text(command, "--faults", &options->faults, "seed=N,...",
            "Let calls fail (fail=0.02 of them) and units give tasks back (return=0.02), by a seed");
   add_output(command, "--trace", options->trace,

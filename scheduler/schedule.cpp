@@ -1,6 +1,7 @@
 #include "scheduler/schedule.h"
 
 #include <algorithm>
+#include <ranges>
 #include <utility>
 
 #include "scheduler/bounds/bounds.h"
@@ -214,10 +215,34 @@ std::vector<PlanRow> planned_tasks(const Scenario& scenario, const MixPlan& plan
   return tasks;
 }
 
-}  // namespace
+/// What was not as it should be in a live run.
+void add_live(const Scenario& scenario, const LiveResult& result, RunRecord& record) {
+  record.time = "live";
+  record.set_up_s = to_s(result.set_up);
+  if (result.first_call) record.first_call_ms = to_ms(*result.first_call);
+  for (const std::string& problem : result.problems)
+    record.warnings.push_back("failed: " + problem);
+  const auto told = static_cast<std::int64_t>(result.problems.size());
+  if (result.failed_calls > told) {
+    record.warnings.push_back("and " + std::to_string(result.failed_calls - told) +
+                              " calls more have failed");
+  }
+  const auto paced = [](const UnitModel& unit) { return !unit.measured(); };
+  std::vector<std::string> names;
+  for (const auto& unit : scenario.platform.units | std::views::filter(paced)) {
+    names.push_back(unit.name);
+  }
+  if (!names.empty()) {
+    record.warnings.push_back(
+        "units without a backend are paced by their stages and compute "
+        "nothing: " +
+        join(names, ", "));
+  }
+}
 
-RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mix& mix,
-                      const ScheduleOptions& options) {
+/// @param live  Null = in virtual time.
+RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& mix,
+                  const ScheduleOptions& options, const LiveOptions* live) {
   const Mode mode = find_mode(options.mode, options.basic);
   check_options(platform, mix, options, mode);
   const Defaults defaults = defaults_of(platform, mode);
@@ -255,7 +280,13 @@ RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mi
                   DispatcherSetup{&mode.policy, platform.unit_names(), slots, setup});
     dispatcher.observe(&*trace);
   }
-  const Tally tally = VirtualTime(scenario, dispatcher, trace ? &*trace : nullptr).run();
+  LiveResult result;
+  if (live != nullptr) {
+    result = pirt::run_live(scenario, dispatcher, *live, trace ? &*trace : nullptr);
+  } else {
+    result.tally = VirtualTime(scenario, dispatcher, trace ? &*trace : nullptr).run();
+  }
+  const Tally& tally = result.tally;
 
   RunRecord record = summarize(scenario, profile, setup.weights, tally);
   if (trace) trace->finish(tally);
@@ -270,12 +301,25 @@ RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mi
   record.weights_from = weights.source;
   if (mode.weighed().overflows) record.overflow = setup.literal_overflow ? "literal" : "hold";
   record.warnings = scenario.services.warnings;
+  if (live != nullptr) add_live(scenario, result, record);
   if (record.stalled > 0) {
     record.warnings.push_back("stalled: nothing is ever going to start " +
                               std::to_string(record.stalled) + " of the tasks that are queued");
   }
   add_warnings(scenario, mode, record.warnings);
   return record;
+}
+
+}  // namespace
+
+RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mix& mix,
+                      const ScheduleOptions& options) {
+  return run_mix(platform, profile, mix, options, nullptr);
+}
+
+RunRecord run_live(const Platform& platform, const Profile* profile, const Mix& mix,
+                   const ScheduleOptions& options, const LiveOptions& live) {
+  return run_mix(platform, profile, mix, options, &live);
 }
 
 std::vector<std::string> reason_lines(const std::vector<ModeRuns::Skipped>& skipped) {

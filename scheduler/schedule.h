@@ -11,6 +11,7 @@
 #include "characterize/profile/profile.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/record/run_record.h"
+#include "scheduler/runtime/live_run.h"
 #include "scheduler/services/faults.h"
 #include "scheduler/services/services.h"
 #include "workloads/base/time.h"
@@ -49,6 +50,12 @@ struct ScheduleOptions {
 ///         uses) can serve: then with each unit's reason and the command that measures it.
 [[nodiscard]] RunRecord run_virtual(const Platform& platform, const Profile* profile,
                                     const Mix& mix, const ScheduleOptions& options);
+
+/// The same by the machine's clock, with real kernels on units that have a backend; see
+/// runtime/live_run.h.
+/// @throws As above, and Error{kEnvironment} for a device that cannot be opened.
+[[nodiscard]] RunRecord run_live(const Platform& platform, const Profile* profile, const Mix& mix,
+                                 const ScheduleOptions& options, const LiveOptions& live);
 
 /// "latency", "throughput", "energy", "advanced".
 [[nodiscard]] std::vector<std::string> paper_modes();

@@ -66,8 +66,17 @@ Tensor::Tensor(TensorSpec spec)
     : spec_(std::move(spec)), rows_(spec_.shape.empty() ? 1 : spec_.shape.front()) {
   const auto bytes = static_cast<std::size_t>(spec_.size_bytes());
   data_.reset(
-      static_cast<std::byte*>(::operator new[](std::max<std::size_t>(bytes, 1), kAlignment)));
+      static_cast<std::byte*>(::operator new[](std::max<std::size_t>(bytes, 1), kAlignment)),
+      Free());
   std::memset(data_.get(), 0, bytes);
+}
+
+Tensor Tensor::share() const {
+  Tensor shared;
+  shared.spec_ = spec_;
+  shared.rows_ = rows_;
+  shared.data_ = data_;
+  return shared;
 }
 
 void Tensor::set_rows(std::int64_t rows) {

@@ -1,4 +1,5 @@
-// Host tensors: what workloads take and give. Dense, row-major, 64-byte aligned, owned.
+// Host tensors: what workloads take and give. Dense, row-major, 64-byte aligned, owned, or shared
+// with another tensor where somebody asks for that.
 #pragma once
 
 #include <cassert>
@@ -52,11 +53,16 @@ class Tensor {
   Tensor() = default;
   /// Zeroed; every page touched.
   explicit Tensor(TensorSpec spec);
+  Tensor(Tensor&&) = default;
+  Tensor& operator=(Tensor&&) = default;
 
   [[nodiscard]] const TensorSpec& spec() const { return spec_; }
   /// Elements of the capacity.
   [[nodiscard]] std::int64_t count() const { return spec_.count(); }
   [[nodiscard]] std::int64_t dim(std::size_t axis) const { return spec_.shape[axis]; }
+
+  /// Another tensor of the same elements, not of copies: whoever shares one says who may write.
+  [[nodiscard]] Tensor share() const;
 
   /// How many of its rows (entries of the slowest dimension) the tensor has: all, unless the spec
   /// varies and somebody said otherwise. What lies behind them means nothing.
@@ -104,7 +110,7 @@ class Tensor {
   };
   TensorSpec spec_;
   std::int64_t rows_ = 0;
-  std::unique_ptr<std::byte[], Free> data_;
+  std::shared_ptr<std::byte> data_;
 };
 
 [[nodiscard]] std::vector<Tensor> make_tensors(std::span<const TensorSpec> specs);

@@ -103,6 +103,8 @@ void visit_record(Visitor& visitor, Record& record) {
   visitor.field("draw", record.draw);
   visitor.field("mix", record.mix);
   visitor.field("time", record.time);
+  visitor.field("set_up_s", record.set_up_s);
+  visitor.field("first_call_ms", record.first_call_ms);
   visitor.field("seed", record.seed);
   visitor.field("duration_s", record.duration_s);
   visitor.field("in_flight", record.in_flight);

@@ -81,7 +81,10 @@ struct RunRecord {
   std::optional<std::string> profile;      ///< Path, if one was used.
   std::optional<std::string> draw;         ///< What its rows took; see Draw.
   std::string mix;
-  std::string time = "virtual";
+  std::string time = "virtual";  ///< Or "live".
+  // Of live runs.
+  std::optional<double> set_up_s;       ///< Devices and kernels, before the first firing.
+  std::optional<double> first_call_ms;  ///< Of the first task that completed.
   std::uint64_t seed = 1;
   std::optional<double> duration_s;  ///< Open loops only.
   std::optional<int> in_flight;      ///< Closed loops only.

@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace pirt {
 
-Firings::Firings(const Scenario& scenario)
-    : scenario_(scenario), tallies_(scenario.mix.pipelines.size()) {
+Firings::Firings(const Scenario& scenario, bool keep_made)
+    : scenario_(scenario), keep_made_(keep_made), tallies_(scenario.mix.pipelines.size()) {
   if (scenario.mix.open_loop()) end_ = scenario.duration;
   for (std::uint32_t p = 0; p < scenario.mix.pipelines.size(); ++p) plan(p);
 }
@@ -16,6 +17,7 @@ void Firings::plan(std::uint32_t p) {
   const Pipeline& pipeline = scenario_.mix.pipelines[p];
   state.pipeline = &pipeline;
   state.first_series = series_count_;
+  state.moves_data = keep_made_;
   const auto moves = [this](const MixEdge& edge) {
     return edge.transfer > Nanos::zero() || (edge.bytes && !scenario_.platform.links.empty());
   };
@@ -156,11 +158,12 @@ const Firings::Made& Firings::made_earlier(JobIndex job, std::size_t task) const
   return *(std::ranges::lower_bound(made, place.firing, {}, &Made::firing) - 1);
 }
 
-std::optional<FiringId> Firings::complete(JobIndex job, UnitId unit, Nanos now) {
+std::optional<FiringId> Firings::complete(JobIndex job, UnitId unit, Nanos now,
+                                          std::shared_ptr<const std::vector<Tensor>> data) {
   const Place& place = places_[job];
   Firing& firing = firings_[place.slot];
   PipelineState& state = pipelines_[place.pipeline];
-  const Made made{.unit = unit, .at = now, .firing = place.firing};
+  const Made made{.unit = unit, .at = now, .firing = place.firing, .data = std::move(data)};
   if (!firing.made.empty()) firing.made[place.task] = made;
   const auto series = std::ranges::find(state.series, place.task, &Series::task);
   if (series != state.series.end()) {
@@ -185,6 +188,7 @@ std::optional<FiringId> Firings::end_task(JobIndex job, bool completed, Nanos no
   }
   free_jobs_.push_back(job);
   if (--firing.tasks_left > 0) return std::nullopt;
+  firing.made.clear();
   end_firing(firing, now);
   free_firings_.push_back(place.slot);
   return firing.id;

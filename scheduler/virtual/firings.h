@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <utility>
@@ -14,6 +15,7 @@
 #include "scheduler/mix/task.h"
 #include "scheduler/record/tally.h"
 #include "scheduler/services/scenario.h"
+#include "workloads/tensor.h"
 
 namespace pirt {
 
@@ -22,8 +24,9 @@ using JobIndex = std::uint32_t;
 
 class Firings {
  public:
-  /// @param scenario  Must outlive it.
-  explicit Firings(const Scenario& scenario);
+  /// @param scenario   Must outlive it.
+  /// @param keep_made  Whether made() is asked for data that takes no time to move, too.
+  explicit Firings(const Scenario& scenario, bool keep_made = false);
 
   /// Nothing fires from then on.
   [[nodiscard]] Nanos end() const { return end_; }
@@ -57,11 +60,13 @@ class Firings {
   [[nodiscard]] static JobIndex job_of(TaskId id) { return static_cast<JobIndex>(id); }
   [[nodiscard]] const Place& place(JobIndex job) const { return places_[job]; }
 
-  /// Where and when a task's data was made.
+  /// Where and when a task's data was made, and the data, where something is really computed. It is
+  /// kept as long as somebody may read it.
   struct Made {
     UnitId unit = 0;
     Nanos at{0};
     std::uint64_t firing = 0;
+    std::shared_ptr<const std::vector<Tensor>> data = nullptr;
   };
   /// By another task of the same firing, which completed.
   [[nodiscard]] const Made& made(JobIndex job, std::size_t task) const {
@@ -72,7 +77,8 @@ class Firings {
 
   /// The task completed, or ended otherwise; its job is free. What is returned names the firing
   /// that is over with it, which the dispatcher may forget.
-  [[nodiscard]] std::optional<FiringId> complete(JobIndex job, UnitId unit, Nanos now);
+  [[nodiscard]] std::optional<FiringId> complete(
+      JobIndex job, UnitId unit, Nanos now, std::shared_ptr<const std::vector<Tensor>> data = {});
   [[nodiscard]] std::optional<FiringId> lose(JobIndex job, Nanos now);
 
   /// By pipeline, of all that has happened.
@@ -123,6 +129,7 @@ class Firings {
   [[nodiscard]] bool finds_buffer(const PipelineState& state) const;
 
   const Scenario& scenario_;
+  bool keep_made_;
   Nanos end_ = Nanos::max();
   std::vector<PipelineState> pipelines_;
   std::vector<PipelineTally> tallies_;

@@ -43,6 +43,8 @@ struct VirtualTime::Job {
   UnitId unit = 0;
   std::uint32_t step = 0;
   std::uint32_t tries = 0;  ///< Before this one.
+  bool computing = false;   ///< By the executor, since started_at.
+  Nanos started_at{0};
   Nanos dispatched_at{0};
   Nanos takes{0};    ///< Server time of its step,
   Nanos powered{0};  ///< and the part of it that draws the unit's active_w.
@@ -73,8 +75,14 @@ bool takes_time(const GraphEdge& edge) {
 
 VirtualTime::~VirtualTime() = default;
 
-VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunObserver* observer)
-    : scenario_(scenario), observer_(observer), dispatcher_(dispatcher), firings_(scenario) {
+VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunObserver* observer,
+                         Executor* executor, UnitMask computed)
+    : scenario_(scenario),
+      observer_(observer),
+      dispatcher_(dispatcher),
+      executor_(executor),
+      computed_(computed),
+      firings_(scenario, executor != nullptr) {
   for (const auto& unit : scenario.platform.units)
     servers_.push_back(make_servers(unit.servers, unit.discipline));
   for (std::size_t i = 0; i < scenario.platform.links.size(); ++i) {
@@ -161,7 +169,11 @@ void VirtualTime::add_transfer(std::vector<Step>& steps, UnitId unit,
 
 Tally VirtualTime::run() {
   begin();
-  while (advance()) settle();
+  while (advance()) continue;
+  return finish();
+}
+
+Tally VirtualTime::finish() {
   if (!at_end_) close_books(scenario_.mix.open_loop() ? firings_.end() : tally_.last_completion);
   at_end_->last_completion = tally_.last_completion;
   at_end_->stalled = dispatcher_.counts().queued();
@@ -198,6 +210,11 @@ void VirtualTime::count_served(Tally& tally) const {
       charge(tally, job, step_of(job), served, scaled(job.powered, part));
     }
   }
+  for (const Job& job : jobs_) {
+    if (!job.computing || job.started_at >= tally.end) continue;
+    tally.units[job.unit].busy += tally.end - job.started_at;
+    tally.units[job.unit].powered += tally.end - job.started_at;
+  }
 }
 
 void VirtualTime::charge(Tally& tally, const Job& job, const Step& step, Nanos served,
@@ -221,28 +238,39 @@ void VirtualTime::begin() {
   }
 }
 
-/// The next thing that happens. False if nothing is left to.
-bool VirtualTime::advance() {
+/// Those with the next completion, if it comes before any timer.
+Servers* VirtualTime::first_servers() const {
   static constexpr Moment kNever;
   const Moment* soonest = timers_.empty() ? &kNever : &timers_.front().moment;
-  Servers* servers = nullptr;
+  Servers* first = nullptr;
   for (const auto& each : servers_) {
     if (*soonest <= each->next()) continue;
     soonest = &each->next();
-    servers = each.get();
+    first = each.get();
   }
+  return first;
+}
+
+Nanos VirtualTime::next() const {
+  const Servers* servers = first_servers();
+  const Nanos timer = timers_.empty() ? Nanos::max() : timers_.front().moment.time;
+  return std::min(dispatcher_.next_wake(), servers != nullptr ? servers->next().time : timer);
+}
+
+bool VirtualTime::advance(Nanos now) {
+  Servers* servers = first_servers();
+  const Nanos timer = timers_.empty() ? Nanos::max() : timers_.front().moment.time;
+  const Nanos event = servers != nullptr ? servers->next().time : timer;
   // At equal times completions come first: a task may start at its last moment.
   const Nanos wake = dispatcher_.next_wake();
-  const bool wakes = wake < soonest->time;
-  if (!wakes && soonest->time == Nanos::max()) return false;
-  const Nanos time = std::max(now_, wakes ? wake : soonest->time);
+  const bool wakes = wake < event;
+  if (!wakes && event == Nanos::max()) return false;
+  const Nanos time = std::max(now_, wakes ? wake : event);
   if (time > firings_.end() && !at_end_) close_books(firings_.end());
-  now_ = time;
+  now_ = std::max(time, now);
   if (wakes) {
     dispatcher_.wake(now_, starts_);
-    return true;
-  }
-  if (servers != nullptr) {
+  } else if (servers != nullptr) {
     const JobIndex index = servers->complete_next();
     Job& job = jobs_[index];
     const Step& step = step_of(job);
@@ -250,18 +278,33 @@ bool VirtualTime::advance() {
     if (observer_ != nullptr) observer_->left(step.servers, index);
     ++job.step;
     proceed(index);
-    return true;
-  }
-  std::ranges::pop_heap(timers_, std::greater{});
-  const Timer timer = timers_.back();
-  timers_.pop_back();
-  if (timer.fires) {
-    fire(timer.index);
   } else {
-    ++jobs_[timer.index].step;
-    proceed(timer.index);
+    std::ranges::pop_heap(timers_, std::greater{});
+    const Timer due = timers_.back();
+    timers_.pop_back();
+    if (due.fires) {
+      fire(due.index);
+    } else {
+      ++jobs_[due.index].step;
+      proceed(due.index);
+    }
   }
+  settle();
   return true;
+}
+
+void VirtualTime::finished(JobIndex index, Outcome outcome, Nanos busy,
+                           std::shared_ptr<const std::vector<Tensor>> data, Nanos now) {
+  while (next() <= now) advance(now);
+  now_ = std::max(now_, now);
+  if (now_ > firings_.end() && !at_end_) close_books(firings_.end());
+  Job& job = jobs_[index];
+  job.computing = false;
+  tally_.units[job.unit].busy += busy;
+  tally_.units[job.unit].powered += busy;
+  if (observer_ != nullptr) observer_->left(job.unit, index);
+  complete(index, outcome, std::move(data));
+  settle();
 }
 
 void VirtualTime::add_timer(Nanos at, bool fires, std::uint32_t index) {
@@ -305,7 +348,16 @@ void VirtualTime::apply_starts() {
     assert(jobs_[job].id == start.task);
     jobs_[job].unit = start.unit;
     jobs_[job].dispatched_at = start.dispatched_at;
-    begin_step(job, step_of(jobs_[job]));
+    if (!contains(computed_, start.unit)) {
+      begin_step(job, step_of(jobs_[job]));
+      continue;
+    }
+    jobs_[job].computing = true;
+    jobs_[job].started_at = now_;
+    if (observer_ != nullptr) {
+      observer_->arrived(start.unit, job, scenario_.platform.units[start.unit].active_w);
+    }
+    executor_->start(job, start.unit);
   }
   for (const Ended& ended : starts_.ended) {
     release(firings_.lose(Firings::job_of(ended.task), now_));
@@ -319,7 +371,7 @@ void VirtualTime::proceed(JobIndex job) {
   if (jobs_[job].step < steps.size()) {
     begin_step(job, steps[jobs_[job].step]);
   } else {
-    complete(job);
+    complete(job, intended(job), nullptr);
   }
 }
 
@@ -396,15 +448,15 @@ Nanos VirtualTime::draw(JobIndex job, const Step& step) const {
   return step.time.draw(hash_u64(stream, jobs_[job].step));
 }
 
-Outcome VirtualTime::outcome(JobIndex job) const {
+Outcome VirtualTime::intended(JobIndex job) const {
   if (!scenario_.faults) return Outcome::kCompleted;
   const Firings::Place& place = firings_.place(job);
   return scenario_.faults->outcome(place.pipeline, place.firing, place.task, jobs_[job].tries);
 }
 
-void VirtualTime::complete(JobIndex job) {
+void VirtualTime::complete(JobIndex job, Outcome outcome,
+                           std::shared_ptr<const std::vector<Tensor>> data) {
   Job& done = jobs_[job];
-  const Outcome outcome = this->outcome(job);
   must(dispatcher_.complete(done.unit, done.id, outcome, now_, starts_));
   tally_.last_completion = now_;
   if (outcome == Outcome::kReturned) {
@@ -417,7 +469,7 @@ void VirtualTime::complete(JobIndex job) {
   ++tally_.calls[plans_[done.plan].workload][done.unit];
   ++tally_.units[done.unit].completed;
   tally_.units[done.unit].latency.add(latency);
-  release(firings_.complete(job, done.unit, now_));
+  release(firings_.complete(job, done.unit, now_, std::move(data)));
 }
 
 /// @param firing  Over, if there is one.

@@ -2,7 +2,8 @@
 // platform.
 //
 // Exact in whole nanoseconds and deterministic: the same inputs and seed give the same run. No
-// clock is read.
+// clock is read. Whoever has one (runtime/) lets the events happen when their time has come, and
+// runs the tasks of some units himself.
 #pragma once
 
 #include <cstdint>
@@ -35,15 +36,45 @@ class RunObserver {
   virtual void settled(Nanos now) = 0;
 };
 
+/// Runs the tasks of units whose services are not modelled but computed.
+class Executor {
+ public:
+  virtual ~Executor() = default;
+  /// The task may start; VirtualTime::finished hears of its end, and not from here.
+  virtual void start(JobIndex job, UnitId unit) = 0;
+};
+
 /// One run. Its references must outlive it.
 class VirtualTime {
  public:
   /// @param observer  Null = none.
-  VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunObserver* observer = nullptr);
+  /// @param executor  Of the units of @p computed; null = all are modelled.
+  VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunObserver* observer = nullptr,
+              Executor* executor = nullptr, UnitMask computed = 0);
   ~VirtualTime();
   /// Until nothing is left to happen. Call once.
   /// @return  What was counted by the end: the duration with an open loop, else the last event.
   [[nodiscard]] Tally run();
+
+  // The same in steps, for a driver with a clock: begin, then advance whenever next() has come,
+  // finished whenever a computed task ends, finish once nothing is left.
+
+  void begin();
+  /// When the next event is due; Nanos::max() = none is.
+  [[nodiscard]] Nanos next() const;
+  /// Lets the next event happen, and what follows at the same moment.
+  /// @param now  What the clock says; not before next(), unless time is virtual.
+  /// @return     False if there is none.
+  bool advance(Nanos now = Nanos::min());
+  /// A computed task ended.
+  /// @param busy  How long it occupied its unit.
+  /// @param data  What it made.
+  void finished(JobIndex job, Outcome outcome, Nanos busy,
+                std::shared_ptr<const std::vector<Tensor>> data, Nanos now);
+  [[nodiscard]] Tally finish();
+  [[nodiscard]] const Firings& firings() const { return firings_; }
+  /// What is to become of a call, on purpose: kCompleted where no faults are wanted.
+  [[nodiscard]] Outcome intended(JobIndex job) const;
 
  private:
   struct Step;
@@ -57,8 +88,7 @@ class VirtualTime {
   std::vector<Step> plan_steps(const MixTask& task, const TaskPlan& plan, UnitId unit) const;
   void add_transfer(std::vector<Step>& steps, UnitId unit, std::int64_t size_bytes) const;
 
-  void begin();
-  bool advance();
+  [[nodiscard]] Servers* first_servers() const;
   void close_books(Nanos end);
   void count_served(Tally& tally) const;
   void fire(std::uint32_t pipeline);
@@ -73,14 +103,15 @@ class VirtualTime {
   [[nodiscard]] const Step& step_of(const Job& job) const;
   [[nodiscard]] Nanos draw(JobIndex job, const Step& step) const;
   [[nodiscard]] double power_w(const Job& job, const Step& step) const;
-  [[nodiscard]] Outcome outcome(JobIndex job) const;
-  void complete(JobIndex job);
+  void complete(JobIndex job, Outcome outcome, std::shared_ptr<const std::vector<Tensor>> data);
   void release(const std::optional<FiringId>& firing);
   void add_timer(Nanos at, bool fires, std::uint32_t index);
 
   const Scenario& scenario_;
   RunObserver* observer_;
   Dispatcher& dispatcher_;
+  Executor* executor_;
+  UnitMask computed_;
   Firings firings_;
   std::vector<std::unique_ptr<Servers>> servers_;  ///< Units in order, then links.
   std::vector<TaskPlan> plans_;                    ///< Of all tasks of all pipelines.

@@ -1,0 +1,188 @@
+// Mixes run live: what is computed is what a serial run computes, counts balance whatever fails,
+// and the trace replays. No test looks at how long anything took.
+#include <map>
+
+#include "scheduler/runtime/kernel_unit.h"
+#include "scheduler/trace/replay.h"
+#include "tests/scheduler/support.h"
+#include "workloads/catalog.h"
+#include "workloads/images.h"
+#include "workloads/registry.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::HasSubstr;
+
+/// Two units that compute on one core each, as far as there are two, and a paced one.
+constexpr const char* kBoard = R"(
+platform: board
+units:
+  gpu: {backend: cpu, cores: first_half, slots: 1, active_w: 1}
+  cpu: {backend: cpu, cores: second_half, slots: 1, active_w: 1}
+  dsp: {servers: 2, discipline: processor_sharing, active_w: 1}
+workloads:
+  undistort: {gpu: [{on: gpu, ms: 0.5}], cpu: [{on: cpu, ms: 0.5}]}
+  gaussian_blur: {gpu: [{on: gpu, ms: 0.1}], cpu: [{on: cpu, ms: 0.1}]}
+  background_model: {gpu: [{on: gpu, ms: 0.2}], cpu: [{on: cpu, ms: 0.2}]}
+  sobel: {dsp: [{on: dsp, ms: 0.3}]}
+)";
+
+constexpr const char* kMix = R"(
+mix: m
+image_buffers: 6
+pipelines:
+  p:
+    closed_loop: {frames: 20}
+    tasks:
+      - {name: undistort, workload: undistort, image_input: true}
+      - {name: blur, workload: gaussian_blur, inputs: {image: undistort.image}}
+      - {name: late, workload: gaussian_blur, inputs: {image: undistort.image@-1}}
+      - {name: model, workload: background_model, inputs: {image: blur.image}}
+  q:
+    closed_loop: {frames: 10}
+    tasks: [{workload: sobel}]
+)";
+
+/// By task and firing, the bytes of what it made.
+using Outputs = std::map<std::pair<std::uint32_t, std::uint64_t>, std::vector<std::byte>>;
+
+std::vector<std::byte> bytes_of(std::span<const Tensor> tensors) {
+  std::vector<std::byte> all;
+  for (const Tensor& tensor : tensors) {
+    const auto bytes = tensor.used_bytes();
+    all.insert(all.end(), bytes.begin(), bytes.end());
+  }
+  return all;
+}
+
+RunRecord live(const Mix& mix, const std::string& mode, Outputs& outputs,
+               const std::string& trace = "", const char* board = kBoard) {
+  ScheduleOptions options;
+  options.mode = mode;
+  options.in_flight = 3;
+  if (!trace.empty()) options.trace = trace;
+  LiveOptions live;
+  live.sink = [&](const Firings::Place& place, std::span<const Tensor> made) {
+    if (place.pipeline == 0) outputs[{place.task, place.firing}] = bytes_of(made);
+  };
+  return run_live(platform_of(board), nullptr, mix, options, live);
+}
+
+/// One call after the other, on one device.
+class Serial {
+ public:
+  std::vector<Tensor> call(const Workload& workload, std::vector<Tensor> inputs,
+                           StateValue* state = nullptr) {
+    auto& kernel = kernels_[&workload];
+    if (kernel == nullptr) {
+      const Data data = workload.make_data({.seed = 1, .images = images_.get()});
+      kernel = device_->prepare(workload, data.parameters);
+    }
+    std::vector<Tensor> outputs = make_tensors(workload.outputs);
+    kernel->bind(inputs, outputs);
+    if (state != nullptr) kernel->bind_state(state->committed(), state->next());
+    kernel->upload();
+    kernel->execute(1);
+    kernel->download();
+    if (state != nullptr) state->commit();
+    return outputs;
+  }
+  std::vector<Tensor> camera(const Workload& workload) {
+    return std::move(workload.make_data({.seed = 1, .images = images_.get()}).inputs);
+  }
+
+ private:
+  std::unique_ptr<ImageSource> images_ = generated_images(1);
+  std::unique_ptr<Device> device_ = find_backend("cpu").open({.unit = "cpu"});
+  std::map<const Workload*, std::unique_ptr<Kernel>> kernels_;
+};
+
+std::vector<Tensor> first_of(const std::vector<Tensor>& made) {
+  std::vector<Tensor> inputs;
+  inputs.push_back(made[0].share());
+  return inputs;
+}
+
+/// The pipeline p of kMix.
+Outputs serial() {
+  const Workload& undistort = find_workload("undistort");
+  const Workload& blur = find_workload("gaussian_blur");
+  const Workload& model = find_workload("background_model");
+  Serial cpu;
+  StateValue state(model);
+  std::vector<Tensor> before;
+  Outputs outputs;
+  for (std::uint64_t firing = 0; firing < 20; ++firing) {
+    auto undistorted = cpu.call(undistort, cpu.camera(undistort));
+    const auto blurred = cpu.call(blur, first_of(undistorted));
+    outputs[{0, firing}] = bytes_of(undistorted);
+    outputs[{1, firing}] = bytes_of(blurred);
+    if (firing > 0) outputs[{2, firing}] = bytes_of(cpu.call(blur, first_of(before)));
+    outputs[{3, firing}] = bytes_of(cpu.call(model, first_of(blurred), &state));
+    before = std::move(undistorted);
+  }
+  return outputs;
+}
+
+TEST(Live, ComputesWhatASerialRunComputes) {
+  Outputs outputs;
+  const RunRecord run = live(mix_of(kMix), "ect", outputs);
+  EXPECT_EQ(run.time, "live");
+  EXPECT_EQ(run.submitted, 90);
+  EXPECT_EQ(run.completed, 89);
+  EXPECT_EQ(run.no_predecessor, 1);
+  EXPECT_TRUE(run.set_up_s.has_value());
+  const Outputs expected = serial();
+  ASSERT_EQ(outputs.size(), expected.size());
+  for (const auto& [which, bytes] : expected) {
+    EXPECT_EQ(outputs[which] == bytes, true)
+        << "task " << which.first << ", firing " << which.second;
+  }
+}
+
+TEST(Live, TheTraceOfEveryModeReplays) {
+  const std::string trace = testing::TempDir() + "/live_trace.json";
+  for (const std::string& mode : policy_names()) {
+    SCOPED_TRACE(mode);
+    Outputs outputs;
+    RunRecord run;
+    try {
+      run = live(mix_of(kMix), mode, outputs, trace);
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr("mode"));  // It would never place the sobel.
+      continue;
+    }
+    EXPECT_EQ(run.completed + run.dropped, 90);
+    const ReplayResult again = replay(load_trace_log(trace), trace);
+    EXPECT_FALSE(again.difference) << again.difference->input << ": " << again.difference->recorded
+                                   << " / " << again.difference->replayed;
+  }
+}
+
+TEST(Live, ACallThatThrowsFailsByNameAndNothingIsLost) {
+  Outputs outputs;
+  const RunRecord run = live(mix_of(R"(
+mix: m
+pipelines:
+  p:
+    closed_loop: {frames: 5}
+    tasks:
+      - {workload: gaussian_blur}
+      - {name: next, workload: gaussian_blur, inputs: {image: gaussian_blur.image}}
+)"),
+                             "met", outputs, "", R"(
+platform: board
+units:
+  cpu: {backend: fake, active_w: 1, script: {clock: wall, fail_execute: [gaussian_blur]}}
+workloads:
+  gaussian_blur: {cpu: [{on: cpu, ms: 0.1, name: execute}]}
+)");
+  EXPECT_EQ(run.failed, 5);
+  EXPECT_EQ(run.dropped, 5);
+  EXPECT_EQ(run.pipelines[0].dropped, 5);
+  EXPECT_THAT(run.warnings, Contains(HasSubstr("failed: gaussian_blur on cpu")));
+}
+
+}  // namespace
+}  // namespace pirt::test
