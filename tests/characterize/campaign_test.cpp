@@ -15,6 +15,7 @@
 #include "tests/characterize/campaign_support.h"
 #include "tests/characterize/support.h"
 #include "tests/support/data.h"
+#include "workloads/catalog.h"
 
 namespace pirt {
 namespace {
@@ -31,6 +32,38 @@ using ::testing::IsSupersetOf;
 using ::testing::Not;
 using ::testing::StartsWith;
 using ::testing::UnorderedElementsAre;
+
+// The mean over the frames: track_features has 4, with all, 3/4, half and a quarter of the corners.
+TEST_F(Campaign, PlaysTheSequencesOfStatesAndLists) {
+  const std::string streams = "^(track_features|background_model)$";
+  const Profile profile = measure(options({{"gpu", ""}}, streams));
+  EXPECT_EQ(summary.cells, 2);
+  EXPECT_EQ(summary.rows_invalid, 0);
+  const PhaseRow& background = row(profile, "background_model", Phase::kCall);
+  EXPECT_THAT(background.notes, Contains("sequence of 8 frames"));
+  EXPECT_EQ(background.ops, 4 * 640 * 480);
+  EXPECT_EQ(background.bytes, find_workload("background_model").bytes());
+  const PhaseRow& tracking = row(profile, "track_features", Phase::kCall);
+  EXPECT_THAT(tracking.notes, Contains("sequence of 4 frames"));
+  EXPECT_LT(tracking.bytes, find_workload("track_features").bytes());
+  const Workload& workload = find_workload("track_features");
+  const auto images = generated_images(1);
+  std::int64_t ops = 0;
+  for (int frame = 0; frame < 4; ++frame) {
+    ops += workload.ops_of(workload.make_data({.seed = 1, .images = images.get(), .frame = frame}));
+  }
+  EXPECT_NEAR(static_cast<double>(tracking.ops.value()), static_cast<double>(ops) / 4, 1);
+}
+
+// Each frame is looked at, before timing and after it: calls 30 and on are wrong.
+TEST_F(Campaign, JudgesSequencesBeforeAndAfterTiming) {
+  const Profile before =
+      measure(options({{"gpu", "wrong_output: [background_model]"}}, "background"));
+  EXPECT_THAT(row(before, "background_model", Phase::kCall).reasons, Contains("wrong_output"));
+  const Profile after =
+      measure(options({{"gpu", "wrong_output_after: {background_model: 30}"}}, "background"));
+  EXPECT_THAT(row(after, "background_model", Phase::kCall).reasons, Contains("wrong_output"));
+}
 
 TEST_F(Campaign, StoresEveryPhaseAsScripted) {
   const Profile profile = measure(options({{"gpu", R"(

@@ -67,6 +67,20 @@ TEST_F(Cell, NeedsItsSetUpsAndThenNoMoreIfItIsPrecise) {
   EXPECT_EQ(row(Phase::kPrepare).samples.size(), 2U);
 }
 
+// 2 W x 10 ms, and 1 pJ for each of 5e9 operations, which a process counted: 0.02 J + 0.005 J.
+TEST_F(Cell, OperationsAndBytesAreThoseThatAProcessFound) {
+  platform.units[0].op_pj = 1;
+  add({10, 10, 10});
+  auto counted = a_process(10);
+  counted.ops = 5'000'000'000;
+  counted.bytes = 77;
+  cell.add(cell.next().value().setup, counted);
+  const CellRecord record = cell.record();
+  EXPECT_EQ(record.ops, 5'000'000'000);
+  EXPECT_EQ(record.bytes, 77);
+  EXPECT_NEAR(record.energy.value().energy_j.value(), 0.025, 1e-9);
+}
+
 TEST_F(Cell, WantsAsManyProcessesAsItsPrecisionWillTake) {
   // Mean 10, deviation sqrt(0.08 / 3) = 0.163, half the interval 3.182 * 0.163 / 2 = 0.26: 2.6 %.
   // 4 processes x ((2.6 / 2)^2 - 1) = 2.7.

@@ -58,6 +58,8 @@ JobResult a_result() {
   result.verification = "after timing: equal";
   result.contended = true;
   result.notes = {"input_resized"};
+  result.ops = 12;
+  result.bytes = 34;
   result.phases = {{Phase::kCall, test::ramp(5, 3), 10}};
   return result;
 }
@@ -66,6 +68,8 @@ TEST(Job, ReadsBackTheRecordOfAResult) {
   const JobResult read = last_record(to_record(a_result()) + "\n");
   EXPECT_EQ(to_record(read), to_record(a_result()));
   EXPECT_EQ(read.prepare, std::nullopt);
+  EXPECT_EQ(read.ops, 12);
+  EXPECT_EQ(last_record(to_record({})).ops, std::nullopt);
   ASSERT_EQ(read.phases.size(), 1U);
   EXPECT_EQ(read.phases[0].samples, test::ramp(5, 3));
   EXPECT_EQ(read.phases[0].batch, 10);

@@ -191,6 +191,31 @@ TEST(Measure, TakesItsFewestSamplesHoweverShortTheSlice) {
   EXPECT_EQ(find(cut, Phase::kCall).samples.size(), 7U);
 }
 
+// Frames of 1, 2 and 3 ms in turns: 20 samples at least are 7 sequences. The calls of a sample are
+// on one frame, and what lies between is not in it.
+TEST(Measure, PlaysSequencesToTheirEnd) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  int frame = 0;
+  const auto show = [&] {
+    kernel.execute_times = {milliseconds(1 + frame % 3)};
+    ++frame;
+  };
+  show();
+  const Sequence sequence{.next =
+                              [&] {
+                                clock.advance(milliseconds(100));
+                                show();
+                              },
+                          .frames = 3};
+  const auto result = sample_calls(kernel, clock, kSimulated, kHost, twenty(), sequence);
+  const auto& calls = find(result, Phase::kCall).samples;
+  ASSERT_EQ(calls.size(), 21U);
+  for (const int ms : {1, 2, 3}) {
+    EXPECT_EQ(std::ranges::count(calls, Nanos(milliseconds(ms))), 7) << ms;
+  }
+}
+
 TEST(Measure, WarmsUpForAsLongAsAsked) {
   TickingClock clock{Nanos(0)};
   TimedKernel kernel(clock);

@@ -18,7 +18,7 @@
 --            unavailable: TEXT peak only: the device has no loop for it, and why
 --            exceeded by TEXT  peak only: that workload ran faster, so the peak was measured too low
 --   notes:   input_resized, input_cropped, precision_not_reached (see ci_low_ns, ci_high_ns), contended, bimodal, no_kernel_cache,
---            shared_core
+--            shared_core, sequence of N frames (played; ops and bytes are the mean over them)
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %
 -- interval over processes (characterize/statistics/statistics.h), NULL with 2; of a single process, that of its samples, NULL below 6.
 -- `checksum` columns are FNV-1a over what a run (with its environment, units, peaks, and which cells and visits it has) or a cell

@@ -11,6 +11,7 @@
 #include "characterize/platform/unit_request.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog.h"
+#include "workloads/player.h"
 #include "workloads/registry.h"
 
 namespace {
@@ -20,16 +21,10 @@ using namespace pirt;  // NOLINT: a program of one page
 void call(benchmark::State& state, Device& device, const Workload& workload) {
   const auto images = generated_images(1);
   const Data data = workload.make_data({1, images.get()});
-  auto outputs = make_tensors(workload.outputs);
   const auto kernel = device.prepare(workload, data.parameters);
-  kernel->bind(data.inputs, outputs);
-  const auto once = [&kernel] {
-    kernel->upload();
-    kernel->execute(1);
-    kernel->download();
-  };
-  once();  // which ends `prepare`: drivers compile a kernel when it first runs
-  for (auto unused : state) once();
+  Player player(*kernel, workload, std::span(&data, 1));
+  player.call();  // which ends `prepare`: drivers compile a kernel when it first runs
+  for (auto unused : state) player.call();
 }
 
 int run(int argc, char** argv) {
