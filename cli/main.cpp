@@ -80,6 +80,7 @@ int run(int argc, char** argv) {
   add_export(app, action);
   add_diff(app, action);
   add_generate_dag(app, action);
+  add_plan(app, action);
   add_sample(app, action);
   add_worker(app, action);
   app.footer(
