@@ -81,6 +81,8 @@ int run(int argc, char** argv) {
   add_diff(app, action);
   add_generate_dag(app, action);
   add_plan(app, action);
+  add_detect(app, action);
+  add_describe(app, action);
   add_bundle_adjust(app, action);
   add_generate_bal(app, action);
   add_sample(app, action);
