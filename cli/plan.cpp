@@ -17,7 +17,14 @@
 namespace pirt::cli {
 namespace {
 
-using namespace planning;  // NOLINT(google-build-using-namespace): this file is about nothing else
+using planning::Cell;
+using planning::CellState;
+using planning::Grid;
+using planning::Path;
+using planning::PathStatus;
+using planning::Point;
+using planning::PreparedMap;
+using planning::Unit;
 
 struct Options {
   std::string map;
@@ -81,7 +88,7 @@ std::vector<Query> read_queries(const Options& options, const Grid& grid, const 
              find_cell("--goal", *options.goal, grid, map, options.radius), std::nullopt}};
   }
   std::vector<Query> queries;
-  for (const auto& query : read_scenario(*options.scenario, grid)) {
+  for (const auto& query : planning::read_scenario(*options.scenario, grid)) {
     // A robot with a radius makes detours that the published lengths do not have.
     const auto published = options.radius == 0 ? std::optional(query.optimal_length) : std::nullopt;
     queries.push_back({query.start, query.goal, published});
@@ -151,10 +158,10 @@ int plan(const Options& options) {
       options.start.has_value() != options.goal.has_value()) {
     throw_bad_input("give --scenario FILE, or --start x,y and --goal x,y");
   }
-  const Grid grid = read_map(options.map);
+  const Grid grid = planning::read_map(options.map);
   const PreparedMap map(grid, options.radius);
   auto queries = read_queries(options, grid, map);
-  PathPlanner planner(map);
+  planning::PathPlanner planner(map);
   bool good = true;
   for (auto& query : queries) {
     query.path = planner.plan(query.start, query.goal);

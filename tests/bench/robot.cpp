@@ -20,7 +20,8 @@
 
 namespace {
 
-using namespace pirt::planning;  // NOLINT(google-build-using-namespace)
+namespace mapping = pirt::mapping;
+namespace planning = pirt::planning;
 
 template <typename Work>
 double ms_of(const Work& work) {
@@ -51,28 +52,28 @@ struct Times {
 /// Both searches answer each query in turns, between cells drawn from those that are passable and
 /// connected. @return whether the goals are met.
 bool plan_paths(const std::string& file, int queries, std::uint64_t seed) {
-  const Grid grid = read_map(file);
+  const planning::Grid grid = planning::read_map(file);
   fmt::print("plan_path: {} x {} cells, {} queries a radius, one core, path included\n", grid.width,
              grid.height, queries);
   bool met = true;
   for (const double radius : {0.0, 0.22}) {
     std::vector<std::uint8_t> passable;
-    std::optional<PreparedMap> map;
+    std::optional<planning::PreparedMap> map;
     const double prepare_ms = ms_of([&] { map.emplace(grid, radius); });
-    passable = passable_cells(grid, radius);
-    PathPlanner planner(*map);
+    passable = planning::passable_cells(grid, radius);
+    planning::PathPlanner planner(*map);
     pirt::Random random(seed);
     Times ours, plain;
     double worst = 0;
     while (ours.ms.size() < static_cast<std::size_t>(queries)) {
-      const Cell start = map->cell(random.below(map->size()));
-      const Cell goal = map->cell(random.below(map->size()));
+      const planning::Cell start = map->cell(random.below(map->size()));
+      const planning::Cell goal = map->cell(random.below(map->size()));
       if (!map->passable(start) || !map->passable(goal) || !map->connected(start, goal)) continue;
-      Path path, expected;
+      planning::Path path, expected;
       ours.ms.push_back(ms_of([&] { path = planner.plan(start, goal); }));
       plain.ms.push_back(ms_of([&] {
-        expected =
-            plan_plainly(PlainSearch::kAStar, grid.width, grid.height, passable, start, goal);
+        expected = planning::plan_plainly(planning::PlainSearch::kAStar, grid.width, grid.height,
+                                          passable, start, goal);
       }));
       worst = std::max(worst, std::abs(path.length - expected.length));
     }
@@ -95,16 +96,15 @@ double peak_mib() {
 }
 
 bool adjust_bundles(int threads) {
-  using namespace pirt::mapping;
   bool met = true;
   for (const double outliers : {0.0, 0.02}) {
-    const auto made = generate_bal({.outliers = outliers});
+    const auto made = mapping::generate_bal({.outliers = outliers});
     auto problem = made.problem;
-    BundleOptions options;
-    options.loss = outliers > 0 ? Loss::kCauchy : Loss::kNone;
+    mapping::BundleOptions options;
+    options.loss = outliers > 0 ? mapping::Loss::kCauchy : mapping::Loss::kNone;
     options.threads = threads;
-    BundleSummary summary;
-    const double s = ms_of([&] { summary = bundle_adjust(problem, options); }) / 1e3;
+    mapping::BundleSummary summary;
+    const double s = ms_of([&] { summary = mapping::bundle_adjust(problem, options); }) / 1e3;
     fmt::print(
         "bundle_adjust: 100 images, 5000 points, {} observations, {:.0f} % outliers, loss {}, {} "
         "thread(s)\n  {:.2f} s (goal 20; the paper's cloud: under 300), peak {:.0f} MiB, {} "

@@ -28,14 +28,17 @@ std::int16_t one_more(int jump) {
 }  // namespace
 
 PreparedMap::PreparedMap(const Grid& grid, double radius)
-    : width_(grid.width), height_(grid.height), jumps_(grid.cells.size()) {
-  label_regions(passable_cells(grid, radius));
+    : PreparedMap(grid.width, grid.height, passable_cells(grid, radius)) {}
+
+PreparedMap::PreparedMap(int width, int height, std::span<const std::uint8_t> passable)
+    : width_(width), height_(height), jumps_(passable.size()) {
+  label_regions(passable);
   for (int direction = 0; direction < 4; ++direction) measure_straight(direction);
   for (int direction = 4; direction < kDirections; ++direction) measure_diagonal(direction);
 }
 
 /// By straight moves alone: a diagonal one has two of them beside it.
-void PreparedMap::label_regions(const std::vector<std::uint8_t>& passable) {
+void PreparedMap::label_regions(std::span<const std::uint8_t> passable) {
   regions_.assign(passable.size(), 0);
   std::int32_t regions = 0;
   std::vector<std::size_t> open;

@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "workloads/planning/grid.h"
@@ -35,6 +36,8 @@ class PreparedMap {
  public:
   /// @param radius  Of the robot, in the grid's unit, >= 0: passable_cells().
   PreparedMap(const Grid& grid, double radius);
+  /// @param passable  [height, width] of passable_cells().
+  PreparedMap(int width, int height, std::span<const std::uint8_t> passable);
 
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
@@ -73,7 +76,7 @@ class PreparedMap {
   [[nodiscard]] std::optional<Cell> nearest_passable(Cell to) const;
 
  private:
-  void label_regions(const std::vector<std::uint8_t>& passable);
+  void label_regions(std::span<const std::uint8_t> passable);
   void measure_straight(int direction);
   void measure_diagonal(int direction);
 
