@@ -16,6 +16,11 @@ void add_replay(CLI::App& app, Action& action);
 void add_export(CLI::App& app, Action& action);
 void add_diff(CLI::App& app, Action& action);
 void add_generate_dag(CLI::App& app, Action& action);
+void add_plan(CLI::App& app, Action& action);
+void add_detect(CLI::App& app, Action& action);
+void add_describe(CLI::App& app, Action& action);
+void add_bundle_adjust(CLI::App& app, Action& action);
+void add_generate_bal(CLI::App& app, Action& action);
 /// Hidden: the body of the processes that `regress` starts, of this and other versions.
 void add_sample(CLI::App& app, Action& action);
 /// Hidden: the body of the processes that `characterize` starts.

@@ -40,7 +40,7 @@ std::uint32_t crc32(std::string_view bytes) {
 
 /// A chunk is its length (4 bytes), type (4), data, and a checksum (4) of type and data.
 ImageCheck check_png(std::string_view bytes) {
-  ImageHeader header{ImageFormat::kPng, 0, 0};
+  ImageHeader header{ImageFormat::kPng, 0, 0, 8};
   bool pixels = false;
   std::size_t at = kPngSignature.size();
   while (true) {
@@ -60,6 +60,7 @@ ImageCheck check_png(std::string_view bytes) {
     if (first) {
       header.width = big_endian(bytes, at + 8, 4);
       header.height = big_endian(bytes, at + 12, 4);
+      header.bits = static_cast<int>(big_endian(bytes, at + 16, 1));
     }
     pixels = pixels || type == "IDAT";
     at += 12 + length;
@@ -87,7 +88,7 @@ bool is_start_of_frame(unsigned marker) {
 /// A segment is FF, a marker, its length with these two bytes, and data; a scan's pixels follow its
 /// segment.
 ImageCheck check_jpeg(std::string_view bytes) {
-  ImageHeader header{ImageFormat::kJpeg, 0, 0};
+  ImageHeader header{ImageFormat::kJpeg, 0, 0, 8};
   bool pixels = false;
   std::size_t at = 2;
   while (true) {
@@ -107,6 +108,7 @@ ImageCheck check_jpeg(std::string_view bytes) {
     }
     if (is_start_of_frame(marker)) {
       if (length < 8) return problem("it is corrupt: the JPEG frame header is too short");
+      header.bits = static_cast<int>(big_endian(bytes, at + 4, 1));
       header.height = big_endian(bytes, at + 5, 2);
       header.width = big_endian(bytes, at + 7, 2);
     }

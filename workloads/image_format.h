@@ -15,6 +15,7 @@ struct ImageHeader {
   ImageFormat format = ImageFormat::kPng;
   std::int64_t width = 0;   ///< Pixels.
   std::int64_t height = 0;  ///< Pixels.
+  int bits = 8;             ///< A channel; of a palette, its index.
 };
 
 struct ImageCheck {

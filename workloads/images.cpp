@@ -105,15 +105,20 @@ Picture gray_picture(const cv::Mat& picture, int width, int height) {
   return result;
 }
 
+/// Planar R, G, B of B, G, R.
+Tensor planes_of(const cv::Mat& pixels) {
+  Tensor planes({"image", Element::kU8, {3, pixels.rows, pixels.cols}});
+  for (int channel = 0; channel < 3; ++channel) {
+    auto* plane = planes.data() + std::ptrdiff_t{channel} * pixels.rows * pixels.cols;
+    cv::Mat target(pixels.rows, pixels.cols, CV_8U, plane);
+    cv::extractChannel(pixels, target, 2 - channel);
+  }
+  return planes;
+}
+
 Picture rgb_picture(const cv::Mat& picture, int width, int height) {
   auto fitted = fit(picture, width, height);
-  Picture result{Tensor({"image", Element::kU8, {3, height, width}}), std::move(fitted.notes)};
-  for (int channel = 0; channel < 3; ++channel) {
-    auto* plane = result.pixels.data() + std::ptrdiff_t{channel} * height * width;
-    cv::Mat target(height, width, CV_8U, plane);
-    cv::extractChannel(fitted.pixels, target, 2 - channel);
-  }
-  return result;
+  return {planes_of(fitted.pixels), std::move(fitted.notes)};
 }
 
 bool has_image_extension(const fs::path& file) {
@@ -226,6 +231,17 @@ std::vector<fs::path> pictures_of(const fs::path& folder) {
                     "'; name a folder that has some, or one file");
   }
   return files;
+}
+
+Tensor rgb_pixels(const fs::path& file) {
+  const std::string bytes = read_bytes(file);
+  const auto header = check_image(bytes).header;
+  if (header && header->bits > 8) {
+    throw_bad_input(
+        fmt::format("cannot use the picture '{}': it has {} bits a channel; convert it to 8 bits",
+                    file.string(), header->bits));
+  }
+  return planes_of(decode(file, bytes));
 }
 
 std::unique_ptr<ImageSource> images_from(const fs::path& path) {

@@ -54,6 +54,11 @@ class ImageSource {
 /// @throws Error{kBadInput} if it cannot be read or has none.
 [[nodiscard]] std::vector<std::filesystem::path> pictures_of(const std::filesystem::path& folder);
 
+/// The picture as it is, neither scaled nor cropped: u8 [3, height, width], order R, G, B.
+/// @throws Error{kBadInput} if it does not decode or has more than 8 bits a channel; the message
+/// names the file.
+[[nodiscard]] Tensor rgb_pixels(const std::filesystem::path& file);
+
 /// The PNG and JPEG files of a folder in name order, or one such file. Other files in the folder
 /// are ignored; each picture is scaled to cover the wished size, keeping its aspect, and
 /// centre-cropped.

@@ -1,49 +1,13 @@
 // The module libpirt_pictures.so: OpenCV's codecs. See decoder.h.
-#include <sys/mman.h>
-#include <unistd.h>
-
-#include <array>
-#include <cstdio>
 #include <opencv2/imgcodecs.hpp>
 
+#include "workloads/base/stderr_capture.h"
 #include "workloads/pictures/decoder.h"
 
 namespace pirt {
-namespace {
-
-/// Takes what is written to the standard error stream while it lives: OpenCV gives no way to set
-/// the codecs' handlers.
-class StderrCapture {
- public:
-  StderrCapture() : saved_(dup(STDERR_FILENO)), memory_(memfd_create("stderr", MFD_CLOEXEC)) {
-    std::fflush(stderr);
-    if (saved_ >= 0 && memory_ >= 0) dup2(memory_, STDERR_FILENO);
-  }
-  StderrCapture(const StderrCapture&) = delete;
-  StderrCapture& operator=(const StderrCapture&) = delete;
-  ~StderrCapture() {
-    std::fflush(stderr);
-    if (saved_ >= 0) dup2(saved_, STDERR_FILENO);
-    if (saved_ >= 0) close(saved_);
-    if (memory_ >= 0) close(memory_);
-  }
-
-  [[nodiscard]] std::string text() const {
-    std::fflush(stderr);
-    std::array<char, 4096> buffer{};
-    const auto size = pread(memory_, buffer.data(), buffer.size(), 0);
-    return size > 0 ? std::string(buffer.data(), static_cast<std::size_t>(size)) : "";
-  }
-
- private:
-  int saved_;
-  int memory_;
-};
-
-}  // namespace
-
 extern "C" void pirt_decode_picture(const std::string& bytes, DecodedPicture& picture) {
   try {
+    // There is no way to set the codecs' handlers.
     const StderrCapture capture;
     // OpenCV has no view of constant memory; imdecode only reads.
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,

@@ -1,0 +1,41 @@
+// pirt generate-bal and pirt bundle-adjust as their user runs them.
+#include <gtest/gtest.h>
+
+#include "tests/cli/program.h"
+#include "tests/support/data.h"
+
+namespace pirt::test {
+namespace {
+
+TEST(BundleAdjustCommand, AdjustsWhatWasGenerated) {
+  const Scratch scratch;
+  ASSERT_EQ(pirt({"generate-bal", "--images", "20", "--points", "400", "-o", scratch.file("b.txt"),
+                  "--truth", scratch.file("t.txt")})
+                .exit_code,
+            0);
+  const auto outcome =
+      pirt({"bundle-adjust", scratch.file("b.txt"), "-o", scratch.file("o.txt"), "--json", "-"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(outcome.err, "");
+  const auto json = outcome.json();
+  EXPECT_TRUE(json.at("converged"));
+  EXPECT_NEAR(json.at("noise_px"), 1, 0.1);
+  // What was written begins where the first run ended, and the truth fits its own observations.
+  const auto again = pirt({"bundle-adjust", scratch.file("o.txt"), "--json", "-"}).json();
+  EXPECT_DOUBLE_EQ(again.at("initial_cost"), json.at("final_cost"));
+  EXPECT_LT(pirt({"bundle-adjust", scratch.file("t.txt"), "--json", "-"}).json().at("initial_cost"),
+            1e-9);
+}
+
+TEST(BundleAdjustCommand, RefusesDamagedProblemsAndWritesNothing) {
+  const Scratch scratch;
+  const auto bad = scratch.write("b.txt", "1 1 1\n0 1 2.0 3.0\n0 0 0 0 0 0 500 0 0 0 0 -5\n");
+  expect_refused(pirt({"bundle-adjust", bad, "-o", scratch.file("o.txt")}),
+                 {"b.txt:2:", "point of an observation"});
+  EXPECT_FALSE(std::filesystem::exists(scratch.file("o.txt")));
+  expect_refused(pirt({"bundle-adjust", bad, "-o", bad}), {"would overwrite"});
+  expect_refused(pirt({"generate-bal", "--images", "7"}), {"--images"});
+}
+
+}  // namespace
+}  // namespace pirt::test

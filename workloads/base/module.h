@@ -1,0 +1,16 @@
+// Modules: shared libraries of pirt that are loaded when first needed, since what they link brings
+// a hundred others, and each start of a process would pay 0.1 s for them.
+#pragma once
+
+#include <string>
+
+namespace pirt {
+
+/// A function that a module exports, with C linkage. Modules stay loaded.
+/// @param module  Its file: "libpirt_pictures.so".
+/// @param remedy  For the message: "which reads pictures; leave out --images".
+/// @throws Error{kEnvironment} if it is not beside the program or where it was built.
+[[nodiscard]] void* module_symbol(const char* module, const char* symbol,
+                                  const std::string& remedy);
+
+}  // namespace pirt

@@ -1,0 +1,222 @@
+#include "workloads/mapping/bundle_adjust.h"
+
+#include <ceres/ceres.h>
+#include <fmt/format.h>
+#include <glog/logging.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+
+#include "workloads/base/error.h"
+#include "workloads/mapping/reprojection.h"
+
+namespace pirt::mapping {
+namespace {
+
+constexpr std::array<std::string_view, 3> kLossNames = {"none", "huber", "cauchy"};
+/// The dense complement has (9 * cameras)^2 numbers: 100 MB.
+constexpr std::size_t kSparseFrom = 400;
+
+/// Ceres says on the standard error stream, through glog, when it tries a step again with more
+/// damping. That is its work and no message of ours. Lives on one thread at a time.
+class QuietGlog {
+ public:
+  QuietGlog() : before_(FLAGS_minloglevel) { FLAGS_minloglevel = google::GLOG_ERROR; }
+  QuietGlog(const QuietGlog&) = delete;
+  QuietGlog& operator=(const QuietGlog&) = delete;
+  ~QuietGlog() { FLAGS_minloglevel = before_; }
+
+ private:
+  int before_;
+};
+
+class ReprojectionError {
+ public:
+  explicit ReprojectionError(const Observation& seen) : x_(seen.x), y_(seen.y) {}
+
+  template <typename T>
+  bool operator()(const T* camera, const T* point, T* residuals) const {
+    const auto pixel = project(camera, point);
+    residuals[0] = pixel[0] - x_;
+    residuals[1] = pixel[1] - y_;
+    return true;
+  }
+
+ private:
+  double x_, y_;
+};
+
+std::unique_ptr<ceres::LossFunction> make_loss(const BundleOptions& options) {
+  switch (options.loss) {
+    case Loss::kNone:
+      return nullptr;
+    case Loss::kHuber:
+      return std::make_unique<ceres::HuberLoss>(options.loss_px);
+    case Loss::kCauchy:
+      break;
+  }
+  return std::make_unique<ceres::CauchyLoss>(options.loss_px);
+}
+
+double half_squares(std::span<const double> residuals) {
+  double sum = 0;
+  for (const double residual : residuals) sum += residual * residual;
+  return sum / 2;
+}
+
+void refuse_degenerate(const BalProblem& problem, std::span<const double> residuals) {
+  const auto bad =
+      std::ranges::find_if(residuals, [](double residual) { return !std::isfinite(residual); });
+  if (bad == residuals.end()) return;
+  const auto which = static_cast<std::size_t>(bad - residuals.begin()) / 2;
+  throw_bad_input(fmt::format(
+      "observation {} cannot be computed: point {} lies in the plane of camera {}, or their "
+      "numbers "
+      "are too large; take the observation out, or start elsewhere",
+      which + 1, problem.observations[which].point, problem.observations[which].camera));
+}
+
+/// Ceres's problem over the arrays of ours.
+class Adjustment {
+ public:
+  Adjustment(BalProblem& problem, const BundleOptions& options)
+      : loss_(make_loss(options)), problem_(ceres_options()) {
+    auto* ordering = new ceres::ParameterBlockOrdering;  // The solver's options own it.
+    solver_.linear_solver_ordering.reset(ordering);
+    for (const auto& seen : problem.observations) {
+      double* const camera = &problem.cameras[static_cast<std::size_t>(seen.camera) * kCameraSize];
+      double* const point = &problem.points[static_cast<std::size_t>(seen.point) * kPointSize];
+      problem_.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<ReprojectionError, 2, kCameraSize, kPointSize>(
+              new ReprojectionError(seen)),
+          loss_.get(), camera, point);
+      ordering->AddElementToGroup(point, 0);
+      ordering->AddElementToGroup(camera, 1);
+    }
+    hold(problem, options);
+    solver_.linear_solver_type =
+        problem.camera_count() < kSparseFrom ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
+    solver_.max_num_iterations = options.most_iterations;
+    solver_.num_threads = options.threads;
+    solver_.logging_type = ceres::SILENT;
+    // Costs that differ by less are the same map.
+    solver_.function_tolerance = 1e-7;
+  }
+
+  [[nodiscard]] ceres::Solver::Summary solve() {
+    const QuietGlog quiet;
+    ceres::Solver::Summary summary;
+    ceres::Solve(solver_, &problem_, &summary);
+    return summary;
+  }
+
+ private:
+  static ceres::Problem::Options ceres_options() {
+    ceres::Problem::Options options;
+    options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+    return options;
+  }
+
+  void hold(BalProblem& problem, const BundleOptions& options) {
+    for (std::size_t i = 0; i < problem.camera_count(); ++i) {
+      double* const camera = &problem.cameras[i * kCameraSize];
+      if (!problem_.HasParameterBlock(camera)) continue;
+      if (options.fixed_intrinsics) problem_.SetManifold(camera, &pose_only_);
+      if (std::ranges::find(options.fixed_cameras, static_cast<std::int32_t>(i)) !=
+          options.fixed_cameras.end()) {
+        problem_.SetParameterBlockConstant(camera);
+      }
+    }
+  }
+
+  std::unique_ptr<ceres::LossFunction> loss_;
+  ceres::SubsetManifold pose_only_{kCameraSize, {6, 7, 8}};
+  ceres::Problem problem_;
+  ceres::Solver::Options solver_;
+};
+
+void judge_inliers(std::span<const double> residuals, BundleSummary& summary) {
+  constexpr double kMedianOfNorm = 1.17741;  // sqrt(2 ln 2): of two coordinates of deviation 1
+  constexpr double kFarthest = 4;
+  std::vector<double> squares;
+  for (std::size_t i = 0; i < residuals.size(); i += 2) {
+    squares.push_back(residuals[i] * residuals[i] + residuals[i + 1] * residuals[i + 1]);
+  }
+  auto sorted = squares;
+  const auto middle = sorted.begin() + std::ssize(sorted) / 2;
+  std::ranges::nth_element(sorted, middle);
+  const double noise = std::sqrt(*middle) / kMedianOfNorm;
+  double sum = 0;
+  for (const double square : squares) {
+    if (square > kFarthest * kFarthest * noise * noise) continue;
+    ++summary.inliers;
+    sum += square;
+  }
+  const auto coordinates = static_cast<double>(2 * summary.inliers);
+  const auto spare = coordinates - static_cast<double>(summary.free_parameters);
+  summary.inlier_rms_px = std::sqrt(sum / coordinates);
+  summary.noise_px = spare > 0 ? std::sqrt(sum / spare) : 0;
+}
+
+void check_indices(std::span<const std::int32_t> seen_by, std::size_t cameras, std::size_t points) {
+  for (std::size_t i = 0; i < seen_by.size(); ++i) {
+    const std::size_t count = i % 2 == 0 ? cameras : points;
+    if (seen_by[i] >= 0 && static_cast<std::size_t>(seen_by[i]) < count) continue;
+    throw_bad_input(fmt::format("observation {}: {} {} does not exist; there are {}", i / 2 + 1,
+                                i % 2 == 0 ? "camera" : "point", seen_by[i], count));
+  }
+}
+
+}  // namespace
+
+std::string_view to_string(Loss loss) { return kLossNames[static_cast<std::size_t>(loss)]; }
+
+std::vector<std::string> loss_names() { return {kLossNames.begin(), kLossNames.end()}; }
+
+BundleSummary bundle_adjust(BalProblem& problem, const BundleOptions& options) {
+  const auto initial = residuals_px(problem);
+  refuse_degenerate(problem, initial);
+  BundleSummary summary;
+  summary.initial_cost = half_squares(initial);
+
+  Adjustment adjustment(problem, options);
+  const auto solved = adjustment.solve();
+  if (!solved.IsSolutionUsable()) {
+    throw_bad_input("the problem cannot be adjusted: " + solved.message);
+  }
+  const auto residuals = residuals_px(problem);
+  summary.final_cost = half_squares(residuals);
+  summary.iterations = static_cast<int>(solved.iterations.size()) - 1;
+  summary.converged = solved.termination_type == ceres::CONVERGENCE;
+  summary.free_parameters = solved.num_effective_parameters_reduced;
+  judge_inliers(residuals, summary);
+  return summary;
+}
+
+BundleSummary bundle_adjust(std::span<const std::int32_t> seen_by, std::span<const double> pixels,
+                            std::span<double> cameras, std::span<double> points,
+                            const BundleOptions& options) {
+  if (seen_by.empty() || seen_by.size() % 2 != 0 || pixels.size() != seen_by.size() ||
+      cameras.size() % kCameraSize != 0 || points.size() % kPointSize != 0) {
+    throw_bad_input(fmt::format(
+        "observations need two indices and two pixels each, cameras {} numbers and points {}; got "
+        "{}, {}, {} and {} numbers",
+        kCameraSize, kPointSize, seen_by.size(), pixels.size(), cameras.size(), points.size()));
+  }
+  check_indices(seen_by, cameras.size() / kCameraSize, points.size() / kPointSize);
+  BalProblem problem;
+  for (std::size_t i = 0; i < seen_by.size(); i += 2) {
+    problem.observations.push_back({seen_by[i], seen_by[i + 1], pixels[i], pixels[i + 1]});
+  }
+  problem.cameras.assign(cameras.begin(), cameras.end());
+  problem.points.assign(points.begin(), points.end());
+  const auto summary = bundle_adjust(problem, options);
+  std::ranges::copy(problem.cameras, cameras.begin());
+  std::ranges::copy(problem.points, points.begin());
+  return summary;
+}
+
+}  // namespace pirt::mapping

@@ -1,0 +1,66 @@
+// Bundle adjustment: cameras and points moved until the points are seen where they were seen.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "workloads/mapping/bal.h"
+
+namespace pirt::mapping {
+
+/// What an error counts. None: its square; Huber: beyond `loss_px` its size; Cauchy: beyond it the
+/// logarithm of its square, so that outliers hardly pull.
+enum class Loss : std::uint8_t { kNone, kHuber, kCauchy };
+/// "none", "huber", "cauchy".
+[[nodiscard]] std::string_view to_string(Loss loss);
+/// The names of all, in their order.
+[[nodiscard]] std::vector<std::string> loss_names();
+
+struct BundleOptions {
+  Loss loss = Loss::kNone;
+  double loss_px = 1;  ///< > 0; about the noise of the observations.
+  int most_iterations = 100;
+  /// With more than one, sums are taken in another order from run to run, and the last digits
+  /// differ.
+  int threads = 1;
+  /// f, k1 and k2 of all cameras stay as they are: they are calibrated.
+  bool fixed_intrinsics = false;
+  /// Cameras that stay as they are. Without two of them the whole may move, turn and be scaled,
+  /// which no observation tells.
+  std::vector<std::int32_t> fixed_cameras = {};
+};
+
+/// Costs are half the sum of the squares of all residuals, in px^2, whatever the loss.
+struct BundleSummary {
+  double initial_cost = 0;
+  double final_cost = 0;
+  int iterations = 0;
+  bool converged = false;  ///< Otherwise the iterations ran out.
+  std::int64_t free_parameters = 0;
+  /// Observations nearer than four times the noise, as their median tells it, to where they should
+  /// be: without outliers, all but 0.03 %.
+  std::int64_t inliers = 0;
+  double inlier_rms_px = 0;  ///< Of their residuals, a coordinate.
+  /// The noise of an observation, a coordinate: that RMS over sqrt(1 - parameters / residuals),
+  /// since each parameter takes up some of it. 0 if there are no more residuals than parameters.
+  double noise_px = 0;
+};
+
+/// Moves @p problem's cameras and points to the least cost that Levenberg-Marquardt finds from
+/// where they are (Ceres, dense Schur complement; sparse from 400 cameras on).
+/// @throws Error{kBadInput} if a point lies in the plane of a camera that sees it, so that there is
+/// no first step. Nothing is changed then.
+[[nodiscard]] BundleSummary bundle_adjust(BalProblem& problem, const BundleOptions& options);
+
+/// The same on flat arrays, for those that have no file: @p seen_by and @p pixels are the
+/// observations' (camera, point) [n, 2] and (x, y) [n, 2]; @p cameras [.., 9] and @p points [.., 3]
+/// are changed.
+/// @throws Error{kBadInput} also for sizes and indices that do not fit.
+[[nodiscard]] BundleSummary bundle_adjust(std::span<const std::int32_t> seen_by,
+                                          std::span<const double> pixels, std::span<double> cameras,
+                                          std::span<double> points, const BundleOptions& options);
+
+}  // namespace pirt::mapping

@@ -1,0 +1,216 @@
+#include "workloads/recognition/model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "workloads/base/error.h"
+#include "workloads/base/module.h"
+#include "workloads/base/numbers.h"
+#include "workloads/base/printable.h"
+#include "workloads/base/text.h"
+
+namespace pirt::recognition {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMostModelBytes = std::size_t{1} << 31;
+constexpr int kLargestSide = 4096;
+constexpr std::array<std::string_view, 3> kPreprocessNames = {"unit", "caffe", "imagenet"};
+
+struct Format {
+  std::string_view extension;
+  ModelFormat format;
+  std::string_view name;
+  std::string_view config;  ///< What its configuration is; empty = it has none.
+  Preprocess preprocess;
+};
+constexpr std::array<Format, 3> kFormats = {
+    {{".weights", ModelFormat::kDarknet, "Darknet", "the .cfg of its layers", Preprocess::kUnit},
+     {".caffemodel", ModelFormat::kCaffe, "Caffe", "the .prototxt of its layers",
+      Preprocess::kCaffe},
+     {".onnx", ModelFormat::kOnnx, "ONNX", "", Preprocess::kUnit}}};
+
+const Format& format_of(const ModelOptions& options) {
+  const auto extension = options.model.extension().string();
+  const auto found = std::ranges::find(kFormats, extension, &Format::extension);
+  if (found == kFormats.end()) {
+    throw_bad_input("cannot tell the format of the model '" + options.model.string() +
+                    "' by its name; known are .weights (Darknet), .caffemodel and .onnx");
+  }
+  if (!found->config.empty() && !options.config) {
+    throw_bad_input(fmt::format("the model '{}' needs {} too; give it with --config",
+                                options.model.string(), found->config));
+  }
+  if (found->config.empty() && options.config) {
+    throw_bad_input(fmt::format("the model '{}' has its layers in itself; leave out '{}'",
+                                options.model.string(), options.config->string()));
+  }
+  return *found;
+}
+
+/// The whole number after "key" and @p mark on a line of its own, from @p begin on.
+std::vector<int> numbers_after(const std::string& config, std::string_view key, char mark) {
+  std::vector<int> numbers;
+  for (std::string line : split(config, '\n')) {
+    std::erase_if(line, [](char c) { return c == ' ' || c == '\t' || c == '\r'; });
+    if (!line.starts_with(std::string(key) + mark)) continue;
+    const auto read =
+        whole_number(std::string_view(line).substr(key.size() + 1), 1, kLargestSide).value;
+    if (read) numbers.push_back(*read);
+  }
+  return numbers;
+}
+
+/// Width and height as the configuration says them; none if it does not, in a form known here.
+std::optional<std::array<int, 2>> configured_size(ModelFormat format, const std::string& config) {
+  if (format == ModelFormat::kDarknet) {
+    const auto width = numbers_after(config, "width", '=');
+    const auto height = numbers_after(config, "height", '=');
+    if (!width.empty() && !height.empty()) return {{width[0], height[0]}};
+  }
+  if (format == ModelFormat::kCaffe) {
+    // Images, channels, height, width; newer files have input_shape { dim: ... } instead.
+    for (const std::string_view key : {"input_dim", "dim"}) {
+      const auto dims = numbers_after(config, key, ':');
+      if (dims.size() >= 4) return {{dims[3], dims[2]}};
+    }
+  }
+  return std::nullopt;
+}
+
+std::vector<std::string> read_names(const fs::path& file) {
+  auto names = split(read_file(file), '\n');
+  for (auto& name : names) {
+    if (name.ends_with('\r')) name.pop_back();
+    name = name.substr(name.find('|') + 1);
+  }
+  while (!names.empty() && names.back().empty()) names.pop_back();
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto bad = find_unprintable(names[i]);
+    if (!names[i].empty() && !bad) continue;
+    throw_bad_input(fmt::format("{}:{}: {}; a file of names has the name of a class on each line",
+                                file.string(), i + 1, bad ? bad->what : "there is no name"));
+  }
+  if (names.empty()) throw_bad_input(file.string() + ": there are no names of classes in it");
+  return names;
+}
+
+std::unique_ptr<Network> open_network(const ModelBytes& bytes, const ModelOptions& options,
+                                      const Format& format) {
+  static auto* const open = reinterpret_cast<OpenNetworkFunction*>(
+      module_symbol("libpirt_networks.so", kOpenNetworkName, "which runs users' models"));
+  std::unique_ptr<Network> network;
+  std::string error;
+  open(bytes, network, error);
+  if (!network) {
+    throw_bad_input(fmt::format("cannot use '{}'{} as a model of {}: {}", options.model.string(),
+                                options.config ? " with '" + options.config->string() + "'" : "",
+                                format.name, error));
+  }
+  return network;
+}
+
+/// Of each channel of the network: which of R, G, B it is, what is taken off and what it is
+/// multiplied by.
+struct Channel {
+  int from;
+  float mean, scale;
+};
+
+std::array<Channel, 3> channels_of(Preprocess preprocess) {
+  constexpr float kByte = 1 / 255.0F;
+  switch (preprocess) {
+    case Preprocess::kUnit:
+      return {{{0, 0, kByte}, {1, 0, kByte}, {2, 0, kByte}}};
+    case Preprocess::kCaffe:
+      return {{{2, 104, 1}, {1, 117, 1}, {0, 123, 1}}};
+    case Preprocess::kImagenet:
+      break;
+  }
+  return {
+      {{0, 123.675F, kByte / 0.229F}, {1, 116.28F, kByte / 0.224F}, {2, 103.53F, kByte / 0.225F}}};
+}
+
+/// What is left of a picture whose short side is brought to 256 pixels (beyond that, to 8/7 of the
+/// network's) when the middle is cut out, as models of ImageNet are tested.
+cv::Rect middle_of(int columns, int rows, int width, int height) {
+  const double short_side =
+      std::max(width, height) <= 256 ? 256.0 : std::max(width, height) * 8 / 7.0;
+  const double scale = std::min(columns, rows) / short_side;
+  const int kept_columns = std::clamp(static_cast<int>(std::lround(width * scale)), 1, columns);
+  const int kept_rows = std::clamp(static_cast<int>(std::lround(height * scale)), 1, rows);
+  return {(columns - kept_columns) / 2, (rows - kept_rows) / 2, kept_columns, kept_rows};
+}
+
+}  // namespace
+
+std::vector<std::string> preprocess_names() {
+  return {kPreprocessNames.begin(), kPreprocessNames.end()};
+}
+
+Model::Model(const ModelOptions& options) : file_(options.model.string()) {
+  const Format& format = format_of(options);
+  format_ = format.format;
+  preprocess_ = options.preprocess.value_or(format.preprocess);
+  ModelBytes bytes{format.format, read_file(options.model, kMostModelBytes), ""};
+  if (options.config) bytes.config = read_file(*options.config);
+  if (options.names) names_ = read_names(*options.names);
+  const auto size = options.size ? options.size : configured_size(format.format, bytes.config);
+  if (!size) {
+    throw_bad_input("the size of the input of '" + file_ +
+                    "' is not known; give it with --size WIDTHxHEIGHT, e.g. --size 640x640");
+  }
+  width_ = (*size)[0];
+  height_ = (*size)[1];
+  network_ = open_network(bytes, options, format);
+}
+
+std::vector<NetworkOutput> Model::run(const Tensor& image, Fit fit) {
+  if (image.spec().element != Element::kU8 || image.spec().shape.size() != 3 || image.dim(0) != 3) {
+    throw_bad_input("a picture has to be u8 [3, height, width], not " + image.spec().describe());
+  }
+  const int rows = static_cast<int>(image.dim(1));
+  const int columns = static_cast<int>(image.dim(2));
+  const std::size_t plane = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+  const cv::Rect part = fit == Fit::kStretch ? cv::Rect(0, 0, columns, rows)
+                                             : middle_of(columns, rows, width_, height_);
+  const int interpolation = fit == Fit::kStretch ? cv::INTER_LINEAR : cv::INTER_AREA;
+  std::vector<float> input(3 * plane);
+  const auto channels = channels_of(preprocess_);
+  for (std::size_t i = 0; i < channels.size(); ++i) {
+    const auto* from = image.data() + std::ptrdiff_t{channels[i].from} * rows * columns;
+    // OpenCV has no view of constant memory; resize only reads.
+    const cv::Mat given(rows, columns, CV_8U, const_cast<std::byte*>(from));
+    cv::Mat scaled;
+    cv::resize(given(part), scaled, {width_, height_}, 0, 0, interpolation);
+    std::transform(scaled.begin<std::uint8_t>(), scaled.end<std::uint8_t>(),
+                   input.begin() + static_cast<std::ptrdiff_t>(i * plane), [&](std::uint8_t value) {
+                     return (static_cast<float>(value) - channels[i].mean) * channels[i].scale;
+                   });
+  }
+  std::string error;
+  auto outputs = network_->run(input, width_, height_, error);
+  if (!error.empty()) {
+    throw_bad_input(
+        fmt::format("the model '{}' does not run on {}x{} pixels: {}; is that its size, "
+                    "and do its files belong together?",
+                    file_, width_, height_, error));
+  }
+  return outputs;
+}
+
+std::string Model::name_of(std::size_t index) const {
+  return index < names_.size() ? names_[index] : fmt::format("class {}", index);
+}
+
+void Model::check_classes(std::size_t classes) const {
+  if (names_.empty() || names_.size() == classes) return;
+  throw_bad_input(fmt::format("the model '{}' has {} classes, and there are {} names", file_,
+                              classes, names_.size()));
+}
+
+}  // namespace pirt::recognition

@@ -1,0 +1,122 @@
+// The module libpirt_networks.so: OpenCV's dnn. See network.h.
+#include <algorithm>
+#include <opencv2/dnn.hpp>
+
+#include "workloads/base/stderr_capture.h"
+#include "workloads/recognition/network.h"
+
+namespace pirt::recognition {
+namespace {
+
+int ignore_error(int, const char*, const char*, const char*, int, void*) { return 0; }
+
+/// OpenCV and protobuf print what they throw, or say instead of throwing.
+class Quiet {
+ public:
+  Quiet() { cv::redirectError(ignore_error); }
+  Quiet(const Quiet&) = delete;
+  Quiet& operator=(const Quiet&) = delete;
+  ~Quiet() { cv::redirectError(nullptr); }
+
+  [[nodiscard]] std::string text() const { return capture_.text(); }
+
+ private:
+  StderrCapture capture_;
+};
+
+std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
+
+class OpenCvNetwork : public Network {
+ public:
+  explicit OpenCvNetwork(cv::dnn::Net net)
+      : net_(std::move(net)), outputs_(net_.getUnconnectedOutLayersNames()) {
+    net_.setPreferableBackend(cv::dnn::DNN_BACKEND_OPENCV);
+  }
+
+  std::vector<NetworkOutput> run(std::span<const float> input, int width, int height,
+                                 std::string& error) override {
+    const Quiet quiet;
+    try {
+      // OpenCV has no view of constant memory; it only reads.
+      const std::vector<int> shape = {1, 3, height, width};
+      net_.setInput(cv::Mat(shape, CV_32F, const_cast<float*>(input.data())));
+      std::vector<cv::Mat> results;
+      net_.forward(results, outputs_);
+      std::vector<NetworkOutput> outputs;
+      for (const cv::Mat& result : results) outputs.push_back(output_of(result));
+      return outputs;
+    } catch (const cv::Exception& failed) {
+      error = first_line(failed.err);
+      return {};
+    }
+  }
+
+ private:
+  static NetworkOutput output_of(const cv::Mat& result) {
+    if (result.type() != CV_32F || !result.isContinuous()) {
+      CV_Error(cv::Error::StsNotImplemented, "an output is not of 32-bit floats");
+    }
+    NetworkOutput output;
+    for (int axis = 0; axis < result.dims; ++axis) output.shape.push_back(result.size[axis]);
+    const auto* begin = result.ptr<float>();
+    output.values.assign(begin, begin + result.total());
+    return output;
+  }
+
+  cv::dnn::Net net_;
+  std::vector<std::string> outputs_;
+};
+
+/// OpenCV does not look whether the file has the weights that it takes.
+void check_darknet_size(cv::dnn::Net& net, std::size_t bytes) {
+  constexpr std::size_t kHeader = 20;
+  std::size_t weights = 0;
+  for (const auto& name : net.getLayerNames()) {
+    const auto layer = net.getLayer(net.getLayerId(name));
+    if (layer->type == "Region") continue;  // Its anchors come from the configuration.
+    for (const cv::Mat& blob : layer->blobs) weights += blob.total();
+  }
+  const std::size_t needed = kHeader + weights * sizeof(float);
+  if (bytes == needed) return;
+  CV_Error(cv::Error::StsBadArg,
+           cv::format("it has %zu bytes where its configuration needs %zu", bytes, needed));
+}
+
+cv::dnn::Net read_net(const ModelBytes& bytes) {
+  switch (bytes.format) {
+    case ModelFormat::kDarknet: {
+      auto net = cv::dnn::readNetFromDarknet(bytes.config.data(), bytes.config.size(),
+                                             bytes.model.data(), bytes.model.size());
+      check_darknet_size(net, bytes.model.size());
+      return net;
+    }
+    case ModelFormat::kCaffe:
+      return cv::dnn::readNetFromCaffe(bytes.config.data(), bytes.config.size(), bytes.model.data(),
+                                       bytes.model.size());
+    case ModelFormat::kOnnx:
+      break;
+  }
+  return cv::dnn::readNetFromONNX(bytes.model.data(), bytes.model.size());
+}
+
+}  // namespace
+
+extern "C" void pirt_open_network(const ModelBytes& bytes, std::unique_ptr<Network>& network,
+                                  std::string& error) {
+  const Quiet quiet;
+  try {
+    auto net = read_net(bytes);
+    if (net.empty() || net.getUnconnectedOutLayers().empty()) {
+      error = "it has no layers";
+    } else {
+      network = std::make_unique<OpenCvNetwork>(std::move(net));
+    }
+  } catch (const cv::Exception& failed) {
+    error = first_line(failed.err);
+  } catch (const std::exception& failed) {
+    error = failed.what();
+  }
+  if (!error.empty()) error += quiet.text().empty() ? "" : " (" + first_line(quiet.text()) + ")";
+}
+
+}  // namespace pirt::recognition
