@@ -1,0 +1,50 @@
+// The backend's table: from a workload to a command of the Hexagon program.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "workloads/backend.h"
+#include "workloads/dsp/session.h"
+
+namespace pirt::dsp {
+
+/// Rows of a tensor and where they lie in the mapping: there they begin at a multiple of a vector.
+struct Resident {
+  Buffer buffer;
+  std::size_t rows = 1;
+  std::size_t row_bytes = 0;
+  std::size_t pitch_bytes = 0;
+};
+
+/// A call of a kernel, ready to be made.
+struct Call {
+  std::uint32_t kernel = 0;
+  std::string name;
+  std::vector<Buffer> buffers;
+  std::vector<std::int32_t> values;
+  std::vector<Resident> inputs, outputs;  ///< In the order of the workload's tensors.
+};
+
+struct KernelEntry {
+  std::string_view kernel;  ///< Workload::kernel
+  /// Why it cannot compute this one; empty if it can.
+  std::string (*fault)(const Workload& workload);
+  Call (*make)(Session& session, const Workload& workload, std::span<const Tensor> parameters);
+};
+
+[[nodiscard]] std::span<const KernelEntry> vision_kernels();
+
+/// Room for a tensor of @p rows rows. @p what names it in messages.
+[[nodiscard]] Resident make_resident(Session& session, std::size_t rows, std::size_t row_bytes,
+                                     std::string_view what);
+/// Room for @p tensor, whose last dimension is a row.
+[[nodiscard]] Resident make_resident(Session& session, const TensorSpec& tensor);
+
+void copy_in(Session& session, const Resident& to, std::span<const std::byte> from);
+void copy_out(const Session& session, const Resident& from, std::span<std::byte> to);
+
+}  // namespace pirt::dsp

@@ -1,0 +1,85 @@
+// The plugin of qemu-hexagon that counts: packets, and lines of the cache that the modelled L2 did
+// not hold. Debian packages qemu's plugins without their header, so that the part of the interface
+// that is used here is declared by hand (version 1, qemu 7.2: include/qemu/qemu-plugin.h).
+//
+// For Hexagon, one "instruction" of that interface is one packet. What has been counted is written
+// to a page shared with the host at the program's system calls read and write: between them lies a
+// command.
+#include <sys/mman.h>
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+
+#include "workloads/dsp/protocol.h"
+
+extern "C" {
+struct qemu_plugin_tb;
+struct qemu_plugin_insn;
+using qemu_plugin_id_t = std::uint64_t;
+using qemu_plugin_meminfo_t = std::uint32_t;
+enum qemu_plugin_op { QEMU_PLUGIN_INLINE_ADD_U64 };
+enum qemu_plugin_cb_flags { QEMU_PLUGIN_CB_NO_REGS };
+enum qemu_plugin_mem_rw { QEMU_PLUGIN_MEM_R = 1, QEMU_PLUGIN_MEM_W, QEMU_PLUGIN_MEM_RW };
+
+void qemu_plugin_register_vcpu_tb_trans_cb(qemu_plugin_id_t id,
+                                           void (*callback)(qemu_plugin_id_t, qemu_plugin_tb*));
+std::size_t qemu_plugin_tb_n_insns(const qemu_plugin_tb* block);
+qemu_plugin_insn* qemu_plugin_tb_get_insn(const qemu_plugin_tb* block, std::size_t index);
+void qemu_plugin_register_vcpu_tb_exec_inline(qemu_plugin_tb* block, qemu_plugin_op op, void* to,
+                                              std::uint64_t value);
+void qemu_plugin_register_vcpu_mem_cb(qemu_plugin_insn* packet,
+                                      void (*callback)(unsigned, qemu_plugin_meminfo_t,
+                                                       std::uint64_t, void*),
+                                      qemu_plugin_cb_flags flags, qemu_plugin_mem_rw which,
+                                      void* user);
+void qemu_plugin_register_vcpu_syscall_cb(
+    qemu_plugin_id_t id,
+    void (*callback)(qemu_plugin_id_t, unsigned, std::int64_t number, std::uint64_t, std::uint64_t,
+                     std::uint64_t, std::uint64_t, std::uint64_t, std::uint64_t, std::uint64_t,
+                     std::uint64_t));
+
+#define EXPORTED __attribute__((visibility("default")))
+EXPORTED extern int qemu_plugin_version;
+int qemu_plugin_version = 1;
+EXPORTED int qemu_plugin_install(qemu_plugin_id_t id, const void* info, int argc, char** argv);
+}
+
+namespace {
+
+PirtDspCountsPage* page = nullptr;
+PirtDspCounts now{};
+PirtDspCounts at_read{};
+
+void on_block(qemu_plugin_id_t, qemu_plugin_tb* block) {
+  qemu_plugin_register_vcpu_tb_exec_inline(block, QEMU_PLUGIN_INLINE_ADD_U64, &now.packets,
+                                           qemu_plugin_tb_n_insns(block));
+}
+
+constexpr std::int64_t kRead = 63;
+constexpr std::int64_t kWrite = 64;
+
+void on_system_call(qemu_plugin_id_t, unsigned, std::int64_t number, std::uint64_t, std::uint64_t,
+                    std::uint64_t, std::uint64_t, std::uint64_t, std::uint64_t, std::uint64_t,
+                    std::uint64_t) {
+  if (number == kRead) at_read = now;
+  if (number != kWrite) return;
+  page->total = now;
+  page->command = {now.packets - at_read.packets, now.lines - at_read.lines,
+                   now.misses - at_read.misses};
+}
+
+}  // namespace
+
+int qemu_plugin_install(qemu_plugin_id_t id, const void*, int, char**) {
+  void* const shared = ::mmap(nullptr, sizeof(PirtDspCountsPage), PROT_READ | PROT_WRITE,
+                              MAP_SHARED, PIRT_DSP_COUNTS_FD, 0);
+  if (shared == MAP_FAILED) return -1;
+  page = static_cast<PirtDspCountsPage*>(shared);
+  page->magic = PIRT_DSP_COUNTS_MAGIC;
+  qemu_plugin_register_vcpu_tb_trans_cb(id, on_block);
+  qemu_plugin_register_vcpu_syscall_cb(id, on_system_call);
+  return 0;
+}

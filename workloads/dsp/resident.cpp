@@ -1,0 +1,37 @@
+#include <cassert>
+#include <cstring>
+
+#include "workloads/dsp/kernels.h"
+
+namespace pirt::dsp {
+
+Resident make_resident(Session& session, std::size_t rows, std::size_t row_bytes,
+                       std::string_view what) {
+  constexpr std::size_t kUnit = PIRT_DSP_ALIGNMENT;
+  const std::size_t pitch = (row_bytes + kUnit - 1) / kUnit * kUnit;
+  return {session.allocate(rows * pitch, what), rows, row_bytes, pitch};
+}
+
+Resident make_resident(Session& session, const TensorSpec& tensor) {
+  const auto row = static_cast<std::size_t>(tensor.shape.back());
+  const auto count = static_cast<std::size_t>(tensor.count());
+  return make_resident(session, count / row, row * size_bytes(tensor.element), tensor.describe());
+}
+
+void copy_in(Session& session, const Resident& to, std::span<const std::byte> from) {
+  assert(from.size() == to.rows * to.row_bytes);
+  std::byte* const at = session.bytes(to.buffer).data();
+  for (std::size_t row = 0; row < to.rows; ++row) {
+    std::memcpy(at + row * to.pitch_bytes, from.data() + row * to.row_bytes, to.row_bytes);
+  }
+}
+
+void copy_out(const Session& session, const Resident& from, std::span<std::byte> to) {
+  assert(to.size() == from.rows * from.row_bytes);
+  const std::byte* const at = session.bytes(from.buffer).data();
+  for (std::size_t row = 0; row < from.rows; ++row) {
+    std::memcpy(to.data() + row * from.row_bytes, at + row * from.pitch_bytes, from.row_bytes);
+  }
+}
+
+}  // namespace pirt::dsp
