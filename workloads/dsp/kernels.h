@@ -12,7 +12,9 @@
 
 namespace pirt::dsp {
 
-/// Rows of a tensor and where they lie in the mapping: there they begin at a multiple of a vector.
+/// Rows of a tensor (its last dimension) and where they lie in the mapping: there each has room for
+/// a multiple of 128 elements, so that rows of any element begin with a vector and strips of as
+/// many columns end within them.
 struct Resident {
   Buffer buffer;
   std::size_t rows = 1;
@@ -38,10 +40,7 @@ struct KernelEntry {
 
 [[nodiscard]] std::span<const KernelEntry> vision_kernels();
 
-/// Room for a tensor of @p rows rows. @p what names it in messages.
-[[nodiscard]] Resident make_resident(Session& session, std::size_t rows, std::size_t row_bytes,
-                                     std::string_view what);
-/// Room for @p tensor, whose last dimension is a row.
+/// Room for @p tensor.
 [[nodiscard]] Resident make_resident(Session& session, const TensorSpec& tensor);
 
 void copy_in(Session& session, const Resident& to, std::span<const std::byte> from);

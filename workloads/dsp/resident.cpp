@@ -5,17 +5,13 @@
 
 namespace pirt::dsp {
 
-Resident make_resident(Session& session, std::size_t rows, std::size_t row_bytes,
-                       std::string_view what) {
-  constexpr std::size_t kUnit = PIRT_DSP_ALIGNMENT;
-  const std::size_t pitch = (row_bytes + kUnit - 1) / kUnit * kUnit;
-  return {session.allocate(rows * pitch, what), rows, row_bytes, pitch};
-}
-
 Resident make_resident(Session& session, const TensorSpec& tensor) {
+  constexpr std::size_t kUnit = PIRT_DSP_ALIGNMENT;
   const auto row = static_cast<std::size_t>(tensor.shape.back());
-  const auto count = static_cast<std::size_t>(tensor.count());
-  return make_resident(session, count / row, row * size_bytes(tensor.element), tensor.describe());
+  const auto rows = static_cast<std::size_t>(tensor.count()) / row;
+  const std::size_t element = size_bytes(tensor.element);
+  const std::size_t pitch = (row + kUnit - 1) / kUnit * kUnit * element;
+  return {session.allocate(rows * pitch, tensor.describe()), rows, row * element, pitch};
 }
 
 void copy_in(Session& session, const Resident& to, std::span<const std::byte> from) {

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <bit>
 
 #include "workloads/dsp/kernels.h"
 #include "workloads/vision/vision.h"
@@ -9,11 +10,12 @@
 namespace pirt::dsp {
 namespace {
 
-/// Kernels mirror a picture once at each edge.
-std::string smaller_than(const Workload& workload, int width, int height) {
+/// Kernels mirror a picture once at each edge, and load some rows ahead.
+std::string too_small(const Workload& workload) {
+  constexpr int kSmallest = 8;
   const auto& op = operation_as<vision::ImageOperation>(workload);
-  if (op.width >= width && op.height >= height) return "";
-  return fmt::format("backend dsp computes pictures of at least {}x{} pixels", width, height);
+  if (op.width >= kSmallest && op.height >= kSmallest) return "";
+  return fmt::format("backend dsp computes pictures of at least {0}x{0} pixels", kSmallest);
 }
 
 /// A call whose buffers are its inputs and outputs and whose values are width, height and pitch.
@@ -38,9 +40,37 @@ Call make_gaussian_blur(Session& session, const Workload& workload, std::span<co
   return picture_call(session, workload, PIRT_DSP_gaussian_blur);
 }
 
+Call make_sobel(Session& session, const Workload& workload, std::span<const Tensor>) {
+  return picture_call(session, workload, PIRT_DSP_sobel);
+}
+
+Call make_filter7x7(Session& session, const Workload& workload,
+                    std::span<const Tensor> parameters) {
+  constexpr int kSize = vision::Filter7x7::kSize;
+  static_assert(kSize == 7 && vision::Filter7x7::kShift == 8, "filter7x7.c has them as constants");
+  Call call = picture_call(session, workload, PIRT_DSP_filter7x7);
+  const auto weights = parameters[0].as<std::int16_t>();
+  for (std::size_t row = 0; row < kSize; ++row) {
+    std::array<std::int8_t, 8> bytes{};
+    for (std::size_t i = 0; i < kSize; ++i) {
+      const std::int16_t weight = weights[row * kSize + i];
+      if (weight < -128 || weight > 127) {
+        throw_environment(fmt::format(
+            "'{}' has a weight of {}, and backend dsp computes with 8 bits (-128 to 127)",
+            workload.name, weight));
+      }
+      bytes[i] = static_cast<std::int8_t>(weight);
+    }
+    const auto words = std::bit_cast<std::array<std::int32_t, 2>>(bytes);
+    call.values.insert(call.values.end(), words.begin(), words.end());
+  }
+  return call;
+}
+
 constexpr std::array kKernels = {
-    KernelEntry{"gaussian_blur", [](const Workload& w) { return smaller_than(w, 3, 3); },
-                make_gaussian_blur},
+    KernelEntry{"gaussian_blur", too_small, make_gaussian_blur},
+    KernelEntry{"sobel", too_small, make_sobel},
+    KernelEntry{"filter7x7", too_small, make_filter7x7},
 };
 
 }  // namespace

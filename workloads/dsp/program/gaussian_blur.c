@@ -6,12 +6,11 @@
 #include "workloads/dsp/program/kernel.h"
 
 /* [1 4 6 4 1] along the row, even columns in the low vector, odd ones in the high. */
-INLINE HVX_VectorPair along(const uint8_t *row, int x, int width, StripEdges edges) {
-  const RowPart part = load_row_part(row, x, width, edges);
-  const HVX_Vector behind = Q6_V_valign_VVR(part.here, part.before, kVector - 2);
+INLINE HVX_VectorPair along(RowPart part) {
+  const HVX_Vector behind = Q6_V_vlalign_VVR(part.here, part.before, 2);
   const HVX_Vector ahead = Q6_V_valign_VVR(part.after, part.here, 2);
-  const HVX_VectorPair sum = Q6_Wh_vdmpy_WubRb(Q6_W_vcombine_VV(part.here, behind),
-                                               bytes4(1, 4, 1, 4));
+  const HVX_VectorPair sum =
+      Q6_Wh_vdmpy_WubRb(Q6_W_vcombine_VV(part.here, behind), bytes4(1, 4, 1, 4));
   return Q6_Wh_vtmpyacc_WhWubRb(sum, Q6_W_vcombine_VV(ahead, part.here), bytes4(6, 4, 6, 4));
 }
 
@@ -35,38 +34,55 @@ INLINE HVX_Vector rounded(HVX_VectorPair sum) {
   return Q6_Vb_vshuffo_VbVb(Q6_V_hi_W(sum), Q6_V_lo_W(sum));
 }
 
-INLINE void blur_strip(int x, StripEdges edges, const uint8_t *in, uint8_t *out, int width,
-                       int height, int stride) {
-  Column column = {Q6_W_vcombine_VV(Q6_V_vzero(), Q6_V_vzero()),
-                   Q6_W_vcombine_VV(Q6_V_vzero(), Q6_V_vzero()),
-                   Q6_W_vcombine_VV(Q6_V_vzero(), Q6_V_vzero()),
-                   Q6_W_vcombine_VV(Q6_V_vzero(), Q6_V_vzero())};
-  for (int y = -2; y < 2; ++y) {
-    step(&column, along(in + mirrored(y, height) * stride, x, width, edges));
-  }
-  const uint8_t *row = in + 2 * stride;
-  uint8_t *to = out + x;
-#pragma unroll(2)
-  for (int y = 0; y < height - 2; ++y) {
-    const HVX_VectorPair sum = step(&column, along(row, x, width, edges));
-    store(to, rounded(sum));
+/* One row is loaded, the one above it filtered along, and the one above that added to its column at a
+ * time: three independent works, whose instructions share packets. The last first, so that each finds
+ * what the one before it left in the round before. */
+typedef struct {
+  Column column;
+  HVX_VectorPair filtered;
+  RowPart loaded;
+} Pipeline;
+
+INLINE HVX_VectorPair advance(Pipeline *pipeline, const uint8_t *row, const Strip *strip) {
+  const HVX_VectorPair sum = step(&pipeline->column, pipeline->filtered);
+  pipeline->filtered = along(pipeline->loaded);
+  pipeline->loaded = load_row_part(row, strip);
+  return sum;
+}
+
+INLINE void blur_strip(Strip strip, const uint8_t *in, uint8_t *out, int height, int stride) {
+  enum { kAhead = 2 + 2 }; /* rows of the filter and of the pipeline */
+  Rows rows = {in, -2, height, stride};
+  Pipeline pipeline;
+  pipeline.loaded = load_row_part(next_row(&rows), &strip);
+  pipeline.filtered = along(pipeline.loaded);
+  pipeline.loaded = load_row_part(next_row(&rows), &strip);
+  pipeline.column = (Column){pipeline.filtered, pipeline.filtered, pipeline.filtered,
+                             pipeline.filtered}; /* of no consequence after four rows */
+  for (int i = 0; i < 4; ++i) advance(&pipeline, next_row(&rows), &strip);
+
+  const uint8_t *row = in + kAhead * stride;
+  uint8_t *to = out + strip.x;
+#pragma clang loop unroll(disable)
+  for (int y = kAhead; y < height; ++y) {
+    store(to, rounded(advance(&pipeline, row, &strip)));
     row += stride;
     to += stride;
   }
-  for (int y = height; y < height + 2; ++y) {
-    const HVX_VectorPair sum =
-        step(&column, along(in + mirrored(y, height) * stride, x, width, edges));
-    store(to, rounded(sum));
+  rows.y = height;
+#pragma clang loop unroll(disable)
+  for (int i = 0; i < kAhead; ++i) {
+    store(to, rounded(advance(&pipeline, next_row(&rows), &strip)));
     to += stride;
   }
 }
 
-/* buffers: in u8 [height, stride], out alike; values: width >= 3, height >= 3, stride. */
+/* buffers: in u8 [height, stride], out alike; values: width >= 8, height >= 8, stride. */
 void pirt_dsp_gaussian_blur(const KernelArguments *arguments) {
   const uint8_t *in = arguments->buffers[0];
   uint8_t *out = arguments->buffers[1];
   const int width = arguments->values[0];
   const int height = arguments->values[1];
   const int stride = arguments->values[2];
-  FOR_EACH_STRIP(width, blur_strip, in, out, width, height, stride);
+  FOR_EACH_STRIP(width, blur_strip, in, out, height, stride);
 }

@@ -45,6 +45,26 @@ typedef struct {
 
 enum { kReach = 8 }; /* no kernel looks at columns farther away */
 
+typedef struct {
+  int x;      /* its first column */
+  int mirror; /* from a row's begin to the bytes that are, reversed, those from x on mirrored */
+  StripEdges edges;
+  HVX_VectorPred here, after; /* which columns of the strip and of that behind it there are */
+} Strip;
+
+/* The first `columns` of a vector, any number of them. */
+INLINE HVX_VectorPred first(int columns) {
+  if (columns <= 0) return Q6_Q_vsetq_R(0);
+  return columns < kVector ? Q6_Q_vsetq_R(columns) : Q6_Q_not_Q(Q6_Q_vsetq_R(0));
+}
+
+INLINE Strip make_strip(int x, int width, StripEdges edges) {
+  /* Column c beyond the right edge is 2 * (width - 1) - c. */
+  const Strip strip = {x, 2 * (width - 1) - x - (kVector - 1), edges, first(width - x),
+                       first(width - x - kVector)};
+  return strip;
+}
+
 /* Three neighbouring vectors of a row: the strip's, with what is beyond the picture mirrored without
  * the edge pixel (gfedcba|bcdefg...). kReach columns at each side mean something, where the picture
  * is wider than that. */
@@ -52,29 +72,16 @@ typedef struct {
   HVX_Vector before, here, after;
 } RowPart;
 
-/* The first `columns` (0 to 127) bytes of a, the others of b. */
-INLINE HVX_Vector first_of(int columns, HVX_Vector a, HVX_Vector b) {
-  return Q6_V_vmux_QVV(Q6_Q_vsetq_R(columns), a, b);
-}
-
-INLINE RowPart load_row_part(const uint8_t *row, int x, int width, StripEdges edges) {
-  RowPart part;
-  part.here = load(row + x);
+INLINE RowPart load_row_part(const uint8_t *row, const Strip *strip) {
+  const uint8_t *at = row + strip->x;
+  RowPart part = {load(strip->edges.left ? at : at - kVector), load(at), load(at + kVector)};
   /* before[j] is column j - 128, mirrored 128 - j = 1 + (127 - j) */
-  part.before = edges.left ? reversed(load_unaligned(row + 1)) : load(row + x - kVector);
-  if (!edges.right) {
-    part.after = load(row + x + kVector);
-    return part;
-  }
-  /* column c beyond the edge is 2 * (width - 1) - c */
-  const uint8_t *mirror = row + 2 * (width - 1) - x - (kVector - 1);
-  const int columns = width - x;
-  if (columns < kVector) {
-    part.here = first_of(columns, part.here, reversed(load_unaligned(mirror)));
-  }
-  part.after = reversed(load_unaligned(mirror - kVector));
-  if (columns > kVector) {
-    part.after = first_of(columns - kVector, load(row + x + kVector), part.after);
+  if (strip->edges.left) part.before = reversed(load_unaligned(row + 1));
+  if (strip->edges.right) {
+    const uint8_t *mirror = row + strip->mirror;
+    part.here = Q6_V_vmux_QVV(strip->here, part.here, reversed(load_unaligned(mirror)));
+    part.after =
+        Q6_V_vmux_QVV(strip->after, part.after, reversed(load_unaligned(mirror - kVector)));
   }
   return part;
 }
@@ -85,22 +92,32 @@ INLINE int mirrored(int y, int height) {
   return y < height ? y : 2 * (height - 1) - y;
 }
 
-/* Calls strip(x, edges, context...) for each strip, with constant edges. */
-#define FOR_EACH_STRIP(width, strip, ...)                \
-  do {                                                   \
-    const int inner_ = (width)-kVector - kReach;         \
-    if (inner_ < 0) {                                    \
-      strip(0, ((StripEdges){1, 1}), __VA_ARGS__);       \
-    } else {                                             \
-      strip(0, ((StripEdges){1, 0}), __VA_ARGS__);       \
-    }                                                    \
-    int x_ = kVector;                                    \
-    for (; x_ <= inner_; x_ += kVector) {                \
-      strip(x_, ((StripEdges){0, 0}), __VA_ARGS__);      \
-    }                                                    \
-    for (; x_ < (width); x_ += kVector) {                \
-      strip(x_, ((StripEdges){0, 1}), __VA_ARGS__);      \
-    }                                                    \
+/* A picture's rows from top to bottom, mirrored at both ends. */
+typedef struct {
+  const uint8_t *picture;
+  int y, height, stride;
+} Rows;
+
+INLINE const uint8_t *next_row(Rows *rows) {
+  return rows->picture + mirrored(rows->y++, rows->height) * rows->stride;
+}
+
+/* Calls walk(strip, context...) for each strip, with constant edges. */
+#define FOR_EACH_STRIP(width, walk, ...)                                \
+  do {                                                                  \
+    const int inner_ = (width)-kVector - kReach;                        \
+    if (inner_ < 0) {                                                   \
+      walk(make_strip(0, width, (StripEdges){1, 1}), __VA_ARGS__);      \
+    } else {                                                            \
+      walk(make_strip(0, width, (StripEdges){1, 0}), __VA_ARGS__);      \
+    }                                                                   \
+    int x_ = kVector;                                                   \
+    for (; x_ <= inner_; x_ += kVector) {                               \
+      walk(make_strip(x_, width, (StripEdges){0, 0}), __VA_ARGS__);     \
+    }                                                                   \
+    for (; x_ < (width); x_ += kVector) {                               \
+      walk(make_strip(x_, width, (StripEdges){0, 1}), __VA_ARGS__);     \
+    }                                                                   \
   } while (0)
 
 #endif
