@@ -39,6 +39,8 @@ struct KernelEntry {
 };
 
 [[nodiscard]] std::span<const KernelEntry> vision_kernels();
+[[nodiscard]] Call make_undistort(Session& session, const Workload& workload,
+                                  std::span<const Tensor> parameters);
 
 /// Room for @p tensor.
 [[nodiscard]] Resident make_resident(Session& session, const TensorSpec& tensor);

@@ -71,6 +71,7 @@ constexpr std::array kKernels = {
     KernelEntry{"gaussian_blur", too_small, make_gaussian_blur},
     KernelEntry{"sobel", too_small, make_sobel},
     KernelEntry{"filter7x7", too_small, make_filter7x7},
+    KernelEntry{"undistort", too_small, make_undistort},
 };
 
 }  // namespace

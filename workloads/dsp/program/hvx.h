@@ -33,6 +33,8 @@ INLINE int32_t bytes4(int a, int b, int c, int d) {
                    (uint32_t)(d & 255) << 24);
 }
 
+INLINE int32_t all_bytes(int a) { return bytes4(a, a, a, a); }
+
 /* The bytes last to first: in a butterfly all of whose switches cross. */
 INLINE HVX_Vector reversed(HVX_Vector v) { return Q6_V_vdelta_VV(v, Q6_V_vsplat_R(0x7f7f7f7f)); }
 
