@@ -12,9 +12,7 @@
 
 namespace pirt::dsp {
 
-/// Rows of a tensor (its last dimension) and where they lie in the mapping: there each has room for
-/// a multiple of 128 elements, so that rows of any element begin with a vector and strips of as
-/// many columns end within them.
+/// Where a tensor lies in the mapping, in rows.
 struct Resident {
   Buffer buffer;
   std::size_t rows = 1;
@@ -42,8 +40,11 @@ struct KernelEntry {
 [[nodiscard]] Call make_undistort(Session& session, const Workload& workload,
                                   std::span<const Tensor> parameters);
 
-/// Room for @p tensor.
-[[nodiscard]] Resident make_resident(Session& session, const TensorSpec& tensor);
+/// Room for a tensor [rows, columns, ...] each of whose rows has room for a multiple of 128
+/// columns: rows of any element begin with a vector, and strips of as many columns end within them.
+[[nodiscard]] Resident make_picture(Session& session, const TensorSpec& tensor);
+/// Room for any tensor, as it is.
+[[nodiscard]] Resident make_dense(Session& session, const TensorSpec& tensor);
 
 void copy_in(Session& session, const Resident& to, std::span<const std::byte> from);
 void copy_out(const Session& session, const Resident& from, std::span<std::byte> to);

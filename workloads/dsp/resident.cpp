@@ -5,13 +5,18 @@
 
 namespace pirt::dsp {
 
-Resident make_resident(Session& session, const TensorSpec& tensor) {
+Resident make_picture(Session& session, const TensorSpec& tensor) {
   constexpr std::size_t kUnit = PIRT_DSP_ALIGNMENT;
-  const auto row = static_cast<std::size_t>(tensor.shape.back());
-  const auto rows = static_cast<std::size_t>(tensor.count()) / row;
-  const std::size_t element = size_bytes(tensor.element);
-  const std::size_t pitch = (row + kUnit - 1) / kUnit * kUnit * element;
-  return {session.allocate(rows * pitch, tensor.describe()), rows, row * element, pitch};
+  const auto rows = static_cast<std::size_t>(tensor.shape[0]);
+  const auto columns = static_cast<std::size_t>(tensor.shape[1]);
+  const std::size_t column_bytes = static_cast<std::size_t>(tensor.size_bytes()) / (rows * columns);
+  const std::size_t pitch = (columns + kUnit - 1) / kUnit * kUnit * column_bytes;
+  return {session.allocate(rows * pitch, tensor.describe()), rows, columns * column_bytes, pitch};
+}
+
+Resident make_dense(Session& session, const TensorSpec& tensor) {
+  const auto bytes = static_cast<std::size_t>(tensor.size_bytes());
+  return {session.allocate(bytes, tensor.describe()), 1, bytes, bytes};
 }
 
 void copy_in(Session& session, const Resident& to, std::span<const std::byte> from) {

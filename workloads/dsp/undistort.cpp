@@ -116,7 +116,7 @@ Call make_undistort(Session& session, const Workload& workload, std::span<const 
   call.name = workload.name;
   const auto [whole, source] = make_source(session, op);
   call.inputs.push_back(source);
-  call.outputs.push_back(make_resident(session, workload.outputs[0]));
+  call.outputs.push_back(make_picture(session, workload.outputs[0]));
   const auto source_stride = static_cast<std::int32_t>(source.pitch_bytes);
   const auto tiles = plan_tiles(op, source_stride);
   const Buffer headers = session.allocate(tiles.size() * sizeof(PirtDspTile), "undistort's tiles");

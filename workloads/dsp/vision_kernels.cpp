@@ -24,12 +24,17 @@ Call picture_call(Session& session, const Workload& workload, std::uint32_t kern
   Call call;
   call.kernel = kernel;
   call.name = workload.name;
+  const auto place = [&](const TensorSpec& spec) {
+    const bool picture =
+        spec.shape.size() >= 2 && spec.shape[0] == op.height && spec.shape[1] == op.width;
+    return picture ? make_picture(session, spec) : make_dense(session, spec);
+  };
   for (const TensorSpec& spec : workload.inputs) {
-    call.inputs.push_back(make_resident(session, spec));
+    call.inputs.push_back(place(spec));
     call.buffers.push_back(call.inputs.back().buffer);
   }
   for (const TensorSpec& spec : workload.outputs) {
-    call.outputs.push_back(make_resident(session, spec));
+    call.outputs.push_back(place(spec));
     call.buffers.push_back(call.outputs.back().buffer);
   }
   call.values = {op.width, op.height, static_cast<std::int32_t>(call.inputs[0].pitch_bytes)};
@@ -67,11 +72,35 @@ Call make_filter7x7(Session& session, const Workload& workload,
   return call;
 }
 
+Call make_feature_detect(Session& session, const Workload& workload, std::span<const Tensor>) {
+  using vision::FeatureDetect;
+  static_assert(FeatureDetect::kMaxCorners == 500 && FeatureDetect::kMinDistance == 10 &&
+                    FeatureDetect::kQuality == 0.01 && FeatureDetect::kBlock == 3,
+                "feature_detect.c has them as constants");
+  const auto& op = operation_as<vision::FeatureDetect>(workload);
+  Call call = picture_call(session, workload, PIRT_DSP_feature_detect);
+  const std::size_t stride = call.inputs[0].pitch_bytes;
+  const auto height = static_cast<std::size_t>(op.height);
+  constexpr std::size_t kDistance = FeatureDetect::kMinDistance;
+  const std::size_t sums = 3 * (stride + 64) * 4;
+  const std::size_t occupied = (stride / 32 + 2) * (height + 2 * kDistance) * 4;
+  const auto add = [&](std::size_t bytes, std::string_view what) {
+    call.buffers.push_back(session.allocate(bytes, what));
+  };
+  add(height * stride * 2, "gx of feature_detect");
+  add(height * stride * 2, "gy of feature_detect");
+  add(height * stride * 4 + PIRT_DSP_ALIGNMENT, "the strengths of feature_detect");
+  add(sums + occupied + PIRT_DSP_ALIGNMENT, "the scratch memory of feature_detect");
+  add(height * static_cast<std::size_t>(op.width) * 8, "the candidates of feature_detect");
+  return call;
+}
+
 constexpr std::array kKernels = {
     KernelEntry{"gaussian_blur", too_small, make_gaussian_blur},
     KernelEntry{"sobel", too_small, make_sobel},
     KernelEntry{"filter7x7", too_small, make_filter7x7},
     KernelEntry{"undistort", too_small, make_undistort},
+    KernelEntry{"feature_detect", too_small, make_feature_detect},
 };
 
 }  // namespace
