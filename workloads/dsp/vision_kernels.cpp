@@ -95,12 +95,28 @@ Call make_feature_detect(Session& session, const Workload& workload, std::span<c
   return call;
 }
 
+Call make_optical_flow(Session& session, const Workload& workload, std::span<const Tensor>) {
+  static_assert(vision::OpticalFlow::kWindow == 52, "optical_flow.c has it as a constant");
+  const auto& op = operation_as<vision::OpticalFlow>(workload);
+  Call call = picture_call(session, workload, PIRT_DSP_optical_flow);
+  const std::size_t stride = call.inputs[0].pitch_bytes;
+  const auto height = static_cast<std::size_t>(op.height);
+  constexpr std::size_t kDerivativeBytes = 3 * 2;  // of a pixel
+  constexpr std::size_t kLines = 5 * (4 + 1);      // products; phases and total
+  call.buffers.push_back(session.allocate((height + 1) * stride * kDerivativeBytes,
+                                          "the derivatives of optical_flow"));
+  call.buffers.push_back(
+      session.allocate(kLines * (stride / 4 + 64) * 4, "the sums of optical_flow"));
+  return call;
+}
+
 constexpr std::array kKernels = {
     KernelEntry{"gaussian_blur", too_small, make_gaussian_blur},
     KernelEntry{"sobel", too_small, make_sobel},
     KernelEntry{"filter7x7", too_small, make_filter7x7},
     KernelEntry{"undistort", too_small, make_undistort},
     KernelEntry{"feature_detect", too_small, make_feature_detect},
+    KernelEntry{"optical_flow", too_small, make_optical_flow},
 };
 
 }  // namespace

@@ -1,14 +1,15 @@
 /* filter7x7: correlation with 49 weights of 8 bits, halves to the even neighbour, reflect-101.
  *
- * Sums need 32 bits: products of four bytes at a time, eight columns of weights of which the last is
- * 0. Each output row takes seven rows anew, since neither their 21 vectors nor the sums of the seven
- * output rows that an input row goes into would stay in registers. */
+ * Sums need 32 bits: products of four bytes at a time, eight columns of weights of which the last
+ * is 0. Each output row takes seven rows anew, since neither their 21 vectors nor the sums of the
+ * seven output rows that an input row goes into would stay in registers. */
 #include "workloads/dsp/program/hvx.h"
 #include "workloads/dsp/program/kernel.h"
 
 enum { kSize = 7, kRadius = 3 };
 
-/* Sums of 128 columns, less 2^15: 4i and 4i + 2 in the first pair, 4i + 1 and 4i + 3 in the other. */
+/* Sums of 128 columns, less 2^15: 4i and 4i + 2 in the first pair, 4i + 1 and 4i + 3 in the other.
+ */
 typedef struct {
   HVX_VectorPair even, odd;
 } Sums;
@@ -26,14 +27,15 @@ INLINE Sums add_row(Sums sums, RowPart part, int32_t weights_0_3, int32_t weight
   return sums;
 }
 
-/* 16 bits hold what is left of 2^15 after a saturation that changes no result: what is cut off gives
- * 0 or 255 either way. */
+/* 16 bits hold what is left of 2^15 after a saturation that changes no result: what is cut off
+ * gives 0 or 255 either way. */
 INLINE HVX_VectorPair narrowed(Sums sums) {
   return Q6_W_vcombine_VV(Q6_Vh_vsat_VwVw(Q6_V_hi_W(sums.odd), Q6_V_lo_W(sums.odd)),
                           Q6_Vh_vsat_VwVw(Q6_V_hi_W(sums.even), Q6_V_lo_W(sums.even)));
 }
 
-/* A sum s rounds to (s + 127 + bit 8 of s) >> 8, which is a half up where the result would be odd. */
+/* A sum s rounds to (s + 127 + bit 8 of s) >> 8, which is a half up where the result would be odd.
+ */
 INLINE HVX_Vector half_even(HVX_Vector sums) {
   const HVX_Vector odd = Q6_Vuh_vlsr_VuhR(Q6_V_vand_VV(sums, Q6_V_vsplat_R(0x01000100)), 8);
   return Q6_Vh_vadd_VhVh_sat(sums, Q6_Vh_vadd_VhVh(odd, Q6_V_vsplat_R(0x007f007f)));
@@ -45,8 +47,8 @@ INLINE HVX_Vector rounded(HVX_VectorPair sums) {
   return Q6_V_vxor_VV(bytes, Q6_V_vsplat_R((int32_t)0x80808080)); /* the 2^15 again */
 }
 
-INLINE HVX_VectorPair filter(const uint8_t *const rows[kSize], const Strip *strip,
-                             const int32_t *weights) {
+INLINE HVX_VectorPair filter(const uint8_t* const rows[kSize], const Strip* strip,
+                             const int32_t* weights) {
   const HVX_Vector offset = Q6_V_vsplat_R(-32768);
   const HVX_VectorPair offsets = Q6_W_vcombine_VV(offset, offset);
   Sums sums = {offsets, offsets};
@@ -57,14 +59,14 @@ INLINE HVX_VectorPair filter(const uint8_t *const rows[kSize], const Strip *stri
   return narrowed(sums);
 }
 
-INLINE void filter_strip(Strip strip, const uint8_t *in, uint8_t *out, const int32_t *weights,
+INLINE void filter_strip(Strip strip, const uint8_t* in, uint8_t* out, const int32_t* weights,
                          int height, int stride) {
-  const uint8_t *rows[kSize];
+  const uint8_t* rows[kSize];
   Rows all = {in, -kRadius, height, stride};
 #pragma clang loop unroll(full)
   for (int j = 0; j < kSize; ++j) rows[j] = next_row(&all);
   HVX_VectorPair sums = filter(rows, &strip, weights);
-  uint8_t *to = out + strip.x;
+  uint8_t* to = out + strip.x;
   /* A row is rounded while the next one is summed up; the last round sums for nothing. */
 #pragma clang loop unroll(disable)
   for (int y = 0; y < height; ++y) {
@@ -79,9 +81,9 @@ INLINE void filter_strip(Strip strip, const uint8_t *in, uint8_t *out, const int
 
 /* buffers: in u8 [height, stride], out alike; values: width >= 8, height >= 8, stride, then the
  * weights row by row: bytes 0 to 3 and 4 to 6 of each, the 8th byte 0. */
-void pirt_dsp_filter7x7(const KernelArguments *arguments) {
-  const uint8_t *in = arguments->buffers[0];
-  uint8_t *out = arguments->buffers[1];
+void pirt_dsp_filter7x7(const KernelArguments* arguments) {
+  const uint8_t* in = arguments->buffers[0];
+  uint8_t* out = arguments->buffers[1];
   const int width = arguments->values[0];
   const int height = arguments->values[1];
   const int stride = arguments->values[2];

@@ -18,7 +18,7 @@ typedef struct {
   HVX_VectorPair row, two, three, four; /* sums of the last one, two, ... rows' */
 } Column;
 
-INLINE HVX_VectorPair step(Column *column, HVX_VectorPair row) {
+INLINE HVX_VectorPair step(Column* column, HVX_VectorPair row) {
   const HVX_VectorPair two = Q6_Wh_vadd_WhWh(row, column->row);
   const HVX_VectorPair three = Q6_Wh_vadd_WhWh(two, column->two);
   const HVX_VectorPair four = Q6_Wh_vadd_WhWh(three, column->three);
@@ -34,23 +34,23 @@ INLINE HVX_Vector rounded(HVX_VectorPair sum) {
   return Q6_Vb_vshuffo_VbVb(Q6_V_hi_W(sum), Q6_V_lo_W(sum));
 }
 
-/* One row is loaded, the one above it filtered along, and the one above that added to its column at a
- * time: three independent works, whose instructions share packets. The last first, so that each finds
- * what the one before it left in the round before. */
+/* One row is loaded, the one above it filtered along, and the one above that added to its column at
+ * a time: three independent works, whose instructions share packets. The last first, so that each
+ * finds what the one before it left in the round before. */
 typedef struct {
   Column column;
   HVX_VectorPair filtered;
   RowPart loaded;
 } Pipeline;
 
-INLINE HVX_VectorPair advance(Pipeline *pipeline, const uint8_t *row, const Strip *strip) {
+INLINE HVX_VectorPair advance(Pipeline* pipeline, const uint8_t* row, const Strip* strip) {
   const HVX_VectorPair sum = step(&pipeline->column, pipeline->filtered);
   pipeline->filtered = along(pipeline->loaded);
   pipeline->loaded = load_row_part(row, strip);
   return sum;
 }
 
-INLINE void blur_strip(Strip strip, const uint8_t *in, uint8_t *out, int height, int stride) {
+INLINE void blur_strip(Strip strip, const uint8_t* in, uint8_t* out, int height, int stride) {
   enum { kAhead = 2 + 2 }; /* rows of the filter and of the pipeline */
   Rows rows = {in, -2, height, stride};
   Pipeline pipeline;
@@ -61,8 +61,8 @@ INLINE void blur_strip(Strip strip, const uint8_t *in, uint8_t *out, int height,
                              pipeline.filtered}; /* of no consequence after four rows */
   for (int i = 0; i < 4; ++i) advance(&pipeline, next_row(&rows), &strip);
 
-  const uint8_t *row = in + kAhead * stride;
-  uint8_t *to = out + strip.x;
+  const uint8_t* row = in + kAhead * stride;
+  uint8_t* to = out + strip.x;
 #pragma clang loop unroll(disable)
   for (int y = kAhead; y < height; ++y) {
     store(to, rounded(advance(&pipeline, row, &strip)));
@@ -78,9 +78,9 @@ INLINE void blur_strip(Strip strip, const uint8_t *in, uint8_t *out, int height,
 }
 
 /* buffers: in u8 [height, stride], out alike; values: width >= 8, height >= 8, stride. */
-void pirt_dsp_gaussian_blur(const KernelArguments *arguments) {
-  const uint8_t *in = arguments->buffers[0];
-  uint8_t *out = arguments->buffers[1];
+void pirt_dsp_gaussian_blur(const KernelArguments* arguments) {
+  const uint8_t* in = arguments->buffers[0];
+  uint8_t* out = arguments->buffers[1];
   const int width = arguments->values[0];
   const int height = arguments->values[1];
   const int stride = arguments->values[2];

@@ -1,8 +1,8 @@
 /* What the HVX kernels share: types, and pictures in strips of one vector.
  *
- * A picture's rows begin at multiples of 128 bytes. A strip is 128 columns from the top to the bottom
- * of a picture: a kernel walks down one after the other, so that what it computed of a row serves the
- * rows below from registers. Borders are made in registers, too. */
+ * A picture's rows begin at multiples of 128 bytes. A strip is 128 columns from the top to the
+ * bottom of a picture: a kernel walks down one after the other, so that what it computed of a row
+ * serves the rows below from registers. Borders are made in registers, too. */
 #ifndef PIRT_DSP_HVX_H
 #define PIRT_DSP_HVX_H
 
@@ -21,11 +21,9 @@ enum { kVector = 128 };
 
 typedef int HVX_Unaligned __attribute__((__vector_size__(128), aligned(1)));
 
-INLINE HVX_Vector load(const void *p) { return *(const HVX_Vector *)p; }
-INLINE void store(void *p, HVX_Vector v) { *(HVX_Vector *)p = v; }
-INLINE HVX_Vector load_unaligned(const void *p) {
-  return (HVX_Vector) * (const HVX_Unaligned *)p;
-}
+INLINE HVX_Vector load(const void* p) { return *(const HVX_Vector*)p; }
+INLINE void store(void* p, HVX_Vector v) { *(HVX_Vector*)p = v; }
+INLINE HVX_Vector load_unaligned(const void* p) { return (HVX_Vector) * (const HVX_Unaligned*)p; }
 
 /* A byte in each byte of a word. */
 INLINE int32_t bytes4(int a, int b, int c, int d) {
@@ -67,20 +65,20 @@ INLINE Strip make_strip(int x, int width, StripEdges edges) {
   return strip;
 }
 
-/* Three neighbouring vectors of a row: the strip's, with what is beyond the picture mirrored without
- * the edge pixel (gfedcba|bcdefg...). kReach columns at each side mean something, where the picture
- * is wider than that. */
+/* Three neighbouring vectors of a row: the strip's, with what is beyond the picture mirrored
+ * without the edge pixel (gfedcba|bcdefg...). kReach columns at each side mean something, where the
+ * picture is wider than that. */
 typedef struct {
   HVX_Vector before, here, after;
 } RowPart;
 
-INLINE RowPart load_row_part(const uint8_t *row, const Strip *strip) {
-  const uint8_t *at = row + strip->x;
+INLINE RowPart load_row_part(const uint8_t* row, const Strip* strip) {
+  const uint8_t* at = row + strip->x;
   RowPart part = {load(strip->edges.left ? at : at - kVector), load(at), load(at + kVector)};
   /* before[j] is column j - 128, mirrored 128 - j = 1 + (127 - j) */
   if (strip->edges.left) part.before = reversed(load_unaligned(row + 1));
   if (strip->edges.right) {
-    const uint8_t *mirror = row + strip->mirror;
+    const uint8_t* mirror = row + strip->mirror;
     part.here = Q6_V_vmux_QVV(strip->here, part.here, reversed(load_unaligned(mirror)));
     part.after =
         Q6_V_vmux_QVV(strip->after, part.after, reversed(load_unaligned(mirror - kVector)));
@@ -96,30 +94,30 @@ INLINE int mirrored(int y, int height) {
 
 /* A picture's rows from top to bottom, mirrored at both ends. */
 typedef struct {
-  const uint8_t *picture;
+  const uint8_t* picture;
   int y, height, stride;
 } Rows;
 
-INLINE const uint8_t *next_row(Rows *rows) {
+INLINE const uint8_t* next_row(Rows* rows) {
   return rows->picture + mirrored(rows->y++, rows->height) * rows->stride;
 }
 
 /* Calls walk(strip, context...) for each strip, with constant edges. */
-#define FOR_EACH_STRIP(width, walk, ...)                                \
-  do {                                                                  \
-    const int inner_ = (width)-kVector - kReach;                        \
-    if (inner_ < 0) {                                                   \
-      walk(make_strip(0, width, (StripEdges){1, 1}), __VA_ARGS__);      \
-    } else {                                                            \
-      walk(make_strip(0, width, (StripEdges){1, 0}), __VA_ARGS__);      \
-    }                                                                   \
-    int x_ = kVector;                                                   \
-    for (; x_ <= inner_; x_ += kVector) {                               \
-      walk(make_strip(x_, width, (StripEdges){0, 0}), __VA_ARGS__);     \
-    }                                                                   \
-    for (; x_ < (width); x_ += kVector) {                               \
-      walk(make_strip(x_, width, (StripEdges){0, 1}), __VA_ARGS__);     \
-    }                                                                   \
+#define FOR_EACH_STRIP(width, walk, ...)                            \
+  do {                                                              \
+    const int inner_ = (width)-kVector - kReach;                    \
+    if (inner_ < 0) {                                               \
+      walk(make_strip(0, width, (StripEdges){1, 1}), __VA_ARGS__);  \
+    } else {                                                        \
+      walk(make_strip(0, width, (StripEdges){1, 0}), __VA_ARGS__);  \
+    }                                                               \
+    int x_ = kVector;                                               \
+    for (; x_ <= inner_; x_ += kVector) {                           \
+      walk(make_strip(x_, width, (StripEdges){0, 0}), __VA_ARGS__); \
+    }                                                               \
+    for (; x_ < (width); x_ += kVector) {                           \
+      walk(make_strip(x_, width, (StripEdges){0, 1}), __VA_ARGS__); \
+    }                                                               \
   } while (0)
 
 #endif

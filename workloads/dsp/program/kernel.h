@@ -6,11 +6,11 @@
 
 /* A command's buffers as addresses, its values as they came. */
 typedef struct {
-  void *buffers[8];
-  const int32_t *values;
+  void* buffers[8];
+  const int32_t* values;
 } KernelArguments;
 
-#define PIRT_DSP_KERNEL(name) void pirt_dsp_##name(const KernelArguments *arguments);
+#define PIRT_DSP_KERNEL(name) void pirt_dsp_##name(const KernelArguments* arguments);
 #include "workloads/dsp/kernels.inc"
 #undef PIRT_DSP_KERNEL
 

@@ -1,5 +1,6 @@
-/* The Hexagon program: waits for commands and runs kernels. No C library: three system calls of Linux
- * and what the compiler calls by itself. It never spins: between commands it sleeps in read(). */
+/* The Hexagon program: waits for commands and runs kernels. No C library: three system calls of
+ * Linux and what the compiler calls by itself. It never spins: between commands it sleeps in
+ * read(). */
 #include <stddef.h>
 #include <stdint.h>
 
@@ -26,8 +27,8 @@ static int32_t system_call(int32_t number, int32_t a, int32_t b, int32_t c, int3
   return r0;
 }
 
-void *memset(void *to, int value, size_t bytes) {
-  uint8_t *p = to;
+void* memset(void* to, int value, size_t bytes) {
+  uint8_t* p = to;
   for (size_t i = 0; i < bytes; ++i) {
     p[i] = (uint8_t)value;
     __asm__ volatile("" ::: "memory"); /* or the loop becomes a call of itself */
@@ -35,9 +36,9 @@ void *memset(void *to, int value, size_t bytes) {
   return to;
 }
 
-void *memcpy(void *to, const void *from, size_t bytes) {
-  uint8_t *p = to;
-  const uint8_t *q = from;
+void* memcpy(void* to, const void* from, size_t bytes) {
+  uint8_t* p = to;
+  const uint8_t* q = from;
   for (size_t i = 0; i < bytes; ++i) {
     p[i] = q[i];
     __asm__ volatile("" ::: "memory");
@@ -45,10 +46,10 @@ void *memcpy(void *to, const void *from, size_t bytes) {
   return to;
 }
 
-static uint8_t *mapping;
+static uint8_t* mapping;
 static uint32_t mapping_bytes;
 
-static PirtDspReply map_shared(const PirtDspCommand *command) {
+static PirtDspReply map_shared(const PirtDspCommand* command) {
   PirtDspReply reply = {command->serial, PIRT_DSP_OK, 0};
   const int32_t bytes = command->values[0];
   const int32_t address =
@@ -57,15 +58,15 @@ static PirtDspReply map_shared(const PirtDspCommand *command) {
     reply.status = PIRT_DSP_NOT_MAPPED;
     reply.detail = (uint32_t)-address;
   } else {
-    mapping = (uint8_t *)address;
+    mapping = (uint8_t*)address;
     mapping_bytes = (uint32_t)bytes;
   }
   return reply;
 }
 
-typedef void (*Kernel)(const KernelArguments *);
+typedef void (*Kernel)(const KernelArguments*);
 
-static PirtDspReply run_kernel(const PirtDspCommand *command) {
+static PirtDspReply run_kernel(const PirtDspCommand* command) {
   static const Kernel kernels[] = {
       NULL,
 #define PIRT_DSP_KERNEL(name) pirt_dsp_##name,
@@ -83,7 +84,7 @@ static PirtDspReply run_kernel(const PirtDspCommand *command) {
     return reply;
   }
   for (uint32_t i = 0; i < PIRT_DSP_MAX_BUFFERS; ++i) {
-    const PirtDspBuffer *buffer = &command->buffers[i];
+    const PirtDspBuffer* buffer = &command->buffers[i];
     if (buffer->offset > mapping_bytes || buffer->bytes > mapping_bytes - buffer->offset) {
       reply.status = PIRT_DSP_OUTSIDE_MAPPING;
       reply.detail = i;

@@ -21,10 +21,10 @@ INLINE Filtered along(RowPart part) {
 }
 
 typedef struct {
-  Filtered row;             /* the last one */
-  HVX_VectorPair slopes;    /* of the last two */
-  HVX_VectorPair mean;      /* of the one before the last */
-  Filtered filtered;        /* what is added next; see gaussian_blur.c */
+  Filtered row;          /* the last one */
+  HVX_VectorPair slopes; /* of the last two */
+  HVX_VectorPair mean;   /* of the one before the last */
+  Filtered filtered;     /* what is added next; see gaussian_blur.c */
   RowPart loaded;
 } Pipeline;
 
@@ -32,7 +32,7 @@ typedef struct {
   HVX_VectorPair x, y;
 } Gradients;
 
-INLINE Gradients advance(Pipeline *pipeline, const uint8_t *row, const Strip *strip) {
+INLINE Gradients advance(Pipeline* pipeline, const uint8_t* row, const Strip* strip) {
   const Filtered now = pipeline->filtered;
   const HVX_VectorPair slopes = Q6_Wh_vadd_WhWh(now.slope, pipeline->row.slope);
   const Gradients gradients = {Q6_Wh_vadd_WhWh(slopes, pipeline->slopes),
@@ -46,13 +46,13 @@ INLINE Gradients advance(Pipeline *pipeline, const uint8_t *row, const Strip *st
 }
 
 /* 128 columns in their order. */
-INLINE void store_row(int16_t *to, HVX_VectorPair values) {
+INLINE void store_row(int16_t* to, HVX_VectorPair values) {
   const HVX_VectorPair ordered = Q6_W_vshuff_VVR(Q6_V_hi_W(values), Q6_V_lo_W(values), -2);
   store(to, Q6_V_lo_W(ordered));
   store(to + 64, Q6_V_hi_W(ordered));
 }
 
-INLINE void sobel_strip(Strip strip, const uint8_t *in, int16_t *out_x, int16_t *out_y, int height,
+INLINE void sobel_strip(Strip strip, const uint8_t* in, int16_t* out_x, int16_t* out_y, int height,
                         int stride) {
   enum { kAhead = 1 + 2 }; /* rows of the filter and of the pipeline */
   Rows rows = {in, -1, height, stride};
@@ -64,9 +64,9 @@ INLINE void sobel_strip(Strip strip, const uint8_t *in, int16_t *out_x, int16_t 
   pipeline.slopes = pipeline.mean = pipeline.filtered.slope;
   for (int i = 0; i < 2; ++i) advance(&pipeline, next_row(&rows), &strip);
 
-  const uint8_t *row = in + kAhead * stride;
-  int16_t *to_x = out_x + strip.x;
-  int16_t *to_y = out_y + strip.x;
+  const uint8_t* row = in + kAhead * stride;
+  int16_t* to_x = out_x + strip.x;
+  int16_t* to_y = out_y + strip.x;
 #pragma clang loop unroll(disable)
   for (int y = 0; y < height; ++y) {
     const Gradients gradients = advance(&pipeline, row, &strip);
@@ -80,10 +80,10 @@ INLINE void sobel_strip(Strip strip, const uint8_t *in, int16_t *out_x, int16_t 
 }
 
 /* buffers: in u8 [height, stride], gx and gy i16 alike; values: width >= 8, height >= 8, stride. */
-void pirt_dsp_sobel(const KernelArguments *arguments) {
-  const uint8_t *in = arguments->buffers[0];
-  int16_t *out_x = arguments->buffers[1];
-  int16_t *out_y = arguments->buffers[2];
+void pirt_dsp_sobel(const KernelArguments* arguments) {
+  const uint8_t* in = arguments->buffers[0];
+  int16_t* out_x = arguments->buffers[1];
+  int16_t* out_y = arguments->buffers[2];
   const int width = arguments->values[0];
   const int height = arguments->values[1];
   const int stride = arguments->values[2];

@@ -1,9 +1,10 @@
 /* undistort: bilinear along a map that is known beforehand.
  *
- * HVX of this generation cannot gather from memory, but it looks up 128 bytes at a time in a table of
- * 32. The host has cut the picture into tiles of 16x8 pixels, each of which comes from a window of 32
- * columns and at most 16 rows of the source: each row of the window is one such table. The source lies
- * within zeros, so that nothing is outside. */
+ * HVX of this generation cannot gather from memory, but it looks up 128 bytes at a time in a table
+ * of
+ * 32. The host has cut the picture into tiles of 16x8 pixels, each of which comes from a window of
+ * 32 columns and at most 16 rows of the source: each row of the window is one such table. The
+ * source lies within zeros, so that nothing is outside. */
 #include "workloads/dsp/program/hvx.h"
 #include "workloads/dsp/program/kernel.h"
 #include "workloads/dsp/undistort_plan.h"
@@ -11,9 +12,9 @@
 /* Rows of the window whose tables a vector has, and how many make the 8 bits of an index. */
 enum { kTables = 4, kHalf = 8 };
 
-/* Four rows' tables: one after the other, then shuffled as vlut32 wants them. Row i is loaded from as
- * far before its begin as its table's place is. */
-INLINE HVX_Vector load_tables(const uint8_t *window, int stride) {
+/* Four rows' tables: one after the other, then shuffled as vlut32 wants them. Row i is loaded from
+ * as far before its begin as its table's place is. */
+INLINE HVX_Vector load_tables(const uint8_t* window, int stride) {
   const HVX_Vector row_0 = load_unaligned(window);
   const HVX_Vector row_1 = load_unaligned(window + stride - 32);
   const HVX_Vector row_2 = load_unaligned(window + 2 * stride - 64);
@@ -54,7 +55,7 @@ INLINE Neighbours indices(HVX_Vector index) {
   return next;
 }
 
-INLINE Neighbours fetch(const uint8_t *window, int stride, int rows, HVX_Vector index,
+INLINE Neighbours fetch(const uint8_t* window, int stride, int rows, HVX_Vector index,
                         HVX_Vector flags) {
   const Neighbours wanted = indices(index);
   const HVX_Vector tables_0_3 = load_tables(window, stride);
@@ -106,9 +107,9 @@ INLINE HVX_Vector interpolate(Neighbours p, HVX_Vector fx, HVX_Vector fy) {
   return Q6_Vb_vshuffe_VbVb(halves[1], halves[0]);
 }
 
-/* Exchanges blocks of `bytes` between two vectors: the second ones of the first with the first ones of
- * the second. */
-INLINE void exchange(HVX_Vector *a, HVX_Vector *b, int bytes) {
+/* Exchanges blocks of `bytes` between two vectors: the second ones of the first with the first ones
+ * of the second. */
+INLINE void exchange(HVX_Vector* a, HVX_Vector* b, int bytes) {
   const HVX_VectorPair both = Q6_W_vshuff_VVR(*b, *a, bytes);
   *a = Q6_V_lo_W(both);
   *b = Q6_V_hi_W(both);
@@ -127,13 +128,13 @@ INLINE void tiles_to_rows(HVX_Vector v[8]) {
 }
 
 /* buffers: source u8 [.., source stride] with what is outside as zeros, out u8 [height, stride],
- * PirtDspTile [tiles], tiles' vectors (index, fx, fy with flags) u8 [tiles, 3, 128]; tiles eight in a
- * row, rows of them from top to bottom; values: height, stride, source stride. */
-void pirt_dsp_undistort(const KernelArguments *arguments) {
-  const uint8_t *source = arguments->buffers[0];
-  uint8_t *out = arguments->buffers[1];
-  const PirtDspTile *tile = arguments->buffers[2];
-  const uint8_t *vectors = arguments->buffers[3];
+ * PirtDspTile [tiles], tiles' vectors (index, fx, fy with flags) u8 [tiles, 3, 128]; tiles eight in
+ * a row, rows of them from top to bottom; values: height, stride, source stride. */
+void pirt_dsp_undistort(const KernelArguments* arguments) {
+  const uint8_t* source = arguments->buffers[0];
+  uint8_t* out = arguments->buffers[1];
+  const PirtDspTile* tile = arguments->buffers[2];
+  const uint8_t* vectors = arguments->buffers[3];
   const int height = arguments->values[0];
   const int stride = arguments->values[1];
   const int source_stride = arguments->values[2];
@@ -143,13 +144,13 @@ void pirt_dsp_undistort(const KernelArguments *arguments) {
 #pragma clang loop unroll(disable)
       for (int i = 0; i < 8; ++i, ++tile, vectors += 3 * kVector) {
         const HVX_Vector flags = load(vectors + 2 * kVector);
-        const Neighbours found = fetch(source + tile->window, source_stride, tile->rows,
-                                       load(vectors), flags);
+        const Neighbours found =
+            fetch(source + tile->window, source_stride, tile->rows, load(vectors), flags);
         results[i] = interpolate(found, load(vectors + kVector),
                                  Q6_V_vand_VV(flags, Q6_V_vsplat_R(0x1f1f1f1f)));
       }
       tiles_to_rows(results);
-      uint8_t *to = out + y * stride + x;
+      uint8_t* to = out + y * stride + x;
       const int rows = height - y < PIRT_DSP_TILE_HEIGHT ? height - y : PIRT_DSP_TILE_HEIGHT;
       for (int i = 0; i < rows; ++i, to += stride) store(to, results[i]);
     }
