@@ -24,17 +24,11 @@ class CountedClock : public Clock {
   Nanos now_{0};
 };
 
-const dsp::KernelEntry* find_kernel(std::string_view name) {
-  const auto table = dsp::vision_kernels();
-  const auto it = std::ranges::find(table, name, &dsp::KernelEntry::kernel);
-  return it == table.end() ? nullptr : &*it;
-}
-
 Support support_of(const Workload& workload) {
   if (workload.variant == "map") {
     return {false, "backend dsp shares its memory with the host as it is: nothing to map"};
   }
-  const auto* const entry = find_kernel(workload.kernel);
+  const auto* const entry = dsp::find_kernel(workload.kernel);
   if (entry == nullptr) return {false, "backend dsp has no kernel '" + workload.kernel + "'"};
   const std::string fault = entry->fault(workload);
   return {fault.empty(), fault};
@@ -59,7 +53,7 @@ class DspKernel : public Kernel {
 
   std::optional<Nanos> execute(int repeats) override {
     for (int i = 0; i < repeats; ++i) {
-      const auto cost = session_->run(call_.kernel, call_.buffers, call_.values, call_.name);
+      const auto cost = dsp::run(*session_, call_);
       clock_.advance(model_.without_stalls(cost));
     }
     return std::nullopt;
@@ -106,7 +100,7 @@ class DspDevice : public Device {
   [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload& workload,
                                                     std::span<const Tensor> parameters) override {
     if (session_.use_count() == 1) session_->free_all();  // of kernels that are gone
-    auto call = find_kernel(workload.kernel)->make(*session_, workload, parameters);
+    auto call = dsp::find_kernel(workload.kernel)->make(*session_, workload, parameters);
     return std::make_unique<DspKernel>(session_, std::move(call), model_, clock_);
   }
 

@@ -37,6 +37,8 @@ struct KernelEntry {
 };
 
 [[nodiscard]] std::span<const KernelEntry> vision_kernels();
+/// The entry for Workload::kernel; null if there is none.
+[[nodiscard]] const KernelEntry* find_kernel(std::string_view kernel);
 [[nodiscard]] Call make_undistort(Session& session, const Workload& workload,
                                   std::span<const Tensor> parameters);
 
@@ -45,6 +47,9 @@ struct KernelEntry {
 [[nodiscard]] Resident make_picture(Session& session, const TensorSpec& tensor);
 /// Room for any tensor, as it is.
 [[nodiscard]] Resident make_dense(Session& session, const TensorSpec& tensor);
+
+/// Makes a call on what is resident.
+Cost run(Session& session, const Call& call);
 
 void copy_in(Session& session, const Resident& to, std::span<const std::byte> from);
 void copy_out(const Session& session, const Resident& from, std::span<std::byte> to);

@@ -19,6 +19,10 @@ Resident make_dense(Session& session, const TensorSpec& tensor) {
   return {session.allocate(bytes, tensor.describe()), 1, bytes, bytes};
 }
 
+Cost run(Session& session, const Call& call) {
+  return session.run(call.kernel, call.buffers, call.values, call.name);
+}
+
 void copy_in(Session& session, const Resident& to, std::span<const std::byte> from) {
   assert(from.size() == to.rows * to.row_bytes);
   std::byte* const at = session.bytes(to.buffer).data();

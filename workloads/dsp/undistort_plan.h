@@ -20,4 +20,10 @@ typedef struct {
 #define PIRT_DSP_FLAG_HERE 0x80
 #define PIRT_DSP_FLAG_BELOW 0x40
 
+/* What the scalar twin has in place of tiles. */
+typedef struct {
+  int32_t offset; /* from the source buffer's begin to the upper left of the four pixels */
+  int16_t fx, fy;
+} PirtDspMapEntry;
+
 #endif

@@ -15,6 +15,8 @@ typedef int HVX_VectorPair __attribute__((__vector_size__(256), aligned(128)));
 typedef int HVX_VectorPred __attribute__((__vector_size__(128), aligned(128)));
 #include <hvx_hexagon_protos.h>
 
+#include "workloads/dsp/program/picture.h"
+
 #define INLINE static inline __attribute__((always_inline))
 
 enum { kVector = 128 };
@@ -84,12 +86,6 @@ INLINE RowPart load_row_part(const uint8_t* row, const Strip* strip) {
         Q6_V_vmux_QVV(strip->after, part.after, reversed(load_unaligned(mirror - kVector)));
   }
   return part;
-}
-
-/* The row that mirroring without the edge row means by y. */
-INLINE int mirrored(int y, int height) {
-  if (y < 0) y = -y;
-  return y < height ? y : 2 * (height - 1) - y;
 }
 
 /* A picture's rows from top to bottom, mirrored at both ends. */

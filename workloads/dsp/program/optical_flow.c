@@ -15,8 +15,6 @@ enum {
   kBlock = 4 * kWords
 };
 
-INLINE int clamped(int y, int height) { return y < 0 ? 0 : y < height ? y : height - 1; }
-
 /* ----------------------------------------------------------------------------------- derivatives
  */
 
