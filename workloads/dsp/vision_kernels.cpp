@@ -54,6 +54,10 @@ Call make_filter7x7(Session& session, const Workload& workload,
   constexpr int kSize = vision::Filter7x7::kSize;
   static_assert(kSize == 7 && vision::Filter7x7::kShift == 8, "filter7x7.c has them as constants");
   Call call = picture_call(session, workload, PIRT_DSP_filter7x7);
+  const auto& op = operation_as<vision::Filter7x7>(workload);
+  const std::size_t bordered = (static_cast<std::size_t>(op.height) + kSize - 1) *
+                               (call.inputs[0].pitch_bytes + 2 * PIRT_DSP_ALIGNMENT);
+  call.buffers.push_back(session.allocate(bordered, "the bordered picture of convolution"));
   const auto weights = parameters[0].as<std::int16_t>();
   for (std::size_t row = 0; row < kSize; ++row) {
     std::array<std::int8_t, 8> bytes{};

@@ -14,12 +14,23 @@ typedef struct {
   HVX_VectorPair even, odd;
 } Sums;
 
-INLINE Sums add_row(Sums sums, RowPart part, int32_t weights_0_3, int32_t weights_4_7) {
-  const HVX_Vector at_0 = Q6_V_vlalign_VVR(part.here, part.before, kRadius);
-  const HVX_Vector at_4 = Q6_V_valign_VVR(part.after, part.here, 4 - kRadius);
-  const HVX_Vector at_8 = Q6_V_valign_VVR(part.after, part.here, 8 - kRadius);
-  const HVX_VectorPair near = Q6_W_vcombine_VV(at_4, at_0);
-  const HVX_VectorPair far = Q6_W_vcombine_VV(at_8, at_4);
+/* A row from columns x - 3, x + 1 and x + 5 on. */
+typedef struct {
+  HVX_Vector at_0, at_4, at_8;
+} Shifted;
+
+INLINE Shifted load_shifted(const uint8_t* at) {
+  const HVX_Vector here = load(at);
+  const HVX_Vector after = load(at + kVector);
+  const Shifted row = {Q6_V_vlalign_VVR(here, load(at - kVector), kRadius),
+                       Q6_V_valign_VVR(after, here, 4 - kRadius),
+                       Q6_V_valign_VVR(after, here, 8 - kRadius)};
+  return row;
+}
+
+INLINE Sums add_row(Sums sums, Shifted row, int32_t weights_0_3, int32_t weights_4_7) {
+  const HVX_VectorPair near = Q6_W_vcombine_VV(row.at_4, row.at_0);
+  const HVX_VectorPair far = Q6_W_vcombine_VV(row.at_8, row.at_4);
   sums.even = Q6_Ww_vrmpyacc_WwWubRbI(sums.even, near, weights_0_3, 0);
   sums.odd = Q6_Ww_vrmpyacc_WwWubRbI(sums.odd, near, weights_0_3, 1);
   sums.even = Q6_Ww_vrmpyacc_WwWubRbI(sums.even, far, weights_4_7, 0);
@@ -47,47 +58,77 @@ INLINE HVX_Vector rounded(HVX_VectorPair sums) {
   return Q6_V_vxor_VV(bytes, Q6_V_vsplat_R((int32_t)0x80808080)); /* the 2^15 again */
 }
 
-INLINE HVX_VectorPair filter(const uint8_t* const rows[kSize], const Strip* strip,
-                             const int32_t* weights) {
+/* The picture with kRadius rows above and below and a vector at each side, what is mirrored there
+ * included: the loop that multiplies knows no borders. */
+static void make_bordered(const uint8_t* in, uint8_t* to, int width, int height, int stride) {
+  for (int y = -kRadius; y < height + kRadius; ++y) {
+    const uint8_t* row = in + mirrored(y, height) * stride;
+    store(to, reversed(load_unaligned(row + 1)));
+    to += kVector;
+    int x = 0;
+    for (; x + kVector <= width; x += kVector, to += kVector) store(to, load(row + x));
+    if (x < width) {
+      const Strip last = make_strip(x, width, (StripEdges){0, 1});
+      const RowPart part = load_row_part(row, &last);
+      store(to, part.here);
+      to += kVector;
+      store(to, part.after);
+    } else {
+      store(to, reversed(load_unaligned(row + 2 * (width - 1) - x - (kVector - 1))));
+    }
+    to += kVector;
+  }
+}
+
+/* 128 columns of a row from the seven around it. The first of them was loaded in the row before, so
+ * that there is something to multiply at once; the next one's is left in its place. */
+INLINE HVX_VectorPair filter(const uint8_t* at, int stride, const int32_t* weights,
+                             Shifted* first_row) {
   const HVX_Vector offset = Q6_V_vsplat_R(-32768);
   const HVX_VectorPair offsets = Q6_W_vcombine_VV(offset, offset);
   Sums sums = {offsets, offsets};
+  sums = add_row(sums, *first_row, weights[0], weights[1]);
+  *first_row = load_shifted(at + stride);
+  sums = add_row(sums, *first_row, weights[2], weights[3]);
 #pragma clang loop unroll(full)
-  for (int j = 0; j < kSize; ++j) {
-    sums = add_row(sums, load_row_part(rows[j], strip), weights[2 * j], weights[2 * j + 1]);
+  for (int j = 2; j < kSize; ++j) {
+    sums = add_row(sums, load_shifted(at + j * stride), weights[2 * j], weights[2 * j + 1]);
   }
   return narrowed(sums);
 }
 
-INLINE void filter_strip(Strip strip, const uint8_t* in, uint8_t* out, const int32_t* weights,
-                         int height, int stride) {
-  const uint8_t* rows[kSize];
-  Rows all = {in, -kRadius, height, stride};
+static void filter_strip(const uint8_t* at, int stride, uint8_t* to, int to_stride, int height,
+                         const int32_t* packed) {
+  int32_t weights[2 * kSize];
 #pragma clang loop unroll(full)
-  for (int j = 0; j < kSize; ++j) rows[j] = next_row(&all);
-  HVX_VectorPair sums = filter(rows, &strip, weights);
-  uint8_t* to = out + strip.x;
-  /* A row is rounded while the next one is summed up; the last round sums for nothing. */
+  for (int i = 0; i < 2 * kSize; ++i) weights[i] = packed[i];
+  Shifted first_row = load_shifted(at);
+  HVX_VectorPair sums = filter(at, stride, weights, &first_row);
+  /* A row is rounded while the next one is summed up. */
 #pragma clang loop unroll(disable)
-  for (int y = 0; y < height; ++y) {
-#pragma clang loop unroll(full)
-    for (int j = 0; j + 1 < kSize; ++j) rows[j] = rows[j + 1];
-    rows[kSize - 1] = next_row(&all);
+  for (int y = 1; y < height; ++y) {
+    at += stride;
+    const HVX_VectorPair next = filter(at, stride, weights, &first_row);
     store(to, rounded(sums));
-    to += stride;
-    sums = filter(rows, &strip, weights);
+    to += to_stride;
+    sums = next;
   }
+  store(to, rounded(sums));
 }
 
-/* buffers: in u8 [height, stride], out alike; values: width >= 8, height >= 8, stride, then the
- * weights row by row: bytes 0 to 3 and 4 to 6 of each, the 8th byte 0. */
+/* buffers: in u8 [height, stride], out alike, bordered u8 [height + 6, stride + 256]; values: width
+ * >= 8, height >= 8, stride, then the weights row by row: bytes 0 to 3 and 4 to 6 of each, the 8th
+ * byte 0. */
 void pirt_dsp_filter7x7(const KernelArguments* arguments) {
-  const uint8_t* in = arguments->buffers[0];
   uint8_t* out = arguments->buffers[1];
+  uint8_t* bordered = arguments->buffers[2];
   const int width = arguments->values[0];
   const int height = arguments->values[1];
   const int stride = arguments->values[2];
-  int32_t weights[2 * kSize];
-  for (int i = 0; i < 2 * kSize; ++i) weights[i] = arguments->values[3 + i];
-  FOR_EACH_STRIP(width, filter_strip, in, out, weights, height, stride);
+  const int bordered_stride = stride + 2 * kVector;
+  make_bordered(arguments->buffers[0], bordered, width, height, stride);
+  for (int x = 0; x < width; x += kVector) {
+    filter_strip(bordered + kVector + x, bordered_stride, out + x, stride, height,
+                 arguments->values + 3);
+  }
 }
