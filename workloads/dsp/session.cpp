@@ -185,6 +185,8 @@ void Session::start() {
   if (process_ == 0) become(arguments.data(), inherited, self);
   commands_ = std::move(commands.write);
   replies_ = std::move(replies.read);
+  commands.read.close();  // or its end would not be seen
+  replies.write.close();
 
   PirtDspCommand map{};
   map.serial = ++serial_;
