@@ -14,6 +14,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/name_filter.h"
 #include "workloads/catalog.h"
+#include "workloads/dsp/cost_model.h"
 #include "workloads/dsp/kernels.h"
 #include "workloads/dsp/tools.h"
 #include "workloads/dsp/undistort_plan.h"
@@ -42,13 +43,14 @@ void add_map(dsp::Session& session, const Workload& workload, dsp::Call& call) {
   call.values.push_back(op.width);
 }
 
-/// Packets of one call of @p program, whose output is right.
-std::int64_t packets_of(const std::string& program, const Workload& workload, const Data& data,
-                        const std::vector<Tensor>& expected) {
+/// What one call of @p program costs, whose output is right.
+dsp::Cost cost_of(const std::string& program, const Workload& workload, const Data& data,
+                  const std::vector<Tensor>& expected) {
   const auto tools = dsp::find_tools();
   dsp::Session session({.emulator = tools.emulator,
                         .plugin = tools.plugin,
                         .program = tools.program.parent_path() / program,
+                        .models_memory = true,
                         .limit = std::chrono::minutes(5)});
   auto call = dsp::find_kernel(workload.kernel)->make(session, workload, data.parameters);
   if (workload.kernel == "undistort") add_map(session, workload, call);
@@ -64,7 +66,7 @@ std::int64_t packets_of(const std::string& program, const Workload& workload, co
   if (!verdict.ok) {
     throw_environment(fmt::format("{} of {} is wrong: {}", workload.name, program, verdict.detail));
   }
-  return cost.packets;
+  return cost;
 }
 
 /// Goals of the project: packets a pixel at most.
@@ -80,16 +82,23 @@ void print_workload(const Workload& workload) {
   const Data data = workload.make_data({1, images.get()});
   const auto expected = workload.reference(data);
   const auto pixels = static_cast<double>(workload.inputs[0].count());
-  const auto per_pixel = [&](const std::string& program) {
-    return static_cast<double>(packets_of(program, workload, data, expected)) / pixels;
+  const auto cost = [&](const std::string& program) {
+    return cost_of(program, workload, data, expected);
   };
-  const double hvx = per_pixel("pirt_dsp.elf");
-  const double scalar = per_pixel("pirt_dsp_scalar.elf");
-  const double automatic = per_pixel("pirt_dsp_automatic.elf");
+  const auto per_pixel = [&](const dsp::Cost& c) {
+    return static_cast<double>(c.packets) / pixels;
+  };
+  const dsp::CostModel model;
+  const auto hvx = cost("pirt_dsp.elf");
+  const auto scalar = cost("pirt_dsp_scalar.elf");
+  const auto automatic = cost("pirt_dsp_automatic.elf");
   const auto goal = goal_of(workload.name);
-  fmt::print("{:<16} {:>8.4f} {:>6} {:>9.2f} {:>7.1f}x {:>9.2f} {:>7.1f}x\n", workload.name, hvx,
-             goal ? fmt::format("{:.2f}", *goal) : "-", scalar, scalar / hvx, automatic,
-             automatic / hvx);
+  fmt::print(
+      "{:<16} {:>8.4f} {:>6} {:>9.2f} {:>7.1f}x {:>9.2f} {:>7.1f}x {:>9.3f} {:>9.3f} {:>9.2f}\n",
+      workload.name, per_pixel(hvx), goal ? fmt::format("{:.2f}", *goal) : "-", per_pixel(scalar),
+      per_pixel(scalar) / per_pixel(hvx), per_pixel(automatic),
+      per_pixel(automatic) / per_pixel(hvx), to_ms(model.without_stalls(hvx)),
+      to_ms(model.with_memory(hvx)), to_ms(model.without_stalls(scalar)));
   std::fflush(stdout);
 }
 
@@ -99,7 +108,7 @@ int run(const std::string& filter) {
   fmt::print(
       "Packets a pixel (of the first input) of a whole call\n{:<16} {:>8} {:>6} {:>9} {:>8} {:>9} "
       "{:>8}\n",
-      "workload", "HVX", "goal", "scalar", "", "automatic", "");
+      "workload", "HVX", "goal", "scalar", "", "automatic", "", "HVX ms", "+ memory", "scalar ms");
   const NameFilter names(filter);
   for (const Workload& workload : catalog()) {
     const auto* const entry = dsp::find_kernel(workload.kernel);

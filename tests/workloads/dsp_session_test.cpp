@@ -120,6 +120,31 @@ TEST_F(DspSession, RefusesAKernelThatTheProgramHasNot) {
               HasSubstr("has no kernel 'x'"));
 }
 
+// A row of 1024 bytes in and out: 16 lines each, all new, since each command begins with an empty
+// cache; the strips of blur go over them several times.
+TEST_F(DspSession, CountsLinesAndMissesWhereMemoryIsModelled) {
+  options_.models_memory = true;
+  Session session(options_);
+  constexpr std::uint32_t kRows = 8, kColumns = 1024;
+  const std::array buffers = {session.allocate(kRows * kColumns, "in"),
+                              session.allocate(kRows * kColumns, "out")};
+  const std::array<std::int32_t, 3> values = {kColumns, kRows, kColumns};
+  const Cost first = session.run(PIRT_DSP_gaussian_blur, buffers, values, "blur");
+  const Cost second = session.run(PIRT_DSP_gaussian_blur, buffers, values, "blur");
+  constexpr std::int64_t kNeeded = 2 * kRows * kColumns / PIRT_DSP_LINE;
+  EXPECT_GE(first.misses, kNeeded);
+  EXPECT_LE(first.misses, kNeeded + 32) << "stack, and beyond the edges";
+  EXPECT_GT(first.lines, first.misses);
+  EXPECT_EQ(second.misses, first.misses);
+  EXPECT_EQ(second.lines, first.lines);
+  Session plain(test::dsp_session_options());
+  const std::array same = {plain.allocate(kRows * kColumns, "in"),
+                           plain.allocate(kRows * kColumns, "out")};
+  const Cost counted = plain.run(PIRT_DSP_gaussian_blur, same, values, "blur");
+  EXPECT_EQ(counted.packets, first.packets);
+  EXPECT_EQ(counted.lines, 0);
+}
+
 /// Each costs its call: the error names the kernel, the process is gone, the next call is served by
 /// another one, which counts the same.
 void costs_one_call(Session& session, const std::function<void()>& call,

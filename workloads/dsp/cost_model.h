@@ -6,17 +6,28 @@
 
 namespace pirt::dsp {
 
-/// One hardware thread of a Hexagon 680. The barrel of four threads that share the core at 2 GHz
-/// gives each a slot every 2 ns, so that a packet whose results are ready starts every cycle of the
-/// thread.
-/// @source L. Codrescu, Architecture of the Hexagon 680 DSP for mobile imaging and computer vision,
-/// Hot Chips 27 (2015): 4 threads of 500 MHz, two of them with a context of HVX.
+/// One hardware thread of a Hexagon 680.
 struct CostModel {
+  /// Four threads of 500 MHz share the core, so that the results of a packet are ready when the
+  /// thread's next one is due: a packet a cycle, at best.
+  /// @source J. Hruska, Qualcomm's new Hexagon 680 DSP: fast, efficient, shipping with Snapdragon
+  /// 820, ExtremeTech, 25 August 2015, after Qualcomm's talk at Hot Chips 27.
   double clock_hz = 500e6;
 
-  /// What no program can be faster than: each packet a cycle.
+  /// What the DSP gets of the memory while it fetches ahead (l2fetch), which a line that is not in
+  /// the L2 waits for: an assumption, a quarter of the 29.8 GB/s of two 32-bit channels of
+  /// LPDDR4-3733. The L2 of 512 KiB and 8 ways in protocol.h is one, too: no source was found that
+  /// gives the 680's.
+  double memory_bytes_per_s = 29.8e9 / 4;
+
+  /// No stalls: what no program can be faster than. Counted.
   [[nodiscard]] Nanos without_stalls(const Cost& cost) const {
     return from_s(static_cast<double>(cost.packets) / clock_hz);
+  }
+  /// Of a session that models the memory: each line waits, and nothing overlaps. Modelled.
+  [[nodiscard]] Nanos with_memory(const Cost& cost) const {
+    const double missed_bytes = static_cast<double>(cost.misses) * PIRT_DSP_LINE;
+    return without_stalls(cost) + from_s(missed_bytes / memory_bytes_per_s);
   }
 };
 

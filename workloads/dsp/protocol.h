@@ -56,7 +56,8 @@ typedef struct {
 
 typedef struct {
   uint64_t packets;
-  uint64_t lines;  /* of PIRT_DSP_LINE bytes that loads and stores touched, packet by packet */
+  uint64_t
+      lines; /* of PIRT_DSP_LINE bytes that accesses went over to; 0 unless memory is modelled */
   uint64_t misses; /* of these, those that the modelled L2 did not hold */
 } PirtDspCounts;
 
@@ -70,6 +71,9 @@ typedef struct {
 } PirtDspCountsPage;
 
 #define PIRT_DSP_COUNTS_MAGIC 0x70697274U
+/* The modelled L2; see cost_model.h. */
 #define PIRT_DSP_LINE 64
+#define PIRT_DSP_L2_BYTES (512 << 10)
+#define PIRT_DSP_L2_WAYS 8
 
 #endif

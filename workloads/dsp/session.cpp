@@ -164,8 +164,10 @@ void Session::start() {
   stop();
   if (::ftruncate(said_.get(), 0) != 0) throw_system("clear a file in memory");
   std::memset(counts_page_.data(), 0, sizeof(PirtDspCountsPage));
-  std::array<std::string, 4> words = {options_.emulator.string(), "-plugin",
-                                      options_.plugin.string(), options_.program.string()};
+  std::array<std::string, 4> words = {
+      options_.emulator.string(), "-plugin",
+      options_.plugin.string() + (options_.models_memory ? ",memory=on" : ",memory=off"),
+      options_.program.string()};
   std::array<char*, 5> arguments{};
   std::ranges::transform(words, arguments.begin(), [](std::string& word) { return word.data(); });
   const FileDescriptor nothing(::open("/dev/null", O_RDONLY | O_CLOEXEC));

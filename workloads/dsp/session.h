@@ -26,6 +26,7 @@ struct SessionOptions {
   std::filesystem::path plugin;                       ///< What counts: plugin/count.cc, built.
   std::filesystem::path program;                      ///< The ELF of program/.
   std::size_t mapping_bytes = std::size_t{64} << 20;  ///< Pages that are not touched cost nothing.
+  bool models_memory = false;  ///< Counts Cost::lines and misses, too; takes longer.
   /// Of the machine's time, for one command; a program that works on is killed, too.
   Nanos limit = std::chrono::seconds(30);
 };
@@ -33,7 +34,7 @@ struct SessionOptions {
 /// What one command cost.
 struct Cost {
   std::int64_t packets = 0;
-  std::int64_t lines = 0;   ///< Of the cache, touched by loads and stores, packet by packet.
+  std::int64_t lines = 0;   ///< Of the cache, that loads and stores went over to.
   std::int64_t misses = 0;  ///< Of these, those that the modelled L2 did not hold.
 };
 

@@ -10,7 +10,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
 
 #include "workloads/dsp/protocol.h"
@@ -53,9 +52,53 @@ PirtDspCountsPage* page = nullptr;
 PirtDspCounts now{};
 PirtDspCounts at_read{};
 
+/// An L2 with least recently used replacement, empty at the begin of each command: what the host
+/// has written meanwhile is in memory, and so a command's misses do not depend on those before it.
+class Cache {
+ public:
+  void clear() {
+    for (Set& set : sets_) set = {};
+    last_ = kNone;
+  }
+  void touch(std::uint64_t address) {
+    const std::uint64_t line = address / PIRT_DSP_LINE;
+    if (line == last_) return;
+    last_ = line;
+    ++now.lines;
+    Set& set = sets_[line % kSets];
+    std::size_t at = 0;
+    while (at < kWays - 1 && set[at] != line + 1) ++at;
+    if (set[at] != line + 1) ++now.misses;
+    for (; at > 0; --at) set[at] = set[at - 1];
+    set[0] = line + 1;
+  }
+
+ private:
+  static constexpr std::size_t kWays = PIRT_DSP_L2_WAYS;
+  static constexpr std::size_t kSets = PIRT_DSP_L2_BYTES / (PIRT_DSP_LINE * kWays);
+  static constexpr std::uint64_t kNone = ~std::uint64_t{0};
+  using Set = std::array<std::uint64_t, kWays>;  // line + 1, the latest first; 0 = empty
+  std::array<Set, kSets> sets_{};
+  std::uint64_t last_ = kNone;
+};
+
+bool models_memory = false;
+Cache cache;
+
+/// The emulator loads vectors by 8 bytes and stores them by single ones, all of a packet's one
+/// after the other: what touches the line of the access before it belongs to that.
+void on_access(unsigned, qemu_plugin_meminfo_t, std::uint64_t address, void*) {
+  cache.touch(address);
+}
+
 void on_block(qemu_plugin_id_t, qemu_plugin_tb* block) {
+  const std::size_t packets = qemu_plugin_tb_n_insns(block);
   qemu_plugin_register_vcpu_tb_exec_inline(block, QEMU_PLUGIN_INLINE_ADD_U64, &now.packets,
-                                           qemu_plugin_tb_n_insns(block));
+                                           packets);
+  for (std::size_t i = 0; models_memory && i < packets; ++i) {
+    qemu_plugin_register_vcpu_mem_cb(qemu_plugin_tb_get_insn(block, i), on_access,
+                                     QEMU_PLUGIN_CB_NO_REGS, QEMU_PLUGIN_MEM_RW, nullptr);
+  }
 }
 
 constexpr std::int64_t kRead = 63;
@@ -64,7 +107,10 @@ constexpr std::int64_t kWrite = 64;
 void on_system_call(qemu_plugin_id_t, unsigned, std::int64_t number, std::uint64_t, std::uint64_t,
                     std::uint64_t, std::uint64_t, std::uint64_t, std::uint64_t, std::uint64_t,
                     std::uint64_t) {
-  if (number == kRead) at_read = now;
+  if (number == kRead) {
+    at_read = now;
+    cache.clear();
+  }
   if (number != kWrite) return;
   page->total = now;
   page->command = {now.packets - at_read.packets, now.lines - at_read.lines,
@@ -73,7 +119,9 @@ void on_system_call(qemu_plugin_id_t, unsigned, std::int64_t number, std::uint64
 
 }  // namespace
 
-int qemu_plugin_install(qemu_plugin_id_t id, const void*, int, char**) {
+/// The one argument is "memory=on" or "memory=off".
+int qemu_plugin_install(qemu_plugin_id_t id, const void*, int argc, char** argv) {
+  models_memory = argc > 0 && std::strcmp(argv[0], "memory=on") == 0;
   void* const shared = ::mmap(nullptr, sizeof(PirtDspCountsPage), PROT_READ | PROT_WRITE,
                               MAP_SHARED, PIRT_DSP_COUNTS_FD, 0);
   if (shared == MAP_FAILED) return -1;
