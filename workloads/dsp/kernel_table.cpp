@@ -5,9 +5,11 @@
 namespace pirt::dsp {
 
 const KernelEntry* find_kernel(std::string_view kernel) {
-  const auto table = vision_kernels();
-  const auto it = std::ranges::find(table, kernel, &KernelEntry::kernel);
-  return it == table.end() ? nullptr : &*it;
+  for (const auto table : {vision_kernels(), dnn_kernels()}) {
+    const auto it = std::ranges::find(table, kernel, &KernelEntry::kernel);
+    if (it != table.end()) return &*it;
+  }
+  return nullptr;
 }
 
 }  // namespace pirt::dsp

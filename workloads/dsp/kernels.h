@@ -37,6 +37,7 @@ struct KernelEntry {
 };
 
 [[nodiscard]] std::span<const KernelEntry> vision_kernels();
+[[nodiscard]] std::span<const KernelEntry> dnn_kernels();
 /// The entry for Workload::kernel; null if there is none.
 [[nodiscard]] const KernelEntry* find_kernel(std::string_view kernel);
 [[nodiscard]] Call make_undistort(Session& session, const Workload& workload,

@@ -9,7 +9,8 @@ void pirt_dsp_sobel(const KernelArguments* arguments) {
   const int width = arguments->values[0];
   const int height = arguments->values[1];
   const int stride = arguments->values[2];
-  int16_t sum_line[kWidest + 2], difference_line[kWidest + 2]; /* down the columns, from column -1 on */
+  int16_t sum_line[kWidest + 2],
+      difference_line[kWidest + 2]; /* down the columns, from column -1 on */
   for (int y = 0; y < height; ++y) {
     const uint8_t* restrict above = in + mirrored(y - 1, height) * stride;
     const uint8_t* restrict here = in + y * stride;
