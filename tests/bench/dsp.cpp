@@ -110,11 +110,13 @@ int run(const std::string& filter) {
       "{:>8}\n",
       "workload", "HVX", "goal", "scalar", "", "automatic", "", "HVX ms", "+ memory", "scalar ms");
   const NameFilter names(filter);
-  for (const Workload& workload : catalog()) {
-    const auto* const entry = dsp::find_kernel(workload.kernel);
-    if (!names.picks(workload.name) || entry == nullptr || !entry->fault(workload).empty())
-      continue;
-    print_workload(workload);
+  std::vector<const Workload*> all;
+  for (const Workload& workload : catalog()) all.push_back(&workload);
+  for (const Workload* workload : workloads_in_variant("int8")) all.push_back(workload);
+  for (const Workload* workload : all) {
+    const auto* const entry = dsp::find_kernel(workload->kernel);
+    if (entry == nullptr || !entry->fault(*workload).empty()) continue;
+    if (names.picks(workload->name)) print_workload(*workload);
   }
   return 0;
 }

@@ -34,22 +34,23 @@ typedef struct {
   HVX_Vector of[kPixels][kGroups];
 } Sums;
 
-INLINE Sums multiply(const int8_t* in, const uint8_t* weights, const Shape* s, int x, int y) {
+INLINE Sums multiply(const int8_t* in, const uint8_t* weights, const Shape* s, int x, int y,
+                     int words, int step) {
   Sums sums;
   for (int p = 0; p < kPixels; ++p) {
     for (int g = 0; g < kGroups; ++g) sums.of[p][g] = Q6_V_vzero();
   }
   for (int c = 0; c < s->in_c; ++c) {
-    const int8_t* row = in + (c * s->in_h + y * s->stride) * s->pitch + 4 * s->step * x;
+    const int8_t* row = in + (c * s->in_h + y * s->stride) * s->pitch + 4 * step * x;
     for (int j = 0; j < s->k_h; ++j, row += s->pitch) {
       const int32_t* word = (const int32_t*)row;
-      for (int k = 0; k < s->words; ++k, ++word, weights += kGroups * kVector) {
+      for (int k = 0; k < words; ++k, ++word, weights += kGroups * kVector) {
 #pragma clang loop unroll(full)
         for (int g = 0; g < kGroups; ++g) {
           const HVX_Vector w = load(weights + g * kVector);
 #pragma clang loop unroll(full)
           for (int p = 0; p < kPixels; ++p) {
-            sums.of[p][g] = Q6_Vw_vrmpyacc_VwVubRb(sums.of[p][g], w, word[p * s->step]);
+            sums.of[p][g] = Q6_Vw_vrmpyacc_VwVubRb(sums.of[p][g], w, word[p * step]);
           }
         }
       }
@@ -76,7 +77,10 @@ static void convolve_row(const int8_t* in, const uint8_t* weights, const Shape* 
   for (int begin = 0; begin < s->out_w; begin += kPixels) {
     /* The last ones overlap those before. */
     const int x = begin + kPixels <= s->out_w ? begin : s->out_w - kPixels;
-    const Sums sums = multiply(in, weights, s, x, y);
+    /* conv1's numbers as constants: three words are too few for a loop. */
+    const Sums sums = s->words == 3 && s->step == 1
+                          ? multiply(in, weights, s, x, y, 3, 1)
+                          : multiply(in, weights, s, x, y, s->words, s->step);
     for (int p = 0; p < kPixels; ++p) {
       int32_t inputs = 0;
       for (int k = 0; k < s->words; ++k) inputs += input_sums[(x + p) * s->step + k];
