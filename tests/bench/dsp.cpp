@@ -4,13 +4,14 @@
 //
 // Usage: dsp [--filter REGEX]
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstring>
+#include <filesystem>
 #include <optional>
 
-#include "reports/document.h"
-#include "reports/figures.h"
+#include "tests/bench/dsp_resources.h"
 #include "workloads/base/error.h"
 #include "workloads/base/name_filter.h"
 #include "workloads/catalog.h"
@@ -23,6 +24,7 @@
 namespace {
 
 using namespace pirt;  // NOLINT: a program
+namespace fs = std::filesystem;
 
 /// In place of the tiles of the vector kernel.
 void add_map(dsp::Session& session, const Workload& workload, dsp::Call& call) {
@@ -44,13 +46,14 @@ void add_map(dsp::Session& session, const Workload& workload, dsp::Call& call) {
 }
 
 /// What one call of @p program costs, whose output is right.
-dsp::Cost cost_of(const std::string& program, const Workload& workload, const Data& data,
-                  const std::vector<Tensor>& expected) {
+dsp::Cost cost_of(const std::string& program, const std::string& profile, const Workload& workload,
+                  const Data& data, const std::vector<Tensor>& expected) {
   const auto tools = dsp::find_tools();
   dsp::Session session({.emulator = tools.emulator,
                         .plugin = tools.plugin,
                         .program = tools.program.parent_path() / program,
                         .models_memory = true,
+                        .profile = profile,
                         .limit = std::chrono::minutes(5)});
   auto call = dsp::find_kernel(workload.kernel)->make(session, workload, data.parameters);
   if (workload.kernel == "undistort") add_map(session, workload, call);
@@ -77,27 +80,33 @@ std::optional<double> goal_of(const std::string& workload) {
   return std::nullopt;
 }
 
-void print_workload(const Workload& workload) {
+/// "shift 0.0512": packets a pixel that its busiest resource takes.
+std::string bound_of(const std::string& profile, double pixels) {
+  const auto packets = bench::disassemble(dsp::find_tools().program.parent_path() / "pirt_dsp.elf");
+  if (packets.empty()) return "no llvm-objdump-14";
+  const auto [resource, needed] = bench::busiest(bench::usage_of_command(profile, packets));
+  return fmt::format("{} {:.4f}", bench::kResourceNames[resource], needed / pixels);
+}
+
+void print_workload(const Workload& workload, const std::string& profile) {
   const auto images = generated_images(1);
   const Data data = workload.make_data({1, images.get()});
   const auto expected = workload.reference(data);
   const auto pixels = static_cast<double>(workload.inputs[0].count());
-  const auto cost = [&](const std::string& program) {
-    return cost_of(program, workload, data, expected);
-  };
   const auto per_pixel = [&](const dsp::Cost& c) {
     return static_cast<double>(c.packets) / pixels;
   };
   const dsp::CostModel model;
-  const auto hvx = cost("pirt_dsp.elf");
-  const auto scalar = cost("pirt_dsp_scalar.elf");
-  const auto automatic = cost("pirt_dsp_automatic.elf");
+  const auto hvx = cost_of("pirt_dsp.elf", profile, workload, data, expected);
+  const auto scalar = cost_of("pirt_dsp_scalar.elf", "", workload, data, expected);
+  const auto automatic = cost_of("pirt_dsp_automatic.elf", "", workload, data, expected);
   const auto goal = goal_of(workload.name);
   fmt::print(
-      "{:<16} {:>8.4f} {:>6} {:>9.2f} {:>7.1f}x {:>9.2f} {:>7.1f}x {:>9.3f} {:>9.3f} {:>9.2f}\n",
-      workload.name, per_pixel(hvx), goal ? fmt::format("{:.2f}", *goal) : "-", per_pixel(scalar),
-      per_pixel(scalar) / per_pixel(hvx), per_pixel(automatic),
-      per_pixel(automatic) / per_pixel(hvx), to_ms(model.without_stalls(hvx)),
+      "{:<14} {:>8.4f} {:>5} {:>16} {:>8.2f} {:>6.1f}x {:>9.2f} {:>6.1f}x {:>8.3f} {:>8.3f} "
+      "{:>9.2f}\n",
+      workload.name, per_pixel(hvx), goal ? fmt::format("{:.2f}", *goal) : "-",
+      bound_of(profile, pixels), per_pixel(scalar), per_pixel(scalar) / per_pixel(hvx),
+      per_pixel(automatic), per_pixel(automatic) / per_pixel(hvx), to_ms(model.without_stalls(hvx)),
       to_ms(model.with_memory(hvx)), to_ms(model.without_stalls(scalar)));
   std::fflush(stdout);
 }
@@ -106,9 +115,13 @@ int run(const std::string& filter) {
   const auto tools = dsp::find_tools();
   if (!tools.missing.empty()) throw_environment("backend dsp is unavailable: " + tools.missing);
   fmt::print(
-      "Packets a pixel (of the first input) of a whole call\n{:<16} {:>8} {:>6} {:>9} {:>8} {:>9} "
-      "{:>8}\n",
-      "workload", "HVX", "goal", "scalar", "", "automatic", "", "HVX ms", "+ memory", "scalar ms");
+      "Packets a pixel (an element of the first input) of a whole call, borders included; ms at "
+      "500 "
+      "MHz\n{:<14} {:>8} {:>5} {:>16} {:>8} {:>7} {:>9} {:>7} {:>8} {:>8} {:>9}\n",
+      "workload", "HVX", "goal", "bound", "scalar", "", "automatic", "", "HVX ms", "+memory",
+      "scalar ms");
+  const std::string profile =
+      fmt::format("{}/pirt-dsp-profile.{}", fs::temp_directory_path().string(), ::getpid());
   const NameFilter names(filter);
   std::vector<const Workload*> all;
   for (const Workload& workload : catalog()) all.push_back(&workload);
@@ -116,8 +129,9 @@ int run(const std::string& filter) {
   for (const Workload* workload : all) {
     const auto* const entry = dsp::find_kernel(workload->kernel);
     if (entry == nullptr || !entry->fault(*workload).empty()) continue;
-    if (names.picks(workload->name)) print_workload(*workload);
+    if (names.picks(workload->name)) print_workload(*workload, profile);
   }
+  fs::remove(profile);
   return 0;
 }
 

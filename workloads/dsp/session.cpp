@@ -118,6 +118,13 @@ Cost cost_of(const PirtDspCounts& counts) {
           static_cast<std::int64_t>(counts.misses)};
 }
 
+std::string plugin_with_arguments(const SessionOptions& options) {
+  std::string text = options.plugin.string();
+  if (options.models_memory) text += ",memory=on";
+  if (!options.profile.empty()) text += ",profile=" + options.profile.string();
+  return text;
+}
+
 /// The options of a session whose files are there.
 SessionOptions checked(SessionOptions options) {
   check_file(options.emulator, "the emulator", "install qemu-user");
@@ -164,10 +171,8 @@ void Session::start() {
   stop();
   if (::ftruncate(said_.get(), 0) != 0) throw_system("clear a file in memory");
   std::memset(counts_page_.data(), 0, sizeof(PirtDspCountsPage));
-  std::array<std::string, 4> words = {
-      options_.emulator.string(), "-plugin",
-      options_.plugin.string() + (options_.models_memory ? ",memory=on" : ",memory=off"),
-      options_.program.string()};
+  std::array<std::string, 4> words = {options_.emulator.string(), "-plugin",
+                                      plugin_with_arguments(options_), options_.program.string()};
   std::array<char*, 5> arguments{};
   std::ranges::transform(words, arguments.begin(), [](std::string& word) { return word.data(); });
   const FileDescriptor nothing(::open("/dev/null", O_RDONLY | O_CLOEXEC));

@@ -27,6 +27,9 @@ struct SessionOptions {
   std::filesystem::path program;                      ///< The ELF of program/.
   std::size_t mapping_bytes = std::size_t{64} << 20;  ///< Pages that are not touched cost nothing.
   bool models_memory = false;  ///< Counts Cost::lines and misses, too; takes longer.
+  /// A file for how often each packet was executed in the last command, "address count" a line;
+  /// empty = none. No comma in its name.
+  std::filesystem::path profile = {};
   /// Of the machine's time, for one command; a program that works on is killed, too.
   Nanos limit = std::chrono::seconds(30);
 };

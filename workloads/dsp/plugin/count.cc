@@ -10,7 +10,11 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <cstring>
+#include <deque>
+#include <string>
+#include <vector>
 
 #include "workloads/dsp/protocol.h"
 
@@ -27,6 +31,7 @@ void qemu_plugin_register_vcpu_tb_trans_cb(qemu_plugin_id_t id,
                                            void (*callback)(qemu_plugin_id_t, qemu_plugin_tb*));
 std::size_t qemu_plugin_tb_n_insns(const qemu_plugin_tb* block);
 qemu_plugin_insn* qemu_plugin_tb_get_insn(const qemu_plugin_tb* block, std::size_t index);
+std::uint64_t qemu_plugin_insn_vaddr(const qemu_plugin_insn* packet);
 void qemu_plugin_register_vcpu_tb_exec_inline(qemu_plugin_tb* block, qemu_plugin_op op, void* to,
                                               std::uint64_t value);
 void qemu_plugin_register_vcpu_mem_cb(qemu_plugin_insn* packet,
@@ -91,8 +96,48 @@ void on_access(unsigned, qemu_plugin_meminfo_t, std::uint64_t address, void*) {
   cache.touch(address);
 }
 
+/// How often each packet was executed, for benchmarks: a file that is written with each reply.
+class Profile {
+ public:
+  void open(const char* path) { path_ = path; }
+  void add(qemu_plugin_tb* block) {
+    if (path_.empty()) return;
+    Block& added = blocks_.emplace_back();
+    for (std::size_t i = 0; i < qemu_plugin_tb_n_insns(block); ++i) {
+      added.packets.push_back(qemu_plugin_insn_vaddr(qemu_plugin_tb_get_insn(block, i)));
+    }
+    qemu_plugin_register_vcpu_tb_exec_inline(block, QEMU_PLUGIN_INLINE_ADD_U64, &added.executions,
+                                             1);
+  }
+  void begin() {
+    for (Block& block : blocks_) block.before = block.executions;
+  }
+  void write() const {
+    std::FILE* const file = path_.empty() ? nullptr : std::fopen(path_.c_str(), "w");
+    if (file == nullptr) return;
+    for (const Block& block : blocks_) {
+      for (const std::uint64_t packet : block.packets) {
+        std::fprintf(file, "%llx %llu\n", static_cast<unsigned long long>(packet),
+                     static_cast<unsigned long long>(block.executions - block.before));
+      }
+    }
+    std::fclose(file);
+  }
+
+ private:
+  struct Block {
+    std::vector<std::uint64_t> packets;  // addresses
+    std::uint64_t executions = 0, before = 0;
+  };
+  std::string path_;
+  std::deque<Block> blocks_;  // the emulator keeps their addresses
+};
+
+Profile profile;
+
 void on_block(qemu_plugin_id_t, qemu_plugin_tb* block) {
   const std::size_t packets = qemu_plugin_tb_n_insns(block);
+  profile.add(block);
   qemu_plugin_register_vcpu_tb_exec_inline(block, QEMU_PLUGIN_INLINE_ADD_U64, &now.packets,
                                            packets);
   for (std::size_t i = 0; models_memory && i < packets; ++i) {
@@ -110,18 +155,23 @@ void on_system_call(qemu_plugin_id_t, unsigned, std::int64_t number, std::uint64
   if (number == kRead) {
     at_read = now;
     cache.clear();
+    profile.begin();
   }
   if (number != kWrite) return;
   page->total = now;
   page->command = {now.packets - at_read.packets, now.lines - at_read.lines,
                    now.misses - at_read.misses};
+  profile.write();
 }
 
 }  // namespace
 
-/// The one argument is "memory=on" or "memory=off".
+/// Arguments: "memory=on", "profile=FILE".
 int qemu_plugin_install(qemu_plugin_id_t id, const void*, int argc, char** argv) {
-  models_memory = argc > 0 && std::strcmp(argv[0], "memory=on") == 0;
+  for (int i = 0; i < argc; ++i) {
+    if (std::strcmp(argv[i], "memory=on") == 0) models_memory = true;
+    if (std::strncmp(argv[i], "profile=", 8) == 0) profile.open(argv[i] + 8);
+  }
   void* const shared = ::mmap(nullptr, sizeof(PirtDspCountsPage), PROT_READ | PROT_WRITE,
                               MAP_SHARED, PIRT_DSP_COUNTS_FD, 0);
   if (shared == MAP_FAILED) return -1;
