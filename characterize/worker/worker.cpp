@@ -156,13 +156,20 @@ class Worker {
     return verify(expected_, "before timing");
   }
 
+  /// Counts repeat exactly: what the fewest samples leave out is the emulator's time alone.
+  [[nodiscard]] SamplingOptions sampling() const {
+    SamplingOptions options = job_.sampling;
+    if (result_.provenance == Provenance::kCounted) options.warm_up = options.slice = Nanos(0);
+    return options;
+  }
+
   void sample() {
     if (!is_right()) return;
     begin("sampling");
     scribble();
     const auto phases = backend_.phases();
     const auto before = read_host_counters(job_.unit.cores);
-    result_.phases = sample_calls(*kernel_, *clock_, result_.clock, phases, job_.sampling);
+    result_.phases = sample_calls(*kernel_, *clock_, result_.clock, phases, sampling());
     const auto after = read_host_counters(job_.unit.cores);
     if (device_->own_clock() == nullptr) {
       const int cores = job_.unit.cores.empty() ? static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))
