@@ -8,6 +8,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 #include "workloads/cpu/cpu_backend.h"
+#include "workloads/dsp/dsp_backend.h"
 #include "workloads/fake/fake_backend.h"
 #include "workloads/opencl/opencl_backend.h"
 
@@ -18,6 +19,7 @@ std::vector<std::unique_ptr<const Backend>> make_backends() {
   std::vector<std::unique_ptr<const Backend>> all;
   all.push_back(make_cpu_backend());
   all.push_back(make_opencl_backend());
+  all.push_back(make_dsp_backend());
   all.push_back(make_fake_backend());
   return all;
 }

@@ -206,6 +206,13 @@ class Worker {
             .frames = static_cast<std::int64_t>(player_->frames())};
   }
 
+  /// Counts repeat exactly: what the fewest samples leave out is the emulator's time alone.
+  [[nodiscard]] SamplingOptions sampling() const {
+    SamplingOptions options = job_.sampling;
+    if (result_.provenance == Provenance::kCounted) options.warm_up = options.slice = Nanos(0);
+    return options;
+  }
+
   void sample() {
     if (!is_right()) return;
     begin("sampling");
@@ -213,7 +220,7 @@ class Worker {
     const auto phases = backend_.phases();
     const auto before = read_host_counters(job_.unit.cores);
     result_.phases =
-        sample_calls(*kernel_, *clock_, result_.clock, phases, job_.sampling, sequence());
+        sample_calls(*kernel_, *clock_, result_.clock, phases, sampling(), sequence());
     const auto after = read_host_counters(job_.unit.cores);
     if (device_->own_clock() == nullptr) {
       const int cores = job_.unit.cores.empty() ? static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))

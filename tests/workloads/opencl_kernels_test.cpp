@@ -56,20 +56,6 @@ constexpr std::array<std::pair<int, int>, 20> kSizes = {
      {18, 70}, {19, 33}, {20, 32}, {23, 8},  {31, 34},  {32, 36},  {33, 2},
      {34, 65}, {35, 7},  {36, 31}, {64, 48}, {129, 31}, {641, 479}}};
 
-Data noise_data(const Workload& workload) {
-  const auto images = generated_images(2);
-  Data data = workload.make_data({.seed = 3, .images = images.get()});
-  // To follow a point through unrelated noise is chaos: pictures with a list are alike.
-  const bool alike = std::ranges::any_of(workload.inputs, &TensorSpec::varies);
-  for (std::uint64_t seed = 1; auto& input : data.inputs) {
-    if (input.spec().element != Element::kU8) continue;
-    input =
-        test::noise_picture(static_cast<int>(input.dim(1)), static_cast<int>(input.dim(0)), seed);
-    if (!alike) ++seed;
-  }
-  return data;
-}
-
 TEST_P(OpenClImages, ComputesWhatTheReferenceComputesAtAnySize) {
   const auto device = test::open_first_device();
   if (!device) GTEST_SKIP() << "skipped: no OpenCL device";
@@ -78,7 +64,7 @@ TEST_P(OpenClImages, ComputesWhatTheReferenceComputesAtAnySize) {
     if (!make_opencl_backend()->supports(workload).ok) GTEST_SKIP() << "skipped: not on opencl";
     const Verdict verdict = run_and_verify(*device, workload);
     EXPECT_TRUE(verdict.ok) << width << "x" << height << ": " << verdict.detail;
-    const Verdict noisy = run_and_verify(*device, workload, noise_data(workload));
+    const Verdict noisy = run_and_verify(*device, workload, test::noise_data(workload));
     EXPECT_TRUE(noisy.ok) << width << "x" << height << ", noise: " << noisy.detail;
   }
 }

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "tests/workloads/workload_support.h"
 #include "workloads/backend.h"
-#include "workloads/images.h"
 #include "workloads/opencl/kernel_table.h"
 #include "workloads/opencl/opencl_backend.h"
 #include "workloads/player.h"
@@ -29,39 +29,6 @@ inline UnitRequest unit_request(std::string unit = "opencl", std::vector<int> co
 inline std::unique_ptr<Device> open_first_device() {
   const auto backend = make_opencl_backend();
   return backend->probe().available ? backend->open(unit_request()) : nullptr;
-}
-
-/// Has @p workload prepared, runs it @p repeats times on @p data, and compares with its reference.
-/// @param prepare  Takes the parameters, gives the kernel.
-template <typename Prepare>
-Verdict run_and_verify_prepared(const Workload& workload, const Data& data, int repeats,
-                                const Prepare& prepare) {
-  const std::span frame(&data, 1);
-  const auto kernel = prepare(data.parameters);
-  Player player(*kernel, workload, frame);
-  player.scribble();
-  kernel->upload();
-  kernel->execute(repeats);
-  kernel->download();
-  player.called();
-  return verify_sequence(workload, player.played(reference_of(workload, frame)));
-}
-
-inline Data data_of_seed_1(const Workload& workload) {
-  const auto images = generated_images(1);
-  return workload.make_data({.seed = 1, .images = images.get()});
-}
-
-inline Verdict run_and_verify(Device& device, const Workload& workload, const Data& data,
-                              int repeats = 1) {
-  return run_and_verify_prepared(workload, data, repeats, [&](const auto& parameters) {
-    return device.prepare(workload, parameters);
-  });
-}
-
-/// The same on data of seed 1.
-inline Verdict run_and_verify(Device& device, const Workload& workload, int repeats = 1) {
-  return run_and_verify(device, workload, data_of_seed_1(workload), repeats);
 }
 
 inline Verdict run_and_verify(const opencl::Session& session, const Workload& workload) {

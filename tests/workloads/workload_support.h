@@ -1,4 +1,4 @@
-// What the tests of references, catalog and the cpu backend share.
+// What the tests of references, catalog and backends share.
 #pragma once
 
 #include <algorithm>
@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "workloads/backend.h"
+#include "workloads/images.h"
 #include "workloads/player.h"
 #include "workloads/workload.h"
 
@@ -60,6 +61,53 @@ inline Tensor noise_picture(int width, int height, std::uint64_t seed) {
         (seed = seed * 6364136223846793005ULL + 1442695040888963407ULL) >> 56);
   }
   return picture;
+}
+
+/// Has @p workload prepared, runs it @p repeats times on @p data, and compares with its reference.
+/// @param prepare  Takes the parameters, gives the kernel.
+template <typename Prepare>
+Verdict run_and_verify_prepared(const Workload& workload, const Data& data, int repeats,
+                                const Prepare& prepare) {
+  const std::span frame(&data, 1);
+  const auto kernel = prepare(data.parameters);
+  Player player(*kernel, workload, frame);
+  player.scribble();
+  kernel->upload();
+  kernel->execute(repeats);
+  kernel->download();
+  player.called();
+  return verify_sequence(workload, player.played(reference_of(workload, frame)));
+}
+
+inline Data data_of_seed_1(const Workload& workload) {
+  const auto images = generated_images(1);
+  return workload.make_data({.seed = 1, .images = images.get()});
+}
+
+inline Verdict run_and_verify(Device& device, const Workload& workload, const Data& data,
+                              int repeats = 1) {
+  return run_and_verify_prepared(workload, data, repeats, [&](const auto& parameters) {
+    return device.prepare(workload, parameters);
+  });
+}
+
+/// The same on data of seed 1.
+inline Verdict run_and_verify(Device& device, const Workload& workload, int repeats = 1) {
+  return run_and_verify(device, workload, data_of_seed_1(workload), repeats);
+}
+
+/// Pictures of random pixels as @p workload's inputs.
+inline Data noise_data(const Workload& workload) {
+  const auto images = generated_images(2);
+  Data data = workload.make_data({.seed = 3, .images = images.get()});
+  // To follow a point through unrelated noise is chaos: pictures with a list are alike.
+  const bool alike = std::ranges::any_of(workload.inputs, &TensorSpec::varies);
+  for (std::uint64_t seed = 1; auto& input : data.inputs) {
+    if (input.spec().element != Element::kU8) continue;
+    input = noise_picture(static_cast<int>(input.dim(1)), static_cast<int>(input.dim(0)), seed);
+    if (!alike) ++seed;
+  }
+  return data;
 }
 
 /// Sizes with borders that overlap (1x1, 7x5), even ones, and odd ones that no vector width

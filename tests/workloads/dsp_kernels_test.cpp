@@ -1,0 +1,120 @@
+// Each kernel of the Hexagon program against the definition of its workload: at the catalog's
+// sizes, at odd ones, at the smallest; and that what is counted repeats exactly.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+
+#include "tests/workloads/dsp_support.h"
+#include "tests/workloads/workload_support.h"
+#include "workloads/catalog.h"
+#include "workloads/vision/vision.h"
+
+namespace pirt {
+namespace {
+
+using test::run_and_verify;
+
+std::vector<std::string> supported_names() {
+  const auto backend = make_dsp_backend();
+  std::vector<std::string> names;
+  for (const std::string& name : workload_names()) {
+    if (backend->supports(find_workload(name)).ok) names.push_back(name);
+  }
+  for (const Workload* workload : workloads_in_variant("int8")) {
+    if (backend->supports(*workload).ok) names.push_back(workload->name);
+  }
+  return names;
+}
+
+std::string parameter_name(const testing::TestParamInfo<std::string>& info) {
+  std::string name = info.param;
+  std::ranges::replace(name, '@', '_');
+  return name;
+}
+
+class DspCatalog : public testing::TestWithParam<std::string> {};
+
+TEST_P(DspCatalog, ComputesWhatTheReferenceComputes) {
+  if (const auto why = test::why_no_dsp(); !why.empty()) GTEST_SKIP() << why;
+  const auto device = test::open_dsp();
+  const Verdict verdict = run_and_verify(*device, find_workload(GetParam()));
+  EXPECT_TRUE(verdict.ok) << verdict.detail;
+}
+
+TEST_P(DspCatalog, CountsTheSameInEveryProcess) {
+  if (const auto why = test::why_no_dsp(); !why.empty()) GTEST_SKIP() << why;
+  const Workload& workload = find_workload(GetParam());
+  const Data data = test::data_of_seed_1(workload);
+  std::vector<Nanos> times;
+  for (int process = 0; process < 2; ++process) {
+    const auto device = test::open_dsp();
+    auto outputs = make_tensors(workload.outputs);
+    const auto kernel = device->prepare(workload, data.parameters);
+    kernel->bind(data.inputs, outputs);
+    kernel->upload();
+    for (int call = 0; call < 2; ++call) {
+      const Nanos before = device->own_clock()->now();
+      kernel->execute(1);
+      times.push_back(device->own_clock()->now() - before);
+    }
+  }
+  EXPECT_GT(times[0].count(), 0);
+  EXPECT_THAT(times, testing::Each(times[0]));
+}
+
+INSTANTIATE_TEST_SUITE_P(Workloads, DspCatalog, testing::ValuesIn(supported_names()),
+                         parameter_name);
+
+TEST(DspBackend, SaysWhyItDoesNotSupportTheRest) {
+  const auto backend = make_dsp_backend();
+  for (const Workload& workload : catalog()) {
+    const Support support = backend->supports(workload);
+    EXPECT_EQ(support.ok, support.reason.empty()) << workload.name;
+    EXPECT_TRUE(support.ok || !workload.has_tag("vision")) << workload.name;
+  }
+}
+
+class DspImages : public testing::TestWithParam<std::size_t> {};
+
+// Vectors have 128 columns: sizes below, at and beside multiples of that, with a last strip of
+// which as little as one column is the picture's, and the smallest that there are.
+constexpr std::array<std::pair<int, int>, 12> kSizes = {{{8, 8},
+                                                         {9, 70},
+                                                         {31, 8},
+                                                         {64, 48},
+                                                         {126, 9},
+                                                         {127, 10},
+                                                         {128, 11},
+                                                         {129, 31},
+                                                         {130, 13},
+                                                         {256, 12},
+                                                         {257, 60},
+                                                         {641, 79}}};
+
+TEST_P(DspImages, ComputesWhatTheReferenceComputesAtAnySize) {
+  if (const auto why = test::why_no_dsp(); !why.empty()) GTEST_SKIP() << why;
+  const auto device = test::open_dsp();
+  for (const auto& [width, height] : kSizes) {
+    const Workload workload = vision::entries()[GetParam()].make(width, height);
+    const Verdict verdict = run_and_verify(*device, workload);
+    EXPECT_TRUE(verdict.ok) << width << "x" << height << ": " << verdict.detail;
+    const Verdict noisy = run_and_verify(*device, workload, test::noise_data(workload));
+    EXPECT_TRUE(noisy.ok) << width << "x" << height << ", noise: " << noisy.detail;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Workloads, DspImages,
+                         testing::Range(std::size_t{0}, vision::entries().size()),
+                         [](const auto& test) {
+                           return vision::entries()[test.param].make(8, 8).name;
+                         });
+
+TEST(DspBackend, RefusesPicturesThatAreTooSmallAndSaysHowSmall) {
+  const auto support = make_dsp_backend()->supports(vision::make_gaussian_blur(2, 5));
+  EXPECT_FALSE(support.ok);
+  EXPECT_THAT(support.reason, testing::HasSubstr("at least 8x8"));
+}
+
+}  // namespace
+}  // namespace pirt

@@ -1,0 +1,34 @@
+// What a packet costs: from counts to time, with the sources of its constants.
+#pragma once
+
+#include "workloads/base/time.h"
+#include "workloads/dsp/session.h"
+
+namespace pirt::dsp {
+
+/// One hardware thread of a Hexagon 680.
+struct CostModel {
+  /// Four threads of 500 MHz share the core, so that the results of a packet are ready when the
+  /// thread's next one is due: a packet a cycle, at best.
+  /// @source J. Hruska, Qualcomm's new Hexagon 680 DSP: fast, efficient, shipping with Snapdragon
+  /// 820, ExtremeTech, 25 August 2015, after Qualcomm's talk at Hot Chips 27.
+  double clock_hz = 500e6;
+
+  /// What the DSP gets of the memory while it fetches ahead (l2fetch), which a line that is not in
+  /// the L2 waits for: an assumption, a quarter of the 29.8 GB/s of two 32-bit channels of
+  /// LPDDR4-3733. The L2 of 512 KiB and 8 ways in protocol.h is one, too: no source was found that
+  /// gives the 680's.
+  double memory_bytes_per_s = 29.8e9 / 4;
+
+  /// No stalls: what no program can be faster than. Counted.
+  [[nodiscard]] Nanos without_stalls(const Cost& cost) const {
+    return from_s(static_cast<double>(cost.packets) / clock_hz);
+  }
+  /// Of a session that models the memory: each line waits, and nothing overlaps. Modelled.
+  [[nodiscard]] Nanos with_memory(const Cost& cost) const {
+    const double missed_bytes = static_cast<double>(cost.misses) * PIRT_DSP_LINE;
+    return without_stalls(cost) + from_s(missed_bytes / memory_bytes_per_s);
+  }
+};
+
+}  // namespace pirt::dsp

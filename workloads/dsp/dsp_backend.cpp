@@ -1,0 +1,147 @@
+#include "workloads/dsp/dsp_backend.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "workloads/base/affinity.h"
+#include "workloads/base/error.h"
+#include "workloads/dsp/cost_model.h"
+#include "workloads/dsp/kernels.h"
+#include "workloads/dsp/tools.h"
+
+namespace pirt {
+namespace {
+
+/// The DSP's time: what it has computed, and nothing of what the emulator takes.
+class CountedClock : public Clock {
+ public:
+  [[nodiscard]] Nanos now() const override { return now_; }
+  void advance(Nanos by) { now_ += by; }
+
+ private:
+  Nanos now_{0};
+};
+
+Support support_of(const Workload& workload) {
+  if (workload.variant == "map") {
+    return {false, "backend dsp shares its memory with the host as it is: nothing to map"};
+  }
+  const auto* const entry = dsp::find_kernel(workload.kernel);
+  if (entry == nullptr) return {false, "backend dsp has no kernel '" + workload.kernel + "'"};
+  const std::string fault = entry->fault(workload);
+  return {fault.empty(), fault};
+}
+
+class DspKernel : public Kernel {
+ public:
+  DspKernel(std::shared_ptr<dsp::Session> session, dsp::Call call, const dsp::CostModel& model,
+            CountedClock& clock)
+      : session_(std::move(session)), call_(std::move(call)), model_(model), clock_(clock) {}
+
+  void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
+    inputs_ = inputs;
+    outputs_ = outputs;
+  }
+
+  void upload() override {
+    for (std::size_t i = 0; i < inputs_.size(); ++i) {
+      dsp::copy_in(*session_, call_.inputs[i], inputs_[i].bytes());
+    }
+  }
+
+  std::optional<Nanos> execute(int repeats) override {
+    for (int i = 0; i < repeats; ++i) {
+      const auto cost = dsp::run(*session_, call_);
+      clock_.advance(model_.without_stalls(cost));
+    }
+    return std::nullopt;
+  }
+
+  void download() override {
+    for (std::size_t i = 0; i < outputs_.size(); ++i) {
+      dsp::copy_out(*session_, call_.outputs[i], {outputs_[i].data(), outputs_[i].bytes().size()});
+    }
+  }
+
+ private:
+  std::shared_ptr<dsp::Session> session_;
+  dsp::Call call_;
+  dsp::CostModel model_;
+  CountedClock& clock_;
+  std::span<const Tensor> inputs_;
+  std::span<Tensor> outputs_;
+};
+
+class DspDevice : public Device {
+ public:
+  explicit DspDevice(const dsp::Tools& tools)
+      : session_(std::make_shared<dsp::Session>(
+            dsp::SessionOptions{tools.emulator, tools.plugin, tools.program})),
+        version_(fmt::format("{}, program {}", dsp::emulator_version(tools.emulator),
+                             dsp::program_hash(tools))) {
+    clock_.advance(model_.without_stalls(session_->start_cost()));
+  }
+
+  [[nodiscard]] DeviceInfo info() const override {
+    return {.name = "Hexagon v60, one HVX thread",
+            .platform = "qemu-hexagon, packets counted",
+            .version = version_,
+            .compute_units = 1};
+  }
+  [[nodiscard]] Support supports(const Workload& workload) const override {
+    return support_of(workload);
+  }
+  [[nodiscard]] const Clock* own_clock() const override { return &clock_; }
+  [[nodiscard]] Provenance provenance() const override { return Provenance::kCounted; }
+
+ private:
+  [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload& workload,
+                                                    std::span<const Tensor> parameters) override {
+    if (session_.use_count() == 1) session_->free_all();  // of kernels that are gone
+    auto call = dsp::find_kernel(workload.kernel)->make(*session_, workload, parameters);
+    return std::make_unique<DspKernel>(session_, std::move(call), model_, clock_);
+  }
+
+  std::shared_ptr<dsp::Session> session_;
+  std::string version_;
+  dsp::CostModel model_;
+  CountedClock clock_;
+};
+
+class DspBackend : public Backend {
+ public:
+  [[nodiscard]] std::string_view name() const override { return "dsp"; }
+  [[nodiscard]] std::string_view description() const override {
+    return "a Hexagon DSP with HVX, emulated by qemu-hexagon; its packets are counted";
+  }
+  [[nodiscard]] std::vector<Phase> phases() const override {
+    return {Phase::kDeviceInit, Phase::kPrepare, Phase::kExecute, Phase::kCall};
+  }
+  [[nodiscard]] Probe probe() const override {
+    const auto tools = dsp::find_tools();
+    if (!tools.missing.empty()) return {false, tools.missing, {}};
+    return {true,
+            "",
+            {{.name = "Hexagon v60, one HVX thread",
+              .platform = "qemu-hexagon, packets counted",
+              .version = dsp::emulator_version(tools.emulator),
+              .compute_units = 1}}};
+  }
+  [[nodiscard]] Support supports(const Workload& workload) const override {
+    return support_of(workload);
+  }
+  [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest& request) const override {
+    bind_to_cores(request.cores, request.unit);
+    const auto tools = dsp::find_tools();
+    if (!tools.missing.empty()) throw_environment("backend dsp is unavailable: " + tools.missing);
+    return std::make_unique<DspDevice>(tools);
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<const Backend> make_dsp_backend() { return std::make_unique<DspBackend>(); }
+
+}  // namespace pirt
