@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "workloads/base/error.h"
+#include "workloads/base/gaussian.h"
 #include "workloads/base/random.h"
 #include "workloads/scene/room.h"
 
@@ -44,13 +45,19 @@ std::vector<CameraModel> make_cameras(const SceneOptions& options) {
   return cameras;
 }
 
+Eigen::Vector3d vector_from(Gaussian& noise) {
+  const double x = noise.next();
+  const double y = noise.next();
+  return {x, y, noise.next()};
+}
+
 /// Samples and, for the truth, the biases that they have.
 void make_imu(const SceneOptions& options, const RobotPath& path, Sequence& sequence) {
   Gaussian noise(derive_seed(options.path.seed, "imu"));
   const double rate = options.imu.rate_hz;
   const double per_sample = std::sqrt(rate);
-  Eigen::Vector3d gyro_bias = 0.02 * noise.vector();
-  Eigen::Vector3d accel_bias = 0.08 * noise.vector();
+  Eigen::Vector3d gyro_bias = 0.02 * vector_from(noise);
+  Eigen::Vector3d accel_bias = 0.08 * vector_from(noise);
   const Eigen::Vector3d gravity(0, 0, -kGravity);
   const auto samples = static_cast<std::int64_t>(std::ceil(options.path.duration_s * rate)) + 2;
   for (std::int64_t i = 0; i < samples; ++i) {
@@ -60,13 +67,13 @@ void make_imu(const SceneOptions& options, const RobotPath& path, Sequence& sequ
     ImuSample sample;
     sample.time = time;
     sample.gyro_rad_s =
-        motion.turn_rad_s + gyro_bias + options.imu.gyro_noise * per_sample * noise.vector();
+        motion.turn_rad_s + gyro_bias + options.imu.gyro_noise * per_sample * vector_from(noise);
     sample.accel_m_s2 = motion.body.rotation.transpose() * (motion.acceleration_m_s2 - gravity) +
-                        accel_bias + options.imu.accel_noise * per_sample * noise.vector();
+                        accel_bias + options.imu.accel_noise * per_sample * vector_from(noise);
     sequence.imu.push_back(sample);
     sequence.truth.push_back({time, motion.body, motion.velocity_m_s, gyro_bias, accel_bias});
-    gyro_bias += options.imu.gyro_walk / per_sample * noise.vector();
-    accel_bias += options.imu.accel_walk / per_sample * noise.vector();
+    gyro_bias += options.imu.gyro_walk / per_sample * vector_from(noise);
+    accel_bias += options.imu.accel_walk / per_sample * vector_from(noise);
   }
 }
 

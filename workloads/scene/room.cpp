@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 
+#include "workloads/base/gaussian.h"
 #include "workloads/base/random.h"
 
 namespace pirt {
@@ -194,24 +195,6 @@ int Room::face_seen(const Eigen::Vector3f& from, const Eigen::Vector3f& directio
     seen = 6 + 6 * static_cast<int>(b) + side;
   }
   return seen;
-}
-
-Gaussian::Gaussian(std::uint64_t seed) : seed_(seed) {}
-
-double Gaussian::next() {
-  if (has_spare_) {
-    has_spare_ = false;
-    return spare_;
-  }
-  // Box and Muller, 1958.
-  const auto uniform = [&] {
-    return (static_cast<double>(hash_u64(seed_, index_++) >> 11U) + 0.5) * 0x1p-53;
-  };
-  const double radius = std::sqrt(-2.0 * std::log(uniform()));
-  const double angle = 2 * std::numbers::pi * uniform();
-  spare_ = radius * std::sin(angle);
-  has_spare_ = true;
-  return radius * std::cos(angle);
 }
 
 void add_noise(GreyImage& image, double sigma, std::uint64_t seed) {

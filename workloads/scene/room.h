@@ -65,22 +65,4 @@ class RoomCamera {
 /// Adds Gaussian noise of @p sigma grey levels, a function of @p seed.
 void add_noise(GreyImage& image, double sigma, std::uint64_t seed);
 
-/// Standard normal values of a seed, in order.
-class Gaussian {
- public:
-  explicit Gaussian(std::uint64_t seed);
-  double next();
-  Eigen::Vector3d vector() {
-    const double x = next();
-    const double y = next();
-    return {x, y, next()};
-  }
-
- private:
-  std::uint64_t seed_;
-  std::uint64_t index_ = 0;
-  double spare_ = 0;
-  bool has_spare_ = false;
-};
-
 }  // namespace pirt
