@@ -61,18 +61,40 @@ float corner_score(const GreyImage& image, int x, int y) {
   return 0.5F * (a + b) - std::sqrt(0.25F * (a - b) * (a - b) + c * c);
 }
 
-/// Where the score has its peak between pixels: parabolas through three values.
+/// The centre of the gradients' energy in the window that is followed (mean shift). A tracker that
+/// does not know of zoom and turn follows this centre; any other pixel of the window would move
+/// against the scene as the view changes.
 Eigen::Vector2f refined(const GreyImage& image, int x, int y) {
-  const auto peak = [](float before, float here, float after) {
-    const float bend = before - 2 * here + after;
-    if (bend >= 0) return 0.0F;
-    return std::clamp(0.5F * (before - after) / bend, -1.0F, 1.0F);
-  };
-  const float here = corner_score(image, x, y);
-  return {static_cast<float>(x) +
-              peak(corner_score(image, x - 1, y), here, corner_score(image, x + 1, y)),
-          static_cast<float>(y) +
-              peak(corner_score(image, x, y - 1), here, corner_score(image, x, y + 1))};
+  constexpr int kWindowHalf = 7;
+  constexpr int kSteps = 3;
+  constexpr float kFarthest = 4.0F;
+  Eigen::Vector2f centre(static_cast<float>(x), static_cast<float>(y));
+  const Eigen::Vector2f start = centre;
+  for (int step = 0; step < kSteps; ++step) {
+    const int cx = static_cast<int>(std::lround(centre.x()));
+    const int cy = static_cast<int>(std::lround(centre.y()));
+    std::int64_t weight = 0;
+    std::int64_t sum_x = 0;
+    std::int64_t sum_y = 0;
+    for (int dy = -kWindowHalf; dy <= kWindowHalf; ++dy) {
+      const auto* row = image.row(cy + dy) + cx;
+      for (int dx = -kWindowHalf; dx <= kWindowHalf; ++dx) {
+        const int gx = row[dx + 1] - row[dx - 1];
+        const int gy = row[dx + image.width] - row[dx - image.width];
+        const int energy = gx * gx + gy * gy;
+        weight += energy;
+        sum_x += energy * dx;
+        sum_y += energy * dy;
+      }
+    }
+    if (weight == 0) break;
+    const Eigen::Vector2f next(
+        static_cast<float>(cx) + static_cast<float>(sum_x) / static_cast<float>(weight),
+        static_cast<float>(cy) + static_cast<float>(sum_y) / static_cast<float>(weight));
+    if ((next - start).norm() > kFarthest) break;
+    centre = next;
+  }
+  return centre;
 }
 
 Descriptor describe(const cv::Mat& blurred, const std::array<PatchPair, 256>& pattern, int x,

@@ -38,7 +38,11 @@ struct Setup {
   int most_landmarks = 100;    ///< Points in the filter.
   int most_active = 30;        ///< Of those, how many are followed at once.
   int most_map_points = 2000;  ///< Points that are known again, outside of the filter.
-  double pixel_sigma = 0.7;    ///< Of a followed point, in pixels.
+  double pixel_sigma = 2.0;    ///< Of a followed point, in pixels.
+  /// Of a landmark's place in one picture. A window that is followed drifts over the scene by some
+  /// 0.01 pixels a frame, so that one error is seen in many frames: counted as independent, each
+  /// must weigh less.
+  double landmark_sigma = 6.0;
   bool update = true;          ///< false: motion only, to see what the updates correct.
 };
 
@@ -93,7 +97,6 @@ struct Track {
   std::int64_t landmark = -1;  ///< Its id in the filter; -1 = none.
   int age = 0;                 ///< Frames.
   double depth = 0;            ///< Metres along the left camera's axis, a guess; 0 = unknown.
-  double sigma = 1.0;          ///< Times pixel_sigma; more where it was known again.
   Descriptor descriptor{};
   std::vector<Observation> seen;  ///< By clones that are in the filter.
 };

@@ -125,7 +125,7 @@ void landmark_update(State& state, const Setup& setup, FrameReport& report) {
     if (track.landmark < 0 || track.seen.empty()) continue;
     const std::size_t landmark = index.at(track.landmark);
     RowBlock block = rows_of_landmark(state, setup, landmark, track.seen.back(),
-                                      track.sigma * setup.pixel_sigma);
+                                      setup.landmark_sigma);
     track.seen.clear();
     if (!passes(state, block)) {
       ++report.rejected;
@@ -209,7 +209,6 @@ void recognize(State& state, const Setup& setup, const Features& features, Frame
     if (track.landmark >= 0) followed.push_back(track.landmark);
   }
   const Pose camera = camera_pose(setup, state.clones.back().body, 0);
-  constexpr double kRecognizedSigma = 2.0;  // a corner is found less exactly than followed
   constexpr double kNear = 4.0;
   constexpr double kFar = 40.0;  // pixels
   std::vector<RowBlock> rows;
@@ -235,7 +234,7 @@ void recognize(State& state, const Setup& setup, const Features& features, Frame
     Observation seen;
     seen.frame = state.frame;
     seen.left = setup.cameras[0].ray(features.pixels[feature].cast<double>());
-    block = rows_of_landmark(state, setup, i, seen, kRecognizedSigma * setup.pixel_sigma);
+    block = rows_of_landmark(state, setup, i, seen, setup.landmark_sigma);
     if (!passes(state, block)) {
       ++landmark.misses;
       continue;
@@ -248,7 +247,6 @@ void recognize(State& state, const Setup& setup, const Features& features, Frame
     track.id = state.next_id++;
     track.pixel = track.rest = features.pixels[feature];
     track.landmark = landmark.id;
-    track.sigma = kRecognizedSigma;
     track.depth = (camera.inverse() * landmark.position).z();
     track.descriptor = landmark.descriptor;
     added.push_back(std::move(track));
