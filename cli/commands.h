@@ -15,6 +15,7 @@ void add_regress(CLI::App& app, Action& action);
 void add_replay(CLI::App& app, Action& action);
 void add_export(CLI::App& app, Action& action);
 void add_diff(CLI::App& app, Action& action);
+void add_generate(CLI::App& app, Action& action);
 void add_generate_dag(CLI::App& app, Action& action);
 void add_plan(CLI::App& app, Action& action);
 void add_detect(CLI::App& app, Action& action);

@@ -20,8 +20,22 @@ struct DecodedPicture {
 /// @throws Error{kEnvironment} if the module is not there.
 [[nodiscard]] DecodedPicture decode_picture(const std::string& bytes);
 
+/// As it is, without conversion to colour or 8 bits; empty if it does not decode. Any number of
+/// threads may call it at once: warnings of the codecs are not taken.
+[[nodiscard]] cv::Mat decode_unchanged(const std::string& bytes);
+
+/// @param image  8 bits, grey or B, G, R.
+/// @return       A PNG file, packed for speed rather than size.
+/// @throws Error{kEnvironment} if it cannot be made.
+[[nodiscard]] std::string encode_png(const cv::Mat& image);
+
 /// What the module exports, with C linkage.
 using DecodePictureFunction = void(const std::string& bytes, DecodedPicture& picture);
 inline constexpr const char* kDecodePictureName = "pirt_decode_picture";
+using DecodeUnchangedFunction = void(const std::string& bytes, cv::Mat& pixels);
+inline constexpr const char* kDecodeUnchangedName = "pirt_decode_unchanged";
+/// Leaves @p bytes empty if it cannot.
+using EncodePngFunction = void(const cv::Mat& image, std::string& bytes);
+inline constexpr const char* kEncodePngName = "pirt_encode_png";
 
 }  // namespace pirt

@@ -1,5 +1,6 @@
 // The module libpirt_pictures.so: OpenCV's codecs. See decoder.h.
 #include <opencv2/imgcodecs.hpp>
+#include <vector>
 
 #include "workloads/base/stderr_capture.h"
 #include "workloads/pictures/decoder.h"
@@ -16,6 +17,28 @@ extern "C" void pirt_decode_picture(const std::string& bytes, DecodedPicture& pi
     picture.warnings = capture.text();
   } catch (const cv::Exception& error) {
     picture.error = error.err;
+  }
+}
+
+extern "C" void pirt_decode_unchanged(const std::string& bytes, cv::Mat& pixels) {
+  try {
+    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U,
+                          const_cast<char*>(bytes.data()));
+    pixels = cv::imdecode(encoded, cv::IMREAD_UNCHANGED);
+  } catch (const cv::Exception&) {
+    pixels.release();
+  }
+}
+
+extern "C" void pirt_encode_png(const cv::Mat& image, std::string& bytes) {
+  try {
+    std::vector<unsigned char> encoded;
+    cv::imencode(
+        ".png", image, encoded,
+        {cv::IMWRITE_PNG_COMPRESSION, 1, cv::IMWRITE_PNG_STRATEGY, cv::IMWRITE_PNG_STRATEGY_RLE});
+    bytes.assign(encoded.begin(), encoded.end());
+  } catch (const cv::Exception&) {
+    bytes.clear();
   }
 }
 

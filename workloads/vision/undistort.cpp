@@ -26,24 +26,10 @@ Camera make_camera(int width, int height) {
 }
 
 std::vector<Tensor> reference(const Undistort& op, const Data& data) {
-  const auto image = data.inputs[0].as<std::uint8_t>();
-  const auto pixel = [&](int x, int y) -> int {
-    if (x < 0 || y < 0 || x >= op.width || y >= op.height) return 0;
-    return image[static_cast<std::size_t>(y) * static_cast<std::size_t>(op.width) +
-                 static_cast<std::size_t>(x)];
-  };
-  Tensor undistorted(gray_spec("image", op.width, op.height));
-  auto* out = undistorted.as<std::uint8_t>().data();
-  for (const MapEntry& entry : undistort_map(op)) {
-    const int x = entry.x >> 5;
-    const int y = entry.y >> 5;
-    const int fx = entry.x & 31;
-    const int fy = entry.y & 31;
-    const int sum = (32 - fx) * (32 - fy) * pixel(x, y) + fx * (32 - fy) * pixel(x + 1, y) +
-                    (32 - fx) * fy * pixel(x, y + 1) + fx * fy * pixel(x + 1, y + 1);
-    *out++ = static_cast<std::uint8_t>((sum + 512) >> 10);
-  }
-  return only(std::move(undistorted));
+  Tensor out(gray_spec("image", op.width, op.height));
+  std::ranges::copy(undistorted(op, data.inputs[0].as<std::uint8_t>()),
+                    out.as<std::uint8_t>().begin());
+  return only(std::move(out));
 }
 
 }  // namespace
@@ -67,6 +53,26 @@ std::vector<MapEntry> undistort_map(const Undistort& operation) {
     }
   }
   return map;
+}
+
+std::vector<std::uint8_t> undistorted(const Undistort& op, std::span<const std::uint8_t> image) {
+  const auto pixel = [&](int x, int y) -> int {
+    if (x < 0 || y < 0 || x >= op.width || y >= op.height) return 0;
+    return image[static_cast<std::size_t>(y) * static_cast<std::size_t>(op.width) +
+                 static_cast<std::size_t>(x)];
+  };
+  std::vector<std::uint8_t> out;
+  out.reserve(image.size());
+  for (const MapEntry& entry : undistort_map(op)) {
+    const int x = entry.x >> 5;
+    const int y = entry.y >> 5;
+    const int fx = entry.x & 31;
+    const int fy = entry.y & 31;
+    const int sum = (32 - fx) * (32 - fy) * pixel(x, y) + fx * (32 - fy) * pixel(x + 1, y) +
+                    (32 - fx) * fy * pixel(x, y + 1) + fx * fy * pixel(x + 1, y + 1);
+    out.push_back(static_cast<std::uint8_t>((sum + 512) >> 10));
+  }
+  return out;
 }
 
 Workload make_undistort(int width, int height) {

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "workloads/workload.h"
@@ -95,6 +96,9 @@ struct MapEntry {
 /// The map of make_undistort, row-major [h,w]; the same camera matrix before and after. In double
 /// precision.
 [[nodiscard]] std::vector<MapEntry> undistort_map(const Undistort& operation);
+/// What make_undistort defines, for any camera: @p image and result u8 [h,w].
+[[nodiscard]] std::vector<std::uint8_t> undistorted(const Undistort& operation,
+                                                    std::span<const std::uint8_t> image);
 
 /// GoodFeaturesToTrack (Shi-Tomasi) as OpenCV has it: Sobel 3x3 gradients with border reflect-101,
 /// products summed over a 3x3 block with border reflect-101, smaller eigenvalue, threshold at

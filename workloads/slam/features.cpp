@@ -1,0 +1,192 @@
+#include "workloads/slam/features.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <opencv2/features2d.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "workloads/base/error.h"
+#include "workloads/base/gaussian.h"
+
+namespace pirt::slam {
+namespace {
+
+constexpr int kRim = 20;    // of the descriptor's patch and the blur
+constexpr int kReach = 15;  // of the patch
+constexpr int kHalf = 3;    // of the score's window
+
+struct PatchPair {
+  int ax, ay, bx, by;
+};
+
+/// Gaussian offsets with a sigma of a fifth of the patch, as BRIEF's authors found best.
+std::array<PatchPair, 256> make_pattern() {
+  Gaussian gaussian(20100905);
+  const auto offset = [&] {
+    const double value = gaussian.next() * (2 * kReach + 1) / 5.0;
+    return static_cast<int>(std::lround(std::clamp(value, -1.0 * kReach, 1.0 * kReach)));
+  };
+  std::array<PatchPair, 256> pattern{};
+  for (auto& pair : pattern) {
+    pair.ax = offset();
+    pair.ay = offset();
+    do {
+      pair.bx = offset();
+      pair.by = offset();
+    } while (pair.ax == pair.bx && pair.ay == pair.by);
+  }
+  return pattern;
+}
+
+/// Shi and Tomasi's score of the window around a pixel.
+float corner_score(const GreyImage& image, int x, int y) {
+  int xx = 0;
+  int xy = 0;
+  int yy = 0;
+  for (int dy = -kHalf; dy <= kHalf; ++dy) {
+    const auto* row = image.row(y + dy) + x;
+    for (int dx = -kHalf; dx <= kHalf; ++dx) {
+      const int gx = row[dx + 1] - row[dx - 1];
+      const int gy = row[dx + image.width] - row[dx - image.width];
+      xx += gx * gx;
+      xy += gx * gy;
+      yy += gy * gy;
+    }
+  }
+  const auto a = static_cast<float>(xx);
+  const auto b = static_cast<float>(yy);
+  const auto c = static_cast<float>(xy);
+  return 0.5F * (a + b) - std::sqrt(0.25F * (a - b) * (a - b) + c * c);
+}
+
+/// The centre of the gradients' energy in the window that is followed (mean shift). A tracker that
+/// does not know of zoom and turn follows this centre; any other pixel of the window would move
+/// against the scene as the view changes.
+Eigen::Vector2f refined(const GreyImage& image, int x, int y) {
+  constexpr int kWindowHalf = 7;
+  constexpr int kSteps = 3;
+  constexpr float kFarthest = 4.0F;
+  Eigen::Vector2f centre(static_cast<float>(x), static_cast<float>(y));
+  const Eigen::Vector2f start = centre;
+  for (int step = 0; step < kSteps; ++step) {
+    const int cx = static_cast<int>(std::lround(centre.x()));
+    const int cy = static_cast<int>(std::lround(centre.y()));
+    std::int64_t weight = 0;
+    std::int64_t sum_x = 0;
+    std::int64_t sum_y = 0;
+    for (int dy = -kWindowHalf; dy <= kWindowHalf; ++dy) {
+      const auto* row = image.row(cy + dy) + cx;
+      for (int dx = -kWindowHalf; dx <= kWindowHalf; ++dx) {
+        const int gx = row[dx + 1] - row[dx - 1];
+        const int gy = row[dx + image.width] - row[dx - image.width];
+        const int energy = gx * gx + gy * gy;
+        weight += energy;
+        sum_x += energy * dx;
+        sum_y += energy * dy;
+      }
+    }
+    if (weight == 0) break;
+    const Eigen::Vector2f next(
+        static_cast<float>(cx) + static_cast<float>(sum_x) / static_cast<float>(weight),
+        static_cast<float>(cy) + static_cast<float>(sum_y) / static_cast<float>(weight));
+    if ((next - start).norm() > kFarthest) break;
+    centre = next;
+  }
+  return centre;
+}
+
+Descriptor describe(const cv::Mat& blurred, const std::array<PatchPair, 256>& pattern, int x,
+                    int y) {
+  Descriptor descriptor{};
+  const std::uint8_t* centre = blurred.ptr(y) + x;
+  const auto stride = static_cast<std::ptrdiff_t>(blurred.step);
+  for (std::size_t i = 0; i < pattern.size(); ++i) {
+    const PatchPair& p = pattern[i];
+    if (centre[p.ay * stride + p.ax] < centre[p.by * stride + p.bx]) {
+      descriptor[i / 8] = static_cast<std::uint8_t>(descriptor[i / 8] | (1U << (i % 8)));
+    }
+  }
+  return descriptor;
+}
+
+struct Corner {
+  int x, y;
+  float score;
+};
+
+/// The best corners of each cell, strongest first.
+std::vector<Corner> best_corners(const GreyImage& image, const std::vector<cv::KeyPoint>& found,
+                                 const FeatureOptions& options) {
+  const int columns = (image.width + options.cell - 1) / options.cell;
+  const int rows = (image.height + options.cell - 1) / options.cell;
+  std::vector<std::vector<Corner>> cells(static_cast<std::size_t>(columns * rows));
+  for (const auto& key : found) {
+    const int x = static_cast<int>(key.pt.x);
+    const int y = static_cast<int>(key.pt.y);
+    if (x < kRim || y < kRim || x >= image.width - kRim || y >= image.height - kRim) continue;
+    cells[static_cast<std::size_t>((y / options.cell) * columns + x / options.cell)].push_back(
+        {x, y, corner_score(image, x, y)});
+  }
+  const std::size_t share = static_cast<std::size_t>(options.most) / cells.size() + 1;
+  const auto stronger = [](const Corner& a, const Corner& b) {
+    if (a.score != b.score) return a.score > b.score;
+    return a.y != b.y ? a.y < b.y : a.x < b.x;
+  };
+  std::vector<Corner> best;
+  for (auto& cell : cells) {
+    std::ranges::sort(cell, stronger);
+    for (std::size_t i = 0, kept = 0; i < cell.size() && kept < share; ++i) {
+      const bool near = std::any_of(
+          best.end() - static_cast<std::ptrdiff_t>(kept), best.end(), [&](const Corner& other) {
+            return std::abs(other.x - cell[i].x) < 8 && std::abs(other.y - cell[i].y) < 8;
+          });
+      if (near) continue;
+      best.push_back(cell[i]);
+      ++kept;
+    }
+  }
+  std::ranges::sort(best, stronger);
+  if (std::ssize(best) > options.most) best.resize(static_cast<std::size_t>(options.most));
+  return best;
+}
+
+}  // namespace
+
+int distance(const Descriptor& a, const Descriptor& b) {
+  int bits = 0;
+  for (std::size_t i = 0; i < a.size(); i += sizeof(std::uint64_t)) {
+    std::uint64_t x = 0;
+    std::uint64_t y = 0;
+    std::memcpy(&x, &a[i], sizeof x);
+    std::memcpy(&y, &b[i], sizeof y);
+    bits += std::popcount(x ^ y);
+  }
+  return bits;
+}
+
+Features extract_features(const GreyImage& image, const FeatureOptions& options) {
+  static const auto pattern = make_pattern();
+  Features features;
+  if (image.width <= 2 * kRim || image.height <= 2 * kRim) return features;
+  try {
+    const cv::Mat pixels(image.height, image.width, CV_8U,
+                         const_cast<std::uint8_t*>(image.pixels.data()));
+    std::vector<cv::KeyPoint> found;
+    cv::FAST(pixels, found, options.threshold, true);
+    const auto corners = best_corners(image, found, options);
+    cv::Mat blurred;
+    if (!corners.empty()) cv::GaussianBlur(pixels, blurred, {7, 7}, 2.0);
+    for (const Corner& corner : corners) {
+      features.pixels.push_back(refined(image, corner.x, corner.y));
+      features.scores.push_back(corner.score);
+      features.descriptors.push_back(describe(blurred, pattern, corner.x, corner.y));
+    }
+  } catch (const cv::Exception& error) {
+    throw_environment("OpenCV cannot find corners: " + error.err);
+  }
+  return features;
+}
+
+}  // namespace pirt::slam

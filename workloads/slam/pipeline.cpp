@@ -1,0 +1,176 @@
+#include "workloads/slam/pipeline.h"
+
+#include <algorithm>
+
+#include "workloads/slam/propagate.h"
+
+namespace pirt::slam {
+namespace {
+
+/// Without contrast nothing can be followed, and noise must not be taken for corners.
+bool is_blank(const GreyImage& image) {
+  constexpr int kStep = 7;
+  constexpr double kLeastVariance = 16.0;
+  double sum = 0;
+  double squares = 0;
+  double count = 0;
+  for (std::size_t i = 0; i < image.pixels.size(); i += kStep) {
+    const double value = image.pixels[i];
+    sum += value;
+    squares += value * value;
+    ++count;
+  }
+  const double mean = sum / count;
+  return squares / count - mean * mean < kLeastVariance;
+}
+
+class StageTimer {
+ public:
+  StageTimer(const Clock* clock, Nanos& total) : clock_(clock), total_(total) {
+    if (clock_ != nullptr) begin_ = clock_->now();
+  }
+  ~StageTimer() {
+    if (clock_ != nullptr) total_ += clock_->now() - begin_;
+  }
+  StageTimer(const StageTimer&) = delete;
+  StageTimer& operator=(const StageTimer&) = delete;
+
+ private:
+  const Clock* clock_;
+  Nanos& total_;
+  Nanos begin_{};
+};
+
+class SerialRun {
+ public:
+  SerialRun(const Sequence& sequence, const RunOptions& options)
+      : sequence_(sequence), options_(options), setup_(options.setup), state_(options.start) {}
+
+  RunResult run() {
+    RunResult result;
+    for (std::size_t i = 0; i < sequence_.frames.size(); ++i) {
+      GreyImage left = picture(i, 0);
+      GreyImage right;
+      if (setup_.cameras.size() > 1 && sequence_.frames[i].present[1]) right = picture(i, 1);
+      result.frames.push_back(frame(i, std::move(left), std::move(right)));
+      if (options_.seen) options_.seen(i, state_, before_.levels[0], result.frames.back());
+    }
+    result.last = std::move(state_);
+    return result;
+  }
+
+ private:
+  GreyImage picture(std::size_t frame, std::size_t camera) const {
+    GreyImage image = sequence_.image(frame, camera);
+    if (options_.spoil) options_.spoil(frame, camera, image);
+    return image;
+  }
+
+  /// Samples from just before the state's time to just after @p until.
+  std::span<const ImuSample> samples_to(Nanos until) {
+    const auto& imu = sequence_.imu;
+    while (first_ + 1 < imu.size() && imu[first_ + 1].time <= state_.time) ++first_;
+    auto last = first_;
+    while (last < imu.size() && imu[last].time < until) ++last;
+    return std::span(imu).subspan(first_, std::min(last + 1, imu.size()) - first_);
+  }
+
+  FrameResult frame(std::size_t index, GreyImage left, GreyImage right) {
+    const Nanos time = sequence_.frames[index].time;
+    FrameResult result;
+    result.unusable = is_blank(left);
+    const auto timer = [&](Stage stage) {
+      return StageTimer(options_.clock, result.stage_time[static_cast<std::size_t>(stage)]);
+    };
+    {
+      const auto t = timer(Stage::kPropagate);
+      const auto samples = samples_to(time);
+      if (state_.status == Status::kStarting && setup_.imu) {
+        start(state_, setup_, samples, time);
+      } else if (index > 0) {
+        imu_propagate(state_, setup_, samples, time);
+      }
+      state_.time = time;
+    }
+    Pyramid pyramid;
+    {
+      const auto t = timer(Stage::kPyramid);
+      pyramid = make_pyramid(std::move(left));
+    }
+    if (state_.status != Status::kStarting || !setup_.imu) {
+      see(pyramid, std::move(right), result);
+    }
+    before_ = std::move(pyramid);
+    result.pose = {time, state_.body()};
+    result.status = state_.status;
+    result.position_covariance = position_covariance(state_);
+    return result;
+  }
+
+  void see(const Pyramid& pyramid, GreyImage right, FrameResult& result) {
+    const auto timer = [&](Stage stage) {
+      return StageTimer(options_.clock, result.stage_time[static_cast<std::size_t>(stage)]);
+    };
+    Features features;
+    if (!result.unusable) {
+      const auto t = timer(Stage::kExtract);
+      features = extract_features(pyramid.levels[0], {});
+    }
+    FrameTracks tracks;
+    {
+      const auto t = timer(Stage::kTrack);
+      const TrackRequest request = request_tracks(state_, setup_);
+      tracks.left.resize(request.pixels.size());
+      if (!result.unusable && !before_.empty()) {
+        tracks.left = track_features(before_, pyramid, request.pixels, request.guesses, {});
+      }
+    }
+    if (!right.empty() && !result.unusable) {
+      const auto t = timer(Stage::kTrackRight);
+      const Pyramid other = make_pyramid(std::move(right));
+      const TrackRequest request = request_right(state_, setup_, tracks.left);
+      tracks.right = track_features(pyramid, other, request.pixels, request.guesses, {});
+    }
+    {
+      const auto t = timer(Stage::kUpdate);
+      result.report = update_pose(state_, setup_, tracks, features);
+    }
+    const auto t = timer(Stage::kExtend);
+    extend_map(state_, setup_, features);
+  }
+
+  const Sequence& sequence_;
+  const RunOptions& options_;
+  const Setup& setup_;
+  State state_;
+  Pyramid before_;
+  std::size_t first_ = 0;
+};
+
+}  // namespace
+
+std::string_view to_string(Stage stage) {
+  constexpr std::array<std::string_view, kStages.size()> kNames = {
+      "imu_propagate", "pyramid",     "extract_features", "track_features",
+      "track_right",   "update_pose", "extend_map"};
+  return kNames[static_cast<std::size_t>(stage)];
+}
+
+std::vector<StampedPose> RunResult::trajectory() const {
+  std::vector<StampedPose> poses;
+  for (const auto& frame : frames) poses.push_back(frame.pose);
+  return poses;
+}
+
+Setup setup_of(const Sequence& sequence) {
+  Setup setup;
+  setup.cameras = sequence.cameras;
+  if (!sequence.imu.empty()) setup.imu = sequence.imu_model;
+  return setup;
+}
+
+RunResult run_serially(const Sequence& sequence, const RunOptions& options) {
+  return SerialRun(sequence, options).run();
+}
+
+}  // namespace pirt::slam
