@@ -222,7 +222,9 @@ Chart crossover_chart(const OffloadingCosts& costs) {
       chart.table.rows.push_back(
           {pair.workload, pair.a, pair.b, std::string(to_string(state)), text_of(found)});
       Mark mark{.group = fmt::format("{}: {} for {}", pair.workload, pair.b, pair.a),
-                .series = std::string(to_string(state))};
+                .series = std::string(to_string(state)),
+                .provenance = weakest(costs.find(pair.workload, pair.a, state)->provenance,
+                                      costs.find(pair.workload, pair.b, state)->provenance)};
       const Crossover& middle = found->by_medians;
       if (middle.kind == Crossover::Kind::kFrom) {
         ++paid_back;
