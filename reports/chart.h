@@ -39,8 +39,10 @@ struct Mark {
   Provenance provenance = Provenance::kMeasured;
   /// Why its figure must not be believed, or why there is none; empty if it may be.
   std::string invalid = {};
-  /// Said in place of a figure that is none: "never". Such a mark stands at the edge.
+  /// Said in place of a figure that is none: "never". Such a mark stands at the edge. Of a timeline
+  /// the slice's name.
   std::string word = {};
+  bool at_far_edge = false;  ///< Beyond all figures, not below them.
 };
 
 /// A line that is no row: a roof, a front; or, with one of x and y alone, a bound through the whole
@@ -56,7 +58,8 @@ struct Chart {
   /// What it shows, in a sentence, for whoever does not see it.
   std::string summary = {};
   Axis x = {}, y = {};
-  std::vector<std::string> parts = {};  ///< kStacks: names of the values.
+  std::vector<std::string> parts = {};   ///< kStacks: names of the values.
+  std::vector<std::string> series = {};  ///< Those that have a colour before others, in this order.
   std::vector<ReferenceLine> lines = {};
   Table table = {};
   std::vector<Mark> marks = {};  ///< As many as the table has rows.

@@ -101,6 +101,7 @@ void make_printable(Chart& chart) {
   make_printable(chart.table);
   make_printable(chart.summary);
   make_printable(chart.parts);
+  make_printable(chart.series);
   for (Mark& mark : chart.marks) {
     for (auto* text : {&mark.group, &mark.series, &mark.invalid, &mark.word}) make_printable(*text);
   }

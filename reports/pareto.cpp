@@ -12,6 +12,9 @@
 namespace pirt {
 namespace {
 
+constexpr const char* kBest = "beaten by nobody";
+constexpr const char* kBeaten = "beaten in all three";
+
 /// At least as good in all three, and better in one.
 bool beats(const ModePoint& a, const ModePoint& b) {
   const bool as_good = a.rate_per_ms >= b.rate_per_ms && a.energy_mj <= b.energy_mj &&
@@ -86,7 +89,7 @@ std::optional<double> most_rate(const std::vector<ModePoint>& points) {
 
 Mark mark_of(const ModePoint& point, double y) {
   return {.group = point.run->mode,
-          .series = point.beaten_by == nullptr ? "beaten by nobody" : "beaten in all three",
+          .series = point.beaten_by == nullptr ? kBest : kBeaten,
           .x = point.energy_mj,
           .y = y,
           .provenance = provenance_of(*point.run)};
@@ -94,7 +97,8 @@ Mark mark_of(const ModePoint& point, double y) {
 
 Chart rate_chart(const std::vector<ModePoint>& points) {
   const RunRecord& first = *points.front().run;
-  Chart chart{.kind = ChartKind::kScatter, .x = {"mJ a task"}, .y = {"tasks a ms"}};
+  Chart chart{.kind = ChartKind::kScatter, .x = {"mJ a task"}, .y = {"tasks a ms"},
+              .series = {kBest, kBeaten}};
   chart.table = {.title = fmt::format("Modes: rate and energy, mix {} on {}", first.mix,
                                       first.platform),
                  .columns = {{"mode", Align::kLeft},
@@ -135,7 +139,8 @@ Chart latency_chart(const std::vector<ModePoint>& points) {
   Chart chart{.kind = ChartKind::kScatter,
               .summary = "Down and left is better.",
               .x = {"mJ a task"},
-              .y = {"p99 latency, ms", true}};
+              .y = {"p99 latency, ms", true},
+              .series = {kBest, kBeaten}};
   chart.table = {.title = fmt::format("Modes: latency and energy, mix {} on {}", first.mix,
                                       first.platform),
                  .columns = {{"mode", Align::kLeft},

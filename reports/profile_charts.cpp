@@ -33,7 +33,7 @@ bool belongs(const std::string& workload, const Family& family) {
 }
 
 std::string title_of(const char* what, const Family& family, const char* figure) {
-  return fmt::format("{} of the {}{}", what, family.name,
+  return fmt::format("{}: {}{}", what, family.name,
                      figure == nullptr ? "" : fmt::format(" (the paper's {})", figure));
 }
 
@@ -76,7 +76,7 @@ std::string time_summary(const Profile& profile, const Chart& chart) {
 }
 
 Chart time_chart(const Profile& profile, const Family& family) {
-  Chart chart{.kind = ChartKind::kDots, .x = {"ms a call", true}};
+  Chart chart{.kind = ChartKind::kDots, .x = {"ms a call", true}, .series = profile.units()};
   chart.table = {.title = title_of("Time a call", family, family.time_figure),
                  .columns = {{"workload", Align::kLeft},
                              {"unit", Align::kLeft},
@@ -114,7 +114,7 @@ Chart time_chart(const Profile& profile, const Family& family) {
 }
 
 Chart energy_chart(const Profile& profile, const Family& family) {
-  Chart chart{.kind = ChartKind::kDots, .x = {"mJ a call", true}};
+  Chart chart{.kind = ChartKind::kDots, .x = {"mJ a call", true}, .series = profile.units()};
   chart.table = {.title = title_of("Energy a call", family, family.energy_figure),
                  .columns = {{"workload", Align::kLeft},
                              {"unit", Align::kLeft},
@@ -207,10 +207,20 @@ std::vector<ReferenceLine> roofs_of(const Rooflines& roofs, const std::string& u
   return lines;
 }
 
+/// "limit: f32", ...
+std::string limit_name(PeakKind kind) { return "limit: " + std::string(to_string(kind)); }
+
+std::vector<std::string> limits_by_name() {
+  std::vector<std::string> names;
+  for (const PeakKind kind : kAllPeakKinds) names.push_back(limit_name(kind));
+  return names;
+}
+
 Chart roofline_chart(const Profile& profile, const Rooflines& roofs, const std::string& unit) {
   Chart chart{.kind = ChartKind::kScatter,
               .x = {"operations a byte", true},
-              .y = {"Gop/s", true}};
+              .y = {"Gop/s", true},
+              .series = limits_by_name()};
   chart.table = {.title = "Roofline of " + unit,
                  .columns = {{"workload", Align::kLeft},
                              {"limit", Align::kLeft},
@@ -228,8 +238,7 @@ Chart roofline_chart(const Profile& profile, const Rooflines& roofs, const std::
     chart.table.rows.push_back({cell.workload, std::string(to_string(cell.bound)),
                                 figure(*cell.intensity), shown(cell.reached_per_second / 1e9),
                                 shown(cell.roof_per_second / 1e9), roofline_cell(&cell)});
-    Mark mark = cell_mark(cell.workload, "limit: " + std::string(to_string(cell.bound)),
-                          cell.provenance, "");
+    Mark mark = cell_mark(cell.workload, limit_name(cell.bound), cell.provenance, "");
     mark.x = *cell.intensity;
     mark.y = cell.reached_per_second / 1e9;
     least = chart.marks.empty() ? *mark.x : std::min(least, *mark.x);
@@ -242,7 +251,7 @@ Chart roofline_chart(const Profile& profile, const Rooflines& roofs, const std::
 }
 
 Chart share_chart(const Profile& profile, const Rooflines& roofs) {
-  Chart chart{.kind = ChartKind::kDots, .x = {"% of the roof", false}};
+  Chart chart{.kind = ChartKind::kDots, .x = {"% of the roof", false}, .series = profile.units()};
   chart.table = {.title = "How near each cell comes to its roof",
                  .columns = {{"workload", Align::kLeft},
                              {"unit", Align::kLeft},
@@ -287,7 +296,8 @@ std::vector<Chart> energy_charts(const Profile& profile) {
 Chart distribution_chart(const Profile& profile) {
   Chart chart{.kind = ChartKind::kQuantiles,
               .summary = "Samples of each cell over its median: narrow is steady.",
-              .x = {"times the median", true}};
+              .x = {"times the median", true},
+              .series = profile.units()};
   chart.table = {.title = "How samples of a call are spread",
                  .columns = {{"workload", Align::kLeft},
                              {"unit", Align::kLeft},
@@ -300,8 +310,9 @@ Chart distribution_chart(const Profile& profile) {
                              {"processes"},
                              {"shown"},
                              {"remarks", Align::kLeft}},
-                 .footnotes = {fmt::format("least to most: times the median. shown: quantiles in the "
-                                           "picture, {} at most.",
+                 .footnotes = {fmt::format("least to most: times the median, which is that of the "
+                                           "processes' medians. shown: quantiles in the picture, {} "
+                                           "at most.",
                                            kMostQuantiles)},
                  .origin = origin_of(profile)};
   for (const auto& row : profile.phases) {
@@ -324,6 +335,7 @@ Chart distribution_chart(const Profile& profile) {
          fmt::format("{}", row.samples), fmt::format("{}", row.processes),
          fmt::format("{}", quantiles.size()), remarks_of(invalid, row.notes)});
     Mark mark = cell_mark(row.workload + ", " + row.unit, row.unit, row.provenance, invalid);
+    if (median_ns > 0) mark.x = 1;
     for (const Nanos each : quantiles) {
       if (median_ns > 0) {
         mark.values.push_back(rounded(static_cast<double>(each.count()) / median_ns));

@@ -206,7 +206,7 @@ Chart offloading_chart(const OffloadingCosts& costs) {
 }
 
 Chart crossover_chart(const OffloadingCosts& costs) {
-  Chart chart{.kind = ChartKind::kDots, .x = {"calls", true}};
+  Chart chart{.kind = ChartKind::kDots, .x = {"calls", true}, .series = {"cold", "warm"}};
   chart.table = {.title = "From how many calls on another unit is faster, set-up included",
                  .columns = {{"workload", Align::kLeft},
                              {"first", Align::kLeft},
@@ -236,6 +236,7 @@ Chart crossover_chart(const OffloadingCosts& costs) {
         }
       } else {
         mark.word = text_of(middle);
+        mark.at_far_edge = middle.kind == Crossover::Kind::kNever;
       }
       chart.marks.push_back(std::move(mark));
     }

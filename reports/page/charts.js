@@ -53,6 +53,7 @@
     const at = (y) => box.svg.append("g").attr("transform", `translate(0,${y})`);
     at(box.bottom).attr("class", "grid").call(d3.axisBottom(position).tickValues(values).tickFormat("").tickSize(box.top - box.bottom));
     at(box.bottom).call(d3.axisBottom(position).tickValues(values).tickFormat(short));
+    if (box.bottom - box.top > 500) at(box.top).call(d3.axisTop(position).tickValues(values).tickFormat(short));
     box.svg.append("text").attr("class", "soft").attr("x", box.right).attr("y", box.bottom + 34).attr("text-anchor", "end")
       .text(axis.label);
   }
@@ -80,7 +81,8 @@
     const longest = d3.max(names, (name) => name.length) * kCharacter + 12;
     const above = width < kNarrow || longest > width / 3;
     const step = row + (above ? 16 : 4);
-    const margin = {left: above ? 8 : longest, right: 14, top: 6, bottom: 42};
+    const tall = step * names.length > 500; // With an axis above too.
+    const margin = {left: above ? 8 : longest, right: 14, top: tall ? 26 : 6, bottom: 42};
     const box = canvas(plot, margin.top + margin.bottom + step * names.length, margin);
     box.y = (index) => margin.top + step * index + (above ? 16 : 2) + row / 2;
     box.row = row;
@@ -114,10 +116,14 @@
     items.append("span").text((entry) => entry.text);
   }
 
+  // Those that the chart names have their colours, whether they occur or not.
+  const seriesOf = (chart) => unique(chart.series.concat(chart.marks.map((mark) => mark.series)));
+
   function seriesLegend(chart, series) {
-    const entries = series.length < 2 ? [] : series.map((name, i) => ({
+    const used = series.map((name, i) => ({
       text: name, draw: (svg) => sign(svg, {}, i, 64),
-    }));
+    })).filter((entry) => chart.marks.some((mark) => mark.series === entry.text));
+    const entries = used.length < 2 ? [] : used;
     const other = unique(chart.marks.filter((mark) => mark.provenance).map((mark) => mark.provenance));
     if (other.length > 0) {
       entries.push({text: `hollow: not measured (${other.join(", ")})`, draw: (svg) => sign(svg, {provenance: "other"}, 7, 64)});
@@ -131,7 +137,7 @@
   // A line a group, in it a dot a series with its interval; the series below one another, so that none hides another.
   function drawDots(plot, chart) {
     const groups = unique(chart.marks.map((mark) => mark.group));
-    const series = unique(chart.marks.map((mark) => mark.series));
+    const series = seriesOf(chart);
     legend(plot, seriesLegend(chart, series));
     const lane = 12;
     const box = layRows(plot, groups, lane * series.length);
@@ -150,9 +156,10 @@
       if (stands) {
         sign(group.append("g").attr("transform", `translate(${x(mark.x)},${y})`), mark, index, 64);
       } else {
-        sign(group.append("g").attr("transform", `translate(${box.left + 6},${y})`), mark, index, 30);
-        group.append("text").attr("class", "soft halo").attr("x", box.left + 16).attr("y", y + 4)
-          .text(mark.invalid ? `invalid: ${mark.invalid}` : mark.word || "not known");
+        const edge = mark.far ? box.right - 6 : box.left + 6;
+        sign(group.append("g").attr("transform", `translate(${edge},${y})`), mark, index, 30);
+        group.append("text").attr("class", "soft halo").attr("x", edge + (mark.far ? -10 : 10)).attr("y", y + 4)
+          .attr("text-anchor", mark.far ? "end" : "start").text(mark.invalid ? `invalid: ${mark.invalid}` : mark.word || "not known");
       }
     });
   }
@@ -184,9 +191,9 @@
     });
   }
 
-  // A strip a mark: a tick a quantile, so that where many samples are it is dark; the median is longer.
+  // A strip a mark: a tick a quantile, so that where many samples are it is dark; the long one is the median.
   function drawQuantiles(plot, chart) {
-    const series = unique(chart.marks.map((mark) => mark.series));
+    const series = seriesOf(chart);
     legend(plot, seriesLegend(chart, series));
     const box = layRows(plot, chart.marks.map((mark) => mark.group), 16);
     const x = scale(chart.x, extent([].concat(...chart.marks.map((mark) => mark.values || [])), chart.x.log), [box.left + 2, box.right - 6]);
@@ -196,7 +203,7 @@
       const index = series.indexOf(mark.series);
       const y = box.y(row);
       const values = (mark.values || []).filter((value) => !chart.x.log || value > 0);
-      if (values.length === 0) {
+      if (values.length === 0 || !known(mark.x)) {
         sign(group.append("g").attr("transform", `translate(${box.left + 6},${y})`), mark, index, 30);
         group.append("text").attr("class", "soft halo").attr("x", box.left + 16).attr("y", y + 4).text(mark.invalid || "no samples");
         return;
@@ -205,8 +212,8 @@
       const inside = mark.invalid ? "var(--bad)" : color(index);
       group.append("path").attr("d", `M${x(values[0])},${y}H${x(values[values.length - 1])}`).attr("stroke", inside).attr("opacity", 0.5);
       group.append("path").attr("d", values.map((value) => tick(value, 5)).join("")).attr("stroke", inside).attr("opacity", 0.35);
-      group.append("path").attr("d", tick(d3.quantile(values, 0.5), 8)).attr("stroke", inside).attr("stroke-width", 2.5);
-      if (mark.invalid) sign(group.append("g").attr("transform", `translate(${x(d3.quantile(values, 0.5))},${y})`), mark, index);
+      group.append("path").attr("d", tick(mark.x, 8)).attr("stroke", inside).attr("stroke-width", 2.5);
+      if (mark.invalid) sign(group.append("g").attr("transform", `translate(${x(mark.x)},${y})`), mark, index);
     });
   }
 
@@ -249,7 +256,7 @@
   }
 
   function drawScatter(plot, chart) {
-    const series = unique(chart.marks.map((mark) => mark.series));
+    const series = seriesOf(chart);
     legend(plot, seriesLegend(chart, series));
     const width = Math.max(280, plot.node().clientWidth);
     const box = canvas(plot, Math.max(300, Math.min(440, width * 0.6)), {left: 56, right: 16, top: 28, bottom: 42});
@@ -272,7 +279,7 @@
   // A lane a group; a slice a mark, with its name where it fits.
   function drawTimeline(plot, chart) {
     const lanes = unique(chart.marks.map((mark) => mark.group));
-    const series = unique(chart.marks.map((mark) => mark.series));
+    const series = seriesOf(chart);
     legend(plot, series.map((name, i) => ({
       text: name, draw: (svg) => svg.append("rect").attr("x", -7).attr("y", -7).attr("width", 14).attr("height", 14).attr("fill", color(i)),
     })));

@@ -100,6 +100,7 @@ Json json_of(const Mark& mark) {
   }
   if (!mark.invalid.empty()) json["invalid"] = mark.invalid;
   if (!mark.word.empty()) json["word"] = mark.word;
+  if (mark.at_far_edge) json["far"] = true;
   return json;
 }
 
@@ -109,6 +110,7 @@ Json json_of(const Chart& chart) {
                {"x", {{"label", chart.x.label}, {"log", chart.x.log}}},
                {"y", {{"label", chart.y.label}, {"log", chart.y.log}}},
                {"parts", chart.parts},
+               {"series", chart.series},
                {"lines", Json::array()},
                {"marks", Json::array()}};
   for (const ReferenceLine& line : chart.lines) {
