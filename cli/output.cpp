@@ -65,8 +65,7 @@ void warn_all(std::span<const std::string> messages) {
 
 std::size_t stdout_columns() {
   winsize size{};
-  const bool known =
-      ::isatty(STDOUT_FILENO) == 1 && ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0;
+  const bool known = ::isatty(STDOUT_FILENO) == 1 && ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0;
   return known ? size.ws_col : 0;
 }
 

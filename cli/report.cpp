@@ -55,8 +55,7 @@ void write(const Options& options, const Document& document, nlohmann::ordered_j
   const auto format = parse_format(options.format);
   json["schema_version"] = 1;
   const std::size_t columns = options.output || options.json.to_stdout() ? 0 : stdout_columns();
-  const std::string text =
-      format ? render(document, *format, columns) : json_text(json, 2) + "\n";
+  const std::string text = format ? render(document, *format, columns) : json_text(json, 2) + "\n";
   if (options.output) {
     emit_text(text, options.output);
     if (options.json) emit("", json, options.json);

@@ -50,9 +50,7 @@ std::string strip(const Mark& mark, const Scale& scale) {
   std::string text;
   for (int i = 0; i < kStripWidth; ++i) {
     if (i == *at) {
-      text += !mark.invalid.empty()                         ? "×"
-              : mark.provenance == Provenance::kMeasured ? "●"
-                                                         : "○";
+      text += !mark.invalid.empty() ? "×" : mark.provenance == Provenance::kMeasured ? "●" : "○";
     } else {
       text += i >= low && i <= high ? "─" : "·";
     }

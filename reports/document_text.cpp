@@ -138,9 +138,8 @@ std::string text_table(const Table& table, std::size_t columns) {
   const auto blocks = blocks_of(table, columns);
   std::string out;
   for (std::size_t b = 0; b < blocks.size(); ++b) {
-    const auto part = blocks.size() == 1
-                          ? std::string()
-                          : fmt::format(" ({} of {})", b + 1, blocks.size());
+    const auto part =
+        blocks.size() == 1 ? std::string() : fmt::format(" ({} of {})", b + 1, blocks.size());
     for (const auto& line : wrapped(table.title + part, columns)) out += line + "\n";
     out += text_row(table, blocks[b], headers) + rule_of(blocks[b]);
     for (const auto& row : table.rows) out += text_row(table, blocks[b], row);

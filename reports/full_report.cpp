@@ -108,6 +108,14 @@ class Sections {
       parts_.emplace_back(Paragraph{{"Modes that are not shown: " + join(missing, "; ")}});
     }
     add(pareto_charts(mode_points(machine_.modes.runs)));
+    std::vector<std::string> behind;
+    for (const RunRecord& run : machine_.modes.runs) {
+      if (keeps_up(run, machine_.modes.runs)) continue;
+      behind.push_back(fmt::format("{} ({} of {} tasks)", run.mode, run.completed, run.submitted));
+    }
+    if (!behind.empty()) {
+      parts_.emplace_back(Paragraph{{"Modes that do not keep up: " + join(behind, ", ")}});
+    }
   }
   void rows() {
     heading("Every row, and what was recorded with it");
@@ -148,10 +156,8 @@ Evidence evidence_of(const Machine* machine, const Mix& mix, const std::vector<P
 
 Machine machine_of(Profile profile, std::optional<Platform> platform, const Mix& mix,
                    const std::string& why) {
-  Machine machine{.profile = std::move(profile),
-                  .platform = std::move(platform),
-                  .modes = {},
-                  .table5 = {}};
+  Machine machine{
+      .profile = std::move(profile), .platform = std::move(platform), .modes = {}, .table5 = {}};
   machine.modes = runs_of(machine.profile, machine.platform, mix, policy_names(), why);
   machine.table5 = runs_of(machine.profile, machine.platform, load_mix("convolution-1000"),
                            {"throughput", "latency", "energy"}, why);
@@ -167,15 +173,16 @@ std::vector<std::string> mismatches(const ReportInputs& inputs) {
   };
   for (const RunRecord& run : inputs.runs) {
     if (is_of(run.platform)) continue;
-    notes.push_back(fmt::format("NOT COMPARABLE: the run of mode {} is of platform {}, the "
-                                "database of {}",
-                                run.mode, run.platform, inputs.machines.front().profile.platform()));
+    notes.push_back(
+        fmt::format("NOT COMPARABLE: the run of mode {} is of platform {}, the "
+                    "database of {}",
+                    run.mode, run.platform, inputs.machines.front().profile.platform()));
   }
   for (const Timeline& timeline : inputs.timelines) {
     if (is_of(timeline.platform)) continue;
-    notes.push_back(fmt::format("NOT COMPARABLE: the trace {} is of platform {}, the database of {}",
-                                timeline.source, timeline.platform,
-                                inputs.machines.front().profile.platform()));
+    notes.push_back(fmt::format(
+        "NOT COMPARABLE: the trace {} is of platform {}, the database of {}", timeline.source,
+        timeline.platform, inputs.machines.front().profile.platform()));
   }
   return notes;
 }

@@ -106,15 +106,16 @@ std::vector<Inference> inferences(const Profile& profile, const Platform* platfo
 }
 
 Table cloud_table(const std::vector<Inference>& here) {
-  Table table{.title = "Inference locally against the cloud (the paper's Table IV for this machine)",
-              .columns = {{"where", Align::kLeft}, {"", Align::kLeft}, {"energy J"}, {"latency s"}},
-              .footnotes = {"One image through AlexNet, set-up excluded.",
-                            std::string(provenance_legend())}};
+  Table table{
+      .title = "Inference locally against the cloud (the paper's Table IV for this machine)",
+      .columns = {{"where", Align::kLeft}, {"", Align::kLeft}, {"energy J"}, {"latency s"}},
+      .footnotes = {"One image through AlexNet, set-up excluded.",
+                    std::string(provenance_legend())}};
   for (const Inference& each : here) {
-    table.rows.push_back({each.where, "here",
-                          each.energy_j ? marked(figure(*each.energy_j), each.energy_provenance)
-                                        : "-",
-                          range_text(each.low_s, each.high_s, each.time_provenance)});
+    table.rows.push_back(
+        {each.where, "here",
+         each.energy_j ? marked(figure(*each.energy_j), each.energy_provenance) : "-",
+         range_text(each.low_s, each.high_s, each.time_provenance)});
   }
   for (const paper::Inference& each : paper::kTable4) {
     table.rows.push_back({std::string(each.where), "paper",
@@ -125,12 +126,13 @@ Table cloud_table(const std::vector<Inference>& here) {
 }
 
 Table scheduling_table(std::span<const RunRecord> runs) {
-  Table table{.title = "Scheduling algorithms (the paper's Table V for this machine)",
-              .columns = {{"mode", Align::kLeft}, {"", Align::kLeft}, {"frames/ms"}},
-              .footnotes = {"Frames of a 7x7 convolution in a closed loop, in virtual time; ms: mean "
-                            "from dispatch to completion on that unit; J: for 1000 frames. The "
-                            "paper's rows are of a Snapdragon 820, by the roles of the units.",
-                            std::string(provenance_legend())}};
+  Table table{
+      .title = "Scheduling algorithms (the paper's Table V for this machine)",
+      .columns = {{"mode", Align::kLeft}, {"", Align::kLeft}, {"frames/ms"}},
+      .footnotes = {"Frames of a 7x7 convolution in a closed loop, in virtual time; ms: mean "
+                    "from dispatch to completion on that unit; J: for 1000 frames. The "
+                    "paper's rows are of a Snapdragon 820, by the roles of the units.",
+                    std::string(provenance_legend())}};
   const auto units = unit_names(runs);
   for (const auto& unit : units) table.columns.push_back({unit + " ms"});
   table.columns.push_back({"energy J"});

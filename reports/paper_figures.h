@@ -13,7 +13,7 @@ struct Ops {
   double millions;
 };
 inline constexpr std::array kTable1 = {
-    Ops{"gaussian_blur", 15.4}, Ops{"convolution", 30.1}, Ops{"sobel", 74.7}, Ops{"conv1", 210.8},
+    Ops{"gaussian_blur", 15.4}, Ops{"convolution", 30.1}, Ops{"sobel", 74.7},  Ops{"conv1", 210.8},
     Ops{"conv2", 895.5},        Ops{"conv3", 299.0},      Ops{"conv4", 448.6}, Ops{"conv5", 299.0},
     Ops{"fc6", 75.5},           Ops{"fc7", 33.6},         Ops{"fc8", 8}};
 

@@ -17,8 +17,8 @@ constexpr const char* kBeaten = "beaten in all three";
 
 /// At least as good in all three, and better in one.
 bool beats(const ModePoint& a, const ModePoint& b) {
-  const bool as_good = a.rate_per_ms >= b.rate_per_ms && a.energy_mj <= b.energy_mj &&
-                       a.latency_ms <= b.latency_ms;
+  const bool as_good =
+      a.rate_per_ms >= b.rate_per_ms && a.energy_mj <= b.energy_mj && a.latency_ms <= b.latency_ms;
   return as_good && (a.rate_per_ms > b.rate_per_ms || a.energy_mj < b.energy_mj ||
                      a.latency_ms < b.latency_ms);
 }
@@ -52,7 +52,7 @@ ReferenceLine front(std::vector<ModePoint> points, const Second& second, const B
   std::ranges::sort(points, [&](const ModePoint& a, const ModePoint& b) {
     return a.energy_mj != b.energy_mj ? a.energy_mj < b.energy_mj : better(second(a), second(b));
   });
-  ReferenceLine line{.label = "front"};
+  ReferenceLine line{.label = ""};
   for (const ModePoint& point : points) {
     if (line.points.empty() || better(second(point), line.points.back().second)) {
       line.points.emplace_back(point.energy_mj, second(point));
@@ -97,21 +97,23 @@ Mark mark_of(const ModePoint& point, double y) {
 
 Chart rate_chart(const std::vector<ModePoint>& points) {
   const RunRecord& first = *points.front().run;
-  Chart chart{.kind = ChartKind::kScatter, .x = {"mJ a task"}, .y = {"tasks a ms"},
+  Chart chart{.kind = ChartKind::kScatter,
+              .x = {"mJ a task"},
+              .y = {"tasks a ms"},
               .series = {kBest, kBeaten}};
-  chart.table = {.title = fmt::format("Modes: rate and energy, mix {} on {}", first.mix,
-                                      first.platform),
-                 .columns = {{"mode", Align::kLeft},
-                             {"tasks/ms"},
-                             {"gap %"},
-                             {"mJ/task"},
-                             {"gap %"},
-                             {"beaten in all three by", Align::kLeft}},
-                 .footnotes = {"gap = reached / bound - 1, to the most tasks a ms and to the least "
-                               "energy for what the mode completed, which no scheduler can beat. "
-                               "all three: rate, energy and p99 latency.",
-                               std::string(provenance_legend())},
-                 .origin = origin_of(first)};
+  chart.table = {
+      .title = fmt::format("Modes: rate and energy, mix {} on {}", first.mix, first.platform),
+      .columns = {{"mode", Align::kLeft},
+                  {"tasks/ms"},
+                  {"gap %"},
+                  {"mJ/task"},
+                  {"gap %"},
+                  {"beaten in all three by", Align::kLeft}},
+      .footnotes = {"gap = reached / bound - 1, to the most tasks a ms and to the least "
+                    "energy for what the mode completed, which no scheduler can beat. "
+                    "all three: rate, energy and p99 latency.",
+                    std::string(provenance_legend())},
+      .origin = origin_of(first)};
   for (const ModePoint& point : points) {
     const RunBounds bounds = point.run->bounds.value_or(RunBounds{});
     const RunMarks marks = marks_of(*point.run);
@@ -128,33 +130,35 @@ Chart rate_chart(const std::vector<ModePoint>& points) {
     chart.lines.push_back({.label = "bound", .x = least});
   }
   const auto best = std::ranges::count(points, nullptr, &ModePoint::beaten_by);
-  chart.summary = fmt::format("Up and left is better. {} of {} modes are beaten by nobody in rate, "
-                              "energy and latency together.",
-                              best, points.size());
+  chart.summary = fmt::format(
+      "Up and left is better; dashed: the front, and what no scheduler can "
+      "beat. {} of {} modes are beaten by nobody in rate, energy and "
+      "latency together.",
+      best, points.size());
   return chart;
 }
 
 Chart latency_chart(const std::vector<ModePoint>& points) {
   const RunRecord& first = *points.front().run;
   Chart chart{.kind = ChartKind::kScatter,
-              .summary = "Down and left is better.",
+              .summary = "Down and left is better; dashed: the front, and the least energy.",
               .x = {"mJ a task"},
               .y = {"p99 latency, ms", true},
               .series = {kBest, kBeaten}};
-  chart.table = {.title = fmt::format("Modes: latency and energy, mix {} on {}", first.mix,
-                                      first.platform),
-                 .columns = {{"mode", Align::kLeft},
-                             {"p99 ms"},
-                             {"mean ms"},
-                             {"mJ/task"},
-                             {"late"},
-                             {"dropped"},
-                             {"queued"},
-                             {"offloaded"}},
-                 .footnotes = {"Of tasks, dispatch to completion. late: firings past their "
-                               "deadline. A mode that drops or offloads has less to serve.",
-                               std::string(provenance_legend())},
-                 .origin = origin_of(first)};
+  chart.table = {
+      .title = fmt::format("Modes: latency and energy, mix {} on {}", first.mix, first.platform),
+      .columns = {{"mode", Align::kLeft},
+                  {"p99 ms"},
+                  {"mean ms"},
+                  {"mJ/task"},
+                  {"late"},
+                  {"dropped"},
+                  {"queued"},
+                  {"offloaded"}},
+      .footnotes = {"Of tasks, dispatch to completion. late: firings past their "
+                    "deadline. A mode that drops or offloads has less to serve.",
+                    std::string(provenance_legend())},
+      .origin = origin_of(first)};
   for (const ModePoint& point : points) {
     const RunRecord& run = *point.run;
     const RunMarks marks = marks_of(run);
@@ -175,19 +179,25 @@ Chart latency_chart(const std::vector<ModePoint>& points) {
 
 }  // namespace
 
+bool keeps_up(const RunRecord& run, std::span<const RunRecord> runs) {
+  std::int64_t most = 0;
+  for (const RunRecord& each : runs) most = std::max(most, each.completed);
+  return static_cast<double>(run.completed) >= kKeepsUp * static_cast<double>(most);
+}
+
 std::vector<ModePoint> mode_points(std::span<const RunRecord> runs) {
   std::vector<ModePoint> points;
   for (const RunRecord& run : runs) {
     if (run.completed == 0 || !run.throughput_per_ms || !run.p99_latency_ms) continue;
-    if (!comparable(run, runs.front())) continue;
+    if (!comparable(run, runs.front()) || !keeps_up(run, runs)) continue;
     points.push_back({.run = &run,
                       .rate_per_ms = *run.throughput_per_ms,
                       .energy_mj = run.energy_j * 1e3 / static_cast<double>(run.completed),
                       .latency_ms = *run.p99_latency_ms});
   }
   for (ModePoint& point : points) {
-    const auto better = std::ranges::find_if(
-        points, [&](const ModePoint& other) { return beats(other, point); });
+    const auto better =
+        std::ranges::find_if(points, [&](const ModePoint& other) { return beats(other, point); });
     if (better != points.end()) point.beaten_by = better->run;
   }
   return points;

@@ -22,8 +22,12 @@ struct ModePoint {
   const RunRecord* beaten_by = nullptr;
 };
 
-/// Runs that completed something, in their order. Those that compare: of one platform, mix,
-/// duration and seed as the first.
+/// A mode that completes less than this part of what the best completes is no choice.
+inline constexpr double kKeepsUp = 0.9;
+[[nodiscard]] bool keeps_up(const RunRecord& run, std::span<const RunRecord> runs);
+
+/// Runs that keep up, in their order. Those that compare: of one platform, mix, duration and seed
+/// as the first.
 [[nodiscard]] std::vector<ModePoint> mode_points(std::span<const RunRecord> runs);
 
 /// Rate over energy, with both bounds; latency over energy, with that of energy. Each with the

@@ -18,7 +18,7 @@ namespace {
 struct Family {
   const char* tag;  ///< Null = those of no other family.
   const char* name;
-  const char* time_figure;    ///< The paper's.
+  const char* time_figure;  ///< The paper's.
   const char* energy_figure;
 };
 constexpr std::array kFamilies = {Family{"vision", "vision workloads", "Fig. 3", "Fig. 4"},
@@ -130,8 +130,9 @@ Chart energy_chart(const Profile& profile, const Family& family) {
       if (row == nullptr) continue;
       const auto invalid = invalid_text(row->valid, row->reasons, row->energy_j.has_value());
       chart.table.rows.push_back(
-          {workload, unit, row->energy_j ? marked(figure(*row->energy_j * 1e3), row->provenance) : "-",
-           row->source, remarks_of(invalid, {})});
+          {workload, unit,
+           row->energy_j ? marked(figure(*row->energy_j * 1e3), row->provenance) : "-", row->source,
+           remarks_of(invalid, {})});
       Mark mark = cell_mark(workload, unit, row->provenance, invalid);
       if (row->energy_j) mark.x = *row->energy_j * 1e3;
       chart.marks.push_back(std::move(mark));
@@ -163,9 +164,7 @@ std::vector<Nanos> quantiles_of(std::vector<Nanos> samples) {
 }
 
 /// Four digits are more than a picture shows.
-double rounded(double value) {
-  return value > 0 ? std::stod(fmt::format("{:.4g}", value)) : value;
-}
+double rounded(double value) { return value > 0 ? std::stod(fmt::format("{:.4g}", value)) : value; }
 
 const PeakRow* find_peak(const Rooflines& roofs, const std::string& unit, PeakKind kind) {
   const auto found = std::ranges::find_if(roofs.peaks, [&](const PeakRow& peak) {
@@ -202,7 +201,8 @@ std::vector<ReferenceLine> roofs_of(const Rooflines& roofs, const std::string& u
     if (peak == nullptr) continue;
     const double gop_s = *peak->per_second / 1e9;
     const double from = steepest > 0 ? gop_s / steepest : least;
-    lines.push_back({std::string(to_string(kind)), {{from, gop_s}, {std::max(most, from * 2), gop_s}}});
+    lines.push_back(
+        {std::string(to_string(kind)), {{from, gop_s}, {std::max(most, from * 2), gop_s}}});
   }
   return lines;
 }
@@ -221,16 +221,17 @@ Chart roofline_chart(const Profile& profile, const Rooflines& roofs, const std::
               .x = {"operations a byte", true},
               .y = {"Gop/s", true},
               .series = limits_by_name()};
-  chart.table = {.title = "Roofline of " + unit,
-                 .columns = {{"workload", Align::kLeft},
-                             {"limit", Align::kLeft},
-                             {"ops/byte"},
-                             {"Gop/s"},
-                             {"roof Gop/s"},
-                             {"of the roof"}},
-                 .footnotes = {"Lines: what the unit reached at most, by loops that do nothing else. "
-                               "Cells whose operations depend on the data stand in the next chart."},
-                 .origin = origin_of(profile)};
+  chart.table = {
+      .title = "Roofline of " + unit,
+      .columns = {{"workload", Align::kLeft},
+                  {"limit", Align::kLeft},
+                  {"ops/byte"},
+                  {"Gop/s"},
+                  {"roof Gop/s"},
+                  {"of the roof"}},
+      .footnotes = {"Lines: what the unit reached at most, by loops that do nothing else. "
+                    "Cells whose operations depend on the data stand in the next chart."},
+      .origin = origin_of(profile)};
   double least = 0, most = 0;
   for (const Roofline& cell : roofs.cells) {
     if (cell.unit != unit || !cell.fraction || !cell.intensity) continue;
@@ -282,9 +283,10 @@ std::string origin_of(const Profile& profile) {
   const RunInfo& run = profile.runs.front();
   const auto mode = run.environment.find("mode");
   const bool quick = mode != run.environment.end() && mode->second == "quick";
-  return fmt::format("run {} of {}, platform {}; again: pirt characterize{} --platform {} --seed {} --db {}",
-                     run.run_id, run.started, run.platform, quick ? " --quick" : "", run.platform,
-                     run.seed, profile.path);
+  return fmt::format(
+      "run {} of {}, platform {}; again: pirt characterize{} --platform {} --seed {} --db {}",
+      run.run_id, run.started, run.platform, quick ? " --quick" : "", run.platform, run.seed,
+      profile.path);
 }
 
 std::vector<Chart> time_charts(const Profile& profile) { return of_families(profile, time_chart); }
@@ -298,23 +300,24 @@ Chart distribution_chart(const Profile& profile) {
               .summary = "Samples of each cell over its median: narrow is steady.",
               .x = {"times the median", true},
               .series = profile.units()};
-  chart.table = {.title = "How samples of a call are spread",
-                 .columns = {{"workload", Align::kLeft},
-                             {"unit", Align::kLeft},
-                             {"median ms"},
-                             {"least"},
-                             {"p95"},
-                             {"p99"},
-                             {"most"},
-                             {"samples"},
-                             {"processes"},
-                             {"shown"},
-                             {"remarks", Align::kLeft}},
-                 .footnotes = {fmt::format("least to most: times the median, which is that of the "
-                                           "processes' medians. shown: quantiles in the picture, {} "
-                                           "at most.",
-                                           kMostQuantiles)},
-                 .origin = origin_of(profile)};
+  chart.table = {
+      .title = "How samples of a call are spread",
+      .columns = {{"workload", Align::kLeft},
+                  {"unit", Align::kLeft},
+                  {"median ms"},
+                  {"least"},
+                  {"p95"},
+                  {"p99"},
+                  {"most"},
+                  {"samples"},
+                  {"processes"},
+                  {"shown"},
+                  {"remarks", Align::kLeft}},
+      .footnotes = {fmt::format("least to most: times the median, which is that of the "
+                                "processes' medians. shown: quantiles in the picture, {} "
+                                "at most.",
+                                kMostQuantiles)},
+      .origin = origin_of(profile)};
   for (const auto& row : profile.phases) {
     if (row.phase != Phase::kCall) continue;
     const auto quantiles = quantiles_of(row.values);

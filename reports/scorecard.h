@@ -28,7 +28,7 @@ enum class Finding : std::uint8_t { kConfirmed, kRefuted, kNotTestable };
 struct Claim {
   std::string where;  ///< "Observation 2", "Table I".
   std::string claim;
-  std::string paper;  ///< What it prints, in short; "-" if nothing.
+  std::string paper;       ///< What it prints, in short; "-" if nothing.
   std::string here = "-";  ///< Our figure, with its mark.
   std::string from = "-";  ///< Where ours comes from: "measured", "virtual time, modelled".
   Finding finding = Finding::kNotTestable;
@@ -38,10 +38,10 @@ struct Claim {
 /// What the claims are held against; null or empty = not there.
 struct Evidence {
   const Profile* profile = nullptr;
-  const Platform* platform = nullptr;  ///< Of the profile.
-  const Mix* mix = nullptr;            ///< Of the modes.
-  const ModeRuns* modes = nullptr;     ///< All modes on that platform and mix.
-  const ModeRuns* table5 = nullptr;    ///< The paper's three on its closed loop there.
+  const Platform* platform = nullptr;             ///< Of the profile.
+  const Mix* mix = nullptr;                       ///< Of the modes.
+  const ModeRuns* modes = nullptr;                ///< All modes on that platform and mix.
+  const ModeRuns* table5 = nullptr;               ///< The paper's three on its closed loop there.
   const std::vector<PaperCell>* cells = nullptr;  ///< Table V on the fitted platform.
 };
 
@@ -49,8 +49,8 @@ struct Evidence {
 [[nodiscard]] std::vector<Claim> scorecard(const Evidence& evidence);
 
 /// A claim that was looked at, with what was found; one that was not, and why.
-[[nodiscard]] Claim decided(Claim claim, bool holds, const std::string& here,
-                            std::string_view from, const std::string& why = "");
+[[nodiscard]] Claim decided(Claim claim, bool holds, const std::string& here, std::string_view from,
+                            const std::string& why = "");
 [[nodiscard]] Claim not_testable(Claim claim, const std::string& why);
 
 // The parts of it.

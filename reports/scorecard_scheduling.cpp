@@ -27,8 +27,8 @@ std::vector<Claim> fitted_cells(const std::vector<PaperCell>& cells) {
          .claim = fmt::format("{} mode: {}", cell.mode, cell.figure),
          .paper = marked(fmt::format("{:.4g}", cell.paper), Provenance::kPublished)},
         cell.holds(), marked(fmt::format("{:.4g}", cell.ours), Provenance::kFitted), "fitted",
-        fmt::format("{:+.1f} %, limit {:.0f} %: the board was fitted to it",
-                    100 * cell.deviation(), 100 * cell.limit)));
+        fmt::format("{:+.1f} %, limit {:.0f} %: the board was fitted to it", 100 * cell.deviation(),
+                    100 * cell.limit)));
   }
   return claims;
 }
@@ -49,10 +49,10 @@ constexpr Goal kGoals[] = {
 /// Whether a mode is the best of some runs in what it is named after.
 Claim best_of(const Goal& goal, const std::vector<RunRecord>& runs, const std::string& of_whom,
               const std::string& board) {
-  Claim claim{.where = "Section IV, Table V",
-              .claim = fmt::format("{} mode: best of {} in {}, {}", goal.mode, of_whom, goal.what,
-                                   board),
-              .paper = "-"};
+  Claim claim{
+      .where = "Section IV, Table V",
+      .claim = fmt::format("{} mode: best of {} in {}, {}", goal.mode, of_whom, goal.what, board),
+      .paper = "-"};
   const RunRecord* own = find_mode(runs, goal.mode);
   if (own == nullptr || !goal.of(*own)) return not_testable(claim, "the mode could not run");
   const RunRecord* best = own;
@@ -66,7 +66,8 @@ Claim best_of(const Goal& goal, const std::vector<RunRecord>& runs, const std::s
   const bool energy = std::string_view(goal.what) == "J";
   const Provenance from = energy ? marks.energy : marks.time;
   const double reached = *goal.of(*own), limit = *goal.of(*best);
-  const bool holds = goal.less ? reached <= limit * (1 + kAlmost) : reached >= limit * (1 - kAlmost);
+  const bool holds =
+      goal.less ? reached <= limit * (1 + kAlmost) : reached >= limit * (1 - kAlmost);
   return decided(claim, holds,
                  marked(figure(reached), from) +
                      (holds ? "" : fmt::format(", {} {}", best->mode, marked(figure(limit), from))),
@@ -121,12 +122,11 @@ Claim rate_claim(const RunRecord& run, const char* pipeline, double hz, const st
     return not_testable(claim, fmt::format("the mix has no pipeline {}", pipeline));
   }
   const Provenance from = marks_of(run).time;
-  return decided(claim, *found->rate_hz >= hz * (1 - kAlmost), shown(found->rate_hz, from) + " Hz",
-                 "virtual time, " + std::string(to_string(from)),
-                 fmt::format("{} mode on {}{}", run.mode, run.platform,
-                             found->deadline_misses
-                                 ? fmt::format(", {} late", *found->deadline_misses)
-                                 : ""));
+  return decided(
+      claim, *found->rate_hz >= hz * (1 - kAlmost), shown(found->rate_hz, from) + " Hz",
+      "virtual time, " + std::string(to_string(from)),
+      fmt::format("{} mode on {}{}", run.mode, run.platform,
+                  found->deadline_misses ? fmt::format(", {} late", *found->deadline_misses) : ""));
 }
 
 Claim planning_claim(const RunRecord& run) {
@@ -160,21 +160,22 @@ Claim cpu_only_claim(const RunRecord& run) {
     return not_testable(claim, "the mix has no pipeline localization");
   }
   const Provenance from = marks_of(run).time;
-  return decided(claim, *found->rate_hz < 25 * (1 - kAlmost), shown(found->rate_hz, from) + " Hz",
-                 "virtual time, " + std::string(to_string(from)),
-                 fmt::format("on {}, another CPU; {} late", run.platform,
-                             found->deadline_misses.value_or(0)));
+  return decided(
+      claim, *found->rate_hz < 25 * (1 - kAlmost), shown(found->rate_hz, from) + " Hz",
+      "virtual time, " + std::string(to_string(from)),
+      fmt::format("on {}, another CPU; {} late", run.platform, found->deadline_misses.value_or(0)));
 }
 
 std::vector<Claim> section_five(const Evidence& evidence) {
-  const auto* with = evidence.modes == nullptr ? nullptr : find_mode(evidence.modes->runs, "throughput");
+  const auto* with =
+      evidence.modes == nullptr ? nullptr : find_mode(evidence.modes->runs, "throughput");
   if (with == nullptr) {
-    return {not_testable({.where = "Section V",
-                          .claim = "25 localizations and 3 recognitions a second, planning in 6 ms, "
-                                   "11 W",
-                          .paper = "-"},
-                         evidence.profile == nullptr ? "no profile given"
-                                                     : "the profile does not serve the mix")};
+    return {not_testable(
+        {.where = "Section V",
+         .claim = "25 localizations and 3 recognitions a second, planning in 6 ms, "
+                  "11 W",
+         .paper = "-"},
+        evidence.profile == nullptr ? "no profile given" : "the profile does not serve the mix")};
   }
   std::vector<Claim> claims = {rate_claim(*with, "localization", 25, "+25 Hz"),
                                rate_claim(*with, "recognition", 3, "+3 Hz"), planning_claim(*with),

@@ -188,8 +188,9 @@ Table crossover_table(const OffloadingCosts& costs) {
 
 Chart offloading_chart(const OffloadingCosts& costs) {
   Chart chart{.kind = ChartKind::kStacks,
-              .summary = "From nothing to the end of the first call: what is set up, moved and "
-                         "computed.",
+              .summary =
+                  "From nothing to the end of the first call: what is set up, moved and "
+                  "computed.",
               .x = {"ms to the end of the first call"},
               .parts = {"device_init", "prepare", "upload", "launch", "execute", "download"},
               .table = offloading_table(costs)};
@@ -241,10 +242,10 @@ Chart crossover_chart(const OffloadingCosts& costs) {
       chart.marks.push_back(std::move(mark));
     }
   }
-  chart.summary =
-      fmt::format("In {} of {} cases the second unit's longer set-up is paid back by some number "
-                  "of calls.",
-                  paid_back, chart.marks.size());
+  chart.summary = fmt::format(
+      "In {} of {} cases the second unit's longer set-up is paid back by some number "
+      "of calls.",
+      paid_back, chart.marks.size());
   return chart;
 }
 

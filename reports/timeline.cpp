@@ -71,6 +71,18 @@ Timeline timeline_of(const Json& json) {
   return timeline;
 }
 
+/// Where the chart ends: with the first task that it has no more room for; and before a few last
+/// ones (of the cloud) that would make everything else too small to see.
+double window_end(const std::vector<Slice>& all, const std::vector<Slice>& shown) {
+  if (shown.empty()) return 0;
+  std::vector<double> ends;
+  for (const Slice& slice : shown) ends.push_back(slice.end_ms);
+  std::ranges::sort(ends);
+  const double most = all.size() > shown.size() ? all[shown.size()].start_ms : ends.back();
+  const double nearly_all = ends[(ends.size() - 1) * 95 / 100];
+  return most > 2 * nearly_all ? nearly_all * 1.05 : most;
+}
+
 /// Lanes of units that ever have two tasks at a time say which slot they are.
 class Lanes {
  public:
@@ -146,25 +158,21 @@ Chart timeline_chart(const Timeline& timeline) {
                                "start."},
                  .origin = timeline.source};
   auto shown = timeline.slices;
-  double until = 0;  // what is shown ends there
-  if (shown.size() > kMostSlices) {
-    until = shown[kMostSlices].start_ms;
-    shown.resize(kMostSlices);
-  } else {
-    for (const Slice& slice : shown) until = std::max(until, slice.end_ms);
-  }
-  chart.summary = fmt::format("The first {} of {} tasks, {} ms.", shown.size(),
+  if (shown.size() > kMostSlices) shown.resize(kMostSlices);
+  const double until = window_end(timeline.slices, shown);
+  std::erase_if(shown, [&](const Slice& slice) { return slice.start_ms > until; });
+  chart.summary = fmt::format("{} of {} tasks, from 0 to {} ms.", shown.size(),
                               timeline.slices.size(), figure(until));
   std::ranges::stable_sort(shown, {}, [](const Slice& slice) {
     return std::tuple(slice.unit, slice.slot, slice.start_ms);
   });
   const Lanes lanes(timeline);
   for (const Slice& slice : shown) {
-    chart.table.rows.push_back({lanes.name(slice), slice.pipeline, slice.task,
-                                slice.workload.empty() ? "-" : slice.workload,
-                                fmt::format("{}", slice.firing), fmt::format("{:.3f}", slice.start_ms),
-                                fmt::format("{:.3f}", slice.end_ms),
-                                fmt::format("{:.3f}", slice.waited_ms)});
+    chart.table.rows.push_back(
+        {lanes.name(slice), slice.pipeline, slice.task,
+         slice.workload.empty() ? "-" : slice.workload, fmt::format("{}", slice.firing),
+         fmt::format("{:.3f}", slice.start_ms), fmt::format("{:.3f}", slice.end_ms),
+         fmt::format("{:.3f}", slice.waited_ms)});
     chart.marks.push_back({.group = lanes.name(slice),
                            .series = slice.pipeline,
                            .low = slice.start_ms,

@@ -20,12 +20,14 @@
 
   // Axes.
 
-  function extent(values, log) {
+  // A linear axis begins at 0, unless it is told that what counts is where points stand to one another.
+  function extent(values, log, loose) {
     const usable = values.filter((value) => known(value) && (!log || value > 0));
     if (usable.length === 0) return log ? [1, 10] : [0, 1];
     const [low, high] = d3.extent(usable);
-    if (!log) return [Math.min(0, low), high > 0 ? high * 1.05 : 1];
-    return [low / 1.3, high * 1.3];
+    if (log) return [low / 1.3, high * 1.3];
+    const room = Math.max((high - low) * 0.12, Math.abs(high) * 0.05, 1e-9);
+    return loose ? [Math.max(low - room, low >= 0 ? 0 : -Infinity), high + room] : [Math.min(0, low), high > 0 ? high * 1.05 : 1];
   }
 
   function scale(axis, domain, range) {
@@ -37,6 +39,7 @@
     const count = Math.max(2, Math.floor(room / 70));
     if (!axis.log) return position.ticks(Math.min(count, 10));
     const [low, high] = position.domain();
+    if (high / low < 8) return d3.ticks(low, high, count);
     const exponents = d3.range(Math.floor(Math.log10(low)), Math.ceil(Math.log10(high)) + 1);
     for (const digits of [[1, 2, 5], [1, 3], [1]]) {
       const values = [].concat(...exponents.map((e) => digits.map((d) => d * Math.pow(10, e))));
@@ -86,7 +89,7 @@
     const box = canvas(plot, margin.top + margin.bottom + step * names.length, margin);
     box.y = (index) => margin.top + step * index + (above ? 16 : 2) + row / 2;
     box.row = row;
-    box.svg.append("g").selectAll("text").data(names).join("text").attr("x", above ? 0 : box.left - 8)
+    box.svg.append("g").selectAll("text").data(names).join("text").attr("class", "halo").attr("x", above ? 0 : box.left - 8)
       .attr("y", (_, i) => (above ? margin.top + step * i + 12 : box.y(i) + 4)).attr("text-anchor", above ? "start" : "end")
       .text((name) => name);
     return box;
@@ -100,7 +103,8 @@
   // The sign of a mark: its series' shape, hollow if not measured; a cross if invalid.
   function sign(group, mark, series, size) {
     if (mark.invalid) {
-      group.append("path").attr("d", "M-5,-5L5,5M-5,5L5,-5").attr("stroke", "var(--bad)").attr("stroke-width", 2.5).attr("fill", "none");
+      group.append("path").attr("d", "M-5,-5L5,5M-5,5L5,-5").attr("stroke", "var(--bad)").attr("stroke-width", 2.5)
+        .attr("fill", "none");
       return;
     }
     group.append("path").attr("d", symbol(series, size)).attr("fill", measured(mark) ? color(series) : "var(--page)")
@@ -181,7 +185,8 @@
         const wide = x(from + value) - x(from);
         if (value > 0) {
           group.append("rect").attr("x", x(from)).attr("y", y - 7).attr("width", Math.max(0.75, wide - 0.75)).attr("height", 14)
-            .attr("fill", color(part)).attr("fill-opacity", measured(mark) ? 1 : 0.25).attr("stroke", measured(mark) ? "none" : color(part));
+            .attr("fill", color(part)).attr("fill-opacity", measured(mark) ? 1 : 0.25)
+            .attr("stroke", measured(mark) ? "none" : color(part));
         }
         from += value;
       });
@@ -196,7 +201,8 @@
     const series = seriesOf(chart);
     legend(plot, seriesLegend(chart, series));
     const box = layRows(plot, chart.marks.map((mark) => mark.group), 16);
-    const x = scale(chart.x, extent([].concat(...chart.marks.map((mark) => mark.values || [])), chart.x.log), [box.left + 2, box.right - 6]);
+    const all = [].concat(...chart.marks.map((mark) => mark.values || []));
+    const x = scale(chart.x, extent(all, chart.x.log), [box.left + 2, box.right - 6]);
     bottomAxis(box, chart.x, x);
     markGroups(box, chart).each(function (mark, row) {
       const group = d3.select(this);
@@ -230,7 +236,8 @@
     for (const place of shared) {
       const text = unique(place.names).join(", ");
       const wide = text.length * kCharacter;
-      for (const [dx, dy] of [[9, 4], [-9 - wide, 4], [-wide / 2, -10], [-wide / 2, 19], [9, -10], [9, 19], [-9 - wide, -10], [-9 - wide, 19]]) {
+      const right = 9, left = -9 - wide, middle = -wide / 2;
+      for (const [dx, dy] of [[right, 4], [left, 4], [middle, -10], [middle, 19], [right, -10], [right, 19], [left, -10], [left, 19]]) {
         const area = {left: place.x + dx, right: place.x + dx + wide, top: place.y + dy - 11, bottom: place.y + dy + 3};
         const outside = area.left < box.left || area.right > box.width || area.top < 0 || area.bottom > box.bottom;
         if (outside || taken.some((each) => meets(area, each))) continue;
@@ -251,7 +258,8 @@
       box.svg.append("path").attr("class", "reference").attr("d", d3.line().x((p) => x(p[0])).y((p) => y(p[1]))(points));
       const last = points[points.length - 1];
       box.svg.append("text").attr("class", "soft halo").attr("text-anchor", known(line.x) ? "start" : "end")
-        .attr("x", known(line.x) ? x(line.x) + 4 : x(last[0]) - 2).attr("y", known(line.x) ? box.top + 12 : y(last[1]) - 5).text(line.label);
+        .attr("x", known(line.x) ? x(line.x) + 4 : x(last[0]) - 2).attr("y", known(line.x) ? box.top + 12 : y(last[1]) - 5)
+        .text(line.label);
     }
   }
 
@@ -261,7 +269,9 @@
     const width = Math.max(280, plot.node().clientWidth);
     const box = canvas(plot, Math.max(300, Math.min(440, width * 0.6)), {left: 56, right: 16, top: 28, bottom: 42});
     const along = (name, axis) => extent(chart.marks.map((mark) => mark[name])
-      .concat(...chart.lines.map((line) => line.points.map((p) => p[name === "x" ? 0 : 1])), chart.lines.map((line) => line[name])), axis.log);
+      
+      .concat(...chart.lines.map((line) => line.points.map((p) => p[name === "x" ? 0 : 1])), chart.lines.map((line) => line[name])),
+    axis.log, true);
     const x = scale(chart.x, along("x", chart.x), [box.left, box.right]);
     const y = scale(chart.y, along("y", chart.y), [box.bottom, box.top]);
     bottomAxis(box, chart.x, x);

@@ -16,6 +16,7 @@ namespace pirt {
 namespace {
 
 constexpr std::string_view kD3 = "d3.min.js";
+constexpr std::size_t kLongCell = 28;  ///< Longer texts are broken into lines.
 
 std::string_view asset(std::string_view name) {
   return find_embedded(report_page_files::files(), name).value_or("");
@@ -57,8 +58,10 @@ std::string row(const Table& table, const std::vector<std::string>& cells, std::
   for (std::size_t c = 0; c < cells.size(); ++c) {
     const bool right = table.columns[c].align == Align::kRight;
     const std::string_view scope = tag == "th" ? " scope=\"col\"" : "";
-    line += fmt::format("<{}{}{}>{}</{}>", tag, scope, right ? " class=\"r\"" : "",
-                        escape(cells[c]), tag);
+    const std::string_view kind = right                                 ? " class=\"r\""
+                                  : display_width(cells[c]) > kLongCell ? " class=\"long\""
+                                                                        : "";
+    line += fmt::format("<{}{}{}>{}</{}>", tag, scope, kind, escape(cells[c]), tag);
   }
   return line + "</tr>\n";
 }
@@ -138,9 +141,7 @@ class Page {
     for (const auto& line : paragraph.lines) out += "<p>" + escape(line) + "</p>\n";
     return out;
   }
-  std::string operator()(const Table& table) {
-    return title(table) + rows(table) + notes(table);
-  }
+  std::string operator()(const Table& table) { return title(table) + rows(table) + notes(table); }
   std::string operator()(const Chart& chart) {
     const auto id = fmt::format("chart-{}", charts_.size() + 1);
     charts_.push_back(json_of(chart));
