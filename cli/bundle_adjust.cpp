@@ -1,7 +1,7 @@
 // pirt bundle-adjust: moves the cameras and points of a problem to where they fit what was seen.
 #include "workloads/mapping/bundle_adjust.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <memory>
@@ -34,20 +34,20 @@ std::string text_of(const mapping::BalProblem& problem, const mapping::BundleSum
       summary.free_parameters);
 }
 
-nlohmann::ordered_json json_of(const mapping::BalProblem& problem,
-                               const mapping::BundleSummary& summary, const std::string& loss) {
-  nlohmann::ordered_json json = {{"schema_version", 1},
-                                 {"cameras", problem.camera_count()},
-                                 {"points", problem.point_count()},
-                                 {"observations", problem.observations.size()},
-                                 {"loss", loss},
-                                 {"initial_cost", summary.initial_cost},
-                                 {"final_cost", summary.final_cost},
-                                 {"iterations", summary.iterations},
-                                 {"converged", summary.converged},
-                                 {"free_parameters", summary.free_parameters},
-                                 {"inliers", summary.inliers},
-                                 {"inlier_rms_px", summary.inlier_rms_px}};
+Json json_of(const mapping::BalProblem& problem, const mapping::BundleSummary& summary,
+             const std::string& loss) {
+  Json json = {{"schema_version", 1},
+               {"cameras", problem.camera_count()},
+               {"points", problem.point_count()},
+               {"observations", problem.observations.size()},
+               {"loss", loss},
+               {"initial_cost", summary.initial_cost},
+               {"final_cost", summary.final_cost},
+               {"iterations", summary.iterations},
+               {"converged", summary.converged},
+               {"free_parameters", summary.free_parameters},
+               {"inliers", summary.inliers},
+               {"inlier_rms_px", summary.inlier_rms_px}};
   if (summary.noise_px > 0) json["noise_px"] = summary.noise_px;
   return json;
 }

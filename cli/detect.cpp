@@ -1,5 +1,5 @@
 // pirt detect: the objects that a user's model sees in pictures.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <memory>
 
@@ -37,8 +37,8 @@ int detect(const Options& options) {
   Table table;
   table.columns = {{"picture", Align::kLeft}, {"object", Align::kLeft}, {"score"}, {"at"}, {"size"},
                    {"place", Align::kLeft}};
-  nlohmann::ordered_json json = {{"schema_version", 1}, {"model", detector.file()}};
-  auto& images = json["images"] = nlohmann::ordered_json::array();
+  Json json = {{"schema_version", 1}, {"model", detector.file()}};
+  auto& images = json["images"] = Json::array();
   for (const auto& file : picture_files(options.pictures)) {
     const auto scene =
         recognition::describe_scene(file, rgb_pixels(file), detector, nullptr, options.detect, 0);

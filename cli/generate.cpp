@@ -1,5 +1,5 @@
 // pirt generate: a generated sequence with exact truth, as an EuRoC folder.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <memory>

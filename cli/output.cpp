@@ -1,5 +1,6 @@
 #include "cli/output.h"
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -60,6 +61,12 @@ void warn(const std::string& message) {
 
 void warn_all(std::span<const std::string> messages) {
   for (const auto& message : messages) warn(message);
+}
+
+std::size_t stdout_columns() {
+  winsize size{};
+  const bool known = ::isatty(STDOUT_FILENO) == 1 && ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0;
+  return known ? size.ws_col : 0;
 }
 
 bool stderr_is_terminal() { return ::isatty(STDERR_FILENO) == 1; }

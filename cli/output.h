@@ -52,6 +52,9 @@ void refuse_same_file(const std::string& a, const std::string& b, const std::str
 void warn(const std::string& message);
 void warn_all(std::span<const std::string> messages);
 
+/// How wide the terminal of stdout is; 0 if it is none, or does not say.
+[[nodiscard]] std::size_t stdout_columns();
+
 /// Whether stderr is a terminal that may be written over (progress lines).
 [[nodiscard]] bool stderr_is_terminal();
 

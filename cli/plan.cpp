@@ -1,5 +1,5 @@
 // pirt plan: the shortest paths of a robot on an occupancy grid.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cmath>
 #include <memory>
@@ -113,18 +113,18 @@ struct Frame {
   }
 };
 
-nlohmann::ordered_json json_of(const Query& query, const Frame& frame, bool with_path) {
+Json json_of(const Query& query, const Frame& frame, bool with_path) {
   const auto point = [&](Cell cell) {
     const Point at = frame.place(cell);
-    return nlohmann::ordered_json{at.x, at.y};
+    return Json{at.x, at.y};
   };
-  nlohmann::ordered_json json = {{"start", point(query.start)},
-                                 {"goal", point(query.goal)},
-                                 {"status", std::string(to_string(query.path.status))}};
+  Json json = {{"start", point(query.start)},
+               {"goal", point(query.goal)},
+               {"status", std::string(to_string(query.path.status))}};
   if (query.path.status == PathStatus::kFound) json["length"] = frame.length(query.path);
   if (query.published) json["published_length"] = *query.published;
   if (!with_path || query.path.status != PathStatus::kFound) return json;
-  auto& path = json["path"] = nlohmann::ordered_json::array();
+  auto& path = json["path"] = Json::array();
   for (const Cell cell : query.path.cells) path.push_back(point(cell));
   return json;
 }
@@ -168,10 +168,9 @@ int plan(const Options& options) {
     good = good && query.path.status == PathStatus::kFound && !query.differs();
   }
   const Frame frame{grid, options.scenario.has_value()};
-  nlohmann::ordered_json json = {{"schema_version", 1},      {"map", options.map},
-                                 {"width", grid.width},      {"height", grid.height},
-                                 {"radius", options.radius}, {"unit", frame.unit()}};
-  auto& rows = json["queries"] = nlohmann::ordered_json::array();
+  Json json = {{"schema_version", 1},   {"map", options.map},       {"width", grid.width},
+               {"height", grid.height}, {"radius", options.radius}, {"unit", frame.unit()}};
+  auto& rows = json["queries"] = Json::array();
   for (const auto& query : queries) {
     rows.push_back(json_of(query, frame, options.paths || !options.scenario));
   }

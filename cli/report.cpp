@@ -1,21 +1,25 @@
-// pirt report: what a profile database holds and what the four modes make of it.
+// pirt report: what profile databases hold, what the modes make of it, and what the paper says.
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <array>
+#include <filesystem>
+#include <fstream>
 #include <memory>
 #include <utility>
 
 #include "characterize/profile/store/reader.h"
+#include "characterize/worker/scratch.h"
 #include "cli/commands.h"
 #include "cli/files.h"
 #include "cli/output.h"
 #include "cli/profile_platform.h"
 #include "cli/values.h"
 #include "reports/document.h"
-#include "reports/environment_report.h"
-#include "reports/paper_report.h"
+#include "reports/full_report.h"
 #include "reports/profile_report.h"
-#include "reports/roofline_report.h"
-#include "reports/run_report.h"
 #include "reports/setup_report.h"
+#include "reports/timeline.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
 #include "workloads/base/json_value.h"
@@ -46,41 +50,12 @@ std::optional<Format> parse_format(const std::string& name) {
   throw_bad_input("unknown --format '" + name + "'" + suggestion(name, known));
 }
 
-/// The paper's four modes in virtual time. A profile that lacks some of the mix's workloads still
-/// makes a report.
-ModeRuns simulate_modes(const Options& options, const Profile& profile, const Mix& mix) {
-  try {
-    const auto overrides = parse_overrides(options.settings);
-    const auto platform = options.platform ? load_platform(*options.platform, overrides)
-                                           : platform_of(profile, overrides);
-    return run_modes(platform, &profile, mix, paper_modes(), {});
-  } catch (const Error& error) {
-    ModeRuns none;
-    for (const auto& mode : paper_modes()) none.skipped.push_back({mode, error.what()});
-    return none;
-  }
-}
-
-ModeRuns collect_modes(const Options& options, const Profile& profile) {
-  const auto mix = load_mix(options.mix);
-  if (options.files.size() == 1) return simulate_modes(options, profile, mix);
-  ModeRuns modes;
-  for (std::size_t i = 1; i < options.files.size(); ++i) {
-    modes.runs.push_back(load_run_record(options.files[i]));
-  }
-  return modes;
-}
-
-Profile open_profile(const Options& options) {
-  if (!options.platform) return load_profile(options.files.front());
-  return load_profile(options.files.front(), load_platform(*options.platform).name);
-}
-
 /// What is asked for, where and as what.
 void write(const Options& options, const Document& document, Json json) {
   const auto format = parse_format(options.format);
   json["schema_version"] = 1;
-  const std::string text = format ? render(document, *format) : json_text(json, 2) + "\n";
+  const std::size_t columns = options.output || options.json.to_stdout() ? 0 : stdout_columns();
+  const std::string text = format ? render(document, *format, columns) : json_text(json, 2) + "\n";
   if (options.output) {
     emit_text(text, options.output);
     if (options.json) emit("", json, options.json);
@@ -89,25 +64,107 @@ void write(const Options& options, const Document& document, Json json) {
   }
 }
 
-int report_profile(const Options& options) {
-  const auto profile = open_profile(options);
-  const auto modes = collect_modes(options, profile);
-  const auto preferable = preferences(profile);
+/// The files of the command line by what is in them.
+struct Files {
+  std::vector<std::string> databases, runs, traces;
+};
 
-  Document document{.title = "pirt report",
-                    .parts = {profile_header(profile), profile_table(profile),
-                              peak_table(rooflines(profile)), preference_table(preferable)}};
-  if (!modes.runs.empty()) document.parts.emplace_back(modes_table(modes.runs));
-  const auto missing = reason_lines(modes.skipped);
-  if (!missing.empty()) {
-    document.parts.emplace_back(Paragraph{{"Modes that are not shown: " + join(missing, "; ")}});
+/// Pipes cannot be looked into beforehand: the first is a database, others are run records.
+Files sort_files(const std::vector<std::string>& files) {
+  Files sorted;
+  for (const auto& file : files) {
+    std::array<char, 4096> begin{};
+    std::error_code missing;  // which opening it explains
+    if (std::filesystem::is_regular_file(file, missing)) {
+      std::ifstream(file, std::ios::binary).read(begin.data(), begin.size());
+    }
+    const std::string_view text(begin.data(), begin.size());
+    if (sorted.databases.empty() || text.starts_with("SQLite format 3")) {
+      sorted.databases.push_back(file);
+    } else if (text.find("\"traceEvents\"") != std::string_view::npos) {
+      sorted.traces.push_back(file);
+    } else {
+      sorted.runs.push_back(file);
+    }
   }
-  document.parts.emplace_back(environment_table(profile));
-  auto json = profile_json(profile, preferable);
-  json["modes"] = Json::array();
-  for (const auto& record : modes.runs) json["modes"].push_back(to_json(record));
-  if (!missing.empty()) json["modes_missing"] = join(missing, "; ");
-  write(options, document, std::move(json));
+  return sorted;
+}
+
+Profile open_profile(const Options& options, const std::string& file, bool samples) {
+  const ProfileReader reader(file);
+  auto profile =
+      options.platform ? reader.read(load_platform(*options.platform).name) : reader.read();
+  profile.path = file;
+  if (samples) reader.read_samples(profile);
+  return profile;
+}
+
+/// With all modes in virtual time; a profile of a platform that is not known goes without.
+Machine read_machine(const Options& options, const std::string& file, const Mix& mix,
+                     bool samples) {
+  auto profile = open_profile(options, file, samples);
+  try {
+    const auto overrides = parse_overrides(options.settings);
+    auto platform = options.platform ? load_platform(*options.platform, overrides)
+                                     : platform_of(profile, overrides);
+    return machine_of(std::move(profile), std::move(platform), mix);
+  } catch (const Error& error) {
+    return machine_of(std::move(profile), std::nullopt, mix, error.what());
+  }
+}
+
+/// What the first seconds of virtual time look like, where no trace was given: of the given run, if
+/// it was made from what is here, else of the paper's whole scheduler.
+std::optional<Timeline> make_timeline(const Machine& machine, const Mix& mix,
+                                      const std::vector<RunRecord>& runs) {
+  if (!machine.platform) return std::nullopt;
+  ScheduleOptions schedule;
+  schedule.mode = "advanced";
+  if (!runs.empty()) {
+    const RunRecord& run = runs.front();
+    const bool same = run.platform == machine.profile.platform() && run.mix == mix.name &&
+                      run.weights_from.value_or("") != "given";
+    if (!same) return std::nullopt;
+    schedule.mode = run.mode;
+    schedule.seed = run.seed;
+    schedule.in_flight = run.in_flight;
+    if (run.basic) schedule.basic = *run.basic;
+  }
+  if (mix.open_loop()) schedule.duration = std::chrono::seconds(2);
+  const ScratchFolder scratch;
+  schedule.trace = (scratch.path() / "trace.json").string();
+  try {
+    static_cast<void>(run_virtual(*machine.platform, &machine.profile, mix, schedule));
+  } catch (const Error&) {
+    return std::nullopt;  // the report says already why the mode cannot run
+  }
+  auto timeline = load_timeline(*schedule.trace);
+  timeline.source = fmt::format(
+      "virtual time; the whole of it: pirt schedule --mode {} --profile {} --mix {} --seed {} "
+      "--trace trace.json",
+      schedule.mode, machine.profile.path, mix.name, schedule.seed);
+  return timeline;
+}
+
+int report_profile(const Options& options) {
+  const Files files = sort_files(options.files);
+  ReportInputs inputs;
+  for (const auto& file : files.runs) inputs.runs.push_back(load_run_record(file));
+  for (const auto& file : files.traces) inputs.timelines.push_back(load_timeline(file));
+  inputs.mix = load_mix(options.mix);
+  for (const auto& file : files.databases) {
+    inputs.machines.push_back(read_machine(options, file, inputs.mix, true));
+  }
+  for (const RunRecord& run : inputs.runs) {
+    if (auto planned = planned_timeline(run)) inputs.timelines.push_back(std::move(*planned));
+  }
+  if (inputs.timelines.empty()) {
+    if (auto made = make_timeline(inputs.machines.front(), inputs.mix, inputs.runs)) {
+      inputs.timelines.push_back(std::move(*made));
+    }
+  }
+  warn_all(mismatches(inputs));
+  write(options, full_report(inputs), full_report_json(inputs));
   return 0;
 }
 
@@ -115,22 +172,28 @@ int report_setup(const Options& options) {
   if (options.files.size() > 1) {
     throw_bad_input("--setup takes one profile database and no run records");
   }
-  const auto profile = open_profile(options);
+  const auto profile = open_profile(options, options.files.front(), false);
   const auto costs = offloading_costs(profile);
   Document document{.title = "pirt report --setup", .parts = {profile_header(profile)}};
-  document.parts.emplace_back(offloading_table(costs));
+  document.parts.emplace_back(offloading_chart(costs));
   document.parts.emplace_back(crossover_table(costs));
   write(options, document, setup_json(costs));
   return 0;
 }
 
-/// @return kExitCheckFailed if a cell is farther off than its limit.
+/// @return kExitCheckFailed if a cell of Table V is farther off than its limit.
 int report_paper(const Options& options) {
-  if (!options.files.empty())
-    throw_bad_input("--paper takes no files: it shows the paper's own table");
+  if (options.files.size() > 1) {
+    throw_bad_input("--paper takes one profile database, or none");
+  }
+  const auto mix = load_mix(options.mix);
+  std::optional<Machine> machine;
+  if (!options.files.empty()) {
+    machine = read_machine(options, options.files.front(), mix, false);
+  }
   const auto cells = paper_cells();
-  write(options, {.title = "pirt report --paper", .parts = {paper_table(cells)}},
-        paper_json(cells));
+  const Machine* evidence = machine ? &*machine : nullptr;
+  write(options, paper_document(evidence, mix, cells), paper_document_json(evidence, mix, cells));
   return std::ranges::all_of(cells, &PaperCell::holds) ? 0 : kExitCheckFailed;
 }
 
@@ -150,10 +213,12 @@ void add_report(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   Command command(
       app, "report",
-      "Show a profile, the preferable unit of each workload, and the four modes side by side");
+      "Show profiles, the preferable unit of each workload, the modes side by side, and what of "
+      "the Pi-RT paper holds here");
   add_input(command, "files", &options->files,
-            "The profile database, then run records of pirt schedule --json (default: the four "
-            "modes are simulated now)");
+            "The profile database; then more of them, to be shown side by side, run records of "
+            "pirt schedule --json (default: the modes are simulated now), and traces of its "
+            "--trace");
   add_text(command, "--format", &options->format, "FORMAT", "text | md | html | json")
       .shows_default();
   add_output(command, "-o,--output", options->output, "Write to a file instead of stdout");
@@ -166,7 +231,8 @@ void add_report(CLI::App& app, Action& action) {
             FileUse::kReadIfFile)
       .shows_default();
   command.add_flag("--paper", options->paper,
-                   "Instead of a profile: Table V of the Pi-RT paper beside virtual time");
+                   "Only the Pi-RT paper's claims, one by one: confirmed, refuted or not testable "
+                   "here; with a profile database also those about units");
   command.add_flag("--setup", options->setup,
                    "Instead of the profile: offloading time by phase, cold and warm (ms), and from "
                    "how many calls on one unit beats another");

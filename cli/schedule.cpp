@@ -19,6 +19,7 @@
 #include "reports/document.h"
 #include "reports/run_report.h"
 #include "scheduler/policies/policy.h"
+#include "scheduler/runtime/live_run.h"
 #include "workloads/base/error.h"
 #include "workloads/base/json_value.h"
 #include "workloads/base/numbers.h"

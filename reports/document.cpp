@@ -2,59 +2,12 @@
 
 #include <algorithm>
 
+#include "reports/document_text.h"
+#include "reports/page/page.h"
 #include "workloads/base/printable.h"
 
 namespace pirt {
 namespace {
-
-std::string pad(std::string_view text, std::size_t width, Align align) {
-  const std::size_t used = display_width(text);
-  const std::string space(width > used ? width - used : 0, ' ');
-  return align == Align::kRight ? space + std::string(text) : std::string(text) + space;
-}
-
-std::string trim_right(std::string line) {
-  line.erase(line.find_last_not_of(' ') + 1);
-  return line;
-}
-
-std::string text_row(const Table& table, const std::vector<std::string>& cells,
-                     const std::vector<std::size_t>& widths) {
-  std::string line;
-  for (std::size_t c = 0; c < cells.size(); ++c) {
-    if (c != 0) line += "  ";
-    line += pad(cells[c], widths[c], table.columns[c].align);
-  }
-  return trim_right(std::move(line)) + "\n";
-}
-
-std::string headers_rule(const std::vector<std::size_t>& widths) {
-  std::size_t total = widths.empty() ? 0 : 2 * (widths.size() - 1);
-  for (const std::size_t width : widths) total += width;
-  std::string rule;
-  for (std::size_t i = 0; i < total; ++i) rule += "─";
-  return rule + "\n";
-}
-
-std::vector<std::string> headers(const Table& table) {
-  std::vector<std::string> names;
-  for (const auto& column : table.columns) names.push_back(column.header);
-  return names;
-}
-
-std::string text_table(const Table& table) {
-  std::vector<std::size_t> widths;
-  for (std::size_t c = 0; c < table.columns.size(); ++c) {
-    std::size_t width = display_width(table.columns[c].header);
-    for (const auto& row : table.rows) width = std::max(width, display_width(row[c]));
-    widths.push_back(width);
-  }
-  std::string out =
-      table.title + "\n" + text_row(table, headers(table), widths) + headers_rule(widths);
-  for (const auto& row : table.rows) out += text_row(table, row, widths);
-  for (const auto& note : table.footnotes) out += note + "\n";
-  return out;
-}
 
 std::string escape_markdown(std::string_view text) {
   std::string out;
@@ -71,103 +24,88 @@ std::string markdown_row(const std::vector<std::string>& cells) {
   return line + "\n";
 }
 
-std::string markdown_table(const Table& table) {
-  std::string out =
-      "## " + escape_markdown(table.title) + "\n\n" + markdown_row(headers(table)) + "|";
-  for (const auto& column : table.columns) out += column.align == Align::kRight ? "---:|" : ":---|";
-  out += "\n";
-  for (const auto& row : table.rows) out += markdown_row(row);
-  for (const auto& note : table.footnotes) out += "\n" + escape_markdown(note) + "\n";
-  return out;
-}
-
-std::string escape_html(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '&':
-        out += "&amp;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
+/// Renders the parts of a document, one after the other.
+class Text {
+ public:
+  explicit Text(std::size_t columns) : columns_(columns) {}
+  [[nodiscard]] std::string operator()(const Heading& heading) const {
+    std::string rule;
+    for (std::size_t i = 0; i < display_width(heading.text); ++i) rule += "═";
+    return heading.text + "\n" + rule + "\n";
+  }
+  [[nodiscard]] std::string operator()(const Paragraph& paragraph) const {
+    std::string out;
+    for (const auto& each : paragraph.lines) {
+      for (const auto& line : wrapped(each, columns_)) out += line + "\n";
     }
-  }
-  return out;
-}
-
-std::string html_row(const Table& table, const std::vector<std::string>& cells,
-                     std::string_view tag) {
-  std::string line = "<tr>";
-  for (std::size_t c = 0; c < cells.size(); ++c) {
-    const bool right = table.columns[c].align == Align::kRight;
-    line += "<" + std::string(tag) + (right ? " class=\"r\">" : ">") + escape_html(cells[c]) +
-            "</" + std::string(tag) + ">";
-  }
-  return line + "</tr>\n";
-}
-
-std::string html_table(const Table& table) {
-  std::string out = "<h2>" + escape_html(table.title) + "</h2>\n<table>\n<thead>" +
-                    html_row(table, headers(table), "th") + "</thead>\n<tbody>\n";
-  for (const auto& row : table.rows) out += html_row(table, row, "td");
-  out += "</tbody>\n</table>\n";
-  for (const auto& note : table.footnotes)
-    out += "<p class=\"note\">" + escape_html(note) + "</p>\n";
-  return out;
-}
-
-constexpr std::string_view kStyle =
-    "body{font:15px/1.5 system-ui,sans-serif;max-width:75em;margin:2em auto;padding:0 1em;"
-    "color:#1b1f24;background:#fff}"
-    "table{border-collapse:collapse;display:block;overflow-x:auto}"
-    "th,td{padding:.25em .7em;border-bottom:1px solid #d5d9de;text-align:left;white-space:nowrap}"
-    "th{border-bottom:2px solid #6a737d}.r{text-align:right;font-variant-numeric:tabular-nums}"
-    ".note{color:#57606a;margin:.3em 0;font-size:.9em}";
-
-std::string render_part(const Paragraph& paragraph, Format format) {
-  std::string out;
-  if (format == Format::kHtml) {
-    for (const auto& line : paragraph.lines) out += "<p>" + escape_html(line) + "</p>\n";
     return out;
   }
-  for (const auto& line : paragraph.lines) {
-    out += format == Format::kMarkdown ? "- " + escape_markdown(line) + "\n" : line + "\n";
+  [[nodiscard]] std::string operator()(const Table& table) const {
+    return text_table(table, columns_);
   }
-  return out;
-}
-
-std::string render_part(const Table& table, Format format) {
-  switch (format) {
-    case Format::kText:
-      return text_table(table);
-    case Format::kMarkdown:
-      return markdown_table(table);
-    case Format::kHtml:
-      return html_table(table);
+  [[nodiscard]] std::string operator()(const Chart& chart) const {
+    return text_table(text_table_of(chart), columns_);
   }
-  return {};
-}
 
+ private:
+  std::size_t columns_;
+};
+
+class Markdown {
+ public:
+  /// @param level  Of tables: one below the headings, if there are any.
+  explicit Markdown(std::string level) : level_(std::move(level)) {}
+  [[nodiscard]] std::string operator()(const Heading& heading) const {
+    return "## " + escape_markdown(heading.text) + "\n";
+  }
+  [[nodiscard]] std::string operator()(const Paragraph& paragraph) const {
+    std::string out;
+    for (const auto& line : paragraph.lines) out += "- " + escape_markdown(line) + "\n";
+    return out;
+  }
+  [[nodiscard]] std::string operator()(const Table& table) const {
+    std::vector<std::string> headers;
+    for (const auto& column : table.columns) headers.push_back(column.header);
+    std::string out = level_ + escape_markdown(table.title) + "\n\n" + markdown_row(headers) + "|";
+    for (const auto& column : table.columns) {
+      out += column.align == Align::kRight ? "---:|" : ":---|";
+    }
+    out += "\n";
+    for (const auto& row : table.rows) out += markdown_row(row);
+    for (const auto& note : table.footnotes) out += "\n" + escape_markdown(note) + "\n";
+    if (!table.origin.empty()) out += "\nFrom: " + escape_markdown(table.origin) + "\n";
+    return out;
+  }
+  [[nodiscard]] std::string operator()(const Chart& chart) const {
+    return (*this)(text_table_of(chart));
+  }
+
+ private:
+  std::string level_;
+};
+
+void make_printable(std::string& text) { text = printable(text); }
 void make_printable(std::vector<std::string>& texts) {
-  for (auto& text : texts) text = printable(text);
+  for (auto& text : texts) make_printable(text);
 }
-
+void make_printable(Heading& heading) { make_printable(heading.text); }
 void make_printable(Paragraph& paragraph) { make_printable(paragraph.lines); }
-
 void make_printable(Table& table) {
-  table.title = printable(table.title);
-  for (auto& column : table.columns) column.header = printable(column.header);
+  make_printable(table.title);
+  for (auto& column : table.columns) make_printable(column.header);
   for (auto& row : table.rows) make_printable(row);
   make_printable(table.footnotes);
+  make_printable(table.origin);
+}
+void make_printable(Chart& chart) {
+  make_printable(chart.table);
+  make_printable(chart.summary);
+  make_printable(chart.parts);
+  make_printable(chart.series);
+  for (Mark& mark : chart.marks) {
+    for (auto* text : {&mark.group, &mark.series, &mark.invalid, &mark.word}) make_printable(*text);
+  }
+  for (ReferenceLine& line : chart.lines) make_printable(line.label);
 }
 
 }  // namespace
@@ -177,35 +115,23 @@ std::size_t display_width(std::string_view text) {
       text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; }));
 }
 
-std::string render(const Document& given, Format format) {
+std::string render(const Document& given, Format format, std::size_t columns) {
   // Names may come from files of others; a terminal obeys control characters, and a line break in
   // a cell would make a row of it.
   Document document = given;
-  document.title = printable(document.title);
+  make_printable(document.title);
   for (auto& part : document.parts) {
     std::visit([](auto& each) { make_printable(each); }, part);
   }
-  std::string out;
-  switch (format) {
-    case Format::kText:
-      out = document.title + "\n";
-      break;
-    case Format::kMarkdown:
-      out = "# " + escape_markdown(document.title) + "\n";
-      break;
-    case Format::kHtml:
-      out =
-          "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-          "<meta name=\"viewport\" content=\"width=device-width\"><title>" +
-          escape_html(document.title) + "</title>\n<style>" + std::string(kStyle) +
-          "</style></head>\n<body>\n<h1>" + escape_html(document.title) + "</h1>\n";
-      break;
-  }
+  if (format == Format::kHtml) return page(document);
+  const bool sections = std::ranges::any_of(
+      document.parts, [](const auto& part) { return std::holds_alternative<Heading>(part); });
+  const bool text = format == Format::kText;
+  std::string out = text ? document.title + "\n" : "# " + escape_markdown(document.title) + "\n";
   for (const auto& part : document.parts) {
-    if (format != Format::kHtml) out += "\n";
-    out += std::visit([&](const auto& p) { return render_part(p, format); }, part);
+    out += "\n" + (text ? std::visit(Text(columns), part)
+                        : std::visit(Markdown(sections ? "### " : "## "), part));
   }
-  if (format == Format::kHtml) out += "</body></html>\n";
   return out;
 }
 

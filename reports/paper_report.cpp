@@ -8,23 +8,12 @@
 #include <optional>
 
 #include "reports/figures.h"
+#include "reports/paper_figures.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {
-
-struct PrintedRow {
-  const char* mode;
-  double throughput;
-  std::optional<double> cpu, gpu, dsp;
-  double energy_j;
-};
-
-/// @source Paper, Table V.
-constexpr PrintedRow kTable5[] = {{"throughput", 0.745, 8.21, 10.42, std::nullopt, 4.76},
-                                  {"latency", 0.467, 6.84, 7.45, 19.62, 4.20},
-                                  {"energy", 0.307, std::nullopt, 8.24, 18.61, 3.36}};
 
 constexpr double kLimit = 0.02;
 constexpr double kLimitOfEnergyThroughput = 0.04;
@@ -43,20 +32,20 @@ std::vector<PaperCell> paper_cells() {
   const auto platform = load_platform("snapdragon820");
   const auto mix = load_mix("convolution-1000");
   std::vector<PaperCell> cells;
-  for (const PrintedRow& row : kTable5) {
+  for (const paper::Scheduling& row : paper::kTable5) {
     ScheduleOptions options;
     options.mode = row.mode;
     const auto run = run_virtual(platform, nullptr, mix, options);
     const auto add = [&](const std::string& figure, std::optional<double> paper, double ours,
                          double limit) {
-      if (paper) cells.push_back({row.mode, figure, *paper, ours, limit});
+      if (paper) cells.push_back({std::string(row.mode), figure, *paper, ours, limit});
     };
     const bool energy_mode = options.mode == "energy";
-    add("throughput, frames/ms", row.throughput, run.throughput_per_ms.value_or(0),
+    add("throughput, frames/ms", row.frames_per_ms, run.throughput_per_ms.value_or(0),
         energy_mode ? kLimitOfEnergyThroughput : kLimit);
-    if (row.cpu) add("CPU latency, ms", row.cpu, latency_of(run, "cpu"), kLimit);
-    if (row.gpu) add("GPU latency, ms", row.gpu, latency_of(run, "gpu"), kLimit);
-    if (row.dsp) add("DSP latency, ms", row.dsp, latency_of(run, "dsp"), kLimit);
+    if (row.cpu_ms) add("CPU latency, ms", row.cpu_ms, latency_of(run, "cpu"), kLimit);
+    if (row.gpu_ms) add("GPU latency, ms", row.gpu_ms, latency_of(run, "gpu"), kLimit);
+    if (row.dsp_ms) add("DSP latency, ms", row.dsp_ms, latency_of(run, "dsp"), kLimit);
     add("energy, J", row.energy_j, run.energy_j, kLimit);
   }
   return cells;

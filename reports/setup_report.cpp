@@ -187,6 +187,69 @@ Table crossover_table(const OffloadingCosts& costs) {
   return table;
 }
 
+Chart offloading_chart(const OffloadingCosts& costs) {
+  Chart chart{.kind = ChartKind::kStacks,
+              .summary =
+                  "From nothing to the end of the first call: what is set up, moved and "
+                  "computed.",
+              .x = {"ms to the end of the first call"},
+              .parts = {"device_init", "prepare", "upload", "launch", "execute", "download"},
+              .table = offloading_table(costs)};
+  for (const auto& cost : costs.costs) {
+    const auto ms = [](std::optional<Nanos> time) { return time ? to_ms(*time) : 0.0; };
+    chart.marks.push_back(
+        {.group = fmt::format("{}, {}, {}", cost.workload, cost.unit, to_string(cost.state)),
+         .series = cost.unit,
+         .values = {ms(cost.device_init), ms(cost.set_up() - cost.device_init), ms(cost.upload),
+                    ms(cost.launch), ms(cost.execute), ms(cost.download)},
+         .provenance = cost.provenance});
+  }
+  return chart;
+}
+
+Chart crossover_chart(const OffloadingCosts& costs) {
+  Chart chart{.kind = ChartKind::kDots, .x = {"calls", true}, .series = {"cold", "warm"}};
+  chart.table = {.title = "From how many calls on another unit is faster, set-up included",
+                 .columns = {{"workload", Align::kLeft},
+                             {"first", Align::kLeft},
+                             {"second", Align::kLeft},
+                             {"set-up", Align::kLeft},
+                             {"the second is faster", Align::kLeft}},
+                 .footnotes = crossover_table(costs).footnotes};
+  int paid_back = 0;
+  for (const Pair& pair : pairs_of(costs)) {
+    for (const State state : {State::kCold, State::kWarm}) {
+      const auto found = crossover_of(costs, pair, state);
+      if (!found) continue;
+      chart.table.rows.push_back(
+          {pair.workload, pair.a, pair.b, std::string(to_string(state)), text_of(found)});
+      Mark mark{.group = fmt::format("{}: {} for {}", pair.workload, pair.b, pair.a),
+                .series = std::string(to_string(state)),
+                .provenance = weakest(costs.find(pair.workload, pair.a, state)->provenance,
+                                      costs.find(pair.workload, pair.b, state)->provenance)};
+      const Crossover& middle = found->by_medians;
+      if (middle.kind == Crossover::Kind::kFrom) {
+        ++paid_back;
+        mark.x = static_cast<double>(middle.calls);
+        if (found->range && found->range->soonest.kind == middle.kind &&
+            found->range->latest.kind == middle.kind) {
+          mark.low = static_cast<double>(found->range->soonest.calls);
+          mark.high = static_cast<double>(found->range->latest.calls);
+        }
+      } else {
+        mark.word = text_of(middle);
+        mark.at_far_edge = middle.kind == Crossover::Kind::kNever;
+      }
+      chart.marks.push_back(std::move(mark));
+    }
+  }
+  chart.summary = fmt::format(
+      "In {} of {} cases the second unit's longer set-up is paid back by some number "
+      "of calls.",
+      paid_back, chart.marks.size());
+  return chart;
+}
+
 Json setup_json(const OffloadingCosts& costs) {
   Json json = {
       {"offloading", Json::array()}, {"crossovers", Json::array()}, {"missing", Json::array()}};

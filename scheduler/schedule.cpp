@@ -10,6 +10,7 @@
 #include "scheduler/policies/unit_order.h"
 #include "scheduler/policies/weights.h"
 #include "scheduler/record/summary.h"
+#include "scheduler/runtime/live_run.h"
 #include "scheduler/services/scenario.h"
 #include "scheduler/trace/trace_writer.h"
 #include "scheduler/virtual/virtual_time.h"

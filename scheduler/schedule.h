@@ -11,12 +11,13 @@
 #include "characterize/profile/profile.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/record/run_record.h"
-#include "scheduler/runtime/live_run.h"
 #include "scheduler/services/faults.h"
 #include "scheduler/services/services.h"
 #include "workloads/base/time.h"
 
 namespace pirt {
+
+struct LiveOptions;
 
 inline constexpr Nanos kDefaultDuration = std::chrono::seconds(60);
 

@@ -118,7 +118,7 @@ std::vector<std::string> reasons_without_cost(const std::vector<ModeCost>& modes
 }
 
 /// What the mix costs, or, if that is known in no mode, why.
-std::variant<Paragraph, Table> modes_part(const Decisions& decisions) {
+Part modes_part(const Decisions& decisions) {
   std::vector<std::string> reasons = reasons_without_cost(decisions.modes);
   Table table{.title = "What mix " + decisions.mix + " costs in each mode",
               .columns = {{"mode", Align::kLeft},

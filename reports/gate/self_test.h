@@ -66,6 +66,6 @@ class SelfTest {
 /// Whether the figures contradict what is promised: a lower bound of the rate is above it.
 [[nodiscard]] bool breaks_promise(const SelfTest& test);
 [[nodiscard]] Document self_test_document(const SelfTest& test);
-[[nodiscard]] nlohmann::ordered_json self_test_json(const SelfTest& test);
+[[nodiscard]] Json self_test_json(const SelfTest& test);
 
 }  // namespace pirt

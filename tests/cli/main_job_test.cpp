@@ -156,7 +156,8 @@ TEST(Report, ShowsThePapersTable) {
   const auto json = pirt({"report", "--paper", "--format", "json"}).json();
   EXPECT_EQ(json["table5"].size(), 13U);
   EXPECT_EQ(pirt({"report"}).exit_code, 2);
-  EXPECT_EQ(pirt({"report", "--paper", "some.db"}).exit_code, 2);
+  EXPECT_EQ(pirt({"report", "--paper", "none.db"}).exit_code, 2);
+  EXPECT_EQ(pirt({"report", "--paper", "a.db", "b.db"}).exit_code, 2);
 }
 
 TEST(Schedule, RefusesBadWeightsAndDurations) {

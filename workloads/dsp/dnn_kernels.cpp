@@ -1,7 +1,7 @@
 // Layers in 8 bits. Weights are quantized in `prepare`, by the host, with a scale for each output
 // channel; inputs by the DSP in each call, with the scale of their known range, and its sums become
 // f32 there, too: that counts in `execute`.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

@@ -1,6 +1,6 @@
 #include "workloads/dsp/dsp_backend.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <utility>

@@ -1,7 +1,7 @@
 #include "workloads/dsp/elf.h"
 
 #include <elf.h>
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cstring>
 #include <fstream>

@@ -1,5 +1,5 @@
 // undistort on the DSP: the map is cut into tiles in `prepare`, by the host.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

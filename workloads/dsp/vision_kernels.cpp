@@ -1,5 +1,5 @@
 // The vision workloads: pictures in rows that begin at multiples of a vector.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <array>
 #include <bit>

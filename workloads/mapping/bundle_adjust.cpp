@@ -1,7 +1,7 @@
 #include "workloads/mapping/bundle_adjust.h"
 
 #include <ceres/ceres.h>
-#include <fmt/format.h>
+#include <fmt/core.h>
 #include <glog/logging.h>
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 #include "workloads/opencl/plan.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cassert>
 #include <stdexcept>

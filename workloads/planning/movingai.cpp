@@ -1,5 +1,5 @@
 // Maps and scenarios of Moving AI's benchmark sets.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cmath>
 #include <string_view>

@@ -1,5 +1,5 @@
 // Maps of ROS's map_server: YAML and a picture.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cctype>

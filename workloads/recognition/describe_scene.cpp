@@ -1,14 +1,14 @@
 #include "workloads/recognition/describe_scene.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt::recognition {
 namespace {

@@ -1,6 +1,6 @@
 #include "workloads/recognition/model.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // A sequence as an EuRoC folder.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <atomic>
 #include <exception>

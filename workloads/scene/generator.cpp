@@ -1,6 +1,6 @@
 #include "workloads/scene/generator.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cmath>
 #include <memory>

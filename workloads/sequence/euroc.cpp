@@ -1,7 +1,7 @@
 // The ASL layout of the EuRoC datasets. Burri et al., The EuRoC micro aerial vehicle datasets, IJRR
 // 2016. What is read is checked against what a robot's sensors can say, so that a mistaken unit is
 // found here and not by a filter that diverges.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // Grey pictures of a recorded camera, decoded as they are.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cstring>
 #include <opencv2/core.hpp>

@@ -1,5 +1,5 @@
 // KITTI odometry folders: rectified pictures, no IMU. Geiger et al., CVPR 2012.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <cmath>

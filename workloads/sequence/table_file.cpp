@@ -1,6 +1,6 @@
 #include "workloads/sequence/table_file.h"
 
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <cctype>
 #include <limits>

@@ -1,5 +1,5 @@
 // track_features: the spec, the reference that defines it, and the comparison of tracks.
-#include <fmt/format.h>
+#include <fmt/core.h>
 
 #include <algorithm>
 #include <array>

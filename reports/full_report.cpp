@@ -1,0 +1,271 @@
+#include "reports/full_report.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "reports/environment_report.h"
+#include "reports/local_tables.h"
+#include "reports/pareto.h"
+#include "reports/preference.h"
+#include "reports/profile_charts.h"
+#include "reports/profile_report.h"
+#include "reports/roofline_report.h"
+#include "reports/run_report.h"
+#include "reports/scorecard.h"
+#include "reports/setup_report.h"
+#include "reports/side_by_side.h"
+#include "scheduler/policies/policy.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+using Json = Json;
+
+ModeRuns skipped(const std::vector<std::string>& modes, const std::string& why) {
+  ModeRuns none;
+  for (const auto& mode : modes) none.skipped.push_back({mode, why});
+  return none;
+}
+
+/// A profile that lacks some of the mix's workloads still makes a report.
+ModeRuns runs_of(const Profile& profile, const std::optional<Platform>& platform, const Mix& mix,
+                 const std::vector<std::string>& modes, const std::string& why) {
+  if (!platform) return skipped(modes, why);
+  try {
+    return run_modes(*platform, &profile, mix, modes, {});
+  } catch (const Error& error) {
+    return skipped(modes, error.what());
+  }
+}
+
+/// Those of the paper's four modes that ran.
+std::vector<RunRecord> papers_modes(const Machine& machine) {
+  std::vector<RunRecord> runs;
+  for (const auto& mode : paper_modes()) {
+    const auto found = std::ranges::find(machine.modes.runs, mode, &RunRecord::mode);
+    if (found != machine.modes.runs.end()) runs.push_back(*found);
+  }
+  return runs;
+}
+
+/// Why some of the paper's modes are not shown.
+std::vector<std::string> missing_modes(const Machine& machine) {
+  std::vector<ModeRuns::Skipped> missing;
+  for (const auto& each : machine.modes.skipped) {
+    const auto shown = paper_modes();
+    if (std::ranges::find(shown, each.mode) != shown.end()) missing.push_back(each);
+  }
+  return reason_lines(missing);
+}
+
+/// Adds the parts of one machine's sections.
+class Sections {
+ public:
+  Sections(Document& document, const Machine& machine, std::string prefix)
+      : parts_(document.parts), machine_(machine), prefix_(std::move(prefix)) {}
+
+  void header(const std::vector<std::string>& notes) {
+    heading("What was measured, and on what");
+    parts_.emplace_back(profile_header(machine_.profile));
+    if (!notes.empty()) parts_.emplace_back(Paragraph{notes});
+  }
+  void time_and_energy() {
+    heading("Time and energy");
+    add(time_charts(machine_.profile));
+    add(energy_charts(machine_.profile));
+    parts_.emplace_back(distribution_chart(machine_.profile));
+  }
+  void set_up() {
+    const auto costs = offloading_costs(machine_.profile);
+    if (costs.costs.empty()) return;
+    heading("Set-up");
+    parts_.emplace_back(offloading_chart(costs));
+    const auto crossovers = crossover_chart(costs);
+    if (!crossovers.marks.empty()) parts_.emplace_back(crossovers);
+  }
+  void limits() {
+    heading("Limits of the units");
+    add(roofline_charts(machine_.profile));
+    parts_.emplace_back(peak_table(rooflines(machine_.profile)));
+  }
+  void choices(bool with_modes) {
+    heading("Which unit, which mode");
+    parts_.emplace_back(preference_table(preferences(machine_.profile)));
+    const auto platform = machine_.platform ? &*machine_.platform : nullptr;
+    const auto alexnet = inferences(machine_.profile, platform);
+    if (!alexnet.empty()) parts_.emplace_back(cloud_table(alexnet));
+    if (!machine_.table5.runs.empty()) {
+      parts_.emplace_back(scheduling_table(machine_.table5.runs));
+    }
+    const auto modes = papers_modes(machine_);
+    if (with_modes && !modes.empty()) parts_.emplace_back(modes_table(modes));
+    const auto missing = missing_modes(machine_);
+    if (!missing.empty()) {
+      parts_.emplace_back(Paragraph{{"Modes that are not shown: " + join(missing, "; ")}});
+    }
+    add(pareto_charts(mode_points(machine_.modes.runs)));
+    std::vector<std::string> behind;
+    for (const RunRecord& run : machine_.modes.runs) {
+      if (keeps_up(run, machine_.modes.runs)) continue;
+      behind.push_back(fmt::format("{} ({} of {} tasks)", run.mode, run.completed, run.submitted));
+    }
+    if (!behind.empty()) {
+      parts_.emplace_back(Paragraph{{"Modes that do not keep up: " + join(behind, ", ")}});
+    }
+  }
+  void rows() {
+    heading("Every row, and what was recorded with it");
+    parts_.emplace_back(profile_table(machine_.profile));
+    parts_.emplace_back(environment_table(machine_.profile));
+  }
+
+ private:
+  void heading(const std::string& text) { parts_.emplace_back(Heading{prefix_ + text}); }
+  void add(std::vector<Chart> charts) {
+    for (auto& chart : charts) parts_.emplace_back(std::move(chart));
+  }
+
+  std::vector<Part>& parts_;
+  const Machine& machine_;
+  std::string prefix_;
+};
+
+void add_side_by_side(Document& document, const std::vector<Profile>& profiles) {
+  document.parts.emplace_back(Heading{"Side by side"});
+  document.parts.emplace_back(identities_table(profiles));
+  document.parts.emplace_back(side_by_side_chart(profiles));
+  document.parts.emplace_back(best_units_table(profiles));
+}
+
+Evidence evidence_of(const Machine* machine, const Mix& mix, const std::vector<PaperCell>& cells) {
+  Evidence evidence{.cells = &cells};
+  if (machine == nullptr) return evidence;
+  evidence.profile = &machine->profile;
+  evidence.platform = machine->platform ? &*machine->platform : nullptr;
+  evidence.mix = &mix;
+  evidence.modes = &machine->modes;
+  if (!machine->table5.runs.empty()) evidence.table5 = &machine->table5;
+  return evidence;
+}
+
+}  // namespace
+
+Machine machine_of(Profile profile, std::optional<Platform> platform, const Mix& mix,
+                   const std::string& why) {
+  Machine machine{
+      .profile = std::move(profile), .platform = std::move(platform), .modes = {}, .table5 = {}};
+  machine.modes = runs_of(machine.profile, machine.platform, mix, policy_names(), why);
+  machine.table5 = runs_of(machine.profile, machine.platform, load_mix("convolution-1000"),
+                           {"throughput", "latency", "energy"}, why);
+  return machine;
+}
+
+std::vector<std::string> mismatches(const ReportInputs& inputs) {
+  std::vector<std::string> notes;
+  const auto is_of = [&](const std::string& platform) {
+    return std::ranges::any_of(inputs.machines, [&](const Machine& machine) {
+      return machine.profile.platform() == platform;
+    });
+  };
+  for (const RunRecord& run : inputs.runs) {
+    if (is_of(run.platform)) continue;
+    notes.push_back(
+        fmt::format("NOT COMPARABLE: the run of mode {} is of platform {}, the "
+                    "database of {}",
+                    run.mode, run.platform, inputs.machines.front().profile.platform()));
+  }
+  for (const Timeline& timeline : inputs.timelines) {
+    if (is_of(timeline.platform)) continue;
+    notes.push_back(fmt::format(
+        "NOT COMPARABLE: the trace {} is of platform {}, the database of {}", timeline.source,
+        timeline.platform, inputs.machines.front().profile.platform()));
+  }
+  return notes;
+}
+
+Document full_report(const ReportInputs& inputs) {
+  const bool several = inputs.machines.size() > 1;
+  std::vector<Profile> profiles;
+  if (several) {
+    for (const Machine& machine : inputs.machines) profiles.push_back(machine.profile);
+  }
+  const auto names = names_of(profiles);
+  Document document{.title = "pirt report", .parts = {}};
+  if (several) add_side_by_side(document, profiles);
+  std::vector<Sections> sections;
+  for (std::size_t i = 0; i < inputs.machines.size(); ++i) {
+    sections.emplace_back(document, inputs.machines[i], several ? names[i] + ": " : "");
+    sections.back().header(i == 0 ? mismatches(inputs) : std::vector<std::string>{});
+    sections.back().time_and_energy();
+    sections.back().set_up();
+    sections.back().limits();
+    sections.back().choices(inputs.runs.empty());
+  }
+  if (!inputs.runs.empty() || !inputs.timelines.empty()) {
+    document.parts.emplace_back(Heading{"What ran where and when"});
+  }
+  if (!inputs.runs.empty()) document.parts.emplace_back(modes_table(inputs.runs));
+  for (const Timeline& timeline : inputs.timelines) {
+    document.parts.emplace_back(timeline_chart(timeline));
+  }
+  const auto cells = paper_cells();
+  document.parts.emplace_back(Heading{"The paper's claims"});
+  document.parts.emplace_back(
+      scorecard_table(scorecard(evidence_of(&inputs.machines.front(), inputs.mix, cells))));
+  document.parts.emplace_back(contradictions_table());
+  for (Sections& each : sections) each.rows();
+  return document;
+}
+
+Json full_report_json(const ReportInputs& inputs) {
+  Json json;
+  for (const Machine& machine : inputs.machines) {
+    Json one = profile_json(machine.profile, preferences(machine.profile));
+    one["setup"] = setup_json(offloading_costs(machine.profile));
+    one["pareto"] = pareto_json(mode_points(machine.modes.runs));
+    if (&machine == &inputs.machines.front()) {
+      json = std::move(one);
+    } else {
+      json["others"].push_back(std::move(one));
+    }
+  }
+  const Machine& first = inputs.machines.front();
+  json["modes"] = Json::array();
+  for (const auto& run : inputs.runs.empty() ? papers_modes(first) : inputs.runs) {
+    json["modes"].push_back(to_json(run));
+  }
+  const auto missing = missing_modes(first);
+  if (inputs.runs.empty() && !missing.empty()) json["modes_missing"] = join(missing, "; ");
+  json["scorecard"] = scorecard_json(scorecard(evidence_of(&first, inputs.mix, paper_cells())));
+  return json;
+}
+
+Document paper_document(const Machine* machine, const Mix& mix,
+                        const std::vector<PaperCell>& cells) {
+  Document document{.title = "pirt report --paper", .parts = {}};
+  if (machine != nullptr) document.parts.emplace_back(profile_header(machine->profile));
+  document.parts.emplace_back(scorecard_table(scorecard(evidence_of(machine, mix, cells))));
+  document.parts.emplace_back(contradictions_table());
+  document.parts.emplace_back(paper_table(cells));
+  if (machine == nullptr) return document;
+  document.parts.emplace_back(preference_table(preferences(machine->profile)));
+  const auto platform = machine->platform ? &*machine->platform : nullptr;
+  document.parts.emplace_back(cloud_table(inferences(machine->profile, platform)));
+  if (!machine->table5.runs.empty()) {
+    document.parts.emplace_back(scheduling_table(machine->table5.runs));
+  }
+  return document;
+}
+
+Json paper_document_json(const Machine* machine, const Mix& mix,
+                         const std::vector<PaperCell>& cells) {
+  Json json = paper_json(cells);
+  json["scorecard"] = scorecard_json(scorecard(evidence_of(machine, mix, cells)));
+  return json;
+}
+
+}  // namespace pirt

@@ -1,0 +1,55 @@
+// Everything that `pirt report` says, as one document: the model behind text, Markdown and HTML.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "characterize/platform/platform.h"
+#include "characterize/profile/profile.h"
+#include "reports/document.h"
+#include "reports/paper_report.h"
+#include "reports/timeline.h"
+#include "scheduler/mix/mix.h"
+#include "scheduler/schedule.h"
+#include "workloads/base/json_value.h"
+
+namespace pirt {
+
+/// A profile, and what virtual time makes of it.
+struct Machine {
+  Profile profile;  ///< With samples, for their distributions.
+  std::optional<Platform> platform;
+  ModeRuns modes;   ///< All modes on the mix of the report.
+  ModeRuns table5;  ///< The paper's three on its closed loop of convolutions.
+};
+
+/// @param platform  Absent = `why` says so in place of each mode.
+/// @param mix       Of `modes`. A profile that lacks some of its workloads makes a report all the
+/// same: the modes are skipped, with the reason.
+[[nodiscard]] Machine machine_of(Profile profile, std::optional<Platform> platform, const Mix& mix,
+                                 const std::string& why = "");
+
+struct ReportInputs {
+  std::vector<Machine> machines;    ///< At least one; the first is held against the paper.
+  Mix mix;                          ///< Of their modes.
+  std::vector<RunRecord> runs;      ///< Given; where there are none, the paper's modes are shown.
+  std::vector<Timeline> timelines;  ///< Given, or made for the report.
+};
+
+[[nodiscard]] Document full_report(const ReportInputs& inputs);
+
+/// The figures of the first machine as profile_json() has them, with "modes" (given, or the
+/// paper's), "setup", "pareto", "scorecard"; of the others under "others".
+[[nodiscard]] Json full_report_json(const ReportInputs& inputs);
+
+/// Where runs and profiles do not belong together: other platforms. Empty = they do.
+[[nodiscard]] std::vector<std::string> mismatches(const ReportInputs& inputs);
+
+/// Tables I, III, IV, V and the observations. @param machine  Null = what needs no measurement.
+[[nodiscard]] Document paper_document(const Machine* machine, const Mix& mix,
+                                      const std::vector<PaperCell>& cells);
+[[nodiscard]] Json paper_document_json(const Machine* machine, const Mix& mix,
+                                       const std::vector<PaperCell>& cells);
+
+}  // namespace pirt
