@@ -9,7 +9,7 @@
 namespace pirt {
 
 /// Keys stay in the order in which they were written.
-using Json = Json;
+using Json = nlohmann::ordered_json;
 
 /// @throws nlohmann::json::exception if it is none.
 [[nodiscard]] Json parse_json(std::string_view text);
