@@ -108,7 +108,8 @@ KernelUnit::Prepared& KernelUnit::prepared(const Workload& workload) {
 
 CallEnd KernelUnit::execute(Call& call) {
   const Nanos start = clock_.now();
-  CallEnd end{.outcome = call.intended};
+  CallEnd end;
+  end.outcome = call.intended;
   const auto failed = [&](const std::string& why) {
     end.outcome = Outcome::kFailed;
     end.problem = call.workload->name + " on " + request_.unit + ": " + why;

@@ -143,7 +143,8 @@ class LiveRun final : public Executor {
     std::vector<bool> known(scenario_.services.workloads.size(), false);
     for (const auto& pipeline : scenario_.classes) {
       for (const TaskClass& kind : pipeline) {
-        if (!contains(kind.eligible, unit) || std::exchange(known[kind.workload], true)) continue;
+        if (!contains(kind.eligible, unit) || known[kind.workload]) continue;
+        known[kind.workload] = true;
         const Workload& workload = find_workload(scenario_.services.workloads[kind.workload]);
         preparations.push_back({.workload = &workload, .sample = samples_.of(workload, 0)});
       }
