@@ -10,6 +10,7 @@
 #include "cli/files.h"
 #include "cli/output.h"
 #include "cli/values.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt::cli {
 namespace {

@@ -8,6 +8,7 @@
 #include "cli/models.h"
 #include "cli/output.h"
 #include "reports/document.h"
+#include "workloads/base/json_value.h"
 #include "workloads/images.h"
 #include "workloads/recognition/describe_scene.h"
 

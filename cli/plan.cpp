@@ -10,6 +10,7 @@
 #include "cli/values.h"
 #include "reports/document.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 #include "workloads/planning/map_files.h"
 #include "workloads/planning/plan_path.h"

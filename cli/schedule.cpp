@@ -66,7 +66,7 @@ Faults parse_faults(const std::string& text) {
           decimal_number(value, 0, 1).or_refuse(what);
     } else {
       throw_bad_input("--faults: '" + key + "' is none of its keys" +
-                      suggestion(key, {"seed", "fail", "return"}));
+                      suggestion(key, std::vector<std::string>{"seed", "fail", "return"}));
     }
   }
   if (faults.failing + faults.returning > 1) {
@@ -158,9 +158,9 @@ int schedule(const Options& options) {
   if (options.no_preinit && !options.live) throw_bad_input("--no-preinit is about --live");
   const auto settings = schedule_options(options);
   const Inputs inputs = read_inputs(options);
-  const LiveOptions live{
-      .prepare_first = !options.no_preinit,
-      .progress = [](const std::string& line) { fmt::print(stderr, "pirt: {}\n", line); }};
+  LiveOptions live;
+  live.prepare_first = !options.no_preinit;
+  live.progress = [](const std::string& line) { fmt::print(stderr, "pirt: {}\n", line); };
   const auto record = options.live ? inputs.run_live(settings, live) : inputs.run(settings);
   warn_all(record.warnings);
   emit(render(run_document(record), Format::kText), to_json(record), options.json);

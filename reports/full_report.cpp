@@ -18,6 +18,7 @@
 #include "reports/side_by_side.h"
 #include "scheduler/policies/policy.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 
 namespace pirt {

@@ -8,6 +8,7 @@
 
 #include "reports/figures.h"
 #include "reports/run_report.h"
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {

@@ -9,6 +9,7 @@
 
 #include "reports/figures.h"
 #include "reports/paper_figures.h"
+#include "workloads/base/json_value.h"
 #include "workloads/catalog.h"
 
 namespace pirt {

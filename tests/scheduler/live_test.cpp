@@ -67,7 +67,7 @@ RunRecord live(const Mix& mix, const std::string& mode, Outputs& outputs,
   live.sink = [&](const Firings::Place& place, std::span<const Tensor> made) {
     if (place.pipeline == 0) outputs[{place.task, place.firing}] = bytes_of(made);
   };
-  return run_live(platform_of(board), nullptr, mix, options, live);
+  return run_live(parse_platform("test.yaml", board, {}, 1), nullptr, mix, options, live);
 }
 
 /// One call after the other, on one device.
@@ -95,7 +95,7 @@ class Serial {
 
  private:
   std::unique_ptr<ImageSource> images_ = generated_images(1);
-  std::unique_ptr<Device> device_ = find_backend("cpu").open({.unit = "cpu"});
+  std::unique_ptr<Device> device_ = find_backend("cpu").open(UnitRequest{"cpu", {}, {}, {}});
   std::map<const Workload*, std::unique_ptr<Kernel>> kernels_;
 };
 
