@@ -58,12 +58,14 @@ std::vector<std::byte> bytes_of(std::span<const Tensor> tensors) {
 }
 
 RunRecord live(const Mix& mix, const std::string& mode, Outputs& outputs,
-               const std::string& trace = "", const char* board = kBoard) {
+               const std::string& trace = "", const char* board = kBoard,
+               bool prepare_first = true) {
   ScheduleOptions options;
   options.mode = mode;
   options.in_flight = 3;
   if (!trace.empty()) options.trace = trace;
   LiveOptions live;
+  live.prepare_first = prepare_first;
   live.sink = [&](const Firings::Place& place, std::span<const Tensor> made) {
     if (place.pipeline == 0) outputs[{place.task, place.firing}] = bytes_of(made);
   };
@@ -178,7 +180,8 @@ units:
   cpu: {backend: fake, active_w: 1, script: {clock: wall, fail_execute: [gaussian_blur]}}
 workloads:
   gaussian_blur: {cpu: [{on: cpu, ms: 0.1, name: execute}]}
-)");
+)",
+                             false);  // Otherwise it fails before anything is fired.
   EXPECT_EQ(run.failed, 5);
   EXPECT_EQ(run.dropped, 5);
   EXPECT_EQ(run.pipelines[0].dropped, 5);
