@@ -37,12 +37,11 @@ template <typename Prepare>
 Verdict run_and_verify_prepared(const Workload& workload, const Data& data, int repeats,
                                 const Prepare& prepare) {
   const std::span frame(&data, 1);
-  const auto kernel = prepare(data.parameters);
-  Player player(*kernel, workload, frame);
+  Player player(prepare(data.parameters), workload, frame);
   player.scribble();
-  kernel->upload();
-  kernel->execute(repeats);
-  kernel->download();
+  player.kernel().upload();
+  player.kernel().execute(repeats);
+  player.kernel().download();
   player.called();
   return verify_sequence(workload, player.played(reference_of(workload, frame)));
 }

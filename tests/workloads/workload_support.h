@@ -37,8 +37,7 @@ inline std::vector<Data> sequence_of(const Workload& workload) {
 /// Plays @p frames on a fresh kernel of @p device and compares each with the reference.
 inline Verdict play_and_verify(Device& device, const Workload& workload,
                                std::span<const Data> frames) {
-  const auto kernel = device.prepare(workload, frames.front().parameters);
-  Player player(*kernel, workload, frames);
+  Player player(device.prepare(workload, frames.front().parameters), workload, frames);
   player.scribble();
   player.complete();
   return verify_sequence(workload, player.played(reference_of(workload, frames)));
