@@ -31,8 +31,9 @@ std::string sequence_note(const Workload& workload) {
          (workload.frames == 1 ? " frame" : " frames");
 }
 
-Player::Player(Kernel& kernel, const Workload& workload, std::span<const Data> frames)
-    : kernel_(kernel), workload_(workload), frames_(frames), was_called_(frames.size()) {
+Player::Player(std::unique_ptr<Kernel> kernel, const Workload& workload,
+               std::span<const Data> frames)
+    : workload_(workload), frames_(frames), was_called_(frames.size()), kernel_(std::move(kernel)) {
   for (std::size_t i = 0; i < frames.size(); ++i) {
     outputs_.push_back(make_tensors(workload.outputs));
   }
@@ -45,14 +46,14 @@ Player::Player(Kernel& kernel, const Workload& workload, std::span<const Data> f
 }
 
 void Player::bind() {
-  kernel_.bind(frames_[frame_].inputs, outputs_[frame_]);
-  if (workload_.state) kernel_.bind_state(current_, next_);
+  kernel_->bind(frames_[frame_].inputs, outputs_[frame_]);
+  if (workload_.state) kernel_->bind_state(current_, next_);
 }
 
 void Player::call() {
-  kernel_.upload();
-  kernel_.execute(1);
-  kernel_.download();
+  kernel_->upload();
+  kernel_->execute(1);
+  kernel_->download();
   called();
 }
 
@@ -63,7 +64,7 @@ void Player::next() {
     return;
   }
   if (workload_.state) {
-    kernel_.commit_state();
+    kernel_->commit_state();
     std::swap(current_, next_);
   }
   ++frame_;
@@ -74,7 +75,7 @@ void Player::restart() {
   frame_ = 0;
   for (std::size_t i = 0; i < initial_.size(); ++i) copy_tensor(initial_[i], current_[i]);
   bind();
-  if (workload_.state) kernel_.upload_state();
+  if (workload_.state) kernel_->upload_state();
 }
 
 void Player::scribble() {

@@ -3,9 +3,12 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "workloads/backend.h"
@@ -22,10 +25,16 @@ namespace pirt {
 class Player {
  public:
   /// Binds the first frame and the initial state, and takes that to the device.
-  /// @param kernel    Prepared for @p workload.
+  /// @param kernel            Prepared for @p workload on a device that outlives this.
   /// @param workload, frames  Outlive this.
   /// @throws Whatever the kernel throws, here and below.
-  Player(Kernel& kernel, const Workload& workload, std::span<const Data> frames);
+  Player(std::unique_ptr<Kernel> kernel, const Workload& workload, std::span<const Data> frames);
+
+  [[nodiscard]] Kernel& kernel() { return *kernel_; }
+  /// Gives the kernel away and goes on with what @p wrap makes of it; what is bound stays so.
+  void wrap_kernel(const std::function<std::unique_ptr<Kernel>(std::unique_ptr<Kernel>)>& wrap) {
+    kernel_ = wrap(std::move(kernel_));
+  }
 
   /// One complete call on the frame that is bound. Calls again give the same: only next() goes on.
   void call();
@@ -55,7 +64,6 @@ class Player {
  private:
   void bind();
 
-  Kernel& kernel_;
   const Workload& workload_;
   std::span<const Data> frames_;
   std::vector<std::vector<Tensor>> outputs_;  ///< Of each frame.
@@ -63,6 +71,7 @@ class Player {
   std::vector<Tensor> initial_;
   std::vector<bool> was_called_;
   std::size_t frame_ = 0;
+  std::unique_ptr<Kernel> kernel_;  // goes first: it may still hold what is bound
 };
 
 }  // namespace pirt

@@ -160,18 +160,16 @@ class Worker {
     if (injection_.prepare > 1) extra.emplace(machine_);
     begin("preparing");
     const Nanos begun = clock_->now();
-    kernel_ = device_->prepare(workload, data_.front().parameters);
-    player_.emplace(*kernel_, workload, data_);
+    player_.emplace(device_->prepare(workload, data_.front().parameters), workload, data_);
     player_->call();
     if (extra) {
       const auto taken = static_cast<double>((clock_->now() - begun).count());
       ExtraWork::run(extra->steps_for(Nanos(std::llround((injection_.prepare - 1) * taken))));
     }
     result_.prepare = clock_->now() - begun;
-    if (injection_.execute > 1) {
-      kernel_ = slowed(std::move(kernel_), injection_.execute, machine_);
-      player_.emplace(*kernel_, workload, data_);
-    }
+    player_->wrap_kernel([this](std::unique_ptr<Kernel> kernel) {
+      return slowed(std::move(kernel), injection_.execute, machine_);
+    });
   }
 
   /// Verifies what the calls since Player::scribble() wrote, of each frame of the sequence.
@@ -220,7 +218,7 @@ class Worker {
     const auto phases = backend_.phases();
     const auto before = read_host_counters(job_.unit.cores);
     result_.phases =
-        sample_calls(*kernel_, *clock_, result_.clock, phases, sampling(), sequence());
+        sample_calls(player_->kernel(), *clock_, result_.clock, phases, sampling(), sequence());
     const auto after = read_host_counters(job_.unit.cores);
     if (device_->own_clock() == nullptr) {
       const int cores = job_.unit.cores.empty() ? static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))
@@ -265,8 +263,7 @@ class Worker {
   std::vector<Data> data_;                     ///< Of each frame of the sequence.
   std::vector<std::vector<Tensor>> expected_;  ///< The same.
   std::unique_ptr<Device> device_;
-  std::unique_ptr<Kernel> kernel_;  // goes before its device
-  std::optional<Player> player_;
+  std::optional<Player> player_;  // goes before its device
 };
 
 }  // namespace

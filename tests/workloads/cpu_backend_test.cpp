@@ -32,10 +32,9 @@ std::unique_ptr<Device> open_device() { return make_cpu_backend()->open(request(
 /// Runs @p workload on @p data and compares with the reference.
 Verdict run(Device& device, const Workload& workload, const Data& data, int repeats = 1) {
   const std::span frame(&data, 1);
-  const auto kernel = device.prepare(workload, data.parameters);
-  Player player(*kernel, workload, frame);
+  Player player(device.prepare(workload, data.parameters), workload, frame);
   player.scribble();
-  EXPECT_EQ(kernel->execute(repeats), std::nullopt) << "the host has no launch stamps";
+  EXPECT_EQ(player.kernel().execute(repeats), std::nullopt) << "the host has no launch stamps";
   player.called();
   return verify_sequence(workload, player.played(reference_of(workload, frame)));
 }

@@ -113,8 +113,7 @@ TEST(Player, GoesFromFrameToFrameWithTheStateAndBeginsAnew) {
   const auto frames = test::sequence_of(workload);
   const auto expected = reference_of(workload, frames);
   const auto device = fake_device();
-  const auto kernel = device->prepare(workload, {});
-  Player player(*kernel, workload, frames);
+  Player player(device->prepare(workload, {}), workload, frames);
   for (int repetition = 0; repetition < 3; ++repetition) {
     player.scribble();
     for (int frame = 0; frame < 3; ++frame) {
@@ -139,8 +138,7 @@ TEST(Player, WhatWasNotCalledIsNeverRight) {
   const auto frames = test::sequence_of(workload);
   const auto expected = reference_of(workload, frames);
   const auto device = fake_device();
-  const auto kernel = device->prepare(workload, {});
-  Player player(*kernel, workload, frames);
+  Player player(device->prepare(workload, {}), workload, frames);
   player.complete();
   EXPECT_TRUE(verify_sequence(workload, player.played(expected)).ok);
   player.scribble();
@@ -308,8 +306,7 @@ TEST_P(Streams, APictureWithoutCornersGivesAnEmptyList) {
   const auto workload = vision::make_feature_detect(40, 30);
   std::vector<Data> frames(1);
   frames[0].inputs.emplace_back(workload.inputs[0]);
-  const auto kernel = device_->prepare(workload, {});
-  Player player(*kernel, workload, frames);
+  Player player(device_->prepare(workload, {}), workload, frames);
   player.scribble();
   player.complete();
   EXPECT_EQ(player.played(reference_of(workload, frames))[0].outputs[0].rows(), 0);

@@ -38,8 +38,7 @@ inline std::vector<Data> sequence_of(const Workload& workload) {
 /// Plays @p frames on a fresh kernel of @p device and compares each with the reference.
 inline Verdict play_and_verify(Device& device, const Workload& workload,
                                std::span<const Data> frames) {
-  const auto kernel = device.prepare(workload, frames.front().parameters);
-  Player player(*kernel, workload, frames);
+  Player player(device.prepare(workload, frames.front().parameters), workload, frames);
   player.scribble();
   player.complete();
   return verify_sequence(workload, player.played(reference_of(workload, frames)));
@@ -69,12 +68,11 @@ template <typename Prepare>
 Verdict run_and_verify_prepared(const Workload& workload, const Data& data, int repeats,
                                 const Prepare& prepare) {
   const std::span frame(&data, 1);
-  const auto kernel = prepare(data.parameters);
-  Player player(*kernel, workload, frame);
+  Player player(prepare(data.parameters), workload, frame);
   player.scribble();
-  kernel->upload();
-  kernel->execute(repeats);
-  kernel->download();
+  player.kernel().upload();
+  player.kernel().execute(repeats);
+  player.kernel().download();
   player.called();
   return verify_sequence(workload, player.played(reference_of(workload, frame)));
 }

@@ -21,8 +21,7 @@ using namespace pirt;  // NOLINT: a program of one page
 void call(benchmark::State& state, Device& device, const Workload& workload) {
   const auto images = generated_images(1);
   const Data data = workload.make_data({1, images.get()});
-  const auto kernel = device.prepare(workload, data.parameters);
-  Player player(*kernel, workload, std::span(&data, 1));
+  Player player(device.prepare(workload, data.parameters), workload, std::span(&data, 1));
   player.call();  // which ends `prepare`: drivers compile a kernel when it first runs
   for (auto unused : state) player.call();
 }

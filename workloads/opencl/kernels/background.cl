@@ -1,5 +1,5 @@
-// background_model (definition: make_background_model in workloads/vision/vision.h). A work item has
-// 16 pixels in memory's order. Subtraction and sum round once each and the product with a power of
+// background_model (definition: make_background_model in workloads/vision/vision.h). An item has 16
+// pixels in memory's order. Subtraction and sum round once each and the product with a power of
 // two is exact, so that it does not matter whether the compiler contracts them.
 
 #define THRESHOLD 24
