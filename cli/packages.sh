@@ -7,9 +7,10 @@ PIRT_PACKAGES=(
   ocl-icd-opencl-dev opencl-headers opencl-clhpp-headers pocl-opencl-icd
   libsqlite3-dev libyaml-cpp-dev libre2-dev nlohmann-json3-dev libcli11-dev libfmt-dev
   coinor-libclp-dev libceres-dev
+  node-d3
 )
-PIRT_TEST_PACKAGES=(libgtest-dev libgmock-dev)
-PIRT_LONG_PACKAGES=(clang-14 clang-format-14 clang-tidy-14)
+PIRT_TEST_PACKAGES=(libgtest-dev libgmock-dev chromium chromium-driver)
+PIRT_LONG_PACKAGES=(clang-14 clang-format-14 clang-tidy-14 eslint)
 
 say() { printf '== %s\n' "$*"; }
 

@@ -84,24 +84,26 @@ class Sections {
     const auto costs = offloading_costs(machine_.profile);
     if (costs.costs.empty()) return;
     heading("Set-up");
-    parts_.emplace_back(offloading_chart(costs));
-    const auto crossovers = crossover_chart(costs);
-    if (!crossovers.marks.empty()) parts_.emplace_back(crossovers);
+    auto offloading = offloading_chart(costs);
+    offloading.table.origin = origin_of(machine_.profile);
+    parts_.emplace_back(std::move(offloading));
+    auto crossovers = crossover_chart(costs);
+    if (crossovers.marks.empty()) return;
+    crossovers.table.origin = origin_of(machine_.profile);
+    parts_.emplace_back(std::move(crossovers));
   }
   void limits() {
     heading("Limits of the units");
     add(roofline_charts(machine_.profile));
-    parts_.emplace_back(peak_table(rooflines(machine_.profile)));
+    add(peak_table(rooflines(machine_.profile)));
   }
   void choices(bool with_modes) {
     heading("Which unit, which mode");
-    parts_.emplace_back(preference_table(preferences(machine_.profile)));
+    add(preference_table(preferences(machine_.profile)));
     const auto platform = machine_.platform ? &*machine_.platform : nullptr;
     const auto alexnet = inferences(machine_.profile, platform);
-    if (!alexnet.empty()) parts_.emplace_back(cloud_table(alexnet));
-    if (!machine_.table5.runs.empty()) {
-      parts_.emplace_back(scheduling_table(machine_.table5.runs));
-    }
+    if (!alexnet.empty()) add(cloud_table(alexnet));
+    if (!machine_.table5.runs.empty()) parts_.emplace_back(scheduling_table(machine_.table5.runs));
     const auto modes = papers_modes(machine_);
     if (with_modes && !modes.empty()) parts_.emplace_back(modes_table(modes));
     const auto missing = missing_modes(machine_);
@@ -120,12 +122,17 @@ class Sections {
   }
   void rows() {
     heading("Every row, and what was recorded with it");
-    parts_.emplace_back(profile_table(machine_.profile));
-    parts_.emplace_back(environment_table(machine_.profile));
+    add(profile_table(machine_.profile));
+    add(environment_table(machine_.profile));
   }
 
  private:
   void heading(const std::string& text) { parts_.emplace_back(Heading{prefix_ + text}); }
+  /// A table of the profile's figures.
+  void add(Table table) {
+    table.origin = origin_of(machine_.profile);
+    parts_.emplace_back(std::move(table));
+  }
   void add(std::vector<Chart> charts) {
     for (auto& chart : charts) parts_.emplace_back(std::move(chart));
   }

@@ -133,6 +133,12 @@ Table scheduling_table(std::span<const RunRecord> runs) {
                     "from dispatch to completion on that unit; J: for 1000 frames. The "
                     "paper's rows are of a Snapdragon 820, by the roles of the units.",
                     std::string(provenance_legend())}};
+  if (!runs.empty()) {
+    table.origin =
+        fmt::format("pirt schedule --compare {} --mix {} --platform {}{} --seed {}",
+                    "throughput,latency,energy", runs[0].mix, runs[0].platform,
+                    runs[0].profile ? " --profile " + *runs[0].profile : "", runs[0].seed);
+  }
   const auto units = unit_names(runs);
   for (const auto& unit : units) table.columns.push_back({unit + " ms"});
   table.columns.push_back({"energy J"});

@@ -41,6 +41,8 @@ if $long; then
   ctest --test-dir build --output-on-failure -j 2 -C long -L long --no-tests=error
   say "format"
   git ls-files '*.cpp' '*.h' | xargs clang-format-14 --dry-run --Werror
+  say "the page's script"
+  NODE_PATH=/usr/share/nodejs eslint --format unix reports/page/charts.js
   say "clang 14, warnings as errors"
   build_pirt build-clang -DCMAKE_CXX_COMPILER=clang++-14 -DPIRT_WERROR=ON
   say "each header alone"

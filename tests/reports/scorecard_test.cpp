@@ -1,0 +1,141 @@
+// The paper's claims against profiles that are made up so that each finding comes out.
+#include "reports/scorecard.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+namespace pirt {
+namespace {
+
+using testing::HasSubstr;
+
+PhaseRow row(const std::string& workload, const std::string& unit, Phase phase, State state,
+             double ms) {
+  PhaseRow row;
+  row.workload = workload;
+  row.unit = unit;
+  row.phase = phase;
+  row.state = state;
+  row.valid = true;
+  row.samples = 20;
+  row.median = from_ms(ms);
+  row.ci_low = from_ms(ms * 0.99);
+  row.ci_high = from_ms(ms * 1.01);
+  return row;
+}
+
+/// A call of @p ms and a cold set-up on a unit.
+void add(Profile& profile, const std::string& workload, const std::string& unit, double ms,
+         double prepare_ms) {
+  profile.phases.push_back(row(workload, unit, Phase::kCall, State::kSteady, ms));
+  profile.phases.push_back(row(workload, unit, Phase::kExecute, State::kSteady, ms));
+  profile.phases.push_back(row(workload, unit, Phase::kDeviceInit, State::kCold, 0));
+  profile.phases.push_back(row(workload, unit, Phase::kPrepare, State::kCold, prepare_ms + ms));
+}
+
+/// A board with a CPU and a GPU, which only stands in for one if @p gpu_is_cpu.
+Profile board(double cpu_ms, double gpu_ms, bool gpu_is_cpu = false) {
+  Profile profile;
+  profile.path = "p.db";
+  RunInfo run;
+  run.platform = "board";
+  run.units = {{"cpu", "cpu", "A CPU", true, {}}, {"gpu", "opencl", "A device", gpu_is_cpu, {}}};
+  profile.runs = {run};
+  add(profile, "convolution", "cpu", cpu_ms, 0);
+  add(profile, "convolution", "gpu", gpu_ms, 100);
+  return profile;
+}
+
+Claim find(const std::vector<Claim>& claims, const std::string& part) {
+  const auto found = std::ranges::find_if(
+      claims, [&](const Claim& claim) { return claim.claim.find(part) != std::string::npos; });
+  EXPECT_NE(found, claims.end()) << part;
+  return found == claims.end() ? Claim{} : *found;
+}
+
+std::vector<Claim> claims_of(const Profile& profile) {
+  return observation_claims({.profile = &profile});
+}
+
+TEST(Scorecard, CountsTheOperationsOfTableOne) {
+  const auto claims = operation_claims();
+  ASSERT_EQ(claims.size(), 11U);
+  // Printed 895.5 M where its shape gives 895.795: the paper's slip, and the only one.
+  for (const Claim& claim : claims) {
+    const bool slip = claim.claim.find("conv2") != std::string::npos;
+    EXPECT_EQ(claim.finding, slip ? Finding::kRefuted : Finding::kConfirmed) << claim.claim;
+  }
+}
+
+TEST(Scorecard, AsksForTheUnitThatThePaperPrefers) {
+  const auto faster = find(claims_of(board(3, 1)), "convolution prefers the GPU by time");
+  EXPECT_EQ(faster.finding, Finding::kConfirmed);
+  EXPECT_EQ(faster.here, "gpu");
+  const auto slower = find(claims_of(board(1, 3)), "convolution prefers the GPU by time");
+  EXPECT_EQ(slower.finding, Finding::kRefuted);
+  const auto tie = find(claims_of(board(1, 1.01)), "convolution prefers the GPU by time");
+  EXPECT_EQ(tie.finding, Finding::kNotTestable);
+}
+
+TEST(Scorecard, TakesAnOpenClDeviceOnTheHostsCoresForNoGpu) {
+  const auto claim = find(claims_of(board(3, 1, true)), "convolution prefers the GPU by time");
+  EXPECT_EQ(claim.finding, Finding::kNotTestable);
+  EXPECT_THAT(claim.why, HasSubstr("no real GPU"));
+}
+
+TEST(Scorecard, TestsNothingAboutEnergyOnAssumedWatts) {
+  auto profile = board(3, 1);
+  profile.energies = {{.run_id = 1,
+                       .workload = "convolution",
+                       .unit = "cpu",
+                       .energy_j = 1,
+                       .provenance = Provenance::kModelled,
+                       .source = "model",
+                       .valid = true,
+                       .reasons = {}}};
+  const auto claim = find(claims_of(profile), "convolution prefers the GPU by energy");
+  EXPECT_EQ(claim.finding, Finding::kNotTestable);
+  EXPECT_THAT(claim.why, HasSubstr("assumed watts"));
+}
+
+TEST(Scorecard, SetUpDecidesWhereTheFasterUnitStartsLater) {
+  // 100 ms of set-up for a call of 1 ms: 99 % of it; the CPU is first with its 3 ms.
+  const auto claims = claims_of(board(3, 1));
+  const auto matters = find(claims, "significant part");
+  EXPECT_EQ(matters.finding, Finding::kConfirmed);
+  EXPECT_EQ(matters.here, "gpu 99.0 %");
+  const auto decides = find(claims, "with set-up counted");
+  EXPECT_EQ(decides.finding, Finding::kConfirmed);
+  EXPECT_EQ(decides.here, "gpu, then cpu");
+  EXPECT_EQ(find(claims_of(board(1, 3)), "with set-up counted").finding, Finding::kRefuted);
+}
+
+TEST(Scorecard, NeedsNoProfileForWhatIsArithmeticOrFitted) {
+  const auto cells = paper_cells();
+  const auto claims = scorecard({.cells = &cells});
+  const auto tested = std::ranges::count_if(
+      claims, [](const Claim& claim) { return claim.finding != Finding::kNotTestable; });
+  EXPECT_GE(tested, 11 + 13 + 6);
+  for (const Claim& claim : claims) {
+    EXPECT_NE(claim.here, "") << claim.claim;
+    EXPECT_TRUE(claim.finding != Finding::kNotTestable || !claim.why.empty()) << claim.claim;
+  }
+  // The bound of the fitted board is 0.807 frames/ms; throughput mode reaches 0.751.
+  EXPECT_EQ(find(claims, "throughput-optimal").finding, Finding::kRefuted);
+}
+
+TEST(Scorecard, IsATableAndJsonOfTheSameClaims) {
+  const auto claims = operation_claims();
+  EXPECT_EQ(scorecard_table(claims).rows.size(), claims.size());
+  EXPECT_EQ(scorecard_table(claims).title,
+            "The paper's claims: 10 confirmed, 1 refuted, 0 not testable here");
+  const auto json = scorecard_json(claims);
+  ASSERT_EQ(json.size(), claims.size());
+  EXPECT_EQ(json[4]["finding"], "refuted");
+  EXPECT_GE(contradictions_table().rows.size(), 5U);
+}
+
+}  // namespace
+}  // namespace pirt
