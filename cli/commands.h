@@ -16,6 +16,7 @@ void add_replay(CLI::App& app, Action& action);
 void add_export(CLI::App& app, Action& action);
 void add_diff(CLI::App& app, Action& action);
 void add_generate(CLI::App& app, Action& action);
+void add_run_robot(CLI::App& app, Action& action);
 void add_generate_dag(CLI::App& app, Action& action);
 /// Hidden: the body of the processes that `regress` starts, of this and other versions.
 void add_sample(CLI::App& app, Action& action);

@@ -79,6 +79,7 @@ int run(int argc, char** argv) {
   add_replay(app, action);
   add_export(app, action);
   add_diff(app, action);
+  add_run_robot(app, action);
   add_generate(app, action);
   add_generate_dag(app, action);
   add_sample(app, action);
