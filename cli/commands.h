@@ -16,6 +16,7 @@ void add_replay(CLI::App& app, Action& action);
 void add_export(CLI::App& app, Action& action);
 void add_diff(CLI::App& app, Action& action);
 void add_generate(CLI::App& app, Action& action);
+void add_run_robot(CLI::App& app, Action& action);
 void add_generate_dag(CLI::App& app, Action& action);
 void add_plan(CLI::App& app, Action& action);
 void add_detect(CLI::App& app, Action& action);

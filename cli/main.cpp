@@ -27,6 +27,7 @@ constexpr AddCommand* kCommands[] = {
     add_replay,        //
     add_export,        //
     add_diff,          //
+    add_run_robot,     //
     add_generate,      //
     add_generate_dag,  //
     add_plan,          //

@@ -142,6 +142,10 @@ double median_depth(const State& state) {
 void forget_clones(State& state, const Setup& setup) {
   while (std::ssize(state.clones) > setup.most_clones) {
     const auto n = state.clones.size();
+    if (state.status == Status::kStarting) {
+      remove_clone(state, 1);  // the first one is what motion is measured from
+      continue;
+    }
     const Pose& newer = state.clones[n - 2].body;
     const Pose& older = state.clones[n - 3].body;
     const double base = (newer.position - older.position).norm();
@@ -203,7 +207,7 @@ void add_tracks(State& state, const Setup& setup, const Features& features) {
 }  // namespace
 
 void extend_map(State& state, const Setup& setup, const Features& features) {
-  if (setup.update && !state.still) {
+  if (setup.update && !state.still && state.status == Status::kTracking) {
     remove_bad_landmarks(state);
     promote_tracks(state, setup);
     use_long_tracks(state, setup);

@@ -87,9 +87,10 @@ class SerialRun {
       const auto samples = samples_to(time);
       if (state_.status == Status::kStarting && setup_.imu) {
         start(state_, setup_, samples, time);
-      } else if (index > 0) {
+      } else if (state_.status != Status::kStarting) {
         imu_propagate(state_, setup_, samples, time);
       }
+      if (index > 0) state_.previous_time = sequence_.frames[index - 1].time;
       state_.time = time;
     }
     Pyramid pyramid;
@@ -158,7 +159,9 @@ std::string_view to_string(Stage stage) {
 
 std::vector<StampedPose> RunResult::trajectory() const {
   std::vector<StampedPose> poses;
-  for (const auto& frame : frames) poses.push_back(frame.pose);
+  for (const auto& frame : frames) {
+    if (frame.status != Status::kStarting) poses.push_back(frame.pose);
+  }
   return poses;
 }
 

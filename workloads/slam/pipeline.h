@@ -50,6 +50,7 @@ struct RunResult {
   std::vector<FrameResult> frames;
   State last;
 
+  /// The poses since there is one.
   [[nodiscard]] std::vector<StampedPose> trajectory() const;
 };
 

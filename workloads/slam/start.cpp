@@ -12,7 +12,7 @@ constexpr double kWait_s = 0.25;          // of samples, for a mean
 constexpr double kRestTurn_rad_s = 0.05;  // standard deviation of a body at rest, vibration in
 constexpr double kRestForce_m_s2 = 0.5;
 constexpr double kGyroBiasSigma_rad_s = 0.1;
-constexpr double kAccelBiasSigma_m_s2 = 0.15;
+constexpr double kAccelBiasSigma_m_s2 = 0.25;
 
 struct Mean {
   Eigen::Vector3d turn = Eigen::Vector3d::Zero(), force = Eigen::Vector3d::Zero();

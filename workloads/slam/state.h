@@ -43,7 +43,7 @@ struct Setup {
   /// 0.01 pixels a frame, so that one error is seen in many frames: counted as independent, each
   /// must weigh less.
   double landmark_sigma = 6.0;
-  bool update = true;          ///< false: motion only, to see what the updates correct.
+  bool update = true;  ///< false: motion only, to see what the updates correct.
 };
 
 struct MotionState {
@@ -119,6 +119,8 @@ struct State {
   std::int64_t next_id = 0;
   ImuSample last_imu;              ///< At `time`; stamp 0 = none yet.
   std::vector<ImuSample> waiting;  ///< Of the start, until there are enough.
+  bool seeks_map = false;          ///< A map was loaded, and the pose in it is not known yet.
+  Nanos previous_time{};           ///< Of the frame before.
   bool still = false;              ///< At rest, by the last frame.
   int blind_frames = 0;            ///< In a row without enough to see.
   int good_frames = 0;             ///< In a row with.

@@ -124,8 +124,8 @@ void landmark_update(State& state, const Setup& setup, FrameReport& report) {
   for (auto& track : state.tracks) {
     if (track.landmark < 0 || track.seen.empty()) continue;
     const std::size_t landmark = index.at(track.landmark);
-    RowBlock block = rows_of_landmark(state, setup, landmark, track.seen.back(),
-                                      setup.landmark_sigma);
+    RowBlock block =
+        rows_of_landmark(state, setup, landmark, track.seen.back(), setup.landmark_sigma);
     track.seen.clear();
     if (!passes(state, block)) {
       ++report.rejected;
@@ -262,6 +262,16 @@ void recognize(State& state, const Setup& setup, const Features& features, Frame
   }
 }
 
+/// With an IMU the state went on, and seeing again is enough; without, or in a map that was loaded,
+/// the place has to be known again.
+void find_again(State& state, const Setup& setup, const Features& features) {
+  if (setup.imu && !state.seeks_map) {
+    if (state.good_frames >= kGoodFrames) state.status = Status::kTracking;
+    return;
+  }
+  if (std::ssize(features.pixels) >= kEnoughToSee) relocalize(state, setup, features);
+}
+
 }  // namespace
 
 double predicted_sigma(const State& state, const RowBlock& block) {
@@ -361,8 +371,12 @@ FrameReport update_pose(State& state, const Setup& setup, const FrameTracks& tra
   add_clone(state, state.frame + 1);
   auto ended = take_tracks(state, setup, tracks);
   report.tracks = static_cast<int>(state.tracks.size());
+  if (state.status == Status::kStarting) {
+    start_from_tracks(state, setup);
+    return report;
+  }
   const bool sees = report.tracks >= kEnoughToSee;
-  if (setup.update) {
+  if (setup.update && state.status == Status::kTracking) {
     if (at_rest(state, setup)) {
       // The same view again says nothing new: its errors are those of the last frame.
       rest_update(state, setup);
@@ -375,10 +389,8 @@ FrameReport update_pose(State& state, const Setup& setup, const FrameTracks& tra
   }
   state.blind_frames = sees ? 0 : state.blind_frames + 1;
   state.good_frames = sees ? state.good_frames + 1 : 0;
-  if (state.blind_frames >= kBlindFrames) state.status = Status::kLost;
-  if (state.status == Status::kLost && setup.imu && state.good_frames >= kGoodFrames) {
-    state.status = Status::kTracking;
-  }
+  if (state.blind_frames >= kBlindFrames || state.seeks_map) state.status = Status::kLost;
+  if (state.status == Status::kLost && setup.update) find_again(state, setup, features);
   return report;
 }
 
