@@ -9,6 +9,8 @@ PIRT_PACKAGES=(
   coinor-libclp-dev libceres-dev
 )
 PIRT_TEST_PACKAGES=(libgtest-dev libgmock-dev)
+# Backend dsp: its program's compiler and linker, and the emulator; without them it says so, and its tests are skipped.
+PIRT_DSP_PACKAGES=(clang-14 lld-14 qemu-user)
 PIRT_LONG_PACKAGES=(clang-14 clang-format-14 clang-tidy-14)
 
 say() { printf '== %s\n' "$*"; }
