@@ -114,7 +114,8 @@ void print_workload(const Workload& workload, const std::string& profile) {
     constexpr double kTable2OpsPerMs = 4e9 / 1e3;
     fmt::print(
         "{:<14} HVX {:.3f} ms (with the memory model {:.3f}), scalar {:.2f} ms, Table V {:.2f} ms, "
-        "Table II's 4 GOPS/s {:.2f} ms: of Table V, scalar code would take {:.0f} %, HVX {:.1f} %\n",
+        "Table II's 4 GOPS/s {:.2f} ms: of Table V, scalar code would take {:.0f} %, HVX {:.1f} "
+        "%\n",
         "", to_ms(model.without_stalls(hvx)), to_ms(model.with_memory(hvx)),
         to_ms(model.without_stalls(scalar)), kTable5Ms,
         static_cast<double>(workload.ops.value()) / kTable2OpsPerMs,
