@@ -10,6 +10,8 @@ PIRT_PACKAGES=(
   node-d3
 )
 PIRT_TEST_PACKAGES=(libgtest-dev libgmock-dev chromium chromium-driver)
+# Backend dsp: its program's compiler and linker, and the emulator; without them it says so, and its tests are skipped.
+PIRT_DSP_PACKAGES=(clang-14 lld-14 qemu-user)
 PIRT_LONG_PACKAGES=(clang-14 clang-format-14 clang-tidy-14 eslint)
 
 say() { printf '== %s\n' "$*"; }

@@ -25,7 +25,7 @@ run_tests() {
   ctest --test-dir "$1" --output-on-failure -j 2 --no-tests=error "${@:2}"
 }
 
-install_packages "${PIRT_PACKAGES[@]}" "${PIRT_TEST_PACKAGES[@]}"
+install_packages "${PIRT_PACKAGES[@]}" "${PIRT_TEST_PACKAGES[@]}" "${PIRT_DSP_PACKAGES[@]}"
 build_pirt build -DPIRT_TESTS=ON "${werror[@]}"
 run_tests build
 if [[ ${CI:-} == true ]]; then

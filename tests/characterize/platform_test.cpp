@@ -313,8 +313,9 @@ TEST(PlatformOverrides, WithAMisspeltMapAreRefused) {
 }
 
 TEST(ShippedPlatforms, AllLoadUnderTheirNames) {
-  EXPECT_THAT(shipped_platforms(), ElementsAre("fake", "host", "host-cpu", "host-opencl",
-                                               "snapdragon820", "snapdragon820-section5"));
+  EXPECT_THAT(shipped_platforms(),
+              ElementsAre("fake", "host", "host-cpu", "host-opencl", "snapdragon820",
+                          "snapdragon820-counted", "snapdragon820-section5"));
   for (const auto& name : shipped_platforms()) {
     const auto platform = load_platform(name);
     EXPECT_EQ(platform.name, name);

@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cstdlib>
 
 #include "tests/workloads/dsp_support.h"
 #include "tests/workloads/workload_support.h"
+#include "workloads/base/error.h"
 #include "workloads/catalog.h"
 #include "workloads/vision/vision.h"
 
@@ -114,6 +116,33 @@ TEST(DspBackend, RefusesPicturesThatAreTooSmallAndSaysHowSmall) {
   const auto support = make_dsp_backend()->supports(vision::make_gaussian_blur(2, 5));
   EXPECT_FALSE(support.ok);
   EXPECT_THAT(support.reason, testing::HasSubstr("at least 8x8"));
+}
+
+/// PATH for as long as it lives.
+class Path {
+ public:
+  explicit Path(const std::string& value) { ::setenv("PATH", value.c_str(), 1); }
+  ~Path() { ::setenv("PATH", before_.c_str(), 1); }
+  Path(const Path&) = delete;
+  Path& operator=(const Path&) = delete;
+
+ private:
+  std::string before_ = std::getenv("PATH");
+};
+
+TEST(DspBackend, SaysWhatToInstallWhereSomethingIsMissing) {
+  const Path nowhere("/nowhere");
+  const auto backend = make_dsp_backend();
+  const Probe probe = backend->probe();
+  EXPECT_FALSE(probe.available);
+  EXPECT_THAT(probe.reason, testing::HasSubstr("install "));
+  try {
+    static_cast<void>(test::open_dsp());
+    ADD_FAILURE() << "no error";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kEnvironment);
+    EXPECT_THAT(error.what(), testing::HasSubstr("backend dsp is unavailable: " + probe.reason));
+  }
 }
 
 }  // namespace

@@ -118,10 +118,17 @@ Cost cost_of(const PirtDspCounts& counts) {
           static_cast<std::int64_t>(counts.misses)};
 }
 
+/// As qemu reads values of options: a comma stands twice.
+std::string quoted(const std::filesystem::path& path) {
+  std::string text;
+  for (const char c : path.string()) text.append(c == ',' ? 2 : 1, c);
+  return text;
+}
+
 std::string plugin_with_arguments(const SessionOptions& options) {
-  std::string text = options.plugin.string();
+  std::string text = quoted(options.plugin);
   if (options.models_memory) text += ",memory=on";
-  if (!options.profile.empty()) text += ",profile=" + options.profile.string();
+  if (!options.profile.empty()) text += ",profile=" + quoted(options.profile);
   return text;
 }
 

@@ -3,7 +3,7 @@
 //
 // Knows nothing of workloads. A program that crashes or does not answer costs the call: the error
 // names the kernel, the process is gone, the mapping keeps what is in it, and the next call starts
-// another one. Used by one thread at a time.
+// another one. Used by one thread at a time; the program ends with the thread that started it.
 #pragma once
 
 #include <sys/types.h>
@@ -28,7 +28,7 @@ struct SessionOptions {
   std::size_t mapping_bytes = std::size_t{64} << 20;  ///< Pages that are not touched cost nothing.
   bool models_memory = false;  ///< Counts Cost::lines and misses, too; takes longer.
   /// A file for how often each packet was executed in the last command, "address count" a line;
-  /// empty = none. No comma in its name.
+  /// empty = none.
   std::filesystem::path profile = {};
   /// Of the machine's time, for one command; a program that works on is killed, too.
   Nanos limit = std::chrono::seconds(30);
