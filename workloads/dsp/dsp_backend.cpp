@@ -61,6 +61,11 @@ class DspKernel : public Kernel {
 
   void download() override {
     for (std::size_t i = 0; i < outputs_.size(); ++i) {
+      if (call_.rows && outputs_[i].spec().varies) {
+        std::int32_t rows = 0;
+        dsp::copy_out(*session_, *call_.rows, std::as_writable_bytes(std::span(&rows, 1)));
+        outputs_[i].set_rows(rows);
+      }
       dsp::copy_out(*session_, call_.outputs[i], {outputs_[i].data(), outputs_[i].bytes().size()});
     }
   }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -27,6 +28,8 @@ struct Call {
   std::vector<Buffer> buffers;
   std::vector<std::int32_t> values;
   std::vector<Resident> inputs, outputs;  ///< In the order of the workload's tensors.
+  /// i32: how many rows an output that varies has; all outputs that vary have as many.
+  std::optional<Resident> rows = {};
 };
 
 struct KernelEntry {

@@ -83,6 +83,8 @@ Call make_feature_detect(Session& session, const Workload& workload, std::span<c
                 "feature_detect.c has them as constants");
   const auto& op = operation_as<vision::FeatureDetect>(workload);
   Call call = picture_call(session, workload, PIRT_DSP_feature_detect);
+  call.rows = make_dense(session, {"count", Element::kI32, {1}});
+  call.buffers.push_back(call.rows->buffer);
   const std::size_t stride = call.inputs[0].pitch_bytes;
   const auto height = static_cast<std::size_t>(op.height);
   constexpr std::size_t kDistance = FeatureDetect::kMinDistance;
