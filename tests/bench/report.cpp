@@ -81,7 +81,8 @@ pirt::CellRecord cell(const pirt::Workload& workload, const std::string& unit,
                              .notes = {},
                              .samples = samples(random, us * part, 2000)});
   }
-  record.energy = pirt::EnergyRecord{.energy_j = us * 2e-6, .source = "model: made up"};
+  record.energy.emplace().energy_j = us * 2e-6;
+  record.energy->source = "model: made up";
   return record;
 }
 

@@ -31,9 +31,9 @@ TEST(Chart, StandsInTextAsItsTableWithAStrip) {
   std::string range = "●", far = "○";
   for (int i = 1; i < 32; ++i) range += "─";
   for (int i = 1; i < 32; ++i) far.insert(0, "·");
-  EXPECT_THAT(text, HasSubstr("a       1  " + range + "\n"));
-  EXPECT_THAT(text, HasSubstr("b     ~10  " + far + "\n"));
-  EXPECT_THAT(text, HasSubstr("c   never  never\n"));
+  EXPECT_THAT(text, HasSubstr("a         1  " + range + "\n"));
+  EXPECT_THAT(text, HasSubstr("b       ~10  " + far + "\n"));
+  EXPECT_THAT(text, HasSubstr("c     never  never\n"));
   EXPECT_THAT(text, HasSubstr("\nThree dots.\n"));
   EXPECT_THAT(text, HasSubstr("\nFrom: run 1\n"));
 }

@@ -17,7 +17,8 @@ RunRecord run(const std::string& mode, double rate, double energy_j, double p99_
   record.throughput_per_ms = rate;
   record.p99_latency_ms = p99_ms;
   record.energy_j = energy_j;
-  record.bounds = RunBounds{.throughput_per_ms = 2, .energy_j = 0.5};
+  record.bounds.emplace().throughput_per_ms = 2;
+  record.bounds->energy_j = 0.5;
   return record;
 }
 

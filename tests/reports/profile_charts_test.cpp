@@ -108,7 +108,9 @@ TEST(FullReport, EveryChartHasAsManyMarksAsRowsAndTheSameContentInEachFormat) {
   EXPECT_THAT(text, HasSubstr("slower.db: Time and energy"));
   for (const Part& part : document.parts) {
     const auto* chart = std::get_if<Chart>(&part);
-    if (chart != nullptr) EXPECT_EQ(chart->marks.size(), chart->table.rows.size());
+    if (chart != nullptr) {
+      EXPECT_EQ(chart->marks.size(), chart->table.rows.size());
+    }
     const auto* table = chart != nullptr ? &chart->table : std::get_if<Table>(&part);
     if (table == nullptr) continue;
     EXPECT_NE(table->title, "");
