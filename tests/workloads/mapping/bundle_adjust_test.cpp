@@ -71,7 +71,7 @@ TEST(BundleAdjust, SurvivesOutliersWithARobustLoss) {
 
   // Without one it does not: the test can fail.
   problem = made.problem;
-  static_cast<void>(bundle_adjust(problem, {.most_iterations = 20}));
+  static_cast<void>(bundle_adjust(problem, {.most_iterations = 8}));
   EXPECT_GT(inlier_noise_px(problem, made), 1.5);
 }
 
