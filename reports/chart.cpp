@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace pirt {
 namespace {
@@ -80,10 +81,17 @@ Table text_table_of(const Chart& chart) {
   Table table = chart.table;
   const Scale scale(chart);
   if (chart.kind == ChartKind::kDots && !scale.empty()) {
-    table.columns.push_back(
+    // Behind the columns that name a row, where a narrow terminal still has it beside them.
+    std::ptrdiff_t at = 0;
+    while (at < 2 && at + 1 < std::ssize(table.columns) &&
+           table.columns[static_cast<std::size_t>(at)].align == Align::kLeft) {
+      ++at;
+    }
+    table.columns.insert(
+        table.columns.begin() + at,
         {chart.x.label + (chart.x.log ? ", logarithmic" : ", from 0"), Align::kLeft});
     for (std::size_t i = 0; i < table.rows.size(); ++i) {
-      table.rows[i].push_back(strip(chart.marks[i], scale));
+      table.rows[i].insert(table.rows[i].begin() + at, strip(chart.marks[i], scale));
     }
     table.footnotes.emplace_back("● measured, ○ not measured, × invalid; ─ its interval.");
   }

@@ -65,8 +65,8 @@ struct Chart {
   std::vector<Mark> marks = {};  ///< As many as the table has rows.
 };
 
-/// The table with, where the chart is of dots, each row's place on the axis drawn in a column
-/// behind the others.
+/// The table with, where the chart is of dots, each row's place on the axis drawn in a column of
+/// its own.
 [[nodiscard]] Table text_table_of(const Chart& chart);
 
 }  // namespace pirt

@@ -142,8 +142,8 @@ Table scorecard_table(const std::vector<Claim>& claims) {
                     "not what the paper measured.",
                     std::string(provenance_legend())}};
   for (const Claim& claim : claims) {
-    table.rows.push_back({claim.where, claim.claim, std::string(short_word(claim.finding)),
-                          claim.paper, claim.here, claim.from, claim.why});
+    table.rows.push_back({std::string(short_word(claim.finding)), claim.claim, claim.paper,
+                          claim.here, claim.from, claim.why, claim.where});
   }
   return table;
 }
