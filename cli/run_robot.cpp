@@ -10,6 +10,7 @@
 #include "cli/output.h"
 #include "cli/values.h"
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/slam/map_file.h"
 #include "workloads/slam/pipeline.h"
 #include "workloads/slam/plot.h"
@@ -50,6 +51,7 @@ Outcome run_serial(const Sequence& sequence, const slam::RunOptions& given) {
 }
 
 Sequence read(const Options& options) {
+  if (options.dataset.empty()) throw_bad_input("name the folder of a sequence");
   Sequence sequence = read_sequence(options.dataset);
   if (options.mono) {
     sequence.cameras.resize(1);
@@ -180,7 +182,7 @@ void add_run_robot(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   Command command(app, "run-robot",
                   "Localize a robot on a recorded sequence (EuRoC's layout or KITTI odometry)");
-  add_input(command, "dataset", &options->dataset, "Folder of the sequence").required();
+  add_input(command, "dataset", &options->dataset, "Folder of the sequence");
   command.add_flag("--mono", options->mono, "Use the left camera only");
   command.add_flag("--no-imu", options->no_imu, "Use the cameras only");
   command.add_flag("--no-update", options->no_update,

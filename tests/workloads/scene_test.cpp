@@ -43,7 +43,9 @@ TEST(RobotPath, RestsFirstThenMovesWithinItsLimitsAwayFromFurniture) {
       const double speed = motion.velocity_m_s.norm();
       way_m += 0.02 * speed;
       EXPECT_LE(speed, 1.6);
-      if (t > 4.5) EXPECT_GE(speed, 0.45);
+      if (t > 4.5) {
+        EXPECT_GE(speed, 0.45);
+      }
       EXPECT_LE(motion.turn_rad_s.norm() * kDegreesPerRadian, 61);
       for (const auto& box : room.furniture()) {
         const auto& p = motion.body.position;

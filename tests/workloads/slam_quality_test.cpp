@@ -271,8 +271,8 @@ TEST(SlamQuality, SameInputsGiveTheSameBits) {
     EXPECT_EQ(a.frames[i].position_covariance, b.frames[i].position_covariance);
   }
   EXPECT_EQ(a.last.covariance, b.last.covariance);
-  EXPECT_LE(a.last.map.size(), static_cast<std::size_t>(Setup{}.most_map_points));
-  EXPECT_LE(a.last.landmarks.size(), static_cast<std::size_t>(Setup{}.most_landmarks));
+  EXPECT_LE(a.last.map.size(), static_cast<std::size_t>(slam::Setup{}.most_map_points));
+  EXPECT_LE(a.last.landmarks.size(), static_cast<std::size_t>(slam::Setup{}.most_landmarks));
 }
 
 }  // namespace

@@ -32,7 +32,7 @@ struct Misses {
 /// One second of prediction from every tenth true state.
 Misses predict_a_second(const std::vector<ImuSample>& imu, const std::vector<TruthRow>& truth,
                         const ImuModel& model) {
-  Setup setup;
+  slam::Setup setup;
   setup.imu = model;
   Misses misses;
   for (std::size_t i = 0; i < truth.size(); i += 10) {
@@ -80,7 +80,7 @@ TEST(ImuPropagate, IsExactToItsTrapezoidsWithoutNoise) {
 // A body at rest with a bias: after dt the velocity's variance is noise * dt plus bias variance *
 // dt^2, since both come through the accelerometer.
 TEST(ImuPropagate, CovarianceGrowsAsTheSensorsDensitiesSay) {
-  Setup setup;
+  slam::Setup setup;
   setup.imu = ImuModel{};
   State state;
   state.time = from_s(1.0);
@@ -94,7 +94,7 @@ TEST(ImuPropagate, CovarianceGrowsAsTheSensorsDensitiesSay) {
 }
 
 TEST(ImuPropagate, AnImuThatStopsLeavesAnUncertainState) {
-  Setup setup;
+  slam::Setup setup;
   setup.imu = ImuModel{};
   State state;
   state.time = from_s(1.0);
@@ -204,7 +204,7 @@ TEST(KalmanUpdate, OneNumberByHand) {
 }
 
 /// Two clones and a landmark, with a covariance that correlates all.
-State small_state(const Setup& setup) {
+State small_state(const slam::Setup& setup) {
   State state;
   state.motion.rotation = rotation_of({0.2, -0.1, 0.7});
   state.motion.position = {1, 2, 0.5};
@@ -235,8 +235,8 @@ State small_state(const Setup& setup) {
   return state;
 }
 
-Setup one_camera() {
-  Setup setup;
+slam::Setup one_camera() {
+  slam::Setup setup;
   setup.cameras.push_back(generate_sequence(test::scene(1, 1.0)).cameras[0]);
   return setup;
 }
@@ -253,7 +253,7 @@ Eigen::MatrixXd dense(const State& state, const RowBlock& block) {
 // Heading and origin of the world cannot be seen. In the invariant error they are the same
 // direction whatever the estimate, and no row may have a part of it.
 TEST(RowsOfPoints, SeeNeitherHeadingNorOrigin) {
-  const Setup setup = one_camera();
+  const slam::Setup setup = one_camera();
   const State state = small_state(setup);
   Eigen::MatrixXd unseen = Eigen::MatrixXd::Zero(state.size(), 4);
   for (int axis = 0; axis < 3; ++axis) {
@@ -274,7 +274,7 @@ TEST(RowsOfPoints, SeeNeitherHeadingNorOrigin) {
 
 // Against differences: a small correction of the state changes the residual as its row says.
 TEST(RowsOfPoints, AreTheDerivativesOfTheResidual) {
-  const Setup setup = one_camera();
+  const slam::Setup setup = one_camera();
   const State state = small_state(setup);
   Observation seen;
   seen.left = {0.12, -0.04};
@@ -298,7 +298,7 @@ TEST(RowsOfPoints, AreTheDerivativesOfTheResidual) {
 }
 
 TEST(Clones, ForgettingTheNewestLeavesLandmarksAsUncertainAsTheyWere) {
-  const Setup setup = one_camera();
+  const slam::Setup setup = one_camera();
   State state = small_state(setup);
   const Eigen::Matrix3d before = landmark_covariance(state, 0);
   remove_clone(state, 1);
@@ -308,7 +308,7 @@ TEST(Clones, ForgettingTheNewestLeavesLandmarksAsUncertainAsTheyWere) {
 }
 
 TEST(Compressed, SaysTheSameInFewerRows) {
-  const Setup setup = one_camera();
+  const slam::Setup setup = one_camera();
   const State state = small_state(setup);
   std::vector<RowBlock> blocks;
   for (int i = 0; i < 20; ++i) {
@@ -368,7 +368,7 @@ TEST(RobustPnp, FindsThePoseAmongOutliers) {
 TEST(MapFile, ComesBackAndRefusesWhatIsNone) {
   const test::ScratchFolder scratch;
   const auto file = scratch.path() / "map.json";
-  Setup setup = one_camera();
+  slam::Setup setup = one_camera();
   setup.imu = ImuModel{};
   State state = small_state(setup);
   state.landmarks[0].descriptor[31] = 0xa5;
