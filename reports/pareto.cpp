@@ -49,12 +49,14 @@ std::string front_text(const ModePoint& point) {
 /// The points that no other beats in these two figures, as a line from left to right. @param
 /// better  Whether a second figure is better than another.
 template <typename Second, typename Better>
-ReferenceLine front(std::vector<ModePoint> points, const Second& second, const Better& better) {
-  std::ranges::sort(points, [&](const ModePoint& a, const ModePoint& b) {
+ReferenceLine front(const std::vector<ModePoint>& points, const Second& second,
+                    const Better& better) {
+  auto sorted = points;
+  std::ranges::sort(sorted, [&](const ModePoint& a, const ModePoint& b) {
     return a.energy_mj != b.energy_mj ? a.energy_mj < b.energy_mj : better(second(a), second(b));
   });
   ReferenceLine line{.label = ""};
-  for (const ModePoint& point : points) {
+  for (const ModePoint& point : sorted) {
     if (line.points.empty() || better(second(point), line.points.back().second)) {
       line.points.emplace_back(point.energy_mj, second(point));
     }

@@ -83,6 +83,50 @@ TEST_F(MainJob, ReportTakesStoredRuns) {
   EXPECT_EQ(json["modes"][0]["mode"], "latency");
 }
 
+TEST_F(MainJob, ReportShowsSeveralDatabasesSideBySide) {
+  const auto other = scratch_->write("other.db", slurp(profile()));
+  const auto report = pirt({"report", profile(), other, "--format", "md"});
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  for (const auto* part : {"## Side by side", "nothing: they compare", "1.00x",
+                           "## profile.db: Time and energy", "## other.db: Time and energy"}) {
+    EXPECT_THAT(report.out, HasSubstr(part));
+  }
+  EXPECT_EQ(pirt({"report", profile(), other, "--json", "-"}).json()["others"].size(), 1U);
+}
+
+TEST_F(MainJob, ReportShowsATraceAsATimeline) {
+  const auto trace = scratch_->file("trace.json");
+  const auto made = pirt({"schedule", "--mode", "energy", "--duration", "1s", "--profile",
+                          profile(), "--trace", trace});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const auto given = pirt({"report", profile(), trace, "--format", "md"});
+  ASSERT_EQ(given.exit_code, 0) << given.err;
+  EXPECT_THAT(given.out, HasSubstr("What ran where and when: mode energy"));
+  EXPECT_THAT(given.out, HasSubstr("trace.json"));
+  // Without one, the first seconds are simulated.
+  EXPECT_THAT(pirt({"report", profile()}).out, HasSubstr("What ran where and when: mode advanced"));
+}
+
+TEST_F(MainJob, ReportSaysThatARunIsOfAnotherPlatform) {
+  const auto run = scratch_->write(
+      "elsewhere.json", pirt({"schedule", "--mode", "latency", "--platform", "snapdragon820",
+                              "--mix", "convolution-1000", "--json", "-"})
+                            .out);
+  const auto report = pirt({"report", profile(), run});
+  EXPECT_EQ(report.exit_code, 0);
+  EXPECT_THAT(report.err, HasSubstr("NOT COMPARABLE"));
+  EXPECT_THAT(report.out, HasSubstr("of platform snapdragon820, the database of fake"));
+}
+
+TEST_F(MainJob, PaperClaimsAreHeldAgainstAProfile) {
+  const auto report = pirt({"report", "--paper", profile(), "--json", "-"});
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  int units = 0;
+  const auto json = report.json();
+  for (const auto& claim : json["scorecard"]) units += claim["where"] == "Table III" ? 1 : 0;
+  EXPECT_EQ(units, 2 * 4);  // four of its six workloads were measured, by time and by energy
+}
+
 TEST_F(MainJob, SettingsTakeOneValueEach) {
   const auto report = pirt({"report", "--set", "cpu.active_w=1", "--set", "gpu.active_w=1",
                             profile(), "--format", "json"});

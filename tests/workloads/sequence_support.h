@@ -37,6 +37,7 @@ inline SceneOptions scene(std::uint64_t seed, double duration_s, bool stereo = t
   SceneOptions options;
   options.path.seed = seed;
   options.path.duration_s = duration_s;
+  if (duration_s <= options.path.rest_s) options.path.rest_s = 0.2 * duration_s;
   options.stereo = stereo;
   return options;
 }

@@ -9,6 +9,8 @@
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
 #include "tests/workloads/sequence_support.h"
+#include "workloads/base/random.h"
+#include "workloads/sequence/trajectory.h"
 #include "workloads/slam/map_file.h"
 #include "workloads/slam/measure.h"
 #include "workloads/slam/pnp.h"
