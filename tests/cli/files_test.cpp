@@ -19,6 +19,7 @@ using testing::HasSubstr;
 struct HelpEntry {
   std::string name;  ///< "--json", or that of a positional argument.
   std::string type;  ///< "OUTFILE|-"; empty = a flag.
+  bool required = false;
 
   [[nodiscard]] bool is_written() const { return type.starts_with("OUTFILE"); }
   [[nodiscard]] bool is_continued() const { return type == "DATAFILE"; }
@@ -44,10 +45,10 @@ std::vector<std::string> all_commands() {
 std::vector<HelpEntry> help_of(const std::string& command) {
   std::vector<HelpEntry> entries;
   const std::string help = pirt({command, "--help"}).out;
-  const std::regex line("\n  (?:-[a-z],)?([a-z-]+)(?: ([A-Z][^ =\n]*))?");
+  const std::regex line("\n  (?:-[a-z],)?([a-z-]+)(?: ([A-Z][^ =\n]*))?([^\n]* REQUIRED)?");
   for (std::sregex_iterator it(help.begin(), help.end(), line), end; it != end; ++it) {
     const std::string type = (*it)[2];
-    entries.push_back({(*it)[1], type == "Excludes:" ? "" : type});
+    entries.push_back({(*it)[1], type == "Excludes:" ? "" : type, (*it)[3].matched});
   }
   return entries;
 }
@@ -69,6 +70,7 @@ TEST(Options, EachSaysWhatItTakes) {
 TEST(Options, WriteNothingThatAnotherOptionNames) {
   const Scratch scratch;
   const auto shared = scratch.write("shared.yaml", "what was there");
+  const auto third = scratch.write("third.yaml", "also needed");
   int pairs = 0;
   for (const auto& command : all_commands()) {
     const auto entries = help_of(command);
@@ -80,6 +82,11 @@ TEST(Options, WriteNothingThatAnotherOptionNames) {
         if (command == "list") arguments.emplace_back("units");
         for (const auto* entry : {&other, &written}) {
           for (const auto& part : entry->given(shared)) arguments.push_back(part);
+        }
+        for (const auto& entry : entries) {
+          if (!entry.required || !entry.is_file()) continue;
+          if (entry.name == other.name || entry.name == written.name) continue;
+          for (const auto& part : entry.given(third)) arguments.push_back(part);
         }
         const auto outcome = pirt(arguments);
         expect_refused(outcome, {"would overwrite", written.name, "name another file"});

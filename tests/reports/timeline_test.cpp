@@ -20,7 +20,7 @@ std::string slice(int process, int slot, double start_us, double us) {
       process, slot, start_us, us);
 }
 
-std::string trace(const std::string& events, int version = 3) {
+std::string trace(const std::string& events, int version = 4) {
   return fmt::format(
       R"({{"traceEvents":[{{"name":"process_name","ph":"M","pid":1,"args":{{"name":"cpu"}}}}{}],)"
       R"("pirt":{{"schema_version":{},"mode":"latency","units":["cpu","gpu"],"platform":"board",)"

@@ -80,7 +80,8 @@ std::vector<Workload> hard_workloads() {
   for (const auto& [width, height] : kSizes) {
     for (const auto make :
          {vision::make_gaussian_blur, vision::make_convolution, vision::make_sobel,
-          vision::make_undistort, vision::make_feature_detect, vision::make_optical_flow}) {
+          vision::make_undistort, vision::make_feature_detect, vision::make_optical_flow,
+          vision::make_track_features, vision::make_background_model}) {
       all.push_back(make(width, height));
     }
   }

@@ -70,7 +70,9 @@ TEST(GenerateSequence, SameSeedSameBytesOtherSeedOthers) {
 // At rest two pictures differ by noise alone: sigma 2 each, so sqrt(8) of the difference (and a
 // little for rounding: 1/12 each).
 TEST(GenerateSequence, PicturesHaveTheNoiseThatWasAsked) {
-  const auto sequence = generate_sequence(test::scene(6, 1.0));
+  auto options = test::scene(6, 1.0);
+  options.path.rest_s = 0.9;
+  const auto sequence = generate_sequence(options);
   const auto a = sequence.image(3, 0);
   const auto b = sequence.image(9, 0);
   double squares = 0;

@@ -391,7 +391,7 @@ TEST(MapFile, ComesBackAndRefusesWhatIsNone) {
   EXPECT_THAT(refusal("pirt_slam_map", "other"), HasSubstr("kind"));
   EXPECT_THAT(refusal("true", "false"), HasSubstr("which way is up"));
   EXPECT_THAT(refusal("a5\"", "zz\""), HasSubstr("point 0"));
-  EXPECT_THAT(refusal("[1.5,-2", "[1.5,\"-2\""), HasSubstr("point 1"));
+  EXPECT_THAT(refusal("[1.5,-2.0", "[1.5,\"-2\""), HasSubstr("point 1"));
   EXPECT_THAT(refusal("[1.5", "[1e99"), HasSubstr("out of range"));
   EXPECT_THAT(refusal("0.01,0.0,0.0,0.01", "-0.01,0.0,0.0,0.01"), HasSubstr("covariance"));
   EXPECT_THAT(refusal("]]}", ""), HasSubstr("no JSON"));

@@ -22,8 +22,8 @@ namespace fs = std::filesystem;
 std::string extrinsics_yaml(const Pose& pose) {
   std::string text = "T_BS:\n  cols: 4\n  rows: 4\n  data: [";
   for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) text += fmt::format("{:.17g}, ", pose.rotation(r, c));
-    text += fmt::format("{:.17g},\n         ", pose.position(r));
+    for (int c = 0; c < 3; ++c) text += fmt::format("{}, ", pose.rotation(r, c));
+    text += fmt::format("{},\n         ", pose.position(r));
   }
   return text + "0.0, 0.0, 0.0, 1.0]\n";
 }
@@ -33,9 +33,9 @@ std::string camera_yaml(const CameraModel& c) {
          extrinsics_yaml(c.body_from_camera) +
          fmt::format(
              "\nrate_hz: {}\nresolution: [{}, {}]\ncamera_model: pinhole\n"
-             "intrinsics: [{:.17g}, {:.17g}, {:.17g}, {:.17g}] # fu, fv, cu, cv\n"
+             "intrinsics: [{}, {}, {}, {}] # fu, fv, cu, cv\n"
              "distortion_model: radial-tangential\n"
-             "distortion_coefficients: [{:.17g}, {:.17g}, {:.17g}, {:.17g}]\n",
+             "distortion_coefficients: [{}, {}, {}, {}]\n",
              c.rate_hz, c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2);
 }
 
@@ -43,10 +43,10 @@ std::string imu_yaml(const ImuModel& imu) {
   return "sensor_type: imu\ncomment: generated\n\n# Sensor to body.\n" + extrinsics_yaml({}) +
          fmt::format(
              "\nrate_hz: {}\n"
-             "gyroscope_noise_density: {:.17g}      # rad/s/sqrt(Hz)\n"
-             "gyroscope_random_walk: {:.17g}        # rad/s^2/sqrt(Hz)\n"
-             "accelerometer_noise_density: {:.17g}  # m/s^2/sqrt(Hz)\n"
-             "accelerometer_random_walk: {:.17g}    # m/s^3/sqrt(Hz)\n",
+             "gyroscope_noise_density: {}      # rad/s/sqrt(Hz)\n"
+             "gyroscope_random_walk: {}        # rad/s^2/sqrt(Hz)\n"
+             "accelerometer_noise_density: {}  # m/s^2/sqrt(Hz)\n"
+             "accelerometer_random_walk: {}    # m/s^3/sqrt(Hz)\n",
              imu.rate_hz, imu.gyro_noise, imu.gyro_walk, imu.accel_noise, imu.accel_walk);
 }
 

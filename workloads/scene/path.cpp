@@ -62,9 +62,12 @@ struct Loop {
     const double radius = kRadius + wide.at(s) + narrow.at(s);
     return kCentre + radius * Eigen::Vector2d(std::cos(angle), std::sin(angle));
   }
-  [[nodiscard]] Place at(double s) const {
+  [[nodiscard]] Eigen::Vector2d slope(double s) const {
     constexpr double kStep = 1e-3;
-    const Eigen::Vector2d d = point(s + kStep) - point(s - kStep);
+    return (point(s + kStep) - point(s - kStep)) / (2 * kStep);
+  }
+  [[nodiscard]] Place at(double s) const {
+    const Eigen::Vector2d d = slope(s);
     return {point(s), std::atan2(d.y(), d.x())};
   }
 };
@@ -140,7 +143,11 @@ void RobotPath::plan(const PathOptions& options, double swing) {
       const double t = begin + (i + 0.5) * kKnot_s / kFine;
       double v =
           (mean_speed + (loops ? speed.at(t) : 0.0)) * smooth_step((t - options.rest_s) / 1.5);
-      if (!loops) v *= smooth_step((kTurnsLength_m - s) / 0.7 + 0.02);
+      if (loops) {
+        v /= loop.slope(s).norm();
+      } else {
+        v *= smooth_step((kTurnsLength_m - s) / 0.7 + 0.02);
+      }
       s += v * kKnot_s / kFine;
     }
   }

@@ -1,6 +1,7 @@
 #include "workloads/slam/propagate.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace pirt::slam {
 namespace {
@@ -20,6 +21,9 @@ constexpr double kTurnChange = 1.5;   // rad/s^2/sqrt(Hz)
 constexpr double kSpeedChange = 3.0;  // m/s^2/sqrt(Hz)
 /// A step longer than this many periods is a gap.
 constexpr double kGap = 3.0;
+/// A longer step is taken in parts: what is noise of the velocity at its begin moves the position
+/// at its end.
+constexpr double kLongestStep_s = 0.02;
 
 double squared(double x) { return x * x; }
 
@@ -117,13 +121,17 @@ class Integration {
   }
 
  private:
-  void take(const Step& step, bool imu) {
-    Matrix15 transition;
-    Matrix15 noise;
-    step_error(motion_, step, imu, transition, noise);
-    step_motion(motion_, step);
-    transition_ = transition * transition_;
-    noise_ = transition * noise_ * transition.transpose() + noise;
+  void take(Step step, bool imu) {
+    const int parts = std::max(1, static_cast<int>(std::ceil(step.dt / kLongestStep_s)));
+    step.dt /= parts;
+    for (int i = 0; i < parts; ++i) {
+      Matrix15 transition;
+      Matrix15 noise;
+      step_error(motion_, step, imu, transition, noise);
+      step_motion(motion_, step);
+      transition_ = transition * transition_;
+      noise_ = transition * noise_ * transition.transpose() + noise;
+    }
   }
 
   State& state_;
