@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kLandmarkSigma = 0.10;  // of a landmark's depth when it enters, relative
 constexpr double kMapSigma = 0.15;       // of a map point's
-constexpr std::size_t kLandmarkViews = 6;
+constexpr std::size_t kLandmarkViews = 5;
 constexpr int kMostMisses = 8;           // after which a landmark is not what it was
 constexpr double kLeastBase = 0.015;     // of a clone to the one before, in median depths
 constexpr float kTrackDistance = 14.0F;  // pixels between tracks
@@ -117,7 +117,7 @@ void use_long_tracks(State& state, const Setup& setup) {
   }
   if (used.empty()) return;
   FrameReport ignored;
-  use_points(state, setup, used, ignored);
+  use_points(state, setup, used, kMostPoints, ignored);
   for (auto& track : state.tracks) {
     const auto it = std::ranges::find(used, track.id, &Track::id);
     if (it == used.end()) continue;

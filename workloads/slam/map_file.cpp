@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kVersion = 1;
 constexpr std::string_view kKind = "pirt_slam_map";
-constexpr std::size_t kMostPoints = 100'000;
+constexpr std::size_t kMostFilePoints = 100'000;
 constexpr std::size_t kColumns = 10;
 
 std::string hex_of(const Descriptor& descriptor) {
@@ -100,8 +100,8 @@ State load_map(const std::filesystem::path& file, const Setup& setup) {
   }
   if (!map.contains("points") || !map["points"].is_array()) refuse("it has no list of points");
   const Json& points = map["points"];
-  if (points.empty() || points.size() > kMostPoints) {
-    refuse(fmt::format("it has {} points, expected 1 to {}", points.size(), kMostPoints));
+  if (points.empty() || points.size() > kMostFilePoints) {
+    refuse(fmt::format("it has {} points, expected 1 to {}", points.size(), kMostFilePoints));
   }
   State state;
   for (std::size_t i = 0; i < points.size(); ++i) {

@@ -17,8 +17,8 @@ struct Noise {
 constexpr double kUnseenTurn = 0.5;   // rad/s/sqrt(Hz)
 constexpr double kUnseenAccel = 3.0;  // m/s^2/sqrt(Hz)
 /// Without an IMU: how fast turn and velocity change.
-constexpr double kTurnChange = 1.5;   // rad/s^2/sqrt(Hz)
-constexpr double kSpeedChange = 3.0;  // m/s^2/sqrt(Hz)
+constexpr double kTurnChange = 0.7;   // rad/s^2/sqrt(Hz)
+constexpr double kSpeedChange = 1.0;  // m/s^2/sqrt(Hz)
 /// A step longer than this many periods is a gap.
 constexpr double kGap = 3.0;
 /// A longer step is taken in parts: what is noise of the velocity at its begin moves the position

@@ -260,9 +260,9 @@ bool start_from_tracks(State& state, const Setup& setup) {
   constexpr double kTurn = 0.01;
   const double position = 0.05 * base;
   sigma.segment<3>(0).setConstant(kTurn);
-  sigma.segment<3>(kVelocityAt).setConstant(0.3 * base / dt);
+  sigma.segment<3>(kVelocityAt).setConstant(0.3 * state.motion.velocity.norm());
   sigma.segment<3>(kPositionAt).setConstant(position);
-  sigma.segment<3>(kGyroBiasAt).setConstant(0.05 / dt);
+  sigma.segment<3>(kGyroBiasAt).setConstant(0.02 / dt);
   for (std::size_t i = 1; i + 1 < n; ++i) {
     sigma.segment<3>(State::clone_at(i)).setConstant(kTurn);
     sigma.segment<3>(State::clone_at(i) + 3).setConstant(position);
@@ -271,10 +271,7 @@ bool start_from_tracks(State& state, const Setup& setup) {
   const std::int64_t frame = state.clones.back().frame;
   state.clones.pop_back();
   add_clone(state, frame);
-  std::vector<Track> all = state.tracks;
-  FrameReport ignored;
-  use_points(state, setup, all, ignored);
-  for (auto& track : state.tracks) track.seen.clear();
+  // extend_map takes what the tracks have seen, now that there are poses.
   state.status = Status::kTracking;
   return true;
 }

@@ -53,7 +53,9 @@ FrameReport update_pose(State& state, const Setup& setup, const FrameTracks& tra
 
 /// Corrects the state by whole tracks, each of which says something of the clones that saw it.
 /// Tracks that do not fit have depth -1 then; those of landmarks and short ones are taken out.
-void use_points(State& state, const Setup& setup, std::vector<Track>& ended, FrameReport& report);
+void use_points(State& state, const Setup& setup, std::vector<Track>& ended, std::size_t most,
+                FrameReport& report);
+inline constexpr std::size_t kMostPoints = 30;  ///< In one frame: what bounds its time.
 
 /// Triangulates: tracks with a good base line become landmarks or map points, new corners become
 /// tracks, and what exceeds the setup's bounds is forgotten.

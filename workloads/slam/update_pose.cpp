@@ -15,7 +15,6 @@ constexpr double kMostStereoMiss = 3.0;  // pixels
 constexpr double kStillPixels = 0.6;     // median motion of a camera at rest, with vibration
 constexpr double kStillTurn_rad_s = 0.1;
 constexpr int kStillFrames = 5;          // between two looks
-constexpr std::size_t kMostPoints = 30;  // ended tracks that are used a frame
 constexpr std::size_t kLeastViews = 4;
 constexpr double kGate = 1.5;     // times the 95 % quantile
 constexpr int kMostBits = 60;     // that differ between two views of a place
@@ -291,13 +290,14 @@ double predicted_sigma(const State& state, const RowBlock& block) {
   return std::sqrt(most);
 }
 
-void use_points(State& state, const Setup& setup, std::vector<Track>& ended, FrameReport& report) {
+void use_points(State& state, const Setup& setup, std::vector<Track>& ended, std::size_t most,
+                FrameReport& report) {
   std::erase_if(ended, [](const Track& track) {
     return track.landmark >= 0 || track.seen.size() < kLeastViews;
   });
   std::ranges::stable_sort(
       ended, [](const Track& a, const Track& b) { return a.seen.size() > b.seen.size(); });
-  if (ended.size() > kMostPoints) ended.resize(kMostPoints);
+  if (ended.size() > most) ended.resize(most);
   std::vector<RowBlock> rows;
   const double ray_sigma = setup.pixel_sigma / setup.cameras[0].focal();
   for (auto& track : ended) {
@@ -383,7 +383,7 @@ FrameReport update_pose(State& state, const Setup& setup, const FrameTracks& tra
     } else {
       drop_outliers(state, setup, report);
       landmark_update(state, setup, report);
-      use_points(state, setup, ended, report);
+      use_points(state, setup, ended, kMostPoints, report);
       recognize(state, setup, features, report);
     }
   }
