@@ -80,6 +80,14 @@ TEST(BandTeam, EndsWhenOneOfItsThreadsCannotStart) {
   EXPECT_EQ(test::with_threads(3, [] { BandTeam team(4); }), "nothing");
 }
 
+// A thread that has missed the run before the end learns of the end all the same.
+TEST(BandTeam, EndsRightAfterARun) {
+  for (int i = 0; i < 3'000; ++i) {
+    BandTeam team(3);
+    team.run(3, [](int) {});
+  }
+}
+
 TEST(BandTeam, KeepsOpenCvToTheCallingThread) {
   cv::setNumThreads(4);
   BandTeam team(2);

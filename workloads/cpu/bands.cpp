@@ -78,11 +78,11 @@ void BandTeam::work() {
   const auto same = [](State a, State b) {
     return a.round == b.round && a.parts == b.parts && a.taken == b.taken;
   };
-  State seen;
   while (true) {
-    wait_while(state_, seen, same);
+    const State seen = take_parts();
+    // After the state that it goes by: whoever has seen the last one sees this too.
     if (ending_) return;
-    seen = take_parts();
+    wait_while(state_, seen, same);
   }
 }
 
