@@ -178,7 +178,7 @@ TEST(SampleCommand, TimesPhasesAndShowsInjectedWork) {
       least_s = std::min(least_s, pirt(command).json()["seconds"]["execute"].get<double>());
     };
     least(before, {});
-    least(slowed, {"--inject", "execute=3"});
+    least(slowed, {"--inject", "execute=20"});
   }
   EXPECT_GT(slowed, 2 * before);
   const auto setup = pirt({"sample", "--workload", "sobel", "--unit", "cpu", "--setup"});
