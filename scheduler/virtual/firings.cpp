@@ -7,16 +7,19 @@
 namespace pirt {
 
 Firings::Firings(const Scenario& scenario, bool keep_made)
-    : scenario_(scenario), keep_made_(keep_made), tallies_(scenario.mix.pipelines.size()) {
+    : scenario_(scenario),
+      keep_made_(keep_made),
+      pipelines_(scenario.mix.pipelines.size()),
+      tallies_(scenario.mix.pipelines.size()) {
   if (scenario.mix.open_loop()) end_ = scenario.duration;
   for (std::uint32_t p = 0; p < scenario.mix.pipelines.size(); ++p) plan(p);
 }
 
 void Firings::plan(std::uint32_t p) {
-  PipelineState& state = pipelines_.emplace_back();
+  PipelineState& state = pipelines_[p];
   const Pipeline& pipeline = scenario_.mix.pipelines[p];
   state.pipeline = &pipeline;
-  state.first_series = series_count_;
+  const SeriesId first_series = series_count_;
   state.moves_data = keep_made_;
   const auto moves = [this](const MixEdge& edge) {
     return edge.transfer > Nanos::zero() || (edge.bytes && !scenario_.platform.links.empty());
@@ -41,6 +44,26 @@ void Firings::plan(std::uint32_t p) {
   if (pipeline.frames) {
     state.to_fire = std::min<std::int64_t>(*pipeline.frames, scenario_.in_flight[p]);
   }
+  plan_submission(p, first_series);
+}
+
+void Firings::plan_submission(std::uint32_t p, SeriesId first_series) {
+  PipelineState& state = pipelines_[p];
+  const Pipeline& pipeline = *state.pipeline;
+  std::size_t edges = 0;
+  for (const MixTask& definition : pipeline.tasks) edges += definition.after.size();
+  state.after.resize(edges);
+  std::span<const TaskId> after = state.after;
+  for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
+    const MixTask& definition = pipeline.tasks[t];
+    Task& task = state.tasks.emplace_back();
+    task.kind = scenario_.classes[p][t];
+    task.after = after.first(definition.after.size());
+    after = after.subspan(definition.after.size());
+    if (definition.state) task.state = static_cast<StateId>(*definition.state);
+    if (definition.read_later) task.series = first_series++;
+    task.reads = state.reads[t];
+  }
 }
 
 std::optional<Nanos> Firings::due(std::uint32_t pipeline) const {
@@ -58,7 +81,7 @@ std::int64_t Firings::at_begin(std::uint32_t pipeline) const {
   return pipelines_[pipeline].to_fire;
 }
 
-std::optional<std::uint32_t> Firings::next_loop(Nanos now) {
+std::uint32_t Firings::take_loop(Nanos now) {
   if (now >= end_) {
     refires_.clear();
     starving_.clear();
@@ -73,7 +96,7 @@ std::optional<std::uint32_t> Firings::next_loop(Nanos now) {
     if (finds_buffer(pipelines_[pipeline])) return pipeline;
     starving_.push_back(pipeline);
   }
-  if (starving_.empty() || !finds_buffer(pipelines_[starving_.front()])) return std::nullopt;
+  if (starving_.empty() || !finds_buffer(pipelines_[starving_.front()])) return kNoLoop;
   return take(starving_);
 }
 
@@ -106,18 +129,15 @@ std::optional<Firings::Submission> Firings::fire(std::uint32_t p, Nanos now) {
   firing.complete = true;
   firing.number = number;
   firing.fired_at = now;
-  firing.made.assign(state.moves_data ? pipeline.tasks.size() : 0, {});
-  fill_tasks(p, slot, now);
-  return Submission{.firing = firing.id, .tasks = tasks_};
+  if (state.moves_data) firing.made.resize(pipeline.tasks.size());
+  number_tasks(p, slot, now);
+  return Submission{.firing = firing.id, .tasks = state.tasks};
 }
 
-void Firings::fill_tasks(std::uint32_t p, std::uint32_t slot, Nanos now) {
-  const PipelineState& state = pipelines_[p];
+void Firings::number_tasks(std::uint32_t p, std::uint32_t slot, Nanos now) {
+  PipelineState& state = pipelines_[p];
   const Pipeline& pipeline = *state.pipeline;
-  ids_.clear();
-  after_.clear();
-  tasks_.clear();
-  SeriesId series = state.first_series;
+  auto after = state.after.begin();
   for (std::uint32_t t = 0; t < pipeline.tasks.size(); ++t) {
     if (free_jobs_.empty()) {
       free_jobs_.push_back(static_cast<JobIndex>(places_.size()));
@@ -130,24 +150,11 @@ void Firings::fill_tasks(std::uint32_t p, std::uint32_t slot, Nanos now) {
     const TaskId id = TaskId{task_number_++} << 32 | job;
     places_[job] = {
         .id = id, .pipeline = p, .task = t, .firing = firings_[slot].number, .slot = slot};
-    ids_.push_back(id);
-    const MixTask& definition = pipeline.tasks[t];
-    for (const std::size_t each : definition.after) after_.push_back(ids_[each]);
-    Task& task = tasks_.emplace_back();
+    Task& task = state.tasks[t];
     task.id = id;
-    task.kind = scenario_.classes[p][t];
+    for (const std::size_t each : pipeline.tasks[t].after) *after++ = state.tasks[each].id;
     if (pipeline.deadline) task.deadline = now + *pipeline.deadline;
     if (pipeline.expires) task.expires_at = now + *pipeline.expires;
-    if (definition.state) task.state = static_cast<StateId>(*definition.state);
-    if (definition.read_later) task.series = series++;
-    task.reads = state.reads[t];
-  }
-  // Now that after_ does not move any more.
-  std::size_t begin = 0;
-  for (std::uint32_t t = 0; t < pipeline.tasks.size(); ++t) {
-    const std::size_t count = pipeline.tasks[t].after.size();
-    tasks_[t].after = std::span(after_).subspan(begin, count);
-    begin += count;
   }
 }
 
@@ -161,29 +168,34 @@ const Firings::Made& Firings::made_earlier(JobIndex job, std::size_t task) const
 std::optional<FiringId> Firings::complete(JobIndex job, UnitId unit, Nanos now,
                                           std::shared_ptr<const std::vector<Tensor>> data) {
   const Place& place = places_[job];
-  Firing& firing = firings_[place.slot];
   PipelineState& state = pipelines_[place.pipeline];
-  const Made made{.unit = unit, .at = now, .firing = place.firing, .data = std::move(data)};
-  if (!firing.made.empty()) firing.made[place.task] = made;
-  const auto series = std::ranges::find(state.series, place.task, &Series::task);
-  if (series != state.series.end()) {
-    const auto behind = std::ranges::upper_bound(series->made, made.firing, {}, &Made::firing);
-    series->made.insert(behind, made);
-    if (series->image) ++state.kept[made.firing];
-    forget_read(state);
+  if (state.moves_data || !state.series.empty()) {
+    const Made made{.unit = unit, .at = now, .firing = place.firing, .data = std::move(data)};
+    if (state.moves_data) firings_[place.slot].made[place.task] = made;
+    keep(state, place.task, made);
   }
   return end_task(job, true, now);
+}
+
+/// For later firings, if one may read what this task makes.
+void Firings::keep(PipelineState& state, std::size_t task, const Made& made) {
+  const auto series = std::ranges::find(state.series, task, &Series::task);
+  if (series == state.series.end()) return;
+  const auto behind = std::ranges::upper_bound(series->made, made.firing, {}, &Made::firing);
+  series->made.insert(behind, made);
+  if (series->image) ++state.kept[made.firing];
+  forget_read(state);
 }
 
 std::optional<FiringId> Firings::lose(JobIndex job, Nanos now) { return end_task(job, false, now); }
 
 std::optional<FiringId> Firings::end_task(JobIndex job, bool completed, Nanos now) {
-  const Place place = places_[job];
+  const Place& place = places_[job];
   Firing& firing = firings_[place.slot];
   PipelineState& state = pipelines_[place.pipeline];
   firing.complete = firing.complete && completed;
   if (state.pipeline->tasks[place.task].image_input && --firing.images_left == 0 &&
-      !state.kept.contains(firing.number)) {
+      (state.kept.empty() || !state.kept.contains(firing.number))) {
     --buffers_used_;
   }
   free_jobs_.push_back(job);

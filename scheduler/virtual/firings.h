@@ -38,8 +38,13 @@ class Firings {
   [[nodiscard]] std::optional<Nanos> due(std::uint32_t pipeline) const;
   [[nodiscard]] std::int64_t at_begin(std::uint32_t pipeline) const;
   /// A closed loop that fires now: one whose firing has ended, then those that were short of a
-  /// buffer, in the order in which they were. Absent: none more.
-  [[nodiscard]] std::optional<std::uint32_t> next_loop(Nanos now);
+  /// buffer, in the order in which they were; kNoLoop if none more does. (Not optional: of that the
+  /// compiler writes two halves to memory and reads them as one, which at each event costs as much
+  /// as all else here.)
+  [[nodiscard]] std::uint32_t next_loop(Nanos now) {
+    return refires_.empty() && starving_.empty() ? kNoLoop : take_loop(now);
+  }
+  static constexpr std::uint32_t kNoLoop = UINT32_MAX;
 
   /// What a dispatcher is given; true until the next call.
   struct Submission {
@@ -108,10 +113,11 @@ class Firings {
   };
   struct PipelineState {
     const Pipeline* pipeline = nullptr;
+    std::vector<Task> tasks = {};    ///< As submitted last; but for ids and times always the same.
+    std::vector<TaskId> after = {};  ///< What these refer to.
     std::uint32_t image_tasks = 0;
     bool moves_data = false;
     std::int64_t to_fire = 0;  ///< Of a closed loop: at the begin, or in refires_ or starving_.
-    SeriesId first_series = 0;
     std::vector<Series> series = {};
     std::vector<std::vector<SeriesId>> reads = {};  ///< By task.
     std::deque<bool> over = {};                     ///< Of firings from first_live on.
@@ -120,7 +126,10 @@ class Firings {
   };
 
   void plan(std::uint32_t pipeline);
-  void fill_tasks(std::uint32_t pipeline, std::uint32_t slot, Nanos now);
+  void plan_submission(std::uint32_t pipeline, SeriesId first_series);
+  void number_tasks(std::uint32_t pipeline, std::uint32_t slot, Nanos now);
+  void keep(PipelineState& state, std::size_t task, const Made& made);
+  [[nodiscard]] std::uint32_t take_loop(Nanos now);
   std::optional<FiringId> end_task(JobIndex job, bool completed, Nanos now);
   void end_firing(const Firing& firing, Nanos now);
   void advance(PipelineState& state);
@@ -131,7 +140,7 @@ class Firings {
   const Scenario& scenario_;
   bool keep_made_;
   Nanos end_ = Nanos::max();
-  std::vector<PipelineState> pipelines_;
+  std::vector<PipelineState> pipelines_;  ///< As many as they will be: tasks point into them.
   std::vector<PipelineTally> tallies_;
   std::vector<Firing> firings_;
   std::vector<std::uint32_t> free_firings_;
@@ -139,9 +148,6 @@ class Firings {
   std::vector<JobIndex> free_jobs_;
   std::deque<std::uint32_t> refires_;   ///< Closed loops that fire now.
   std::deque<std::uint32_t> starving_;  ///< Closed loops that fire when a buffer is free.
-  std::vector<TaskId> ids_;             ///< Of the firing being submitted, as the two below.
-  std::vector<TaskId> after_;
-  std::vector<Task> tasks_;
   SeriesId series_count_ = 0;
   std::int64_t buffers_used_ = 0;
   std::int64_t refused_tasks_ = 0;

@@ -333,8 +333,9 @@ void VirtualTime::fire(std::uint32_t pipeline) {
 /// Carries out what the dispatcher said, and what follows at the same moment.
 void VirtualTime::settle() {
   apply_starts();
-  while (const auto loop = firings_.next_loop(now_)) {
-    fire(*loop);
+  for (auto loop = firings_.next_loop(now_); loop != Firings::kNoLoop;
+       loop = firings_.next_loop(now_)) {
+    fire(loop);
     apply_starts();
   }
   if (observer_ != nullptr) observer_->settled(now_);
