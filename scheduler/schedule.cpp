@@ -85,6 +85,9 @@ void add_live(const Scenario& scenario, const LiveResult& result, RunRecord& rec
   record.time = "live";
   record.set_up_s = to_s(result.set_up);
   if (result.first_call) record.first_call_ms = to_ms(*result.first_call);
+  if (result.stopped) {
+    record.warnings.push_back("stopped by a signal before its time: all figures are of what ran");
+  }
   for (const std::string& problem : result.problems)
     record.warnings.push_back("failed: " + problem);
   const auto told = static_cast<std::int64_t>(result.problems.size());
