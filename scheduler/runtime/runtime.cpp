@@ -187,10 +187,10 @@ class Runtime::Engine {
   void lose(UnitId unit, const KernelUnit::Running& call, Nanos now);
   void out_of_service(UnitId unit, const std::string& why, Nanos now);
   void cancel_asked(Nanos now);
-  void apply();
+  void apply(Nanos now);
   void start(const Start& start);
-  void finish(Submitted& task, TaskEnd end);
-  void forget(Submitted& task);
+  void finish(Submitted& task, TaskEnd end, Nanos now);
+  void forget(Submitted& task, Nanos now);
   void tell(std::vector<std::shared_ptr<Submitted>>& ended);
   void add_problem(std::string problem);
   void watch(const std::stop_token& stop);
@@ -400,7 +400,12 @@ Runtime::Engine::~Engine() {
   work();
   wait_until(0);
   // Calls that were cancelled as they ran still do, unless they are lost.
-  while (calls_run_) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  {
+    std::unique_lock lock(waiting_mutex_);
+    ++waiting_;
+    fewer_.wait(lock, [this] { return !calls_run_; });
+    --waiting_;
+  }
   watcher_ = {};
   for (Unit& unit : units_) {
     if (unit.runner && unit.runner->abandoned()) KernelUnit::leave(std::move(unit.runner));
@@ -546,8 +551,13 @@ void Runtime::Engine::end_turn() {
   std::vector<std::shared_ptr<Submitted>> ended;
   std::swap(ended, ended_);
   const Nanos wake = dispatcher_->next_wake();
-  calls_run_ = running_ > 0;
+  const bool idle = running_ == 0;
+  calls_run_ = !idle;
   turn_ = false;
+  if (idle && waiting_ > 0) {
+    const std::lock_guard lock(waiting_mutex_);
+    fewer_.notify_all();
+  }
   if (wake != Nanos::max()) {
     const std::lock_guard lock(watch_mutex_);
     if (wake < watch_at_) {
@@ -576,12 +586,12 @@ void Runtime::Engine::take_turn() {
     } else {
       take_end(task, now);
     }
-    apply();
+    apply(now);
   }
   if (!asked_.exchange(false)) return;
   cancel_asked(now);
   look(now);
-  apply();
+  apply(now);
 }
 
 void Runtime::Engine::take_in(Submitted& task, Nanos now) {
@@ -604,7 +614,7 @@ void Runtime::Engine::take_in(Submitted& task, Nanos now) {
   };
   for (const TaskInput& input : task.inputs) follow(input.output_.task.get());
   for (const TaskFuture& before : task.options.after) follow(before.task_.get());
-  if (doomed) return finish(task, TaskEnd::kDropped);
+  if (doomed) return finish(task, TaskEnd::kDropped, now);
   Task submitted;
   submitted.id = task.id;
   submitted.kind = setup_->scenario.classes[task.workload_index][0];
@@ -635,22 +645,22 @@ void Runtime::Engine::take_end(Submitted& task, Nanos now) {
                      "it gave back " + std::to_string(unit.returns) + " calls one after the other",
                      now);
     }
-    if (task.ends) forget(task);
+    if (task.ends) forget(task, now);
     return;
   }
   unit.returns = 0;
-  if (task.ends) return forget(task);  // Cancelled as it ran.
+  if (task.ends) return forget(task, now);  // Cancelled as it ran.
   if (end.outcome == Outcome::kCompleted) {
     ++unit.completed;
     unit.latency.add(std::max(now - task.dispatched_at, Nanos::zero()));
   }
-  finish(task, end.outcome == Outcome::kCompleted ? TaskEnd::kCompleted : TaskEnd::kFailed);
+  finish(task, end.outcome == Outcome::kCompleted ? TaskEnd::kCompleted : TaskEnd::kFailed, now);
 }
 
 /// What time has brought: tasks that were to start by now, and calls that do not end.
 void Runtime::Engine::look(Nanos now) {
   dispatcher_->wake(now, starts_);
-  apply();
+  apply(now);
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     if (units_[unit].runner == nullptr || units_[unit].runner->abandoned()) continue;
     const auto call = units_[unit].runner->running();
@@ -682,7 +692,7 @@ void Runtime::Engine::lose(UnitId unit, const KernelUnit::Running& call, Nanos n
     each.call_end = {.outcome = outcome, .problem = counts_.problems.back()};
     each.event = Submitted::Event::kEnd;
     take_end(each, now);
-    apply();
+    apply(now);
   };
   ended(call.token, Outcome::kFailed);
   for (const std::uint64_t token : *behind) ended(token, Outcome::kReturned);
@@ -711,15 +721,15 @@ void Runtime::Engine::cancel_asked(Nanos now) {
     }
     // First, so that the dispatcher's word for it, dropped, is not taken.
     const TaskId id = task->id;
-    finish(*task, TaskEnd::kCancelled);
+    finish(*task, TaskEnd::kCancelled, now);
     dispatcher_->cancel(id, now, starts_);
-    apply();
-    if (!task->running) forget(*task);
+    apply(now);
+    if (!task->running) forget(*task, now);
   }
 }
 
 /// Carries out what the dispatcher has decided.
-void Runtime::Engine::apply() {
+void Runtime::Engine::apply(Nanos now) {
   std::swap(starts_, applied_);
   for (const Start& each : applied_.started) start(each);
   for (const Ended& each : applied_.ended) {
@@ -727,13 +737,13 @@ void Runtime::Engine::apply() {
     if (task == nullptr || task->id != each.task || task->ends) continue;
     switch (each.how) {
       case Ending::kExpired:
-        finish(*task, TaskEnd::kExpired);
+        finish(*task, TaskEnd::kExpired, now);
         break;
       case Ending::kFailed:
-        finish(*task, TaskEnd::kFailed);
+        finish(*task, TaskEnd::kFailed, now);
         break;
       default:
-        finish(*task, TaskEnd::kDropped);
+        finish(*task, TaskEnd::kDropped, now);
     }
   }
   applied_.clear();
@@ -761,7 +771,7 @@ void Runtime::Engine::start(const Start& start) {
   units_[start.unit].runner->run(std::move(call));
 }
 
-void Runtime::Engine::finish(Submitted& task, TaskEnd end) {
+void Runtime::Engine::finish(Submitted& task, TaskEnd end, Nanos now) {
   task.ends = end;
   switch (end) {
     case TaskEnd::kCompleted:
@@ -781,12 +791,12 @@ void Runtime::Engine::finish(Submitted& task, TaskEnd end) {
       break;
   }
   ended_.push_back(tasks_[static_cast<std::uint32_t>(task.id)]);
-  if (!task.running && end != TaskEnd::kCancelled) forget(task);
+  if (!task.running && end != TaskEnd::kCancelled) forget(task, now);
 }
 
 /// Nothing refers to its slot any more.
-void Runtime::Engine::forget(Submitted& task) {
-  if (task.known) dispatcher_->release(task.id, clock_.now());
+void Runtime::Engine::forget(Submitted& task, Nanos now) {
+  if (task.known) dispatcher_->release(task.id, now);
   const auto slot = static_cast<std::uint32_t>(task.id);
   task.inputs.clear();
   task.options.after.clear();
