@@ -195,6 +195,11 @@ class Runtime::Engine {
   void add_problem(std::string problem);
   void watch(const std::stop_token& stop);
   [[nodiscard]] Submitted& task_of(TaskId id) { return *tasks_[static_cast<std::uint32_t>(id)]; }
+  /// Of a call that has not ended, whose token is the task's address: the unit's thread has no
+  /// turn.
+  [[nodiscard]] static Submitted& task_of(const auto& call) {
+    return *reinterpret_cast<Submitted*>(call.token);
+  }
 
   RuntimeOptions options_;
   MachineClock clock_;
@@ -377,7 +382,7 @@ void Runtime::Engine::open_units() {
                     .priority = options_.priority};
     units_[unit].runner =
         std::make_unique<KernelUnit>(std::move(setup), [this](Call& call, CallEnd end) {
-          Submitted& task = task_of(call.token);
+          Submitted& task = task_of(call);
           task.call_end = std::move(end);
           post(task, Submitted::Event::kEnd);
           work();
@@ -649,6 +654,9 @@ void Runtime::Engine::take_end(Submitted& task, Nanos now) {
     return;
   }
   unit.returns = 0;
+  if (!task.ends && end.outcome == Outcome::kCompleted && states_[task.workload_index]) {
+    states_[task.workload_index]->commit(end.version);
+  }
   if (task.ends) return forget(task, now);  // Cancelled as it ran.
   if (end.outcome == Outcome::kCompleted) {
     ++unit.completed;
@@ -665,7 +673,7 @@ void Runtime::Engine::look(Nanos now) {
     if (units_[unit].runner == nullptr || units_[unit].runner->abandoned()) continue;
     const auto call = units_[unit].runner->running();
     if (!call) continue;
-    const std::size_t index = task_of(call->token).workload_index;
+    const std::size_t index = task_of(*call).workload_index;
     const Known& known = workloads_[index];
     const bool expected =
         options_.profile || (known.own != nullptr && !known.own->expected.empty());
@@ -680,15 +688,15 @@ void Runtime::Engine::look(Nanos now) {
 void Runtime::Engine::lose(UnitId unit, const KernelUnit::Running& call, Nanos now) {
   const auto behind = units_[unit].runner->abandon(call.token);
   if (!behind) return;
-  Submitted& task = task_of(call.token);
-  lost_.push_back(tasks_[static_cast<std::uint32_t>(call.token)]);
+  Submitted& task = task_of(call);
+  lost_.push_back(tasks_[static_cast<std::uint32_t>(task.id)]);
   auto& state = states_[task.workload_index];
   if (state) state = std::make_shared<StateValue>(*state);
   out_of_service(unit,
                  overdue(task.workload->name, options_.platform.units[unit].name, now - call.since),
                  now);
   const auto ended = [&](std::uint64_t token, Outcome outcome) {
-    Submitted& each = task_of(token);
+    auto& each = *reinterpret_cast<Submitted*>(token);
     each.call_end = {.outcome = outcome, .problem = counts_.problems.back()};
     each.event = Submitted::Event::kEnd;
     take_end(each, now);
@@ -761,7 +769,7 @@ void Runtime::Engine::start(const Start& start) {
             .inputs = {},
             .outputs = task.outputs,
             .state = states_[task.workload_index],
-            .token = task.id};
+            .token = reinterpret_cast<std::uintptr_t>(&task)};
   call.inputs.reserve(task.inputs.size());
   for (const TaskInput& input : task.inputs) {
     const TaskOutput& output = input.output_;
