@@ -278,7 +278,8 @@ RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& m
   std::optional<TraceWriter> trace;
   if (options.trace) {
     trace.emplace(*options.trace, scenario, dispatcher,
-                  DispatcherSetup{&mode.policy, platform.unit_names(), slots, setup});
+                  DispatcherSetup{&mode.policy, platform.unit_names(), slots, setup},
+                  live != nullptr ? "live" : "virtual");
     dispatcher.observe(&*trace);
   }
   LiveResult result;

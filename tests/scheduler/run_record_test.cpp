@@ -52,6 +52,7 @@ TEST(RunRecord, HasTheKeysThatOtherToolsRead) {
                           "average_power_w",
                           "units",
                           "pipelines",
+                          "calls",
                           "bounds",
                           "gaps"}) {
     EXPECT_TRUE(json.contains(key)) << key;
@@ -71,6 +72,30 @@ TEST(RunRecord, HasTheKeysThatOtherToolsRead) {
   EXPECT_FALSE(json.contains("profile"));
   EXPECT_FALSE(json["bounds"].contains("makespan_s"));
   EXPECT_FALSE(json["pipelines"]["map_generation"].contains("deadline_misses"));
+}
+
+TEST(RunRecord, SaysWhatCallsTookOnAUnitThatNobodyElseUses) {
+  // One frame at a time; on the GPU 3.80 + 0.70 + 2.605 ms.
+  ScheduleOptions options;
+  options.mode = "olb";
+  options.in_flight = 1;
+  const auto record = run_virtual(load_platform("snapdragon820"), nullptr,
+                                  load_mix("convolution-1000"), options);
+  std::int64_t completed = 0;
+  for (const CallResult& call : record.calls) {
+    EXPECT_EQ(call.workload, "convolution");
+    const double alone_ms = call.unit == "cpu" ? 6.84 : call.unit == "gpu" ? 7.105 : 18.61;
+    EXPECT_NEAR(call.p50_ms, alone_ms, 0.001 * alone_ms) << call.unit;
+    EXPECT_NEAR(call.p95_ms, alone_ms, 0.001 * alone_ms) << call.unit;
+    completed += call.completed;
+  }
+  EXPECT_EQ(completed, record.completed);
+}
+
+TEST(RunRecord, OfBeforeCallsWereCountedHasNone) {
+  auto json = to_json(sample());
+  json.erase("calls");
+  EXPECT_TRUE(run_record_from_json(json, "x").calls.empty());
 }
 
 TEST(RunRecord, RefusesOtherVersionsAndOtherJson) {
