@@ -152,6 +152,7 @@ int report_profile(const Options& options) {
   for (const auto& file : files.runs) inputs.runs.push_back(load_run_record(file));
   for (const auto& file : files.traces) inputs.timelines.push_back(load_timeline(file));
   inputs.mix = load_mix(options.mix);
+  inputs.paper = run_paper();
   for (const auto& file : files.databases) {
     inputs.machines.push_back(read_machine(options, file, inputs.mix, true));
   }
@@ -191,10 +192,10 @@ int report_paper(const Options& options) {
   if (!options.files.empty()) {
     machine = read_machine(options, options.files.front(), mix, false);
   }
-  const auto cells = paper_cells();
+  const auto paper = run_paper();
   const Machine* evidence = machine ? &*machine : nullptr;
-  write(options, paper_document(evidence, mix, cells), paper_document_json(evidence, mix, cells));
-  return std::ranges::all_of(cells, &PaperCell::holds) ? 0 : kExitCheckFailed;
+  write(options, paper_document(evidence, mix, paper), paper_document_json(evidence, mix, paper));
+  return std::ranges::all_of(paper.cells, &PaperCell::holds) ? 0 : kExitCheckFailed;
 }
 
 int report(const Options& options) {
