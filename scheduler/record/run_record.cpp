@@ -215,6 +215,9 @@ RunRecord run_record_from_json(const Json& json, const std::string& source) {
     RunRecord record;
     Reader reader(json);
     visit_record(reader, record);
+    if (record.time != "virtual" && !record.is_live()) {
+      throw_bad_input(source + ": time '" + record.time + "'; a run is in virtual time or live");
+    }
     for (const auto& [name, value] : json.at("units").items()) {
       Reader each(value);
       visit_unit(each, record.units.emplace_back());
@@ -251,7 +254,7 @@ RunRecord load_run_record(const std::filesystem::path& path) {
   const std::string text = read_file(path);
   try {
     return run_record_from_json(parse_json(text), path.string());
-  } catch (const nlohmann::json::parse_error& error) {
+  } catch (const nlohmann::json::exception& error) {  // Syntax, or a number that no double holds.
     throw_bad_input(path.string() + ": not JSON: " + error.what());
   }
 }

@@ -79,8 +79,8 @@ TEST(RunRecord, SaysWhatCallsTookOnAUnitThatNobodyElseUses) {
   ScheduleOptions options;
   options.mode = "olb";
   options.in_flight = 1;
-  const auto record = run_virtual(load_platform("snapdragon820"), nullptr,
-                                  load_mix("convolution-1000"), options);
+  const auto record =
+      run_virtual(load_platform("snapdragon820"), nullptr, load_mix("convolution-1000"), options);
   std::int64_t completed = 0;
   for (const CallResult& call : record.calls) {
     EXPECT_EQ(call.workload, "convolution");
@@ -113,6 +113,9 @@ TEST(RunRecord, RefusesOtherVersionsAndOtherJson) {
   EXPECT_THAT(refused(json), AllOf(HasSubstr("not a complete"), HasSubstr("energy_j")));
   json["energy_j"] = "much";
   EXPECT_THAT(refused(json), HasSubstr("not a complete"));
+  json = to_json(sample());
+  json["time"] = "local";
+  EXPECT_THAT(refused(json), AllOf(HasSubstr("time 'local'"), HasSubstr("virtual time or live")));
 }
 
 TEST(RunRecord, LoadsFromAFileAndSaysWhatIsWrongWithIt) {
@@ -122,6 +125,9 @@ TEST(RunRecord, LoadsFromAFileAndSaysWhatIsWrongWithIt) {
   std::ofstream(path) << "{\"mode\": ";
   EXPECT_THAT(bad_input([&] { static_cast<void>(load_run_record(path)); }),
               AllOf(HasSubstr(path.string()), HasSubstr("not JSON")));
+  std::ofstream(path) << "{\"mode\": 1e999}";
+  EXPECT_THAT(bad_input([&] { static_cast<void>(load_run_record(path)); }),
+              AllOf(HasSubstr(path.string()), HasSubstr("1e999")));
   std::filesystem::remove(path);
   EXPECT_THAT(bad_input([&] { static_cast<void>(load_run_record(path)); }),
               HasSubstr(path.string()));
