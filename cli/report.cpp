@@ -51,9 +51,15 @@ std::optional<Format> parse_format(const std::string& name) {
 }
 
 /// What is asked for, where and as what.
-void write(const Options& options, const Document& document, Json json) {
+/// @param make_json  Called only if that is asked for: of a large profile it has every sample.
+template <typename MakeJson>
+void write(const Options& options, const Document& document, const MakeJson& make_json) {
   const auto format = parse_format(options.format);
-  json["schema_version"] = 1;
+  Json json;
+  if (!format || options.json) {
+    json = make_json();
+    json["schema_version"] = 1;
+  }
   const std::size_t columns = options.output || options.json.to_stdout() ? 0 : stdout_columns();
   const std::string text = format ? render(document, *format, columns) : json_text(json, 2) + "\n";
   if (options.output) {
@@ -165,7 +171,7 @@ int report_profile(const Options& options) {
     }
   }
   warn_all(mismatches(inputs));
-  write(options, full_report(inputs), full_report_json(inputs));
+  write(options, full_report(inputs), [&] { return full_report_json(inputs); });
   return 0;
 }
 
@@ -178,7 +184,7 @@ int report_setup(const Options& options) {
   Document document{.title = "pirt report --setup", .parts = {profile_header(profile)}};
   document.parts.emplace_back(offloading_chart(costs));
   document.parts.emplace_back(crossover_table(costs));
-  write(options, document, setup_json(costs));
+  write(options, document, [&] { return setup_json(costs); });
   return 0;
 }
 
@@ -194,7 +200,8 @@ int report_paper(const Options& options) {
   }
   const auto paper = run_paper();
   const Machine* evidence = machine ? &*machine : nullptr;
-  write(options, paper_document(evidence, mix, paper), paper_document_json(evidence, mix, paper));
+  write(options, paper_document(evidence, mix, paper),
+        [&] { return paper_document_json(evidence, mix, paper); });
   return std::ranges::all_of(paper.cells, &PaperCell::holds) ? 0 : kExitCheckFailed;
 }
 

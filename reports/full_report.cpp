@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "reports/environment_report.h"
+#include "reports/live_report.h"
 #include "reports/local_tables.h"
 #include "reports/pareto.h"
 #include "reports/preference.h"
@@ -149,6 +150,12 @@ void add_side_by_side(Document& document, const std::vector<Profile>& profiles) 
   document.parts.emplace_back(best_units_table(profiles));
 }
 
+std::vector<const Profile*> profiles_of(const ReportInputs& inputs) {
+  std::vector<const Profile*> profiles;
+  for (const Machine& machine : inputs.machines) profiles.push_back(&machine.profile);
+  return profiles;
+}
+
 Evidence evidence_of(const Machine* machine, const Mix& mix, const PaperRuns& paper) {
   Evidence evidence{.cells = &paper.cells, .section5 = &paper.section5};
   if (machine == nullptr) return evidence;
@@ -220,6 +227,9 @@ Document full_report(const ReportInputs& inputs) {
   for (const Timeline& timeline : inputs.timelines) {
     document.parts.emplace_back(timeline_chart(timeline));
   }
+  for (Part& part : live_parts(inputs.runs, profiles_of(inputs))) {
+    document.parts.push_back(std::move(part));
+  }
   document.parts.emplace_back(Heading{"The paper's claims"});
   document.parts.emplace_back(
       scorecard_table(scorecard(evidence_of(&inputs.machines.front(), inputs.mix, inputs.paper))));
@@ -248,6 +258,8 @@ Json full_report_json(const ReportInputs& inputs) {
   }
   const auto missing = missing_modes(first);
   if (inputs.runs.empty() && !missing.empty()) json["modes_missing"] = join(missing, "; ");
+  auto live = live_json(inputs.runs, profiles_of(inputs));
+  if (!live.empty()) json["live"] = std::move(live);
   json["section5"] = section5_json(inputs.paper.section5);
   json["scorecard"] = scorecard_json(scorecard(evidence_of(&first, inputs.mix, inputs.paper)));
   return json;

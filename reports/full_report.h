@@ -41,7 +41,8 @@ struct ReportInputs {
 [[nodiscard]] Document full_report(const ReportInputs& inputs);
 
 /// The figures of the first machine as profile_json() has them, with "modes" (given, or the
-/// paper's), "setup", "pareto", "section5", "scorecard"; of the others under "others".
+/// paper's), "setup", "pareto", "section5", "scorecard", "live" if there are live runs; of the
+/// others under "others".
 [[nodiscard]] Json full_report_json(const ReportInputs& inputs);
 
 /// Where runs and profiles do not belong together: other platforms. Empty = they do.
