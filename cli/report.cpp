@@ -51,9 +51,15 @@ std::optional<Format> parse_format(const std::string& name) {
 }
 
 /// What is asked for, where and as what.
-void write(const Options& options, const Document& document, Json json) {
+/// @param make_json  Called only if that is asked for: of a large profile it has every sample.
+template <typename MakeJson>
+void write(const Options& options, const Document& document, const MakeJson& make_json) {
   const auto format = parse_format(options.format);
-  json["schema_version"] = 1;
+  Json json;
+  if (!format || options.json) {
+    json = make_json();
+    json["schema_version"] = 1;
+  }
   const std::size_t columns = options.output || options.json.to_stdout() ? 0 : stdout_columns();
   const std::string text = format ? render(document, *format, columns) : json_text(json, 2) + "\n";
   if (options.output) {
@@ -152,6 +158,7 @@ int report_profile(const Options& options) {
   for (const auto& file : files.runs) inputs.runs.push_back(load_run_record(file));
   for (const auto& file : files.traces) inputs.timelines.push_back(load_timeline(file));
   inputs.mix = load_mix(options.mix);
+  inputs.paper = run_paper();
   for (const auto& file : files.databases) {
     inputs.machines.push_back(read_machine(options, file, inputs.mix, true));
   }
@@ -164,7 +171,7 @@ int report_profile(const Options& options) {
     }
   }
   warn_all(mismatches(inputs));
-  write(options, full_report(inputs), full_report_json(inputs));
+  write(options, full_report(inputs), [&] { return full_report_json(inputs); });
   return 0;
 }
 
@@ -177,7 +184,7 @@ int report_setup(const Options& options) {
   Document document{.title = "pirt report --setup", .parts = {profile_header(profile)}};
   document.parts.emplace_back(offloading_chart(costs));
   document.parts.emplace_back(crossover_table(costs));
-  write(options, document, setup_json(costs));
+  write(options, document, [&] { return setup_json(costs); });
   return 0;
 }
 
@@ -191,10 +198,11 @@ int report_paper(const Options& options) {
   if (!options.files.empty()) {
     machine = read_machine(options, options.files.front(), mix, false);
   }
-  const auto cells = paper_cells();
+  const auto paper = run_paper();
   const Machine* evidence = machine ? &*machine : nullptr;
-  write(options, paper_document(evidence, mix, cells), paper_document_json(evidence, mix, cells));
-  return std::ranges::all_of(cells, &PaperCell::holds) ? 0 : kExitCheckFailed;
+  write(options, paper_document(evidence, mix, paper),
+        [&] { return paper_document_json(evidence, mix, paper); });
+  return std::ranges::all_of(paper.cells, &PaperCell::holds) ? 0 : kExitCheckFailed;
 }
 
 int report(const Options& options) {

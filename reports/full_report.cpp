@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "reports/environment_report.h"
+#include "reports/live_report.h"
 #include "reports/local_tables.h"
 #include "reports/pareto.h"
 #include "reports/preference.h"
@@ -149,8 +150,14 @@ void add_side_by_side(Document& document, const std::vector<Profile>& profiles) 
   document.parts.emplace_back(best_units_table(profiles));
 }
 
-Evidence evidence_of(const Machine* machine, const Mix& mix, const std::vector<PaperCell>& cells) {
-  Evidence evidence{.cells = &cells};
+std::vector<const Profile*> profiles_of(const ReportInputs& inputs) {
+  std::vector<const Profile*> profiles;
+  for (const Machine& machine : inputs.machines) profiles.push_back(&machine.profile);
+  return profiles;
+}
+
+Evidence evidence_of(const Machine* machine, const Mix& mix, const PaperRuns& paper) {
+  Evidence evidence{.cells = &paper.cells, .section5 = &paper.section5};
   if (machine == nullptr) return evidence;
   evidence.profile = &machine->profile;
   evidence.platform = machine->platform ? &*machine->platform : nullptr;
@@ -220,11 +227,14 @@ Document full_report(const ReportInputs& inputs) {
   for (const Timeline& timeline : inputs.timelines) {
     document.parts.emplace_back(timeline_chart(timeline));
   }
-  const auto cells = paper_cells();
+  for (Part& part : live_parts(inputs.runs, profiles_of(inputs))) {
+    document.parts.push_back(std::move(part));
+  }
   document.parts.emplace_back(Heading{"The paper's claims"});
   document.parts.emplace_back(
-      scorecard_table(scorecard(evidence_of(&inputs.machines.front(), inputs.mix, cells))));
+      scorecard_table(scorecard(evidence_of(&inputs.machines.front(), inputs.mix, inputs.paper))));
   document.parts.emplace_back(contradictions_table());
+  document.parts.emplace_back(section5_table(inputs.paper.section5));
   for (Sections& each : sections) each.rows();
   return document;
 }
@@ -248,17 +258,20 @@ Json full_report_json(const ReportInputs& inputs) {
   }
   const auto missing = missing_modes(first);
   if (inputs.runs.empty() && !missing.empty()) json["modes_missing"] = join(missing, "; ");
-  json["scorecard"] = scorecard_json(scorecard(evidence_of(&first, inputs.mix, paper_cells())));
+  auto live = live_json(inputs.runs, profiles_of(inputs));
+  if (!live.empty()) json["live"] = std::move(live);
+  json["section5"] = section5_json(inputs.paper.section5);
+  json["scorecard"] = scorecard_json(scorecard(evidence_of(&first, inputs.mix, inputs.paper)));
   return json;
 }
 
-Document paper_document(const Machine* machine, const Mix& mix,
-                        const std::vector<PaperCell>& cells) {
+Document paper_document(const Machine* machine, const Mix& mix, const PaperRuns& paper) {
   Document document{.title = "pirt report --paper", .parts = {}};
   if (machine != nullptr) document.parts.emplace_back(profile_header(machine->profile));
-  document.parts.emplace_back(scorecard_table(scorecard(evidence_of(machine, mix, cells))));
+  document.parts.emplace_back(scorecard_table(scorecard(evidence_of(machine, mix, paper))));
   document.parts.emplace_back(contradictions_table());
-  document.parts.emplace_back(paper_table(cells));
+  document.parts.emplace_back(paper_table(paper.cells));
+  document.parts.emplace_back(section5_table(paper.section5));
   if (machine == nullptr) return document;
   document.parts.emplace_back(preference_table(preferences(machine->profile)));
   const auto platform = machine->platform ? &*machine->platform : nullptr;
@@ -269,10 +282,10 @@ Document paper_document(const Machine* machine, const Mix& mix,
   return document;
 }
 
-Json paper_document_json(const Machine* machine, const Mix& mix,
-                         const std::vector<PaperCell>& cells) {
-  Json json = paper_json(cells);
-  json["scorecard"] = scorecard_json(scorecard(evidence_of(machine, mix, cells)));
+Json paper_document_json(const Machine* machine, const Mix& mix, const PaperRuns& paper) {
+  Json json = paper_json(paper.cells);
+  json["section5"] = section5_json(paper.section5);
+  json["scorecard"] = scorecard_json(scorecard(evidence_of(machine, mix, paper)));
   return json;
 }
 

@@ -35,21 +35,24 @@ struct ReportInputs {
   Mix mix;                          ///< Of their modes.
   std::vector<RunRecord> runs;      ///< Given; where there are none, the paper's modes are shown.
   std::vector<Timeline> timelines;  ///< Given, or made for the report.
+  PaperRuns paper;                  ///< run_paper().
 };
 
 [[nodiscard]] Document full_report(const ReportInputs& inputs);
 
 /// The figures of the first machine as profile_json() has them, with "modes" (given, or the
-/// paper's), "setup", "pareto", "scorecard"; of the others under "others".
+/// paper's), "setup", "pareto", "section5", "scorecard", "live" if there are live runs; of the
+/// others under "others".
 [[nodiscard]] Json full_report_json(const ReportInputs& inputs);
 
 /// Where runs and profiles do not belong together: other platforms. Empty = they do.
 [[nodiscard]] std::vector<std::string> mismatches(const ReportInputs& inputs);
 
-/// Tables I, III, IV, V and the observations. @param machine  Null = what needs no measurement.
+/// Tables I, III, IV, V, the observations and Section V. @param machine  Null = what needs no
+/// measurement.
 [[nodiscard]] Document paper_document(const Machine* machine, const Mix& mix,
-                                      const std::vector<PaperCell>& cells);
+                                      const PaperRuns& paper);
 [[nodiscard]] Json paper_document_json(const Machine* machine, const Mix& mix,
-                                       const std::vector<PaperCell>& cells);
+                                       const PaperRuns& paper);
 
 }  // namespace pirt

@@ -24,6 +24,61 @@ double latency_of(const RunRecord& run, const std::string& unit) {
   return *found->mean_latency_ms;
 }
 
+/// 0 stands for what the paper does not say.
+std::optional<double> said(double value) { return value > 0 ? std::optional(value) : std::nullopt; }
+
+/// @param provenance  Of its figures; a prediction from fitted times is fitted.
+std::vector<std::string> section5_cells(const std::string& run, const std::string& modes,
+                                        const Section5Row& row, Provenance provenance) {
+  const auto cell = [&](double value) {
+    const auto known = said(value);
+    return known ? marked(figure(known), provenance) : "-";
+  };
+  return {run,
+          modes,
+          cell(row.localization_fps),
+          cell(row.recognitions_per_s),
+          cell(row.planning_p50_ms),
+          cell(row.planning_p99_ms),
+          cell(row.power_w)};
+}
+
+void add_predictions(Table& table, const std::string& run, const std::vector<Section5Row>& rows) {
+  std::vector<std::vector<std::string>> groups;
+  for (const Section5Row& row : rows) {
+    auto cells = section5_cells(run, row.mode, row, Provenance::kFitted);
+    const auto same = [&](const std::vector<std::string>& other) {
+      return std::equal(cells.begin() + 2, cells.end(), other.begin() + 2);
+    };
+    const auto known = std::ranges::find_if(groups, same);
+    if (known == groups.end()) {
+      groups.push_back(std::move(cells));
+    } else {
+      (*known)[1] += ", " + row.mode;
+    }
+  }
+  table.rows.insert(table.rows.end(), groups.begin(), groups.end());
+}
+
+Json row_json(const Section5Row& row) {
+  Json json = {{"mode", row.mode}, {"mix", row.mix}};
+  const auto put = [&](const char* key, double value) {
+    if (const auto known = said(value)) json[key] = *known;
+  };
+  put("localization_fps", row.localization_fps);
+  put("recognitions_per_s", row.recognitions_per_s);
+  put("planning_p50_ms", row.planning_p50_ms);
+  put("planning_p99_ms", row.planning_p99_ms);
+  put("power_w", row.power_w);
+  return json;
+}
+
+Json rows_json(const std::vector<Section5Row>& rows) {
+  auto json = Json::array();
+  for (const Section5Row& row : rows) json.push_back(row_json(row));
+  return json;
+}
+
 }  // namespace
 
 bool PaperCell::holds() const { return std::abs(deviation()) <= limit; }
@@ -92,5 +147,46 @@ Json paper_json(const std::vector<PaperCell>& cells) {
   }
   return {{"platform", "snapdragon820"}, {"mix", "convolution-1000"}, {"table5", rows}};
 }
+
+Table section5_table(const Section5& section) {
+  Table table{.title = "Section V of the Pi-RT paper, in virtual time",
+              .columns = {{"the robot", Align::kLeft},
+                          {"mode", Align::kLeft},
+                          {"localization Hz"},
+                          {"recognition Hz"},
+                          {"planning p50 ms"},
+                          {"planning p99 ms"},
+                          {"W"}}};
+  table.rows.push_back(section5_cells("without the runtime", "the paper", section.paper_without,
+                                      Provenance::kPublished));
+  table.rows.push_back(section5_cells("without the runtime, FITTED", section.fitted.mode,
+                                      section.fitted, Provenance::kFitted));
+  table.rows.push_back(
+      section5_cells("with the runtime", "the paper", section.paper_with, Provenance::kPublished));
+  add_predictions(table, "with the runtime, predicted", section.predictions);
+  add_predictions(table, "placed as the paper says, predicted", section.placed);
+  table.footnotes = {
+      "Platform snapdragon820-section5, mixes section5-cpu-only, section5 and section5-placed, 60 "
+      "s. The CPU's times are fitted to the paper's robot without the runtime, so that this row "
+      "shows nothing; those of GPU and DSP are the CPU's by the ratios of Tables IV and V, so that "
+      "what follows from them is a prediction.",
+      "The paper says \"within 6 ms\", without a percentile."};
+  for (const auto& line : section.not_run) table.footnotes.push_back("Not run: " + line);
+  table.footnotes.emplace_back(provenance_legend());
+  table.origin = "pirt schedule --platform snapdragon820-section5 --mix section5 --compare";
+  return table;
+}
+
+Json section5_json(const Section5& section) {
+  return {{"platform", "snapdragon820-section5"},
+          {"paper_without", row_json(section.paper_without)},
+          {"paper_with", row_json(section.paper_with)},
+          {"fitted", row_json(section.fitted)},
+          {"predictions", rows_json(section.predictions)},
+          {"placed", rows_json(section.placed)},
+          {"not_run", section.not_run}};
+}
+
+PaperRuns run_paper() { return {paper_cells(), run_section5()}; }
 
 }  // namespace pirt

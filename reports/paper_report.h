@@ -1,10 +1,12 @@
-// Table V of the Pi-RT paper beside what virtual time gives on the platform that is fitted to it.
+// Table V and Section V of the Pi-RT paper beside what virtual time gives on the platforms that are
+// fitted to them.
 #pragma once
 
 #include <string>
 #include <vector>
 
 #include "reports/document.h"
+#include "scheduler/section5.h"
 #include "workloads/base/json.h"
 
 namespace pirt {
@@ -30,5 +32,17 @@ struct PaperCell {
 
 [[nodiscard]] Table paper_table(const std::vector<PaperCell>& cells);
 [[nodiscard]] Json paper_json(const std::vector<PaperCell>& cells);
+
+/// The robot of Section V: as printed, fitted, predicted. Modes with the same figures share a row.
+[[nodiscard]] Table section5_table(const Section5& section);
+/// As run_section5() has it; what is not known is absent.
+[[nodiscard]] Json section5_json(const Section5& section);
+
+/// The paper's board as it is modelled, in virtual time.
+struct PaperRuns {
+  std::vector<PaperCell> cells;  ///< Table V.
+  Section5 section5;
+};
+[[nodiscard]] PaperRuns run_paper();
 
 }  // namespace pirt

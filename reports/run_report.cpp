@@ -24,11 +24,12 @@ Provenance simulated(const std::set<std::string>& inputs) {
   return result;
 }
 
-/// Of the units that the run used, or of all.
-std::set<std::string> inputs_of(const RunRecord& run, std::vector<std::string> UnitResult::*list) {
+/// Of the units that the run used.
+std::set<std::string> energy_inputs_of(const RunRecord& run) {
   std::set<std::string> inputs;
   for (const auto& unit : run.units) {
-    if (unit.completed > 0) inputs.insert((unit.*list).begin(), (unit.*list).end());
+    if (unit.completed == 0) continue;
+    inputs.insert(unit.energy_provenance.begin(), unit.energy_provenance.end());
   }
   return inputs;
 }
@@ -127,7 +128,7 @@ Table units_table(const RunRecord& run) {
                           {"energy J"},
                           {"device", Align::kLeft}}};
   for (const auto& unit : run.units) {
-    const auto time = simulated(set_of(unit.provenance));
+    const auto time = time_of(run, unit);
     const auto energy = simulated(set_of(unit.energy_provenance));
     table.rows.push_back({unit.unit, unit.role, fmt::format("{}", unit.completed),
                           shown(unit.mean_latency_ms, time), shown(unit.p99_latency_ms, time),
@@ -240,10 +241,10 @@ class ModesTable {
     row(what, [member](const RunRecord& run) { return fmt::format("{}", run.*member); });
   }
   void unit_row(const std::string& unit, const std::string& what,
-                const std::function<std::string(const UnitResult&)>& cell) {
+                const std::function<std::string(const UnitResult&, Provenance)>& cell) {
     row(unit + ": " + what, [&](const RunRecord& run) {
       const auto* found = find_unit(run, unit);
-      return found == nullptr ? std::string("-") : cell(*found);
+      return found == nullptr ? std::string("-") : cell(*found, time_of(run, *found));
     });
   }
   void pipeline_row(const std::string& pipeline, const std::string& what,
@@ -287,13 +288,14 @@ void add_totals(ModesTable& table) {
 }
 
 void add_unit(ModesTable& table, const std::string& name) {
-  table.unit_row(name, "tasks",
-                 [](const UnitResult& unit) { return fmt::format("{}", unit.completed); });
-  table.unit_row(name, "mean latency, ms", [](const UnitResult& unit) {
-    return shown(unit.mean_latency_ms, simulated(set_of(unit.provenance)));
+  table.unit_row(name, "tasks", [](const UnitResult& unit, Provenance) {
+    return fmt::format("{}", unit.completed);
   });
-  table.unit_row(name, "busy, %", [](const UnitResult& unit) {
-    return percent(unit.utilization, simulated(set_of(unit.provenance)));
+  table.unit_row(name, "mean latency, ms", [](const UnitResult& unit, Provenance time) {
+    return shown(unit.mean_latency_ms, time);
+  });
+  table.unit_row(name, "busy, %", [](const UnitResult& unit, Provenance time) {
+    return percent(unit.utilization, time);
   });
 }
 
@@ -324,7 +326,7 @@ std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
     if (std::ranges::find(notes, note) == notes.end()) notes.push_back(note);
   };
   const bool comparable = same(runs, [](const RunRecord& r) {
-    return std::tie(r.platform, r.profile, r.draw, r.mix, r.duration_s, r.seed, r.time);
+    return std::tie(r.platform, r.profile, r.draw, r.mix, r.duration_s, r.seed);
   });
   if (!comparable) {
     for (const auto& run : runs) {
@@ -344,16 +346,23 @@ std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
     for (const auto& warning : run.warnings) add("Note: " + warning);
   }
   add("Task latency: dispatch to completion. What virtual time computes from measured inputs is "
-      "modelled.");
+      "modelled; what a live run took is measured.");
   add(std::string(provenance_legend()));
   return notes;
 }
 
 }  // namespace
 
+Provenance time_of(const RunRecord& run, const UnitResult& unit) {
+  return run.is_live() && unit.backend ? Provenance::kMeasured : simulated(set_of(unit.provenance));
+}
+
 RunMarks marks_of(const RunRecord& run) {
-  return {.time = simulated(inputs_of(run, &UnitResult::provenance)),
-          .energy = simulated(inputs_of(run, &UnitResult::energy_provenance))};
+  Provenance time = run.is_live() ? Provenance::kMeasured : Provenance::kModelled;
+  for (const auto& unit : run.units) {
+    if (unit.completed > 0) time = weakest(time, time_of(run, unit));
+  }
+  return {.time = time, .energy = simulated(energy_inputs_of(run))};
 }
 
 std::string shown(const std::optional<double>& value, Provenance provenance) {
@@ -378,12 +387,15 @@ Document run_document(const RunRecord& run) {
 Table modes_table(std::span<const RunRecord> runs) {
   Table table{.title = "Modes side by side (the paper's Table V for this platform and mix)",
               .columns = {{"", Align::kLeft}}};
+  const bool one_time = same(runs, [](const RunRecord& run) { return run.time; });
   if (!runs.empty()) {
     table.title = fmt::format(
         "Modes side by side: mix {} on {}, {} time (the paper's Table V for this platform)",
-        runs[0].mix, runs[0].platform, runs[0].time);
+        runs[0].mix, runs[0].platform, one_time ? runs[0].time : "virtual and live");
   }
-  for (const auto& run : runs) table.columns.push_back({run.mode});
+  for (const auto& run : runs) {
+    table.columns.push_back({one_time ? run.mode : run.mode + ", " + run.time});
+  }
   ModesTable rows(runs);
   add_totals(rows);
   for (const auto& unit : names_of(runs, &RunRecord::units, &UnitResult::unit))

@@ -19,6 +19,10 @@ struct RunMarks {
 };
 [[nodiscard]] RunMarks marks_of(const RunRecord& run);
 
+/// Of the times of one of its units: what was computed live is measured, the rest comes from
+/// virtual time's servers.
+[[nodiscard]] Provenance time_of(const RunRecord& run, const UnitResult& unit);
+
 /// A figure with its mark, "-" if absent.
 [[nodiscard]] std::string shown(const std::optional<double>& value, Provenance provenance);
 /// In percent and signed: reached / bound - 1; "-" without both.

@@ -97,6 +97,11 @@ Claim not_testable(Claim claim, const std::string& why) {
   return claim;
 }
 
+const RunRecord* find_mode(const std::vector<RunRecord>& runs, const std::string& mode) {
+  const auto found = std::ranges::find(runs, mode, &RunRecord::mode);
+  return found == runs.end() ? nullptr : &*found;
+}
+
 std::vector<Claim> operation_claims() {
   std::vector<Claim> claims;
   for (const paper::Ops& printed : paper::kTable1) {
@@ -119,6 +124,7 @@ std::vector<Claim> scorecard(const Evidence& evidence) {
   std::vector<Claim> claims = operation_claims();
   append(claims, observation_claims(evidence));
   append(claims, scheduling_claims(evidence));
+  append(claims, section5_claims(evidence));
   return claims;
 }
 
@@ -131,13 +137,13 @@ Table scorecard_table(const std::vector<Claim>& claims) {
                            "here",
                            count(Finding::kConfirmed), count(Finding::kRefuted),
                            count(Finding::kNotTestable)),
-      .columns = {{"where", Align::kLeft},
+      .columns = {{"found", Align::kLeft},
                   {"claim", Align::kLeft},
-                  {"found", Align::kLeft},
                   {"paper", Align::kLeft},
                   {"here", Align::kLeft},
                   {"ours is", Align::kLeft},
-                  {"because", Align::kLeft}},
+                  {"because", Align::kLeft},
+                  {"where", Align::kLeft}},
       .footnotes = {"refuted: on this machine, or on the paper's own board as it is modelled; "
                     "not what the paper measured.",
                     std::string(provenance_legend())}};

@@ -17,6 +17,7 @@
 #include "reports/paper_report.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/schedule.h"
+#include "scheduler/section5.h"
 #include "workloads/base/json_value.h"
 
 namespace pirt {
@@ -43,6 +44,7 @@ struct Evidence {
   const ModeRuns* modes = nullptr;                ///< All modes on that platform and mix.
   const ModeRuns* table5 = nullptr;               ///< The paper's three on its closed loop there.
   const std::vector<PaperCell>* cells = nullptr;  ///< Table V on the fitted platform.
+  const Section5* section5 = nullptr;             ///< Section V on the platform fitted to it.
 };
 
 /// In the paper's order. Observation One runs the mix a few times, in virtual time.
@@ -57,6 +59,14 @@ struct Evidence {
 [[nodiscard]] std::vector<Claim> operation_claims();
 [[nodiscard]] std::vector<Claim> observation_claims(const Evidence& evidence);
 [[nodiscard]] std::vector<Claim> scheduling_claims(const Evidence& evidence);
+[[nodiscard]] std::vector<Claim> section5_claims(const Evidence& evidence);
+
+/// So much short of a rate or a bound is still there: a run that ends between two firings.
+inline constexpr double kAlmost = 0.01;
+
+/// Null if the mode is not among them.
+[[nodiscard]] const RunRecord* find_mode(const std::vector<RunRecord>& runs,
+                                         const std::string& mode);
 
 [[nodiscard]] Table scorecard_table(const std::vector<Claim>& claims);
 

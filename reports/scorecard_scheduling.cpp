@@ -1,4 +1,4 @@
-// Table V and Section V: on the paper's board as it is modelled, and on this machine.
+// Table V: on the paper's board as it is modelled, and on this machine.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -11,13 +11,6 @@
 
 namespace pirt {
 namespace {
-
-constexpr double kAlmost = 0.01;  ///< So much short of a rate or a bound is still there.
-
-const RunRecord* find_mode(const std::vector<RunRecord>& runs, const std::string& mode) {
-  const auto found = std::ranges::find(runs, mode, &RunRecord::mode);
-  return found == runs.end() ? nullptr : &*found;
-}
 
 std::vector<Claim> fitted_cells(const std::vector<PaperCell>& cells) {
   std::vector<Claim> claims;
@@ -106,95 +99,6 @@ std::vector<Claim> on_the_fitted_board() {
   return claims;
 }
 
-const PipelineResult* find_pipeline(const RunRecord& run, std::string_view part) {
-  const auto found = std::ranges::find_if(run.pipelines, [&](const PipelineResult& pipeline) {
-    return pipeline.pipeline.find(part) != std::string::npos;
-  });
-  return found == run.pipelines.end() ? nullptr : &*found;
-}
-
-Claim rate_claim(const RunRecord& run, const char* pipeline, double hz, const std::string& paper) {
-  Claim claim{.where = "Section V",
-              .claim = fmt::format("{} at {} a second", pipeline, figure(hz)),
-              .paper = paper};
-  const auto* found = find_pipeline(run, pipeline);
-  if (found == nullptr || !found->rate_hz) {
-    return not_testable(claim, fmt::format("the mix has no pipeline {}", pipeline));
-  }
-  const Provenance from = marks_of(run).time;
-  return decided(
-      claim, *found->rate_hz >= hz * (1 - kAlmost), shown(found->rate_hz, from) + " Hz",
-      "virtual time, " + std::string(to_string(from)),
-      fmt::format("{} mode on {}{}", run.mode, run.platform,
-                  found->deadline_misses ? fmt::format(", {} late", *found->deadline_misses) : ""));
-}
-
-Claim planning_claim(const RunRecord& run) {
-  Claim claim{.where = "Section V", .claim = "a path is planned within 6 ms", .paper = "+6 ms"};
-  const auto* found = find_pipeline(run, "plan");
-  if (found == nullptr || !found->p99_ms) {
-    return not_testable(claim, "the mix has no pipeline that plans");
-  }
-  const Provenance from = marks_of(run).time;
-  return decided(claim, *found->p99_ms <= 6, "p99 " + shown(found->p99_ms, from) + " ms",
-                 "virtual time, " + std::string(to_string(from)),
-                 run.mode + " mode on " + run.platform);
-}
-
-Claim power_claim(const RunRecord& run) {
-  Claim claim{.where = "Section V", .claim = "all of it within 11 W", .paper = "+11 W"};
-  if (!run.average_power_w) return not_testable(claim, "the run has no power");
-  const Provenance from = marks_of(run).energy;
-  return decided(claim, *run.average_power_w <= 11, shown(run.average_power_w, from) + " W",
-                 "virtual time, " + std::string(to_string(from)),
-                 run.mode + " mode on " + run.platform);
-}
-
-/// Without the runtime, on the CPU alone.
-Claim cpu_only_claim(const RunRecord& run) {
-  Claim claim{.where = "Section V",
-              .claim = "the CPU alone does not reach 25 localizations a second",
-              .paper = "+15 Hz"};
-  const auto* found = find_pipeline(run, "localization");
-  if (found == nullptr || !found->rate_hz) {
-    return not_testable(claim, "the mix has no pipeline localization");
-  }
-  const Provenance from = marks_of(run).time;
-  return decided(
-      claim, *found->rate_hz < 25 * (1 - kAlmost), shown(found->rate_hz, from) + " Hz",
-      "virtual time, " + std::string(to_string(from)),
-      fmt::format("on {}, another CPU; {} late", run.platform, found->deadline_misses.value_or(0)));
-}
-
-std::vector<Claim> section_five(const Evidence& evidence) {
-  const auto* with =
-      evidence.modes == nullptr ? nullptr : find_mode(evidence.modes->runs, "throughput");
-  if (with == nullptr) {
-    return {not_testable(
-        {.where = "Section V",
-         .claim = "25 localizations and 3 recognitions a second, planning in 6 ms, "
-                  "11 W",
-         .paper = "-"},
-        evidence.profile == nullptr ? "no profile given" : "the profile does not serve the mix")};
-  }
-  std::vector<Claim> claims = {rate_claim(*with, "localization", 25, "+25 Hz"),
-                               rate_claim(*with, "recognition", 3, "+3 Hz"), planning_claim(*with),
-                               power_claim(*with)};
-  if (const auto* without = find_mode(evidence.modes->runs, "cpu-only")) {
-    claims.push_back(cpu_only_claim(*without));
-  }
-  claims.push_back(not_testable({.where = "Section V",
-                                 .claim = "on the CPU alone a recognition takes 1.5 s, at 10 W",
-                                 .paper = "+1.5 s, +10 W"},
-                                "a Snapdragon 820 under load; this is another machine"));
-  claims.push_back(not_testable({.where = "Section V",
-                                 .claim = "map generation: hours on the robot, under five minutes "
-                                          "in the cloud",
-                                 .paper = "+5 min"},
-                                "no cloud was measured"));
-  return claims;
-}
-
 void append(std::vector<Claim>& to, std::vector<Claim> more) {
   to.insert(to.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
 }
@@ -210,7 +114,6 @@ std::vector<Claim> scheduling_claims(const Evidence& evidence) {
       claims.push_back(best_of(goal, evidence.table5->runs, "the three", "on this machine"));
     }
   }
-  append(claims, section_five(evidence));
   return claims;
 }
 

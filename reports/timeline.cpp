@@ -62,6 +62,7 @@ Timeline timeline_of(const Json& json) {
   timeline.platform = part.at("platform").get<std::string>();
   timeline.mix = part.at("mix").get<std::string>();
   timeline.seed = part.at("seed").get<std::uint64_t>();
+  timeline.time = part.value("time", timeline.time);
   timeline.units = part.at("units").get<std::vector<std::string>>();
   for (const Json& event : json.at("traceEvents")) {
     if (event.at("ph") == "X") timeline.slices.push_back(slice_of(event, timeline.units.size()));
@@ -153,8 +154,9 @@ Chart timeline_chart(const Timeline& timeline) {
                              {"start ms"},
                              {"end ms"},
                              {"waited ms"}},
-                 .footnotes = {"Virtual time. waited: from the end of its predecessors to its "
-                               "start."},
+                 .footnotes = {(timeline.time == "live" ? "Live. " : "Virtual time. ") +
+                               std::string("waited: from the end of its predecessors to its "
+                                           "start.")},
                  .origin = timeline.source};
   auto shown = timeline.slices;
   if (shown.size() > kMostSlices) shown.resize(kMostSlices);

@@ -26,6 +26,7 @@ struct Timeline {
   std::string source;  ///< The file, or the command that makes it.
   std::string platform, mix, mode;
   std::uint64_t seed = 0;
+  std::string time = "virtual";  ///< Or "live".
   std::vector<std::string> units = {};
   std::vector<Slice> slices = {};  ///< By start.
 };

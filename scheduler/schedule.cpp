@@ -119,7 +119,8 @@ RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& m
   if (options.trace) {
     trace.emplace(
         *options.trace, scenario, dispatcher,
-        DispatcherSetup{&mode.policy, platform.unit_names(), setup.slots, setup.policy_setup});
+        DispatcherSetup{&mode.policy, platform.unit_names(), setup.slots, setup.policy_setup},
+        live != nullptr ? "live" : "virtual");
     dispatcher.observe(&*trace);
   }
   LiveResult result;

@@ -81,7 +81,7 @@
   // Where the rows of a chart stand, with their names beside them or, on a narrow page, above them.
   function layRows(plot, names, row) {
     const width = Math.max(280, plot.node().clientWidth);
-    const longest = d3.max(names, (name) => name.length) * kCharacter + 12;
+    const longest = d3.max(names, (name) => name.length) * kCharacter + 20;
     const above = width < kNarrow || longest > width / 3;
     const step = row + (above ? 16 : 4);
     const tall = step * names.length > 500; // With an axis above too.
@@ -161,7 +161,8 @@
         sign(group.append("g").attr("transform", `translate(${x(mark.x)},${y})`), mark, index, 64);
       } else {
         const edge = mark.far ? box.right - 6 : box.left + 6;
-        sign(group.append("g").attr("transform", `translate(${edge},${y})`), mark, index, 30);
+        const at = group.append("g").attr("transform", `translate(${edge},${y})`);
+        sign(at, mark.word ? mark : Object.assign({provenance: "none"}, mark), index, 30); // Hollow, if there is no figure.
         group.append("text").attr("class", "soft halo").attr("x", edge + (mark.far ? -10 : 10)).attr("y", y + 4)
           .attr("text-anchor", mark.far ? "end" : "start").text(mark.invalid ? `invalid: ${mark.invalid}` : mark.word || "not known");
       }

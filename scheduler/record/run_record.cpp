@@ -75,6 +75,15 @@ void visit_pipeline(Visitor& visitor, Pipeline& pipeline) {
   visitor.field("deadline_misses", pipeline.deadline_misses);
 }
 
+template <typename Visitor, typename Call>
+void visit_call(Visitor& visitor, Call& call) {
+  visitor.field("workload", call.workload);
+  visitor.field("unit", call.unit);
+  visitor.field("completed", call.completed);
+  visitor.field("p50_ms", call.p50_ms);
+  visitor.field("p95_ms", call.p95_ms);
+}
+
 template <typename Visitor, typename Planned>
 void visit_planned(Visitor& visitor, Planned& planned) {
   visitor.field("pipeline", planned.pipeline);
@@ -169,6 +178,15 @@ Json to_json(const RunRecord& record) {
   }
   writer.field("units", units);
   writer.field("pipelines", pipelines);
+  if (!record.calls.empty()) {
+    Json calls = Json::array();
+    for (const auto& call : record.calls) {
+      Writer each;
+      visit_call(each, call);
+      calls.push_back(std::move(each.json));
+    }
+    writer.field("calls", calls);
+  }
   if (!record.plan.empty()) {
     Json plan = Json::array();
     for (const auto& planned : record.plan) {
@@ -197,6 +215,9 @@ RunRecord run_record_from_json(const Json& json, const std::string& source) {
     RunRecord record;
     Reader reader(json);
     visit_record(reader, record);
+    if (record.time != "virtual" && !record.is_live()) {
+      throw_bad_input(source + ": time '" + record.time + "'; a run is in virtual time or live");
+    }
     for (const auto& [name, value] : json.at("units").items()) {
       Reader each(value);
       visit_unit(each, record.units.emplace_back());
@@ -206,6 +227,12 @@ RunRecord run_record_from_json(const Json& json, const std::string& source) {
       Reader each(value);
       visit_pipeline(each, record.pipelines.emplace_back());
       record.pipelines.back().pipeline = name;
+    }
+    if (json.contains("calls")) {
+      for (const auto& value : json.at("calls")) {
+        Reader each(value);
+        visit_call(each, record.calls.emplace_back());
+      }
     }
     if (json.contains("plan")) {
       for (const auto& value : json.at("plan")) {
@@ -227,7 +254,7 @@ RunRecord load_run_record(const std::filesystem::path& path) {
   const std::string text = read_file(path);
   try {
     return run_record_from_json(parse_json(text), path.string());
-  } catch (const nlohmann::json::parse_error& error) {
+  } catch (const nlohmann::json::exception& error) {  // Syntax, or a number that no double holds.
     throw_bad_input(path.string() + ": not JSON: " + error.what());
   }
 }

@@ -49,6 +49,15 @@ struct PipelineResult {
   friend bool operator==(const PipelineResult&, const PipelineResult&) = default;
 };
 
+/// Calls of one workload on one unit: how long each held its unit. In virtual time that is its
+/// stages, with what other calls made it wait within them; live what the call itself took.
+struct CallResult {
+  std::string workload, unit;
+  std::int64_t completed = 0;  ///< At least 1: others have no entry.
+  double p50_ms = 0, p95_ms = 0;
+  friend bool operator==(const CallResult&, const CallResult&) = default;
+};
+
 /// What no scheduler could beat on this platform with these services; see bounds/bounds.h.
 struct RunBounds {
   std::optional<double> throughput_per_ms;  ///< At most.
@@ -112,11 +121,15 @@ struct RunRecord {
 
   std::vector<UnitResult> units;          ///< In the platform's order.
   std::vector<PipelineResult> pipelines;  ///< In the mix's order.
+  /// By workload, then unit; empty in records of before they were counted.
+  std::vector<CallResult> calls;
   std::map<std::string, std::map<std::string, int>>
       weights;  ///< [workload][unit]; units that may serve it. Empty for modes without weights.
   std::optional<std::string> weights_from;  ///< "given", "platform", "derived".
   std::optional<RunBounds> bounds;
   std::vector<std::string> warnings;
+
+  [[nodiscard]] bool is_live() const { return time == "live"; }
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };
 

@@ -96,6 +96,20 @@ void add_counts(const Scenario& run, const Tally& tally, RunRecord& record) {
   }
 }
 
+void add_calls(const Scenario& run, const Tally& tally, RunRecord& record) {
+  for (std::size_t w = 0; w < tally.calls.size(); ++w) {
+    for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
+      const Histogram& calls = tally.calls[w][unit];
+      if (calls.count() == 0) continue;
+      record.calls.push_back({.workload = run.services.workloads[w],
+                              .unit = run.platform.units[unit].name,
+                              .completed = calls.count(),
+                              .p50_ms = to_ms(*calls.percentile(0.50)),
+                              .p95_ms = to_ms(*calls.percentile(0.95))});
+    }
+  }
+}
+
 void add_weights(const Scenario& run, const WeightTable& weights, RunRecord& record) {
   for (WorkloadId workload = 0; workload < weights.size(); ++workload) {
     auto& row = record.weights[run.services.workloads[workload]];
@@ -142,6 +156,7 @@ RunRecord summarize(const Scenario& run, const Profile* profile, const WeightTab
     record.pipelines.push_back(
         summarize_pipeline(run.mix.pipelines[p], tally.pipelines[p], makespan));
   }
+  add_calls(run, tally, record);
   add_weights(run, weights, record);
   return record;
 }

@@ -32,7 +32,9 @@ struct PipelineTally {
 struct Tally {
   std::vector<UnitTally> units;
   std::vector<PipelineTally> pipelines;
-  std::vector<std::vector<std::int64_t>> calls;  ///< Completed, [workload][unit].
+  /// Of completed calls, [workload][unit]: how long each was on its unit, with what it shared it
+  /// with; of computed ones what the call itself took.
+  std::vector<std::vector<Histogram>> calls;
   std::int64_t refused_tasks = 0;  ///< Of firings that found no buffer; no dispatcher saw them.
   TaskCounts tasks;                ///< Of the dispatcher.
   Nanos end{0};                    ///< When this was counted: the duration, or the last completion.

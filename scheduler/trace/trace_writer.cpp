@@ -24,10 +24,11 @@ std::size_t process(UnitId unit) { return unit + std::size_t{1}; }
 }  // namespace
 
 TraceWriter::TraceWriter(const std::filesystem::path& path, const Scenario& run,
-                         const Dispatcher& dispatcher, DispatcherSetup setup)
+                         const Dispatcher& dispatcher, DispatcherSetup setup, std::string time)
     : run_(run),
       dispatcher_(dispatcher),
       setup_(std::move(setup)),
+      time_(std::move(time)),
       file_(path),
       free_lanes_(run.platform.units.size()),
       lanes_(run.platform.units.size(), 0) {
@@ -207,6 +208,7 @@ void TraceWriter::finish(const Tally& tally) {
   header["platform"] = run_.platform.name;
   header["mix"] = run_.mix.name;
   header["seed"] = run_.seed;
+  header["time"] = time_;
   file_.finish(header);
 }
 

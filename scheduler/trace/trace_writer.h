@@ -30,9 +30,10 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
  public:
   /// @param run         For names; its references must outlive the writer.
   /// @param dispatcher  For the depth of its queues; must outlive the writer.
+  /// @param time        "virtual" or "live", as in the run's record.
   /// @throws Error{kBadInput} if nothing can be written there.
   TraceWriter(const std::filesystem::path& path, const Scenario& run, const Dispatcher& dispatcher,
-              DispatcherSetup setup);
+              DispatcherSetup setup, std::string time = "virtual");
 
   void on_input(const DispatcherInput& input, const Decisions& decisions) override;
   void submitting(TaskId task, std::size_t pipeline, std::size_t position,
@@ -83,6 +84,7 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
   const Scenario& run_;
   const Dispatcher& dispatcher_;
   DispatcherSetup setup_;
+  std::string time_;
   TraceFile file_;
   std::unordered_map<TaskId, TaskTrack> tasks_;
   std::vector<std::set<std::size_t>> free_lanes_;  ///< By unit.

@@ -43,7 +43,7 @@ struct VirtualTime::Job {
   UnitId unit = 0;
   std::uint32_t step = 0;
   std::uint32_t tries = 0;  ///< Before this one.
-  bool computing = false;   ///< By the executor, since started_at.
+  bool computing = false;   ///< By the executor.
   Nanos started_at{0};
   Nanos dispatched_at{0};
   Nanos takes{0};    ///< Server time of its step,
@@ -92,7 +92,7 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunOb
   state_units_.resize(scenario.mix.states.size());
   tally_.units.resize(scenario.platform.units.size());
   tally_.calls.assign(scenario.services.workloads.size(),
-                      std::vector<std::int64_t>(scenario.platform.units.size(), 0));
+                      std::vector<Histogram>(scenario.platform.units.size()));
 }
 
 void VirtualTime::plan_tasks(std::uint32_t p) {
@@ -193,7 +193,8 @@ void VirtualTime::close_books(Nanos end) {
     for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
       const Service* service = scenario_.services.find(static_cast<WorkloadId>(w), unit);
       if (service == nullptr) continue;
-      tally.units[unit].extra_j += static_cast<double>(tally.calls[w][unit]) * service->fixed_j();
+      tally.units[unit].extra_j +=
+          static_cast<double>(tally.calls[w][unit].count()) * service->fixed_j();
     }
   }
   at_end_ = std::move(tally);
@@ -303,7 +304,7 @@ void VirtualTime::finished(JobIndex index, Outcome outcome, Nanos busy,
   tally_.units[job.unit].busy += busy;
   tally_.units[job.unit].powered += busy;
   if (observer_ != nullptr) observer_->left(job.unit, index);
-  complete(index, outcome, std::move(data));
+  complete(index, outcome, busy, std::move(data));
   settle();
 }
 
@@ -365,12 +366,12 @@ void VirtualTime::apply_starts() {
     assert(jobs_[job].id == start.task);
     jobs_[job].unit = start.unit;
     jobs_[job].dispatched_at = start.dispatched_at;
+    jobs_[job].started_at = now_;
     if (!contains(computed_, start.unit)) {
       begin_step(job, step_of(jobs_[job]));
       continue;
     }
     jobs_[job].computing = true;
-    jobs_[job].started_at = now_;
     if (observer_ != nullptr) {
       observer_->arrived(start.unit, job, scenario_.platform.units[start.unit].active_w);
     }
@@ -388,7 +389,7 @@ void VirtualTime::proceed(JobIndex job) {
   if (jobs_[job].step < steps.size()) {
     begin_step(job, steps[jobs_[job].step]);
   } else {
-    complete(job, intended(job), nullptr);
+    complete(job, intended(job), now_ - jobs_[job].started_at, nullptr);
   }
 }
 
@@ -471,7 +472,7 @@ Outcome VirtualTime::intended(JobIndex job) const {
   return scenario_.faults->outcome(place.pipeline, place.firing, place.task, jobs_[job].tries);
 }
 
-void VirtualTime::complete(JobIndex job, Outcome outcome,
+void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
                            std::shared_ptr<const std::vector<Tensor>> data) {
   Job& done = jobs_[job];
   must(dispatcher_.complete(done.unit, done.id, outcome, now_, starts_));
@@ -483,7 +484,7 @@ void VirtualTime::complete(JobIndex job, Outcome outcome,
   }
   if (outcome == Outcome::kFailed) return release(firings_.lose(job, now_));
   const Nanos latency = now_ - done.dispatched_at;
-  ++tally_.calls[plans_[done.plan].workload][done.unit];
+  tally_.calls[plans_[done.plan].workload][done.unit].add(took);
   ++tally_.units[done.unit].completed;
   tally_.units[done.unit].latency.add(latency);
   release(firings_.complete(job, done.unit, now_, std::move(data)));

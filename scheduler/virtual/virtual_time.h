@@ -107,7 +107,8 @@ class VirtualTime {
   [[nodiscard]] const Step& step_of(const Job& job) const;
   [[nodiscard]] Nanos draw(JobIndex job, const Step& step) const;
   [[nodiscard]] double power_w(const Job& job, const Step& step) const;
-  void complete(JobIndex job, Outcome outcome, std::shared_ptr<const std::vector<Tensor>> data);
+  void complete(JobIndex job, Outcome outcome, Nanos took,
+                std::shared_ptr<const std::vector<Tensor>> data);
   void release(const std::optional<FiringId>& firing);
   void add_timer(Nanos at, bool fires, std::uint32_t index);
 

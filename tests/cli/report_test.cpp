@@ -1,0 +1,96 @@
+// pirt report of databases and runs, as the program does it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/cli/program.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+class ReportOfRuns : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    scratch_ = std::make_unique<Scratch>();
+    const auto made = pirt({"characterize", "--quick", "--platform", "fake", "--filter",
+                            "^convolution$", "--db", database()});
+    ASSERT_EQ(made.exit_code, 0) << made.err;
+  }
+  static void TearDownTestSuite() { scratch_.reset(); }
+  static std::string database() { return scratch_->file("p.db"); }
+
+  /// The record of a run; @p more before its name.
+  static std::string schedule(const std::string& name, std::vector<std::string> more) {
+    const auto file = scratch_->file(name);
+    std::vector<std::string> arguments = {"schedule", "--mode", "throughput", "--mix",
+                                          kMix,       "--json", file};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const auto run = pirt(arguments);
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    return file;
+  }
+
+  static constexpr const char* kMix = "convolution-1000";
+  static inline std::unique_ptr<Scratch> scratch_;
+};
+
+TEST_F(ReportOfRuns, PutsALiveRunBesideVirtualTime) {
+  const auto live = schedule("live.json", {"--profile", database(), "--live"});
+  const auto predicted = schedule("virtual.json", {"--profile", database()});
+  const auto report =
+      pirt({"report", database(), live, predicted, "--mix", kMix, "--json", scratch_->file("j")});
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  EXPECT_THAT(report.out, AllOf(HasSubstr("Live beside virtual time"), HasSubstr("frames"),
+                                HasSubstr("p95 ms"), HasSubstr("cold caches"),
+                                HasSubstr("Rows of the profile that the live run contradicts")));
+  EXPECT_THAT(report.out, Not(HasSubstr("There is no run in virtual time")));
+  const auto json = nlohmann::ordered_json::parse(slurp(scratch_->file("j")));
+  const auto& errors = json["live"][0]["predictions"][0];
+  EXPECT_TRUE(errors["pipelines"]["frames"].contains("rate_hz_error"));
+  EXPECT_TRUE(errors["units"]["cpu"].contains("utilization_error"));
+  ASSERT_FALSE(json["live"][0]["rows"].empty());
+  // Calls that were made are those that completed.
+  std::int64_t calls = 0;
+  for (const auto& row : json["live"][0]["rows"]) calls += row["calls"].get<std::int64_t>();
+  EXPECT_EQ(calls, 1000);
+
+  const auto alone = pirt({"report", database(), live, "--mix", kMix, "--format", "md"});
+  ASSERT_EQ(alone.exit_code, 0) << alone.err;
+  EXPECT_THAT(alone.out, HasSubstr("this makes it: pirt schedule --mode throughput"));
+}
+
+TEST_F(ReportOfRuns, RefusesARunOfAnotherSchemaVersion) {
+  auto record =
+      nlohmann::ordered_json::parse(slurp(schedule("run.json", {"--platform", "snapdragon820"})));
+  record["schema_version"] = 7;
+  const auto file = scratch_->write("seven.json", record.dump());
+  const auto report = pirt({"report", database(), file});
+  EXPECT_EQ(report.exit_code, 2);
+  EXPECT_THAT(report.err,
+              AllOf(HasSubstr(file), HasSubstr("schema_version 7"), HasSubstr("write it again")));
+}
+
+TEST_F(ReportOfRuns, SaysWhereItCannotWrite) {
+  const auto file = scratch_->file("missing/report.html");
+  const auto report = pirt({"report", database(), "--format", "html", "-o", file});
+  EXPECT_EQ(report.exit_code, 2);
+  EXPECT_THAT(report.err, AllOf(HasSubstr(file), HasSubstr("No such file or directory")));
+}
+
+TEST_F(ReportOfRuns, OfThePaperHasSectionFiveInEachForm) {
+  for (const char* format : {"text", "md", "html"}) {
+    const auto report = pirt({"report", "--paper", "--format", format});
+    ASSERT_EQ(report.exit_code, 0) << report.err;
+    EXPECT_THAT(report.out, AllOf(HasSubstr("Section V of the Pi-RT paper, in virtual time"),
+                                  HasSubstr("25.0 localizations a second, in throughput mode")))
+        << format;
+  }
+  const auto json = pirt({"report", "--paper", "--format", "json"}).json();
+  EXPECT_EQ(json["section5"]["paper_with"]["power_w"], 11);
+}
+
+}  // namespace
+}  // namespace pirt::test

@@ -1,0 +1,180 @@
+// A live run beside virtual time: which run predicts it, how far off it was, and which rows of the
+// profile it contradicts.
+#include "reports/live_report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "reports/run_report.h"
+#include "workloads/base/json_value.h"
+
+namespace pirt {
+namespace {
+
+using testing::Contains;
+using testing::HasSubstr;
+using testing::Not;
+
+/// 20 Hz at 10 ms with half of the unit busy.
+RunRecord run_of(const std::string& time) {
+  RunRecord run;
+  run.mode = "throughput";
+  run.platform = "board";
+  run.mix = "small";
+  run.time = time;
+  run.duration_s = 10.0;
+  UnitResult cpu;
+  cpu.unit = "cpu";
+  cpu.role = "cpu";
+  cpu.backend = "cpu";
+  cpu.provenance = {"measured"};
+  cpu.completed = 200;
+  cpu.utilization = 0.5;
+  UnitResult paced = cpu;
+  paced.unit = "dsp";
+  paced.backend.reset();
+  paced.provenance = {"modelled"};
+  run.units = {cpu, paced};
+  PipelineResult pipeline;
+  pipeline.pipeline = "vision";
+  pipeline.rate_hz = 20;
+  pipeline.p50_ms = 10;
+  pipeline.p95_ms = 16;
+  run.pipelines = {pipeline};
+  run.calls = {{"sobel", "cpu", 200, 10, 16}, {"sobel", "dsp", 200, 10, 16}};
+  return run;
+}
+
+/// The row's median is between 9 and 11 ms: 10 % more, 8.18 to 12.1 ms.
+Profile profile() {
+  Profile profile;
+  profile.path = "p.db";
+  RunInfo run;
+  run.platform = "board";
+  profile.runs = {run};
+  PhaseRow row;
+  row.workload = "sobel";
+  row.unit = "cpu";
+  row.valid = true;
+  row.median = from_ms(10);
+  row.ci_low = from_ms(9);
+  row.ci_high = from_ms(11);
+  profile.phases = {row};
+  return profile;
+}
+
+RowFinding finding_of(double p50_ms, std::int64_t calls, const Profile* of) {
+  auto live = run_of("live");
+  live.calls = {{"sobel", "cpu", calls, p50_ms, p50_ms}};
+  return check_rows(live, of).at(0).finding;
+}
+
+template <typename T>
+std::vector<T> all_of(const std::vector<Part>& parts) {
+  std::vector<T> found;
+  for (const Part& part : parts) {
+    if (const auto* each = std::get_if<T>(&part)) found.push_back(*each);
+  }
+  return found;
+}
+
+TEST(LiveReport, PairsALiveRunWithThoseThatPredictIt) {
+  auto drawn = run_of("virtual"), other = run_of("virtual"), shorter = run_of("virtual");
+  drawn.draw = "samples";
+  other.mode = "latency";
+  shorter.duration_s = 5.0;
+  const std::vector<RunRecord> runs = {run_of("virtual"), other,          run_of("live"),
+                                       shorter,           run_of("live"), drawn};
+  const auto found = live_runs(runs);
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(found[0].live, &runs[2]);
+  EXPECT_EQ(found[0].predictions, (std::vector<const RunRecord*>{&runs[0], &runs[5]}));
+}
+
+TEST(LiveReport, SaysHowFarVirtualTimeIsOff) {
+  auto predicted = run_of("virtual");
+  predicted.pipelines[0].rate_hz = 22;    // +10 %
+  predicted.pipelines[0].p50_ms = 8;      // -20 %
+  predicted.pipelines[0].p95_ms.reset();  // none completed
+  predicted.units[0].utilization = 0.45;  // 5 points less
+  const std::vector<RunRecord> runs = {run_of("live"), predicted};
+  const auto measured = profile();
+  const std::vector<const Profile*> profiles = {&measured};
+  const auto parts = live_parts(runs, profiles);
+  const auto charts = all_of<Chart>(parts);
+  ASSERT_EQ(charts.size(), 1U);
+  using Row = std::vector<std::string>;
+  // A paced unit was used: its figures are modelled, and so is what rests on them.
+  EXPECT_EQ(charts[0].table.rows[0], (Row{"vision", "rate Hz", "~20.0", "~22.0", "+10.0"}));
+  EXPECT_EQ(charts[0].table.rows[1], (Row{"vision", "p50 ms", "~10.0", "~8.00", "-20.0"}));
+  EXPECT_EQ(charts[0].table.rows[2], (Row{"vision", "p95 ms", "~16.0", "-", "-"}));
+  ASSERT_EQ(charts[0].marks.size(), 3U);
+  EXPECT_NEAR(*charts[0].marks[0].x, 10, 1e-9);
+  EXPECT_FALSE(charts[0].marks[2].x);
+  EXPECT_NE(charts[0].marks[2].word, "");
+  const auto units = all_of<Table>(parts).at(0);
+  EXPECT_EQ(units.rows[0], (Row{"cpu", "200", "200", "50.0", "~45.0", "-5.0"}));
+  EXPECT_EQ(units.rows[1], (Row{"dsp", "200", "200", "~50.0", "~50.0", "+0.0"}));
+  const auto json = live_json(runs, profiles);
+  ASSERT_EQ(json.size(), 1U);
+  const auto& prediction = json[0]["predictions"][0];
+  EXPECT_NEAR(prediction["pipelines"]["vision"]["p50_ms_error"].get<double>(), -0.2, 1e-9);
+  EXPECT_FALSE(prediction["pipelines"]["vision"].contains("p95_ms_error"));
+  EXPECT_NEAR(prediction["units"]["cpu"]["utilization_error"].get<double>(), -0.05, 1e-9);
+}
+
+TEST(LiveReport, NamesWhatVirtualTimeLeavesOutAndWhatIsMissing) {
+  const std::vector<RunRecord> runs = {run_of("live")};
+  const Document document{.title = "t", .parts = live_parts(runs, {})};
+  const auto text = render(document, Format::kText);
+  for (const char* part : {"cold caches", "memory bandwidth", "dispatcher", "operating system"}) {
+    EXPECT_THAT(text, HasSubstr(part));
+  }
+  EXPECT_THAT(text, HasSubstr("pirt schedule --mode throughput --platform board --mix small "
+                              "--duration 10.0s --seed 1 --json virtual.json"));
+  EXPECT_TRUE(live_parts(std::vector{run_of("virtual")}, {}).empty());
+}
+
+TEST(LiveReport, ARowIsContradictedFarFromTheIntervalOfItsMedian) {
+  const auto measured = profile();
+  EXPECT_EQ(finding_of(8.2, 200, &measured), RowFinding::kAgrees);
+  EXPECT_EQ(finding_of(12, 200, &measured), RowFinding::kAgrees);
+  EXPECT_EQ(finding_of(12.2, 200, &measured), RowFinding::kContradicted);
+  EXPECT_EQ(finding_of(8.1, 200, &measured), RowFinding::kContradicted);
+  EXPECT_EQ(finding_of(12.2, kFewestCalls - 1, &measured), RowFinding::kTooFewCalls);
+  EXPECT_EQ(finding_of(10, 200, nullptr), RowFinding::kNoRow);
+  auto invalid = profile();
+  invalid.phases[0].valid = false;
+  EXPECT_EQ(finding_of(10, 200, &invalid), RowFinding::kNoRow);
+}
+
+TEST(LiveReport, ChecksRowsOfUnitsThatComputed) {
+  const auto measured = profile();
+  const auto rows = check_rows(run_of("live"), &measured);
+  ASSERT_EQ(rows.size(), 1U);
+  EXPECT_EQ(rows[0].live.unit, "cpu");
+}
+
+TEST(LiveReport, ALiveRunBesideAnotherInVirtualTimeIsNoMistake) {
+  const std::vector<RunRecord> runs = {run_of("live"), run_of("virtual")};
+  const auto table = modes_table(runs);
+  EXPECT_THAT(table.title, HasSubstr("virtual and live time"));
+  EXPECT_EQ(table.columns[1].header, "throughput, live");
+  EXPECT_EQ(table.columns[2].header, "throughput, virtual");
+  EXPECT_THAT(table.footnotes, Not(Contains(HasSubstr("NOT COMPARABLE"))));
+}
+
+TEST(LiveReport, WhatTheClockSaidIsMeasured) {
+  auto live = run_of("live");
+  EXPECT_EQ(time_of(live, live.units[0]), Provenance::kMeasured);
+  EXPECT_EQ(time_of(live, live.units[1]), Provenance::kModelled);
+  EXPECT_EQ(marks_of(live).time, Provenance::kModelled);
+  live.units.pop_back();
+  EXPECT_EQ(marks_of(live).time, Provenance::kMeasured);
+  EXPECT_EQ(marks_of(run_of("virtual")).time, Provenance::kModelled);
+}
+
+}  // namespace
+}  // namespace pirt
