@@ -464,7 +464,7 @@ TEST(StateTensors, BringTheStateBackBitForBitAndRefuseWhatIsNone) {
   auto negative = copy_tensors(tensors);
   std::ranges::fill(negative[1].as<std::int32_t>(), -1);
   EXPECT_THROW(static_cast<void>(read_state(negative)), Error);
-  Setup small = recording.setup();
+  slam::Setup small = recording.setup();
   small.most_tracks = 0;
   small.most_map_points = 0;
   small.most_landmarks = 0;
