@@ -14,13 +14,19 @@ std::atomic<bool> stop_requested = false;
 
 extern "C" void request_stop(int) { stop_requested = true; }
 
+std::atomic<int> stops = 0;
+
+extern "C" void count_stop(int signal) {
+  if (++stops >= 2) ::signal(signal, SIG_DFL);
+}
+
 /// What is ignored already stays so: nohup, or a shell's background.
-void stop_on(int signal, int flags) {
+void stop_on(int signal, int flags, void (*handler)(int) = request_stop) {
   struct sigaction now {};
   ::sigaction(signal, nullptr, &now);
   if (now.sa_handler == SIG_IGN) return;
   now = {};
-  now.sa_handler = request_stop;
+  now.sa_handler = handler;
   now.sa_flags = flags;
   ::sigaction(signal, &now, nullptr);
 }
@@ -33,6 +39,11 @@ const std::atomic<bool>* stop_on_signal() {
   // Not once: what is still to be said would end the process before it has cleaned up.
   stop_on(SIGPIPE, SA_RESTART);
   return &stop_requested;
+}
+
+const std::atomic<int>* count_stop_signals() {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) stop_on(signal, SA_RESTART, count_stop);
+  return &stops;
 }
 
 void warn_of_skipped(const CampaignPlan& plan, const std::string& done) {

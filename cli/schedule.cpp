@@ -11,6 +11,7 @@
 #include "cli/commands.h"
 #include "cli/duration.h"
 #include "cli/files.h"
+#include "cli/long_run.h"
 #include "cli/output.h"
 #include "cli/profile_platform.h"
 #include "cli/values.h"
@@ -160,6 +161,7 @@ int schedule(const Options& options) {
   const Inputs inputs = read_inputs(options);
   LiveOptions live;
   live.prepare_first = !options.no_preinit;
+  if (options.live) live.stop = [stops = count_stop_signals()] { return stops->load(); };
   live.progress = [](const std::string& line) { fmt::print(stderr, "pirt: {}\n", line); };
   const auto record = options.live ? inputs.run_live(settings, live) : inputs.run(settings);
   warn_all(record.warnings);

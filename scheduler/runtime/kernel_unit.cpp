@@ -1,6 +1,9 @@
 #include "scheduler/runtime/kernel_unit.h"
 
+#include <pthread.h>
+
 #include <algorithm>
+#include <cstring>
 #include <utility>
 
 #include "workloads/base/error.h"
@@ -11,18 +14,53 @@ namespace pirt {
 StateValue::StateValue(const Workload& workload)
     : sets_{workload.make_state(), make_tensors(workload.state->tensors)} {}
 
-void StateValue::commit() {
+StateValue::StateValue(const StateValue& other)
+    : sets_{copy_tensors(other.committed()), copy_tensors(other.committed())} {}
+
+void StateValue::commit(std::uint64_t version) {
   current_ = 1 - current_;
-  ++version_;
+  version_ = version;
 }
 
-KernelUnit::KernelUnit(UnitRequest request, const Backend& backend,
-                       std::vector<Preparation> preparations, bool prepare_first,
-                       std::function<void(Call&, CallEnd)> done)
-    : request_(std::move(request)),
-      backend_(backend),
-      preparations_(std::move(preparations)),
-      prepare_first_(prepare_first),
+namespace {
+
+/// Turns to wait awake before sleeping: short kernels follow each other, and waking up takes longer
+/// than they do. Each gives its core to whoever else wants it.
+constexpr int kTurnsAwake = 100;
+
+class FunctionKernel final : public Kernel {
+ public:
+  explicit FunctionKernel(KernelFunction function) : function_(std::move(function)) {}
+  void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
+    inputs_ = inputs;
+    outputs_ = outputs;
+  }
+  std::optional<Nanos> execute(int repeats) override {
+    for (int i = 0; i < repeats; ++i) function_(inputs_, outputs_);
+    return std::nullopt;
+  }
+
+ private:
+  KernelFunction function_;
+  std::span<const Tensor> inputs_;
+  std::span<Tensor> outputs_;
+};
+
+/// Why the calling thread did not get it; empty if it did.
+std::string take_priority(int priority) {
+  if (priority <= 0) return "";
+  sched_param parameters{};
+  parameters.sched_priority = priority;
+  const int error = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters);
+  if (error == 0) return "";
+  return "no real-time priority " + std::to_string(priority) + ": " + std::strerror(error) +
+         "; it needs CAP_SYS_NICE or a limit (ulimit -r)";
+}
+
+}  // namespace
+
+KernelUnit::KernelUnit(UnitSetup setup, std::function<void(Call&, CallEnd)> done)
+    : setup_(std::move(setup)),
       done_(std::move(done)),
       thread_(start_thread([this] { serve(); })) {}
 
@@ -34,18 +72,51 @@ KernelUnit::~KernelUnit() {
   changed_.notify_all();
 }
 
-void KernelUnit::wait_until_ready() {
+void KernelUnit::leave(std::unique_ptr<KernelUnit> unit) {
+  unit->thread_.detach();
+  static_cast<void>(unit.release());
+}
+
+std::string KernelUnit::wait_until_ready() {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [this] { return ready_ || failure_ != nullptr; });
   if (failure_ != nullptr) std::rethrow_exception(failure_);
+  return remark_;
 }
 
 void KernelUnit::run(Call call) {
   {
     const std::lock_guard lock(mutex_);
     calls_.push_back(std::move(call));
+    waiting_ = calls_.size();
   }
-  changed_.notify_all();
+  changed_.notify_one();
+}
+
+std::optional<KernelUnit::Running> KernelUnit::running() const {
+  const std::lock_guard lock(mutex_);
+  return abandoned_ ? std::nullopt : running_;
+}
+
+std::optional<std::vector<std::uint64_t>> KernelUnit::abandon(std::uint64_t token) {
+  const std::lock_guard lock(mutex_);
+  if (abandoned_ || !running_ || running_->token != token) return std::nullopt;
+  abandoned_ = true;
+  std::vector<std::uint64_t> behind;
+  for (const Call& call : calls_) behind.push_back(call.token);
+  calls_.clear();
+  return behind;
+}
+
+void KernelUnit::wait_for_call(std::unique_lock<std::mutex>& lock) {
+  if (calls_.empty() && !stopping_) {
+    lock.unlock();
+    for (int turn = 0; turn < kTurnsAwake && waiting_ == 0 && !stopping_; ++turn) {
+      std::this_thread::yield();
+    }
+    lock.lock();
+  }
+  changed_.wait(lock, [this] { return stopping_ || !calls_.empty(); });
 }
 
 void KernelUnit::serve() {
@@ -61,12 +132,19 @@ void KernelUnit::serve() {
   ready_ = true;
   changed_.notify_all();
   while (true) {
-    changed_.wait(lock, [this] { return stopping_ || !calls_.empty(); });
+    wait_for_call(lock);
     if (stopping_) break;
     Call call = std::move(calls_.front());
     calls_.pop_front();
+    waiting_ = calls_.size();
+    running_ = {.token = call.token, .since = clock_.now()};
     lock.unlock();
     CallEnd end = execute(call);
+    lock.lock();
+    end.busy = clock_.now() - running_->since;
+    running_.reset();
+    if (abandoned_) return;  // Nobody knows of the call any more; what it holds goes with it.
+    lock.unlock();
     done_(call, std::move(end));
     lock.lock();
   }
@@ -77,22 +155,25 @@ void KernelUnit::serve() {
 }
 
 void KernelUnit::set_up() {
-  device_ = backend_.open(request_);
-  if (!prepare_first_) return;
-  for (const Preparation& each : preparations_) prepare(each);
+  remark_ = take_priority(setup_.priority);
+  if (setup_.backend != nullptr) device_ = setup_.backend->open(setup_.request);
+  if (!setup_.prepare_first) return;
+  for (const Preparation& each : setup_.preparations) prepare(each);
 }
 
 /// Ends with one completed run, since some compile at the first.
 KernelUnit::Prepared& KernelUnit::prepare(const Preparation& preparation) {
   const Workload& workload = *preparation.workload;
   Prepared& made = kernels_[&workload];
+  if (preparation.function) {
+    made.kernel = std::make_unique<FunctionKernel>(preparation.function);
+    return made;
+  }
   made.kernel = device_->prepare(workload, preparation.sample->parameters);
-  std::optional<StateValue> state;
-  if (workload.state) state.emplace(workload);
   Call first{.workload = &workload,
              .inputs = {},
              .outputs = std::make_shared<std::vector<Tensor>>(make_tensors(workload.outputs)),
-             .state = state ? &*state : nullptr,
+             .state = workload.state ? std::make_shared<StateValue>(workload) : nullptr,
              .intended = Outcome::kFailed};
   for (const Tensor& input : preparation.sample->inputs) first.inputs.push_back(input.share());
   compute(made, first);
@@ -103,47 +184,50 @@ KernelUnit::Prepared& KernelUnit::prepare(const Preparation& preparation) {
 KernelUnit::Prepared& KernelUnit::prepared(const Workload& workload) {
   const auto known = kernels_.find(&workload);
   if (known != kernels_.end()) return known->second;
-  return prepare(*std::ranges::find(preparations_, &workload, &Preparation::workload));
+  return prepare(*std::ranges::find(setup_.preparations, &workload, &Preparation::workload));
 }
 
 CallEnd KernelUnit::execute(Call& call) {
-  const Nanos start = clock_.now();
   CallEnd end;
   end.outcome = call.intended;
-  const auto failed = [&](const std::string& why) {
-    end.outcome = Outcome::kFailed;
-    end.problem = call.workload->name + " on " + request_.unit + ": " + why;
+  const auto ended = [&](Outcome outcome, const std::string& why) {
+    end.outcome = outcome;
+    end.problem = call.workload->name + " on " + name() + ": " + why;
   };
   try {
-    compute(prepared(*call.workload), call);
+    end.version = compute(prepared(*call.workload), call);
+  } catch (const Error& error) {
+    // The device could not; another may.
+    const bool environment = error.code() == ErrorCode::kEnvironment;
+    ended(environment ? Outcome::kReturned : Outcome::kFailed, error.what());
   } catch (const std::exception& error) {
-    failed(error.what());
+    ended(Outcome::kFailed, error.what());
   } catch (...) {
-    failed("an exception of an unknown type");
+    ended(Outcome::kFailed, "an exception of an unknown type");
   }
-  end.busy = clock_.now() - start;
   return end;
 }
 
-void KernelUnit::compute(Prepared& prepared, Call& call) {
+/// @return  The version of the state that it wrote; 0 if it has none, or is not to count.
+std::uint64_t KernelUnit::compute(Prepared& prepared, Call& call) {
   Kernel& kernel = *prepared.kernel;
   kernel.bind(call.inputs, *call.outputs);
   if (call.state != nullptr) {
     kernel.bind_state(call.state->committed(), call.state->next());
-    if (prepared.resident != call.state || prepared.version != call.state->version()) {
+    if (prepared.resident != call.state.get() || prepared.version != call.state->version()) {
       prepared.resident = nullptr;  // Until it is there.
       kernel.upload_state();
-      prepared.resident = call.state;
+      prepared.resident = call.state.get();
       prepared.version = call.state->version();
     }
   }
   kernel.upload();
   kernel.execute(1);
   kernel.download();
-  if (call.state == nullptr || call.intended != Outcome::kCompleted) return;
+  if (call.state == nullptr || call.intended != Outcome::kCompleted) return 0;
+  static std::atomic<std::uint64_t> versions = 0;
   kernel.commit_state();
-  call.state->commit();
-  prepared.version = call.state->version();
+  return prepared.version = ++versions;
 }
 
 }  // namespace pirt

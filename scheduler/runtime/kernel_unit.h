@@ -2,6 +2,7 @@
 // one call after the other.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <exception>
@@ -9,6 +10,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <thread>
@@ -19,16 +21,21 @@
 
 namespace pirt {
 
-/// The value of a state, in two sets: a call reads the committed one and writes the other.
-/// Used by who holds the state, and by nobody meanwhile.
+/// The value of a state, in two sets: a call reads the committed one and writes the other. Who made
+/// the call commits what it wrote, if it is to count; a call that is given up writes on where nobody
+/// reads.
 class StateValue {
  public:
   explicit StateValue(const Workload& workload);
+  /// What @p other has committed, in memory of its own.
+  explicit StateValue(const StateValue& other);
+  StateValue& operator=(const StateValue&) = delete;
   [[nodiscard]] std::span<const Tensor> committed() const { return sets_[current_]; }
   [[nodiscard]] std::span<Tensor> next() { return sets_[1 - current_]; }
-  /// What was written is the state from now on.
-  void commit();
-  /// Rises with each commit.
+  /// What the call wrote is the state from now on.
+  /// @param version  CallEnd::version of the call.
+  void commit(std::uint64_t version);
+  /// Another one for each value that any state ever had; 0 = the initial one.
   [[nodiscard]] std::uint64_t version() const { return version_; }
 
  private:
@@ -42,7 +49,7 @@ struct Call {
   const Workload* workload = nullptr;
   std::vector<Tensor> inputs;
   std::shared_ptr<std::vector<Tensor>> outputs;
-  StateValue* state = nullptr;             ///< Null if the workload has none.
+  std::shared_ptr<StateValue> state = {};  ///< Null if the workload has none.
   Outcome intended = Outcome::kCompleted;  ///< Otherwise it runs, and commits nothing.
   std::uint64_t token = 0;                 ///< The caller's.
 };
@@ -51,32 +58,61 @@ struct Call {
 struct CallEnd {
   Outcome outcome = Outcome::kCompleted;
   Nanos busy{0};
+  std::uint64_t version = 0;  ///< Of the state that it wrote, if it completed.
   std::string problem;  ///< Of one that failed, with the names of workload and unit.
 };
+
+/// A kernel of the program's own: computes outputs, which have the specs of its workload, of
+/// inputs. What it throws fails the task.
+using KernelFunction =
+    std::function<void(std::span<const Tensor> inputs, std::span<Tensor> outputs)>;
 
 /// What a unit prepares before anything runs.
 struct Preparation {
   const Workload* workload = nullptr;
   std::shared_ptr<const Data> sample;  ///< Parameters, and inputs for the first call.
+  KernelFunction function = {};        ///< In place of the device's kernel; is not run before it
+                                       ///< is needed.
+};
+
+struct UnitSetup {
+  UnitRequest request;
+  const Backend* backend = nullptr;  ///< Null: only functions run there.
+  std::vector<Preparation> preparations;
+  bool prepare_first = true;  ///< All of them, before the first call.
+  int priority = 0;           ///< Above 0: of real-time scheduling, first in first out.
 };
 
 class KernelUnit {
  public:
   /// @param done  Called from the unit's thread after each call; must not throw, may call run().
   /// @throws Error{kEnvironment} if the thread cannot be started.
-  KernelUnit(UnitRequest request, const Backend& backend, std::vector<Preparation> preparations,
-             bool prepare_first, std::function<void(Call&, CallEnd)> done);
+  KernelUnit(UnitSetup setup, std::function<void(Call&, CallEnd)> done);
   /// Waits for the call that runs; what waits behind it is forgotten.
   ~KernelUnit();
+  /// The end of one that was abandoned: its thread may never return, so that it and what it uses
+  /// stay.
+  static void leave(std::unique_ptr<KernelUnit> unit);
   KernelUnit(const KernelUnit&) = delete;
   KernelUnit& operator=(const KernelUnit&) = delete;
 
   /// Until the device is open and all is prepared.
+  /// @return  What is not as it was asked for; empty if all is.
   /// @throws What opening and preparing throw.
-  void wait_until_ready();
+  std::string wait_until_ready();
   /// Runs the call after those before it. Any thread.
   void run(Call call);
-  [[nodiscard]] const std::string& name() const { return request_.unit; }
+  struct Running {
+    std::uint64_t token = 0;
+    Nanos since{0};  ///< By MachineClock.
+  };
+  /// The call that runs now; absent from when it was abandoned.
+  [[nodiscard]] std::optional<Running> running() const;
+  /// Nothing is heard of the call any more, and nothing runs after it. The tokens of those that
+  /// waited behind it; absent, and nothing changed, if it does not run, or was abandoned before.
+  [[nodiscard]] std::optional<std::vector<std::uint64_t>> abandon(std::uint64_t token);
+  [[nodiscard]] bool abandoned() const { return abandoned_; }
+  [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
 
  private:
   struct Prepared {
@@ -86,25 +122,27 @@ class KernelUnit {
   };
   void serve();
   void set_up();
+  void wait_for_call(std::unique_lock<std::mutex>& lock);
   Prepared& prepare(const Preparation& preparation);
   Prepared& prepared(const Workload& workload);
   CallEnd execute(Call& call);
-  void compute(Prepared& prepared, Call& call);
+  std::uint64_t compute(Prepared& prepared, Call& call);
 
-  UnitRequest request_;
-  const Backend& backend_;
-  std::vector<Preparation> preparations_;
-  bool prepare_first_;
+  UnitSetup setup_;
   std::function<void(Call&, CallEnd)> done_;
   MachineClock clock_;
   std::unique_ptr<Device> device_;  ///< As kernels_: of the unit's thread.
   std::map<const Workload*, Prepared> kernels_;
 
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable changed_;
   bool ready_ = false;
-  bool stopping_ = false;
+  std::string remark_;
   std::exception_ptr failure_;
+  std::optional<Running> running_;
+  std::atomic<bool> stopping_ = false;
+  std::atomic<bool> abandoned_ = false;
+  std::atomic<std::size_t> waiting_ = 0;  ///< How many calls_ are.
   std::deque<Call> calls_;
   std::jthread thread_;  ///< Last: all else is there before it and after it.
 };

@@ -1,5 +1,6 @@
 #include "scheduler/runtime/live_run.h"
 
+#include <algorithm>
 #include <condition_variable>
 #include <map>
 #include <memory>
@@ -8,53 +9,19 @@
 
 #include "characterize/platform/unit_request.h"
 #include "scheduler/runtime/kernel_unit.h"
+#include "scheduler/runtime/output_pool.h"
+#include "scheduler/runtime/samples.h"
+#include "scheduler/runtime/time_limit.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog.h"
-#include "workloads/images.h"
 #include "workloads/registry.h"
 
 namespace pirt {
 namespace {
 
 constexpr std::size_t kMostProblems = 10;
-
-/// Inputs that no port feeds, and the parameters: of each workload its recorded sequence.
-class Samples {
- public:
-  explicit Samples(std::uint64_t seed) : seed_(seed), images_(generated_images(seed)) {}
-
-  /// @param firing  Number of the firing: which frame of the sequence.
-  const std::shared_ptr<const Data>& of(const Workload& workload, std::uint64_t firing) {
-    auto& frames = frames_[&workload];
-    if (frames.empty()) {
-      for (int frame = 0; frame < workload.frames; ++frame) {
-        frames.push_back(std::make_shared<const Data>(
-            workload.make_data({.seed = seed_, .images = images_.get(), .frame = frame})));
-      }
-    }
-    return frames[firing % frames.size()];
-  }
-
- private:
-  std::uint64_t seed_;
-  std::unique_ptr<ImageSource> images_;
-  std::map<const Workload*, std::vector<std::shared_ptr<const Data>>> frames_;
-};
-
-/// Output tensors that nobody reads any more are written again.
-class OutputPool {
- public:
-  std::shared_ptr<std::vector<Tensor>> take(const Workload& workload) {
-    auto& pool = pools_[&workload];
-    for (const auto& each : pool) {
-      if (each.use_count() == 1) return each;
-    }
-    return pool.emplace_back(std::make_shared<std::vector<Tensor>>(make_tensors(workload.outputs)));
-  }
-
- private:
-  std::map<const Workload*, std::vector<std::shared_ptr<std::vector<Tensor>>>> pools_;
-};
+/// How often calls are looked at that may run too long, and whether the run shall stop.
+constexpr Nanos kLook = std::chrono::milliseconds(50);
 
 class LiveRun final : public Executor {
  public:
@@ -65,7 +32,7 @@ class LiveRun final : public Executor {
         samples_(scenario.seed),
         time_(scenario, dispatcher, observer, this, computed_units(scenario)) {
     for (const MixState& state : scenario.mix.states) {
-      states_.push_back(std::make_unique<StateValue>(find_workload(state.workload)));
+      states_.push_back(std::make_shared<StateValue>(find_workload(state.workload)));
     }
   }
 
@@ -78,6 +45,9 @@ class LiveRun final : public Executor {
       std::unique_lock lock(mutex_);
       time_.begin();
       pace(lock);
+    }
+    for (auto& [unit, each] : units_) {
+      if (each->abandoned()) KernelUnit::leave(std::move(each));
     }
     units_.clear();  // Their threads end.
     result_.tally = time_.finish();
@@ -93,7 +63,7 @@ class LiveRun final : public Executor {
     Call call{.workload = &workload,
               .inputs = {},
               .outputs = outputs_.take(workload),
-              .state = task.state ? states_[*task.state].get() : nullptr,
+              .state = task.state ? states_[*task.state] : nullptr,
               .intended = time_.intended(job),
               .token = job};
     for (const Tensor& each : samples_.of(workload, place.firing)->inputs) {
@@ -129,8 +99,11 @@ class LiveRun final : public Executor {
       const auto backend = &find_backend(model.backend);
       say("opening " + model.name);
       units_[unit] = std::make_unique<KernelUnit>(
-          make_unit_request(scenario_.platform, model, ""), *backend, preparations(unit),
-          options_.prepare_first, [this](Call& call, CallEnd end) { ended(call, std::move(end)); });
+          UnitSetup{.request = make_unit_request(scenario_.platform, model, ""),
+                    .backend = backend,
+                    .preparations = preparations(unit),
+                    .prepare_first = options_.prepare_first},
+          [this](Call& call, CallEnd end) { ended(call, std::move(end)); });
     }
     for (const auto& [unit, each] : units_) {
       each->wait_until_ready();
@@ -154,18 +127,70 @@ class LiveRun final : public Executor {
 
   /// Lets events happen when their time has come, until none is left and nothing computes.
   void pace(std::unique_lock<std::mutex>& lock) {
+    Nanos look = now() + kLook;
     while (true) {
       const Nanos next = time_.next();
-      if (next <= now()) {
+      if (now() >= look) {
+        if (!goes_on()) return;
+        look = now() + kLook;
+      } else if (next <= now()) {
         time_.advance(now());
-      } else if (next != Nanos::max()) {
-        changed_.wait_until(lock, std::chrono::steady_clock::time_point(start_ + next));
-      } else if (computing_ > 0) {
-        changed_.wait(lock);
+      } else if (next != Nanos::max() || computing_ > 0) {
+        const Nanos until = std::min(next, look);
+        changed_.wait_until(lock, std::chrono::steady_clock::time_point(start_ + until));
       } else {
         return;
       }
     }
+  }
+
+  /// Takes units out of service whose call does not end. False: nothing is waited for any more.
+  bool goes_on() {
+    for (auto& [unit, each] : units_) {
+      const auto call = each->running();
+      if (call && clock_.now() - call->since > limit_of(unit, call->token)) abandon(unit, *call);
+    }
+    const int stops = options_.stop ? options_.stop() : 0;
+    if (stops > 0 && !result_.stopped) {
+      result_.stopped = true;
+      time_.stop(now());
+    }
+    return stops < 2;
+  }
+
+  [[nodiscard]] Nanos limit_of(UnitId unit, std::uint64_t token) const {
+    if (options_.time_limit) return *options_.time_limit;
+    const Firings::Place& place = time_.firings().place(static_cast<JobIndex>(token));
+    const WorkloadId workload = scenario_.classes[place.pipeline][place.task].workload;
+    return time_limit(scenario_.services.find(workload, unit)->total());
+  }
+
+  /// What the call has is never used again; its state is that of before.
+  void abandon(UnitId unit, const KernelUnit::Running& call) {
+    KernelUnit& each = *units_.at(unit);
+    const auto behind = each.abandon(call.token);
+    if (!behind) return;
+    const auto job = static_cast<JobIndex>(call.token);
+    const Firings::Place place = time_.firings().place(job);
+    const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
+    if (task.state) states_[*task.state] = std::make_shared<StateValue>(*states_[*task.state]);
+    const Nanos ran = clock_.now() - call.since;
+    add_problem(overdue(task.workload, each.name(), ran));
+    time_.set_unit(unit, UnitState::kDown, now());
+    end_computing(job, Outcome::kFailed, ran);
+    for (const std::uint64_t token : *behind) {
+      end_computing(static_cast<JobIndex>(token), Outcome::kReturned, Nanos::zero());
+    }
+  }
+
+  void end_computing(JobIndex job, Outcome outcome, Nanos busy) {
+    --computing_;
+    time_.finished(job, outcome, busy, nullptr, now());
+  }
+
+  void add_problem(const std::string& problem) {
+    ++result_.failed_calls;
+    if (result_.problems.size() < kMostProblems) result_.problems.push_back(problem);
   }
 
   /// From a unit's thread.
@@ -173,11 +198,9 @@ class LiveRun final : public Executor {
     const std::lock_guard lock(mutex_);
     const auto job = static_cast<JobIndex>(call.token);
     const Firings::Place place = time_.firings().place(job);
-    if (!end.problem.empty()) {
-      ++result_.failed_calls;
-      if (result_.problems.size() < kMostProblems) result_.problems.push_back(end.problem);
-    }
+    if (!end.problem.empty()) add_problem(end.problem);
     const bool completed = end.outcome == Outcome::kCompleted;
+    if (completed && call.state) call.state->commit(end.version);
     if (completed && options_.sink) options_.sink(place, *call.outputs);
     call.inputs.clear();  // Before the firing that made them may be over.
     --computing_;
@@ -196,7 +219,7 @@ class LiveRun final : public Executor {
   std::condition_variable changed_;
   Samples samples_;
   OutputPool outputs_;
-  std::vector<std::unique_ptr<StateValue>> states_;
+  std::vector<std::shared_ptr<StateValue>> states_;
   VirtualTime time_;
   int computing_ = 0;
   LiveResult result_;

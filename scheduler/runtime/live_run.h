@@ -35,6 +35,12 @@ struct LiveOptions {
   /// Devices are opened and kernels prepared before the first firing; otherwise kernels are
   /// prepared by the first task that needs them.
   bool prepare_first = true;
+  /// Of each call; a unit whose call takes longer is out of service from then on. Absent = by what
+  /// the call is expected to take, see time_limit.h.
+  std::optional<Nanos> time_limit = {};
+  /// How often somebody wanted the run to stop: once, nothing fires any more and what has fired is
+  /// finished; twice, nothing more is waited for but the calls that run. Empty = never.
+  std::function<int()> stop = {};
   OutputSink sink;                                   ///< Empty = nobody takes them.
   std::function<void(const std::string&)> progress;  ///< One line; empty = nobody reads it.
 };
@@ -45,6 +51,7 @@ struct LiveResult {
   std::optional<Nanos> first_call;    ///< Of the first computed task that completed.
   std::vector<std::string> problems;  ///< Calls that failed, by name; the first few.
   std::int64_t failed_calls = 0;
+  bool stopped = false;  ///< Before its time, by LiveOptions::stop.
 };
 
 /// @param observer  Null = none; called behind the mutex.

@@ -3,6 +3,7 @@
 // calls nobody, so that virtual time and the live driver share it.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -30,6 +31,7 @@ class Firings {
 
   /// Nothing fires from then on.
   [[nodiscard]] Nanos end() const { return end_; }
+  void stop(Nanos now) { end_ = std::min(end_, now); }
 
   // When: pipelines with a rate are asked for their next time after each firing; closed loops fire
   // so often at the begin, and then whenever next_loop says so.

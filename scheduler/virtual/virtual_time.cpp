@@ -308,6 +308,22 @@ void VirtualTime::finished(JobIndex index, Outcome outcome, Nanos busy,
   settle();
 }
 
+void VirtualTime::set_unit(UnitId unit, UnitState state, Nanos now) {
+  while (next() <= now) advance(now);
+  now_ = std::max(now_, now);
+  must(dispatcher_.set_unit(unit, state, now_, starts_));
+  settle();
+}
+
+void VirtualTime::stop(Nanos now) {
+  while (next() <= now) advance(now);
+  now_ = std::max(now_, now);
+  firings_.stop(now_);
+  if (!at_end_) close_books(now_);
+  std::erase_if(timers_, &Timer::fires);
+  std::ranges::make_heap(timers_, std::greater{});
+}
+
 void VirtualTime::add_timer(Nanos at, bool fires, std::uint32_t index) {
   timers_.push_back({{at, sequence_++}, fires, index});
   std::ranges::push_heap(timers_, std::greater{});

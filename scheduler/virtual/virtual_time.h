@@ -71,6 +71,10 @@ class VirtualTime {
   /// @param data  What it made.
   void finished(JobIndex job, Outcome outcome, Nanos busy,
                 std::shared_ptr<const std::vector<Tensor>> data, Nanos now);
+  /// The unit is up or not from now on; see Dispatcher.
+  void set_unit(UnitId unit, UnitState state, Nanos now);
+  /// Nothing fires any more, and what is counted is counted by now; what has fired is finished.
+  void stop(Nanos now);
   [[nodiscard]] Tally finish();
   [[nodiscard]] const Firings& firings() const { return firings_; }
   /// What is to become of a call, on purpose: kCompleted where no faults are wanted.

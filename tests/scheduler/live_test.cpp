@@ -88,7 +88,7 @@ class Serial {
     kernel->upload();
     kernel->execute(1);
     kernel->download();
-    if (state != nullptr) state->commit();
+    if (state != nullptr) state->commit(0);
     return outputs;
   }
   std::vector<Tensor> camera(const Workload& workload) {
@@ -186,6 +186,83 @@ workloads:
   EXPECT_EQ(run.dropped, 5);
   EXPECT_EQ(run.pipelines[0].dropped, 5);
   EXPECT_THAT(run.warnings, Contains(HasSubstr("failed: gaussian_blur on cpu")));
+}
+
+/// One unit hangs at its first call, the other computes.
+constexpr const char* kHanging = R"(
+platform: board
+units:
+  gpu: {backend: fake, slots: 2, active_w: 1, script: {clock: wall, hang: [background_model]}}
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+workloads:
+  background_model: {gpu: [{on: gpu, ms: 0.01, name: execute}], cpu: [{on: cpu, ms: 5}]}
+)";
+constexpr const char* kHangingMix = R"(
+mix: m
+pipelines:
+  p:
+    closed_loop: {frames: 12}
+    tasks: [{name: model, workload: background_model}]
+)";
+
+TEST(Live, AUnitThatHangsIsTakenOutOfServiceAndItsStateIsThatOfBefore) {
+  Outputs outputs;
+  ScheduleOptions options;
+  options.mode = "met";  // First to the unit that hangs.
+  options.in_flight = 4;
+  const std::string trace = testing::TempDir() + "/hang_trace.json";
+  options.trace = trace;
+  LiveOptions how;
+  how.prepare_first = false;
+  how.time_limit = std::chrono::milliseconds(200);
+  how.sink = [&](const Firings::Place& place, std::span<const Tensor> made) {
+    outputs[{place.task, place.firing}] = bytes_of(made);
+  };
+  const Mix mix = mix_of(kHangingMix);
+  const RunRecord run =
+      run_live(parse_platform("test.yaml", kHanging, {}, 1), nullptr, mix, options, how);
+  EXPECT_EQ(run.failed, 1);
+  EXPECT_EQ(run.completed, 11);
+  EXPECT_THAT(run.warnings, Contains(HasSubstr("background_model on gpu: no end after")));
+  // The first call committed nothing, so that the second begins with the state of before it.
+  const Workload& model = find_workload("background_model");
+  Serial cpu;
+  StateValue state(model);
+  const auto images = generated_images(1);
+  for (std::uint64_t firing = 1; firing < 12; ++firing) {
+    const int frame = static_cast<int>(firing % static_cast<std::uint64_t>(model.frames));
+    Data data = model.make_data({.seed = 1, .images = images.get(), .frame = frame});
+    const auto made = cpu.call(model, std::move(data.inputs), &state);
+    EXPECT_EQ((outputs[{0, firing}] == bytes_of(made)), true) << firing;
+  }
+  EXPECT_FALSE(replay(load_trace_log(trace), trace).difference);
+}
+
+TEST(Live, StopsWhenItIsAskedTo) {
+  for (const int times : {1, 2}) {
+    const Mix mix = mix_of(R"(
+mix: m
+pipelines:
+  p:
+    rate_hz: 50
+    tasks: [{workload: gaussian_blur}]
+  q:
+    closed_loop: {frames: 1000000}
+    tasks: [{workload: sobel}]
+)");
+    ScheduleOptions options;
+    options.mode = "ect";
+    options.duration = std::chrono::hours(1);
+    LiveOptions how;
+    int looks = 0;
+    how.stop = [&] { return ++looks < 3 ? 0 : times; };
+    const RunRecord run =
+        run_live(parse_platform("test.yaml", kBoard, {}, 1), nullptr, mix, options, how);
+    EXPECT_THAT(run.warnings, Contains(HasSubstr("stopped")));
+    EXPECT_LT(run.makespan_s, 60);
+    EXPECT_GT(run.completed, 0);
+    EXPECT_EQ(run.submitted, run.completed + run.failed + run.dropped + run.expired + run.queued);
+  }
 }
 
 }  // namespace

@@ -1,0 +1,190 @@
+#include "scheduler/policies/setup.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "scheduler/planner/mix_plan.h"
+#include "scheduler/policies/unit_order.h"
+#include "scheduler/policies/weights.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+/// The platform's defaults for the mode; those of its basic scheduler where the platform has none
+/// for advanced.
+struct Defaults {
+  const ModeDefaults* mode = nullptr;  ///< Null if there are none.
+  std::string_view name;
+};
+
+Defaults defaults_of(const Platform& platform, const Mode& mode) {
+  const auto known = policy_names();
+  for (const auto& [name, defaults] : platform.modes) {
+    if (std::ranges::find(known, name) == known.end()) {
+      throw_bad_input("platform " + platform.name + ": modes: unknown mode '" + name + "'" +
+                      suggestion(name, known));
+    }
+  }
+  for (const std::string_view name : {mode.policy.name, mode.weighed().name}) {
+    const auto found = platform.modes.find(std::string(name));
+    if (found != platform.modes.end()) return {&found->second, name};
+  }
+  return {};
+}
+
+/// Weights, and where they come from; both empty for modes without.
+struct ChosenWeights {
+  WeightTable table;
+  std::optional<std::string> source;
+};
+
+ChosenWeights choose_weights(const Scenario& scenario, const ScheduleOptions& options,
+                             const Mode& mode, const Defaults& defaults) {
+  const Platform& platform = scenario.platform;
+  const WeightRule rule = mode.weighed().rule;
+  const std::string in_platform =
+      "platform " + platform.name + ": modes." + std::string(defaults.name) + ".weights";
+  const bool platform_has = defaults.mode != nullptr && !defaults.mode->weights.empty();
+  if (rule == WeightRule::kNone) {
+    if (options.weights.empty() && !platform_has) return {};
+    throw_bad_input((platform_has ? in_platform : std::string("--weights")) + ": mode " +
+                    std::string(mode.weighed().name) + " has no weights; leave them out");
+  }
+  if (!options.weights.empty()) {
+    return {given_weights(options.weights, platform, scenario.services, "--weights"), "given"};
+  }
+  if (platform_has) {
+    return {given_weights(defaults.mode->weights, platform, scenario.services, in_platform),
+            "platform"};
+  }
+  return {derive_weights(rule, platform, scenario.services), "derived"};
+}
+
+/// By pipeline; 0 for open loops.
+std::vector<int> choose_in_flight(const Scenario& scenario, const ScheduleOptions& options,
+                                  const Defaults& defaults) {
+  std::vector<int> in_flight;
+  for (std::size_t p = 0; p < scenario.mix.pipelines.size(); ++p) {
+    int frames = 0;
+    if (scenario.mix.pipelines[p].frames) {
+      if (options.in_flight) {
+        frames = *options.in_flight;
+      } else if (defaults.mode != nullptr && defaults.mode->in_flight) {
+        frames = *defaults.mode->in_flight;
+      } else {
+        // What keeps the units busy with the pipeline's most spread-out workload.
+        for (const auto& kind : scenario.classes[p]) {
+          frames = std::max(frames, in_flight_for(kind, scenario.platform, scenario.services));
+        }
+      }
+    }
+    in_flight.push_back(frames);
+  }
+  return in_flight;
+}
+
+void check_options(const Platform& platform, const Mix& mix, const ScheduleOptions& options,
+                   const Mode& mode) {
+  if (platform.units.size() > kMaxUnits) {
+    throw_bad_input("platform " + platform.name + " has " + std::to_string(platform.units.size()) +
+                    " units; at most " + std::to_string(kMaxUnits) + " can be scheduled");
+  }
+  if (options.in_flight && *options.in_flight < 1) {
+    throw_bad_input("--in-flight is " + std::to_string(*options.in_flight) + "; it is at least 1");
+  }
+  if (options.duration && *options.duration <= Nanos::zero())
+    throw_bad_input("--duration must be above 0");
+  if (options.duration && !mix.open_loop()) {
+    throw_bad_input("--duration is for pipelines with a rate; mix " + mix.name +
+                    " has closed loops only");
+  }
+  if (options.overflow && !mode.weighed().overflows) {
+    throw_bad_input("--overflow is about the queues of Algorithms 2 and 3; mode " +
+                    std::string(mode.weighed().name) + " has none, leave it out");
+  }
+}
+
+void check_role(const Platform& platform, const PolicyInfo& policy) {
+  if (!policy.needs_role) return;
+  std::vector<std::string> units;
+  for (const auto& unit : platform.units) {
+    if (unit.role == policy.needs_role) return;
+    units.push_back(unit.name + " (" + std::string(to_string(unit.role)) + ")");
+  }
+  throw_bad_input("mode " + std::string(policy.name) + " needs a unit of role " +
+                  std::string(to_string(*policy.needs_role)) + "; platform " + platform.name +
+                  " has " + join(units, ", "));
+}
+
+/// A task that the policy would never give to any unit would wait for ever.
+void check_every_task_placeable(const Scenario& scenario, const Policy& policy, const Mode& mode) {
+  for (std::size_t p = 0; p < scenario.classes.size(); ++p) {
+    for (std::size_t t = 0; t < scenario.classes[p].size(); ++t) {
+      const TaskClass& kind = scenario.classes[p][t];
+      if (policy.takers(kind, kind.eligible) != 0) continue;
+      const auto& pipeline = scenario.mix.pipelines[p];
+      const bool weighted = mode.policy.rule != WeightRule::kNone;
+      throw_bad_input(task_name(scenario.mix, pipeline, pipeline.tasks[t]) + ": mode " +
+                      std::string(mode.policy.name) + " would never place it: only " +
+                      unit_list(scenario.platform, kind.eligible) + " may serve it, " +
+                      (weighted ? "to which the mode gives no weight; give one with --weights, "
+                                  "or another mode"
+                                : "which the mode does not use; give another mode"));
+    }
+  }
+}
+
+/// Plans the mix if the mode does, and gives each task its entry in the plan.
+MixPlan make_plan(const Mode& mode, Scenario& scenario) {
+  if (mode.policy.planner == nullptr) return {};
+  std::uint32_t entry = 0;
+  for (auto& pipeline : scenario.classes) {
+    for (auto& kind : pipeline) kind.entry = entry++;
+  }
+  return plan_mix(scenario, mode.policy.planner);
+}
+
+}  // namespace
+
+ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mix& mix,
+                      const ScheduleOptions& options) {
+  const Mode mode = find_mode(options.mode, options.basic);
+  check_options(platform, mix, options, mode);
+  const Defaults defaults = defaults_of(platform, mode);
+  check_role(platform, mode.policy);
+  check_role(platform, mode.weighed());
+  ServiceOptions service_options;
+  service_options.allow_invalid = options.allow_invalid;
+  service_options.draw = options.draw;
+  if (defaults.mode != nullptr) service_options.stage_scale = defaults.mode->stage_scale;
+  Scenario scenario =
+      make_scenario(platform, profile, mix, std::move(service_options), mode.policy.cloud_use);
+  scenario.in_flight = choose_in_flight(scenario, options, defaults);
+  scenario.duration = options.duration.value_or(kDefaultDuration);
+  scenario.seed = options.seed;
+  scenario.faults = options.faults;
+
+  PolicySetup setup;
+  setup.roles = roles_of(platform);
+  for (const auto& unit : platform.units) setup.servers.push_back(unit.servers);
+  setup.costs = call_costs(platform, scenario.services);
+  setup.plan = make_plan(mode, scenario);
+  ChosenWeights weights = choose_weights(scenario, options, mode, defaults);
+  setup.weights = std::move(weights.table);
+  setup.literal_overflow = options.overflow == Overflow::kLiteral;
+  setup.basic = mode.basic;
+  auto policy = mode.policy.make(setup);
+  check_every_task_placeable(scenario, *policy, mode);
+  std::vector<std::optional<int>> slots;
+  for (const auto& unit : platform.units) slots.push_back(unit.slots);
+  return {.mode = mode,
+          .scenario = std::move(scenario),
+          .slots = std::move(slots),
+          .policy_setup = std::move(setup),
+          .policy = std::move(policy),
+          .weights_from = std::move(weights.source)};
+}
+
+}  // namespace pirt

@@ -1,0 +1,68 @@
+// From a platform, a profile, a mix and a mode to what a dispatcher is made of: the same for
+// virtual time, live runs and the runtime.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "characterize/platform/platform.h"
+#include "characterize/profile/profile.h"
+#include "scheduler/mix/mix.h"
+#include "scheduler/policies/policy.h"
+#include "scheduler/services/faults.h"
+#include "scheduler/services/scenario.h"
+#include "scheduler/services/services.h"
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+inline constexpr Nanos kDefaultDuration = std::chrono::seconds(60);
+
+/// What Algorithms 2 and 3 do when all queues are full.
+enum class Overflow : std::uint8_t {
+  kHold,     ///< The task waits.
+  kLiteral,  ///< As printed: the `else`.
+};
+
+struct ScheduleOptions {
+  std::string mode;                  ///< A name of policies().
+  std::string basic = "throughput";  ///< Fallback of mode advanced.
+  std::map<std::string, int>
+      weights;                   ///< By unit; empty = the platform's for the mode, else derived.
+  std::optional<int> in_flight;  ///< Frames in flight of closed loops; absent = the platform's,
+                                 ///< else what keeps the units busy.
+  std::optional<Overflow> overflow;  ///< Absent = hold.
+  bool allow_invalid = false;        ///< Use profile rows that are not valid.
+  Draw draw = Draw::kMedian;         ///< What a profile's rows take.
+  std::optional<Nanos> duration;     ///< Of open loops; absent = kDefaultDuration.
+  std::uint64_t seed = 1;
+  std::optional<Faults> faults;      ///< Calls that do not complete; absent = none.
+  std::optional<std::string> trace;  ///< Path; see trace/trace_writer.h.
+};
+
+/// What makes a dispatcher, and what it was made from.
+struct ModeSetup {
+  Mode mode;
+  Scenario scenario;
+  std::vector<std::optional<int>> slots;  ///< By unit.
+  PolicySetup policy_setup;
+  std::unique_ptr<Policy> policy;
+  std::optional<std::string>
+      weights_from;  ///< "given", "platform", "derived"; absent = no weights.
+};
+
+/// @param platform  As @p mix, must outlive what is returned.
+/// @param profile  Null = only what the platform file says.
+/// @throws Error{kBadInput}: unknown mode, bad weights, a duration or in_flight below 1, a duration
+/// for a mix without open loop, an overflow for a mode that has none, `eligible` that names
+/// nothing, a platform of more than 64 units, a profile of another platform, a workload that no
+/// unit (or none that the mode uses) can serve: then with each unit's reason and the command that
+/// measures it.
+[[nodiscard]] ModeSetup set_up_mode(const Platform& platform, const Profile* profile,
+                                    const Mix& mix, const ScheduleOptions& options);
+
+}  // namespace pirt

@@ -1,0 +1,189 @@
+// The runtime: a robot's program submits tasks and never names a device.
+//
+// At its start it opens every unit of the platform on a thread of its own and prepares on each what
+// it will be asked for. From then on each task goes to the unit that the mode chooses when the task
+// is ready, and its outputs, a future and a callback tell of its end. Tasks follow each other by
+// taking outputs of others, or by `after`.
+//
+// Threads: every function here may be called from any thread, and from callbacks, but for those
+// that wait (TaskFuture::wait and get, Runtime::wait_all, submit where the runtime is full): from a
+// callback or a kernel they would wait for themselves, and throw std::logic_error instead.
+// A callback runs on the thread of the unit that ended the task, or on one that submits or cancels;
+// the unit takes nothing new meanwhile, so that it should be short. What it throws is counted, and
+// told by statistics().
+//
+// Example:
+//     pirt::Runtime runtime({.workloads = {"undistort", "gaussian_blur"}});
+//     auto flat = runtime.submit("undistort", {frame});
+//     auto blurred = runtime.submit("gaussian_blur", {flat.output(0)}, {.real_time = true});
+//     use(blurred.get()[0]);
+// A whole robot: tests/examples/robot.cpp.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "characterize/platform/platform.h"
+#include "characterize/profile/profile.h"
+#include "scheduler/record/histogram.h"
+#include "workloads/base/time.h"
+#include "workloads/tensor.h"
+
+namespace pirt {
+
+namespace runtime {
+struct Submitted;
+}
+
+enum class TaskEnd : std::uint8_t {
+  kCompleted,
+  kFailed,     ///< Its kernel threw, or no unit is left to try; TaskFuture::problem says why.
+  kDropped,    ///< A task that it comes after did not complete.
+  kExpired,    ///< It had not started in time.
+  kCancelled,  ///< By Runtime::cancel, or as its runtime ended.
+};
+[[nodiscard]] std::string_view to_string(TaskEnd end);
+
+/// One output of a task.
+struct TaskOutput {
+  std::shared_ptr<runtime::Submitted> task;
+  std::size_t index = 0;
+};
+
+/// Of one task; copies are of the same. Its outputs stay as they are while one of them is there.
+class TaskFuture {
+ public:
+  TaskFuture() = default;
+  explicit TaskFuture(std::shared_ptr<runtime::Submitted> task) : task_(std::move(task)) {}
+
+  [[nodiscard]] bool valid() const { return task_ != nullptr; }
+  /// Absent until the task has ended.
+  [[nodiscard]] std::optional<TaskEnd> end() const;
+  /// Until it has ended, and its callback has returned.
+  TaskEnd wait() const;
+  /// The outputs, as Workload::outputs; waits for them.
+  /// @throws Error{kEnvironment} with the reason if the task did not complete.
+  [[nodiscard]] std::span<const Tensor> get() const;
+  /// For tasks that take it as an input.
+  [[nodiscard]] TaskOutput output(std::size_t index) const { return {task_, index}; }
+  /// The name of the unit that it ran on last; empty if it never did.
+  [[nodiscard]] std::string unit() const;
+  /// Why it failed; empty if it did not. Valid once it has ended.
+  [[nodiscard]] std::string problem() const;
+
+ private:
+  friend class Runtime;
+  std::shared_ptr<runtime::Submitted> task_;
+};
+
+/// What a task takes: data that is there, shared and not copied, so that nobody may write it until
+/// the task has ended; or what another task will have made.
+class TaskInput {
+ public:
+  TaskInput(const Tensor& tensor) : tensor_(tensor.share()) {}  // NOLINT: by design.
+  TaskInput(TaskOutput output) : output_(std::move(output)) {}  // NOLINT
+  TaskInput(const TaskInput& other) : tensor_(other.tensor_.share()), output_(other.output_) {}
+  TaskInput(TaskInput&&) = default;
+
+ private:
+  friend class Runtime;
+  Tensor tensor_;
+  TaskOutput output_;  ///< Without a task: tensor_ it is.
+};
+
+/// A workload that pirt does not have.
+struct OwnWorkload {
+  std::string name;
+  std::vector<TensorSpec> inputs;
+  std::vector<TensorSpec> outputs;
+  /// By name of a unit, or of a backend for all its units. Called on the unit's thread; outputs may
+  /// hold what was written to them earlier. What one throws fails the task.
+  std::map<std::string, std::function<void(std::span<const Tensor>, std::span<Tensor>)>> kernels;
+  /// What a call takes, by unit, for modes that look at it; absent = one millisecond.
+  std::map<std::string, Nanos> expected = {};
+};
+
+struct RuntimeOptions {
+  /// Its units with a backend are used, and others for which some workload has a kernel.
+  Platform platform = load_platform("host");
+  /// Measured on the platform. Absent = all units count as equally fast; with one, a unit serves
+  /// what it has a valid row of.
+  std::optional<Profile> profile = {};
+  std::string mode = "ect";                 ///< Any that plans nothing ahead (pirt list modes).
+  std::vector<std::string> workloads = {};  ///< Of the catalogue, that will be submitted.
+  std::vector<OwnWorkload> own = {};
+  bool prepare_first = true;  ///< Else each kernel is prepared when its first task runs.
+  /// Tasks that have not ended: submit waits while there are so many.
+  std::size_t most_tasks = 65'536;
+  /// A call that takes longer puts its unit out of service. Absent = 50 times what it is expected
+  /// to take, and at least 2 s; never where that is not known.
+  std::optional<Nanos> time_limit = {};
+  int priority = 0;  ///< Above 0: units' threads at this real-time priority, where permitted.
+  std::function<void(const std::string&)> progress = {};  ///< A line each while it starts.
+};
+
+struct TaskOptions {
+  bool real_time = false;                  ///< May not go to the cloud.
+  std::optional<Nanos> deadline = {};      ///< From now on; for modes that look at it.
+  std::optional<Nanos> expires = {};       ///< From now on: not started by then, it is given up.
+  std::vector<TaskFuture> after = {};      ///< That have to complete first, besides the inputs'.
+  std::vector<std::string> eligible = {};  ///< Units that may serve it; empty = all that can.
+};
+
+/// Since the runtime's start.
+struct RuntimeStatistics {
+  struct Unit {
+    std::string name;
+    bool in_service = true;
+    std::int64_t completed = 0;
+    Nanos busy{0};
+    Histogram latency;  ///< Of its tasks, from the decision to the end.
+  };
+  std::vector<Unit> units;
+  /// submitted = completed + failed + dropped + expired + cancelled + live, at every moment.
+  std::int64_t submitted = 0, completed = 0, failed = 0, dropped = 0, expired = 0, cancelled = 0;
+  std::int64_t live = 0;
+  std::int64_t returned = 0;          ///< How often a unit gave a task back, to be tried elsewhere.
+  Nanos set_up{0};                    ///< What the start took.
+  std::vector<std::string> problems;  ///< The first few: failed calls, lost units, callbacks.
+};
+
+class Runtime {
+ public:
+  /// @throws Error{kBadInput}: an unknown mode or one that plans ahead, an unknown workload, a
+  /// workload that no unit can serve (with each unit's reason); Error{kEnvironment}: a device that
+  /// cannot be opened or a kernel that cannot be prepared.
+  explicit Runtime(RuntimeOptions options);
+  /// Cancels what has not started and waits for what runs.
+  ~Runtime();
+  Runtime(const Runtime&) = delete;
+  Runtime& operator=(const Runtime&) = delete;
+
+  using Callback = std::function<void(const TaskFuture& task, TaskEnd end)>;
+  /// @param inputs    As Workload::inputs.
+  /// @param callback  Called once when the task has ended; may be empty.
+  /// @throws Error{kBadInput}: a workload that is not among the options', inputs that do not fit,
+  /// units that cannot serve it. std::logic_error: see above.
+  TaskFuture submit(std::string_view workload, std::vector<TaskInput> inputs,
+                    TaskOptions options = {}, Callback callback = {});
+  /// The task ends as cancelled, and what comes after it as dropped. One that runs goes on to its
+  /// end; what it makes is lost. Does nothing if it has ended.
+  void cancel(const TaskFuture& task);
+  /// Until no task is left that has not ended.
+  void wait_all();
+  [[nodiscard]] RuntimeStatistics statistics() const;
+
+ private:
+  class Engine;
+  std::unique_ptr<Engine> engine_;
+};
+
+}  // namespace pirt

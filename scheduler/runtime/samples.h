@@ -1,0 +1,37 @@
+// Inputs that nobody else gives, and the parameters: of each workload its recorded sequence.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <vector>
+
+#include "workloads/images.h"
+#include "workloads/workload.h"
+
+namespace pirt {
+
+/// Used by one thread at a time.
+class Samples {
+ public:
+  explicit Samples(std::uint64_t seed) : seed_(seed), images_(generated_images(seed)) {}
+
+  /// @param firing  Number of the firing: which frame of the sequence.
+  const std::shared_ptr<const Data>& of(const Workload& workload, std::uint64_t firing) {
+    auto& frames = frames_[&workload];
+    if (frames.empty()) {
+      for (int frame = 0; frame < workload.frames; ++frame) {
+        frames.push_back(std::make_shared<const Data>(
+            workload.make_data({.seed = seed_, .images = images_.get(), .frame = frame})));
+      }
+    }
+    return frames[firing % frames.size()];
+  }
+
+ private:
+  std::uint64_t seed_;
+  std::unique_ptr<ImageSource> images_;
+  std::map<const Workload*, std::vector<std::shared_ptr<const Data>>> frames_;
+};
+
+}  // namespace pirt

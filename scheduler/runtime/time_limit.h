@@ -1,0 +1,25 @@
+// How long a call may take before its unit is taken for one that hangs.
+#pragma once
+
+#include <algorithm>
+#include <string>
+
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+/// @param expected  What the call is expected to take.
+[[nodiscard]] inline Nanos time_limit(Nanos expected) {
+  constexpr Nanos kLeast = std::chrono::seconds(2);  // A busy machine, a kernel's first call.
+  constexpr int kTimes = 50;
+  return std::max(kLeast, kTimes * expected);
+}
+
+/// For whoever reads what went wrong.
+[[nodiscard]] inline std::string overdue(const std::string& workload, const std::string& unit,
+                                         Nanos ran) {
+  return workload + " on " + unit + ": no end after " + std::to_string(to_ms(ran)) +
+         " ms; the unit is out of service from then on";
+}
+
+}  // namespace pirt

@@ -1,0 +1,403 @@
+// The runtime library: what a program submits is computed once, wherever, and told; whatever fails,
+// counts balance and nobody waits for ever. No test looks at how long anything took.
+#include "scheduler/runtime/runtime.h"
+
+#include <atomic>
+#include <latch>
+#include <mutex>
+#include <semaphore>
+#include <stdexcept>
+#include <thread>
+
+#include "tests/scheduler/support.h"
+#include "tests/support/errors.h"
+#include "workloads/base/random.h"
+#include "workloads/catalog.h"
+#include "workloads/images.h"
+#include "workloads/registry.h"
+
+namespace pirt::test {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+constexpr const char* kTwoUnits = R"(
+platform: two
+units:
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+  gpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+)";
+
+const TensorSpec kNumber{.name = "number", .element = Element::kF64, .shape = {1}};
+
+Tensor number(double value) {
+  Tensor tensor(kNumber);
+  tensor.as<double>()[0] = value;
+  return tensor;
+}
+double value_of(std::span<const Tensor> tensors) { return tensors[0].as<double>()[0]; }
+
+using Function = std::function<void(std::span<const Tensor>, std::span<Tensor>)>;
+
+/// Of numbers, on both units.
+OwnWorkload own(const std::string& name, int inputs, Function function) {
+  return {.name = name,
+          .inputs = std::vector<TensorSpec>(static_cast<std::size_t>(inputs), kNumber),
+          .outputs = {kNumber},
+          .kernels = {{"cpu", std::move(function)}}};  // The backend of both.
+}
+OwnWorkload adding() {
+  return own("add", 2, [](std::span<const Tensor> in, std::span<Tensor> out) {
+    out[0].as<double>()[0] = in[0].as<double>()[0] + in[1].as<double>()[0];
+  });
+}
+
+RuntimeOptions options_with(std::vector<OwnWorkload> own, const char* platform = kTwoUnits) {
+  RuntimeOptions options;
+  options.platform = parse_platform("test.yaml", platform, {}, 2);
+  options.own = std::move(own);
+  return options;
+}
+
+void expect_balance(const RuntimeStatistics& statistics) {
+  EXPECT_EQ(statistics.submitted, statistics.completed + statistics.failed + statistics.dropped +
+                                      statistics.expired + statistics.cancelled + statistics.live);
+}
+
+TEST(Runtime, ComputesWhatIsSubmittedAlongItsData) {
+  for (const char* mode : {"ect", "olb", "met", "edf", "latency", "throughput", "energy"}) {
+    SCOPED_TRACE(mode);
+    auto options = options_with({adding()});
+    options.mode = mode;
+    Runtime runtime(std::move(options));
+    TaskFuture sum = runtime.submit("add", {number(0), number(1)});
+    for (int i = 2; i <= 100; ++i) sum = runtime.submit("add", {sum.output(0), number(i)});
+    EXPECT_EQ(value_of(sum.get()), 5050);
+    const auto statistics = runtime.statistics();
+    EXPECT_EQ(statistics.completed, 100);
+    expect_balance(statistics);
+  }
+}
+
+TEST(Runtime, RunsWorkloadsOfTheCatalogueAsTheReferenceDefinesThem) {
+  RuntimeOptions options = options_with({});
+  options.workloads = {"undistort", "gaussian_blur"};
+  Runtime runtime(std::move(options));
+  const Workload& undistort = find_workload("undistort");
+  const Workload& blur = find_workload("gaussian_blur");
+  const auto images = generated_images(5);
+  const Data data = undistort.make_data({.seed = 5, .images = images.get()});
+  const auto flat = runtime.submit("undistort", {data.inputs[0]});
+  const auto blurred = runtime.submit("gaussian_blur", {flat.output(0)}, {.real_time = true});
+  const Verdict first = undistort.verify(flat.get(), undistort.reference(data));
+  EXPECT_TRUE(first.ok) << first.detail;
+  Data next = blur.make_data({.seed = 5, .images = images.get()});
+  next.inputs = copy_tensors(flat.get());
+  const Verdict second = blur.verify(blurred.get(), blur.reference(next));
+  EXPECT_TRUE(second.ok) << second.detail;
+}
+
+TEST(Runtime, TasksOfAStateHoldItOneAtATimeInOrder) {
+  RuntimeOptions options = options_with({});
+  options.workloads = {"background_model"};
+  Runtime runtime(std::move(options));
+  const Workload& model = find_workload("background_model");
+  const auto images = generated_images(1);
+  std::vector<Data> frames;
+  for (int frame = 0; frame < model.frames; ++frame) {
+    frames.push_back(model.make_data({.seed = 1, .images = images.get(), .frame = frame}));
+  }
+  std::vector<TaskFuture> futures;
+  for (const Data& frame : frames) {
+    futures.push_back(runtime.submit("background_model", {frame.inputs[0]}));
+  }
+  const auto expected = reference_of(model, frames);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const Verdict verdict = model.verify(futures[i].get(), expected[i]);
+    EXPECT_TRUE(verdict.ok) << i << ": " << verdict.detail;
+  }
+}
+
+TEST(Runtime, CallbacksHearOfEachEndOnceAndMaySubmit) {
+  Runtime runtime(options_with({adding()}));
+  std::atomic<int> heard = 0;
+  std::atomic<int> wrong = 0;
+  for (int i = 0; i < 200; ++i) {
+    runtime.submit("add", {number(i), number(1)}, {}, [&, i](const TaskFuture& task, TaskEnd end) {
+      ++heard;
+      if (end != TaskEnd::kCompleted || value_of(task.get()) != i + 1) ++wrong;
+      if (task.unit().empty()) ++wrong;
+      runtime.submit("add", {task.output(0), number(1)}, {},
+                     [&](const TaskFuture&, TaskEnd) { ++heard; });
+    });
+  }
+  runtime.wait_all();
+  EXPECT_EQ(heard, 400);
+  EXPECT_EQ(wrong, 0);
+}
+
+TEST(Runtime, WhoWaitsWhereItWouldWaitForItselfIsTold) {
+  Runtime runtime(options_with({adding()}));
+  runtime.submit("add", {number(1), number(2)}, {},
+                 [&](const TaskFuture&, TaskEnd) { runtime.wait_all(); });
+  runtime.wait_all();
+  const auto statistics = runtime.statistics();
+  ASSERT_EQ(statistics.problems.size(), 1U);
+  EXPECT_THAT(statistics.problems[0], HasSubstr("wait for itself"));
+}
+
+TEST(Runtime, AKernelThatThrowsFailsByNameAndItsSuccessorsAreDropped) {
+  Runtime runtime(options_with(
+      {own("fails", 1,
+           [](std::span<const Tensor>, std::span<Tensor>) { throw std::runtime_error("no luck"); }),
+       adding()}));
+  const auto failed = runtime.submit("fails", {number(1)});
+  const auto next = runtime.submit("add", {failed.output(0), number(1)});
+  const auto after = runtime.submit("add", {number(1), number(1)}, {.after = {next}});
+  EXPECT_EQ(failed.wait(), TaskEnd::kFailed);
+  EXPECT_THAT(failed.problem(), HasSubstr("fails on"));
+  EXPECT_THAT(failed.problem(), HasSubstr("no luck"));
+  EXPECT_EQ(next.wait(), TaskEnd::kDropped);
+  EXPECT_EQ(after.wait(), TaskEnd::kDropped);
+  // Named when its end is long known.
+  EXPECT_EQ(runtime.submit("add", {failed.output(0), number(1)}).wait(), TaskEnd::kDropped);
+  try {
+    static_cast<void>(failed.get());
+    FAIL() << "outputs of a task that failed";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("no luck"));
+  }
+  expect_balance(runtime.statistics());
+}
+
+TEST(Runtime, AUnitThatCannotGivesItsTasksToAnother) {
+  OwnWorkload task = own("task", 1, {});
+  task.kernels = {{"cpu", [](std::span<const Tensor>,
+                             std::span<Tensor>) { throw_environment("the device is lost"); }},
+                  {"gpu", [](std::span<const Tensor> in, std::span<Tensor> out) {
+                     out[0].as<double>()[0] = in[0].as<double>()[0];
+                   }}};
+  Runtime runtime(options_with({task}, R"(
+platform: two
+units:
+  cpu: {backend: fake, slots: 1, active_w: 1}
+  gpu: {backend: fake, slots: 1, active_w: 1}
+)"));
+  std::vector<TaskFuture> futures;
+  for (int i = 0; i < 20; ++i) futures.push_back(runtime.submit("task", {number(i)}));
+  for (int i = 0; i < 20; ++i) {
+    EXPECT_EQ(value_of(futures[static_cast<std::size_t>(i)].get()), i);
+    EXPECT_EQ(futures[static_cast<std::size_t>(i)].unit(), "gpu");
+  }
+  const auto alone = runtime.submit("task", {number(1)}, {.eligible = {"cpu"}});
+  const auto statistics = runtime.statistics();
+  EXPECT_GE(statistics.returned, 1);
+  EXPECT_EQ(statistics.units[0].completed, 0);
+  expect_balance(statistics);
+  runtime.cancel(alone);  // Its unit may be out of service by now.
+  EXPECT_NE(alone.wait(), TaskEnd::kCompleted);
+}
+
+TEST(Runtime, AUnitThatHangsIsTakenOutOfService) {
+  // Static: the call never comes back, and what it waits for must outlive the test.
+  static std::binary_semaphore never(0);
+  static std::atomic<int> hung = 0;
+  hung = 0;
+  auto options =
+      options_with({own("maybe", 1, [](std::span<const Tensor> in, std::span<Tensor> out) {
+        if (in[0].as<double>()[0] < 0 && hung++ == 0) never.acquire();
+        out[0].as<double>()[0] = in[0].as<double>()[0];
+      })});
+  options.time_limit = 300ms;
+  Runtime runtime(std::move(options));
+  const auto bad = runtime.submit("maybe", {number(-1)});
+  std::vector<TaskFuture> good;
+  for (int i = 0; i < 50; ++i) good.push_back(runtime.submit("maybe", {number(i)}));
+  for (int i = 0; i < 50; ++i) EXPECT_EQ(value_of(good[static_cast<std::size_t>(i)].get()), i);
+  EXPECT_EQ(bad.wait(), TaskEnd::kFailed);
+  EXPECT_THAT(bad.problem(), HasSubstr("out of service"));
+  const auto statistics = runtime.statistics();
+  EXPECT_EQ(std::ranges::count(statistics.units, false, &RuntimeStatistics::Unit::in_service), 1);
+  expect_balance(statistics);
+}
+
+TEST(Runtime, CancelledTasksEndAndWhatComesAfterThemIsDropped) {
+  std::binary_semaphore go(0);
+  std::latch started(1);
+  Runtime runtime(options_with({own("waits", 1,
+                                    [&](std::span<const Tensor>, std::span<Tensor>) {
+                                      started.count_down();
+                                      go.acquire();
+                                    }),
+                                adding()},
+                               R"(
+platform: one
+units:
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+)"));
+  const auto running = runtime.submit("waits", {number(1)});
+  started.wait();
+  const auto queued = runtime.submit("add", {number(1), number(1)});
+  const auto behind = runtime.submit("add", {queued.output(0), number(1)});
+  runtime.cancel(queued);
+  EXPECT_EQ(queued.wait(), TaskEnd::kCancelled);
+  EXPECT_EQ(behind.wait(), TaskEnd::kDropped);
+  runtime.cancel(running);
+  EXPECT_EQ(running.wait(), TaskEnd::kCancelled);
+  const auto next = runtime.submit("add", {number(2), number(3)});
+  go.release();
+  EXPECT_EQ(value_of(next.get()), 5);
+  runtime.cancel(next);  // Of no effect.
+  EXPECT_EQ(next.wait(), TaskEnd::kCompleted);
+  expect_balance(runtime.statistics());
+}
+
+TEST(Runtime, WhatHasNotStartedInTimeExpires) {
+  std::binary_semaphore go(0);
+  Runtime runtime(options_with(
+      {own("waits", 1, [&](std::span<const Tensor>, std::span<Tensor>) { go.acquire(); }),
+       adding()},
+      R"(
+platform: one
+units:
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+)"));
+  const auto first = runtime.submit("waits", {number(1)});
+  const auto late = runtime.submit("add", {number(1), number(1)}, {.expires = 10ms});
+  EXPECT_EQ(late.wait(), TaskEnd::kExpired);
+  go.release();
+  EXPECT_EQ(first.wait(), TaskEnd::kCompleted);
+}
+
+TEST(Runtime, HasNoMoreTasksThanItMay) {
+  auto options = options_with({adding()});
+  options.most_tasks = 4;
+  Runtime runtime(std::move(options));
+  std::atomic<int> most = 0;
+  {
+    std::vector<std::jthread> threads;
+    for (int t = 0; t < 3; ++t) {
+      threads.emplace_back([&, t] {
+        for (int i = 0; i < 300; ++i) {
+          runtime.submit("add", {number(i), number(t)});
+          const int live = static_cast<int>(runtime.statistics().live);
+          for (int before = most; live > before && !most.compare_exchange_weak(before, live);) {
+          }
+        }
+      });
+    }
+  }
+  runtime.wait_all();
+  EXPECT_LE(most, 4 + 3);  // One more a thread that was let through at the same moment.
+  EXPECT_EQ(runtime.statistics().completed, 900);
+}
+
+TEST(Runtime, ItsEndCancelsWhatHasNotStarted) {
+  std::vector<TaskFuture> futures;
+  std::binary_semaphore go(0);
+  {
+    Runtime runtime(options_with({own("waits", 1,
+                                      [&](std::span<const Tensor>, std::span<Tensor>) {
+                                        go.acquire();
+                                        go.release();
+                                      }),
+                                  adding()}));
+    for (int i = 0; i < 10; ++i) futures.push_back(runtime.submit("waits", {number(i)}));
+    go.release();
+  }
+  for (const TaskFuture& future : futures) EXPECT_TRUE(future.end().has_value());
+}
+
+TEST(Runtime, ManyThreadsSubmitDependAndCancelAndCountsBalance) {
+  Runtime runtime(
+      options_with({own("random", 2, [](std::span<const Tensor> in, std::span<Tensor> out) {
+        const double sum = in[0].as<double>()[0] + in[1].as<double>()[0];
+        if (std::fmod(sum, 97) == 0) throw std::runtime_error("97");
+        out[0].as<double>()[0] = sum;
+      })}));
+  std::atomic<std::int64_t> ended = 0;
+  constexpr int kTasks = 1'500;
+  {
+    std::vector<std::jthread> threads;
+    for (int t = 0; t < 3; ++t) {
+      threads.emplace_back([&, t] {
+        Random random(static_cast<std::uint64_t>(t));
+        std::vector<TaskFuture> mine;
+        for (int i = 0; i < kTasks; ++i) {
+          const auto input = [&]() -> TaskInput {
+            if (mine.empty() || random.uniform(0, 1) < 0.7) return number(i);
+            return mine[mine.size() - 1 -
+                        static_cast<std::size_t>(
+                            random.uniform(0, 1) *
+                            std::min<double>(20, static_cast<double>(mine.size())))]
+                .output(0);
+          };
+          std::vector<TaskInput> inputs;
+          inputs.push_back(input());
+          inputs.push_back(input());
+          mine.push_back(runtime.submit("random", std::move(inputs), {},
+                                        [&](const TaskFuture&, TaskEnd) { ++ended; }));
+          if (random.uniform(0, 1) < 0.05) runtime.cancel(mine.back());
+          if (mine.size() > 50) mine.erase(mine.begin(), mine.begin() + 25);
+        }
+      });
+    }
+  }
+  runtime.wait_all();
+  EXPECT_EQ(ended, 3 * kTasks);
+  const auto statistics = runtime.statistics();
+  EXPECT_EQ(statistics.submitted, 3 * kTasks);
+  EXPECT_EQ(statistics.live, 0);
+  EXPECT_GT(statistics.failed, 0);
+  EXPECT_GT(statistics.completed, kTasks);
+  expect_balance(statistics);
+}
+
+std::string refusal(RuntimeOptions options) {
+  return bad_input([&] { const Runtime runtime(std::move(options)); });
+}
+
+TEST(Runtime, RefusesOptionsThatMakeNoSense) {
+  EXPECT_THAT(refusal(options_with({})), HasSubstr("needs workloads"));
+  auto options = options_with({adding()});
+  options.mode = "heft";
+  EXPECT_THAT(refusal(options), HasSubstr("plans a whole mix ahead"));
+  options.mode = "etc";
+  EXPECT_THAT(refusal(options), HasSubstr("did you mean"));
+  options.mode = "ect";
+  options.workloads = {"gausian_blur"};
+  EXPECT_THAT(refusal(options), HasSubstr("gaussian_blur"));
+  options.workloads = {"sobel", "sobel"};
+  EXPECT_THAT(refusal(options), HasSubstr("twice"));
+  options.workloads = {};
+  options.most_tasks = 0;
+  EXPECT_THAT(refusal(options), HasSubstr("most_tasks"));
+  options.most_tasks = 1;
+  options.own[0].kernels = {{"npu", [](std::span<const Tensor>, std::span<Tensor>) {}}};
+  EXPECT_THAT(refusal(options), HasSubstr("add"));
+}
+
+TEST(Runtime, RefusesTasksThatDoNotFit) {
+  Runtime runtime(options_with({adding()}));
+  const auto refused = [&](std::string_view name, std::vector<TaskInput> inputs,
+                           TaskOptions options = {}) {
+    return bad_input([&] { runtime.submit(name, std::move(inputs), std::move(options)); });
+  };
+  EXPECT_THAT(refused("ad", {number(1), number(2)}), HasSubstr("did you mean add"));
+  EXPECT_THAT(refused("add", {number(1)}), HasSubstr("2 inputs"));
+  const Tensor other({.name = "x", .element = Element::kF32, .shape = {1}});
+  EXPECT_THAT(refused("add", {number(1), other}), HasSubstr("f32[1]"));
+  const auto sum = runtime.submit("add", {number(1), number(2)});
+  EXPECT_THAT(refused("add", {number(1), sum.output(1)}), HasSubstr("not there"));
+  Runtime second(options_with({adding()}));
+  EXPECT_THAT(bad_input([&] {
+                second.submit("add", {number(1), sum.output(0)});
+              }),
+              HasSubstr("another runtime"));
+  EXPECT_THAT(refused("add", {number(1), number(2)}, {.eligible = {"dsp"}}), HasSubstr("dsp"));
+  EXPECT_EQ(runtime.statistics().submitted, 1);
+}
+
+}  // namespace
+}  // namespace pirt::test
