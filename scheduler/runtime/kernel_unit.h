@@ -22,8 +22,8 @@
 namespace pirt {
 
 /// The value of a state, in two sets: a call reads the committed one and writes the other. Who made
-/// the call commits what it wrote, if it is to count; a call that is given up writes on where nobody
-/// reads.
+/// the call commits what it wrote, if it is to count; a call that is given up writes on where
+/// nobody reads.
 class StateValue {
  public:
   explicit StateValue(const Workload& workload);
@@ -59,7 +59,7 @@ struct CallEnd {
   Outcome outcome = Outcome::kCompleted;
   Nanos busy{0};
   std::uint64_t version = 0;  ///< Of the state that it wrote, if it completed.
-  std::string problem;  ///< Of one that failed, with the names of workload and unit.
+  std::string problem;        ///< Of one that failed, with the names of workload and unit.
 };
 
 /// A kernel of the program's own: computes outputs, which have the specs of its workload, of

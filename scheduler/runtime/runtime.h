@@ -5,9 +5,10 @@
 // is ready, and its outputs, a future and a callback tell of its end. Tasks follow each other by
 // taking outputs of others, or by `after`.
 //
-// Threads: every function here may be called from any thread, and from callbacks, but for those
-// that wait (TaskFuture::wait and get, Runtime::wait_all, submit where the runtime is full): from a
-// callback or a kernel they would wait for themselves, and throw std::logic_error instead.
+// Threads: every function here may be called from any thread, and from callbacks and kernels, but
+// for those that wait (TaskFuture::wait and get, Runtime::wait_all): there they would wait for
+// themselves, and throw std::logic_error instead. For the same reason submit waits there for no
+// room, and there may be more tasks than most_tasks.
 // A callback runs on the thread of the unit that ended the task, or on one that submits or cancels;
 // the unit takes nothing new meanwhile, so that it should be short. What it throws is counted, and
 // told by statistics().
@@ -124,7 +125,7 @@ struct RuntimeOptions {
   /// Tasks that have not ended: submit waits while there are so many.
   std::size_t most_tasks = 65'536;
   /// A call that takes longer puts its unit out of service. Absent = 50 times what it is expected
-  /// to take, and at least 2 s; never where that is not known.
+  /// to take, and at least 5 s; never where that is not known.
   std::optional<Nanos> time_limit = {};
   int priority = 0;  ///< Above 0: units' threads at this real-time priority, where permitted.
   std::function<void(const std::string&)> progress = {};  ///< A line each while it starts.
@@ -171,7 +172,7 @@ class Runtime {
   /// @param inputs    As Workload::inputs.
   /// @param callback  Called once when the task has ended; may be empty.
   /// @throws Error{kBadInput}: a workload that is not among the options', inputs that do not fit,
-  /// units that cannot serve it. std::logic_error: see above.
+  /// units that cannot serve it.
   TaskFuture submit(std::string_view workload, std::vector<TaskInput> inputs,
                     TaskOptions options = {}, Callback callback = {});
   /// The task ends as cancelled, and what comes after it as dropped. One that runs goes on to its

@@ -10,7 +10,7 @@ namespace pirt {
 
 /// @param expected  What the call is expected to take.
 [[nodiscard]] inline Nanos time_limit(Nanos expected) {
-  constexpr Nanos kLeast = std::chrono::seconds(2);  // A busy machine, a kernel's first call.
+  constexpr Nanos kLeast = std::chrono::seconds(5);  // A busy machine, a kernel's first call.
   constexpr int kTimes = 50;
   return std::max(kLeast, kTimes * expected);
 }

@@ -145,7 +145,8 @@ TEST(SlamQuality, OneCameraAloneFollowsTwoTurns) {
   EXPECT_GT(result.trajectory().size(), 22U * 25 * 8 / 10);
 }
 
-// Goals: 0.06 and 0.30 degrees. No rotation at all scores 0.081 and 0.50.
+// Goals: 0.06 and 0.30 degrees. No rotation at all scores 0.082 and 0.495. The truth of the first 12
+// frames is a straight line between its ends, so that what the car did in between counts as error.
 TEST(SlamQuality, OneCameraAloneKnowsTheTurnsOfARealDrive) {
   PIRT_DATA_OR_SKIP(data, "kitti-odometry-urban");
   const auto sequence = read_sequence(data);
@@ -158,9 +159,9 @@ TEST(SlamQuality, OneCameraAloneKnowsTheTurnsOfARealDrive) {
       summary.rotation_1_frame_deg, summary.rotation_10_frames_deg, summary.rotation_1_trivial_deg,
       summary.rotation_10_trivial_deg, summary.error->ate_rms_m, summary.error->path_m,
       summary.constant_velocity_ate_rms_m.value_or(-1));
-  // The goal is 0.06, and it is missed: from frame to frame no rotation at all scores better.
-  EXPECT_LE(summary.rotation_1_frame_deg, 0.25);
-  EXPECT_LE(summary.rotation_10_frames_deg, 0.30);
+  // 0.031 and 0.119 when this was written; processors round differently.
+  EXPECT_LE(summary.rotation_1_frame_deg, 0.04);
+  EXPECT_LE(summary.rotation_10_frames_deg, 0.16);
 }
 
 /// The static clip in EuRoC's layout: it is kept flat in the data.

@@ -29,7 +29,12 @@ struct KernelEntry {
                                                             std::span<const Tensor> parameters,
                                                             const std::shared_ptr<BandTeam>& team);
 
+[[nodiscard]] std::unique_ptr<Kernel> make_extract_features(const Workload& workload,
+                                                            std::span<const Tensor> parameters,
+                                                            const std::shared_ptr<BandTeam>& team);
+
 [[nodiscard]] std::span<const KernelEntry> vision_kernels();
 [[nodiscard]] std::span<const KernelEntry> dnn_kernels();
+[[nodiscard]] std::span<const KernelEntry> slam_kernels();
 
 }  // namespace pirt::cpu

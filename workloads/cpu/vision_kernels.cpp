@@ -297,6 +297,7 @@ constexpr std::array kKernels = {
     KernelEntry{"undistort", make_undistort},
     KernelEntry{"feature_detect", make_feature_detect},
     KernelEntry{"optical_flow", make_optical_flow},
+    KernelEntry{"extract_features", make_extract_features},
     KernelEntry{"track_features", make_track_features},
     KernelEntry{"background_model", make_background_model},
 };

@@ -45,4 +45,8 @@ struct KernelEntry {
                                                           const Workload& workload,
                                                           std::span<const Tensor> parameters);
 
+[[nodiscard]] std::unique_ptr<Kernel> make_extract_features(const Session& session,
+                                                            const Workload& workload,
+                                                            std::span<const Tensor> parameters);
+
 }  // namespace pirt::opencl

@@ -148,6 +148,7 @@ constexpr std::array kKernels = {
     KernelEntry{.kernel = "undistort", .append = append_undistort},
     KernelEntry{.kernel = "feature_detect", .make = make_feature_detect},
     KernelEntry{.kernel = "optical_flow", .append = append_optical_flow},
+    KernelEntry{.kernel = "extract_features", .make = make_extract_features},
     KernelEntry{.kernel = "track_features", .append = append_track_features},
     KernelEntry{.kernel = "background_model", .append = append_background_model},
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cmath>
 #include <cstring>
 #include <opencv2/features2d.hpp>
@@ -13,20 +14,16 @@
 namespace pirt::slam {
 namespace {
 
-constexpr int kRim = 20;    // of the descriptor's patch and the blur
-constexpr int kReach = 15;  // of the patch
-constexpr int kHalf = 3;    // of the score's window
-
-struct PatchPair {
-  int ax, ay, bx, by;
-};
+constexpr int kRim = kFeatureRim;
+constexpr int kReach = 15;  // of the descriptor's patch
+constexpr int kHalf = kFeatureScoreHalf;
 
 /// Gaussian offsets with a sigma of a fifth of the patch, as BRIEF's authors found best.
 std::array<PatchPair, 256> make_pattern() {
   Gaussian gaussian(20100905);
   const auto offset = [&] {
     const double value = gaussian.next() * (2 * kReach + 1) / 5.0;
-    return static_cast<int>(std::lround(std::clamp(value, -1.0 * kReach, 1.0 * kReach)));
+    return static_cast<std::int8_t>(std::lround(std::clamp(value, -1.0 * kReach, 1.0 * kReach)));
   };
   std::array<PatchPair, 256> pattern{};
   for (auto& pair : pattern) {
@@ -41,7 +38,7 @@ std::array<PatchPair, 256> make_pattern() {
 }
 
 /// Shi and Tomasi's score of the window around a pixel.
-float corner_score(const GreyImage& image, int x, int y) {
+float score_at(const GreyImage& image, int x, int y) {
   int xx = 0;
   int xy = 0;
   int yy = 0;
@@ -55,22 +52,17 @@ float corner_score(const GreyImage& image, int x, int y) {
       yy += gy * gy;
     }
   }
-  const auto a = static_cast<float>(xx);
-  const auto b = static_cast<float>(yy);
-  const auto c = static_cast<float>(xy);
-  return 0.5F * (a + b) - std::sqrt(0.25F * (a - b) * (a - b) + c * c);
+  return corner_score(xx, xy, yy);
 }
 
 /// The centre of the gradients' energy in the window that is followed (mean shift). A tracker that
 /// does not know of zoom and turn follows this centre; any other pixel of the window would move
 /// against the scene as the view changes.
 Eigen::Vector2f refined(const GreyImage& image, int x, int y) {
-  constexpr int kWindowHalf = 7;
-  constexpr int kSteps = 3;
-  constexpr float kFarthest = 4.0F;
+  constexpr int kWindowHalf = kFeatureWindowHalf;
   Eigen::Vector2f centre(static_cast<float>(x), static_cast<float>(y));
   const Eigen::Vector2f start = centre;
-  for (int step = 0; step < kSteps; ++step) {
+  for (int step = 0; step < kFeatureRefineSteps; ++step) {
     const int cx = static_cast<int>(std::lround(centre.x()));
     const int cy = static_cast<int>(std::lround(centre.y()));
     std::int64_t weight = 0;
@@ -91,14 +83,13 @@ Eigen::Vector2f refined(const GreyImage& image, int x, int y) {
     const Eigen::Vector2f next(
         static_cast<float>(cx) + static_cast<float>(sum_x) / static_cast<float>(weight),
         static_cast<float>(cy) + static_cast<float>(sum_y) / static_cast<float>(weight));
-    if ((next - start).norm() > kFarthest) break;
+    if ((next - start).norm() > kFeatureFarthest) break;
     centre = next;
   }
   return centre;
 }
 
-Descriptor describe(const cv::Mat& blurred, const std::array<PatchPair, 256>& pattern, int x,
-                    int y) {
+Descriptor describe(const cv::Mat& blurred, std::span<const PatchPair, 256> pattern, int x, int y) {
   Descriptor descriptor{};
   const std::uint8_t* centre = blurred.ptr(y) + x;
   const auto stride = static_cast<std::ptrdiff_t>(blurred.step);
@@ -111,35 +102,47 @@ Descriptor describe(const cv::Mat& blurred, const std::array<PatchPair, 256>& pa
   return descriptor;
 }
 
-struct Corner {
-  int x, y;
-  float score;
-};
-
-/// The best corners of each cell, strongest first.
-std::vector<Corner> best_corners(const GreyImage& image, const std::vector<cv::KeyPoint>& found,
-                                 const FeatureOptions& options) {
-  const int columns = (image.width + options.cell - 1) / options.cell;
-  const int rows = (image.height + options.cell - 1) / options.cell;
-  std::vector<std::vector<Corner>> cells(static_cast<std::size_t>(columns * rows));
+std::vector<FastCorner> corners_of(const GreyImage& image, const std::vector<cv::KeyPoint>& found) {
+  std::vector<FastCorner> corners;
   for (const auto& key : found) {
     const int x = static_cast<int>(key.pt.x);
     const int y = static_cast<int>(key.pt.y);
     if (x < kRim || y < kRim || x >= image.width - kRim || y >= image.height - kRim) continue;
-    cells[static_cast<std::size_t>((y / options.cell) * columns + x / options.cell)].push_back(
-        {x, y, corner_score(image, x, y)});
+    corners.push_back({x, y, score_at(image, x, y)});
+  }
+  return corners;
+}
+
+}  // namespace
+
+float corner_score(int xx, int xy, int yy) {
+  const auto a = static_cast<float>(xx);
+  const auto b = static_cast<float>(yy);
+  const auto c = static_cast<float>(xy);
+  return 0.5F * (a + b) - std::sqrt(0.25F * (a - b) * (a - b) + c * c);
+}
+
+std::vector<FastCorner> best_corners(std::span<const FastCorner> found, int width, int height,
+                                     const FeatureOptions& options) {
+  const int columns = (width + options.cell - 1) / options.cell;
+  const int rows = (height + options.cell - 1) / options.cell;
+  std::vector<std::vector<FastCorner>> cells(static_cast<std::size_t>(columns * rows));
+  for (const auto& corner : found) {
+    assert(corner.x >= 0 && corner.y >= 0 && corner.x < width && corner.y < height);
+    const int cell = (corner.y / options.cell) * columns + corner.x / options.cell;
+    cells[static_cast<std::size_t>(cell)].push_back(corner);
   }
   const std::size_t share = static_cast<std::size_t>(options.most) / cells.size() + 1;
-  const auto stronger = [](const Corner& a, const Corner& b) {
+  const auto stronger = [](const FastCorner& a, const FastCorner& b) {
     if (a.score != b.score) return a.score > b.score;
     return a.y != b.y ? a.y < b.y : a.x < b.x;
   };
-  std::vector<Corner> best;
+  std::vector<FastCorner> best;
   for (auto& cell : cells) {
     std::ranges::sort(cell, stronger);
     for (std::size_t i = 0, kept = 0; i < cell.size() && kept < share; ++i) {
       const bool near = std::any_of(
-          best.end() - static_cast<std::ptrdiff_t>(kept), best.end(), [&](const Corner& other) {
+          best.end() - static_cast<std::ptrdiff_t>(kept), best.end(), [&](const auto& other) {
             return std::abs(other.x - cell[i].x) < 8 && std::abs(other.y - cell[i].y) < 8;
           });
       if (near) continue;
@@ -152,7 +155,10 @@ std::vector<Corner> best_corners(const GreyImage& image, const std::vector<cv::K
   return best;
 }
 
-}  // namespace
+std::span<const PatchPair, 256> descriptor_pattern() {
+  static const auto pattern = make_pattern();
+  return pattern;
+}
 
 int distance(const Descriptor& a, const Descriptor& b) {
   int bits = 0;
@@ -167,7 +173,7 @@ int distance(const Descriptor& a, const Descriptor& b) {
 }
 
 Features extract_features(const GreyImage& image, const FeatureOptions& options) {
-  static const auto pattern = make_pattern();
+  const auto pattern = descriptor_pattern();
   Features features;
   if (image.width <= 2 * kRim || image.height <= 2 * kRim) return features;
   try {
@@ -175,10 +181,10 @@ Features extract_features(const GreyImage& image, const FeatureOptions& options)
                          const_cast<std::uint8_t*>(image.pixels.data()));
     std::vector<cv::KeyPoint> found;
     cv::FAST(pixels, found, options.threshold, true);
-    const auto corners = best_corners(image, found, options);
+    const auto corners = best_corners(corners_of(image, found), image.width, image.height, options);
     cv::Mat blurred;
     if (!corners.empty()) cv::GaussianBlur(pixels, blurred, {7, 7}, 2.0);
-    for (const Corner& corner : corners) {
+    for (const FastCorner& corner : corners) {
       features.pixels.push_back(refined(image, corner.x, corner.y));
       features.scores.push_back(corner.score);
       features.descriptors.push_back(describe(blurred, pattern, corner.x, corner.y));

@@ -2,13 +2,12 @@
 // descriptors, or from two views.
 #include <algorithm>
 #include <cmath>
-#include <opencv2/calib3d.hpp>
 
-#include "workloads/base/error.h"
 #include "workloads/slam/filter.h"
 #include "workloads/slam/measure.h"
 #include "workloads/slam/pnp.h"
 #include "workloads/slam/steps.h"
+#include "workloads/slam/two_views.h"
 
 namespace pirt::slam {
 namespace {
@@ -140,33 +139,6 @@ void follow(State& state, const Features& features, std::size_t feature, std::in
   state.tracks.push_back(std::move(track));
 }
 
-/// Two views: rotation and direction from the first to the second camera.
-std::optional<Pose> two_views(const std::vector<cv::Point2d>& first,
-                              const std::vector<cv::Point2d>& second, double most_miss) {
-  try {
-    cv::Mat inliers;
-    const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
-    constexpr double kConfidence = 0.999;
-    const cv::Mat essential =
-        cv::findEssentialMat(first, second, identity, cv::RANSAC, kConfidence, most_miss, inliers);
-    if (essential.rows != 3) return std::nullopt;
-    cv::Mat r;
-    cv::Mat t;
-    const int count = cv::recoverPose(essential, first, second, identity, r, t, inliers);
-    if (2 * count < static_cast<int>(first.size())) return std::nullopt;
-    Pose second_from_first;
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) {
-        second_from_first.rotation(row, column) = r.at<double>(row, column);
-      }
-      second_from_first.position(row) = t.at<double>(row);
-    }
-    return second_from_first.inverse();
-  } catch (const cv::Exception& error) {
-    throw_environment("OpenCV cannot find a motion: " + error.err);
-  }
-}
-
 /// Poses of all clones from those of the first and the last, by the points that both see.
 bool place_clones(State& state, const Setup& setup, const Pose& last_camera) {
   const Pose& mount = setup.cameras[0].body_from_camera;
@@ -222,25 +194,23 @@ bool start_from_tracks(State& state, const Setup& setup) {
   constexpr std::size_t kLeastTracks = 30;
   constexpr double kLeastMotion = 12.0;  // pixels, median
   if (state.clones.size() < kLeastClones) return false;
-  std::vector<cv::Point2d> first;
-  std::vector<cv::Point2d> second;
+  std::vector<RayPair> pairs;
   std::vector<double> moved;
   for (const auto& track : state.tracks) {
     if (track.seen.empty() || track.seen.front().frame != state.clones.front().frame) continue;
     const auto& a = track.seen.front().left;
     const auto& b = track.seen.back().left;
-    first.emplace_back(a.x(), a.y());
-    second.emplace_back(b.x(), b.y());
+    pairs.push_back({a, b});
     moved.push_back((a - b).norm() * setup.cameras[0].focal());
   }
-  if (first.size() < kLeastTracks) {
+  if (pairs.size() < kLeastTracks) {
     // What the first picture showed is gone: begin anew from here.
     while (state.clones.size() > 1) remove_clone(state, 0);
     return false;
   }
   std::ranges::nth_element(moved, moved.begin() + std::ssize(moved) / 2);
   if (moved[moved.size() / 2] < kLeastMotion) return false;
-  const auto motion = two_views(first, second, 1.0 / setup.cameras[0].focal());
+  const auto motion = two_views(pairs, 1.0 / setup.cameras[0].focal());
   if (!motion) return false;
   const Pose first_camera = camera_pose(setup, state.clones.front().body, 0);
   if (!place_clones(state, setup, first_camera * *motion)) return false;

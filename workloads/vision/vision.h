@@ -49,6 +49,12 @@ struct OpticalFlow : ImageOperation {
   static constexpr int kWindow = 52;  ///< Rows y-26 .. y+25, columns alike.
 };
 
+struct ExtractFeatures : ImageOperation {
+  static constexpr int kMost = 400;
+  static constexpr int kCell = 32;       ///< Pixels; a cell has its share of the features.
+  static constexpr int kThreshold = 12;  ///< Of FAST, in grey levels.
+};
+
 struct TrackFeatures : ImageOperation {
   static constexpr int kMaxPoints = FeatureDetect::kMaxCorners;
   static constexpr int kLevels = 3;
@@ -116,6 +122,16 @@ Workload make_feature_detect(int width, int height);
 /// otherwise u = 2*(Sxy*Syt - Syy*Sxt)/det, v = 2*(Sxy*Sxt - Sxx*Syt)/det, in pixels per frame.
 /// Kernel "optical_flow". Inputs previous u8 [h,w], next u8 [h,w]; output flow f32 [h,w,2].
 Workload make_optical_flow(int width, int height);
+
+/// What slam::extract_features gives (slam/features.h), by its rules: pixels where 9 neighbours in
+/// a row of the 16 on a circle of radius 3 are all brighter or all darker by more than kThreshold,
+/// and by more than at each of the 8 pixels beside it; the best of each cell by the smaller
+/// eigenvalue of the sums of central differences' products over 7x7; the pixel is then the centre
+/// of the gradients' energy over 15x15, in 3 steps; 256 comparisons of the picture under
+/// slam::kFeatureBlur. None within 20 pixels of the rim. Kernel "extract_features". Input u8 [h,w],
+/// outputs the lists pixels f32 [<=400,2] (x, y), scores f32 [<=400] and descriptors u8
+/// [<=400,32], strongest first.
+Workload make_extract_features(int width, int height);
 
 /// Sparse pyramidal Lucas-Kanade: where the points of a list have moved to. Pyramids of kLevels
 /// levels, each the one below blurred by the binomial of gaussian_blur and every second pixel of
