@@ -274,9 +274,9 @@ TEST_F(WithProfile, DrawsServiceTimesFromItsRows) {
 
 TEST(FullDisk, IsAnErrorWithAMessageAndLeavesNothing) {
   const Scratch scratch;
-  // 4 KiB a file, which ends a program by a signal unless it looks at the error; too little for an
-  // empty database.
-  const auto outcome = run("ulimit -f 8; " + quoted(PIRT_BINARY) +
+  // 8 to 16 KiB a file (by shell), which ends a program by a signal unless it looks at the error;
+  // too little for an empty database.
+  const auto outcome = run("ulimit -f 16; " + quoted(PIRT_BINARY) +
                            " characterize --quick --platform fake --filter '^pool5$' --db " +
                            quoted(scratch.file("p.db")));
   EXPECT_EQ(outcome.exit_code, 4) << outcome.err;
