@@ -14,30 +14,44 @@
 namespace pirt {
 namespace {
 
+/// Where what a figure is computed from comes from.
+struct Inputs {
+  std::set<std::string> names;
+  bool mixture = false;
+};
+
 /// Where a figure of virtual time comes from: it was computed, so it is modelled, or what the
 /// weakest of its inputs is.
-Provenance simulated(const std::set<std::string>& inputs) {
-  Provenance result = Provenance::kModelled;
-  for (const std::string& input : inputs) {
+Origin simulated(const Inputs& inputs) {
+  Origin result{Provenance::kModelled, inputs.mixture};
+  for (const std::string& input : inputs.names) {
     result = weakest(result, provenance_from_string(input).value_or(Provenance::kModelled));
   }
   return result;
 }
 
-/// Of the units that the run used, or of all.
-std::set<std::string> inputs_of(const RunRecord& run, std::vector<std::string> UnitResult::*list) {
-  std::set<std::string> inputs;
+Inputs times_of(const UnitResult& unit) {
+  return {{unit.provenance.begin(), unit.provenance.end()}, unit.mixture.value_or(false)};
+}
+
+Inputs energies_of(const UnitResult& unit) {
+  return {{unit.energy_provenance.begin(), unit.energy_provenance.end()},
+          unit.energy_mixture.value_or(false)};
+}
+
+/// Of the units that the run used.
+Inputs inputs_of(const RunRecord& run, Inputs (*of)(const UnitResult&)) {
+  Inputs inputs;
   for (const auto& unit : run.units) {
-    if (unit.completed > 0) inputs.insert((unit.*list).begin(), (unit.*list).end());
+    if (unit.completed == 0) continue;
+    const Inputs each = of(unit);
+    inputs.names.insert(each.names.begin(), each.names.end());
+    inputs.mixture = inputs.mixture || each.mixture;
   }
   return inputs;
 }
 
-std::set<std::string> set_of(const std::vector<std::string>& names) {
-  return {names.begin(), names.end()};
-}
-
-std::string percent(const std::optional<double>& value, Provenance provenance) {
+std::string percent(const std::optional<double>& value, Origin provenance) {
   return value ? marked(fmt::format("{:.1f}", 100 * *value), provenance) : "-";
 }
 
@@ -109,10 +123,18 @@ std::optional<Paragraph> bounds(const RunRecord& run) {
 
 /// "opencl: times measured; energy modelled".
 std::string input_note(const UnitResult& unit) {
-  return fmt::format(
-      "{}: service times {}, energy {}", unit.unit,
-      unit.provenance.empty() ? "none" : join(unit.provenance, " and "),
-      unit.energy_provenance.empty() ? "none" : join(unit.energy_provenance, " and "));
+  const auto words = [](const std::vector<std::string>& names, const std::optional<bool>& mixture) {
+    const std::string sums = mixture.value_or(false) ? " (of sums the weakest)" : "";
+    return names.empty() ? "none" : join(names, " and ") + sums;
+  };
+  std::string note = fmt::format("{}: service times {}, energy {}", unit.unit,
+                                 words(unit.provenance, unit.mixture),
+                                 words(unit.energy_provenance, unit.energy_mixture));
+  if (unit.prepares) {
+    note += fmt::format("; loaded another context {} times, {} s of busy", *unit.prepares,
+                        figure(unit.prepare_s));
+  }
+  return note;
 }
 
 Table units_table(const RunRecord& run) {
@@ -127,8 +149,8 @@ Table units_table(const RunRecord& run) {
                           {"energy J"},
                           {"device", Align::kLeft}}};
   for (const auto& unit : run.units) {
-    const auto time = simulated(set_of(unit.provenance));
-    const auto energy = simulated(set_of(unit.energy_provenance));
+    const auto time = simulated(times_of(unit));
+    const auto energy = simulated(energies_of(unit));
     table.rows.push_back({unit.unit, unit.role, fmt::format("{}", unit.completed),
                           shown(unit.mean_latency_ms, time), shown(unit.p99_latency_ms, time),
                           shown(unit.busy_s, time), percent(unit.utilization, time),
@@ -247,7 +269,7 @@ class ModesTable {
     });
   }
   void pipeline_row(const std::string& pipeline, const std::string& what,
-                    const std::function<std::string(const PipelineResult&, Provenance)>& cell) {
+                    const std::function<std::string(const PipelineResult&, Origin)>& cell) {
     row(pipeline + ": " + what, [&](const RunRecord& run) {
       const auto* found = find_pipeline(run, pipeline);
       return found == nullptr ? std::string("-") : cell(*found, marks_of(run).time);
@@ -290,24 +312,22 @@ void add_unit(ModesTable& table, const std::string& name) {
   table.unit_row(name, "tasks",
                  [](const UnitResult& unit) { return fmt::format("{}", unit.completed); });
   table.unit_row(name, "mean latency, ms", [](const UnitResult& unit) {
-    return shown(unit.mean_latency_ms, simulated(set_of(unit.provenance)));
+    return shown(unit.mean_latency_ms, simulated(times_of(unit)));
   });
   table.unit_row(name, "busy, %", [](const UnitResult& unit) {
-    return percent(unit.utilization, simulated(set_of(unit.provenance)));
+    return percent(unit.utilization, simulated(times_of(unit)));
   });
 }
 
 void add_pipeline(ModesTable& table, const std::string& name) {
-  table.pipeline_row(name, "rate, Hz", [](const PipelineResult& p, Provenance time) {
-    return shown(p.rate_hz, time);
-  });
-  table.pipeline_row(name, "p99, ms", [](const PipelineResult& p, Provenance time) {
-    return shown(p.p99_ms, time);
-  });
-  table.pipeline_row(name, "unfinished", [](const PipelineResult& p, Provenance) {
+  table.pipeline_row(name, "rate, Hz",
+                     [](const PipelineResult& p, Origin time) { return shown(p.rate_hz, time); });
+  table.pipeline_row(name, "p99, ms",
+                     [](const PipelineResult& p, Origin time) { return shown(p.p99_ms, time); });
+  table.pipeline_row(name, "unfinished", [](const PipelineResult& p, Origin) {
     return fmt::format("{}", p.unfinished);
   });
-  table.pipeline_row(name, "deadline misses", [](const PipelineResult& p, Provenance) {
+  table.pipeline_row(name, "deadline misses", [](const PipelineResult& p, Origin) {
     return p.deadline_misses ? fmt::format("{}", *p.deadline_misses) : std::string("-");
   });
 }
@@ -352,11 +372,11 @@ std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
 }  // namespace
 
 RunMarks marks_of(const RunRecord& run) {
-  return {.time = simulated(inputs_of(run, &UnitResult::provenance)),
-          .energy = simulated(inputs_of(run, &UnitResult::energy_provenance))};
+  return {.time = simulated(inputs_of(run, times_of)),
+          .energy = simulated(inputs_of(run, energies_of))};
 }
 
-std::string shown(const std::optional<double>& value, Provenance provenance) {
+std::string shown(const std::optional<double>& value, Origin provenance) {
   return value ? marked(figure(*value), provenance) : "-";
 }
 
