@@ -2,7 +2,7 @@
 # Set-up and every test: installs what is needed, builds, runs. Can be run again at any time.
 #
 # Usage: tests/run.sh [--long]    --long adds the long tests, the sanitizer build (with assertions) and its tests,
-#                             the clang build, format check and clang-tidy
+#                             the clang build, format check, clang-tidy, and the thread sanitizer on what runs live
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source cli/packages.sh
@@ -56,5 +56,8 @@ if $long; then
   LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.txt:print_suppressions=0 ASAN_OPTIONS=use_sigaltstack=0 \
     run_tests build-asan -E "$with_driver"
   ASAN_OPTIONS=use_sigaltstack=0:detect_leaks=0 run_tests build-asan -R "$with_driver"
+  say "threads: live runs and the runtime"
+  cmake --preset tsan -DPIRT_WERROR=ON >/dev/null && cmake --build --preset tsan --target scheduler_test
+  TSAN_OPTIONS=suppressions=$PWD/tests/support/tsan.txt build-tsan/tests/scheduler_test --gtest_brief=1 --gtest_filter='Runtime.*:Live.*'
 fi
 say "tests: OK"

@@ -17,9 +17,9 @@ StateValue::StateValue(const Workload& workload)
 StateValue::StateValue(const StateValue& other)
     : sets_{copy_tensors(other.committed()), copy_tensors(other.committed())} {}
 
-void StateValue::commit() {
+void StateValue::commit(std::uint64_t version) {
   current_ = 1 - current_;
-  ++version_;
+  version_ = version;
 }
 
 namespace {
@@ -95,12 +95,12 @@ void KernelUnit::run(Call call) {
 
 std::optional<KernelUnit::Running> KernelUnit::running() const {
   const std::lock_guard lock(mutex_);
-  return running_;
+  return abandoned_ ? std::nullopt : running_;
 }
 
 std::optional<std::vector<std::uint64_t>> KernelUnit::abandon(std::uint64_t token) {
   const std::lock_guard lock(mutex_);
-  if (!running_ || running_->token != token) return std::nullopt;
+  if (abandoned_ || !running_ || running_->token != token) return std::nullopt;
   abandoned_ = true;
   std::vector<std::uint64_t> behind;
   for (const Call& call : calls_) behind.push_back(call.token);
@@ -195,7 +195,7 @@ CallEnd KernelUnit::execute(Call& call) {
     end.problem = call.workload->name + " on " + name() + ": " + why;
   };
   try {
-    compute(prepared(*call.workload), call);
+    end.version = compute(prepared(*call.workload), call);
   } catch (const Error& error) {
     // The device could not; another may.
     const bool environment = error.code() == ErrorCode::kEnvironment;
@@ -208,7 +208,8 @@ CallEnd KernelUnit::execute(Call& call) {
   return end;
 }
 
-void KernelUnit::compute(Prepared& prepared, Call& call) {
+/// @return  The version of the state that it wrote; 0 if it has none, or is not to count.
+std::uint64_t KernelUnit::compute(Prepared& prepared, Call& call) {
   Kernel& kernel = *prepared.kernel;
   kernel.bind(call.inputs, *call.outputs);
   if (call.state != nullptr) {
@@ -223,10 +224,10 @@ void KernelUnit::compute(Prepared& prepared, Call& call) {
   kernel.upload();
   kernel.execute(1);
   kernel.download();
-  if (call.state == nullptr || call.intended != Outcome::kCompleted) return;
+  if (call.state == nullptr || call.intended != Outcome::kCompleted) return 0;
+  static std::atomic<std::uint64_t> versions = 0;
   kernel.commit_state();
-  call.state->commit();
-  prepared.version = call.state->version();
+  return prepared.version = ++versions;
 }
 
 }  // namespace pirt

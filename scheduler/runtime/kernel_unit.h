@@ -21,8 +21,9 @@
 
 namespace pirt {
 
-/// The value of a state, in two sets: a call reads the committed one and writes the other.
-/// Used by who holds the state, and by nobody meanwhile.
+/// The value of a state, in two sets: a call reads the committed one and writes the other. Who made
+/// the call commits what it wrote, if it is to count; a call that is given up writes on where
+/// nobody reads.
 class StateValue {
  public:
   explicit StateValue(const Workload& workload);
@@ -31,9 +32,10 @@ class StateValue {
   StateValue& operator=(const StateValue&) = delete;
   [[nodiscard]] std::span<const Tensor> committed() const { return sets_[current_]; }
   [[nodiscard]] std::span<Tensor> next() { return sets_[1 - current_]; }
-  /// What was written is the state from now on.
-  void commit();
-  /// Rises with each commit.
+  /// What the call wrote is the state from now on.
+  /// @param version  CallEnd::version of the call.
+  void commit(std::uint64_t version);
+  /// Another one for each value that any state ever had; 0 = the initial one.
   [[nodiscard]] std::uint64_t version() const { return version_; }
 
  private:
@@ -56,7 +58,8 @@ struct Call {
 struct CallEnd {
   Outcome outcome = Outcome::kCompleted;
   Nanos busy{0};
-  std::string problem;  ///< Of one that failed, with the names of workload and unit.
+  std::uint64_t version = 0;  ///< Of the state that it wrote, if it completed.
+  std::string problem;        ///< Of one that failed, with the names of workload and unit.
 };
 
 /// A kernel of the program's own: computes outputs, which have the specs of its workload, of
@@ -103,10 +106,10 @@ class KernelUnit {
     std::uint64_t token = 0;
     Nanos since{0};  ///< By MachineClock.
   };
-  /// The call that runs now.
+  /// The call that runs now; absent from when it was abandoned.
   [[nodiscard]] std::optional<Running> running() const;
   /// Nothing is heard of the call any more, and nothing runs after it. The tokens of those that
-  /// waited behind it; absent, and nothing changed, if another one runs.
+  /// waited behind it; absent, and nothing changed, if it does not run, or was abandoned before.
   [[nodiscard]] std::optional<std::vector<std::uint64_t>> abandon(std::uint64_t token);
   [[nodiscard]] bool abandoned() const { return abandoned_; }
   [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
@@ -123,7 +126,7 @@ class KernelUnit {
   Prepared& prepare(const Preparation& preparation);
   Prepared& prepared(const Workload& workload);
   CallEnd execute(Call& call);
-  void compute(Prepared& prepared, Call& call);
+  std::uint64_t compute(Prepared& prepared, Call& call);
 
   UnitSetup setup_;
   std::function<void(Call&, CallEnd)> done_;

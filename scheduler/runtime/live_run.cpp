@@ -200,6 +200,7 @@ class LiveRun final : public Executor {
     const Firings::Place place = time_.firings().place(job);
     if (!end.problem.empty()) add_problem(end.problem);
     const bool completed = end.outcome == Outcome::kCompleted;
+    if (completed && call.state) call.state->commit(end.version);
     if (completed && options_.sink) options_.sink(place, *call.outputs);
     call.inputs.clear();  // Before the firing that made them may be over.
     --computing_;

@@ -88,7 +88,7 @@ class Serial {
     kernel->upload();
     kernel->execute(1);
     kernel->download();
-    if (state != nullptr) state->commit();
+    if (state != nullptr) state->commit(0);
     return outputs;
   }
   std::vector<Tensor> camera(const Workload& workload) {

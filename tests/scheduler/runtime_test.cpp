@@ -278,7 +278,7 @@ TEST(Runtime, HasNoMoreTasksThanItMay) {
   {
     std::vector<std::jthread> threads;
     for (int t = 0; t < 3; ++t) {
-      threads.emplace_back([&] {
+      threads.emplace_back([&, t] {
         for (int i = 0; i < 300; ++i) {
           runtime.submit("add", {number(i), number(t)});
           const int live = static_cast<int>(runtime.statistics().live);

@@ -1,0 +1,201 @@
+// What is behind Runtime: tasks on their way, and the dispatcher that one thread at a time may talk
+// to.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "scheduler/dispatcher/dispatcher.h"
+#include "scheduler/policies/setup.h"
+#include "scheduler/runtime/kernel_unit.h"
+#include "scheduler/runtime/output_pool.h"
+#include "scheduler/runtime/runtime.h"
+#include "scheduler/runtime/samples.h"
+
+namespace pirt {
+
+/// A task from its submission to the last that knows of it. Fields of the engine are read and
+/// written by whoever has its turn, the others as is said there.
+struct runtime::Submitted {
+  enum class Event : std::uint8_t { kSubmit, kEnd };
+
+  // Before it is submitted, and read only from then on.
+  const void* engine = nullptr;
+  const Workload* workload = nullptr;
+  std::size_t workload_index = 0;
+  UnitMask eligible = 0;
+  TaskOptions options;
+  Nanos submitted_at{0};
+  Runtime::Callback callback;
+
+  // On its way to the engine.
+  Submitted* next = nullptr;
+  Event event = Event::kSubmit;
+  std::shared_ptr<Submitted> self;  ///< Until the engine has it.
+  CallEnd call_end;                 ///< Of Event::kEnd.
+
+  // The engine's.
+  std::vector<TaskInput> inputs;
+  TaskId id = 0;
+  UnitId unit = 0;
+  Nanos dispatched_at{0};
+  bool taken_in = false;
+  bool known = false;           ///< To the dispatcher.
+  bool running = false;         ///< On its unit, whatever has become of it.
+  std::optional<TaskEnd> ends;  ///< Decided; told soon.
+
+  // Written before `end`, read after it.
+  std::shared_ptr<std::vector<Tensor>> outputs;
+  std::string unit_name;
+  std::string problem;
+
+  static constexpr int kLive = -1;
+  std::atomic<int> end = kLive;    ///< A TaskEnd; before the callback.
+  std::atomic<bool> told = false;  ///< After it.
+};
+
+namespace runtime {
+
+/// While one of these is there, its thread must not wait for tasks: it would wait for itself.
+class MustNotWait {
+ public:
+  MustNotWait() : before_(std::exchange(here_, true)) {}
+  ~MustNotWait() { here_ = before_; }
+  MustNotWait(const MustNotWait&) = delete;
+  MustNotWait& operator=(const MustNotWait&) = delete;
+
+  [[nodiscard]] static bool here() { return here_; }
+  /// @throws std::logic_error if the calling thread must not.
+  static void check(const char* what);
+
+ private:
+  static thread_local bool here_;
+  bool before_;
+};
+
+}  // namespace runtime
+
+/// Who has something to say to the dispatcher leaves it in a list and takes the turn if it is free;
+/// who has the turn works through the list, what comes meanwhile too. So nobody ever waits for it.
+class Runtime::Engine {
+ public:
+  explicit Engine(RuntimeOptions options);
+  ~Engine();
+
+  TaskFuture submit(std::string_view workload, std::vector<TaskInput> inputs, TaskOptions options,
+                    Callback callback);
+  void cancel(const TaskFuture& task);
+  void wait_all();
+  RuntimeStatistics statistics();
+
+ private:
+  using Submitted = runtime::Submitted;
+  struct Known {
+    const Workload* workload = nullptr;
+    const OwnWorkload* own = nullptr;
+    UnitMask runs_on = 0;
+  };
+  struct Unit {
+    std::unique_ptr<KernelUnit> runner;  ///< Null: nothing runs there.
+    bool in_service = true;
+    int returns = 0;  ///< In a row.
+    std::int64_t completed = 0;
+    Nanos busy{0};
+    Histogram latency;
+  };
+
+  void list_workloads();
+  void open_units();
+  std::vector<Preparation> preparations(UnitId unit);
+  [[nodiscard]] UnitMask units_of(const Known& known) const;
+  [[nodiscard]] Mix mix() const;
+  [[nodiscard]] std::size_t find(std::string_view workload) const;
+  void check_inputs(const Workload& workload, const std::vector<TaskInput>& inputs) const;
+  [[nodiscard]] UnitMask units_named(const std::vector<std::string>& names) const;
+  void wait_until(std::size_t most);
+
+  void post(Submitted& task, Submitted::Event event);
+  void work();
+  void take_turn();
+  void end_turn();
+  void take_in(Submitted& task, Nanos now);
+  void take_end(Submitted& task, Nanos now);
+  void look(Nanos now);
+  void lose(UnitId unit, const KernelUnit::Running& call, Nanos now);
+  void out_of_service(UnitId unit, const std::string& why, Nanos now);
+  void cancel_asked(Nanos now);
+  void apply(Nanos now);
+  void start(const Start& start);
+  void finish(Submitted& task, TaskEnd end, Nanos now);
+  void forget(Submitted& task, Nanos now);
+  void tell(std::vector<std::shared_ptr<Submitted>>& ended);
+  void add_problem(std::string problem);
+  void watch(const std::stop_token& stop);
+  [[nodiscard]] Submitted& task_of(TaskId id) { return *tasks_[static_cast<std::uint32_t>(id)]; }
+  /// Of a call that has not ended, whose token is the task's address: the unit's thread has no
+  /// turn.
+  [[nodiscard]] static Submitted& task_of(const auto& call) {
+    return *reinterpret_cast<Submitted*>(call.token);
+  }
+
+  RuntimeOptions options_;
+  MachineClock clock_;
+  std::deque<Workload> own_;
+  std::vector<Known> workloads_;
+  std::map<std::string, std::size_t, std::less<>> names_;
+  Mix mix_;
+  std::optional<ModeSetup> setup_;
+  Samples samples_;
+
+  std::atomic<Submitted*> posted_ = nullptr;
+  std::atomic<bool> asked_ = false;  ///< Something is wanted that is not in posted_.
+  std::atomic<bool> turn_ = false;
+
+  // Of who has the turn.
+  std::optional<Dispatcher> dispatcher_;
+  Starts starts_;
+  Starts applied_;  ///< For its memory.
+  std::vector<Unit> units_;
+  OutputPool pool_;
+  std::shared_ptr<std::vector<Tensor>> nothing_ = std::make_shared<std::vector<Tensor>>();
+  std::vector<std::shared_ptr<StateValue>> states_;  ///< By workload; null where it has none.
+  std::vector<std::shared_ptr<Submitted>> tasks_;    ///< By the lower half of their id.
+  std::vector<std::uint32_t> free_;
+  std::vector<TaskId> after_;
+  std::vector<std::shared_ptr<Submitted>> ended_;  ///< To be told when the turn is over.
+  std::vector<std::shared_ptr<Submitted>> lost_;   ///< What hung calls have is never used again.
+  std::uint32_t number_ = 0;
+  std::int64_t running_ = 0;
+  RuntimeStatistics counts_;
+  Nanos set_up_{0};
+
+  std::mutex asking_;
+  std::vector<std::shared_ptr<Submitted>> cancels_;
+  bool cancels_all_ = false;
+
+  std::atomic<std::size_t> live_ = 0;
+  std::size_t resume_at_ = 0;
+  std::atomic<int> waiting_ = 0;
+  std::mutex waiting_mutex_;
+  std::condition_variable fewer_;
+
+  std::mutex watch_mutex_;
+  std::condition_variable_any watch_sooner_;
+  Nanos watch_at_ = Nanos::max();
+  std::atomic<bool> calls_run_ = false;
+  std::jthread watcher_;
+};
+
+}  // namespace pirt

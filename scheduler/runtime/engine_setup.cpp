@@ -1,0 +1,163 @@
+// Starting a runtime: its workloads, what they cost, and its units.
+#include <map>
+
+#include "characterize/platform/unit_request.h"
+#include "scheduler/runtime/engine.h"
+#include "workloads/base/error.h"
+#include "workloads/catalog.h"
+#include "workloads/registry.h"
+
+namespace pirt {
+namespace {
+
+constexpr Nanos kUnknownTime = std::chrono::milliseconds(1);
+
+}  // namespace
+
+Runtime::Engine::Engine(RuntimeOptions options) : options_(std::move(options)), samples_(1) {
+  const Nanos begin = clock_.now();
+  if (options_.most_tasks == 0) throw_bad_input("most_tasks is 0; it is at least 1");
+  resume_at_ = options_.most_tasks - 1 - (options_.most_tasks - 1) / 4;
+  units_.resize(options_.platform.units.size());
+  list_workloads();
+  mix_ = mix();
+  ScheduleOptions schedule;
+  schedule.mode = options_.mode;
+  setup_.emplace(set_up_mode(options_.platform, options_.profile ? &*options_.profile : nullptr,
+                             mix_, schedule));
+  if (setup_->mode.policy.planner != nullptr) {
+    throw_bad_input("mode " + options_.mode +
+                    " plans a whole mix ahead, and a runtime does not know what comes; take "
+                    "another (pirt list modes)");
+  }
+  for (std::size_t w = 0; w < workloads_.size(); ++w) {
+    Known& known = workloads_[w];
+    known.runs_on &= setup_->scenario.classes[w][0].eligible;
+    if (known.runs_on == 0) {
+      throw_bad_input("no unit of platform " + options_.platform.name + " can run " +
+                      known.workload->name + " here");
+    }
+    states_.push_back(known.workload->state ? std::make_shared<StateValue>(*known.workload)
+                                            : nullptr);
+  }
+  dispatcher_.emplace(setup_->slots, std::move(setup_->policy));
+  open_units();
+  set_up_ = clock_.now() - begin;
+  watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
+}
+
+void Runtime::Engine::list_workloads() {
+  const auto add = [this](const Workload& workload, const OwnWorkload* own) {
+    if (!names_.emplace(workload.name, workloads_.size()).second) {
+      throw_bad_input("workload '" + workload.name + "' is given twice");
+    }
+    workloads_.push_back({.workload = &workload, .own = own});
+    workloads_.back().runs_on = units_of(workloads_.back());
+  };
+  for (const std::string& name : options_.workloads) add(find_workload(name), nullptr);
+  for (const OwnWorkload& own : options_.own) {
+    if (own.kernels.empty()) throw_bad_input("workload '" + own.name + "' has no kernel");
+    Workload& workload = own_.emplace_back();
+    workload.name = own.name;
+    workload.inputs = own.inputs;
+    workload.outputs = own.outputs;
+    add(workload, &own);
+  }
+  if (workloads_.empty()) throw_bad_input("a runtime needs workloads: name them in its options");
+}
+
+/// Those that have a kernel for it.
+UnitMask Runtime::Engine::units_of(const Known& known) const {
+  UnitMask mask = 0;
+  for (UnitId unit = 0; unit < options_.platform.units.size(); ++unit) {
+    const UnitModel& model = options_.platform.units[unit];
+    bool runs = false;
+    if (known.own != nullptr) {
+      runs = known.own->kernels.contains(model.name) || known.own->kernels.contains(model.backend);
+    } else if (model.measured()) {
+      runs = find_backend(model.backend)
+                 .supports_on(make_unit_request(options_.platform, model), *known.workload)
+                 .ok;
+    }
+    if (runs) mask |= unit_bit(unit);
+  }
+  return mask;
+}
+
+/// Of each workload a pipeline of one task, for whoever asks what it costs and who may serve it.
+Mix Runtime::Engine::mix() const {
+  Mix mix;
+  mix.name = "runtime";
+  for (const Known& known : workloads_) {
+    MixTask task;
+    task.name = task.workload = known.workload->name;
+    task.service_location = "runtime: " + task.name;
+    for (UnitId unit = 0; unit < units_.size(); ++unit) {
+      const std::string& name = options_.platform.units[unit].name;
+      if (!contains(known.runs_on, unit)) continue;
+      if (known.own == nullptr && options_.profile) continue;
+      const bool said = known.own != nullptr && known.own->expected.contains(name);
+      task.service[name] = said ? known.own->expected.at(name) : kUnknownTime;
+    }
+    Pipeline pipeline;
+    pipeline.name = task.name;
+    pipeline.frames = 1;
+    pipeline.tasks.push_back(std::move(task));
+    mix.pipelines.push_back(std::move(pipeline));
+  }
+  return mix;
+}
+
+std::vector<Preparation> Runtime::Engine::preparations(UnitId unit) {
+  const UnitModel& model = options_.platform.units[unit];
+  std::vector<Preparation> preparations;
+  for (const Known& known : workloads_) {
+    if (!contains(known.runs_on, unit)) continue;
+    Preparation& each = preparations.emplace_back();
+    each.workload = known.workload;
+    if (known.own == nullptr) {
+      each.sample = samples_.of(*known.workload, 0);
+    } else {
+      const auto by_unit = known.own->kernels.find(model.name);
+      each.function = [function = by_unit != known.own->kernels.end()
+                                      ? by_unit->second
+                                      : known.own->kernels.at(model.backend)](
+                          std::span<const Tensor> inputs, std::span<Tensor> outputs) {
+        const runtime::MustNotWait within;
+        function(inputs, outputs);
+      };
+    }
+  }
+  return preparations;
+}
+
+void Runtime::Engine::open_units() {
+  const auto say = [this](const std::string& line) {
+    if (options_.progress) options_.progress(line);
+  };
+  for (UnitId unit = 0; unit < units_.size(); ++unit) {
+    auto prepared = preparations(unit);
+    if (prepared.empty()) continue;
+    const UnitModel& model = options_.platform.units[unit];
+    say("opening " + model.name);
+    UnitSetup setup{.request = make_unit_request(options_.platform, model),
+                    .backend = model.measured() ? &find_backend(model.backend) : nullptr,
+                    .preparations = std::move(prepared),
+                    .prepare_first = options_.prepare_first,
+                    .priority = options_.priority};
+    units_[unit].runner =
+        std::make_unique<KernelUnit>(std::move(setup), [this](Call& call, CallEnd end) {
+          Submitted& task = task_of(call);
+          task.call_end = std::move(end);
+          post(task, Submitted::Event::kEnd);
+          work();
+        });
+  }
+  for (Unit& unit : units_) {
+    if (unit.runner == nullptr) continue;
+    const std::string remark = unit.runner->wait_until_ready();
+    if (!remark.empty()) add_problem(unit.runner->name() + ": " + remark);
+    say(unit.runner->name() + " is ready");
+  }
+}
+}  // namespace pirt
