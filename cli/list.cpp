@@ -172,6 +172,7 @@ Listing list_backends() {
                          {"default", option.standard}});
     }
     for (const auto& reason : missing) {
+      if (!probe.available && reason.ends_with(probe.reason)) continue;  // said already
       table.footnotes.push_back(fmt::format("{} does not support {}", backend->name(), reason));
     }
     Json row = {{"name", backend->name()},
