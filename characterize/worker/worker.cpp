@@ -102,8 +102,12 @@ class Worker {
 
  private:
   /// Says that the device goes on, however slow this machine is at it.
-  void show_life(std::int64_t samples) const {
-    if (records_ == nullptr || device_->own_clock() == nullptr) return;
+  void show_life(std::int64_t samples) {
+    // Twenty signs at most before the machine's limit ends the sampling: of fast devices none.
+    const Nanos now = machine_.now();
+    const bool due = now - life_shown_ >= job_.sampling.limit / 20;
+    if (records_ == nullptr || device_->own_clock() == nullptr || !due) return;
+    life_shown_ = now;
     *records_ << progress_record(fmt::format("{}, {} samples in {:.3g} s of this machine",
                                              result_.step, samples, to_s(machine_.now() - begun_)))
               << std::endl;
@@ -265,7 +269,7 @@ class Worker {
     return options;
   }
 
-  [[nodiscard]] PhaseClocks clocks() const {
+  [[nodiscard]] PhaseClocks clocks() {
     const Clock* own = device_->own_clock();
     if (own == nullptr) return {.clock = machine_, .quality = result_.clock};
     PhaseClocks clocks{.clock = *own,
@@ -331,7 +335,8 @@ class Worker {
   JobResult& result_;
   const Backend& backend_;
   MachineClock machine_;
-  Nanos begun_{0};                             ///< The step.
+  Nanos begun_{0};  ///< The step.
+  Nanos life_shown_ = machine_.now();
   std::vector<Data> data_;                     ///< Of each frame of the sequence.
   std::vector<std::vector<Tensor>> expected_;  ///< The same.
   std::unique_ptr<Device> device_;
