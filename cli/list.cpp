@@ -48,8 +48,7 @@ std::string shapes(const std::vector<TensorSpec>& specs) {
 Json tensors(const std::vector<TensorSpec>& specs) {
   auto rows = Json::array();
   for (const auto& spec : specs) {
-    Json row = {
-        {"name", spec.name}, {"element", to_string(spec.element)}, {"shape", spec.shape}};
+    Json row = {{"name", spec.name}, {"element", to_string(spec.element)}, {"shape", spec.shape}};
     if (spec.varies) row["capacity"] = spec.shape.front();
     rows.push_back(std::move(row));
   }
@@ -92,14 +91,14 @@ Listing list_workloads() {
     table.rows.push_back({workload.name, count(workload.ops), count(workload.bytes()),
                           workload.kernel, workload.description});
     Json row = {{"name", workload.name},
-                                  {"description", workload.description},
-                                  {"kernel", workload.kernel},
-                                  {"tags", workload.tags},
-                                  {"bytes", workload.bytes()},
-                                  {"inputs", tensors(workload.inputs)},
-                                  {"parameters", tensors(workload.parameters)},
-                                  {"outputs", tensors(workload.outputs)},
-                                  {"frames", workload.frames}};
+                {"description", workload.description},
+                {"kernel", workload.kernel},
+                {"tags", workload.tags},
+                {"bytes", workload.bytes()},
+                {"inputs", tensors(workload.inputs)},
+                {"parameters", tensors(workload.parameters)},
+                {"outputs", tensors(workload.outputs)},
+                {"frames", workload.frames}};
     if (workload.state) {
       row["state"] = {{"name", workload.state->name},
                       {"tensors", tensors(workload.state->tensors)}};
@@ -159,12 +158,30 @@ Listing list_backends() {
     } else if (!devices.empty()) {
       table.footnotes.push_back(fmt::format("{}: {}", backend->name(), join(devices, "; ")));
     }
+    Json options = Json::array();
+    for (const OptionSpec& option : backend->options()) {
+      table.footnotes.push_back(fmt::format("{} has option {} (default {}{}{}, {} to {}): {}",
+                                            backend->name(), option.name, option.standard,
+                                            option.unit.empty() ? "" : " ", option.unit, option.low,
+                                            option.high, option.description));
+      options.push_back({{"name", option.name},
+                         {"unit", option.unit},
+                         {"description", option.description},
+                         {"low", option.low},
+                         {"high", option.high},
+                         {"default", option.standard}});
+    }
     for (const auto& reason : missing) {
+      if (!probe.available && reason.ends_with(probe.reason)) continue;  // said already
       table.footnotes.push_back(fmt::format("{} does not support {}", backend->name(), reason));
     }
-    Json row = {{"name", backend->name()},      {"description", backend->description()},
-                {"available", probe.available}, {"phases", phases},
-                {"devices", devices},           {"unsupported", missing}};
+    Json row = {{"name", backend->name()},
+                {"description", backend->description()},
+                {"available", probe.available},
+                {"phases", phases},
+                {"devices", devices},
+                {"unsupported", missing},
+                {"options", options}};
     if (!probe.available) row["reason"] = probe.reason;
     rows.push_back(std::move(row));
   }

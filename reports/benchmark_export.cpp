@@ -56,6 +56,7 @@ Json context(const Profile& profile) {
 Json entry(const PhaseRow& row, const std::string& suffix, const std::string& type, Nanos value) {
   const std::string name = benchmark_name(row);
   std::string label(to_string(row.provenance));
+  if (row.provenance.mixture) label += "; mixture";
   if (!row.notes.empty()) label += "; " + join(row.notes, "; ");
   return {{"name", name + suffix},
           {"run_name", name},
@@ -68,6 +69,7 @@ Json entry(const PhaseRow& row, const std::string& suffix, const std::string& ty
           {"time_unit", "ns"},
           {"label", label},
           {"provenance", to_string(row.provenance)},
+          {"mixture", row.provenance.mixture},
           {"run_id", row.run_id}};
 }
 

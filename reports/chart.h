@@ -36,7 +36,7 @@ struct Mark {
   std::optional<double> x = std::nullopt, y = std::nullopt;
   std::optional<double> low = std::nullopt, high = std::nullopt;  ///< On the x axis.
   std::vector<double> values = {};  ///< kStacks: of each of Chart::parts; kQuantiles: rising.
-  Provenance provenance = Provenance::kMeasured;
+  Origin provenance = Provenance::kMeasured;
   /// Why its figure must not be believed, or why there is none; empty if it may be.
   std::string invalid = {};
   /// Said in place of a figure that is none: "never". Such a mark stands at the edge. Of a timeline

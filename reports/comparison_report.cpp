@@ -82,7 +82,7 @@ const RunRecord* find_run(const ModeRuns& comparison, const std::string& mode) {
   return found == comparison.runs.end() ? nullptr : &*found;
 }
 
-std::string tail_text(const PipelineResult& pipeline, Provenance time) {
+std::string tail_text(const PipelineResult& pipeline, Origin time) {
   auto text = "p99 " + shown(pipeline.p99_ms, time) + " ms";
   if (pipeline.deadline_misses) {
     text += fmt::format(", {} of {} late", *pipeline.deadline_misses,

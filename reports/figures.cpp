@@ -26,29 +26,28 @@ std::string duration_text(Nanos value) {
   return figure(to_s(value)) + " s";
 }
 
-std::string_view mark(Provenance provenance) {
-  switch (provenance) {
+std::string mark(Origin origin) {
+  const std::string sum = origin.mixture ? "*" : "";
+  switch (origin.provenance) {
     case Provenance::kMeasured:
-      return "";
+      return sum;
     case Provenance::kCounted:
-      return "#";
+      return "#" + sum;
     case Provenance::kModelled:
-      return "~";
+      return "~" + sum;
     case Provenance::kFitted:
-      return "^";
+      return "^" + sum;
     case Provenance::kPublished:
-      return "+";
+      return "+" + sum;
   }
   return "?";
 }
 
 std::string_view provenance_legend() {
   return "Unmarked figures are measured on this machine; # counted, ~ modelled, ^ fitted, + "
-         "published.";
+         "published; * a sum with stronger ones.";
 }
 
-std::string marked(const std::string& text, Provenance provenance) {
-  return std::string(mark(provenance)) + text;
-}
+std::string marked(const std::string& text, Origin provenance) { return mark(provenance) + text; }
 
 }  // namespace pirt

@@ -19,11 +19,12 @@ namespace pirt {
 /// With a sign of its unit, for prose: "89.1 us", "12.3 ms", "1.23 s".
 [[nodiscard]] std::string duration_text(Nanos value);
 
-/// "" for measured, otherwise one character; `provenance_legend` explains them.
-[[nodiscard]] std::string_view mark(Provenance provenance);
+/// "" for measured, otherwise one character, and * behind it for a mixture; `provenance_legend`
+/// explains them.
+[[nodiscard]] std::string mark(Origin provenance);
 [[nodiscard]] std::string_view provenance_legend();
 
 /// A figure of that provenance: mark in front.
-[[nodiscard]] std::string marked(const std::string& text, Provenance provenance);
+[[nodiscard]] std::string marked(const std::string& text, Origin provenance);
 
 }  // namespace pirt

@@ -36,8 +36,9 @@ HistoryExport export_history(const Profile& profile) {
     if (row.ci_low && row.ci_high) {
       half = static_cast<double>((*row.ci_high - *row.ci_low).count()) / 2;
     }
-    result.json.push_back(entry(name, "ns", static_cast<double>(row.median->count()), half,
-                                std::string(to_string(row.provenance))));
+    result.json.push_back(entry(
+        name, "ns", static_cast<double>(row.median->count()), half,
+        std::string(to_string(row.provenance)) + (row.provenance.mixture ? "; mixture" : "")));
   }
   for (const EnergyRow& row : profile.energies) {
     const std::string name = fmt::format("{}/{}/energy", row.workload, row.unit);

@@ -58,7 +58,7 @@ std::string name_of_prediction(const RunRecord& run) {
 }
 
 Chart pipeline_chart(const RunRecord& live, const RunRecord& predicted) {
-  const Provenance measured = marks_of(live).time, computed = marks_of(predicted).time;
+  const Origin measured = marks_of(live).time, computed = marks_of(predicted).time;
   Chart chart{.kind = ChartKind::kDots, .x = {"virtual time is off by, % of the live run"}};
   chart.table = {
       .title = fmt::format("Pipelines, live beside {}: {}", name_of_prediction(predicted),

@@ -13,7 +13,7 @@ namespace {
 
 constexpr const char* kInference = "alexnet";
 
-std::string range_text(std::optional<double> low, std::optional<double> high, Provenance from) {
+std::string range_text(std::optional<double> low, std::optional<double> high, Origin from) {
   if (!low || !high) return "-";
   if (*low == *high) return marked(figure(*low), from);
   return marked(fmt::format("{} to {}", figure(*low), figure(*high)), from);

@@ -16,7 +16,7 @@ struct Inference {
   std::string where;
   std::optional<double> energy_j = std::nullopt;
   std::optional<double> low_s = std::nullopt, high_s = std::nullopt;  ///< Equal for units.
-  Provenance energy_provenance = Provenance::kMeasured, time_provenance = Provenance::kMeasured;
+  Origin energy_provenance = Provenance::kMeasured, time_provenance = Provenance::kMeasured;
 };
 
 /// AlexNet on each unit with a valid row, then on each unit of role cloud that serves it.

@@ -18,6 +18,7 @@ std::optional<Nanos> median_of(const PhaseRow* row) {
 std::string reason_of(const PhaseRow* row, Phase phase) {
   const std::string name(to_string(phase));
   if (row == nullptr) return name + " was not measured";
+  if (const std::string why = row->unknown(); !why.empty()) return name + " is unknown: " + why;
   if (!row->valid) return name + " is not valid: " + join(row->reasons, ", ");
   return row->median ? "" : name + " has no samples";
 }
@@ -48,7 +49,10 @@ void add_cost(const Profile& profile, const std::string& workload, const std::st
   cost.execute = median_of(profile.find(workload, unit, Phase::kExecute));
   cost.download = median_of(profile.find(workload, unit, Phase::kDownload));
   const std::array rows = {init, prepare, call};
-  for (const PhaseRow* row : rows) cost.provenance = weakest(cost.provenance, row->provenance);
+  for (const PhaseRow* row : rows) {
+    cost.provenance =
+        row == rows.front() ? row->provenance : sum_of(cost.provenance, row->provenance);
+  }
   const auto has_interval = [](const PhaseRow* row) { return row->ci_low && row->ci_high; };
   if (std::ranges::all_of(rows, has_interval)) {
     cost.least = {*init->ci_low + *prepare->ci_low, *call->ci_low};

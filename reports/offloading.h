@@ -33,7 +33,7 @@ struct OffloadingCost {
   Nanos call{0};
   std::optional<Nanos> upload, launch, execute, download;  ///< Of one call; as far as the unit has
                                                            ///< them.
-  Provenance provenance = Provenance::kMeasured;           ///< The weakest of its times.
+  Origin provenance = Provenance::kMeasured;               ///< Of the sum of its times.
   /// With device_init, prepare and call at the lower and at the upper ends of their 95 % intervals;
   /// absent if one has no interval.
   std::optional<CallCosts> least, most;

@@ -37,7 +37,7 @@ std::int64_t late(const RunRecord& run) {
   return misses;
 }
 
-Provenance provenance_of(const RunRecord& run) {
+Origin provenance_of(const RunRecord& run) {
   const RunMarks marks = marks_of(run);
   return weakest(marks.time, marks.energy);
 }

@@ -16,7 +16,7 @@ struct RankedUnit {
   double value = 0;
   double low = 0;  ///< 95 % confidence interval of the median; equal to value where there is none.
   double high = 0;
-  Provenance provenance = Provenance::kMeasured;
+  Origin provenance = Provenance::kMeasured;
 };
 
 /// Units of one workload, best first; only those with a valid figure.

@@ -53,7 +53,7 @@ std::optional<double> ms(std::optional<Nanos> time) {
 }
 
 /// Group and series of a cell, with what is the same for each of its figures.
-Mark cell_mark(const std::string& workload, const std::string& unit, Provenance provenance,
+Mark cell_mark(const std::string& workload, const std::string& unit, Origin provenance,
                const std::string& invalid) {
   return {.group = workload, .series = unit, .provenance = provenance, .invalid = invalid};
 }

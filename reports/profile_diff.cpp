@@ -218,9 +218,13 @@ void put(Json& object, const char* key, const std::optional<Nanos>& value) {
 }
 
 Json side_json(const PhaseRow& row) {
-  Json json = {{"run_id", row.run_id}, {"provenance", to_string(row.provenance)},
-               {"valid", row.valid},   {"reasons", row.reasons},
-               {"notes", row.notes},   {"samples", row.samples}};
+  Json json = {{"run_id", row.run_id},
+               {"provenance", to_string(row.provenance)},
+               {"mixture", row.provenance.mixture},
+               {"valid", row.valid},
+               {"reasons", row.reasons},
+               {"notes", row.notes},
+               {"samples", row.samples}};
   put(json, "median_ns", row.median);
   put(json, "ci_low_ns", row.ci_low);
   put(json, "ci_high_ns", row.ci_high);

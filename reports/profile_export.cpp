@@ -112,23 +112,26 @@ class Csv {
 std::string profile_csv(const Profile& profile) {
   Csv csv(
       "run_id,platform,workload,unit,backend,phase,state,provenance,valid,reasons,notes,samples,"
-      "median_ns,mad_ns,p95_ns,p99_ns,ci_low_ns,ci_high_ns,ops,bytes,processes");
+      "median_ns,mad_ns,p95_ns,p99_ns,ci_low_ns,ci_high_ns,ops,bytes,processes,mixture,"
+      "bound_ns");
   for (const PhaseRow& row : profile.phases) {
     csv.add(row.run_id).add(row.platform).add(row.workload).add(row.unit).add(row.backend);
     csv.add(to_string(row.phase)).add(to_string(row.state)).add(to_string(row.provenance));
     csv.add(row.valid).add(row.reasons).add(row.notes).add(row.samples).add(row.median);
     csv.add(row.mad).add(row.p95).add(row.p99).add(row.ci_low).add(row.ci_high).add(row.ops);
-    csv.add(row.bytes).add(row.processes).end_line();
+    csv.add(row.bytes).add(row.processes).add(row.provenance.mixture).add(row.bound).end_line();
   }
   return csv.text();
 }
 
 std::string energy_csv(const Profile& profile) {
-  Csv csv("run_id,workload,unit,energy_j,provenance,source,valid,reasons,domain,idle_subtracted");
+  Csv csv(
+      "run_id,workload,unit,energy_j,provenance,source,valid,reasons,domain,idle_subtracted,"
+      "mixture");
   for (const EnergyRow& row : profile.energies) {
     csv.add(row.run_id).add(row.workload).add(row.unit).add(row.energy_j);
     csv.add(to_string(row.provenance)).add(row.source).add(row.valid).add(row.reasons);
-    csv.add(row.domain).add(row.idle_subtracted).end_line();
+    csv.add(row.domain).add(row.idle_subtracted).add(row.provenance.mixture).end_line();
   }
   return csv.text();
 }

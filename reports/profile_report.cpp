@@ -24,7 +24,7 @@ namespace {
 
 /// The median with its mark; "invalid" stands where a figure must not be believed.
 std::string cell(const PhaseRow* row) {
-  if (row == nullptr) return "-";
+  if (row == nullptr || !row->unknown().empty()) return "-";
   if (!row->valid) return "invalid";
   return marked(figure_ms(row->median), row->provenance);
 }
@@ -75,13 +75,14 @@ struct Word {
 };
 
 /// The notes that characterize/profile/store/schema.sql lists.
-constexpr std::array<Word, 7> kNotes = {
+constexpr std::array<Word, 8> kNotes = {
     {{"input_resized", "the picture was scaled to the workload's size"},
      {"input_cropped", "its edges were cut to keep its proportions"},
      {"precision_not_reached", "the interval of the median is wider than was asked for"},
      {"contended", "other processes took processor time meanwhile"},
      {"bimodal", "the samples have two centres"},
      {"no_kernel_cache", "nothing is compiled that could be cached: cold and warm are alike"},
+     {kDeterministic, "the figure repeats exactly: one sample is all there is"},
      {"shared_core", "another unit owns one of its cores too"}}};
 
 /// What is said of a cell, with the phases that it is said of, in order of first appearance.
@@ -98,7 +99,12 @@ Remarks remarks_of(const Profile& profile, const std::string& workload, const st
   };
   for (const auto& row : profile.phases) {
     if (row.workload != workload || row.unit != unit) continue;
-    for (const auto& reason : row.reasons) add("INVALID: " + reason, row.phase);
+    for (const auto& reason : row.reasons) {
+      add(row.unknown().empty() ? "INVALID: " + reason : reason, row.phase);
+    }
+    if (row.bound) {
+      add(fmt::format("{} at least {} ms", to_string(row.phase), figure_ms(row.bound)), row.phase);
+    }
     for (const auto& note : row.notes) add(note, row.phase);
   }
   const auto* energy = profile.find_energy(workload, unit);
@@ -209,7 +215,8 @@ Json phase_json(const PhaseRow& row) {
                {"notes", row.notes},
                {"samples", row.samples},
                {"bytes", row.bytes},
-               {"processes", row.processes}};
+               {"processes", row.processes},
+               {"mixture", row.provenance.mixture}};
   if (const int batch = batch_of(row.workload); batch > 1) json["batch"] = batch;
   put(json, "median_ns", row.median);
   put(json, "mad_ns", row.mad);
@@ -218,6 +225,7 @@ Json phase_json(const PhaseRow& row) {
   put(json, "ci_low_ns", row.ci_low);
   put(json, "ci_high_ns", row.ci_high);
   put(json, "ops", row.ops);
+  put(json, "bound_ns", row.bound);
   return json;
 }
 
@@ -230,7 +238,8 @@ Json energy_json(const EnergyRow& row) {
                {"valid", row.valid},
                {"reasons", row.reasons},
                {"domain", row.domain},
-               {"idle_subtracted", row.idle_subtracted}};
+               {"idle_subtracted", row.idle_subtracted},
+               {"mixture", row.provenance.mixture}};
   put(json, "energy_j", row.energy_j);
   return json;
 }

@@ -14,31 +14,44 @@
 namespace pirt {
 namespace {
 
+/// Where what a figure is computed from comes from.
+struct Inputs {
+  std::set<std::string> names;
+  bool mixture = false;
+};
+
 /// Where a figure of virtual time comes from: it was computed, so it is modelled, or what the
 /// weakest of its inputs is.
-Provenance simulated(const std::set<std::string>& inputs) {
-  Provenance result = Provenance::kModelled;
-  for (const std::string& input : inputs) {
+Origin simulated(const Inputs& inputs) {
+  Origin result{Provenance::kModelled, inputs.mixture};
+  for (const std::string& input : inputs.names) {
     result = weakest(result, provenance_from_string(input).value_or(Provenance::kModelled));
   }
   return result;
 }
 
+Inputs times_of(const UnitResult& unit) {
+  return {{unit.provenance.begin(), unit.provenance.end()}, unit.mixture.value_or(false)};
+}
+
+Inputs energies_of(const UnitResult& unit) {
+  return {{unit.energy_provenance.begin(), unit.energy_provenance.end()},
+          unit.energy_mixture.value_or(false)};
+}
+
 /// Of the units that the run used.
-std::set<std::string> energy_inputs_of(const RunRecord& run) {
-  std::set<std::string> inputs;
+Inputs inputs_of(const RunRecord& run, Inputs (*of)(const UnitResult&)) {
+  Inputs inputs;
   for (const auto& unit : run.units) {
     if (unit.completed == 0) continue;
-    inputs.insert(unit.energy_provenance.begin(), unit.energy_provenance.end());
+    const Inputs each = of(unit);
+    inputs.names.insert(each.names.begin(), each.names.end());
+    inputs.mixture = inputs.mixture || each.mixture;
   }
   return inputs;
 }
 
-std::set<std::string> set_of(const std::vector<std::string>& names) {
-  return {names.begin(), names.end()};
-}
-
-std::string percent(const std::optional<double>& value, Provenance provenance) {
+std::string percent(const std::optional<double>& value, Origin provenance) {
   return value ? marked(fmt::format("{:.1f}", 100 * *value), provenance) : "-";
 }
 
@@ -110,10 +123,18 @@ std::optional<Paragraph> bounds(const RunRecord& run) {
 
 /// "opencl: times measured; energy modelled".
 std::string input_note(const UnitResult& unit) {
-  return fmt::format(
-      "{}: service times {}, energy {}", unit.unit,
-      unit.provenance.empty() ? "none" : join(unit.provenance, " and "),
-      unit.energy_provenance.empty() ? "none" : join(unit.energy_provenance, " and "));
+  const auto words = [](const std::vector<std::string>& names, const std::optional<bool>& mixture) {
+    const std::string sums = mixture.value_or(false) ? " (of sums the weakest)" : "";
+    return names.empty() ? "none" : join(names, " and ") + sums;
+  };
+  std::string note = fmt::format("{}: service times {}, energy {}", unit.unit,
+                                 words(unit.provenance, unit.mixture),
+                                 words(unit.energy_provenance, unit.energy_mixture));
+  if (unit.prepares) {
+    note += fmt::format("; loaded another context {} times, {} s of busy", *unit.prepares,
+                        figure(unit.prepare_s));
+  }
+  return note;
 }
 
 Table units_table(const RunRecord& run) {
@@ -128,8 +149,8 @@ Table units_table(const RunRecord& run) {
                           {"energy J"},
                           {"device", Align::kLeft}}};
   for (const auto& unit : run.units) {
-    const auto time = time_of(run, unit);
-    const auto energy = simulated(set_of(unit.energy_provenance));
+    const Origin time = time_of(run, unit);
+    const Origin energy = simulated(energies_of(unit));
     table.rows.push_back({unit.unit, unit.role, fmt::format("{}", unit.completed),
                           shown(unit.mean_latency_ms, time), shown(unit.p99_latency_ms, time),
                           shown(unit.busy_s, time), percent(unit.utilization, time),
@@ -241,14 +262,14 @@ class ModesTable {
     row(what, [member](const RunRecord& run) { return fmt::format("{}", run.*member); });
   }
   void unit_row(const std::string& unit, const std::string& what,
-                const std::function<std::string(const UnitResult&, Provenance)>& cell) {
+                const std::function<std::string(const UnitResult&, Origin)>& cell) {
     row(unit + ": " + what, [&](const RunRecord& run) {
       const auto* found = find_unit(run, unit);
       return found == nullptr ? std::string("-") : cell(*found, time_of(run, *found));
     });
   }
   void pipeline_row(const std::string& pipeline, const std::string& what,
-                    const std::function<std::string(const PipelineResult&, Provenance)>& cell) {
+                    const std::function<std::string(const PipelineResult&, Origin)>& cell) {
     row(pipeline + ": " + what, [&](const RunRecord& run) {
       const auto* found = find_pipeline(run, pipeline);
       return found == nullptr ? std::string("-") : cell(*found, marks_of(run).time);
@@ -288,28 +309,25 @@ void add_totals(ModesTable& table) {
 }
 
 void add_unit(ModesTable& table, const std::string& name) {
-  table.unit_row(name, "tasks", [](const UnitResult& unit, Provenance) {
-    return fmt::format("{}", unit.completed);
-  });
-  table.unit_row(name, "mean latency, ms", [](const UnitResult& unit, Provenance time) {
+  table.unit_row(name, "tasks",
+                 [](const UnitResult& unit, Origin) { return fmt::format("{}", unit.completed); });
+  table.unit_row(name, "mean latency, ms", [](const UnitResult& unit, Origin time) {
     return shown(unit.mean_latency_ms, time);
   });
-  table.unit_row(name, "busy, %", [](const UnitResult& unit, Provenance time) {
+  table.unit_row(name, "busy, %", [](const UnitResult& unit, Origin time) {
     return percent(unit.utilization, time);
   });
 }
 
 void add_pipeline(ModesTable& table, const std::string& name) {
-  table.pipeline_row(name, "rate, Hz", [](const PipelineResult& p, Provenance time) {
-    return shown(p.rate_hz, time);
-  });
-  table.pipeline_row(name, "p99, ms", [](const PipelineResult& p, Provenance time) {
-    return shown(p.p99_ms, time);
-  });
-  table.pipeline_row(name, "unfinished", [](const PipelineResult& p, Provenance) {
+  table.pipeline_row(name, "rate, Hz",
+                     [](const PipelineResult& p, Origin time) { return shown(p.rate_hz, time); });
+  table.pipeline_row(name, "p99, ms",
+                     [](const PipelineResult& p, Origin time) { return shown(p.p99_ms, time); });
+  table.pipeline_row(name, "unfinished", [](const PipelineResult& p, Origin) {
     return fmt::format("{}", p.unfinished);
   });
-  table.pipeline_row(name, "deadline misses", [](const PipelineResult& p, Provenance) {
+  table.pipeline_row(name, "deadline misses", [](const PipelineResult& p, Origin) {
     return p.deadline_misses ? fmt::format("{}", *p.deadline_misses) : std::string("-");
   });
 }
@@ -353,19 +371,20 @@ std::vector<std::string> footnotes(std::span<const RunRecord> runs) {
 
 }  // namespace
 
-Provenance time_of(const RunRecord& run, const UnitResult& unit) {
-  return run.is_live() && unit.backend ? Provenance::kMeasured : simulated(set_of(unit.provenance));
+Origin time_of(const RunRecord& run, const UnitResult& unit) {
+  if (run.is_live() && unit.backend) return Provenance::kMeasured;
+  return simulated(times_of(unit));
 }
 
 RunMarks marks_of(const RunRecord& run) {
-  Provenance time = run.is_live() ? Provenance::kMeasured : Provenance::kModelled;
+  Origin time = run.is_live() ? Origin{Provenance::kMeasured} : Origin{Provenance::kModelled};
   for (const auto& unit : run.units) {
     if (unit.completed > 0) time = weakest(time, time_of(run, unit));
   }
-  return {.time = time, .energy = simulated(energy_inputs_of(run))};
+  return {.time = time, .energy = simulated(inputs_of(run, energies_of))};
 }
 
-std::string shown(const std::optional<double>& value, Provenance provenance) {
+std::string shown(const std::optional<double>& value, Origin provenance) {
   return value ? marked(figure(*value), provenance) : "-";
 }
 

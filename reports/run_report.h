@@ -14,17 +14,17 @@ namespace pirt {
 
 /// Marks of a run's figures; counts need none.
 struct RunMarks {
-  Provenance time;
-  Provenance energy;
+  Origin time;
+  Origin energy;
 };
 [[nodiscard]] RunMarks marks_of(const RunRecord& run);
 
 /// Of the times of one of its units: what was computed live is measured, the rest comes from
 /// virtual time's servers.
-[[nodiscard]] Provenance time_of(const RunRecord& run, const UnitResult& unit);
+[[nodiscard]] Origin time_of(const RunRecord& run, const UnitResult& unit);
 
 /// A figure with its mark, "-" if absent.
-[[nodiscard]] std::string shown(const std::optional<double>& value, Provenance provenance);
+[[nodiscard]] std::string shown(const std::optional<double>& value, Origin provenance);
 /// In percent and signed: reached / bound - 1; "-" without both.
 [[nodiscard]] std::string gap_text(std::optional<double> reached, std::optional<double> bound);
 

@@ -19,7 +19,7 @@ namespace {
 constexpr const char* kNoProfile = "no profile given";
 constexpr const char* kConvolution = "convolution";
 
-Claim decided(Claim claim, bool holds, const std::string& here, Provenance from,
+Claim decided(Claim claim, bool holds, const std::string& here, Origin from,
               const std::string& why = "") {
   return pirt::decided(std::move(claim), holds, here, to_string(from), why);
 }
@@ -53,7 +53,7 @@ Role paper_role(const std::string& unit) {
 /// Joules that are a model say nothing that times do not.
 bool energy_is_modelled(const Profile& profile) {
   return std::ranges::none_of(profile.energies, [](const EnergyRow& row) {
-    return row.valid && row.energy_j && row.provenance < Provenance::kModelled;
+    return row.valid && row.energy_j && row.provenance.provenance < Provenance::kModelled;
   });
 }
 
@@ -106,7 +106,7 @@ Claim no_single_winner(const Evidence& evidence, const std::vector<Preference>& 
   if (evidence.profile->units().size() < 2) return not_testable(claim, "one unit was measured");
   std::map<std::string, int> wins;
   int ties = 0;
-  Provenance from = Provenance::kMeasured;
+  Origin from = Provenance::kMeasured;
   for (const Preference& each : preferable) {
     if (!each.paper_time || each.by_time.units.size() < 2) continue;
     const auto best = each.by_time.preferable();
@@ -181,7 +181,7 @@ Claim layers(const Evidence& evidence, bool energy) {
   const auto fpgas = units_of_role(evidence, Role::kFpga);
   if (gpus.empty() || fpgas.empty()) return not_testable(claim, "needs a real GPU and an FPGA");
   int ahead = 0, all = 0;
-  Provenance from = Provenance::kMeasured;
+  Origin from = Provenance::kMeasured;
   for (const auto& workload : profile.workloads()) {
     if (!workload.starts_with("conv") && !workload.starts_with("fc")) continue;
     if (workload == kConvolution) continue;
@@ -209,7 +209,7 @@ Claim set_up_matters(const Evidence& evidence, const OffloadingCosts& costs) {
               .paper = "-"};
   std::vector<std::string> parts;
   bool all = true;
-  Provenance from = Provenance::kMeasured;
+  Origin from = Provenance::kMeasured;
   for (const auto& unit : evidence.profile->units()) {
     const auto* cost = costs.find(kConvolution, unit, State::kCold);
     if (cost == nullptr || real_role(evidence, unit) == Role::kCpu) continue;

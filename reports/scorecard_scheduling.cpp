@@ -57,7 +57,7 @@ Claim best_of(const Goal& goal, const std::vector<RunRecord>& runs, const std::s
   }
   const RunMarks marks = marks_of(*own);
   const bool energy = std::string_view(goal.what) == "J";
-  const Provenance from = energy ? marks.energy : marks.time;
+  const Origin from = energy ? marks.energy : marks.time;
   const double reached = *goal.of(*own), limit = *goal.of(*best);
   const bool holds =
       goal.less ? reached <= limit * (1 + kAlmost) : reached >= limit * (1 - kAlmost);

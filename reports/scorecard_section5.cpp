@@ -118,7 +118,7 @@ Claim rate_claim(const RunRecord& run, const char* pipeline, double hz, const st
   if (found == nullptr || !found->rate_hz) {
     return not_testable(claim, fmt::format("the mix has no pipeline {}", pipeline));
   }
-  const Provenance from = marks_of(run).time;
+  const Origin from = marks_of(run).time;
   return decided(
       claim, *found->rate_hz >= hz * (1 - kAlmost), shown(found->rate_hz, from) + " Hz",
       "virtual time, " + std::string(to_string(from)),
@@ -134,7 +134,7 @@ Claim planning_claim(const RunRecord& run) {
   if (found == nullptr || !found->p99_ms) {
     return not_testable(claim, "the mix has no pipeline that plans");
   }
-  const Provenance from = marks_of(run).time;
+  const Origin from = marks_of(run).time;
   return decided(claim, *found->p99_ms <= 6, "p99 " + shown(found->p99_ms, from) + " ms",
                  "virtual time, " + std::string(to_string(from)),
                  run.mode + " mode on " + run.platform);
@@ -144,7 +144,7 @@ Claim power_claim(const RunRecord& run) {
   Claim claim{
       .where = "Section V", .claim = "all of it within 11 W, on this machine", .paper = "+11 W"};
   if (!run.average_power_w) return not_testable(claim, "the run has no power");
-  const Provenance from = marks_of(run).energy;
+  const Origin from = marks_of(run).energy;
   return decided(claim, *run.average_power_w <= 11, shown(run.average_power_w, from) + " W",
                  "virtual time, " + std::string(to_string(from)),
                  run.mode + " mode on " + run.platform);
@@ -159,7 +159,7 @@ Claim cpu_only_claim(const RunRecord& run) {
   if (found == nullptr || !found->rate_hz) {
     return not_testable(claim, "the mix has no pipeline localization");
   }
-  const Provenance from = marks_of(run).time;
+  const Origin from = marks_of(run).time;
   return decided(
       claim, *found->rate_hz < 25 * (1 - kAlmost), shown(found->rate_hz, from) + " Hz",
       "virtual time, " + std::string(to_string(from)),

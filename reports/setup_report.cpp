@@ -261,6 +261,7 @@ Json setup_json(const OffloadingCosts& costs) {
                   {"unit", cost.unit},
                   {"state", to_string(cost.state)},
                   {"provenance", to_string(cost.provenance)},
+                  {"mixture", cost.provenance.mixture},
                   {"device_init_ms", to_ms(cost.device_init)},
                   {"prepare_ms", to_ms(cost.set_up() - cost.device_init)}};
     const auto add = [&entry](const char* key, std::optional<Nanos> time) {

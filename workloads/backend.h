@@ -6,6 +6,7 @@
 // folder.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -49,6 +50,23 @@ struct Probe {
   std::vector<DeviceInfo> devices;
 };
 
+/// How a device's time of one phase is known.
+struct Accounting {
+  /// kMeasured: the machine's clock, around the phase. Any other: the device's own clock, which
+  /// goes on during the phase.
+  Provenance provenance = Provenance::kMeasured;
+  /// Why nobody knows the phase's time, in one line; empty = it is known.
+  std::string unknown = {};
+};
+
+/// A number that a platform file may give a backend.
+struct OptionSpec {
+  std::string name;                        ///< "clock_mhz"
+  std::string unit;                        ///< "MHz"; empty = a plain number.
+  std::string description;                 ///< One line.
+  double low = 0, high = 0, standard = 0;  ///< Range, ends included, and default.
+};
+
 /// What a platform says about the unit that a device is opened for.
 struct UnitRequest {
   std::string unit;        ///< The platform's name of the unit, for messages.
@@ -56,6 +74,13 @@ struct UnitRequest {
                            ///< thread's affinity.
   std::string device;      ///< Part of a device's name or platform to pick by; empty = the first.
   std::string script;      ///< Backend-specific: the fake backend's script (YAML text).
+  std::map<std::string, double> options = {};  ///< Of Backend::options; others have their default.
+
+  /// What @p option is for this unit.
+  [[nodiscard]] double option(const OptionSpec& option) const {
+    const auto given = options.find(option.name);
+    return given == options.end() ? option.standard : given->second;
+  }
 };
 
 /// One workload prepared on one unit. Used by one thread at a time.
@@ -75,6 +100,12 @@ class Kernel {
   /// summed over the repeats), where it has such stamps.
   /// With a state every repeat reads the current one and writes the next: all are the same call.
   virtual std::optional<Nanos> execute(int repeats) = 0;
+  /// The least that @p phase of the last call can have taken on such a device, where the device
+  /// knows that beside its time; never above it.
+  [[nodiscard]] virtual std::optional<Nanos> bound(Phase phase) const {
+    static_cast<void>(phase);
+    return std::nullopt;
+  }
   /// Device to host; complete on return. Outputs that vary get their rows, here or in execute. With
   /// a state its next value comes as well.
   virtual void download() {}
@@ -127,10 +158,18 @@ class Device {
       none.unavailable[kind] = "the backend has no loop for it";
     return none;
   }
-  /// The device's own time, for devices that simulate theirs; null = the machine's clock counts.
+  /// The device's own time, for devices that simulate theirs; it starts at 0. Null = the machine's
+  /// clock counts.
   [[nodiscard]] virtual const Clock* own_clock() const { return nullptr; }
-  /// Where figures taken with own_clock() come from.
+  /// Where figures taken with own_clock() come from, where accounting() says nothing else.
   [[nodiscard]] virtual Provenance provenance() const { return Provenance::kMeasured; }
+  /// How the time of @p phase is known; the call's follows from its phases'.
+  [[nodiscard]] virtual Accounting accounting(Phase phase) const {
+    static_cast<void>(phase);
+    return {provenance()};
+  }
+  /// Whether all that own_clock() tells of a call is the same each time and in every process.
+  [[nodiscard]] virtual bool is_deterministic() const { return false; }
 
  private:
   /// prepare() of a workload that supports() has.
@@ -147,6 +186,9 @@ class Backend {
   /// The phases that its calls have, in order; kCall is always among them.
   [[nodiscard]] virtual std::vector<Phase> phases() const = 0;
   [[nodiscard]] virtual Probe probe() const = 0;
+  /// What a platform file may give under a unit's `options:`, and a device reads from its request.
+  /// All of them change figures.
+  [[nodiscard]] virtual std::vector<OptionSpec> options() const { return {}; }
   [[nodiscard]] virtual Support supports(const Workload& workload) const = 0;
   /// The same for the unit of @p request, for backends where the request decides too; opens
   /// nothing.

@@ -45,9 +45,37 @@ enum class Provenance : std::uint8_t {
   kFitted,     ///< Inputs chosen to match published figures.
   kPublished,  ///< Quoted, with source.
 };
-/// Of what is made of both: the one that is farther from a measurement.
-[[nodiscard]] constexpr Provenance weakest(Provenance a, Provenance b) { return std::max(a, b); }
+inline constexpr std::array kAllProvenances = {Provenance::kMeasured, Provenance::kCounted,
+                                               Provenance::kModelled, Provenance::kFitted,
+                                               Provenance::kPublished};
 [[nodiscard]] std::string_view to_string(Provenance provenance);
 [[nodiscard]] std::optional<Provenance> provenance_from_string(std::string_view text);
+
+/// Where a figure comes from, sums included: those of several provenances have the weakest of them
+/// and are mixtures.
+struct Origin {
+  Provenance provenance = Provenance::kMeasured;
+  bool mixture = false;
+
+  constexpr Origin() = default;
+  /// Of a figure that is no sum.
+  constexpr Origin(Provenance of) : provenance(of) {}  // NOLINT: a provenance is an origin
+  constexpr Origin(Provenance weakest_of, bool is_mixture)
+      : provenance(weakest_of), mixture(is_mixture) {}
+  friend constexpr bool operator==(const Origin&, const Origin&) = default;
+};
+/// Of what follows from both (a product, a judgement): the one that is farther from a measurement.
+[[nodiscard]] constexpr Origin weakest(Origin a, Origin b) {
+  return {std::max(a.provenance, b.provenance), a.mixture || b.mixture};
+}
+/// Of the sum of both.
+[[nodiscard]] constexpr Origin sum_of(Origin a, Origin b) {
+  return {std::max(a.provenance, b.provenance),
+          a.mixture || b.mixture || a.provenance != b.provenance};
+}
+/// The provenance's word; whether it is a mixture stands beside it.
+[[nodiscard]] inline std::string_view to_string(Origin origin) {
+  return to_string(origin.provenance);
+}
 
 }  // namespace pirt

@@ -365,6 +365,8 @@ class Campaign {
     std::map<std::string, std::vector<std::string>>
         invalid;  // reasons -> the phases that have them
     for (const PhaseRecord& row : record.phases) {
+      const bool unknown = !row.reasons.empty() && row.reasons.front().starts_with(kUnknownPhase);
+      if (unknown) continue;
       ++(row.reasons.empty() ? summary_.rows_valid : summary_.rows_invalid);
       if (row.reasons.empty()) continue;
       auto& phases = invalid[join(row.reasons, ", ")];

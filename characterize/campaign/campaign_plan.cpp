@@ -28,6 +28,17 @@ JobResult probe(const CampaignOptions& options, const UnitModel& unit, const Job
   return *result;
 }
 
+/// All that the backend has, given or not: "clock_mhz=500, launch_us=300"; empty if it has none.
+std::string describe_options(const UnitModel& unit) {
+  UnitRequest request;
+  request.options = unit.options;
+  std::vector<std::string> parts;
+  for (const OptionSpec& option : find_backend(unit.backend).options()) {
+    parts.push_back(fmt::format("{}={}", option.name, request.option(option)));
+  }
+  return join(parts, ", ");
+}
+
 void add_unit(const UnitModel& unit, const JobResult& probed, CampaignPlan& plan) {
   const DeviceInfo& device = probed.device.value();
   plan.units.push_back({unit.name, unit.backend, device.name.empty() ? "unnamed" : device.name,
@@ -37,6 +48,8 @@ void add_unit(const UnitModel& unit, const JobResult& probed, CampaignPlan& plan
   if (!device.platform.empty()) plan.facts[prefix + "platform"] = device.platform;
   if (!device.version.empty()) plan.facts[prefix + "version"] = device.version;
   if (!device.tuning.empty()) plan.facts[prefix + "tuning"] = device.tuning;
+  const std::string options = describe_options(unit);
+  if (!options.empty()) plan.facts[prefix + "options"] = options;
   if (device.cache_bytes) plan.facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);
 }
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <map>
 
 #include "characterize/energy/model.h"
 #include "characterize/statistics/statistics.h"
@@ -56,24 +57,31 @@ std::optional<JobResult> CellMeasurement::visit() {
     empty_folder(cache_);
   } else if (!cache_filled_ && !environment_.empty()) {
     // Going on with an earlier campaign, whose cache went with it.
-    request_.on_step("filling the kernel cache");
+    begin_step("filling the kernel cache");
     empty_folder(cache_);
     auto filled = run(JobKind::kSetup);
     if (!filled || !filled->error.empty()) return filled;
   }
   const bool again = unstable_at_ && !repeated();
-  request_.on_step(fmt::format("process {}, {}", processes() + 1,
-                               again          ? "again (unstable)"
-                               : visit.needed ? fmt::format("{} set-up", to_string(visit.setup))
-                                              : "for precision"));
+  begin_step(fmt::format("process {}, {}", processes() + 1,
+                         again          ? "again (unstable)"
+                         : visit.needed ? fmt::format("{} set-up", to_string(visit.setup))
+                                        : "for precision"));
   // A wrong computation is not timed, but its set-up is.
   return run(wrong_output() ? JobKind::kSetup : JobKind::kSample);
+}
+
+void CellMeasurement::begin_step(const std::string& step) {
+  step_ = step;
+  request_.on_step(step);
 }
 
 std::optional<JobResult> CellMeasurement::run(JobKind kind) {
   Job job = request_.job;
   job.kind = kind;
-  auto result = runner_.run(job, environment_);
+  auto result = runner_.run(job, environment_, [this](std::string_view progress) {
+    request_.on_step(fmt::format("{}: {}", step_, progress));
+  });
   cache_filled_ = result && result->error.empty();
   return result;
 }
@@ -85,6 +93,10 @@ void CellMeasurement::add(State setup, JobResult result) {
 
 void CellMeasurement::judge_samples() {
   if (unstable_at_ && !repeated()) return;
+  if (is_settled_by_one()) {
+    reached_ = 0;
+    return;
+  }
   const CellSamples calls = samples(Phase::kCall);
   unstable_ = is_unstable(calls.samples, calls.processes);
   if (unstable_ && !unstable_at_) unstable_at_ = taken_.size();
@@ -123,6 +135,18 @@ std::optional<int> CellMeasurement::visits_to_precision() const {
   return std::max(1, static_cast<int>(wanted));
 }
 
+/// Two processes where all figures repeat exactly: the second one checks that they do.
+int CellMeasurement::setups() const { return is_settled_by_one() ? 2 : 2 * request_.setup_repeats; }
+
+/// Whether nothing about the cell varies: no phase is measured, and the others repeat.
+bool CellMeasurement::is_settled_by_one() const {
+  if (taken_.empty() || taken_.front().result.accounts.empty()) return false;
+  const JobResult& first = taken_.front().result;
+  return std::ranges::all_of(first.accounts, [&first](const PhaseAccount& account) {
+    return first.repeats(account.phase) || !account.accounting.unknown.empty();
+  });
+}
+
 int CellMeasurement::repeats_if_unstable() const {
   return std::max(kFewestRepeatsIfUnstable, request_.setup_repeats);
 }
@@ -150,6 +174,36 @@ CellSamples CellMeasurement::samples(Phase phase) const {
     all.batch = all.batch == 0 ? found->batch : std::min(all.batch, found->batch);
   }
   return all;
+}
+
+std::optional<Nanos> CellMeasurement::bound(Phase phase) const {
+  std::vector<Nanos> bounds;
+  for (const Taken& taken : shown()) {
+    const auto found = std::ranges::find(taken.result.phases, phase, &PhaseSamples::phase);
+    if (found != taken.result.phases.end() && found->bound) bounds.push_back(*found->bound);
+  }
+  return bounds.empty() ? std::nullopt : std::optional(median(bounds));
+}
+
+/// What opened the device first, or the first of all.
+const JobResult* CellMeasurement::opened() const {
+  const auto found = std::ranges::find_if(
+      taken_, [](const Taken& taken) { return taken.result.device.has_value(); });
+  return found == taken_.end() ? nullptr : &found->result;
+}
+
+std::string CellMeasurement::unknown(Phase phase) const {
+  const JobResult* result = opened();
+  return result == nullptr ? "" : result->unknown(phase);
+}
+
+/// Of a process that has samples of the phase, if there is one.
+const JobResult* CellMeasurement::timed(Phase phase) const {
+  for (const Taken& taken : taken_) {
+    const auto found = std::ranges::find(taken.result.phases, phase, &PhaseSamples::phase);
+    if (found != taken.result.phases.end() && !found->samples.empty()) return &taken.result;
+  }
+  return opened();
 }
 
 bool CellMeasurement::wrong_output() const {
@@ -180,7 +234,7 @@ bool CellMeasurement::metering_due() const {
 }
 
 bool CellMeasurement::meter() {
-  request_.on_step("metering");
+  begin_step("metering");
   Job job = request_.job;
   job.kind = JobKind::kMeter;
   metered_ = runner_.run(job, environment_);
@@ -195,7 +249,7 @@ EnergyRecord CellMeasurement::energy(const PhaseRecord& call) const {
   if (metered_ && metered_->metered) {
     MeteredCalls metered = *metered_->metered;
     // A simulated device's time has nothing to do with the machine's.
-    const bool same_clock = metered_->provenance == Provenance::kMeasured;
+    const bool same_clock = call.provenance == Origin(Provenance::kMeasured);
     if (same_clock && !call.samples.empty()) check_call_time(metered, median(call.samples));
     return metered_energy(metered);
   }
@@ -238,10 +292,14 @@ CellRecord CellMeasurement::record() const {
   return cell;
 }
 
-Provenance CellMeasurement::provenance() const {
-  const auto opened = std::ranges::find_if(
-      taken_, [](const Taken& taken) { return taken.result.device.has_value(); });
-  return opened == taken_.end() ? request_.provenance : opened->result.provenance;
+Origin CellMeasurement::provenance(Phase phase) const {
+  const JobResult* result = timed(phase);
+  return result == nullptr ? request_.provenance : result->origin(phase);
+}
+
+bool CellMeasurement::repeats(Phase phase) const {
+  const JobResult* result = timed(phase);
+  return result != nullptr && result->repeats(phase);
 }
 
 /// Operations and bytes of a call: what a process found in the data, which are the same in all, or
@@ -267,11 +325,54 @@ std::vector<std::string> CellMeasurement::failure() const {
                   : std::vector<std::string>();
 }
 
-PhaseRecord CellMeasurement::setup_row(Phase phase, State state) const {
+namespace {
+
+/// Whether the samples of every process are those of the first.
+bool is_same_in_all(const CellSamples& found) {
+  std::map<std::int32_t, std::vector<Nanos>> of;
+  for (std::size_t i = 0; i < found.samples.size(); ++i) {
+    of[found.processes[i]].push_back(found.samples[i]);
+  }
+  return std::ranges::all_of(
+      of, [&of](const auto& entry) { return entry.second == of.begin()->second; });
+}
+
+std::string count_text(const std::vector<Nanos>& samples) {
+  const auto [least, most] = std::ranges::minmax(samples);
+  return fmt::format("{} ns to {} ns", least.count(), most.count());
+}
+
+/// Of a phase whose figure repeats: the first process' samples, if the others have the same.
+/// @return Why it is not valid; empty if it is.
+std::string keep_first(CellSamples& found) {
+  if (!is_same_in_all(found)) {
+    return "counts_differ: " + count_text(found.samples) + ", and the device says that they repeat";
+  }
+  const auto others = std::ranges::count_if(found.processes, [&found](std::int32_t process) {
+    return process != found.processes.front();
+  });
+  found.samples.resize(found.samples.size() - static_cast<std::size_t>(others));
+  found.processes.resize(found.samples.size());
+  return "";
+}
+
+PhaseRecord unknown_row(Phase phase, State state, const std::string& why) {
   PhaseRecord row;
   row.phase = phase;
   row.state = state;
-  row.provenance = provenance();
+  row.reasons = {std::string(kUnknownPhase) + why};
+  return row;
+}
+
+}  // namespace
+
+PhaseRecord CellMeasurement::setup_row(Phase phase, State state) const {
+  if (const std::string why = unknown(phase); !why.empty()) return unknown_row(phase, state, why);
+  PhaseRecord row;
+  row.phase = phase;
+  row.state = state;
+  row.provenance = provenance(phase);
+  row.deterministic = repeats(phase);
   ClockQuality clock;
   for (const Taken& taken : taken_) {
     const JobResult& result = taken.result;
@@ -279,9 +380,17 @@ PhaseRecord CellMeasurement::setup_row(Phase phase, State state) const {
     if (taken.setup != state || !time) continue;
     row.processes.push_back(static_cast<std::int32_t>(row.samples.size()));
     row.samples.push_back(*time);
-    clock = result.clock;
+    if (result.is_measured(phase)) clock = result.clock;
   }
-  const bool complete = static_cast<int>(row.samples.size()) >= request_.setup_repeats;
+  if (row.deterministic && !row.samples.empty()) {
+    CellSamples found{phase, std::move(row.samples), std::move(row.processes), 1};
+    if (const std::string why = keep_first(found); !why.empty()) row.reasons.push_back(why);
+    row.samples = std::move(found.samples);
+    row.processes = std::move(found.processes);
+    row.notes.emplace_back(kDeterministic);
+  }
+  const int needed = row.deterministic ? 1 : request_.setup_repeats;
+  const bool complete = static_cast<int>(row.samples.size()) >= needed;
   if (!complete) {
     append(row.reasons, failed() ? failure() : std::vector<std::string>{"few_samples"});
   } else if (is_clock_bound(median(row.samples), 1, clock)) {
@@ -300,19 +409,29 @@ PhaseRecord CellMeasurement::setup_row(Phase phase, State state) const {
 /// Nothing for a phase that the sampling did not find, such as launching on a device without time
 /// stamps.
 std::optional<PhaseRecord> CellMeasurement::call_row(Phase phase) const {
+  if (const std::string why = unknown(phase); !why.empty()) {
+    return unknown_row(phase, State::kSteady, why);
+  }
   CellSamples found = samples(phase);
   const bool none = found.samples.empty();
   if (none && !failed() && !wrong_output()) return std::nullopt;
   PhaseRecord row;
   row.phase = phase;
-  row.provenance = provenance();
+  row.provenance = provenance(phase);
+  row.bound = bound(phase);
   row.reasons = failure();
   row.notes = notes();
   if (none) {
     if (wrong_output()) row.reasons.emplace_back("wrong_output");
   } else {
-    append(row.reasons, judge(found, conditions()));
-    append(row.notes, annotate(found, conditions(), request_.precision));
+    CellConditions known = conditions();
+    if (!timed(phase)->is_measured(phase)) known.clock = {};  // which told nothing of it
+    known.deterministic = row.deterministic = repeats(phase);
+    if (known.deterministic) {
+      if (const std::string why = keep_first(found); !why.empty()) row.reasons.push_back(why);
+    }
+    append(row.reasons, judge(found, known));
+    append(row.notes, annotate(found, known, request_.precision));
     row.samples = std::move(found.samples);
     row.processes = std::move(found.processes);
   }

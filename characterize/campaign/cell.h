@@ -58,7 +58,8 @@ class CellMeasurement {
   CellMeasurement& operator=(const CellMeasurement&) = delete;
 
   /// Cold and warm set-ups in turns, then, if the cell is unstable, as many processes again, whose
-  /// samples take the place of the earlier ones, then more while the precision is not reached.
+  /// samples take the place of the earlier ones, then more while the precision is not reached. One
+  /// cold and one warm where every figure repeats exactly: the second checks the first.
   /// Nothing after a failure (its rows say why) and when all is done.
   [[nodiscard]] std::optional<Visit> next() const;
   /// Does next(), which must be there. @return What the worker found; nothing if the runner was
@@ -94,14 +95,21 @@ class CellMeasurement {
     return !taken_.empty() && !taken_.back().result.error.empty();
   }
   [[nodiscard]] bool wrong_output() const;
+  void begin_step(const std::string& step);
   [[nodiscard]] std::optional<JobResult> run(JobKind kind);
-  [[nodiscard]] int setups() const { return 2 * request_.setup_repeats; }
+  [[nodiscard]] int setups() const;
+  [[nodiscard]] bool is_settled_by_one() const;
   [[nodiscard]] int repeats_if_unstable() const;
   [[nodiscard]] bool repeated() const;
   [[nodiscard]] std::span<const Taken> shown() const;
   [[nodiscard]] CellSamples samples(Phase phase) const;
   [[nodiscard]] CellConditions conditions() const;
-  [[nodiscard]] Provenance provenance() const;
+  [[nodiscard]] std::optional<Nanos> bound(Phase phase) const;
+  [[nodiscard]] const JobResult* opened() const;
+  [[nodiscard]] const JobResult* timed(Phase phase) const;
+  [[nodiscard]] std::string unknown(Phase phase) const;
+  [[nodiscard]] Origin provenance(Phase phase) const;
+  [[nodiscard]] bool repeats(Phase phase) const;
   [[nodiscard]] CallWork work() const;
   [[nodiscard]] std::vector<std::string> notes() const;
   [[nodiscard]] std::vector<std::string> failure() const;
@@ -114,6 +122,7 @@ class CellMeasurement {
   const JobRunner& runner_;
   std::filesystem::path cache_;  ///< The cell's own kernel cache; gone with this.
   bool cache_filled_ = false;
+  std::string step_;  ///< The latest.
   std::vector<std::pair<std::string, std::string>> environment_;
   std::vector<Taken> taken_;                ///< In order of time.
   std::optional<std::size_t> unstable_at_;  ///< How many had been taken when it turned out.

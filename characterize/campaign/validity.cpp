@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 
+#include "characterize/profile/profile.h"
 #include "characterize/statistics/statistics.h"
 
 namespace pirt {
@@ -58,6 +59,8 @@ std::vector<std::string> judge(const CellSamples& samples, const CellConditions&
   const auto medians = process_medians(samples.samples, samples.processes);
   if (conditions.wrong_output) {
     reasons.emplace_back("wrong_output");  // which ended the sampling
+  } else if (conditions.deterministic) {
+    return reasons;
   } else if (static_cast<std::int64_t>(samples.samples.size()) < kFewestSamples ||
              static_cast<std::int64_t>(medians.size()) < kFewestProcesses) {
     reasons.emplace_back("few_samples");
@@ -75,6 +78,7 @@ std::vector<std::string> annotate(const CellSamples& samples, const CellConditio
                                   double precision) {
   std::vector<std::string> notes;
   if (samples.samples.empty()) return notes;
+  if (conditions.deterministic) return {std::string(kDeterministic)};
   const auto summary = summarize(samples.samples, samples.processes);
   const auto reached = relative_half_width(summary.interval, summary.median);
   if (!reached || *reached > precision) notes.emplace_back("precision_not_reached");

@@ -24,6 +24,7 @@ constexpr std::array kKeys = {
     EnvironmentKey{"unit.*.version", kIdentity, "drivers and libraries bring the kernels' speed"},
     EnvironmentKey{"unit.*.tuning", kIdentity,
                    "other parameters make other launches of the kernels"},
+    EnvironmentKey{"unit.*.options", kIdentity, "the backend computes its figures with them"},
     EnvironmentKey{"unit.*.cache_bytes", kIdentity, "it decides which data stay near the unit"},
     // The machine.
     EnvironmentKey{"cpu_model", kIdentity, "it executes the host's part of every unit"},

@@ -63,6 +63,14 @@ const UnitModel& Platform::unit(std::string_view name_of_unit) const {
                   suggestion(name_of_unit, unit_names()));
 }
 
+bool Platform::states_power(const UnitModel& unit) const {
+  const double figures = unit.active_w + unit.idle_w + unit.op_pj + unit.byte_pj + unit.call_j;
+  return figures > 0 || !unit.link.empty() ||
+         std::ranges::any_of(workloads, [&unit](const auto& entry) {
+           return entry.second.call_j.contains(unit.name);
+         });
+}
+
 std::vector<std::string> Platform::unit_names() const {
   std::vector<std::string> names;
   for (const auto& unit : units) names.push_back(unit.name);

@@ -47,6 +47,12 @@ enum class Role : std::uint8_t { kCpu, kGpu, kDsp, kFpga, kCloud, kOther };
 [[nodiscard]] std::optional<Role> role_from_string(std::string_view text);
 [[nodiscard]] std::vector<std::string> role_names();
 
+/// Of a unit that holds one program (a bitstream, a loaded module) at a time: a call of another
+/// workload than the last prepares it anew.
+struct Contexts {
+  std::optional<Nanos> prepare;  ///< What that takes; absent = the profile's warm `prepare`.
+};
+
 struct UnitModel {
   std::string name;
   Role role = Role::kOther;
@@ -68,6 +74,8 @@ struct UnitModel {
   bool shares_cores = false;  ///< Another unit owns one of them too (one-core machines).
   std::string device;         ///< Which device of the backend; empty = the first.
   std::string script;         ///< Fake backend: its script, as YAML text.
+  std::map<std::string, double> options;  ///< Of the backend, those that the file gives.
+  std::optional<Contexts> contexts;       ///< With one server and one slot; absent = holds all.
   /// Meters that its energy is read from: a name of `pirt list meters` or a sum "A + B"; "none" =
   /// the model; empty = the widest one that the machine has (energy/choice.h).
   std::string meter;
@@ -105,6 +113,8 @@ struct Platform {
   /// @throws Error{kBadInput} with the nearest names.
   [[nodiscard]] const UnitModel& unit(std::string_view unit) const;
   [[nodiscard]] std::vector<std::string> unit_names() const;
+  /// Whether the file says anything of what the unit draws, if only for one workload.
+  [[nodiscard]] bool states_power(const UnitModel& unit) const;
 };
 
 /// A shipped name, or a file if @p name contains '/' or ends in ".yaml".

@@ -104,18 +104,48 @@ void check_fake_script(const YamlNode& script) {
   }
 }
 
+/// Names and ranges are the backend's.
+void read_options(const YamlNode& node, UnitModel& unit) {
+  const auto specs = find_backend(unit.backend).options();
+  std::vector<std::string> known;
+  for (const OptionSpec& spec : specs) known.push_back(spec.name);
+  for (const std::string& name : node.keys()) {
+    const auto spec = std::ranges::find(specs, name, &OptionSpec::name);
+    if (spec == specs.end()) {
+      node.at(name).fail("backend " + unit.backend + " has no option '" + name + "'" +
+                         (known.empty() ? "; it has none" : suggestion(name, known)));
+    }
+    unit.options[name] = node.at(name).number(spec->low, spec->high);
+  }
+}
+
+void read_contexts(const YamlNode& node, UnitModel& unit) {
+  node.check_keys({"prepare_ms"});
+  unit.contexts.emplace();
+  if (node.has("prepare_ms")) unit.contexts->prepare = node.at("prepare_ms").milliseconds(0);
+  if (unit.servers != 1) {
+    node.fail("a unit with contexts has one server, and this one has " +
+              std::to_string(unit.servers) + "; take `contexts` or `servers` out");
+  }
+  if (unit.slots.value_or(1) != 1) {
+    node.fail("a unit with contexts takes one task at a time; take `slots` out, or set it to 1");
+  }
+  unit.slots = 1;
+}
+
 void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitModel& unit) {
   if (node.has("backend")) {
     std::vector<std::string> known;
     for (const auto& backend : backends()) known.emplace_back(backend->name());
     unit.backend = one_of(node.at("backend"), known);
   }
-  for (const char* key : {"cores", "device", "script", "meter"}) {
+  for (const char* key : {"cores", "device", "script", "meter", "options"}) {
     if (node.has(key) && unit.backend.empty()) node.at(key).fail("needs a `backend:` beside it");
   }
   if (node.has("cores")) unit.cores = read_cores(node.at("cores"), usable);
   unit.device = text_or_empty(node, "device");
   unit.meter = text_or_empty(node, "meter");
+  if (node.has("options")) read_options(node.at("options"), unit);
   if (node.has("script")) {
     const auto script = node.at("script");
     if (unit.backend != "fake") script.fail("only backend fake takes a script");
@@ -127,7 +157,7 @@ void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitMode
 
 UnitModel read_unit(const YamlNode& node, const std::string& name, const std::vector<int>& usable) {
   node.check_keys({"servers", "discipline", "slots", "active_w", "idle_w", "role", "energy", "link",
-                   "backend", "cores", "device", "script", "meter"});
+                   "backend", "cores", "device", "script", "meter", "options", "contexts"});
   UnitModel unit;
   unit.name = checked_name(node, name);
   unit.role = role_from_string(name).value_or(Role::kOther);
@@ -158,6 +188,7 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, const std::ve
   }
   unit.link = text_or_empty(node, "link");
   read_backend(node, usable, unit);
+  if (node.has("contexts")) read_contexts(node.at("contexts"), unit);
   return unit;
 }
 

@@ -65,7 +65,7 @@ std::string fake_script(const Platform& platform, const UnitModel& unit,
 
 UnitRequest make_unit_request(const Platform& platform, const UnitModel& unit,
                               const std::string& reference_folder) {
-  UnitRequest request{unit.name, unit.cores, unit.device, unit.script};
+  UnitRequest request{unit.name, unit.cores, unit.device, unit.script, unit.options};
   if (unit.backend == kFake) request.script = fake_script(platform, unit, reference_folder);
   return request;
 }

@@ -16,6 +16,16 @@ std::vector<std::string> first_appearances(const std::vector<Row>& rows, std::st
 
 }  // namespace
 
+bool PhaseRow::is_deterministic() const {
+  return std::ranges::find(notes, kDeterministic) != notes.end();
+}
+
+std::string PhaseRow::unknown() const {
+  const auto reason = std::ranges::find_if(
+      reasons, [](const std::string& each) { return each.starts_with(kUnknownPhase); });
+  return reason == reasons.end() ? "" : reason->substr(kUnknownPhase.size());
+}
+
 const PhaseRow* Profile::find(std::string_view workload, std::string_view unit, Phase phase,
                               State state) const {
   const auto it = std::ranges::find_if(phases, [&](const PhaseRow& row) {

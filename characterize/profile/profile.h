@@ -24,7 +24,7 @@ struct PhaseRow {
   std::string platform, workload, unit, backend;
   Phase phase = Phase::kCall;
   State state = State::kSteady;
-  Provenance provenance = Provenance::kMeasured;
+  Origin provenance = {};
   bool valid = false;
   std::vector<std::string> reasons;  ///< Why it is not valid.
   std::vector<std::string> notes;
@@ -33,6 +33,7 @@ struct PhaseRow {
   std::optional<std::int64_t> ops;
   std::int64_t bytes = 0;
   std::int64_t processes = 0;  ///< Fresh worker processes that the samples come from.
+  std::optional<Nanos> bound = std::nullopt;  ///< The least that the phase can take, where known.
   /// Mean of the process means (statistics.h), for what adds up; absent if there are no samples. In
   /// no view: read from the samples.
   std::optional<Nanos> mean = std::nullopt;
@@ -40,14 +41,24 @@ struct PhaseRow {
   // ProfileReader::read_samples.
   std::vector<Nanos> values;
   std::vector<std::int32_t> value_processes;
+
+  /// Whether the figure repeats exactly, so that one sample is all there is to know.
+  [[nodiscard]] bool is_deterministic() const;
+  /// Why nobody knows the phase's time; empty if there is one, or it was not to be had otherwise.
+  [[nodiscard]] std::string unknown() const;
 };
+
+/// A note of rows whose figure repeats exactly.
+inline constexpr std::string_view kDeterministic = "deterministic";
+/// What the reason of a row begins with whose phase nobody knows the time of.
+inline constexpr std::string_view kUnknownPhase = "unknown: ";
 
 /// A row of view energy_summary: joules a call.
 struct EnergyRow {
   std::int64_t run_id = 0;
   std::string workload, unit;
   std::optional<double> energy_j;
-  Provenance provenance = Provenance::kModelled;
+  Origin provenance = Provenance::kModelled;
   std::string source;  ///< "model: active_w 10 W x call", "rapl: package-0".
   bool valid = false;
   std::vector<std::string> reasons;

@@ -29,19 +29,21 @@ struct RunHeader {
 struct PhaseRecord {
   Phase phase = Phase::kCall;
   State state = State::kSteady;
-  Provenance provenance = Provenance::kMeasured;
+  Origin provenance = {};
   std::vector<std::string> reasons;  ///< Empty = valid; never empty without samples.
   std::vector<std::string> notes;
   std::vector<Nanos> samples;
   /// Of each sample the worker process that took it, from 0. Empty = one process took all, or, in a
   /// set-up phase, which happens once in a process, each its own.
   std::vector<std::int32_t> processes = {};
+  std::optional<Nanos> bound = {};  ///< What no sample can be below, where the device knows that.
+  bool deterministic = false;       ///< Each sample is the figure: nothing varies.
 };
 
 /// The defaults are those of model_energy, whose watts are above idle.
 struct EnergyRecord {
   std::optional<double> energy_j;
-  Provenance provenance = Provenance::kModelled;
+  Origin provenance = Provenance::kModelled;
   std::string source;
   std::vector<std::string> reasons;  ///< Empty = valid; never empty without energy_j.
   std::string domain = "unit";       ///< What the meter or model covers.

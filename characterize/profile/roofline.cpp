@@ -28,8 +28,8 @@ std::optional<double> cache_of(const RunInfo& run, const std::string& unit) {
 /// The limits of one unit, as far as they are valid, and the run that they were measured in.
 struct Limits {
   std::map<PeakKind, double> per_second;
-  std::map<PeakKind, std::string> missing;        ///< Why a limit is not there.
-  Provenance provenance = Provenance::kMeasured;  ///< The weakest of them.
+  std::map<PeakKind, std::string> missing;    ///< Why a limit is not there.
+  Origin provenance = Provenance::kMeasured;  ///< The weakest of them.
   const RunInfo* run = nullptr;
 
   [[nodiscard]] std::optional<double> find(PeakKind kind) const {

@@ -30,7 +30,7 @@ struct Roofline {
   std::optional<double> intensity =
       {};                    ///< Operations a byte; absent where operations are not known.
   std::string missing = {};  ///< A limit that is not known, so that the true roof may be lower.
-  Provenance provenance = Provenance::kMeasured;  ///< The weakest of its time and the limits.
+  Origin provenance = Provenance::kMeasured;  ///< The weakest of its time and the limits.
 };
 
 struct Rooflines {

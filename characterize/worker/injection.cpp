@@ -41,6 +41,9 @@ class SlowedKernel final : public Kernel {
     return launch;
   }
   void download() override { kernel_->download(); }
+  [[nodiscard]] std::optional<Nanos> bound(Phase phase) const override {
+    return kernel_->bound(phase);
+  }
   void bind_state(std::span<const Tensor> current, std::span<Tensor> next) override {
     kernel_->bind_state(current, next);
   }

@@ -2,14 +2,18 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <map>
+
 #include "workloads/base/error.h"
 #include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {
 
-constexpr int kProtocol = 3;
+constexpr int kProtocol = 4;
 constexpr std::string_view kPrefix = "pirt-record ";
+constexpr std::string_view kProgress = "pirt-progress ";
 
 Json encode(const std::vector<Nanos>& times) {
   Json list = Json::array();
@@ -34,11 +38,9 @@ std::vector<Nanos> decode_times(const Json& list) {
 }
 
 Json encode(const SamplingOptions& o) {
-  return {{"warm_up_ns", o.warm_up.count()},
-          {"slice_ns", o.slice.count()},
-          {"limit_ns", o.limit.count()},
-          {"min_samples", o.min_samples},
-          {"max_samples", o.max_samples}};
+  return {{"warm_up_ns", o.warm_up.count()}, {"warm_up_calls", o.warm_up_calls},
+          {"slice_ns", o.slice.count()},     {"limit_ns", o.limit.count()},
+          {"min_samples", o.min_samples},    {"max_samples", o.max_samples}};
 }
 
 SamplingOptions decode_sampling(const Json& j) {
@@ -46,6 +48,7 @@ SamplingOptions decode_sampling(const Json& j) {
   o.warm_up = Nanos(j.at("warm_up_ns").get<std::int64_t>());
   o.slice = Nanos(j.at("slice_ns").get<std::int64_t>());
   o.limit = Nanos(j.at("limit_ns").get<std::int64_t>());
+  o.warm_up_calls = j.at("warm_up_calls");
   o.min_samples = j.at("min_samples");
   o.max_samples = j.at("max_samples");
   return o;
@@ -143,6 +146,26 @@ std::optional<std::int64_t> decode_count(const Json& j) {
   return j.get<std::int64_t>();
 }
 
+Json encode(const std::vector<PhaseAccount>& accounts) {
+  Json list = Json::array();
+  for (const auto& [phase, accounting] : accounts) {
+    list.push_back({{"phase", to_string(phase)},
+                    {"provenance", to_string(accounting.provenance)},
+                    {"unknown", accounting.unknown}});
+  }
+  return list;
+}
+
+std::vector<PhaseAccount> decode_accounts(const Json& list) {
+  std::vector<PhaseAccount> accounts;
+  for (const auto& j : list) {
+    accounts.push_back(
+        {decode_word(j.at("phase"), phase_from_string),
+         {decode_word(j.at("provenance"), provenance_from_string), j.at("unknown")}});
+  }
+  return accounts;
+}
+
 JobResult decode_result(const Json& j) {
   JobResult result;
   result.done = j.at("done");
@@ -150,6 +173,10 @@ JobResult decode_result(const Json& j) {
   result.error = j.at("error");
   if (!j.at("device").is_null()) result.device = decode_device(j.at("device"));
   result.provenance = decode_word(j.at("provenance"), provenance_from_string);
+  // Records of interrupted runs of before have none of these.
+  result.accounts = decode_accounts(j.value("accounts", Json::array()));
+  result.own_clock = j.value("own_clock", false);
+  result.deterministic = j.value("deterministic", false);
   result.clock = {j.at("clock_cost_ns"), Nanos(j.at("clock_resolution_ns").get<std::int64_t>())};
   result.device_init = decode_time(j.at("device_init_ns"));
   result.prepare = decode_time(j.at("prepare_ns"));
@@ -162,7 +189,8 @@ JobResult decode_result(const Json& j) {
   result.bytes = decode_count(j.at("bytes"));
   for (const auto& phase : j.at("phases")) {
     result.phases.push_back({decode_word(phase.at("phase"), phase_from_string),
-                             decode_times(phase.at("samples_ns")), phase.at("batch")});
+                             decode_times(phase.at("samples_ns")), phase.at("batch"),
+                             decode_time(phase.value("bound_ns", Json()))});
   }
   result.metered = decode_metered(j.value("metered", Json()));
   for (const auto& peak : j.at("peaks")) result.peaks.push_back(decode_peak(peak));
@@ -179,11 +207,67 @@ JobResult result_from(const Json& j) {
 
 }  // namespace
 
+Accounting JobResult::accounting(Phase phase) const {
+  const auto account = std::ranges::find(accounts, phase, &PhaseAccount::phase);
+  return account == accounts.end() ? Accounting{provenance} : account->accounting;
+}
+
+/// Preparing ends with a call.
+Origin JobResult::origin(Phase phase) const {
+  if (phase == Phase::kPrepare) {
+    Origin sum = accounting(phase).provenance;
+    if (sum == Origin(Provenance::kMeasured)) return sum;
+    for (const auto& [part, each] : accounts) {
+      if (!is_setup(part)) sum = sum_of(sum, each.provenance);
+    }
+    return sum;
+  }
+  if (phase != Phase::kCall) return accounting(phase).provenance;
+  std::optional<Origin> sum;
+  for (const PhaseSamples& part : phases) {
+    if (part.phase == Phase::kCall || part.samples.empty()) continue;
+    const Origin of_part = accounting(part.phase).provenance;
+    sum = sum ? sum_of(*sum, of_part) : of_part;
+  }
+  return sum.value_or(provenance);
+}
+
+std::string JobResult::unknown(Phase phase) const {
+  if (phase != Phase::kCall) return accounting(phase).unknown;
+  for (const auto& [part, accounting] : accounts) {
+    if (is_setup(part) || accounting.unknown.empty()) continue;
+    return fmt::format("its {} is: {}", to_string(part), accounting.unknown);
+  }
+  return "";
+}
+
+bool JobResult::is_measured(Phase phase) const {
+  if (!own_clock) return true;
+  if (phase != Phase::kCall) return accounting(phase).provenance == Provenance::kMeasured;
+  return std::ranges::any_of(phases, [this](const PhaseSamples& part) {
+    return part.phase != Phase::kCall && is_measured(part.phase);
+  });
+}
+
+bool JobResult::repeats(Phase phase) const {
+  if (!deterministic) return false;
+  const auto is_measured = [this](const PhaseAccount& account) {
+    return account.accounting.unknown.empty() && account.phase != Phase::kDeviceInit &&
+           account.accounting.provenance == Provenance::kMeasured;
+  };
+  if (phase == Phase::kPrepare) return std::ranges::none_of(accounts, is_measured);
+  if (phase != Phase::kCall) return accounting(phase).provenance != Provenance::kMeasured;
+  return std::ranges::all_of(phases, [this](const PhaseSamples& part) {
+    return part.phase == Phase::kCall || part.samples.empty() || repeats(part.phase);
+  });
+}
+
 std::string to_json(const Job& job) {
   const Json unit = {{"unit", job.unit.unit},
                      {"cores", job.unit.cores},
                      {"device", job.unit.device},
-                     {"script", job.unit.script}};
+                     {"script", job.unit.script},
+                     {"options", job.unit.options}};
   const Json j = {{"protocol", kProtocol},
                   {"kind", static_cast<int>(job.kind)},
                   {"backend", job.backend},
@@ -215,7 +299,7 @@ Job job_from_json(const std::string& text) {
     job.backend = j.at("backend");
     const Json& unit = j.at("unit");
     job.unit = {unit.at("unit"), unit.at("cores").get<std::vector<int>>(), unit.at("device"),
-                unit.at("script")};
+                unit.at("script"), unit.at("options").get<std::map<std::string, double>>()};
     job.workload = j.at("workload");
     job.seed = j.at("seed");
     job.images = j.at("images");
@@ -234,8 +318,10 @@ Job job_from_json(const std::string& text) {
 std::string to_record(const JobResult& r) {
   Json phases = Json::array();
   for (const PhaseSamples& p : r.phases) {
-    phases.push_back(
-        {{"phase", to_string(p.phase)}, {"samples_ns", encode(p.samples)}, {"batch", p.batch}});
+    phases.push_back({{"phase", to_string(p.phase)},
+                      {"samples_ns", encode(p.samples)},
+                      {"batch", p.batch},
+                      {"bound_ns", encode(p.bound)}});
   }
   Json peaks = Json::array();
   for (const PeakFigure& peak : r.peaks) peaks.push_back(encode(peak));
@@ -244,6 +330,9 @@ std::string to_record(const JobResult& r) {
                   {"error", r.error},
                   {"device", r.device ? encode(*r.device) : Json()},
                   {"provenance", to_string(r.provenance)},
+                  {"accounts", encode(r.accounts)},
+                  {"own_clock", r.own_clock},
+                  {"deterministic", r.deterministic},
                   {"clock_cost_ns", r.clock.cost_ns},
                   {"clock_resolution_ns", r.clock.resolution.count()},
                   {"device_init_ns", encode(r.device_init)},
@@ -260,6 +349,16 @@ std::string to_record(const JobResult& r) {
                   {"peaks", peaks}};
   // Drivers' texts need not be UTF-8.
   return std::string(kPrefix) + json_text(j);
+}
+
+std::string progress_record(const std::string& what) { return std::string(kProgress) + what; }
+
+std::string last_progress(std::string_view output) {
+  const auto end = output.rfind('\n');
+  const auto begin = output.substr(0, end).rfind(kProgress);
+  if (end == std::string_view::npos || begin == std::string_view::npos) return "";
+  const auto text = output.substr(begin + kProgress.size());
+  return std::string(text.substr(0, text.find('\n')));
 }
 
 JobResult last_record(std::string_view output) {

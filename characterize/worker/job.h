@@ -3,7 +3,8 @@
 //
 // The job is one JSON document on the worker's standard input. The worker writes lines "pirt-record
 // {...}" on its standard output; each holds everything that is known so far, so that the last
-// complete line is the result, however the worker ended. Other lines are a library's chatter.
+// complete line is the result, however the worker ended. Lines "pirt-progress TEXT" between them
+// say that a device which is slow on this machine goes on. Other lines are a library's chatter.
 #pragma once
 
 #include <optional>
@@ -39,13 +40,22 @@ struct Job {
   MeterRequest metering;  ///< For kMeter.
 };
 
+/// How the device that a worker opened accounts for one phase.
+struct PhaseAccount {
+  Phase phase = Phase::kCall;
+  Accounting accounting;
+};
+
 struct JobResult {
   bool done = false;  ///< The worker did all that it was asked for.
   std::string step;   ///< What it was doing when the record was written: "opening the device".
   std::string error;  ///< Empty unless it failed.
   std::optional<DeviceInfo> device;
-  Provenance provenance = Provenance::kMeasured;
-  ClockQuality clock;
+  Provenance provenance = Provenance::kMeasured;  ///< Of phases that `accounts` has not.
+  std::vector<PhaseAccount> accounts;
+  bool own_clock = false;  ///< The device has one, which tells the phases that are not measured.
+  bool deterministic = false;  ///< Device::is_deterministic
+  ClockQuality clock;          ///< That of phases that are measured.
   std::optional<Nanos> device_init, prepare;
   std::string verification;  ///< What the last comparison with the reference found; empty if none
                              ///< took place.
@@ -58,6 +68,17 @@ struct JobResult {
   std::vector<PhaseSamples> phases;
   std::optional<MeteredCalls> metered;
   std::vector<PeakFigure> peaks;
+
+  /// Of a phase other than the call.
+  [[nodiscard]] Accounting accounting(Phase phase) const;
+  /// Of the call, and of preparing, which ends with one, the sum of its parts'.
+  [[nodiscard]] Origin origin(Phase phase) const;
+  /// Why nobody knows the time of @p phase; of the call, that of one of its phases.
+  [[nodiscard]] std::string unknown(Phase phase) const;
+  /// Whether `clock` told @p phase, or a part of it.
+  [[nodiscard]] bool is_measured(Phase phase) const;
+  /// Whether the figure of @p phase is the same in every call and every process.
+  [[nodiscard]] bool repeats(Phase phase) const;
 };
 
 [[nodiscard]] std::string to_json(const Job& job);
@@ -66,6 +87,10 @@ struct JobResult {
 
 /// One line without its end.
 [[nodiscard]] std::string to_record(const JobResult& result);
+/// A line that says that the worker goes on with @p what, so that its limit begins anew.
+[[nodiscard]] std::string progress_record(const std::string& what);
+/// The last complete one among the lines of @p output; empty if there is none.
+[[nodiscard]] std::string last_progress(std::string_view output);
 /// The last record among the lines of @p output; a result with nothing done if there is none.
 /// @throws Error{kBadInput} if it is none of this version.
 [[nodiscard]] JobResult last_record(std::string_view output);

@@ -31,7 +31,8 @@ Nanos limit_of(const Job& job, Nanos limit) {
 }  // namespace
 
 std::optional<JobResult> JobRunner::run(
-    const Job& job, const std::vector<std::pair<std::string, std::string>>& environment) const {
+    const Job& job, const std::vector<std::pair<std::string, std::string>>& environment,
+    const std::function<void(std::string_view)>& on_progress) const {
   ProcessRequest request;
   request.program = program_;
   request.arguments = {"worker"};
@@ -39,6 +40,11 @@ std::optional<JobResult> JobRunner::run(
   request.environment = environment;
   request.limit = limit_of(job, limit_);
   request.stop = stop_;
+  request.on_output = [&on_progress](std::string_view text) {
+    const std::string progress = last_progress(text);
+    if (!progress.empty() && on_progress) on_progress(progress);
+    return !progress.empty();
+  };
   if (stop_ != nullptr && stop_->load()) return std::nullopt;
   const ProcessResult process = run_process(request);
   if (process.end == ProcessResult::End::kStopped) return std::nullopt;

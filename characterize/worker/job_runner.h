@@ -3,8 +3,10 @@
 
 #include <atomic>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -15,19 +17,22 @@ namespace pirt {
 class JobRunner {
  public:
   /// @param program  A pirt: it is started with the one argument `worker`.
-  /// @param limit    What a job may take before it is killed; a reference for each of its images.
+  /// @param limit    What a job may take before it is killed, without a sign of a slow device going
+  ///                 on; a reference for each of its images.
   /// @param stop     Ends the running job and all later ones when set; may be null.
   JobRunner(std::filesystem::path program, Nanos limit, const std::atomic<bool>* stop)
       : program_(std::move(program)), limit_(limit), stop_(stop) {}
 
   /// @param environment  Variables on top of this process' own.
+  /// @param on_progress  Told what a worker whose device is slow on this machine does; the limit
+  ///                     begins anew each time. May be empty.
   /// @return Nothing if stopped. Otherwise a result that is done, or has an error: what the worker
   /// said, or how it died ("worker crashed
   ///         (SIGABRT) while sampling: last words"), in one line.
   /// @throws Error{kEnvironment} if no process can be started.
   [[nodiscard]] std::optional<JobResult> run(
-      const Job& job,
-      const std::vector<std::pair<std::string, std::string>>& environment = {}) const;
+      const Job& job, const std::vector<std::pair<std::string, std::string>>& environment = {},
+      const std::function<void(std::string_view)>& on_progress = {}) const;
 
   [[nodiscard]] Nanos limit() const { return limit_; }
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "characterize/statistics/statistics.h"
 #include "workloads/base/error.h"
@@ -15,15 +16,20 @@ namespace {
 
 constexpr Nanos kBatchTime = std::chrono::milliseconds(1);
 constexpr std::int64_t kLargestBatch = 100'000;
-constexpr double kClockShare = 0.001;      // what the clock may cost within a sample
-constexpr double kClockBoundShare = 0.01;  // what invalidates
-constexpr std::size_t kFewestWarmUpCalls = 2;
-constexpr std::size_t kMostSimulatedWarmUpCalls = 1000;  // they may take no time at all
+constexpr double kClockShare = 0.001;                     // what the clock may cost within a sample
+constexpr double kClockBoundShare = 0.01;                 // what invalidates
+constexpr std::int64_t kMostSimulatedWarmUpCalls = 1000;  // they may take no time at all
+constexpr int kMachineSlices = 40;         // of the machine's time, for a device that is slow on it
 constexpr std::size_t kEstimateCalls = 5;  // of the warm-up's end, for the size of batches
 
 struct CallTimes {
   Nanos upload{0}, execute{0}, download{0}, call{0};
   std::optional<Nanos> launch;
+
+  /// As far as the phases have a time of their own.
+  [[nodiscard]] Nanos sum() const {
+    return upload + launch.value_or(Nanos(0)) + execute + download;
+  }
 };
 
 void check_launch(std::optional<Nanos> launch, Nanos wall) {
@@ -46,34 +52,40 @@ struct Plan {
 
 class Sampler {
  public:
-  Sampler(Kernel& kernel, const Clock& clock, const ClockQuality& quality,
-          std::span<const Phase> phases, const Sequence& sequence)
-      : kernel_(kernel), clock_(clock), quality_(quality), sequence_(sequence) {
+  Sampler(Kernel& kernel, const PhaseClocks& clocks, std::span<const Phase> phases,
+          const Sequence& sequence)
+      : kernel_(kernel),
+        clocks_(clocks),
+        clock_(clocks.clock),
+        quality_(clocks.quality),
+        sequence_(sequence) {
     has_upload_ = std::ranges::find(phases, Phase::kUpload) != phases.end();
     has_download_ = std::ranges::find(phases, Phase::kDownload) != phases.end();
   }
 
-  void warm_up(Nanos time) {
+  void warm_up(const SamplingOptions& options) {
     const bool simulated = quality_.cost_ns == 0;
     std::vector<CallTimes> latest;
     const Nanos start = clock_.now();
-    for (std::size_t calls = 0;
-         calls < kFewestWarmUpCalls ||
-         (clock_.now() - start < time && !(simulated && calls == kMostSimulatedWarmUpCalls));
+    for (std::int64_t calls = 0;
+         calls < options.warm_up_calls || (clock_.now() - start < options.warm_up &&
+                                           !(simulated && calls == kMostSimulatedWarmUpCalls));
          ++calls) {
       if (latest.size() == kEstimateCalls) latest.erase(latest.begin());
       latest.push_back(timed_call());
       if (sequence_.next) sequence_.next();
+      if (clocks_.on_sample) clocks_.on_sample(0);
     }
+    if (latest.empty()) return;
     const auto estimate = [&latest](Nanos CallTimes::*member) {
       std::vector<Nanos> times;
       for (const CallTimes& call : latest) times.push_back(call.*member);
       return median(times);
     };
     plan_.call = batch(estimate(&CallTimes::call));
-    plan_.upload = own_batch(estimate(&CallTimes::upload));
-    plan_.execute = own_batch(estimate(&CallTimes::execute));
-    plan_.download = own_batch(estimate(&CallTimes::download));
+    plan_.upload = own_batch(Phase::kUpload, estimate(&CallTimes::upload));
+    plan_.execute = own_batch(Phase::kExecute, estimate(&CallTimes::execute));
+    plan_.download = own_batch(Phase::kDownload, estimate(&CallTimes::download));
   }
 
   void sample() {
@@ -83,11 +95,11 @@ class Sampler {
       sample_call_batch();
     }
     if (has_upload_ && plan_.upload != 0) {
-      uploads_.push_back(timed(plan_.upload, [this] { kernel_.upload(); }));
+      uploads_.push_back(timed(Phase::kUpload, plan_.upload, [this] { kernel_.upload(); }));
     }
     if (!execute_is_call() && plan_.execute != 0) sample_execute_batch();
     if (has_download_ && plan_.download != 0) {
-      downloads_.push_back(timed(plan_.download, [this] { kernel_.download(); }));
+      downloads_.push_back(timed(Phase::kDownload, plan_.download, [this] { kernel_.download(); }));
     }
     if (sequence_.next) sequence_.next();
   }
@@ -95,6 +107,14 @@ class Sampler {
   [[nodiscard]] const std::vector<Nanos>& calls() const { return calls_; }
 
   [[nodiscard]] PhaseSamples samples_of(Phase phase) const {
+    PhaseSamples found = times_of(phase);
+    const auto bounds = bounds_.find(phase);
+    if (bounds != bounds_.end()) found.bound = median(bounds->second);
+    return found;
+  }
+
+ private:
+  [[nodiscard]] PhaseSamples times_of(Phase phase) const {
     const auto size = [this](std::int64_t own) { return own != 0 ? own : plan_.call; };
     switch (phase) {
       case Phase::kUpload:
@@ -114,26 +134,44 @@ class Sampler {
     return {phase, {}, 1};
   }
 
- private:
   /// Without transfers a call is its execution: one timing serves both.
-  [[nodiscard]] bool execute_is_call() const { return !has_upload_ && !has_download_; }
+  [[nodiscard]] bool execute_is_call() const {
+    return !has_upload_ && !has_download_ && !is_mixed();
+  }
+
+  /// Whether several clocks tell the phases of a call.
+  [[nodiscard]] bool is_mixed() const { return !clocks_.measured.empty(); }
+  /// Whether the clock that tells the execution goes on while it launches.
+  [[nodiscard]] bool launches_within_execute() const {
+    return clocks_.is_measured(Phase::kLaunch) == clocks_.is_measured(Phase::kExecute);
+  }
+  [[nodiscard]] const Clock& clock_of(Phase phase) const {
+    return clocks_.is_measured(phase) && clocks_.machine != nullptr ? *clocks_.machine : clock_;
+  }
+  [[nodiscard]] const ClockQuality& quality_of(Phase phase) const {
+    return clocks_.is_measured(phase) ? clocks_.machine_quality : quality_;
+  }
 
   [[nodiscard]] std::int64_t execute_batch() const {
     return plan_.execute != 0 && !execute_is_call() ? plan_.execute : plan_.call;
   }
 
+  /// A batch's phases cannot be told apart by several clocks.
   [[nodiscard]] std::int64_t batch(Nanos estimate) const {
-    return quality_.cost_ns > 0 ? batch_size(estimate) : 1;
+    return quality_.cost_ns > 0 && !is_mixed() ? batch_size(estimate) : 1;
   }
 
   /// Phases that are long against the clock are timed within single calls, where they belong
   /// together; the others on their own.
-  [[nodiscard]] std::int64_t own_batch(Nanos estimate) const {
-    const bool clock_shows = quality_.cost_ns > kClockShare * static_cast<double>(estimate.count());
-    return plan_.call == 1 && !clock_shows ? 0 : batch(estimate);
+  [[nodiscard]] std::int64_t own_batch(Phase phase, Nanos estimate) const {
+    const double cost_ns = quality_of(phase).cost_ns;
+    const bool clock_shows = cost_ns > kClockShare * static_cast<double>(estimate.count());
+    if (plan_.call == 1 && !clock_shows) return 0;
+    return cost_ns > 0 ? batch_size(estimate) : 1;
   }
 
   CallTimes timed_call() {
+    if (is_mixed()) return call_by_phases();
     CallTimes times;
     const Nanos start = clock_.now();
     kernel_.upload();
@@ -150,7 +188,40 @@ class Sampler {
     return times;
   }
 
+  /// Each by the clock that tells it.
+  CallTimes call_by_phases() {
+    CallTimes times;
+    times.upload = timed(Phase::kUpload, 1, [this] { kernel_.upload(); });
+    times.execute =
+        timed(Phase::kExecute, 1, [this, &times] { times.launch = kernel_.execute(1); });
+    if (launches_within_execute()) {
+      check_launch(times.launch, times.execute);
+      times.execute -= times.launch.value_or(Nanos(0));
+    }
+    times.download = timed(Phase::kDownload, 1, [this] { kernel_.download(); });
+    times.call = times.sum();
+    return times;
+  }
+
+  /// What the device says of the call that has just ended. The call's bound is made of its phases',
+  /// and of the time of those that have none.
+  void keep_bounds(const CallTimes& times) {
+    Nanos least{0};
+    bool any = false;
+    for (const auto& [phase, time] : {std::pair(Phase::kUpload, times.upload),
+                                      {Phase::kLaunch, times.launch.value_or(Nanos(0))},
+                                      {Phase::kExecute, times.execute},
+                                      {Phase::kDownload, times.download}}) {
+      const auto bound = kernel_.bound(phase);
+      if (bound) bounds_[phase].push_back(*bound);
+      any = any || bound.has_value();
+      least += bound.value_or(time);
+    }
+    if (any) bounds_[Phase::kCall].push_back(least);
+  }
+
   void keep(const CallTimes& times) {
+    keep_bounds(times);
     calls_.push_back(times.call);
     if (has_upload_ && plan_.upload == 0) uploads_.push_back(times.upload);
     if (has_download_ && plan_.download == 0) downloads_.push_back(times.download);
@@ -161,10 +232,11 @@ class Sampler {
   }
 
   template <typename Step>
-  Nanos timed(std::int64_t repeats, Step step) {
-    const Nanos start = clock_.now();
+  Nanos timed(Phase phase, std::int64_t repeats, Step step) {
+    const Clock& clock = clock_of(phase);
+    const Nanos start = clock.now();
     for (std::int64_t i = 0; i < repeats; ++i) step();
-    return (clock_.now() - start) / repeats;
+    return (clock.now() - start) / repeats;
   }
 
   void execute_once(std::optional<Nanos>& launches) {
@@ -173,14 +245,15 @@ class Sampler {
 
   void keep_execute(Nanos wall, std::optional<Nanos> launches, std::int64_t repeats) {
     if (launches) *launches /= repeats;
-    check_launch(launches, wall);
-    executes_.push_back(wall - launches.value_or(Nanos(0)));
+    const bool within = launches_within_execute();
+    if (within) check_launch(launches, wall);
+    executes_.push_back(within ? wall - launches.value_or(Nanos(0)) : wall);
     if (launches) launches_.push_back(*launches);
   }
 
   void sample_call_batch() {
     std::optional<Nanos> launches;
-    const Nanos call = timed(plan_.call, [&] {
+    const Nanos call = timed(Phase::kCall, plan_.call, [&] {
       kernel_.upload();
       execute_once(launches);
       kernel_.download();
@@ -191,11 +264,12 @@ class Sampler {
 
   void sample_execute_batch() {
     std::optional<Nanos> launches;
-    const Nanos wall = timed(plan_.execute, [&] { execute_once(launches); });
+    const Nanos wall = timed(Phase::kExecute, plan_.execute, [&] { execute_once(launches); });
     keep_execute(wall, launches, plan_.execute);
   }
 
   Kernel& kernel_;
+  const PhaseClocks& clocks_;
   const Clock& clock_;
   ClockQuality quality_;
   const Sequence& sequence_;
@@ -203,18 +277,25 @@ class Sampler {
   bool has_download_ = false;
   Plan plan_;
   std::vector<Nanos> uploads_, launches_, executes_, downloads_, calls_;
+  std::map<Phase, std::vector<Nanos>> bounds_;
 };
 
-void sample_for(Sampler& sampler, const Clock& clock, const SamplingOptions& options,
+void sample_for(Sampler& sampler, const PhaseClocks& clocks, const SamplingOptions& options,
                 std::int64_t frames) {
-  const Nanos start = clock.now();
+  const Clock& machine = clocks.machine != nullptr ? *clocks.machine : clocks.clock;
+  const Nanos start = clocks.clock.now();
+  const Nanos machine_start = machine.now();
   while (true) {
     sampler.sample();
     const auto samples = static_cast<std::int64_t>(sampler.calls().size());
-    const Nanos spent = clock.now() - start;
-    if (spent >= options.limit || samples >= options.max_samples) return;
+    if (clocks.on_sample) clocks.on_sample(samples);
+    const Nanos spent = clocks.clock.now() - start;
+    const Nanos machine_spent = machine.now() - machine_start;
+    if (machine_spent >= options.limit || samples >= options.max_samples) return;
     const bool whole = samples % frames == 0;
-    if (whole && spent >= options.slice && samples >= options.min_samples) return;
+    const bool long_enough =
+        spent >= options.slice || machine_spent >= kMachineSlices * options.slice;
+    if (whole && long_enough && samples >= options.min_samples) return;
   }
 }
 
@@ -243,12 +324,21 @@ ClockQuality measure_clock(const Clock& clock) {
 std::vector<PhaseSamples> sample_calls(Kernel& kernel, const Clock& clock,
                                        const ClockQuality& quality, std::span<const Phase> phases,
                                        const SamplingOptions& options, const Sequence& sequence) {
-  Sampler sampler(kernel, clock, quality, phases, sequence);
-  sampler.warm_up(options.warm_up);
-  sample_for(sampler, clock, options, sequence.frames);
-  const bool simulated = quality.cost_ns == 0;
+  return sample_calls(kernel, PhaseClocks{.clock = clock, .quality = quality}, phases, options,
+                      sequence);
+}
+
+std::vector<PhaseSamples> sample_calls(Kernel& kernel, const PhaseClocks& clocks,
+                                       std::span<const Phase> phases,
+                                       const SamplingOptions& options, const Sequence& sequence) {
+  Sampler sampler(kernel, clocks, phases, sequence);
+  sampler.warm_up(options);
+  sample_for(sampler, clocks, options, sequence.frames);
+  const bool simulated = clocks.quality.cost_ns == 0;
   std::vector<PhaseSamples> result;
   for (const Phase phase : phases) {
+    if (clocks.unknown.contains(phase)) continue;
+    if (phase == Phase::kCall && !clocks.unknown.empty()) continue;
     PhaseSamples samples = sampler.samples_of(phase);
     const auto is_zero = [](Nanos t) { return t.count() == 0; };
     const bool absent =

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <set>
 #include <span>
 #include <vector>
 
@@ -30,10 +31,12 @@ struct ClockQuality {
 /// What one process samples. It does not look at the precision: that is a matter of several
 /// processes (cell.h).
 struct SamplingOptions {
-  Nanos warm_up = std::chrono::milliseconds(30);  ///< At least this long and at least 2 calls;
-                                                  ///< on a simulated clock at most 1000.
+  Nanos warm_up = std::chrono::milliseconds(30);  ///< At least this long and warm_up_calls; on a
+                                                  ///< simulated clock at most 1000 calls.
   Nanos slice = std::chrono::milliseconds(120);   ///< At least this long and min_samples.
-  Nanos limit = std::chrono::seconds(60);         ///< Ends sampling whatever there is.
+  Nanos limit = std::chrono::seconds(60);  ///< Of the machine's time; ends sampling whatever there
+                                           ///< is.
+  std::int64_t warm_up_calls = 2;          ///< At least.
   std::int64_t min_samples = 5;
   std::int64_t max_samples = 1'000;
 };
@@ -43,6 +46,23 @@ struct PhaseSamples {
   Phase phase = Phase::kCall;
   std::vector<Nanos> samples;  ///< A call each.
   std::int64_t batch = 1;      ///< Calls between two readings of the clock.
+  /// The median of what the calls say that the phase takes at least; absent where they do not.
+  std::optional<Nanos> bound = {};
+};
+
+/// Which clock tells the time of which phase.
+struct PhaseClocks {
+  const Clock& clock;  ///< The device's own, or the machine's.
+  ClockQuality quality;
+  /// The machine's, which limits go by; null = `clock`.
+  const Clock* machine = nullptr;
+  ClockQuality machine_quality = {};
+  std::set<Phase> measured = {};  ///< Beside an own clock: those that the machine's clock tells.
+  std::set<Phase> unknown = {};   ///< Those that nobody knows the time of; then there is no call.
+  /// After each sample, and each call before the first, with how many there are; may be empty.
+  std::function<void(std::int64_t)> on_sample = {};
+
+  [[nodiscard]] bool is_measured(Phase phase) const { return measured.contains(phase); }
 };
 
 /// How the calls of a played sequence follow each other; by default one call is repeated.
@@ -57,15 +77,20 @@ struct Sequence {
 /// are those of a timed call. Of a sequence each frame has as many samples, unless options.limit or
 /// max_samples ended it; the calls of a batch are all on one frame and commit no state.
 ///
-/// @param clock    The machine's, or the device's own; the slice is one of its time, so that
-/// simulated devices repeat exactly.
+/// @param clocks   The slice is one of `clock`, so that simulated devices repeat exactly, unless
+/// the machine's says that it took 40 times as long.
 /// @param phases   What the backend's calls have; other phases get no samples. `launch` comes from
 /// the device's stamps, and `execute` is
 ///                 the wall time of one execution without it.
 /// @return One entry for each per-call phase that was found, in the order of @p phases. On a
 /// simulated clock a phase that takes no time at
-///         all does not exist.
+///         all does not exist. A call that several clocks tell is the sum of its phases.
 /// @throws Error{kEnvironment} if device stamps contradict the clock; whatever the kernel throws.
+[[nodiscard]] std::vector<PhaseSamples> sample_calls(Kernel& kernel, const PhaseClocks& clocks,
+                                                     std::span<const Phase> phases,
+                                                     const SamplingOptions& options,
+                                                     const Sequence& sequence = {});
+/// The same where one clock tells all.
 [[nodiscard]] std::vector<PhaseSamples> sample_calls(Kernel& kernel, const Clock& clock,
                                                      const ClockQuality& quality,
                                                      std::span<const Phase> phases,

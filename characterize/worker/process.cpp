@@ -188,7 +188,7 @@ void drain(Child& child, ProcessResult& result) {
 ProcessResult run_process(const ProcessRequest& request) {
   using SteadyClock = std::chrono::steady_clock;
   Child child(request);
-  const auto deadline = SteadyClock::now() + request.limit;
+  auto deadline = SteadyClock::now() + request.limit;
   ProcessResult result;
   while (!child.ended()) {
     const bool stopped = request.stop != nullptr && request.stop->load();
@@ -199,7 +199,12 @@ ProcessResult run_process(const ProcessRequest& request) {
       drain(child, result);
       return result;  // ~Child waits for it
     }
+    const std::size_t known = result.output.size();
     child.pump(static_cast<int>(std::min<std::int64_t>(left.count(), kLookEveryMs)), result);
+    const bool said = result.output.size() > known && request.on_output;
+    if (said && request.on_output(std::string_view(result.output).substr(known))) {
+      deadline = SteadyClock::now() + request.limit;
+    }
   }
   drain(child, result);
   const siginfo_t info = child.ended().value();

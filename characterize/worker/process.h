@@ -4,7 +4,9 @@
 
 #include <atomic>
 #include <filesystem>
+#include <functional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -19,6 +21,8 @@ struct ProcessRequest {
   std::vector<std::pair<std::string, std::string>> environment;  ///< On top of this process' own.
   Nanos limit = std::chrono::seconds(60);
   const std::atomic<bool>* stop = nullptr;  ///< Looked at several times a second; may be null.
+  /// Given what came on standard output; whether the limit begins anew. May be empty.
+  std::function<bool(std::string_view)> on_output = {};
 };
 
 struct ProcessResult {

@@ -101,9 +101,22 @@ class Worker {
   }
 
  private:
+  /// Says that the device goes on, however slow this machine is at it.
+  void show_life(std::int64_t samples) {
+    // Twenty signs at most before the machine's limit ends the sampling: of fast devices none.
+    const Nanos now = machine_.now();
+    const bool due = now - life_shown_ >= job_.sampling.limit / 20;
+    if (records_ == nullptr || device_->own_clock() == nullptr || !due) return;
+    life_shown_ = now;
+    *records_ << progress_record(fmt::format("{}, {} samples in {:.3g} s of this machine",
+                                             result_.step, samples, to_s(machine_.now() - begun_)))
+              << std::endl;
+  }
+
   /// From here on a failure is one of doing @p what.
   void begin(const std::string& what) {
     result_.step = what;
+    begun_ = machine_.now();
     if (records_ != nullptr) *records_ << to_record(result_) << std::endl;
   }
 
@@ -149,33 +162,72 @@ class Worker {
     const Nanos start = machine_.now();
     device_ = backend_.open(job_.unit);
     const Nanos opened = machine_.now();
-    const Clock* own = device_->own_clock();
-    clock_ = own != nullptr ? own : &machine_;
-    result_.clock = own != nullptr ? ClockQuality{} : measure_clock(machine_);
-    result_.provenance = device_->provenance();
+    take_accounts();
     result_.device = device_->info();
-    result_.device_init = own != nullptr ? own->now() : opened - start;  // an own clock starts at 0
+    if (result_.unknown(Phase::kDeviceInit).empty()) {
+      // An own clock starts at 0.
+      result_.device_init =
+          is_own(Phase::kDeviceInit) ? device_->own_clock()->now() : opened - start;
+    }
 
     std::optional<ExtraWork> extra;
     if (injection_.prepare > 1) extra.emplace(machine_);
     begin("preparing");
-    const Nanos begun = clock_->now();
+    const Clock& clock = is_own(Phase::kPrepare) ? *device_->own_clock() : machine_;
+    const Nanos begun = clock.now();
     player_.emplace(device_->prepare(workload, data_.front().parameters), workload, data_);
-    player_->call();
+    const Nanos beside = first_call();
     if (extra) {
-      const auto taken = static_cast<double>((clock_->now() - begun).count());
+      const auto taken = static_cast<double>((clock.now() - begun).count());
       ExtraWork::run(extra->steps_for(Nanos(std::llround((injection_.prepare - 1) * taken))));
     }
-    result_.prepare = clock_->now() - begun;
+    if (result_.unknown(Phase::kPrepare).empty()) result_.prepare = clock.now() - begun + beside;
+    show_life(0);
     player_->wrap_kernel([this](std::unique_ptr<Kernel> kernel) {
       return slowed(std::move(kernel), injection_.execute, machine_);
     });
+  }
+
+  /// @return What of it is measured beside the device's own clock, which tells the preparation.
+  Nanos first_call() {
+    const PhaseClocks clocks = this->clocks();
+    if (clocks.measured.empty() || !is_own(Phase::kPrepare)) {
+      player_->call();
+      return Nanos(0);
+    }
+    const SamplingOptions once{.warm_up = {}, .slice = {}, .warm_up_calls = 0, .min_samples = 1};
+    Nanos beside{0};
+    for (const auto& part : sample_calls(player_->kernel(), clocks, backend_.phases(), once)) {
+      if (clocks.is_measured(part.phase)) beside += part.samples.front();
+    }
+    player_->called();
+    return beside;
+  }
+
+  void take_accounts() {
+    result_.provenance = device_->provenance();
+    result_.own_clock = device_->own_clock() != nullptr;
+    result_.deterministic = device_->is_deterministic();
+    bool measured = false;
+    for (const Phase phase : backend_.phases()) {
+      if (phase == Phase::kCall) continue;
+      result_.accounts.push_back({phase, device_->accounting(phase)});
+      measured = measured || !is_own(phase);
+    }
+    if (measured) result_.clock = measure_clock(machine_);
+  }
+
+  /// Whether the device's own clock tells the time of @p phase.
+  [[nodiscard]] bool is_own(Phase phase) const {
+    return device_->own_clock() != nullptr &&
+           result_.accounting(phase).provenance != Provenance::kMeasured;
   }
 
   /// Verifies what the calls since Player::scribble() wrote, of each frame of the sequence.
   bool verify(std::string_view when) {
     const Workload& workload = find_workload(job_.workload);
     player_->complete();
+    show_life(0);
     const Verdict verdict = verify_sequence(workload, player_->played(expected_));
     result_.verification = fmt::format("{}: {}", when, verdict.detail);
     result_.wrong_output = !verdict.ok;
@@ -204,11 +256,36 @@ class Worker {
             .frames = static_cast<std::int64_t>(player_->frames())};
   }
 
-  /// Counts repeat exactly: what the fewest samples leave out is the emulator's time alone.
+  /// What repeats exactly is sampled once.
   [[nodiscard]] SamplingOptions sampling() const {
     SamplingOptions options = job_.sampling;
-    if (result_.provenance == Provenance::kCounted) options.warm_up = options.slice = Nanos(0);
+    const bool once = std::ranges::all_of(result_.accounts, [this](const PhaseAccount& account) {
+      return is_setup(account.phase) || result_.repeats(account.phase);
+    });
+    if (!once || !result_.deterministic) return options;
+    options.warm_up = options.slice = Nanos(0);
+    options.warm_up_calls = 0;
+    options.min_samples = 1;
     return options;
+  }
+
+  [[nodiscard]] PhaseClocks clocks() {
+    const Clock* own = device_->own_clock();
+    if (own == nullptr) return {.clock = machine_, .quality = result_.clock};
+    PhaseClocks clocks{.clock = *own,
+                       .quality = {},
+                       .machine = &machine_,
+                       .machine_quality = result_.clock,
+                       .on_sample = [this](std::int64_t samples) { show_life(samples); }};
+    for (const auto& [phase, accounting] : result_.accounts) {
+      if (is_setup(phase)) continue;
+      if (!accounting.unknown.empty()) {
+        clocks.unknown.insert(phase);
+      } else if (accounting.provenance == Provenance::kMeasured) {
+        clocks.measured.insert(phase);
+      }
+    }
+    return clocks;
   }
 
   void sample() {
@@ -217,8 +294,7 @@ class Worker {
     player_->scribble();
     const auto phases = backend_.phases();
     const auto before = read_host_counters(job_.unit.cores);
-    result_.phases =
-        sample_calls(player_->kernel(), *clock_, result_.clock, phases, sampling(), sequence());
+    result_.phases = sample_calls(player_->kernel(), clocks(), phases, sampling(), sequence());
     const auto after = read_host_counters(job_.unit.cores);
     if (device_->own_clock() == nullptr) {
       const int cores = job_.unit.cores.empty() ? static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))
@@ -259,7 +335,8 @@ class Worker {
   JobResult& result_;
   const Backend& backend_;
   MachineClock machine_;
-  const Clock* clock_ = &machine_;
+  Nanos begun_{0};  ///< The step.
+  Nanos life_shown_ = machine_.now();
   std::vector<Data> data_;                     ///< Of each frame of the sequence.
   std::vector<std::vector<Tensor>> expected_;  ///< The same.
   std::unique_ptr<Device> device_;

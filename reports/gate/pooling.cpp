@@ -55,7 +55,7 @@ int pool_samples(const ProfileReader& reader, Profile& profile) {
     reader.read_samples(other);
     bool any = false;
     for (PhaseRow& row : profile.phases) {
-      if (row.run_id == id || !row.valid) continue;
+      if (row.run_id == id || !row.valid || row.is_deterministic()) continue;
       const auto apart = units_apart(run_of(profile, row.run_id), other.runs.front());
       if (apart.contains("") || apart.contains(row.unit)) continue;
       const PhaseRow* same = other.find(row.workload, row.unit, row.phase, row.state);
@@ -67,7 +67,7 @@ int pool_samples(const ProfileReader& reader, Profile& profile) {
   }
   if (pooled == 1) return pooled;
   for (PhaseRow& row : profile.phases) {
-    if (row.valid && !row.values.empty()) summarize_all(row);
+    if (row.valid && !row.values.empty() && !row.is_deterministic()) summarize_all(row);
   }
   return pooled;
 }

@@ -51,6 +51,23 @@ std::string complaint(const ProfileDiff& diff, const PhasePair& pair) {
   return "";
 }
 
+/// Whether one sample a side is all there is to know.
+bool repeats(const PhasePair& pair) {
+  return pair.a->is_deterministic() && pair.b->is_deterministic();
+}
+
+/// What repeats exactly has moved if it is not the same to the nanosecond.
+void compare_counts(const PhasePair& pair, GateRow& row) {
+  const Nanos more = *pair.b->median - *pair.a->median;
+  row.verdict = more == Nanos(0)  ? GateVerdict::kSame
+                : more > Nanos(0) ? GateVerdict::kSlower
+                                  : GateVerdict::kFaster;
+  row.needed = 0;
+  if (more == Nanos(0)) return;
+  row.reason = fmt::format("it repeats exactly, and is {} ns {}", std::abs(more.count()),
+                           more > Nanos(0) ? "more" : "less");
+}
+
 struct Judged {
   GateRow* row = nullptr;
   Family family;
@@ -83,12 +100,21 @@ GateRow compare(const ProfileDiff& diff, const PhasePair& pair, const CommonMove
   row.phase = phase_name(base);
   if (base.median) row.base = static_cast<double>(base.median->count());
   if (candidate.median) row.candidate = static_cast<double>(candidate.median->count());
+  if (!base.unknown().empty() && base.unknown() == candidate.unknown()) {
+    row.verdict = GateVerdict::kNotJudged;
+    row.reason = "unknown on both sides: " + base.unknown();
+    return row;
+  }
   row.reason = complaint(diff, pair);
   if (!row.reason.empty()) {
     row.verdict = GateVerdict::kNotComparable;
     return row;
   }
   row.ratio = pair.ratio();
+  if (repeats(pair)) {
+    compare_counts(pair, row);
+    return row;
+  }
   const std::size_t fewest = std::min(base.values.size(), candidate.values.size());
   if (fewest < thresholds.samples || !row.ratio) {
     row.verdict = GateVerdict::kNotJudged;
@@ -123,6 +149,12 @@ GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair) {
   row.phase = "energy";
   row.base = pair.a->energy_j;
   row.candidate = pair.b->energy_j;
+  const bool modelled = pair.a->provenance.provenance != Provenance::kMeasured;
+  if (modelled && !row.base && !row.candidate && pair.a->reasons == pair.b->reasons) {
+    row.verdict = GateVerdict::kNotJudged;
+    row.reason = "unknown on both sides: " + join(pair.a->reasons, ", ");
+    return row;
+  }
   row.reason = identity_complaint(diff, row.unit);
   if (row.reason.empty() && (!pair.a->valid || !pair.b->valid))
     row.reason = "an energy row is invalid";
@@ -327,7 +359,7 @@ GateResult judge(const ProfileDiff& diff, const GateThresholds& thresholds) {
   result.identity = diff.identity;
   CommonMovement::Pairs comparable;
   for (const auto& pair : diff.phases) {
-    if (complaint(diff, pair).empty()) comparable.push_back(&pair);
+    if (complaint(diff, pair).empty() && !repeats(pair)) comparable.push_back(&pair);
   }
   const CommonMovement movement(*diff.a, comparable, thresholds.workloads);
   for (const auto& pair : diff.phases) {

@@ -10,6 +10,9 @@
 // 95 % interval of its change, over the medians of the processes, says that it is not slower by
 // what counts; else one cannot tell.
 //
+// A row that repeats exactly on both sides (counts of an emulator) is slower or faster if it is not
+// the same to the nanosecond.
+//
 // Machines have slow hours: what many rows moved by together (common_movement.h) is taken off each
 // of them and judged in a row of its own, which is inconclusive at worst, since no stored figure
 // says whether the machine or the program was it. Two programs side by side do

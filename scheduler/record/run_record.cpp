@@ -53,6 +53,10 @@ void visit_unit(Visitor& visitor, Unit& unit) {
   visitor.field("device_is_cpu", unit.device_is_cpu);
   visitor.field("provenance", unit.provenance);
   visitor.field("energy_provenance", unit.energy_provenance);
+  visitor.field("mixture", unit.mixture);
+  visitor.field("energy_mixture", unit.energy_mixture);
+  visitor.field("prepares", unit.prepares);
+  visitor.field("prepare_s", unit.prepare_s);
   visitor.field("completed", unit.completed);
   visitor.field("mean_latency_ms", unit.mean_latency_ms);
   visitor.field("p99_latency_ms", unit.p99_latency_ms);

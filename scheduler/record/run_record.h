@@ -24,13 +24,20 @@ struct UnitResult {
   std::vector<std::string>
       provenance;  ///< Of the times of the services that the run could use, each once.
   std::vector<std::string> energy_provenance;  ///< Of their energy.
+  /// Whether one of these is a sum of several provenances; absent if none is.
+  std::optional<bool> mixture, energy_mixture;
+  /// Of a unit with contexts: how often it loaded another one, and the part of busy_s that it took.
+  std::optional<std::int64_t> prepares;
+  std::optional<double> prepare_s;
   std::int64_t completed = 0;
   std::optional<double>
       mean_latency_ms;  ///< Dispatch to completion. Absent if it completed nothing.
   std::optional<double> p99_latency_ms;
   double busy_s = 0;                  ///< Server-seconds.
   std::optional<double> utilization;  ///< busy_s over servers x makespan.
-  double energy_j = 0;                ///< Its share; a link's counts for the unit that used it.
+  /// Its share; a link's counts for the unit that used it. Absent, and not in the run's, where
+  /// nobody knows what the unit draws.
+  std::optional<double> energy_j;
   friend bool operator==(const UnitResult&, const UnitResult&) = default;
 };
 

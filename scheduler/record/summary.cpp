@@ -10,8 +10,20 @@ std::optional<double> in_ms(const std::optional<Nanos>& time) {
   return time ? std::optional(to_ms(*time)) : std::nullopt;
 }
 
-double unit_energy_j(const Scenario& run, UnitId unit, const UnitTally& tally, Nanos makespan) {
+bool is_metered(const ServiceTable& services, UnitId unit) {
+  for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {
+    const Service* service = services.find(workload, unit);
+    if (service != nullptr && service->metered_j) return true;
+  }
+  return false;
+}
+
+/// Nothing for a measured unit that neither the platform nor a meter says anything of.
+std::optional<double> unit_energy_j(const Scenario& run, UnitId unit, const UnitTally& tally,
+                                    Nanos makespan) {
   const UnitModel& model = run.platform.units[unit];
+  const bool known = !model.measured() || run.platform.states_power(model);
+  if (!known && !is_metered(run.services, unit)) return std::nullopt;
   double energy_j =
       model.active_w * to_s(tally.powered) + model.idle_w * to_s(makespan) + tally.extra_j;
   if (!model.link.empty())
@@ -32,8 +44,10 @@ void add_provenance(const ServiceTable& services, UnitId unit, UnitResult& resul
   for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {
     const Service* service = services.find(workload, unit);
     if (service == nullptr) continue;
-    times.insert(service->time_provenance);
-    energies.insert(service->energy_provenance);
+    times.insert(service->time_provenance.provenance);
+    energies.insert(service->energy_provenance.provenance);
+    if (service->time_provenance.mixture) result.mixture = true;
+    if (service->energy_provenance.mixture) result.energy_mixture = true;
   }
   for (const Provenance each : times) result.provenance.emplace_back(to_string(each));
   for (const Provenance each : energies) result.energy_provenance.emplace_back(to_string(each));
@@ -52,6 +66,10 @@ UnitResult summarize_unit(const Scenario& run, const Profile* profile, UnitId un
   result.mean_latency_ms = in_ms(tally.latency.mean());
   result.p99_latency_ms = in_ms(tally.latency.percentile(0.99));
   result.busy_s = to_s(tally.busy);
+  if (model.contexts) {
+    result.prepares = tally.prepares;
+    result.prepare_s = to_s(tally.preparing);
+  }
   if (makespan > Nanos::zero())
     result.utilization = result.busy_s / (model.servers * to_s(makespan));
   result.energy_j = unit_energy_j(run, unit, tally, makespan);
@@ -143,7 +161,7 @@ RunRecord summarize(const Scenario& run, const Profile* profile, const WeightTab
   Histogram latency;
   for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
     record.units.push_back(summarize_unit(run, profile, unit, tally.units[unit], makespan));
-    record.energy_j += record.units.back().energy_j;
+    record.energy_j += record.units.back().energy_j.value_or(0);
     latency.add(tally.units[unit].latency);
   }
   record.mean_latency_ms = in_ms(latency.mean());

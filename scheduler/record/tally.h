@@ -16,8 +16,10 @@ struct UnitTally {
   Histogram latency;  ///< Dispatch to completion.
   Nanos busy{0};      ///< Server time that this unit served, whoever it worked for.
   Nanos powered{0};   ///< The part of it that draws active_w: unscaled, and not of metered calls.
-  Nanos transferring{0};  ///< Time that the unit's link was busy for it.
-  double extra_j = 0;     ///< Filled in at the end of the run from `calls`.
+  Nanos transferring{0};      ///< Time that the unit's link was busy for it.
+  std::int64_t prepares = 0;  ///< Calls of another context than the last.
+  Nanos preparing{0};         ///< The part of `busy` that these took.
+  double extra_j = 0;         ///< Filled in at the end of the run from `calls`.
 };
 
 struct PipelineTally {

@@ -77,6 +77,8 @@ CallRows call_rows(const Cell& cell) {
 /// Why a row cannot be used, or "".
 std::string complaint(const PhaseRow& row) {
   const std::string phase(to_string(row.phase));
+  if (const std::string why = row.unknown(); !why.empty())
+    return "its " + phase + " is unknown: " + why;
   if (!row.median)
     return "its " + phase + " row has no samples" +
            (row.reasons.empty() ? "" : " (" + join(row.reasons, ", ") + ")");
@@ -124,7 +126,7 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
                               .on = cell.unit_id,
                               .time = time,
                               .energy_scale = energy_scale(*row, time)});
-    service.time_provenance = weakest(service.time_provenance, row->provenance);
+    service.time_provenance = sum_of(service.time_provenance, row->provenance);
   }
   service.energy_provenance = weakest(cell.unit().energy_provenance, service.time_provenance);
   const auto* energy = cell.profile->find_energy(cell.workload.name, cell.unit().name);
@@ -169,6 +171,27 @@ void scale_stages(const Cell& cell, Service& service) {
   }
 }
 
+/// Preparing ends with a call, which the task makes itself.
+void add_context(const Cell& cell, ServiceEntry& entry) {
+  if (const auto given = cell.unit().contexts->prepare) {
+    entry.service->prepare = given;
+    return;
+  }
+  const PhaseRow* prepare =
+      cell.profile == nullptr
+          ? nullptr
+          : cell.profile->find(cell.workload.name, cell.unit().name, Phase::kPrepare, State::kWarm);
+  std::string why = "no profile has its warm prepare";
+  if (prepare != nullptr) why = complaint(*prepare);
+  if (why.empty()) {
+    entry.service->prepare = std::max(Nanos(0), *prepare->median - entry.service->total());
+    entry.service->time_provenance = weakest(entry.service->time_provenance, prepare->provenance);
+    return;
+  }
+  entry = {.service = std::nullopt,
+           .reason = why + "; give `contexts: {prepare_ms: N}` in the platform file"};
+}
+
 ServiceEntry resolve(const Cell& cell, std::vector<std::string>& warnings) {
   ServiceEntry entry;
   const auto rows = cell.profile == nullptr ? CallRows{} : call_rows(cell);
@@ -178,6 +201,7 @@ ServiceEntry resolve(const Cell& cell, std::vector<std::string>& warnings) {
     entry.service = from_platform(cell);
     if (!entry.service) entry.reason = why_none(cell);
   }
+  if (entry.service && cell.unit().contexts) add_context(cell, entry);
   if (entry.service) {
     scale_stages(cell, *entry.service);
     add_energy(cell, *entry.service, warnings);
@@ -256,6 +280,27 @@ CostTable call_costs(const Platform& platform, const ServiceTable& services) {
   return costs;
 }
 
+namespace {
+
+/// Joules of a unit that nobody knows the power of are missing in all sums.
+void warn_of_power(const Platform& platform, const Profile* profile,
+                   std::vector<std::string>& warnings) {
+  if (profile == nullptr) return;
+  for (const UnitModel& unit : platform.units) {
+    if (!unit.measured() || platform.states_power(unit)) continue;
+    const bool metered = std::ranges::any_of(profile->energies, [&unit](const EnergyRow& row) {
+      return row.unit == unit.name && row.valid;
+    });
+    if (metered) continue;
+    warnings.push_back(fmt::format(
+        "the energy of {} is not known and counts as nothing: the platform states no power; give "
+        "it with --set {}.active_w=W",
+        unit.name, unit.name));
+  }
+}
+
+}  // namespace
+
 ServiceTable resolve_services(const Platform& platform, const Profile* profile,
                               const std::vector<std::string>& workloads,
                               const ServiceOptions& options) {
@@ -265,6 +310,7 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
   }
   ServiceTable table;
   table.workloads = workloads;
+  warn_of_power(platform, profile, table.warnings);
   for (const auto& name : workloads) {
     auto& row = table.entries.emplace_back();
     if (const auto given = options.given.find(name); given != options.given.end()) {

@@ -31,8 +31,10 @@ struct ServiceStage {
 
 struct Service {
   std::vector<ServiceStage> stages;
-  Provenance time_provenance = Provenance::kModelled;  ///< The weakest of its stages.
-  Provenance energy_provenance = Provenance::kModelled;
+  Origin time_provenance = Provenance::kModelled;  ///< Of the sum of its stages.
+  Origin energy_provenance = Provenance::kModelled;
+  /// Of a unit with contexts: what loading the workload takes; absent = the unit has none.
+  std::optional<Nanos> prepare;
   /// Joules a call beyond busy servers and links: call_j, operations, bytes.
   double extra_j = 0;
   /// A meter's joules a call; stands in place of all modelled energy of a call.
@@ -89,7 +91,7 @@ struct CallCost {
   /// Of which it occupies one of the unit's servers, so that the next one waits.
   Nanos occupied{0};
   double energy_j = 0;  ///< Above idle.
-  Provenance energy_provenance = Provenance::kModelled;
+  Origin energy_provenance = Provenance::kModelled;
 };
 /// [workload][unit]; absent where there is no service.
 using CostTable = std::vector<std::vector<std::optional<CallCost>>>;

@@ -57,7 +57,7 @@ Json costs_json(const CostTable& costs) {
     Json& row = rows.emplace_back(Json::array());
     for (const auto& cost : workload) {
       row.push_back(cost ? Json{cost->total.count(), cost->occupied.count(), cost->energy_j,
-                                to_string(cost->energy_provenance)}
+                                to_string(cost->energy_provenance), cost->energy_provenance.mixture}
                          : Json());
     }
   }
@@ -70,7 +70,7 @@ CallCost cost_from_json(const Json& json) {
                 .energy_j = json.at(2).get<double>()};
   const auto provenance = provenance_from_string(json.at(3).get<std::string>());
   if (!provenance) throw_bad_input(json_text(json.at(3)) + " is no provenance");
-  cost.energy_provenance = *provenance;
+  cost.energy_provenance = {*provenance, json.size() > 4 && json.at(4).get<bool>()};
   return cost;
 }
 

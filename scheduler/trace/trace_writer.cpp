@@ -152,6 +152,17 @@ void TraceWriter::left(std::size_t servers, std::uint32_t job) {
   jobs.erase(std::ranges::find(jobs, job, &std::pair<std::uint32_t, double>::first));
 }
 
+void TraceWriter::preparing(TaskId task, Nanos now, Nanos takes) {
+  const auto found = tasks_.find(task);
+  if (found == tasks_.end()) return;
+  const TaskTrack& track = found->second;
+  const MixTask& definition = run_.mix.pipelines[track.pipeline].tasks[track.position];
+  file_.event(fmt::format(
+      R"({{"name":"prepare","cat":{},"ph":"X","pid":{},"tid":{},"ts":{},"dur":{},"args":{{"task":{}}}}})",
+      quoted(definition.workload), process(track.slot.unit), track.slot.lane, us(now), us(takes),
+      task));
+}
+
 double TraceWriter::ServerLoad::power_w() const {
   const bool shared = discipline == Discipline::kProcessorSharing;
   const auto all = static_cast<double>(jobs.size());

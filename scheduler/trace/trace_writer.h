@@ -2,7 +2,8 @@
 // `pirt replay`.
 //
 // Tracks: a process a unit, in it a thread a slot, in that a slice a task, from start to
-// completion. Slices of a slot never overlap. Flows lead from a task to those that waited for it.
+// completion. Slices of a slot never overlap, but that of a task whose context the unit had to load
+// has a slice `prepare` in it. Flows lead from a task to those that waited for it.
 // Counters: power, by unit and link, and queue depth, by unit and for tasks that are in no unit's
 // queue.
 //
@@ -40,6 +41,7 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
                   std::uint64_t firing) override;
   void arrived(std::size_t servers, std::uint32_t job, double power_w) override;
   void left(std::size_t servers, std::uint32_t job) override;
+  void preparing(TaskId task, Nanos now, Nanos takes) override;
   void settled(Nanos now) override;
 
   /// The trace is there after this. It runs to the last completion; where counts and energy are of

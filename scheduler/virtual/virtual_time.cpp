@@ -20,6 +20,7 @@ struct VirtualTime::Step {
   Nanos scaled{0};                 ///< Of a constant.
   double scale = 1;
   double energy_scale = 0;  ///< Of its time before the scale, what draws the unit's active_w.
+  bool prepares = false;    ///< Of a unit with contexts: not where it holds the task's already.
   bool for_data = false;    ///< A delay until the data of the predecessors is there.
 };
 
@@ -89,6 +90,7 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunOb
     servers_.push_back(make_servers(1, Discipline::kFifo));
   }
   for (std::uint32_t p = 0; p < scenario.mix.pipelines.size(); ++p) plan_tasks(p);
+  contexts_.resize(scenario.platform.units.size());
   state_units_.resize(scenario.mix.states.size());
   tally_.units.resize(scenario.platform.units.size());
   tally_.calls.assign(scenario.services.workloads.size(),
@@ -140,6 +142,13 @@ std::vector<VirtualTime::Step> VirtualTime::plan_steps(const MixTask& task, cons
   std::vector<Step> steps;
   if (!plan.edges.empty() || plan.state) steps.push_back({.time = {}, .for_data = true});
   if (moves_data) add_transfer(steps, unit, bytes.in);
+  if (service.prepare) {
+    steps.push_back({.servers = unit,
+                     .time = {.low = *service.prepare, .high = *service.prepare},
+                     .scaled = *service.prepare,
+                     .energy_scale = service.metered_j ? 0.0 : 1.0,
+                     .prepares = true});
+  }
   for (const auto& stage : service.stages) {
     steps.push_back({.servers = stage.on.value_or(Step::kDelay),
                      .time = stage.time,
@@ -223,6 +232,7 @@ void VirtualTime::charge(Tally& tally, const Job& job, const Step& step, Nanos s
   if (step.servers < tally.units.size()) {
     tally.units[step.servers].busy += served;
     tally.units[step.servers].powered += powered;
+    if (step.prepares) tally.units[step.servers].preparing += served;
   } else {
     tally.units[job.unit].transferring += served;
   }
@@ -430,7 +440,22 @@ void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from) {
   tally_.units[unit].transferring += std::clamp(firings_.end() - from, Nanos::zero(), takes);
 }
 
+/// From here on its unit holds it. What a unit holds at first was loaded before the run.
+bool VirtualTime::holds_context(const Job& job) {
+  const WorkloadId workload = plans_[job.plan].workload;
+  const auto last = std::exchange(contexts_[job.unit], workload);
+  return !last || *last == workload;
+}
+
 void VirtualTime::begin_step(JobIndex job, const Step& step) {
+  if (step.prepares) {
+    if (holds_context(jobs_[job])) {
+      ++jobs_[job].step;
+      return proceed(job);
+    }
+    ++tally_.units[jobs_[job].unit].prepares;
+    if (observer_ != nullptr) observer_->preparing(jobs_[job].id, now_, step.scaled);
+  }
   if (step.for_data) {
     add_timer(data_arrival(job), false, job);
     return;

@@ -32,6 +32,10 @@ class RunObserver {
   /// @param power_w  Drawn while a server works on it at full rate.
   virtual void arrived(std::size_t servers, std::uint32_t job, double power_w) = 0;
   virtual void left(std::size_t servers, std::uint32_t job) = 0;
+  /// A unit with contexts loads that of @p task, which it has begun; it takes that long.
+  virtual void preparing(TaskId task, Nanos now, Nanos takes) {
+    static_cast<void>(task), static_cast<void>(now), static_cast<void>(takes);
+  }
   /// All that happens at once at this moment has happened; more may follow at the same time.
   virtual void settled(Nanos now) = 0;
 };
@@ -105,6 +109,7 @@ class VirtualTime {
   void send(UnitId unit, std::int64_t size_bytes, Nanos from);
   void charge(Tally& tally, const Job& job, const Step& step, Nanos served, Nanos powered) const;
   [[nodiscard]] const Step& step_of(const Job& job) const;
+  [[nodiscard]] bool holds_context(const Job& job);
   [[nodiscard]] Nanos draw(JobIndex job, const Step& step) const;
   [[nodiscard]] double power_w(const Job& job, const Step& step) const;
   void complete(JobIndex job, Outcome outcome, Nanos took,
@@ -124,6 +129,7 @@ class VirtualTime {
   std::vector<std::uint64_t> seeds_;               ///< and likewise.
   std::vector<std::optional<UnitId>>
       state_units_;  ///< By state: where it is; absent = nowhere yet.
+  std::vector<std::optional<WorkloadId>> contexts_;  ///< By unit: what it called last.
   std::vector<Job> jobs_;
   std::vector<Timer> timers_;  ///< A heap, earliest first.
   std::uint64_t sequence_ = 0;

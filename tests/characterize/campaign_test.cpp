@@ -198,12 +198,12 @@ TEST_F(Campaign, TellsWhatTheBackendSaid) {
 }
 
 TEST_F(Campaign, SaysFewSamplesWhenTimeRunsOut) {
-  auto o = options({{"gpu", "samples_ms: {pool5: [4000]}"}}, "^pool5$");
-  o.job_limit = std::chrono::seconds(20);
+  auto o = options({{"gpu", "machine_ms: 200"}}, "^pool5$");
+  o.job_limit = std::chrono::milliseconds(1600);
   const Profile profile = measure(o);
-  // Half the limit is for sampling, on the simulated clock: 3 calls of 4.21 s pass 10 s, in each of
-  // 4 processes.
-  EXPECT_EQ(row(profile, "pool5", Phase::kCall).samples, 12);
+  // Half the limit is for sampling, on this machine's clock: 4 calls pass 0.8 s at the latest, in
+  // each of 4 processes.
+  EXPECT_LE(row(profile, "pool5", Phase::kCall).samples, 16);
   EXPECT_THAT(row(profile, "pool5", Phase::kCall).reasons, ElementsAre("few_samples"));
 }
 

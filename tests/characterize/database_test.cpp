@@ -48,14 +48,14 @@ std::vector<std::string> columns_of(const std::filesystem::path& path, const std
 TEST(Database, HasTheStableColumnsInTheirOrder) {
   const TemporaryFolder folder;
   write_one_run(folder / "p.db");
-  EXPECT_THAT(
-      columns_of(folder / "p.db", "profile_summary"),
-      ElementsAre("run_id", "platform", "workload", "unit", "backend", "phase", "state",
-                  "provenance", "valid", "reasons", "notes", "samples", "median_ns", "mad_ns",
-                  "p95_ns", "p99_ns", "ci_low_ns", "ci_high_ns", "ops", "bytes", "processes"));
+  EXPECT_THAT(columns_of(folder / "p.db", "profile_summary"),
+              ElementsAre("run_id", "platform", "workload", "unit", "backend", "phase", "state",
+                          "provenance", "valid", "reasons", "notes", "samples", "median_ns",
+                          "mad_ns", "p95_ns", "p99_ns", "ci_low_ns", "ci_high_ns", "ops", "bytes",
+                          "processes", "mixture", "bound_ns"));
   EXPECT_THAT(columns_of(folder / "p.db", "energy_summary"),
               ElementsAre("run_id", "workload", "unit", "energy_j", "provenance", "source", "valid",
-                          "reasons", "domain", "idle_subtracted"));
+                          "reasons", "domain", "idle_subtracted", "mixture"));
 }
 
 TEST(Database, IsOneFileWhenClosed) {
@@ -120,7 +120,7 @@ TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
   test::write_bytes(folder / "cut.db", std::string("SQLite format 3\0 and the end", 28));
   run_sql(folder / "other.db", "PRAGMA application_id = 7; CREATE TABLE t (x)");
   write_one_run(folder / "newer.db");
-  run_sql(folder / "newer.db", "PRAGMA user_version = 4");
+  run_sql(folder / "newer.db", "PRAGMA user_version = 5");
   write_one_run(folder / "older.db");
   run_sql(folder / "older.db", "PRAGMA user_version = 2; DROP VIEW energy_summary");
   write_one_run(folder / "wal.db");
@@ -134,8 +134,8 @@ TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
       {"short.db", "not a profile database"},
       {"cut.db", "damaged (cut off after 28 bytes)"},
       {"other.db", "another application"},
-      {"newer.db", "is of version 4, and this pirt reads version 3: use a newer pirt"},
-      {"older.db", "is of version 2, and this pirt reads version 3: characterize again"},
+      {"newer.db", "is of version 5, and this pirt reads version 4: use a newer pirt"},
+      {"older.db", "is of version 2, and this pirt reads version 4: characterize again"},
       {"wal.db", "journal_mode=DELETE"},
       {"", "is not a file but a folder"},
       {"pipe.db", "is not a file but a device or pipe"}};

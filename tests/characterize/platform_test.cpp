@@ -8,6 +8,7 @@
 
 #include "tests/support/documentation.h"
 #include "tests/support/errors.h"
+#include "tests/support/optional_backend.h"
 #include "workloads/catalog.h"
 
 namespace pirt::test {
@@ -288,6 +289,7 @@ TEST(Platform, KeepsTheScriptOfAFakeUnitAsText) {
 }
 
 TEST(PlatformOverrides, SetOneValueOfAUnit) {
+  PIRT_BACKEND_OR_SKIP("opencl")
   const auto platform = load_platform(
       "host", {parse_override("cpu.active_w=15"), parse_override("opencl.energy.op_pj=3")});
   EXPECT_EQ(platform.unit("cpu").active_w, 15);
@@ -340,6 +342,7 @@ TEST(ShippedPlatforms, FakeServesEveryWorkloadOfTheCatalog) {
 }
 
 TEST(ShippedPlatforms, HostMeasuresTwoUnitsAndPublishesTheCloud) {
+  PIRT_BACKEND_OR_SKIP("opencl")
   const auto host = load_platform("host");
   EXPECT_EQ(host.unit("cpu").backend, "cpu");
   EXPECT_EQ(host.unit("opencl").backend, "opencl");
@@ -374,6 +377,7 @@ TEST(Platform, LoadsFromAFile) {
 }
 
 TEST(Platform, NamesTheNearestUnit) {
+  PIRT_BACKEND_OR_SKIP("opencl")
   EXPECT_THAT(bad_input([] { static_cast<void>(load_platform("host").unit("openc")); }),
               HasSubstr("did you mean opencl"));
 }

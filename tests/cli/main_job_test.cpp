@@ -5,6 +5,7 @@
 
 #include "tests/cli/program.h"
 #include "tests/support/data.h"
+#include "tests/support/optional_backend.h"
 
 namespace pirt::test {
 namespace {
@@ -24,9 +25,10 @@ class MainJob : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     scratch_ = std::make_unique<Scratch>();
-    const auto made = pirt({"characterize", "--quick", "--platform", "fake", "--filter",
-                            "undistort|gaussian_blur|feature_detect|optical_flow|track_features|alexnet|fc8",
-                            "--db", profile()});
+    const auto made =
+        pirt({"characterize", "--quick", "--platform", "fake", "--filter",
+              "undistort|gaussian_blur|feature_detect|optical_flow|track_features|alexnet|fc8",
+              "--db", profile()});
     ASSERT_EQ(made.exit_code, 0) << made.err;
   }
   static void TearDownTestSuite() { scratch_.reset(); }
@@ -142,8 +144,7 @@ TEST_F(MainJob, ReportOfAPartialProfileSaysWhyThereAreNoModes) {
   ASSERT_EQ(made.exit_code, 0) << made.err;
   const auto report = pirt({"report", partial});
   EXPECT_EQ(report.exit_code, 0);
-  EXPECT_THAT(report.out,
-              HasSubstr("Modes that are not shown: latency, throughput, energy"));
+  EXPECT_THAT(report.out, HasSubstr("Modes that are not shown: latency, throughput, energy"));
   EXPECT_THAT(report.out, HasSubstr("pirt characterize --platform host-cpu --filter"));
 }
 
@@ -331,6 +332,7 @@ TEST(Characterize, RefusesAMaxTimeThatIsNone) {
 constexpr auto* kNoOpenCl = "OCL_ICD_VENDORS=/nonexistent";
 
 TEST(Characterize, GoesOnWithoutAnOpenClDevice) {
+  PIRT_BACKEND_OR_SKIP("opencl")
   const Scratch scratch;
   const auto outcome = pirt({"characterize", "--quick", "--filter", "^pool5$", "--db",
                              scratch.file("p.db"), "--json", "-"},
@@ -343,6 +345,7 @@ TEST(Characterize, GoesOnWithoutAnOpenClDevice) {
 }
 
 TEST(Characterize, AUnitThatIsAskedForByNameMustBeThere) {
+  PIRT_BACKEND_OR_SKIP("opencl")
   const Scratch scratch;
   const auto outcome = pirt(
       {"characterize", "--quick", "--units", "opencl", "--db", scratch.file("p.db")}, kNoOpenCl);
@@ -352,6 +355,7 @@ TEST(Characterize, AUnitThatIsAskedForByNameMustBeThere) {
 }
 
 TEST(List, ShowsTheMissingDeviceWithItsRemedy) {
+  PIRT_BACKEND_OR_SKIP("opencl")
   const auto backends = pirt({"list", "backends"}, kNoOpenCl);
   EXPECT_EQ(backends.exit_code, 0);
   EXPECT_THAT(backends.out, HasSubstr("pocl-opencl-icd"));

@@ -2,11 +2,13 @@
 #include <array>
 
 #include "tests/cli/program.h"
+#include "tests/support/optional_backend.h"
 
 namespace pirt::test {
 namespace {
 
 TEST(Sample, OfWhatTheUnitCannotComputeIsAnErrorAndNoFigure) {
+  PIRT_BACKEND_OR_SKIP("opencl")
   const std::vector<std::array<std::string, 3>> cells = {
       {"fc6@int8", "opencl", "computes AlexNet's layers in f32"},
       {"conv2@map", "opencl", "border around the input"},

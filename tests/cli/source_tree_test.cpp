@@ -109,7 +109,6 @@ TEST(SourceTree, BackendHeadersStayInTheirFolder) {
       {"workloads/cpu/",
        {"workloads/cpu/", "workloads/registry.cpp", "characterize/doctor/jitter"}},
       {"workloads/dsp/", {"workloads/dsp/", "workloads/registry.cpp"}},
-      {"dsp_build.h", {"workloads/dsp/"}},
       {"workloads/fake/",
        {"workloads/fake/", "workloads/registry.cpp", "characterize/platform/platform_file.cpp"}},
       {"workloads/opencl/",

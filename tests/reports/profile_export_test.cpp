@@ -61,19 +61,20 @@ TEST(ProfileExport, CsvHasTheColumnsOfTheViews) {
   ASSERT_THAT(profile, SizeIs(5));  // header, three rows, and nothing behind the last \n
   EXPECT_EQ(profile[0],
             "run_id,platform,workload,unit,backend,phase,state,provenance,valid,reasons,notes,"
-            "samples,median_ns,mad_ns,p95_ns,p99_ns,ci_low_ns,ci_high_ns,ops,bytes,processes");
+            "samples,median_ns,mad_ns,p95_ns,p99_ns,ci_low_ns,ci_high_ns,ops,bytes,processes,"
+            "mixture,bound_ns");
   EXPECT_EQ(profile[1],
             "1,board,sobel,cpu,fake,prepare,cold,measured,0,few_samples; clock_bound,,20,"
-            "100000000,100000000,100000000,100000000,,,,0,1");
+            "100000000,100000000,100000000,100000000,,,,0,1,0,");
   EXPECT_EQ(profile[2],
             "1,board,sobel,cpu,fake,call,steady,measured,1,,bimodal,20,"
-            "100000000,100000000,100000000,100000000,98000000,102000000,,0,1");
+            "100000000,100000000,100000000,100000000,98000000,102000000,,0,1,0,");
   // A comma inside a field is quoted.
   EXPECT_THAT(split(export_csv(data, CsvTable::kEnergy), '\n'),
               ElementsAre("run_id,workload,unit,energy_j,provenance,source,valid,reasons,domain,"
-                          "idle_subtracted",
+                          "idle_subtracted,mixture",
                           "1,sobel,cpu,0.1,modelled,\"model: active_w 1 W x call, guessed\",1,,"
-                          "unit,0",
+                          "unit,0,0",
                           ""));
   EXPECT_THAT(split(export_csv(data, CsvTable::kPeaks), '\n'),
               ElementsAre("run_id,unit,kind,per_second,variant,provenance,valid,reasons",

@@ -117,7 +117,7 @@ TEST(Services, PowerTheMeanOfARowWhateverIsDrawn) {
   EXPECT_EQ(services_of(nullptr).find(0, 1)->stages.at(0).energy_scale, 1) << "as it stands there";
 }
 
-TEST(Services, OfStagesOfSeveralProvenancesHaveTheWeakest) {
+TEST(Services, OfStagesOfSeveralProvenancesAreMixturesOfTheWeakest) {
   // Counted cycles between measured transfers, in whatever order the weakest one comes.
   for (const Phase weak : {Phase::kUpload, Phase::kExecute, Phase::kDownload}) {
     std::vector<PhaseRow> rows;
@@ -127,8 +127,9 @@ TEST(Services, OfStagesOfSeveralProvenancesHaveTheWeakest) {
     }
     const Profile profile = profile_of(rows);
     const auto table = services_of(&profile);
-    EXPECT_EQ(table.find(0, 1)->time_provenance, Provenance::kCounted);
-    EXPECT_EQ(table.find(0, 1)->energy_provenance, Provenance::kModelled) << "watts are";
+    EXPECT_EQ(table.find(0, 1)->time_provenance, Origin(Provenance::kCounted, true));
+    EXPECT_EQ(table.find(0, 1)->energy_provenance, Origin(Provenance::kModelled, true))
+        << "watts are modelled";
   }
   PhaseRow published = row("gpu", Phase::kCall, 100);
   published.provenance = Provenance::kPublished;

@@ -1,7 +1,8 @@
 // Whole runs in virtual time, small enough to be worked by hand.
+#include "scheduler/virtual/virtual_time.h"
+
 #include "scheduler/record/summary.h"
 #include "scheduler/services/scenario.h"
-#include "scheduler/virtual/virtual_time.h"
 #include "tests/scheduler/support.h"
 #include "workloads/base/json_value.h"
 #include "workloads/base/random.h"
@@ -216,7 +217,7 @@ pipelines:
   EXPECT_EQ(record.offloaded, 2);
   EXPECT_DOUBLE_EQ(*unit(record, "cloud").mean_latency_ms, (46.768 + 61.768) / 2);
   // Sending only: 2 * (16.384 + 4) ms at 0.5 W, and 0.25 J a call.
-  EXPECT_NEAR(unit(record, "cloud").energy_j, 0.5 * 2 * 0.020384 + 0.5, 1e-12);
+  EXPECT_NEAR(unit(record, "cloud").energy_j.value(), 0.5 * 2 * 0.020384 + 0.5, 1e-12);
 }
 
 TEST(VirtualTime, TakesBytesFromTheEdgeWhereGiven) {
@@ -390,8 +391,8 @@ pipelines:
   EXPECT_EQ(record.completed, 0);
   EXPECT_EQ(record.queued, 4);
   EXPECT_NEAR(unit(record, "cpu").busy_s, 0.09, 1e-8);
-  EXPECT_NEAR(unit(record, "cpu").energy_j, 0.09, 1e-8);
-  EXPECT_NEAR(unit(record, "cloud").energy_j, 0.045 * 4, 1e-8);
+  EXPECT_NEAR(unit(record, "cpu").energy_j.value(), 0.09, 1e-8);
+  EXPECT_NEAR(unit(record, "cloud").energy_j.value(), 0.045 * 4, 1e-8);
 }
 
 TEST(VirtualTime, NothingFiresAtOrAfterTheDurationNotEvenAClosedLoop) {

@@ -5,7 +5,8 @@
 #include <thread>
 
 #include "tests/support/few_threads.h"
-#include "tests/workloads/opencl_support.h"
+#include "tests/workloads/opencl_device_support.h"
+#include "tests/workloads/workload_support.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog.h"
 #include "workloads/cpu/cpu_backend.h"

@@ -68,6 +68,39 @@ TEST_P(DspCatalog, CountsTheSameInEveryProcess) {
 INSTANTIATE_TEST_SUITE_P(Workloads, DspCatalog, testing::ValuesIn(supported_names()),
                          parameter_name);
 
+TEST(DspBackend, SaysHowTheTimeOfEachPhaseIsKnown) {
+  if (const auto why = test::why_no_dsp(); !why.empty()) GTEST_SKIP() << why;
+  const auto device = test::open_dsp();
+  EXPECT_TRUE(device->is_deterministic());
+  EXPECT_EQ(device->accounting(Phase::kExecute).provenance, Provenance::kCounted);
+  for (const Phase phase : {Phase::kUpload, Phase::kLaunch, Phase::kDownload}) {
+    EXPECT_EQ(device->accounting(phase).provenance, Provenance::kPublished);
+    EXPECT_EQ(device->accounting(phase).unknown, "");
+  }
+  EXPECT_NE(device->accounting(Phase::kPrepare).unknown, "");
+}
+
+// A packet a microsecond, and nothing else: what is left of the clock is packets.
+TEST(DspBackend, TakesItsModelFromTheOptions) {
+  if (const auto why = test::why_no_dsp(); !why.empty()) GTEST_SKIP() << why;
+  const Workload& workload = find_workload("gaussian_blur");
+  const Data data = test::data_of_seed_1(workload);
+  const auto time_of = [&](double clock_mhz) {
+    UnitRequest request;
+    request.unit = "dsp";
+    request.options = {{"clock_mhz", clock_mhz}, {"launch_us", 0}};
+    const auto device = make_dsp_backend()->open(request);
+    auto outputs = make_tensors(workload.outputs);
+    const auto kernel = device->prepare(workload, data.parameters);
+    kernel->bind(data.inputs, outputs);
+    kernel->upload();
+    const Nanos before = device->own_clock()->now();
+    kernel->execute(1);
+    return device->own_clock()->now() - before;
+  };
+  EXPECT_EQ(time_of(1), 500 * time_of(500));
+}
+
 TEST(DspBackend, SaysWhyItDoesNotSupportTheRest) {
   const auto backend = make_dsp_backend();
   for (const Workload& workload : catalog()) {

@@ -10,6 +10,7 @@
 #include <numeric>
 
 #include "tests/support/few_threads.h"
+#include "tests/support/optional_backend.h"
 #include "workloads/base/affinity.h"
 #include "workloads/base/caches.h"
 #include "workloads/base/peak_math.h"
@@ -55,7 +56,10 @@ void check_all_loops(std::string_view backend) {
 }
 
 TEST(PeakLoops, OfTheCpuLeaveWhatTheirWorkLeaves) { check_all_loops("cpu"); }
-TEST(PeakLoops, OfOpenClLeaveWhatTheirWorkLeaves) { check_all_loops("opencl"); }
+TEST(PeakLoops, OfOpenClLeaveWhatTheirWorkLeaves) {
+  PIRT_BACKEND_OR_SKIP("opencl")
+  check_all_loops("opencl");
+}
 
 TEST(PeakLoops, ChainsTakeExactlyTheStepsAskedFor) {
   using peak_math::Rounding;

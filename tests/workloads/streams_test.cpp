@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 #include "tests/support/data.h"
-#include "tests/workloads/opencl_support.h"
+#include "tests/workloads/opencl_device_support.h"
 #include "tests/workloads/workload_support.h"
 #include "workloads/base/random.h"
 #include "workloads/catalog.h"

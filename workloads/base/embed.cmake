@@ -1,4 +1,4 @@
-# pirt_embed(TARGET NAMESPACE FILE...): compiles text files into TARGET, found by their file name.
+# pirt_embed(TARGET NAMESPACE FILE...): compiles files (text, or binary ones: programs, bitstreams) into TARGET, found by their file name.
 #
 # Generates <binary dir>/generated/<NAMESPACE>.h with
 #   namespace pirt::<NAMESPACE> { std::span<const pirt::EmbeddedFile> files(); }

@@ -20,6 +20,22 @@ struct CostModel {
   /// gives the 680's.
   double memory_bytes_per_s = 29.8e9 / 4;
 
+  /// Of the board's memory: 2 channels x 4 bytes x 3.73e9 transfers a second.
+  /// @source Qualcomm, Snapdragon 820 product brief: LPDDR4 at 1866 MHz.
+  double board_bytes_per_s = 29.8e9;
+
+  /// From the call to the kernel's begin and back, cache maintenance included.
+  /// @source Qualcomm, Hexagon SDK, "System optimizations", "IPC performance considerations":
+  /// without a coherent cache "a minimum of a few hundred microseconds"; read as three hundred.
+  double round_trip_us = 300;
+
+  /// The host writes what it reads: both go over the board's memory. Published.
+  [[nodiscard]] Nanos copy(std::size_t size_bytes) const {
+    return from_s(2 * static_cast<double>(size_bytes) / board_bytes_per_s);
+  }
+  /// Published.
+  [[nodiscard]] Nanos launch() const { return from_s(round_trip_us * 1e-6); }
+
   /// No stalls: what no program can be faster than. Counted.
   [[nodiscard]] Nanos without_stalls(const Cost& cost) const {
     return from_s(static_cast<double>(cost.packets) / clock_hz);

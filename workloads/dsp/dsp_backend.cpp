@@ -48,15 +48,16 @@ class DspKernel : public Kernel {
   void upload() override {
     for (std::size_t i = 0; i < inputs_.size(); ++i) {
       dsp::copy_in(*session_, call_.inputs[i], inputs_[i].bytes());
+      clock_.advance(model_.copy(inputs_[i].bytes().size()));
     }
   }
 
   std::optional<Nanos> execute(int repeats) override {
     for (int i = 0; i < repeats; ++i) {
       const auto cost = dsp::run(*session_, call_);
-      clock_.advance(model_.without_stalls(cost));
+      clock_.advance(model_.launch() + model_.without_stalls(cost));
     }
-    return std::nullopt;
+    return repeats * model_.launch();
   }
 
   void download() override {
@@ -67,6 +68,7 @@ class DspKernel : public Kernel {
         outputs_[i].set_rows(rows);
       }
       dsp::copy_out(*session_, call_.outputs[i], {outputs_[i].data(), outputs_[i].bytes().size()});
+      clock_.advance(model_.copy(outputs_[i].bytes().size()));
     }
   }
 
@@ -81,11 +83,12 @@ class DspKernel : public Kernel {
 
 class DspDevice : public Device {
  public:
-  explicit DspDevice(const dsp::Tools& tools)
+  DspDevice(const dsp::Tools& tools, const dsp::CostModel& model)
       : session_(std::make_shared<dsp::Session>(
             dsp::SessionOptions{tools.emulator, tools.plugin, tools.program})),
         version_(fmt::format("{}, program {}", dsp::emulator_version(tools.emulator),
-                             dsp::program_hash(tools))) {
+                             dsp::program_hash(tools))),
+        model_(model) {
     clock_.advance(model_.without_stalls(session_->start_cost()));
   }
 
@@ -100,6 +103,22 @@ class DspDevice : public Device {
   }
   [[nodiscard]] const Clock* own_clock() const override { return &clock_; }
   [[nodiscard]] Provenance provenance() const override { return Provenance::kCounted; }
+  [[nodiscard]] Accounting accounting(Phase phase) const override {
+    switch (phase) {
+      case Phase::kUpload:
+      case Phase::kLaunch:
+      case Phase::kDownload:
+        return {Provenance::kPublished};
+      case Phase::kPrepare:
+        return {Provenance::kCounted, "loading code and weights is not modelled"};
+      case Phase::kDeviceInit:
+      case Phase::kExecute:
+      case Phase::kCall:
+        break;
+    }
+    return {Provenance::kCounted};
+  }
+  [[nodiscard]] bool is_deterministic() const override { return true; }
 
  private:
   [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload& workload,
@@ -115,14 +134,35 @@ class DspDevice : public Device {
   CountedClock clock_;
 };
 
+/// What the model's constants are where a platform file does not say.
+const std::vector<OptionSpec>& option_specs() {
+  static const std::vector<OptionSpec> all = {
+      {"clock_mhz", "MHz", "packets a microsecond of one hardware thread", 1, 10'000, 500},
+      {"launch_us", "us", "round trip of a call without its kernel", 0, 1e6, 300},
+      {"copy_gb_s", "GB/s", "bandwidth of the board's memory, for uploads and downloads", 0.001,
+       10'000, 29.8}};
+  return all;
+}
+
+dsp::CostModel model_for(const UnitRequest& request) {
+  const auto& specs = option_specs();
+  dsp::CostModel model;
+  model.clock_hz = 1e6 * request.option(specs[0]);
+  model.round_trip_us = request.option(specs[1]);
+  model.board_bytes_per_s = 1e9 * request.option(specs[2]);
+  return model;
+}
+
 class DspBackend : public Backend {
  public:
+  [[nodiscard]] std::vector<OptionSpec> options() const override { return option_specs(); }
+
   [[nodiscard]] std::string_view name() const override { return "dsp"; }
   [[nodiscard]] std::string_view description() const override {
     return "a Hexagon DSP with HVX, emulated by qemu-hexagon; its packets are counted";
   }
   [[nodiscard]] std::vector<Phase> phases() const override {
-    return {Phase::kDeviceInit, Phase::kPrepare, Phase::kExecute, Phase::kCall};
+    return {kAllPhases.begin(), kAllPhases.end()};
   }
   [[nodiscard]] Probe probe() const override {
     const auto tools = dsp::find_tools();
@@ -141,7 +181,7 @@ class DspBackend : public Backend {
     bind_to_cores(request.cores, request.unit);
     const auto tools = dsp::find_tools();
     if (!tools.missing.empty()) throw_environment("backend dsp is unavailable: " + tools.missing);
-    return std::make_unique<DspDevice>(tools);
+    return std::make_unique<DspDevice>(tools, model_for(request));
   }
 };
 

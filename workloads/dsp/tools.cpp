@@ -1,6 +1,5 @@
 #include "workloads/dsp/tools.h"
 
-#include <dsp_build.h>
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <spawn.h>
@@ -27,6 +26,9 @@ namespace fs = std::filesystem;
 constexpr const char* kEmulator = "qemu-hexagon";
 constexpr const char* kPlugin = "pirt_dsp_count.so";
 constexpr const char* kProgram = "pirt_dsp.elf";
+// As the build says: the former seen from the folder above the program's.
+constexpr const char* kModuleFolder = PIRT_MODULE_FOLDER;
+constexpr const char* kBuildFolder = PIRT_BUILD_FOLDER;
 
 fs::path find_in_path(const char* name) {
   const char* const variable = std::getenv("PATH");
@@ -50,7 +52,6 @@ fs::path find_own(const char* name) {
 }
 
 std::string what_is_missing(const Tools& tools) {
-  if (*kMissing != '\0') return kMissing;
   if (tools.emulator.empty()) return "qemu-hexagon is not in PATH; install qemu-user";
   for (const auto& [path, name] : {std::pair(&tools.plugin, kPlugin), {&tools.program, kProgram}}) {
     if (!path->empty()) continue;

@@ -178,6 +178,7 @@ class FakeKernel : public Kernel {
       const Nanos start = clock_.now();
       // Of what a unit computes in real time, the reference is part of the time.
       if (clock_.is_wall()) compute();
+      if (script_.machine.count() > 0) std::this_thread::sleep_for(script_.machine);
       hold_execute(start);
       ++calls_;
     }
@@ -196,6 +197,15 @@ class FakeKernel : public Kernel {
     }
     for (std::size_t i = 0; i < next_.size(); ++i) copy_tensor(result_->state[i], next_[i]);
     hold(Phase::kDownload, start);
+  }
+
+  [[nodiscard]] std::optional<Nanos> bound(Phase phase) const override {
+    std::optional<Nanos> sum;
+    for (const auto& stage : script_.stages_of(workload_.name)) {
+      if (stage.phase != phase || !stage.bound) continue;
+      sum = sum.value_or(Nanos(0)) + scaled(*stage.bound, factor_);
+    }
+    return sum;
   }
 
   void bind_state(std::span<const Tensor> current, std::span<Tensor> next) override {
@@ -239,8 +249,20 @@ class FakeKernel : public Kernel {
     for (const auto& stage : script_.stages_of(workload_.name)) {
       if (stage.phase == phase) time += scaled(draw(stage, random_), factor_);
     }
-    if (time.count() > 0) clock_.hold(time, start);
-    return time.count() > 0 ? clock_.now() - start : time;
+    if (time.count() == 0) return time;
+    if (is_measured(phase)) {
+      std::this_thread::sleep_for(time);
+      return time;
+    }
+    clock_.hold(time, start);
+    return clock_.now() - start;
+  }
+
+  /// By the machine's clock, beside a clock of its own.
+  [[nodiscard]] bool is_measured(Phase phase) const {
+    const auto account = script_.accounts.find(phase);
+    return account != script_.accounts.end() && account->second.unknown.empty() &&
+           account->second.provenance == Provenance::kMeasured;
   }
 
   void hold_execute(Nanos start) {
@@ -249,7 +271,12 @@ class FakeKernel : public Kernel {
       hold(Phase::kExecute, start);
     } else {
       const auto at = static_cast<std::size_t>(calls_) % samples->second.size();
-      clock_.hold(scaled(samples->second[at], factor_), start);
+      const Nanos time = scaled(samples->second[at], factor_);
+      if (is_measured(Phase::kExecute)) {
+        std::this_thread::sleep_for(time);
+      } else {
+        clock_.hold(time, start);
+      }
     }
   }
 
@@ -303,9 +330,9 @@ Support support_of(const fake::Script& script, const Workload& workload) {
 
 class FakeDevice : public Device {
  public:
-  explicit FakeDevice(fake::Script script)
-      : script_(std::move(script)), clock_(script_.wall_clock) {
-    clock_.hold(script_.device_init);
+  FakeDevice(fake::Script script, double slowdown)
+      : script_(std::move(script)), slowdown_(slowdown), clock_(script_.wall_clock) {
+    take(Phase::kDeviceInit, script_.device_init);
   }
 
   [[nodiscard]] DeviceInfo info() const override {
@@ -333,6 +360,11 @@ class FakeDevice : public Device {
     return clock_.is_wall() ? nullptr : &clock_;
   }
   [[nodiscard]] Provenance provenance() const override { return Provenance::kModelled; }
+  [[nodiscard]] Accounting accounting(Phase phase) const override {
+    const auto account = script_.accounts.find(phase);
+    return account == script_.accounts.end() ? Accounting{provenance()} : account->second;
+  }
+  [[nodiscard]] bool is_deterministic() const override { return script_.deterministic; }
 
  private:
   [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload& workload,
@@ -341,10 +373,22 @@ class FakeDevice : public Device {
       throw_environment(fmt::format("{}: preparation fails as its script says", workload.name));
     }
     const std::size_t earlier = count_preparation(workload.name);
-    clock_.hold(earlier > 0 ? script_.prepare_warm : script_.prepare_cold);
+    take(Phase::kPrepare, earlier > 0 ? script_.prepare_warm : script_.prepare_cold);
     const auto& factors = script_.process_factors;
-    const double factor = factors.empty() ? 1 : factors[earlier % factors.size()];
+    const double factor = slowdown_ * (factors.empty() ? 1 : factors[earlier % factors.size()]);
     return std::make_unique<FakeKernel>(script_, workload, parameters, factor, clock_);
+  }
+
+  /// What nobody knows the time of takes none.
+  void take(Phase phase, Nanos time) {
+    const auto account = script_.accounts.find(phase);
+    if (account == script_.accounts.end()) return clock_.hold(time);
+    if (!account->second.unknown.empty()) return;
+    if (account->second.provenance == Provenance::kMeasured) {
+      std::this_thread::sleep_for(time);
+    } else {
+      clock_.hold(time);
+    }
   }
 
   /// How often the workload has been prepared since the kernel cache was empty; 0 if there is none.
@@ -360,11 +404,20 @@ class FakeDevice : public Device {
   }
 
   fake::Script script_;
+  double slowdown_;
   ScriptedClock clock_;
 };
 
+/// What a fake unit's platform file may say beside its script.
+const OptionSpec& slowdown() {
+  static const OptionSpec option{"slowdown", "",  "all simulated times of calls, times this",
+                                 1e-3,       1e3, 1.0};
+  return option;
+}
+
 class FakeBackend : public Backend {
  public:
+  [[nodiscard]] std::vector<OptionSpec> options() const override { return {slowdown()}; }
   [[nodiscard]] std::string_view name() const override { return "fake"; }
   [[nodiscard]] std::string_view description() const override {
     return "scripted times on a simulated clock or the wall's, for tests and what-if; computes "
@@ -384,7 +437,7 @@ class FakeBackend : public Backend {
   [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest& request) const override {
     auto script = fake::parse_script(request.script);
     if (script.fail_open) throw_environment(*script.fail_open);
-    return std::make_unique<FakeDevice>(std::move(script));
+    return std::make_unique<FakeDevice>(std::move(script), request.option(slowdown()));
   }
   [[nodiscard]] std::vector<std::pair<std::string, std::string>> kernel_cache_environment(
       const std::string& folder) const override {

@@ -81,6 +81,20 @@ Phase stage_phase(const YAML::Node& node) {
   return *phase;
 }
 
+void read_times(const YAML::Node& ms, ScriptedStage& result) {
+  if (!ms.IsMap()) {
+    result.low = result.high = duration(ms);
+    return;
+  }
+  const YAML::Node uniform = ms["uniform"];
+  if (ms.size() != 1 || !uniform || !uniform.IsSequence() || uniform.size() != 2) {
+    fail(ms, "expected ms: 1.5 or ms: {uniform: [low, high]}");
+  }
+  result.low = duration(uniform[0]);
+  result.high = duration(uniform[1]);
+  if (result.high < result.low) fail(uniform, "uniform: [low, high] has high below low");
+}
+
 ScriptedStage stage(const YAML::Node& node) {
   ScriptedStage result;
   std::optional<YAML::Node> ms;
@@ -90,22 +104,16 @@ ScriptedStage stage(const YAML::Node& node) {
       result.phase = stage_phase(entry.second);
     } else if (key == "ms") {
       ms.emplace(entry.second);
+    } else if (key == "bound_ms") {
+      result.bound = duration(entry.second);
     } else {
-      fail(entry.first, fmt::format("unknown key '{}' of a stage (known: name, ms)", key));
+      fail(entry.first,
+           fmt::format("unknown key '{}' of a stage (known: name, ms, bound_ms)", key));
     }
   }
   if (!ms) fail(node, "a stage needs ms");
-  if (!ms->IsMap()) {
-    result.low = result.high = duration(*ms);
-    return result;
-  }
-  const YAML::Node uniform = (*ms)["uniform"];
-  if (ms->size() != 1 || !uniform || !uniform.IsSequence() || uniform.size() != 2) {
-    fail(*ms, "expected ms: 1.5 or ms: {uniform: [low, high]}");
-  }
-  result.low = duration(uniform[0]);
-  result.high = duration(uniform[1]);
-  if (result.high < result.low) fail(uniform, "uniform: [low, high] has high below low");
+  read_times(*ms, result);
+  if (result.bound.value_or(Nanos(0)) > result.low) fail(node, "bound_ms is above ms");
   return result;
 }
 
@@ -155,6 +163,44 @@ void read_factors(const YAML::Node& node, Script& script) {
   }
 }
 
+Accounting account(const YAML::Node& node) {
+  if (node.IsMap()) {
+    const YAML::Node why = node["unknown"];
+    if (node.size() != 1 || !why) fail(node, "expected {unknown: why}");
+    return {Provenance::kMeasured, text_of(why, "a reason")};
+  }
+  std::vector<std::string> known;
+  for (const Provenance each : kAllProvenances) known.emplace_back(to_string(each));
+  const auto word = text_of(node, "a provenance");
+  const auto provenance = provenance_from_string(word);
+  if (!provenance) {
+    fail(node, fmt::format("there is no provenance '{}'{}", word, suggestion(word, known)));
+  }
+  return {*provenance};
+}
+
+void read_accounts(const YAML::Node& node, Script& script) {
+  std::vector<std::string> known;
+  for (const Phase phase : kAllPhases) {
+    if (phase != Phase::kCall) known.emplace_back(to_string(phase));
+  }
+  for (const auto& entry : map(node)) {
+    const auto key = text_of(entry.first, "a phase");
+    const auto phase = phase_from_string(key);
+    if (!phase || phase == Phase::kCall) {
+      fail(entry.first,
+           fmt::format("there is no phase '{}' to account for{}", key, suggestion(key, known)));
+    }
+    script.accounts[*phase] = account(entry.second);
+  }
+}
+
+bool truth(const YAML::Node& node) {
+  const auto word = text_of(node, "true or false");
+  if (word != "true" && word != "false") fail(node, "expected true or false");
+  return word == "true";
+}
+
 void read_clock(const YAML::Node& node, Script& script) {
   const std::vector<std::string> known = {"simulated", "wall"};
   const auto clock = text_of(node, "a clock");
@@ -190,6 +236,9 @@ std::map<std::string, Reader> readers() {
          s.cache_bytes = whole(n, "a size in kB", std::int64_t{1}, kMaxCacheKb) * 1024;
        }},
       {"clock", read_clock},
+      {"accounts", read_accounts},
+      {"deterministic", [](const auto& n, Script& s) { s.deterministic = truth(n); }},
+      {"machine_ms", [](const auto& n, Script& s) { s.machine = duration(n); }},
       {"seed",
        [](const auto& n, Script& s) { s.seed = whole(n, "a seed", std::uint64_t{0}, kMaxSeed); }},
       {"fail_open", [](const auto& n, Script& s) { s.fail_open = text_of(n, "text"); }},
@@ -240,6 +289,9 @@ Script read_script(const YAML::Node& root) {
       fail(entry.first, fmt::format("unknown key '{}'{}", key, suggestion(key, keys)));
     }
     it->second(entry.second, script);
+  }
+  if (script.wall_clock && !script.accounts.empty()) {
+    fail(root, "with clock: wall all phases are told by that clock; leave out accounts");
   }
   return script;
 }

@@ -5,6 +5,14 @@
 //   device_init_ms: 1.0
 //   prepare_ms: {cold: 10, warm: 2}        or one number for both
 //   stages: {sobel: [{name: upload, ms: 0.1}, {name: execute, ms: {uniform: [1, 2]}}]}
+//                                          a stage may have bound_ms as well: what it takes at
+//                                          least
+//   accounts: {execute: counted, upload: measured, prepare: {unknown: no model of loading}}
+//                                          how the time of a phase is known; others: modelled.
+//                                          measured: it sleeps as long, by the machine's clock
+//   deterministic: true                    says that its figures repeat exactly
+//   machine_ms: 20                         that each execute takes of the machine's time, as slow
+//                                          emulators do; no part of any figure
 //   samples_ms: {sobel: [1.0, 1.1]}        execute times, one a call, over again; replaces the
 //                                          execute stage
 //   process_factors: [1, 1.1]              of calls, in time: the first for a process that has
@@ -40,6 +48,7 @@
 #include <string>
 #include <vector>
 
+#include "workloads/backend.h"
 #include "workloads/base/time.h"
 #include "workloads/peak.h"
 #include "workloads/phase.h"
@@ -50,6 +59,7 @@ struct ScriptedStage {
   Phase phase = Phase::kExecute;  ///< kUpload, kLaunch, kExecute or kDownload.
   Nanos low{0};
   Nanos high{0};  ///< Equal to low, or the upper end of a uniform draw (inclusive).
+  std::optional<Nanos> bound = {};  ///< What it takes at least, as the device says.
 };
 
 struct Script {
@@ -60,6 +70,9 @@ struct Script {
   std::map<std::string, std::vector<ScriptedStage>> stages;
   std::map<std::string, std::vector<Nanos>> samples;
   std::vector<double> process_factors;
+  std::map<Phase, Accounting> accounts;  ///< Of those that are not modelled.
+  bool deterministic = false;
+  Nanos machine{0};  ///< Of the machine's time, in each execute.
   bool wall_clock = false;
   std::uint64_t seed = 1;
   std::set<std::string> unsupported, wrong_output, nan_output;

@@ -30,7 +30,7 @@ std::uint32_t header_word(std::span<const unsigned char> header, std::size_t off
 }
 
 void check_version(const std::string& name, std::int64_t version) {
-  if (version == kDatabaseVersion) return;
+  if (version >= kOldestVersion && version <= kDatabaseVersion) return;
   throw_bad_input(fmt::format(
       "profile database '{}' is of version {}, and this pirt reads version {}: {}", name, version,
       kDatabaseVersion,
@@ -120,6 +120,21 @@ bool link_new(const std::filesystem::path& made, const std::filesystem::path& pa
 
 }  // namespace
 
+namespace {
+
+/// Of a file that must not be written.
+Connection copy_in_memory(const Connection& file) {
+  Connection copy(file.path(), Connection::Mode::kMemory, Nanos(0));
+  sqlite3_backup* backup = sqlite3_backup_init(copy.handle(), "main", file.handle(), "main");
+  if (backup == nullptr) copy.fail(sqlite3_errcode(copy.handle()));
+  sqlite3_backup_step(backup, -1);
+  const int code = sqlite3_backup_finish(backup);
+  if (code != SQLITE_OK) copy.fail(code);
+  return copy;
+}
+
+}  // namespace
+
 sqlite::Connection open_database(const std::filesystem::path& path, sqlite::Connection::Mode mode,
                                  Nanos busy_wait) {
   identify(path);
@@ -132,6 +147,10 @@ sqlite::Connection open_database(const std::filesystem::path& path, sqlite::Conn
   if (mode == Connection::Mode::kReadWrite &&
       sqlite3_db_readonly(connection.handle(), "main") != 0) {
     connection.fail(SQLITE_READONLY);
+  }
+  if (version_of(connection) == kOldestVersion) {
+    if (mode == Connection::Mode::kReadOnly) connection = copy_in_memory(connection);
+    upgrade(connection);
   }
   return connection;
 }

@@ -14,7 +14,8 @@ inline constexpr Nanos kBusyWait = std::chrono::seconds(10);
 
 /// Opens an existing profile database after checking what it is, its version, its structure
 /// (integrity_check), its schema and all its checksums. A journal left by a killed writer is rolled
-/// back; apart from that nothing is written.
+/// back; apart from that nothing is written, except that a file of the version before, opened for
+/// writing, becomes one of today's. Of one that is only read, what is given is a copy in memory.
 /// @throws Error{kBadInput}: missing, a folder, empty, no SQLite database, another application's,
 /// of another version, in WAL mode, damaged.
 /// @throws Error{kEnvironment}: busy, unreadable disk.

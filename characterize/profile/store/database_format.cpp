@@ -31,12 +31,45 @@ constexpr std::array<std::string_view, 6> kRunQueries = {
 constexpr std::array<std::string_view, 4> kCellQueries = {
     "SELECT run_id, workload, unit, ops, bytes, verification FROM cell WHERE cell_id = ?",
     "SELECT phase, state, provenance, valid, reasons, notes, samples, processes, median_ns, "
-    "mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns FROM measurement WHERE cell_id = ? "
+    "mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, mixture, bound_ns FROM measurement WHERE "
+    "cell_id = ? "
     "ORDER BY phase, state",
     "SELECT phase, state, position, ns, process FROM measurement "
     "JOIN sample USING (measurement_id) WHERE cell_id = ? ORDER BY phase, state, position",
+    "SELECT energy_j, provenance, source, valid, reasons, domain, idle_subtracted, mixture FROM "
+    "energy "
+    "WHERE cell_id = ?"};
+
+/// Those of version 3, as they stood then: what they hash is part of their text.
+constexpr std::array<std::string_view, 4> kCellQueries3 = {
+    kCellQueries[0],
+    "SELECT phase, state, provenance, valid, reasons, notes, samples, processes, median_ns, "
+    "mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns FROM measurement WHERE cell_id = ? "
+    "ORDER BY phase, state",
+    kCellQueries[2],
     "SELECT energy_j, provenance, source, valid, reasons, domain, idle_subtracted FROM energy "
     "WHERE cell_id = ?"};
+
+/// Tables in the order in which they refer to each other, with what version 4 has beside the
+/// columns of version 3.
+struct UpgradedTable {
+  std::string_view name, added;
+};
+constexpr std::array<UpgradedTable, 9> kUpgradedTables = {{{"run", ""},
+                                                           {"environment", ""},
+                                                           {"unit", ""},
+                                                           {"visit", ""},
+                                                           {"peak", ""},
+                                                           {"cell", ""},
+                                                           {"measurement", ", 0, NULL"},
+                                                           {"sample", ""},
+                                                           {"energy", ", 0"}}};
+
+std::string_view schema_of(std::int64_t version) {
+  return find_embedded(schema_files::files(),
+                       version == kOldestVersion ? "schema-3.sql" : "schema.sql")
+      .value();
+}
 
 std::map<std::string, std::string> schema_objects(const Connection& connection) {
   std::map<std::string, std::string> objects;
@@ -49,7 +82,7 @@ std::map<std::string, std::string> schema_objects(const Connection& connection) 
 /// would show other figures. Objects of others beside it are left alone.
 void check_schema(const Connection& connection) {
   Connection reference("schema.sql", Connection::Mode::kMemory, Nanos(0));
-  reference.run(std::string(database_schema()));
+  reference.run(std::string(schema_of(version_of(connection))));
   const auto expected = schema_objects(reference);
   const auto actual = schema_objects(connection);
   for (const auto& [name, sql] : expected) {
@@ -75,8 +108,12 @@ std::int64_t checksum(const Connection& connection, std::int64_t id,
 
 }  // namespace
 
-std::string_view database_schema() {
-  return find_embedded(schema_files::files(), "schema.sql").value();
+std::string_view database_schema() { return schema_of(kDatabaseVersion); }
+
+std::int64_t version_of(const Connection& connection) {
+  Statement query(connection, "PRAGMA user_version");
+  query.step();
+  return query.integer(0);
 }
 
 std::int64_t run_checksum(const Connection& connection, std::int64_t run_id) {
@@ -84,7 +121,8 @@ std::int64_t run_checksum(const Connection& connection, std::int64_t run_id) {
 }
 
 std::int64_t cell_checksum(const Connection& connection, std::int64_t cell_id) {
-  return checksum(connection, cell_id, kCellQueries);
+  const bool old = version_of(connection) == kOldestVersion;
+  return checksum(connection, cell_id, old ? std::span(kCellQueries3) : std::span(kCellQueries));
 }
 
 void verify_all(const Connection& connection) {
@@ -109,6 +147,46 @@ void verify_all(const Connection& connection) {
       connection.fail_damaged(fmt::format("checksum of run {}", runs.integer(0)));
     }
   }
+}
+
+namespace {
+
+/// Ids first: a statement that steps through a table must not change it.
+void renew_checksums(const Connection& connection, const std::string& table,
+                     std::int64_t (*of)(const Connection&, std::int64_t)) {
+  std::vector<std::int64_t> ids;
+  Statement query(connection, fmt::format("SELECT {0}_id FROM {0}", table));
+  while (query.step()) ids.push_back(query.integer(0));
+  Statement update(connection, fmt::format("UPDATE {0} SET checksum = ? WHERE {0}_id = ?", table));
+  for (const std::int64_t id : ids) update.bind(of(connection, id)).bind(id).run();
+}
+
+}  // namespace
+
+void upgrade(Connection& connection) {
+  connection.run("PRAGMA foreign_keys = OFF");  // of no effect in a transaction
+  {
+    sqlite::Transaction transaction(connection);
+    if (version_of(connection) == kDatabaseVersion) return;
+    std::string sql;
+    for (const auto& [name, added] : kUpgradedTables) {
+      sql += fmt::format("CREATE TEMP TABLE old_{0} AS SELECT * FROM main.{0};", name);
+    }
+    sql += "DROP VIEW main.profile_summary; DROP VIEW main.energy_summary;";
+    for (const auto& [name, added] : kUpgradedTables) {
+      sql += fmt::format("DROP TABLE main.{};", name);
+    }
+    sql += database_schema();
+    for (const auto& [name, added] : kUpgradedTables) {
+      sql += fmt::format("INSERT INTO main.{0} SELECT *{1} FROM temp.old_{0};", name, added);
+      sql += fmt::format("DROP TABLE temp.old_{};", name);
+    }
+    connection.run(sql);
+    renew_checksums(connection, "cell", cell_checksum);
+    renew_checksums(connection, "run", run_checksum);
+    transaction.commit();
+  }
+  connection.run("PRAGMA foreign_keys = ON");
 }
 
 std::int64_t visit_checksum(std::int64_t run_id, const CellName& cell, const VisitRecord& visit) {

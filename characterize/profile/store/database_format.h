@@ -13,7 +13,8 @@
 namespace pirt {
 
 inline constexpr std::int64_t kDatabaseApplicationId = 0x50495254;  ///< "PIRT", as in schema.sql.
-inline constexpr std::int64_t kDatabaseVersion = 3;                 ///< user_version.
+inline constexpr std::int64_t kDatabaseVersion = 4;                 ///< user_version.
+inline constexpr std::int64_t kOldestVersion = 3;                   ///< What upgrade() takes.
 
 /// Definitions, which a file has byte for byte.
 [[nodiscard]] std::string_view database_schema();
@@ -37,5 +38,13 @@ inline constexpr std::int64_t kDatabaseVersion = 3;                 ///< user_ve
 /// would silently show the figures of an older.
 /// @throws Error{kBadInput}: damaged, saying what.
 void verify_all(const sqlite::Connection& connection);
+
+/// The file's user_version.
+[[nodiscard]] std::int64_t version_of(const sqlite::Connection& connection);
+
+/// Makes a database of kOldestVersion, which verify_all has passed, one of today's, in one
+/// transaction: no figure is a mixture, and none has a bound. Nothing to do where another program
+/// did it meanwhile.
+void upgrade(sqlite::Connection& connection);
 
 }  // namespace pirt

@@ -47,6 +47,8 @@ PhaseRow read_phase_row(const Statement& q) {
   row.ops = q.optional_integer(18);
   row.bytes = q.integer(19);
   row.processes = q.integer(20);
+  row.provenance.mixture = q.integer(21) != 0;
+  row.bound = q.optional_nanos(22);
   return row;
 }
 
@@ -59,7 +61,8 @@ std::vector<PhaseRow> read_phases(const Connection& connection, const std::strin
       connection,
       "SELECT run_id, platform, workload, unit, backend, phase, state, provenance, valid, "
       "reasons, notes, samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, "
-      "ops, bytes, processes FROM profile_summary WHERE platform = ? AND run_id BETWEEN ? AND ? "
+      "ops, bytes, processes, mixture, bound_ns FROM profile_summary WHERE platform = ? AND run_id "
+      "BETWEEN ? AND ? "
       "ORDER BY run_id DESC");
   query.bind(platform).bind(runs.first).bind(runs.last);
   while (query.step()) {
@@ -78,7 +81,8 @@ std::vector<EnergyRow> read_energies(const Connection& connection, const std::st
   Statement query(
       connection,
       "SELECT run_id, workload, unit, energy_j, energy_summary.provenance, source, valid, "
-      "reasons, domain, idle_subtracted FROM energy_summary JOIN run USING (run_id) WHERE platform "
+      "reasons, domain, idle_subtracted, mixture FROM energy_summary JOIN run USING (run_id) WHERE "
+      "platform "
       "= ? AND run_id BETWEEN ? AND ? ORDER BY run_id DESC");
   query.bind(platform).bind(runs.first).bind(runs.last);
   while (query.step()) {
@@ -93,6 +97,7 @@ std::vector<EnergyRow> read_energies(const Connection& connection, const std::st
     row.reasons = split_words(query.text(7));
     row.domain = query.text(8);
     row.idle_subtracted = query.integer(9) != 0;
+    row.provenance.mixture = query.integer(10) != 0;
     if (seen.emplace(row.workload, row.unit).second) rows.push_back(std::move(row));
   }
   return rows;

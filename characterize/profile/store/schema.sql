@@ -1,4 +1,4 @@
--- The profile database of pirt, version 3. One SQLite file, journal mode DELETE: closed, it is one file and opens read-only.
+-- The profile database of pirt, version 4. One SQLite file, journal mode DELETE: closed, it is one file and opens read-only.
 --
 -- Other tools read the views profile_summary and energy_summary: their columns, in this order, are stable; new ones come at their end.
 -- The tables are pirt's own. Readers refuse every other user_version. All times are integer nanoseconds, started/finished are UTC (ISO 8601).
@@ -15,17 +15,20 @@
 --            meter_error: TEXT energy only: the meter could not be read
 --            not_above_idle: TEXT, unstable: TEXT  energy only: the calls drew no more than idling did; idling before and after, or calls metered and timed, differ
 --            error: TEXT       the worker failed; the row has then what was sampled before, or no samples
+--            counts_differ: TEXT  the device says that its figures repeat exactly, and they did not
+--            unknown: TEXT     nobody knows the phase's time, and why; the row has no samples
 --            unavailable: TEXT peak only: the device has no loop for it, and why
 --            exceeded by TEXT  peak only: that workload ran faster, so the peak was measured too low
 --   notes:   input_resized, input_cropped, precision_not_reached (see ci_low_ns, ci_high_ns), contended, bimodal, no_kernel_cache,
---            shared_core, sequence of N frames (played; ops and bytes are the mean over them)
+--            shared_core, sequence of N frames (played; ops and bytes are the mean over them),
+--            deterministic (the figure repeats exactly: one sample is all there is, its interval has no width)
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %
 -- interval over processes (characterize/statistics/statistics.h), NULL with 2; of a single process, that of its samples, NULL below 6.
 -- `checksum` columns are FNV-1a over what a run (with its environment, units, peaks, and which cells and visits it has) or a cell
 -- (with its measurements, samples and energy) holds (database_format.h): damage that SQLite cannot see is an error.
 
 PRAGMA application_id = 1346982484;  -- "PIRT"
-PRAGMA user_version = 3;
+PRAGMA user_version = 4;
 
 -- One `pirt characterize`. `finished` is NULL if it did not end; its cells are complete all the same.
 CREATE TABLE run (
@@ -119,6 +122,8 @@ CREATE TABLE measurement (
   p99_ns     INTEGER CHECK (p99_ns >= p95_ns),
   ci_low_ns  INTEGER CHECK (ci_low_ns <= median_ns),
   ci_high_ns INTEGER CHECK (ci_high_ns >= median_ns),
+  mixture    INTEGER NOT NULL CHECK (mixture IN (0, 1)),  -- 1: a sum of several provenances, of which the weakest stands here
+  bound_ns   INTEGER CHECK (bound_ns >= 0),               -- what the phase takes at least, where the device knows
   UNIQUE (cell_id, phase, state),
   CHECK ((phase IN ('device_init', 'prepare')) = (state <> 'steady')),
   CHECK ((valid = 1) = (reasons = '')),
@@ -148,6 +153,7 @@ CREATE TABLE energy (
   reasons    TEXT NOT NULL,
   domain     TEXT NOT NULL CHECK (domain <> ''),  -- what the meter or model covers: 'unit', 'package', 'board input'
   idle_subtracted INTEGER NOT NULL CHECK (idle_subtracted IN (0, 1)),  -- 1: what the domain takes anyway is not in energy_j
+  mixture    INTEGER NOT NULL CHECK (mixture IN (0, 1)),  -- as that of the time that it follows from
   CHECK ((valid = 1) = (reasons = '')),
   CHECK (energy_j IS NOT NULL OR valid = 0)
 ) STRICT;
@@ -157,12 +163,13 @@ CREATE VIEW profile_summary AS
 SELECT run.run_id, run.platform, cell.workload, cell.unit, unit.backend, measurement.phase, measurement.state,
        measurement.provenance, measurement.valid, measurement.reasons, measurement.notes, measurement.samples,
        measurement.median_ns, measurement.mad_ns, measurement.p95_ns, measurement.p99_ns,
-       measurement.ci_low_ns, measurement.ci_high_ns, cell.ops, cell.bytes, measurement.processes
+       measurement.ci_low_ns, measurement.ci_high_ns, cell.ops, cell.bytes, measurement.processes,
+       measurement.mixture, measurement.bound_ns
 FROM measurement JOIN cell USING (cell_id) JOIN run USING (run_id)
      JOIN unit ON unit.run_id = cell.run_id AND unit.unit = cell.unit;
 
 -- One row per (run, workload, unit).
 CREATE VIEW energy_summary AS
 SELECT cell.run_id, cell.workload, cell.unit, energy.energy_j, energy.provenance, energy.source, energy.valid, energy.reasons,
-       energy.domain, energy.idle_subtracted
+       energy.domain, energy.idle_subtracted, energy.mixture
 FROM energy JOIN cell USING (cell_id);

@@ -67,7 +67,7 @@ void insert_phase(const Connection& connection, std::int64_t cell_id, const Phas
   std::optional<Interval> interval;
   if (!record.samples.empty()) {
     s = summarize(record.samples, processes_of(record));
-    interval = s->interval;
+    interval = record.deterministic ? Interval{s->median, s->median} : s->interval;
   }
   const auto of = [&s](Nanos Statistics::*member) {
     return s ? std::optional((*s).*member) : std::nullopt;
@@ -75,8 +75,8 @@ void insert_phase(const Connection& connection, std::int64_t cell_id, const Phas
   Statement insert(
       connection,
       "INSERT INTO measurement (cell_id, phase, state, provenance, valid, reasons, notes, "
-      "samples, processes, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns) "
-      "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+      "samples, processes, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, mixture, "
+      "bound_ns) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   insert.bind(cell_id).bind(to_string(record.phase)).bind(to_string(record.state));
   insert.bind(to_string(record.provenance)).bind(std::int64_t{record.reasons.empty()});
   insert.bind(join_words(record.reasons)).bind(join_words(record.notes));
@@ -87,6 +87,7 @@ void insert_phase(const Connection& connection, std::int64_t cell_id, const Phas
   insert.bind(of(&Statistics::p95)).bind(of(&Statistics::p99));
   insert.bind(interval ? std::optional(interval->low) : std::nullopt);
   insert.bind(interval ? std::optional(interval->high) : std::nullopt);
+  insert.bind(std::int64_t{record.provenance.mixture}).bind(record.bound);
   insert.run();
   insert_samples(connection, connection.last_row_id(), record);
 }
@@ -96,10 +97,11 @@ void insert_energy(const Connection& connection, std::int64_t cell_id, const Ene
   assert(!energy.energy_j || std::isfinite(*energy.energy_j));
   Statement insert(connection,
                    "INSERT INTO energy (cell_id, energy_j, provenance, source, valid, reasons, "
-                   "domain, idle_subtracted) VALUES (?, ?, ?, ?, ?, ?, ?, ?)");
+                   "domain, idle_subtracted, mixture) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)");
   insert.bind(cell_id).bind(energy.energy_j).bind(to_string(energy.provenance)).bind(energy.source);
   insert.bind(std::int64_t{energy.reasons.empty()}).bind(join_words(energy.reasons));
-  insert.bind(energy.domain).bind(std::int64_t{energy.idle_subtracted}).run();
+  insert.bind(energy.domain).bind(std::int64_t{energy.idle_subtracted});
+  insert.bind(std::int64_t{energy.provenance.mixture}).run();
 }
 
 /// Two programs that go on with the same run meet here.

@@ -1,0 +1,84 @@
+// Profile databases of the version before: read as they are, upgraded when they are written.
+#include <gmock/gmock.h>
+
+#include "schema_files.h"
+#include "tests/characterize/database_support.h"
+#include "workloads/base/embedded.h"
+
+namespace pirt::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// What write_one_run wrote, as version 3 had it.
+void make_old(const std::filesystem::path& path) {
+  write_one_run(path);
+  run_sql(path, R"(
+PRAGMA foreign_keys = OFF;
+CREATE TEMP TABLE r AS SELECT * FROM run; CREATE TEMP TABLE e AS SELECT * FROM environment;
+CREATE TEMP TABLE u AS SELECT * FROM unit; CREATE TEMP TABLE c AS SELECT * FROM cell;
+CREATE TEMP TABLE m AS SELECT * FROM measurement; CREATE TEMP TABLE s AS SELECT * FROM sample;
+CREATE TEMP TABLE j AS SELECT * FROM energy;
+DROP VIEW profile_summary; DROP VIEW energy_summary; DROP TABLE sample; DROP TABLE measurement;
+DROP TABLE energy; DROP TABLE cell; DROP TABLE peak; DROP TABLE visit; DROP TABLE unit;
+DROP TABLE environment; DROP TABLE run;)" +
+                    std::string(find_embedded(schema_files::files(), "schema-3.sql").value()) + R"(
+ALTER TABLE temp.m DROP COLUMN mixture; ALTER TABLE temp.m DROP COLUMN bound_ns;
+ALTER TABLE temp.j DROP COLUMN mixture;
+INSERT INTO run SELECT * FROM r; INSERT INTO environment SELECT * FROM e;
+INSERT INTO unit SELECT * FROM u; INSERT INTO cell SELECT * FROM c;
+INSERT INTO measurement SELECT * FROM m; INSERT INTO sample SELECT * FROM s;
+INSERT INTO energy SELECT * FROM j;)");
+  const sqlite::Connection old(path, sqlite::Connection::Mode::kReadWrite, Nanos(0));
+  for (const std::int64_t cell : {1, 2}) {
+    run_sql(path, fmt::format("UPDATE cell SET checksum = {} WHERE cell_id = {}",
+                              cell_checksum(old, cell), cell));
+  }
+  run_sql(path, fmt::format("UPDATE run SET checksum = {}", run_checksum(old, 1)));
+}
+
+TEST(DatabaseUpgrade, AnOldFileIsReadAsItIsAndNotWritten) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "new.db");
+  make_old(folder / "old.db");
+  const std::string before = read_bytes(folder / "old.db");
+  EXPECT_EQ(dump(folder / "old.db"), dump(folder / "new.db"));
+  EXPECT_EQ(read_bytes(folder / "old.db"), before);
+  EXPECT_EQ(folder.entries().size(), 2U);
+  for (const PhaseRow& row : load_profile(folder / "old.db").phases) {
+    EXPECT_FALSE(row.provenance.mixture);
+    EXPECT_EQ(row.bound, std::nullopt);
+  }
+}
+
+TEST(DatabaseUpgrade, AnOldFileThatIsWrittenBecomesANewOne) {
+  const TemporaryFolder folder;
+  make_old(folder / "old.db");
+  {
+    ProfileWriter writer(folder / "old.db");
+    EXPECT_EQ(writer.begin_run(small_run()), 2);
+    writer.write_cell(2, small_cell("sobel", "cpu", 7000));
+  }
+  const Profile profile = load_profile(folder / "old.db");
+  EXPECT_EQ(profile.find("sobel", "cpu", Phase::kCall)->median, Nanos(7009));
+  EXPECT_EQ(profile.find("sobel", "gpu", Phase::kCall)->median, Nanos(3009));  // of the old run
+  const sqlite::Connection file(folder / "old.db", sqlite::Connection::Mode::kReadOnly, Nanos(0));
+  EXPECT_EQ(version_of(file), kDatabaseVersion);
+}
+
+TEST(DatabaseUpgrade, DamageInAnOldFileIsFound) {
+  const TemporaryFolder folder;
+  make_old(folder / "old.db");
+  run_sql(folder / "old.db", "UPDATE sample SET ns = ns + 1 WHERE position = 3");
+  EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "old.db"); }),
+              HasSubstr("checksum of sobel"));
+  EXPECT_THAT(error_of(ErrorCode::kBadInput,
+                       [&] {
+                         ProfileWriter writer(folder / "old.db");
+                         return 0;
+                       }),
+              HasSubstr("checksum of sobel"));
+}
+
+}  // namespace
+}  // namespace pirt::test
