@@ -14,7 +14,8 @@ namespace pirt::cli {
 /// ignored stay ignored.
 [[nodiscard]] const std::atomic<bool>* stop_on_signal();
 
-/// How often that was asked for from here on, up to twice; the third Ctrl-C ends the process at once.
+/// How often that was asked for from here on, up to twice; the third Ctrl-C ends the process at
+/// once.
 [[nodiscard]] const std::atomic<int>* count_stop_signals();
 
 /// Warns of each unit or cell that @p plan leaves out: "... is not <done>: <reason>".

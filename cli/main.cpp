@@ -17,25 +17,25 @@ namespace {
 
 /// In the order in which --help lists them.
 constexpr AddCommand* kCommands[] = {
-    add_list,          //
-    add_characterize,  //
-    add_tune,          //
-    add_doctor,        //
-    add_schedule,      //
-    add_report,        //
-    add_regress,       //
-    add_replay,        //
-    add_export,        //
-    add_diff,          //
-    add_run_robot,     //
-    add_generate,      //
-    add_generate_dag,  //
-    add_plan,          //
-    add_detect,        //
-    add_describe,      //
-    add_bundle_adjust, //
-    add_generate_bal,  //
-    add_sample,        //
+    add_list,           //
+    add_characterize,   //
+    add_tune,           //
+    add_doctor,         //
+    add_schedule,       //
+    add_report,         //
+    add_regress,        //
+    add_replay,         //
+    add_export,         //
+    add_diff,           //
+    add_run_robot,      //
+    add_generate,       //
+    add_generate_dag,   //
+    add_plan,           //
+    add_detect,         //
+    add_describe,       //
+    add_bundle_adjust,  //
+    add_generate_bal,   //
+    add_sample,         //
     add_worker,
 };
 

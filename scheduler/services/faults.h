@@ -1,4 +1,5 @@
-// Failures that a run is given on purpose: a pure function of a seed, so that they can be had again.
+// Failures that a run is given on purpose: a pure function of a seed, so that they can be had
+// again.
 #pragma once
 
 #include <cstdint>

@@ -1,8 +1,9 @@
 #include "reports/fit_report.h"
-#include "workloads/base/json_value.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {

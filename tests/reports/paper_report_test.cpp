@@ -1,10 +1,11 @@
 // Table V of the paper: every cell within 2 %, the energy mode's throughput within 4 %.
 #include "reports/paper_report.h"
-#include "workloads/base/json_value.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
+
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {

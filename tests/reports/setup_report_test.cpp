@@ -1,9 +1,10 @@
 // Offloading time and crossovers, with numbers worked by hand.
 #include "reports/setup_report.h"
-#include "workloads/base/json_value.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {

@@ -1,8 +1,9 @@
 // What `pirt tune` prints of what it found.
 #include "reports/tune_report.h"
-#include "workloads/base/json_value.h"
 
 #include <gmock/gmock.h>
+
+#include "workloads/base/json_value.h"
 
 namespace pirt {
 namespace {

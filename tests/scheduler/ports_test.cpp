@@ -137,7 +137,7 @@ TEST(States, PassOnWhateverBecomesOfWhoWaitsForThem) {
   EXPECT_EQ(script.cancel(2), "-2");  // In the middle.
   EXPECT_EQ(script.complete(kGpu, 1, Outcome::kFailed), "G3");
   EXPECT_EQ(script.submit_all(4, {with(4, 0)}), "");
-  EXPECT_EQ(script.cancel(3), "-3");        // It still runs, and still holds it.
+  EXPECT_EQ(script.cancel(3), "-3");  // It still runs, and still holds it.
   EXPECT_EQ(script.complete(kGpu, 3), "G4");
 }
 
@@ -202,8 +202,8 @@ TEST(GivenBack, StillExpires) {
 
 /// Pipelines with ports, states and deadlines, on units with links.
 std::string random_mix(Random& random) {
-  std::string text = "mix: random\nimage_buffers: " + std::to_string(4 + random.below(6)) +
-                     "\npipelines:\n";
+  std::string text =
+      "mix: random\nimage_buffers: " + std::to_string(4 + random.below(6)) + "\npipelines:\n";
   const std::uint64_t pipelines = 1 + random.below(3);
   for (std::uint64_t p = 0; p < pipelines; ++p) {
     text += "  p" + std::to_string(p) + ":\n";
@@ -280,9 +280,9 @@ TEST(Ports, RandomMixesWithFaultsLoseNothingAndReplay) {
     }
     if (options.trace) {
       const ReplayResult again = replay(load_trace_log(trace), trace);
-      ASSERT_FALSE(again.difference) << again.difference->input << ": "
-                                     << again.difference->recorded << " / "
-                                     << again.difference->replayed;
+      ASSERT_FALSE(again.difference)
+          << again.difference->input << ": " << again.difference->recorded << " / "
+          << again.difference->replayed;
     }
     returned += run.returned.value_or(0);
     failed += run.failed;

@@ -441,7 +441,7 @@ TEST(TurnOf, SaysNothingOfChaosOrOfFewPoints) {
 
 TEST(StateTensors, BringTheStateBackBitForBitAndRefuseWhatIsNone) {
   const Recording recording;
-  const State state = moment_of(recording, 60).before_extend;
+  const State state = moment_of(recording, 90).before_extend;
   ASSERT_FALSE(state.tracks.empty());
   ASSERT_FALSE(state.landmarks.empty());
   const auto specs = state_specs(recording.setup());
