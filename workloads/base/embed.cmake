@@ -19,5 +19,10 @@ function(pirt_embed target name)
     DEPENDS ${files} ${PIRT_EMBED_SCRIPT}
     COMMENT "Embedding ${name}"
     VERBATIM)
-  target_sources(${target} PRIVATE ${out_dir}/${name}.cpp ${out_dir}/${name}.h)
+  # The target may be of another folder, where nothing else says that these are made before it.
+  set(made ${out_dir}/${name}.cpp ${out_dir}/${name}.h)
+  set_source_files_properties(${made} TARGET_DIRECTORY ${target} PROPERTIES GENERATED TRUE)
+  target_sources(${target} PRIVATE ${made})
+  add_custom_target(${name}_embedded DEPENDS ${made})
+  add_dependencies(${target} ${name}_embedded)
 endfunction()
