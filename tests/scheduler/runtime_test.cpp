@@ -29,6 +29,12 @@ units:
   gpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
 )";
 
+constexpr const char* kOneUnit = R"(
+platform: one
+units:
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+)";
+
 const TensorSpec kNumber{.name = "number", .element = Element::kF64, .shape = {1}};
 
 Tensor number(double value) {
@@ -231,11 +237,7 @@ TEST(Runtime, CancelledTasksEndAndWhatComesAfterThemIsDropped) {
                                       go.acquire();
                                     }),
                                 adding()},
-                               R"(
-platform: one
-units:
-  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
-)"));
+                               kOneUnit));
   const auto running = runtime.submit("waits", {number(1)});
   started.wait();
   const auto queued = runtime.submit("add", {number(1), number(1)});
@@ -258,11 +260,7 @@ TEST(Runtime, WhatHasNotStartedInTimeExpires) {
   Runtime runtime(options_with(
       {own("waits", 1, [&](std::span<const Tensor>, std::span<Tensor>) { go.acquire(); }),
        adding()},
-      R"(
-platform: one
-units:
-  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
-)"));
+      kOneUnit));
   const auto first = runtime.submit("waits", {number(1)});
   const auto late = runtime.submit("add", {number(1), number(1)}, {.expires = 10ms});
   EXPECT_EQ(late.wait(), TaskEnd::kExpired);
