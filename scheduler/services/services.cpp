@@ -282,19 +282,23 @@ CostTable call_costs(const Platform& platform, const ServiceTable& services) {
 
 namespace {
 
-/// Joules of a unit that nobody knows the power of are missing in all sums.
+/// Whether anybody says what calls on the unit draw, if no meter has seen them.
+bool states_power(const Platform& platform, const UnitModel& unit) {
+  return !unit.measured() || platform.states_power(unit);
+}
+
 void warn_of_power(const Platform& platform, const Profile* profile,
                    std::vector<std::string>& warnings) {
-  if (profile == nullptr) return;
   for (const UnitModel& unit : platform.units) {
-    if (!unit.measured() || platform.states_power(unit)) continue;
-    const bool metered = std::ranges::any_of(profile->energies, [&unit](const EnergyRow& row) {
-      return row.unit == unit.name && row.valid;
-    });
+    if (states_power(platform, unit)) continue;
+    const bool metered =
+        profile != nullptr && std::ranges::any_of(profile->energies, [&unit](const EnergyRow& row) {
+          return row.unit == unit.name && row.valid;
+        });
     if (metered) continue;
     warnings.push_back(fmt::format(
-        "the energy of {} is not known and counts as nothing: the platform states no power; give "
-        "it with --set {}.active_w=W",
+        "the energy of {} is not known, nor that of a run that uses it: the platform states no "
+        "power; give it with --set {}.active_w=W",
         unit.name, unit.name));
   }
 }
@@ -320,6 +324,9 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
       row.push_back(!workload
                         ? from_mix(given->second, unit)
                         : resolve({platform, profile, *workload, unit, options}, table.warnings));
+      if (!row.back().service) continue;
+      Service& service = *row.back().service;
+      service.energy_known = service.metered_j || states_power(platform, platform.units[unit]);
     }
   }
   return table;
