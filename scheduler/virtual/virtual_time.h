@@ -32,7 +32,8 @@ class RunObserver {
   /// @param power_w  Drawn while a server works on it at full rate.
   virtual void arrived(std::size_t servers, std::uint32_t job, double power_w) = 0;
   virtual void left(std::size_t servers, std::uint32_t job) = 0;
-  /// A unit with contexts loads that of @p task, which it has begun; it takes that long.
+  /// The unit of @p task, which it has begun, prepares its kernel from @p now on, which takes that
+  /// long: a unit with contexts that holds another, or a live one that has not prepared it before.
   virtual void preparing(TaskId task, Nanos now, Nanos takes) {
     static_cast<void>(task), static_cast<void>(now), static_cast<void>(takes);
   }
@@ -70,11 +71,7 @@ class VirtualTime {
   /// @param now  What the clock says; not before next(), unless time is virtual.
   /// @return     False if there is none.
   bool advance(Nanos now = Nanos::min());
-  /// A computed task ended.
-  /// @param busy  How long it occupied its unit.
-  /// @param data  What it made.
-  void finished(JobIndex job, Outcome outcome, Nanos busy,
-                std::shared_ptr<const std::vector<Tensor>> data, Nanos now);
+  void finished(JobIndex job, ComputedEnd end, Nanos now);
   /// The unit is up or not from now on; see Dispatcher.
   void set_unit(UnitId unit, UnitState state, Nanos now);
   /// Nothing fires any more, and what is counted is counted by now; what has fired is finished.
@@ -93,6 +90,8 @@ class VirtualTime {
 
   void plan_tasks(std::uint32_t pipeline);
   [[nodiscard]] std::vector<DataEdge> data_edges(const Pipeline& pipeline, std::size_t task) const;
+  /// Where a task that has started is.
+  [[nodiscard]] UnitId unit_of(JobIndex job) const;
   std::vector<Step> plan_steps(const MixTask& task, const TaskPlan& plan, UnitId unit) const;
   void add_transfer(std::vector<Step>& steps, UnitId unit, std::int64_t size_bytes) const;
 
@@ -109,7 +108,8 @@ class VirtualTime {
   void send(UnitId unit, std::int64_t size_bytes, Nanos from);
   void charge(Tally& tally, const Job& job, const Step& step, Nanos served, Nanos powered) const;
   [[nodiscard]] const Step& step_of(const Job& job) const;
-  [[nodiscard]] bool holds_context(const Job& job);
+  [[nodiscard]] std::optional<WorkloadId> first_context(UnitId unit) const;
+  void prepared(Job& job, Nanos at, Nanos takes);
   [[nodiscard]] Nanos draw(JobIndex job, const Step& step) const;
   [[nodiscard]] double power_w(const Job& job, const Step& step) const;
   void complete(JobIndex job, Outcome outcome, Nanos took,
@@ -129,7 +129,7 @@ class VirtualTime {
   std::vector<std::uint64_t> seeds_;               ///< and likewise.
   std::vector<std::optional<UnitId>>
       state_units_;  ///< By state: where it is; absent = nowhere yet.
-  std::vector<std::optional<WorkloadId>> contexts_;  ///< By unit: what it called last.
+  std::vector<std::optional<WorkloadId>> contexts_;  ///< By unit with contexts: which it holds.
   std::vector<Job> jobs_;
   std::vector<Timer> timers_;  ///< A heap, earliest first.
   std::uint64_t sequence_ = 0;
