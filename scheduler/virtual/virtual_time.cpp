@@ -372,7 +372,16 @@ void VirtualTime::settle() {
     fire(loop);
     apply_starts();
   }
-  if (observer_ != nullptr) observer_->settled(now_);
+  if (observer_ != nullptr) tell_settled();
+}
+
+void VirtualTime::tell_settled() {
+  waiting_.clear();
+  for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
+    waiting_.push_back(dispatcher_.load(unit) - dispatcher_.running(unit));
+  }
+  waiting_.push_back(static_cast<int>(dispatcher_.waiting()));
+  observer_->settled(now_, waiting_);
 }
 
 void VirtualTime::apply_starts() {
@@ -384,6 +393,7 @@ void VirtualTime::apply_starts() {
     jobs_[job].unit = start.unit;
     jobs_[job].dispatched_at = start.dispatched_at;
     jobs_[job].started_at = now_;
+    jobs_[job].preparing = Nanos::zero();
     if (!contains(computed_, start.unit)) {
       begin_step(job, step_of(jobs_[job]));
       continue;
@@ -393,7 +403,6 @@ void VirtualTime::apply_starts() {
       observer_->arrived(start.unit, job, scenario_.platform.units[start.unit].active_w);
     }
     executor_->start(job, start.unit);
-    jobs_[job].preparing = Nanos::zero();
   }
   for (const Ended& ended : starts_.ended) {
     release(firings_.lose(Firings::job_of(ended.task), now_));
@@ -507,6 +516,8 @@ Nanos VirtualTime::draw(JobIndex job, const Step& step) const {
   return step.time.draw(hash_u64(stream, jobs_[job].step));
 }
 
+UnitId VirtualTime::unit_of(JobIndex job) const { return jobs_[job].unit; }
+
 Outcome VirtualTime::intended(JobIndex job) const {
   if (!scenario_.faults) return Outcome::kCompleted;
   const Firings::Place& place = firings_.place(job);
@@ -516,8 +527,6 @@ Outcome VirtualTime::intended(JobIndex job) const {
 void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
                            std::shared_ptr<const std::vector<Tensor>> data) {
   Job& done = jobs_[job];
-UnitId VirtualTime::unit_of(JobIndex job) const { return jobs_[job].unit; }
-
   must(dispatcher_.complete(done.unit, done.id, outcome, now_, starts_));
   tally_.last_completion = now_;
   if (outcome == Outcome::kReturned) {

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "scheduler/dispatcher/dispatcher.h"
@@ -38,7 +39,16 @@ class RunObserver {
     static_cast<void>(task), static_cast<void>(now), static_cast<void>(takes);
   }
   /// All that happens at once at this moment has happened; more may follow at the same time.
-  virtual void settled(Nanos now) = 0;
+  /// @param waiting  Tasks that wait: by unit those in its queue, then those that are in none.
+  virtual void settled(Nanos now, std::span<const int> waiting) = 0;
+};
+
+/// How a computed task ended.
+struct ComputedEnd {
+  Outcome outcome = Outcome::kCompleted;
+  Nanos busy{0};                     ///< How long it occupied its unit,
+  std::optional<Nanos> preparing{};  ///< of which its kernel was prepared; absent = it was there.
+  std::shared_ptr<const std::vector<Tensor>> data = nullptr;  ///< What it made.
 };
 
 /// Runs the tasks of units whose services are not modelled but computed.
@@ -80,6 +90,8 @@ class VirtualTime {
   [[nodiscard]] const Firings& firings() const { return firings_; }
   /// What is to become of a call, on purpose: kCompleted where no faults are wanted.
   [[nodiscard]] Outcome intended(JobIndex job) const;
+  /// Where a task that has started is.
+  [[nodiscard]] UnitId unit_of(JobIndex job) const;
 
  private:
   struct Step;
@@ -90,8 +102,6 @@ class VirtualTime {
 
   void plan_tasks(std::uint32_t pipeline);
   [[nodiscard]] std::vector<DataEdge> data_edges(const Pipeline& pipeline, std::size_t task) const;
-  /// Where a task that has started is.
-  [[nodiscard]] UnitId unit_of(JobIndex job) const;
   std::vector<Step> plan_steps(const MixTask& task, const TaskPlan& plan, UnitId unit) const;
   void add_transfer(std::vector<Step>& steps, UnitId unit, std::int64_t size_bytes) const;
 
@@ -101,6 +111,7 @@ class VirtualTime {
   void fire(std::uint32_t pipeline);
   void schedule_firing(std::uint32_t pipeline);
   void settle();
+  void tell_settled();
   void apply_starts();
   void proceed(JobIndex job);
   void begin_step(JobIndex job, const Step& step);
@@ -134,6 +145,7 @@ class VirtualTime {
   std::vector<Timer> timers_;  ///< A heap, earliest first.
   std::uint64_t sequence_ = 0;
   Starts starts_;
+  std::vector<int> waiting_;     ///< For the observer.
   Tally tally_;                  ///< Of all that has happened at units and links.
   std::optional<Tally> at_end_;  ///< What is returned.
   Nanos now_{0};
