@@ -19,16 +19,6 @@
 namespace pirt {
 namespace {
 
-JobResult probe(const CampaignOptions& options, const UnitModel& unit, const JobRunner& runner) {
-  Job job;
-  job.kind = JobKind::kProbe;
-  job.backend = unit.backend;
-  job.unit = make_unit_request(options.platform, unit);
-  const auto result = runner.run(job);
-  if (!result) throw_environment("interrupted while probing the units; nothing was stored");
-  return *result;
-}
-
 void add_unit(const UnitModel& unit, const JobResult& probed, CampaignPlan& plan) {
   const DeviceInfo& device = probed.device.value();
   plan.units.push_back(unit_record(unit, device));
@@ -86,7 +76,7 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   CampaignPlan plan;
   const JobRunner runner(options.program, options.job_limit, options.stop);
   for (const UnitModel* unit : units) {
-    const JobResult probed = probe(options, *unit, runner);
+    const JobResult probed = probe_unit(runner, options.platform, *unit);
     if (probed.error.empty()) {
       add_cells(options, *unit, probed, workloads, plan);
     } else if (!options.units.empty()) {
