@@ -10,6 +10,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 #include "workloads/dnn/dnn.h"
+#include "workloads/mapping/workloads.h"
 #include "workloads/planning/workloads.h"
 #include "workloads/slam/workloads.h"
 #include "workloads/vision/vision.h"
@@ -24,6 +25,7 @@ std::vector<Workload> make_catalog() {
   all.push_back(dnn::make_alexnet());
   std::ranges::move(slam::all(), std::back_inserter(all));
   std::ranges::move(planning::all(), std::back_inserter(all));
+  std::ranges::move(mapping::all(), std::back_inserter(all));
   return all;
 }
 

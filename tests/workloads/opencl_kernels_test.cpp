@@ -26,8 +26,8 @@ TEST_P(OpenClCatalog, ComputesWhatTheReferenceComputes) {
   const auto device = test::open_first_device();
   if (!device) GTEST_SKIP() << "skipped: no OpenCL device";
   const Workload& workload = find_workload(GetParam());
-  // Sequential, in f64 or over pointers: what the filter and the planners do.
-  constexpr std::array<std::string_view, 2> kHostOnly = {"slam", "planning"};
+  // Sequential, in f64 or over pointers: what the filter, the planners and the solver do.
+  constexpr std::array<std::string_view, 3> kHostOnly = {"slam", "planning", "mapping"};
   if (std::ranges::any_of(kHostOnly, [&](auto tag) { return workload.has_tag(tag); })) {
     EXPECT_FALSE(device->supports(workload).ok);
     GTEST_SKIP() << "skipped: " << device->supports(workload).reason;
