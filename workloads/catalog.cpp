@@ -12,6 +12,7 @@
 #include "workloads/dnn/dnn.h"
 #include "workloads/mapping/workloads.h"
 #include "workloads/planning/workloads.h"
+#include "workloads/recognition/workloads.h"
 #include "workloads/slam/workloads.h"
 #include "workloads/vision/vision.h"
 
@@ -26,6 +27,7 @@ std::vector<Workload> make_catalog() {
   std::ranges::move(slam::all(), std::back_inserter(all));
   std::ranges::move(planning::all(), std::back_inserter(all));
   std::ranges::move(mapping::all(), std::back_inserter(all));
+  std::ranges::move(recognition::all(), std::back_inserter(all));
   return all;
 }
 

@@ -15,7 +15,8 @@ std::unique_ptr<Kernel> make_function(const Workload& workload, std::span<const 
 
 constexpr std::array kKernels = {
     KernelEntry{"plan_path", make_function},      KernelEntry{"avoid_obstacles", make_function},
-    KernelEntry{"bundle_adjust", make_function},
+    KernelEntry{"bundle_adjust", make_function},  KernelEntry{"detect_objects", make_function},
+    KernelEntry{"describe_scene", make_function},
 };
 
 }  // namespace
