@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "workloads/backend_list.h"
 #include "workloads/base/affinity.h"
 #include "workloads/base/error.h"
 #include "workloads/dsp/cost_model.h"
@@ -148,20 +149,8 @@ class DspDevice : public Device {
   CountedClock clock_;
 };
 
-/// What the model's constants are where a platform file does not say.
-const std::vector<OptionSpec>& option_specs() {
-  static const std::vector<OptionSpec> all = {
-      {"clock_mhz", "MHz", "packets a microsecond of one hardware thread", 1, 10'000, 500},
-      {"launch_us", "us", "round trip of a call without its kernel", 0, 1e6, 300},
-      {"copy_gb_s", "GB/s", "bandwidth of the board's memory, for what is copied", 0.001, 10'000,
-       29.86},
-      {"miss_gb_s", "GB/s", "what the DSP gets of it while a line is missing in its L2", 0.001,
-       10'000, 7.465}};
-  return all;
-}
-
 dsp::CostModel model_for(const UnitRequest& request) {
-  const auto& specs = option_specs();
+  const auto specs = options_of("dsp");
   dsp::CostModel model;
   model.clock_hz = 1e6 * request.option(specs[0]);
   model.round_trip_us = request.option(specs[1]);
@@ -172,7 +161,7 @@ dsp::CostModel model_for(const UnitRequest& request) {
 
 class DspBackend : public Backend {
  public:
-  [[nodiscard]] std::vector<OptionSpec> options() const override { return option_specs(); }
+  [[nodiscard]] std::vector<OptionSpec> options() const override { return options_of(name()); }
 
   [[nodiscard]] std::string_view name() const override { return "dsp"; }
   [[nodiscard]] std::string_view description() const override {
