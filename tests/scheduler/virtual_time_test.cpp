@@ -74,7 +74,7 @@ pipelines:
   EXPECT_DOUBLE_EQ(*record.drain_s, 0.04);
   // 50 ms busy at 2 W, 50 ms at 0.5 W.
   EXPECT_DOUBLE_EQ(unit(record, "cpu").busy_s, 0.05);
-  EXPECT_NEAR(record.energy_j, 0.1 + 0.025, 1e-12);
+  EXPECT_NEAR(record.energy_j.value(), 0.1 + 0.025, 1e-12);
   EXPECT_NEAR(*camera.rate_hz, 1 / 0.05, 1e-9);
 }
 
@@ -181,7 +181,7 @@ workloads:
   EXPECT_DOUBLE_EQ(unit(record, "cpu").busy_s,
                    0.008);  // 4 + 2 + 2 core-milliseconds, whoever they are for.
   EXPECT_DOUBLE_EQ(*unit(record, "cpu").utilization, 0.8);
-  EXPECT_NEAR(record.energy_j, 0.008 * 1 + 0.002 * 10, 1e-12);
+  EXPECT_NEAR(record.energy_j.value(), 0.008 * 1 + 0.002 * 10, 1e-12);
 }
 
 TEST(VirtualTime, ScaledStagesTakeLongerAndCostTheSame) {
@@ -194,7 +194,7 @@ TEST(VirtualTime, ScaledStagesTakeLongerAndCostTheSame) {
           mode("throughput"));
   EXPECT_DOUBLE_EQ(record.makespan_s, 0.09);
   EXPECT_DOUBLE_EQ(unit(record, "cpu").busy_s, 0.09);
-  EXPECT_NEAR(record.energy_j, 2 * 0.06, 1e-12);
+  EXPECT_NEAR(record.energy_j.value(), 2 * 0.06, 1e-12);
 }
 
 TEST(VirtualTime, SendsInputsAndOutputsOverTheLink) {
@@ -358,7 +358,7 @@ workloads: {fc8: {cpu: [{on: cpu, ms: 150}], call_j: {cpu: 0.01}}}
     EXPECT_DOUBLE_EQ(record.makespan_s, 60) << name;
     EXPECT_DOUBLE_EQ(*record.drain_s, 30) << name;
     EXPECT_DOUBLE_EQ(unit(record, "cpu").busy_s, 60) << name;
-    EXPECT_NEAR(record.energy_j, 60 * 2.5 + 400 * 0.01, 1e-9) << name;
+    EXPECT_NEAR(record.energy_j.value(), 60 * 2.5 + 400 * 0.01, 1e-9) << name;
     EXPECT_EQ(record.stalled, 0) << name;
   }
 }
@@ -672,7 +672,7 @@ TEST(Schedule, MetersReplaceTheModelOfACall) {
   const auto mix =
       mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 2}, tasks: [{workload: fc8}]}}");
   const auto record = run_virtual(platform, &profile, mix, mode("throughput"));
-  EXPECT_NEAR(record.energy_j, 2 * 0.010 + 0.5 * 0.06, 1e-12);
+  EXPECT_NEAR(record.energy_j.value(), 2 * 0.010 + 0.5 * 0.06, 1e-12);
   EXPECT_EQ(record.profile, "p.db");
   EXPECT_EQ(record.units[0].device, "a device");
   EXPECT_EQ(record.units[0].device_is_cpu, true);

@@ -13,7 +13,6 @@ namespace {
 
 constexpr std::size_t kLeastViews = 3;
 constexpr std::ptrdiff_t kLeastPoints = 12;
-constexpr double kNoisePx = 1;
 constexpr double kMostRelativeSigma = 0.3;  // of a point's depth
 
 /// From the camera's axes (x right, y down, z ahead) to those of bal.h (y up, -z ahead), and back.
@@ -160,21 +159,13 @@ RefinedMap Keyframes::refined(const BalProblem& adjusted) const {
   return map;
 }
 
-BundleOptions keyframe_options() {
-  BundleOptions options;
-  options.loss = Loss::kCauchy;
-  options.loss_px = kNoisePx;
-  options.fixed_intrinsics = true;
-  return options;
-}
-
 RefinedMap refine(const Keyframes& keyframes) {
   BalProblem problem = keyframes.problem();
   if (problem.observations.empty()) {
     throw_bad_input(
         fmt::format("{} keyframes share no points that could be adjusted", keyframes.all().size()));
   }
-  const BundleSummary summary = bundle_adjust(problem, keyframe_options());
+  const BundleSummary summary = bundle_adjust(problem, robot_options());
   RefinedMap map = keyframes.refined(problem);
   map.summary = summary;
   return map;

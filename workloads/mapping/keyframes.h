@@ -70,10 +70,7 @@ class Keyframes {
   std::map<std::int64_t, std::int64_t> landmarks_;
 };
 
-/// How keyframes are adjusted: Cauchy's loss of a followed point's noise, calibrated cameras.
-[[nodiscard]] BundleOptions keyframe_options();
-
-/// problem(), bundle_adjust() and refined() in one.
+/// problem(), bundle_adjust() with robot_options() and refined() in one.
 /// @throws Error{kBadInput} if there are no points that can be adjusted.
 [[nodiscard]] RefinedMap refine(const Keyframes& keyframes);
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <memory>
 #include <utility>
@@ -13,15 +12,13 @@
 #include "workloads/base/error.h"
 #include "workloads/slam/propagate.h"
 #include "workloads/slam/recording.h"
+#include "workloads/slam/specs.h"
 #include "workloads/slam/state_tensors.h"
 
 namespace pirt::slam {
 namespace {
 
 constexpr int kMoment = 90;  // frames: 3.6 s, of which the robot moves 2
-constexpr std::int64_t kMostSamples = 64;
-constexpr std::int64_t kMostFeatures = 400;
-constexpr int kPropagateFrames = 8;
 
 /// Played once, when first asked for; the same in every process.
 struct Played {
@@ -51,12 +48,6 @@ void put_pose(const Pose& pose, Tensor& tensor) {
   const auto values = tensor.as<double>();
   Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(values.data()) = pose.rotation;
   std::copy_n(pose.position.data(), 3, &values[9]);
-}
-
-std::vector<TensorSpec> feature_specs() {
-  return {{"pixels", Element::kF32, {kMostFeatures, 2}, true},
-          {"scores", Element::kF32, {kMostFeatures}, true},
-          {"descriptors", Element::kU8, {kMostFeatures, 32}, true}};
 }
 
 std::vector<Tensor> tensors_of(const Features& features) {
@@ -244,36 +235,25 @@ Verdict judge_poses(std::span<const PlayedFrame> sequence) {
 
 // --------------------------------------------------------------------------------------- workloads
 
-struct Description {
-  const char* name;
-  const char* text;
+struct Functions {
   decltype(Step::run) run;
   Data (*data)(const DataRequest&);
   State Moment::*state;
-  std::vector<TensorSpec> outputs;
+  decltype(Workload::judge) judge = {};
 };
 
-Workload make(const Description& each) {
-  // The setup needs no flight.
-  static const Setup setup = Recording().setup();
+void complete(Workload& w, const Functions& each) {
   auto step = std::make_shared<Step>();
-  step->setup = setup;
+  step->setup = recorded_setup();
   step->run = each.run;
-  Workload w;
-  w.name = each.name;
-  w.description = each.text;
-  w.tags = {"slam"};
-  w.kernel = each.name;
   w.operation = step;
-  w.outputs = each.outputs;
-  w.state = StateSpec{.name = "slam", .tensors = state_specs(setup)};
   w.make_data = each.data;
   w.make_state = [from = each.state, specs = w.state->tensors] {
     auto tensors = make_tensors(specs);
     write_state(played().moment.*from, tensors);
     return tensors;
   };
-  w.step = [step, specs = each.outputs](std::span<Tensor> tensors, const Data& data) {
+  w.step = [step, specs = w.outputs](std::span<Tensor> tensors, const Data& data) {
     auto wide = specs;
     for (TensorSpec& spec : wide) {
       if (spec.element == Element::kF32) spec.element = Element::kF64;
@@ -285,46 +265,18 @@ Workload make(const Description& each) {
     return outputs;
   };
   w.verify = verify;
-  return w;
+  w.judge = each.judge;
 }
 
 }  // namespace
 
 std::vector<Workload> all() {
-  const TensorSpec pose{"pose", Element::kF32, {12}};
-  std::vector<Workload> all;
-  all.push_back(make({"imu_propagate",
-                      "IMU samples at 200 Hz move pose and covariance on",
-                      run_propagate,
-                      propagate_data,
-                      &Moment::before_propagate,
-                      {pose, {"sigma", Element::kF32, {kMotionSize}}}}));
-  all[0].inputs = {{"samples", Element::kF64, {kMostSamples, 6}, true},
-                   {"stamps", Element::kI32, {kMostSamples, 2}, true},
-                   {"until", Element::kI32, {2}}};
-  all[0].frames = kPropagateFrames;
-  all[0].judge = judge_poses;
-  all.push_back(
-      make({"update_pose",
-            "tracks and features of a frame correct the pose",
-            run_update,
-            update_data,
-            &Moment::before_update,
-            {pose, {"covariance", Element::kF32, {3, 3}}, {"report", Element::kI32, {5}}}}));
-  const Setup& setup = operation_as<Step>(all[1]).setup;
-  const std::int64_t most = setup.most_tracks + setup.most_landmarks;
-  all[1].inputs = {{"tracks", Element::kF32, {most, 2}, true},
-                   {"found", Element::kU8, {most}, true}};
-  std::ranges::copy(feature_specs(), std::back_inserter(all[1].inputs));
-  all[1].judge = judge_poses;
-  all.push_back(make({"extend_map",
-                      "tracks of a frame become landmarks, corners become tracks",
-                      run_extend,
-                      extend_data,
-                      &Moment::before_extend,
-                      {{"landmarks", Element::kF32, {setup.most_landmarks, 3}, true},
-                       {"counts", Element::kI32, {2}}}}));
-  all[2].inputs = feature_specs();
+  const Functions functions[] = {
+      {run_propagate, propagate_data, &Moment::before_propagate, judge_poses},
+      {run_update, update_data, &Moment::before_update, judge_poses},
+      {run_extend, extend_data, &Moment::before_extend}};
+  auto all = specs();
+  for (std::size_t i = 0; i < all.size(); ++i) complete(all[i], functions[i]);
   return all;
 }
 
