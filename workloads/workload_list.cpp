@@ -9,9 +9,6 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 #include "workloads/dnn/dnn.h"
-#include "workloads/mapping/workloads.h"
-#include "workloads/planning/workloads.h"
-#include "workloads/recognition/workloads.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt {
@@ -101,9 +98,6 @@ WorkloadList::WorkloadList(std::vector<Workload> others) : plain_(vision::all())
   std::ranges::move(dnn::pools(), std::back_inserter(plain_));
   plain_.push_back(dnn::make_alexnet());
   std::ranges::move(others, std::back_inserter(plain_));
-  std::ranges::move(planning::all(), std::back_inserter(plain_));
-  std::ranges::move(mapping::all(), std::back_inserter(plain_));
-  std::ranges::move(recognition::all(), std::back_inserter(plain_));
 }
 
 const std::vector<std::vector<Workload>>& WorkloadList::in_variants() const {

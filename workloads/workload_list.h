@@ -17,8 +17,8 @@ namespace pirt {
 /// keep pointers to them. Any thread may ask.
 class WorkloadList {
  public:
-  /// vision/, dnn/, planning/, mapping/ and recognition/, which are described without a backend's
-  /// library; a new family of that kind adds its line in the .cpp.
+  /// vision/ and dnn/, which need no library to be described or computed; a new family of that kind
+  /// adds its line in the .cpp.
   /// @param others  Of families that need one: with their functions in the catalog (catalog.cpp),
   /// without them in the specs (specs.cpp).
   explicit WorkloadList(std::vector<Workload> others);

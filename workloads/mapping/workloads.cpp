@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <memory>
+#include <utility>
 
 #include "workloads/base/error.h"
 #include "workloads/host_function.h"
@@ -15,23 +15,7 @@
 namespace pirt::mapping {
 namespace {
 
-constexpr std::size_t kPoseSize = 6;
 constexpr double kNoisePx = 1;
-
-std::vector<TensorSpec> input_specs() {
-  return {{"seen_by", Element::kI32, {kRoomForObservations, 2}, true},
-          {"pixels", Element::kF64, {kRoomForObservations, 2}, true},
-          {"cameras", Element::kF64, {kRoomForImages, kCameraSize}, true},
-          {"points", Element::kF64, {kRoomForPoints, kPointSize}, true},
-          {"fixed", Element::kU8, {kRoomForImages}, true}};
-}
-
-std::vector<TensorSpec> output_specs() {
-  return {{"poses", Element::kF64, {kRoomForImages, kPoseSize}, true},
-          {"points", Element::kF64, {kRoomForPoints, kPointSize}, true},
-          {"costs", Element::kF64, {2}},
-          {"noise", Element::kF64, {2}}};
-}
 
 void check_rows(std::span<const Tensor> inputs) {
   if (inputs[0].rows() == inputs[1].rows() && inputs[2].rows() == inputs[4].rows()) return;
@@ -42,10 +26,7 @@ void check_rows(std::span<const Tensor> inputs) {
 
 void adjust(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
   check_rows(inputs);
-  BundleOptions options;
-  options.loss = Loss::kCauchy;
-  options.loss_px = kNoisePx;
-  options.fixed_intrinsics = true;
+  BundleOptions options = robot_options();
   const auto fixed = inputs[4].used<std::uint8_t>();
   for (std::size_t i = 0; i < fixed.size(); ++i) {
     if (fixed[i] != 0) options.fixed_cameras.push_back(static_cast<std::int32_t>(i));
@@ -154,7 +135,7 @@ std::vector<Tensor> bundle_inputs(const BalProblem& problem, std::span<const std
   check_room(problem.observations.size(), kRoomForObservations, "observations");
   check_room(problem.camera_count(), kRoomForImages, "cameras");
   check_room(problem.point_count(), kRoomForPoints, "points");
-  auto inputs = make_tensors(input_specs());
+  auto inputs = make_tensors(specs()[0].inputs);
   inputs[0].set_rows(std::ssize(problem.observations));
   inputs[1].set_rows(std::ssize(problem.observations));
   const auto seen_by = inputs[0].as<std::int32_t>();
@@ -197,17 +178,12 @@ void take_outputs(std::span<const Tensor> outputs, BalProblem& problem) {
 std::vector<Workload> all() {
   auto function = std::make_shared<HostFunction>();
   function->prepare = [](std::span<const Tensor>) -> KernelFunction { return adjust; };
-  std::vector<Workload> all;
-  Workload& w = all.emplace_back();
-  w.name = w.kernel = "bundle_adjust";
-  w.description = "cameras and points of up to 100 images to the least reprojection error";
-  w.tags = {"mapping"};
-  w.operation = function;
-  w.inputs = input_specs();
-  w.outputs = output_specs();
+  auto all = specs();
+  Workload& w = all[0];
+  w.operation = std::move(function);
   w.make_data = sample;
   w.reference = [](const Data& data) {
-    auto outputs = make_tensors(output_specs());
+    auto outputs = make_tensors(specs()[0].outputs);
     adjust(data.inputs, outputs);
     return outputs;
   };

@@ -6,18 +6,14 @@
 #include <vector>
 
 #include "workloads/mapping/bundle_adjust.h"
+#include "workloads/mapping/specs.h"
 #include "workloads/workload.h"
 
 namespace pirt::mapping {
 
-/// What the workload's lists have room for: the job of the paper's Section V.
-inline constexpr int kRoomForImages = 100;
-inline constexpr int kRoomForPoints = 5000;
-inline constexpr int kRoomForObservations = 50'000;
-
 /// "bundle_adjust", on the host only (host_function.h): cameras and points moved until the points
 /// are seen where they were seen; the focal lengths and distortions are calibrated and stay, as do
-/// cameras that are said to be fixed; Cauchy's loss of 1 px. Inputs seen_by i32 [<=50000,2]
+/// cameras that are said to be fixed (robot_options()). Inputs seen_by i32 [<=50000,2]
 /// (camera, point), pixels f64 [<=50000,2], cameras f64 [<=100,9] and points f64 [<=5000,3], as
 /// bal.h has them, and fixed u8 [<=100], one a camera. Outputs poses f64 [<=100,6] (rotation and
 /// translation of bal.h), points f64 [<=5000,3], costs f64 [2] (initial and final) and noise

@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "workloads/base/random.h"
-#include "workloads/planning/workloads.h"
+#include "workloads/planning/specs.h"
 
 namespace pirt::planning {
 namespace {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -19,30 +18,7 @@
 namespace pirt::planning {
 namespace {
 
-constexpr int kFrames = 8;
 constexpr double kRadiusM = 0.22;
-constexpr std::int64_t kCells = std::int64_t{kMapWidth} * kMapHeight;
-
-std::vector<TensorSpec> plan_specs() {
-  return {{"grid", Element::kU8, {kMapHeight, kMapWidth}},
-          {"radius", Element::kF64, {1}},
-          {"start", Element::kI32, {2}},
-          {"goal", Element::kI32, {2}}};
-}
-
-std::vector<TensorSpec> path_specs() {
-  return {{"status", Element::kI32, {1}},
-          {"path", Element::kI32, {kCells, 2}, true},
-          {"length", Element::kF64, {1}}};
-}
-
-std::vector<TensorSpec> avoid_specs() {
-  return {{"window", Element::kU8, {kWindowSide, kWindowSide}},
-          {"place", Element::kF64, {3}},
-          {"robot", Element::kF64, {5}},
-          {"target", Element::kF64, {2}},
-          {"moving", Element::kF64, {kMostMoving, 5}, true}};
-}
 
 void put_grid(const Grid& grid, Tensor& tensor) {
   if (grid.height > tensor.dim(0) || grid.width > tensor.dim(1)) {
@@ -117,22 +93,6 @@ void avoid(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
   outputs[0].as<double>()[1] = command.turn_rate_rps;
 }
 
-Workload make(const char* name, const char* text, std::vector<TensorSpec> inputs,
-              std::vector<TensorSpec> outputs,
-              std::function<KernelFunction(std::span<const Tensor>)> prepare) {
-  auto function = std::make_shared<HostFunction>();
-  function->prepare = std::move(prepare);
-  Workload w;
-  w.name = w.kernel = name;
-  w.description = text;
-  w.tags = {"planning"};
-  w.operation = std::move(function);
-  w.inputs = std::move(inputs);
-  w.outputs = std::move(outputs);
-  w.frames = kFrames;
-  return w;
-}
-
 }  // namespace
 
 Grid grid_of(const Tensor& tensor) {
@@ -175,7 +135,7 @@ AvoidInputs avoid_inputs_of(std::span<const Tensor> inputs) {
 }
 
 std::vector<Tensor> plan_inputs(const Grid& grid, double radius, Cell start, Cell goal) {
-  auto inputs = make_tensors(plan_specs());
+  auto inputs = make_tensors(specs()[0].inputs);
   put_grid(grid, inputs[0]);
   inputs[1].as<double>()[0] = radius / grid.resolution;
   put_cell(start, inputs[2]);
@@ -197,7 +157,7 @@ std::vector<Tensor> avoid_inputs(const RobotState& robot, const Grid& window,
   if (window.unit != Unit::kMetres || window.yaw_rad != 0) {
     throw_bad_input("a window is cut from a map in metres that is not turned (yaw 0)");
   }
-  auto inputs = make_tensors(avoid_specs());
+  auto inputs = make_tensors(specs()[1].inputs);
   put_grid(window, inputs[0]);
   const auto put = [&](std::size_t input, std::initializer_list<double> values) {
     std::ranges::copy(values, inputs[input].as<double>().begin());
@@ -229,14 +189,15 @@ VelocityCommand command_of(std::span<const Tensor> outputs) {
 }
 
 std::vector<Workload> all() {
-  std::vector<Workload> all;
-  Workload& plan = all.emplace_back(
-      make("plan_path", "a shortest path on an occupancy grid of 640x320 cells", plan_specs(),
-           path_specs(), [](std::span<const Tensor>) -> KernelFunction {
-             return [planner = std::make_shared<Planner>()](auto inputs, auto outputs) {
-               planner->plan(inputs, outputs);
-             };
-           }));
+  auto all = specs();
+  Workload& plan = all[0];
+  auto planning = std::make_shared<HostFunction>();
+  planning->prepare = [](std::span<const Tensor>) -> KernelFunction {
+    return [planner = std::make_shared<Planner>()](auto inputs, auto outputs) {
+      planner->plan(inputs, outputs);
+    };
+  };
+  plan.operation = std::move(planning);
   plan.make_data = [](const DataRequest& request) {
     const PlanSample sample = plan_sample(request.seed, request.frame);
     Data data;
@@ -246,7 +207,7 @@ std::vector<Workload> all() {
   plan.reference = [](const Data& data) {
     const auto passable =
         passable_cells(grid_of(data.inputs[0]), checked_radius(data.inputs[1].as<double>()[0]));
-    auto outputs = make_tensors(path_specs());
+    auto outputs = make_tensors(specs()[0].outputs);
     put_path(plan_plainly(PlainSearch::kDijkstra, kMapWidth, kMapHeight, passable,
                           cell_of(data.inputs[2]), cell_of(data.inputs[3])),
              outputs);
@@ -255,10 +216,10 @@ std::vector<Workload> all() {
   plan.verify = verify_path;
   plan.judge = judge_paths;
 
-  Workload& avoiding = all.emplace_back(
-      make("avoid_obstacles", "a velocity command on a window of 160x160 cells, among people",
-           avoid_specs(), {{"command", Element::kF64, {2}}},
-           [](std::span<const Tensor>) -> KernelFunction { return avoid; }));
+  Workload& avoiding = all[1];
+  auto avoidance = std::make_shared<HostFunction>();
+  avoidance->prepare = [](std::span<const Tensor>) -> KernelFunction { return avoid; };
+  avoiding.operation = std::move(avoidance);
   avoiding.make_data = [](const DataRequest& request) {
     const AvoidSample sample = avoid_sample(request.seed, request.frame);
     Data data;
@@ -266,7 +227,7 @@ std::vector<Workload> all() {
     return data;
   };
   avoiding.reference = [](const Data& data) {
-    auto outputs = make_tensors(std::vector<TensorSpec>{{"command", Element::kF64, {2}}});
+    auto outputs = make_tensors(specs()[1].outputs);
     avoid(data.inputs, outputs);
     return outputs;
   };

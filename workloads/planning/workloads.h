@@ -6,16 +6,10 @@
 
 #include "workloads/planning/avoid_obstacles.h"
 #include "workloads/planning/plan_path.h"
+#include "workloads/planning/specs.h"
 #include "workloads/workload.h"
 
 namespace pirt::planning {
-
-/// Cells that the workloads' grids have room for. A smaller map has its cells in the upper left
-/// corner and unknown ones beside them.
-inline constexpr int kMapWidth = 640;
-inline constexpr int kMapHeight = 320;
-inline constexpr int kWindowSide = 160;
-inline constexpr int kMostMoving = 32;
 
 /// Kernel and workload have the same name; both are on the host only (host_function.h).
 /// - "plan_path": a shortest path of a round robot. Inputs grid u8 [320,640] (CellState), radius

@@ -14,34 +14,8 @@ namespace pirt::recognition {
 namespace {
 
 /// Width and height in pixels of the network's input.
-constexpr std::array<std::array<int, 2>, 3> kAnchors = {{{32, 40}, {80, 64}, {144, 160}}};
-constexpr std::size_t kBoxSize = 5;  // x, y, width, height, objectness; the classes follow
-
-struct Layer {
-  int inputs, outputs, size, stride;
-};
-
-std::vector<Layer> layers_of(const GeneratedNetwork& network) {
-  std::vector<Layer> layers;
-  int inputs = 3;
-  for (const int filters : network.filters) {
-    layers.push_back({inputs, filters, 3, 2});
-    inputs = filters;
-  }
-  const int outputs = network.detects ? static_cast<int>(kAnchors.size()) *
-                                            (static_cast<int>(kBoxSize) + network.classes)
-                                      : network.classes;
-  layers.push_back({inputs, outputs, 1, 1});
-  return layers;
-}
-
-std::size_t weights_a_filter(const Layer& layer) {
-  return static_cast<std::size_t>(layer.inputs) * static_cast<std::size_t>(layer.size * layer.size);
-}
-
-std::size_t count_of(const Layer& layer) {
-  return static_cast<std::size_t>(layer.outputs) * (1 + weights_a_filter(layer));
-}
+constexpr std::array<std::array<int, 2>, kAnchors> kAnchorSizes = {
+    {{32, 40}, {80, 64}, {144, 160}}};
 
 /// Planar, row-major.
 struct Maps {
@@ -57,8 +31,8 @@ struct Maps {
 };
 
 /// One tap of the window at all places: sums += weight * shifted input.
-void add_tap(const Maps& in, std::size_t channel, const Layer& layer, int dx, int dy, double weight,
-             Maps& out, std::size_t filter) {
+void add_tap(const Maps& in, std::size_t channel, const NetworkLayer& layer, int dx, int dy,
+             double weight, Maps& out, std::size_t filter) {
   for (int y = 0; y < out.height; ++y) {
     const int from_y = y * layer.stride + dy;
     if (from_y < 0 || from_y >= in.height) continue;
@@ -71,7 +45,7 @@ void add_tap(const Maps& in, std::size_t channel, const Layer& layer, int dx, in
   }
 }
 
-Maps convolve(const Maps& in, const Layer& layer, std::span<const float> weights) {
+Maps convolve(const Maps& in, const NetworkLayer& layer, std::span<const float> weights) {
   const int pad = layer.size / 2;
   Maps out{layer.outputs, (in.width + 2 * pad - layer.size) / layer.stride + 1,
            (in.height + 2 * pad - layer.size) / layer.stride + 1};
@@ -99,7 +73,7 @@ Maps forward(const GeneratedNetwork& network, std::span<const float> weights, co
   const auto layers = layers_of(network);
   for (std::size_t i = 0; i < layers.size(); ++i) {
     maps = convolve(maps, layers[i], weights);
-    weights = weights.subspan(count_of(layers[i]));
+    weights = weights.subspan(weight_count(layers[i]));
     if (i + 1 == layers.size()) break;
     for (double& value : maps.values) value = std::max(0.0, value);
   }
@@ -115,22 +89,20 @@ struct RawBox {
 };
 
 std::vector<RawBox> boxes_of(const GeneratedNetwork& detector, const Maps& maps) {
-  const auto classes = static_cast<std::size_t>(detector.classes);
+  const auto box_size = static_cast<std::size_t>(kBoxSize + detector.classes);
   std::vector<RawBox> boxes;
   for (std::size_t cell = 0; cell < maps.plane(); ++cell) {
     const auto columns = static_cast<std::size_t>(maps.width);
-    for (std::size_t anchor = 0; anchor < kAnchors.size(); ++anchor) {
-      const auto value = [&](std::size_t i) {
-        return maps.at(anchor * (kBoxSize + classes) + i, cell);
-      };
+    for (std::size_t anchor = 0; anchor < kAnchorSizes.size(); ++anchor) {
+      const auto value = [&](std::size_t i) { return maps.at(anchor * box_size + i, cell); };
       const double x = (static_cast<double>(cell % columns) + sigmoid(value(0))) / maps.width;
       const double y = (static_cast<double>(cell / columns) + sigmoid(value(1))) / maps.height;
-      const double width = std::exp(value(2)) * kAnchors[anchor][0] / detector.width;
-      const double height = std::exp(value(3)) * kAnchors[anchor][1] / detector.height;
+      const double width = std::exp(value(2)) * kAnchorSizes[anchor][0] / detector.width;
+      const double height = std::exp(value(3)) * kAnchorSizes[anchor][1] / detector.height;
       RawBox raw{{0, 0, x - width / 2, y - height / 2, x + width / 2, y + height / 2}, value(4)};
-      for (std::size_t i = 0; i < classes; ++i) {
-        const double score = sigmoid(value(kBoxSize + i));
-        if (score > raw.box.score) raw.box.index = i, raw.box.score = score;
+      for (std::size_t i = kBoxSize; i < box_size; ++i) {
+        const double score = sigmoid(value(i));
+        if (score > raw.box.score) raw.box.index = i - kBoxSize, raw.box.score = score;
       }
       boxes.push_back(raw);
     }
@@ -141,39 +113,25 @@ std::vector<RawBox> boxes_of(const GeneratedNetwork& detector, const Maps& maps)
 std::string config_of(const GeneratedNetwork& network) {
   std::string text =
       fmt::format("[net]\nwidth={}\nheight={}\nchannels=3\n", network.width, network.height);
-  for (const Layer& layer : layers_of(network)) {
+  for (const NetworkLayer& layer : layers_of(network)) {
     text +=
         fmt::format("[convolutional]\nfilters={}\nsize={}\nstride={}\npad=1\nactivation={}\n",
                     layer.outputs, layer.size, layer.stride, layer.size > 1 ? "relu" : "linear");
   }
   if (!network.detects) return text + "[avgpool]\n[softmax]\ngroups=1\n";
   std::vector<int> anchors;
-  for (const auto& anchor : kAnchors) anchors.insert(anchors.end(), anchor.begin(), anchor.end());
+  for (const auto& anchor : kAnchorSizes)
+    anchors.insert(anchors.end(), anchor.begin(), anchor.end());
   return text + fmt::format("[yolo]\nmask=0,1,2\nanchors={}\nclasses={}\nnum={}\n",
-                            fmt::join(anchors, ","), network.classes, kAnchors.size());
+                            fmt::join(anchors, ","), network.classes, kAnchorSizes.size());
 }
 
 }  // namespace
 
-GeneratedNetwork generated_detector() {
-  return {.width = 320, .height = 320, .filters = {16, 32, 64, 64}, .classes = 8, .detects = true};
-}
-
-GeneratedNetwork generated_classifier() {
-  return {
-      .width = 224, .height = 224, .filters = {16, 32, 64, 64}, .classes = 100, .detects = false};
-}
-
-std::int64_t weight_count(const GeneratedNetwork& network) {
-  std::size_t count = 0;
-  for (const Layer& layer : layers_of(network)) count += count_of(layer);
-  return static_cast<std::int64_t>(count);
-}
-
 std::vector<float> seeded_weights(const GeneratedNetwork& network, std::uint64_t seed) {
   Random random(derive_seed(seed, network.detects ? "detector" : "classifier"));
   std::vector<float> weights;
-  for (const Layer& layer : layers_of(network)) {
+  for (const NetworkLayer& layer : layers_of(network)) {
     // Biases of 0, but for the classes of boxes, of which each is likely.
     for (int filter = 0; filter < layer.outputs; ++filter) {
       const bool of_class =
@@ -182,8 +140,8 @@ std::vector<float> seeded_weights(const GeneratedNetwork& network, std::uint64_t
       weights.push_back(of_class ? 4.0F : 0.0F);
     }
     // Uniform, of variance 2 / inputs: what goes through ReLU keeps its mean square.
-    const double bound = std::sqrt(6.0 / static_cast<double>(weights_a_filter(layer)));
-    for (std::size_t i = layer.outputs; i < count_of(layer); ++i) {
+    const double bound = std::sqrt(6.0 / (layer.inputs * layer.size * layer.size));
+    for (auto i = static_cast<std::size_t>(layer.outputs); i < weight_count(layer); ++i) {
       weights.push_back(static_cast<float>(random.uniform(-bound, bound)));
     }
   }
@@ -201,9 +159,9 @@ void be_sure_of(std::size_t count, const GeneratedNetwork& detector, const Tenso
   std::ranges::sort(reached);
   if (reached.size() <= count) return;
   const auto bias = static_cast<float>((reached[count - 1] + reached[count]) / 2);
-  const auto head = weights.last(count_of(layers_of(detector).back()));
-  for (std::size_t anchor = 0; anchor < kAnchors.size(); ++anchor) {
-    head[anchor * (kBoxSize + static_cast<std::size_t>(detector.classes)) + 4] = bias;
+  const auto head = weights.last(weight_count(layers_of(detector).back()));
+  for (std::size_t anchor = 0; anchor < kAnchorSizes.size(); ++anchor) {
+    head[anchor * static_cast<std::size_t>(kBoxSize + detector.classes) + 4] = bias;
   }
 }
 

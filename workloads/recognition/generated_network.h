@@ -1,5 +1,5 @@
-// Small networks without a training: Darknet's layers as text and seeded weights, for who measures
-// what recognition takes where no user's model is, and their definition in double precision.
+// Generated networks as models: seeded weights, Darknet's layers as text, for who measures what
+// recognition takes where no user's model is; and their definition in double precision.
 #pragma once
 
 #include <array>
@@ -9,25 +9,10 @@
 #include <vector>
 
 #include "workloads/recognition/detect_objects.h"
+#include "workloads/recognition/specs.h"
 
 namespace pirt::recognition {
 
-/// 3x3 convolutions of stride 2 with ReLU, then one of 1x1.
-struct GeneratedNetwork {
-  int width = 0;
-  int height = 0;
-  std::vector<int> filters;  ///< Of the 3x3 convolutions.
-  int classes = 0;
-  bool detects = true;  ///< A YOLO layer; otherwise the mean of the picture and a softmax.
-};
-/// 320x320, 8 classes, 1200 boxes. 0.17 G operations.
-[[nodiscard]] GeneratedNetwork generated_detector();
-/// 224x224, 100 classes. 0.08 G operations.
-[[nodiscard]] GeneratedNetwork generated_classifier();
-
-/// How many numbers the network has: of each layer the biases [filters], then the weights
-/// [filters, inputs, rows, columns].
-[[nodiscard]] std::int64_t weight_count(const GeneratedNetwork& network);
 /// Scaled so that activations stay in range.
 [[nodiscard]] std::vector<float> seeded_weights(const GeneratedNetwork& network,
                                                 std::uint64_t seed);

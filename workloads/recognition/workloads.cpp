@@ -15,33 +15,8 @@
 namespace pirt::recognition {
 namespace {
 
-constexpr int kWidth = 640;
-constexpr int kHeight = 480;
-constexpr std::int64_t kMostBoxes = 1200;
 constexpr std::size_t kSure = 12;
-constexpr std::size_t kLabels = 5;
 constexpr DetectOptions kOptions = {};
-
-std::vector<TensorSpec> weight_specs(bool describes) {
-  std::vector<TensorSpec> specs = {
-      {"detector", Element::kF32, {weight_count(generated_detector())}}};
-  if (describes) {
-    specs.push_back({"classifier", Element::kF32, {weight_count(generated_classifier())}});
-  }
-  return specs;
-}
-
-/// @param real  Of boxes and scores: f32, or f64 for the reference.
-std::vector<TensorSpec> output_specs(bool describes, Element real) {
-  std::vector<TensorSpec> specs = {{"boxes", real, {kMostBoxes, 4}, true},
-                                   {"scores", real, {kMostBoxes}, true},
-                                   {"classes", Element::kI32, {kMostBoxes}, true}};
-  if (describes) {
-    specs.push_back({"labels", Element::kI32, {kLabels}});
-    specs.push_back({"label_scores", real, {kLabels}});
-  }
-  return specs;
-}
 
 /// @tparam T  float or double.
 template <typename T>
@@ -98,16 +73,21 @@ std::vector<Label> best_labels(std::span<const double> scores) {
 
 std::vector<Tensor> reference(const Data& data) {
   const bool describes = data.parameters.size() > 1;
-  auto outputs = make_tensors(output_specs(describes, Element::kF64));
+  auto wide = specs()[describes ? 1 : 0].outputs;
+  for (TensorSpec& spec : wide) {
+    if (spec.element == Element::kF32) spec.element = Element::kF64;
+  }
+  auto outputs = make_tensors(wide);
   const auto candidates = reference_candidates(generated_detector(), data.parameters[0].as<float>(),
                                                data.inputs[0], kOptions.least_score);
   std::vector<Detection> objects;
   for (const Candidate& box : suppress_overlaps(candidates, kOptions)) {
-    objects.push_back({box.index,
-                       "",
-                       box.score,
-                       {box.left * kWidth, box.top * kHeight, (box.right - box.left) * kWidth,
-                        (box.bottom - box.top) * kHeight}});
+    objects.push_back(
+        {box.index,
+         "",
+         box.score,
+         {box.left * kPictureWidth, box.top * kPictureHeight,
+          (box.right - box.left) * kPictureWidth, (box.bottom - box.top) * kPictureHeight}});
   }
   put<double>(objects, outputs);
   if (!describes) return outputs;
@@ -136,12 +116,12 @@ Verdict verify(std::span<const Tensor> outputs, std::span<const Tensor> expected
 
 Data make_data(const DataRequest& request, bool describes) {
   Data data;
-  Picture picture = request.images->rgb(picture_index(request.seed), kWidth, kHeight);
+  Picture picture = request.images->rgb(picture_index(request.seed), kPictureWidth, kPictureHeight);
   data.notes = std::move(picture.notes);
   auto weights = seeded_weights(generated_detector(), request.seed);
   be_sure_of(kSure, generated_detector(), picture.pixels, kOptions.least_score, weights);
   data.inputs.push_back(std::move(picture.pixels));
-  data.parameters = make_tensors(weight_specs(describes));
+  data.parameters = make_tensors(specs()[describes ? 1 : 0].parameters);
   std::ranges::copy(weights, data.parameters[0].as<float>().begin());
   if (describes) {
     std::ranges::copy(seeded_weights(generated_classifier(), request.seed),
@@ -150,31 +130,19 @@ Data make_data(const DataRequest& request, bool describes) {
   return data;
 }
 
-Workload make(const char* name, const char* text, bool describes) {
-  auto function = std::make_shared<HostFunction>();
-  function->prepare = describes ? prepare_describer : prepare_detector;
-  Workload w;
-  w.name = w.kernel = name;
-  w.description = text;
-  w.tags = {"recognition", "image"};
-  w.operation = std::move(function);
-  w.inputs = {{"image", Element::kU8, {3, kHeight, kWidth}}};
-  w.parameters = weight_specs(describes);
-  w.outputs = output_specs(describes, Element::kF32);
-  w.make_data = [describes](const DataRequest& request) { return make_data(request, describes); };
-  w.reference = reference;
-  w.verify = verify;
-  return w;
-}
-
 }  // namespace
 
 std::vector<Workload> all() {
-  std::vector<Workload> all;
-  all.push_back(make("detect_objects",
-                     "boxes of a small detector of seeded weights on a picture of 640x480", false));
-  all.push_back(
-      make("describe_scene", "that detector and a classifier on a picture of 640x480", true));
+  auto all = specs();
+  for (Workload& w : all) {
+    const bool describes = w.parameters.size() > 1;
+    auto function = std::make_shared<HostFunction>();
+    function->prepare = describes ? prepare_describer : prepare_detector;
+    w.operation = std::move(function);
+    w.make_data = [describes](const DataRequest& request) { return make_data(request, describes); };
+    w.reference = reference;
+    w.verify = verify;
+  }
   return all;
 }
 

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "workloads/recognition/specs.h"
 #include "workloads/workload.h"
 
 namespace pirt::recognition {
