@@ -144,6 +144,7 @@ void Runtime::Engine::open_units() {
                     .backend = model.measured() ? &find_backend(model.backend) : nullptr,
                     .preparations = std::move(prepared),
                     .prepare_first = options_.prepare_first,
+                    .contexts = model.contexts.has_value(),
                     .priority = options_.priority};
     units_[unit].runner =
         std::make_unique<KernelUnit>(std::move(setup), [this](Call& call, CallEnd end) {

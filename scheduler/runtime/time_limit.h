@@ -4,15 +4,16 @@
 #include <algorithm>
 #include <string>
 
+#include "scheduler/services/services.h"
 #include "workloads/base/time.h"
 
 namespace pirt {
 
-/// @param expected  What the call is expected to take.
-[[nodiscard]] inline Nanos time_limit(Nanos expected) {
+/// @param service  What the call is expected to take.
+[[nodiscard]] inline Nanos time_limit(const Service& service) {
   constexpr Nanos kLeast = std::chrono::seconds(5);  // A busy machine, a kernel's first call.
   constexpr int kTimes = 50;
-  return std::max(kLeast, kTimes * expected);
+  return std::max(kLeast, kTimes * (service.total() + service.prepare.value_or(Nanos::zero())));
 }
 
 /// For whoever reads what went wrong.

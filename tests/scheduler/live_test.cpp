@@ -3,7 +3,7 @@
 #include <map>
 
 #include "scheduler/runtime/kernel_unit.h"
-#include "scheduler/runtime/live_run.h"
+#include "scheduler/schedule_live.h"
 #include "scheduler/trace/replay.h"
 #include "tests/scheduler/support.h"
 #include "workloads/catalog.h"
