@@ -140,6 +140,7 @@ class LiveRun final : public Executor {
     }
     for (const auto& [unit, each] : units_) {
       each->wait_until_ready();
+      if (each->has_own_clock()) result_.emulated.push_back(each->name());
       say(each->name() + " is ready");
     }
   }
@@ -210,7 +211,7 @@ class LiveRun final : public Executor {
     if (options_.time_limit) return *options_.time_limit;
     const Firings::Place& place = time_.firings().place(static_cast<JobIndex>(token));
     const WorkloadId workload = scenario_.classes[place.pipeline][place.task].workload;
-    return time_limit(*scenario_.services.find(workload, unit));
+    return time_limit(*scenario_.services.find(workload, unit), units_.at(unit)->has_own_clock());
   }
 
   /// What the call has is never used again; its state is that of before.

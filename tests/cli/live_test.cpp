@@ -89,7 +89,8 @@ pipelines: {p: {closed_loop: {frames: 30}, tasks: [{workload: pool5}]}}
   EXPECT_THAT(outcome.err, HasSubstr("run 2 has what the live run contradicts, measured anew: "
                                      "pool5 on gpu"));
   int calls = 0;
-  for (const auto& row : pirt({"export", db, "--format", "json"}).json()["profile_summary"]) {
+  const auto exported = pirt({"export", db, "--format", "json"}).json();
+  for (const auto& row : exported["profile_summary"]) {
     if (row["state"] != "steady") continue;
     EXPECT_EQ(row["run_id"], 2);
     EXPECT_EQ(row["provenance"], "measured");
