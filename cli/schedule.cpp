@@ -178,10 +178,13 @@ std::vector<LiveRow> rows_to_update(const RunRecord& record, const LiveCalls& ca
     });
     if (unit == calls.units.end() || unit->own_clock || series == calls.series.end()) continue;
     const PhaseRow& row = *profile.find(series->workload, series->unit, Phase::kCall);
+    const EnergyRow* energy = profile.find_energy(series->workload, series->unit);
+    const bool metered = energy != nullptr && energy->provenance == Provenance::kMeasured;
     rows.push_back({.workload = series->workload,
                     .unit = series->unit,
                     .ops = row.ops,
                     .bytes = row.bytes,
+                    .metered = metered,
                     .samples = samples_of(series->calls, find_backend(row.backend).phases())});
   }
   return rows;

@@ -1,7 +1,11 @@
 #include "characterize/campaign/live_rows.h"
 
+#include <algorithm>
+
 #include "characterize/campaign/run_facts.h"
 #include "characterize/campaign/validity.h"
+#include "characterize/energy/model.h"
+#include "workloads/catalog.h"
 #include "workloads/images.h"
 
 namespace pirt {
@@ -60,6 +64,11 @@ std::int64_t write_live_rows(ProfileWriter& writer, const Platform& platform,
     const bool unstable = is_unstable(row.samples.at(Phase::kCall));
     for (const auto& [phase, samples] : row.samples) {
       cell.phases.push_back(phase_record(phase, samples, unstable, clock));
+    }
+    if (!row.metered) {
+      const auto call = std::ranges::find(cell.phases, Phase::kCall, &PhaseRecord::phase);
+      cell.energy = model_energy(platform, platform.unit(row.unit), find_workload(row.workload),
+                                 *call, CallWork{row.ops, row.bytes});
     }
     writer.write_cell(run_id, cell);
   }

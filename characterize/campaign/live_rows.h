@@ -20,11 +20,12 @@ struct LiveRow {
   std::string workload, unit;
   std::optional<std::int64_t> ops;              ///< As the row has that it takes the place of,
   std::int64_t bytes = 0;                       ///< likewise.
+  bool metered = false;                         ///< Its joules are a meter's.
   std::map<Phase, std::vector<Nanos>> samples;  ///< Of kCall and its phases, in order of time.
 };
 
-/// Rows of the phases that have samples: measured, noted as live, not verified; joules stay those
-/// that there were. Another run's figures are never pooled with them.
+/// Rows of the phases that have samples: measured, noted as live, not verified. Joules are modelled
+/// anew; a meter's stay as they are. Another run's figures are never pooled with them.
 /// @param devices  By unit, of all units of @p rows.
 /// @param seed     Of the inputs.
 /// @return         The number of the run.

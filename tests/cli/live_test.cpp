@@ -65,26 +65,25 @@ TEST_F(LiveCommand, KeepsWhatRanWhenItIsInterrupted) {
   EXPECT_EQ(pirt({"replay", scratch_.file("t.json")}).exit_code, 0);
 }
 
-/// A unit that takes as long as its script says: 1 ms when it is characterized, 20 ms live.
-std::string slow_board(int ms) {
-  return R"(
-platform: slow
-units: {gpu: {backend: fake, slots: 1, active_w: 1, script: {clock: wall, stages: {pool5: [{name: execute, ms: )" +
-         std::to_string(ms) + "}]}}}}\n";
+/// A unit that takes as long as its script says.
+/// @param clock  "simulated" or "wall".
+std::string slow_board(const std::string& clock, int ms) {
+  return "platform: slow\nunits: {gpu: {backend: fake, slots: 1, active_w: 1, script: {clock: " +
+         clock + ", stages: {pool5: [{name: execute, ms: " + std::to_string(ms) + "}]}}}}\n";
 }
 
 TEST_F(LiveCommand, RowsThatTheRunContradictsAreMeasuredAnew) {
   const std::string db = scratch_.file("p.db");
   const auto made = pirt({"characterize", "--quick", "--filter", "^pool5$", "--db", db,
-                          "--platform", scratch_.write("was.yaml", slow_board(1))});
+                          "--platform", scratch_.write("was.yaml", slow_board("simulated", 1))});
   ASSERT_EQ(made.exit_code, 0) << made.err;
   const auto mix = scratch_.write("pool.yaml", R"(
 mix: m
 pipelines: {p: {closed_loop: {frames: 30}, tasks: [{workload: pool5}]}}
 )");
   const auto outcome = pirt({"schedule", "--live", "--mode", "olb", "--profile", db, "--platform",
-                             scratch_.write("is.yaml", slow_board(20)), "--mix", mix, "--in-flight",
-                             "1", "--update-profile"});
+                             scratch_.write("is.yaml", slow_board("wall", 20)), "--mix", mix,
+                             "--in-flight", "1", "--update-profile"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("run 2 has what the live run contradicts, measured anew: "
                                      "pool5 on gpu"));
@@ -101,6 +100,8 @@ pipelines: {p: {closed_loop: {frames: 30}, tasks: [{workload: pool5}]}}
     EXPECT_GE(row["median_ns"], 20'000'000);
   }
   EXPECT_EQ(calls, 1);
+  ASSERT_EQ(exported["energy_summary"].size(), 1U);
+  EXPECT_GE(exported["energy_summary"][0]["energy_j"], 0.020);  // 1 W.
   EXPECT_THAT(pirt({"report", db}).out, HasSubstr("live"));
   // The set-up stays known, and virtual time takes what was measured last.
   const auto again = pirt({"schedule", "--mode", "olb", "--profile", db, "--platform",
