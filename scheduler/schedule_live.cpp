@@ -1,8 +1,8 @@
 #include "scheduler/schedule_live.h"
 
 #include <optional>
-#include <ranges>
-#include <utility>
+#include <string>
+#include <vector>
 
 #include "scheduler/schedule.h"
 #include "scheduler/trace/trace_thread.h"
@@ -25,17 +25,17 @@ void add_live(const Platform& platform, const LiveResult& result, RunRecord& rec
     record.warnings.push_back("and " + std::to_string(result.failed_calls - told) +
                               " calls more have failed");
   }
-  const auto paced = [](const UnitModel& unit) { return !unit.measured(); };
-  std::vector<std::string> names;
-  for (const auto& unit : platform.units | std::views::filter(paced)) {
-    names.push_back(unit.name);
+  const auto warn_of = [&record](const char* what, const std::vector<std::string>& units) {
+    if (!units.empty()) record.warnings.push_back(what + join(units, ", "));
+  };
+  std::vector<std::string> paced;
+  for (const auto& unit : platform.units) {
+    if (!unit.measured()) paced.push_back(unit.name);
   }
-  if (!names.empty()) {
-    record.warnings.push_back(
-        "units without a backend are paced by their stages and compute "
-        "nothing: " +
-        join(names, ", "));
-  }
+  warn_of("units without a backend are paced by their stages and compute nothing: ", paced);
+  warn_of(
+      "units that tell time by a clock of their own take here what the machine takes for them: ",
+      result.emulated);
 }
 
 }  // namespace

@@ -1,17 +1,29 @@
 #include "workloads/catalog.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
+#include "workloads/mapping/workloads.h"
+#include "workloads/planning/workloads.h"
+#include "workloads/recognition/workloads.h"
 #include "workloads/slam/workloads.h"
 #include "workloads/workload_list.h"
 
 namespace pirt {
 namespace {
 
+std::vector<Workload> others() {
+  auto all = slam::all();
+  std::ranges::move(planning::all(), std::back_inserter(all));
+  std::ranges::move(mapping::all(), std::back_inserter(all));
+  std::ranges::move(recognition::all(), std::back_inserter(all));
+  return all;
+}
+
 const WorkloadList& all_workloads() {
-  static const WorkloadList all(slam::all());
+  static const WorkloadList all(others());
   return all;
 }
 

@@ -1,13 +1,27 @@
 #include "workloads/specs.h"
 
+#include <algorithm>
+#include <iterator>
+
+#include "workloads/mapping/specs.h"
+#include "workloads/planning/specs.h"
+#include "workloads/recognition/specs.h"
 #include "workloads/slam/specs.h"
 #include "workloads/workload_list.h"
 
 namespace pirt {
 namespace {
 
+std::vector<Workload> others() {
+  auto all = slam::specs();
+  std::ranges::move(planning::specs(), std::back_inserter(all));
+  std::ranges::move(mapping::specs(), std::back_inserter(all));
+  std::ranges::move(recognition::specs(), std::back_inserter(all));
+  return all;
+}
+
 const WorkloadList& all_specs() {
-  static const WorkloadList all(slam::specs());
+  static const WorkloadList all(others());
   return all;
 }
 

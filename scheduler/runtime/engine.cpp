@@ -308,7 +308,9 @@ void Runtime::Engine::look(Nanos now) {
         options_.profile || (known.own != nullptr && !known.own->expected.empty());
     if (!expected && !options_.time_limit) continue;
     const Service* service = setup_->scenario.services.find(static_cast<WorkloadId>(index), unit);
-    const Nanos limit = options_.time_limit ? *options_.time_limit : time_limit(*service);
+    const Nanos limit = options_.time_limit
+                            ? *options_.time_limit
+                            : time_limit(*service, units_[unit].runner->has_own_clock());
     if (now - call->since > limit) lose(unit, *call, now);
   }
 }

@@ -82,6 +82,7 @@ class LiveRun final : public Executor {
     const Firings::Place& place = time_.firings().place(job);
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
     const Workload& workload = find_workload(task.workload);
+    if (task.state && task.inputs.empty()) follow_sequence(*task.state, workload, place.firing);
     Call call{.workload = &workload,
               .inputs = {},
               .outputs = outputs_.take(workload),
@@ -111,6 +112,15 @@ class LiveRun final : public Executor {
 
   [[nodiscard]] Nanos now() const { return clock_.now() - start_; }
 
+  /// A recorded sequence that begins anew begins with the state that it was recorded from, as where
+  /// it is measured: its inputs fit no other.
+  void follow_sequence(std::size_t state, const Workload& workload, std::uint64_t firing) {
+    const std::uint64_t frame = Samples::frame(workload, firing);
+    const auto [last, first_time] = played_.try_emplace(state, frame);
+    if (!first_time && frame <= last->second) states_[state]->restart();
+    last->second = frame;
+  }
+
   void set_up() {
     const auto say = [this](const std::string& line) {
       if (options_.progress) options_.progress(line);
@@ -130,6 +140,7 @@ class LiveRun final : public Executor {
     }
     for (const auto& [unit, each] : units_) {
       each->wait_until_ready();
+      if (each->has_own_clock()) result_.emulated.push_back(each->name());
       say(each->name() + " is ready");
     }
   }
@@ -200,7 +211,7 @@ class LiveRun final : public Executor {
     if (options_.time_limit) return *options_.time_limit;
     const Firings::Place& place = time_.firings().place(static_cast<JobIndex>(token));
     const WorkloadId workload = scenario_.classes[place.pipeline][place.task].workload;
-    return time_limit(*scenario_.services.find(workload, unit));
+    return time_limit(*scenario_.services.find(workload, unit), units_.at(unit)->has_own_clock());
   }
 
   /// What the call has is never used again; its state is that of before.
@@ -264,6 +275,7 @@ class LiveRun final : public Executor {
   Samples samples_;
   OutputPool outputs_;
   std::vector<std::shared_ptr<StateValue>> states_;
+  std::map<std::size_t, std::uint64_t> played_;  ///< Of states_ that play: the last frame.
   VirtualTime time_;
   int computing_ = 0;
   std::map<std::pair<WorkloadId, UnitId>, KeptCalls> kept_;

@@ -70,6 +70,8 @@ struct LiveResult {
   std::vector<std::string> problems;  ///< Calls that failed, by name; the first few.
   std::int64_t failed_calls = 0;
   bool stopped = false;  ///< Before its time, by LiveOptions::stop.
+  /// Units that tell time by a clock of their own: here it is the machine's.
+  std::vector<std::string> emulated;
 };
 
 /// @param observer  Null = none; called behind the mutex.
