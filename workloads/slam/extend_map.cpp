@@ -207,6 +207,7 @@ void add_tracks(State& state, const Setup& setup, const Features& features) {
 }  // namespace
 
 void extend_map(State& state, const Setup& setup, const Features& features) {
+  if (state.clones.empty()) return;  // No frame has been seen.
   if (setup.update && !state.still && state.status == Status::kTracking) {
     remove_bad_landmarks(state);
     promote_tracks(state, setup);
