@@ -17,6 +17,7 @@
 #include "cli/values.h"
 #include "reports/document.h"
 #include "reports/full_report.h"
+#include "reports/offloaded_call.h"
 #include "reports/profile_report.h"
 #include "reports/setup_report.h"
 #include "reports/timeline.h"
@@ -105,14 +106,20 @@ Profile open_profile(const Options& options, const std::string& file, bool sampl
   return profile;
 }
 
+/// The platform that is given, or the profile's.
+/// @throws Error{kBadInput} if that is none that is shipped.
+Platform platform_for(const Options& options, const Profile& profile) {
+  const auto overrides = parse_overrides(options.settings);
+  return options.platform ? load_platform(*options.platform, overrides)
+                          : platform_of(profile, overrides);
+}
+
 /// With all modes in virtual time; a profile of a platform that is not known goes without.
 Machine read_machine(const Options& options, const std::string& file, const Mix& mix,
                      bool samples) {
   auto profile = open_profile(options, file, samples);
   try {
-    const auto overrides = parse_overrides(options.settings);
-    auto platform = options.platform ? load_platform(*options.platform, overrides)
-                                     : platform_of(profile, overrides);
+    auto platform = platform_for(options, profile);
     return machine_of(std::move(profile), std::move(platform), mix);
   } catch (const Error& error) {
     return machine_of(std::move(profile), std::nullopt, mix, error.what());
@@ -180,11 +187,27 @@ int report_setup(const Options& options) {
     throw_bad_input("--setup takes one profile database and no run records");
   }
   const auto profile = open_profile(options, options.files.front(), false);
+  std::vector<OffloadedCall> calls;
+  try {
+    calls = offloaded_calls(profile, platform_for(options, profile), "convolution");
+  } catch (const Error& error) {
+    if (options.platform || !options.settings.empty()) throw;
+    warn(error.what());
+  }
   const auto costs = offloading_costs(profile);
   Document document{.title = "pirt report --setup", .parts = {profile_header(profile)}};
   document.parts.emplace_back(offloading_chart(costs));
-  document.parts.emplace_back(crossover_table(costs));
-  write(options, document, [&] { return setup_json(costs); });
+  if (auto crossovers = crossover_table(costs); !crossovers.rows.empty()) {
+    document.parts.emplace_back(std::move(crossovers));
+  }
+  for (auto& table : offloaded_convolution_tables(calls)) {
+    document.parts.emplace_back(std::move(table));
+  }
+  write(options, document, [&] {
+    Json json = setup_json(costs);
+    json.update(offloaded_convolution_json(calls));
+    return json;
+  });
   return 0;
 }
 
@@ -242,8 +265,9 @@ void add_report(CLI::App& app, Action& action) {
                    "Only the Pi-RT paper's claims, one by one: confirmed, refuted or not testable "
                    "here; with a profile database also those about units");
   command.add_flag("--setup", options->setup,
-                   "Instead of the profile: offloading time by phase, cold and warm (ms), and from "
-                   "how many calls on one unit beats another");
+                   "Instead of the profile: offloading time by phase, cold and warm (ms), from how "
+                   "many calls on one unit beats another, and a convolution beside the paper's "
+                   "Fig. 7");
   add_json(command, options->json);
   command.footer("Example: pirt report profile.db --format html -o report.html");
   command.runs(action, [options] { return report(*options); });

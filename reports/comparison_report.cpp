@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <limits>
+#include <set>
+#include <string>
 
 #include "reports/figures.h"
 #include "reports/run_report.h"
@@ -21,6 +23,17 @@ double least(const std::vector<RunRecord>& runs, const Figure& figure) {
   double best = std::numeric_limits<double>::infinity();
   for (const auto& run : runs) best = std::min(best, figure(run).value_or(best));
   return best == std::numeric_limits<double>::infinity() ? 0 : best;
+}
+
+/// Units that serve something and draw nobody knows what.
+std::set<std::string> unknown_power(const std::vector<RunRecord>& runs) {
+  std::set<std::string> units;
+  for (const RunRecord& run : runs) {
+    for (const UnitResult& unit : run.units) {
+      if (unit.busy_s > 0 && !unit.energy_j) units.insert(unit.unit);
+    }
+  }
+  return units;
 }
 
 std::int64_t deadline_misses(const RunRecord& run) {
@@ -46,7 +59,7 @@ Table table_of(const ModeRuns& comparison) {
                           {"offloaded"},
                           {"in flight"},
                           {"weights", Align::kLeft}}};
-  const auto energy = [](const RunRecord& run) { return std::optional(run.energy_j); };
+  const auto energy = [](const RunRecord& run) { return run.energy_j; };
   const auto tail = [](const RunRecord& run) { return run.p99_latency_ms; };
   const double least_energy = least(comparison.runs, energy);
   const double least_tail = least(comparison.runs, tail);
@@ -70,6 +83,10 @@ Table table_of(const ModeRuns& comparison) {
       "costs: times the least energy and the least p99 task latency of the table. late: firings "
       "past their deadline. in flight: frames of a closed loop at a time. weights: where they come "
       "from."};
+  for (const std::string& unit : unknown_power(comparison.runs)) {
+    table.footnotes.push_back(fmt::format(
+        "energy -: nobody knows what {} draws; give it with --set {}.active_w=W.", unit, unit));
+  }
   for (const auto& skipped : comparison.skipped) {
     table.footnotes.push_back(fmt::format("Not run: {}: {}", skipped.mode, skipped.reason));
   }

@@ -8,6 +8,7 @@
 #include "reports/environment_report.h"
 #include "reports/live_report.h"
 #include "reports/local_tables.h"
+#include "reports/offloaded_call.h"
 #include "reports/pareto.h"
 #include "reports/preference.h"
 #include "reports/profile_charts.h"
@@ -25,8 +26,6 @@
 namespace pirt {
 namespace {
 
-using Json = Json;
-
 ModeRuns skipped(const std::vector<std::string>& modes, const std::string& why) {
   ModeRuns none;
   for (const auto& mode : modes) none.skipped.push_back({mode, why});
@@ -42,6 +41,11 @@ ModeRuns runs_of(const Profile& profile, const std::optional<Platform>& platform
   } catch (const Error& error) {
     return skipped(modes, error.what());
   }
+}
+
+std::vector<OffloadedCall> calls_of(const Machine& machine) {
+  if (!machine.platform) return {};
+  return offloaded_calls(machine.profile, *machine.platform, "convolution");
 }
 
 /// Those of the paper's four modes that ran.
@@ -88,10 +92,14 @@ class Sections {
     auto offloading = offloading_chart(costs);
     offloading.table.origin = origin_of(machine_.profile);
     parts_.emplace_back(std::move(offloading));
-    auto crossovers = crossover_chart(costs);
-    if (crossovers.marks.empty()) return;
-    crossovers.table.origin = origin_of(machine_.profile);
-    parts_.emplace_back(std::move(crossovers));
+    if (auto crossovers = crossover_chart(costs); !crossovers.marks.empty()) {
+      crossovers.table.origin = origin_of(machine_.profile);
+      parts_.emplace_back(std::move(crossovers));
+    }
+    for (auto& table : offloaded_convolution_tables(calls_of(machine_))) {
+      table.origin = origin_of(machine_.profile);
+      parts_.emplace_back(std::move(table));
+    }
   }
   void limits() {
     heading("Limits of the units");
@@ -244,6 +252,7 @@ Json full_report_json(const ReportInputs& inputs) {
   for (const Machine& machine : inputs.machines) {
     Json one = profile_json(machine.profile, preferences(machine.profile));
     one["setup"] = setup_json(offloading_costs(machine.profile));
+    one["setup"].update(offloaded_convolution_json(calls_of(machine)));
     one["pareto"] = pareto_json(mode_points(machine.modes.runs));
     if (&machine == &inputs.machines.front()) {
       json = std::move(one);

@@ -17,6 +17,9 @@ inline constexpr std::array kTable1 = {
     Ops{"conv2", 895.5},        Ops{"conv3", 299.0},      Ops{"conv4", 448.6}, Ops{"conv5", 299.0},
     Ops{"fc6", 75.5},           Ops{"fc7", 33.6},         Ops{"fc8", 8}};
 
+/// @source Table II, the Snapdragon 820's DSP: a hardware thread's clock, and the peak.
+inline constexpr double kDspThreadHz = 500e6, kDspOpsPerSecond = 4e9;
+
 /// @source Table IV.
 struct Inference {
   std::string_view where;

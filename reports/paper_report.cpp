@@ -101,7 +101,7 @@ std::vector<PaperCell> paper_cells() {
     if (row.cpu_ms) add("CPU latency, ms", row.cpu_ms, latency_of(run, "cpu"), kLimit);
     if (row.gpu_ms) add("GPU latency, ms", row.gpu_ms, latency_of(run, "gpu"), kLimit);
     if (row.dsp_ms) add("DSP latency, ms", row.dsp_ms, latency_of(run, "dsp"), kLimit);
-    add("energy, J", row.energy_j, run.energy_j, kLimit);
+    add("energy, J", row.energy_j, run.energy_j.value(), kLimit);
   }
   return cells;
 }

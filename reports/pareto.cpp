@@ -191,11 +191,14 @@ bool keeps_up(const RunRecord& run, std::span<const RunRecord> runs) {
 std::vector<ModePoint> mode_points(std::span<const RunRecord> runs) {
   std::vector<ModePoint> points;
   for (const RunRecord& run : runs) {
-    if (run.completed == 0 || !run.throughput_per_ms || !run.p99_latency_ms) continue;
+    if (run.completed == 0 || !run.throughput_per_ms || !run.p99_latency_ms || !run.energy_j) {
+      continue;
+    }
     if (!comparable(run, runs.front()) || !keeps_up(run, runs)) continue;
     points.push_back({.run = &run,
                       .rate_per_ms = *run.throughput_per_ms,
-                      .energy_mj = run.energy_j * 1e3 / static_cast<double>(run.completed),
+
+                      .energy_mj = *run.energy_j * 1e3 / static_cast<double>(run.completed),
                       .latency_ms = *run.p99_latency_ms});
   }
   for (ModePoint& point : points) {

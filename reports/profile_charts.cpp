@@ -67,6 +67,7 @@ std::string time_summary(const Profile& profile, const Chart& chart) {
     const Mark*& known = best[mark.group];
     if (known == nullptr || *mark.x < *known->x) known = &mark;
   }
+  if (best.empty()) return "No valid figures.";
   for (const auto& [group, mark] : best) ++wins[mark->series];
   std::vector<std::string> parts;
   for (const auto& unit : profile.units()) {

@@ -37,7 +37,7 @@ constexpr Goal kGoals[] = {
     {"throughput", "tasks/ms", [](const RunRecord& r) { return r.throughput_per_ms; }, false},
     {"latency", "ms mean latency", [](const RunRecord& r) { return r.mean_latency_ms; }, true},
     {"latency", "ms p99 latency", [](const RunRecord& r) { return r.p99_latency_ms; }, true},
-    {"energy", "J", [](const RunRecord& r) { return std::optional(r.energy_j); }, true}};
+    {"energy", "J", [](const RunRecord& r) { return r.energy_j; }, true}};
 
 /// Whether a mode is the best of some runs in what it is named after.
 Claim best_of(const Goal& goal, const std::vector<RunRecord>& runs, const std::string& of_whom,

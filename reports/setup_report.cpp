@@ -10,8 +10,6 @@
 namespace pirt {
 namespace {
 
-using Json = Json;
-
 /// A workload on two units, the one that the profile names first as `a`.
 struct Pair {
   std::string workload, a, b;

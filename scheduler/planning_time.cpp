@@ -26,7 +26,7 @@ struct Planning {
 std::map<std::string, double> time_planning(const Clock& clock, Nanos work,
                                             const std::function<void(Nanos)>& after_each) {
   const Platform platform = load_platform("fake");
-  const Mix mix = load_mix("full-robot");
+  const Mix mix = load_mix("table1-robot");
   const auto names = paper_modes();
   std::vector<Planning> modes(names.size());
   for (std::size_t m = 0; m < names.size(); ++m) {

@@ -9,7 +9,7 @@
 
 namespace pirt {
 
-/// Schedules mix full-robot on platform `fake` in virtual time, over and over in turns of the
+/// Schedules mix table1-robot on platform `fake` in virtual time, over and over in turns of the
 /// paper's modes for @p work.
 /// @param after_each  Runs within what is timed, after each schedule; may be empty. It is given the
 /// shortest time that the mode's schedule took before.

@@ -7,12 +7,12 @@
 #include <string_view>
 #include <vector>
 
+#include "workloads/specs.h"
 #include "workloads/workload.h"
 
 namespace pirt {
 
 [[nodiscard]] std::span<const Workload> catalog();
-[[nodiscard]] std::vector<std::string> workload_names();
 
 /// Another way to compute some of the workloads, with rows of its own: "sobel@map".
 struct Variant {

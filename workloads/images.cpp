@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <system_error>
 #include <utility>
@@ -207,11 +206,6 @@ class FileImages : public ImageSource {
 };
 
 }  // namespace
-
-int picture_index(std::uint64_t seed) {
-  constexpr std::uint64_t kPictures = std::numeric_limits<int>::max();
-  return static_cast<int>((seed + kPictures - 1) % kPictures);
-}
 
 std::vector<fs::path> pictures_of(const fs::path& folder) {
   std::error_code failed;

@@ -1,4 +1,4 @@
-// All backends of this build: the one place that a new backend adds a line to (registry.cpp).
+// All backends of this build (backends.inc).
 #pragma once
 
 #include <memory>

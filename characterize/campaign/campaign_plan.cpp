@@ -18,16 +18,6 @@
 namespace pirt {
 namespace {
 
-JobResult probe(const CampaignOptions& options, const UnitModel& unit, const JobRunner& runner) {
-  Job job;
-  job.kind = JobKind::kProbe;
-  job.backend = unit.backend;
-  job.unit = make_unit_request(options.platform, unit);
-  const auto result = runner.run(job);
-  if (!result) throw_environment("interrupted while probing the units; nothing was stored");
-  return *result;
-}
-
 /// All that the backend has, given or not: "clock_mhz=500, launch_us=300"; empty if it has none.
 std::string describe_options(const UnitModel& unit) {
   UnitRequest request;
@@ -103,7 +93,7 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   CampaignPlan plan;
   const JobRunner runner(options.program, options.job_limit, options.stop);
   for (const UnitModel* unit : units) {
-    const JobResult probed = probe(options, *unit, runner);
+    const JobResult probed = probe_unit(runner, options.platform, *unit);
     if (probed.error.empty()) {
       add_cells(options, *unit, probed, workloads, plan);
     } else if (!options.units.empty()) {

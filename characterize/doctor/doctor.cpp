@@ -9,7 +9,6 @@
 
 #include "characterize/doctor/doctor_checks.h"
 #include "characterize/machine/system_files.h"
-#include "characterize/platform/unit_request.h"
 #include "characterize/worker/job_runner.h"
 #include "workloads/base/error.h"
 
@@ -130,13 +129,9 @@ std::vector<UnitProbe> probe_units(const Platform& platform, const std::filesyst
   std::vector<UnitProbe> probes;
   for (const UnitModel& unit : platform.units) {
     if (!unit.measured()) continue;
-    Job job;
-    job.kind = JobKind::kProbe;
-    job.backend = unit.backend;
-    job.unit = make_unit_request(platform, unit);
-    const auto result = runner.run(job);
-    UnitProbe probe{.unit = unit.name, .device = {}, .error = result->error, .cores = unit.cores};
-    if (result->device) probe.device = result->device->name;
+    const JobResult found = probe_unit(runner, platform, unit);
+    UnitProbe probe{.unit = unit.name, .device = {}, .error = found.error, .cores = unit.cores};
+    if (found.device) probe.device = found.device->name;
     probes.push_back(std::move(probe));
   }
   if (probes.empty()) {

@@ -7,11 +7,11 @@
 #include <string>
 #include <utility>
 
+#include "workloads/backend_list.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
-#include "workloads/catalog.h"
 #include "workloads/fake/fake_script.h"
-#include "workloads/registry.h"
+#include "workloads/specs.h"
 
 namespace pirt {
 namespace {
@@ -106,7 +106,7 @@ void check_fake_script(const YamlNode& script) {
 
 /// Names and ranges are the backend's.
 void read_options(const YamlNode& node, UnitModel& unit) {
-  const auto specs = find_backend(unit.backend).options();
+  const auto specs = options_of(unit.backend);
   std::vector<std::string> known;
   for (const OptionSpec& spec : specs) known.push_back(spec.name);
   for (const std::string& name : node.keys()) {
@@ -135,9 +135,7 @@ void read_contexts(const YamlNode& node, UnitModel& unit) {
 
 void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitModel& unit) {
   if (node.has("backend")) {
-    std::vector<std::string> known;
-    for (const auto& backend : backends()) known.emplace_back(backend->name());
-    unit.backend = one_of(node.at("backend"), known);
+    unit.backend = one_of(node.at("backend"), backend_names());
   }
   for (const char* key : {"cores", "device", "script", "meter", "options"}) {
     if (node.has(key) && unit.backend.empty()) node.at(key).fail("needs a `backend:` beside it");

@@ -52,17 +52,6 @@ std::vector<const UnitModel*> opencl_units(const TuneOptions& options) {
   return units;
 }
 
-/// With its defaults: how the device is called does not depend on its parameters.
-JobResult probe(const TuneOptions& options, const UnitModel& unit, const JobRunner& runner) {
-  Job job;
-  job.kind = JobKind::kProbe;
-  job.backend = unit.backend;
-  job.unit = make_unit_request(options.platform, unit);
-  const auto result = runner.run(job, {{kVariable, "none"}});
-  if (!result) throw_environment("interrupted while probing the units; nothing was stored");
-  return *result;
-}
-
 bool is_sequence(const Workload& workload) { return workload.kernel == "sequence"; }
 
 /// A local size is of all kernels: one workload of each kernel, the one with the least data, judges
@@ -209,7 +198,8 @@ TunePlan plan_tuning(const TuneOptions& options) {
   const JobRunner runner(options.program, options.job_limit, options.stop);
   TunePlan plan;
   for (const UnitModel* model : units) {
-    const JobResult probed = probe(options, *model, runner);
+    // With its defaults: how the device is called does not depend on its parameters.
+    const JobResult probed = probe_unit(runner, options.platform, *model, {{kVariable, "none"}});
     if (!probed.error.empty()) {
       if (!options.units.empty()) {
         throw_environment(fmt::format("unit '{}' is not available: {}", model->name, probed.error));

@@ -2,7 +2,9 @@
 
 #include <fmt/core.h>
 
+#include "characterize/platform/unit_request.h"
 #include "characterize/worker/process.h"
+#include "workloads/base/error.h"
 #include "workloads/base/json_value.h"
 #include "workloads/catalog.h"
 
@@ -51,6 +53,17 @@ std::optional<JobResult> JobRunner::run(
   JobResult result = last_record(process.output);
   result.error = result.done ? "" : failure(process, result, request.limit);
   return result;
+}
+
+JobResult probe_unit(const JobRunner& runner, const Platform& platform, const UnitModel& unit,
+                     const std::vector<std::pair<std::string, std::string>>& environment) {
+  Job job;
+  job.kind = JobKind::kProbe;
+  job.backend = unit.backend;
+  job.unit = make_unit_request(platform, unit);
+  const auto result = runner.run(job, environment);
+  if (!result) throw_environment("interrupted while probing the units; nothing was stored");
+  return *result;
 }
 
 }  // namespace pirt

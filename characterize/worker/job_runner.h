@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "characterize/platform/platform.h"
 #include "characterize/worker/job.h"
 
 namespace pirt {
@@ -41,5 +42,11 @@ class JobRunner {
   Nanos limit_;
   const std::atomic<bool>* stop_;
 };
+
+/// Opens the unit's device, in a process of its own: which it is, or the error.
+/// @throws Error{kEnvironment} if stopped, or as JobRunner::run.
+[[nodiscard]] JobResult probe_unit(
+    const JobRunner& runner, const Platform& platform, const UnitModel& unit,
+    const std::vector<std::pair<std::string, std::string>>& environment = {});
 
 }  // namespace pirt

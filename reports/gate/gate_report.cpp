@@ -186,7 +186,7 @@ Json decisions_json(const Decisions& decisions) {
     const auto side = [](const RunRecord& run) {
       return Json{{"mean_latency_ms", optional_json(run.mean_latency_ms)},
                   {"p99_latency_ms", optional_json(run.p99_latency_ms)},
-                  {"energy_j", run.energy_j},
+                  {"energy_j", optional_json(run.energy_j)},
                   {"deadline_misses", misses_of(run)},
                   {"dropped", run.dropped}};
     };

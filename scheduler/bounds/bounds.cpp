@@ -26,7 +26,7 @@ UnitWork unit_work(const Scenario& run, const MixTask& task, WorkloadId workload
   if (const Link* link = link_of(run.platform, unit)) {
     const CallBytes bytes = call_bytes(task);
     const Nanos sending = sending_time(*link, bytes.in) + sending_time(*link, bytes.out);
-    work.energy_j += link->active_w * to_s(sending);
+    if (work.energy_j) *work.energy_j += link->active_w * to_s(sending);
     work.total_ms += to_ms(sending);
   }
   return work;
@@ -172,9 +172,12 @@ std::optional<double> most_tasks_per_ms(const Work& work) {
 std::optional<double> least_energy_j(const Work& work, const std::vector<double>& firings,
                                      double makespan_ms) {
   LinearProgram program;
+  bool known = true;
   for_each_choice(work, [&](std::size_t p, std::size_t, const UnitWork& choice, int) {
-    program.add_variable(firings[p] * choice.energy_j);
+    known = known && choice.energy_j;
+    program.add_variable(firings[p] * choice.energy_j.value_or(0));
   });
+  if (!known) return std::nullopt;
   add_completeness(work, program);
   add_capacity(work, firings, makespan_ms, {}, program);
   const auto least = program.minimum();

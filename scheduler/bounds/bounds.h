@@ -22,9 +22,9 @@ namespace pirt {
 /// What one task of a pipeline asks of the platform, on one unit.
 struct UnitWork {
   UnitId unit = 0;
-  std::vector<double> server_ms;  ///< By unit: server time on it, scaled.
-  double total_ms = 0;            ///< All stages, one after the other.
-  double energy_j = 0;            ///< Without idle power.
+  std::vector<double> server_ms;       ///< By unit: server time on it, scaled.
+  double total_ms = 0;                 ///< All stages, one after the other.
+  std::optional<double> energy_j = 0;  ///< Without idle power; absent where nobody knows it.
 };
 
 struct TaskWork {
@@ -58,7 +58,7 @@ struct Work {
 [[nodiscard]] std::optional<double> most_tasks_per_ms(const Work& work);
 
 /// Energy programme: least joules for so many firings of each pipeline within @p makespan_ms.
-/// Absent if they do not fit.
+/// Absent if they do not fit, or if nobody knows the joules of a unit that may serve them.
 [[nodiscard]] std::optional<double> least_energy_j(const Work& work,
                                                    const std::vector<double>& firings,
                                                    double makespan_ms);

@@ -12,7 +12,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
 #include "workloads/base/yaml.h"
-#include "workloads/catalog.h"
+#include "workloads/specs.h"
 
 namespace pirt {
 namespace {
@@ -92,7 +92,7 @@ void read_ports(const YamlNode& node, NamedTask& named) {
   if (!named.task.service.empty()) {
     node.fail("a task with service_ms has no tensors; use after: [{task: NAME, bytes: N}]");
   }
-  const Workload& workload = find_workload(named.task.workload);
+  const WorkloadSpec workload = find_spec(named.task.workload);
   for (const auto& name : node.keys()) {
     const YamlNode value = node.at(name);
     NamedPort port{.input = find_port(value, workload.name, "input", workload.inputs, name),
@@ -117,7 +117,7 @@ void read_ports(const YamlNode& node, NamedTask& named) {
 
 void read_workload(const YamlNode& node, MixTask& task) {
   task.workload = node.text();
-  if (try_find_workload(task.workload) == nullptr) {
+  if (!try_find_spec(task.workload)) {
     node.fail("there is no workload '" + task.workload + "'" +
               suggestion(task.workload, workload_names()));
   }
@@ -200,9 +200,9 @@ PortInput resolve_port(const NamedPort& port, const NamedTask& taker,
   if (!maker.service.empty()) {
     port.node.fail("'" + port.task + "' has service_ms and makes no tensors; use after:");
   }
-  const auto& outputs = find_workload(maker.workload).outputs;
+  const auto& outputs = find_spec(maker.workload).outputs;
   const std::size_t output = find_port(port.node, maker.workload, "output", outputs, port.output);
-  const TensorSpec& taken = find_workload(taker.task.workload).inputs[port.input];
+  const TensorSpec& taken = find_spec(taker.task.workload).inputs[port.input];
   if (!fits(outputs[output], taken)) {
     port.node.fail(maker.workload + " makes " + outputs[output].describe() + ", but " +
                    taker.task.workload + " takes " + taken.describe());
@@ -226,7 +226,7 @@ void add_port_edge(const PortInput& port, const std::vector<NamedTask>& tasks, N
   }
   edge.by_port = true;
   edge.bytes = edge.bytes.value_or(0) +
-               find_workload(tasks[port.task].task.workload).outputs[port.output].size_bytes();
+               find_spec(tasks[port.task].task.workload).outputs[port.output].size_bytes();
 }
 
 Edges resolve_edges(std::vector<NamedTask>& tasks, const TaskNames& names) {
@@ -289,8 +289,9 @@ std::vector<MixTask> sorted_tasks(const YamlNode& node, std::vector<NamedTask> t
 /// Gives the task its state: one of the pipeline's own, or one that `state:` names and tasks of
 /// other pipelines may hold too.
 void resolve_state(const YamlNode& node, const std::string& pipeline, MixTask& task, Mix& mix) {
-  const auto* workload = task.service.empty() ? &find_workload(task.workload) : nullptr;
-  const bool has_state = workload != nullptr && workload->state.has_value();
+  const auto workload =
+      task.service.empty() ? std::optional(find_spec(task.workload)) : std::nullopt;
+  const bool has_state = workload && workload->state.has_value();
   if (!has_state) {
     if (node.has("state")) node.at("state").fail(task.workload + " has no state; leave it out");
     return;
@@ -307,7 +308,7 @@ void resolve_state(const YamlNode& node, const std::string& pipeline, MixTask& t
     mix.states.push_back({.name = name, .size_bytes = size_bytes, .workload = task.workload});
     return;
   }
-  const StateSpec& theirs = *find_workload(known->workload).state;
+  const StateSpec& theirs = *find_spec(known->workload).state;
   if (theirs.name != spec.name || theirs.tensors != spec.tensors) {
     node.at(node.has("state") ? "state" : "workload")
         .fail("state '" + name + "' is already " + known->workload + "'s " + theirs.name + "; " +

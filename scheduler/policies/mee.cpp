@@ -1,5 +1,7 @@
 // MEE, minimum energy execution: the unit that takes the fewest joules for the workload, whatever
-// its load. Ties: the first unit.
+// its load. Ties: the first unit. A unit whose joules nobody knows comes after all whose are known.
+#include <limits>
+
 #include "scheduler/policies/baseline.h"
 #include "scheduler/policies/policies.h"
 
@@ -11,10 +13,12 @@ class MeePolicy final : public Baseline {
   explicit MeePolicy(const PolicySetup& setup) : Baseline(setup), costs_(setup.costs) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
-    const auto& costs = costs_[task.workload];
-    return on_or_hold(first_best(takers(task, units.up), [&](UnitId a, UnitId b) {
-      return costs[a]->energy_j < costs[b]->energy_j;
-    }));
+    const auto joules = [&](UnitId unit) {
+      return costs_[task.workload][unit]->energy_j.value_or(
+          std::numeric_limits<double>::infinity());
+    };
+    return on_or_hold(first_best(takers(task, units.up),
+                                 [&](UnitId a, UnitId b) { return joules(a) < joules(b); }));
   }
 
  private:

@@ -35,8 +35,8 @@ struct UnitResult {
   std::optional<double> p99_latency_ms;
   double busy_s = 0;                  ///< Server-seconds.
   std::optional<double> utilization;  ///< busy_s over servers x makespan.
-  /// Its share; a link's counts for the unit that used it. Absent, and not in the run's, where
-  /// nobody knows what the unit draws.
+  /// Its share; a link's counts for the unit that used it. Absent where nobody knows what the unit
+  /// draws.
   std::optional<double> energy_j;
   friend bool operator==(const UnitResult&, const UnitResult&) = default;
 };
@@ -123,7 +123,8 @@ struct RunRecord {
   std::int64_t offloaded = 0;  ///< Of the completed ones, those that the cloud served.
   std::optional<double> throughput_per_ms;
   std::optional<double> mean_latency_ms, p99_latency_ms;  ///< Of all tasks, dispatch to completion.
-  double energy_j = 0;
+  /// Absent, with the power, where nobody knows what a unit draws that served something.
+  std::optional<double> energy_j;
   std::optional<double> average_power_w;
 
   std::vector<UnitResult> units;          ///< In the platform's order.

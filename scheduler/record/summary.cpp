@@ -10,24 +10,28 @@ std::optional<double> in_ms(const std::optional<Nanos>& time) {
   return time ? std::optional(to_ms(*time)) : std::nullopt;
 }
 
-bool is_metered(const ServiceTable& services, UnitId unit) {
-  for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {
-    const Service* service = services.find(workload, unit);
-    if (service != nullptr && service->metered_j) return true;
+/// Whether somebody knows what the unit's calls drew, or would draw if it made none.
+bool energy_known(const Scenario& run, UnitId unit, const Tally& tally) {
+  bool any = false;
+  bool some_known = false;
+  for (WorkloadId workload = 0; workload < run.services.workloads.size(); ++workload) {
+    const Service* service = run.services.find(workload, unit);
+    if (service == nullptr) continue;
+    any = true;
+    some_known = some_known || service->energy_known;
+    if (!service->energy_known && tally.calls[workload][unit].count() > 0) return false;
   }
-  return false;
+  return some_known || !any;
 }
 
-/// Nothing for a measured unit that neither the platform nor a meter says anything of.
-std::optional<double> unit_energy_j(const Scenario& run, UnitId unit, const UnitTally& tally,
-                                    Nanos makespan) {
+std::optional<double> unit_energy_j(const Scenario& run, UnitId unit, const Tally& tally) {
+  if (!energy_known(run, unit, tally)) return std::nullopt;
   const UnitModel& model = run.platform.units[unit];
-  const bool known = !model.measured() || run.platform.states_power(model);
-  if (!known && !is_metered(run.services, unit)) return std::nullopt;
+  const UnitTally& own = tally.units[unit];
   double energy_j =
-      model.active_w * to_s(tally.powered) + model.idle_w * to_s(makespan) + tally.extra_j;
+      model.active_w * to_s(own.powered) + model.idle_w * to_s(tally.end) + own.extra_j;
   if (!model.link.empty())
-    energy_j += run.platform.links.at(model.link).active_w * to_s(tally.transferring);
+    energy_j += run.platform.links.at(model.link).active_w * to_s(own.transferring);
   return energy_j;
 }
 
@@ -54,7 +58,9 @@ void add_provenance(const ServiceTable& services, UnitId unit, UnitResult& resul
 }
 
 UnitResult summarize_unit(const Scenario& run, const Profile* profile, UnitId unit,
-                          const UnitTally& tally, Nanos makespan) {
+                          const Tally& all) {
+  const UnitTally& tally = all.units[unit];
+  const Nanos makespan = all.end;
   const UnitModel& model = run.platform.units[unit];
   UnitResult result;
   result.unit = model.name;
@@ -72,7 +78,7 @@ UnitResult summarize_unit(const Scenario& run, const Profile* profile, UnitId un
   }
   if (makespan > Nanos::zero())
     result.utilization = result.busy_s / (model.servers * to_s(makespan));
-  result.energy_j = unit_energy_j(run, unit, tally, makespan);
+  result.energy_j = unit_energy_j(run, unit, all);
   return result;
 }
 
@@ -159,16 +165,21 @@ RunRecord summarize(const Scenario& run, const Profile* profile, const WeightTab
   record.makespan_s = to_s(makespan);
   add_counts(run, tally, record);
   Histogram latency;
+  double energy_j = 0;
+  bool known = true;
   for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
-    record.units.push_back(summarize_unit(run, profile, unit, tally.units[unit], makespan));
-    record.energy_j += record.units.back().energy_j.value_or(0);
+    record.units.push_back(summarize_unit(run, profile, unit, tally));
+    const UnitResult& made = record.units.back();
+    energy_j += made.energy_j.value_or(0);
+    known = known && (made.energy_j || tally.units[unit].busy == Nanos::zero());
     latency.add(tally.units[unit].latency);
   }
+  if (known) record.energy_j = energy_j;
   record.mean_latency_ms = in_ms(latency.mean());
   record.p99_latency_ms = in_ms(latency.percentile(0.99));
   if (makespan > Nanos::zero()) {
     record.throughput_per_ms = static_cast<double>(record.completed) / to_ms(makespan);
-    record.average_power_w = record.energy_j / record.makespan_s;
+    if (known) record.average_power_w = energy_j / record.makespan_s;
   }
   for (std::size_t p = 0; p < run.mix.pipelines.size(); ++p) {
     record.pipelines.push_back(

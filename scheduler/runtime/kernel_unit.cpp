@@ -12,14 +12,21 @@
 namespace pirt {
 
 StateValue::StateValue(const Workload& workload)
-    : sets_{workload.make_state(), make_tensors(workload.state->tensors)} {}
+    : initial_(std::make_shared<const std::vector<Tensor>>(workload.make_state())),
+      sets_{copy_tensors(*initial_), make_tensors(workload.state->tensors)} {}
 
 StateValue::StateValue(const StateValue& other)
-    : sets_{copy_tensors(other.committed()), copy_tensors(other.committed())} {}
+    : initial_(other.initial_),
+      sets_{copy_tensors(other.committed()), copy_tensors(other.committed())} {}
 
 void StateValue::commit(std::uint64_t version) {
   current_ = 1 - current_;
   version_ = version;
+}
+
+void StateValue::restart() {
+  for (std::size_t i = 0; i < initial_->size(); ++i) copy_tensor((*initial_)[i], next()[i]);
+  commit(0);
 }
 
 namespace {
@@ -27,24 +34,6 @@ namespace {
 /// Turns to wait awake before sleeping: short kernels follow each other, and waking up takes longer
 /// than they do. Each gives its core to whoever else wants it.
 constexpr int kTurnsAwake = 100;
-
-class FunctionKernel final : public Kernel {
- public:
-  explicit FunctionKernel(KernelFunction function) : function_(std::move(function)) {}
-  void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
-    inputs_ = inputs;
-    outputs_ = outputs;
-  }
-  std::optional<Nanos> execute(int repeats) override {
-    for (int i = 0; i < repeats; ++i) function_(inputs_, outputs_);
-    return std::nullopt;
-  }
-
- private:
-  KernelFunction function_;
-  std::span<const Tensor> inputs_;
-  std::span<Tensor> outputs_;
-};
 
 /// Why the calling thread did not get it; empty if it did.
 std::string take_priority(int priority) {

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "scheduler/mix/task.h"
-#include "workloads/backend.h"
+#include "workloads/function_kernel.h"
 
 namespace pirt {
 
@@ -35,10 +35,13 @@ class StateValue {
   /// What the call wrote is the state from now on.
   /// @param version  CallEnd::version of the call.
   void commit(std::uint64_t version);
+  /// It has its initial value again. No call that runs may have it.
+  void restart();
   /// Another one for each value that any state ever had; 0 = the initial one.
   [[nodiscard]] std::uint64_t version() const { return version_; }
 
  private:
+  std::shared_ptr<const std::vector<Tensor>> initial_;
   std::vector<Tensor> sets_[2];
   std::size_t current_ = 0;
   std::uint64_t version_ = 0;
@@ -61,11 +64,6 @@ struct CallEnd {
   std::uint64_t version = 0;  ///< Of the state that it wrote, if it completed.
   std::string problem;        ///< Of one that failed, with the names of workload and unit.
 };
-
-/// A kernel of the program's own: computes outputs, which have the specs of its workload, of
-/// inputs. What it throws fails the task.
-using KernelFunction =
-    std::function<void(std::span<const Tensor> inputs, std::span<Tensor> outputs)>;
 
 /// What a unit prepares before anything runs.
 struct Preparation {

@@ -60,6 +60,7 @@ class LiveRun final : public Executor {
     const Firings::Place& place = time_.firings().place(job);
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
     const Workload& workload = find_workload(task.workload);
+    if (task.state && task.inputs.empty()) follow_sequence(*task.state, workload, place.firing);
     Call call{.workload = &workload,
               .inputs = {},
               .outputs = outputs_.take(workload),
@@ -88,6 +89,15 @@ class LiveRun final : public Executor {
   }
 
   [[nodiscard]] Nanos now() const { return clock_.now() - start_; }
+
+  /// A recorded sequence that begins anew begins with the state that it was recorded from, as where
+  /// it is measured: its inputs fit no other.
+  void follow_sequence(std::size_t state, const Workload& workload, std::uint64_t firing) {
+    const std::uint64_t frame = Samples::frame(workload, firing);
+    const auto [last, first_time] = played_.try_emplace(state, frame);
+    if (!first_time && frame <= last->second) states_[state]->restart();
+    last->second = frame;
+  }
 
   void set_up() {
     const auto say = [this](const std::string& line) {
@@ -220,6 +230,7 @@ class LiveRun final : public Executor {
   Samples samples_;
   OutputPool outputs_;
   std::vector<std::shared_ptr<StateValue>> states_;
+  std::map<std::size_t, std::uint64_t> played_;  ///< Of states_ that play: the last frame.
   VirtualTime time_;
   int computing_ = 0;
   LiveResult result_;

@@ -16,7 +16,11 @@ class Samples {
  public:
   explicit Samples(std::uint64_t seed) : seed_(seed), images_(generated_images(seed)) {}
 
-  /// @param firing  Number of the firing: which frame of the sequence.
+  /// Which frame of the sequence it is.
+  [[nodiscard]] static std::uint64_t frame(const Workload& workload, std::uint64_t firing) {
+    return firing % static_cast<std::uint64_t>(workload.frames);
+  }
+  /// @param firing  Number of the firing.
   const std::shared_ptr<const Data>& of(const Workload& workload, std::uint64_t firing) {
     auto& frames = frames_[&workload];
     if (frames.empty()) {
@@ -25,7 +29,7 @@ class Samples {
             workload.make_data({.seed = seed_, .images = images_.get(), .frame = frame})));
       }
     }
-    return frames[firing % frames.size()];
+    return frames[frame(workload, firing)];
   }
 
  private:

@@ -7,7 +7,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/text.h"
-#include "workloads/catalog.h"
+#include "workloads/specs.h"
 
 namespace pirt {
 namespace {
@@ -20,7 +20,7 @@ constexpr Phase kCallPhases[] = {Phase::kUpload, Phase::kLaunch, Phase::kExecute
 struct Cell {
   const Platform& platform;
   const Profile* profile;
-  const Workload& workload;
+  const WorkloadSpec& workload;
   UnitId unit_id;
   const ServiceOptions& options;
 
@@ -154,7 +154,7 @@ void add_energy(const Cell& cell, Service& service, std::vector<std::string>& wa
     service.extra_j += model->call_j.at(unit.name);
   }
   service.extra_j += unit.call_j;
-  service.extra_j += unit.byte_pj * 1e-12 * static_cast<double>(cell.workload.bytes());
+  service.extra_j += unit.byte_pj * 1e-12 * static_cast<double>(cell.workload.bytes);
   if (cell.workload.ops) {
     service.extra_j += unit.op_pj * 1e-12 * static_cast<double>(*cell.workload.ops);
   } else if (unit.op_pj > 0 && !service.metered_j) {
@@ -282,19 +282,23 @@ CostTable call_costs(const Platform& platform, const ServiceTable& services) {
 
 namespace {
 
-/// Joules of a unit that nobody knows the power of are missing in all sums.
+/// Whether anybody says what calls on the unit draw, if no meter has seen them.
+bool states_power(const Platform& platform, const UnitModel& unit) {
+  return !unit.measured() || platform.states_power(unit);
+}
+
 void warn_of_power(const Platform& platform, const Profile* profile,
                    std::vector<std::string>& warnings) {
-  if (profile == nullptr) return;
   for (const UnitModel& unit : platform.units) {
-    if (!unit.measured() || platform.states_power(unit)) continue;
-    const bool metered = std::ranges::any_of(profile->energies, [&unit](const EnergyRow& row) {
-      return row.unit == unit.name && row.valid;
-    });
+    if (states_power(platform, unit)) continue;
+    const bool metered =
+        profile != nullptr && std::ranges::any_of(profile->energies, [&unit](const EnergyRow& row) {
+          return row.unit == unit.name && row.valid;
+        });
     if (metered) continue;
     warnings.push_back(fmt::format(
-        "the energy of {} is not known and counts as nothing: the platform states no power; give "
-        "it with --set {}.active_w=W",
+        "the energy of {} is not known, nor that of a run that uses it: the platform states no "
+        "power; give it with --set {}.active_w=W",
         unit.name, unit.name));
   }
 }
@@ -313,15 +317,16 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
   warn_of_power(platform, profile, table.warnings);
   for (const auto& name : workloads) {
     auto& row = table.entries.emplace_back();
-    if (const auto given = options.given.find(name); given != options.given.end()) {
-      for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-        row.push_back(from_mix(given->second, unit));
-      }
-      continue;
-    }
-    const Workload& workload = find_workload(name);
+    const auto given = options.given.find(name);
+    const auto workload =
+        given == options.given.end() ? std::optional(find_spec(name)) : std::nullopt;
     for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-      row.push_back(resolve({platform, profile, workload, unit, options}, table.warnings));
+      row.push_back(!workload
+                        ? from_mix(given->second, unit)
+                        : resolve({platform, profile, *workload, unit, options}, table.warnings));
+      if (!row.back().service) continue;
+      Service& service = *row.back().service;
+      service.energy_known = service.metered_j || states_power(platform, platform.units[unit]);
     }
   }
   return table;

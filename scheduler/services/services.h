@@ -39,6 +39,8 @@ struct Service {
   double extra_j = 0;
   /// A meter's joules a call; stands in place of all modelled energy of a call.
   std::optional<double> metered_j;
+  /// False: no meter and no platform says what a call draws, and nobody may take it for nothing.
+  bool energy_known = true;
 
   /// Of the stage's time before the scale, how much draws active_w: none of a metered call's.
   [[nodiscard]] double energy_scale(const ServiceStage& stage) const {
@@ -70,11 +72,13 @@ struct ServiceTable {
   [[nodiscard]] UnitMask units_of(WorkloadId workload) const;
 };
 
-/// Joules of one call without what travels over a link and without idle power.
+/// Joules of one call without what travels over a link and without idle power; absent where nobody
+/// knows them.
 /// @param stage_time  The time of a stage before its scale: Nanos(const ServiceStage&).
 template <typename StageTime>
-[[nodiscard]] double call_energy_j(const Platform& platform, const Service& service,
-                                   const StageTime& stage_time) {
+[[nodiscard]] std::optional<double> call_energy_j(const Platform& platform, const Service& service,
+                                                  const StageTime& stage_time) {
+  if (!service.energy_known) return std::nullopt;
   double energy_j = service.fixed_j();
   for (const ServiceStage& stage : service.stages) {
     if (!stage.on) continue;
@@ -90,7 +94,7 @@ struct CallCost {
   Nanos total{0};
   /// Of which it occupies one of the unit's servers, so that the next one waits.
   Nanos occupied{0};
-  double energy_j = 0;  ///< Above idle.
+  std::optional<double> energy_j = 0;  ///< Above idle; absent where nobody knows it.
   Origin energy_provenance = Provenance::kModelled;
 };
 /// [workload][unit]; absent where there is no service.

@@ -7,7 +7,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/numbers.h"
-#include "workloads/catalog.h"
+#include "workloads/specs.h"
 
 namespace pirt {
 namespace {
@@ -58,7 +58,7 @@ Nanos sending_time(const Link& link, std::int64_t size_bytes) {
 
 CallBytes call_bytes(const MixTask& task) {
   if (!task.service.empty()) return {};
-  const Workload& workload = find_workload(task.workload);
+  const WorkloadSpec workload = find_spec(task.workload);
   CallBytes bytes{.in = total_bytes(workload.inputs), .out = total_bytes(workload.outputs)};
   for (const PortInput& port : task.inputs) bytes.in -= workload.inputs[port.input].size_bytes();
   for (const std::size_t output : task.handed_on)
@@ -96,7 +96,7 @@ std::vector<EarlierEdge> earlier_edges_into(const Platform& platform, const Pipe
       edges.push_back({.edge = {.from = port.task, .to = task}});
       known = edges.end() - 1;
     }
-    const Workload& maker = find_workload(pipeline.tasks[port.task].workload);
+    const WorkloadSpec maker = find_spec(pipeline.tasks[port.task].workload);
     known->size_bytes += maker.outputs[port.output].size_bytes();
   }
   for (EarlierEdge& each : edges) {

@@ -56,7 +56,8 @@ Json costs_json(const CostTable& costs) {
   for (const auto& workload : costs) {
     Json& row = rows.emplace_back(Json::array());
     for (const auto& cost : workload) {
-      row.push_back(cost ? Json{cost->total.count(), cost->occupied.count(), cost->energy_j,
+      row.push_back(cost ? Json{cost->total.count(), cost->occupied.count(),
+                                cost->energy_j ? Json(*cost->energy_j) : Json(),
                                 to_string(cost->energy_provenance), cost->energy_provenance.mixture}
                          : Json());
     }
@@ -67,7 +68,8 @@ Json costs_json(const CostTable& costs) {
 CallCost cost_from_json(const Json& json) {
   CallCost cost{.total = time_from_json(json.at(0)),
                 .occupied = time_from_json(json.at(1)),
-                .energy_j = json.at(2).get<double>()};
+                .energy_j = std::nullopt};
+  if (!json.at(2).is_null()) cost.energy_j = json.at(2).get<double>();
   const auto provenance = provenance_from_string(json.at(3).get<std::string>());
   if (!provenance) throw_bad_input(json_text(json.at(3)) + " is no provenance");
   cost.energy_provenance = {*provenance, json.size() > 4 && json.at(4).get<bool>()};

@@ -1,4 +1,4 @@
-// How fast virtual time is, and that its memory does not follow the tasks done: full-robot on
+// How fast virtual time is, and that its memory does not follow the tasks done: table1-robot on
 // platform `fake`, mode advanced.
 //
 // Usage: scheduler [tasks in millions ...]; default 1 10. Prints tasks/s and the peak memory of the
@@ -37,7 +37,7 @@ int main(int argc, char** argv) {
   for (int i = 1; i < argc; ++i) millions.push_back(std::atof(argv[i]));
   if (millions.empty()) millions = {1, 10};
   const auto platform = pirt::load_platform("fake");
-  const auto mix = pirt::load_mix("full-robot");
+  const auto mix = pirt::load_mix("table1-robot");
   for (const char* mode : {"throughput", "advanced"}) {
     for (const double count : millions) {
       pirt::ScheduleOptions options;

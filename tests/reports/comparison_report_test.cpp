@@ -11,6 +11,7 @@
 namespace pirt {
 namespace {
 
+using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -44,6 +45,19 @@ TEST(Comparison, ShowsGapsAndCostsAgainstTheBestOfTheTable) {
                                       "^10.0", "1.00x", "0", "0", "0", "0", "6", "derived"}));
   EXPECT_EQ(table.rows[1][4], "+0.0");
   EXPECT_EQ(table.rows[1][8], "2.50x");
+}
+
+TEST(Comparison, OfAModeWhoseEnergyNobodyKnowsSaysWhy) {
+  ModeRuns comparison = {{run_of("a", 4, 10), run_of("b", 2, 25)}, {}};
+  comparison.runs[1].energy_j.reset();
+  comparison.runs[1].units[0].busy_s = 1;
+  const auto document = comparison_document(comparison, {});
+  const auto& table = std::get<Table>(document.parts[1]);
+  EXPECT_EQ(table.rows[0][5], "1.00x");
+  EXPECT_EQ(table.rows[1][3], "-");
+  EXPECT_EQ(table.rows[1][4], "-");
+  EXPECT_EQ(table.rows[1][5], "-");
+  EXPECT_THAT(table.footnotes, Contains(HasSubstr("cpu.active_w")));
 }
 
 TEST(Comparison, SaysWhichModesCouldNotRunAndWhy) {

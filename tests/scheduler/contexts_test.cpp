@@ -12,7 +12,6 @@ namespace pirt::test {
 namespace {
 
 using testing::AllOf;
-using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::StartsWith;
@@ -176,20 +175,6 @@ TEST(ForeignServices, APhaseThatNobodyKnowsLeavesNoCall) {
   profile.phases[1].reasons = {"unknown: no link"};
   const auto table = resolve_services(platform_of(kMeasured), &profile, {"fc8"}, {});
   EXPECT_EQ(table.entries[0][0].reason, "its upload is unknown: no link");
-}
-
-// Nothing says what the unit draws: its joules are absent, and not 0.
-TEST(ForeignServices, UnknownPowerIsAbsentWithAWarning) {
-  const Profile profile = counted();
-  ScheduleOptions options;
-  options.mode = "throughput";
-  const RunRecord record = run_virtual(
-      platform_of("platform: board\nunits: {dsp: {backend: fake}}\n"), &profile,
-      mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 2}, tasks: [{workload: fc8}]}}\n"),
-      options);
-  EXPECT_EQ(record.units[0].energy_j, std::nullopt);
-  EXPECT_THAT(record.warnings,
-              Contains(AllOf(HasSubstr("energy of dsp is not known"), HasSubstr("dsp.active_w"))));
 }
 
 }  // namespace

@@ -80,11 +80,11 @@ TEST(EnergyOfMeans, OfNCallsIsNTimesThatOfTheMean) {
             1.1 * *profile.find("sobel", "cpu", Phase::kCall)->median);
   for (const Draw draw : {Draw::kMedian, Draw::kP95}) {
     const auto record = run(profile, frames(50), "cpu-only", draw);
-    EXPECT_NEAR(record.energy_j, 50 * expected_j, 1e-6) << to_string(draw);
+    EXPECT_NEAR(record.energy_j.value(), 50 * expected_j, 1e-6) << to_string(draw);
   }
   // Of what is drawn, as near as 2000 draws come.
   const auto drawn = run(profile, frames(2000), "cpu-only", Draw::kSamples);
-  EXPECT_NEAR(drawn.energy_j / (2000 * expected_j), 1, 0.08);
+  EXPECT_NEAR(drawn.energy_j.value() / (2000 * expected_j), 1, 0.08);
 }
 
 TEST(EnergyOfMeans, NoModeBeatsTheBound) {
@@ -94,7 +94,7 @@ TEST(EnergyOfMeans, NoModeBeatsTheBound) {
       for (const auto& policy : policies()) {
         const auto record = run(profile, frames(60), std::string(policy.name), draw);
         ASSERT_TRUE(record.bounds && record.bounds->energy_j) << policy.name;
-        EXPECT_GE(record.energy_j, *record.bounds->energy_j * (1 - 1e-6))
+        EXPECT_GE(record.energy_j.value(), *record.bounds->energy_j * (1 - 1e-6))
             << policy.name << " " << to_string(draw) << " " << seed;
       }
     }

@@ -144,6 +144,74 @@ TEST(Live, ComputesWhatASerialRunComputes) {
   }
 }
 
+/// A core and a cloud, with the robot's own work.
+constexpr const char* kRobot = R"(
+platform: robot
+units:
+  cpu: {backend: cpu, cores: first_half, slots: 1, active_w: 1}
+  cloud: {role: cloud}
+workloads:
+  imu_propagate: {cpu: [{on: cpu, ms: 1}]}
+  update_pose: {cpu: [{on: cpu, ms: 1}]}
+  extend_map: {cpu: [{on: cpu, ms: 1}]}
+  plan_path: {cpu: [{on: cpu, ms: 1}]}
+  avoid_obstacles: {cpu: [{on: cpu, ms: 1}]}
+  detect_objects: {cpu: [{on: cpu, ms: 10}]}
+  describe_scene: {cpu: [{on: cpu, ms: 10}], cloud: [{delay_ms: 5, name: offload}]}
+  bundle_adjust: {cpu: [{on: cpu, ms: 50}]}
+)";
+
+constexpr const char* kRobotMix = R"(
+mix: m
+pipelines:
+  localization:
+    closed_loop: {frames: 10}
+    tasks:
+      - {name: imu, workload: imu_propagate, state: motion}
+      - {name: pose, workload: update_pose, state: pose, after: [imu]}
+      - {name: map, workload: extend_map, state: map, after: [pose]}
+  plans:
+    closed_loop: {frames: 9}
+    tasks: [{name: plan, workload: plan_path}, {name: avoid, workload: avoid_obstacles}]
+  objects:
+    closed_loop: {frames: 2}
+    tasks: [{name: detect, workload: detect_objects}]
+  offline:
+    closed_loop: {frames: 2}
+    real_time: false
+    tasks: [{name: describe, workload: describe_scene}, {name: adjust, workload: bundle_adjust}]
+)";
+
+// A recorded step fits the state that it was recorded from, and no other: a filter that has gone on
+// follows other tracks.
+TEST(Live, SequencesBeginAnewWithTheirStates) {
+  for (const char* mode : {"ect", "advanced"}) {
+    SCOPED_TRACE(mode);
+    std::map<std::pair<std::string, std::uint64_t>, std::vector<std::byte>> outputs;
+    const Mix mix = mix_of(kRobotMix);
+    ScheduleOptions options;
+    options.mode = mode;
+    LiveOptions how;
+    how.sink = [&](const Firings::Place& place, std::span<const Tensor> made) {
+      const MixTask& task = mix.pipelines[place.pipeline].tasks[place.task];
+      outputs[{task.name, place.firing}] = bytes_of(made);
+    };
+    const RunRecord run =
+        run_live(parse_platform("test.yaml", kRobot, {}, 1), nullptr, mix, options, how);
+    EXPECT_EQ(run.failed, 0) << testing::PrintToString(run.warnings);
+    EXPECT_EQ(run.completed, 54);
+    const bool advanced = std::string(mode) == "advanced";
+    EXPECT_EQ(run.offloaded, advanced ? 2 : 0);
+    const auto said = Contains(HasSubstr("offline is not real-time, but no unit of role cloud"));
+    EXPECT_EQ(testing::Matches(said)(run.warnings), advanced);
+    for (const auto& [task, frames] :
+         {std::pair("imu", 8U), {"pose", 1U}, {"map", 1U}, {"plan", 8U}}) {
+      EXPECT_EQ((outputs[{task, 0}] == outputs[{task, frames}]), true) << task;
+      EXPECT_EQ((outputs[{task, 0}] == outputs[{task, 3}]), frames == 1) << task;
+    }
+  }
+}
+
 TEST(Live, TheTraceOfEveryModeReplays) {
   const std::string trace = testing::TempDir() + "/live_trace.json";
   for (const std::string& mode : policy_names()) {
@@ -231,6 +299,7 @@ TEST(Live, AUnitThatHangsIsTakenOutOfServiceAndItsStateIsThatOfBefore) {
   const auto images = generated_images(1);
   for (std::uint64_t firing = 1; firing < 12; ++firing) {
     const int frame = static_cast<int>(firing % static_cast<std::uint64_t>(model.frames));
+    if (frame == 0) state.restart();  // As the sequence does.
     Data data = model.make_data({.seed = 1, .images = images.get(), .frame = frame});
     const auto made = cpu.call(model, std::move(data.inputs), &state);
     EXPECT_EQ((outputs[{0, firing}] == bytes_of(made)), true) << firing;

@@ -210,7 +210,7 @@ TEST(Mix, SortsALongGraphQuickly) {
 
 TEST(ShippedMixes, AllLoad) {
   EXPECT_THAT(shipped_mixes(), ElementsAre("convolution-1000", "full-robot", "section5",
-                                           "section5-cpu-only", "section5-placed"));
+                                           "section5-cpu-only", "section5-placed", "table1-robot"));
   for (const auto& name : shipped_mixes()) {
     const Mix mix = load_mix(name);
     EXPECT_EQ(mix.name, name);

@@ -52,7 +52,7 @@ TEST(FakePlatform, ThroughputModeKeepsTheGpuFull) {
   EXPECT_NEAR(*record.units[1].mean_latency_ms, 31.5 / 8, 1e-6);
   EXPECT_FALSE(record.units[2].mean_latency_ms);
   // cpu 4 W for 9 ms, gpu 2 W for 12 ms; idle 0.2 + 0.1 + 0.02 W for 12 ms.
-  EXPECT_NEAR(record.energy_j, 0.036 + 0.024 + 0.32 * 0.012, 1e-12);
+  EXPECT_NEAR(record.energy_j.value(), 0.036 + 0.024 + 0.32 * 0.012, 1e-12);
   EXPECT_EQ(record.overflow, "hold");
 }
 
@@ -87,7 +87,7 @@ TEST_P(PapersTableV, IsReproducedByTheFittedPlatform) {
   const auto near = [](double got, double wanted) { EXPECT_NEAR(got, wanted, 0.005 * wanted); };
   EXPECT_EQ(record.completed, 1000);
   near(*record.throughput_per_ms, expected.frames_per_ms);
-  near(record.energy_j, expected.energy_j);
+  near(record.energy_j.value(), expected.energy_j);
   const double latencies[] = {expected.cpu_ms, expected.gpu_ms, expected.dsp_ms};
   for (std::size_t unit = 0; unit < 3; ++unit) {
     ASSERT_EQ(record.units[unit].mean_latency_ms.has_value(), latencies[unit] > 0);
@@ -116,7 +116,7 @@ TEST(TableV, IsBeatenByTheSlotVectorThatDominatesIt) {
   const auto record = run_virtual(platform, nullptr, load_mix("convolution-1000"), options);
   EXPECT_NEAR(*record.throughput_per_ms, .797, .005 * .797);
   EXPECT_NEAR(*record.mean_latency_ms, 8.72, .005 * 8.72);
-  EXPECT_NEAR(record.energy_j, 4.57, .005 * 4.57);
+  EXPECT_NEAR(record.energy_j.value(), 4.57, .005 * 4.57);
 }
 
 }  // namespace

@@ -109,9 +109,9 @@ TEST(RunRecord, RefusesOtherVersionsAndOtherJson) {
   EXPECT_THAT(refused(json), HasSubstr("not the result of a run"));
   EXPECT_THAT(refused(nlohmann::ordered_json::array()), HasSubstr("not the result of a run"));
   json["schema_version"] = RunRecord::kSchemaVersion;
-  json.erase("energy_j");
-  EXPECT_THAT(refused(json), AllOf(HasSubstr("not a complete"), HasSubstr("energy_j")));
-  json["energy_j"] = "much";
+  json.erase("makespan_s");
+  EXPECT_THAT(refused(json), AllOf(HasSubstr("not a complete"), HasSubstr("makespan_s")));
+  json["makespan_s"] = "much";
   EXPECT_THAT(refused(json), HasSubstr("not a complete"));
   json = to_json(sample());
   json["time"] = "local";

@@ -49,7 +49,7 @@ TEST(TaskGraph, RunsThePlanAsWorkedByHand) {
   EXPECT_EQ(heft.planned_makespan_s, 0.009);
   EXPECT_EQ(heft.makespan_s, 0.009);
   // a and b on the CPU for 5 ms at 1 W, c and d on the GPU for 4 ms at 2 W.
-  EXPECT_DOUBLE_EQ(heft.energy_j, 0.013);
+  EXPECT_DOUBLE_EQ(heft.energy_j.value(), 0.013);
   EXPECT_EQ(run("cpop", kDiamond).makespan_s, 0.015);
   const std::vector<PlanRow> plan = {{"p", "a", "cpu", 0, 2},
                                      {"p", "b", "cpu", 2, 5},
@@ -86,7 +86,7 @@ links: {bus: {mbit_s: 8, latency_ms: 2, active_w: 3}}
     const auto record = run(mode, tasks, platform);
     EXPECT_EQ(record.makespan_s, 0.010) << mode;
     // The link sends for 2 x 1 ms at 3 W; latency costs nothing.
-    EXPECT_NEAR(record.energy_j, 0.006, 1e-12) << mode;
+    EXPECT_NEAR(record.energy_j.value(), 0.006, 1e-12) << mode;
   }
   EXPECT_EQ(run("heft", tasks, platform).planned_makespan_s, 0.010);
 }

@@ -157,7 +157,7 @@ TEST_F(Traces, HaveAPowerCounterWhoseAreaIsTheEnergy) {
     auto platform = load_platform("snapdragon820");
     platform.units[2].idle_w = 0.01;
     const auto record = run(platform, load_mix("convolution-1000"), mode);
-    EXPECT_NEAR(area_j(trace()), record.energy_j, 1e-6 * record.energy_j) << mode;
+    EXPECT_NEAR(area_j(trace()), record.energy_j.value(), 1e-6 * *record.energy_j) << mode;
   }
 }
 

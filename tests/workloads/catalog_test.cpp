@@ -13,6 +13,7 @@
 #include <set>
 
 #include "tests/workloads/workload_support.h"
+#include "workloads/backend_list.h"
 #include "workloads/base/error.h"
 #include "workloads/registry.h"
 #include "workloads/vision/vision.h"
@@ -22,6 +23,31 @@ namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
+
+// Who computes nothing sees the same tensors, states and counts.
+TEST(Specs, AreThoseOfTheCatalog) {
+  std::vector<std::string> names = workload_names();
+  EXPECT_EQ(names.size(), catalog().size());
+  names.insert(names.end(), {"conv2@int8", "sobel@map", "fc6@batch8"});
+  for (const std::string& name : names) {
+    SCOPED_TRACE(name);
+    const Workload& workload = find_workload(name);
+    const WorkloadSpec spec = find_spec(name);
+    EXPECT_EQ(spec.name, workload.name);
+    EXPECT_EQ(spec.inputs, workload.inputs);
+    EXPECT_EQ(spec.outputs, workload.outputs);
+    EXPECT_EQ(spec.state, workload.state);
+    EXPECT_EQ(spec.ops, workload.ops);
+    EXPECT_EQ(spec.bytes, workload.bytes());
+  }
+  EXPECT_FALSE(try_find_spec("conv2@batch1"));
+}
+
+TEST(Backends, AreThoseThatPlatformFilesMayName) {
+  std::vector<std::string> names;
+  for (const auto& backend : backends()) names.emplace_back(backend->name());
+  EXPECT_EQ(names, backend_names());
+}
 
 TEST(Catalog, HasTableOneInThePapersOrder) {
   std::vector<std::string> names;

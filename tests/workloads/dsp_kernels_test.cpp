@@ -72,23 +72,26 @@ TEST(DspBackend, SaysHowTheTimeOfEachPhaseIsKnown) {
   if (const auto why = test::why_no_dsp(); !why.empty()) GTEST_SKIP() << why;
   const auto device = test::open_dsp();
   EXPECT_TRUE(device->is_deterministic());
-  EXPECT_EQ(device->accounting(Phase::kExecute).provenance, Provenance::kCounted);
-  for (const Phase phase : {Phase::kUpload, Phase::kLaunch, Phase::kDownload}) {
+  EXPECT_EQ(device->accounting(Phase::kDeviceInit).provenance, Provenance::kCounted);
+  EXPECT_EQ(device->accounting(Phase::kExecute).provenance, Provenance::kModelled);
+  for (const Phase phase : {Phase::kPrepare, Phase::kUpload, Phase::kLaunch, Phase::kDownload}) {
     EXPECT_EQ(device->accounting(phase).provenance, Provenance::kPublished);
     EXPECT_EQ(device->accounting(phase).unknown, "");
   }
-  EXPECT_NE(device->accounting(Phase::kPrepare).unknown, "");
 }
 
-// A packet a microsecond, and nothing else: what is left of the clock is packets.
+// Packets a microsecond are the bound; lines that the L2 does not hold come on top of it.
 TEST(DspBackend, TakesItsModelFromTheOptions) {
   if (const auto why = test::why_no_dsp(); !why.empty()) GTEST_SKIP() << why;
   const Workload& workload = find_workload("gaussian_blur");
   const Data data = test::data_of_seed_1(workload);
-  const auto time_of = [&](double clock_mhz) {
+  struct Times {
+    Nanos execute{0}, bound{0};
+  };
+  const auto times_of = [&](double clock_mhz, double miss_gb_s) {
     UnitRequest request;
     request.unit = "dsp";
-    request.options = {{"clock_mhz", clock_mhz}, {"launch_us", 0}};
+    request.options = {{"clock_mhz", clock_mhz}, {"launch_us", 0}, {"miss_gb_s", miss_gb_s}};
     const auto device = make_dsp_backend()->open(request);
     auto outputs = make_tensors(workload.outputs);
     const auto kernel = device->prepare(workload, data.parameters);
@@ -96,9 +99,16 @@ TEST(DspBackend, TakesItsModelFromTheOptions) {
     kernel->upload();
     const Nanos before = device->own_clock()->now();
     kernel->execute(1);
-    return device->own_clock()->now() - before;
+    return Times{device->own_clock()->now() - before,
+                 kernel->bound(Phase::kExecute).value_or(Nanos(0))};
   };
-  EXPECT_EQ(time_of(1), 500 * time_of(500));
+  const Times fast = times_of(500, 8), slow = times_of(1, 8), starved = times_of(500, 4);
+  EXPECT_GT(fast.bound.count(), 0);
+  EXPECT_EQ(slow.bound, 500 * fast.bound);
+  EXPECT_EQ(starved.bound, fast.bound);
+  EXPECT_GT(fast.execute, fast.bound);
+  EXPECT_EQ(slow.execute - slow.bound, fast.execute - fast.bound);
+  EXPECT_EQ(starved.execute - starved.bound, 2 * (fast.execute - fast.bound));
 }
 
 TEST(DspBackend, SaysWhyItDoesNotSupportTheRest) {

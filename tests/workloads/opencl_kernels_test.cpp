@@ -26,10 +26,11 @@ TEST_P(OpenClCatalog, ComputesWhatTheReferenceComputes) {
   const auto device = test::open_first_device();
   if (!device) GTEST_SKIP() << "skipped: no OpenCL device";
   const Workload& workload = find_workload(GetParam());
-  // The steps of the SLAM's filter: sequential, in f64.
-  constexpr std::array<std::string_view, 3> kHostOnly = {"imu_propagate", "update_pose",
-                                                         "extend_map"};
-  if (std::ranges::find(kHostOnly, workload.name) != kHostOnly.end()) {
+  // Sequential, in f64 or over pointers: what the filter, the planners and the solver do; or
+  // OpenCV's dnn.
+  constexpr std::array<std::string_view, 4> kHostOnly = {"slam", "planning", "mapping",
+                                                         "recognition"};
+  if (std::ranges::any_of(kHostOnly, [&](auto tag) { return workload.has_tag(tag); })) {
     EXPECT_FALSE(device->supports(workload).ok);
     GTEST_SKIP() << "skipped: " << device->supports(workload).reason;
   }

@@ -54,7 +54,8 @@ bool contains(std::string_view text, std::string_view part) {
 }
 
 const cpu::KernelEntry* find_kernel(std::string_view name) {
-  for (const auto table : {cpu::vision_kernels(), cpu::dnn_kernels(), cpu::slam_kernels()}) {
+  for (const auto table :
+       {cpu::vision_kernels(), cpu::dnn_kernels(), cpu::slam_kernels(), cpu::host_functions()}) {
     const auto it = std::ranges::find(table, name, &cpu::KernelEntry::kernel);
     if (it != table.end()) return &*it;
   }

@@ -36,5 +36,7 @@ struct KernelEntry {
 [[nodiscard]] std::span<const KernelEntry> vision_kernels();
 [[nodiscard]] std::span<const KernelEntry> dnn_kernels();
 [[nodiscard]] std::span<const KernelEntry> slam_kernels();
+/// Of workloads that are functions of the library (workloads/host_function.h).
+[[nodiscard]] std::span<const KernelEntry> host_functions();
 
 }  // namespace pirt::cpu

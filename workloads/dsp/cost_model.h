@@ -15,21 +15,21 @@ struct CostModel {
   double clock_hz = 500e6;
 
   /// What the DSP gets of the memory while it fetches ahead (l2fetch), which a line that is not in
-  /// the L2 waits for: an assumption, a quarter of the 29.8 GB/s of two 32-bit channels of
-  /// LPDDR4-3733. The L2 of 512 KiB and 8 ways in protocol.h is one, too: no source was found that
-  /// gives the 680's.
-  double memory_bytes_per_s = 29.8e9 / 4;
+  /// the L2 waits for: an assumption, a quarter of the board's. The L2 of 512 KiB and 8 ways in
+  /// protocol.h is one, too: no source was found that gives the 680's.
+  double memory_bytes_per_s = 29.86e9 / 4;
 
   /// Of the board's memory: 2 channels x 4 bytes x 3.73e9 transfers a second.
-  /// @source Qualcomm, Snapdragon 820 product brief: LPDDR4 at 1866 MHz.
-  double board_bytes_per_s = 29.8e9;
+  /// @source PhoneDB, Snapdragon 820 APQ8096: LPDDR4, 1866 MHz, 2 channels of 32 bits, 29.86 GB/s;
+  /// the Pi-RT paper's Table II has the same memory and clock.
+  double board_bytes_per_s = 29.86e9;
 
   /// From the call to the kernel's begin and back, cache maintenance included.
   /// @source Qualcomm, Hexagon SDK, "System optimizations", "IPC performance considerations":
   /// without a coherent cache "a minimum of a few hundred microseconds"; read as three hundred.
   double round_trip_us = 300;
 
-  /// The host writes what it reads: both go over the board's memory. Published.
+  /// What is copied is read and written: both go over the board's memory. Published.
   [[nodiscard]] Nanos copy(std::size_t size_bytes) const {
     return from_s(2 * static_cast<double>(size_bytes) / board_bytes_per_s);
   }

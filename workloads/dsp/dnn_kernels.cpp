@@ -139,6 +139,7 @@ Call make_convolution(Session& session, const Workload& workload,
                   session.allocate(size(s.out_h()) * size(s.out_w()) * size(channels) * 4,
                                    "the pixels of a layer"),
                   session.allocate(size(pitch), "the input sums of a layer")};
+  call.loaded = {weights, call.buffers[3]};
   const Factor factor = factor_of(scale);
   call.values = {s.in_c, s.in_h, pitch,    s.out_c,      s.out_h(),       s.out_w(),
                  s.k_h,  words,  s.stride, s.stride / 4, factor.mantissa, factor.exponent};
@@ -175,6 +176,7 @@ Call make_fully_connected(Session& session, const Workload& workload,
   call.outputs = {{output, 1, size(op.out) * 4, size(op.out) * 4}};
   call.buffers = {input.buffer, output, weights, quantized.make_table(session, channels),
                   session.allocate(size(in), "the quantized input of a layer")};
+  call.loaded = {weights, call.buffers[3]};
   const Factor factor = factor_of(scale);
   call.values = {in, op.out, op.activation == dnn::Activation::kSoftmax ? 1 : 0, factor.mantissa,
                  factor.exponent};

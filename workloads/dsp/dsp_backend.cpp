@@ -3,8 +3,10 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <utility>
 
+#include "workloads/backend_list.h"
 #include "workloads/base/affinity.h"
 #include "workloads/base/error.h"
 #include "workloads/dsp/cost_model.h"
@@ -54,8 +56,8 @@ class DspKernel : public Kernel {
 
   std::optional<Nanos> execute(int repeats) override {
     for (int i = 0; i < repeats; ++i) {
-      const auto cost = dsp::run(*session_, call_);
-      clock_.advance(model_.launch() + model_.without_stalls(cost));
+      cost_ = dsp::run(*session_, call_);
+      clock_.advance(model_.launch() + model_.with_memory(cost_));
     }
     return repeats * model_.launch();
   }
@@ -72,11 +74,18 @@ class DspKernel : public Kernel {
     }
   }
 
+  /// What has been counted of the last call, without the model of the memory.
+  [[nodiscard]] std::optional<Nanos> bound(Phase phase) const override {
+    if (phase != Phase::kExecute) return std::nullopt;
+    return model_.without_stalls(cost_);
+  }
+
  private:
   std::shared_ptr<dsp::Session> session_;
   dsp::Call call_;
   dsp::CostModel model_;
   CountedClock& clock_;
+  dsp::Cost cost_;
   std::span<const Tensor> inputs_;
   std::span<Tensor> outputs_;
 };
@@ -84,10 +93,13 @@ class DspKernel : public Kernel {
 class DspDevice : public Device {
  public:
   DspDevice(const dsp::Tools& tools, const dsp::CostModel& model)
-      : session_(std::make_shared<dsp::Session>(
-            dsp::SessionOptions{tools.emulator, tools.plugin, tools.program})),
+      : session_(std::make_shared<dsp::Session>(dsp::SessionOptions{.emulator = tools.emulator,
+                                                                    .plugin = tools.plugin,
+                                                                    .program = tools.program,
+                                                                    .models_memory = true})),
         version_(fmt::format("{}, program {}", dsp::emulator_version(tools.emulator),
                              dsp::program_hash(tools))),
+        program_bytes_(std::filesystem::file_size(tools.program)),
         model_(model) {
     clock_.advance(model_.without_stalls(session_->start_cost()));
   }
@@ -105,14 +117,14 @@ class DspDevice : public Device {
   [[nodiscard]] Provenance provenance() const override { return Provenance::kCounted; }
   [[nodiscard]] Accounting accounting(Phase phase) const override {
     switch (phase) {
+      case Phase::kPrepare:
       case Phase::kUpload:
       case Phase::kLaunch:
       case Phase::kDownload:
         return {Provenance::kPublished};
-      case Phase::kPrepare:
-        return {Provenance::kCounted, "loading code and weights is not modelled"};
-      case Phase::kDeviceInit:
       case Phase::kExecute:
+        return {Provenance::kModelled};
+      case Phase::kDeviceInit:
       case Phase::kCall:
         break;
     }
@@ -125,37 +137,31 @@ class DspDevice : public Device {
                                                     std::span<const Tensor> parameters) override {
     if (session_.use_count() == 1) session_->free_all();  // of kernels that are gone
     auto call = dsp::find_kernel(workload.kernel)->make(*session_, workload, parameters);
+    clock_.advance(model_.copy(program_bytes_));
+    for (const auto& loaded : call.loaded) clock_.advance(model_.copy(loaded.bytes));
     return std::make_unique<DspKernel>(session_, std::move(call), model_, clock_);
   }
 
   std::shared_ptr<dsp::Session> session_;
   std::string version_;
+  std::size_t program_bytes_;
   dsp::CostModel model_;
   CountedClock clock_;
 };
 
-/// What the model's constants are where a platform file does not say.
-const std::vector<OptionSpec>& option_specs() {
-  static const std::vector<OptionSpec> all = {
-      {"clock_mhz", "MHz", "packets a microsecond of one hardware thread", 1, 10'000, 500},
-      {"launch_us", "us", "round trip of a call without its kernel", 0, 1e6, 300},
-      {"copy_gb_s", "GB/s", "bandwidth of the board's memory, for uploads and downloads", 0.001,
-       10'000, 29.8}};
-  return all;
-}
-
 dsp::CostModel model_for(const UnitRequest& request) {
-  const auto& specs = option_specs();
+  const auto specs = options_of("dsp");
   dsp::CostModel model;
   model.clock_hz = 1e6 * request.option(specs[0]);
   model.round_trip_us = request.option(specs[1]);
   model.board_bytes_per_s = 1e9 * request.option(specs[2]);
+  model.memory_bytes_per_s = 1e9 * request.option(specs[3]);
   return model;
 }
 
 class DspBackend : public Backend {
  public:
-  [[nodiscard]] std::vector<OptionSpec> options() const override { return option_specs(); }
+  [[nodiscard]] std::vector<OptionSpec> options() const override { return options_of(name()); }
 
   [[nodiscard]] std::string_view name() const override { return "dsp"; }
   [[nodiscard]] std::string_view description() const override {

@@ -26,6 +26,7 @@ struct Call {
   std::uint32_t kernel = 0;
   std::string name;
   std::vector<Buffer> buffers;
+  std::vector<Buffer> loaded = {};  ///< Of these, what make() has filled: weights, a map.
   std::vector<std::int32_t> values;
   std::vector<Resident> inputs, outputs;  ///< In the order of the workload's tensors.
   /// i32: how many rows an output that varies has; all outputs that vary have as many.

@@ -128,6 +128,7 @@ Call make_undistort(Session& session, const Workload& workload, std::span<const 
                 3 * kPixels);
   }
   call.buffers = {whole, call.outputs[0].buffer, headers, vectors};
+  call.loaded = {headers, vectors};
   call.values = {op.height, static_cast<std::int32_t>(call.outputs[0].pitch_bytes), source_stride};
   return call;
 }

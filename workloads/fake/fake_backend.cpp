@@ -14,6 +14,7 @@
 #include <thread>
 #include <utility>
 
+#include "workloads/backend_list.h"
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
 #include "workloads/base/random.h"
@@ -408,16 +409,9 @@ class FakeDevice : public Device {
   ScriptedClock clock_;
 };
 
-/// What a fake unit's platform file may say beside its script.
-const OptionSpec& slowdown() {
-  static const OptionSpec option{"slowdown", "",  "all simulated times of calls, times this",
-                                 1e-3,       1e3, 1.0};
-  return option;
-}
-
 class FakeBackend : public Backend {
  public:
-  [[nodiscard]] std::vector<OptionSpec> options() const override { return {slowdown()}; }
+  [[nodiscard]] std::vector<OptionSpec> options() const override { return options_of(name()); }
   [[nodiscard]] std::string_view name() const override { return "fake"; }
   [[nodiscard]] std::string_view description() const override {
     return "scripted times on a simulated clock or the wall's, for tests and what-if; computes "
@@ -437,7 +431,7 @@ class FakeBackend : public Backend {
   [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest& request) const override {
     auto script = fake::parse_script(request.script);
     if (script.fail_open) throw_environment(*script.fail_open);
-    return std::make_unique<FakeDevice>(std::move(script), request.option(slowdown()));
+    return std::make_unique<FakeDevice>(std::move(script), request.option(options().front()));
   }
   [[nodiscard]] std::vector<std::pair<std::string, std::string>> kernel_cache_environment(
       const std::string& folder) const override {

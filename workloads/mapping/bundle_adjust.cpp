@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <mutex>
 
 #include "workloads/base/error.h"
 #include "workloads/mapping/reprojection.h"
@@ -20,16 +21,26 @@ constexpr std::array<std::string_view, 3> kLossNames = {"none", "huber", "cauchy
 constexpr std::size_t kSparseFrom = 400;
 
 /// Ceres says on the standard error stream, through glog, when it tries a step again with more
-/// damping. That is its work and no message of ours. Lives on one thread at a time.
+/// damping. That is its work and no message of ours. Quiet while there is one on any thread.
 class QuietGlog {
  public:
-  QuietGlog() : before_(FLAGS_minloglevel) { FLAGS_minloglevel = google::GLOG_ERROR; }
+  QuietGlog() {
+    const std::lock_guard lock(mutex_);
+    if (count_++ > 0) return;
+    before_ = FLAGS_minloglevel;
+    FLAGS_minloglevel = google::GLOG_ERROR;
+  }
   QuietGlog(const QuietGlog&) = delete;
   QuietGlog& operator=(const QuietGlog&) = delete;
-  ~QuietGlog() { FLAGS_minloglevel = before_; }
+  ~QuietGlog() {
+    const std::lock_guard lock(mutex_);
+    if (--count_ == 0) FLAGS_minloglevel = before_;
+  }
 
  private:
-  int before_;
+  static inline std::mutex mutex_;
+  static inline int count_ = 0;
+  static inline int before_ = 0;
 };
 
 class ReprojectionError {

@@ -33,6 +33,14 @@ struct BundleOptions {
   std::vector<std::int32_t> fixed_cameras = {};
 };
 
+/// Of a robot's own map: its cameras are calibrated, and some points are taken for others.
+[[nodiscard]] inline BundleOptions robot_options() {
+  BundleOptions options;
+  options.loss = Loss::kCauchy;
+  options.fixed_intrinsics = true;
+  return options;
+}
+
 /// Costs are half the sum of the squares of all residuals, in px^2, whatever the loss.
 struct BundleSummary {
   double initial_cost = 0;

@@ -99,18 +99,14 @@ std::vector<std::string> read_names(const fs::path& file) {
   return names;
 }
 
-std::unique_ptr<Network> open_network(const ModelBytes& bytes, const ModelOptions& options,
-                                      const Format& format) {
+/// @param what  The model, for the message: "'net.onnx' as a model of ONNX".
+std::unique_ptr<Network> open_network(const ModelBytes& bytes, const std::string& what) {
   static auto* const open = reinterpret_cast<OpenNetworkFunction*>(
       module_symbol("libpirt_networks.so", kOpenNetworkName, "which runs users' models"));
   std::unique_ptr<Network> network;
   std::string error;
   open(bytes, network, error);
-  if (!network) {
-    throw_bad_input(fmt::format("cannot use '{}'{} as a model of {}: {}", options.model.string(),
-                                options.config ? " with '" + options.config->string() + "'" : "",
-                                format.name, error));
-  }
+  if (!network) throw_bad_input("cannot use " + what + ": " + error);
   return network;
 }
 
@@ -166,32 +162,50 @@ Model::Model(const ModelOptions& options) : file_(options.model.string()) {
   }
   width_ = (*size)[0];
   height_ = (*size)[1];
-  network_ = open_network(bytes, options, format);
+  network_ = open_network(
+      bytes,
+      fmt::format("'{}'{} as a model of {}", file_,
+                  options.config ? " with '" + options.config->string() + "'" : "", format.name));
 }
 
-std::vector<NetworkOutput> Model::run(const Tensor& image, Fit fit) {
+Model::Model(std::string name, const ModelBytes& bytes, int width, int height,
+             Preprocess preprocess)
+    : file_(std::move(name)),
+      format_(bytes.format),
+      preprocess_(preprocess),
+      width_(width),
+      height_(height),
+      network_(open_network(bytes, "'" + file_ + "'")) {}
+
+std::vector<float> network_input(const Tensor& image, int width, int height, Fit fit,
+                                 Preprocess preprocess) {
   if (image.spec().element != Element::kU8 || image.spec().shape.size() != 3 || image.dim(0) != 3) {
     throw_bad_input("a picture has to be u8 [3, height, width], not " + image.spec().describe());
   }
   const int rows = static_cast<int>(image.dim(1));
   const int columns = static_cast<int>(image.dim(2));
-  const std::size_t plane = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+  const std::size_t plane = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   const cv::Rect part = fit == Fit::kStretch ? cv::Rect(0, 0, columns, rows)
-                                             : middle_of(columns, rows, width_, height_);
+                                             : middle_of(columns, rows, width, height);
   const int interpolation = fit == Fit::kStretch ? cv::INTER_LINEAR : cv::INTER_AREA;
   std::vector<float> input(3 * plane);
-  const auto channels = channels_of(preprocess_);
+  const auto channels = channels_of(preprocess);
   for (std::size_t i = 0; i < channels.size(); ++i) {
     const auto* from = image.data() + std::ptrdiff_t{channels[i].from} * rows * columns;
     // OpenCV has no view of constant memory; resize only reads.
     const cv::Mat given(rows, columns, CV_8U, const_cast<std::byte*>(from));
     cv::Mat scaled;
-    cv::resize(given(part), scaled, {width_, height_}, 0, 0, interpolation);
+    cv::resize(given(part), scaled, {width, height}, 0, 0, interpolation);
     std::transform(scaled.begin<std::uint8_t>(), scaled.end<std::uint8_t>(),
                    input.begin() + static_cast<std::ptrdiff_t>(i * plane), [&](std::uint8_t value) {
                      return (static_cast<float>(value) - channels[i].mean) * channels[i].scale;
                    });
   }
+  return input;
+}
+
+std::vector<NetworkOutput> Model::run(const Tensor& image, Fit fit) {
+  const auto input = network_input(image, width_, height_, fit, preprocess_);
   std::string error;
   auto outputs = network_->run(input, width_, height_, error);
   if (!error.empty()) {

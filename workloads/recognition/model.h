@@ -40,12 +40,20 @@ enum class Fit : std::uint8_t {
   kCrop,     ///< The middle, in its aspect: classifiers, as they were trained.
 };
 
+/// What a network of that size is given for a picture: f32 [3, height, width].
+/// @param image  u8 [3, height, width], order R, G, B, of any size.
+/// @throws Error{kBadInput} for an image of another element type or shape.
+[[nodiscard]] std::vector<float> network_input(const Tensor& image, int width, int height, Fit fit,
+                                               Preprocess preprocess);
+
 /// One thread at a time may use it.
 class Model {
  public:
   /// @throws Error{kBadInput} naming the file that is no model, has no known format or does not fit
   /// its configuration; Error{kEnvironment} if libpirt_networks.so is not there.
   explicit Model(const ModelOptions& options);
+  /// A model that is in memory. @param name  For messages.
+  Model(std::string name, const ModelBytes& bytes, int width, int height, Preprocess preprocess);
 
   /// @param image  u8 [3, height, width], order R, G, B.
   /// @throws Error{kBadInput} for an image of another element type or shape, or if the network does

@@ -80,8 +80,9 @@ void add_shapes(std::vector<float>& texture, int width, int height, std::uint64_
   }
 }
 
+/// At least 2x2: what lies between texels needs a neighbour in both directions.
 GreyImage halved(const GreyImage& image) {
-  GreyImage half{std::max(1, image.width / 2), std::max(1, image.height / 2), {}};
+  GreyImage half{std::max(2, image.width / 2), std::max(2, image.height / 2), {}};
   half.pixels.resize(static_cast<std::size_t>(half.width) * static_cast<std::size_t>(half.height));
   for (int y = 0; y < half.height; ++y) {
     const auto* a = image.row(std::min(2 * y, image.height - 1));

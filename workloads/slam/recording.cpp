@@ -8,6 +8,7 @@
 #include "workloads/scene/room.h"
 #include "workloads/slam/measure.h"
 #include "workloads/slam/propagate.h"
+#include "workloads/slam/specs.h"
 
 namespace pirt::slam {
 namespace {
@@ -25,23 +26,6 @@ PathOptions path_options() {
   return options;
 }
 
-Setup make_setup() {
-  CameraModel camera;
-  camera.width = 640;
-  camera.height = 480;
-  camera.fx = camera.fy = 400;
-  camera.cx = 319.5;
-  camera.cy = 239.5;
-  camera.rate_hz = 1 / Recording::kFrame_s;
-  // Looks forward: z of the camera along x of the body.
-  camera.body_from_camera.rotation << 0, 0, 1, -1, 0, 0, 0, -1, 0;
-  camera.body_from_camera.position = {0.1, 0.02, 0.03};
-  Setup setup;
-  setup.cameras = {camera};
-  setup.imu = ImuModel{};
-  return setup;
-}
-
 /// On one of the room's six faces.
 Eigen::Vector3d wall_point(Random& random) {
   const Eigen::Vector3d size(kRoomSide_m, kRoomSide_m, kRoomHeight_m);
@@ -54,7 +38,7 @@ Eigen::Vector3d wall_point(Random& random) {
 
 }  // namespace
 
-Recording::Recording() : setup_(make_setup()), path_(path_options()) {
+Recording::Recording() : setup_(recorded_setup()), path_(path_options()) {
   Random random(kSeed);
   for (int i = 0; i < kPoints; ++i) {
     Point point{wall_point(random), {}};

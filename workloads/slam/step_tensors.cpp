@@ -24,14 +24,6 @@ Nanos time_of_words(std::span<const std::int32_t> words) {
 
 }  // namespace
 
-std::int64_t most_tracks(const Setup& setup) { return setup.most_tracks + setup.most_landmarks; }
-
-std::vector<TensorSpec> sample_specs() {
-  return {{"samples", Element::kF64, {kMostSamples, 6}, true},
-          {"stamps", Element::kI32, {kMostSamples, 2}, true},
-          {"until", Element::kI32, {2}}};
-}
-
 std::vector<Tensor> tensors_of(std::span<const ImuSample> samples, Nanos until) {
   auto tensors = make_tensors(sample_specs());
   for (std::size_t i = 0; i < 2; ++i) tensors[i].set_rows(std::ssize(samples));
@@ -60,12 +52,6 @@ std::vector<ImuSample> samples_of(std::span<const Tensor> tensors) {
 
 Nanos time_of(const Tensor& until) { return time_of_words(until.as<std::int32_t>()); }
 
-std::vector<TensorSpec> feature_specs() {
-  return {{"pixels", Element::kF32, {kMostFeatures, 2}, true},
-          {"scores", Element::kF32, {kMostFeatures}, true},
-          {"descriptors", Element::kU8, {kMostFeatures, 32}, true}};
-}
-
 std::vector<Tensor> tensors_of(const Features& features) {
   auto tensors = make_tensors(feature_specs());
   for (Tensor& tensor : tensors) tensor.set_rows(std::ssize(features.pixels));
@@ -93,12 +79,6 @@ Features features_of(std::span<const Tensor> tensors) {
                       features.descriptors[i].begin());
   }
   return features;
-}
-
-std::vector<TensorSpec> track_specs(const Setup& setup, const std::string& side) {
-  const std::int64_t most = most_tracks(setup);
-  return {{side + "tracks", Element::kF32, {most, 2}, true},
-          {side + "found", Element::kU8, {most}, true}};
 }
 
 void write_tracks(std::span<const TrackedPoint> tracks, std::span<Tensor> tensors) {

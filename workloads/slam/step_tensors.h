@@ -3,36 +3,22 @@
 #pragma once
 
 #include <span>
-#include <string>
 #include <vector>
 
+#include "workloads/slam/specs.h"
 #include "workloads/slam/steps.h"
 #include "workloads/tensor.h"
 
 namespace pirt::slam {
 
-inline constexpr std::int64_t kMostSamples = 1024;  ///< Of an IMU, in one call.
-inline constexpr std::int64_t kMostFeatures = 400;
-
-/// Tracks that a state may have: landmarks that are known again are followed beyond the others'
-/// number.
-[[nodiscard]] std::int64_t most_tracks(const Setup& setup);
-
-/// samples f64 [<=1024,6] (rad/s, m/s^2), stamps i32 [<=1024,2] and until i32 [2] (nanoseconds, low
-/// and high word).
-[[nodiscard]] std::vector<TensorSpec> sample_specs();
 /// @throws std::logic_error for more than kMostSamples.
 [[nodiscard]] std::vector<Tensor> tensors_of(std::span<const ImuSample> samples, Nanos until);
 [[nodiscard]] std::vector<ImuSample> samples_of(std::span<const Tensor> tensors);
 [[nodiscard]] Nanos time_of(const Tensor& until);
 
-/// Those of workload extract_features: pixels, scores, descriptors.
-[[nodiscard]] std::vector<TensorSpec> feature_specs();
 [[nodiscard]] std::vector<Tensor> tensors_of(const Features& features);
 [[nodiscard]] Features features_of(std::span<const Tensor> tensors);
 
-/// Pixels f32 [<=n,2] and found u8 [<=n]. @param side  Before the names: "" or "right_".
-[[nodiscard]] std::vector<TensorSpec> track_specs(const Setup& setup, const std::string& side = "");
 void write_tracks(std::span<const TrackedPoint> tracks, std::span<Tensor> tensors);
 [[nodiscard]] std::vector<TrackedPoint> tracks_of(std::span<const Tensor> tensors);
 

@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <memory>
 #include <utility>
 
 #include "workloads/base/error.h"
 #include "workloads/slam/recording.h"
+#include "workloads/slam/specs.h"
 #include "workloads/slam/state_tensors.h"
 #include "workloads/slam/step_tensors.h"
 
@@ -19,7 +19,6 @@ namespace pirt::slam {
 namespace {
 
 constexpr int kMoment = 90;  // frames: 3.6 s, of which the robot moves 2
-constexpr int kPropagateFrames = 8;
 
 /// Played once, when first asked for; the same in every process.
 struct Played {
@@ -178,56 +177,20 @@ Verdict judge_poses(std::span<const PlayedFrame> sequence) {
 
 // --------------------------------------------------------------------------------------- workloads
 
-/// What is the same on every robot.
-struct Description {
-  const char* name;
-  const char* text;
+struct Functions {
   decltype(Step::run) run;
   // Of the catalog's own robot.
   Data (*data)(const DataRequest&);
   State Moment::*state;
+  decltype(Workload::judge) judge = {};
 };
 
-constexpr std::array kDescriptions = {
-    Description{"imu_propagate", "IMU samples at 200 Hz move pose and covariance on", run_propagate,
-                propagate_data, &Moment::before_propagate},
-    Description{"update_pose", "tracks and features of a frame correct the pose", run_update,
-                update_data, &Moment::before_update},
-    Description{"extend_map", "tracks of a frame become landmarks, corners become tracks",
-                run_extend, extend_data, &Moment::before_extend},
-};
-
-std::vector<TensorSpec> joined(std::vector<TensorSpec> a, const std::vector<TensorSpec>& b) {
-  std::ranges::copy(b, std::back_inserter(a));
-  return a;
-}
-
-struct Ports {
-  std::vector<TensorSpec> inputs, outputs;
-};
-
-Ports ports_of(std::string_view step, const Setup& setup) {
-  const std::int64_t most = most_tracks(setup);
-  const TensorSpec pose{"pose", Element::kF32, {12}};
-  if (step == "imu_propagate") {
-    return {sample_specs(),
-            {pose,
-             {"sigma", Element::kF32, {kMotionSize}},
-             {"points", Element::kF32, {most, 2}, true},
-             {"guesses", Element::kF32, {most, 2}, true},
-             {"depths", Element::kF64, {most}, true}}};
-  }
-  if (step == "update_pose") {
-    return {
-        joined(joined(track_specs(setup), track_specs(setup, "right_")), feature_specs()),
-        {pose, {"covariance", Element::kF32, {3, 3}}, {"report", Element::kI32, {kReportSize}}}};
-  }
-  return {feature_specs(),
-          {{"landmarks", Element::kF32, {setup.most_landmarks, 3}, true},
-           {"counts", Element::kI32, {2}},
-           {"body", Element::kF64, {12}},
-           {"body_covariance", Element::kF64, {3, 3}},
-           {"status", Element::kI32, {1}}}};
+const std::array<Functions, 3>& functions() {
+  static const std::array<Functions, 3> all = {
+      {{run_propagate, propagate_data, &Moment::before_propagate, judge_poses},
+       {run_update, update_data, &Moment::before_update, judge_poses},
+       {run_extend, extend_data, &Moment::before_extend}}};
+  return all;
 }
 
 /// No samples, no tracks, no features.
@@ -240,20 +203,12 @@ Data no_data(const std::vector<TensorSpec>& inputs) {
   return data;
 }
 
-Workload make(const Description& each, const Setup& setup) {
+/// All but where the state begins.
+void complete(Workload& w, const Setup& setup, const Functions& each) {
   auto step = std::make_shared<Step>();
   step->setup = setup;
   step->run = each.run;
-  Workload w;
-  w.name = each.name;
-  w.description = each.text;
-  w.tags = {"slam"};
-  w.kernel = each.name;
   w.operation = step;
-  Ports ports = ports_of(each.name, setup);
-  w.inputs = ports.inputs;
-  w.outputs = ports.outputs;
-  w.state = StateSpec{.name = "slam", .tensors = state_specs(setup)};
   w.make_data = [inputs = w.inputs](const DataRequest&) { return no_data(inputs); };
   w.step = [step, specs = w.outputs](std::span<Tensor> tensors, const Data& data) {
     auto wide = specs;
@@ -267,7 +222,6 @@ Workload make(const Description& each, const Setup& setup) {
     return outputs;
   };
   w.verify = verify;
-  return w;
 }
 
 }  // namespace
@@ -276,29 +230,28 @@ std::vector<Workload> steps(const Setup& setup, const State& start) {
   auto begin = make_tensors(state_specs(setup));
   write_state(start, begin);
   const auto shared = std::make_shared<const std::vector<Tensor>>(std::move(begin));
-  std::vector<Workload> steps;
-  for (const Description& each : kDescriptions) {
-    steps.push_back(make(each, setup));
-    steps.back().make_state = [shared] { return copy_tensors(*shared); };
+  auto steps = specs(setup);
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    complete(steps[i], setup, functions()[i]);
+    steps[i].make_state = [shared] { return copy_tensors(*shared); };
   }
   return steps;
 }
 
 std::vector<Workload> all() {
-  const Setup setup = Recording().setup();  // Which needs no flight.
-  std::vector<Workload> all;
-  for (const Description& each : kDescriptions) {
-    Workload& w = all.emplace_back(make(each, setup));
+  auto all = specs();
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    Workload& w = all[i];
+    const Functions& each = functions()[i];
+    complete(w, recorded_setup(), each);
     w.make_data = each.data;
     w.make_state = [from = each.state, specs = w.state->tensors] {
       auto tensors = make_tensors(specs);
       write_state(played().moment.*from, tensors);
       return tensors;
     };
+    w.judge = each.judge;
   }
-  all[0].frames = kPropagateFrames;
-  all[0].judge = judge_poses;
-  all[1].judge = judge_poses;
   return all;
 }
 

@@ -20,8 +20,6 @@ struct Step : Operation {
               std::span<Tensor> outputs) = nullptr;
 };
 
-inline constexpr int kReportSize = 5;  ///< The numbers of a FrameReport, in their order.
-
 /// The steps of a robot of @p setup, whose shared state "slam" (state_tensors.h) begins as @p
 /// start. Kernel and workload have the same name; n is most_tracks(setup), formats are those of
 /// step_tensors.h:

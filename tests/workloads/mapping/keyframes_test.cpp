@@ -1,0 +1,151 @@
+// Keyframes of a localization through bundle adjustment and back, on generated flights with exact
+// truth.
+#include "workloads/mapping/keyframes.h"
+
+#include <gmock/gmock.h>
+
+#include <cstdio>
+#include <memory>
+
+#include "tests/support/errors.h"
+#include "tests/support/long.h"
+#include "tests/workloads/sequence_support.h"
+#include "workloads/backend.h"
+#include "workloads/catalog.h"
+#include "workloads/cpu/cpu_backend.h"
+#include "workloads/mapping/workloads.h"
+#include "workloads/slam/pipeline.h"
+
+namespace pirt::mapping {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr std::size_t kFew = 6;
+
+/// Of one run, all keyframes and few of them.
+struct Flight {
+  Keyframes all, few;
+};
+
+Flight flight_of(const Sequence& sequence) {
+  slam::RunOptions options;
+  options.setup = slam::setup_of(sequence);
+  Flight flight{Keyframes(options.setup), Keyframes(options.setup, {.most = kFew})};
+  options.seen = [&](std::size_t, const slam::State& state, const GreyImage&,
+                     const slam::FrameResult&) {
+    static_cast<void>(flight.all.add(state));
+    static_cast<void>(flight.few.add(state));
+  };
+  static_cast<void>(slam::run_serially(sequence, options));
+  return flight;
+}
+
+std::vector<StampedPose> poses_of(const Keyframes& keyframes) {
+  std::vector<StampedPose> poses;
+  for (const Keyframe& each : keyframes.all()) poses.push_back(each.pose);
+  return poses;
+}
+
+/// Two metres of a flight, the pictures of the left camera.
+const Flight& short_flight() {
+  static const Flight flight = flight_of(generate_sequence(test::scene(1, 5, false)));
+  return flight;
+}
+
+// By `ctest -C long -L long` five seeds of half a minute each, otherwise one of 8 s.
+TEST(KeyframesLong, AreNoWorseThanTheLocalization) {
+  const double duration_s = test::long_tests() ? 30 : 8;
+  for (int seed = 1; seed <= test::repeats(1, 5); ++seed) {
+    for (const bool stereo : {false, true}) {
+      const Sequence sequence =
+          generate_sequence(test::scene(static_cast<std::uint64_t>(seed), duration_s, stereo));
+      const Keyframes keyframes = flight_of(sequence).all;
+      const RefinedMap map = refine(keyframes);
+      ASSERT_EQ(map.keyframes.size(), keyframes.all().size());
+      const auto before = evaluate(poses_of(keyframes), sequence.truth, Alignment::kSe3);
+      const auto after = evaluate(map.keyframes, sequence.truth, Alignment::kSe3);
+      std::printf(
+          "seed %d, %s: %zu keyframes, %zu points, %lld inliers, noise %.3f px; error %.4f to "
+          "%.4f m of %.1f m, %.3f to %.3f degrees\n",
+          seed, stereo ? "stereo" : "mono", map.keyframes.size(), map.points.size(),
+          static_cast<long long>(map.summary.inliers), map.summary.noise_px, before.ate_rms_m,
+          after.ate_rms_m, before.path_m, before.rotation_error_mean_deg,
+          after.rotation_error_mean_deg);
+      EXPECT_LE(after.ate_rms_m, before.ate_rms_m) << seed;
+      EXPECT_LE(after.rotation_error_mean_deg, before.rotation_error_mean_deg) << seed;
+    }
+  }
+}
+
+// What was not adjusted comes back as it went in, whatever the camera's place in the body.
+TEST(Keyframes, ComeBackAsTheyAreFromAProblemThatNobodyTouched) {
+  const Keyframes& keyframes = short_flight().all;
+  const RefinedMap map = keyframes.refined(keyframes.problem());
+  ASSERT_EQ(map.keyframes.size(), keyframes.all().size());
+  for (std::size_t i = 0; i < map.keyframes.size(); ++i) {
+    const StampedPose& was = keyframes.all()[i].pose;
+    EXPECT_EQ(map.keyframes[i].time, was.time);
+    EXPECT_NEAR((map.keyframes[i].body.position - was.body.position).norm(), 0, 1e-9);
+    EXPECT_NEAR(angle_of(map.keyframes[i].body.rotation.transpose() * was.body.rotation), 0, 1e-6);
+  }
+}
+
+// A problem that was moved, turned and scaled as a whole tells the same.
+TEST(Keyframes, AsAWholeTheyStayWhereTheyAre) {
+  const Keyframes& keyframes = short_flight().all;
+  BalProblem problem = keyframes.problem();
+  for (std::size_t i = 0; i < problem.cameras.size(); i += kCameraSize) {
+    for (std::size_t k = 3; k < 6; ++k) problem.cameras[i + k] *= 1.5;
+  }
+  for (double& coordinate : problem.points) coordinate *= 1.5;
+  const RefinedMap map = keyframes.refined(problem);
+  for (std::size_t i = 0; i < map.keyframes.size(); ++i) {
+    const Pose& was = keyframes.all()[i].pose.body;
+    EXPECT_NEAR((map.keyframes[i].body.position - was.position).norm(), 0, 1e-9);
+  }
+}
+
+TEST(Keyframes, GoThroughTheWorkloadAsWell) {
+  const Keyframes& keyframes = short_flight().all;
+  const RefinedMap expected = refine(keyframes);
+  BalProblem problem = keyframes.problem();
+  const auto inputs = bundle_inputs(problem, {});
+  const Workload& workload = find_workload("bundle_adjust");
+  auto outputs = make_tensors(workload.outputs);
+  const auto device = make_cpu_backend()->open({"cpu", {}, "", ""});
+  const auto kernel = device->prepare(workload, {});
+  kernel->bind(inputs, outputs);
+  kernel->execute(1);
+  take_outputs(outputs, problem);
+  const RefinedMap map = keyframes.refined(problem);
+  ASSERT_EQ(map.points.size(), expected.points.size());
+  for (std::size_t i = 0; i < map.points.size(); ++i) EXPECT_EQ(map.points[i], expected.points[i]);
+  EXPECT_LT(expected.summary.final_cost, expected.summary.initial_cost);
+}
+
+TEST(Keyframes, AreThinnedOutWhereThereAreTooMany) {
+  const auto all = short_flight().all.all();
+  const auto few = short_flight().few.all();
+  ASSERT_GT(all.size(), 2 * kFew);
+  EXPECT_LE(few.size(), kFew);
+  EXPECT_GT(few.size(), kFew / 2);
+  EXPECT_EQ(few.front().pose.time, all.front().pose.time);
+  EXPECT_GT(few.back().pose.time, all[all.size() / 2].pose.time);
+  for (std::size_t i = 1; i < few.size(); ++i) {
+    EXPECT_LT(few[i - 1].pose.time, few[i].pose.time);
+  }
+}
+
+TEST(Keyframes, RefusesWhatTellsNothing) {
+  const Keyframes none(slam::setup_of(generate_sequence(test::scene(1, 1, false))));
+  EXPECT_THAT(test::bad_input([&] { static_cast<void>(refine(none)); }),
+              HasSubstr("0 keyframes share no points"));
+  BalProblem other = short_flight().all.problem();
+  other.cameras.resize(kCameraSize);
+  EXPECT_THAT(test::bad_input([&] { static_cast<void>(short_flight().all.refined(other)); }),
+              HasSubstr("1 cameras cannot be the poses"));
+}
+
+}  // namespace
+}  // namespace pirt::mapping

@@ -1,0 +1,25 @@
+// Recognition with boxes and words as workloads: what their tensors mean.
+#pragma once
+
+#include <vector>
+
+#include "workloads/recognition/specs.h"
+#include "workloads/workload.h"
+
+namespace pirt::recognition {
+
+/// Kernel and workload have the same name; both are on the host only (host_function.h), by
+/// OpenCV's dnn with generated networks of seeded weights: what they see means nothing, and takes
+/// the time. A user's model has other tensors; pirt detect and pirt describe run it.
+/// - "detect_objects": input image u8 [3,480,640] (R, G, B), parameter weights f32 [..] of the
+///   generated detector. Outputs the lists boxes f32 [<=1200,4] (x, y, width, height in pixels),
+///   scores f32 [<=1200] and classes i32 [<=1200], highest score first. The weights are such that
+///   it is sure of 12 boxes of its own picture, overlapping ones among them.
+/// - "describe_scene": the same detector and a classifier, whose weights are a second parameter.
+///   Besides, outputs labels i32 [5] and label_scores f32 [5], the best classes of the picture.
+///
+/// Verified against convolutions in double precision: the same boxes and classes, coordinates to
+/// 1e-4 of the largest, scores to 1e-4.
+[[nodiscard]] std::vector<Workload> all();
+
+}  // namespace pirt::recognition
