@@ -12,6 +12,7 @@
 #include "cli/long_run.h"
 #include "cli/output.h"
 #include "cli/profile_platform.h"
+#include "cli/robot_flags.h"
 #include "cli/values.h"
 #include "reports/document.h"
 #include "reports/robot_report.h"
@@ -27,7 +28,8 @@ namespace {
 
 struct Options {
   std::string dataset;
-  std::optional<std::string> map;
+  std::optional<std::string> slam_map;
+  ActivityFlags activities;
   bool no_update = false, mono = false, no_imu = false;
   bool serial = false, fast = false, comparing = false;
   std::optional<std::string> mode;
@@ -96,30 +98,38 @@ RuntimeOptions runtime_options(const Options& options) {
   return runtime;
 }
 
-RobotRun run_serial(const Sequence& sequence, const LocalizationOptions& options) {
-  return robot_run("serial, without the runtime", "", sequence, options,
-                   localize_serially(sequence, options));
-}
+/// One robot, to be run in one way or several.
+struct Robot {
+  const Sequence& sequence;
+  LocalizationOptions localization;
+  std::optional<ActivityOptions> activities;
 
-RobotRun run_live(const Sequence& sequence, const LocalizationOptions& options) {
-  const std::string& mode = options.runtime.mode;
-  RobotRun run =
-      robot_run(fmt::format("live, mode {} on platform {}", mode, options.runtime.platform.name),
-                mode, sequence, options, localize_live(sequence, options));
-  warn_all(run.result.statistics.problems);
-  return run;
-}
+  /// @param live  Otherwise serially, without the runtime.
+  [[nodiscard]] RobotRun run(bool live) const {
+    LocalizationOptions options = localization;
+    std::optional<Activities> companion;
+    if (activities) options.companion = &companion.emplace(*activities);
+    auto result = live ? localize_live(sequence, options) : localize_serially(sequence, options);
+    warn_all(result.problems);
+    const std::string mode = live ? options.runtime.mode : "";
+    return robot_run(
+        live ? fmt::format("live, mode {} on platform {}", mode, options.runtime.platform.name)
+             : "serial, without the runtime",
+        mode, sequence, options, std::move(result), companion ? &*companion : nullptr);
+  }
+};
 
-int compare(const Options& options, const Sequence& sequence, LocalizationOptions run) {
+int compare(const Options& options, Robot robot) {
   const auto modes = options.compare.empty() ? paper_modes() : split(options.compare, ',');
   for (const auto& mode : modes) static_cast<void>(find_policy(mode));
-  std::vector<RobotRun> runs = {run_serial(sequence, run)};
+  std::vector<RobotRun> runs;
+  runs.push_back(robot.run(false));
   std::vector<std::string> skipped;
   for (const auto& mode : modes) {
-    if (run.stops() > 0) break;
-    run.runtime.mode = mode;
+    if (robot.localization.stops() > 0) break;
+    robot.localization.runtime.mode = mode;
     try {
-      runs.push_back(run_live(sequence, run));
+      runs.push_back(robot.run(true));
     } catch (const Error& error) {
       if (error.code() != ErrorCode::kBadInput) throw;
       skipped.push_back(fmt::format("Not run: {}: {}", mode, error.what()));
@@ -154,18 +164,21 @@ int run_robot(const Options& options) {
   LocalizationOptions run;
   run.setup = slam::setup_of(sequence);
   run.setup.update = !options.no_update;
-  if (options.map) run.start = slam::load_map(*options.map, run.setup);
+  if (options.slam_map) run.start = slam::load_map(*options.slam_map, run.setup);
   if (!options.serial) run.runtime = runtime_options(options);
   run.own_rate = !options.fast;
   run.most_in_flight = static_cast<std::size_t>(options.in_flight);
   if (options.plot) run.show = sequence.frames.size() / 2;
   run.stops = [stops = count_stop_signals()] { return stops->load(); };
-  if (options.comparing) return compare(options, sequence, std::move(run));
-  const RobotRun done = options.serial ? run_serial(sequence, run) : run_live(sequence, run);
+  Robot robot{.sequence = sequence,
+              .localization = std::move(run),
+              .activities = options.activities.options(options.dataset, sequence)};
+  if (options.comparing) return compare(options, std::move(robot));
+  const RobotRun done = robot.run(!options.serial);
   emit(robot_text(done), robot_json(done, options.dataset), options.json);
   if (options.trajectory) emit_text(tum_text(done.result.run.trajectory()), options.trajectory);
   if (options.save_map) {
-    emit_text(slam::map_text(done.result.run.last, run.setup), options.save_map);
+    emit_text(slam::map_text(done.result.run.last, done.setup), options.save_map);
   }
   if (options.plot) emit_text(picture(options, sequence, done), options.plot);
   return 0;
@@ -200,11 +213,13 @@ void add_run_robot(CLI::App& app, Action& action) {
   add_value(command, "--in-flight", &options->in_flight, "INTEGER", not_within(1, 1000),
             "Frames at a time; one that finds more is dropped")
       .shows_default();
+  add_activities(command, options->activities);
   command.add_flag("--mono", options->mono, "Use the left camera only");
   command.add_flag("--no-imu", options->no_imu, "Use the cameras only");
   command.add_flag("--no-update", options->no_update,
                    "Only predict, to see the drift that updates correct");
-  add_input(command, "--load-slam-map", &options->map, "Know the place from a map that was saved");
+  add_input(command, "--load-slam-map", &options->slam_map,
+            "Know the place from a map that was saved");
   add_output(command, "--save-slam-map", options->save_map, "Write the map at the end",
              StdoutUse::kRefused);
   add_output(command, "--trajectory", options->trajectory,

@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
+#include "reports/figures.h"
 #include "workloads/base/json_value.h"
 
 namespace pirt {
@@ -34,6 +36,45 @@ std::string frames_text(const RobotRun& run) {
                             s.landmarks, s.map_points);
 }
 
+slam::StageSummary summary_of(const ActivityCounts& counts) {
+  std::vector<double> ms;
+  for (const Nanos latency : counts.latencies) ms.push_back(to_ms(latency));
+  return slam::summary_of(counts.name, std::move(ms));
+}
+
+const ActivityCounts* find(const RobotRun& run, std::string_view name) {
+  const auto found = std::ranges::find(run.activities, name, &ActivityCounts::name);
+  return found == run.activities.end() ? nullptr : &*found;
+}
+
+/// Of what recognizes, whatever does.
+const ActivityCounts* recognitions(const RobotRun& run) {
+  const auto* own = find(run, "recognize");
+  return own != nullptr ? own : find(run, "alexnet");
+}
+
+double per_second(const RobotRun& run, const ActivityCounts& counts) {
+  const double s = to_s(run.result.duration);
+  return s > 0 ? static_cast<double>(counts.completed) / s : 0.0;
+}
+
+/// Servers of one unit at work and at rest, by the platform's watts.
+double energy_of(const Platform& platform, const LocalizationResult& result, bool live) {
+  double energy_j = 0;
+  bool charged = live;  // Without the runtime all is the work of one unit.
+  for (const UnitModel& unit : platform.units) {
+    if (!unit.measured()) continue;
+    Nanos busy{0};
+    for (const auto& each : result.statistics.units) {
+      if (each.name == unit.name) busy = each.busy;
+    }
+    if (unit.backend == "cpu" && !std::exchange(charged, true)) busy = result.busy;
+    const Nanos idle = std::max(result.duration - busy, Nanos::zero());
+    energy_j += unit.active_w * to_s(busy) + unit.idle_w * to_s(idle);
+  }
+  return energy_j;
+}
+
 /// Which unit served what, and what went wrong.
 std::string units_text(const RobotRun& run) {
   if (run.mode.empty()) return "";
@@ -48,6 +89,34 @@ std::string units_text(const RobotRun& run) {
   for (const auto& unit : run.result.statistics.units) {
     text += fmt::format("unit {:<12} busy for {:.2f} s{}\n", unit.name, to_s(unit.busy),
                         unit.in_service ? "" : ", out of service");
+  }
+  return text;
+}
+
+std::string activities_text(const RobotRun& run) {
+  if (run.activities.empty()) return "";
+  std::string text =
+      fmt::format("\n{:<17} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "besides, ms", "deadline",
+                  "p50", "p95", "p99", "late", "done", "of");
+  for (const ActivityCounts& each : run.activities) {
+    const auto latency = summary_of(each);
+    text += fmt::format("{:<17} {:>8.1f} {:>8.2f} {:>8.2f} {:>8.2f} {:>8} {:>8} {:>8}{}\n",
+                        each.name, to_ms(each.deadline), latency.p50_ms, latency.p95_ms,
+                        latency.p99_ms, each.late, each.completed, each.fired,
+                        each.skipped > 0 ? fmt::format(", {} skipped", each.skipped) : "");
+  }
+  if (const auto* plans = find(run, "plan_path")) {
+    text += fmt::format("paths          found by {} of {} plans, the last of {:.2f} m\n",
+                        run.paths_found, plans->completed, run.last_path_m);
+  }
+  if (run.keyframes_after) {
+    text += fmt::format("keyframes      RMS {:.4f} m before they were adjusted, {:.4f} m after\n",
+                        run.keyframes_before->ate_rms_m, run.keyframes_after->ate_rms_m);
+  }
+  if (run.energy_j > 0) {
+    text += fmt::format("power          {}{:.2f} W ({}{:.1f} J by the platform's watts)\n",
+                        mark(run.watts), run.energy_j / to_s(run.result.duration), mark(run.watts),
+                        run.energy_j);
   }
   return text;
 }
@@ -101,18 +170,36 @@ void add_errors(const slam::RunSummary& s, Json& json) {
 }  // namespace
 
 RobotRun robot_run(std::string driver, std::string mode, const Sequence& sequence,
-                   const LocalizationOptions& options, LocalizationResult result) {
+                   const LocalizationOptions& options, LocalizationResult result,
+                   const Activities* activities) {
   RobotRun run{.driver = std::move(driver),
                .mode = std::move(mode),
                .own_rate = options.own_rate,
                .setup = options.setup,
                .summary = slam::summarize(sequence, result.run, options.setup),
                .latency = {},
-               .result = std::move(result)};
+               .result = std::move(result),
+               .activities = {},
+               .keyframes_before = {},
+               .keyframes_after = {}};
   std::vector<double> ms;
   for (const Nanos latency : run.result.latencies) ms.push_back(to_ms(latency));
   run.latency = slam::summary_of("latency", std::move(ms));
   run.summary.rate_hz = run.result.rate_hz();
+  if (activities != nullptr) {
+    run.activities = activities->counts();
+    run.paths_found = activities->paths_found();
+    run.last_path_m = activities->last_path_m();
+    const auto [before, after] = activities->adjusted();
+    if (run.summary.error && before.size() > 2) {
+      const auto alignment = run.summary.scale_known ? Alignment::kSe3 : Alignment::kSim3;
+      run.keyframes_before = evaluate(before, sequence.truth, alignment);
+      run.keyframes_after = evaluate(after, sequence.truth, alignment);
+    }
+  }
+  if (options.own_rate) {
+    run.energy_j = energy_of(options.runtime.platform, run.result, !run.mode.empty());
+  }
   return run;
 }
 
@@ -127,7 +214,7 @@ std::string robot_text(const RobotRun& run) {
     text += fmt::format("{:<17} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f}\n", stage.name, stage.mean_ms,
                         stage.p50_ms, stage.p95_ms, stage.p99_ms);
   }
-  return text + units_text(run) + errors_text(run.summary);
+  return text + activities_text(run) + units_text(run) + errors_text(run.summary);
 }
 
 Json robot_json(const RobotRun& run, const std::string& dataset) {
@@ -164,7 +251,34 @@ Json robot_json(const RobotRun& run, const std::string& dataset) {
                                {"completed", unit.completed},
                                {"busy_s", to_s(unit.busy)}});
     }
-    json["problems"] = r.statistics.problems;
+  }
+  json["problems"] = r.problems;
+  for (const ActivityCounts& each : run.activities) {
+    const auto latency = summary_of(each);
+    json["activities"].push_back({{"name", each.name},
+                                  {"deadline_ms", to_ms(each.deadline)},
+                                  {"fired", each.fired},
+                                  {"completed", each.completed},
+                                  {"failed", each.failed},
+                                  {"skipped", each.skipped},
+                                  {"late", each.late},
+                                  {"rate_hz", per_second(run, each)},
+                                  {"p50_ms", latency.p50_ms},
+                                  {"p95_ms", latency.p95_ms},
+                                  {"p99_ms", latency.p99_ms}});
+  }
+  if (find(run, "plan_path") != nullptr) {
+    json["paths_found"] = run.paths_found;
+    json["last_path_m"] = run.last_path_m;
+  }
+  if (run.keyframes_after) {
+    json["keyframes_ate_rms_m"] = {{"before", run.keyframes_before->ate_rms_m},
+                                   {"after", run.keyframes_after->ate_rms_m}};
+  }
+  if (run.energy_j > 0) {
+    json["power_w"] = run.energy_j / to_s(r.duration);
+    json["energy_j"] = run.energy_j;
+    json["energy_provenance"] = to_string(run.watts);
   }
   for (const auto& stage : s.stages) json["stages"].push_back(stage_json(stage));
   add_errors(s, json);
@@ -176,28 +290,46 @@ Table robot_comparison(std::span<const RobotRun> runs) {
   table.columns = {{"driver", Align::kLeft},
                    {"Hz"},
                    {"p50 ms"},
-                   {"p95 ms"},
                    {"p99 ms"},
                    {"dropped"},
                    {"failed"},
                    {"lost"},
+                   {"recogn./s"},
+                   {"plan p99 ms"},
+                   {"late"},
+                   {"W"},
+                   {"J"},
                    {"RMS m"},
                    {"% of path"},
                    {"degrees a frame"}};
+  const auto number = [](bool known, const char* format, double value) {
+    return known ? fmt::format(fmt::runtime(format), value) : "-";
+  };
   for (const RobotRun& run : runs) {
     const auto& s = run.summary;
     const bool known = s.error.has_value();
+    const auto* plans = find(run, "plan_path");
+    const auto* seen = recognitions(run);
+    const bool powered = run.energy_j > 0;
     table.rows.push_back(
         {run.driver, fmt::format("{:.1f}", s.rate_hz), fmt::format("{:.2f}", run.latency.p50_ms),
-         fmt::format("{:.2f}", run.latency.p95_ms), fmt::format("{:.2f}", run.latency.p99_ms),
-         fmt::format("{}", run.result.dropped), fmt::format("{}", run.result.failed),
-         fmt::format("{}", s.lost), known ? fmt::format("{:.4f}", s.error->ate_rms_m) : "-",
-         known && s.error->path_m > 0
-             ? fmt::format("{:.3f}", 100 * s.error->ate_rms_m / s.error->path_m)
-             : "-",
-         known ? fmt::format("{:.4f}", s.rotation_1_frame_deg) : "-"});
+         fmt::format("{:.2f}", run.latency.p99_ms), fmt::format("{}", run.result.dropped),
+         fmt::format("{}", run.result.failed), fmt::format("{}", s.lost),
+         number(seen != nullptr, "{:.2f}", seen != nullptr ? per_second(run, *seen) : 0),
+         number(plans != nullptr, "{:.2f}", plans != nullptr ? summary_of(*plans).p99_ms : 0),
+         plans != nullptr ? fmt::format("{}", plans->late) : "-",
+         powered ? mark(run.watts) + fmt::format("{:.2f}", run.energy_j / to_s(run.result.duration))
+                 : "-",
+         powered ? mark(run.watts) + fmt::format("{:.1f}", run.energy_j) : "-",
+         number(known, "{:.4f}", known ? s.error->ate_rms_m : 0),
+         number(known && s.error->path_m > 0, "{:.3f}",
+                known ? 100 * s.error->ate_rms_m / s.error->path_m : 0),
+         number(known, "{:.4f}", s.rotation_1_frame_deg)});
   }
-  table.footnotes = {"Times are from a frame's arrival to its pose."};
+  table.footnotes = {
+      "Localization: Hz and times from a frame's arrival to its pose. recogn./s, plan p99 and late "
+      "(plans past their deadline): what it does besides. W and J are by the platform's watts, at "
+      "the sequence's own rate only."};
   return table;
 }
 

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <condition_variable>
 #include <deque>
+#include <exception>
 #include <memory>
 #include <mutex>
+#include <thread>
 #include <utility>
 
 #include "scheduler/robot/tracking.h"
@@ -29,6 +31,23 @@ struct Flight {
   TaskFuture propagate, track, track_right, update_pose = {};  ///< After the frame before.
 };
 
+class RuntimeCaller final : public Caller {
+ public:
+  explicit RuntimeCaller(Runtime& runtime) : runtime_(runtime) {}
+  void call(std::string_view workload, const std::vector<Tensor>& inputs,
+            const TaskOptions& options, Done done) override {
+    std::vector<TaskInput> given(inputs.begin(), inputs.end());
+    static_cast<void>(runtime_.submit(
+        workload, std::move(given), options,
+        [done = std::move(done)](const TaskFuture& task, TaskEnd end) {
+          done(end == TaskEnd::kCompleted ? std::optional(task.get()) : std::nullopt);
+        }));
+  }
+
+ private:
+  Runtime& runtime_;
+};
+
 class LiveLocalization {
  public:
   LiveLocalization(const Sequence& sequence, LocalizationOptions options)
@@ -42,8 +61,11 @@ class LiveLocalization {
     runtime.made = slam::steps(options_.setup, options_.start);
     runtime.made.push_back(vision::make_extract_features(camera.width, camera.height));
     runtime.own = tracking_workloads(options_.setup);
+    if (options_.companion != nullptr) options_.companion->list_workloads(runtime);
     owner_ = std::make_unique<Runtime>(runtime);
     runtime_ = owner_.get();
+    caller_.emplace(*runtime_);
+    if (options_.companion != nullptr) options_.companion->begin(*caller_);
   }
   ~LiveLocalization() { close(); }
   LiveLocalization(const LiveLocalization&) = delete;
@@ -51,7 +73,7 @@ class LiveLocalization {
 
   LocalizationResult run() {
     begin_ = clock_.now();
-    for (std::size_t i = 0; i < sequence_.frames.size() && stops() == 0; ++i) {
+    for (std::size_t i = 0; i < sequence_.frames.size() && stops() == 0 && !failed(); ++i) {
       auto flight = std::make_shared<Flight>();
       flight->frame = i;
       const GreyImage left = picture(i, 0);
@@ -59,6 +81,9 @@ class LiveLocalization {
       const GreyImage right = has_right ? picture(i, 1) : GreyImage{};
       if (!comes(*flight)) continue;
       look_at(*flight, left, right);
+      if (options_.companion != nullptr) {
+        options_.companion->arrived(sequence_.frames[i].time, left);
+      }
       follow(std::move(flight));
     }
     finish();
@@ -72,6 +97,10 @@ class LiveLocalization {
     return tensors;
   }
 
+  [[nodiscard]] bool failed() {
+    const std::lock_guard lock(mutex_);
+    return failure_ != nullptr;
+  }
   [[nodiscard]] int stops() const { return options_.stops ? options_.stops() : 0; }
 
   GreyImage picture(std::size_t frame, std::size_t camera) const {
@@ -99,7 +128,7 @@ class LiveLocalization {
       until(Nanos::max(), has_room);
       flight.arrived = clock_.now();
     }
-    if (stops() > 0) return false;
+    if (stops() > 0 || failure_ != nullptr) return false;
     ++result_.arrived;
     if (!has_room()) {
       ++result_.dropped;
@@ -205,15 +234,11 @@ class LiveLocalization {
     }
     if (f.update_pose.end() == TaskEnd::kCompleted) before_ = f.pyramid;
     count(f, extend);
-    if (end == TaskEnd::kCompleted) {
-      result_.run.frames.push_back(result_of(f, extend));
-      last_ = clock_.now();
-      result_.latencies.push_back(last_ - f.arrived);
-      if (options_.show && f.frame >= *options_.show) {
-        result_.shown =
-            slam::show(slam::read_state(runtime_->state("slam")), slam::image_of(f.left));
-        options_.show.reset();
-      }
+    try {
+      if (end == TaskEnd::kCompleted) record(f, extend);
+    } catch (...) {
+      const std::lock_guard lock(mutex_);
+      if (failure_ == nullptr) failure_ = std::current_exception();
     }
     std::shared_ptr<Flight> next;
     {
@@ -228,6 +253,21 @@ class LiveLocalization {
       changed_.notify_all();
     }
     if (next) begin_steps(next);
+  }
+
+  /// What a frame that was localized leaves.
+  void record(const Flight& f, const TaskFuture& extend) {
+    result_.run.frames.push_back(result_of(f, extend));
+    last_ = clock_.now();
+    result_.latencies.push_back(last_ - f.arrived);
+    const auto state = [this] { return slam::read_state(runtime_->state("slam")); };
+    if (options_.show && f.frame >= *options_.show) {
+      result_.shown = slam::show(state(), slam::image_of(f.left));
+      options_.show.reset();
+    }
+    if (options_.companion != nullptr) {
+      options_.companion->localized(result_.run.frames.back(), state);
+    }
   }
 
   void count(const Flight& f, const TaskFuture& extend) {
@@ -277,10 +317,17 @@ class LiveLocalization {
         changed_.wait_for(lock, kLook, [this] { return in_flight_ == 0; });
       }
       all = in_flight_ == 0;
+      if (failure_ != nullptr) std::rethrow_exception(failure_);
     }
+    // What the companion asked for goes on.
+    while (all && runtime_->statistics().live > 0 && stops() < 2) {
+      std::this_thread::sleep_for(kLook / 10);
+    }
+    all = all && stops() < 2;
     result_.run.last = slam::read_state(runtime_->state("slam"));
     if (all && options_.runtime.trace) runtime_->write_trace();
     result_.statistics = runtime_->statistics();
+    result_.problems = result_.statistics.problems;
     close();
     result_.stopped = stops() > 0;
     result_.failed += waiting_.size();
@@ -314,8 +361,10 @@ class LiveLocalization {
   bool following_ = false;  ///< The steps of some frame are on their way.
   bool closing_ = false;
   std::deque<std::shared_ptr<Flight>> waiting_;
+  std::exception_ptr failure_;  ///< Of the companion, on a unit's thread.
 
-  Runtime* runtime_ = nullptr;      ///< Also while it goes.
+  Runtime* runtime_ = nullptr;  ///< Also while it goes.
+  std::optional<RuntimeCaller> caller_;
   std::unique_ptr<Runtime> owner_;  ///< Last: its threads use all of it.
 };
 

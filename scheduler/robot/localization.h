@@ -22,6 +22,7 @@
 #include <string>
 #include <vector>
 
+#include "scheduler/robot/companion.h"
 #include "scheduler/runtime/runtime.h"
 #include "workloads/slam/pipeline.h"
 #include "workloads/slam/plot.h"
@@ -37,6 +38,7 @@ struct LocalizationOptions {
   std::size_t most_in_flight = 2;  ///< Frames that have arrived and are not localized.
   /// A frame to show, or the first after it that was localized.
   std::optional<std::size_t> show = {};
+  Companion* companion = nullptr;  ///< Null = it localizes and does nothing else.
   /// How often somebody wanted the run to stop: once, no frame comes any more and those in flight
   /// are finished; twice, nothing is waited for but the calls that run. Empty = never.
   std::function<int()> stops = {};
@@ -55,7 +57,9 @@ struct LocalizationResult {
   /// How many calls of each workload each unit served: [workload][unit].
   std::map<std::string, std::map<std::string, std::int64_t>> served;
   RuntimeStatistics statistics;
-  bool stopped = false;  ///< Before its time, by LocalizationOptions::stops.
+  Nanos busy{0};                      ///< Of the calling thread, without the runtime.
+  std::vector<std::string> problems;  ///< The first few, of calls that failed.
+  bool stopped = false;               ///< Before its time, by LocalizationOptions::stops.
 
   [[nodiscard]] double rate_hz() const;  ///< Localized frames over the duration.
 };
@@ -65,8 +69,9 @@ struct LocalizationResult {
 [[nodiscard]] LocalizationResult localize_live(const Sequence& sequence,
                                                LocalizationOptions options);
 
-/// The same without the runtime, in the calling thread: slam::run_serially by the clock. A frame
-/// that finds the one after it due is dropped. Not at the sequence's own rate, the duration is that
+/// The same without the runtime, in the calling thread and on backend cpu alone: slam::run_serially
+/// by the clock, and each task of the companion when it asks for it. A frame that finds the one
+/// after it due is dropped. Not at the sequence's own rate, the duration is that
 /// of the steps alone: pictures are read apart.
 [[nodiscard]] LocalizationResult localize_serially(const Sequence& sequence,
                                                    LocalizationOptions options);

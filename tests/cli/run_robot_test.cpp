@@ -13,11 +13,10 @@ using testing::HasSubstr;
 class RunRobot : public testing::Test {
  protected:
   RunRobot() {
-    auto options = scene(3, 2.0);
-    options.path.rest_s = 0.4;
-    options.width = 320;
-    options.height = 240;
-    write_euroc(generate_sequence(options), scratch_.file("room"), 1);
+    options_.path.rest_s = 0.4;
+    options_.width = 320;
+    options_.height = 240;
+    write_euroc(generate_sequence(options_), scratch_.file("room"), 1);
     scratch_.write("board.yaml", R"(
 platform: board
 units:
@@ -34,6 +33,7 @@ units:
     return arguments(std::move(more));
   }
   const Scratch scratch_;
+  SceneOptions options_ = scene(3, 2.0);
 };
 
 TEST_F(RunRobot, LiveWritesTheTrajectoryOfTheSerialRun) {
@@ -112,6 +112,70 @@ TEST_F(RunRobot, KeepsWhatRanWhenItIsInterrupted) {
   EXPECT_EQ(pirt({"replay", scratch_.file("t.json")}).exit_code, 0);
 }
 
+/// The same with a map of the room.
+class RunWholeRobot : public RunRobot {
+ protected:
+  RunWholeRobot() {
+    const FloorMap map = floor_map(options_);
+    scratch_.write("room/map.yaml", map.yaml);
+    scratch_.write("room/map.pgm", map.pgm);
+    scratch_.write("room/goal.yaml", map.goal_yaml);
+  }
+};
+
+TEST_F(RunWholeRobot, PlansAvoidsRecognizesAndAdjustsBesides) {
+  const auto outcome = pirt(live({"--fast", "--compare", "ect", "--json", "-"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto runs = outcome.json()["runs"];
+  ASSERT_EQ(runs.size(), 2U);
+  for (const auto& run : runs) {
+    EXPECT_EQ(run["problems"].size(), 0U) << run["problems"];
+    EXPECT_EQ(run["ate_rms_m"], runs[0]["ate_rms_m"]);
+    std::vector<std::string> names;
+    for (const auto& each : run["activities"]) {
+      names.push_back(each["name"]);
+      if (names.back() == "bundle_adjust") continue;  // In 2 s there is little to adjust.
+      EXPECT_GT(each["completed"], 0) << names.back();
+      EXPECT_GT(each["p99_ms"], 0) << names.back();
+    }
+    EXPECT_THAT(names,
+                testing::ElementsAre("alexnet", "plan_path", "avoid_obstacles", "bundle_adjust"));
+    EXPECT_GT(run["paths_found"], 0);
+  }
+  const auto text = pirt(live({"--fast", "--duration", "1200ms"}));
+  EXPECT_THAT(text.out, HasSubstr("paths          found by"));
+}
+
+TEST_F(RunWholeRobot, AtItsOwnRateSaysWhatItDraws) {
+  const auto outcome = pirt(live({"--json", "-"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto run = outcome.json();
+  // Two units of 1 W at work, and none at rest.
+  EXPECT_GT(run["power_w"], 0);
+  EXPECT_LE(run["power_w"], 2.0);
+  EXPECT_EQ(run["energy_provenance"], "modelled");
+}
+
+TEST_F(RunWholeRobot, LocalizesOnlyIfNothingElseIsWanted) {
+  const auto outcome = pirt(live({"--fast", "--duration", "1s", "--localize-only", "--json", "-"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_FALSE(outcome.json().contains("activities"));
+}
+
+TEST_F(RunWholeRobot, RefusesPlacesAndMapsThatAreNoUse) {
+  expect_refused(pirt(live({"--goal", "50,50"})), {"goal"});
+  expect_refused(pirt(live({"--goal", "1"})), {"--goal", "x,y"});
+  expect_refused(pirt(live({"--start", "1,2"})), {"--start", "degrees"});
+  expect_refused(pirt(live({"--localize-only", "--goal", "1,2"})), {"--localize-only"});
+  expect_refused(pirt(live({"--mono", "--no-imu"})), {"no scale"});
+  expect_refused(pirt(live({"--map", scratch_.file("none.yaml")})), {"none.yaml"});
+  expect_refused(pirt(live({"--model", scratch_.file("board.yaml")})), {"board.yaml"});
+  scratch_.write("room/goal.yaml", "goal: [1, two]\n");
+  expect_refused(pirt(live({})), {"goal.yaml:1", "two"});
+  scratch_.write("room/goal.yaml", "goal: [1, 2]\n");
+  expect_refused(pirt(live({})), {"--start"});
+}
+
 TEST_F(RunRobot, RefusesWhatMakesNoSense) {
   expect_refused(pirt({"run-robot", scratch_.file("nothing")}), {"nothing"});
   expect_refused(pirt({"run-robot"}), {"folder"});
@@ -122,6 +186,7 @@ TEST_F(RunRobot, RefusesWhatMakesNoSense) {
   expect_refused(pirt(live({"--compare", "etc"})), {"etc"});
   expect_refused(pirt(live({"--mode", "heft"})), {"plans a whole mix ahead"});
   expect_refused(pirt(live({"--in-flight", "0"})), {"--in-flight"});
+  expect_refused(pirt(live({"--goal", "1,2"})), {"--map"});
   expect_refused(pirt(live({"--duration", "0s"})), {"--duration"});
   expect_refused(pirt(live({"--plot", scratch_.file("p.gif")})), {".png or .svg"});
   expect_refused(pirt(arguments({"--platform", "snapdragon820"})), {"snapdragon820"});
