@@ -58,9 +58,9 @@ TEST_F(RunRobot, LiveWritesTheTrajectoryOfTheSerialRun) {
     EXPECT_GT(a[key], 0) << key;
   }
   EXPECT_EQ(a["dropped"], 0);
-  EXPECT_EQ(
-      a["served"]["update_pose"]["cpu"].get<int>() + a["served"]["update_pose"]["gpu"].get<int>(),
-      50);
+  int updates = 0;
+  for (const auto& calls : a["served"]["update_pose"]) updates += calls.get<int>();
+  EXPECT_EQ(updates, 50);
 }
 
 TEST_F(RunRobot, ComparesTheSerialRunWithEachMode) {
