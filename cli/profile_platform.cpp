@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "characterize/profile/store/reader.h"
 #include "workloads/base/error.h"
 
 namespace pirt::cli {
@@ -14,6 +15,16 @@ Platform platform_of(const Profile& profile, const std::vector<YamlOverride>& ov
                     ", which is not shipped; give its file with --platform FILE.yaml");
   }
   return load_platform(name, overrides);
+}
+
+ProfiledPlatform read_platform(const std::optional<std::string>& platform,
+                               const std::optional<std::string>& profile,
+                               const std::vector<YamlOverride>& overrides) {
+  ProfiledPlatform read;
+  if (platform) read.platform = load_platform(*platform, overrides);
+  if (profile) read.profile = ProfileReader(*profile).read(read.platform.name);
+  if (!platform) read.platform = platform_of(read.profile.value(), overrides);
+  return read;
 }
 
 }  // namespace pirt::cli

@@ -1,6 +1,8 @@
-// The platform of a profile, where no --platform names one.
+// What --platform and --profile name: either may name the other.
 #pragma once
 
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "characterize/platform/platform.h"
@@ -12,5 +14,16 @@ namespace pirt::cli {
 /// be given.
 [[nodiscard]] Platform platform_of(const Profile& profile,
                                    const std::vector<YamlOverride>& overrides = {});
+
+struct ProfiledPlatform {
+  Platform platform;
+  std::optional<Profile> profile;
+};
+/// @param platform  A name or a file; absent = the profile's.
+/// @param profile   A profile database; absent = none, and then there is a platform.
+/// @throws Error{kBadInput} as load_platform, ProfileReader::read and platform_of.
+[[nodiscard]] ProfiledPlatform read_platform(const std::optional<std::string>& platform,
+                                             const std::optional<std::string>& profile,
+                                             const std::vector<YamlOverride>& overrides);
 
 }  // namespace pirt::cli

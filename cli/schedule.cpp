@@ -126,13 +126,12 @@ Inputs read_inputs(const Options& options) {
   }
   const auto overrides = parse_overrides(options.settings);
   Inputs inputs;
-  if (options.platform) inputs.platform = load_platform(*options.platform, overrides);
-  if (options.profile) {
-    const ProfileReader reader(*options.profile);
-    inputs.profile = reader.read(inputs.platform.name);
-    if (find_draw(options.draw) == Draw::kSamples) reader.read_samples(*inputs.profile);
+  auto read = read_platform(options.platform, options.profile, overrides);
+  inputs.platform = std::move(read.platform);
+  inputs.profile = std::move(read.profile);
+  if (inputs.profile && find_draw(options.draw) == Draw::kSamples) {
+    ProfileReader(*options.profile).read_samples(*inputs.profile);
   }
-  if (!options.platform) inputs.platform = platform_of(*inputs.profile, overrides);
   inputs.mix = load_mix(options.mix);
   return inputs;
 }

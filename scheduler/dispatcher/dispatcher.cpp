@@ -378,6 +378,14 @@ void Dispatcher::settle(Starts& out) {
   if (!expiries_.empty()) tidy_expiries();
 }
 
+void Dispatcher::list_waiting(std::vector<int>& waiting) const {
+  waiting.clear();
+  for (UnitId unit = 0; unit < units_.size(); ++unit) {
+    waiting.push_back(load_[unit] - units_[unit].running);
+  }
+  waiting.push_back(static_cast<int>(held_count_ + high_priority_count_));
+}
+
 std::optional<TaskState> Dispatcher::state(TaskId task) const {
   const TaskSlot slot = tasks_.find(task);
   if (slot == kNoSlot || tasks_[slot].state == TaskState::kEnded) return std::nullopt;

@@ -96,8 +96,8 @@ class Dispatcher {
   /// Q of the paper: tasks queued and running on the unit.
   [[nodiscard]] int load(UnitId unit) const { return load_[unit]; }
   [[nodiscard]] int running(UnitId unit) const { return units_[unit].running; }
-  /// Tasks that could start and are in no unit's queue: held, or in the high-priority queue.
-  [[nodiscard]] std::size_t waiting() const { return held_count_ + high_priority_count_; }
+  /// Tasks that could start: by unit those in its queue, then those that are in none.
+  void list_waiting(std::vector<int>& waiting) const;
   /// Absent if the task is done or unknown.
   [[nodiscard]] std::optional<TaskState> state(TaskId task) const;
   /// What takes memory.

@@ -115,7 +115,7 @@ TaskFuture Runtime::Engine::submit(std::string_view workload, std::vector<TaskIn
   task->inputs = std::move(inputs);
   task->options = std::move(options);
   task->callback = std::move(callback);
-  task->submitted_at = clock_.now();
+  task->submitted_at = now();
   task->self = task;
   post(*task, Submitted::Event::kSubmit);
   work();
@@ -166,6 +166,32 @@ RuntimeStatistics Runtime::Engine::statistics() {
   return statistics;
 }
 
+std::vector<Tensor> Runtime::Engine::state(std::string_view name) {
+  const auto known = state_names_.find(name);
+  if (known == state_names_.end()) {
+    throw_bad_input("no workload of this runtime has a state '" + std::string(name) + "'");
+  }
+  while (turn_.exchange(true)) std::this_thread::yield();
+  auto copy = copy_tensors(states_[known->second]->committed());
+  turn_ = false;
+  work();
+  return copy;
+}
+
+void Runtime::Engine::write_trace() {
+  if (trace_ == nullptr) throw_bad_input("write_trace: the runtime's options name no trace");
+  wait_all();
+  while (turn_.exchange(true)) std::this_thread::yield();
+  const auto trace = std::move(trace_);
+  dispatcher_->observe(nullptr);
+  turn_ = false;
+  work();
+  Tally tally;
+  tally.end = now();
+  trace->finish();
+  writer_->finish(tally);
+}
+
 void Runtime::Engine::post(Submitted& task, Submitted::Event event) {
   task.event = event;
   task.next = posted_.load(std::memory_order_relaxed);
@@ -203,7 +229,7 @@ void Runtime::Engine::end_turn() {
 }
 
 void Runtime::Engine::take_turn() {
-  const Nanos now = clock_.now();
+  const Nanos now = this->now();
   Submitted* newest = posted_.exchange(nullptr);
   Submitted* oldest = nullptr;
   while (newest != nullptr) {
@@ -222,10 +248,14 @@ void Runtime::Engine::take_turn() {
     }
     apply(now);
   }
-  if (!asked_.exchange(false)) return;
-  cancel_asked(now);
-  look(now);
-  apply(now);
+  if (asked_.exchange(false)) {
+    cancel_asked(now);
+    look(now);
+    apply(now);
+  }
+  if (!trace_) return;
+  dispatcher_->list_waiting(queued_);
+  trace_->settled(now, queued_);
 }
 
 void Runtime::Engine::take_in(Submitted& task, Nanos now) {
@@ -257,8 +287,9 @@ void Runtime::Engine::take_in(Submitted& task, Nanos now) {
   if (task.options.deadline) submitted.deadline = task.submitted_at + *task.options.deadline;
   if (task.options.expires) submitted.expires_at = task.submitted_at + *task.options.expires;
   submitted.after = after_;
-  if (task.workload->state) submitted.state = static_cast<StateId>(task.workload_index);
+  submitted.state = workloads_[task.workload_index].state;
   task.known = true;
+  if (trace_) trace_->submitting(task.id, task.workload_index, 0, number_);
   if (!dispatcher_->submit(task.id, std::span(&submitted, 1), now, starts_)) {
     throw std::logic_error("the dispatcher refused a task of the runtime");
   }
@@ -270,6 +301,8 @@ void Runtime::Engine::take_end(Submitted& task, Nanos now) {
   Unit& unit = units_[task.unit];
   const CallEnd& end = task.call_end;
   unit.busy += end.busy;
+  if (!task.ends) task.busy = end.busy;
+  if (trace_) trace_->left(task.unit, static_cast<std::uint32_t>(task.id));
   if (!end.problem.empty()) add_problem(end.problem);
   if (!task.ends) task.problem = end.problem;
   dispatcher_->complete(task.unit, task.id, end.outcome, now, starts_);
@@ -283,8 +316,9 @@ void Runtime::Engine::take_end(Submitted& task, Nanos now) {
     return;
   }
   unit.returns = 0;
-  if (!task.ends && end.outcome == Outcome::kCompleted && states_[task.workload_index]) {
-    states_[task.workload_index]->commit(end.version);
+  const auto& state = workloads_[task.workload_index].state;
+  if (!task.ends && end.outcome == Outcome::kCompleted && state) {
+    states_[*state]->commit(end.version);
   }
   if (task.ends) return forget(task, now);  // Cancelled as it ran.
   if (end.outcome == Outcome::kCompleted) {
@@ -311,7 +345,7 @@ void Runtime::Engine::look(Nanos now) {
     const Nanos limit = options_.time_limit
                             ? *options_.time_limit
                             : time_limit(*service, units_[unit].runner->has_own_clock());
-    if (now - call->since > limit) lose(unit, *call, now);
+    if (now - (call->since - began_) > limit) lose(unit, *call, now);
   }
 }
 
@@ -321,11 +355,13 @@ void Runtime::Engine::lose(UnitId unit, const KernelUnit::Running& call, Nanos n
   if (!behind) return;
   Submitted& task = task_of(call);
   lost_.push_back(tasks_[static_cast<std::uint32_t>(task.id)]);
-  auto& state = states_[task.workload_index];
-  if (state) state = std::make_shared<StateValue>(*state);
-  out_of_service(unit,
-                 overdue(task.workload->name, options_.platform.units[unit].name, now - call.since),
-                 now);
+  if (const auto& id = workloads_[task.workload_index].state) {
+    states_[*id] = std::make_shared<StateValue>(*states_[*id]);
+  }
+  out_of_service(
+      unit,
+      overdue(task.workload->name, options_.platform.units[unit].name, now - (call.since - began_)),
+      now);
   const auto ended = [&](std::uint64_t token, Outcome outcome) {
     auto& each = *reinterpret_cast<Submitted*>(token);
     each.call_end = {.outcome = outcome, .problem = counts_.problems.back()};
@@ -396,10 +432,15 @@ void Runtime::Engine::start(const Start& start) {
   task.running = true;
   ++running_;
   task.outputs = task.workload->outputs.empty() ? nothing_ : pool_.take(*task.workload);
+  if (trace_) {
+    trace_->arrived(start.unit, static_cast<std::uint32_t>(start.task),
+                    options_.platform.units[start.unit].active_w);
+  }
+  const auto& state = workloads_[task.workload_index].state;
   Call call{.workload = task.workload,
             .inputs = {},
             .outputs = task.outputs,
-            .state = states_[task.workload_index],
+            .state = state ? states_[*state] : nullptr,
             .token = reinterpret_cast<std::uintptr_t>(&task)};
   call.inputs.reserve(task.inputs.size());
   for (const TaskInput& input : task.inputs) {
@@ -476,9 +517,10 @@ void Runtime::Engine::tell(std::vector<std::shared_ptr<Submitted>>& ended) {
 void Runtime::Engine::watch(const std::stop_token& stop) {
   std::unique_lock lock(watch_mutex_);
   while (!stop.stop_requested()) {
-    const Nanos until = std::min(watch_at_, clock_.now() + kLook);
+    const Nanos until = std::min(watch_at_, now() + kLook);
     const auto sooner = [&] { return watch_at_ < until; };
-    watch_sooner_.wait_until(lock, stop, std::chrono::steady_clock::time_point(until), sooner);
+    watch_sooner_.wait_until(lock, stop, std::chrono::steady_clock::time_point(began_ + until),
+                             sooner);
     watch_at_ = Nanos::max();
     lock.unlock();
     asked_ = true;

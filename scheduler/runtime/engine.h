@@ -23,6 +23,7 @@
 #include "scheduler/runtime/output_pool.h"
 #include "scheduler/runtime/runtime.h"
 #include "scheduler/runtime/samples.h"
+#include "scheduler/trace/trace_thread.h"
 
 namespace pirt {
 
@@ -60,6 +61,7 @@ struct runtime::Submitted {
   std::shared_ptr<std::vector<Tensor>> outputs;
   std::string unit_name;
   std::string problem;
+  Nanos busy{0};
 
   static constexpr int kLive = -1;
   std::atomic<int> end = kLive;    ///< A TaskEnd; before the callback.
@@ -99,6 +101,8 @@ class Runtime::Engine {
   void cancel(const TaskFuture& task);
   void wait_all();
   RuntimeStatistics statistics();
+  std::vector<Tensor> state(std::string_view name);
+  void write_trace();
 
  private:
   using Submitted = runtime::Submitted;
@@ -106,6 +110,7 @@ class Runtime::Engine {
     const Workload* workload = nullptr;
     const OwnWorkload* own = nullptr;
     UnitMask runs_on = 0;
+    std::optional<StateId> state = {};  ///< Index of states_.
   };
   struct Unit {
     std::unique_ptr<KernelUnit> runner;  ///< Null: nothing runs there.
@@ -116,7 +121,10 @@ class Runtime::Engine {
     Histogram latency;
   };
 
+  /// Since the start.
+  [[nodiscard]] Nanos now() const { return clock_.now() - began_; }
   void list_workloads();
+  void list_states();
   void open_units();
   std::vector<Preparation> preparations(UnitId unit);
   [[nodiscard]] UnitMask units_of(const Known& known) const;
@@ -152,7 +160,8 @@ class Runtime::Engine {
 
   RuntimeOptions options_;
   MachineClock clock_;
-  std::deque<Workload> own_;
+  Nanos began_ = clock_.now();
+  std::deque<Workload> own_;  ///< And RuntimeOptions::made.
   std::vector<Known> workloads_;
   std::map<std::string, std::size_t, std::less<>> names_;
   Mix mix_;
@@ -165,13 +174,17 @@ class Runtime::Engine {
 
   // Of who has the turn.
   std::optional<Dispatcher> dispatcher_;
+  std::unique_ptr<TraceWriter> writer_;  ///< Null: nobody wants a trace.
+  std::unique_ptr<TraceThread> trace_;   ///< Tells it.
+  std::vector<int> queued_;              ///< For the trace.
   Starts starts_;
   Starts applied_;  ///< For its memory.
   std::vector<Unit> units_;
   OutputPool pool_;
   std::shared_ptr<std::vector<Tensor>> nothing_ = std::make_shared<std::vector<Tensor>>();
-  std::vector<std::shared_ptr<StateValue>> states_;  ///< By workload; null where it has none.
-  std::vector<std::shared_ptr<Submitted>> tasks_;    ///< By the lower half of their id.
+  std::vector<std::shared_ptr<StateValue>> states_;  ///< Workloads may share them.
+  std::map<std::string, StateId, std::less<>> state_names_;
+  std::vector<std::shared_ptr<Submitted>> tasks_;  ///< By the lower half of their id.
   std::vector<std::uint32_t> free_;
   std::vector<TaskId> after_;
   std::vector<std::shared_ptr<Submitted>> ended_;  ///< To be told when the turn is over.

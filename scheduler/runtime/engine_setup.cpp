@@ -37,10 +37,18 @@ Runtime::Engine::Engine(RuntimeOptions options) : options_(std::move(options)), 
       throw_bad_input("no unit of platform " + options_.platform.name + " can run " +
                       known.workload->name + " here");
     }
-    states_.push_back(known.workload->state ? std::make_shared<StateValue>(*known.workload)
-                                            : nullptr);
   }
+  list_states();
   dispatcher_.emplace(setup_->slots, std::move(setup_->policy));
+  if (options_.trace) {
+    writer_ = std::make_unique<TraceWriter>(
+        *options_.trace, setup_->scenario,
+        DispatcherSetup{&setup_->mode.policy, options_.platform.unit_names(), setup_->slots,
+                        setup_->policy_setup},
+        "live");
+    trace_ = std::make_unique<TraceThread>(*writer_);
+    dispatcher_->observe(&*trace_);
+  }
   open_units();
   set_up_ = clock_.now() - begin;
   watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
@@ -55,6 +63,7 @@ void Runtime::Engine::list_workloads() {
     workloads_.back().runs_on = units_of(workloads_.back());
   };
   for (const std::string& name : options_.workloads) add(find_workload(name), nullptr);
+  for (Workload& made : options_.made) add(own_.emplace_back(std::move(made)), nullptr);
   for (const OwnWorkload& own : options_.own) {
     if (own.kernels.empty()) throw_bad_input("workload '" + own.name + "' has no kernel");
     Workload& workload = own_.emplace_back();
@@ -64,6 +73,24 @@ void Runtime::Engine::list_workloads() {
     add(workload, &own);
   }
   if (workloads_.empty()) throw_bad_input("a runtime needs workloads: name them in its options");
+}
+
+void Runtime::Engine::list_states() {
+  std::vector<const Workload*> first;
+  for (Known& known : workloads_) {
+    const auto& spec = known.workload->state;
+    if (!spec) continue;
+    const auto [place, is_new] =
+        state_names_.emplace(spec->name, static_cast<StateId>(states_.size()));
+    if (is_new) {
+      first.push_back(known.workload);
+      states_.push_back(std::make_shared<StateValue>(*known.workload));
+    } else if (*first[place->second]->state != *spec) {
+      throw_bad_input("workloads " + first[place->second]->name + " and " + known.workload->name +
+                      " have other tensors in the state '" + spec->name + "' that they share");
+    }
+    known.state = place->second;
+  }
 }
 
 /// Those that have a kernel for it.

@@ -47,6 +47,7 @@ std::span<const Tensor> TaskFuture::get() const {
 }
 
 std::string TaskFuture::unit() const { return end() ? task_->unit_name : ""; }
+Nanos TaskFuture::busy() const { return end() ? task_->busy : Nanos::zero(); }
 std::string TaskFuture::problem() const { return end() ? task_->problem : ""; }
 Runtime::Runtime(RuntimeOptions options) : engine_(std::make_unique<Engine>(std::move(options))) {}
 Runtime::~Runtime() = default;
@@ -58,5 +59,7 @@ TaskFuture Runtime::submit(std::string_view workload, std::vector<TaskInput> inp
 void Runtime::cancel(const TaskFuture& task) { engine_->cancel(task); }
 void Runtime::wait_all() { engine_->wait_all(); }
 RuntimeStatistics Runtime::statistics() const { return engine_->statistics(); }
+std::vector<Tensor> Runtime::state(std::string_view name) const { return engine_->state(name); }
+void Runtime::write_trace() { engine_->write_trace(); }
 
 }  // namespace pirt

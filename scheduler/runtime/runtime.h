@@ -37,6 +37,7 @@
 #include "scheduler/record/histogram.h"
 #include "workloads/base/time.h"
 #include "workloads/tensor.h"
+#include "workloads/workload.h"
 
 namespace pirt {
 
@@ -77,6 +78,8 @@ class TaskFuture {
   [[nodiscard]] TaskOutput output(std::size_t index) const { return {task_, index}; }
   /// The name of the unit that it ran on last; empty if it never did.
   [[nodiscard]] std::string unit() const;
+  /// How long its last call occupied that unit; 0 if it never ran. Valid once it has ended.
+  [[nodiscard]] Nanos busy() const;
   /// Why it failed; empty if it did not. Valid once it has ended.
   [[nodiscard]] std::string problem() const;
 
@@ -120,6 +123,10 @@ struct RuntimeOptions {
   std::optional<Profile> profile = {};
   std::string mode = "ect";                 ///< Any that plans nothing ahead (pirt list modes).
   std::vector<std::string> workloads = {};  ///< Of the catalogue, that will be submitted.
+  /// Of the catalogue's kinds, made for sizes of one's own (vision::make_sobel(1280, 720)). Those
+  /// whose state has the same name share it, and take turns; the first one's beginning counts. A
+  /// profile's rows are found by their names, whatever the sizes that were measured.
+  std::vector<Workload> made = {};
   std::vector<OwnWorkload> own = {};
   bool prepare_first = true;  ///< Else each kernel is prepared when its first task runs.
   /// Tasks that have not ended: submit waits while there are so many.
@@ -127,6 +134,7 @@ struct RuntimeOptions {
   /// A call that takes longer puts its unit out of service. Absent = 50 times what it is expected
   /// to take, and at least 5 s; never where that is not known.
   std::optional<Nanos> time_limit = {};
+  std::optional<std::string> trace = {};  ///< A file; see write_trace.
   int priority = 0;  ///< Above 0: units' threads at this real-time priority, where permitted.
   std::function<void(const std::string&)> progress = {};  ///< A line each while it starts.
 };
@@ -181,6 +189,13 @@ class Runtime {
   /// Until no task is left that has not ended.
   void wait_all();
   [[nodiscard]] RuntimeStatistics statistics() const;
+  /// A copy of what the tasks that have completed left in the state of that name.
+  /// @throws Error{kBadInput} if no workload has it.
+  [[nodiscard]] std::vector<Tensor> state(std::string_view name) const;
+  /// Waits for all tasks, and the file of RuntimeOptions::trace is there (for Perfetto and `pirt
+  /// replay`); without this call it never is. Once, and nothing is submitted afterwards.
+  /// @throws Error{kBadInput} if it cannot be written.
+  void write_trace();
 
  private:
   class Engine;

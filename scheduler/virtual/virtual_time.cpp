@@ -372,15 +372,8 @@ void VirtualTime::settle() {
     fire(loop);
     apply_starts();
   }
-  if (observer_ != nullptr) tell_settled();
-}
-
-void VirtualTime::tell_settled() {
-  waiting_.clear();
-  for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
-    waiting_.push_back(dispatcher_.load(unit) - dispatcher_.running(unit));
-  }
-  waiting_.push_back(static_cast<int>(dispatcher_.waiting()));
+  if (observer_ == nullptr) return;
+  dispatcher_.list_waiting(waiting_);
   observer_->settled(now_, waiting_);
 }
 

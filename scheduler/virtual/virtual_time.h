@@ -111,7 +111,6 @@ class VirtualTime {
   void fire(std::uint32_t pipeline);
   void schedule_firing(std::uint32_t pipeline);
   void settle();
-  void tell_settled();
   void apply_starts();
   void proceed(JobIndex job);
   void begin_step(JobIndex job, const Step& step);

@@ -63,8 +63,8 @@ TEST(SourceTree, RoomsIncludeThoseBeforeThem) {
        "characterize/worker", "characterize/campaign", "characterize/doctor", "characterize/duet",
        "characterize/tune"},
       {"scheduler/mix", "scheduler/services", "scheduler/planner", "scheduler/policies",
-       "scheduler/dispatcher", "scheduler/record", "scheduler/virtual", "scheduler/runtime",
-       "scheduler/trace", "scheduler/bounds", "scheduler"}};
+       "scheduler/dispatcher", "scheduler/record", "scheduler/virtual", "scheduler/trace",
+       "scheduler/runtime", "scheduler/robot", "scheduler/bounds", "scheduler"}};
   const auto room_of = [](const std::vector<std::string>& house, const std::string& path) {
     const auto folder = fs::path(path).parent_path().string();
     return std::ranges::find(house, folder) - house.begin();

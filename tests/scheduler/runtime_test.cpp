@@ -9,12 +9,15 @@
 #include <stdexcept>
 #include <thread>
 
+#include "scheduler/trace/replay.h"
 #include "tests/scheduler/support.h"
 #include "tests/support/errors.h"
+#include "tests/workloads/sequence_support.h"
 #include "workloads/base/random.h"
 #include "workloads/catalog.h"
 #include "workloads/images.h"
 #include "workloads/registry.h"
+#include "workloads/vision/vision.h"
 
 namespace pirt::test {
 namespace {
@@ -123,6 +126,63 @@ TEST(Runtime, TasksOfAStateHoldItOneAtATimeInOrder) {
     const Verdict verdict = model.verify(futures[i].get(), expected[i]);
     EXPECT_TRUE(verdict.ok) << i << ": " << verdict.detail;
   }
+}
+
+/// A background model of its own size and name.
+Workload background(const std::string& name, int width, int height) {
+  Workload workload = vision::make_background_model(width, height);
+  workload.name = name;
+  return workload;
+}
+
+TEST(Runtime, WorkloadsOfOwnSizesShareAStateByItsName) {
+  RuntimeOptions options = options_with({});
+  options.made = {background("even", 40, 30), background("odd", 40, 30)};
+  Runtime runtime(std::move(options));
+  const Workload model = background("both", 40, 30);
+  const auto images = generated_images(1);
+  std::vector<Data> frames;
+  std::vector<TaskFuture> futures;
+  for (int frame = 0; frame < model.frames; ++frame) {
+    frames.push_back(model.make_data({.seed = 1, .images = images.get(), .frame = frame}));
+    futures.push_back(runtime.submit(frame % 2 == 0 ? "even" : "odd", {frames.back().inputs[0]}));
+  }
+  const auto expected = reference_of(model, frames);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const Verdict verdict = model.verify(futures[i].get(), expected[i]);
+    EXPECT_TRUE(verdict.ok) << i << ": " << verdict.detail;
+  }
+  // It counts its frames, up to 4.
+  EXPECT_EQ(runtime.state("background")[1].as<std::int32_t>()[0], 4);
+  EXPECT_THAT(bad_input([&] { static_cast<void>(runtime.state("foreground")); }),
+              HasSubstr("foreground"));
+  EXPECT_THAT(bad_input([&] {
+                auto other = options_with({});
+                other.made = {background("small", 40, 30), background("large", 80, 60)};
+                const Runtime refused(std::move(other));
+              }),
+              HasSubstr("small and large"));
+}
+
+TEST(Runtime, ItsTraceReplaysWhateverHappened) {
+  const ScratchFolder folder;
+  auto options = options_with(
+      {adding(), own("throw", 1, [](auto, auto) { throw std::runtime_error("on purpose"); })});
+  options.trace = (folder.path() / "trace.json").string();
+  Runtime runtime(options);
+  TaskFuture sum = runtime.submit("add", {number(0), number(1)});
+  for (int i = 2; i <= 50; ++i) {
+    sum = runtime.submit("add", {sum.output(0), number(i)});
+    const auto thrown = runtime.submit("throw", {sum.output(0)});
+    const auto dropped = runtime.submit("add", {thrown.output(0), number(1)});
+    if (i % 10 == 0) runtime.cancel(dropped);
+  }
+  runtime.write_trace();
+  const auto replayed = replay(load_trace_log(*options.trace), "trace");
+  EXPECT_FALSE(replayed.difference.has_value());
+  EXPECT_GE(replayed.decisions, 100);
+  EXPECT_GT(sum.busy(), Nanos::zero());
+  EXPECT_THAT(bad_input([&] { runtime.write_trace(); }), HasSubstr("trace"));
 }
 
 TEST(Runtime, CallbacksHearOfEachEndOnceAndMaySubmit) {

@@ -3,10 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "workloads/scene/generator.h"
 #include "workloads/sequence/sequence.h"
@@ -40,6 +43,23 @@ inline SceneOptions scene(std::uint64_t seed, double duration_s, bool stereo = t
   if (duration_s <= options.path.rest_s) options.path.rest_s = 0.2 * duration_s;
   options.stereo = stereo;
   return options;
+}
+
+/// Renders each picture once, for tests that run a sequence several times; of one thread at a time.
+inline Sequence remembering(Sequence sequence) {
+  auto pictures = std::make_shared<std::vector<std::array<GreyImage, 2>>>(sequence.frames.size());
+  sequence.image = [pictures, render = sequence.image](std::size_t frame, std::size_t camera) {
+    GreyImage& picture = (*pictures)[frame][camera];
+    if (picture.empty()) picture = render(frame, camera);
+    return picture;
+  };
+  return sequence;
+}
+
+inline Sequence mono(Sequence sequence) {
+  sequence.cameras.resize(1);
+  for (auto& frame : sequence.frames) frame.present.resize(1);
+  return sequence;
 }
 
 /// A folder of a second of small pictures.

@@ -19,23 +19,8 @@ namespace pirt::slam {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Renders each picture once, for tests that run a sequence several times.
-Sequence remembering(Sequence sequence) {
-  auto pictures = std::make_shared<std::vector<std::array<GreyImage, 2>>>(sequence.frames.size());
-  sequence.image = [pictures, render = sequence.image](std::size_t frame, std::size_t camera) {
-    GreyImage& picture = (*pictures)[frame][camera];
-    if (picture.empty()) picture = render(frame, camera);
-    return picture;
-  };
-  return sequence;
-}
-
-Sequence mono(Sequence sequence) {
-  sequence.cameras.resize(1);
-  for (auto& frame : sequence.frames) frame.present.resize(1);
-  return sequence;
-}
+using test::mono;
+using test::remembering;
 
 RunResult run(const Sequence& sequence) {
   RunOptions options;

@@ -41,7 +41,7 @@ class SlamStep : public Kernel {
     step_.run(state, step_.setup, inputs_, wide_);
     slam::write_state(state, next_);
     for (std::size_t i = 0; i < wide_.size(); ++i) {
-      if (wide_[i].spec().element != Element::kF64) {
+      if (wide_[i].spec().element == outputs_[i].spec().element) {
         copy_tensor(wide_[i], outputs_[i]);
         continue;
       }

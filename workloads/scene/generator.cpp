@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <memory>
+#include <numbers>
 
 #include "workloads/base/error.h"
 #include "workloads/base/gaussian.h"
@@ -170,7 +171,8 @@ FloorMap floor_map(const SceneOptions& options) {
     }
   }
   // Across the room from where the robot starts, in the ring that has no furniture.
-  const Eigen::Vector3d start = RobotPath(options.path).at(0).body.position;
+  const Pose body = RobotPath(options.path).at(0).body;
+  const Eigen::Vector3d& start = body.position;
   const Eigen::Vector2d centre(kRoomSide_m / 2, kRoomSide_m / 2);
   const Eigen::Vector2d goal = centre - 2.2 * (start.head<2>() - centre).normalized();
   FloorMap map;
@@ -179,7 +181,10 @@ FloorMap floor_map(const SceneOptions& options) {
       "image: map.pgm\nmode: trinary\nresolution: {}\norigin: [{}, {}, 0.0]\nnegate: 0\n"
       "occupied_thresh: 0.65\nfree_thresh: 0.25\n",
       kCell_m, -kWall * kCell_m, -kWall * kCell_m);
-  map.goal_yaml = fmt::format("goal: [{:.3f}, {:.3f}]\n", goal.x(), goal.y());
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  map.goal_yaml = fmt::format("goal: [{:.3f}, {:.3f}]\nstart: [{:.3f}, {:.3f}, {:.2f}]\n", goal.x(),
+                              goal.y(), start.x(), start.y(),
+                              kDegrees * std::atan2(body.rotation(1, 0), body.rotation(0, 0)));
   return map;
 }
 

@@ -28,7 +28,9 @@ void check_options(const SceneOptions& options);
 
 struct FloorMap {
   std::string yaml, pgm;  ///< Of ROS map_server; the image is named map.pgm.
-  std::string goal_yaml;  ///< `goal: [x, y]`, metres in the map's frame.
+  /// `goal: [x, y]` and `start: [x, y, heading]`, where the robot begins: metres in the map's frame
+  /// and degrees.
+  std::string goal_yaml;
 };
 
 /// What a planner may use of the generated room: walls and furniture are occupied. The frame is the

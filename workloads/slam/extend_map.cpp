@@ -9,7 +9,6 @@ namespace pirt::slam {
 namespace {
 
 constexpr double kLandmarkSigma = 0.10;  // of a landmark's depth when it enters, relative
-constexpr double kMapSigma = 0.15;       // of a map point's
 constexpr std::size_t kLandmarkViews = 5;
 constexpr int kMostMisses = 8;           // after which a landmark is not what it was
 constexpr double kLeastBase = 0.015;     // of a clone to the one before, in median depths
@@ -207,6 +206,7 @@ void add_tracks(State& state, const Setup& setup, const Features& features) {
 }  // namespace
 
 void extend_map(State& state, const Setup& setup, const Features& features) {
+  if (state.clones.empty()) return;  // No frame has been seen.
   if (setup.update && !state.still && state.status == Status::kTracking) {
     remove_bad_landmarks(state);
     promote_tracks(state, setup);

@@ -2,27 +2,8 @@
 
 #include <algorithm>
 
-#include "workloads/slam/propagate.h"
-
 namespace pirt::slam {
 namespace {
-
-/// Without contrast nothing can be followed, and noise must not be taken for corners.
-bool is_blank(const GreyImage& image) {
-  constexpr int kStep = 7;
-  constexpr double kLeastVariance = 16.0;
-  double sum = 0;
-  double squares = 0;
-  double count = 0;
-  for (std::size_t i = 0; i < image.pixels.size(); i += kStep) {
-    const double value = image.pixels[i];
-    sum += value;
-    squares += value * value;
-    ++count;
-  }
-  const double mean = sum / count;
-  return squares / count - mean * mean < kLeastVariance;
-}
 
 class StageTimer {
  public:
@@ -52,6 +33,9 @@ class SerialRun {
       GreyImage left = picture(i, 0);
       GreyImage right;
       if (setup_.cameras.size() > 1 && sequence_.frames[i].present[1]) right = picture(i, 1);
+      const Next next = options_.next ? options_.next(i) : Next::kTake;
+      if (next == Next::kStop) break;
+      if (next == Next::kDrop) continue;
       result.frames.push_back(frame(i, std::move(left), std::move(right)));
       if (options_.seen) options_.seen(i, state_, before_.levels[0], result.frames.back());
     }
@@ -66,15 +50,6 @@ class SerialRun {
     return image;
   }
 
-  /// Samples from just before the state's time to just after @p until.
-  std::span<const ImuSample> samples_to(Nanos until) {
-    const auto& imu = sequence_.imu;
-    while (first_ + 1 < imu.size() && imu[first_ + 1].time <= state_.time) ++first_;
-    auto last = first_;
-    while (last < imu.size() && imu[last].time < until) ++last;
-    return std::span(imu).subspan(first_, std::min(last + 1, imu.size()) - first_);
-  }
-
   FrameResult frame(std::size_t index, GreyImage left, GreyImage right) {
     const Nanos time = sequence_.frames[index].time;
     FrameResult result;
@@ -84,21 +59,14 @@ class SerialRun {
     };
     {
       const auto t = timer(Stage::kPropagate);
-      const auto samples = samples_to(time);
-      if (state_.status == Status::kStarting && setup_.imu) {
-        start(state_, setup_, samples, time);
-      } else if (state_.status != Status::kStarting) {
-        imu_propagate(state_, setup_, samples, time);
-      }
-      if (index > 0) state_.previous_time = sequence_.frames[index - 1].time;
-      state_.time = time;
+      begin_frame(state_, setup_, samples_between(sequence_, state_.time, time), time);
     }
     Pyramid pyramid;
     {
       const auto t = timer(Stage::kPyramid);
       pyramid = make_pyramid(std::move(left));
     }
-    if (state_.status != Status::kStarting || !setup_.imu) {
+    if (sees(state_, setup_)) {
       see(pyramid, std::move(right), result);
     }
     before_ = std::move(pyramid);
@@ -129,7 +97,7 @@ class SerialRun {
     if (!right.empty() && !result.unusable) {
       const auto t = timer(Stage::kTrackRight);
       const Pyramid other = make_pyramid(std::move(right));
-      const TrackRequest request = request_right(state_, setup_, tracks.left);
+      const TrackRequest request = request_right(setup_, depths_of(state_), tracks.left);
       tracks.right = track_features(pyramid, other, request.pixels, request.guesses, {});
     }
     {
@@ -145,10 +113,37 @@ class SerialRun {
   const Setup& setup_;
   State state_;
   Pyramid before_;
-  std::size_t first_ = 0;
 };
 
 }  // namespace
+
+bool is_blank(const GreyImage& image) {
+  constexpr int kStep = 7;
+  constexpr double kLeastVariance = 16.0;
+  double sum = 0;
+  double squares = 0;
+  double count = 0;
+  for (std::size_t i = 0; i < image.pixels.size(); i += kStep) {
+    const double value = image.pixels[i];
+    sum += value;
+    squares += value * value;
+    ++count;
+  }
+  const double mean = sum / count;
+  return squares / count - mean * mean < kLeastVariance;
+}
+
+std::span<const ImuSample> samples_between(const Sequence& sequence, Nanos from, Nanos until) {
+  const auto& imu = sequence.imu;
+  const auto after = [&](Nanos time) {
+    return std::ranges::upper_bound(imu, time, {}, &ImuSample::time) - imu.begin();
+  };
+  const auto first = std::max<std::ptrdiff_t>(after(from) - 1, 0);
+  auto last = std::ranges::lower_bound(imu, until, {}, &ImuSample::time) - imu.begin();
+  last = std::min(std::max(last, first) + 1, std::ssize(imu));
+  return std::span(imu).subspan(static_cast<std::size_t>(first),
+                                static_cast<std::size_t>(last - first));
+}
 
 std::string_view to_string(Stage stage) {
   constexpr std::array<std::string_view, kStages.size()> kNames = {

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,13 @@ struct FrameResult {
   std::array<Nanos, kStages.size()> stage_time{};
 };
 
+/// What becomes of a frame.
+enum class Next : std::uint8_t {
+  kTake,
+  kDrop,  ///< As if there had been none.
+  kStop,  ///< Nor are those after it taken.
+};
+
 struct RunOptions {
   Setup setup;
   const Clock* clock = nullptr;  ///< For stage_time; none = they are 0.
@@ -44,6 +52,8 @@ struct RunOptions {
   std::function<void(std::size_t frame, const State&, const GreyImage&, const FrameResult&)> seen;
   /// Pictures may be replaced before they are used (tests of bad frames).
   std::function<void(std::size_t frame, std::size_t camera, GreyImage&)> spoil;
+  /// Asked before each frame, whose pictures have been read; empty = each is taken.
+  std::function<Next(std::size_t frame)> next;
 };
 
 struct RunResult {
@@ -53,6 +63,13 @@ struct RunResult {
   /// The poses since there is one.
   [[nodiscard]] std::vector<StampedPose> trajectory() const;
 };
+
+/// Without contrast nothing can be followed, and noise must not be taken for corners.
+[[nodiscard]] bool is_blank(const GreyImage& image);
+
+/// IMU samples from just before @p from to just after @p until.
+[[nodiscard]] std::span<const ImuSample> samples_between(const Sequence& sequence, Nanos from,
+                                                         Nanos until);
 
 /// The setup that a sequence needs: its cameras and its IMU.
 [[nodiscard]] Setup setup_of(const Sequence& sequence);

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "workloads/slam/filter.h"
+#include "workloads/slam/propagate.h"
 #include "workloads/slam/steps.h"
 
 namespace pirt::slam {
@@ -86,6 +87,21 @@ void start(State& state, const Setup& setup, std::span<const ImuSample> samples,
   state.last_imu.time = time;
   state.waiting.clear();
   state.status = Status::kTracking;
+}
+
+void begin_frame(State& state, const Setup& setup, std::span<const ImuSample> samples, Nanos time) {
+  const Nanos before = state.time;
+  if (state.status != Status::kStarting) {
+    imu_propagate(state, setup, samples, time);
+  } else if (setup.imu) {
+    start(state, setup, samples, time);
+  }
+  state.previous_time = before;
+  state.time = time;
+}
+
+bool sees(const State& state, const Setup& setup) {
+  return state.status != Status::kStarting || !setup.imu;
 }
 
 }  // namespace pirt::slam

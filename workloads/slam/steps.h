@@ -22,15 +22,22 @@ namespace pirt::slam {
 /// from the first frames that have a base line (see start_from_tracks).
 void start(State& state, const Setup& setup, std::span<const ImuSample> samples, Nanos time);
 
+/// The first step of a frame at @p time: the start as long as there is no pose, else the motion.
+void begin_frame(State& state, const Setup& setup, std::span<const ImuSample> samples, Nanos time);
+/// Whether pictures say something to the state: not before an IMU has set it up.
+[[nodiscard]] bool sees(const State& state, const Setup& setup);
+
 /// What track_features needs: tracks' pixels, and where the moved state expects them.
 struct TrackRequest {
   std::vector<Eigen::Vector2f> pixels;   ///< f32 [n,2], previous picture.
   std::vector<Eigen::Vector2f> guesses;  ///< f32 [n,2]
 };
 [[nodiscard]] TrackRequest request_tracks(const State& state, const Setup& setup);
-/// The same from the left picture to the right one, for tracks that were found.
-[[nodiscard]] TrackRequest request_right(const State& state, const Setup& setup,
+/// The same from the left picture to the right one.
+/// @param depths  Of the tracks, as they have them; f64 [n].
+[[nodiscard]] TrackRequest request_right(const Setup& setup, std::span<const double> depths,
                                          std::span<const TrackedPoint> left);
+[[nodiscard]] std::vector<double> depths_of(const State& state);
 
 struct FrameTracks {
   std::vector<TrackedPoint> left;   ///< By track of the state.
@@ -58,7 +65,8 @@ void use_points(State& state, const Setup& setup, std::vector<Track>& ended, std
 inline constexpr std::size_t kMostPoints = 30;  ///< In one frame: what bounds its time.
 
 /// Triangulates: tracks with a good base line become landmarks or map points, new corners become
-/// tracks, and what exceeds the setup's bounds is forgotten.
+/// tracks, and what exceeds the setup's bounds is forgotten. Does nothing before the first
+/// update_pose.
 void extend_map(State& state, const Setup& setup, const Features& features);
 
 /// Without an IMU: takes the first frames that have a base line as the start (its length sets the

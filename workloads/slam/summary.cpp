@@ -6,21 +6,6 @@
 namespace pirt::slam {
 namespace {
 
-StageSummary summary_of(std::string name, std::vector<double> ms) {
-  StageSummary stage;
-  stage.name = std::move(name);
-  if (ms.empty()) return stage;
-  std::ranges::sort(ms);
-  const auto quantile = [&](double q) {
-    return ms[static_cast<std::size_t>(q * static_cast<double>(ms.size() - 1))];
-  };
-  for (const double value : ms) stage.mean_ms += value / static_cast<double>(ms.size());
-  stage.p50_ms = quantile(0.5);
-  stage.p95_ms = quantile(0.95);
-  stage.p99_ms = quantile(0.99);
-  return stage;
-}
-
 /// Poses that go on from the first two true ones.
 std::vector<StampedPose> constant_velocity(const std::vector<StampedPose>& estimate,
                                            const std::vector<TruthRow>& truth) {
@@ -75,6 +60,21 @@ void add_errors(const Sequence& sequence, const std::vector<StampedPose>& poses,
 }
 
 }  // namespace
+
+StageSummary summary_of(std::string name, std::vector<double> ms) {
+  StageSummary stage;
+  stage.name = std::move(name);
+  if (ms.empty()) return stage;
+  std::ranges::sort(ms);
+  const auto quantile = [&](double q) {
+    return ms[static_cast<std::size_t>(q * static_cast<double>(ms.size() - 1))];
+  };
+  for (const double value : ms) stage.mean_ms += value / static_cast<double>(ms.size());
+  stage.p50_ms = quantile(0.5);
+  stage.p95_ms = quantile(0.95);
+  stage.p99_ms = quantile(0.99);
+  return stage;
+}
 
 RunSummary summarize(const Sequence& sequence, const RunResult& result, const Setup& setup) {
   RunSummary summary;

@@ -14,6 +14,9 @@ struct StageSummary {
   double mean_ms = 0, p50_ms = 0, p95_ms = 0, p99_ms = 0;
 };
 
+/// @param ms  In any order.
+[[nodiscard]] StageSummary summary_of(std::string name, std::vector<double> ms);
+
 struct RunSummary {
   std::size_t frames = 0;
   std::size_t starting = 0, tracking = 0, lost = 0;  ///< Frames by status.

@@ -397,16 +397,21 @@ TrackRequest request_tracks(const State& state, const Setup& setup) {
   return request;
 }
 
-TrackRequest request_right(const State& state, const Setup& setup,
+std::vector<double> depths_of(const State& state) {
+  std::vector<double> depths;
+  for (const Track& track : state.tracks) depths.push_back(track.depth);
+  return depths;
+}
+
+TrackRequest request_right(const Setup& setup, std::span<const double> depths,
                            std::span<const TrackedPoint> left) {
   const Pose right_from_left =
       setup.cameras[1].body_from_camera.inverse() * setup.cameras[0].body_from_camera;
   TrackRequest request;
-  for (std::size_t i = 0; i < state.tracks.size(); ++i) {
-    const Track& track = state.tracks[i];
+  for (std::size_t i = 0; i < depths.size(); ++i) {
     request.pixels.push_back(left[i].pixel);
     constexpr double kUsualDepth = 4.0;
-    const double depth = track.depth > 0 ? track.depth : kUsualDepth;
+    const double depth = depths[i] > 0 ? depths[i] : kUsualDepth;
     const Eigen::Vector2d ray = setup.cameras[0].ray(left[i].pixel.cast<double>());
     const Eigen::Vector3d along = ray.homogeneous();
     const Eigen::Vector3d p = right_from_left * Eigen::Vector3d(depth * along);

@@ -10,10 +10,10 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/slam/propagate.h"
 #include "workloads/slam/recording.h"
 #include "workloads/slam/specs.h"
 #include "workloads/slam/state_tensors.h"
+#include "workloads/slam/step_tensors.h"
 
 namespace pirt::slam {
 namespace {
@@ -30,90 +30,44 @@ const Played& played() {
   return all;
 }
 
-// ------------------------------------------------------------------------------ values and tensors
-
-void put_words(Nanos time, std::span<std::int32_t> words) {
-  const auto bits = static_cast<std::uint64_t>(time.count());
-  words[0] = static_cast<std::int32_t>(static_cast<std::uint32_t>(bits));
-  words[1] = static_cast<std::int32_t>(static_cast<std::uint32_t>(bits >> 32U));
-}
-
-Nanos time_of(std::span<const std::int32_t> words) {
-  const auto low = static_cast<std::uint32_t>(words[0]);
-  const auto high = static_cast<std::uint32_t>(words[1]);
-  return Nanos(static_cast<std::int64_t>(std::uint64_t{high} << 32U | low));
-}
-
-void put_pose(const Pose& pose, Tensor& tensor) {
-  const auto values = tensor.as<double>();
-  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(values.data()) = pose.rotation;
-  std::copy_n(pose.position.data(), 3, &values[9]);
-}
-
-std::vector<Tensor> tensors_of(const Features& features) {
-  auto tensors = make_tensors(feature_specs());
-  for (Tensor& tensor : tensors) tensor.set_rows(std::ssize(features.pixels));
-  for (std::size_t i = 0; i < features.pixels.size(); ++i) {
-    tensors[0].as<float>()[2 * i] = features.pixels[i].x();
-    tensors[0].as<float>()[2 * i + 1] = features.pixels[i].y();
-    tensors[1].as<float>()[i] = features.scores[i];
-    std::ranges::copy(features.descriptors[i],
-                      tensors[2].as<std::uint8_t>().subspan(32 * i, 32).begin());
-  }
-  return tensors;
-}
-
-Features features_of(std::span<const Tensor> tensors) {
-  const auto count = static_cast<std::size_t>(tensors[0].rows());
-  if (tensors[1].rows() != tensors[0].rows() || tensors[2].rows() != tensors[0].rows()) {
-    throw_bad_input("features whose pixels, scores and descriptors differ in number");
-  }
-  Features features;
-  features.descriptors.resize(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    features.pixels.emplace_back(tensors[0].as<float>()[2 * i], tensors[0].as<float>()[2 * i + 1]);
-    features.scores.push_back(tensors[1].as<float>()[i]);
-    std::ranges::copy(tensors[2].as<std::uint8_t>().subspan(32 * i, 32),
-                      features.descriptors[i].begin());
-  }
-  return features;
-}
-
 // ------------------------------------------------------------------------------------------- steps
+
+/// Floats as such in f64.
+void write_wide(std::span<const Eigen::Vector2f> points, Tensor& tensor) {
+  tensor.set_rows(std::ssize(points));
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    Eigen::Map<Eigen::Vector2d>(&tensor.as<double>()[2 * i]) = points[i].cast<double>();
+  }
+}
 
 void run_propagate(State& state, const Setup& setup, std::span<const Tensor> inputs,
                    std::span<Tensor> outputs) {
-  if (inputs[0].rows() != inputs[1].rows()) {
-    throw_bad_input("IMU samples and stamps that differ in number");
-  }
-  std::vector<ImuSample> samples;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(inputs[0].rows()); ++i) {
-    const double* values = &inputs[0].as<double>()[6 * i];
-    samples.push_back({time_of(inputs[1].as<std::int32_t>().subspan(2 * i, 2)),
-                       Eigen::Vector3d(values), Eigen::Vector3d(values + 3)});
-  }
-  const Nanos before = state.time;
-  imu_propagate(state, setup, samples, time_of(inputs[2].as<std::int32_t>()));
-  state.previous_time = before;
-  put_pose(state.body(), outputs[0]);
+  begin_frame(state, setup, samples_of(inputs.first(2)), time_of(inputs[2]));
+  write_pose(state.body(), outputs[0]);
   Eigen::Map<Eigen::VectorXd>(outputs[1].as<double>().data(), kMotionSize) =
       state.covariance.diagonal().head<kMotionSize>().cwiseSqrt();
+  const TrackRequest request = request_tracks(state, setup);
+  write_wide(request.pixels, outputs[2]);
+  write_wide(request.guesses, outputs[3]);
+  const auto depths = depths_of(state);
+  outputs[4].set_rows(std::ssize(depths));
+  std::ranges::copy(depths, outputs[4].as<double>().begin());
 }
 
 void run_update(State& state, const Setup& setup, std::span<const Tensor> inputs,
                 std::span<Tensor> outputs) {
+  FrameTracks tracks{tracks_of(inputs.first(2)), tracks_of(inputs.subspan(2, 2))};
+  if (tracks.left.empty()) tracks.left.resize(state.tracks.size());
   const auto count = state.tracks.size();
-  if (inputs[0].rows() != std::ssize(state.tracks) || inputs[1].rows() != inputs[0].rows()) {
-    throw_bad_input(fmt::format("{} tracks and {} of found where the state follows {}",
-                                inputs[0].rows(), inputs[1].rows(), count));
+  if (tracks.left.size() != count || (!tracks.right.empty() && tracks.right.size() != count)) {
+    throw_bad_input(fmt::format("{} tracks, {} in the right picture, where the state follows {}",
+                                tracks.left.size(), tracks.right.size(), count));
   }
-  FrameTracks tracks;
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto* pixel = &inputs[0].as<float>()[2 * i];
-    tracks.left.push_back({{pixel[0], pixel[1]}, inputs[1].as<std::uint8_t>()[i] != 0});
+  FrameReport report;
+  if (sees(state, setup)) {
+    report = update_pose(state, setup, tracks, features_of(inputs.subspan(4, 3)));
   }
-  const FrameReport report = update_pose(state, setup, tracks, features_of(inputs.subspan(2, 3)));
-  put_pose(state.body(), outputs[0]);
+  write_pose(state.body(), outputs[0]);
   Eigen::Map<Eigen::Matrix3d>(outputs[1].as<double>().data()) = position_covariance(state);
   const std::array figures = {report.tracks, report.landmarks, report.recognized, report.points,
                               report.rejected};
@@ -122,13 +76,16 @@ void run_update(State& state, const Setup& setup, std::span<const Tensor> inputs
 
 void run_extend(State& state, const Setup& setup, std::span<const Tensor> inputs,
                 std::span<Tensor> outputs) {
-  extend_map(state, setup, features_of(inputs));
+  if (sees(state, setup)) extend_map(state, setup, features_of(inputs));
   outputs[0].set_rows(std::ssize(state.landmarks));
   for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
     Eigen::Map<Eigen::Vector3d>(&outputs[0].as<double>()[3 * i]) = state.landmarks[i].position;
   }
   outputs[1].as<std::int32_t>()[0] = static_cast<std::int32_t>(state.tracks.size());
   outputs[1].as<std::int32_t>()[1] = static_cast<std::int32_t>(state.map.size());
+  write_pose(state.body(), outputs[2]);
+  Eigen::Map<Eigen::Matrix3d>(outputs[3].as<double>().data()) = position_covariance(state);
+  outputs[4].as<std::int32_t>()[0] = static_cast<std::int32_t>(state.status);
 }
 
 // -------------------------------------------------------------------------------------------- data
@@ -136,35 +93,20 @@ void run_extend(State& state, const Setup& setup, std::span<const Tensor> inputs
 Data propagate_data(const DataRequest& request) {
   const Recording& recording = played().recording;
   const int frame = kMoment + request.frame;
-  const auto samples = recording.samples(frame);
   Data data;
-  data.inputs =
-      make_tensors(std::vector<TensorSpec>{{"samples", Element::kF64, {kMostSamples, 6}, true},
-                                           {"stamps", Element::kI32, {kMostSamples, 2}, true},
-                                           {"until", Element::kI32, {2}}});
-  for (std::size_t i = 0; i < 2; ++i) data.inputs[i].set_rows(std::ssize(samples));
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    double* values = &data.inputs[0].as<double>()[6 * i];
-    std::copy_n(samples[i].gyro_rad_s.data(), 3, values);
-    std::copy_n(samples[i].accel_m_s2.data(), 3, values + 3);
-    put_words(samples[i].time, data.inputs[1].as<std::int32_t>().subspan(2 * i, 2));
-  }
-  put_words(recording.time_of(frame), data.inputs[2].as<std::int32_t>());
+  data.inputs = tensors_of(recording.samples(frame), recording.time_of(frame));
   return data;
 }
 
 Data update_data(const DataRequest& request) {
   const auto& [recording, moment] = played();
   const auto tracks = recording.tracks(moment.before_update, kMoment, request.seed);
-  const std::int64_t most = recording.setup().most_tracks + recording.setup().most_landmarks;
   Data data;
-  data.inputs = make_tensors(std::vector<TensorSpec>{{"tracks", Element::kF32, {most, 2}, true},
-                                                     {"found", Element::kU8, {most}, true}});
-  for (Tensor& input : data.inputs) input.set_rows(std::ssize(tracks.left));
-  for (std::size_t i = 0; i < tracks.left.size(); ++i) {
-    data.inputs[0].as<float>()[2 * i] = tracks.left[i].pixel.x();
-    data.inputs[0].as<float>()[2 * i + 1] = tracks.left[i].pixel.y();
-    data.inputs[1].as<std::uint8_t>()[i] = tracks.left[i].found ? 1 : 0;
+  data.inputs = make_tensors(track_specs(recording.setup()));
+  write_tracks(tracks.left, data.inputs);
+  for (Tensor& tensor : make_tensors(track_specs(recording.setup(), "right_"))) {
+    tensor.set_rows(0);
+    data.inputs.push_back(std::move(tensor));
   }
   for (Tensor& tensor : tensors_of(recording.features(kMoment, request.seed))) {
     data.inputs.push_back(std::move(tensor));
@@ -237,22 +179,37 @@ Verdict judge_poses(std::span<const PlayedFrame> sequence) {
 
 struct Functions {
   decltype(Step::run) run;
+  // Of the catalog's own robot.
   Data (*data)(const DataRequest&);
   State Moment::*state;
   decltype(Workload::judge) judge = {};
 };
 
-void complete(Workload& w, const Functions& each) {
+const std::array<Functions, 3>& functions() {
+  static const std::array<Functions, 3> all = {
+      {{run_propagate, propagate_data, &Moment::before_propagate, judge_poses},
+       {run_update, update_data, &Moment::before_update, judge_poses},
+       {run_extend, extend_data, &Moment::before_extend}}};
+  return all;
+}
+
+/// No samples, no tracks, no features.
+Data no_data(const std::vector<TensorSpec>& inputs) {
+  Data data;
+  data.inputs = make_tensors(inputs);
+  for (Tensor& input : data.inputs) {
+    if (input.spec().varies) input.set_rows(0);
+  }
+  return data;
+}
+
+/// All but where the state begins.
+void complete(Workload& w, const Setup& setup, const Functions& each) {
   auto step = std::make_shared<Step>();
-  step->setup = recorded_setup();
+  step->setup = setup;
   step->run = each.run;
   w.operation = step;
-  w.make_data = each.data;
-  w.make_state = [from = each.state, specs = w.state->tensors] {
-    auto tensors = make_tensors(specs);
-    write_state(played().moment.*from, tensors);
-    return tensors;
-  };
+  w.make_data = [inputs = w.inputs](const DataRequest&) { return no_data(inputs); };
   w.step = [step, specs = w.outputs](std::span<Tensor> tensors, const Data& data) {
     auto wide = specs;
     for (TensorSpec& spec : wide) {
@@ -265,18 +222,36 @@ void complete(Workload& w, const Functions& each) {
     return outputs;
   };
   w.verify = verify;
-  w.judge = each.judge;
 }
 
 }  // namespace
 
+std::vector<Workload> steps(const Setup& setup, const State& start) {
+  auto begin = make_tensors(state_specs(setup));
+  write_state(start, begin);
+  const auto shared = std::make_shared<const std::vector<Tensor>>(std::move(begin));
+  auto steps = specs(setup);
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    complete(steps[i], setup, functions()[i]);
+    steps[i].make_state = [shared] { return copy_tensors(*shared); };
+  }
+  return steps;
+}
+
 std::vector<Workload> all() {
-  const Functions functions[] = {
-      {run_propagate, propagate_data, &Moment::before_propagate, judge_poses},
-      {run_update, update_data, &Moment::before_update, judge_poses},
-      {run_extend, extend_data, &Moment::before_extend}};
   auto all = specs();
-  for (std::size_t i = 0; i < all.size(); ++i) complete(all[i], functions[i]);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    Workload& w = all[i];
+    const Functions& each = functions()[i];
+    complete(w, recorded_setup(), each);
+    w.make_data = each.data;
+    w.make_state = [from = each.state, specs = w.state->tensors] {
+      auto tensors = make_tensors(specs);
+      write_state(played().moment.*from, tensors);
+      return tensors;
+    };
+    w.judge = each.judge;
+  }
   return all;
 }
 

@@ -1,0 +1,321 @@
+#include "scheduler/robot/activities.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "workloads/base/error.h"
+#include "workloads/mapping/keyframes.h"
+#include "workloads/mapping/workloads.h"
+#include "workloads/planning/map_files.h"
+#include "workloads/planning/prepared_map.h"
+#include "workloads/planning/workloads.h"
+#include "workloads/recognition/detect_objects.h"
+
+namespace pirt {
+
+using planning::Cell;
+using planning::Grid;
+using planning::Point;
+
+namespace {
+
+constexpr int kAlexnetSide = 227;
+constexpr double kWindow_m = 6;
+constexpr double kAhead_m = 1;
+
+double heading_of(const Pose& body) { return std::atan2(body.rotation(1, 0), body.rotation(0, 0)); }
+
+double turn_between(double from, double to) {
+  return std::remainder(to - from, 2 * std::numbers::pi);
+}
+
+/// The picture three times, as red, green and blue.
+Tensor coloured(const GreyImage& image) {
+  Tensor tensor(
+      {.name = "image", .element = Element::kU8, .shape = {3, image.height, image.width}});
+  auto out = tensor.as<std::uint8_t>().begin();
+  for (int i = 0; i < 3; ++i) out = std::ranges::copy(image.pixels, out).out;
+  return tensor;
+}
+
+}  // namespace
+
+/// One kind of task, of which one is on its way at a time.
+class Activities::Activity {
+ public:
+  /// @param deadline  0 = none: it is not real-time.
+  Activity(std::string workload, Nanos deadline) {
+    counts_.name = std::move(workload);
+    counts_.deadline = deadline;
+  }
+  void begin(Caller& caller) { caller_ = &caller; }
+
+  /// Whether one may fire now; counts it as skipped otherwise.
+  [[nodiscard]] bool is_free() {
+    const std::lock_guard lock(mutex_);
+    if (busy_) ++counts_.skipped;
+    return !busy_;
+  }
+  /// @param take  Given the outputs, before the next one may fire.
+  void fire(const std::vector<Tensor>& inputs,
+            std::function<void(std::span<const Tensor>)> take = {}) {
+    {
+      const std::lock_guard lock(mutex_);
+      busy_ = true;
+      ++counts_.fired;
+    }
+    const Nanos asked = clock_.now();
+    TaskOptions options{.real_time = counts_.deadline > Nanos::zero()};
+    if (options.real_time) options.deadline = counts_.deadline;
+    caller_->call(counts_.name, inputs, options,
+                  [this, asked, take = std::move(take)](auto outputs) {
+                    const Nanos took = clock_.now() - asked;
+                    std::string problem;
+                    try {
+                      if (outputs && take) take(*outputs);
+                    } catch (const Error& error) {
+                      problem = error.what();
+                    }
+                    end(outputs && problem.empty(), took, std::move(problem));
+                  });
+  }
+  [[nodiscard]] ActivityCounts counts() const {
+    const std::lock_guard lock(mutex_);
+    return counts_;
+  }
+
+ private:
+  void end(bool completed, Nanos took, std::string problem) {
+    const std::lock_guard lock(mutex_);
+    if (counts_.problem.empty()) counts_.problem = std::move(problem);
+    busy_ = false;
+    ++(completed ? counts_.completed : counts_.failed);
+    if (!completed) return;
+    counts_.latencies.push_back(took);
+    if (counts_.deadline > Nanos::zero() && took > counts_.deadline) ++counts_.late;
+  }
+
+  Caller* caller_ = nullptr;
+  MachineClock clock_;
+  mutable std::mutex mutex_;
+  ActivityCounts counts_;
+  bool busy_ = false;
+};
+
+/// What planning knows.
+struct Activities::Planned {
+  explicit Planned(const ActivityOptions::Planning& options)
+      : passable(options.map, options.radius_m), goal(options.map.cell_of(options.goal)) {
+    inputs = planning::plan_inputs(options.map, options.radius_m, goal, goal);
+  }
+
+  planning::PreparedMap passable;
+  Cell goal;
+  std::vector<Tensor> inputs;  ///< The map and the radius are always the same.
+  std::optional<Place> first;  ///< In the localization's frame.
+  std::optional<std::pair<Place, Nanos>> before;
+
+  std::mutex mutex;  ///< Guards what follows, which plans that end write.
+  std::vector<Point> path;
+  std::int64_t found = 0;
+  double length_m = 0;
+};
+
+/// Keyframes on their way.
+struct Activities::Mapped {
+  explicit Mapped(const slam::Setup& setup) : keyframes(setup) {}
+
+  mapping::Keyframes keyframes;
+  std::optional<Pose> last;  ///< Of the newest keyframe.
+
+  std::mutex mutex;  ///< Guards what follows, which jobs that end write.
+  AdjustedKeyframes adjusted;
+};
+
+Activities::Activities(ActivityOptions options) : options_(std::move(options)) {
+  constexpr Nanos kPlan = std::chrono::milliseconds(6);  // the paper's
+  constexpr Nanos kAvoid = std::chrono::milliseconds(40);
+  if (options_.recognition_hz > 0) {
+    if (options_.model) model_ = std::make_shared<recognition::Model>(*options_.model);
+    recognition_ = std::make_unique<Activity>(model_ ? "recognize" : "alexnet",
+                                              from_s(1 / options_.recognition_hz));
+  }
+  if (options_.keyframes > 0) {
+    mapped_ = std::make_unique<Mapped>(options_.setup);
+    mapping_ = std::make_unique<Activity>("bundle_adjust", Nanos::zero());
+  }
+  if (!options_.planning) return;
+  const Grid& map = options_.planning->map;
+  if (map.unit != planning::Unit::kMetres || map.yaw_rad != 0) {
+    throw_bad_input("the map to plan on is to be in metres and not turned (origin's yaw 0)");
+  }
+  planned_ = std::make_unique<Planned>(*options_.planning);
+  const auto check = [&](const char* what, Point point) {
+    if (planned_->passable.passable(map.cell_of(point))) return;
+    throw_bad_input(std::string("the ") + what + " " + std::to_string(point.x) + "," +
+                    std::to_string(point.y) +
+                    " is not on the map's free ground, or nearer to an obstacle than the robot's "
+                    "radius");
+  };
+  check("goal", options_.planning->goal);
+  planning_ = std::make_unique<Activity>("plan_path", kPlan);
+  avoiding_ = std::make_unique<Activity>("avoid_obstacles", kAvoid);
+}
+
+Activities::~Activities() = default;
+
+void Activities::list_workloads(RuntimeOptions& options) const {
+  if (planning_) {
+    options.workloads.emplace_back("plan_path");
+    options.workloads.emplace_back("avoid_obstacles");
+  }
+  if (mapping_) options.workloads.emplace_back("bundle_adjust");
+  if (!recognition_) return;
+  if (!model_) {
+    options.workloads.emplace_back("alexnet");
+    return;
+  }
+  const auto recognize = [model = model_](std::span<const Tensor> inputs,
+                                          std::span<Tensor> outputs) {
+    const auto objects = recognition::detect_objects(*model, inputs[0], {});
+    outputs[0].as<std::int32_t>()[0] = static_cast<std::int32_t>(objects.size());
+  };
+  options.own.push_back({.name = "recognize",
+                         .inputs = {{"image", Element::kU8, {3, options_.height, options_.width}}},
+                         .outputs = {{"objects", Element::kI32, {1}}},
+                         .kernels = {{"cpu", recognize}}});
+}
+
+void Activities::begin(Caller& caller) {
+  for (const auto& each : {&recognition_, &planning_, &avoiding_, &mapping_}) {
+    if (*each) (*each)->begin(caller);
+  }
+}
+
+void Activities::arrived(Nanos time, const GreyImage& left) {
+  if (!recognition_) return;
+  if (!next_recognition_) next_recognition_ = time;
+  if (time < *next_recognition_) return;
+  while (*next_recognition_ <= time) *next_recognition_ += from_s(1 / options_.recognition_hz);
+  if (!recognition_->is_free()) return;
+  Tensor image = coloured(left);
+  std::vector<Tensor> inputs;
+  if (model_) {
+    inputs.push_back(std::move(image));
+  } else {
+    inputs.emplace_back(TensorSpec{"input", Element::kF32, {3, kAlexnetSide, kAlexnetSide}});
+    std::ranges::copy(
+        recognition::network_input(image, kAlexnetSide, kAlexnetSide, recognition::Fit::kCrop,
+                                   recognition::Preprocess::kImagenet),
+        inputs[0].as<float>().begin());
+  }
+  recognition_->fire(inputs);
+}
+
+void Activities::localized(const slam::FrameResult& frame,
+                           const std::function<slam::State()>& state) {
+  if (frame.status == slam::Status::kTracking && mapped_) map(frame, state);
+  if (!planned_ || frame.status == slam::Status::kStarting) return;
+  const Place place = place_of(frame.pose.body);
+  plan(place);
+  avoid(place, frame.pose.time);
+}
+
+Place Activities::place_of(const Pose& body) {
+  const Place here{{body.position.x(), body.position.y()}, heading_of(body)};
+  if (!planned_->first) planned_->first = here;
+  const Place& first = *planned_->first;
+  const Place& start = options_.planning->start;
+  const double turn = start.heading_rad - first.heading_rad;
+  const double x = here.position.x - first.position.x;
+  const double y = here.position.y - first.position.y;
+  return {{start.position.x + std::cos(turn) * x - std::sin(turn) * y,
+           start.position.y + std::sin(turn) * x + std::cos(turn) * y},
+          here.heading_rad + turn};
+}
+
+/// A robot that stands nearer to an obstacle than its radius plans from where it does not.
+void Activities::plan(const Place& place) {
+  if (!planning_->is_free()) return;
+  const Grid& map = options_.planning->map;
+  const auto start = planned_->passable.nearest_passable(map.cell_of(place.position));
+  std::vector<Tensor> inputs;
+  for (const Tensor& input : planned_->inputs) inputs.push_back(input.share());
+  inputs[2] = Tensor(planned_->inputs[2].spec());
+  inputs[2].as<std::int32_t>()[0] = start->x;
+  inputs[2].as<std::int32_t>()[1] = start->y;
+  planning_->fire(inputs, [this](std::span<const Tensor> outputs) {
+    const planning::Path path = planning::path_of(outputs);
+    const std::lock_guard lock(planned_->mutex);
+    planned_->path.clear();
+    if (path.status != planning::PathStatus::kFound) return;
+    const Grid& grid = options_.planning->map;
+    ++planned_->found;
+    planned_->length_m = path.length * grid.resolution;
+    for (const Cell cell : path.cells) planned_->path.push_back(grid.centre_of(cell));
+  });
+}
+
+void Activities::avoid(const Place& place, Nanos time) {
+  const auto before = std::exchange(planned_->before, std::pair(place, time));
+  Point target;
+  {
+    const std::lock_guard lock(planned_->mutex);
+    if (planned_->path.empty() || !before || !avoiding_->is_free()) return;
+    target = planning::point_ahead(planned_->path, place.position, kAhead_m);
+  }
+  const double dt = std::max(to_s(time - before->second), 1e-3);
+  const double dx = place.position.x - before->first.position.x;
+  const double dy = place.position.y - before->first.position.y;
+  const double forward = std::cos(place.heading_rad) * dx + std::sin(place.heading_rad) * dy;
+  const planning::RobotState robot{place.position, place.heading_rad, forward / dt,
+                                   turn_between(before->first.heading_rad, place.heading_rad) / dt};
+  const Grid& map = options_.planning->map;
+  const double side = std::min(kWindow_m, (planning::kWindowSide - 2) * map.resolution);
+  avoiding_->fire(
+      planning::avoid_inputs(robot, planning::window_of(map, place.position, side), {}, target));
+}
+
+void Activities::map(const slam::FrameResult& frame, const std::function<slam::State()>& state) {
+  // A copy of the state only where it becomes a keyframe.
+  const mapping::KeyframeOptions least;
+  const Pose& body = frame.pose.body;
+  if (mapped_->last && (body.position - mapped_->last->position).norm() < least.least_move_m &&
+      angle_of(mapped_->last->rotation.transpose() * body.rotation) < least.least_turn_rad) {
+    return;
+  }
+  if (!mapped_->keyframes.add(state())) return;
+  mapped_->last = body;
+  if (mapped_->keyframes.all().size() < options_.keyframes || !mapping_->is_free()) return;
+  const auto batch = std::make_shared<const mapping::Keyframes>(
+      std::exchange(mapped_->keyframes, mapping::Keyframes(options_.setup)));
+  auto problem = std::make_shared<mapping::BalProblem>(batch->problem());
+  mapping_->fire(mapping::bundle_inputs(*problem, {}),
+                 [this, batch, problem](std::span<const Tensor> outputs) {
+                   mapping::take_outputs(outputs, *problem);
+                   const auto refined = batch->refined(*problem);
+                   const std::lock_guard lock(mapped_->mutex);
+                   auto& [before, after] = mapped_->adjusted;
+                   for (const auto& each : batch->all()) before.push_back(each.pose);
+                   after.insert(after.end(), refined.keyframes.begin(), refined.keyframes.end());
+                 });
+}
+
+AdjustedKeyframes Activities::adjusted() const {
+  return mapped_ ? mapped_->adjusted : AdjustedKeyframes{};
+}
+
+std::vector<ActivityCounts> Activities::counts() const {
+  std::vector<ActivityCounts> counts;
+  for (const auto& each : {&recognition_, &planning_, &avoiding_, &mapping_}) {
+    if (*each) counts.push_back((*each)->counts());
+  }
+  return counts;
+}
+
+std::int64_t Activities::paths_found() const { return planned_ ? planned_->found : 0; }
+double Activities::last_path_m() const { return planned_ ? planned_->length_m : 0; }
+
+}  // namespace pirt

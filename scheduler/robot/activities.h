@@ -1,0 +1,100 @@
+// A whole robot beside its localization: a planner that plans anew with each pose, a local planner
+// that gives velocity commands, recognition at a rate of its own, and keyframes that are adjusted.
+//
+// Poses are brought into the map's frame by where the robot stood on the map when it began; the
+// recorded robot goes its own way, whatever the commands say.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "scheduler/robot/companion.h"
+#include "workloads/planning/avoid_obstacles.h"
+#include "workloads/planning/plan_path.h"
+#include "workloads/recognition/model.h"
+
+namespace pirt {
+
+/// Where a robot stands on a map.
+struct Place {
+  planning::Point position;
+  double heading_rad = 0;  ///< Counter-clockwise from the x axis.
+};
+
+struct ActivityOptions {
+  struct Planning {
+    planning::Grid map;  ///< Of unit kMetres, with yaw 0.
+    Place start;         ///< When the localization begins.
+    planning::Point goal;
+    double radius_m = 0.25;
+  };
+  std::optional<Planning> planning = {};
+  int width = 0, height = 0;  ///< Of the pictures.
+  double recognition_hz = 3;  ///< 0 = none.
+  /// Keyframes that are adjusted at a time; 0 = none. Units are not preempted: on one that also
+  /// localizes, more would hold up frames.
+  std::size_t keyframes = 15;
+  slam::Setup setup = {};  ///< Of the localization, for them.
+  /// A detector of the user's; absent = the chain of AlexNet with seeded weights, for its time.
+  std::optional<recognition::ModelOptions> model = {};
+};
+
+/// Keyframes before they were adjusted and after, as many and in the same order.
+struct AdjustedKeyframes {
+  std::vector<StampedPose> before, after;
+};
+
+/// What became of one kind of task.
+struct ActivityCounts {
+  std::string name;   ///< "plan_path".
+  Nanos deadline{0};  ///< From when it is asked for; 0 = none.
+  std::int64_t fired = 0, completed = 0, failed = 0;
+  std::int64_t skipped = 0;  ///< Were due while the one before had not ended.
+  std::int64_t late = 0;     ///< Completed past the deadline.
+  std::string problem;       ///< Of the first whose outputs were no use; empty = none.
+  std::vector<Nanos> latencies;
+};
+
+class Activities final : public Companion {
+ public:
+  /// @throws Error{kBadInput} for a map that planning cannot use (its size, unit or yaw, a start or
+  /// goal that is not on free ground), or a model that is none.
+  explicit Activities(ActivityOptions options);
+  ~Activities() override;
+
+  void list_workloads(RuntimeOptions& options) const override;
+  void begin(Caller& caller) override;
+  void arrived(Nanos time, const GreyImage& left) override;
+  void localized(const slam::FrameResult& frame,
+                 const std::function<slam::State()>& state) override;
+
+  /// Once all has ended.
+  [[nodiscard]] std::vector<ActivityCounts> counts() const;
+  /// Plans that found a path, and the last one's length in metres.
+  [[nodiscard]] std::int64_t paths_found() const;
+  [[nodiscard]] double last_path_m() const;
+  /// All that came back.
+  [[nodiscard]] AdjustedKeyframes adjusted() const;
+
+ private:
+  class Activity;
+  struct Planned;
+  struct Mapped;
+  [[nodiscard]] Place place_of(const Pose& body);
+  void plan(const Place& place);
+  void avoid(const Place& place, Nanos time);
+  void map(const slam::FrameResult& frame, const std::function<slam::State()>& state);
+
+  ActivityOptions options_;
+  std::shared_ptr<recognition::Model> model_;
+  std::unique_ptr<Planned> planned_;  ///< Null: nothing is planned.
+  std::unique_ptr<Mapped> mapped_;    ///< Null: no keyframes.
+  std::unique_ptr<Activity> recognition_, planning_, avoiding_, mapping_;
+  std::optional<Nanos> next_recognition_;
+};
+
+}  // namespace pirt

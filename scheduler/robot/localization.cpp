@@ -1,0 +1,381 @@
+#include "scheduler/robot/localization.h"
+
+#include <algorithm>
+#include <condition_variable>
+#include <deque>
+#include <exception>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include "scheduler/robot/tracking.h"
+#include "workloads/slam/state_tensors.h"
+#include "workloads/slam/step_tensors.h"
+#include "workloads/slam/workloads.h"
+#include "workloads/vision/vision.h"
+
+namespace pirt {
+namespace {
+
+/// How often a driver that waits looks whether it shall stop.
+constexpr Nanos kLook = std::chrono::milliseconds(50);
+
+/// A frame on its way; futures of what it does not need stay empty.
+struct Flight {
+  std::size_t frame = 0;
+  Nanos arrived{0};
+  bool unusable = false;
+  Tensor left;
+  TaskFuture pyramid, pyramid_right, features;                 ///< Of the pictures alone.
+  TaskFuture propagate, track, track_right, update_pose = {};  ///< After the frame before.
+};
+
+class RuntimeCaller final : public Caller {
+ public:
+  explicit RuntimeCaller(Runtime& runtime) : runtime_(runtime) {}
+  void call(std::string_view workload, const std::vector<Tensor>& inputs,
+            const TaskOptions& options, Done done) override {
+    std::vector<TaskInput> given(inputs.begin(), inputs.end());
+    static_cast<void>(runtime_.submit(
+        workload, std::move(given), options,
+        [done = std::move(done)](const TaskFuture& task, TaskEnd end) {
+          done(end == TaskEnd::kCompleted ? std::optional(task.get()) : std::nullopt);
+        }));
+  }
+
+ private:
+  Runtime& runtime_;
+};
+
+class LiveLocalization {
+ public:
+  LiveLocalization(const Sequence& sequence, LocalizationOptions options)
+      : sequence_(sequence),
+        options_(std::move(options)),
+        no_tracks_(empty(slam::track_specs(options_.setup))),
+        no_features_(empty(slam::feature_specs())),
+        state_time_(options_.start.time) {
+    const auto& camera = options_.setup.cameras[0];
+    RuntimeOptions& runtime = options_.runtime;
+    runtime.made = slam::steps(options_.setup, options_.start);
+    runtime.made.push_back(vision::make_extract_features(camera.width, camera.height));
+    runtime.own = tracking_workloads(options_.setup);
+    if (options_.companion != nullptr) options_.companion->list_workloads(runtime);
+    owner_ = std::make_unique<Runtime>(runtime);
+    runtime_ = owner_.get();
+    caller_.emplace(*runtime_);
+    if (options_.companion != nullptr) options_.companion->begin(*caller_);
+  }
+  ~LiveLocalization() { close(); }
+  LiveLocalization(const LiveLocalization&) = delete;
+  LiveLocalization& operator=(const LiveLocalization&) = delete;
+
+  LocalizationResult run() {
+    begin_ = clock_.now();
+    for (std::size_t i = 0; i < sequence_.frames.size() && stops() == 0 && !failed(); ++i) {
+      auto flight = std::make_shared<Flight>();
+      flight->frame = i;
+      const GreyImage left = picture(i, 0);
+      const bool has_right = options_.setup.cameras.size() > 1 && sequence_.frames[i].present[1];
+      const GreyImage right = has_right ? picture(i, 1) : GreyImage{};
+      if (!comes(*flight)) continue;
+      look_at(*flight, left, right);
+      if (options_.companion != nullptr) {
+        options_.companion->arrived(sequence_.frames[i].time, left);
+      }
+      follow(std::move(flight));
+    }
+    finish();
+    return std::move(result_);
+  }
+
+ private:
+  static std::vector<Tensor> empty(const std::vector<TensorSpec>& specs) {
+    auto tensors = make_tensors(specs);
+    for (Tensor& tensor : tensors) tensor.set_rows(0);
+    return tensors;
+  }
+
+  [[nodiscard]] bool failed() {
+    const std::lock_guard lock(mutex_);
+    return failure_ != nullptr;
+  }
+  [[nodiscard]] int stops() const { return options_.stops ? options_.stops() : 0; }
+
+  GreyImage picture(std::size_t frame, std::size_t camera) const {
+    GreyImage image = sequence_.image(frame, camera);
+    if (options_.spoil) options_.spoil(frame, camera, image);
+    return image;
+  }
+
+  /// Waits for the frame's time, or for room. False: it is dropped, or nothing comes any more.
+  bool comes(Flight& flight) {
+    std::unique_lock lock(mutex_);
+    const auto until = [&](Nanos at, const auto& reached) {
+      while (!reached() && stops() == 0 && clock_.now() < at) {
+        const Nanos look = std::min(at, clock_.now() + kLook);
+        changed_.wait_until(lock, std::chrono::steady_clock::time_point(look), reached);
+      }
+    };
+    const auto has_room = [this] { return in_flight_ < options_.most_in_flight; };
+    if (options_.own_rate) {
+      const Nanos due =
+          begin_ + (sequence_.frames[flight.frame].time - sequence_.frames.front().time);
+      until(due, [] { return false; });
+      flight.arrived = std::max(due, clock_.now());
+    } else {
+      until(Nanos::max(), has_room);
+      flight.arrived = clock_.now();
+    }
+    if (stops() > 0 || failure_ != nullptr) return false;
+    ++result_.arrived;
+    if (!has_room()) {
+      ++result_.dropped;
+      return false;
+    }
+    if (result_.arrived == 1) first_ = flight.arrived;
+    ++in_flight_;
+    return true;
+  }
+
+  [[nodiscard]] TaskFuture submit(const char* workload, std::vector<TaskInput> inputs,
+                                  std::vector<TaskFuture> after = {},
+                                  Runtime::Callback callback = {}) {
+    return runtime_->submit(workload, std::move(inputs),
+                            {.real_time = true, .after = std::move(after)}, std::move(callback));
+  }
+
+  static void add(std::vector<TaskInput>& inputs, const TaskFuture& task, std::size_t first,
+                  std::size_t count) {
+    for (std::size_t i = first; i < first + count; ++i) inputs.emplace_back(task.output(i));
+  }
+  static void add(std::vector<TaskInput>& inputs, std::span<const Tensor> tensors) {
+    for (const Tensor& tensor : tensors) inputs.emplace_back(tensor);
+  }
+
+  void look_at(Flight& flight, const GreyImage& left, const GreyImage& right) {
+    flight.unusable = slam::is_blank(left);
+    flight.left = slam::tensor_of(left);
+    flight.pyramid = submit("pyramid", {flight.left});
+    if (flight.unusable) return;
+    flight.features = submit("extract_features", {flight.left});
+    if (!right.empty()) flight.pyramid_right = submit("pyramid_right", {slam::tensor_of(right)});
+  }
+
+  /// What the state decides begins when the frame before has ended.
+  void follow(std::shared_ptr<Flight> flight) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (std::exchange(following_, true)) {
+        waiting_.push_back(std::move(flight));
+        return;
+      }
+    }
+    begin_steps(std::move(flight));
+  }
+
+  /// Without the mutex: a task whose predecessor has failed ends as it is submitted.
+  void begin_steps(const std::shared_ptr<Flight>& flight) {
+    Flight& f = *flight;
+    f.propagate = submit_propagate(sequence_.frames[f.frame].time);
+    constexpr std::size_t kLevels = slam::kPyramidLevels;
+    if (!f.unusable && before_.valid()) {
+      std::vector<TaskInput> inputs;
+      add(inputs, before_, 0, kLevels);
+      add(inputs, f.pyramid, 0, kLevels);
+      add(inputs, f.propagate, 2, 2);
+      f.track = submit("track", std::move(inputs));
+    }
+    if (f.track.valid() && f.pyramid_right.valid()) {
+      std::vector<TaskInput> inputs;
+      add(inputs, f.pyramid, 0, kLevels);
+      add(inputs, f.pyramid_right, 0, kLevels);
+      add(inputs, f.track, 0, 2);
+      add(inputs, f.propagate, 4, 1);
+      f.track_right = submit("track_right", std::move(inputs));
+    }
+    std::vector<TaskInput> features;
+    f.features.valid() ? add(features, f.features, 0, 3) : add(features, no_features_);
+    std::vector<TaskInput> inputs;
+    f.track.valid() ? add(inputs, f.track, 0, 2) : add(inputs, no_tracks_);
+    f.track_right.valid() ? add(inputs, f.track_right, 0, 2) : add(inputs, no_tracks_);
+    std::ranges::copy(features, std::back_inserter(inputs));
+    // The pyramid is what the next frame is compared with.
+    f.update_pose = submit("update_pose", std::move(inputs), {f.propagate, f.pyramid});
+    static_cast<void>(
+        submit("extend_map", std::move(features), {f.update_pose},
+               [this, flight](const TaskFuture& task, TaskEnd end) { ended(flight, task, end); }));
+  }
+
+  /// One call takes so many samples; after a long gap there are more.
+  TaskFuture submit_propagate(Nanos until) {
+    TaskFuture last;
+    Nanos from = state_time_;
+    while (true) {
+      auto samples = slam::samples_between(sequence_, from, until);
+      const bool all = samples.size() <= slam::kMostSamples;
+      if (!all) samples = samples.first(slam::kMostSamples);
+      from = all ? until : samples.back().time;
+      std::vector<TaskInput> inputs;
+      add(inputs, slam::tensors_of(samples, from));
+      last = submit("imu_propagate", std::move(inputs),
+                    last.valid() ? std::vector{last} : std::vector<TaskFuture>{});
+      if (all) return last;
+    }
+  }
+
+  /// On the thread that ended the frame's last task.
+  void ended(const std::shared_ptr<Flight>& flight, const TaskFuture& extend, TaskEnd end) {
+    const Flight& f = *flight;
+    // The next frame has not begun: all of this is still ours.
+    if (f.propagate.end() == TaskEnd::kCompleted) {
+      state_time_ = sequence_.frames[f.frame].time;
+    }
+    if (f.update_pose.end() == TaskEnd::kCompleted) before_ = f.pyramid;
+    count(f, extend);
+    try {
+      if (end == TaskEnd::kCompleted) record(f, extend);
+    } catch (...) {
+      const std::lock_guard lock(mutex_);
+      if (failure_ == nullptr) failure_ = std::current_exception();
+    }
+    std::shared_ptr<Flight> next;
+    {
+      const std::lock_guard lock(mutex_);
+      if (end != TaskEnd::kCompleted) ++result_.failed;
+      --in_flight_;
+      following_ = !waiting_.empty() && !closing_;
+      if (following_) {
+        next = std::move(waiting_.front());
+        waiting_.pop_front();
+      }
+      changed_.notify_all();
+    }
+    if (next) begin_steps(next);
+  }
+
+  /// What a frame that was localized leaves.
+  void record(const Flight& f, const TaskFuture& extend) {
+    result_.run.frames.push_back(result_of(f, extend));
+    last_ = clock_.now();
+    result_.latencies.push_back(last_ - f.arrived);
+    const auto state = [this] { return slam::read_state(runtime_->state("slam")); };
+    if (options_.show && f.frame >= *options_.show) {
+      result_.shown = slam::show(state(), slam::image_of(f.left));
+      options_.show.reset();
+    }
+    if (options_.companion != nullptr) {
+      options_.companion->localized(result_.run.frames.back(), state);
+    }
+  }
+
+  void count(const Flight& f, const TaskFuture& extend) {
+    const auto served = [this](const char* workload, const TaskFuture& task) {
+      if (task.valid() && task.end() == TaskEnd::kCompleted) {
+        ++result_.served[workload][task.unit()];
+      }
+    };
+    served("imu_propagate", f.propagate);
+    served("pyramid", f.pyramid);
+    served("pyramid_right", f.pyramid_right);
+    served("extract_features", f.features);
+    served("track", f.track);
+    served("track_right", f.track_right);
+    served("update_pose", f.update_pose);
+    served("extend_map", extend);
+  }
+
+  [[nodiscard]] slam::FrameResult result_of(const Flight& f, const TaskFuture& extend) const {
+    slam::FrameResult result;
+    const auto outputs = extend.get();
+    result.pose = {sequence_.frames[f.frame].time, slam::pose_of(outputs[2])};
+    std::ranges::copy(outputs[3].as<double>(), result.position_covariance.data());
+    result.status = static_cast<slam::Status>(outputs[4].as<std::int32_t>()[0]);
+    result.unusable = f.unusable;
+    const auto report = f.update_pose.get()[2].as<std::int32_t>();
+    result.report = {report[0], report[1], report[2], report[3], report[4]};
+    const auto took = [&](slam::Stage stage, const TaskFuture& task) {
+      if (task.valid()) result.stage_time[static_cast<std::size_t>(stage)] += task.busy();
+    };
+    took(slam::Stage::kPropagate, f.propagate);
+    took(slam::Stage::kPyramid, f.pyramid);
+    took(slam::Stage::kExtract, f.features);
+    took(slam::Stage::kTrack, f.track);
+    took(slam::Stage::kTrackRight, f.pyramid_right);
+    took(slam::Stage::kTrackRight, f.track_right);
+    took(slam::Stage::kUpdate, f.update_pose);
+    took(slam::Stage::kExtend, extend);
+    return result;
+  }
+
+  void finish() {
+    bool all = false;
+    {
+      std::unique_lock lock(mutex_);
+      while (in_flight_ > 0 && stops() < 2) {
+        changed_.wait_for(lock, kLook, [this] { return in_flight_ == 0; });
+      }
+      all = in_flight_ == 0;
+      if (failure_ != nullptr) std::rethrow_exception(failure_);
+    }
+    // What the companion asked for goes on.
+    while (all && runtime_->statistics().live > 0 && stops() < 2) {
+      std::this_thread::sleep_for(kLook / 10);
+    }
+    all = all && stops() < 2;
+    result_.run.last = slam::read_state(runtime_->state("slam"));
+    if (all && options_.runtime.trace) runtime_->write_trace();
+    result_.statistics = runtime_->statistics();
+    result_.problems = result_.statistics.problems;
+    close();
+    result_.stopped = stops() > 0;
+    result_.failed += waiting_.size();
+    result_.duration = std::max(last_ - first_, Nanos::zero());
+  }
+
+  /// No frame begins any more; what runs is waited for.
+  void close() {
+    {
+      const std::lock_guard lock(mutex_);
+      closing_ = true;
+    }
+    owner_.reset();
+  }
+
+  const Sequence& sequence_;
+  LocalizationOptions options_;
+  const std::vector<Tensor> no_tracks_, no_features_;
+  MachineClock clock_;
+  Nanos begin_{0};
+  Nanos first_{0}, last_{0};  ///< Arrival of the first frame, pose of the last.
+
+  // Of whoever follows a frame.
+  Nanos state_time_{0};
+  TaskFuture before_;  ///< Pyramid of the frame that the state's tracks are of.
+  LocalizationResult result_;
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::size_t in_flight_ = 0;
+  bool following_ = false;  ///< The steps of some frame are on their way.
+  bool closing_ = false;
+  std::deque<std::shared_ptr<Flight>> waiting_;
+  std::exception_ptr failure_;  ///< Of the companion, on a unit's thread.
+
+  Runtime* runtime_ = nullptr;  ///< Also while it goes.
+  std::optional<RuntimeCaller> caller_;
+  std::unique_ptr<Runtime> owner_;  ///< Last: its threads use all of it.
+};
+
+}  // namespace
+
+double LocalizationResult::rate_hz() const {
+  return duration > Nanos::zero() ? static_cast<double>(run.frames.size()) / to_s(duration) : 0.0;
+}
+
+LocalizationResult localize_live(const Sequence& sequence, LocalizationOptions options) {
+  return LiveLocalization(sequence, std::move(options)).run();
+}
+
+}  // namespace pirt

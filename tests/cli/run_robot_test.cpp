@@ -1,0 +1,198 @@
+// pirt run-robot as a process, on a small sequence.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/cli/program.h"
+#include "tests/workloads/sequence_support.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::HasSubstr;
+
+class RunRobot : public testing::Test {
+ protected:
+  RunRobot() {
+    options_.path.rest_s = 0.4;
+    options_.width = 320;
+    options_.height = 240;
+    write_euroc(generate_sequence(options_), scratch_.file("room"), 1);
+    scratch_.write("board.yaml", R"(
+platform: board
+units:
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+  gpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+)");
+  }
+  [[nodiscard]] std::vector<std::string> arguments(std::vector<std::string> more) const {
+    more.insert(more.begin(), {"run-robot", scratch_.file("room")});
+    return more;
+  }
+  [[nodiscard]] std::vector<std::string> live(std::vector<std::string> more) const {
+    more.insert(more.begin(), {"--platform", scratch_.file("board.yaml")});
+    return arguments(std::move(more));
+  }
+  const Scratch scratch_;
+  SceneOptions options_ = scene(3, 2.0);
+};
+
+TEST_F(RunRobot, LiveWritesTheTrajectoryOfTheSerialRun) {
+  const auto fast = pirt(live({"--fast", "--trajectory", scratch_.file("live.txt"), "--trace",
+                               scratch_.file("t.json"), "--plot", scratch_.file("p.svg"),
+                               "--save-slam-map", scratch_.file("live.map"), "--json", "-"}));
+  ASSERT_EQ(fast.exit_code, 0) << fast.err;
+  const auto serial =
+      pirt(arguments({"--serial", "--fast", "--trajectory", scratch_.file("serial.txt"),
+                      "--save-slam-map", scratch_.file("serial.map"), "--json", "-"}));
+  ASSERT_EQ(serial.exit_code, 0) << serial.err;
+  EXPECT_EQ(slurp(scratch_.file("live.txt")), slurp(scratch_.file("serial.txt")));
+  EXPECT_EQ(slurp(scratch_.file("live.map")), slurp(scratch_.file("serial.map")));
+  EXPECT_THAT(slurp(scratch_.file("p.svg")), HasSubstr("<svg"));
+  EXPECT_EQ(pirt({"replay", scratch_.file("t.json")}).exit_code, 0);
+  const auto a = fast.json();
+  const auto b = serial.json();
+  for (const char* key : {"rotation_error_mean_deg", "ate_rms_m", "path_m", "frames"}) {
+    EXPECT_EQ(a[key], b[key]) << key;
+  }
+  for (const char* key : {"rate_hz", "latency_p50_ms", "latency_p95_ms", "latency_p99_ms"}) {
+    EXPECT_GT(a[key], 0) << key;
+  }
+  EXPECT_EQ(a["dropped"], 0);
+  int updates = 0;
+  for (const auto& calls : a["served"]["update_pose"]) updates += calls.get<int>();
+  EXPECT_EQ(updates, 50);
+}
+
+TEST_F(RunRobot, ComparesTheSerialRunWithEachMode) {
+  const auto outcome =
+      pirt(live({"--fast", "--duration", "1200ms", "--compare", "ect,heft,energy", "--json", "-"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto runs = outcome.json()["runs"];
+  ASSERT_EQ(runs.size(), 3U);
+  EXPECT_THAT(runs[0]["driver"], HasSubstr("serial"));
+  EXPECT_EQ(runs[1]["mode"], "ect");
+  EXPECT_EQ(runs[2]["mode"], "energy");
+  for (const auto& run : runs) {
+    EXPECT_EQ(run["frames"], 30);
+    EXPECT_EQ(run["ate_rms_m"], runs[0]["ate_rms_m"]);
+  }
+  const auto text = pirt(live({"--fast", "--duration", "1s", "--compare", "ect,heft"}));
+  EXPECT_THAT(text.out, HasSubstr("Not run: heft"));
+}
+
+TEST_F(RunRobot, KeepsWhatRanWhenItIsInterrupted) {
+  const std::string heard = quoted(scratch_.file("heard"));
+  std::string command = "env --default-signal " + quoted(PIRT_BINARY);
+  // Frames that are a second apart: it would go on for a minute.
+  for (const char* camera : {"cam0", "cam1"}) {
+    const auto csv = scratch_.file("room/mav0/" + std::string(camera) + "/data.csv");
+    std::istringstream old(slurp(csv));
+    std::string slow, line;
+    for (int i = 0; std::getline(old, line); ++i) {
+      if (i > 0) line = std::to_string(i) + "000000000" + line.substr(line.find(','));
+      slow += line + "\n";
+    }
+    put(csv, slow);
+  }
+  for (const auto& argument :
+       live({"--json", scratch_.file("run.json"), "--trace", scratch_.file("t.json"),
+             "--trajectory", scratch_.file("t.txt")})) {
+    command += " " + quoted(argument);
+  }
+  const auto outcome =
+      run(command + " 2>" + heard + " & pid=$!; until grep -q 'gpu is ready' " + heard +
+          "; do sleep 0.1; done; sleep 0.3; kill -INT $pid; wait $pid; "
+          "rc=$?; cat " +
+          heard + " >&2; exit $rc");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("stopped before its time"));
+  const auto made = nlohmann::json::parse(slurp(scratch_.file("run.json")));
+  EXPECT_TRUE(made["stopped"]);
+  EXPECT_LT(made["arrived"], 50);
+  EXPECT_EQ(pirt({"replay", scratch_.file("t.json")}).exit_code, 0);
+}
+
+/// The same with a map of the room.
+class RunWholeRobot : public RunRobot {
+ protected:
+  RunWholeRobot() {
+    const FloorMap map = floor_map(options_);
+    scratch_.write("room/map.yaml", map.yaml);
+    scratch_.write("room/map.pgm", map.pgm);
+    scratch_.write("room/goal.yaml", map.goal_yaml);
+  }
+};
+
+TEST_F(RunWholeRobot, PlansAvoidsRecognizesAndAdjustsBesides) {
+  const auto outcome = pirt(live({"--fast", "--compare", "ect", "--json", "-"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto runs = outcome.json()["runs"];
+  ASSERT_EQ(runs.size(), 2U);
+  for (const auto& run : runs) {
+    EXPECT_EQ(run["problems"].size(), 0U) << run["problems"];
+    EXPECT_EQ(run["ate_rms_m"], runs[0]["ate_rms_m"]);
+    std::vector<std::string> names;
+    for (const auto& each : run["activities"]) {
+      names.push_back(each["name"]);
+      if (names.back() == "bundle_adjust") continue;  // In 2 s there is little to adjust.
+      EXPECT_GT(each["completed"], 0) << names.back();
+      EXPECT_GT(each["p99_ms"], 0) << names.back();
+    }
+    EXPECT_THAT(names,
+                testing::ElementsAre("alexnet", "plan_path", "avoid_obstacles", "bundle_adjust"));
+    EXPECT_GT(run["paths_found"], 0);
+  }
+  const auto text = pirt(live({"--fast", "--duration", "1200ms"}));
+  EXPECT_THAT(text.out, HasSubstr("paths          found by"));
+}
+
+TEST_F(RunWholeRobot, AtItsOwnRateSaysWhatItDraws) {
+  const auto outcome = pirt(live({"--json", "-"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto run = outcome.json();
+  // Two units of 1 W at work, and none at rest.
+  EXPECT_GT(run["power_w"], 0);
+  EXPECT_LE(run["power_w"], 2.0);
+  EXPECT_EQ(run["energy_provenance"], "modelled");
+}
+
+TEST_F(RunWholeRobot, LocalizesOnlyIfNothingElseIsWanted) {
+  const auto outcome = pirt(live({"--fast", "--duration", "1s", "--localize-only", "--json", "-"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_FALSE(outcome.json().contains("activities"));
+}
+
+TEST_F(RunWholeRobot, RefusesPlacesAndMapsThatAreNoUse) {
+  expect_refused(pirt(live({"--goal", "50,50"})), {"goal"});
+  expect_refused(pirt(live({"--goal", "1"})), {"--goal", "x,y"});
+  expect_refused(pirt(live({"--start", "1,2"})), {"--start", "degrees"});
+  expect_refused(pirt(live({"--localize-only", "--goal", "1,2"})), {"--localize-only"});
+  expect_refused(pirt(live({"--mono", "--no-imu"})), {"no scale"});
+  expect_refused(pirt(live({"--map", scratch_.file("none.yaml")})), {"none.yaml"});
+  expect_refused(pirt(live({"--model", scratch_.file("board.yaml")})), {"board.yaml"});
+  scratch_.write("room/goal.yaml", "goal: [1, two]\n");
+  expect_refused(pirt(live({})), {"goal.yaml:1", "two"});
+  scratch_.write("room/goal.yaml", "goal: [1, 2]\n");
+  expect_refused(pirt(live({})), {"--start"});
+}
+
+TEST_F(RunRobot, RefusesWhatMakesNoSense) {
+  expect_refused(pirt({"run-robot", scratch_.file("nothing")}), {"nothing"});
+  expect_refused(pirt({"run-robot"}), {"folder"});
+  expect_refused(pirt(arguments({"--serial", "--mode", "ect"})), {"--serial"});
+  expect_refused(pirt(arguments({"--serial", "--compare"})), {"--serial"});
+  expect_refused(pirt(live({"--compare", "--mode", "ect"})), {"--compare"});
+  expect_refused(pirt(live({"--compare", "--trace", scratch_.file("t.json")})), {"--compare"});
+  expect_refused(pirt(live({"--compare", "etc"})), {"etc"});
+  expect_refused(pirt(live({"--mode", "heft"})), {"plans a whole mix ahead"});
+  expect_refused(pirt(live({"--in-flight", "0"})), {"--in-flight"});
+  expect_refused(pirt(live({"--goal", "1,2"})), {"--map"});
+  expect_refused(pirt(live({"--duration", "0s"})), {"--duration"});
+  expect_refused(pirt(live({"--plot", scratch_.file("p.gif")})), {".png or .svg"});
+  expect_refused(pirt(arguments({"--platform", "snapdragon820"})), {"snapdragon820"});
+  expect_refused(pirt(arguments({"--platform", "hst"})), {"host"});
+  EXPECT_FALSE(std::filesystem::exists(scratch_.file("t.json")));
+}
+
+}  // namespace
+}  // namespace pirt::test
