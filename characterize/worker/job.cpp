@@ -251,7 +251,7 @@ bool JobResult::is_measured(Phase phase) const {
 
 bool JobResult::repeats(Phase phase) const {
   if (!deterministic) return false;
-  const auto is_measured = [this](const PhaseAccount& account) {
+  const auto is_measured = [](const PhaseAccount& account) {
     return account.accounting.unknown.empty() && account.phase != Phase::kDeviceInit &&
            account.accounting.provenance == Provenance::kMeasured;
   };
