@@ -26,8 +26,9 @@ bool is_move(Cell from, Cell to) {
 /// Why the robot cannot go it; empty if it can.
 std::string obstacle_of(const Path& path, int width, std::span<const std::uint8_t> passable) {
   const auto free = [&](int x, int y) {
-    return x >= 0 && y >= 0 && x < width && y * width + x < std::ssize(passable) &&
-           passable[static_cast<std::size_t>(y * width + x)] != 0;
+    const std::int64_t cell = std::int64_t{y} * width + x;
+    return x >= 0 && y >= 0 && x < width && cell < std::ssize(passable) &&
+           passable[static_cast<std::size_t>(cell)] != 0;
   };
   for (std::size_t i = 0; i < path.cells.size(); ++i) {
     const Cell at = path.cells[i];

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -63,14 +62,12 @@ void put_path(const Path& path, std::span<Tensor> outputs) {
 class Planner {
  public:
   void plan(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
-    const double radius = inputs[1].as<double>()[0];
+    const double radius = checked_radius(inputs[1].as<double>()[0]);
     const auto cells = inputs[0].as<std::uint8_t>();
-    // Bytes, since a radius that is no number would differ from itself.
-    const bool known = planner_ && std::memcmp(&radius, &radius_, sizeof radius) == 0 &&
-                       std::ranges::equal(cells, cells_);
+    const bool known = planner_ && radius == radius_ && std::ranges::equal(cells, cells_);
     if (!known) {
       planner_.reset();
-      map_.emplace(grid_of(inputs[0]), checked_radius(radius));
+      map_.emplace(grid_of(inputs[0]), radius);
       planner_.emplace(*map_);
       radius_ = radius;
       cells_.assign(cells.begin(), cells.end());

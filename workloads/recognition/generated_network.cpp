@@ -88,15 +88,22 @@ struct RawBox {
   double objectness = 0;
 };
 
+/// Numbers of a box.
+std::size_t box_size_of(const GeneratedNetwork& detector) {
+  return static_cast<std::size_t>(kBoxSize) + static_cast<std::size_t>(detector.classes);
+}
+
 std::vector<RawBox> boxes_of(const GeneratedNetwork& detector, const Maps& maps) {
-  const auto box_size = static_cast<std::size_t>(kBoxSize + detector.classes);
+  const std::size_t box_size = box_size_of(detector);
   std::vector<RawBox> boxes;
   for (std::size_t cell = 0; cell < maps.plane(); ++cell) {
     const auto columns = static_cast<std::size_t>(maps.width);
+    const auto column = static_cast<double>(cell % columns);
+    const std::size_t row = cell / columns;
     for (std::size_t anchor = 0; anchor < kAnchorSizes.size(); ++anchor) {
       const auto value = [&](std::size_t i) { return maps.at(anchor * box_size + i, cell); };
-      const double x = (static_cast<double>(cell % columns) + sigmoid(value(0))) / maps.width;
-      const double y = (static_cast<double>(cell / columns) + sigmoid(value(1))) / maps.height;
+      const double x = (column + sigmoid(value(0))) / maps.width;
+      const double y = (static_cast<double>(row) + sigmoid(value(1))) / maps.height;
       const double width = std::exp(value(2)) * kAnchorSizes[anchor][0] / detector.width;
       const double height = std::exp(value(3)) * kAnchorSizes[anchor][1] / detector.height;
       RawBox raw{{0, 0, x - width / 2, y - height / 2, x + width / 2, y + height / 2}, value(4)};
@@ -161,7 +168,7 @@ void be_sure_of(std::size_t count, const GeneratedNetwork& detector, const Tenso
   const auto bias = static_cast<float>((reached[count - 1] + reached[count]) / 2);
   const auto head = weights.last(weight_count(layers_of(detector).back()));
   for (std::size_t anchor = 0; anchor < kAnchorSizes.size(); ++anchor) {
-    head[anchor * static_cast<std::size_t>(kBoxSize + detector.classes) + 4] = bias;
+    head[anchor * box_size_of(detector) + 4] = bias;
   }
 }
 

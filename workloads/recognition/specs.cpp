@@ -42,7 +42,8 @@ std::vector<NetworkLayer> layers_of(const GeneratedNetwork& network) {
 }
 
 std::size_t weight_count(const NetworkLayer& layer) {
-  const auto a_filter = static_cast<std::size_t>(layer.inputs * layer.size * layer.size);
+  const auto side = static_cast<std::size_t>(layer.size);
+  const std::size_t a_filter = static_cast<std::size_t>(layer.inputs) * side * side;
   return static_cast<std::size_t>(layer.outputs) * (1 + a_filter);
 }
 
