@@ -5,9 +5,12 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <memory>
 
+#include "characterize/campaign/live_rows.h"
 #include "characterize/profile/store/reader.h"
+#include "characterize/profile/store/writer.h"
 #include "cli/commands.h"
 #include "cli/duration.h"
 #include "cli/files.h"
@@ -18,13 +21,15 @@
 #include "cli/weights.h"
 #include "reports/comparison_report.h"
 #include "reports/document.h"
+#include "reports/live_report.h"
 #include "reports/run_report.h"
 #include "scheduler/policies/policy.h"
-#include "scheduler/runtime/live_run.h"
+#include "scheduler/schedule_live.h"
 #include "workloads/base/error.h"
 #include "workloads/base/json_value.h"
 #include "workloads/base/numbers.h"
 #include "workloads/base/text.h"
+#include "workloads/registry.h"
 
 namespace pirt::cli {
 namespace {
@@ -48,6 +53,7 @@ struct Options {
   std::optional<std::string> faults;
   bool live = false;
   bool no_preinit = false;
+  bool update_profile = false;
   Output trace, json;
 };
 
@@ -145,6 +151,63 @@ int compare(const Options& options) {
   return stalled ? kExitCheckFailed : 0;
 }
 
+/// The phases of calls, each with its times.
+std::map<Phase, std::vector<Nanos>> samples_of(const std::vector<CallTimes>& calls,
+                                               const std::vector<Phase>& phases) {
+  std::map<Phase, std::vector<Nanos>> samples;
+  const bool stamped =
+      std::ranges::all_of(calls, [](const CallTimes& call) { return call.launch.has_value(); });
+  for (const Phase phase : phases) {
+    if (is_setup(phase) || (phase == Phase::kLaunch && !stamped)) continue;
+    for (const CallTimes& call : calls) samples[phase].push_back(call.of(phase));
+  }
+  return samples;
+}
+
+/// Rows of the profile that the run contradicts, measured anew by its calls. Those of units whose
+/// time the machine's clock does not tell stay as they are.
+std::vector<LiveRow> rows_to_update(const RunRecord& record, const LiveCalls& calls,
+                                    const Profile& profile) {
+  std::vector<LiveRow> rows;
+  for (const RowCheck& check : check_rows(record, &profile)) {
+    if (check.finding != RowFinding::kContradicted) continue;
+    const auto unit = std::ranges::find(calls.units, check.live.unit, &LiveCalls::Unit::unit);
+    const auto series = std::ranges::find_if(calls.series, [&](const auto& each) {
+      return each.workload == check.live.workload && each.unit == check.live.unit;
+    });
+    if (unit == calls.units.end() || unit->own_clock || series == calls.series.end()) continue;
+    const PhaseRow& row = *profile.find(series->workload, series->unit, Phase::kCall);
+    const EnergyRow* energy = profile.find_energy(series->workload, series->unit);
+    const bool metered = energy != nullptr && energy->provenance == Provenance::kMeasured;
+    rows.push_back({.workload = series->workload,
+                    .unit = series->unit,
+                    .ops = row.ops,
+                    .bytes = row.bytes,
+                    .metered = metered,
+                    .samples = samples_of(series->calls, find_backend(row.backend).phases())});
+  }
+  return rows;
+}
+
+void update_profile(ProfileWriter& writer, const Inputs& inputs, const RunRecord& record,
+                    const LiveCalls& calls) {
+  const auto rows = rows_to_update(record, calls, *inputs.profile);
+  if (rows.empty()) {
+    fmt::print(stderr, "pirt: {}: the run contradicts no row, nothing is updated\n",
+               inputs.profile->path);
+    return;
+  }
+  std::map<std::string, DeviceInfo> devices;
+  std::vector<std::string> names;
+  for (const LiveRow& row : rows) {
+    devices[row.unit] = std::ranges::find(calls.units, row.unit, &LiveCalls::Unit::unit)->device;
+    names.push_back(row.workload + " on " + row.unit);
+  }
+  const auto run_id = write_live_rows(writer, inputs.platform, devices, record.seed, rows);
+  fmt::print(stderr, "pirt: {}: run {} has what the live run contradicts, measured anew: {}\n",
+             inputs.profile->path, run_id, join(names, ", "));
+}
+
 int schedule(const Options& options) {
   if (options.comparing) {
     if (!options.mode.empty()) throw_bad_input("--mode and --compare exclude each other");
@@ -156,13 +219,25 @@ int schedule(const Options& options) {
     throw_bad_input("give --mode (" + join(policy_names(), ", ") + ") or --compare");
   }
   if (options.no_preinit && !options.live) throw_bad_input("--no-preinit is about --live");
+  if (options.update_profile && !(options.live && options.profile)) {
+    throw_bad_input(
+        "--update-profile is about --live and the rows of --profile that it contradicts; give "
+        "both");
+  }
   const auto settings = schedule_options(options);
   const Inputs inputs = read_inputs(options);
   LiveOptions live;
   live.prepare_first = !options.no_preinit;
   if (options.live) live.stop = [stops = count_stop_signals()] { return stops->load(); };
   live.progress = [](const std::string& line) { fmt::print(stderr, "pirt: {}\n", line); };
+  std::optional<ProfileWriter> writer;  // Before the run: what cannot be written is said now.
+  LiveCalls calls;
+  if (options.update_profile) {
+    writer.emplace(*options.profile);
+    live.calls = [&calls](LiveCalls made) { calls = std::move(made); };
+  }
   const auto record = options.live ? inputs.run_live(settings, live) : inputs.run(settings);
+  if (writer) update_profile(*writer, inputs, record, calls);
   warn_all(record.warnings);
   emit(render(run_document(record), Format::kText), to_json(record), options.json);
   return record.stalled > 0 ? kExitCheckFailed : 0;
@@ -210,6 +285,9 @@ void add_schedule(CLI::App& app, Action& action) {
                    "paced by their stages");
   command.add_flag("--no-preinit", options->no_preinit,
                    "With --live: prepare a kernel only when its first task comes");
+  command.add_flag("--update-profile", options->update_profile,
+                   "With --live: rows of --profile that the run contradicts are measured anew by "
+                   "it, as a run of their own in the database");
   add_text(command, "--faults", &options->faults, "seed=N,...",
            "Let calls fail (fail=0.02 of them) and units give tasks back (return=0.02), by a seed");
   add_output(command, "--trace", options->trace,

@@ -1,7 +1,6 @@
 #include "scheduler/schedule.h"
 
 #include <algorithm>
-#include <ranges>
 #include <utility>
 
 #include "scheduler/bounds/bounds.h"
@@ -9,7 +8,6 @@
 #include "scheduler/policies/policy.h"
 #include "scheduler/policies/unit_order.h"
 #include "scheduler/record/summary.h"
-#include "scheduler/runtime/live_run.h"
 #include "scheduler/services/scenario.h"
 #include "scheduler/trace/trace_writer.h"
 #include "scheduler/virtual/virtual_time.h"
@@ -80,37 +78,10 @@ std::vector<PlanRow> planned_tasks(const Scenario& scenario, const MixPlan& plan
   return tasks;
 }
 
-/// What was not as it should be in a live run.
-void add_live(const Scenario& scenario, const LiveResult& result, RunRecord& record) {
-  record.time = "live";
-  record.set_up_s = to_s(result.set_up);
-  if (result.first_call) record.first_call_ms = to_ms(*result.first_call);
-  if (result.stopped) {
-    record.warnings.push_back("stopped by a signal before its time: all figures are of what ran");
-  }
-  for (const std::string& problem : result.problems)
-    record.warnings.push_back("failed: " + problem);
-  const auto told = static_cast<std::int64_t>(result.problems.size());
-  if (result.failed_calls > told) {
-    record.warnings.push_back("and " + std::to_string(result.failed_calls - told) +
-                              " calls more have failed");
-  }
-  const auto paced = [](const UnitModel& unit) { return !unit.measured(); };
-  std::vector<std::string> names;
-  for (const auto& unit : scenario.platform.units | std::views::filter(paced)) {
-    names.push_back(unit.name);
-  }
-  if (!names.empty()) {
-    record.warnings.push_back(
-        "units without a backend are paced by their stages and compute "
-        "nothing: " +
-        join(names, ", "));
-  }
-}
+}  // namespace
 
-/// @param live  Null = in virtual time.
 RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& mix,
-                  const ScheduleOptions& options, const LiveOptions* live) {
+                  const ScheduleOptions& options, const Driver& driver, const std::string& time) {
   ModeSetup setup = set_up_mode(platform, profile, mix, options);
   const Mode& mode = setup.mode;
   const Scenario& scenario = setup.scenario;
@@ -118,21 +89,15 @@ RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& m
   std::optional<TraceWriter> trace;
   if (options.trace) {
     trace.emplace(
-        *options.trace, scenario, dispatcher,
+        *options.trace, scenario,
         DispatcherSetup{&mode.policy, platform.unit_names(), setup.slots, setup.policy_setup},
-        live != nullptr ? "live" : "virtual");
-    dispatcher.observe(&*trace);
+        time);
   }
-  LiveResult result;
-  if (live != nullptr) {
-    result = pirt::run_live(scenario, dispatcher, *live, trace ? &*trace : nullptr);
-  } else {
-    result.tally = VirtualTime(scenario, dispatcher, trace ? &*trace : nullptr).run();
-  }
-  const Tally& tally = result.tally;
+  const Tally tally = driver(scenario, dispatcher, trace ? &*trace : nullptr);
 
   RunRecord record = summarize(scenario, profile, setup.policy_setup.weights, tally);
   if (trace) trace->finish(tally);
+  record.time = time;
   record.mode = mode.policy.name;
   if (profile != nullptr) record.draw = to_string(options.draw);
   record.bounds = bounds_of(scenario, mode.policy.cloud_use, record);
@@ -145,7 +110,6 @@ RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& m
   if (mode.weighed().overflows)
     record.overflow = setup.policy_setup.literal_overflow ? "literal" : "hold";
   record.warnings = scenario.services.warnings;
-  if (live != nullptr) add_live(scenario, result, record);
   if (record.stalled > 0) {
     record.warnings.push_back("stalled: nothing is ever going to start " +
                               std::to_string(record.stalled) + " of the tasks that are queued");
@@ -154,16 +118,13 @@ RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& m
   return record;
 }
 
-}  // namespace
-
 RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mix& mix,
                       const ScheduleOptions& options) {
-  return run_mix(platform, profile, mix, options, nullptr);
-}
-
-RunRecord run_live(const Platform& platform, const Profile* profile, const Mix& mix,
-                   const ScheduleOptions& options, const LiveOptions& live) {
-  return run_mix(platform, profile, mix, options, &live);
+  const auto driver = [](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter* trace) {
+    dispatcher.observe(trace);
+    return VirtualTime(scenario, dispatcher, trace).run();
+  };
+  return run_mix(platform, profile, mix, options, driver, "virtual");
 }
 
 std::vector<std::string> reason_lines(const std::vector<ModeRuns::Skipped>& skipped) {

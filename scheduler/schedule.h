@@ -1,6 +1,7 @@
 // Schedules a mix on a platform in virtual time: the whole way from files to a result.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -9,21 +10,29 @@
 #include "scheduler/mix/mix.h"
 #include "scheduler/policies/setup.h"
 #include "scheduler/record/run_record.h"
+#include "scheduler/record/tally.h"
 
 namespace pirt {
 
-struct LiveOptions;
+class Dispatcher;
+class TraceWriter;
 
 /// @param profile  Null = only what the platform file says.
 /// @throws Error{kBadInput} as set_up_mode, and for a trace that cannot be written.
 [[nodiscard]] RunRecord run_virtual(const Platform& platform, const Profile* profile,
                                     const Mix& mix, const ScheduleOptions& options);
 
-/// The same by the machine's clock, with real kernels on units that have a backend; see
-/// runtime/live_run.h.
-/// @throws As above, and Error{kEnvironment} for a device that cannot be opened.
-[[nodiscard]] RunRecord run_live(const Platform& platform, const Profile* profile, const Mix& mix,
-                                 const ScheduleOptions& options, const LiveOptions& live);
+/// What spends the time of a run.
+/// @param trace  Is to hear of all that happens; null = nobody.
+using Driver =
+    std::function<Tally(const Scenario& scenario, Dispatcher& dispatcher, TraceWriter* trace)>;
+/// Anything but the time that @p driver spends; run_virtual and run_live (schedule_live.h) are
+/// this.
+/// @param time  "virtual" or "live".
+/// @throws As run_virtual, and what the driver throws.
+[[nodiscard]] RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& mix,
+                                const ScheduleOptions& options, const Driver& driver,
+                                const std::string& time);
 
 /// "latency", "throughput", "energy", "advanced".
 [[nodiscard]] std::vector<std::string> paper_modes();

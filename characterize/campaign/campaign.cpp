@@ -1,6 +1,5 @@
 #include "characterize/campaign/campaign.h"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <stdlib.h>
 
@@ -8,7 +7,6 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
-#include <ctime>
 #include <map>
 #include <memory>
 #include <set>
@@ -18,6 +16,7 @@
 #include "characterize/campaign/campaign_resume.h"
 #include "characterize/campaign/cell.h"
 #include "characterize/campaign/precision_plan.h"
+#include "characterize/campaign/run_facts.h"
 #include "characterize/platform/unit_request.h"
 #include "characterize/profile/profile.h"
 #include "characterize/profile/roofline.h"
@@ -35,27 +34,15 @@
 namespace pirt {
 namespace {
 
-std::string utc_now() {
-  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
-}
-
 Environment run_environment(const CampaignOptions& options, const CampaignPlan& plan) {
-  Environment facts = host_environment();
-  facts.merge(build_environment());
-  facts.insert(plan.facts.begin(), plan.facts.end());
-  facts.merge(idle_facts(plan));
-  facts["cores_usable"] = fmt::format("{}", fmt::join(usable_cores(), ","));
-  const ClockQuality clock = measure_clock(MachineClock());
-  facts["clock_cost_ns"] = fmt::format("{:.1f}", clock.cost_ns);
-  facts["clock_resolution_ns"] = std::to_string(clock.resolution.count());
   const auto images =
       options.images ? images_from(*options.images) : generated_images(options.seed);
-  facts["images"] = images->describe();
-  facts["images_hash"] = fmt::format("{:016x}", images->content_hash());
+  Environment facts = run_facts(options.platform, *images);
+  facts.insert(plan.facts.begin(), plan.facts.end());
+  facts.merge(idle_facts(plan));
   facts["mode"] = options.quick ? "quick" : "full";
   facts["precision"] = fmt::format("{}", options.precision);
   if (!options.filter.empty()) facts["filter"] = options.filter;
-  if (!options.platform.assumptions.empty()) facts["assumptions"] = options.platform.assumptions;
   return facts;
 }
 

@@ -8,6 +8,7 @@
 #include "characterize/campaign/campaign_estimate.h"
 #include "characterize/campaign/campaign_meters.h"
 #include "characterize/campaign/campaign_resume.h"
+#include "characterize/campaign/run_facts.h"
 #include "characterize/platform/selection.h"
 #include "characterize/platform/unit_request.h"
 #include "characterize/worker/job_runner.h"
@@ -18,29 +19,11 @@
 namespace pirt {
 namespace {
 
-/// All that the backend has, given or not: "clock_mhz=500, launch_us=300"; empty if it has none.
-std::string describe_options(const UnitModel& unit) {
-  UnitRequest request;
-  request.options = unit.options;
-  std::vector<std::string> parts;
-  for (const OptionSpec& option : find_backend(unit.backend).options()) {
-    parts.push_back(fmt::format("{}={}", option.name, request.option(option)));
-  }
-  return join(parts, ", ");
-}
-
 void add_unit(const UnitModel& unit, const JobResult& probed, CampaignPlan& plan) {
   const DeviceInfo& device = probed.device.value();
-  plan.units.push_back({unit.name, unit.backend, device.name.empty() ? "unnamed" : device.name,
-                        device.is_cpu, unit.cores});
+  plan.units.push_back(unit_record(unit, device));
   plan.provenances.push_back(probed.provenance);
-  const std::string prefix = "unit." + unit.name + ".";
-  if (!device.platform.empty()) plan.facts[prefix + "platform"] = device.platform;
-  if (!device.version.empty()) plan.facts[prefix + "version"] = device.version;
-  if (!device.tuning.empty()) plan.facts[prefix + "tuning"] = device.tuning;
-  const std::string options = describe_options(unit);
-  if (!options.empty()) plan.facts[prefix + "options"] = options;
-  if (device.cache_bytes) plan.facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);
+  plan.facts.merge(unit_facts(unit, device));
 }
 
 /// Adds the cells of one unit that is there, or why it has none.

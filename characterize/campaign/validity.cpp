@@ -62,7 +62,7 @@ std::vector<std::string> judge(const CellSamples& samples, const CellConditions&
   } else if (conditions.deterministic) {
     return reasons;
   } else if (static_cast<std::int64_t>(samples.samples.size()) < kFewestSamples ||
-             static_cast<std::int64_t>(medians.size()) < kFewestProcesses) {
+             (!conditions.live && static_cast<std::int64_t>(medians.size()) < kFewestProcesses)) {
     reasons.emplace_back("few_samples");
   }
   if (samples.phase != Phase::kLaunch && !medians.empty() &&
@@ -84,6 +84,7 @@ std::vector<std::string> annotate(const CellSamples& samples, const CellConditio
   if (!reached || *reached > precision) notes.emplace_back("precision_not_reached");
   if (conditions.contended) notes.emplace_back("contended");
   if (summary.bimodal) notes.emplace_back("bimodal");
+  if (conditions.live) notes.emplace_back("live");
   return notes;
 }
 

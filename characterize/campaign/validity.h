@@ -32,6 +32,7 @@ struct CellConditions {
   bool throttled = false;
   bool unstable = false;
   bool deterministic = false;  ///< The figure repeats exactly: one sample is enough.
+  bool live = false;           ///< Calls of a live run: one process took them all.
 };
 
 /// Whether the figure depends on when it was taken: the 95 % intervals of the medians of the first
@@ -56,7 +57,7 @@ struct CellConditions {
 [[nodiscard]] std::vector<std::string> judge(const CellSamples& samples,
                                              const CellConditions& conditions);
 
-/// deterministic, or precision_not_reached, contended, bimodal, where they apply.
+/// deterministic, or precision_not_reached, contended, bimodal, live, where they apply.
 /// @param precision  Half the 95 % interval over processes, relative to the median.
 [[nodiscard]] std::vector<std::string> annotate(const CellSamples& samples,
                                                 const CellConditions& conditions, double precision);

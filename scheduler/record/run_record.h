@@ -57,7 +57,8 @@ struct PipelineResult {
 };
 
 /// Calls of one workload on one unit: how long each held its unit. In virtual time that is its
-/// stages, with what other calls made it wait within them; live what the call itself took.
+/// stages, with what other calls made it wait within them; live what the call itself took. Without
+/// what preparing its kernel took where that was not there.
 struct CallResult {
   std::string workload, unit;
   std::int64_t completed = 0;  ///< At least 1: others have no entry.

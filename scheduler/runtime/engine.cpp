@@ -188,7 +188,8 @@ void Runtime::Engine::write_trace() {
   work();
   Tally tally;
   tally.end = now();
-  trace->finish(tally);
+  trace->finish();
+  trace_writer_->finish(tally);
 }
 
 void Runtime::Engine::post(Submitted& task, Submitted::Event event) {
@@ -252,7 +253,16 @@ void Runtime::Engine::take_turn() {
     look(now);
     apply(now);
   }
-  if (trace_) trace_->settled(now);
+  if (trace_) tell_settled(now);
+}
+
+void Runtime::Engine::tell_settled(Nanos now) {
+  std::vector<int> waiting;
+  for (UnitId unit = 0; unit < units_.size(); ++unit) {
+    waiting.push_back(dispatcher_->load(unit) - dispatcher_->running(unit));
+  }
+  waiting.push_back(static_cast<int>(dispatcher_->waiting()));
+  trace_->settled(now, waiting);
 }
 
 void Runtime::Engine::take_in(Submitted& task, Nanos now) {
@@ -339,7 +349,9 @@ void Runtime::Engine::look(Nanos now) {
         options_.profile || (known.own != nullptr && !known.own->expected.empty());
     if (!expected && !options_.time_limit) continue;
     const Service* service = setup_->scenario.services.find(static_cast<WorkloadId>(index), unit);
-    const Nanos limit = options_.time_limit ? *options_.time_limit : time_limit(service->total());
+    const Nanos limit = options_.time_limit
+                            ? *options_.time_limit
+                            : time_limit(*service, units_[unit].runner->has_own_clock());
     if (now - (call->since - began_) > limit) lose(unit, *call, now);
   }
 }

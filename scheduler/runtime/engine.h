@@ -23,6 +23,7 @@
 #include "scheduler/runtime/output_pool.h"
 #include "scheduler/runtime/runtime.h"
 #include "scheduler/runtime/samples.h"
+#include "scheduler/trace/trace_thread.h"
 #include "scheduler/trace/trace_writer.h"
 
 namespace pirt {
@@ -141,6 +142,7 @@ class Runtime::Engine {
   void take_in(Submitted& task, Nanos now);
   void take_end(Submitted& task, Nanos now);
   void look(Nanos now);
+  void tell_settled(Nanos now);
   void lose(UnitId unit, const KernelUnit::Running& call, Nanos now);
   void out_of_service(UnitId unit, const std::string& why, Nanos now);
   void cancel_asked(Nanos now);
@@ -174,7 +176,8 @@ class Runtime::Engine {
 
   // Of who has the turn.
   std::optional<Dispatcher> dispatcher_;
-  std::unique_ptr<TraceWriter> trace_;  ///< Null: nobody wants one.
+  std::unique_ptr<TraceWriter> trace_writer_;
+  std::unique_ptr<TraceThread> trace_;  ///< Null: nobody wants one.
   Starts starts_;
   Starts applied_;  ///< For its memory.
   std::vector<Unit> units_;

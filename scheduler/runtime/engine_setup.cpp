@@ -41,11 +41,12 @@ Runtime::Engine::Engine(RuntimeOptions options) : options_(std::move(options)), 
   list_states();
   dispatcher_.emplace(setup_->slots, std::move(setup_->policy));
   if (options_.trace) {
-    trace_ = std::make_unique<TraceWriter>(
-        *options_.trace, setup_->scenario, *dispatcher_,
+    trace_writer_ = std::make_unique<TraceWriter>(
+        *options_.trace, setup_->scenario,
         DispatcherSetup{&setup_->mode.policy, options_.platform.unit_names(), setup_->slots,
                         setup_->policy_setup},
         "live");
+    trace_ = std::make_unique<TraceThread>(*trace_writer_);
     dispatcher_->observe(&*trace_);
   }
   open_units();
@@ -170,6 +171,7 @@ void Runtime::Engine::open_units() {
                     .backend = model.measured() ? &find_backend(model.backend) : nullptr,
                     .preparations = std::move(prepared),
                     .prepare_first = options_.prepare_first,
+                    .contexts = model.contexts.has_value(),
                     .priority = options_.priority};
     units_[unit].runner =
         std::make_unique<KernelUnit>(std::move(setup), [this](Call& call, CallEnd end) {

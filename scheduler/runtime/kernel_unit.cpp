@@ -4,12 +4,28 @@
 
 #include <algorithm>
 #include <cstring>
+#include <ranges>
 #include <utility>
 
 #include "workloads/base/error.h"
 #include "workloads/base/thread.h"
 
 namespace pirt {
+
+Nanos CallTimes::of(Phase phase) const {
+  switch (phase) {
+    case Phase::kUpload:
+      return upload;
+    case Phase::kLaunch:
+      return launch.value_or(Nanos::zero());
+    case Phase::kExecute:
+      return execute;
+    case Phase::kDownload:
+      return download;
+    default:
+      return upload + launch.value_or(Nanos::zero()) + execute + download;
+  }
+}
 
 StateValue::StateValue(const Workload& workload)
     : initial_(std::make_shared<const std::vector<Tensor>>(workload.make_state())),
@@ -145,35 +161,50 @@ void KernelUnit::serve() {
 
 void KernelUnit::set_up() {
   remark_ = take_priority(setup_.priority);
-  if (setup_.backend != nullptr) device_ = setup_.backend->open(setup_.request);
+  if (setup_.backend != nullptr) {
+    device_ = setup_.backend->open(setup_.request);
+    device_info_ = device_->info();
+    has_own_clock_ = device_->own_clock() != nullptr;
+  }
   if (!setup_.prepare_first) return;
-  for (const Preparation& each : setup_.preparations) prepare(each);
+  // The first one last, where one at a time is held.
+  for (const Preparation& each : setup_.preparations | std::views::reverse) {
+    Prepared& made = prepare(each);
+    if (!each.function) run_once(each, made);
+  }
 }
 
-/// Ends with one completed run, since some compile at the first.
 KernelUnit::Prepared& KernelUnit::prepare(const Preparation& preparation) {
   const Workload& workload = *preparation.workload;
-  Prepared& made = kernels_[&workload];
-  if (preparation.function) {
-    made.kernel = std::make_unique<FunctionKernel>(preparation.function);
-    return made;
-  }
-  made.kernel = device_->prepare(workload, preparation.sample->parameters);
+  if (setup_.contexts) kernels_.clear();
+  auto kernel = preparation.function ? std::make_unique<FunctionKernel>(preparation.function)
+                                     : device_->prepare(workload, preparation.sample->parameters);
+  return kernels_[&workload] = {.kernel = std::move(kernel)};
+}
+
+/// Some compile at the first run.
+void KernelUnit::run_once(const Preparation& preparation, Prepared& prepared) {
+  const Workload& workload = *preparation.workload;
   Call first{.workload = &workload,
              .inputs = {},
              .outputs = std::make_shared<std::vector<Tensor>>(make_tensors(workload.outputs)),
              .state = workload.state ? std::make_shared<StateValue>(workload) : nullptr,
              .intended = Outcome::kFailed};
   for (const Tensor& input : preparation.sample->inputs) first.inputs.push_back(input.share());
-  compute(made, first);
-  made.resident = nullptr;
-  return made;
+  CallTimes unused;
+  compute(prepared, first, unused);
+  prepared.resident = nullptr;
 }
 
-KernelUnit::Prepared& KernelUnit::prepared(const Workload& workload) {
+/// @param end  Is told what preparing took, if it was not there.
+KernelUnit::Prepared& KernelUnit::prepared(const Workload& workload, CallEnd& end) {
   const auto known = kernels_.find(&workload);
   if (known != kernels_.end()) return known->second;
-  return prepare(*std::ranges::find(setup_.preparations, &workload, &Preparation::workload));
+  const Nanos begin = clock_.now();
+  Prepared& made =
+      prepare(*std::ranges::find(setup_.preparations, &workload, &Preparation::workload));
+  end.preparing = clock_.now() - begin;
+  return made;
 }
 
 CallEnd KernelUnit::execute(Call& call) {
@@ -184,7 +215,7 @@ CallEnd KernelUnit::execute(Call& call) {
     end.problem = call.workload->name + " on " + name() + ": " + why;
   };
   try {
-    end.version = compute(prepared(*call.workload), call);
+    end.version = compute(prepared(*call.workload, end), call, end.times);
   } catch (const Error& error) {
     // The device could not; another may.
     const bool environment = error.code() == ErrorCode::kEnvironment;
@@ -198,7 +229,7 @@ CallEnd KernelUnit::execute(Call& call) {
 }
 
 /// @return  The version of the state that it wrote; 0 if it has none, or is not to count.
-std::uint64_t KernelUnit::compute(Prepared& prepared, Call& call) {
+std::uint64_t KernelUnit::compute(Prepared& prepared, Call& call, CallTimes& times) {
   Kernel& kernel = *prepared.kernel;
   kernel.bind(call.inputs, *call.outputs);
   if (call.state != nullptr) {
@@ -210,9 +241,15 @@ std::uint64_t KernelUnit::compute(Prepared& prepared, Call& call) {
       prepared.version = call.state->version();
     }
   }
+  const Nanos begin = clock_.now();
   kernel.upload();
-  kernel.execute(1);
+  const Nanos uploaded = clock_.now();
+  times.launch = kernel.execute(1);
+  const Nanos executed = clock_.now();
   kernel.download();
+  times.upload = uploaded - begin;
+  times.execute = executed - uploaded - times.launch.value_or(Nanos::zero());
+  times.download = clock_.now() - executed;
   if (call.state == nullptr || call.intended != Outcome::kCompleted) return 0;
   static std::atomic<std::uint64_t> versions = 0;
   kernel.commit_state();

@@ -57,12 +57,24 @@ struct Call {
   std::uint64_t token = 0;                 ///< The caller's.
 };
 
+/// What the phases of a call took, as a profile has them. Making a kernel and moving a state
+/// between units are none of it.
+struct CallTimes {
+  Nanos upload{0}, execute{0}, download{0};
+  std::optional<Nanos> launch = {};  ///< Where the device stamps it; no part of `execute`.
+
+  /// @param phase  Of a call, or the call as a whole.
+  [[nodiscard]] Nanos of(Phase phase) const;
+};
+
 /// How a call ended.
 struct CallEnd {
   Outcome outcome = Outcome::kCompleted;
   Nanos busy{0};
-  std::uint64_t version = 0;  ///< Of the state that it wrote, if it completed.
-  std::string problem;        ///< Of one that failed, with the names of workload and unit.
+  std::optional<Nanos> preparing = {};  ///< Part of `busy`; absent = the kernel was there.
+  std::uint64_t version = 0;            ///< Of the state that it wrote, if it completed.
+  std::string problem;   ///< Of one that failed, with the names of workload and unit.
+  CallTimes times = {};  ///< Of one that completed.
 };
 
 /// What a unit prepares before anything runs.
@@ -78,7 +90,10 @@ struct UnitSetup {
   const Backend* backend = nullptr;  ///< Null: only functions run there.
   std::vector<Preparation> preparations;
   bool prepare_first = true;  ///< All of them, before the first call.
-  int priority = 0;           ///< Above 0: of real-time scheduling, first in first out.
+  /// It holds one kernel at a time: a call of another one than the last prepares it again. At first
+  /// it holds that of the first preparation.
+  bool contexts = false;
+  int priority = 0;  ///< Above 0: of real-time scheduling, first in first out.
 };
 
 class KernelUnit {
@@ -111,6 +126,10 @@ class KernelUnit {
   [[nodiscard]] std::optional<std::vector<std::uint64_t>> abandon(std::uint64_t token);
   [[nodiscard]] bool abandoned() const { return abandoned_; }
   [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
+  /// What it computes on, once it is ready; null = only functions run there.
+  [[nodiscard]] const DeviceInfo* device() const { return device_info_ ? &*device_info_ : nullptr; }
+  /// Whether the device tells the time of its calls by a clock of its own, once it is ready.
+  [[nodiscard]] bool has_own_clock() const { return has_own_clock_; }
 
  private:
   struct Prepared {
@@ -122,9 +141,10 @@ class KernelUnit {
   void set_up();
   void wait_for_call(std::unique_lock<std::mutex>& lock);
   Prepared& prepare(const Preparation& preparation);
-  Prepared& prepared(const Workload& workload);
+  void run_once(const Preparation& preparation, Prepared& prepared);
+  Prepared& prepared(const Workload& workload, CallEnd& end);
   CallEnd execute(Call& call);
-  std::uint64_t compute(Prepared& prepared, Call& call);
+  std::uint64_t compute(Prepared& prepared, Call& call, CallTimes& times);
 
   UnitSetup setup_;
   std::function<void(Call&, CallEnd)> done_;
@@ -136,6 +156,8 @@ class KernelUnit {
   std::condition_variable changed_;
   bool ready_ = false;
   std::string remark_;
+  std::optional<DeviceInfo> device_info_;
+  bool has_own_clock_ = false;
   std::exception_ptr failure_;
   std::optional<Running> running_;
   std::atomic<bool> stopping_ = false;

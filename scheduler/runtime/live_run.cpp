@@ -20,8 +20,29 @@ namespace pirt {
 namespace {
 
 constexpr std::size_t kMostProblems = 10;
+/// That are kept of a workload on a unit.
+constexpr std::size_t kMostCalls = 4096;
 /// How often calls are looked at that may run too long, and whether the run shall stop.
 constexpr Nanos kLook = std::chrono::milliseconds(50);
+
+/// Every stride-th of the calls; where that is too many, every second of them from then on.
+class KeptCalls {
+ public:
+  void add(const CallTimes& times) {
+    if (seen_++ % stride_ != 0) return;
+    if (calls_.size() == kMostCalls) {
+      for (std::size_t i = 0; i < kMostCalls / 2; ++i) calls_[i] = calls_[2 * i];
+      calls_.resize(kMostCalls / 2);
+      stride_ *= 2;
+    }
+    calls_.push_back(times);
+  }
+  [[nodiscard]] const std::vector<CallTimes>& calls() const { return calls_; }
+
+ private:
+  std::vector<CallTimes> calls_;
+  std::uint64_t seen_ = 0, stride_ = 1;
+};
 
 class LiveRun final : public Executor {
  public:
@@ -49,6 +70,7 @@ class LiveRun final : public Executor {
     for (auto& [unit, each] : units_) {
       if (each->abandoned()) KernelUnit::leave(std::move(each));
     }
+    if (options_.calls) options_.calls(calls());
     units_.clear();  // Their threads end.
     result_.tally = time_.finish();
     return std::move(result_);
@@ -112,11 +134,13 @@ class LiveRun final : public Executor {
           UnitSetup{.request = make_unit_request(scenario_.platform, model, ""),
                     .backend = backend,
                     .preparations = preparations(unit),
-                    .prepare_first = options_.prepare_first},
+                    .prepare_first = options_.prepare_first,
+                    .contexts = model.contexts.has_value()},
           [this](Call& call, CallEnd end) { ended(call, std::move(end)); });
     }
     for (const auto& [unit, each] : units_) {
       each->wait_until_ready();
+      if (each->has_own_clock()) result_.emulated.push_back(each->name());
       say(each->name() + " is ready");
     }
   }
@@ -133,6 +157,21 @@ class LiveRun final : public Executor {
       }
     }
     return preparations;
+  }
+
+  /// Without units that were abandoned.
+  [[nodiscard]] LiveCalls calls() {
+    LiveCalls all;
+    for (const auto& [unit, each] : units_) {
+      if (each != nullptr)
+        all.units.push_back({each->name(), *each->device(), each->has_own_clock()});
+    }
+    const std::lock_guard lock(mutex_);
+    for (const auto& [of, kept] : kept_) {
+      all.series.push_back({scenario_.services.workloads[of.first],
+                            scenario_.platform.units[of.second].name, kept.calls()});
+    }
+    return all;
   }
 
   /// Lets events happen when their time has come, until none is left and nothing computes.
@@ -172,7 +211,7 @@ class LiveRun final : public Executor {
     if (options_.time_limit) return *options_.time_limit;
     const Firings::Place& place = time_.firings().place(static_cast<JobIndex>(token));
     const WorkloadId workload = scenario_.classes[place.pipeline][place.task].workload;
-    return time_limit(scenario_.services.find(workload, unit)->total());
+    return time_limit(*scenario_.services.find(workload, unit), units_.at(unit)->has_own_clock());
   }
 
   /// What the call has is never used again; its state is that of before.
@@ -187,15 +226,15 @@ class LiveRun final : public Executor {
     const Nanos ran = clock_.now() - call.since;
     add_problem(overdue(task.workload, each.name(), ran));
     time_.set_unit(unit, UnitState::kDown, now());
-    end_computing(job, Outcome::kFailed, ran);
+    end_computing(job, {.outcome = Outcome::kFailed, .busy = ran});
     for (const std::uint64_t token : *behind) {
-      end_computing(static_cast<JobIndex>(token), Outcome::kReturned, Nanos::zero());
+      end_computing(static_cast<JobIndex>(token), {.outcome = Outcome::kReturned});
     }
   }
 
-  void end_computing(JobIndex job, Outcome outcome, Nanos busy) {
+  void end_computing(JobIndex job, ComputedEnd end) {
     --computing_;
-    time_.finished(job, outcome, busy, nullptr, now());
+    time_.finished(job, std::move(end), now());
   }
 
   void add_problem(const std::string& problem) {
@@ -212,10 +251,16 @@ class LiveRun final : public Executor {
     const bool completed = end.outcome == Outcome::kCompleted;
     if (completed && call.state) call.state->commit(end.version);
     if (completed && options_.sink) options_.sink(place, *call.outputs);
+    if (completed && options_.calls) {
+      const WorkloadId workload = scenario_.classes[place.pipeline][place.task].workload;
+      kept_[{workload, time_.unit_of(job)}].add(end.times);
+    }
     call.inputs.clear();  // Before the firing that made them may be over.
-    --computing_;
     const Nanos next = time_.next();
-    time_.finished(job, end.outcome, end.busy, completed ? call.outputs : nullptr, now());
+    end_computing(job, {.outcome = end.outcome,
+                        .busy = end.busy,
+                        .preparing = end.preparing,
+                        .data = completed ? call.outputs : nullptr});
     if (completed && !result_.first_call) result_.first_call = end.busy;
     if (time_.next() < next || computing_ == 0) changed_.notify_all();
   }
@@ -233,6 +278,7 @@ class LiveRun final : public Executor {
   std::map<std::size_t, std::uint64_t> played_;  ///< Of states_ that play: the last frame.
   VirtualTime time_;
   int computing_ = 0;
+  std::map<std::pair<WorkloadId, UnitId>, KeptCalls> kept_;
   LiveResult result_;
 
   std::map<UnitId, std::unique_ptr<KernelUnit>> units_;  ///< Last: their threads use all of it.

@@ -21,6 +21,7 @@
 
 #include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/record/tally.h"
+#include "scheduler/runtime/kernel_unit.h"
 #include "scheduler/services/scenario.h"
 #include "scheduler/virtual/virtual_time.h"
 
@@ -30,6 +31,22 @@ namespace pirt {
 /// the run.
 using OutputSink =
     std::function<void(const Firings::Place& place, std::span<const Tensor> outputs)>;
+
+/// Single calls that completed, of each workload on each unit that computes; of many, some
+/// thousands that are evenly spread over the run.
+struct LiveCalls {
+  struct Unit {
+    std::string unit;
+    DeviceInfo device;
+    bool own_clock = false;  ///< Which tells its time; what is here is the machine's.
+  };
+  struct Series {
+    std::string workload, unit;
+    std::vector<CallTimes> calls;
+  };
+  std::vector<Unit> units;
+  std::vector<Series> series;
+};
 
 struct LiveOptions {
   /// Devices are opened and kernels prepared before the first firing; otherwise kernels are
@@ -42,6 +59,7 @@ struct LiveOptions {
   /// finished; twice, nothing more is waited for but the calls that run. Empty = never.
   std::function<int()> stop = {};
   OutputSink sink;                                   ///< Empty = nobody takes them.
+  std::function<void(LiveCalls)> calls;              ///< At the end; empty = nobody wants them.
   std::function<void(const std::string&)> progress;  ///< One line; empty = nobody reads it.
 };
 
@@ -52,6 +70,8 @@ struct LiveResult {
   std::vector<std::string> problems;  ///< Calls that failed, by name; the first few.
   std::int64_t failed_calls = 0;
   bool stopped = false;  ///< Before its time, by LiveOptions::stop.
+  /// Units that tell time by a clock of their own: here it is the machine's.
+  std::vector<std::string> emulated;
 };
 
 /// @param observer  Null = none; called behind the mutex.

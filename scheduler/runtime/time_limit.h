@@ -4,15 +4,19 @@
 #include <algorithm>
 #include <string>
 
+#include "scheduler/services/services.h"
 #include "workloads/base/time.h"
 
 namespace pirt {
 
-/// @param expected  What the call is expected to take.
-[[nodiscard]] inline Nanos time_limit(Nanos expected) {
-  constexpr Nanos kLeast = std::chrono::seconds(5);  // A busy machine, a kernel's first call.
+/// @param service    What the call is expected to take.
+/// @param own_clock  The unit tells time by a clock of its own: how long this machine takes for a
+///                   call does not follow from that.
+[[nodiscard]] inline Nanos time_limit(const Service& service, bool own_clock) {
+  // A busy machine, a kernel's first call; or an emulator.
+  const Nanos least = std::chrono::seconds(own_clock ? 60 : 5);
   constexpr int kTimes = 50;
-  return std::max(kLeast, kTimes * expected);
+  return std::max(least, kTimes * (service.total() + service.prepare.value_or(Nanos::zero())));
 }
 
 /// For whoever reads what went wrong.

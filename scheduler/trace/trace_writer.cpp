@@ -24,9 +24,8 @@ std::size_t process(UnitId unit) { return unit + std::size_t{1}; }
 }  // namespace
 
 TraceWriter::TraceWriter(const std::filesystem::path& path, const Scenario& run,
-                         const Dispatcher& dispatcher, DispatcherSetup setup, std::string time)
+                         DispatcherSetup setup, std::string time)
     : run_(run),
-      dispatcher_(dispatcher),
       setup_(std::move(setup)),
       time_(std::move(time)),
       file_(path),
@@ -43,7 +42,7 @@ TraceWriter::TraceWriter(const std::filesystem::path& path, const Scenario& run,
   }
   depth_keys_.push_back(quoted("in no queue"));
   name_tracks();
-  settled(Nanos::zero());
+  settled(Nanos::zero(), std::vector<int>(depth_keys_.size(), 0));
 }
 
 void TraceWriter::name_tracks() {
@@ -78,6 +77,10 @@ void TraceWriter::on_input(const DispatcherInput& input, const Decisions& decisi
       if (found != tasks_.end()) found->second.successors.push_back(task.id);
     }
   }
+  for (const Ended& each : decisions.ended) {
+    const auto found = tasks_.find(each.task);
+    if (found != tasks_.end()) found->second.over = true;
+  }
   // The slot is free before the next task starts on it.
   if (input.kind == Kind::kComplete) end_slice(input.task, input.outcome, input.now);
   for (const Start& each : decisions.started) start(each, input.now);
@@ -86,7 +89,8 @@ void TraceWriter::on_input(const DispatcherInput& input, const Decisions& decisi
         R"({{"name":"{}","ph":"i","s":"p","pid":0,"tid":0,"ts":{},"args":{{"task":{}}}}})",
         word(each.how), us(input.now), each.task));
     // A task that is cancelled while it runs keeps its slice until it completes.
-    if (!dispatcher_.state(each.task)) tasks_.erase(each.task);
+    const auto found = tasks_.find(each.task);
+    if (found != tasks_.end() && !found->second.running) tasks_.erase(found);
   }
 }
 
@@ -105,6 +109,7 @@ void TraceWriter::start(const Start& start, Nanos now) {
   track.slot = {start.unit, take_lane(start.unit)};
   track.started_at = now;
   track.ready_at = start.ready_at;
+  track.running = true;
   for (const FlowStart& flow : track.flows) {
     const auto id = ++flows_;
     file_.event(fmt::format(
@@ -120,7 +125,8 @@ void TraceWriter::end_slice(TaskId task, Outcome outcome, Nanos now) {
   const auto found = tasks_.find(task);
   if (found == tasks_.end()) return;
   // A task that is given back has another slice to come, and only then those behind it.
-  const bool returned = outcome == Outcome::kReturned && dispatcher_.state(task).has_value();
+  found->second.running = false;
+  const bool returned = outcome == Outcome::kReturned && !found->second.over;
   TaskTrack track = returned ? found->second : std::move(found->second);
   if (returned) {
     track.successors.clear();
@@ -175,16 +181,12 @@ double TraceWriter::ServerLoad::power_w() const {
 }
 
 /// Several things may happen at one moment; what they come to counts.
-void TraceWriter::settled(Nanos now) {
+void TraceWriter::settled(Nanos now, std::span<const int> waiting) {
   if (now > settled_at_) write_counters();
   settled_at_ = now;
   power_.clear();
   for (const auto& load : loads_) power_.push_back(load.power_w());
-  depth_.clear();
-  for (UnitId unit = 0; unit < run_.platform.units.size(); ++unit) {
-    depth_.push_back(dispatcher_.load(unit) - dispatcher_.running(unit));
-  }
-  depth_.push_back(static_cast<double>(dispatcher_.waiting()));
+  depth_.assign(waiting.begin(), waiting.end());
 }
 
 void TraceWriter::write_counters() {

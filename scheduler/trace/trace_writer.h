@@ -15,6 +15,7 @@
 #include <filesystem>
 #include <map>
 #include <set>
+#include <span>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -29,12 +30,11 @@ namespace pirt {
 
 class TraceWriter final : public DispatcherObserver, public RunObserver {
  public:
-  /// @param run         For names; its references must outlive the writer.
-  /// @param dispatcher  For the depth of its queues; must outlive the writer.
-  /// @param time        "virtual" or "live", as in the run's record.
+  /// @param run   For names; its references must outlive the writer.
+  /// @param time  "virtual" or "live", as in the run's record.
   /// @throws Error{kBadInput} if nothing can be written there.
-  TraceWriter(const std::filesystem::path& path, const Scenario& run, const Dispatcher& dispatcher,
-              DispatcherSetup setup, std::string time = "virtual");
+  TraceWriter(const std::filesystem::path& path, const Scenario& run, DispatcherSetup setup,
+              std::string time = "virtual");
 
   void on_input(const DispatcherInput& input, const Decisions& decisions) override;
   void submitting(TaskId task, std::size_t pipeline, std::size_t position,
@@ -42,7 +42,7 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
   void arrived(std::size_t servers, std::uint32_t job, double power_w) override;
   void left(std::size_t servers, std::uint32_t job) override;
   void preparing(TaskId task, Nanos now, Nanos takes) override;
-  void settled(Nanos now) override;
+  void settled(Nanos now, std::span<const int> waiting) override;
 
   /// The trace is there after this. It runs to the last completion; where counts and energy are of
   /// an earlier moment, the duration, that is marked.
@@ -66,6 +66,8 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
     std::vector<FlowStart> flows;  ///< Of its predecessors that are complete.
     Slot slot;
     Nanos started_at{0}, ready_at{0};
+    bool running = false;
+    bool over = false;  ///< For the dispatcher; it may still run.
   };
   struct ServerLoad {
     int servers = 1;
@@ -84,7 +86,6 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
   void write_counters();
 
   const Scenario& run_;
-  const Dispatcher& dispatcher_;
   DispatcherSetup setup_;
   std::string time_;
   TraceFile file_;

@@ -47,8 +47,9 @@ struct VirtualTime::Job {
   bool computing = false;   ///< By the executor.
   Nanos started_at{0};
   Nanos dispatched_at{0};
-  Nanos takes{0};    ///< Server time of its step,
-  Nanos powered{0};  ///< and the part of it that draws the unit's active_w.
+  Nanos takes{0};      ///< Server time of its step,
+  Nanos powered{0};    ///< and the part of it that draws the unit's active_w.
+  Nanos preparing{0};  ///< What this try has spent on it.
 };
 
 struct VirtualTime::Timer {
@@ -90,7 +91,9 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunOb
     servers_.push_back(make_servers(1, Discipline::kFifo));
   }
   for (std::uint32_t p = 0; p < scenario.mix.pipelines.size(); ++p) plan_tasks(p);
-  contexts_.resize(scenario.platform.units.size());
+  for (UnitId unit = 0; unit < scenario.platform.units.size(); ++unit) {
+    contexts_.push_back(first_context(unit));
+  }
   state_units_.resize(scenario.mix.states.size());
   tally_.units.resize(scenario.platform.units.size());
   tally_.calls.assign(scenario.services.workloads.size(),
@@ -304,17 +307,21 @@ bool VirtualTime::advance(Nanos now) {
   return true;
 }
 
-void VirtualTime::finished(JobIndex index, Outcome outcome, Nanos busy,
-                           std::shared_ptr<const std::vector<Tensor>> data, Nanos now) {
+void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
   while (next() <= now) advance(now);
   now_ = std::max(now_, now);
   if (now_ > firings_.end() && !at_end_) close_books(firings_.end());
   Job& job = jobs_[index];
   job.computing = false;
-  tally_.units[job.unit].busy += busy;
-  tally_.units[job.unit].powered += busy;
+  UnitTally& unit = tally_.units[job.unit];
+  unit.busy += end.busy;
+  unit.powered += end.busy;
+  if (end.preparing) {
+    unit.preparing += *end.preparing;
+    prepared(job, job.started_at, *end.preparing);
+  }
   if (observer_ != nullptr) observer_->left(job.unit, index);
-  complete(index, outcome, busy, std::move(data));
+  complete(index, end.outcome, end.busy, std::move(end.data));
   settle();
 }
 
@@ -365,7 +372,16 @@ void VirtualTime::settle() {
     fire(loop);
     apply_starts();
   }
-  if (observer_ != nullptr) observer_->settled(now_);
+  if (observer_ != nullptr) tell_settled();
+}
+
+void VirtualTime::tell_settled() {
+  waiting_.clear();
+  for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
+    waiting_.push_back(dispatcher_.load(unit) - dispatcher_.running(unit));
+  }
+  waiting_.push_back(static_cast<int>(dispatcher_.waiting()));
+  observer_->settled(now_, waiting_);
 }
 
 void VirtualTime::apply_starts() {
@@ -377,6 +393,7 @@ void VirtualTime::apply_starts() {
     jobs_[job].unit = start.unit;
     jobs_[job].dispatched_at = start.dispatched_at;
     jobs_[job].started_at = now_;
+    jobs_[job].preparing = Nanos::zero();
     if (!contains(computed_, start.unit)) {
       begin_step(job, step_of(jobs_[job]));
       continue;
@@ -440,21 +457,29 @@ void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from) {
   tally_.units[unit].transferring += std::clamp(firings_.end() - from, Nanos::zero(), takes);
 }
 
-/// From here on its unit holds it. What a unit holds at first was loaded before the run.
-bool VirtualTime::holds_context(const Job& job) {
-  const WorkloadId workload = plans_[job.plan].workload;
-  const auto last = std::exchange(contexts_[job.unit], workload);
-  return !last || *last == workload;
+/// What the unit holds at first: the first of the mix that it may have to.
+std::optional<WorkloadId> VirtualTime::first_context(UnitId unit) const {
+  const auto prepares = [unit](const TaskPlan& plan) {
+    return std::ranges::any_of(plan.steps[unit], &Step::prepares);
+  };
+  const auto first = std::ranges::find_if(plans_, prepares);
+  return first == plans_.end() ? std::nullopt : std::optional(first->workload);
+}
+
+void VirtualTime::prepared(Job& job, Nanos at, Nanos takes) {
+  job.preparing = takes;
+  ++tally_.units[job.unit].prepares;
+  if (observer_ != nullptr) observer_->preparing(job.id, at, takes);
 }
 
 void VirtualTime::begin_step(JobIndex job, const Step& step) {
   if (step.prepares) {
-    if (holds_context(jobs_[job])) {
+    const WorkloadId workload = plans_[jobs_[job].plan].workload;
+    if (std::exchange(contexts_[jobs_[job].unit], workload) == workload) {
       ++jobs_[job].step;
       return proceed(job);
     }
-    ++tally_.units[jobs_[job].unit].prepares;
-    if (observer_ != nullptr) observer_->preparing(jobs_[job].id, now_, step.scaled);
+    prepared(jobs_[job], now_, step.scaled);
   }
   if (step.for_data) {
     add_timer(data_arrival(job), false, job);
@@ -491,6 +516,8 @@ Nanos VirtualTime::draw(JobIndex job, const Step& step) const {
   return step.time.draw(hash_u64(stream, jobs_[job].step));
 }
 
+UnitId VirtualTime::unit_of(JobIndex job) const { return jobs_[job].unit; }
+
 Outcome VirtualTime::intended(JobIndex job) const {
   if (!scenario_.faults) return Outcome::kCompleted;
   const Firings::Place& place = firings_.place(job);
@@ -509,7 +536,7 @@ void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
   }
   if (outcome == Outcome::kFailed) return release(firings_.lose(job, now_));
   const Nanos latency = now_ - done.dispatched_at;
-  tally_.calls[plans_[done.plan].workload][done.unit].add(took);
+  tally_.calls[plans_[done.plan].workload][done.unit].add(took - done.preparing);
   ++tally_.units[done.unit].completed;
   tally_.units[done.unit].latency.add(latency);
   release(firings_.complete(job, done.unit, now_, std::move(data)));

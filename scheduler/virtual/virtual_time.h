@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "scheduler/dispatcher/dispatcher.h"
@@ -32,12 +33,22 @@ class RunObserver {
   /// @param power_w  Drawn while a server works on it at full rate.
   virtual void arrived(std::size_t servers, std::uint32_t job, double power_w) = 0;
   virtual void left(std::size_t servers, std::uint32_t job) = 0;
-  /// A unit with contexts loads that of @p task, which it has begun; it takes that long.
+  /// The unit of @p task, which it has begun, prepares its kernel from @p now on, which takes that
+  /// long: a unit with contexts that holds another, or a live one that has not prepared it before.
   virtual void preparing(TaskId task, Nanos now, Nanos takes) {
     static_cast<void>(task), static_cast<void>(now), static_cast<void>(takes);
   }
   /// All that happens at once at this moment has happened; more may follow at the same time.
-  virtual void settled(Nanos now) = 0;
+  /// @param waiting  Tasks that wait: by unit those in its queue, then those that are in none.
+  virtual void settled(Nanos now, std::span<const int> waiting) = 0;
+};
+
+/// How a computed task ended.
+struct ComputedEnd {
+  Outcome outcome = Outcome::kCompleted;
+  Nanos busy{0};                     ///< How long it occupied its unit,
+  std::optional<Nanos> preparing{};  ///< of which its kernel was prepared; absent = it was there.
+  std::shared_ptr<const std::vector<Tensor>> data = nullptr;  ///< What it made.
 };
 
 /// Runs the tasks of units whose services are not modelled but computed.
@@ -70,11 +81,7 @@ class VirtualTime {
   /// @param now  What the clock says; not before next(), unless time is virtual.
   /// @return     False if there is none.
   bool advance(Nanos now = Nanos::min());
-  /// A computed task ended.
-  /// @param busy  How long it occupied its unit.
-  /// @param data  What it made.
-  void finished(JobIndex job, Outcome outcome, Nanos busy,
-                std::shared_ptr<const std::vector<Tensor>> data, Nanos now);
+  void finished(JobIndex job, ComputedEnd end, Nanos now);
   /// The unit is up or not from now on; see Dispatcher.
   void set_unit(UnitId unit, UnitState state, Nanos now);
   /// Nothing fires any more, and what is counted is counted by now; what has fired is finished.
@@ -83,6 +90,8 @@ class VirtualTime {
   [[nodiscard]] const Firings& firings() const { return firings_; }
   /// What is to become of a call, on purpose: kCompleted where no faults are wanted.
   [[nodiscard]] Outcome intended(JobIndex job) const;
+  /// Where a task that has started is.
+  [[nodiscard]] UnitId unit_of(JobIndex job) const;
 
  private:
   struct Step;
@@ -102,6 +111,7 @@ class VirtualTime {
   void fire(std::uint32_t pipeline);
   void schedule_firing(std::uint32_t pipeline);
   void settle();
+  void tell_settled();
   void apply_starts();
   void proceed(JobIndex job);
   void begin_step(JobIndex job, const Step& step);
@@ -109,7 +119,8 @@ class VirtualTime {
   void send(UnitId unit, std::int64_t size_bytes, Nanos from);
   void charge(Tally& tally, const Job& job, const Step& step, Nanos served, Nanos powered) const;
   [[nodiscard]] const Step& step_of(const Job& job) const;
-  [[nodiscard]] bool holds_context(const Job& job);
+  [[nodiscard]] std::optional<WorkloadId> first_context(UnitId unit) const;
+  void prepared(Job& job, Nanos at, Nanos takes);
   [[nodiscard]] Nanos draw(JobIndex job, const Step& step) const;
   [[nodiscard]] double power_w(const Job& job, const Step& step) const;
   void complete(JobIndex job, Outcome outcome, Nanos took,
@@ -129,11 +140,12 @@ class VirtualTime {
   std::vector<std::uint64_t> seeds_;               ///< and likewise.
   std::vector<std::optional<UnitId>>
       state_units_;  ///< By state: where it is; absent = nowhere yet.
-  std::vector<std::optional<WorkloadId>> contexts_;  ///< By unit: what it called last.
+  std::vector<std::optional<WorkloadId>> contexts_;  ///< By unit with contexts: which it holds.
   std::vector<Job> jobs_;
   std::vector<Timer> timers_;  ///< A heap, earliest first.
   std::uint64_t sequence_ = 0;
   Starts starts_;
+  std::vector<int> waiting_;     ///< For the observer.
   Tally tally_;                  ///< Of all that has happened at units and links.
   std::optional<Tally> at_end_;  ///< What is returned.
   Nanos now_{0};

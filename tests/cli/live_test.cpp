@@ -65,6 +65,70 @@ TEST_F(LiveCommand, KeepsWhatRanWhenItIsInterrupted) {
   EXPECT_EQ(pirt({"replay", scratch_.file("t.json")}).exit_code, 0);
 }
 
+/// A unit that takes as long as its script says.
+/// @param clock  "simulated" or "wall".
+std::string slow_board(const std::string& clock, int ms) {
+  return "platform: slow\nunits: {gpu: {backend: fake, slots: 1, active_w: 1, script: {clock: " +
+         clock + ", stages: {pool5: [{name: execute, ms: " + std::to_string(ms) + "}]}}}}\n";
+}
+
+TEST_F(LiveCommand, RowsThatTheRunContradictsAreMeasuredAnew) {
+  const std::string db = scratch_.file("p.db");
+  const auto made = pirt({"characterize", "--quick", "--filter", "^pool5$", "--db", db,
+                          "--platform", scratch_.write("was.yaml", slow_board("simulated", 1))});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const auto mix = scratch_.write("pool.yaml", R"(
+mix: m
+pipelines: {p: {closed_loop: {frames: 30}, tasks: [{workload: pool5}]}}
+)");
+  const auto outcome = pirt({"schedule", "--live", "--mode", "olb", "--profile", db, "--platform",
+                             scratch_.write("is.yaml", slow_board("wall", 20)), "--mix", mix,
+                             "--in-flight", "1", "--update-profile"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("run 2 has what the live run contradicts, measured anew: "
+                                     "pool5 on gpu"));
+  int calls = 0;
+  const auto exported = pirt({"export", db, "--format", "json"}).json();
+  for (const auto& row : exported["profile_summary"]) {
+    if (row["state"] != "steady") continue;
+    EXPECT_EQ(row["run_id"], 2);
+    EXPECT_EQ(row["provenance"], "measured");
+    EXPECT_EQ(row["samples"], 30);
+    EXPECT_THAT(row["notes"].dump(), HasSubstr("live"));
+    if (row["phase"] != "call") continue;
+    ++calls;
+    EXPECT_GE(row["median_ns"], 20'000'000);
+  }
+  EXPECT_EQ(calls, 1);
+  ASSERT_EQ(exported["energy_summary"].size(), 1U);
+  EXPECT_GE(exported["energy_summary"][0]["energy_j"], 0.020);  // 1 W.
+  EXPECT_THAT(pirt({"report", db}).out, HasSubstr("live"));
+  // The set-up stays known, and virtual time takes what was measured last.
+  const auto again = pirt({"schedule", "--mode", "olb", "--profile", db, "--platform",
+                           scratch_.file("is.yaml"), "--mix", mix, "--json", "-"});
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_GE(again.json()["makespan_s"], 0.6);
+}
+
+TEST_F(LiveCommand, UpdatesNoProfileThatItDoesNotHave) {
+  const std::vector<std::string> virtually = {"schedule", "--mode",     "ect",
+                                              "--mix",    "full-robot", "--update-profile"};
+  auto with_profile = virtually;
+  with_profile.insert(with_profile.end(), {"--profile", scratch_.file("p.db")});
+  expect_refused(pirt(with_profile), {"--update-profile", "--live"});
+  auto without = virtually;
+  without.insert(without.end(), {"--live", "--platform", scratch_.file("board.yaml")});
+  expect_refused(pirt(without), {"--update-profile", "--profile"});
+}
+
+TEST_F(LiveCommand, ContextsNeedOneServerLiveToo) {
+  const auto board = scratch_.write(
+      "contexts.yaml", "platform: b\nunits: {fpga: {servers: 2, contexts: {}, active_w: 1}}\n");
+  expect_refused(pirt({"schedule", "--live", "--mode", "ect", "--platform", board, "--mix",
+                       scratch_.file("mix.yaml")}),
+                 {"contexts", "one server"});
+}
+
 TEST_F(LiveCommand, OptionsOfLiveRunsAreForThem) {
   expect_refused(pirt({"schedule", "--mode", "ect", "--platform", "snapdragon820", "--mix",
                        "convolution-1000", "--no-preinit"}),

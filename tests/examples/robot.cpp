@@ -88,7 +88,8 @@ int main(int argc, char** argv) {
     std::printf("%-8s %6lld tasks, busy for %.0f ms\n", unit.name.c_str(),
                 static_cast<long long>(unit.completed), pirt::to_ms(unit.busy));
   }
-  if (last.end() != pirt::TaskEnd::kCompleted) return 1;
-  std::printf("last turn: %+.3f rad/s\n", static_cast<double>(last.get()[0].as<float>()[0]));
-  return 0;
+  if (last.end() == pirt::TaskEnd::kCompleted) {
+    std::printf("last turn: %+.3f rad/s\n", static_cast<double>(last.get()[0].as<float>()[0]));
+  }
+  return statistics.failed == 0 ? 0 : 1;  // What is late is let go; that is no failure.
 }

@@ -3,7 +3,7 @@
 #include <map>
 
 #include "scheduler/runtime/kernel_unit.h"
-#include "scheduler/runtime/live_run.h"
+#include "scheduler/schedule_live.h"
 #include "scheduler/trace/replay.h"
 #include "tests/scheduler/support.h"
 #include "workloads/catalog.h"
@@ -13,7 +13,11 @@
 namespace pirt::test {
 namespace {
 
+using testing::AllOf;
+using testing::Contains;
+using testing::EndsWith;
 using testing::HasSubstr;
+using testing::Not;
 
 /// Two units that compute on one core each, as far as there are two, and a paced one.
 constexpr const char* kBoard = R"(
@@ -305,6 +309,22 @@ TEST(Live, AUnitThatHangsIsTakenOutOfServiceAndItsStateIsThatOfBefore) {
     EXPECT_EQ((outputs[{0, firing}] == bytes_of(made)), true) << firing;
   }
   EXPECT_FALSE(replay(load_trace_log(trace), trace).difference);
+}
+
+TEST(Live, SaysWhichUnitsTellTimeByAClockOfTheirOwn) {
+  const auto warnings_with = [](const std::string& script) {
+    std::string board = kHanging;
+    const std::string hanging = "clock: wall, hang: [background_model]";
+    board.replace(board.find(hanging), hanging.size(), script);
+    ScheduleOptions options;
+    options.mode = "olb";
+    return run_live(parse_platform("test.yaml", board, {}, 1), nullptr, mix_of(kHangingMix),
+                    options, {})
+        .warnings;
+  };
+  const auto says_so = Contains(AllOf(HasSubstr("a clock of their own"), EndsWith(": gpu")));
+  EXPECT_THAT(warnings_with("clock: simulated"), says_so);
+  EXPECT_THAT(warnings_with("clock: wall"), Not(says_so));
 }
 
 TEST(Live, StopsWhenItIsAskedTo) {

@@ -6,7 +6,7 @@
 set(PIRT_EMBED_SCRIPT ${CMAKE_CURRENT_LIST_DIR}/embed_files.cmake)
 
 function(pirt_embed target name)
-  set(out_dir ${CMAKE_BINARY_DIR}/generated)
+  set(out_dir ${PROJECT_BINARY_DIR}/generated)
   set(files)
   foreach(file IN LISTS ARGN)
     get_filename_component(path ${file} ABSOLUTE)

@@ -1,5 +1,6 @@
 // The module libpirt_networks.so: OpenCV's dnn. See network.h.
 #include <algorithm>
+#include <mutex>
 #include <opencv2/dnn.hpp>
 
 #include "workloads/base/stderr_capture.h"
@@ -10,18 +11,23 @@ namespace {
 
 int ignore_error(int, const char*, const char*, const char*, int, void*) { return 0; }
 
-/// OpenCV and protobuf print what they throw, or say instead of throwing.
-class Quiet {
+/// OpenCV prints what it throws. Silent while there is one on any thread.
+class SilentErrors {
  public:
-  Quiet() { cv::redirectError(ignore_error); }
-  Quiet(const Quiet&) = delete;
-  Quiet& operator=(const Quiet&) = delete;
-  ~Quiet() { cv::redirectError(nullptr); }
-
-  [[nodiscard]] std::string text() const { return capture_.text(); }
+  SilentErrors() {
+    const std::lock_guard lock(mutex_);
+    if (count_++ == 0) cv::redirectError(ignore_error);
+  }
+  SilentErrors(const SilentErrors&) = delete;
+  SilentErrors& operator=(const SilentErrors&) = delete;
+  ~SilentErrors() {
+    const std::lock_guard lock(mutex_);
+    if (--count_ == 0) cv::redirectError(nullptr);
+  }
 
  private:
-  StderrCapture capture_;
+  static inline std::mutex mutex_;
+  static inline int count_ = 0;
 };
 
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
@@ -35,7 +41,7 @@ class OpenCvNetwork : public Network {
 
   std::vector<NetworkOutput> run(std::span<const float> input, int width, int height,
                                  std::string& error) override {
-    const Quiet quiet;
+    const SilentErrors silent;
     try {
       // OpenCV has no view of constant memory; it only reads.
       const std::vector<int> shape = {1, 3, height, width};
@@ -103,7 +109,11 @@ cv::dnn::Net read_net(const ModelBytes& bytes) {
 
 extern "C" void pirt_open_network(const ModelBytes& bytes, std::unique_ptr<Network>& network,
                                   std::string& error) {
-  const Quiet quiet;
+  // What reads models, protobuf among it, also prints; one at a time, as there is one stream.
+  static std::mutex reading;
+  const std::lock_guard one_at_a_time(reading);
+  const SilentErrors silent;
+  const StderrCapture capture;
   try {
     auto net = read_net(bytes);
     if (net.empty() || net.getUnconnectedOutLayers().empty()) {
@@ -116,7 +126,7 @@ extern "C" void pirt_open_network(const ModelBytes& bytes, std::unique_ptr<Netwo
   } catch (const std::exception& failed) {
     error = failed.what();
   }
-  if (!error.empty()) error += quiet.text().empty() ? "" : " (" + first_line(quiet.text()) + ")";
+  if (!error.empty() && !capture.text().empty()) error += " (" + first_line(capture.text()) + ")";
 }
 
 }  // namespace pirt::recognition

@@ -22,6 +22,7 @@
 --   notes:   input_resized, input_cropped, precision_not_reached (see ci_low_ns, ci_high_ns), contended, bimodal, no_kernel_cache,
 --            shared_core, sequence of N frames (played; ops and bytes are the mean over them),
 --            deterministic (the figure repeats exactly: one sample is all there is, its interval has no width)
+--            live (calls of a live run, `pirt schedule --update-profile`: one process, other calls between them)
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %
 -- interval over processes (characterize/statistics/statistics.h), NULL with 2; of a single process, that of its samples, NULL below 6.
 -- `checksum` columns are FNV-1a over what a run (with its environment, units, peaks, and which cells and visits it has) or a cell

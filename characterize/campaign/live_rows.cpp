@@ -1,0 +1,79 @@
+#include "characterize/campaign/live_rows.h"
+
+#include <algorithm>
+
+#include "characterize/campaign/run_facts.h"
+#include "characterize/campaign/validity.h"
+#include "characterize/energy/model.h"
+#include "workloads/catalog.h"
+#include "workloads/images.h"
+
+namespace pirt {
+namespace {
+
+constexpr double kPrecision = 0.02;  // As characterize asks for.
+
+/// What is too short for the clock shows in the call, which phases add up to.
+constexpr ClockQuality kNotJudged{.cost_ns = 0, .resolution = Nanos(0)};
+
+PhaseRecord phase_record(Phase phase, const std::vector<Nanos>& samples, bool unstable,
+                         const ClockQuality& clock) {
+  CellSamples taken;
+  taken.phase = phase;
+  taken.samples = samples;
+  taken.processes.assign(samples.size(), 0);
+  CellConditions conditions;
+  conditions.clock = phase == Phase::kCall ? clock : kNotJudged;
+  conditions.unstable = unstable;
+  conditions.live = true;
+  PhaseRecord record;
+  record.phase = phase;
+  record.reasons = judge(taken, conditions);
+  record.notes = annotate(taken, conditions, kPrecision);
+  record.samples = samples;
+  return record;
+}
+
+}  // namespace
+
+std::int64_t write_live_rows(ProfileWriter& writer, const Platform& platform,
+                             const std::map<std::string, DeviceInfo>& devices, std::uint64_t seed,
+                             std::span<const LiveRow> rows) {
+  const auto images = generated_images(seed);
+  RunHeader header;
+  header.started = utc_now();
+  header.platform = platform.name;
+  header.seed = seed;
+  header.environment = run_facts(platform, *images);
+  header.environment["mode"] = "live";
+  header.environment["precision"] = "live";  // Is identity: keeps it apart from what is repeated.
+  for (const auto& [name, device] : devices) {
+    const UnitModel& unit = platform.unit(name);
+    header.units.push_back(unit_record(unit, device));
+    header.environment.merge(unit_facts(unit, device));
+  }
+  const std::int64_t run_id = writer.begin_run(header);
+  const ClockQuality clock = measure_clock(MachineClock());
+  for (const LiveRow& row : rows) {
+    CellRecord cell;
+    cell.workload = row.workload;
+    cell.unit = row.unit;
+    cell.ops = row.ops;
+    cell.bytes = row.bytes;
+    cell.verification = "not verified: calls of a live run";
+    const bool unstable = is_unstable(row.samples.at(Phase::kCall));
+    for (const auto& [phase, samples] : row.samples) {
+      cell.phases.push_back(phase_record(phase, samples, unstable, clock));
+    }
+    if (!row.metered) {
+      const auto call = std::ranges::find(cell.phases, Phase::kCall, &PhaseRecord::phase);
+      cell.energy = model_energy(platform, platform.unit(row.unit), find_workload(row.workload),
+                                 *call, CallWork{row.ops, row.bytes});
+    }
+    writer.write_cell(run_id, cell);
+  }
+  writer.finish_run(run_id, utc_now());
+  return run_id;
+}
+
+}  // namespace pirt

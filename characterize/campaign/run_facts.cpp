@@ -1,0 +1,65 @@
+#include "characterize/campaign/run_facts.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <ctime>
+#include <vector>
+
+#include "characterize/worker/measure.h"
+#include "workloads/base/affinity.h"
+#include "workloads/base/text.h"
+#include "workloads/registry.h"
+
+namespace pirt {
+namespace {
+
+/// All that the backend has, given or not: "clock_mhz=500, launch_us=300"; empty if it has none.
+std::string describe_options(const UnitModel& unit) {
+  UnitRequest request;
+  request.options = unit.options;
+  std::vector<std::string> parts;
+  for (const OptionSpec& option : find_backend(unit.backend).options()) {
+    parts.push_back(fmt::format("{}={}", option.name, request.option(option)));
+  }
+  return join(parts, ", ");
+}
+
+}  // namespace
+
+std::string utc_now() {
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+}
+
+Environment run_facts(const Platform& platform, const ImageSource& images) {
+  Environment facts = host_environment();
+  facts.merge(build_environment());
+  facts["cores_usable"] = fmt::format("{}", fmt::join(usable_cores(), ","));
+  const ClockQuality clock = measure_clock(MachineClock());
+  facts["clock_cost_ns"] = fmt::format("{:.1f}", clock.cost_ns);
+  facts["clock_resolution_ns"] = std::to_string(clock.resolution.count());
+  facts["images"] = images.describe();
+  facts["images_hash"] = fmt::format("{:016x}", images.content_hash());
+  if (!platform.assumptions.empty()) facts["assumptions"] = platform.assumptions;
+  return facts;
+}
+
+UnitRecord unit_record(const UnitModel& unit, const DeviceInfo& device) {
+  return {unit.name, unit.backend, device.name.empty() ? "unnamed" : device.name, device.is_cpu,
+          unit.cores};
+}
+
+Environment unit_facts(const UnitModel& unit, const DeviceInfo& device) {
+  Environment facts;
+  const std::string prefix = "unit." + unit.name + ".";
+  if (!device.platform.empty()) facts[prefix + "platform"] = device.platform;
+  if (!device.version.empty()) facts[prefix + "version"] = device.version;
+  if (!device.tuning.empty()) facts[prefix + "tuning"] = device.tuning;
+  const std::string options = describe_options(unit);
+  if (!options.empty()) facts[prefix + "options"] = options;
+  if (device.cache_bytes) facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);
+  return facts;
+}
+
+}  // namespace pirt

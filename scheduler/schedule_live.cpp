@@ -1,0 +1,58 @@
+#include "scheduler/schedule_live.h"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "scheduler/schedule.h"
+#include "scheduler/trace/trace_thread.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+/// What was not as it should be in a live run.
+void add_live(const Platform& platform, const LiveResult& result, RunRecord& record) {
+  record.set_up_s = to_s(result.set_up);
+  if (result.first_call) record.first_call_ms = to_ms(*result.first_call);
+  if (result.stopped) {
+    record.warnings.push_back("stopped by a signal before its time: all figures are of what ran");
+  }
+  for (const std::string& problem : result.problems)
+    record.warnings.push_back("failed: " + problem);
+  const auto told = static_cast<std::int64_t>(result.problems.size());
+  if (result.failed_calls > told) {
+    record.warnings.push_back("and " + std::to_string(result.failed_calls - told) +
+                              " calls more have failed");
+  }
+  const auto warn_of = [&record](const char* what, const std::vector<std::string>& units) {
+    if (!units.empty()) record.warnings.push_back(what + join(units, ", "));
+  };
+  std::vector<std::string> paced;
+  for (const auto& unit : platform.units) {
+    if (!unit.measured()) paced.push_back(unit.name);
+  }
+  warn_of("units without a backend are paced by their stages and compute nothing: ", paced);
+  warn_of(
+      "units that tell time by a clock of their own take here what the machine takes for them: ",
+      result.emulated);
+}
+
+}  // namespace
+
+RunRecord run_live(const Platform& platform, const Profile* profile, const Mix& mix,
+                   const ScheduleOptions& options, const LiveOptions& live) {
+  LiveResult result;
+  const auto driver = [&](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter* trace) {
+    std::optional<TraceThread> aside;
+    if (trace != nullptr) dispatcher.observe(&aside.emplace(*trace));
+    result = run_live(scenario, dispatcher, live, aside ? &*aside : nullptr);
+    if (aside) aside->finish();
+    return result.tally;
+  };
+  RunRecord record = run_mix(platform, profile, mix, options, driver, "live");
+  add_live(platform, result, record);
+  return record;
+}
+
+}  // namespace pirt

@@ -1,0 +1,169 @@
+#include "scheduler/trace/trace_thread.h"
+
+#include <utility>
+
+#include "workloads/base/thread.h"
+
+namespace pirt {
+namespace {
+
+/// So many are there before the thread is woken,
+constexpr std::size_t kWakes = 4096;
+/// and so many before whoever has more waits for it.
+constexpr std::size_t kMost = 4 * kWakes;
+
+template <typename To, typename From>
+void append(std::vector<To>& to, const From& from) {
+  to.insert(to.end(), from.begin(), from.end());
+}
+
+}  // namespace
+
+void TraceThread::Batch::clear() {
+  events.clear();
+  tasks.clear();
+  after.clear();
+  reads.clear();
+  started.clear();
+  ended.clear();
+  waiting.clear();
+}
+
+/// Tells the writer what is in a batch.
+class TraceThread::Teller {
+ public:
+  Teller(Batch& batch, TraceWriter& writer) : batch_(batch), writer_(writer) {}
+
+  void tell() {
+    for (const Event& event : batch_.events) std::visit(*this, event);
+  }
+  void operator()(const Input& event) {
+    const auto tasks = take(batch_.tasks, tasks_, event.input.tasks.size());
+    for (Task& task : tasks) {
+      task.after = take(batch_.after, after_, task.after.size());
+      task.reads = take(batch_.reads, reads_, task.reads.size());
+    }
+    DispatcherInput input = event.input;
+    input.tasks = tasks;
+    writer_.on_input(input, {.taken = event.taken,
+                             .started = take(batch_.started, started_, event.started),
+                             .ended = take(batch_.ended, ended_, event.ended)});
+  }
+  void operator()(const Submitting& event) {
+    writer_.submitting(event.task, event.pipeline, event.position, event.firing);
+  }
+  void operator()(const Arrived& event) {
+    writer_.arrived(event.servers, event.job, event.power_w);
+  }
+  void operator()(const Left& event) { writer_.left(event.servers, event.job); }
+  void operator()(const Preparing& event) { writer_.preparing(event.task, event.now, event.takes); }
+  void operator()(const Settled& event) {
+    writer_.settled(event.now, take(batch_.waiting, waiting_, event.waiting));
+  }
+
+ private:
+  /// The next ones.
+  template <typename T>
+  static std::span<T> take(std::vector<T>& all, std::size_t& at, std::size_t count) {
+    return std::span(all).subspan(std::exchange(at, at + count), count);
+  }
+
+  Batch& batch_;
+  TraceWriter& writer_;
+  std::size_t tasks_ = 0, after_ = 0, reads_ = 0, started_ = 0, ended_ = 0, waiting_ = 0;
+};
+
+TraceThread::TraceThread(TraceWriter& writer)
+    : writer_(writer), thread_(start_thread([this] { write(); })) {}
+
+TraceThread::~TraceThread() { stop(); }
+
+void TraceThread::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+void TraceThread::finish() {
+  stop();
+  if (failure_ != nullptr) std::rethrow_exception(failure_);
+}
+
+void TraceThread::write() {
+  Batch batch;
+  std::unique_lock lock(mutex_);
+  while (true) {
+    changed_.wait(lock, [this] { return stopping_ || filling_.events.size() >= kWakes; });
+    if (filling_.events.empty()) return;
+    std::swap(batch, filling_);
+    lock.unlock();
+    changed_.notify_all();
+    try {
+      if (failure_ == nullptr) Teller(batch, writer_).tell();
+    } catch (...) {
+      failure_ = std::current_exception();
+    }
+    batch.clear();
+    lock.lock();
+  }
+}
+
+/// With the mutex, after what the event shows.
+void TraceThread::add(const Event& event) {
+  filling_.events.push_back(event);
+  if (filling_.events.size() == kWakes) changed_.notify_all();
+}
+
+void TraceThread::on_input(const DispatcherInput& input, const Decisions& decisions) {
+  const auto lock = room();
+  append(filling_.tasks, input.tasks);
+  for (const Task& task : input.tasks) {
+    append(filling_.after, task.after);
+    append(filling_.reads, task.reads);
+  }
+  append(filling_.started, decisions.started);
+  append(filling_.ended, decisions.ended);
+  add(Input{.input = input,
+            .taken = decisions.taken,
+            .started = decisions.started.size(),
+            .ended = decisions.ended.size()});
+}
+
+void TraceThread::submitting(TaskId task, std::size_t pipeline, std::size_t position,
+                             std::uint64_t firing) {
+  const auto lock = room();
+  add(Submitting{task, pipeline, position, firing});
+}
+
+void TraceThread::arrived(std::size_t servers, std::uint32_t job, double power_w) {
+  const auto lock = room();
+  add(Arrived{servers, job, power_w});
+}
+
+void TraceThread::left(std::size_t servers, std::uint32_t job) {
+  const auto lock = room();
+  add(Left{servers, job});
+}
+
+void TraceThread::preparing(TaskId task, Nanos now, Nanos takes) {
+  const auto lock = room();
+  add(Preparing{task, now, takes});
+}
+
+void TraceThread::settled(Nanos now, std::span<const int> waiting) {
+  const auto lock = room();
+  append(filling_.waiting, waiting);
+  add(Settled{now, waiting.size()});
+}
+
+/// The mutex, once there is room for another event.
+std::unique_lock<std::mutex> TraceThread::room() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return filling_.events.size() < kMost; });
+  return lock;
+}
+
+}  // namespace pirt

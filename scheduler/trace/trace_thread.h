@@ -1,0 +1,98 @@
+// A trace is written by a thread of its own: whoever runs something live leaves what happened, as a
+// few numbers, and goes on; the text is made of it elsewhere.
+//
+// Threads: what an observer hears may come from any thread, one at a time. Memory is bounded: who
+// is more than some thousands of events ahead of the writer waits for it.
+#pragma once
+
+#include <condition_variable>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <variant>
+#include <vector>
+
+#include "scheduler/trace/trace_writer.h"
+
+namespace pirt {
+
+class TraceThread final : public DispatcherObserver, public RunObserver {
+ public:
+  /// @param writer  Hears, on the thread, all that this hears and in the same order; nobody else
+  /// may use it until finish() or the end.
+  /// @throws Error{kEnvironment} if the thread cannot be started.
+  explicit TraceThread(TraceWriter& writer);
+  ~TraceThread();
+  TraceThread(const TraceThread&) = delete;
+  TraceThread& operator=(const TraceThread&) = delete;
+
+  void on_input(const DispatcherInput& input, const Decisions& decisions) override;
+  void submitting(TaskId task, std::size_t pipeline, std::size_t position,
+                  std::uint64_t firing) override;
+  void arrived(std::size_t servers, std::uint32_t job, double power_w) override;
+  void left(std::size_t servers, std::uint32_t job) override;
+  void preparing(TaskId task, Nanos now, Nanos takes) override;
+  void settled(Nanos now, std::span<const int> waiting) override;
+
+  /// Until the writer has heard all. Nothing may be told afterwards.
+  /// @throws What the writer threw.
+  void finish();
+
+ private:
+  struct Input {
+    DispatcherInput input;  ///< Of its tasks only the number counts,
+    bool taken = true;
+    std::size_t started = 0, ended = 0;  ///< as of these.
+  };
+  struct Submitting {
+    TaskId task;
+    std::size_t pipeline, position;
+    std::uint64_t firing;
+  };
+  struct Arrived {
+    std::size_t servers;
+    std::uint32_t job;
+    double power_w;
+  };
+  struct Left {
+    std::size_t servers;
+    std::uint32_t job;
+  };
+  struct Preparing {
+    TaskId task;
+    Nanos now, takes;
+  };
+  struct Settled {
+    Nanos now;
+    std::size_t waiting;
+  };
+  using Event = std::variant<Input, Submitting, Arrived, Left, Preparing, Settled>;
+
+  /// Events in order, and what they show, each kind in order too. Keeps its memory.
+  struct Batch {
+    std::vector<Event> events;
+    std::vector<Task> tasks;  ///< Of their predecessors and series only the number counts.
+    std::vector<TaskId> after;
+    std::vector<SeriesId> reads;
+    std::vector<Start> started;
+    std::vector<Ended> ended;
+    std::vector<int> waiting;
+    void clear();
+  };
+  class Teller;
+
+  [[nodiscard]] std::unique_lock<std::mutex> room();
+  void add(const Event& event);
+  void write();
+  void stop();
+
+  TraceWriter& writer_;
+  std::exception_ptr failure_;  ///< Of the thread until it is joined.
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  Batch filling_;
+  bool stopping_ = false;
+  std::jthread thread_;  ///< Last: it uses all of it.
+};
+
+}  // namespace pirt
