@@ -100,10 +100,11 @@ std::string activities_text(const RobotRun& run) {
                   "p50", "p95", "p99", "late", "done", "of");
   for (const ActivityCounts& each : run.activities) {
     const auto latency = summary_of(each);
-    text += fmt::format("{:<17} {:>8.1f} {:>8.2f} {:>8.2f} {:>8.2f} {:>8} {:>8} {:>8}{}\n",
-                        each.name, to_ms(each.deadline), latency.p50_ms, latency.p95_ms,
-                        latency.p99_ms, each.late, each.completed, each.fired,
-                        each.skipped > 0 ? fmt::format(", {} skipped", each.skipped) : "");
+    text += fmt::format(
+        "{:<17} {:>8} {:>8.2f} {:>8.2f} {:>8.2f} {:>8} {:>8} {:>8}{}\n", each.name,
+        each.deadline > Nanos::zero() ? fmt::format("{:.1f}", to_ms(each.deadline)) : "-",
+        latency.p50_ms, latency.p95_ms, latency.p99_ms, each.late, each.completed, each.fired,
+        each.skipped > 0 ? fmt::format(", {} skipped", each.skipped) : "");
   }
   if (const auto* plans = find(run, "plan_path")) {
     text += fmt::format("paths          found by {} of {} plans, the last of {:.2f} m\n",
@@ -261,6 +262,7 @@ Json robot_json(const RobotRun& run, const std::string& dataset) {
                                   {"completed", each.completed},
                                   {"failed", each.failed},
                                   {"skipped", each.skipped},
+                                  {"problem", each.problem},
                                   {"late", each.late},
                                   {"rate_hz", per_second(run, each)},
                                   {"p50_ms", latency.p50_ms},
