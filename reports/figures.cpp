@@ -27,7 +27,7 @@ std::string duration_text(Nanos value) {
 }
 
 std::string mark(Origin origin) {
-  const std::string sum = origin.mixture ? "*" : "";
+  std::string sum = origin.mixture ? "*" : "";
   switch (origin.provenance) {
     case Provenance::kMeasured:
       return sum;

@@ -91,8 +91,8 @@ Chart pipeline_chart(const RunRecord& live, const RunRecord& predicted) {
     }
   }
   std::ranges::sort(chart.series);
-  const auto [first, last] = std::ranges::unique(chart.series);
-  chart.series.erase(first, last);
+  // Not std::ranges: clang 14 does not compile the subrange of this libstdc++.
+  chart.series.erase(std::unique(chart.series.begin(), chart.series.end()), chart.series.end());
   chart.summary =
       fmt::format("How far virtual time is off for {} pipelines.", live.pipelines.size());
   return chart;
