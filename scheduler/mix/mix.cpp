@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <map>
-#include <ranges>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "characterize/platform/platform.h"
@@ -83,7 +83,7 @@ std::size_t find_port(const YamlNode& node, const std::string& workload, const c
 bool fits(const TensorSpec& made, const TensorSpec& taken) {
   if (made.element != taken.element || made.varies != taken.varies) return false;
   if (!made.varies) return made.shape == taken.shape;
-  return std::ranges::equal(made.shape | std::views::drop(1), taken.shape | std::views::drop(1)) &&
+  return std::ranges::equal(std::span(made.shape).subspan(1), std::span(taken.shape).subspan(1)) &&
          made.shape.front() <= taken.shape.front();
 }
 

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <ranges>
 #include <utility>
 
 #include "workloads/base/error.h"
@@ -168,9 +167,9 @@ void KernelUnit::set_up() {
   }
   if (!setup_.prepare_first) return;
   // The first one last, where one at a time is held.
-  for (const Preparation& each : setup_.preparations | std::views::reverse) {
-    Prepared& made = prepare(each);
-    if (!each.function) run_once(each, made);
+  for (auto each = setup_.preparations.rbegin(); each != setup_.preparations.rend(); ++each) {
+    Prepared& made = prepare(*each);
+    if (!each->function) run_once(*each, made);
   }
 }
 
