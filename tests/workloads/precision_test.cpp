@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 
+#include "tests/support/optional_backend.h"
 #include "tests/workloads/workload_support.h"
 #include "workloads/catalog.h"
 #include "workloads/cpu/cpu_backend.h"
@@ -181,6 +182,7 @@ TEST(Precision, CpuBackendKeepsTheBoundOnOddShapes) {
 }
 
 TEST(Precision, OpenClComputesInF32AndSaysSo) {
+  PIRT_BACKEND_OR_SKIP("opencl")
   const auto backend = make_opencl_backend();
   for (const Workload* workload : reduced_layers()) {
     const auto support = backend->supports(*workload);
