@@ -52,11 +52,12 @@ TEST_F(LiveCommand, WritesARecordAndATraceThatReplays) {
 
 TEST_F(LiveCommand, KeepsWhatRanWhenItIsInterrupted) {
   const std::string heard = quoted(scratch_.file("heard"));
-  const auto outcome = run("env --default-signal " + command("--duration 600s") + " 2>" + heard +
-                           " & pid=$!; until grep -q ready " + heard +
-                           "; do sleep 0.1; done; sleep 0.5; kill -INT $pid; wait $pid; rc=$?; "
-                           "cat " +
-                           heard + " >&2; exit $rc");
+  const auto outcome =
+      run("env --default-signal " + command("--duration 600s") + " 2>" + heard +
+          " & pid=$!; until grep -q ready " + heard +
+          " || ! kill -0 $pid; do sleep 0.1; done; sleep 0.5; kill -INT $pid; wait $pid; rc=$?; "
+          "cat " +
+          heard + " >&2; exit $rc");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("stopped by a signal"));
   const auto made = record();

@@ -101,7 +101,7 @@ TEST_F(RunRobot, KeepsWhatRanWhenItIsInterrupted) {
   }
   const auto outcome =
       run(command + " 2>" + heard + " & pid=$!; until grep -q 'gpu is ready' " + heard +
-          "; do sleep 0.1; done; sleep 0.3; kill -INT $pid; wait $pid; "
+          " || ! kill -0 $pid; do sleep 0.1; done; sleep 0.3; kill -INT $pid; wait $pid; "
           "rc=$?; cat " +
           heard + " >&2; exit $rc");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
