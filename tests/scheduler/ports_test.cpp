@@ -78,7 +78,7 @@ TEST(Ports, WhatDoesNotFitIsRefusedWithItsPlace) {
       {u + "      - {workload: gaussian_blur, state: s}\n", "has no state"},
   };
   for (const auto& [tasks, message] : cases) {
-    EXPECT_THAT(bad_input([&] { localization(tasks); }), HasSubstr(message)) << tasks;
+    EXPECT_THAT(bad_input([&text = tasks] { localization(text); }), HasSubstr(message)) << tasks;
   }
 }
 
