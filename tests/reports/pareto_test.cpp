@@ -30,7 +30,7 @@ TEST(Pareto, ModesThatAreWorseInAllThreeAreBeaten) {
   ASSERT_EQ(points.size(), 4U);
   ASSERT_NE(points[0].beaten_by, nullptr);
   EXPECT_EQ(points[0].beaten_by->mode, "b");
-  for (const std::size_t i : {1, 2, 3}) EXPECT_EQ(points[i].beaten_by, nullptr) << runs[i].mode;
+  for (const auto i : {1U, 2U, 3U}) EXPECT_EQ(points[i].beaten_by, nullptr) << runs[i].mode;
   EXPECT_DOUBLE_EQ(points[1].energy_mj, 1.5);
 }
 
