@@ -14,7 +14,7 @@ namespace {
 
 TEST(GeneratedNetwork, IsSureOfSoManyBoxes) {
   const Tensor picture = generated_images(5)->rgb(0, 640, 480).pixels;
-  for (const std::uint64_t seed : {1, 2}) {
+  for (const auto seed : {1U, 2U}) {
     for (const std::size_t count : {1U, 12U}) {
       auto weights = seeded_weights(generated_detector(), seed);
       be_sure_of(count, generated_detector(), picture, 0.5, weights);
