@@ -144,6 +144,28 @@ void visit_record(Visitor& visitor, Record& record) {
   visitor.field("warnings", record.warnings);
 }
 
+/// Lists that may be absent: an empty one is not written.
+template <typename Element, typename Visit>
+void write_list(Writer& writer, const char* key, const std::vector<Element>& list, Visit visit) {
+  if (list.empty()) return;
+  Json values = Json::array();
+  for (const auto& element : list) {
+    Writer each;
+    visit(each, element);
+    values.push_back(std::move(each.json));
+  }
+  writer.field(key, values);
+}
+
+template <typename Element, typename Visit>
+void read_list(const Json& json, const char* key, std::vector<Element>& list, Visit visit) {
+  if (!json.contains(key)) return;
+  for (const auto& value : json.at(key)) {
+    Reader each(value);
+    visit(each, list.emplace_back());
+  }
+}
+
 void check_version(const Json& json, const std::string& source) {
   const bool has_version = json.is_object() && json.contains("schema_version") &&
                            json["schema_version"].is_number_integer();
@@ -182,24 +204,8 @@ Json to_json(const RunRecord& record) {
   }
   writer.field("units", units);
   writer.field("pipelines", pipelines);
-  if (!record.calls.empty()) {
-    Json calls = Json::array();
-    for (const auto& call : record.calls) {
-      Writer each;
-      visit_call(each, call);
-      calls.push_back(std::move(each.json));
-    }
-    writer.field("calls", calls);
-  }
-  if (!record.plan.empty()) {
-    Json plan = Json::array();
-    for (const auto& planned : record.plan) {
-      Writer each;
-      visit_planned(each, planned);
-      plan.push_back(std::move(each.json));
-    }
-    writer.field("plan", plan);
-  }
+  write_list(writer, "calls", record.calls, [](auto& to, auto& call) { visit_call(to, call); });
+  write_list(writer, "plan", record.plan, [](auto& to, auto& task) { visit_planned(to, task); });
   if (record.bounds) {
     Writer bounds;
     visit_bounds(bounds, *record.bounds);
@@ -232,18 +238,8 @@ RunRecord run_record_from_json(const Json& json, const std::string& source) {
       visit_pipeline(each, record.pipelines.emplace_back());
       record.pipelines.back().pipeline = name;
     }
-    if (json.contains("calls")) {
-      for (const auto& value : json.at("calls")) {
-        Reader each(value);
-        visit_call(each, record.calls.emplace_back());
-      }
-    }
-    if (json.contains("plan")) {
-      for (const auto& value : json.at("plan")) {
-        Reader each(value);
-        visit_planned(each, record.plan.emplace_back());
-      }
-    }
+    read_list(json, "calls", record.calls, [](auto& of, auto& call) { visit_call(of, call); });
+    read_list(json, "plan", record.plan, [](auto& of, auto& task) { visit_planned(of, task); });
     if (json.contains("bounds")) {
       Reader bounds(json.at("bounds"));
       visit_bounds(bounds, record.bounds.emplace());
