@@ -57,6 +57,9 @@ const Option& Option::required() const { return option_->required(), *this; }
 const Option& Option::excludes(const Option& other) const {
   return option_->excludes(other.option_), *this;
 }
+const Option& Option::needs(const Option& other) const {
+  return option_->needs(other.option_), *this;
+}
 const Option& Option::takes(int least, int most) const {
   return option_->expected(least, most), *this;
 }

@@ -36,6 +36,7 @@ class Option {
   const Option& shows_default() const;
   const Option& required() const;
   const Option& excludes(const Option& other) const;
+  const Option& needs(const Option& other) const;
   /// How many values may follow it.
   const Option& takes(int least, int most) const;
   /// What --help shows for its value: "DURATION", "UNIT,...".

@@ -47,16 +47,20 @@ void add_model(Command& command, ModelFlags& flags, const std::string& prefix,
   const auto name = [&](const std::string& option) {
     return prefix.empty() ? "--" + option : "--" + prefix + "-" + option;
   };
-  add_input(command, prefix.empty() ? "--model" : "--" + prefix, &flags.model,
-            "Weights of " + what + ": .weights of Darknet, .caffemodel, .onnx");
+  const Option model =
+      add_input(command, prefix.empty() ? "--model" : "--" + prefix, &flags.model,
+                "Weights of " + what + ": .weights of Darknet, .caffemodel, .onnx");
   add_input(command, name("config"), &flags.config,
-            "Its layers: the .cfg of Darknet, the .prototxt of Caffe");
-  add_input(command, name("names"), &flags.names, "Names of its classes, one a line");
+            "Its layers: the .cfg of Darknet, the .prototxt of Caffe")
+      .needs(model);
+  add_input(command, name("names"), &flags.names, "Names of its classes, one a line").needs(model);
   add_text(command, name("size"), &flags.size, "WIDTHxHEIGHT",
            "Of its input, in pixels (default: what --" + (prefix.empty() ? "" : prefix + "-") +
-               "config says)");
+               "config says)")
+      .needs(model);
   add_choice(command, name("preprocess"), &flags.preprocess, "HOW", recognition::preprocess_names(),
-             "What it takes for pixels (default: caffe for Caffe, else unit, 0 to 1)");
+             "What it takes for pixels (default: caffe for Caffe, else unit, 0 to 1)")
+      .needs(model);
 }
 
 void add_detect_options(Command& command, recognition::DetectOptions& options) {

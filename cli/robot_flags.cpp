@@ -78,6 +78,7 @@ std::optional<ActivityOptions> ActivityFlags::options(const std::string& dataset
   activities.width = sequence.cameras[0].width;
   activities.height = sequence.cameras[0].height;
   if (model.model) activities.model = model.options();
+  if (classifier.model) activities.classifier = classifier.options();
   if (!grid) return activities;
   if (!sequence.stereo() && sequence.imu.empty()) {
     throw_bad_input(
@@ -103,6 +104,14 @@ void add_activities(Command& command, ActivityFlags& flags) {
   add_text(command, "--start", &flags.start, "X,Y,DEGREES",
            "Where on the map the robot stands when the sequence begins (default: goal.yaml's)");
   add_model(command, flags.model, "", "a detector, in place of AlexNet with seeded weights");
+  add_model(command, flags.classifier, "classifier",
+            "a classifier beside the detector, for the labels of scenes (default: none)");
+  add_output(command, "--scenes", flags.scenes,
+             "Write what the detector sees every 10 s, as pirt describe does: a line of JSON each",
+             StdoutUse::kRefused);
+  for (const char* name : {"--classifier", "--scenes"}) {
+    command.option(name).needs(command.option("--model"));
+  }
   command.add_flag("--localize-only", flags.localize_only,
                    "Nothing but localization, whatever map there is");
 }

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "cli/models.h"
+#include "cli/output.h"
 #include "scheduler/robot/activities.h"
 #include "workloads/sequence/sequence.h"
 
@@ -12,7 +13,8 @@ namespace pirt::cli {
 
 struct ActivityFlags {
   std::optional<std::string> map, goal, start;
-  ModelFlags model;
+  ModelFlags model, classifier;
+  Output scenes;  ///< Of what a user's detector sees.
   bool localize_only = false;
 
   /// @param dataset  Its folder, whose map.yaml and goal.yaml are the defaults.

@@ -76,10 +76,11 @@ void check(const Options& options) {
   }
   if (options.comparing) {
     if (options.mode) throw_bad_input("--mode and --compare exclude each other");
-    if (options.trace || options.trajectory || options.plot || options.save_map) {
+    if (options.trace || options.trajectory || options.plot || options.save_map ||
+        options.activities.scenes) {
       throw_bad_input(
-          "--trace, --trajectory, --plot and --save-slam-map are of one run; give --mode instead "
-          "of --compare");
+          "--trace, --trajectory, --plot, --save-slam-map and --scenes are of one run; give --mode "
+          "instead of --compare");
     }
   }
 }
@@ -177,6 +178,11 @@ int run_robot(const Options& options) {
   const RobotRun done = robot.run(!options.serial);
   emit(robot_text(done), robot_json(done, options.dataset), options.json);
   if (options.trajectory) emit_text(tum_text(done.result.run.trajectory()), options.trajectory);
+  if (options.activities.scenes) {
+    std::string lines;
+    for (const auto& scene : done.scenes) lines += scene + "\n";
+    emit_text(lines, options.activities.scenes);
+  }
   if (options.save_map) {
     emit_text(slam::map_text(done.result.run.last, done.setup), options.save_map);
   }

@@ -175,7 +175,7 @@ std::vector<LiveRow> rows_to_update(const RunRecord& record, const LiveCalls& ca
     const auto series = std::ranges::find_if(calls.series, [&](const auto& each) {
       return each.workload == check.live.workload && each.unit == check.live.unit;
     });
-    if (unit == calls.units.end() || unit->own_clock || series == calls.series.end()) continue;
+    if (unit == calls.units.end() || series == calls.series.end()) continue;
     const PhaseRow& row = *profile.find(series->workload, series->unit, Phase::kCall);
     const EnergyRow* energy = profile.find_energy(series->workload, series->unit);
     const bool metered = energy != nullptr && energy->provenance == Provenance::kMeasured;

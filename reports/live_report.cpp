@@ -145,7 +145,8 @@ Table rows_table(const RunRecord& live, const Profile* profile, const std::vecto
                   {"found", Align::kLeft}},
       .footnotes = {fmt::format("contradicted: the live median is more than {:.0f} % outside the "
                                 "95 % interval of the row's; of fewer than {} calls nothing is "
-                                "said. A call is upload, execute and download.",
+                                "said. A call is upload, execute and download. own clock: the row "
+                                "is by the unit's own clock, the live run by this machine's.",
                                 100 * kSameMedian, kFewestCalls)},
       .origin = profile == nullptr ? "" : profile->path};
   for (const RowCheck& row : rows) {
@@ -183,7 +184,7 @@ const Profile* profile_of(const RunRecord& run, std::span<const Profile* const> 
   return found == profiles.end() ? nullptr : *found;
 }
 
-RowCheck check_row(const CallResult& call, const Profile* profile) {
+RowCheck check_row(const CallResult& call, const UnitResult& unit, const Profile* profile) {
   RowCheck check{.live = call};
   const PhaseRow* row =
       profile == nullptr ? nullptr : profile->find(call.workload, call.unit, Phase::kCall);
@@ -193,9 +194,10 @@ RowCheck check_row(const CallResult& call, const Profile* profile) {
   check.high_ms = to_ms(*row->ci_high);
   const bool outside = call.p50_ms < *check.low_ms / (1 + kSameMedian) ||
                        call.p50_ms > *check.high_ms * (1 + kSameMedian);
-  check.finding = call.completed < kFewestCalls ? RowFinding::kTooFewCalls
-                  : outside                     ? RowFinding::kContradicted
-                                                : RowFinding::kAgrees;
+  check.finding = unit.own_clock.value_or(false)  ? RowFinding::kOwnClock
+                  : call.completed < kFewestCalls ? RowFinding::kTooFewCalls
+                  : outside                       ? RowFinding::kContradicted
+                                                  : RowFinding::kAgrees;
   return check;
 }
 
@@ -246,6 +248,8 @@ std::string_view to_string(RowFinding finding) {
       return "contradicted";
     case RowFinding::kTooFewCalls:
       return "too few calls";
+    case RowFinding::kOwnClock:
+      return "own clock";
     case RowFinding::kNoRow:
       return "no valid row";
   }
@@ -272,7 +276,7 @@ std::vector<RowCheck> check_rows(const RunRecord& live, const Profile* profile) 
   std::vector<RowCheck> checks;
   for (const CallResult& call : live.calls) {
     const UnitResult* unit = find_unit(live, call.unit);
-    if (unit != nullptr && unit->backend) checks.push_back(check_row(call, profile));
+    if (unit != nullptr && unit->backend) checks.push_back(check_row(call, *unit, profile));
   }
   return checks;
 }

@@ -31,9 +31,10 @@ enum class RowFinding : std::uint8_t {
   kAgrees,
   kContradicted,  ///< Its median is farther than kSameMedian from the interval of the row's.
   kTooFewCalls,   ///< Fewer than kFewestCalls.
+  kOwnClock,      ///< The unit tells time by a clock of its own, the live run by the machine's.
   kNoRow,         ///< No valid row: nothing to contradict.
 };
-/// "agrees", "contradicted", "too few calls", "no valid row".
+/// "agrees", "contradicted", "too few calls", "own clock", "no valid row".
 [[nodiscard]] std::string_view to_string(RowFinding finding);
 
 /// A median of fewer says nothing of a row: as many as the row needs itself.

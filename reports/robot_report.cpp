@@ -191,6 +191,7 @@ RobotRun robot_run(std::string driver, std::string mode, const Sequence& sequenc
     run.activities = activities->counts();
     run.paths_found = activities->paths_found();
     run.last_path_m = activities->last_path_m();
+    run.scenes = activities->scenes();
     const auto [before, after] = activities->adjusted();
     if (run.summary.error && before.size() > 2) {
       const auto alignment = run.summary.scale_known ? Alignment::kSe3 : Alignment::kSim3;

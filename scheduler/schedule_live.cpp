@@ -1,5 +1,6 @@
 #include "scheduler/schedule_live.h"
 
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <vector>
@@ -33,9 +34,12 @@ void add_live(const Platform& platform, const LiveResult& result, RunRecord& rec
     if (!unit.measured()) paced.push_back(unit.name);
   }
   warn_of("units without a backend are paced by their stages and compute nothing: ", paced);
+  for (UnitResult& unit : record.units) {
+    if (std::ranges::count(result.own_clocks, unit.unit) > 0) unit.own_clock = true;
+  }
   warn_of(
       "units that tell time by a clock of their own take here what the machine takes for them: ",
-      result.emulated);
+      result.own_clocks);
 }
 
 }  // namespace

@@ -25,6 +25,11 @@ run_tests() {
   ctest --test-dir "$1" --output-on-failure -j 2 --no-tests=error "${@:2}"
 }
 
+# run_shards PROGRAM [OPTION...]: the tests of one program, in two processes.
+run_shards() {
+  printf '0\n1\n' | xargs -P 2 -I{} env GTEST_TOTAL_SHARDS=2 GTEST_SHARD_INDEX={} "$@" --gtest_brief=1
+}
+
 install_packages "${PIRT_PACKAGES[@]}" "${PIRT_TEST_PACKAGES[@]}" "${PIRT_DSP_PACKAGES[@]}"
 build_pirt build -DPIRT_TESTS=ON "${werror[@]}"
 run_tests build
@@ -32,7 +37,7 @@ if [[ ${CI:-} == true ]]; then
   say "the scheduler's tests, with assertions"
   cmake --preset debug >/dev/null
   cmake --build --preset debug --target scheduler_test
-  build-debug/tests/scheduler_test --gtest_brief=1
+  run_shards build-debug/tests/scheduler_test
 fi
 
 if $long; then
@@ -60,6 +65,7 @@ if $long; then
   ASAN_OPTIONS=use_sigaltstack=0:detect_leaks=0 run_tests build-asan -R "$with_driver"
   say "threads: live runs and the runtime"
   cmake --preset tsan -DPIRT_WERROR=ON >/dev/null && cmake --build --preset tsan --target scheduler_test
-  TSAN_OPTIONS=suppressions=$PWD/tests/support/tsan.txt build-tsan/tests/scheduler_test --gtest_brief=1 --gtest_filter='Runtime.*:Live.*'
+  TSAN_OPTIONS=suppressions=$PWD/tests/support/tsan.txt \
+    run_shards build-tsan/tests/scheduler_test --gtest_filter='Runtime*:Live*:TraceThread*:Localization*:Activities*'
 fi
 say "tests: OK"

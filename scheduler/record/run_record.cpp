@@ -51,6 +51,7 @@ void visit_unit(Visitor& visitor, Unit& unit) {
   visitor.field("backend", unit.backend);
   visitor.field("device", unit.device);
   visitor.field("device_is_cpu", unit.device_is_cpu);
+  visitor.field("own_clock", unit.own_clock);
   visitor.field("provenance", unit.provenance);
   visitor.field("energy_provenance", unit.energy_provenance);
   visitor.field("mixture", unit.mixture);

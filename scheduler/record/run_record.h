@@ -21,6 +21,9 @@ struct UnitResult {
   std::optional<std::string> backend;  ///< Of measured units.
   std::optional<std::string> device;   ///< What computed, as the profile names it.
   std::optional<bool> device_is_cpu;   ///< The device computes on the host's own cores.
+  /// Live, if the unit tells time by a clock of its own: its figures here are what the machine
+  /// took.
+  std::optional<bool> own_clock;
   std::vector<std::string>
       provenance;  ///< Of the times of the services that the run could use, each once.
   std::vector<std::string> energy_provenance;  ///< Of their energy.

@@ -6,12 +6,14 @@
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
 #include "workloads/mapping/keyframes.h"
 #include "workloads/mapping/workloads.h"
 #include "workloads/planning/map_files.h"
 #include "workloads/planning/prepared_map.h"
 #include "workloads/planning/workloads.h"
-#include "workloads/recognition/detect_objects.h"
+#include "workloads/recognition/describe_scene.h"
+#include "workloads/recognition/specs.h"
 
 namespace pirt {
 
@@ -24,6 +26,8 @@ namespace {
 constexpr int kAlexnetSide = 227;
 constexpr double kWindow_m = 6;
 constexpr double kAhead_m = 1;
+constexpr std::int64_t kMostName = 32;
+constexpr std::int64_t kMostText = std::int64_t{1} << 18;  ///< Of a scene's description, in bytes.
 
 double heading_of(const Pose& body) { return std::atan2(body.rotation(1, 0), body.rotation(0, 0)); }
 
@@ -38,6 +42,32 @@ Tensor coloured(const GreyImage& image) {
   auto out = tensor.as<std::uint8_t>().begin();
   for (int i = 0; i < 3; ++i) out = std::ranges::copy(image.pixels, out).out;
   return tensor;
+}
+
+TensorSpec text_spec(const char* name, std::int64_t most_bytes) {
+  return {.name = name, .element = Element::kU8, .shape = {most_bytes}, .varies = true};
+}
+
+std::string text_of(const Tensor& tensor) {
+  const auto bytes = tensor.as<std::uint8_t>().first(static_cast<std::size_t>(tensor.rows()));
+  return {bytes.begin(), bytes.end()};
+}
+
+/// @throws Error{kBadInput} if it is too long.
+void set_text(Tensor& tensor, const std::string& text) {
+  if (std::ssize(text) > tensor.spec().shape[0]) {
+    throw_bad_input("a picture with too many objects to describe");
+  }
+  tensor.set_rows(std::ssize(text));
+  std::ranges::copy(text, tensor.as<std::uint8_t>().begin());
+}
+
+/// Whether something that comes @p hz times a second is due at @p time; sets when it is next.
+bool is_due(std::optional<Nanos>& next, Nanos time, double hz) {
+  if (!next) next = time;
+  if (time < *next) return false;
+  while (*next <= time) *next += from_s(1 / hz);
+  return true;
 }
 
 }  // namespace
@@ -104,6 +134,22 @@ class Activities::Activity {
   bool busy_ = false;
 };
 
+/// One thread at a time uses its models: neither is that of the recognition.
+struct Activities::Describer {
+  explicit Describer(const ActivityOptions& options) : detector(*options.model) {
+    if (options.classifier) classifier.emplace(*options.classifier);
+  }
+  void operator()(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
+    const auto scene =
+        recognition::describe_scene(text_of(inputs[1]), inputs[0], detector,
+                                    classifier ? &*classifier : nullptr, {}, recognition::kLabels);
+    set_text(outputs[0], json_text(recognition::to_json(scene)));
+  }
+
+  recognition::Model detector;
+  std::optional<recognition::Model> classifier;
+};
+
 /// What planning knows.
 struct Activities::Planned {
   explicit Planned(const ActivityOptions::Planning& options)
@@ -142,6 +188,10 @@ Activities::Activities(ActivityOptions options) : options_(std::move(options)) {
     recognition_ = std::make_unique<Activity>(model_ ? "recognize" : "alexnet",
                                               from_s(1 / options_.recognition_hz));
   }
+  if (options_.scenes_hz > 0) {
+    if (options_.model) describer_ = std::make_shared<Describer>(options_);
+    scene_ = std::make_unique<Activity>(describer_ ? "describe" : "describe_scene", Nanos::zero());
+  }
   if (options_.keyframes > 0) {
     mapped_ = std::make_unique<Mapped>(options_.setup);
     mapping_ = std::make_unique<Activity>("bundle_adjust", Nanos::zero());
@@ -172,35 +222,49 @@ void Activities::list_workloads(RuntimeOptions& options) const {
     options.workloads.emplace_back("avoid_obstacles");
   }
   if (mapping_) options.workloads.emplace_back("bundle_adjust");
-  if (!recognition_) return;
-  if (!model_) {
-    options.workloads.emplace_back("alexnet");
-    return;
+  const TensorSpec image{"image", Element::kU8, {3, options_.height, options_.width}};
+  if (recognition_ && !model_) options.workloads.emplace_back("alexnet");
+  if (recognition_ && model_) {
+    const auto recognize = [model = model_](std::span<const Tensor> inputs,
+                                            std::span<Tensor> outputs) {
+      const auto objects = recognition::detect_objects(*model, inputs[0], {});
+      outputs[0].as<std::int32_t>()[0] = static_cast<std::int32_t>(objects.size());
+    };
+    options.own.push_back({.name = "recognize",
+                           .inputs = {image},
+                           .outputs = {{"objects", Element::kI32, {1}}},
+                           .kernels = {{"cpu", recognize}}});
   }
-  const auto recognize = [model = model_](std::span<const Tensor> inputs,
-                                          std::span<Tensor> outputs) {
-    const auto objects = recognition::detect_objects(*model, inputs[0], {});
-    outputs[0].as<std::int32_t>()[0] = static_cast<std::int32_t>(objects.size());
-  };
-  options.own.push_back({.name = "recognize",
-                         .inputs = {{"image", Element::kU8, {3, options_.height, options_.width}}},
-                         .outputs = {{"objects", Element::kI32, {1}}},
-                         .kernels = {{"cpu", recognize}}});
+  if (scene_ && !describer_) options.workloads.emplace_back("describe_scene");
+  if (scene_ && describer_) {
+    const auto describe = [describer = describer_](std::span<const Tensor> inputs,
+                                                   std::span<Tensor> outputs) {
+      (*describer)(inputs, outputs);
+    };
+    options.own.push_back({.name = "describe",
+                           .inputs = {image, text_spec("name", kMostName)},
+                           .outputs = {text_spec("text", kMostText)},
+                           .kernels = {{"cpu", describe}}});
+  }
 }
 
 void Activities::begin(Caller& caller) {
-  for (const auto& each : {&recognition_, &planning_, &avoiding_, &mapping_}) {
+  for (const auto& each : {&recognition_, &scene_, &planning_, &avoiding_, &mapping_}) {
     if (*each) (*each)->begin(caller);
   }
 }
 
 void Activities::arrived(Nanos time, const GreyImage& left) {
-  if (!recognition_) return;
-  if (!next_recognition_) next_recognition_ = time;
-  if (time < *next_recognition_) return;
-  while (*next_recognition_ <= time) *next_recognition_ += from_s(1 / options_.recognition_hz);
-  if (!recognition_->is_free()) return;
-  Tensor image = coloured(left);
+  const auto due = [&](const std::unique_ptr<Activity>& activity, std::optional<Nanos>& next,
+                       double hz) {
+    return activity != nullptr && is_due(next, time, hz) && activity->is_free();
+  };
+  if (due(recognition_, next_recognition_, options_.recognition_hz)) recognize(left);
+  if (due(scene_, next_scene_, options_.scenes_hz)) describe(time, left);
+}
+
+void Activities::recognize(const GreyImage& picture) {
+  Tensor image = coloured(picture);
   std::vector<Tensor> inputs;
   if (model_) {
     inputs.push_back(std::move(image));
@@ -214,13 +278,36 @@ void Activities::arrived(Nanos time, const GreyImage& left) {
   recognition_->fire(inputs);
 }
 
+void Activities::describe(Nanos time, const GreyImage& picture) {
+  Tensor image = coloured(picture);
+  std::vector<Tensor> inputs;
+  if (!describer_) {
+    constexpr int kWidth = recognition::kPictureWidth, kHeight = recognition::kPictureHeight;
+    const auto pixels = recognition::network_input(image, kWidth, kHeight, recognition::Fit::kCrop,
+                                                   recognition::Preprocess::kUnit);
+    inputs.emplace_back(TensorSpec{"image", Element::kU8, {3, kHeight, kWidth}});
+    std::ranges::transform(pixels, inputs[0].as<std::uint8_t>().begin(), [](float pixel) {
+      return static_cast<std::uint8_t>(std::lround(255 * pixel));
+    });
+    scene_->fire(inputs);
+    return;
+  }
+  inputs.push_back(std::move(image));
+  inputs.emplace_back(text_spec("name", kMostName));
+  set_text(inputs[1], std::to_string(time.count()));
+  scene_->fire(inputs,
+               [this](std::span<const Tensor> outputs) { scenes_.push_back(text_of(outputs[0])); });
+}
+
 void Activities::localized(const slam::FrameResult& frame,
                            const std::function<slam::State()>& state) {
+  // What is real-time first: a unit that has begun an adjustment is not preempted.
+  if (planned_ && frame.status != slam::Status::kStarting) {
+    const Place place = place_of(frame.pose.body);
+    plan(place);
+    avoid(place, frame.pose.time);
+  }
   if (frame.status == slam::Status::kTracking && mapped_) map(frame, state);
-  if (!planned_ || frame.status == slam::Status::kStarting) return;
-  const Place place = place_of(frame.pose.body);
-  plan(place);
-  avoid(place, frame.pose.time);
 }
 
 Place Activities::place_of(const Pose& body) {
@@ -309,7 +396,7 @@ AdjustedKeyframes Activities::adjusted() const {
 
 std::vector<ActivityCounts> Activities::counts() const {
   std::vector<ActivityCounts> counts;
-  for (const auto& each : {&recognition_, &planning_, &avoiding_, &mapping_}) {
+  for (const auto& each : {&recognition_, &scene_, &planning_, &avoiding_, &mapping_}) {
     if (*each) counts.push_back((*each)->counts());
   }
   return counts;

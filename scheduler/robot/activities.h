@@ -39,8 +39,12 @@ struct ActivityOptions {
   /// localizes, more would hold up frames.
   std::size_t keyframes = 15;
   slam::Setup setup = {};  ///< Of the localization, for them.
-  /// A detector of the user's; absent = the chain of AlexNet with seeded weights, for its time.
+  double scenes_hz = 0.1;  ///< How often what is seen is described; 0 = never.
+  /// A detector of the user's; absent = the chain of AlexNet and the catalogue's description, both
+  /// with seeded weights, for their time.
   std::optional<recognition::ModelOptions> model = {};
+  std::optional<recognition::ModelOptions> classifier =
+      {};  ///< With a detector: scenes have labels.
 };
 
 /// Keyframes before they were adjusted and after, as many and in the same order.
@@ -79,22 +83,30 @@ class Activities final : public Companion {
   [[nodiscard]] double last_path_m() const;
   /// All that came back.
   [[nodiscard]] AdjustedKeyframes adjusted() const;
+  /// By the user's models, in the order in which they came back: lines of JSON as pirt describe
+  /// writes them, an "image" named by its time in ns.
+  [[nodiscard]] const std::vector<std::string>& scenes() const { return scenes_; }
 
  private:
   class Activity;
+  struct Describer;
   struct Planned;
   struct Mapped;
   [[nodiscard]] Place place_of(const Pose& body);
+  void recognize(const GreyImage& image);
+  void describe(Nanos time, const GreyImage& image);
   void plan(const Place& place);
   void avoid(const Place& place, Nanos time);
   void map(const slam::FrameResult& frame, const std::function<slam::State()>& state);
 
   ActivityOptions options_;
   std::shared_ptr<recognition::Model> model_;
-  std::unique_ptr<Planned> planned_;  ///< Null: nothing is planned.
-  std::unique_ptr<Mapped> mapped_;    ///< Null: no keyframes.
-  std::unique_ptr<Activity> recognition_, planning_, avoiding_, mapping_;
-  std::optional<Nanos> next_recognition_;
+  std::shared_ptr<Describer> describer_;  ///< Of the user's models; null: the catalogue's.
+  std::unique_ptr<Planned> planned_;      ///< Null: nothing is planned.
+  std::unique_ptr<Mapped> mapped_;        ///< Null: no keyframes.
+  std::unique_ptr<Activity> recognition_, scene_, planning_, avoiding_, mapping_;
+  std::optional<Nanos> next_recognition_, next_scene_;
+  std::vector<std::string> scenes_;  ///< One description is on its way at a time.
 };
 
 }  // namespace pirt

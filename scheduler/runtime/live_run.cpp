@@ -140,7 +140,7 @@ class LiveRun final : public Executor {
     }
     for (const auto& [unit, each] : units_) {
       each->wait_until_ready();
-      if (each->has_own_clock()) result_.emulated.push_back(each->name());
+      if (each->has_own_clock()) result_.own_clocks.push_back(each->name());
       say(each->name() + " is ready");
     }
   }
@@ -163,8 +163,7 @@ class LiveRun final : public Executor {
   [[nodiscard]] LiveCalls calls() {
     LiveCalls all;
     for (const auto& [unit, each] : units_) {
-      if (each != nullptr)
-        all.units.push_back({each->name(), *each->device(), each->has_own_clock()});
+      if (each != nullptr) all.units.push_back({each->name(), *each->device()});
     }
     const std::lock_guard lock(mutex_);
     for (const auto& [of, kept] : kept_) {

@@ -38,7 +38,6 @@ struct LiveCalls {
   struct Unit {
     std::string unit;
     DeviceInfo device;
-    bool own_clock = false;  ///< Which tells its time; what is here is the machine's.
   };
   struct Series {
     std::string workload, unit;
@@ -71,7 +70,7 @@ struct LiveResult {
   std::int64_t failed_calls = 0;
   bool stopped = false;  ///< Before its time, by LiveOptions::stop.
   /// Units that tell time by a clock of their own: here it is the machine's.
-  std::vector<std::string> emulated;
+  std::vector<std::string> own_clocks;
 };
 
 /// @param observer  Null = none; called behind the mutex.

@@ -111,6 +111,28 @@ pipelines: {p: {closed_loop: {frames: 30}, tasks: [{workload: pool5}]}}
   EXPECT_GE(again.json()["makespan_s"], 0.6);
 }
 
+TEST_F(LiveCommand, AUnitWithAClockOfItsOwnContradictsNoRow) {
+  const std::string db = scratch_.file("p.db");
+  const auto board = scratch_.write("slow.yaml", slow_board("simulated", 500));
+  const auto made =
+      pirt({"characterize", "--quick", "--filter", "^pool5$", "--db", db, "--platform", board});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const auto mix = scratch_.write("pool.yaml", R"(
+mix: m
+pipelines: {p: {closed_loop: {frames: 30}, tasks: [{workload: pool5}]}}
+)");
+  const auto outcome =
+      pirt({"schedule", "--live", "--mode", "olb", "--profile", db, "--platform", board, "--mix",
+            mix, "--update-profile", "--json", scratch_.file("live.json")});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("contradicts no row"));
+  EXPECT_EQ(nlohmann::json::parse(slurp(scratch_.file("live.json")))["units"]["gpu"]["own_clock"],
+            true);
+  const auto report = pirt({"report", db, scratch_.file("live.json")});
+  EXPECT_THAT(report.out, HasSubstr("own clock"));
+  EXPECT_THAT(report.out, testing::Not(HasSubstr("✗ contradicted")));
+}
+
 TEST_F(LiveCommand, UpdatesNoProfileThatItDoesNotHave) {
   const std::vector<std::string> virtually = {"schedule", "--mode",     "ect",
                                               "--mix",    "full-robot", "--update-profile"};

@@ -138,8 +138,8 @@ TEST_F(RunWholeRobot, PlansAvoidsRecognizesAndAdjustsBesides) {
       EXPECT_GT(each["completed"], 0) << names.back();
       EXPECT_GT(each["p99_ms"], 0) << names.back();
     }
-    EXPECT_THAT(names,
-                testing::ElementsAre("alexnet", "plan_path", "avoid_obstacles", "bundle_adjust"));
+    EXPECT_THAT(names, testing::ElementsAre("alexnet", "describe_scene", "plan_path",
+                                            "avoid_obstacles", "bundle_adjust"));
     EXPECT_GT(run["paths_found"], 0);
   }
   const auto text = pirt(live({"--fast", "--duration", "1200ms"}));
@@ -170,6 +170,9 @@ TEST_F(RunWholeRobot, RefusesPlacesAndMapsThatAreNoUse) {
   expect_refused(pirt(live({"--mono", "--no-imu"})), {"no scale"});
   expect_refused(pirt(live({"--map", scratch_.file("none.yaml")})), {"none.yaml"});
   expect_refused(pirt(live({"--model", scratch_.file("board.yaml")})), {"board.yaml"});
+  expect_refused(pirt(live({"--classifier", scratch_.file("board.yaml")})), {"--model"});
+  expect_refused(pirt(live({"--config", scratch_.file("board.yaml")})), {"--model"});
+  expect_refused(pirt(live({"--scenes", scratch_.file("s.jsonl")})), {"--scenes", "--model"});
   scratch_.write("room/goal.yaml", "goal: [1, two]\n");
   expect_refused(pirt(live({})), {"goal.yaml:1", "two"});
   scratch_.write("room/goal.yaml", "goal: [1, 2]\n");

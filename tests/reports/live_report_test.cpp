@@ -157,6 +157,16 @@ TEST(LiveReport, ChecksRowsOfUnitsThatComputed) {
   EXPECT_EQ(rows[0].live.unit, "cpu");
 }
 
+TEST(LiveReport, ARowByTheUnitsOwnClockIsNotContradictedByTheMachines) {
+  const auto measured = profile();
+  auto live = run_of("live");
+  ASSERT_FALSE(live.calls.empty());
+  for (CallResult& call : live.calls) call.p50_ms = 100;
+  EXPECT_EQ(check_rows(live, &measured).at(0).finding, RowFinding::kContradicted);
+  for (UnitResult& unit : live.units) unit.own_clock = true;
+  EXPECT_EQ(check_rows(live, &measured).at(0).finding, RowFinding::kOwnClock);
+}
+
 TEST(LiveReport, ALiveRunBesideAnotherInVirtualTimeIsNoMistake) {
   const std::vector<RunRecord> runs = {run_of("live"), run_of("virtual")};
   const auto table = modes_table(runs);

@@ -3,6 +3,7 @@
 #include "scheduler/robot/activities.h"
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <numbers>
 
 #include "scheduler/robot/localization.h"
@@ -140,23 +141,41 @@ TEST(Activities, ThePlansAreThoseOfTheTrueWay) {
   EXPECT_NEAR(activities.last_path_m(), path.length * planning.map.resolution, 0.25);
 }
 
-TEST(Activities, AUsersDetectorTakesAlexnetsPlace) {
-  PIRT_DATA_OR_SKIP(yolo, "yolo-fastest-1.1");
-  Room room;
+recognition::ModelOptions model_in(const std::filesystem::path& folder, const char* weights,
+                                   const char* layers) {
   recognition::ModelOptions model;
-  for (const auto& entry : std::filesystem::directory_iterator(yolo)) {
-    if (entry.path().extension() == ".weights") model.model = entry.path();
-    if (entry.path().extension() == ".cfg") model.config = entry.path();
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (entry.path().extension() == weights) model.model = entry.path();
+    if (entry.path().extension() == layers) model.config = entry.path();
   }
-  room.activities.model = model;
+  return model;
+}
+
+TEST(Activities, AUsersModelsTakeThePlaceOfSeededOnes) {
+  PIRT_DATA_OR_SKIP(yolo, "yolo-fastest-1.1");
+  PIRT_DATA_OR_SKIP(squeezenet, "squeezenet-v1.0-deepcompressed");
+  Room room;
+  room.activities.model = model_in(yolo, ".weights", ".cfg");
+  room.activities.classifier = model_in(squeezenet, ".caffemodel", ".prototxt");
+  room.activities.scenes_hz = 1;
   auto options = room.localization();
+  std::vector<std::string> all;
   for (const auto& drive : {localize_live, localize_serially}) {
     Activities activities(room.activities);
     options.companion = &activities;
     const auto result = drive(room.sequence, options);
     expect_done(activities, poses_of(result));
     EXPECT_GT(find(activities.counts(), "recognize").completed, 0);
+    const auto& scenes = activities.scenes();
+    EXPECT_EQ(std::ssize(scenes), find(activities.counts(), "describe").completed);
+    const auto first = nlohmann::json::parse(scenes.at(0));
+    EXPECT_EQ(first["image"], std::to_string(room.sequence.frames[0].time.count()));
+    EXPECT_EQ(first["width"], room.options.width);
+    EXPECT_TRUE(first["objects"].is_array());
+    EXPECT_EQ(first["labels"].size(), 5U);
+    all.push_back(scenes.at(0));
   }
+  EXPECT_EQ(all[0], all[1]);
 }
 
 std::string refusal(const ActivityOptions& options) {
