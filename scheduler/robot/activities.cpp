@@ -139,11 +139,9 @@ struct Activities::Describer {
   explicit Describer(const ActivityOptions& options) : detector(*options.model) {
     if (options.classifier) classifier.emplace(*options.classifier);
   }
-  void operator()(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
-    const auto scene =
-        recognition::describe_scene(text_of(inputs[1]), inputs[0], detector,
-                                    classifier ? &*classifier : nullptr, {}, recognition::kLabels);
-    set_text(outputs[0], json_text(recognition::to_json(scene)));
+  [[nodiscard]] recognition::Scene scene(const std::string& name, const Tensor& image) {
+    return recognition::describe_scene(name, image, detector, classifier ? &*classifier : nullptr,
+                                       {}, recognition::kLabels);
   }
 
   recognition::Model detector;
@@ -181,15 +179,23 @@ struct Activities::Mapped {
 };
 
 Activities::Activities(ActivityOptions options) : options_(std::move(options)) {
+  // A model that is no detector, or whose names are of another one, is found out before it begins.
+  const Tensor blank = options_.model ? Tensor(picture_spec()) : Tensor();
   constexpr Nanos kPlan = std::chrono::milliseconds(6);  // the paper's
   constexpr Nanos kAvoid = std::chrono::milliseconds(40);
   if (options_.recognition_hz > 0) {
-    if (options_.model) model_ = std::make_shared<recognition::Model>(*options_.model);
+    if (options_.model) {
+      model_ = std::make_shared<recognition::Model>(*options_.model);
+      static_cast<void>(recognition::detect_objects(*model_, blank, {}));
+    }
     recognition_ = std::make_unique<Activity>(model_ ? "recognize" : "alexnet",
                                               from_s(1 / options_.recognition_hz));
   }
   if (options_.scenes_hz > 0) {
-    if (options_.model) describer_ = std::make_shared<Describer>(options_);
+    if (options_.model) {
+      describer_ = std::make_shared<Describer>(options_);
+      static_cast<void>(describer_->scene("", blank));
+    }
     scene_ = std::make_unique<Activity>(describer_ ? "describe" : "describe_scene", Nanos::zero());
   }
   if (options_.keyframes > 0) {
@@ -216,13 +222,17 @@ Activities::Activities(ActivityOptions options) : options_(std::move(options)) {
 
 Activities::~Activities() = default;
 
+TensorSpec Activities::picture_spec() const {
+  return {"image", Element::kU8, {3, options_.height, options_.width}};
+}
+
 void Activities::list_workloads(RuntimeOptions& options) const {
   if (planning_) {
     options.workloads.emplace_back("plan_path");
     options.workloads.emplace_back("avoid_obstacles");
   }
   if (mapping_) options.workloads.emplace_back("bundle_adjust");
-  const TensorSpec image{"image", Element::kU8, {3, options_.height, options_.width}};
+  const TensorSpec image = picture_spec();
   if (recognition_ && !model_) options.workloads.emplace_back("alexnet");
   if (recognition_ && model_) {
     const auto recognize = [model = model_](std::span<const Tensor> inputs,
@@ -239,7 +249,8 @@ void Activities::list_workloads(RuntimeOptions& options) const {
   if (scene_ && describer_) {
     const auto describe = [describer = describer_](std::span<const Tensor> inputs,
                                                    std::span<Tensor> outputs) {
-      (*describer)(inputs, outputs);
+      const auto scene = describer->scene(text_of(inputs[1]), inputs[0]);
+      set_text(outputs[0], json_text(recognition::to_json(scene)));
     };
     options.own.push_back({.name = "describe",
                            .inputs = {image, text_spec("name", kMostName)},

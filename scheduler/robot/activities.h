@@ -66,7 +66,7 @@ struct ActivityCounts {
 class Activities final : public Companion {
  public:
   /// @throws Error{kBadInput} for a map that planning cannot use (its size, unit or yaw, a start or
-  /// goal that is not on free ground), or a model that is none.
+  /// goal that is not on free ground), or a model that is none or does not detect.
   explicit Activities(ActivityOptions options);
   ~Activities() override;
 
@@ -92,6 +92,7 @@ class Activities final : public Companion {
   struct Describer;
   struct Planned;
   struct Mapped;
+  [[nodiscard]] TensorSpec picture_spec() const;
   [[nodiscard]] Place place_of(const Pose& body);
   void recognize(const GreyImage& image);
   void describe(Nanos time, const GreyImage& image);

@@ -182,6 +182,21 @@ std::string refusal(const ActivityOptions& options) {
   return test::bad_input([&] { const Activities activities(options); });
 }
 
+TEST(Activities, RefuseAModelThatDoesNotDetectBeforeTheyBegin) {
+  PIRT_DATA_OR_SKIP(yolo, "yolo-fastest-1.1");
+  PIRT_DATA_OR_SKIP(squeezenet, "squeezenet-v1.0-deepcompressed");
+  const Room room;
+  auto options = room.activities;
+  options.model = model_in(yolo, ".weights", ".cfg");
+  options.model->names = room.folder.path() / "map.yaml";
+  EXPECT_THAT(refusal(options), HasSubstr("80 classes"));
+  options.model = model_in(squeezenet, ".caffemodel", ".prototxt");
+  EXPECT_THAT(refusal(options), HasSubstr("squeezenet"));
+  options.model = model_in(yolo, ".weights", ".cfg");
+  options.classifier = options.model;
+  EXPECT_THAT(refusal(options), HasSubstr("no classifier"));
+}
+
 TEST(Activities, RefuseMapsAndPlacesThatAreNoUse) {
   const Room room;
   auto options = room.activities;
