@@ -390,7 +390,7 @@ void Activities::map(const slam::FrameResult& frame, const std::function<slam::S
   const auto batch = std::make_shared<const mapping::Keyframes>(
       std::exchange(mapped_->keyframes, mapping::Keyframes(options_.setup)));
   auto problem = std::make_shared<mapping::BalProblem>(batch->problem());
-  mapping_->fire(mapping::bundle_inputs(*problem, {}),
+  mapping_->fire(mapping::bundle_inputs(*problem, {}, batch->priors()),
                  [this, batch, problem](std::span<const Tensor> outputs) {
                    mapping::take_outputs(outputs, *problem);
                    const auto refined = batch->refined(*problem);

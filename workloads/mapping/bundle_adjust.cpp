@@ -59,6 +59,26 @@ class ReprojectionError {
   double x_, y_;
 };
 
+/// How far a camera's centre is from where it is expected, in pixels.
+class CentreError {
+ public:
+  explicit CentreError(const CentrePrior& prior) : prior_(prior) {}
+
+  template <typename T>
+  bool operator()(const T* camera, T* residuals) const {
+    // The centre is -R^T t.
+    const std::array<T, 3> back = {-camera[0], -camera[1], -camera[2]};
+    ceres::AngleAxisRotatePoint(back.data(), camera + 3, residuals);
+    for (std::size_t i = 0; i < 3; ++i) {
+      residuals[i] = prior_.px_per_unit * (-residuals[i] - prior_.centre[i]);
+    }
+    return true;
+  }
+
+ private:
+  CentrePrior prior_;
+};
+
 std::unique_ptr<ceres::LossFunction> make_loss(const BundleOptions& options) {
   switch (options.loss) {
     case Loss::kNone:
@@ -106,6 +126,7 @@ class Adjustment {
       ordering->AddElementToGroup(point, 0);
       ordering->AddElementToGroup(camera, 1);
     }
+    expect(problem, options.priors);
     hold(problem, options);
     solver_.linear_solver_type =
         problem.camera_count() < kSparseFrom ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
@@ -129,6 +150,17 @@ class Adjustment {
     options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     return options;
+  }
+
+  /// Of cameras that see nothing, nothing is expected: they stay as they are.
+  void expect(BalProblem& problem, std::span<const CentrePrior> priors) {
+    for (const CentrePrior& prior : priors) {
+      double* const camera = &problem.cameras[static_cast<std::size_t>(prior.camera) * kCameraSize];
+      if (!problem_.HasParameterBlock(camera)) continue;
+      problem_.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<CentreError, 3, kCameraSize>(new CentreError(prior)),
+          nullptr, camera);
+    }
   }
 
   void hold(BalProblem& problem, const BundleOptions& options) {
@@ -172,12 +204,27 @@ void judge_inliers(std::span<const double> residuals, BundleSummary& summary) {
   summary.noise_px = spare > 0 ? std::sqrt(sum / spare) : 0;
 }
 
-void check_indices(std::span<const std::int32_t> seen_by, std::size_t cameras, std::size_t points) {
-  for (std::size_t i = 0; i < seen_by.size(); ++i) {
-    const std::size_t count = i % 2 == 0 ? cameras : points;
-    if (seen_by[i] >= 0 && static_cast<std::size_t>(seen_by[i]) < count) continue;
-    throw_bad_input(fmt::format("observation {}: {} {} does not exist; there are {}", i / 2 + 1,
-                                i % 2 == 0 ? "camera" : "point", seen_by[i], count));
+void check(const BalProblem& problem, std::span<const CentrePrior> priors) {
+  if (problem.observations.empty() || problem.cameras.size() % kCameraSize != 0 ||
+      problem.points.size() % kPointSize != 0) {
+    throw_bad_input(fmt::format(
+        "there must be observations, {} numbers a camera and {} a point; got {}, {} and {}",
+        kCameraSize, kPointSize, problem.observations.size(), problem.cameras.size(),
+        problem.points.size()));
+  }
+  const auto check_index = [](const char* whose, std::size_t i, const char* what,
+                              std::int32_t index, std::size_t count) {
+    if (index >= 0 && static_cast<std::size_t>(index) < count) return;
+    throw_bad_input(
+        fmt::format("{} {}: {} {} does not exist; there are {}", whose, i + 1, what, index, count));
+  };
+  for (std::size_t i = 0; i < problem.observations.size(); ++i) {
+    const Observation& seen = problem.observations[i];
+    check_index("observation", i, "camera", seen.camera, problem.camera_count());
+    check_index("observation", i, "point", seen.point, problem.point_count());
+  }
+  for (std::size_t i = 0; i < priors.size(); ++i) {
+    check_index("prior", i, "camera", priors[i].camera, problem.camera_count());
   }
 }
 
@@ -188,6 +235,7 @@ std::string_view to_string(Loss loss) { return kLossNames[static_cast<std::size_
 std::vector<std::string> loss_names() { return {kLossNames.begin(), kLossNames.end()}; }
 
 BundleSummary bundle_adjust(BalProblem& problem, const BundleOptions& options) {
+  check(problem, options.priors);
   const auto initial = residuals_px(problem);
   refuse_degenerate(problem, initial);
   BundleSummary summary;
@@ -204,29 +252,6 @@ BundleSummary bundle_adjust(BalProblem& problem, const BundleOptions& options) {
   summary.converged = solved.termination_type == ceres::CONVERGENCE;
   summary.free_parameters = solved.num_effective_parameters_reduced;
   judge_inliers(residuals, summary);
-  return summary;
-}
-
-BundleSummary bundle_adjust(std::span<const std::int32_t> seen_by, std::span<const double> pixels,
-                            std::span<double> cameras, std::span<double> points,
-                            const BundleOptions& options) {
-  if (seen_by.empty() || seen_by.size() % 2 != 0 || pixels.size() != seen_by.size() ||
-      cameras.size() % kCameraSize != 0 || points.size() % kPointSize != 0) {
-    throw_bad_input(fmt::format(
-        "observations need two indices and two pixels each, cameras {} numbers and points {}; got "
-        "{}, {}, {} and {} numbers",
-        kCameraSize, kPointSize, seen_by.size(), pixels.size(), cameras.size(), points.size()));
-  }
-  check_indices(seen_by, cameras.size() / kCameraSize, points.size() / kPointSize);
-  BalProblem problem;
-  for (std::size_t i = 0; i < seen_by.size(); i += 2) {
-    problem.observations.push_back({seen_by[i], seen_by[i + 1], pixels[i], pixels[i + 1]});
-  }
-  problem.cameras.assign(cameras.begin(), cameras.end());
-  problem.points.assign(points.begin(), points.end());
-  const auto summary = bundle_adjust(problem, options);
-  std::ranges::copy(problem.cameras, cameras.begin());
-  std::ranges::copy(problem.points, points.begin());
   return summary;
 }
 

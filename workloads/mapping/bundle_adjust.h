@@ -1,8 +1,8 @@
 // Bundle adjustment: cameras and points moved until the points are seen where they were seen.
 #pragma once
 
+#include <array>
 #include <cstdint>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,6 +19,13 @@ enum class Loss : std::uint8_t { kNone, kHuber, kCauchy };
 /// The names of all, in their order.
 [[nodiscard]] std::vector<std::string> loss_names();
 
+/// Where a camera's centre is expected, by somebody who does not look at the pictures.
+struct CentrePrior {
+  std::int32_t camera = 0;
+  std::array<double, 3> centre = {};
+  double px_per_unit = 0;  ///< An error's weight: as much as one of so many pixels for each unit.
+};
+
 struct BundleOptions {
   Loss loss = Loss::kNone;
   double loss_px = 1;  ///< > 0; about the noise of the observations.
@@ -31,6 +38,8 @@ struct BundleOptions {
   /// Cameras that stay as they are. Without two of them the whole may move, turn and be scaled,
   /// which no observation tells.
   std::vector<std::int32_t> fixed_cameras = {};
+  /// No loss is taken of them, and no cost of the summary counts them.
+  std::vector<CentrePrior> priors = {};
 };
 
 /// Of a robot's own map: its cameras are calibrated, and some points are taken for others.
@@ -41,7 +50,8 @@ struct BundleOptions {
   return options;
 }
 
-/// Costs are half the sum of the squares of all residuals, in px^2, whatever the loss.
+/// Costs are half the sum of the squares of the observations' residuals, in px^2, whatever the
+/// loss.
 struct BundleSummary {
   double initial_cost = 0;
   double final_cost = 0;
@@ -60,15 +70,7 @@ struct BundleSummary {
 /// Moves @p problem's cameras and points to the least cost that Levenberg-Marquardt finds from
 /// where they are (Ceres, dense Schur complement; sparse from 400 cameras on).
 /// @throws Error{kBadInput} if a point lies in the plane of a camera that sees it, so that there is
-/// no first step. Nothing is changed then.
+/// no first step, and for sizes and indices that do not fit. Nothing is changed then.
 [[nodiscard]] BundleSummary bundle_adjust(BalProblem& problem, const BundleOptions& options);
-
-/// The same on flat arrays, for those that have no file: @p seen_by and @p pixels are the
-/// observations' (camera, point) [n, 2] and (x, y) [n, 2]; @p cameras [.., 9] and @p points [.., 3]
-/// are changed.
-/// @throws Error{kBadInput} also for sizes and indices that do not fit.
-[[nodiscard]] BundleSummary bundle_adjust(std::span<const std::int32_t> seen_by,
-                                          std::span<const double> pixels, std::span<double> cameras,
-                                          std::span<double> points, const BundleOptions& options);
 
 }  // namespace pirt::mapping

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "workloads/base/error.h"
@@ -14,6 +15,7 @@ namespace {
 constexpr std::size_t kLeastViews = 3;
 constexpr std::ptrdiff_t kLeastPoints = 12;
 constexpr double kMostRelativeSigma = 0.3;  // of a point's depth
+constexpr double kLeastSigma_m = 1e-3;      // the first keyframe's is 0: the world begins there
 
 /// From the camera's axes (x right, y down, z ahead) to those of bal.h (y up, -z ahead), and back.
 const Eigen::DiagonalMatrix<double, 3> kFlip(1, -1, -1);
@@ -55,6 +57,7 @@ bool Keyframes::add(const slam::State& state) {
   if (keyframes_.size() >= options_.most) thin_out();
   Keyframe& made = keyframes_.emplace_back();
   made.pose = {state.time, body};
+  made.sigma_m = std::sqrt(slam::position_covariance(state).trace() / 3);
   for (const slam::Track& track : state.tracks) {
     made.seen.push_back({track.id, setup_.cameras[0].ray(track.pixel.cast<double>())});
   }
@@ -118,6 +121,21 @@ BalProblem Keyframes::problem() const {
   return problem;
 }
 
+std::vector<CentrePrior> Keyframes::priors() const {
+  std::vector<CentrePrior> priors;
+  // A drift is one error of all of them: together they weigh as one.
+  const double alone = std::sqrt(static_cast<double>(keyframes_.size()));
+  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+    CentrePrior& prior = priors.emplace_back();
+    prior.camera = static_cast<std::int32_t>(i);
+    const Eigen::Vector3d place = camera(i).position;
+    std::ranges::copy(place, prior.centre.begin());
+    prior.px_per_unit =
+        setup_.pixel_sigma / (alone * std::max(keyframes_[i].sigma_m, kLeastSigma_m));
+  }
+  return priors;
+}
+
 RefinedMap Keyframes::refined(const BalProblem& adjusted) const {
   if (adjusted.camera_count() != keyframes_.size()) {
     throw_bad_input(fmt::format("{} cameras cannot be the poses of {} keyframes",
@@ -165,7 +183,9 @@ RefinedMap refine(const Keyframes& keyframes) {
     throw_bad_input(
         fmt::format("{} keyframes share no points that could be adjusted", keyframes.all().size()));
   }
-  const BundleSummary summary = bundle_adjust(problem, robot_options());
+  BundleOptions options = robot_options();
+  options.priors = keyframes.priors();
+  const BundleSummary summary = bundle_adjust(problem, options);
   RefinedMap map = keyframes.refined(problem);
   map.summary = summary;
   return map;

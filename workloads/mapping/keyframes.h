@@ -21,6 +21,7 @@ struct Sighting {
 
 struct Keyframe {
   StampedPose pose;
+  double sigma_m = 0;  ///< Of the position, an axis, as the localization knows it.
   std::vector<Sighting> seen;
 };
 
@@ -52,6 +53,10 @@ class Keyframes {
   /// that at least 3 of them saw from places that tell where it is. Keyframes that see fewer than
   /// 12 of these have no observations, and stay as they are.
   [[nodiscard]] BalProblem problem() const;
+  /// Of the cameras of problem(): where the localization has them, and how sure it is. It has seen
+  /// more than the points that are followed, and these bend a map as a whole, since they drift over
+  /// what they show.
+  [[nodiscard]] std::vector<CentrePrior> priors() const;
   /// The keyframes' poses in a problem() that was adjusted. What no camera tells, where the whole
   /// is, which way it looks and how large it is, is as before: the poses are moved, turned and
   /// scaled as a whole to where the localization had them.
@@ -70,7 +75,7 @@ class Keyframes {
   std::map<std::int64_t, std::int64_t> landmarks_;
 };
 
-/// problem(), bundle_adjust() with robot_options() and refined() in one.
+/// problem(), bundle_adjust() with robot_options() and priors(), and refined() in one.
 /// @throws Error{kBadInput} if there are no points that can be adjusted.
 [[nodiscard]] RefinedMap refine(const Keyframes& keyframes);
 

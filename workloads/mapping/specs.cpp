@@ -14,7 +14,8 @@ std::vector<Workload> specs() {
               {"pixels", Element::kF64, {kRoomForObservations, 2}, true},
               {"cameras", Element::kF64, {kRoomForImages, kCameraSize}, true},
               {"points", Element::kF64, {kRoomForPoints, kPointSize}, true},
-              {"fixed", Element::kU8, {kRoomForImages}, true}};
+              {"fixed", Element::kU8, {kRoomForImages}, true},
+              {"priors", Element::kF64, {kRoomForImages, kPriorSize}, true}};
   w.outputs = {{"poses", Element::kF64, {kRoomForImages, kPoseSize}, true},
                {"points", Element::kF64, {kRoomForPoints, kPointSize}, true},
                {"costs", Element::kF64, {2}},

@@ -15,6 +15,9 @@ inline constexpr int kRoomForObservations = 50'000;
 /// Rotation and translation of a camera, the first of the numbers that bal.h has of it.
 inline constexpr std::size_t kPoseSize = 6;
 
+/// A camera's expected centre and its weight, as CentrePrior has them.
+inline constexpr std::size_t kPriorSize = 4;
+
 /// Of all(), in its order: everything but the functions and the operation.
 [[nodiscard]] std::vector<Workload> specs();
 

@@ -18,35 +18,16 @@ namespace {
 constexpr double kNoisePx = 1;
 
 void check_rows(std::span<const Tensor> inputs) {
-  if (inputs[0].rows() == inputs[1].rows() && inputs[2].rows() == inputs[4].rows()) return;
-  throw_bad_input(
-      fmt::format("{} observations with {} pixels, and {} cameras with {} of fixed: each needs one",
-                  inputs[0].rows(), inputs[1].rows(), inputs[2].rows(), inputs[4].rows()));
-}
-
-void adjust(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
-  check_rows(inputs);
-  BundleOptions options = robot_options();
-  const auto fixed = inputs[4].used<std::uint8_t>();
-  for (std::size_t i = 0; i < fixed.size(); ++i) {
-    if (fixed[i] != 0) options.fixed_cameras.push_back(static_cast<std::int32_t>(i));
+  const auto cameras = inputs[2].rows();
+  const auto priors = inputs[5].rows();
+  if (inputs[0].rows() == inputs[1].rows() && cameras == inputs[4].rows() &&
+      (priors == 0 || cameras == priors)) {
+    return;
   }
-  const auto given = inputs[2].used<double>();
-  std::vector<double> cameras(given.begin(), given.end());
-  outputs[1].set_rows(inputs[3].rows());
-  const auto points = outputs[1].used<double>();
-  std::ranges::copy(inputs[3].used<double>(), points.begin());
-  const BundleSummary summary = bundle_adjust(inputs[0].used<std::int32_t>(),
-                                              inputs[1].used<double>(), cameras, points, options);
-  outputs[0].set_rows(inputs[2].rows());
-  const auto poses = outputs[0].used<double>();
-  for (std::size_t i = 0; i < cameras.size() / kCameraSize; ++i) {
-    std::copy_n(&cameras[i * kCameraSize], kPoseSize, &poses[i * kPoseSize]);
-  }
-  outputs[2].as<double>()[0] = summary.initial_cost;
-  outputs[2].as<double>()[1] = summary.final_cost;
-  outputs[3].as<double>()[0] = summary.inlier_rms_px;
-  outputs[3].as<double>()[1] = summary.noise_px;
+  throw_bad_input(fmt::format(
+      "{} observations with {} pixels, and {} cameras with {} of fixed and {} priors: each needs "
+      "one, and no priors or as many as cameras",
+      inputs[0].rows(), inputs[1].rows(), cameras, inputs[4].rows(), priors));
 }
 
 BalProblem problem_of(std::span<const Tensor> inputs) {
@@ -61,6 +42,39 @@ BalProblem problem_of(std::span<const Tensor> inputs) {
   problem.cameras.assign(cameras.begin(), cameras.end());
   problem.points.assign(points.begin(), points.end());
   return problem;
+}
+
+BundleOptions options_of(std::span<const Tensor> inputs) {
+  BundleOptions options = robot_options();
+  const auto fixed = inputs[4].used<std::uint8_t>();
+  for (std::size_t i = 0; i < fixed.size(); ++i) {
+    if (fixed[i] != 0) options.fixed_cameras.push_back(static_cast<std::int32_t>(i));
+  }
+  const auto priors = inputs[5].used<double>();
+  for (std::size_t i = 0; i < priors.size(); i += kPriorSize) {
+    if (priors[i + 3] <= 0) continue;
+    options.priors.push_back({.camera = static_cast<std::int32_t>(i / kPriorSize),
+                              .centre = {priors[i], priors[i + 1], priors[i + 2]},
+                              .px_per_unit = priors[i + 3]});
+  }
+  return options;
+}
+
+void adjust(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
+  check_rows(inputs);
+  BalProblem problem = problem_of(inputs);
+  const BundleSummary summary = bundle_adjust(problem, options_of(inputs));
+  outputs[0].set_rows(inputs[2].rows());
+  const auto poses = outputs[0].used<double>();
+  for (std::size_t i = 0; i < problem.camera_count(); ++i) {
+    std::copy_n(&problem.cameras[i * kCameraSize], kPoseSize, &poses[i * kPoseSize]);
+  }
+  outputs[1].set_rows(inputs[3].rows());
+  std::ranges::copy(problem.points, outputs[1].used<double>().begin());
+  outputs[2].as<double>()[0] = summary.initial_cost;
+  outputs[2].as<double>()[1] = summary.final_cost;
+  outputs[3].as<double>()[0] = summary.inlier_rms_px;
+  outputs[3].as<double>()[1] = summary.noise_px;
 }
 
 double half_squares(std::span<const double> residuals) {
@@ -131,7 +145,8 @@ void check_room(std::size_t count, int room, std::string_view what) {
 
 }  // namespace
 
-std::vector<Tensor> bundle_inputs(const BalProblem& problem, std::span<const std::int32_t> fixed) {
+std::vector<Tensor> bundle_inputs(const BalProblem& problem, std::span<const std::int32_t> fixed,
+                                  std::span<const CentrePrior> priors) {
   check_room(problem.observations.size(), kRoomForObservations, "observations");
   check_room(problem.camera_count(), kRoomForImages, "cameras");
   check_room(problem.point_count(), kRoomForPoints, "points");
@@ -158,6 +173,17 @@ std::vector<Tensor> bundle_inputs(const BalProblem& problem, std::span<const std
       throw_bad_input(fmt::format("camera {} cannot be fixed: there are {}", camera, cameras));
     }
     inputs[4].as<std::uint8_t>()[static_cast<std::size_t>(camera)] = 1;
+  }
+  inputs[5].set_rows(priors.empty() ? 0 : cameras);
+  for (const CentrePrior& prior : priors) {
+    if (prior.camera < 0 || prior.camera >= cameras) {
+      throw_bad_input(fmt::format("camera {} cannot be expected anywhere: there are {}",
+                                  prior.camera, cameras));
+    }
+    double* const row =
+        &inputs[5].as<double>()[kPriorSize * static_cast<std::size_t>(prior.camera)];
+    std::ranges::copy(prior.centre, row);
+    row[3] = prior.px_per_unit;
   }
   return inputs;
 }

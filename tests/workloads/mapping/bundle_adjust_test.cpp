@@ -1,9 +1,11 @@
 // Bundle adjustment: a published problem, generated ones whose answer is known, and bad files.
 #include "workloads/mapping/bundle_adjust.h"
 
+#include <ceres/rotation.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <fstream>
 
@@ -88,27 +90,50 @@ TEST(BundleAdjust, LeavesWhatIsFixed) {
   }
 }
 
-TEST(BundleAdjust, OnFlatArraysGivesTheSame) {
+TEST(BundleAdjust, RefusesWhatDoesNotFit) {
   const auto made = generate_bal({.images = 10, .points = 60});
-  auto problem = made.problem;
-  std::vector<std::int32_t> seen_by;
-  std::vector<double> pixels;
-  for (const auto& seen : problem.observations) {
-    seen_by.insert(seen_by.end(), {seen.camera, seen.point});
-    pixels.insert(pixels.end(), {seen.x, seen.y});
-  }
-  auto cameras = problem.cameras;
-  auto points = problem.points;
-  const auto flat = bundle_adjust(seen_by, pixels, cameras, points, {});
-  const auto summary = bundle_adjust(problem, {});
-  EXPECT_EQ(flat.final_cost, summary.final_cost);
-  EXPECT_EQ(cameras, problem.cameras);
-  EXPECT_EQ(points, problem.points);
+  const auto refusal = [&](const auto& spoil) {
+    auto problem = made.problem;
+    spoil(problem);
+    return bad_input([&] { static_cast<void>(bundle_adjust(problem, {})); });
+  };
+  EXPECT_THAT(refusal([](BalProblem& p) { p.observations[1].point = 60; }),
+              HasSubstr("observation 2: point 60 does not exist"));
+  EXPECT_THAT(refusal([](BalProblem& p) { p.observations[1].camera = 10; }),
+              HasSubstr("observation 2: camera 10 does not exist; there are 10"));
+  EXPECT_THAT(refusal([](BalProblem& p) { p.cameras.pop_back(); }), HasSubstr("89"));
+  EXPECT_THAT(refusal([](BalProblem& p) { p.observations.clear(); }), HasSubstr("observations"));
+}
 
-  seen_by[3] = 60;
-  EXPECT_THAT(
-      bad_input([&] { static_cast<void>(bundle_adjust(seen_by, pixels, cameras, points, {})); }),
-      HasSubstr("observation 2: point 60 does not exist"));
+TEST(BundleAdjust, PriorsTellHowLargeAllIsAndWhere) {
+  const auto made = generate_bal({.images = 12, .points = 150, .noise_px = 0});
+  // The centres of all cameras but those of the last three.
+  BundleOptions options{.fixed_intrinsics = true};
+  const auto centre = [](const BalProblem& problem, std::size_t i) {
+    const double* const camera = &problem.cameras[i * kCameraSize];
+    const std::array back = {-camera[0], -camera[1], -camera[2]};
+    std::array<double, 3> turned{};
+    ceres::AngleAxisRotatePoint(back.data(), camera + 3, turned.data());
+    return std::array{-turned[0], -turned[1], -turned[2]};
+  };
+  for (std::int32_t i = 0; i < 9; ++i) {
+    options.priors.push_back({i, centre(made.truth, static_cast<std::size_t>(i)), 10});
+  }
+  // All of it half as large, which no picture would notice.
+  auto problem = made.truth;
+  for (double& coordinate : problem.points) coordinate /= 2;
+  for (std::size_t i = 0; i < problem.cameras.size(); ++i) {
+    if (i % kCameraSize >= 3 && i % kCameraSize < 6) problem.cameras[i] /= 2;
+  }
+  static_cast<void>(bundle_adjust(problem, options));
+  for (std::size_t i = 0; i < 12; ++i) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      EXPECT_NEAR(centre(problem, i)[axis], centre(made.truth, i)[axis], 1e-3) << i;
+    }
+  }
+  options.priors[3].camera = 12;
+  EXPECT_THAT(bad_input([&] { static_cast<void>(bundle_adjust(problem, options)); }),
+              HasSubstr("prior 4: camera 12"));
 }
 
 TEST(BundleAdjust, RefusesAPointInTheCamerasPlane) {

@@ -37,9 +37,15 @@ TEST_F(BundleAdjustOnCpu, GivesWhatTheFunctionGives) {
     BalProblem expected = made.problem;
     BundleOptions options{.loss = Loss::kCauchy, .loss_px = 1, .fixed_intrinsics = true};
     options.fixed_cameras = {2};
+    // Of each camera but the fourth, from the second call on.
+    if (images == 8) {
+      for (const std::int32_t camera : {0, 1, 2, 4, 5, 6, 7}) {
+        options.priors.push_back({camera, {0.1 * camera, 5, 0}, 2});
+      }
+    }
     static_cast<void>(bundle_adjust(expected, options));
     BalProblem got = made.problem;
-    take_outputs(call(bundle_inputs(got, std::array{2})), got);
+    take_outputs(call(bundle_inputs(got, options.fixed_cameras, options.priors)), got);
     EXPECT_EQ(got.cameras, expected.cameras);
     EXPECT_EQ(got.points, expected.points);
     EXPECT_NE(got.points, made.problem.points);
@@ -57,6 +63,12 @@ TEST_F(BundleAdjustOnCpu, RefusesWhatDoesNotFit) {
   EXPECT_THAT(
       test::bad_input([&] { static_cast<void>(bundle_inputs(made.problem, std::array{8})); }),
       HasSubstr("camera 8 cannot be fixed"));
+  const std::array priors = {CentrePrior{.camera = 8}};
+  EXPECT_THAT(test::bad_input([&] { static_cast<void>(bundle_inputs(made.problem, {}, priors)); }),
+              HasSubstr("camera 8 cannot be expected"));
+  inputs = bundle_inputs(made.problem, {});
+  inputs[5].set_rows(7);
+  EXPECT_THAT(test::bad_input([&] { call(inputs); }), HasSubstr("7 priors"));
   made.problem.points.resize(3 * (kRoomForPoints + 1));
   EXPECT_THAT(test::bad_input([&] { static_cast<void>(bundle_inputs(made.problem, {})); }),
               HasSubstr("5001 points"));
