@@ -18,6 +18,11 @@ TEST(Printable, ControlCharactersAreShownAsEscapes) {
   EXPECT_EQ(printable("\x1b[31mred\x7f"), "\\x1b[31mred\\x7f");
   EXPECT_EQ(printable("\u0085\u009b"), "\\xc2\\x85\\xc2\\x9b");
   EXPECT_EQ(printable(std::string_view("\0", 1)), "\\x00");
+  // A right-to-left override, an isolate, a line separator.
+  for (const char* bytes : {"\xe2\x80\xae", "\xe2\x81\xa6", "\xe2\x80\xa8"}) {
+    EXPECT_TRUE(find_unprintable(bytes));
+  }
+  EXPECT_EQ(printable("\xe2\x80\xae"), "\\xe2\\x80\\xae");
   EXPECT_EQ(printable("a\nb\x1b", "\n"), "a\nb\\x1b");
 }
 

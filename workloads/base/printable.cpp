@@ -35,7 +35,14 @@ Character character_at(std::string_view text, std::size_t at) {
   return {bytes, point};
 }
 
-bool is_control(std::uint32_t point) { return point < 0x20 || (point >= 0x7f && point < 0xa0); }
+bool is_control(std::uint32_t point) {
+  const auto within = [point](std::uint32_t first, std::uint32_t last) {
+    return point >= first && point <= last;
+  };
+  return within(0, 0x1f) || within(0x7f, 0x9f) ||
+         within(0x2028, 0x202e) ||  // line and paragraph separators, direction overrides
+         within(0x2066, 0x2069);    // direction isolates
+}
 
 bool is_good(const Character& character, std::string_view text, std::size_t at,
              std::string_view allowed) {

@@ -2,7 +2,8 @@
 // name, and how the rest is shown, so that no terminal takes it for commands.
 //
 // Printable is well-formed UTF-8 without control characters: C0 (newline, escape, ...), DEL and C1,
-// which terminals obey too.
+// which terminals obey too, and without what breaks lines or turns their direction, behind which a
+// name could look like another (Unicode Technical Report 36, bidirectional spoofing).
 #pragma once
 
 #include <optional>
