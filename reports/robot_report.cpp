@@ -177,12 +177,13 @@ RobotRun robot_run(std::string driver, std::string mode, const Sequence& sequenc
                .mode = std::move(mode),
                .own_rate = options.own_rate,
                .setup = options.setup,
-               .summary = slam::summarize(sequence, result.run, options.setup),
+               .summary = {},
                .latency = {},
                .result = std::move(result),
                .activities = {},
                .keyframes_before = {},
                .keyframes_after = {}};
+  run.summary = slam::summarize(sequence, run.result.run, options.setup);
   std::vector<double> ms;
   for (const Nanos latency : run.result.latencies) ms.push_back(to_ms(latency));
   run.latency = slam::summary_of("latency", std::move(ms));

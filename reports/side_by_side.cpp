@@ -111,7 +111,7 @@ Chart side_by_side_chart(std::span<const Profile> profiles) {
         chart.table.rows.push_back(
             {workload, unit, names[i], marked(figure_ms(row->median), row->provenance),
              i == 0 ? "-" : ratio_text(row, first), row->valid ? "" : "INVALID: " + invalid});
-        Mark mark{.group = workload + ", " + unit,
+        Mark mark{.group = fmt::format("{}, {}", workload, unit),
                   .series = names[i],
                   .provenance = row->provenance,
                   .invalid = row->valid ? "" : (invalid.empty() ? "not valid" : invalid)};

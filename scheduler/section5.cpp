@@ -1,5 +1,7 @@
 #include "scheduler/section5.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cassert>
 
@@ -31,7 +33,7 @@ std::vector<Section5Row> run_mix(const Platform& platform, const std::string& mi
                                  std::vector<std::string>& not_run) {
   const auto runs = run_modes(platform, nullptr, load_mix(mix), modes, {});
   for (const auto& [mode, reason] : runs.skipped) {
-    not_run.push_back(mix + ", mode " + mode + ": " + reason);
+    not_run.push_back(fmt::format("{}, mode {}: {}", mix, mode, reason));
   }
   std::vector<Section5Row> rows;
   for (const auto& run : runs.runs) rows.push_back(row_of(run));

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "workloads/base/pixel_index.h"
 #include "workloads/base/random.h"
 #include "workloads/images.h"
 
@@ -153,8 +154,7 @@ void paint(const Rectangle& r, const Shift& shift, int width, int height,
   const int top = r.top + shift.y, bottom = r.bottom + shift.y;
   for (int y = clip(top, height); y < clip(bottom + kSubpixels - 1, height); ++y) {
     for (int x = clip(left, width); x < clip(right + kSubpixels - 1, width); ++x) {
-      auto& pixel = pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                           static_cast<std::size_t>(x)];
+      auto& pixel = pixels[pixel_index(x, y, width)];
       const int share = coverage(x, left, right) * coverage(y, top, bottom);  // of 64
       pixel = static_cast<std::uint8_t>(pixel + (r.level - pixel) * share * 3 / (64 * 4));
     }

@@ -84,7 +84,7 @@ class LiveLocalization {
       if (options_.companion != nullptr) {
         options_.companion->arrived(sequence_.frames[i].time, left);
       }
-      follow(std::move(flight));
+      follow(flight);
     }
     finish();
     return std::move(result_);
@@ -164,15 +164,15 @@ class LiveLocalization {
   }
 
   /// What the state decides begins when the frame before has ended.
-  void follow(std::shared_ptr<Flight> flight) {
+  void follow(const std::shared_ptr<Flight>& flight) {
     {
       const std::lock_guard lock(mutex_);
       if (std::exchange(following_, true)) {
-        waiting_.push_back(std::move(flight));
+        waiting_.push_back(flight);
         return;
       }
     }
-    begin_steps(std::move(flight));
+    begin_steps(flight);
   }
 
   /// Without the mutex: a task whose predecessor has failed ends as it is submitted.

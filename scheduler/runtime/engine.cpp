@@ -363,7 +363,7 @@ void Runtime::Engine::lose(UnitId unit, const KernelUnit::Running& call, Nanos n
       overdue(task.workload->name, options_.platform.units[unit].name, now - (call.since - began_)),
       now);
   const auto ended = [&](std::uint64_t token, Outcome outcome) {
-    auto& each = *reinterpret_cast<Submitted*>(token);
+    Submitted& each = task_at(token);
     each.call_end = {.outcome = outcome, .problem = counts_.problems.back()};
     each.event = Submitted::Event::kEnd;
     take_end(each, now);

@@ -152,11 +152,12 @@ class Runtime::Engine {
   void add_problem(std::string problem);
   void watch(const std::stop_token& stop);
   [[nodiscard]] Submitted& task_of(TaskId id) { return *tasks_[static_cast<std::uint32_t>(id)]; }
-  /// Of a call that has not ended, whose token is the task's address: the unit's thread has no
-  /// turn.
-  [[nodiscard]] static Submitted& task_of(const auto& call) {
-    return *reinterpret_cast<Submitted*>(call.token);
+  /// Of a call's token, which is the task's address: the unit's thread has no turn.
+  [[nodiscard]] static Submitted& task_at(std::uint64_t token) {
+    return *reinterpret_cast<Submitted*>(token);  // NOLINT(performance-no-int-to-ptr): as made.
   }
+  /// Of a call that has not ended.
+  [[nodiscard]] static Submitted& task_of(const auto& call) { return task_at(call.token); }
 
   RuntimeOptions options_;
   MachineClock clock_;

@@ -136,7 +136,7 @@ class LiveRun final : public Executor {
                     .preparations = preparations(unit),
                     .prepare_first = options_.prepare_first,
                     .contexts = model.contexts.has_value()},
-          [this](Call& call, CallEnd end) { ended(call, std::move(end)); });
+          [this](Call& call, const CallEnd& end) { ended(call, end); });
     }
     for (const auto& [unit, each] : units_) {
       each->wait_until_ready();
@@ -242,7 +242,7 @@ class LiveRun final : public Executor {
   }
 
   /// From a unit's thread.
-  void ended(Call& call, CallEnd end) {
+  void ended(Call& call, const CallEnd& end) {
     const std::lock_guard lock(mutex_);
     const auto job = static_cast<JobIndex>(call.token);
     const Firings::Place place = time_.firings().place(job);

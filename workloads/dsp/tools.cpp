@@ -34,7 +34,7 @@ fs::path find_in_path(const char* name) {
   const char* const variable = std::getenv("PATH");
   std::istringstream folders(variable != nullptr ? variable : "");
   for (std::string folder; std::getline(folders, folder, ':');) {
-    const fs::path path = fs::path(folder.empty() ? "." : folder) / name;
+    fs::path path = fs::path(folder.empty() ? "." : folder) / name;
     if (::access(path.c_str(), X_OK) == 0) return path;
   }
   return {};

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <limits>
 
+#include "workloads/base/pixel_index.h"
 #include "workloads/dsp/kernels.h"
 #include "workloads/dsp/undistort_plan.h"
 #include "workloads/vision/vision.h"
@@ -20,6 +21,8 @@ using vision::MapEntry;
 constexpr int kMargin = 2;
 constexpr int kTilesAcross = PIRT_DSP_ALIGNMENT / PIRT_DSP_TILE_WIDTH;
 constexpr int kPixels = PIRT_DSP_TILE_WIDTH * PIRT_DSP_TILE_HEIGHT;
+constexpr std::size_t kMargins = 2 * std::size_t{kMargin};
+constexpr std::size_t kVectorBytes = 3 * std::size_t{kPixels};
 
 struct Position {
   int x = 0, y = 0;    ///< Pixel of the source.
@@ -35,7 +38,7 @@ Position position_of(MapEntry entry, const vision::Undistort& op) {
 
 struct PlannedTile {
   PirtDspTile tile;
-  std::array<std::uint8_t, 3 * kPixels> vectors;  ///< Index; fx; fy with flags.
+  std::array<std::uint8_t, kVectorBytes> vectors;  ///< Index; fx; fy with flags.
 };
 
 PlannedTile plan_tile(const std::vector<MapEntry>& map, const vision::Undistort& op, int left,
@@ -49,10 +52,8 @@ PlannedTile plan_tile(const std::vector<MapEntry>& map, const vision::Undistort&
     // Beyond the picture's edge its last pixels are computed once more.
     const int x = std::min(left + i % PIRT_DSP_TILE_WIDTH, op.width - 1);
     const int y = std::min(top + i / PIRT_DSP_TILE_WIDTH, op.height - 1);
-    const auto at = static_cast<std::size_t>(y) * static_cast<std::size_t>(op.width) +
-                    static_cast<std::size_t>(x);
     Position& p = positions[static_cast<std::size_t>(i)];
-    p = position_of(map[at], op);
+    p = position_of(map[pixel_index(x, y, op.width)], op);
     x0 = std::min(x0, p.x);
     y0 = std::min(y0, p.y);
     x1 = std::max(x1, p.x + 1);
@@ -71,7 +72,7 @@ PlannedTile plan_tile(const std::vector<MapEntry>& map, const vision::Undistort&
     const int row = p.y - y0;
     planned.vectors[i] = static_cast<std::uint8_t>(row % 8 * PIRT_DSP_WINDOW_WIDTH + p.x - x0);
     planned.vectors[kPixels + i] = static_cast<std::uint8_t>(p.fx);
-    planned.vectors[2 * kPixels + i] = static_cast<std::uint8_t>(
+    planned.vectors[std::size_t{2} * kPixels + i] = static_cast<std::uint8_t>(
         p.fy | (row >= 8 ? PIRT_DSP_FLAG_HERE : 0) | (row + 1 >= 8 ? PIRT_DSP_FLAG_BELOW : 0));
   }
   return planned;
@@ -96,8 +97,8 @@ std::pair<Buffer, Resident> make_source(Session& session, const vision::Undistor
   const auto width = static_cast<std::size_t>(op.width);
   const auto height = static_cast<std::size_t>(op.height);
   // Windows reach beyond the last rows; what they load there is not looked up.
-  const std::size_t pitch = width + 2 * kMargin + PIRT_DSP_WINDOW_WIDTH;
-  const std::size_t rows = height + 2 * kMargin + PIRT_DSP_WINDOW_HEIGHT;
+  const std::size_t pitch = width + kMargins + PIRT_DSP_WINDOW_WIDTH;
+  const std::size_t rows = height + kMargins + PIRT_DSP_WINDOW_HEIGHT;
   const Buffer whole = session.allocate(rows * pitch, "the source of undistort");
   const auto bytes = session.bytes(whole);
   std::memset(bytes.data(), 0, bytes.size());
@@ -120,12 +121,12 @@ Call make_undistort(Session& session, const Workload& workload, std::span<const 
   const auto source_stride = static_cast<std::int32_t>(source.pitch_bytes);
   const auto tiles = plan_tiles(op, source_stride);
   const Buffer headers = session.allocate(tiles.size() * sizeof(PirtDspTile), "undistort's tiles");
-  const Buffer vectors = session.allocate(tiles.size() * 3 * kPixels, "undistort's map");
+  const Buffer vectors = session.allocate(tiles.size() * kVectorBytes, "undistort's map");
   for (std::size_t i = 0; i < tiles.size(); ++i) {
     std::memcpy(session.bytes(headers).data() + i * sizeof(PirtDspTile), &tiles[i].tile,
                 sizeof(PirtDspTile));
-    std::memcpy(session.bytes(vectors).data() + i * 3 * kPixels, tiles[i].vectors.data(),
-                3 * kPixels);
+    std::memcpy(session.bytes(vectors).data() + i * kVectorBytes, tiles[i].vectors.data(),
+                kVectorBytes);
   }
   call.buffers = {whole, call.outputs[0].buffer, headers, vectors};
   call.loaded = {headers, vectors};

@@ -56,7 +56,7 @@ Call make_filter7x7(Session& session, const Workload& workload,
   Call call = picture_call(session, workload, PIRT_DSP_filter7x7);
   const auto& op = operation_as<vision::Filter7x7>(workload);
   const std::size_t bordered = (static_cast<std::size_t>(op.height) + kSize - 1) *
-                               (call.inputs[0].pitch_bytes + 2 * PIRT_DSP_ALIGNMENT);
+                               (call.inputs[0].pitch_bytes + std::size_t{2} * PIRT_DSP_ALIGNMENT);
   call.buffers.push_back(session.allocate(bordered, "the bordered picture of convolution"));
   const auto weights = parameters[0].as<std::int16_t>();
   for (std::size_t row = 0; row < kSize; ++row) {
@@ -107,8 +107,8 @@ Call make_optical_flow(Session& session, const Workload& workload, std::span<con
   Call call = picture_call(session, workload, PIRT_DSP_optical_flow);
   const std::size_t stride = call.inputs[0].pitch_bytes;
   const auto height = static_cast<std::size_t>(op.height);
-  constexpr std::size_t kDerivativeBytes = 3 * 2;  // of a pixel
-  constexpr std::size_t kLines = 5 * (4 + 1);      // products; phases and total
+  constexpr std::size_t kDerivativeBytes = 6;  // of a pixel: 3 of 2
+  constexpr std::size_t kLines = 25;           // 5 products, of 4 phases and in total
   call.buffers.push_back(session.allocate((height + 1) * stride * kDerivativeBytes,
                                           "the derivatives of optical_flow"));
   call.buffers.push_back(

@@ -35,7 +35,7 @@ void fill(Grid& grid, Cell first, int width, int height, CellState state) {
 }
 
 int between(Random& random, int low, int high) {
-  return low + static_cast<int>(random.below(static_cast<std::uint64_t>(high - low + 1)));
+  return low + static_cast<int>(random.below(static_cast<std::uint64_t>(high - low) + 1));
 }
 
 /// Somewhere in a square of @p side cells that begins at @p first.
@@ -82,7 +82,7 @@ double distance(Point a, Point b) { return std::hypot(a.x - b.x, a.y - b.y); }
 }  // namespace
 
 PlanSample plan_sample(std::uint64_t seed, int query) {
-  constexpr std::uint64_t kRooms = (kMapWidth / kRoom) * (kMapHeight / kRoom);
+  constexpr std::uint64_t kRooms = std::uint64_t{kMapWidth / kRoom} * (kMapHeight / kRoom);
   Random random(derive_seed(hash_u64(seed, static_cast<std::uint64_t>(query)), "plan_path query"));
   const auto from = random.below(kRooms);
   const auto to = (from + 1 + random.below(kRooms - 1)) % kRooms;

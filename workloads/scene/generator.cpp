@@ -8,6 +8,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/gaussian.h"
+#include "workloads/base/pixel_index.h"
 #include "workloads/base/random.h"
 #include "workloads/scene/room.h"
 
@@ -167,7 +168,7 @@ FloorMap floor_map(const SceneOptions& options) {
                          x < box.high.x() + kCell_m / 2 && y > box.low.y() - kCell_m / 2 &&
                          y < box.high.y() + kCell_m / 2);
       }
-      cells[static_cast<std::size_t>(row * side + column)] = static_cast<char>(free ? 254 : 0);
+      cells[pixel_index(column, row, side)] = static_cast<char>(free ? 254 : 0);
     }
   }
   // Across the room from where the robot starts, in the ring that has no furniture.

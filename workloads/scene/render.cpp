@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "workloads/base/pixel_index.h"
 #include "workloads/scene/room.h"
 
 namespace pirt {
@@ -19,7 +20,7 @@ float sampled(const GreyImage& level, float u, float v) {
   const int y = static_cast<int>(v);
   const float fx = u - static_cast<float>(x);
   const float fy = v - static_cast<float>(y);
-  const auto* a = level.pixels.data() + y * level.width + x;
+  const auto* a = level.row(y) + x;
   const auto* b = a + level.width;
   const float top = static_cast<float>(a[0]) + fx * static_cast<float>(a[1] - a[0]);
   const float low = static_cast<float>(b[0]) + fx * static_cast<float>(b[1] - b[0]);
@@ -91,12 +92,12 @@ void RoomCamera::find_faces(const Pose& pose, std::vector<std::int16_t>& faces) 
   const Eigen::Matrix3f rotation = pose.rotation.cast<float>();
   const Eigen::Vector3f from = pose.position.cast<float>();
   const auto seen = [&](int x, int y) {
-    const auto i = static_cast<std::size_t>(y * width + x);
+    const auto i = pixel_index(x, y, width);
     return static_cast<std::int16_t>(
         room_->face_seen(from, rotation * Eigen::Vector3f(x_[i], y_[i], 1.0F)));
   };
   faces.resize(x_.size());
-  const auto index = [&](int x, int y) { return static_cast<std::size_t>(y * width + x); };
+  const auto index = [&](int x, int y) { return pixel_index(x, y, width); };
   // Rims of blocks first, their insides only where the rim is not all one face: boxes are convex
   // and larger than a block, so that nothing lies inside without crossing it.
   const auto last = [](int from_pixel, int size) {
@@ -132,7 +133,7 @@ GreyImage RoomCamera::picture(std::span<const Pose> poses) const {
     int of_face = -1;
     Detail detail;
     for (int x = 0; x < image.width; ++x) {
-      const auto i = static_cast<std::size_t>(y * image.width + x);
+      const auto i = pixel_index(x, y, image.width);
       const Face& face = room_->faces()[static_cast<std::size_t>(faces[i])];
       const Homography* map = &maps[static_cast<std::size_t>(faces[i]) * poses.size()];
       if (faces[i] != of_face || x % kBlock == 0) {
@@ -151,6 +152,7 @@ GreyImage RoomCamera::picture(std::span<const Pose> poses) const {
           sum += fine + detail.part * (sampled_at(face, detail.level + 1, u, v) - fine);
         }
       }
+      // NOLINTNEXTLINE(bugprone-incorrect-roundings): a half is nowhere near, in no picture.
       image.pixels[i] = static_cast<std::uint8_t>(sum * share + 0.5F);
     }
   }

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "workloads/base/gaussian.h"
+#include "workloads/base/pixel_index.h"
 #include "workloads/base/random.h"
 
 namespace pirt {
@@ -28,20 +29,20 @@ void add_octave(std::vector<float>& texture, int width, int height, int cell, fl
   std::vector<float> grid(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
   for (int y = 0; y < rows; ++y) {
     for (int x = 0; x < columns; ++x) {
-      grid[static_cast<std::size_t>(y * columns + x)] = lattice(seed, x, y) - 0.5F;
+      grid[pixel_index(x, y, columns)] = lattice(seed, x, y) - 0.5F;
     }
   }
   const auto smooth = [](float t) { return t * t * (3 - 2 * t); };
   for (int y = 0; y < height; ++y) {
     const float fy = smooth(static_cast<float>(y % cell) / static_cast<float>(cell));
-    const float* top = &grid[static_cast<std::size_t>((y / cell) * columns)];
+    const float* top = &grid[pixel_index(0, y / cell, columns)];
     const float* low = top + columns;
     for (int x = 0; x < width; ++x) {
       const float fx = smooth(static_cast<float>(x % cell) / static_cast<float>(cell));
       const int k = x / cell;
       const float a = top[k] + (top[k + 1] - top[k]) * fx;
       const float b = low[k] + (low[k + 1] - low[k]) * fx;
-      texture[static_cast<std::size_t>(y * width + x)] += amplitude * (a + (b - a) * fy);
+      texture[pixel_index(x, y, width)] += amplitude * (a + (b - a) * fy);
     }
   }
 }
@@ -73,7 +74,7 @@ void add_shapes(std::vector<float>& texture, int width, int height, std::uint64_
             disc ? (1 - std::sqrt(a * a / (rx * rx) + b * b / (ry * ry))) * std::min(rx, ry)
                  : std::min(rx - std::abs(a), ry - std::abs(b));
         const float cover = std::clamp(0.5F + 0.5F * inside, 0.0F, 1.0F);
-        float& texel = texture[static_cast<std::size_t>(y * width + x)];
+        float& texel = texture[pixel_index(x, y, width)];
         texel += cover * (128 + level - texel) * 0.8F;
       }
     }

@@ -36,7 +36,7 @@ Eigen::Vector2d CameraModel::project(const Eigen::Vector2d& ray) const {
 }
 
 Eigen::Vector2d CameraModel::ray(const Eigen::Vector2d& pixel) const {
-  const Eigen::Vector2d wanted((pixel.x() - cx) / fx, (pixel.y() - cy) / fy);
+  Eigen::Vector2d wanted((pixel.x() - cx) / fx, (pixel.y() - cy) / fy);
   if (k1 == 0.0 && k2 == 0.0 && p1 == 0.0 && p2 == 0.0) return wanted;
   constexpr int kSteps = 8;
   constexpr double kEnough = 1e-20;

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "workloads/base/pixel_index.h"
 #include "workloads/sequence/geometry.h"
 
 namespace pirt {
@@ -38,11 +39,9 @@ struct GreyImage {
 
   [[nodiscard]] bool empty() const { return pixels.empty(); }
   [[nodiscard]] const std::uint8_t* row(int y) const {
-    return pixels.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
+    return pixels.data() + pixel_index(0, y, width);
   }
-  [[nodiscard]] std::uint8_t* row(int y) {
-    return pixels.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
-  }
+  [[nodiscard]] std::uint8_t* row(int y) { return pixels.data() + pixel_index(0, y, width); }
 };
 
 /// The picture that the same camera without its lens' distortion would take; what it cannot see is

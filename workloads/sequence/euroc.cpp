@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "workloads/base/error.h"
+#include "workloads/base/pixel_index.h"
 #include "workloads/base/text.h"
 #include "workloads/base/yaml.h"
 #include "workloads/sequence/sequence.h"
@@ -46,8 +47,8 @@ Pose read_extrinsics(const YamlNode& sensor) {
   const auto m = numbers_of(node, 16, 1e6);
   Pose pose;
   for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) pose.rotation(r, c) = m[static_cast<std::size_t>(4 * r + c)];
-    pose.position(r) = m[static_cast<std::size_t>(4 * r + 3)];
+    for (int c = 0; c < 3; ++c) pose.rotation(r, c) = m[pixel_index(c, r, 4)];
+    pose.position(r) = m[pixel_index(3, r, 4)];
   }
   const Eigen::Matrix3d product = pose.rotation * pose.rotation.transpose();
   if (!product.isIdentity(kRotationTolerance) || pose.rotation.determinant() < 0) {
@@ -215,8 +216,8 @@ std::vector<ImuSample> read_imu_csv(const fs::path& file) {
     sample.time = row.stamp(0);
     if (!imu.empty()) check_rises(row, imu.back().time, sample.time);
     for (int axis = 0; axis < 3; ++axis) {
-      sample.gyro_rad_s(axis) = row.number(static_cast<std::size_t>(1 + axis));
-      sample.accel_m_s2(axis) = row.number(static_cast<std::size_t>(4 + axis));
+      sample.gyro_rad_s(axis) = row.number(std::size_t{1} + static_cast<std::size_t>(axis));
+      sample.accel_m_s2(axis) = row.number(std::size_t{4} + static_cast<std::size_t>(axis));
     }
     if (sample.accel_m_s2.norm() > kStrongestAccel_m_s2) {
       row.fail(fmt::format("{:.0f} m/s^2 is more than accelerometers measure",

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "workloads/base/error.h"
+#include "workloads/base/pixel_index.h"
 #include "workloads/images.h"
 #include "workloads/sequence/sequence.h"
 #include "workloads/sequence/table_file.h"
@@ -83,9 +84,9 @@ void read_poses(const fs::path& file, Sequence& sequence) {
     row.time = sequence.frames[i].time;
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c) {
-        row.body.rotation(r, c) = poses[i][static_cast<std::size_t>(4 * r + c)];
+        row.body.rotation(r, c) = poses[i][pixel_index(c, r, 4)];
       }
-      row.body.position(r) = poses[i][static_cast<std::size_t>(4 * r + 3)];
+      row.body.position(r) = poses[i][pixel_index(3, r, 4)];
     }
     if (!(row.body.rotation * row.body.rotation.transpose()).isIdentity(1e-3)) {
       throw_bad_input(

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "workloads/base/pixel_index.h"
 #include "workloads/slam/measure.h"
 #include "workloads/slam/steps.h"
 
@@ -179,7 +180,7 @@ void add_tracks(State& state, const Setup& setup, const Features& features) {
   const auto cell = [&](const Eigen::Vector2f& p, int dx, int dy) {
     const int x = std::clamp(static_cast<int>(p.x() / kCell) + 1 + dx, 0, columns - 1);
     const int y = std::clamp(static_cast<int>(p.y() / kCell) + 1 + dy, 0, rows - 1);
-    return static_cast<std::size_t>(y * columns + x);
+    return pixel_index(x, y, columns);
   };
   const auto mark = [&](const Eigen::Vector2f& p) {
     for (int dy = -1; dy <= 1; ++dy) {

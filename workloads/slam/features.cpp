@@ -45,14 +45,18 @@ Eigen::Vector2f refined(const GreyImage& image, int x, int y) {
     std::int64_t sum_y = 0;
     for (int dy = -kWindowHalf; dy <= kWindowHalf; ++dy) {
       const auto* row = image.row(cy + dy) + cx;
+      int row_weight = 0;
+      int row_x = 0;
       for (int dx = -kWindowHalf; dx <= kWindowHalf; ++dx) {
         const int gx = row[dx + 1] - row[dx - 1];
         const int gy = row[dx + image.width] - row[dx - image.width];
         const int energy = gx * gx + gy * gy;
-        weight += energy;
-        sum_x += energy * dx;
-        sum_y += energy * dy;
+        row_weight += energy;
+        row_x += energy * dx;
       }
+      weight += row_weight;
+      sum_x += row_x;
+      sum_y += std::int64_t{row_weight} * dy;
     }
     if (weight == 0) break;
     const Eigen::Vector2f next(

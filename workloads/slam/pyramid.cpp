@@ -4,6 +4,8 @@
 #include <cassert>
 #include <cmath>
 
+#include "workloads/base/pixel_index.h"
+
 namespace pirt::slam {
 namespace {
 
@@ -13,6 +15,8 @@ constexpr int kOuter = kWindow + 2;
 constexpr int kStride = 16;       // columns of a window, padded for vectors
 constexpr int kOuterStride = 20;  // of a window with a rim of one
 constexpr float kCount = kWindow * kWindow;
+constexpr std::size_t kTexels = std::size_t{kWindow} * kStride;
+constexpr std::size_t kOuterTexels = std::size_t{kOuter} * kOuterStride;
 
 GreyImage half_of(const GreyImage& image) {
   GreyImage half{(image.width + 1) / 2, (image.height + 1) / 2, {}};
@@ -30,7 +34,7 @@ GreyImage half_of(const GreyImage& image) {
     out[0] = static_cast<std::uint8_t>(
         (3 * column[0] + column[static_cast<std::size_t>(std::min(1, last))] + 8) >> 4);
     for (int x = 1; x < half.width; ++x) {
-      const auto k = static_cast<std::size_t>(2 * x);
+      const auto k = 2 * static_cast<std::size_t>(x);
       const auto right = std::min(k + 1, static_cast<std::size_t>(last));
       out[x] = static_cast<std::uint8_t>((column[k - 1] + 2 * column[k] + column[right] + 8) >> 4);
     }
@@ -79,7 +83,7 @@ void sample(const GreyImage& image, const Anchor& a, float* out) {
 /// What is known of a window before it is looked for. Columns beyond the window have no gradient
 /// and the weight 0.
 struct Template {
-  alignas(64) std::array<float, kWindow * kStride> value{}, gx{}, gy{};
+  alignas(64) std::array<float, kTexels> value{}, gx{}, gy{};
   float xx = 0, xy = 0, yy = 0;
   float mean_x = 0, mean_y = 0;
 
@@ -90,13 +94,13 @@ struct Template {
 bool Template::make(const GreyImage& image, const Eigen::Vector2f& centre, float least_corner) {
   Anchor anchor{};
   if (!anchor_at(image, centre, 1, anchor)) return false;
-  alignas(64) std::array<float, kOuter * kOuterStride> outer;
+  alignas(64) std::array<float, kOuterTexels> outer;
   sample<kOuter, kOuterStride>(image, anchor, outer.data());
   xx = xy = yy = mean_x = mean_y = 0;
   for (int y = 0; y < kWindow; ++y) {
-    const float* row = &outer[static_cast<std::size_t>((y + 1) * kOuterStride + 1)];
+    const float* row = &outer[pixel_index(1, y + 1, kOuterStride)];
     for (int x = 0; x < kWindow; ++x) {
-      const auto i = static_cast<std::size_t>(y * kStride + x);
+      const auto i = pixel_index(x, y, kStride);
       value[i] = row[x];
       gx[i] = 0.5F * (row[x + 1] - row[x - 1]);
       gy[i] = 0.5F * (row[x + kOuterStride] - row[x - kOuterStride]);
@@ -125,7 +129,7 @@ enum class Match { kGood, kOutside, kDifferent };
 Match align(const Template& wanted, const GreyImage& image, const TrackOptions& options,
             Eigen::Vector2f& at, float& error) {
   const float determinant = wanted.xx * wanted.yy - wanted.xy * wanted.xy;
-  alignas(64) std::array<float, kWindow * kStride> seen;
+  alignas(64) std::array<float, kTexels> seen;
   const Eigen::Vector2f start = at;
   for (int i = 0; i < options.iterations; ++i) {
     Anchor anchor{};

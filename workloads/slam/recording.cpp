@@ -79,7 +79,7 @@ std::vector<ImuSample> Recording::samples(int frame) const {
 
 std::optional<Eigen::Vector2d> Recording::seen(std::size_t point, int frame) const {
   const Pose camera = camera_pose(setup_, path_.at(to_s(time_of(frame))).body, 0);
-  const auto pixel = pixel_of(setup_.cameras[0], camera, points_[point].position);
+  auto pixel = pixel_of(setup_.cameras[0], camera, points_[point].position);
   if (!pixel || !setup_.cameras[0].contains(*pixel, kFeatureRim)) return std::nullopt;
   return pixel;
 }

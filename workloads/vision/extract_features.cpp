@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "workloads/base/pixel_index.h"
 #include "workloads/slam/features.h"
 #include "workloads/vision/image_data.h"
 
@@ -28,10 +29,7 @@ std::vector<TensorSpec> feature_specs(Element element) {
 struct Grid {
   int width = 0, height = 0;
   std::vector<int> values;
-  [[nodiscard]] int at(int x, int y) const {
-    return values[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                  static_cast<std::size_t>(x)];
-  }
+  [[nodiscard]] int at(int x, int y) const { return values[pixel_index(x, y, width)]; }
 };
 
 /// By how much the arc of 9 of the 16 pixels around (x, y) that differs most, brighter or darker,
@@ -92,7 +90,7 @@ std::vector<FastCorner> corners_of(const Grid& image) {
     for (int x = 3; x < image.width - 3; ++x) {
       const int most = arc_contrast(image, x, y);
       if (most <= Op::kThreshold) continue;
-      contrast.values[static_cast<std::size_t>(y * image.width + x)] = most;
+      contrast.values[pixel_index(x, y, image.width)] = most;
     }
   }
   std::vector<FastCorner> corners;

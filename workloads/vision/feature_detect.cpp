@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "workloads/base/pixel_index.h"
 #include "workloads/vision/image_data.h"
 
 namespace pirt::vision {
@@ -51,10 +52,7 @@ struct Corner {
 std::vector<Corner> candidates(const FeatureDetect& op, const std::vector<double>& strength) {
   const double threshold =
       FeatureDetect::kQuality * std::max(0.0, *std::ranges::max_element(strength));
-  const auto at = [&](int x, int y) {
-    return strength[static_cast<std::size_t>(y) * static_cast<std::size_t>(op.width) +
-                    static_cast<std::size_t>(x)];
-  };
+  const auto at = [&](int x, int y) { return strength[pixel_index(x, y, op.width)]; };
   std::vector<Corner> found;
   for (int y = 1; y < op.height - 1; ++y) {
     for (int x = 1; x < op.width - 1; ++x) {

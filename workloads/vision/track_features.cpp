@@ -174,10 +174,10 @@ std::vector<Tensor> reference(const Op& op, const Data& data) {
 
 std::int64_t count_ops(const Op& op, std::int64_t points) {
   constexpr std::int64_t kSample = 7;  // four products, three sums
-  constexpr std::int64_t kPatch = (kWindow + 2) * (kWindow + 2);
+  constexpr std::int64_t kPatch = std::int64_t{kWindow + 2} * (kWindow + 2);
   // The window with a border of 1 for its differences; two differences halved, three products
   // summed.
-  constexpr std::int64_t kSetUp = kPatch * kSample + kSamples * (4 + 6);
+  constexpr std::int64_t kSetUp = kPatch * kSample + std::int64_t{kSamples} * (4 + 6);
   constexpr std::int64_t kIteration = kSamples * (kSample + 1 + 4);
   std::int64_t pyramids = 0;
   const auto levels = op.levels();

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "workloads/base/pixel_index.h"
 #include "workloads/vision/image_data.h"
 
 namespace pirt::vision {
@@ -58,8 +59,7 @@ std::vector<MapEntry> undistort_map(const Undistort& operation) {
 std::vector<std::uint8_t> undistorted(const Undistort& op, std::span<const std::uint8_t> image) {
   const auto pixel = [&](int x, int y) -> int {
     if (x < 0 || y < 0 || x >= op.width || y >= op.height) return 0;
-    return image[static_cast<std::size_t>(y) * static_cast<std::size_t>(op.width) +
-                 static_cast<std::size_t>(x)];
+    return image[pixel_index(x, y, op.width)];
   };
   std::vector<std::uint8_t> out;
   out.reserve(image.size());
