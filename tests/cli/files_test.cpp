@@ -20,6 +20,7 @@ struct HelpEntry {
   std::string name;  ///< "--json", or that of a positional argument.
   std::string type;  ///< "OUTFILE|-"; empty = a flag.
   bool required = false;
+  std::string needs = {};  ///< Another option, without which it means nothing.
 
   [[nodiscard]] bool is_written() const { return type.starts_with("OUTFILE"); }
   [[nodiscard]] bool is_continued() const { return type == "DATAFILE"; }
@@ -45,12 +46,29 @@ std::vector<std::string> all_commands() {
 std::vector<HelpEntry> help_of(const std::string& command) {
   std::vector<HelpEntry> entries;
   const std::string help = pirt({command, "--help"}).out;
-  const std::regex line("\n  (?:-[a-z],)?([a-z-]+)(?: ([A-Z][^ =\n]*))?([^\n]* REQUIRED)?");
+  const std::regex line(
+      "\n  (?:-[a-z],)?([a-z-]+)(?: ([A-Z][^ =\n]*))?([^\n]* REQUIRED)?(?: Needs: ([a-z-]+))?");
   for (std::sregex_iterator it(help.begin(), help.end(), line), end; it != end; ++it) {
     const std::string type = (*it)[2];
-    entries.push_back({(*it)[1], type == "Excludes:" ? "" : type, (*it)[3].matched});
+    entries.push_back({(*it)[1], type == "Excludes:" ? "" : type, (*it)[3].matched, (*it)[4]});
   }
   return entries;
+}
+
+/// Names of what is required, and of what @p given needs, and so on.
+std::set<std::string> needed_by(const std::vector<HelpEntry>& entries,
+                                std::vector<std::string> given) {
+  for (const auto& entry : entries) {
+    if (entry.required) given.push_back(entry.name);
+  }
+  std::set<std::string> needed;
+  for (std::size_t i = 0; i < given.size(); ++i) {
+    if (!needed.insert(given[i]).second) continue;
+    for (const auto& entry : entries) {
+      if (entry.name == given[i] && !entry.needs.empty()) given.push_back(entry.needs);
+    }
+  }
+  return needed;
 }
 
 TEST(Options, EachSaysWhatItTakes) {
@@ -83,8 +101,9 @@ TEST(Options, WriteNothingThatAnotherOptionNames) {
         for (const auto* entry : {&other, &written}) {
           for (const auto& part : entry->given(shared)) arguments.push_back(part);
         }
+        const auto needed = needed_by(entries, {other.name, written.name});
         for (const auto& entry : entries) {
-          if (!entry.required || !entry.is_file()) continue;
+          if (!needed.contains(entry.name) || !entry.is_file()) continue;
           if (entry.name == other.name || entry.name == written.name) continue;
           for (const auto& part : entry.given(third)) arguments.push_back(part);
         }

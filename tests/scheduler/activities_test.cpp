@@ -62,7 +62,7 @@ struct Room {
   ActivityOptions activities;
 };
 
-const ActivityCounts& find(const std::vector<ActivityCounts>& all, const std::string& name) {
+ActivityCounts find(const std::vector<ActivityCounts>& all, const std::string& name) {
   return *std::ranges::find(all, name, &ActivityCounts::name);
 }
 
@@ -74,7 +74,7 @@ void expect_done(const Activities& activities, std::size_t poses) {
     EXPECT_EQ(each.fired, each.completed);
     EXPECT_EQ(each.latencies.size(), static_cast<std::size_t>(each.completed));
   }
-  const auto& plans = find(activities.counts(), "plan_path");
+  const auto plans = find(activities.counts(), "plan_path");
   EXPECT_EQ(static_cast<std::size_t>(plans.fired + plans.skipped), poses);
   EXPECT_EQ(activities.paths_found(), plans.completed);
   const auto [before, after] = activities.adjusted();
@@ -105,7 +105,7 @@ TEST(Activities, RunLiveBesideTheLocalizationAndChangeNothingOfIt) {
     EXPECT_TRUE(live.problems.empty());
     expect_done(activities, poses_of(live));
     // 2.4 s at 3 Hz.
-    const auto& seen = find(activities.counts(), "alexnet");
+    const auto seen = find(activities.counts(), "alexnet");
     EXPECT_EQ(seen.fired + seen.skipped, 8);
     EXPECT_EQ(tum_text(live.run.trajectory()), tum_text(alone.run.trajectory()));
   }
