@@ -49,7 +49,7 @@ TensorSpec text_spec(const char* name, std::int64_t most_bytes) {
 }
 
 std::string text_of(const Tensor& tensor) {
-  const auto bytes = tensor.as<std::uint8_t>().first(static_cast<std::size_t>(tensor.rows()));
+  const auto bytes = tensor.used<std::uint8_t>();
   return {bytes.begin(), bytes.end()};
 }
 
@@ -179,7 +179,7 @@ struct Activities::Mapped {
 };
 
 Activities::Activities(ActivityOptions options) : options_(std::move(options)) {
-  // A model that is no detector, or whose names are of another one, is found out before it begins.
+  // To find out before it begins whether a model is no detector, or has another one's names.
   const Tensor blank = options_.model ? Tensor(picture_spec()) : Tensor();
   constexpr Nanos kPlan = std::chrono::milliseconds(6);  // the paper's
   constexpr Nanos kAvoid = std::chrono::milliseconds(40);

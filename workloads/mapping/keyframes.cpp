@@ -57,7 +57,8 @@ bool Keyframes::add(const slam::State& state) {
   if (keyframes_.size() >= options_.most) thin_out();
   Keyframe& made = keyframes_.emplace_back();
   made.pose = {state.time, body};
-  made.sigma_m = std::sqrt(slam::position_covariance(state).trace() / 3);
+  // Where nothing is uncertain, rounding may leave less than 0.
+  made.sigma_m = std::sqrt(std::max(0.0, slam::position_covariance(state).trace() / 3));
   for (const slam::Track& track : state.tracks) {
     made.seen.push_back({track.id, setup_.cameras[0].ray(track.pixel.cast<double>())});
   }
