@@ -50,6 +50,15 @@ void reject_unknown(const CLI::App& app, const CLI::App& root) {
   throw_bad_input("unexpected argument '" + word + "'; see '" + command + " --help'");
 }
 
+/// Without what an option excludes: the list is long, and the error says it to whom it concerns.
+class HelpFormatter : public CLI::Formatter {
+ public:
+  std::string make_option_opts(const CLI::Option* option) const override {
+    const std::string text = CLI::Formatter::make_option_opts(option);
+    return text.substr(0, text.find(" Excludes:"));
+  }
+};
+
 }  // namespace
 
 const Option& Option::shows_default() const { return option_->capture_default_str(), *this; }
@@ -115,6 +124,7 @@ int run(std::span<AddCommand* const> commands, int argc, char** argv) {
       "mix\n"
       "of them for latency, throughput or energy."};
   app.name("pirt");
+  app.formatter(std::make_shared<HelpFormatter>());
   app.set_version_flag("--version", std::string("pirt ") + PIRT_VERSION);
   app.allow_extras();
   Action action;

@@ -91,15 +91,28 @@ int regress_tables(const RegressOptions& options) {
 }
 
 int regress(const RegressOptions& options) {
-  const bool programs = !options.baseline_program.empty() || !options.candidate_program.empty();
-  const int ways =
-      (programs ? 1 : 0) + (options.self_test ? 1 : 0) + (options.files.empty() ? 0 : 1);
-  if (ways > 1) {
-    throw_bad_input("give two profiles, two programs or --self-test, not several of them");
-  }
-  if (programs) return regress_programs(options);
+  if (!options.baseline_program.empty()) return regress_programs(options);
   if (options.self_test) return regress_self_test(options);
   return regress_tables(options);
+}
+
+/// What two profiles, two programs and --self-test each know nothing of is refused.
+void keep_apart(const Command& command, const Option& profiles) {
+  const auto option = [&](const char* name) { return command.option(name); };
+  option("--baseline-program").needs(option("--candidate-program"));
+  option("--candidate-program").needs(option("--baseline-program"));
+  for (const auto* name :
+       {"--baseline-program", "--candidate-program", "--self-test", "--units", "--seed", "--work",
+        "--cold", "--one-at-a-time", "--max-time", "--sample-limit", "--ledger"}) {
+    option(name).excludes(profiles);
+  }
+  for (const auto* name : {"--baseline-program", "--candidate-program", "--filter", "--units",
+                           "--one-at-a-time", "--max-time", "--all", "--markdown", "--junit"}) {
+    option(name).excludes(option("--self-test"));
+  }
+  for (const auto* name : {"--decisions", "--quick", "--trial"})
+    option(name).needs(option("--self-test"));
+  option("--mix").needs(profiles);
 }
 
 }  // namespace
@@ -118,7 +131,8 @@ void add_regress(CLI::App& app, Action& action) {
   Command command(
       app, "regress",
       "Compare two profiles or two programs and fail if anything became slower: for CI");
-  add_input(command, "profiles", &options->files, "Profile databases: BASELINE CANDIDATE");
+  const Option profiles =
+      add_input(command, "profiles", &options->files, "Profile databases: BASELINE CANDIDATE");
   add_input(command, "--baseline-program", &options->baseline_program,
             "A pirt to compare with: fresh processes of both, in turns");
   add_input(command, "--candidate-program", &options->candidate_program,
@@ -158,13 +172,14 @@ void add_regress(CLI::App& app, Action& action) {
       .one_at_a_time();
   command.add_flag("--quick", options->quick, "Self-test: one decision of each trial");
   add_input(command, "--mix", &options->mix,
-            "Mix whose cost is shown in each mode on both profiles, or none", FileUse::kReadIfFile)
+            "Profiles: mix whose cost is shown in each mode on both, or none", FileUse::kReadIfFile)
       .shows_default();
   command.add_flag("--all", options->all, "Show also the rows that are the same or not judged");
   add_output(command, "--markdown", options->markdown,
              "Write the report as Markdown to a file, or to stdout for -");
   add_output(command, "--junit", options->junit, "Write JUnit XML to a file, or to stdout for -");
   add_json(command, options->json);
+  keep_apart(command, profiles);
   command.footer(
       "Exit code 0: nothing became slower; 1: something did, or failed; 2: bad input; 3: "
       "inconclusive, or not "

@@ -45,7 +45,7 @@ struct Options {
   std::optional<std::string> duration;
   std::optional<std::string> weights;
   std::optional<int> in_flight;
-  std::string basic = "throughput";
+  std::optional<std::string> basic;
   std::optional<std::string> overflow;
   std::string draw = "median";
   bool allow_invalid = false;
@@ -82,10 +82,14 @@ Faults parse_faults(const std::string& text) {
   return faults;
 }
 
-ScheduleOptions schedule_options(const Options& options) {
+ScheduleOptions schedule_options(const Options& options, const std::vector<std::string>& modes) {
+  const auto falls_back = [](const std::string& mode) { return find_policy(mode).has_basic(); };
+  if (options.basic && std::ranges::none_of(modes, falls_back)) {
+    throw_bad_input("--basic is about mode advanced, which falls back to it; leave it out");
+  }
   ScheduleOptions schedule;
   schedule.mode = options.mode;
-  schedule.basic = options.basic;
+  if (options.basic) schedule.basic = *options.basic;
   if (options.weights) schedule.weights = parse_weights(*options.weights);
   schedule.in_flight = options.in_flight;
   if (options.overflow) {
@@ -139,7 +143,7 @@ Inputs read_inputs(const Options& options) {
 int compare(const Options& options) {
   const auto modes = options.compare.empty() ? policy_names() : split(options.compare, ',');
   for (const auto& mode : modes) static_cast<void>(find_policy(mode));
-  const auto settings = schedule_options(options);
+  const auto settings = schedule_options(options, modes);
   const Inputs inputs = read_inputs(options);
   const ModeRuns runs = run_modes(inputs.platform, inputs.profile ? &*inputs.profile : nullptr,
                                   inputs.mix, modes, settings);
@@ -224,7 +228,7 @@ int schedule(const Options& options) {
         "--update-profile is about --live and the rows of --profile that it contradicts; give "
         "both");
   }
-  const auto settings = schedule_options(options);
+  const auto settings = schedule_options(options, {options.mode});
   const Inputs inputs = read_inputs(options);
   LiveOptions live;
   live.prepare_first = !options.no_preinit;
@@ -267,8 +271,8 @@ void add_schedule(CLI::App& app, Action& action) {
             "Weights of the units, e.g. gpu=4,cpu=3 (default: the platform's, else derived)");
   add_value(command, "--in-flight", &options->in_flight, "INTEGER", not_within(1, 1'000'000),
             "Frames in flight of closed loops (default: the platform's, else derived)");
-  add_text(command, "--basic", &options->basic, "MODE", "Fallback of mode advanced")
-      .shows_default();
+  add_text(command, "--basic", &options->basic, "MODE",
+           "Fallback of mode advanced (default: throughput)");
   add_choice(
       command, "--overflow", &options->overflow, "HOW", {"hold", "literal"},
       "When all queues are full, Algorithms 2 and 3 hold the task (the default) or take their "

@@ -161,5 +161,16 @@ TEST_F(LiveCommand, OptionsOfLiveRunsAreForThem) {
                  {"--compare"});
 }
 
+TEST(ScheduleCommand, AFallbackIsForModesThatFallBack) {
+  const auto scheduled = [](const std::string& how, const std::string& modes) {
+    return pirt({"schedule", how, modes, "--basic", "ect", "--platform", "snapdragon820", "--mix",
+                 "convolution-1000"});
+  };
+  expect_refused(scheduled("--mode", "olb"), {"--basic", "advanced"});
+  expect_refused(scheduled("--compare", "olb,edf"), {"--basic", "advanced"});
+  const auto falls_back = scheduled("--compare", "olb,advanced");
+  EXPECT_EQ(falls_back.exit_code, 0) << falls_back.err;
+}
+
 }  // namespace
 }  // namespace pirt::test

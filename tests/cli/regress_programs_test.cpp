@@ -146,13 +146,18 @@ TEST_F(RegressPrograms, RefusesBadInput) {
   expect_refused(compare(base, scratch_.file("none")), {"--candidate-program", "none"});
   expect_refused(compare(base, scratch_.write("text", "no program")), {"text"});
   expect_refused(compare(base, "/bin/true"), {"/bin/true", "pirt sample"});
-  expect_refused(compare(base, base, {"a.db", "b.db"}), {"two profiles, two programs"});
+  expect_refused(compare(base, base, {"a.db", "b.db"}), {"profiles", "--baseline-program"});
   expect_refused(compare(base, base, {"--work", "-1s"}), {"-1s"});
   expect_refused(pirt({"regress", "--baseline-program", base, "--candidate-program", base,
                        "--filter", "scheduler", "--ledger", "/nonexistent/l"}),
                  {"/nonexistent/l"});
   expect_refused(pirt({"regress", "--baseline-program", base}), {"--candidate-program"});
   expect_refused(pirt({"regress", "--self-test", "--trial", "sam"}), {"sam", "same"});
+  // What would mean nothing.
+  expect_refused(compare(base, base, {"--quick"}), {"--quick", "--self-test"});
+  expect_refused(compare(base, base, {"--mix", "full-robot"}), {"--mix", "profiles"});
+  expect_refused(pirt({"regress", "--self-test", "--junit", "r.xml"}), {"--self-test", "--junit"});
+  expect_refused(pirt({"regress", "a.db", "b.db", "--cold"}), {"profiles", "--cold"});
 }
 
 TEST_F(RegressPrograms, ComparesItselfOnASimulatedUnit) {
