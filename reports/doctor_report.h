@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "characterize/doctor/doctor.h"
-#include "reports/document.h"
+#include "reports/document/document.h"
 #include "workloads/base/json.h"
 
 namespace pirt {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "reports/figures.h"
+#include "reports/document/figures.h"
 #include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
 

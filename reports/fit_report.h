@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "characterize/energy/fitted_platform.h"
-#include "reports/document.h"
+#include "reports/document/document.h"
 #include "workloads/base/json.h"
 
 namespace pirt {

@@ -7,9 +7,9 @@
 
 #include "characterize/platform/platform.h"
 #include "characterize/profile/profile.h"
-#include "reports/document.h"
-#include "reports/paper_report.h"
-#include "reports/timeline.h"
+#include "reports/document/document.h"
+#include "reports/paper/paper_report.h"
+#include "reports/run/timeline.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/json_value.h"

@@ -47,7 +47,7 @@ if $long; then
   say "format"
   git ls-files '*.cpp' '*.h' | xargs clang-format-14 --dry-run --Werror
   say "the page's script"
-  NODE_PATH=/usr/share/nodejs eslint --format unix reports/page/charts.js
+  NODE_PATH=/usr/share/nodejs eslint --format unix reports/document/charts.js
   say "clang 14, warnings as errors"
   build_pirt build-clang -DCMAKE_CXX_COMPILER=clang++-14 -DPIRT_WERROR=ON
   say "each header alone"

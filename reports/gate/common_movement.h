@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "reports/gate/between_runs.h"
-#include "reports/profile_diff.h"
+#include "reports/profile/profile_diff.h"
 
 namespace pirt {
 

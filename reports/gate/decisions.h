@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "characterize/platform/platform.h"
-#include "reports/profile_diff.h"
+#include "reports/profile/profile_diff.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/record/run_record.h"
 

@@ -7,7 +7,7 @@
 #include <array>
 #include <map>
 
-#include "reports/figures.h"
+#include "reports/document/figures.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
 #include "workloads/base/json_value.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "reports/document.h"
+#include "reports/document/document.h"
 #include "reports/gate/decisions.h"
 #include "reports/gate/table_gate.h"
 #include "workloads/base/json_value.h"

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "reports/document.h"
+#include "reports/document/document.h"
 #include "reports/gate/duet_gate.h"
 
 namespace pirt {

@@ -26,7 +26,7 @@
 #include <vector>
 
 #include "characterize/profile/store/reader.h"
-#include "reports/profile_diff.h"
+#include "reports/profile/profile_diff.h"
 
 namespace pirt {
 

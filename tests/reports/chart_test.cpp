@@ -1,11 +1,11 @@
 // Charts, headings and folding, in text, Markdown and HTML.
-#include "reports/chart.h"
+#include "reports/document/chart.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "reports/document.h"
-#include "reports/page/page.h"
+#include "reports/document/document.h"
+#include "reports/document/page.h"
 
 namespace pirt {
 namespace {

@@ -1,6 +1,6 @@
 // Modes in one table: gaps, what each costs, modes that could not run, and what strict priority
 // does.
-#include "reports/comparison_report.h"
+#include "reports/run/comparison_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

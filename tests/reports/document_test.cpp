@@ -1,9 +1,9 @@
 // Renderings of documents and the printing of figures.
-#include "reports/document.h"
+#include "reports/document/document.h"
 
 #include <gtest/gtest.h>
 
-#include "reports/figures.h"
+#include "reports/document/figures.h"
 #include "workloads/base/printable.h"
 
 namespace pirt {

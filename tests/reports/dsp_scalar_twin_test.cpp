@@ -1,7 +1,7 @@
 // What `pirt report --setup` says of scalar code on the DSP, counted again.
 #include <gtest/gtest.h>
 
-#include "reports/offloaded_call.h"
+#include "reports/paper/offloaded_call.h"
 #include "tests/workloads/dsp_support.h"
 #include "tests/workloads/workload_support.h"
 #include "workloads/catalog.h"

@@ -1,12 +1,12 @@
 // What reports say of a run's environment, of the units' limits, and of what doctor found.
-#include "reports/environment_report.h"
+#include "reports/profile/environment_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "reports/doctor_report.h"
-#include "reports/profile_report.h"
-#include "reports/roofline_report.h"
+#include "reports/profile/profile_report.h"
+#include "reports/profile/roofline_report.h"
 #include "workloads/base/json_value.h"
 
 namespace pirt {

@@ -2,11 +2,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "reports/figures.h"
+#include "reports/document/figures.h"
+#include "reports/export/profile_export.h"
 #include "reports/gate/table_gate.h"
-#include "reports/offloading.h"
-#include "reports/profile_export.h"
-#include "reports/profile_report.h"
+#include "reports/profile/offloading.h"
+#include "reports/profile/profile_report.h"
 #include "workloads/base/json_value.h"
 
 namespace pirt::test {

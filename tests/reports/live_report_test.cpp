@@ -1,13 +1,13 @@
 // A live run beside virtual time: which run predicts it, how far off it was, and which rows of the
 // profile it contradicts.
-#include "reports/live_report.h"
+#include "reports/run/live_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "reports/run_report.h"
+#include "reports/run/run_report.h"
 #include "workloads/base/json_value.h"
 
 namespace pirt {

@@ -1,5 +1,5 @@
 // One call part by part, of a measured DSP beside units that the platform file gives figures of.
-#include "reports/offloaded_call.h"
+#include "reports/paper/offloaded_call.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

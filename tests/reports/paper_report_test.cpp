@@ -1,5 +1,5 @@
 // Table V of the paper: every cell within 2 %, the energy mode's throughput within 4 %.
-#include "reports/paper_report.h"
+#include "reports/paper/paper_report.h"
 
 #include <gtest/gtest.h>
 

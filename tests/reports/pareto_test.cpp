@@ -1,5 +1,5 @@
 // Which modes nobody beats, worked by hand.
-#include "reports/pareto.h"
+#include "reports/run/pareto.h"
 
 #include <gtest/gtest.h>
 

@@ -1,12 +1,12 @@
 // Pictures of profiles: a mark a row, invalid and modelled ones marked as such; several profiles.
-#include "reports/profile_charts.h"
+#include "reports/profile/profile_charts.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "reports/full_report.h"
-#include "reports/setup_report.h"
-#include "reports/side_by_side.h"
+#include "reports/profile/setup_report.h"
+#include "reports/profile/side_by_side.h"
 #include "tests/reports/profiles.h"
 
 namespace pirt {

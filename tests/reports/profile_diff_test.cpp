@@ -1,5 +1,5 @@
 // Two profiles side by side: what is compared, what is not, and what makes them not comparable.
-#include "reports/profile_diff.h"
+#include "reports/profile/profile_diff.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,6 +1,6 @@
 // The formats that other tools read: keys, columns, quoting, and that nothing invalid passes for a
 // figure.
-#include "reports/profile_export.h"
+#include "reports/export/profile_export.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

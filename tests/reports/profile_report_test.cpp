@@ -1,12 +1,12 @@
 // What the profile tables say: figures with their marks, invalid rows, remarks, preferable units.
-#include "reports/profile_report.h"
+#include "reports/profile/profile_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <map>
 
-#include "reports/preference.h"
+#include "reports/profile/preference.h"
 #include "workloads/base/json_value.h"
 
 namespace pirt {

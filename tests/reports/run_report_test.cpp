@@ -1,6 +1,6 @@
 // What is said of runs: counts, marks that tell computed from measured, runs that cannot be
 // compared.
-#include "reports/run_report.h"
+#include "reports/run/run_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // The paper's claims against profiles that are made up so that each finding comes out.
-#include "reports/scorecard.h"
+#include "reports/paper/scorecard.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

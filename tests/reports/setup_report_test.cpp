@@ -1,5 +1,5 @@
 // Offloading time and crossovers, with numbers worked by hand.
-#include "reports/setup_report.h"
+#include "reports/profile/setup_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // Timelines of traces and of static plans.
-#include "reports/timeline.h"
+#include "reports/run/timeline.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -1,0 +1,177 @@
+#include "reports/export/profile_export.h"
+
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <charconv>
+
+#include "characterize/profile/profile.h"
+#include "characterize/profile/store/database_format.h"
+#include "characterize/profile/store/reader.h"
+#include "reports/profile/profile_report.h"
+#include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
+#include "workloads/base/name_filter.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+
+void keep_workloads(Profile& profile, const std::string& filter) {
+  const auto names = profile.workloads();
+  const NameFilter wanted(filter);
+  const auto other = [&wanted](const auto& row) { return !wanted.picks(row.workload); };
+  std::erase_if(profile.phases, other);
+  std::erase_if(profile.energies, other);
+  if (profile.phases.empty()) {
+    throw_bad_input(fmt::format("--filter '{}' matches no workload of '{}'{}", filter, profile.path,
+                                suggestion(filter, names)));
+  }
+}
+
+Profile load_with_samples(const std::filesystem::path& path, std::string_view platform,
+                          const std::string& filter) {
+  const ProfileReader reader(path);
+  Profile profile = reader.read(platform);
+  if (!filter.empty()) keep_workloads(profile, filter);
+  reader.read_samples(profile);
+  return profile;
+}
+
+Json export_json(const Profile& profile) {
+  auto json = profile_json(profile, {});
+  json.erase("preferable");
+  for (std::size_t i = 0; i < profile.phases.size(); ++i) {
+    auto& row = json["profile_summary"][i];
+    row["samples_ns"] = Json::array();
+    row["processes_of_samples"] = Json::array();
+    const PhaseRow& phase = profile.phases[i];
+    for (const Nanos sample : phase.values) row["samples_ns"].push_back(sample.count());
+    for (const auto process : phase.value_processes) {
+      row["processes_of_samples"].push_back(process);
+    }
+  }
+  for (std::size_t i = 0; i < profile.runs.size(); ++i) {
+    json["runs"][i]["identity"] = profile.runs[i].identity;
+  }
+  json["peaks"] = Json::array();
+  for (const PeakRow& peak : profile.peaks) {
+    Json row = {{"run_id", peak.run_id},
+                {"unit", peak.unit},
+                {"kind", to_string(peak.kind)},
+                {"variant", peak.variant},
+                {"provenance", to_string(peak.provenance)},
+                {"valid", peak.valid},
+                {"reasons", peak.reasons}};
+    if (peak.per_second) row["per_second"] = *peak.per_second;
+    json["peaks"].push_back(std::move(row));
+  }
+  return json;
+}
+
+namespace {
+
+class Csv {
+ public:
+  explicit Csv(std::string_view header) : text_(header) { text_ += '\n'; }
+
+  Csv& add(std::string_view value) {
+    if (!first_) text_ += ',';
+    first_ = false;
+    if (value.find_first_of(",\"\r\n") == std::string_view::npos) {
+      text_ += value;
+      return *this;
+    }
+    text_ += '"';
+    for (const char c : value) text_ += c == '"' ? std::string("\"\"") : std::string(1, c);
+    text_ += '"';
+    return *this;
+  }
+  Csv& add(std::int64_t value) { return add(std::string_view(std::to_string(value))); }
+  Csv& add(bool value) { return add(std::int64_t{value}); }
+  Csv& add(double value) { return add(std::string_view(fmt::format("{}", value))); }
+  Csv& add(Nanos value) { return add(value.count()); }
+  Csv& add(const std::vector<std::string>& words) {
+    return add(std::string_view(join_words(words)));
+  }
+  template <typename T>
+  Csv& add(const std::optional<T>& value) {
+    return value ? add(*value) : add(std::string_view());
+  }
+  void end_line() {
+    text_ += '\n';
+    first_ = true;
+  }
+  [[nodiscard]] const std::string& text() const { return text_; }
+
+ private:
+  std::string text_;
+  bool first_ = true;
+};
+
+std::string profile_csv(const Profile& profile) {
+  Csv csv(
+      "run_id,platform,workload,unit,backend,phase,state,provenance,valid,reasons,notes,samples,"
+      "median_ns,mad_ns,p95_ns,p99_ns,ci_low_ns,ci_high_ns,ops,bytes,processes,mixture,"
+      "bound_ns");
+  for (const PhaseRow& row : profile.phases) {
+    csv.add(row.run_id).add(row.platform).add(row.workload).add(row.unit).add(row.backend);
+    csv.add(to_string(row.phase)).add(to_string(row.state)).add(to_string(row.provenance));
+    csv.add(row.valid).add(row.reasons).add(row.notes).add(row.samples).add(row.median);
+    csv.add(row.mad).add(row.p95).add(row.p99).add(row.ci_low).add(row.ci_high).add(row.ops);
+    csv.add(row.bytes).add(row.processes).add(row.provenance.mixture).add(row.bound).end_line();
+  }
+  return csv.text();
+}
+
+std::string energy_csv(const Profile& profile) {
+  Csv csv(
+      "run_id,workload,unit,energy_j,provenance,source,valid,reasons,domain,idle_subtracted,"
+      "mixture");
+  for (const EnergyRow& row : profile.energies) {
+    csv.add(row.run_id).add(row.workload).add(row.unit).add(row.energy_j);
+    csv.add(to_string(row.provenance)).add(row.source).add(row.valid).add(row.reasons);
+    csv.add(row.domain).add(row.idle_subtracted).add(row.provenance.mixture).end_line();
+  }
+  return csv.text();
+}
+
+std::string peaks_csv(const Profile& profile) {
+  Csv csv("run_id,unit,kind,per_second,variant,provenance,valid,reasons");
+  for (const PeakRow& row : profile.peaks) {
+    csv.add(row.run_id).add(row.unit).add(to_string(row.kind)).add(row.per_second);
+    csv.add(row.variant).add(to_string(row.provenance)).add(row.valid).add(row.reasons).end_line();
+  }
+  return csv.text();
+}
+
+std::string samples_csv(const Profile& profile) {
+  Csv csv("run_id,workload,unit,phase,state,provenance,valid,position,process,ns");
+  for (const PhaseRow& row : profile.phases) {
+    for (std::size_t i = 0; i < row.values.size(); ++i) {
+      csv.add(row.run_id).add(row.workload).add(row.unit).add(to_string(row.phase));
+      csv.add(to_string(row.state)).add(to_string(row.provenance)).add(row.valid);
+      csv.add(static_cast<std::int64_t>(i)).add(std::int64_t{row.value_processes[i]});
+      csv.add(row.values[i]).end_line();
+    }
+  }
+  return csv.text();
+}
+
+}  // namespace
+
+std::string export_csv(const Profile& profile, CsvTable table) {
+  switch (table) {
+    case CsvTable::kProfile:
+      return profile_csv(profile);
+    case CsvTable::kEnergy:
+      return energy_csv(profile);
+    case CsvTable::kPeaks:
+      return peaks_csv(profile);
+    case CsvTable::kSamples:
+      return samples_csv(profile);
+  }
+  return {};
+}
+
+}  // namespace pirt

@@ -1,0 +1,353 @@
+#include "reports/profile/profile_diff.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "characterize/machine/environment_keys.h"
+#include "characterize/profile/identity.h"
+#include "reports/document/figures.h"
+#include "workloads/base/error.h"
+#include "workloads/base/json_value.h"
+#include "workloads/base/text.h"
+
+namespace pirt {
+namespace {
+
+using Facts = std::map<std::string, std::set<std::string>>;
+
+std::string text_of(const std::set<std::string>& values) {
+  return fmt::format("{}", fmt::join(values, " / "));
+}
+
+/// Whether a fact is about something that both profiles have: "unit.gpu.version" is, if both have
+/// a unit gpu.
+bool in_common(const std::string& fact, const std::set<std::string>& units) {
+  constexpr std::string_view kPrefix = "unit.";
+  if (!fact.starts_with(kPrefix)) return true;
+  const auto end = fact.find('.', kPrefix.size());
+  return units.contains(fact.substr(kPrefix.size(), end - kPrefix.size()));
+}
+
+std::set<std::string> units_in_common(const Profile& a, const Profile& b) {
+  std::set<std::string> units;
+  for (const auto& unit : a.units()) {
+    const auto others = b.units();
+    if (std::ranges::find(others, unit) != others.end()) units.insert(unit);
+  }
+  return units;
+}
+
+/// All facts of the runs that are no identity.
+Facts information_of(const Profile& profile, const std::set<std::string>& units) {
+  Facts facts;
+  for (const RunInfo& run : profile.runs) {
+    const auto identity = identity_of(run);
+    for (const auto& [key, value] : run.environment) {
+      const bool of_identity = identity.contains(key) || fact_kind(key) == FactKind::kIdentity;
+      if (!of_identity && in_common(key, units)) facts[key].insert(value);
+    }
+  }
+  return facts;
+}
+
+/// The identity of every pair of runs that rows come from; fields in the order of
+/// environment_keys().
+std::vector<FactDifference> identity_differences(const Profile& a, const Profile& b,
+                                                 const std::set<std::string>& units) {
+  std::vector<std::string> fields;
+  Facts values_a;
+  Facts values_b;
+  for (const RunInfo& run_a : a.runs) {
+    for (const RunInfo& run_b : b.runs) {
+      for (const auto& found : compare_identity(run_a, run_b)) {
+        if (!found.unit.empty() && !units.contains(found.unit)) continue;
+        if (std::ranges::find(fields, found.field) == fields.end()) fields.push_back(found.field);
+        if (found.a) values_a[found.field].insert(*found.a);
+        if (found.b) values_b[found.field].insert(*found.b);
+      }
+    }
+  }
+  std::vector<FactDifference> differences;
+  for (const std::string& field : fields) {
+    const auto text = [&field](const Facts& values) -> std::optional<std::string> {
+      const auto it = values.find(field);
+      return it == values.end() ? std::nullopt : std::optional(text_of(it->second));
+    };
+    differences.push_back({field, text(values_a), text(values_b)});
+  }
+  return differences;
+}
+
+void diff_facts(ProfileDiff& diff) {
+  const auto units = units_in_common(*diff.a, *diff.b);
+  diff.identity = identity_differences(*diff.a, *diff.b, units);
+  const Facts a = information_of(*diff.a, units);
+  const Facts b = information_of(*diff.b, units);
+  std::set<std::string> keys;
+  for (const auto& [key, values] : a) keys.insert(key);
+  for (const auto& [key, values] : b) keys.insert(key);
+  for (const auto& key : keys) {
+    const auto value = [&key](const Facts& facts) -> std::optional<std::string> {
+      const auto it = facts.find(key);
+      return it == facts.end() ? std::nullopt : std::optional(text_of(it->second));
+    };
+    FactDifference difference{key, value(a), value(b)};
+    if (difference.a != difference.b) diff.information.push_back(std::move(difference));
+  }
+}
+
+std::vector<std::string> cells_only_in(const Profile& profile, const Profile& other) {
+  std::vector<std::string> cells;
+  for (const PhaseRow& row : profile.phases) {
+    const bool there = std::ranges::any_of(other.phases, [&row](const PhaseRow& r) {
+      return r.workload == row.workload && r.unit == row.unit;
+    });
+    auto cell = row.workload + " on " + row.unit;
+    if (!there && std::ranges::find(cells, cell) == cells.end()) cells.push_back(std::move(cell));
+  }
+  return cells;
+}
+
+std::string phase_name(const PhaseRow& row) {
+  std::string name(to_string(row.phase));
+  if (row.state != State::kSteady) name += fmt::format(" {}", to_string(row.state));
+  return name;
+}
+
+std::string shown(const PhaseRow& row) {
+  return row.valid ? marked(figure_ms(row.median), row.provenance) : "invalid";
+}
+
+std::string shown(const EnergyRow& row) {
+  if (!row.valid || !row.energy_j) return "invalid";
+  return marked(figure(*row.energy_j * 1e3), row.provenance);
+}
+
+/// Three decimals: differences of a percent are what is looked for.
+std::string ratio_text(std::optional<double> ratio) {
+  return ratio ? fmt::format("{:.3f}", *ratio) : "-";
+}
+
+std::string remarks(const std::vector<std::string>& a, const std::vector<std::string>& b) {
+  std::vector<std::string> parts;
+  if (!a.empty()) parts.push_back("a INVALID: " + join(a, ", "));
+  if (!b.empty()) parts.push_back("b INVALID: " + join(b, ", "));
+  return join(parts, "; ");
+}
+
+std::string description(std::string_view name, const Profile& profile) {
+  std::vector<std::string> runs;
+  for (const RunInfo& run : profile.runs) {
+    runs.push_back(fmt::format("{} of {}", run.run_id, run.started));
+  }
+  return fmt::format("{}: {}, platform {}, run {}", name, profile.path, profile.platform(),
+                     join(runs, ", "));
+}
+
+Table identity_table(const ProfileDiff& diff) {
+  Table table{.title = "Identity differs: ratios compare different things",
+              .columns = {{"fact", Align::kLeft}, {"a", Align::kLeft}, {"b", Align::kLeft}}};
+  for (const auto& [fact, a, b] : diff.identity) {
+    table.rows.push_back({fact, a.value_or("-"), b.value_or("-")});
+  }
+  return table;
+}
+
+Table figure_table(const ProfileDiff& diff) {
+  Table table{.title = "Figures side by side (medians, ms)",
+              .columns = {{"workload", Align::kLeft},
+                          {"unit", Align::kLeft},
+                          {"phase", Align::kLeft},
+                          {"a"},
+                          {"b"},
+                          {"b/a"},
+                          {"intervals", Align::kLeft},
+                          {"remarks", Align::kLeft}}};
+  for (const PhasePair& pair : diff.phases) {
+    const auto overlap = pair.overlap();
+    table.rows.push_back({pair.a->workload, pair.a->unit, phase_name(*pair.a), shown(*pair.a),
+                          shown(*pair.b), ratio_text(pair.ratio()),
+                          overlap ? (*overlap ? "overlap" : "apart") : "-",
+                          remarks(pair.a->reasons, pair.b->reasons)});
+  }
+  table.footnotes = {
+      "intervals: whether the 95 % intervals of the two medians meet; - where one has none (a "
+      "set-up of few samples). Apart is no verdict: runs of the same program are apart at times.",
+      std::string(provenance_legend())};
+  for (const auto& [name, cells] : {std::pair("a", &diff.only_a), std::pair("b", &diff.only_b)}) {
+    if (cells->empty()) continue;
+    table.footnotes.push_back(fmt::format("Only in {}: {}", name, join(*cells, ", ")));
+  }
+  return table;
+}
+
+Table energy_table(const ProfileDiff& diff) {
+  Table table{.title = "Energy side by side (mJ a call)",
+              .columns = {{"workload", Align::kLeft},
+                          {"unit", Align::kLeft},
+                          {"a"},
+                          {"b"},
+                          {"b/a"},
+                          {"covers", Align::kLeft},
+                          {"remarks", Align::kLeft}}};
+  for (const EnergyPair& pair : diff.energies) {
+    const bool same =
+        pair.a->domain == pair.b->domain && pair.a->idle_subtracted == pair.b->idle_subtracted;
+    const auto covers = [](const EnergyRow& row) {
+      return row.domain + (row.idle_subtracted ? " above idle" : " with idle");
+    };
+    table.rows.push_back({pair.a->workload, pair.a->unit, shown(*pair.a), shown(*pair.b),
+                          ratio_text(pair.ratio()),
+                          same ? covers(*pair.a) : covers(*pair.a) + " / " + covers(*pair.b),
+                          remarks(pair.a->reasons, pair.b->reasons)});
+  }
+  return table;
+}
+
+template <typename T>
+void put(Json& object, const char* key, const std::optional<T>& value) {
+  if (value) object[key] = *value;
+}
+void put(Json& object, const char* key, const std::optional<Nanos>& value) {
+  if (value) object[key] = value->count();
+}
+
+Json side_json(const PhaseRow& row) {
+  Json json = {{"run_id", row.run_id},
+               {"provenance", to_string(row.provenance)},
+               {"mixture", row.provenance.mixture},
+               {"valid", row.valid},
+               {"reasons", row.reasons},
+               {"notes", row.notes},
+               {"samples", row.samples}};
+  put(json, "median_ns", row.median);
+  put(json, "ci_low_ns", row.ci_low);
+  put(json, "ci_high_ns", row.ci_high);
+  return json;
+}
+
+Json side_json(const EnergyRow& row) {
+  Json json = {
+      {"run_id", row.run_id},  {"provenance", to_string(row.provenance)}, {"source", row.source},
+      {"domain", row.domain},  {"idle_subtracted", row.idle_subtracted},  {"valid", row.valid},
+      {"reasons", row.reasons}};
+  put(json, "energy_j", row.energy_j);
+  return json;
+}
+
+Json profile_side_json(const Profile& profile) {
+  Json runs = Json::array();
+  for (const RunInfo& run : profile.runs) runs.push_back(run.run_id);
+  return {{"path", profile.path}, {"platform", profile.platform()}, {"runs", runs}};
+}
+
+Json facts_json(const std::vector<FactDifference>& facts) {
+  Json json = Json::array();
+  for (const auto& difference : facts) {
+    Json entry = {{"fact", difference.fact}};
+    put(entry, "a", difference.a);
+    put(entry, "b", difference.b);
+    json.push_back(std::move(entry));
+  }
+  return json;
+}
+
+}  // namespace
+
+std::optional<double> PhasePair::ratio() const {
+  if (!a->valid || !b->valid || !a->median || !b->median || a->median->count() <= 0) {
+    return std::nullopt;
+  }
+  return static_cast<double>(b->median->count()) / static_cast<double>(a->median->count());
+}
+
+std::optional<bool> PhasePair::overlap() const {
+  if (!a->valid || !b->valid || !a->ci_low || !b->ci_low) return std::nullopt;
+  return *a->ci_low <= *b->ci_high && *b->ci_low <= *a->ci_high;
+}
+
+std::optional<double> EnergyPair::ratio() const {
+  if (!a->valid || !b->valid || !a->energy_j || !b->energy_j || *a->energy_j <= 0) {
+    return std::nullopt;
+  }
+  return *b->energy_j / *a->energy_j;
+}
+
+ProfileDiff diff_profiles(const Profile& a, const Profile& b) {
+  ProfileDiff diff;
+  diff.a = &a;
+  diff.b = &b;
+  for (const PhaseRow& row : a.phases) {
+    const auto* other = b.find(row.workload, row.unit, row.phase, row.state);
+    if (other != nullptr) diff.phases.push_back({&row, other});
+  }
+  for (const EnergyRow& row : a.energies) {
+    const auto* other = b.find_energy(row.workload, row.unit);
+    if (other != nullptr) diff.energies.push_back({&row, other});
+  }
+  diff.only_a = cells_only_in(a, b);
+  diff.only_b = cells_only_in(b, a);
+  if (diff.phases.empty()) {
+    throw_bad_input(fmt::format(
+        "'{}' (platform {}: {}) and '{}' (platform {}: {}) have no cell in common, so that there "
+        "is nothing to compare; choose runs of the same units with --platform",
+        a.path, a.platform(), join(diff.only_a, ", "), b.path, b.platform(),
+        join(diff.only_b, ", ")));
+  }
+  diff_facts(diff);
+  return diff;
+}
+
+Document diff_document(const ProfileDiff& diff) {
+  Document document{.title = "pirt diff", .parts = {}};
+  Paragraph head{{description("a", *diff.a), description("b", *diff.b)}};
+  if (diff.identity.empty()) {
+    head.lines.emplace_back("Identity (processor, devices, inputs, build) is the same.");
+  }
+  if (!diff.information.empty()) {
+    std::vector<std::string> names;
+    for (const auto& difference : diff.information) names.push_back(difference.fact);
+    head.lines.push_back("Other facts that differ: " + join(names, ", "));
+  }
+  document.parts.emplace_back(std::move(head));
+  if (!diff.identity.empty()) document.parts.emplace_back(identity_table(diff));
+  document.parts.emplace_back(figure_table(diff));
+  if (!diff.energies.empty()) document.parts.emplace_back(energy_table(diff));
+  return document;
+}
+
+Json diff_json(const ProfileDiff& diff) {
+  Json json = {{"a", profile_side_json(*diff.a)},
+               {"b", profile_side_json(*diff.b)},
+               {"same_identity", diff.identity.empty()},
+               {"identity", facts_json(diff.identity)},
+               {"information", facts_json(diff.information)},
+               {"figures", Json::array()},
+               {"energies", Json::array()},
+               {"only_in_a", diff.only_a},
+               {"only_in_b", diff.only_b}};
+  for (const PhasePair& pair : diff.phases) {
+    Json row = {{"workload", pair.a->workload},      {"unit", pair.a->unit},
+                {"phase", to_string(pair.a->phase)}, {"state", to_string(pair.a->state)},
+                {"a", side_json(*pair.a)},           {"b", side_json(*pair.b)}};
+    put(row, "ratio", pair.ratio());
+    put(row, "intervals_overlap", pair.overlap());
+    json["figures"].push_back(std::move(row));
+  }
+  for (const EnergyPair& pair : diff.energies) {
+    Json row = {{"workload", pair.a->workload},
+                {"unit", pair.a->unit},
+                {"a", side_json(*pair.a)},
+                {"b", side_json(*pair.b)}};
+    put(row, "ratio", pair.ratio());
+    json["energies"].push_back(std::move(row));
+  }
+  return json;
+}
+
+}  // namespace pirt

@@ -1,0 +1,412 @@
+#include "reports/profile/profile_report.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <iterator>
+#include <map>
+#include <set>
+#include <string_view>
+#include <utility>
+
+#include "characterize/profile/identity.h"
+#include "characterize/profile/roofline.h"
+#include "reports/document/figures.h"
+#include "reports/profile/environment_report.h"
+#include "reports/profile/roofline_report.h"
+#include "workloads/base/json_value.h"
+#include "workloads/base/text.h"
+#include "workloads/catalog.h"
+
+namespace pirt {
+namespace {
+
+/// The median with its mark; "invalid" stands where a figure must not be believed.
+std::string cell(const PhaseRow* row) {
+  if (row == nullptr || !row->unknown().empty()) return "-";
+  if (!row->valid) return "invalid";
+  return marked(figure_ms(row->median), row->provenance);
+}
+
+/// Images a call.
+int batch_of(const std::string& workload) {
+  const Workload* found = try_find_workload(workload);
+  return found == nullptr ? 1 : found->batch;
+}
+
+/// A call's share for each image of its batch; "-" where it has one image.
+std::string image_cell(const PhaseRow* row) {
+  if (row == nullptr || batch_of(row->workload) == 1) return "-";
+  if (!row->valid || !row->median) return cell(row);
+  return marked(figure_ms(*row->median / batch_of(row->workload)), row->provenance);
+}
+
+/// Puts the time per image beside that per call, where some workload has a batch.
+void add_image_column(const Profile& profile, Table& table) {
+  constexpr std::ptrdiff_t kBehindCall = 3;
+  const auto names = profile.workloads();
+  if (std::ranges::none_of(names, [](const auto& name) { return batch_of(name) > 1; })) return;
+  table.columns.insert(table.columns.begin() + kBehindCall, {"call/image"});
+  for (auto& row : table.rows) {
+    row.insert(row.begin() + kBehindCall,
+               image_cell(profile.find(row[0], row[1], Phase::kCall, State::kSteady)));
+  }
+  table.footnotes.push_back("call/image: the call's time over the images of its batch.");
+}
+
+std::string spread(const PhaseRow* row) {
+  if (row == nullptr || !row->valid || !row->median || !row->ci_low || !row->ci_high) return "-";
+  if (row->median->count() <= 0) return "-";
+  const double half = static_cast<double>((*row->ci_high - *row->ci_low).count()) / 2;
+  return fmt::format("{:.1f}%", 100 * half / static_cast<double>(row->median->count()));
+}
+
+std::string energy_cell(const EnergyRow* row) {
+  if (row == nullptr) return "-";
+  const bool is_model = row->provenance != Provenance::kMeasured;
+  if (!row->energy_j) return is_model ? "-" : "invalid";
+  if (!row->valid) return "invalid";
+  return marked(figure(*row->energy_j * 1e3), row->provenance);
+}
+
+struct Word {
+  std::string_view name, meaning;
+};
+
+/// The notes that characterize/profile/store/schema.sql lists.
+constexpr std::array<Word, 8> kNotes = {
+    {{"input_resized", "the picture was scaled to the workload's size"},
+     {"input_cropped", "its edges were cut to keep its proportions"},
+     {"precision_not_reached", "the interval of the median is wider than was asked for"},
+     {"contended", "other processes took processor time meanwhile"},
+     {"bimodal", "the samples have two centres"},
+     {"no_kernel_cache", "nothing is compiled that could be cached: cold and warm are alike"},
+     {kDeterministic, "the figure repeats exactly: one sample is all there is"},
+     {"shared_core", "another unit owns one of its cores too"}}};
+
+/// What is said of a cell, with the phases that it is said of, in order of first appearance.
+using Remarks = std::vector<std::pair<std::string, std::vector<Phase>>>;
+
+Remarks remarks_of(const Profile& profile, const std::string& workload, const std::string& unit) {
+  Remarks remarks;
+  const auto add = [&](const std::string& text, Phase phase) {
+    auto found = std::ranges::find(remarks, text, &Remarks::value_type::first);
+    if (found == remarks.end()) found = remarks.insert(remarks.end(), {text, {}});
+    if (std::ranges::find(found->second, phase) == found->second.end()) {
+      found->second.push_back(phase);
+    }
+  };
+  for (const auto& row : profile.phases) {
+    if (row.workload != workload || row.unit != unit) continue;
+    for (const auto& reason : row.reasons) {
+      add(row.unknown().empty() ? "INVALID: " + reason : reason, row.phase);
+    }
+    if (row.bound) {
+      add(fmt::format("{} at least {} ms", to_string(row.phase), figure_ms(row.bound)), row.phase);
+    }
+    for (const auto& note : row.notes) add(note, row.phase);
+  }
+  const auto* energy = profile.find_energy(workload, unit);
+  if (energy != nullptr && energy->provenance == Provenance::kMeasured) {
+    for (const auto& reason : energy->reasons) {
+      remarks.push_back({"INVALID energy: " + reason, {Phase::kCall}});
+    }
+  }
+  return remarks;
+}
+
+bool concerns_call(const std::vector<Phase>& phases) {
+  return std::ranges::find(phases, Phase::kCall) != phases.end();
+}
+
+/// The phases are named where the call as a whole is not concerned.
+std::string remark_text(const std::string& text, const std::vector<Phase>& phases) {
+  if (concerns_call(phases)) return text;
+  std::vector<std::string> names;
+  for (const Phase phase : phases) names.emplace_back(to_string(phase));
+  return text + " (" + join(names, ", ") + ")";
+}
+
+/// Notes that every workload of a unit has, said once instead of in every row, with their phases.
+/// Those that concern the calls of some workloads are said of all phases but the call: the rows
+/// whose call is concerned say so themselves.
+using CommonNotes = std::map<std::string, std::vector<Phase>>;
+
+CommonNotes common_notes(const Profile& profile, const std::string& unit) {
+  struct Found {
+    int workloads = 0;
+    int calls = 0;
+    std::vector<Phase> phases;       ///< In all workloads,
+    std::vector<Phase> beside_call;  ///< and in those whose call is not concerned.
+  };
+  std::map<std::string, Found> notes;
+  int workloads = 0;
+  const auto add = [](std::vector<Phase>& to, const std::vector<Phase>& phases) {
+    for (const Phase phase : phases) {
+      if (std::ranges::find(to, phase) == to.end()) to.push_back(phase);
+    }
+  };
+  for (const auto& workload : profile.workloads()) {
+    const Remarks remarks = remarks_of(profile, workload, unit);
+    if (remarks.empty() && profile.find(workload, unit, Phase::kCall) == nullptr) continue;
+    ++workloads;
+    for (const auto& [text, phases] : remarks) {
+      if (text.starts_with("INVALID")) continue;
+      Found& found = notes[text];
+      ++found.workloads;
+      found.calls += concerns_call(phases) ? 1 : 0;
+      add(found.phases, phases);
+      if (!concerns_call(phases)) add(found.beside_call, phases);
+    }
+  }
+  CommonNotes common;
+  for (auto& [text, found] : notes) {
+    if (found.workloads != workloads) continue;
+    common[text] = found.calls == workloads ? found.phases : found.beside_call;
+  }
+  return common;
+}
+
+std::string remarks_text(const Remarks& remarks, const CommonNotes& common) {
+  std::vector<std::string> parts;
+  for (const auto& [text, phases] : remarks) {
+    const auto said = common.find(text);
+    const bool is_said =
+        said != common.end() && (concerns_call(said->second) || !concerns_call(phases));
+    if (!is_said) parts.push_back(remark_text(text, phases));
+  }
+  return join(parts, "; ");
+}
+
+/// What the notes that occur mean.
+std::vector<std::string> glossary(const Profile& profile) {
+  std::vector<std::string> lines;
+  for (const Word& word : kNotes) {
+    const auto has = [&](const PhaseRow& row) {
+      return std::ranges::find(row.notes, word.name) != row.notes.end();
+    };
+    if (std::ranges::any_of(profile.phases, has)) {
+      lines.push_back(fmt::format("{}: {}.", word.name, word.meaning));
+    }
+  }
+  return lines;
+}
+
+template <typename T>
+void put(Json& object, const char* key, const std::optional<T>& value) {
+  if (value) object[key] = *value;
+}
+void put(Json& object, const char* key, const std::optional<Nanos>& value) {
+  if (value) object[key] = value->count();
+}
+
+Json phase_json(const PhaseRow& row) {
+  Json json = {{"run_id", row.run_id},
+               {"platform", row.platform},
+               {"workload", row.workload},
+               {"unit", row.unit},
+               {"backend", row.backend},
+               {"phase", to_string(row.phase)},
+               {"state", to_string(row.state)},
+               {"provenance", to_string(row.provenance)},
+               {"valid", row.valid},
+               {"reasons", row.reasons},
+               {"notes", row.notes},
+               {"samples", row.samples},
+               {"bytes", row.bytes},
+               {"processes", row.processes},
+               {"mixture", row.provenance.mixture}};
+  if (const int batch = batch_of(row.workload); batch > 1) json["batch"] = batch;
+  put(json, "median_ns", row.median);
+  put(json, "mad_ns", row.mad);
+  put(json, "p95_ns", row.p95);
+  put(json, "p99_ns", row.p99);
+  put(json, "ci_low_ns", row.ci_low);
+  put(json, "ci_high_ns", row.ci_high);
+  put(json, "ops", row.ops);
+  put(json, "bound_ns", row.bound);
+  return json;
+}
+
+Json energy_json(const EnergyRow& row) {
+  Json json = {{"run_id", row.run_id},
+               {"workload", row.workload},
+               {"unit", row.unit},
+               {"provenance", to_string(row.provenance)},
+               {"source", row.source},
+               {"valid", row.valid},
+               {"reasons", row.reasons},
+               {"domain", row.domain},
+               {"idle_subtracted", row.idle_subtracted},
+               {"mixture", row.provenance.mixture}};
+  put(json, "energy_j", row.energy_j);
+  return json;
+}
+
+Json ranking_json(const Ranking& ranking, const char* value_key) {
+  Json units = Json::array();
+  for (const auto& unit : ranking.units) {
+    units.push_back(
+        {{"unit", unit.unit}, {value_key, unit.value}, {"provenance", to_string(unit.provenance)}});
+  }
+  Json json = {{"preferable", ranking.preferable()}, {"units", units}};
+  put(json, "advantage", ranking.advantage());
+  return json;
+}
+
+Json run_json(const RunInfo& run) {
+  Json units = Json::array();
+  for (const auto& unit : run.units) {
+    units.push_back({{"unit", unit.unit},
+                     {"backend", unit.backend},
+                     {"device", unit.device},
+                     {"device_is_cpu", unit.device_is_cpu},
+                     {"cores", unit.cores}});
+  }
+  return {
+      {"run_id", run.run_id},         {"started", run.started}, {"finished", run.finished},
+      {"platform", run.platform},     {"seed", run.seed},       {"environment", run.environment},
+      {"identity", identity_of(run)}, {"units", units}};
+}
+
+std::string core_text(const std::vector<int>& cores) {
+  std::vector<std::string> parts;
+  for (const int core : cores) parts.push_back(std::to_string(core));
+  return parts.empty() ? "" : (cores.size() == 1 ? ", core " : ", cores ") + join(parts, " ");
+}
+
+}  // namespace
+
+Paragraph profile_header(const Profile& profile) {
+  Paragraph paragraph;
+  const auto& run = profile.runs.front();
+  const auto fact = [&](const char* key) {
+    const auto it = run.environment.find(key);
+    return it == run.environment.end() ? std::string("unknown") : it->second;
+  };
+  paragraph.lines.push_back(fmt::format("Platform {}, run {} of {}{}; seed {}", run.platform,
+                                        run.run_id, run.started,
+                                        run.finished.empty() ? " (did not end)" : "", run.seed));
+  paragraph.lines.push_back(fmt::format("Machine: {}, kernel {}, governor {}", fact("cpu_model"),
+                                        fact("kernel"), fact("governor")));
+  for (const auto& unit : run.units) {
+    const bool disguised = unit.device_is_cpu && unit.backend != "cpu";
+    paragraph.lines.push_back(fmt::format(
+        "Unit {}: backend {} on {}{}{}", unit.unit, unit.backend, unit.device,
+        core_text(unit.cores), disguised ? "; computes on the host's own cores, not a GPU" : ""));
+  }
+  return paragraph;
+}
+
+Table profile_table(const Profile& profile) {
+  Table table{.title = "Profile (medians, ms)",
+              .columns = {{"workload", Align::kLeft},
+                          {"unit", Align::kLeft},
+                          {"call"},
+                          {"+/-"},
+                          {"upload"},
+                          {"launch"},
+                          {"execute"},
+                          {"download"},
+                          {"prepare cold"},
+                          {"warm"},
+                          {"energy mJ"},
+                          {"roofline"},
+                          {"samples"},
+                          {"remarks", Align::kLeft}}};
+  const Rooflines roofs = rooflines(profile);
+  std::map<std::string, CommonNotes> common;
+  for (const auto& unit : profile.units()) common[unit] = common_notes(profile, unit);
+  for (const auto& workload : profile.workloads()) {
+    for (const auto& unit : profile.units()) {
+      const auto phase = [&](Phase p, State state = State::kSteady) {
+        return profile.find(workload, unit, p, state);
+      };
+      const auto* call = phase(Phase::kCall);
+      const auto* cold = phase(Phase::kPrepare, State::kCold);
+      if (call == nullptr && cold == nullptr) continue;
+      table.rows.push_back({workload, unit, cell(call), spread(call), cell(phase(Phase::kUpload)),
+                            cell(phase(Phase::kLaunch)), cell(phase(Phase::kExecute)),
+                            cell(phase(Phase::kDownload)), cell(cold),
+                            cell(phase(Phase::kPrepare, State::kWarm)),
+                            energy_cell(profile.find_energy(workload, unit)),
+                            roofline_cell(roofs.find(workload, unit)),
+                            call == nullptr ? "0" : fmt::format("{}", call->samples),
+                            remarks_text(remarks_of(profile, workload, unit), common[unit])});
+    }
+  }
+  table.footnotes = {
+      "call = upload + launch + execute + download of one call; +/-: half the 95 % confidence "
+      "interval of its "
+      "median; - a phase that the unit does not have.",
+      std::string(provenance_legend())};
+  for (auto& line : roofline_footnotes(roofs)) table.footnotes.push_back(std::move(line));
+  for (const auto& [unit, notes] : common) {
+    if (notes.empty()) continue;
+    std::vector<std::string> list;
+    for (const auto& [text, phases] : notes) list.push_back(remark_text(text, phases));
+    table.footnotes.push_back(fmt::format("All rows of {}: {}", unit, join(list, ", ")));
+  }
+  for (auto& line : glossary(profile)) table.footnotes.push_back(std::move(line));
+  std::set<std::string> sources;
+  for (const auto& energy : profile.energies) {
+    sources.insert(fmt::format("{} ({}; idle {}): {}", energy.unit, energy.domain,
+                               energy.idle_subtracted ? "subtracted" : "included", energy.source));
+  }
+  for (const auto& source : sources) table.footnotes.push_back("Energy of " + source);
+  add_image_column(profile, table);
+  return table;
+}
+
+Table preference_table(const std::vector<Preference>& preferences) {
+  Table table{.title = "Preferable unit for each workload (the paper's Table III for this machine)",
+              .columns = {{"workload", Align::kLeft},
+                          {"by time", Align::kLeft},
+                          {"ms"},
+                          {"next takes"},
+                          {"by energy", Align::kLeft},
+                          {"mJ"},
+                          {"next takes"},
+                          {"paper: time", Align::kLeft},
+                          {"energy", Align::kLeft}}};
+  const auto times = [](std::optional<double> x) {
+    return x ? figure(*x) + "x" : std::string("-");
+  };
+  for (const auto& p : preferences) {
+    const auto best = [](const Ranking& ranking, double scale) {
+      if (ranking.units.empty()) return std::string("-");
+      return marked(figure(ranking.units[0].value * scale), ranking.units[0].provenance);
+    };
+    table.rows.push_back({p.workload, p.by_time.preferable(), best(p.by_time, 1),
+                          times(p.by_time.advantage()), p.by_energy.preferable(),
+                          best(p.by_energy, 1e3), times(p.by_energy.advantage()),
+                          p.paper_time ? marked(*p.paper_time, Provenance::kPublished) : "-",
+                          p.paper_energy ? marked(*p.paper_energy, Provenance::kPublished) : "-"});
+  }
+  table.footnotes = {
+      "By phase call, transfers included; a = b where the confidence intervals overlap. The "
+      "paper's units are "
+      "those of its three boards.",
+      std::string(provenance_legend())};
+  return table;
+}
+
+Json profile_json(const Profile& profile, const std::vector<Preference>& preferences) {
+  Json json = {{"runs", Json::array()},
+               {"profile_summary", Json::array()},
+               {"energy_summary", Json::array()},
+               {"preferable", Json::array()},
+               {"roofline", roofline_json(rooflines(profile))}};
+  for (const auto& run : profile.runs) json["runs"].push_back(run_json(run));
+  for (const auto& row : profile.phases) json["profile_summary"].push_back(phase_json(row));
+  for (const auto& row : profile.energies) json["energy_summary"].push_back(energy_json(row));
+  for (const auto& p : preferences) {
+    json["preferable"].push_back({{"workload", p.workload},
+                                  {"by_time", ranking_json(p.by_time, "call_ms")},
+                                  {"by_energy", ranking_json(p.by_energy, "energy_j")}});
+  }
+  return json;
+}
+
+}  // namespace pirt

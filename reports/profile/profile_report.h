@@ -1,0 +1,27 @@
+// What a profile says, as tables: the figures of each cell, and the preferable unit for each
+// workload.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "characterize/profile/profile.h"
+#include "reports/document/document.h"
+#include "reports/profile/preference.h"
+#include "workloads/base/json.h"
+
+namespace pirt {
+
+/// Where and when it was measured, and on what device each unit computes.
+[[nodiscard]] Paragraph profile_header(const Profile& profile);
+
+/// A row for each workload and unit: call, execution, transfers, set-up, energy, remarks.
+[[nodiscard]] Table profile_table(const Profile& profile);
+
+/// This machine's Table III, beside the paper's.
+[[nodiscard]] Table preference_table(const std::vector<Preference>& preferences);
+
+/// Everything that the tables are made of, in the units of the names.
+[[nodiscard]] Json profile_json(const Profile& profile, const std::vector<Preference>& preferences);
+
+}  // namespace pirt

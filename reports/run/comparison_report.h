@@ -1,0 +1,21 @@
+// Several modes on one mix, one row a mode: what each reaches, how far that is from what is
+// possible, and what it costs.
+#pragma once
+
+#include "reports/document/document.h"
+#include "scheduler/mix/mix.h"
+#include "scheduler/schedule.h"
+#include "workloads/base/json.h"
+
+namespace pirt {
+
+/// Gaps are relative to each run's bounds; the costs, energy and p99 latency, to the best mode of
+/// the table.
+///
+/// Where mode advanced is among the runs, and its basic scheduler too, the footnotes say what
+/// strict priority does to real-time pipelines without images: their p99 latency and missed
+/// deadlines under both.
+[[nodiscard]] Document comparison_document(const ModeRuns& comparison, const Mix& mix);
+[[nodiscard]] Json comparison_json(const ModeRuns& comparison);
+
+}  // namespace pirt

@@ -1,0 +1,229 @@
+#include "reports/run/pareto.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <limits>
+#include <tuple>
+
+#include "reports/document/figures.h"
+#include "reports/run/run_report.h"
+#include "workloads/base/json_value.h"
+
+namespace pirt {
+namespace {
+
+constexpr const char* kBest = "beaten by nobody";
+constexpr const char* kBeaten = "another mode is as good in all, better in some";
+
+/// At least as good in all three, and better in one.
+bool beats(const ModePoint& a, const ModePoint& b) {
+  const bool as_good =
+      a.rate_per_ms >= b.rate_per_ms && a.energy_mj <= b.energy_mj && a.latency_ms <= b.latency_ms;
+  return as_good && (a.rate_per_ms > b.rate_per_ms || a.energy_mj < b.energy_mj ||
+                     a.latency_ms < b.latency_ms);
+}
+
+bool comparable(const RunRecord& a, const RunRecord& b) {
+  const auto key = [](const RunRecord& r) {
+    return std::tie(r.platform, r.mix, r.profile, r.draw, r.duration_s, r.seed, r.time);
+  };
+  return key(a) == key(b);
+}
+
+std::int64_t late(const RunRecord& run) {
+  std::int64_t misses = 0;
+  for (const auto& pipeline : run.pipelines) misses += pipeline.deadline_misses.value_or(0);
+  return misses;
+}
+
+Origin provenance_of(const RunRecord& run) {
+  const RunMarks marks = marks_of(run);
+  return weakest(marks.time, marks.energy);
+}
+
+std::string front_text(const ModePoint& point) {
+  return point.beaten_by == nullptr ? "nobody" : point.beaten_by->mode;
+}
+
+/// The points that no other beats in these two figures, as a line from left to right. @param
+/// better  Whether a second figure is better than another.
+template <typename Second, typename Better>
+ReferenceLine front(const std::vector<ModePoint>& points, const Second& second,
+                    const Better& better) {
+  auto sorted = points;
+  std::ranges::sort(sorted, [&](const ModePoint& a, const ModePoint& b) {
+    return a.energy_mj != b.energy_mj ? a.energy_mj < b.energy_mj : better(second(a), second(b));
+  });
+  ReferenceLine line{.label = ""};
+  for (const ModePoint& point : sorted) {
+    if (line.points.empty() || better(second(point), line.points.back().second)) {
+      line.points.emplace_back(point.energy_mj, second(point));
+    }
+  }
+  return line;
+}
+
+std::string origin_of(const RunRecord& run) {
+  std::string text = "pirt schedule --compare --mix " + run.mix + " --platform " + run.platform;
+  if (run.profile) text += " --profile " + *run.profile;
+  return text + fmt::format(" --seed {}", run.seed);
+}
+
+/// Of the run that completed most: what no schedule of as much work needs less than.
+std::optional<double> least_energy_mj(const std::vector<ModePoint>& points) {
+  const RunRecord* most = nullptr;
+  for (const ModePoint& point : points) {
+    if (!point.run->bounds || !point.run->bounds->energy_j) continue;
+    if (most == nullptr || point.run->completed > most->completed) most = point.run;
+  }
+  if (most == nullptr) return std::nullopt;
+  return *most->bounds->energy_j * 1e3 / static_cast<double>(most->completed);
+}
+
+std::optional<double> most_rate(const std::vector<ModePoint>& points) {
+  std::optional<double> most;
+  for (const ModePoint& point : points) {
+    if (!point.run->bounds || !point.run->bounds->throughput_per_ms) continue;
+    most = std::max(most.value_or(0), *point.run->bounds->throughput_per_ms);
+  }
+  return most;
+}
+
+Mark mark_of(const ModePoint& point, double y) {
+  return {.group = point.run->mode,
+          .series = point.beaten_by == nullptr ? kBest : kBeaten,
+          .x = point.energy_mj,
+          .y = y,
+          .provenance = provenance_of(*point.run)};
+}
+
+Chart rate_chart(const std::vector<ModePoint>& points) {
+  const RunRecord& first = *points.front().run;
+  Chart chart{.kind = ChartKind::kScatter,
+              .x = {"mJ a task"},
+              .y = {"tasks a ms"},
+              .series = {kBest, kBeaten}};
+  chart.table = {
+      .title = fmt::format("Modes: rate and energy, mix {} on {}", first.mix, first.platform),
+      .columns = {{"mode", Align::kLeft},
+                  {"tasks/ms"},
+                  {"gap %"},
+                  {"mJ/task"},
+                  {"gap %"},
+                  {"beaten by", Align::kLeft}},
+      .footnotes = {"gap = reached / bound - 1, to the most tasks a ms and to the least "
+                    "energy for what the mode completed, which no scheduler can beat. "
+                    "all three: rate, energy and p99 latency.",
+                    std::string(provenance_legend())},
+      .origin = origin_of(first)};
+  for (const ModePoint& point : points) {
+    const RunBounds bounds = point.run->bounds.value_or(RunBounds{});
+    const RunMarks marks = marks_of(*point.run);
+    chart.table.rows.push_back({point.run->mode, shown(point.rate_per_ms, marks.time),
+                                gap_text(point.rate_per_ms, bounds.throughput_per_ms),
+                                shown(point.energy_mj, marks.energy),
+                                gap_text(point.run->energy_j, bounds.energy_j), front_text(point)});
+    chart.marks.push_back(mark_of(point, point.rate_per_ms));
+  }
+  chart.lines = {front(
+      points, [](const ModePoint& p) { return p.rate_per_ms; }, std::greater<>())};
+  if (const auto most = most_rate(points)) chart.lines.push_back({.label = "bound", .y = most});
+  if (const auto least = least_energy_mj(points)) {
+    chart.lines.push_back({.label = "bound", .x = least});
+  }
+  const auto best = std::ranges::count(points, nullptr, &ModePoint::beaten_by);
+  chart.summary = fmt::format(
+      "Up and left is better; dashed: the front, and what no scheduler can "
+      "beat. {} of {} modes are beaten by nobody in rate, energy and "
+      "latency together.",
+      best, points.size());
+  return chart;
+}
+
+Chart latency_chart(const std::vector<ModePoint>& points) {
+  const RunRecord& first = *points.front().run;
+  Chart chart{.kind = ChartKind::kScatter,
+              .summary = "Down and left is better; dashed: the front, and the least energy.",
+              .x = {"mJ a task"},
+              .y = {"p99 latency, ms", true},
+              .series = {kBest, kBeaten}};
+  chart.table = {
+      .title = fmt::format("Modes: latency and energy, mix {} on {}", first.mix, first.platform),
+      .columns = {{"mode", Align::kLeft},
+                  {"p99 ms"},
+                  {"mean ms"},
+                  {"mJ/task"},
+                  {"late"},
+                  {"dropped"},
+                  {"queued"},
+                  {"offloaded"}},
+      .footnotes = {"Of tasks, dispatch to completion. late: firings past their "
+                    "deadline. A mode that drops or offloads has less to serve.",
+                    std::string(provenance_legend())},
+      .origin = origin_of(first)};
+  for (const ModePoint& point : points) {
+    const RunRecord& run = *point.run;
+    const RunMarks marks = marks_of(run);
+    chart.table.rows.push_back({run.mode, shown(point.latency_ms, marks.time),
+                                shown(run.mean_latency_ms, marks.time),
+                                shown(point.energy_mj, marks.energy), fmt::format("{}", late(run)),
+                                fmt::format("{}", run.dropped + run.expired),
+                                fmt::format("{}", run.queued), fmt::format("{}", run.offloaded)});
+    chart.marks.push_back(mark_of(point, point.latency_ms));
+  }
+  chart.lines = {front(
+      points, [](const ModePoint& p) { return p.latency_ms; }, std::less<>())};
+  if (const auto least = least_energy_mj(points)) {
+    chart.lines.push_back({.label = "bound", .x = least});
+  }
+  return chart;
+}
+
+}  // namespace
+
+bool keeps_up(const RunRecord& run, std::span<const RunRecord> runs) {
+  std::int64_t most = 0;
+  for (const RunRecord& each : runs) most = std::max(most, each.completed);
+  return static_cast<double>(run.completed) >= kKeepsUp * static_cast<double>(most);
+}
+
+std::vector<ModePoint> mode_points(std::span<const RunRecord> runs) {
+  std::vector<ModePoint> points;
+  for (const RunRecord& run : runs) {
+    if (run.completed == 0 || !run.throughput_per_ms || !run.p99_latency_ms || !run.energy_j) {
+      continue;
+    }
+    if (!comparable(run, runs.front()) || !keeps_up(run, runs)) continue;
+    points.push_back({.run = &run,
+                      .rate_per_ms = *run.throughput_per_ms,
+
+                      .energy_mj = *run.energy_j * 1e3 / static_cast<double>(run.completed),
+                      .latency_ms = *run.p99_latency_ms});
+  }
+  for (ModePoint& point : points) {
+    const auto better =
+        std::ranges::find_if(points, [&](const ModePoint& other) { return beats(other, point); });
+    if (better != points.end()) point.beaten_by = better->run;
+  }
+  return points;
+}
+
+std::vector<Chart> pareto_charts(const std::vector<ModePoint>& points) {
+  if (points.empty()) return {};
+  return {rate_chart(points), latency_chart(points)};
+}
+
+Json pareto_json(const std::vector<ModePoint>& points) {
+  auto json = Json::array();
+  for (const ModePoint& point : points) {
+    json.push_back({{"mode", point.run->mode},
+                    {"rate_per_ms", point.rate_per_ms},
+                    {"energy_mj", point.energy_mj},
+                    {"p99_latency_ms", point.latency_ms}});
+    if (point.beaten_by != nullptr) json.back()["beaten_by"] = point.beaten_by->mode;
+  }
+  return json;
+}
+
+}  // namespace pirt

@@ -1,0 +1,40 @@
+// All modes on one mix as points: rate, energy, latency; which of them nobody beats, and how far
+// they are from what no scheduler can exceed.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "reports/document/chart.h"
+#include "scheduler/record/run_record.h"
+#include "workloads/base/json_value.h"
+
+namespace pirt {
+
+struct ModePoint {
+  const RunRecord* run = nullptr;  ///< Outlives it.
+  double rate_per_ms = 0;          ///< Completed tasks; more is better.
+  double energy_mj = 0;            ///< A completed task; less is better.
+  double latency_ms = 0;           ///< p99 of a task, dispatch to completion; less is better.
+  /// A mode that is at least as good in all three and better in one; null = on the front.
+  const RunRecord* beaten_by = nullptr;
+};
+
+/// A mode that completes less than this part of what the best completes is no choice.
+inline constexpr double kKeepsUp = 0.9;
+[[nodiscard]] bool keeps_up(const RunRecord& run, std::span<const RunRecord> runs);
+
+/// Runs that keep up, in their order. Those that compare: of one platform, mix, duration and seed
+/// as the first.
+[[nodiscard]] std::vector<ModePoint> mode_points(std::span<const RunRecord> runs);
+
+/// Rate over energy, with both bounds; latency over energy, with that of energy. Each with the
+/// front of its two figures as a line.
+[[nodiscard]] std::vector<Chart> pareto_charts(const std::vector<ModePoint>& points);
+
+/// [{"mode", "rate_per_ms", "energy_mj", "p99_latency_ms", "beaten_by"}]
+[[nodiscard]] Json pareto_json(const std::vector<ModePoint>& points);
+
+}  // namespace pirt

@@ -1,0 +1,340 @@
+#include "reports/run/robot_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "reports/document/figures.h"
+#include "workloads/base/json_value.h"
+
+namespace pirt {
+namespace {
+
+std::string sensors_of(const slam::Setup& setup) {
+  return fmt::format("{} camera{}, {}", setup.cameras.size(), setup.cameras.size() == 1 ? "" : "s",
+                     setup.imu ? "IMU" : "no IMU");
+}
+
+std::string frames_text(const RobotRun& run) {
+  const auto& s = run.summary;
+  const auto& r = run.result;
+  std::string text =
+      fmt::format("frames         {}: {} tracking, {} starting, {} lost; {} without contrast\n",
+                  s.frames, s.tracking, s.starting, s.lost, s.unusable);
+  if (r.dropped + r.failed > 0 || !run.mode.empty()) {
+    text += fmt::format("               of {} that came; {} dropped, {} failed\n", r.arrived,
+                        r.dropped, r.failed);
+  }
+  const char* rate = "as fast as it goes";
+  if (run.own_rate) rate = "at the sequence's own rate";
+  if (!run.own_rate && run.mode.empty()) rate = "as fast as it goes, pictures are read apart";
+  text += fmt::format("rate           {:.1f} Hz ({})\n", s.rate_hz, rate);
+  text += fmt::format("latency, ms    p50 {:.2f}, p95 {:.2f}, p99 {:.2f}, from arrival to pose\n",
+                      run.latency.p50_ms, run.latency.p95_ms, run.latency.p99_ms);
+  return text + fmt::format("map            {} landmarks in the filter, {} points outside\n",
+                            s.landmarks, s.map_points);
+}
+
+slam::StageSummary summary_of(const ActivityCounts& counts) {
+  std::vector<double> ms;
+  for (const Nanos latency : counts.latencies) ms.push_back(to_ms(latency));
+  return slam::summary_of(counts.name, std::move(ms));
+}
+
+const ActivityCounts* find(const RobotRun& run, std::string_view name) {
+  const auto found = std::ranges::find(run.activities, name, &ActivityCounts::name);
+  return found == run.activities.end() ? nullptr : &*found;
+}
+
+/// Of what recognizes, whatever does.
+const ActivityCounts* recognitions(const RobotRun& run) {
+  const auto* own = find(run, "recognize");
+  return own != nullptr ? own : find(run, "alexnet");
+}
+
+double per_second(const RobotRun& run, const ActivityCounts& counts) {
+  const double s = to_s(run.result.duration);
+  return s > 0 ? static_cast<double>(counts.completed) / s : 0.0;
+}
+
+/// Servers of one unit at work and at rest, by the platform's watts.
+double energy_of(const Platform& platform, const LocalizationResult& result, bool live) {
+  double energy_j = 0;
+  bool charged = live;  // Without the runtime all is the work of one unit.
+  for (const UnitModel& unit : platform.units) {
+    if (!unit.measured()) continue;
+    Nanos busy{0};
+    for (const auto& each : result.statistics.units) {
+      if (each.name == unit.name) busy = each.busy;
+    }
+    if (unit.backend == "cpu" && !std::exchange(charged, true)) busy = result.busy;
+    const Nanos idle = std::max(result.duration - busy, Nanos::zero());
+    energy_j += unit.active_w * to_s(busy) + unit.idle_w * to_s(idle);
+  }
+  return energy_j;
+}
+
+/// Which unit served what, and what went wrong.
+std::string units_text(const RobotRun& run) {
+  if (run.mode.empty()) return "";
+  std::string text = "\n";
+  for (const auto& [workload, units] : run.result.served) {
+    std::string served;
+    for (const auto& [unit, calls] : units) {
+      served += fmt::format("{}{} {}", served.empty() ? "" : ", ", unit, calls);
+    }
+    text += fmt::format("{:<17} {}\n", workload, served);
+  }
+  for (const auto& unit : run.result.statistics.units) {
+    text += fmt::format("unit {:<12} busy for {:.2f} s{}\n", unit.name, to_s(unit.busy),
+                        unit.in_service ? "" : ", out of service");
+  }
+  return text;
+}
+
+std::string activities_text(const RobotRun& run) {
+  if (run.activities.empty()) return "";
+  std::string text =
+      fmt::format("\n{:<17} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "besides, ms", "deadline",
+                  "p50", "p95", "p99", "late", "done", "of");
+  for (const ActivityCounts& each : run.activities) {
+    const auto latency = summary_of(each);
+    text += fmt::format(
+        "{:<17} {:>8} {:>8.2f} {:>8.2f} {:>8.2f} {:>8} {:>8} {:>8}{}\n", each.name,
+        each.deadline > Nanos::zero() ? fmt::format("{:.1f}", to_ms(each.deadline)) : "-",
+        latency.p50_ms, latency.p95_ms, latency.p99_ms, each.late, each.completed, each.fired,
+        each.skipped > 0 ? fmt::format(", {} skipped", each.skipped) : "");
+  }
+  if (const auto* plans = find(run, "plan_path")) {
+    text += fmt::format("paths          found by {} of {} plans, the last of {:.2f} m\n",
+                        run.paths_found, plans->completed, run.last_path_m);
+  }
+  if (run.keyframes_after) {
+    text += fmt::format("keyframes      RMS {:.4f} m before they were adjusted, {:.4f} m after\n",
+                        run.keyframes_before->ate_rms_m, run.keyframes_after->ate_rms_m);
+  }
+  if (run.energy_j > 0) {
+    text += fmt::format("power          {}{:.2f} W ({}{:.1f} J by the platform's watts)\n",
+                        mark(run.watts), run.energy_j / to_s(run.result.duration), mark(run.watts),
+                        run.energy_j);
+  }
+  return text;
+}
+
+std::string errors_text(const slam::RunSummary& s) {
+  if (!s.error) return "\nno truth: errors are not known\n";
+  const auto& e = *s.error;
+  std::string text = fmt::format(
+      "\nposition       RMS {:.4f} m, most {:.4f} m, {:.3f} % of the path of {:.2f} "
+      "m ({})\n",
+      e.ate_rms_m, e.ate_max_m, e.path_m > 0 ? 100 * e.ate_rms_m / e.path_m : 0.0, e.path_m,
+      s.scale_known ? "SE(3)-aligned" : "Sim(3)-aligned: one camera has no scale");
+  if (s.constant_velocity_ate_rms_m) {
+    text += fmt::format("               (constant velocity: RMS {:.4f} m)\n",
+                        *s.constant_velocity_ate_rms_m);
+  }
+  text += fmt::format(
+      "rotation       {:.4f} degrees over 1 frame, {:.4f} over 10 (no turn at all: "
+      "{:.4f} and {:.4f})\n",
+      s.rotation_1_frame_deg, s.rotation_10_frames_deg, s.rotation_1_trivial_deg,
+      s.rotation_10_trivial_deg);
+  return text + fmt::format("attitude       {:.4f} degrees, aligned\n", e.rotation_error_mean_deg);
+}
+
+Json stage_json(const slam::StageSummary& stage) {
+  return {{"name", stage.name},
+          {"mean_ms", stage.mean_ms},
+          {"p50_ms", stage.p50_ms},
+          {"p95_ms", stage.p95_ms},
+          {"p99_ms", stage.p99_ms}};
+}
+
+void add_errors(const slam::RunSummary& s, Json& json) {
+  if (!s.error) return;
+  json["alignment"] = s.scale_known ? "se3" : "sim3";
+  json["path_m"] = s.error->path_m;
+  json["ate_rms_m"] = s.error->ate_rms_m;
+  json["ate_max_m"] = s.error->ate_max_m;
+  json["scale"] = s.error->scale;
+  // Over one frame, which needs no alignment: a straight drive has no attitude to align.
+  json["rotation_error_mean_deg"] = s.rotation_1_frame_deg;
+  json["rotation_error_10_frames_deg"] = s.rotation_10_frames_deg;
+  json["rotation_trivial_mean_deg"] = s.rotation_1_trivial_deg;
+  json["rotation_trivial_10_frames_deg"] = s.rotation_10_trivial_deg;
+  json["attitude_error_mean_deg"] = s.error->rotation_error_mean_deg;
+  if (s.constant_velocity_ate_rms_m) {
+    json["constant_velocity_ate_rms_m"] = *s.constant_velocity_ate_rms_m;
+  }
+}
+
+}  // namespace
+
+RobotRun robot_run(std::string driver, std::string mode, const Sequence& sequence,
+                   const LocalizationOptions& options, LocalizationResult result,
+                   const Activities* activities) {
+  RobotRun run{.driver = std::move(driver),
+               .mode = std::move(mode),
+               .own_rate = options.own_rate,
+               .setup = options.setup,
+               .summary = {},
+               .latency = {},
+               .result = std::move(result),
+               .activities = {},
+               .keyframes_before = {},
+               .keyframes_after = {}};
+  run.summary = slam::summarize(sequence, run.result.run, options.setup);
+  std::vector<double> ms;
+  for (const Nanos latency : run.result.latencies) ms.push_back(to_ms(latency));
+  run.latency = slam::summary_of("latency", std::move(ms));
+  run.summary.rate_hz = run.result.rate_hz();
+  if (activities != nullptr) {
+    run.activities = activities->counts();
+    run.paths_found = activities->paths_found();
+    run.last_path_m = activities->last_path_m();
+    run.scenes = activities->scenes();
+    const auto [before, after] = activities->adjusted();
+    if (run.summary.error && before.size() > 2) {
+      const auto alignment = run.summary.scale_known ? Alignment::kSe3 : Alignment::kSim3;
+      run.keyframes_before = evaluate(before, sequence.truth, alignment);
+      run.keyframes_after = evaluate(after, sequence.truth, alignment);
+    }
+  }
+  if (options.own_rate) {
+    run.energy_j = energy_of(options.runtime.platform, run.result, !run.mode.empty());
+  }
+  return run;
+}
+
+std::string robot_text(const RobotRun& run) {
+  std::string text =
+      fmt::format("driver         {}{}\nsensors        {}\n", run.driver,
+                  run.result.stopped ? ", stopped before its time" : "", sensors_of(run.setup));
+  text += frames_text(run);
+  text +=
+      fmt::format("\n{:<17} {:>8} {:>8} {:>8} {:>8}\n", "stage, ms", "mean", "p50", "p95", "p99");
+  for (const auto& stage : run.summary.stages) {
+    text += fmt::format("{:<17} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.3f}\n", stage.name, stage.mean_ms,
+                        stage.p50_ms, stage.p95_ms, stage.p99_ms);
+  }
+  return text + activities_text(run) + units_text(run) + errors_text(run.summary);
+}
+
+Json robot_json(const RobotRun& run, const std::string& dataset) {
+  const auto& s = run.summary;
+  const auto& r = run.result;
+  Json json = {{"schema_version", 1},
+               {"dataset", dataset},
+               {"driver", run.driver},
+               {"own_rate", run.own_rate},
+               {"stopped", r.stopped},
+               {"cameras", run.setup.cameras.size()},
+               {"imu", run.setup.imu.has_value()},
+               {"update", run.setup.update},
+               {"arrived", r.arrived},
+               {"dropped", r.dropped},
+               {"failed", r.failed},
+               {"frames", s.frames},
+               {"frames_tracking", s.tracking},
+               {"frames_starting", s.starting},
+               {"frames_lost", s.lost},
+               {"frames_without_contrast", s.unusable},
+               {"rate_hz", s.rate_hz},
+               {"latency_p50_ms", run.latency.p50_ms},
+               {"latency_p95_ms", run.latency.p95_ms},
+               {"latency_p99_ms", run.latency.p99_ms},
+               {"landmarks", s.landmarks},
+               {"map_points", s.map_points}};
+  if (!run.mode.empty()) {
+    json["mode"] = run.mode;
+    json["served"] = r.served;
+    for (const auto& unit : r.statistics.units) {
+      json["units"].push_back({{"name", unit.name},
+                               {"in_service", unit.in_service},
+                               {"completed", unit.completed},
+                               {"busy_s", to_s(unit.busy)}});
+    }
+  }
+  json["problems"] = r.problems;
+  for (const ActivityCounts& each : run.activities) {
+    const auto latency = summary_of(each);
+    json["activities"].push_back({{"name", each.name},
+                                  {"deadline_ms", to_ms(each.deadline)},
+                                  {"fired", each.fired},
+                                  {"completed", each.completed},
+                                  {"failed", each.failed},
+                                  {"skipped", each.skipped},
+                                  {"problem", each.problem},
+                                  {"late", each.late},
+                                  {"rate_hz", per_second(run, each)},
+                                  {"p50_ms", latency.p50_ms},
+                                  {"p95_ms", latency.p95_ms},
+                                  {"p99_ms", latency.p99_ms}});
+  }
+  if (find(run, "plan_path") != nullptr) {
+    json["paths_found"] = run.paths_found;
+    json["last_path_m"] = run.last_path_m;
+  }
+  if (run.keyframes_after) {
+    json["keyframes_ate_rms_m"] = {{"before", run.keyframes_before->ate_rms_m},
+                                   {"after", run.keyframes_after->ate_rms_m}};
+  }
+  if (run.energy_j > 0) {
+    json["power_w"] = run.energy_j / to_s(r.duration);
+    json["energy_j"] = run.energy_j;
+    json["energy_provenance"] = to_string(run.watts);
+  }
+  for (const auto& stage : s.stages) json["stages"].push_back(stage_json(stage));
+  add_errors(s, json);
+  return json;
+}
+
+Table robot_comparison(std::span<const RobotRun> runs) {
+  Table table;
+  table.columns = {{"driver", Align::kLeft},
+                   {"Hz"},
+                   {"p50 ms"},
+                   {"p99 ms"},
+                   {"dropped"},
+                   {"failed"},
+                   {"lost"},
+                   {"recogn./s"},
+                   {"plan p99 ms"},
+                   {"late"},
+                   {"W"},
+                   {"J"},
+                   {"RMS m"},
+                   {"% of path"},
+                   {"degrees a frame"}};
+  const auto number = [](bool known, const char* format, double value) {
+    return known ? fmt::format(fmt::runtime(format), value) : "-";
+  };
+  for (const RobotRun& run : runs) {
+    const auto& s = run.summary;
+    const bool known = s.error.has_value();
+    const auto* plans = find(run, "plan_path");
+    const auto* seen = recognitions(run);
+    const bool powered = run.energy_j > 0;
+    table.rows.push_back(
+        {run.driver, fmt::format("{:.1f}", s.rate_hz), fmt::format("{:.2f}", run.latency.p50_ms),
+         fmt::format("{:.2f}", run.latency.p99_ms), fmt::format("{}", run.result.dropped),
+         fmt::format("{}", run.result.failed), fmt::format("{}", s.lost),
+         number(seen != nullptr, "{:.2f}", seen != nullptr ? per_second(run, *seen) : 0),
+         number(plans != nullptr, "{:.2f}", plans != nullptr ? summary_of(*plans).p99_ms : 0),
+         plans != nullptr ? fmt::format("{}", plans->late) : "-",
+         powered ? mark(run.watts) + fmt::format("{:.2f}", run.energy_j / to_s(run.result.duration))
+                 : "-",
+         powered ? mark(run.watts) + fmt::format("{:.1f}", run.energy_j) : "-",
+         number(known, "{:.4f}", known ? s.error->ate_rms_m : 0),
+         number(known && s.error->path_m > 0, "{:.3f}",
+                known ? 100 * s.error->ate_rms_m / s.error->path_m : 0),
+         number(known, "{:.4f}", s.rotation_1_frame_deg)});
+  }
+  table.footnotes = {
+      "Localization: Hz and times from a frame's arrival to its pose. recogn./s, plan p99 and late "
+      "(plans past their deadline): what it does besides. W and J are by the platform's watts, at "
+      "the sequence's own rate only."};
+  return table;
+}
+
+}  // namespace pirt
