@@ -124,8 +124,11 @@ class SharedServers final : public Servers {
     return a.end != b.end ? a.end > b.end : a.sequence > b.sequence;
   }
   static Fixed fixed(Nanos time) { return Fixed{time.count()} << kFraction; }
+  /// At most what is just not never.
   static Nanos round_up(Fixed time) {
-    return Nanos(static_cast<std::int64_t>((time + (Fixed{1} << kFraction) - 1) >> kFraction));
+    constexpr Fixed kMost = (Nanos::max() - Nanos(1)).count();
+    const Fixed up = (time + (Fixed{1} << kFraction) - 1) >> kFraction;
+    return Nanos(static_cast<std::int64_t>(std::min(up, kMost)));
   }
 
   /// When the first job ends if nothing arrives, rounded up to 2^-32 ns.

@@ -8,9 +8,16 @@
 #include <utility>
 
 #include "scheduler/services/transfers.h"
+#include "workloads/base/error.h"
 #include "workloads/base/random.h"
 
 namespace pirt {
+namespace {
+
+/// 64 bits of nanoseconds are 292 years, and times are added up.
+constexpr Nanos kLongestRun = std::chrono::years(20);
+
+}  // namespace
 
 /// One thing after the other that a started task goes through.
 struct VirtualTime::Step {
@@ -280,6 +287,10 @@ bool VirtualTime::advance(Nanos now) {
   const bool wakes = wake < event;
   if (!wakes && event == Nanos::max()) return false;
   const Nanos time = std::max(now_, wakes ? wake : event);
+  if (time > kLongestRun) {
+    throw_bad_input(
+        "the run takes more than 20 years of virtual time; make its stages or its loops shorter");
+  }
   if (time > firings_.end() && !at_end_) close_books(firings_.end());
   now_ = std::max(time, now);
   if (wakes) {

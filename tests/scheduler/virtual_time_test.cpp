@@ -184,6 +184,21 @@ workloads:
   EXPECT_NEAR(record.energy_j.value(), 0.008 * 1 + 0.002 * 10, 1e-12);
 }
 
+TEST(VirtualTime, RefusesRunsThatNoNanosecondsCount) {
+  // 11.6 days a frame, one after the other: more than 300 years; and a thousand side by side, whose
+  // first ends after 31 years.
+  for (const std::string of : {"discipline: fifo", "discipline: processor_sharing"}) {
+    const auto platform = platform_of("platform: slow\nunits: {cpu: {active_w: 1, slots: 1000, " +
+                                      of + "}}\nworkloads: {fc8: {cpu: [{on: cpu, ms: 1e9}]}}");
+    const auto mix = mix_of(
+        "mix: m\npipelines: {p: {closed_loop: {frames: 1000000}, tasks: [{workload: fc8}]}}");
+    auto options = mode("olb");
+    options.in_flight = 1000;
+    EXPECT_THAT(bad_input([&] { static_cast<void>(run(platform, mix, options)); }),
+                HasSubstr("20 years"));
+  }
+}
+
 TEST(VirtualTime, ScaledStagesTakeLongerAndCostTheSame) {
   auto platform = platform_of(kOneUnit);
   platform.modes["throughput"].stage_scale = {{"cpu.execute", 1.5}};
