@@ -74,7 +74,7 @@ struct UnitRequest {
                            ///< thread's affinity.
   std::string device;      ///< Part of a device's name or platform to pick by; empty = the first.
   std::string script;      ///< Backend-specific: the fake backend's script (YAML text).
-  std::map<std::string, double> options = {};  ///< Of Backend::options; others have their default.
+  std::map<std::string, double> options = {};  ///< Of options_of; others have their default.
 
   /// What @p option is for this unit.
   [[nodiscard]] double option(const OptionSpec& option) const {
@@ -186,9 +186,6 @@ class Backend {
   /// The phases that its calls have, in order; kCall is always among them.
   [[nodiscard]] virtual std::vector<Phase> phases() const = 0;
   [[nodiscard]] virtual Probe probe() const = 0;
-  /// What a platform file may give under a unit's `options:`, and a device reads from its request.
-  /// All of them change figures.
-  [[nodiscard]] virtual std::vector<OptionSpec> options() const { return {}; }
   [[nodiscard]] virtual Support supports(const Workload& workload) const = 0;
   /// The same for the unit of @p request, for backends where the request decides too; opens
   /// nothing.

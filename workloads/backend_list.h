@@ -11,7 +11,8 @@
 namespace pirt {
 
 [[nodiscard]] std::vector<std::string> backend_names();
-/// As Backend::options; nothing for a name that is no backend's.
+/// What a platform file may give under a unit's `options:`, and a device reads from its request.
+/// All of them change figures. Nothing for a name that is no backend's.
 [[nodiscard]] std::vector<OptionSpec> options_of(std::string_view backend);
 
 }  // namespace pirt

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "characterize/worker/measure.h"
+#include "workloads/backend_list.h"
 #include "workloads/base/affinity.h"
 #include "workloads/base/text.h"
-#include "workloads/registry.h"
 
 namespace pirt {
 namespace {
@@ -20,7 +20,7 @@ std::string describe_options(const UnitModel& unit) {
   UnitRequest request;
   request.options = unit.options;
   std::vector<std::string> parts;
-  for (const OptionSpec& option : find_backend(unit.backend).options()) {
+  for (const OptionSpec& option : options_of(unit.backend)) {
     parts.push_back(fmt::format("{}={}", option.name, request.option(option)));
   }
   return join(parts, ", ");

@@ -13,6 +13,7 @@
 #include "reports/document/document.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/policies/policy.h"
+#include "workloads/backend_list.h"
 #include "workloads/base/error.h"
 #include "workloads/base/json_value.h"
 #include "workloads/base/text.h"
@@ -159,7 +160,7 @@ Listing list_backends() {
       table.footnotes.push_back(fmt::format("{}: {}", backend->name(), join(devices, "; ")));
     }
     Json options = Json::array();
-    for (const OptionSpec& option : backend->options()) {
+    for (const OptionSpec& option : options_of(backend->name())) {
       table.footnotes.push_back(fmt::format("{} has option {} (default {}{}{}, {} to {}): {}",
                                             backend->name(), option.name, option.standard,
                                             option.unit.empty() ? "" : " ", option.unit, option.low,

@@ -161,8 +161,6 @@ dsp::CostModel model_for(const UnitRequest& request) {
 
 class DspBackend : public Backend {
  public:
-  [[nodiscard]] std::vector<OptionSpec> options() const override { return options_of(name()); }
-
   [[nodiscard]] std::string_view name() const override { return "dsp"; }
   [[nodiscard]] std::string_view description() const override {
     return "a Hexagon DSP with HVX, emulated by qemu-hexagon; its packets are counted";

@@ -411,7 +411,6 @@ class FakeDevice : public Device {
 
 class FakeBackend : public Backend {
  public:
-  [[nodiscard]] std::vector<OptionSpec> options() const override { return options_of(name()); }
   [[nodiscard]] std::string_view name() const override { return "fake"; }
   [[nodiscard]] std::string_view description() const override {
     return "scripted times on a simulated clock or the wall's, for tests and what-if; computes "
@@ -431,7 +430,8 @@ class FakeBackend : public Backend {
   [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest& request) const override {
     auto script = fake::parse_script(request.script);
     if (script.fail_open) throw_environment(*script.fail_open);
-    return std::make_unique<FakeDevice>(std::move(script), request.option(options().front()));
+    return std::make_unique<FakeDevice>(std::move(script),
+                                        request.option(options_of(name()).front()));
   }
   [[nodiscard]] std::vector<std::pair<std::string, std::string>> kernel_cache_environment(
       const std::string& folder) const override {
