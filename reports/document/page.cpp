@@ -10,6 +10,7 @@
 #include "reports/document/figures.h"
 #include "workloads/base/embedded.h"
 #include "workloads/base/json_value.h"
+#include "workloads/base/markup.h"
 
 namespace pirt {
 namespace {
@@ -19,29 +20,6 @@ constexpr std::size_t kLongCell = 28;  ///< Longer texts are broken into lines.
 
 std::string_view asset(std::string_view name) {
   return find_embedded(report_page_files::files(), name).value_or("");
-}
-
-std::string escape(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '&':
-        out += "&amp;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
 }
 
 /// Within <script>, where nothing is escaped: no text may end the element or begin a comment.
@@ -60,7 +38,7 @@ std::string row(const Table& table, const std::vector<std::string>& cells, std::
     const std::string_view kind = right                                 ? " class=\"r\""
                                   : display_width(cells[c]) > kLongCell ? " class=\"long\""
                                                                         : "";
-    line += fmt::format("<{}{}{}>{}</{}>", tag, scope, kind, escape(cells[c]), tag);
+    line += fmt::format("<{}{}{}>{}</{}>", tag, scope, kind, escape_markup(cells[c]), tag);
   }
   return line + "</tr>\n";
 }
@@ -72,15 +50,17 @@ std::string rows(const Table& table) {
   std::string out = fmt::format(
       "<div class=\"scroll\" tabindex=\"0\" role=\"region\" "
       "aria-label=\"{}\"><table>\n<thead>{}</thead>\n<tbody>\n",
-      escape(table.title), row(table, headers, "th"));
+      escape_markup(table.title), row(table, headers, "th"));
   for (const auto& cells : table.rows) out += row(table, cells, "td");
   return out + "</tbody>\n</table></div>\n";
 }
 
 std::string notes(const Table& table) {
   std::string out;
-  for (const auto& note : table.footnotes) out += "<p class=\"note\">" + escape(note) + "</p>\n";
-  if (!table.origin.empty()) out += "<p class=\"note\">From: " + escape(table.origin) + "</p>\n";
+  for (const auto& note : table.footnotes)
+    out += "<p class=\"note\">" + escape_markup(note) + "</p>\n";
+  if (!table.origin.empty())
+    out += "<p class=\"note\">From: " + escape_markup(table.origin) + "</p>\n";
   return out;
 }
 
@@ -132,12 +112,12 @@ class Page {
 
   std::string operator()(const Heading& heading) {
     const auto id = fmt::format("section-{}", ++sections_);
-    contents_ += fmt::format("<li><a href=\"#{}\">{}</a></li>\n", id, escape(heading.text));
-    return fmt::format("<h2 id=\"{}\">{}</h2>\n", id, escape(heading.text));
+    contents_ += fmt::format("<li><a href=\"#{}\">{}</a></li>\n", id, escape_markup(heading.text));
+    return fmt::format("<h2 id=\"{}\">{}</h2>\n", id, escape_markup(heading.text));
   }
   std::string operator()(const Paragraph& paragraph) {
     std::string out;
-    for (const auto& line : paragraph.lines) out += "<p>" + escape(line) + "</p>\n";
+    for (const auto& line : paragraph.lines) out += "<p>" + escape_markup(line) + "</p>\n";
     return out;
   }
   std::string operator()(const Table& table) { return title(table) + rows(table) + notes(table); }
@@ -148,7 +128,7 @@ class Page {
         "<figure id=\"{0}\">\n<figcaption>{1}<p id=\"{0}-summary\">{2}</p></figcaption>\n"
         "<div class=\"plot\"></div>\n<p class=\"readout\" aria-live=\"polite\"></p>\n"
         "<details{3}><summary>{4} as a table</summary>\n{5}</details>\n{6}</figure>\n",
-        id, title(chart.table), escape(chart.summary), page_has_charts() ? "" : " open",
+        id, title(chart.table), escape_markup(chart.summary), page_has_charts() ? "" : " open",
         chart.marks.size() == 1 ? "1 row" : fmt::format("{} rows", chart.marks.size()),
         rows(chart.table), notes(chart.table));
   }
@@ -162,7 +142,7 @@ class Page {
 
  private:
   [[nodiscard]] std::string title(const Table& table) const {
-    return fmt::format("<h{0}>{1}</h{0}>\n", level_, escape(table.title));
+    return fmt::format("<h{0}>{1}</h{0}>\n", level_, escape_markup(table.title));
   }
 
   int level_;
@@ -204,7 +184,7 @@ std::string page(const Document& document) {
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
       "<meta name=\"color-scheme\" content=\"light dark\"><title>{}</title>\n"
       "<style>{}</style></head>\n<body>\n<h1>{}</h1>\n{}{}<main>\n{}</main>\n{}</body></html>\n",
-      kPolicy, escape(document.title), asset("page.css"), escape(document.title),
+      kPolicy, escape_markup(document.title), asset("page.css"), escape_markup(document.title),
       lacks ? kNoCharts : std::string_view(), renderer.contents(), body,
       scripts(renderer.charts()));
 }

@@ -10,6 +10,7 @@
 #include "characterize/profile/store/database_format.h"
 #include "characterize/profile/store/reader.h"
 #include "reports/profile/profile_report.h"
+#include "reports/profile/roofline_report.h"
 #include "workloads/base/error.h"
 #include "workloads/base/json_value.h"
 #include "workloads/base/name_filter.h"
@@ -55,17 +56,7 @@ Json export_json(const Profile& profile) {
     json["runs"][i]["identity"] = profile.runs[i].identity;
   }
   json["peaks"] = Json::array();
-  for (const PeakRow& peak : profile.peaks) {
-    Json row = {{"run_id", peak.run_id},
-                {"unit", peak.unit},
-                {"kind", to_string(peak.kind)},
-                {"variant", peak.variant},
-                {"provenance", to_string(peak.provenance)},
-                {"valid", peak.valid},
-                {"reasons", peak.reasons}};
-    if (peak.per_second) row["per_second"] = *peak.per_second;
-    json["peaks"].push_back(std::move(row));
-  }
+  for (const PeakRow& peak : profile.peaks) json["peaks"].push_back(peak_json(peak));
   return json;
 }
 

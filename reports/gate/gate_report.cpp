@@ -11,6 +11,7 @@
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
 #include "workloads/base/json_value.h"
+#include "workloads/base/markup.h"
 
 namespace pirt {
 namespace {
@@ -195,33 +196,6 @@ Json decisions_json(const Decisions& decisions) {
   return {{"mix", decisions.mix}, {"flips", flips}, {"modes", modes}};
 }
 
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      case '\n':
-        out += "&#10;";
-        break;
-      default:
-        // XML 1.0 has no way to write other control characters.
-        out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-    }
-  }
-  return out;
-}
-
 bool is_failure(GateVerdict verdict) {
   return verdict == GateVerdict::kSlower || verdict == GateVerdict::kFailed;
 }
@@ -314,15 +288,15 @@ std::string gate_junit(const GateReport& report) {
         std::ranges::count_if(rows, [](const GateRow* row) { return is_skipped(row->verdict); });
     xml += fmt::format(
         "  <testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" errors=\"0\" skipped=\"{}\">\n",
-        escaped(unit), rows.size(), failures, skipped);
+        escape_markup(unit), rows.size(), failures, skipped);
     for (const GateRow* row : rows) {
-      xml += fmt::format("    <testcase classname=\"{}.{}\" name=\"{}\"", escaped(unit),
-                         escaped(row->workload), escaped(row->phase));
+      xml += fmt::format("    <testcase classname=\"{}.{}\" name=\"{}\"", escape_markup(unit),
+                         escape_markup(row->workload), escape_markup(row->phase));
       const std::string message = fmt::format("{}: {}", to_string(row->verdict), message_of(*row));
       if (is_failure(row->verdict)) {
-        xml += fmt::format("><failure message=\"{}\"/></testcase>\n", escaped(message));
+        xml += fmt::format("><failure message=\"{}\"/></testcase>\n", escape_markup(message));
       } else if (is_skipped(row->verdict)) {
-        xml += fmt::format("><skipped message=\"{}\"/></testcase>\n", escaped(message));
+        xml += fmt::format("><skipped message=\"{}\"/></testcase>\n", escape_markup(message));
       } else {
         xml += "/>\n";
       }

@@ -33,18 +33,6 @@ std::string rate(const PeakRow& peak) {
          (is_bandwidth(peak.kind) ? " GB/s" : " Gop/s");
 }
 
-Json peak_json(const PeakRow& peak) {
-  Json json = {{"run_id", peak.run_id},
-               {"unit", peak.unit},
-               {"kind", to_string(peak.kind)},
-               {"variant", peak.variant},
-               {"provenance", to_string(peak.provenance)},
-               {"valid", peak.valid},
-               {"reasons", peak.reasons}};
-  if (peak.per_second) json["per_second"] = *peak.per_second;
-  return json;
-}
-
 Json cell_json(const Roofline& cell) {
   Json json = {{"workload", cell.workload}, {"unit", cell.unit}};
   if (!cell.fraction) {
@@ -113,6 +101,18 @@ std::vector<std::string> roofline_footnotes(const Rooflines& rooflines) {
   }
   lines.insert(lines.end(), missing.begin(), missing.end());
   return lines;
+}
+
+Json peak_json(const PeakRow& peak) {
+  Json json = {{"run_id", peak.run_id},
+               {"unit", peak.unit},
+               {"kind", to_string(peak.kind)},
+               {"variant", peak.variant},
+               {"provenance", to_string(peak.provenance)},
+               {"valid", peak.valid},
+               {"reasons", peak.reasons}};
+  if (peak.per_second) json["per_second"] = *peak.per_second;
+  return json;
 }
 
 Json roofline_json(const Rooflines& rooflines) {

@@ -18,6 +18,9 @@ namespace pirt {
 /// What the fractions mean, and why some are missing; footnotes of a table with roofline_cell().
 [[nodiscard]] std::vector<std::string> roofline_footnotes(const Rooflines& rooflines);
 
+/// {"run_id", "unit", "kind", ...}; `per_second` where it is known.
+[[nodiscard]] Json peak_json(const PeakRow& peak);
+
 /// {"peaks": [...], "cells": [...]}; a fraction that is not known is absent and `why_not` is there.
 [[nodiscard]] Json roofline_json(const Rooflines& rooflines);
 

@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "workloads/base/error.h"
+#include "workloads/base/markup.h"
 #include "workloads/pictures/decoder.h"
 
 namespace pirt::slam {
@@ -117,19 +118,6 @@ cv::Mat mat_of(const GreyImage& image) {
   return {image.height, image.width, CV_8U, const_cast<std::uint8_t*>(image.pixels.data())};
 }
 
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '<')
-      out += "&lt;";
-    else if (c == '&')
-      out += "&amp;";
-    else
-      out += c;
-  }
-  return out;
-}
-
 void paint_line(cv::Mat& canvas, const Line& line, const cv::Scalar& colour, int width) {
   std::vector<cv::Point> points;
   for (const auto& p : line) points.emplace_back(cvRound(p.x()), cvRound(p.y()));
@@ -185,7 +173,7 @@ std::string plot_svg(const Plot& plot) {
       "<svg xmlns='http://www.w3.org/2000/svg' width='{0}' height='{1}' viewBox='0 0 {0} {1}' "
       "font-family='sans-serif' font-size='13'>\n<rect width='100%' height='100%' fill='white'/>\n",
       d.width, d.height);
-  svg += fmt::format("<text x='{}' y='20'>{}</text>\n", kMargin, escaped(plot.title));
+  svg += fmt::format("<text x='{}' y='20'>{}</text>\n", kMargin, escape_markup(plot.title));
   svg += fmt::format("<text x='{}' y='40' fill='#777'>{}</text>\n", kMargin,
                      plot.truth.empty() ? "estimate" : "truth (grey), estimate (blue)");
   svg += svg_line(d.truth, "#999", 3) + svg_line(d.estimate, "#1450c8", 1);
