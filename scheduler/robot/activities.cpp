@@ -152,13 +152,14 @@ struct Activities::Describer {
 struct Activities::Planned {
   explicit Planned(const ActivityOptions::Planning& options)
       : passable(options.map, options.radius_m), goal(options.map.cell_of(options.goal)) {
-    inputs = planning::plan_inputs(options.map, options.radius_m, goal, goal);
+    inputs = std::make_shared<const std::vector<Tensor>>(
+        planning::plan_inputs(options.map, options.radius_m, goal, goal));
   }
 
   planning::PreparedMap passable;
   Cell goal;
-  std::vector<Tensor> inputs;  ///< The map and the radius are always the same.
-  std::optional<Place> first;  ///< In the localization's frame.
+  std::shared_ptr<const std::vector<Tensor>> inputs;  ///< All but the start are always the same.
+  std::optional<Place> first;                         ///< In the localization's frame.
   std::optional<std::pair<Place, Nanos>> before;
 
   std::mutex mutex;  ///< Guards what follows, which plans that end write.
@@ -230,6 +231,7 @@ void Activities::list_workloads(RuntimeOptions& options) const {
   if (planning_) {
     options.workloads.emplace_back("plan_path");
     options.workloads.emplace_back("avoid_obstacles");
+    options.first_inputs["plan_path"] = planned_->inputs;
   }
   if (mapping_) options.workloads.emplace_back("bundle_adjust");
   const TensorSpec image = picture_spec();
@@ -340,8 +342,8 @@ void Activities::plan(const Place& place) {
   const Grid& map = options_.planning->map;
   const auto start = planned_->passable.nearest_passable(map.cell_of(place.position));
   std::vector<Tensor> inputs;
-  for (const Tensor& input : planned_->inputs) inputs.push_back(input.share());
-  inputs[2] = Tensor(planned_->inputs[2].spec());
+  for (const Tensor& input : *planned_->inputs) inputs.push_back(input.share());
+  inputs[2] = Tensor(inputs[2].spec());
   inputs[2].as<std::int32_t>()[0] = start->x;
   inputs[2].as<std::int32_t>()[1] = start->y;
   planning_->fire(inputs, [this](std::span<const Tensor> outputs) {

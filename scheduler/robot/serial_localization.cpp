@@ -29,6 +29,8 @@ class CpuCaller final : public Caller {
     device_ = find_backend("cpu").open({.unit = "cpu", .cores = {}, .device = "", .script = ""});
     for (const std::string& name : listed.workloads) {
       const Workload& workload = find_workload(name);
+      const auto first = listed.first_inputs.find(name);
+      if (first != listed.first_inputs.end()) samples_.begin_with(workload, *first->second);
       const auto& sample = samples_.of(workload, 0);
       add(name, device_->prepare(workload, sample->parameters), workload.outputs);
       // As in the runtime: some compile at the first call.

@@ -125,8 +125,10 @@ class Runtime::Engine {
   [[nodiscard]] Nanos now() const { return clock_.now() - began_; }
   void list_workloads();
   void list_states();
+  void take_first_inputs();
   void open_units();
   std::vector<Preparation> preparations(UnitId unit);
+  [[nodiscard]] Support support(const Known& known, const UnitModel& unit) const;
   [[nodiscard]] UnitMask units_of(const Known& known) const;
   [[nodiscard]] Mix mix() const;
   [[nodiscard]] std::size_t find(std::string_view workload) const;

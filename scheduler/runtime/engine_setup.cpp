@@ -4,6 +4,7 @@
 #include "characterize/platform/unit_request.h"
 #include "scheduler/runtime/engine.h"
 #include "workloads/base/error.h"
+#include "workloads/base/text.h"
 #include "workloads/catalog.h"
 #include "workloads/registry.h"
 
@@ -49,6 +50,7 @@ Runtime::Engine::Engine(RuntimeOptions options) : options_(std::move(options)), 
     trace_ = std::make_unique<TraceThread>(*writer_);
     dispatcher_->observe(&*trace_);
   }
+  take_first_inputs();
   open_units();
   set_up_ = clock_.now() - begin;
   watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
@@ -93,22 +95,33 @@ void Runtime::Engine::list_states() {
   }
 }
 
+Support Runtime::Engine::support(const Known& known, const UnitModel& unit) const {
+  if (known.own != nullptr) {
+    const auto& kernels = known.own->kernels;
+    const bool given = kernels.contains(unit.name) || kernels.contains(unit.backend);
+    return {given, given ? "" : "no kernel was given for it"};
+  }
+  if (!unit.measured()) return {false, "it has no backend"};
+  return find_backend(unit.backend)
+      .supports_on(make_unit_request(options_.platform, unit), *known.workload);
+}
+
 /// Those that have a kernel for it.
 UnitMask Runtime::Engine::units_of(const Known& known) const {
   UnitMask mask = 0;
+  std::vector<std::string> reasons;
   for (UnitId unit = 0; unit < options_.platform.units.size(); ++unit) {
     const UnitModel& model = options_.platform.units[unit];
-    bool runs = false;
-    if (known.own != nullptr) {
-      runs = known.own->kernels.contains(model.name) || known.own->kernels.contains(model.backend);
-    } else if (model.measured()) {
-      runs = find_backend(model.backend)
-                 .supports_on(make_unit_request(options_.platform, model), *known.workload)
-                 .ok;
+    const Support here = support(known, model);
+    if (here.ok) {
+      mask |= unit_bit(unit);
+    } else {
+      reasons.push_back(model.name + ": " + here.reason);
     }
-    if (runs) mask |= unit_bit(unit);
   }
-  return mask;
+  if (mask != 0) return mask;
+  throw_bad_input("no unit of platform " + options_.platform.name + " can run " +
+                  known.workload->name + " (" + join(reasons, "; ") + ")");
 }
 
 /// Of each workload a pipeline of one task, for whoever asks what it costs and who may serve it.
@@ -156,6 +169,18 @@ std::vector<Preparation> Runtime::Engine::preparations(UnitId unit) {
     }
   }
   return preparations;
+}
+
+void Runtime::Engine::take_first_inputs() {
+  for (const auto& [name, inputs] : options_.first_inputs) {
+    const Known& known = workloads_[find(name)];
+    if (known.own != nullptr) {
+      throw_bad_input("first_inputs: '" + name +
+                      "' is a function of your own, which is not called before it is needed");
+    }
+    check_inputs(*known.workload, {inputs->begin(), inputs->end()});
+    samples_.begin_with(*known.workload, *inputs);
+  }
 }
 
 void Runtime::Engine::open_units() {

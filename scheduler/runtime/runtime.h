@@ -129,6 +129,9 @@ struct RuntimeOptions {
   std::vector<Workload> made = {};
   std::vector<OwnWorkload> own = {};
   bool prepare_first = true;  ///< Else each kernel is prepared when its first task runs.
+  /// By workload: inputs of the call that ends its preparation, for kernels that keep what they
+  /// made of an input as long as it comes again (plan_path's map). Absent = generated ones.
+  std::map<std::string, std::shared_ptr<const std::vector<Tensor>>> first_inputs = {};
   /// Tasks that have not ended: submit waits while there are so many.
   std::size_t most_tasks = 65'536;
   /// A call that takes longer puts its unit out of service. Absent = 50 times what it is expected

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "workloads/images.h"
@@ -30,6 +32,13 @@ class Samples {
       }
     }
     return frames[frame(workload, firing)];
+  }
+  /// The first frame has these inputs from now on.
+  void begin_with(const Workload& workload, std::span<const Tensor> inputs) {
+    auto data = std::make_shared<Data>();
+    for (const Tensor& each : of(workload, 0)->parameters) data->parameters.push_back(each.share());
+    for (const Tensor& each : inputs) data->inputs.push_back(each.share());
+    frames_[&workload].front() = std::move(data);
   }
 
  private:

@@ -12,6 +12,7 @@
 #include "tests/workloads/sequence_support.h"
 #include "workloads/base/yaml.h"
 #include "workloads/planning/map_files.h"
+#include "workloads/planning/workloads.h"
 
 namespace pirt {
 namespace {
@@ -149,6 +150,19 @@ recognition::ModelOptions model_in(const std::filesystem::path& folder, const ch
     if (entry.path().extension() == layers) model.config = entry.path();
   }
   return model;
+}
+
+TEST(Activities, PlanningIsPreparedForTheMap) {
+  const Room room;
+  const Activities activities(room.activities);
+  RuntimeOptions options;
+  activities.list_workloads(options);
+  const auto& first = *options.first_inputs.at("plan_path");
+  const auto& planning = *room.activities.planning;
+  const auto expected = planning::plan_inputs(planning.map, planning.radius_m, {0, 0}, {0, 0});
+  for (const std::size_t i : {0U, 1U}) {  // The map and the radius.
+    EXPECT_TRUE(std::ranges::equal(first[i].bytes(), expected[i].bytes())) << i;
+  }
 }
 
 TEST(Activities, AUsersModelsTakeThePlaceOfSeededOnes) {

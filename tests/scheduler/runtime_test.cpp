@@ -15,6 +15,7 @@
 #include "tests/workloads/sequence_support.h"
 #include "workloads/base/random.h"
 #include "workloads/catalog.h"
+#include "workloads/host_function.h"
 #include "workloads/images.h"
 #include "workloads/registry.h"
 #include "workloads/vision/vision.h"
@@ -105,6 +106,62 @@ TEST(Runtime, RunsWorkloadsOfTheCatalogueAsTheReferenceDefinesThem) {
   next.inputs = copy_tensors(flat.get());
   const Verdict second = blur.verify(blurred.get(), blur.reference(next));
   EXPECT_TRUE(second.ok) << second.detail;
+}
+
+std::string refusal(RuntimeOptions options) {
+  return bad_input([&] { const Runtime runtime(std::move(options)); });
+}
+
+/// Like bundle_adjust, it has a function for a kernel; doubles a number, and keeps all it was
+/// given.
+Workload doubling(std::shared_ptr<std::vector<double>> given) {
+  Workload workload;
+  workload.name = "double";
+  workload.kernel = "bundle_adjust";
+  workload.inputs = workload.outputs = {kNumber};
+  auto function = std::make_shared<HostFunction>();
+  function->prepare = [given = std::move(given)](std::span<const Tensor>) -> KernelFunction {
+    return [given](std::span<const Tensor> inputs, std::span<Tensor> outputs) {
+      given->push_back(value_of(inputs));
+      outputs[0].as<double>()[0] = 2 * value_of(inputs);
+    };
+  };
+  workload.operation = std::move(function);
+  workload.make_data = [](const DataRequest&) {
+    Data data;
+    data.inputs.push_back(number(1));
+    return data;
+  };
+  return workload;
+}
+
+TEST(Runtime, PreparesWithInputsLikeThoseToCome) {
+  const auto given = std::make_shared<std::vector<double>>();
+  const auto options_for = [&](const char* name, std::vector<Tensor> inputs) {
+    RuntimeOptions options = options_with({adding()}, kOneUnit);
+    options.made = {doubling(given)};
+    options.first_inputs[name] = std::make_shared<const std::vector<Tensor>>(std::move(inputs));
+    return options;
+  };
+  const auto seven = [] {
+    std::vector<Tensor> inputs;
+    inputs.push_back(number(7));
+    return inputs;
+  };
+  {
+    Runtime runtime(options_for("double", seven()));
+    EXPECT_EQ(*given, std::vector{7.0});
+    EXPECT_EQ(value_of(runtime.submit("double", {number(8)}).get()), 16);
+    EXPECT_EQ(*given, (std::vector{7.0, 8.0}));
+  }
+  EXPECT_THAT(refusal(options_for("dubble", seven())), HasSubstr("did you mean double"));
+  EXPECT_THAT(refusal(options_for("double", {})), HasSubstr("1 inputs, not 0"));
+  EXPECT_THAT(refusal(options_for("add", seven())), HasSubstr("of your own"));
+  RuntimeOptions lazy = options_for("double", seven());
+  lazy.prepare_first = false;
+  given->clear();
+  Runtime runtime(std::move(lazy));
+  EXPECT_EQ(*given, std::vector<double>());
 }
 
 TEST(Runtime, TasksOfAStateHoldItOneAtATimeInOrder) {
@@ -412,10 +469,6 @@ TEST(Runtime, ManyThreadsSubmitDependAndCancelAndCountsBalance) {
   expect_balance(statistics);
 }
 
-std::string refusal(RuntimeOptions options) {
-  return bad_input([&] { const Runtime runtime(std::move(options)); });
-}
-
 TEST(Runtime, RefusesOptionsThatMakeNoSense) {
   EXPECT_THAT(refusal(options_with({})), HasSubstr("needs workloads"));
   auto options = options_with({adding()});
@@ -433,7 +486,8 @@ TEST(Runtime, RefusesOptionsThatMakeNoSense) {
   EXPECT_THAT(refusal(options), HasSubstr("most_tasks"));
   options.most_tasks = 1;
   options.own[0].kernels = {{"npu", [](std::span<const Tensor>, std::span<Tensor>) {}}};
-  EXPECT_THAT(refusal(options), HasSubstr("add"));
+  EXPECT_THAT(refusal(options),
+              HasSubstr("two can run add (cpu: no kernel was given for it; gpu: "));
 }
 
 TEST(Runtime, RefusesTasksThatDoNotFit) {
