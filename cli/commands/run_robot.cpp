@@ -64,25 +64,6 @@ void check(const Options& options) {
       !options.plot.path().ends_with(".png")) {
     throw_bad_input("--plot '" + options.plot.path() + "' must end in .png or .svg");
   }
-  if (options.serial) {
-    if (options.comparing)
-      throw_bad_input("--compare has the serial run in it; leave --serial out");
-    if (options.mode || options.platform || options.profile || !options.settings.empty() ||
-        options.trace) {
-      throw_bad_input(
-          "--serial runs without the runtime: it has no --mode, --platform, --profile, --set and "
-          "--trace");
-    }
-  }
-  if (options.comparing) {
-    if (options.mode) throw_bad_input("--mode and --compare exclude each other");
-    if (options.trace || options.trajectory || options.plot || options.save_map ||
-        options.activities.scenes) {
-      throw_bad_input(
-          "--trace, --trajectory, --plot, --save-slam-map and --scenes are of one run; give --mode "
-          "instead of --compare");
-    }
-  }
 }
 
 RuntimeOptions runtime_options(const Options& options) {
@@ -237,6 +218,12 @@ void add_run_robot(CLI::App& app, Action& action) {
              "Write what happened to a file, for Perfetto (ui.perfetto.dev) and pirt replay",
              StdoutUse::kRefused);
   add_json(command, options->json);
+  // --serial runs without the runtime, --compare has that run in it and more than one besides.
+  for (const auto* name : {"--mode", "--platform", "--profile", "--set", "--in-flight", "--trace"})
+    command.option("--serial").excludes(command.option(name));
+  for (const auto* name :
+       {"--serial", "--mode", "--trace", "--trajectory", "--plot", "--save-slam-map", "--scenes"})
+    compare.excludes(command.option(name));
   command.footer("Example: pirt generate --seed 7 --duration 60s out/ && pirt run-robot out/");
   command.runs(action, [options, compare] {
     options->comparing = compare.given();

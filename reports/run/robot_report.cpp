@@ -123,23 +123,28 @@ std::string activities_text(const RobotRun& run) {
 }
 
 std::string errors_text(const slam::RunSummary& s) {
-  if (!s.error) return "\nno truth: errors are not known\n";
+  if (!s.error) return "\nfewer than 3 poses have truth: errors are not known\n";
   const auto& e = *s.error;
   std::string text = fmt::format(
-      "\nposition       RMS {:.4f} m, most {:.4f} m, {:.3f} % of the path of {:.2f} "
-      "m ({})\n",
-      e.ate_rms_m, e.ate_max_m, e.path_m > 0 ? 100 * e.ate_rms_m / e.path_m : 0.0, e.path_m,
+      "\nposition       RMS {:.4f} m, most {:.4f} m, {} ({})\n", e.ate_rms_m, e.ate_max_m,
+      e.path_m > 0
+          ? fmt::format("{:.3f} % of the path of {:.2f} m", 100 * e.ate_rms_m / e.path_m, e.path_m)
+          : "standing still",
       s.scale_known ? "SE(3)-aligned" : "Sim(3)-aligned: one camera has no scale");
   if (s.constant_velocity_ate_rms_m) {
     text += fmt::format("               (constant velocity: RMS {:.4f} m)\n",
                         *s.constant_velocity_ate_rms_m);
   }
-  text += fmt::format(
-      "rotation       {:.4f} degrees over 1 frame, {:.4f} over 10 (no turn at all: "
-      "{:.4f} and {:.4f})\n",
-      s.rotation_1_frame_deg, s.rotation_10_frames_deg, s.rotation_1_trivial_deg,
-      s.rotation_10_trivial_deg);
-  return text + fmt::format("attitude       {:.4f} degrees, aligned\n", e.rotation_error_mean_deg);
+  for (const auto& turn : s.turns) {
+    text += fmt::format("{:<15}{:.4f} degrees over {} (no turn at all: {:.4f})\n",
+                        turn.frames == 1 ? "rotation" : "", turn.mean_deg,
+                        turn.frames == 1 ? "1 frame" : fmt::format("{} frames", turn.frames),
+                        turn.trivial_deg);
+  }
+  return text +
+         (e.rotation_error_mean_deg
+              ? fmt::format("attitude       {:.4f} degrees, aligned\n", *e.rotation_error_mean_deg)
+              : "attitude       not known: the path is too straight to align it\n");
 }
 
 Json stage_json(const slam::StageSummary& stage) {
@@ -157,12 +162,14 @@ void add_errors(const slam::RunSummary& s, Json& json) {
   json["ate_rms_m"] = s.error->ate_rms_m;
   json["ate_max_m"] = s.error->ate_max_m;
   json["scale"] = s.error->scale;
-  // Over one frame, which needs no alignment: a straight drive has no attitude to align.
-  json["rotation_error_mean_deg"] = s.rotation_1_frame_deg;
-  json["rotation_error_10_frames_deg"] = s.rotation_10_frames_deg;
-  json["rotation_trivial_mean_deg"] = s.rotation_1_trivial_deg;
-  json["rotation_trivial_10_frames_deg"] = s.rotation_10_trivial_deg;
-  json["attitude_error_mean_deg"] = s.error->rotation_error_mean_deg;
+  for (const auto& turn : s.turns) {
+    const auto over = turn.frames == 1 ? "mean" : fmt::format("{}_frames", turn.frames);
+    json["rotation_error_" + over + "_deg"] = turn.mean_deg;
+    json["rotation_trivial_" + over + "_deg"] = turn.trivial_deg;
+  }
+  if (s.error->rotation_error_mean_deg) {
+    json["attitude_error_mean_deg"] = *s.error->rotation_error_mean_deg;
+  }
   if (s.constant_velocity_ate_rms_m) {
     json["constant_velocity_ate_rms_m"] = *s.constant_velocity_ate_rms_m;
   }
@@ -328,7 +335,7 @@ Table robot_comparison(std::span<const RobotRun> runs) {
          number(known, "{:.4f}", known ? s.error->ate_rms_m : 0),
          number(known && s.error->path_m > 0, "{:.3f}",
                 known ? 100 * s.error->ate_rms_m / s.error->path_m : 0),
-         number(known, "{:.4f}", s.rotation_1_frame_deg)});
+         s.turns.empty() ? "-" : fmt::format("{:.4f}", s.turns.front().mean_deg)});
   }
   table.footnotes = {
       "Localization: Hz and times from a frame's arrival to its pose. recogn./s, plan p99 and late "

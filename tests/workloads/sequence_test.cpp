@@ -2,6 +2,7 @@
 // trajectories against values worked by hand.
 #include "workloads/sequence/sequence.h"
 
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -263,12 +264,40 @@ TEST(Trajectory, AlignmentTakesOutWhatItMay) {
     half.push_back({row.time, {body.rotation, 0.5 * body.position}});
   }
   EXPECT_NEAR(evaluate(same, truth, Alignment::kSe3).ate_rms_m, 0, 1e-9);
-  EXPECT_NEAR(evaluate(same, truth, Alignment::kSe3).rotation_error_mean_deg, 0, 1e-5);
+  EXPECT_NEAR(evaluate(same, truth, Alignment::kSe3).rotation_error_mean_deg.value(), 0, 1e-5);
   EXPECT_NEAR(evaluate(half, truth, Alignment::kSim3).ate_rms_m, 0, 1e-9);
   EXPECT_NEAR(evaluate(half, truth, Alignment::kSim3).scale, 2.0, 1e-9);
   EXPECT_GT(evaluate(half, truth, Alignment::kSe3).ate_rms_m, 0.3);
-  EXPECT_NEAR(relative_rotation_error_deg(same, truth, 1), 0, 1e-5);
+  EXPECT_NEAR(relative_rotation_error_deg(same, truth, 1).value(), 0, 1e-5);
+  EXPECT_EQ(relative_rotation_error_deg(same, truth, same.size()), std::nullopt);
   EXPECT_THROW(static_cast<void>(align(std::span(same).first(2), truth, Alignment::kSe3)), Error);
+}
+
+// Along a line nothing tells how the whole is turned about it, and in a point nothing at all.
+TEST(Trajectory, AttitudeIsKnownOnlyWherePositionsTellIt) {
+  for (const auto alignment : {Alignment::kSe3, Alignment::kSim3}) {
+    for (const double step : {0.0, 1.0}) {
+      for (const double aside : {0.0, 1.0}) {
+        for (const double noise : {0.0, 0.001}) {
+          SCOPED_TRACE(fmt::format("{} {} {} {}", static_cast<int>(alignment), step, aside, noise));
+          std::vector<TruthRow> truth(20);
+          std::vector<StampedPose> poses;
+          for (int i = 0; i < 20; ++i) {
+            TruthRow& row = truth[static_cast<std::size_t>(i)];
+            row.time = from_s(0.1 * i);
+            row.body.position = {step * i, i % 3 == 0 ? step * aside : 0.0, 0};
+            poses.push_back({row.time, row.body});
+            poses.back().body.position.z() += i % 2 == 0 ? noise : 0.0;
+          }
+          const auto error = evaluate(poses, truth, alignment);
+          EXPECT_LE(error.ate_rms_m, 0.001);
+          const bool told = step > 0 && aside > 0;
+          ASSERT_EQ(error.rotation_error_mean_deg.has_value(), told);
+          EXPECT_LT(error.rotation_error_mean_deg.value_or(0), 0.1);
+        }
+      }
+    }
+  }
 }
 
 // All poses 0.3 m too high but one, 0.1 m too low: after aligning the start, errors are 0, 0, 0 and

@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -49,11 +50,30 @@ Similarity align_pairs(const std::vector<Pair>& pairs, Alignment alignment) {
     to.col(i) = pairs[static_cast<std::size_t>(i)].truth.position;
   }
   const Eigen::Matrix4d m = Eigen::umeyama(from, to, alignment == Alignment::kSim3);
+  const double scale = m.block<3, 1>(0, 0).norm();
   Similarity s;
-  s.scale = m.block<3, 1>(0, 0).norm();
+  if (!(scale > 0)) {  // One of them stands still.
+    s.pose.position = to.rowwise().mean() - from.rowwise().mean();
+    return s;
+  }
+  s.scale = scale;
   s.pose.rotation = m.block<3, 3>(0, 0) / s.scale;
   s.pose.position = m.block<3, 1>(0, 3);
   return s;
+}
+
+/// RMS distance from the line that is nearest to them.
+double spread_beside_a_line(const std::vector<Pair>& pairs) {
+  Eigen::Matrix3Xd points(3, std::ssize(pairs));
+  for (Eigen::Index i = 0; i < points.cols(); ++i) {
+    points.col(i) = pairs[static_cast<std::size_t>(i)].truth.position;
+  }
+  points.colwise() -= points.rowwise().mean().eval();
+  const Eigen::Matrix3d spread = points * points.transpose() / static_cast<double>(points.cols());
+  const Eigen::Vector3d axes =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread, Eigen::EigenvaluesOnly).eigenvalues();
+  constexpr double kRounding = 1e-12;
+  return std::sqrt(std::max(axes[0] + axes[1] - kRounding * axes[2], 0.0));  // The last is largest.
 }
 
 }  // namespace
@@ -110,12 +130,15 @@ TrajectoryError evaluate(std::span<const StampedPose> estimate, std::span<const 
   }
   const auto count = static_cast<double>(pairs.size());
   error.ate_rms_m = std::sqrt(squares / count);
-  error.rotation_error_mean_deg = angles / count * kDegreesPerRadian;
+  if (alignment == Alignment::kStartYaw || error.ate_rms_m < spread_beside_a_line(pairs)) {
+    error.rotation_error_mean_deg = angles / count * kDegreesPerRadian;
+  }
   return error;
 }
 
-double relative_rotation_error_deg(std::span<const StampedPose> estimate,
-                                   std::span<const TruthRow> truth, std::size_t step) {
+std::optional<double> relative_rotation_error_deg(std::span<const StampedPose> estimate,
+                                                  std::span<const TruthRow> truth,
+                                                  std::size_t step) {
   double sum = 0;
   int count = 0;
   for (std::size_t i = 0; i + step < estimate.size(); ++i) {
@@ -127,7 +150,7 @@ double relative_rotation_error_deg(std::span<const StampedPose> estimate,
     sum += angle_of((from->rotation.transpose() * to->rotation).transpose() * moved);
     ++count;
   }
-  return count == 0 ? 0.0 : sum / count * kDegreesPerRadian;
+  return count == 0 ? std::nullopt : std::optional(sum / count * kDegreesPerRadian);
 }
 
 }  // namespace pirt

@@ -48,7 +48,9 @@ struct TrajectoryError {
   double path_m = 0;      ///< Of the truth over the estimate's time.
   double ate_rms_m = 0;   ///< After alignment.
   double ate_max_m = 0;
-  double rotation_error_mean_deg = 0;  ///< Of the aligned attitude.
+  /// Of the aligned attitude. Absent if the positions do not tell how to turn the whole: they are
+  /// off by no less than they lie beside a line.
+  std::optional<double> rotation_error_mean_deg;
   double scale = 1.0;
 };
 
@@ -56,8 +58,8 @@ struct TrajectoryError {
                                        std::span<const TruthRow> truth, Alignment alignment);
 
 /// Mean angle between estimated and true rotation from frame i to frame i + @p step; no alignment
-/// is involved. 0 if there are no such pairs.
-[[nodiscard]] double relative_rotation_error_deg(std::span<const StampedPose> estimate,
-                                                 std::span<const TruthRow> truth, std::size_t step);
+/// is involved. Absent if there are no such pairs.
+[[nodiscard]] std::optional<double> relative_rotation_error_deg(
+    std::span<const StampedPose> estimate, std::span<const TruthRow> truth, std::size_t step);
 
 }  // namespace pirt

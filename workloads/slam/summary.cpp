@@ -46,13 +46,12 @@ void add_errors(const Sequence& sequence, const std::vector<StampedPose>& poses,
       evaluate(poses, sequence.truth, summary.scale_known ? Alignment::kSe3 : Alignment::kSim3);
   auto still = poses;
   for (auto& pose : still) pose.body.rotation.setIdentity();
-  const auto error = [&](const std::vector<StampedPose>& of, std::size_t step) {
-    return relative_rotation_error_deg(of, sequence.truth, step);
-  };
-  summary.rotation_1_frame_deg = error(poses, 1);
-  summary.rotation_10_frames_deg = error(poses, 10);
-  summary.rotation_1_trivial_deg = error(still, 1);
-  summary.rotation_10_trivial_deg = error(still, 10);
+  for (const std::size_t frames : {1U, 10U}) {
+    const auto error = relative_rotation_error_deg(poses, sequence.truth, frames);
+    if (!error) continue;
+    summary.turns.push_back(
+        {frames, *error, *relative_rotation_error_deg(still, sequence.truth, frames)});
+  }
   const auto coasting = constant_velocity(poses, sequence.truth);
   if (!coasting.empty()) {
     summary.constant_velocity_ate_rms_m = rms_without_alignment(coasting, sequence.truth);

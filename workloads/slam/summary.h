@@ -17,6 +17,13 @@ struct StageSummary {
 /// @param ms  In any order.
 [[nodiscard]] StageSummary summary_of(std::string name, std::vector<double> ms);
 
+/// Of the turn from a frame to one after it, mean.
+struct TurnError {
+  std::size_t frames = 1;  ///< How many after it.
+  double mean_deg = 0;
+  double trivial_deg = 0;  ///< What no turn at all scores.
+};
+
 struct RunSummary {
   std::size_t frames = 0;
   std::size_t starting = 0, tracking = 0, lost = 0;  ///< Frames by status.
@@ -26,11 +33,8 @@ struct RunSummary {
   std::optional<TrajectoryError> error;  ///< With truth, over the frames that have a pose.
   /// Beside it: the last step repeated for ever (two poses of the truth, no sensor).
   std::optional<double> constant_velocity_ate_rms_m;
-  double rotation_1_frame_deg = 0;    ///< Mean error of the turn from frame to frame.
-  double rotation_10_frames_deg = 0;  ///< Over 10 frames.
-  double rotation_1_trivial_deg = 0;  ///< What no turn at all scores.
-  double rotation_10_trivial_deg = 0;
-  bool scale_known = true;  ///< Aligned by SE(3); otherwise by Sim(3).
+  std::vector<TurnError> turns;  ///< Over 1 frame and over 10, where so many have a pose and truth.
+  bool scale_known = true;       ///< Aligned by SE(3); otherwise by Sim(3).
   std::size_t landmarks = 0, map_points = 0;
 };
 

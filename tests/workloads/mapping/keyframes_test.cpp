@@ -72,8 +72,8 @@ TEST(KeyframesLong, AreNoWorseThanTheLocalization) {
           "%.4f m of %.1f m, %.3f to %.3f degrees\n",
           seed, stereo ? "stereo" : "mono", map.keyframes.size(), map.points.size(),
           static_cast<long long>(map.summary.inliers), map.summary.noise_px, before.ate_rms_m,
-          after.ate_rms_m, before.path_m, before.rotation_error_mean_deg,
-          after.rotation_error_mean_deg);
+          after.ate_rms_m, before.path_m, before.rotation_error_mean_deg.value(),
+          after.rotation_error_mean_deg.value());
       squares_before += before.ate_rms_m * before.ate_rms_m;
       squares_after += after.ate_rms_m * after.ate_rms_m;
       EXPECT_LE(after.rotation_error_mean_deg, before.rotation_error_mean_deg) << seed;
