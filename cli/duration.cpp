@@ -31,10 +31,11 @@ std::optional<double> number(std::string_view text) {
 
 Nanos parse_duration(const std::string& text) {
   constexpr double kMostSeconds = 10 * 366 * 86400.0;
-  constexpr std::array<std::pair<std::string_view, double>, 7> kUnits = {{{"", 1.0},
+  constexpr std::array<std::pair<std::string_view, double>, 8> kUnits = {{{"", 1.0},
                                                                           {"s", 1.0},
                                                                           {"ms", 1e-3},
                                                                           {"us", 1e-6},
+                                                                          {"ns", 1e-9},
                                                                           {"min", 60.0},
                                                                           {"h", 3600.0},
                                                                           {"d", 86400.0}}};
