@@ -65,7 +65,15 @@ void Runtime::Engine::list_workloads() {
     workloads_.back().runs_on = units_of(workloads_.back());
   };
   for (const std::string& name : options_.workloads) add(find_workload(name), nullptr);
-  for (Workload& made : options_.made) add(own_.emplace_back(std::move(made)), nullptr);
+  for (Workload& made : options_.made) {
+    if (options_.profile && !try_find_spec(made.name)) {
+      throw_bad_input(
+          "workload '" + made.name +
+          "' is none of the catalogue's, so that the profile has no rows of it; give it "
+          "the name of the one whose rows it shall have");
+    }
+    add(own_.emplace_back(std::move(made)), nullptr);
+  }
   for (const OwnWorkload& own : options_.own) {
     if (own.kernels.empty()) throw_bad_input("workload '" + own.name + "' has no kernel");
     Workload& workload = own_.emplace_back();

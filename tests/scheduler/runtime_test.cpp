@@ -24,6 +24,7 @@ namespace pirt::test {
 namespace {
 
 using namespace std::chrono_literals;
+using testing::AllOf;
 using testing::HasSubstr;
 
 constexpr const char* kTwoUnits = R"(
@@ -164,6 +165,61 @@ TEST(Runtime, PreparesWithInputsLikeThoseToCome) {
   EXPECT_EQ(*given, std::vector<double>());
 }
 
+/// A background model of its own size and name.
+Workload background(const std::string& name, int width, int height) {
+  Workload workload = vision::make_background_model(width, height);
+  workload.name = name;
+  return workload;
+}
+
+/// Of sobel, on both units.
+Profile profile_of_sobel(bool cpu_valid, bool gpu_valid) {
+  Profile profile;
+  profile.path = "p.db";
+  profile.runs.emplace_back().platform = "two";
+  for (const bool gpu : {false, true}) {
+    for (const Phase phase : {Phase::kUpload, Phase::kExecute, Phase::kDownload}) {
+      PhaseRow& row = profile.phases.emplace_back();
+      row.platform = "two";
+      row.workload = "sobel";
+      row.unit = gpu ? "gpu" : "cpu";
+      row.backend = "cpu";
+      row.phase = phase;
+      row.valid = gpu ? gpu_valid : cpu_valid;
+      row.median = 1ms;
+      if (!row.valid) row.reasons = {"wrong_output"};
+    }
+  }
+  return profile;
+}
+
+TEST(Runtime, WithAProfileUnitsServeWhatTheyHaveValidRowsOf) {
+  const auto options_for = [](Profile profile, std::vector<Workload> made = {}) {
+    RuntimeOptions options = options_with({adding()});
+    options.profile = std::move(profile);
+    options.workloads = {"sobel"};
+    options.made = std::move(made);
+    return options;
+  };
+  {
+    Runtime runtime(options_for(profile_of_sobel(false, true)));
+    const auto images = generated_images(1);
+    const Data data = find_workload("sobel").make_data({.seed = 1, .images = images.get()});
+    for (int i = 0; i < 10; ++i) {
+      const auto edges = runtime.submit("sobel", {data.inputs[0]});
+      EXPECT_EQ(edges.wait(), TaskEnd::kCompleted);
+      EXPECT_EQ(edges.unit(), "gpu");
+    }
+    // Functions of one's own need no rows.
+    EXPECT_EQ(value_of(runtime.submit("add", {number(1), number(2)}).get()), 3);
+  }
+  EXPECT_THAT(refusal(options_for(profile_of_sobel(false, false))),
+              AllOf(HasSubstr("sobel"), HasSubstr("wrong_output")));
+  auto made = std::vector{background("small", 40, 30)};
+  EXPECT_THAT(refusal(options_for(profile_of_sobel(true, true), std::move(made))),
+              HasSubstr("'small' is none of the catalogue's"));
+}
+
 TEST(Runtime, TasksOfAStateHoldItOneAtATimeInOrder) {
   RuntimeOptions options = options_with({});
   options.workloads = {"background_model"};
@@ -183,13 +239,6 @@ TEST(Runtime, TasksOfAStateHoldItOneAtATimeInOrder) {
     const Verdict verdict = model.verify(futures[i].get(), expected[i]);
     EXPECT_TRUE(verdict.ok) << i << ": " << verdict.detail;
   }
-}
-
-/// A background model of its own size and name.
-Workload background(const std::string& name, int width, int height) {
-  Workload workload = vision::make_background_model(width, height);
-  workload.name = name;
-  return workload;
 }
 
 TEST(Runtime, WorkloadsOfOwnSizesShareAStateByItsName) {
