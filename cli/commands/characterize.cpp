@@ -312,7 +312,8 @@ void add_characterize(CLI::App& app, Action& action) {
              StdoutUse::kRefused);
   add_text(command, "--fit-parameters", &options->fit.parameters, "PARAMETER,...",
            "What to fit, with commas: active_w (W), op_pj, byte_pj (pJ), call_j (J) (default: as "
-           "many as the cells can tell apart)");
+           "many as the cells can tell apart)")
+      .needs(command.option("--fit-energy"));
   const Option resume = command.add_flag(
       "--resume", options->resume,
       "Go on with the newest run of --db that did not end, with the options it was started with");

@@ -30,10 +30,7 @@ std::string file_text(const CampaignOptions& campaign, const std::vector<UnitFit
 }  // namespace
 
 void check_fit(const FitOptions& options, const CampaignPlan& plan) {
-  if (!options.file) {
-    if (options.parameters) throw_bad_input("--fit-parameters needs --fit-energy FILE.yaml");
-    return;
-  }
+  if (!options.file) return;
   if (!names_a_file(options.file.path())) {
     throw_bad_input("--fit-energy '" + options.file.path() +
                     "' could not be given to --platform later; end it in .yaml");

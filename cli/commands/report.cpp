@@ -230,7 +230,6 @@ int report_paper(const Options& options) {
 
 int report(const Options& options) {
   static_cast<void>(parse_format(options.format));  // before anything is computed
-  if (options.paper && options.setup) throw_bad_input("give either --paper or --setup");
   if (options.paper) return report_paper(options);
   if (options.files.empty()) {
     throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one");
@@ -269,6 +268,8 @@ void add_report(CLI::App& app, Action& action) {
                    "many calls on one unit beats another, and a convolution beside the paper's "
                    "Fig. 7");
   add_json(command, options->json);
+  for (const auto* name : {"--paper", "--mix"})
+    command.option("--setup").excludes(command.option(name));
   command.footer("Example: pirt report profile.db --format html -o report.html");
   command.runs(action, [options] { return report(*options); });
 }

@@ -213,20 +213,9 @@ void update_profile(ProfileWriter& writer, const Inputs& inputs, const RunRecord
 }
 
 int schedule(const Options& options) {
-  if (options.comparing) {
-    if (!options.mode.empty()) throw_bad_input("--mode and --compare exclude each other");
-    if (options.trace) throw_bad_input("--trace is of one run; give --mode instead of --compare");
-    if (options.live) throw_bad_input("--live is one run; give --mode instead of --compare");
-    return compare(options);
-  }
+  if (options.comparing) return compare(options);
   if (options.mode.empty()) {
     throw_bad_input("give --mode (" + join(policy_names(), ", ") + ") or --compare");
-  }
-  if (options.no_preinit && !options.live) throw_bad_input("--no-preinit is about --live");
-  if (options.update_profile && !(options.live && options.profile)) {
-    throw_bad_input(
-        "--update-profile is about --live and the rows of --profile that it contradicts; give "
-        "both");
   }
   const auto settings = schedule_options(options, {options.mode});
   const Inputs inputs = read_inputs(options);
@@ -288,16 +277,22 @@ void add_schedule(CLI::App& app, Action& action) {
                    "By the machine's clock: real kernels on units with a backend; the others are "
                    "paced by their stages");
   command.add_flag("--no-preinit", options->no_preinit,
-                   "With --live: prepare a kernel only when its first task comes");
-  command.add_flag("--update-profile", options->update_profile,
-                   "With --live: rows of --profile that the run contradicts are measured anew by "
-                   "it, as a run of their own in the database");
+                   "Prepare a kernel only when its first task comes");
+  command.add_flag(
+      "--update-profile", options->update_profile,
+      "Rows that the run contradicts are measured anew by it, as a run of their own in "
+      "the database");
   add_text(command, "--faults", &options->faults, "seed=N,...",
            "Let calls fail (fail=0.02 of them) and units give tasks back (return=0.02), by a seed");
   add_output(command, "--trace", options->trace,
              "Write what happened to a file, for Perfetto (ui.perfetto.dev) and pirt replay",
              StdoutUse::kRefused);
   add_json(command, options->json);
+  for (const auto* name : {"--mode", "--live", "--trace"}) compare.excludes(command.option(name));
+  for (const auto* name : {"--no-preinit", "--update-profile"})
+    command.option(name).needs(command.option("--live"));
+  for (const auto* name : {"--allow-invalid", "--update-profile"})
+    command.option(name).needs(command.option("--profile"));
   command.footer(
       "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000");
   command.runs(action, [options, compare] {
