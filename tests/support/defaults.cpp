@@ -1,9 +1,14 @@
 // Linked into every test program: the tests' devices have their default parameters, whatever the
 // user who runs them has tuned, and signals do what they do by default, also under nohup and in a
-// shell's background. Programs that tests start inherit both.
+// shell's background. Programs that tests start inherit both. testing::TempDir() is a folder of the
+// process's own, since tests run side by side.
+#include <unistd.h>
+
 #include <csignal>
 #include <cstdlib>
+#include <filesystem>
 #include <initializer_list>
+#include <string>
 
 namespace {
 
@@ -12,5 +17,24 @@ namespace {
   for (const int signal : {SIGINT, SIGHUP, SIGPIPE}) std::signal(signal, SIG_DFL);
   return true;
 }();
+
+class OwnFolder {
+ public:
+  OwnFolder() {
+    if (::mkdtemp(path_.data()) == nullptr) std::abort();
+    ::setenv("TEST_TMPDIR", path_.c_str(), 1);
+  }
+  ~OwnFolder() {
+    std::error_code unheard;
+    if (::getpid() == owner_) std::filesystem::remove_all(path_, unheard);
+  }
+  OwnFolder(const OwnFolder&) = delete;
+  OwnFolder& operator=(const OwnFolder&) = delete;
+
+ private:
+  std::string path_ = (std::filesystem::temp_directory_path() / "pirt-tests-XXXXXX").string();
+  pid_t owner_ = ::getpid();
+};
+const OwnFolder kFolder;
 
 }  // namespace
