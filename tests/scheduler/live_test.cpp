@@ -196,6 +196,7 @@ TEST(Live, SequencesBeginAnewWithTheirStates) {
     ScheduleOptions options;
     options.mode = mode;
     LiveOptions how;
+    how.time_limit = std::chrono::minutes(10);  // Sanitizers are slow, and other tests run beside.
     how.sink = [&](const Firings::Place& place, std::span<const Tensor> made) {
       const MixTask& task = mix.pipelines[place.pipeline].tasks[place.task];
       outputs[{task.name, place.firing}] = bytes_of(made);
