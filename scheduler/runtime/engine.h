@@ -164,7 +164,8 @@ class Runtime::Engine {
   RuntimeOptions options_;
   MachineClock clock_;
   Nanos began_ = clock_.now();
-  std::deque<Workload> own_;  ///< And RuntimeOptions::made.
+  /// And RuntimeOptions::made. A call that hangs may outlive the engine.
+  std::shared_ptr<std::deque<Workload>> own_ = std::make_shared<std::deque<Workload>>();
   std::vector<Known> workloads_;
   std::map<std::string, std::size_t, std::less<>> names_;
   Mix mix_;

@@ -72,11 +72,11 @@ void Runtime::Engine::list_workloads() {
           "' is none of the catalogue's, so that the profile has no rows of it; give it "
           "the name of the one whose rows it shall have");
     }
-    add(own_.emplace_back(std::move(made)), nullptr);
+    add(own_->emplace_back(std::move(made)), nullptr);
   }
   for (const OwnWorkload& own : options_.own) {
     if (own.kernels.empty()) throw_bad_input("workload '" + own.name + "' has no kernel");
-    Workload& workload = own_.emplace_back();
+    Workload& workload = own_->emplace_back();
     workload.name = own.name;
     workload.inputs = own.inputs;
     workload.outputs = own.outputs;
@@ -205,7 +205,8 @@ void Runtime::Engine::open_units() {
                     .preparations = std::move(prepared),
                     .prepare_first = options_.prepare_first,
                     .contexts = model.contexts.has_value(),
-                    .priority = options_.priority};
+                    .priority = options_.priority,
+                    .keeps = own_};
     units_[unit].runner =
         std::make_unique<KernelUnit>(std::move(setup), [this](Call& call, CallEnd end) {
           Submitted& task = task_of(call);

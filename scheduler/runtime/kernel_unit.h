@@ -94,6 +94,8 @@ struct UnitSetup {
   /// it holds that of the first preparation.
   bool contexts = false;
   int priority = 0;  ///< Above 0: of real-time scheduling, first in first out.
+  std::shared_ptr<const void> keeps =
+      {};  ///< There as long as the unit: what its workloads are in.
 };
 
 class KernelUnit {
