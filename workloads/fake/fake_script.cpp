@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 #include <functional>
 #include <limits>
 
@@ -265,14 +266,16 @@ std::map<std::string, Reader> readers() {
 
 }  // namespace
 
-const std::vector<ScriptedStage>& Script::stages_of(const std::string& workload) const {
-  static const std::vector<ScriptedStage> kDefault = {
-      {Phase::kUpload, from_ms(0.1), from_ms(0.1)},
-      {Phase::kLaunch, from_ms(0.01), from_ms(0.01)},
-      {Phase::kExecute, from_ms(1), from_ms(1)},
-      {Phase::kDownload, from_ms(0.1), from_ms(0.1)}};
+std::span<const ScriptedStage> Script::stages_of(const std::string& workload) const {
+  // An array: a unit that hangs may still read it while the process ends.
+  static const std::array<ScriptedStage, 4> kDefault = {
+      {{Phase::kUpload, from_ms(0.1), from_ms(0.1)},
+       {Phase::kLaunch, from_ms(0.01), from_ms(0.01)},
+       {Phase::kExecute, from_ms(1), from_ms(1)},
+       {Phase::kDownload, from_ms(0.1), from_ms(0.1)}}};
   const auto it = stages.find(workload);
-  return it == stages.end() ? kDefault : it->second;
+  if (it == stages.end()) return kDefault;
+  return it->second;
 }
 
 Script read_script(const YAML::Node& root) {

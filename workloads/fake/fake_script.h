@@ -44,6 +44,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -83,7 +84,7 @@ struct Script {
   std::optional<std::string> fail_open;
   std::string reference_folder;
 
-  [[nodiscard]] const std::vector<ScriptedStage>& stages_of(const std::string& workload) const;
+  [[nodiscard]] std::span<const ScriptedStage> stages_of(const std::string& workload) const;
 };
 
 /// What is wrong with a script, for those that know where it is written.

@@ -2,6 +2,7 @@
 #include "workloads/scene/room.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -204,9 +205,9 @@ void add_noise(GreyImage& image, double sigma, std::uint64_t seed) {
   // Pixels draw from a table: a Gaussian of their own for each would take longer than the picture.
   constexpr std::size_t kTable = 1U << 14U;
   constexpr int kShift = 6;
-  static const std::vector<double> normal = [] {
+  static const std::array<double, kTable> normal = [] {
     Gaussian gaussian(derive_seed(0, "noise table"));
-    std::vector<double> values(kTable);
+    std::array<double, kTable> values{};
     for (double& value : values) value = gaussian.next();
     return values;
   }();
