@@ -60,14 +60,10 @@ std::optional<FileUse> use_of(const GivenOption& option) {
   return entry->use;
 }
 
-/// Where opening @p path for writing leads to; its links are followed even if nothing is there yet.
+/// follow_links(), by the one name that it has whichever links lead to its folder.
 fs::path destination(fs::path path) {
-  constexpr int kMostLinks = 40;  // as Linux follows
   std::error_code failed;
-  path = fs::absolute(path, failed);
-  for (int links = 0; links < kMostLinks && fs::is_symlink(path, failed); ++links) {
-    path = path.parent_path() / fs::read_symlink(path, failed);
-  }
+  path = follow_links(fs::absolute(path, failed));
   const auto folder = fs::weakly_canonical(path.parent_path(), failed);
   return failed ? path.lexically_normal() : folder / path.filename();
 }

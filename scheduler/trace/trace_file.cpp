@@ -9,6 +9,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/json_value.h"
+#include "workloads/base/text.h"
 
 namespace pirt {
 namespace {
@@ -21,7 +22,7 @@ std::filesystem::path beside(std::filesystem::path path, const std::string& suff
 }  // namespace
 
 TraceFile::TraceFile(std::filesystem::path path)
-    : path_(std::move(path)),
+    : path_(follow_links(std::move(path))),
       events_path_(beside(path_, ".tmp")),
       log_path_(beside(path_, ".log.tmp")) {
   if (std::filesystem::exists(path_) && !std::filesystem::is_regular_file(path_)) {

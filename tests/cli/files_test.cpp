@@ -159,6 +159,20 @@ TEST_F(SameFile, IsRecognizedBeforeItExists) {
   EXPECT_FALSE(fs::exists(scratch_.file("folder/later")));
 }
 
+TEST_F(SameFile, IsWrittenThroughItsLinks) {
+  const std::string schedule =
+      "schedule --mode met --platform snapdragon820 --mix convolution-1000 ";
+  const auto outcome = pirt_here(schedule + "--trace symbolic --json dangling");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_TRUE(fs::is_symlink(scratch_.file("symbolic")));
+  EXPECT_TRUE(fs::is_symlink(scratch_.file("dangling")));
+  EXPECT_EQ(pirt_here("replay folder/trace").exit_code, 0);
+  EXPECT_THAT(slurp(scratch_.file("folder/later")), HasSubstr("\"makespan_s\""));
+  // A link to what has no name.
+  EXPECT_THAT(pirt_here(schedule + "--trace /dev/fd/3 3>&1 >/dev/null | cat").err,
+              HasSubstr("not a regular file"));
+}
+
 TEST_F(SameFile, MayBeAName) {
   // A shipped platform, beside a file that has its name.
   const auto outcome = pirt_here("list units --platform host --json host");

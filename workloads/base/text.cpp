@@ -180,6 +180,18 @@ std::string read_file(const std::filesystem::path& path, std::size_t max_bytes) 
   return text;
 }
 
+std::filesystem::path follow_links(std::filesystem::path path) {
+  constexpr int kMostLinks = 40;  // as Linux follows
+  std::error_code failed;
+  for (int links = 0; links < kMostLinks && std::filesystem::is_symlink(path, failed); ++links) {
+    auto next = path.parent_path() / std::filesystem::read_symlink(path, failed);
+    // A pipe among /proc's open files leads to no name.
+    if (std::filesystem::exists(path, failed) && !std::filesystem::exists(next, failed)) break;
+    path = std::move(next);
+  }
+  return path;
+}
+
 void write_file(const std::filesystem::path& path, std::string_view text) {
   // A device or a pipe cannot be replaced by renaming; it is written to directly.
   if (std::filesystem::exists(path) && !std::filesystem::is_regular_file(path)) {
@@ -187,7 +199,8 @@ void write_file(const std::filesystem::path& path, std::string_view text) {
     if (!(out << text << std::flush)) throw_system("write", path, errno != 0 ? errno : EIO);
     return;
   }
-  const auto temporary = temporary_of(path);
+  const auto target = follow_links(path);
+  const auto temporary = temporary_of(target);
   errno = 0;
   {
     std::ofstream out(temporary, std::ios::binary);
@@ -198,7 +211,7 @@ void write_file(const std::filesystem::path& path, std::string_view text) {
     }
   }
   std::error_code failed;
-  std::filesystem::rename(temporary, path, failed);
+  std::filesystem::rename(temporary, target, failed);
   if (failed) {
     remove_quietly(temporary);
     throw_bad_input("cannot write '" + path.string() + "': " + failed.message());
@@ -211,7 +224,7 @@ void check_writable(const std::filesystem::path& path) {
   if (std::filesystem::exists(path, failed) && !std::filesystem::is_regular_file(path, failed)) {
     return;
   }
-  const auto temporary = temporary_of(path);
+  const auto temporary = temporary_of(follow_links(path));
   errno = 0;
   const bool opened = std::ofstream(temporary, std::ios::binary).is_open();
   if (!opened) throw_system("write", path, errno != 0 ? errno : EIO);

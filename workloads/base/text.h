@@ -36,7 +36,11 @@ inline constexpr std::size_t kAnySize = SIZE_MAX;
 [[nodiscard]] std::string read_file(const std::filesystem::path& path,
                                     std::size_t max_bytes = kMaxInputBytes);
 
-/// Writes a whole file or leaves the old one: a temporary file beside it, then rename.
+/// What opening @p path for writing would open: where it is a link, what that leads to, even if
+/// nothing is there yet.
+[[nodiscard]] std::filesystem::path follow_links(std::filesystem::path path);
+
+/// Writes a whole file or leaves the old one: a temporary file beside it, then rename. Links stay.
 /// @throws Error{kBadInput} naming the path and the system's reason.
 void write_file(const std::filesystem::path& path, std::string_view text);
 
