@@ -22,22 +22,10 @@ constexpr std::string_view kSuffix = ".yaml";
 
 Platform read(const std::string& file, const std::string& text,
               const std::vector<YamlOverride>& overrides, const std::vector<int>& cores) {
-  return read_platform(parse_yaml(file, text, "units", overrides), cores);
-}
-
-struct NamedText {
-  std::string file, text;
-};
-
-NamedText find_file(const std::string& name) {
-  if (names_a_file(name)) return {name, read_file(name)};
-  const std::string file = name + std::string(kSuffix);
-  const auto text = find_embedded(platform_files::files(), file);
-  if (!text) {
-    throw_bad_input("unknown platform '" + name + "'" + suggestion(name, shipped_platforms()) +
-                    "; a file is named with a '/' or ends in .yaml");
-  }
-  return {file, std::string(*text)};
+  const auto document = parse_yaml(file, text, "units", overrides);
+  Platform platform = read_platform(document, cores);
+  platform.text = document.dump() + "\n";
+  return platform;
 }
 
 }  // namespace
@@ -78,17 +66,26 @@ std::vector<std::string> Platform::unit_names() const {
 }
 
 Platform load_platform(const std::string& name, const std::vector<YamlOverride>& overrides) {
-  const auto [file, text] = find_file(name);
+  std::string file = name;
+  std::string text;
+  if (names_a_file(name)) {
+    text = read_file(name);
+  } else {
+    file += kSuffix;
+    const auto shipped = find_embedded(platform_files::files(), file);
+    if (!shipped) {
+      throw_bad_input("unknown platform '" + name + "'" + suggestion(name, shipped_platforms()) +
+                      "; a file is named with a '/' or ends in .yaml");
+    }
+    text = *shipped;
+  }
   Platform platform = read(file, text, overrides, usable_cores());
   platform.argument = name;
   return platform;
 }
 
-std::string platform_text(const std::string& name, const std::vector<YamlOverride>& overrides) {
-  const auto [file, text] = find_file(name);
-  std::string changed = parse_yaml(file, text, "units", overrides).dump() + "\n";
-  static_cast<void>(read(file, changed, {}, usable_cores()));
-  return changed;
+std::string platform_text(const Platform& platform, const std::vector<YamlOverride>& overrides) {
+  return read(platform.name, platform.text, overrides, usable_cores()).text;
 }
 
 Platform parse_platform(const std::string& file, const std::string& text,

@@ -101,6 +101,7 @@ struct ModeDefaults {
 struct Platform {
   std::string name;
   std::string argument;  ///< What load_platform was given: the name, or a file. For messages.
+  std::string text;      ///< The YAML that it was read from, with what was set besides.
   std::string description;
   std::string assumptions;  ///< Printed beside modelled energy; e.g. where the watts come from.
   std::vector<UnitModel> units;  ///< In file order; ties between units break by it.
@@ -126,10 +127,10 @@ struct Platform {
 [[nodiscard]] Platform parse_platform(const std::string& file, const std::string& text,
                                       const std::vector<YamlOverride>& overrides, int host_cores);
 
-/// The file behind a name with @p overrides applied, as YAML that load_platform reads again (its
-/// comments are lost).
+/// What @p platform was read from with @p overrides applied, as YAML that load_platform reads again
+/// (its comments are lost).
 /// @throws Error{kBadInput} as load_platform.
-[[nodiscard]] std::string platform_text(const std::string& name,
+[[nodiscard]] std::string platform_text(const Platform& platform,
                                         const std::vector<YamlOverride>& overrides);
 
 [[nodiscard]] std::vector<std::string> shipped_platforms();

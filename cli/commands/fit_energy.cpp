@@ -19,12 +19,9 @@ std::vector<EnergyParameter> parameters_of(const FitOptions& options) {
 }
 
 std::string file_text(const CampaignOptions& campaign, const std::vector<UnitFit>& fits) {
-  std::vector<YamlOverride> settings = parse_overrides(campaign.settings);
-  const auto fitted = fitted_settings(fits);
-  settings.insert(settings.end(), fitted.begin(), fitted.end());
   return fmt::format(
       "# Platform {} with energy models fitted by: pirt characterize --fit-energy\n{}",
-      campaign.platform.name, platform_text(campaign.platform_argument, settings));
+      campaign.platform.name, platform_text(campaign.platform, fitted_settings(fits)));
 }
 
 }  // namespace
