@@ -375,5 +375,20 @@ TEST(Database, RollsBackWhatAKilledWriterLeft) {
   EXPECT_EQ(dump(folder / "p.db"), right);
 }
 
+TEST(Database, MayBeNamedByALink) {
+  const TemporaryFolder folder;
+  const TemporaryFolder elsewhere;
+  std::filesystem::create_symlink(elsewhere / "p.db", folder / "link.db");
+  write_one_run(folder / "link.db");  // Nothing was there.
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / "link.db"));
+  const std::string right = dump(elsewhere / "p.db");
+  test::die_in_transaction(folder / "link.db");
+  ASSERT_THAT(elsewhere.entries(), ElementsAre("p.db", "p.db-journal"));
+  EXPECT_EQ(load_profile(folder / "link.db").runs.size(), 1U);
+  EXPECT_EQ(dump(folder / "link.db"), right);
+  EXPECT_THAT(folder.entries(), ElementsAre("link.db"));
+  EXPECT_THAT(elsewhere.entries(), ElementsAre("p.db"));
+}
+
 }  // namespace
 }  // namespace pirt

@@ -12,6 +12,7 @@
 
 #include "characterize/profile/store/database_format.h"
 #include "workloads/base/error.h"
+#include "workloads/base/text.h"
 
 namespace pirt {
 namespace {
@@ -99,7 +100,7 @@ void identify(const std::filesystem::path& path) {
 /// A writer that was killed in a transaction leaves a journal; only a connection that may write can
 /// roll it back.
 void recover(const std::filesystem::path& path, Nanos busy_wait) {
-  auto journal = path;
+  auto journal = follow_links(path);
   journal += "-journal";
   std::error_code failed;
   const auto size = std::filesystem::file_size(journal, failed);

@@ -29,8 +29,9 @@ using sqlite::Transaction;
 
 Connection open_or_create(const std::filesystem::path& path, Nanos busy_wait) {
   std::error_code failed;  // which opening it explains
-  const auto status = std::filesystem::symlink_status(path, failed);
-  if (status.type() == std::filesystem::file_type::not_found) create_database(path);
+  const auto made = follow_links(path);
+  const auto status = std::filesystem::symlink_status(made, failed);
+  if (status.type() == std::filesystem::file_type::not_found) create_database(made);
   return open_database(path, Connection::Mode::kReadWrite, busy_wait);
 }
 
