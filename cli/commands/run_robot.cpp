@@ -102,8 +102,7 @@ struct Robot {
 };
 
 int compare(const Options& options, Robot robot) {
-  const auto modes = options.compare.empty() ? paper_modes() : split(options.compare, ',');
-  for (const auto& mode : modes) static_cast<void>(find_policy(mode));
+  const auto modes = options.compare.empty() ? paper_modes() : find_policies(options.compare);
   std::vector<RobotRun> runs;
   runs.push_back(robot.run(false));
   std::vector<std::string> skipped;

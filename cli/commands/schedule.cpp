@@ -141,8 +141,7 @@ Inputs read_inputs(const Options& options) {
 }
 
 int compare(const Options& options) {
-  const auto modes = options.compare.empty() ? policy_names() : split(options.compare, ',');
-  for (const auto& mode : modes) static_cast<void>(find_policy(mode));
+  const auto modes = options.compare.empty() ? policy_names() : find_policies(options.compare);
   const auto settings = schedule_options(options, modes);
   const Inputs inputs = read_inputs(options);
   const ModeRuns runs = run_modes(inputs.platform, inputs.profile ? &*inputs.profile : nullptr,
@@ -255,7 +254,7 @@ void add_schedule(CLI::App& app, Action& action) {
             FileUse::kReadIfFile)
       .shows_default();
   add_value(command, "--duration", &options->duration, "DURATION", no_duration,
-            "Virtual time in which pipelines with a rate fire, e.g. 60s (the default) or 2min");
+            "Time in which pipelines with a rate fire, e.g. 60s (the default) or 2min");
   add_value(command, "--weights", &options->weights, "UNIT=WEIGHT,...", no_weights,
             "Weights of the units, e.g. gpu=4,cpu=3 (default: the platform's, else derived)");
   add_value(command, "--in-flight", &options->in_flight, "INTEGER", not_within(1, 1'000'000),

@@ -41,6 +41,15 @@ const PolicyInfo& find_policy(std::string_view name) {
   throw_bad_input("unknown mode '" + std::string(name) + "'" + suggestion(name, policy_names()));
 }
 
+std::vector<std::string> find_policies(std::string_view names) {
+  std::vector<std::string> found;
+  for (const auto& name : split(names, ',')) {
+    static_cast<void>(find_policy(name));
+    if (std::ranges::find(found, name) == found.end()) found.push_back(name);
+  }
+  return found;
+}
+
 Mode find_mode(std::string_view name, std::string_view basic) {
   const PolicyInfo& policy = find_policy(name);
   const PolicyInfo& fallback = find_basic_policy(basic);

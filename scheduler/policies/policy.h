@@ -126,6 +126,9 @@ struct Mode {
 [[nodiscard]] std::vector<std::string> policy_names();
 /// @throws Error{kBadInput} with the nearest names.
 [[nodiscard]] const PolicyInfo& find_policy(std::string_view name);
+/// @param names  With commas; each counts once.
+/// @throws Error{kBadInput} as find_policy.
+[[nodiscard]] std::vector<std::string> find_policies(std::string_view names);
 /// One of those that advanced can fall back to. @throws Error{kBadInput} with the names.
 [[nodiscard]] const PolicyInfo& find_basic_policy(std::string_view name);
 

@@ -194,6 +194,10 @@ TEST(Schedule, ComparesModesAndListsThoseThatCannotRun) {
     EXPECT_LE(run["gaps"]["throughput"], 1e-6) << run["mode"];
     EXPECT_GE(run["gaps"]["energy"], -1e-6) << run["mode"];
   }
+  const auto twice = pirt({"schedule", "--platform", "snapdragon820", "--mix", "convolution-1000",
+                           "--compare", "met,ect,met", "--json", "-"});
+  ASSERT_EQ(twice.exit_code, 0) << twice.err;
+  EXPECT_EQ(twice.json()["runs"].size(), 2U);
   const auto two = pirt({"schedule", "--platform", "host-opencl", "--mix", "convolution-1000",
                          "--compare", "cpu-only"});
   EXPECT_EQ(two.exit_code, 2);  // none can run
