@@ -1,7 +1,7 @@
 // The commands of pirt. Each file adds its subcommand and the function that runs it after parsing.
 #pragma once
 
-#include "cli/command.h"
+#include "cli/options/command.h"
 
 namespace pirt::cli {
 

@@ -5,7 +5,7 @@
 
 #include <cstdio>
 
-#include "cli/output.h"
+#include "cli/options/output.h"
 
 namespace pirt::cli {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "cli/commands.h"
 #include "workloads/base/error.h"
-#include "workloads/base/printable.h"
+#include "workloads/base/text/printable.h"
 
 namespace pirt::cli {
 namespace {

@@ -11,7 +11,7 @@
 #include "scheduler/services/scenario.h"
 #include "scheduler/trace/trace_writer.h"
 #include "scheduler/virtual/virtual_time.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

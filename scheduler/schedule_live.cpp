@@ -7,7 +7,7 @@
 
 #include "scheduler/schedule.h"
 #include "scheduler/trace/trace_thread.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -26,10 +26,10 @@
 #include "characterize/worker/measure.h"
 #include "characterize/worker/peaks.h"
 #include "characterize/worker/scratch.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/base/random.h"
-#include "workloads/base/text.h"
-#include "workloads/registry.h"
+#include "workloads/base/math/random.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -24,7 +24,7 @@
 #include "characterize/profile/profile.h"
 #include "characterize/profile/records.h"
 #include "characterize/profile/store/reader.h"
-#include "workloads/workload.h"
+#include "workloads/model/workload.h"
 
 namespace pirt {
 

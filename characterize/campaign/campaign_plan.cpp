@@ -12,9 +12,9 @@
 #include "characterize/platform/selection.h"
 #include "characterize/platform/unit_request.h"
 #include "characterize/worker/job_runner.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
-#include "workloads/registry.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -9,8 +9,8 @@
 #include "characterize/profile/store/reader.h"
 #include "characterize/worker/job.h"
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -19,8 +19,8 @@
 #include "characterize/platform/platform.h"
 #include "characterize/profile/records.h"
 #include "characterize/worker/job_runner.h"
-#include "workloads/backend.h"
-#include "workloads/workload.h"
+#include "workloads/model/backend.h"
+#include "workloads/model/workload.h"
 
 namespace pirt {
 

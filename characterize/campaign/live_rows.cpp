@@ -5,8 +5,8 @@
 #include "characterize/campaign/run_facts.h"
 #include "characterize/campaign/validity.h"
 #include "characterize/energy/model.h"
-#include "workloads/catalog.h"
-#include "workloads/images.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/inputs/pictures/images.h"
 
 namespace pirt {
 namespace {

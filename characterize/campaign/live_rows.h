@@ -10,8 +10,8 @@
 
 #include "characterize/platform/platform.h"
 #include "characterize/profile/store/writer.h"
-#include "workloads/backend.h"
-#include "workloads/phase.h"
+#include "workloads/model/backend.h"
+#include "workloads/model/phase.h"
 
 namespace pirt {
 

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "characterize/worker/measure.h"
-#include "workloads/backend_list.h"
-#include "workloads/base/affinity.h"
-#include "workloads/base/text.h"
+#include "workloads/backends/backend_list.h"
+#include "workloads/base/system/affinity.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -7,8 +7,8 @@
 #include "characterize/machine/environment.h"
 #include "characterize/platform/platform.h"
 #include "characterize/profile/profile.h"
-#include "workloads/backend.h"
-#include "workloads/images.h"
+#include "workloads/inputs/pictures/images.h"
+#include "workloads/model/backend.h"
 
 namespace pirt {
 

@@ -8,12 +8,12 @@
 #include <cassert>
 
 #include "characterize/statistics/statistics.h"
-#include "workloads/base/affinity.h"
-#include "workloads/base/caches.h"
+#include "workloads/backends/cpu/core_team.h"
+#include "workloads/backends/cpu/peak_loops.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/affinity.h"
+#include "workloads/base/system/caches.h"
 #include "workloads/base/time.h"
-#include "workloads/cpu/core_team.h"
-#include "workloads/cpu/peak_loops.h"
 
 namespace pirt {
 namespace {

@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/random.h"
-#include "workloads/phase.h"
+#include "workloads/base/math/random.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/model/phase.h"
 
 namespace pirt {
 namespace {

@@ -17,7 +17,7 @@
 
 #include "characterize/duet/rule.h"
 #include "characterize/duet/sample.h"
-#include "workloads/base/json.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

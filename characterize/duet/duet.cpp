@@ -9,13 +9,13 @@
 
 #include "characterize/worker/process.h"
 #include "characterize/worker/scratch.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/text.h"
-#include "workloads/base/thread.h"
+#include "workloads/base/system/thread.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
 #include "workloads/base/time.h"
-#include "workloads/registry.h"
 
 namespace pirt {
 namespace {

@@ -6,7 +6,7 @@
 #include <functional>
 #include <string>
 
-#include "workloads/base/json.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

@@ -9,12 +9,12 @@
 #include "characterize/statistics/statistics.h"
 #include "characterize/worker/scratch.h"
 #include "characterize/worker/worker.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
-#include "workloads/base/json_value.h"
-#include "workloads/catalog.h"
-#include "workloads/player.h"
-#include "workloads/registry.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/model/player.h"
 
 namespace pirt {
 namespace {

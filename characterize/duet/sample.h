@@ -12,7 +12,7 @@
 
 #include "characterize/platform/platform.h"
 #include "characterize/worker/injection.h"
-#include "workloads/base/json.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

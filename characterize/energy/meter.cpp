@@ -6,7 +6,7 @@
 #include <cerrno>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "characterize/energy/window.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "characterize/platform/platform.h"
 #include "characterize/profile/records.h"
-#include "workloads/workload.h"
+#include "workloads/model/workload.h"
 
 namespace pirt {
 

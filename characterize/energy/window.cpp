@@ -8,7 +8,7 @@
 #include <mutex>
 #include <thread>
 
-#include "workloads/base/thread.h"
+#include "workloads/base/system/thread.h"
 
 namespace pirt {
 namespace {

@@ -15,8 +15,8 @@
 
 #include "characterize/machine/build_info.h"
 #include "characterize/machine/system_files.h"
-#include "workloads/base/caches.h"
-#include "workloads/base/text.h"
+#include "workloads/base/system/caches.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -11,7 +11,7 @@
 #include <string>
 
 #include "characterize/machine/system_files.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

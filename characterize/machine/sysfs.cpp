@@ -9,7 +9,7 @@
 #include <charconv>
 #include <cstring>
 
-#include "workloads/base/file_descriptor.h"
+#include "workloads/base/system/file_descriptor.h"
 
 namespace pirt {
 namespace {

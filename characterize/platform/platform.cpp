@@ -11,7 +11,7 @@
 #include "characterize/platform/platform_file.h"
 #include "platform_files.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "characterize/statistics/distribution.h"
+#include "workloads/base/text/yaml.h"
 #include "workloads/base/time.h"
-#include "workloads/base/yaml.h"
-#include "workloads/phase.h"
+#include "workloads/model/phase.h"
 
 namespace pirt {
 

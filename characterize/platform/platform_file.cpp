@@ -7,11 +7,11 @@
 #include <string>
 #include <utility>
 
-#include "workloads/backend_list.h"
+#include "workloads/backends/backend_list.h"
+#include "workloads/backends/fake/fake_script.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
-#include "workloads/fake/fake_script.h"
-#include "workloads/specs.h"
+#include "workloads/base/text/text.h"
+#include "workloads/catalog/specs.h"
 
 namespace pirt {
 namespace {

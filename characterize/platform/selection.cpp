@@ -6,10 +6,10 @@
 #include <set>
 
 #include "workloads/base/error.h"
-#include "workloads/base/name_filter.h"
-#include "workloads/base/numbers.h"
-#include "workloads/base/text.h"
-#include "workloads/catalog.h"
+#include "workloads/base/text/name_filter.h"
+#include "workloads/base/text/numbers.h"
+#include "workloads/base/text/text.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "characterize/platform/platform.h"
-#include "workloads/workload.h"
+#include "workloads/model/workload.h"
 
 namespace pirt {
 

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "characterize/platform/platform.h"
-#include "workloads/backend.h"
+#include "workloads/model/backend.h"
 
 namespace pirt {
 

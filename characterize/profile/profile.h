@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "workloads/base/time.h"
-#include "workloads/peak.h"
-#include "workloads/phase.h"
+#include "workloads/model/peak.h"
+#include "workloads/model/phase.h"
 
 namespace pirt {
 

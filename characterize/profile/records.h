@@ -10,7 +10,7 @@
 
 #include "characterize/profile/profile.h"
 #include "workloads/base/time.h"
-#include "workloads/phase.h"
+#include "workloads/model/phase.h"
 
 namespace pirt {
 

@@ -7,7 +7,7 @@
 #include <map>
 
 #include "characterize/profile/identity.h"
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "characterize/profile/profile.h"
-#include "workloads/workload.h"
+#include "workloads/model/workload.h"
 
 namespace pirt {
 

@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "workloads/base/random.h"
+#include "workloads/backends/opencl/tuning/tuning.h"
+#include "workloads/base/math/random.h"
 #include "workloads/base/time.h"
-#include "workloads/opencl/tuning.h"
 
 namespace pirt {
 

@@ -16,11 +16,11 @@
 #include "characterize/statistics/statistics.h"
 #include "characterize/worker/job_runner.h"
 #include "characterize/worker/scratch.h"
+#include "workloads/backends/opencl/tuning/tuning_file.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
-#include "workloads/catalog.h"
-#include "workloads/opencl/tuning_file.h"
-#include "workloads/registry.h"
+#include "workloads/base/text/text.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

@@ -12,7 +12,7 @@
 #include "characterize/platform/platform.h"
 #include "characterize/platform/selection.h"
 #include "characterize/tune/search.h"
-#include "workloads/backend.h"
+#include "workloads/model/backend.h"
 
 namespace pirt {
 

@@ -6,8 +6,8 @@
 #include <memory>
 #include <string>
 
-#include "workloads/backend.h"
 #include "workloads/base/time.h"
+#include "workloads/model/backend.h"
 
 namespace pirt {
 

@@ -6,7 +6,7 @@
 #include <map>
 
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
+#include "workloads/base/text/json_value.h"
 
 namespace pirt {
 namespace {

@@ -15,7 +15,7 @@
 #include "characterize/energy/metered_calls.h"
 #include "characterize/worker/measure.h"
 #include "characterize/worker/peaks.h"
-#include "workloads/backend.h"
+#include "workloads/model/backend.h"
 
 namespace pirt {
 

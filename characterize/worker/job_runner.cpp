@@ -5,8 +5,8 @@
 #include "characterize/platform/unit_request.h"
 #include "characterize/worker/process.h"
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
-#include "workloads/catalog.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

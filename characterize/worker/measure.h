@@ -11,9 +11,9 @@
 #include <span>
 #include <vector>
 
-#include "workloads/backend.h"
 #include "workloads/base/time.h"
-#include "workloads/phase.h"
+#include "workloads/model/backend.h"
+#include "workloads/model/phase.h"
 
 namespace pirt {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "characterize/profile/records.h"
-#include "workloads/backend.h"
+#include "workloads/model/backend.h"
 
 namespace pirt {
 

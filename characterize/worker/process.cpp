@@ -19,7 +19,7 @@
 #include <string_view>
 
 #include "workloads/base/error.h"
-#include "workloads/base/file_descriptor.h"
+#include "workloads/base/system/file_descriptor.h"
 
 namespace pirt {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "workloads/base/file_descriptor.h"
+#include "workloads/base/system/file_descriptor.h"
 
 namespace pirt {
 

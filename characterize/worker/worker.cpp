@@ -14,12 +14,12 @@
 #include "characterize/machine/host_load.h"
 #include "characterize/worker/job.h"
 #include "characterize/worker/peaks.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
-#include "workloads/catalog.h"
-#include "workloads/player.h"
-#include "workloads/registry.h"
-#include "workloads/tensor_file.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/model/player.h"
+#include "workloads/model/tensor_file.h"
 
 namespace pirt {
 namespace {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "reports/document/table.h"
-#include "workloads/phase.h"
+#include "workloads/model/phase.h"
 
 namespace pirt {
 

@@ -4,7 +4,7 @@
 
 #include "reports/document/document_text.h"
 #include "reports/document/page.h"
-#include "workloads/base/printable.h"
+#include "workloads/base/text/printable.h"
 
 namespace pirt {
 namespace {

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "reports/document/document.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

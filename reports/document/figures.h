@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "workloads/base/time.h"
-#include "workloads/phase.h"
+#include "workloads/model/phase.h"
 
 namespace pirt {
 

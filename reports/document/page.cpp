@@ -9,8 +9,8 @@
 #include "report_page_files.h"
 #include "reports/document/figures.h"
 #include "workloads/base/embedded.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/markup.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/markup.h"
 
 namespace pirt {
 namespace {

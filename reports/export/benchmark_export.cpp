@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "reports/export/profile_export.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

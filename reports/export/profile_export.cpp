@@ -12,9 +12,9 @@
 #include "reports/profile/profile_report.h"
 #include "reports/profile/roofline_report.h"
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/name_filter.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/name_filter.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 

@@ -10,8 +10,8 @@
 #include "reports/document/figures.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/markup.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/markup.h"
 
 namespace pirt {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -11,7 +11,7 @@
 #include "characterize/statistics/rank_tests.h"
 #include "reports/gate/between_runs.h"
 #include "reports/gate/common_movement.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "reports/document/document.h"
-#include "scheduler/section5.h"
-#include "workloads/base/json.h"
+#include "reports/paper/section5.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

@@ -9,8 +9,8 @@
 
 #include "reports/document/figures.h"
 #include "reports/paper/paper_figures.h"
-#include "workloads/base/json_value.h"
-#include "workloads/catalog.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

@@ -15,10 +15,10 @@
 #include "characterize/profile/profile.h"
 #include "reports/document/document.h"
 #include "reports/paper/paper_report.h"
+#include "reports/paper/section5.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/schedule.h"
-#include "scheduler/section5.h"
-#include "workloads/base/json_value.h"
+#include "workloads/base/text/json_value.h"
 
 namespace pirt {
 

@@ -11,7 +11,7 @@
 #include "reports/profile/preference.h"
 #include "reports/run/run_report.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

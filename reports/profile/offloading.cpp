@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

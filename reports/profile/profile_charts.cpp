@@ -8,8 +8,8 @@
 
 #include "reports/document/figures.h"
 #include "reports/profile/roofline_report.h"
-#include "workloads/base/text.h"
-#include "workloads/catalog.h"
+#include "workloads/base/text/text.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

@@ -12,8 +12,8 @@
 #include "characterize/profile/identity.h"
 #include "reports/document/figures.h"
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

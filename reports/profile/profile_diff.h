@@ -9,7 +9,7 @@
 
 #include "characterize/profile/profile.h"
 #include "reports/document/document.h"
-#include "workloads/base/json.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

@@ -15,9 +15,9 @@
 #include "reports/document/figures.h"
 #include "reports/profile/environment_report.h"
 #include "reports/profile/roofline_report.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/text.h"
-#include "workloads/catalog.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

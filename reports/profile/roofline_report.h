@@ -5,7 +5,7 @@
 
 #include "characterize/profile/roofline.h"
 #include "reports/document/document.h"
-#include "workloads/base/json.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

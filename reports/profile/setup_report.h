@@ -4,7 +4,7 @@
 #include "reports/document/chart.h"
 #include "reports/document/document.h"
 #include "reports/profile/offloading.h"
-#include "workloads/base/json.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

@@ -9,7 +9,7 @@
 #include "characterize/profile/identity.h"
 #include "reports/document/figures.h"
 #include "reports/profile/preference.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

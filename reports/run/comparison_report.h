@@ -5,7 +5,7 @@
 #include "reports/document/document.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/schedule.h"
-#include "workloads/base/json.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

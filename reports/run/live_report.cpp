@@ -7,8 +7,8 @@
 
 #include "reports/document/figures.h"
 #include "reports/run/run_report.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -12,7 +12,7 @@
 #include "characterize/profile/profile.h"
 #include "reports/document/document.h"
 #include "scheduler/record/run_record.h"
-#include "workloads/base/json.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

@@ -8,8 +8,8 @@
 #include "reports/document/table.h"
 #include "scheduler/robot/activities.h"
 #include "scheduler/robot/localization.h"
-#include "workloads/base/json.h"
-#include "workloads/slam/summary.h"
+#include "workloads/base/text/json.h"
+#include "workloads/slam/run/summary.h"
 
 namespace pirt {
 

@@ -8,8 +8,8 @@
 
 #include "characterize/platform/platform.h"
 #include "reports/document/figures.h"
-#include "workloads/base/text.h"
-#include "workloads/phase.h"
+#include "workloads/base/text/text.h"
+#include "workloads/model/phase.h"
 
 namespace pirt {
 namespace {

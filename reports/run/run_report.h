@@ -8,7 +8,7 @@
 
 #include "reports/document/document.h"
 #include "scheduler/record/run_record.h"
-#include "workloads/phase.h"
+#include "workloads/model/phase.h"
 
 namespace pirt {
 

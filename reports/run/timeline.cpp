@@ -9,8 +9,8 @@
 #include "reports/document/figures.h"
 #include "scheduler/trace/log_json.h"
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -6,7 +6,7 @@
 #include <limits>
 #include <utility>
 
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt {
 

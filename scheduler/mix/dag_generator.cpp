@@ -8,8 +8,8 @@
 #include <set>
 
 #include "workloads/base/error.h"
-#include "workloads/base/random.h"
-#include "workloads/base/text.h"
+#include "workloads/base/math/random.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -4,7 +4,7 @@
 #include <functional>
 #include <queue>
 
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

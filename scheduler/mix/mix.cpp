@@ -10,9 +10,9 @@
 #include "mix_files.h"
 #include "scheduler/mix/dependency_order.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
-#include "workloads/base/yaml.h"
-#include "workloads/specs.h"
+#include "workloads/base/text/text.h"
+#include "workloads/base/text/yaml.h"
+#include "workloads/catalog/specs.h"
 
 namespace pirt {
 namespace {

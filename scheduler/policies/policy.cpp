@@ -4,7 +4,7 @@
 
 #include "scheduler/policies/policies.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -7,7 +7,7 @@
 #include "scheduler/policies/unit_order.h"
 #include "scheduler/policies/weights.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

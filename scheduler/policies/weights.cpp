@@ -10,7 +10,7 @@
 
 #include "scheduler/policies/unit_order.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

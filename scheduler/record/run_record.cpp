@@ -5,8 +5,8 @@
 #include <type_traits>
 
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "workloads/base/json.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "scheduler/runtime/runtime.h"
-#include "workloads/slam/pipeline.h"
+#include "workloads/slam/run/pipeline.h"
 
 namespace pirt {
 

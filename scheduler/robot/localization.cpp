@@ -10,9 +10,9 @@
 #include <utility>
 
 #include "scheduler/robot/tracking.h"
-#include "workloads/slam/state_tensors.h"
-#include "workloads/slam/step_tensors.h"
-#include "workloads/slam/workloads.h"
+#include "workloads/slam/workload/state_tensors.h"
+#include "workloads/slam/workload/step_tensors.h"
+#include "workloads/slam/workload/workloads.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt {

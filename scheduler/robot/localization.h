@@ -24,8 +24,8 @@
 
 #include "scheduler/robot/companion.h"
 #include "scheduler/runtime/runtime.h"
-#include "workloads/slam/pipeline.h"
-#include "workloads/slam/plot.h"
+#include "workloads/slam/run/pipeline.h"
+#include "workloads/slam/run/plot.h"
 
 namespace pirt {
 

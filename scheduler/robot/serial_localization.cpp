@@ -9,9 +9,9 @@
 
 #include "scheduler/robot/localization.h"
 #include "scheduler/runtime/samples.h"
-#include "workloads/catalog.h"
-#include "workloads/function_kernel.h"
-#include "workloads/registry.h"
+#include "workloads/backends/registry.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/model/function_kernel.h"
 
 namespace pirt {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <initializer_list>
 
-#include "workloads/slam/step_tensors.h"
+#include "workloads/slam/workload/step_tensors.h"
 
 namespace pirt {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "scheduler/runtime/runtime.h"
-#include "workloads/slam/state.h"
+#include "workloads/slam/filter/state.h"
 
 namespace pirt {
 

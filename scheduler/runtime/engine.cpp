@@ -5,7 +5,7 @@
 
 #include "scheduler/runtime/time_limit.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -3,10 +3,10 @@
 
 #include "characterize/platform/unit_request.h"
 #include "scheduler/runtime/engine.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
-#include "workloads/catalog.h"
-#include "workloads/registry.h"
+#include "workloads/base/text/text.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

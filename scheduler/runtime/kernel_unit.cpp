@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/thread.h"
+#include "workloads/base/system/thread.h"
 
 namespace pirt {
 

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "scheduler/mix/task.h"
-#include "workloads/function_kernel.h"
+#include "workloads/model/function_kernel.h"
 
 namespace pirt {
 

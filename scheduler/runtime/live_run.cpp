@@ -12,9 +12,9 @@
 #include "scheduler/runtime/output_pool.h"
 #include "scheduler/runtime/samples.h"
 #include "scheduler/runtime/time_limit.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/catalog.h"
-#include "workloads/registry.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

@@ -7,8 +7,8 @@
 #include <memory>
 #include <vector>
 
-#include "workloads/tensor.h"
-#include "workloads/workload.h"
+#include "workloads/model/tensor.h"
+#include "workloads/model/workload.h"
 
 namespace pirt {
 

@@ -36,8 +36,8 @@
 #include "characterize/profile/profile.h"
 #include "scheduler/record/histogram.h"
 #include "workloads/base/time.h"
-#include "workloads/tensor.h"
-#include "workloads/workload.h"
+#include "workloads/model/tensor.h"
+#include "workloads/model/workload.h"
 
 namespace pirt {
 

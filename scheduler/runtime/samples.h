@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "workloads/images.h"
-#include "workloads/workload.h"
+#include "workloads/inputs/pictures/images.h"
+#include "workloads/model/workload.h"
 
 namespace pirt {
 

@@ -1,6 +1,6 @@
 #include "scheduler/services/faults.h"
 
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt {
 

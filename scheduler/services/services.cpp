@@ -6,8 +6,8 @@
 #include <array>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
-#include "workloads/specs.h"
+#include "workloads/base/text/text.h"
+#include "workloads/catalog/specs.h"
 
 namespace pirt {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "workloads/base/error.h"
-#include "workloads/base/numbers.h"
-#include "workloads/specs.h"
+#include "workloads/base/text/numbers.h"
+#include "workloads/catalog/specs.h"
 
 namespace pirt {
 namespace {

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
+#include "workloads/base/text/json_value.h"
 
 namespace pirt {
 namespace {

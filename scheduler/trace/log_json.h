@@ -8,7 +8,7 @@
 
 #include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/policies/policy.h"
-#include "workloads/base/json.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

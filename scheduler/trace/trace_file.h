@@ -12,7 +12,7 @@
 #include <fstream>
 #include <string_view>
 
-#include "workloads/base/json.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

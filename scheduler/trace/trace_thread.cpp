@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "workloads/base/thread.h"
+#include "workloads/base/system/thread.h"
 
 namespace pirt {
 namespace {

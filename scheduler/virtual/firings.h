@@ -16,7 +16,7 @@
 #include "scheduler/mix/task.h"
 #include "scheduler/record/tally.h"
 #include "scheduler/services/scenario.h"
-#include "workloads/tensor.h"
+#include "workloads/model/tensor.h"
 
 namespace pirt {
 

@@ -9,7 +9,7 @@
 
 #include "scheduler/services/transfers.h"
 #include "workloads/base/error.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt {
 namespace {

@@ -19,8 +19,8 @@
 #include "characterize/profile/store/reader.h"
 #include "characterize/statistics/statistics.h"
 #include "characterize/worker/process.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/registry.h"
 
 namespace {
 

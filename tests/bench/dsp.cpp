@@ -12,13 +12,13 @@
 #include <optional>
 
 #include "tests/bench/dsp_resources.h"
+#include "workloads/backends/dsp/cost_model.h"
+#include "workloads/backends/dsp/kernels.h"
+#include "workloads/backends/dsp/tools.h"
+#include "workloads/backends/dsp/undistort_plan.h"
 #include "workloads/base/error.h"
-#include "workloads/base/name_filter.h"
-#include "workloads/catalog.h"
-#include "workloads/dsp/cost_model.h"
-#include "workloads/dsp/kernels.h"
-#include "workloads/dsp/tools.h"
-#include "workloads/dsp/undistort_plan.h"
+#include "workloads/base/text/name_filter.h"
+#include "workloads/catalog/catalog.h"
 #include "workloads/vision/vision.h"
 
 namespace {

@@ -24,13 +24,13 @@
 #include "characterize/worker/scratch.h"
 #include "reports/document/document.h"
 #include "reports/document/figures.h"
-#include "workloads/base/affinity.h"
+#include "workloads/backends/cpu/peak_loops.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/base/name_filter.h"
-#include "workloads/base/random.h"
-#include "workloads/catalog.h"
-#include "workloads/cpu/peak_loops.h"
-#include "workloads/registry.h"
+#include "workloads/base/math/random.h"
+#include "workloads/base/system/affinity.h"
+#include "workloads/base/text/name_filter.h"
+#include "workloads/catalog/catalog.h"
 
 namespace {
 

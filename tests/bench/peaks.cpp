@@ -10,9 +10,9 @@
 #include <thread>
 
 #include "characterize/worker/measure.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/base/peak_math.h"
-#include "workloads/registry.h"
+#include "workloads/base/math/peak_math.h"
 
 namespace {
 

@@ -30,7 +30,7 @@
 #include "reports/gate/gate_report.h"
 #include "reports/gate/self_test.h"
 #include "workloads/base/error.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace {
 

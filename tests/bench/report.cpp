@@ -19,9 +19,9 @@
 #include "characterize/profile/store/writer.h"
 #include "tests/support/browser.h"
 #include "workloads/base/error.h"
-#include "workloads/base/random.h"
-#include "workloads/base/text.h"
-#include "workloads/catalog.h"
+#include "workloads/base/math/random.h"
+#include "workloads/base/text/text.h"
+#include "workloads/catalog/catalog.h"
 
 namespace {
 

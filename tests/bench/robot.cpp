@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 #include "workloads/mapping/bundle_adjust.h"
 #include "workloads/mapping/generate_bal.h"
 #include "workloads/planning/map_files.h"

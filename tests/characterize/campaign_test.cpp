@@ -15,7 +15,7 @@
 #include "tests/characterize/campaign_support.h"
 #include "tests/characterize/support.h"
 #include "tests/support/data.h"
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

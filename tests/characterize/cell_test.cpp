@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/characterize/support.h"
-#include "workloads/catalog.h"
-#include "workloads/registry.h"
+#include "workloads/backends/registry.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "characterize/statistics/statistics.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt {
 namespace {

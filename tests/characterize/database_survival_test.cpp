@@ -18,7 +18,7 @@
 #include "tests/characterize/database_support.h"
 #include "tests/characterize/support.h"
 #include "tests/support/long.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt {
 namespace {

@@ -16,8 +16,8 @@
 #include "characterize/worker/scratch.h"
 #include "tests/support/errors.h"
 #include "tests/support/few_threads.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

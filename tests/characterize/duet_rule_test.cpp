@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "characterize/duet/rule.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt {
 namespace {

@@ -5,8 +5,8 @@
 #include "characterize/campaign/cell.h"
 #include "characterize/worker/job.h"
 #include "tests/characterize/campaign_support.h"
-#include "workloads/catalog.h"
-#include "workloads/registry.h"
+#include "workloads/backends/registry.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt::test {
 namespace {

@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include "workloads/base/affinity.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/affinity.h"
 
 namespace pirt {
 namespace {

@@ -9,7 +9,7 @@
 #include "tests/support/documentation.h"
 #include "tests/support/errors.h"
 #include "tests/support/optional_backend.h"
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt::test {
 namespace {

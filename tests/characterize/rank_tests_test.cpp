@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt {
 namespace {

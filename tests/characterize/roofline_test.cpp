@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "workloads/base/error.h"
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <initializer_list>
 
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt {
 namespace {

@@ -1,5 +1,5 @@
 // Strict YAML: what is refused, where it says it is, and what it recommends.
-#include "workloads/base/yaml.h"
+#include "workloads/base/text/yaml.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

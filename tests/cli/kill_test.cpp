@@ -13,8 +13,8 @@
 
 #include "tests/cli/program.h"
 #include "tests/support/long.h"
-#include "workloads/base/random.h"
-#include "workloads/base/text.h"
+#include "workloads/base/math/random.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::test {
 namespace {

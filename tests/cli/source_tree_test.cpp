@@ -103,27 +103,28 @@ TEST(SourceTree, BackendHeadersStayInTheirFolder) {
   // images.cpp and pictures/ decode files with OpenCV, recognition/ scales pictures for networks.
   const std::vector<Rule> rules = {
       {"opencv2/",
-       {"workloads/cpu/", "workloads/images.cpp", "workloads/pictures/", "workloads/recognition/",
-        "workloads/sequence/", "workloads/scene/", "workloads/slam/"}},
+       {"workloads/cpu/", "workloads/inputs/pictures/images.cpp", "workloads/pictures/",
+        "workloads/recognition/", "workloads/sequence/", "workloads/scene/", "workloads/slam/"}},
       {"oneapi/", {"workloads/cpu/"}},
       {"dnnl", {"workloads/cpu/"}},
       {"omp.h", {"workloads/cpu/"}},
       {"CL/", {"workloads/opencl/"}},
       {"workloads/cpu/",
-       {"workloads/cpu/", "workloads/registry.cpp", "characterize/doctor/jitter"}},
-      {"workloads/dsp/", {"workloads/dsp/", "workloads/registry.cpp"}},
+       {"workloads/cpu/", "workloads/backends/registry.cpp", "characterize/doctor/jitter"}},
+      {"workloads/dsp/", {"workloads/dsp/", "workloads/backends/registry.cpp"}},
       {"workloads/fake/",
-       {"workloads/fake/", "workloads/registry.cpp", "characterize/platform/platform_file.cpp"}},
+       {"workloads/fake/", "workloads/backends/registry.cpp",
+        "characterize/platform/platform_file.cpp"}},
       {"workloads/opencl/",
-       {"workloads/opencl/", "workloads/registry.cpp", "characterize/tune/",
-        "cli/commands/tune.cpp", "cli/files.cpp"}},
+       {"workloads/opencl/", "workloads/backends/registry.cpp", "characterize/tune/",
+        "cli/commands/measure/tune.cpp", "cli/options/files.cpp"}},
       {"sqlite3.h", {"characterize/profile/store/", "characterize/machine/environment.cpp"}},
       {"ceres/", {"characterize/energy/fit.cpp", "workloads/mapping/"}},
       {"glog/", {"workloads/mapping/"}},
       {"Eigen/",
        {"characterize/energy/fit.cpp", "workloads/sequence/", "workloads/scene/",
         "workloads/slam/"}},
-      {"CLI/", {"cli/command.cpp"}}};
+      {"CLI/", {"cli/options/command.cpp"}}};
   for (const auto& include : includes()) {
     for (const auto& rule : rules) {
       if (!include.header.starts_with(rule.header_prefix)) continue;
@@ -134,7 +135,7 @@ TEST(SourceTree, BackendHeadersStayInTheirFolder) {
   }
 }
 
-// Elsewhere, nobody would have looked whether it overwrites an input (cli/files.h).
+// Elsewhere, nobody would have looked whether it overwrites an input (cli/options/files.h).
 TEST(SourceTree, CommandsWriteFilesInOnePlace) {
   int lines = 0;
   for (const auto& entry : fs::recursive_directory_iterator(fs::path(PIRT_SOURCE_DIR) / "cli")) {

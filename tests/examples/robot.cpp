@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "scheduler/runtime/runtime.h"
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 
 namespace {
 

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "reports/document/figures.h"
-#include "workloads/base/printable.h"
+#include "workloads/base/text/printable.h"
 
 namespace pirt {
 namespace {

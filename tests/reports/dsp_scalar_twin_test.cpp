@@ -4,8 +4,8 @@
 #include "reports/paper/offloaded_call.h"
 #include "tests/workloads/dsp_support.h"
 #include "tests/workloads/workload_support.h"
-#include "workloads/catalog.h"
-#include "workloads/dsp/kernels.h"
+#include "workloads/backends/dsp/kernels.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

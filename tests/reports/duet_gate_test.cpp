@@ -7,7 +7,7 @@
 #include "reports/gate/self_test.h"
 #include "tests/support/errors.h"
 #include "workloads/base/error.h"
-#include "workloads/base/json_value.h"
+#include "workloads/base/text/json_value.h"
 
 namespace pirt {
 namespace {

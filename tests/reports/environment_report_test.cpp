@@ -4,10 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "reports/doctor_report.h"
 #include "reports/profile/profile_report.h"
 #include "reports/profile/roofline_report.h"
-#include "workloads/base/json_value.h"
+#include "reports/tools/doctor_report.h"
+#include "workloads/base/text/json_value.h"
 
 namespace pirt {
 namespace {

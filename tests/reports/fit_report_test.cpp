@@ -1,9 +1,9 @@
-#include "reports/fit_report.h"
+#include "reports/tools/fit_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "workloads/base/json_value.h"
+#include "workloads/base/text/json_value.h"
 
 namespace pirt {
 namespace {

@@ -9,8 +9,8 @@
 #include "characterize/statistics/statistics.h"
 #include "reports/gate/between_runs.h"
 #include "reports/gate/gate_report.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
+#include "workloads/base/text/json_value.h"
 
 namespace pirt::test {
 namespace {

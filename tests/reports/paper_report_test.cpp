@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "workloads/base/json_value.h"
+#include "workloads/base/text/json_value.h"
 
 namespace pirt {
 namespace {

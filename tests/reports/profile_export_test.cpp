@@ -7,8 +7,8 @@
 
 #include "tests/reports/profiles.h"
 #include "tests/support/errors.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

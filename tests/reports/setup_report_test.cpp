@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "workloads/base/json_value.h"
+#include "workloads/base/text/json_value.h"
 
 namespace pirt {
 namespace {

@@ -1,9 +1,9 @@
 // What `pirt tune` prints of what it found.
-#include "reports/tune_report.h"
+#include "reports/tools/tune_report.h"
 
 #include <gmock/gmock.h>
 
-#include "workloads/base/json_value.h"
+#include "workloads/base/text/json_value.h"
 
 namespace pirt {
 namespace {

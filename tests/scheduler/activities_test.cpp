@@ -10,7 +10,7 @@
 #include "tests/scheduler/support.h"
 #include "tests/support/data.h"
 #include "tests/workloads/sequence_support.h"
-#include "workloads/base/yaml.h"
+#include "workloads/base/text/yaml.h"
 #include "workloads/planning/map_files.h"
 #include "workloads/planning/workloads.h"
 

@@ -5,8 +5,8 @@
 
 #include "scheduler/services/services.h"
 #include "tests/scheduler/support.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::test {
 namespace {

@@ -4,7 +4,7 @@
 #include <set>
 
 #include "tests/scheduler/support.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt::test {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt::test {
 namespace {

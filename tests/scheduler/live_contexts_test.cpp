@@ -6,7 +6,7 @@
 #include "scheduler/schedule_live.h"
 #include "scheduler/trace/replay.h"
 #include "tests/scheduler/support.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::test {
 namespace {

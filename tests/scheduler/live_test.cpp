@@ -6,9 +6,9 @@
 #include "scheduler/schedule_live.h"
 #include "scheduler/trace/replay.h"
 #include "tests/scheduler/support.h"
-#include "workloads/catalog.h"
-#include "workloads/images.h"
-#include "workloads/registry.h"
+#include "workloads/backends/registry.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/inputs/pictures/images.h"
 
 namespace pirt::test {
 namespace {

@@ -13,8 +13,8 @@
 #include "tests/support/data.h"
 #include "tests/support/optional_backend.h"
 #include "tests/workloads/sequence_support.h"
-#include "workloads/slam/map_file.h"
-#include "workloads/slam/state_tensors.h"
+#include "workloads/slam/run/map_file.h"
+#include "workloads/slam/workload/state_tensors.h"
 
 namespace pirt {
 namespace {

@@ -15,7 +15,7 @@
 #include "tests/scheduler/random_graph.h"
 #include "tests/scheduler/support.h"
 #include "tests/support/data.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::test {
 namespace {

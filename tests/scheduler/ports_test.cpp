@@ -2,7 +2,7 @@
 // unit gives back.
 #include "scheduler/trace/replay.h"
 #include "tests/scheduler/support.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt::test {
 namespace {

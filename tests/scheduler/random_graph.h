@@ -5,7 +5,7 @@
 #include <string>
 
 #include "scheduler/planner/graph.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt::test {
 

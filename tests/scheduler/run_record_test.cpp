@@ -4,7 +4,7 @@
 #include <fstream>
 
 #include "tests/scheduler/support.h"
-#include "workloads/base/json_value.h"
+#include "workloads/base/text/json_value.h"
 
 namespace pirt::test {
 namespace {

@@ -13,11 +13,11 @@
 #include "tests/scheduler/support.h"
 #include "tests/support/errors.h"
 #include "tests/workloads/sequence_support.h"
-#include "workloads/base/random.h"
-#include "workloads/catalog.h"
-#include "workloads/host_function.h"
-#include "workloads/images.h"
-#include "workloads/registry.h"
+#include "workloads/backends/registry.h"
+#include "workloads/base/math/random.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/inputs/pictures/images.h"
+#include "workloads/model/host_function.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt::test {

@@ -1,6 +1,6 @@
 // Section V's robot: what is fitted comes out as printed, and the other units' times are the
 // paper's ratios of it.
-#include "scheduler/section5.h"
+#include "reports/paper/section5.h"
 
 #include <gtest/gtest.h>
 

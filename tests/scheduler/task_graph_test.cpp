@@ -6,7 +6,7 @@
 #include "scheduler/planner/mix_plan.h"
 #include "scheduler/services/eligibility.h"
 #include "tests/scheduler/support.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt::test {
 namespace {

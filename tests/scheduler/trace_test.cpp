@@ -8,8 +8,8 @@
 #include "scheduler/trace/replay.h"
 #include "scheduler/trace/trace_file.h"
 #include "tests/scheduler/support.h"
-#include "workloads/base/random.h"
-#include "workloads/base/text.h"
+#include "workloads/base/math/random.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::test {
 namespace {

@@ -8,7 +8,7 @@
 #include "scheduler/trace/replay.h"
 #include "scheduler/virtual/virtual_time.h"
 #include "tests/scheduler/support.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::test {
 namespace {

@@ -4,8 +4,8 @@
 #include "scheduler/record/summary.h"
 #include "scheduler/services/scenario.h"
 #include "tests/scheduler/support.h"
-#include "workloads/base/json_value.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
+#include "workloads/base/text/json_value.h"
 
 namespace pirt::test {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::test {
 

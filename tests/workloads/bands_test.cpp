@@ -1,6 +1,6 @@
 // Splitting pictures over threads: exactly what the whole gives, wherever the cuts are, and whoever
 // else computes at the same time.
-#include "workloads/cpu/bands.h"
+#include "workloads/backends/cpu/bands.h"
 
 #include <gtest/gtest.h>
 

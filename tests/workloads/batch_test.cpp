@@ -7,9 +7,9 @@
 #include "tests/support/few_threads.h"
 #include "tests/workloads/opencl_device_support.h"
 #include "tests/workloads/workload_support.h"
+#include "workloads/backends/cpu/cpu_backend.h"
 #include "workloads/base/error.h"
-#include "workloads/catalog.h"
-#include "workloads/cpu/cpu_backend.h"
+#include "workloads/catalog/catalog.h"
 #include "workloads/dnn/dnn.h"
 
 namespace pirt {

@@ -1,5 +1,5 @@
 // Cache sizes as /sys lists them.
-#include "workloads/base/caches.h"
+#include "workloads/base/system/caches.h"
 
 #include <gtest/gtest.h>
 #include <stdlib.h>

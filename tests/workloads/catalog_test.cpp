@@ -1,6 +1,6 @@
 // The catalog: names, operations, tensors, and that every verification accepts what is right and
 // refuses what is not.
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,9 +13,9 @@
 #include <set>
 
 #include "tests/workloads/workload_support.h"
-#include "workloads/backend_list.h"
+#include "workloads/backends/backend_list.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/registry.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt {

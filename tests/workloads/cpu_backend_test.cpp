@@ -1,5 +1,5 @@
 // The cpu backend: every workload against its reference, odd shapes, cores, and what it refuses.
-#include "workloads/cpu/cpu_backend.h"
+#include "workloads/backends/cpu/cpu_backend.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,7 +13,7 @@
 #include "tests/support/data.h"
 #include "tests/workloads/workload_support.h"
 #include "workloads/base/error.h"
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/dnn/layers.h"
 #include "workloads/vision/vision.h"

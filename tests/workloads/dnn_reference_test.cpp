@@ -9,7 +9,7 @@
 
 #include "tests/workloads/workload_support.h"
 #include "workloads/base/error.h"
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/dnn/layers.h"
 

@@ -1,6 +1,6 @@
 /* A Hexagon program all of whose kernels do what values[0] says, for tests of what the host makes
  * of it. */
-#include "workloads/dsp/program/kernel.h"
+#include "workloads/backends/dsp/program/kernel.h"
 
 enum { kFine, kIllegalInstruction, kNullPointer, kEndless, kEnd };
 
@@ -24,5 +24,5 @@ static void misbehave(const KernelArguments* arguments) {
 
 #define PIRT_DSP_KERNEL(name) \
   void pirt_dsp_##name(const KernelArguments* arguments) { misbehave(arguments); }
-#include "workloads/dsp/kernels.inc"
+#include "workloads/backends/dsp/kernels.inc"
 #undef PIRT_DSP_KERNEL

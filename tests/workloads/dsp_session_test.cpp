@@ -12,8 +12,8 @@
 #include <thread>
 
 #include "tests/workloads/dsp_support.h"
+#include "workloads/backends/dsp/session.h"
 #include "workloads/base/error.h"
-#include "workloads/dsp/session.h"
 
 namespace pirt::dsp {
 namespace {

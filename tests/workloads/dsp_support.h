@@ -4,10 +4,10 @@
 #include <memory>
 #include <string>
 
-#include "workloads/backend.h"
-#include "workloads/dsp/dsp_backend.h"
-#include "workloads/dsp/session.h"
-#include "workloads/dsp/tools.h"
+#include "workloads/backends/dsp/dsp_backend.h"
+#include "workloads/backends/dsp/session.h"
+#include "workloads/backends/dsp/tools.h"
+#include "workloads/model/backend.h"
 
 namespace pirt::test {
 

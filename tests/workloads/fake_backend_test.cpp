@@ -1,4 +1,4 @@
-#include "workloads/fake/fake_backend.h"
+#include "workloads/backends/fake/fake_backend.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,10 +9,10 @@
 #include <cmath>
 #include <filesystem>
 
+#include "workloads/backends/fake/fake_script.h"
 #include "workloads/base/error.h"
-#include "workloads/catalog.h"
-#include "workloads/fake/fake_script.h"
-#include "workloads/tensor_file.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/model/tensor_file.h"
 
 namespace pirt {
 namespace {

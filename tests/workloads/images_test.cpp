@@ -1,5 +1,5 @@
 // Pictures: generated ones, the user's files, and what is wrong with files.
-#include "workloads/images.h"
+#include "workloads/inputs/pictures/images.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,8 +16,8 @@
 
 #include "tests/support/data.h"
 #include "workloads/base/error.h"
-#include "workloads/base/random.h"
-#include "workloads/base/text.h"
+#include "workloads/base/math/random.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

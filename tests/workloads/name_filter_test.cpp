@@ -1,5 +1,5 @@
 // What a filter picks, and what is refused instead of hanging or crashing.
-#include "workloads/base/name_filter.h"
+#include "workloads/base/text/name_filter.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

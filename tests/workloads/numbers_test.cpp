@@ -1,5 +1,5 @@
 // Numbers from text: what is a number, what is out of range, and that nothing is guessed.
-#include "workloads/base/numbers.h"
+#include "workloads/base/text/numbers.h"
 
 #include <gmock/gmock.h>
 

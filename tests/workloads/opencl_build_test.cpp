@@ -2,8 +2,8 @@
 #include <gmock/gmock.h>
 
 #include "tests/workloads/opencl_support.h"
+#include "workloads/backends/opencl/opencl_device.h"
 #include "workloads/base/error.h"
-#include "workloads/opencl/opencl_device.h"
 
 namespace pirt::opencl {
 namespace {

@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "workloads/backend.h"
-#include "workloads/opencl/opencl_backend.h"
+#include "workloads/backends/opencl/opencl_backend.h"
+#include "workloads/model/backend.h"
 
 namespace pirt::test {
 

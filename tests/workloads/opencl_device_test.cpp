@@ -1,5 +1,5 @@
 // Finding and opening OpenCL devices, and what the backend says when it cannot.
-#include "workloads/opencl/opencl_device.h"
+#include "workloads/backends/opencl/opencl_device.h"
 
 #include <gmock/gmock.h>
 #include <sched.h>

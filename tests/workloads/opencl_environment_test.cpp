@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "workloads/opencl/opencl_backend.h"
+#include "workloads/backends/opencl/opencl_backend.h"
 
 /// LeakSanitizer asks for it, where it is linked. PoCL keeps its compiler and what it found out
 /// about devices until the process ends.

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "workloads/opencl/launch_times.h"
+#include "workloads/backends/opencl/plan/launch_times.h"
 #include "workloads/vision/corners.h"
 
 namespace pirt::opencl {

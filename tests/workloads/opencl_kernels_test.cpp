@@ -9,7 +9,7 @@
 
 #include "tests/workloads/opencl_support.h"
 #include "tests/workloads/workload_support.h"
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/vision/vision.h"
 

@@ -10,10 +10,10 @@
 
 #include "tests/workloads/opencl_device_support.h"
 #include "tests/workloads/workload_support.h"
-#include "workloads/backend.h"
-#include "workloads/opencl/kernel_table.h"
-#include "workloads/opencl/opencl_backend.h"
-#include "workloads/player.h"
+#include "workloads/backends/opencl/opencl_backend.h"
+#include "workloads/backends/opencl/plan/kernel_table.h"
+#include "workloads/model/backend.h"
+#include "workloads/model/player.h"
 
 namespace pirt::test {
 

@@ -8,11 +8,11 @@
 #include "opencl_files.h"
 #include "tests/workloads/opencl_support.h"
 #include "tests/workloads/tuning_support.h"
+#include "workloads/backends/opencl/opencl_device.h"
+#include "workloads/backends/opencl/tuning/tuning.h"
 #include "workloads/base/embedded.h"
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 #include "workloads/dnn/dnn.h"
-#include "workloads/opencl/opencl_device.h"
-#include "workloads/opencl/tuning.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt::opencl {

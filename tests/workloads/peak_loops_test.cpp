@@ -1,5 +1,5 @@
 // The loops behind measured peaks compute what they say, and notice when they do not.
-#include "workloads/cpu/peak_loops.h"
+#include "workloads/backends/cpu/peak_loops.h"
 
 #include <gtest/gtest.h>
 
@@ -11,11 +11,11 @@
 
 #include "tests/support/few_threads.h"
 #include "tests/support/optional_backend.h"
-#include "workloads/base/affinity.h"
-#include "workloads/base/caches.h"
-#include "workloads/base/peak_math.h"
-#include "workloads/cpu/core_team.h"
-#include "workloads/registry.h"
+#include "workloads/backends/cpu/core_team.h"
+#include "workloads/backends/registry.h"
+#include "workloads/base/math/peak_math.h"
+#include "workloads/base/system/affinity.h"
+#include "workloads/base/system/caches.h"
 
 namespace pirt {
 namespace {

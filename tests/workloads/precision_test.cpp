@@ -8,10 +8,10 @@
 
 #include "tests/support/optional_backend.h"
 #include "tests/workloads/workload_support.h"
-#include "workloads/catalog.h"
-#include "workloads/cpu/cpu_backend.h"
+#include "workloads/backends/cpu/cpu_backend.h"
+#include "workloads/backends/opencl/opencl_backend.h"
+#include "workloads/catalog/catalog.h"
 #include "workloads/dnn/dnn.h"
-#include "workloads/opencl/opencl_backend.h"
 
 namespace pirt {
 namespace {

@@ -1,5 +1,5 @@
 // Text from outside: what is printable, and how the rest is shown.
-#include "workloads/base/printable.h"
+#include "workloads/base/text/printable.h"
 
 #include <gtest/gtest.h>
 

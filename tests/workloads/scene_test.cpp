@@ -6,7 +6,7 @@
 
 #include "tests/support/errors.h"
 #include "tests/workloads/sequence_support.h"
-#include "workloads/scene/room.h"
+#include "workloads/inputs/scene/room.h"
 
 namespace pirt {
 namespace {

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "workloads/scene/generator.h"
-#include "workloads/sequence/sequence.h"
+#include "workloads/inputs/scene/generator.h"
+#include "workloads/inputs/sequence/sequence.h"
 
 namespace pirt::test {
 

@@ -1,6 +1,6 @@
 // Readers of recorded sequences: what they read, and what they refuse with which words. Errors of
 // trajectories against values worked by hand.
-#include "workloads/sequence/sequence.h"
+#include "workloads/inputs/sequence/sequence.h"
 
 #include <fmt/core.h>
 #include <gmock/gmock.h>
@@ -13,7 +13,7 @@
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
 #include "tests/workloads/sequence_support.h"
-#include "workloads/sequence/trajectory.h"
+#include "workloads/inputs/sequence/trajectory.h"
 
 namespace pirt {
 namespace {

@@ -11,9 +11,9 @@
 #include "tests/support/data.h"
 #include "tests/support/long.h"
 #include "tests/workloads/sequence_support.h"
-#include "workloads/slam/pipeline.h"
-#include "workloads/slam/plot.h"
-#include "workloads/slam/summary.h"
+#include "workloads/slam/run/pipeline.h"
+#include "workloads/slam/run/plot.h"
+#include "workloads/slam/run/summary.h"
 
 namespace pirt::slam {
 namespace {

@@ -10,11 +10,11 @@
 #include "tests/support/data.h"
 #include "tests/workloads/opencl_device_support.h"
 #include "tests/workloads/workload_support.h"
-#include "workloads/base/random.h"
-#include "workloads/catalog.h"
-#include "workloads/cpu/cpu_backend.h"
-#include "workloads/fake/fake_backend.h"
-#include "workloads/player.h"
+#include "workloads/backends/cpu/cpu_backend.h"
+#include "workloads/backends/fake/fake_backend.h"
+#include "workloads/base/math/random.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/model/player.h"
 #include "workloads/vision/image_data.h"
 
 namespace pirt {

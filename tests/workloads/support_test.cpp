@@ -2,8 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "workloads/catalog.h"
-#include "workloads/registry.h"
+#include "workloads/backends/registry.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

@@ -1,6 +1,6 @@
 // Opening what the user names: files and pipes to their end, nothing that has none, and no wait
 // that does not hear signals.
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 #include <gmock/gmock.h>
 #include <sys/stat.h>

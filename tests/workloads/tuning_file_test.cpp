@@ -1,5 +1,5 @@
 // The file of tuned parameters: found, round trip, and what is refused.
-#include "workloads/opencl/tuning_file.h"
+#include "workloads/backends/opencl/tuning/tuning_file.h"
 
 #include <gmock/gmock.h>
 
@@ -9,7 +9,7 @@
 #include "tests/support/as_nobody.h"
 #include "tests/workloads/tuning_support.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::opencl {
 namespace {

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "workloads/base/text.h"
-#include "workloads/opencl/tuning_file.h"
+#include "workloads/backends/opencl/tuning/tuning_file.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::test {
 

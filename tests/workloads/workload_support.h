@@ -6,10 +6,10 @@
 #include <initializer_list>
 #include <vector>
 
-#include "workloads/backend.h"
-#include "workloads/images.h"
-#include "workloads/player.h"
-#include "workloads/workload.h"
+#include "workloads/inputs/pictures/images.h"
+#include "workloads/model/backend.h"
+#include "workloads/model/player.h"
+#include "workloads/model/workload.h"
 
 namespace pirt::test {
 

@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "workloads/base/thread.h"
+#include "workloads/base/system/thread.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/dnn/layers.h"
 

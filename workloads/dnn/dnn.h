@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "workloads/workload.h"
+#include "workloads/model/workload.h"
 
 namespace pirt::dnn {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt::dnn {
 namespace {

@@ -7,8 +7,8 @@
 #include <iterator>
 #include <string_view>
 
-#include "workloads/base/numbers.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/numbers.h"
+#include "workloads/base/text/text.h"
 #include "workloads/mapping/reprojection.h"
 
 namespace pirt::mapping {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 #include "workloads/mapping/reprojection.h"
 
 namespace pirt::mapping {

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/slam/measure.h"
+#include "workloads/slam/filter/measure.h"
 
 namespace pirt::mapping {
 namespace {

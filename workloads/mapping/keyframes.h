@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
+#include "workloads/inputs/sequence/trajectory.h"
 #include "workloads/mapping/bundle_adjust.h"
-#include "workloads/sequence/trajectory.h"
-#include "workloads/slam/state.h"
+#include "workloads/slam/filter/state.h"
 
 namespace pirt::mapping {
 

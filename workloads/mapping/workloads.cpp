@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/host_function.h"
 #include "workloads/mapping/generate_bal.h"
+#include "workloads/model/host_function.h"
 
 namespace pirt::mapping {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "workloads/mapping/bundle_adjust.h"
 #include "workloads/mapping/specs.h"
-#include "workloads/workload.h"
+#include "workloads/model/workload.h"
 
 namespace pirt::mapping {
 

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <string_view>
 
-#include "workloads/base/numbers.h"
-#include "workloads/base/printable.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/numbers.h"
+#include "workloads/base/text/printable.h"
+#include "workloads/base/text/text.h"
 #include "workloads/planning/map_files.h"
 
 namespace pirt::planning {

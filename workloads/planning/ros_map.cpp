@@ -6,11 +6,11 @@
 #include <numbers>
 #include <string_view>
 
-#include "workloads/base/numbers.h"
-#include "workloads/base/text.h"
-#include "workloads/base/yaml.h"
-#include "workloads/image_format.h"
-#include "workloads/images.h"
+#include "workloads/base/text/numbers.h"
+#include "workloads/base/text/text.h"
+#include "workloads/base/text/yaml.h"
+#include "workloads/inputs/pictures/image_format.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/planning/map_files.h"
 
 namespace pirt::planning {

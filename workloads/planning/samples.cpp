@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 #include "workloads/planning/specs.h"
 
 namespace pirt::planning {

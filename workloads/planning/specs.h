@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "workloads/workload.h"
+#include "workloads/model/workload.h"
 
 namespace pirt::planning {
 

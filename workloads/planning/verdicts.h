@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
+#include "workloads/model/workload.h"
 #include "workloads/planning/avoid_obstacles.h"
-#include "workloads/workload.h"
 
 namespace pirt::planning {
 

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/host_function.h"
+#include "workloads/model/host_function.h"
 #include "workloads/planning/plain_search.h"
 #include "workloads/planning/samples.h"
 #include "workloads/planning/verdicts.h"

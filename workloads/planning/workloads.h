@@ -4,10 +4,10 @@
 #include <span>
 #include <vector>
 
+#include "workloads/model/workload.h"
 #include "workloads/planning/avoid_obstacles.h"
 #include "workloads/planning/plan_path.h"
 #include "workloads/planning/specs.h"
-#include "workloads/workload.h"
 
 namespace pirt::planning {
 

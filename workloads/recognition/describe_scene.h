@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "workloads/base/json.h"
+#include "workloads/base/text/json.h"
 #include "workloads/recognition/detect_objects.h"
 
 namespace pirt::recognition {

@@ -7,7 +7,7 @@
 #include <span>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::recognition {
 namespace {

@@ -8,7 +8,7 @@
 #include <iterator>
 #include <numeric>
 
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt::recognition {
 namespace {

@@ -7,10 +7,10 @@
 #include <opencv2/imgproc.hpp>
 
 #include "workloads/base/error.h"
-#include "workloads/base/module.h"
-#include "workloads/base/numbers.h"
-#include "workloads/base/printable.h"
-#include "workloads/base/text.h"
+#include "workloads/base/system/module.h"
+#include "workloads/base/text/numbers.h"
+#include "workloads/base/text/printable.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::recognition {
 namespace {

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "workloads/model/tensor.h"
 #include "workloads/recognition/network.h"
-#include "workloads/tensor.h"
 
 namespace pirt::recognition {
 

@@ -3,7 +3,7 @@
 #include <mutex>
 #include <opencv2/dnn.hpp>
 
-#include "workloads/base/stderr_capture.h"
+#include "workloads/base/system/stderr_capture.h"
 #include "workloads/recognition/network.h"
 
 namespace pirt::recognition {

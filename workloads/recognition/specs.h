@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "workloads/workload.h"
+#include "workloads/model/workload.h"
 
 namespace pirt::recognition {
 

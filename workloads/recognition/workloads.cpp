@@ -8,7 +8,7 @@
 #include <numeric>
 #include <utility>
 
-#include "workloads/host_function.h"
+#include "workloads/model/host_function.h"
 #include "workloads/recognition/describe_scene.h"
 #include "workloads/recognition/generated_network.h"
 

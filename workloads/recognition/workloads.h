@@ -3,8 +3,8 @@
 
 #include <vector>
 
+#include "workloads/model/workload.h"
 #include "workloads/recognition/specs.h"
-#include "workloads/workload.h"
 
 namespace pirt::recognition {
 

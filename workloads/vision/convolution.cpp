@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 #include "workloads/vision/image_data.h"
 
 namespace pirt::vision {

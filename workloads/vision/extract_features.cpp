@@ -6,8 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "workloads/base/pixel_index.h"
-#include "workloads/slam/features.h"
+#include "workloads/base/math/pixel_index.h"
+#include "workloads/vision/features.h"
 #include "workloads/vision/image_data.h"
 
 namespace pirt::vision {

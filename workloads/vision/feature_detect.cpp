@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "workloads/base/pixel_index.h"
+#include "workloads/base/math/pixel_index.h"
 #include "workloads/vision/image_data.h"
 
 namespace pirt::vision {

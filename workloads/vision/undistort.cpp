@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "workloads/base/pixel_index.h"
+#include "workloads/base/math/pixel_index.h"
 #include "workloads/vision/image_data.h"
 
 namespace pirt::vision {

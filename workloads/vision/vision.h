@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "workloads/workload.h"
+#include "workloads/model/workload.h"
 
 namespace pirt::vision {
 

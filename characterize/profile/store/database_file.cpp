@@ -12,7 +12,7 @@
 
 #include "characterize/profile/store/database_format.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "schema_files.h"
 #include "workloads/base/embedded.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

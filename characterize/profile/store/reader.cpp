@@ -14,8 +14,8 @@
 #include "characterize/profile/store/database_format.h"
 #include "characterize/profile/store/sqlite.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text.h"
-#include "workloads/catalog.h"
+#include "workloads/base/text/text.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

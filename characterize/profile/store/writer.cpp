@@ -17,8 +17,8 @@
 #include "characterize/profile/store/sqlite.h"
 #include "characterize/statistics/statistics.h"
 #include "workloads/base/error.h"
-#include "workloads/base/file_descriptor.h"
-#include "workloads/base/text.h"
+#include "workloads/base/system/file_descriptor.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {

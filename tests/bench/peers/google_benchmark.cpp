@@ -9,10 +9,10 @@
 
 #include "characterize/platform/platform.h"
 #include "characterize/platform/unit_request.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/catalog.h"
-#include "workloads/player.h"
-#include "workloads/registry.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/model/player.h"
 
 namespace {
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "workloads/workload.h"
+#include "workloads/model/workload.h"
 
 namespace pirt::bench {
 

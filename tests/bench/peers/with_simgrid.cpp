@@ -18,8 +18,8 @@
 #include "scheduler/trace/replay.h"
 #include "tests/bench/peers/comparison.h"
 #include "tests/bench/peers/simgrid.h"
-#include "workloads/base/random.h"
-#include "workloads/catalog.h"
+#include "workloads/base/math/random.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt::bench {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "tests/characterize/support.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt {
 namespace {

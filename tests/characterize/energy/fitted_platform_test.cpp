@@ -5,7 +5,7 @@
 
 #include "characterize/energy/model.h"
 #include "tests/characterize/support.h"
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

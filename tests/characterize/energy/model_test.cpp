@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/characterize/support.h"
-#include "workloads/catalog.h"
+#include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {

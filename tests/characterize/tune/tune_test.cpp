@@ -9,9 +9,9 @@
 #include "characterize/profile/identity.h"
 #include "tests/characterize/support.h"
 #include "tests/workloads/tuning_support.h"
+#include "workloads/backends/opencl/tuning/tuning_file.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/opencl/tuning_file.h"
-#include "workloads/registry.h"
 
 namespace pirt {
 namespace {

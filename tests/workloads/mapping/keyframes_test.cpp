@@ -10,11 +10,11 @@
 #include "tests/support/errors.h"
 #include "tests/support/long.h"
 #include "tests/workloads/sequence_support.h"
-#include "workloads/backend.h"
-#include "workloads/catalog.h"
-#include "workloads/cpu/cpu_backend.h"
+#include "workloads/backends/cpu/cpu_backend.h"
+#include "workloads/catalog/catalog.h"
 #include "workloads/mapping/workloads.h"
-#include "workloads/slam/pipeline.h"
+#include "workloads/model/backend.h"
+#include "workloads/slam/run/pipeline.h"
 
 namespace pirt::mapping {
 namespace {

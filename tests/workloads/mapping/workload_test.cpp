@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "tests/support/errors.h"
-#include "workloads/backend.h"
-#include "workloads/catalog.h"
-#include "workloads/cpu/cpu_backend.h"
+#include "workloads/backends/cpu/cpu_backend.h"
+#include "workloads/catalog/catalog.h"
 #include "workloads/mapping/generate_bal.h"
 #include "workloads/mapping/workloads.h"
+#include "workloads/model/backend.h"
 
 namespace pirt::mapping {
 namespace {

@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "tests/support/errors.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 #include "workloads/planning/plan_path.h"
 
 namespace pirt::planning {

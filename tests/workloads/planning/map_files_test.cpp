@@ -8,7 +8,7 @@
 
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
-#include "workloads/base/text.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::planning {
 namespace {

@@ -9,7 +9,7 @@
 #include <numbers>
 
 #include "tests/support/data.h"
-#include "workloads/base/random.h"
+#include "workloads/base/math/random.h"
 #include "workloads/planning/map_files.h"
 #include "workloads/planning/plain_search.h"
 

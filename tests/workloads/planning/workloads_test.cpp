@@ -7,10 +7,10 @@
 #include <string>
 
 #include "tests/support/errors.h"
-#include "workloads/backend.h"
-#include "workloads/base/random.h"
-#include "workloads/catalog.h"
-#include "workloads/cpu/cpu_backend.h"
+#include "workloads/backends/cpu/cpu_backend.h"
+#include "workloads/base/math/random.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/model/backend.h"
 #include "workloads/planning/plain_search.h"
 #include "workloads/planning/samples.h"
 

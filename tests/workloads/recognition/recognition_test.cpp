@@ -9,8 +9,8 @@
 
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
-#include "workloads/base/text.h"
-#include "workloads/images.h"
+#include "workloads/base/text/text.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/recognition/describe_scene.h"
 
 namespace pirt::recognition {

@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/workloads/workload_support.h"
-#include "workloads/catalog.h"
-#include "workloads/cpu/cpu_backend.h"
+#include "workloads/backends/cpu/cpu_backend.h"
+#include "workloads/catalog/catalog.h"
 #include "workloads/recognition/generated_network.h"
 
 namespace pirt::recognition {

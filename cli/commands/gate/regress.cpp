@@ -1,0 +1,190 @@
+// pirt regress: did anything become slower, between two stored profiles or two programs?
+#include "cli/commands/gate/regress.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+
+#include "characterize/profile/store/reader.h"
+#include "cli/commands.h"
+#include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "cli/options/profile_platform.h"
+#include "cli/options/values.h"
+#include "reports/export/profile_export.h"
+#include "reports/gate/gate_report.h"
+#include "reports/gate/pooling.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json_value.h"
+
+namespace pirt::cli {
+namespace {
+
+/// Results that take stdout leave no room there for the text.
+bool takes_stdout(const RegressOptions& options) {
+  return options.markdown.to_stdout() || options.junit.to_stdout() || options.json.to_stdout();
+}
+
+/// By its name, or a platform file.
+std::optional<Platform> given_platform(const RegressOptions& options) {
+  if (options.platform.empty()) return std::nullopt;
+  return load_platform(options.platform, {});
+}
+
+/// What the mix costs needs the platform's file; profiles of one that is not shipped can be judged
+/// without it.
+std::optional<Decisions> decide(const RegressOptions& options, std::optional<Platform> platform,
+                                const Profile& base, const Profile& candidate) {
+  if (options.mix == "none") return std::nullopt;
+  const Mix mix = load_mix(options.mix);
+  const auto shipped = shipped_platforms();
+  if (!platform && std::ranges::find(shipped, base.platform()) == shipped.end()) {
+    warn("what the mix costs is not shown: platform " + base.platform() +
+         " is not a shipped one; give its file with --platform");
+    return std::nullopt;
+  }
+  if (!platform) platform = platform_of(base);
+  return compare_decisions(base, candidate, *platform, mix);
+}
+
+struct Table {
+  Profile profile;
+  std::string name;  ///< Its path, and how many runs it is made of.
+};
+
+Table open_table(const std::string& path, const std::string& platform, const std::string& filter) {
+  const ProfileReader reader(path);
+  Table table{.profile = reader.read(platform), .name = path};
+  if (!filter.empty()) keep_workloads(table.profile, filter);
+  const int runs = pool_samples(reader, table.profile);
+  if (runs > 1) table.name += fmt::format(" ({} runs)", runs);
+  return table;
+}
+
+GateReport compare(const RegressOptions& options) {
+  const auto& base_path = options.files[0];
+  const auto& candidate_path = options.files[1];
+  refuse_same_file(base_path, candidate_path, "; give a baseline and a candidate");
+  const auto platform = given_platform(options);
+  const std::string name = platform ? platform->name : "";
+  const Table base = open_table(base_path, name, options.filter);
+  const Table candidate = open_table(candidate_path, name, options.filter);
+  GateReport report{.base = base.name,
+                    .candidate = candidate.name,
+                    .result = judge(diff_profiles(base.profile, candidate.profile)),
+                    .decisions = decide(options, platform, base.profile, candidate.profile),
+                    .rule = {}};
+  describe_rule(GateThresholds{}, report);
+  return report;
+}
+
+int regress_tables(const RegressOptions& options) {
+  if (options.files.size() != 2) {
+    throw_bad_input(fmt::format(
+        "pirt regress takes two profile databases, BASELINE and CANDIDATE, not {}; see 'pirt "
+        "regress --help'",
+        options.files.size()));
+  }
+  return emit_report(compare(options), options);
+}
+
+int regress(const RegressOptions& options) {
+  if (!options.baseline_program.empty()) return regress_programs(options);
+  if (options.self_test) return regress_self_test(options);
+  return regress_tables(options);
+}
+
+/// What two profiles, two programs and --self-test each know nothing of is refused.
+void keep_apart(const Command& command, const Option& profiles) {
+  const auto option = [&](const char* name) { return command.option(name); };
+  option("--baseline-program").needs(option("--candidate-program"));
+  option("--candidate-program").needs(option("--baseline-program"));
+  for (const auto* name :
+       {"--baseline-program", "--candidate-program", "--self-test", "--units", "--seed", "--work",
+        "--cold", "--one-at-a-time", "--max-time", "--sample-limit", "--ledger"}) {
+    option(name).excludes(profiles);
+  }
+  for (const auto* name : {"--baseline-program", "--candidate-program", "--filter", "--units",
+                           "--one-at-a-time", "--max-time", "--all", "--markdown", "--junit"}) {
+    option(name).excludes(option("--self-test"));
+  }
+  for (const auto* name : {"--decisions", "--quick", "--trial"})
+    option(name).needs(option("--self-test"));
+  option("--mix").needs(profiles);
+}
+
+}  // namespace
+
+int emit_report(const GateReport& report, const RegressOptions& options) {
+  const Document document = gate_document(report, options.all);
+  if (options.markdown) emit_text(render(document, Format::kMarkdown), options.markdown);
+  if (options.junit) emit_text(gate_junit(report), options.junit);
+  const std::string text = takes_stdout(options) ? "" : render(document, Format::kText);
+  emit(text, gate_json(report), options.json);
+  return exit_code_of(report.result);
+}
+
+void add_regress(CLI::App& app, Action& action) {
+  auto options = std::make_shared<RegressOptions>();
+  Command command(
+      app, "regress",
+      "Compare two profiles or two programs and fail if anything became slower: for CI");
+  const Option profiles =
+      add_input(command, "profiles", &options->files, "Profile databases: BASELINE CANDIDATE");
+  add_input(command, "--baseline-program", &options->baseline_program,
+            "A pirt to compare with: fresh processes of both, in turns");
+  add_input(command, "--candidate-program", &options->candidate_program,
+            "The pirt that must not be slower");
+  command.add_flag("--self-test", options->self_test,
+                   "Compare this program with itself, as it is and with slowdowns injected, and "
+                   "show how often the answer was right");
+  add_filter(command, options->filter);
+  add_input(command, "--platform", &options->platform,
+            "A name of `pirt list platforms`, or a YAML file (default: that of each file's newest "
+            "run; host for programs)",
+            FileUse::kReadIfFile);
+  add_list_of(command, "--units", options->units, "UNIT",
+              "Programs: units to compare on, with commas (default: all)");
+  add_seed(command, options->seed, "Programs: seed of inputs and of the order");
+  add_value(command, "--work", &options->work, "DURATION", no_duration,
+            "Programs: how long a process repeats its calls")
+      .shows_default();
+  command.add_flag("--cold", options->cold,
+                   "Programs: set up with empty kernel caches instead of filled ones");
+  command.add_flag("--one-at-a-time", options->one_at_a_time,
+                   "Programs: never two processes at once (default: units that share no physical "
+                   "core are measured side by side)");
+  add_value(command, "--max-time", &options->max_time, "DURATION", no_duration,
+            "Programs: what is undecided after this is inconclusive; go on with the same command")
+      .shows_default();
+  add_value(command, "--sample-limit", &options->sample_limit, "DURATION", no_duration,
+            "Programs: a process that takes longer hangs, and its cell has failed")
+      .shows_default();
+  add_continued(command, "--ledger", &options->ledger,
+                "File that keeps what was measured, to go on after an interruption (default: "
+                "pirt-regress.ledger until the answer is there; none for --self-test)");
+  add_value(command, "--decisions", &options->decisions, "INTEGER", not_within(1, 1'000'000),
+            "Self-test: whole decisions of each trial (default: 20; 1 with --quick)");
+  add_text(command, "--trial", &options->trials, "TRIAL",
+           "Self-test: only this trial, e.g. 'same' or 'execute +10 %'; repeatable")
+      .one_at_a_time();
+  command.add_flag("--quick", options->quick, "Self-test: one decision of each trial");
+  add_input(command, "--mix", &options->mix,
+            "Profiles: mix whose cost is shown in each mode on both, or none", FileUse::kReadIfFile)
+      .shows_default();
+  command.add_flag("--all", options->all, "Show also the rows that are the same or not judged");
+  add_output(command, "--markdown", options->markdown,
+             "Write the report as Markdown to a file, or to stdout for -");
+  add_output(command, "--junit", options->junit, "Write JUnit XML to a file, or to stdout for -");
+  add_json(command, options->json);
+  keep_apart(command, profiles);
+  command.footer(
+      "Exit code 0: nothing became slower; 1: something did, or failed; 2: bad input; 3: "
+      "inconclusive, or not "
+      "comparable.\nExample: pirt regress base.db new.db --markdown report.md --junit r.xml");
+  command.runs(action, [options] { return regress(*options); });
+}
+
+}  // namespace pirt::cli

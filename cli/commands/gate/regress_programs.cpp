@@ -1,0 +1,253 @@
+// pirt regress with two programs: is the candidate slower than the baseline, here and now? And with
+// --self-test: would that answer be right?
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <memory>
+
+#include "characterize/campaign/campaign.h"
+#include "characterize/worker/process.h"
+#include "cli/commands/gate/regress.h"
+#include "cli/long_run.h"
+#include "cli/options/duration.h"
+#include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "reports/document/document.h"
+#include "reports/gate/duet_gate.h"
+#include "reports/gate/self_test.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/name_filter.h"
+#include "workloads/base/text/text.h"
+#include "workloads/base/time.h"
+
+namespace pirt::cli {
+namespace {
+
+constexpr const char* kDefaultLedger = "pirt-regress.ledger";
+
+/// A program that answers `sample`.
+/// @throws Error{kBadInput} if it does not.
+std::filesystem::path checked_program(const std::string& name, const char* option) {
+  std::error_code error;
+  auto path = std::filesystem::canonical(name, error);
+  if (error || std::filesystem::is_directory(path) || ::access(path.c_str(), X_OK) != 0) {
+    throw_bad_input(fmt::format("{} '{}' is no program that can be run; give the path of a pirt",
+                                option, name));
+  }
+  ProcessRequest request;
+  request.program = path;
+  request.arguments = {"sample", "--help"};
+  request.limit = std::chrono::seconds(10);
+  std::string why;
+  try {
+    const auto answer = run_process(request);
+    const bool known = answer.end == ProcessResult::End::kExited && answer.code == 0 &&
+                       answer.output.find("--workload") != std::string::npos;
+    if (known) return path;
+    why = how_it_ended(answer, request.limit);
+  } catch (const Error& cannot_start) {
+    why = cannot_start.what();
+  }
+  throw_bad_input(fmt::format(
+      "{} '{}' does not know `pirt sample` ({}): it is no pirt, or one from before programs could "
+      "be compared",
+      option, name, why));
+}
+
+std::string platform_argument(const RegressOptions& options) {
+  const std::string name = options.platform.empty() ? "host" : options.platform;
+  return names_a_file(name) ? std::filesystem::absolute(name).string() : name;
+}
+
+DuetPrograms programs_of(const RegressOptions& options) {
+  DuetPrograms programs;
+  programs.platform_argument = platform_argument(options);
+  programs.platform = load_platform(programs.platform_argument);
+  programs.seed = options.seed;
+  programs.work = parse_duration(options.work);
+  programs.cold = options.cold;
+  programs.limit = parse_duration(options.sample_limit);
+  programs.stop = stop_on_signal();
+  return programs;
+}
+
+/// Those of a characterization with the same filter, and the scheduler.
+std::vector<DuetCell> chosen_cells(const RegressOptions& options, const DuetPrograms& programs) {
+  std::vector<DuetCell> cells;
+  const std::string scheduler(kSchedulerCell);
+  if (options.filter != scheduler) {
+    CampaignOptions campaign;
+    campaign.platform_argument = programs.platform_argument;
+    campaign.platform = programs.platform;
+    campaign.units = options.units;
+    campaign.filter = options.filter;
+    campaign.stop = programs.stop;
+    const auto plan = plan_campaign(campaign);
+    for (const auto& cell : plan.cells) cells.push_back({cell.workload->name, cell.unit});
+    warn_of_skipped(plan, "compared");
+  }
+  const bool all_units = options.units.empty();
+  if (all_units && NameFilter(options.filter).picks(scheduler)) {
+    cells.push_back({scheduler, ""});
+  }
+  return cells;
+}
+
+std::string step_text(const DuetComparison& comparison, const DuetStep& step) {
+  const DuetCellState& state = comparison.cells()[step.cell];
+  const char* what = step.kind == DuetStep::Kind::kCheck    ? "verifying"
+                     : step.kind == DuetStep::Kind::kCanary ? "canary"
+                                                            : "block";
+  return fmt::format("[{} of {} decided] {}: {} {}", comparison.decided(),
+                     comparison.cells().size(), to_string(state.cell), what,
+                     step.kind == DuetStep::Kind::kBlock ? std::to_string(state.blocks + 1) : "");
+}
+
+}  // namespace
+
+int regress_programs(const RegressOptions& options) {
+  if (!options.ledger) {  // main knows one that is named
+    auto files = written_files({&options.markdown, &options.junit, &options.json});
+    files.push_back({"the ledger", kDefaultLedger, FileUse::kContinued});
+    check_files(std::move(files));
+  }
+  DuetPrograms programs = programs_of(options);
+  programs.baseline = checked_program(options.baseline_program, "--baseline-program");
+  programs.candidate = checked_program(options.candidate_program, "--candidate-program");
+  const auto cells = chosen_cells(options, programs);
+  DuetComparison comparison(cells, options.seed);
+  Ledger ledger(options.ledger.value_or(kDefaultLedger), ledger_key(programs, cells),
+                [&](const Ledger::Event& event) { comparison.apply(event); });
+  if (const auto there = comparison.processes(); there > 0) {
+    warn(fmt::format("going on with {}: {} processes are there", ledger.path().string(), there));
+  }
+  DuetEnd end = DuetEnd::kDecided;
+  {
+    const ProgressLine line;
+    end = run_duet(comparison, ledger, program_samples(programs),
+                   options.one_at_a_time ? one_at_a_time(cells.size())
+                                         : side_by_side(programs.platform, cells),
+                   {.time = parse_duration(options.max_time), .stop = programs.stop},
+                   [&](const DuetStep& step) { line.show(step_text(comparison, step)); });
+  }
+  GateReport report{.base = options.baseline_program,
+                    .candidate = options.candidate_program,
+                    .result = judge_duet(comparison, end),
+                    .decisions = std::nullopt,
+                    .rule = {}};
+  describe_rule(report);
+  report.decisions = Decisions{.mix = "", .flips = find_flips(report.result), .modes = {}};
+  const int code = emit_report(report, options);
+  if (end == DuetEnd::kStopped) {
+    throw_environment(fmt::format(
+        "interrupted; {} of {} cells are decided and {} processes are kept in '{}': go on with the "
+        "same command",
+        comparison.decided(), cells.size(), comparison.processes(), ledger.path().string()));
+  }
+  if (end == DuetEnd::kOutOfTime) {
+    warn(fmt::format("{} of {} cells are decided; the same command goes on with '{}'",
+                     comparison.decided(), cells.size(), ledger.path().string()));
+  } else if (!options.ledger) {
+    std::filesystem::remove(ledger.path());
+  }
+  return code;
+}
+
+namespace {
+
+/// Two cells of the platform's first measured unit that take little, and the scheduler where it is
+/// what is slowed down.
+std::vector<DuetCell> self_test_cells(const DuetPrograms& programs, const Trial& trial) {
+  if (trial.injected.starts_with("scheduler")) return {{std::string(kSchedulerCell), ""}};
+  for (const UnitModel& unit : programs.platform.units) {
+    if (unit.measured()) return {{"sobel", unit.name}, {"conv1", unit.name}};
+  }
+  throw_bad_input(fmt::format("platform '{}' has no unit to measure", programs.platform.name));
+}
+
+/// Nothing if it was interrupted.
+std::optional<TrialAnswer> decide(const Trial& trial, DuetPrograms programs, std::string& detail) {
+  const auto cells = self_test_cells(programs, trial);
+  if (!trial.injected.empty()) programs.injection = parse_injection(std::string(trial.injected));
+  programs.injected = cells.front();
+  DuetComparison comparison(cells, programs.seed);
+  Ledger nowhere;
+  const auto end =
+      run_duet(comparison, nowhere, program_samples(programs), one_at_a_time(cells.size()),
+               {.time = std::nullopt, .stop = programs.stop});
+  if (end == DuetEnd::kStopped) return std::nullopt;
+  const GateResult result = judge_duet(comparison, end);
+  const TrialAnswer answer = answer_of(trial, result, programs.injected);
+  if (answer == TrialAnswer::kRight) return answer;
+  for (const GateRow& row : result.rows) {
+    const bool quiet = row.verdict == GateVerdict::kSame || row.verdict == GateVerdict::kFaster;
+    const bool injected = row.workload == programs.injected.workload;
+    if (quiet && (trial.injected.empty() || !injected)) continue;
+    detail +=
+        fmt::format("{}{} {} {} {:+.1f} % {}", detail.empty() ? "" : "; ", row.workload, row.phase,
+                    to_string(row.verdict), 100 * (row.ratio.value_or(1) - 1), row.reason);
+  }
+  return answer;
+}
+
+std::vector<const Trial*> chosen_trials(const RegressOptions& options) {
+  std::vector<const Trial*> trials;
+  for (const auto& name : options.trials) trials.push_back(&find_trial(name));
+  if (!trials.empty()) return trials;
+  for (const Trial& trial : self_test_trials()) trials.push_back(&trial);
+  return trials;
+}
+
+}  // namespace
+
+int regress_self_test(const RegressOptions& options) {
+  DuetPrograms programs = programs_of(options);
+  programs.baseline = programs.candidate = std::filesystem::read_symlink("/proc/self/exe");
+  const int wanted = options.decisions.value_or(options.quick ? 1 : 20);
+  SelfTest test;
+  Ledger ledger;
+  if (options.ledger) {
+    ledger = Ledger(*options.ledger,
+                    ledger_key(programs, self_test_cells(programs, self_test_trials().front())),
+                    [&](const Ledger::Event& event) { test.apply(event); });
+  }
+  const auto trials = chosen_trials(options);
+  bool interrupted = false;
+  {
+    const ProgressLine line;
+    const MachineClock clock;
+    for (int round = 0; round < wanted && !interrupted; ++round) {
+      for (const Trial* trial : trials) {
+        const TrialCount count = test.count(*trial);
+        if (count.decisions() > round) continue;
+        line.show(fmt::format("decision {} of {}: {}", round + 1, wanted, trial->name));
+        programs.seed = options.seed + static_cast<std::uint64_t>(count.decisions());
+        const Nanos begin = clock.now();
+        std::string detail;
+        const auto answer = decide(*trial, programs, detail);
+        interrupted = !answer;
+        if (interrupted) break;
+        const auto event = SelfTest::event_of(*trial, *answer, to_s(clock.now() - begin), detail);
+        ledger.append(event);
+        test.apply(event);
+        if (*answer != TrialAnswer::kRight) {
+          line.clear();
+          warn(fmt::format("{}, decision {}: {}: {}", trial->name, round + 1, to_string(*answer),
+                           detail));
+        }
+      }
+    }
+  }
+  emit(render(self_test_document(test), Format::kText), self_test_json(test), options.json);
+  if (interrupted) {
+    throw_environment(
+        options.ledger
+            ? fmt::format("interrupted; the same command goes on with '{}'", *options.ledger)
+            : "interrupted; name a --ledger to be able to go on");
+  }
+  return breaks_promise(test) ? kExitCheckFailed : 0;
+}
+
+}  // namespace pirt::cli

@@ -1,0 +1,329 @@
+// pirt characterize: measures every workload on every unit of a platform, into a profile database.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+
+#include "characterize/campaign/campaign.h"
+#include "characterize/profile/store/reader.h"
+#include "cli/commands.h"
+#include "cli/commands/measure/fit_energy.h"
+#include "cli/long_run.h"
+#include "cli/options/duration.h"
+#include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "cli/options/sysfs.h"
+#include "cli/options/values.h"
+#include "reports/document/document.h"
+#include "reports/document/figures.h"
+#include "reports/profile/profile_report.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
+#include "workloads/catalog/catalog.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string database;
+  std::string platform = "host";
+  std::vector<std::string> settings;
+  std::vector<std::string> units;
+  std::string filter;
+  std::vector<std::string> variants;
+  std::optional<int> batch;
+  std::optional<std::string> images;
+  std::string precision = "2%";
+  std::optional<std::string> max_time;
+  std::uint64_t seed = 1;
+  bool quick = false;
+  bool resume = false;
+  bool dry_run = false;
+  FitOptions fit;
+  Output json;
+};
+
+std::string minutes(Nanos value) {
+  const auto seconds = value.count() / 1'000'000'000;
+  return fmt::format("{}:{:02}", seconds / 60, seconds % 60);
+}
+
+std::string progress_text(const Progress& progress) {
+  return fmt::format("[{} of {} done] {} on {}: {}; {} gone, about {} left", progress.done,
+                     progress.cells, progress.workload, progress.unit, progress.step,
+                     minutes(progress.elapsed), minutes(progress.estimated_left));
+}
+
+/// Where there is no progress line: a log that says what is safe.
+void acknowledge(const CellName& cell) {
+  if (stderr_is_terminal()) return;
+  // Not fmt::print, which throws where nobody listens.
+  std::fprintf(stderr, "stored: %s on %s\n", cell.workload.c_str(), cell.unit.c_str());
+}
+
+CampaignOptions campaign_options(const Options& options) {
+  if (options.resume) return resume_options(options.database);
+  CampaignOptions campaign;
+  campaign.database = options.database;
+  campaign.platform_argument = names_a_file(options.platform)
+                                   ? std::filesystem::absolute(options.platform).string()
+                                   : options.platform;
+  campaign.settings = options.settings;
+  campaign.platform = load_platform(options.platform, parse_overrides(options.settings));
+  campaign.units = options.units;
+  campaign.filter = options.filter;
+  campaign.variants = options.variants;
+  campaign.batch = options.batch;
+  if (options.images) campaign.images = *options.images;
+  campaign.seed = options.seed;
+  campaign.precision = parse_fraction(options.precision);
+  if (options.max_time) campaign.max_time = parse_duration(*options.max_time);
+  campaign.quick = options.quick;
+  return campaign;
+}
+
+Json plan_json(const CampaignPlan& plan) {
+  auto cells = Json::array();
+  for (const auto& cell : plan.cells) {
+    cells.push_back({{"workload", cell.workload->name}, {"unit", cell.unit}});
+  }
+  auto skipped = Json::array();
+  for (const auto& skip : plan.skipped) {
+    Json entry = {{"unit", skip.unit}, {"reason", skip.reason}};
+    if (!skip.workload.empty()) entry["workload"] = skip.workload;
+    skipped.push_back(std::move(entry));
+  }
+  Json meters = Json::object();
+  for (const auto& [unit, meter] : plan.meters) {
+    meters[unit] = {{"source", meter.source}, {"domain", meter.domain}};
+  }
+  return {{"cells", cells},
+          {"skipped", skipped},
+          {"meters", meters},
+          {"remarks", plan.remarks},
+          {"estimate_s", to_s(plan.estimate.total)},
+          {"needed_s", to_s(plan.estimate.needed)},
+          {"max_time_s", to_s(plan.max_time)},
+          {"estimate_source", plan.estimate.source}};
+}
+
+std::string plan_text(const CampaignPlan& plan) {
+  Table table{.title = fmt::format("{} cells, about {} min", plan.cells.size(),
+                                   minutes(plan.estimate.total)),
+              .columns = {{"workload", Align::kLeft}, {"unit", Align::kLeft}}};
+  for (const auto& cell : plan.cells) table.rows.push_back({cell.workload->name, cell.unit});
+  table.footnotes.push_back(fmt::format(
+      "Valid rows need {} min, the rest is for precision and ends at {} min (--max-time); from {}.",
+      minutes(plan.estimate.needed), minutes(plan.max_time), plan.estimate.source));
+  for (const auto& skip : plan.skipped) {
+    table.footnotes.push_back(fmt::format("Not measured: {}{}: {}", skip.unit,
+                                          skip.workload.empty() ? "" : ", " + skip.workload,
+                                          skip.reason));
+  }
+  for (const auto& [unit, meter] : plan.meters) {
+    table.footnotes.push_back(
+        fmt::format("Energy of {}: {} ({})", unit, meter.source, meter.domain));
+  }
+  for (const auto& remark : plan.remarks) table.footnotes.push_back(remark);
+  return render({.parts = {table}}, Format::kText);
+}
+
+std::string resume_hint(const Options& options) {
+  return fmt::format("go on with: pirt characterize --resume --db {}", options.database);
+}
+
+CampaignSummary measure(const CampaignOptions& campaign, const CampaignPlan& plan) {
+  const ProgressLine line;
+  const auto warn_below = [&line](const std::string& message) {
+    line.clear();
+    warn(message);
+  };
+  return run_campaign(
+      campaign, plan,
+      {.progress = [&](const Progress& progress) { line.show(progress_text(progress)); },
+       .warning = warn_below,
+       .stored = [](const CellName& cell) { acknowledge(cell); }});
+}
+
+std::string summary_text(const CampaignSummary& summary, const CampaignPlan& plan,
+                         const CampaignOptions& campaign) {
+  return fmt::format(
+      "{} of {} cells in {} min from {} processes, {} within {:.3g} %; {} valid and {} invalid "
+      "rows, "
+      "in {}",
+      summary.cells, plan.cells.size(), minutes(summary.elapsed), summary.processes,
+      summary.within_precision, 100 * campaign.precision, summary.rows_valid, summary.rows_invalid,
+      campaign.database.string());
+}
+
+/// What to do where less than half of the cells became precise; "" elsewhere, and after --quick,
+/// which does not try to.
+std::string precision_text(const CampaignSummary& summary, const CampaignPlan& plan,
+                           const CampaignOptions& campaign) {
+  if (campaign.quick || 2 * summary.within_precision >= summary.cells) return "";
+  const auto longer = std::chrono::ceil<std::chrono::minutes>(4 * plan.max_time);
+  return fmt::format(
+      "Less than half of the cells are within {:.3g} %: `pirt doctor` says what disturbs this "
+      "machine; --max-time {}min halves the intervals where nothing helps",
+      100 * campaign.precision, longer.count());
+}
+
+/// What the clock does to a sample: batches keep it below 0.1 % of any phase (measure.h).
+std::string clock_text(const RunInfo& run) {
+  const auto cost = run.environment.find("clock_cost_ns");
+  if (cost == run.environment.end()) return "";
+  return fmt::format(
+      "Clock: {} ns a reading, at most {:.2g} % of a call's sample (1 ms or more) and 0.1 % of a "
+      "phase's",
+      cost->second, std::stod(cost->second) / 1e6 * 100);
+}
+
+Json summary_json(const CampaignSummary& summary) {
+  return {{"run_id", summary.run_id},
+          {"cells", summary.cells},
+          {"cells_begun", summary.cells_begun},
+          {"processes", summary.processes},
+          {"within_precision", summary.within_precision},
+          {"rows_valid", summary.rows_valid},
+          {"rows_invalid", summary.rows_invalid},
+          {"interrupted", summary.interrupted},
+          {"elapsed_s", to_s(summary.elapsed)}};
+}
+
+/// Of the whole run: all of its cells may have been stored before it was interrupted.
+bool has_valid_row(const Profile& profile) {
+  return std::ranges::any_of(profile.phases, &PhaseRow::valid);
+}
+
+/// The files of a run that is gone on with stand in its database and not on the command line.
+void check_resumed_files(const Options& options, const CampaignOptions& campaign) {
+  auto files = written_files({&options.json, &options.fit.file});
+  if (names_a_file(campaign.platform_argument)) {
+    files.push_back({"the run's platform", campaign.platform_argument, FileUse::kRead});
+  }
+  if (campaign.images) {
+    files.push_back({"the run's images", *campaign.images, FileUse::kReadPictures});
+  }
+  check_files(std::move(files));
+}
+
+int characterize(const Options& options) {
+  if (options.database.empty() && (!options.dry_run || options.resume)) {
+    throw_bad_input("--db is required (or --dry-run to see what would be measured)");
+  }
+  auto campaign = campaign_options(options);
+  if (options.resume) check_resumed_files(options, campaign);
+  campaign.sysfs = sysfs_root();
+  campaign.stop = stop_on_signal();
+  const auto plan = plan_campaign(campaign);
+  check_fit(options.fit, plan);
+  if (options.dry_run) {
+    auto json = plan_json(plan);
+    json["schema_version"] = 1;
+    emit(plan_text(plan), json, options.json);
+    return 0;
+  }
+  warn_of_skipped(plan, "measured");
+  for (const auto& remark : plan.remarks) warn(remark);
+  const auto summary = measure(campaign, plan);
+  if (summary.interrupted && summary.cells + summary.cells_begun == 0) {
+    throw_environment(
+        fmt::format("interrupted before a cell had rows to show, {} processes are kept; {}",
+                    summary.processes, resume_hint(options)));
+  }
+  // This run alone: others may write to the same database meanwhile.
+  const auto profile =
+      load_profile(options.database, campaign.platform.name, {summary.run_id, summary.run_id});
+  Document document{.title = "pirt characterize",
+                    .parts = {profile_header(profile), profile_table(profile)}};
+  Paragraph closing{{summary_text(summary, plan, campaign), precision_text(summary, plan, campaign),
+                     clock_text(profile.runs.front())}};
+  std::erase(closing.lines, "");
+  document.parts.emplace_back(std::move(closing));
+  auto json = profile_json(profile, preferences(profile));
+  json["schema_version"] = 1;
+  json["summary"] = summary_json(summary);
+  json["skipped"] = plan_json(plan)["skipped"];
+  const bool fits = options.fit.file && !summary.interrupted;
+  FitOutcome fit;
+  if (fits) {
+    fit = fit_run(options.fit, campaign, profile);
+    for (auto& table : fit.tables) document.parts.emplace_back(std::move(table));
+    json["energy_fit"] = fit.json;
+  }
+  emit(render(document, Format::kText), json, options.json);
+  if (summary.interrupted) {
+    throw_environment(fmt::format("interrupted; {} cells are complete and {} were begun; {}",
+                                  summary.cells, summary.cells_begun, resume_hint(options)));
+  }
+  if (!has_valid_row(profile)) {
+    throw_environment("no valid row was measured; see the remarks for the reasons");
+  }
+  if (fits && !fit.complete) {
+    warn("not every unit's energy model could be fitted; the tables say why");
+    return kExitInconclusive;
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_characterize(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  Command command(app, "characterize",
+                  "Measure every workload on every unit of a platform, into a profile database");
+  add_continued(command, "--db", &options->database,
+                "Profile database; made if missing, added to otherwise");
+  add_input(command, "--platform", &options->platform,
+            "A name of `pirt list platforms`, or a YAML file", FileUse::kReadIfFile)
+      .shows_default();
+  add_settings(command, options->settings);
+  add_list_of(command, "--units", options->units, "UNIT",
+              "Units to measure, with commas (default: all)");
+  add_filter(command, options->filter);
+  add_list_of(command, "--variants", options->variants, "VARIANT",
+              "Measure these variants of workloads as well, with commas: see `pirt list "
+              "workloads` (default: those that --filter names, as in 'sobel@map')");
+  add_value(command, "--batch", &options->batch, "INTEGER",
+            not_within(kSmallestBatch, kLargestBatch),
+            "Measure AlexNet's layers and the chain with this many images a call as well "
+            "(2 to 256), in rows such as fc6@batch8 (default: those that --filter names)");
+  add_input(command, "--images", &options->images,
+            "PNG or JPEG file, or a folder of them, as input (default: generated from the seed)",
+            FileUse::kReadPictures);
+  add_value(command, "--precision", &options->precision, "FRACTION", no_fraction,
+            "Sample until the 95 % interval of each median of call and execute, over processes, is "
+            "within +/- this, or the time is up; a fraction or a percentage")
+      .shows_default();
+  add_value(command, "--max-time", &options->max_time, "DURATION", no_duration,
+            "Total time after which no process is started for precision alone, e.g. 5min; what "
+            "valid rows need is measured all the same (default: 15 s a cell, 2.9 s with --quick)");
+  add_seed(command, options->seed, "Seed of inputs, weights and the order of measuring");
+  command.add_flag("--quick", options->quick,
+                   "2 cold and 2 warm set-ups a cell instead of 5 each, and less sampling");
+  command.add_flag("--dry-run", options->dry_run,
+                   "Show the cells and the estimated time; measure nothing");
+  add_output(command, "--fit-energy", options->fit.file,
+             "Fit the energy model of each unit with a meter to this run, print it with its "
+             "residuals, and write the platform with it to a file that ends in .yaml, for "
+             "--platform",
+             StdoutUse::kRefused);
+  add_text(command, "--fit-parameters", &options->fit.parameters, "PARAMETER,...",
+           "What to fit, with commas: active_w (W), op_pj, byte_pj (pJ), call_j (J) (default: as "
+           "many as the cells can tell apart)")
+      .needs(command.option("--fit-energy"));
+  const Option resume = command.add_flag(
+      "--resume", options->resume,
+      "Go on with the newest run of --db that did not end, with the options it was started with");
+  for (const auto* name : {"--platform", "--set", "--units", "--filter", "--variants", "--batch",
+                           "--images", "--precision", "--max-time", "--seed", "--quick"}) {
+    resume.excludes(command.option(name));
+  }
+  add_json(command, options->json);
+  command.footer("Example: pirt characterize --quick --filter 'sobel|fc8' --db profile.db");
+  command.runs(action, [options] { return characterize(*options); });
+}
+
+}  // namespace pirt::cli

@@ -1,0 +1,101 @@
+// pirt bundle-adjust: moves the cameras and points of a problem to where they fit what was seen.
+#include "workloads/mapping/bundle_adjust.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "cli/commands.h"
+#include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "cli/options/values.h"
+#include "workloads/base/text/json_value.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string problem;
+  std::string loss = "none";
+  mapping::BundleOptions adjust;
+  Output output, json;
+};
+
+std::string text_of(const mapping::BalProblem& problem, const mapping::BundleSummary& summary) {
+  return fmt::format(
+      "{} cameras, {} points, {} observations\n"
+      "cost     {:.6g} -> {:.6g} px^2 (half the sum of squares), {} iterations, {}\n"
+      "inliers  {} of {} observations, RMS {:.4f} px a coordinate\n"
+      "noise    {:.4f} px a coordinate, corrected for {} parameters\n",
+      problem.camera_count(), problem.point_count(), problem.observations.size(),
+      summary.initial_cost, summary.final_cost, summary.iterations,
+      summary.converged ? "converged" : "not converged", summary.inliers,
+      problem.observations.size(), summary.inlier_rms_px, summary.noise_px,
+      summary.free_parameters);
+}
+
+Json json_of(const mapping::BalProblem& problem, const mapping::BundleSummary& summary,
+             const std::string& loss) {
+  Json json = {{"schema_version", 1},
+               {"cameras", problem.camera_count()},
+               {"points", problem.point_count()},
+               {"observations", problem.observations.size()},
+               {"loss", loss},
+               {"initial_cost", summary.initial_cost},
+               {"final_cost", summary.final_cost},
+               {"iterations", summary.iterations},
+               {"converged", summary.converged},
+               {"free_parameters", summary.free_parameters},
+               {"inliers", summary.inliers},
+               {"inlier_rms_px", summary.inlier_rms_px}};
+  if (summary.noise_px > 0) json["noise_px"] = summary.noise_px;
+  return json;
+}
+
+int adjust(Options options) {
+  const auto losses = mapping::loss_names();
+  options.adjust.loss =
+      static_cast<mapping::Loss>(std::ranges::find(losses, options.loss) - losses.begin());
+  auto problem = mapping::read_bal(options.problem);
+  const auto summary = mapping::bundle_adjust(problem, options.adjust);
+  if (!summary.converged) {
+    warn(fmt::format("{} iterations were not enough to converge; give more with --iterations",
+                     summary.iterations));
+  }
+  if (options.output) emit_text(mapping::bal_text(problem), options.output);
+  emit(options.output.to_stdout() ? "" : text_of(problem, summary),
+       json_of(problem, summary, options.loss), options.json);
+  return 0;
+}
+
+}  // namespace
+
+void add_bundle_adjust(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  Command command(app, "bundle-adjust",
+                  "Move the cameras and points of a map to where they fit what was seen");
+  add_input(command, "problem", &options->problem,
+            "A problem in the format of Bundle Adjustment in the Large (BAL)")
+      .required();
+  add_choice(command, "--loss", &options->loss, "LOSS", mapping::loss_names(),
+             "What an error beyond --loss-px counts; cauchy for data with outliers")
+      .shows_default();
+  add_value(command, "--loss-px", &options->adjust.loss_px, "PIXELS", not_within(1e-6, 1e6),
+            "Where the loss sets in: about the noise of the observations")
+      .shows_default();
+  add_value(command, "--iterations", &options->adjust.most_iterations, "INTEGER",
+            not_within(1, 100'000), "At most so many")
+      .shows_default();
+  add_value(command, "--threads", &options->adjust.threads, "INTEGER", not_within(1, 1024),
+            "With one, the same input gives the same bits")
+      .shows_default();
+  command.add_flag("--fixed-intrinsics", options->adjust.fixed_intrinsics,
+                   "Leave focal lengths and distortions as they are");
+  add_output(command, "-o,--output", options->output, "Write the adjusted problem to a file");
+  add_json(command, options->json);
+  command.footer("Example: pirt generate-bal -o b.txt && pirt bundle-adjust b.txt -o out.txt");
+  command.runs(action, [options] { return adjust(*options); });
+}
+
+}  // namespace pirt::cli

@@ -1,0 +1,93 @@
+// pirt generate: a generated sequence with exact truth, as an EuRoC folder.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <thread>
+
+#include "cli/commands.h"
+#include "cli/options/duration.h"
+#include "cli/options/files.h"
+#include "cli/options/values.h"
+#include "workloads/base/error.h"
+#include "workloads/inputs/scene/generator.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string folder;
+  std::string duration = "60s";
+  std::string rest = "2s";
+  std::string cameras = "stereo";
+  std::string shape = "loop";
+  std::optional<int> threads;
+  SceneOptions scene;
+};
+
+int generate(const Options& options) {
+  if (options.folder.empty()) throw_bad_input("name the folder that is to be made");
+  SceneOptions scene = options.scene;
+  scene.path.duration_s = to_s(parse_duration(options.duration));
+  scene.path.rest_s = options.rest == "0" ? 0.0 : to_s(parse_duration(options.rest));
+  scene.path.shape = options.shape == "turns" ? PathShape::kTurns : PathShape::kLoop;
+  scene.stereo = options.cameras == "stereo";
+  const Sequence sequence = generate_sequence(scene);
+  const FloorMap map = floor_map(scene);
+  const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  write_euroc(sequence, options.folder, options.threads.value_or(cores),
+              {{"map.yaml", map.yaml}, {"map.pgm", map.pgm}, {"goal.yaml", map.goal_yaml}});
+  double path_m = 0;
+  for (std::size_t i = 1; i < sequence.truth.size(); ++i) {
+    path_m += (sequence.truth[i].body.position - sequence.truth[i - 1].body.position).norm();
+  }
+  emit_text(fmt::format("{}: {} frames of {} camera{}, {} IMU samples, path {:.1f} m\n",
+                        options.folder, sequence.frames.size(), sequence.cameras.size(),
+                        sequence.stereo() ? "s" : "", sequence.imu.size(), path_m),
+            {});
+  return 0;
+}
+
+std::string no_rest(const std::string& text) { return text == "0" ? "" : no_duration(text); }
+
+}  // namespace
+
+void add_generate(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  auto& scene = options->scene;
+  Command command(app, "generate",
+                  "Generate a sequence of a robot in a textured room (cameras, IMU, truth), in "
+                  "EuRoC's layout, with a floor map");
+  add_text(command, "folder", &options->folder, "FOLDER", "Folder to make").required();
+  add_value(command, "--duration", &options->duration, "DURATION", no_duration,
+            "Length of the sequence")
+      .shows_default();
+  add_value(command, "--rest", &options->rest, "DURATION", no_rest, "Rest at the start, or 0")
+      .shows_default();
+  add_choice(command, "--cameras", &options->cameras, "WHICH", {"stereo", "mono"}, "How many")
+      .shows_default();
+  add_choice(command, "--path", &options->shape, "SHAPE", {"loop", "turns"},
+             "Around the room, or two turns of 90 degrees between straights")
+      .shows_default();
+  add_value(command, "--width", &scene.width, "INTEGER", not_within(64, 4096), "Pixels")
+      .shows_default();
+  add_value(command, "--height", &scene.height, "INTEGER", not_within(64, 4096), "Pixels")
+      .shows_default();
+  add_value(command, "--rate", &scene.camera_rate_hz, "HZ", not_within(1.0, 1000.0),
+            "Frames a second")
+      .shows_default();
+  add_value(command, "--noise", &scene.noise_levels, "LEVELS", not_within(0.0, 50.0),
+            "Sigma of the pictures' noise, in grey levels")
+      .shows_default();
+  add_value(command, "--exposure-ms", &scene.exposure_ms, "MS", not_within(0.0, 1000.0),
+            "Motion blur")
+      .shows_default();
+  add_value(command, "--threads", &options->threads, "INTEGER", not_within(1, 256),
+            "Threads that render (default: all cores)");
+  add_seed(command, scene.path.seed, "Same seed, same bytes");
+  command.footer("Example: pirt generate --seed 7 --duration 60s out/ && pirt run-robot out/");
+  command.runs(action, [options] { return generate(*options); });
+}
+
+}  // namespace pirt::cli

@@ -1,0 +1,233 @@
+// pirt run-robot: localization on a recorded sequence, live through the runtime, or serially
+// without it.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+
+#include "cli/commands.h"
+#include "cli/commands/robot/robot_flags.h"
+#include "cli/long_run.h"
+#include "cli/options/duration.h"
+#include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "cli/options/profile_platform.h"
+#include "cli/options/values.h"
+#include "reports/document/document.h"
+#include "reports/run/robot_report.h"
+#include "scheduler/policies/policy.h"
+#include "scheduler/schedule.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
+#include "workloads/slam/run/map_file.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string dataset;
+  std::optional<std::string> slam_map;
+  ActivityFlags activities;
+  bool no_update = false, mono = false, no_imu = false;
+  bool serial = false, fast = false, comparing = false;
+  std::optional<std::string> mode;
+  std::string compare;  ///< Modes, with commas; empty = the paper's.
+  std::optional<std::string> profile, platform;
+  std::vector<std::string> settings;
+  std::optional<std::string> duration;
+  int in_flight = 2;
+  Output json, trajectory, plot, save_map, trace;
+};
+
+Sequence read(const Options& options) {
+  if (options.dataset.empty()) throw_bad_input("name the folder of a sequence");
+  Sequence sequence = read_sequence(options.dataset);
+  if (options.mono) {
+    sequence.cameras.resize(1);
+    for (auto& frame : sequence.frames) frame.present.resize(1);
+  }
+  if (options.no_imu) {
+    sequence.imu.clear();
+    sequence.imu_model.reset();
+  }
+  if (options.duration) {
+    const Nanos end = sequence.frames.front().time + parse_duration(*options.duration);
+    std::erase_if(sequence.frames, [&](const Frame& frame) { return frame.time >= end; });
+  }
+  return sequence;
+}
+
+void check(const Options& options) {
+  if (options.plot && !options.plot.path().ends_with(".svg") &&
+      !options.plot.path().ends_with(".png")) {
+    throw_bad_input("--plot '" + options.plot.path() + "' must end in .png or .svg");
+  }
+}
+
+RuntimeOptions runtime_options(const Options& options) {
+  // Without a profile, what is usual of this machine.
+  auto platform = options.platform;
+  if (!platform && !options.profile) platform = "host";
+  auto read = read_platform(platform, options.profile, parse_overrides(options.settings));
+  RuntimeOptions runtime;
+  runtime.platform = std::move(read.platform);
+  runtime.profile = std::move(read.profile);
+  runtime.mode = options.mode.value_or("ect");
+  if (options.trace) runtime.trace = options.trace.path();
+  runtime.progress = [](const std::string& line) { fmt::print(stderr, "pirt: {}\n", line); };
+  return runtime;
+}
+
+/// One robot, to be run in one way or several.
+struct Robot {
+  const Sequence& sequence;
+  LocalizationOptions localization;
+  std::optional<ActivityOptions> activities;
+
+  /// @param live  Otherwise serially, without the runtime.
+  [[nodiscard]] RobotRun run(bool live) const {
+    LocalizationOptions options = localization;
+    std::optional<Activities> companion;
+    if (activities) options.companion = &companion.emplace(*activities);
+    auto result = live ? localize_live(sequence, options) : localize_serially(sequence, options);
+    warn_all(result.problems);
+    const std::string mode = live ? options.runtime.mode : "";
+    return robot_run(
+        live ? fmt::format("live, mode {} on platform {}", mode, options.runtime.platform.name)
+             : "serial, without the runtime",
+        mode, sequence, options, std::move(result), companion ? &*companion : nullptr);
+  }
+};
+
+int compare(const Options& options, Robot robot) {
+  const auto modes = options.compare.empty() ? paper_modes() : find_policies(options.compare);
+  std::vector<RobotRun> runs;
+  runs.push_back(robot.run(false));
+  std::vector<std::string> skipped;
+  for (const auto& mode : modes) {
+    if (robot.localization.stops() > 0) break;
+    robot.localization.runtime.mode = mode;
+    try {
+      runs.push_back(robot.run(true));
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kBadInput) throw;
+      skipped.push_back(fmt::format("Not run: {}: {}", mode, error.what()));
+    }
+  }
+  if (runs.size() == 1 && !skipped.empty()) throw_bad_input(skipped.front());
+  Table table = robot_comparison(runs);
+  std::ranges::copy(skipped, std::back_inserter(table.footnotes));
+  Json json = {{"schema_version", 1}, {"dataset", options.dataset}};
+  for (const RobotRun& each : runs) json["runs"].push_back(robot_json(each, options.dataset));
+  emit(render({.title = "", .parts = {std::move(table)}}, Format::kText), json, options.json);
+  return 0;
+}
+
+std::string picture(const Options& options, const Sequence& sequence, const RobotRun& run) {
+  slam::Plot plot;
+  plot.trajectory = run.result.run.trajectory();
+  if (run.summary.error) plot.truth = sequence.truth;
+  plot.alignment = run.summary.scale_known ? Alignment::kSe3 : Alignment::kSim3;
+  plot.frame = run.result.shown;
+  plot.title = run.summary.error
+                   ? fmt::format("{}: RMS {:.3f} m on {:.1f} m", options.dataset,
+                                 run.summary.error->ate_rms_m, run.summary.error->path_m)
+                   : options.dataset;
+  return options.plot.path().ends_with(".svg") ? slam::plot_svg(plot) : slam::plot_png(plot);
+}
+
+int run_robot(const Options& options) {
+  check(options);
+  const Sequence sequence = read(options);
+  warn_all(sequence.warnings);
+  LocalizationOptions run;
+  run.setup = slam::setup_of(sequence);
+  run.setup.update = !options.no_update;
+  if (options.slam_map) run.start = slam::load_map(*options.slam_map, run.setup);
+  if (!options.serial) run.runtime = runtime_options(options);
+  run.own_rate = !options.fast;
+  run.most_in_flight = static_cast<std::size_t>(options.in_flight);
+  if (options.plot) run.show = sequence.frames.size() / 2;
+  run.stops = [stops = count_stop_signals()] { return stops->load(); };
+  Robot robot{.sequence = sequence,
+              .localization = std::move(run),
+              .activities = options.activities.options(options.dataset, sequence)};
+  if (options.comparing) return compare(options, std::move(robot));
+  const RobotRun done = robot.run(!options.serial);
+  emit(robot_text(done), robot_json(done, options.dataset), options.json);
+  if (options.trajectory) emit_text(tum_text(done.result.run.trajectory()), options.trajectory);
+  if (options.activities.scenes) {
+    std::string lines;
+    for (const auto& scene : done.scenes) lines += scene + "\n";
+    emit_text(lines, options.activities.scenes);
+  }
+  if (options.save_map) {
+    emit_text(slam::map_text(done.result.run.last, done.setup), options.save_map);
+  }
+  if (options.plot) emit_text(picture(options, sequence, done), options.plot);
+  return 0;
+}
+
+}  // namespace
+
+void add_run_robot(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  Command command(
+      app, "run-robot",
+      "Localize a robot on a recorded sequence (EuRoC's layout or KITTI odometry), live");
+  add_input(command, "dataset", &options->dataset, "Folder of the sequence");
+  command.add_flag("--fast", options->fast,
+                   "As fast as it goes, not at the sequence's own rate; no frame is dropped");
+  add_value(command, "--duration", &options->duration, "DURATION", no_duration,
+            "Only so much of the sequence, e.g. 20s (default: all)");
+  add_choice(command, "--mode", &options->mode, "MODE", policy_names(),
+             "Policy that chooses the units (default: ect)");
+  const Option compare = command.add(
+      "--compare", &options->compare,
+      "Instead of --mode: first serially without the runtime, then live in these modes, with "
+      "commas (default: the paper's), shown as one table");
+  compare.takes(0, 1).type("MODE,...");
+  command.add_flag("--serial", options->serial, "In one thread, without the runtime");
+  add_input(command, "--platform", &options->platform,
+            "A name of `pirt list platforms`, or a YAML file (default: the profile's, else host)",
+            FileUse::kReadIfFile);
+  add_settings(command, options->settings);
+  add_input(command, "--profile", &options->profile,
+            "Profile database of pirt characterize; without one all units count as equally fast");
+  add_value(command, "--in-flight", &options->in_flight, "INTEGER", not_within(1, 1000),
+            "Frames at a time; one that finds more is dropped")
+      .shows_default();
+  add_activities(command, options->activities);
+  command.add_flag("--mono", options->mono, "Use the left camera only");
+  command.add_flag("--no-imu", options->no_imu, "Use the cameras only");
+  command.add_flag("--no-update", options->no_update,
+                   "Only predict, to see the drift that updates correct");
+  add_input(command, "--load-slam-map", &options->slam_map,
+            "Know the place from a map that was saved");
+  add_output(command, "--save-slam-map", options->save_map, "Write the map at the end",
+             StdoutUse::kRefused);
+  add_output(command, "--trajectory", options->trajectory,
+             "Write the trajectory in the TUM format (s, x y z, qx qy qz qw)");
+  add_output(command, "--plot", options->plot,
+             "Draw the trajectory, with truth, and a frame's features: .png or .svg",
+             StdoutUse::kRefused);
+  add_output(command, "--trace", options->trace,
+             "Write what happened to a file, for Perfetto (ui.perfetto.dev) and pirt replay",
+             StdoutUse::kRefused);
+  add_json(command, options->json);
+  // --serial runs without the runtime, --compare has that run in it and more than one besides.
+  for (const auto* name : {"--mode", "--platform", "--profile", "--set", "--in-flight", "--trace"})
+    command.option("--serial").excludes(command.option(name));
+  for (const auto* name :
+       {"--serial", "--mode", "--trace", "--trajectory", "--plot", "--save-slam-map", "--scenes"})
+    compare.excludes(command.option(name));
+  command.footer("Example: pirt generate --seed 7 --duration 60s out/ && pirt run-robot out/");
+  command.runs(action, [options, compare] {
+    options->comparing = compare.given();
+    return run_robot(*options);
+  });
+}
+
+}  // namespace pirt::cli

@@ -1,0 +1,73 @@
+// pirt replay: feeds the log of a trace into a fresh dispatcher and compares the decisions.
+#include "scheduler/trace/replay.h"
+
+#include <fmt/core.h>
+
+#include <memory>
+
+#include "cli/commands.h"
+#include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json_value.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string file;
+  Output json;
+};
+
+std::string text_of(const ReplayResult& result, const TraceLog& log) {
+  if (!result.difference) {
+    return fmt::format("{} inputs replayed, mode {}: all {} decisions are the same\n",
+                       result.inputs, std::string(log.setup.mode->name), result.decisions);
+  }
+  const ReplayDifference& difference = *result.difference;
+  return fmt::format(
+      "The decisions differ at input {} of {}, {:.6f} ms, {}:\n  recorded: {}\n  replayed: {}\n",
+      difference.entry + 1, log.entries.size(), to_ms(difference.at), difference.input,
+      difference.recorded, difference.replayed);
+}
+
+Json json_of(const ReplayResult& result, const TraceLog& log) {
+  Json json = {{"schema_version", 1},
+               {"mode", std::string(log.setup.mode->name)},
+               {"inputs", result.inputs},
+               {"decisions", result.decisions},
+               {"same", !result.difference.has_value()}};
+  if (result.difference) {
+    const ReplayDifference& difference = *result.difference;
+    json["difference"] = {{"input", difference.entry + 1},
+                          {"at_ns", difference.at.count()},
+                          {"what", difference.input},
+                          {"recorded", difference.recorded},
+                          {"replayed", difference.replayed}};
+  }
+  return json;
+}
+
+int replay_trace(const Options& options) {
+  const auto log = load_trace_log(options.file);
+  const auto result = replay(log, options.file);
+  emit(text_of(result, log), json_of(result, log), options.json);
+  return result.difference ? kExitCheckFailed : 0;
+}
+
+}  // namespace
+
+void add_replay(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  Command command(app, "replay",
+                  "Check that the inputs of a trace give a fresh dispatcher the same decisions");
+  add_input(command, "trace", &options->file, "A trace of pirt schedule --trace").required();
+  add_json(command, options->json);
+  command.footer(
+      "Exit code 0: the same; 1: they differ, with the first difference; 2: the file is damaged.\n"
+      "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000 "
+      "--trace t.json && pirt replay t.json");
+  command.runs(action, [options] { return replay_trace(*options); });
+}
+
+}  // namespace pirt::cli

@@ -1,0 +1,303 @@
+// pirt schedule: runs a robot's mix on a platform under one policy, in virtual time or live.
+#include "scheduler/schedule.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <limits>
+#include <map>
+#include <memory>
+
+#include "characterize/campaign/live_rows.h"
+#include "characterize/profile/store/reader.h"
+#include "characterize/profile/store/writer.h"
+#include "cli/commands.h"
+#include "cli/long_run.h"
+#include "cli/options/duration.h"
+#include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "cli/options/profile_platform.h"
+#include "cli/options/values.h"
+#include "cli/options/weights.h"
+#include "reports/document/document.h"
+#include "reports/run/comparison_report.h"
+#include "reports/run/live_report.h"
+#include "reports/run/run_report.h"
+#include "scheduler/policies/policy.h"
+#include "scheduler/schedule_live.h"
+#include "workloads/backends/registry.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/numbers.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string mode;
+  std::string compare;  ///< Modes, with commas; empty = all.
+  bool comparing = false;
+  std::optional<std::string> profile;
+  std::optional<std::string> platform;
+  std::vector<std::string> settings;
+  std::string mix = "full-robot";
+  std::optional<std::string> duration;
+  std::optional<std::string> weights;
+  std::optional<int> in_flight;
+  std::optional<std::string> basic;
+  std::optional<std::string> overflow;
+  std::string draw = "median";
+  bool allow_invalid = false;
+  std::uint64_t seed = 1;
+  std::optional<std::string> faults;
+  bool live = false;
+  bool no_preinit = false;
+  bool update_profile = false;
+  Output trace, json;
+};
+
+/// "seed=7,fail=0.02,return=0.02"; what is not given is as in Faults.
+Faults parse_faults(const std::string& text) {
+  Faults faults;
+  for (const auto& part : split(text, ',')) {
+    const auto equals = part.find('=');
+    const std::string key = part.substr(0, equals);
+    const std::string value = equals == std::string::npos ? "" : part.substr(equals + 1);
+    const std::string what = "--faults " + key;
+    if (key == "seed") {
+      faults.seed = whole_number<std::uint64_t>(value, 0, std::numeric_limits<std::uint64_t>::max())
+                        .or_refuse(what);
+    } else if (key == "fail" || key == "return") {
+      (key == "fail" ? faults.failing : faults.returning) =
+          decimal_number(value, 0, 1).or_refuse(what);
+    } else {
+      throw_bad_input("--faults: '" + key + "' is none of its keys" +
+                      suggestion(key, std::vector<std::string>{"seed", "fail", "return"}));
+    }
+  }
+  if (faults.failing + faults.returning > 1) {
+    throw_bad_input("--faults: fail and return are parts of all calls, together at most 1");
+  }
+  return faults;
+}
+
+ScheduleOptions schedule_options(const Options& options, const std::vector<std::string>& modes) {
+  const auto falls_back = [](const std::string& mode) { return find_policy(mode).has_basic(); };
+  if (options.basic && std::ranges::none_of(modes, falls_back)) {
+    throw_bad_input("--basic is about mode advanced, which falls back to it; leave it out");
+  }
+  ScheduleOptions schedule;
+  schedule.mode = options.mode;
+  if (options.basic) schedule.basic = *options.basic;
+  if (options.weights) schedule.weights = parse_weights(*options.weights);
+  schedule.in_flight = options.in_flight;
+  if (options.overflow) {
+    schedule.overflow = *options.overflow == "literal" ? Overflow::kLiteral : Overflow::kHold;
+  }
+  schedule.allow_invalid = options.allow_invalid;
+  schedule.draw = find_draw(options.draw);
+  if (options.duration) schedule.duration = parse_duration(*options.duration);
+  schedule.seed = options.seed;
+  if (options.faults) schedule.faults = parse_faults(*options.faults);
+  if (options.trace) schedule.trace = options.trace.path();
+  return schedule;
+}
+
+/// What is scheduled on what.
+struct Inputs {
+  Platform platform;
+  std::optional<Profile> profile;
+  Mix mix;
+
+  [[nodiscard]] RunRecord run(const ScheduleOptions& options) const {
+    return run_virtual(platform, profile ? &*profile : nullptr, mix, options);
+  }
+  [[nodiscard]] RunRecord run_live(const ScheduleOptions& options, const LiveOptions& live) const {
+    return pirt::run_live(platform, profile ? &*profile : nullptr, mix, options, live);
+  }
+};
+
+Inputs read_inputs(const Options& options) {
+  if (!options.profile && !options.platform) {
+    throw_bad_input(
+        "give --profile FILE (from pirt characterize), or --platform with a modelled one (pirt "
+        "list platforms)");
+  }
+  if (find_draw(options.draw) != Draw::kMedian && !options.profile) {
+    throw_bad_input("--draw " + options.draw +
+                    " is about the rows of a profile; give one with --profile");
+  }
+  const auto overrides = parse_overrides(options.settings);
+  Inputs inputs;
+  auto read = read_platform(options.platform, options.profile, overrides);
+  inputs.platform = std::move(read.platform);
+  inputs.profile = std::move(read.profile);
+  if (inputs.profile && find_draw(options.draw) == Draw::kSamples) {
+    ProfileReader(*options.profile).read_samples(*inputs.profile);
+  }
+  inputs.mix = load_mix(options.mix);
+  return inputs;
+}
+
+int compare(const Options& options) {
+  const auto modes = options.compare.empty() ? policy_names() : find_policies(options.compare);
+  const auto settings = schedule_options(options, modes);
+  const Inputs inputs = read_inputs(options);
+  const ModeRuns runs = run_modes(inputs.platform, inputs.profile ? &*inputs.profile : nullptr,
+                                  inputs.mix, modes, settings);
+  if (runs.runs.empty()) throw_bad_input(runs.skipped.front().reason);
+  emit(render(comparison_document(runs, inputs.mix), Format::kText), comparison_json(runs),
+       options.json);
+  const bool stalled =
+      std::ranges::any_of(runs.runs, [](const RunRecord& run) { return run.stalled > 0; });
+  return stalled ? kExitCheckFailed : 0;
+}
+
+/// The phases of calls, each with its times.
+std::map<Phase, std::vector<Nanos>> samples_of(const std::vector<CallTimes>& calls,
+                                               const std::vector<Phase>& phases) {
+  std::map<Phase, std::vector<Nanos>> samples;
+  const bool stamped =
+      std::ranges::all_of(calls, [](const CallTimes& call) { return call.launch.has_value(); });
+  for (const Phase phase : phases) {
+    if (is_setup(phase) || (phase == Phase::kLaunch && !stamped)) continue;
+    for (const CallTimes& call : calls) samples[phase].push_back(call.of(phase));
+  }
+  return samples;
+}
+
+/// Rows of the profile that the run contradicts, measured anew by its calls. Those of units whose
+/// time the machine's clock does not tell stay as they are.
+std::vector<LiveRow> rows_to_update(const RunRecord& record, const LiveCalls& calls,
+                                    const Profile& profile) {
+  std::vector<LiveRow> rows;
+  for (const RowCheck& check : check_rows(record, &profile)) {
+    if (check.finding != RowFinding::kContradicted) continue;
+    const auto unit = std::ranges::find(calls.units, check.live.unit, &LiveCalls::Unit::unit);
+    const auto series = std::ranges::find_if(calls.series, [&](const auto& each) {
+      return each.workload == check.live.workload && each.unit == check.live.unit;
+    });
+    if (unit == calls.units.end() || series == calls.series.end()) continue;
+    const PhaseRow& row = *profile.find(series->workload, series->unit, Phase::kCall);
+    const EnergyRow* energy = profile.find_energy(series->workload, series->unit);
+    const bool metered = energy != nullptr && energy->provenance == Provenance::kMeasured;
+    rows.push_back({.workload = series->workload,
+                    .unit = series->unit,
+                    .ops = row.ops,
+                    .bytes = row.bytes,
+                    .metered = metered,
+                    .samples = samples_of(series->calls, find_backend(row.backend).phases())});
+  }
+  return rows;
+}
+
+void update_profile(ProfileWriter& writer, const Inputs& inputs, const RunRecord& record,
+                    const LiveCalls& calls) {
+  const auto rows = rows_to_update(record, calls, *inputs.profile);
+  if (rows.empty()) {
+    fmt::print(stderr, "pirt: {}: the run contradicts no row, nothing is updated\n",
+               inputs.profile->path);
+    return;
+  }
+  std::map<std::string, DeviceInfo> devices;
+  std::vector<std::string> names;
+  for (const LiveRow& row : rows) {
+    devices[row.unit] = std::ranges::find(calls.units, row.unit, &LiveCalls::Unit::unit)->device;
+    names.push_back(row.workload + " on " + row.unit);
+  }
+  const auto run_id = write_live_rows(writer, inputs.platform, devices, record.seed, rows);
+  fmt::print(stderr, "pirt: {}: run {} has what the live run contradicts, measured anew: {}\n",
+             inputs.profile->path, run_id, join(names, ", "));
+}
+
+int schedule(const Options& options) {
+  if (options.comparing) return compare(options);
+  if (options.mode.empty()) {
+    throw_bad_input("give --mode (" + join(policy_names(), ", ") + ") or --compare");
+  }
+  const auto settings = schedule_options(options, {options.mode});
+  const Inputs inputs = read_inputs(options);
+  LiveOptions live;
+  live.prepare_first = !options.no_preinit;
+  if (options.live) live.stop = [stops = count_stop_signals()] { return stops->load(); };
+  live.progress = [](const std::string& line) { fmt::print(stderr, "pirt: {}\n", line); };
+  std::optional<ProfileWriter> writer;  // Before the run: what cannot be written is said now.
+  LiveCalls calls;
+  if (options.update_profile) {
+    writer.emplace(*options.profile);
+    live.calls = [&calls](LiveCalls made) { calls = std::move(made); };
+  }
+  const auto record = options.live ? inputs.run_live(settings, live) : inputs.run(settings);
+  if (writer) update_profile(*writer, inputs, record, calls);
+  warn_all(record.warnings);
+  emit(render(run_document(record), Format::kText), to_json(record), options.json);
+  return record.stalled > 0 ? kExitCheckFailed : 0;
+}
+
+}  // namespace
+
+void add_schedule(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  Command command(app, "schedule", "Schedule a robot's mix on a platform, in virtual time or live");
+  add_choice(command, "--mode", &options->mode, "MODE", policy_names(), "Policy");
+  const Option compare = command.add(
+      "--compare", &options->compare,
+      "Instead of --mode: run these modes, with commas (default: all), and show them as one table");
+  compare.takes(0, 1).type("MODE,...");
+  add_input(command, "--profile", &options->profile, "Profile database of pirt characterize");
+  add_input(command, "--platform", &options->platform,
+            "A name of `pirt list platforms`, or a YAML file (default: the profile's)",
+            FileUse::kReadIfFile);
+  add_settings(command, options->settings);
+  add_input(command, "--mix", &options->mix, "A name of `pirt list mixes`, or a YAML file",
+            FileUse::kReadIfFile)
+      .shows_default();
+  add_value(command, "--duration", &options->duration, "DURATION", no_duration,
+            "Time in which pipelines with a rate fire, e.g. 60s (the default) or 2min");
+  add_value(command, "--weights", &options->weights, "UNIT=WEIGHT,...", no_weights,
+            "Weights of the units, e.g. gpu=4,cpu=3 (default: the platform's, else derived)");
+  add_value(command, "--in-flight", &options->in_flight, "INTEGER", not_within(1, 1'000'000),
+            "Frames in flight of closed loops (default: the platform's, else derived)");
+  add_text(command, "--basic", &options->basic, "MODE",
+           "Fallback of mode advanced (default: throughput)");
+  add_choice(
+      command, "--overflow", &options->overflow, "HOW", {"hold", "literal"},
+      "When all queues are full, Algorithms 2 and 3 hold the task (the default) or take their "
+      "literal `else`");
+  command.add_flag("--allow-invalid", options->allow_invalid,
+                   "Use profile rows that are marked invalid");
+  add_choice(command, "--draw", &options->draw, "HOW", draw_names(),
+             "What a call on a profiled unit takes; samples: one of its samples at a time, drawn "
+             "with --seed")
+      .shows_default();
+  add_seed(command, options->seed, "Seed of drawn durations");
+  command.add_flag("--live", options->live,
+                   "By the machine's clock: real kernels on units with a backend; the others are "
+                   "paced by their stages");
+  command.add_flag("--no-preinit", options->no_preinit,
+                   "Prepare a kernel only when its first task comes");
+  command.add_flag(
+      "--update-profile", options->update_profile,
+      "Rows that the run contradicts are measured anew by it, as a run of their own in "
+      "the database");
+  add_text(command, "--faults", &options->faults, "seed=N,...",
+           "Let calls fail (fail=0.02 of them) and units give tasks back (return=0.02), by a seed");
+  add_output(command, "--trace", options->trace,
+             "Write what happened to a file, for Perfetto (ui.perfetto.dev) and pirt replay",
+             StdoutUse::kRefused);
+  add_json(command, options->json);
+  for (const auto* name : {"--mode", "--live", "--trace"}) compare.excludes(command.option(name));
+  for (const auto* name : {"--no-preinit", "--update-profile"})
+    command.option(name).needs(command.option("--live"));
+  for (const auto* name : {"--allow-invalid", "--update-profile"})
+    command.option(name).needs(command.option("--profile"));
+  command.footer(
+      "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000");
+  command.runs(action, [options, compare] {
+    options->comparing = compare.given();
+    return schedule(*options);
+  });
+}
+
+}  // namespace pirt::cli

@@ -1,0 +1,107 @@
+// pirt export: a profile in the formats of other tools.
+#include <fmt/core.h>
+
+#include <array>
+#include <memory>
+
+#include "cli/commands.h"
+#include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "cli/options/values.h"
+#include "reports/export/profile_export.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string database;
+  std::string format;
+  std::string table;
+  std::string filter;
+  std::string platform;
+  Output output;
+};
+
+const std::vector<std::string>& formats() {
+  static const std::vector<std::string> kFormats = {"json", "csv", "gbench", "history"};
+  return kFormats;
+}
+
+CsvTable parse_table(const std::string& name) {
+  constexpr std::array kTables = {
+      std::pair("profile", CsvTable::kProfile), std::pair("energy", CsvTable::kEnergy),
+      std::pair("peaks", CsvTable::kPeaks), std::pair("samples", CsvTable::kSamples)};
+  std::vector<std::string> known;
+  for (const auto& [text, table] : kTables) {
+    if (name == text) return table;
+    known.emplace_back(text);
+  }
+  throw_bad_input("unknown --table '" + name + "'" + suggestion(name, known));
+}
+
+std::string exported(const Options& options) {
+  const auto load = [&options] {
+    return load_with_samples(options.database, options.platform, options.filter);
+  };
+  if (options.format == "csv") {
+    const auto table = parse_table(options.table.empty() ? "profile" : options.table);
+    return export_csv(load(), table);
+  }
+  if (!options.table.empty()) throw_bad_input("--table is for --format csv only; leave it out");
+  if (options.format == "json") {
+    auto json = export_json(load());
+    json["schema_version"] = 1;
+    return json_text(json, 1) + "\n";
+  }
+  if (options.format == "history") {
+    const auto result = export_history(load());
+    for (const auto& row : result.left_out) warn("not exported, since it is not valid: " + row);
+    return json_text(result.json, 1) + "\n";
+  }
+  const auto result = export_google_benchmark(load());
+  for (const auto& row : result.left_out) warn("not exported, since it is not valid: " + row);
+  return json_text(result.json, 1) + "\n";
+}
+
+int run_export(const Options& options) {
+  if (options.format.empty()) {
+    throw_bad_input("--format is required: " + join(formats(), ", ") +
+                    "; see 'pirt export --help'");
+  }
+  if (std::ranges::find(formats(), options.format) == formats().end()) {
+    throw_bad_input("unknown --format '" + options.format + "'" +
+                    suggestion(options.format, formats()));
+  }
+  if (options.database.empty()) {
+    throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one");
+  }
+  emit_text(exported(options), options.output);
+  return 0;
+}
+
+}  // namespace
+
+void add_export(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  Command command(
+      app, "export",
+      "Write a profile for other tools: the newest rows of one platform, with provenance");
+  add_input(command, "profile", &options->database, "The profile database");
+  add_text(command, "--format", &options->format, "FORMAT",
+           "json: everything, raw samples included | csv: one table | gbench: JSON as "
+           "Google Benchmark writes it, valid rows only, ns a call | history: medians for "
+           "benchmark-history actions, smaller is better");
+  add_text(command, "--table", &options->table, "TABLE",
+           "With csv: profile | energy | peaks | samples (default: profile)");
+  add_filter(command, options->filter);
+  add_text(command, "--platform", &options->platform, "NAME",
+           "The runs of this platform (default: that of the newest run)");
+  add_output(command, "-o,--output", options->output, "Write to a file (default, and -: stdout)");
+  command.footer("Example: pirt export profile.db --format gbench -o profile.json");
+  command.runs(action, [options] { return run_export(*options); });
+}
+
+}  // namespace pirt::cli

@@ -1,0 +1,342 @@
+// pirt list: what this build and this machine have.
+#include <fmt/core.h>
+
+#include <memory>
+
+#include "characterize/energy/meter.h"
+#include "characterize/platform/platform.h"
+#include "cli/commands.h"
+#include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "cli/options/sysfs.h"
+#include "cli/options/values.h"
+#include "reports/document/document.h"
+#include "scheduler/mix/mix.h"
+#include "scheduler/policies/policy.h"
+#include "workloads/backends/backend_list.h"
+#include "workloads/backends/registry.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
+#include "workloads/catalog/catalog.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string what;
+  std::string platform = "host";
+  Output json;
+};
+
+/// One listing in both forms.
+struct Listing {
+  Document document;
+  Json json;
+};
+
+std::string count(std::optional<std::int64_t> value) {
+  return value ? fmt::format("{}", *value) : "-";
+}
+
+std::string shapes(const std::vector<TensorSpec>& specs) {
+  std::vector<std::string> parts;
+  for (const auto& spec : specs) parts.push_back(spec.describe());
+  return parts.empty() ? "-" : join(parts, ", ");
+}
+
+/// Of a list the first extent is what it can hold: `capacity`.
+Json tensors(const std::vector<TensorSpec>& specs) {
+  auto rows = Json::array();
+  for (const auto& spec : specs) {
+    Json row = {{"name", spec.name}, {"element", to_string(spec.element)}, {"shape", spec.shape}};
+    if (spec.varies) row["capacity"] = spec.shape.front();
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+/// A chain of layers has many.
+std::string parameters_text(const std::vector<TensorSpec>& specs) {
+  constexpr std::size_t kShown = 2;
+  return specs.size() <= kShown ? shapes(specs) : fmt::format("{} tensors", specs.size());
+}
+
+std::string state_text(const Workload& workload) {
+  if (!workload.state) return "-";
+  return workload.state->name + ": " + shapes(workload.state->tensors);
+}
+
+Listing list_workloads() {
+  Table table{
+      .title = "Workloads",
+      .columns = {{"workload", Align::kLeft},
+                  {"operations"},
+                  {"bytes"},
+                  {"kernel", Align::kLeft},
+                  {"description", Align::kLeft}},
+      .footnotes = {"Operations a call: 2 a multiply-add, bias and activation excluded; - where "
+                    "they depend on the data."}};
+  Table ports{.title = "Tensors",
+              .columns = {{"workload", Align::kLeft},
+                          {"inputs", Align::kLeft},
+                          {"parameters", Align::kLeft},
+                          {"outputs", Align::kLeft},
+                          {"state", Align::kLeft}},
+              .footnotes = {"<=500: a list, whose length varies from call to call."}};
+  Json rows = Json::array();
+  for (const auto& workload : catalog()) {
+    ports.rows.push_back({workload.name, shapes(workload.inputs),
+                          parameters_text(workload.parameters), shapes(workload.outputs),
+                          state_text(workload)});
+    table.rows.push_back({workload.name, count(workload.ops), count(workload.bytes()),
+                          workload.kernel, workload.description});
+    Json row = {{"name", workload.name},
+                {"description", workload.description},
+                {"kernel", workload.kernel},
+                {"tags", workload.tags},
+                {"bytes", workload.bytes()},
+                {"inputs", tensors(workload.inputs)},
+                {"parameters", tensors(workload.parameters)},
+                {"outputs", tensors(workload.outputs)},
+                {"frames", workload.frames}};
+    if (workload.state) {
+      row["state"] = {{"name", workload.state->name},
+                      {"tensors", tensors(workload.state->tensors)}};
+    }
+    if (workload.ops) row["ops"] = *workload.ops;
+    rows.push_back(std::move(row));
+  }
+  table.footnotes.push_back(fmt::format(
+      "Batches @batch{} to @batch{}, of AlexNet's workloads: so many images a call, the weights "
+      "read once",
+      kSmallestBatch, kLargestBatch));
+  Json others = Json::array();
+  for (const Variant& variant : variants()) {
+    const auto workloads = workloads_in_variant(variant.name);
+    table.footnotes.push_back(fmt::format("Variant @{}, of {} workloads: {}", variant.name,
+                                          workloads.size(), variant.description));
+    Json names = Json::array();
+    for (const Workload* workload : workloads) names.push_back(workload->name);
+    others.push_back({{"name", variant.name},
+                      {"description", variant.description},
+                      {"workloads", std::move(names)}});
+  }
+  return {{.title = "pirt workloads", .parts = {table, ports}},
+          {{"workloads", rows}, {"variants", others}}};
+}
+
+std::vector<std::string> unsupported(const Backend& backend) {
+  std::vector<std::string> names;
+  for (const auto& workload : catalog()) {
+    const auto support = backend.supports(workload);
+    if (!support.ok) names.push_back(workload.name + ": " + support.reason);
+  }
+  return names;
+}
+
+Listing list_backends() {
+  Table table{.title = "Backends",
+              .columns = {{"backend", Align::kLeft},
+                          {"available", Align::kLeft},
+                          {"workloads"},
+                          {"phases", Align::kLeft},
+                          {"description", Align::kLeft}}};
+  Json rows = Json::array();
+  for (const auto& backend : backends()) {
+    const auto probe = backend->probe();
+    const auto missing = unsupported(*backend);
+    std::vector<std::string> phases;
+    for (const Phase phase : backend->phases()) phases.emplace_back(to_string(phase));
+    std::vector<std::string> devices;
+    for (const auto& device : probe.devices) devices.push_back(device.name);
+    const auto supported = catalog().size() - missing.size();
+    table.rows.push_back({std::string(backend->name()), probe.available ? "yes" : "no",
+                          fmt::format("{} of {}", supported, catalog().size()), join(phases, " "),
+                          std::string(backend->description())});
+    if (!probe.available) {
+      table.footnotes.push_back(fmt::format("{}: {}", backend->name(), probe.reason));
+    } else if (!devices.empty()) {
+      table.footnotes.push_back(fmt::format("{}: {}", backend->name(), join(devices, "; ")));
+    }
+    Json options = Json::array();
+    for (const OptionSpec& option : options_of(backend->name())) {
+      table.footnotes.push_back(fmt::format("{} has option {} (default {}{}{}, {} to {}): {}",
+                                            backend->name(), option.name, option.standard,
+                                            option.unit.empty() ? "" : " ", option.unit, option.low,
+                                            option.high, option.description));
+      options.push_back({{"name", option.name},
+                         {"unit", option.unit},
+                         {"description", option.description},
+                         {"low", option.low},
+                         {"high", option.high},
+                         {"default", option.standard}});
+    }
+    for (const auto& reason : missing) {
+      if (!probe.available && reason.ends_with(probe.reason)) continue;  // said already
+      table.footnotes.push_back(fmt::format("{} does not support {}", backend->name(), reason));
+    }
+    Json row = {{"name", backend->name()},
+                {"description", backend->description()},
+                {"available", probe.available},
+                {"phases", phases},
+                {"devices", devices},
+                {"unsupported", missing},
+                {"options", options}};
+    if (!probe.available) row["reason"] = probe.reason;
+    rows.push_back(std::move(row));
+  }
+  return {{.title = "pirt backends", .parts = {table}}, {{"backends", rows}}};
+}
+
+std::string core_list(const std::vector<int>& cores) {
+  std::vector<std::string> parts;
+  for (const int core : cores) parts.push_back(std::to_string(core));
+  return parts.empty() ? "-" : join(parts, ",");
+}
+
+/// The device that a unit of the platform would compute on, or why it cannot.
+std::string unit_status(const UnitModel& unit, bool& available) {
+  available = true;
+  if (!unit.measured()) return "modelled by the platform file";
+  const auto probe = find_backend(unit.backend).probe();
+  available = probe.available;
+  if (!probe.available) return "unavailable: " + probe.reason;
+  for (const auto& device : probe.devices) {
+    if (unit.device.empty() || device.name.find(unit.device) != std::string::npos ||
+        device.platform.find(unit.device) != std::string::npos) {
+      return device.name +
+             (device.is_cpu && unit.role != Role::kCpu ? " (computes on the host's cores)" : "");
+    }
+  }
+  available = probe.devices.empty();
+  return available ? std::string(find_backend(unit.backend).description())
+                   : "unavailable: no device named like '" + unit.device + "'";
+}
+
+Listing list_units(const std::string& platform_name) {
+  const auto platform = load_platform(platform_name);
+  Table table{.title = "Units of platform " + platform.name,
+              .columns = {{"unit", Align::kLeft},
+                          {"role", Align::kLeft},
+                          {"backend", Align::kLeft},
+                          {"cores", Align::kLeft},
+                          {"servers"},
+                          {"active W"},
+                          {"idle W"},
+                          {"device", Align::kLeft}}};
+  if (!platform.assumptions.empty()) table.footnotes.push_back(platform.assumptions);
+  Json rows = Json::array();
+  for (const auto& unit : platform.units) {
+    bool available = true;
+    const auto status = unit_status(unit, available);
+    table.rows.push_back({unit.name, std::string(to_string(unit.role)),
+                          unit.measured() ? unit.backend : "-",
+                          core_list(unit.cores) + (unit.shares_cores ? " (shared)" : ""),
+                          fmt::format("{}", unit.servers), fmt::format("{}", unit.active_w),
+                          fmt::format("{}", unit.idle_w), status});
+    rows.push_back({{"name", unit.name},
+                    {"role", to_string(unit.role)},
+                    {"backend", unit.backend},
+                    {"cores", unit.cores},
+                    {"servers", unit.servers},
+                    {"active_w", unit.active_w},
+                    {"idle_w", unit.idle_w},
+                    {"available", available},
+                    {"device", status}});
+  }
+  return {{.title = "pirt units", .parts = {table}},
+          {{"platform", platform.name}, {"units", rows}}};
+}
+
+Listing list_meters() {
+  const auto found = discover_meters(sysfs_root());
+  Table table{.title = "Energy meters of this machine",
+              .columns = {{"meter", Align::kLeft},
+                          {"covers", Align::kLeft},
+                          {"driver", Align::kLeft},
+                          {"reads", Align::kLeft},
+                          {"part of", Align::kLeft},
+                          {"status", Align::kLeft}}};
+  auto rows = Json::array();
+  for (const auto& meter : found.meters) {
+    const MeterInfo& info = meter->info();
+    const bool counts = info.kind == MeterKind::kCounter;
+    table.rows.push_back({info.name, info.covers, info.driver, counts ? "energy" : "power",
+                          info.under.empty() ? "-" : info.under,
+                          info.problem.empty() ? "readable" : "not readable (below)"});
+    if (!info.problem.empty()) table.footnotes.push_back(info.name + ": " + info.problem);
+    Json row = {{"name", info.name},     {"covers", info.covers},
+                {"driver", info.driver}, {"reads", counts ? "energy" : "power"},
+                {"path", info.path},     {"readable", info.problem.empty()}};
+    if (!info.under.empty()) row["part_of"] = info.under;
+    if (!info.problem.empty()) row["reason"] = info.problem;
+    rows.push_back(std::move(row));
+  }
+  for (const auto& missing : found.missing) table.footnotes.push_back("Not there: " + missing);
+  return {{.title = "pirt meters", .parts = {table}},
+          {{"meters", rows}, {"missing", found.missing}}};
+}
+
+Listing list_named(const std::string& what, const std::vector<std::string>& names,
+                   const std::function<std::string(const std::string&)>& describe) {
+  Table table{.title = what, .columns = {{"name", Align::kLeft}, {"description", Align::kLeft}}};
+  Json rows = Json::array();
+  for (const auto& name : names) {
+    const auto description = describe(name);
+    table.rows.push_back({name, description});
+    rows.push_back({{"name", name}, {"description", description}});
+  }
+  return {{.title = "pirt " + what, .parts = {table}}, {{what, rows}}};
+}
+
+Listing list_modes() {
+  std::vector<std::string> names;
+  for (const auto& policy : policies()) names.emplace_back(policy.name);
+  return list_named("modes", names, [](const std::string& name) {
+    return std::string(find_policy(name).description);
+  });
+}
+
+Listing list(const Options& options) {
+  if (options.what == "workloads") return list_workloads();
+  if (options.what == "backends") return list_backends();
+  if (options.what == "units") return list_units(options.platform);
+  if (options.what == "modes") return list_modes();
+  if (options.what == "meters") return list_meters();
+  if (options.what == "platforms") {
+    return list_named("platforms", shipped_platforms(),
+                      [](const std::string& name) { return load_platform(name).description; });
+  }
+  if (options.what == "mixes") {
+    return list_named("mixes", shipped_mixes(),
+                      [](const std::string& name) { return load_mix(name).description; });
+  }
+  const std::vector<std::string> known = {"workloads", "backends", "units", "platforms",
+                                          "mixes",     "modes",    "meters"};
+  throw_bad_input("cannot list '" + options.what + "'" + suggestion(options.what, known));
+}
+
+}  // namespace
+
+void add_list(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  Command command(app, "list",
+                  "Show the workloads, backends, units, platforms, mixes, modes or energy meters");
+  add_text(command, "what", &options->what, "WHAT",
+           "workloads | backends | units | platforms | mixes | modes | meters")
+      .required();
+  add_input(command, "--platform", &options->platform, "Platform whose units are listed",
+            FileUse::kReadIfFile)
+      .shows_default();
+  add_json(command, options->json);
+  command.footer("Example: pirt list workloads");
+  command.runs(action, [options] {
+    auto listing = list(*options);
+    listing.json["schema_version"] = 1;
+    emit(render(listing.document, Format::kText), listing.json, options->json);
+    return 0;
+  });
+}
+
+}  // namespace pirt::cli

@@ -1,0 +1,277 @@
+// pirt report: what profile databases hold, what the modes make of it, and what the paper says.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <utility>
+
+#include "characterize/profile/store/reader.h"
+#include "characterize/worker/scratch.h"
+#include "cli/commands.h"
+#include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "cli/options/profile_platform.h"
+#include "cli/options/values.h"
+#include "reports/document/document.h"
+#include "reports/full_report.h"
+#include "reports/paper/offloaded_call.h"
+#include "reports/profile/profile_report.h"
+#include "reports/profile/setup_report.h"
+#include "reports/run/timeline.h"
+#include "scheduler/schedule.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::vector<std::string> files;
+  std::string format = "text";
+  Output output;
+  std::optional<std::string> platform;
+  std::vector<std::string> settings;
+  std::string mix = "full-robot";
+  bool paper = false;
+  bool setup = false;
+  Output json;
+};
+
+/// Absent = JSON.
+std::optional<Format> parse_format(const std::string& name) {
+  if (name == "text") return Format::kText;
+  if (name == "md") return Format::kMarkdown;
+  if (name == "html") return Format::kHtml;
+  if (name == "json") return std::nullopt;
+  const std::vector<std::string> known = {"text", "md", "html", "json"};
+  throw_bad_input("unknown --format '" + name + "'" + suggestion(name, known));
+}
+
+/// What is asked for, where and as what.
+/// @param make_json  Called only if that is asked for: of a large profile it has every sample.
+template <typename MakeJson>
+void write(const Options& options, const Document& document, const MakeJson& make_json) {
+  const auto format = parse_format(options.format);
+  Json json;
+  if (!format || options.json) {
+    json = make_json();
+    json["schema_version"] = 1;
+  }
+  const std::size_t columns = options.output || options.json.to_stdout() ? 0 : stdout_columns();
+  const std::string text = format ? render(document, *format, columns) : json_text(json, 2) + "\n";
+  if (options.output) {
+    emit_text(text, options.output);
+    if (options.json) emit("", json, options.json);
+  } else {
+    emit(text, json, options.json);
+  }
+}
+
+/// The files of the command line by what is in them.
+struct Files {
+  std::vector<std::string> databases, runs, traces;
+};
+
+/// Pipes cannot be looked into beforehand: the first is a database, others are run records.
+Files sort_files(const std::vector<std::string>& files) {
+  Files sorted;
+  for (const auto& file : files) {
+    std::array<char, 4096> begin{};
+    std::error_code missing;  // which opening it explains
+    if (std::filesystem::is_regular_file(file, missing)) {
+      std::ifstream(file, std::ios::binary).read(begin.data(), begin.size());
+    }
+    const std::string_view text(begin.data(), begin.size());
+    if (sorted.databases.empty() || text.starts_with("SQLite format 3")) {
+      sorted.databases.push_back(file);
+    } else if (text.find("\"traceEvents\"") != std::string_view::npos) {
+      sorted.traces.push_back(file);
+    } else {
+      sorted.runs.push_back(file);
+    }
+  }
+  return sorted;
+}
+
+Profile open_profile(const Options& options, const std::string& file, bool samples) {
+  const ProfileReader reader(file);
+  auto profile =
+      options.platform ? reader.read(load_platform(*options.platform).name) : reader.read();
+  profile.path = file;
+  if (samples) reader.read_samples(profile);
+  return profile;
+}
+
+/// The platform that is given, or the profile's.
+/// @throws Error{kBadInput} if that is none that is shipped.
+Platform platform_for(const Options& options, const Profile& profile) {
+  const auto overrides = parse_overrides(options.settings);
+  return options.platform ? load_platform(*options.platform, overrides)
+                          : platform_of(profile, overrides);
+}
+
+/// With all modes in virtual time; a profile of a platform that is not known goes without.
+Machine read_machine(const Options& options, const std::string& file, const Mix& mix,
+                     bool samples) {
+  auto profile = open_profile(options, file, samples);
+  try {
+    auto platform = platform_for(options, profile);
+    return machine_of(std::move(profile), std::move(platform), mix);
+  } catch (const Error& error) {
+    return machine_of(std::move(profile), std::nullopt, mix, error.what());
+  }
+}
+
+/// What the first seconds of virtual time look like, where no trace was given: of the given run, if
+/// it was made from what is here, else of the paper's whole scheduler.
+std::optional<Timeline> make_timeline(const Machine& machine, const Mix& mix,
+                                      const std::vector<RunRecord>& runs) {
+  if (!machine.platform) return std::nullopt;
+  ScheduleOptions schedule;
+  schedule.mode = "advanced";
+  if (!runs.empty()) {
+    const RunRecord& run = runs.front();
+    const bool same = run.platform == machine.profile.platform() && run.mix == mix.name &&
+                      run.weights_from.value_or("") != "given";
+    if (!same) return std::nullopt;
+    schedule.mode = run.mode;
+    schedule.seed = run.seed;
+    schedule.in_flight = run.in_flight;
+    if (run.basic) schedule.basic = *run.basic;
+  }
+  if (mix.open_loop()) schedule.duration = std::chrono::seconds(2);
+  const ScratchFolder scratch;
+  schedule.trace = (scratch.path() / "trace.json").string();
+  try {
+    static_cast<void>(run_virtual(*machine.platform, &machine.profile, mix, schedule));
+  } catch (const Error&) {
+    return std::nullopt;  // the report says already why the mode cannot run
+  }
+  auto timeline = load_timeline(*schedule.trace);
+  timeline.source = fmt::format(
+      "virtual time; the whole of it: pirt schedule --mode {} --profile {} --mix {} --seed {} "
+      "--trace trace.json",
+      schedule.mode, machine.profile.path, mix.name, schedule.seed);
+  return timeline;
+}
+
+int report_profile(const Options& options) {
+  const Files files = sort_files(options.files);
+  ReportInputs inputs;
+  for (const auto& file : files.runs) inputs.runs.push_back(load_run_record(file));
+  for (const auto& file : files.traces) inputs.timelines.push_back(load_timeline(file));
+  inputs.mix = load_mix(options.mix);
+  inputs.paper = run_paper();
+  for (const auto& file : files.databases) {
+    inputs.machines.push_back(read_machine(options, file, inputs.mix, true));
+  }
+  for (const RunRecord& run : inputs.runs) {
+    if (auto planned = planned_timeline(run)) inputs.timelines.push_back(std::move(*planned));
+  }
+  if (inputs.timelines.empty()) {
+    if (auto made = make_timeline(inputs.machines.front(), inputs.mix, inputs.runs)) {
+      inputs.timelines.push_back(std::move(*made));
+    }
+  }
+  warn_all(mismatches(inputs));
+  write(options, full_report(inputs), [&] { return full_report_json(inputs); });
+  return 0;
+}
+
+int report_setup(const Options& options) {
+  if (options.files.size() > 1) {
+    throw_bad_input("--setup takes one profile database and no run records");
+  }
+  const auto profile = open_profile(options, options.files.front(), false);
+  std::vector<OffloadedCall> calls;
+  try {
+    calls = offloaded_calls(profile, platform_for(options, profile), "convolution");
+  } catch (const Error& error) {
+    if (options.platform || !options.settings.empty()) throw;
+    warn(error.what());
+  }
+  const auto costs = offloading_costs(profile);
+  Document document{.title = "pirt report --setup", .parts = {profile_header(profile)}};
+  document.parts.emplace_back(offloading_chart(costs));
+  if (auto crossovers = crossover_table(costs); !crossovers.rows.empty()) {
+    document.parts.emplace_back(std::move(crossovers));
+  }
+  for (auto& table : offloaded_convolution_tables(calls)) {
+    document.parts.emplace_back(std::move(table));
+  }
+  write(options, document, [&] {
+    Json json = setup_json(costs);
+    json.update(offloaded_convolution_json(calls));
+    return json;
+  });
+  return 0;
+}
+
+/// @return kExitCheckFailed if a cell of Table V is farther off than its limit.
+int report_paper(const Options& options) {
+  if (options.files.size() > 1) {
+    throw_bad_input("--paper takes one profile database, or none");
+  }
+  const auto mix = load_mix(options.mix);
+  std::optional<Machine> machine;
+  if (!options.files.empty()) {
+    machine = read_machine(options, options.files.front(), mix, false);
+  }
+  const auto paper = run_paper();
+  const Machine* evidence = machine ? &*machine : nullptr;
+  write(options, paper_document(evidence, mix, paper),
+        [&] { return paper_document_json(evidence, mix, paper); });
+  return std::ranges::all_of(paper.cells, &PaperCell::holds) ? 0 : kExitCheckFailed;
+}
+
+int report(const Options& options) {
+  static_cast<void>(parse_format(options.format));  // before anything is computed
+  if (options.paper) return report_paper(options);
+  if (options.files.empty()) {
+    throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one");
+  }
+  return options.setup ? report_setup(options) : report_profile(options);
+}
+
+}  // namespace
+
+void add_report(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  Command command(
+      app, "report",
+      "Show profiles, the preferable unit of each workload, the modes side by side, and what of "
+      "the Pi-RT paper holds here");
+  add_input(command, "files", &options->files,
+            "The profile database; then more of them, to be shown side by side, run records of "
+            "pirt schedule --json (default: the modes are simulated now), and traces of its "
+            "--trace");
+  add_text(command, "--format", &options->format, "FORMAT", "text | md | html | json")
+      .shows_default();
+  add_output(command, "-o,--output", options->output, "Write to a file instead of stdout");
+  add_input(command, "--platform", &options->platform,
+            "Show the runs of this platform (default: that of the newest run)",
+            FileUse::kReadIfFile);
+  add_settings(command, options->settings);
+  add_input(command, "--mix", &options->mix,
+            "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file",
+            FileUse::kReadIfFile)
+      .shows_default();
+  command.add_flag("--paper", options->paper,
+                   "Only the Pi-RT paper's claims, one by one: confirmed, refuted or not testable "
+                   "here; with a profile database also those about units");
+  command.add_flag("--setup", options->setup,
+                   "Instead of the profile: offloading time by phase, cold and warm (ms), from how "
+                   "many calls on one unit beats another, and a convolution beside the paper's "
+                   "Fig. 7");
+  add_json(command, options->json);
+  for (const auto* name : {"--paper", "--mix"})
+    command.option("--setup").excludes(command.option(name));
+  command.footer("Example: pirt report profile.db --format html -o report.html");
+  command.runs(action, [options] { return report(*options); });
+}
+
+}  // namespace pirt::cli

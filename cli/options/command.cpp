@@ -1,0 +1,159 @@
+#include "cli/options/command.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <string_view>
+
+#include "cli/options/files.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt::cli {
+namespace {
+
+std::vector<std::string> option_names(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const auto* option : app.get_options()) {
+    for (const auto& name : option->get_lnames()) names.push_back("--" + name);
+    for (const auto& name : option->get_snames()) names.push_back("-" + name);
+  }
+  return names;
+}
+
+std::vector<std::string> command_names(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const auto* command :
+       app.get_subcommands([](const CLI::App* a) { return !a->get_group().empty(); })) {
+    names.push_back(command->get_name());
+  }
+  return names;
+}
+
+/// CLI11 leaves what it does not know in remaining(); the nearest known names make a better message
+/// than its own.
+void reject_unknown(const CLI::App& app, const CLI::App& root) {
+  // All that remains of "--" is the mark itself, which is no argument.
+  auto unknown = app.remaining();
+  if (app.remaining_size() == 0) return;
+  if (unknown.size() > app.remaining_size()) unknown.erase(std::ranges::find(unknown, "--"));
+  const auto& word = unknown.front();
+  const std::string command = &app == &root ? "pirt" : "pirt " + app.get_name();
+  if (word.size() > 1 && word.front() == '-') {
+    const auto name = word.substr(0, word.find('='));
+    throw_bad_input("unknown option '" + name + "'" + suggestion(name, option_names(app)) +
+                    "; see '" + command + " --help'");
+  }
+  if (&app == &root) {
+    throw_bad_input("unknown command '" + word + "'" + suggestion(word, command_names(app)));
+  }
+  throw_bad_input("unexpected argument '" + word + "'; see '" + command + " --help'");
+}
+
+/// Without what an option excludes: the list is long, and the error says it to whom it concerns.
+class HelpFormatter : public CLI::Formatter {
+ public:
+  std::string make_option_opts(const CLI::Option* option) const override {
+    const std::string text = CLI::Formatter::make_option_opts(option);
+    return text.substr(0, text.find(" Excludes:"));
+  }
+};
+
+}  // namespace
+
+const Option& Option::shows_default() const { return option_->capture_default_str(), *this; }
+const Option& Option::required() const { return option_->required(), *this; }
+const Option& Option::excludes(const Option& other) const {
+  return option_->excludes(other.option_), *this;
+}
+const Option& Option::needs(const Option& other) const {
+  return option_->needs(other.option_), *this;
+}
+const Option& Option::takes(int least, int most) const {
+  return option_->expected(least, most), *this;
+}
+const Option& Option::type(const std::string& name) const {
+  return option_->type_name(name), *this;
+}
+const Option& Option::check(const Problem& problem) const { return option_->check(problem), *this; }
+const Option& Option::with_commas() const {
+  return option_->delimiter(',')->allow_extra_args(false), *this;
+}
+const Option& Option::one_at_a_time() const { return option_->allow_extra_args(false), *this; }
+bool Option::given() const { return option_->count() > 0; }
+
+std::vector<GivenOption> given_options(const CLI::App& command) {
+  std::vector<GivenOption> given;
+  for (const auto* option : command.get_options()) {
+    if (option->count() == 0) continue;
+    given.push_back({option->get_name(), option->get_type_name(), option->results()});
+  }
+  return given;
+}
+
+Command::Command(CLI::App& app, const std::string& name, const std::string& description)
+    : app_(app.add_subcommand(name, description)) {}
+
+Option Command::add(const std::string& name, const Target& target, const std::string& help) {
+  return Option(
+      std::visit([&](auto* value) { return app_->add_option(name, *value, help); }, target));
+}
+
+Option Command::add(const std::string& name, const std::function<void(const std::string&)>& take,
+                    const std::string& help) {
+  return Option(app_->add_option_function<std::string>(name, take, help));
+}
+
+Option Command::add_flag(const std::string& name, bool& target, const std::string& help) {
+  return Option(app_->add_flag(name, target, help));
+}
+
+Option Command::option(const std::string& name) const { return Option(app_->get_option(name)); }
+
+void Command::footer(const std::string& text) { app_->footer(text); }
+
+void Command::hide() { app_->group(""); }
+
+void Command::runs(Action& action, const Action& run) {
+  app_->callback([&action, run] { action = run; });
+}
+
+int run(std::span<AddCommand* const> commands, int argc, char** argv) {
+  CLI::App app{
+      "Characterizes robot workloads on every processing unit of a machine and schedules a robot's "
+      "mix\n"
+      "of them for latency, throughput or energy."};
+  app.name("pirt");
+  app.formatter(std::make_shared<HelpFormatter>());
+  app.set_version_flag("--version", std::string("pirt ") + PIRT_VERSION);
+  app.allow_extras();
+  Action action;
+  for (AddCommand* add : commands) add(app, action);
+  app.footer(
+      "Exit codes: 0 good, 1 a check failed, 2 usage or bad input, 3 inconclusive, 4 not possible "
+      "on this "
+      "machine.\nFirst steps: pirt characterize --quick --db profile.db && pirt report profile.db");
+  for (auto* command : app.get_subcommands({})) command->allow_extras();
+
+  // Nothing but the command can follow.
+  if (argc > 1 && std::string_view(argv[1]) == "--") argv[1] = argv[0], ++argv, --argc;
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& success) {  // --help, --version
+    return app.exit(success);
+  } catch (const CLI::ParseError& error) {
+    for (const auto* command : app.get_subcommands()) reject_unknown(*command, app);
+    reject_unknown(app, app);
+    throw_bad_input(error.what());
+  }
+  for (const auto* command : app.get_subcommands()) reject_unknown(*command, app);
+  reject_unknown(app, app);
+  if (!action) {
+    std::fputs(app.help().c_str(), stderr);
+    throw_bad_input("no command given (known: " + join(command_names(app), ", ") + ")");
+  }
+  for (auto* command : app.get_subcommands()) check_files(given_files(*command));
+  return action();
+}
+
+}  // namespace pirt::cli

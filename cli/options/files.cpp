@@ -1,0 +1,197 @@
+#include "cli/options/files.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <iterator>
+#include <optional>
+#include <string_view>
+
+#include "characterize/platform/platform.h"
+#include "workloads/backends/opencl/tuning/tuning_file.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/text.h"
+#include "workloads/inputs/pictures/images.h"
+
+namespace pirt::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kStdout = "/dev/stdout";
+
+/// What --help shows is the mark of an option, too.
+struct UseType {
+  FileUse use;
+  std::string_view type;
+};
+constexpr std::array kUses = {
+    UseType{FileUse::kRead, "FILE"}, UseType{FileUse::kReadIfFile, "NAME|FILE"},
+    UseType{FileUse::kReadPictures, "FILE|FOLDER"}, UseType{FileUse::kContinued, "DATAFILE"},
+    UseType{FileUse::kWritten, "OUTFILE"}};
+constexpr std::string_view kOrStdout = "|-";
+
+bool is_written(FileUse use) { return use == FileUse::kWritten || use == FileUse::kContinued; }
+
+std::string problem_of_name(const std::string& name, FileUse use, bool stdout_takes_it) {
+  if (name.empty()) return "the name of a file is empty";
+  if (!is_written(use) || (stdout_takes_it && means_stdout(name))) return "";
+  if (means_stdout(name)) {
+    return fmt::format("this cannot go to standard output ({}); name a file", name);
+  }
+  if (name.front() != '-') return "";
+  return fmt::format("'{0}' is taken for an option; write ./{0} for a file of that name", name);
+}
+
+Option mark(Option option, FileUse use, bool stdout_takes_it = false) {
+  std::string type(std::ranges::find(kUses, use, &UseType::use)->type);
+  if (stdout_takes_it) type += kOrStdout;
+  return option.type(type).check(
+      [=](const std::string& name) { return problem_of_name(name, use, stdout_takes_it); });
+}
+
+std::optional<FileUse> use_of(const GivenOption& option) {
+  std::string type = option.type;
+  if (type.ends_with(kOrStdout)) type.resize(type.size() - kOrStdout.size());
+  const auto* const entry = std::ranges::find(kUses, type, &UseType::type);
+  if (entry == kUses.end()) return std::nullopt;
+  return entry->use;
+}
+
+/// follow_links(), by the one name that it has whichever links lead to its folder.
+fs::path destination(fs::path path) {
+  std::error_code failed;
+  path = follow_links(fs::absolute(path, failed));
+  const auto folder = fs::weakly_canonical(path.parent_path(), failed);
+  return failed ? path.lexically_normal() : folder / path.filename();
+}
+
+bool is_file(const fs::path& path) {
+  std::error_code failed;
+  return fs::is_regular_file(path, failed);
+}
+
+bool same_file(const fs::path& a, const fs::path& b) {
+  std::error_code failed;
+  if (is_file(a) && is_file(b)) return fs::equivalent(a, b, failed);
+  // A device, a folder.
+  if (fs::exists(a, failed) || fs::exists(b, failed)) return false;
+  return destination(a) == destination(b);
+}
+
+bool is_below(const fs::path& file, const fs::path& folder) {
+  std::error_code failed;
+  const auto inner = fs::canonical(file, failed);
+  const auto outer = fs::canonical(folder, failed);
+  if (failed) return false;
+  return std::ranges::mismatch(outer, inner).in1 == outer.end();
+}
+
+bool overwrites(const NamedFile& written, const NamedFile& other) {
+  std::error_code failed;
+  if (!fs::is_directory(other.path, failed)) return same_file(written.path, other.path);
+  switch (other.use) {
+    case FileUse::kReadPictures:
+      return std::ranges::any_of(pictures_of(other.path), [&](const fs::path& picture) {
+        return same_file(written.path, picture);
+      });
+    case FileUse::kRead:
+      return is_file(written.path) && is_below(written.path, other.path);
+    default:
+      return false;
+  }
+}
+
+void check_pair(const NamedFile& a, const NamedFile& b) {
+  const bool first = a.use == FileUse::kWritten || !is_written(b.use);
+  const NamedFile& written = first ? a : b;
+  const NamedFile& other = first ? b : a;
+  if (!is_written(written.use)) return;
+  // The tuning file, which every command reads, and `tune`, which goes on with it.
+  if (written.use == FileUse::kContinued && other.use == FileUse::kContinued) return;
+  if (!overwrites(written, other)) return;
+  std::error_code failed;
+  const bool folder = fs::is_directory(other.path, failed);
+  throw_bad_input(fmt::format("{} '{}' would overwrite {}{} '{}'{}; name another file",
+                              written.option, written.path.string(), folder ? "a file of " : "",
+                              other.option, other.path.string(), folder ? "" : ", the same file"));
+}
+
+/// What no option names: where stdout leads, and the tuned parameters that every command uses.
+std::vector<NamedFile> standing_files() {
+  std::vector<NamedFile> files;
+  if (is_file(kStdout)) files.push_back({"standard output", kStdout, FileUse::kWritten});
+  if (const auto tuning = opencl::tuning_path()) {
+    files.push_back({"the tuning file", *tuning, FileUse::kContinued});
+  }
+  return files;
+}
+
+}  // namespace
+
+Option add_input(Command& command, const std::string& name, const Target& target,
+                 const std::string& help, FileUse use) {
+  return mark(command.add(name, target, help), use);
+}
+
+Option add_continued(Command& command, const std::string& name, const Target& target,
+                     const std::string& help) {
+  return mark(command.add(name, target, help), FileUse::kContinued);
+}
+
+Option add_output(Command& command, const std::string& name, Output& output,
+                  const std::string& help, StdoutUse stdout_use) {
+  const auto label = name.substr(name.rfind(',') + 1);
+  const auto set = [&output, label](const std::string& target) { output = Output(label, target); };
+  return mark(command.add(name, set, help), FileUse::kWritten, stdout_use == StdoutUse::kAllowed);
+}
+
+void add_json(Command& command, Output& output) {
+  add_output(command, "--json", output, "Write JSON to a file, or to stdout for -");
+}
+
+std::vector<NamedFile> given_files(const CLI::App& command) {
+  std::vector<NamedFile> files;
+  for (const GivenOption& option : given_options(command)) {
+    const auto use = use_of(option);
+    if (!use) continue;
+    for (const auto& name : option.values) {
+      if (*use == FileUse::kReadIfFile && !names_a_file(name)) continue;
+      files.push_back({option.name, name, *use});
+    }
+  }
+  return files;
+}
+
+std::vector<NamedFile> written_files(std::initializer_list<const Output*> outputs) {
+  std::vector<NamedFile> files;
+  for (const Output* output : outputs) {
+    if (*output) files.push_back({output->option(), output->path(), FileUse::kWritten});
+  }
+  return files;
+}
+
+void check_files(std::vector<NamedFile> files) {
+  // Not std::ranges: clang 14 does not compile the subrange of this libstdc++.
+  const auto to_stdout =
+      std::stable_partition(files.begin(), files.end(), [](const NamedFile& file) {
+        return file.use != FileUse::kWritten || !means_stdout(file.path.string());
+      });
+  if (files.end() - to_stdout > 1) {
+    throw_bad_input(fmt::format("only one of {} and {} can write to stdout; name files",
+                                to_stdout->option, std::next(to_stdout)->option));
+  }
+  files.erase(to_stdout, files.end());
+  const auto given = files.size();
+  std::ranges::move(standing_files(), std::back_inserter(files));
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) check_pair(files[i], files[k]);
+  }
+  for (std::size_t i = 0; i < given; ++i) {
+    if (files[i].use == FileUse::kWritten) check_writable(files[i].path);
+  }
+}
+
+}  // namespace pirt::cli

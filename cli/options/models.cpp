@@ -1,0 +1,93 @@
+#include "cli/options/models.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "cli/options/files.h"
+#include "cli/options/values.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/text.h"
+#include "workloads/inputs/pictures/images.h"
+
+namespace pirt::cli {
+namespace {
+
+constexpr int kLargestSide = 4096;
+
+std::array<int, 2> parse_size(const std::string& text) {
+  const auto sides = split(text, 'x');
+  if (sides.size() != 2) {
+    throw_bad_input("the size of a model's input must be WIDTHxHEIGHT, e.g. 640x640, got '" + text +
+                    "'");
+  }
+  const auto side = [&](std::size_t i) {
+    return whole_number(sides[i], 1, kLargestSide).or_refuse("a side of '" + text + "'");
+  };
+  return {side(0), side(1)};
+}
+
+}  // namespace
+
+recognition::ModelOptions ModelFlags::options() const {
+  recognition::ModelOptions options;
+  options.model = *model;
+  if (config) options.config = *config;
+  if (names) options.names = *names;
+  if (size) options.size = parse_size(*size);
+  if (preprocess) {
+    const auto known = recognition::preprocess_names();
+    options.preprocess =
+        static_cast<recognition::Preprocess>(std::ranges::find(known, *preprocess) - known.begin());
+  }
+  return options;
+}
+
+void add_model(Command& command, ModelFlags& flags, const std::string& prefix,
+               const std::string& what) {
+  const auto name = [&](const std::string& option) {
+    return prefix.empty() ? "--" + option : "--" + prefix + "-" + option;
+  };
+  const Option model =
+      add_input(command, prefix.empty() ? "--model" : "--" + prefix, &flags.model,
+                "Weights of " + what + ": .weights of Darknet, .caffemodel, .onnx");
+  add_input(command, name("config"), &flags.config,
+            "Its layers: the .cfg of Darknet, the .prototxt of Caffe")
+      .needs(model);
+  add_input(command, name("names"), &flags.names, "Names of its classes, one a line").needs(model);
+  add_text(command, name("size"), &flags.size, "WIDTHxHEIGHT",
+           "Of its input, in pixels (default: what --" + (prefix.empty() ? "" : prefix + "-") +
+               "config says)")
+      .needs(model);
+  add_choice(command, name("preprocess"), &flags.preprocess, "HOW", recognition::preprocess_names(),
+             "What it takes for pixels (default: caffe for Caffe, else unit, 0 to 1)")
+      .needs(model);
+}
+
+void add_detect_options(Command& command, recognition::DetectOptions& options) {
+  add_value(command, "--threshold", &options.least_score, "NUMBER", not_within(0.0, 1.0),
+            "Least score of an object")
+      .shows_default();
+  add_value(command, "--overlap", &options.most_overlap, "NUMBER", not_within(0.0, 1.0),
+            "Boxes of one class that share more than this part of their union are one object")
+      .shows_default();
+}
+
+void add_pictures(Command& command, std::vector<std::string>& pictures) {
+  add_input(command, "pictures", &pictures, "PNG and JPEG files, or folders of them",
+            FileUse::kReadPictures)
+      .required();
+}
+
+std::vector<std::string> picture_files(const std::vector<std::string>& given) {
+  std::vector<std::string> files;
+  for (const auto& name : given) {
+    if (!std::filesystem::is_directory(name)) {
+      files.push_back(name);
+      continue;
+    }
+    for (const auto& file : pictures_of(name)) files.push_back(file.string());
+  }
+  return files;
+}
+
+}  // namespace pirt::cli

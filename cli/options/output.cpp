@@ -1,0 +1,74 @@
+#include "cli/options/output.h"
+
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/printable.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt::cli {
+namespace {
+
+/// Files and pipes get what there is; a terminal would obey it.
+void write_stdout(const std::string& text) {
+  const std::string shown = ::isatty(STDOUT_FILENO) == 1 ? printable(text, "\n\t") : text;
+  if (std::fwrite(shown.data(), 1, shown.size(), stdout) != shown.size() ||
+      std::fflush(stdout) != 0) {
+    throw_environment(std::string("cannot write to standard output: ") + std::strerror(errno));
+  }
+}
+
+}  // namespace
+
+bool means_stdout(std::string_view name) {
+  return name == "-" || name == "/dev/stdout" || name == "/dev/fd/1" || name == "/proc/self/fd/1";
+}
+
+void emit(const std::string& text, const Json& json, const Output& json_target) {
+  if (json_target.to_stdout()) {
+    write_stdout(json_text(json, 2) + "\n");
+    return;
+  }
+  if (json_target) write_file(json_target.path(), json_text(json, 2) + "\n");
+  write_stdout(text);
+}
+
+void emit_text(const std::string& text, const Output& target) {
+  if (target && !target.to_stdout()) {
+    write_file(target.path(), text);
+  } else {
+    write_stdout(text);
+  }
+}
+
+void refuse_same_file(const std::string& a, const std::string& b, const std::string& remedy) {
+  std::error_code missing;  // which opening it explains
+  if (std::filesystem::equivalent(a, b, missing)) {
+    throw_bad_input("'" + a + "' and '" + b + "' are the same file" + remedy);
+  }
+}
+
+void warn(const std::string& message) {
+  std::fprintf(stderr, "warning: %s\n", printable(message).c_str());
+}
+
+void warn_all(std::span<const std::string> messages) {
+  for (const auto& message : messages) warn(message);
+}
+
+std::size_t stdout_columns() {
+  winsize size{};
+  const bool known = ::isatty(STDOUT_FILENO) == 1 && ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0;
+  return known ? size.ws_col : 0;
+}
+
+bool stderr_is_terminal() { return ::isatty(STDERR_FILENO) == 1; }
+
+}  // namespace pirt::cli

@@ -1,0 +1,30 @@
+#include "cli/options/profile_platform.h"
+
+#include <algorithm>
+
+#include "characterize/profile/store/reader.h"
+#include "workloads/base/error.h"
+
+namespace pirt::cli {
+
+Platform platform_of(const Profile& profile, const std::vector<YamlOverride>& overrides) {
+  const std::string& name = profile.platform();
+  const auto shipped = shipped_platforms();
+  if (std::ranges::find(shipped, name) == shipped.end()) {
+    throw_bad_input("profile '" + profile.path + "' was taken on platform " + name +
+                    ", which is not shipped; give its file with --platform FILE.yaml");
+  }
+  return load_platform(name, overrides);
+}
+
+ProfiledPlatform read_platform(const std::optional<std::string>& platform,
+                               const std::optional<std::string>& profile,
+                               const std::vector<YamlOverride>& overrides) {
+  ProfiledPlatform read;
+  if (platform) read.platform = load_platform(*platform, overrides);
+  if (profile) read.profile = ProfileReader(*profile).read(read.platform.name);
+  if (!platform) read.platform = platform_of(read.profile.value(), overrides);
+  return read;
+}
+
+}  // namespace pirt::cli

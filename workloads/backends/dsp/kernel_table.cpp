@@ -1,0 +1,15 @@
+#include <algorithm>
+
+#include "workloads/backends/dsp/kernels.h"
+
+namespace pirt::dsp {
+
+const KernelEntry* find_kernel(std::string_view kernel) {
+  for (const auto table : {vision_kernels(), dnn_kernels()}) {
+    const auto it = std::ranges::find(table, kernel, &KernelEntry::kernel);
+    if (it != table.end()) return &*it;
+  }
+  return nullptr;
+}
+
+}  // namespace pirt::dsp

@@ -1,0 +1,335 @@
+#include "workloads/backends/dsp/session.h"
+
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <utility>
+
+#include "workloads/backends/dsp/elf.h"
+#include "workloads/base/error.h"
+
+namespace pirt::dsp {
+namespace {
+
+// Kernels load whole vectors around the edges of a picture, whose bytes they then leave out: there
+// must be something.
+constexpr std::size_t kGuardBytes = 4096;
+constexpr std::size_t kSaidKept = 400;
+
+[[noreturn]] void throw_system(std::string_view doing) {
+  throw_environment(
+      fmt::format("cannot {} for qemu-hexagon: {}; check the limits on processes, open files and "
+                  "memory",
+                  doing, std::strerror(errno)));
+}
+
+FileDescriptor memory_file(const char* name, std::size_t bytes) {
+  FileDescriptor file(::memfd_create(name, MFD_CLOEXEC));
+  if (file.get() < 0 || ::ftruncate(file.get(), static_cast<off_t>(bytes)) != 0) {
+    throw_system("make a file in memory");
+  }
+  return file;
+}
+
+struct Pipe {
+  FileDescriptor read, write;
+};
+
+Pipe make_pipe() {
+  std::array<int, 2> ends{};
+  if (::pipe2(ends.data(), O_CLOEXEC) != 0) throw_system("make a pipe");
+  return {FileDescriptor(ends[0]), FileDescriptor(ends[1])};
+}
+
+/// Descriptors as the child shall have them: (ours, its).
+using Inherited = std::array<std::pair<int, int>, 7>;
+
+/// Between fork and exec; only calls that POSIX allows there.
+[[noreturn]] void become(char* const* words, const Inherited& inherited, pid_t parent) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != parent) ::_exit(127);  // it died before prctl
+  sigset_t none;
+  sigemptyset(&none);
+  ::sigprocmask(SIG_SETMASK, &none, nullptr);
+  ::signal(SIGPIPE, SIG_DFL);
+  for (const auto& [ours, its] : inherited) {
+    if (::dup2(ours, its) < 0) ::_exit(127);
+  }
+  ::execv(words[0], words);
+  ::_exit(127);
+}
+
+/// SIGPIPE, which the death of the program would send us, as an error of write() instead.
+class WithoutSigpipe {
+ public:
+  WithoutSigpipe() {
+    sigemptyset(&pipe_);
+    sigaddset(&pipe_, SIGPIPE);
+    sigset_t pending;
+    sigpending(&pending);
+    was_pending_ = sigismember(&pending, SIGPIPE) == 1;
+    ::pthread_sigmask(SIG_BLOCK, &pipe_, &before_);
+  }
+  ~WithoutSigpipe() {
+    if (!was_pending_) {
+      const timespec now{};
+      while (::sigtimedwait(&pipe_, nullptr, &now) < 0 && errno == EINTR) {
+      }
+    }
+    ::pthread_sigmask(SIG_SETMASK, &before_, nullptr);
+  }
+  WithoutSigpipe(const WithoutSigpipe&) = delete;
+  WithoutSigpipe& operator=(const WithoutSigpipe&) = delete;
+
+ private:
+  sigset_t pipe_{}, before_{};
+  bool was_pending_ = false;
+};
+
+bool write_all(int fd, const void* data, std::size_t bytes) {
+  const WithoutSigpipe guard;
+  while (true) {
+    const auto n = ::write(fd, data, bytes);
+    if (n >= 0) return static_cast<std::size_t>(n) == bytes;
+    if (errno != EINTR) return false;
+  }
+}
+
+void check_file(const std::filesystem::path& path, std::string_view what, std::string_view remedy) {
+  if (std::error_code unknown; !std::filesystem::is_regular_file(path, unknown)) {
+    throw_environment(fmt::format("{} '{}' is missing; {}", what, path.string(), remedy));
+  }
+}
+
+Cost cost_of(const PirtDspCounts& counts) {
+  return {static_cast<std::int64_t>(counts.packets), static_cast<std::int64_t>(counts.lines),
+          static_cast<std::int64_t>(counts.misses)};
+}
+
+/// As qemu reads values of options: a comma stands twice.
+std::string quoted(const std::filesystem::path& path) {
+  std::string text;
+  for (const char c : path.string()) text.append(c == ',' ? 2 : 1, c);
+  return text;
+}
+
+std::string plugin_with_arguments(const SessionOptions& options) {
+  std::string text = quoted(options.plugin);
+  if (options.models_memory) text += ",memory=on";
+  if (!options.profile.empty()) text += ",profile=" + quoted(options.profile);
+  return text;
+}
+
+/// The options of a session whose files are there.
+SessionOptions checked(SessionOptions options) {
+  check_file(options.emulator, "the emulator", "install qemu-user");
+  check_file(options.plugin, "the plugin that counts packets", "build pirt again");
+  check_file(options.program, "the Hexagon program", "build pirt again");
+  check_hexagon_elf(options.program);
+  return options;
+}
+
+}  // namespace
+
+SharedMemory::SharedMemory(const char* name, std::size_t bytes)
+    : file_(memory_file(name, bytes)), bytes_(bytes) {
+  void* const address = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd(), 0);
+  if (address == MAP_FAILED) throw_system("map a file");
+  address_ = static_cast<std::byte*>(address);
+}
+
+SharedMemory::~SharedMemory() { ::munmap(address_, bytes_); }
+
+Session::Session(SessionOptions options)
+    : options_(checked(std::move(options))),
+      mapping_("pirt-dsp", options_.mapping_bytes),
+      counts_page_("pirt-dsp-counts", sizeof(PirtDspCountsPage)),
+      said_(memory_file("pirt-dsp-said", 0)) {
+  free_all();
+  try {
+    start();
+  } catch (...) {
+    stop();
+    throw;
+  }
+}
+
+Session::~Session() { stop(); }
+
+PirtDspCountsPage Session::counts() const {
+  PirtDspCountsPage page;
+  std::memcpy(&page, counts_page_.data(), sizeof(page));
+  return page;
+}
+
+void Session::start() {
+  stop();
+  if (::ftruncate(said_.get(), 0) != 0) throw_system("clear a file in memory");
+  std::memset(counts_page_.data(), 0, sizeof(PirtDspCountsPage));
+  std::array<std::string, 4> words = {options_.emulator.string(), "-plugin",
+                                      plugin_with_arguments(options_), options_.program.string()};
+  std::array<char*, 5> arguments{};
+  std::ranges::transform(words, arguments.begin(), [](std::string& word) { return word.data(); });
+  const FileDescriptor nothing(::open("/dev/null", O_RDONLY | O_CLOEXEC));
+  Pipe commands = make_pipe();
+  Pipe replies = make_pipe();
+  // qemu, and glib within it, speak on both streams.
+  const Inherited inherited = {{{nothing.get(), STDIN_FILENO},
+                                {said_.get(), STDOUT_FILENO},
+                                {said_.get(), STDERR_FILENO},
+                                {mapping_.fd(), PIRT_DSP_MAPPING_FD},
+                                {commands.read.get(), PIRT_DSP_COMMAND_FD},
+                                {replies.write.get(), PIRT_DSP_REPLY_FD},
+                                {counts_page_.fd(), PIRT_DSP_COUNTS_FD}}};
+  const pid_t self = ::getpid();
+  process_ = ::fork();
+  if (process_ < 0) throw_system("start a process");
+  if (process_ == 0) become(arguments.data(), inherited, self);
+  commands_ = std::move(commands.write);
+  replies_ = std::move(replies.read);
+  commands.read.close();  // or its end would not be seen
+  replies.write.close();
+
+  PirtDspCommand map{};
+  map.serial = ++serial_;
+  map.kernel = PIRT_DSP_MAP;
+  map.values[0] = static_cast<std::int32_t>(options_.mapping_bytes);
+  static_cast<void>(exchange(map, "map the shared memory"));
+  if (counts().magic != PIRT_DSP_COUNTS_MAGIC) {
+    stop();
+    throw_environment(fmt::format(
+        "qemu-hexagon runs without its plugin '{}', so that nothing is counted; install a "
+        "qemu-user whose plugins are enabled (Debian's is)",
+        options_.plugin.string()));
+  }
+  start_cost_ = cost_of(counts().total);
+}
+
+/// Ends the program whatever it is doing. Closing its commands would do where it waits for one.
+void Session::stop() {
+  commands_.close();
+  replies_.close();
+  if (process_ > 0) {
+    ::kill(process_, SIGKILL);
+    while (::waitpid(process_, nullptr, 0) < 0 && errno == EINTR) {
+    }
+  }
+  process_ = -1;
+}
+
+Buffer Session::allocate(std::size_t bytes, std::string_view what) {
+  constexpr std::size_t kUnit = PIRT_DSP_ALIGNMENT;
+  const std::size_t needed = (bytes + kUnit - 1) / kUnit * kUnit + kUnit;
+  if (needed + kGuardBytes > options_.mapping_bytes - used_) {
+    throw_environment(fmt::format(
+        "{} needs {} bytes, and of the {} bytes that host and DSP share {} are taken; this backend "
+        "is for smaller workloads",
+        what, bytes, options_.mapping_bytes, used_));
+  }
+  const Buffer buffer{static_cast<std::uint32_t>(used_), static_cast<std::uint32_t>(bytes)};
+  used_ += needed;
+  return buffer;
+}
+
+void Session::free_all() { used_ = kGuardBytes; }
+
+std::span<std::byte> Session::bytes(Buffer buffer) const {
+  return {mapping_.data() + buffer.offset, buffer.bytes};
+}
+
+Cost Session::run(std::uint32_t kernel, std::span<const Buffer> buffers,
+                  std::span<const std::int32_t> values, std::string_view name) {
+  assert(buffers.size() <= PIRT_DSP_MAX_BUFFERS && values.size() <= PIRT_DSP_MAX_VALUES);
+  if (process_ < 0) start();
+  PirtDspCommand command{};
+  command.serial = ++serial_;
+  command.kernel = kernel;
+  for (std::size_t i = 0; i < buffers.size(); ++i) {
+    command.buffers[i] = {buffers[i].offset, buffers[i].bytes};
+  }
+  std::ranges::copy(values, std::begin(command.values));
+  return exchange(command, name);
+}
+
+Cost Session::exchange(const PirtDspCommand& command, std::string_view name) {
+  static_assert(sizeof(PirtDspCommand) <= 4096, "longer than what a pipe passes in one piece");
+  PirtDspReply reply{};
+  if (!write_all(commands_.get(), &command, sizeof(command))) fail_call(name, how_it_ended());
+  wait_for_reply(reply, name);
+  if (reply.serial != command.serial) fail_call(name, "answered another command");
+  switch (reply.status) {
+    case PIRT_DSP_OK:
+      return cost_of(counts().command);
+    case PIRT_DSP_NO_SUCH_KERNEL:
+      throw_environment(
+          fmt::format("the Hexagon program has no kernel '{}'; build pirt again", name));
+    case PIRT_DSP_OUTSIDE_MAPPING:
+      throw_environment(fmt::format(
+          "DSP kernel '{}': buffer {} lies outside the {} bytes that host and DSP share", name,
+          reply.detail, options_.mapping_bytes));
+    default:
+      throw_environment(fmt::format("the Hexagon program cannot map the {} bytes to share: {}",
+                                    options_.mapping_bytes,
+                                    std::strerror(static_cast<int>(reply.detail))));
+  }
+}
+
+void Session::wait_for_reply(PirtDspReply& reply, std::string_view name) {
+  using SteadyClock = std::chrono::steady_clock;
+  const auto deadline = SteadyClock::now() + options_.limit;
+  while (true) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - SteadyClock::now());
+    if (left.count() <= 0) {
+      fail_call(name,
+                fmt::format("gave no answer within {:.3g} s and was ended", to_s(options_.limit)));
+    }
+    pollfd stream{replies_.get(), POLLIN, 0};
+    const int ready =
+        ::poll(&stream, 1, static_cast<int>(std::min<std::int64_t>(left.count(), 1000)));
+    if (ready <= 0) continue;  // EINTR, or time to look at the limit
+    const auto n = ::read(replies_.get(), &reply, sizeof(reply));
+    if (n == sizeof(reply)) return;
+    if (n < 0 && errno == EINTR) continue;
+    fail_call(name, how_it_ended());
+  }
+}
+
+void Session::fail_call(std::string_view name, std::string_view how) {
+  stop();
+  throw_environment(fmt::format("DSP kernel '{}': the Hexagon program {}", name, how));
+}
+
+/// Of a program that has closed its end: with what it said.
+std::string Session::how_it_ended() {
+  int status = 0;
+  ::kill(process_, SIGKILL);  // of no effect on one that ended by itself
+  while (::waitpid(process_, &status, 0) < 0 && errno == EINTR) {
+  }
+  process_ = -1;
+  std::string how = fmt::format("ended with code {}", WEXITSTATUS(status));
+  if (WIFSIGNALED(status)) {
+    const char* const signal = ::sigabbrev_np(WTERMSIG(status));
+    how = fmt::format("crashed (SIG{})", signal != nullptr ? signal : "?");
+  }
+  std::array<char, kSaidKept> text{};
+  const auto n = ::pread(said_.get(), text.data(), text.size(), 0);
+  std::string said(text.data(), n > 0 ? static_cast<std::size_t>(n) : 0);
+  std::ranges::replace_if(
+      said, [](char c) { return c < ' '; }, ' ');
+  while (!said.empty() && said.back() == ' ') said.pop_back();
+  return said.empty() ? how : how + ", saying: " + said;
+}
+
+}  // namespace pirt::dsp

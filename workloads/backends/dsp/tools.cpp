@@ -1,0 +1,111 @@
+#include "workloads/backends/dsp/tools.h"
+
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <spawn.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+
+#include "workloads/base/error.h"
+#include "workloads/base/hash.h"
+#include "workloads/base/system/file_descriptor.h"
+
+namespace pirt::dsp {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kEmulator = "qemu-hexagon";
+constexpr const char* kPlugin = "pirt_dsp_count.so";
+constexpr const char* kProgram = "pirt_dsp.elf";
+// As the build says: the former seen from the folder above the program's.
+constexpr const char* kModuleFolder = PIRT_MODULE_FOLDER;
+constexpr const char* kBuildFolder = PIRT_BUILD_FOLDER;
+
+fs::path find_in_path(const char* name) {
+  const char* const variable = std::getenv("PATH");
+  std::istringstream folders(variable != nullptr ? variable : "");
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    fs::path path = fs::path(folder.empty() ? "." : folder) / name;
+    if (::access(path.c_str(), X_OK) == 0) return path;
+  }
+  return {};
+}
+
+/// Where it is installed, seen from the program; where it was built.
+fs::path find_own(const char* name) {
+  std::error_code unknown;
+  const fs::path self = fs::read_symlink("/proc/self/exe", unknown);
+  for (const fs::path& folder :
+       {self.parent_path().parent_path() / kModuleFolder, fs::path(kBuildFolder)}) {
+    if (fs::is_regular_file(folder / name, unknown)) return folder / name;
+  }
+  return {};
+}
+
+std::string what_is_missing(const Tools& tools) {
+  if (tools.emulator.empty()) return "qemu-hexagon is not in PATH; install qemu-user";
+  for (const auto& [path, name] : {std::pair(&tools.plugin, kPlugin), {&tools.program, kProgram}}) {
+    if (!path->empty()) continue;
+    return fmt::format("{} is neither installed with pirt nor in {}; install or build pirt again",
+                       name, kBuildFolder);
+  }
+  return "";
+}
+
+std::string text_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+}  // namespace
+
+Tools find_tools() {
+  Tools tools{find_in_path(kEmulator), find_own(kPlugin), find_own(kProgram), ""};
+  tools.missing = what_is_missing(tools);
+  return tools;
+}
+
+std::string emulator_version(const fs::path& emulator) {
+  const FileDescriptor said(::memfd_create("pirt-dsp-version", MFD_CLOEXEC));
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawn_file_actions_adddup2(&actions, said.get(), STDOUT_FILENO);
+  std::string path = emulator.string();
+  std::string option = "--version";
+  const std::array<char*, 3> words = {path.data(), option.data(), nullptr};
+  pid_t process = -1;
+  const int error = ::posix_spawn(&process, path.c_str(), &actions, nullptr, words.data(), environ);
+  ::posix_spawn_file_actions_destroy(&actions);
+  int status = -1;
+  while (error == 0 && ::waitpid(process, &status, 0) < 0 && errno == EINTR) {
+  }
+  std::array<char, 200> text{};
+  const auto size = ::pread(said.get(), text.data(), text.size(), 0);
+  const std::string line(text.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
+  // "qemu-hexagon version 7.2.22 (Debian ...)"
+  constexpr std::string_view kBefore = "version ";
+  const auto at = line.find(kBefore);
+  if (error != 0 || status != 0 || at == std::string::npos) {
+    throw_environment(fmt::format("'{}' does not run; install qemu-user", path));
+  }
+  const auto begin = at + kBefore.size();
+  return fmt::format("qemu-hexagon {}",
+                     line.substr(begin, line.find_first_of(" \n", begin) - begin));
+}
+
+std::string program_hash(const Tools& tools) {
+  Hash64 hash;
+  hash.add(text_of(tools.program)).add(text_of(tools.plugin));
+  return fmt::format("{:016x}", hash.value());
+}
+
+}  // namespace pirt::dsp

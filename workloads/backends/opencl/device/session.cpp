@@ -1,0 +1,56 @@
+#include "workloads/backends/opencl/device/session.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+
+#include "workloads/backends/opencl/device/kernel_cache.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt::opencl {
+namespace {
+
+/// Of a build log, what fits into one message line.
+std::string first_lines(const std::string& log) {
+  constexpr std::size_t kLines = 6;
+  std::vector<std::string> lines = split(log, '\n');
+  std::erase_if(lines, [](const std::string& line) {
+    return std::ranges::all_of(line, [](unsigned char c) { return std::isspace(c) || c == '\0'; });
+  });
+  if (lines.empty()) return "(the driver gave no build log)";
+  if (lines.size() > kLines) {
+    lines.resize(kLines);
+    lines.emplace_back("...");
+  }
+  return join(lines, " | ");
+}
+
+}  // namespace
+
+cl::Program build_program(const Session& session, std::string_view name, std::string_view source) {
+  // -w: PoCL would print "12 warnings generated." to stderr, all of them about the ABI of wide
+  // vectors in functions that are inlined anyway.
+  Tuning tuning = session.tuning;
+  tuning.set(Parameter::kLocalX, static_cast<int>(session.local_x));
+  const std::string options = "-cl-std=CL1.2 -w" + definitions_of(tuning, name);
+  cl::Program program(session.context, std::string(source), false);
+  try {
+    program.build(session.device, options.c_str());
+  } catch (const cl::BuildError& error) {
+    const std::string complaint = kernel_cache_complaint();
+    if (!complaint.empty()) {
+      throw_environment(fmt::format("opencl: {} does not build: {}", name, complaint));
+    }
+    const auto logs = error.getBuildLog();
+    throw_environment(fmt::format(
+        "opencl: {} does not build on \"{}\" with {} ({}): {}; choose another device or report it",
+        name, session.device.getInfo<CL_DEVICE_NAME>(), options, error_name(error.err()),
+        first_lines(logs.empty() ? std::string() : logs.front().second)));
+  } catch (const cl::Error& error) {
+    throw_translated(fmt::format("building {}", name), error);
+  }
+  return program;
+}
+
+}  // namespace pirt::opencl

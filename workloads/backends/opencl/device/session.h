@@ -1,0 +1,31 @@
+// What the kernels of an open unit share: device, context, queue.
+#pragma once
+
+#include <cstddef>
+
+#include "workloads/backends/opencl/device/api.h"
+#include "workloads/backends/opencl/tuning/tuning.h"
+
+namespace pirt::opencl {
+
+/// Handles that count their references: a copy keeps the device's objects alive.
+struct Session {
+  cl::Device device;
+  cl::Context context;
+  cl::CommandQueue queue;  ///< In order, with profiling.
+  bool is_cpu = false;
+  Tuning tuning{true};  ///< Of this kind of device.
+  /// The one local size in x of every launch (1 in y). PoCL compiles a kernel anew for each local
+  /// size that it meets, so that more than one would cost set-up time. At most what the device
+  /// takes, whatever the tuning says.
+  std::size_t local_x = 8;
+};
+
+/// Builds OpenCL C 1.2 source, with the parameters of the session's tuning that it has as
+/// definitions (definitions_of).
+/// @param name  Of the source: "dnn.cl".
+/// @throws Error{kEnvironment} with the first lines of the build log if it does not build.
+[[nodiscard]] cl::Program build_program(const Session& session, std::string_view name,
+                                        std::string_view source);
+
+}  // namespace pirt::opencl

@@ -1,0 +1,33 @@
+#include "workloads/backends/opencl/kernels/batch_kernels.h"
+
+#include "workloads/backends/opencl/kernels/packing.h"
+#include "workloads/dnn/dnn.h"
+
+namespace pirt::opencl {
+namespace {
+
+constexpr int kOutputsPerItem = 16;  // OUTPUTS of dnn_batch.cl.
+constexpr int kImagesPerBlock = 6;   // IMAGES of dnn_batch.cl.
+
+}  // namespace
+
+void append_fully_connected_batch(PlanBuilder& builder, const Workload& workload,
+                                  std::span<const Tensor> parameters, const Resident& in,
+                                  const Resident& out) {
+  const auto& op = operation_as<dnn::FullyConnected>(workload);
+  const auto weights = interleave_channels(parameters[0].as<float>(), op.out, kOutputsPerItem);
+  const auto bias = interleave_channels(parameters[1].as<float>(), op.out, kOutputsPerItem);
+  const int items = blocks(op.out, kOutputsPerItem);
+  const int rows = blocks(workload.batch, kImagesPerBlock) * kImagesPerBlock;
+  const auto sums = builder.scratch(std::int64_t{items} * rows * kOutputsPerItem *
+                                    static_cast<std::int64_t>(sizeof(float)));
+  builder.step("dnn_batch.cl", "fully_connected_batch", {items, 1}, in,
+               builder.constant(std::as_bytes(std::span(weights))),
+               builder.constant(std::as_bytes(std::span(bias))), sums, out, op.in, op.out,
+               workload.batch);
+  if (op.activation == dnn::Activation::kSoftmax) {
+    builder.step("dnn.cl", "softmax", {1, workload.batch}, out, op.out);
+  }
+}
+
+}  // namespace pirt::opencl

@@ -1,0 +1,17 @@
+// Kernels for several images a call that are others than those for one (dnn_batch.cl).
+#pragma once
+
+#include <span>
+
+#include "workloads/backends/opencl/plan/plan.h"
+#include "workloads/model/workload.h"
+
+namespace pirt::opencl {
+
+/// A fully connected layer with its activation. @param parameters  Of the layer.
+/// @param in   [batch, in]. @param out  [batch, out].
+void append_fully_connected_batch(PlanBuilder& builder, const Workload& workload,
+                                  std::span<const Tensor> parameters, const Resident& in,
+                                  const Resident& out);
+
+}  // namespace pirt::opencl

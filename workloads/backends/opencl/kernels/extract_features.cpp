@@ -1,0 +1,135 @@
+// extract_features: contrast, candidates, blur, refining and descriptors on the device; the best of
+// each cell, which is sequential, on the host within execute().
+#include <fmt/core.h>
+
+#include <array>
+#include <utility>
+
+#include "workloads/backends/opencl/plan/kernel_table.h"
+#include "workloads/backends/opencl/plan/plan_kernel.h"
+#include "workloads/vision/features.h"
+#include "workloads/vision/vision.h"
+
+namespace pirt::opencl {
+namespace {
+
+using Op = vision::ExtractFeatures;
+
+/// Buffers that the host part resets, reads and fills.
+struct FeatureBuffers {
+  cl::Buffer count;       ///< i32 [1] of candidates.
+  cl::Buffer candidates;  ///< i32 [pixels,4]: index, xx, xy, yy.
+  cl::Buffer corners;     ///< i32 [400]: indices of the selected.
+};
+
+class ExtractFeaturesKernel final : public PlanKernel {
+ public:
+  /// @param find  Ends with the candidates. @param describe  Begins with the selected.
+  ExtractFeaturesKernel(Session session, const Workload& workload, Plan find, Plan describe,
+                        FeatureBuffers buffers)
+      : PlanKernel(std::move(session), workload.name, std::move(find)),
+        operation_(operation_as<Op>(workload)),
+        describe_(std::move(describe)),
+        buffers_(std::move(buffers)) {}
+
+  std::optional<Nanos> execute(int repeats) override {
+    return translated(fmt::format("executing {}", workload()), [&] {
+      LaunchTimes times;
+      for (int i = 0; i < repeats; ++i) {
+        find_candidates(times);
+        hand_over(slam::best_corners(
+            found_, operation_.width, operation_.height,
+            {.most = Op::kMost, .cell = Op::kCell, .threshold = Op::kThreshold}));
+        enqueue(session(), describe_, times);
+      }
+      return times.finish();
+    });
+  }
+
+ private:
+  void find_candidates(LaunchTimes& times) {
+    const cl::CommandQueue& queue = session().queue;
+    cl::Event reset;
+    queue.enqueueFillBuffer(buffers_.count, cl_int{0}, 0, sizeof(cl_int), nullptr, &reset);
+    times.add(std::move(reset));
+    enqueue(session(), plan(), times);
+    cl_int count = 0;
+    queue.enqueueReadBuffer(buffers_.count, CL_TRUE, 0, sizeof(count), &count);
+    candidates_.resize(static_cast<std::size_t>(count));
+    if (count > 0) {
+      queue.enqueueReadBuffer(buffers_.candidates, CL_TRUE, 0,
+                              candidates_.size() * sizeof(candidates_[0]), candidates_.data());
+    }
+    found_.clear();
+    for (const auto& [index, xx, xy, yy] : candidates_) {
+      found_.push_back(
+          {index % operation_.width, index / operation_.width, slam::corner_score(xx, xy, yy)});
+    }
+  }
+
+  /// The selected to the device, with how many rows all outputs have.
+  void hand_over(const std::vector<slam::FastCorner>& best) {
+    const cl::CommandQueue& queue = session().queue;
+    const auto rows = static_cast<cl_int>(best.size());
+    for (const Resident& output : plan().outputs) {
+      queue.enqueueWriteBuffer(output.rows, CL_TRUE, 0, sizeof(rows), &rows);
+    }
+    if (best.empty()) return;
+    std::vector<cl_int> corners;
+    std::vector<cl_float> scores;
+    for (const auto& corner : best) {
+      corners.push_back(corner.y * operation_.width + corner.x);
+      scores.push_back(corner.score);
+    }
+    queue.enqueueWriteBuffer(buffers_.corners, CL_TRUE, 0, corners.size() * sizeof(cl_int),
+                             corners.data());
+    queue.enqueueWriteBuffer(plan().outputs[1].buffer, CL_TRUE, 0, scores.size() * sizeof(cl_float),
+                             scores.data());
+  }
+
+  Op operation_;
+  Plan describe_;
+  FeatureBuffers buffers_;
+  std::vector<std::array<cl_int, 4>> candidates_;
+  std::vector<slam::FastCorner> found_;
+};
+
+}  // namespace
+
+std::unique_ptr<Kernel> make_extract_features(const Session& session, const Workload& workload,
+                                              std::span<const Tensor> /*parameters*/) {
+  static_assert(slam::kFeatureRim == 20 && slam::kFeatureScoreHalf == 3 &&
+                    slam::kFeatureWindowHalf == 7 && slam::kFeatureRefineSteps == 3 &&
+                    slam::kFeatureFarthest == 4.0F,
+                "extract.cl has them as constants");
+  static_assert(sizeof(slam::PatchPair) == sizeof(cl_char4), "the pattern is uploaded as it is");
+  const auto& op = operation_as<Op>(workload);
+  const std::int64_t area = std::int64_t{op.width} * op.height;
+  PlanBuilder builder(session);
+  const Resident image = builder.resident(workload.inputs[0]);
+  const Resident pixels = builder.resident(workload.outputs[0]);
+  const Resident scores = builder.resident(workload.outputs[1]);
+  const Resident descriptors = builder.resident(workload.outputs[2]);
+  const cl::Buffer contrast = builder.scratch(area);
+  const cl::Buffer rows = builder.scratch(area * std::int64_t{sizeof(cl_ushort)});
+  const FeatureBuffers buffers{
+      .count = builder.scratch(std::int64_t{sizeof(cl_int)}),
+      .candidates = builder.scratch(area * std::int64_t{sizeof(cl_int4)}),
+      .corners = builder.scratch(Op::kMost * std::int64_t{sizeof(cl_int)})};
+  const auto weights = builder.constant(std::as_bytes(std::span(slam::kFeatureBlur)));
+  const auto pattern = builder.constant(std::as_bytes(slam::descriptor_pattern()));
+  const Extent picture{op.width, op.height};
+  builder.step("extract.cl", "fast_contrast", picture, image, contrast, op.width, op.height,
+               Op::kThreshold);
+  builder.step("extract.cl", "fast_candidates", picture, image, contrast, buffers.count,
+               buffers.candidates, op.width, op.height);
+  builder.step("extract.cl", "blur_rows", picture, image, rows, weights, op.width);
+  Plan find = builder.finish({image}, {pixels, scores, descriptors});
+  PlanBuilder second(session);
+  second.step("extract.cl", "describe_corners", {Op::kMost, 1}, image, rows, buffers.corners,
+              pixels.rows, pattern, weights, pixels, descriptors, op.width);
+  return std::make_unique<ExtractFeaturesKernel>(session, workload, std::move(find),
+                                                 second.finish({}, {}), buffers);
+}
+
+}  // namespace pirt::opencl

@@ -1,0 +1,104 @@
+// feature_detect: responses, threshold and local maxima on the device; sorting and the distance
+// rule, which are sequential, on the host within execute(). The result lies on the host, as the
+// workload has it.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+
+#include "workloads/backends/opencl/kernels/strips.h"
+#include "workloads/backends/opencl/plan/kernel_table.h"
+#include "workloads/backends/opencl/plan/plan_kernel.h"
+#include "workloads/vision/corners.h"
+
+namespace pirt::opencl {
+namespace {
+
+/// Buffers that the host part resets and reads.
+struct CandidateBuffers {
+  cl::Buffer state;       ///< u32: bits of the peak response, number of candidates.
+  cl::Buffer candidates;  ///< u64, see select_corners; room for each pixel.
+};
+
+class FeatureDetectKernel final : public PlanKernel {
+ public:
+  FeatureDetectKernel(Session session, const Workload& workload, Plan plan,
+                      CandidateBuffers buffers)
+      : PlanKernel(std::move(session), workload.name, std::move(plan)),
+        operation_(operation_as<vision::FeatureDetect>(workload)),
+        buffers_(std::move(buffers)) {}
+
+  std::optional<Nanos> execute(int repeats) override {
+    return translated(fmt::format("executing {}", workload()), [&] {
+      LaunchTimes times;
+      for (int i = 0; i < repeats; ++i) {
+        find_candidates(times);
+        corners_ = vision::select_corners(found_, operation_);
+      }
+      return times.finish();
+    });
+  }
+
+  /// Hands over what execute() left on the host.
+  void download() override {
+    if (!host_outputs().empty()) vision::write_corners(corners_, host_outputs()[0]);
+  }
+
+ private:
+  /// Fills found_ with the device's candidates.
+  void find_candidates(LaunchTimes& times) {
+    const cl::CommandQueue& queue = session().queue;
+    std::array<cl_uint, 2> state{};
+    cl::Event reset;
+    queue.enqueueFillBuffer(buffers_.state, cl_uint{0}, 0, sizeof(state), nullptr, &reset);
+    times.add(std::move(reset));
+    enqueue(session(), plan(), times);
+    cl::Event count_read;
+    queue.enqueueReadBuffer(buffers_.state, CL_TRUE, 0, sizeof(state), state.data(), nullptr,
+                            &count_read);
+    times.add(std::move(count_read));
+    found_.resize(state[1]);
+    if (found_.empty()) return;
+    cl::Event candidates_read;
+    queue.enqueueReadBuffer(buffers_.candidates, CL_TRUE, 0, found_.size() * sizeof(found_[0]),
+                            found_.data(), nullptr, &candidates_read);
+    times.add(std::move(candidates_read));
+  }
+
+  vision::FeatureDetect operation_;
+  CandidateBuffers buffers_;
+  std::vector<std::uint64_t> found_;
+  std::vector<vision::Corner> corners_;
+};
+
+}  // namespace
+
+std::unique_ptr<Kernel> make_feature_detect(const Session& session, const Workload& workload,
+                                            std::span<const Tensor> /*parameters*/) {
+  using vision::FeatureDetect;
+  static_assert(FeatureDetect::kBlock == 3, "features.cl sums 3x3 blocks");
+  const auto& op = operation_as<FeatureDetect>(workload);
+  const std::int64_t area = std::int64_t{op.width} * op.height;
+  PlanBuilder builder(session);
+  const Resident image = builder.resident(workload.inputs[0]);
+  const cl::Buffer gx = builder.scratch(area * std::int64_t{sizeof(cl_short)});
+  const cl::Buffer gy = builder.scratch(area * std::int64_t{sizeof(cl_short)});
+  const cl::Buffer response = builder.scratch(area * std::int64_t{sizeof(cl_float)});
+  const CandidateBuffers buffers{
+      .state = builder.scratch(2 * std::int64_t{sizeof(cl_uint)}),
+      .candidates = builder.scratch(area * std::int64_t{sizeof(cl_ulong)})};
+  const int pixels = session.tuning[Parameter::kFeaturePixels];
+  const Extent segments{(op.width + pixels - 1) / pixels, op.height};
+  const Strips strips(session.tuning[Parameter::kSobelStripRows], op);
+  builder.step("vision.cl", "sobel", strips.extent, image, gx, gy, op.width, op.height,
+               strips.rows);
+  builder.step("features.cl", "corner_response", segments, gx, gy, response, buffers.state,
+               op.width, op.height, pixels);
+  builder.step("features.cl", "corner_candidates", segments, response, buffers.state,
+               buffers.candidates, static_cast<float>(FeatureDetect::kQuality), op.width, op.height,
+               pixels);
+  return std::make_unique<FeatureDetectKernel>(session, workload, builder.finish({image}, {}),
+                                               buffers);
+}
+
+}  // namespace pirt::opencl

@@ -1,0 +1,21 @@
+#include "workloads/backends/opencl/kernels/packing.h"
+
+#include <cstddef>
+
+namespace pirt::opencl {
+
+std::vector<float> interleave_channels(std::span<const float> weights, int out_c,
+                                       int channels_per_block) {
+  const auto channels = static_cast<std::size_t>(out_c);
+  const auto block = static_cast<std::size_t>(channels_per_block);
+  const std::size_t taps = weights.size() / channels;
+  std::vector<float> packed(static_cast<std::size_t>(blocks(out_c, channels_per_block)) * taps *
+                            block);
+  for (std::size_t c = 0; c < channels; ++c) {
+    float* to = packed.data() + c / block * taps * block + c % block;
+    for (std::size_t t = 0; t < taps; ++t) to[t * block] = weights[c * taps + t];
+  }
+  return packed;
+}
+
+}  // namespace pirt::opencl

@@ -1,0 +1,207 @@
+#include "workloads/backends/opencl/opencl_device.h"
+
+#include <fmt/core.h>
+#include <sched.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+
+#include "workloads/backends/opencl/device/kernel_cache.h"
+#include "workloads/backends/opencl/device/peak_loops.h"
+#include "workloads/backends/opencl/plan/kernel_table.h"
+#include "workloads/backends/opencl/tuning/tuning_file.h"
+#include "workloads/base/error.h"
+#include "workloads/base/system/affinity.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt::opencl {
+namespace {
+
+std::string lower(std::string text) {
+  std::ranges::transform(text, text.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
+bool computes_on_host(const cl::Device& device) {
+  return (device.getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_CPU) != 0;
+}
+
+cl::Platform platform_of(const cl::Device& device) {
+  return cl::Platform(device.getInfo<CL_DEVICE_PLATFORM>(), true);
+}
+
+/// The compute units that a unit uses of a device of @p available ones.
+struct UnitRange {
+  std::size_t first = 0;
+  std::size_t count = 0;
+};
+
+/// Those of the cores' own numbers where that is possible, so that two units of a process do not
+/// share worker threads; otherwise the first ones.
+UnitRange units_for(const std::vector<int>& cores, std::size_t available) {
+  if (cores.empty() || cores.size() >= available) return {.first = 0, .count = available};
+  const auto [low, high] = std::ranges::minmax(cores);
+  const bool own_numbers = static_cast<std::size_t>(high - low) + 1 == cores.size() &&
+                           static_cast<std::size_t>(high) < available;
+  return {.first = own_numbers ? static_cast<std::size_t>(low) : 0, .count = cores.size()};
+}
+
+cl::Device sub_device(cl::Device device, UnitRange units, std::size_t available) {
+  if (units.count == available) return device;
+  std::vector<cl_device_partition_property> counts = {CL_DEVICE_PARTITION_BY_COUNTS};
+  if (units.first > 0) counts.push_back(static_cast<cl_device_partition_property>(units.first));
+  counts.push_back(static_cast<cl_device_partition_property>(units.count));
+  counts.insert(counts.end(), {CL_DEVICE_PARTITION_BY_COUNTS_LIST_END, 0});
+  std::vector<cl::Device> parts;
+  device.createSubDevices(counts.data(), &parts);
+  return parts.at(units.first > 0 ? 1 : 0);
+}
+
+/// PoCL 3.1's contexts do not retain sub-devices, though its workers still read theirs for a moment
+/// after a command was reported complete: released then, they crash in clReleaseEvent. The
+/// sub-device of such a driver, about 1 KB, is kept for the rest of the process.
+cl::Context context_on(const cl::Device& device) {
+  const auto before = device.getInfo<CL_DEVICE_REFERENCE_COUNT>();
+  cl::Context context(device);
+  const bool is_part = device.getInfo<CL_DEVICE_PARENT_DEVICE>()() != nullptr;
+  if (is_part && device.getInfo<CL_DEVICE_REFERENCE_COUNT>() <= before) clRetainDevice(device());
+  return context;
+}
+
+void CL_CALLBACK take_affinity(void* set) {
+  sched_setaffinity(0, sizeof(cpu_set_t), static_cast<const cpu_set_t*>(set));
+}
+
+/// Gives the worker thread of each compute unit the calling thread's affinity, by a native kernel
+/// on it. Workers that start now inherit it anyway; those that an earlier OpenCL call of this
+/// process (a probe, another unit) started do not.
+void pin_workers(cl::Device device, UnitRange units, std::size_t available) {
+  const bool possible =
+      (device.getInfo<CL_DEVICE_EXECUTION_CAPABILITIES>() & CL_EXEC_NATIVE_KERNEL) != 0 &&
+      device.getInfo<CL_DEVICE_PARTITION_MAX_SUB_DEVICES>() >= available;
+  cpu_set_t mine;
+  if (!possible || sched_getaffinity(0, sizeof(mine), &mine) != 0) return;
+  std::vector<cl::Device> single = {device};
+  if (available > 1) {
+    const std::array<cl_device_partition_property, 3> one_each = {CL_DEVICE_PARTITION_EQUALLY, 1,
+                                                                  0};
+    device.createSubDevices(one_each.data(), &single);
+  }
+  for (std::size_t i = units.first; i < units.first + units.count; ++i) {
+    const cl::CommandQueue queue(context_on(single.at(i)), single[i]);
+    queue.enqueueNativeKernel(take_affinity, {&mine, sizeof(mine)});
+    queue.finish();
+  }
+}
+
+/// The device with the cores that the unit owns; for devices that compute on the host's.
+cl::Device restrict_to_cores(const cl::Device& device, const std::vector<int>& cores) {
+  const std::size_t available = device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
+  const UnitRange units = units_for(cores, available);
+  pin_workers(device, units, available);
+  return sub_device(device, units, available);
+}
+
+class OpenClDevice final : public Device {
+ public:
+  explicit OpenClDevice(Session session)
+      : session_(std::move(session)), info_(describe(session_.device)) {
+    info_.tuning = session_.tuning.describe();
+  }
+
+  [[nodiscard]] DeviceInfo info() const override { return info_; }
+
+  [[nodiscard]] Support supports(const Workload& workload) const override {
+    return support_of(workload, session_.device);
+  }
+
+  [[nodiscard]] PeakLoops peak_loops() override {
+    return translated(fmt::format("preparing peak loops on \"{}\"", info_.name),
+                      [&] { return make_peak_loops(session_); });
+  }
+
+ private:
+  [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload& workload,
+                                                    std::span<const Tensor> parameters) override {
+    return translated(fmt::format("preparing {} on \"{}\"", workload.name, info_.name),
+                      [&] { return opencl::make_kernel(session_, workload, parameters); });
+  }
+
+  Session session_;
+  DeviceInfo info_;
+};
+
+}  // namespace
+
+std::vector<cl::Device> all_devices() {
+  std::vector<cl::Platform> platforms;
+  cl::Platform::get(&platforms);
+  std::vector<cl::Device> devices;
+  for (const cl::Platform& platform : platforms) {
+    std::vector<cl::Device> found;
+    try {
+      platform.getDevices(CL_DEVICE_TYPE_ALL, &found);
+    } catch (const cl::Error& error) {
+      if (error.err() != CL_DEVICE_NOT_FOUND) throw;  // A driver without its hardware.
+    }
+    devices.insert(devices.end(), found.begin(), found.end());
+  }
+  // Not std::ranges: clang 14 does not compile its subrange with libstdc++ 12.
+  std::stable_partition(devices.begin(), devices.end(),
+                        [](const cl::Device& d) { return !computes_on_host(d); });
+  return devices;
+}
+
+DeviceInfo describe(const cl::Device& device) {
+  const auto platform = platform_of(device);
+  return {.name = device.getInfo<CL_DEVICE_NAME>(),
+          .platform = platform.getInfo<CL_PLATFORM_NAME>(),
+          .version = fmt::format("{}, driver {}", platform.getInfo<CL_PLATFORM_VERSION>(),
+                                 device.getInfo<CL_DRIVER_VERSION>()),
+          .compute_units = static_cast<int>(device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>()),
+          .is_cpu = computes_on_host(device),
+          .cache_bytes = cache_bytes(device, computes_on_host(device))};
+}
+
+cl::Device choose_device(const std::vector<cl::Device>& devices, const std::string& wanted) {
+  if (devices.empty()) {
+    throw_environment("opencl: " + why_no_device());
+  }
+  std::vector<std::string> names;
+  for (const cl::Device& device : devices) {
+    const DeviceInfo info = describe(device);
+    if (lower(info.name).find(lower(wanted)) != std::string::npos ||
+        lower(info.platform).find(lower(wanted)) != std::string::npos) {
+      return device;
+    }
+    names.push_back(fmt::format("\"{}\" ({})", info.name, info.platform));
+  }
+  throw_environment(
+      fmt::format("opencl: no device matches \"{}\"; there are: {}", wanted, join(names, ", ")));
+}
+
+Session open_session(const UnitRequest& request) {
+  bind_to_cores(request.cores, request.unit);
+  return translated(fmt::format("opening unit {}", request.unit), [&] {
+    Session session;
+    session.device = choose_device(all_devices(), request.device);
+    session.is_cpu = computes_on_host(session.device);
+    session.tuning = tuning_for(describe(session.device));
+    session.local_x = std::min(static_cast<std::size_t>(session.tuning[Parameter::kLocalX]),
+                               session.device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>());
+    if (session.is_cpu) session.device = restrict_to_cores(session.device, request.cores);
+    session.context = context_on(session.device);
+    session.queue = cl::CommandQueue(session.context, session.device, CL_QUEUE_PROFILING_ENABLE);
+    return session;
+  });
+}
+
+std::unique_ptr<Device> open_device(const UnitRequest& request) {
+  Session session = open_session(request);
+  return translated(fmt::format("opening unit {}", request.unit),
+                    [&] { return std::make_unique<OpenClDevice>(std::move(session)); });
+}
+
+}  // namespace pirt::opencl

@@ -1,0 +1,86 @@
+#include "workloads/backends/opencl/plan/mapped_kernel.h"
+
+#include <fmt/core.h>
+
+#include <cassert>
+
+namespace pirt::opencl {
+
+bool shares_memory(const cl::Device& device) {
+  return device.getInfo<CL_DEVICE_HOST_UNIFIED_MEMORY>() == CL_TRUE;
+}
+
+MappedKernel::~MappedKernel() {
+  try {
+    unmap_all();
+  } catch (const cl::Error&) {
+    // The queue is gone with its device; the host's memory stays the host's.
+  }
+}
+
+void MappedKernel::bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
+  assert(inputs.size() == plan_.inputs.size() && outputs.size() == plan_.outputs.size());
+  translated(fmt::format("mapping the tensors of {}", workload_), [&] {
+    unmap_all();
+    shared_.clear();
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      share(plan_.inputs[i], inputs[i].data(), inputs[i].bytes().size(), CL_MEM_READ_ONLY,
+            CL_MAP_WRITE);
+    }
+    for (std::size_t i = 0; i < outputs.size(); ++i) {
+      share(plan_.outputs[i], outputs[i].data(), outputs[i].bytes().size(), CL_MEM_READ_WRITE,
+            CL_MAP_READ | CL_MAP_WRITE);
+    }
+    map_all();
+  });
+}
+
+void MappedKernel::share(Resident& resident, const std::byte* data, std::size_t size_bytes,
+                         cl_mem_flags access, cl_map_flags flags) {
+  // The device only reads inputs; OpenCL has no constant host pointer.
+  Shared shared{.buffer = cl::Buffer(session_.context, access | CL_MEM_USE_HOST_PTR, size_bytes,
+                                     const_cast<std::byte*>(data)),
+                .size_bytes = size_bytes,
+                .flags = flags};
+  plan_.replace(resident, shared.buffer);
+  shared_.push_back(std::move(shared));
+}
+
+void MappedKernel::upload() {
+  translated(fmt::format("handing over the inputs of {}", workload_), [&] { unmap_all(); });
+}
+
+std::optional<Nanos> MappedKernel::execute(int repeats) {
+  return translated(fmt::format("executing {}", workload_), [&] {
+    unmap_all();  // executing again without another upload is allowed
+    LaunchTimes times;
+    for (int i = 0; i < repeats; ++i) enqueue(session_, plan_, times);
+    return times.finish();
+  });
+}
+
+void MappedKernel::download() {
+  translated(fmt::format("taking back the outputs of {}", workload_), [&] { map_all(); });
+}
+
+void MappedKernel::map_all() {
+  for (Shared& shared : shared_) {
+    if (shared.pointer != nullptr) continue;
+    shared.pointer = session_.queue.enqueueMapBuffer(shared.buffer, CL_FALSE, shared.flags, 0,
+                                                     shared.size_bytes);
+  }
+  session_.queue.finish();
+}
+
+void MappedKernel::unmap_all() {
+  bool any = false;
+  for (Shared& shared : shared_) {
+    if (shared.pointer == nullptr) continue;
+    session_.queue.enqueueUnmapMemObject(shared.buffer, shared.pointer);
+    shared.pointer = nullptr;
+    any = true;
+  }
+  if (any) session_.queue.finish();
+}
+
+}  // namespace pirt::opencl

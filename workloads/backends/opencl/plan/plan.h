@@ -1,0 +1,151 @@
+// A prepared workload as the device sees it: resident tensors and the launches that compute them.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "workloads/backends/opencl/device/session.h"
+#include "workloads/backends/opencl/plan/launch_times.h"
+#include "workloads/model/tensor.h"
+
+namespace pirt::opencl {
+
+/// A tensor on the device. With pad > 0 it is [planes, rows, columns], or several such images of a
+/// batch ([images, planes, rows, columns], all planes one after the other), with a border of `pad`
+/// zeros around each plane, so that a convolution needs no bounds in its loops.
+struct Resident {
+  cl::Buffer buffer;
+  TensorSpec spec;
+  int pad = 0;
+  cl::Buffer rows = {};  ///< i32 [1]: how many it has; only where the spec varies.
+
+  /// In elements: from a row to the next, from a plane to the next, and of the first element. Spec
+  /// of 3 dimensions or 4.
+  [[nodiscard]] std::int32_t pitch() const;
+  [[nodiscard]] std::int32_t plane() const;
+  /// Of all images together.
+  [[nodiscard]] std::int64_t planes() const;
+  [[nodiscard]] std::int32_t offset() const { return pad * pitch() + pad; }
+};
+
+/// One launch with its arguments set.
+struct Step {
+  cl::Kernel kernel;
+  cl::NDRange global;
+  cl::NDRange local;
+};
+
+/// An argument: memory that the items of a work group share.
+struct LocalMemory {
+  std::size_t size_bytes = 0;
+};
+
+/// Where a buffer is an argument.
+struct Use {
+  std::size_t step = 0;
+  cl_uint index = 0;
+  cl_mem buffer = nullptr;
+};
+
+struct Plan {
+  std::vector<Resident> inputs;  ///< As the workload's.
+  std::vector<Resident>
+      outputs;              ///< As the workload's, unless the host computes the last part; pad 0.
+  std::vector<Step> steps;  ///< In order.
+  std::vector<cl::Buffer> held;  ///< All buffers of the steps: a cl_kernel retains no arguments.
+  std::vector<Use> uses;         ///< Of all buffers.
+  std::vector<Resident> current, next;  ///< The two sets of the workload's state; pad 0.
+
+  /// Gives the steps another buffer in place of @p resident's, which is freed.
+  void replace(Resident& resident, const cl::Buffer& with);
+  /// The two sets of the state change places.
+  void swap_state();
+};
+
+/// The number of work items of a launch before rounding up to whole work groups; kernels guard the
+/// excess in x.
+struct Extent {
+  std::int64_t x = 1;
+  std::int64_t y = 1;
+};
+
+/// Collects a plan: builds each program once, allocates buffers, sets arguments. Not kept after
+/// `prepare`.
+class PlanBuilder {
+ public:
+  explicit PlanBuilder(const Session& session) : session_(session) {}
+
+  [[nodiscard]] const Session& session() const { return session_; }
+
+  /// Uninitialized if pad is 0, otherwise zeroed for the sake of its border. No rows yet.
+  [[nodiscard]] Resident resident(const TensorSpec& spec, int pad = 0);
+  /// Allocates both sets of a state, which the plan will have.
+  void make_state(std::span<const TensorSpec> specs);
+  /// For the steps: what a call reads and what it writes.
+  [[nodiscard]] const Resident& current(std::size_t tensor) const { return current_.at(tensor); }
+  [[nodiscard]] const Resident& next(std::size_t tensor) const { return next_.at(tensor); }
+  [[nodiscard]] cl::Buffer scratch(std::int64_t size_bytes);
+  /// Complete on return.
+  [[nodiscard]] cl::Buffer zeroed(std::size_t size_bytes);
+  /// A buffer that kernels only read, filled; complete on return.
+  [[nodiscard]] cl::Buffer constant(std::span<const std::byte> bytes);
+
+  /// Appends the launch of a kernel. Buffers, residents, int32, float and local memory are
+  /// arguments.
+  /// @param source  Name of one of the embedded .cl files.
+  template <typename... Arguments>
+  void step(std::string_view source, const char* kernel, Extent extent,
+            const Arguments&... arguments) {
+    cl::Kernel built(program(source), kernel);
+    cl_uint index = 0;
+    (set(built, index++, arguments), ...);
+    append(std::move(built), extent);
+  }
+
+  /// The plan of all steps so far; the builder is empty afterwards.
+  [[nodiscard]] Plan finish(std::vector<Resident> inputs, std::vector<Resident> outputs);
+
+ private:
+  void set(cl::Kernel& kernel, cl_uint index, const cl::Buffer& buffer) {
+    kernel.setArg(index, buffer);
+    uses_.push_back({.step = steps_.size(), .index = index, .buffer = buffer()});
+  }
+  void set(cl::Kernel& kernel, cl_uint index, const Resident& resident) {
+    set(kernel, index, resident.buffer);
+  }
+  static void set(cl::Kernel& kernel, cl_uint index, std::int32_t value) {
+    kernel.setArg(index, static_cast<cl_int>(value));
+  }
+  static void set(cl::Kernel& kernel, cl_uint index, LocalMemory memory) {
+    kernel.setArg(index, cl::Local(memory.size_bytes));
+  }
+  static void set(cl::Kernel& kernel, cl_uint index, float value) {
+    kernel.setArg(index, static_cast<cl_float>(value));
+  }
+
+  [[nodiscard]] const cl::Program& program(std::string_view source);
+  [[nodiscard]] cl::Buffer allocate(cl_mem_flags flags, std::size_t size_bytes);
+  void append(cl::Kernel kernel, Extent extent);
+
+  const Session& session_;
+  std::map<std::string, cl::Program, std::less<>> programs_;
+  std::vector<Step> steps_;
+  std::vector<cl::Buffer> held_;
+  std::vector<Use> uses_;
+  std::vector<Resident> current_, next_;
+};
+
+/// Host to device, of a list the rows that it has; blocks. @param from  Without border.
+void write(const Session& session, const Resident& to, const Tensor& from);
+/// Device to host, of a list the rows that the device says; blocks. Residents without border only.
+/// @throws Error{kEnvironment} if the device says more rows than the list can have, or fewer than
+/// 0.
+void read(const Session& session, const Resident& from, Tensor& to);
+/// Enqueues all steps and adds their events to @p times.
+void enqueue(const Session& session, const Plan& plan, LaunchTimes& times);
+
+}  // namespace pirt::opencl

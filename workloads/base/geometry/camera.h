@@ -1,0 +1,51 @@
+// A pinhole camera with a radial-tangential lens, as EuRoC's sensor.yaml describes one.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "workloads/base/geometry/geometry.h"
+#include "workloads/base/math/pixel_index.h"
+
+namespace pirt {
+
+/// Lens coefficients as OpenCV's (k1, k2, p1, p2); all 0 = a picture that is rectified already.
+struct CameraModel {
+  int width = 0, height = 0;  ///< Pixels.
+  double fx = 0, fy = 0, cx = 0, cy = 0;
+  double k1 = 0, k2 = 0, p1 = 0, p2 = 0;
+  Pose body_from_camera;
+  double rate_hz = 0;
+
+  /// Where the ray (x, y, 1) of the camera's frame falls, in pixels.
+  [[nodiscard]] Eigen::Vector2d project(const Eigen::Vector2d& ray) const;
+  /// The ray of a pixel: the inverse of project(), to 1e-9 where the lens is invertible.
+  /// @source  Fixed-point start and Newton steps on the distortion polynomial.
+  [[nodiscard]] Eigen::Vector2d ray(const Eigen::Vector2d& pixel) const;
+  [[nodiscard]] bool contains(const Eigen::Vector2d& pixel, double border = 0.0) const {
+    return pixel.x() >= border && pixel.y() >= border && pixel.x() <= width - 1 - border &&
+           pixel.y() <= height - 1 - border;
+  }
+  /// One figure for both axes: what turns an angle into pixels near the centre.
+  [[nodiscard]] double focal() const { return 0.5 * (fx + fy); }
+};
+
+/// u8 [height, width], row-major.
+struct GreyImage {
+  int width = 0, height = 0;
+  std::vector<std::uint8_t> pixels;
+
+  [[nodiscard]] bool empty() const { return pixels.empty(); }
+  [[nodiscard]] const std::uint8_t* row(int y) const {
+    return pixels.data() + pixel_index(0, y, width);
+  }
+  [[nodiscard]] std::uint8_t* row(int y) { return pixels.data() + pixel_index(0, y, width); }
+};
+
+/// The picture that the same camera without its lens' distortion would take; what it cannot see is
+/// 0. The map and the arithmetic are those of workload `undistort`, hence OpenCV's to a grey level.
+[[nodiscard]] GreyImage undistort(const GreyImage& image, const CameraModel& camera);
+
+}  // namespace pirt

@@ -1,0 +1,43 @@
+#include "workloads/base/system/module.h"
+
+#include <dlfcn.h>
+#include <fmt/core.h>
+
+#include <filesystem>
+#include <vector>
+
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Where modules are installed, seen from the program; where they are built.
+std::vector<fs::path> folders() {
+  std::error_code unknown;
+  const fs::path program = fs::read_symlink("/proc/self/exe", unknown);
+  return {program.parent_path().parent_path() / PIRT_MODULE_FOLDER, fs::path(PIRT_BUILD_FOLDER)};
+}
+
+}  // namespace
+
+void* module_symbol(const char* module, const char* symbol, const std::string& remedy) {
+  std::string why;
+  const auto places = folders();
+  for (const fs::path& folder : places) {
+    const fs::path place = folder / module;
+    if (!fs::exists(place)) continue;
+    void* const loaded = ::dlopen(place.c_str(), RTLD_NOW | RTLD_LOCAL);
+    void* const found = loaded == nullptr ? nullptr : ::dlsym(loaded, symbol);
+    if (found != nullptr) return found;
+    why = ::dlerror();
+  }
+  if (why.empty()) {
+    why = fmt::format("it is neither in {} nor in {}", places[0].string(), places[1].string());
+  }
+  throw_environment(
+      fmt::format("cannot load {}, {}: {}; install pirt with it", module, remedy, why));
+}
+
+}  // namespace pirt

@@ -1,0 +1,234 @@
+#include "workloads/base/text/text.h"
+
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <poll.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <numeric>
+#include <utility>
+
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i);
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t substitute = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, substitute});
+    }
+  }
+  return row.back();
+}
+
+[[noreturn]] void throw_system(std::string_view doing, const std::filesystem::path& path,
+                               int error) {
+  throw_bad_input(std::string("cannot ") + std::string(doing) + " '" + path.string() +
+                  "': " + std::strerror(error));
+}
+
+constexpr std::size_t kLeastRead = 4096;
+
+/// A file that the user named, open for reading.
+class InputFile {
+ public:
+  explicit InputFile(const std::filesystem::path& path) : path_(path) {
+    // Looked at before it is opened, since opening alone sets some devices going.
+    if (::stat(path.c_str(), &status_) != 0) throw_system("read", path, errno);
+    if (S_ISDIR(status_.st_mode)) throw_system("read", path, EISDIR);
+    if (!S_ISREG(status_.st_mode) && !S_ISFIFO(status_.st_mode) && !is_own_terminal()) {
+      throw_bad_input("cannot read '" + path.string() +
+                      "': it is a device or a socket; name a file or a pipe");
+    }
+    // Without O_NONBLOCK, opening a FIFO waits for its writer, and handled signals do not end that.
+    fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK);
+    if (fd_ < 0) throw_system("read", path, errno);
+  }
+  InputFile(const InputFile&) = delete;
+  InputFile& operator=(const InputFile&) = delete;
+  ~InputFile() { ::close(fd_); }
+
+  /// One more than the size, so that the end is met without growing; a guess for pipes.
+  [[nodiscard]] std::size_t expected_bytes() const {
+    constexpr off_t kMost = off_t{1} << 30;
+    return status_.st_size < kMost ? static_cast<std::size_t>(status_.st_size) + 1 : kLeastRead;
+  }
+
+  /// @return bytes read; 0 = the end.
+  [[nodiscard]] std::size_t read(char* to, std::size_t bytes) const {
+    while (true) {
+      if (!S_ISREG(status_.st_mode)) wait();
+      const ssize_t got = ::read(fd_, to, bytes);
+      if (got >= 0) return static_cast<std::size_t>(got);
+      if (errno != EINTR && errno != EAGAIN) throw_system("read", path_, errno);
+    }
+  }
+
+ private:
+  /// What /dev/stdin is when somebody types; other devices need not have an end.
+  [[nodiscard]] bool is_own_terminal() const {
+    struct stat input {};
+    return S_ISCHR(status_.st_mode) && ::isatty(STDIN_FILENO) == 1 &&
+           ::fstat(STDIN_FILENO, &input) == 0 && input.st_rdev == status_.st_rdev;
+  }
+
+  /// Until a writer has written or gone. poll() is never restarted after a handler has run.
+  void wait() const {
+    pollfd state{.fd = fd_, .events = POLLIN, .revents = 0};
+    if (::poll(&state, 1, -1) >= 0) return;
+    if (errno != EINTR) throw_system("read", path_, errno);
+    throw_environment("stopped by a signal while waiting for '" + path_.string() + "'");
+  }
+
+  std::filesystem::path path_;
+  struct stat status_ {};
+  int fd_ = -1;
+};
+/// In the order of their first: a unit's name may be its role as well.
+std::vector<std::string> once_each(std::span<const std::string> words) {
+  std::vector<std::string> once;
+  for (const auto& word : words) {
+    if (std::ranges::find(once, word) == once.end()) once.push_back(word);
+  }
+  return once;
+}
+
+/// Beside @p path, so that renaming puts it there in one step.
+std::filesystem::path temporary_of(std::filesystem::path path) {
+  path += ".tmp" + std::to_string(::getpid());
+  return path;
+}
+
+void remove_quietly(const std::filesystem::path& path) {
+  std::error_code ignored;
+  std::filesystem::remove(path, ignored);
+}
+
+}  // namespace
+
+std::vector<std::string> nearest(std::string_view word, std::span<const std::string> candidates,
+                                 std::size_t limit) {
+  std::vector<std::pair<std::size_t, std::string>> ranked;
+  for (const auto& candidate : once_each(candidates)) {
+    const bool prefix = !word.empty() && candidate.starts_with(word);
+    const std::size_t distance = prefix ? 0 : edit_distance(word, candidate);
+    if (distance <= std::max<std::size_t>(1, std::max(word.size(), candidate.size()) / 2)) {
+      ranked.emplace_back(distance, candidate);
+    }
+  }
+  std::ranges::stable_sort(ranked, {}, &std::pair<std::size_t, std::string>::first);
+  std::vector<std::string> result;
+  for (std::size_t i = 0; i < std::min(limit, ranked.size()); ++i)
+    result.push_back(ranked[i].second);
+  return result;
+}
+
+std::string suggestion(std::string_view word, std::span<const std::string> candidates) {
+  const auto near = nearest(word, candidates);
+  if (!near.empty()) return " (did you mean " + join(near, ", ") + "?)";
+  const auto known = once_each(candidates);
+  if (!known.empty() && known.size() <= 12) return " (known: " + join(known, ", ") + ")";
+  return "";
+}
+
+std::string join(std::span<const std::string> parts, std::string_view separator) {
+  std::string text;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (i != 0) text += separator;
+    text += parts[i];
+  }
+  return text;
+}
+
+std::vector<std::string> split(std::string_view text, char separator) {
+  std::vector<std::string> parts;
+  std::size_t begin = 0;
+  while (begin <= text.size()) {
+    const std::size_t end = std::min(text.find(separator, begin), text.size());
+    parts.emplace_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return parts;
+}
+
+std::string read_file(const std::filesystem::path& path, std::size_t max_bytes) {
+  const InputFile file(path);
+  std::string text(std::min(file.expected_bytes(), max_bytes), '\0');
+  std::size_t size = 0;
+  while (true) {
+    if (size > max_bytes) {
+      throw_bad_input(fmt::format("'{}' is longer than the {} MiB that are read of such a file",
+                                  path.string(), max_bytes >> 20));
+    }
+    if (size == text.size()) text.resize(size + std::max(size, kLeastRead));
+    const std::size_t got = file.read(text.data() + size, text.size() - size);
+    if (got == 0) break;
+    size += got;
+  }
+  text.resize(size);
+  return text;
+}
+
+std::filesystem::path follow_links(std::filesystem::path path) {
+  constexpr int kMostLinks = 40;  // as Linux follows
+  std::error_code failed;
+  for (int links = 0; links < kMostLinks && std::filesystem::is_symlink(path, failed); ++links) {
+    auto next = path.parent_path() / std::filesystem::read_symlink(path, failed);
+    // A pipe among /proc's open files leads to no name.
+    if (std::filesystem::exists(path, failed) && !std::filesystem::exists(next, failed)) break;
+    path = std::move(next);
+  }
+  return path;
+}
+
+void write_file(const std::filesystem::path& path, std::string_view text) {
+  // A device or a pipe cannot be replaced by renaming; it is written to directly.
+  if (std::filesystem::exists(path) && !std::filesystem::is_regular_file(path)) {
+    std::ofstream out(path, std::ios::binary);
+    if (!(out << text << std::flush)) throw_system("write", path, errno != 0 ? errno : EIO);
+    return;
+  }
+  const auto target = follow_links(path);
+  const auto temporary = temporary_of(target);
+  errno = 0;
+  {
+    std::ofstream out(temporary, std::ios::binary);
+    if (!out || !(out << text << std::flush)) {
+      const int error = errno != 0 ? errno : EIO;
+      remove_quietly(temporary);
+      throw_system("write", path, error);
+    }
+  }
+  std::error_code failed;
+  std::filesystem::rename(temporary, target, failed);
+  if (failed) {
+    remove_quietly(temporary);
+    throw_bad_input("cannot write '" + path.string() + "': " + failed.message());
+  }
+}
+
+void check_writable(const std::filesystem::path& path) {
+  std::error_code failed;
+  if (std::filesystem::is_directory(path, failed)) throw_system("write", path, EISDIR);
+  if (std::filesystem::exists(path, failed) && !std::filesystem::is_regular_file(path, failed)) {
+    return;
+  }
+  const auto temporary = temporary_of(follow_links(path));
+  errno = 0;
+  const bool opened = std::ofstream(temporary, std::ios::binary).is_open();
+  if (!opened) throw_system("write", path, errno != 0 ? errno : EIO);
+  remove_quietly(temporary);
+}
+
+}  // namespace pirt

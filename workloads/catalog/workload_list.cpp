@@ -1,0 +1,138 @@
+#include "workloads/catalog/workload_list.h"
+
+#include <algorithm>
+#include <charconv>
+#include <iterator>
+#include <optional>
+#include <utility>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text/text.h"
+#include "workloads/dnn/dnn.h"
+#include "workloads/vision/vision.h"
+
+namespace pirt {
+namespace {
+
+/// Inputs and outputs stay where they are and change hands by mapping: for devices that share the
+/// host's memory. A state is the device's, and of a list only the rows that it has are moved: no
+/// such variant.
+std::optional<Workload> mapped(const Workload& plain) {
+  const auto varies = [](const std::vector<TensorSpec>& specs) {
+    return std::ranges::any_of(specs, &TensorSpec::varies);
+  };
+  if (plain.state || varies(plain.inputs) || varies(plain.outputs)) return std::nullopt;
+  if (plain.kernel == "sequence") return std::nullopt;  // Its layers hand on what nobody maps.
+  return plain;
+}
+
+std::optional<Workload> in_bf16(const Workload& plain) {
+  return dnn::in_precision(plain, Precision::kBf16);
+}
+
+std::optional<Workload> in_int8(const Workload& plain) {
+  return dnn::in_precision(plain, Precision::kInt8);
+}
+
+constexpr std::array kVariants = {
+    Variant{.name = "map",
+            .description = "upload and download by mapping memory that host and device share",
+            .make = mapped},
+    Variant{.name = "bf16",
+            .description = "products in bfloat16, sums in f32; an error bound of its own",
+            .make = in_bf16},
+    Variant{.name = "int8",
+            .description = "weights and inputs quantized to 8 bits by fixed scales, sums in 32-bit "
+                           "integers; an error bound of its own",
+            .make = in_int8},
+};
+
+std::vector<Workload> make_variant(const Variant& variant, std::span<const Workload> all_plain) {
+  std::vector<Workload> all;
+  for (const Workload& plain : all_plain) {
+    auto made = variant.make(plain);
+    if (!made) continue;
+    made->name = plain.name + "@" + std::string(variant.name);
+    made->variant = variant.name;
+    all.push_back(std::move(*made));
+  }
+  return all;
+}
+
+constexpr std::string_view kBatch = "batch";
+
+std::vector<Workload> make_batch(int batch, std::span<const Workload> all_plain) {
+  std::vector<Workload> all;
+  for (const Workload& plain : all_plain) {
+    if (!plain.has_tag("dnn")) continue;
+    Workload& made = all.emplace_back(dnn::batched(plain, batch));
+    made.variant = std::string(kBatch) + std::to_string(batch);
+    made.name = plain.name + "@" + made.variant;
+  }
+  return all;
+}
+
+/// 8 of "fc6@batch8"; nothing where the name is not of that form or the batch is out of range.
+std::optional<int> batch_of(std::string_view name) {
+  const auto at = name.find('@');
+  if (at == std::string_view::npos || !name.substr(at + 1).starts_with(kBatch)) return std::nullopt;
+  const std::string_view digits = name.substr(at + 1 + kBatch.size());
+  int batch = 0;
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), batch);
+  const bool whole = error == std::errc() && end == digits.data() + digits.size();
+  if (!whole || batch < kSmallestBatch || batch > kLargestBatch) return std::nullopt;
+  return batch;
+}
+
+const Workload* find_in(std::span<const Workload> all, std::string_view name) {
+  const auto found = std::ranges::find(all, name, &Workload::name);
+  return found == all.end() ? nullptr : &*found;
+}
+
+}  // namespace
+
+std::span<const Variant> variants() { return kVariants; }
+
+WorkloadList::WorkloadList(std::vector<Workload> others) : plain_(vision::all()) {
+  std::ranges::move(dnn::table1(), std::back_inserter(plain_));
+  std::ranges::move(dnn::pools(), std::back_inserter(plain_));
+  plain_.push_back(dnn::make_alexnet());
+  std::ranges::move(others, std::back_inserter(plain_));
+}
+
+const std::vector<std::vector<Workload>>& WorkloadList::in_variants() const {
+  std::call_once(variants_once_, [this] {
+    for (const Variant& variant : kVariants) variants_.push_back(make_variant(variant, plain_));
+  });
+  return variants_;
+}
+
+std::span<const Workload> WorkloadList::in_batch(int batch) const {
+  Made& made = batches_[static_cast<std::size_t>(batch)];
+  std::call_once(made.once, [&] { made.workloads = make_batch(batch, plain_); });
+  return made.workloads;
+}
+
+const Workload* WorkloadList::try_find(std::string_view name) const {
+  if (const auto* plain = find_in(plain_, name)) return plain;
+  if (name.find('@') == std::string_view::npos) return nullptr;
+  for (const auto& variant : in_variants()) {
+    if (const auto* found = find_in(variant, name)) return found;
+  }
+  const auto batch = batch_of(name);
+  return batch ? find_in(in_batch(*batch), name) : nullptr;
+}
+
+const Workload& WorkloadList::find(std::string_view name) const {
+  if (const auto* found = try_find(name)) return *found;
+  throw_bad_input("there is no workload '" + std::string(name) + "'" + suggestion(name, names()) +
+                  "; `pirt list workloads` shows all");
+}
+
+std::vector<std::string> WorkloadList::names() const {
+  std::vector<std::string> names;
+  for (const Workload& workload : plain_) names.push_back(workload.name);
+  return names;
+}
+
+}  // namespace pirt

@@ -1,0 +1,136 @@
+#include "workloads/inputs/pictures/image_format.h"
+
+#include <array>
+#include <utility>
+
+namespace pirt {
+namespace {
+
+constexpr std::string_view kPngSignature = "\x89PNG\r\n\x1a\n";
+constexpr std::string_view kJpegSignature = "\xff\xd8\xff";
+
+ImageCheck problem(std::string text) { return {std::nullopt, std::move(text)}; }
+
+std::uint32_t big_endian(std::string_view bytes, std::size_t at, std::size_t count) {
+  std::uint32_t value = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
+  }
+  return value;
+}
+
+constexpr std::array<std::uint32_t, 256> make_crc_table() {
+  std::array<std::uint32_t, 256> table{};
+  for (std::uint32_t n = 0; n < table.size(); ++n) {
+    std::uint32_t c = n;
+    for (int bit = 0; bit < 8; ++bit) c = (c & 1) != 0 ? 0xedb88320U ^ (c >> 1) : c >> 1;
+    table[n] = c;
+  }
+  return table;
+}
+
+std::uint32_t crc32(std::string_view bytes) {
+  static constexpr auto kTable = make_crc_table();
+  std::uint32_t crc = 0xffffffffU;
+  for (const char c : bytes) {
+    crc = kTable[(crc ^ static_cast<unsigned char>(c)) & 0xff] ^ (crc >> 8);
+  }
+  return ~crc;
+}
+
+/// A chunk is its length (4 bytes), type (4), data, and a checksum (4) of type and data.
+ImageCheck check_png(std::string_view bytes) {
+  ImageHeader header{ImageFormat::kPng, 0, 0, 8};
+  bool pixels = false;
+  std::size_t at = kPngSignature.size();
+  while (true) {
+    if (bytes.size() - at < 12) return problem("it is cut off: the end of the PNG is missing");
+    const std::size_t length = big_endian(bytes, at, 4);
+    if (bytes.size() - at - 12 < length) {
+      return problem("it is cut off: the end of the PNG is missing");
+    }
+    const std::string_view type = bytes.substr(at + 4, 4);
+    if (crc32(bytes.substr(at + 4, 4 + length)) != big_endian(bytes, at + 8 + length, 4)) {
+      return problem("it is corrupt: a PNG checksum is wrong");
+    }
+    const bool first = at == kPngSignature.size();
+    if (first != (type == "IHDR") || (first && length != 13)) {
+      return problem("it is corrupt: the PNG header is not where it belongs");
+    }
+    if (first) {
+      header.width = big_endian(bytes, at + 8, 4);
+      header.height = big_endian(bytes, at + 12, 4);
+      header.bits = static_cast<int>(big_endian(bytes, at + 16, 1));
+    }
+    pixels = pixels || type == "IDAT";
+    at += 12 + length;
+    if (type == "IEND") break;
+  }
+  if (!pixels) return problem("it is corrupt: the PNG has no pixels");
+  return {header, ""};
+}
+
+/// End of the entropy-coded data that begins at @p at: the next marker that is neither a stuffed 0
+/// nor a restart (D0 .. D7).
+std::size_t end_of_scan(std::string_view bytes, std::size_t at) {
+  for (at = bytes.find('\xff', at); at < bytes.size(); at = bytes.find('\xff', at + 1)) {
+    if (at + 1 == bytes.size()) return bytes.size();
+    const auto marker = static_cast<unsigned char>(bytes[at + 1]);
+    if (marker != 0 && marker != 0xff && (marker < 0xd0 || marker > 0xd7)) return at;
+  }
+  return bytes.size();
+}
+
+bool is_start_of_frame(unsigned marker) {
+  return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+}
+
+/// A segment is FF, a marker, its length with these two bytes, and data; a scan's pixels follow its
+/// segment.
+ImageCheck check_jpeg(std::string_view bytes) {
+  ImageHeader header{ImageFormat::kJpeg, 0, 0, 8};
+  bool pixels = false;
+  std::size_t at = 2;
+  while (true) {
+    if (at + 2 > bytes.size()) return problem("it is cut off: the end of the JPEG is missing");
+    if (bytes[at] != '\xff') return problem("it is corrupt: a JPEG marker is missing");
+    const auto marker = static_cast<unsigned char>(bytes[at + 1]);
+    if (marker == 0xff) {  // a fill byte
+      ++at;
+      continue;
+    }
+    if (marker == 0xd9) break;
+    if (at + 4 > bytes.size()) return problem("it is cut off: the end of the JPEG is missing");
+    const std::size_t length = big_endian(bytes, at + 2, 2);
+    if (length < 2) return problem("it is corrupt: a JPEG segment is too short");
+    if (bytes.size() - at - 2 < length) {
+      return problem("it is cut off: the end of the JPEG is missing");
+    }
+    if (is_start_of_frame(marker)) {
+      if (length < 8) return problem("it is corrupt: the JPEG frame header is too short");
+      header.bits = static_cast<int>(big_endian(bytes, at + 4, 1));
+      header.height = big_endian(bytes, at + 5, 2);
+      header.width = big_endian(bytes, at + 7, 2);
+    }
+    at += 2 + length;
+    if (marker == 0xda) {
+      pixels = true;
+      at = end_of_scan(bytes, at);
+    }
+  }
+  if (header.width == 0 || header.height == 0 || !pixels) {
+    return problem("it is corrupt: the JPEG has no picture");
+  }
+  return {header, ""};
+}
+
+}  // namespace
+
+ImageCheck check_image(std::string_view bytes) {
+  if (bytes.empty()) return problem("it is empty");
+  if (bytes.starts_with(kPngSignature)) return check_png(bytes);
+  if (bytes.starts_with(kJpegSignature)) return check_jpeg(bytes);
+  return problem("it is neither a PNG nor a JPEG file");
+}
+
+}  // namespace pirt

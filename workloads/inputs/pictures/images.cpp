@@ -1,0 +1,245 @@
+// The user's own pictures: found, checked and decoded before anything is measured. OpenCV decodes
+// and scales; nothing is computed with it.
+#include "workloads/inputs/pictures/images.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <system_error>
+#include <utility>
+
+#include "workloads/base/error.h"
+#include "workloads/base/hash.h"
+#include "workloads/base/math/random.h"
+#include "workloads/base/text/text.h"
+#include "workloads/inputs/pictures/decoder.h"
+#include "workloads/inputs/pictures/image_format.h"
+
+namespace pirt {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// More than any camera of a robot has; a header that asks for more is taken for damage before
+/// memory is.
+constexpr std::int64_t kMaxPixels = 100'000'000;
+constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
+constexpr std::string_view kRemedy =
+    "; replace the file by a whole PNG or JPEG picture, or take it away";
+
+[[noreturn]] void throw_unusable(const fs::path& file, const std::string& why) {
+  throw_bad_input("cannot use the picture '" + file.string() + "': " + why + std::string(kRemedy));
+}
+
+/// The file's bytes. @throws Error{kBadInput} naming the file.
+std::string read_bytes(const fs::path& file) {
+  std::error_code failed;
+  const auto size = fs::file_size(file, failed);
+  if (failed) throw_unusable(file, failed.message());
+  if (size > kMaxFileBytes) throw_unusable(file, fmt::format("it has {} bytes", size));
+  return read_file(file, kMaxFileBytes);
+}
+
+/// B, G, R, 8 bits.
+cv::Mat decode(const fs::path& file, const std::string& bytes) {
+  const auto check = check_image(bytes);
+  if (!check.header) throw_unusable(file, check.problem);
+  const auto& header = *check.header;
+  if (header.width > kMaxPixels || header.height > kMaxPixels ||
+      header.width * header.height > kMaxPixels) {
+    throw_unusable(file, fmt::format("{}x{} pixels are too many (the limit is {})", header.width,
+                                     header.height, kMaxPixels));
+  }
+  DecodedPicture decoded = decode_picture(bytes);
+  if (!decoded.error.empty()) throw_unusable(file, "it does not decode: " + decoded.error);
+  const std::string& warnings = decoded.warnings;
+  // libjpeg's words for damage that it has painted over (jerror.h); its other warnings are
+  // harmless.
+  for (const std::string_view damage : {"Corrupt JPEG data", "Premature end of"}) {
+    if (warnings.find(damage) != std::string::npos) {
+      throw_unusable(file, "it is corrupt: " + warnings.substr(0, warnings.find('\n')));
+    }
+  }
+  if (decoded.pixels.empty()) {
+    throw_unusable(file, "it is corrupt: its pixels do not decode");
+  }
+  return decoded.pixels;
+}
+
+struct Fitted {
+  cv::Mat pixels;
+  std::vector<std::string> notes;
+};
+
+/// Scaled to cover @p width x @p height, keeping the aspect, and centre-cropped; cropped first,
+/// which is the same picture with less work.
+Fitted fit(const cv::Mat& picture, int width, int height) {
+  const double scale = std::max(static_cast<double>(width) / picture.cols,
+                                static_cast<double>(height) / picture.rows);
+  const auto part = [scale](int wished, int have) {
+    return std::clamp(static_cast<int>(std::lround(wished / scale)), 1, have);
+  };
+  const cv::Size kept(part(width, picture.cols), part(height, picture.rows));
+  const cv::Rect centre({(picture.cols - kept.width) / 2, (picture.rows - kept.height) / 2}, kept);
+  Fitted fitted{picture(centre), {}};
+  if (kept != cv::Size(width, height)) {
+    cv::Mat resized;
+    cv::resize(fitted.pixels, resized, {width, height}, 0, 0,
+               scale < 1.0 ? cv::INTER_AREA : cv::INTER_LINEAR);
+    fitted.pixels = resized;
+    fitted.notes.emplace_back("input_resized");
+  }
+  if (kept != picture.size()) fitted.notes.emplace_back("input_cropped");
+  return fitted;
+}
+
+Picture gray_picture(const cv::Mat& picture, int width, int height) {
+  auto fitted = fit(picture, width, height);
+  Picture result{Tensor({"image", Element::kU8, {height, width}}), std::move(fitted.notes)};
+  cv::Mat target(height, width, CV_8U, result.pixels.data());
+  cv::cvtColor(fitted.pixels, target, cv::COLOR_BGR2GRAY);
+  return result;
+}
+
+/// Planar R, G, B of B, G, R.
+Tensor planes_of(const cv::Mat& pixels) {
+  Tensor planes({"image", Element::kU8, {3, pixels.rows, pixels.cols}});
+  for (int channel = 0; channel < 3; ++channel) {
+    auto* plane = planes.data() + std::ptrdiff_t{channel} * pixels.rows * pixels.cols;
+    cv::Mat target(pixels.rows, pixels.cols, CV_8U, plane);
+    cv::extractChannel(pixels, target, 2 - channel);
+  }
+  return planes;
+}
+
+Picture rgb_picture(const cv::Mat& picture, int width, int height) {
+  auto fitted = fit(picture, width, height);
+  return {planes_of(fitted.pixels), std::move(fitted.notes)};
+}
+
+bool has_image_extension(const fs::path& file) {
+  std::string extension = file.extension().string();
+  std::ranges::transform(extension, extension.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
+}
+
+/// Keeps the paths and hashes, not the pixels: a folder may be larger than memory.
+class FileImages : public ImageSource {
+ public:
+  explicit FileImages(const fs::path& path) : path_(path) {
+    std::error_code failed;
+    const auto status = fs::status(path, failed);
+    if (!fs::exists(status)) {
+      throw_bad_input("cannot use '" + path.string() +
+                      "' as pictures: " + (failed ? failed.message() : "no such file or folder"));
+    }
+    const auto files = fs::is_directory(status) ? pictures_of(path) : std::vector{path};
+    for (const auto& file : files) {
+      if (!fs::is_regular_file(file, failed)) throw_unusable(file, "it is not a regular file");
+      const std::string bytes = read_bytes(file);
+      static_cast<void>(decode(file, bytes));
+      files_.push_back({file, Hash64().add(bytes).value()});
+    }
+  }
+
+  Picture gray(int index, int width, int height) const override {
+    return gray_picture(load(index, files_.size()), width, height);
+  }
+
+  Picture rgb(int index, int width, int height) const override {
+    return rgb_picture(load(index, files_.size()), width, height);
+  }
+
+  /// The files in name order, back from the last, and so on: n files have n - 1 beginnings, since
+  /// the first does not follow the last. A single one slides to the right by a pixel a frame.
+  Picture gray_frame(int index, int frame, int width, int height) const override {
+    if (files_.size() == 1) return slid(gray(0, width, height), frame, width);
+    const auto turns = static_cast<std::int64_t>(files_.size()) - 1;
+    const std::int64_t at = (index % turns + frame) % (2 * turns);
+    return gray(static_cast<int>(std::min(at, 2 * turns - at)), width, height);
+  }
+
+  std::string describe() const override {
+    return fs::is_directory(path_) ? fmt::format("{} images of {}", files_.size(), path_.string())
+                                   : "image " + path_.string();
+  }
+
+  std::uint64_t content_hash() const override {
+    std::uint64_t hash = files_.size();
+    for (const auto& file : files_) hash = hash_u64(hash, file.hash);
+    return hash;
+  }
+
+ private:
+  /// Moved right by @p frame pixels; the left edge is repeated.
+  static Picture slid(Picture picture, int frame, int width) {
+    if (frame == 0) return picture;
+    Picture moved{Tensor(picture.pixels.spec()), picture.notes};
+    const auto from = picture.pixels.as<std::uint8_t>();
+    const auto to = moved.pixels.as<std::uint8_t>();
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      const std::size_t x = i % static_cast<std::size_t>(width);
+      to[i] = from[i - std::min(x, static_cast<std::size_t>(frame))];
+    }
+    return moved;
+  }
+
+  struct File {
+    fs::path path;
+    std::uint64_t hash;  ///< Of its bytes.
+  };
+
+  cv::Mat load(int index, std::size_t count) const {
+    const File& file = files_[static_cast<std::size_t>(index) % count];
+    const std::string bytes = read_bytes(file.path);
+    if (Hash64().add(bytes).value() != file.hash)
+      throw_unusable(file.path, "it changed while in use");
+    return decode(file.path, bytes);
+  }
+
+  fs::path path_;
+  std::vector<File> files_;
+};
+
+}  // namespace
+
+std::vector<fs::path> pictures_of(const fs::path& folder) {
+  std::error_code failed;
+  fs::directory_iterator entries(folder, failed);
+  if (failed) {
+    throw_bad_input("cannot read the folder '" + folder.string() + "': " + failed.message());
+  }
+  std::vector<fs::path> files;
+  for (const auto& entry : entries) {
+    const auto& path = entry.path();
+    if (path.filename().string().starts_with('.') || !has_image_extension(path)) continue;
+    if (!entry.is_directory(failed)) files.push_back(path);
+  }
+  std::ranges::sort(files);
+  if (files.empty()) {
+    throw_bad_input("there are no PNG or JPEG files in '" + folder.string() +
+                    "'; name a folder that has some, or one file");
+  }
+  return files;
+}
+
+Tensor rgb_pixels(const fs::path& file) {
+  const std::string bytes = read_bytes(file);
+  const auto header = check_image(bytes).header;
+  if (header && header->bits > 8) {
+    throw_bad_input(
+        fmt::format("cannot use the picture '{}': it has {} bits a channel; convert it to 8 bits",
+                    file.string(), header->bits));
+  }
+  return planes_of(decode(file, bytes));
+}
+
+std::unique_ptr<ImageSource> images_from(const fs::path& path) {
+  return std::make_unique<FileImages>(path);
+}
+
+}  // namespace pirt

@@ -1,0 +1,266 @@
+// The ASL layout of the EuRoC datasets. Burri et al., The EuRoC micro aerial vehicle datasets, IJRR
+// 2016. What is read is checked against what a robot's sensors can say, so that a mistaken unit is
+// found here and not by a filter that diverges.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "workloads/base/error.h"
+#include "workloads/base/math/pixel_index.h"
+#include "workloads/base/text/text.h"
+#include "workloads/base/text/yaml.h"
+#include "workloads/inputs/sequence/sequence.h"
+#include "workloads/inputs/sequence/table_file.h"
+
+namespace pirt {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kRotationTolerance = 1e-3;
+constexpr double kLongestExtrinsic_m = 5.0;     // a rig of millimetres has hundreds
+constexpr double kFastestGyro_rad_s = 35.0;     // 2000 degrees/s, where MEMS gyroscopes saturate
+constexpr double kStrongestAccel_m_s2 = 400.0;  // 40 g
+
+/// OpenCV writes "%YAML:1.0", which is no YAML directive.
+YamlNode read_sensor(const fs::path& file) {
+  if (!fs::exists(file)) {
+    throw_bad_input(
+        fmt::format("the calibration '{}' is missing; a sequence needs it", file.string()));
+  }
+  std::string text = read_file(file);
+  if (text.starts_with("%YAML:")) text.front() = '#';
+  return parse_yaml(file.string(), text);
+}
+
+std::vector<double> numbers_of(const YamlNode& list, std::size_t count, double largest) {
+  const auto items = list.is_sequence() ? list.items() : std::vector<YamlNode>();
+  if (items.size() != count) list.fail(fmt::format("must be a list of {} numbers", count));
+  std::vector<double> values;
+  for (const auto& item : items) values.push_back(item.number(-largest, largest));
+  return values;
+}
+
+Pose read_extrinsics(const YamlNode& sensor) {
+  const YamlNode node = sensor.at("T_BS").at("data");
+  const auto m = numbers_of(node, 16, 1e6);
+  Pose pose;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) pose.rotation(r, c) = m[pixel_index(c, r, 4)];
+    pose.position(r) = m[pixel_index(3, r, 4)];
+  }
+  const Eigen::Matrix3d product = pose.rotation * pose.rotation.transpose();
+  if (!product.isIdentity(kRotationTolerance) || pose.rotation.determinant() < 0) {
+    node.fail("the left 3x3 numbers are no rotation (row-major, orthonormal, determinant 1)");
+  }
+  if (pose.position.norm() > kLongestExtrinsic_m) {
+    node.fail(fmt::format("the sensor is {:.1f} m from the body; are these millimetres?",
+                          pose.position.norm()));
+  }
+  pose.rotation = nearest_rotation(pose.rotation);
+  return pose;
+}
+
+struct Stamped {
+  Nanos time;
+  std::string file;
+};
+
+/// cam0/data.csv: stamp, file.
+std::vector<Stamped> read_frames(const fs::path& camera) {
+  std::vector<Stamped> frames;
+  for (const auto& row : read_table(camera / "data.csv", ',', 2)) {
+    const Nanos time = row.stamp(0);
+    if (!frames.empty()) check_rises(row, frames.back().time, time);
+    const fs::path name = row.text(1);
+    if (name.empty() || name.has_parent_path() || name == "." || name == "..") {
+      row.fail("'" + name.string() + "' is not the name of a picture");
+    }
+    if (!fs::is_regular_file(camera / "data" / name)) {
+      row.fail("the picture '" + (camera / "data" / name).string() + "' is missing");
+    }
+    frames.push_back({time, name.string()});
+  }
+  return frames;
+}
+
+/// Degrees and g, as far as they can be told from a recording.
+void check_units(const fs::path& file, const std::vector<ImuSample>& imu) {
+  double fastest = 0;
+  std::vector<double> accels;
+  for (const auto& sample : imu) {
+    fastest = std::max(fastest, sample.gyro_rad_s.cwiseAbs().maxCoeff());
+    accels.push_back(sample.accel_m_s2.norm());
+  }
+  std::ranges::nth_element(accels, accels.begin() + std::ssize(accels) / 2);
+  const double usual = accels[accels.size() / 2];
+  if (fastest > kFastestGyro_rad_s) {
+    throw_bad_input(
+        fmt::format("'{}': turns at up to {:.0f} rad/s, faster than gyroscopes measure; "
+                    "are these degrees/s? Give rad/s",
+                    file.string(), fastest));
+  }
+  if (usual > 0.5 && usual < 2.0) {
+    throw_bad_input(
+        fmt::format("'{}': the median acceleration is {:.2f}, which looks like g; give "
+                    "m/s^2",
+                    file.string(), usual));
+  }
+  if (usual < 5.0 || usual > 20.0) {
+    throw_bad_input(
+        fmt::format("'{}': the median acceleration is {:.2f} m/s^2, where gravity alone "
+                    "is {}; give specific force in m/s^2",
+                    file.string(), usual, kGravity));
+  }
+}
+
+void read_cameras(const fs::path& root, Sequence& sequence) {
+  std::vector<std::vector<Stamped>> pictures;
+  std::vector<fs::path> folders;
+  for (const char* name : {"cam0", "cam1"}) {
+    if (!fs::exists(root / name)) continue;
+    folders.push_back(root / name);
+    sequence.cameras.push_back(read_camera_yaml(root / name / "sensor.yaml"));
+    pictures.push_back(read_frames(root / name));
+  }
+  if (pictures.empty()) throw_bad_input("'" + root.string() + "' has no cam0");
+  std::vector<std::vector<std::string>> files(pictures.size());
+  std::size_t partners = 0;
+  for (const auto& [time, file] : pictures[0]) {
+    Frame frame{time, {true}};
+    files[0].push_back(file);
+    if (pictures.size() > 1) {
+      const auto it = std::ranges::lower_bound(pictures[1], time, {}, &Stamped::time);
+      const bool there = it != pictures[1].end() && it->time == time;
+      frame.present.push_back(there);
+      files[1].push_back(there ? it->file : "");
+      partners += there ? 1U : 0U;
+    }
+    sequence.frames.push_back(std::move(frame));
+  }
+  if (pictures.size() > 1 && partners < pictures[0].size()) {
+    sequence.warnings.push_back(fmt::format("{} of {} frames of cam0 have no picture of cam1",
+                                            pictures[0].size() - partners, pictures[0].size()));
+  }
+  sequence.image = [folders, files, cameras = sequence.cameras](std::size_t frame,
+                                                                std::size_t camera) {
+    return read_grey_image(folders[camera] / "data" / files[camera][frame], cameras[camera].width,
+                           cameras[camera].height);
+  };
+}
+
+void read_imu(const fs::path& root, Sequence& sequence) {
+  if (!fs::exists(root / "imu0")) return;
+  sequence.imu_model = read_imu_yaml(root / "imu0" / "sensor.yaml");
+  sequence.imu = read_imu_csv(root / "imu0" / "data.csv");
+  const Pose body_from_imu = read_extrinsics(read_sensor(root / "imu0" / "sensor.yaml"));
+  if (body_from_imu.position.norm() > 1e-6) {
+    throw_bad_input("'" + (root / "imu0" / "sensor.yaml").string() +
+                    "': the IMU is not at the body's origin; give T_BS of all sensors with the "
+                    "IMU as body");
+  }
+  for (auto& sample : sequence.imu) {
+    sample.gyro_rad_s = body_from_imu.rotation * sample.gyro_rad_s;
+    sample.accel_m_s2 = body_from_imu.rotation * sample.accel_m_s2;
+  }
+}
+
+}  // namespace
+
+CameraModel read_camera_yaml(const fs::path& file) {
+  const YamlNode sensor = read_sensor(file);
+  CameraModel camera;
+  const auto size = sensor.at("resolution").items();
+  if (size.size() != 2) sensor.at("resolution").fail("must be [width, height]");
+  camera.width = static_cast<int>(size[0].integer(16, 20000));
+  camera.height = static_cast<int>(size[1].integer(16, 20000));
+  if (sensor.has("camera_model") && sensor.at("camera_model").text() != "pinhole") {
+    sensor.at("camera_model").fail("only pinhole is known");
+  }
+  const auto pinhole = numbers_of(sensor.at("intrinsics"), 4, 1e5);
+  camera.fx = pinhole[0], camera.fy = pinhole[1], camera.cx = pinhole[2], camera.cy = pinhole[3];
+  if (camera.fx < 10 || camera.fy < 10 || camera.cx < 0 || camera.cy < 0 ||
+      camera.cx > camera.width || camera.cy > camera.height) {
+    sensor.at("intrinsics").fail("fu, fv must be at least 10 pixels and cu, cv in the picture");
+  }
+  if (sensor.has("distortion_model")) {
+    const auto model = sensor.at("distortion_model").text();
+    if (model != "radial-tangential") {
+      sensor.at("distortion_model").fail("'" + model + "' is not known; only radial-tangential is");
+    }
+  }
+  const auto lens = numbers_of(sensor.at("distortion_coefficients"), 4, 10.0);
+  camera.k1 = lens[0], camera.k2 = lens[1], camera.p1 = lens[2], camera.p2 = lens[3];
+  camera.body_from_camera = read_extrinsics(sensor);
+  camera.rate_hz = sensor.at("rate_hz").number(0.01, 10000);
+  return camera;
+}
+
+ImuModel read_imu_yaml(const fs::path& file) {
+  const YamlNode sensor = read_sensor(file);
+  ImuModel model;
+  model.rate_hz = sensor.at("rate_hz").number(1, 100000);
+  constexpr double kLeast = 1e-9;
+  model.gyro_noise = sensor.at("gyroscope_noise_density").number(kLeast, 1);
+  model.gyro_walk = sensor.at("gyroscope_random_walk").number(kLeast, 1);
+  model.accel_noise = sensor.at("accelerometer_noise_density").number(kLeast, 10);
+  model.accel_walk = sensor.at("accelerometer_random_walk").number(kLeast, 10);
+  return model;
+}
+
+std::vector<ImuSample> read_imu_csv(const fs::path& file) {
+  std::vector<ImuSample> imu;
+  for (const auto& row : read_table(file, ',', 7)) {
+    ImuSample sample;
+    sample.time = row.stamp(0);
+    if (!imu.empty()) check_rises(row, imu.back().time, sample.time);
+    for (int axis = 0; axis < 3; ++axis) {
+      sample.gyro_rad_s(axis) = row.number(std::size_t{1} + static_cast<std::size_t>(axis));
+      sample.accel_m_s2(axis) = row.number(std::size_t{4} + static_cast<std::size_t>(axis));
+    }
+    if (sample.accel_m_s2.norm() > kStrongestAccel_m_s2) {
+      row.fail(fmt::format("{:.0f} m/s^2 is more than accelerometers measure",
+                           sample.accel_m_s2.norm()));
+    }
+    imu.push_back(sample);
+  }
+  check_units(file, imu);
+  return imu;
+}
+
+std::vector<TruthRow> read_truth_csv(const fs::path& file) {
+  std::vector<TruthRow> truth;
+  for (const auto& row : read_table(file, ',', 17)) {
+    const auto vector = [&](std::size_t column) {
+      return Eigen::Vector3d(row.number(column), row.number(column + 1), row.number(column + 2));
+    };
+    TruthRow state;
+    state.time = row.stamp(0);
+    if (!truth.empty()) check_rises(row, truth.back().time, state.time);
+    const Eigen::Quaterniond q(row.number(4), row.number(5), row.number(6), row.number(7));
+    if (std::abs(q.norm() - 1.0) > kRotationTolerance) {
+      row.fail("the quaternion (w, x, y, z) has not length 1");
+    }
+    state.body = {q.normalized().toRotationMatrix(), vector(1)};
+    state.velocity_m_s = vector(8);
+    state.gyro_bias_rad_s = vector(11);
+    state.accel_bias_m_s2 = vector(14);
+    truth.push_back(state);
+  }
+  return truth;
+}
+
+Sequence read_euroc(const fs::path& folder) {
+  const fs::path root = fs::exists(folder / "mav0") ? folder / "mav0" : folder;
+  Sequence sequence;
+  sequence.name = folder.string();
+  read_cameras(root, sequence);
+  read_imu(root, sequence);
+  const fs::path truth = root / "state_groundtruth_estimate0" / "data.csv";
+  if (fs::exists(truth)) sequence.truth = read_truth_csv(truth);
+  std::ranges::move(gaps_of(sequence), std::back_inserter(sequence.warnings));
+  return sequence;
+}
+
+}  // namespace pirt

@@ -1,0 +1,58 @@
+// Grey pictures of a recorded camera, decoded as they are.
+#include <fmt/core.h>
+
+#include <cstring>
+#include <opencv2/core.hpp>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text/text.h"
+#include "workloads/inputs/pictures/decoder.h"
+#include "workloads/inputs/pictures/image_format.h"
+#include "workloads/inputs/sequence/sequence.h"
+
+namespace pirt {
+namespace {
+
+[[noreturn]] void refuse(const std::filesystem::path& file, const std::string& why) {
+  throw_bad_input(
+      fmt::format("cannot use the picture '{}': {}; replace it, or take its row out of "
+                  "data.csv",
+                  file.string(), why));
+}
+
+}  // namespace
+
+GreySize grey_size(const std::filesystem::path& file) {
+  const ImageCheck check = check_image(read_file(file));
+  if (!check.header) refuse(file, check.problem);
+  constexpr std::int64_t kWidest = 20000;
+  if (check.header->width > kWidest || check.header->height > kWidest) {
+    refuse(file, "it is larger than 20000 pixels");
+  }
+  return {static_cast<int>(check.header->width), static_cast<int>(check.header->height)};
+}
+
+GreyImage read_grey_image(const std::filesystem::path& file, int width, int height) {
+  const std::string bytes = read_file(file);
+  const ImageCheck check = check_image(bytes);
+  if (!check.header) refuse(file, check.problem);
+  if (check.header->format != ImageFormat::kPng) refuse(file, "it is a JPEG file named as a PNG");
+  if (check.header->width != width || check.header->height != height) {
+    refuse(file, fmt::format("it has {}x{} pixels, its camera's calibration says {}x{}",
+                             check.header->width, check.header->height, width, height));
+  }
+  const cv::Mat pixels = decode_unchanged(bytes);
+  if (pixels.empty()) refuse(file, "its pixels do not decode");
+  if (pixels.type() != CV_8UC1) {
+    refuse(file, fmt::format("it has {} channels of {} bits, expected 8-bit grey",
+                             pixels.channels(), 8 * pixels.elemSize1()));
+  }
+  GreyImage image{width, height, {}};
+  image.pixels.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  for (int y = 0; y < height; ++y) {
+    std::memcpy(image.row(y), pixels.ptr(y), static_cast<std::size_t>(width));
+  }
+  return image;
+}
+
+}  // namespace pirt

@@ -1,0 +1,77 @@
+#include "workloads/inputs/sequence/sequence.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A stamp that is this many usual periods after the one before leaves a gap.
+constexpr double kGap = 2.5;
+
+template <typename Row>
+void find_gaps(const std::vector<Row>& rows, const std::string& what,
+               std::vector<std::string>& found) {
+  if (rows.size() < 3) return;
+  std::vector<Nanos> steps;
+  for (std::size_t i = 1; i < rows.size(); ++i) steps.push_back(rows[i].time - rows[i - 1].time);
+  auto sorted = steps;
+  std::ranges::sort(sorted);
+  const double usual_s = to_s(sorted[sorted.size() / 2]);
+  std::size_t gaps = 0;
+  double longest_s = 0;
+  double at_s = 0;
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    if (to_s(steps[i]) < kGap * usual_s) continue;
+    ++gaps;
+    if (to_s(steps[i]) <= longest_s) continue;
+    longest_s = to_s(steps[i]);
+    at_s = to_s(rows[i].time - rows[0].time);
+  }
+  if (gaps == 0) return;
+  found.push_back(
+      fmt::format("{}: {} gap{} in its time stamps, the longest {:.3f} s at {:.3f} s "
+                  "where {:.3f} s is usual",
+                  what, gaps, gaps == 1 ? "" : "s", longest_s, at_s, usual_s));
+}
+
+}  // namespace
+
+std::vector<std::string> gaps_of(const Sequence& sequence) {
+  std::vector<std::string> found;
+  find_gaps(sequence.frames, "camera", found);
+  find_gaps(sequence.imu, "IMU", found);
+  if (sequence.imu.empty() || sequence.frames.empty()) return found;
+  const Nanos begin = sequence.frames.front().time;
+  const Nanos end = sequence.frames.back().time;
+  const Nanos slack = from_ms(50);
+  if (sequence.imu.front().time > begin + slack) {
+    found.push_back(fmt::format("the IMU starts {:.3f} s after the camera",
+                                to_s(sequence.imu.front().time - begin)));
+  }
+  if (sequence.imu.back().time < end - slack) {
+    found.push_back(fmt::format("the IMU stops {:.3f} s before the camera",
+                                to_s(end - sequence.imu.back().time)));
+  }
+  return found;
+}
+
+Sequence read_sequence(const fs::path& folder) {
+  if (!fs::is_directory(folder)) {
+    throw_bad_input("'" + folder.string() + "' is no folder; give the folder of a sequence");
+  }
+  if (fs::exists(folder / "mav0") || fs::exists(folder / "cam0")) return read_euroc(folder);
+  if (fs::exists(folder / "calib.txt") || fs::exists(folder / "image_0") ||
+      fs::exists(folder / "image_l")) {
+    return read_kitti(folder);
+  }
+  throw_bad_input("'" + folder.string() +
+                  "' is no sequence: EuRoC's layout has mav0/cam0, KITTI's calib.txt and image_0");
+}
+
+}  // namespace pirt

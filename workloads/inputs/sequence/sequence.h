@@ -1,0 +1,98 @@
+// A recorded drive or flight: cameras, IMU, stamps, truth, and pictures that are loaded when asked
+// for. Where it came from (EuRoC folder, KITTI folder, generated scene) is not visible here.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "workloads/base/geometry/camera.h"
+#include "workloads/base/geometry/geometry.h"
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+/// Of the body frame: readers have applied the IMU's own extrinsics.
+struct ImuSample {
+  Nanos time{};
+  Eigen::Vector3d gyro_rad_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d accel_m_s2 = Eigen::Vector3d::Zero();
+};
+
+/// Continuous-time noise, as in EuRoC's imu0/sensor.yaml. The defaults are its ADIS16448's.
+struct ImuModel {
+  double rate_hz = 200.0;
+  double gyro_noise = 1.6968e-4;  ///< rad/s/sqrt(Hz)
+  double gyro_walk = 1.9393e-5;   ///< rad/s^2/sqrt(Hz)
+  double accel_noise = 2.0e-3;    ///< m/s^2/sqrt(Hz)
+  double accel_walk = 3.0e-3;     ///< m/s^3/sqrt(Hz)
+};
+
+struct TruthRow {
+  Nanos time{};
+  Pose body;  ///< body -> world.
+  Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d gyro_bias_rad_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d accel_bias_m_s2 = Eigen::Vector3d::Zero();
+};
+
+/// One firing of the camera or of all cameras.
+struct Frame {
+  Nanos time{};
+  std::vector<bool> present;  ///< By camera; the first one always is.
+};
+
+struct Sequence {
+  std::string name;
+  std::vector<CameraModel> cameras;  ///< 1 or 2, left first.
+  std::optional<ImuModel> imu_model;
+  std::vector<ImuSample> imu;   ///< Stamps rise strictly.
+  std::vector<Frame> frames;    ///< Stamps rise strictly.
+  std::vector<TruthRow> truth;  ///< To evaluate only; may be empty.
+  std::vector<std::string> warnings;
+  /// Picture of a frame; may be called by several threads at once.
+  /// @throws Error{kBadInput} naming the file if it is damaged or of another size than its camera.
+  std::function<GreyImage(std::size_t frame, std::size_t camera)> image;
+
+  [[nodiscard]] bool stereo() const { return cameras.size() > 1; }
+};
+
+/// Either layout, told apart by what is in the folder (mav0 or cam0: EuRoC; calib.txt: KITTI).
+/// @throws Error{kBadInput} naming both layouts if it is neither.
+[[nodiscard]] Sequence read_sequence(const std::filesystem::path& folder);
+
+/// EuRoC's ASL layout: [mav0/]{cam0,cam1,imu0}/{data.csv,sensor.yaml}, camN/data/*.png, and, if it
+/// is there, state_groundtruth_estimate0/data.csv. Frames are those of cam0; a picture of cam1
+/// belongs to the frame of the same stamp. The second camera and the IMU may be absent.
+/// @throws Error{kBadInput} with file:line for numbers that are none, stamps that do not rise, and
+/// units that cannot be (degrees, g, millimetres).
+[[nodiscard]] Sequence read_euroc(const std::filesystem::path& folder);
+
+/// KITTI odometry: calib.txt (P0, P1), image_0 or image_l, image_1 or image_r, times.txt,
+/// poses.txt. Body = left camera. Without times.txt frames are 0.1 s apart, which a warning says.
+[[nodiscard]] Sequence read_kitti(const std::filesystem::path& folder);
+
+/// The rows of EuRoC's imu0/data.csv and state_groundtruth_estimate0/data.csv.
+[[nodiscard]] std::vector<ImuSample> read_imu_csv(const std::filesystem::path& file);
+[[nodiscard]] std::vector<TruthRow> read_truth_csv(const std::filesystem::path& file);
+/// EuRoC's cam0/sensor.yaml and imu0/sensor.yaml.
+[[nodiscard]] CameraModel read_camera_yaml(const std::filesystem::path& file);
+[[nodiscard]] ImuModel read_imu_yaml(const std::filesystem::path& file);
+
+/// A grey PNG. @throws Error{kBadInput} naming the file unless it is whole, 8-bit grey and
+/// @p width x @p height.
+[[nodiscard]] GreyImage read_grey_image(const std::filesystem::path& file, int width, int height);
+
+/// What a PNG's header says, for layouts whose calibration does not.
+struct GreySize {
+  int width = 0, height = 0;
+};
+[[nodiscard]] GreySize grey_size(const std::filesystem::path& file);
+
+/// Gaps in stamps, an IMU that does not cover the frames: what a run can live with, but its user
+/// should know.
+[[nodiscard]] std::vector<std::string> gaps_of(const Sequence& sequence);
+
+}  // namespace pirt

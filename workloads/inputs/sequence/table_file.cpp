@@ -1,0 +1,84 @@
+#include "workloads/inputs/sequence/table_file.h"
+
+#include <fmt/core.h>
+
+#include <cctype>
+#include <limits>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text/numbers.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt {
+namespace {
+
+constexpr double kLargest = 1e12;
+
+std::string trimmed(std::string_view text) {
+  const auto blank = [](char c) { return std::isspace(static_cast<unsigned char>(c)) != 0; };
+  while (!text.empty() && blank(text.front())) text.remove_prefix(1);
+  while (!text.empty() && blank(text.back())) text.remove_suffix(1);
+  return std::string(text);
+}
+
+std::vector<std::string> cells_of(const std::string& line, char separator) {
+  std::vector<std::string> cells;
+  for (const auto& cell : split(line, separator)) {
+    auto text = trimmed(cell);
+    if (separator == ' ' && text.empty()) continue;
+    cells.push_back(std::move(text));
+  }
+  return cells;
+}
+
+/// A number as other programs print it: also "+1" and "1.", which the strict reader refuses.
+std::string plain(std::string text) {
+  if (text.starts_with('+')) text.erase(0, 1);
+  return text;
+}
+
+}  // namespace
+
+double TableRow::number(std::size_t column) const {
+  const auto read = decimal_number(plain(cells_[column]), -kLargest, kLargest);
+  if (!read.value) fail(fmt::format("column {} {}", column + 1, read.problem));
+  return *read.value;
+}
+
+Nanos TableRow::stamp(std::size_t column) const {
+  const auto read =
+      whole_number<std::int64_t>(cells_[column], 0, std::numeric_limits<std::int64_t>::max() / 4);
+  if (!read.value) fail(fmt::format("column {} (nanoseconds) {}", column + 1, read.problem));
+  return Nanos(*read.value);
+}
+
+void TableRow::fail(const std::string& message) const { throw_bad_input(place_ + ": " + message); }
+
+std::vector<TableRow> read_table(const std::filesystem::path& file, char separator,
+                                 std::size_t columns) {
+  std::vector<TableRow> rows;
+  int number = 0;
+  for (const auto& raw : split(read_file(file), '\n')) {
+    ++number;
+    const std::string line = trimmed(raw);
+    if (line.empty() || line.front() == '#') continue;
+    TableRow row(fmt::format("{}:{}", file.string(), number), cells_of(line, separator));
+    if (columns != 0 && row.size() != columns) {
+      row.fail(
+          fmt::format("has {} columns, expected {}; is the file cut off?", row.size(), columns));
+    }
+    rows.push_back(std::move(row));
+  }
+  if (rows.empty()) throw_bad_input(fmt::format("'{}' has no rows", file.string()));
+  return rows;
+}
+
+void check_rises(const TableRow& row, Nanos previous, Nanos time) {
+  if (time > previous) return;
+  row.fail(fmt::format(
+      "the time stamp {} {} the one before, {}; stamps must rise: sort the rows "
+      "and take repeats away",
+      time.count(), time == previous ? "repeats" : "is earlier than", previous.count()));
+}
+
+}  // namespace pirt

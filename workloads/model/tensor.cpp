@@ -1,0 +1,121 @@
+#include "workloads/model/tensor.h"
+
+#include <algorithm>
+#include <cstring>
+#include <functional>
+#include <new>
+#include <numeric>
+#include <stdexcept>
+
+namespace pirt {
+namespace {
+constexpr std::align_val_t kAlignment{64};
+}
+
+std::string_view to_string(Element element) {
+  switch (element) {
+    case Element::kU8:
+      return "u8";
+    case Element::kI16:
+      return "i16";
+    case Element::kI32:
+      return "i32";
+    case Element::kF32:
+      return "f32";
+    case Element::kF64:
+      return "f64";
+  }
+  return "?";
+}
+
+std::size_t size_bytes(Element element) {
+  switch (element) {
+    case Element::kU8:
+      return 1;
+    case Element::kI16:
+      return 2;
+    case Element::kI32:
+    case Element::kF32:
+      return 4;
+    case Element::kF64:
+      return 8;
+  }
+  return 0;
+}
+
+std::int64_t TensorSpec::count() const {
+  return std::accumulate(shape.begin(), shape.end(), std::int64_t{1}, std::multiplies<>());
+}
+
+std::int64_t TensorSpec::size_bytes() const {
+  return count() * static_cast<std::int64_t>(pirt::size_bytes(element));
+}
+
+std::string TensorSpec::describe() const {
+  std::string text = name + " " + std::string(to_string(element)) + "[";
+  for (std::size_t i = 0; i < shape.size(); ++i) {
+    text += i != 0 ? "," : varies ? "<=" : "";
+    text += std::to_string(shape[i]);
+  }
+  return text + "]";
+}
+
+void Tensor::Free::operator()(std::byte* p) const { ::operator delete[](p, kAlignment); }
+
+Tensor::Tensor(TensorSpec spec)
+    : spec_(std::move(spec)), rows_(spec_.shape.empty() ? 1 : spec_.shape.front()) {
+  const auto bytes = static_cast<std::size_t>(spec_.size_bytes());
+  data_.reset(
+      static_cast<std::byte*>(::operator new[](std::max<std::size_t>(bytes, 1), kAlignment)),
+      Free());
+  std::memset(data_.get(), 0, bytes);
+}
+
+Tensor Tensor::share() const {
+  Tensor shared;
+  shared.spec_ = spec_;
+  shared.rows_ = rows_;
+  shared.data_ = data_;
+  return shared;
+}
+
+void Tensor::set_rows(std::int64_t rows) {
+  if (!spec_.varies || rows < 0 || rows > spec_.shape.front()) {
+    throw std::logic_error(spec_.describe() + " cannot have " + std::to_string(rows) + " rows");
+  }
+  rows_ = rows;
+}
+
+std::int64_t Tensor::used_count() const {
+  return spec_.varies ? count() / spec_.shape.front() * rows_ : count();
+}
+
+std::vector<Tensor> make_tensors(std::span<const TensorSpec> specs) {
+  std::vector<Tensor> tensors;
+  tensors.reserve(specs.size());
+  for (const auto& spec : specs) tensors.emplace_back(spec);
+  return tensors;
+}
+
+void copy_tensor(const Tensor& from, Tensor& to) {
+  const TensorSpec& a = from.spec();
+  const TensorSpec& b = to.spec();
+  if (a.element != b.element || a.shape != b.shape || a.varies != b.varies) {
+    throw std::logic_error(a.describe() + " does not fit into " + b.describe());
+  }
+  if (a.varies) to.set_rows(from.rows());
+  const auto bytes = from.used_bytes();
+  if (!bytes.empty()) std::memcpy(to.data(), bytes.data(), bytes.size());
+}
+
+std::vector<Tensor> copy_tensors(std::span<const Tensor> tensors) {
+  std::vector<Tensor> copies;
+  copies.reserve(tensors.size());
+  for (const Tensor& tensor : tensors) {
+    copies.emplace_back(tensor.spec());
+    copy_tensor(tensor, copies.back());
+  }
+  return copies;
+}
+
+}  // namespace pirt

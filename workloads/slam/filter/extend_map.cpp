@@ -1,0 +1,221 @@
+// extend_map: points from tracks, tracks from corners, and bounds on all of them.
+#include <algorithm>
+#include <cmath>
+
+#include "workloads/base/math/pixel_index.h"
+#include "workloads/slam/filter/measure.h"
+#include "workloads/slam/filter/steps.h"
+
+namespace pirt::slam {
+namespace {
+
+constexpr double kLandmarkSigma = 0.10;  // of a landmark's depth when it enters, relative
+constexpr std::size_t kLandmarkViews = 5;
+constexpr int kMostMisses = 8;           // after which a landmark is not what it was
+constexpr double kLeastBase = 0.015;     // of a clone to the one before, in median depths
+constexpr float kTrackDistance = 14.0F;  // pixels between tracks
+
+std::size_t active_landmarks(const State& state) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(state.tracks, [](const Track& track) { return track.landmark >= 0; }));
+}
+
+bool is_followed(const State& state, std::int64_t landmark) {
+  return std::ranges::any_of(state.tracks,
+                             [&](const Track& track) { return track.landmark == landmark; });
+}
+
+void keep_map_point(State& state, const Setup& setup, const Landmark& landmark,
+                    const Eigen::Matrix3d& covariance) {
+  if (std::ssize(state.map) >= setup.most_map_points) {
+    state.map.erase(std::ranges::min_element(state.map, {}, &MapPoint::last_frame));
+  }
+  state.map.push_back({landmark.position, covariance, landmark.descriptor, landmark.last_frame});
+}
+
+/// Makes room for a landmark: one that was not found again where it should be, else the one that
+/// was used least among those that are not seen.
+bool make_room(State& state, const Setup& setup) {
+  if (std::ssize(state.landmarks) < setup.most_landmarks) return true;
+  std::size_t worst = state.landmarks.size();
+  double least = 1e300;
+  for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
+    const Landmark& landmark = state.landmarks[i];
+    if (is_followed(state, landmark.id)) continue;
+    const double worth = landmark.uses - 10.0 * landmark.misses -
+                         0.02 * static_cast<double>(state.frame - landmark.last_frame);
+    if (worth < least) least = worth, worst = i;
+  }
+  if (worst == state.landmarks.size()) return false;
+  if (state.landmarks[worst].misses < kMostMisses) {
+    keep_map_point(state, setup, state.landmarks[worst], landmark_covariance(state, worst));
+  }
+  remove_landmark(state, worst);
+  return true;
+}
+
+void remove_bad_landmarks(State& state) {
+  for (std::size_t i = state.landmarks.size(); i-- > 0;) {
+    if (state.landmarks[i].misses >= kMostMisses && !is_followed(state, state.landmarks[i].id)) {
+      remove_landmark(state, i);
+    }
+  }
+}
+
+/// A track with a good base line enters the filter; what it says of the clones is used, too.
+bool promote(State& state, const Setup& setup, Track& track) {
+  const double ray_sigma = setup.pixel_sigma / setup.cameras[0].focal();
+  const auto point = triangulate(views_of(state, setup, track), ray_sigma);
+  if (!point || point->rms > 3 * ray_sigma || point->relative_sigma > kLandmarkSigma) return false;
+  const PointRows all = rows_of_track(state, setup, track, point->point);
+  const RowBlock rest = without_point(all.rows, all.to_point);
+  if (innovation(state, rest) > 1.5 * chi_square_95(static_cast<int>(rest.residual.size()))) {
+    track.seen.clear();
+    track.age = -1;
+    return false;
+  }
+  if (!make_room(state, setup)) return false;
+  Landmark landmark;
+  landmark.id = state.next_id++;
+  landmark.position = point->point;
+  landmark.descriptor = track.descriptor;
+  landmark.seen_from = camera_pose(setup, state.clones.back().body, 0).position;
+  landmark.last_frame = state.frame;
+  // The point's error, in world axes, is turn x point + landmark's error, of the newest clone.
+  RowBlock block = all.rows;
+  block.parts.push_back(
+      {State::clone_at(state.clones.size() - 1), all.to_point * -cross_matrix(point->point)});
+  add_landmark(state, landmark, block, all.to_point);
+  kalman_update(state, {rest});
+  track.landmark = landmark.id;
+  track.seen.clear();
+  return true;
+}
+
+/// Tracks that a clone which goes has seen are landmarks now or never. Those that could not be
+/// are used as whole tracks, longest first.
+void promote_tracks(State& state, const Setup& setup) {
+  std::vector<Track*> ready;
+  for (auto& track : state.tracks) {
+    if (track.landmark < 0 && track.seen.size() >= kLandmarkViews) ready.push_back(&track);
+  }
+  std::ranges::stable_sort(ready, [](const Track* a, const Track* b) { return a->age > b->age; });
+  auto active = active_landmarks(state);
+  for (Track* track : ready) {
+    if (active >= static_cast<std::size_t>(setup.most_active)) break;
+    if (promote(state, setup, *track)) ++active;
+  }
+  std::erase_if(state.tracks, [](const Track& track) { return track.age < 0; });
+}
+
+/// Long tracks that are no landmarks: used, and followed on from here.
+void use_long_tracks(State& state, const Setup& setup) {
+  const auto whole = static_cast<std::size_t>(setup.most_clones);
+  std::vector<Track> used;
+  for (auto& track : state.tracks) {
+    if (track.landmark < 0 && track.seen.size() >= whole) used.push_back(track);
+  }
+  if (used.empty()) return;
+  FrameReport ignored;
+  use_points(state, setup, used, kMostPoints, ignored);
+  for (auto& track : state.tracks) {
+    const auto it = std::ranges::find(used, track.id, &Track::id);
+    if (it == used.end()) continue;
+    track.seen.clear();
+    if (it->depth < 0) track.age = -1;
+  }
+  std::erase_if(state.tracks, [](const Track& track) { return track.age < 0; });
+}
+
+double median_depth(const State& state) {
+  std::vector<double> depths;
+  for (const auto& track : state.tracks) {
+    if (track.depth > 0) depths.push_back(track.depth);
+  }
+  if (depths.empty()) return 4.0;
+  std::ranges::nth_element(depths, depths.begin() + std::ssize(depths) / 2);
+  return depths[depths.size() / 2];
+}
+
+/// Keeps the clones' number: a clone that hardly differs from the one before goes first, so that a
+/// robot at rest keeps its base line.
+void forget_clones(State& state, const Setup& setup) {
+  while (std::ssize(state.clones) > setup.most_clones) {
+    const auto n = state.clones.size();
+    if (state.status == Status::kStarting) {
+      remove_clone(state, 1);  // the first one is what motion is measured from
+      continue;
+    }
+    const Pose& newer = state.clones[n - 2].body;
+    const Pose& older = state.clones[n - 3].body;
+    const double base = (newer.position - older.position).norm();
+    remove_clone(state, base < kLeastBase * median_depth(state) ? n - 2 : 0);
+  }
+}
+
+/// Depths of tracks without a second camera, for the next prediction.
+void guess_depths(State& state, const Setup& setup) {
+  const Pose camera = camera_pose(setup, state.clones.back().body, 0);
+  for (auto& track : state.tracks) {
+    if (track.landmark >= 0) {
+      const auto it = std::ranges::find(state.landmarks, track.landmark, &Landmark::id);
+      track.depth = (camera.inverse() * it->position).z();
+    } else if (!track.has_right && track.seen.size() >= kLandmarkViews &&
+               track.seen.size() % 3 == 0) {
+      const double ray_sigma = setup.pixel_sigma / setup.cameras[0].focal();
+      const auto point = triangulate(views_of(state, setup, track), ray_sigma);
+      if (point && point->relative_sigma < 0.3) {
+        track.depth = (camera.inverse() * point->point).z();
+      }
+    }
+  }
+}
+
+void add_tracks(State& state, const Setup& setup, const Features& features) {
+  // The picture in cells, so that near tracks are found without looking at all of them.
+  constexpr float kCell = kTrackDistance;
+  const int columns = static_cast<int>(static_cast<float>(setup.cameras[0].width) / kCell) + 3;
+  const int rows = static_cast<int>(static_cast<float>(setup.cameras[0].height) / kCell) + 3;
+  std::vector<bool> taken(static_cast<std::size_t>(columns * rows), false);
+  const auto cell = [&](const Eigen::Vector2f& p, int dx, int dy) {
+    const int x = std::clamp(static_cast<int>(p.x() / kCell) + 1 + dx, 0, columns - 1);
+    const int y = std::clamp(static_cast<int>(p.y() / kCell) + 1 + dy, 0, rows - 1);
+    return pixel_index(x, y, columns);
+  };
+  const auto mark = [&](const Eigen::Vector2f& p) {
+    for (int dy = -1; dy <= 1; ++dy) {
+      for (int dx = -1; dx <= 1; ++dx) taken[cell(p, dx, dy)] = true;
+    }
+  };
+  for (const auto& track : state.tracks) mark(track.pixel);
+  for (std::size_t i = 0; i < features.pixels.size(); ++i) {
+    if (std::ssize(state.tracks) >= setup.most_tracks) break;
+    if (taken[cell(features.pixels[i], 0, 0)]) continue;
+    mark(features.pixels[i]);
+    Track track;
+    track.id = state.next_id++;
+    track.pixel = track.rest = features.pixels[i];
+    track.descriptor = features.descriptors[i];
+    Observation seen;
+    seen.frame = state.frame;
+    seen.left = setup.cameras[0].ray(track.pixel.cast<double>());
+    track.seen.push_back(seen);
+    state.tracks.push_back(std::move(track));
+  }
+}
+
+}  // namespace
+
+void extend_map(State& state, const Setup& setup, const Features& features) {
+  if (state.clones.empty()) return;  // No frame has been seen.
+  if (setup.update && !state.still && state.status == Status::kTracking) {
+    remove_bad_landmarks(state);
+    promote_tracks(state, setup);
+    use_long_tracks(state, setup);
+  }
+  guess_depths(state, setup);
+  forget_clones(state, setup);
+  add_tracks(state, setup, features);
+}
+
+}  // namespace pirt::slam

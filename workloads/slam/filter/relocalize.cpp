@@ -1,0 +1,293 @@
+// The pose found again, or for the first time, without what was known of it: from the map's
+// descriptors, or from two views.
+#include <algorithm>
+#include <cmath>
+
+#include "workloads/slam/filter/filter.h"
+#include "workloads/slam/filter/measure.h"
+#include "workloads/slam/filter/steps.h"
+#include "workloads/slam/views/pnp.h"
+#include "workloads/slam/views/two_views.h"
+
+namespace pirt::slam {
+namespace {
+
+/// How well a pose is known that came from nowhere.
+struct Prior {
+  double turn_rad, position, velocity, gyro_bias;
+};
+
+/// The body is at @p body; all clones go. Landmarks keep their own covariance in the world, biases
+/// theirs with an IMU; nothing is correlated with the new pose.
+void place_body(State& state, const Setup& setup, const Pose& body, const Prior& prior) {
+  const auto count = static_cast<Eigen::Index>(state.landmarks.size());
+  Eigen::MatrixXd points(3 * count, 3 * count);
+  if (count > 0) {
+    const int turn = State::clone_at(state.clones.size() - 1);
+    const int first = state.landmark_at(0);
+    Eigen::MatrixXd j = Eigen::MatrixXd::Zero(3 * count, 3 * count + 3);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      j.block<3, 3>(3 * i, 0) =
+          -cross_matrix(state.landmarks[static_cast<std::size_t>(i)].position);
+      j.block<3, 3>(3 * i, 3 + 3 * i).setIdentity();
+    }
+    Eigen::MatrixXd p(3 * count + 3, 3 * count + 3);
+    const auto& all = state.covariance;
+    p << all.block(turn, turn, 3, 3), all.block(turn, first, 3, 3 * count),
+        all.block(first, turn, 3 * count, 3), all.block(first, first, 3 * count, 3 * count);
+    points = j * p * j.transpose();
+  }
+  const Eigen::Matrix<double, 6, 6> biases = state.covariance.block<6, 6>(kGyroBiasAt, kGyroBiasAt);
+  // What it moved with turns with it.
+  state.motion.velocity = body.rotation * state.motion.rotation.transpose() * state.motion.velocity;
+  state.motion.rotation = body.rotation;
+  state.motion.position = body.position;
+  const Eigen::Index n = kMotionSize + 3 * count;
+  Eigen::MatrixXd p = Eigen::MatrixXd::Zero(n, n);
+  const auto set = [&](int at, double sigma) {
+    p.diagonal().segment<3>(at).setConstant(sigma * sigma);
+  };
+  set(0, prior.turn_rad);
+  set(kVelocityAt, prior.velocity);
+  set(kPositionAt, prior.position);
+  p.block<6, 6>(kGyroBiasAt, kGyroBiasAt) = biases;
+  if (!setup.imu) set(kGyroBiasAt, prior.gyro_bias);
+  // The invariant position error is p - turn x p^: what is known is p.
+  const Eigen::Matrix3d turn_var = p.block<3, 3>(0, 0);
+  const Eigen::Matrix3d lever = cross_matrix(body.position);
+  p.block<3, 3>(kPositionAt, 0) = lever * turn_var;
+  p.block<3, 3>(0, kPositionAt) = turn_var * lever.transpose();
+  p.block<3, 3>(kPositionAt, kPositionAt) += lever * turn_var * lever.transpose();
+  Eigen::MatrixXd arms(3 * count, 3);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    arms.middleRows<3>(3 * i) = cross_matrix(state.landmarks[static_cast<std::size_t>(i)].position);
+  }
+  p.bottomRightCorner(3 * count, 3 * count) = points + arms * turn_var * arms.transpose();
+  const Eigen::MatrixXd to_turn = arms * turn_var;
+  const Eigen::MatrixXd to_position = arms * turn_var * lever.transpose();
+  p.block(kMotionSize, 0, 3 * count, 3) = to_turn;
+  p.block(0, kMotionSize, 3, 3 * count) = to_turn.transpose();
+  p.block(kMotionSize, kPositionAt, 3 * count, 3) = to_position;
+  p.block(kPositionAt, kMotionSize, 3, 3 * count) = to_position.transpose();
+  state.covariance.swap(p);
+  state.clones.clear();
+  for (auto& track : state.tracks) track.seen.clear();
+}
+
+/// A map point becomes a landmark, uncorrelated with all others. Before place_body().
+void insert_landmark(State& state, const MapPoint& point, std::int64_t id) {
+  const auto n = state.covariance.rows();
+  const int turn = State::clone_at(state.clones.size() - 1);
+  const Eigen::Matrix3d arm = cross_matrix(point.position);
+  Eigen::MatrixXd grown = Eigen::MatrixXd::Zero(n + 3, n + 3);
+  grown.topLeftCorner(n, n) = state.covariance;
+  grown.bottomLeftCorner(3, n) = arm * state.covariance.middleRows<3>(turn);
+  grown.topRightCorner(n, 3) = grown.bottomLeftCorner(3, n).transpose();
+  grown.bottomRightCorner<3, 3>() =
+      point.covariance + arm * state.covariance.block<3, 3>(turn, turn) * arm.transpose();
+  state.covariance.swap(grown);
+  Landmark landmark;
+  landmark.id = id;
+  landmark.position = point.position;
+  landmark.descriptor = point.descriptor;
+  landmark.seen_from = state.motion.position;
+  landmark.last_frame = state.frame;
+  state.landmarks.push_back(landmark);
+}
+
+struct Match {
+  std::size_t feature;
+  int landmark;   ///< -1: of the map.
+  int map_point;  ///< -1: of the filter.
+};
+
+/// Features whose nearest descriptor is clearly nearer than the second.
+std::vector<Match> match_features(const State& state, const Features& features) {
+  constexpr int kMostBits = 50;
+  std::vector<Match> matches;
+  for (std::size_t f = 0; f < features.pixels.size(); ++f) {
+    Match best{f, -1, -1};
+    int bits = 257;
+    int second = 257;
+    const auto look = [&](const Descriptor& descriptor, int landmark, int map_point) {
+      const int d = distance(features.descriptors[f], descriptor);
+      if (d < bits) {
+        second = bits;
+        bits = d;
+        best = {f, landmark, map_point};
+      } else {
+        second = std::min(second, d);
+      }
+    };
+    for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
+      look(state.landmarks[i].descriptor, static_cast<int>(i), -1);
+    }
+    for (std::size_t i = 0; i < state.map.size(); ++i) {
+      look(state.map[i].descriptor, -1, static_cast<int>(i));
+    }
+    if (bits <= kMostBits && bits * 10 <= second * 8) matches.push_back(best);
+  }
+  return matches;
+}
+
+void follow(State& state, const Features& features, std::size_t feature, std::int64_t landmark) {
+  Track track;
+  track.id = state.next_id++;
+  track.pixel = track.rest = features.pixels[feature];
+  track.landmark = landmark;
+  track.descriptor = features.descriptors[feature];
+  state.tracks.push_back(std::move(track));
+}
+
+/// Poses of all clones from those of the first and the last, by the points that both see.
+bool place_clones(State& state, const Setup& setup, const Pose& last_camera) {
+  const Pose& mount = setup.cameras[0].body_from_camera;
+  const Pose first_camera = state.clones.front().body * mount;
+  const double ray_sigma = 1.0 / setup.cameras[0].focal();
+  const std::int64_t first = state.clones.front().frame;
+  const std::int64_t last = state.clones.back().frame;
+  struct Known {
+    const Track* track;
+    Eigen::Vector3d point;
+  };
+  std::vector<Known> known;
+  std::vector<double> depths;
+  for (const auto& track : state.tracks) {
+    if (track.seen.empty() || track.seen.front().frame != first) continue;
+    if (track.seen.back().frame != last) continue;
+    const std::vector<View> views = {{first_camera, track.seen.front().left},
+                                     {last_camera, track.seen.back().left}};
+    const auto point = triangulate(views, ray_sigma);
+    if (!point || point->rms > 2 * ray_sigma) continue;
+    known.push_back({&track, point->point});
+    depths.push_back(point->depth);
+  }
+  constexpr std::size_t kLeast = 20;
+  if (known.size() < kLeast) return false;
+  std::ranges::nth_element(depths, depths.begin() + std::ssize(depths) / 2);
+  // The unit of length: half of the points are nearer than this.
+  constexpr double kMedianDepth = 5.0;
+  const double scale = kMedianDepth / depths[depths.size() / 2];
+  for (std::size_t i = 1; i < state.clones.size(); ++i) {
+    Pose camera = last_camera;
+    if (i + 1 < state.clones.size()) {
+      std::vector<PointMatch> matches;
+      for (const auto& [track, point] : known) {
+        const auto seen =
+            std::ranges::find(track->seen, state.clones[i].frame, &Observation::frame);
+        if (seen != track->seen.end()) matches.push_back({point, seen->left});
+      }
+      const auto found = robust_pnp(matches, 2 * ray_sigma);
+      if (!found) return false;
+      camera = found->camera;
+    }
+    camera.position = first_camera.position + scale * (camera.position - first_camera.position);
+    state.clones[i].body = camera * mount.inverse();
+  }
+  return true;
+}
+
+}  // namespace
+
+bool start_from_tracks(State& state, const Setup& setup) {
+  constexpr std::size_t kLeastClones = 5;
+  constexpr std::size_t kLeastTracks = 30;
+  constexpr double kLeastMotion = 12.0;  // pixels, median
+  if (state.clones.size() < kLeastClones) return false;
+  std::vector<RayPair> pairs;
+  std::vector<double> moved;
+  for (const auto& track : state.tracks) {
+    if (track.seen.empty() || track.seen.front().frame != state.clones.front().frame) continue;
+    const auto& a = track.seen.front().left;
+    const auto& b = track.seen.back().left;
+    pairs.push_back({a, b});
+    moved.push_back((a - b).norm() * setup.cameras[0].focal());
+  }
+  if (pairs.size() < kLeastTracks) {
+    // What the first picture showed is gone: begin anew from here.
+    while (state.clones.size() > 1) remove_clone(state, 0);
+    return false;
+  }
+  std::ranges::nth_element(moved, moved.begin() + std::ssize(moved) / 2);
+  if (moved[moved.size() / 2] < kLeastMotion) return false;
+  const auto motion = two_views(pairs, 1.0 / setup.cameras[0].focal());
+  if (!motion) return false;
+  const Pose first_camera = camera_pose(setup, state.clones.front().body, 0);
+  if (!place_clones(state, setup, first_camera * *motion)) return false;
+
+  // The first clone is the world's; the others are known roughly, and tracks say the rest.
+  const auto n = state.clones.size();
+  const Pose& last = state.clones[n - 1].body;
+  const Pose& before = state.clones[n - 2].body;
+  const double base = (last.position - state.clones.front().body.position).norm();
+  const double dt = to_s(state.time - state.previous_time);
+  state.motion.rotation = last.rotation;
+  state.motion.position = last.position;
+  state.motion.velocity = (last.position - before.position) / dt;
+  state.motion.gyro_bias = -vector_of(before.rotation.transpose() * last.rotation) / dt;
+  const auto size = kMotionSize + kCloneSize * static_cast<Eigen::Index>(n - 1);
+  Eigen::VectorXd sigma = Eigen::VectorXd::Constant(size, 1e-6);
+  constexpr double kTurn = 0.01;
+  const double position = 0.05 * base;
+  sigma.segment<3>(0).setConstant(kTurn);
+  sigma.segment<3>(kVelocityAt).setConstant(0.3 * state.motion.velocity.norm());
+  sigma.segment<3>(kPositionAt).setConstant(position);
+  sigma.segment<3>(kGyroBiasAt).setConstant(0.02 / dt);
+  for (std::size_t i = 1; i + 1 < n; ++i) {
+    sigma.segment<3>(State::clone_at(i)).setConstant(kTurn);
+    sigma.segment<3>(State::clone_at(i) + 3).setConstant(position);
+  }
+  state.covariance = sigma.cwiseAbs2().asDiagonal();
+  const std::int64_t frame = state.clones.back().frame;
+  state.clones.pop_back();
+  add_clone(state, frame);
+  // extend_map takes what the tracks have seen, now that there are poses.
+  state.status = Status::kTracking;
+  return true;
+}
+
+bool relocalize(State& state, const Setup& setup, const Features& features) {
+  constexpr std::size_t kLeastInliers = 12;
+  const auto matches = match_features(state, features);
+  std::vector<PointMatch> points;
+  for (const auto& match : matches) {
+    const Eigen::Vector3d& point =
+        match.landmark >= 0 ? state.landmarks[static_cast<std::size_t>(match.landmark)].position
+                            : state.map[static_cast<std::size_t>(match.map_point)].position;
+    points.push_back({point, setup.cameras[0].ray(features.pixels[match.feature].cast<double>())});
+  }
+  const double most_miss = 4.0 / setup.cameras[0].focal();
+  const auto found = robust_pnp(points, most_miss);
+  if (!found || found->inliers.size() < kLeastInliers) return false;
+  if (3 * found->inliers.size() < points.size()) return false;
+  std::vector<double> depths;
+  std::vector<std::pair<std::size_t, std::int64_t>> followed;
+  for (const std::size_t i : found->inliers) {
+    depths.push_back((found->camera.inverse() * points[i].point).z());
+    const Match& match = matches[i];
+    if (match.landmark >= 0) {
+      followed.emplace_back(match.feature,
+                            state.landmarks[static_cast<std::size_t>(match.landmark)].id);
+    } else if (std::ssize(state.landmarks) < setup.most_landmarks) {
+      insert_landmark(state, state.map[static_cast<std::size_t>(match.map_point)], state.next_id);
+      followed.emplace_back(match.feature, state.next_id++);
+    }
+  }
+  std::ranges::nth_element(depths, depths.begin() + std::ssize(depths) / 2);
+  const double depth = depths[depths.size() / 2];
+  const Pose body = found->camera * setup.cameras[0].body_from_camera.inverse();
+  if (!setup.imu) {
+    state.motion.velocity.setZero();
+    state.motion.gyro_bias.setZero();
+  }
+  place_body(state, setup, body, {0.02, 0.03 * depth, setup.imu ? 0.3 : 0.5 * depth, 0.5});
+  std::erase_if(state.tracks, [](const Track& track) { return track.landmark >= 0; });
+  for (const auto& [feature, landmark] : followed) follow(state, features, feature, landmark);
+  add_clone(state, state.frame + 1);
+  state.status = Status::kTracking;
+  state.seeks_map = false;
+  state.blind_frames = 0;
+  return true;
+}
+
+}  // namespace pirt::slam

@@ -1,0 +1,455 @@
+// update_pose: tracks and descriptors correct the state.
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <unordered_map>
+
+#include "workloads/slam/filter/measure.h"
+#include "workloads/slam/filter/steps.h"
+#include "workloads/slam/views/pnp.h"
+#include "workloads/slam/views/two_views.h"
+
+namespace pirt::slam {
+namespace {
+
+constexpr double kMostStereoMiss = 3.0;  // pixels
+constexpr double kStillPixels = 0.6;     // median motion of a camera at rest, with vibration
+constexpr double kStillTurn_rad_s = 0.1;
+constexpr int kStillFrames = 5;  // between two looks
+constexpr std::size_t kLeastViews = 4;
+constexpr double kGate = 1.5;  // times the 95 % quantile
+/// Of a followed point from one picture to the next, in pixels. How well points agree (0.03 pixels
+/// on generated pictures, 0.1 on a street) does not show what windows beside each other share and
+/// what goes on from picture to picture: turns are off by some six times what follows from it.
+constexpr double kLeastTurnSigma = 0.5;
+constexpr int kMostBits = 60;     // that differ between two views of a place
+constexpr int kEnoughToSee = 12;  // tracks; fewer are blind
+constexpr int kBlindFrames = 4;   // in a row that are lost
+constexpr int kGoodFrames = 5;    // in a row that are found again
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + std::ssize(values) / 2;
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
+std::unordered_map<std::int64_t, std::size_t> landmark_index(const State& state) {
+  std::unordered_map<std::int64_t, std::size_t> index;
+  for (std::size_t i = 0; i < state.landmarks.size(); ++i) index[state.landmarks[i].id] = i;
+  return index;
+}
+
+/// Tracks that were found get their new place and an observation by the newest clone; the others
+/// are returned.
+std::vector<Track> take_tracks(State& state, const Setup& setup, const FrameTracks& tracks) {
+  std::vector<Track> kept;
+  std::vector<Track> ended;
+  for (std::size_t i = 0; i < state.tracks.size(); ++i) {
+    Track& track = state.tracks[i];
+    if (!tracks.left[i].found) {
+      ended.push_back(std::move(track));
+      continue;
+    }
+    track.pixel = tracks.left[i].pixel;
+    track.has_right = false;
+    ++track.age;
+    Observation seen;
+    seen.frame = state.frame;
+    seen.left = setup.cameras[0].ray(track.pixel.cast<double>());
+    if (!tracks.right.empty() && tracks.right[i].found) {
+      seen.right = setup.cameras[1].ray(tracks.right[i].pixel.cast<double>());
+      const auto depth =
+          stereo_depth(setup, seen.left, seen.right, kMostStereoMiss / setup.cameras[1].focal());
+      seen.has_right = depth.has_value();
+      if (depth) {
+        track.depth = *depth;
+        track.has_right = true;
+        track.right_pixel = tracks.right[i].pixel;
+      }
+    }
+    track.seen.push_back(seen);
+    kept.push_back(std::move(track));
+  }
+  state.tracks = std::move(kept);
+  return ended;
+}
+
+/// At rest nothing moves in the picture, for several frames; what moves slowly does over them.
+bool at_rest(State& state, const Setup& setup) {
+  if (std::ssize(state.tracks) < kEnoughToSee) return state.still = false;
+  if (setup.imu && (state.last_imu.gyro_rad_s - state.motion.gyro_bias).norm() > kStillTurn_rad_s) {
+    state.still_frames = 0;
+  }
+  std::vector<double> moved;
+  for (const auto& track : state.tracks) {
+    if (track.age >= state.still_frames) moved.push_back((track.pixel - track.rest).norm());
+  }
+  const bool same = !moved.empty() && median(moved) < kStillPixels;
+  ++state.still_frames;
+  if (state.still) {
+    state.still = same;
+  } else if (same && state.still_frames > kStillFrames) {
+    state.still = true;
+  }
+  if (!state.still && state.still_frames > kStillFrames) {
+    state.still_frames = 0;
+    for (auto& track : state.tracks) track.rest = track.pixel;
+  }
+  return state.still;
+}
+
+/// The body does not move: velocity and turn are 0.
+void rest_update(State& state, const Setup& setup) {
+  const MotionState& m = state.motion;
+  RowBlock velocity;
+  velocity.residual = -m.velocity;
+  velocity.parts.push_back({0, -cross_matrix(m.velocity)});
+  velocity.parts.push_back({kVelocityAt, Eigen::Matrix3d::Identity()});
+  constexpr double kVelocitySigma_m_s = 0.01;
+  velocity.sigma = kVelocitySigma_m_s;
+  RowBlock turn;
+  const Eigen::Vector3d measured =
+      setup.imu ? state.last_imu.gyro_rad_s : Eigen::Vector3d(Eigen::Vector3d::Zero());
+  turn.residual = measured - m.gyro_bias;
+  turn.parts.push_back({kGyroBiasAt, Eigen::Matrix3d::Identity()});
+  // Twice the sensor's, for vibration.
+  turn.sigma = setup.imu ? 2 * setup.imu->gyro_noise * std::sqrt(setup.imu->rate_hz) : 0.01;
+  kalman_update(state, {velocity, turn});
+}
+
+bool passes(const State& state, const RowBlock& block) {
+  return innovation(state, block) < kGate * chi_square_95(static_cast<int>(block.residual.size()));
+}
+
+/// What the last picture and this one show of the tracks that were found.
+std::vector<RayPair> ray_pairs(const State& state, const Setup& setup, const FrameTracks& tracks) {
+  std::vector<RayPair> pairs;
+  for (std::size_t i = 0; i < state.tracks.size(); ++i) {
+    if (!tracks.left[i].found) continue;
+    pairs.push_back({setup.cameras[0].ray(state.tracks[i].pixel.cast<double>()),
+                     setup.cameras[0].ray(tracks.left[i].pixel.cast<double>())});
+  }
+  return pairs;
+}
+
+/// Without a gyroscope: how the camera turned since the last picture. Between two pictures a window
+/// moves over the scene by a tenth of a pixel and not by the pixels that it may be off in the end,
+/// so that the turn is known far better than from tracks as a whole.
+void turn_update(State& state, const Setup& setup, std::span<const RayPair> pairs,
+                 FrameReport& report) {
+  const auto n = state.clones.size();
+  if (n < 2 || state.clones[n - 2].frame + 1 != state.clones[n - 1].frame) return;
+  constexpr double kMostPixels = 1.0;
+  const auto turn = turn_of(pairs, kMostPixels / setup.cameras[0].focal());
+  if (!turn) return;
+  const Eigen::Matrix3d& mount = setup.cameras[0].body_from_camera.rotation;
+  const Eigen::Matrix3d& before = state.clones[n - 2].body.rotation;
+  const Eigen::Matrix3d expected = before.transpose() * state.clones[n - 1].body.rotation;
+  const Eigen::Matrix3d measured = mount * turn->rotation.transpose() * mount.transpose();
+  // In the axes of the body then: measured = rotation_of(residual) * expected.
+  const Eigen::Matrix3d axes = measured * mount;
+  const double least = kLeastTurnSigma / setup.cameras[0].focal();
+  const double inflation = std::max(1.0, least / turn->ray_sigma);
+  const Eigen::Matrix3d covariance =
+      inflation * inflation * axes * turn->covariance * axes.transpose();
+  const Eigen::LLT<Eigen::Matrix3d> cholesky(covariance);
+  if (cholesky.info() != Eigen::Success) return;
+  RowBlock block;
+  block.residual = cholesky.matrixL().solve(vector_of(measured * expected.transpose()));
+  const Eigen::Matrix3d whitened = cholesky.matrixL().solve(before.transpose());
+  block.parts.push_back({State::clone_at(n - 2), -whitened});
+  block.parts.push_back({State::clone_at(n - 1), whitened});
+  if (!passes(state, block)) {
+    ++report.rejected;
+    return;
+  }
+  kalman_update(state, {block});
+}
+
+/// Rows of the landmarks that are followed. What does not fit is no longer followed.
+void landmark_update(State& state, const Setup& setup, FrameReport& report) {
+  const auto index = landmark_index(state);
+  std::vector<RowBlock> rows;
+  for (auto& track : state.tracks) {
+    if (track.landmark < 0 || track.seen.empty()) continue;
+    const std::size_t landmark = index.at(track.landmark);
+    RowBlock block =
+        rows_of_landmark(state, setup, landmark, track.seen.back(), setup.landmark_sigma);
+    track.seen.clear();
+    if (!passes(state, block)) {
+      ++report.rejected;
+      ++state.landmarks[landmark].misses;
+      track.age = -1;
+      continue;
+    }
+    Landmark& point = state.landmarks[landmark];
+    point.last_frame = state.frame;
+    ++point.uses;
+    point.misses = 0;
+    rows.push_back(std::move(block));
+  }
+  std::erase_if(state.tracks, [](const Track& track) { return track.age < 0; });
+  report.landmarks += static_cast<int>(rows.size());
+  kalman_update(state, rows);
+}
+
+/// Tracks whose landmark does not lie where one pose of the camera would see it with the others.
+void drop_outliers(State& state, const Setup& setup, FrameReport& report) {
+  const auto index = landmark_index(state);
+  std::vector<std::size_t> which;
+  std::vector<PointMatch> matches;
+  for (std::size_t i = 0; i < state.tracks.size(); ++i) {
+    const Track& track = state.tracks[i];
+    if (track.landmark < 0) continue;
+    which.push_back(i);
+    matches.push_back({state.landmarks[index.at(track.landmark)].position, track.seen.back().left});
+  }
+  constexpr double kMostPixels = 4.0;
+  const auto found = robust_pnp(matches, kMostPixels / setup.cameras[0].focal());
+  if (!found || 2 * found->inliers.size() < matches.size()) return;
+  std::vector<bool> good(matches.size(), false);
+  for (const std::size_t i : found->inliers) good[i] = true;
+  for (std::size_t i = 0; i < which.size(); ++i) {
+    if (good[i]) continue;
+    state.tracks[which[i]].age = -1;
+    ++report.rejected;
+  }
+  std::erase_if(state.tracks, [](const Track& track) { return track.age < 0; });
+}
+
+/// The features within reach of a predicted pixel, best descriptor first.
+struct Candidate {
+  int feature = -1;
+  int bits = kMostBits;
+  int second = 256;
+};
+
+Candidate best_feature(const Features& features, const Eigen::Vector2d& pixel, double radius,
+                       const Descriptor& descriptor) {
+  Candidate best;
+  for (std::size_t i = 0; i < features.pixels.size(); ++i) {
+    if ((features.pixels[i].cast<double>() - pixel).squaredNorm() > radius * radius) continue;
+    const int bits = distance(features.descriptors[i], descriptor);
+    if (bits < best.bits) {
+      best.second = best.feature >= 0 ? best.bits : best.second;
+      best.bits = bits;
+      best.feature = static_cast<int>(i);
+    } else {
+      best.second = std::min(best.second, bits);
+    }
+  }
+  return best;
+}
+
+/// Whether the view is near enough to the one that was described.
+bool looks_alike(const Landmark& landmark, const Eigen::Vector3d& camera) {
+  const Eigen::Vector3d then = landmark.seen_from - landmark.position;
+  const Eigen::Vector3d now = camera - landmark.position;
+  const double ratio = now.norm() / then.norm();
+  constexpr double kLeastCosine = 0.8;
+  return ratio > 0.6 && ratio < 1.7 && now.dot(then) > kLeastCosine * now.norm() * then.norm();
+}
+
+/// Landmarks that are not followed, where they should be seen: those that look like themselves are
+/// followed again, and correct the drift since they were lost.
+void recognize(State& state, const Setup& setup, const Features& features, FrameReport& report) {
+  std::vector<std::int64_t> followed;
+  for (const auto& track : state.tracks) {
+    if (track.landmark >= 0) followed.push_back(track.landmark);
+  }
+  const Pose camera = camera_pose(setup, state.clones.back().body, 0);
+  constexpr double kNear = 4.0;
+  constexpr double kFar = 40.0;  // pixels
+  std::vector<RowBlock> rows;
+  std::vector<Track> added;
+  for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
+    Landmark& landmark = state.landmarks[i];
+    if (std::ranges::find(followed, landmark.id) != followed.end()) continue;
+    const auto pixel = pixel_of(setup.cameras[0], camera, landmark.position);
+    if (!pixel || !setup.cameras[0].contains(*pixel, 24.0)) continue;
+    if (!looks_alike(landmark, camera.position)) continue;
+    Observation none;
+    none.left = setup.cameras[0].ray(*pixel);
+    RowBlock block = rows_of_landmark(state, setup, i, none, setup.pixel_sigma);
+    // Where it may be: three sigma of the prediction, from the innovation's covariance.
+    const double spread = predicted_sigma(state, block);
+    const double radius = std::clamp(3 * spread, kNear, kFar);
+    const Candidate best = best_feature(features, *pixel, radius, landmark.descriptor);
+    if (best.feature < 0 || best.bits * 10 > best.second * 8) {
+      if (spread < kNear) ++landmark.misses;
+      continue;
+    }
+    const auto feature = static_cast<std::size_t>(best.feature);
+    Observation seen;
+    seen.frame = state.frame;
+    seen.left = setup.cameras[0].ray(features.pixels[feature].cast<double>());
+    block = rows_of_landmark(state, setup, i, seen, setup.landmark_sigma);
+    if (!passes(state, block)) {
+      ++landmark.misses;
+      continue;
+    }
+    landmark.misses = 0;
+    landmark.last_frame = state.frame;
+    ++landmark.uses;
+    rows.push_back(std::move(block));
+    Track track;
+    track.id = state.next_id++;
+    track.pixel = track.rest = features.pixels[feature];
+    track.landmark = landmark.id;
+    track.depth = (camera.inverse() * landmark.position).z();
+    track.descriptor = landmark.descriptor;
+    added.push_back(std::move(track));
+  }
+  report.recognized = static_cast<int>(rows.size());
+  report.landmarks += report.recognized;
+  kalman_update(state, rows);
+  for (auto& track : added) {
+    std::erase_if(state.tracks, [&](const Track& other) {
+      return other.landmark < 0 && (other.pixel - track.pixel).squaredNorm() < 16.0F;
+    });
+    state.tracks.push_back(std::move(track));
+  }
+}
+
+/// With an IMU the state went on, and seeing again is enough; without, or in a map that was loaded,
+/// the place has to be known again.
+void find_again(State& state, const Setup& setup, const Features& features) {
+  if (setup.imu && !state.seeks_map) {
+    if (state.good_frames >= kGoodFrames) state.status = Status::kTracking;
+    return;
+  }
+  if (std::ssize(features.pixels) >= kEnoughToSee) relocalize(state, setup, features);
+}
+
+}  // namespace
+
+double predicted_sigma(const State& state, const RowBlock& block) {
+  double most = 0;
+  for (Eigen::Index row = 0; row < 2; ++row) {
+    double variance = 0;
+    for (const auto& a : block.parts) {
+      for (const auto& b : block.parts) {
+        variance += (a.values.row(row) *
+                     state.covariance.block(a.at, b.at, a.values.cols(), b.values.cols()) *
+                     b.values.row(row).transpose())
+                        .value();
+      }
+    }
+    most = std::max(most, variance);
+  }
+  return std::sqrt(most);
+}
+
+void use_points(State& state, const Setup& setup, std::vector<Track>& ended, std::size_t most,
+                FrameReport& report) {
+  std::erase_if(ended, [](const Track& track) {
+    return track.landmark >= 0 || track.seen.size() < kLeastViews;
+  });
+  std::ranges::stable_sort(
+      ended, [](const Track& a, const Track& b) { return a.seen.size() > b.seen.size(); });
+  if (ended.size() > most) ended.resize(most);
+  std::vector<RowBlock> rows;
+  const double ray_sigma = setup.pixel_sigma / setup.cameras[0].focal();
+  for (auto& track : ended) {
+    const auto views = views_of(state, setup, track);
+    const auto point = triangulate(views, ray_sigma);
+    if (!point || point->rms > 4 * ray_sigma) {
+      ++report.rejected;
+      track.depth = -1;
+      continue;
+    }
+    const PointRows all = rows_of_track(state, setup, track, point->point);
+    RowBlock block = without_point(all.rows, all.to_point);
+    if (!passes(state, block)) {
+      ++report.rejected;
+      track.depth = -1;
+      continue;
+    }
+    rows.push_back(std::move(block));
+  }
+  report.points += static_cast<int>(rows.size());
+  if (rows.empty()) return;
+  const int columns = kCloneSize * static_cast<int>(state.clones.size());
+  kalman_update(state, {compressed(rows, kMotionSize, columns)});
+}
+
+TrackRequest request_tracks(const State& state, const Setup& setup) {
+  const auto index = landmark_index(state);
+  const Pose now = camera_pose(setup, state.body(), 0);
+  const Pose before = state.clones.empty() ? now : camera_pose(setup, state.clones.back().body, 0);
+  TrackRequest request;
+  for (const auto& track : state.tracks) {
+    request.pixels.push_back(track.pixel);
+    Eigen::Vector3d point;
+    if (track.landmark >= 0) {
+      point = state.landmarks[index.at(track.landmark)].position;
+    } else {
+      constexpr double kUnknownDepth = 1e4;
+      const Eigen::Vector2d ray = setup.cameras[0].ray(track.pixel.cast<double>());
+      const Eigen::Vector3d along = ray.homogeneous();
+      point = before * Eigen::Vector3d((track.depth > 0 ? track.depth : kUnknownDepth) * along);
+    }
+    const auto pixel = pixel_of(setup.cameras[0], now, point);
+    const bool near = pixel && (pixel->cast<float>() - track.pixel).norm() < 120.0F;
+    request.guesses.push_back(near ? pixel->cast<float>() : track.pixel);
+  }
+  return request;
+}
+
+std::vector<double> depths_of(const State& state) {
+  std::vector<double> depths;
+  for (const Track& track : state.tracks) depths.push_back(track.depth);
+  return depths;
+}
+
+TrackRequest request_right(const Setup& setup, std::span<const double> depths,
+                           std::span<const TrackedPoint> left) {
+  const Pose right_from_left =
+      setup.cameras[1].body_from_camera.inverse() * setup.cameras[0].body_from_camera;
+  TrackRequest request;
+  for (std::size_t i = 0; i < depths.size(); ++i) {
+    request.pixels.push_back(left[i].pixel);
+    constexpr double kUsualDepth = 4.0;
+    const double depth = depths[i] > 0 ? depths[i] : kUsualDepth;
+    const Eigen::Vector2d ray = setup.cameras[0].ray(left[i].pixel.cast<double>());
+    const Eigen::Vector3d along = ray.homogeneous();
+    const Eigen::Vector3d p = right_from_left * Eigen::Vector3d(depth * along);
+    const auto pixel = pixel_of(setup.cameras[1], {}, p);
+    request.guesses.push_back(pixel ? pixel->cast<float>() : left[i].pixel);
+  }
+  return request;
+}
+
+FrameReport update_pose(State& state, const Setup& setup, const FrameTracks& tracks,
+                        const Features& features) {
+  FrameReport report;
+  const auto pairs = setup.imu ? std::vector<RayPair>{} : ray_pairs(state, setup, tracks);
+  add_clone(state, state.frame + 1);
+  auto ended = take_tracks(state, setup, tracks);
+  report.tracks = static_cast<int>(state.tracks.size());
+  if (state.status == Status::kStarting) {
+    start_from_tracks(state, setup);
+    return report;
+  }
+  const bool sees = report.tracks >= kEnoughToSee;
+  if (setup.update && state.status == Status::kTracking) {
+    if (at_rest(state, setup)) {
+      // The same view again says nothing new: its errors are those of the last frame.
+      rest_update(state, setup);
+    } else {
+      if (!setup.imu) turn_update(state, setup, pairs, report);
+      drop_outliers(state, setup, report);
+      landmark_update(state, setup, report);
+      use_points(state, setup, ended, kMostPoints, report);
+      recognize(state, setup, features, report);
+    }
+  }
+  state.blind_frames = sees ? 0 : state.blind_frames + 1;
+  state.good_frames = sees ? state.good_frames + 1 : 0;
+  if (state.blind_frames >= kBlindFrames || state.seeks_map) state.status = Status::kLost;
+  if (state.status == Status::kLost && setup.update) find_again(state, setup, features);
+  return report;
+}
+
+}  // namespace pirt::slam

@@ -1,0 +1,28 @@
+// A camera's pose from points and their rays, robustly: OpenCV's P3P in RANSAC, which draws from a
+// fixed seed of its own.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "workloads/base/geometry/geometry.h"
+
+namespace pirt::slam {
+
+struct PointMatch {
+  Eigen::Vector3d point;  ///< World.
+  Eigen::Vector2d ray;    ///< (x, y, 1) of the camera.
+};
+
+struct PnpResult {
+  Pose camera;  ///< camera -> world
+  std::vector<std::size_t> inliers;
+};
+
+/// @param most_miss  Of an inlier's ray, radians near the axis.
+/// @return  Absent with fewer than 6 matches or 6 inliers.
+[[nodiscard]] std::optional<PnpResult> robust_pnp(std::span<const PointMatch> matches,
+                                                  double most_miss);
+
+}  // namespace pirt::slam

@@ -1,0 +1,187 @@
+#include "workloads/slam/views/two_views.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <vector>
+
+#include "workloads/base/error.h"
+
+namespace pirt::slam {
+namespace {
+
+constexpr double kConfidence = 0.999;
+constexpr std::size_t kLeastPoints = 20;
+
+struct Points {
+  std::vector<cv::Point2d> first, second;
+};
+
+Points points_of(std::span<const RayPair> pairs) {
+  Points points;
+  for (const auto& pair : pairs) {
+    points.first.emplace_back(pair.first.x(), pair.first.y());
+    points.second.emplace_back(pair.second.x(), pair.second.y());
+  }
+  return points;
+}
+
+Eigen::Matrix3d matrix_of(const cv::Mat& m) {
+  Eigen::Matrix3d matrix;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) matrix(row, column) = m.at<double>(row, column);
+  }
+  return matrix;
+}
+
+Eigen::Vector3d vector_of_column(const cv::Mat& m) {
+  return {m.at<double>(0), m.at<double>(1), m.at<double>(2)};
+}
+
+/// x_second ~ rotation * x_first + (something) * direction.
+struct Motion {
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d direction;  ///< Of length 1; its sign does not matter here.
+};
+
+/// Signed, of a pair from the epipolar constraint, in radians near the axis.
+double sampson(const Eigen::Matrix3d& essential, const RayPair& pair) {
+  const Eigen::Vector3d a = pair.first.homogeneous();
+  const Eigen::Vector3d b = pair.second.homogeneous();
+  const Eigen::Vector3d line = essential * a;
+  const Eigen::Vector3d back = essential.transpose() * b;
+  const double square = line.head<2>().squaredNorm() + back.head<2>().squaredNorm();
+  return square > 0 ? b.dot(line) / std::sqrt(square) : 0.0;
+}
+
+Eigen::Matrix3d essential_of(const Motion& motion) {
+  return cross_matrix(motion.direction) * motion.rotation;
+}
+
+Eigen::VectorXd residuals_of(const Motion& motion, std::span<const RayPair> pairs) {
+  const Eigen::Matrix3d essential = essential_of(motion);
+  Eigen::VectorXd residuals(std::ssize(pairs));
+  for (Eigen::Index i = 0; i < residuals.size(); ++i) {
+    residuals(i) = sampson(essential, pairs[static_cast<std::size_t>(i)]);
+  }
+  return residuals;
+}
+
+/// Moves by a rotation (3) and along the sphere of directions (2).
+Motion moved(const Motion& motion, const Eigen::Matrix<double, 5, 1>& by) {
+  const Eigen::Vector3d u = motion.direction.unitOrthogonal();
+  const Eigen::Vector3d v = motion.direction.cross(u);
+  return {nearest_rotation(rotation_of(by.head<3>()) * motion.rotation),
+          (motion.direction + by(3) * u + by(4) * v).normalized()};
+}
+
+/// 1.4826 times the median of what the residuals are in size: sigma of those that are Gaussian.
+double spread_of(const Eigen::VectorXd& residuals) {
+  std::vector<double> sizes(residuals.data(), residuals.data() + residuals.size());
+  for (double& size : sizes) size = std::abs(size);
+  const auto middle = sizes.begin() + std::ssize(sizes) / 2;
+  std::ranges::nth_element(sizes, middle);
+  return 1.4826 * *middle;
+}
+
+/// Gauss-Newton; @p motion becomes the best one, @p pairs are its inliers.
+Turn refined(Motion& motion, std::span<const RayPair> pairs) {
+  constexpr int kSteps = 6;
+  constexpr double kLeastSigma = 1e-6;  // of points without noise
+  constexpr double kStep = 1e-6;        // of differences, radians
+  Turn turn;
+  Eigen::Matrix<double, 5, 5> information;
+  for (int step = 0; step <= kSteps; ++step) {
+    const Eigen::VectorXd residuals = residuals_of(motion, pairs);
+    turn.ray_sigma = std::max(kLeastSigma, spread_of(residuals));
+    Eigen::MatrixXd jacobian(residuals.size(), 5);
+    for (int column = 0; column < 5; ++column) {
+      const auto by = Eigen::Matrix<double, 5, 1>::Unit(column) * kStep;
+      jacobian.col(column) =
+          (residuals_of(moved(motion, by), pairs) - residuals_of(moved(motion, -by), pairs)) /
+          (2 * kStep);
+    }
+    // Cauchy's weights, for an efficiency of 95 % where all is Gaussian.
+    const double scale = 2.385 * turn.ray_sigma;
+    const Eigen::VectorXd weights = 1.0 / (1.0 + (residuals.array() / scale).square());
+    const Eigen::MatrixXd weighted =
+        jacobian.transpose() * weights.asDiagonal() / (turn.ray_sigma * turn.ray_sigma);
+    information = weighted * jacobian;
+    // Any direction may be: what keeps this solvable where the camera did not move.
+    information(3, 3) += 1;
+    information(4, 4) += 1;
+    if (step < kSteps) motion = moved(motion, information.ldlt().solve(-weighted * residuals));
+  }
+  turn.rotation = motion.rotation;
+  turn.covariance =
+      Eigen::Matrix3d(Eigen::Matrix<double, 5, 5>(information.inverse()).topLeftCorner<3, 3>());
+  turn.inliers = pairs.size();
+  return turn;
+}
+
+std::vector<RayPair> inliers_of(const Motion& motion, std::span<const RayPair> pairs,
+                                double most_miss) {
+  const Eigen::Matrix3d essential = essential_of(motion);
+  std::vector<RayPair> inliers;
+  for (const auto& pair : pairs) {
+    if (std::abs(sampson(essential, pair)) < most_miss) inliers.push_back(pair);
+  }
+  return inliers;
+}
+
+}  // namespace
+
+std::optional<Pose> two_views(std::span<const RayPair> pairs, double most_miss) {
+  const Points points = points_of(pairs);
+  try {
+    cv::Mat inliers;
+    const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
+    const cv::Mat essential = cv::findEssentialMat(points.first, points.second, identity,
+                                                   cv::RANSAC, kConfidence, most_miss, inliers);
+    if (essential.rows != 3) return std::nullopt;
+    cv::Mat r;
+    cv::Mat t;
+    const int count =
+        cv::recoverPose(essential, points.first, points.second, identity, r, t, inliers);
+    if (2 * count < static_cast<int>(pairs.size())) return std::nullopt;
+    return Pose{matrix_of(r), vector_of_column(t)}.inverse();
+  } catch (const cv::Exception& error) {
+    throw_environment("OpenCV cannot find a motion: " + error.err);
+  }
+}
+
+std::optional<Turn> turn_of(std::span<const RayPair> pairs, double most_miss) {
+  if (pairs.size() < kLeastPoints) return std::nullopt;
+  const Points points = points_of(pairs);
+  Motion motion;
+  try {
+    const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
+    const cv::Mat essential = cv::findEssentialMat(points.first, points.second, identity,
+                                                   cv::RANSAC, kConfidence, most_miss);
+    if (essential.rows != 3) return std::nullopt;
+    cv::Mat one;
+    cv::Mat other;
+    cv::Mat t;
+    cv::decomposeEssentialMat(essential, one, other, t);
+    // The two differ by half a turn about the direction: the smaller one is meant.
+    const Eigen::Matrix3d a = matrix_of(one);
+    const Eigen::Matrix3d b = matrix_of(other);
+    motion = {angle_of(a) <= angle_of(b) ? a : b, vector_of_column(t).normalized()};
+  } catch (const cv::Exception& error) {
+    throw_environment("OpenCV cannot find a motion: " + error.err);
+  }
+  if (!motion.rotation.allFinite() || !motion.direction.allFinite()) return std::nullopt;
+  // Again with what the refined motion takes in: RANSAC's came from 5 points.
+  constexpr int kRounds = 3;
+  std::optional<Turn> turn;
+  for (int round = 0; round < kRounds; ++round) {
+    const auto inliers = inliers_of(motion, pairs, most_miss);
+    if (inliers.size() < kLeastPoints || 2 * inliers.size() < pairs.size()) return std::nullopt;
+    turn = refined(motion, inliers);
+  }
+  if (!turn->rotation.allFinite() || !turn->covariance.allFinite()) return std::nullopt;
+  return turn;
+}
+
+}  // namespace pirt::slam

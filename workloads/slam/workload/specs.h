@@ -1,0 +1,38 @@
+// What the SLAM's workloads take and make; what they compute is in workloads.h.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "workloads/model/workload.h"
+#include "workloads/slam/filter/state.h"
+
+namespace pirt::slam {
+
+inline constexpr std::int64_t kMostSamples = 1024;  ///< Of an IMU, in one call.
+inline constexpr std::int64_t kMostFeatures = 400;
+inline constexpr int kReportSize = 5;  ///< The numbers of a FrameReport, in their order.
+
+/// Tracks that a state may have: landmarks that are known again are followed beyond the others'
+/// number.
+[[nodiscard]] std::int64_t most_tracks(const Setup& setup);
+
+/// samples f64 [<=1024,6] (rad/s, m/s^2), stamps i32 [<=1024,2] and until i32 [2] (nanoseconds, low
+/// and high word).
+[[nodiscard]] std::vector<TensorSpec> sample_specs();
+/// The three lists of extract_features.
+[[nodiscard]] std::vector<TensorSpec> feature_specs();
+/// Pixels f32 [<=n,2] and found u8 [<=n], n of most_tracks(). @param side  Before the names: "" or
+/// "right_".
+[[nodiscard]] std::vector<TensorSpec> track_specs(const Setup& setup, const std::string& side = "");
+
+/// The robot's of the recorded flight: one camera (640x480) and an IMU.
+[[nodiscard]] Setup recorded_setup();
+
+/// Of steps(), in its order: everything but the functions and the operation.
+[[nodiscard]] std::vector<Workload> specs(const Setup& setup);
+/// Of all().
+[[nodiscard]] std::vector<Workload> specs();
+
+}  // namespace pirt::slam

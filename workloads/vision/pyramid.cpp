@@ -1,0 +1,237 @@
+#include "workloads/vision/pyramid.h"
+
+#include <array>
+#include <cassert>
+#include <cmath>
+
+#include "workloads/base/math/pixel_index.h"
+
+namespace pirt::slam {
+namespace {
+
+constexpr int kHalf = 7;
+constexpr int kWindow = 2 * kHalf + 1;
+constexpr int kOuter = kWindow + 2;
+constexpr int kStride = 16;       // columns of a window, padded for vectors
+constexpr int kOuterStride = 20;  // of a window with a rim of one
+constexpr float kCount = kWindow * kWindow;
+constexpr std::size_t kTexels = std::size_t{kWindow} * kStride;
+constexpr std::size_t kOuterTexels = std::size_t{kOuter} * kOuterStride;
+
+GreyImage half_of(const GreyImage& image) {
+  GreyImage half{(image.width + 1) / 2, (image.height + 1) / 2, {}};
+  half.pixels.resize(static_cast<std::size_t>(half.width) * static_cast<std::size_t>(half.height));
+  std::vector<std::uint16_t> column(static_cast<std::size_t>(image.width));
+  for (int y = 0; y < half.height; ++y) {
+    const auto* above = image.row(std::max(2 * y - 1, 0));
+    const auto* here = image.row(2 * y);
+    const auto* below = image.row(std::min(2 * y + 1, image.height - 1));
+    for (std::size_t x = 0; x < column.size(); ++x) {
+      column[x] = static_cast<std::uint16_t>(above[x] + 2 * here[x] + below[x]);
+    }
+    auto* out = half.row(y);
+    const int last = image.width - 1;
+    out[0] = static_cast<std::uint8_t>(
+        (3 * column[0] + column[static_cast<std::size_t>(std::min(1, last))] + 8) >> 4);
+    for (int x = 1; x < half.width; ++x) {
+      const auto k = 2 * static_cast<std::size_t>(x);
+      const auto right = std::min(k + 1, static_cast<std::size_t>(last));
+      out[x] = static_cast<std::uint8_t>((column[k - 1] + 2 * column[k] + column[right] + 8) >> 4);
+    }
+  }
+  return half;
+}
+
+/// Bilinear weights and the first pixel of a window.
+struct Anchor {
+  int x, y;
+  float w00, w01, w10, w11;
+};
+
+/// Absent (false) where the window with @p rim leaves the picture.
+bool anchor_at(const GreyImage& image, const Eigen::Vector2f& centre, int rim, Anchor& anchor) {
+  const float left = centre.x() - static_cast<float>(kHalf + rim);
+  const float top = centre.y() - static_cast<float>(kHalf + rim);
+  // One column more is read than the window has (kStride, kOuterStride), and one for the fraction.
+  const auto right = static_cast<float>(image.width - kOuterStride - 1);
+  const auto bottom = static_cast<float>(image.height - kOuter - 1);
+  if (!(left >= 0 && top >= 0 && left < right && top < bottom)) return false;
+  anchor.x = static_cast<int>(left);
+  anchor.y = static_cast<int>(top);
+  const float fx = left - static_cast<float>(anchor.x);
+  const float fy = top - static_cast<float>(anchor.y);
+  anchor.w00 = (1 - fx) * (1 - fy);
+  anchor.w01 = fx * (1 - fy);
+  anchor.w10 = (1 - fx) * fy;
+  anchor.w11 = fx * fy;
+  return true;
+}
+
+template <int kRows, int kColumns>
+void sample(const GreyImage& image, const Anchor& a, float* out) {
+  for (int y = 0; y < kRows; ++y) {
+    const auto* top = image.row(a.y + y) + a.x;
+    const auto* low = image.row(a.y + y + 1) + a.x;
+    for (int x = 0; x < kColumns; ++x) {
+      out[y * kColumns + x] =
+          a.w00 * static_cast<float>(top[x]) + a.w01 * static_cast<float>(top[x + 1]) +
+          a.w10 * static_cast<float>(low[x]) + a.w11 * static_cast<float>(low[x + 1]);
+    }
+  }
+}
+
+/// What is known of a window before it is looked for. Columns beyond the window have no gradient
+/// and the weight 0.
+struct Template {
+  alignas(64) std::array<float, kTexels> value{}, gx{}, gy{};
+  float xx = 0, xy = 0, yy = 0;
+  float mean_x = 0, mean_y = 0;
+
+  [[nodiscard]] bool make(const GreyImage& image, const Eigen::Vector2f& centre,
+                          float least_corner);
+};
+
+bool Template::make(const GreyImage& image, const Eigen::Vector2f& centre, float least_corner) {
+  Anchor anchor{};
+  if (!anchor_at(image, centre, 1, anchor)) return false;
+  alignas(64) std::array<float, kOuterTexels> outer;
+  sample<kOuter, kOuterStride>(image, anchor, outer.data());
+  xx = xy = yy = mean_x = mean_y = 0;
+  for (int y = 0; y < kWindow; ++y) {
+    const float* row = &outer[pixel_index(1, y + 1, kOuterStride)];
+    for (int x = 0; x < kWindow; ++x) {
+      const auto i = pixel_index(x, y, kStride);
+      value[i] = row[x];
+      gx[i] = 0.5F * (row[x + 1] - row[x - 1]);
+      gy[i] = 0.5F * (row[x + kOuterStride] - row[x - kOuterStride]);
+    }
+  }
+  for (std::size_t i = 0; i < gx.size(); ++i) {
+    xx += gx[i] * gx[i];
+    xy += gx[i] * gy[i];
+    yy += gy[i] * gy[i];
+    mean_x += gx[i];
+    mean_y += gy[i];
+  }
+  mean_x /= kCount;
+  mean_y /= kCount;
+  xx -= kCount * mean_x * mean_x;
+  xy -= kCount * mean_x * mean_y;
+  yy -= kCount * mean_y * mean_y;
+  const float middle = 0.5F * (xx + yy);
+  const float least = middle - std::sqrt(0.25F * (xx - yy) * (xx - yy) + xy * xy);
+  return least >= least_corner * kCount;
+}
+
+enum class Match { kGood, kOutside, kDifferent };
+
+/// Moves @p at to where the window looks like @p wanted.
+Match align(const Template& wanted, const GreyImage& image, const TrackOptions& options,
+            Eigen::Vector2f& at, float& error) {
+  const float determinant = wanted.xx * wanted.yy - wanted.xy * wanted.xy;
+  alignas(64) std::array<float, kTexels> seen;
+  const Eigen::Vector2f start = at;
+  for (int i = 0; i < options.iterations; ++i) {
+    Anchor anchor{};
+    if (!anchor_at(image, at, 0, anchor)) return Match::kOutside;
+    sample<kWindow, kStride>(image, anchor, seen.data());
+    // Four sums each, so that they vectorize without reordering being allowed.
+    std::array<float, 4> bx{};
+    std::array<float, 4> by{};
+    std::array<float, 4> all{};
+    for (std::size_t k = 0; k < seen.size(); k += 4) {
+      for (std::size_t j = 0; j < 4; ++j) {
+        const float difference = seen[k + j] - wanted.value[k + j];
+        bx[j] += difference * wanted.gx[k + j];
+        by[j] += difference * wanted.gy[k + j];
+        all[j] += difference;
+      }
+    }
+    float extra = 0;  // of the padding column
+    for (std::size_t y = 0; y < kWindow; ++y) {
+      extra += seen[y * kStride + kWindow] - wanted.value[y * kStride + kWindow];
+    }
+    const float sum = all[0] + all[1] + all[2] + all[3] - extra;
+    const float x = bx[0] + bx[1] + bx[2] + bx[3] - sum * wanted.mean_x;
+    const float y = by[0] + by[1] + by[2] + by[3] - sum * wanted.mean_y;
+    const Eigen::Vector2f step((wanted.yy * x - wanted.xy * y) / determinant,
+                               (wanted.xx * y - wanted.xy * x) / determinant);
+    at -= step;
+    if (!((at - start).norm() < 2.0F * kWindow)) return Match::kDifferent;
+    if (step.squaredNorm() > options.enough * options.enough && i + 1 < options.iterations)
+      continue;
+    const float mean = sum / kCount;
+    float difference = 0;
+    for (std::size_t r = 0; r < kWindow; ++r) {
+      for (std::size_t c = 0; c < kWindow; ++c) {
+        difference += std::abs(seen[r * kStride + c] - wanted.value[r * kStride + c] - mean);
+      }
+    }
+    error = difference / kCount;
+    break;
+  }
+  return Match::kGood;
+}
+
+Eigen::Vector2f at_level(const Eigen::Vector2f& pixel, std::size_t level) {
+  return pixel / static_cast<float>(1U << level);
+}
+
+TrackedPoint track_one(const Pyramid& from, const Pyramid& to, const Eigen::Vector2f& point,
+                       const Eigen::Vector2f& guess, const TrackOptions& options) {
+  TrackedPoint tracked{guess, false};
+  Template wanted;
+  const auto least = static_cast<float>(options.least_corner);
+  for (std::size_t level = from.levels.size(); level-- > 0;) {
+    // Coarse levels help where they can; only the finest one must succeed.
+    const bool finest = level == 0;
+    if (!wanted.make(from.levels[level], at_level(point, level), finest ? least : least / 4)) {
+      if (finest) return tracked;
+      continue;
+    }
+    Eigen::Vector2f at = at_level(tracked.pixel, level);
+    float error = 0;
+    const Match match = align(wanted, to.levels[level], options, at, error);
+    if (match != Match::kGood || (finest && error > static_cast<float>(options.most_error))) {
+      if (finest) return tracked;
+      continue;
+    }
+    tracked.pixel = at * static_cast<float>(1U << level);
+  }
+  if (options.back > 0) {
+    Eigen::Vector2f at = point;
+    float error = 0;
+    if (!wanted.make(to.levels[0], tracked.pixel, 0.0F)) return tracked;
+    if (align(wanted, from.levels[0], options, at, error) != Match::kGood) return tracked;
+    if ((at - point).norm() > static_cast<float>(options.back)) return tracked;
+  }
+  tracked.found = true;
+  return tracked;
+}
+
+}  // namespace
+
+Pyramid make_pyramid(GreyImage image, int levels) {
+  Pyramid pyramid;
+  pyramid.levels.push_back(std::move(image));
+  while (std::ssize(pyramid.levels) < levels) {
+    pyramid.levels.push_back(half_of(pyramid.levels.back()));
+  }
+  return pyramid;
+}
+
+std::vector<TrackedPoint> track_features(const Pyramid& from, const Pyramid& to,
+                                         std::span<const Eigen::Vector2f> points,
+                                         std::span<const Eigen::Vector2f> guesses,
+                                         const TrackOptions& options) {
+  assert(points.size() == guesses.size());
+  assert(from.levels.size() == to.levels.size());
+  std::vector<TrackedPoint> tracked;
+  tracked.reserve(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    tracked.push_back(track_one(from, to, points[i], guesses[i], options));
+  }
+  return tracked;
+}
+
+}  // namespace pirt::slam
