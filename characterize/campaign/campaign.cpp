@@ -30,6 +30,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/math/random.h"
 #include "workloads/base/text/text.h"
+#include "workloads/inputs/pictures/images.h"
 
 namespace pirt {
 namespace {

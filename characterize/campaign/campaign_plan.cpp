@@ -15,6 +15,7 @@
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
+#include "workloads/inputs/pictures/images.h"
 
 namespace pirt {
 namespace {

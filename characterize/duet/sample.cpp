@@ -14,6 +14,7 @@
 #include "workloads/base/hash.h"
 #include "workloads/base/text/json_value.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/model/player.h"
 
 namespace pirt {

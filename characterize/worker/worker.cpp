@@ -18,6 +18,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text/json_value.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/model/player.h"
 #include "workloads/model/tensor_file.h"
 

@@ -19,6 +19,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text/name_filter.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/vision/vision.h"
 
 namespace {

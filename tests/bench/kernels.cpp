@@ -31,6 +31,7 @@
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/text/name_filter.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/inputs/pictures/images.h"
 
 namespace {
 

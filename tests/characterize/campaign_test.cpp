@@ -16,6 +16,7 @@
 #include "tests/characterize/support.h"
 #include "tests/support/data.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/inputs/pictures/images.h"
 
 namespace pirt {
 namespace {

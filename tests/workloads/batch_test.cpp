@@ -11,6 +11,7 @@
 #include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/dnn/dnn.h"
+#include "workloads/inputs/pictures/images.h"
 
 namespace pirt {
 namespace {

@@ -16,6 +16,7 @@
 #include "workloads/backends/backend_list.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt {

@@ -16,6 +16,7 @@
 #include "workloads/catalog/catalog.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/dnn/layers.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt {

@@ -12,6 +12,7 @@
 #include "workloads/catalog/catalog.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/dnn/layers.h"
+#include "workloads/inputs/pictures/images.h"
 
 namespace pirt::dnn {
 namespace {

@@ -12,6 +12,7 @@
 #include "workloads/backends/fake/fake_script.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/model/tensor_file.h"
 
 namespace pirt {

@@ -11,6 +11,7 @@
 #include "tests/workloads/workload_support.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/dnn/dnn.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt {

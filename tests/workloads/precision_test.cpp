@@ -12,6 +12,7 @@
 #include "workloads/backends/opencl/opencl_backend.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/dnn/dnn.h"
+#include "workloads/inputs/pictures/images.h"
 
 namespace pirt {
 namespace {

@@ -1,6 +1,7 @@
 // Readers of recorded sequences: what they read, and what they refuse with which words. Errors of
 // trajectories against values worked by hand.
 #include "workloads/inputs/sequence/sequence.h"
+#include "workloads/vision/vision.h"
 
 #include <fmt/core.h>
 #include <gmock/gmock.h>
@@ -43,7 +44,11 @@ TEST(Camera, UndistortsARealLensAsOpenCvDoes) {
   EXPECT_EQ(c.width, 752);
   EXPECT_DOUBLE_EQ(c.k1, -0.28340811);
   GreyImage image = read_grey_image(data / "cam0" / "1403715273262142976.png", c.width, c.height);
-  const GreyImage ours = undistort(image, c);
+  vision::Undistort lens;
+  lens.width = c.width;
+  lens.height = c.height;
+  lens.camera = {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2};
+  const GreyImage ours{c.width, c.height, vision::undistorted(lens, image.pixels)};
   cv::Mat theirs;
   const cv::Matx33d k(c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1);
   cv::undistort(cv::Mat(c.height, c.width, CV_8U, image.pixels.data()), theirs, k,

@@ -14,6 +14,7 @@
 #include "workloads/backends/fake/fake_backend.h"
 #include "workloads/base/math/random.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/model/player.h"
 #include "workloads/vision/image_data.h"
 

@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "tests/workloads/workload_support.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt::vision {

@@ -239,4 +239,9 @@ std::function<Verdict(std::span<const Tensor>, std::span<const Tensor>)> verify_
   };
 }
 
+int picture_index(std::uint64_t seed) {
+  constexpr std::uint64_t kPictures = std::numeric_limits<int>::max();
+  return static_cast<int>((seed + kPictures - 1) % kPictures);
+}
+
 }  // namespace pirt

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "workloads/inputs/pictures/images.h"
+#include "workloads/model/image_source.h"
 #include "workloads/model/tensor.h"
 
 namespace pirt {

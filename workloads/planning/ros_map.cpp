@@ -11,6 +11,7 @@
 #include "workloads/base/text/yaml.h"
 #include "workloads/inputs/pictures/image_format.h"
 #include "workloads/inputs/pictures/images.h"
+#include "workloads/model/grey_image.h"
 #include "workloads/planning/map_files.h"
 
 namespace pirt::planning {
@@ -18,12 +19,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// 8-bit grey.
-struct GreyPicture {
-  int width = 0;
-  int height = 0;
-  int white = 255;                   ///< The value of white.
-  std::vector<std::uint8_t> pixels;  ///< [height, width]
+struct MapPicture {
+  GreyImage grey;
+  int white = 255;  ///< The value of white.
 };
 
 [[noreturn]] void throw_unusable(const fs::path& file, const std::string& why) {
@@ -76,58 +74,59 @@ class PgmText {
 };
 
 /// @source netpbm, pgm(5)
-GreyPicture read_pgm(const fs::path& file, std::string_view bytes) {
+MapPicture read_pgm(const fs::path& file, std::string_view bytes) {
   constexpr int kDeepest = 65'535;
   PgmText text(file, bytes);
-  GreyPicture picture;
-  picture.width = text.number(1, 1'000'000'000, "width");
-  picture.height = text.number(1, 1'000'000'000, "height");
-  check_size(file, picture.width, picture.height);
+  MapPicture picture;
+  picture.grey.width = text.number(1, 1'000'000'000, "width");
+  picture.grey.height = text.number(1, 1'000'000'000, "height");
+  check_size(file, picture.grey.width, picture.grey.height);
   picture.white = text.number(1, kDeepest, "value of white");
   if (picture.white > 255) throw_unusable(file, "it has 16 bits a pixel");
   const auto count =
-      static_cast<std::size_t>(picture.width) * static_cast<std::size_t>(picture.height);
+      static_cast<std::size_t>(picture.grey.width) * static_cast<std::size_t>(picture.grey.height);
   if (bytes[1] == '5') {
     const std::string_view pixels = text.rest();
     if (pixels.size() != count) {
       throw_unusable(file, fmt::format("it has {} bytes of pixels where its header says {}",
                                        pixels.size(), count));
     }
-    picture.pixels.assign(pixels.begin(), pixels.end());
+    picture.grey.pixels.assign(pixels.begin(), pixels.end());
   } else {
     for (std::size_t i = 0; i < count; ++i) {
-      picture.pixels.push_back(static_cast<std::uint8_t>(text.number(0, picture.white, "pixel")));
+      picture.grey.pixels.push_back(
+          static_cast<std::uint8_t>(text.number(0, picture.white, "pixel")));
     }
     if (!text.at_end()) throw_unusable(file, "there is more after its pixels");
   }
-  const auto brightest = std::ranges::max(picture.pixels);
+  const auto brightest = std::ranges::max(picture.grey.pixels);
   if (brightest > picture.white) {
     throw_unusable(file, fmt::format("a pixel is {} where white is {}", brightest, picture.white));
   }
   return picture;
 }
 
-GreyPicture read_png(const fs::path& file, const std::string& bytes) {
+MapPicture read_png(const fs::path& file, const std::string& bytes) {
   const auto header = check_image(bytes).header;
   if (header) check_size(file, header->width, header->height);
   if (header && header->bits > 8) {
     throw_unusable(file, fmt::format("it has {} bits a channel", header->bits));
   }
   const Tensor planes = rgb_pixels(file);
-  GreyPicture picture;
-  picture.height = static_cast<int>(planes.dim(1));
-  picture.width = static_cast<int>(planes.dim(2));
+  MapPicture picture;
+  picture.grey.height = static_cast<int>(planes.dim(1));
+  picture.grey.width = static_cast<int>(planes.dim(2));
   const auto values = planes.as<std::uint8_t>();
   const std::size_t count = values.size() / 3;
-  picture.pixels.resize(count);
+  picture.grey.pixels.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
     const int sum = values[i] + values[i + count] + values[i + 2 * count];
-    picture.pixels[i] = static_cast<std::uint8_t>(sum / 3);
+    picture.grey.pixels[i] = static_cast<std::uint8_t>(sum / 3);
   }
   return picture;
 }
 
-GreyPicture read_picture(const fs::path& file) {
+MapPicture read_picture(const fs::path& file) {
   const std::string bytes = read_file(file);
   if (bytes.starts_with("P5") || bytes.starts_with("P2")) return read_pgm(file, bytes);
   return read_png(file, bytes);
@@ -197,10 +196,10 @@ Grid read_ros_map(const fs::path& yaml) {
   read_place(root, grid);
   const Reading reading = read_reading(root);
   const auto picture = read_picture(yaml.parent_path() / root.at("image").text());
-  grid.width = picture.width;
-  grid.height = picture.height;
-  grid.cells.reserve(picture.pixels.size());
-  for (const auto pixel : picture.pixels) {
+  grid.width = picture.grey.width;
+  grid.height = picture.grey.height;
+  grid.cells.reserve(picture.grey.pixels.size());
+  for (const auto pixel : picture.grey.pixels) {
     grid.cells.push_back(reading.state_of(pixel, picture.white));
   }
   return grid;

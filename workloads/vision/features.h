@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "workloads/base/geometry/camera.h"
+#include "workloads/model/grey_image.h"
 
 namespace pirt::slam {
 

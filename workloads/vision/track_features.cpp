@@ -7,6 +7,7 @@
 #include <limits>
 #include <optional>
 
+#include "workloads/model/grey_image.h"
 #include "workloads/vision/image_data.h"
 
 namespace pirt::vision {
@@ -23,29 +24,22 @@ struct Point {
   double y = 0;
 };
 
-/// One level of a pyramid.
-struct Picture8 {
-  int width = 0, height = 0;
-  std::vector<std::uint8_t> pixels;
+/// Beyond the border it repeats itself.
+double at(const GreyImage& picture, int x, int y) {
+  return picture.row(replicate(y, picture.height))[replicate(x, picture.width)];
+}
 
-  /// Beyond the border it repeats itself.
-  [[nodiscard]] double at(int x, int y) const {
-    const auto row = static_cast<std::size_t>(replicate(y, height));
-    return pixels[row * static_cast<std::size_t>(width) +
-                  static_cast<std::size_t>(replicate(x, width))];
-  }
-  [[nodiscard]] double at(Point p) const {
-    const int x = static_cast<int>(std::floor(p.x)), y = static_cast<int>(std::floor(p.y));
-    const double a = p.x - x, b = p.y - y;
-    return (1 - b) * ((1 - a) * at(x, y) + a * at(x + 1, y)) +
-           b * ((1 - a) * at(x, y + 1) + a * at(x + 1, y + 1));
-  }
-};
+double at(const GreyImage& picture, Point p) {
+  const int x = static_cast<int>(std::floor(p.x)), y = static_cast<int>(std::floor(p.y));
+  const double a = p.x - x, b = p.y - y;
+  return (1 - b) * ((1 - a) * at(picture, x, y) + a * at(picture, x + 1, y)) +
+         b * ((1 - a) * at(picture, x, y + 1) + a * at(picture, x + 1, y + 1));
+}
 
-Picture8 next_level(const Picture8& below, const Op::Level& size) {
+GreyImage next_level(const GreyImage& below, const Op::Level& size) {
   constexpr std::array<int, 5> kWeights = {1, 4, 6, 4, 1};
   const Padded image(below.pixels, below.width, below.height, 2, reflect101);
-  Picture8 level{size.width, size.height, {}};
+  GreyImage level{size.width, size.height, {}};
   for (int y = 0; y < size.height; ++y) {
     for (int x = 0; x < size.width; ++x) {
       int sum = 0;
@@ -61,7 +55,7 @@ Picture8 next_level(const Picture8& below, const Op::Level& size) {
   return level;
 }
 
-using Pyramid = std::vector<Picture8>;
+using Pyramid = std::vector<GreyImage>;
 
 Pyramid pyramid(const Op& op, const Tensor& image) {
   const auto pixels = image.as<std::uint8_t>();
@@ -75,7 +69,7 @@ Pyramid pyramid(const Op& op, const Tensor& image) {
 }
 
 /// At most @p margin pixels outside the picture; not for NaN.
-bool is_inside(const Picture8& picture, Point p, double margin) {
+bool is_inside(const GreyImage& picture, Point p, double margin) {
   return p.x >= -margin && p.x <= picture.width - 1 + margin && p.y >= -margin &&
          p.y <= picture.height - 1 + margin;
 }
@@ -85,12 +79,12 @@ struct Window {
   std::array<double, kSamples> value, ix, iy;
   double xx = 0, xy = 0, yy = 0;
 
-  Window(const Picture8& picture, Point p) {
+  Window(const GreyImage& picture, Point p) {
     std::size_t i = 0;
     for (int dy = -Op::kRadius; dy <= Op::kRadius; ++dy) {
       for (int dx = -Op::kRadius; dx <= Op::kRadius; ++dx, ++i) {
         const auto sample = [&](int more_x, int more_y) {
-          return picture.at({p.x + dx + more_x, p.y + dy + more_y});
+          return at(picture, {p.x + dx + more_x, p.y + dy + more_y});
         };
         value[i] = sample(0, 0);
         ix[i] = (sample(1, 0) - sample(-1, 0)) / 2;
@@ -107,12 +101,12 @@ struct Window {
   }
 
   /// What q moves by in one iteration.
-  [[nodiscard]] Point step(const Picture8& next, Point q) const {
+  [[nodiscard]] Point step(const GreyImage& next, Point q) const {
     double ex = 0, ey = 0;
     std::size_t i = 0;
     for (int dy = -Op::kRadius; dy <= Op::kRadius; ++dy) {
       for (int dx = -Op::kRadius; dx <= Op::kRadius; ++dx, ++i) {
-        const double difference = value[i] - next.at({q.x + dx, q.y + dy});
+        const double difference = value[i] - at(next, {q.x + dx, q.y + dy});
         ex += difference * ix[i] / kSamples;
         ey += difference * iy[i] / kSamples;
       }

@@ -7,6 +7,7 @@
 #include "tests/workloads/workload_support.h"
 #include "workloads/backends/cpu/cpu_backend.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/inputs/pictures/images.h"
 #include "workloads/recognition/generated_network.h"
 
 namespace pirt::recognition {

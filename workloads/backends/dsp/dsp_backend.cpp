@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <utility>
 
-#include "workloads/backends/backend_list.h"
 #include "workloads/backends/dsp/cost_model.h"
+#include "workloads/backends/dsp/dsp_options.h"
 #include "workloads/backends/dsp/kernels.h"
 #include "workloads/backends/dsp/tools.h"
 #include "workloads/base/error.h"
@@ -150,7 +150,7 @@ class DspDevice : public Device {
 };
 
 dsp::CostModel model_for(const UnitRequest& request) {
-  const auto specs = options_of("dsp");
+  const auto specs = dsp_options();
   dsp::CostModel model;
   model.clock_hz = 1e6 * request.option(specs[0]);
   model.round_trip_us = request.option(specs[1]);

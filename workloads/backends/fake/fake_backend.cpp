@@ -14,7 +14,7 @@
 #include <thread>
 #include <utility>
 
-#include "workloads/backends/backend_list.h"
+#include "workloads/backends/fake/fake_options.h"
 #include "workloads/backends/fake/fake_script.h"
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
@@ -430,8 +430,7 @@ class FakeBackend : public Backend {
   [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest& request) const override {
     auto script = fake::parse_script(request.script);
     if (script.fail_open) throw_environment(*script.fail_open);
-    return std::make_unique<FakeDevice>(std::move(script),
-                                        request.option(options_of(name()).front()));
+    return std::make_unique<FakeDevice>(std::move(script), request.option(fake_options().front()));
   }
   [[nodiscard]] std::vector<std::pair<std::string, std::string>> kernel_cache_environment(
       const std::string& folder) const override {

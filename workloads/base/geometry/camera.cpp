@@ -1,9 +1,6 @@
 #include "workloads/base/geometry/camera.h"
 
 #include <Eigen/LU>
-#include <cassert>
-
-#include "workloads/vision/vision.h"
 
 namespace pirt {
 namespace {
@@ -48,16 +45,6 @@ Eigen::Vector2d CameraModel::ray(const Eigen::Vector2d& pixel) const {
     guess += d.derivative.inverse() * miss;
   }
   return guess;
-}
-
-GreyImage undistort(const GreyImage& image, const CameraModel& camera) {
-  assert(image.width == camera.width && image.height == camera.height);
-  vision::Undistort operation;
-  operation.width = camera.width;
-  operation.height = camera.height;
-  operation.camera = {camera.fx, camera.fy, camera.cx, camera.cy,
-                      camera.k1, camera.k2, camera.p1, camera.p2};
-  return {image.width, image.height, vision::undistorted(operation, image.pixels)};
 }
 
 }  // namespace pirt

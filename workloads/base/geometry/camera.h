@@ -2,12 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstdint>
-#include <span>
-#include <vector>
 
 #include "workloads/base/geometry/geometry.h"
-#include "workloads/base/math/pixel_index.h"
 
 namespace pirt {
 
@@ -31,21 +27,5 @@ struct CameraModel {
   /// One figure for both axes: what turns an angle into pixels near the centre.
   [[nodiscard]] double focal() const { return 0.5 * (fx + fy); }
 };
-
-/// u8 [height, width], row-major.
-struct GreyImage {
-  int width = 0, height = 0;
-  std::vector<std::uint8_t> pixels;
-
-  [[nodiscard]] bool empty() const { return pixels.empty(); }
-  [[nodiscard]] const std::uint8_t* row(int y) const {
-    return pixels.data() + pixel_index(0, y, width);
-  }
-  [[nodiscard]] std::uint8_t* row(int y) { return pixels.data() + pixel_index(0, y, width); }
-};
-
-/// The picture that the same camera without its lens' distortion would take; what it cannot see is
-/// 0. The map and the arithmetic are those of workload `undistort`, hence OpenCV's to a grey level.
-[[nodiscard]] GreyImage undistort(const GreyImage& image, const CameraModel& camera);
 
 }  // namespace pirt

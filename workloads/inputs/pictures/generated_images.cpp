@@ -232,11 +232,6 @@ class GeneratedImages : public ImageSource {
 
 }  // namespace
 
-int picture_index(std::uint64_t seed) {
-  constexpr std::uint64_t kPictures = std::numeric_limits<int>::max();
-  return static_cast<int>((seed + kPictures - 1) % kPictures);
-}
-
 std::unique_ptr<ImageSource> generated_images(std::uint64_t seed) {
   return std::make_unique<GeneratedImages>(seed);
 }

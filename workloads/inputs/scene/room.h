@@ -10,6 +10,7 @@
 
 #include "workloads/base/geometry/camera.h"
 #include "workloads/base/geometry/geometry.h"
+#include "workloads/model/grey_image.h"
 
 namespace pirt {
 

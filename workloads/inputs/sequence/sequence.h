@@ -11,6 +11,7 @@
 #include "workloads/base/geometry/camera.h"
 #include "workloads/base/geometry/geometry.h"
 #include "workloads/base/time.h"
+#include "workloads/model/grey_image.h"
 
 namespace pirt {
 
