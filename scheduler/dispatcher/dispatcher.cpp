@@ -281,7 +281,7 @@ void Dispatcher::give_back(TaskSlot slot, UnitId unit, Starts& out) {
   TaskTies& ties = tasks_.tie(slot);
   ties.returned_by |= unit_bit(unit);
   TaskClass kind = classes_[tasks_[slot].class_index].kind;
-  kind.eligible &= ~ties.returned_by;
+  kind.eligible &= ~(ties.returned_by | gone_);
   if (++ties.returns == kMostTries || kind.eligible == 0 ||
       policy_->takers(kind, kind.eligible) == 0) {
     out.ended.push_back({tasks_[slot].id, Ending::kFailed});
@@ -324,12 +324,9 @@ bool Dispatcher::set_unit(UnitId unit, UnitState state, Nanos now, Starts& out) 
     expire(Expire::kBeforeNow, out);
     units_[unit].state = state;
     up_ = state == UnitState::kUp ? up_ | unit_bit(unit) : up_ & ~unit_bit(unit);
+    gone_ = state == UnitState::kGone ? gone_ | unit_bit(unit) : gone_ & ~unit_bit(unit);
     for (auto& entry : classes_) entry.takers = policy_->takers(entry.kind, up_);
-    while (state != UnitState::kUp && !units_[unit].queue.empty()) {
-      const TaskSlot slot = units_[unit].queue.front();
-      unlink(slot);
-      hold(slot);
-    }
+    if (state != UnitState::kUp) hand_on(unit);
     refusals_stand_ = false;
     settle(out);
     return true;
@@ -363,16 +360,66 @@ void Dispatcher::expire(Expire which, Starts& out) {
   }
 }
 
-/// What every input but release ends with.
-void Dispatcher::settle(Starts& out) {
-  drop_unmet(out);
-  for (const auto& [slot, generation] : freed_) {
-    if (!tasks_.is_current(slot, generation)) continue;
-    if (tasks_[slot].state == TaskState::kWaiting && tasks_[slot].pending == 0) {
-      make_ready(slot, false);
+/// What waits in the unit's queue waits for others; if it is gone, all that it could have taken.
+void Dispatcher::hand_on(UnitId unit) {
+  std::vector<TaskSlot> waiting;
+  const auto take = [&](TaskList& from) {
+    while (!from.empty()) {
+      waiting.push_back(from.front());
+      unlink(from.front());
+    }
+  };
+  take(units_[unit].queue);
+  for (auto& entry : classes_) {
+    if (!contains(entry.kind.eligible & gone_, unit)) continue;
+    take(entry.held);
+    take(entry.high_priority);
+  }
+  for (const TaskSlot slot : waiting) {
+    leave_gone(slot);
+    hold(slot);
+  }
+}
+
+/// The task is of the class that does without the units that are gone, from now on.
+void Dispatcher::leave_gone(TaskSlot slot) {
+  TaskClass kind = classes_[tasks_[slot].class_index].kind;
+  if ((kind.eligible & gone_) == 0) return;
+  kind.eligible &= ~gone_;
+  tasks_[slot].class_index = class_of(kind);
+  classes_[tasks_[slot].class_index].hopeless = policy_->takers(kind, kind.eligible) == 0;
+}
+
+/// What waits for units that are gone for good.
+void Dispatcher::fail_hopeless(Starts& out) {
+  despair_ = false;
+  for (auto& entry : classes_) {
+    if (!entry.hopeless) continue;
+    for (TaskList* list : {&entry.held, &entry.high_priority}) {
+      while (!list->empty()) {
+        const TaskSlot slot = list->front();
+        unlink(slot);
+        out.ended.push_back({tasks_[slot].id, Ending::kFailed});
+        fail(slot, out);
+      }
     }
   }
-  freed_.clear();
+}
+
+/// What every input but release ends with.
+void Dispatcher::settle(Starts& out) {
+  while (true) {
+    drop_unmet(out);
+    for (const auto& [slot, generation] : freed_) {
+      if (!tasks_.is_current(slot, generation)) continue;
+      if (tasks_[slot].state == TaskState::kWaiting && tasks_[slot].pending == 0) {
+        make_ready(slot, false);
+      }
+    }
+    freed_.clear();
+    if (!despair_) break;
+    fail_hopeless(out);  // Others may hold their states now, or have nothing to read.
+  }
   place_held();
   start_all(out);
   if (!expiries_.empty()) tidy_expiries();
@@ -406,7 +453,9 @@ std::uint32_t Dispatcher::class_of(const TaskClass& kind) {
 void Dispatcher::make_ready(TaskSlot slot, bool alone) {
   tasks_[slot].sequence = ready_sequence_++;
   tasks_[slot].ready_at = now_;
-  if (!alone || held_count_ != 0 || !place(slot)) hold(slot);
+  leave_gone(slot);
+  const bool hopeless = classes_[tasks_[slot].class_index].hopeless;
+  if (!alone || hopeless || held_count_ != 0 || !place(slot)) hold(slot);
 }
 
 /// Asks the policy. False if it refuses; the task is then in no queue.
@@ -441,6 +490,7 @@ void Dispatcher::hold(TaskSlot slot) {
   record.state = TaskState::kHeld;
   entry.held.insert(tasks_, slot);
   ++held_count_;
+  despair_ = despair_ || entry.hopeless;
   if (!std::exchange(entry.in_holding, true)) holding_.push_back(record.class_index);
 }
 

@@ -78,7 +78,8 @@ class Dispatcher {
   /// Drops a task in any state, and its successors. One that runs keeps its slot until it is
   /// completed. Does nothing if the task is done already (which its caller cannot always know).
   void cancel(TaskId task, Nanos now, Starts& out);
-  /// A unit that is not up hands what waits in its queue to others. Refused: no such unit.
+  /// A unit that is not up hands what waits in its queue to others. What only units that are gone
+  /// could take fails, from now on when it could start. Refused: no such unit.
   bool set_unit(UnitId unit, UnitState state, Nanos now, Starts& out);
   /// Expires what should have started by @p now. Call it after the completions of that time: a task
   /// may start at its last moment.
@@ -120,6 +121,7 @@ class Dispatcher {
     bool in_holding = false;      ///< It is in holding_,
     bool in_prioritized = false;  ///< and in prioritized_.
     bool refused = false;         ///< Since the last fall of a load.
+    bool hopeless = false;        ///< All that would have taken it are gone.
   };
   struct ClassHash {
     std::size_t operator()(const TaskClass& kind) const;
@@ -154,6 +156,9 @@ class Dispatcher {
   void drop_unmet(Starts& out);
   void give_back(TaskSlot slot, UnitId unit, Starts& out);
   void fail(TaskSlot slot, Starts& out);
+  void fail_hopeless(Starts& out);
+  void leave_gone(TaskSlot slot);
+  void hand_on(UnitId unit);
   enum class Expire : std::uint8_t { kBeforeNow, kByNow };
   void expire(Expire which, Starts& out);
   void settle(Starts& out);
@@ -181,6 +186,7 @@ class Dispatcher {
   std::vector<int> load_;
   UnitMask all_ = 0;
   UnitMask up_ = 0;
+  UnitMask gone_ = 0;
   std::vector<UnitId> start_order_;  ///< The policy's order, then the units that it does not name.
   TaskStore tasks_;
   std::vector<StateQueue> states_;
@@ -207,6 +213,7 @@ class Dispatcher {
   // Empty between two inputs.
   std::vector<Noted> unmet_;    ///< Nothing that they read will ever be there.
   std::vector<Noted> freed_;    ///< They wait for a state, or for what they read, no longer.
+  bool despair_ = false;        ///< A hopeless class has held tasks.
   std::vector<Class*> asking_;  ///< Of place_held: a heap, that of the first task on top.
   TaskCounts counts_;
   std::int64_t refused_ = 0;

@@ -87,6 +87,7 @@ enum class UnitState : std::uint8_t {
   kUp,
   kDraining,  ///< Starts nothing new; what waits for it goes elsewhere; what runs completes.
   kDown,      ///< As draining; whoever drives the unit completes what runs there as failed.
+  kGone,      ///< As down, for good: tasks that no other unit can take have failed.
 };
 
 /// A task that may start now.
@@ -101,7 +102,7 @@ enum class Ending : std::uint8_t {
   kDropped,
   kExpired,
   kNoPredecessor,  ///< No earlier firing made what it reads; or what it comes after ended so.
-  kFailed,         ///< It was given back and no unit is left to try; counts as failed.
+  kFailed,         ///< No unit is left that could take it; counts as failed.
 };
 
 /// A task that left and was not completed by its unit just now.

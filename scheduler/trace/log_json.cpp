@@ -18,7 +18,7 @@ namespace {
 constexpr std::array<std::string_view, 6> kInputs = {"submit", "release",  "complete",
                                                      "cancel", "set_unit", "wake"};
 constexpr std::array<std::string_view, 3> kOutcomes = {"completed", "failed", "returned"};
-constexpr std::array<std::string_view, 3> kUnitStates = {"up", "draining", "down"};
+constexpr std::array<std::string_view, 4> kUnitStates = {"up", "draining", "down", "gone"};
 constexpr std::array<std::string_view, 4> kEndings = {"dropped", "expired", "no_predecessor",
                                                       "failed"};
 
