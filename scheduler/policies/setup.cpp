@@ -178,7 +178,10 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
   auto policy = mode.policy.make(setup);
   check_every_task_placeable(scenario, *policy, mode);
   std::vector<std::optional<int>> slots;
-  for (const auto& unit : platform.units) slots.push_back(unit.slots);
+  // What is handed to a unit that computes can no longer be cancelled, expire or be overtaken.
+  for (const auto& unit : platform.units) {
+    slots.push_back(unit.slots || !unit.measured() ? unit.slots : std::optional(1));
+  }
   return {.mode = mode,
           .scenario = std::move(scenario),
           .slots = std::move(slots),

@@ -99,17 +99,21 @@ class Activities::Activity {
     const Nanos asked = clock_.now();
     TaskOptions options{.real_time = counts_.deadline > Nanos::zero()};
     if (options.real_time) options.deadline = counts_.deadline;
-    caller_->call(counts_.name, inputs, options,
-                  [this, asked, take = std::move(take)](auto outputs) {
-                    const Nanos took = clock_.now() - asked;
-                    std::string problem;
-                    try {
-                      if (outputs && take) take(*outputs);
-                    } catch (const Error& error) {
-                      problem = error.what();
-                    }
-                    end(outputs && problem.empty(), took, std::move(problem));
-                  });
+    try {
+      caller_->call(counts_.name, inputs, options,
+                    [this, asked, take = std::move(take)](auto outputs) {
+                      const Nanos took = clock_.now() - asked;
+                      std::string problem;
+                      try {
+                        if (outputs && take) take(*outputs);
+                      } catch (const std::exception& error) {
+                        problem = error.what();
+                      }
+                      end(outputs && problem.empty(), took, std::move(problem));
+                    });
+    } catch (const std::exception& error) {  // It will never be told of.
+      end(false, Nanos::zero(), error.what());
+    }
   }
   [[nodiscard]] ActivityCounts counts() const {
     const std::lock_guard lock(mutex_);
@@ -217,6 +221,9 @@ Activities::Activities(ActivityOptions options) : options_(std::move(options)) {
                     "radius");
   };
   check("goal", options_.planning->goal);
+  if (!map.contains(map.cell_of(options_.planning->start.position))) {
+    throw_bad_input("the start is not on the map; --start is X,Y,DEGREES in metres on the map");
+  }
   planning_ = std::make_unique<Activity>("plan_path", kPlan);
   avoiding_ = std::make_unique<Activity>("avoid_obstacles", kAvoid);
 }

@@ -1,18 +1,20 @@
 #include "scheduler/runtime/engine.h"
 
 #include <algorithm>
+#include <cstdio>
+#include <cstdlib>
 #include <stdexcept>
 
-#include "scheduler/runtime/time_limit.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/thread.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
 
 constexpr Nanos kLook = std::chrono::milliseconds(50);
-constexpr std::size_t kMostProblems = 20;
-constexpr int kMostReturns = 3;  ///< In a row, after which a unit is out of service.
+/// In a row, of a thread that only wanted to submit: then the runtime's own goes on.
+constexpr int kMostTurns = 4;
 
 }  // namespace
 
@@ -26,12 +28,14 @@ void runtime::MustNotWait::check(const char* what) {
 }
 
 Runtime::Engine::~Engine() {
-  {
-    const std::lock_guard lock(asking_);
-    cancels_all_ = true;
+  if (runtime::MustNotWait::here()) {
+    std::fputs(
+        "pirt: a Runtime ends in a callback or a kernel of its own, and would wait for itself\n",
+        stderr);
+    std::abort();
   }
-  asked_ = true;
-  work();
+  closing_ = true;
+  cancel_all();
   wait_until(0);
   // Calls that were cancelled as they ran still do, unless they are lost.
   {
@@ -41,10 +45,9 @@ Runtime::Engine::~Engine() {
     --waiting_;
   }
   watcher_ = {};
-  for (Unit& unit : units_) {
-    if (unit.runner && unit.runner->abandoned()) KernelUnit::leave(std::move(unit.runner));
-  }
-  for (Unit& unit : units_) unit.runner.reset();
+  // Who is about to look once more finds it taken.
+  turn_.take().keep_for_good();
+  live_units_.close();
 }
 
 std::size_t Runtime::Engine::find(std::string_view workload) const {
@@ -66,11 +69,13 @@ void Runtime::Engine::check_inputs(const Workload& workload,
     const TaskOutput& output = inputs[i].output_;
     const TensorSpec* given = &inputs[i].tensor_.spec();
     if (output.task != nullptr) {
-      const auto& outputs = output.task->workload->outputs;
-      if (output.task->engine != this || output.index >= outputs.size()) {
+      // Of another one the workload may be gone.
+      const bool ours = output.task->engine == number_of_engine_;
+      if (!ours || output.index >= output.task->workload->outputs.size()) {
         throw_bad_input(workload.name + ": input " + workload.inputs[i].name +
                         " is of a task of another runtime, or an output that is not there");
       }
+      const auto& outputs = output.task->workload->outputs;
       given = &outputs[output.index];
     }
     const TensorSpec& wanted = workload.inputs[i];
@@ -96,11 +101,18 @@ TaskFuture Runtime::Engine::submit(std::string_view workload, std::vector<TaskIn
   const std::size_t index = find(workload);
   const Known& known = workloads_[index];
   check_inputs(*known.workload, inputs);
+  for (const TaskFuture& before : options.after) {
+    if (before.valid() && before.task_->engine == number_of_engine_) continue;
+    throw_bad_input(known.workload->name + ": one of `after` is no task of this runtime");
+  }
   const UnitMask eligible = known.runs_on & units_named(options.eligible);
   if (eligible == 0) {
     throw_bad_input(known.workload->name + ": none of the units " + join(options.eligible, ", ") +
                     " can run it; leave `eligible` out, or name one of " +
                     unit_list(options_.platform, known.runs_on));
+  }
+  if (closing_) {
+    throw_environment(known.workload->name + ": the runtime is ending and takes nothing new");
   }
   if (live_.fetch_add(1) >= options_.most_tasks && !runtime::MustNotWait::here()) {
     live_.fetch_sub(1);
@@ -108,7 +120,7 @@ TaskFuture Runtime::Engine::submit(std::string_view workload, std::vector<TaskIn
     live_.fetch_add(1);
   }
   auto task = std::make_shared<Submitted>();
-  task->engine = this;
+  task->engine = number_of_engine_;
   task->workload = known.workload;
   task->workload_index = index;
   task->eligible = eligible;
@@ -118,12 +130,12 @@ TaskFuture Runtime::Engine::submit(std::string_view workload, std::vector<TaskIn
   task->submitted_at = now();
   task->self = task;
   post(*task, Submitted::Event::kSubmit);
-  work();
+  work(Thread::kTheirs);
   return TaskFuture(std::move(task));
 }
 
 void Runtime::Engine::cancel(const TaskFuture& task) {
-  if (!task.valid() || task.task_->engine != this) {
+  if (!task.valid() || task.task_->engine != number_of_engine_) {
     throw_bad_input("cancel: the task is none of this runtime");
   }
   {
@@ -131,7 +143,16 @@ void Runtime::Engine::cancel(const TaskFuture& task) {
     cancels_.push_back(task.task_);
   }
   asked_ = true;
-  work();
+  work(Thread::kTheirs);
+}
+
+void Runtime::Engine::cancel_all() {
+  {
+    const std::lock_guard lock(asking_);
+    cancels_all_ = true;
+  }
+  asked_ = true;
+  work(Thread::kTheirs);
 }
 
 /// Until at most so many tasks have not ended.
@@ -146,23 +167,24 @@ void Runtime::Engine::wait_until(std::size_t most) {
 void Runtime::Engine::wait_all() { wait_until(0); }
 
 RuntimeStatistics Runtime::Engine::statistics() {
-  while (turn_.exchange(true)) std::this_thread::yield();
+  auto turn = turn_.take();
   RuntimeStatistics statistics = counts_;
+  statistics.problems = problems_.first();
   statistics.returned = dispatcher_->counts().returned;
   statistics.set_up = set_up_;
   statistics.live = statistics.submitted - statistics.completed - statistics.failed -
                     statistics.dropped - statistics.expired - statistics.cancelled;
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     const Unit& each = units_[unit];
-    if (each.runner == nullptr) continue;
+    if (!live_units_.has(unit)) continue;
     statistics.units.push_back({.name = options_.platform.units[unit].name,
                                 .in_service = each.in_service,
                                 .completed = each.completed,
                                 .busy = each.busy,
                                 .latency = each.latency});
   }
-  turn_ = false;
-  work();  // What was left to who had the turn.
+  turn.give_back();
+  work(Thread::kTheirs);  // What was left to who had the turn.
   return statistics;
 }
 
@@ -171,21 +193,21 @@ std::vector<Tensor> Runtime::Engine::state(std::string_view name) {
   if (known == state_names_.end()) {
     throw_bad_input("no workload of this runtime has a state '" + std::string(name) + "'");
   }
-  while (turn_.exchange(true)) std::this_thread::yield();
+  auto turn = turn_.take();
   auto copy = copy_tensors(states_[known->second]->committed());
-  turn_ = false;
-  work();
+  turn.give_back();
+  work(Thread::kTheirs);
   return copy;
 }
 
 void Runtime::Engine::write_trace() {
   if (trace_ == nullptr) throw_bad_input("write_trace: the runtime's options name no trace");
   wait_all();
-  while (turn_.exchange(true)) std::this_thread::yield();
+  auto turn = turn_.take();
   const auto trace = std::move(trace_);
   dispatcher_->observe(nullptr);
-  turn_ = false;
-  work();
+  turn.give_back();
+  work(Thread::kTheirs);
   Tally tally;
   tally.end = now();
   trace->finish();
@@ -198,34 +220,46 @@ void Runtime::Engine::post(Submitted& task, Submitted::Event event) {
   while (!posted_.compare_exchange_weak(task.next, &task)) continue;
 }
 
-void Runtime::Engine::work() {
-  while (posted_.load() != nullptr || asked_) {
+void Runtime::Engine::work(Thread thread) {
+  Tasks ended;
+  for (int turns = 0; has_work(); ++turns) {
+    if (turns == kMostTurns && thread == Thread::kTheirs) {
+      wake_watcher();
+      break;
+    }
     // Who has it looks again after it has given it back.
-    if (turn_.exchange(true)) return;
+    auto turn = turn_.try_take();
+    if (!turn) break;
     take_turn();
-    end_turn();
+    end_turn(turn, ended);
   }
+  tell(ended, thread);
 }
 
-void Runtime::Engine::end_turn() {
-  std::vector<std::shared_ptr<Submitted>> ended;
-  std::swap(ended, ended_);
+void Runtime::Engine::end_turn(runtime::Turn::Held& turn, Tasks& ended) {
+  if (ended.empty()) {
+    std::swap(ended, ended_);
+  } else {
+    std::ranges::move(ended_, std::back_inserter(ended));
+    ended_.clear();
+  }
   const Nanos wake = dispatcher_->next_wake();
   const bool idle = running_ == 0;
   calls_run_ = !idle;
-  turn_ = false;
+  turn.give_back();
   if (idle && waiting_ > 0) {
     const std::lock_guard lock(waiting_mutex_);
     fewer_.notify_all();
   }
-  if (wake != Nanos::max()) {
+  // It looks after calls that hang, and at what time brings.
+  if (wake != Nanos::max() || (!idle && watcher_rests_)) {
     const std::lock_guard lock(watch_mutex_);
-    if (wake < watch_at_) {
-      watch_at_ = wake;
+    if (wake < watch_at_ || watcher_rests_) {
+      watch_at_ = std::min(watch_at_, wake);
+      watcher_rests_ = false;
       watch_sooner_.notify_one();
     }
   }
-  tell(ended);
 }
 
 void Runtime::Engine::take_turn() {
@@ -241,12 +275,7 @@ void Runtime::Engine::take_turn() {
   while (oldest != nullptr) {
     Submitted& task = *oldest;
     oldest = task.next;
-    if (task.event == Submitted::Event::kSubmit) {
-      take_in(task, now);
-    } else {
-      take_end(task, now);
-    }
-    apply(now);
+    take_event(task, now);
   }
   if (asked_.exchange(false)) {
     cancel_asked(now);
@@ -256,6 +285,33 @@ void Runtime::Engine::take_turn() {
   if (!trace_) return;
   dispatcher_->list_waiting(queued_);
   trace_->settled(now, queued_);
+}
+
+/// Whatever is thrown meanwhile (there may be no memory) ends this task, and no other.
+void Runtime::Engine::take_event(Submitted& task, Nanos now) {
+  // Who has ended is told, and may then be gone.
+  const auto kept = task.event == Submitted::Event::kSubmit
+                        ? task.self
+                        : tasks_[static_cast<std::uint32_t>(task.id)];
+  try {
+    if (task.event == Submitted::Event::kSubmit) {
+      take_in(task, now);
+    } else {
+      take_end(task, now);
+    }
+    apply(now);
+  } catch (const std::exception& error) {
+    task.problem = task.workload->name + ": " + error.what();
+    add_problem(task.problem);
+    if (!task.ends && task.taken_in) {
+      finish(task, TaskEnd::kFailed, now);
+    } else if (!task.ends) {
+      task.ends = TaskEnd::kFailed;
+      task.name = task.workload->name;
+      ++counts_.failed;
+      ended_.push_back(kept);
+    }
+  }
 }
 
 void Runtime::Engine::take_in(Submitted& task, Nanos now) {
@@ -269,6 +325,18 @@ void Runtime::Engine::take_in(Submitted& task, Nanos now) {
   tasks_[slot] = std::move(task.self);
   task.id = TaskId{number_++} << 32 | slot;
   task.taken_in = true;
+  const Task submitted = dispatched(task);
+  if (trace_) trace_->submitting(task.id, task.workload_index, 0, number_);
+  if (!dispatcher_->submit(task.id, std::span(&submitted, 1), now, starts_)) {
+    throw std::logic_error("the dispatcher refused a task of the runtime");
+  }
+  task.known = true;
+}
+
+/// The task as the dispatcher sees it.
+Task Runtime::Engine::dispatched(const Submitted& task) {
+  const Known& known = workloads_[task.workload_index];
+  const Nanos now = task.submitted_at;
   after_.clear();
   bool doomed = false;
   const auto follow = [&](const Submitted* before) {
@@ -278,21 +346,33 @@ void Runtime::Engine::take_in(Submitted& task, Nanos now) {
   };
   for (const TaskInput& input : task.inputs) follow(input.output_.task.get());
   for (const TaskFuture& before : task.options.after) follow(before.task_.get());
-  if (doomed) return finish(task, TaskEnd::kDropped, now);
+  if (doomed) after_.push_back(never(this->now()));
   Task submitted;
   submitted.id = task.id;
   submitted.kind = setup_->scenario.classes[task.workload_index][0];
-  submitted.kind.eligible = task.eligible;
+  const UnitMask willing = task.eligible & ~known.gave_up;
+  submitted.kind.eligible = willing != 0 ? willing : task.eligible;
   submitted.kind.real_time = task.options.real_time;
-  if (task.options.deadline) submitted.deadline = task.submitted_at + *task.options.deadline;
-  if (task.options.expires) submitted.expires_at = task.submitted_at + *task.options.expires;
+  submitted.kind.image_input = task.options.image_input.value_or(known.takes_image);
+  if (task.options.deadline) submitted.deadline = later_by(now, *task.options.deadline);
+  if (task.options.expires) submitted.expires_at = later_by(now, *task.options.expires);
   submitted.after = after_;
-  submitted.state = workloads_[task.workload_index].state;
-  task.known = true;
-  if (trace_) trace_->submitting(task.id, task.workload_index, 0, number_);
-  if (!dispatcher_->submit(task.id, std::span(&submitted, 1), now, starts_)) {
-    throw std::logic_error("the dispatcher refused a task of the runtime");
+  submitted.state = known.state;
+  return submitted;
+}
+
+/// A task that has not completed, and is known for good: the dispatcher drops what comes after it.
+TaskId Runtime::Engine::never(Nanos now) {
+  if (!never_) {
+    never_ = ~TaskId{0};
+    Task task;
+    task.id = *never_;
+    task.kind = setup_->scenario.classes[0][0];
+    task.expires_at = now - Nanos(1);  // Over before it could start.
+    if (trace_) trace_->submitting(*never_, 0, 0, 0);
+    dispatcher_->submit(*never_, std::span(&task, 1), now, starts_);
   }
+  return *never_;
 }
 
 void Runtime::Engine::take_end(Submitted& task, Nanos now) {
@@ -306,16 +386,11 @@ void Runtime::Engine::take_end(Submitted& task, Nanos now) {
   if (!end.problem.empty()) add_problem(end.problem);
   if (!task.ends) task.problem = end.problem;
   dispatcher_->complete(task.unit, task.id, end.outcome, now, starts_);
+  count_returns(task, end.outcome, now);
   if (end.outcome == Outcome::kReturned) {
-    if (++unit.returns >= kMostReturns && unit.in_service) {
-      out_of_service(task.unit,
-                     "it gave back " + std::to_string(unit.returns) + " calls one after the other",
-                     now);
-    }
     if (task.ends) forget(task, now);
     return;
   }
-  unit.returns = 0;
   const auto& state = workloads_[task.workload_index].state;
   if (!task.ends && end.outcome == Outcome::kCompleted && state) {
     states_[*state]->commit(end.version);
@@ -328,59 +403,68 @@ void Runtime::Engine::take_end(Submitted& task, Nanos now) {
   finish(task, end.outcome == Outcome::kCompleted ? TaskEnd::kCompleted : TaskEnd::kFailed, now);
 }
 
+/// A unit that cannot run one workload may well run others.
+void Runtime::Engine::count_returns(const Submitted& task, Outcome outcome, Nanos now) {
+  const auto workload = static_cast<WorkloadId>(task.workload_index);
+  const int returns = live_units_.count_returns(task.unit, workload, outcome);
+  Known& known = workloads_[task.workload_index];
+  if (returns < LiveUnits::kMostReturns || contains(known.gave_up, task.unit)) return;
+  known.gave_up |= unit_bit(task.unit);
+  add_problem("unit " + options_.platform.units[task.unit].name + " is not asked for " +
+              known.workload->name + " any more: it gave back " + std::to_string(returns) +
+              " calls one after the other");
+  const bool asked_for_any = std::ranges::any_of(workloads_, [&](const Known& each) {
+    return contains(each.runs_on & ~each.gave_up, task.unit);
+  });
+  if (!asked_for_any) lose(task.unit, now);
+}
+
+/// Nothing runs there any more.
+void Runtime::Engine::lose(UnitId unit, Nanos now) {
+  units_[unit].in_service = false;
+  dispatcher_->set_unit(unit, UnitState::kGone, now, starts_);
+}
+
 /// What time has brought: tasks that were to start by now, and calls that do not end.
 void Runtime::Engine::look(Nanos now) {
   dispatcher_->wake(now, starts_);
   apply(now);
-  for (UnitId unit = 0; unit < units_.size(); ++unit) {
-    if (units_[unit].runner == nullptr || units_[unit].runner->abandoned()) continue;
-    const auto call = units_[unit].runner->running();
-    if (!call) continue;
-    const std::size_t index = task_of(*call).workload_index;
-    const Known& known = workloads_[index];
-    const bool expected =
-        options_.profile || (known.own != nullptr && !known.own->expected.empty());
-    if (!expected && !options_.time_limit) continue;
-    const Service* service = setup_->scenario.services.find(static_cast<WorkloadId>(index), unit);
-    const Nanos limit = options_.time_limit
-                            ? *options_.time_limit
-                            : time_limit(*service, units_[unit].runner->has_own_clock());
-    if (now - (call->since - began_) > limit) lose(unit, *call, now);
+  for (const LiveUnits::Hung& hung : live_units_.abandon_hung(
+           [this](UnitId unit, std::uint64_t token) { return expected(unit, token); })) {
+    give_up(hung, now);
   }
 }
 
-/// The call never comes back to anybody.
-void Runtime::Engine::lose(UnitId unit, const KernelUnit::Running& call, Nanos now) {
-  const auto behind = units_[unit].runner->abandon(call.token);
-  if (!behind) return;
-  Submitted& task = task_of(call);
-  lost_.push_back(tasks_[static_cast<std::uint32_t>(task.id)]);
+const Service* Runtime::Engine::expected(UnitId unit, std::uint64_t token) {
+  const std::size_t index = task_at(token).workload_index;
+  const OwnWorkload* own = workloads_[index].own;
+  const bool known = own != nullptr ? own->expected.contains(options_.platform.units[unit].name)
+                                    : options_.profile.has_value();
+  if (!known) return nullptr;
+  return setup_->scenario.services.find(static_cast<WorkloadId>(index), unit);
+}
+
+/// The call never comes back to anybody. What it reads and writes is its own from then on.
+void Runtime::Engine::give_up(const LiveUnits::Hung& hung, Nanos now) {
+  const Submitted& task = task_at(hung.token);
   if (const auto& id = workloads_[task.workload_index].state) {
     states_[*id] = std::make_shared<StateValue>(*states_[*id]);
   }
-  out_of_service(
-      unit,
-      overdue(task.workload->name, options_.platform.units[unit].name, now - (call.since - began_)),
-      now);
-  const auto ended = [&](std::uint64_t token, Outcome outcome) {
+  const std::string problem =
+      overdue(task.workload->name, options_.platform.units[hung.unit].name, hung.ran);
+  lose(hung.unit, now);
+  const auto give_end = [&](std::uint64_t token, CallEnd end) {
     Submitted& each = task_at(token);
-    each.call_end = {.outcome = outcome, .problem = counts_.problems.back()};
+    each.call_end = std::move(end);
     each.event = Submitted::Event::kEnd;
-    take_end(each, now);
-    apply(now);
+    take_event(each, now);
   };
-  ended(call.token, Outcome::kFailed);
-  for (const std::uint64_t token : *behind) ended(token, Outcome::kReturned);
-}
-
-void Runtime::Engine::out_of_service(UnitId unit, const std::string& why, Nanos now) {
-  units_[unit].in_service = false;
-  add_problem("unit " + options_.platform.units[unit].name + " is out of service: " + why);
-  dispatcher_->set_unit(unit, UnitState::kDown, now, starts_);
+  give_end(hung.token, {.outcome = Outcome::kFailed, .busy = hung.ran, .problem = problem});
+  for (const std::uint64_t token : hung.behind) give_end(token, {.outcome = Outcome::kReturned});
 }
 
 void Runtime::Engine::cancel_asked(Nanos now) {
-  std::vector<std::shared_ptr<Submitted>> cancels;
+  Tasks cancels;
   {
     const std::lock_guard lock(asking_);
     std::swap(cancels, cancels_);
@@ -408,6 +492,7 @@ void Runtime::Engine::apply(Nanos now) {
   std::swap(starts_, applied_);
   for (const Start& each : applied_.started) start(each);
   for (const Ended& each : applied_.ended) {
+    if (each.task == never_) continue;
     const auto& task = tasks_[static_cast<std::uint32_t>(each.task)];
     if (task == nullptr || task->id != each.task || task->ends) continue;
     switch (each.how) {
@@ -415,6 +500,9 @@ void Runtime::Engine::apply(Nanos now) {
         finish(*task, TaskEnd::kExpired, now);
         break;
       case Ending::kFailed:
+        if (task->problem.empty()) {
+          task->problem = task->workload->name + ": no unit is left that could run it";
+        }
         finish(*task, TaskEnd::kFailed, now);
         break;
       default:
@@ -428,14 +516,26 @@ void Runtime::Engine::start(const Start& start) {
   Submitted& task = task_of(start.task);
   task.unit = start.unit;
   task.dispatched_at = start.dispatched_at;
+  task.started_at = now();
   task.unit_name = options_.platform.units[start.unit].name;
   task.running = true;
   ++running_;
-  task.outputs = task.workload->outputs.empty() ? nothing_ : pool_.take(*task.workload);
   if (trace_) {
     trace_->arrived(start.unit, static_cast<std::uint32_t>(start.task),
                     options_.platform.units[start.unit].active_w);
   }
+  try {
+    live_units_.run(start.unit, call_of(task));
+  } catch (const std::exception& error) {  // No memory for what it makes.
+    task.call_end = {
+        .outcome = Outcome::kFailed,
+        .problem = task.workload->name + " on " + task.unit_name + ": " + error.what()};
+    post(task, Submitted::Event::kEnd);
+  }
+}
+
+Call Runtime::Engine::call_of(Submitted& task) {
+  task.outputs = task.workload->outputs.empty() ? nothing_ : pool_.take(*task.workload);
   const auto& state = workloads_[task.workload_index].state;
   Call call{.workload = task.workload,
             .inputs = {},
@@ -448,11 +548,15 @@ void Runtime::Engine::start(const Start& start) {
     call.inputs.push_back(output.task ? (*output.task->outputs)[output.index].share()
                                       : input.tensor_.share());
   }
-  units_[start.unit].runner->run(std::move(call));
+  return call;
 }
 
 void Runtime::Engine::finish(Submitted& task, TaskEnd end, Nanos now) {
   task.ends = end;
+  task.ended_at = now;
+  if (end != TaskEnd::kCompleted) task.name = task.workload->name;
+  const auto& deadline = task.options.deadline;
+  if (deadline && now > later_by(task.submitted_at, *deadline)) ++counts_.late;
   switch (end) {
     case TaskEnd::kCompleted:
       ++counts_.completed;
@@ -485,46 +589,115 @@ void Runtime::Engine::forget(Submitted& task, Nanos now) {
 }
 
 void Runtime::Engine::add_problem(std::string problem) {
-  if (counts_.problems.size() < kMostProblems) counts_.problems.push_back(std::move(problem));
+  if (options_.problem) {
+    const std::lock_guard lock(telling_);
+    to_say_.push_back(problem);
+    anything_left_ = true;
+  }
+  problems_.add(std::move(problem));
 }
 
 /// Without the turn: callbacks may submit.
-void Runtime::Engine::tell(std::vector<std::shared_ptr<Submitted>>& ended) {
+void Runtime::Engine::tell(Tasks& ended, Thread thread) {
+  const bool ours = thread == Thread::kOurs;
+  bool left = false;
   for (auto& task : ended) {
     task->end.store(static_cast<int>(*task->ends), std::memory_order_release);
-    if (task->callback) {
+    if (!task->callback) {
+      told(std::move(task));
+    } else if (ours) {
+      call_back(std::move(task));
+    } else {
+      const std::lock_guard lock(telling_);
+      to_tell_.push_back(std::move(task));
+      left = anything_left_ = true;
+    }
+  }
+  if (ours && anything_left_) tell_left();
+  if (!ours && (left || anything_left_)) wake_watcher();
+}
+
+/// What ended in the turn of somebody else's thread, and problems.
+void Runtime::Engine::tell_left() {
+  while (anything_left_.exchange(false)) {
+    Tasks tasks;
+    std::vector<std::string> problems;
+    {
+      const std::lock_guard lock(telling_);
+      std::swap(tasks, to_tell_);
+      std::swap(problems, to_say_);
+    }
+    for (const std::string& each : problems) {
       const runtime::MustNotWait within;
       try {
-        task->callback(TaskFuture(task), *task->ends);
-      } catch (const std::exception& error) {
-        while (turn_.exchange(true)) std::this_thread::yield();
-        add_problem("callback of " + task->workload->name + ": " + error.what());
-        turn_ = false;
+        options_.problem(each);
+      } catch (...) {  // There is nobody left to tell.
       }
-      task->callback = nullptr;
     }
-    task->told.store(true, std::memory_order_release);
-    task->told.notify_all();
-    task.reset();
-    const std::size_t left = live_.fetch_sub(1) - 1;
-    if ((left == resume_at_ || left == 0) && waiting_ > 0) {
-      const std::lock_guard lock(waiting_mutex_);
-      fewer_.notify_all();
-    }
+    for (auto& task : tasks) call_back(std::move(task));
   }
 }
 
+void Runtime::Engine::call_back(std::shared_ptr<Submitted> task) {
+  std::string thrown;
+  {
+    const runtime::MustNotWait within;
+    try {
+      task->callback(TaskFuture(task), *task->ends);
+    } catch (const std::exception& error) {
+      thrown = error.what();
+    } catch (...) {
+      thrown = "an exception of an unknown type";
+    }
+    task->callback = nullptr;
+  }
+  if (!thrown.empty()) {
+    const auto turn = turn_.take();
+    add_problem("callback of " + task->workload->name + ": " + thrown);
+  }
+  told(std::move(task));
+}
+
+void Runtime::Engine::told(std::shared_ptr<Submitted> task) {
+  task->told.set();
+  task.reset();
+  const std::size_t left = live_.fetch_sub(1) - 1;
+  if (left <= resume_at_ && waiting_ > 0) {
+    const std::lock_guard lock(waiting_mutex_);
+    fewer_.notify_all();
+  }
+}
+
+void Runtime::Engine::wake_watcher() {
+  const std::lock_guard lock(watch_mutex_);
+  watch_now_ = true;
+  watcher_rests_ = false;
+  watch_sooner_.notify_one();
+}
+
+/// With nothing that runs and nothing to come it sleeps until somebody wakes it.
 void Runtime::Engine::watch(const std::stop_token& stop) {
+  name_thread("pirt-watch");
+  static_cast<void>(take_priority(options_.priority));
   std::unique_lock lock(watch_mutex_);
   while (!stop.stop_requested()) {
-    const Nanos until = std::min(watch_at_, now() + kLook);
-    const auto sooner = [&] { return watch_at_ < until; };
-    watch_sooner_.wait_until(lock, stop, std::chrono::steady_clock::time_point(began_ + until),
-                             sooner);
+    if (calls_run_ || watch_at_ != Nanos::max() || watch_now_) {
+      const Nanos until = std::min(watch_at_, now() + kLook);
+      const auto sooner = [&] { return watch_now_ || watch_at_ < until; };
+      watch_sooner_.wait_until(lock, stop, std::chrono::steady_clock::time_point(began_ + until),
+                               sooner);
+    } else {
+      watcher_rests_ = true;
+      watch_sooner_.wait(lock, stop, [this] { return !watcher_rests_ || calls_run_; });
+      watcher_rests_ = false;
+      continue;
+    }
     watch_at_ = Nanos::max();
+    watch_now_ = false;
     lock.unlock();
     asked_ = true;
-    work();
+    work(Thread::kOurs);
+    if (anything_left_) tell_left();
     lock.lock();
   }
 }

@@ -19,10 +19,12 @@
 
 #include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/policies/setup.h"
-#include "scheduler/runtime/kernel_unit.h"
+#include "scheduler/runtime/latch.h"
+#include "scheduler/runtime/live_units.h"
 #include "scheduler/runtime/output_pool.h"
 #include "scheduler/runtime/runtime.h"
 #include "scheduler/runtime/samples.h"
+#include "scheduler/runtime/turn.h"
 #include "scheduler/trace/trace_thread.h"
 
 namespace pirt {
@@ -33,8 +35,8 @@ struct runtime::Submitted {
   enum class Event : std::uint8_t { kSubmit, kEnd };
 
   // Before it is submitted, and read only from then on.
-  const void* engine = nullptr;
-  const Workload* workload = nullptr;
+  std::uint64_t engine = 0;            ///< A number of its own: addresses come again.
+  const Workload* workload = nullptr;  ///< Of a runtime that has not ended.
   std::size_t workload_index = 0;
   UnitMask eligible = 0;
   TaskOptions options;
@@ -60,12 +62,15 @@ struct runtime::Submitted {
   // Written before `end`, read after it.
   std::shared_ptr<std::vector<Tensor>> outputs;
   std::string unit_name;
+  std::string name;  ///< Of the workload, where it did not complete.
   std::string problem;
   Nanos busy{0};
+  std::optional<Nanos> started_at;
+  Nanos ended_at{0};
 
   static constexpr int kLive = -1;
-  std::atomic<int> end = kLive;    ///< A TaskEnd; before the callback.
-  std::atomic<bool> told = false;  ///< After it.
+  std::atomic<int> end = kLive;  ///< A TaskEnd; before the callback.
+  runtime::Latch told;           ///< After it.
 };
 
 namespace runtime {
@@ -91,6 +96,7 @@ class MustNotWait {
 
 /// Who has something to say to the dispatcher leaves it in a list and takes the turn if it is free;
 /// who has the turn works through the list, what comes meanwhile too. So nobody ever waits for it.
+/// What has ended is told when the turn is over, and callbacks on threads of the runtime's alone.
 class Runtime::Engine {
  public:
   explicit Engine(RuntimeOptions options);
@@ -99,6 +105,7 @@ class Runtime::Engine {
   TaskFuture submit(std::string_view workload, std::vector<TaskInput> inputs, TaskOptions options,
                     Callback callback);
   void cancel(const TaskFuture& task);
+  void cancel_all();
   void wait_all();
   RuntimeStatistics statistics();
   std::vector<Tensor> state(std::string_view name);
@@ -106,16 +113,17 @@ class Runtime::Engine {
 
  private:
   using Submitted = runtime::Submitted;
+  using Tasks = std::vector<std::shared_ptr<Submitted>>;
   struct Known {
     const Workload* workload = nullptr;
     const OwnWorkload* own = nullptr;
     UnitMask runs_on = 0;
+    UnitMask gave_up = 0;      ///< Units that gave back too many calls of it: of who has the turn.
+    bool takes_image = false;  ///< See TaskOptions::image_input.
     std::optional<StateId> state = {};  ///< Index of states_.
   };
   struct Unit {
-    std::unique_ptr<KernelUnit> runner;  ///< Null: nothing runs there.
     bool in_service = true;
-    int returns = 0;  ///< In a row.
     std::int64_t completed = 0;
     Nanos busy{0};
     Histogram latency;
@@ -127,6 +135,7 @@ class Runtime::Engine {
   void list_states();
   void take_first_inputs();
   void open_units();
+  void ended(Call& call, CallEnd end);
   std::vector<Preparation> preparations(UnitId unit);
   [[nodiscard]] Support support(const Known& known, const UnitModel& unit) const;
   [[nodiscard]] UnitMask units_of(const Known& known) const;
@@ -137,30 +146,41 @@ class Runtime::Engine {
   void wait_until(std::size_t most);
 
   void post(Submitted& task, Submitted::Event event);
-  void work();
+  /// Whose thread it is that works: callbacks run on the runtime's own alone.
+  enum class Thread : std::uint8_t { kOurs, kTheirs };
+  void work(Thread thread);
+  [[nodiscard]] bool has_work() const { return posted_.load() != nullptr || asked_; }
   void take_turn();
-  void end_turn();
+  void take_event(Submitted& task, Nanos now);
+  void end_turn(runtime::Turn::Held& turn, Tasks& ended);
   void take_in(Submitted& task, Nanos now);
+  [[nodiscard]] Task dispatched(const Submitted& task);
+  TaskId never(Nanos now);
   void take_end(Submitted& task, Nanos now);
+  void count_returns(const Submitted& task, Outcome outcome, Nanos now);
   void look(Nanos now);
-  void lose(UnitId unit, const KernelUnit::Running& call, Nanos now);
-  void out_of_service(UnitId unit, const std::string& why, Nanos now);
+  [[nodiscard]] const Service* expected(UnitId unit, std::uint64_t token);
+  void give_up(const LiveUnits::Hung& hung, Nanos now);
+  void lose(UnitId unit, Nanos now);
   void cancel_asked(Nanos now);
   void apply(Nanos now);
   void start(const Start& start);
+  [[nodiscard]] Call call_of(Submitted& task);
   void finish(Submitted& task, TaskEnd end, Nanos now);
   void forget(Submitted& task, Nanos now);
-  void tell(std::vector<std::shared_ptr<Submitted>>& ended);
+  void tell(Tasks& ended, Thread thread);
+  void tell_left();
+  void call_back(std::shared_ptr<Submitted> task);
+  void told(std::shared_ptr<Submitted> task);
   void add_problem(std::string problem);
   void watch(const std::stop_token& stop);
+  void wake_watcher();
   [[nodiscard]] Submitted& task_of(TaskId id) { return *tasks_[static_cast<std::uint32_t>(id)]; }
   /// Of a call's token, which is the task's address: the unit's thread has no turn.
   [[nodiscard]] static Submitted& task_at(std::uint64_t token) {
     return *reinterpret_cast<Submitted*>(token);  // NOLINT(performance-no-int-to-ptr): as made.
   }
-  /// Of a call that has not ended.
-  [[nodiscard]] static Submitted& task_of(const auto& call) { return task_at(call.token); }
-
+  const std::uint64_t number_of_engine_;
   RuntimeOptions options_;
   MachineClock clock_;
   Nanos began_ = clock_.now();
@@ -174,7 +194,8 @@ class Runtime::Engine {
 
   std::atomic<Submitted*> posted_ = nullptr;
   std::atomic<bool> asked_ = false;  ///< Something is wanted that is not in posted_.
-  std::atomic<bool> turn_ = false;
+  std::atomic<bool> closing_ = false;
+  runtime::Turn turn_;
 
   // Of who has the turn.
   std::optional<Dispatcher> dispatcher_;
@@ -188,19 +209,25 @@ class Runtime::Engine {
   std::shared_ptr<std::vector<Tensor>> nothing_ = std::make_shared<std::vector<Tensor>>();
   std::vector<std::shared_ptr<StateValue>> states_;  ///< Workloads may share them.
   std::map<std::string, StateId, std::less<>> state_names_;
-  std::vector<std::shared_ptr<Submitted>> tasks_;  ///< By the lower half of their id.
+  Tasks tasks_;  ///< By the lower half of their id.
   std::vector<std::uint32_t> free_;
   std::vector<TaskId> after_;
-  std::vector<std::shared_ptr<Submitted>> ended_;  ///< To be told when the turn is over.
-  std::vector<std::shared_ptr<Submitted>> lost_;   ///< What hung calls have is never used again.
+  Tasks ended_;                  ///< To be told when the turn is over.
+  std::optional<TaskId> never_;  ///< For the dispatcher: what comes after it is dropped.
   std::uint32_t number_ = 0;
   std::int64_t running_ = 0;
   RuntimeStatistics counts_;
+  Problems problems_;
   Nanos set_up_{0};
 
   std::mutex asking_;
-  std::vector<std::shared_ptr<Submitted>> cancels_;
+  Tasks cancels_;
   bool cancels_all_ = false;
+
+  std::mutex telling_;
+  Tasks to_tell_;  ///< Those that ended in the turn of a thread that is not the runtime's.
+  std::vector<std::string> to_say_;          ///< Problems, where somebody wants to hear of them.
+  std::atomic<bool> anything_left_ = false;  ///< Of these two.
 
   std::atomic<std::size_t> live_ = 0;
   std::size_t resume_at_ = 0;
@@ -211,8 +238,11 @@ class Runtime::Engine {
   std::mutex watch_mutex_;
   std::condition_variable_any watch_sooner_;
   Nanos watch_at_ = Nanos::max();
+  bool watch_now_ = false;
+  std::atomic<bool> watcher_rests_ = false;  ///< It looks at nothing until it is woken.
   std::atomic<bool> calls_run_ = false;
   std::jthread watcher_;
+  LiveUnits live_units_;  ///< Last: their threads use all of it.
 };
 
 }  // namespace pirt

@@ -1,4 +1,5 @@
 // Starting a runtime: its workloads, what they cost, and its units.
+#include <algorithm>
 #include <map>
 
 #include "characterize/platform/unit_request.h"
@@ -13,9 +14,31 @@ namespace {
 
 constexpr Nanos kUnknownTime = std::chrono::milliseconds(1);
 
+std::uint64_t next_number() {
+  static std::atomic<std::uint64_t> engines = 0;
+  return ++engines;
+}
+
+/// A list, a filter's state or a network's numbers are none.
+bool is_picture(const TensorSpec& spec) {
+  return spec.element == Element::kU8 && !spec.varies &&
+         (spec.shape.size() == 2 || spec.shape.size() == 3);
+}
+
 }  // namespace
 
-Runtime::Engine::Engine(RuntimeOptions options) : options_(std::move(options)), samples_(1) {
+Runtime::Engine::Engine(RuntimeOptions options)
+    : number_of_engine_(next_number()),
+      options_(std::move(options)),
+      samples_(1),
+      live_units_(options_.platform,
+                  {.prepare_first = options_.prepare_first,
+                   .time_limit = options_.time_limit,
+                   .priority = options_.priority,
+                   .keeps = own_,
+                   .stop = {},
+                   .progress = options_.progress},
+                  [this](UnitId, Call& call, CallEnd end) { ended(call, std::move(end)); }) {
   const Nanos begin = clock_.now();
   if (options_.most_tasks == 0) throw_bad_input("most_tasks is 0; it is at least 1");
   resume_at_ = options_.most_tasks - 1 - (options_.most_tasks - 1) / 4;
@@ -61,7 +84,9 @@ void Runtime::Engine::list_workloads() {
     if (!names_.emplace(workload.name, workloads_.size()).second) {
       throw_bad_input("workload '" + workload.name + "' is given twice");
     }
-    workloads_.push_back({.workload = &workload, .own = own});
+    workloads_.push_back({.workload = &workload,
+                          .own = own,
+                          .takes_image = std::ranges::any_of(workload.inputs, is_picture)});
     workloads_.back().runs_on = units_of(workloads_.back());
   };
   for (const std::string& name : options_.workloads) add(find_workload(name), nullptr);
@@ -192,34 +217,20 @@ void Runtime::Engine::take_first_inputs() {
 }
 
 void Runtime::Engine::open_units() {
-  const auto say = [this](const std::string& line) {
-    if (options_.progress) options_.progress(line);
-  };
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     auto prepared = preparations(unit);
-    if (prepared.empty()) continue;
-    const UnitModel& model = options_.platform.units[unit];
-    say("opening " + model.name);
-    UnitSetup setup{.request = make_unit_request(options_.platform, model),
-                    .backend = model.measured() ? &find_backend(model.backend) : nullptr,
-                    .preparations = std::move(prepared),
-                    .prepare_first = options_.prepare_first,
-                    .contexts = model.contexts.has_value(),
-                    .priority = options_.priority,
-                    .keeps = own_};
-    units_[unit].runner =
-        std::make_unique<KernelUnit>(std::move(setup), [this](Call& call, CallEnd end) {
-          Submitted& task = task_of(call);
-          task.call_end = std::move(end);
-          post(task, Submitted::Event::kEnd);
-          work();
-        });
+    if (!prepared.empty()) live_units_.open(unit, std::move(prepared));
   }
-  for (Unit& unit : units_) {
-    if (unit.runner == nullptr) continue;
-    const std::string remark = unit.runner->wait_until_ready();
-    if (!remark.empty()) add_problem(unit.runner->name() + ": " + remark);
-    say(unit.runner->name() + " is ready");
-  }
+  for (const std::string& remark : live_units_.wait_until_ready()) add_problem(remark);
 }
+
+/// From the unit's thread.
+void Runtime::Engine::ended(Call& call, CallEnd end) {
+  Submitted& task = task_at(call.token);
+  call = {};  // What it shares is to be written again when nobody else has it.
+  task.call_end = std::move(end);
+  post(task, Submitted::Event::kEnd);
+  work(Thread::kOurs);
+}
+
 }  // namespace pirt

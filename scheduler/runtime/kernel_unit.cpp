@@ -50,7 +50,8 @@ namespace {
 /// than they do. Each gives its core to whoever else wants it.
 constexpr int kTurnsAwake = 100;
 
-/// Why the calling thread did not get it; empty if it did.
+}  // namespace
+
 std::string take_priority(int priority) {
   if (priority <= 0) return "";
   sched_param parameters{};
@@ -61,14 +62,14 @@ std::string take_priority(int priority) {
          "; it needs CAP_SYS_NICE or a limit (ulimit -r)";
 }
 
-}  // namespace
-
 KernelUnit::KernelUnit(UnitSetup setup, std::function<void(Call&, CallEnd)> done)
     : setup_(std::move(setup)),
       done_(std::move(done)),
       thread_(start_thread([this] { serve(); })) {}
 
-KernelUnit::~KernelUnit() {
+KernelUnit::~KernelUnit() { stop(); }
+
+void KernelUnit::stop() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
@@ -81,14 +82,22 @@ void KernelUnit::leave(std::unique_ptr<KernelUnit> unit) {
   static_cast<void>(unit.release());
 }
 
-std::string KernelUnit::wait_until_ready() {
+bool KernelUnit::is_over_start(Nanos most) {
   std::unique_lock lock(mutex_);
-  changed_.wait(lock, [this] { return ready_ || failure_ != nullptr; });
-  if (failure_ != nullptr) std::rethrow_exception(failure_);
-  return remark_;
+  return changed_.wait_for(lock, most, [this] { return ready_ || failure_ != nullptr; });
+}
+
+bool KernelUnit::wait_until_ready(Nanos most) {
+  const bool over = is_over_start(most);
+  if (over && failure_ != nullptr) std::rethrow_exception(failure_);
+  return over;
 }
 
 void KernelUnit::run(Call call) {
+  if (std::this_thread::get_id() == thread_.get_id() && telling_ && !next_ && waiting_ == 0) {
+    next_ = std::move(call);
+    return;
+  }
   {
     const std::lock_guard lock(mutex_);
     calls_.push_back(std::move(call));
@@ -113,17 +122,30 @@ std::optional<std::vector<std::uint64_t>> KernelUnit::abandon(std::uint64_t toke
 }
 
 void KernelUnit::wait_for_call(std::unique_lock<std::mutex>& lock) {
-  if (calls_.empty() && !stopping_) {
+  if (calls_.empty() && !stopping_ && !next_) {
     lock.unlock();
     for (int turn = 0; turn < kTurnsAwake && waiting_ == 0 && !stopping_; ++turn) {
       std::this_thread::yield();
     }
     lock.lock();
   }
-  changed_.wait(lock, [this] { return stopping_ || !calls_.empty(); });
+  changed_.wait(lock, [this] { return stopping_ || next_ || !calls_.empty(); });
+}
+
+Call KernelUnit::take_call() {
+  if (next_) {
+    Call call = *std::move(next_);
+    next_.reset();
+    return call;
+  }
+  Call call = std::move(calls_.front());
+  calls_.pop_front();
+  waiting_ = calls_.size();
+  return call;
 }
 
 void KernelUnit::serve() {
+  name_thread(name());
   try {
     set_up();
   } catch (...) {
@@ -138,9 +160,7 @@ void KernelUnit::serve() {
   while (true) {
     wait_for_call(lock);
     if (stopping_) break;
-    Call call = std::move(calls_.front());
-    calls_.pop_front();
-    waiting_ = calls_.size();
+    Call call = take_call();
     running_ = {.token = call.token, .since = clock_.now()};
     lock.unlock();
     CallEnd end = execute(call);
@@ -149,7 +169,9 @@ void KernelUnit::serve() {
     running_.reset();
     if (abandoned_) return;  // Nobody knows of the call any more; what it holds goes with it.
     lock.unlock();
+    telling_ = true;
     done_(call, std::move(end));
+    telling_ = false;
     lock.lock();
   }
   lock.unlock();
@@ -168,6 +190,7 @@ void KernelUnit::set_up() {
   if (!setup_.prepare_first) return;
   // The first one last, where one at a time is held.
   for (auto each = setup_.preparations.rbegin(); each != setup_.preparations.rend(); ++each) {
+    if (stopping_) return;
     Prepared& made = prepare(*each);
     if (!each->function) run_once(*each, made);
   }

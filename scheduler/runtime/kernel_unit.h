@@ -73,8 +73,8 @@ struct CallEnd {
   Nanos busy{0};
   std::optional<Nanos> preparing = {};  ///< Part of `busy`; absent = the kernel was there.
   std::uint64_t version = 0;            ///< Of the state that it wrote, if it completed.
-  std::string problem;   ///< Of one that failed, with the names of workload and unit.
-  CallTimes times = {};  ///< Of one that completed.
+  std::string problem = {};  ///< Of one that failed, with the names of workload and unit.
+  CallTimes times = {};      ///< Of one that completed.
 };
 
 /// What a unit prepares before anything runs.
@@ -98,6 +98,10 @@ struct UnitSetup {
       {};  ///< There as long as the unit: what its workloads are in.
 };
 
+/// Real-time scheduling of the calling thread, first in first out, for a priority above 0.
+/// @return  Why it did not get it; empty if it did, or wants none.
+[[nodiscard]] std::string take_priority(int priority);
+
 class KernelUnit {
  public:
   /// @param done  Called from the unit's thread after each call; must not throw, may call run().
@@ -105,17 +109,24 @@ class KernelUnit {
   KernelUnit(UnitSetup setup, std::function<void(Call&, CallEnd)> done);
   /// Waits for the call that runs; what waits behind it is forgotten.
   ~KernelUnit();
-  /// The end of one that was abandoned: its thread may never return, so that it and what it uses
-  /// stay.
+  /// The end of one that was abandoned, or never became ready: its thread may never return, so that
+  /// it and what it uses stay.
   static void leave(std::unique_ptr<KernelUnit> unit);
   KernelUnit(const KernelUnit&) = delete;
   KernelUnit& operator=(const KernelUnit&) = delete;
 
-  /// Until the device is open and all is prepared.
-  /// @return  What is not as it was asked for; empty if all is.
+  /// Nothing runs from now on but the call that does.
+  void stop();
+  /// Until its start is over, well or not, or @p most is.
+  /// @return  Whether it is.
+  [[nodiscard]] bool is_over_start(Nanos most);
+  /// Until the device is open and all is prepared, or @p most is over.
+  /// @return  Whether it is.
   /// @throws What opening and preparing throw.
-  std::string wait_until_ready();
-  /// Runs the call after those before it. Any thread.
+  bool wait_until_ready(Nanos most);
+  /// What is not as it was asked for, once it is ready; empty if all is.
+  [[nodiscard]] const std::string& remark() const { return remark_; }
+  /// Runs the call after those before it. Any thread; from `done` its own takes it without a lock.
   void run(Call call);
   struct Running {
     std::uint64_t token = 0;
@@ -142,6 +153,7 @@ class KernelUnit {
   void serve();
   void set_up();
   void wait_for_call(std::unique_lock<std::mutex>& lock);
+  Call take_call();
   Prepared& prepare(const Preparation& preparation);
   void run_once(const Preparation& preparation, Prepared& prepared);
   Prepared& prepared(const Workload& workload, CallEnd& end);
@@ -166,7 +178,9 @@ class KernelUnit {
   std::atomic<bool> abandoned_ = false;
   std::atomic<std::size_t> waiting_ = 0;  ///< How many calls_ are.
   std::deque<Call> calls_;
-  std::jthread thread_;  ///< Last: all else is there before it and after it.
+  bool telling_ = false;      ///< The unit's thread is within done_: as next_, its own.
+  std::optional<Call> next_;  ///< Before calls_.
+  std::jthread thread_;       ///< Last: all else is there before it and after it.
 };
 
 }  // namespace pirt

@@ -7,19 +7,14 @@
 #include <mutex>
 #include <utility>
 
-#include "characterize/platform/unit_request.h"
-#include "scheduler/runtime/kernel_unit.h"
+#include "scheduler/runtime/live_units.h"
 #include "scheduler/runtime/output_pool.h"
 #include "scheduler/runtime/samples.h"
-#include "scheduler/runtime/time_limit.h"
-#include "workloads/backends/registry.h"
-#include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
 
 namespace pirt {
 namespace {
 
-constexpr std::size_t kMostProblems = 10;
 /// That are kept of a workload on a unit.
 constexpr std::size_t kMostCalls = 4096;
 /// How often calls are looked at that may run too long, and whether the run shall stop.
@@ -51,7 +46,13 @@ class LiveRun final : public Executor {
       : scenario_(scenario),
         options_(options),
         samples_(scenario.seed),
-        time_(scenario, dispatcher, observer, this, computed_units(scenario)) {
+        time_(scenario, dispatcher, observer, this, computed_units(scenario)),
+        units_(scenario.platform,
+               {.prepare_first = options.prepare_first,
+                .time_limit = options.time_limit,
+                .stop = options.stop,
+                .progress = options.progress},
+               [this](UnitId unit, Call& call, const CallEnd& end) { ended(unit, call, end); }) {
     for (const MixState& state : scenario.mix.states) {
       states_.push_back(std::make_shared<StateValue>(find_workload(state.workload)));
     }
@@ -66,18 +67,21 @@ class LiveRun final : public Executor {
       std::unique_lock lock(mutex_);
       time_.begin();
       pace(lock);
-    }
-    for (auto& [unit, each] : units_) {
-      if (each->abandoned()) KernelUnit::leave(std::move(each));
+      closing_ = true;
     }
     if (options_.calls) options_.calls(calls());
-    units_.clear();  // Their threads end.
+    units_.close();  // Their threads end.
     result_.tally = time_.finish();
+    // What is left was not waited for; it could have started.
+    if (result_.stopped) result_.tally.stalled = 0;
+    result_.problems = problems_.first();
+    result_.failed_calls = problems_.count();
     return std::move(result_);
   }
 
   /// Behind the mutex, from within what a thread tells the driver.
   void start(JobIndex job, UnitId unit) override {
+    if (closing_) return;  // Nobody waits for what comes now.
     ++computing_;
     const Firings::Place& place = time_.firings().place(job);
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
@@ -98,7 +102,7 @@ class LiveRun final : public Executor {
       if (made.data == nullptr) continue;  // Of a paced unit.
       call.inputs[port.input] = (*made.data)[port.output].share();
     }
-    units_.at(unit)->run(std::move(call));
+    units_.run(unit, std::move(call));
   }
 
  private:
@@ -122,26 +126,13 @@ class LiveRun final : public Executor {
   }
 
   void set_up() {
-    const auto say = [this](const std::string& line) {
-      if (options_.progress) options_.progress(line);
-    };
     for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
-      const UnitModel& model = scenario_.platform.units[unit];
-      if (!model.measured()) continue;
-      const auto backend = &find_backend(model.backend);
-      say("opening " + model.name);
-      units_[unit] = std::make_unique<KernelUnit>(
-          UnitSetup{.request = make_unit_request(scenario_.platform, model, ""),
-                    .backend = backend,
-                    .preparations = preparations(unit),
-                    .prepare_first = options_.prepare_first,
-                    .contexts = model.contexts.has_value()},
-          [this](Call& call, const CallEnd& end) { ended(call, end); });
+      if (scenario_.platform.units[unit].measured()) units_.open(unit, preparations(unit));
     }
-    for (const auto& [unit, each] : units_) {
-      each->wait_until_ready();
-      if (each->has_own_clock()) result_.own_clocks.push_back(each->name());
-      say(each->name() + " is ready");
+    for (const std::string& remark : units_.wait_until_ready()) problems_.add(remark);
+    for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
+      if (!units_.has(unit) || !units_.at(unit).has_own_clock()) continue;
+      result_.own_clocks.push_back(units_.at(unit).name());
     }
   }
 
@@ -162,8 +153,9 @@ class LiveRun final : public Executor {
   /// Without units that were abandoned.
   [[nodiscard]] LiveCalls calls() {
     LiveCalls all;
-    for (const auto& [unit, each] : units_) {
-      if (each != nullptr) all.units.push_back({each->name(), *each->device()});
+    for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
+      if (!units_.has(unit) || units_.at(unit).abandoned()) continue;
+      all.units.push_back({units_.at(unit).name(), *units_.at(unit).device()});
     }
     const std::lock_guard lock(mutex_);
     for (const auto& [of, kept] : kept_) {
@@ -194,10 +186,10 @@ class LiveRun final : public Executor {
 
   /// Takes units out of service whose call does not end. False: nothing is waited for any more.
   bool goes_on() {
-    for (auto& [unit, each] : units_) {
-      const auto call = each->running();
-      if (call && clock_.now() - call->since > limit_of(unit, call->token)) abandon(unit, *call);
-    }
+    const auto expected = [this](UnitId unit, std::uint64_t token) {
+      return scenario_.services.find(workload_of(static_cast<JobIndex>(token)), unit);
+    };
+    for (const LiveUnits::Hung& hung : units_.abandon_hung(expected)) give_up(hung);
     const int stops = options_.stop ? options_.stop() : 0;
     if (stops > 0 && !result_.stopped) {
       result_.stopped = true;
@@ -206,27 +198,21 @@ class LiveRun final : public Executor {
     return stops < 2;
   }
 
-  [[nodiscard]] Nanos limit_of(UnitId unit, std::uint64_t token) const {
-    if (options_.time_limit) return *options_.time_limit;
-    const Firings::Place& place = time_.firings().place(static_cast<JobIndex>(token));
-    const WorkloadId workload = scenario_.classes[place.pipeline][place.task].workload;
-    return time_limit(*scenario_.services.find(workload, unit), units_.at(unit)->has_own_clock());
+  [[nodiscard]] WorkloadId workload_of(JobIndex job) const {
+    const Firings::Place& place = time_.firings().place(job);
+    return scenario_.classes[place.pipeline][place.task].workload;
   }
 
-  /// What the call has is never used again; its state is that of before.
-  void abandon(UnitId unit, const KernelUnit::Running& call) {
-    KernelUnit& each = *units_.at(unit);
-    const auto behind = each.abandon(call.token);
-    if (!behind) return;
-    const auto job = static_cast<JobIndex>(call.token);
+  /// What the call has is its own from then on; its state is that of before.
+  void give_up(const LiveUnits::Hung& hung) {
+    const auto job = static_cast<JobIndex>(hung.token);
     const Firings::Place place = time_.firings().place(job);
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
     if (task.state) states_[*task.state] = std::make_shared<StateValue>(*states_[*task.state]);
-    const Nanos ran = clock_.now() - call.since;
-    add_problem(overdue(task.workload, each.name(), ran));
-    time_.set_unit(unit, UnitState::kDown, now());
-    end_computing(job, {.outcome = Outcome::kFailed, .busy = ran});
-    for (const std::uint64_t token : *behind) {
+    problems_.add(overdue(task.workload, units_.at(hung.unit).name(), hung.ran));
+    time_.set_unit(hung.unit, UnitState::kGone, now());
+    end_computing(job, {.outcome = Outcome::kFailed, .busy = hung.ran});
+    for (const std::uint64_t token : hung.behind) {
       end_computing(static_cast<JobIndex>(token), {.outcome = Outcome::kReturned});
     }
   }
@@ -236,24 +222,16 @@ class LiveRun final : public Executor {
     time_.finished(job, std::move(end), now());
   }
 
-  void add_problem(const std::string& problem) {
-    ++result_.failed_calls;
-    if (result_.problems.size() < kMostProblems) result_.problems.push_back(problem);
-  }
-
   /// From a unit's thread.
-  void ended(Call& call, const CallEnd& end) {
+  void ended(UnitId unit, Call& call, const CallEnd& end) {
     const std::lock_guard lock(mutex_);
     const auto job = static_cast<JobIndex>(call.token);
     const Firings::Place place = time_.firings().place(job);
-    if (!end.problem.empty()) add_problem(end.problem);
+    if (!end.problem.empty()) problems_.add(end.problem);
     const bool completed = end.outcome == Outcome::kCompleted;
     if (completed && call.state) call.state->commit(end.version);
     if (completed && options_.sink) options_.sink(place, *call.outputs);
-    if (completed && options_.calls) {
-      const WorkloadId workload = scenario_.classes[place.pipeline][place.task].workload;
-      kept_[{workload, time_.unit_of(job)}].add(end.times);
-    }
+    if (completed && options_.calls) kept_[{workload_of(job), unit}].add(end.times);
     call.inputs.clear();  // Before the firing that made them may be over.
     const Nanos next = time_.next();
     end_computing(job, {.outcome = end.outcome,
@@ -278,9 +256,11 @@ class LiveRun final : public Executor {
   VirtualTime time_;
   int computing_ = 0;
   std::map<std::pair<WorkloadId, UnitId>, KeptCalls> kept_;
+  Problems problems_;
+  bool closing_ = false;  ///< Nothing starts any more.
   LiveResult result_;
 
-  std::map<UnitId, std::unique_ptr<KernelUnit>> units_;  ///< Last: their threads use all of it.
+  LiveUnits units_;  ///< Last: their threads use all of it.
 };
 
 }  // namespace

@@ -2,9 +2,12 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cstddef>
 #include <map>
 #include <memory>
+#include <mutex>
+#include <utility>
 #include <vector>
 
 #include "workloads/model/tensor.h"
@@ -12,33 +15,52 @@
 
 namespace pirt {
 
-/// Used by one thread at a time.
+/// Any thread. Outputs may outlive it.
 class OutputPool {
  public:
   using Outputs = std::shared_ptr<std::vector<Tensor>>;
 
   /// Tensors as Workload::outputs that nobody else has, of which some may have held earlier ones.
-  /// They come back by themselves when the last to hold what is returned lets go of it.
+  /// They come back when the last to hold what is returned lets go of it, but for those of which
+  /// somebody shares a tensor: these are his.
   [[nodiscard]] Outputs take(const Workload& workload) {
-    Pool& pool = pools_[&workload];
-    // Those that are taken longest come back first; a look at a few keeps this short.
-    const std::size_t looks = std::min<std::size_t>(pool.all.size(), kLooks);
-    for (std::size_t i = 0; i < looks; ++i) {
-      pool.next = (pool.next + 1) % pool.all.size();
-      if (pool.all[pool.next].use_count() == 1) return pool.all[pool.next];
+    std::unique_ptr<std::vector<Tensor>> outputs = free_->take(&workload);
+    if (outputs == nullptr) {
+      outputs = std::make_unique<std::vector<Tensor>>(make_tensors(workload.outputs));
     }
-    pool.next = pool.all.size();
-    return pool.all.emplace_back(
-        std::make_shared<std::vector<Tensor>>(make_tensors(workload.outputs)));
+    return {outputs.release(), [free = free_, key = &workload](std::vector<Tensor>* back) {
+              free->put(key, std::unique_ptr<std::vector<Tensor>>(back));
+            }};
   }
 
  private:
-  static constexpr std::size_t kLooks = 8;
-  struct Pool {
-    std::vector<Outputs> all;
-    std::size_t next = 0;
+  class Free {
+   public:
+    std::unique_ptr<std::vector<Tensor>> take(const Workload* key) {
+      const std::lock_guard lock(mutex_);
+      auto& sets = sets_[key];
+      sets.reserve(kMost);  // So that nothing is asked for where it comes back.
+      if (sets.empty()) return nullptr;
+      auto last = std::move(sets.back());  // Its memory is in a cache yet.
+      sets.pop_back();
+      return last;
+    }
+    void put(const Workload* key, std::unique_ptr<std::vector<Tensor>> outputs) noexcept {
+      // Nobody but its sharers could share a tensor anew, and they let go of it before this is
+      // read.
+      if (std::ranges::any_of(*outputs, &Tensor::is_shared)) return;
+      std::atomic_thread_fence(std::memory_order_acquire);
+      const std::lock_guard lock(mutex_);
+      auto& sets = sets_[key];
+      if (sets.size() < kMost) sets.push_back(std::move(outputs));
+    }
+
+   private:
+    static constexpr std::size_t kMost = 64;  ///< Of a workload: what a burst took is given back.
+    std::mutex mutex_;
+    std::map<const Workload*, std::vector<std::unique_ptr<std::vector<Tensor>>>> sets_;
   };
-  std::map<const Workload*, Pool> pools_;
+  std::shared_ptr<Free> free_ = std::make_shared<Free>();
 };
 
 }  // namespace pirt

@@ -1,5 +1,6 @@
 #include "scheduler/runtime/runtime.h"
 
+#include <stdexcept>
 #include <utility>
 
 #include "scheduler/runtime/engine.h"
@@ -23,24 +24,34 @@ std::string_view to_string(TaskEnd end) {
   return "";
 }
 
+runtime::Submitted& TaskFuture::task() const {
+  if (task_ == nullptr) throw std::logic_error("a TaskFuture of no task was asked");
+  return *task_;
+}
+
 std::optional<TaskEnd> TaskFuture::end() const {
-  const int end = task_->end.load(std::memory_order_acquire);
+  const int end = task().end.load(std::memory_order_acquire);
   return end == runtime::Submitted::kLive ? std::nullopt : std::optional(static_cast<TaskEnd>(end));
 }
 
 TaskEnd TaskFuture::wait() const {
   // Within its own callback it has ended.
   if (runtime::MustNotWait::here() && end()) return *end();
-  if (!task_->told.load(std::memory_order_acquire)) runtime::MustNotWait::check("wait()");
-  task_->told.wait(false, std::memory_order_acquire);
+  if (!task().told.is_set()) runtime::MustNotWait::check("wait()");
+  task_->told.wait();
   return *end();
 }
 
-std::span<const Tensor> TaskFuture::get() const {
+std::optional<TaskEnd> TaskFuture::wait_for(Nanos most) const {
+  if (runtime::MustNotWait::here() && end()) return end();
+  if (!task().told.is_set()) runtime::MustNotWait::check("wait_for()");
+  return task_->told.wait_for(most, MachineClock()) ? end() : std::nullopt;
+}
+
+std::span<const Tensor> TaskFuture::get() const& {
   const TaskEnd end = wait();
   if (end != TaskEnd::kCompleted) {
-    throw_environment(task_->workload->name + " has no outputs, it was " +
-                      std::string(to_string(end)) +
+    throw_environment(task_->name + " has no outputs, it was " + std::string(to_string(end)) +
                       (task_->problem.empty() ? "" : ": " + task_->problem));
   }
   return *task_->outputs;
@@ -48,7 +59,14 @@ std::span<const Tensor> TaskFuture::get() const {
 
 std::string TaskFuture::unit() const { return end() ? task_->unit_name : ""; }
 Nanos TaskFuture::busy() const { return end() ? task_->busy : Nanos::zero(); }
+Nanos TaskFuture::latency() const {
+  return end() ? task_->ended_at - task_->submitted_at : Nanos::zero();
+}
+Nanos TaskFuture::waited() const {
+  return end() && task_->started_at ? *task_->started_at - task_->submitted_at : Nanos::zero();
+}
 std::string TaskFuture::problem() const { return end() ? task_->problem : ""; }
+
 Runtime::Runtime(RuntimeOptions options) : engine_(std::make_unique<Engine>(std::move(options))) {}
 Runtime::~Runtime() = default;
 
@@ -57,6 +75,7 @@ TaskFuture Runtime::submit(std::string_view workload, std::vector<TaskInput> inp
   return engine_->submit(workload, std::move(inputs), std::move(options), std::move(callback));
 }
 void Runtime::cancel(const TaskFuture& task) { engine_->cancel(task); }
+void Runtime::cancel_all() { engine_->cancel_all(); }
 void Runtime::wait_all() { engine_->wait_all(); }
 RuntimeStatistics Runtime::statistics() const { return engine_->statistics(); }
 std::vector<Tensor> Runtime::state(std::string_view name) const { return engine_->state(name); }

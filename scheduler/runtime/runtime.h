@@ -9,9 +9,9 @@
 // for those that wait (TaskFuture::wait and get, Runtime::wait_all): there they would wait for
 // themselves, and throw std::logic_error instead. For the same reason submit waits there for no
 // room, and there may be more tasks than most_tasks.
-// A callback runs on the thread of the unit that ended the task, or on one that submits or cancels;
-// the unit takes nothing new meanwhile, so that it should be short. What it throws is counted, and
-// told by statistics().
+// A callback runs on a thread of the runtime's, mostly that of the unit that ended the task, which
+// takes nothing new meanwhile, so that it should be short; never on one that submits, cancels or
+// asks. What it throws is counted, and told by statistics().
 //
 // Example:
 //     pirt::Runtime runtime({.workloads = {"undistort", "gaussian_blur"}});
@@ -60,7 +60,8 @@ struct TaskOutput {
   std::size_t index = 0;
 };
 
-/// Of one task; copies are of the same. Its outputs stay as they are while one of them is there.
+/// Of one task; copies are of the same. It may outlive its runtime. What asks one that is of no
+/// task throws std::logic_error.
 class TaskFuture {
  public:
   TaskFuture() = default;
@@ -71,20 +72,29 @@ class TaskFuture {
   [[nodiscard]] std::optional<TaskEnd> end() const;
   /// Until it has ended, and its callback has returned.
   TaskEnd wait() const;
-  /// The outputs, as Workload::outputs; waits for them.
+  /// The same, but not longer than @p most; absent if it has not by then.
+  [[nodiscard]] std::optional<TaskEnd> wait_for(Nanos most) const;
+  /// The outputs, as Workload::outputs; waits for them. They stay as they are while this future or
+  /// another of the task, or a tensor that shares one of them, is there.
   /// @throws Error{kEnvironment} with the reason if the task did not complete.
-  [[nodiscard]] std::span<const Tensor> get() const;
+  [[nodiscard]] std::span<const Tensor> get() const&;
+  std::span<const Tensor> get() const&& = delete;  // They would go with it.
   /// For tasks that take it as an input.
   [[nodiscard]] TaskOutput output(std::size_t index) const { return {task_, index}; }
   /// The name of the unit that it ran on last; empty if it never did.
   [[nodiscard]] std::string unit() const;
   /// How long its last call occupied that unit; 0 if it never ran. Valid once it has ended.
   [[nodiscard]] Nanos busy() const;
+  /// From its submission to its end, and from there to when its unit got it; 0 if that never was.
+  /// Valid once it has ended.
+  [[nodiscard]] Nanos latency() const;
+  [[nodiscard]] Nanos waited() const;
   /// Why it failed; empty if it did not. Valid once it has ended.
   [[nodiscard]] std::string problem() const;
 
  private:
   friend class Runtime;
+  [[nodiscard]] runtime::Submitted& task() const;
   std::shared_ptr<runtime::Submitted> task_;
 };
 
@@ -134,16 +144,23 @@ struct RuntimeOptions {
   std::map<std::string, std::shared_ptr<const std::vector<Tensor>>> first_inputs = {};
   /// Tasks that have not ended: submit waits while there are so many.
   std::size_t most_tasks = 65'536;
-  /// A call that takes longer puts its unit out of service. Absent = 50 times what it is expected
-  /// to take, and at least 5 s; never where that is not known.
+  /// A call that takes longer puts its unit out of service for good. Absent = 50 times what it is
+  /// expected to take, and at least 5 s; never where that is not known (no profile, and an own
+  /// workload that does not say what it expects of the unit).
   std::optional<Nanos> time_limit = {};
   std::optional<std::string> trace = {};  ///< A file; see write_trace.
   int priority = 0;  ///< Above 0: units' threads at this real-time priority, where permitted.
   std::function<void(const std::string&)> progress = {};  ///< A line each while it starts.
+  /// A line each for what goes wrong, when it does: failed calls, lost units, callbacks that throw.
+  /// Called as a callback is.
+  std::function<void(const std::string&)> problem = {};
 };
 
 struct TaskOptions {
-  bool real_time = false;                  ///< May not go to the cloud.
+  bool real_time = false;  ///< May not go to the cloud.
+  /// Whether it holds a camera's picture, which mode advanced lets others not wait for. Absent = by
+  /// its inputs: it does if one is a picture (u8, two or three dimensions).
+  std::optional<bool> image_input = {};
   std::optional<Nanos> deadline = {};      ///< From now on; for modes that look at it.
   std::optional<Nanos> expires = {};       ///< From now on: not started by then, it is given up.
   std::vector<TaskFuture> after = {};      ///< That have to complete first, besides the inputs'.
@@ -163,6 +180,7 @@ struct RuntimeStatistics {
   /// submitted = completed + failed + dropped + expired + cancelled + live, at every moment.
   std::int64_t submitted = 0, completed = 0, failed = 0, dropped = 0, expired = 0, cancelled = 0;
   std::int64_t live = 0;
+  std::int64_t late = 0;              ///< Of those that have ended: after their deadline.
   std::int64_t returned = 0;          ///< How often a unit gave a task back, to be tried elsewhere.
   Nanos set_up{0};                    ///< What the start took.
   std::vector<std::string> problems;  ///< The first few: failed calls, lost units, callbacks.
@@ -174,7 +192,8 @@ class Runtime {
   /// workload that no unit can serve (with each unit's reason); Error{kEnvironment}: a device that
   /// cannot be opened or a kernel that cannot be prepared.
   explicit Runtime(RuntimeOptions options);
-  /// Cancels what has not started and waits for what runs.
+  /// Cancels what has not started and waits for what runs, but for calls that hang; nothing can be
+  /// submitted any more. Not from a callback or a kernel.
   ~Runtime();
   Runtime(const Runtime&) = delete;
   Runtime& operator=(const Runtime&) = delete;
@@ -183,12 +202,15 @@ class Runtime {
   /// @param inputs    As Workload::inputs.
   /// @param callback  Called once when the task has ended; may be empty.
   /// @throws Error{kBadInput}: a workload that is not among the options', inputs that do not fit,
-  /// units that cannot serve it.
+  /// units that cannot serve it, an input or predecessor of another runtime; Error{kEnvironment}:
+  /// the runtime is ending.
   TaskFuture submit(std::string_view workload, std::vector<TaskInput> inputs,
                     TaskOptions options = {}, Callback callback = {});
-  /// The task ends as cancelled, and what comes after it as dropped. One that runs goes on to its
-  /// end; what it makes is lost. Does nothing if it has ended.
+  /// The task ends as cancelled, and what comes after it as dropped, soon. One that runs goes on to
+  /// its end; what it makes is lost. Does nothing if it has ended.
   void cancel(const TaskFuture& task);
+  /// All that have not ended.
+  void cancel_all();
   /// Until no task is left that has not ended.
   void wait_all();
   [[nodiscard]] RuntimeStatistics statistics() const;

@@ -233,7 +233,7 @@ void VirtualTime::count_served(Tally& tally) const {
   for (const Job& job : jobs_) {
     if (!job.computing || job.started_at >= tally.end) continue;
     tally.units[job.unit].busy += tally.end - job.started_at;
-    tally.units[job.unit].powered += tally.end - job.started_at;
+    if (!is_metered(job)) tally.units[job.unit].powered += tally.end - job.started_at;
   }
 }
 
@@ -246,6 +246,12 @@ void VirtualTime::charge(Tally& tally, const Job& job, const Step& step, Nanos s
   } else {
     tally.units[job.unit].transferring += served;
   }
+}
+
+/// A meter has told what a call of it takes, which is counted by the call.
+bool VirtualTime::is_metered(const Job& job) const {
+  const Service* service = scenario_.services.find(plans_[job.plan].workload, job.unit);
+  return service != nullptr && service->metered_j.has_value();
 }
 
 const VirtualTime::Step& VirtualTime::step_of(const Job& job) const {
@@ -326,7 +332,7 @@ void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
   job.computing = false;
   UnitTally& unit = tally_.units[job.unit];
   unit.busy += end.busy;
-  unit.powered += end.busy;
+  if (!is_metered(job)) unit.powered += end.busy;
   if (end.preparing) {
     unit.preparing += *end.preparing;
     prepared(job, job.started_at, *end.preparing);
@@ -404,7 +410,8 @@ void VirtualTime::apply_starts() {
     }
     jobs_[job].computing = true;
     if (observer_ != nullptr) {
-      observer_->arrived(start.unit, job, scenario_.platform.units[start.unit].active_w);
+      const double active_w = scenario_.platform.units[start.unit].active_w;
+      observer_->arrived(start.unit, job, is_metered(jobs_[job]) ? 0 : active_w);
     }
     executor_->start(job, start.unit);
   }

@@ -118,6 +118,7 @@ class VirtualTime {
   void send(UnitId unit, std::int64_t size_bytes, Nanos from);
   void charge(Tally& tally, const Job& job, const Step& step, Nanos served, Nanos powered) const;
   [[nodiscard]] const Step& step_of(const Job& job) const;
+  [[nodiscard]] bool is_metered(const Job& job) const;
   [[nodiscard]] std::optional<WorkloadId> first_context(UnitId unit) const;
   void prepared(Job& job, Nanos at, Nanos takes);
   [[nodiscard]] Nanos draw(JobIndex job, const Step& step) const;

@@ -1,5 +1,6 @@
 // Mixes run live: what is computed is what a serial run computes, counts balance whatever fails,
 // and the trace replays. No test looks at how long anything took.
+#include <atomic>
 #include <map>
 
 #include "scheduler/runtime/kernel_unit.h"
@@ -344,8 +345,9 @@ pipelines:
     options.mode = "ect";
     options.duration = std::chrono::hours(1);
     LiveOptions how;
-    int looks = 0;
-    how.stop = [&] { return ++looks < 3 ? 0 : times; };
+    std::atomic<int> made = 0;
+    how.sink = [&](const Firings::Place&, std::span<const Tensor>) { ++made; };
+    how.stop = [&] { return made < 100 ? 0 : times; };
     const RunRecord run =
         run_live(parse_platform("test.yaml", kBoard, {}, 1), nullptr, mix, options, how);
     EXPECT_THAT(run.warnings, Contains(HasSubstr("stopped")));

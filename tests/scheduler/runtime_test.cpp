@@ -3,12 +3,16 @@
 #include "scheduler/runtime/runtime.h"
 
 #include <atomic>
+#include <functional>
 #include <latch>
 #include <mutex>
 #include <semaphore>
+#include <set>
 #include <stdexcept>
 #include <thread>
 
+#include "scheduler/runtime/live_units.h"
+#include "scheduler/runtime/output_pool.h"
 #include "scheduler/trace/replay.h"
 #include "tests/scheduler/support.h"
 #include "tests/support/errors.h"
@@ -152,7 +156,8 @@ TEST(Runtime, PreparesWithInputsLikeThoseToCome) {
   {
     Runtime runtime(options_for("double", seven()));
     EXPECT_EQ(*given, std::vector{7.0});
-    EXPECT_EQ(value_of(runtime.submit("double", {number(8)}).get()), 16);
+    const auto sixteen = runtime.submit("double", {number(8)});
+    EXPECT_EQ(value_of(sixteen.get()), 16);
     EXPECT_EQ(*given, (std::vector{7.0, 8.0}));
   }
   EXPECT_THAT(refusal(options_for("dubble", seven())), HasSubstr("did you mean double"));
@@ -211,7 +216,8 @@ TEST(Runtime, WithAProfileUnitsServeWhatTheyHaveValidRowsOf) {
       EXPECT_EQ(edges.unit(), "gpu");
     }
     // Functions of one's own need no rows.
-    EXPECT_EQ(value_of(runtime.submit("add", {number(1), number(2)}).get()), 3);
+    const auto three = runtime.submit("add", {number(1), number(2)});
+    EXPECT_EQ(value_of(three.get()), 3);
   }
   EXPECT_THAT(refusal(options_for(profile_of_sobel(false, false))),
               AllOf(HasSubstr("sobel"), HasSubstr("wrong_output")));
@@ -558,6 +564,228 @@ TEST(Runtime, RefusesTasksThatDoNotFit) {
               HasSubstr("another runtime"));
   EXPECT_THAT(refused("add", {number(1), number(2)}, {.eligible = {"dsp"}}), HasSubstr("dsp"));
   EXPECT_EQ(runtime.statistics().submitted, 1);
+}
+
+// Outputs that a tensor shares are its own, whatever becomes of the future.
+TEST(Runtime, OverwritesNothingThatATensorShares) {
+  Runtime runtime(options_with({adding()}, kOneUnit));
+  std::vector<Tensor> kept;
+  std::vector<TaskFuture> sums;
+  for (int i = 0; i < 50; ++i) {
+    const auto task = runtime.submit("add", {number(i), number(0)});
+    kept.push_back(task.get()[0].share());
+    // As a callback would that submits what it was given, and lets its future go.
+    sums.push_back(runtime.submit("add", {task.get()[0], number(1000)}));
+  }
+  for (int i = 0; i < 50; ++i) {
+    EXPECT_EQ(kept[static_cast<std::size_t>(i)].as<double>()[0], i);
+    EXPECT_EQ(value_of(sums[static_cast<std::size_t>(i)].get()), 1000 + i);
+  }
+}
+
+TEST(OutputPool, WritesAgainWhatComesBackAndKeepsNothingForWhoDoesNotLetGo) {
+  Workload workload;
+  workload.outputs = {kNumber};
+  OutputPool pool;
+  std::vector<OutputPool::Outputs> kept;
+  for (int i = 0; i < 8; ++i) kept.push_back(pool.take(workload));
+  std::set<const std::byte*> places;
+  for (int i = 0; i < 100; ++i) places.insert((*pool.take(workload))[0].data());
+  EXPECT_EQ(places.size(), 1U);
+  auto set = pool.take(workload);
+  const Tensor shared = (*set)[0].share();
+  set = nullptr;
+  const auto next = pool.take(workload);
+  EXPECT_NE((*next)[0].data(), shared.data());
+}
+
+TEST(Runtime, TasksThatNoUnitIsLeftForFailAlsoThoseToCome) {
+  static std::binary_semaphore never(0);  // Static: the call never comes back.
+  auto options =
+      options_with({own("hangs", 1, [](auto, auto) { never.acquire(); }), adding()}, kOneUnit);
+  options.time_limit = 100ms;
+  Runtime runtime(std::move(options));
+  const auto bad = runtime.submit("hangs", {number(1)});
+  const auto behind = runtime.submit("add", {number(1), number(2)});
+  const auto after = runtime.submit("add", {behind.output(0), number(2)});
+  runtime.wait_all();
+  EXPECT_EQ(bad.wait(), TaskEnd::kFailed);
+  EXPECT_EQ(behind.wait(), TaskEnd::kFailed);
+  EXPECT_EQ(after.wait(), TaskEnd::kDropped);
+  const auto late = runtime.submit("add", {number(1), number(2)});
+  EXPECT_EQ(late.wait(), TaskEnd::kFailed);
+  EXPECT_THAT(late.problem(), HasSubstr("no unit is left"));
+  expect_balance(runtime.statistics());
+}
+
+TEST(Runtime, AUnitThatCannotRunOneWorkloadStillRunsTheOthers) {
+  OwnWorkload picky = own("picky", 1, {});
+  picky.kernels = {
+      {"cpu", [](auto, auto) { throw_environment("not this one"); }},
+      {"gpu", [](auto in, auto out) { out[0].template as<double>()[0] = value_of(in); }}};
+  Runtime runtime(options_with({picky, adding()}));
+  for (int i = 0; i < 20; ++i) {
+    const auto task = runtime.submit("picky", {number(i)});
+    EXPECT_EQ(value_of(task.get()), i);
+    EXPECT_EQ(task.unit(), "gpu");
+  }
+  const auto there = runtime.submit("add", {number(1), number(2)}, {.eligible = {"cpu"}});
+  EXPECT_EQ(value_of(there.get()), 3);
+  const auto statistics = runtime.statistics();
+  EXPECT_TRUE(statistics.units[0].in_service);
+  EXPECT_LE(statistics.returned, LiveUnits::kMostReturns);
+}
+
+TEST(Runtime, FuturesAndTensorsOutliveIt) {
+  TaskFuture completed, failed;
+  {
+    Runtime runtime(options_with(
+        {adding(), own("fails", 1, [](auto, auto) { throw std::runtime_error("no luck"); })}));
+    completed = runtime.submit("add", {number(1), number(2)});
+    failed = runtime.submit("fails", {number(1)});
+    runtime.wait_all();
+  }
+  EXPECT_EQ(value_of(completed.get()), 3);
+  try {
+    static_cast<void>(failed.get());
+    FAIL() << "outputs of a task that failed";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("fails has no outputs"), HasSubstr("no luck")));
+  }
+  EXPECT_THROW(static_cast<void>(TaskFuture().end()), std::logic_error);
+  Runtime second(options_with({adding()}));
+  EXPECT_THAT(bad_input([&] {
+                second.submit("add", {completed.output(0), number(1)});
+              }),
+              HasSubstr("another runtime"));
+  EXPECT_THAT(bad_input([&] {
+                second.submit("add", {number(1), number(1)}, {.after = {completed}});
+              }),
+              HasSubstr("no task of this runtime"));
+}
+
+TEST(Runtime, CallbacksRunOnItsOwnThreadsAlone) {
+  std::binary_semaphore go(0);
+  Runtime runtime(options_with(
+      {own("waits", 1, [&](std::span<const Tensor>, std::span<Tensor>) { go.acquire(); }),
+       adding()},
+      kOneUnit));
+  const auto us = std::this_thread::get_id();
+  std::atomic<int> heard = 0, here = 0;
+  const auto callback = [&](const TaskFuture&, TaskEnd) {
+    ++heard;
+    if (std::this_thread::get_id() == us) ++here;
+  };
+  runtime.submit("waits", {number(1)}, {}, callback);
+  const auto cancelled = runtime.submit("add", {number(1), number(1)}, {}, callback);
+  runtime.submit("add", {cancelled.output(0), number(1)}, {}, callback);
+  runtime.cancel(cancelled);
+  EXPECT_EQ(cancelled.wait(), TaskEnd::kCancelled);
+  runtime.submit("add", {cancelled.output(0), number(1)}, {}, callback);  // Doomed as it comes.
+  go.release();
+  runtime.wait_all();
+  EXPECT_EQ(heard, 4);
+  EXPECT_EQ(here, 0);
+}
+
+TEST(Runtime, WhatACallbackThrowsIsAProblemWhateverItIs) {
+  std::mutex mutex;
+  std::vector<std::string> said;
+  auto options = options_with({adding()});
+  options.problem = [&](const std::string& line) {
+    const std::lock_guard lock(mutex);
+    said.push_back(line);
+  };
+  {
+    Runtime runtime(std::move(options));
+    runtime.submit("add", {number(1), number(2)}, {}, [](auto&, auto) { throw 42; });
+    runtime.wait_all();
+    ASSERT_EQ(runtime.statistics().problems.size(), 1U);
+    EXPECT_THAT(runtime.statistics().problems[0], HasSubstr("unknown type"));
+  }
+  EXPECT_THAT(said, testing::ElementsAre(HasSubstr("unknown type")));
+}
+
+TEST(Runtime, ACallbackThatAlwaysSubmitsDoesNotKeepItFromEnding) {
+  std::function<void()> again;
+  std::atomic<int> refused = 0;
+  Runtime runtime(options_with({adding()}));
+  again = [&] {
+    try {
+      runtime.submit("add", {number(1), number(2)}, {}, [&](auto&, auto) { again(); });
+    } catch (const Error&) {
+      ++refused;
+      throw;
+    }
+  };
+  again();
+  again();
+  // Its end comes here.
+}
+
+TEST(Runtime, WaitsForAsLongAsItIsToldAndSaysHowLongATaskTook) {
+  std::binary_semaphore go(0);
+  Runtime runtime(options_with(
+      {own("waits", 1, [&](std::span<const Tensor>, std::span<Tensor>) { go.acquire(); }),
+       adding()},
+      kOneUnit));
+  const auto first = runtime.submit("waits", {number(1)}, {.deadline = Nanos(1)});
+  const auto second = runtime.submit("add", {number(1), number(1)}, {.deadline = Nanos::max()});
+  EXPECT_FALSE(first.wait_for(2ms));
+  go.release();
+  EXPECT_EQ(first.wait_for(1h), TaskEnd::kCompleted);
+  EXPECT_EQ(second.wait_for(Nanos::max()), TaskEnd::kCompleted);
+  EXPECT_GE(first.latency(), Nanos(2ms));
+  EXPECT_GE(second.waited(), Nanos(2ms));
+  EXPECT_GE(second.latency(), second.waited());
+  EXPECT_EQ(runtime.statistics().late, 1);
+}
+
+TEST(Runtime, TasksAfterOneThatIsLongOverAreInTheTraceToo) {
+  const ScratchFolder folder;
+  auto options = options_with(
+      {adding(), own("fails", 1, [](auto, auto) { throw std::runtime_error("on purpose"); })});
+  options.trace = (folder.path() / "trace.json").string();
+  Runtime runtime(options);
+  const auto failed = runtime.submit("fails", {number(1)});
+  runtime.wait_all();
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_EQ(runtime.submit("add", {failed.output(0), number(1)}).wait(), TaskEnd::kDropped);
+  }
+  runtime.write_trace();
+  const auto log = load_trace_log(*options.trace);
+  EXPECT_FALSE(replay(log, "trace").difference.has_value());
+  // The one that failed, five after it, and the one that stands for what is over.
+  EXPECT_EQ(std::ranges::count(log.entries, DispatcherInput::Kind::kSubmit,
+                               [](const LogEntry& each) { return each.input.kind; }),
+            7);
+}
+
+TEST(Runtime, APictureIsOneForTheModesThatAsk) {
+  const ScratchFolder folder;
+  RuntimeOptions options = options_with({adding()});
+  options.workloads = {"sobel"};
+  options.trace = (folder.path() / "trace.json").string();
+  Runtime runtime(options);
+  Tensor picture(find_workload("sobel").inputs[0]);
+  runtime.submit("sobel", {picture}).wait();
+  runtime.submit("sobel", {picture}, {.image_input = false}).wait();
+  runtime.submit("add", {number(1), number(1)}).wait();
+  runtime.write_trace();
+  std::vector<bool> images;
+  for (const LogEntry& each : load_trace_log(*options.trace).entries) {
+    for (const Task& task : each.tasks) images.push_back(task.kind.image_input);
+  }
+  EXPECT_EQ(images, (std::vector<bool>{true, false, false}));
+}
+
+TEST(Runtime, RefusesUnitsThatAreNotWhatAThreadIs) {
+  EXPECT_THAT(refusal(options_with({adding()}, R"(
+platform: wide
+units:
+  cpu: {backend: cpu, cores: all, servers: 4, active_w: 1}
+)")),
+              AllOf(HasSubstr("4 servers"), HasSubstr("one call after the other")));
 }
 
 }  // namespace

@@ -15,6 +15,11 @@ using Nanos = std::chrono::duration<std::int64_t, std::nano>;
 [[nodiscard]] inline Nanos from_ms(double ms) { return Nanos(std::llround(ms * 1e6)); }
 [[nodiscard]] inline Nanos from_s(double s) { return Nanos(std::llround(s * 1e9)); }
 
+/// @p time and then @p more, at most Nanos::max().
+[[nodiscard]] constexpr Nanos later_by(Nanos time, Nanos more) {
+  return more > Nanos::zero() && time > Nanos::max() - more ? Nanos::max() : time + more;
+}
+
 /// @p time times @p factor, to the nearest nanosecond.
 [[nodiscard]] inline Nanos scaled(Nanos time, double factor) {
   return Nanos(std::llround(factor * static_cast<double>(time.count())));

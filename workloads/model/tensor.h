@@ -63,6 +63,8 @@ class Tensor {
 
   /// Another tensor of the same elements, not of copies: whoever shares one says who may write.
   [[nodiscard]] Tensor share() const;
+  /// Whether another tensor has the same elements. Others may let go of them at any time.
+  [[nodiscard]] bool is_shared() const { return data_.use_count() > 1; }
 
   /// How many of its rows (entries of the slowest dimension) the tensor has: all, unless the spec
   /// varies and somebody said otherwise. What lies behind them means nothing.

@@ -1,0 +1,58 @@
+// Something that happens once, and that some wait for, for as long as they like.
+#pragma once
+
+#include <linux/futex.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdint>
+#include <ctime>
+
+#include "workloads/base/time.h"
+
+namespace pirt::runtime {
+
+/// std::latch without a limit of time is all that C++20 has. Who sets it wakes only if somebody
+/// waits.
+class Latch {
+ public:
+  [[nodiscard]] bool is_set() const { return state_.load(std::memory_order_acquire) == kSet; }
+  void set() {
+    if (state_.exchange(kSet) == kAwaited) call(FUTEX_WAKE_PRIVATE, INT32_MAX, nullptr);
+  }
+  void wait() {
+    while (!is_set()) sleep(nullptr);
+  }
+  /// @return  Whether it is set.
+  template <typename Clock>
+  bool wait_for(Nanos most, const Clock& clock) {
+    const Nanos begin = clock.now();
+    while (!is_set()) {
+      const Nanos left = most - (clock.now() - begin);
+      if (left <= Nanos::zero()) return false;
+      const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(left);
+      const std::timespec time{.tv_sec = seconds.count(), .tv_nsec = (left - seconds).count()};
+      sleep(&time);
+    }
+    return true;
+  }
+
+ private:
+  enum : std::uint32_t { kNot, kAwaited, kSet };
+  static_assert(sizeof(std::atomic<std::uint32_t>) == sizeof(std::uint32_t));
+
+  void sleep(const std::timespec* most) {
+    std::uint32_t state = kNot;
+    if (state_.compare_exchange_strong(state, kAwaited) || state == kAwaited) {
+      call(FUTEX_WAIT_PRIVATE, kAwaited, most);
+    }
+  }
+  void call(int what, std::uint32_t value, const std::timespec* most) {
+    ::syscall(SYS_futex, reinterpret_cast<std::uint32_t*>(&state_), what, value, most, nullptr, 0);
+  }
+  std::atomic<std::uint32_t> state_ = kNot;
+};
+
+}  // namespace pirt::runtime

@@ -1,0 +1,106 @@
+#include "scheduler/runtime/live_units.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+
+#include "characterize/platform/unit_request.h"
+#include "workloads/backends/registry.h"
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+/// How often it is asked whether to go on while units start.
+constexpr Nanos kLook = std::chrono::milliseconds(50);
+/// A start takes seconds; with an emulator, and everything compiled anew, some minutes.
+constexpr Nanos kLongestStart = std::chrono::minutes(10);
+/// What a unit gets for the end of its start when nobody wants it any more.
+constexpr Nanos kPatience = std::chrono::seconds(1);
+
+}  // namespace
+
+LiveUnits::LiveUnits(const Platform& platform, LiveUnitsOptions options, Done done)
+    : platform_(platform),
+      options_(std::move(options)),
+      done_(std::move(done)),
+      returns_(platform.units.size()),
+      units_(platform.units.size()) {}
+
+LiveUnits::~LiveUnits() { close(); }
+
+void LiveUnits::open(UnitId unit, std::vector<Preparation> preparations) {
+  const UnitModel& model = platform_.units[unit];
+  if (model.measured() && model.servers > 1) {
+    throw_bad_input(fmt::format(
+        "unit {} of platform {} has {} servers, and a unit that computes serves one call after the "
+        "other; take `servers` out, or give each its cores as a unit of its own",
+        model.name, platform_.name, model.servers));
+  }
+  say("opening " + model.name);
+  units_[unit] = std::make_unique<KernelUnit>(
+      UnitSetup{.request = make_unit_request(platform_, model, ""),
+                .backend = model.measured() ? &find_backend(model.backend) : nullptr,
+                .preparations = std::move(preparations),
+                .prepare_first = options_.prepare_first,
+                .contexts = model.contexts.has_value(),
+                .priority = options_.priority,
+                .keeps = options_.keeps},
+      [this, unit](Call& call, CallEnd end) { done_(unit, call, std::move(end)); });
+}
+
+std::vector<std::string> LiveUnits::wait_until_ready() {
+  std::vector<std::string> remarks;
+  const Nanos until = clock_.now() + kLongestStart;
+  for (const auto& unit : units_) {
+    if (unit == nullptr) continue;
+    while (!unit->wait_until_ready(kLook)) {
+      if (options_.stop && options_.stop() > 0) {
+        throw_environment("interrupted while unit " + unit->name() + " was being prepared");
+      }
+      if (clock_.now() > until) {
+        throw_environment(fmt::format(
+            "unit {} is not ready after {:.0f} s; run `pirt characterize --units {}` to see what "
+            "takes it so long, or leave the unit out",
+            unit->name(), to_s(kLongestStart), unit->name()));
+      }
+    }
+    if (!unit->remark().empty()) remarks.push_back(unit->name() + ": " + unit->remark());
+    say(unit->name() + " is ready");
+  }
+  return remarks;
+}
+
+void LiveUnits::close() {
+  for (auto& unit : units_) {
+    if (unit != nullptr) unit->stop();
+  }
+  for (auto& unit : units_) {
+    if (unit == nullptr) continue;
+    if (unit->abandoned() || !unit->is_over_start(kPatience)) {
+      KernelUnit::leave(std::move(unit));
+    } else {
+      unit.reset();
+    }
+  }
+}
+
+bool LiveUnits::any_runs() const {
+  return std::ranges::any_of(
+      units_, [](const auto& unit) { return unit != nullptr && unit->running().has_value(); });
+}
+
+int LiveUnits::count_returns(UnitId unit, WorkloadId workload, Outcome outcome) {
+  auto& returns = returns_[unit];
+  if (outcome == Outcome::kReturned) return ++returns[workload];
+  if (!returns.empty()) returns.erase(workload);
+  return 0;
+}
+
+std::optional<Nanos> LiveUnits::limit_of(UnitId unit, const Service* expected) const {
+  if (options_.time_limit) return options_.time_limit;
+  if (expected == nullptr) return std::nullopt;
+  return time_limit(*expected, units_[unit]->has_own_clock());
+}
+
+}  // namespace pirt

@@ -1,0 +1,122 @@
+// The units of a live run, or of the runtime, that compute: opened side by side, prepared, given
+// their calls, and watched. What is known of their health is here, for both.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "characterize/platform/platform.h"
+#include "scheduler/runtime/kernel_unit.h"
+#include "scheduler/runtime/time_limit.h"
+
+namespace pirt {
+
+/// What went wrong, for whoever reads it afterwards: the first few.
+class Problems {
+ public:
+  void add(std::string problem) {
+    ++count_;
+    if (first_.size() < kMost) first_.push_back(std::move(problem));
+  }
+  [[nodiscard]] const std::vector<std::string>& first() const { return first_; }
+  [[nodiscard]] std::int64_t count() const { return count_; }
+
+ private:
+  static constexpr std::size_t kMost = 20;
+  std::vector<std::string> first_;
+  std::int64_t count_ = 0;
+};
+
+struct LiveUnitsOptions {
+  bool prepare_first = true;
+  std::optional<Nanos> time_limit = {};  ///< Of each call; absent = by what is expected of it.
+  int priority = 0;                      ///< As UnitSetup.
+  std::shared_ptr<const void> keeps = {};
+  std::function<int()> stop = {};  ///< Whether somebody wants no start any more; empty = never.
+  std::function<void(const std::string&)> progress = {};
+};
+
+/// Threads: whoever drives them, one at a time, but for `done`.
+class LiveUnits {
+ public:
+  using Done = std::function<void(UnitId unit, Call& call, CallEnd end)>;
+
+  /// @param platform  Must outlive it.
+  /// @param done      Called from the unit's thread after each call; must not throw.
+  LiveUnits(const Platform& platform, LiveUnitsOptions options, Done done);
+  ~LiveUnits();
+  LiveUnits(const LiveUnits&) = delete;
+  LiveUnits& operator=(const LiveUnits&) = delete;
+
+  /// Begins to open the unit and to prepare.
+  /// @throws Error{kBadInput} if the platform says of it what a unit that computes cannot do.
+  void open(UnitId unit, std::vector<Preparation> preparations);
+  /// Until all are ready.
+  /// @return  What is not as it was asked for.
+  /// @throws What opening and preparing throw, with the unit's name; Error{kEnvironment} for a unit
+  /// that is not ready after a long time, or once somebody wants to stop.
+  std::vector<std::string> wait_until_ready();
+  /// Waits for the calls that run, but for those that hang; nothing runs from then on.
+  void close();
+
+  [[nodiscard]] bool has(UnitId unit) const { return units_[unit] != nullptr; }
+  [[nodiscard]] const KernelUnit& at(UnitId unit) const { return *units_[unit]; }
+  void run(UnitId unit, Call call) { units_[unit]->run(std::move(call)); }
+
+  /// A call that does not end. Its unit is abandoned: nothing is heard of its calls any more.
+  struct Hung {
+    UnitId unit = 0;
+    std::uint64_t token = 0;
+    std::vector<std::uint64_t> behind;  ///< Of the calls that waited behind it.
+    Nanos ran{0};
+    std::string problem;
+  };
+  /// @param expected  const Service*(UnitId, std::uint64_t token): what the call is expected to
+  ///                  take; null = nobody knows, and it may take as long as it likes unless there
+  ///                  is a limit for all.
+  template <typename Expected>
+  [[nodiscard]] std::vector<Hung> abandon_hung(const Expected& expected) {
+    std::vector<Hung> hung;
+    for (UnitId unit = 0; unit < units_.size(); ++unit) {
+      if (units_[unit] == nullptr) continue;
+      const auto call = units_[unit]->running();
+      if (!call) continue;
+      const auto limit = limit_of(unit, expected(unit, call->token));
+      const Nanos ran = clock_.now() - call->since;
+      if (!limit || ran <= *limit) continue;
+      auto behind = units_[unit]->abandon(call->token);
+      if (!behind) continue;
+      hung.push_back({unit, call->token, *std::move(behind), ran, {}});
+    }
+    return hung;
+  }
+  /// Whether any call runs now.
+  [[nodiscard]] bool any_runs() const;
+
+  /// Hears how each call ended. How often calls of the workload have now been given back by the
+  /// unit, in a row.
+  int count_returns(UnitId unit, WorkloadId workload, Outcome outcome);
+  /// So often, and the unit is no longer asked for the workload.
+  static constexpr int kMostReturns = 3;
+
+ private:
+  [[nodiscard]] std::optional<Nanos> limit_of(UnitId unit, const Service* expected) const;
+  void say(const std::string& line) const {
+    if (options_.progress) options_.progress(line);
+  }
+
+  const Platform& platform_;
+  LiveUnitsOptions options_;
+  Done done_;
+  MachineClock clock_;
+  std::vector<std::map<WorkloadId, int>> returns_;  ///< By unit; of those that gave any back.
+  std::vector<std::unique_ptr<KernelUnit>> units_;  ///< Last: their threads use all of it.
+};
+
+}  // namespace pirt
