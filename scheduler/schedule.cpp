@@ -11,6 +11,7 @@
 #include "scheduler/services/scenario.h"
 #include "scheduler/trace/trace_writer.h"
 #include "scheduler/virtual/virtual_time.h"
+#include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -96,7 +97,14 @@ RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& m
   const Tally tally = driver(scenario, dispatcher, trace ? &*trace : nullptr);
 
   RunRecord record = summarize(scenario, profile, setup.policy_setup.weights, tally);
-  if (trace) trace->finish(tally);
+  if (trace) {
+    try {
+      trace->finish(tally);
+    } catch (const Error& error) {
+      if (time != "live") throw;
+      record.trace_problem = error.what();  // The run cannot be had again.
+    }
+  }
   record.time = time;
   record.mode = mode.policy.name;
   if (profile != nullptr) record.draw = to_string(options.draw);

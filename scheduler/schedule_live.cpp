@@ -7,6 +7,7 @@
 
 #include "scheduler/schedule.h"
 #include "scheduler/trace/trace_thread.h"
+#include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -47,14 +48,20 @@ void add_live(const Platform& platform, const LiveResult& result, RunRecord& rec
 RunRecord run_live(const Platform& platform, const Profile* profile, const Mix& mix,
                    const ScheduleOptions& options, const LiveOptions& live) {
   LiveResult result;
+  std::string trace_problem;
   const auto driver = [&](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter* trace) {
     std::optional<TraceThread> aside;
     if (trace != nullptr) dispatcher.observe(&aside.emplace(*trace));
     result = run_live(scenario, dispatcher, live, aside ? &*aside : nullptr);
-    if (aside) aside->finish();
+    try {
+      if (aside) aside->finish();
+    } catch (const Error& error) {
+      trace_problem = error.what();
+    }
     return result.tally;
   };
   RunRecord record = run_mix(platform, profile, mix, options, driver, "live");
+  if (!trace_problem.empty()) record.trace_problem = trace_problem;
   add_live(platform, result, record);
   return record;
 }

@@ -25,6 +25,10 @@ Platform read(const std::string& file, const std::string& text,
   const auto document = parse_yaml(file, text, "units", overrides);
   Platform platform = read_platform(document, cores);
   platform.text = document.dump() + "\n";
+  platform.watts_set = std::ranges::any_of(overrides, [](const YamlOverride& each) {
+    const std::string key = each.path.substr(each.path.find('.') + 1);
+    return key == "active_w" || key == "idle_w" || key.starts_with("energy");
+  });
   return platform;
 }
 

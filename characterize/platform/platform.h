@@ -58,7 +58,7 @@ struct UnitModel {
   Role role = Role::kOther;
   int servers = 1;
   Discipline discipline = Discipline::kFifo;
-  std::optional<int> slots;  ///< Tasks started and not complete; absent = no limit.
+  std::optional<int> slots;  ///< Tasks started and not complete; absent = 1 for one that computes, else no limit.
   double active_w = 0;       ///< Per busy server.
   double idle_w = 0;
   double op_pj = 0;    ///< Additional energy per operation of the workload.
@@ -108,6 +108,7 @@ struct Platform {
   std::map<std::string, Link> links;
   std::map<std::string, WorkloadModel> workloads;
   std::map<std::string, ModeDefaults> modes;
+  bool watts_set = false;  ///< Some by the user: joules are an assumption, whatever the rest is.
 
   /// Null if there is none.
   [[nodiscard]] const UnitModel* find_unit(std::string_view unit) const;

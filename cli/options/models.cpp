@@ -32,6 +32,7 @@ recognition::ModelOptions ModelFlags::options() const {
   recognition::ModelOptions options;
   options.model = *model;
   if (config) options.config = *config;
+  options.config_option = config_option;
   if (names) options.names = *names;
   if (size) options.size = parse_size(*size);
   if (preprocess) {
@@ -50,6 +51,7 @@ void add_model(Command& command, ModelFlags& flags, const std::string& prefix,
   const Option model =
       add_input(command, prefix.empty() ? "--model" : "--" + prefix, &flags.model,
                 "Weights of " + what + ": .weights of Darknet, .caffemodel, .onnx");
+  flags.config_option = name("config");
   add_input(command, name("config"), &flags.config,
             "Its layers: the .cfg of Darknet, the .prototxt of Caffe")
       .needs(model);

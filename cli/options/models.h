@@ -13,6 +13,8 @@ namespace pirt::cli {
 struct ModelFlags {
   std::optional<std::string> model, config, names, size, preprocess;
 
+  std::string config_option = "--config";  ///< As it is called.
+
   [[nodiscard]] recognition::ModelOptions options() const;
 };
 

@@ -48,6 +48,31 @@ void emit_text(const std::string& text, const Output& target) {
   }
 }
 
+void Results::emit(const std::string& text, const Json& json, const Output& json_target) {
+  try {
+    cli::emit(text, json, json_target);
+  } catch (const Error& error) {
+    add(error.what());
+    if (!json_target.to_stdout()) write(text, {});
+  }
+}
+
+void Results::write(const std::string& text, const Output& target) {
+  try {
+    emit_text(text, target);
+  } catch (const Error& error) {
+    add(error.what());
+  }
+}
+
+void Results::add(const std::string& problem) { problems_.push_back(problem); }
+
+void Results::check() const {
+  if (problems_.empty()) return;
+  warn_all(std::span(problems_).subspan(1));
+  throw_bad_input(problems_.front());
+}
+
 void refuse_same_file(const std::string& a, const std::string& b, const std::string& remedy) {
   std::error_code missing;  // which opening it explains
   if (std::filesystem::equivalent(a, b, missing)) {

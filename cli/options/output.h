@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "cli/options/command.h"
 #include "workloads/base/text/json.h"
@@ -45,6 +46,22 @@ void emit(const std::string& text, const Json& json, const Output& json_target);
 
 /// Writes @p text to @p target, or to stdout. @throws Error if it cannot be written.
 void emit_text(const std::string& text, const Output& target);
+
+/// Several results of a run that cannot be had again: what cannot be written does not cost the
+/// rest.
+class Results {
+ public:
+  void emit(const std::string& text, const Json& json, const Output& json_target);
+  void write(const std::string& text, const Output& target);
+  /// Something else that is not there.
+  void add(const std::string& problem);
+  /// @throws Error{kBadInput} with the first thing that could not be written; the others are
+  /// warnings.
+  void check() const;
+
+ private:
+  std::vector<std::string> problems_;
+};
 
 /// @throws Error{kBadInput} with @p remedy if both are the same file.
 void refuse_same_file(const std::string& a, const std::string& b, const std::string& remedy);

@@ -266,7 +266,6 @@ Json robot_json(const RobotRun& run, const std::string& dataset) {
   for (const ActivityCounts& each : run.activities) {
     const auto latency = summary_of(each);
     json["activities"].push_back({{"name", each.name},
-                                  {"deadline_ms", to_ms(each.deadline)},
                                   {"fired", each.fired},
                                   {"completed", each.completed},
                                   {"failed", each.failed},
@@ -277,6 +276,9 @@ Json robot_json(const RobotRun& run, const std::string& dataset) {
                                   {"p50_ms", latency.p50_ms},
                                   {"p95_ms", latency.p95_ms},
                                   {"p99_ms", latency.p99_ms}});
+    if (each.deadline > Nanos::zero()) {
+      json["activities"].back()["deadline_ms"] = to_ms(each.deadline);
+    }
   }
   if (find(run, "plan_path") != nullptr) {
     json["paths_found"] = run.paths_found;

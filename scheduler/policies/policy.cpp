@@ -34,6 +34,12 @@ std::vector<std::string> policy_names() {
   return names;
 }
 
+std::vector<std::string> runtime_policy_names() {
+  std::vector<std::string> names = policy_names();
+  std::erase_if(names, [](const auto& name) { return find_policy(name).planner != nullptr; });
+  return names;
+}
+
 const PolicyInfo& find_policy(std::string_view name) {
   const auto all = policies();
   const auto it = std::ranges::find(all, name, &PolicyInfo::name);

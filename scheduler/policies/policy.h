@@ -124,6 +124,8 @@ struct Mode {
 
 [[nodiscard]] std::span<const PolicyInfo> policies();
 [[nodiscard]] std::vector<std::string> policy_names();
+/// Those that plan nothing ahead: what a runtime can follow, which does not know what comes.
+[[nodiscard]] std::vector<std::string> runtime_policy_names();
 /// @throws Error{kBadInput} with the nearest names.
 [[nodiscard]] const PolicyInfo& find_policy(std::string_view name);
 /// @param names  With commas; each counts once.

@@ -123,8 +123,9 @@ struct RunRecord {
   std::optional<std::int64_t> no_predecessor;
   /// How often a unit gave a task back. Absent where nothing ever does.
   std::optional<std::int64_t> returned;
-  std::int64_t stalled = 0;    ///< Of the queued ones, those that nothing was ever going to start.
-  std::int64_t offloaded = 0;  ///< Of the completed ones, those that the cloud served.
+  std::int64_t stalled = 0;  ///< Of the queued ones, those that nothing was ever going to start.
+  std::string trace_problem = {};  ///< Why a live run has no trace; not part of what is stored.
+  std::int64_t offloaded = 0;      ///< Of the completed ones, those that the cloud served.
   std::optional<double> throughput_per_ms;
   std::optional<double> mean_latency_ms, p99_latency_ms;  ///< Of all tasks, dispatch to completion.
   /// Absent, with the power, where nobody knows what a unit draws that served something.

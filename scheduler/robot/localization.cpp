@@ -325,13 +325,23 @@ class LiveLocalization {
     }
     all = all && stops() < 2;
     result_.run.last = slam::read_state(runtime_->state("slam"));
-    if (all && options_.runtime.trace) runtime_->write_trace();
+    if (options_.runtime.trace) write_trace();
     result_.statistics = runtime_->statistics();
     result_.problems = result_.statistics.problems;
     close();
     result_.stopped = stops() > 0;
     result_.failed += waiting_.size();
     result_.duration = std::max(last_ - first_, Nanos::zero());
+  }
+
+  /// Also of a run that was cut short: what nobody waits for any more is cancelled.
+  void write_trace() {
+    try {
+      runtime_->cancel_all();
+      runtime_->write_trace();
+    } catch (const Error& error) {
+      result_.trace_problem = error.what();
+    }
   }
 
   /// No frame begins any more; what runs is waited for.

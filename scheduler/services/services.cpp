@@ -44,6 +44,7 @@ std::optional<Service> from_platform(const Cell& cell) {
   Service service;
   service.time_provenance = model->provenance;
   service.energy_provenance = weakest(model->provenance, cell.unit().energy_provenance);
+  if (cell.platform.watts_set) service.energy_provenance = Provenance::kModelled;
   for (const auto& stage : stages->second) {
     service.stages.push_back({.name = stage.name, .on = std::nullopt, .time = stage.time});
     if (!stage.on.empty()) service.stages.back().on = unit_id_of(cell.platform, stage.on);
@@ -129,6 +130,7 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
     service.time_provenance = sum_of(service.time_provenance, row->provenance);
   }
   service.energy_provenance = weakest(cell.unit().energy_provenance, service.time_provenance);
+  if (cell.platform.watts_set) service.energy_provenance = Provenance::kModelled;
   const auto* energy = cell.profile->find_energy(cell.workload.name, cell.unit().name);
   // Modelled joules are modelled anew, so that watts given for this run count.
   if (energy != nullptr && energy->energy_j && energy->provenance == Provenance::kMeasured) {

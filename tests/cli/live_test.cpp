@@ -10,6 +10,7 @@ namespace {
 using testing::AllOf;
 using testing::Contains;
 using testing::HasSubstr;
+using testing::Not;
 
 class LiveCommand : public testing::Test {
  protected:
@@ -58,12 +59,43 @@ TEST_F(LiveCommand, KeepsWhatRanWhenItIsInterrupted) {
           " || ! kill -0 $pid; do sleep 0.1; done; sleep 0.5; kill -INT $pid; wait $pid; rc=$?; "
           "cat " +
           heard + " >&2; exit $rc");
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  ASSERT_EQ(outcome.exit_code, 4) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("stopped by a signal"));
+  EXPECT_THAT(outcome.err, Not(HasSubstr("stalled")));
   const auto made = record();
   EXPECT_GT(made["completed"], 0);
   EXPECT_LT(made["makespan_s"], 300);
   EXPECT_EQ(pirt({"replay", scratch_.file("t.json")}).exit_code, 0);
+}
+
+// What cannot be had again is written wherever it can be.
+TEST_F(LiveCommand, ATraceThatCannotBeWrittenCostsNothingElse) {
+  const auto outcome =
+      run(quoted(PIRT_BINARY) + " schedule --live --mode ect --platform " +
+          quoted(scratch_.file("board.yaml")) + " --mix " + quoted(scratch_.file("mix.yaml")) +
+          " --json " + quoted(scratch_.file("run.json")) + " --trace /dev/full --duration 300ms");
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("/dev/full"));
+  EXPECT_EQ(record()["submitted"], 30);
+  EXPECT_THAT(outcome.out, HasSubstr("sobel"));
+}
+
+TEST_F(LiveCommand, AStartThatHangsCanBeInterrupted) {
+  scratch_.write("hangs.yaml", R"(
+platform: hangs
+units:
+  gpu: {backend: fake, active_w: 1, script: {hang: [sobel]}}
+workloads: {sobel: {gpu: [{on: gpu, ms: 0.5}]}}
+)");
+  const std::string heard = quoted(scratch_.file("heard"));
+  const auto outcome = run(
+      "env --default-signal " + quoted(PIRT_BINARY) + " schedule --live --mode ect --platform " +
+      quoted(scratch_.file("hangs.yaml")) + " --mix " + quoted(scratch_.file("mix.yaml")) + " 2>" +
+      heard + " & pid=$!; until grep -q opening " + heard +
+      " || ! kill -0 $pid; do sleep 0.1; done; sleep 0.3; kill -INT $pid; wait $pid; rc=$?; cat " +
+      heard + " >&2; exit $rc");
+  EXPECT_EQ(outcome.exit_code, 4) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("interrupted while unit gpu was being prepared"));
 }
 
 /// A unit that takes as long as its script says.
@@ -159,6 +191,30 @@ TEST_F(LiveCommand, OptionsOfLiveRunsAreForThem) {
   expect_refused(pirt({"schedule", "--compare", "ect", "--live", "--platform", "snapdragon820",
                        "--mix", "convolution-1000"}),
                  {"--compare"});
+}
+
+TEST(ScheduleCommand, FaultsThatCannotBeMeantAreRefusedWithWhatTheyAre) {
+  const auto faults = [](const std::string& text) {
+    return pirt({"schedule", "--mode", "ect", "--platform", "snapdragon820", "--mix",
+                 "convolution-1000", "--faults", text});
+  };
+  expect_refused(faults("seed=7,seed=8"), {"seed", "twice"});
+  expect_refused(faults("seed=7,fail=1"), {"fail=1", "return=0.02"});
+}
+
+TEST(ScheduleCommand, AnUnknownMixIsNamedFirst) {
+  expect_refused(pirt({"schedule", "--mode", "ect", "--mix", "full-rowboat"}), {"full-robot"});
+}
+
+// The paper's watts are fitted; with others, no joule of the run is.
+TEST(ScheduleCommand, WattsThatAreSetMakeJoulesAnAssumption) {
+  const auto with = [](std::vector<std::string> more) {
+    more.insert(more.begin(), {"schedule", "--mode", "throughput", "--platform", "snapdragon820",
+                               "--mix", "convolution-1000", "--json", "-"});
+    return pirt(more).json()["units"]["gpu"]["energy_provenance"];
+  };
+  EXPECT_EQ(with({}), nlohmann::json({"fitted"}));
+  EXPECT_EQ(with({"--set", "cpu.active_w=100"}), nlohmann::json({"modelled"}));
 }
 
 TEST(ScheduleCommand, AFallbackIsForModesThatFallBack) {

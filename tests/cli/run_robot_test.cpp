@@ -104,12 +104,43 @@ TEST_F(RunRobot, KeepsWhatRanWhenItIsInterrupted) {
           " || ! kill -0 $pid; do sleep 0.1; done; sleep 0.3; kill -INT $pid; wait $pid; "
           "rc=$?; cat " +
           heard + " >&2; exit $rc");
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  ASSERT_EQ(outcome.exit_code, 4) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("stopped before its time"));
   const auto made = nlohmann::json::parse(slurp(scratch_.file("run.json")));
   EXPECT_TRUE(made["stopped"]);
   EXPECT_LT(made["arrived"], 50);
   EXPECT_EQ(pirt({"replay", scratch_.file("t.json")}).exit_code, 0);
+}
+
+TEST_F(RunRobot, WithoutATrackedFrameAnEarlierMapAndTrajectoryStay) {
+  const std::string map = scratch_.write("good.map", "a good one");
+  const std::string path = scratch_.write("good.txt", "as good");
+  const auto outcome = pirt(arguments(
+      {"--serial", "--fast", "--duration", "100ms", "--save-slam-map", map, "--trajectory", path}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("leaves '" + map + "' as it is"));
+  EXPECT_EQ(slurp(map), "a good one");
+  EXPECT_EQ(slurp(path), "as good");
+}
+
+TEST_F(RunRobot, WhatCannotBeWrittenCostsNoOtherResult) {
+  const auto outcome = pirt(live({"--fast", "--trace", "/dev/full", "--trajectory",
+                                  scratch_.file("t.txt"), "--json", scratch_.file("r.json")}));
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("/dev/full"));
+  EXPECT_THAT(slurp(scratch_.file("t.txt")), HasSubstr(" "));
+  EXPECT_EQ(nlohmann::json::parse(slurp(scratch_.file("r.json")))["frames"], 50);
+}
+
+TEST_F(RunRobot, ATrajectoryOnStdoutIsAlone) {
+  const auto outcome = pirt(arguments({"--serial", "--fast", "--trajectory", "-"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  std::istringstream lines(outcome.out);
+  int count = 0;
+  for (std::string line; std::getline(lines, line); ++count) {
+    EXPECT_EQ(std::ranges::count(line, ' '), 7) << line;
+  }
+  EXPECT_EQ(count, 50);
 }
 
 /// The same with a map of the room.
@@ -166,6 +197,7 @@ TEST_F(RunWholeRobot, RefusesPlacesAndMapsThatAreNoUse) {
   expect_refused(pirt(live({"--goal", "50,50"})), {"goal"});
   expect_refused(pirt(live({"--goal", "1"})), {"--goal", "x,y"});
   expect_refused(pirt(live({"--start", "1,2"})), {"--start", "degrees"});
+  expect_refused(pirt(live({"--start=-1000,0,0"})), {"start", "not on the map"});
   expect_refused(pirt(live({"--localize-only", "--goal", "1,2"})), {"--localize-only"});
   expect_refused(pirt(live({"--mono", "--no-imu"})), {"no scale"});
   expect_refused(pirt(live({"--map", scratch_.file("none.yaml")})), {"none.yaml"});
@@ -187,7 +219,7 @@ TEST_F(RunRobot, RefusesWhatMakesNoSense) {
   expect_refused(pirt(live({"--compare", "--mode", "ect"})), {"--compare"});
   expect_refused(pirt(live({"--compare", "--trace", scratch_.file("t.json")})), {"--compare"});
   expect_refused(pirt(live({"--compare", "etc"})), {"etc"});
-  expect_refused(pirt(live({"--mode", "heft"})), {"plans a whole mix ahead"});
+  expect_refused(pirt(live({"--mode", "heft"})), {"heft"});
   expect_refused(pirt(live({"--in-flight", "0"})), {"--in-flight"});
   expect_refused(pirt(live({"--goal", "1,2"})), {"--map"});
   expect_refused(pirt(live({"--duration", "0s"})), {"--duration"});

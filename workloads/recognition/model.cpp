@@ -42,8 +42,8 @@ const Format& format_of(const ModelOptions& options) {
                     "' by its name; known are .weights (Darknet), .caffemodel and .onnx");
   }
   if (!found->config.empty() && !options.config) {
-    throw_bad_input(fmt::format("the model '{}' needs {} too; give it with --config",
-                                options.model.string(), found->config));
+    throw_bad_input(fmt::format("the model '{}' needs {} too; give it with {}",
+                                options.model.string(), found->config, options.config_option));
   }
   if (found->config.empty() && options.config) {
     throw_bad_input(fmt::format("the model '{}' has its layers in itself; leave out '{}'",

@@ -32,6 +32,7 @@ struct ModelOptions {
   /// Default: what the configuration says. ONNX has to be told.
   std::optional<std::array<int, 2>> size = std::nullopt;  ///< Width, height.
   std::optional<Preprocess> preprocess = std::nullopt;    ///< Default: the format's.
+  std::string config_option = "--config";                 ///< What the user gives `config` with.
 };
 
 /// How a picture of another shape comes to the network's size.

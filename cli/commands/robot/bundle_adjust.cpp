@@ -18,6 +18,7 @@ namespace {
 struct Options {
   std::string problem;
   std::string loss = "none";
+  std::optional<double> loss_px;
   mapping::BundleOptions adjust;
   Output output, json;
 };
@@ -57,6 +58,10 @@ int adjust(Options options) {
   const auto losses = mapping::loss_names();
   options.adjust.loss =
       static_cast<mapping::Loss>(std::ranges::find(losses, options.loss) - losses.begin());
+  if (options.loss_px && options.adjust.loss == mapping::Loss::kNone) {
+    throw_bad_input("--loss-px is about a --loss, which is none; leave it out, or name one");
+  }
+  if (options.loss_px) options.adjust.loss_px = *options.loss_px;
   auto problem = mapping::read_bal(options.problem);
   const auto summary = mapping::bundle_adjust(problem, options.adjust);
   if (!summary.converged) {
@@ -81,9 +86,9 @@ void add_bundle_adjust(CLI::App& app, Action& action) {
   add_choice(command, "--loss", &options->loss, "LOSS", mapping::loss_names(),
              "What an error beyond --loss-px counts; cauchy for data with outliers")
       .shows_default();
-  add_value(command, "--loss-px", &options->adjust.loss_px, "PIXELS", not_within(1e-6, 1e6),
-            "Where the loss sets in: about the noise of the observations")
-      .shows_default();
+  add_value(command, "--loss-px", &options->loss_px, "PIXELS", not_within(1e-6, 1e6),
+            fmt::format("Where the loss sets in: about the noise of the observations (default: {})",
+                        options->adjust.loss_px));
   add_value(command, "--iterations", &options->adjust.most_iterations, "INTEGER",
             not_within(1, 100'000), "At most so many")
       .shows_default();

@@ -50,7 +50,8 @@ void add_describe(CLI::App& app, Action& action) {
   add_detect_options(command, options->detect);
   add_value(command, "--labels", &options->labels, "INTEGER", not_within(1, 1000),
             "How many of the classifier's classes")
-      .shows_default();
+      .shows_default()
+      .needs(command.option("--classifier"));
   add_output(command, "-o,--output", options->output, "File to write (default: stdout)");
   command.footer(
       "Example: pirt describe --model yolo.weights --config yolo.cfg --names coco.names "

@@ -19,18 +19,25 @@ namespace {
 struct Options {
   std::string folder;
   std::string duration = "60s";
-  std::string rest = "2s";
+  std::optional<std::string> rest;
   std::string cameras = "stereo";
   std::string shape = "loop";
   std::optional<int> threads;
   SceneOptions scene;
 };
 
+constexpr double kRest = 2;  ///< Seconds.
+
+bool is_zero(const std::string& duration) { return duration == "0" || duration == "0s"; }
+
 int generate(const Options& options) {
   if (options.folder.empty()) throw_bad_input("name the folder that is to be made");
   SceneOptions scene = options.scene;
   scene.path.duration_s = to_s(parse_duration(options.duration));
-  scene.path.rest_s = options.rest == "0" ? 0.0 : to_s(parse_duration(options.rest));
+  // Of a short sequence, a part; what was asked for is checked where the scene is.
+  scene.path.rest_s = !options.rest            ? std::min(kRest, scene.path.duration_s / 4)
+                      : is_zero(*options.rest) ? 0.0
+                                               : to_s(parse_duration(*options.rest));
   scene.path.shape = options.shape == "turns" ? PathShape::kTurns : PathShape::kLoop;
   scene.stereo = options.cameras == "stereo";
   const Sequence sequence = generate_sequence(scene);
@@ -49,7 +56,7 @@ int generate(const Options& options) {
   return 0;
 }
 
-std::string no_rest(const std::string& text) { return text == "0" ? "" : no_duration(text); }
+std::string no_rest(const std::string& text) { return is_zero(text) ? "" : no_duration(text); }
 
 }  // namespace
 
@@ -63,8 +70,8 @@ void add_generate(CLI::App& app, Action& action) {
   add_value(command, "--duration", &options->duration, "DURATION", no_duration,
             "Length of the sequence")
       .shows_default();
-  add_value(command, "--rest", &options->rest, "DURATION", no_rest, "Rest at the start, or 0")
-      .shows_default();
+  add_value(command, "--rest", &options->rest, "DURATION", no_rest,
+            "Rest at the start, or 0 (default: 2s, at most a quarter of the sequence)");
   add_choice(command, "--cameras", &options->cameras, "WHICH", {"stereo", "mono"}, "How many")
       .shows_default();
   add_choice(command, "--path", &options->shape, "SHAPE", {"loop", "turns"},

@@ -199,6 +199,7 @@ void add_plan(CLI::App& app, Action& action) {
   command.add_flag("--paths", options->paths,
                    "Write the cells of each path of a scenario to --json too");
   add_json(command, options->json);
+  command.option("--paths").needs(command.option("--json"));
   command.footer(
       "Exit code 1: there is no path, or a length is not the published one.\n"
       "Example: pirt plan --map depot.yaml --start 2,2 --goal 28,13 --radius 0.22");

@@ -107,7 +107,10 @@ int compare(const Options& options, Robot robot) {
   runs.push_back(robot.run(false));
   std::vector<std::string> skipped;
   for (const auto& mode : modes) {
-    if (robot.localization.stops() > 0) break;
+    if (robot.localization.stops() > 0) {
+      skipped.push_back(fmt::format("Not run: {}: interrupted", mode));
+      continue;
+    }
     robot.localization.runtime.mode = mode;
     try {
       runs.push_back(robot.run(true));
@@ -116,13 +119,28 @@ int compare(const Options& options, Robot robot) {
       skipped.push_back(fmt::format("Not run: {}: {}", mode, error.what()));
     }
   }
-  if (runs.size() == 1 && !skipped.empty()) throw_bad_input(skipped.front());
+  const bool interrupted = robot.localization.stops() > 0;
+  if (runs.size() == 1 && !skipped.empty() && !interrupted) throw_bad_input(skipped.front());
   Table table = robot_comparison(runs);
+  for (const RobotRun& each : runs) {
+    if (!each.result.stopped) continue;
+    table.footnotes.push_back(fmt::format(
+        "Interrupted: {}: its figures are of what ran, not to be compared with the others",
+        each.driver));
+  }
   std::ranges::copy(skipped, std::back_inserter(table.footnotes));
   Json json = {{"schema_version", 1}, {"dataset", options.dataset}};
   for (const RobotRun& each : runs) json["runs"].push_back(robot_json(each, options.dataset));
+  for (const std::string& each : skipped) json["not_run"].push_back(each);
   emit(render({.title = "", .parts = {std::move(table)}}, Format::kText), json, options.json);
-  return 0;
+  return interrupted ? kExitEnvironment : 0;
+}
+
+/// Whether it knew at some time where it is.
+bool has_tracked(const RobotRun& run) {
+  return std::ranges::any_of(run.result.run.frames, [](const slam::FrameResult& frame) {
+    return frame.status == slam::Status::kTracking;
+  });
 }
 
 std::string picture(const Options& options, const Sequence& sequence, const RobotRun& run) {
@@ -156,18 +174,31 @@ int run_robot(const Options& options) {
               .activities = options.activities.options(options.dataset, sequence)};
   if (options.comparing) return compare(options, std::move(robot));
   const RobotRun done = robot.run(!options.serial);
-  emit(robot_text(done), robot_json(done, options.dataset), options.json);
-  if (options.trajectory) emit_text(tum_text(done.result.run.trajectory()), options.trajectory);
+  Results results;
+  const bool shown = !options.trajectory.to_stdout();  // Lines of two kinds would be of no use.
+  results.emit(shown ? robot_text(done) : "", robot_json(done, options.dataset), options.json);
+  // What is there from another time is better than nothing.
+  const bool tracked = has_tracked(done);
+  for (const Output* each : {&options.trajectory, &options.save_map}) {
+    if (*each && !tracked && !each->to_stdout()) {
+      warn("no frame was tracked: " + each->option() + " leaves '" + each->path() + "' as it is");
+    }
+  }
+  if (options.trajectory && (tracked || options.trajectory.to_stdout())) {
+    results.write(tum_text(done.result.run.trajectory()), options.trajectory);
+  }
   if (options.activities.scenes) {
     std::string lines;
     for (const auto& scene : done.scenes) lines += scene + "\n";
-    emit_text(lines, options.activities.scenes);
+    results.write(lines, options.activities.scenes);
   }
-  if (options.save_map) {
-    emit_text(slam::map_text(done.result.run.last, done.setup), options.save_map);
+  if (options.save_map && tracked) {
+    results.write(slam::map_text(done.result.run.last, done.setup), options.save_map);
   }
-  if (options.plot) emit_text(picture(options, sequence, done), options.plot);
-  return 0;
+  if (options.plot) results.write(picture(options, sequence, done), options.plot);
+  if (!done.result.trace_problem.empty()) results.add(done.result.trace_problem);
+  results.check();
+  return done.result.stopped ? kExitEnvironment : 0;
 }
 
 }  // namespace
@@ -182,7 +213,7 @@ void add_run_robot(CLI::App& app, Action& action) {
                    "As fast as it goes, not at the sequence's own rate; no frame is dropped");
   add_value(command, "--duration", &options->duration, "DURATION", no_duration,
             "Only so much of the sequence, e.g. 20s (default: all)");
-  add_choice(command, "--mode", &options->mode, "MODE", policy_names(),
+  add_choice(command, "--mode", &options->mode, "MODE", runtime_policy_names(),
              "Policy that chooses the units (default: ect)");
   const Option compare = command.add(
       "--compare", &options->compare,

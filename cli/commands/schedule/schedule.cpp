@@ -60,11 +60,14 @@ struct Options {
 /// "seed=7,fail=0.02,return=0.02"; what is not given is as in Faults.
 Faults parse_faults(const std::string& text) {
   Faults faults;
+  std::vector<std::string> given;
   for (const auto& part : split(text, ',')) {
     const auto equals = part.find('=');
     const std::string key = part.substr(0, equals);
     const std::string value = equals == std::string::npos ? "" : part.substr(equals + 1);
     const std::string what = "--faults " + key;
+    if (std::ranges::count(given, key) > 0) throw_bad_input(what + " is given twice");
+    given.push_back(key);
     if (key == "seed") {
       faults.seed = whole_number<std::uint64_t>(value, 0, std::numeric_limits<std::uint64_t>::max())
                         .or_refuse(what);
@@ -77,7 +80,10 @@ Faults parse_faults(const std::string& text) {
     }
   }
   if (faults.failing + faults.returning > 1) {
-    throw_bad_input("--faults: fail and return are parts of all calls, together at most 1");
+    throw_bad_input(fmt::format(
+        "--faults: fail={} and return={} are parts of all calls, together at most 1 (each is 0.02 "
+        "where it is not given)",
+        faults.failing, faults.returning));
   }
   return faults;
 }
@@ -119,6 +125,8 @@ struct Inputs {
 };
 
 Inputs read_inputs(const Options& options) {
+  Inputs inputs;
+  inputs.mix = load_mix(options.mix);  // First, since it costs nothing to mend.
   if (!options.profile && !options.platform) {
     throw_bad_input(
         "give --profile FILE (from pirt characterize), or --platform with a modelled one (pirt "
@@ -129,14 +137,12 @@ Inputs read_inputs(const Options& options) {
                     " is about the rows of a profile; give one with --profile");
   }
   const auto overrides = parse_overrides(options.settings);
-  Inputs inputs;
   auto read = read_platform(options.platform, options.profile, overrides);
   inputs.platform = std::move(read.platform);
   inputs.profile = std::move(read.profile);
   if (inputs.profile && find_draw(options.draw) == Draw::kSamples) {
     ProfileReader(*options.profile).read_samples(*inputs.profile);
   }
-  inputs.mix = load_mix(options.mix);
   return inputs;
 }
 
@@ -220,7 +226,8 @@ int schedule(const Options& options) {
   const Inputs inputs = read_inputs(options);
   LiveOptions live;
   live.prepare_first = !options.no_preinit;
-  if (options.live) live.stop = [stops = count_stop_signals()] { return stops->load(); };
+  const auto* stops = options.live ? count_stop_signals() : nullptr;
+  if (options.live) live.stop = [stops] { return stops->load(); };
   live.progress = [](const std::string& line) { fmt::print(stderr, "pirt: {}\n", line); };
   std::optional<ProfileWriter> writer;  // Before the run: what cannot be written is said now.
   LiveCalls calls;
@@ -231,7 +238,11 @@ int schedule(const Options& options) {
   const auto record = options.live ? inputs.run_live(settings, live) : inputs.run(settings);
   if (writer) update_profile(*writer, inputs, record, calls);
   warn_all(record.warnings);
-  emit(render(run_document(record), Format::kText), to_json(record), options.json);
+  Results results;
+  results.emit(render(run_document(record), Format::kText), to_json(record), options.json);
+  if (!record.trace_problem.empty()) results.add(record.trace_problem);
+  results.check();
+  if (stops != nullptr && *stops > 0) return kExitEnvironment;
   return record.stalled > 0 ? kExitCheckFailed : 0;
 }
 
