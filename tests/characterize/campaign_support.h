@@ -13,6 +13,7 @@
 #include "characterize/profile/profile.h"
 #include "characterize/profile/store/reader.h"
 #include "tests/characterize/support.h"
+#include "tests/support/paths.h"
 
 namespace pirt::test {
 
@@ -26,7 +27,7 @@ class Campaign : public ::testing::Test {
     result.platform = fake_platform(scripts);
     result.filter = filter;
     result.quick = true;
-    result.program = PIRT_TEST_WORKER;
+    result.program = kTestWorker;
     return result;
   }
 

@@ -14,6 +14,7 @@
 #include "characterize/profile/store/reader.h"
 #include "characterize/profile/store/writer.h"
 #include "tests/characterize/campaign_support.h"
+#include "tests/support/paths.h"
 
 namespace pirt {
 namespace {
@@ -58,7 +59,7 @@ class Rounds : public test::Campaign {
 
   CampaignOptions resumed() {
     auto o = resume_options(folder / "p.db");
-    o.program = PIRT_TEST_WORKER;
+    o.program = test::kTestWorker;
     return o;
   }
 };

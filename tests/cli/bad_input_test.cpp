@@ -108,7 +108,7 @@ TEST(Inputs, APipeThatTheUserNamesIsRead) {
   const Scratch scratch;
   const auto mix = scratch.write("m.yaml", kMix);
   const std::string command =
-      quoted(PIRT_BINARY) + " schedule --mode met --platform fake --json - --mix ";
+      quoted(kProgram) + " schedule --mode met --platform fake --json - --mix ";
   for (const auto& script :
        {"cat " + quoted(mix) + " | " + command + "/dev/stdin",
         "mkfifo " + quoted(scratch.file("fifo")) + "; cat " + quoted(mix) + " >" +
@@ -122,7 +122,7 @@ TEST(Inputs, APipeThatTheUserNamesIsRead) {
 TEST(Inputs, WaitingForAPipeEndsBySignal) {
   const Scratch scratch;
   const auto outcome =
-      run("mkfifo " + quoted(scratch.file("f")) + "; timeout -s TERM 1 " + quoted(PIRT_BINARY) +
+      run("mkfifo " + quoted(scratch.file("f")) + "; timeout -s TERM 1 " + quoted(kProgram) +
           " schedule --mode met --platform fake --mix " + quoted(scratch.file("f")));
   EXPECT_EQ(outcome.exit_code, 124) << outcome.err;  // as timeout(1) says it
 }
@@ -276,7 +276,7 @@ TEST(FullDisk, IsAnErrorWithAMessageAndLeavesNothing) {
   const Scratch scratch;
   // 8 to 16 KiB a file (by shell), which ends a program by a signal unless it looks at the error;
   // too little for an empty database.
-  const auto outcome = run("ulimit -f 16; " + quoted(PIRT_BINARY) +
+  const auto outcome = run("ulimit -f 16; " + quoted(kProgram) +
                            " characterize --quick --platform fake --filter '^pool5$' --db " +
                            quoted(scratch.file("p.db")));
   EXPECT_EQ(outcome.exit_code, 4) << outcome.err;

@@ -133,7 +133,7 @@ class SameFile : public testing::Test {
   }
   /// In the scratch folder.
   [[nodiscard]] Outcome pirt_here(const std::string& arguments) const {
-    return run("cd " + quoted(scratch_.file("")) + " || exit 9; " + quoted(PIRT_BINARY) + " " +
+    return run("cd " + quoted(scratch_.file("")) + " || exit 9; " + quoted(kProgram) + " " +
                arguments);
   }
   Scratch scratch_;
@@ -200,7 +200,7 @@ TEST_F(SameFile, MayBeADevice) {
 TEST_F(SameFile, MayBeContinuedButNotReplaced) {
   const auto tuning = quoted(scratch_.write("tuning.json", "{}"));
   const auto run_here = [&](const std::string& arguments) {
-    return run("PIRT_TUNING=" + tuning + " " + quoted(PIRT_BINARY) + " " + arguments);
+    return run("PIRT_TUNING=" + tuning + " " + quoted(kProgram) + " " + arguments);
   };
   expect_refused(run_here("list modes --json " + tuning), {"the tuning file", "would overwrite"});
   EXPECT_THAT(run_here("tune --platform nowhere --output " + tuning).err,
@@ -224,7 +224,7 @@ TEST_F(SameFile, IsNothingOfARecordedMachine) {
 
 TEST_F(SameFile, OfARunThatIsGoneOnWithIsRefusedToo) {
   const auto platform =
-      run("cat " + quoted(PIRT_SOURCE_DIR) + "/characterize/platform/platforms/fake.yaml");
+      run("cat " + quoted(kSourceFolder) + "/characterize/platform/platforms/fake.yaml");
   scratch_.write("mine.yaml", platform.out);
   const auto begun = pirt_here(
       "characterize --quick --platform mine.yaml --filter '^pool5$' --db p.db & pid=$!; while kill "

@@ -13,6 +13,7 @@
 
 #include "tests/cli/program.h"
 #include "tests/support/long.h"
+#include "tests/support/paths.h"
 #include "workloads/base/math/random.h"
 #include "workloads/base/text/text.h"
 
@@ -30,7 +31,7 @@ class Kill : public testing::Test {
 
   /// Starts a run, or goes on with one.
   [[nodiscard]] pid_t start(bool resume) const {
-    std::vector<std::string> words = {PIRT_BINARY, "characterize", "--db", database()};
+    std::vector<std::string> words = {kProgram, "characterize", "--db", database()};
     const std::vector<std::string> rest =
         resume ? std::vector<std::string>{"--resume"}
                : std::vector<std::string>{"--quick", "--platform", "fake", "--filter",
@@ -46,7 +47,7 @@ class Kill : public testing::Test {
     const int err = ::open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
     ::dup2(err, STDERR_FILENO);
     ::dup2(::open("/dev/null", O_WRONLY), STDOUT_FILENO);
-    ::execv(PIRT_BINARY, arguments.data());
+    ::execv(kProgram, arguments.data());
     ::_exit(127);
   }
 

@@ -30,7 +30,7 @@ pipelines:
 )");
   }
   [[nodiscard]] std::string command(const std::string& options) const {
-    return quoted(PIRT_BINARY) + " schedule --live --mode ect --platform " +
+    return quoted(kProgram) + " schedule --live --mode ect --platform " +
            quoted(scratch_.file("board.yaml")) + " --mix " + quoted(scratch_.file("mix.yaml")) +
            " --json " + quoted(scratch_.file("run.json")) + " --trace " +
            quoted(scratch_.file("t.json")) + " " + options;

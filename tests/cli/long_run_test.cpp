@@ -25,7 +25,7 @@ class LongRun : public testing::Test {
   /// @param signals  An option of env: a shell's background ignores SIGINT.
   [[nodiscard]] std::string command(const std::string& options = "",
                                     const std::string& signals = "--default-signal") const {
-    return "exec env " + signals + " TMPDIR=" + quoted(tmp()) + " " + quoted(PIRT_BINARY) +
+    return "exec env " + signals + " TMPDIR=" + quoted(tmp()) + " " + quoted(kProgram) +
            " characterize --quick --platform fake --filter '^(pool5|fc8)$' --db " +
            quoted(database()) + " " + options;
   }
@@ -142,7 +142,7 @@ TEST_F(LongRun, ShowsItsOwnRunBesideANewerOne) {
 
 TEST_F(LongRun, IsNotGoneOnWithWhileItIsBeingMeasured) {
   const auto outcome = run("(" + command() + ") >/dev/null & while [ ! -e " + quoted(database()) +
-                           " ]; do sleep 0.01; done; sleep 0.2; " + quoted(PIRT_BINARY) +
+                           " ]; do sleep 0.01; done; sleep 0.2; " + quoted(kProgram) +
                            " characterize --resume --db " + quoted(database()) +
                            "; code=$?; wait $!; echo $? $code");
   EXPECT_EQ(outcome.out, "0 4\n");

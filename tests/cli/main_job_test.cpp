@@ -241,9 +241,8 @@ TEST(Characterize, DryRunShowsTheCellsAndWritesNothing) {
 /// Interrupted as soon as there is a database: well before its processes are done.
 Outcome characterize_interrupted(const std::string& options, const std::string& database) {
   // A shell's background ignores SIGINT.
-  return run("env --default-signal " + quoted(PIRT_BINARY) +
-             " characterize --quick --platform fake " + options + " --db " + quoted(database) +
-             " & pid=$!; while [ ! -e " + quoted(database) +
+  return run("env --default-signal " + quoted(kProgram) + " characterize --quick --platform fake " +
+             options + " --db " + quoted(database) + " & pid=$!; while [ ! -e " + quoted(database) +
              " ]; do sleep 0.02; done; kill -INT $pid; wait $pid");
 }
 

@@ -15,6 +15,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/paths.h"
+
 namespace pirt::test {
 
 struct Outcome {
@@ -76,7 +78,7 @@ inline Outcome run(const std::string& script) {
 /// @param environment  "NAME=value" pairs in front of the command.
 inline Outcome pirt(const std::vector<std::string>& arguments,
                     const std::string& environment = "") {
-  std::string command = environment + " " + quoted(PIRT_BINARY);
+  std::string command = environment + " " + quoted(kProgram);
   for (const auto& argument : arguments) command += " " + quoted(argument);
   return run(command);
 }

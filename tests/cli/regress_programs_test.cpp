@@ -161,7 +161,7 @@ TEST_F(RegressPrograms, RefusesBadInput) {
 }
 
 TEST_F(RegressPrograms, ComparesItselfOnASimulatedUnit) {
-  const auto outcome = compare(PIRT_BINARY, PIRT_BINARY, {"--work", "5ms", "--all"});
+  const auto outcome = compare(kProgram, kProgram, {"--work", "5ms", "--all"});
   // Set-up of a simulated device takes no time, so that only what it simulates is compared.
   EXPECT_EQ(outcome.exit_code, 0) << outcome.out << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("execute"));

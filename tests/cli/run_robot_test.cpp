@@ -82,7 +82,7 @@ TEST_F(RunRobot, ComparesTheSerialRunWithEachMode) {
 
 TEST_F(RunRobot, KeepsWhatRanWhenItIsInterrupted) {
   const std::string heard = quoted(scratch_.file("heard"));
-  std::string command = "env --default-signal " + quoted(PIRT_BINARY);
+  std::string command = "env --default-signal " + quoted(kProgram);
   // Frames that are a second apart: it would go on for a minute.
   for (const char* camera : {"cam0", "cam1"}) {
     const auto csv = scratch_.file("room/mav0/" + std::string(camera) + "/data.csv");

@@ -10,9 +10,12 @@
 #include <string_view>
 #include <vector>
 
+#include "tests/support/paths.h"
+
 namespace {
 
 namespace fs = std::filesystem;
+using pirt::test::kSourceFolder;
 
 constexpr std::array<std::string_view, 5> kLayers = {"workloads", "characterize", "scheduler",
                                                      "reports", "cli"};
@@ -24,7 +27,7 @@ struct Include {
 
 std::vector<Include> includes() {
   std::vector<Include> found;
-  const fs::path root = PIRT_SOURCE_DIR;
+  const fs::path root = kSourceFolder;
   for (const auto layer : kLayers) {
     for (const auto& entry : fs::recursive_directory_iterator(root / layer)) {
       const auto extension = entry.path().extension();
@@ -175,7 +178,7 @@ TEST(SourceTree, BackendHeadersStayInTheirFolder) {
 // Elsewhere, nobody would have looked whether it overwrites an input (cli/options/files.h).
 TEST(SourceTree, CommandsWriteFilesInOnePlace) {
   int lines = 0;
-  for (const auto& entry : fs::recursive_directory_iterator(fs::path(PIRT_SOURCE_DIR) / "cli")) {
+  for (const auto& entry : fs::recursive_directory_iterator(fs::path(kSourceFolder) / "cli")) {
     if (!entry.is_regular_file() || entry.path().filename() == "output.cpp") continue;
     std::ifstream in(entry.path());
     for (std::string line; std::getline(in, line); ++lines) {
@@ -191,7 +194,7 @@ TEST(SourceTree, TopLevelHoldsOnlyWhatIsMandated) {
   const std::vector<std::string> allowed = {
       "CMakeLists.txt", "CMakePresets.json", "README.md", "cli",  "characterize",
       "scheduler",      "workloads",         "reports",   "tests"};
-  for (const auto& entry : fs::directory_iterator(PIRT_SOURCE_DIR)) {
+  for (const auto& entry : fs::directory_iterator(kSourceFolder)) {
     const auto name = entry.path().filename().string();
     if (name.starts_with(".") || name.starts_with("build")) continue;
     EXPECT_NE(std::ranges::find(allowed, name), allowed.end()) << name;

@@ -24,7 +24,7 @@ std::string scalars(const YAML::Node& node) {
 class Workflow : public testing::TestWithParam<const char*> {};
 
 TEST_P(Workflow, AsksForWhatPirtHas) {
-  const YAML::Node file = YAML::LoadFile(std::string(PIRT_SOURCE_DIR) + "/cli/ci/" + GetParam());
+  const YAML::Node file = YAML::LoadFile(std::string(kSourceFolder) + "/cli/ci/" + GetParam());
   const std::string text = std::regex_replace(scalars(file), std::regex("\\\\\n"), " ");
   const std::regex command(R"(build/pirt ([a-z]+)([^\n|&]*))");
   int commands = 0;

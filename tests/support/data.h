@@ -9,6 +9,8 @@
 #include <optional>
 #include <string>
 
+#include "tests/support/paths.h"
+
 namespace pirt::test {
 
 /// The folder @p name of the data, if it is there.
@@ -16,7 +18,7 @@ inline std::optional<std::filesystem::path> data(const std::string& name) {
   const char* configured = std::getenv("PIRT_DATA");
   const auto root = configured != nullptr
                         ? std::filesystem::path(configured)
-                        : std::filesystem::path(PIRT_SOURCE_DIR) / ".." / "shared" / "data";
+                        : std::filesystem::path(kSourceFolder) / ".." / "shared" / "data";
   const auto path = root / name;
   if (!std::filesystem::exists(path)) return std::nullopt;
   return std::filesystem::canonical(path);

@@ -5,13 +5,14 @@
 
 #include <string>
 
+#include "tests/support/paths.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt::test {
 
 /// The first ```yaml block of a file of the source tree.
 inline std::string yaml_example(const std::string& file) {
-  const std::string text = read_file(std::string(PIRT_SOURCE_DIR) + "/" + file);
+  const std::string text = read_file(std::string(kSourceFolder) + "/" + file);
   const std::string mark = "```yaml\n";
   const auto begin = text.find(mark);
   const auto end = text.find("```", begin + mark.size());

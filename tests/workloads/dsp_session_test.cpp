@@ -11,6 +11,7 @@
 #include <fstream>
 #include <thread>
 
+#include "tests/support/paths.h"
 #include "tests/workloads/dsp_support.h"
 #include "workloads/backends/dsp/session.h"
 #include "workloads/base/error.h"
@@ -83,7 +84,7 @@ TEST_F(DspSession, RefusesAProgramOfAnotherMachine) {
   SessionOptions options = options_;
   options.program = fs::read_symlink("/proc/self/exe");
   EXPECT_THAT(start_error(options), HasSubstr("is for another machine (ELF machine 62, not 164)"));
-  options.program = fs::path(PIRT_SOURCE_DIR) / "README.md";
+  options.program = fs::path(test::kSourceFolder) / "README.md";
   EXPECT_THAT(start_error(options), HasSubstr("is no ELF file"));
 }
 

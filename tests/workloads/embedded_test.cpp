@@ -6,6 +6,7 @@
 
 #include <string>
 
+#include "tests/support/paths.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -14,7 +15,7 @@ namespace {
 TEST(Embedded, FilesAreThereByteForByte) {
   for (const std::string name : {"program.bin", "note.txt"}) {
     const std::string path =
-        std::string(PIRT_SOURCE_DIR) + "/tests/workloads/embedded_samples/" + name;
+        std::string(test::kSourceFolder) + "/tests/workloads/embedded_samples/" + name;
     const auto found = find_embedded(embedded_samples::files(), name);
     ASSERT_TRUE(found) << name;
     EXPECT_EQ(*found, read_file(path)) << name;

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "tests/support/paths.h"
 #include "workloads/backends/opencl/opencl_backend.h"
 
 /// LeakSanitizer asks for it, where it is linked. PoCL keeps its compiler and what it found out
@@ -21,7 +22,8 @@ class KernelCacheInBuildFolder : public testing::Environment {
  public:
   /// Before the first test, hence before the first OpenCL call of the process.
   void SetUp() override {
-    const auto folder = std::filesystem::path(PIRT_BINARY).parent_path() / "tests" / "kernel_cache";
+    const auto folder =
+        std::filesystem::path(test::kProgram).parent_path() / "tests" / "kernel_cache";
     std::filesystem::create_directories(folder);
     for (const auto& [variable, value] :
          make_opencl_backend()->kernel_cache_environment(folder.string())) {

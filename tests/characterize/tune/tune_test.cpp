@@ -8,6 +8,7 @@
 #include "characterize/machine/environment_keys.h"
 #include "characterize/profile/identity.h"
 #include "tests/characterize/support.h"
+#include "tests/support/paths.h"
 #include "tests/workloads/tuning_support.h"
 #include "workloads/backends/opencl/tuning/tuning_file.h"
 #include "workloads/backends/registry.h"
@@ -28,7 +29,7 @@ class TuneOpenCl : public testing::Test {
     options_.platform = load_platform("host-opencl");
     options_.filter = "^gaussian_blur$";
     options_.output = folder_ / "tuning.json";
-    options_.program = PIRT_TEST_WORKER;
+    options_.program = test::kTestWorker;
   }
 
   /// Defaults of the device, as an entry.
@@ -117,7 +118,7 @@ TEST_F(TuneOpenCl, ACampaignRecordsTheParametersOfEachUnit) {
   campaign.database = folder_ / "p.db";
   campaign.platform = options_.platform;
   campaign.filter = options_.filter;
-  campaign.program = PIRT_TEST_WORKER;
+  campaign.program = test::kTestWorker;
   EXPECT_EQ(plan_campaign(campaign).facts.at("unit.opencl.tuning"), "default");
   auto tuned = entry();
   tuned.tuning.set(Parameter::kFcRows, 1);
@@ -130,7 +131,7 @@ TEST_F(TuneOpenCl, ACampaignRefusesADamagedFile) {
   CampaignOptions campaign;
   campaign.database = folder_ / "p.db";
   campaign.platform = options_.platform;
-  campaign.program = PIRT_TEST_WORKER;
+  campaign.program = test::kTestWorker;
   const test::TuningInUse file("{}");
   try {
     static_cast<void>(plan_campaign(campaign));

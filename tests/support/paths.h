@@ -1,0 +1,12 @@
+// Where this build has what tests run and read. Only paths.cpp is compiled with the paths, so that
+// no other object of the tests depends on where its clone lies, and a compiler cache serves them
+// all.
+#pragma once
+
+namespace pirt::test {
+
+extern const char* const kSourceFolder;  ///< The root of the source tree.
+extern const char* const kProgram;       ///< pirt itself.
+extern const char* const kTestWorker;    ///< characterize/worker_main.cc: a worker on its own.
+
+}  // namespace pirt::test
