@@ -4,8 +4,11 @@
 #include <signal.h>
 
 #include <cstdio>
+#include <map>
+#include <vector>
 
 #include "cli/options/output.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::cli {
 namespace {
@@ -46,11 +49,26 @@ const std::atomic<int>* count_stop_signals() {
   return &stops;
 }
 
-void warn_of_skipped(const CampaignPlan& plan, const std::string& done) {
+void warn_of_skipped(const CampaignPlan& plan, const std::string& done,
+                     const std::string& says_why) {
+  std::map<std::string, std::vector<const Skip*>> by_unit;
   for (const auto& skip : plan.skipped) {
-    const auto what =
-        skip.workload.empty() ? "unit " + skip.unit : skip.workload + " on unit " + skip.unit;
-    warn(fmt::format("{} is not {}: {}", what, done, skip.reason));
+    if (skip.workload.empty()) {
+      warn(fmt::format("unit {} is not {}: {}", skip.unit, done, skip.reason));
+    } else {
+      by_unit[skip.unit].push_back(&skip);
+    }
+  }
+  for (const auto& [unit, skips] : by_unit) {
+    if (skips.size() == 1) {
+      const Skip& skip = *skips.front();
+      warn(fmt::format("{} on unit {} is not {}: {}", skip.workload, unit, done, skip.reason));
+      continue;
+    }
+    std::vector<std::string> names;
+    for (const Skip* skip : skips) names.push_back(skip->workload);
+    warn(fmt::format("{} workloads on unit {} are not {} ({} says why): {}", names.size(), unit,
+                     done, says_why, join(names, ", ")));
   }
 }
 

@@ -18,8 +18,11 @@ namespace pirt::cli {
 /// once.
 [[nodiscard]] const std::atomic<int>* count_stop_signals();
 
-/// Warns of each unit or cell that @p plan leaves out: "... is not <done>: <reason>".
-void warn_of_skipped(const CampaignPlan& plan, const std::string& done);
+/// Warns of each unit that @p plan leaves out, "... is not <done>: <reason>", and in a line of all
+/// workloads that it leaves out on another; where they are several, @p says_why names what has the
+/// reasons.
+void warn_of_skipped(const CampaignPlan& plan, const std::string& done,
+                     const std::string& says_why);
 
 /// One line on stderr that is written over; silent if stderr is no terminal.
 class ProgressLine {

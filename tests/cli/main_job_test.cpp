@@ -397,5 +397,24 @@ TEST(Help, EveryCommandHasOneWithAnExample) {
   }
 }
 
+TEST(Characterize, SaysInALineWhatAUnitDoesNotSupport) {
+  const Scratch scratch;
+  const auto board = scratch.write(
+      "board.yaml",
+      "platform: board\nunits: {gpu: {backend: fake, slots: 1, active_w: 1, script: {stages: "
+      "{pool5: [{name: execute, ms: 1}]}}}}\n");
+  const auto measured = [&](const std::string& filter) {
+    return pirt({"characterize", "--quick", "--platform", board, "--db", scratch.file("p.db"),
+                 "--filter", filter});
+  };
+  const auto several = measured("^(pool5|fc7|fc8)$");
+  EXPECT_EQ(several.exit_code, 0) << several.err;
+  EXPECT_THAT(several.err, HasSubstr("warning: 2 workloads on unit gpu are not measured "
+                                     "(--dry-run says why): fc7, fc8\n"));
+  const auto one = measured("^(pool5|fc8)$");
+  EXPECT_EQ(one.exit_code, 0) << one.err;
+  EXPECT_THAT(one.err, HasSubstr("fc8 on unit gpu is not measured: "));
+}
+
 }  // namespace
 }  // namespace pirt::test

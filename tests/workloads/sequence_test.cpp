@@ -1,7 +1,6 @@
 // Readers of recorded sequences: what they read, and what they refuse with which words. Errors of
 // trajectories against values worked by hand.
 #include "workloads/inputs/sequence/sequence.h"
-#include "workloads/vision/vision.h"
 
 #include <fmt/core.h>
 #include <gmock/gmock.h>
@@ -15,6 +14,7 @@
 #include "tests/support/errors.h"
 #include "tests/workloads/sequence_support.h"
 #include "workloads/inputs/sequence/trajectory.h"
+#include "workloads/vision/vision.h"
 
 namespace pirt {
 namespace {

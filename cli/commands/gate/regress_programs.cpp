@@ -86,7 +86,7 @@ std::vector<DuetCell> chosen_cells(const RegressOptions& options, const DuetProg
     campaign.stop = programs.stop;
     const auto plan = plan_campaign(campaign);
     for (const auto& cell : plan.cells) cells.push_back({cell.workload->name, cell.unit});
-    warn_of_skipped(plan, "compared");
+    warn_of_skipped(plan, "compared", "pirt list backends");
   }
   const bool all_units = options.units.empty();
   if (all_units && NameFilter(options.filter).picks(scheduler)) {

@@ -225,7 +225,7 @@ int characterize(const Options& options) {
     emit(plan_text(plan), json, options.json);
     return 0;
   }
-  warn_of_skipped(plan, "measured");
+  warn_of_skipped(plan, "measured", "--dry-run");
   for (const auto& remark : plan.remarks) warn(remark);
   const auto summary = measure(campaign, plan);
   if (summary.interrupted && summary.cells + summary.cells_begun == 0) {
