@@ -15,6 +15,7 @@
 #include "reports/profile/roofline_report.h"
 #include "reports/profile/setup_report.h"
 #include "reports/profile/side_by_side.h"
+#include "reports/run/comparison_report.h"
 #include "reports/run/live_report.h"
 #include "reports/run/pareto.h"
 #include "reports/run/run_report.h"
@@ -30,17 +31,6 @@ ModeRuns skipped(const std::vector<std::string>& modes, const std::string& why) 
   ModeRuns none;
   for (const auto& mode : modes) none.skipped.push_back({mode, why});
   return none;
-}
-
-/// A profile that lacks some of the mix's workloads still makes a report.
-ModeRuns runs_of(const Profile& profile, const std::optional<Platform>& platform, const Mix& mix,
-                 const std::vector<std::string>& modes, const std::string& why) {
-  if (!platform) return skipped(modes, why);
-  try {
-    return run_modes(*platform, &profile, mix, modes, {});
-  } catch (const Error& error) {
-    return skipped(modes, error.what());
-  }
 }
 
 std::vector<OffloadedCall> calls_of(const Machine& machine) {
@@ -177,6 +167,16 @@ Evidence evidence_of(const Machine* machine, const Mix& mix, const PaperRuns& pa
 
 }  // namespace
 
+ModeRuns runs_of(const Profile& profile, const std::optional<Platform>& platform, const Mix& mix,
+                 const std::vector<std::string>& modes, const std::string& why) {
+  if (!platform) return skipped(modes, why);
+  try {
+    return run_modes(*platform, &profile, mix, modes, {});
+  } catch (const Error& error) {
+    return skipped(modes, error.what());
+  }
+}
+
 Machine machine_of(Profile profile, std::optional<Platform> platform, const Mix& mix,
                    const std::string& why) {
   Machine machine{
@@ -271,6 +271,22 @@ Json full_report_json(const ReportInputs& inputs) {
   if (!live.empty()) json["live"] = std::move(live);
   json["section5"] = section5_json(inputs.paper.section5);
   json["scorecard"] = scorecard_json(scorecard(evidence_of(&first, inputs.mix, inputs.paper)));
+  return json;
+}
+
+Document brief_document(const Profile& profile, const ModeRuns& modes, const Mix& mix) {
+  Document document{.title = "pirt report --brief", .parts = {}};
+  document.parts.emplace_back(profile_header(profile));
+  document.parts.emplace_back(preference_table(preferences(profile)));
+  for (Part& part : comparison_document(modes, mix).parts) {
+    document.parts.push_back(std::move(part));
+  }
+  return document;
+}
+
+Json brief_json(const Profile& profile, const ModeRuns& modes) {
+  Json json = comparison_json(modes);
+  json["preferable"] = preference_json(preferences(profile));
   return json;
 }
 

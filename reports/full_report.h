@@ -24,6 +24,13 @@ struct Machine {
   ModeRuns table5;  ///< The paper's three on its closed loop of convolutions.
 };
 
+/// Modes of a profile's machine on a mix, in virtual time. What cannot run is skipped, with the
+/// reason:
+/// @p why where there is no platform.
+[[nodiscard]] ModeRuns runs_of(const Profile& profile, const std::optional<Platform>& platform,
+                               const Mix& mix, const std::vector<std::string>& modes,
+                               const std::string& why = "");
+
 /// @param platform  Absent = `why` says so in place of each mode.
 /// @param mix       Of `modes`. A profile that lacks some of its workloads makes a report all the
 /// same: the modes are skipped, with the reason.
@@ -44,6 +51,12 @@ struct ReportInputs {
 /// paper's), "setup", "pareto", "section5", "scorecard", "live" if there are live runs; of the
 /// others under "others".
 [[nodiscard]] Json full_report_json(const ReportInputs& inputs);
+
+/// On a screen: the preferable unit of each workload, and the paper's modes beside each other.
+[[nodiscard]] Document brief_document(const Profile& profile, const ModeRuns& modes,
+                                      const Mix& mix);
+/// "preferable" as in profile_json(), with all that comparison_json() has.
+[[nodiscard]] Json brief_json(const Profile& profile, const ModeRuns& modes);
 
 /// Where runs and profiles do not belong together: other platforms. Empty = they do.
 [[nodiscard]] std::vector<std::string> mismatches(const ReportInputs& inputs);

@@ -392,20 +392,25 @@ Table preference_table(const std::vector<Preference>& preferences) {
   return table;
 }
 
+Json preference_json(const std::vector<Preference>& preferences) {
+  Json json = Json::array();
+  for (const auto& p : preferences) {
+    json.push_back({{"workload", p.workload},
+                    {"by_time", ranking_json(p.by_time, "call_ms")},
+                    {"by_energy", ranking_json(p.by_energy, "energy_j")}});
+  }
+  return json;
+}
+
 Json profile_json(const Profile& profile, const std::vector<Preference>& preferences) {
   Json json = {{"runs", Json::array()},
                {"profile_summary", Json::array()},
                {"energy_summary", Json::array()},
-               {"preferable", Json::array()},
+               {"preferable", preference_json(preferences)},
                {"roofline", roofline_json(rooflines(profile))}};
   for (const auto& run : profile.runs) json["runs"].push_back(run_json(run));
   for (const auto& row : profile.phases) json["profile_summary"].push_back(phase_json(row));
   for (const auto& row : profile.energies) json["energy_summary"].push_back(energy_json(row));
-  for (const auto& p : preferences) {
-    json["preferable"].push_back({{"workload", p.workload},
-                                  {"by_time", ranking_json(p.by_time, "call_ms")},
-                                  {"by_energy", ranking_json(p.by_energy, "energy_j")}});
-  }
   return json;
 }
 

@@ -21,6 +21,9 @@ namespace pirt {
 /// This machine's Table III, beside the paper's.
 [[nodiscard]] Table preference_table(const std::vector<Preference>& preferences);
 
+/// What that table is made of: "by_time" in ms, "by_energy" in J a call.
+[[nodiscard]] Json preference_json(const std::vector<Preference>& preferences);
+
 /// Everything that the tables are made of, in the units of the names.
 [[nodiscard]] Json profile_json(const Profile& profile, const std::vector<Preference>& preferences);
 

@@ -83,6 +83,21 @@ TEST_F(MainJob, ReportShowsProfilePreferenceAndTheFourModes) {
   EXPECT_THAT(report({profile(), "--format", "md"}).out, HasSubstr("| workload |"));
 }
 
+TEST_F(MainJob, ABriefReportIsAScreenOfUnitsAndModes) {
+  const auto text = report({profile(), "--brief"});
+  ASSERT_EQ(text.exit_code, 0) << text.err;
+  for (const auto* part : {"Table III", "gaussian_blur", "latency", "throughput", "energy"}) {
+    EXPECT_THAT(text.out, HasSubstr(part));
+  }
+  EXPECT_THAT(text.out, Not(HasSubstr("Profile (medians, ms)")));
+  EXPECT_LE(std::ranges::count(text.out, '\n'), 45);  // 14 workloads, 4 modes, what they mean
+  const auto json = report({profile(), "--brief", "--json", "-"}).json();
+  EXPECT_EQ(json["runs"].size(), 4U);
+  EXPECT_EQ(json["preferable"], report({profile(), "--json", "-"}).json()["preferable"]);
+  EXPECT_EQ(report({profile(), profile(), "--brief"}).exit_code, 2);
+  EXPECT_EQ(report({profile(), "--brief", "--setup"}).exit_code, 2);
+}
+
 TEST_F(MainJob, ReportTakesStoredRuns) {
   const auto latency = scratch_->write("latency.json", schedule("latency").out);
   const auto json = report({profile(), latency, "--format", "json"}).json();

@@ -38,6 +38,7 @@ struct Options {
   std::string mix = "full-robot";
   bool paper = false;
   bool setup = false;
+  bool brief = false;
   Output json;
 };
 
@@ -114,16 +115,25 @@ Platform platform_for(const Options& options, const Profile& profile) {
                           : platform_of(profile, overrides);
 }
 
+/// The platform of a profile, or why it is not known.
+struct FoundPlatform {
+  std::optional<Platform> platform;
+  std::string why_not;
+};
+FoundPlatform find_platform(const Options& options, const Profile& profile) {
+  try {
+    return {platform_for(options, profile), ""};
+  } catch (const Error& error) {
+    return {std::nullopt, error.what()};
+  }
+}
+
 /// With all modes in virtual time; a profile of a platform that is not known goes without.
 Machine read_machine(const Options& options, const std::string& file, const Mix& mix,
                      bool samples) {
   auto profile = open_profile(options, file, samples);
-  try {
-    auto platform = platform_for(options, profile);
-    return machine_of(std::move(profile), std::move(platform), mix);
-  } catch (const Error& error) {
-    return machine_of(std::move(profile), std::nullopt, mix, error.what());
-  }
+  auto found = find_platform(options, profile);
+  return machine_of(std::move(profile), std::move(found.platform), mix, found.why_not);
 }
 
 /// What the first seconds of virtual time look like, where no trace was given: of the given run, if
@@ -211,6 +221,18 @@ int report_setup(const Options& options) {
   return 0;
 }
 
+int report_brief(const Options& options) {
+  if (options.files.size() > 1) {
+    throw_bad_input("--brief takes one profile database and no run records");
+  }
+  const auto mix = load_mix(options.mix);
+  const auto profile = open_profile(options, options.files.front(), false);
+  const auto found = find_platform(options, profile);
+  const auto modes = runs_of(profile, found.platform, mix, paper_modes(), found.why_not);
+  write(options, brief_document(profile, modes, mix), [&] { return brief_json(profile, modes); });
+  return 0;
+}
+
 /// @return kExitCheckFailed if a cell of Table V is farther off than its limit.
 int report_paper(const Options& options) {
   if (options.files.size() > 1) {
@@ -234,6 +256,7 @@ int report(const Options& options) {
   if (options.files.empty()) {
     throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one");
   }
+  if (options.brief) return report_brief(options);
   return options.setup ? report_setup(options) : report_profile(options);
 }
 
@@ -260,6 +283,9 @@ void add_report(CLI::App& app, Action& action) {
             "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file",
             FileUse::kReadIfFile)
       .shows_default();
+  command.add_flag("--brief", options->brief,
+                   "Only the preferable unit of each workload and the paper's four modes, on a "
+                   "screen");
   command.add_flag("--paper", options->paper,
                    "Only the Pi-RT paper's claims, one by one: confirmed, refuted or not testable "
                    "here; with a profile database also those about units");
@@ -268,7 +294,8 @@ void add_report(CLI::App& app, Action& action) {
                    "many calls on one unit beats another, and a convolution beside the paper's "
                    "Fig. 7");
   add_json(command, options->json);
-  for (const auto* name : {"--paper", "--mix"})
+  command.option("--brief").excludes(command.option("--paper"));
+  for (const auto* name : {"--paper", "--brief", "--mix"})
     command.option("--setup").excludes(command.option(name));
   command.footer("Example: pirt report profile.db --format html -o report.html");
   command.runs(action, [options] { return report(*options); });
