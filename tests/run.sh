@@ -1,71 +1,178 @@
 #!/usr/bin/env bash
-# Set-up and every test: installs what is needed, builds, runs. Can be run again at any time.
+# Set-up and tests, in stages: installs what each needs, builds, runs. Can be run again at any time, and goes on where it was interrupted.
 #
-# Usage: tests/run.sh [--long]    --long adds the long tests, the sanitizer build (with assertions) and its tests,
-#                             the clang build, format check, clang-tidy, and the thread sanitizer on what runs live
-set -euo pipefail
+# Usage: tests/run.sh                          every test (stage `tests`)
+#        tests/run.sh --long                   every stage: the whole, before a release
+#        tests/run.sh --stage NAME             this stage, or those whose names begin with it: asan; again for more
+#        tests/run.sh --list                   the stages, and which have passed for the sources as they are
+# --fresh: also what has passed already for the same sources, packages and compiler. CI skips nothing either.
+set -eEuo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source cli/packages.sh
-trap 'echo "tests: FAILED (line $LINENO)" >&2' ERR
 
-long=false
-for argument in "$@"; do
-  case $argument in
+usage() {
+  sed -n '4,8s/^# //p' tests/run.sh >&2
+  exit 2
+}
+
+long=false list=false fresh=false chosen=()
+if [[ ${CI:-} == true ]]; then fresh=true; fi
+while [[ $# -gt 0 ]]; do
+  case $1 in
     --long) long=true ;;
-    *) echo "usage: tests/run.sh [--long]" >&2; exit 2 ;;
+    --fresh) fresh=true ;;
+    --list) list=true ;;
+    --stage) [[ $# -gt 1 ]] || usage; chosen+=("$2"); shift ;;
+    *) usage ;;
   esac
+  shift
 done
 
-werror=()
-if [[ ${CI:-} == true ]]; then werror=(-DPIRT_WERROR=ON); fi
+# stage NAME READS INSTALLS SHOWS COMMAND...: declares one (tests/stages.sh).
+names=()
+declare -A reads installs shows command
+stage() {
+  names+=("$1")
+  reads[$1]=$2 installs[$1]=$3 shows[$1]=$4
+  command[$1]=$(printf '%q ' "${@:5}")
+}
+source tests/stages.sh
 
-# run_tests FOLDER [OPTION...]: every test of a build, two at a time (nothing asserts wall time).
+# find_versions PACKAGE...: sets `versions` to those of the packages and of all that they need.
+declare -A known_versions
+find_versions() {
+  if [[ -z ${known_versions[$*]:-} ]]; then
+    known_versions[$*]=$(apt-cache depends --recurse --installed --no-{recommends,suggests,conflicts,breaks,replaces,enhances} "$@" |
+      grep '^[a-z0-9]' | sort -u | xargs dpkg-query -W 2>/dev/null | sha256sum) || true  # virtual packages have no version
+  fi
+  versions=${known_versions[$*]}
+}
+
+# find_fingerprint STAGE: sets `fingerprint`, of all that it compiles and reads; empty where that is not known: these sources are not git's.
+find_fingerprint() {
+  local paths packages versions
+  fingerprint=""
+  git rev-parse --is-inside-work-tree &>/dev/null || return 0
+  read -ra paths <<<"${reads[$1]}"
+  read -ra packages <<<"${installs[$1]}"
+  find_versions "${packages[@]}"
+  fingerprint=$({
+    git ls-files -z --cached --others --exclude-standard --deduplicate -- "${paths[@]}" | sort -z | xargs -0 sha256sum 2>/dev/null || true
+    printf '%s\n' "${command[$1]}" "$versions" "${CXX:-}" "${CXXFLAGS:-}" "${LDFLAGS:-}"
+    declare -f build_pirt run_tests run_left "${command[$1]%% *}" || true
+    "${CXX:-c++}" --version 2>/dev/null || true
+    uname -m
+    grep -m 1 '^model name' /proc/cpuinfo || true
+    find "${PIRT_DATA:-../shared/data}" -printf '%P %s\n' 2>/dev/null | sort || true
+  } | sha256sum | cut -c -64)
+}
+
+# What has passed is kept here: STAGE holds its fingerprint and when that was, STAGE.ledger the tests of one that was interrupted.
+stamps=build/stages
+
+# has_passed STAGE: with the sources as they are. Sets `fingerprint`.
+has_passed() {
+  find_fingerprint "$1"
+  [[ -n $fingerprint && $(head -n 1 "$stamps/$1" 2>/dev/null) == "$fingerprint" ]]
+}
+
+# run_stage NAME ALWAYS: unless it has passed for the same fingerprint, which does not count where ALWAYS is true. Sets `failed`.
+run_stage() {
+  local begun=$SECONDS packages code was took
+  current=$1
+  read -ra packages <<<"${installs[$current]}"
+  install_packages "${packages[@]}"
+  if has_passed "$current" && ! $2; then
+    say "$current: has passed with the same sources, $(tail -n 1 "$stamps/$current") (--fresh runs it again)"
+    return
+  fi
+  say "$current: ${shows[$current]}"
+  if $2 || [[ -z $fingerprint || $(head -n 1 "$stamps/$current.ledger" 2>/dev/null) != "$fingerprint" ]]; then
+    printf '%s\n' "$fingerprint" >"$stamps/$current.ledger"
+  fi
+  was=$fingerprint
+  set +e
+  (
+    set -e
+    trap 'echo "$current: FAILED (${BASH_SOURCE[0]}, line $LINENO)" >&2' ERR
+    eval "${command[$current]}"
+  )
+  code=$?
+  set -e
+  took=$(printf '%d:%02d min' $(((SECONDS - begun) / 60)) $(((SECONDS - begun) % 60)))
+  if [[ $code -ne 0 ]]; then
+    failed+=("$current")
+    say "$current: FAILED after $took"
+    return
+  fi
+  find_fingerprint "$current"
+  if [[ $fingerprint == "$was" ]]; then  # nobody has edited meanwhile
+    printf '%s\n' "$fingerprint" "on $(date '+%F %R') in $took" >"$stamps/$current"
+  fi
+  rm -f "$stamps/$current.ledger"
+  say "$current: passed in $took"
+}
+
+# run_tests FOLDER [OPTION...]: tests of a build, as many at a time as there are cores (nothing asserts wall time).
 run_tests() {
-  say "tests: $*"
-  ctest --test-dir "$1" --output-on-failure -j 2 --no-tests=error "${@:2}"
+  ctest --test-dir "$1" --output-on-failure -j "$(nproc)" --no-tests=error "${@:2}" | tee "$stamps/log"
+  grep -E '^[0-9]+% tests passed' "$stamps/log" >"$stamps/closing" || true
 }
 
-# run_shards PROGRAM [OPTION...]: the tests of one program, in two processes.
-run_shards() {
-  printf '0\n1\n' | xargs -P 2 -I{} env GTEST_TOTAL_SHARDS=2 GTEST_SHARD_INDEX={} "$@" --gtest_brief=1
+# run_left FOLDER [OPTION...]: the same, but for those that the ledger says have passed: seed ranges of a stage that was interrupted.
+run_left() {
+  local passed line left=(--no-tests=error)
+  passed=$(tail -n +2 "$stamps/$current.ledger" | sed 's/[.]/\\./g' | paste -sd'|')
+  if [[ -n $passed ]]; then
+    say "$current: passed already with the same sources: $(tail -n +2 "$stamps/$current.ledger" | paste -sd' ')"
+    left=(--no-tests=ignore -E "^($passed)\$")
+  fi
+  ctest --test-dir "$1" --output-on-failure -j "$(nproc)" "${left[@]}" "${@:2}" |
+    while IFS= read -r line; do
+      printf '%s\n' "$line"
+      if [[ $line =~ Test\ +#[0-9]+:\ ([^ ]+)\ \.+\ +Passed ]]; then printf '%s\n' "${BASH_REMATCH[1]}" >>"$stamps/$current.ledger"; fi
+    done
 }
 
-install_packages "${PIRT_PACKAGES[@]}" "${PIRT_TEST_PACKAGES[@]}" "${PIRT_DSP_PACKAGES[@]}"
-build_pirt build -DPIRT_TESTS=ON "${werror[@]}"
-run_tests build
-if [[ ${CI:-} == true ]]; then
-  say "the scheduler's tests, with assertions"
-  cmake --preset debug >/dev/null
-  cmake --build --preset debug --target scheduler_test
-  run_shards build-debug/tests/scheduler_test
+list_stages() {
+  local name state
+  for name in "${names[@]}"; do
+    state="to run"
+    if [[ -f $stamps/$name ]] && has_passed "$name"; then state="passed $(tail -n 1 "$stamps/$name")"; fi
+    printf '%-20s %s; %s\n' "$name" "${shows[$name]}" "$state"
+  done
+}
+
+# selected: the names that --stage asks for.
+selected() {
+  local name wish found
+  for wish in "${chosen[@]}"; do
+    found=false
+    for name in "${names[@]}"; do
+      if [[ $name == "$wish" || $name == "$wish"-* ]]; then found=true && printf '%s\n' "$name"; fi
+    done
+    $found || { echo "tests/run.sh: no stage '$wish'; there are: ${names[*]}" >&2; return 2; }
+  done
+}
+
+mkdir -p "$stamps"
+rm -f "$stamps/closing"
+if $list; then
+  list_stages
+  exit
 fi
-
+always=$fresh
 if $long; then
-  install_packages "${PIRT_LONG_PACKAGES[@]}"
-  say "long tests"
-  ctest --test-dir build --output-on-failure -j 2 -C long -L long --no-tests=error
-  say "format"
-  git ls-files '*.cpp' '*.h' | xargs clang-format-14 --dry-run --Werror
-  say "the page's script"
-  NODE_PATH=/usr/share/nodejs eslint --format unix reports/document/charts.js
-  say "clang 14, warnings as errors"
-  build_pirt build-clang -DCMAKE_CXX_COMPILER=clang++-14 -DPIRT_WERROR=ON
-  say "each header alone"
-  cmake --build build-clang --target all_verify_interface_header_sets
-  say "clang-tidy"
-  git ls-files '*.cpp' ':!tests' | xargs -P 2 -n 4 clang-tidy-14 --quiet -p build-clang
-  cmake --preset asan -DPIRT_WERROR=ON >/dev/null && cmake --build --preset asan
-  # LLVM within PoCL sets signal stacks of its own, which the sanitizer would free as its own; and the leak checker
-  # dies of PoCL's threads that are about to end, so that tests with a driver go without it.
-  with_driver='OpenCl|^cli\.|Batch|Tun|Peak'
-  # Sequences of 10 s take more than 5 min there; SlamQuality.SameInputsGiveTheSameBits goes the same ways.
-  too_long='SlamQuality\.(Stereo|Mono|OneCameraAloneF|ASecond)'
-  LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.txt:print_suppressions=0 ASAN_OPTIONS=use_sigaltstack=0 \
-    run_tests build-asan -E "$with_driver|$too_long"
-  ASAN_OPTIONS=use_sigaltstack=0:detect_leaks=0 run_tests build-asan -R "$with_driver"
-  say "threads: live runs and the runtime"
-  cmake --preset tsan -DPIRT_WERROR=ON >/dev/null && cmake --build --preset tsan --target scheduler_test
-  TSAN_OPTIONS=suppressions=$PWD/tests/support/tsan.txt \
-    run_shards build-tsan/tests/scheduler_test --gtest_filter='Runtime*:Live*:TraceThread*:Localization*:Activities*'
+  chosen=("${names[@]}")
+elif [[ ${#chosen[@]} -eq 0 ]]; then
+  chosen=(tests) always=true  # who asks for the tests gets them
+fi
+wanted=$(selected)
+failed=()
+for each in $wanted; do run_stage "$each" "$always"; done
+if [[ ${#failed[@]} -gt 0 ]]; then
+  say "tests: FAILED: ${failed[*]}"
+  exit 1
 fi
 say "tests: OK"
+if [[ $wanted == tests && -f $stamps/closing ]]; then cat "$stamps/closing"; fi

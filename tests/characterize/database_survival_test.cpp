@@ -112,10 +112,11 @@ std::set<std::string> stored_cells(const std::filesystem::path& path, std::int64
 
 TEST(DatabaseSurvival, KeepsEveryAcknowledgedCellWhenItsWriterIsKilled) {
   const TemporaryFolder folder;
-  Random random(500);
+  const auto [first, kills] = test::repetitions(15, 500);
+  Random random(500 + static_cast<std::uint64_t>(first));
   std::set<std::string> acknowledged;
   std::size_t total = 0;
-  for (int i = 0, n = repeats(15, 500); i < n; ++i) {
+  for (int i = 0; i < kills; ++i) {
     if (i % 10 == 0) {  // small files are killed in other places than large ones
       std::filesystem::remove(folder / "p.db");
       acknowledged.clear();
@@ -194,8 +195,9 @@ int flip_bits(const std::filesystem::path& whole, const std::filesystem::path& d
 TEST(DatabaseSurvival, GivesAnErrorOrTheRightDataWhateverBitFlips) {
   const TemporaryFolder folder;
   write_full_file(folder / "p.db");
-  const int flips = repeats(120, 10'000);
-  const int refused = flip_bits(folder / "p.db", folder / "d.db", flips, 2024);
+  const auto [first, flips] = test::repetitions(120, 10'000);
+  const int refused =
+      flip_bits(folder / "p.db", folder / "d.db", flips, 2024 + static_cast<std::uint64_t>(first));
   // The others hit unused space, or what no figure depends on. Observed: 74 of 200.
   EXPECT_GT(refused, flips / 4);
   RecordProperty("flips", flips);

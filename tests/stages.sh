@@ -1,0 +1,108 @@
+# The stages of tests/run.sh, in the order in which --long runs them; sourced. A stage is a line:
+#   stage NAME READS INSTALLS SHOWS COMMAND...
+# READS: the paths (pathspecs of git) that it compiles and reads; it is run again when one of them has changed. INSTALLS: packages.
+# COMMAND: words, or a function below. None takes longer than 20 minutes on two quiet cores.
+
+base="${PIRT_PACKAGES[*]} ${PIRT_TEST_PACKAGES[*]} ${PIRT_DSP_PACKAGES[*]}"
+all='. :!tests/run.sh :!tests/stages.sh :!cli/demo.sh :!tests/bench/README.md'
+# What the tests of a folder compile: it, and those that it may include.
+common='CMakeLists.txt CMakePresets.json README.md tests/CMakeLists.txt tests/*.cmake tests/support'
+declare -A code
+code[workloads]="$common workloads tests/workloads"
+code[characterize]="${code[workloads]} characterize tests/characterize"
+code[scheduler]="${code[characterize]} scheduler tests/scheduler"
+code[reports]="${code[scheduler]} reports tests/reports"
+code[cli]=$all
+layers=(workloads characterize scheduler reports cli)
+
+stage tests "$all" "$base" "every test, built with g++" usual_tests
+stage format "*.cpp *.h .clang-format" "git clang-format-14" "format of the sources" check_format
+stage page-script "reports/document/*.js reports/document/.eslintrc.json" "eslint" "the page's script, linted" check_page_script
+stage clang "$all" "$base clang-14" "clang 14 builds all of it without a warning" build_clang
+stage headers "$all" "$base clang-14" "each header compiles alone" check_headers
+for layer in "${layers[@]}"; do
+  stage "tidy-$layer" "${code[$layer]} .clang-tidy" "$base clang-14 clang-tidy-14" "clang-tidy of $layer/" tidy "$layer"
+done
+stage kills "$all" "$base" "500 kills of pirt characterize, by seed range" long_test kills
+stage database "${code[characterize]}" "$base" "500 kills of a writer of a database, 10,000 flipped bits, cuts, by seed range" long_test database
+stage slam "${code[workloads]}" "$base" "localization and maps on sequences of a minute, by seed" long_test '(slam|keyframes)'
+stage subdirectory "$all" "$base" "pirt as a part of another project" long_test subdirectory
+for layer in "${layers[@]}"; do
+  stage "asan-$layer" "${code[$layer]}" "$base" "tests of $layer/ under address and undefined-behaviour sanitizers" asan "$layer"
+done
+stage tsan "${code[scheduler]}" "$base" "live runs and the runtime under the thread sanitizer" tsan
+
+usual_tests() {
+  local werror=()
+  if [[ ${CI:-} == true ]]; then werror=(-DPIRT_WERROR=ON); fi
+  build_pirt build -DPIRT_TESTS=ON "${werror[@]}"
+  run_tests build
+}
+
+check_format() { git ls-files '*.cpp' '*.h' | xargs clang-format-14 --dry-run --Werror; }
+
+check_page_script() { NODE_PATH=/usr/share/nodejs eslint --format unix reports/document/charts.js; }
+
+build_clang() { build_pirt build-clang -DCMAKE_CXX_COMPILER=clang++-14 -DPIRT_TESTS=ON -DPIRT_WERROR=ON; }
+
+check_headers() {
+  cmake -S . -B build-clang -G Ninja -DCMAKE_CXX_COMPILER=clang++-14 -DPIRT_TESTS=ON -DPIRT_WERROR=ON >/dev/null
+  cmake --build build-clang --target all_verify_interface_header_sets
+}
+
+# tidy FOLDER: on each of its sources that has not passed since it changed, or a header that it includes, or the checks. What it includes
+# is what the build with clang has found.
+tidy() {
+  build_clang
+  local passed=build-clang/tidy source key left=() keys=()
+  mkdir -p "$passed"
+  while read -r source key; do
+    if [[ ! -f $passed/$key ]]; then left+=("$source $passed/$key"); fi
+  done < <(tidy_keys "$1")
+  say "clang-tidy: ${#left[@]} sources of $1/ to check"
+  [[ ${#left[@]} -eq 0 ]] || printf '%s\n' "${left[@]}" | xargs -P "$(nproc)" -L 1 bash -c 'clang-tidy-14 --quiet -p build-clang "$1" && touch "$2"' tidy
+}
+
+# tidy_keys FOLDER: SOURCE and a hash of it with all that it includes, a line each.
+tidy_keys() {
+  local source parts checks
+  checks=$(cat .clang-tidy <(clang-tidy-14 --version) | sha256sum)
+  { git ls-files -z; find build-clang/generated -type f -print0; } | xargs -0 sha256sum >build-clang/tidy/files
+  ninja -C build-clang -t deps | awk -v root="$PWD/" -v folder="$1/" '
+    function in_tree(path) {
+      if (index(path, root) == 1) path = substr(path, length(root) + 1)
+      sub(/^\.\.\//, "", path)
+      return (path in hash) ? path : "build-clang/" path
+    }
+    function done() { if (source != "") print source, parts; source = parts = "" }
+    NR == FNR { hash[$2] = $1; next }
+    /^[^ ]/ { done(); next }
+    NF { path = in_tree($1); parts = parts hash[path]; if (index(path, folder) == 1 && path ~ /\.cpp$/) source = path }
+    END { done() }' build-clang/tidy/files - | sort -u |
+    while read -r source parts; do printf '%s %s\n' "$source" "$(sha256sum <<<"$checks$source$parts" | cut -c -64)"; done
+}
+
+long_test() {
+  build_pirt build -DPIRT_TESTS=ON
+  run_left build -C long -R "^long\.$1"
+}
+
+# asan LAYER. LLVM within PoCL sets signal stacks of its own, which the sanitizer would free as its own; and the leak checker dies of PoCL's
+# threads that are about to end, so that tests with a driver go without it. Sequences of 10 s take more than 5 minutes there;
+# SlamQuality.SameInputsGiveTheSameBits goes the same ways.
+asan() {
+  local driver='(OpenCl|Batch|Tun|Peak)' too_long='SlamQuality\.(Stereo|Mono|OneCameraAloneF|ASecond)' leaks="^$1\\." program=$1_test
+  local driven="^$1\\..*$driver"
+  if [[ $1 == cli ]]; then leaks='^examples\.' driven='^cli\.' program=all; fi
+  export ASAN_OPTIONS=use_sigaltstack=0 LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.txt:print_suppressions=0
+  cmake --preset asan -DPIRT_WERROR=ON >/dev/null
+  cmake --build --preset asan --target "$program"
+  run_tests build-asan -R "$leaks" -E "$driver|$too_long"
+  ASAN_OPTIONS=$ASAN_OPTIONS:detect_leaks=0 run_tests build-asan -R "$driven" --no-tests=ignore
+}
+
+tsan() {
+  cmake --preset tsan -DPIRT_WERROR=ON >/dev/null
+  cmake --build --preset tsan --target scheduler_test
+  TSAN_OPTIONS=suppressions=$PWD/tests/support/tsan.txt run_tests build-tsan -R '^scheduler\.(Runtime|Live|TraceThread|Localization|Activities)'
+}
