@@ -124,10 +124,15 @@ TEST_F(RunRobot, WithoutATrackedFrameAnEarlierMapAndTrajectoryStay) {
 }
 
 TEST_F(RunRobot, WhatCannotBeWrittenCostsNoOtherResult) {
-  const auto outcome = pirt(live({"--fast", "--trace", "/dev/full", "--trajectory",
-                                  scratch_.file("t.txt"), "--json", scratch_.file("r.json")}));
+  std::string command = "ulimit -f 64; " + quoted(kProgram);
+  for (const auto& argument :
+       live({"--fast", "--trace", scratch_.file("trace.json"), "--trajectory",
+             scratch_.file("t.txt"), "--json", scratch_.file("r.json")})) {
+    command += " " + quoted(argument);
+  }
+  const auto outcome = run(command);
   EXPECT_EQ(outcome.exit_code, 2);
-  EXPECT_THAT(outcome.err, HasSubstr("/dev/full"));
+  EXPECT_THAT(outcome.err, HasSubstr("trace.json"));
   EXPECT_THAT(slurp(scratch_.file("t.txt")), HasSubstr(" "));
   EXPECT_EQ(nlohmann::json::parse(slurp(scratch_.file("r.json")))["frames"], 50);
 }
@@ -136,11 +141,14 @@ TEST_F(RunRobot, ATrajectoryOnStdoutIsAlone) {
   const auto outcome = pirt(arguments({"--serial", "--fast", "--trajectory", "-"}));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   std::istringstream lines(outcome.out);
+  std::string line;
+  ASSERT_TRUE(std::getline(lines, line));
+  EXPECT_THAT(line, testing::StartsWith("#"));
   int count = 0;
-  for (std::string line; std::getline(lines, line); ++count) {
+  for (; std::getline(lines, line); ++count) {
     EXPECT_EQ(std::ranges::count(line, ' '), 7) << line;
   }
-  EXPECT_EQ(count, 50);
+  EXPECT_GT(count, 30);  // Of 50 frames, but for those before it moved.
 }
 
 /// The same with a map of the room.
