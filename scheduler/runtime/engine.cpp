@@ -159,9 +159,10 @@ void Runtime::Engine::cancel_all() {
 void Runtime::Engine::wait_until(std::size_t most) {
   runtime::MustNotWait::check("waiting for tasks");
   std::unique_lock lock(waiting_mutex_);
-  ++waiting_;
+  std::atomic<int>& waiting = most == 0 ? waiting_ : waiting_for_room_;
+  ++waiting;
   fewer_.wait(lock, [&] { return live_ <= most; });
-  --waiting_;
+  --waiting;
 }
 
 void Runtime::Engine::wait_all() { wait_until(0); }
@@ -429,10 +430,11 @@ void Runtime::Engine::lose(UnitId unit, Nanos now) {
 void Runtime::Engine::look(Nanos now) {
   dispatcher_->wake(now, starts_);
   apply(now);
-  for (const LiveUnits::Hung& hung : live_units_.abandon_hung(
-           [this](UnitId unit, std::uint64_t token) { return expected(unit, token); })) {
-    give_up(hung, now);
-  }
+  const auto all = live_units_.abandon_hung(
+      [this](UnitId unit, std::uint64_t token) { return expected(unit, token); });
+  // All of them first: nothing of one may start on another.
+  for (const LiveUnits::Hung& hung : all) lose(hung.unit, now);
+  for (const LiveUnits::Hung& hung : all) give_up(hung, now);
 }
 
 const Service* Runtime::Engine::expected(UnitId unit, std::uint64_t token) {
@@ -452,7 +454,6 @@ void Runtime::Engine::give_up(const LiveUnits::Hung& hung, Nanos now) {
   }
   const std::string problem =
       overdue(task.workload->name, options_.platform.units[hung.unit].name, hung.ran);
-  lose(hung.unit, now);
   const auto give_end = [&](std::uint64_t token, CallEnd end) {
     Submitted& each = task_at(token);
     each.call_end = std::move(end);
@@ -662,7 +663,7 @@ void Runtime::Engine::told(std::shared_ptr<Submitted> task) {
   task->told.set();
   task.reset();
   const std::size_t left = live_.fetch_sub(1) - 1;
-  if (left <= resume_at_ && waiting_ > 0) {
+  if ((left <= resume_at_ && waiting_for_room_ > 0) || (left == 0 && waiting_ > 0)) {
     const std::lock_guard lock(waiting_mutex_);
     fewer_.notify_all();
   }

@@ -231,7 +231,8 @@ class Runtime::Engine {
 
   std::atomic<std::size_t> live_ = 0;
   std::size_t resume_at_ = 0;
-  std::atomic<int> waiting_ = 0;
+  std::atomic<int> waiting_ = 0;           ///< For the end of all tasks, or of what runs.
+  std::atomic<int> waiting_for_room_ = 0;  ///< To submit.
   std::mutex waiting_mutex_;
   std::condition_variable fewer_;
 

@@ -77,6 +77,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
   open_units();
   set_up_ = clock_.now() - begin;
   watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
+  if (anything_left_) wake_watcher();
 }
 
 void Runtime::Engine::list_workloads() {

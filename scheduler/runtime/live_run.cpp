@@ -189,7 +189,10 @@ class LiveRun final : public Executor {
     const auto expected = [this](UnitId unit, std::uint64_t token) {
       return scenario_.services.find(workload_of(static_cast<JobIndex>(token)), unit);
     };
-    for (const LiveUnits::Hung& hung : units_.abandon_hung(expected)) give_up(hung);
+    const auto all = units_.abandon_hung(expected);
+    // All of them first: nothing of one may start on another.
+    for (const LiveUnits::Hung& hung : all) time_.set_unit(hung.unit, UnitState::kGone, now());
+    for (const LiveUnits::Hung& hung : all) give_up(hung);
     const int stops = options_.stop ? options_.stop() : 0;
     if (stops > 0 && !result_.stopped) {
       result_.stopped = true;
@@ -210,7 +213,6 @@ class LiveRun final : public Executor {
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
     if (task.state) states_[*task.state] = std::make_shared<StateValue>(*states_[*task.state]);
     problems_.add(overdue(task.workload, units_.at(hung.unit).name(), hung.ran));
-    time_.set_unit(hung.unit, UnitState::kGone, now());
     end_computing(job, {.outcome = Outcome::kFailed, .busy = hung.ran});
     for (const std::uint64_t token : hung.behind) {
       end_computing(static_cast<JobIndex>(token), {.outcome = Outcome::kReturned});
