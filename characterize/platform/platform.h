@@ -58,8 +58,9 @@ struct UnitModel {
   Role role = Role::kOther;
   int servers = 1;
   Discipline discipline = Discipline::kFifo;
-  std::optional<int> slots;  ///< Tasks started and not complete; absent = 1 for one that computes, else no limit.
-  double active_w = 0;       ///< Per busy server.
+  std::optional<int>
+      slots;  ///< Tasks started and not complete; absent = 1 for one that computes, else no limit.
+  double active_w = 0;  ///< Per busy server.
   double idle_w = 0;
   double op_pj = 0;    ///< Additional energy per operation of the workload.
   double byte_pj = 0;  ///< Additional energy per byte of the workload.
