@@ -2,11 +2,14 @@
 // it comes from, and what the paper prints; and where the paper contradicts itself.
 //
 // A claim about a unit that this machine does not have is not testable, and neither is one that
-// rests on joules which are nothing but time times assumed watts. An OpenCL device that computes on
-// the host's cores is no GPU.
+// compares units where there are no two real ones, or that rests on joules which are nothing but
+// time times assumed watts. An OpenCL device that computes on the host's cores is no GPU. Apart,
+// and in no count, stand figures that the model was fitted to, which show nothing, and what holds
+// by construction.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,8 +25,14 @@
 
 namespace pirt {
 
-enum class Finding : std::uint8_t { kConfirmed, kRefuted, kNotTestable };
-/// "confirmed", "refuted", "not testable here".
+enum class Finding : std::uint8_t {
+  kConfirmed,
+  kRefuted,
+  kNotTestable,
+  kFitted,          ///< Ours was made to be the paper's: shows nothing.
+  kByConstruction,  ///< Arithmetic on what the paper says: could not be otherwise.
+};
+/// "confirmed", "refuted", "not testable here", "fitted", "by construction".
 [[nodiscard]] std::string_view to_string(Finding finding);
 
 struct Claim {
@@ -54,6 +63,21 @@ struct Evidence {
 [[nodiscard]] Claim decided(Claim claim, bool holds, const std::string& here, std::string_view from,
                             const std::string& why = "");
 [[nodiscard]] Claim not_testable(Claim claim, const std::string& why);
+/// One whose figure ours was fitted to.
+/// @param within  How near it came is within the fit's limit.
+[[nodiscard]] Claim fitted_to(Claim claim, bool within, const std::string& here,
+                              const std::string& why);
+
+/// The role that a unit really has: one that only stands in for an accelerator has none.
+[[nodiscard]] std::optional<Role> real_role(const Evidence& evidence, const std::string& unit);
+/// Those of the profile that have one.
+[[nodiscard]] std::vector<std::string> real_units(const Evidence& evidence);
+inline constexpr const char* kNoTwoRealUnits =
+    "needs two real units; an OpenCL device on the host's cores is none";
+/// Whether the joules of a run on the machine of the profile are a meter's, or made of watts that
+/// the platform says a source of.
+[[nodiscard]] bool watts_are_known(const Evidence& evidence, const RunRecord& run);
+inline constexpr const char* kAssumedWatts = "joules are time times assumed watts";
 
 // The parts of it.
 [[nodiscard]] std::vector<Claim> operation_claims();

@@ -24,16 +24,6 @@ Claim decided(Claim claim, bool holds, const std::string& here, Origin from,
   return pirt::decided(std::move(claim), holds, here, to_string(from), why);
 }
 
-/// The role that a unit really has: one that only stands in for an accelerator has none.
-std::optional<Role> real_role(const Evidence& evidence, const std::string& unit) {
-  const UnitModel* model =
-      evidence.platform == nullptr ? nullptr : evidence.platform->find_unit(unit);
-  const auto role = model == nullptr ? role_from_string(unit) : std::optional(model->role);
-  const UnitRecord* record = evidence.profile->find_unit(unit);
-  const bool on_host = record != nullptr && record->device_is_cpu;
-  return on_host && role != Role::kCpu ? std::nullopt : role;
-}
-
 std::vector<std::string> units_of_role(const Evidence& evidence, Role role) {
   std::vector<std::string> found;
   for (const auto& unit : evidence.profile->units()) {
@@ -99,23 +89,32 @@ Claim observation_one(const Evidence& evidence) {
   return not_testable(claim, "no image is dropped even with one buffer");
 }
 
+/// Without those that stand in for an accelerator.
+Ranking among_real(const Evidence& evidence, Ranking ranking) {
+  std::erase_if(ranking.units, [&](const RankedUnit& unit) {
+    return !real_role(evidence, unit.unit).has_value();
+  });
+  return ranking;
+}
+
 Claim no_single_winner(const Evidence& evidence, const std::vector<Preference>& preferable) {
   Claim claim{.where = "Observation 2",
               .claim = "no single unit is the fastest for all vision workloads",
               .paper = "4 units win"};
-  if (evidence.profile->units().size() < 2) return not_testable(claim, "one unit was measured");
+  if (real_units(evidence).size() < 2) return not_testable(claim, kNoTwoRealUnits);
   std::map<std::string, int> wins;
   int ties = 0;
   Origin from = Provenance::kMeasured;
   for (const Preference& each : preferable) {
-    if (!each.paper_time || each.by_time.units.size() < 2) continue;
-    const auto best = each.by_time.preferable();
+    const Ranking ranking = among_real(evidence, each.by_time);
+    if (!each.paper_time || ranking.units.size() < 2) continue;
+    const auto best = ranking.preferable();
     if (best.find(" = ") != std::string::npos) {
       ++ties;
       continue;
     }
     ++wins[best];
-    from = weakest(from, each.by_time.units.front().provenance);
+    from = weakest(from, ranking.units.front().provenance);
   }
   std::vector<std::string> parts;
   for (const auto& [unit, count] : wins) parts.push_back(fmt::format("{} {}", unit, count));
@@ -137,7 +136,7 @@ Claim preferable_unit(const Evidence& evidence, const Preference& each, bool ene
               .paper = marked(printed, Provenance::kPublished)};
   claim.here = ranking.preferable();
   if (energy && energy_is_modelled(*evidence.profile)) {
-    return not_testable(claim, "joules are time times assumed watts");
+    return not_testable(claim, kAssumedWatts);
   }
   const auto has = units_of_role(evidence, paper_role(printed));
   if (has.empty()) return not_testable(claim, "no real " + printed + " on this machine");
@@ -157,15 +156,17 @@ Claim time_is_not_energy(const Evidence& evidence, const std::vector<Preference>
               .claim = "the faster unit is not always the more energy-efficient one",
               .paper = "2 of 6 differ"};
   if (energy_is_modelled(*evidence.profile)) {
-    return not_testable(claim, "joules are time times assumed watts");
+    return not_testable(claim, kAssumedWatts);
   }
   int differ = 0, all = 0;
   for (const Preference& each : preferable) {
-    if (each.by_time.units.size() < 2 || each.by_energy.units.size() < 2) continue;
+    const Ranking by_time = among_real(evidence, each.by_time);
+    const Ranking by_energy = among_real(evidence, each.by_energy);
+    if (by_time.units.size() < 2 || by_energy.units.size() < 2) continue;
     ++all;
-    differ += each.by_time.units.front().unit == each.by_energy.units.front().unit ? 0 : 1;
+    differ += by_time.units.front().unit == by_energy.units.front().unit ? 0 : 1;
   }
-  if (all == 0) return not_testable(claim, "no workload with both figures on two units");
+  if (all == 0) return not_testable(claim, "no workload with both figures on two real units");
   return decided(claim, differ > 0, fmt::format("{} of {} differ", differ, all),
                  Provenance::kMeasured);
 }
@@ -212,13 +213,16 @@ Claim set_up_matters(const Evidence& evidence, const OffloadingCosts& costs) {
   Origin from = Provenance::kMeasured;
   for (const auto& unit : evidence.profile->units()) {
     const auto* cost = costs.find(kConvolution, unit, State::kCold);
-    if (cost == nullptr || real_role(evidence, unit) == Role::kCpu) continue;
+    const auto role = real_role(evidence, unit);
+    if (cost == nullptr || !role || role == Role::kCpu) continue;
     const double share = to_ms(cost->set_up()) / std::max(to_ms(cost->calls().first), 1e-9);
     parts.push_back(fmt::format("{} {:.1f} %", unit, 100 * share));
     all = all && share >= 0.1;
     from = weakest(from, cost->provenance);
   }
-  if (parts.empty()) return not_testable(claim, "no accelerator has a cold set-up and a call");
+  if (parts.empty()) {
+    return not_testable(claim, "no real accelerator has a cold set-up and a call");
+  }
   return decided(claim, all, join(parts, ", "), from, "of the first call, cold; significant: 10 %");
 }
 
@@ -229,16 +233,18 @@ Claim set_up_decides(const Evidence& evidence, const OffloadingCosts& costs) {
                   "its execution",
               .paper = "GPU, then DSP"};
   const OffloadingCost *by_execution = nullptr, *by_first_call = nullptr;
-  for (const auto& unit : evidence.profile->units()) {
+  int units = 0;
+  for (const auto& unit : real_units(evidence)) {
     const auto* cost = costs.find(kConvolution, unit, State::kCold);
     if (cost == nullptr || !cost->execute) continue;
+    ++units;
     if (by_execution == nullptr || *cost->execute < *by_execution->execute) by_execution = cost;
     if (by_first_call == nullptr || cost->calls().first < by_first_call->calls().first) {
       by_first_call = cost;
     }
   }
-  if (by_execution == nullptr || evidence.profile->units().size() < 2) {
-    return not_testable(claim, "needs two units with a cold set-up and an execution");
+  if (units < 2) {
+    return not_testable(claim, "needs two real units with a cold set-up and an execution");
   }
   return decided(claim, by_execution->unit != by_first_call->unit,
                  fmt::format("{}, then {}", by_execution->unit, by_first_call->unit),
@@ -278,7 +284,7 @@ Claim local_inference(const Evidence& evidence, const std::vector<Inference>& al
   const auto gpus = units_of_role(evidence, Role::kGpu);
   if (cpus.empty() || gpus.empty()) return not_testable(claim, "needs a CPU and a real GPU");
   if (energy && energy_is_modelled(*evidence.profile)) {
-    return not_testable(claim, "joules are time times assumed watts");
+    return not_testable(claim, kAssumedWatts);
   }
   const auto* cpu = inference_on(all, cpus.front());
   const auto* gpu = inference_on(all, gpus.front());

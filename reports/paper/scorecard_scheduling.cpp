@@ -15,13 +15,13 @@ namespace {
 std::vector<Claim> fitted_cells(const std::vector<PaperCell>& cells) {
   std::vector<Claim> claims;
   for (const PaperCell& cell : cells) {
-    claims.push_back(decided(
-        {.where = "Table V",
-         .claim = fmt::format("{} mode: {}", cell.mode, cell.figure),
-         .paper = marked(fmt::format("{:.4g}", cell.paper), Provenance::kPublished)},
-        cell.holds(), marked(fmt::format("{:.4g}", cell.ours), Provenance::kFitted), "fitted",
-        fmt::format("{:+.1f} %, limit {:.0f} %: the board was fitted to it", 100 * cell.deviation(),
-                    100 * cell.limit)));
+    claims.push_back(
+        fitted_to({.where = "Table V",
+                   .claim = fmt::format("{} mode: {}", cell.mode, cell.figure),
+                   .paper = marked(fmt::format("{:.4g}", cell.paper), Provenance::kPublished)},
+                  cell.holds(), marked(fmt::format("{:.4g}", cell.ours), Provenance::kFitted),
+                  fmt::format("{:+.1f} %, limit {:.0f} %: the board was fitted to it",
+                              100 * cell.deviation(), 100 * cell.limit)));
   }
   return claims;
 }
@@ -99,6 +99,14 @@ std::vector<Claim> on_the_fitted_board() {
   return claims;
 }
 
+/// What of a claim about this machine cannot be known on it; empty if all can.
+std::string missing_here(const Evidence& evidence, const Goal& goal) {
+  if (evidence.profile == nullptr || real_units(evidence).size() < 2) return kNoTwoRealUnits;
+  const RunRecord* run = find_mode(evidence.table5->runs, goal.mode);
+  const bool joules = std::string_view(goal.what) == "J";
+  return joules && run != nullptr && !watts_are_known(evidence, *run) ? kAssumedWatts : "";
+}
+
 void append(std::vector<Claim>& to, std::vector<Claim> more) {
   to.insert(to.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
 }
@@ -111,7 +119,9 @@ std::vector<Claim> scheduling_claims(const Evidence& evidence) {
   append(claims, on_the_fitted_board());
   if (evidence.table5 != nullptr) {
     for (const Goal& goal : kGoals) {
-      claims.push_back(best_of(goal, evidence.table5->runs, "the three", "on this machine"));
+      Claim claim = best_of(goal, evidence.table5->runs, "the three", "on this machine");
+      const std::string missing = missing_here(evidence, goal);
+      claims.push_back(missing.empty() ? std::move(claim) : not_testable(claim, missing));
     }
   }
   return claims;

@@ -49,10 +49,10 @@ std::vector<Claim> without_runtime(const Section5& section) {
   std::vector<Claim> claims;
   for (const RobotFigure& what : {kLocalization, kRecognition, kPower}) {
     const double paper = section.paper_without.*what.figure, ours = section.fitted.*what.figure;
-    claims.push_back(decided(
+    claims.push_back(fitted_to(
         claim_of(what, paper, "on the CPU alone"),
         std::abs(ours - paper) <= std::max(kFittedLimit * paper, kOneFiring),
-        shown_here(what, ours), "fitted",
+        shown_here(what, ours),
         fmt::format("{:+.1f} %: the CPU's times were fitted to it", 100 * (ours / paper - 1))));
   }
   return claims;
@@ -140,11 +140,13 @@ Claim planning_claim(const RunRecord& run) {
                  run.mode + " mode on " + run.platform);
 }
 
-Claim power_claim(const RunRecord& run) {
+Claim power_claim(const Evidence& evidence, const RunRecord& run) {
   Claim claim{
       .where = "Section V", .claim = "all of it within 11 W, on this machine", .paper = "+11 W"};
   if (!run.average_power_w) return not_testable(claim, "the run has no power");
   const Origin from = marks_of(run).energy;
+  claim.here = shown(run.average_power_w, from) + " W";
+  if (!watts_are_known(evidence, run)) return not_testable(claim, kAssumedWatts);
   return decided(claim, *run.average_power_w <= 11, shown(run.average_power_w, from) + " W",
                  "virtual time, " + std::string(to_string(from)),
                  run.mode + " mode on " + run.platform);
@@ -179,7 +181,7 @@ std::vector<Claim> on_this_machine(const Evidence& evidence) {
   }
   std::vector<Claim> claims = {rate_claim(*with, "localization", 25, "+25 Hz"),
                                rate_claim(*with, "recognition", 3, "+3 Hz"), planning_claim(*with),
-                               power_claim(*with)};
+                               power_claim(evidence, *with)};
   if (const auto* without = find_mode(evidence.modes->runs, "cpu-only")) {
     claims.push_back(cpu_only_claim(*without));
   }
