@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <fstream>
 #include <iterator>
 #include <optional>
 #include <string_view>
@@ -119,6 +120,30 @@ void check_pair(const NamedFile& a, const NamedFile& b) {
                               other.option, other.path.string(), folder ? "" : ", the same file"));
 }
 
+/// The name of the database that a file of this name would be taken for the journal of; empty if it
+/// would be taken for none.
+fs::path database_beside(const fs::path& path) {
+  const std::string name = path.string();
+  for (const std::string suffix : {"-journal", "-wal", "-shm"}) {
+    if (name.ends_with(suffix)) return name.substr(0, name.size() - suffix.size());
+  }
+  return {};
+}
+
+/// SQLite would roll it back into the database.
+void check_beside_databases(const NamedFile& written, const std::vector<NamedFile>& files) {
+  const auto database = database_beside(destination(written.path));
+  if (database.empty()) return;
+  std::string head(15, ' ');
+  std::ifstream(database, std::ios::binary).read(head.data(), 15);
+  const bool named = std::ranges::any_of(
+      files, [&](const NamedFile& file) { return destination(file.path) == database; });
+  if (!named && head != "SQLite format 3") return;
+  throw_bad_input(
+      fmt::format("{} '{}' is where SQLite keeps what it undoes of '{}'; name another file",
+                  written.option, written.path.string(), database.string()));
+}
+
 /// What no option names: where stdout leads, and the tuned parameters that every command uses.
 std::vector<NamedFile> standing_files() {
   std::vector<NamedFile> files;
@@ -190,7 +215,9 @@ void check_files(std::vector<NamedFile> files) {
     for (std::size_t k = 0; k < i; ++k) check_pair(files[i], files[k]);
   }
   for (std::size_t i = 0; i < given; ++i) {
-    if (files[i].use == FileUse::kWritten) check_writable(files[i].path);
+    if (files[i].use != FileUse::kWritten) continue;
+    check_beside_databases(files[i], files);
+    check_writable(files[i].path);
   }
 }
 

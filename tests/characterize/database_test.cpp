@@ -375,6 +375,21 @@ TEST(Database, RollsBackWhatAKilledWriterLeft) {
   EXPECT_EQ(dump(folder / "p.db"), right);
 }
 
+// As `rm p.db` after a kill does; SQLite takes what lies beside a file for its own.
+TEST(Database, ANewFileTakesNoJournalOfARemovedOne) {
+  const TemporaryFolder folder;
+  write_one_run(folder / "p.db");
+  test::die_in_transaction(folder / "p.db");
+  std::filesystem::remove(folder / "p.db");
+  test::write_bytes(folder / "p.db-wal", "what is not a log either");
+  ASSERT_THAT(folder.entries(), ElementsAre("p.db-journal", "p.db-wal"));
+  write_one_run(folder / "p.db");
+  EXPECT_THAT(folder.entries(), ElementsAre("p.db"));
+  const TemporaryFolder elsewhere;
+  write_one_run(elsewhere / "p.db");
+  EXPECT_EQ(dump(folder / "p.db"), dump(elsewhere / "p.db"));
+}
+
 TEST(Database, MayBeNamedByALink) {
   const TemporaryFolder folder;
   const TemporaryFolder elsewhere;

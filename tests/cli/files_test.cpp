@@ -254,6 +254,24 @@ TEST(StandardOutput, IsRefusedWhereAFileIsNeeded) {
   }
 }
 
+TEST(Databases, KeepWhatLiesBesideThem) {
+  const Scratch scratch;
+  const auto database = scratch.file("p.db");
+  const auto made = pirt({"characterize", "--quick", "--platform", "fake", "--filter", "^pool5$",
+                          "--units", "gpu", "--db", database});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const auto before = slurp(database);
+  for (const auto* suffix : {"-journal", "-wal", "-shm"}) {
+    expect_refused(pirt({"report", database, "-o", database + suffix}), {"--output", suffix});
+    expect_refused(pirt({"list", "modes", "--json", database + suffix}), {"--json", database});
+    expect_refused(pirt({"characterize", "--platform", "fake", "--filter", "^pool5$", "--db",
+                         scratch.file("new.db"), "--json", scratch.file("new.db") + suffix}),
+                   {"--json", "new.db"});
+  }
+  EXPECT_EQ(pirt({"list", "modes", "--json", scratch.file("notes-journal")}).exit_code, 0);
+  EXPECT_EQ(slurp(database), before);
+}
+
 TEST(Report, WritesJsonBesideADocumentThatIsJson) {
   const Scratch scratch;
   const auto outcome =

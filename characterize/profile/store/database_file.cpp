@@ -1,9 +1,12 @@
 #include "characterize/profile/store/database_file.h"
 
+#include <fcntl.h>
 #include <fmt/core.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <array>
+#include <cerrno>
 #include <cstring>
 #include <fstream>
 #include <map>
@@ -12,6 +15,7 @@
 
 #include "characterize/profile/store/database_format.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/file_descriptor.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -109,14 +113,40 @@ void recover(const std::filesystem::path& path, Nanos busy_wait) {
   Statement(connection, "SELECT count(*) FROM sqlite_schema").run();
 }
 
-/// Links @p made to @p path unless something has that name by now; true if it did.
-bool link_new(const std::filesystem::path& made, const std::filesystem::path& path) {
-  if (::link(made.c_str(), path.c_str()) == 0) return true;
-  if (errno == EEXIST) return false;
-  // File systems without hard links (FAT): a rename, which is not safe against a second creator in
-  // the same instant.
-  std::filesystem::rename(made, path);
-  return true;
+/// Who else makes a database in the same folder waits while this lives; where a file system has no
+/// such locks nobody does.
+class FolderLock {
+ public:
+  explicit FolderLock(const std::filesystem::path& folder)
+      : folder_(::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+    while (::flock(folder_.get(), LOCK_EX) != 0 && errno == EINTR) {
+    }
+  }
+
+ private:
+  FileDescriptor folder_;
+};
+
+/// What SQLite keeps beside a database would be rolled into any file that takes the database's
+/// name: what belonged to one that is gone by now goes first.
+void remove_leftovers(const std::filesystem::path& path) {
+  for (const auto* suffix : kSideFiles) {
+    auto leftover = path;
+    leftover += suffix;
+    std::filesystem::remove(leftover);
+  }
+}
+
+/// Gives @p made the name @p path unless something has it by now.
+void link_new(const std::filesystem::path& made, const std::filesystem::path& path) {
+  // Of two creators the second must find the first one's file, and not its journal.
+  const FolderLock lock(path.parent_path());
+  std::error_code ignored;
+  const auto taken = std::filesystem::symlink_status(path, ignored);
+  if (std::filesystem::exists(taken)) return;
+  remove_leftovers(path);
+  if (::link(made.c_str(), path.c_str()) == 0 || errno == EEXIST) return;
+  std::filesystem::rename(made, path);  // file systems without hard links (FAT)
 }
 
 }  // namespace

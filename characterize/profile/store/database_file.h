@@ -2,12 +2,16 @@
 // Private to characterize/.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 
 #include "characterize/profile/store/sqlite.h"
 
 namespace pirt {
+
+/// What SQLite calls the files that it keeps beside a database, behind the database's name.
+inline constexpr std::array kSideFiles = {"-journal", "-wal", "-shm"};
 
 /// How long another writer is waited for.
 inline constexpr Nanos kBusyWait = std::chrono::seconds(10);
@@ -24,7 +28,8 @@ inline constexpr Nanos kBusyWait = std::chrono::seconds(10);
                                                Nanos busy_wait = kBusyWait);
 
 /// Makes an empty profile database where no file is: built beside it and then linked to its name,
-/// so that no half-made one is ever seen.
+/// so that no half-made one is ever seen. A journal that a killed writer left of a file that was
+/// removed since goes first.
 /// @throws Error as open_database.
 void create_database(const std::filesystem::path& path);
 
