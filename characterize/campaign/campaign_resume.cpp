@@ -63,11 +63,6 @@ std::string reason_of(const CampaignPlan& plan, const CellName& cell) {
   return "the platform or the catalog changed";
 }
 
-std::optional<std::string> fact(const RunInfo& run, const std::string& key) {
-  const auto it = run.environment.find(key);
-  return it == run.environment.end() ? std::nullopt : std::optional(it->second);
-}
-
 }  // namespace
 
 std::string stored_plan(const CampaignOptions& options, const CampaignPlan& plan) {
@@ -150,10 +145,9 @@ void check_identity(const RunInfo& run, const Environment& facts) {
   for (const auto& each : compare_identity(run, now)) {
     changed.push_back(fmt::format("{} was {} and is {}", each.field, text(each.a), text(each.b)));
   }
-  for (const auto* key : {"pirt_version", "git_commit"}) {  // figures of one run are of one program
-    const auto was = fact(run, key);
-    const auto is = fact(now, key);
-    if (was != is) changed.push_back(fmt::format("{} was {} and is {}", key, text(was), text(is)));
+  for (const auto& each : compare_program(run, now)) {
+    changed.push_back(
+        fmt::format("{} ({} was {} and is {})", each.why, each.field, text(each.a), text(each.b)));
   }
   if (changed.empty()) return;
   throw_bad_input(fmt::format(

@@ -9,7 +9,9 @@
 
 #include "characterize/worker/measure.h"
 #include "workloads/backends/backend_list.h"
+#include "workloads/base/hash.h"
 #include "workloads/base/system/affinity.h"
+#include "workloads/base/system/module.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -26,13 +28,24 @@ std::string describe_options(const UnitModel& unit) {
   return join(parts, ", ");
 }
 
+/// Of the program and of the modules that it loads: what a commit does not say of what was built
+/// with changes.
+std::string program_hash(const std::filesystem::path& program) {
+  Hash64 hash;
+  std::vector<std::filesystem::path> files = modules();
+  files.insert(files.begin(), program);
+  for (const auto& file : files) hash.add(read_file(file.string()));
+  return fmt::format("{:016x}", hash.value());
+}
+
 }  // namespace
 
 std::string utc_now() {
   return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
 }
 
-Environment run_facts(const Platform& platform, const ImageSource& images) {
+Environment run_facts(const Platform& platform, const ImageSource& images,
+                      const std::filesystem::path& program) {
   Environment facts = host_environment();
   facts.merge(build_environment());
   facts["cores_usable"] = fmt::format("{}", fmt::join(usable_cores(), ","));
@@ -41,6 +54,8 @@ Environment run_facts(const Platform& platform, const ImageSource& images) {
   facts["clock_resolution_ns"] = std::to_string(clock.resolution.count());
   facts["images"] = images.describe();
   facts["images_hash"] = fmt::format("{:016x}", images.content_hash());
+  facts["program_hash"] = program_hash(program);
+  facts["platform_hash"] = fmt::format("{:016x}", Hash64().add(platform.text).value());
   if (!platform.assumptions.empty()) facts["assumptions"] = platform.assumptions;
   return facts;
 }

@@ -2,6 +2,7 @@
 // units.
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 #include "characterize/machine/environment.h"
@@ -16,7 +17,9 @@ namespace pirt {
 [[nodiscard]] std::string utc_now();
 
 /// Of the machine as it is now, the build, the pictures and the platform.
-[[nodiscard]] Environment run_facts(const Platform& platform, const ImageSource& images);
+/// @param program  What measures.
+[[nodiscard]] Environment run_facts(const Platform& platform, const ImageSource& images,
+                                    const std::filesystem::path& program = "/proc/self/exe");
 
 [[nodiscard]] UnitRecord unit_record(const UnitModel& unit, const DeviceInfo& device);
 /// "unit.gpu.version" and so on.

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "characterize/machine/environment_keys.h"
 
@@ -73,6 +75,22 @@ std::vector<IdentityDifference> compare_identity(const RunInfo& a, const RunInfo
     return key == nullptr ? environment_keys().size()
                           : static_cast<std::size_t>(key - environment_keys().data());
   });
+  return differences;
+}
+
+std::vector<IdentityDifference> compare_program(const RunInfo& a, const RunInfo& b) {
+  constexpr const char* kProgram = "it is another program";
+  constexpr std::array<std::pair<const char*, const char*>, 4> kFacts = {
+      {{"pirt_version", kProgram},
+       {"git_commit", kProgram},
+       {"program_hash", kProgram},
+       {"platform_hash", "its platform was changed"}}};
+  std::vector<IdentityDifference> differences;
+  for (const auto& [field, why] : kFacts) {
+    const auto in_a = find_value(a.environment, field);
+    const auto in_b = find_value(b.environment, field);
+    if (in_a != in_b) differences.push_back({field, "", in_a, in_b, why});
+  }
   return differences;
 }
 

@@ -27,6 +27,10 @@ struct IdentityDifference {
 /// one of them measured is none: its rows have nothing that they could be compared with.
 [[nodiscard]] std::vector<IdentityDifference> compare_identity(const RunInfo& a, const RunInfo& b);
 
+/// Beside that: in what the runs are of two programs, or of two texts of their platform. Figures of
+/// these are compared, and never put together.
+[[nodiscard]] std::vector<IdentityDifference> compare_program(const RunInfo& a, const RunInfo& b);
+
 /// "governor: powersave against performance", for messages.
 [[nodiscard]] std::string describe(const IdentityDifference& difference);
 

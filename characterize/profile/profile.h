@@ -101,8 +101,9 @@ struct Profile {
   std::string path;
   std::vector<RunInfo> runs;  ///< Those that rows come from; newest first.
   std::vector<PhaseRow>
-      phases;  ///< For each (workload, unit, phase, state): the newest run's row that has it.
-  std::vector<EnergyRow> energies;  ///< For each (workload, unit): the newest run's row.
+      phases;  ///< For each (workload, unit): those of the newest complete cell, or, where there is
+               ///< none, of one that an interrupted run has. Set-ups likewise: live rows have none.
+  std::vector<EnergyRow> energies;  ///< For each (workload, unit): the same.
   std::vector<PeakRow> peaks;       ///< For each (unit, kind): the newest run's row.
 
   /// Null if there is no such row.

@@ -86,6 +86,7 @@ struct VisitRecord {
   std::int64_t position = 0;  ///< From 0, in order of time within the cell.
   State setup = State::kCold;
   std::string record;  ///< to_record of its JobResult.
+  Nanos spent{0};      ///< What the run had taken when it ended.
 };
 
 }  // namespace pirt

@@ -46,26 +46,33 @@ void summarize_all(PhaseRow& row) {
 
 }  // namespace
 
-int pool_samples(const ProfileReader& reader, Profile& profile) {
+Pooled pool_samples(const ProfileReader& reader, Profile& profile) {
   reader.read_samples(profile);
-  int pooled = 1;
+  Pooled pooled;
   const std::string platform = profile.platform();
   for (const std::int64_t id : reader.finished_runs(platform)) {
     Profile other = reader.read(platform, {id, id});
     reader.read_samples(other);
     bool any = false;
+    bool others = false;
     for (PhaseRow& row : profile.phases) {
       if (row.run_id == id || !row.valid || row.is_deterministic()) continue;
-      const auto apart = units_apart(run_of(profile, row.run_id), other.runs.front());
+      const RunInfo& own = run_of(profile, row.run_id);
+      const auto apart = units_apart(own, other.runs.front());
       if (apart.contains("") || apart.contains(row.unit)) continue;
       const PhaseRow* same = other.find(row.workload, row.unit, row.phase, row.state);
       if (same == nullptr || !is_same(row, *same)) continue;
-      add(*same, static_cast<std::int32_t>(pooled) * kProcessesARun, row);
+      if (!compare_program(own, other.runs.front()).empty()) {
+        others = true;
+        continue;
+      }
+      add(*same, pooled.runs * kProcessesARun, row);
       any = true;
     }
-    pooled += any ? 1 : 0;
+    pooled.runs += any ? 1 : 0;
+    pooled.left_out += others && !any ? 1 : 0;
   }
-  if (pooled == 1) return pooled;
+  if (pooled.runs == 1) return pooled;
   for (PhaseRow& row : profile.phases) {
     if (row.valid && !row.values.empty() && !row.is_deterministic()) summarize_all(row);
   }

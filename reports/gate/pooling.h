@@ -7,10 +7,14 @@
 
 namespace pirt {
 
-/// Reads the samples of all rows, adds those of the same rows in other runs of the file that may be
-/// compared with the row's own, and takes the medians of all of them.
+struct Pooled {
+  int runs = 1;      ///< That samples come from.
+  int left_out = 0;  ///< That could be compared, and are another program's or platform text's.
+};
+
+/// Reads the samples of all rows, adds those of the same rows in other runs of the file that are of
+/// the same program and may be compared with the row's own, and takes the medians of all of them.
 /// @param profile  Read by @p reader.
-/// @return  Runs that samples come from.
-int pool_samples(const ProfileReader& reader, Profile& profile);
+Pooled pool_samples(const ProfileReader& reader, Profile& profile);
 
 }  // namespace pirt

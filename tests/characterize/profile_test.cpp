@@ -179,6 +179,40 @@ TEST(Profile, TakesEachRowFromTheNewestRunThatHasIt) {
   EXPECT_EQ(profile.runs[0].finished, "");
 }
 
+// An interrupted run wrote sobel on cpu as far as it was, and conv1, which nobody else has; and a
+// cell of a platform that is not complete anywhere.
+TEST(Profile, AnUnfinishedCellDisplacesNoCompleteOne) {
+  const TemporaryFolder folder;
+  {
+    ProfileWriter writer(folder / "p.db");
+    const auto whole = writer.begin_run(small_run());
+    writer.write_cell(whole, small_cell("sobel", "cpu", 1000));
+    const auto cut = writer.begin_run(small_run());
+    for (const char* workload : {"sobel", "conv1"}) {
+      writer.write_visit(cut, {workload, "cpu"}, {0, State::kCold, "record"});
+      CellRecord cell = small_cell(workload, "cpu", 5000);
+      for (PhaseRecord& row : cell.phases) row.reasons = {"few_samples"};
+      cell.phases.push_back(
+          {Phase::kExecute, State::kSteady, Provenance::kModelled, {}, {}, test::ramp(1, 20)});
+      writer.write_interrupted_cell(cut, cell);
+    }
+    writer.write_cell(cut, small_cell("sobel", "gpu", 7000));  // this one was complete
+    const auto elsewhere = writer.begin_run(small_run("other"));
+    writer.write_visit(elsewhere, {"sobel", "cpu"}, {0, State::kCold, "record"});
+    writer.write_interrupted_cell(elsewhere, small_cell("sobel", "cpu"));
+  }
+  const Profile profile = load_profile(folder / "p.db");
+  EXPECT_EQ(profile.platform(), "board");
+  EXPECT_EQ(profile.find("sobel", "cpu", Phase::kCall)->run_id, 1);
+  EXPECT_TRUE(profile.find("sobel", "cpu", Phase::kCall)->valid);
+  EXPECT_EQ(profile.find("sobel", "cpu", Phase::kPrepare, State::kCold)->run_id, 1);
+  EXPECT_EQ(profile.find("sobel", "cpu", Phase::kExecute), nullptr);  // rows of one cell only
+  EXPECT_EQ(profile.find_energy("sobel", "cpu")->run_id, 1);
+  EXPECT_EQ(profile.find("sobel", "gpu", Phase::kCall)->run_id, 2);
+  EXPECT_EQ(profile.find("conv1", "cpu", Phase::kCall)->run_id, 2);
+  EXPECT_EQ(load_profile(folder / "p.db", "other").find("sobel", "cpu", Phase::kCall)->run_id, 3);
+}
+
 TEST(Profile, ReadsOnePlatformAtATime) {
   const TemporaryFolder folder;
   {

@@ -78,6 +78,17 @@ TEST_F(Regress, PutsComparableRunsOfAFileTogether) {
   EXPECT_THAT(regress("two.db", {"--all"}).out, Not(HasSubstr("runs)")));
 }
 
+// 3 ms of another text of the platform in the base would hide that 2 ms became 3.
+TEST_F(Regress, PutsNothingTogetherThatIsOfAnotherPlatformText) {
+  measure("mixed.db", 3, 7);
+  measure("mixed.db", 2, 7);
+  const auto outcome =
+      pirt({"regress", scratch_->file("mixed.db"), scratch_->file("slow.db"), "--mix", "none"});
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("mixed.db (1 of another program or platform file"),
+                                 HasSubstr("+50")));
+}
+
 TEST_F(Regress, SaysWhatIsNotComparable) {
   const auto outcome = regress("other.db");
   EXPECT_EQ(outcome.exit_code, 3) << outcome.err;

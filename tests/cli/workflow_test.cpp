@@ -21,9 +21,9 @@ std::string scalars(const YAML::Node& node) {
   return text;
 }
 
-class Workflow : public testing::TestWithParam<const char*> {};
+class WorkflowFile : public testing::TestWithParam<const char*> {};
 
-TEST_P(Workflow, AsksForWhatPirtHas) {
+TEST_P(WorkflowFile, AsksForWhatPirtHas) {
   const YAML::Node file = YAML::LoadFile(std::string(kSourceFolder) + "/cli/ci/" + GetParam());
   const std::string text = std::regex_replace(scalars(file), std::regex("\\\\\n"), " ");
   const std::regex command(R"(build/pirt ([a-z]+)([^\n|&]*))");
@@ -41,7 +41,23 @@ TEST_P(Workflow, AsksForWhatPirtHas) {
   EXPECT_GE(commands, 1);
 }
 
-INSTANTIATE_TEST_SUITE_P(Files, Workflow, testing::Values("github.yml", "gitlab.yml"),
+// A branch that wrote it would be compared with itself from its second run on.
+TEST(Workflow, WritesItsBaseOnTheDefaultBranchOnly) {
+  const YAML::Node file = YAML::LoadFile(std::string(kSourceFolder) + "/cli/ci/gitlab.yml");
+  int writers = 0;
+  for (const auto& job : file) {
+    const YAML::Node cache = job.second["cache"];
+    if (!cache) continue;
+    if (cache["policy"] && cache["policy"].Scalar() == "pull") continue;
+    ++writers;
+    const YAML::Node rules = job.second["rules"];
+    ASSERT_EQ(rules.size(), 1U) << job.first;
+    EXPECT_EQ(rules[0]["if"].Scalar(), "$CI_COMMIT_BRANCH == $CI_DEFAULT_BRANCH");
+  }
+  EXPECT_EQ(writers, 1);
+}
+
+INSTANTIATE_TEST_SUITE_P(Files, WorkflowFile, testing::Values("github.yml", "gitlab.yml"),
                          [](const auto& test) {
                            const std::string name = test.param;
                            return name.substr(0, name.find('.'));

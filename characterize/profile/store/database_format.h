@@ -12,6 +12,9 @@
 
 namespace pirt {
 
+/// The fact of a run that VisitRecord::spent is kept as: seconds.
+inline constexpr std::string_view kSpent = "run.spent_s";
+
 inline constexpr std::int64_t kDatabaseApplicationId = 0x50495254;  ///< "PIRT", as in schema.sql.
 inline constexpr std::int64_t kDatabaseVersion = 4;                 ///< user_version.
 inline constexpr std::int64_t kOldestVersion = 3;                   ///< What upgrade() takes.

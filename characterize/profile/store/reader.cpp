@@ -6,6 +6,8 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <cstdlib>
+#include <map>
 #include <set>
 #include <tuple>
 
@@ -52,24 +54,34 @@ PhaseRow read_phase_row(const Statement& q) {
   return row;
 }
 
-/// Newest runs first; of each (workload, unit, phase, state) the first row met stays.
+/// Whether @p cell of the enclosing query is one that an interrupted run wrote as far as it was.
+std::string is_unfinished(const std::string& cell) {
+  return fmt::format(
+      "EXISTS (SELECT 1 FROM visit WHERE visit.run_id = {0}.run_id AND visit.workload = "
+      "{0}.workload AND visit.unit = {0}.unit)",
+      cell);
+}
+
+/// Complete cells first, the newest of them before the others. Of each (workload, unit) the rows of
+/// calls are those of the first cell met that has any, and so are those of set-ups, which live rows
+/// have not.
 std::vector<PhaseRow> read_phases(const Connection& connection, const std::string& platform,
                                   RunRange runs) {
   std::vector<PhaseRow> rows;
-  std::set<std::tuple<std::string, std::string, Phase, State>> seen;
+  std::map<std::tuple<std::string, std::string, bool>, std::int64_t> chosen;
   Statement query(
       connection,
       "SELECT run_id, platform, workload, unit, backend, phase, state, provenance, valid, "
       "reasons, notes, samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, "
       "ops, bytes, processes, mixture, bound_ns FROM profile_summary WHERE platform = ? AND run_id "
-      "BETWEEN ? AND ? "
-      "ORDER BY run_id DESC");
+      "BETWEEN ? AND ? ORDER BY " +
+          is_unfinished("profile_summary") + ", run_id DESC");
   query.bind(platform).bind(runs.first).bind(runs.last);
   while (query.step()) {
     PhaseRow row = read_phase_row(query);
-    if (seen.emplace(row.workload, row.unit, row.phase, row.state).second) {
-      rows.push_back(std::move(row));
-    }
+    const auto [run, is_new] =
+        chosen.try_emplace({row.workload, row.unit, is_setup(row.phase)}, row.run_id);
+    if (run->second == row.run_id) rows.push_back(std::move(row));
   }
   return rows;
 }
@@ -83,7 +95,8 @@ std::vector<EnergyRow> read_energies(const Connection& connection, const std::st
       "SELECT run_id, workload, unit, energy_j, energy_summary.provenance, source, valid, "
       "reasons, domain, idle_subtracted, mixture FROM energy_summary JOIN run USING (run_id) WHERE "
       "platform "
-      "= ? AND run_id BETWEEN ? AND ? ORDER BY run_id DESC");
+      "= ? AND run_id BETWEEN ? AND ? ORDER BY " +
+          is_unfinished("energy_summary") + ", run_id DESC");
   query.bind(platform).bind(runs.first).bind(runs.last);
   while (query.step()) {
     EnergyRow row;
@@ -165,12 +178,14 @@ RunInfo read_run(const Connection& connection, std::int64_t run_id) {
   return run;
 }
 
-/// The platform that is meant: the given one, or that of the newest run which has cells.
+/// The platform that is meant: the given one, or that of the newest run which has complete cells,
+/// or else cells.
 std::string choose_platform(const Connection& connection, std::string_view wished, RunRange runs) {
   std::vector<std::string> known;  // newest first
   Statement query(connection,
-                  "SELECT platform FROM run WHERE EXISTS (SELECT 1 FROM cell WHERE cell.run_id = "
-                  "run.run_id) AND run_id BETWEEN ? AND ? ORDER BY run_id DESC");
+                  "SELECT platform FROM run JOIN cell USING (run_id) WHERE run_id BETWEEN ? AND ? "
+                  "GROUP BY run_id ORDER BY min(" +
+                      is_unfinished("cell") + "), run_id DESC");
   query.bind(runs.first).bind(runs.last);
   while (query.step()) {
     if (std::ranges::find(known, query.text(0)) == known.end()) known.push_back(query.text(0));
@@ -377,8 +392,15 @@ std::optional<UnfinishedRun> find_unfinished_run(const std::filesystem::path& pa
       "SELECT run_id, plan, checksum FROM run WHERE finished IS NULL AND plan IS NOT NULL "
       "ORDER BY run_id DESC LIMIT 1");
   if (!newest.step()) return std::nullopt;
-  UnfinishedRun found{
-      read_run(connection, newest.integer(0)), newest.text(1), newest.integer(2), {}, {}};
+  UnfinishedRun found;
+  found.run = read_run(connection, newest.integer(0));
+  found.plan = newest.text(1);
+  found.checksum = newest.integer(2);
+  const auto spent = found.run.environment.find(std::string(kSpent));
+  if (spent != found.run.environment.end()) {
+    found.spent = Nanos(std::llround(1e9 * std::strtod(spent->second.c_str(), nullptr)));
+  }
+  found.peaks = read_peaks(connection, found.run.platform, {found.run.run_id, found.run.run_id});
   found.visits = read_visits(connection, found.run.run_id);
   Statement cells(connection,
                   "SELECT workload, unit FROM cell WHERE run_id = ? AND NOT EXISTS (SELECT 1 FROM "

@@ -63,6 +63,8 @@ struct UnfinishedRun {
   RunInfo run;
   std::string plan;            ///< RunHeader::plan.
   std::int64_t checksum = 0;   ///< Of the state that this is.
+  Nanos spent{0};              ///< What it took until its last process.
+  std::vector<PeakRow> peaks;  ///< That were measured.
   std::vector<CellName> done;  ///< The cells that are complete, in the order of storing.
   std::vector<std::pair<CellName, VisitRecord>> visits;  ///< Of cells that are not; in order.
 };

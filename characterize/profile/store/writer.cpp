@@ -163,7 +163,8 @@ void insert_cell(const Connection& connection, std::int64_t run_id, const CellRe
 void insert_facts(const Connection& connection, std::int64_t run_id,
                   const std::map<std::string, std::string>& facts) {
   Statement insert(connection,
-                   "INSERT INTO environment (run_id, key, value, kind) VALUES (?, ?, ?, ?)");
+                   "INSERT OR REPLACE INTO environment (run_id, key, value, kind) "
+                   "VALUES (?, ?, ?, ?)");
   for (const auto& [key, value] : facts) {
     insert.bind(run_id).bind(key).bind(value).bind(to_string(fact_kind(key))).run();
   }
@@ -266,6 +267,8 @@ void ProfileWriter::write_visit(std::int64_t run_id, const CellName& cell,
                    "VALUES (?, ?, ?, ?, ?, ?, ?)");
   bind_cell(insert, run_id, cell).bind(visit.position).bind(to_string(visit.setup));
   insert.bind(visit.record).bind(visit_checksum(run_id, cell, visit)).run();
+  insert_facts(connection, run_id,
+               {{std::string(kSpent), fmt::format("{:.3f}", to_s(visit.spent))}});
   update_run_checksum(connection, run_id);
   transaction.commit();
 }

@@ -58,8 +58,12 @@ Table open_table(const std::string& path, const std::string& platform, const std
   const ProfileReader reader(path);
   Table table{.profile = reader.read(platform), .name = path};
   if (!filter.empty()) keep_workloads(table.profile, filter);
-  const int runs = pool_samples(reader, table.profile);
-  if (runs > 1) table.name += fmt::format(" ({} runs)", runs);
+  const Pooled pooled = pool_samples(reader, table.profile);
+  if (pooled.runs > 1) table.name += fmt::format(" ({} runs)", pooled.runs);
+  if (pooled.left_out > 0) {
+    table.name +=
+        fmt::format(" ({} of another program or platform file left out)", pooled.left_out);
+  }
   return table;
 }
 

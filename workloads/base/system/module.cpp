@@ -3,6 +3,7 @@
 #include <dlfcn.h>
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <vector>
 
@@ -21,6 +22,20 @@ std::vector<fs::path> folders() {
 }
 
 }  // namespace
+
+std::vector<fs::path> modules() {
+  for (const fs::path& folder : folders()) {
+    std::vector<fs::path> found;
+    std::error_code missing;
+    for (const auto& entry : fs::directory_iterator(folder, missing)) {
+      const std::string name = entry.path().filename().string();
+      if (name.starts_with("libpirt_") && name.ends_with(".so")) found.push_back(entry.path());
+    }
+    std::ranges::sort(found);
+    if (!found.empty()) return found;
+  }
+  return {};
+}
 
 void* module_symbol(const char* module, const char* symbol, const std::string& remedy) {
   std::string why;

@@ -2,9 +2,14 @@
 // a hundred others, and each start of a process would pay 0.1 s for them.
 #pragma once
 
+#include <filesystem>
 #include <string>
+#include <vector>
 
 namespace pirt {
+
+/// The files of all modules that there are, in order of their names.
+[[nodiscard]] std::vector<std::filesystem::path> modules();
 
 /// A function that a module exports, with C linkage. Modules stay loaded.
 /// @param module  Its file: "libpirt_pictures.so".
