@@ -25,7 +25,7 @@ namespace {
 
 struct Options {
   std::string what;
-  std::string platform = "host";
+  std::optional<std::string> platform;  ///< Of units; absent = host.
   Output json;
 };
 
@@ -135,6 +135,15 @@ std::vector<std::string> unsupported(const Backend& backend) {
   return names;
 }
 
+/// One that cannot even be asked is not there; the others are listed all the same.
+Probe probe_of(const Backend& backend) {
+  try {
+    return backend.probe();
+  } catch (const Error& error) {
+    return {.available = false, .reason = error.what(), .devices = {}};
+  }
+}
+
 Listing list_backends() {
   Table table{.title = "Backends",
               .columns = {{"backend", Align::kLeft},
@@ -144,7 +153,7 @@ Listing list_backends() {
                           {"description", Align::kLeft}}};
   Json rows = Json::array();
   for (const auto& backend : backends()) {
-    const auto probe = backend->probe();
+    const auto probe = probe_of(*backend);
     const auto missing = unsupported(*backend);
     std::vector<std::string> phases;
     for (const Phase phase : backend->phases()) phases.emplace_back(to_string(phase));
@@ -299,9 +308,13 @@ Listing list_modes() {
 }
 
 Listing list(const Options& options) {
+  if (options.platform && options.what != "units") {
+    throw_bad_input("--platform says whose units are listed, and " + options.what +
+                    " are none; leave it out");
+  }
   if (options.what == "workloads") return list_workloads();
   if (options.what == "backends") return list_backends();
-  if (options.what == "units") return list_units(options.platform);
+  if (options.what == "units") return list_units(options.platform.value_or("host"));
   if (options.what == "modes") return list_modes();
   if (options.what == "meters") return list_meters();
   if (options.what == "platforms") {
@@ -326,9 +339,8 @@ void add_list(CLI::App& app, Action& action) {
   add_text(command, "what", &options->what, "WHAT",
            "workloads | backends | units | platforms | mixes | modes | meters")
       .required();
-  add_input(command, "--platform", &options->platform, "Platform whose units are listed",
-            FileUse::kReadIfFile)
-      .shows_default();
+  add_input(command, "--platform", &options->platform,
+            "Platform whose units are listed (default: host)", FileUse::kReadIfFile);
   add_json(command, options->json);
   command.footer("Example: pirt list workloads");
   command.runs(action, [options] {

@@ -93,12 +93,12 @@ class DspKernel : public Kernel {
 class DspDevice : public Device {
  public:
   DspDevice(const dsp::Tools& tools, const dsp::CostModel& model)
-      : session_(std::make_shared<dsp::Session>(dsp::SessionOptions{.emulator = tools.emulator,
+      : version_(fmt::format("{}, program {}", dsp::emulator_version(tools.emulator),
+                             dsp::program_hash(tools))),
+        session_(std::make_shared<dsp::Session>(dsp::SessionOptions{.emulator = tools.emulator,
                                                                     .plugin = tools.plugin,
                                                                     .program = tools.program,
                                                                     .models_memory = true})),
-        version_(fmt::format("{}, program {}", dsp::emulator_version(tools.emulator),
-                             dsp::program_hash(tools))),
         program_bytes_(std::filesystem::file_size(tools.program)),
         model_(model) {
     clock_.advance(model_.without_stalls(session_->start_cost()));
@@ -142,8 +142,8 @@ class DspDevice : public Device {
     return std::make_unique<DspKernel>(session_, std::move(call), model_, clock_);
   }
 
+  std::string version_;  ///< Asked first: an emulator that hangs does so here, and not for long.
   std::shared_ptr<dsp::Session> session_;
-  std::string version_;
   std::size_t program_bytes_;
   dsp::CostModel model_;
   CountedClock clock_;
@@ -171,12 +171,16 @@ class DspBackend : public Backend {
   [[nodiscard]] Probe probe() const override {
     const auto tools = dsp::find_tools();
     if (!tools.missing.empty()) return {false, tools.missing, {}};
-    return {true,
-            "",
-            {{.name = "Hexagon v60, one HVX thread",
-              .platform = "qemu-hexagon, packets counted",
-              .version = dsp::emulator_version(tools.emulator),
-              .compute_units = 1}}};
+    try {
+      return {true,
+              "",
+              {{.name = "Hexagon v60, one HVX thread",
+                .platform = "qemu-hexagon, packets counted",
+                .version = dsp::emulator_version(tools.emulator),
+                .compute_units = 1}}};
+    } catch (const Error& error) {
+      return {false, error.what(), {}};
+    }
   }
   [[nodiscard]] Support supports(const Workload& workload) const override {
     return support_of(workload);

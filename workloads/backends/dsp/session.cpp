@@ -267,7 +267,9 @@ Cost Session::exchange(const PirtDspCommand& command, std::string_view name) {
   static_assert(sizeof(PirtDspCommand) <= 4096, "longer than what a pipe passes in one piece");
   PirtDspReply reply{};
   if (!write_all(commands_.get(), &command, sizeof(command))) fail_call(name, how_it_ended());
-  wait_for_reply(reply, name);
+  const bool is_first = command.kernel == PIRT_DSP_MAP;
+  wait_for_reply(reply, name,
+                 is_first ? std::min(options_.limit, options_.start_limit) : options_.limit);
   if (reply.serial != command.serial) fail_call(name, "answered another command");
   switch (reply.status) {
     case PIRT_DSP_OK:
@@ -286,14 +288,13 @@ Cost Session::exchange(const PirtDspCommand& command, std::string_view name) {
   }
 }
 
-void Session::wait_for_reply(PirtDspReply& reply, std::string_view name) {
+void Session::wait_for_reply(PirtDspReply& reply, std::string_view name, Nanos limit) {
   using SteadyClock = std::chrono::steady_clock;
-  const auto deadline = SteadyClock::now() + options_.limit;
+  const auto deadline = SteadyClock::now() + limit;
   while (true) {
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - SteadyClock::now());
     if (left.count() <= 0) {
-      fail_call(name,
-                fmt::format("gave no answer within {:.3g} s and was ended", to_s(options_.limit)));
+      fail_call(name, fmt::format("gave no answer within {:.3g} s and was ended", to_s(limit)));
     }
     pollfd stream{replies_.get(), POLLIN, 0};
     const int ready =

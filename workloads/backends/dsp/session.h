@@ -32,6 +32,7 @@ struct SessionOptions {
   std::filesystem::path profile = {};
   /// Of the machine's time, for one command; a program that works on is killed, too.
   Nanos limit = std::chrono::seconds(30);
+  Nanos start_limit = std::chrono::seconds(5);  ///< Of the first one, or `limit` if that is less.
 };
 
 /// What one command cost.
@@ -99,7 +100,7 @@ class Session {
   /// As the plugin has left them; read after a reply.
   [[nodiscard]] PirtDspCountsPage counts() const;
   [[nodiscard]] Cost exchange(const PirtDspCommand& command, std::string_view name);
-  void wait_for_reply(PirtDspReply& reply, std::string_view name);
+  void wait_for_reply(PirtDspReply& reply, std::string_view name, Nanos limit);
   [[noreturn]] void fail_call(std::string_view name, std::string_view how);
   [[nodiscard]] std::string how_it_ended();
 

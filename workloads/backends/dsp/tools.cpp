@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/core.h>
+#include <signal.h>
 #include <spawn.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
@@ -9,10 +10,12 @@
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <sstream>
+#include <thread>
 
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
@@ -66,6 +69,48 @@ std::string text_of(const fs::path& path) {
   return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
+constexpr auto kAnswerLimit = std::chrono::seconds(3);  // it answers in 20 ms
+constexpr auto kLookEvery = std::chrono::milliseconds(2);
+
+/// `EMULATOR --version`, in a process group of its own, since it may be a script.
+pid_t start_asking(std::string path, int standard_output) {
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawn_file_actions_adddup2(&actions, standard_output, STDOUT_FILENO);
+  posix_spawnattr_t attributes;
+  ::posix_spawnattr_init(&attributes);
+  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+  std::string option = "--version";
+  const std::array<char*, 3> words = {path.data(), option.data(), nullptr};
+  pid_t process = -1;
+  const int error =
+      ::posix_spawn(&process, path.c_str(), &actions, &attributes, words.data(), environ);
+  ::posix_spawnattr_destroy(&attributes);
+  ::posix_spawn_file_actions_destroy(&actions);
+  if (error != 0) {
+    throw_environment(fmt::format("'{}' does not run; install qemu-user", path));
+  }
+  return process;
+}
+
+/// @return Its status.
+int wait_for(pid_t process, const std::string& path) {
+  using SteadyClock = std::chrono::steady_clock;
+  const auto deadline = SteadyClock::now() + kAnswerLimit;
+  int status = -1;
+  while (SteadyClock::now() < deadline) {
+    const pid_t ended = ::waitpid(process, &status, WNOHANG);
+    if (ended == process) return status;
+    if (ended < 0 && errno != EINTR) return -1;
+    std::this_thread::sleep_for(kLookEvery);
+  }
+  ::kill(-process, SIGKILL);
+  while (::waitpid(process, &status, 0) < 0 && errno == EINTR) {
+  }
+  throw_environment(fmt::format("'{}' did not say its version within {} s; install qemu-user", path,
+                                kAnswerLimit.count()));
+}
+
 }  // namespace
 
 Tools find_tools() {
@@ -76,26 +121,17 @@ Tools find_tools() {
 
 std::string emulator_version(const fs::path& emulator) {
   const FileDescriptor said(::memfd_create("pirt-dsp-version", MFD_CLOEXEC));
-  posix_spawn_file_actions_t actions;
-  ::posix_spawn_file_actions_init(&actions);
-  ::posix_spawn_file_actions_adddup2(&actions, said.get(), STDOUT_FILENO);
-  std::string path = emulator.string();
-  std::string option = "--version";
-  const std::array<char*, 3> words = {path.data(), option.data(), nullptr};
-  pid_t process = -1;
-  const int error = ::posix_spawn(&process, path.c_str(), &actions, nullptr, words.data(), environ);
-  ::posix_spawn_file_actions_destroy(&actions);
-  int status = -1;
-  while (error == 0 && ::waitpid(process, &status, 0) < 0 && errno == EINTR) {
-  }
+  const std::string path = emulator.string();
+  const int status = wait_for(start_asking(path, said.get()), path);
   std::array<char, 200> text{};
   const auto size = ::pread(said.get(), text.data(), text.size(), 0);
   const std::string line(text.data(), size > 0 ? static_cast<std::size_t>(size) : 0);
   // "qemu-hexagon version 7.2.22 (Debian ...)"
   constexpr std::string_view kBefore = "version ";
   const auto at = line.find(kBefore);
-  if (error != 0 || status != 0 || at == std::string::npos) {
-    throw_environment(fmt::format("'{}' does not run; install qemu-user", path));
+  if (status != 0 || at == std::string::npos) {
+    throw_environment(fmt::format("'{}' {}; install qemu-user", path,
+                                  status != 0 ? "does not run" : "does not say its version"));
   }
   const auto begin = at + kBefore.size();
   return fmt::format("qemu-hexagon {}",
