@@ -272,12 +272,13 @@ TEST(Databases, KeepWhatLiesBesideThem) {
   EXPECT_EQ(slurp(database), before);
 }
 
-TEST(Report, WritesJsonBesideADocumentThatIsJson) {
+TEST(Report, WritesJsonBesideADocument) {
   const Scratch scratch;
   const auto outcome =
-      pirt({"report", "--paper", "--format", "json", "--json", scratch.file("x.json")});
+      pirt({"report", "--paper", "--format", "md", "--json", scratch.file("x.json")});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
-  EXPECT_EQ(slurp(scratch.file("x.json")), outcome.out);
+  EXPECT_THAT(outcome.out, testing::StartsWith("# "));
+  EXPECT_EQ(slurp(scratch.file("x.json")), pirt({"report", "--paper", "--json", "-"}).out);
 }
 
 TEST(Outputs, AreTriedBeforeAnythingIsMeasured) {

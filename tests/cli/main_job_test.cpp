@@ -76,7 +76,7 @@ TEST_F(MainJob, ReportShowsProfilePreferenceAndTheFourModes) {
        {"Profile (medians, ms)", "Table III", "Modes side by side", "advanced", "modelled"}) {
     EXPECT_THAT(text.out, HasSubstr(part));
   }
-  const auto json = report({profile(), "--format", "json"}).json();
+  const auto json = report({profile(), "--json", "-"}).json();
   EXPECT_EQ(json["modes"].size(), 4U);
   EXPECT_FALSE(json["profile_summary"].empty());
   EXPECT_THAT(report({profile(), "--format", "html"}).out, HasSubstr("</html>"));
@@ -100,7 +100,7 @@ TEST_F(MainJob, ABriefReportIsAScreenOfUnitsAndModes) {
 
 TEST_F(MainJob, ReportTakesStoredRuns) {
   const auto latency = scratch_->write("latency.json", schedule("latency").out);
-  const auto json = report({profile(), latency, "--format", "json"}).json();
+  const auto json = report({profile(), latency, "--json", "-"}).json();
   ASSERT_EQ(json["modes"].size(), 1U);
   EXPECT_EQ(json["modes"][0]["mode"], "latency");
 }
@@ -151,9 +151,9 @@ TEST_F(MainJob, PaperClaimsAreHeldAgainstAProfile) {
 
 TEST_F(MainJob, SettingsTakeOneValueEach) {
   const auto shown =
-      report({"--set", "cpu.active_w=1", "--set", "gpu.active_w=1", profile(), "--format", "json"});
+      report({"--set", "cpu.active_w=1", "--set", "gpu.active_w=1", profile(), "--json", "-"});
   EXPECT_EQ(shown.exit_code, 0) << shown.err;
-  const auto plain = report({profile(), "--format", "json"});
+  const auto plain = report({profile(), "--json", "-"});
   EXPECT_LT(shown.json()["modes"][0]["energy_j"], plain.json()["modes"][0]["energy_j"]);
 }
 
@@ -222,9 +222,10 @@ TEST(Schedule, ComparesModesAndListsThoseThatCannotRun) {
 }
 
 TEST(Report, ShowsThePapersTable) {
-  const auto json = pirt({"report", "--paper", "--format", "json"}).json();
+  const auto json = pirt({"report", "--paper", "--json", "-"}).json();
   EXPECT_EQ(json["table5"].size(), 13U);
   EXPECT_EQ(pirt({"report"}).exit_code, 2);
+  expect_refused(pirt({"report", "--paper", "--format", "json"}), {"--json -"});
   EXPECT_EQ(pirt({"report", "--paper", "none.db"}).exit_code, 2);
   EXPECT_EQ(pirt({"report", "--paper", "a.db", "b.db"}).exit_code, 2);
 }

@@ -88,7 +88,7 @@ TEST_F(ReportOfRuns, OfThePaperHasSectionFiveInEachForm) {
                                   HasSubstr("25.0 localizations a second, in throughput mode")))
         << format;
   }
-  const auto json = pirt({"report", "--paper", "--format", "json"}).json();
+  const auto json = pirt({"report", "--paper", "--json", "-"}).json();
   EXPECT_EQ(json["section5"]["paper_with"]["power_w"], 11);
 }
 

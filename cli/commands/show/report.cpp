@@ -42,13 +42,13 @@ struct Options {
   Output json;
 };
 
-/// Absent = JSON.
-std::optional<Format> parse_format(const std::string& name) {
+Format parse_format(const std::string& name) {
   if (name == "text") return Format::kText;
   if (name == "md") return Format::kMarkdown;
   if (name == "html") return Format::kHtml;
-  if (name == "json") return std::nullopt;
-  const std::vector<std::string> known = {"text", "md", "html", "json"};
+  if (name == "json")
+    throw_bad_input("--format json is written --json FILE, or --json - for stdout");
+  const std::vector<std::string> known = {"text", "md", "html"};
   throw_bad_input("unknown --format '" + name + "'" + suggestion(name, known));
 }
 
@@ -56,14 +56,14 @@ std::optional<Format> parse_format(const std::string& name) {
 /// @param make_json  Called only if that is asked for: of a large profile it has every sample.
 template <typename MakeJson>
 void write(const Options& options, const Document& document, const MakeJson& make_json) {
-  const auto format = parse_format(options.format);
+  const Format format = parse_format(options.format);
   Json json;
-  if (!format || options.json) {
+  if (options.json) {
     json = make_json();
     json["schema_version"] = 1;
   }
   const std::size_t columns = options.output || options.json.to_stdout() ? 0 : stdout_columns();
-  const std::string text = format ? render(document, *format, columns) : json_text(json, 2) + "\n";
+  const std::string text = render(document, format, columns);
   if (options.output) {
     emit_text(text, options.output);
     if (options.json) emit("", json, options.json);
@@ -272,8 +272,7 @@ void add_report(CLI::App& app, Action& action) {
             "The profile database; then more of them, to be shown side by side, run records of "
             "pirt schedule --json (default: the modes are simulated now), and traces of its "
             "--trace");
-  add_text(command, "--format", &options->format, "FORMAT", "text | md | html | json")
-      .shows_default();
+  add_text(command, "--format", &options->format, "FORMAT", "text | md | html").shows_default();
   add_output(command, "-o,--output", options->output, "Write to a file instead of stdout");
   add_input(command, "--platform", &options->platform,
             "Show the runs of this platform (default: that of the newest run)",
