@@ -305,6 +305,7 @@ class Campaign {
     job.seed = options_.seed;
     if (options_.images) job.images = std::filesystem::absolute(*options_.images).string();
     job.reference = (scratch_.path() / (job.workload + ".reference")).string();
+    job.inputs = (scratch_.path() / (job.workload + ".inputs")).string();
     job.sampling = sampling_options(options_);
     const auto meters = plan_.meters.find(unit.name);
     if (meters != plan_.meters.end()) job.metering = meters->second;

@@ -276,6 +276,8 @@ std::string to_json(const Job& job) {
                   {"seed", job.seed},
                   {"images", job.images},
                   {"reference", job.reference},
+                  {"inputs", job.inputs},
+                  {"verifies_first", job.verifies_first},
                   {"sampling", encode(job.sampling)},
                   {"metering", encode(job.metering)}};
   return json_text(j);
@@ -304,6 +306,8 @@ Job job_from_json(const std::string& text) {
     job.seed = j.at("seed");
     job.images = j.at("images");
     job.reference = j.at("reference");
+    job.inputs = j.at("inputs");
+    job.verifies_first = j.at("verifies_first");
     job.sampling = decode_sampling(j.at("sampling"));
     job.metering = decode_metering(j.at("metering"));
     return job;

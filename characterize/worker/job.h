@@ -36,6 +36,11 @@ struct Job {
   std::uint64_t seed = 1;
   std::string images;     ///< Path for images_from; empty = generated.
   std::string reference;  ///< File that kReference writes and kSample reads.
+  /// File that kReference writes what is computed on to, unless that is large, and the others read
+  /// if it is there; empty = none, each makes it.
+  std::string inputs;
+  /// Verify before timing as well as after it: a wrong computation is then not timed.
+  bool verifies_first = true;
   SamplingOptions sampling;
   MeterRequest metering;  ///< For kMeter.
 };

@@ -43,10 +43,16 @@ void take(std::string_view& payload, Tensor& tensor, const std::filesystem::path
 }  // namespace
 
 void write_tensors(const std::filesystem::path& path, std::span<const Tensor> tensors) {
+  std::vector<const Tensor*> all;
+  for (const Tensor& tensor : tensors) all.push_back(&tensor);
+  write_tensors(path, all);
+}
+
+void write_tensors(const std::filesystem::path& path, std::span<const Tensor* const> tensors) {
   std::string payload;
-  for (const Tensor& tensor : tensors) {
-    const auto bytes = tensor.used_bytes();
-    const std::int64_t rows = tensor.rows();
+  for (const Tensor* tensor : tensors) {
+    const auto bytes = tensor->used_bytes();
+    const std::int64_t rows = tensor->rows();
     payload.append(reinterpret_cast<const char*>(&rows), sizeof rows);
     payload.append(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   }
@@ -82,6 +88,47 @@ std::vector<TensorSpec> reference_specs(const Workload& workload) {
     if (spec.element == Element::kF32) spec.element = Element::kF64;
   }
   return specs;
+}
+
+namespace {
+
+std::filesystem::path notes_of(std::filesystem::path path) { return path += ".notes"; }
+
+}  // namespace
+
+void write_data(const std::filesystem::path& path, std::span<const Data> frames) {
+  std::string notes;
+  std::vector<const Tensor*> all;
+  for (const Data& data : frames) {
+    notes += join(data.notes, ";") + "\n";
+    for (const auto* part : {&data.inputs, &data.parameters}) {
+      for (const Tensor& tensor : *part) all.push_back(&tensor);
+    }
+  }
+  write_file(notes_of(path), notes);  // first: it is looked for by the other's name
+  write_tensors(path, all);
+}
+
+std::vector<Data> read_data(const std::filesystem::path& path, const Workload& workload) {
+  std::vector<TensorSpec> one = workload.inputs;
+  one.insert(one.end(), workload.parameters.begin(), workload.parameters.end());
+  std::vector<TensorSpec> specs;
+  for (int frame = 0; frame < workload.frames; ++frame) {
+    specs.insert(specs.end(), one.begin(), one.end());
+  }
+  auto tensors = read_tensors(path, specs);
+  const auto notes = split(read_file(notes_of(path)), '\n');
+  std::vector<Data> frames(static_cast<std::size_t>(workload.frames));
+  auto next = std::make_move_iterator(tensors.begin());
+  for (std::size_t frame = 0; frame < frames.size(); ++frame) {
+    const auto inputs = next + std::ssize(workload.inputs);
+    const auto end = inputs + std::ssize(workload.parameters);
+    frames[frame].inputs.assign(next, inputs);
+    frames[frame].parameters.assign(inputs, end);
+    if (!notes.at(frame).empty()) frames[frame].notes = split(notes[frame], ';');
+    next = end;
+  }
+  return frames;
 }
 
 void write_reference(const std::filesystem::path& path, std::vector<std::vector<Tensor>> sequence) {

@@ -1,5 +1,5 @@
-// Tensors in a raw file: how one process hands a workload's reference to another on the same
-// machine.
+// Tensors in a raw file: how one process hands a workload's reference, and its inputs, to another
+// on the same machine.
 //
 // A scratch format, not an archive: the byte order is the machine's, and the reader must know the
 // specs.
@@ -17,6 +17,7 @@ namespace pirt {
 /// Writes a whole file or none (a temporary file beside it, then rename).
 /// @throws Error{kBadInput} naming the path and the system's reason.
 void write_tensors(const std::filesystem::path& path, std::span<const Tensor> tensors);
+void write_tensors(const std::filesystem::path& path, std::span<const Tensor* const> tensors);
 
 /// @throws Error{kBadInput} if the file is missing, of another size than @p specs say, or its
 /// content does not match its hash.
@@ -31,5 +32,11 @@ void write_tensors(const std::filesystem::path& path, std::span<const Tensor> te
 void write_reference(const std::filesystem::path& path, std::vector<std::vector<Tensor>> sequence);
 [[nodiscard]] std::vector<std::vector<Tensor>> read_reference(const std::filesystem::path& path,
                                                               const Workload& workload);
+
+/// What make_sequence() gives, its notes in a file beside it. Whoever sees the file sees both.
+/// @throws Error{kBadInput} as write_tensors and read_tensors.
+void write_data(const std::filesystem::path& path, std::span<const Data> frames);
+[[nodiscard]] std::vector<Data> read_data(const std::filesystem::path& path,
+                                          const Workload& workload);
 
 }  // namespace pirt

@@ -19,6 +19,7 @@
 #include "reports/document/figures.h"
 #include "reports/profile/profile_report.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/affinity.h"
 #include "workloads/base/text/json_value.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
@@ -299,10 +300,11 @@ void add_characterize(CLI::App& app, Action& action) {
       .shows_default();
   add_value(command, "--max-time", &options->max_time, "DURATION", no_duration,
             "Total time after which no process is started for precision alone, e.g. 5min; what "
-            "valid rows need is measured all the same (default: 15 s a cell, 2.9 s with --quick)");
+            "valid rows need is measured all the same (default: 15 s a cell, 1.9 s with --quick)");
   add_seed(command, options->seed, "Seed of inputs, weights and the order of measuring");
-  command.add_flag("--quick", options->quick,
-                   "2 cold and 2 warm set-ups a cell instead of 5 each, and less sampling");
+  command.add_flag(
+      "--quick", options->quick,
+      "6 processes a cell, 2 of them with cold set-ups, instead of 10 and 5, and less sampling");
   command.add_flag("--dry-run", options->dry_run,
                    "Show the cells and the estimated time; measure nothing");
   add_output(command, "--fit-energy", options->fit.file,
