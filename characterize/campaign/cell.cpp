@@ -79,6 +79,7 @@ void CellMeasurement::begin_step(const std::string& step) {
 std::optional<JobResult> CellMeasurement::run(JobKind kind) {
   Job job = request_.job;
   job.kind = kind;
+  job.verifies_first = taken_.empty();  // the others find the same before they time, or after it
   auto result = runner_.run(job, environment_, [this](std::string_view progress) {
     request_.on_step(fmt::format("{}: {}", step_, progress));
   });
@@ -250,7 +251,8 @@ EnergyRecord CellMeasurement::energy(const PhaseRecord& call) const {
     MeteredCalls metered = *metered_->metered;
     // A simulated device's time has nothing to do with the machine's.
     const bool same_clock = call.provenance == Origin(Provenance::kMeasured);
-    if (same_clock && !call.samples.empty()) check_call_time(metered, median(call.samples));
+    if (same_clock && !call.samples.empty())
+      check_call_time(metered, mean(call.samples, call.processes));
     return metered_energy(metered);
   }
   MeteredCalls none;

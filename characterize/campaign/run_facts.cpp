@@ -34,7 +34,7 @@ std::string program_hash(const std::filesystem::path& program) {
   Hash64 hash;
   std::vector<std::filesystem::path> files = modules();
   files.insert(files.begin(), program);
-  for (const auto& file : files) hash.add(read_file(file.string()));
+  for (const auto& file : files) hash.add(read_file(file, kAnySize));
   return fmt::format("{:016x}", hash.value());
 }
 

@@ -8,9 +8,11 @@
 #include <fstream>
 
 #include "characterize/doctor/doctor_checks.h"
+#include "characterize/energy/meter.h"
 #include "characterize/machine/system_files.h"
 #include "characterize/worker/job_runner.h"
 #include "workloads/base/error.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace doctor {
@@ -47,23 +49,35 @@ Findings units(const DoctorInput& input) {
   return findings;
 }
 
+/// All that `pirt list meters` finds.
 Findings energy_meter(const DoctorInput& input) {
-  const auto folder = input.root / "sys/class/powercap";
-  std::error_code failed;
-  bool any = false;
-  for (const auto& zone : std::filesystem::directory_iterator(folder, failed)) {
-    const auto counter = zone.path() / "energy_uj";
-    if (!std::filesystem::exists(counter, failed)) continue;
-    any = true;
-    if (input.readable(counter)) continue;
+  const auto note = [](const std::string& found, const std::string& remedy) -> Findings {
     return {
-        {"energy_meter", Level::kNote, "RAPL is there and may not be read",
-         "energy is modelled instead of measured",
-         "sudo chmod a+r /sys/class/powercap/*/energy_uj (until the next start), or run as root"}};
+        {"energy_meter", Level::kNote, found, "energy is modelled instead of measured", remedy}};
+  };
+  const MeterDiscovery found = discover_meters(input.root / "sys");
+  std::vector<std::string> readable;
+  std::string problem;
+  for (const auto& meter : found.meters) {
+    const MeterInfo& info = meter->info();
+    if (info.driver == "rapl" && !input.readable(info.path)) {
+      return note("RAPL is there and may not be read",
+                  "sudo chmod a+r /sys/class/powercap/*/energy_uj (until the next start), or run "
+                  "as root");
+    }
+    if (info.problem.empty() && input.readable(info.path)) {
+      readable.push_back(info.name);
+    } else if (problem.empty()) {
+      problem = info.name + ": " + (info.problem.empty() ? "may not be read" : info.problem);
+    }
   }
-  if (any) return {good("energy_meter", "RAPL can be read")};
-  return {
-      unknown("energy_meter", "no RAPL in /sys/class/powercap (none in most virtual machines)")};
+  if (!readable.empty()) {
+    return {good("energy_meter", join(readable, ", ") + " can be read (pirt list meters)")};
+  }
+  if (!problem.empty()) return note(problem, "pirt list meters says more");
+  return {unknown("energy_meter",
+                  "no RAPL, INA3221, hwmon sensor or discharging battery in /sys (most virtual "
+                  "machines have none)")};
 }
 
 Findings disk(const DoctorInput& input) {

@@ -18,6 +18,9 @@ using Seconds = std::map<std::string, double>;
 
 /// Of a confirmation. Ten canaries before the first answer, of which eight would do.
 constexpr std::size_t kBlocksACanary = 2;
+/// Blocks in which a series had no time, until it is given up: what a program says of a phase at
+/// times only (a device that stamps some launches) would be asked for without end.
+constexpr std::size_t kMostWithout = 8;
 /// Parts of a call that are less than this share of it can only be seen in the call.
 constexpr double kLeastShare = 0.10;
 
@@ -210,7 +213,11 @@ void DuetComparison::block(DuetCellState& state, const Event& event) {
   const std::size_t table = series_count();
   for (auto& [phase, series] : state.series) {
     const auto times = times_of(seconds, phase);
-    if (!times) continue;
+    if (!times) {
+      series.without += canary ? 0 : 1;
+      if (series.without == kMostWithout) series.rule.give_up();
+      continue;
+    }
     const double ratio = inner_to_outer(*times);
     if (canary) {
       series.rule.add_canary(ratio);
@@ -236,7 +243,7 @@ void DuetComparison::start_series(DuetCellState& state, const std::vector<Second
     if (!trifle)
       state.series.emplace(
           phase,
-          DuetSeries{DuetRule(is_setup(phase) ? setup_thresholds() : DuetThresholds{}), {}, {}});
+          DuetSeries{DuetRule(is_setup(phase) ? setup_thresholds() : DuetThresholds{}), {}, {}, 0});
   }
   if (state.series.empty()) state.not_comparable = "the programs have no phase in common";
 }

@@ -37,6 +37,7 @@ struct DuetStep {
 struct DuetSeries {
   DuetRule rule;
   std::vector<double> base_s, candidate_s;  ///< Of each process; canaries are not in it.
+  std::size_t without = 0;                  ///< Blocks in which it had no time.
 };
 
 /// One cell.

@@ -133,8 +133,9 @@ void Ledger::append(const Event& event) {
   struct stat before {};
   const bool known = ::fstat(fd_, &before) == 0;
   const ssize_t written = ::write(fd_, line.data(), line.size());
-  if (written == static_cast<ssize_t>(line.size())) return;
-  const std::string why = written < 0 ? std::strerror(errno) : "no space";
+  const bool complete = written == static_cast<ssize_t>(line.size());
+  if (complete && ::fdatasync(fd_) == 0) return;
+  const std::string why = complete || written < 0 ? std::strerror(errno) : "no space";
   if (known) static_cast<void>(::ftruncate(fd_, before.st_size));
   throw_environment(
       fmt::format("cannot write to ledger '{}': {}; what was measured before is kept in it",

@@ -61,6 +61,10 @@ void DuetRule::add_canary(double log_ratio) {
   if (verdict_ == DuetVerdict::kUndecided) canaries_.push_back(log_ratio);
 }
 
+void DuetRule::give_up() {
+  if (verdict_ == DuetVerdict::kUndecided) conclude(DuetVerdict::kInconclusive);
+}
+
 void DuetRule::look() {
   const auto& t = thresholds_;
   const auto lower = median_lower_bound(blocks_, t.bound_confidence);

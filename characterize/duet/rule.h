@@ -61,6 +61,8 @@ class DuetRule {
   /// @param table  How many series are decided together, at least 1: among more of them a
   ///               confirmation must be surer, and may take more blocks.
   void add_block(double log_ratio, std::size_t table = 1);
+  /// Nothing more will be known of the series: inconclusive, unless there is a verdict.
+  void give_up();
   /// A block of the baseline against itself; ignored once there is a verdict.
   void add_canary(double log_ratio);
 

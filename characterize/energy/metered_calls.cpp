@@ -102,7 +102,7 @@ Nanos metering_window(std::span<const Meter* const> meters, Nanos wished) {
 }
 
 MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& clock, Nanos window,
-                         const std::function<void()>& call) {
+                         const std::function<void()>& call, const std::function<bool()>& may_end) {
   MeteredCalls metered;
   metered.source = source_of(meters);
   metered.domain = domain_of(meters);
@@ -114,7 +114,7 @@ MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& cloc
 
   MeterRecorder recorder(meters, clock);
   const Nanos start = clock.now();
-  while (clock.now() - start < window) {
+  while (clock.now() - start < window || (may_end && !may_end())) {
     call();
     ++metered.calls;
   }

@@ -47,12 +47,15 @@ struct MeteredCalls {
 /// after differs by more than 20 % of what the calls drew above it: then something else on the
 /// machine changed meanwhile.
 /// @param call    One call, complete on return; whatever it throws ends the measurement.
-/// @param window  From metering_window.
+/// @param window   From metering_window.
+/// @param may_end  Whether the calls so far are all that belong together; empty = each by itself.
 [[nodiscard]] MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& clock,
-                                       Nanos window, const std::function<void()>& call);
+                                       Nanos window, const std::function<void()>& call,
+                                       const std::function<bool()>& may_end = {});
 
 /// Adds the reason `unstable` if a metered call took 20 % more or less than a timed one: power and
 /// time of a row must be those of the same conditions, and a sustained load may be throttled.
+/// @param timed  A mean, as that of the metered calls is.
 void check_call_time(MeteredCalls& metered, Nanos timed);
 
 /// The machine's idle power over one window, in watts with 4 digits; "" if the meters do not show

@@ -101,8 +101,7 @@ struct Profile {
   std::string path;
   std::vector<RunInfo> runs;  ///< Those that rows come from; newest first.
   std::vector<PhaseRow>
-      phases;  ///< For each (workload, unit): those of the newest complete cell, or, where there is
-               ///< none, of one that an interrupted run has. Set-ups likewise: live rows have none.
+      phases;  ///< For each (workload, unit): the newest complete cell's, or else a begun one's.
   std::vector<EnergyRow> energies;  ///< For each (workload, unit): the same.
   std::vector<PeakRow> peaks;       ///< For each (unit, kind): the newest run's row.
 

@@ -9,10 +9,12 @@
 namespace pirt {
 namespace {
 
+/// Nothing in it is markup, a link or an entity any more.
 std::string escape_markdown(std::string_view text) {
+  constexpr std::string_view kMarkup = "|*_`<\\[]&";
   std::string out;
   for (const char c : text) {
-    if (c == '|' || c == '*' || c == '_' || c == '`' || c == '<' || c == '\\') out += '\\';
+    if (kMarkup.find(c) != std::string_view::npos) out += '\\';
     out += c;
   }
   return out;

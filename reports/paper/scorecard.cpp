@@ -74,7 +74,8 @@ std::string_view short_word(Finding finding) {
 
 /// What is in no count behind the others.
 std::vector<Claim> apart_last(std::vector<Claim> claims) {
-  std::ranges::stable_partition(claims, [](const Claim& claim) {
+  // Not std::ranges: clang 14 does not compile the subrange of this libstdc++.
+  std::stable_partition(claims.begin(), claims.end(), [](const Claim& claim) {
     return claim.finding != Finding::kFitted && claim.finding != Finding::kByConstruction;
   });
   return claims;

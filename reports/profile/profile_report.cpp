@@ -74,16 +74,17 @@ struct Word {
   std::string_view name, meaning;
 };
 
-/// The notes that characterize/profile/store/schema.sql lists.
-constexpr std::array<Word, 8> kNotes = {
-    {{"input_resized", "the picture was scaled to the workload's size"},
+/// Of the reasons and notes that characterize/profile/store/schema.sql lists.
+constexpr std::array kWords = std::to_array<Word>(
+    {{"imprecise", "the interval of the median is more than 20 % either way"},
+     {"input_resized", "the picture was scaled to the workload's size"},
      {"input_cropped", "its edges were cut to keep its proportions"},
      {"precision_not_reached", "the interval of the median is wider than was asked for"},
      {"contended", "other processes took processor time meanwhile"},
      {"bimodal", "the samples have two centres"},
      {"no_kernel_cache", "nothing is compiled that could be cached: cold and warm are alike"},
      {kDeterministic, "the figure repeats exactly: one sample is all there is"},
-     {"shared_core", "another unit owns one of its cores too"}}};
+     {"shared_core", "another unit owns one of its cores too"}});
 
 /// What is said of a cell, with the phases that it is said of, in order of first appearance.
 using Remarks = std::vector<std::pair<std::string, std::vector<Phase>>>;
@@ -179,12 +180,13 @@ std::string remarks_text(const Remarks& remarks, const CommonNotes& common) {
   return join(parts, "; ");
 }
 
-/// What the notes that occur mean.
+/// What the words that occur mean.
 std::vector<std::string> glossary(const Profile& profile) {
   std::vector<std::string> lines;
-  for (const Word& word : kNotes) {
+  for (const Word& word : kWords) {
     const auto has = [&](const PhaseRow& row) {
-      return std::ranges::find(row.notes, word.name) != row.notes.end();
+      return std::ranges::find(row.notes, word.name) != row.notes.end() ||
+             std::ranges::find(row.reasons, word.name) != row.reasons.end();
     };
     if (std::ranges::any_of(profile.phases, has)) {
       lines.push_back(fmt::format("{}: {}.", word.name, word.meaning));

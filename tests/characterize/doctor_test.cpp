@@ -114,6 +114,28 @@ TEST_F(Doctor, NamesTheExactCommands) {
   EXPECT_EQ(finding_of(input, "energy_meter").level, Level::kGood);  // this user may read it
 }
 
+// As `pirt list meters` does; a Jetson has no RAPL.
+TEST_F(Doctor, LooksForEveryMeter) {
+  auto machine = test::healthy_board(folder.path());
+  auto input = input_of(machine);
+  std::filesystem::remove_all(folder.path() / "sys/class/powercap");
+  EXPECT_EQ(finding_of(input, "energy_meter").level, Level::kUnknown);
+  const auto chip = folder.path() / "sys/bus/i2c/drivers/ina3221/1-0040/hwmon/hwmon3";
+  std::filesystem::create_directories(chip);
+  for (const auto& [file, text] : {std::pair{"name", "ina3221"},
+                                   {"in1_label", "VDD_IN"},
+                                   {"in1_enable", "1"},
+                                   {"in1_input", "5000"},
+                                   {"curr1_input", "400"}}) {
+    test::write_bytes(chip / file, std::string(text) + "\n");
+  }
+  EXPECT_EQ(finding_of(input, "energy_meter").level, Level::kGood);
+  EXPECT_THAT(finding_of(input, "energy_meter").found, HasSubstr("VDD_IN"));
+  input.readable = [](const auto&) { return false; };
+  EXPECT_EQ(finding_of(input, "energy_meter").level, Level::kNote);
+  EXPECT_THAT(finding_of(input, "energy_meter").found, HasSubstr("VDD_IN"));
+}
+
 TEST_F(Doctor, OnlyTheCoresInUseCount) {
   auto machine = test::healthy_board(folder.path());
   machine.core(1, "cpufreq/scaling_governor", "ondemand\n");

@@ -137,6 +137,22 @@ TEST(DuetComparison, RepeatsNoCallsOnceTheyAreDecided) {
   EXPECT_EQ(asked[SampleKind::kSetup], 4 * (4 + 20 + 10));
 }
 
+// A device that says in the first block what uploading took, and never again.
+TEST(DuetComparison, EndsWhereASeriesHasNoTimeAnyMore) {
+  DuetComparison comparison({{"sobel", "cpu"}}, 1);
+  int processes = 0;
+  run(comparison, [&processes](Side, const DuetCell&, SampleKind) {
+    Sample sample = answer(1e-3);
+    sample.seconds["upload"] = 5e-4;
+    if (++processes > 2 + 4) sample.seconds.erase("upload");  // the checks, and one block
+    EXPECT_LT(processes, 1000);
+    return SampleOutcome{.sample = sample, .error = {}};
+  });
+  EXPECT_EQ(comparison.decided(), 1U);
+  EXPECT_EQ(series(comparison, 0, "upload").rule.verdict(), DuetVerdict::kInconclusive);
+  EXPECT_EQ(series(comparison, 0, "call").rule.verdict(), DuetVerdict::kNotSlower);
+}
+
 TEST(DuetComparison, DriftWithinABlockCancels) {
   DuetComparison comparison(kTwo, 1);
   double now = 1e-3;

@@ -69,6 +69,17 @@ TEST(DuetRule, LeavesTheQuestionOpenAtTheLastLook) {
   EXPECT_EQ(rule.blocks().size(), 90U);
 }
 
+TEST(DuetRule, IsInconclusiveOnceItIsGivenUp) {
+  DuetRule open;
+  add(open, 3, 0.10);
+  open.give_up();
+  EXPECT_EQ(open.verdict(), DuetVerdict::kInconclusive);
+  DuetRule decided;
+  add(decided, 8, 0);
+  decided.give_up();
+  EXPECT_EQ(decided.verdict(), DuetVerdict::kNotSlower);
+}
+
 TEST(DuetRule, SetUpAsksForTwiceTheEffect) {
   DuetRule call;
   DuetRule setup(setup_thresholds());

@@ -54,6 +54,13 @@ TEST(BadInput, UnknownPlatformAndMixNameTheNearest) {
       {"'full-robt'", "full-robot"});
 }
 
+TEST(BadInput, OptionsThatWouldMeanNothingAreRefused) {
+  expect_refused(pirt({"list", "mixes", "--platform", "/nonexistent"}), {"--platform", "mixes"});
+  expect_refused(pirt({"schedule", "--mode", "met", "--platform", "snapdragon820-section5", "--mix",
+                       "section5", "--in-flight", "3"}),
+                 {"--in-flight", "section5"});
+}
+
 class BadImages : public testing::Test {
  protected:
   Outcome characterize(const std::string& images) {
@@ -238,8 +245,8 @@ TEST_F(WithProfile, CharacterizeLeavesADamagedDatabaseAsItWas) {
 }
 
 TEST_F(WithProfile, UnwritableJsonTargetIsRefused) {
-  const auto outcome = pirt({"report", scratch_->file("good.db"), "--format", "json", "-o",
-                             "/nonexistent/folder/x.json"});
+  const auto outcome =
+      pirt({"report", scratch_->file("good.db"), "--json", "/nonexistent/folder/x.json"});
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.err, HasSubstr("/nonexistent/folder/x.json"));
 }

@@ -29,6 +29,13 @@ TEST(Document, EscapesMarkdownCells) {
       "\nnote\\_1\n");
 }
 
+TEST(Document, LetsNoLinkOrEntityLiveInMarkdown) {
+  const auto text = render({.title = "[a](javascript:alert(1))",
+                            .parts = {Paragraph{{"![x](http://h/p) &lt;b&gt; <i>"}}}},
+                           Format::kMarkdown);
+  EXPECT_EQ(text, "# \\[a\\](javascript:alert(1))\n\n- !\\[x\\](http://h/p) \\&lt;b\\&gt; \\<i>\n");
+}
+
 TEST(Document, EscapesHtml) {
   const auto html =
       render({.title = "<script>", .parts = {Paragraph{{"a & \"b\""}}}}, Format::kHtml);

@@ -103,7 +103,8 @@ TEST(Scorecard, BestOfTheThreeNeedsTwoRealUnitsAndKnownWatts) {
   run.units[0].energy_provenance = {"modelled"};
   run.units[0].unit = "gpu";
   run.units[0].completed = 1;
-  const ModeRuns runs{.runs = {run}};
+  ModeRuns runs;
+  runs.runs = {run};
   Platform platform;
   platform.units.resize(2);
   platform.units[0].name = "cpu";

@@ -53,6 +53,7 @@ inline RecordedMachine healthy_board(const std::filesystem::path& root) {
   m.put("sys/class/thermal/thermal_zone0/temp", "45000\n");
   m.put("sys/devices/system/clocksource/clocksource0/current_clocksource", "arch_sys_counter\n");
   m.put("sys/devices/system/clocksource/clocksource0/available_clocksource", "arch_sys_counter\n");
+  m.put("sys/class/powercap/intel-rapl:0/name", "package-0\n");
   m.put("sys/class/powercap/intel-rapl:0/energy_uj", "1\n");
   return m;
 }

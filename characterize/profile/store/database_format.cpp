@@ -161,10 +161,26 @@ void renew_checksums(const Connection& connection, const std::string& table,
   for (const std::int64_t id : ids) update.bind(of(connection, id)).bind(id).run();
 }
 
+/// However an upgrade ends, what is written afterwards is checked again.
+class WithoutForeignKeys {
+ public:
+  explicit WithoutForeignKeys(Connection& connection) : connection_(connection) {
+    connection_.run("PRAGMA foreign_keys = OFF");  // of no effect in a transaction
+  }
+  ~WithoutForeignKeys() {
+    sqlite3_exec(connection_.handle(), "PRAGMA foreign_keys = ON", nullptr, nullptr, nullptr);
+  }
+  WithoutForeignKeys(const WithoutForeignKeys&) = delete;
+  WithoutForeignKeys& operator=(const WithoutForeignKeys&) = delete;
+
+ private:
+  Connection& connection_;
+};
+
 }  // namespace
 
 void upgrade(Connection& connection) {
-  connection.run("PRAGMA foreign_keys = OFF");  // of no effect in a transaction
+  const WithoutForeignKeys off(connection);
   {
     sqlite::Transaction transaction(connection);
     if (version_of(connection) == kDatabaseVersion) return;
@@ -186,7 +202,6 @@ void upgrade(Connection& connection) {
     renew_checksums(connection, "run", run_checksum);
     transaction.commit();
   }
-  connection.run("PRAGMA foreign_keys = ON");
 }
 
 std::int64_t visit_checksum(std::int64_t run_id, const CellName& cell, const VisitRecord& visit) {

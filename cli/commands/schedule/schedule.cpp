@@ -143,6 +143,11 @@ Inputs read_inputs(const Options& options) {
   if (inputs.profile && find_draw(options.draw) == Draw::kSamples) {
     ProfileReader(*options.profile).read_samples(*inputs.profile);
   }
+  const auto closed = [](const Pipeline& pipeline) { return pipeline.frames.has_value(); };
+  if (options.in_flight && std::ranges::none_of(inputs.mix.pipelines, closed)) {
+    throw_bad_input("--in-flight is about closed loops, and every pipeline of mix " +
+                    inputs.mix.name + " has a rate; leave it out");
+  }
   return inputs;
 }
 
