@@ -19,7 +19,6 @@ void add_generate(CLI::App& app, Action& action);
 void add_run_robot(CLI::App& app, Action& action);
 void add_generate_dag(CLI::App& app, Action& action);
 void add_plan(CLI::App& app, Action& action);
-void add_detect(CLI::App& app, Action& action);
 void add_describe(CLI::App& app, Action& action);
 void add_bundle_adjust(CLI::App& app, Action& action);
 void add_generate_bal(CLI::App& app, Action& action);

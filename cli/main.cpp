@@ -31,7 +31,6 @@ constexpr AddCommand* kCommands[] = {
     add_generate,       //
     add_generate_dag,   //
     add_plan,           //
-    add_detect,         //
     add_describe,       //
     add_bundle_adjust,  //
     add_generate_bal,   //

@@ -1,5 +1,7 @@
 #include "cli/options/command.h"
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
@@ -30,6 +32,24 @@ std::vector<std::string> command_names(const CLI::App& app) {
   return names;
 }
 
+/// What README once named and is written otherwise now.
+struct OldSpelling {
+  std::string_view command;  ///< Where it was an option; empty = it was a command.
+  std::string_view word;
+  std::string_view instead;
+};
+constexpr OldSpelling kOldSpellings[] = {
+    {"", "detect", "pirt describe --table (or without --table, a line of JSON a picture)"},
+    {"regress", "--self-test", "the benchmark build/tests/bench/self_test PIRT"}};
+
+void reject_old_spelling(const std::string& command, const std::string& word) {
+  for (const OldSpelling& old : kOldSpellings) {
+    if (old.command != command || old.word != word) continue;
+    throw_bad_input(fmt::format("'{}' is no {} any more; it is {}", word,
+                                command.empty() ? "command" : "option", old.instead));
+  }
+}
+
 /// CLI11 leaves what it does not know in remaining(); the nearest known names make a better message
 /// than its own.
 void reject_unknown(const CLI::App& app, const CLI::App& root) {
@@ -41,10 +61,12 @@ void reject_unknown(const CLI::App& app, const CLI::App& root) {
   const std::string command = &app == &root ? "pirt" : "pirt " + app.get_name();
   if (word.size() > 1 && word.front() == '-') {
     const auto name = word.substr(0, word.find('='));
+    reject_old_spelling(app.get_name(), name);
     throw_bad_input("unknown option '" + name + "'" + suggestion(name, option_names(app)) +
                     "; see '" + command + " --help'");
   }
   if (&app == &root) {
+    reject_old_spelling("", word);
     throw_bad_input("unknown command '" + word + "'" + suggestion(word, command_names(app)));
   }
   throw_bad_input("unexpected argument '" + word + "'; see '" + command + " --help'");

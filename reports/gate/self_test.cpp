@@ -168,7 +168,7 @@ Document self_test_document(const SelfTest& test) {
       "answer being a miss.",
       "at most: with 95 % confidence, from so many decisions; more of them say more: go on with "
       "the same --ledger."};
-  Document document{.title = "pirt regress --self-test", .parts = {table}};
+  Document document{.title = "The gate of two programs, tested on itself", .parts = {table}};
   return document;
 }
 

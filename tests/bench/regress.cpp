@@ -9,7 +9,7 @@
 //   regress load PIRT LEDGER [N]     N (60) whole decisions of a program against itself while
 //                                    another program keeps one core busy
 //   regress gate PIRT                how long a whole gate over Table I takes, without a change
-// Two programs on a quiet machine: pirt regress --self-test --ledger FILE --decisions N.
+// Two programs on a quiet machine: self_test, beside this program.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -17,6 +17,7 @@
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <span>
 #include <string>
 #include <string_view>
@@ -170,7 +171,7 @@ int tables(std::span<const std::string> paths) {
   return 0;
 }
 
-/// Runs pirt to its end, its output on ours. @return The exit code.
+/// Runs a program to its end, its output on ours. @return The exit code.
 int run_pirt(const std::string& program, const std::vector<std::string>& arguments) {
   ProcessRequest request;
   request.program = program;
@@ -186,8 +187,9 @@ int load(const std::string& program, const std::string& ledger, const std::strin
   std::thread busy([&stop] {
     while (!stop) ExtraWork::run(1'000'000);
   });
-  const int code = run_pirt(program, {"regress", "--self-test", "--trial", "same", "--decisions",
-                                      decisions, "--ledger", ledger});
+  const auto self_test = std::filesystem::canonical("/proc/self/exe").parent_path() / "self_test";
+  const int code = run_pirt(self_test.string(), {program, "--trial", "same", "--decisions",
+                                                 decisions, "--ledger", ledger});
   stop = true;
   busy.join();
   return code;

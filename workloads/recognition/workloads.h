@@ -10,7 +10,7 @@ namespace pirt::recognition {
 
 /// Kernel and workload have the same name; both are on the host only (host_function.h), by
 /// OpenCV's dnn with generated networks of seeded weights: what they see means nothing, and takes
-/// the time. A user's model has other tensors; pirt detect and pirt describe run it.
+/// the time. A user's model has other tensors; pirt describe runs it.
 /// - "detect_objects": input image u8 [3,480,640] (R, G, B), parameter weights f32 [..] of the
 ///   generated detector. Outputs the lists boxes f32 [<=1200,4] (x, y, width, height in pixels),
 ///   scores f32 [<=1200] and classes i32 [<=1200], highest score first. The weights are such that

@@ -96,26 +96,19 @@ int regress_tables(const RegressOptions& options) {
 
 int regress(const RegressOptions& options) {
   if (!options.baseline_program.empty()) return regress_programs(options);
-  if (options.self_test) return regress_self_test(options);
   return regress_tables(options);
 }
 
-/// What two profiles, two programs and --self-test each know nothing of is refused.
+/// What two profiles and two programs each know nothing of is refused.
 void keep_apart(const Command& command, const Option& profiles) {
   const auto option = [&](const char* name) { return command.option(name); };
   option("--baseline-program").needs(option("--candidate-program"));
   option("--candidate-program").needs(option("--baseline-program"));
   for (const auto* name :
-       {"--baseline-program", "--candidate-program", "--self-test", "--units", "--seed", "--work",
-        "--cold", "--one-at-a-time", "--max-time", "--sample-limit", "--ledger"}) {
+       {"--baseline-program", "--candidate-program", "--units", "--seed", "--work", "--cold",
+        "--one-at-a-time", "--max-time", "--sample-limit", "--ledger"}) {
     option(name).excludes(profiles);
   }
-  for (const auto* name : {"--baseline-program", "--candidate-program", "--filter", "--units",
-                           "--one-at-a-time", "--max-time", "--all", "--markdown", "--junit"}) {
-    option(name).excludes(option("--self-test"));
-  }
-  for (const auto* name : {"--decisions", "--quick", "--trial"})
-    option(name).needs(option("--self-test"));
   option("--mix").needs(profiles);
 }
 
@@ -141,9 +134,6 @@ void add_regress(CLI::App& app, Action& action) {
             "A pirt to compare with: fresh processes of both, in turns");
   add_input(command, "--candidate-program", &options->candidate_program,
             "The pirt that must not be slower");
-  command.add_flag("--self-test", options->self_test,
-                   "Compare this program with itself, as it is and with slowdowns injected, and "
-                   "show how often the answer was right");
   add_filter(command, options->filter);
   add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file (default: that of each file's newest "
@@ -168,13 +158,7 @@ void add_regress(CLI::App& app, Action& action) {
       .shows_default();
   add_continued(command, "--ledger", &options->ledger,
                 "File that keeps what was measured, to go on after an interruption (default: "
-                "pirt-regress.ledger until the answer is there; none for --self-test)");
-  add_value(command, "--decisions", &options->decisions, "INTEGER", not_within(1, 1'000'000),
-            "Self-test: whole decisions of each trial (default: 20; 1 with --quick)");
-  add_text(command, "--trial", &options->trials, "TRIAL",
-           "Self-test: only this trial, e.g. 'same' or 'execute +10 %'; repeatable")
-      .one_at_a_time();
-  command.add_flag("--quick", options->quick, "Self-test: one decision of each trial");
+                "pirt-regress.ledger until the answer is there)");
   add_input(command, "--mix", &options->mix,
             "Profiles: mix whose cost is shown in each mode on both, or none", FileUse::kReadIfFile)
       .shows_default();

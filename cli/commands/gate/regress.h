@@ -14,7 +14,6 @@ namespace pirt::cli {
 struct RegressOptions {
   std::vector<std::string> files;  ///< Two stored profiles.
   std::string baseline_program, candidate_program;
-  bool self_test = false;
 
   std::string filter;
   std::string platform;
@@ -27,9 +26,6 @@ struct RegressOptions {
   std::string max_time = "9min";
   std::string sample_limit = "60s";
   std::optional<std::string> ledger;
-  bool quick = false;
-  std::optional<int> decisions;
-  std::vector<std::string> trials;
 
   bool all = false;
   Output markdown, junit, json;
@@ -39,6 +35,5 @@ struct RegressOptions {
 int emit_report(const GateReport& report, const RegressOptions& options);
 
 int regress_programs(const RegressOptions& options);
-int regress_self_test(const RegressOptions& options);
 
 }  // namespace pirt::cli

@@ -1,5 +1,4 @@
-// pirt regress with two programs: is the candidate slower than the baseline, here and now? And with
-// --self-test: would that answer be right?
+// pirt regress with two programs: is the candidate slower than the baseline, here and now?
 #include <fmt/core.h>
 #include <unistd.h>
 
@@ -15,12 +14,10 @@
 #include "cli/options/output.h"
 #include "reports/document/document.h"
 #include "reports/gate/duet_gate.h"
-#include "reports/gate/self_test.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json_value.h"
 #include "workloads/base/text/name_filter.h"
 #include "workloads/base/text/text.h"
-#include "workloads/base/time.h"
 
 namespace pirt::cli {
 namespace {
@@ -153,101 +150,6 @@ int regress_programs(const RegressOptions& options) {
     std::filesystem::remove(ledger.path());
   }
   return code;
-}
-
-namespace {
-
-/// Two cells of the platform's first measured unit that take little, and the scheduler where it is
-/// what is slowed down.
-std::vector<DuetCell> self_test_cells(const DuetPrograms& programs, const Trial& trial) {
-  if (trial.injected.starts_with("scheduler")) return {{std::string(kSchedulerCell), ""}};
-  for (const UnitModel& unit : programs.platform.units) {
-    if (unit.measured()) return {{"sobel", unit.name}, {"conv1", unit.name}};
-  }
-  throw_bad_input(fmt::format("platform '{}' has no unit to measure", programs.platform.name));
-}
-
-/// Nothing if it was interrupted.
-std::optional<TrialAnswer> decide(const Trial& trial, DuetPrograms programs, std::string& detail) {
-  const auto cells = self_test_cells(programs, trial);
-  if (!trial.injected.empty()) programs.injection = parse_injection(std::string(trial.injected));
-  programs.injected = cells.front();
-  DuetComparison comparison(cells, programs.seed);
-  Ledger nowhere;
-  const auto end =
-      run_duet(comparison, nowhere, program_samples(programs), one_at_a_time(cells.size()),
-               {.time = std::nullopt, .stop = programs.stop});
-  if (end == DuetEnd::kStopped) return std::nullopt;
-  const GateResult result = judge_duet(comparison, end);
-  const TrialAnswer answer = answer_of(trial, result, programs.injected);
-  if (answer == TrialAnswer::kRight) return answer;
-  for (const GateRow& row : result.rows) {
-    const bool quiet = row.verdict == GateVerdict::kSame || row.verdict == GateVerdict::kFaster;
-    const bool injected = row.workload == programs.injected.workload;
-    if (quiet && (trial.injected.empty() || !injected)) continue;
-    detail +=
-        fmt::format("{}{} {} {} {:+.1f} % {}", detail.empty() ? "" : "; ", row.workload, row.phase,
-                    to_string(row.verdict), 100 * (row.ratio.value_or(1) - 1), row.reason);
-  }
-  return answer;
-}
-
-std::vector<const Trial*> chosen_trials(const RegressOptions& options) {
-  std::vector<const Trial*> trials;
-  for (const auto& name : options.trials) trials.push_back(&find_trial(name));
-  if (!trials.empty()) return trials;
-  for (const Trial& trial : self_test_trials()) trials.push_back(&trial);
-  return trials;
-}
-
-}  // namespace
-
-int regress_self_test(const RegressOptions& options) {
-  DuetPrograms programs = programs_of(options);
-  programs.baseline = programs.candidate = std::filesystem::read_symlink("/proc/self/exe");
-  const int wanted = options.decisions.value_or(options.quick ? 1 : 20);
-  SelfTest test;
-  Ledger ledger;
-  if (options.ledger) {
-    ledger = Ledger(*options.ledger,
-                    ledger_key(programs, self_test_cells(programs, self_test_trials().front())),
-                    [&](const Ledger::Event& event) { test.apply(event); });
-  }
-  const auto trials = chosen_trials(options);
-  bool interrupted = false;
-  {
-    const ProgressLine line;
-    const MachineClock clock;
-    for (int round = 0; round < wanted && !interrupted; ++round) {
-      for (const Trial* trial : trials) {
-        const TrialCount count = test.count(*trial);
-        if (count.decisions() > round) continue;
-        line.show(fmt::format("decision {} of {}: {}", round + 1, wanted, trial->name));
-        programs.seed = options.seed + static_cast<std::uint64_t>(count.decisions());
-        const Nanos begin = clock.now();
-        std::string detail;
-        const auto answer = decide(*trial, programs, detail);
-        interrupted = !answer;
-        if (interrupted) break;
-        const auto event = SelfTest::event_of(*trial, *answer, to_s(clock.now() - begin), detail);
-        ledger.append(event);
-        test.apply(event);
-        if (*answer != TrialAnswer::kRight) {
-          line.clear();
-          warn(fmt::format("{}, decision {}: {}: {}", trial->name, round + 1, to_string(*answer),
-                           detail));
-        }
-      }
-    }
-  }
-  emit(render(self_test_document(test), Format::kText), self_test_json(test), options.json);
-  if (interrupted) {
-    throw_environment(
-        options.ledger
-            ? fmt::format("interrupted; the same command goes on with '{}'", *options.ledger)
-            : "interrupted; name a --ledger to be able to go on");
-  }
-  return breaks_promise(test) ? kExitCheckFailed : 0;
 }
 
 }  // namespace pirt::cli

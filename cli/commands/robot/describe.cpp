@@ -1,4 +1,6 @@
-// pirt describe: what pictures show, as JSON lines that can be searched.
+// pirt describe: what pictures show, as JSON lines that can be searched, or as a table.
+#include <fmt/core.h>
+
 #include <memory>
 
 #include "cli/commands.h"
@@ -6,6 +8,7 @@
 #include "cli/options/models.h"
 #include "cli/options/output.h"
 #include "cli/options/values.h"
+#include "reports/document/document.h"
 #include "workloads/base/text/json_value.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/recognition/describe_scene.h"
@@ -18,20 +21,37 @@ struct Options {
   ModelFlags detector, classifier;
   recognition::DetectOptions detect;
   int labels = 5;
+  bool table = false;
   Output output;
 };
+
+void append_rows(const recognition::Scene& scene, Table& table) {
+  for (const auto& object : scene.objects) {
+    const auto& box = object.box;
+    table.rows.push_back({scene.image, object.name, fmt::format("{:.2f}", object.score),
+                          fmt::format("{:.0f},{:.0f}", box.x, box.y),
+                          fmt::format("{:.0f}x{:.0f}", box.width, box.height),
+                          recognition::place_of(box, scene.width, scene.height)});
+  }
+  if (scene.objects.empty()) table.rows.push_back({scene.image, "-", "-", "-", "-", "-"});
+}
 
 int describe(const Options& options) {
   recognition::Model detector(options.detector.options());
   std::optional<recognition::Model> classifier;
   if (options.classifier.model) classifier.emplace(options.classifier.options());
   std::string lines;
+  Table table;
+  table.columns = {{"picture", Align::kLeft}, {"object", Align::kLeft}, {"score"}, {"at"}, {"size"},
+                   {"place", Align::kLeft}};
   for (const auto& file : picture_files(options.pictures)) {
     const auto scene = recognition::describe_scene(
         file, rgb_pixels(file), detector, classifier ? &*classifier : nullptr, options.detect,
         static_cast<std::size_t>(options.labels));
     lines += json_text(recognition::to_json(scene)) + "\n";
+    append_rows(scene, table);
   }
+  if (options.table) lines = render({"", {std::move(table)}}, Format::kText);
   emit_text(lines, options.output);
   return 0;
 }
@@ -53,7 +73,12 @@ void add_describe(CLI::App& app, Action& action) {
       .shows_default()
       .needs(command.option("--classifier"));
   add_output(command, "-o,--output", options->output, "File to write (default: stdout)");
+  command
+      .add_flag("--table", options->table,
+                "A table of the objects instead, for eyes rather than programs")
+      .excludes(command.option("--classifier"));
   command.footer(
+      "Understood are YOLO (Darknet, ONNX) and SSD. Scores are the model's own.\n"
       "Example: pirt describe --model yolo.weights --config yolo.cfg --names coco.names "
       "--classifier net.caffemodel --classifier-config net.prototxt photos/ -o scenes.jsonl");
   command.runs(action, [options] { return describe(*options); });

@@ -1,4 +1,4 @@
-// pirt detect and pirt describe as their user runs them.
+// pirt describe as its user runs it.
 #include <gtest/gtest.h>
 
 #include "tests/cli/program.h"
@@ -20,9 +20,8 @@ class Recognition : public testing::Test {
     squeezenet_ = squeezenet.string() + "/";
   }
 
-  [[nodiscard]] Outcome run_with_yolo(const std::string& command,
-                                      const std::vector<std::string>& more) const {
-    std::vector<std::string> arguments = {command,
+  [[nodiscard]] Outcome run_with_yolo(const std::vector<std::string>& more) const {
+    std::vector<std::string> arguments = {"describe",
                                           "--model",
                                           yolo_ + "yolo-fastest-1.1.weights",
                                           "--config",
@@ -37,18 +36,19 @@ class Recognition : public testing::Test {
 };
 
 TEST_F(Recognition, DetectsInAFileAndInAFolder) {
-  const auto outcome = run_with_yolo("detect", {photos_ + "dog.jpg", "--json", "-"});
+  const auto outcome = run_with_yolo({photos_ + "dog.jpg"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(outcome.err, "");
-  const auto objects = outcome.json().at("images").at(0).at("objects");
-  EXPECT_EQ(objects.at(0).at("name"), "car");
-  EXPECT_THAT(run_with_yolo("detect", {photos_}).out, HasSubstr("person"));
+  EXPECT_EQ(outcome.json().at("objects").at(0).at("name"), "car");
+  const auto table = run_with_yolo({photos_, "--table"});
+  EXPECT_THAT(table.out, HasSubstr("picture"));
+  EXPECT_THAT(table.out, HasSubstr("person"));
 }
 
 TEST_F(Recognition, DescribesAsJsonLines) {
   const Scratch scratch;
   const auto outcome = run_with_yolo(
-      "describe", {photos_, "-o", scratch.file("s.jsonl"), "--classifier",
+      {photos_, "-o", scratch.file("s.jsonl"), "--classifier",
                    squeezenet_ + "squeezenet_v1.0_dc.caffemodel", "--classifier-config",
                    squeezenet_ + "SqueezeNet_deploy.prototxt", "--classifier-names",
                    squeezenet_ + "imagenet1000_wnid_name.txt", "--labels", "2"});
@@ -65,14 +65,15 @@ TEST_F(Recognition, DescribesAsJsonLines) {
 
 TEST_F(Recognition, RefusesWhatIsNoModelOrNoPicture) {
   const Scratch scratch;
-  expect_refused(run_with_yolo("detect", {scratch.write("a.jpg", "x")}), {"a.jpg", "neither"});
-  expect_refused(run_with_yolo("detect", {scratch.file("none.jpg")}), {"none.jpg"});
-  expect_refused(pirt({"detect", "--model", scratch.write("m.onnx", "no model"), "--size", "8x8",
+  expect_refused(run_with_yolo({scratch.write("a.jpg", "x")}), {"a.jpg", "neither"});
+  expect_refused(run_with_yolo({scratch.file("none.jpg")}), {"none.jpg"});
+  expect_refused(pirt({"describe", "--model", scratch.write("m.onnx", "no model"), "--size", "8x8",
                        photos_ + "dog.jpg"}),
                  {"m.onnx", "ONNX"});
-  expect_refused(pirt({"detect", "--model", scratch.file("m.onnx"), "--size", "8", photos_}),
+  expect_refused(pirt({"describe", "--model", scratch.file("m.onnx"), "--size", "8", photos_}),
                  {"WIDTHxHEIGHT"});
-  expect_refused(pirt({"detect", photos_}), {"--model"});
+  expect_refused(pirt({"describe", photos_}), {"--model"});
+  expect_refused(pirt({"detect", photos_}), {"pirt describe --table"});
 }
 
 }  // namespace
