@@ -72,7 +72,7 @@ TEST(Heading, PutsTablesOneLevelBelow) {
       .title = "T",
       .parts = {Heading{"One & all"}, Table{.title = "Figures", .columns = {{"ms"}}},
                 Heading{"Two"}}};
-  EXPECT_THAT(render(document, Format::kMarkdown), HasSubstr("## One & all\n\n### Figures\n"));
+  EXPECT_THAT(render(document, Format::kMarkdown), HasSubstr("## One \\& all\n\n### Figures\n"));
   EXPECT_THAT(render(document, Format::kText), HasSubstr("\nOne & all\n═════════\n"));
   const auto html = render(document, Format::kHtml);
   EXPECT_THAT(html, HasSubstr("<h2 id=\"section-1\">One &amp; all</h2>"));
