@@ -12,6 +12,8 @@ PIRT_PACKAGES=(
 PIRT_TEST_PACKAGES=(libgtest-dev libgmock-dev chromium chromium-driver)
 # Backend dsp: its program's compiler and linker, and the emulator; without them it says so, and its tests are skipped.
 PIRT_DSP_PACKAGES=(clang-14 lld-14 qemu-user)
+# Backend nats, the cloud: its libraries, and the server that tests start; likewise.
+PIRT_NATS_PACKAGES=(libnats-dev nats-server)
 PIRT_LONG_PACKAGES=(clang-14 clang-format-14 clang-tidy-14 eslint)
 
 say() { printf '== %s\n' "$*"; }
