@@ -40,7 +40,17 @@ recognition::ModelOptions ModelFlags::options() const {
     options.preprocess =
         static_cast<recognition::Preprocess>(std::ranges::find(known, *preprocess) - known.begin());
   }
+  if (fit) {
+    const auto known = recognition::detector_fit_names();
+    options.fit = static_cast<recognition::Fit>(std::ranges::find(known, *fit) - known.begin());
+  }
   return options;
+}
+
+void add_fit(Command& command, ModelFlags& flags) {
+  add_choice(command, "--fit", &flags.fit, "HOW", recognition::detector_fit_names(),
+             "How a picture comes to the detector's size (default: letterbox for ONNX and where "
+             "Darknet's .cfg says letter_box=1, else stretch)");
 }
 
 void add_model(Command& command, ModelFlags& flags, const std::string& prefix,

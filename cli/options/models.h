@@ -11,7 +11,7 @@
 namespace pirt::cli {
 
 struct ModelFlags {
-  std::optional<std::string> model, config, names, size, preprocess;
+  std::optional<std::string> model, config, names, size, preprocess, fit;
 
   std::string config_option = "--config";  ///< As it is called.
 
@@ -23,6 +23,9 @@ struct ModelFlags {
 /// @param what    For the help: "a detector".
 void add_model(Command& command, ModelFlags& flags, const std::string& prefix,
                const std::string& what);
+
+/// --fit, of detectors.
+void add_fit(Command& command, ModelFlags& flags);
 
 /// --threshold and --overlap.
 void add_detect_options(Command& command, recognition::DetectOptions& options);

@@ -16,92 +16,6 @@ namespace {
 /// which the model is not sure what it is.
 constexpr double kSameThing = 0.8;
 
-/// How an output's rows lie in memory and what their numbers mean.
-struct Layout {
-  std::size_t rows = 0;
-  std::size_t classes = 0;
-  std::size_t row_stride = 0;
-  std::size_t value_stride = 1;
-  bool objectness = true;        ///< Number 4 is one; the scores come after it.
-  bool multiplied = false;       ///< The scores have the objectness in them already.
-  double width = 1, height = 1;  ///< What the box is in parts of.
-};
-
-std::string shape_text(const NetworkOutput& output) {
-  std::vector<std::string> parts;
-  for (const auto extent : output.shape) parts.push_back(std::to_string(extent));
-  return "[" + join(parts, ", ") + "]";
-}
-
-[[noreturn]] void throw_no_detector(const Model& model, const NetworkOutput& output) {
-  throw_bad_input(
-      fmt::format("the model '{}' is no detector that is known here: an output has the shape {}",
-                  model.file(), shape_text(output)));
-}
-
-bool is_ssd(const NetworkOutput& output) {
-  return output.shape.size() == 4 && output.shape[0] == 1 && output.shape[1] == 1 &&
-         output.shape[3] == 7;
-}
-
-Layout yolo_layout(const Model& model, const NetworkOutput& output) {
-  const auto& shape = output.shape;
-  const auto extent = [&](std::size_t axis) { return static_cast<std::size_t>(shape[axis]); };
-  Layout layout;
-  if (shape.size() == 2 && model.format() == ModelFormat::kDarknet && shape[1] > 5) {
-    layout = {extent(0), extent(1) - 5, extent(1)};
-    layout.multiplied = true;
-    return layout;
-  }
-  if (shape.size() != 3 || shape[0] != 1) throw_no_detector(model, output);
-  if (shape[1] >= shape[2] && shape[2] > 5) {
-    layout = {extent(1), extent(2) - 5, extent(2)};
-  } else if (shape[1] < shape[2] && shape[1] > 4) {
-    layout = {extent(2), extent(1) - 4, 1, extent(2)};
-    layout.objectness = false;
-  } else {
-    throw_no_detector(model, output);
-  }
-  layout.width = model.width();
-  layout.height = model.height();
-  return layout;
-}
-
-void append_yolo(const Model& model, const NetworkOutput& output, double least,
-                 std::vector<Candidate>& candidates) {
-  const Layout layout = yolo_layout(model, output);
-  model.check_classes(layout.classes);
-  for (std::size_t row = 0; row < layout.rows; ++row) {
-    const auto value = [&](std::size_t i) {
-      return double{output.values[row * layout.row_stride + i * layout.value_stride]};
-    };
-    const std::size_t first = layout.objectness ? 5 : 4;
-    Candidate best;
-    for (std::size_t i = 0; i < layout.classes; ++i) {
-      if (value(first + i) > best.score) best.index = i, best.score = value(first + i);
-    }
-    if (layout.objectness && !layout.multiplied) best.score *= value(4);
-    if (!(best.score >= least)) continue;
-    const double half_width = value(2) / layout.width / 2;
-    const double half_height = value(3) / layout.height / 2;
-    best.left = value(0) / layout.width - half_width;
-    best.right = value(0) / layout.width + half_width;
-    best.top = value(1) / layout.height - half_height;
-    best.bottom = value(1) / layout.height + half_height;
-    candidates.push_back(best);
-  }
-}
-
-/// Rows of image, class, score, left, top, right, bottom.
-void append_ssd(const NetworkOutput& output, double least, std::vector<Candidate>& candidates) {
-  for (std::size_t row = 0; row + 7 <= output.values.size(); row += 7) {
-    const auto value = std::span(output.values).subspan(row, 7);
-    if (!(value[2] >= least) || !(value[1] >= 0)) continue;
-    candidates.push_back(
-        {static_cast<std::size_t>(value[1]), value[2], value[3], value[4], value[5], value[6]});
-  }
-}
-
 double area(const Candidate& box) {
   return std::max(0.0, box.right - box.left) * std::max(0.0, box.bottom - box.top);
 }
@@ -129,6 +43,16 @@ bool is_box(const Candidate& box) {
          box.bottom > box.top && std::isfinite(box.right) && std::isfinite(box.bottom);
 }
 
+/// From parts of the network's input to parts of the picture that lies in it.
+void to_picture(const Model& detector, const Placement& inner, Candidate& box) {
+  for (double* edge : {&box.left, &box.right}) {
+    *edge = (*edge * detector.width() - inner.x) / inner.width;
+  }
+  for (double* edge : {&box.top, &box.bottom}) {
+    *edge = (*edge * detector.height() - inner.y) / inner.height;
+  }
+}
+
 }  // namespace
 
 std::vector<Candidate> suppress_overlaps(std::vector<Candidate> candidates,
@@ -152,13 +76,20 @@ std::vector<Candidate> suppress_overlaps(std::vector<Candidate> candidates,
 
 std::vector<Detection> detect_objects(Model& detector, const Tensor& image,
                                       const DetectOptions& options) {
+  const DetectorFacts facts{.file = detector.file(),
+                            .format = detector.format(),
+                            .width = detector.width(),
+                            .height = detector.height(),
+                            .names = detector.names().size()};
   std::vector<Candidate> candidates;
-  for (const auto& output : detector.run(image, Fit::kStretch)) {
-    if (is_ssd(output)) {
-      append_ssd(output, options.least_score, candidates);
-    } else {
-      append_yolo(detector, output, options.least_score, candidates);
-    }
+  for (const auto& output : detector.run(image, detector.fit())) {
+    const auto found = candidates_of(facts, output, options.least_score);
+    candidates.insert(candidates.end(), found.begin(), found.end());
+  }
+  if (detector.fit() == Fit::kLetterbox) {
+    const auto inner = letterbox(static_cast<int>(image.dim(2)), static_cast<int>(image.dim(1)),
+                                 detector.width(), detector.height());
+    for (Candidate& box : candidates) to_picture(detector, inner, box);
   }
   const auto height = static_cast<double>(image.dim(1));
   const auto width = static_cast<double>(image.dim(2));

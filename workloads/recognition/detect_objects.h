@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "workloads/recognition/detector_outputs.h"
 #include "workloads/recognition/model.h"
 
 namespace pirt::recognition {
@@ -32,21 +33,11 @@ struct DetectOptions {
 
 /// The objects that a detector sees, highest score first.
 ///
-/// Understood are the outputs of YOLO as Darknet has them (rows of cx, cy, w, h, objectness and
-/// scores, in parts of the picture), in ONNX [1, rows, 5 + classes] and [1, 4 + classes, rows] (in
-/// pixels of the network's input), and of SSD [1, 1, rows, 7].
+/// Understood are the outputs that candidates_of() knows.
 /// @param image  u8 [3, height, width], order R, G, B.
-/// @throws Error{kBadInput} as Model::run(), for outputs of another form, and for names that are
-/// not as many as the classes.
+/// @throws Error{kBadInput} as Model::run() and candidates_of().
 [[nodiscard]] std::vector<Detection> detect_objects(Model& detector, const Tensor& image,
                                                     const DetectOptions& options);
-
-/// A row of a detector's output: scores of `classes` classes and a box in parts of the picture.
-struct Candidate {
-  std::size_t index = 0;
-  double score = 0;
-  double left = 0, top = 0, right = 1, bottom = 1;
-};
 
 /// What remains of @p candidates by @p options, highest score first; ties by class, then as given.
 [[nodiscard]] std::vector<Candidate> suppress_overlaps(std::vector<Candidate> candidates,

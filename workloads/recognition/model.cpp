@@ -19,7 +19,9 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kMostModelBytes = std::size_t{1} << 31;
 constexpr int kLargestSide = 4096;
+constexpr int kLetterboxGrey = 114;  // Of Ultralytics' YOLO.
 constexpr std::array<std::string_view, 3> kPreprocessNames = {"unit", "caffe", "imagenet"};
+constexpr std::array<std::string_view, 2> kDetectorFitNames = {"stretch", "letterbox"};
 
 struct Format {
   std::string_view extension;
@@ -80,6 +82,14 @@ std::optional<std::array<int, 2>> configured_size(ModelFormat format, const std:
     }
   }
   return std::nullopt;
+}
+
+/// As detectors of that format are trained.
+Fit fit_of(ModelFormat format, const std::string& config) {
+  const bool boxed =
+      format == ModelFormat::kOnnx ||
+      (format == ModelFormat::kDarknet && !numbers_after(config, "letter_box", '=').empty());
+  return boxed ? Fit::kLetterbox : Fit::kStretch;
 }
 
 std::vector<std::string> read_names(const fs::path& file) {
@@ -144,6 +154,21 @@ cv::Rect middle_of(int columns, int rows, int width, int height) {
 
 }  // namespace
 
+std::vector<std::string> detector_fit_names() {
+  return {kDetectorFitNames.begin(), kDetectorFitNames.end()};
+}
+
+Placement letterbox(int columns, int rows, int width, int height) {
+  const double scale = std::min(double(width) / columns, double(height) / rows);
+  const auto scaled = [scale](int side, int most) {
+    return std::clamp(static_cast<int>(std::lround(side * scale)), 1, most);
+  };
+  Placement inner{.width = scaled(columns, width), .height = scaled(rows, height)};
+  inner.x = (width - inner.width) / 2;
+  inner.y = (height - inner.height) / 2;
+  return inner;
+}
+
 std::vector<std::string> preprocess_names() {
   return {kPreprocessNames.begin(), kPreprocessNames.end()};
 }
@@ -155,6 +180,7 @@ Model::Model(const ModelOptions& options) : file_(options.model.string()) {
   ModelBytes bytes{format.format, read_file(options.model, kMostModelBytes), ""};
   if (options.config) bytes.config = read_file(*options.config);
   if (options.names) names_ = read_names(*options.names);
+  fit_ = options.fit.value_or(fit_of(format.format, bytes.config));
   const auto size = options.size ? options.size : configured_size(format.format, bytes.config);
   if (!size) {
     throw_bad_input("the size of the input of '" + file_ +
@@ -185,17 +211,21 @@ std::vector<float> network_input(const Tensor& image, int width, int height, Fit
   const int rows = static_cast<int>(image.dim(1));
   const int columns = static_cast<int>(image.dim(2));
   const std::size_t plane = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  const cv::Rect part = fit == Fit::kStretch ? cv::Rect(0, 0, columns, rows)
-                                             : middle_of(columns, rows, width, height);
-  const int interpolation = fit == Fit::kStretch ? cv::INTER_LINEAR : cv::INTER_AREA;
+  const cv::Rect part =
+      fit == Fit::kCrop ? middle_of(columns, rows, width, height) : cv::Rect(0, 0, columns, rows);
+  const int interpolation = fit == Fit::kCrop ? cv::INTER_AREA : cv::INTER_LINEAR;
+  const Placement inner = fit == Fit::kLetterbox
+                              ? letterbox(columns, rows, width, height)
+                              : Placement{.x = 0, .y = 0, .width = width, .height = height};
   std::vector<float> input(3 * plane);
   const auto channels = channels_of(preprocess);
   for (std::size_t i = 0; i < channels.size(); ++i) {
     const auto* from = image.data() + std::ptrdiff_t{channels[i].from} * rows * columns;
     // OpenCV has no view of constant memory; resize only reads.
     const cv::Mat given(rows, columns, CV_8U, const_cast<std::byte*>(from));
-    cv::Mat scaled;
-    cv::resize(given(part), scaled, {width, height}, 0, 0, interpolation);
+    cv::Mat scaled(height, width, CV_8U, cv::Scalar(kLetterboxGrey));
+    cv::Mat within = scaled({inner.x, inner.y, inner.width, inner.height});
+    cv::resize(given(part), within, within.size(), 0, 0, interpolation);
     std::transform(scaled.begin<std::uint8_t>(), scaled.end<std::uint8_t>(),
                    input.begin() + static_cast<std::ptrdiff_t>(i * plane), [&](std::uint8_t value) {
                      return (static_cast<float>(value) - channels[i].mean) * channels[i].scale;

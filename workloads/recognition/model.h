@@ -23,6 +23,22 @@ enum class Preprocess : std::uint8_t {
 /// "unit", "caffe", "imagenet".
 [[nodiscard]] std::vector<std::string> preprocess_names();
 
+/// How a picture of another shape comes to the network's size.
+enum class Fit : std::uint8_t {
+  kStretch,    ///< All of it, whatever becomes of its aspect: Darknet's detectors, and SSD.
+  kLetterbox,  ///< All of it in its aspect, grey around it: YOLO's since its fifth version.
+  kCrop,       ///< The middle, in its aspect: classifiers, as they were trained.
+};
+/// Of detectors: "stretch", "letterbox".
+[[nodiscard]] std::vector<std::string> detector_fit_names();
+
+/// Where a picture lies in a network's input, in pixels of that.
+struct Placement {
+  int x = 0, y = 0, width = 0, height = 0;
+};
+/// Of a picture of those columns and rows in its aspect, in the middle of a network of that size.
+[[nodiscard]] Placement letterbox(int columns, int rows, int width, int height);
+
 struct ModelOptions {
   std::filesystem::path model;  ///< .weights of Darknet, .caffemodel, .onnx
   std::optional<std::filesystem::path> config =
@@ -32,13 +48,10 @@ struct ModelOptions {
   /// Default: what the configuration says. ONNX has to be told.
   std::optional<std::array<int, 2>> size = std::nullopt;  ///< Width, height.
   std::optional<Preprocess> preprocess = std::nullopt;    ///< Default: the format's.
+  /// Of a detector. Default: kLetterbox for ONNX, and for Darknet where its configuration says
+  /// letter_box=1.
+  std::optional<Fit> fit = std::nullopt;
   std::string config_option = "--config";                 ///< What the user gives `config` with.
-};
-
-/// How a picture of another shape comes to the network's size.
-enum class Fit : std::uint8_t {
-  kStretch,  ///< All of it, whatever becomes of its aspect: detectors, whose boxes are parts of it.
-  kCrop,     ///< The middle, in its aspect: classifiers, as they were trained.
 };
 
 /// What a network of that size is given for a picture: f32 [3, height, width].
@@ -64,6 +77,8 @@ class Model {
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
   [[nodiscard]] ModelFormat format() const { return format_; }
+  /// As a detector.
+  [[nodiscard]] Fit fit() const { return fit_; }
   [[nodiscard]] const std::string& file() const { return file_; }
   /// Empty if no file of names was given.
   [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
@@ -76,6 +91,7 @@ class Model {
   std::string file_;
   ModelFormat format_;
   Preprocess preprocess_;
+  Fit fit_ = Fit::kStretch;
   int width_ = 0;
   int height_ = 0;
   std::vector<std::string> names_;

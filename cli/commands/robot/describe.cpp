@@ -65,6 +65,7 @@ void add_describe(CLI::App& app, Action& action) {
                   "and what a classifier calls the whole");
   add_pictures(command, options->pictures);
   add_model(command, options->detector, "", "a detector");
+  add_fit(command, options->detector);
   command.option("--model").required();
   add_model(command, options->classifier, "classifier", "a classifier (default: none)");
   add_detect_options(command, options->detect);
@@ -78,7 +79,7 @@ void add_describe(CLI::App& app, Action& action) {
                 "A table of the objects instead, for eyes rather than programs")
       .excludes(command.option("--classifier"));
   command.footer(
-      "Understood are YOLO (Darknet, ONNX) and SSD. Scores are the model's own.\n"
+      "Understood are YOLO (Darknet; ONNX, end to end too) and SSD. Scores are the model's own.\n"
       "Example: pirt describe --model yolo.weights --config yolo.cfg --names coco.names "
       "--classifier net.caffemodel --classifier-config net.prototxt photos/ -o scenes.jsonl");
   command.runs(action, [options] { return describe(*options); });

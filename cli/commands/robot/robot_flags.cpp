@@ -104,6 +104,7 @@ void add_activities(Command& command, ActivityFlags& flags) {
   add_text(command, "--start", &flags.start, "X,Y,DEGREES",
            "Where on the map the robot stands when the sequence begins (default: goal.yaml's)");
   add_model(command, flags.model, "", "a detector, in place of AlexNet with seeded weights");
+  add_fit(command, flags.model);
   add_model(command, flags.classifier, "classifier",
             "a classifier beside the detector, for the labels of scenes (default: none)");
   add_output(command, "--scenes", flags.scenes,
