@@ -14,6 +14,8 @@ struct HostFunction : Operation {
   /// What one prepared kernel calls. It may keep from call to call what saves work and changes no
   /// output. Used by one thread at a time.
   std::function<KernelFunction(std::span<const Tensor> parameters)> prepare;
+
+  [[nodiscard]] std::string_view host_only() const override { return kHostFunction; }
 };
 
 }  // namespace pirt

@@ -13,6 +13,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "workloads/model/image_source.h"
@@ -24,7 +25,13 @@ namespace pirt {
 /// vision/ and dnn/).
 struct Operation {
   virtual ~Operation() = default;
+  /// Why backends other than the host's cores have no kernel for it; empty where one may have.
+  [[nodiscard]] virtual std::string_view host_only() const { return {}; }
 };
+
+/// What Operation::host_only says of those that are functions of the host.
+inline constexpr std::string_view kHostFunction =
+    "the host's own functions, sequential, in f64 or of another library: backend cpu has them";
 
 /// What one verification found.
 struct Verdict {

@@ -1,6 +1,7 @@
 // pirt list: what this build and this machine have.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <memory>
 
 #include "characterize/energy/meter.h"
@@ -126,13 +127,24 @@ Listing list_workloads() {
           {{"workloads", rows}, {"variants", others}}};
 }
 
-std::vector<std::string> unsupported(const Backend& backend) {
-  std::vector<std::string> names;
+/// Workloads that a backend has no kernels for, and why.
+struct Unsupported {
+  std::vector<std::string> workloads;
+  std::string reason;
+};
+
+/// Those with the same reason together, in the catalog's order of the first of each.
+std::vector<Unsupported> unsupported(const Backend& backend) {
+  std::vector<Unsupported> all;
   for (const auto& workload : catalog()) {
     const auto support = backend.supports(workload);
-    if (!support.ok) names.push_back(workload.name + ": " + support.reason);
+    if (support.ok) continue;
+    auto same = std::ranges::find(all, support.reason, &Unsupported::reason);
+    if (same == all.end())
+      same = all.insert(all.end(), {.workloads = {}, .reason = support.reason});
+    same->workloads.push_back(workload.name);
   }
-  return names;
+  return all;
 }
 
 /// One that cannot even be asked is not there; the others are listed all the same.
@@ -159,7 +171,12 @@ Listing list_backends() {
     for (const Phase phase : backend->phases()) phases.emplace_back(to_string(phase));
     std::vector<std::string> devices;
     for (const auto& device : probe.devices) devices.push_back(device.name);
-    const auto supported = catalog().size() - missing.size();
+    std::size_t supported = catalog().size();
+    Json reasons = Json::array();
+    for (const Unsupported& group : missing) {
+      supported -= group.workloads.size();
+      for (const std::string& name : group.workloads) reasons.push_back(name + ": " + group.reason);
+    }
     table.rows.push_back({std::string(backend->name()), probe.available ? "yes" : "no",
                           fmt::format("{} of {}", supported, catalog().size()), join(phases, " "),
                           std::string(backend->description())});
@@ -181,16 +198,17 @@ Listing list_backends() {
                          {"high", option.high},
                          {"default", option.standard}});
     }
-    for (const auto& reason : missing) {
-      if (!probe.available && reason.ends_with(probe.reason)) continue;  // said already
-      table.footnotes.push_back(fmt::format("{} does not support {}", backend->name(), reason));
+    for (const Unsupported& group : missing) {
+      if (!probe.available && group.reason.ends_with(probe.reason)) continue;  // said already
+      table.footnotes.push_back(fmt::format("{} does not support {}: {}", backend->name(),
+                                            join(group.workloads, ", "), group.reason));
     }
     Json row = {{"name", backend->name()},
                 {"description", backend->description()},
                 {"available", probe.available},
                 {"phases", phases},
                 {"devices", devices},
-                {"unsupported", missing},
+                {"unsupported", reasons},
                 {"options", options}};
     if (!probe.available) row["reason"] = probe.reason;
     rows.push_back(std::move(row));

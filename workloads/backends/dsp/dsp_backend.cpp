@@ -31,7 +31,12 @@ Support support_of(const Workload& workload) {
     return {false, "backend dsp shares its memory with the host as it is: nothing to map"};
   }
   const auto* const entry = dsp::find_kernel(workload.kernel);
-  if (entry == nullptr) return {false, "backend dsp has no kernel '" + workload.kernel + "'"};
+  if (entry == nullptr) {
+    const auto* const operation = workload.operation.get();
+    const bool is_host_only = operation != nullptr && !operation->host_only().empty();
+    return {false, is_host_only ? std::string(operation->host_only())
+                                : "backend dsp has no kernel '" + workload.kernel + "'"};
+  }
   const std::string fault = entry->fault(workload);
   return {fault.empty(), fault};
 }

@@ -18,6 +18,8 @@ struct Step : Operation {
   /// @param outputs  As the workload's, but f64 where those are f32; rows of lists are set.
   void (*run)(State& state, const Setup& setup, std::span<const Tensor> inputs,
               std::span<Tensor> outputs) = nullptr;
+
+  [[nodiscard]] std::string_view host_only() const override { return kHostFunction; }
 };
 
 /// The steps of a robot of @p setup, whose shared state "slam" (state_tensors.h) begins as @p
