@@ -112,6 +112,8 @@ void BandTeam::do_part(int part) {
 
 cv::Mat Band::surroundings(const cv::Mat& input) const { return picture(input, around); }
 
+cv::Mat Band::alone(const cv::Mat& input) const { return picture(input, rows); }
+
 cv::Mat Band::part(const cv::Mat& input) const {
   return surroundings(input).rowRange(rows.start - around.start, rows.end - around.start);
 }

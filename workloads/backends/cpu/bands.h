@@ -77,6 +77,8 @@ struct Band {
 
   /// `around` as a picture of its own.
   [[nodiscard]] cv::Mat surroundings(const cv::Mat& input) const;
+  /// `rows` as a picture of its own.
+  [[nodiscard]] cv::Mat alone(const cv::Mat& input) const;
   /// `rows`, for functions that look at what lies around a part (OpenCV's filters without
   /// BORDER_ISOLATED).
   [[nodiscard]] cv::Mat part(const cv::Mat& input) const;
