@@ -78,8 +78,10 @@ struct CampaignPlan {
       units;  ///< Those with cells, in platform order, with the device that each got.
   std::vector<Provenance> provenances;         ///< Of each of `units`.
   std::map<std::string, MeterRequest> meters;  ///< By unit; those without one are modelled.
-  std::vector<std::string> remarks;  ///< Why a unit's energy is modelled, or from another meter.
-  Environment facts;                 ///< What probing found: "unit.cpu.version".
+  /// Where a unit is not what the platform asks for; why its energy is modelled, or from another
+  /// meter.
+  std::vector<std::string> remarks;
+  Environment facts;  ///< What probing found: "unit.cpu.version".
   Nanos max_time{0};  ///< No process is started for precision alone after that; those that valid
                       ///< rows need are run all the same.
   Estimate estimate;

@@ -25,6 +25,7 @@ void add_unit(const UnitModel& unit, const JobResult& probed, CampaignPlan& plan
   plan.units.push_back(unit_record(unit, device));
   plan.provenances.push_back(probed.provenance);
   plan.facts.merge(unit_facts(unit, device));
+  if (!device.remark.empty()) plan.remarks.push_back(unit.name + ": " + device.remark);
 }
 
 /// Adds the cells of one unit that is there, or why it has none.

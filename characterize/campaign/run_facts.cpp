@@ -71,6 +71,7 @@ Environment unit_facts(const UnitModel& unit, const DeviceInfo& device) {
   if (!device.platform.empty()) facts[prefix + "platform"] = device.platform;
   if (!device.version.empty()) facts[prefix + "version"] = device.version;
   if (!device.tuning.empty()) facts[prefix + "tuning"] = device.tuning;
+  if (!device.remark.empty()) facts[prefix + "remark"] = device.remark;
   const std::string options = describe_options(unit);
   if (!options.empty()) facts[prefix + "options"] = options;
   if (device.cache_bytes) facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);

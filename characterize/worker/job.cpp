@@ -105,14 +105,16 @@ Json encode(const DeviceInfo& device) {
           {"compute_units", device.compute_units},
           {"is_cpu", device.is_cpu},
           {"cache_bytes", device.cache_bytes ? Json(*device.cache_bytes) : Json()},
-          {"tuning", device.tuning}};
+          {"tuning", device.tuning},
+          {"remark", device.remark}};
 }
 
 DeviceInfo decode_device(const Json& j) {
   DeviceInfo device{j.at("name"), j.at("platform"), j.at("version"), j.at("compute_units"),
                     j.at("is_cpu")};
   if (!j.at("cache_bytes").is_null()) device.cache_bytes = j.at("cache_bytes").get<std::int64_t>();
-  device.tuning = j.value("tuning", "");  // Records of interrupted runs of before have none.
+  device.tuning = j.value("tuning", "");  // Records of interrupted runs of before have none,
+  device.remark = j.value("remark", "");  // of this neither.
   return device;
 }
 

@@ -185,6 +185,8 @@ void KernelUnit::set_up() {
   if (setup_.backend != nullptr) {
     device_ = setup_.backend->open(setup_.request);
     device_info_ = device_->info();
+    const std::string& remark = device_info_->remark;
+    if (!remark.empty()) remark_ += (remark_.empty() ? "" : "; ") + remark;
     has_own_clock_ = device_->own_clock() != nullptr;
   }
   if (!setup_.prepare_first) return;

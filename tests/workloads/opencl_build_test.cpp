@@ -26,13 +26,14 @@ TEST(OpenClProgram, ThatDoesNotBuildIsAnErrorWithTheFirstLinesOfTheLog) {
   }
 }
 
-TEST(OpenClProgram, KnowsTheLocalSizeOfTheLaunches) {
+TEST(OpenClProgram, HasTheEmbeddedFilesThatItIncludes) {
   if (!make_opencl_backend()->probe().available) GTEST_SKIP() << "skipped: no OpenCL device";
   const Session session = open_session(test::unit_request());
-  const std::string source =
-      "#if LOCAL_X != " + std::to_string(session.local_x) +
-      "\n#error wrong\n#endif\n__kernel void k(__global int* p) { p[0] = 1; }";
-  EXPECT_NO_THROW(static_cast<void>(build_program(session, "dnn.cl", source)));
+  EXPECT_NO_THROW(static_cast<void>(build_program(
+      session, "including.cl",
+      "#include \"border.cl\"\n__kernel void k(__global int* p) { p[0] = reflect(-1, 4); }")));
+  EXPECT_THROW(static_cast<void>(build_program(session, "including.cl", "#include \"none.cl\"\n")),
+               std::logic_error);
 }
 
 TEST(OpenClErrors, KeepTheirNamesAndGainARemedy) {

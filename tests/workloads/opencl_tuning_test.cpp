@@ -42,14 +42,11 @@ TEST(OpenClParameters, HaveDefaultsAmongTheirCandidates) {
 }
 
 TEST(OpenClParameters, AreDefinitionsOfExactlyTheSourcesThatUseThem) {
-  for (const char* source :
-       {"vision.cl", "features.cl", "flow.cl", "dnn.cl", "tiles.cl", "peaks.cl"}) {
-    const auto text = find_embedded(opencl_files::files(), source);
-    ASSERT_TRUE(text) << source;
+  for (const auto& [source, text] : opencl_files::files()) {
     const std::string options = definitions_of(Tuning(true), source);
     for (const ParameterInfo& info : parameter_table()) {
       if (info.definition.empty()) continue;
-      const bool used = text->find(info.definition) != std::string_view::npos;
+      const bool used = text.find(info.definition) != std::string_view::npos;
       EXPECT_EQ(options.find("-D" + std::string(info.definition) + "=") != std::string::npos, used)
           << info.definition << " in " << source;
     }
@@ -111,15 +108,7 @@ std::string parameter_name(const testing::TestParamInfo<ParameterInfo>& info) {
 
 class OpenClCandidates : public testing::TestWithParam<ParameterInfo> {};
 
-/// As if the device had local memory of its own: the kernels of GPUs, computed wherever it is.
-Session gpu_session(int local_x) {
-  Session session = open_session(test::unit_request());
-  session.is_cpu = false;
-  session.tuning = Tuning(false);
-  session.tuning.set(Parameter::kLocalX, local_x);
-  session.local_x = static_cast<std::size_t>(local_x);
-  return session;
-}
+using test::gpu_session;
 
 TEST(OpenClTiles, ComputeWhatTheReferenceComputes) {
   const auto first = test::open_first_device();

@@ -42,6 +42,8 @@ struct DeviceInfo {
   /// The kernels' parameters that an open device uses: "default", or what was tuned,
   /// "conv_pixels=8, fc_rows=2". Empty for backends without, and before opening.
   std::string tuning = {};
+  /// Where an open device is not what its unit asks for, in one line; empty = it is.
+  std::string remark = {};
 };
 
 struct Probe {

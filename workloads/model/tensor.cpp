@@ -9,8 +9,21 @@
 
 namespace pirt {
 namespace {
-constexpr std::align_val_t kAlignment{64};
+
+constexpr std::size_t kCacheLine = 64;
+constexpr std::size_t kPage = 4096;
+
+/// Of a page where there is one: drivers that work on the host's memory copy what begins within a
+/// page or ends within a cache line (Intel, OpenCL zero copy).
+std::align_val_t alignment_of(std::size_t size_bytes) {
+  return std::align_val_t{size_bytes < kPage ? kCacheLine : kPage};
 }
+
+std::size_t whole_lines(std::size_t size_bytes) {
+  return std::max<std::size_t>((size_bytes + kCacheLine - 1) / kCacheLine, 1) * kCacheLine;
+}
+
+}  // namespace
 
 std::string_view to_string(Element element) {
   switch (element) {
@@ -60,14 +73,12 @@ std::string TensorSpec::describe() const {
   return text + "]";
 }
 
-void Tensor::Free::operator()(std::byte* p) const { ::operator delete[](p, kAlignment); }
-
 Tensor::Tensor(TensorSpec spec)
     : spec_(std::move(spec)), rows_(spec_.shape.empty() ? 1 : spec_.shape.front()) {
   const auto bytes = static_cast<std::size_t>(spec_.size_bytes());
-  data_.reset(
-      static_cast<std::byte*>(::operator new[](std::max<std::size_t>(bytes, 1), kAlignment)),
-      Free());
+  const std::align_val_t alignment = alignment_of(bytes);
+  data_.reset(static_cast<std::byte*>(::operator new[](whole_lines(bytes), alignment)),
+              [alignment](std::byte* p) { ::operator delete[](p, alignment); });
   std::memset(data_.get(), 0, bytes);
 }
 

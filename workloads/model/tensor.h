@@ -1,5 +1,5 @@
-// Host tensors: what workloads take and give. Dense, row-major, 64-byte aligned, owned, or shared
-// with another tensor where somebody asks for that.
+// Host tensors: what workloads take and give. Dense, row-major, aligned to a cache line, or a page
+// where they have one, owned, or shared with another tensor where somebody asks for that.
 #pragma once
 
 #include <cassert>
@@ -107,9 +107,6 @@ class Tensor {
   }
 
  private:
-  struct Free {
-    void operator()(std::byte* p) const;
-  };
   TensorSpec spec_;
   std::int64_t rows_ = 0;
   std::shared_ptr<std::byte> data_;

@@ -117,6 +117,17 @@ std::vector<RawBox> boxes_of(const GeneratedNetwork& detector, const Maps& maps)
   return boxes;
 }
 
+std::vector<Candidate> sure_ones(const GeneratedNetwork& detector, const Maps& head,
+                                 double least_score) {
+  std::vector<Candidate> candidates;
+  for (const RawBox& raw : boxes_of(detector, head)) {
+    Candidate box = raw.box;
+    box.score *= sigmoid(raw.objectness);
+    if (box.score >= least_score) candidates.push_back(box);
+  }
+  return candidates;
+}
+
 std::string config_of(const GeneratedNetwork& network) {
   std::string text =
       fmt::format("[net]\nwidth={}\nheight={}\nchannels=3\n", network.width, network.height);
@@ -182,16 +193,22 @@ Model open_generated(const GeneratedNetwork& network, std::span<const float> wei
   return {"generated", bytes, network.width, network.height, Preprocess::kUnit};
 }
 
+std::vector<Candidate> candidates_of_head(const GeneratedNetwork& detector,
+                                          std::span<const float> head, double least_score) {
+  int reduction = 1;
+  for (const NetworkLayer& layer : layers_of(detector)) reduction *= layer.stride;
+  return sure_ones(detector,
+                   {.channels = layers_of(detector).back().outputs,
+                    .width = detector.width / reduction,
+                    .height = detector.height / reduction,
+                    .values = {head.begin(), head.end()}},
+                   least_score);
+}
+
 std::vector<Candidate> reference_candidates(const GeneratedNetwork& detector,
                                             std::span<const float> weights, const Tensor& image,
                                             double least_score) {
-  std::vector<Candidate> candidates;
-  for (const RawBox& raw : boxes_of(detector, forward(detector, weights, image))) {
-    Candidate box = raw.box;
-    box.score *= sigmoid(raw.objectness);
-    if (box.score >= least_score) candidates.push_back(box);
-  }
-  return candidates;
+  return sure_ones(detector, forward(detector, weights, image), least_score);
 }
 
 std::vector<double> reference_scores(const GeneratedNetwork& classifier,

@@ -25,6 +25,12 @@ void be_sure_of(std::size_t count, const GeneratedNetwork& detector, const Tenso
 /// The network as a model that OpenCV runs.
 [[nodiscard]] Model open_generated(const GeneratedNetwork& network, std::span<const float> weights);
 
+/// What the numbers of a detector's last convolution, [anchors * (5 + classes), rows, columns],
+/// mean: all that it is sure of, before overlaps are suppressed.
+[[nodiscard]] std::vector<Candidate> candidates_of_head(const GeneratedNetwork& detector,
+                                                        std::span<const float> head,
+                                                        double least_score);
+
 /// What the detector sees, before overlaps are suppressed: all that it is sure of.
 [[nodiscard]] std::vector<Candidate> reference_candidates(const GeneratedNetwork& detector,
                                                           std::span<const float> weights,

@@ -40,6 +40,20 @@ void put(std::span<const Label> labels, std::span<Tensor> outputs) {
   }
 }
 
+/// What remains of them, in pixels of the workload's picture.
+std::vector<Detection> objects_of(std::vector<Candidate> candidates) {
+  std::vector<Detection> objects;
+  for (const Candidate& box : suppress_overlaps(std::move(candidates), kOptions)) {
+    objects.push_back(
+        {box.index,
+         "",
+         box.score,
+         {box.left * kPictureWidth, box.top * kPictureHeight,
+          (box.right - box.left) * kPictureWidth, (box.bottom - box.top) * kPictureHeight}});
+  }
+  return objects;
+}
+
 KernelFunction prepare_detector(std::span<const Tensor> parameters) {
   auto detector =
       std::make_shared<Model>(open_generated(generated_detector(), parameters[0].as<float>()));
@@ -78,18 +92,9 @@ std::vector<Tensor> reference(const Data& data) {
     if (spec.element == Element::kF32) spec.element = Element::kF64;
   }
   auto outputs = make_tensors(wide);
-  const auto candidates = reference_candidates(generated_detector(), data.parameters[0].as<float>(),
-                                               data.inputs[0], kOptions.least_score);
-  std::vector<Detection> objects;
-  for (const Candidate& box : suppress_overlaps(candidates, kOptions)) {
-    objects.push_back(
-        {box.index,
-         "",
-         box.score,
-         {box.left * kPictureWidth, box.top * kPictureHeight,
-          (box.right - box.left) * kPictureWidth, (box.bottom - box.top) * kPictureHeight}});
-  }
-  put<double>(objects, outputs);
+  put<double>(objects_of(reference_candidates(generated_detector(), data.parameters[0].as<float>(),
+                                              data.inputs[0], kOptions.least_score)),
+              outputs);
   if (!describes) return outputs;
   const auto scores =
       reference_scores(generated_classifier(), data.parameters[1].as<float>(), data.inputs[0]);
@@ -131,6 +136,12 @@ Data make_data(const DataRequest& request, bool describes) {
 }
 
 }  // namespace
+
+void write_objects(std::vector<Candidate> candidates, std::span<Tensor> outputs) {
+  put<float>(objects_of(std::move(candidates)), outputs);
+}
+
+double least_score() { return kOptions.least_score; }
 
 std::vector<Workload> all() {
   auto all = specs();

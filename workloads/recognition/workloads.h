@@ -1,14 +1,22 @@
 // Recognition with boxes and words as workloads: what their tensors mean.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "workloads/model/workload.h"
+#include "workloads/recognition/detector_outputs.h"
 #include "workloads/recognition/specs.h"
 
 namespace pirt::recognition {
 
-/// Kernel and workload have the same name; both are on the host only (host_function.h), by
+/// What a kernel of detect_objects writes for what its network is sure of: overlaps suppressed,
+/// boxes in pixels. @param outputs  boxes, scores and classes.
+void write_objects(std::vector<Candidate> candidates, std::span<Tensor> outputs);
+/// The least score that it is sure of.
+[[nodiscard]] double least_score();
+
+/// Kernel and workload have the same name; both are functions of the host (host_function.h), by
 /// OpenCV's dnn with generated networks of seeded weights: what they see means nothing, and takes
 /// the time. A user's model has other tensors; pirt describe runs it.
 /// - "detect_objects": input image u8 [3,480,640] (R, G, B), parameter weights f32 [..] of the

@@ -2,10 +2,12 @@
 
 #include <fmt/core.h>
 #include <sched.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <optional>
 
 #include "workloads/backends/opencl/device/kernel_cache.h"
 #include "workloads/backends/opencl/device/peak_loops.h"
@@ -28,28 +30,52 @@ bool computes_on_host(const cl::Device& device) {
   return (device.getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_CPU) != 0;
 }
 
+/// Whether it is there, compiles, and knows OpenCL 1.2. Asked by number: drivers of 1.0 and 1.1
+/// refuse questions of 1.2.
+bool is_usable(const cl::Device& device) {
+  const auto version = device.getInfo<CL_DEVICE_VERSION>();  // "OpenCL 1.2 vendor's own"
+  const auto number = split(version, ' ');
+  const bool is_old =
+      number.size() < 2 || number[1].starts_with("1.0") || number[1].starts_with("1.1");
+  return !is_old && device.getInfo<CL_DEVICE_AVAILABLE>() == CL_TRUE &&
+         device.getInfo<CL_DEVICE_COMPILER_AVAILABLE>() == CL_TRUE;
+}
+
 cl::Platform platform_of(const cl::Device& device) {
   return cl::Platform(device.getInfo<CL_DEVICE_PLATFORM>(), true);
 }
 
-/// The compute units that a unit uses of a device of @p available ones.
+/// The compute units that a unit uses of a device of `available` ones.
 struct UnitRange {
   std::size_t first = 0;
   std::size_t count = 0;
+  std::size_t available = 0;
+
+  [[nodiscard]] bool is_all() const { return count == available; }
 };
 
 /// Those of the cores' own numbers where that is possible, so that two units of a process do not
 /// share worker threads; otherwise the first ones.
 UnitRange units_for(const std::vector<int>& cores, std::size_t available) {
-  if (cores.empty() || cores.size() >= available) return {.first = 0, .count = available};
+  if (cores.empty() || cores.size() >= available) {
+    return {.first = 0, .count = available, .available = available};
+  }
   const auto [low, high] = std::ranges::minmax(cores);
   const bool own_numbers = static_cast<std::size_t>(high - low) + 1 == cores.size() &&
                            static_cast<std::size_t>(high) < available;
-  return {.first = own_numbers ? static_cast<std::size_t>(low) : 0, .count = cores.size()};
+  return {.first = own_numbers ? static_cast<std::size_t>(low) : 0,
+          .count = cores.size(),
+          .available = available};
 }
 
-cl::Device sub_device(cl::Device device, UnitRange units, std::size_t available) {
-  if (units.count == available) return device;
+/// Whether the device can be divided in that way, into as many parts.
+bool divides(const cl::Device& device, cl_device_partition_property way, std::size_t parts) {
+  const auto offered = device.getInfo<CL_DEVICE_PARTITION_PROPERTIES>();
+  return std::ranges::find(offered, way) != offered.end() &&
+         device.getInfo<CL_DEVICE_PARTITION_MAX_SUB_DEVICES>() >= parts;
+}
+
+cl::Device sub_device(cl::Device device, UnitRange units) {
   std::vector<cl_device_partition_property> counts = {CL_DEVICE_PARTITION_BY_COUNTS};
   if (units.first > 0) counts.push_back(static_cast<cl_device_partition_property>(units.first));
   counts.push_back(static_cast<cl_device_partition_property>(units.count));
@@ -77,14 +103,14 @@ void CL_CALLBACK take_affinity(void* set) {
 /// Gives the worker thread of each compute unit the calling thread's affinity, by a native kernel
 /// on it. Workers that start now inherit it anyway; those that an earlier OpenCL call of this
 /// process (a probe, another unit) started do not.
-void pin_workers(cl::Device device, UnitRange units, std::size_t available) {
+void pin_workers(cl::Device device, UnitRange units) {
   const bool possible =
       (device.getInfo<CL_DEVICE_EXECUTION_CAPABILITIES>() & CL_EXEC_NATIVE_KERNEL) != 0 &&
-      device.getInfo<CL_DEVICE_PARTITION_MAX_SUB_DEVICES>() >= available;
+      (units.available == 1 || divides(device, CL_DEVICE_PARTITION_EQUALLY, units.available));
   cpu_set_t mine;
   if (!possible || sched_getaffinity(0, sizeof(mine), &mine) != 0) return;
   std::vector<cl::Device> single = {device};
-  if (available > 1) {
+  if (units.available > 1) {
     const std::array<cl_device_partition_property, 3> one_each = {CL_DEVICE_PARTITION_EQUALLY, 1,
                                                                   0};
     device.createSubDevices(one_each.data(), &single);
@@ -96,12 +122,48 @@ void pin_workers(cl::Device device, UnitRange units, std::size_t available) {
   }
 }
 
-/// The device with the cores that the unit owns; for devices that compute on the host's.
-cl::Device restrict_to_cores(const cl::Device& device, const std::vector<int>& cores) {
-  const std::size_t available = device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
-  const UnitRange units = units_for(cores, available);
-  pin_workers(device, units, available);
-  return sub_device(device, units, available);
+/// The device of the session becomes that of the cores that the unit owns, where the driver divides
+/// devices; for devices that compute on the host's.
+void restrict_to_cores(Session& session, const UnitRequest& request) {
+  const UnitRange units =
+      units_for(request.cores, session.device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>());
+  pin_workers(session.device, units);
+  if (units.is_all()) return;
+  if (divides(session.device, CL_DEVICE_PARTITION_BY_COUNTS, 2)) {
+    session.device = sub_device(session.device, units);
+    return;
+  }
+  if (request.cores.size() >= static_cast<std::size_t>(::sysconf(_SC_NPROCESSORS_ONLN))) return;
+  session.remark = fmt::format(
+      "its driver does not divide \"{}\": it has all {} compute units of it instead of {}, and may "
+      "use the cores of other units as well; leave `cores:` out of the platform file",
+      session.device.getInfo<CL_DEVICE_NAME>(), units.available, units.count);
+}
+
+/// Whether the stamps of the queue's events are of a clock that goes on: each stamp of a command
+/// that was submitted after another had ended is later than the other's. (Those of Mesa 22.3 are
+/// 0, 1, 2 and 3 always.)
+bool has_clock(const Session& session) {
+  const cl::Buffer words(session.context, CL_MEM_READ_WRITE, sizeof(cl_uint));
+  std::array<cl::Event, 2> events;
+  for (cl::Event& event : events) {
+    session.queue.enqueueFillBuffer(words, cl_uint{0}, 0, sizeof(cl_uint), nullptr, &event);
+    event.wait();
+  }
+  const auto goes_on = [&events](cl_profiling_info stamp) {
+    std::array<cl_ulong, 2> times{};
+    for (std::size_t i = 0; i < events.size(); ++i) events[i].getProfilingInfo(stamp, &times[i]);
+    return times[1] > times[0];
+  };
+  return goes_on(CL_PROFILING_COMMAND_QUEUED) && goes_on(CL_PROFILING_COMMAND_START) &&
+         goes_on(CL_PROFILING_COMMAND_END);
+}
+
+/// The most work items along x that a group can have on the device, whatever the kernel.
+std::size_t most_items(const cl::Device& device) {
+  const auto along = device.getInfo<CL_DEVICE_MAX_WORK_ITEM_SIZES>();
+  const auto all = device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>();
+  return along.empty() ? all : std::min(all, along.front());
 }
 
 class OpenClDevice final : public Device {
@@ -109,6 +171,7 @@ class OpenClDevice final : public Device {
   explicit OpenClDevice(Session session)
       : session_(std::move(session)), info_(describe(session_.device)) {
     info_.tuning = session_.tuning.describe();
+    info_.remark = session_.remark;
   }
 
   [[nodiscard]] DeviceInfo info() const override { return info_; }
@@ -139,15 +202,20 @@ std::vector<cl::Device> all_devices() {
   std::vector<cl::Platform> platforms;
   cl::Platform::get(&platforms);
   std::vector<cl::Device> devices;
+  std::optional<cl::Error> failure;
   for (const cl::Platform& platform : platforms) {
     std::vector<cl::Device> found;
     try {
       platform.getDevices(CL_DEVICE_TYPE_ALL, &found);
+      std::erase_if(found, [](const cl::Device& device) { return !is_usable(device); });
     } catch (const cl::Error& error) {
-      if (error.err() != CL_DEVICE_NOT_FOUND) throw;  // A driver without its hardware.
+      found.clear();
+      // A driver without its hardware, or a broken one beside others.
+      if (error.err() != CL_DEVICE_NOT_FOUND) failure = error;
     }
     devices.insert(devices.end(), found.begin(), found.end());
   }
+  if (devices.empty() && failure) throw cl::Error(*failure);
   // Not std::ranges: clang 14 does not compile its subrange with libstdc++ 12.
   std::stable_partition(devices.begin(), devices.end(),
                         [](const cl::Device& d) { return !computes_on_host(d); });
@@ -188,12 +256,14 @@ Session open_session(const UnitRequest& request) {
     Session session;
     session.device = choose_device(all_devices(), request.device);
     session.is_cpu = computes_on_host(session.device);
+    session.lanes = static_cast<int>(session.device.getInfo<CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT>());
     session.tuning = tuning_for(describe(session.device));
     session.local_x = std::min(static_cast<std::size_t>(session.tuning[Parameter::kLocalX]),
-                               session.device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>());
-    if (session.is_cpu) session.device = restrict_to_cores(session.device, request.cores);
+                               most_items(session.device));
+    if (session.is_cpu) restrict_to_cores(session, request);
     session.context = context_on(session.device);
     session.queue = cl::CommandQueue(session.context, session.device, CL_QUEUE_PROFILING_ENABLE);
+    session.has_clock = has_clock(session);
     return session;
   });
 }

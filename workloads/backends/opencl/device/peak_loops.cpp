@@ -329,6 +329,18 @@ void add_memory_reads(const Session& session, const cl::Program& program, const 
   }
 }
 
+/// The session with groups that each kernel of the program takes.
+Session with_groups_that_fit(Session session, cl::Program& program) {
+  std::vector<cl::Kernel> kernels;
+  program.createKernels(&kernels);
+  for (const cl::Kernel& kernel : kernels) {
+    session.local_x = std::min(
+        session.local_x,
+        std::bit_floor(kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(session.device)));
+  }
+  return session;
+}
+
 }  // namespace
 
 std::optional<std::int64_t> cache_bytes(const cl::Device& device, bool is_cpu) {
@@ -339,9 +351,10 @@ std::optional<std::int64_t> cache_bytes(const cl::Device& device, bool is_cpu) {
   return size == 0 ? std::nullopt : std::optional(static_cast<std::int64_t>(size));
 }
 
-PeakLoops make_peak_loops(const Session& session) {
+PeakLoops make_peak_loops(const Session& opened) {
   const auto source = find_embedded(opencl_files::files(), "peaks.cl");
-  const cl::Program program = build_program(session, "peaks.cl", source.value());
+  cl::Program program = build_program(opened, "peaks.cl", source.value());
+  const Session session = with_groups_that_fit(opened, program);
   const Shape shape = shape_of(session);
   PeakLoops all;
   all.unavailable = {

@@ -3,7 +3,9 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <stdexcept>
 
+#include "opencl_files.h"
 #include "workloads/backends/opencl/device/kernel_cache.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
@@ -26,15 +28,32 @@ std::string first_lines(const std::string& log) {
   return join(lines, " | ");
 }
 
+/// The source with the embedded files that it includes in the place of their lines: drivers differ
+/// in how they are told of files that are in memory.
+std::string with_includes(std::string_view source) {
+  constexpr std::string_view kInclude = "#include \"";
+  std::string text;
+  for (const std::string& line : split(std::string(source), '\n')) {
+    if (line.starts_with(kInclude)) {
+      const std::string name = line.substr(kInclude.size(), line.rfind('"') - kInclude.size());
+      const auto included = find_embedded(opencl_files::files(), name);
+      if (!included) throw std::logic_error("no embedded file " + name);
+      text += with_includes(*included);
+    } else {
+      text += line + '\n';
+    }
+  }
+  return text;
+}
+
 }  // namespace
 
 cl::Program build_program(const Session& session, std::string_view name, std::string_view source) {
   // -w: PoCL would print "12 warnings generated." to stderr, all of them about the ABI of wide
   // vectors in functions that are inlined anyway.
-  Tuning tuning = session.tuning;
-  tuning.set(Parameter::kLocalX, static_cast<int>(session.local_x));
-  const std::string options = "-cl-std=CL1.2 -w" + definitions_of(tuning, name);
-  cl::Program program(session.context, std::string(source), false);
+  const std::string options =
+      "-cl-std=CL1.2 -w" + definitions_of(for_vectors(session.tuning, session.lanes), name);
+  cl::Program program(session.context, with_includes(source), false);
   try {
     program.build(session.device, options.c_str());
   } catch (const cl::BuildError& error) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <string>
 
 #include "workloads/backends/opencl/device/api.h"
 #include "workloads/backends/opencl/tuning/tuning.h"
@@ -14,15 +15,23 @@ struct Session {
   cl::Context context;
   cl::CommandQueue queue;  ///< In order, with profiling.
   bool is_cpu = false;
+  int lanes = 0;        ///< Floats of one of the device's vectors.
   Tuning tuning{true};  ///< Of this kind of device.
-  /// The one local size in x of every launch (1 in y). PoCL compiles a kernel anew for each local
-  /// size that it meets, so that more than one would cost set-up time. At most what the device
-  /// takes, whatever the tuning says.
+  /// The local size in x of every launch (1 in y) whose kernel takes as much. PoCL compiles a
+  /// kernel anew for each local size that it meets, so that more than one would cost set-up time.
+  /// At most what the device takes, whatever the tuning says.
   std::size_t local_x = 8;
+  bool has_clock = true;    ///< Whether the stamps of events tell the time.
+  std::string remark = {};  ///< DeviceInfo::remark.
+
+  /// What a kernel is to be computed with.
+  [[nodiscard]] int value(Parameter parameter) const {
+    return for_vectors(tuning, lanes)[parameter];
+  }
 };
 
 /// Builds OpenCL C 1.2 source, with the parameters of the session's tuning that it has as
-/// definitions (definitions_of).
+/// definitions (definitions_of) and the embedded .cl files that it includes.
 /// @param name  Of the source: "dnn.cl".
 /// @throws Error{kEnvironment} with the first lines of the build log if it does not build.
 [[nodiscard]] cl::Program build_program(const Session& session, std::string_view name,

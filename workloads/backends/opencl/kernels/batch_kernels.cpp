@@ -11,6 +11,14 @@ constexpr int kImagesPerBlock = 6;   // IMAGES of dnn_batch.cl.
 
 }  // namespace
 
+void append_softmax(PlanBuilder& builder, const Resident& values, int count, int images) {
+  constexpr LocalNeed kNeed{.per_item = sizeof(float)};
+  const std::size_t items = builder.group_items("dnn.cl", "softmax", kNeed);
+  // One work group an image: the extent is rounded up to it.
+  builder.step("dnn.cl", "softmax", {.x = 1, .y = images, .group = items}, values, count,
+               kNeed.of(items));
+}
+
 void append_fully_connected_batch(PlanBuilder& builder, const Workload& workload,
                                   std::span<const Tensor> parameters, const Resident& in,
                                   const Resident& out) {
@@ -26,7 +34,7 @@ void append_fully_connected_batch(PlanBuilder& builder, const Workload& workload
                builder.constant(std::as_bytes(std::span(bias))), sums, out, op.in, op.out,
                workload.batch);
   if (op.activation == dnn::Activation::kSoftmax) {
-    builder.step("dnn.cl", "softmax", {1, workload.batch}, out, op.out);
+    append_softmax(builder, out, op.out, workload.batch);
   }
 }
 

@@ -1,4 +1,4 @@
-// Kernels for several images a call that are others than those for one (dnn_batch.cl).
+// Kernels for several images a call, most of them others than those for one (dnn_batch.cl).
 #pragma once
 
 #include <span>
@@ -13,5 +13,8 @@ namespace pirt::opencl {
 void append_fully_connected_batch(PlanBuilder& builder, const Workload& workload,
                                   std::span<const Tensor> parameters, const Resident& in,
                                   const Resident& out);
+
+/// In place, of each of the images' @p count values.
+void append_softmax(PlanBuilder& builder, const Resident& values, int count, int images);
 
 }  // namespace pirt::opencl

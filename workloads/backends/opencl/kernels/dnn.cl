@@ -4,19 +4,25 @@
 // Shapes are arguments, so that all layers of a network share one binary of each kernel.
 
 // Defined by the host (tuning.cpp):
-//   LOCAL_X        work items of a work group along x;
-//   CONV_CHANNELS  output channels of a work item of conv2d_relu, a vector's width; layers need not
-//                  have a multiple of it;
-//   CONV_PIXELS    its output pixels: 6 x 16 sums are 12 of the 16 vector registers of AVX2;
+//   CONV_CHANNELS  output channels of a work item of conv2d_relu, a vector's width or twice the
+//                  widest; layers need not have a multiple of it;
+//   CONV_PIXELS    its output pixels: 6 x 16 sums are 12 of the 16 vector registers of AVX2,
+//                  12 x 32 are 24 of the 32 of AVX-512, where a loaded pixel serves two products;
 //   FC_ROWS        output rows of a work item of fully_connected.
 #define CHANNELS CONV_CHANNELS
 #define PIXELS CONV_PIXELS
+#if CHANNELS > 16
+#define WIDTH 16
+#else
+#define WIDTH CHANNELS
+#endif
+#define VECTORS (CHANNELS / WIDTH)
 #define JOIN(a, b) a##b
 #define VECTOR(name, width) JOIN(name, width)
-typedef VECTOR(float, CHANNELS) Lanes;
+typedef VECTOR(float, WIDTH) Lanes;
 
-/// max(0, conv + bias). Global ids (block of PIXELS pixels, block of CHANNELS output channels of an
-/// image; those of the next image follow).
+/// max(least, conv + bias): least is 0, or -infinity for no ReLU. Global ids (block of PIXELS pixels,
+/// block of CHANNELS output channels of an image; those of the next image follow).
 ///
 /// @param input    Planes of in_plane floats, rows of in_pitch floats, zero border included.
 /// @param weights  [ceil(out_c/CHANNELS), in_c, k_h, k_w, CHANNELS], missing channels 0.
@@ -29,7 +35,7 @@ __kernel void conv2d_relu(__global const float* restrict input,
                           __global const float* restrict bias, __global float* restrict output,
                           int in_c, int in_plane, int in_pitch, int k_h, int k_w, int stride,
                           int out_c, int out_h, int out_w, int out_plane, int out_pitch,
-                          int out_offset, int in_image, int out_image) {
+                          int out_offset, int in_image, int out_image, float least) {
   const int first = (int)get_global_id(0) * PIXELS;
   const int blocks = (out_c + CHANNELS - 1) / CHANNELS;
   const int block = (int)get_global_id(1) % blocks;
@@ -45,20 +51,29 @@ __kernel void conv2d_relu(__global const float* restrict input,
     const int pixel = min(first + i, pixels - 1);
     from[i] = input + pixel / out_w * stride * in_pitch + pixel % out_w * stride;
   }
-  Lanes sum[PIXELS];
-  const Lanes start = VECTOR(vload, CHANNELS)(block, bias);
+  Lanes sum[VECTORS][PIXELS];
 #pragma unroll
-  for (int i = 0; i < PIXELS; ++i) sum[i] = start;
+  for (int v = 0; v < VECTORS; ++v) {
+    const Lanes start = VECTOR(vload, WIDTH)(block * VECTORS + v, bias);
+#pragma unroll
+    for (int i = 0; i < PIXELS; ++i) sum[v][i] = start;
+  }
 
   __global const float* w = weights + block * in_c * k_h * k_w * CHANNELS;
   for (int c = 0; c < in_c; ++c) {
     for (int ky = 0; ky < k_h; ++ky) {
       const int row = c * in_plane + ky * in_pitch;
       for (int kx = 0; kx < k_w; ++kx) {
-        const Lanes weight = VECTOR(vload, CHANNELS)(0, w);
+        Lanes weight[VECTORS];
+#pragma unroll
+        for (int v = 0; v < VECTORS; ++v) weight[v] = VECTOR(vload, WIDTH)(v, w);
         w += CHANNELS;
 #pragma unroll
-        for (int i = 0; i < PIXELS; ++i) sum[i] += weight * from[i][row + kx];
+        for (int i = 0; i < PIXELS; ++i) {
+          const float pixel = from[i][row + kx];
+#pragma unroll
+          for (int v = 0; v < VECTORS; ++v) sum[v][i] += weight[v] * pixel;
+        }
       }
     }
   }
@@ -66,7 +81,8 @@ __kernel void conv2d_relu(__global const float* restrict input,
 #pragma unroll
   for (int i = 0; i < PIXELS; ++i) {
     float lanes[CHANNELS];
-    VECTOR(vstore, CHANNELS)(fmax(sum[i], 0.0f), 0, lanes);
+#pragma unroll
+    for (int v = 0; v < VECTORS; ++v) VECTOR(vstore, WIDTH)(fmax(sum[v][i], least), v, lanes);
     const int pixel = first + i;
     __global float* to = output + out_offset + pixel / out_w * out_pitch + pixel % out_w;
     const int channels = pixel < pixels ? min(CHANNELS, out_c - block * CHANNELS) : 0;
@@ -163,20 +179,20 @@ __kernel void softmax_alone(__global float* restrict values, int count) {
 }
 
 /// In place, by one work group an image (global id 1): exp(v - max) / sum.
-__kernel void softmax(__global float* restrict values, int count) {
-  __local float partial[LOCAL_X];
-  const int me = (int)get_local_id(0);
+/// @param partial  [items]
+__kernel void softmax(__global float* restrict values, int count, __local float* partial) {
+  const int me = (int)get_local_id(0), items = (int)get_local_size(0);
   values += (int)get_global_id(1) * count;
 
   float top = -INFINITY;
-  for (int i = me; i < count; i += LOCAL_X) top = fmax(top, values[i]);
+  for (int i = me; i < count; i += items) top = fmax(top, values[i]);
   partial[me] = top;
   barrier(CLK_LOCAL_MEM_FENCE);
-  for (int i = 0; i < LOCAL_X; ++i) top = fmax(top, partial[i]);
+  for (int i = 0; i < items; ++i) top = fmax(top, partial[i]);
   barrier(CLK_LOCAL_MEM_FENCE);
 
   float sum = 0.0f;
-  for (int i = me; i < count; i += LOCAL_X) {
+  for (int i = me; i < count; i += items) {
     const float e = exp(values[i] - top);
     values[i] = e;
     sum += e;
@@ -184,6 +200,6 @@ __kernel void softmax(__global float* restrict values, int count) {
   partial[me] = sum;
   barrier(CLK_LOCAL_MEM_FENCE);
   sum = 0.0f;
-  for (int i = 0; i < LOCAL_X; ++i) sum += partial[i];
-  for (int i = me; i < count; i += LOCAL_X) values[i] /= sum;
+  for (int i = 0; i < items; ++i) sum += partial[i];
+  for (int i = me; i < count; i += items) values[i] /= sum;
 }

@@ -34,7 +34,7 @@ class ExtractFeaturesKernel final : public PlanKernel {
 
   std::optional<Nanos> execute(int repeats) override {
     return translated(fmt::format("executing {}", workload()), [&] {
-      LaunchTimes times;
+      LaunchTimes times(session().has_clock);
       for (int i = 0; i < repeats; ++i) {
         find_candidates(times);
         hand_over(slam::best_corners(
@@ -55,7 +55,8 @@ class ExtractFeaturesKernel final : public PlanKernel {
     enqueue(session(), plan(), times);
     cl_int count = 0;
     queue.enqueueReadBuffer(buffers_.count, CL_TRUE, 0, sizeof(count), &count);
-    candidates_.resize(static_cast<std::size_t>(count));
+    const std::int64_t most = std::int64_t{operation_.width} * operation_.height;
+    candidates_.resize(static_cast<std::size_t>(checked_count(count, most, "candidates")));
     if (count > 0) {
       queue.enqueueReadBuffer(buffers_.candidates, CL_TRUE, 0,
                               candidates_.size() * sizeof(candidates_[0]), candidates_.data());

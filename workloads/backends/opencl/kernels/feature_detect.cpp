@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <array>
 
-#include "workloads/backends/opencl/kernels/strips.h"
+#include "workloads/backends/opencl/kernels/gradients.h"
 #include "workloads/backends/opencl/plan/kernel_table.h"
 #include "workloads/backends/opencl/plan/plan_kernel.h"
 #include "workloads/vision/corners.h"
@@ -30,7 +30,7 @@ class FeatureDetectKernel final : public PlanKernel {
 
   std::optional<Nanos> execute(int repeats) override {
     return translated(fmt::format("executing {}", workload()), [&] {
-      LaunchTimes times;
+      LaunchTimes times(session().has_clock);
       for (int i = 0; i < repeats; ++i) {
         find_candidates(times);
         corners_ = vision::select_corners(found_, operation_);
@@ -57,7 +57,8 @@ class FeatureDetectKernel final : public PlanKernel {
     queue.enqueueReadBuffer(buffers_.state, CL_TRUE, 0, sizeof(state), state.data(), nullptr,
                             &count_read);
     times.add(std::move(count_read));
-    found_.resize(state[1]);
+    const std::int64_t most = std::int64_t{operation_.width} * operation_.height;
+    found_.resize(static_cast<std::size_t>(checked_count(state[1], most, "candidates")));
     if (found_.empty()) return;
     cl::Event candidates_read;
     queue.enqueueReadBuffer(buffers_.candidates, CL_TRUE, 0, found_.size() * sizeof(found_[0]),
@@ -87,11 +88,9 @@ std::unique_ptr<Kernel> make_feature_detect(const Session& session, const Worklo
   const CandidateBuffers buffers{
       .state = builder.scratch(2 * std::int64_t{sizeof(cl_uint)}),
       .candidates = builder.scratch(area * std::int64_t{sizeof(cl_ulong)})};
-  const int pixels = session.tuning[Parameter::kFeaturePixels];
+  const int pixels = session.value(Parameter::kFeaturePixels);
   const Extent segments{(op.width + pixels - 1) / pixels, op.height};
-  const Strips strips(session.tuning[Parameter::kSobelStripRows], op);
-  builder.step("vision.cl", "sobel", strips.extent, image, gx, gy, op.width, op.height,
-               strips.rows);
+  append_gradients(builder, op, image, gx, gy);
   builder.step("features.cl", "corner_response", segments, gx, gy, response, buffers.state,
                op.width, op.height, pixels);
   builder.step("features.cl", "corner_candidates", segments, response, buffers.state,

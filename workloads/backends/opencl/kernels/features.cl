@@ -3,16 +3,13 @@
 // A work item computes `pixels` neighbouring pixels of a row, a multiple of 8, which the host chooses
 // (tuning.cpp); global ids are (segment, row).
 
-int reflect(int i, int n) {
-  if (n == 1) return 0;
-  while (i < 0 || i >= n) i = i < 0 ? -i : 2 * n - 2 - i;
-  return i;
-}
+#include "border.cl"
+#include "lanes.cl"
 
 /// Twice the smaller eigenvalue of [sxx sxy; sxy syy]; the factor changes no comparison. Computed
 /// as 4*det / (trace + sqrt((sxx-syy)^2 + 4*sxy^2)): trace - sqrt(...) would cancel in float, and
 /// det is an exact integer.
-float8 response8(int8 sxx, int8 sxy, int8 syy) {
+INLINE float8 response8(int8 sxx, int8 sxy, int8 syy) {
   const long8 xx = convert_long8(sxx), xy = convert_long8(sxy), yy = convert_long8(syy);
   const long8 det = xx * yy - xy * xy;
   const long8 difference = xx - yy;
@@ -22,15 +19,15 @@ float8 response8(int8 sxx, int8 sxy, int8 syy) {
 }
 
 /// Computes the responses of the 8 pixels from x on, or as many as there are, and gives the largest.
-float segment_response(__global const short* gx, __global const short* gy, __global float* response,
-                       int x, int y, int width, int height) {
+INLINE float segment_response(__global const short* gx, __global const short* gy,
+                              __global float* response, int x, int y, int width, int height) {
   int8 sxx = 0, sxy = 0, syy = 0;
   if (x >= 1 && x + 9 <= width) {
     for (int dy = -1; dy <= 1; ++dy) {
       const int at = reflect(y + dy, height) * width + x - 1;
       for (int dx = 0; dx < 3; ++dx) {
-        const int8 a = convert_int8(vload8(0, gx + at + dx));
-        const int8 b = convert_int8(vload8(0, gy + at + dx));
+        const int8 a = convert_int8(LOAD(Shorts8, gx + at + dx));
+        const int8 b = convert_int8(LOAD(Shorts8, gy + at + dx));
         sxx += a * a, sxy += a * b, syy += b * b;
       }
     }
@@ -51,7 +48,7 @@ float segment_response(__global const short* gx, __global const short* gy, __glo
   }
   const float8 value = response8(sxx, sxy, syy);
   if (x + 8 <= width) {
-    vstore8(value, 0, response + y * width + x);
+    STORE(Floats8, response + y * width + x, value);
   } else {
     float lanes[8];
     vstore8(value, 0, lanes);

@@ -42,7 +42,7 @@ __kernel void read_words(__global uint* sums, __global const uint4* words, int c
   const size_t items = get_global_size(0);
   uint4 s0 = 0, s1 = 0, s2 = 0, s3 = 0;
   for (uint pass = 0; pass < (uint)passes; ++pass) {
-    __global const uint4* from = words + (get_global_id(0) + (size_t)pass * 7 * LOCAL_X) % items;
+    __global const uint4* from = words + (get_global_id(0) + (size_t)pass * 7 * get_local_size(0)) % items;
     for (int i = 0; i < count; i += 4) {
       s0 += from[i * items] ^ pass;
       s1 += from[(i + 1) * items] ^ pass;

@@ -10,12 +10,7 @@
 //   FILTER_ROWS  rows that an item of filter7x7_tile computes at once;
 //   FC_ROWS      output rows of a work group of fully_connected_group.
 
-/// Border reflect-101: -1 -> 1, n -> n-2. Loops: tiles reach far beyond small images.
-int reflect(int i, int n) {
-  if (n == 1) return 0;
-  while (i < 0 || i >= n) i = i < 0 ? -i : 2 * n - 2 - i;
-  return i;
-}
+#include "border.cl"
 
 /// The group's columns of `rows` rows from (x, y) on, with `reach` pixels around them, into
 /// tile [rows + 2 * reach, items + 2 * reach].
@@ -108,8 +103,8 @@ __kernel void sobel_tile(__global const uchar* restrict image, __global short* r
 #define TILE_CHANNELS 32
 #define TILE_TERMS 8
 
-/// max(0, conv + bias) as a product of matrices whose pixels are gathered on the way. Groups along
-/// x are blocks of pixels; global id 1 is the block of TILE_CHANNELS output channels of an image.
+/// max(least, conv + bias) as a product of matrices whose pixels are gathered on the way. Groups
+/// along x are blocks of pixels; global id 1 is the block of TILE_CHANNELS output channels of an image.
 /// Items are a multiple of TILE_CHANNELS / 4.
 ///
 /// @param weights     [ceil(out_c/TILE_CHANNELS), terms, TILE_CHANNELS], missing channels 0.
@@ -122,7 +117,7 @@ __kernel void conv2d_relu_tile(__global const float* restrict input,
                                __global const int* restrict offsets, int terms, int in_pitch,
                                int stride, int out_c, int out_h, int out_w, int out_plane,
                                int out_pitch, int out_offset, int in_image, int out_image,
-                               __local float* pixel_tile, __local float* weight_tile) {
+                               float least, __local float* pixel_tile, __local float* weight_tile) {
   const int items = (int)get_local_size(0), me = (int)get_local_id(0);
   const int tile_pixels = items / 2;
   const int blocks = (out_c + TILE_CHANNELS - 1) / TILE_CHANNELS;
@@ -168,7 +163,7 @@ __kernel void conv2d_relu_tile(__global const float* restrict input,
     __global float* to = output + image * out_image + out_offset + pixel / out_w * out_pitch +
                          pixel % out_w;
     float lanes[4];
-    vstore4(fmax(sum[p], 0.0f), 0, lanes);
+    vstore4(fmax(sum[p], least), 0, lanes);
     for (int c = 0; c < 4; ++c) {
       const int channel = block * TILE_CHANNELS + my_channels + c;
       if (channel < out_c) to[channel * out_plane] = lanes[c];

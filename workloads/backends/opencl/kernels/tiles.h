@@ -12,16 +12,31 @@ namespace pirt::opencl {
 
 /// A group's columns by `rows` rows of a picture, with what its stencil reaches around them.
 struct PictureTiles {
-  PictureTiles(const Session& session, int tile_rows, int reach,
+  /// @param tile_rows  Fewer where the local memory would make the group smaller.
+  /// @param reach      At least 1.
+  PictureTiles(PlanBuilder& builder, const char* kernel, int tile_rows, int reach,
                const vision::ImageOperation& operation)
-      : rows(tile_rows),
-        extent{.x = operation.width, .y = blocks(operation.height, tile_rows)},
-        memory{(session.local_x + 2 * static_cast<std::size_t>(reach)) *
-               static_cast<std::size_t>(tile_rows + 2 * reach)} {}
+      : rows(tile_rows) {
+    const auto items_of = [&](LocalNeed need) {
+      return builder.group_items("tiles.cl", kernel, need);
+    };
+    const std::size_t most = items_of({});
+    while (rows > 1 && items_of(need_of(rows, reach)) < most) rows /= 2;
+    const LocalNeed need = need_of(rows, reach);
+    const std::size_t items = items_of(need);
+    extent = {.x = operation.width, .y = blocks(operation.height, rows), .group = items};
+    memory = need.of(items);
+  }
 
   std::int32_t rows;
   Extent extent;
   LocalMemory memory;
+
+ private:
+  static LocalNeed need_of(int rows, int reach) {
+    const auto staged = static_cast<std::size_t>(rows + 2 * reach);
+    return {.per_item = staged, .per_group = 2 * static_cast<std::size_t>(reach) * staged};
+  }
 };
 
 /// A group's pixels and channels of a convolution.
@@ -29,18 +44,23 @@ struct ConvTile {
   static constexpr int kChannels = 32;
   static constexpr int kTerms = 8;
 
-  explicit ConvTile(const Session& session)
-      : pixels(static_cast<int>(session.local_x) / 2),
-        pixel_memory{sizeof(float) * kTerms * static_cast<std::size_t>(pixels)},
-        weight_memory{sizeof(float) * kTerms * kChannels} {}
+  explicit ConvTile(PlanBuilder& builder)
+      : items(builder.group_items("tiles.cl", "conv2d_relu_tile", kNeed, kChannels / 4)),
+        pixels(static_cast<int>(items) / 2),
+        pixel_memory{kNeed.per_item * items},
+        weight_memory{kNeed.per_group} {}
 
-  /// Whether groups of the session's size can compute it.
-  [[nodiscard]] static bool fits(const Session& session) {
-    return session.local_x % (kChannels / 4) == 0;
-  }
+  /// Whether the device has room for a group.
+  [[nodiscard]] bool fits() const { return items > 0; }
 
+  std::size_t items;
   int pixels;
   LocalMemory pixel_memory, weight_memory;
+
+ private:
+  /// Of each term, the pixels of half the items and the channels.
+  static constexpr LocalNeed kNeed{.per_item = sizeof(float) * kTerms / 2,
+                                   .per_group = sizeof(float) * kTerms * kChannels};
 };
 
 }  // namespace pirt::opencl

@@ -9,11 +9,7 @@
 #define BORDERED (WINDOW + 2)  // With what central differences need.
 #define PIXELS (BORDERED + 1)  // Around as many samples.
 
-int reflect(int i, int n) {
-  if (n == 1) return 0;
-  while (i < 0 || i >= n) i = i < 0 ? -i : 2 * n - 2 - i;
-  return i;
-}
+#include "border.cl"
 
 /// Blurs by [1 4 6 4 1]^2 / 256, border reflect-101, and takes every second pixel of every second
 /// row. Global ids are those of the result's pixels.

@@ -3,21 +3,15 @@
 // A work item of blur, filter and gradients computes 16 columns of `rows` rows, top to bottom, and
 // keeps what neighbouring rows share in registers. Segments begin at columns 0, 16, 32, ...; the
 // last one is moved back to end with the row, the one before it where it would look beyond the row,
-// and they write some pixels again, with the same values. Where a segment touches the left or right border, the columns beyond it are shuffled out of its
-// own. Pictures too narrow for that go pixel by pixel. Global ids are (segment, strip of rows).
-// Integer results are exact.
+// and they write some pixels again, with the same values. Where a segment touches the left or right
+// border, the columns beyond it are shuffled out of its own. Pictures too narrow for that go pixel
+// by pixel. Global ids are (segment, strip of rows). Integer results are exact.
 //
 // Defined by the host (tuning.cpp):
-//   FILTER_ROWS       rows that an item of filter7x7 computes at once: 4 are 8 of AVX2's 16
-//                     registers;
-//   UNDISTORT_PIXELS  pixels of an item of undistort.
+//   FILTER_ROWS  rows that an item of filter7x7 computes at once: 4 are 8 of AVX2's 16 registers.
 
-/// Border reflect-101: -1 -> 1, n -> n-2. Loops, since a small image is reflected more than once.
-int reflect(int i, int n) {
-  if (n == 1) return 0;
-  while (i < 0 || i >= n) i = i < 0 ? -i : 2 * n - 2 - i;
-  return i;
-}
+#include "border.cl"
+#include "lanes.cl"
 
 #define MIDDLE 0
 #define LEFT 1
@@ -25,20 +19,20 @@ int reflect(int i, int n) {
 
 /// 16 pixels beginning at p + dx, -3 <= dx <= 3, reflected at the side that p's segment touches.
 /// dx and side are constants where this is inlined.
-uchar16 tap(__global const uchar* p, const int dx, const int side) {
+INLINE uchar16 tap(__global const uchar* p, const int dx, const int side) {
   if (dx < 0 && side == LEFT) {
-    const uchar16 v = vload16(0, p);
+    const uchar16 v = LOAD(Bytes16, p);
     if (dx == -1) return v.s10123456789abcde;
     if (dx == -2) return v.s210123456789abcd;
     return v.s3210123456789abc;
   }
   if (dx > 0 && side == RIGHT) {
-    const uchar16 v = vload16(0, p);
+    const uchar16 v = LOAD(Bytes16, p);
     if (dx == 1) return v.s123456789abcdefe;
     if (dx == 2) return v.s23456789abcdefed;
     return v.s3456789abcdefedc;
   }
-  return vload16(0, p + dx);
+  return LOAD(Bytes16, p + dx);
 }
 
 /// Calls STRIP(x, side) for this item's segment, or PIXEL(x, y) for all pixels of its strip where
@@ -64,21 +58,21 @@ uchar16 tap(__global const uchar* p, const int dx, const int side) {
 __constant ushort kBinomial[5] = {1, 4, 6, 4, 1};
 
 /// The five columns' part of the sum. The weights' sum is 256: 255 * 256 + 128 fits 16 bits.
-ushort16 blur_row(__global const uchar* p, const int side) {
+INLINE ushort16 blur_row(__global const uchar* p, const int side) {
   const ushort16 outer = convert_ushort16(tap(p, -2, side)) + convert_ushort16(tap(p, 2, side));
   const ushort16 inner = convert_ushort16(tap(p, -1, side)) + convert_ushort16(tap(p, 1, side));
-  return outer + (inner << (ushort16)2) + (ushort16)6 * convert_ushort16(vload16(0, p));
+  return outer + (inner << (ushort16)2) + (ushort16)6 * convert_ushort16(LOAD(Bytes16, p));
 }
 
-void blur_strip(__global const uchar* image, __global uchar* blurred, int width, int height, int x,
-                int first, int end, const int side) {
+INLINE void blur_strip(__global const uchar* image, __global uchar* blurred, int width, int height,
+                       int x, int first, int end, const int side) {
 #define BLUR_ROW(y) blur_row(image + reflect(y, height) * width + x, side)
   ushort16 a = BLUR_ROW(first - 2), b = BLUR_ROW(first - 1), c = BLUR_ROW(first),
            d = BLUR_ROW(first + 1);
   for (int y = first; y < end; ++y) {
     const ushort16 e = BLUR_ROW(y + 2);
     const ushort16 sum = a + e + ((b + d) << (ushort16)2) + (ushort16)6 * c + (ushort16)128;
-    vstore16(convert_uchar16(sum >> (ushort16)8), 0, blurred + y * width + x);
+    STORE(Bytes16, blurred + y * width + x, convert_uchar16(sum >> (ushort16)8));
     a = b, b = c, c = d, d = e;
   }
 }
@@ -106,9 +100,9 @@ __kernel void gaussian_blur(__global const uchar* restrict image, __global uchar
 
 /// Sums of at most 49 * 127 * 255 are exact in single precision, where a multiply-add is one
 /// instruction.
-void filter_strip(__global const uchar* image, __global uchar* filtered,
-                  __constant const float* weights, int width, int height, int x, int first, int end,
-                  const int side) {
+INLINE void filter_strip(__global const uchar* image, __global uchar* filtered,
+                         __constant const float* weights, int width, int height, int x, int first,
+                         int end, const int side) {
   for (int y = first; y < end; y += FILTER_ROWS) {
     float16 sum[FILTER_ROWS];
 #pragma unroll
@@ -128,7 +122,7 @@ void filter_strip(__global const uchar* image, __global uchar* filtered,
 #pragma unroll
     for (int o = 0; o < FILTER_ROWS; ++o) {
       if (y + o >= end) break;
-      vstore16(convert_uchar16_sat_rte(sum[o]), 0, filtered + (y + o) * width + x);
+      STORE(Bytes16, filtered + (y + o) * width + x, convert_uchar16_sat_rte(sum[o]));
     }
   }
 }
@@ -160,23 +154,23 @@ typedef struct {
   short16 smooth;      ///< left + 2 * here + right
 } GradientRow;
 
-GradientRow gradient_row(__global const uchar* p, const int side) {
+INLINE GradientRow gradient_row(__global const uchar* p, const int side) {
   const short16 left = convert_short16(tap(p, -1, side)), right = convert_short16(tap(p, 1, side));
   GradientRow row;
   row.difference = right - left;
-  row.smooth = left + right + (convert_short16(vload16(0, p)) << (short16)1);
+  row.smooth = left + right + (convert_short16(LOAD(Bytes16, p)) << (short16)1);
   return row;
 }
 
-void sobel_strip(__global const uchar* image, __global short* gx, __global short* gy, int width,
-                 int height, int x, int first, int end, const int side) {
+INLINE void sobel_strip(__global const uchar* image, __global short* gx, __global short* gy,
+                        int width, int height, int x, int first, int end, const int side) {
 #define GRADIENT_ROW(y) gradient_row(image + reflect(y, height) * width + x, side)
   GradientRow above = GRADIENT_ROW(first - 1), here = GRADIENT_ROW(first);
   for (int y = first; y < end; ++y) {
     const GradientRow below = GRADIENT_ROW(y + 1);
-    vstore16(above.difference + (here.difference << (short16)1) + below.difference, 0,
-             gx + y * width + x);
-    vstore16(below.smooth - above.smooth, 0, gy + y * width + x);
+    STORE(Shorts16, gx + y * width + x,
+          above.difference + (here.difference << (short16)1) + below.difference);
+    STORE(Shorts16, gy + y * width + x, below.smooth - above.smooth);
     above = here, here = below;
   }
 }
@@ -200,36 +194,4 @@ __kernel void sobel(__global const uchar* restrict image, __global short* restri
   FOR_SEGMENT(1, STRIP, PIXEL)
 #undef STRIP
 #undef PIXEL
-}
-
-// -------------------------------------------------------------------------------------- undistort
-
-/// A neighbour outside the image counts as 0.
-int pixel_or_zero(__global const uchar* image, int x, int y, int width, int height) {
-  return x >= 0 && x < width && y >= 0 && y < height ? image[y * width + x] : 0;
-}
-
-/// @param map  Source position of each output pixel in 1/32 pixel (MapEntry of vision.h).
-__kernel void undistort(__global const uchar* restrict image, __global uchar* restrict straight,
-                        __global const int2* restrict map, int width, int height) {
-  const int first = (int)get_global_id(0) * UNDISTORT_PIXELS;
-  const int y = (int)get_global_id(1);
-  const int end = min(first + UNDISTORT_PIXELS, width);
-  for (int x = first; x < end; ++x) {
-    const int2 at = map[y * width + x];
-    const int column = at.x >> 5, row = at.y >> 5;
-    const int fx = at.x & 31, fy = at.y & 31;
-    int p00, p01, p10, p11;
-    if (column >= 0 && column + 1 < width && row >= 0 && row + 1 < height) {
-      __global const uchar* p = image + row * width + column;
-      p00 = p[0], p01 = p[1], p10 = p[width], p11 = p[width + 1];
-    } else {
-      p00 = pixel_or_zero(image, column, row, width, height);
-      p01 = pixel_or_zero(image, column + 1, row, width, height);
-      p10 = pixel_or_zero(image, column, row + 1, width, height);
-      p11 = pixel_or_zero(image, column + 1, row + 1, width, height);
-    }
-    const int top = p00 * (32 - fx) + p01 * fx, bottom = p10 * (32 - fx) + p11 * fx;
-    straight[y * width + x] = (uchar)((top * (32 - fy) + bottom * fy + 512) >> 10);
-  }
 }

@@ -4,6 +4,7 @@
 #include <array>
 #include <vector>
 
+#include "workloads/backends/opencl/kernels/gradients.h"
 #include "workloads/backends/opencl/kernels/packing.h"
 #include "workloads/backends/opencl/kernels/strips.h"
 #include "workloads/backends/opencl/kernels/tiles.h"
@@ -13,20 +14,20 @@
 namespace pirt::opencl {
 namespace {
 
-PictureTiles tiles_of(const PlanBuilder& builder, Parameter rows, int reach,
+PictureTiles tiles_of(PlanBuilder& builder, const char* kernel, Parameter rows, int reach,
                       const vision::ImageOperation& op) {
-  return {builder.session(), builder.session().tuning[rows], reach, op};
+  return {builder, kernel, builder.session().value(rows), reach, op};
 }
 
 Strips strips_of(const PlanBuilder& builder, Parameter rows, const vision::ImageOperation& op) {
-  return {builder.session().tuning[rows], op};
+  return {builder.session().value(rows), op};
 }
 
 void append_gaussian_blur(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
                           std::span<const Resident> inputs, std::span<const Resident> outputs) {
   const auto& op = operation_as<vision::GaussianBlur>(workload);
   if (!builder.session().is_cpu) {
-    const auto tiles = tiles_of(builder, Parameter::kBlurStripRows, 2, op);
+    const auto tiles = tiles_of(builder, "gaussian_blur_tile", Parameter::kBlurStripRows, 2, op);
     builder.step("tiles.cl", "gaussian_blur_tile", tiles.extent, inputs[0], outputs[0], op.width,
                  op.height, tiles.rows, tiles.memory);
     return;
@@ -47,7 +48,7 @@ void append_filter7x7(PlanBuilder& builder, const Workload& workload,
   }
   const auto constant = builder.constant(std::as_bytes(std::span(weights)));
   if (!builder.session().is_cpu) {
-    const auto tiles = tiles_of(builder, Parameter::kFilterStripRows, 3, op);
+    const auto tiles = tiles_of(builder, "filter7x7_tile", Parameter::kFilterStripRows, 3, op);
     builder.step("tiles.cl", "filter7x7_tile", tiles.extent, inputs[0], outputs[0], constant,
                  op.width, op.height, tiles.rows, tiles.memory);
     return;
@@ -59,26 +60,8 @@ void append_filter7x7(PlanBuilder& builder, const Workload& workload,
 
 void append_sobel(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
                   std::span<const Resident> inputs, std::span<const Resident> outputs) {
-  const auto& op = operation_as<vision::Sobel>(workload);
-  if (!builder.session().is_cpu) {
-    const auto tiles = tiles_of(builder, Parameter::kSobelStripRows, 1, op);
-    builder.step("tiles.cl", "sobel_tile", tiles.extent, inputs[0], outputs[0], outputs[1],
-                 op.width, op.height, tiles.rows, tiles.memory);
-    return;
-  }
-  const Strips strips = strips_of(builder, Parameter::kSobelStripRows, op);
-  builder.step("vision.cl", "sobel", strips.extent, inputs[0], outputs[0], outputs[1], op.width,
-               op.height, strips.rows);
-}
-
-void append_undistort(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
-                      std::span<const Resident> inputs, std::span<const Resident> outputs) {
-  static_assert(sizeof(vision::MapEntry) == sizeof(cl_int2), "the map is uploaded as it is");
-  const auto& op = operation_as<vision::Undistort>(workload);
-  const auto map = vision::undistort_map(op);
-  const int pixels = builder.session().tuning[Parameter::kUndistortPixels];
-  builder.step("vision.cl", "undistort", {blocks(op.width, pixels), op.height}, inputs[0],
-               outputs[0], builder.constant(std::as_bytes(std::span(map))), op.width, op.height);
+  append_gradients(builder, operation_as<vision::Sobel>(workload), inputs[0], outputs[0].buffer,
+                   outputs[1].buffer);
 }
 
 void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
@@ -88,7 +71,7 @@ void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::sp
   constexpr int kColumnsPerItem = 8;
   const auto& op = operation_as<vision::OpticalFlow>(workload);
   const auto run = [&](Parameter parameter, int whole) {
-    const int tuned = builder.session().tuning[parameter];
+    const int tuned = builder.session().value(parameter);
     return tuned == kWholeRun ? whole : tuned;
   };
   const int run_x = run(Parameter::kFlowRunX, op.width);
@@ -154,6 +137,19 @@ constexpr std::array kKernels = {
 };
 
 }  // namespace
+
+void append_gradients(PlanBuilder& builder, const vision::ImageOperation& op, const Resident& image,
+                      const cl::Buffer& gx, const cl::Buffer& gy) {
+  if (!builder.session().is_cpu) {
+    const auto tiles = tiles_of(builder, "sobel_tile", Parameter::kSobelStripRows, 1, op);
+    builder.step("tiles.cl", "sobel_tile", tiles.extent, image, gx, gy, op.width, op.height,
+                 tiles.rows, tiles.memory);
+    return;
+  }
+  const Strips strips = strips_of(builder, Parameter::kSobelStripRows, op);
+  builder.step("vision.cl", "sobel", strips.extent, image, gx, gy, op.width, op.height,
+               strips.rows);
+}
 
 std::span<const KernelEntry> vision_kernels() { return kKernels; }
 

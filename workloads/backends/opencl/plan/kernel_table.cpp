@@ -47,6 +47,9 @@ const KernelEntry& find_kernel(std::string_view kernel) {
 Support support_of(const Workload& workload) {
   const KernelEntry* entry = try_find_kernel(workload.kernel);
   if (entry == nullptr) {
+    if (workload.operation && !workload.operation->host_only().empty()) {
+      return {.ok = false, .reason = std::string(workload.operation->host_only())};
+    }
     std::vector<std::string> known;
     for (const auto family : kFamilies) {
       for (const KernelEntry& each : family()) known.emplace_back(each.kernel);

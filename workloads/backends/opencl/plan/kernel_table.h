@@ -41,10 +41,16 @@ struct KernelEntry {
 // The families, each in its own file.
 [[nodiscard]] std::span<const KernelEntry> vision_kernels();
 [[nodiscard]] std::span<const KernelEntry> dnn_kernels();
+
+void append_undistort(PlanBuilder& builder, const Workload& workload,
+                      std::span<const Tensor> parameters, std::span<const Resident> inputs,
+                      std::span<const Resident> outputs);
 [[nodiscard]] std::unique_ptr<Kernel> make_feature_detect(const Session& session,
                                                           const Workload& workload,
                                                           std::span<const Tensor> parameters);
-
+[[nodiscard]] std::unique_ptr<Kernel> make_detect_objects(const Session& session,
+                                                          const Workload& workload,
+                                                          std::span<const Tensor> parameters);
 [[nodiscard]] std::unique_ptr<Kernel> make_extract_features(const Session& session,
                                                             const Workload& workload,
                                                             std::span<const Tensor> parameters);

@@ -1,6 +1,7 @@
 // How long commands waited between submission and start, from the device's own stamps.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "workloads/backends/opencl/device/api.h"
@@ -26,17 +27,21 @@ class LaunchSum {
 /// them alive.
 class LaunchTimes {
  public:
+  /// @param has_clock  Whether their stamps tell the time (Session::has_clock).
+  explicit LaunchTimes(bool has_clock) : has_clock_(has_clock) {}
+
   /// @param event  Of the command enqueued last. Once 256 are alive it waits for the older half,
   /// while the
   ///               younger half keeps the device busy.
   void add(cl::Event event);
-  /// The sum over all commands added. Waits for the last one.
-  [[nodiscard]] Nanos finish();
+  /// The sum over all commands added, where there is a clock. Waits for the last one.
+  [[nodiscard]] std::optional<Nanos> finish();
 
  private:
   static constexpr std::size_t kMaxLive = 256;
   void fold(std::size_t count);
 
+  bool has_clock_;
   std::vector<cl::Event> live_;
   LaunchSum sum_;
 };

@@ -53,7 +53,7 @@ void MappedKernel::upload() {
 std::optional<Nanos> MappedKernel::execute(int repeats) {
   return translated(fmt::format("executing {}", workload_), [&] {
     unmap_all();  // executing again without another upload is allowed
-    LaunchTimes times;
+    LaunchTimes times(session_.has_clock);
     for (int i = 0; i < repeats; ++i) enqueue(session_, plan_, times);
     return times.finish();
   });

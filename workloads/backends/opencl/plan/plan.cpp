@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cassert>
 #include <stdexcept>
 #include <utility>
@@ -30,6 +31,23 @@ Rectangle rectangle(const Resident& resident) {
                      to_size(resident.planes())},
           .row_pitch = static_cast<std::size_t>(resident.pitch()) * element,
           .slice_pitch = static_cast<std::size_t>(resident.plane()) * element};
+}
+
+/// The work items of a group of @p kernel: PlanBuilder::group_items.
+std::size_t fitting(const Session& session, const cl::Kernel& kernel, LocalNeed need,
+                    std::size_t multiple) {
+  const cl::Device& device = session.device;
+  std::size_t most = kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(device);
+  if (need.per_item > 0) {
+    const std::size_t all = device.getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
+    const std::size_t taken =
+        kernel.getWorkGroupInfo<CL_KERNEL_LOCAL_MEM_SIZE>(device) + need.per_group;
+    most = std::min(most, taken < all ? (all - taken) / need.per_item : 0);
+  }
+  if (most >= session.local_x) return session.local_x / multiple * multiple;
+  const std::size_t liked =
+      multiple * kernel.getWorkGroupInfo<CL_KERNEL_PREFERRED_WORK_GROUP_SIZE_MULTIPLE>(device);
+  return most >= liked ? most / liked * liked : most / multiple * multiple;
 }
 
 }  // namespace
@@ -132,12 +150,30 @@ Plan PlanBuilder::finish(std::vector<Resident> inputs, std::vector<Resident> out
           .next = std::exchange(next_, {})};
 }
 
-void PlanBuilder::append(cl::Kernel kernel, Extent extent) {
-  const std::size_t local = session_.local_x;
+std::size_t PlanBuilder::group_items(std::string_view source, const char* kernel, LocalNeed need,
+                                     std::size_t multiple) {
+  return fitting(session_, cl::Kernel(program(source), kernel), need, multiple);
+}
+
+void PlanBuilder::append(cl::Kernel kernel, const char* name, Extent extent) {
+  const std::size_t local = extent.group ? *extent.group : fitting(session_, kernel, {}, 1);
+  if (local == 0) {
+    throw_environment(
+        fmt::format("opencl: \"{}\" has no room for a work group of {}; choose another device",
+                    session_.device.getInfo<CL_DEVICE_NAME>(), name));
+  }
   const std::size_t groups = (to_size(extent.x) + local - 1) / local;
   steps_.push_back({.kernel = std::move(kernel),
                     .global = cl::NDRange(groups * local, to_size(extent.y)),
                     .local = cl::NDRange(local, 1)});
+}
+
+std::int64_t checked_count(std::int64_t count, std::int64_t most, const std::string& of) {
+  if (count >= 0 && count <= most) return count;
+  throw_environment(
+      fmt::format("opencl: the device counts {} {}, of which there are at most {}; its driver is "
+                  "broken, choose another device",
+                  count, of, most));
 }
 
 void write(const Session& session, const Resident& to, const Tensor& from) {
@@ -161,13 +197,7 @@ void read(const Session& session, const Resident& from, Tensor& to) {
   if (from.spec.varies) {
     cl_int rows = 0;
     session.queue.enqueueReadBuffer(from.rows, CL_TRUE, 0, sizeof(rows), &rows);
-    if (rows < 0 || rows > from.spec.shape.front()) {
-      throw_environment(
-          fmt::format("opencl: the device says that {} has {} rows; its driver is "
-                      "broken, choose another device",
-                      from.spec.describe(), rows));
-    }
-    to.set_rows(rows);
+    to.set_rows(checked_count(rows, from.spec.shape.front(), "rows of " + from.spec.describe()));
   }
   const auto bytes = to.used_bytes().size();
   if (bytes != 0) session.queue.enqueueReadBuffer(from.buffer, CL_TRUE, 0, bytes, to.data());

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -39,7 +40,7 @@ struct Step {
   cl::NDRange local;
 };
 
-/// An argument: memory that the items of a work group share.
+/// An argument: memory that the items of a work group share. Launches with such name their group.
 struct LocalMemory {
   std::size_t size_bytes = 0;
 };
@@ -71,6 +72,16 @@ struct Plan {
 struct Extent {
   std::int64_t x = 1;
   std::int64_t y = 1;
+  /// Work items of a group along x; absent: as many as the session wishes and the kernel takes.
+  std::optional<std::size_t> group = std::nullopt;
+};
+
+/// Local memory that a group's arguments need.
+struct LocalNeed {
+  std::size_t per_item = 0;
+  std::size_t per_group = 0;  ///< Besides.
+
+  [[nodiscard]] LocalMemory of(std::size_t items) const { return {per_item * items + per_group}; }
 };
 
 /// Collects a plan: builds each program once, allocates buffers, sets arguments. Not kept after
@@ -94,16 +105,24 @@ class PlanBuilder {
   /// A buffer that kernels only read, filled; complete on return.
   [[nodiscard]] cl::Buffer constant(std::span<const std::byte> bytes);
 
+  /// How many work items a group of the kernel can have along x: as many as the session wishes, or
+  /// less where the kernel (its registers) or the local memory that is left take no more; a
+  /// multiple of @p multiple, and then of what the device likes, where it can be. 0 = it cannot
+  /// have any.
+  [[nodiscard]] std::size_t group_items(std::string_view source, const char* kernel, LocalNeed need,
+                                        std::size_t multiple = 1);
+
   /// Appends the launch of a kernel. Buffers, residents, int32, float and local memory are
   /// arguments.
   /// @param source  Name of one of the embedded .cl files.
+  /// @throws Error{kEnvironment} if the device takes no group of it.
   template <typename... Arguments>
   void step(std::string_view source, const char* kernel, Extent extent,
             const Arguments&... arguments) {
     cl::Kernel built(program(source), kernel);
     cl_uint index = 0;
     (set(built, index++, arguments), ...);
-    append(std::move(built), extent);
+    append(std::move(built), kernel, extent);
   }
 
   /// The plan of all steps so far; the builder is empty afterwards.
@@ -129,7 +148,7 @@ class PlanBuilder {
 
   [[nodiscard]] const cl::Program& program(std::string_view source);
   [[nodiscard]] cl::Buffer allocate(cl_mem_flags flags, std::size_t size_bytes);
-  void append(cl::Kernel kernel, Extent extent);
+  void append(cl::Kernel kernel, const char* name, Extent extent);
 
   const Session& session_;
   std::map<std::string, cl::Program, std::less<>> programs_;
@@ -139,11 +158,15 @@ class PlanBuilder {
   std::vector<Resident> current_, next_;
 };
 
+/// What the device counted, which is to be allocated and read.
+/// @throws Error{kEnvironment} if it is not from 0 to @p most.
+[[nodiscard]] std::int64_t checked_count(std::int64_t count, std::int64_t most,
+                                         const std::string& of);
+
 /// Host to device, of a list the rows that it has; blocks. @param from  Without border.
 void write(const Session& session, const Resident& to, const Tensor& from);
 /// Device to host, of a list the rows that the device says; blocks. Residents without border only.
-/// @throws Error{kEnvironment} if the device says more rows than the list can have, or fewer than
-/// 0.
+/// @throws Error{kEnvironment} as checked_count.
 void read(const Session& session, const Resident& from, Tensor& to);
 /// Enqueues all steps and adds their events to @p times.
 void enqueue(const Session& session, const Plan& plan, LaunchTimes& times);

@@ -25,7 +25,7 @@ void PlanKernel::upload() {
 
 std::optional<Nanos> PlanKernel::execute(int repeats) {
   return translated(fmt::format("executing {}", workload_), [&] {
-    LaunchTimes times;
+    LaunchTimes times(session_.has_clock);
     for (int i = 0; i < repeats; ++i) enqueue(session_, plan_, times);
     return times.finish();
   });

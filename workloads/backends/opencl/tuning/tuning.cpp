@@ -15,14 +15,14 @@ constexpr std::array kLocalGpu = {32, 64, 128, 256};
 constexpr std::array kStripsCpu = {8, 16, 32, 64, 128};
 constexpr std::array kStripsGpu = {1, 2, 4, 8, 16};
 constexpr std::array kFilterAtOnce = {1, 2, 4, 8};
-constexpr std::array kUndistortCpu = {4, 8, 16, 32};
+constexpr std::array kUndistortCpu = {4, 8, 16};
 constexpr std::array kUndistortGpu = {1, 2, 4, 8, 16};
 constexpr std::array kFeatureCpu = {8, 16, 32, 64};
 constexpr std::array kFeatureGpu = {8, 16, 32};
 constexpr std::array kRunsCpu = {kWholeRun, 64, 128, 256};
 constexpr std::array kRunsGpu = {16, 32, 64, 128, 256};
-constexpr std::array kChannels = {4, 8, 16};
-constexpr std::array kPixels = {2, 4, 6, 8, 12};
+constexpr std::array kChannels = {kByVectors, 4, 8, 16, 32};
+constexpr std::array kPixels = {kByVectors, 2, 4, 6, 8, 12};
 // GPUs have the tiles of tiles.cl, and these where a group does not fit them: nothing to search.
 constexpr std::array kChannelsGpu = {16};
 constexpr std::array kPixelsGpu = {6};
@@ -36,12 +36,10 @@ std::span<const ParameterInfo> parameter_table() {
       // 64 items in step.
       {.parameter = Parameter::kLocalX,
        .name = "local_x",
-       .meaning = "work items of a work group, the same for all kernels of a device",
+       .meaning = "work items of a work group of each kernel that takes so many",
        .kernels = {},
        .cpu = {8, kLocalCpu},
-       .gpu = {64, kLocalGpu},
-       .definition = "LOCAL_X",
-       .sources = {"dnn.cl", "peaks.cl"}},
+       .gpu = {64, kLocalGpu}},
       // Long strips share more between their rows, short ones are more work items.
       {.parameter = Parameter::kBlurStripRows,
        .name = "blur_strip_rows",
@@ -71,12 +69,12 @@ std::span<const ParameterInfo> parameter_table() {
        .gpu = {4, kStripsGpu}},
       {.parameter = Parameter::kUndistortPixels,
        .name = "undistort_pixels",
-       .meaning = "neighbouring pixels of a work item of undistort",
+       .meaning = "neighbouring pixels of a work item of undistort, a vector's width or 1",
        .kernels = {"undistort"},
        .cpu = {16, kUndistortCpu},
-       .gpu = {16, kUndistortGpu},
+       .gpu = {1, kUndistortGpu},
        .definition = "UNDISTORT_PIXELS",
-       .sources = {"vision.cl"}},
+       .sources = {"undistort.cl"}},
       {.parameter = Parameter::kFeaturePixels,
        .name = "feature_pixels",
        .meaning = "neighbouring pixels of a work item of the corner responses and candidates",
@@ -99,17 +97,17 @@ std::span<const ParameterInfo> parameter_table() {
        .gpu = {64, kRunsGpu}},
       {.parameter = Parameter::kConvChannels,
        .name = "conv_channels",
-       .meaning = "output channels of a work item of conv2d_relu, a vector's width",
+       .meaning = "output channels of a work item of conv2d_relu, 0 = by the device's vectors",
        .kernels = {"conv2d_relu"},
-       .cpu = {16, kChannels},
+       .cpu = {kByVectors, kChannels},
        .gpu = {16, kChannelsGpu},
        .definition = "CONV_CHANNELS",
        .sources = {"dnn.cl"}},
       {.parameter = Parameter::kConvPixels,
        .name = "conv_pixels",
-       .meaning = "output pixels of a work item of conv2d_relu",
+       .meaning = "output pixels of a work item of conv2d_relu, 0 = by the device's vectors",
        .kernels = {"conv2d_relu"},
-       .cpu = {6, kPixels},
+       .cpu = {kByVectors, kPixels},
        .gpu = {6, kPixelsGpu},
        .definition = "CONV_PIXELS",
        .sources = {"dnn.cl"}},
@@ -158,6 +156,19 @@ std::string Tuning::describe() const {
     parts.push_back(fmt::format("{}={}", info.name, (*this)[info.parameter]));
   }
   return parts.empty() ? "default" : join(parts, ", ");
+}
+
+Tuning for_vectors(Tuning tuning, int lanes) {
+  // Two vectors of channels by as many pixels as leave registers for what is loaded: AVX-512 has 32
+  // registers of 16 lanes, AVX2 16 of 8, NEON 32 of 4.
+  const bool is_wide = lanes >= 16;
+  if (tuning[Parameter::kConvChannels] == kByVectors) {
+    tuning.set(Parameter::kConvChannels, is_wide ? 32 : 16);
+  }
+  if (tuning[Parameter::kConvPixels] == kByVectors) {
+    tuning.set(Parameter::kConvPixels, is_wide ? 12 : 6);
+  }
+  return tuning;
 }
 
 std::string definitions_of(const Tuning& tuning, std::string_view source) {

@@ -31,6 +31,8 @@ inline constexpr std::size_t kParameters = 12;
 
 /// Value of flow_run_x and flow_run_y: one run goes over the whole picture.
 inline constexpr int kWholeRun = 0;
+/// Value of conv_channels and conv_pixels: what suits the device's vectors (for_vectors).
+inline constexpr int kByVectors = 0;
 
 /// What a parameter may be on one kind of device; its kernels are right with each of them.
 struct ParameterRange {
@@ -84,6 +86,10 @@ class Tuning {
   bool is_cpu_;
   std::array<int, kParameters> values_{};
 };
+
+/// The tuning with values in the place of kByVectors.
+/// @param lanes  Floats of one of the device's vectors.
+[[nodiscard]] Tuning for_vectors(Tuning tuning, int lanes);
 
 /// Build options, each with a blank before it, of the parameters that @p source has as definitions:
 /// " -DCONV_PIXELS=6". Sources that have none share their binaries whatever the tuning.

@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# Every kernel of backend opencl at its smallest sizes on Oclgrind, a simulated device that reports races between work
+# items, values that nobody wrote, accesses beyond a buffer and wrong calls of the API. About 10 minutes.
+#
+# Usage: tests/oclgrind.sh [BUILD [GTEST_FILTER]]
+#   BUILD has the test programs (default: build). Fails for a wrong result, and for a report that
+#   tests/support/oclgrind.txt does not explain. The peak loops, which run for seconds on a real device, are left out.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+build=${1:-build}
+filter=${2:-OpenClSmallest.*}
+command -v oclgrind >/dev/null || { echo "oclgrind.sh: there is no oclgrind; apt-get install oclgrind" >&2; exit 4; }
+
+# Without optimizations: of LLVM's `freeze`, which they make, Oclgrind 21.10 cannot say whether it is initialized.
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+PIRT_TEST_DEVICE=Oclgrind oclgrind --log "$folder/log" --max-errors 100000 \
+  --build-options -cl-opt-disable --data-races --check-api --uninitialized \
+  "$build/tests/workloads_test" --gtest_filter="$filter" --gtest_brief=1 | tee "$folder/tests"
+grep -q '^\[  PASSED  \] [1-9]' "$folder/tests" || { echo "oclgrind.sh: no test ran" >&2; exit 1; }
+if grep -q 'SKIPPED' "$folder/tests"; then echo "oclgrind.sh: tests were skipped" >&2; exit 1; fi
+touch "$folder/log"
+
+# A report is a paragraph: what it is, and where ("Kernel: name"). Alike ones of one kernel are counted.
+awk -v suppressions=tests/support/oclgrind.txt '
+  BEGIN {
+    while ((getline line < suppressions) > 0) {
+      if (line ~ /^#/ || line ~ /^ *$/) continue
+      split(line, field, " *[|] *")
+      kernel[++known] = field[1]; message[known] = field[2]
+    }
+    RS = ""; FS = "\n"
+  }
+  {
+    what = $1; where = "-"
+    sub(/ at (global|local|private|constant) memory address.*/, "", what)
+    for (i = 1; i <= NF; ++i) if ($i ~ /Kernel:/) { where = $i; sub(/.*Kernel: */, "", where) }
+    for (i = 1; i <= known; ++i) {
+      if (where ~ "^(" kernel[i] ")$" && index(what, message[i])) { ++used[i]; next }
+    }
+    if (!(where SUBSEP what in seen)) first[where SUBSEP what] = $0
+    ++seen[where SUBSEP what]
+  }
+  END {
+    for (i = 1; i <= known; ++i) printf "%6d explained: %s, %s\n", used[i], kernel[i], message[i]
+    for (key in seen) { ++new; printf "%6d NEW, the first:\n%s\n", seen[key], first[key] }
+    exit new > 0
+  }' "$folder/log"
+echo "oclgrind: OK"

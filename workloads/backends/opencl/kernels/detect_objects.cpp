@@ -1,0 +1,115 @@
+// detect_objects: the convolutions of the generated detector on the device. The picture comes to
+// the network's size on the host within upload(); what the last layer's numbers mean, and which
+// boxes remain, is the host's within execute().
+#include <fmt/core.h>
+
+#include <utility>
+#include <vector>
+
+#include "workloads/backends/opencl/kernels/convolution.h"
+#include "workloads/backends/opencl/plan/kernel_table.h"
+#include "workloads/backends/opencl/plan/launch_times.h"
+#include "workloads/recognition/generated_network.h"
+#include "workloads/recognition/workloads.h"
+
+namespace pirt::opencl {
+namespace {
+
+class DetectObjectsKernel final : public Kernel {
+ public:
+  DetectObjectsKernel(Session session, std::string workload, Plan plan)
+      : session_(std::move(session)),
+        workload_(std::move(workload)),
+        plan_(std::move(plan)),
+        input_(plan_.inputs[0].spec),
+        head_(plan_.outputs[0].spec) {}
+
+  void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
+    picture_ = &inputs[0];
+    outputs_ = outputs;
+  }
+
+  void upload() override {
+    translated(fmt::format("uploading the picture of {}", workload_), [&] {
+      const auto numbers =
+          recognition::network_input(*picture_, detector_.width, detector_.height,
+                                     recognition::Fit::kStretch, recognition::Preprocess::kUnit);
+      std::ranges::copy(numbers, input_.as<float>().begin());
+      write(session_, plan_.inputs[0], input_);
+    });
+  }
+
+  std::optional<Nanos> execute(int repeats) override {
+    return translated(fmt::format("executing {}", workload_), [&] {
+      LaunchTimes times(session_.has_clock);
+      for (int i = 0; i < repeats; ++i) {
+        enqueue(session_, plan_, times);
+        read(session_, plan_.outputs[0], head_);
+        found_ = recognition::candidates_of_head(detector_, head_.as<float>(),
+                                                 recognition::least_score());
+        recognition::write_objects(found_, outputs_);
+      }
+      return times.finish();
+    });
+  }
+
+ private:
+  Session session_;
+  std::string workload_;
+  Plan plan_;
+  recognition::GeneratedNetwork detector_ = recognition::generated_detector();
+  Tensor input_, head_;  ///< The network's own.
+  const Tensor* picture_ = nullptr;
+  std::span<Tensor> outputs_;
+  std::vector<recognition::Candidate> found_;
+};
+
+dnn::ConvShape shape_of(const recognition::NetworkLayer& layer, int height, int width) {
+  return {.in_c = layer.inputs,
+          .in_h = height,
+          .in_w = width,
+          .out_c = layer.outputs,
+          .k_h = layer.size,
+          .k_w = layer.size,
+          .stride = layer.stride,
+          .pad = layer.size / 2};
+}
+
+TensorSpec maps(int channels, int height, int width) {
+  return {"maps", Element::kF32, {channels, height, width}};
+}
+
+}  // namespace
+
+std::unique_ptr<Kernel> make_detect_objects(const Session& session, const Workload& workload,
+                                            std::span<const Tensor> parameters) {
+  const auto detector = recognition::generated_detector();
+  const auto layers = recognition::layers_of(detector);
+  PlanBuilder builder(session);
+  const Resident picture =
+      builder.resident(maps(layers[0].inputs, detector.height, detector.width), layers[0].size / 2);
+  auto weights = parameters[0].as<float>();
+  Resident in = picture;
+  int height = detector.height, width = detector.width;
+  for (std::size_t i = 0; i < layers.size(); ++i) {
+    const bool is_last = i + 1 == layers.size();
+    const dnn::ConvShape shape = shape_of(layers[i], height, width);
+    height = shape.out_h(), width = shape.out_w();
+    const Resident out =
+        builder.resident(maps(shape.out_c, height, width), is_last ? 0 : layers[i + 1].size / 2);
+    const auto all = weights.first(recognition::weight_count(layers[i]));
+    weights = weights.subspan(all.size());
+    const auto outputs = static_cast<std::size_t>(shape.out_c);  // The biases come first.
+    append_convolution(builder,
+                       {.shape = shape,
+                        .weights = all.subspan(outputs),
+                        .bias = all.first(outputs),
+                        .relu = !is_last},
+                       in, out);
+    in = out;
+  }
+  return std::make_unique<DetectObjectsKernel>(session, workload.name,
+                                               builder.finish({picture}, {in}));
+}
+
+}  // namespace pirt::opencl

@@ -1,0 +1,14 @@
+// The gradients of a picture: workload sobel, and the first step of corners.
+#pragma once
+
+#include "workloads/backends/opencl/plan/plan.h"
+#include "workloads/vision/vision.h"
+
+namespace pirt::opencl {
+
+/// Appends the launch that computes them as make_sobel defines.
+/// @param gx, gy  i16 [height,width].
+void append_gradients(PlanBuilder& builder, const vision::ImageOperation& operation,
+                      const Resident& image, const cl::Buffer& gx, const cl::Buffer& gy);
+
+}  // namespace pirt::opencl
