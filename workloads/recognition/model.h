@@ -51,7 +51,7 @@ struct ModelOptions {
   /// Of a detector. Default: kLetterbox for ONNX, and for Darknet where its configuration says
   /// letter_box=1.
   std::optional<Fit> fit = std::nullopt;
-  std::string config_option = "--config";                 ///< What the user gives `config` with.
+  std::string config_option = "--config";  ///< What the user gives `config` with.
 };
 
 /// What a network of that size is given for a picture: f32 [3, height, width].
