@@ -14,7 +14,7 @@ PIRT_TEST_PACKAGES=(libgtest-dev libgmock-dev chromium chromium-driver)
 PIRT_DSP_PACKAGES=(clang-14 lld-14 qemu-user)
 # Backend nats, the cloud: its libraries, and the server that tests start; likewise.
 PIRT_NATS_PACKAGES=(libnats-dev nats-server)
-PIRT_LONG_PACKAGES=(clang-14 clang-format-14 clang-tidy-14 eslint)
+PIRT_FPGA_PACKAGES=(verilator)  # backend fpga, in the same way
 
 say() { printf '== %s\n' "$*"; }
 

@@ -3,6 +3,7 @@
 
 #include "workloads/backends/dsp/dsp_options.h"
 #include "workloads/backends/fake/fake_options.h"
+#include "workloads/backends/fpga/fpga_options.h"
 
 namespace pirt {
 
@@ -17,6 +18,7 @@ std::vector<std::string> backend_names() {
 std::vector<OptionSpec> options_of(std::string_view backend) {
   if (backend == "dsp") return dsp_options();
   if (backend == "fake") return fake_options();
+  if (backend == "fpga") return fpga_options();
   return {};
 }
 

@@ -8,6 +8,7 @@
 #include "workloads/backends/cpu/cpu_backend.h"
 #include "workloads/backends/dsp/dsp_backend.h"
 #include "workloads/backends/fake/fake_backend.h"
+#include "workloads/backends/fpga/fpga_backend.h"
 #include "workloads/backends/opencl/opencl_backend.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
