@@ -16,6 +16,22 @@ std::string sensors_of(const slam::Setup& setup) {
                      setup.imu ? "IMU" : "no IMU");
 }
 
+/// "found", "not found", or "sought" where the run was stopped before it could be.
+std::string map_status(const RobotRun& run) {
+  if (run.summary.known_map->found_after_s) return "found";
+  return run.result.stopped ? "sought" : "not found";
+}
+
+std::string known_map_text(const RobotRun& run) {
+  if (!run.summary.known_map) return "";
+  const auto& known = *run.summary.known_map;
+  return fmt::format("loaded map     {} ({} points){}\n", map_status(run), known.points,
+                     known.found_after_s
+                         ? fmt::format(", {:.2f} s after the start; all poses are in its world",
+                                       *known.found_after_s)
+                         : "; the poses are in a world of the run's own");
+}
+
 std::string frames_text(const RobotRun& run) {
   const auto& s = run.summary;
   const auto& r = run.result;
@@ -32,8 +48,10 @@ std::string frames_text(const RobotRun& run) {
   text += fmt::format("rate           {:.1f} Hz ({})\n", s.rate_hz, rate);
   text += fmt::format("latency, ms    p50 {:.2f}, p95 {:.2f}, p99 {:.2f}, from arrival to pose\n",
                       run.latency.p50_ms, run.latency.p95_ms, run.latency.p99_ms);
-  return text + fmt::format("map            {} landmarks in the filter, {} points outside\n",
-                            s.landmarks, s.map_points);
+  return text +
+         fmt::format("map            {} landmarks in the filter, {} points outside\n", s.landmarks,
+                     s.map_points) +
+         known_map_text(run);
 }
 
 slam::StageSummary summary_of(const ActivityCounts& counts) {
@@ -252,6 +270,11 @@ Json robot_json(const RobotRun& run, const std::string& dataset) {
                {"latency_p99_ms", run.latency.p99_ms},
                {"landmarks", s.landmarks},
                {"map_points", s.map_points}};
+  if (s.known_map) {
+    json["map"] = map_status(run);
+    json["known_map_points"] = s.known_map->points;
+    if (s.known_map->found_after_s) json["map_found_after_s"] = *s.known_map->found_after_s;
+  }
   if (!run.mode.empty()) {
     json["mode"] = run.mode;
     json["served"] = r.served;
@@ -307,6 +330,7 @@ Table robot_comparison(std::span<const RobotRun> runs) {
                    {"dropped"},
                    {"failed"},
                    {"lost"},
+                   {"map", Align::kLeft},
                    {"recogn./s"},
                    {"plan p99 ms"},
                    {"late"},
@@ -328,6 +352,7 @@ Table robot_comparison(std::span<const RobotRun> runs) {
         {run.driver, fmt::format("{:.1f}", s.rate_hz), fmt::format("{:.2f}", run.latency.p50_ms),
          fmt::format("{:.2f}", run.latency.p99_ms), fmt::format("{}", run.result.dropped),
          fmt::format("{}", run.result.failed), fmt::format("{}", s.lost),
+         s.known_map ? map_status(run) : "-",
          number(seen != nullptr, "{:.2f}", seen != nullptr ? per_second(run, *seen) : 0),
          number(plans != nullptr, "{:.2f}", plans != nullptr ? summary_of(*plans).p99_ms : 0),
          plans != nullptr ? fmt::format("{}", plans->late) : "-",

@@ -163,7 +163,7 @@ struct Activities::Planned {
   planning::PreparedMap passable;
   Cell goal;
   std::shared_ptr<const std::vector<Tensor>> inputs;  ///< All but the start are always the same.
-  std::optional<Place> first;                         ///< In the localization's frame.
+  std::optional<Pose> first;                          ///< In the localization's world.
   std::optional<std::pair<Place, Nanos>> before;
 
   std::mutex mutex;  ///< Guards what follows, which plans that end write.
@@ -181,6 +181,7 @@ struct Activities::Mapped {
 
   std::mutex mutex;  ///< Guards what follows, which jobs that end write.
   AdjustedKeyframes adjusted;
+  std::optional<Similarity> moved;  ///< The localization's world since it began.
 };
 
 Activities::Activities(ActivityOptions options) : options_(std::move(options)) {
@@ -321,6 +322,7 @@ void Activities::describe(Nanos time, const GreyImage& picture) {
 
 void Activities::localized(const slam::FrameResult& frame,
                            const std::function<slam::State()>& state) {
+  if (frame.in_map && !std::exchange(in_map_, true)) change_world(state().map_from_start);
   // What is real-time first: a unit that has begun an adjustment is not preempted.
   if (planned_ && frame.status != slam::Status::kStarting) {
     const Place place = place_of(frame.pose.body);
@@ -330,10 +332,26 @@ void Activities::localized(const slam::FrameResult& frame,
   if (frame.status == slam::Status::kTracking && mapped_) map(frame, state);
 }
 
+/// What was known of the world in which the localization began is of the map's that it found.
+void Activities::change_world(const Similarity& moved) {
+  if (planned_ && planned_->first) planned_->first = pirt::moved(moved, *planned_->first);
+  if (!mapped_) return;
+  mapped_->keyframes = mapping::Keyframes(options_.setup);
+  mapped_->last.reset();
+  const std::lock_guard lock(mapped_->mutex);
+  mapped_->moved = moved;
+  for (auto* poses : {&mapped_->adjusted.before, &mapped_->adjusted.after}) {
+    for (StampedPose& pose : *poses) pose.body = pirt::moved(moved, pose.body);
+  }
+}
+
 Place Activities::place_of(const Pose& body) {
-  const Place here{{body.position.x(), body.position.y()}, heading_of(body)};
-  if (!planned_->first) planned_->first = here;
-  const Place& first = *planned_->first;
+  const auto on_the_floor = [](const Pose& pose) {
+    return Place{{pose.position.x(), pose.position.y()}, heading_of(pose)};
+  };
+  if (!planned_->first) planned_->first = body;
+  const Place here = on_the_floor(body);
+  const Place first = on_the_floor(*planned_->first);
   const Place& start = options_.planning->start;
   const double turn = start.heading_rad - first.heading_rad;
   const double x = here.position.x - first.position.x;
@@ -400,13 +418,17 @@ void Activities::map(const slam::FrameResult& frame, const std::function<slam::S
       std::exchange(mapped_->keyframes, mapping::Keyframes(options_.setup)));
   auto problem = std::make_shared<mapping::BalProblem>(batch->problem());
   mapping_->fire(mapping::bundle_inputs(*problem, {}, batch->priors()),
-                 [this, batch, problem](std::span<const Tensor> outputs) {
+                 [this, batch, problem, in_map = in_map_](std::span<const Tensor> outputs) {
                    mapping::take_outputs(outputs, *problem);
                    const auto refined = batch->refined(*problem);
                    const std::lock_guard lock(mapped_->mutex);
+                   const auto add = [&](std::vector<StampedPose>& poses, StampedPose pose) {
+                     if (!in_map && mapped_->moved) pose.body = moved(*mapped_->moved, pose.body);
+                     poses.push_back(pose);
+                   };
                    auto& [before, after] = mapped_->adjusted;
-                   for (const auto& each : batch->all()) before.push_back(each.pose);
-                   after.insert(after.end(), refined.keyframes.begin(), refined.keyframes.end());
+                   for (const auto& each : batch->all()) add(before, each.pose);
+                   for (const auto& each : refined.keyframes) add(after, each);
                  });
 }
 

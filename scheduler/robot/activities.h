@@ -94,6 +94,7 @@ class Activities final : public Companion {
   struct Mapped;
   [[nodiscard]] TensorSpec picture_spec() const;
   [[nodiscard]] Place place_of(const Pose& body);
+  void change_world(const Similarity& moved);
   void recognize(const GreyImage& image);
   void describe(Nanos time, const GreyImage& image);
   void plan(const Place& place);
@@ -107,6 +108,7 @@ class Activities final : public Companion {
   std::unique_ptr<Mapped> mapped_;        ///< Null: no keyframes.
   std::unique_ptr<Activity> recognition_, scene_, planning_, avoiding_, mapping_;
   std::optional<Nanos> next_recognition_, next_scene_;
+  bool in_map_ = false;              ///< The localization is in the world of a map that it found.
   std::vector<std::string> scenes_;  ///< One description is on its way at a time.
 };
 

@@ -54,11 +54,10 @@ class LiveLocalization {
       : sequence_(sequence),
         options_(std::move(options)),
         no_tracks_(empty(slam::track_specs(options_.setup))),
-        no_features_(empty(slam::feature_specs())),
-        state_time_(options_.start.time) {
+        no_features_(empty(slam::feature_specs())) {
     const auto& camera = options_.setup.cameras[0];
     RuntimeOptions& runtime = options_.runtime;
-    runtime.made = slam::steps(options_.setup, options_.start);
+    runtime.made = slam::steps(options_.setup);
     runtime.made.push_back(vision::make_extract_features(camera.width, camera.height));
     runtime.own = tracking_workloads(options_.setup);
     if (options_.companion != nullptr) options_.companion->list_workloads(runtime);
@@ -292,6 +291,7 @@ class LiveLocalization {
     result.pose = {sequence_.frames[f.frame].time, slam::pose_of(outputs[2])};
     std::ranges::copy(outputs[3].as<double>(), result.position_covariance.data());
     result.status = static_cast<slam::Status>(outputs[4].as<std::int32_t>()[0]);
+    result.in_map = outputs[4].as<std::int32_t>()[1] != 0;
     result.unusable = f.unusable;
     const auto report = f.update_pose.get()[2].as<std::int32_t>();
     result.report = {report[0], report[1], report[2], report[3], report[4]};

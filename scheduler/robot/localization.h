@@ -31,7 +31,6 @@ namespace pirt {
 
 struct LocalizationOptions {
   slam::Setup setup;
-  slam::State start;       ///< A loaded map, for example.
   RuntimeOptions runtime;  ///< Platform, profile, mode, trace; its workloads are given here.
   /// Frames come by their stamps; otherwise each as soon as there is room for it.
   bool own_rate = true;

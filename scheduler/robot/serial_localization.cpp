@@ -98,7 +98,6 @@ class SerialLocalization {
     slam::RunOptions run;
     run.setup = options_.setup;
     run.clock = &clock_;
-    run.start = std::move(options_.start);
     run.spoil = [this](std::size_t frame, std::size_t camera, GreyImage& image) {
       if (options_.spoil) options_.spoil(frame, camera, image);
       if (camera == 0 && options_.companion != nullptr) left_ = image;

@@ -63,6 +63,52 @@ TEST_F(RunRobot, LiveWritesTheTrajectoryOfTheSerialRun) {
   EXPECT_EQ(updates, 50);
 }
 
+TEST_F(RunRobot, SaysWhetherTheMapThatWasLoadedWasFoundAndSavesItsOwnIfNot) {
+  const auto own = scratch_.file("own.map");
+  ASSERT_EQ(pirt(arguments({"--serial", "--fast", "--save-slam-map", own})).exit_code, 0);
+  const auto known = pirt(live({"--fast", "--load-slam-map", own, "--json", "-"}));
+  ASSERT_EQ(known.exit_code, 0) << known.err;
+  EXPECT_EQ(known.json()["map"], "found");
+  EXPECT_GT(known.json()["known_map_points"], 20);
+  EXPECT_LT(known.json()["map_found_after_s"], 2.0);
+  const auto text = pirt(arguments({"--serial", "--fast", "--load-slam-map", own}));
+  EXPECT_THAT(text.out, HasSubstr("loaded map     found"));
+
+  auto elsewhere = options_;
+  elsewhere.room_seed = 4;
+  write_euroc(generate_sequence(elsewhere), scratch_.file("elsewhere"), 1);
+  const auto there = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), {"run-robot", scratch_.file("elsewhere"), "--serial", "--fast"});
+    return pirt(more);
+  };
+  const auto lost = there({"--load-slam-map", own, "--save-slam-map", scratch_.file("a.map"),
+                           "--trajectory", scratch_.file("a.txt"), "--json", "-"});
+  ASSERT_EQ(lost.exit_code, 0) << lost.err;
+  EXPECT_EQ(lost.json()["map"], "not found");
+  EXPECT_EQ(lost.json()["frames_lost"], 0);
+  ASSERT_EQ(
+      there({"--save-slam-map", scratch_.file("b.map"), "--trajectory", scratch_.file("b.txt")})
+          .exit_code,
+      0);
+  EXPECT_EQ(slurp(scratch_.file("a.map")), slurp(scratch_.file("b.map")));
+  EXPECT_EQ(slurp(scratch_.file("a.txt")), slurp(scratch_.file("b.txt")));
+  const auto both = there({"--load-slam-map", own, "--no-map"});
+  expect_refused(both, {"--no-map"});
+}
+
+// 0.2 s are too few for the start from rest, which takes a quarter of a second.
+TEST_F(RunRobot, WithoutALocalizedFrameLeavesWhatAnEarlierRunWrote) {
+  scratch_.write("a.map", "a map");
+  scratch_.write("a.txt", "a trajectory");
+  const auto outcome =
+      pirt(arguments({"--serial", "--fast", "--duration", "200ms", "--save-slam-map",
+                      scratch_.file("a.map"), "--trajectory", scratch_.file("a.txt")}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("no frame was localized"));
+  EXPECT_EQ(slurp(scratch_.file("a.map")), "a map");
+  EXPECT_EQ(slurp(scratch_.file("a.txt")), "a trajectory");
+}
+
 TEST_F(RunRobot, ComparesTheSerialRunWithEachMode) {
   const auto outcome =
       pirt(live({"--fast", "--duration", "1200ms", "--compare", "ect,heft,energy", "--json", "-"}));

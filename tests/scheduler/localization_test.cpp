@@ -69,6 +69,7 @@ void expect_same(const slam::RunResult& live, const slam::RunResult& serial,
     EXPECT_EQ(a.pose.body.position, b.pose.body.position);
     EXPECT_EQ(a.position_covariance, b.position_covariance);
     EXPECT_EQ(a.status, b.status);
+    EXPECT_EQ(a.in_map, b.in_map);
     EXPECT_EQ(a.unusable, b.unusable);
     const auto figures = [](const slam::FrameReport& r) {
       return std::array{r.tracks, r.landmarks, r.recognized, r.points, r.rejected};
@@ -129,8 +130,20 @@ TEST(Localization, AMapThatWasLoadedIsKnownLiveToo) {
   auto options = options_of(sequence);
   const test::ScratchFolder folder;
   test::put(folder.path() / "map", slam::map_text(serial(sequence, options).last, options.setup));
-  options.start = slam::load_map(folder.path() / "map", options.setup);
-  expect_same(localize_live(sequence, options).run, serial(sequence, options), options.setup);
+  auto known = *slam::load_map(folder.path() / "map", options.setup);
+  // More points than a run of its own keeps, far away.
+  slam::MapPoint far;
+  far.covariance = 0.01 * Eigen::Matrix3d::Identity();
+  for (int i = 0; i < 2500; ++i) {
+    far.position = {100.0 + i, 0, 0};
+    far.descriptor.fill(static_cast<std::uint8_t>(i));
+    known.push_back(far);
+  }
+  options.setup.known = std::make_shared<const std::vector<slam::MapPoint>>(std::move(known));
+  const auto live = localize_live(sequence, options);
+  EXPECT_TRUE(live.run.last.in_map);
+  EXPECT_EQ(live.failed, 0U);
+  expect_same(live.run, serial(sequence, options), options.setup);
 }
 
 TEST(Localization, BlackFramesAreLostAndFoundAsInTheSerialRun) {

@@ -9,9 +9,11 @@
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
 #include "tests/workloads/sequence_support.h"
+#include "tests/workloads/slam_support.h"
 #include "workloads/base/math/gaussian.h"
 #include "workloads/base/math/random.h"
 #include "workloads/inputs/sequence/trajectory.h"
+#include "workloads/slam/filter/map_search.h"
 #include "workloads/slam/filter/measure.h"
 #include "workloads/slam/filter/propagate.h"
 #include "workloads/slam/filter/steps.h"
@@ -209,42 +211,77 @@ TEST(KalmanUpdate, OneNumberByHand) {
   EXPECT_NEAR(state.covariance(kPositionAt, kPositionAt), 0.8, 1e-12);
 }
 
-/// Two clones and a landmark, with a covariance that correlates all.
-State small_state(const slam::Setup& setup) {
+// Rounding can leave a covariance that is none: nothing is corrected by it.
+TEST(KalmanUpdate, LeavesTheStateAsItIsWhereNothingCanBeFactored) {
   State state;
-  state.motion.rotation = rotation_of({0.2, -0.1, 0.7});
-  state.motion.position = {1, 2, 0.5};
-  const Eigen::MatrixXd root = Eigen::MatrixXd::Random(kMotionSize, kMotionSize);
-  state.covariance = 0.01 * root * root.transpose();
-  add_clone(state, 0);
-  state.motion.position += Eigen::Vector3d(0.3, -0.2, 0.1);
-  state.motion.rotation = state.motion.rotation * rotation_of({0.02, 0.1, -0.05});
-  state.covariance.topLeftCorner<kMotionSize, kMotionSize>().diagonal().array() += 0.001;
-  add_clone(state, 1);
-  const Pose camera = camera_pose(setup, state.clones[0].body, 0);
-  Track track;
-  const Eigen::Vector3d point = camera * Eigen::Vector3d(0.3, -0.2, 3.0);
-  for (std::size_t i = 0; i < 2; ++i) {
-    const Eigen::Vector3d p = camera_pose(setup, state.clones[i].body, 0).inverse() * point;
-    Observation seen;
-    seen.frame = static_cast<std::int64_t>(i);
-    seen.left = p.head<2>() / p.z();
-    track.seen.push_back(seen);
-  }
-  const PointRows rows = rows_of_track(state, setup, track, point);
-  RowBlock block = rows.rows;
-  block.parts.push_back({State::clone_at(1), rows.to_point * -cross_matrix(point)});
-  Landmark landmark;
-  landmark.position = point;
-  add_landmark(state, landmark, block, rows.to_point);
-  state.tracks.push_back(track);
-  return state;
+  state.covariance(kPositionAt, kPositionAt) = -4;
+  RowBlock block;
+  block.residual = Eigen::VectorXd::Constant(1, 3.0);
+  Eigen::MatrixXd x = Eigen::MatrixXd::Zero(1, 3);
+  x(0, 0) = 1;
+  block.parts.push_back({kPositionAt, x});
+  EXPECT_FALSE(kalman_update(state, {block}));
+  EXPECT_EQ(state.motion.position.x(), 0);
+  EXPECT_EQ(state.covariance(kPositionAt, kPositionAt), -4);
 }
 
-slam::Setup one_camera() {
-  slam::Setup setup;
-  setup.cameras.push_back(generate_sequence(test::scene(1, 1.0)).cameras[0]);
-  return setup;
+// A world that is turned, moved and scaled: what a picture shows of a point is the same, and the
+// errors' covariance is that of the same ellipsoids there.
+TEST(MoveWorld, ChangesNothingThatIsSeen) {
+  slam::Setup setup = one_camera();
+  const State state = small_state(setup);
+  const Similarity there{1.7, {rotation_of({0.1, -0.2, 2.0}), {5, -3, 1}}};
+  State moved = state;
+  move_world(moved, there, PlaceCovariance::Zero());
+  Observation seen;
+  seen.left = {0.12, -0.04};
+  const auto before = rows_of_landmark(state, setup, 0, seen, 1.0);
+  // A camera's place on the body is in metres: where the unit of length changes, it does too.
+  setup.cameras[0].body_from_camera.position *= there.scale;
+  const auto after = rows_of_landmark(moved, setup, 0, seen, 1.0);
+  EXPECT_LT((before.residual - after.residual).norm(), 1e-9);
+  EXPECT_NEAR(innovation(moved, after), innovation(state, before), 1e-6);
+  const Eigen::Matrix3d r = there.scale * there.pose.rotation;
+  const Eigen::Matrix3d body = r * position_covariance(state) * r.transpose();
+  EXPECT_LT((position_covariance(moved) - body).norm(), 1e-9 * body.norm());
+  const Eigen::Matrix3d point = r * landmark_covariance(state, 0) * r.transpose();
+  EXPECT_LT((landmark_covariance(moved, 0) - point).norm(), 1e-9 * point.norm());
+}
+
+// Known to 3 cm where the body is, and to 0.01 rad in heading: a point 2 m beside it is off by 2 cm
+// more, across the way to it.
+TEST(MoveWorld, AddsWhatTheOtherWorldsPlaceIsOffBy) {
+  State state;
+  state.covariance.setZero();
+  state.motion.position = {1, 2, 0};
+  add_clone(state, 0);
+  Landmark landmark;
+  landmark.position = {3, 2, 0};
+  add_known_landmarks(state, std::span(&landmark, 1), Eigen::Matrix3d::Zero());
+  move_world(state, {}, covariance_at(state.motion.position, {0, 0, 0.01}, 0.03, 0));
+  EXPECT_LT((position_covariance(state) - 9e-4 * Eigen::Matrix3d::Identity()).norm(), 1e-12);
+  Eigen::Vector3d expected(9e-4, 9e-4 + 4e-4, 9e-4);
+  EXPECT_LT((landmark_covariance(state, 0) - Eigen::Matrix3d(expected.asDiagonal())).norm(), 1e-12);
+  EXPECT_NEAR(state.covariance(2, 2), 1e-4, 1e-12);
+}
+
+TEST(AddKnownLandmarks, KeepsTheirOwnCovarianceAndNothingOfTheStates) {
+  const slam::Setup setup = one_camera();
+  State state = small_state(setup);
+  Landmark landmark;
+  landmark.position = {2, -1, 0.5};
+  const Eigen::Matrix3d own = Eigen::Vector3d(1e-4, 2e-4, 3e-4).asDiagonal();
+  add_known_landmarks(state, std::span(&landmark, 1), own);
+  EXPECT_LT((landmark_covariance(state, 1) - own).norm(), 1e-12);
+  EXPECT_EQ(state.size(), kMotionSize + 2 * kCloneSize + 6);
+  // The error of its place is that of its column and the newest clone's turn; with the position of
+  // the body it has no covariance.
+  const int turn = State::clone_at(1);
+  const int at = state.landmark_at(1);
+  const Eigen::Matrix3d arm = cross_matrix(landmark.position);
+  const Eigen::MatrixXd cross =
+      state.covariance.block(at, 0, 3, turn) - arm * state.covariance.block(turn, 0, 3, turn);
+  EXPECT_LT(cross.norm(), 1e-12);
 }
 
 /// A block's rows in all columns of the state.
@@ -352,6 +389,31 @@ TEST(Triangulate, FindsThePointAndSaysHowFarItCanTell) {
   EXPECT_LT(found->relative_sigma, 0.05);
   for (auto& view : views) view.camera.position.setZero();
   EXPECT_FALSE(triangulate(views, 0.001).has_value()) << "no base line";
+}
+
+// What a robot sees that looks at a wall. Noise of half a pixel at a focal length of 400 and 40
+// points at 3 m: some 3 m * 0.5 / 400 / sqrt(40) = 0.6 mm across, a few times that along the axis.
+TEST(RobustPnp, FindsThePoseBeforeOneWallToo) {
+  Random random(3);
+  Gaussian gaussian(3);
+  for (const double slant : {0.0, 0.3, 0.8}) {
+    const Pose camera{rotation_of({0.05, slant, -0.1}), {0.5, -0.4, 0.2}};
+    std::vector<PointMatch> matches;
+    while (matches.size() < 40) {
+      const Eigen::Vector3d point(random.uniform(-2, 6), random.uniform(-2, 2), 3.2);
+      const Eigen::Vector3d p = camera.inverse() * point;
+      if (p.z() < 0.5 || p.head<2>().norm() > 0.8 * p.z()) continue;
+      PointMatch match{point, p.head<2>() / p.z()};
+      match.ray += 0.5 / 400 * Eigen::Vector2d(gaussian.next(), gaussian.next());
+      if (matches.size() % 5 == 0) match.ray += Eigen::Vector2d(random.uniform(0.1, 0.4), 0.2);
+      matches.push_back(match);
+    }
+    const auto found = robust_pnp(matches, 4.0 / 400);
+    ASSERT_TRUE(found.has_value()) << slant;
+    EXPECT_EQ(found->inliers.size(), 32U) << slant;
+    EXPECT_LT((found->camera.position - camera.position).norm(), 0.015) << slant;
+    EXPECT_LT(angle_of(found->camera.rotation.transpose() * camera.rotation), 0.005) << slant;
+  }
 }
 
 TEST(RobustPnp, FindsThePoseAmongOutliers) {
@@ -479,20 +541,29 @@ TEST(MapFile, ComesBackAndRefusesWhatIsNone) {
   setup.imu = ImuModel{};
   State state = small_state(setup);
   state.landmarks[0].descriptor[31] = 0xa5;
-  state.map.push_back({{1.5, -2, 3}, 0.01 * Eigen::Matrix3d::Identity(), {}, 0});
+  state.map.push_back({{1.5, -2, 3}, 0.01 * Eigen::Matrix3d::Identity(), {}, {1, 2, 3}, 0});
   const std::string text = map_text(state, setup);
   test::put(file, text);
-  const State loaded = load_map(file, setup);
-  ASSERT_EQ(loaded.map.size(), 2U);
-  EXPECT_EQ(loaded.map[0].position, state.landmarks[0].position);
-  EXPECT_EQ(loaded.map[0].descriptor[31], 0xa5);
-  EXPECT_TRUE(loaded.seeks_map);
+  const auto loaded = load_map(file, setup);
+  ASSERT_EQ(loaded->size(), 2U);
+  EXPECT_EQ((*loaded)[0].position, state.landmarks[0].position);
+  EXPECT_EQ((*loaded)[0].descriptor[31], 0xa5);
+  EXPECT_EQ((*loaded)[1].seen_from, Eigen::Vector3d(1, 2, 3));
+  // A map that was not found is no part of what is saved; of one that was, what became landmarks
+  // is among those.
+  setup.known = loaded;
+  EXPECT_EQ(map_text(state, setup), text);
+  State found = state;
+  found.in_map = true;
+  take(found, 0);
+  test::put(file, map_text(found, setup));
+  EXPECT_EQ(load_map(file, setup)->size(), 3U);
 
   const auto refusal = [&](const std::string& from, const std::string& to) {
     test::put(file, test::replaced(text, from, to));
     return test::bad_input([&] { static_cast<void>(load_map(file, setup)); });
   };
-  EXPECT_THAT(refusal("\"schema_version\":1", "\"schema_version\":2"), HasSubstr("schema_version"));
+  EXPECT_THAT(refusal("\"schema_version\":2", "\"schema_version\":1"), HasSubstr("schema_version"));
   EXPECT_THAT(refusal("pirt_slam_map", "other"), HasSubstr("kind"));
   EXPECT_THAT(refusal("true", "false"), HasSubstr("which way is up"));
   EXPECT_THAT(refusal("a5\"", "zz\""), HasSubstr("point 0"));

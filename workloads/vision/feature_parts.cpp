@@ -1,9 +1,7 @@
 // The parts of extracting features that compute on no picture.
 #include <algorithm>
-#include <bit>
 #include <cassert>
 #include <cmath>
-#include <cstring>
 
 #include "workloads/base/math/gaussian.h"
 #include "workloads/vision/features.h"
@@ -77,18 +75,6 @@ std::vector<FastCorner> best_corners(std::span<const FastCorner> found, int widt
 std::span<const PatchPair, 256> descriptor_pattern() {
   static const auto pattern = make_pattern();
   return pattern;
-}
-
-int distance(const Descriptor& a, const Descriptor& b) {
-  int bits = 0;
-  for (std::size_t i = 0; i < a.size(); i += sizeof(std::uint64_t)) {
-    std::uint64_t x = 0;
-    std::uint64_t y = 0;
-    std::memcpy(&x, &a[i], sizeof x);
-    std::memcpy(&y, &b[i], sizeof y);
-    bits += std::popcount(x ^ y);
-  }
-  return bits;
 }
 
 }  // namespace pirt::slam

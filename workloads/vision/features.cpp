@@ -1,6 +1,7 @@
 #include "workloads/vision/features.h"
 
 #include <cmath>
+#include <opencv2/core/hal/hal.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -93,6 +94,10 @@ std::vector<FastCorner> corners_of(const GreyImage& image, const std::vector<cv:
 }
 
 }  // namespace
+
+int distance(const Descriptor& a, const Descriptor& b) {
+  return cv::hal::normHamming(a.data(), b.data(), static_cast<int>(a.size()));
+}
 
 Features extract_features(const GreyImage& image, const FeatureOptions& options) {
   const auto pattern = descriptor_pattern();

@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -23,6 +24,7 @@ struct Options {
   std::string cameras = "stereo";
   std::string shape = "loop";
   std::optional<int> threads;
+  std::optional<std::int64_t> room_seed;
   SceneOptions scene;
 };
 
@@ -39,6 +41,7 @@ int generate(const Options& options) {
                       : is_zero(*options.rest) ? 0.0
                                                : to_s(parse_duration(*options.rest));
   scene.path.shape = options.shape == "turns" ? PathShape::kTurns : PathShape::kLoop;
+  if (options.room_seed) scene.room_seed = static_cast<std::uint64_t>(*options.room_seed);
   scene.stereo = options.cameras == "stereo";
   const Sequence sequence = generate_sequence(scene);
   const FloorMap map = floor_map(scene);
@@ -93,6 +96,10 @@ void add_generate(CLI::App& app, Action& action) {
   add_value(command, "--threads", &options->threads, "INTEGER", not_within(1, 256),
             "Threads that render (default: all cores)");
   add_seed(command, scene.path.seed, "Same seed, same bytes");
+  add_value(command, "--room-seed", &options->room_seed, "INTEGER",
+            not_within(std::int64_t{0}, std::numeric_limits<std::int64_t>::max()),
+            "Seed of the room and its textures, so that another path leads through the same one "
+            "(default: --seed's)");
   command.footer("Example: pirt generate --seed 7 --duration 60s out/ && pirt run-robot out/");
   command.runs(action, [options] { return generate(*options); });
 }

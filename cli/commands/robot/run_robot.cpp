@@ -30,7 +30,7 @@ struct Options {
   std::string dataset;
   std::optional<std::string> slam_map;
   ActivityFlags activities;
-  bool no_update = false, mono = false, no_imu = false;
+  bool no_update = false, no_map = false, mono = false, no_imu = false;
   bool serial = false, fast = false, comparing = false;
   std::optional<std::string> mode;
   std::string compare;  ///< Modes, with commas; empty = the paper's.
@@ -163,7 +163,8 @@ int run_robot(const Options& options) {
   LocalizationOptions run;
   run.setup = slam::setup_of(sequence);
   run.setup.update = !options.no_update;
-  if (options.slam_map) run.start = slam::load_map(*options.slam_map, run.setup);
+  run.setup.recognize = !options.no_map;
+  if (options.slam_map) run.setup.known = slam::load_map(*options.slam_map, run.setup);
   if (!options.serial) run.runtime = runtime_options(options);
   run.own_rate = !options.fast;
   run.most_in_flight = static_cast<std::size_t>(options.in_flight);
@@ -235,9 +236,13 @@ void add_run_robot(CLI::App& app, Action& action) {
   command.add_flag("--no-imu", options->no_imu, "Use the cameras only");
   command.add_flag("--no-update", options->no_update,
                    "Only predict, to see the drift that updates correct");
+  command.add_flag("--no-map", options->no_map,
+                   "Know no place again that was lost from view, to see the drift that it ends");
   add_input(command, "--load-slam-map", &options->slam_map,
-            "Know the place from a map that was saved");
-  add_output(command, "--save-slam-map", options->save_map, "Write the map at the end",
+            "Find the place in a map that was saved; until then, and where it is another place's, "
+            "the robot goes on in a world of its own");
+  add_output(command, "--save-slam-map", options->save_map,
+             "Write the run's map at the end, with the loaded one if that was found",
              StdoutUse::kRefused);
   add_output(command, "--trajectory", options->trajectory,
              "Write the trajectory in the TUM format (s, x y z, qx qy qz qw)");
@@ -249,6 +254,7 @@ void add_run_robot(CLI::App& app, Action& action) {
              StdoutUse::kRefused);
   add_json(command, options->json);
   // --serial runs without the runtime, --compare has that run in it and more than one besides.
+  command.option("--no-map").excludes(command.option("--load-slam-map"));
   for (const auto* name : {"--mode", "--platform", "--profile", "--set", "--in-flight", "--trace"})
     command.option("--serial").excludes(command.option(name));
   for (const auto* name :

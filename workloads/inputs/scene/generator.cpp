@@ -79,6 +79,10 @@ void make_imu(const SceneOptions& options, const RobotPath& path, Sequence& sequ
   }
 }
 
+std::uint64_t room_seed(const SceneOptions& options) {
+  return options.room_seed.value_or(options.path.seed);
+}
+
 /// All that rendering needs, shared by the copies of the sequence.
 struct Renderer {
   SceneOptions options;
@@ -88,7 +92,7 @@ struct Renderer {
   std::vector<RoomCamera> cameras;
 
   explicit Renderer(const SceneOptions& given)
-      : options(given), path(given.path), room(given.path.seed), models(make_cameras(given)) {
+      : options(given), path(given.path), room(room_seed(given)), models(make_cameras(given)) {
     for (const auto& model : models) cameras.emplace_back(room, model);
   }
   Renderer(const Renderer&) = delete;  // cameras point to the room
@@ -156,7 +160,7 @@ FloorMap floor_map(const SceneOptions& options) {
   constexpr double kRobotHeight_m = 1.7;
   const int inside = static_cast<int>(std::lround(kRoomSide_m / kCell_m));
   const int side = inside + 2 * kWall;
-  const Room room(options.path.seed);
+  const Room room(room_seed(options));
   std::string cells(static_cast<std::size_t>(side) * static_cast<std::size_t>(side), '\0');
   for (int row = 0; row < side; ++row) {  // the picture's first row is the highest y
     for (int column = 0; column < side; ++column) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "workloads/inputs/scene/path.h"
@@ -12,6 +13,7 @@ namespace pirt {
 
 struct SceneOptions {
   PathOptions path;
+  std::optional<std::uint64_t> room_seed;  ///< Absent: the path's.
   bool stereo = true;
   double camera_rate_hz = 25.0;
   int width = 640, height = 480;  ///< Pixels.

@@ -38,6 +38,11 @@ struct Similarity {
   }
 };
 
+/// A pose of a world that is @p similarity away.
+[[nodiscard]] inline Pose moved(const Similarity& similarity, const Pose& pose) {
+  return {similarity.pose.rotation * pose.rotation, similarity * pose.position};
+}
+
 /// Of estimate to truth, by the poses that have truth.
 /// @throws Error{kBadInput} if fewer than 3 have (1 for kStartYaw).
 [[nodiscard]] Similarity align(std::span<const StampedPose> estimate,

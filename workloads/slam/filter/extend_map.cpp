@@ -1,6 +1,7 @@
 // extend_map: points from tracks, tracks from corners, and bounds on all of them.
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "workloads/base/math/pixel_index.h"
 #include "workloads/slam/filter/measure.h"
@@ -27,69 +28,83 @@ bool is_followed(const State& state, std::int64_t landmark) {
 
 void keep_map_point(State& state, const Setup& setup, const Landmark& landmark,
                     const Eigen::Matrix3d& covariance) {
+  if (setup.most_map_points <= 0) return;
   if (std::ssize(state.map) >= setup.most_map_points) {
     state.map.erase(std::ranges::min_element(state.map, {}, &MapPoint::last_frame));
   }
-  state.map.push_back({landmark.position, covariance, landmark.descriptor, landmark.last_frame});
+  state.map.push_back({landmark.position, covariance, landmark.descriptor, landmark.seen_from,
+                       landmark.last_frame});
 }
 
-/// Makes room for a landmark: one that was not found again where it should be, else the one that
-/// was used least among those that are not seen.
-bool make_room(State& state, const Setup& setup) {
-  if (std::ssize(state.landmarks) < setup.most_landmarks) return true;
-  std::size_t worst = state.landmarks.size();
-  double least = 1e300;
+/// Makes room for @p wanted landmarks: those that were not found again where they should be, else
+/// those that were used least, among those that are not seen.
+/// @return  For how many there is room.
+std::size_t make_room(State& state, const Setup& setup, std::size_t wanted) {
+  const auto most = static_cast<std::size_t>(setup.most_landmarks);
+  struct Unseen {
+    std::size_t index;
+    double worth;
+  };
+  std::vector<Unseen> unseen;
   for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
     const Landmark& landmark = state.landmarks[i];
     if (is_followed(state, landmark.id)) continue;
-    const double worth = landmark.uses - 10.0 * landmark.misses -
-                         0.02 * static_cast<double>(state.frame - landmark.last_frame);
-    if (worth < least) least = worth, worst = i;
+    unseen.push_back({i, landmark.uses - 10.0 * landmark.misses -
+                             0.02 * static_cast<double>(state.frame - landmark.last_frame)});
   }
-  if (worst == state.landmarks.size()) return false;
-  if (state.landmarks[worst].misses < kMostMisses) {
-    keep_map_point(state, setup, state.landmarks[worst], landmark_covariance(state, worst));
+  std::ranges::stable_sort(unseen, {}, &Unseen::worth);
+  std::vector<std::size_t> leaving;
+  while (state.landmarks.size() - leaving.size() + wanted > most &&
+         leaving.size() < unseen.size()) {
+    const std::size_t index = unseen[leaving.size()].index;
+    if (state.landmarks[index].misses < kMostMisses) {
+      keep_map_point(state, setup, state.landmarks[index], landmark_covariance(state, index));
+    }
+    leaving.push_back(index);
   }
-  remove_landmark(state, worst);
-  return true;
+  std::ranges::sort(leaving);
+  remove_landmarks(state, leaving);
+  return std::min(wanted, most - std::min(most, state.landmarks.size()));
 }
 
 void remove_bad_landmarks(State& state) {
-  for (std::size_t i = state.landmarks.size(); i-- > 0;) {
-    if (state.landmarks[i].misses >= kMostMisses && !is_followed(state, state.landmarks[i].id)) {
-      remove_landmark(state, i);
-    }
+  std::vector<std::size_t> bad;
+  for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
+    const Landmark& landmark = state.landmarks[i];
+    if (landmark.misses >= kMostMisses && !is_followed(state, landmark.id)) bad.push_back(i);
   }
+  remove_landmarks(state, bad);
 }
 
-/// A track with a good base line enters the filter; what it says of the clones is used, too.
-bool promote(State& state, const Setup& setup, Track& track) {
+/// A track with a good base line can be a landmark; what it says of the clones besides is of use,
+/// too.
+struct Promotion {
+  Track* track;
+  NewLandmark made;
+  RowBlock rest;
+};
+
+std::optional<Promotion> promotion_of(const State& state, const Setup& setup, Track& track) {
   const double ray_sigma = setup.pixel_sigma / setup.cameras[0].focal();
   const auto point = triangulate(views_of(state, setup, track), ray_sigma);
-  if (!point || point->rms > 3 * ray_sigma || point->relative_sigma > kLandmarkSigma) return false;
-  const PointRows all = rows_of_track(state, setup, track, point->point);
-  const RowBlock rest = without_point(all.rows, all.to_point);
+  if (!point || point->rms > 3 * ray_sigma || point->relative_sigma > kLandmarkSigma) return {};
+  PointRows all = rows_of_track(state, setup, track, point->point);
+  RowBlock rest = without_point(all.rows, all.to_point);
   if (innovation(state, rest) > 1.5 * chi_square_95(static_cast<int>(rest.residual.size()))) {
     track.seen.clear();
     track.age = -1;
-    return false;
+    return {};
   }
-  if (!make_room(state, setup)) return false;
   Landmark landmark;
-  landmark.id = state.next_id++;
   landmark.position = point->point;
   landmark.descriptor = track.descriptor;
   landmark.seen_from = camera_pose(setup, state.clones.back().body, 0).position;
   landmark.last_frame = state.frame;
   // The point's error, in world axes, is turn x point + landmark's error, of the newest clone.
-  RowBlock block = all.rows;
-  block.parts.push_back(
+  all.rows.parts.push_back(
       {State::clone_at(state.clones.size() - 1), all.to_point * -cross_matrix(point->point)});
-  add_landmark(state, landmark, block, all.to_point);
-  kalman_update(state, {rest});
-  track.landmark = landmark.id;
-  track.seen.clear();
-  return true;
+  return Promotion{
+      &track, {landmark, std::move(all.rows), std::move(all.to_point)}, std::move(rest)};
 }
 
 /// Tracks that a clone which goes has seen are landmarks now or never. Those that could not be
@@ -100,10 +115,30 @@ void promote_tracks(State& state, const Setup& setup) {
     if (track.landmark < 0 && track.seen.size() >= kLandmarkViews) ready.push_back(&track);
   }
   std::ranges::stable_sort(ready, [](const Track* a, const Track* b) { return a->age > b->age; });
-  auto active = active_landmarks(state);
+  const auto active = active_landmarks(state);
+  const auto most = static_cast<std::size_t>(setup.most_active);
+  std::vector<Promotion> promoted;
   for (Track* track : ready) {
-    if (active >= static_cast<std::size_t>(setup.most_active)) break;
-    if (promote(state, setup, *track)) ++active;
+    if (active + promoted.size() >= most) break;
+    if (auto promotion = promotion_of(state, setup, *track)) {
+      promoted.push_back(std::move(*promotion));
+    }
+  }
+  // Rows are of clones: landmarks that go do not change them.
+  const std::size_t room = make_room(state, setup, promoted.size());
+  promoted.erase(promoted.begin() + static_cast<std::ptrdiff_t>(room), promoted.end());
+  std::vector<NewLandmark> added;
+  std::vector<RowBlock> rows;
+  for (auto& [track, made, rest] : promoted) {
+    made.landmark.id = track->landmark = state.next_id++;
+    track->seen.clear();
+    added.push_back(std::move(made));
+    rows.push_back(std::move(rest));
+  }
+  add_landmarks(state, added);
+  if (!rows.empty()) {
+    const int columns = kCloneSize * static_cast<int>(state.clones.size());
+    kalman_update(state, {compressed(rows, kMotionSize, columns)});
   }
   std::erase_if(state.tracks, [](const Track& track) { return track.age < 0; });
 }

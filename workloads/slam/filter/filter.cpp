@@ -2,8 +2,11 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
+#include <algorithm>
 #include <cassert>
 #include <cmath>
+
+#include "workloads/slam/filter/rank_update.h"
 
 namespace pirt::slam {
 namespace {
@@ -100,9 +103,9 @@ double chi_square_95(int degrees) {
   return k * root * root * root;
 }
 
-void kalman_update(State& state, const std::vector<RowBlock>& blocks) {
+bool kalman_update(State& state, const std::vector<RowBlock>& blocks) {
   const auto rows = rows_of(blocks);
-  if (rows == 0) return;
+  if (rows == 0) return true;
   const auto n = state.covariance.rows();
   Eigen::MatrixXd ph = Eigen::MatrixXd::Zero(n, rows);  // P H^T
   Eigen::MatrixXd s = Eigen::MatrixXd::Zero(rows, rows);
@@ -128,29 +131,31 @@ void kalman_update(State& state, const std::vector<RowBlock>& blocks) {
   }
   // P - K S K^T = P - W W^T with W = P H^T L^-T, S = L L^T.
   const Eigen::LLT<Eigen::MatrixXd> cholesky(s);
+  if (cholesky.info() != Eigen::Success) return false;
   const Eigen::VectorXd correction = ph * cholesky.solve(residual);
+  if (!correction.allFinite()) return false;
   cholesky.matrixU().solveInPlace<Eigen::OnTheRight>(ph);
-  state.covariance.selfadjointView<Eigen::Lower>().rankUpdate(ph, -1.0);
-  state.covariance.triangularView<Eigen::StrictlyUpper>() =
-      state.covariance.transpose().triangularView<Eigen::StrictlyUpper>();
+  subtract_square(state.covariance, ph);
   correct(state, correction);
+  return true;
 }
 
 void add_clone(State& state, std::int64_t frame) {
   const auto n = state.covariance.rows();
   const int at = State::clone_at(state.clones.size());
   const auto tail = n - at;
-  // Which old row each new one is: the clone's are those of the body's rotation and position.
-  Eigen::VectorXi source(n + kCloneSize);
-  for (int i = 0; i < at; ++i) source(i) = i;
-  for (int i = 0; i < 3; ++i) source(at + i) = i, source(at + 3 + i) = kPositionAt + i;
-  for (int i = 0; i < tail; ++i) source(at + kCloneSize + i) = at + i;
+  // The clone's rows and columns are those of the body's rotation and position.
+  const Eigen::MatrixXd& p = state.covariance;
+  Eigen::MatrixXd wide(n, n + kCloneSize);
+  wide.leftCols(at) = p.leftCols(at);
+  wide.middleCols<3>(at) = p.leftCols<3>();
+  wide.middleCols<3>(at + 3) = p.middleCols<3>(kPositionAt);
+  wide.rightCols(tail) = p.rightCols(tail);
   Eigen::MatrixXd grown(n + kCloneSize, n + kCloneSize);
-  for (Eigen::Index c = 0; c < grown.cols(); ++c) {
-    for (Eigen::Index r = 0; r < grown.rows(); ++r) {
-      grown(r, c) = state.covariance(source(r), source(c));
-    }
-  }
+  grown.topRows(at) = wide.topRows(at);
+  grown.middleRows<3>(at) = wide.topRows<3>();
+  grown.middleRows<3>(at + 3) = wide.middleRows<3>(kPositionAt);
+  grown.bottomRows(tail) = wide.bottomRows(tail);
   state.covariance.swap(grown);
   state.clones.push_back({frame, state.body()});
   state.frame = frame;
@@ -170,42 +175,163 @@ void remove_clone(State& state, std::size_t index) {
   }
 }
 
-void remove_landmark(State& state, std::size_t index) {
-  for (auto& track : state.tracks) {
-    if (track.landmark == state.landmarks[index].id) track.landmark = -1;
+void remove_landmarks(State& state, std::span<const std::size_t> indices) {
+  if (indices.empty()) return;
+  std::vector<Eigen::Index> kept;
+  std::vector<Landmark> landmarks;
+  for (Eigen::Index i = 0; i < state.landmark_at(0); ++i) kept.push_back(i);
+  for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
+    const Landmark& landmark = state.landmarks[i];
+    if (!std::ranges::binary_search(indices, i)) {
+      landmarks.push_back(landmark);
+      for (int k = 0; k < 3; ++k) kept.push_back(state.landmark_at(i) + k);
+      continue;
+    }
+    for (auto& track : state.tracks) {
+      if (track.landmark == landmark.id) track.landmark = -1;
+    }
   }
-  erase_from(state.covariance, state.landmark_at(index), 3);
-  state.landmarks.erase(state.landmarks.begin() + static_cast<std::ptrdiff_t>(index));
+  Eigen::MatrixXd p = state.covariance(kept, kept);
+  state.covariance.swap(p);
+  state.landmarks = std::move(landmarks);
 }
 
-void add_landmark(State& state, const Landmark& landmark, const RowBlock& block,
-                  const Eigen::MatrixXd& to_point) {
-  const auto rows = block.residual.size();
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(to_point);
-  const Eigen::Matrix3d triangle =
-      Eigen::Matrix3d(qr.matrixQR().topRows<3>().triangularView<Eigen::Upper>());
-  const Eigen::MatrixXd q = qr.householderQ() * Eigen::MatrixXd::Identity(rows, 3);
-  // error of the point = R^-1 (q^T residual - q^T H error - noise)
-  const Eigen::Matrix3d inverse =
-      triangle.triangularView<Eigen::Upper>().solve(Eigen::Matrix3d::Identity());
+void add_landmarks(State& state, std::span<const NewLandmark> added) {
+  if (added.empty()) return;
   const auto n = state.covariance.rows();
-  Eigen::MatrixXd hp = Eigen::MatrixXd::Zero(3, n);
-  std::vector<Eigen::MatrixXd> reduced;
-  for (const auto& part : block.parts) {
-    reduced.emplace_back(inverse * q.transpose() * part.values);
-    hp.noalias() += reduced.back() * state.covariance.middleRows(part.at, part.values.cols());
+  const auto count = 3 * std::ssize(added);
+  Eigen::MatrixXd hp = Eigen::MatrixXd::Zero(count, n);
+  Eigen::MatrixXd own = Eigen::MatrixXd::Zero(count, count);
+  std::vector<std::vector<Eigen::MatrixXd>> reduced(added.size());
+  for (std::size_t i = 0; i < added.size(); ++i) {
+    const RowBlock& block = added[i].block;
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(added[i].to_point);
+    const Eigen::Matrix3d triangle =
+        Eigen::Matrix3d(qr.matrixQR().topRows<3>().triangularView<Eigen::Upper>());
+    const Eigen::MatrixXd q =
+        qr.householderQ() * Eigen::MatrixXd::Identity(block.residual.size(), 3);
+    // error of the point = R^-1 (q^T residual - q^T H error - noise)
+    const Eigen::Matrix3d inverse =
+        triangle.triangularView<Eigen::Upper>().solve(Eigen::Matrix3d::Identity());
+    const auto at = static_cast<Eigen::Index>(3 * i);
+    for (const auto& part : block.parts) {
+      reduced[i].emplace_back(inverse * q.transpose() * part.values);
+      hp.middleRows<3>(at).noalias() +=
+          reduced[i].back() * state.covariance.middleRows(part.at, part.values.cols());
+    }
+    own.block<3, 3>(at, at) = block.sigma * block.sigma * inverse * inverse.transpose();
   }
-  Eigen::Matrix3d own = block.sigma * block.sigma * inverse * inverse.transpose();
-  for (std::size_t i = 0; i < reduced.size(); ++i) {
-    own.noalias() += hp.middleCols(block.parts[i].at, reduced[i].cols()) * reduced[i].transpose();
+  for (std::size_t i = 0; i < added.size(); ++i) {
+    const auto at = static_cast<Eigen::Index>(3 * i);
+    for (std::size_t k = 0; k < reduced[i].size(); ++k) {
+      const Eigen::MatrixXd& part = reduced[i][k];
+      own.middleCols<3>(at).noalias() +=
+          hp.middleCols(added[i].block.parts[k].at, part.cols()) * part.transpose();
+    }
+    state.landmarks.push_back(added[i].landmark);
   }
-  Eigen::MatrixXd grown(n + 3, n + 3);
+  Eigen::MatrixXd grown(n + count, n + count);
   grown.topLeftCorner(n, n) = state.covariance;
-  grown.bottomLeftCorner(3, n) = -hp;
-  grown.topRightCorner(n, 3) = -hp.transpose();
-  grown.bottomRightCorner<3, 3>() = own;
+  grown.bottomLeftCorner(count, n) = -hp;
+  grown.topRightCorner(n, count) = -hp.transpose();
+  grown.bottomRightCorner(count, count) = 0.5 * (own + own.transpose());
   state.covariance.swap(grown);
-  state.landmarks.push_back(landmark);
+}
+
+void add_known_landmarks(State& state, std::span<const Landmark> landmarks,
+                         const Eigen::MatrixXd& covariance) {
+  const auto n = state.covariance.rows();
+  const auto count = 3 * std::ssize(landmarks);
+  const int turn = State::clone_at(state.clones.size() - 1);
+  // f = error of the place + place x turn of the newest clone
+  Eigen::MatrixXd arms(count, 3);
+  for (Eigen::Index i = 0; i < count / 3; ++i) {
+    arms.middleRows<3>(3 * i) = cross_matrix(landmarks[static_cast<std::size_t>(i)].position);
+  }
+  Eigen::MatrixXd grown(n + count, n + count);
+  grown.topLeftCorner(n, n) = state.covariance;
+  grown.bottomLeftCorner(count, n) = arms * state.covariance.middleRows<3>(turn);
+  grown.topRightCorner(n, count) = grown.bottomLeftCorner(count, n).transpose();
+  grown.bottomRightCorner(count, count) =
+      covariance + arms * state.covariance.block<3, 3>(turn, turn) * arms.transpose();
+  state.covariance.swap(grown);
+  state.landmarks.insert(state.landmarks.end(), landmarks.begin(), landmarks.end());
+}
+
+PlaceCovariance covariance_at(const Eigen::Vector3d& at, const Eigen::Vector3d& turn_sigma_rad,
+                              double position_sigma, double scale_sigma) {
+  // The position error about the origin is that at the point + point x turn - scale point.
+  Eigen::Matrix<double, 7, 7> j = Eigen::Matrix<double, 7, 7>::Identity();
+  j.block<3, 3>(3, 0) = cross_matrix(at);
+  j.block<3, 1>(3, 6) = -at;
+  Eigen::Matrix<double, 7, 1> sigma;
+  sigma << turn_sigma_rad, Eigen::Vector3d::Constant(position_sigma), scale_sigma;
+  return j * sigma.cwiseAbs2().asDiagonal() * j.transpose();
+}
+
+void move_world(State& state, const Similarity& to_world, const PlaceCovariance& covariance) {
+  const Eigen::Matrix3d& r = to_world.pose.rotation;
+  const double s = to_world.scale;
+  const auto moved = [&](Pose& pose) {
+    pose = {nearest_rotation(r * pose.rotation), to_world * pose.position};
+  };
+  const Eigen::Matrix3d lever = cross_matrix(to_world.pose.position) * r;
+  const auto n = state.covariance.rows();
+  // Each group of errors turns; positions' errors are about the new origin.
+  Eigen::MatrixXd turned(n, n);
+  Eigen::MatrixXd shared = Eigen::MatrixXd::Zero(n, 7);  // of the place's own error
+  const auto rotation_rows = [&](const Eigen::MatrixXd& p, Eigen::MatrixXd& out, int at) {
+    out.middleRows<3>(at) = r * p.middleRows<3>(at);
+  };
+  const auto position_rows = [&](const Eigen::MatrixXd& p, Eigen::MatrixXd& out, int at, int turn) {
+    out.middleRows<3>(at) = s * r * p.middleRows<3>(at) + lever * p.middleRows<3>(turn);
+  };
+  const int newest = State::clone_at(state.clones.size() - 1);
+  const auto all_rows = [&](const Eigen::MatrixXd& p, Eigen::MatrixXd& out) {
+    rotation_rows(p, out, 0);
+    out.middleRows<3>(kVelocityAt) = s * r * p.middleRows<3>(kVelocityAt);
+    position_rows(p, out, kPositionAt, 0);
+    out.middleRows<6>(kGyroBiasAt) = p.middleRows<6>(kGyroBiasAt);
+    for (std::size_t i = 0; i < state.clones.size(); ++i) {
+      rotation_rows(p, out, State::clone_at(i));
+      position_rows(p, out, State::clone_at(i) + 3, State::clone_at(i));
+    }
+    for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
+      position_rows(p, out, state.landmark_at(i), newest);
+    }
+  };
+  all_rows(state.covariance, turned);
+  const Eigen::MatrixXd half = turned.transpose();
+  all_rows(half, turned);
+
+  MotionState& m = state.motion;
+  m.rotation = nearest_rotation(r * m.rotation);
+  m.velocity = s * r * m.velocity;
+  m.position = to_world * m.position;
+  const auto shares = [&](int turn, int position, const Eigen::Vector3d& place) {
+    if (turn >= 0) shared.block<3, 3>(turn, 0).setIdentity();
+    shared.block<3, 3>(position, 3).setIdentity();
+    shared.block<3, 1>(position, 6) = place;
+  };
+  shares(0, kPositionAt, m.position);
+  shared.block<3, 1>(kVelocityAt, 6) = m.velocity;
+  for (std::size_t i = 0; i < state.clones.size(); ++i) {
+    moved(state.clones[i].body);
+    shares(State::clone_at(i), State::clone_at(i) + 3, state.clones[i].body.position);
+  }
+  for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
+    Landmark& landmark = state.landmarks[i];
+    landmark.position = to_world * landmark.position;
+    landmark.seen_from = to_world * landmark.seen_from;
+    shares(-1, state.landmark_at(i), landmark.position);
+  }
+  state.covariance = turned + shared * covariance * shared.transpose();
+  for (MapPoint& point : state.map) {
+    point.position = to_world * point.position;
+    point.seen_from = to_world * point.seen_from;
+    point.covariance = s * s * r * point.covariance * r.transpose();
+  }
+  for (Track& track : state.tracks) track.depth *= s;
 }
 
 RowBlock without_point(const RowBlock& block, const Eigen::MatrixXd& to_point) {

@@ -2,6 +2,7 @@
 // and out. Knows nothing of cameras.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "workloads/slam/filter/state.h"
@@ -29,7 +30,9 @@ struct RowBlock {
 [[nodiscard]] double chi_square_95(int degrees);
 
 /// Corrects the state by all blocks at once.
-void kalman_update(State& state, const std::vector<RowBlock>& blocks);
+/// @return  Whether it did: false, and the state as before, where rounding has left no covariance
+///          that could be factored.
+bool kalman_update(State& state, const std::vector<RowBlock>& blocks);
 
 /// Adds the body's pose as the newest clone; landmarks change over to its rotation error.
 void add_clone(State& state, std::int64_t frame);
@@ -38,12 +41,33 @@ void add_clone(State& state, std::int64_t frame);
 /// to the one before.
 void remove_clone(State& state, std::size_t index);
 
-void remove_landmark(State& state, std::size_t index);
+/// @param indices  Of landmarks, rising.
+void remove_landmarks(State& state, std::span<const std::size_t> indices);
 
-/// Adds a landmark whose error is solved from @p block: residual = parts * error + to_point * f.
-/// @param to_point  [rows, 3] of full rank; residuals are those of the best position.
-void add_landmark(State& state, const Landmark& landmark, const RowBlock& block,
-                  const Eigen::MatrixXd& to_point);
+/// A landmark whose error is solved from its block: residual = parts * error + to_point * f.
+struct NewLandmark {
+  Landmark landmark;
+  RowBlock block;
+  Eigen::MatrixXd to_point;  ///< [rows, 3] of full rank; residuals are those of the best position.
+};
+void add_landmarks(State& state, std::span<const NewLandmark> added);
+
+/// Adds landmarks that are known from elsewhere: the error of their places in the world has @p
+/// covariance, f64 [3n,3n], and has nothing to do with the state's.
+void add_known_landmarks(State& state, std::span<const Landmark> landmarks,
+                         const Eigen::MatrixXd& covariance);
+
+/// Covariance of a place of the world against another world: rotation and position (as the state's
+/// errors, about the other world's origin), and scale.
+using PlaceCovariance = Eigen::Matrix<double, 7, 7>;
+/// Of a world that is off by these at the point @p at of the other world.
+[[nodiscard]] PlaceCovariance covariance_at(const Eigen::Vector3d& at,
+                                            const Eigen::Vector3d& turn_sigma_rad,
+                                            double position_sigma, double scale_sigma);
+
+/// All that the state knows is in another world from now on.
+/// @param covariance  Of @p to_world: what all poses and points are then off by together.
+void move_world(State& state, const Similarity& to_world, const PlaceCovariance& covariance);
 
 /// Takes a point's own error out of a block: what is left says something of the poses alone.
 [[nodiscard]] RowBlock without_point(const RowBlock& block, const Eigen::MatrixXd& to_point);

@@ -4,8 +4,10 @@
 #include <cmath>
 
 #include "workloads/slam/filter/filter.h"
+#include "workloads/slam/filter/map_search.h"
 #include "workloads/slam/filter/measure.h"
 #include "workloads/slam/filter/steps.h"
+#include "workloads/slam/views/places.h"
 #include "workloads/slam/views/pnp.h"
 #include "workloads/slam/views/two_views.h"
 
@@ -72,62 +74,6 @@ void place_body(State& state, const Setup& setup, const Pose& body, const Prior&
   state.covariance.swap(p);
   state.clones.clear();
   for (auto& track : state.tracks) track.seen.clear();
-}
-
-/// A map point becomes a landmark, uncorrelated with all others. Before place_body().
-void insert_landmark(State& state, const MapPoint& point, std::int64_t id) {
-  const auto n = state.covariance.rows();
-  const int turn = State::clone_at(state.clones.size() - 1);
-  const Eigen::Matrix3d arm = cross_matrix(point.position);
-  Eigen::MatrixXd grown = Eigen::MatrixXd::Zero(n + 3, n + 3);
-  grown.topLeftCorner(n, n) = state.covariance;
-  grown.bottomLeftCorner(3, n) = arm * state.covariance.middleRows<3>(turn);
-  grown.topRightCorner(n, 3) = grown.bottomLeftCorner(3, n).transpose();
-  grown.bottomRightCorner<3, 3>() =
-      point.covariance + arm * state.covariance.block<3, 3>(turn, turn) * arm.transpose();
-  state.covariance.swap(grown);
-  Landmark landmark;
-  landmark.id = id;
-  landmark.position = point.position;
-  landmark.descriptor = point.descriptor;
-  landmark.seen_from = state.motion.position;
-  landmark.last_frame = state.frame;
-  state.landmarks.push_back(landmark);
-}
-
-struct Match {
-  std::size_t feature;
-  int landmark;   ///< -1: of the map.
-  int map_point;  ///< -1: of the filter.
-};
-
-/// Features whose nearest descriptor is clearly nearer than the second.
-std::vector<Match> match_features(const State& state, const Features& features) {
-  constexpr int kMostBits = 50;
-  std::vector<Match> matches;
-  for (std::size_t f = 0; f < features.pixels.size(); ++f) {
-    Match best{f, -1, -1};
-    int bits = 257;
-    int second = 257;
-    const auto look = [&](const Descriptor& descriptor, int landmark, int map_point) {
-      const int d = distance(features.descriptors[f], descriptor);
-      if (d < bits) {
-        second = bits;
-        bits = d;
-        best = {f, landmark, map_point};
-      } else {
-        second = std::min(second, d);
-      }
-    };
-    for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
-      look(state.landmarks[i].descriptor, static_cast<int>(i), -1);
-    }
-    for (std::size_t i = 0; i < state.map.size(); ++i) {
-      look(state.map[i].descriptor, -1, static_cast<int>(i));
-    }
-    if (bits <= kMostBits && bits * 10 <= second * 8) matches.push_back(best);
-  }
-  return matches;
 }
 
 void follow(State& state, const Features& features, std::size_t feature, std::int64_t landmark) {
@@ -246,15 +192,94 @@ bool start_from_tracks(State& state, const Setup& setup) {
   return true;
 }
 
+namespace {
+
+/// All that may be known again: landmarks, the run's own points, and those of a map that was found.
+struct KnownPlaces {
+  std::vector<Place> places;
+  std::vector<std::size_t> known;  ///< Indices of those that come last.
+  std::size_t landmarks = 0, own = 0;
+
+  KnownPlaces(const State& state, const Setup& setup)
+      : landmarks(state.landmarks.size()), own(state.map.size()) {
+    for (const auto& each : state.landmarks) add(each);
+    for (const auto& each : state.map) add(each);
+    if (!state.in_map || setup.known == nullptr) return;
+    for (std::size_t i = 0; i < setup.known->size(); ++i) {
+      if (is_taken(state, i)) continue;
+      add((*setup.known)[i]);
+      known.push_back(i);
+    }
+  }
+  void add(const auto& point) {
+    places.push_back({&point.descriptor, &point.position, &point.seen_from});
+  }
+  [[nodiscard]] bool is_landmark(std::size_t place) const { return place < landmarks; }
+  [[nodiscard]] bool is_own(std::size_t place) const {
+    return place >= landmarks && place < landmarks + own;
+  }
+};
+
+/// Points of maps that a view shows: they are landmarks from now on.
+class NewLandmarks {
+ public:
+  NewLandmarks(State& state, const Setup& setup, const KnownPlaces& known)
+      : state_(state), setup_(setup), known_(known) {}
+
+  [[nodiscard]] bool has_room() const {
+    return std::ssize(state_.landmarks) + std::ssize(points_) < setup_.most_landmarks;
+  }
+  std::int64_t add(std::size_t place) {
+    const std::size_t outside = place - known_.landmarks;
+    const bool own = known_.is_own(place);
+    if (own) own_.push_back(outside);
+    if (!own) taken_.push_back(known_.known[outside - known_.own]);
+    points_.push_back(own ? &state_.map[outside] : &(*setup_.known)[taken_.back()]);
+    ids_.push_back(state_.next_id++);
+    return ids_.back();
+  }
+  /// Before place_body().
+  void insert() {
+    std::vector<Landmark> landmarks;
+    const auto n = 3 * std::ssize(points_);
+    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      Landmark& landmark = landmarks.emplace_back();
+      landmark.id = ids_[i];
+      landmark.position = points_[i]->position;
+      landmark.descriptor = points_[i]->descriptor;
+      landmark.seen_from = points_[i]->seen_from;
+      landmark.last_frame = state_.frame;
+      const auto at = static_cast<Eigen::Index>(3 * i);
+      covariance.block<3, 3>(at, at) = points_[i]->covariance;
+    }
+    add_known_landmarks(state_, landmarks, covariance);
+    for (const std::size_t i : taken_) take(state_, i);
+    std::ranges::sort(own_, std::greater<>());
+    for (const std::size_t i : own_) {
+      state_.map.erase(state_.map.begin() + static_cast<std::ptrdiff_t>(i));
+    }
+  }
+
+ private:
+  State& state_;
+  const Setup& setup_;
+  const KnownPlaces& known_;
+  std::vector<const MapPoint*> points_;
+  std::vector<std::int64_t> ids_;
+  std::vector<std::size_t> own_, taken_;
+};
+
+}  // namespace
+
 bool relocalize(State& state, const Setup& setup, const Features& features) {
   constexpr std::size_t kLeastInliers = 12;
-  const auto matches = match_features(state, features);
+  const KnownPlaces known(state, setup);
+  const auto matches = match_places(features, known.places, features.pixels.size());
   std::vector<PointMatch> points;
   for (const auto& match : matches) {
-    const Eigen::Vector3d& point =
-        match.landmark >= 0 ? state.landmarks[static_cast<std::size_t>(match.landmark)].position
-                            : state.map[static_cast<std::size_t>(match.map_point)].position;
-    points.push_back({point, setup.cameras[0].ray(features.pixels[match.feature].cast<double>())});
+    points.push_back({*known.places[match.place].position,
+                      setup.cameras[0].ray(features.pixels[match.feature].cast<double>())});
   }
   const double most_miss = 4.0 / setup.cameras[0].focal();
   const auto found = robust_pnp(points, most_miss);
@@ -262,17 +287,17 @@ bool relocalize(State& state, const Setup& setup, const Features& features) {
   if (3 * found->inliers.size() < points.size()) return false;
   std::vector<double> depths;
   std::vector<std::pair<std::size_t, std::int64_t>> followed;
+  NewLandmarks added(state, setup, known);
   for (const std::size_t i : found->inliers) {
     depths.push_back((found->camera.inverse() * points[i].point).z());
-    const Match& match = matches[i];
-    if (match.landmark >= 0) {
-      followed.emplace_back(match.feature,
-                            state.landmarks[static_cast<std::size_t>(match.landmark)].id);
-    } else if (std::ssize(state.landmarks) < setup.most_landmarks) {
-      insert_landmark(state, state.map[static_cast<std::size_t>(match.map_point)], state.next_id);
-      followed.emplace_back(match.feature, state.next_id++);
+    const PlaceMatch& match = matches[i];
+    if (known.is_landmark(match.place)) {
+      followed.emplace_back(match.feature, state.landmarks[match.place].id);
+    } else if (added.has_room()) {
+      followed.emplace_back(match.feature, added.add(match.place));
     }
   }
+  added.insert();
   std::ranges::nth_element(depths, depths.begin() + std::ssize(depths) / 2);
   const double depth = depths[depths.size() / 2];
   const Pose body = found->camera * setup.cameras[0].body_from_camera.inverse();
@@ -285,7 +310,6 @@ bool relocalize(State& state, const Setup& setup, const Features& features) {
   for (const auto& [feature, landmark] : followed) follow(state, features, feature, landmark);
   add_clone(state, state.frame + 1);
   state.status = Status::kTracking;
-  state.seeks_map = false;
   state.blind_frames = 0;
   return true;
 }

@@ -13,10 +13,12 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <memory>
 #include <string_view>
 #include <vector>
 
 #include "workloads/inputs/sequence/sequence.h"
+#include "workloads/inputs/sequence/trajectory.h"
 #include "workloads/vision/features.h"
 
 namespace pirt::slam {
@@ -27,6 +29,15 @@ enum class Status : std::uint8_t {
   kLost,  ///< The pose is a guess; its covariance says how bad.
 };
 [[nodiscard]] std::string_view to_string(Status status);
+
+/// A point of the world outside of the filter: known again, not corrected.
+struct MapPoint {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  Descriptor descriptor{};
+  Eigen::Vector3d seen_from = Eigen::Vector3d::Zero();  ///< Where it was described.
+  std::int64_t last_frame = 0;
+};
 
 /// What the robot is built of, and how much work is done. Does not change during a run.
 struct Setup {
@@ -43,7 +54,11 @@ struct Setup {
   /// 0.01 pixels a frame, so that one error is seen in many frames: counted as independent, each
   /// must weigh less.
   double landmark_sigma = 6.0;
-  bool update = true;  ///< false: motion only, to see what the updates correct.
+  bool update = true;     ///< false: motion only, to see what the updates correct.
+  bool recognize = true;  ///< false: what was lost from view is not known again.
+  /// A map of an earlier run, in a world of its own, to be found; null = there is none. Its points
+  /// are independent of what this run sees.
+  std::shared_ptr<const std::vector<MapPoint>> known = {};
 };
 
 struct MotionState {
@@ -71,14 +86,6 @@ struct Landmark {
   int misses = 0;  ///< How often it should have been seen, and was not found, since.
 };
 
-/// A point of the world outside of the filter: known again, not corrected.
-struct MapPoint {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  Descriptor descriptor{};
-  std::int64_t last_frame = 0;
-};
-
 /// Rays (x, y, 1) of each camera in which a clone saw a point.
 struct Observation {
   std::int64_t frame = 0;
@@ -101,6 +108,13 @@ struct Track {
   std::vector<Observation> seen;  ///< By clones that are in the filter.
 };
 
+/// Where the known map may lie, as far as views of it agree.
+struct MapSearch {
+  Similarity map_from_world;         ///< By the last view.
+  int views = 0;                     ///< In a row that agree.
+  std::vector<std::int32_t> points;  ///< Of the known map that they saw, rising.
+};
+
 inline constexpr int kMotionSize = 15;  ///< rotation, velocity, position, gyro and accel bias.
 inline constexpr int kCloneSize = 6;    ///< rotation, position.
 inline constexpr int kVelocityAt = 3, kPositionAt = 6, kGyroBiasAt = 9, kAccelBiasAt = 12;
@@ -119,12 +133,16 @@ struct State {
   std::int64_t next_id = 0;
   ImuSample last_imu;              ///< At `time`; stamp 0 = none yet.
   std::vector<ImuSample> waiting;  ///< Of the start, until there are enough.
-  bool seeks_map = false;          ///< A map was loaded, and the pose in it is not known yet.
-  Nanos previous_time{};           ///< Of the frame before.
-  bool still = false;              ///< At rest, by the last frame.
-  int blind_frames = 0;            ///< In a row without enough to see.
-  int good_frames = 0;             ///< In a row with.
-  int still_frames = 0;            ///< Since motion was last looked for.
+  MapSearch search;                ///< Of the setup's known map, until it is found.
+  bool in_map = false;             ///< It was found: the world is its world.
+  /// Of the world in which the run began, once the map was found.
+  Similarity map_from_start;
+  std::vector<std::int32_t> taken;  ///< Points of the known map that became landmarks, rising.
+  Nanos previous_time{};            ///< Of the frame before.
+  bool still = false;               ///< At rest, by the last frame.
+  int blind_frames = 0;             ///< In a row without enough to see.
+  int good_frames = 0;              ///< In a row with.
+  int still_frames = 0;             ///< Since motion was last looked for.
 
   [[nodiscard]] int size() const { return static_cast<int>(covariance.rows()); }
   [[nodiscard]] static int clone_at(std::size_t i) {
@@ -135,6 +153,11 @@ struct State {
   }
   [[nodiscard]] Pose body() const { return {motion.rotation, motion.position}; }
 };
+
+/// Whether there is a known map whose place is not known yet.
+[[nodiscard]] inline bool seeks_map(const State& state, const Setup& setup) {
+  return setup.known != nullptr && !state.in_map;
+}
 
 /// Covariance of the body's position, in metres^2, world axes: the invariant error's, mapped.
 [[nodiscard]] Eigen::Matrix3d position_covariance(const State& state);

@@ -5,8 +5,10 @@
 #include <numeric>
 #include <unordered_map>
 
+#include "workloads/slam/filter/map_search.h"
 #include "workloads/slam/filter/measure.h"
 #include "workloads/slam/filter/steps.h"
+#include "workloads/slam/views/places.h"
 #include "workloads/slam/views/pnp.h"
 #include "workloads/slam/views/two_views.h"
 
@@ -23,7 +25,6 @@ constexpr double kGate = 1.5;  // times the 95 % quantile
 /// on generated pictures, 0.1 on a street) does not show what windows beside each other share and
 /// what goes on from picture to picture: turns are off by some six times what follows from it.
 constexpr double kLeastTurnSigma = 0.5;
-constexpr int kMostBits = 60;     // that differ between two views of a place
 constexpr int kEnoughToSee = 12;  // tracks; fewer are blind
 constexpr int kBlindFrames = 4;   // in a row that are lost
 constexpr int kGoodFrames = 5;    // in a row that are found again
@@ -99,27 +100,60 @@ bool at_rest(State& state, const Setup& setup) {
   return state.still;
 }
 
-/// The body does not move: velocity and turn are 0.
-void rest_update(State& state, const Setup& setup) {
-  const MotionState& m = state.motion;
-  RowBlock velocity;
-  velocity.residual = -m.velocity;
-  velocity.parts.push_back({0, -cross_matrix(m.velocity)});
-  velocity.parts.push_back({kVelocityAt, Eigen::Matrix3d::Identity()});
-  constexpr double kVelocitySigma_m_s = 0.01;
-  velocity.sigma = kVelocitySigma_m_s;
-  RowBlock turn;
-  const Eigen::Vector3d measured =
-      setup.imu ? state.last_imu.gyro_rad_s : Eigen::Vector3d(Eigen::Vector3d::Zero());
-  turn.residual = measured - m.gyro_bias;
-  turn.parts.push_back({kGyroBiasAt, Eigen::Matrix3d::Identity()});
-  // Twice the sensor's, for vibration.
-  turn.sigma = setup.imu ? 2 * setup.imu->gyro_noise * std::sqrt(setup.imu->rate_hz) : 0.01;
-  kalman_update(state, {velocity, turn});
-}
-
 bool passes(const State& state, const RowBlock& block) {
   return innovation(state, block) < kGate * chi_square_95(static_cast<int>(block.residual.size()));
+}
+
+/// The body is where it was when it came to rest: a picture that has not moved by more than so many
+/// pixels says so of the pose, and the gyroscope of its bias.
+/// @return  False if what the state knows of its motion contradicts: it may move slowly.
+bool rest_update(State& state, const Setup& setup) {
+  const auto since = std::ranges::find_if(state.clones, [&](const Clone& clone) {
+    return clone.frame > state.frame - state.still_frames;
+  });
+  const auto n = state.clones.size();
+  const auto then = static_cast<std::size_t>(since - state.clones.begin());
+  std::vector<double> depths;
+  for (const auto& track : state.tracks) {
+    if (track.depth > 0) depths.push_back(track.depth);
+  }
+  constexpr double kUsualDepth = 4.0;
+  const double angle = kStillPixels / setup.cameras[0].focal();
+  const double moved = angle * (depths.empty() ? kUsualDepth : median(depths));
+  std::vector<RowBlock> rows;
+  if (then + 1 < n) {
+    // In world axes; a turn moves a place about the origin, and is known of both clones.
+    const Pose& old = state.clones[then].body;
+    const Pose& now = state.clones[n - 1].body;
+    const auto tie = [&](const Eigen::Vector3d& residual, const Eigen::Matrix3d& old_turn,
+                         const Eigen::Matrix3d& now_turn, double place, double sigma) {
+      RowBlock block;
+      block.residual = residual;
+      Eigen::Matrix<double, 3, 6> part;
+      part << old_turn, -place * Eigen::Matrix3d::Identity();
+      block.parts.push_back({State::clone_at(then), part});
+      part << now_turn, place * Eigen::Matrix3d::Identity();
+      block.parts.push_back({State::clone_at(n - 1), part});
+      block.sigma = sigma;
+      rows.push_back(std::move(block));
+    };
+    const Eigen::Matrix3d unit = Eigen::Matrix3d::Identity();
+    tie(old.position - now.position, cross_matrix(old.position), -cross_matrix(now.position), 1,
+        moved);
+    tie(vector_of(old.rotation * now.rotation.transpose()), -unit, unit, 0, angle);
+  }
+  if (setup.imu) {
+    RowBlock turn;
+    turn.residual = state.last_imu.gyro_rad_s - state.motion.gyro_bias;
+    turn.parts.push_back({kGyroBiasAt, Eigen::Matrix3d::Identity()});
+    // Twice the sensor's, for vibration.
+    turn.sigma = 2 * setup.imu->gyro_noise * std::sqrt(setup.imu->rate_hz);
+    rows.push_back(std::move(turn));
+  }
+  for (const auto& block : rows) {
+    if (!passes(state, block)) return false;
+  }
+  return kalman_update(state, rows);
 }
 
 /// What the last picture and this one show of the tracks that were found.
@@ -164,7 +198,7 @@ void turn_update(State& state, const Setup& setup, std::span<const RayPair> pair
     ++report.rejected;
     return;
   }
-  kalman_update(state, {block});
+  if (!kalman_update(state, {block})) ++report.rejected;
 }
 
 /// Rows of the landmarks that are followed. What does not fit is no longer followed.
@@ -190,8 +224,8 @@ void landmark_update(State& state, const Setup& setup, FrameReport& report) {
     rows.push_back(std::move(block));
   }
   std::erase_if(state.tracks, [](const Track& track) { return track.age < 0; });
-  report.landmarks += static_cast<int>(rows.size());
-  kalman_update(state, rows);
+  const auto count = static_cast<int>(rows.size());
+  (kalman_update(state, rows) ? report.landmarks : report.rejected) += count;
 }
 
 /// Tracks whose landmark does not lie where one pose of the camera would see it with the others.
@@ -218,39 +252,6 @@ void drop_outliers(State& state, const Setup& setup, FrameReport& report) {
   std::erase_if(state.tracks, [](const Track& track) { return track.age < 0; });
 }
 
-/// The features within reach of a predicted pixel, best descriptor first.
-struct Candidate {
-  int feature = -1;
-  int bits = kMostBits;
-  int second = 256;
-};
-
-Candidate best_feature(const Features& features, const Eigen::Vector2d& pixel, double radius,
-                       const Descriptor& descriptor) {
-  Candidate best;
-  for (std::size_t i = 0; i < features.pixels.size(); ++i) {
-    if ((features.pixels[i].cast<double>() - pixel).squaredNorm() > radius * radius) continue;
-    const int bits = distance(features.descriptors[i], descriptor);
-    if (bits < best.bits) {
-      best.second = best.feature >= 0 ? best.bits : best.second;
-      best.bits = bits;
-      best.feature = static_cast<int>(i);
-    } else {
-      best.second = std::min(best.second, bits);
-    }
-  }
-  return best;
-}
-
-/// Whether the view is near enough to the one that was described.
-bool looks_alike(const Landmark& landmark, const Eigen::Vector3d& camera) {
-  const Eigen::Vector3d then = landmark.seen_from - landmark.position;
-  const Eigen::Vector3d now = camera - landmark.position;
-  const double ratio = now.norm() / then.norm();
-  constexpr double kLeastCosine = 0.8;
-  return ratio > 0.6 && ratio < 1.7 && now.dot(then) > kLeastCosine * now.norm() * then.norm();
-}
-
 /// Landmarks that are not followed, where they should be seen: those that look like themselves are
 /// followed again, and correct the drift since they were lost.
 void recognize(State& state, const Setup& setup, const Features& features, FrameReport& report) {
@@ -268,7 +269,7 @@ void recognize(State& state, const Setup& setup, const Features& features, Frame
     if (std::ranges::find(followed, landmark.id) != followed.end()) continue;
     const auto pixel = pixel_of(setup.cameras[0], camera, landmark.position);
     if (!pixel || !setup.cameras[0].contains(*pixel, 24.0)) continue;
-    if (!looks_alike(landmark, camera.position)) continue;
+    if (!looks_alike(landmark.position, landmark.seen_from, camera.position)) continue;
     Observation none;
     none.left = setup.cameras[0].ray(*pixel);
     RowBlock block = rows_of_landmark(state, setup, i, none, setup.pixel_sigma);
@@ -276,7 +277,7 @@ void recognize(State& state, const Setup& setup, const Features& features, Frame
     const double spread = predicted_sigma(state, block);
     const double radius = std::clamp(3 * spread, kNear, kFar);
     const Candidate best = best_feature(features, *pixel, radius, landmark.descriptor);
-    if (best.feature < 0 || best.bits * 10 > best.second * 8) {
+    if (!best.clear()) {
       if (spread < kNear) ++landmark.misses;
       continue;
     }
@@ -301,9 +302,12 @@ void recognize(State& state, const Setup& setup, const Features& features, Frame
     track.descriptor = landmark.descriptor;
     added.push_back(std::move(track));
   }
+  if (!kalman_update(state, rows)) {
+    report.rejected += static_cast<int>(rows.size());
+    return;
+  }
   report.recognized = static_cast<int>(rows.size());
   report.landmarks += report.recognized;
-  kalman_update(state, rows);
   for (auto& track : added) {
     std::erase_if(state.tracks, [&](const Track& other) {
       return other.landmark < 0 && (other.pixel - track.pixel).squaredNorm() < 16.0F;
@@ -312,10 +316,10 @@ void recognize(State& state, const Setup& setup, const Features& features, Frame
   }
 }
 
-/// With an IMU the state went on, and seeing again is enough; without, or in a map that was loaded,
-/// the place has to be known again.
+/// With an IMU the state went on, and seeing again is enough; without, the place has to be known
+/// again.
 void find_again(State& state, const Setup& setup, const Features& features) {
-  if (setup.imu && !state.seeks_map) {
+  if (setup.imu) {
     if (state.good_frames >= kGoodFrames) state.status = Status::kTracking;
     return;
   }
@@ -368,10 +372,10 @@ void use_points(State& state, const Setup& setup, std::vector<Track>& ended, std
     }
     rows.push_back(std::move(block));
   }
-  report.points += static_cast<int>(rows.size());
   if (rows.empty()) return;
   const int columns = kCloneSize * static_cast<int>(state.clones.size());
-  kalman_update(state, {compressed(rows, kMotionSize, columns)});
+  const bool used = kalman_update(state, {compressed(rows, kMotionSize, columns)});
+  (used ? report.points : report.rejected) += static_cast<int>(rows.size());
 }
 
 TrackRequest request_tracks(const State& state, const Setup& setup) {
@@ -434,21 +438,25 @@ FrameReport update_pose(State& state, const Setup& setup, const FrameTracks& tra
   }
   const bool sees = report.tracks >= kEnoughToSee;
   if (setup.update && state.status == Status::kTracking) {
-    if (at_rest(state, setup)) {
-      // The same view again says nothing new: its errors are those of the last frame.
-      rest_update(state, setup);
-    } else {
+    // The same view again says nothing new: its errors are those of the last frame.
+    state.still = at_rest(state, setup) && rest_update(state, setup);
+    if (!state.still) {
       if (!setup.imu) turn_update(state, setup, pairs, report);
       drop_outliers(state, setup, report);
       landmark_update(state, setup, report);
       use_points(state, setup, ended, kMostPoints, report);
-      recognize(state, setup, features, report);
+      if (setup.recognize) {
+        recognize(state, setup, features, report);
+        use_map(state, setup, features, report);
+      }
     }
   }
   state.blind_frames = sees ? 0 : state.blind_frames + 1;
   state.good_frames = sees ? state.good_frames + 1 : 0;
-  if (state.blind_frames >= kBlindFrames || state.seeks_map) state.status = Status::kLost;
-  if (state.status == Status::kLost && setup.update) find_again(state, setup, features);
+  if (state.blind_frames >= kBlindFrames) state.status = Status::kLost;
+  if (!setup.update) return report;
+  if (state.status == Status::kLost) find_again(state, setup, features);
+  seek_map(state, setup, features);
   return report;
 }
 

@@ -10,14 +10,15 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
+#include "workloads/slam/filter/map_search.h"
 
 namespace pirt::slam {
 namespace {
 
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
 constexpr std::string_view kKind = "pirt_slam_map";
 constexpr std::size_t kMostFilePoints = 100'000;
-constexpr std::size_t kColumns = 10;
+constexpr std::size_t kColumns = 13;
 
 std::string hex_of(const Descriptor& descriptor) {
   std::string text;
@@ -25,9 +26,12 @@ std::string hex_of(const Descriptor& descriptor) {
   return text;
 }
 
-Json row_of(const Eigen::Vector3d& p, const Eigen::Matrix3d& c, const Descriptor& descriptor) {
+/// @param point  A landmark or a map point.
+Json row_of(const auto& point, const Eigen::Matrix3d& c) {
+  const Eigen::Vector3d& p = point.position;
+  const Eigen::Vector3d& s = point.seen_from;
   return Json::array({p.x(), p.y(), p.z(), c(0, 0), c(0, 1), c(0, 2), c(1, 1), c(1, 2), c(2, 2),
-                      hex_of(descriptor)});
+                      s.x(), s.y(), s.z(), hex_of(point.descriptor)});
 }
 
 bool read_hex(const std::string& text, Descriptor& descriptor) {
@@ -42,8 +46,9 @@ bool read_hex(const std::string& text, Descriptor& descriptor) {
 
 /// Empty if it is a good row.
 std::string problem_of(const Json& row, MapPoint& point) {
-  if (!row.is_array() || row.size() != kColumns) return "is no list of 10 values";
-  std::array<double, 9> v{};
+  if (!row.is_array() || row.size() != kColumns)
+    return fmt::format("is no list of {} values", kColumns);
+  std::array<double, kColumns - 1> v{};
   constexpr double kLargest = 1e7;
   for (std::size_t i = 0; i < v.size(); ++i) {
     if (!row[i].is_number()) return fmt::format("value {} is no number", i + 1);
@@ -57,7 +62,8 @@ std::string problem_of(const Json& row, MapPoint& point) {
   if (Eigen::LLT<Eigen::Matrix3d>(point.covariance).info() != Eigen::Success) {
     return "the covariance is not positive definite";
   }
-  if (!row[9].is_string() || !read_hex(row[9].get<std::string>(), point.descriptor)) {
+  point.seen_from = {v[9], v[10], v[11]};
+  if (!row.back().is_string() || !read_hex(row.back().get<std::string>(), point.descriptor)) {
     return "the descriptor is no text of 64 hex digits";
   }
   return "";
@@ -68,11 +74,14 @@ std::string problem_of(const Json& row, MapPoint& point) {
 std::string map_text(const State& state, const Setup& setup) {
   Json points = Json::array();
   for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
-    points.push_back(row_of(state.landmarks[i].position, landmark_covariance(state, i),
-                            state.landmarks[i].descriptor));
+    points.push_back(row_of(state.landmarks[i], landmark_covariance(state, i)));
   }
-  for (const auto& p : state.map) {
-    points.push_back(row_of(p.position, p.covariance, p.descriptor));
+  for (const auto& p : state.map) points.push_back(row_of(p, p.covariance));
+  if (state.in_map && setup.known != nullptr) {
+    for (std::size_t i = 0; i < setup.known->size(); ++i) {
+      const MapPoint& p = (*setup.known)[i];
+      if (!is_taken(state, i)) points.push_back(row_of(p, p.covariance));
+    }
   }
   const Json map = {{"schema_version", kVersion},
                     {"kind", kKind},
@@ -81,7 +90,8 @@ std::string map_text(const State& state, const Setup& setup) {
   return json_text(map) + "\n";
 }
 
-State load_map(const std::filesystem::path& file, const Setup& setup) {
+std::shared_ptr<const std::vector<MapPoint>> load_map(const std::filesystem::path& file,
+                                                      const Setup& setup) {
   const auto refuse = [&](const std::string& why) {
     throw_bad_input(
         fmt::format("'{}' is no usable SLAM map: {}; write one with pirt run-robot "
@@ -100,18 +110,17 @@ State load_map(const std::filesystem::path& file, const Setup& setup) {
   }
   if (!map.contains("points") || !map["points"].is_array()) refuse("it has no list of points");
   const Json& points = map["points"];
-  if (points.empty() || points.size() > kMostFilePoints) {
-    refuse(fmt::format("it has {} points, expected 1 to {}", points.size(), kMostFilePoints));
+  if (points.size() > kMostFilePoints) {
+    refuse(fmt::format("it has {} points, expected at most {}", points.size(), kMostFilePoints));
   }
-  State state;
+  std::vector<MapPoint> known;
   for (std::size_t i = 0; i < points.size(); ++i) {
     MapPoint point;
     const std::string problem = problem_of(points[i], point);
     if (!problem.empty()) refuse(fmt::format("point {}: {}", i, problem));
-    state.map.push_back(point);
+    known.push_back(point);
   }
-  state.seeks_map = true;
-  return state;
+  return std::make_shared<const std::vector<MapPoint>>(std::move(known));
 }
 
 }  // namespace pirt::slam

@@ -25,7 +25,7 @@ class StageTimer {
 class SerialRun {
  public:
   SerialRun(const Sequence& sequence, const RunOptions& options)
-      : sequence_(sequence), options_(options), setup_(options.setup), state_(options.start) {}
+      : sequence_(sequence), options_(options), setup_(options.setup) {}
 
   RunResult run() {
     RunResult result;
@@ -72,6 +72,7 @@ class SerialRun {
     before_ = std::move(pyramid);
     result.pose = {time, state_.body()};
     result.status = state_.status;
+    result.in_map = state_.in_map;
     result.position_covariance = position_covariance(state_);
     return result;
   }
@@ -155,7 +156,10 @@ std::string_view to_string(Stage stage) {
 std::vector<StampedPose> RunResult::trajectory() const {
   std::vector<StampedPose> poses;
   for (const auto& frame : frames) {
-    if (frame.status != Status::kStarting) poses.push_back(frame.pose);
+    if (frame.status == Status::kStarting) continue;
+    StampedPose pose = frame.pose;
+    if (last.in_map && !frame.in_map) pose.body = moved(last.map_from_start, pose.body);
+    poses.push_back(pose);
   }
   return poses;
 }

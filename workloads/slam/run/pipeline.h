@@ -31,6 +31,7 @@ inline constexpr std::array kStages = {Stage::kPropagate, Stage::kPyramid,    St
 struct FrameResult {
   StampedPose pose;
   Status status = Status::kStarting;
+  bool in_map = false;  ///< The pose is in the world of the setup's known map.
   Eigen::Matrix3d position_covariance = Eigen::Matrix3d::Zero();
   FrameReport report;
   bool unusable = false;  ///< The picture was black or constant.
@@ -47,7 +48,6 @@ enum class Next : std::uint8_t {
 struct RunOptions {
   Setup setup;
   const Clock* clock = nullptr;  ///< For stage_time; none = they are 0.
-  State start;                   ///< A loaded map, for example.
   /// Called after each frame, with its left picture (for plots).
   std::function<void(std::size_t frame, const State&, const GreyImage&, const FrameResult&)> seen;
   /// Pictures may be replaced before they are used (tests of bad frames).
@@ -60,7 +60,7 @@ struct RunResult {
   std::vector<FrameResult> frames;
   State last;
 
-  /// The poses since there is one.
+  /// The poses since there is one, all in the last one's world.
   [[nodiscard]] std::vector<StampedPose> trajectory() const;
 };
 

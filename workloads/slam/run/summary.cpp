@@ -58,6 +58,15 @@ void add_errors(const Sequence& sequence, const std::vector<StampedPose>& poses,
   }
 }
 
+KnownMapSummary known_map_of(const RunResult& result, const Setup& setup) {
+  KnownMapSummary known{.points = setup.known->size(), .found_after_s = {}};
+  const auto found = std::ranges::find(result.frames, true, &FrameResult::in_map);
+  if (found != result.frames.end()) {
+    known.found_after_s = to_s(found->pose.time - result.frames.front().pose.time);
+  }
+  return known;
+}
+
 }  // namespace
 
 StageSummary summary_of(std::string name, std::vector<double> ms) {
@@ -101,6 +110,7 @@ RunSummary summarize(const Sequence& sequence, const RunResult& result, const Se
   summary.rate_hz = mean_ms > 0 ? 1e3 / mean_ms : 0.0;
   summary.landmarks = result.last.landmarks.size();
   summary.map_points = result.last.map.size();
+  if (setup.known != nullptr) summary.known_map = known_map_of(result, setup);
   add_errors(sequence, result.trajectory(), summary);
   return summary;
 }

@@ -24,6 +24,12 @@ struct TurnError {
   double trivial_deg = 0;  ///< What no turn at all scores.
 };
 
+/// What became of the setup's known map.
+struct KnownMapSummary {
+  std::size_t points = 0;
+  std::optional<double> found_after_s;  ///< From the first frame; absent = it was not found.
+};
+
 struct RunSummary {
   std::size_t frames = 0;
   std::size_t starting = 0, tracking = 0, lost = 0;  ///< Frames by status.
@@ -36,6 +42,7 @@ struct RunSummary {
   std::vector<TurnError> turns;  ///< Over 1 frame and over 10, where so many have a pose and truth.
   bool scale_known = true;       ///< Aligned by SE(3); otherwise by Sim(3).
   std::size_t landmarks = 0, map_points = 0;
+  std::optional<KnownMapSummary> known_map;  ///< Where there is one.
 };
 
 [[nodiscard]] RunSummary summarize(const Sequence& sequence, const RunResult& result,

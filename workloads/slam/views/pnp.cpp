@@ -17,32 +17,66 @@ Pose pose_of(const cv::Mat& rotation_vector, const cv::Mat& translation) {
   return Pose{rotation_of(w), t}.inverse();
 }
 
+/// Matches as OpenCV takes them.
+struct Matches {
+  std::vector<cv::Point3d> points;
+  std::vector<cv::Point2d> rays;
+
+  void add(const PointMatch& match) {
+    points.emplace_back(match.point.x(), match.point.y(), match.point.z());
+    rays.emplace_back(match.ray.x(), match.ray.y());
+  }
+};
+
+std::vector<std::size_t> inliers_of(std::span<const PointMatch> matches, const Pose& camera,
+                                    double most_miss) {
+  const Pose from_world = camera.inverse();
+  std::vector<std::size_t> inliers;
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    const Eigen::Vector3d p = from_world * matches[i].point;
+    if (p.z() > 0 && (p.head<2>() / p.z() - matches[i].ray).norm() < most_miss) {
+      inliers.push_back(i);
+    }
+  }
+  return inliers;
+}
+
 }  // namespace
 
 std::optional<PnpResult> robust_pnp(std::span<const PointMatch> matches, double most_miss) {
   if (matches.size() < kLeast) return std::nullopt;
-  std::vector<cv::Point3d> points;
-  std::vector<cv::Point2d> rays;
-  for (const auto& match : matches) {
-    points.emplace_back(match.point.x(), match.point.y(), match.point.z());
-    rays.emplace_back(match.ray.x(), match.ray.y());
-  }
+  Matches all;
+  for (const auto& match : matches) all.add(match);
+  const cv::Mat unit = cv::Mat::eye(3, 3, CV_64F);
   try {
     cv::Mat rotation;
     cv::Mat translation;
-    std::vector<int> inliers;
+    std::vector<int> consensus;
     constexpr int kRounds = 200;
     constexpr double kConfidence = 0.999;
     const bool found = cv::solvePnPRansac(
-        points, rays, cv::Mat::eye(3, 3, CV_64F), cv::noArray(), rotation, translation, false,
-        kRounds, static_cast<float>(most_miss), kConfidence, inliers, cv::SOLVEPNP_EPNP);
-    if (!found || inliers.size() < kLeast) return std::nullopt;
+        all.points, all.rays, unit, cv::noArray(), rotation, translation, false, kRounds,
+        static_cast<float>(most_miss), kConfidence, consensus, cv::SOLVEPNP_AP3P);
+    if (!found) return std::nullopt;
     PnpResult result;
-    result.camera = pose_of(rotation, translation);
-    if (!result.camera.position.allFinite() || !result.camera.rotation.allFinite()) {
-      return std::nullopt;
+    result.inliers.assign(consensus.begin(), consensus.end());
+    // Twice: the least squares decide what fits, and are then those of what does.
+    for (int round = 0; round < 2; ++round) {
+      if (result.inliers.size() < kLeast) return std::nullopt;
+      Matches good;
+      for (const std::size_t i : result.inliers) good.add(matches[i]);
+      if (round == 0 && !cv::solvePnP(good.points, good.rays, unit, cv::noArray(), rotation,
+                                      translation, false, cv::SOLVEPNP_SQPNP)) {
+        return std::nullopt;
+      }
+      cv::solvePnPRefineLM(good.points, good.rays, unit, cv::noArray(), rotation, translation);
+      result.camera = pose_of(rotation, translation);
+      if (!result.camera.position.allFinite() || !result.camera.rotation.allFinite()) {
+        return std::nullopt;
+      }
+      result.inliers = inliers_of(matches, result.camera, most_miss);
     }
-    result.inliers.assign(inliers.begin(), inliers.end());
+    if (result.inliers.size() < kLeast) return std::nullopt;
     return result;
   } catch (const cv::Exception& error) {
     throw_environment("OpenCV cannot find a pose: " + error.err);

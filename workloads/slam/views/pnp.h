@@ -1,5 +1,5 @@
 // A camera's pose from points and their rays, robustly: OpenCV's P3P in RANSAC, which draws from a
-// fixed seed of its own.
+// fixed seed of its own, then least squares over what fits.
 #pragma once
 
 #include <optional>
@@ -21,7 +21,11 @@ struct PnpResult {
 };
 
 /// @param most_miss  Of an inlier's ray, radians near the axis.
-/// @return  Absent with fewer than 6 matches or 6 inliers.
+/// @return  Absent with fewer than 6 matches or 6 inliers. Points on one plane are as good as
+/// others.
+/// @source  Ke and Roumeliotis, An efficient algebraic solution to the perspective-three-point
+/// problem, CVPR 2017; Terzakis and Lourakis, A consistently fast and globally optimal solution to
+/// the perspective-n-point problem, ECCV 2020 (where the least squares start).
 [[nodiscard]] std::optional<PnpResult> robust_pnp(std::span<const PointMatch> matches,
                                                   double most_miss);
 

@@ -18,11 +18,11 @@ constexpr int kPoints = 2500;
 constexpr double kPixelNoise = 0.1;  // sigma of what is followed, in each picture
 constexpr double kWrongBits = 0.03;  // of a descriptor's, from view to view
 
-PathOptions path_options() {
+PathOptions path_options(const RecordingOptions& given) {
   PathOptions options;
-  options.duration_s = 6.0;
-  options.rest_s = 1.5;
-  options.seed = kSeed;
+  options.duration_s = given.duration_s;
+  options.rest_s = given.rest_s;
+  options.seed = given.path_seed;
   return options;
 }
 
@@ -38,8 +38,9 @@ Eigen::Vector3d wall_point(Random& random) {
 
 }  // namespace
 
-Recording::Recording() : setup_(recorded_setup()), path_(path_options()) {
-  Random random(kSeed);
+Recording::Recording(const RecordingOptions& options)
+    : seed_(options.path_seed), setup_(recorded_setup()), path_(path_options(options)) {
+  Random random(options.room_seed);
   for (int i = 0; i < kPoints; ++i) {
     Point point{wall_point(random), {}};
     for (auto& byte : point.descriptor) byte = static_cast<std::uint8_t>(random.below(256));
@@ -47,11 +48,21 @@ Recording::Recording() : setup_(recorded_setup()), path_(path_options()) {
   }
 }
 
-Pose Recording::truth_at(int frame) const {
+Pose Recording::start() const {
   const Pose first = path_.at(0.0).body;
   const Eigen::Vector3d forward = first.rotation.col(0);
-  const Pose start{rotation_of({0, 0, std::atan2(forward.y(), forward.x())}), first.position};
-  return start.inverse() * path_.at(to_s(time_of(frame))).body;
+  return {rotation_of({0, 0, std::atan2(forward.y(), forward.x())}), first.position};
+}
+
+Pose Recording::truth_at(int frame) const {
+  return start().inverse() * path_.at(to_s(time_of(frame))).body;
+}
+
+std::vector<Eigen::Vector3d> Recording::points() const {
+  const Pose world = start().inverse();
+  std::vector<Eigen::Vector3d> points;
+  for (const Point& point : points_) points.push_back(world * point.position);
+  return points;
 }
 
 std::vector<ImuSample> Recording::samples(int frame) const {
@@ -61,7 +72,7 @@ std::vector<ImuSample> Recording::samples(int frame) const {
   std::vector<ImuSample> samples;
   for (int i = 0; i < kSamplesPerFrame; ++i) {
     const int index = frame * kSamplesPerFrame + i + 1;
-    Gaussian noise(derive_seed(kSeed, "imu") + static_cast<std::uint64_t>(index));
+    Gaussian noise(derive_seed(seed_, "imu") + static_cast<std::uint64_t>(index));
     const auto random = [&] {
       const double x = noise.next(), y = noise.next(), z = noise.next();
       return Eigen::Vector3d(x, y, z);

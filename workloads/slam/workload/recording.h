@@ -11,18 +11,26 @@
 
 namespace pirt::slam {
 
-/// A function of nothing: always the same flight. Immutable.
+struct RecordingOptions {
+  std::uint64_t path_seed = 1, room_seed = 1;
+  double duration_s = 6.0, rest_s = 1.5;  ///< Of the rest at the start.
+};
+
+/// A function of its options. Immutable.
 class Recording {
  public:
   static constexpr double kFrame_s = 0.04;
   static constexpr int kSamplesPerFrame = 8;
 
-  Recording();
+  explicit Recording(const RecordingOptions& options = {});
 
   [[nodiscard]] const Setup& setup() const { return setup_; }
   [[nodiscard]] Nanos time_of(int frame) const { return from_s((frame + 1) * kFrame_s); }
   /// The body in the world of the filter, which begins at the start, level, heading along x.
   [[nodiscard]] Pose truth_at(int frame) const;
+
+  /// All that its camera may see, in the same world.
+  [[nodiscard]] std::vector<Eigen::Vector3d> points() const;
 
   /// Samples that arrive between the frame before and this one, the last at its time.
   [[nodiscard]] std::vector<ImuSample> samples(int frame) const;
@@ -36,8 +44,10 @@ class Recording {
     Eigen::Vector3d position;
     Descriptor descriptor;
   };
+  [[nodiscard]] Pose start() const;  ///< Of the filter's world in the room.
   [[nodiscard]] std::optional<Eigen::Vector2d> seen(std::size_t point, int frame) const;
 
+  std::uint64_t seed_;
   Setup setup_;
   RobotPath path_;
   std::vector<Point> points_;

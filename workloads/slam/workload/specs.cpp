@@ -86,7 +86,7 @@ std::vector<Workload> specs(const Setup& setup) {
                       {"counts", Element::kI32, {2}},
                       {"body", Element::kF64, {12}},
                       {"body_covariance", Element::kF64, {3, 3}},
-                      {"status", Element::kI32, {1}}}));
+                      {"status", Element::kI32, {2}}}));
   return all;
 }
 

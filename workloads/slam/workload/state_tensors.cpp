@@ -6,6 +6,7 @@
 #include <string>
 #include <tuple>
 #include <type_traits>
+#include <utility>
 
 #include "workloads/base/error.h"
 
@@ -34,9 +35,10 @@ class Writer {
   void number(double value) { tensors_[kNumbers].as<double>()[next(kNumbers)] = value; }
   template <typename Derived>
   void matrix(const Eigen::MatrixBase<Derived>& m) {
-    for (Eigen::Index c = 0; c < m.cols(); ++c) {
-      for (Eigen::Index r = 0; r < m.rows(); ++r) number(static_cast<double>(m(r, c)));
-    }
+    if (m.size() == 0) return;
+    const std::size_t at = next(kNumbers, static_cast<std::size_t>(m.size()));
+    Eigen::Map<Eigen::MatrixXd>(&tensors_[kNumbers].as<double>()[at], m.rows(), m.cols()) =
+        m.template cast<double>();
   }
   void square(const Eigen::MatrixXd& m) {
     integer(m.rows());
@@ -58,12 +60,13 @@ class Writer {
   }
 
  private:
-  std::size_t next(Part part) {
-    if (used_[part] >= static_cast<std::size_t>(tensors_[part].dim(0))) {
+  /// Where the next @p count rows of a part begin.
+  std::size_t next(Part part, std::size_t count = 1) {
+    if (used_[part] + count > static_cast<std::size_t>(tensors_[part].dim(0))) {
       throw_bad_input("the SLAM's state has more " + tensors_[part].spec().name + " than the " +
                       std::to_string(tensors_[part].dim(0)) + " that its setup has room for");
     }
-    return used_[part]++;
+    return std::exchange(used_[part], used_[part] + count);
   }
 
   std::span<Tensor> tensors_;
@@ -82,13 +85,10 @@ class Reader {
   void number(double& value) { value = tensors_[kNumbers].as<double>()[next(kNumbers)]; }
   template <typename Derived>
   void matrix(Eigen::MatrixBase<Derived>& m) {
-    for (Eigen::Index c = 0; c < m.cols(); ++c) {
-      for (Eigen::Index r = 0; r < m.rows(); ++r) {
-        double value = 0;
-        number(value);
-        m(r, c) = static_cast<typename Derived::Scalar>(value);
-      }
-    }
+    if (m.size() == 0) return;
+    const std::size_t at = next(kNumbers, static_cast<std::size_t>(m.size()));
+    m = Eigen::Map<const Eigen::MatrixXd>(&tensors_[kNumbers].as<double>()[at], m.rows(), m.cols())
+            .template cast<typename Derived::Scalar>();
   }
   void square(Eigen::MatrixXd& m) {
     const auto size = static_cast<Eigen::Index>(length(kNumbers));
@@ -102,7 +102,7 @@ class Reader {
   }
   template <typename T, typename Each>
   void list(std::vector<T>& items, const Each& each) {
-    items.resize(length(kNumbers));
+    items.resize(length(Scalar<T> ? kIntegers : kNumbers));
     for (T& item : items) each(item);
   }
   void finish() const {
@@ -128,9 +128,9 @@ class Reader {
     if (size < 0 || size > tensors_[part].rows()) refuse();
     return static_cast<std::size_t>(size);
   }
-  std::size_t next(Part part) {
-    if (static_cast<std::int64_t>(used_[part]) >= tensors_[part].rows()) refuse();
-    return used_[part]++;
+  std::size_t next(Part part, std::size_t count = 1) {
+    if (static_cast<std::int64_t>(used_[part] + count) > tensors_[part].rows()) refuse();
+    return std::exchange(used_[part], used_[part] + count);
   }
 
   std::span<const Tensor> tensors_;
@@ -182,9 +182,15 @@ void visit_points(auto& a, auto& state) {
     a.matrix(point.position);
     a.matrix(point.covariance);
     a.bytes(point.descriptor);
+    a.matrix(point.seen_from);
     a.integer(point.last_frame);
   });
   a.list(state.tracks, [&](auto& track) { visit_track(a, track); });
+}
+
+void visit_similarity(auto& a, auto& similarity) {
+  a.number(similarity.scale);
+  visit_pose(a, similarity.pose);
 }
 
 void visit(auto& a, auto& state) {
@@ -204,7 +210,12 @@ void visit(auto& a, auto& state) {
   a.integer(state.next_id);
   visit_sample(a, state.last_imu);
   a.list(state.waiting, [&](auto& sample) { visit_sample(a, sample); });
-  a.integer(state.seeks_map);
+  visit_similarity(a, state.search.map_from_world);
+  a.integer(state.search.views);
+  a.list(state.search.points, [&](auto& point) { a.integer(point); });
+  a.integer(state.in_map);
+  visit_similarity(a, state.map_from_start);
+  a.list(state.taken, [&](auto& point) { a.integer(point); });
   a.integer(state.previous_time);
   a.integer(state.still);
   a.integer(state.blind_frames);
@@ -222,10 +233,11 @@ std::vector<TensorSpec> state_specs(const Setup& setup) {
   const std::int64_t tracks = setup.most_tracks + setup.most_landmarks;
   const std::int64_t points = setup.most_map_points;
   const std::int64_t size = kMotionSize + kCloneSize * clones + 3 * landmarks;
-  const std::int64_t numbers = size * size + 21 + 12 * clones + 6 * landmarks + 12 * points +
+  const auto known = setup.known ? std::ssize(*setup.known) : std::int64_t{0};
+  const std::int64_t numbers = size * size + 47 + 12 * clones + 6 * landmarks + 15 * points +
                                tracks * (7 + 4 * clones) + 6 * (kMostWaiting + 1);
-  const std::int64_t integers =
-      16 + clones + 4 * landmarks + points + tracks * (5 + 2 * clones) + kMostWaiting + 1;
+  const std::int64_t integers = 20 + clones + 4 * landmarks + points + tracks * (5 + 2 * clones) +
+                                kMostWaiting + 1 + 2 * known;
   return {{"numbers", Element::kF64, {numbers}, true},
           {"integers", Element::kI32, {integers, 2}, true},
           {"descriptors", Element::kU8, {landmarks + tracks + points, kDescriptorBytes}, true}};

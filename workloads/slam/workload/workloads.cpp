@@ -19,11 +19,27 @@ namespace pirt::slam {
 namespace {
 
 constexpr int kMoment = 90;  // frames: 3.6 s, of which the robot moves 2
+/// In which many tracks have a base line for the first time: 18 landmarks become 33.
+constexpr int kManyNew = 63;
+
+/// What update_pose finds: a body that is 14 cm from where it should be, and a filter that knows
+/// that it may be. A step that corrects nothing leaves it there.
+State displaced(State state) {
+  const Eigen::Vector3d off(0.09, -0.09, 0.06);
+  state.motion.position += off;
+  state.covariance.diagonal().segment<3>(kPositionAt).array() += off.squaredNorm() / 3;
+  return state;
+}
 
 /// Played once, when first asked for; the same in every process.
 struct Played {
   Recording recording;
   Moment moment = moment_of(recording, kMoment);
+
+  Played() {
+    moment.before_update = displaced(std::move(moment.before_update));
+    moment.before_extend = moment_of(recording, kManyNew).before_extend;
+  }
 };
 const Played& played() {
   static const auto& all = *new Played();  // Never destroyed, as in catalog.cpp.
@@ -86,6 +102,7 @@ void run_extend(State& state, const Setup& setup, std::span<const Tensor> inputs
   write_pose(state.body(), outputs[2]);
   Eigen::Map<Eigen::Matrix3d>(outputs[3].as<double>().data()) = position_covariance(state);
   outputs[4].as<std::int32_t>()[0] = static_cast<std::int32_t>(state.status);
+  outputs[4].as<std::int32_t>()[1] = state.in_map ? 1 : 0;
 }
 
 // -------------------------------------------------------------------------------------------- data
@@ -116,7 +133,7 @@ Data update_data(const DataRequest& request) {
 
 Data extend_data(const DataRequest& request) {
   Data data;
-  data.inputs = tensors_of(played().recording.features(kMoment, request.seed));
+  data.inputs = tensors_of(played().recording.features(kManyNew, request.seed));
   return data;
 }
 
@@ -141,21 +158,29 @@ Verdict verify(std::span<const Tensor> outputs, std::span<const Tensor> expected
   return close(close_outputs, close_expected);
 }
 
-/// Each call as the reference's, and its pose as the truth, within 20 cm and 2 degrees: standing
-/// still would be 1.5 m off. Observed: 0.13 m and 1.4 degrees, since the filter takes a start as
-/// slow as this one for rest and tilts.
-Verdict judge_poses(std::span<const PlayedFrame> sequence) {
-  constexpr double kMost_m = 0.20;
-  constexpr double kMost_deg = 2.0;
+/// Each call as the reference's: the worst of them, or the first that is not.
+Verdict verify_each(std::span<const PlayedFrame> sequence) {
   Verdict worst;
-  double most_m = 0;
-  double most_deg = 0;
   for (std::size_t i = 0; i < sequence.size(); ++i) {
     const Verdict verdict = verify(sequence[i].outputs, sequence[i].expected);
     if (!verdict.ok) {
       return {false, verdict.worst_error, fmt::format("frame {}: {}", i + 1, verdict.detail)};
     }
     if (i == 0 || verdict.worst_error > worst.worst_error) worst = verdict;
+  }
+  return worst;
+}
+
+/// And its pose as the truth, within 5 cm and 0.5 degrees: standing still would be 1.5 m off,
+/// correcting nothing 14 cm. Observed: 2.2 cm and 0.3 degrees.
+Verdict judge_poses(std::span<const PlayedFrame> sequence) {
+  constexpr double kMost_m = 0.05;
+  constexpr double kMost_deg = 0.5;
+  Verdict worst = verify_each(sequence);
+  if (!worst.ok) return worst;
+  double most_m = 0;
+  double most_deg = 0;
+  for (std::size_t i = 0; i < sequence.size(); ++i) {
     const auto values = sequence[i].outputs[0].as<float>();
     const Eigen::Vector3d position(static_cast<double>(values[9]), static_cast<double>(values[10]),
                                    static_cast<double>(values[11]));
@@ -175,6 +200,34 @@ Verdict judge_poses(std::span<const PlayedFrame> sequence) {
   return worst;
 }
 
+/// And its landmarks as points of the room: of the 33, 18 of which were there before, at least 28,
+/// three quarters of them within 10 cm. A place that is no point's is farther from the next: on the
+/// walls 15 cm in the mean. Observed: 7 cm.
+Verdict judge_landmarks(std::span<const PlayedFrame> sequence) {
+  constexpr std::size_t kLeast = 28;
+  constexpr double kMost_m = 0.10;
+  Verdict worst = verify_each(sequence);
+  const auto points = played().recording.points();
+  for (std::size_t i = 0; worst.ok && i < sequence.size(); ++i) {
+    const auto values = sequence[i].outputs[0].used<float>();
+    std::vector<double> misses;
+    for (std::size_t at = 0; at + 2 < values.size(); at += 3) {
+      const Eigen::Vector3d landmark =
+          Eigen::Map<const Eigen::Vector3f>(&values[at]).cast<double>();
+      double nearest = std::numeric_limits<double>::max();
+      for (const auto& point : points) nearest = std::min(nearest, (point - landmark).norm());
+      misses.push_back(nearest);
+    }
+    std::ranges::sort(misses);
+    const double most_m = misses.empty() ? 0 : misses[3 * misses.size() / 4];
+    worst.ok = misses.size() >= kLeast && most_m <= kMost_m;
+    worst.detail += fmt::format(
+        "; {} landmarks, three quarters within {:.2g} m of a point of the room, bounds {} and {}",
+        misses.size(), most_m, kLeast, kMost_m);
+  }
+  return worst;
+}
+
 // --------------------------------------------------------------------------------------- workloads
 
 struct Functions {
@@ -189,7 +242,7 @@ const std::array<Functions, 3>& functions() {
   static const std::array<Functions, 3> all = {
       {{run_propagate, propagate_data, &Moment::before_propagate, judge_poses},
        {run_update, update_data, &Moment::before_update, judge_poses},
-       {run_extend, extend_data, &Moment::before_extend}}};
+       {run_extend, extend_data, &Moment::before_extend, judge_landmarks}}};
   return all;
 }
 
@@ -226,9 +279,9 @@ void complete(Workload& w, const Setup& setup, const Functions& each) {
 
 }  // namespace
 
-std::vector<Workload> steps(const Setup& setup, const State& start) {
+std::vector<Workload> steps(const Setup& setup) {
   auto begin = make_tensors(state_specs(setup));
-  write_state(start, begin);
+  write_state({}, begin);
   const auto shared = std::make_shared<const std::vector<Tensor>>(std::move(begin));
   auto steps = specs(setup);
   for (std::size_t i = 0; i < steps.size(); ++i) {
