@@ -97,18 +97,6 @@ TEST_F(RunRobot, SaysWhetherTheMapThatWasLoadedWasFoundAndSavesItsOwnIfNot) {
 }
 
 // 0.2 s are too few for the start from rest, which takes a quarter of a second.
-TEST_F(RunRobot, WithoutALocalizedFrameLeavesWhatAnEarlierRunWrote) {
-  scratch_.write("a.map", "a map");
-  scratch_.write("a.txt", "a trajectory");
-  const auto outcome =
-      pirt(arguments({"--serial", "--fast", "--duration", "200ms", "--save-slam-map",
-                      scratch_.file("a.map"), "--trajectory", scratch_.file("a.txt")}));
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  EXPECT_THAT(outcome.err, HasSubstr("no frame was localized"));
-  EXPECT_EQ(slurp(scratch_.file("a.map")), "a map");
-  EXPECT_EQ(slurp(scratch_.file("a.txt")), "a trajectory");
-}
-
 TEST_F(RunRobot, ComparesTheSerialRunWithEachMode) {
   const auto outcome =
       pirt(live({"--fast", "--duration", "1200ms", "--compare", "ect,heft,energy", "--json", "-"}));
