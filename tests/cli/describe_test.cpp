@@ -47,11 +47,11 @@ TEST_F(Recognition, DetectsInAFileAndInAFolder) {
 
 TEST_F(Recognition, DescribesAsJsonLines) {
   const Scratch scratch;
-  const auto outcome = run_with_yolo(
-      {photos_, "-o", scratch.file("s.jsonl"), "--classifier",
-                   squeezenet_ + "squeezenet_v1.0_dc.caffemodel", "--classifier-config",
-                   squeezenet_ + "SqueezeNet_deploy.prototxt", "--classifier-names",
-                   squeezenet_ + "imagenet1000_wnid_name.txt", "--labels", "2"});
+  const auto outcome =
+      run_with_yolo({photos_, "-o", scratch.file("s.jsonl"), "--classifier",
+                     squeezenet_ + "squeezenet_v1.0_dc.caffemodel", "--classifier-config",
+                     squeezenet_ + "SqueezeNet_deploy.prototxt", "--classifier-names",
+                     squeezenet_ + "imagenet1000_wnid_name.txt", "--labels", "2"});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   std::istringstream lines(slurp(scratch.file("s.jsonl")));
   std::vector<nlohmann::json> scenes;

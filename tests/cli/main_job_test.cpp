@@ -415,10 +415,10 @@ TEST(Help, EveryCommandHasOneWithAnExample) {
 
 TEST(Characterize, SaysInALineWhatAUnitDoesNotSupport) {
   const Scratch scratch;
-  const auto board = scratch.write(
-      "board.yaml",
-      "platform: board\nunits: {gpu: {backend: fake, slots: 1, active_w: 1, script: "
-      "{unsupported: [fc7, fc8], stages: {pool5: [{name: execute, ms: 1}]}}}}\n");
+  const auto board =
+      scratch.write("board.yaml",
+                    "platform: board\nunits: {gpu: {backend: fake, slots: 1, active_w: 1, script: "
+                    "{unsupported: [fc7, fc8], stages: {pool5: [{name: execute, ms: 1}]}}}}\n");
   const auto measured = [&](const std::string& filter) {
     return pirt({"characterize", "--quick", "--platform", board, "--db", scratch.file("p.db"),
                  "--filter", filter});

@@ -24,7 +24,6 @@ std::vector<NumberOption> whole_numbers() {
           {{"generate-dag", "--seed"}, seed},
           {{"schedule", "--in-flight"}, "between 1 and 1000000"},
           {{"characterize", "--batch"}, "between 2 and 256"},
-          {{"regress", "--decisions"}, "between 1 and 1000000"},
           {{"generate-dag", "--tasks"}, "between 1 and 10000"},
           {{"generate-dag", "--out-degree"}, "between 1 and 10000"}};
 }

@@ -24,5 +24,5 @@ static void misbehave(const KernelArguments* arguments) {
 
 #define PIRT_DSP_KERNEL(name) \
   void pirt_dsp_##name(const KernelArguments* arguments) { misbehave(arguments); }
-#include "workloads/backends/dsp/program/kernels.inc"
+#include "workloads/backends/dsp/kernels.inc"
 #undef PIRT_DSP_KERNEL

@@ -211,7 +211,7 @@ TEST_F(CloudCaller, AKeySurvivesTheProgramAndGetsItsReply) {
   next.replied({.task = kTask, .send = 1, .worker = "w"}, seconds(1), out);
   EXPECT_TRUE(of<TellEnd>(out).empty()) << "nobody has asked yet";
   const Bytes other{std::byte{9}};
-  EXPECT_EQ(next.submit(kTask, "map of the cellar", other, {}, {}, seconds(2), out),
+  EXPECT_EQ(next.submit({2, 2}, "map of the cellar", other, {}, {}, seconds(2), out),
             Caller::Submission::kOtherBody);
   EXPECT_EQ(next.submit(kTask, "map of the cellar", kBody, {}, {}, seconds(2), out),
             Caller::Submission::kTaken);
@@ -219,6 +219,16 @@ TEST_F(CloudCaller, AKeySurvivesTheProgramAndGetsItsReply) {
   ASSERT_EQ(ends.size(), 1U);
   EXPECT_EQ(ends[0].reply->worker, "w");
   EXPECT_TRUE(outbox_->all().empty());
+}
+
+TEST_F(CloudCaller, AKeyThatIsSubmittedAnewIsSentAboveWhatWorkersMayRemember) {
+  connect();
+  EXPECT_EQ(caller_.submit(kTask, "cellar", kBody, {}, {}, Nanos(0), out_, 1000),
+            Caller::Submission::kTaken);
+  const auto published = of<Publish>(actions());
+  ASSERT_EQ(published.size(), 1U);
+  EXPECT_EQ(published[0].send, 1000U);
+  EXPECT_EQ(outbox_->all().at(0).sends, 1000U);
 }
 
 TEST_F(CloudCaller, WithdrawsAnEarlierRunsTasksThatHaveNoKey) {

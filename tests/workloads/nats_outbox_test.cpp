@@ -47,9 +47,9 @@ class CloudOutbox : public ::testing::Test {
 TEST_F(CloudOutbox, HasWhatItHadWhenItIsOpenedAgain) {
   {
     const auto outbox = open();
-    EXPECT_TRUE(outbox->put({1, 1}, "", bytes(10)));
-    EXPECT_TRUE(outbox->put({1, 2}, "cellar", bytes(20, 2)));
-    EXPECT_TRUE(outbox->put({~0ULL, ~0ULL}, "", bytes(0)));
+    EXPECT_TRUE(outbox->put({1, 1}, "", 1, bytes(10)));
+    EXPECT_TRUE(outbox->put({1, 2}, "cellar", 1, bytes(20, 2)));
+    EXPECT_TRUE(outbox->put({~0ULL, ~0ULL}, "", 1, bytes(0)));
     outbox->note({1, 2}, 4, 2);
     outbox->answer({1, 2}, bytes(5, 3));
     outbox->erase({1, 1});
@@ -69,13 +69,13 @@ TEST_F(CloudOutbox, HasWhatItHadWhenItIsOpenedAgain) {
 
 TEST_F(CloudOutbox, HoldsNoMoreThanItsLimitAndLosesNothingThatIsInIt) {
   const auto outbox = open();
-  EXPECT_TRUE(outbox->put({1, 1}, "", bytes(600)));
-  EXPECT_FALSE(outbox->put({1, 2}, "", bytes(401)));
-  EXPECT_TRUE(outbox->put({1, 3}, "", bytes(400)));
+  EXPECT_TRUE(outbox->put({1, 1}, "", 1, bytes(600)));
+  EXPECT_FALSE(outbox->put({1, 2}, "", 1, bytes(401)));
+  EXPECT_TRUE(outbox->put({1, 3}, "", 1, bytes(400)));
   EXPECT_EQ(outbox->size_bytes(), kLimit);
   EXPECT_EQ(outbox->all().size(), 2U);
   outbox->erase({1, 1});
-  EXPECT_TRUE(outbox->put({1, 2}, "", bytes(401)));
+  EXPECT_TRUE(outbox->put({1, 2}, "", 1, bytes(401)));
 }
 
 TEST_F(CloudOutbox, HasEveryTaskThatAProgramPutBeforeItWasKilled) {
@@ -86,7 +86,7 @@ TEST_F(CloudOutbox, HasEveryTaskThatAProgramPutBeforeItWasKilled) {
   if (child == 0) {
     const auto outbox = open();
     for (std::uint64_t i = 0; i < 20; ++i) {
-      if (!outbox->put({1, i}, "", bytes(8))) ::_exit(1);
+      if (!outbox->put({1, i}, "", 1, bytes(8))) ::_exit(1);
     }
     static_cast<void>(::write(ready[1], "x", 1));
     ::pause();

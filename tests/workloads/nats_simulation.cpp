@@ -47,7 +47,20 @@ void Simulation::carry(Peer& peer, std::function<void()> what) {
   });
 }
 
+void Simulation::count(const Robot& robot) {
+  if (robot.caller == nullptr) return;
+  result_.sent_again += robot.caller->counts().sent_again;
+  result_.late += robot.caller->counts().late;
+}
+
+void Simulation::count(const Worker& worker) {
+  if (worker.attendant != nullptr) {
+    result_.not_computed_again += worker.attendant->counts().same_again;
+  }
+}
+
 void Simulation::begin_robot(Robot& robot) {
+  count(robot);
   CallerActions out;
   robot.caller = std::make_unique<Caller>(*robot.outbox, CallerLimits{}, now_, out);
   ++robot.run;
@@ -56,6 +69,7 @@ void Simulation::begin_robot(Robot& robot) {
 }
 
 void Simulation::begin_worker(Worker& worker) {
+  count(worker);
   ++worker.life;
   worker.attendant = std::make_unique<Attendant>(AttendantLimits{.slots = options_.slots});
   worker.wakes_at = Nanos::max();
@@ -224,7 +238,9 @@ void Simulation::deliver_tasks() {
   if (!server_up_) return;
   std::map<Worker*, int> free;
   for (Worker& worker : workers_) {
-    if (connected(worker.peer)) free[&worker] = worker.attendant->free_slots();
+    if (connected(worker.peer) && worker.attendant != nullptr) {
+      free[&worker] = worker.attendant->free_slots();
+    }
   }
   for (auto& [sequence, task] : tasks_) {
     if (task.hidden_until > now_) continue;
@@ -447,6 +463,8 @@ SimulationResult Simulation::run() {
     if (end && now_ > *end) break;
     event.what();
   }
+  for (const Robot& robot : robots_) count(robot);
+  for (const Worker& worker : workers_) count(worker);
   check(result_);
   return result_;
 }
@@ -474,11 +492,6 @@ void Simulation::check(SimulationResult& result) const {
   for (const Robot& robot : robots_) {
     result.left_in_outboxes += robot.outbox->all().size();
     result.left_on_streams += robot.replies.size();
-    result.sent_again += robot.caller->counts().sent_again;
-    result.late += robot.caller->counts().late;
-  }
-  for (const Worker& worker : workers_) {
-    result.not_computed_again += worker.attendant->counts().same_again;
   }
   result.left_on_streams += tasks_.size();
 }

@@ -96,6 +96,8 @@ class Simulation {
   /// Arrives unless the connection is lost meanwhile.
   void carry(Peer& peer, std::function<void()> what);
 
+  void count(const Robot& robot);
+  void count(const Worker& worker);
   void begin_robot(Robot& robot);
   void begin_worker(Worker& worker);
   void reconnect(Peer& peer, Nanos after, std::function<void()> then);

@@ -94,17 +94,28 @@ INSTANTIATE_TEST_SUITE_P(Kernels, OpenClSmallest, testing::ValuesIn(smallest_cas
   }
 }
 
-// PoCL takes the limit from its environment when it is loaded: in a process of its own.
+/// Drivers read their environment when they are loaded: that of a process to be started.
+class Environment {
+ public:
+  Environment(std::initializer_list<std::pair<const char*, const char*>> set) : set_(set) {
+    for (const auto& [name, value] : set_) setenv(name, value, 1);
+  }
+  ~Environment() {
+    for (const auto& [name, value] : set_) unsetenv(name);
+  }
+  Environment(const Environment&) = delete;
+  Environment& operator=(const Environment&) = delete;
+
+ private:
+  std::vector<std::pair<const char*, const char*>> set_;
+};
+
 TEST(OpenClLimitsDeathTest, GroupsAreAsSmallAsTheKernelsTake) {
   const auto device = test::open_first_device();
   if (!device || !device->info().name.starts_with("pthread")) GTEST_SKIP() << "skipped: no PoCL";
   GTEST_FLAG_SET(death_test_style, "threadsafe");
-  EXPECT_EXIT(
-      {
-        setenv("POCL_MAX_WORK_GROUP_SIZE", "4", 1);
-        exit_if_kernels_fit();
-      },
-      testing::ExitedWithCode(0), "");
+  const Environment small({{"POCL_MAX_WORK_GROUP_SIZE", "4"}});
+  EXPECT_EXIT(exit_if_kernels_fit(), testing::ExitedWithCode(0), "");
 }
 
 TEST(OpenClLimits, LocalMemoryBoundsTheGroup) {
@@ -146,8 +157,6 @@ bool has_platform(const std::string& name) {
 /// no launch times and computes.
 [[noreturn]] void exit_if_an_undivided_device_opens() {
   const bool is_one_of_many = current_cores().size() > 1;
-  setenv("RUSTICL_ENABLE", "llvmpipe", 1);
-  setenv("PIRT_TEST_DEVICE", "llvmpipe", 1);
   try {
     const auto device =
         make_opencl_backend()->open(test::unit_request("half", {current_cores().back()}));
@@ -172,6 +181,7 @@ bool has_platform(const std::string& name) {
 TEST(OpenClDriversDeathTest, ADeviceThatCannotBeDividedIsUsedAsAWhole) {
   if (!has_platform("rusticl")) GTEST_SKIP() << "skipped: no rusticl (mesa-opencl-icd)";
   GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const Environment mesa({{"RUSTICL_ENABLE", "llvmpipe"}, {"PIRT_TEST_DEVICE", "llvmpipe"}});
   EXPECT_EXIT(exit_if_an_undivided_device_opens(), testing::ExitedWithCode(0), "");
 }
 

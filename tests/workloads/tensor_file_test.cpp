@@ -15,10 +15,10 @@
 namespace pirt {
 namespace {
 
-class TensorFile : public testing::Test {
+class TensorFiles : public testing::Test {
  protected:
-  TensorFile() { std::filesystem::create_directory(folder_); }
-  ~TensorFile() override { std::filesystem::remove_all(folder_); }
+  TensorFiles() { std::filesystem::create_directory(folder_); }
+  ~TensorFiles() override { std::filesystem::remove_all(folder_); }
   const std::filesystem::path folder_ =
       std::filesystem::temp_directory_path() / ("pirt-tensor-file-" + std::to_string(::getpid()));
 };
@@ -31,7 +31,7 @@ void expect_equal(const std::vector<Tensor>& a, const std::vector<Tensor>& b) {
   }
 }
 
-TEST_F(TensorFile, KeepsInputsParametersAndNotesOfEveryFrame) {
+TEST_F(TensorFiles, KeepsInputsParametersAndNotesOfEveryFrame) {
   const auto images = generated_images(3);
   for (const char* name : {"gaussian_blur", "conv3", "track_features", "plan_path"}) {
     const Workload& workload = find_workload(name);
@@ -50,7 +50,7 @@ TEST_F(TensorFile, KeepsInputsParametersAndNotesOfEveryFrame) {
   }
 }
 
-TEST_F(TensorFile, RefusesWhatIsOfAnotherWorkload) {
+TEST_F(TensorFiles, RefusesWhatIsOfAnotherWorkload) {
   const auto images = generated_images(3);
   const Workload& blur = find_workload("gaussian_blur");
   write_data(folder_ / "x", make_sequence(blur, {.seed = 3, .images = images.get()}));

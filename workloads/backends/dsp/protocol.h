@@ -24,7 +24,7 @@
 enum {
   PIRT_DSP_MAP = 0,
 #define PIRT_DSP_KERNEL(name) PIRT_DSP_##name,
-#include "workloads/backends/dsp/program/kernels.inc"
+#include "workloads/backends/dsp/kernels.inc"
 #undef PIRT_DSP_KERNEL
   PIRT_DSP_KERNEL_COUNT
 };

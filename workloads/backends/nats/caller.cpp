@@ -30,11 +30,10 @@ Caller::Caller(Outbox& outbox, const CallerLimits& limits, Nanos now, CallerActi
 
 Caller::Submission Caller::submit(const TaskId& task, const std::string& key, ByteView body,
                                   std::optional<Nanos> deadline, std::optional<Nanos> give_back,
-                                  Nanos now, CallerActions& out) {
+                                  Nanos now, CallerActions& out, std::uint32_t first_send) {
   if (const auto known = entries_.find(task); known != entries_.end()) {
     Entry& entry = known->second;
     if (entry.waited_for) return Submission::kTwice;
-    if (!std::ranges::equal(outbox_.body(task), body)) return Submission::kOtherBody;
     entry.waited_for = true;
     entry.deadline = deadline;
     entry.give_back = give_back;
@@ -49,7 +48,9 @@ Caller::Submission Caller::submit(const TaskId& task, const std::string& key, By
     }
     return Submission::kTaken;
   }
-  if (!outbox_.put(task, key, body)) {
+  const auto has_key = [&](const auto& each) { return each.second.key == key; };
+  if (!key.empty() && std::ranges::any_of(entries_, has_key)) return Submission::kOtherBody;
+  if (!outbox_.put(task, key, first_send, body)) {
     ++counts_.outbox_full;
     outbox_was_full_ = outbox_.size_bytes() > 0;  // Else it is too large by itself.
     settle(now, out);
@@ -58,6 +59,7 @@ Caller::Submission Caller::submit(const TaskId& task, const std::string& key, By
   ++counts_.submitted;
   Entry& entry = entries_[task];
   entry.key = key;
+  entry.sends = first_send;
   entry.deadline = deadline;
   entry.give_back = give_back;
   entry.silence = limits_.silence;
@@ -268,7 +270,7 @@ void Caller::end(Entries::iterator at, CallEndKind how, std::string problem,
 }
 
 void Caller::withdraw(const TaskId& task, const Entry& entry, CallerActions& out) const {
-  if (entry.stage != Stage::kWaiting || entry.sends > 1) {
+  if (entry.stage != Stage::kWaiting || entry.sequence != 0) {
     out.push_back(Withdraw{task, entry.sequence});
   }
 }

@@ -84,13 +84,17 @@ class Caller {
   enum class Submission : std::uint8_t {
     kTaken,
     kOutboxFull,
-    kOtherBody,  ///< The key stands for a task with other inputs, which has not ended.
+    kOtherBody,  ///< The key stands for another task, which has not ended.
     kTwice,      ///< Somebody waits for that task already.
   };
-  /// @param give_back  When it is to be computed elsewhere at the latest; absent = never.
+  /// @param key         Of a task that survives the program; empty = none. The id follows from it
+  /// and the body.
+  /// @param first_send  Of one with a key, above that of any earlier submission of it: workers may
+  /// remember those.
+  /// @param give_back   When it is to be computed elsewhere at the latest; absent = never.
   Submission submit(const TaskId& task, const std::string& key, ByteView body,
                     std::optional<Nanos> deadline, std::optional<Nanos> give_back, Nanos now,
-                    CallerActions& out);
+                    CallerActions& out, std::uint32_t first_send = 1);
   /// Nothing more is heard of it but its end.
   void cancel(const TaskId& task, Nanos now, CallerActions& out);
 

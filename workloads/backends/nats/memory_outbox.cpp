@@ -9,9 +9,10 @@ class MemoryOutbox final : public Outbox {
  public:
   explicit MemoryOutbox(std::uint64_t limit) : limit_(limit) {}
 
-  bool put(const TaskId& task, const std::string& key, ByteView body) override {
+  bool put(const TaskId& task, const std::string& key, std::uint32_t sends,
+           ByteView body) override {
     if (size_ + body.size() > limit_ || entries_.contains(task)) return false;
-    entries_[task] = {{.task = task, .key = key}, {body.begin(), body.end()}, {}};
+    entries_[task] = {{.task = task, .key = key, .sends = sends}, {body.begin(), body.end()}, {}};
     size_ += body.size();
     return true;
   }

@@ -27,8 +27,9 @@ class Outbox {
   };
 
   virtual ~Outbox() = default;
-  /// @return  False if it would hold more than it may: nothing has changed.
-  [[nodiscard]] virtual bool put(const TaskId& task, const std::string& key, ByteView body) = 0;
+  /// @return  False if it would hold more than it may, or has the task: nothing has changed.
+  [[nodiscard]] virtual bool put(const TaskId& task, const std::string& key, std::uint32_t sends,
+                                 ByteView body) = 0;
   virtual void note(const TaskId& task, std::uint32_t sends, std::uint32_t tries) = 0;
   /// Keeps the reply (a frame) beside it, whatever the limit.
   virtual void answer(const TaskId& task, ByteView reply) = 0;

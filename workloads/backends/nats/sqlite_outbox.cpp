@@ -188,7 +188,7 @@ class SqliteOutbox final : public Outbox {
                         all.number(6)};
       size_ += all.number(5) + all.number(6);
     }
-    put_.emplace(file_, "INSERT INTO task VALUES (?, ?, ?, 1, 0, ?, NULL)");
+    put_.emplace(file_, "INSERT INTO task VALUES (?, ?, ?, ?, 0, ?, NULL)");
     erase_.emplace(file_, "DELETE FROM task WHERE run = ? AND number = ?");
   }
   ~SqliteOutbox() override {
@@ -198,10 +198,13 @@ class SqliteOutbox final : public Outbox {
     }
   }
 
-  bool put(const TaskId& task, const std::string& key, ByteView body) override {
+  bool put(const TaskId& task, const std::string& key, std::uint32_t sends,
+           ByteView body) override {
     if (size_ + body.size() > limit_ || entries_.contains(task)) return false;
-    change([&] { put_->bind(task).bind(std::string_view(key)).bind(body).run(); });
-    entries_[task] = {{.task = task, .key = key}, body.size(), 0};
+    change([&] {
+      put_->bind(task).bind(std::string_view(key)).bind(std::uint64_t{sends}).bind(body).run();
+    });
+    entries_[task] = {{.task = task, .key = key, .sends = sends}, body.size(), 0};
     size_ += body.size();
     return true;
   }
@@ -266,7 +269,7 @@ class SqliteOutbox final : public Outbox {
       file_.run("COMMIT");
     } catch (...) {
       sqlite3_exec(file_.handle(), "ROLLBACK", nullptr, nullptr, nullptr);
-      put_.emplace(file_, "INSERT INTO task VALUES (?, ?, ?, 1, 0, ?, NULL)");
+      put_.emplace(file_, "INSERT INTO task VALUES (?, ?, ?, ?, 0, ?, NULL)");
       erase_.emplace(file_, "DELETE FROM task WHERE run = ? AND number = ?");
       throw;
     }

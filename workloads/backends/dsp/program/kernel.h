@@ -11,7 +11,7 @@ typedef struct {
 } KernelArguments;
 
 #define PIRT_DSP_KERNEL(name) void pirt_dsp_##name(const KernelArguments* arguments);
-#include "workloads/backends/dsp/program/kernels.inc"
+#include "workloads/backends/dsp/kernels.inc"
 #undef PIRT_DSP_KERNEL
 
 #endif

@@ -70,7 +70,7 @@ static PirtDspReply run_kernel(const PirtDspCommand* command) {
   static const Kernel kernels[] = {
       NULL,
 #define PIRT_DSP_KERNEL(name) pirt_dsp_##name,
-#include "workloads/backends/dsp/program/kernels.inc"
+#include "workloads/backends/dsp/kernels.inc"
 #undef PIRT_DSP_KERNEL
   };
   PirtDspReply reply = {command->serial, PIRT_DSP_OK, 0};
