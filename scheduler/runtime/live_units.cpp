@@ -2,8 +2,6 @@
 
 #include <fmt/core.h>
 
-#include <algorithm>
-
 #include "characterize/platform/unit_request.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
@@ -83,11 +81,6 @@ void LiveUnits::close() {
       unit.reset();
     }
   }
-}
-
-bool LiveUnits::any_runs() const {
-  return std::ranges::any_of(
-      units_, [](const auto& unit) { return unit != nullptr && unit->running().has_value(); });
 }
 
 int LiveUnits::count_returns(UnitId unit, WorkloadId workload, Outcome outcome) {

@@ -96,8 +96,6 @@ class LiveUnits {
     }
     return hung;
   }
-  /// Whether any call runs now.
-  [[nodiscard]] bool any_runs() const;
 
   /// Hears how each call ended. How often calls of the workload have now been given back by the
   /// unit, in a row.

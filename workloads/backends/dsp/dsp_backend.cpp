@@ -12,19 +12,10 @@
 #include "workloads/backends/dsp/tools.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
+#include "workloads/model/counted_clock.h"
 
 namespace pirt {
 namespace {
-
-/// The DSP's time: what it has computed, and nothing of what the emulator takes.
-class CountedClock : public Clock {
- public:
-  [[nodiscard]] Nanos now() const override { return now_; }
-  void advance(Nanos by) { now_ += by; }
-
- private:
-  Nanos now_{0};
-};
 
 Support support_of(const Workload& workload) {
   if (workload.variant == "map") {

@@ -13,19 +13,10 @@
 #include "workloads/backends/fpga/fpga_options.h"
 #include "workloads/backends/fpga/kernels.h"
 #include "workloads/base/system/affinity.h"
+#include "workloads/model/counted_clock.h"
 
 namespace pirt {
 namespace {
-
-/// The board's time: what its clocks have counted, and nothing of what the simulation takes.
-class CountedClock : public Clock {
- public:
-  [[nodiscard]] Nanos now() const override { return now_; }
-  void advance(Nanos by) { now_ += by; }
-
- private:
-  Nanos now_{0};
-};
 
 Support support_of(const Workload& workload) {
   if (workload.variant == "map") {
