@@ -35,7 +35,7 @@ void MappedKernel::bind(std::span<const Tensor> inputs, std::span<Tensor> output
   });
 }
 
-void MappedKernel::share(Resident& resident, const std::byte* data, std::size_t size_bytes,
+void MappedKernel::share(DeviceTensor& resident, const std::byte* data, std::size_t size_bytes,
                          cl_mem_flags access, cl_map_flags flags) {
   // The device only reads inputs; OpenCL has no constant host pointer.
   Shared shared{.buffer = cl::Buffer(session_.context, access | CL_MEM_USE_HOST_PTR, size_bytes,
