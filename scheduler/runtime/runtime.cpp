@@ -8,22 +8,6 @@
 
 namespace pirt {
 
-std::string_view to_string(TaskEnd end) {
-  switch (end) {
-    case TaskEnd::kCompleted:
-      return "completed";
-    case TaskEnd::kFailed:
-      return "failed";
-    case TaskEnd::kDropped:
-      return "dropped";
-    case TaskEnd::kExpired:
-      return "expired";
-    case TaskEnd::kCancelled:
-      return "cancelled";
-  }
-  return "";
-}
-
 runtime::Submitted& TaskFuture::task() const {
   if (task_ == nullptr) throw std::logic_error("a TaskFuture of no task was asked");
   return *task_;

@@ -34,6 +34,7 @@
 
 #include "characterize/platform/platform.h"
 #include "characterize/profile/profile.h"
+#include "scheduler/mix/task.h"
 #include "scheduler/record/histogram.h"
 #include "workloads/base/time.h"
 #include "workloads/model/tensor.h"
@@ -44,15 +45,6 @@ namespace pirt {
 namespace runtime {
 struct Submitted;
 }
-
-enum class TaskEnd : std::uint8_t {
-  kCompleted,
-  kFailed,     ///< Its kernel threw, or no unit is left to try; TaskFuture::problem says why.
-  kDropped,    ///< A task that it comes after did not complete.
-  kExpired,    ///< It had not started in time.
-  kCancelled,  ///< By Runtime::cancel, or as its runtime ended.
-};
-[[nodiscard]] std::string_view to_string(TaskEnd end);
 
 /// One output of a task.
 struct TaskOutput {

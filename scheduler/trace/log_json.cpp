@@ -19,8 +19,6 @@ constexpr std::array<std::string_view, 6> kInputs = {"submit", "release",  "comp
                                                      "cancel", "set_unit", "wake"};
 constexpr std::array<std::string_view, 3> kOutcomes = {"completed", "failed", "returned"};
 constexpr std::array<std::string_view, 4> kUnitStates = {"up", "draining", "down", "gone"};
-constexpr std::array<std::string_view, 4> kEndings = {"dropped", "expired", "no_predecessor",
-                                                      "failed"};
 
 template <typename Enum, std::size_t N>
 std::string_view word(const std::array<std::string_view, N>& words, Enum value) {
@@ -212,9 +210,8 @@ DispatcherSetup dispatcher_setup_from_json(const Json& json) {
 }
 
 std::string_view word(Outcome outcome) { return word(kOutcomes, outcome); }
-std::string_view word(Ending how) { return word(kEndings, how); }
 
-std::string log_line(const DispatcherInput& input, const Decisions& decisions) {
+std::string log_line(const DispatcherInput& input, const Answer& answer) {
   using Kind = DispatcherInput::Kind;
   std::string line;
   const auto out = std::back_inserter(line);
@@ -240,20 +237,20 @@ std::string log_line(const DispatcherInput& input, const Decisions& decisions) {
   if (input.kind == Kind::kSetUnit) {
     fmt::format_to(out, R"(,"unit":{},"state":"{}")", input.unit, word(kUnitStates, input.state));
   }
-  if (!decisions.taken) line += R"(,"refused":true)";
+  if (!answer.taken) line += R"(,"refused":true)";
   std::string_view separator = R"(,"start":[)";
-  for (const Start& start : decisions.started) {
+  for (const Start& start : answer.started) {
     fmt::format_to(out, "{}[{},{},{},{}]", separator, start.task, start.unit,
                    start.dispatched_at.count(), start.ready_at.count());
     separator = ",";
   }
-  if (!decisions.started.empty()) line += ']';
+  if (!answer.started.empty()) line += ']';
   separator = R"(,"end":[)";
-  for (const Ended& each : decisions.ended) {
-    fmt::format_to(out, R"({}[{},"{}"])", separator, each.task, word(kEndings, each.how));
+  for (const Ended& each : answer.ended) {
+    fmt::format_to(out, R"({}[{},"{}"])", separator, each.task, to_string(each.how));
     separator = ",";
   }
-  if (!decisions.ended.empty()) line += ']';
+  if (!answer.ended.empty()) line += ']';
   line += '}';
   return line;
 }
@@ -294,7 +291,7 @@ void add_decisions_from_json(const Json& json, LogEntry& entry) {
   if (json.contains("end")) {
     for (const auto& each : json.at("end")) {
       entry.ended.push_back(
-          {whole<TaskId>(each.at(0)), value_of<Ending>(kEndings, each.at(1).get<std::string>())});
+          {whole<TaskId>(each.at(0)), value_of<TaskEnd>(kTaskEnds, each.at(1).get<std::string>())});
     }
   }
 }
