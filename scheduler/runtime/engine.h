@@ -109,6 +109,7 @@ class Runtime::Engine {
   void cancel(const TaskFuture& task);
   void cancel_all();
   void wait_all();
+  void bring_back(std::string_view unit);
   RuntimeStatistics statistics();
   std::vector<Tensor> state(std::string_view name);
   void write_trace();
@@ -163,6 +164,7 @@ class Runtime::Engine {
   [[nodiscard]] const Service* expected(UnitId unit, std::uint64_t token);
   void give_up(const LiveUnits::Hung& hung, Nanos now);
   void lose(UnitId unit, Nanos now);
+  void ask_for_all(UnitId unit);
   void cancel_asked(Nanos now);
   void apply(Nanos now);
   void start(const Start& start);
@@ -219,6 +221,8 @@ class Runtime::Engine {
   RuntimeStatistics counts_;
   Problems problems_;
   Nanos set_up_{0};
+
+  std::mutex bringing_back_;  ///< One unit at a time.
 
   std::mutex asking_;
   Tasks cancels_;

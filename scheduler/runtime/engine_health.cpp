@@ -33,6 +33,41 @@ void Runtime::Engine::lose(UnitId unit, Nanos now) {
   dispatcher_->set_unit(unit, UnitState::kGone, now, effects_);
 }
 
+void Runtime::Engine::bring_back(std::string_view name) {
+  runtime::MustNotWait::check("bringing a unit back");
+  const UnitModel& model = options_.platform.unit(name);
+  const auto unit = static_cast<UnitId>(&model - options_.platform.units.data());
+  const std::lock_guard one_at_a_time(bringing_back_);
+  {
+    const auto turn = turn_.take();
+    if (!live_units_.has(unit)) throw_bad_input("unit " + model.name + " computes nothing here");
+    if (units_[unit].in_service) {
+      ask_for_all(unit);
+      return;
+    }
+    if (!live_units_.at(unit).abandoned() && dispatcher_->running(unit) > 0) {
+      throw_environment("unit " + model.name + " has calls that have not ended; try again later");
+    }
+  }
+  auto other = live_units_.make_ready(unit, preparations(unit));
+  {
+    const auto turn = turn_.take();
+    other = live_units_.replace(unit, std::move(other));
+    ask_for_all(unit);
+    units_[unit].in_service = true;
+    dispatcher_->set_unit(unit, UnitState::kUp, now(), effects_);
+    asked_ = true;  // There may be something to start.
+  }
+  LiveUnits::close(std::move(other));
+  work(Thread::kTheirs);
+}
+
+/// Also for what it gave back too often.
+void Runtime::Engine::ask_for_all(UnitId unit) {
+  live_units_.forget_returns(unit);
+  for (Known& each : workloads_) each.gave_up &= ~unit_bit(unit);
+}
+
 /// What time has brought: tasks that were to start by now, and calls that do not end.
 void Runtime::Engine::look(Nanos now) {
   dispatcher_->wake(now, effects_);

@@ -137,7 +137,11 @@ void Runtime::Engine::cancel_asked(Nanos now) {
     finish(*task, TaskEnd::kCancelled, now);
     dispatcher_->cancel(id, now, effects_);
     apply(now);
-    if (!task->running) forget(*task, now);
+    if (task->running) {
+      live_units_.request_stop(task->unit, reinterpret_cast<std::uintptr_t>(task.get()));
+    } else {
+      forget(*task, now);
+    }
   }
 }
 

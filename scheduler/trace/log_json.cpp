@@ -95,7 +95,7 @@ Json plan_json(const MixPlan& plan) {
 /// By its members in order, so that one that is added does not compile until it is written here
 /// and read below.
 Json policy_json(const PolicySetup& setup) {
-  const auto& [roles, servers, costs, plan, weights, literal_overflow, basic] = setup;
+  const auto& [roles, servers, costs, plan, weights, literal_overflow, basic, seed] = setup;
   Json role_names = Json::array();
   for (const Role role : roles) role_names.push_back(to_string(role));
   return {{"roles", role_names},
@@ -104,7 +104,8 @@ Json policy_json(const PolicySetup& setup) {
           {"plan", plan_json(plan)},
           {"weights", weights},
           {"literal_overflow", literal_overflow},
-          {"basic", basic == nullptr ? Json() : Json(basic->name)}};
+          {"basic", basic == nullptr ? Json() : Json(basic->name)},
+          {"seed", seed}};
 }
 
 PolicySetup policy_from_json(const Json& json) {
@@ -130,6 +131,7 @@ PolicySetup policy_from_json(const Json& json) {
   if (!json.at("basic").is_null()) {
     setup.basic = &find_basic_policy(json.at("basic").get<std::string>());
   }
+  if (json.contains("seed")) setup.seed = whole<std::uint64_t>(json.at("seed"));
   return setup;
 }
 

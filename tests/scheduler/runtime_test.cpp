@@ -618,6 +618,70 @@ TEST(Runtime, TasksThatNoUnitIsLeftForFailAlsoThoseToCome) {
   expect_balance(runtime.statistics());
 }
 
+TEST(Runtime, AUnitThatWasLostCanBeBroughtBack) {
+  static std::binary_semaphore never(0);  // Static: the call never comes back.
+  auto options =
+      options_with({own("hangs", 1, [](auto, auto) { never.acquire(); }), adding()}, kOneUnit);
+  options.time_limit = 100ms;
+  Runtime runtime(std::move(options));
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(runtime.submit("hangs", {number(1)}).wait(), TaskEnd::kFailed);
+    EXPECT_EQ(runtime.submit("add", {number(1), number(2)}).wait(), TaskEnd::kFailed);
+    EXPECT_FALSE(runtime.statistics().units[0].in_service);
+    runtime.bring_back("cpu");
+    EXPECT_TRUE(runtime.statistics().units[0].in_service);
+    const auto sum = runtime.submit("add", {number(1), number(2)});
+    EXPECT_EQ(value_of(sum.get()), 3);
+  }
+  runtime.bring_back("cpu");  // It serves all it can.
+  EXPECT_THAT(bad_input([&] { runtime.bring_back("npu"); }), HasSubstr("npu"));
+  expect_balance(runtime.statistics());
+}
+
+TEST(Runtime, WhatAUnitGaveBackTooOftenItIsAskedForAgainOnceBroughtBack) {
+  static std::atomic<bool> broken;
+  broken = true;
+  const auto fickle = own("fickle", 1, [](auto in, auto out) {
+    if (broken) throw_environment("not now");
+    out[0].template as<double>()[0] = value_of(in);
+  });
+  Runtime runtime(options_with({fickle, adding()}, kOneUnit));
+  for (int i = 0; i < LiveUnits::kMostReturns; ++i) runtime.submit("fickle", {number(1)}).wait();
+  broken = false;
+  runtime.bring_back("cpu");
+  const auto task = runtime.submit("fickle", {number(7)});
+  EXPECT_EQ(value_of(task.get()), 7);
+}
+
+TEST(Runtime, AFunctionHearsThatNobodyWantsItsResult) {
+  static std::latch* begun = nullptr;
+  static std::atomic<bool> waits;
+  const auto patient = own("patient", 1, [](auto in, auto out) {
+    out[0].template as<double>()[0] = value_of(in);
+    if (waits) begun->count_down();
+    while (waits && !stop_of_this_call().stop_requested()) std::this_thread::yield();
+  });
+  EXPECT_FALSE(stop_of_this_call().stop_possible());
+  Runtime runtime(options_with({patient}, kOneUnit));
+  for (int i = 0; i < 3; ++i) {
+    std::latch one(1);
+    begun = &one;
+    waits = true;
+    const auto cancelled = runtime.submit("patient", {number(1)});
+    one.wait();
+    runtime.cancel(cancelled);
+    EXPECT_EQ(cancelled.wait(), TaskEnd::kCancelled);
+    waits = false;
+    const auto next = runtime.submit("patient", {number(i)});
+    EXPECT_EQ(value_of(next.get()), i);  // It was not asked to.
+  }
+  std::latch last(1);
+  begun = &last;
+  waits = true;
+  runtime.submit("patient", {number(1)});
+  last.wait();  // And the runtime ends.
+}
+
 TEST(Runtime, AUnitThatCannotRunOneWorkloadStillRunsTheOthers) {
   OwnWorkload picky = own("picky", 1, {});
   picky.kernels = {
