@@ -49,6 +49,17 @@ namespace {
 /// Of the unit whose thread this is.
 thread_local const std::stop_source* stop_here = nullptr;
 
+/// Whose inputs and outputs are gone, or others', before the kernel's next call.
+struct Unbinding {
+  Kernel& kernel;
+  ~Unbinding() {
+    try {
+      kernel.unbind();
+    } catch (...) {  // The device is lost: the call has failed, or the next one will.
+    }
+  }
+};
+
 /// Turns to wait awake before sleeping: short kernels follow each other, and waking up takes longer
 /// than they do. Each gives its core to whoever else wants it.
 constexpr int kTurnsAwake = 100;
@@ -271,6 +282,7 @@ CallEnd KernelUnit::execute(Call& call) {
 std::uint64_t KernelUnit::compute(Prepared& prepared, Call& call, CallTimes& times) {
   Kernel& kernel = *prepared.kernel;
   kernel.bind(call.inputs, *call.outputs);
+  const Unbinding unbinding{kernel};
   if (call.state != nullptr) {
     kernel.bind_state(call.state->committed(), call.state->next());
     if (prepared.resident != call.state.get() || prepared.version != call.state->version()) {

@@ -2,6 +2,7 @@
 // counts balance and nobody waits for ever. No test looks at how long anything took.
 #include "scheduler/runtime/runtime.h"
 
+#include <array>
 #include <atomic>
 #include <functional>
 #include <latch>
@@ -616,6 +617,37 @@ TEST(Runtime, TasksThatNoUnitIsLeftForFailAlsoThoseToCome) {
   EXPECT_EQ(late.wait(), TaskEnd::kFailed);
   EXPECT_THAT(late.problem(), HasSubstr("no unit is left"));
   expect_balance(runtime.statistics());
+}
+
+TEST(Runtime, TakesADriversBufferWithoutACopyAndSaysWhenItIsFree) {
+  alignas(Tensor::kAlignment) static std::array<double, 8> buffer;
+  const auto* const bytes = reinterpret_cast<const std::byte*>(buffer.data());
+  std::atomic<int> released = 0;
+  std::atomic<const std::byte*> seen = nullptr;
+  Runtime runtime(options_with({own("look", 1, [&](auto in, auto out) {
+    seen = in[0].data();
+    out[0].template as<double>()[0] = value_of(in);
+  })}));
+  for (int i = 0; i < 3; ++i) {
+    buffer[0] = i;
+    {
+      const auto task = runtime.submit("look", {Tensor::over(kNumber, bytes, [&] { ++released; })});
+      EXPECT_EQ(value_of(task.get()), i);
+    }
+    runtime.wait_all();
+    EXPECT_EQ(seen, bytes);
+    EXPECT_EQ(released, i + 1);  // The driver may fill it again.
+  }
+  {
+    const Tensor one = Tensor::over(kNumber, bytes, [&] { ++released; });
+    const Tensor other = one.share();
+    EXPECT_EQ(released, 3);
+  }
+  EXPECT_EQ(released, 4);
+  EXPECT_THAT(bad_input([&] { static_cast<void>(Tensor::over(kNumber, bytes + 8)); }),
+              HasSubstr("aligned to 64 bytes"));
+  EXPECT_THAT(bad_input([&] { static_cast<void>(Tensor::over(kNumber, nullptr)); }),
+              HasSubstr("no memory"));
 }
 
 TEST(Runtime, AUnitThatWasLostCanBeBroughtBack) {

@@ -35,6 +35,14 @@ void MappedKernel::bind(std::span<const Tensor> inputs, std::span<Tensor> output
   });
 }
 
+/// A driver that works on memory of its own writes to the host's, or reads it, when it is unmapped.
+void MappedKernel::unbind() {
+  translated(fmt::format("letting go of the tensors of {}", workload_), [&] {
+    unmap_all();
+    shared_.clear();
+  });
+}
+
 void MappedKernel::share(DeviceTensor& resident, const std::byte* data, std::size_t size_bytes,
                          cl_mem_flags access, cl_map_flags flags) {
   // The device only reads inputs; OpenCL has no constant host pointer.

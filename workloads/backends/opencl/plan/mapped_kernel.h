@@ -24,6 +24,7 @@ class MappedKernel final : public Kernel {
   ~MappedKernel() override;
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override;
+  void unbind() override;
   void upload() override;
   std::optional<Nanos> execute(int repeats) override;
   void download() override;
