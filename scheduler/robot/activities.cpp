@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/mapping/keyframes.h"
 #include "workloads/mapping/workloads.h"
 #include "workloads/planning/map_files.h"

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {
@@ -32,7 +32,7 @@ Enum value_of(const std::array<std::string_view, N>& words, const std::string& t
   return static_cast<Enum>(found - words.begin());
 }
 
-/// A whole number as it stands there: nlohmann's own conversion wraps and truncates.
+/// A whole number as it stands there: Json's own conversion takes those with a fraction too.
 template <typename Integer>
 Integer whole(const Json& json) {
   const bool fits = json.is_number_unsigned()  ? std::in_range<Integer>(json.get<std::uint64_t>())

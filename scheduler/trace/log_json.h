@@ -22,7 +22,7 @@ struct DispatcherSetup {
 };
 
 [[nodiscard]] Json to_json(const DispatcherSetup& setup);
-/// @throws nlohmann::json::exception for a missing key or a wrong type, Error{kBadInput} for
+/// @throws JsonError for a missing key or a wrong type, Error{kBadInput} for
 /// another version, an unknown mode, or tables that do not fit the units.
 [[nodiscard]] DispatcherSetup dispatcher_setup_from_json(const Json& json);
 
@@ -42,7 +42,7 @@ struct LogEntry {
 
 /// One line of JSON. Keys are left out where they do not apply.
 [[nodiscard]] std::string log_line(const DispatcherInput& input, const Answer& answer);
-/// @throws nlohmann::json::exception as above, Error{kBadInput} for a word that is none.
+/// @throws JsonError as above, Error{kBadInput} for a word that is none.
 [[nodiscard]] LogEntry log_entry_from_json(const Json& json);
 
 }  // namespace pirt

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -206,7 +206,7 @@ TraceLog parse_trace_log(const std::string& text, const std::string& source) {
     if (part.at("inputs").get<std::size_t>() != log.entries.size()) {
       throw_bad_input("its log is not as long as it says");
     }
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const JsonError& error) {
     throw_bad_input(source + ": not a complete trace: " + error.what());
   } catch (const Error& error) {
     throw_bad_input(source + ": " + error.what());

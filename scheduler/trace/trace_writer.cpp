@@ -6,7 +6,7 @@
 #include <iterator>
 #include <numeric>
 
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {

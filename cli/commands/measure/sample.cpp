@@ -15,7 +15,7 @@
 #include "cli/commands/measure/planning_time.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/time.h"
 
 namespace pirt::cli {
