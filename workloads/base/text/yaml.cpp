@@ -4,6 +4,7 @@
 #include "workloads/base/text/yaml.h"
 
 #include <fmt/core.h>
+#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -185,21 +186,31 @@ void apply(const YAML::Node& document, const std::string& root, const YamlOverri
 
 }  // namespace
 
+YamlNode::YamlNode(std::string file, const YAML::Node& node, std::string path)
+    : file_(std::move(file)),
+      node_(std::make_shared<const YAML::Node>(node)),
+      path_(std::move(path)) {}
+
+bool YamlNode::is_map() const { return node_->IsMap(); }
+bool YamlNode::is_sequence() const { return node_->IsSequence(); }
+bool YamlNode::is_scalar() const { return node_->IsScalar(); }
+const std::string& YamlNode::scalar() const { return node_->Scalar(); }
+
 std::string YamlNode::location() const {
-  return pirt::location(file_, node_) + (path_.empty() ? "" : ": " + path_);
+  return pirt::location(file_, *node_) + (path_.empty() ? "" : ": " + path_);
 }
 
-void YamlNode::fail(const std::string& message) const { fail_at(node_, message); }
+void YamlNode::fail(const std::string& message) const { fail_at(*node_, message); }
 
 void YamlNode::fail_at(const YAML::Node& below, const std::string& message) const {
   pirt::fail_at(file_, below, path_, message);
 }
 
 std::vector<std::string> YamlNode::keys() const {
-  if (!node_.IsMap()) fail("must be a map, is " + std::string(kind_of(node_)));
+  if (!node_->IsMap()) fail("must be a map, is " + std::string(kind_of(*node_)));
   std::vector<std::string> names;
   std::unordered_set<std::string_view> seen;
-  for (const auto& entry : node_) {
+  for (const auto& entry : *node_) {
     if (!entry.first.IsScalar())
       pirt::fail_at(file_, entry.first, path_, "a key must be plain text");
     const std::string& name = entry.first.Scalar();
@@ -216,7 +227,7 @@ std::vector<std::string> YamlNode::keys() const {
 void YamlNode::check_keys(const std::vector<std::string>& allowed) const {
   for (const auto& name : keys()) {
     if (std::ranges::find(allowed, name) != allowed.end()) continue;
-    for (const auto& entry : node_) {
+    for (const auto& entry : *node_) {
       if (entry.first.Scalar() != name) continue;
       pirt::fail_at(file_, entry.first, child_path(path_, name),
                     "unknown key" + suggestion(name, allowed));
@@ -225,35 +236,35 @@ void YamlNode::check_keys(const std::vector<std::string>& allowed) const {
 }
 
 bool YamlNode::has(std::string_view key) const {
-  return node_.IsMap() && child_of(node_, key).IsDefined();
+  return node_->IsMap() && child_of(*node_, key).IsDefined();
 }
 
 YamlNode YamlNode::at(std::string_view key) const {
-  if (!node_.IsMap()) fail("must be a map, is " + std::string(kind_of(node_)));
-  const YAML::Node child = child_of(node_, key);
+  if (!node_->IsMap()) fail("must be a map, is " + std::string(kind_of(*node_)));
+  const YAML::Node child = child_of(*node_, key);
   if (!child.IsDefined()) fail("missing key '" + std::string(key) + "'");
   return {file_, child, child_path(path_, key)};
 }
 
 std::vector<YamlNode> YamlNode::items() const {
-  if (!node_.IsSequence()) fail("must be a list, is " + std::string(kind_of(node_)));
+  if (!node_->IsSequence()) fail("must be a list, is " + std::string(kind_of(*node_)));
   std::vector<YamlNode> nodes;
-  for (const auto& child : node_) {
+  for (const auto& child : *node_) {
     nodes.emplace_back(file_, child, path_ + "[" + std::to_string(nodes.size()) + "]");
   }
   return nodes;
 }
 
 std::string YamlNode::text() const {
-  if (!node_.IsScalar()) fail("must be text, is " + std::string(kind_of(node_)));
-  if (find_unprintable(node_.Scalar())) fail("must be one line of text, without tabs");
-  return node_.Scalar();
+  if (!node_->IsScalar()) fail("must be text, is " + std::string(kind_of(*node_)));
+  if (find_unprintable(node_->Scalar())) fail("must be one line of text, without tabs");
+  return node_->Scalar();
 }
 
 std::string YamlNode::paragraph() const {
-  if (!node_.IsScalar()) fail("must be text, is " + std::string(kind_of(node_)));
+  if (!node_->IsScalar()) fail("must be text, is " + std::string(kind_of(*node_)));
   std::string line;
-  for (const char c : node_.Scalar()) {
+  for (const char c : node_->Scalar()) {
     const bool gap = c == ' ' || kLineBreaks.find(c) != std::string_view::npos;
     if (!gap) {
       line += c;
@@ -267,8 +278,8 @@ std::string YamlNode::paragraph() const {
 
 template <typename T>
 T YamlNode::number_of(const NumberRead<T>& read) const {
-  if (!node_.IsScalar()) fail("must be a number, is " + std::string(kind_of(node_)));
-  if (!is_plain(node_)) fail("must be a number without quotes, got '" + node_.Scalar() + "'");
+  if (!node_->IsScalar()) fail("must be a number, is " + std::string(kind_of(*node_)));
+  if (!is_plain(*node_)) fail("must be a number without quotes, got '" + node_->Scalar() + "'");
   if (!read.value) fail(read.problem);
   return *read.value;
 }
@@ -286,12 +297,12 @@ std::int64_t YamlNode::integer(std::int64_t low, std::int64_t high) const {
 }
 
 bool YamlNode::boolean() const {
-  const std::string text = is_plain(node_) ? node_.Scalar() : "";
-  if (text != "true" && text != "false") fail("must be true or false, got " + shown(node_));
+  const std::string text = is_plain(*node_) ? node_->Scalar() : "";
+  if (text != "true" && text != "false") fail("must be true or false, got " + shown(*node_));
   return text == "true";
 }
 
-std::string YamlNode::dump() const { return YAML::Dump(node_); }
+std::string YamlNode::dump() const { return YAML::Dump(*node_); }
 
 YamlNode parse_yaml(const std::string& file, const std::string& text) {
   return parse_yaml(file, text, "", {});

@@ -4,10 +4,8 @@
 // Wraps yaml-cpp; nothing outside this file and its users' .cpp sees YAML::Exception.
 #pragma once
 
-#include <yaml-cpp/yaml.h>
-
-#include <filesystem>
-#include <functional>
+#include <cstdint>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -15,17 +13,20 @@
 #include "workloads/base/text/numbers.h"
 #include "workloads/base/time.h"
 
+namespace YAML {
+class Node;
+}
+
 namespace pirt {
 
 /// A node with the file that it came from, so that every message can say file:line.
 class YamlNode {
  public:
-  YamlNode(std::string file, const YAML::Node& node, std::string path)
-      : file_(std::move(file)), node_(node), path_(std::move(path)) {}
+  YamlNode(std::string file, const YAML::Node& node, std::string path);
 
-  [[nodiscard]] bool is_map() const { return node_.IsMap(); }
-  [[nodiscard]] bool is_sequence() const { return node_.IsSequence(); }
-  [[nodiscard]] bool is_scalar() const { return node_.IsScalar(); }
+  [[nodiscard]] bool is_map() const;
+  [[nodiscard]] bool is_sequence() const;
+  [[nodiscard]] bool is_scalar() const;
   [[nodiscard]] const std::string& path() const { return path_; }
 
   /// Throws unless this is a map whose keys are all in @p allowed and unique.
@@ -55,17 +56,17 @@ class YamlNode {
   /// @throws Error{kBadInput} "file:line: path: message".
   [[noreturn]] void fail(const std::string& message) const;
   /// For readers of a part that have their own messages: the node, and failing at one below it.
-  [[nodiscard]] const YAML::Node& raw() const { return node_; }
+  [[nodiscard]] const YAML::Node& raw() const { return *node_; }
   [[noreturn]] void fail_at(const YAML::Node& below, const std::string& message) const;
 
  private:
   /// "" for what is no scalar.
-  [[nodiscard]] const std::string& scalar() const { return node_.Scalar(); }
+  [[nodiscard]] const std::string& scalar() const;
   template <typename T>
   [[nodiscard]] T number_of(const NumberRead<T>& read) const;
 
   std::string file_;
-  YAML::Node node_;
+  std::shared_ptr<const YAML::Node> node_;
   std::string path_;  ///< "units.cpu.slots", for messages.
 };
 

@@ -1,6 +1,7 @@
 // A sequence as an EuRoC folder.
 #include <fmt/core.h>
 
+#include <Eigen/Geometry>
 #include <atomic>
 #include <exception>
 #include <filesystem>

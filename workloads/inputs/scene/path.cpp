@@ -1,5 +1,6 @@
 #include "workloads/inputs/scene/path.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>

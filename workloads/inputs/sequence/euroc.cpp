@@ -3,6 +3,7 @@
 // found here and not by a filter that diverges.
 #include <fmt/core.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -77,6 +78,14 @@ double spread_beside_a_line(const std::vector<Pair>& pairs) {
 }
 
 }  // namespace
+
+Eigen::Vector3d Similarity::operator*(const Eigen::Vector3d& p) const {
+  return pose.rotation * (scale * p) + pose.position;
+}
+
+Pose moved(const Similarity& similarity, const Pose& pose) {
+  return {similarity.pose.rotation * pose.rotation, similarity * pose.position};
+}
 
 std::string tum_text(std::span<const StampedPose> trajectory) {
   std::string text = "# timestamp(s) tx ty tz qx qy qz qw\n";

@@ -33,15 +33,11 @@ enum class Alignment : std::uint8_t {
 struct Similarity {
   double scale = 1.0;
   Pose pose;
-  [[nodiscard]] Eigen::Vector3d operator*(const Eigen::Vector3d& p) const {
-    return pose.rotation * (scale * p) + pose.position;
-  }
+  [[nodiscard]] Eigen::Vector3d operator*(const Eigen::Vector3d& p) const;
 };
 
 /// A pose of a world that is @p similarity away.
-[[nodiscard]] inline Pose moved(const Similarity& similarity, const Pose& pose) {
-  return {similarity.pose.rotation * pose.rotation, similarity * pose.position};
-}
+[[nodiscard]] Pose moved(const Similarity& similarity, const Pose& pose);
 
 /// Of estimate to truth, by the poses that have truth.
 /// @throws Error{kBadInput} if fewer than 3 have (1 for kStartYaw).

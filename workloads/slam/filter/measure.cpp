@@ -1,6 +1,7 @@
 #include "workloads/slam/filter/measure.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>

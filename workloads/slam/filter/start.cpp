@@ -1,4 +1,5 @@
 // The first pose: from rest with an IMU, from the first base line without.
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 

@@ -1,5 +1,6 @@
 // update_pose: tracks and descriptors correct the state.
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numeric>

@@ -1,6 +1,7 @@
 #include "workloads/slam/views/two_views.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <opencv2/calib3d.hpp>
