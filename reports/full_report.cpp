@@ -21,7 +21,7 @@
 #include "reports/run/run_report.h"
 #include "scheduler/policies/policy.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {

@@ -12,7 +12,7 @@
 #include "reports/run/timeline.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/schedule.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

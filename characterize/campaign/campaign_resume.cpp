@@ -9,7 +9,7 @@
 #include "characterize/profile/store/reader.h"
 #include "characterize/worker/job.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -27,20 +27,20 @@ template <typename Read>
 auto reading(const UnfinishedRun& run, Read read) {
   try {
     return read();
-  } catch (const Json::exception& error) {
+  } catch (const JsonError& error) {
     throw_unreadable(run, error.what());
   }
 }
 
 Json parse_plan(const UnfinishedRun& run) {
-  Json json = parse_json_or_discard(run.plan);
-  if (json.is_discarded() || !json.is_object()) throw_unreadable(run, "its plan is no JSON object");
-  const int version = reading(run, [&json] { return json.value("version", 0); });
+  std::optional<Json> json = try_parse_json(run.plan);
+  if (!json || !json->is_object()) throw_unreadable(run, "its plan is no JSON object");
+  const int version = reading(run, [&json] { return json->value("version", 0); });
   if (version != kPlanVersion) {
     throw_unreadable(
         run, fmt::format("its plan has version {}, and this pirt knows {}", version, kPlanVersion));
   }
-  return json;
+  return *std::move(json);
 }
 
 void check_visits(const UnfinishedRun& run) {

@@ -7,7 +7,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/math/random.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/model/phase.h"
 
 namespace pirt {
@@ -183,7 +183,7 @@ void DuetComparison::apply(const Event& event) {
     } else {
       throw_bad_input("an unknown event");
     }
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const JsonError& error) {
     throw_bad_input(error.what());
   }
 }

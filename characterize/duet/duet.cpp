@@ -13,7 +13,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
 #include "workloads/base/system/thread.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 #include "workloads/base/time.h"
 

@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -102,7 +102,7 @@ void Ledger::read(const Event& key, const std::function<void(const Event&)>& rep
       throw_bad_input(fmt::format("ledger {}:{} is damaged ({}); remove it to begin anew",
                                   path_.string(), number, why));
     };
-    const Event event = parse_json_or_discard(line);
+    const Event event = try_parse_json(line).value_or(Event());
     if (!event.is_object()) damaged("no JSON object");
     if (number > 1) {
       try {

@@ -13,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-#include "characterize/machine/sysfs.h"
+#include "characterize/machine/system_files.h"
 #include "workloads/base/time.h"
 
 namespace pirt {

@@ -6,7 +6,7 @@
 #include <map>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {
@@ -202,7 +202,7 @@ JobResult decode_result(const Json& j) {
 JobResult result_from(const Json& j) {
   try {
     return decode_result(j);
-  } catch (const Json::exception& error) {
+  } catch (const JsonError& error) {
     throw_bad_input(fmt::format("this is no record of this version's worker ({})", error.what()));
   }
 }
@@ -313,7 +313,7 @@ Job job_from_json(const std::string& text) {
     job.sampling = decode_sampling(j.at("sampling"));
     job.metering = decode_metering(j.at("metering"));
     return job;
-  } catch (const Json::exception& error) {
+  } catch (const JsonError& error) {
     throw_bad_input(
         fmt::format("this is no worker's job ({}); `worker` is started by characterize "
                     "and not by hand",
@@ -377,8 +377,8 @@ JobResult last_record(std::string_view output) {
     // A library that prints without an end of line may stand before the record.
     const auto prefix = line.find(kPrefix);
     if (prefix == std::string_view::npos) continue;
-    const Json j = parse_json_or_discard(line.substr(prefix + kPrefix.size()));
-    if (!j.is_discarded()) return result_from(j);
+    const auto json = try_parse_json(line.substr(prefix + kPrefix.size()));
+    if (json) return result_from(*json);
   }
   return {};
 }

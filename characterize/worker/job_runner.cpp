@@ -5,7 +5,7 @@
 #include "characterize/platform/unit_request.h"
 #include "characterize/worker/process.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/catalog/catalog.h"
 
 namespace pirt {

@@ -17,7 +17,7 @@
 #include "characterize/worker/peaks.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/model/player.h"

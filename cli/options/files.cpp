@@ -12,7 +12,7 @@
 #include "characterize/platform/platform.h"
 #include "workloads/backends/opencl/tuning/tuning_file.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 #include "workloads/inputs/pictures/images.h"
 

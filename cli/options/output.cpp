@@ -9,7 +9,7 @@
 #include <filesystem>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/printable.h"
 #include "workloads/base/text/text.h"
 

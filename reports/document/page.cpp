@@ -9,7 +9,7 @@
 #include "report_page_files.h"
 #include "reports/document/figures.h"
 #include "workloads/base/embedded.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/markup.h"
 
 namespace pirt {

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "reports/export/profile_export.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "reports/export/profile_export.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {

@@ -12,7 +12,7 @@
 #include "reports/profile/profile_report.h"
 #include "reports/profile/roofline_report.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/name_filter.h"
 #include "workloads/base/text/text.h"
 

@@ -11,7 +11,7 @@
 
 #include "characterize/profile/profile.h"
 #include "characterize/profile/store/reader.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

@@ -7,7 +7,7 @@
 #include <map>
 
 #include "characterize/statistics/rank_tests.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {

@@ -10,7 +10,7 @@
 #include "reports/document/figures.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/markup.h"
 
 namespace pirt {

@@ -9,7 +9,7 @@
 #include "reports/document/document.h"
 #include "reports/gate/decisions.h"
 #include "reports/gate/table_gate.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

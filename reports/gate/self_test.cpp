@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -107,7 +107,7 @@ void SelfTest::apply(const Event& event) {
     if (of == nullptr) throw_bad_input("there is no answer '" + answer + "'");
     ++*of;
     count.elapsed_s += body.at("elapsed_s").get<double>();
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const JsonError& error) {
     throw_bad_input(error.what());
   }
 }

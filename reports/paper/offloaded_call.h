@@ -11,7 +11,7 @@
 #include "characterize/platform/platform.h"
 #include "characterize/profile/profile.h"
 #include "reports/document/table.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

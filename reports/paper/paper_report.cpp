@@ -10,7 +10,7 @@
 #include "reports/document/figures.h"
 #include "reports/paper/paper_figures.h"
 #include "scheduler/schedule.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "reports/document/figures.h"
 #include "reports/paper/paper_figures.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/catalog/catalog.h"
 
 namespace pirt {

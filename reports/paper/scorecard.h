@@ -21,7 +21,7 @@
 #include "reports/paper/section5.h"
 #include "scheduler/mix/mix.h"
 #include "scheduler/schedule.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

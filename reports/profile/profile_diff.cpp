@@ -12,7 +12,7 @@
 #include "characterize/profile/identity.h"
 #include "reports/document/figures.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {

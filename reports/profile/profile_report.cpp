@@ -15,7 +15,7 @@
 #include "reports/document/figures.h"
 #include "reports/profile/environment_report.h"
 #include "reports/profile/roofline_report.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
 

@@ -5,7 +5,7 @@
 #include <set>
 
 #include "reports/document/figures.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {

@@ -9,7 +9,7 @@
 
 #include "reports/document/figures.h"
 #include "reports/run/run_report.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {

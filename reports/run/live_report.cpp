@@ -7,7 +7,7 @@
 
 #include "reports/document/figures.h"
 #include "reports/run/run_report.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {

@@ -9,7 +9,7 @@
 
 #include "reports/document/chart.h"
 #include "scheduler/record/run_record.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "reports/document/figures.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {

@@ -9,7 +9,7 @@
 #include "reports/document/figures.h"
 #include "scheduler/trace/log_json.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -112,7 +112,7 @@ Timeline parse_timeline(const std::string& text, const std::string& source) {
     Timeline timeline = timeline_of(parse_json(text));
     timeline.source = source;
     return timeline;
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const JsonError& error) {
     throw_bad_input(source + ": not a complete trace: " + error.what());
   } catch (const Error& error) {
     throw_bad_input(source + ": " + error.what());

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "reports/document/figures.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {

@@ -1,6 +1,9 @@
 #include "scheduler/bounds/bounds.h"
 
 #include <algorithm>
+#include <map>
+#include <tuple>
+#include <utility>
 
 #include "scheduler/bounds/linear_program.h"
 #include "scheduler/services/eligibility.h"
@@ -32,60 +35,147 @@ UnitWork unit_work(const Scenario& run, const MixTask& task, WorkloadId workload
   return work;
 }
 
-/// One variable for each (pipeline, task, unit), in that order.
-template <typename Function>
-void for_each_choice(const Work& work, const Function& function) {
-  int variable = 0;
-  for (std::size_t p = 0; p < work.pipelines.size(); ++p) {
-    for (std::size_t t = 0; t < work.pipelines[p].tasks.size(); ++t) {
-      for (const UnitWork& choice : work.pipelines[p].tasks[t].units) {
-        function(p, t, choice, variable++);
-      }
+/// Tasks of a pipeline that some solution treats alike, since their average is one as good: of a
+/// graph of many tasks the programmes have few such.
+struct Group {
+  std::size_t pipeline = 0;
+  const std::vector<UnitWork>* units = nullptr;
+  double tasks = 1;
+  std::vector<std::size_t> after = {};  ///< Groups; only of what by_order makes.
+  int first = 0;                        ///< Variable: what each task has on the first unit.
+
+  /// What each task has on all units together.
+  void add_whole(double coefficient, Terms& terms) const {
+    for (std::size_t i = 0; i < units->size(); ++i) {
+      terms.emplace_back(first + static_cast<int>(i), coefficient);
     }
+  }
+};
+
+void number_variables(std::vector<Group>& groups) {
+  int next = 0;
+  for (Group& group : groups) {
+    group.first = next;
+    next += static_cast<int>(group.units->size());
   }
 }
 
-/// The variables of each task: by pipeline and task, the first and how many.
-class TaskVariables {
- public:
-  explicit TaskVariables(const Work& work) {
-    int next = 0;
-    for (const PipelineWork& pipeline : work.pipelines) {
-      auto& row = ranges_.emplace_back();
-      for (const TaskWork& task : pipeline.tasks) {
-        const int count = static_cast<int>(task.units.size());
-        row.push_back({next, count});
-        next += count;
+/// By task: tasks that ask the same of the same units have one number.
+std::vector<std::size_t> kinds_of(const PipelineWork& pipeline) {
+  std::vector<std::size_t> kinds;
+  std::map<std::vector<double>, std::size_t> known;
+  for (const TaskWork& task : pipeline.tasks) {
+    std::vector<double> key;
+    for (const UnitWork& each : task.units) {
+      key.push_back(each.unit);
+      key.insert(key.end(), each.server_ms.begin(), each.server_ms.end());
+      key.insert(key.end(), {each.total_ms, each.energy_j.value_or(-1)});
+    }
+    kinds.push_back(known.try_emplace(std::move(key), known.size()).first->second);
+  }
+  return kinds;
+}
+
+/// Where the order of tasks costs nothing: those of one kind.
+std::vector<Group> by_kind(const Work& work) {
+  std::vector<Group> groups;
+  for (std::size_t p = 0; p < work.pipelines.size(); ++p) {
+    const std::size_t begin = groups.size();
+    const std::vector<std::size_t> kinds = kinds_of(work.pipelines[p]);
+    for (std::size_t t = 0; t < kinds.size(); ++t) {
+      const std::size_t group = begin + kinds[t];
+      if (group < groups.size()) {
+        ++groups[group].tasks;
+      } else {
+        groups.push_back({.pipeline = p, .units = &work.pipelines[p].tasks[t].units});
       }
     }
   }
+  number_variables(groups);
+  return groups;
+}
 
-  /// Those of one task, with @p coefficient each.
-  void add(std::size_t pipeline, std::size_t task, double coefficient, Terms& terms) const {
-    const Range& range = ranges_[pipeline][task];
-    for (int i = 0; i < range.count; ++i) terms.emplace_back(range.first + i, coefficient);
+void sort_unique(std::vector<std::size_t>& values) {
+  std::ranges::sort(values);
+  const auto rest = std::ranges::unique(values);
+  values.erase(rest.begin(), rest.end());
+}
+
+/// Where no task may be done more often than those that it comes after. Of one kind and alike are
+/// links of a chain without branches, and then what comes after the same and before the same.
+std::vector<Group> by_order(const Work& work) {
+  std::vector<Group> groups;
+  for (std::size_t p = 0; p < work.pipelines.size(); ++p) {
+    const auto& tasks = work.pipelines[p].tasks;
+    const std::vector<std::size_t> kinds = kinds_of(work.pipelines[p]);
+    std::vector<int> followers(tasks.size(), 0);
+    for (const TaskWork& task : tasks) {
+      for (const std::size_t before : task.after) ++followers[before];
+    }
+    struct Chain {
+      std::size_t kind = 0;
+      std::vector<std::size_t> after = {}, behind = {};  ///< Chains.
+      std::vector<std::size_t> tasks = {};
+    };
+    std::vector<Chain> chains;
+    std::vector<std::size_t> chain_of;
+    for (std::size_t t = 0; t < tasks.size(); ++t) {
+      const auto& after = tasks[t].after;
+      const bool goes_on =
+          after.size() == 1 && followers[after.front()] == 1 && kinds[after.front()] == kinds[t];
+      chain_of.push_back(goes_on ? chain_of[after.front()] : chains.size());
+      if (!goes_on) {
+        Chain& chain = chains.emplace_back(Chain{.kind = kinds[t]});
+        for (const std::size_t before : after) chain.after.push_back(chain_of[before]);
+        sort_unique(chain.after);
+        for (const std::size_t before : chain.after) chains[before].behind.push_back(chain_of[t]);
+      }
+      chains[chain_of[t]].tasks.push_back(t);
+    }
+    std::map<std::tuple<std::size_t, std::vector<std::size_t>, std::vector<std::size_t>>,
+             std::size_t>
+        known;
+    std::vector<std::size_t> group_of;
+    for (Chain& chain : chains) {
+      const auto [found, is_new] = known.try_emplace(
+          std::tuple(chain.kind, chain.after, std::move(chain.behind)), groups.size());
+      group_of.push_back(found->second);
+      if (is_new) {
+        groups.push_back({.pipeline = p, .units = &tasks[chain.tasks.front()].units, .tasks = 0});
+        for (const std::size_t before : chain.after) {
+          groups.back().after.push_back(group_of[before]);
+        }
+        sort_unique(groups.back().after);
+      }
+      groups[found->second].tasks += static_cast<double>(chain.tasks.size());
+    }
   }
+  number_variables(groups);
+  return groups;
+}
 
- private:
-  struct Range {
-    int first, count;
-  };
-  std::vector<std::vector<Range>> ranges_;
-};
+template <typename Function>
+void for_each_choice(const std::vector<Group>& groups, const Function& function) {
+  for (const Group& group : groups) {
+    int variable = group.first;
+    for (const UnitWork& choice : *group.units) function(group, choice, variable++);
+  }
+}
 
 /// Server time and slots of each unit: at most its own. @p amount is what a variable of 1 stands
-/// for in that pipeline.
-void add_capacity(const Work& work, const std::vector<double>& amount, double time_ms,
-                  const Terms& slack, LinearProgram& program) {
+/// for in that pipeline, of each task.
+void add_capacity(const Work& work, const std::vector<Group>& groups,
+                  const std::vector<double>& amount, double time_ms, const Terms& slack,
+                  LinearProgram& program) {
   for (UnitId unit = 0; unit < work.units.size(); ++unit) {
     Terms busy = slack;
     Terms held = slack;
     for (auto& term : busy) term.second *= work.units[unit].servers;
     for (auto& term : held) term.second *= work.units[unit].slots.value_or(0);
-    for_each_choice(work, [&](std::size_t p, std::size_t, const UnitWork& choice, int variable) {
-      if (choice.server_ms[unit] > 0)
-        busy.emplace_back(variable, amount[p] * choice.server_ms[unit]);
-      if (choice.unit == unit) held.emplace_back(variable, amount[p] * choice.total_ms);
+    for_each_choice(groups, [&](const Group& group, const UnitWork& choice, int variable) {
+      const double calls = amount[group.pipeline] * group.tasks;
+      if (choice.server_ms[unit] > 0) busy.emplace_back(variable, calls * choice.server_ms[unit]);
+      if (choice.unit == unit) held.emplace_back(variable, calls * choice.total_ms);
     });
     program.add_row(std::move(busy), -LinearProgram::kUnlimited,
                     time_ms * work.units[unit].servers);
@@ -98,17 +188,14 @@ void add_capacity(const Work& work, const std::vector<double>& amount, double ti
 
 /// Each task of a pipeline with firings is done once a firing, in parts on the units; most often
 /// all of it where it is fastest.
-void add_completeness(const Work& work, LinearProgram& program) {
-  const TaskVariables variables(work);
-  for (std::size_t p = 0; p < work.pipelines.size(); ++p) {
-    for (std::size_t t = 0; t < work.pipelines[p].tasks.size(); ++t) {
-      Terms terms;
-      variables.add(p, t, 1.0, terms);
-      const auto& units = work.pipelines[p].tasks[t].units;
-      const auto best = std::ranges::min_element(units, {}, &UnitWork::total_ms) - units.begin();
-      const int guess = terms[static_cast<std::size_t>(best)].first;
-      program.add_row(std::move(terms), 1.0, 1.0, guess);
-    }
+void add_completeness(const std::vector<Group>& groups, LinearProgram& program) {
+  for (const Group& group : groups) {
+    Terms terms;
+    group.add_whole(1.0, terms);
+    const auto best =
+        std::ranges::min_element(*group.units, {}, &UnitWork::total_ms) - group.units->begin();
+    const int guess = terms[static_cast<std::size_t>(best)].first;
+    program.add_row(std::move(terms), 1.0, 1.0, guess);
   }
 }
 
@@ -147,50 +234,50 @@ Work work_of(const Scenario& run, CloudUse cloud_use) {
 }
 
 std::optional<double> most_tasks_per_ms(const Work& work) {
+  const std::vector<Group> groups = by_order(work);
   LinearProgram program;
-  for_each_choice(
-      work, [&](std::size_t, std::size_t, const UnitWork&, int) { program.add_variable(-1.0); });
-  const TaskVariables variables(work);
-  for (std::size_t p = 0; p < work.pipelines.size(); ++p) {
-    const PipelineWork& pipeline = work.pipelines[p];
-    for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
-      Terms own;
-      variables.add(p, t, 1.0, own);
-      if (pipeline.per_ms) program.add_row(own, 0.0, *pipeline.per_ms);
-      for (const std::size_t before : pipeline.tasks[t].after) {
-        Terms terms = own;
-        variables.add(p, before, -1.0, terms);
-        program.add_row(std::move(terms), -LinearProgram::kUnlimited, 0.0);
-      }
+  for_each_choice(groups, [&](const Group& group, const UnitWork&, int) {
+    program.add_variable(-group.tasks);
+  });
+  for (const Group& group : groups) {
+    Terms own;
+    group.add_whole(1.0, own);
+    const auto& per_ms = work.pipelines[group.pipeline].per_ms;
+    if (per_ms) program.add_row(own, 0.0, *per_ms);
+    for (const std::size_t before : group.after) {
+      Terms terms = own;
+      groups[before].add_whole(-1.0, terms);
+      program.add_row(std::move(terms), -LinearProgram::kUnlimited, 0.0);
     }
   }
-  add_capacity(work, std::vector<double>(work.pipelines.size(), 1.0), 1.0, {}, program);
+  add_capacity(work, groups, std::vector<double>(work.pipelines.size(), 1.0), 1.0, {}, program);
   const auto least = program.minimum();
   return least ? std::optional(-*least) : std::nullopt;
 }
 
 std::optional<double> least_energy_j(const Work& work, const std::vector<double>& firings,
                                      double makespan_ms) {
+  const std::vector<Group> groups = by_kind(work);
   LinearProgram program;
   bool known = true;
-  for_each_choice(work, [&](std::size_t p, std::size_t, const UnitWork& choice, int) {
+  for_each_choice(groups, [&](const Group& group, const UnitWork& choice, int) {
     known = known && choice.energy_j;
-    program.add_variable(firings[p] * choice.energy_j.value_or(0));
+    program.add_variable(firings[group.pipeline] * group.tasks * choice.energy_j.value_or(0));
   });
   if (!known) return std::nullopt;
-  add_completeness(work, program);
-  add_capacity(work, firings, makespan_ms, {}, program);
+  add_completeness(groups, program);
+  add_capacity(work, groups, firings, makespan_ms, {}, program);
   const auto least = program.minimum();
   return least ? std::optional(*least + work.idle_w * makespan_ms / 1e3) : std::nullopt;
 }
 
 std::optional<double> area_ms(const Work& work, const std::vector<double>& firings) {
+  const std::vector<Group> groups = by_kind(work);
   LinearProgram program;
-  for_each_choice(
-      work, [&](std::size_t, std::size_t, const UnitWork&, int) { program.add_variable(0.0); });
+  for_each_choice(groups, [&](const Group&, const UnitWork&, int) { program.add_variable(0.0); });
   const int time = program.add_variable(1.0);
-  add_completeness(work, program);
-  add_capacity(work, firings, 0.0, {{time, -1.0}}, program);
+  add_completeness(groups, program);
+  add_capacity(work, groups, firings, 0.0, {{time, -1.0}}, program);
   return program.minimum();
 }
 

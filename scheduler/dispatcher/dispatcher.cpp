@@ -2,19 +2,10 @@
 
 #include <algorithm>
 #include <cassert>
-#include <functional>
 #include <limits>
 #include <utility>
 
-#include "workloads/base/math/random.h"
-
 namespace pirt {
-
-std::size_t Dispatcher::ClassHash::operator()(const TaskClass& kind) const {
-  const std::uint64_t tags =
-      (std::uint64_t{kind.entry} << 2) | (kind.real_time ? 2U : 0U) | (kind.image_input ? 1U : 0U);
-  return static_cast<std::size_t>(hash_u64(hash_u64(kind.workload, kind.eligible), tags));
-}
 
 Dispatcher::Dispatcher(std::vector<std::optional<int>> slots, std::unique_ptr<Policy> policy)
     : policy_(std::move(policy)), load_(slots.size(), 0), start_order_(policy_->order()) {
@@ -31,7 +22,7 @@ Dispatcher::Dispatcher(std::vector<std::optional<int>> slots, std::unique_ptr<Po
 /// @param input  Makes what observers hear; only where somebody listens.
 /// @param body   Carries it out; false if it is refused, and then has changed nothing.
 template <typename Make, typename Body>
-bool Dispatcher::take(Nanos now, Starts& out, const Make& input, const Body& body) {
+bool Dispatcher::take(Nanos now, Effects& out, const Make& input, const Body& body) {
   now_ = std::max(now_, now);
   const std::size_t started = out.started.size();
   const std::size_t ended = out.ended.size();
@@ -45,7 +36,7 @@ bool Dispatcher::take(Nanos now, Starts& out, const Make& input, const Body& bod
   return taken;
 }
 
-bool Dispatcher::submit(FiringId firing, std::span<const Task> tasks, Nanos now, Starts& out) {
+bool Dispatcher::submit(FiringId firing, std::span<const Task> tasks, Nanos now, Effects& out) {
   const auto input = [&] {
     return DispatcherInput{
         .kind = DispatcherInput::Kind::kSubmit, .now = now_, .firing = firing, .tasks = tasks};
@@ -55,7 +46,7 @@ bool Dispatcher::submit(FiringId firing, std::span<const Task> tasks, Nanos now,
     counts_.submitted += static_cast<std::int64_t>(tasks.size());
     // A task may have been dropped with one before it.
     for (const TaskSlot each : doomed_) {
-      if (tasks_[each].state == TaskState::kWaiting) drop(each, Ending::kDropped, out);
+      if (tasks_[each].state == TaskState::kWaiting) drop(each, TaskEnd::kDropped, out);
     }
     drop_unmet(out);
     expire(Expire::kBeforeNow, out);
@@ -95,107 +86,21 @@ bool Dispatcher::add(FiringId firing, std::span<const Task> tasks) {
     return false;
   }
   for (std::size_t i = 0; i < tasks.size(); ++i) {
-    tasks_[added_[i]].class_index = class_of(tasks[i].kind);
+    tasks_[added_[i]].class_index = waiting_.class_of(tasks[i].kind, up_);
     tasks_[added_[i]].rank = policy_->rank(tasks[i]);
     if (tasks[i].expires_at) {
       tasks_.tie(added_[i]).expires_at = tasks[i].expires_at;
-      watch_expiry(added_[i], *tasks[i].expires_at);
+      expiries_.watch(added_[i], *tasks[i].expires_at);
     }
-    await_earlier(added_[i], tasks[i]);
+    ties_.await_earlier(added_[i], tasks[i]);
   }
-  for (std::size_t i = 0; i < tasks.size(); ++i) join(added_[i], tasks[i]);
+  for (std::size_t i = 0; i < tasks.size(); ++i) ties_.join(added_[i], tasks[i]);
   return true;
 }
 
-/// Of tasks that are submitted together, none reads another: none has joined its series yet.
-void Dispatcher::await_earlier(TaskSlot slot, const Task& task) {
-  for (const SeriesId series : task.reads) {
-    const TaskSlot newest = series < series_.size() ? series_[series] : kNoSlot;
-    if (newest == kDoneSlot) continue;
-    if (newest == kNoSlot) {
-      unmet_.push_back({slot, tasks_[slot].generation});
-    } else {
-      tasks_.add_reader(newest, slot);
-      ++tasks_[slot].pending;
-    }
-  }
-}
-
-/// The task is last of its state and newest of its series.
-void Dispatcher::join(TaskSlot slot, const Task& task) {
-  if (task.state) {
-    if (*task.state >= states_.size()) states_.resize(*task.state + std::size_t{1});
-    TaskTies& ties = tasks_.tie(slot);
-    StateQueue& queue = states_[*task.state];
-    ties.state = *task.state;
-    ties.state_before = queue.tail;
-    if (queue.tail == kNoSlot) {
-      queue.head = slot;
-    } else {
-      tasks_.ties(queue.tail).state_behind = slot;
-      ++tasks_[slot].pending;
-    }
-    queue.tail = slot;
-    tasks_[slot].in_state = true;
-  }
-  if (task.series) {
-    if (*task.series >= series_.size()) series_.resize(*task.series + std::size_t{1}, kNoSlot);
-    TaskTies& ties = tasks_.tie(slot);
-    ties.series = *task.series;
-    ties.older = std::exchange(series_[*task.series], slot);
-    if (ties.older < kDoneSlot) tasks_.ties(ties.older).newer = slot;
-    tasks_[slot].in_series = true;
-  }
-}
-
-void Dispatcher::leave_state(TaskSlot slot) {
-  const TaskTies& ties = tasks_.ties(slot);
-  StateQueue& queue = states_[ties.state];
-  tasks_[slot].in_state = false;
-  const auto [before, behind] = std::pair(ties.state_before, ties.state_behind);
-  (before == kNoSlot ? queue.head : tasks_.ties(before).state_behind) = behind;
-  (behind == kNoSlot ? queue.tail : tasks_.ties(behind).state_before) = before;
-  if (before == kNoSlot && behind != kNoSlot) free_from_one(behind);
-}
-
-/// What reads the task has its data, or reads the next older one in its place.
-void Dispatcher::decide(TaskSlot slot, bool completed) {
-  const TaskTies& ties = tasks_.ties(slot);
-  const TaskSlot stands = completed ? kDoneSlot : ties.older;
-  tasks_[slot].in_series = false;
-  if (ties.newer != kNoSlot) {
-    tasks_.ties(ties.newer).older = stands;
-  } else if (series_[ties.series] == slot) {
-    series_[ties.series] = stands;
-  }
-  // Nobody who is still to come looks behind one that completed.
-  if (ties.older < kDoneSlot) tasks_.ties(ties.older).newer = completed ? kNoSlot : ties.newer;
-  readers_.clear();
-  tasks_.take_readers(slot, readers_);
-  for (const TaskSlot reader : readers_) {
-    if (stands == kDoneSlot) {
-      free_from_one(reader);
-    } else if (stands == kNoSlot) {
-      unmet_.push_back({reader, tasks_[reader].generation});
-    } else {
-      tasks_.add_reader(stands, reader);
-    }
-  }
-}
-
-/// @param slot  Waits for one thing less. One that drop_successors is about to drop waits for none.
-void Dispatcher::free_from_one(TaskSlot slot) {
-  TaskRecord& record = tasks_[slot];
-  if (record.pending != 0 && --record.pending == 0) freed_.push_back({slot, record.generation});
-}
-
 /// Each may leave others unmet.
-void Dispatcher::drop_unmet(Starts& out) {
-  for (std::size_t i = 0; i < unmet_.size(); ++i) {
-    const auto [slot, generation] = unmet_[i];
-    if (tasks_.is_current(slot, generation)) drop(slot, Ending::kNoPredecessor, out);
-  }
-  unmet_.clear();
+void Dispatcher::drop_unmet(Effects& out) {
+  ties_.take_unmet([&](TaskSlot slot) { drop(slot, TaskEnd::kNoPredecessor, out); });
 }
 
 /// False if the task comes after itself or one that is not linked yet.
@@ -222,11 +127,11 @@ bool Dispatcher::release(FiringId firing, Nanos now) {
   const auto input = [&] {
     return DispatcherInput{.kind = DispatcherInput::Kind::kRelease, .now = now_, .firing = firing};
   };
-  Starts none;
+  Effects none;
   return take(now, none, input, [&] { return tasks_.release(firing); });
 }
 
-bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, Starts& out) {
+bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, Effects& out) {
   const auto input = [&] {
     return DispatcherInput{.kind = DispatcherInput::Kind::kComplete,
                            .now = now_,
@@ -246,11 +151,10 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
       ++counts_.completed;
       released_.clear();
       tasks_.successors(slot, released_);
-      if (tasks_[slot].in_state) leave_state(slot);
-      if (tasks_[slot].in_series) decide(slot, true);
+      ties_.leave(slot, true);
       tasks_.remove(slot);
-      refusals_stand_ = false;
-      const bool alone = released_.size() == 1 && freed_.empty();
+      waiting_.forget_refusals();
+      const bool alone = released_.size() == 1 && !ties_.frees();
       for (const TaskSlot successor : released_) {
         if (--tasks_[successor].pending == 0) make_ready(successor, alone);
       }
@@ -267,34 +171,34 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
 }
 
 /// The task has failed, and was running.
-void Dispatcher::fail(TaskSlot slot, Starts& out) {
+void Dispatcher::fail(TaskSlot slot, Effects& out) {
   ++counts_.failed;
-  drop_successors(slot, Ending::kDropped, out);
+  drop_successors(slot, TaskEnd::kDropped, out);
   end(slot);
 }
 
 /// The task waits for another unit, in the place in line that it had. A plan knows no other unit:
 /// the policy takes it nowhere.
-void Dispatcher::give_back(TaskSlot slot, UnitId unit, Starts& out) {
+void Dispatcher::give_back(TaskSlot slot, UnitId unit, Effects& out) {
   ++counts_.returned;
-  refusals_stand_ = false;
+  waiting_.forget_refusals();
   TaskTies& ties = tasks_.tie(slot);
   ties.returned_by |= unit_bit(unit);
-  TaskClass kind = classes_[tasks_[slot].class_index].kind;
+  TaskClass kind = waiting_.class_at(slot).kind;
   kind.eligible &= ~(ties.returned_by | gone_);
   if (++ties.returns == kMostTries || kind.eligible == 0 ||
       policy_->takers(kind, kind.eligible) == 0) {
-    out.ended.push_back({tasks_[slot].id, Ending::kFailed});
+    out.ended.push_back({tasks_[slot].id, TaskEnd::kFailed});
     return fail(slot, out);
   }
-  tasks_[slot].class_index = class_of(kind);
-  hold(slot);
+  tasks_[slot].class_index = waiting_.class_of(kind, up_);
+  waiting_.hold(slot);
   if (!ties.expires_at) return;
-  watch_expiry(slot, *ties.expires_at);
+  expiries_.watch(slot, *ties.expires_at);
   expire(Expire::kBeforeNow, out);
 }
 
-void Dispatcher::cancel(TaskId task, Nanos now, Starts& out) {
+void Dispatcher::cancel(TaskId task, Nanos now, Effects& out) {
   const auto input = [&] {
     return DispatcherInput{.kind = DispatcherInput::Kind::kCancel, .now = now_, .task = task};
   };
@@ -303,18 +207,18 @@ void Dispatcher::cancel(TaskId task, Nanos now, Starts& out) {
     const TaskSlot slot = tasks_.find(task);
     if (slot != kNoSlot && tasks_[slot].state == TaskState::kRunning) {
       tasks_[slot].state = TaskState::kCancelled;
-      count_drop(slot, Ending::kDropped, out);
-      drop_successors(slot, Ending::kDropped, out);
-      if (tasks_[slot].in_series) decide(slot, false);
+      count_drop(slot, TaskEnd::kDropped, out);
+      drop_successors(slot, TaskEnd::kDropped, out);
+      ties_.cancel(slot);
     } else if (slot != kNoSlot && !is_over(tasks_[slot].state)) {
-      drop(slot, Ending::kDropped, out);
+      drop(slot, TaskEnd::kDropped, out);
     }
     settle(out);
     return true;
   });
 }
 
-bool Dispatcher::set_unit(UnitId unit, UnitState state, Nanos now, Starts& out) {
+bool Dispatcher::set_unit(UnitId unit, UnitState state, Nanos now, Effects& out) {
   const auto input = [&] {
     return DispatcherInput{
         .kind = DispatcherInput::Kind::kSetUnit, .now = now_, .unit = unit, .state = state};
@@ -325,15 +229,15 @@ bool Dispatcher::set_unit(UnitId unit, UnitState state, Nanos now, Starts& out) 
     units_[unit].state = state;
     up_ = state == UnitState::kUp ? up_ | unit_bit(unit) : up_ & ~unit_bit(unit);
     gone_ = state == UnitState::kGone ? gone_ | unit_bit(unit) : gone_ & ~unit_bit(unit);
-    for (auto& entry : classes_) entry.takers = policy_->takers(entry.kind, up_);
+    waiting_.set_up(up_);
     if (state != UnitState::kUp) hand_on(unit);
-    refusals_stand_ = false;
+    waiting_.forget_refusals();
     settle(out);
     return true;
   });
 }
 
-void Dispatcher::wake(Nanos now, Starts& out) {
+void Dispatcher::wake(Nanos now, Effects& out) {
   const auto input = [&] {
     return DispatcherInput{.kind = DispatcherInput::Kind::kWake, .now = now_};
   };
@@ -345,84 +249,66 @@ void Dispatcher::wake(Nanos now, Starts& out) {
 }
 
 /// Ends what should have started by now, or before now.
-void Dispatcher::expire(Expire which, Starts& out) {
-  if (expiries_.empty()) return;
-  tidy_expiries();
-  while (!expiries_.empty() &&
-         (which == Expire::kByNow ? expiries_.front().at <= now_ : expiries_.front().at < now_)) {
-    const TaskSlot slot = expiries_.front().slot;
+void Dispatcher::expire(Expire which, Effects& out) {
+  expiries_.tidy();
+  while (expiries_.any() &&
+         (which == Expire::kByNow ? expiries_.next() <= now_ : expiries_.next() < now_)) {
+    const TaskSlot slot = expiries_.first();
     ++counts_.expired;
-    out.ended.push_back({tasks_[slot].id, Ending::kExpired});
+    out.ended.push_back({tasks_[slot].id, TaskEnd::kExpired});
     unlink(slot);
-    drop_successors(slot, Ending::kDropped, out);
+    drop_successors(slot, TaskEnd::kDropped, out);
     end(slot);
-    tidy_expiries();
+    expiries_.tidy();
   }
 }
 
 /// What waits in the unit's queue waits for others; if it is gone, all that it could have taken.
 void Dispatcher::hand_on(UnitId unit) {
   std::vector<TaskSlot> waiting;
-  const auto take = [&](TaskList& from) {
-    while (!from.empty()) {
-      waiting.push_back(from.front());
-      unlink(from.front());
-    }
-  };
-  take(units_[unit].queue);
-  for (auto& entry : classes_) {
-    if (!contains(entry.kind.eligible & gone_, unit)) continue;
-    take(entry.held);
-    take(entry.high_priority);
+  while (!units_[unit].queue.empty()) {
+    waiting.push_back(units_[unit].queue.front());
+    unlink(waiting.back());
   }
+  waiting_.take_those_of(unit, gone_, waiting);
   for (const TaskSlot slot : waiting) {
     leave_gone(slot);
-    hold(slot);
+    waiting_.hold(slot);
   }
 }
 
 /// The task is of the class that does without the units that are gone, from now on.
 void Dispatcher::leave_gone(TaskSlot slot) {
-  TaskClass kind = classes_[tasks_[slot].class_index].kind;
+  TaskClass kind = waiting_.class_at(slot).kind;
   if ((kind.eligible & gone_) == 0) return;
   kind.eligible &= ~gone_;
-  tasks_[slot].class_index = class_of(kind);
-  classes_[tasks_[slot].class_index].hopeless = policy_->takers(kind, kind.eligible) == 0;
+  tasks_[slot].class_index = waiting_.class_of(kind, up_);
+  waiting_.class_at(slot).hopeless = policy_->takers(kind, kind.eligible) == 0;
 }
 
 /// What waits for units that are gone for good.
-void Dispatcher::fail_hopeless(Starts& out) {
-  despair_ = false;
-  for (auto& entry : classes_) {
-    if (!entry.hopeless) continue;
-    for (TaskList* list : {&entry.held, &entry.high_priority}) {
-      while (!list->empty()) {
-        const TaskSlot slot = list->front();
-        unlink(slot);
-        out.ended.push_back({tasks_[slot].id, Ending::kFailed});
-        fail(slot, out);
-      }
-    }
-  }
+void Dispatcher::fail_hopeless(Effects& out) {
+  waiting_.take_hopeless([&](TaskSlot slot) {
+    out.ended.push_back({tasks_[slot].id, TaskEnd::kFailed});
+    fail(slot, out);
+  });
 }
 
 /// What every input but release ends with.
-void Dispatcher::settle(Starts& out) {
+void Dispatcher::settle(Effects& out) {
   while (true) {
     drop_unmet(out);
-    for (const auto& [slot, generation] : freed_) {
-      if (!tasks_.is_current(slot, generation)) continue;
+    ties_.take_freed([this](TaskSlot slot) {
       if (tasks_[slot].state == TaskState::kWaiting && tasks_[slot].pending == 0) {
         make_ready(slot, false);
       }
-    }
-    freed_.clear();
-    if (!despair_) break;
+    });
+    if (!waiting_.despairs()) break;
     fail_hopeless(out);  // Others may hold their states now, or have nothing to read.
   }
-  place_held();
+  waiting_.place_held([this](TaskSlot slot) { return place(slot); });
   start_all(out);
-  if (!expiries_.empty()) tidy_expiries();
+  expiries_.tidy();
 }
 
 void Dispatcher::list_waiting(std::vector<int>& waiting) const {
@@ -430,7 +316,7 @@ void Dispatcher::list_waiting(std::vector<int>& waiting) const {
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     waiting.push_back(load_[unit] - units_[unit].running);
   }
-  waiting.push_back(static_cast<int>(held_count_ + high_priority_count_));
+  waiting.push_back(static_cast<int>(waiting_.size()));
 }
 
 std::optional<TaskState> Dispatcher::state(TaskId task) const {
@@ -439,41 +325,29 @@ std::optional<TaskState> Dispatcher::state(TaskId task) const {
   return tasks_[slot].state;
 }
 
-/// A task graph has a class a task; elsewhere the same come again and again.
-std::uint32_t Dispatcher::class_of(const TaskClass& kind) {
-  if (last_class_ < classes_.size() && classes_[last_class_].kind == kind) return last_class_;
-  const auto [found, is_new] =
-      class_indices_.try_emplace(kind, static_cast<std::uint32_t>(classes_.size()));
-  if (is_new) classes_.push_back({.kind = kind, .takers = policy_->takers(kind, up_)});
-  return last_class_ = found->second;
-}
-
 /// The task waits for a unit from now on; place_held asks for it.
 /// @param alone  No other becomes ready at once; without held ones it has none to compete with.
 void Dispatcher::make_ready(TaskSlot slot, bool alone) {
   tasks_[slot].sequence = ready_sequence_++;
   tasks_[slot].ready_at = now_;
   leave_gone(slot);
-  const bool hopeless = classes_[tasks_[slot].class_index].hopeless;
-  if (!alone || hopeless || held_count_ != 0 || !place(slot)) hold(slot);
+  const bool hopeless = waiting_.class_at(slot).hopeless;
+  if (!alone || hopeless || waiting_.holds_any() || !place(slot)) waiting_.hold(slot);
 }
 
 /// Asks the policy. False if it refuses; the task is then in no queue.
 bool Dispatcher::place(TaskSlot slot) {
   TaskRecord& record = tasks_[slot];
-  Class& entry = classes_[record.class_index];
-  const Placement placement = policy_->place(entry.kind, view());
+  const TaskClass& kind = waiting_.class_at(slot).kind;
+  const Placement placement = policy_->place(kind, view());
   switch (placement.kind) {
     case Placement::Kind::kHold:
       return false;
     case Placement::Kind::kHighPriority:
-      record.state = TaskState::kHighPriority;
-      entry.high_priority.insert(tasks_, slot);
-      ++high_priority_count_;
-      if (!std::exchange(entry.in_prioritized, true)) prioritized_.push_back(record.class_index);
+      waiting_.prioritize(slot);
       return true;
     case Placement::Kind::kUnit:
-      assert(contains(entry.kind.eligible & up_, placement.unit));
+      assert(contains(kind.eligible & up_, placement.unit));
       record.state = TaskState::kQueued;
       record.unit = placement.unit;
       record.dispatched_at = now_;
@@ -484,109 +358,51 @@ bool Dispatcher::place(TaskSlot slot) {
   return false;
 }
 
-void Dispatcher::hold(TaskSlot slot) {
-  TaskRecord& record = tasks_[slot];
-  Class& entry = classes_[record.class_index];
-  record.state = TaskState::kHeld;
-  entry.held.insert(tasks_, slot);
-  ++held_count_;
-  despair_ = despair_ || entry.hopeless;
-  if (!std::exchange(entry.in_holding, true)) holding_.push_back(record.class_index);
-}
-
-/// Places what waits, in the order of all queues, until every class is refused: what has become
-/// ready competes with what was held. Loads only rise meanwhile, so that a refusal stands.
-void Dispatcher::place_held() {
-  if (held_count_ == 0) return;
-  asking_.clear();
-  std::erase_if(holding_, [this](std::uint32_t index) {
-    Class& entry = classes_[index];
-    entry.refused = entry.refused && refusals_stand_ && !entry.held.empty();
-    entry.in_holding = !entry.held.empty();
-    if (entry.in_holding && !entry.refused) asking_.push_back(&entry);
-    return !entry.in_holding;
-  });
-  refusals_stand_ = true;
-  const auto later = [this](const Class* a, const Class* b) {
-    return precedes(tasks_[b->held.front()], tasks_[a->held.front()]);
-  };
-  std::ranges::make_heap(asking_, later);
-  while (!asking_.empty()) {
-    std::ranges::pop_heap(asking_, later);
-    Class& first = *asking_.back();
-    const TaskSlot slot = first.held.front();
-    unlink(slot);
-    first.refused = !place(slot);
-    if (first.refused) hold(slot);
-    if (first.refused || first.held.empty()) {
-      asking_.pop_back();
-    } else {
-      std::ranges::push_heap(asking_, later);
-    }
-  }
-}
-
-void Dispatcher::start_all(Starts& out) {
+void Dispatcher::start_all(Effects& out) {
   for (const UnitId id : start_order_) {
-    Unit& unit = units_[id];
-    if (unit.state != UnitState::kUp) continue;
-    while (unit.running < unit.slots) {
-      TaskSlot slot = take_high_priority(id);
-      if (slot == kNoSlot) {
-        if (unit.queue.empty()) break;
-        slot = unit.queue.front();
-        unit.queue.erase(tasks_, slot);
-      }
+    if (units_[id].state != UnitState::kUp) continue;
+    while (units_[id].running < units_[id].slots) {
+      const TaskSlot slot = next_for(id);
+      if (slot == kNoSlot) break;
       start(slot, id, out);
     }
   }
 }
 
-/// The first task of the high-priority queue that the unit can serve; Qh falls here, at dispatch.
-TaskSlot Dispatcher::take_high_priority(UnitId unit) {
-  if (high_priority_count_ == 0) return kNoSlot;
-  Class* oldest = nullptr;
-  std::erase_if(prioritized_, [&](std::uint32_t index) {
-    Class& entry = classes_[index];
-    entry.in_prioritized = !entry.high_priority.empty();
-    if (entry.in_prioritized && contains(entry.takers, unit) &&
-        (oldest == nullptr ||
-         precedes(tasks_[entry.high_priority.front()], tasks_[oldest->high_priority.front()]))) {
-      oldest = &entry;
-    }
-    return !entry.in_prioritized;
-  });
-  if (oldest == nullptr) return kNoSlot;
-  const TaskSlot slot = oldest->high_priority.front();
-  unlink(slot);
-  tasks_[slot].dispatched_at = now_;
-  policy_->took(oldest->kind, unit, view());
-  ++load_[unit];
+/// What the idle unit starts: of the high-priority queue, which falls here, at dispatch, before its
+/// own.
+TaskSlot Dispatcher::next_for(UnitId id) {
+  Unit& unit = units_[id];
+  if (const TaskSlot slot = waiting_.first_for(id); slot != kNoSlot) {
+    unlink(slot);
+    tasks_[slot].dispatched_at = now_;
+    policy_->took(waiting_.class_at(slot).kind, id, view());
+    ++load_[id];
+    return slot;
+  }
+  if (unit.queue.empty()) return kNoSlot;
+  const TaskSlot slot = unit.queue.front();
+  unit.queue.erase(tasks_, slot);
   return slot;
 }
 
 /// The task is counted in the unit's load and in no queue.
-void Dispatcher::start(TaskSlot slot, UnitId unit, Starts& out) {
+void Dispatcher::start(TaskSlot slot, UnitId unit, Effects& out) {
   TaskRecord& record = tasks_[slot];
   record.state = TaskState::kRunning;
   record.unit = unit;
   ++units_[unit].running;
-  if (std::exchange(record.expires, false)) --expiring_count_;
+  expiries_.forget(slot);
   out.started.push_back({record.id, unit, record.dispatched_at, record.ready_at});
 }
 
 /// Takes a task that has not started out of the queue that it is in.
 void Dispatcher::unlink(TaskSlot slot) {
-  TaskRecord& record = tasks_[slot];
-  Class& entry = classes_[record.class_index];
+  const TaskRecord& record = tasks_[slot];
   switch (record.state) {
     case TaskState::kHeld:
-      entry.held.erase(tasks_, slot);
-      --held_count_;
-      break;
     case TaskState::kHighPriority:
-      entry.high_priority.erase(tasks_, slot);
-      --high_priority_count_;
+      waiting_.erase(slot);
       break;
     case TaskState::kQueued:
       units_[record.unit].queue.erase(tasks_, slot);
@@ -601,14 +417,14 @@ void Dispatcher::unlink(TaskSlot slot) {
   }
 }
 
-void Dispatcher::count_drop(TaskSlot slot, Ending how, Starts& out) {
+void Dispatcher::count_drop(TaskSlot slot, TaskEnd how, Effects& out) {
   ++counts_.dropped;
-  if (how == Ending::kNoPredecessor) ++counts_.no_predecessor;
+  if (how == TaskEnd::kNoPredecessor) ++counts_.no_predecessor;
   out.ended.push_back({tasks_[slot].id, how});
 }
 
 /// Drops a task that has not started, and its successors.
-void Dispatcher::drop(TaskSlot slot, Ending how, Starts& out) {
+void Dispatcher::drop(TaskSlot slot, TaskEnd how, Effects& out) {
   count_drop(slot, how, out);
   unlink(slot);
   drop_successors(slot, how, out);
@@ -617,7 +433,7 @@ void Dispatcher::drop(TaskSlot slot, Ending how, Starts& out) {
 
 /// Successors of a task that did not complete; all of them still wait. Not recursive: a chain may
 /// be long.
-void Dispatcher::drop_successors(TaskSlot slot, Ending how, Starts& out) {
+void Dispatcher::drop_successors(TaskSlot slot, TaskEnd how, Effects& out) {
   std::vector<TaskSlot> doomed = {slot};
   std::vector<TaskSlot> successors;
   for (std::size_t i = 0; i < doomed.size(); ++i) {
@@ -638,36 +454,12 @@ void Dispatcher::drop_successors(TaskSlot slot, Ending how, Starts& out) {
 void Dispatcher::end(TaskSlot slot) {
   const TaskState state = tasks_[slot].state;
   if (state == TaskState::kWaiting || state == TaskState::kHeld) {
-    policy_->gone(classes_[tasks_[slot].class_index].kind);
+    policy_->gone(waiting_.class_at(slot).kind);
   }
-  if (tasks_[slot].expires) --expiring_count_;
-  if (tasks_[slot].in_state) leave_state(slot);
-  if (tasks_[slot].in_series) decide(slot, false);
+  expiries_.forget(slot);
+  ties_.leave(slot, false);
   tasks_.end(slot);
-  refusals_stand_ = false;
-}
-
-void Dispatcher::watch_expiry(TaskSlot slot, Nanos at) {
-  tasks_[slot].expires = true;
-  ++expiring_count_;
-  expiries_.push_back({at, expiry_sequence_++, slot, tasks_[slot].generation});
-  std::ranges::push_heap(expiries_, std::greater{});
-}
-
-bool Dispatcher::is_stale(const Expiry& expiry) const {
-  return !tasks_.is_current(expiry.slot, expiry.generation) || !tasks_[expiry.slot].expires;
-}
-
-/// Keeps a live entry at the top, and memory in proportion to the tasks that can still expire.
-void Dispatcher::tidy_expiries() {
-  if (expiries_.size() > 2 * expiring_count_ + 64) {
-    std::erase_if(expiries_, [this](const Expiry& expiry) { return is_stale(expiry); });
-    std::ranges::make_heap(expiries_, std::greater{});
-  }
-  while (!expiries_.empty() && is_stale(expiries_.front())) {
-    std::ranges::pop_heap(expiries_, std::greater{});
-    expiries_.pop_back();
-  }
+  waiting_.forget_refusals();
 }
 
 }  // namespace pirt

@@ -1,6 +1,6 @@
 // The dispatcher's memory: records of the tasks of firings that are not released, their successors,
 // and lists of them. A task that completed is forgotten at once, one that ended otherwise with its
-// firing. Slots are used again, so that memory follows what is live, not what was.
+// firing.
 #pragma once
 
 #include <algorithm>
@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "scheduler/dispatcher/id_map.h"
+#include "scheduler/dispatcher/slot_table.h"
 #include "scheduler/mix/task.h"
 
 namespace pirt {
@@ -30,7 +31,7 @@ enum class TaskState : std::uint8_t {
   return state == TaskState::kCancelled || state == TaskState::kEnded;
 }
 
-using TaskSlot = std::uint32_t;
+using TaskSlot = Slot;
 inline constexpr TaskSlot kNoSlot = IdMap::kAbsent;
 inline constexpr TaskSlot kDoneSlot = kNoSlot - 1;  ///< Stands for one that completed.
 
@@ -76,7 +77,7 @@ class TaskStore {
   /// Those of a task that got some by tie(); a task's are its own from then to its end.
   [[nodiscard]] TaskTies& ties(TaskSlot slot) { return ties_[slot]; }
   TaskTies& tie(TaskSlot slot) {
-    if (ties_.size() <= slot) ties_.resize(records_.size());
+    if (ties_.size() <= slot) ties_.resize(records_.records().size());
     return ties_[slot];
   }
   /// kNoSlot if there is no such task, any more or yet.
@@ -91,7 +92,7 @@ class TaskStore {
     const std::size_t position = firing_slots_.locate(id);
     const std::uint32_t known = firing_slots_.at(position);
     if (known != IdMap::kAbsent) return {firings_[known].released ? kNoSlot : known, false};
-    const std::uint32_t firing = take_slot(firings_, free_firings_);
+    const Slot firing = firings_.take();
     firings_[firing] = {.id = id};
     firing_slots_.insert_at(position, id, firing);
     return {firing, true};
@@ -115,15 +116,15 @@ class TaskStore {
   }
 
   /// Firings that are not released, or have live tasks.
-  [[nodiscard]] std::size_t firings() const { return firings_.size() - free_firings_.size(); }
+  [[nodiscard]] std::size_t firings() const { return firings_.used(); }
   /// Tasks that are live, or ended without completing and are of a firing that is not released.
-  [[nodiscard]] std::size_t tasks() const { return records_.size() - free_.size(); }
+  [[nodiscard]] std::size_t tasks() const { return records_.used(); }
 
   /// kNoSlot if the id is of a task that is known.
   TaskSlot add(TaskId id, std::uint32_t firing) {
     const std::size_t position = slots_.locate(id);
     if (slots_.at(position) != kNoSlot) return kNoSlot;
-    const TaskSlot slot = take_slot(records_, free_);
+    const TaskSlot slot = records_.take();
     const std::uint32_t generation = records_[slot].generation;
     records_[slot] =
         TaskRecord{.id = id, .state = TaskState::kNew, .generation = generation, .firing = firing};
@@ -189,25 +190,14 @@ class TaskStore {
     bool released = false;
   };
 
-  template <typename Record>
-  static std::uint32_t take_slot(std::vector<Record>& records, std::vector<std::uint32_t>& free) {
-    if (free.empty()) {
-      records.emplace_back();
-      return static_cast<std::uint32_t>(records.size() - 1);
-    }
-    const std::uint32_t slot = free.back();
-    free.pop_back();
-    return slot;
-  }
-
   void forget(TaskSlot slot) {
     slots_.erase_at(slots_.locate(records_[slot].id));
     ++records_[slot].generation;
-    free_.push_back(slot);
+    records_.give_back(slot);
   }
 
   void forget_firing(std::size_t position) {
-    free_firings_.push_back(firing_slots_.at(position));
+    firings_.give_back(firing_slots_.at(position));
     firing_slots_.erase_at(position);
   }
 
@@ -241,14 +231,12 @@ class TaskStore {
     }
   }
 
-  std::vector<TaskRecord> records_;
+  SlotTable<TaskRecord> records_;
   std::vector<TaskTies> ties_;  ///< By slot, as far as there was need of them.
-  std::vector<TaskSlot> free_;
   std::vector<Edge> edges_;
   std::uint32_t free_edge_ = kNoSlot;
   IdMap slots_;
-  std::vector<FiringRecord> firings_;
-  std::vector<std::uint32_t> free_firings_;
+  SlotTable<FiringRecord> firings_;
   IdMap firing_slots_;
 };
 

@@ -1,11 +1,13 @@
 // Tasks as the dispatcher and the policies see them: numbers and tags, no names and no durations.
 #pragma once
 
+#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "workloads/base/time.h"
@@ -98,21 +100,29 @@ struct Start {
   Nanos ready_at{0};       ///< When its predecessors were complete: waiting counts from here.
 };
 
-enum class Ending : std::uint8_t {
-  kDropped,
-  kExpired,
-  kNoPredecessor,  ///< No earlier firing made what it reads; or what it comes after ended so.
-  kFailed,         ///< No unit is left that could take it; counts as failed.
+/// How a task ended, for good; what a unit says of one try is an Outcome.
+enum class TaskEnd : std::uint8_t {
+  kCompleted,
+  kFailed,         ///< Its kernel threw, or no unit is left that could take it.
+  kDropped,        ///< A task that it comes after did not complete.
+  kExpired,        ///< It had not started in time.
+  kCancelled,      ///< By whoever submitted it; the dispatcher says kDropped.
+  kNoPredecessor,  ///< Dropped: no earlier firing made what it reads, or what it comes after.
 };
+inline constexpr std::array<std::string_view, 6> kTaskEnds = {
+    "completed", "failed", "dropped", "expired", "cancelled", "no_predecessor"};
+[[nodiscard]] constexpr std::string_view to_string(TaskEnd end) {
+  return kTaskEnds[static_cast<std::size_t>(end)];
+}
 
-/// A task that left and was not completed by its unit just now.
+/// A task that left otherwise than by its unit's word just now.
 struct Ended {
   TaskId task = 0;
-  Ending how = Ending::kDropped;
+  TaskEnd how = TaskEnd::kDropped;
 };
 
 /// What a call of the dispatcher brought about; calls append.
-struct Starts {
+struct Effects {
   std::vector<Start> started;
   std::vector<Ended> ended;
   void clear() {

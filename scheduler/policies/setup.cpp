@@ -175,6 +175,7 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
   setup.weights = std::move(weights.table);
   setup.literal_overflow = options.overflow == Overflow::kLiteral;
   setup.basic = mode.basic;
+  setup.seed = options.seed;
   auto policy = mode.policy.make(setup);
   check_every_task_placeable(scenario, *policy, mode);
   std::vector<std::optional<int>> slots;

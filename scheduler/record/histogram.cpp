@@ -31,8 +31,9 @@ std::uint64_t value_of(std::size_t bucket) {
 void Histogram::add(Nanos value) {
   assert(value >= Nanos::zero());
   const std::size_t bucket = bucket_of(static_cast<std::uint64_t>(value.count()));
-  if (bucket >= counts_.size()) counts_.resize(bucket + 1);
-  ++counts_[bucket];
+  // What is below wraps to far above.
+  if (bucket - first_ >= counts_.size()) cover(bucket, bucket);
+  ++counts_[bucket - first_];
   ++count_;
   sum_ns_ += static_cast<double>(value.count());
   min_ = std::min(min_, value);
@@ -40,12 +41,29 @@ void Histogram::add(Nanos value) {
 }
 
 void Histogram::add(const Histogram& other) {
-  counts_.resize(std::max(counts_.size(), other.counts_.size()));
-  for (std::size_t i = 0; i < other.counts_.size(); ++i) counts_[i] += other.counts_[i];
+  if (other.counts_.empty()) return;
+  cover(other.first_, other.first_ + other.counts_.size() - 1);
+  for (std::size_t i = 0; i < other.counts_.size(); ++i) {
+    counts_[other.first_ - first_ + i] += other.counts_[i];
+  }
   count_ += other.count_;
   sum_ns_ += other.sum_ns_;
   min_ = std::min(min_, other.min_);
   max_ = std::max(max_, other.max_);
+}
+
+/// Makes room for the buckets from @p low to @p high, in steps, so that values that come one by one
+/// seldom do.
+void Histogram::cover(std::size_t low, std::size_t high) {
+  constexpr std::size_t kStep = 64;
+  low = low / kStep * kStep;
+  high = (high / kStep + 1) * kStep;
+  if (counts_.empty()) first_ = low;
+  if (low < first_) {
+    counts_.insert(counts_.begin(), first_ - low, 0);
+    first_ = low;
+  }
+  if (high > first_ + counts_.size()) counts_.resize(high - first_);
 }
 
 std::optional<Nanos> Histogram::mean() const {
@@ -59,10 +77,10 @@ std::optional<Nanos> Histogram::percentile(double fraction) const {
   const auto rank = std::max<std::int64_t>(
       1, static_cast<std::int64_t>(std::ceil(fraction * static_cast<double>(count_))));
   std::int64_t seen = 0;
-  for (std::size_t bucket = 0; bucket < counts_.size(); ++bucket) {
-    seen += counts_[bucket];
+  for (std::size_t i = 0; i < counts_.size(); ++i) {
+    seen += counts_[i];
     if (seen < rank) continue;
-    return std::clamp(Nanos(static_cast<std::int64_t>(value_of(bucket))), min_, max_);
+    return std::clamp(Nanos(static_cast<std::int64_t>(value_of(first_ + i))), min_, max_);
   }
   return max_;
 }

@@ -5,7 +5,7 @@
 #include <type_traits>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -246,7 +246,7 @@ RunRecord run_record_from_json(const Json& json, const std::string& source) {
       visit_bounds(bounds, record.bounds.emplace());
     }
     return record;
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const JsonError& error) {
     throw_bad_input(source + ": not a complete result of a run: " + error.what());
   }
 }
@@ -255,7 +255,7 @@ RunRecord load_run_record(const std::filesystem::path& path) {
   const std::string text = read_file(path);
   try {
     return run_record_from_json(parse_json(text), path.string());
-  } catch (const nlohmann::json::exception& error) {  // Syntax, or a number that no double holds.
+  } catch (const JsonError& error) {  // Syntax, or a number that no double holds.
     throw_bad_input(path.string() + ": not JSON: " + error.what());
   }
 }

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/mapping/keyframes.h"
 #include "workloads/mapping/workloads.h"
 #include "workloads/planning/map_files.h"
@@ -164,7 +164,7 @@ struct Activities::Planned {
   Cell goal;
   std::shared_ptr<const std::vector<Tensor>> inputs;  ///< All but the start are always the same.
   std::optional<Pose> first;                          ///< In the localization's world.
-  std::optional<std::pair<Place, Nanos>> before;
+  std::optional<std::pair<MapPose, Nanos>> before;
 
   std::mutex mutex;  ///< Guards what follows, which plans that end write.
   std::vector<Point> path;
@@ -325,7 +325,7 @@ void Activities::localized(const slam::FrameResult& frame,
   if (frame.in_map && !std::exchange(in_map_, true)) change_world(state().map_from_start);
   // What is real-time first: a unit that has begun an adjustment is not preempted.
   if (planned_ && frame.status != slam::Status::kStarting) {
-    const Place place = place_of(frame.pose.body);
+    const MapPose place = place_of(frame.pose.body);
     plan(place);
     avoid(place, frame.pose.time);
   }
@@ -345,14 +345,14 @@ void Activities::change_world(const Similarity& moved) {
   }
 }
 
-Place Activities::place_of(const Pose& body) {
+MapPose Activities::place_of(const Pose& body) {
   const auto on_the_floor = [](const Pose& pose) {
-    return Place{{pose.position.x(), pose.position.y()}, heading_of(pose)};
+    return MapPose{{pose.position.x(), pose.position.y()}, heading_of(pose)};
   };
   if (!planned_->first) planned_->first = body;
-  const Place here = on_the_floor(body);
-  const Place first = on_the_floor(*planned_->first);
-  const Place& start = options_.planning->start;
+  const MapPose here = on_the_floor(body);
+  const MapPose first = on_the_floor(*planned_->first);
+  const MapPose& start = options_.planning->start;
   const double turn = start.heading_rad - first.heading_rad;
   const double x = here.position.x - first.position.x;
   const double y = here.position.y - first.position.y;
@@ -362,7 +362,7 @@ Place Activities::place_of(const Pose& body) {
 }
 
 /// A robot that stands nearer to an obstacle than its radius plans from where it does not.
-void Activities::plan(const Place& place) {
+void Activities::plan(const MapPose& place) {
   if (!planning_->is_free()) return;
   const Grid& map = options_.planning->map;
   const auto start = planned_->passable.nearest_passable(map.cell_of(place.position));
@@ -383,7 +383,7 @@ void Activities::plan(const Place& place) {
   });
 }
 
-void Activities::avoid(const Place& place, Nanos time) {
+void Activities::avoid(const MapPose& place, Nanos time) {
   const auto before = std::exchange(planned_->before, std::pair(place, time));
   Point target;
   {

@@ -20,7 +20,7 @@
 namespace pirt {
 
 /// Where a robot stands on a map.
-struct Place {
+struct MapPose {
   planning::Point position;
   double heading_rad = 0;  ///< Counter-clockwise from the x axis.
 };
@@ -28,7 +28,7 @@ struct Place {
 struct ActivityOptions {
   struct Planning {
     planning::Grid map;  ///< Of unit kMetres, with yaw 0.
-    Place start;         ///< When the localization begins.
+    MapPose start;         ///< When the localization begins.
     planning::Point goal;
     double radius_m = 0.25;
   };
@@ -93,12 +93,12 @@ class Activities final : public Companion {
   struct Planned;
   struct Mapped;
   [[nodiscard]] TensorSpec picture_spec() const;
-  [[nodiscard]] Place place_of(const Pose& body);
+  [[nodiscard]] MapPose place_of(const Pose& body);
   void change_world(const Similarity& moved);
   void recognize(const GreyImage& image);
   void describe(Nanos time, const GreyImage& image);
-  void plan(const Place& place);
-  void avoid(const Place& place, Nanos time);
+  void plan(const MapPose& place);
+  void avoid(const MapPose& place, Nanos time);
   void map(const slam::FrameResult& frame, const std::function<slam::State()>& state);
 
   ActivityOptions options_;

@@ -18,10 +18,12 @@
 #include <vector>
 
 #include "scheduler/dispatcher/dispatcher.h"
+#include "scheduler/dispatcher/slot_table.h"
 #include "scheduler/policies/setup.h"
 #include "scheduler/runtime/latch.h"
 #include "scheduler/runtime/live_units.h"
 #include "scheduler/runtime/output_pool.h"
+#include "scheduler/runtime/room.h"
 #include "scheduler/runtime/runtime.h"
 #include "scheduler/runtime/samples.h"
 #include "scheduler/runtime/turn.h"
@@ -107,6 +109,7 @@ class Runtime::Engine {
   void cancel(const TaskFuture& task);
   void cancel_all();
   void wait_all();
+  void bring_back(std::string_view unit);
   RuntimeStatistics statistics();
   std::vector<Tensor> state(std::string_view name);
   void write_trace();
@@ -143,7 +146,6 @@ class Runtime::Engine {
   [[nodiscard]] std::size_t find(std::string_view workload) const;
   void check_inputs(const Workload& workload, const std::vector<TaskInput>& inputs) const;
   [[nodiscard]] UnitMask units_named(const std::vector<std::string>& names) const;
-  void wait_until(std::size_t most);
 
   void post(Submitted& task, Submitted::Event event);
   /// Whose thread it is that works: callbacks run on the runtime's own alone.
@@ -162,6 +164,7 @@ class Runtime::Engine {
   [[nodiscard]] const Service* expected(UnitId unit, std::uint64_t token);
   void give_up(const LiveUnits::Hung& hung, Nanos now);
   void lose(UnitId unit, Nanos now);
+  void ask_for_all(UnitId unit);
   void cancel_asked(Nanos now);
   void apply(Nanos now);
   void start(const Start& start);
@@ -202,15 +205,14 @@ class Runtime::Engine {
   std::unique_ptr<TraceWriter> writer_;  ///< Null: nobody wants a trace.
   std::unique_ptr<TraceThread> trace_;   ///< Tells it.
   std::vector<int> queued_;              ///< For the trace.
-  Starts starts_;
-  Starts applied_;  ///< For its memory.
+  Effects effects_;
+  Effects applied_;  ///< For its memory.
   std::vector<Unit> units_;
   OutputPool pool_;
   std::shared_ptr<std::vector<Tensor>> nothing_ = std::make_shared<std::vector<Tensor>>();
   std::vector<std::shared_ptr<StateValue>> states_;  ///< Workloads may share them.
   std::map<std::string, StateId, std::less<>> state_names_;
-  Tasks tasks_;  ///< By the lower half of their id.
-  std::vector<std::uint32_t> free_;
+  SlotTable<std::shared_ptr<Submitted>> tasks_;  ///< By the lower half of their id.
   std::vector<TaskId> after_;
   Tasks ended_;                  ///< To be told when the turn is over.
   std::optional<TaskId> never_;  ///< For the dispatcher: what comes after it is dropped.
@@ -219,6 +221,8 @@ class Runtime::Engine {
   RuntimeStatistics counts_;
   Problems problems_;
   Nanos set_up_{0};
+
+  std::mutex bringing_back_;  ///< One unit at a time.
 
   std::mutex asking_;
   Tasks cancels_;
@@ -229,12 +233,7 @@ class Runtime::Engine {
   std::vector<std::string> to_say_;          ///< Problems, where somebody wants to hear of them.
   std::atomic<bool> anything_left_ = false;  ///< Of these two.
 
-  std::atomic<std::size_t> live_ = 0;
-  std::size_t resume_at_ = 0;
-  std::atomic<int> waiting_ = 0;           ///< For the end of all tasks, or of what runs.
-  std::atomic<int> waiting_for_room_ = 0;  ///< To submit.
-  std::mutex waiting_mutex_;
-  std::condition_variable fewer_;
+  runtime::Room room_;
 
   std::mutex watch_mutex_;
   std::condition_variable_any watch_sooner_;

@@ -25,12 +25,18 @@ bool is_picture(const TensorSpec& spec) {
          (spec.shape.size() == 2 || spec.shape.size() == 3);
 }
 
+std::size_t checked(std::size_t most_tasks) {
+  if (most_tasks == 0) throw_bad_input("most_tasks is 0; it is at least 1");
+  return most_tasks;
+}
+
 }  // namespace
 
 Runtime::Engine::Engine(RuntimeOptions options)
     : number_of_engine_(next_number()),
       options_(std::move(options)),
       samples_(1),
+      room_(checked(options_.most_tasks)),
       live_units_(options_.platform,
                   {.prepare_first = options_.prepare_first,
                    .time_limit = options_.time_limit,
@@ -40,8 +46,6 @@ Runtime::Engine::Engine(RuntimeOptions options)
                    .progress = options_.progress},
                   [this](UnitId, Call& call, CallEnd end) { ended(call, std::move(end)); }) {
   const Nanos begin = clock_.now();
-  if (options_.most_tasks == 0) throw_bad_input("most_tasks is 0; it is at least 1");
-  resume_at_ = options_.most_tasks - 1 - (options_.most_tasks - 1) / 4;
   units_.resize(options_.platform.units.size());
   list_workloads();
   mix_ = mix();

@@ -46,6 +46,20 @@ void StateValue::restart() {
 
 namespace {
 
+/// Of the unit whose thread this is.
+thread_local const std::stop_source* stop_here = nullptr;
+
+/// Whose inputs and outputs are gone, or others', before the kernel's next call.
+struct Unbinding {
+  Kernel& kernel;
+  ~Unbinding() {
+    try {
+      kernel.unbind();
+    } catch (...) {  // The device is lost: the call has failed, or the next one will.
+    }
+  }
+};
+
 /// Turns to wait awake before sleeping: short kernels follow each other, and waking up takes longer
 /// than they do. Each gives its core to whoever else wants it.
 constexpr int kTurnsAwake = 100;
@@ -115,10 +129,20 @@ std::optional<std::vector<std::uint64_t>> KernelUnit::abandon(std::uint64_t toke
   const std::lock_guard lock(mutex_);
   if (abandoned_ || !running_ || running_->token != token) return std::nullopt;
   abandoned_ = true;
+  stop_.request_stop();
   std::vector<std::uint64_t> behind;
   for (const Call& call : calls_) behind.push_back(call.token);
   calls_.clear();
   return behind;
+}
+
+void KernelUnit::request_stop(std::uint64_t token) {
+  const std::lock_guard lock(mutex_);
+  if (running_ && running_->token == token) stop_.request_stop();
+}
+
+std::stop_token KernelUnit::stop_of_this_call() {
+  return stop_here != nullptr ? stop_here->get_token() : std::stop_token();
 }
 
 void KernelUnit::wait_for_call(std::unique_lock<std::mutex>& lock) {
@@ -146,6 +170,7 @@ Call KernelUnit::take_call() {
 
 void KernelUnit::serve() {
   name_thread(name());
+  stop_here = &stop_;
   try {
     set_up();
   } catch (...) {
@@ -167,6 +192,7 @@ void KernelUnit::serve() {
     lock.lock();
     end.busy = clock_.now() - running_->since;
     running_.reset();
+    if (stop_.stop_requested()) stop_ = std::stop_source();
     if (abandoned_) return;  // Nobody knows of the call any more; what it holds goes with it.
     lock.unlock();
     telling_ = true;
@@ -256,6 +282,7 @@ CallEnd KernelUnit::execute(Call& call) {
 std::uint64_t KernelUnit::compute(Prepared& prepared, Call& call, CallTimes& times) {
   Kernel& kernel = *prepared.kernel;
   kernel.bind(call.inputs, *call.outputs);
+  const Unbinding unbinding{kernel};
   if (call.state != nullptr) {
     kernel.bind_state(call.state->committed(), call.state->next());
     if (prepared.resident != call.state.get() || prepared.version != call.state->version()) {

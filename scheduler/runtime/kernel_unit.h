@@ -12,6 +12,7 @@
 #include <mutex>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <thread>
 #include <vector>
@@ -138,6 +139,10 @@ class KernelUnit {
   /// waited behind it; absent, and nothing changed, if it does not run, or was abandoned before.
   [[nodiscard]] std::optional<std::vector<std::uint64_t>> abandon(std::uint64_t token);
   [[nodiscard]] bool abandoned() const { return abandoned_; }
+  /// Whoever made the call wants its result no more; it may hear of that.
+  void request_stop(std::uint64_t token);
+  /// Of the call that the calling thread runs; elsewhere one that never stops.
+  [[nodiscard]] static std::stop_token stop_of_this_call();
   [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
   /// What it computes on, once it is ready; null = only functions run there.
   [[nodiscard]] const DeviceInfo* device() const { return device_info_ ? &*device_info_ : nullptr; }
@@ -174,6 +179,7 @@ class KernelUnit {
   bool has_own_clock_ = false;
   std::exception_ptr failure_;
   std::optional<Running> running_;
+  std::stop_source stop_;  ///< Of the call that runs; as good as new before each.
   std::atomic<bool> stopping_ = false;
   std::atomic<bool> abandoned_ = false;
   std::atomic<std::size_t> waiting_ = 0;  ///< How many calls_ are.

@@ -83,7 +83,7 @@ class LiveRun final : public Executor {
   void start(JobIndex job, UnitId unit) override {
     if (closing_) return;  // Nobody waits for what comes now.
     ++computing_;
-    const Firings::Place& place = time_.firings().place(job);
+    const Firings::TaskPlace& place = time_.firings().place(job);
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
     const Workload& workload = find_workload(task.workload);
     if (task.state && task.inputs.empty()) follow_sequence(*task.state, workload, place.firing);
@@ -202,14 +202,14 @@ class LiveRun final : public Executor {
   }
 
   [[nodiscard]] WorkloadId workload_of(JobIndex job) const {
-    const Firings::Place& place = time_.firings().place(job);
+    const Firings::TaskPlace& place = time_.firings().place(job);
     return scenario_.classes[place.pipeline][place.task].workload;
   }
 
   /// What the call has is its own from then on; its state is that of before.
   void give_up(const LiveUnits::Hung& hung) {
     const auto job = static_cast<JobIndex>(hung.token);
-    const Firings::Place place = time_.firings().place(job);
+    const Firings::TaskPlace place = time_.firings().place(job);
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
     if (task.state) states_[*task.state] = std::make_shared<StateValue>(*states_[*task.state]);
     problems_.add(overdue(task.workload, units_.at(hung.unit).name(), hung.ran));
@@ -228,7 +228,7 @@ class LiveRun final : public Executor {
   void ended(UnitId unit, Call& call, const CallEnd& end) {
     const std::lock_guard lock(mutex_);
     const auto job = static_cast<JobIndex>(call.token);
-    const Firings::Place place = time_.firings().place(job);
+    const Firings::TaskPlace place = time_.firings().place(job);
     if (!end.problem.empty()) problems_.add(end.problem);
     const bool completed = end.outcome == Outcome::kCompleted;
     if (completed && call.state) call.state->commit(end.version);

@@ -30,7 +30,7 @@ namespace pirt {
 /// Outputs of a task that completed. Called behind the run's mutex: it must be quick, and not call
 /// the run.
 using OutputSink =
-    std::function<void(const Firings::Place& place, std::span<const Tensor> outputs)>;
+    std::function<void(const Firings::TaskPlace& place, std::span<const Tensor> outputs)>;
 
 /// Single calls that completed, of each workload on each unit that computes; of many, some
 /// thousands that are evenly spread over the run.

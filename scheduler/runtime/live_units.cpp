@@ -28,6 +28,10 @@ LiveUnits::LiveUnits(const Platform& platform, LiveUnitsOptions options, Done do
 LiveUnits::~LiveUnits() { close(); }
 
 void LiveUnits::open(UnitId unit, std::vector<Preparation> preparations) {
+  units_[unit] = make(unit, std::move(preparations));
+}
+
+std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation> preparations) {
   const UnitModel& model = platform_.units[unit];
   if (model.measured() && model.servers > 1) {
     throw_bad_input(fmt::format(
@@ -36,7 +40,7 @@ void LiveUnits::open(UnitId unit, std::vector<Preparation> preparations) {
         model.name, platform_.name, model.servers));
   }
   say("opening " + model.name);
-  units_[unit] = std::make_unique<KernelUnit>(
+  return std::make_unique<KernelUnit>(
       UnitSetup{.request = make_unit_request(platform_, model, ""),
                 .backend = model.measured() ? &find_backend(model.backend) : nullptr,
                 .preparations = std::move(preparations),
@@ -52,21 +56,41 @@ std::vector<std::string> LiveUnits::wait_until_ready() {
   const Nanos until = clock_.now() + kLongestStart;
   for (const auto& unit : units_) {
     if (unit == nullptr) continue;
-    while (!unit->wait_until_ready(kLook)) {
-      if (options_.stop && options_.stop() > 0) {
-        throw_environment("interrupted while unit " + unit->name() + " was being prepared");
-      }
-      if (clock_.now() > until) {
-        throw_environment(fmt::format(
-            "unit {} is not ready after {:.0f} s; run `pirt characterize --units {}` to see what "
-            "takes it so long, or leave the unit out",
-            unit->name(), to_s(kLongestStart), unit->name()));
-      }
-    }
+    wait_until_ready(*unit, until);
     if (!unit->remark().empty()) remarks.push_back(unit->name() + ": " + unit->remark());
-    say(unit->name() + " is ready");
   }
   return remarks;
+}
+
+void LiveUnits::wait_until_ready(KernelUnit& unit, Nanos until) const {
+  while (!unit.wait_until_ready(kLook)) {
+    if (options_.stop && options_.stop() > 0) {
+      throw_environment("interrupted while unit " + unit.name() + " was being prepared");
+    }
+    if (clock_.now() > until) {
+      throw_environment(fmt::format(
+          "unit {} is not ready after {:.0f} s; run `pirt characterize --units {}` to see what "
+          "takes it so long, or leave the unit out",
+          unit.name(), to_s(kLongestStart), unit.name()));
+    }
+  }
+  say(unit.name() + " is ready");
+}
+
+std::unique_ptr<KernelUnit> LiveUnits::make_ready(UnitId unit,
+                                                  std::vector<Preparation> preparations) {
+  auto fresh = make(unit, std::move(preparations));
+  try {
+    wait_until_ready(*fresh, clock_.now() + kLongestStart);
+  } catch (...) {
+    close(std::move(fresh));
+    throw;
+  }
+  return fresh;
+}
+
+std::unique_ptr<KernelUnit> LiveUnits::replace(UnitId unit, std::unique_ptr<KernelUnit> fresh) {
+  return std::exchange(units_[unit], std::move(fresh));
 }
 
 void LiveUnits::close() {
@@ -74,13 +98,13 @@ void LiveUnits::close() {
     if (unit != nullptr) unit->stop();
   }
   for (auto& unit : units_) {
-    if (unit == nullptr) continue;
-    if (unit->abandoned() || !unit->is_over_start(kPatience)) {
-      KernelUnit::leave(std::move(unit));
-    } else {
-      unit.reset();
-    }
+    if (unit != nullptr) close(std::move(unit));
   }
+}
+
+void LiveUnits::close(std::unique_ptr<KernelUnit> unit) {
+  unit->stop();
+  if (unit->abandoned() || !unit->is_over_start(kPatience)) KernelUnit::leave(std::move(unit));
 }
 
 int LiveUnits::count_returns(UnitId unit, WorkloadId workload, Outcome outcome) {

@@ -68,6 +68,18 @@ class LiveUnits {
   [[nodiscard]] bool has(UnitId unit) const { return units_[unit] != nullptr; }
   [[nodiscard]] const KernelUnit& at(UnitId unit) const { return *units_[unit]; }
   void run(UnitId unit, Call call) { units_[unit]->run(std::move(call)); }
+  void request_stop(UnitId unit, std::uint64_t token) { units_[unit]->request_stop(token); }
+
+  /// Another one in place of a unit that is out of service; any thread may make it, and hands it to
+  /// whoever drives the units.
+  /// @throws As wait_until_ready.
+  [[nodiscard]] std::unique_ptr<KernelUnit> make_ready(UnitId unit,
+                                                       std::vector<Preparation> preparations);
+  /// @param fresh  Runs the unit's calls from now on.
+  /// @return  What did so far, and has none.
+  [[nodiscard]] std::unique_ptr<KernelUnit> replace(UnitId unit, std::unique_ptr<KernelUnit> fresh);
+  /// The end of it.
+  static void close(std::unique_ptr<KernelUnit> unit);
 
   /// A call that does not end. Its unit is abandoned: nothing is heard of its calls any more.
   struct Hung {
@@ -102,8 +114,12 @@ class LiveUnits {
   int count_returns(UnitId unit, WorkloadId workload, Outcome outcome);
   /// So often, and the unit is no longer asked for the workload.
   static constexpr int kMostReturns = 3;
+  void forget_returns(UnitId unit) { returns_[unit].clear(); }
 
  private:
+  [[nodiscard]] std::unique_ptr<KernelUnit> make(UnitId unit,
+                                                 std::vector<Preparation> preparations);
+  void wait_until_ready(KernelUnit& unit, Nanos until) const;
   [[nodiscard]] std::optional<Nanos> limit_of(UnitId unit, const Service* expected) const;
   void say(const std::string& line) const {
     if (options_.progress) options_.progress(line);

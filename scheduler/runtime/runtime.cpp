@@ -8,22 +8,6 @@
 
 namespace pirt {
 
-std::string_view to_string(TaskEnd end) {
-  switch (end) {
-    case TaskEnd::kCompleted:
-      return "completed";
-    case TaskEnd::kFailed:
-      return "failed";
-    case TaskEnd::kDropped:
-      return "dropped";
-    case TaskEnd::kExpired:
-      return "expired";
-    case TaskEnd::kCancelled:
-      return "cancelled";
-  }
-  return "";
-}
-
 runtime::Submitted& TaskFuture::task() const {
   if (task_ == nullptr) throw std::logic_error("a TaskFuture of no task was asked");
   return *task_;
@@ -67,6 +51,8 @@ Nanos TaskFuture::waited() const {
 }
 std::string TaskFuture::problem() const { return end() ? task_->problem : ""; }
 
+std::stop_token stop_of_this_call() { return KernelUnit::stop_of_this_call(); }
+
 Runtime::Runtime(RuntimeOptions options) : engine_(std::make_unique<Engine>(std::move(options))) {}
 Runtime::~Runtime() = default;
 
@@ -77,6 +63,7 @@ TaskFuture Runtime::submit(std::string_view workload, std::vector<TaskInput> inp
 void Runtime::cancel(const TaskFuture& task) { engine_->cancel(task); }
 void Runtime::cancel_all() { engine_->cancel_all(); }
 void Runtime::wait_all() { engine_->wait_all(); }
+void Runtime::bring_back(std::string_view unit) { engine_->bring_back(unit); }
 RuntimeStatistics Runtime::statistics() const { return engine_->statistics(); }
 std::vector<Tensor> Runtime::state(std::string_view name) const { return engine_->state(name); }
 void Runtime::write_trace() { engine_->write_trace(); }

@@ -28,12 +28,14 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "characterize/platform/platform.h"
 #include "characterize/profile/profile.h"
+#include "scheduler/mix/task.h"
 #include "scheduler/record/histogram.h"
 #include "workloads/base/time.h"
 #include "workloads/model/tensor.h"
@@ -44,15 +46,6 @@ namespace pirt {
 namespace runtime {
 struct Submitted;
 }
-
-enum class TaskEnd : std::uint8_t {
-  kCompleted,
-  kFailed,     ///< Its kernel threw, or no unit is left to try; TaskFuture::problem says why.
-  kDropped,    ///< A task that it comes after did not complete.
-  kExpired,    ///< It had not started in time.
-  kCancelled,  ///< By Runtime::cancel, or as its runtime ended.
-};
-[[nodiscard]] std::string_view to_string(TaskEnd end);
 
 /// One output of a task.
 struct TaskOutput {
@@ -112,6 +105,12 @@ class TaskInput {
   Tensor tensor_;
   TaskOutput output_;  ///< Without a task: tensor_ it is.
 };
+
+/// For a function of one's own while it runs: whether its result is wanted no more, since the task
+/// was cancelled, its runtime ends, or the call has passed its time limit. It may return at once
+/// then, whatever its outputs hold. A std::stop_callback of it must be quick, and not call the
+/// runtime. Elsewhere a token that never stops.
+[[nodiscard]] std::stop_token stop_of_this_call();
 
 /// A workload that pirt does not have.
 struct OwnWorkload {
@@ -213,6 +212,12 @@ class Runtime {
   void cancel_all();
   /// Until no task is left that has not ended.
   void wait_all();
+  /// Opens the unit anew and prepares what it may be asked for; from then on it serves again, also
+  /// workloads that it gave back too often. Waits until it is ready, for minutes if need be. Does
+  /// nothing if it serves all it could. Not from a callback or a kernel.
+  /// @throws Error{kBadInput}: no such unit, or one that computes nothing here;
+  /// Error{kEnvironment}: it cannot be opened, or calls that it has been given have not ended.
+  void bring_back(std::string_view unit);
   [[nodiscard]] RuntimeStatistics statistics() const;
   /// A copy of what the tasks that have completed left in the state of that name.
   /// @throws Error{kBadInput} if no workload has it.

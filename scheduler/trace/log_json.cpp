@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {
@@ -19,8 +19,6 @@ constexpr std::array<std::string_view, 6> kInputs = {"submit", "release",  "comp
                                                      "cancel", "set_unit", "wake"};
 constexpr std::array<std::string_view, 3> kOutcomes = {"completed", "failed", "returned"};
 constexpr std::array<std::string_view, 4> kUnitStates = {"up", "draining", "down", "gone"};
-constexpr std::array<std::string_view, 4> kEndings = {"dropped", "expired", "no_predecessor",
-                                                      "failed"};
 
 template <typename Enum, std::size_t N>
 std::string_view word(const std::array<std::string_view, N>& words, Enum value) {
@@ -34,7 +32,7 @@ Enum value_of(const std::array<std::string_view, N>& words, const std::string& t
   return static_cast<Enum>(found - words.begin());
 }
 
-/// A whole number as it stands there: nlohmann's own conversion wraps and truncates.
+/// A whole number as it stands there: Json's own conversion takes those with a fraction too.
 template <typename Integer>
 Integer whole(const Json& json) {
   const bool fits = json.is_number_unsigned()  ? std::in_range<Integer>(json.get<std::uint64_t>())
@@ -97,7 +95,7 @@ Json plan_json(const MixPlan& plan) {
 /// By its members in order, so that one that is added does not compile until it is written here
 /// and read below.
 Json policy_json(const PolicySetup& setup) {
-  const auto& [roles, servers, costs, plan, weights, literal_overflow, basic] = setup;
+  const auto& [roles, servers, costs, plan, weights, literal_overflow, basic, seed] = setup;
   Json role_names = Json::array();
   for (const Role role : roles) role_names.push_back(to_string(role));
   return {{"roles", role_names},
@@ -106,7 +104,8 @@ Json policy_json(const PolicySetup& setup) {
           {"plan", plan_json(plan)},
           {"weights", weights},
           {"literal_overflow", literal_overflow},
-          {"basic", basic == nullptr ? Json() : Json(basic->name)}};
+          {"basic", basic == nullptr ? Json() : Json(basic->name)},
+          {"seed", seed}};
 }
 
 PolicySetup policy_from_json(const Json& json) {
@@ -132,6 +131,7 @@ PolicySetup policy_from_json(const Json& json) {
   if (!json.at("basic").is_null()) {
     setup.basic = &find_basic_policy(json.at("basic").get<std::string>());
   }
+  if (json.contains("seed")) setup.seed = whole<std::uint64_t>(json.at("seed"));
   return setup;
 }
 
@@ -212,9 +212,8 @@ DispatcherSetup dispatcher_setup_from_json(const Json& json) {
 }
 
 std::string_view word(Outcome outcome) { return word(kOutcomes, outcome); }
-std::string_view word(Ending how) { return word(kEndings, how); }
 
-std::string log_line(const DispatcherInput& input, const Decisions& decisions) {
+std::string log_line(const DispatcherInput& input, const Answer& answer) {
   using Kind = DispatcherInput::Kind;
   std::string line;
   const auto out = std::back_inserter(line);
@@ -240,20 +239,20 @@ std::string log_line(const DispatcherInput& input, const Decisions& decisions) {
   if (input.kind == Kind::kSetUnit) {
     fmt::format_to(out, R"(,"unit":{},"state":"{}")", input.unit, word(kUnitStates, input.state));
   }
-  if (!decisions.taken) line += R"(,"refused":true)";
+  if (!answer.taken) line += R"(,"refused":true)";
   std::string_view separator = R"(,"start":[)";
-  for (const Start& start : decisions.started) {
+  for (const Start& start : answer.started) {
     fmt::format_to(out, "{}[{},{},{},{}]", separator, start.task, start.unit,
                    start.dispatched_at.count(), start.ready_at.count());
     separator = ",";
   }
-  if (!decisions.started.empty()) line += ']';
+  if (!answer.started.empty()) line += ']';
   separator = R"(,"end":[)";
-  for (const Ended& each : decisions.ended) {
-    fmt::format_to(out, R"({}[{},"{}"])", separator, each.task, word(kEndings, each.how));
+  for (const Ended& each : answer.ended) {
+    fmt::format_to(out, R"({}[{},"{}"])", separator, each.task, to_string(each.how));
     separator = ",";
   }
-  if (!decisions.ended.empty()) line += ']';
+  if (!answer.ended.empty()) line += ']';
   line += '}';
   return line;
 }
@@ -294,7 +293,7 @@ void add_decisions_from_json(const Json& json, LogEntry& entry) {
   if (json.contains("end")) {
     for (const auto& each : json.at("end")) {
       entry.ended.push_back(
-          {whole<TaskId>(each.at(0)), value_of<Ending>(kEndings, each.at(1).get<std::string>())});
+          {whole<TaskId>(each.at(0)), value_of<TaskEnd>(kTaskEnds, each.at(1).get<std::string>())});
     }
   }
 }

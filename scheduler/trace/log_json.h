@@ -22,11 +22,11 @@ struct DispatcherSetup {
 };
 
 [[nodiscard]] Json to_json(const DispatcherSetup& setup);
-/// @throws nlohmann::json::exception for a missing key or a wrong type, Error{kBadInput} for
+/// @throws JsonError for a missing key or a wrong type, Error{kBadInput} for
 /// another version, an unknown mode, or tables that do not fit the units.
 [[nodiscard]] DispatcherSetup dispatcher_setup_from_json(const Json& json);
 
-/// An input with its decisions. Holds the tasks and predecessors that an input only shows.
+/// An input with its answer. Holds the tasks and predecessors that an input only shows.
 struct LogEntry {
   DispatcherInput input;
   std::vector<Task> tasks;
@@ -39,11 +39,10 @@ struct LogEntry {
 
 /// "completed", "dropped": as they stand in the log.
 [[nodiscard]] std::string_view word(Outcome outcome);
-[[nodiscard]] std::string_view word(Ending how);
 
 /// One line of JSON. Keys are left out where they do not apply.
-[[nodiscard]] std::string log_line(const DispatcherInput& input, const Decisions& decisions);
-/// @throws nlohmann::json::exception as above, Error{kBadInput} for a word that is none.
+[[nodiscard]] std::string log_line(const DispatcherInput& input, const Answer& answer);
+/// @throws JsonError as above, Error{kBadInput} for a word that is none.
 [[nodiscard]] LogEntry log_entry_from_json(const Json& json);
 
 }  // namespace pirt

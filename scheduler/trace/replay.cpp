@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -26,18 +26,17 @@ bool same(const std::vector<Ended>& a, const std::vector<Ended>& b) {
       a, b, [](const Ended& x, const Ended& y) { return x.task == y.task && x.how == y.how; });
 }
 
-std::string_view verb(Ending how) {
+std::string_view verb(TaskEnd how) {
   switch (how) {
-    case Ending::kDropped:
-      return "drops";
-    case Ending::kExpired:
+    case TaskEnd::kExpired:
       return "expires";
-    case Ending::kNoPredecessor:
+    case TaskEnd::kNoPredecessor:
       return "drops, for want of an earlier firing's data,";
-    case Ending::kFailed:
+    case TaskEnd::kFailed:
       return "fails";
+    default:
+      return "drops";
   }
-  return "";
 }
 
 class Replay {
@@ -53,7 +52,7 @@ class Replay {
     for (position_ = 0; position_ < log_.entries.size(); ++position_) {
       const LogEntry& entry = log_.entries[position_];
       check(entry);
-      Starts out;
+      Effects out;
       const bool taken = give(entry, out);
       ++result.inputs;
       if (taken != entry.taken || !same(entry.started, out.started) ||
@@ -103,7 +102,7 @@ class Replay {
             "has no place in the plan");
   }
 
-  bool give(const LogEntry& entry, Starts& out) {
+  bool give(const LogEntry& entry, Effects& out) {
     const DispatcherInput& input = entry.input;
     std::vector<Task> tasks = entry.tasks;
     for (std::size_t i = 0; i < tasks.size(); ++i) {
@@ -207,7 +206,7 @@ TraceLog parse_trace_log(const std::string& text, const std::string& source) {
     if (part.at("inputs").get<std::size_t>() != log.entries.size()) {
       throw_bad_input("its log is not as long as it says");
     }
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const JsonError& error) {
     throw_bad_input(source + ": not a complete trace: " + error.what());
   } catch (const Error& error) {
     throw_bad_input(source + ": " + error.what());

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {

@@ -53,9 +53,9 @@ class TraceThread::Teller {
     writer_.submitting(event.task, event.pipeline, event.position, event.firing);
   }
   void operator()(const Arrived& event) {
-    writer_.arrived(event.servers, event.job, event.power_w);
+    writer_.arrived(event.servers_index, event.job, event.power_w);
   }
-  void operator()(const Left& event) { writer_.left(event.servers, event.job); }
+  void operator()(const Left& event) { writer_.left(event.servers_index, event.job); }
   void operator()(const Preparing& event) { writer_.preparing(event.task, event.now, event.takes); }
   void operator()(const Settled& event) {
     writer_.settled(event.now, take(batch_.waiting, waiting_, event.waiting));
@@ -117,19 +117,19 @@ void TraceThread::add(const Event& event) {
   if (filling_.events.size() == kWakes) changed_.notify_all();
 }
 
-void TraceThread::on_input(const DispatcherInput& input, const Decisions& decisions) {
+void TraceThread::on_input(const DispatcherInput& input, const Answer& answer) {
   const auto lock = room();
   append(filling_.tasks, input.tasks);
   for (const Task& task : input.tasks) {
     append(filling_.after, task.after);
     append(filling_.reads, task.reads);
   }
-  append(filling_.started, decisions.started);
-  append(filling_.ended, decisions.ended);
+  append(filling_.started, answer.started);
+  append(filling_.ended, answer.ended);
   add(Input{.input = input,
-            .taken = decisions.taken,
-            .started = decisions.started.size(),
-            .ended = decisions.ended.size()});
+            .taken = answer.taken,
+            .started = answer.started.size(),
+            .ended = answer.ended.size()});
 }
 
 void TraceThread::submitting(TaskId task, std::size_t pipeline, std::size_t position,
@@ -138,14 +138,14 @@ void TraceThread::submitting(TaskId task, std::size_t pipeline, std::size_t posi
   add(Submitting{task, pipeline, position, firing});
 }
 
-void TraceThread::arrived(std::size_t servers, std::uint32_t job, double power_w) {
+void TraceThread::arrived(std::size_t servers_index, std::uint32_t job, double power_w) {
   const auto lock = room();
-  add(Arrived{servers, job, power_w});
+  add(Arrived{servers_index, job, power_w});
 }
 
-void TraceThread::left(std::size_t servers, std::uint32_t job) {
+void TraceThread::left(std::size_t servers_index, std::uint32_t job) {
   const auto lock = room();
-  add(Left{servers, job});
+  add(Left{servers_index, job});
 }
 
 void TraceThread::preparing(TaskId task, Nanos now, Nanos takes) {

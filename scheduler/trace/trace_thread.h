@@ -26,11 +26,11 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
   TraceThread(const TraceThread&) = delete;
   TraceThread& operator=(const TraceThread&) = delete;
 
-  void on_input(const DispatcherInput& input, const Decisions& decisions) override;
+  void on_input(const DispatcherInput& input, const Answer& answer) override;
   void submitting(TaskId task, std::size_t pipeline, std::size_t position,
                   std::uint64_t firing) override;
-  void arrived(std::size_t servers, std::uint32_t job, double power_w) override;
-  void left(std::size_t servers, std::uint32_t job) override;
+  void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
+  void left(std::size_t servers_index, std::uint32_t job) override;
   void preparing(TaskId task, Nanos now, Nanos takes) override;
   void settled(Nanos now, std::span<const int> waiting) override;
 
@@ -50,12 +50,12 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
     std::uint64_t firing;
   };
   struct Arrived {
-    std::size_t servers;
+    std::size_t servers_index;
     std::uint32_t job;
     double power_w;
   };
   struct Left {
-    std::size_t servers;
+    std::size_t servers_index;
     std::uint32_t job;
   };
   struct Preparing {

@@ -6,7 +6,7 @@
 #include <iterator>
 #include <numeric>
 
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {
@@ -67,9 +67,9 @@ void TraceWriter::submitting(TaskId task, std::size_t pipeline, std::size_t posi
   track.firing = firing;
 }
 
-void TraceWriter::on_input(const DispatcherInput& input, const Decisions& decisions) {
-  file_.log(log_line(input, decisions));
-  if (!decisions.taken) return;
+void TraceWriter::on_input(const DispatcherInput& input, const Answer& answer) {
+  file_.log(log_line(input, answer));
+  if (!answer.taken) return;
   using Kind = DispatcherInput::Kind;
   for (const Task& task : input.tasks) {
     for (const TaskId before : task.after) {
@@ -77,17 +77,17 @@ void TraceWriter::on_input(const DispatcherInput& input, const Decisions& decisi
       if (found != tasks_.end()) found->second.successors.push_back(task.id);
     }
   }
-  for (const Ended& each : decisions.ended) {
+  for (const Ended& each : answer.ended) {
     const auto found = tasks_.find(each.task);
     if (found != tasks_.end()) found->second.over = true;
   }
   // The slot is free before the next task starts on it.
   if (input.kind == Kind::kComplete) end_slice(input.task, input.outcome, input.now);
-  for (const Start& each : decisions.started) start(each, input.now);
-  for (const Ended& each : decisions.ended) {
+  for (const Start& each : answer.started) start(each, input.now);
+  for (const Ended& each : answer.ended) {
     file_.event(fmt::format(
         R"({{"name":"{}","ph":"i","s":"p","pid":0,"tid":0,"ts":{},"args":{{"task":{}}}}})",
-        word(each.how), us(input.now), each.task));
+        to_string(each.how), us(input.now), each.task));
     // A task that is cancelled while it runs keeps its slice until it completes.
     const auto found = tasks_.find(each.task);
     if (found != tasks_.end() && !found->second.running) tasks_.erase(found);
@@ -149,12 +149,12 @@ void TraceWriter::end_slice(TaskId task, Outcome outcome, Nanos now) {
   }
 }
 
-void TraceWriter::arrived(std::size_t servers, std::uint32_t job, double power_w) {
-  loads_[servers].jobs.emplace_back(job, power_w);
+void TraceWriter::arrived(std::size_t servers_index, std::uint32_t job, double power_w) {
+  loads_[servers_index].jobs.emplace_back(job, power_w);
 }
 
-void TraceWriter::left(std::size_t servers, std::uint32_t job) {
-  auto& jobs = loads_[servers].jobs;
+void TraceWriter::left(std::size_t servers_index, std::uint32_t job) {
+  auto& jobs = loads_[servers_index].jobs;
   jobs.erase(std::ranges::find(jobs, job, &std::pair<std::uint32_t, double>::first));
 }
 

@@ -21,10 +21,11 @@
 #include <utility>
 #include <vector>
 
+#include "scheduler/record/tally.h"
 #include "scheduler/services/scenario.h"
 #include "scheduler/trace/log_json.h"
+#include "scheduler/trace/run_observer.h"
 #include "scheduler/trace/trace_file.h"
-#include "scheduler/virtual/virtual_time.h"
 
 namespace pirt {
 
@@ -36,11 +37,11 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
   TraceWriter(const std::filesystem::path& path, const Scenario& run, DispatcherSetup setup,
               std::string time = "virtual");
 
-  void on_input(const DispatcherInput& input, const Decisions& decisions) override;
+  void on_input(const DispatcherInput& input, const Answer& answer) override;
   void submitting(TaskId task, std::size_t pipeline, std::size_t position,
                   std::uint64_t firing) override;
-  void arrived(std::size_t servers, std::uint32_t job, double power_w) override;
-  void left(std::size_t servers, std::uint32_t job) override;
+  void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
+  void left(std::size_t servers_index, std::uint32_t job) override;
   void preparing(TaskId task, Nanos now, Nanos takes) override;
   void settled(Nanos now, std::span<const int> waiting) override;
 

@@ -115,12 +115,7 @@ std::optional<Firings::Submission> Firings::fire(std::uint32_t p, Nanos now) {
     return std::nullopt;
   }
   if (state.image_tasks > 0) ++buffers_used_;
-  if (free_firings_.empty()) {
-    free_firings_.push_back(static_cast<std::uint32_t>(firings_.size()));
-    firings_.emplace_back();
-  }
-  const std::uint32_t slot = free_firings_.back();
-  free_firings_.pop_back();
+  const Slot slot = firings_.take();
   Firing& firing = firings_[slot];
   firing.id = firing_number_++;
   firing.pipeline = p;
@@ -139,12 +134,7 @@ void Firings::number_tasks(std::uint32_t p, std::uint32_t slot, Nanos now) {
   const Pipeline& pipeline = *state.pipeline;
   auto after = state.after.begin();
   for (std::uint32_t t = 0; t < pipeline.tasks.size(); ++t) {
-    if (free_jobs_.empty()) {
-      free_jobs_.push_back(static_cast<JobIndex>(places_.size()));
-      places_.emplace_back();
-    }
-    const JobIndex job = free_jobs_.back();
-    free_jobs_.pop_back();
+    const JobIndex job = places_.take();
     // The place below, a running number above: unique among live tasks, and found again without a
     // search.
     const TaskId id = TaskId{task_number_++} << 32 | job;
@@ -159,7 +149,7 @@ void Firings::number_tasks(std::uint32_t p, std::uint32_t slot, Nanos now) {
 }
 
 const Firings::Made& Firings::made_earlier(JobIndex job, std::size_t task) const {
-  const Place& place = places_[job];
+  const TaskPlace& place = places_[job];
   const auto& series = pipelines_[place.pipeline].series;
   const auto& made = std::ranges::find(series, task, &Series::task)->made;
   return *(std::ranges::lower_bound(made, place.firing, {}, &Made::firing) - 1);
@@ -167,7 +157,7 @@ const Firings::Made& Firings::made_earlier(JobIndex job, std::size_t task) const
 
 std::optional<FiringId> Firings::complete(JobIndex job, UnitId unit, Nanos now,
                                           std::shared_ptr<const std::vector<Tensor>> data) {
-  const Place& place = places_[job];
+  const TaskPlace& place = places_[job];
   PipelineState& state = pipelines_[place.pipeline];
   if (state.moves_data || !state.series.empty()) {
     const Made made{.unit = unit, .at = now, .firing = place.firing, .data = std::move(data)};
@@ -190,7 +180,7 @@ void Firings::keep(PipelineState& state, std::size_t task, const Made& made) {
 std::optional<FiringId> Firings::lose(JobIndex job, Nanos now) { return end_task(job, false, now); }
 
 std::optional<FiringId> Firings::end_task(JobIndex job, bool completed, Nanos now) {
-  const Place& place = places_[job];
+  const TaskPlace& place = places_[job];
   Firing& firing = firings_[place.slot];
   PipelineState& state = pipelines_[place.pipeline];
   firing.complete = firing.complete && completed;
@@ -198,11 +188,11 @@ std::optional<FiringId> Firings::end_task(JobIndex job, bool completed, Nanos no
       (state.kept.empty() || !state.kept.contains(firing.number))) {
     --buffers_used_;
   }
-  free_jobs_.push_back(job);
+  places_.give_back(job);
   if (--firing.tasks_left > 0) return std::nullopt;
   firing.made.clear();
   end_firing(firing, now);
-  free_firings_.push_back(place.slot);
+  firings_.give_back(place.slot);
   return firing.id;
 }
 
@@ -263,7 +253,7 @@ bool Firings::finds_buffer(const PipelineState& state) const {
 }
 
 void Firings::count_unfinished(std::vector<PipelineTally>& tallies, Nanos end) const {
-  for (const Firing& firing : firings_) {
+  for (const Firing& firing : firings_.records()) {
     if (firing.tasks_left == 0) continue;
     PipelineTally& tally = tallies[firing.pipeline];
     ++tally.unfinished;

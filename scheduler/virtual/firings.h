@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "scheduler/dispatcher/slot_table.h"
 #include "scheduler/mix/task.h"
 #include "scheduler/record/tally.h"
 #include "scheduler/services/scenario.h"
@@ -21,7 +22,7 @@
 namespace pirt {
 
 /// Where the driver keeps what it knows of a live task: small, and used again.
-using JobIndex = std::uint32_t;
+using JobIndex = Slot;
 
 class Firings {
  public:
@@ -57,7 +58,7 @@ class Firings {
   [[nodiscard]] std::optional<Submission> fire(std::uint32_t pipeline, Nanos now);
 
   /// Where a live task stands.
-  struct Place {
+  struct TaskPlace {
     TaskId id = 0;
     std::uint32_t pipeline = 0;
     std::uint32_t task = 0;    ///< Position in the pipeline.
@@ -65,7 +66,7 @@ class Firings {
     std::uint32_t slot = 0;    ///< Of the firing, in here.
   };
   [[nodiscard]] static JobIndex job_of(TaskId id) { return static_cast<JobIndex>(id); }
-  [[nodiscard]] const Place& place(JobIndex job) const { return places_[job]; }
+  [[nodiscard]] const TaskPlace& place(JobIndex job) const { return places_[job]; }
 
   /// Where and when a task's data was made, and the data, where something is really computed. It is
   /// kept as long as somebody may read it.
@@ -144,10 +145,8 @@ class Firings {
   Nanos end_ = Nanos::max();
   std::vector<PipelineState> pipelines_;  ///< As many as they will be: tasks point into them.
   std::vector<PipelineTally> tallies_;
-  std::vector<Firing> firings_;
-  std::vector<std::uint32_t> free_firings_;
-  std::vector<Place> places_;
-  std::vector<JobIndex> free_jobs_;
+  SlotTable<Firing> firings_;
+  SlotTable<TaskPlace> places_;         ///< By job.
   std::deque<std::uint32_t> refires_;   ///< Closed loops that fire now.
   std::deque<std::uint32_t> starving_;  ///< Closed loops that fire when a buffer is free.
   SeriesId series_count_ = 0;

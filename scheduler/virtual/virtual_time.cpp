@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -18,32 +19,6 @@ namespace {
 constexpr Nanos kLongestRun = std::chrono::years(20);
 
 }  // namespace
-
-/// One thing after the other that a started task goes through.
-struct VirtualTime::Step {
-  static constexpr std::uint32_t kDelay = UINT32_MAX;
-  std::uint32_t servers = kDelay;  ///< Position in servers_, or a pure delay.
-  Distribution time;               ///< Before the scale.
-  Nanos scaled{0};                 ///< Of a constant.
-  double scale = 1;
-  double energy_scale = 0;  ///< Of its time before the scale, what draws the unit's active_w.
-  bool prepares = false;    ///< Of a unit with contexts: not where it holds the task's already.
-  bool for_data = false;    ///< A delay until the data of the predecessors is there.
-};
-
-/// Data that a task waits for once it has started, with what it moves over links.
-struct VirtualTime::DataEdge {
-  GraphEdge edge;
-  std::int64_t size_bytes = 0;
-  bool earlier = false;  ///< Of an earlier firing.
-};
-
-struct VirtualTime::TaskPlan {
-  WorkloadId workload = 0;
-  std::vector<DataEdge> edges;           ///< From its predecessors; empty if none takes time.
-  std::optional<std::size_t> state;      ///< That it holds, where moving it takes time.
-  std::vector<std::vector<Step>> steps;  ///< By unit.
-};
 
 struct VirtualTime::Job {
   TaskId id = 0;
@@ -73,13 +48,6 @@ void must(bool taken) {
   if (!taken) throw std::logic_error("the dispatcher refused an input of virtual time");
 }
 
-bool takes_time(const GraphEdge& edge) {
-  const auto any = [](const std::vector<Nanos>& times) {
-    return std::ranges::any_of(times, [](Nanos time) { return time > Nanos::zero(); });
-  };
-  return edge.delay > Nanos::zero() || any(edge.leave) || any(edge.enter);
-}
-
 }  // namespace
 
 VirtualTime::~VirtualTime() = default;
@@ -91,99 +59,22 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunOb
       dispatcher_(dispatcher),
       executor_(executor),
       computed_(computed),
-      firings_(scenario, executor != nullptr) {
+      firings_(scenario, executor != nullptr),
+      books_(scenario) {
   for (const auto& unit : scenario.platform.units)
     servers_.push_back(make_servers(unit.servers, unit.discipline));
   for (std::size_t i = 0; i < scenario.platform.links.size(); ++i) {
     servers_.push_back(make_servers(1, Discipline::kFifo));
   }
-  for (std::uint32_t p = 0; p < scenario.mix.pipelines.size(); ++p) plan_tasks(p);
+  for (std::size_t p = 0; p < scenario.mix.pipelines.size(); ++p) {
+    first_plans_.push_back(static_cast<std::uint32_t>(plans_.size()));
+    std::ranges::move(plan_tasks(scenario, p), std::back_inserter(plans_));
+    seeds_.push_back(derive_seed(scenario.seed, scenario.mix.pipelines[p].name));
+  }
   for (UnitId unit = 0; unit < scenario.platform.units.size(); ++unit) {
     contexts_.push_back(first_context(unit));
   }
   state_units_.resize(scenario.mix.states.size());
-  tally_.units.resize(scenario.platform.units.size());
-  tally_.calls.assign(scenario.services.workloads.size(),
-                      std::vector<Histogram>(scenario.platform.units.size()));
-}
-
-void VirtualTime::plan_tasks(std::uint32_t p) {
-  const Pipeline& pipeline = scenario_.mix.pipelines[p];
-  first_plans_.push_back(static_cast<std::uint32_t>(plans_.size()));
-  seeds_.push_back(derive_seed(scenario_.seed, pipeline.name));
-  for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
-    const MixTask& task = pipeline.tasks[t];
-    const TaskClass& kind = scenario_.classes[p][t];
-    const bool links = !scenario_.platform.links.empty();
-    TaskPlan plan{.workload = kind.workload,
-                  .edges = data_edges(pipeline, t),
-                  .state = links ? task.state : std::nullopt,
-                  .steps = {}};
-    for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
-      plan.steps.push_back(contains(kind.eligible, unit) ? plan_steps(task, plan, unit)
-                                                         : std::vector<Step>{});
-    }
-    plans_.push_back(std::move(plan));
-  }
-}
-
-/// Empty if none takes time.
-std::vector<VirtualTime::DataEdge> VirtualTime::data_edges(const Pipeline& pipeline,
-                                                           std::size_t task) const {
-  std::vector<DataEdge> edges;
-  const auto& given = pipeline.tasks[task].edges;
-  for (auto& edge : edges_into(scenario_.platform, pipeline, task)) {
-    edges.push_back({std::move(edge), given[edges.size()].bytes.value_or(0), false});
-  }
-  for (auto& [edge, size_bytes] : earlier_edges_into(scenario_.platform, pipeline, task)) {
-    edges.push_back({std::move(edge), size_bytes, true});
-  }
-  const auto takes = [](const DataEdge& each) { return takes_time(each.edge); };
-  return std::ranges::any_of(edges, takes) ? edges : std::vector<DataEdge>{};
-}
-
-/// A call on a linked unit is: inputs over the link, the stages, outputs back. They travel at each
-/// call, wherever the predecessor ran.
-std::vector<VirtualTime::Step> VirtualTime::plan_steps(const MixTask& task, const TaskPlan& plan,
-                                                       UnitId unit) const {
-  const Service& service = *scenario_.services.find(plan.workload, unit);
-  const bool moves_data = task.service.empty();
-  const CallBytes bytes = call_bytes(task);
-  std::vector<Step> steps;
-  if (!plan.edges.empty() || plan.state) steps.push_back({.time = {}, .for_data = true});
-  if (moves_data) add_transfer(steps, unit, bytes.in);
-  if (service.prepare) {
-    steps.push_back({.servers = unit,
-                     .time = {.low = *service.prepare, .high = *service.prepare},
-                     .scaled = *service.prepare,
-                     .energy_scale = service.metered_j ? 0.0 : 1.0,
-                     .prepares = true});
-  }
-  for (const auto& stage : service.stages) {
-    steps.push_back({.servers = stage.on.value_or(Step::kDelay),
-                     .time = stage.time,
-                     .scaled = stage.mean(),
-                     .scale = stage.scale,
-                     .energy_scale = service.energy_scale(stage)});
-  }
-  if (moves_data) add_transfer(steps, unit, bytes.out);
-  return steps;
-}
-
-/// The link is busy while it sends (bytes * 8 / mbit_s); the latency that follows is a delay,
-/// during which it may send again.
-void VirtualTime::add_transfer(std::vector<Step>& steps, UnitId unit,
-                               std::int64_t size_bytes) const {
-  const auto& name = scenario_.platform.units[unit].link;
-  if (name.empty()) return;
-  const auto link = scenario_.platform.links.find(name);
-  const auto position = std::distance(scenario_.platform.links.begin(), link);
-  const Nanos sending = sending_time(link->second, size_bytes);
-  steps.push_back({.servers = static_cast<std::uint32_t>(scenario_.platform.units.size()) +
-                              static_cast<std::uint32_t>(position),
-                   .time = {.low = sending, .high = sending},
-                   .scaled = sending});
-  steps.push_back({.time = link->second.latency, .scaled = link->second.latency.mean()});
 }
 
 Tally VirtualTime::run() {
@@ -193,68 +84,37 @@ Tally VirtualTime::run() {
 }
 
 Tally VirtualTime::finish() {
-  if (!at_end_) close_books(scenario_.mix.open_loop() ? firings_.end() : tally_.last_completion);
-  at_end_->last_completion = tally_.last_completion;
+  if (!at_end_) {
+    close_books(scenario_.mix.open_loop() ? firings_.end() : books_.last_completion());
+  }
+  at_end_->last_completion = books_.last_completion();
   at_end_->stalled = dispatcher_.counts().queued();
   return *std::move(at_end_);
 }
 
-/// What has been counted by now is what the run returns.
+/// What has been counted by now is what the run returns, with the served part of what is at the
+/// servers: steps are charged as they leave.
 void VirtualTime::close_books(Nanos end) {
-  Tally tally = tally_;
-  tally.end = end;
-  tally.tasks = dispatcher_.counts();
-  tally.pipelines = firings_.tallies();
-  tally.refused_tasks = firings_.refused_tasks();
-  count_served(tally);
-  firings_.count_unfinished(tally.pipelines, end);
-  for (std::size_t w = 0; w < tally.calls.size(); ++w) {
-    for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
-      const Service* service = scenario_.services.find(static_cast<WorkloadId>(w), unit);
-      if (service == nullptr) continue;
-      tally.units[unit].extra_j +=
-          static_cast<double>(tally.calls[w][unit].count()) * service->fixed_j();
-    }
-  }
-  at_end_ = std::move(tally);
-}
-
-/// The served part of what is at the servers: steps are charged as they leave.
-void VirtualTime::count_served(Tally& tally) const {
+  Books books = books_;
   for (const auto& servers : servers_) {
-    for (const auto& [index, left] : servers->left(tally.end)) {
+    for (const auto& [index, left] : servers->left(end)) {
       const Job& job = jobs_[index];
       const Nanos served = job.takes - left;
       if (served <= Nanos::zero()) continue;
       const double part = to_s(served) / to_s(job.takes);
-      charge(tally, job, step_of(job), served, scaled(job.powered, part));
+      books.charge(step_of(job), job.unit, served, scaled(job.powered, part));
     }
   }
   for (const Job& job : jobs_) {
-    if (!job.computing || job.started_at >= tally.end) continue;
-    tally.units[job.unit].busy += tally.end - job.started_at;
-    if (!is_metered(job)) tally.units[job.unit].powered += tally.end - job.started_at;
+    if (!job.computing || job.started_at >= end) continue;
+    books.charge_computed(workload_of(job), job.unit, end - job.started_at);
   }
+  at_end_ = std::move(books).close(end, dispatcher_.counts(), firings_);
 }
 
-void VirtualTime::charge(Tally& tally, const Job& job, const Step& step, Nanos served,
-                         Nanos powered) const {
-  if (step.servers < tally.units.size()) {
-    tally.units[step.servers].busy += served;
-    tally.units[step.servers].powered += powered;
-    if (step.prepares) tally.units[step.servers].preparing += served;
-  } else {
-    tally.units[job.unit].transferring += served;
-  }
-}
+WorkloadId VirtualTime::workload_of(const Job& job) const { return plans_[job.plan].workload; }
 
-/// A meter has told what a call of it takes, which is counted by the call.
-bool VirtualTime::is_metered(const Job& job) const {
-  const Service* service = scenario_.services.find(plans_[job.plan].workload, job.unit);
-  return service != nullptr && service->metered_j.has_value();
-}
-
-const VirtualTime::Step& VirtualTime::step_of(const Job& job) const {
+const TaskStep& VirtualTime::step_of(const Job& job) const {
   return plans_[job.plan].steps[job.unit][job.step];
 }
 
@@ -300,12 +160,12 @@ bool VirtualTime::advance(Nanos now) {
   if (time > firings_.end() && !at_end_) close_books(firings_.end());
   now_ = std::max(time, now);
   if (wakes) {
-    dispatcher_.wake(now_, starts_);
+    dispatcher_.wake(now_, effects_);
   } else if (servers != nullptr) {
     const JobIndex index = servers->complete_next();
     Job& job = jobs_[index];
-    const Step& step = step_of(job);
-    charge(tally_, job, step, job.takes, job.powered);
+    const TaskStep& step = step_of(job);
+    books_.charge(step, job.unit, job.takes, job.powered);
     if (observer_ != nullptr) observer_->left(step.servers, index);
     ++job.step;
     proceed(index);
@@ -330,11 +190,9 @@ void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
   if (now_ > firings_.end() && !at_end_) close_books(firings_.end());
   Job& job = jobs_[index];
   job.computing = false;
-  UnitTally& unit = tally_.units[job.unit];
-  unit.busy += end.busy;
-  if (!is_metered(job)) unit.powered += end.busy;
+  books_.charge_computed(workload_of(job), job.unit, end.busy);
   if (end.preparing) {
-    unit.preparing += *end.preparing;
+    books_.count_preparing(job.unit, *end.preparing);
     prepared(job, job.started_at, *end.preparing);
   }
   if (observer_ != nullptr) observer_->left(job.unit, index);
@@ -345,7 +203,7 @@ void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
 void VirtualTime::set_unit(UnitId unit, UnitState state, Nanos now) {
   while (next() <= now) advance(now);
   now_ = std::max(now_, now);
-  must(dispatcher_.set_unit(unit, state, now_, starts_));
+  must(dispatcher_.set_unit(unit, state, now_, effects_));
   settle();
 }
 
@@ -373,12 +231,12 @@ void VirtualTime::fire(std::uint32_t pipeline) {
   if (!firing) return;
   for (const Task& task : firing->tasks) {
     const JobIndex job = Firings::job_of(task.id);
-    const Firings::Place& place = firings_.place(job);
+    const Firings::TaskPlace& place = firings_.place(job);
     if (job >= jobs_.size()) jobs_.resize(job + std::size_t{1});
     jobs_[job] = {.id = task.id, .plan = first_plans_[pipeline] + place.task};
     if (observer_ != nullptr) observer_->submitting(task.id, pipeline, place.task, place.firing);
   }
-  must(dispatcher_.submit(firing->firing, firing->tasks, now_, starts_));
+  must(dispatcher_.submit(firing->firing, firing->tasks, now_, effects_));
 }
 
 /// Carries out what the dispatcher said, and what follows at the same moment.
@@ -395,9 +253,9 @@ void VirtualTime::settle() {
 }
 
 void VirtualTime::apply_starts() {
-  // A step ends through an event only, even one that takes no time, so that starts_ does not grow
+  // A step ends through an event only, even one that takes no time, so that effects_ does not grow
   // here.
-  for (const Start& start : starts_.started) {
+  for (const Start& start : effects_.started) {
     const JobIndex job = Firings::job_of(start.task);
     assert(jobs_[job].id == start.task);
     jobs_[job].unit = start.unit;
@@ -411,14 +269,15 @@ void VirtualTime::apply_starts() {
     jobs_[job].computing = true;
     if (observer_ != nullptr) {
       const double active_w = scenario_.platform.units[start.unit].active_w;
-      observer_->arrived(start.unit, job, is_metered(jobs_[job]) ? 0 : active_w);
+      observer_->arrived(start.unit, job,
+                         books_.is_metered(workload_of(jobs_[job]), start.unit) ? 0 : active_w);
     }
     executor_->start(job, start.unit);
   }
-  for (const Ended& ended : starts_.ended) {
+  for (const Ended& ended : effects_.ended) {
     release(firings_.lose(Firings::job_of(ended.task), now_));
   }
-  starts_.clear();
+  effects_.clear();
 }
 
 /// To the job's current step, or to its end.
@@ -465,13 +324,13 @@ Nanos VirtualTime::data_arrival(JobIndex index) {
 /// The unit's link is busy with it; what of that is after the end does not count.
 void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from) {
   const Nanos takes = sending_time(*link_of(scenario_.platform, unit), size_bytes);
-  tally_.units[unit].transferring += std::clamp(firings_.end() - from, Nanos::zero(), takes);
+  books_.charge_link(unit, std::clamp(firings_.end() - from, Nanos::zero(), takes));
 }
 
 /// What the unit holds at first: the first of the mix that it may have to.
 std::optional<WorkloadId> VirtualTime::first_context(UnitId unit) const {
   const auto prepares = [unit](const TaskPlan& plan) {
-    return std::ranges::any_of(plan.steps[unit], &Step::prepares);
+    return std::ranges::any_of(plan.steps[unit], &TaskStep::prepares);
   };
   const auto first = std::ranges::find_if(plans_, prepares);
   return first == plans_.end() ? std::nullopt : std::optional(first->workload);
@@ -479,13 +338,13 @@ std::optional<WorkloadId> VirtualTime::first_context(UnitId unit) const {
 
 void VirtualTime::prepared(Job& job, Nanos at, Nanos takes) {
   job.preparing = takes;
-  ++tally_.units[job.unit].prepares;
+  books_.count_prepare(job.unit);
   if (observer_ != nullptr) observer_->preparing(job.id, at, takes);
 }
 
-void VirtualTime::begin_step(JobIndex job, const Step& step) {
+void VirtualTime::begin_step(JobIndex job, const TaskStep& step) {
   if (step.prepares) {
-    const WorkloadId workload = plans_[jobs_[job].plan].workload;
+    const WorkloadId workload = workload_of(jobs_[job]);
     if (std::exchange(contexts_[jobs_[job].unit], workload) == workload) {
       ++jobs_[job].step;
       return proceed(job);
@@ -499,7 +358,7 @@ void VirtualTime::begin_step(JobIndex job, const Step& step) {
   const bool constant = step.time.kind == Distribution::Kind::kConstant;
   const Nanos unscaled = constant ? step.time.low : draw(job, step);
   const Nanos takes = constant ? step.scaled : scaled(unscaled, step.scale);
-  if (step.servers == Step::kDelay) {
+  if (step.servers == TaskStep::kDelay) {
     add_timer(now_ + takes, false, job);
     return;
   }
@@ -512,8 +371,8 @@ void VirtualTime::begin_step(JobIndex job, const Step& step) {
 }
 
 /// While a server works on the step. A scaled stage draws less for longer: its energy stays.
-double VirtualTime::power_w(const Job& job, const Step& step) const {
-  if (step.servers < tally_.units.size()) {
+double VirtualTime::power_w(const Job& job, const TaskStep& step) const {
+  if (step.servers < scenario_.platform.units.size()) {
     return scenario_.platform.units[step.servers].active_w * step.energy_scale / step.scale;
   }
   return scenario_.platform.links.at(scenario_.platform.units[job.unit].link).active_w;
@@ -521,8 +380,8 @@ double VirtualTime::power_w(const Job& job, const Step& step) const {
 
 /// A pure function of seed, pipeline, firing, task and step, so that two policies meet the same
 /// luck.
-Nanos VirtualTime::draw(JobIndex job, const Step& step) const {
-  const Firings::Place& place = firings_.place(job);
+Nanos VirtualTime::draw(JobIndex job, const TaskStep& step) const {
+  const Firings::TaskPlace& place = firings_.place(job);
   const std::uint64_t stream = hash_u64(hash_u64(seeds_[place.pipeline], place.firing), place.task);
   return step.time.draw(hash_u64(stream, jobs_[job].step));
 }
@@ -531,15 +390,15 @@ UnitId VirtualTime::unit_of(JobIndex job) const { return jobs_[job].unit; }
 
 Outcome VirtualTime::intended(JobIndex job) const {
   if (!scenario_.faults) return Outcome::kCompleted;
-  const Firings::Place& place = firings_.place(job);
+  const Firings::TaskPlace& place = firings_.place(job);
   return scenario_.faults->outcome(place.pipeline, place.firing, place.task, jobs_[job].tries);
 }
 
 void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
                            std::shared_ptr<const std::vector<Tensor>> data) {
   Job& done = jobs_[job];
-  must(dispatcher_.complete(done.unit, done.id, outcome, now_, starts_));
-  tally_.last_completion = now_;
+  must(dispatcher_.complete(done.unit, done.id, outcome, now_, effects_));
+  books_.note_end(now_);
   if (outcome == Outcome::kReturned) {
     done.step = 0;
     ++done.tries;
@@ -547,9 +406,7 @@ void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
   }
   if (outcome == Outcome::kFailed) return release(firings_.lose(job, now_));
   const Nanos latency = now_ - done.dispatched_at;
-  tally_.calls[plans_[done.plan].workload][done.unit].add(took - done.preparing);
-  ++tally_.units[done.unit].completed;
-  tally_.units[done.unit].latency.add(latency);
+  books_.count_completed(workload_of(done), done.unit, took - done.preparing, latency);
   release(firings_.complete(job, done.unit, now_, std::move(data)));
 }
 

@@ -15,33 +15,13 @@
 #include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/record/tally.h"
 #include "scheduler/services/scenario.h"
+#include "scheduler/trace/run_observer.h"
+#include "scheduler/virtual/books.h"
 #include "scheduler/virtual/firings.h"
 #include "scheduler/virtual/servers.h"
+#include "scheduler/virtual/step_plan.h"
 
 namespace pirt {
-
-/// Hears of what a run does beyond what its dispatcher is asked. Must not throw.
-class RunObserver {
- public:
-  virtual ~RunObserver() = default;
-  /// Before the dispatcher gets the task.
-  virtual void submitting(TaskId task, std::size_t pipeline, std::size_t position,
-                          std::uint64_t firing) = 0;
-  /// A stage arrives at, and leaves, the servers of a unit, or of a link (numbered after the
-  /// units).
-  /// @param job      Unique among those that have arrived and not left.
-  /// @param power_w  Drawn while a server works on it at full rate.
-  virtual void arrived(std::size_t servers, std::uint32_t job, double power_w) = 0;
-  virtual void left(std::size_t servers, std::uint32_t job) = 0;
-  /// The unit of @p task, which it has begun, prepares its kernel from @p now on, which takes that
-  /// long: a unit with contexts that holds another, or a live one that has not prepared it before.
-  virtual void preparing(TaskId task, Nanos now, Nanos takes) {
-    static_cast<void>(task), static_cast<void>(now), static_cast<void>(takes);
-  }
-  /// All that happens at once at this moment has happened; more may follow at the same time.
-  /// @param waiting  Tasks that wait: by unit those in its queue, then those that are in none.
-  virtual void settled(Nanos now, std::span<const int> waiting) = 0;
-};
 
 /// How a computed task ended.
 struct ComputedEnd {
@@ -94,35 +74,25 @@ class VirtualTime {
   [[nodiscard]] UnitId unit_of(JobIndex job) const;
 
  private:
-  struct Step;
-  struct DataEdge;
-  struct TaskPlan;
   struct Job;
   struct Timer;
 
-  void plan_tasks(std::uint32_t pipeline);
-  [[nodiscard]] std::vector<DataEdge> data_edges(const Pipeline& pipeline, std::size_t task) const;
-  std::vector<Step> plan_steps(const MixTask& task, const TaskPlan& plan, UnitId unit) const;
-  void add_transfer(std::vector<Step>& steps, UnitId unit, std::int64_t size_bytes) const;
-
   [[nodiscard]] Servers* first_servers() const;
   void close_books(Nanos end);
-  void count_served(Tally& tally) const;
   void fire(std::uint32_t pipeline);
   void schedule_firing(std::uint32_t pipeline);
   void settle();
   void apply_starts();
   void proceed(JobIndex job);
-  void begin_step(JobIndex job, const Step& step);
+  void begin_step(JobIndex job, const TaskStep& step);
   Nanos data_arrival(JobIndex job);
   void send(UnitId unit, std::int64_t size_bytes, Nanos from);
-  void charge(Tally& tally, const Job& job, const Step& step, Nanos served, Nanos powered) const;
-  [[nodiscard]] const Step& step_of(const Job& job) const;
-  [[nodiscard]] bool is_metered(const Job& job) const;
+  [[nodiscard]] const TaskStep& step_of(const Job& job) const;
+  [[nodiscard]] WorkloadId workload_of(const Job& job) const;
   [[nodiscard]] std::optional<WorkloadId> first_context(UnitId unit) const;
   void prepared(Job& job, Nanos at, Nanos takes);
-  [[nodiscard]] Nanos draw(JobIndex job, const Step& step) const;
-  [[nodiscard]] double power_w(const Job& job, const Step& step) const;
+  [[nodiscard]] Nanos draw(JobIndex job, const TaskStep& step) const;
+  [[nodiscard]] double power_w(const Job& job, const TaskStep& step) const;
   void complete(JobIndex job, Outcome outcome, Nanos took,
                 std::shared_ptr<const std::vector<Tensor>> data);
   void release(const std::optional<FiringId>& firing);
@@ -144,9 +114,9 @@ class VirtualTime {
   std::vector<Job> jobs_;
   std::vector<Timer> timers_;  ///< A heap, earliest first.
   std::uint64_t sequence_ = 0;
-  Starts starts_;
-  std::vector<int> waiting_;     ///< For the observer.
-  Tally tally_;                  ///< Of all that has happened at units and links.
+  Effects effects_;
+  std::vector<int> waiting_;  ///< For the observer.
+  Books books_;
   std::optional<Tally> at_end_;  ///< What is returned.
   Nanos now_{0};
 };

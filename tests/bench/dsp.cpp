@@ -28,7 +28,7 @@ using namespace pirt;  // NOLINT: a program
 namespace fs = std::filesystem;
 
 /// In place of the tiles of the vector kernel.
-void add_map(dsp::Session& session, const Workload& workload, dsp::Call& call) {
+void add_map(dsp::ProgramSession& session, const Workload& workload, dsp::Call& call) {
   const auto& op = operation_as<vision::Undistort>(workload);
   const auto offset = call.inputs[0].buffer.offset - call.buffers[0].offset;
   const auto pitch = static_cast<std::int32_t>(call.inputs[0].pitch_bytes);
@@ -50,7 +50,7 @@ void add_map(dsp::Session& session, const Workload& workload, dsp::Call& call) {
 dsp::Cost cost_of(const std::string& program, const std::string& profile, const Workload& workload,
                   const Data& data, const std::vector<Tensor>& expected) {
   const auto tools = dsp::find_tools();
-  dsp::Session session({.emulator = tools.emulator,
+  dsp::ProgramSession session({.emulator = tools.emulator,
                         .plugin = tools.plugin,
                         .program = tools.program.parent_path() / program,
                         .models_memory = true,

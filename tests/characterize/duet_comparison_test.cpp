@@ -16,7 +16,7 @@
 #include "characterize/worker/scratch.h"
 #include "tests/support/errors.h"
 #include "tests/support/few_threads.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -336,7 +336,7 @@ TEST(Injection, ReadsWhatItWrites) {
 }
 
 TEST(Sample, ReadsWhatItWritesAndNothingElse) {
-  const Sample there = sample_from_json(to_json(answer(1e-3)).dump());
+  const Sample there = sample_from_json(json_text(to_json(answer(1e-3))));
   EXPECT_EQ(there.device, "CPU");
   EXPECT_EQ(there.right, true);
   EXPECT_EQ(there.seconds, answer(1e-3).seconds);

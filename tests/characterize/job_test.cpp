@@ -7,7 +7,7 @@
 
 #include "characterize/worker/worker.h"
 #include "tests/characterize/support.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {

@@ -8,7 +8,7 @@
 #include <set>
 
 #include "tests/cli/program.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::test {
 namespace {

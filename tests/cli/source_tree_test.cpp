@@ -99,7 +99,7 @@ TEST(SourceTree, RoomsIncludeThoseBeforeThem) {
        "characterize/worker", "characterize/campaign", "characterize/doctor", "characterize/duet",
        "characterize/tune"},
       {"scheduler/mix", "scheduler/services", "scheduler/planner", "scheduler/policies",
-       "scheduler/dispatcher", "scheduler/record", "scheduler/virtual", "scheduler/trace",
+       "scheduler/dispatcher", "scheduler/record", "scheduler/trace", "scheduler/virtual",
        "scheduler/runtime", "scheduler/robot", "scheduler/bounds", "scheduler"},
       {"reports/document", "reports/profile", "reports/run", "reports/paper", "reports/export",
        "reports/gate", "reports/tools", "reports"},

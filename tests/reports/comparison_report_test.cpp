@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "scheduler/schedule.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {

@@ -16,7 +16,7 @@ TEST(DspScalarTwin, TakesThePacketsThatReportsSay) {
   const Data data = test::data_of_seed_1(workload);
   auto options = test::dsp_session_options();
   options.program.replace_filename("pirt_dsp_scalar.elf");
-  dsp::Session session(options);
+  dsp::ProgramSession session(options);
   const auto call = dsp::find_kernel(workload.kernel)->make(session, workload, data.parameters);
   dsp::copy_in(session, call.inputs[0], data.inputs[0].bytes());
   const auto packets = static_cast<double>(dsp::run(session, call).packets);

@@ -7,7 +7,7 @@
 #include "reports/gate/self_test.h"
 #include "tests/support/errors.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {
@@ -129,7 +129,7 @@ TEST(SelfTest, RefusesOtherEvents) {
   SelfTest test;
   for (const char* bad : {R"({})", R"({"decision": {"trial": "sam", "answer": "right"}})",
                           R"({"decision": {"trial": "same", "answer": "maybe"}})"}) {
-    test::bad_input([&] { test.apply(Ledger::Event::parse(bad)); });
+    test::bad_input([&] { test.apply(parse_json(bad)); });
   }
 }
 

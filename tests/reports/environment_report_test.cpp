@@ -7,7 +7,7 @@
 #include "reports/profile/profile_report.h"
 #include "reports/profile/roofline_report.h"
 #include "reports/tools/doctor_report.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {

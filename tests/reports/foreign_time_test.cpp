@@ -7,7 +7,7 @@
 #include "reports/gate/table_gate.h"
 #include "reports/profile/offloading.h"
 #include "reports/profile/profile_report.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::test {
 namespace {

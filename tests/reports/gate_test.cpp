@@ -10,7 +10,7 @@
 #include "reports/gate/between_runs.h"
 #include "reports/gate/gate_report.h"
 #include "workloads/base/math/random.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::test {
 namespace {
@@ -475,7 +475,7 @@ TEST(GateReport, ShowsAndCountsWhatItCannotTell) {
   EXPECT_THAT(render(gate_document(report, false), Format::kMarkdown), HasSubstr("cannot tell"));
   EXPECT_EQ(gate_json(report)["exit_code"], 0);
   EXPECT_EQ(gate_json(report)["rows"][0]["verdict"], "cannot tell");
-  EXPECT_GT(gate_json(report)["rows"][0]["change_at_most"], 0.05);
+  EXPECT_GT(gate_json(report)["rows"][0]["change_at_most"].get<double>(), 0.05);
   EXPECT_THAT(gate_junit(report), AllOf(HasSubstr("failures=\"0\" errors=\"0\" skipped=\"1\""),
                                         HasSubstr("<skipped message=\"cannot tell: ")));
 }

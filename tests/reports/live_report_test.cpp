@@ -8,7 +8,7 @@
 #include <algorithm>
 
 #include "reports/run/run_report.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {

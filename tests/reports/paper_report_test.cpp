@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {

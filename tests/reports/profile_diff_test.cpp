@@ -6,7 +6,7 @@
 
 #include "tests/reports/profiles.h"
 #include "tests/support/errors.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {

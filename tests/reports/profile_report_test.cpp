@@ -7,7 +7,7 @@
 #include <map>
 
 #include "reports/profile/preference.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {
@@ -120,7 +120,7 @@ TEST(Offloading, ShowsTheCrossoverColdAndWarm) {
   EXPECT_THAT(table.rows[0],
               ElementsAre("sobel", "cpu", "gpu", "from 74 calls", "from 54 calls", "yes"));
   const auto json = setup_json(costs);
-  EXPECT_EQ(json["crossovers"][0]["cold"].dump(), R"({"wins":"from","calls":74})");
+  EXPECT_EQ(json_text(json["crossovers"][0]["cold"]), R"({"wins":"from","calls":74})");
   EXPECT_EQ(json["crossovers"][0]["warm"]["calls"], 54);
   EXPECT_DOUBLE_EQ(json["offloading"][2]["first_call_ms"].get<double>(), 151);
   EXPECT_FALSE(json["offloading"][0].contains("upload_ms"));

@@ -3,7 +3,7 @@
 
 #include <gmock/gmock.h>
 
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 namespace {
@@ -84,7 +84,7 @@ TEST(TuneReport, NamesWhatWasRejectedAndWhatWasNotMeasured) {
   EXPECT_EQ(json["parameters"][0]["verdict"], "not_measured");
   EXPECT_FALSE(json["parameters"][0].contains("speed_up")) << "nothing was measured";
   EXPECT_EQ(json["parameters"][0]["rejected"][0]["wrong_output"], true);
-  EXPECT_EQ(json["not_reached"], nlohmann::ordered_json({"conv_pixels"}));
+  EXPECT_EQ(json["not_reached"], Json::array({"conv_pixels"}));
 }
 
 }  // namespace

@@ -109,7 +109,7 @@ TEST(Ect, LetsAPipelinedUnitTakeTheNextBeforeTheLastIsOut) {
 
 TEST(Edf, ServesTheEarliestDeadlineFirst) {
   Dispatcher dispatcher({1, 1, 1, 1}, policy_of("edf", timed(1, 100, 100)));
-  Starts out;
+  Effects out;
   const TaskClass kind{.eligible = unit_bit(kGpu)};
   const auto submit = [&](TaskId id, std::optional<Nanos> deadline) {
     Task task = task_of(id, kind);
@@ -137,7 +137,7 @@ TEST(Edf, AReleasedTaskGoesBeforeAHeldOneWithALaterDeadline) {
   PolicySetup setup = timed(10, 1000, 1000);
   setup.servers = {1, 1, 1, 1};
   Dispatcher dispatcher({1, 1, 1, 1}, policy_of("edf", setup));
-  Starts out;
+  Effects out;
   const TaskClass first{.eligible = unit_bit(kGpu)};
   const TaskClass last{.eligible = unit_bit(kGpu), .entry = 1};
   std::vector<TaskId> one = {1};

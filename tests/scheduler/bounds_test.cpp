@@ -7,6 +7,7 @@
 
 #include "scheduler/bounds/linear_program.h"
 #include "tests/scheduler/support.h"
+#include "workloads/base/math/random.h"
 
 namespace pirt::test {
 namespace {
@@ -94,6 +95,50 @@ TEST(Bounds, OfALongGraphComeQuickly) {
   // kind.
   EXPECT_NEAR(least_energy_j(work, {1.0}, 0.75 * kTasks).value(),
               0.75 * kTasks * 0.001 + 0.25 * kTasks * 0.002, 1e-6);
+}
+
+// Tasks that ask for the same are taken together. Where each asks for a billionth more than
+// another, none are: the bounds of both are the same.
+TEST(Bounds, AreThoseOfTheTasksOneByOne) {
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    Work work;
+    work.units = {{1, std::nullopt}, {2, 3}};
+    std::vector<std::vector<UnitWork>> kinds(2);
+    for (auto& units : kinds) {
+      for (UnitId unit = 0; unit < 2; ++unit) {
+        const double ms = random.uniform(0.5, 5);
+        units.push_back({.unit = unit, .server_ms = {0, 0}, .total_ms = ms, .energy_j = ms * 1e-3});
+        units.back().server_ms[unit] = ms;
+      }
+    }
+    for (int p = 0; p < 2; ++p) {
+      PipelineWork& pipeline = work.pipelines.emplace_back();
+      if (random.uniform() < 0.5) pipeline.per_ms = random.uniform(0.01, 0.3);
+      for (std::size_t t = 0; t < 12; ++t) {
+        TaskWork& task = pipeline.tasks.emplace_back();
+        task.units = kinds[random.below(2)];
+        if (t > 0 && random.uniform() < 0.8) task.after.push_back(random.below(t));
+        if (t > 0 && random.uniform() < 0.2) task.after.push_back(t - 1);
+      }
+    }
+    Work apart = work;
+    double more = 1;
+    for (auto& pipeline : apart.pipelines) {
+      for (auto& task : pipeline.tasks) {
+        for (UnitWork& each : task.units) each.total_ms *= more += 1e-9;
+      }
+    }
+    const auto expect_near = [](std::optional<double> a, std::optional<double> b) {
+      ASSERT_EQ(a.has_value(), b.has_value());
+      if (!a) return;
+      EXPECT_NEAR(*a, *b, 1e-6 * std::abs(*b));
+    };
+    expect_near(most_tasks_per_ms(work), most_tasks_per_ms(apart));
+    expect_near(area_ms(work, {3, 5}), area_ms(apart, {3, 5}));
+    expect_near(least_energy_j(work, {3, 5}, 300), least_energy_j(apart, {3, 5}, 300));
+  }
 }
 
 TEST(Bounds, CriticalPathTakesTheFastestUnitsAlongTheLongestChain) {

@@ -5,7 +5,7 @@
 
 #include "scheduler/services/services.h"
 #include "tests/scheduler/support.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt::test {

@@ -269,7 +269,7 @@ class Model {
     ++returned_;
     ASSERT_TRUE(dispatcher_.complete(unit, id, Outcome::kReturned, said_time(), out_));
     const bool stays = std::ranges::none_of(out_.ended, [&](const Ended& each) {
-      return each.task == id && each.how == Ending::kFailed;
+      return each.task == id && each.how == TaskEnd::kFailed;
     });
     const UnitMask left = known.kind.eligible & ~known.returned_by & ~gone_;
     ASSERT_FALSE(stays && (left == 0 || known.returns == kMostTries));
@@ -314,20 +314,20 @@ class Model {
     for (const Ended& ended : out_.ended) {
       ASSERT_TRUE(tasks_.contains(ended.task));
       Known& known = tasks_.at(ended.task);
-      ++(ended.how == Ending::kExpired  ? expired_
-         : ended.how == Ending::kFailed ? failed_
+      ++(ended.how == TaskEnd::kExpired  ? expired_
+         : ended.how == TaskEnd::kFailed ? failed_
                                         : dropped_);
-      if (ended.how == Ending::kNoPredecessor) {
+      if (ended.how == TaskEnd::kNoPredecessor) {
         ASSERT_TRUE(finds_nothing(known));
         found_nothing_.insert(ended.task);
         ++no_predecessor_;
       }
-      if (ended.how == Ending::kFailed && !known.runs_on) {
+      if (ended.how == TaskEnd::kFailed && !known.runs_on) {
         const UnitMask left = known.kind.eligible & ~known.returned_by & ~gone_;
         ASSERT_EQ(left & kLocal, 0U) << "failed though a unit may take it";
         ASSERT_TRUE(known.waits_for.empty()) << "failed before it could start";
       }
-      if (ended.how == Ending::kExpired) {
+      if (ended.how == TaskEnd::kExpired) {
         ASSERT_FALSE(known.runs_on);
         ASSERT_TRUE(known.expires_at && *known.expires_at <= now_);
       }
@@ -408,7 +408,7 @@ class Model {
   std::int64_t no_predecessor_ = 0, returned_ = 0;
   std::vector<std::vector<std::pair<TaskId, Fate>>> series_{3};  ///< In order of submission.
   std::set<TaskId> found_nothing_;
-  Starts out_;
+  Effects out_;
   Nanos now_{0};
   Nanos taken_as_ = Nanos::min();  ///< By the dispatcher: never before what it was told last.
   std::string log_;

@@ -264,7 +264,7 @@ TEST(Dispatcher, SaysWhenATaskWasDispatched) {
   // Dispatch is when it enters the unit's queue; from the high-priority queue, when the unit takes
   // it.
   Dispatcher dispatcher({1, 1, 1, {}}, policy_of("advanced", setup_of(2, 0, 0)));
-  Starts out;
+  Effects out;
   dispatcher.submit(1, std::vector{task_of(1, kPlain)}, Nanos(1), out);
   dispatcher.submit(2, std::vector{task_of(2, kPlain)}, Nanos(2), out);
   dispatcher.submit(3, std::vector{task_of(3, kImage)}, Nanos(3), out);
@@ -360,7 +360,7 @@ TEST(Dispatcher, RefusesAFiringThatMakesNoSenseAsAWhole) {
 
 TEST(Dispatcher, TakesATimeBeforeTheLastAsTheLast) {
   Dispatcher dispatcher({1, 1, 1, {}}, policy_of("throughput", setup_of(1, 0, 0)));
-  Starts out;
+  Effects out;
   ASSERT_TRUE(dispatcher.submit(1, std::vector{task_of(1, kPlain)}, Nanos(10), out));
   ASSERT_TRUE(dispatcher.submit(2, std::vector{task_of(2, kPlain)}, Nanos(20), out));
   ASSERT_TRUE(dispatcher.complete(kGpu, 1, Outcome::kCompleted, Nanos(15), out));
@@ -399,7 +399,7 @@ TEST(Dispatcher, ATaskAfterOneThatDidNotCompleteIsDroppedUntilTheFiringIsRelease
 
 TEST(Dispatcher, MemoryIsFlatOverAMillionFiringsOfWhichATenthFails) {
   Dispatcher dispatcher({1, 1, 1, {}}, policy_of("throughput", setup_of(4, 0, 0)));
-  Starts out;
+  Effects out;
   std::size_t most = 0;
   for (FiringId firing = 0; firing < 1'000'000; ++firing) {
     const TaskId first = 3 * firing;
@@ -425,12 +425,12 @@ TEST(Dispatcher, MemoryIsFlatOverAMillionFiringsOfWhichATenthFails) {
 
 TEST(Dispatcher, AnObserverThatThrowsReachesTheCallerAndLeavesTheDispatcherInOrder) {
   struct Throws final : DispatcherObserver {
-    void on_input(const DispatcherInput&, const Decisions&) override {
+    void on_input(const DispatcherInput&, const Answer&) override {
       throw std::runtime_error("no room");
     }
   } throws;
   Dispatcher dispatcher({1, 1, 1, {}}, policy_of("throughput", setup_of(2, 0, 0)));
-  Starts out;
+  Effects out;
   dispatcher.observe(&throws);
   const std::vector tasks = {task_of(1, kPlain), task_of(2, kPlain)};
   EXPECT_THROW(dispatcher.submit(1, tasks, Nanos(1), out), std::runtime_error);

@@ -125,7 +125,7 @@ TEST(LiveContexts, CallsThatDoNotCompleteLoadAsWell) {
 std::vector<std::vector<std::byte>> models(const std::string& contexts) {
   std::vector<std::vector<std::byte>> made;
   LiveOptions how;
-  how.sink = [&](const Firings::Place& place, std::span<const Tensor> outputs) {
+  how.sink = [&](const Firings::TaskPlace& place, std::span<const Tensor> outputs) {
     if (place.task != 0) return;
     const auto bytes = outputs[0].used_bytes();
     made.emplace_back(bytes.begin(), bytes.end());

@@ -71,7 +71,7 @@ RunRecord live(const Mix& mix, const std::string& mode, Outputs& outputs,
   if (!trace.empty()) options.trace = trace;
   LiveOptions live;
   live.prepare_first = prepare_first;
-  live.sink = [&](const Firings::Place& place, std::span<const Tensor> made) {
+  live.sink = [&](const Firings::TaskPlace& place, std::span<const Tensor> made) {
     if (place.pipeline == 0) outputs[{place.task, place.firing}] = bytes_of(made);
   };
   return run_live(parse_platform("test.yaml", board, {}, 1), nullptr, mix, options, live);
@@ -198,7 +198,7 @@ TEST(Live, SequencesBeginAnewWithTheirStates) {
     options.mode = mode;
     LiveOptions how;
     how.time_limit = std::chrono::minutes(10);  // Sanitizers are slow, and other tests run beside.
-    how.sink = [&](const Firings::Place& place, std::span<const Tensor> made) {
+    how.sink = [&](const Firings::TaskPlace& place, std::span<const Tensor> made) {
       const MixTask& task = mix.pipelines[place.pipeline].tasks[place.task];
       outputs[{task.name, place.firing}] = bytes_of(made);
     };
@@ -289,7 +289,7 @@ TEST(Live, AUnitThatHangsIsTakenOutOfServiceAndItsStateIsThatOfBefore) {
   LiveOptions how;
   how.prepare_first = false;
   how.time_limit = std::chrono::milliseconds(200);
-  how.sink = [&](const Firings::Place& place, std::span<const Tensor> made) {
+  how.sink = [&](const Firings::TaskPlace& place, std::span<const Tensor> made) {
     outputs[{place.task, place.firing}] = bytes_of(made);
   };
   const Mix mix = mix_of(kHangingMix);
@@ -346,7 +346,7 @@ pipelines:
     options.duration = std::chrono::hours(1);
     LiveOptions how;
     std::atomic<int> made = 0;
-    how.sink = [&](const Firings::Place&, std::span<const Tensor>) { ++made; };
+    how.sink = [&](const Firings::TaskPlace&, std::span<const Tensor>) { ++made; };
     how.stop = [&] { return made < 100 ? 0 : times; };
     const RunRecord run =
         run_live(parse_platform("test.yaml", kBoard, {}, 1), nullptr, mix, options, how);

@@ -4,7 +4,7 @@
 #include <fstream>
 
 #include "tests/scheduler/support.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::test {
 namespace {
@@ -24,7 +24,7 @@ RunRecord sample() {
 TEST(RunRecord, SurvivesTheWayThroughJson) {
   const auto record = sample();
   const auto json = to_json(record);
-  EXPECT_EQ(run_record_from_json(nlohmann::ordered_json::parse(json.dump()), "x"), record);
+  EXPECT_EQ(run_record_from_json(parse_json(json_text(json)), "x"), record);
 }
 
 TEST(RunRecord, HasTheKeysThatOtherToolsRead) {
@@ -100,14 +100,14 @@ TEST(RunRecord, OfBeforeCallsWereCountedHasNone) {
 
 TEST(RunRecord, RefusesOtherVersionsAndOtherJson) {
   auto json = to_json(sample());
-  const auto refused = [](const nlohmann::ordered_json& each) {
+  const auto refused = [](const Json& each) {
     return bad_input([&] { static_cast<void>(run_record_from_json(each, "r.json")); });
   };
   json["schema_version"] = RunRecord::kSchemaVersion - 1;
   EXPECT_THAT(refused(json), AllOf(HasSubstr("r.json"), HasSubstr("schema_version 1")));
   json["schema_version"] = "2";
   EXPECT_THAT(refused(json), HasSubstr("not the result of a run"));
-  EXPECT_THAT(refused(nlohmann::ordered_json::array()), HasSubstr("not the result of a run"));
+  EXPECT_THAT(refused(Json::array()), HasSubstr("not the result of a run"));
   json["schema_version"] = RunRecord::kSchemaVersion;
   json.erase("makespan_s");
   EXPECT_THAT(refused(json), AllOf(HasSubstr("not a complete"), HasSubstr("makespan_s")));
@@ -120,7 +120,7 @@ TEST(RunRecord, RefusesOtherVersionsAndOtherJson) {
 
 TEST(RunRecord, LoadsFromAFileAndSaysWhatIsWrongWithIt) {
   const auto path = std::filesystem::path(testing::TempDir()) / "pirt_run_record_test.json";
-  std::ofstream(path) << to_json(sample()).dump(2);
+  std::ofstream(path) << json_text(to_json(sample()), 2);
   EXPECT_EQ(load_run_record(path), sample());
   std::ofstream(path) << "{\"mode\": ";
   EXPECT_THAT(bad_input([&] { static_cast<void>(load_run_record(path)); }),

@@ -2,6 +2,7 @@
 // counts balance and nobody waits for ever. No test looks at how long anything took.
 #include "scheduler/runtime/runtime.h"
 
+#include <array>
 #include <atomic>
 #include <functional>
 #include <latch>
@@ -616,6 +617,101 @@ TEST(Runtime, TasksThatNoUnitIsLeftForFailAlsoThoseToCome) {
   EXPECT_EQ(late.wait(), TaskEnd::kFailed);
   EXPECT_THAT(late.problem(), HasSubstr("no unit is left"));
   expect_balance(runtime.statistics());
+}
+
+TEST(Runtime, TakesADriversBufferWithoutACopyAndSaysWhenItIsFree) {
+  alignas(Tensor::kAlignment) static std::array<double, 8> buffer;
+  const auto* const bytes = reinterpret_cast<const std::byte*>(buffer.data());
+  std::atomic<int> released = 0;
+  std::atomic<const std::byte*> seen = nullptr;
+  Runtime runtime(options_with({own("look", 1, [&](auto in, auto out) {
+    seen = in[0].data();
+    out[0].template as<double>()[0] = value_of(in);
+  })}));
+  for (int i = 0; i < 3; ++i) {
+    buffer[0] = i;
+    {
+      const auto task = runtime.submit("look", {Tensor::over(kNumber, bytes, [&] { ++released; })});
+      EXPECT_EQ(value_of(task.get()), i);
+    }
+    runtime.wait_all();
+    EXPECT_EQ(seen, bytes);
+    EXPECT_EQ(released, i + 1);  // The driver may fill it again.
+  }
+  {
+    const Tensor one = Tensor::over(kNumber, bytes, [&] { ++released; });
+    const Tensor other = one.share();
+    EXPECT_EQ(released, 3);
+  }
+  EXPECT_EQ(released, 4);
+  EXPECT_THAT(bad_input([&] { static_cast<void>(Tensor::over(kNumber, bytes + 8)); }),
+              HasSubstr("aligned to 64 bytes"));
+  EXPECT_THAT(bad_input([&] { static_cast<void>(Tensor::over(kNumber, nullptr)); }),
+              HasSubstr("no memory"));
+}
+
+TEST(Runtime, AUnitThatWasLostCanBeBroughtBack) {
+  static std::binary_semaphore never(0);  // Static: the call never comes back.
+  auto options =
+      options_with({own("hangs", 1, [](auto, auto) { never.acquire(); }), adding()}, kOneUnit);
+  options.time_limit = 100ms;
+  Runtime runtime(std::move(options));
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(runtime.submit("hangs", {number(1)}).wait(), TaskEnd::kFailed);
+    EXPECT_EQ(runtime.submit("add", {number(1), number(2)}).wait(), TaskEnd::kFailed);
+    EXPECT_FALSE(runtime.statistics().units[0].in_service);
+    runtime.bring_back("cpu");
+    EXPECT_TRUE(runtime.statistics().units[0].in_service);
+    const auto sum = runtime.submit("add", {number(1), number(2)});
+    EXPECT_EQ(value_of(sum.get()), 3);
+  }
+  runtime.bring_back("cpu");  // It serves all it can.
+  EXPECT_THAT(bad_input([&] { runtime.bring_back("npu"); }), HasSubstr("npu"));
+  expect_balance(runtime.statistics());
+}
+
+TEST(Runtime, WhatAUnitGaveBackTooOftenItIsAskedForAgainOnceBroughtBack) {
+  static std::atomic<bool> broken;
+  broken = true;
+  const auto fickle = own("fickle", 1, [](auto in, auto out) {
+    if (broken) throw_environment("not now");
+    out[0].template as<double>()[0] = value_of(in);
+  });
+  Runtime runtime(options_with({fickle, adding()}, kOneUnit));
+  for (int i = 0; i < LiveUnits::kMostReturns; ++i) runtime.submit("fickle", {number(1)}).wait();
+  broken = false;
+  runtime.bring_back("cpu");
+  const auto task = runtime.submit("fickle", {number(7)});
+  EXPECT_EQ(value_of(task.get()), 7);
+}
+
+TEST(Runtime, AFunctionHearsThatNobodyWantsItsResult) {
+  static std::latch* begun = nullptr;
+  static std::atomic<bool> waits;
+  const auto patient = own("patient", 1, [](auto in, auto out) {
+    out[0].template as<double>()[0] = value_of(in);
+    if (waits) begun->count_down();
+    while (waits && !stop_of_this_call().stop_requested()) std::this_thread::yield();
+  });
+  EXPECT_FALSE(stop_of_this_call().stop_possible());
+  Runtime runtime(options_with({patient}, kOneUnit));
+  for (int i = 0; i < 3; ++i) {
+    std::latch one(1);
+    begun = &one;
+    waits = true;
+    const auto cancelled = runtime.submit("patient", {number(1)});
+    one.wait();
+    runtime.cancel(cancelled);
+    EXPECT_EQ(cancelled.wait(), TaskEnd::kCancelled);
+    waits = false;
+    const auto next = runtime.submit("patient", {number(i)});
+    EXPECT_EQ(value_of(next.get()), i);  // It was not asked to.
+  }
+  std::latch last(1);
+  begun = &last;
+  waits = true;
+  runtime.submit("patient", {number(1)});
+  last.wait();  // And the runtime ends.
 }
 
 TEST(Runtime, AUnitThatCannotRunOneWorkloadStillRunsTheOthers) {

@@ -54,7 +54,7 @@ inline std::unique_ptr<Policy> policy_of(const std::string& name, const PolicySe
 class Script {
  public:
   Script(std::unique_ptr<Policy> policy, std::vector<std::optional<int>> slots)
-      : dispatcher_(std::move(slots), std::move(policy)) {}
+      : dispatcher_(std::make_unique<Dispatcher>(std::move(slots), std::move(policy))) {}
 
   /// One task, as a firing of its own that has the task's id.
   std::string submit(TaskId id, TaskClass kind = {.eligible = kLocal},
@@ -64,26 +64,26 @@ class Script {
         id, {{.id = id, .kind = kind, .deadline = {}, .expires_at = expires_at, .after = after}});
   }
   std::string submit_all(FiringId firing, const std::vector<Task>& tasks) {
-    return taken(dispatcher_.submit(firing, tasks, now_, out_));
+    return taken(dispatcher_->submit(firing, tasks, now_, out_));
   }
-  bool release(FiringId firing) { return dispatcher_.release(firing, now_); }
+  bool release(FiringId firing) { return dispatcher_->release(firing, now_); }
   std::string complete(UnitId unit, TaskId id, Outcome outcome = Outcome::kCompleted) {
-    return taken(dispatcher_.complete(unit, id, outcome, now_, out_));
+    return taken(dispatcher_->complete(unit, id, outcome, now_, out_));
   }
   std::string cancel(TaskId id) {
-    dispatcher_.cancel(id, now_, out_);
+    dispatcher_->cancel(id, now_, out_);
     return take();
   }
   std::string set(UnitId unit, UnitState state) {
-    return taken(dispatcher_.set_unit(unit, state, now_, out_));
+    return taken(dispatcher_->set_unit(unit, state, now_, out_));
   }
   std::string wake(Nanos now) {
     now_ = now;
-    dispatcher_.wake(now_, out_);
+    dispatcher_->wake(now_, out_);
     return take();
   }
   void at(Nanos now) { now_ = now; }
-  const Dispatcher& dispatcher() const { return dispatcher_; }
+  const Dispatcher& dispatcher() const { return *dispatcher_; }
 
  private:
   std::string taken(bool taken) {
@@ -99,13 +99,13 @@ class Script {
     };
     for (const Start& start : out_.started) add(letter(start.unit), start.task);
     for (const Ended& ended : out_.ended)
-      add("-!?x"[static_cast<std::size_t>(ended.how)], ended.task);
+      add(" x-! ?"[static_cast<std::size_t>(ended.how)], ended.task);
     out_.clear();
     return text;
   }
 
-  Dispatcher dispatcher_;
-  Starts out_;
+  std::unique_ptr<Dispatcher> dispatcher_;
+  Effects out_;
   Nanos now_{0};
 };
 

@@ -362,10 +362,7 @@ TEST_F(Traces, ThatCannotBeCompletedSayIt) {
   TraceFile file(folder_ / "sub" / "t.json");
   file.event("{}");
   std::filesystem::remove_all(folder_ / "sub");
-  EXPECT_THAT(bad_input([&] {
-                file.finish(nlohmann::ordered_json::object({{"a", 1}}));
-              }),
-              HasSubstr("t.json"));
+  EXPECT_THAT(bad_input([&] { file.finish(Json::object({{"a", 1}})); }), HasSubstr("t.json"));
 }
 
 }  // namespace

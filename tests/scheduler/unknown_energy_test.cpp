@@ -5,7 +5,7 @@
 #include "scheduler/bounds/bounds.h"
 #include "scheduler/trace/replay.h"
 #include "tests/scheduler/support.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::test {
 namespace {

@@ -56,12 +56,12 @@ class DspSession : public testing::Test {
     options.program = options_.program.parent_path() / "pirt_dsp_faults.elf";
     return options;
   }
-  static Cost run(Session& session, Fault fault) {
+  static Cost run(ProgramSession& session, Fault fault) {
     const std::array<std::int32_t, 1> values = {fault};
     return session.run(PIRT_DSP_sobel, {}, values, "sobel");
   }
   [[nodiscard]] std::string start_error(const SessionOptions& options) const {
-    return environment_error([&] { const Session session(options); });
+    return environment_error([&] { const ProgramSession session(options); });
   }
 
   SessionOptions options_;
@@ -100,14 +100,14 @@ TEST_F(DspSession, SaysWhatAnEmulatorSaidThatDoesNotStart) {
 TEST_F(DspSession, RefusesWhatTheMappingHasNoRoomFor) {
   SessionOptions options = options_;
   options.mapping_bytes = 65536;
-  Session session(options);
+  ProgramSession session(options);
   EXPECT_THAT(environment_error([&] { static_cast<void>(session.allocate(1'000'000, "a map")); }),
               AllOf(HasSubstr("a map needs 1000000 bytes"), HasSubstr("of the 65536 bytes")));
   EXPECT_EQ(session.bytes(session.allocate(1000, "a map")).size(), 1000U);
 }
 
 TEST_F(DspSession, TheProgramItselfRefusesWhatLiesOutside) {
-  Session session(faulty());
+  ProgramSession session(faulty());
   const std::array buffers = {Buffer{4096, 1000}, Buffer{1U << 26, 1}};
   const std::array<std::int32_t, 1> values = {kFine};
   EXPECT_THAT(environment_error([&] { session.run(PIRT_DSP_sobel, buffers, values, "sobel"); }),
@@ -116,7 +116,7 @@ TEST_F(DspSession, TheProgramItselfRefusesWhatLiesOutside) {
 }
 
 TEST_F(DspSession, RefusesAKernelThatTheProgramHasNot) {
-  Session session(options_);
+  ProgramSession session(options_);
   EXPECT_THAT(environment_error([&] { session.run(PIRT_DSP_KERNEL_COUNT, {}, {}, "x"); }),
               HasSubstr("has no kernel 'x'"));
 }
@@ -125,7 +125,7 @@ TEST_F(DspSession, RefusesAKernelThatTheProgramHasNot) {
 // cache; the strips of blur go over them several times.
 TEST_F(DspSession, CountsLinesAndMissesWhereMemoryIsModelled) {
   options_.models_memory = true;
-  Session session(options_);
+  ProgramSession session(options_);
   constexpr std::uint32_t kRows = 8, kColumns = 1024;
   const std::array buffers = {session.allocate(kRows * kColumns, "in"),
                               session.allocate(kRows * kColumns, "out")};
@@ -138,7 +138,7 @@ TEST_F(DspSession, CountsLinesAndMissesWhereMemoryIsModelled) {
   EXPECT_GT(first.lines, first.misses);
   EXPECT_EQ(second.misses, first.misses);
   EXPECT_EQ(second.lines, first.lines);
-  Session plain(test::dsp_session_options());
+  ProgramSession plain(test::dsp_session_options());
   const std::array same = {plain.allocate(kRows * kColumns, "in"),
                            plain.allocate(kRows * kColumns, "out")};
   const Cost counted = plain.run(PIRT_DSP_gaussian_blur, same, values, "blur");
@@ -148,7 +148,7 @@ TEST_F(DspSession, CountsLinesAndMissesWhereMemoryIsModelled) {
 
 /// Each costs its call: the error names the kernel, the process is gone, the next call is served by
 /// another one, which counts the same.
-void costs_one_call(Session& session, const std::function<void()>& call,
+void costs_one_call(ProgramSession& session, const std::function<void()>& call,
                     const std::function<Cost()>& fine, const std::string& how) {
   const auto packets = fine().packets;
   const pid_t process = session.process();
@@ -164,7 +164,7 @@ void costs_one_call(Session& session, const std::function<void()>& call,
 TEST_F(DspSession, AFaultOfAKernelCostsOneCall) {
   SessionOptions options = faulty();
   options.limit = std::chrono::milliseconds(500);
-  Session session(options);
+  ProgramSession session(options);
   for (const auto& [fault, how] : {std::pair(kIllegalInstruction, "crashed (SIG"),
                                    {kNullPointer, "crashed (SIGSEGV)"},
                                    {kEndless, "gave no answer within 0.5 s"},
@@ -177,7 +177,7 @@ TEST_F(DspSession, AFaultOfAKernelCostsOneCall) {
 
 TEST_F(DspSession, WhatIsInTheMappingOutlivesTheProgram) {
   SessionOptions options = faulty();
-  Session session(options);
+  ProgramSession session(options);
   const Buffer buffer = session.allocate(100, "a buffer");
   session.bytes(buffer)[99] = std::byte{42};
   static_cast<void>(environment_error([&] { run(session, kNullPointer); }));
@@ -188,7 +188,7 @@ TEST_F(DspSession, WhatIsInTheMappingOutlivesTheProgram) {
 TEST_F(DspSession, LeavesNoProcessWhenItEnds) {
   pid_t process = -1;
   {
-    const Session session(options_);
+    const ProgramSession session(options_);
     process = session.process();
     EXPECT_FALSE(has_ended(process));
   }
@@ -202,7 +202,7 @@ TEST_F(DspSession, LeavesNoProcessWhenItsOwnerDies) {
   const pid_t owner = ::fork();
   ASSERT_GE(owner, 0);
   if (owner == 0) {
-    const Session session(options_);
+    const ProgramSession session(options_);
     const pid_t process = session.process();
     const bool told = ::write(ends[1], &process, sizeof(process)) == sizeof(process);
     ::_exit(told ? 0 : 1);

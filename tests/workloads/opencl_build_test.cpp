@@ -14,7 +14,7 @@ using testing::Not;
 
 TEST(OpenClProgram, ThatDoesNotBuildIsAnErrorWithTheFirstLinesOfTheLog) {
   if (!make_opencl_backend()->probe().available) GTEST_SKIP() << "skipped: no OpenCL device";
-  const Session session = open_session(test::unit_request());
+  const DeviceSession session = open_session(test::unit_request());
   try {
     static_cast<void>(build_program(
         session, "broken.cl", "__kernel void k(__global int* p) { p[0] = undeclared_name; }"));
@@ -28,7 +28,7 @@ TEST(OpenClProgram, ThatDoesNotBuildIsAnErrorWithTheFirstLinesOfTheLog) {
 
 TEST(OpenClProgram, HasTheEmbeddedFilesThatItIncludes) {
   if (!make_opencl_backend()->probe().available) GTEST_SKIP() << "skipped: no OpenCL device";
-  const Session session = open_session(test::unit_request());
+  const DeviceSession session = open_session(test::unit_request());
   EXPECT_NO_THROW(static_cast<void>(build_program(
       session, "including.cl",
       "#include \"border.cl\"\n__kernel void k(__global int* p) { p[0] = reflect(-1, 4); }")));

@@ -61,7 +61,7 @@ class OpenClSmallest : public testing::TestWithParam<Case> {};
 TEST_P(OpenClSmallest, ComputesWhatTheReferenceComputes) {
   const auto device = test::open_first_device();
   if (!device) GTEST_SKIP() << "skipped: no OpenCL device";
-  for (const opencl::Session& session :
+  for (const opencl::DeviceSession& session :
        {opencl::open_session(test::unit_request()), test::gpu_session(32)}) {
     const Verdict verdict = test::run_and_verify(session, GetParam().workload);
     EXPECT_TRUE(verdict.ok) << (session.is_cpu ? "of a CPU: " : "of a GPU: ") << verdict.detail;
@@ -79,7 +79,7 @@ INSTANTIATE_TEST_SUITE_P(Kernels, OpenClSmallest, testing::ValuesIn(smallest_cas
   try {
     if (opencl::open_session(test::unit_request()).local_x > 4) std::exit(3);
     for (const Case& each : smallest_cases()) {
-      for (opencl::Session session :
+      for (opencl::DeviceSession session :
            {opencl::open_session(test::unit_request()), test::gpu_session(64)}) {
         const Verdict verdict = test::run_and_verify(session, each.workload);
         if (verdict.ok) continue;
@@ -120,7 +120,7 @@ TEST(OpenClLimitsDeathTest, GroupsAreAsSmallAsTheKernelsTake) {
 
 TEST(OpenClLimits, LocalMemoryBoundsTheGroup) {
   if (!test::open_first_device()) GTEST_SKIP() << "skipped: no OpenCL device";
-  const opencl::Session session = test::gpu_session(64);
+  const opencl::DeviceSession session = test::gpu_session(64);
   const std::size_t all = session.device.getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
   opencl::PlanBuilder builder(session);
   const auto items = [&](opencl::LocalNeed need, std::size_t multiple = 1) {

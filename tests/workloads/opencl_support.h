@@ -18,15 +18,15 @@
 
 namespace pirt::test {
 
-inline Verdict run_and_verify(const opencl::Session& session, const Workload& workload) {
+inline Verdict run_and_verify(const opencl::DeviceSession& session, const Workload& workload) {
   return run_and_verify_prepared(
       workload, data_of_seed_1(workload), 1,
       [&](const auto& parameters) { return opencl::make_kernel(session, workload, parameters); });
 }
 
 /// As if the device had local memory of its own: the kernels of GPUs, computed wherever it is.
-inline opencl::Session gpu_session(int local_x) {
-  opencl::Session session = opencl::open_session(unit_request());
+inline opencl::DeviceSession gpu_session(int local_x) {
+  opencl::DeviceSession session = opencl::open_session(unit_request());
   session.is_cpu = false;
   session.tuning = opencl::Tuning(false);
   session.tuning.set(opencl::Parameter::kLocalX, local_x);

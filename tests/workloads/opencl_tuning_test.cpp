@@ -117,7 +117,7 @@ TEST(OpenClTiles, ComputeWhatTheReferenceComputes) {
   workloads.push_back(dnn::make_conv2d_relu("conv", {16, 9, 10, 70, 3, 3, 1, 1}));
   workloads.push_back(dnn::make_fully_connected("fc", 1023, 130, dnn::Activation::kDropout));
   for (const int local_x : {32, 64}) {
-    const Session session = gpu_session(local_x);
+    const DeviceSession session = gpu_session(local_x);
     for (const Workload& workload : workloads) {
       const Verdict verdict = test::run_and_verify(session, workload);
       EXPECT_TRUE(verdict.ok) << local_x << " items, " << workload.description << ": "
@@ -129,7 +129,7 @@ TEST(OpenClTiles, ComputeWhatTheReferenceComputes) {
 TEST(OpenClTiles, ComputeBatchesAndTheChain) {
   const auto first = test::open_first_device();
   if (!first) GTEST_SKIP() << "skipped: no OpenCL device";
-  const Session session = gpu_session(64);
+  const DeviceSession session = gpu_session(64);
   const auto conv = dnn::make_conv2d_relu("conv", {5, 9, 10, 40, 3, 3, 2, 1});
   for (const Workload& workload : {dnn::batched(conv, 3), find_workload("alexnet")}) {
     const Verdict verdict = test::run_and_verify(session, workload);
@@ -146,7 +146,7 @@ TEST(OpenClTiles, ComputeWithEachOfTheirParameters) {
         Parameter::kSobelStripRows, Parameter::kFcRows}) {
     const ParameterInfo& info = info_of(parameter);
     for (const int candidate : info.gpu.candidates) {
-      Session session = gpu_session(64);
+      DeviceSession session = gpu_session(64);
       session.tuning.set(parameter, candidate);
       for (const Workload& workload : hard_workloads()) {
         if (!info.concerns(workload.kernel) || workload.kernel == "feature_detect") continue;
@@ -172,7 +172,7 @@ TEST_P(OpenClCandidates, ComputeWhatTheReferenceComputes) {
   }
   const auto workloads = hard_workloads();
   for (const int candidate : candidates) {
-    Session session = open_session(test::unit_request());
+    DeviceSession session = open_session(test::unit_request());
     session.tuning.set(info.parameter, candidate);
     if (info.parameter == Parameter::kLocalX) {
       session.local_x = std::min(static_cast<std::size_t>(candidate),
@@ -226,7 +226,7 @@ TEST(OpenClTuning, OfTheFileReachesTheKernels) {
   entry.tuning.set(Parameter::kConvPixels, 2);
   entry.tuning.set(Parameter::kLocalX, entry.tuning[Parameter::kLocalX] / 2);
   const test::TuningInUse file({entry});
-  const Session session = open_session(test::unit_request());
+  const DeviceSession session = open_session(test::unit_request());
   EXPECT_EQ(session.tuning, entry.tuning);
   EXPECT_EQ(session.local_x, static_cast<std::size_t>(entry.tuning[Parameter::kLocalX]));
   EXPECT_NO_THROW(

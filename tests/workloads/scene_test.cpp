@@ -16,9 +16,9 @@ TEST(RobotPath, VelocityAndTurnAreTheDerivatives) {
     const RobotPath path({shape, 20.0, 2.0, 5});
     constexpr double kStep = 1e-4;
     for (double t = 0.5; t < 19.5; t += 0.37) {
-      const Motion before = path.at(t - kStep);
-      const Motion here = path.at(t);
-      const Motion after = path.at(t + kStep);
+      const BodyMotion before = path.at(t - kStep);
+      const BodyMotion here = path.at(t);
+      const BodyMotion after = path.at(t + kStep);
       EXPECT_LT(
           ((after.body.position - before.body.position) / (2 * kStep) - here.velocity_m_s).norm(),
           1e-5);
@@ -39,7 +39,7 @@ TEST(RobotPath, RestsFirstThenMovesWithinItsLimitsAwayFromFurniture) {
     EXPECT_LT(path.at(1.0).velocity_m_s.norm(), 1e-9);
     double way_m = 0;
     for (double t = 0; t < 60; t += 0.02) {
-      const Motion motion = path.at(t);
+      const BodyMotion motion = path.at(t);
       const double speed = motion.velocity_m_s.norm();
       way_m += 0.02 * speed;
       EXPECT_LE(speed, 1.6);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
@@ -12,6 +13,7 @@
 #include "tests/workloads/slam_support.h"
 #include "workloads/base/math/gaussian.h"
 #include "workloads/base/math/random.h"
+#include "workloads/catalog/catalog.h"
 #include "workloads/inputs/sequence/trajectory.h"
 #include "workloads/slam/filter/map_search.h"
 #include "workloads/slam/filter/measure.h"
@@ -571,6 +573,87 @@ TEST(MapFile, ComesBackAndRefusesWhatIsNone) {
   EXPECT_THAT(refusal("[1.5", "[1e99"), HasSubstr("out of range"));
   EXPECT_THAT(refusal("0.01,0.0,0.0,0.01", "-0.01,0.0,0.0,0.01"), HasSubstr("covariance"));
   EXPECT_THAT(refusal("]]}", ""), HasSubstr("no JSON"));
+}
+
+/// What the workload's sequence is judged to be, where kernel and reference are broken alike.
+Verdict judged(const std::string& name,
+               const std::function<void(std::vector<std::vector<Tensor>>&)>& breaks) {
+  const Workload& workload = find_workload(name);
+  std::vector<Data> frames;
+  for (int i = 0; i < workload.frames; ++i) {
+    frames.push_back(workload.make_data({.seed = 1, .frame = i}));
+  }
+  auto expected = reference_of(workload, frames);
+  breaks(expected);
+  std::vector<std::vector<Tensor>> outputs;
+  std::vector<PlayedFrame> sequence;
+  for (const auto& each : expected) {
+    auto& made = outputs.emplace_back(make_tensors(workload.outputs));
+    for (std::size_t t = 0; t < made.size(); ++t) {
+      if (made[t].spec().varies) made[t].set_rows(each[t].rows());
+      if (made[t].spec().element == each[t].spec().element) {
+        copy_tensor(each[t], made[t]);
+      } else {
+        std::ranges::transform(each[t].as<double>(), made[t].as<float>().begin(),
+                               [](double value) { return static_cast<float>(value); });
+      }
+    }
+  }
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    sequence.push_back({&frames[i], outputs[i], expected[i]});
+  }
+  return workload.judge(sequence);
+}
+
+// A step that is compared with itself is right whatever it does: the generated truth judges it.
+TEST(PlayedSteps, ABrokenPoseIsMissedByNoBound) {
+  using Frames = std::vector<std::vector<Tensor>>;
+  EXPECT_TRUE(judged("update_pose", [](Frames&) {}).ok);
+  EXPECT_FALSE(judged("update_pose",
+                      [](Frames& frames) {  // It never moves.
+                        for (auto& each : frames) {
+                          std::ranges::copy(frames[0][0].as<double>(),
+                                            each[0].as<double>().begin());
+                        }
+                      })
+                   .ok);
+  EXPECT_FALSE(judged("update_pose",
+                      [](Frames& frames) {  // It drifts off by 10 cm.
+                        for (std::size_t i = 0; i < frames.size(); ++i) {
+                          frames[i][0].as<double>()[9] +=
+                              0.1 * static_cast<double>(i + 1) / static_cast<double>(frames.size());
+                        }
+                      })
+                   .ok);
+  EXPECT_FALSE(judged("update_pose",
+                      [](Frames& frames) {  // It turns by a degree.
+                        const Eigen::Matrix3d turn =
+                            Eigen::AngleAxisd(1 / kDegreesPerRadian, Eigen::Vector3d::UnitZ())
+                                .toRotationMatrix();
+                        for (auto& each : frames) {
+                          using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+                          Eigen::Map<RowMajor> rotation(each[0].as<double>().data());
+                          rotation = (turn * rotation).eval();
+                        }
+                      })
+                   .ok);
+}
+
+TEST(PlayedSteps, BrokenLandmarksAreMissedByNoBound) {
+  using Frames = std::vector<std::vector<Tensor>>;
+  EXPECT_TRUE(judged("extend_map", [](Frames&) {}).ok);
+  EXPECT_FALSE(judged("extend_map",
+                      [](Frames& frames) {  // At twice the depth from the origin.
+                        for (auto& each : frames) {
+                          for (double& value : each[0].used<double>()) value *= 2;
+                        }
+                      })
+                   .ok);
+  EXPECT_FALSE(judged("extend_map",
+                      [](Frames& frames) {  // It makes hardly any.
+                        for (auto& each : frames) each[0].set_rows(each[0].rows() / 2);
+                      })
+                   .ok);
 }
 
 }  // namespace

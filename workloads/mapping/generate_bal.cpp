@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "workloads/base/math/gaussian.h"
 #include "workloads/base/math/random.h"
 #include "workloads/mapping/reprojection.h"
 
@@ -17,12 +18,6 @@ constexpr double kHalfHeightPx = 240;
 constexpr double kFocalPx = 500;
 constexpr double kRingM = 5;
 constexpr double kNearestM = 0.5;
-
-/// Box-Muller.
-double normal(Random& random) {
-  const double radius = std::sqrt(-2 * std::log(1 - random.uniform()));
-  return radius * std::cos(2 * std::numbers::pi * random.uniform());
-}
 
 using Vector = std::array<double, 3>;
 
@@ -99,11 +94,13 @@ void append_points(const BalParameters& parameters, Random& random, BalProblem& 
   }
 }
 
-void disturb_observations(const BalParameters& parameters, Random& random, GeneratedBal& made) {
+void disturb_observations(const BalParameters& parameters, GeneratedBal& made) {
+  Gaussian noise(derive_seed(parameters.seed, "noise"));
+  Random random(derive_seed(parameters.seed, "outliers"));
   for (std::size_t i = 0; i < made.problem.observations.size(); ++i) {
     auto& seen = made.problem.observations[i];
-    seen.x += parameters.noise_px * normal(random);
-    seen.y += parameters.noise_px * normal(random);
+    seen.x += parameters.noise_px * noise.next();
+    seen.y += parameters.noise_px * noise.next();
     if (random.uniform() >= parameters.outliers) continue;
     seen.x = random.uniform(-kHalfWidthPx, kHalfWidthPx);
     seen.y = random.uniform(-kHalfHeightPx, kHalfHeightPx);
@@ -111,14 +108,15 @@ void disturb_observations(const BalParameters& parameters, Random& random, Gener
   }
 }
 
-void disturb_guess(Random& random, BalProblem& problem) {
+void disturb_guess(const BalParameters& parameters, BalProblem& problem) {
+  Gaussian noise(derive_seed(parameters.seed, "guess"));
   constexpr double kTurnRad = 0.5 * std::numbers::pi / 180;
   constexpr std::array<double, kCameraSize> kOff = {kTurnRad, kTurnRad,        kTurnRad, 0.03, 0.03,
                                                     0.03,     0.01 * kFocalPx, 0,        0};
   for (std::size_t i = 0; i < problem.cameras.size(); ++i) {
-    problem.cameras[i] += kOff[i % kCameraSize] * normal(random);
+    problem.cameras[i] += kOff[i % kCameraSize] * noise.next();
   }
-  for (double& coordinate : problem.points) coordinate += 0.1 * normal(random);
+  for (double& coordinate : problem.points) coordinate += 0.1 * noise.next();
 }
 
 }  // namespace
@@ -132,10 +130,8 @@ GeneratedBal generate_bal(const BalParameters& parameters) {
   Random points(derive_seed(parameters.seed, "points"));
   append_points(parameters, points, made.truth);
   made.problem = made.truth;
-  Random noise(derive_seed(parameters.seed, "noise"));
-  disturb_observations(parameters, noise, made);
-  Random guess(derive_seed(parameters.seed, "guess"));
-  disturb_guess(guess, made.problem);
+  disturb_observations(parameters, made);
+  disturb_guess(parameters, made.problem);
   return made;
 }
 

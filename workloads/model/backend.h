@@ -94,6 +94,9 @@ class Kernel {
   /// in place). They must outlive the kernel's use and have the workload's specs. Inputs that vary
   /// are read with the rows that they have at upload (host backends: at execute).
   virtual void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) = 0;
+  /// From now on nothing refers to the memory of what was bound, until the next bind; it may go
+  /// before that. What was bound and outlives the kernel need not be unbound.
+  virtual void unbind() {}
 
   /// Host to device; complete on return. Nothing to do for a backend without that phase.
   virtual void upload() {}

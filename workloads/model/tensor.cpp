@@ -6,11 +6,14 @@
 #include <new>
 #include <numeric>
 #include <stdexcept>
+#include <utility>
+
+#include "workloads/base/error.h"
 
 namespace pirt {
 namespace {
 
-constexpr std::size_t kCacheLine = 64;
+constexpr std::size_t kCacheLine = Tensor::kAlignment;
 constexpr std::size_t kPage = 4096;
 
 /// Of a page where there is one: drivers that work on the host's memory copy what begins within a
@@ -80,6 +83,22 @@ Tensor::Tensor(TensorSpec spec)
   data_.reset(static_cast<std::byte*>(::operator new[](whole_lines(bytes), alignment)),
               [alignment](std::byte* p) { ::operator delete[](p, alignment); });
   std::memset(data_.get(), 0, bytes);
+}
+
+Tensor Tensor::over(TensorSpec spec, const std::byte* data, std::function<void()> release) {
+  if (data == nullptr || reinterpret_cast<std::uintptr_t>(data) % kAlignment != 0) {
+    throw_bad_input(spec.describe() +
+                    (data == nullptr ? " over no memory" : " over memory that is not aligned") +
+                    "; a tensor needs memory aligned to " + std::to_string(kAlignment) +
+                    " bytes: copy what is not into a tensor of its own");
+  }
+  Tensor tensor;
+  tensor.spec_ = std::move(spec);
+  tensor.rows_ = tensor.spec_.shape.empty() ? 1 : tensor.spec_.shape.front();
+  tensor.data_ = {const_cast<std::byte*>(data), [release = std::move(release)](std::byte*) {
+                    if (release) release();
+                  }};
+  return tensor;
 }
 
 Tensor Tensor::share() const {

@@ -5,6 +5,7 @@
 #include <cassert>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -55,6 +56,19 @@ class Tensor {
   explicit Tensor(TensorSpec spec);
   Tensor(Tensor&&) = default;
   Tensor& operator=(Tensor&&) = default;
+
+  /// Over memory of somebody else's, such as the picture in a camera driver's buffer, which is not
+  /// copied. Nobody may write to it until it is released, and no task may write to the tensor.
+  /// @param data     spec.size_bytes() bytes, aligned to kAlignment. Where it is not aligned to a
+  ///                 page, or its last cache line has bytes of others, a driver may copy.
+  /// @param release  Called once, when the last tensor that shares it lets go, from whichever
+  ///                 thread does; must not throw, and not wait for tasks. Empty = nobody has to
+  ///                 know.
+  /// @throws Error{kBadInput} if it is null or not aligned; it is not released then.
+  [[nodiscard]] static Tensor over(TensorSpec spec, const std::byte* data,
+                                   std::function<void()> release = {});
+  /// Of every tensor's memory: kernels read it by vectors.
+  static constexpr std::size_t kAlignment = 64;
 
   [[nodiscard]] const TensorSpec& spec() const { return spec_; }
   /// Elements of the capacity.

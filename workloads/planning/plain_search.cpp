@@ -31,7 +31,7 @@ struct Search {
     return cell.x >= 0 && cell.y >= 0 && cell.x < width && cell.y < height &&
            passable[index(cell)] != 0;
   }
-  [[nodiscard]] bool can_step(Cell from, Step step) const {
+  [[nodiscard]] bool can_step(Cell from, GridMove step) const {
     return free({from.x + step.x, from.y + step.y}) && free({from.x + step.x, from.y}) &&
            free({from.x, from.y + step.y});
   }
@@ -62,8 +62,8 @@ bool run(Search& search, PlainSearch kind, Cell start, Cell goal) {
     if (at == search.index(goal)) return true;
     const Cell from = search.cell(at);
     for (std::size_t d = 0; d < kDirections; ++d) {
-      if (!search.can_step(from, kSteps[d])) continue;
-      const Cell to{from.x + kSteps[d].x, from.y + kSteps[d].y};
+      if (!search.can_step(from, kGridMoves[d])) continue;
+      const Cell to{from.x + kGridMoves[d].x, from.y + kGridMoves[d].y};
       const double length = search.lengths[at] + (d < 4 ? 1 : std::numbers::sqrt2);
       if (length >= search.lengths[search.index(to)]) continue;
       search.lengths[search.index(to)] = length;

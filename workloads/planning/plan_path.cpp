@@ -88,7 +88,7 @@ void PathPlanner::expand(std::uint32_t from) {
 /// To the next jump point in @p direction, and before it to the goal, or to the cell of a diagonal
 /// from which the goal is straight ahead.
 void PathPlanner::follow(std::uint32_t from, int direction) {
-  const Step step = kSteps[static_cast<std::size_t>(direction)];
+  const GridMove step = kGridMoves[static_cast<std::size_t>(direction)];
   const Cell at = map_->cell(from);
   const int jump = map_->jump(from, direction);
   const int x = goal_.x - at.x;
@@ -105,7 +105,7 @@ void PathPlanner::follow(std::uint32_t from, int direction) {
 }
 
 void PathPlanner::reach(std::uint32_t from, int direction, int steps) {
-  const Step step = kSteps[static_cast<std::size_t>(direction)];
+  const GridMove step = kGridMoves[static_cast<std::size_t>(direction)];
   const Cell at = map_->cell(from);
   const Cell to{at.x + step.x * steps, at.y + step.y * steps};
   const auto cell = static_cast<std::uint32_t>(map_->index(to));

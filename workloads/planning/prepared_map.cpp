@@ -9,7 +9,7 @@ constexpr unsigned bit(int direction) { return 1U << direction; }
 
 /// The cells of a grid in the order in which those that lie in @p step come before.
 template <typename Visit>
-void visit_against(Step step, int width, int height, const Visit& visit) {
+void visit_against(GridMove step, int width, int height, const Visit& visit) {
   for (int row = 0; row < height; ++row) {
     const int y = step.y > 0 ? height - 1 - row : row;
     for (int column = 0; column < width; ++column) {
@@ -18,7 +18,7 @@ void visit_against(Step step, int width, int height, const Visit& visit) {
   }
 }
 
-Cell moved(Cell cell, Step step) { return {cell.x + step.x, cell.y + step.y}; }
+Cell moved(Cell cell, GridMove step) { return {cell.x + step.x, cell.y + step.y}; }
 
 /// One step more than from the next cell.
 std::int16_t one_more(int jump) {
@@ -50,7 +50,7 @@ void PreparedMap::label_regions(std::span<const std::uint8_t> passable) {
       const Cell from = cell(open.back());
       open.pop_back();
       for (std::size_t d = 0; d < 4; ++d) {
-        const Cell to = moved(from, kSteps[d]);
+        const Cell to = moved(from, kGridMoves[d]);
         if (!contains(to) || passable[index(to)] == 0 || regions_[index(to)] != 0) continue;
         regions_[index(to)] = regions;
         open.push_back(index(to));
@@ -60,10 +60,10 @@ void PreparedMap::label_regions(std::span<const std::uint8_t> passable) {
 }
 
 unsigned PreparedMap::forced(Cell cell, int direction) const {
-  const Step step = kSteps[static_cast<std::size_t>(direction)];
+  const GridMove step = kGridMoves[static_cast<std::size_t>(direction)];
   unsigned directions = 0;
   for (const int side : {(direction + 1) % 4, (direction + 3) % 4}) {
-    const Cell beside = moved(cell, kSteps[static_cast<std::size_t>(side)]);
+    const Cell beside = moved(cell, kGridMoves[static_cast<std::size_t>(side)]);
     if (!passable(beside) || passable({beside.x - step.x, beside.y - step.y})) continue;
     // The diagonal between the two is d + 4 of the one that the other follows.
     const int before = side == (direction + 1) % 4 ? direction : side;
@@ -74,8 +74,8 @@ unsigned PreparedMap::forced(Cell cell, int direction) const {
 
 void PreparedMap::measure_straight(int direction) {
   const auto d = static_cast<std::size_t>(direction);
-  visit_against(kSteps[d], width_, height_, [&](Cell at) {
-    const Cell next = moved(at, kSteps[d]);
+  visit_against(kGridMoves[d], width_, height_, [&](Cell at) {
+    const Cell next = moved(at, kGridMoves[d]);
     if (!passable(at) || !passable(next)) return;
     jumps_[index(at)][d] =
         forced(next, direction) != 0 ? std::int16_t{1} : one_more(jumps_[index(next)][d]);
@@ -87,10 +87,10 @@ void PreparedMap::measure_diagonal(int direction) {
   const auto parts = parts_of(direction);
   const auto a = static_cast<std::size_t>(parts[0]);
   const auto b = static_cast<std::size_t>(parts[1]);
-  visit_against(kSteps[d], width_, height_, [&](Cell at) {
-    const Cell next = moved(at, kSteps[d]);
-    if (!passable(at) || !passable(next) || !passable(moved(at, kSteps[a])) ||
-        !passable(moved(at, kSteps[b]))) {
+  visit_against(kGridMoves[d], width_, height_, [&](Cell at) {
+    const Cell next = moved(at, kGridMoves[d]);
+    if (!passable(at) || !passable(next) || !passable(moved(at, kGridMoves[a])) ||
+        !passable(moved(at, kGridMoves[b]))) {
       return;
     }
     const auto& beyond = jumps_[index(next)];

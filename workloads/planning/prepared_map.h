@@ -17,10 +17,10 @@ namespace pirt::planning {
 
 /// The directions of moves: 0 to 3 straight, 4 to 7 diagonal; d + 4 lies between d and d + 1.
 inline constexpr int kDirections = 8;
-struct Step {
+struct GridMove {
   int x, y;
 };
-inline constexpr std::array<Step, kDirections> kSteps = {
+inline constexpr std::array<GridMove, kDirections> kGridMoves = {
     {{1, 0}, {0, 1}, {-1, 0}, {0, -1}, {1, 1}, {-1, 1}, {-1, -1}, {1, -1}}};
 /// The straight directions that a diagonal one is made of.
 [[nodiscard]] constexpr std::array<int, 2> parts_of(int diagonal) {

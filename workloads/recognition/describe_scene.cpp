@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::recognition {
 namespace {

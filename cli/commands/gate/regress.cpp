@@ -17,7 +17,7 @@
 #include "reports/gate/gate_report.h"
 #include "reports/gate/pooling.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cli {
 namespace {

@@ -15,7 +15,7 @@
 #include "reports/document/document.h"
 #include "reports/gate/duet_gate.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/name_filter.h"
 #include "workloads/base/text/text.h"
 

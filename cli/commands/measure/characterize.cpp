@@ -20,7 +20,7 @@
 #include "reports/profile/profile_report.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
 

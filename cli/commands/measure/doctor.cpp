@@ -15,7 +15,7 @@
 #include "cli/options/values.h"
 #include "reports/tools/doctor_report.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cli {
 namespace {

@@ -7,7 +7,7 @@
 #include "characterize/energy/fitted_platform.h"
 #include "reports/tools/fit_report.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt::cli {

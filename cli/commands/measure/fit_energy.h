@@ -11,7 +11,7 @@
 #include "characterize/profile/profile.h"
 #include "cli/options/output.h"
 #include "reports/document/document.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cli {
 

@@ -12,10 +12,10 @@
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "cli/options/values.h"
-#include "scheduler/planning_time.h"
+#include "cli/commands/measure/planning_time.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/time.h"
 
 namespace pirt::cli {

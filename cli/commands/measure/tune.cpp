@@ -17,7 +17,7 @@
 #include "reports/tools/tune_report.h"
 #include "workloads/backends/opencl/tuning/tuning_file.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/time.h"
 
 namespace pirt::cli {

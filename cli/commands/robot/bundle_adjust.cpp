@@ -10,7 +10,7 @@
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "cli/options/values.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cli {
 namespace {

@@ -9,7 +9,7 @@
 #include "cli/options/output.h"
 #include "cli/options/values.h"
 #include "reports/document/document.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/recognition/describe_scene.h"
 

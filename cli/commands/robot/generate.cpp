@@ -91,7 +91,7 @@ void add_generate(CLI::App& app, Action& action) {
             "Sigma of the pictures' noise, in grey levels")
       .shows_default();
   add_value(command, "--exposure-ms", &scene.exposure_ms, "MS", not_within(0.0, 1000.0),
-            "Motion blur")
+            "BodyMotion blur")
       .shows_default();
   add_value(command, "--threads", &options->threads, "INTEGER", not_within(1, 256),
             "Threads that render (default: all cores)");

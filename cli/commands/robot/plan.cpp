@@ -10,7 +10,7 @@
 #include "cli/options/values.h"
 #include "reports/document/document.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 #include "workloads/planning/map_files.h"
 #include "workloads/planning/plan_path.h"

@@ -19,7 +19,7 @@
 #include "scheduler/policies/policy.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 #include "workloads/slam/run/map_file.h"
 

@@ -9,7 +9,7 @@
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cli {
 namespace {

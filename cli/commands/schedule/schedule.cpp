@@ -27,7 +27,7 @@
 #include "scheduler/schedule_live.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/numbers.h"
 #include "workloads/base/text/text.h"
 

@@ -12,7 +12,7 @@
 #include "reports/export/profile_export.h"
 #include "reports/profile/profile_diff.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cli {
 namespace {

@@ -10,7 +10,7 @@
 #include "cli/options/values.h"
 #include "reports/export/profile_export.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt::cli {

@@ -17,7 +17,7 @@
 #include "workloads/backends/backend_list.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
 

@@ -23,7 +23,7 @@
 #include "reports/run/timeline.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt::cli {

@@ -53,10 +53,10 @@ bool contains(std::string_view text, std::string_view part) {
          std::search(text.begin(), text.end(), part.begin(), part.end(), same) != text.end();
 }
 
-const cpu::KernelEntry* find_kernel(std::string_view name) {
+const cpu::CpuKernelEntry* find_kernel(std::string_view name) {
   for (const auto table :
        {cpu::vision_kernels(), cpu::dnn_kernels(), cpu::slam_kernels(), cpu::host_functions()}) {
-    const auto it = std::ranges::find(table, name, &cpu::KernelEntry::kernel);
+    const auto it = std::ranges::find(table, name, &cpu::CpuKernelEntry::kernel);
     if (it != table.end()) return &*it;
   }
   return nullptr;

@@ -88,7 +88,7 @@ class DnnKernel : public Kernel {
   }
 
  private:
-  struct Step {
+  struct PrimitiveCall {
     dnnl::primitive primitive;
     std::unordered_map<int, memory> arguments;
   };
@@ -184,7 +184,7 @@ class DnnKernel : public Kernel {
   int batch_;
   dnnl::engine engine_;
   dnnl::stream stream_;
-  std::vector<Step> steps_;
+  std::vector<PrimitiveCall> steps_;
   memory input_, output_;  ///< The host's tensors, plain.
   memory current_;         ///< Output of the last step added.
 };
@@ -210,13 +210,13 @@ std::unique_ptr<Kernel> make_sequence(const Workload& workload, std::span<const 
   return kernel;
 }
 
-constexpr std::array<KernelEntry, 4> kKernels = {{{"conv2d_relu", make_layer},
+constexpr std::array<CpuKernelEntry, 4> kKernels = {{{"conv2d_relu", make_layer},
                                                   {"max_pool", make_layer},
                                                   {"fully_connected", make_layer},
                                                   {"sequence", make_sequence}}};
 
 }  // namespace
 
-std::span<const KernelEntry> dnn_kernels() { return kKernels; }
+std::span<const CpuKernelEntry> dnn_kernels() { return kKernels; }
 
 }  // namespace pirt::cpu

@@ -14,13 +14,13 @@ std::unique_ptr<Kernel> make_function(const Workload& workload, std::span<const 
 }
 
 constexpr std::array kKernels = {
-    KernelEntry{"plan_path", make_function},      KernelEntry{"avoid_obstacles", make_function},
-    KernelEntry{"bundle_adjust", make_function},  KernelEntry{"detect_objects", make_function},
-    KernelEntry{"describe_scene", make_function},
+    CpuKernelEntry{"plan_path", make_function},      CpuKernelEntry{"avoid_obstacles", make_function},
+    CpuKernelEntry{"bundle_adjust", make_function},  CpuKernelEntry{"detect_objects", make_function},
+    CpuKernelEntry{"describe_scene", make_function},
 };
 
 }  // namespace
 
-std::span<const KernelEntry> host_functions() { return kKernels; }
+std::span<const CpuKernelEntry> host_functions() { return kKernels; }
 
 }  // namespace pirt::cpu

@@ -16,7 +16,7 @@ using KernelFactory = std::unique_ptr<Kernel> (*)(const Workload& workload,
                                                   std::span<const Tensor> parameters,
                                                   const std::shared_ptr<BandTeam>& team);
 
-struct KernelEntry {
+struct CpuKernelEntry {
   std::string_view kernel;  ///< Workload::kernel.
   KernelFactory make;
 };
@@ -33,10 +33,10 @@ struct KernelEntry {
                                                             std::span<const Tensor> parameters,
                                                             const std::shared_ptr<BandTeam>& team);
 
-[[nodiscard]] std::span<const KernelEntry> vision_kernels();
-[[nodiscard]] std::span<const KernelEntry> dnn_kernels();
-[[nodiscard]] std::span<const KernelEntry> slam_kernels();
+[[nodiscard]] std::span<const CpuKernelEntry> vision_kernels();
+[[nodiscard]] std::span<const CpuKernelEntry> dnn_kernels();
+[[nodiscard]] std::span<const CpuKernelEntry> slam_kernels();
 /// Of workloads that are functions of the library (workloads/model/host_function.h).
-[[nodiscard]] std::span<const KernelEntry> host_functions();
+[[nodiscard]] std::span<const CpuKernelEntry> host_functions();
 
 }  // namespace pirt::cpu

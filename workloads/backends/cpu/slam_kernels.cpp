@@ -13,7 +13,7 @@ namespace {
 
 class SlamStep : public Kernel {
  public:
-  explicit SlamStep(const Workload& workload) : step_(operation_as<slam::Step>(workload)) {
+  explicit SlamStep(const Workload& workload) : step_(operation_as<slam::FilterStep>(workload)) {
     auto specs = workload.outputs;
     for (TensorSpec& spec : specs) {
       if (spec.element == Element::kF32) spec.element = Element::kF64;
@@ -51,7 +51,7 @@ class SlamStep : public Kernel {
     }
   }
 
-  slam::Step step_;
+  slam::FilterStep step_;
   std::vector<Tensor> wide_;  ///< The outputs in f64.
   std::span<const Tensor> inputs_;
   std::span<Tensor> outputs_;
@@ -65,13 +65,13 @@ std::unique_ptr<Kernel> make_step(const Workload& workload, std::span<const Tens
 }
 
 constexpr std::array kKernels = {
-    KernelEntry{"imu_propagate", make_step},
-    KernelEntry{"update_pose", make_step},
-    KernelEntry{"extend_map", make_step},
+    CpuKernelEntry{"imu_propagate", make_step},
+    CpuKernelEntry{"update_pose", make_step},
+    CpuKernelEntry{"extend_map", make_step},
 };
 
 }  // namespace
 
-std::span<const KernelEntry> slam_kernels() { return kKernels; }
+std::span<const CpuKernelEntry> slam_kernels() { return kKernels; }
 
 }  // namespace pirt::cpu

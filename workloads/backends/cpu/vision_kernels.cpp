@@ -324,19 +324,19 @@ std::unique_ptr<Kernel> make_optical_flow(const Workload& workload, std::span<co
 }
 
 constexpr std::array kKernels = {
-    KernelEntry{"gaussian_blur", make_gaussian_blur},
-    KernelEntry{"filter7x7", make_filter7x7},
-    KernelEntry{"sobel", make_sobel},
-    KernelEntry{"undistort", make_undistort},
-    KernelEntry{"feature_detect", make_feature_detect},
-    KernelEntry{"optical_flow", make_optical_flow},
-    KernelEntry{"extract_features", make_extract_features},
-    KernelEntry{"track_features", make_track_features},
-    KernelEntry{"background_model", make_background_model},
+    CpuKernelEntry{"gaussian_blur", make_gaussian_blur},
+    CpuKernelEntry{"filter7x7", make_filter7x7},
+    CpuKernelEntry{"sobel", make_sobel},
+    CpuKernelEntry{"undistort", make_undistort},
+    CpuKernelEntry{"feature_detect", make_feature_detect},
+    CpuKernelEntry{"optical_flow", make_optical_flow},
+    CpuKernelEntry{"extract_features", make_extract_features},
+    CpuKernelEntry{"track_features", make_track_features},
+    CpuKernelEntry{"background_model", make_background_model},
 };
 
 }  // namespace
 
-std::span<const KernelEntry> vision_kernels() { return kKernels; }
+std::span<const CpuKernelEntry> vision_kernels() { return kKernels; }
 
 }  // namespace pirt::cpu

@@ -62,7 +62,7 @@ class Quantized {
   }
 
   /// Bias, mantissa and exponent of each of @p channels: ChannelScales of program/int8.h.
-  [[nodiscard]] Buffer make_table(Session& session, int channels) const {
+  [[nodiscard]] Buffer make_table(ProgramSession& session, int channels) const {
     const Buffer buffer = session.allocate(3 * size(channels) * 4, "the scales of a layer");
     std::vector<std::int32_t> table(3 * size(channels), 0);
     for (std::size_t c = 0; c < bias_.size(); ++c) {
@@ -99,7 +99,7 @@ std::string convolution_fault(const Workload& workload) {
   return precision_fault(workload);
 }
 
-Call make_convolution(Session& session, const Workload& workload,
+Call make_convolution(ProgramSession& session, const Workload& workload,
                       std::span<const Tensor> parameters) {
   const auto& op = operation_as<dnn::Conv2dRelu>(workload);
   const dnn::ConvShape& s = op.shape;
@@ -146,7 +146,7 @@ Call make_convolution(Session& session, const Workload& workload,
   return call;
 }
 
-Call make_fully_connected(Session& session, const Workload& workload,
+Call make_fully_connected(ProgramSession& session, const Workload& workload,
                           std::span<const Tensor> parameters) {
   const auto& op = operation_as<dnn::FullyConnected>(workload);
   const int in = round_up(op.in, PIRT_DSP_ALIGNMENT);
@@ -154,7 +154,7 @@ Call make_fully_connected(Session& session, const Workload& workload,
   const double scale = input_scale(op.input);
   const Quantized quantized(parameters, scale);
 
-  Resident input{session.allocate(size(in) * 4, "the input of a layer"), 1, size(op.in) * 4,
+  MappedTensor input{session.allocate(size(in) * 4, "the input of a layer"), 1, size(op.in) * 4,
                  size(op.in) * 4};
   std::memset(session.bytes(input.buffer).data(), 0, input.buffer.bytes);
   const Buffer weights = session.allocate(size(channels) * size(in), "the weights of a layer");
@@ -184,12 +184,12 @@ Call make_fully_connected(Session& session, const Workload& workload,
 }
 
 constexpr std::array kKernels = {
-    KernelEntry{"conv2d_relu", convolution_fault, make_convolution},
-    KernelEntry{"fully_connected", precision_fault, make_fully_connected},
+    DspKernelEntry{"conv2d_relu", convolution_fault, make_convolution},
+    DspKernelEntry{"fully_connected", precision_fault, make_fully_connected},
 };
 
 }  // namespace
 
-std::span<const KernelEntry> dnn_kernels() { return kKernels; }
+std::span<const DspKernelEntry> dnn_kernels() { return kKernels; }
 
 }  // namespace pirt::dsp

@@ -34,7 +34,7 @@ Support support_of(const Workload& workload) {
 
 class DspKernel : public Kernel {
  public:
-  DspKernel(std::shared_ptr<dsp::Session> session, dsp::Call call, const dsp::CostModel& model,
+  DspKernel(std::shared_ptr<dsp::ProgramSession> session, dsp::Call call, const dsp::CostModel& model,
             CountedClock& clock)
       : session_(std::move(session)), call_(std::move(call)), model_(model), clock_(clock) {}
 
@@ -77,7 +77,7 @@ class DspKernel : public Kernel {
   }
 
  private:
-  std::shared_ptr<dsp::Session> session_;
+  std::shared_ptr<dsp::ProgramSession> session_;
   dsp::Call call_;
   dsp::CostModel model_;
   CountedClock& clock_;
@@ -91,7 +91,7 @@ class DspDevice : public Device {
   DspDevice(const dsp::Tools& tools, const dsp::CostModel& model)
       : version_(fmt::format("{}, program {}", dsp::emulator_version(tools.emulator),
                              dsp::program_hash(tools))),
-        session_(std::make_shared<dsp::Session>(dsp::SessionOptions{.emulator = tools.emulator,
+        session_(std::make_shared<dsp::ProgramSession>(dsp::SessionOptions{.emulator = tools.emulator,
                                                                     .plugin = tools.plugin,
                                                                     .program = tools.program,
                                                                     .models_memory = true})),
@@ -139,7 +139,7 @@ class DspDevice : public Device {
   }
 
   std::string version_;  ///< Asked first: an emulator that hangs does so here, and not for long.
-  std::shared_ptr<dsp::Session> session_;
+  std::shared_ptr<dsp::ProgramSession> session_;
   std::size_t program_bytes_;
   dsp::CostModel model_;
   CountedClock clock_;

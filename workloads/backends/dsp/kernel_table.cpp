@@ -4,9 +4,9 @@
 
 namespace pirt::dsp {
 
-const KernelEntry* find_kernel(std::string_view kernel) {
+const DspKernelEntry* find_kernel(std::string_view kernel) {
   for (const auto table : {vision_kernels(), dnn_kernels()}) {
-    const auto it = std::ranges::find(table, kernel, &KernelEntry::kernel);
+    const auto it = std::ranges::find(table, kernel, &DspKernelEntry::kernel);
     if (it != table.end()) return &*it;
   }
   return nullptr;

@@ -5,7 +5,7 @@
 
 namespace pirt::dsp {
 
-Resident make_picture(Session& session, const TensorSpec& tensor) {
+MappedTensor make_picture(ProgramSession& session, const TensorSpec& tensor) {
   constexpr std::size_t kUnit = PIRT_DSP_ALIGNMENT;
   const auto rows = static_cast<std::size_t>(tensor.shape[0]);
   const auto columns = static_cast<std::size_t>(tensor.shape[1]);
@@ -14,16 +14,16 @@ Resident make_picture(Session& session, const TensorSpec& tensor) {
   return {session.allocate(rows * pitch, tensor.describe()), rows, columns * column_bytes, pitch};
 }
 
-Resident make_dense(Session& session, const TensorSpec& tensor) {
+MappedTensor make_dense(ProgramSession& session, const TensorSpec& tensor) {
   const auto bytes = static_cast<std::size_t>(tensor.size_bytes());
   return {session.allocate(bytes, tensor.describe()), 1, bytes, bytes};
 }
 
-Cost run(Session& session, const Call& call) {
+Cost run(ProgramSession& session, const Call& call) {
   return session.run(call.kernel, call.buffers, call.values, call.name);
 }
 
-void copy_in(Session& session, const Resident& to, std::span<const std::byte> from) {
+void copy_in(ProgramSession& session, const MappedTensor& to, std::span<const std::byte> from) {
   assert(from.size() == to.rows * to.row_bytes);
   std::byte* const at = session.bytes(to.buffer).data();
   for (std::size_t row = 0; row < to.rows; ++row) {
@@ -31,7 +31,7 @@ void copy_in(Session& session, const Resident& to, std::span<const std::byte> fr
   }
 }
 
-void copy_out(const Session& session, const Resident& from, std::span<std::byte> to) {
+void copy_out(const ProgramSession& session, const MappedTensor& from, std::span<std::byte> to) {
   assert(to.size() == from.rows * from.row_bytes);
   const std::byte* const at = session.bytes(from.buffer).data();
   for (std::size_t row = 0; row < from.rows; ++row) {

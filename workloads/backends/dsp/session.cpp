@@ -152,7 +152,7 @@ SharedMemory::SharedMemory(const char* name, std::size_t bytes)
 
 SharedMemory::~SharedMemory() { ::munmap(address_, bytes_); }
 
-Session::Session(SessionOptions options)
+ProgramSession::ProgramSession(SessionOptions options)
     : options_(checked(std::move(options))),
       mapping_("pirt-dsp", options_.mapping_bytes),
       counts_page_("pirt-dsp-counts", sizeof(PirtDspCountsPage)),
@@ -166,15 +166,15 @@ Session::Session(SessionOptions options)
   }
 }
 
-Session::~Session() { stop(); }
+ProgramSession::~ProgramSession() { stop(); }
 
-PirtDspCountsPage Session::counts() const {
+PirtDspCountsPage ProgramSession::counts() const {
   PirtDspCountsPage page;
   std::memcpy(&page, counts_page_.data(), sizeof(page));
   return page;
 }
 
-void Session::start() {
+void ProgramSession::start() {
   stop();
   if (::ftruncate(said_.get(), 0) != 0) throw_system("clear a file in memory");
   std::memset(counts_page_.data(), 0, sizeof(PirtDspCountsPage));
@@ -218,7 +218,7 @@ void Session::start() {
 }
 
 /// Ends the program whatever it is doing. Closing its commands would do where it waits for one.
-void Session::stop() {
+void ProgramSession::stop() {
   commands_.close();
   replies_.close();
   if (process_ > 0) {
@@ -229,7 +229,7 @@ void Session::stop() {
   process_ = -1;
 }
 
-Buffer Session::allocate(std::size_t bytes, std::string_view what) {
+Buffer ProgramSession::allocate(std::size_t bytes, std::string_view what) {
   constexpr std::size_t kUnit = PIRT_DSP_ALIGNMENT;
   const std::size_t needed = (bytes + kUnit - 1) / kUnit * kUnit + kUnit;
   if (needed + kGuardBytes > options_.mapping_bytes - used_) {
@@ -243,13 +243,13 @@ Buffer Session::allocate(std::size_t bytes, std::string_view what) {
   return buffer;
 }
 
-void Session::free_all() { used_ = kGuardBytes; }
+void ProgramSession::free_all() { used_ = kGuardBytes; }
 
-std::span<std::byte> Session::bytes(Buffer buffer) const {
+std::span<std::byte> ProgramSession::bytes(Buffer buffer) const {
   return {mapping_.data() + buffer.offset, buffer.bytes};
 }
 
-Cost Session::run(std::uint32_t kernel, std::span<const Buffer> buffers,
+Cost ProgramSession::run(std::uint32_t kernel, std::span<const Buffer> buffers,
                   std::span<const std::int32_t> values, std::string_view name) {
   assert(buffers.size() <= PIRT_DSP_MAX_BUFFERS && values.size() <= PIRT_DSP_MAX_VALUES);
   if (process_ < 0) start();
@@ -263,7 +263,7 @@ Cost Session::run(std::uint32_t kernel, std::span<const Buffer> buffers,
   return exchange(command, name);
 }
 
-Cost Session::exchange(const PirtDspCommand& command, std::string_view name) {
+Cost ProgramSession::exchange(const PirtDspCommand& command, std::string_view name) {
   static_assert(sizeof(PirtDspCommand) <= 4096, "longer than what a pipe passes in one piece");
   PirtDspReply reply{};
   if (!write_all(commands_.get(), &command, sizeof(command))) fail_call(name, how_it_ended());
@@ -288,7 +288,7 @@ Cost Session::exchange(const PirtDspCommand& command, std::string_view name) {
   }
 }
 
-void Session::wait_for_reply(PirtDspReply& reply, std::string_view name, Nanos limit) {
+void ProgramSession::wait_for_reply(PirtDspReply& reply, std::string_view name, Nanos limit) {
   using SteadyClock = std::chrono::steady_clock;
   const auto deadline = SteadyClock::now() + limit;
   while (true) {
@@ -307,13 +307,13 @@ void Session::wait_for_reply(PirtDspReply& reply, std::string_view name, Nanos l
   }
 }
 
-void Session::fail_call(std::string_view name, std::string_view how) {
+void ProgramSession::fail_call(std::string_view name, std::string_view how) {
   stop();
   throw_environment(fmt::format("DSP kernel '{}': the Hexagon program {}", name, how));
 }
 
 /// Of a program that has closed its end: with what it said.
-std::string Session::how_it_ended() {
+std::string ProgramSession::how_it_ended() {
   int status = 0;
   ::kill(process_, SIGKILL);  // of no effect on one that ended by itself
   while (::waitpid(process_, &status, 0) < 0 && errno == EINTR) {

@@ -64,15 +64,15 @@ class SharedMemory {
   std::byte* address_;
 };
 
-class Session {
+class ProgramSession {
  public:
   /// Starts the program.
   /// @throws Error{kEnvironment} if one of the files is missing or no such program, or the first
   /// command has no answer.
-  explicit Session(SessionOptions options);
-  ~Session();
-  Session(const Session&) = delete;
-  Session& operator=(const Session&) = delete;
+  explicit ProgramSession(SessionOptions options);
+  ~ProgramSession();
+  ProgramSession(const ProgramSession&) = delete;
+  ProgramSession& operator=(const ProgramSession&) = delete;
 
   /// @p bytes of the mapping, aligned for vectors, with room for a vector behind them. What kernels
   /// wrote elsewhere is left alone.

@@ -93,7 +93,7 @@ std::vector<PlannedTile> plan_tiles(const vision::Undistort& op, int source_stri
 }
 
 /// Room for the source within its margin, all zeros; the picture lies inside.
-std::pair<Buffer, Resident> make_source(Session& session, const vision::Undistort& op) {
+std::pair<Buffer, MappedTensor> make_source(ProgramSession& session, const vision::Undistort& op) {
   const auto width = static_cast<std::size_t>(op.width);
   const auto height = static_cast<std::size_t>(op.height);
   // Windows reach beyond the last rows; what they load there is not looked up.
@@ -110,7 +110,7 @@ std::pair<Buffer, Resident> make_source(Session& session, const vision::Undistor
 
 }  // namespace
 
-Call make_undistort(Session& session, const Workload& workload, std::span<const Tensor>) {
+Call make_undistort(ProgramSession& session, const Workload& workload, std::span<const Tensor>) {
   const auto& op = operation_as<vision::Undistort>(workload);
   Call call;
   call.kernel = PIRT_DSP_undistort;

@@ -19,7 +19,7 @@ std::string too_small(const Workload& workload) {
 }
 
 /// A call whose buffers are its inputs and outputs and whose values are width, height and pitch.
-Call picture_call(Session& session, const Workload& workload, std::uint32_t kernel) {
+Call picture_call(ProgramSession& session, const Workload& workload, std::uint32_t kernel) {
   const auto& op = operation_as<vision::ImageOperation>(workload);
   Call call;
   call.kernel = kernel;
@@ -41,15 +41,15 @@ Call picture_call(Session& session, const Workload& workload, std::uint32_t kern
   return call;
 }
 
-Call make_gaussian_blur(Session& session, const Workload& workload, std::span<const Tensor>) {
+Call make_gaussian_blur(ProgramSession& session, const Workload& workload, std::span<const Tensor>) {
   return picture_call(session, workload, PIRT_DSP_gaussian_blur);
 }
 
-Call make_sobel(Session& session, const Workload& workload, std::span<const Tensor>) {
+Call make_sobel(ProgramSession& session, const Workload& workload, std::span<const Tensor>) {
   return picture_call(session, workload, PIRT_DSP_sobel);
 }
 
-Call make_filter7x7(Session& session, const Workload& workload,
+Call make_filter7x7(ProgramSession& session, const Workload& workload,
                     std::span<const Tensor> parameters) {
   constexpr int kSize = vision::Filter7x7::kSize;
   static_assert(kSize == 7 && vision::Filter7x7::kShift == 8, "filter7x7.c has them as constants");
@@ -76,7 +76,7 @@ Call make_filter7x7(Session& session, const Workload& workload,
   return call;
 }
 
-Call make_feature_detect(Session& session, const Workload& workload, std::span<const Tensor>) {
+Call make_feature_detect(ProgramSession& session, const Workload& workload, std::span<const Tensor>) {
   using vision::FeatureDetect;
   static_assert(FeatureDetect::kMaxCorners == 500 && FeatureDetect::kMinDistance == 10 &&
                     FeatureDetect::kQuality == 0.01 && FeatureDetect::kBlock == 3,
@@ -101,7 +101,7 @@ Call make_feature_detect(Session& session, const Workload& workload, std::span<c
   return call;
 }
 
-Call make_optical_flow(Session& session, const Workload& workload, std::span<const Tensor>) {
+Call make_optical_flow(ProgramSession& session, const Workload& workload, std::span<const Tensor>) {
   static_assert(vision::OpticalFlow::kWindow == 52, "optical_flow.c has it as a constant");
   const auto& op = operation_as<vision::OpticalFlow>(workload);
   Call call = picture_call(session, workload, PIRT_DSP_optical_flow);
@@ -117,16 +117,16 @@ Call make_optical_flow(Session& session, const Workload& workload, std::span<con
 }
 
 constexpr std::array kKernels = {
-    KernelEntry{"gaussian_blur", too_small, make_gaussian_blur},
-    KernelEntry{"sobel", too_small, make_sobel},
-    KernelEntry{"filter7x7", too_small, make_filter7x7},
-    KernelEntry{"undistort", too_small, make_undistort},
-    KernelEntry{"feature_detect", too_small, make_feature_detect},
-    KernelEntry{"optical_flow", too_small, make_optical_flow},
+    DspKernelEntry{"gaussian_blur", too_small, make_gaussian_blur},
+    DspKernelEntry{"sobel", too_small, make_sobel},
+    DspKernelEntry{"filter7x7", too_small, make_filter7x7},
+    DspKernelEntry{"undistort", too_small, make_undistort},
+    DspKernelEntry{"feature_detect", too_small, make_feature_detect},
+    DspKernelEntry{"optical_flow", too_small, make_optical_flow},
 };
 
 }  // namespace
 
-std::span<const KernelEntry> vision_kernels() { return kKernels; }
+std::span<const DspKernelEntry> vision_kernels() { return kKernels; }
 
 }  // namespace pirt::dsp

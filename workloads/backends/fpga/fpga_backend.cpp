@@ -46,7 +46,7 @@ struct Running {
 
 class FpgaKernel : public Kernel {
  public:
-  FpgaKernel(Running& running, const fpga::KernelEntry& entry, const Workload& workload,
+  FpgaKernel(Running& running, const fpga::FpgaKernelEntry& entry, const Workload& workload,
              std::span<const Tensor> parameters)
       : running_(running),
         bitstream_(entry.bitstream),

@@ -42,18 +42,18 @@ struct Call {
       finish = {};
 };
 
-struct KernelEntry {
+struct FpgaKernelEntry {
   std::string_view kernel;     ///< Workload::kernel
   std::string_view core;       ///< Of cores/.
   std::string_view bitstream;  ///< Which has the core, beside others.
   /// Why it cannot compute this one; empty if it can.
-  std::string (*fault)(const KernelEntry& entry, const Workload& workload);
+  std::string (*fault)(const FpgaKernelEntry& entry, const Workload& workload);
   Call (*make)(const Workload& workload, std::span<const Tensor> parameters);
 };
 
-[[nodiscard]] std::span<const KernelEntry> vision_kernels();
-[[nodiscard]] std::span<const KernelEntry> layer_kernels();
+[[nodiscard]] std::span<const FpgaKernelEntry> vision_kernels();
+[[nodiscard]] std::span<const FpgaKernelEntry> layer_kernels();
 /// The entry for Workload::kernel; null if there is none.
-[[nodiscard]] const KernelEntry* find_kernel(std::string_view kernel);
+[[nodiscard]] const FpgaKernelEntry* find_kernel(std::string_view kernel);
 
 }  // namespace pirt::fpga

@@ -74,7 +74,7 @@ std::string shape_fault(const Shape& s) {
   return fits ? "" : "the layer does not fit into the on-chip memory of backend fpga's mac_array";
 }
 
-std::string convolution_fault(const KernelEntry&, const Workload& workload) {
+std::string convolution_fault(const FpgaKernelEntry&, const Workload& workload) {
   const auto& s = operation_as<dnn::Conv2dRelu>(workload).shape;
   if (s.stride > 1 && s.pad > 0) {
     return "backend fpga has convolutions with a stride without padding only";
@@ -83,7 +83,7 @@ std::string convolution_fault(const KernelEntry&, const Workload& workload) {
   return fault.empty() ? shape_fault(shape_of(s)) : fault;
 }
 
-std::string fully_connected_fault(const KernelEntry&, const Workload& workload) {
+std::string fully_connected_fault(const FpgaKernelEntry&, const Workload& workload) {
   const std::string fault = precision_fault(workload);
   return fault.empty() ? shape_fault(shape_of(operation_as<dnn::FullyConnected>(workload))) : fault;
 }
@@ -240,13 +240,13 @@ Call make_fully_connected(const Workload& workload, std::span<const Tensor> para
 }
 
 constexpr std::array kKernels = {
-    KernelEntry{"conv2d_relu", "mac_array", "layers", convolution_fault, make_convolution},
-    KernelEntry{"fully_connected", "mac_array", "layers", fully_connected_fault,
+    FpgaKernelEntry{"conv2d_relu", "mac_array", "layers", convolution_fault, make_convolution},
+    FpgaKernelEntry{"fully_connected", "mac_array", "layers", fully_connected_fault,
                 make_fully_connected},
 };
 
 }  // namespace
 
-std::span<const KernelEntry> layer_kernels() { return kKernels; }
+std::span<const FpgaKernelEntry> layer_kernels() { return kKernels; }
 
 }  // namespace pirt::fpga

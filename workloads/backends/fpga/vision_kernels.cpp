@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::string_view kVision = "vision";
 
-std::string picture_fault(const KernelEntry& entry, const Workload& workload) {
+std::string picture_fault(const FpgaKernelEntry& entry, const Workload& workload) {
   const CoreType& core = find_core(entry.core);
   const auto& op = operation_as<vision::ImageOperation>(workload);
   constexpr int kMaxHeight = 2047;  // of the cores' counters, and of the SDRAM's banks
@@ -190,21 +190,21 @@ Call make_feature_detect(const Workload& workload, std::span<const Tensor>) {
 }
 
 constexpr std::array kKernels = {
-    KernelEntry{"gaussian_blur", "gaussian_blur", kVision, picture_fault, make_gaussian_blur},
-    KernelEntry{"filter7x7", "convolution", kVision, picture_fault, make_convolution},
-    KernelEntry{"sobel", "sobel", kVision, picture_fault, make_sobel},
-    KernelEntry{"undistort", "undistort", kVision, picture_fault, make_undistort},
-    KernelEntry{"feature_detect", "feature_score", kVision, picture_fault, make_feature_detect},
-    KernelEntry{"optical_flow", "optical_flow", kVision, picture_fault, make_optical_flow},
+    FpgaKernelEntry{"gaussian_blur", "gaussian_blur", kVision, picture_fault, make_gaussian_blur},
+    FpgaKernelEntry{"filter7x7", "convolution", kVision, picture_fault, make_convolution},
+    FpgaKernelEntry{"sobel", "sobel", kVision, picture_fault, make_sobel},
+    FpgaKernelEntry{"undistort", "undistort", kVision, picture_fault, make_undistort},
+    FpgaKernelEntry{"feature_detect", "feature_score", kVision, picture_fault, make_feature_detect},
+    FpgaKernelEntry{"optical_flow", "optical_flow", kVision, picture_fault, make_optical_flow},
 };
 
 }  // namespace
 
-std::span<const KernelEntry> vision_kernels() { return kKernels; }
+std::span<const FpgaKernelEntry> vision_kernels() { return kKernels; }
 
-const KernelEntry* find_kernel(std::string_view kernel) {
+const FpgaKernelEntry* find_kernel(std::string_view kernel) {
   for (const auto table : {vision_kernels(), layer_kernels()}) {
-    const auto it = std::ranges::find(table, kernel, &KernelEntry::kernel);
+    const auto it = std::ranges::find(table, kernel, &FpgaKernelEntry::kernel);
     if (it != table.end()) return &*it;
   }
   return nullptr;

@@ -124,7 +124,7 @@ void pin_workers(cl::Device device, UnitRange units) {
 
 /// The device of the session becomes that of the cores that the unit owns, where the driver divides
 /// devices; for devices that compute on the host's.
-void restrict_to_cores(Session& session, const UnitRequest& request) {
+void restrict_to_cores(DeviceSession& session, const UnitRequest& request) {
   const UnitRange units =
       units_for(request.cores, session.device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>());
   pin_workers(session.device, units);
@@ -143,7 +143,7 @@ void restrict_to_cores(Session& session, const UnitRequest& request) {
 /// Whether the stamps of the queue's events are of a clock that goes on: each stamp of a command
 /// that was submitted after another had ended is later than the other's. (Those of Mesa 22.3 are
 /// 0, 1, 2 and 3 always.)
-bool has_clock(const Session& session) {
+bool has_clock(const DeviceSession& session) {
   const cl::Buffer words(session.context, CL_MEM_READ_WRITE, sizeof(cl_uint));
   std::array<cl::Event, 2> events;
   for (cl::Event& event : events) {
@@ -168,7 +168,7 @@ std::size_t most_items(const cl::Device& device) {
 
 class OpenClDevice final : public Device {
  public:
-  explicit OpenClDevice(Session session)
+  explicit OpenClDevice(DeviceSession session)
       : session_(std::move(session)), info_(describe(session_.device)) {
     info_.tuning = session_.tuning.describe();
     info_.remark = session_.remark;
@@ -192,7 +192,7 @@ class OpenClDevice final : public Device {
                       [&] { return opencl::make_kernel(session_, workload, parameters); });
   }
 
-  Session session_;
+  DeviceSession session_;
   DeviceInfo info_;
 };
 
@@ -250,10 +250,10 @@ cl::Device choose_device(const std::vector<cl::Device>& devices, const std::stri
       fmt::format("opencl: no device matches \"{}\"; there are: {}", wanted, join(names, ", ")));
 }
 
-Session open_session(const UnitRequest& request) {
+DeviceSession open_session(const UnitRequest& request) {
   bind_to_cores(request.cores, request.unit);
   return translated(fmt::format("opening unit {}", request.unit), [&] {
-    Session session;
+    DeviceSession session;
     session.device = choose_device(all_devices(), request.device);
     session.is_cpu = computes_on_host(session.device);
     session.lanes = static_cast<int>(session.device.getInfo<CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT>());
@@ -269,7 +269,7 @@ Session open_session(const UnitRequest& request) {
 }
 
 std::unique_ptr<Device> open_device(const UnitRequest& request) {
-  Session session = open_session(request);
+  DeviceSession session = open_session(request);
   return translated(fmt::format("opening unit {}", request.unit),
                     [&] { return std::make_unique<OpenClDevice>(std::move(session)); });
 }

@@ -30,6 +30,6 @@ namespace pirt::opencl {
 [[nodiscard]] std::unique_ptr<Device> open_device(const UnitRequest& request);
 
 /// The session that open_device() makes, for tests of what is below a Device.
-[[nodiscard]] Session open_session(const UnitRequest& request);
+[[nodiscard]] DeviceSession open_session(const UnitRequest& request);
 
 }  // namespace pirt::opencl

@@ -16,6 +16,12 @@ namespace pirt {
   return z ^ (z >> 31);
 }
 
+/// Of the point of a lattice, negative ones included.
+[[nodiscard]] constexpr std::uint64_t hash_lattice(std::uint64_t seed, int a, int b) {
+  return hash_u64(
+      seed, std::uint64_t{static_cast<std::uint32_t>(a)} << 32U | static_cast<std::uint32_t>(b));
+}
+
 /// A seed of its own for the thing called @p name (FNV-1a over the name, mixed with @p seed).
 [[nodiscard]] constexpr std::uint64_t derive_seed(std::uint64_t seed, std::string_view name) {
   std::uint64_t h = 0xcbf29ce484222325ULL;

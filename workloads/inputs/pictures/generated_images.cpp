@@ -42,9 +42,7 @@ constexpr int floor_div(int a, int b) { return a >= 0 ? a / b : -((b - 1 - a) / 
 
 /// Random value of a lattice point, 0 .. 255.
 int lattice(std::uint64_t seed, int x, int y) {
-  const auto at =
-      (std::uint64_t{static_cast<std::uint32_t>(y)} << 32) | static_cast<std::uint32_t>(x);
-  return static_cast<int>(hash_u64(seed, at) >> 56);
+  return static_cast<int>(hash_lattice(seed, y, x) >> 56);
 }
 
 /// Rows of one octave, from top to bottom: each row of the lattice is drawn once.

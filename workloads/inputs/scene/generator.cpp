@@ -64,7 +64,7 @@ void make_imu(const SceneOptions& options, const RobotPath& path, Sequence& sequ
   const auto samples = static_cast<std::int64_t>(std::ceil(options.path.duration_s * rate)) + 2;
   for (std::int64_t i = 0; i < samples; ++i) {
     const double t = static_cast<double>(i) / rate;
-    const Motion motion = path.at(t);
+    const BodyMotion motion = path.at(t);
     const Nanos time = kStart + from_s(t);
     ImuSample sample;
     sample.time = time;
@@ -100,7 +100,7 @@ struct Renderer {
   [[nodiscard]] GreyImage picture(std::size_t frame, std::size_t camera) const {
     const double t = static_cast<double>(frame) / options.camera_rate_hz;
     const double exposure_s = options.exposure_ms / 1e3;
-    const Motion motion = path.at(t);
+    const BodyMotion motion = path.at(t);
     // A sample of the exposure a pixel of motion, for things at a metre.
     const double blur = exposure_s * models[camera].focal() *
                         (motion.turn_rad_s.norm() + motion.velocity_m_s.norm());

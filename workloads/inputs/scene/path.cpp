@@ -47,7 +47,7 @@ Wave wave(Random& random, double amplitude, double slow, double fast) {
   return {amplitude, random.uniform(slow, fast), random.uniform(0, 2 * kPi)};
 }
 
-struct Place {
+struct PlanarPose {
   Eigen::Vector2d point;
   double heading;
 };
@@ -66,14 +66,14 @@ struct Loop {
     constexpr double kStep = 1e-3;
     return (point(s + kStep) - point(s - kStep)) / (2 * kStep);
   }
-  [[nodiscard]] Place at(double s) const {
+  [[nodiscard]] PlanarPose at(double s) const {
     const Eigen::Vector2d d = slope(s);
     return {point(s), std::atan2(d.y(), d.x())};
   }
 };
 
 /// Three straights of 4.6 m and two quarter circles between them.
-Place turns_at(double s) {
+PlanarPose turns_at(double s) {
   constexpr double kRadius = 0.9;
   constexpr double kStraight = 3.7;
   constexpr double kArc = kRadius * kPi / 2;
@@ -131,7 +131,7 @@ void RobotPath::plan(const PathOptions& options, double swing) {
   double heading = 0;
   for (int k = 0; k < knots; ++k) {
     const double begin = (k - kLead) * kKnot_s;
-    const Place place = loops ? loop.at(s) : turns_at(s);
+    const PlanarPose place = loops ? loop.at(s) : turns_at(s);
     heading = k == 0 ? place.heading : unwrapped(place.heading, heading);
     const double moving = smooth_step((begin - options.rest_s) / 3.0);
     const double lively = loops ? moving : 0.3 * moving;
@@ -160,7 +160,7 @@ double RobotPath::fastest_turn_rad_s(double duration_s) const {
   return fastest;
 }
 
-Motion RobotPath::at(double time_s) const {
+BodyMotion RobotPath::at(double time_s) const {
   // Control k is centred on the knot time (k - kLead) * kKnot_s.
   const double x = time_s / kKnot_s + kLead - 0.5 * (kDegree - 1) - 0.5;
   const double highest = static_cast<double>(controls_.size()) - kDegree - 1 - 1e-9;
@@ -186,7 +186,7 @@ Motion RobotPath::at(double time_s) const {
   const double yaw = value(3);
   const double pitch = value(4);
   const double roll = value(5);
-  Motion motion;
+  BodyMotion motion;
   motion.body.position = value.head<3>();
   motion.body.rotation = (Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) *
                           Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitY()) *

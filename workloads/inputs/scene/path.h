@@ -24,7 +24,7 @@ struct PathOptions {
   std::uint64_t seed = 1;
 };
 
-struct Motion {
+struct BodyMotion {
   Pose body;  ///< body -> world; x forward, y left, z up.
   Eigen::Vector3d velocity_m_s;
   Eigen::Vector3d acceleration_m_s2;
@@ -36,7 +36,7 @@ class RobotPath {
  public:
   explicit RobotPath(const PathOptions& options);
   /// @param time_s  From 0 to the duration; a little beyond is good (exposures).
-  [[nodiscard]] Motion at(double time_s) const;
+  [[nodiscard]] BodyMotion at(double time_s) const;
 
  private:
   void plan(const PathOptions& options, double swing);

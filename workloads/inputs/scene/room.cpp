@@ -17,9 +17,7 @@ namespace {
 constexpr int kLevels = 5;
 
 float lattice(std::uint64_t seed, int x, int y) {
-  const auto index = (static_cast<std::uint64_t>(static_cast<std::uint32_t>(x)) << 32U) |
-                     static_cast<std::uint32_t>(y);
-  return static_cast<float>(hash_u64(seed, index) >> 40U) * 0x1p-24F;
+  return static_cast<float>(hash_lattice(seed, x, y) >> 40U) * 0x1p-24F;
 }
 
 /// Adds value noise with cells of @p cell texels.

@@ -69,7 +69,7 @@ Eigen::Matrix3d heading_of(const Eigen::Matrix3d& rotation) {
 }
 
 std::optional<MapView> view_of(const State& state, const Setup& setup, const Features& features) {
-  std::vector<Place> places;
+  std::vector<KnownPlace> places;
   for (const MapPoint& point : *setup.known) {
     places.push_back({&point.descriptor, &point.position, &point.seen_from});
   }

@@ -27,7 +27,7 @@ constexpr double kLongestStep_s = 0.02;
 
 double squared(double x) { return x * x; }
 
-struct Step {
+struct Propagation {
   double dt;
   Eigen::Vector3d turn;   ///< rad/s, of the body, bias taken out.
   Eigen::Vector3d force;  ///< m/s^2, of the body, bias taken out.
@@ -36,7 +36,7 @@ struct Step {
 };
 
 /// Error over one step: transition and noise, to second order.
-void step_error(const MotionState& m, const Step& s, bool imu, Matrix15& transition,
+void step_error(const MotionState& m, const Propagation& s, bool imu, Matrix15& transition,
                 Matrix15& noise) {
   Matrix15 f = Matrix15::Zero();
   const Eigen::Matrix3d& r = m.rotation;
@@ -61,7 +61,7 @@ void step_error(const MotionState& m, const Step& s, bool imu, Matrix15& transit
   noise.diagonal().segment<3>(kAccelBiasAt).array() += s.noise.accel_walk * s.dt;
 }
 
-void step_motion(MotionState& m, const Step& s) {
+void step_motion(MotionState& m, const Propagation& s) {
   const Eigen::Matrix3d half = m.rotation * rotation_of(0.5 * s.dt * s.turn);
   const Eigen::Vector3d acceleration = half * s.force + s.gravity;
   m.position += s.dt * (m.velocity + 0.5 * s.dt * acceleration);
@@ -82,7 +82,7 @@ class Integration {
 
   void advance(const ImuSample& from, const ImuSample& to, bool measured) {
     const ImuModel& imu = *setup_.imu;
-    Step step;
+    Propagation step;
     step.dt = to_s(to.time - from.time);
     if (step.dt <= 0) return;
     step.turn = 0.5 * (from.gyro_rad_s + to.gyro_rad_s) - motion_.gyro_bias;
@@ -98,7 +98,7 @@ class Integration {
   }
 
   void coast(double dt) {
-    Step step;
+    Propagation step;
     step.dt = dt;
     step.turn = -motion_.gyro_bias;
     step.force.setZero();
@@ -121,7 +121,7 @@ class Integration {
   }
 
  private:
-  void take(Step step, bool imu) {
+  void take(Propagation step, bool imu) {
     const int parts = std::max(1, static_cast<int>(std::ceil(step.dt / kLongestStep_s)));
     step.dt /= parts;
     for (int i = 0; i < parts; ++i) {

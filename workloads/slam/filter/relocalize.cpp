@@ -196,7 +196,7 @@ namespace {
 
 /// All that may be known again: landmarks, the run's own points, and those of a map that was found.
 struct KnownPlaces {
-  std::vector<Place> places;
+  std::vector<KnownPlace> places;
   std::vector<std::size_t> known;  ///< Indices of those that come last.
   std::size_t landmarks = 0, own = 0;
 

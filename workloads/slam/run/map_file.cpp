@@ -5,7 +5,6 @@
 #include <Eigen/Cholesky>
 #include <charconv>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
@@ -98,8 +97,8 @@ std::shared_ptr<const std::vector<MapPoint>> load_map(const std::filesystem::pat
                     "--save-slam-map",
                     file.string(), why));
   };
-  const Json map = parse_json_or_discard(read_file(file));
-  if (map.is_discarded() || !map.is_object()) refuse("it is no JSON object");
+  const Json map = try_parse_json(read_file(file)).value_or(Json());
+  if (!map.is_object()) refuse("it is no JSON object");
   if (!map.contains("kind") || map["kind"] != kKind) refuse("its kind is not pirt_slam_map");
   if (!map.contains("schema_version") || map["schema_version"] != kVersion) {
     refuse(fmt::format("its schema_version is not {}", kVersion));

@@ -10,7 +10,7 @@ namespace {
 constexpr int kMostBits = 50;    // that differ between two views of a place, anywhere
 constexpr double kApart = 0.05;  // of the distance at which a point was seen: another place
 
-bool same_place(const Place& a, const Place& b) {
+bool same_place(const KnownPlace& a, const KnownPlace& b) {
   const double seen_at = (*a.position - *a.seen_from).norm();
   return (*a.position - *b.position).norm() < kApart * seen_at;
 }
@@ -30,7 +30,7 @@ struct Nearest {
     entries[at] = {bits, place};
   }
   /// Of the first that is elsewhere; where all are the same place, of the last of them.
-  [[nodiscard]] int second(std::span<const Place> places) const {
+  [[nodiscard]] int second(std::span<const KnownPlace> places) const {
     for (std::size_t i = 1; i < entries.size(); ++i) {
       if (entries[i].bits > 256) break;
       if (!same_place(places[entries[0].place], places[entries[i].place])) return entries[i].bits;
@@ -41,7 +41,7 @@ struct Nearest {
 
 }  // namespace
 
-std::vector<PlaceMatch> match_places(const Features& features, std::span<const Place> places,
+std::vector<PlaceMatch> match_places(const Features& features, std::span<const KnownPlace> places,
                                      std::size_t most) {
   struct Seen {
     int bits;

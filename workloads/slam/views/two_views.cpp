@@ -40,7 +40,7 @@ Eigen::Vector3d vector_of_column(const cv::Mat& m) {
 }
 
 /// x_second ~ rotation * x_first + (something) * direction.
-struct Motion {
+struct RelativeMotion {
   Eigen::Matrix3d rotation;
   Eigen::Vector3d direction;  ///< Of length 1; its sign does not matter here.
 };
@@ -55,11 +55,11 @@ double sampson(const Eigen::Matrix3d& essential, const RayPair& pair) {
   return square > 0 ? b.dot(line) / std::sqrt(square) : 0.0;
 }
 
-Eigen::Matrix3d essential_of(const Motion& motion) {
+Eigen::Matrix3d essential_of(const RelativeMotion& motion) {
   return cross_matrix(motion.direction) * motion.rotation;
 }
 
-Eigen::VectorXd residuals_of(const Motion& motion, std::span<const RayPair> pairs) {
+Eigen::VectorXd residuals_of(const RelativeMotion& motion, std::span<const RayPair> pairs) {
   const Eigen::Matrix3d essential = essential_of(motion);
   Eigen::VectorXd residuals(std::ssize(pairs));
   for (Eigen::Index i = 0; i < residuals.size(); ++i) {
@@ -69,7 +69,7 @@ Eigen::VectorXd residuals_of(const Motion& motion, std::span<const RayPair> pair
 }
 
 /// Moves by a rotation (3) and along the sphere of directions (2).
-Motion moved(const Motion& motion, const Eigen::Matrix<double, 5, 1>& by) {
+RelativeMotion moved(const RelativeMotion& motion, const Eigen::Matrix<double, 5, 1>& by) {
   const Eigen::Vector3d u = motion.direction.unitOrthogonal();
   const Eigen::Vector3d v = motion.direction.cross(u);
   return {nearest_rotation(rotation_of(by.head<3>()) * motion.rotation),
@@ -86,7 +86,7 @@ double spread_of(const Eigen::VectorXd& residuals) {
 }
 
 /// Gauss-Newton; @p motion becomes the best one, @p pairs are its inliers.
-Turn refined(Motion& motion, std::span<const RayPair> pairs) {
+Turn refined(RelativeMotion& motion, std::span<const RayPair> pairs) {
   constexpr int kSteps = 6;
   constexpr double kLeastSigma = 1e-6;  // of points without noise
   constexpr double kStep = 1e-6;        // of differences, radians
@@ -120,7 +120,7 @@ Turn refined(Motion& motion, std::span<const RayPair> pairs) {
   return turn;
 }
 
-std::vector<RayPair> inliers_of(const Motion& motion, std::span<const RayPair> pairs,
+std::vector<RayPair> inliers_of(const RelativeMotion& motion, std::span<const RayPair> pairs,
                                 double most_miss) {
   const Eigen::Matrix3d essential = essential_of(motion);
   std::vector<RayPair> inliers;
@@ -154,7 +154,7 @@ std::optional<Pose> two_views(std::span<const RayPair> pairs, double most_miss) 
 std::optional<Turn> turn_of(std::span<const RayPair> pairs, double most_miss) {
   if (pairs.size() < kLeastPoints) return std::nullopt;
   const Points points = points_of(pairs);
-  Motion motion;
+  RelativeMotion motion;
   try {
     const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
     const cv::Mat essential = cv::findEssentialMat(points.first, points.second, identity,

@@ -79,7 +79,7 @@ std::vector<ImuSample> Recording::samples(int frame) const {
     };
     ImuSample sample;
     sample.time = from_s(index / imu.rate_hz);
-    const Motion motion = path_.at(to_s(sample.time));
+    const BodyMotion motion = path_.at(to_s(sample.time));
     sample.gyro_rad_s = motion.turn_rad_s + imu.gyro_noise * sigma * random();
     sample.accel_m_s2 = motion.body.rotation.transpose() * (motion.acceleration_m_s2 - gravity) +
                         imu.accel_noise * sigma * random();

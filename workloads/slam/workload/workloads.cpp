@@ -231,7 +231,7 @@ Verdict judge_landmarks(std::span<const PlayedFrame> sequence) {
 // --------------------------------------------------------------------------------------- workloads
 
 struct Functions {
-  decltype(Step::run) run;
+  decltype(FilterStep::run) run;
   // Of the catalog's own robot.
   Data (*data)(const DataRequest&);
   State Moment::*state;
@@ -258,7 +258,7 @@ Data no_data(const std::vector<TensorSpec>& inputs) {
 
 /// All but where the state begins.
 void complete(Workload& w, const Setup& setup, const Functions& each) {
-  auto step = std::make_shared<Step>();
+  auto step = std::make_shared<FilterStep>();
   step->setup = setup;
   step->run = each.run;
   w.operation = step;

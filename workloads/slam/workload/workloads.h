@@ -12,7 +12,7 @@
 namespace pirt::slam {
 
 /// One of the steps.
-struct Step : Operation {
+struct FilterStep : Operation {
   Setup setup;
   /// Advances the state by the call's inputs.
   /// @param outputs  As the workload's, but f64 where those are f32; rows of lists are set.

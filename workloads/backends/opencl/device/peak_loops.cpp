@@ -21,20 +21,20 @@ constexpr std::int32_t kIterations = 16'384;
 
 /// Reads back what the items left.
 template <typename T>
-std::vector<T> read_back(const Session& session, const cl::Buffer& buffer, std::size_t count) {
+std::vector<T> read_back(const DeviceSession& session, const cl::Buffer& buffer, std::size_t count) {
   std::vector<T> values(count);
   session.queue.enqueueReadBuffer(buffer, CL_TRUE, 0, count * sizeof(T), values.data());
   return values;
 }
 
-std::string shape_text(std::size_t items, const Session& session) {
+std::string shape_text(std::size_t items, const DeviceSession& session) {
   return fmt::format("{} work items in groups of {}", items, session.local_x);
 }
 
 /// Chains of multiply-adds: kernels chains1 to chains16.
 class ChainPeak final : public PeakLoop {
  public:
-  ChainPeak(Session session, const cl::Program& program, int width, std::size_t items)
+  ChainPeak(DeviceSession session, const cl::Program& program, int width, std::size_t items)
       : session_(std::move(session)),
         kernel_(program, fmt::format("chains{}", width).c_str()),
         width_(width),
@@ -111,7 +111,7 @@ class ChainPeak final : public PeakLoop {
     return true;
   }
 
-  Session session_;
+  DeviceSession session_;
   cl::Kernel kernel_;
   cl::Buffer starts_, sums_;
   int width_;
@@ -123,7 +123,7 @@ struct Words {
   std::vector<std::uint32_t> host;
   cl::Buffer device;
 
-  Words(const Session& session, std::size_t size_bytes) : host(size_bytes / 4) {
+  Words(const DeviceSession& session, std::size_t size_bytes) : host(size_bytes / 4) {
     peak_math::fill_words(host, 1);
     device = cl::Buffer(session.context, CL_MEM_READ_ONLY | CL_MEM_COPY_HOST_PTR, size_bytes,
                         host.data());
@@ -149,7 +149,7 @@ class ReadPeak final : public PeakLoop {
 
   /// @param items  Divides the number of lines (64 bytes) into stretches of a multiple of four
   /// lines.
-  ReadPeak(Session session, const cl::Program& program, PeakKind kind, Order order,
+  ReadPeak(DeviceSession session, const cl::Program& program, PeakKind kind, Order order,
            std::shared_ptr<const Words> words, std::size_t items, int passes)
       : session_(std::move(session)),
         kernel_(program, kernel_of(order)),
@@ -235,7 +235,7 @@ class ReadPeak final : public PeakLoop {
     return order_ == Order::kEachAll ? static_cast<int>(items_) : 1;
   }
 
-  Session session_;
+  DeviceSession session_;
   cl::Kernel kernel_;
   PeakKind kind_;
   Order order_;
@@ -253,7 +253,7 @@ struct Shape {
   std::int64_t memory_bytes = 0;            ///< That one buffer may have.
 };
 
-Shape shape_of(const Session& session) {
+Shape shape_of(const DeviceSession& session) {
   Shape shape;
   shape.units = session.device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>();
   shape.cache_bytes = cache_bytes(session.device, session.is_cpu);
@@ -268,7 +268,7 @@ Shape shape_of(const Session& session) {
   return shape;
 }
 
-void add_chains(const Session& session, const cl::Program& program, const Shape& shape,
+void add_chains(const DeviceSession& session, const cl::Program& program, const Shape& shape,
                 PeakLoops& all) {
   // A core's vector is a work item's, a GPU's is made of work items.
   const std::array<int, 3> widths = session.is_cpu ? std::array{4, 8, 16} : std::array{1, 4, 8};
@@ -284,7 +284,7 @@ void add_chains(const Session& session, const cl::Program& program, const Shape&
 
 /// @param wished_bytes  The size is the power of two below it: whatever the number of items (one,
 /// too), all read alike.
-void add_reads(const Session& session, const cl::Program& program, PeakKind kind,
+void add_reads(const DeviceSession& session, const cl::Program& program, PeakKind kind,
                std::int64_t wished_bytes, const Shape& shape, PeakLoops& all) {
   const auto size_bytes = std::bit_floor(static_cast<std::size_t>(wished_bytes));
   const auto words = std::make_shared<const Words>(session, size_bytes);
@@ -310,7 +310,7 @@ void add_reads(const Session& session, const cl::Program& program, PeakKind kind
   }
 }
 
-void add_l2_reads(const Session& session, const cl::Program& program, const Shape& shape,
+void add_l2_reads(const DeviceSession& session, const cl::Program& program, const Shape& shape,
                   PeakLoops& all) {
   if (shape.l2_bytes) {
     add_reads(session, program, PeakKind::kBandwidthL2, *shape.l2_bytes / 2, shape, all);
@@ -318,7 +318,7 @@ void add_l2_reads(const Session& session, const cl::Program& program, const Shap
 }
 
 /// Four times all caches of the last level, at least 64 MB.
-void add_memory_reads(const Session& session, const cl::Program& program, const Shape& shape,
+void add_memory_reads(const DeviceSession& session, const cl::Program& program, const Shape& shape,
                       PeakLoops& all) {
   constexpr std::int64_t kLeast = std::int64_t{64} << 20;
   const std::int64_t wished = std::max(4 * shape.cache_bytes.value_or(0), kLeast);
@@ -330,7 +330,7 @@ void add_memory_reads(const Session& session, const cl::Program& program, const 
 }
 
 /// The session with groups that each kernel of the program takes.
-Session with_groups_that_fit(Session session, cl::Program& program) {
+DeviceSession with_groups_that_fit(DeviceSession session, cl::Program& program) {
   std::vector<cl::Kernel> kernels;
   program.createKernels(&kernels);
   for (const cl::Kernel& kernel : kernels) {
@@ -351,10 +351,10 @@ std::optional<std::int64_t> cache_bytes(const cl::Device& device, bool is_cpu) {
   return size == 0 ? std::nullopt : std::optional(static_cast<std::int64_t>(size));
 }
 
-PeakLoops make_peak_loops(const Session& opened) {
+PeakLoops make_peak_loops(const DeviceSession& opened) {
   const auto source = find_embedded(opencl_files::files(), "peaks.cl");
   cl::Program program = build_program(opened, "peaks.cl", source.value());
-  const Session session = with_groups_that_fit(opened, program);
+  const DeviceSession session = with_groups_that_fit(opened, program);
   const Shape shape = shape_of(session);
   PeakLoops all;
   all.unavailable = {

@@ -11,6 +11,6 @@ namespace pirt::opencl {
 
 /// @param session  Is copied into the loops.
 /// @throws Error{kEnvironment} or cl::Error if the device cannot.
-[[nodiscard]] PeakLoops make_peak_loops(const Session& session);
+[[nodiscard]] PeakLoops make_peak_loops(const DeviceSession& session);
 
 }  // namespace pirt::opencl

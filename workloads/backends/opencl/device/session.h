@@ -10,7 +10,7 @@
 namespace pirt::opencl {
 
 /// Handles that count their references: a copy keeps the device's objects alive.
-struct Session {
+struct DeviceSession {
   cl::Device device;
   cl::Context context;
   cl::CommandQueue queue;  ///< In order, with profiling.
@@ -34,7 +34,7 @@ struct Session {
 /// definitions (definitions_of) and the embedded .cl files that it includes.
 /// @param name  Of the source: "dnn.cl".
 /// @throws Error{kEnvironment} with the first lines of the build log if it does not build.
-[[nodiscard]] cl::Program build_program(const Session& session, std::string_view name,
+[[nodiscard]] cl::Program build_program(const DeviceSession& session, std::string_view name,
                                         std::string_view source);
 
 }  // namespace pirt::opencl

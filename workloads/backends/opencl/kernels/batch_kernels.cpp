@@ -11,7 +11,7 @@ constexpr int kImagesPerBlock = 6;   // IMAGES of dnn_batch.cl.
 
 }  // namespace
 
-void append_softmax(PlanBuilder& builder, const Resident& values, int count, int images) {
+void append_softmax(PlanBuilder& builder, const DeviceTensor& values, int count, int images) {
   constexpr LocalNeed kNeed{.per_item = sizeof(float)};
   const std::size_t items = builder.group_items("dnn.cl", "softmax", kNeed);
   // One work group an image: the extent is rounded up to it.
@@ -20,8 +20,8 @@ void append_softmax(PlanBuilder& builder, const Resident& values, int count, int
 }
 
 void append_fully_connected_batch(PlanBuilder& builder, const Workload& workload,
-                                  std::span<const Tensor> parameters, const Resident& in,
-                                  const Resident& out) {
+                                  std::span<const Tensor> parameters, const DeviceTensor& in,
+                                  const DeviceTensor& out) {
   const auto& op = operation_as<dnn::FullyConnected>(workload);
   const auto weights = interleave_channels(parameters[0].as<float>(), op.out, kOutputsPerItem);
   const auto bias = interleave_channels(parameters[1].as<float>(), op.out, kOutputsPerItem);

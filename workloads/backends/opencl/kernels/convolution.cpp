@@ -21,7 +21,7 @@ cl::Buffer packed(PlanBuilder& builder, std::span<const float> values, int out_c
 }
 
 /// Where the pixel of each term of a sum is, from the first one of an output's window.
-std::vector<cl_int> term_offsets(const dnn::ConvShape& s, const Resident& in) {
+std::vector<cl_int> term_offsets(const dnn::ConvShape& s, const DeviceTensor& in) {
   std::vector<cl_int> offsets;
   for (int c = 0; c < s.in_c; ++c) {
     for (int y = 0; y < s.k_h; ++y) {
@@ -32,7 +32,7 @@ std::vector<cl_int> term_offsets(const dnn::ConvShape& s, const Resident& in) {
 }
 
 void append_tiles(PlanBuilder& builder, const ConvTile& tile, const Convolution& convolution,
-                  const Resident& in, const Resident& out) {
+                  const DeviceTensor& in, const DeviceTensor& out) {
   const dnn::ConvShape& s = convolution.shape;
   const auto offsets = term_offsets(s, in);
   builder.step(
@@ -50,8 +50,8 @@ void append_tiles(PlanBuilder& builder, const ConvTile& tile, const Convolution&
 
 }  // namespace
 
-void append_convolution(PlanBuilder& builder, const Convolution& convolution, const Resident& in,
-                        const Resident& out) {
+void append_convolution(PlanBuilder& builder, const Convolution& convolution, const DeviceTensor& in,
+                        const DeviceTensor& out) {
   if (!builder.session().is_cpu) {
     if (const ConvTile tile(builder); tile.fits()) {
       append_tiles(builder, tile, convolution, in, out);

@@ -17,7 +17,7 @@ namespace {
 
 class DetectObjectsKernel final : public Kernel {
  public:
-  DetectObjectsKernel(Session session, std::string workload, Plan plan)
+  DetectObjectsKernel(DeviceSession session, std::string workload, Plan plan)
       : session_(std::move(session)),
         workload_(std::move(workload)),
         plan_(std::move(plan)),
@@ -54,7 +54,7 @@ class DetectObjectsKernel final : public Kernel {
   }
 
  private:
-  Session session_;
+  DeviceSession session_;
   std::string workload_;
   Plan plan_;
   recognition::GeneratedNetwork detector_ = recognition::generated_detector();
@@ -81,21 +81,21 @@ TensorSpec maps(int channels, int height, int width) {
 
 }  // namespace
 
-std::unique_ptr<Kernel> make_detect_objects(const Session& session, const Workload& workload,
+std::unique_ptr<Kernel> make_detect_objects(const DeviceSession& session, const Workload& workload,
                                             std::span<const Tensor> parameters) {
   const auto detector = recognition::generated_detector();
   const auto layers = recognition::layers_of(detector);
   PlanBuilder builder(session);
-  const Resident picture =
+  const DeviceTensor picture =
       builder.resident(maps(layers[0].inputs, detector.height, detector.width), layers[0].size / 2);
   auto weights = parameters[0].as<float>();
-  Resident in = picture;
+  DeviceTensor in = picture;
   int height = detector.height, width = detector.width;
   for (std::size_t i = 0; i < layers.size(); ++i) {
     const bool is_last = i + 1 == layers.size();
     const dnn::ConvShape shape = shape_of(layers[i], height, width);
     height = shape.out_h(), width = shape.out_w();
-    const Resident out =
+    const DeviceTensor out =
         builder.resident(maps(shape.out_c, height, width), is_last ? 0 : layers[i + 1].size / 2);
     const auto all = weights.first(recognition::weight_count(layers[i]));
     weights = weights.subspan(all.size());

@@ -21,8 +21,8 @@ int conv2d_relu_pad(const Workload& workload) {
 }
 
 void append_conv2d_relu(PlanBuilder& builder, const Workload& workload,
-                        std::span<const Tensor> parameters, std::span<const Resident> inputs,
-                        std::span<const Resident> outputs) {
+                        std::span<const Tensor> parameters, std::span<const DeviceTensor> inputs,
+                        std::span<const DeviceTensor> outputs) {
   append_convolution(builder,
                      {.shape = operation_as<dnn::Conv2dRelu>(workload).shape,
                       .weights = parameters[0].as<float>(),
@@ -32,9 +32,9 @@ void append_conv2d_relu(PlanBuilder& builder, const Workload& workload,
 }
 
 void append_max_pool(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
-                     std::span<const Resident> inputs, std::span<const Resident> outputs) {
+                     std::span<const DeviceTensor> inputs, std::span<const DeviceTensor> outputs) {
   const auto& op = operation_as<dnn::MaxPool>(workload);
-  const Resident& out = outputs[0];
+  const DeviceTensor& out = outputs[0];
   builder.step(kSource, "max_pool",
                {op.out_w(), std::int64_t{workload.batch} * op.channels * op.out_h()}, inputs[0],
                out, op.in_h, op.in_w, op.size, op.stride, op.out_h(), op.out_w(), out.plane(),
@@ -42,8 +42,8 @@ void append_max_pool(PlanBuilder& builder, const Workload& workload, std::span<c
 }
 
 void append_fully_connected(PlanBuilder& builder, const Workload& workload,
-                            std::span<const Tensor> parameters, std::span<const Resident> inputs,
-                            std::span<const Resident> outputs) {
+                            std::span<const Tensor> parameters, std::span<const DeviceTensor> inputs,
+                            std::span<const DeviceTensor> outputs) {
   const auto& op = operation_as<dnn::FullyConnected>(workload);
   if (workload.batch > 1) {
     append_fully_connected_batch(builder, workload, parameters, inputs[0], outputs[0]);
@@ -71,7 +71,7 @@ void append_fully_connected(PlanBuilder& builder, const Workload& workload,
 }
 
 int first_input_pad(const Workload& layer) {
-  const KernelEntry& entry = find_kernel(layer.kernel);
+  const OpenclKernelEntry& entry = find_kernel(layer.kernel);
   return entry.input_pad != nullptr ? entry.input_pad(layer) : 0;
 }
 
@@ -80,15 +80,15 @@ int sequence_pad(const Workload& workload) {
 }
 
 void append_sequence(PlanBuilder& builder, const Workload& workload,
-                     std::span<const Tensor> parameters, std::span<const Resident> inputs,
-                     std::span<const Resident> outputs) {
+                     std::span<const Tensor> parameters, std::span<const DeviceTensor> inputs,
+                     std::span<const DeviceTensor> outputs) {
   const auto& layers = operation_as<dnn::Sequence>(workload).layers;
-  Resident previous = inputs[0];
+  DeviceTensor previous = inputs[0];
   for (std::size_t i = 0; i < layers.size(); ++i) {
     const Workload& layer = layers[i];
     // Each layer writes straight into the border that the next one wants.
     const bool last = i + 1 == layers.size();
-    const Resident next =
+    const DeviceTensor next =
         last ? outputs[0] : builder.resident(layer.outputs[0], first_input_pad(layers[i + 1]));
     find_kernel(layer.kernel)
         .append(builder, layer, parameters.first(layer.parameters.size()), std::span(&previous, 1),
@@ -101,16 +101,16 @@ void append_sequence(PlanBuilder& builder, const Workload& workload,
 }
 
 constexpr std::array kKernels = {
-    KernelEntry{
+    OpenclKernelEntry{
         .kernel = "conv2d_relu", .append = append_conv2d_relu, .input_pad = conv2d_relu_pad},
-    KernelEntry{.kernel = "max_pool", .append = append_max_pool},
-    KernelEntry{.kernel = "fully_connected", .append = append_fully_connected},
-    KernelEntry{.kernel = "detect_objects", .make = make_detect_objects},
-    KernelEntry{.kernel = "sequence", .append = append_sequence, .input_pad = sequence_pad},
+    OpenclKernelEntry{.kernel = "max_pool", .append = append_max_pool},
+    OpenclKernelEntry{.kernel = "fully_connected", .append = append_fully_connected},
+    OpenclKernelEntry{.kernel = "detect_objects", .make = make_detect_objects},
+    OpenclKernelEntry{.kernel = "sequence", .append = append_sequence, .input_pad = sequence_pad},
 };
 
 }  // namespace
 
-std::span<const KernelEntry> dnn_kernels() { return kKernels; }
+std::span<const OpenclKernelEntry> dnn_kernels() { return kKernels; }
 
 }  // namespace pirt::opencl

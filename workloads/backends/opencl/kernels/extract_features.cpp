@@ -25,7 +25,7 @@ struct FeatureBuffers {
 class ExtractFeaturesKernel final : public PlanKernel {
  public:
   /// @param find  Ends with the candidates. @param describe  Begins with the selected.
-  ExtractFeaturesKernel(Session session, const Workload& workload, Plan find, Plan describe,
+  ExtractFeaturesKernel(DeviceSession session, const Workload& workload, Plan find, Plan describe,
                         FeatureBuffers buffers)
       : PlanKernel(std::move(session), workload.name, std::move(find)),
         operation_(operation_as<Op>(workload)),
@@ -72,7 +72,7 @@ class ExtractFeaturesKernel final : public PlanKernel {
   void hand_over(const std::vector<slam::FastCorner>& best) {
     const cl::CommandQueue& queue = session().queue;
     const auto rows = static_cast<cl_int>(best.size());
-    for (const Resident& output : plan().outputs) {
+    for (const DeviceTensor& output : plan().outputs) {
       queue.enqueueWriteBuffer(output.rows, CL_TRUE, 0, sizeof(rows), &rows);
     }
     if (best.empty()) return;
@@ -97,7 +97,7 @@ class ExtractFeaturesKernel final : public PlanKernel {
 
 }  // namespace
 
-std::unique_ptr<Kernel> make_extract_features(const Session& session, const Workload& workload,
+std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session, const Workload& workload,
                                               std::span<const Tensor> /*parameters*/) {
   static_assert(slam::kFeatureRim == 20 && slam::kFeatureScoreHalf == 3 &&
                     slam::kFeatureWindowHalf == 7 && slam::kFeatureRefineSteps == 3 &&
@@ -107,10 +107,10 @@ std::unique_ptr<Kernel> make_extract_features(const Session& session, const Work
   const auto& op = operation_as<Op>(workload);
   const std::int64_t area = std::int64_t{op.width} * op.height;
   PlanBuilder builder(session);
-  const Resident image = builder.resident(workload.inputs[0]);
-  const Resident pixels = builder.resident(workload.outputs[0]);
-  const Resident scores = builder.resident(workload.outputs[1]);
-  const Resident descriptors = builder.resident(workload.outputs[2]);
+  const DeviceTensor image = builder.resident(workload.inputs[0]);
+  const DeviceTensor pixels = builder.resident(workload.outputs[0]);
+  const DeviceTensor scores = builder.resident(workload.outputs[1]);
+  const DeviceTensor descriptors = builder.resident(workload.outputs[2]);
   const cl::Buffer contrast = builder.scratch(area);
   const cl::Buffer rows = builder.scratch(area * std::int64_t{sizeof(cl_ushort)});
   const FeatureBuffers buffers{

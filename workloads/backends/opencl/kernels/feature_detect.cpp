@@ -22,7 +22,7 @@ struct CandidateBuffers {
 
 class FeatureDetectKernel final : public PlanKernel {
  public:
-  FeatureDetectKernel(Session session, const Workload& workload, Plan plan,
+  FeatureDetectKernel(DeviceSession session, const Workload& workload, Plan plan,
                       CandidateBuffers buffers)
       : PlanKernel(std::move(session), workload.name, std::move(plan)),
         operation_(operation_as<vision::FeatureDetect>(workload)),
@@ -74,14 +74,14 @@ class FeatureDetectKernel final : public PlanKernel {
 
 }  // namespace
 
-std::unique_ptr<Kernel> make_feature_detect(const Session& session, const Workload& workload,
+std::unique_ptr<Kernel> make_feature_detect(const DeviceSession& session, const Workload& workload,
                                             std::span<const Tensor> /*parameters*/) {
   using vision::FeatureDetect;
   static_assert(FeatureDetect::kBlock == 3, "features.cl sums 3x3 blocks");
   const auto& op = operation_as<FeatureDetect>(workload);
   const std::int64_t area = std::int64_t{op.width} * op.height;
   PlanBuilder builder(session);
-  const Resident image = builder.resident(workload.inputs[0]);
+  const DeviceTensor image = builder.resident(workload.inputs[0]);
   const cl::Buffer gx = builder.scratch(area * std::int64_t{sizeof(cl_short)});
   const cl::Buffer gy = builder.scratch(area * std::int64_t{sizeof(cl_short)});
   const cl::Buffer response = builder.scratch(area * std::int64_t{sizeof(cl_float)});

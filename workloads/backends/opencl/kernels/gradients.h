@@ -9,6 +9,6 @@ namespace pirt::opencl {
 /// Appends the launch that computes them as make_sobel defines.
 /// @param gx, gy  i16 [height,width].
 void append_gradients(PlanBuilder& builder, const vision::ImageOperation& operation,
-                      const Resident& image, const cl::Buffer& gx, const cl::Buffer& gy);
+                      const DeviceTensor& image, const cl::Buffer& gx, const cl::Buffer& gy);
 
 }  // namespace pirt::opencl

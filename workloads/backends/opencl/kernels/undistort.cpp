@@ -63,7 +63,7 @@ Tables tables_of(const vision::Undistort& op, int pixels) {
 }  // namespace
 
 void append_undistort(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
-                      std::span<const Resident> inputs, std::span<const Resident> outputs) {
+                      std::span<const DeviceTensor> inputs, std::span<const DeviceTensor> outputs) {
   const auto& op = operation_as<vision::Undistort>(workload);
   const int pixels = builder.session().value(Parameter::kUndistortPixels);
   const Tables tables = tables_of(op, pixels);

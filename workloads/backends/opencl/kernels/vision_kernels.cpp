@@ -24,7 +24,7 @@ Strips strips_of(const PlanBuilder& builder, Parameter rows, const vision::Image
 }
 
 void append_gaussian_blur(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
-                          std::span<const Resident> inputs, std::span<const Resident> outputs) {
+                          std::span<const DeviceTensor> inputs, std::span<const DeviceTensor> outputs) {
   const auto& op = operation_as<vision::GaussianBlur>(workload);
   if (!builder.session().is_cpu) {
     const auto tiles = tiles_of(builder, "gaussian_blur_tile", Parameter::kBlurStripRows, 2, op);
@@ -38,8 +38,8 @@ void append_gaussian_blur(PlanBuilder& builder, const Workload& workload, std::s
 }
 
 void append_filter7x7(PlanBuilder& builder, const Workload& workload,
-                      std::span<const Tensor> parameters, std::span<const Resident> inputs,
-                      std::span<const Resident> outputs) {
+                      std::span<const Tensor> parameters, std::span<const DeviceTensor> inputs,
+                      std::span<const DeviceTensor> outputs) {
   static_assert(vision::Filter7x7::kSize == 7, "vision.cl has it as a constant");
   const auto& op = operation_as<vision::Filter7x7>(workload);
   std::vector<float> weights;
@@ -59,13 +59,13 @@ void append_filter7x7(PlanBuilder& builder, const Workload& workload,
 }
 
 void append_sobel(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
-                  std::span<const Resident> inputs, std::span<const Resident> outputs) {
+                  std::span<const DeviceTensor> inputs, std::span<const DeviceTensor> outputs) {
   append_gradients(builder, operation_as<vision::Sobel>(workload), inputs[0], outputs[0].buffer,
                    outputs[1].buffer);
 }
 
 void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
-                         std::span<const Resident> inputs, std::span<const Resident> outputs) {
+                         std::span<const DeviceTensor> inputs, std::span<const DeviceTensor> outputs) {
   static_assert(vision::OpticalFlow::kWindow == 52, "flow.cl has it as a constant");
   constexpr int kSums = 5;  // xx, xy, yy, xt, yt
   constexpr int kColumnsPerItem = 8;
@@ -86,8 +86,8 @@ void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::sp
 }
 
 void append_background_model(PlanBuilder& builder, const Workload& workload,
-                             std::span<const Tensor>, std::span<const Resident> inputs,
-                             std::span<const Resident> outputs) {
+                             std::span<const Tensor>, std::span<const DeviceTensor> inputs,
+                             std::span<const DeviceTensor> outputs) {
   static_assert(
       vision::BackgroundModel::kThreshold == 24 && vision::BackgroundModel::kMaxShift == 4,
       "background.cl has them as constants");
@@ -100,14 +100,14 @@ void append_background_model(PlanBuilder& builder, const Workload& workload,
 }
 
 void append_track_features(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
-                           std::span<const Resident> inputs, std::span<const Resident> outputs) {
+                           std::span<const DeviceTensor> inputs, std::span<const DeviceTensor> outputs) {
   using Op = vision::TrackFeatures;
   static_assert(
       Op::kLevels == 3 && Op::kIterations == 8 && Op::kRadius == 7 && Op::kLeastEigenvalue == 1.0,
       "track.cl has them as constants");
   const auto& op = operation_as<Op>(workload);
   const auto levels = op.levels();
-  const auto pyramid = [&](const Resident& image) {
+  const auto pyramid = [&](const DeviceTensor& image) {
     std::array<cl::Buffer, Op::kLevels> all = {image.buffer};
     for (std::size_t i = 1; i < levels.size(); ++i) {
       const auto& [width, height] = levels[i];
@@ -125,20 +125,20 @@ void append_track_features(PlanBuilder& builder, const Workload& workload, std::
 }
 
 constexpr std::array kKernels = {
-    KernelEntry{.kernel = "gaussian_blur", .append = append_gaussian_blur},
-    KernelEntry{.kernel = "filter7x7", .append = append_filter7x7},
-    KernelEntry{.kernel = "sobel", .append = append_sobel},
-    KernelEntry{.kernel = "undistort", .append = append_undistort},
-    KernelEntry{.kernel = "feature_detect", .make = make_feature_detect},
-    KernelEntry{.kernel = "optical_flow", .append = append_optical_flow},
-    KernelEntry{.kernel = "extract_features", .make = make_extract_features},
-    KernelEntry{.kernel = "track_features", .append = append_track_features},
-    KernelEntry{.kernel = "background_model", .append = append_background_model},
+    OpenclKernelEntry{.kernel = "gaussian_blur", .append = append_gaussian_blur},
+    OpenclKernelEntry{.kernel = "filter7x7", .append = append_filter7x7},
+    OpenclKernelEntry{.kernel = "sobel", .append = append_sobel},
+    OpenclKernelEntry{.kernel = "undistort", .append = append_undistort},
+    OpenclKernelEntry{.kernel = "feature_detect", .make = make_feature_detect},
+    OpenclKernelEntry{.kernel = "optical_flow", .append = append_optical_flow},
+    OpenclKernelEntry{.kernel = "extract_features", .make = make_extract_features},
+    OpenclKernelEntry{.kernel = "track_features", .append = append_track_features},
+    OpenclKernelEntry{.kernel = "background_model", .append = append_background_model},
 };
 
 }  // namespace
 
-void append_gradients(PlanBuilder& builder, const vision::ImageOperation& op, const Resident& image,
+void append_gradients(PlanBuilder& builder, const vision::ImageOperation& op, const DeviceTensor& image,
                       const cl::Buffer& gx, const cl::Buffer& gy) {
   if (!builder.session().is_cpu) {
     const auto tiles = tiles_of(builder, "sobel_tile", Parameter::kSobelStripRows, 1, op);
@@ -151,6 +151,6 @@ void append_gradients(PlanBuilder& builder, const vision::ImageOperation& op, co
                strips.rows);
 }
 
-std::span<const KernelEntry> vision_kernels() { return kKernels; }
+std::span<const OpenclKernelEntry> vision_kernels() { return kKernels; }
 
 }  // namespace pirt::opencl

@@ -16,17 +16,17 @@ namespace {
 
 constexpr std::array kFamilies = {vision_kernels, dnn_kernels};
 
-const KernelEntry* try_find_kernel(std::string_view kernel) {
+const OpenclKernelEntry* try_find_kernel(std::string_view kernel) {
   for (const auto family : kFamilies) {
     const auto entries = family();
-    const auto it = std::ranges::find(entries, kernel, &KernelEntry::kernel);
+    const auto it = std::ranges::find(entries, kernel, &OpenclKernelEntry::kernel);
     if (it != entries.end()) return &*it;
   }
   return nullptr;
 }
 
 /// The host's tensors have no borders, and a part on the host has no buffer.
-Support supports_mapping(const Workload& workload, const KernelEntry& entry) {
+Support supports_mapping(const Workload& workload, const OpenclKernelEntry& entry) {
   if (entry.append == nullptr) {
     return {.ok = false, .reason = "a part of it runs on the host: nothing to map"};
   }
@@ -39,20 +39,20 @@ Support supports_mapping(const Workload& workload, const KernelEntry& entry) {
 
 }  // namespace
 
-const KernelEntry& find_kernel(std::string_view kernel) {
-  if (const KernelEntry* entry = try_find_kernel(kernel)) return *entry;
+const OpenclKernelEntry& find_kernel(std::string_view kernel) {
+  if (const OpenclKernelEntry* entry = try_find_kernel(kernel)) return *entry;
   throw std::logic_error("opencl has no kernel \"" + std::string(kernel) + "\"");
 }
 
 Support support_of(const Workload& workload) {
-  const KernelEntry* entry = try_find_kernel(workload.kernel);
+  const OpenclKernelEntry* entry = try_find_kernel(workload.kernel);
   if (entry == nullptr) {
     if (workload.operation && !workload.operation->host_only().empty()) {
       return {.ok = false, .reason = std::string(workload.operation->host_only())};
     }
     std::vector<std::string> known;
     for (const auto family : kFamilies) {
-      for (const KernelEntry& each : family()) known.emplace_back(each.kernel);
+      for (const OpenclKernelEntry& each : family()) known.emplace_back(each.kernel);
     }
     return {.ok = false,
             .reason = fmt::format("opencl has no kernel \"{}\"; it has {}", workload.kernel,
@@ -60,7 +60,7 @@ Support support_of(const Workload& workload) {
   }
   if (const auto* chain = dynamic_cast<const dnn::Sequence*>(workload.operation.get())) {
     for (const Workload& layer : chain->layers) {
-      const KernelEntry* part = try_find_kernel(layer.kernel);
+      const OpenclKernelEntry* part = try_find_kernel(layer.kernel);
       if (part == nullptr || part->append == nullptr) {
         return {.ok = false,
                 .reason = fmt::format("opencl cannot run kernel \"{}\" (layer {}) in a sequence",
@@ -85,18 +85,18 @@ Support support_of(const Workload& workload, const cl::Device& device) {
   return support;
 }
 
-std::unique_ptr<Kernel> make_kernel(const Session& session, const Workload& workload,
+std::unique_ptr<Kernel> make_kernel(const DeviceSession& session, const Workload& workload,
                                     std::span<const Tensor> parameters) {
-  const KernelEntry& entry = find_kernel(workload.kernel);
+  const OpenclKernelEntry& entry = find_kernel(workload.kernel);
   if (entry.make != nullptr) return entry.make(session, workload, parameters);
 
   PlanBuilder builder(session);
-  std::vector<Resident> inputs;
+  std::vector<DeviceTensor> inputs;
   for (const TensorSpec& spec : workload.inputs) {
     const bool bordered = inputs.empty() && entry.input_pad != nullptr;
     inputs.push_back(builder.resident(spec, bordered ? entry.input_pad(workload) : 0));
   }
-  std::vector<Resident> outputs;
+  std::vector<DeviceTensor> outputs;
   for (const TensorSpec& spec : workload.outputs) outputs.push_back(builder.resident(spec));
   if (workload.state) builder.make_state(workload.state->tensors);
   entry.append(builder, workload, parameters, inputs, outputs);

@@ -13,13 +13,13 @@ namespace pirt::opencl {
 
 /// Appends the launches that compute a workload from @p inputs to @p outputs.
 using AppendSteps = void (*)(PlanBuilder& builder, const Workload& workload,
-                             std::span<const Tensor> parameters, std::span<const Resident> inputs,
-                             std::span<const Resident> outputs);
+                             std::span<const Tensor> parameters, std::span<const DeviceTensor> inputs,
+                             std::span<const DeviceTensor> outputs);
 /// For kernels with a part on the host.
-using MakeKernel = std::unique_ptr<Kernel> (*)(const Session& session, const Workload& workload,
+using MakeKernel = std::unique_ptr<Kernel> (*)(const DeviceSession& session, const Workload& workload,
                                                std::span<const Tensor> parameters);
 
-struct KernelEntry {
+struct OpenclKernelEntry {
   std::string_view kernel;       ///< Workload::kernel.
   AppendSteps append = nullptr;  ///< Either this (such kernels can be layers of a sequence)
   MakeKernel make = nullptr;     ///< or this.
@@ -28,30 +28,30 @@ struct KernelEntry {
 };
 
 /// @throws std::logic_error if there is none, of which support_of() warns.
-[[nodiscard]] const KernelEntry& find_kernel(std::string_view kernel);
+[[nodiscard]] const OpenclKernelEntry& find_kernel(std::string_view kernel);
 
 /// Whether there are kernels that compute the workload as its name says; on @p device too.
 [[nodiscard]] Support support_of(const Workload& workload);
 [[nodiscard]] Support support_of(const Workload& workload, const cl::Device& device);
 
 /// @throws Error{kEnvironment} or cl::Error if the device cannot.
-[[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Session& session, const Workload& workload,
+[[nodiscard]] std::unique_ptr<Kernel> make_kernel(const DeviceSession& session, const Workload& workload,
                                                   std::span<const Tensor> parameters);
 
 // The families, each in its own file.
-[[nodiscard]] std::span<const KernelEntry> vision_kernels();
-[[nodiscard]] std::span<const KernelEntry> dnn_kernels();
+[[nodiscard]] std::span<const OpenclKernelEntry> vision_kernels();
+[[nodiscard]] std::span<const OpenclKernelEntry> dnn_kernels();
 
 void append_undistort(PlanBuilder& builder, const Workload& workload,
-                      std::span<const Tensor> parameters, std::span<const Resident> inputs,
-                      std::span<const Resident> outputs);
-[[nodiscard]] std::unique_ptr<Kernel> make_feature_detect(const Session& session,
+                      std::span<const Tensor> parameters, std::span<const DeviceTensor> inputs,
+                      std::span<const DeviceTensor> outputs);
+[[nodiscard]] std::unique_ptr<Kernel> make_feature_detect(const DeviceSession& session,
                                                           const Workload& workload,
                                                           std::span<const Tensor> parameters);
-[[nodiscard]] std::unique_ptr<Kernel> make_detect_objects(const Session& session,
+[[nodiscard]] std::unique_ptr<Kernel> make_detect_objects(const DeviceSession& session,
                                                           const Workload& workload,
                                                           std::span<const Tensor> parameters);
-[[nodiscard]] std::unique_ptr<Kernel> make_extract_features(const Session& session,
+[[nodiscard]] std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
                                                             const Workload& workload,
                                                             std::span<const Tensor> parameters);
 

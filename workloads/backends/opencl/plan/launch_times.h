@@ -27,7 +27,7 @@ class LaunchSum {
 /// them alive.
 class LaunchTimes {
  public:
-  /// @param has_clock  Whether their stamps tell the time (Session::has_clock).
+  /// @param has_clock  Whether their stamps tell the time (DeviceSession::has_clock).
   explicit LaunchTimes(bool has_clock) : has_clock_(has_clock) {}
 
   /// @param event  Of the command enqueued last. Once 256 are alive it waits for the older half,

@@ -35,7 +35,15 @@ void MappedKernel::bind(std::span<const Tensor> inputs, std::span<Tensor> output
   });
 }
 
-void MappedKernel::share(Resident& resident, const std::byte* data, std::size_t size_bytes,
+/// A driver that works on memory of its own writes to the host's, or reads it, when it is unmapped.
+void MappedKernel::unbind() {
+  translated(fmt::format("letting go of the tensors of {}", workload_), [&] {
+    unmap_all();
+    shared_.clear();
+  });
+}
+
+void MappedKernel::share(DeviceTensor& resident, const std::byte* data, std::size_t size_bytes,
                          cl_mem_flags access, cl_map_flags flags) {
   // The device only reads inputs; OpenCL has no constant host pointer.
   Shared shared{.buffer = cl::Buffer(session_.context, access | CL_MEM_USE_HOST_PTR, size_bytes,

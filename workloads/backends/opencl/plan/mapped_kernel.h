@@ -18,12 +18,13 @@ namespace pirt::opencl {
 class MappedKernel final : public Kernel {
  public:
   /// @param plan  Its inputs and outputs have no border.
-  MappedKernel(Session session, std::string workload, Plan plan)
+  MappedKernel(DeviceSession session, std::string workload, Plan plan)
       : session_(std::move(session)), workload_(std::move(workload)), plan_(std::move(plan)) {}
   /// Takes back what the device holds: the tensors are the caller's again.
   ~MappedKernel() override;
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override;
+  void unbind() override;
   void upload() override;
   std::optional<Nanos> execute(int repeats) override;
   void download() override;
@@ -35,12 +36,12 @@ class MappedKernel final : public Kernel {
     cl_map_flags flags = 0;
     void* pointer = nullptr;  ///< Where it is mapped; null = the device has it.
   };
-  void share(Resident& resident, const std::byte* data, std::size_t size_bytes, cl_mem_flags access,
+  void share(DeviceTensor& resident, const std::byte* data, std::size_t size_bytes, cl_mem_flags access,
              cl_map_flags flags);
   void map_all();
   void unmap_all();
 
-  Session session_;
+  DeviceSession session_;
   std::string workload_;
   Plan plan_;
   std::vector<Shared> shared_;

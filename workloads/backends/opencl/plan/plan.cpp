@@ -21,7 +21,7 @@ struct Rectangle {
   std::size_t row_pitch, slice_pitch;
 };
 
-Rectangle rectangle(const Resident& resident) {
+Rectangle rectangle(const DeviceTensor& resident) {
   const std::size_t element = size_bytes(resident.spec.element);
   const auto pad = static_cast<std::size_t>(resident.pad);
   const auto& shape = resident.spec.shape;
@@ -34,7 +34,7 @@ Rectangle rectangle(const Resident& resident) {
 }
 
 /// The work items of a group of @p kernel: PlanBuilder::group_items.
-std::size_t fitting(const Session& session, const cl::Kernel& kernel, LocalNeed need,
+std::size_t fitting(const DeviceSession& session, const cl::Kernel& kernel, LocalNeed need,
                     std::size_t multiple) {
   const cl::Device& device = session.device;
   std::size_t most = kernel.getWorkGroupInfo<CL_KERNEL_WORK_GROUP_SIZE>(device);
@@ -52,19 +52,19 @@ std::size_t fitting(const Session& session, const cl::Kernel& kernel, LocalNeed 
 
 }  // namespace
 
-std::int32_t Resident::pitch() const {
+std::int32_t DeviceTensor::pitch() const {
   return static_cast<std::int32_t>(spec.shape.back()) + 2 * pad;
 }
 
-std::int32_t Resident::plane() const {
+std::int32_t DeviceTensor::plane() const {
   return (static_cast<std::int32_t>(spec.shape.end()[-2]) + 2 * pad) * pitch();
 }
 
-std::int64_t Resident::planes() const {
+std::int64_t DeviceTensor::planes() const {
   return spec.count() / (spec.shape.back() * spec.shape.end()[-2]);
 }
 
-void Plan::replace(Resident& resident, const cl::Buffer& with) {
+void Plan::replace(DeviceTensor& resident, const cl::Buffer& with) {
   auto* const old = resident.buffer();
   for (Use& use : uses) {
     if (use.buffer != old) continue;
@@ -92,8 +92,8 @@ void Plan::swap_state() {
   }
 }
 
-Resident PlanBuilder::resident(const TensorSpec& spec, int pad) {
-  Resident made{.buffer = {}, .spec = spec, .pad = pad};
+DeviceTensor PlanBuilder::resident(const TensorSpec& spec, int pad) {
+  DeviceTensor made{.buffer = {}, .spec = spec, .pad = pad};
   if (spec.varies) made.rows = zeroed(sizeof(cl_int));
   if (pad == 0) {
     made.buffer = scratch(spec.size_bytes());
@@ -140,7 +140,7 @@ cl::Buffer PlanBuilder::allocate(cl_mem_flags flags, std::size_t size_bytes) {
   return held_.emplace_back(session_.context, flags, size_bytes);
 }
 
-Plan PlanBuilder::finish(std::vector<Resident> inputs, std::vector<Resident> outputs) {
+Plan PlanBuilder::finish(std::vector<DeviceTensor> inputs, std::vector<DeviceTensor> outputs) {
   return {.inputs = std::move(inputs),
           .outputs = std::move(outputs),
           .steps = std::exchange(steps_, {}),
@@ -176,7 +176,7 @@ std::int64_t checked_count(std::int64_t count, std::int64_t most, const std::str
                   count, of, most));
 }
 
-void write(const Session& session, const Resident& to, const Tensor& from) {
+void write(const DeviceSession& session, const DeviceTensor& to, const Tensor& from) {
   const cl::CommandQueue& queue = session.queue;
   if (to.spec.varies) {
     const auto rows = static_cast<cl_int>(from.rows());
@@ -192,7 +192,7 @@ void write(const Session& session, const Resident& to, const Tensor& from) {
                                r.row_pitch, r.slice_pitch, 0, 0, from.data());
 }
 
-void read(const Session& session, const Resident& from, Tensor& to) {
+void read(const DeviceSession& session, const DeviceTensor& from, Tensor& to) {
   assert(from.pad == 0);
   if (from.spec.varies) {
     cl_int rows = 0;
@@ -203,8 +203,8 @@ void read(const Session& session, const Resident& from, Tensor& to) {
   if (bytes != 0) session.queue.enqueueReadBuffer(from.buffer, CL_TRUE, 0, bytes, to.data());
 }
 
-void enqueue(const Session& session, const Plan& plan, LaunchTimes& times) {
-  for (const Step& step : plan.steps) {
+void enqueue(const DeviceSession& session, const Plan& plan, LaunchTimes& times) {
+  for (const Launch& step : plan.steps) {
     cl::Event event;
     session.queue.enqueueNDRangeKernel(step.kernel, cl::NullRange, step.global, step.local, nullptr,
                                        &event);

@@ -18,7 +18,7 @@ namespace pirt::opencl {
 /// A tensor on the device. With pad > 0 it is [planes, rows, columns], or several such images of a
 /// batch ([images, planes, rows, columns], all planes one after the other), with a border of `pad`
 /// zeros around each plane, so that a convolution needs no bounds in its loops.
-struct Resident {
+struct DeviceTensor {
   cl::Buffer buffer;
   TensorSpec spec;
   int pad = 0;
@@ -34,7 +34,7 @@ struct Resident {
 };
 
 /// One launch with its arguments set.
-struct Step {
+struct Launch {
   cl::Kernel kernel;
   cl::NDRange global;
   cl::NDRange local;
@@ -53,16 +53,16 @@ struct Use {
 };
 
 struct Plan {
-  std::vector<Resident> inputs;  ///< As the workload's.
-  std::vector<Resident>
+  std::vector<DeviceTensor> inputs;  ///< As the workload's.
+  std::vector<DeviceTensor>
       outputs;              ///< As the workload's, unless the host computes the last part; pad 0.
-  std::vector<Step> steps;  ///< In order.
+  std::vector<Launch> steps;  ///< In order.
   std::vector<cl::Buffer> held;  ///< All buffers of the steps: a cl_kernel retains no arguments.
   std::vector<Use> uses;         ///< Of all buffers.
-  std::vector<Resident> current, next;  ///< The two sets of the workload's state; pad 0.
+  std::vector<DeviceTensor> current, next;  ///< The two sets of the workload's state; pad 0.
 
   /// Gives the steps another buffer in place of @p resident's, which is freed.
-  void replace(Resident& resident, const cl::Buffer& with);
+  void replace(DeviceTensor& resident, const cl::Buffer& with);
   /// The two sets of the state change places.
   void swap_state();
 };
@@ -88,17 +88,17 @@ struct LocalNeed {
 /// `prepare`.
 class PlanBuilder {
  public:
-  explicit PlanBuilder(const Session& session) : session_(session) {}
+  explicit PlanBuilder(const DeviceSession& session) : session_(session) {}
 
-  [[nodiscard]] const Session& session() const { return session_; }
+  [[nodiscard]] const DeviceSession& session() const { return session_; }
 
   /// Uninitialized if pad is 0, otherwise zeroed for the sake of its border. No rows yet.
-  [[nodiscard]] Resident resident(const TensorSpec& spec, int pad = 0);
+  [[nodiscard]] DeviceTensor resident(const TensorSpec& spec, int pad = 0);
   /// Allocates both sets of a state, which the plan will have.
   void make_state(std::span<const TensorSpec> specs);
   /// For the steps: what a call reads and what it writes.
-  [[nodiscard]] const Resident& current(std::size_t tensor) const { return current_.at(tensor); }
-  [[nodiscard]] const Resident& next(std::size_t tensor) const { return next_.at(tensor); }
+  [[nodiscard]] const DeviceTensor& current(std::size_t tensor) const { return current_.at(tensor); }
+  [[nodiscard]] const DeviceTensor& next(std::size_t tensor) const { return next_.at(tensor); }
   [[nodiscard]] cl::Buffer scratch(std::int64_t size_bytes);
   /// Complete on return.
   [[nodiscard]] cl::Buffer zeroed(std::size_t size_bytes);
@@ -126,14 +126,14 @@ class PlanBuilder {
   }
 
   /// The plan of all steps so far; the builder is empty afterwards.
-  [[nodiscard]] Plan finish(std::vector<Resident> inputs, std::vector<Resident> outputs);
+  [[nodiscard]] Plan finish(std::vector<DeviceTensor> inputs, std::vector<DeviceTensor> outputs);
 
  private:
   void set(cl::Kernel& kernel, cl_uint index, const cl::Buffer& buffer) {
     kernel.setArg(index, buffer);
     uses_.push_back({.step = steps_.size(), .index = index, .buffer = buffer()});
   }
-  void set(cl::Kernel& kernel, cl_uint index, const Resident& resident) {
+  void set(cl::Kernel& kernel, cl_uint index, const DeviceTensor& resident) {
     set(kernel, index, resident.buffer);
   }
   static void set(cl::Kernel& kernel, cl_uint index, std::int32_t value) {
@@ -150,12 +150,12 @@ class PlanBuilder {
   [[nodiscard]] cl::Buffer allocate(cl_mem_flags flags, std::size_t size_bytes);
   void append(cl::Kernel kernel, const char* name, Extent extent);
 
-  const Session& session_;
+  const DeviceSession& session_;
   std::map<std::string, cl::Program, std::less<>> programs_;
-  std::vector<Step> steps_;
+  std::vector<Launch> steps_;
   std::vector<cl::Buffer> held_;
   std::vector<Use> uses_;
-  std::vector<Resident> current_, next_;
+  std::vector<DeviceTensor> current_, next_;
 };
 
 /// What the device counted, which is to be allocated and read.
@@ -164,11 +164,11 @@ class PlanBuilder {
                                          const std::string& of);
 
 /// Host to device, of a list the rows that it has; blocks. @param from  Without border.
-void write(const Session& session, const Resident& to, const Tensor& from);
+void write(const DeviceSession& session, const DeviceTensor& to, const Tensor& from);
 /// Device to host, of a list the rows that the device says; blocks. Residents without border only.
 /// @throws Error{kEnvironment} as checked_count.
-void read(const Session& session, const Resident& from, Tensor& to);
+void read(const DeviceSession& session, const DeviceTensor& from, Tensor& to);
 /// Enqueues all steps and adds their events to @p times.
-void enqueue(const Session& session, const Plan& plan, LaunchTimes& times);
+void enqueue(const DeviceSession& session, const Plan& plan, LaunchTimes& times);
 
 }  // namespace pirt::opencl

@@ -12,7 +12,7 @@ namespace pirt::opencl {
 class PlanKernel : public Kernel {
  public:
   /// @param workload  Its name, for messages.
-  PlanKernel(Session session, std::string workload, Plan plan)
+  PlanKernel(DeviceSession session, std::string workload, Plan plan)
       : session_(std::move(session)), workload_(std::move(workload)), plan_(std::move(plan)) {}
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override;
@@ -24,13 +24,13 @@ class PlanKernel : public Kernel {
   void commit_state() override;
 
  protected:
-  [[nodiscard]] const Session& session() const { return session_; }
+  [[nodiscard]] const DeviceSession& session() const { return session_; }
   [[nodiscard]] const std::string& workload() const { return workload_; }
   [[nodiscard]] const Plan& plan() const { return plan_; }
   [[nodiscard]] std::span<Tensor> host_outputs() const { return outputs_; }
 
  private:
-  Session session_;
+  DeviceSession session_;
   std::string workload_;
   Plan plan_;
   std::span<const Tensor> inputs_;

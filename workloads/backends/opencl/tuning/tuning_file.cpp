@@ -11,7 +11,7 @@
 #include <string_view>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt::opencl {
@@ -141,7 +141,7 @@ TuningFile parse_tuning(const std::filesystem::path& path, const std::string& te
       file.devices.push_back(std::move(device));
     }
     return file;
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const JsonError& error) {
     refuse(path, fmt::format("it is no file of tuned parameters ({})", error.what()));
   }
 }

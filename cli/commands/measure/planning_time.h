@@ -7,7 +7,7 @@
 
 #include "workloads/base/time.h"
 
-namespace pirt {
+namespace pirt::cli {
 
 /// Schedules mix table1-robot on platform `fake` in virtual time, over and over in turns of the
 /// paper's modes for @p work.
@@ -17,4 +17,4 @@ namespace pirt {
 [[nodiscard]] std::map<std::string, double> time_planning(
     const Clock& clock, Nanos work, const std::function<void(Nanos)>& after_each = {});
 
-}  // namespace pirt
+}  // namespace pirt::cli

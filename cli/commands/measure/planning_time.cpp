@@ -1,4 +1,4 @@
-#include "scheduler/planning_time.h"
+#include "cli/commands/measure/planning_time.h"
 
 #include <algorithm>
 #include <vector>
@@ -8,7 +8,7 @@
 #include "scheduler/mix/mix.h"
 #include "scheduler/schedule.h"
 
-namespace pirt {
+namespace pirt::cli {
 namespace {
 
 /// Of virtual time: some thousand tasks, a millisecond of work or more.
@@ -60,4 +60,4 @@ std::map<std::string, double> time_planning(const Clock& clock, Nanos work,
   return seconds;
 }
 
-}  // namespace pirt
+}  // namespace pirt::cli

@@ -1,0 +1,107 @@
+#include "scheduler/dispatcher/waiting.h"
+
+#include <algorithm>
+
+#include "workloads/base/math/random.h"
+
+namespace pirt {
+
+std::size_t Waiting::ClassHash::operator()(const TaskClass& kind) const {
+  const std::uint64_t tags =
+      (std::uint64_t{kind.entry} << 2) | (kind.real_time ? 2U : 0U) | (kind.image_input ? 1U : 0U);
+  return static_cast<std::size_t>(hash_u64(hash_u64(kind.workload, kind.eligible), tags));
+}
+
+std::uint32_t Waiting::find_class(const TaskClass& kind, UnitMask up) {
+  const auto [found, is_new] =
+      class_indices_.try_emplace(kind, static_cast<std::uint32_t>(classes_.size()));
+  if (is_new) classes_.push_back({.kind = kind, .takers = policy_.takers(kind, up)});
+  return found->second;
+}
+
+void Waiting::hold(TaskSlot slot) {
+  TaskRecord& record = tasks_[slot];
+  Class& entry = classes_[record.class_index];
+  record.state = TaskState::kHeld;
+  entry.held.insert(tasks_, slot);
+  ++held_count_;
+  despair_ = despair_ || entry.hopeless;
+  if (!std::exchange(entry.in_holding, true)) holding_.push_back(record.class_index);
+}
+
+void Waiting::prioritize(TaskSlot slot) {
+  TaskRecord& record = tasks_[slot];
+  Class& entry = classes_[record.class_index];
+  record.state = TaskState::kHighPriority;
+  entry.high_priority.insert(tasks_, slot);
+  ++high_priority_count_;
+  if (!std::exchange(entry.in_prioritized, true)) prioritized_.push_back(record.class_index);
+}
+
+void Waiting::erase(TaskSlot slot) {
+  Class& entry = class_at(slot);
+  if (tasks_[slot].state == TaskState::kHeld) {
+    entry.held.erase(tasks_, slot);
+    --held_count_;
+  } else {
+    entry.high_priority.erase(tasks_, slot);
+    --high_priority_count_;
+  }
+}
+
+void Waiting::list_asking() {
+  asking_.clear();
+  std::erase_if(holding_, [this](std::uint32_t index) {
+    Class& entry = classes_[index];
+    entry.refused = entry.refused && refusals_stand_ && !entry.held.empty();
+    entry.in_holding = !entry.held.empty();
+    if (entry.in_holding && !entry.refused) asking_.push_back(&entry);
+    return !entry.in_holding;
+  });
+  refusals_stand_ = true;
+  std::ranges::make_heap(asking_, Later{tasks_});
+}
+
+/// That with the first task, which is asked for now; null if none is left.
+Waiting::Class* Waiting::next_asking() {
+  if (asking_.empty()) return nullptr;
+  std::ranges::pop_heap(asking_, Later{tasks_});
+  Class* const first = asking_.back();
+  asking_.pop_back();
+  return first;
+}
+
+void Waiting::ask_again(Class& entry) {
+  if (entry.refused || entry.held.empty()) return;
+  asking_.push_back(&entry);
+  std::ranges::push_heap(asking_, Later{tasks_});
+}
+
+TaskSlot Waiting::find_first_for(UnitId unit) {
+  Class* oldest = nullptr;
+  std::erase_if(prioritized_, [&](std::uint32_t index) {
+    Class& entry = classes_[index];
+    entry.in_prioritized = !entry.high_priority.empty();
+    if (entry.in_prioritized && contains(entry.takers, unit) &&
+        (oldest == nullptr ||
+         precedes(tasks_[entry.high_priority.front()], tasks_[oldest->high_priority.front()]))) {
+      oldest = &entry;
+    }
+    return !entry.in_prioritized;
+  });
+  return oldest == nullptr ? kNoSlot : oldest->high_priority.front();
+}
+
+void Waiting::take_those_of(UnitId unit, UnitMask gone, std::vector<TaskSlot>& out) {
+  for (Class& entry : classes_) {
+    if (!contains(entry.kind.eligible & gone, unit)) continue;
+    for (const TaskList* list : {&entry.held, &entry.high_priority}) {
+      while (!list->empty()) {
+        out.push_back(list->front());
+        erase(list->front());
+      }
+    }
+  }
+}
+
+}  // namespace pirt

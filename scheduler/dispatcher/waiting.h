@@ -1,0 +1,124 @@
+// Tasks that could start and are in no unit's queue: held back by the policy, or in the global
+// high-priority queue. They are kept by class, so that a long backlog costs one question.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "scheduler/dispatcher/task_store.h"
+#include "scheduler/mix/task.h"
+#include "scheduler/policies/policy.h"
+
+namespace pirt {
+
+class Waiting {
+ public:
+  /// Tasks of one class are placed, and refused, together.
+  struct Class {
+    TaskClass kind;
+    UnitMask takers = 0;  ///< Of the units that are up.
+    TaskList held = {};
+    TaskList high_priority = {};
+    bool in_holding = false;      ///< It is in holding_,
+    bool in_prioritized = false;  ///< and in prioritized_.
+    bool refused = false;         ///< Since the last fall of a load.
+    bool hopeless = false;        ///< All that would have taken it are gone.
+  };
+
+  /// @param tasks  Must outlive it, as must the policy.
+  Waiting(TaskStore& tasks, Policy& policy) : tasks_(tasks), policy_(policy) {}
+
+  /// That of a task which is given its class: a task graph has one a task; elsewhere the same come
+  /// again and again.
+  [[nodiscard]] std::uint32_t class_of(const TaskClass& kind, UnitMask up) {
+    if (last_class_ < classes_.size() && classes_[last_class_].kind == kind) return last_class_;
+    return last_class_ = find_class(kind, up);
+  }
+  [[nodiscard]] Class& operator[](std::uint32_t index) { return classes_[index]; }
+  [[nodiscard]] Class& class_at(TaskSlot slot) { return classes_[tasks_[slot].class_index]; }
+  void set_up(UnitMask up) {
+    for (Class& each : classes_) each.takers = policy_.takers(each.kind, up);
+  }
+
+  [[nodiscard]] std::size_t size() const { return held_count_ + high_priority_count_; }
+  [[nodiscard]] bool holds_any() const { return held_count_ != 0; }
+  void hold(TaskSlot slot);
+  void prioritize(TaskSlot slot);
+  /// @param slot  Is held, or in the high-priority queue.
+  void erase(TaskSlot slot);
+
+  /// A load fell, a unit changed, or something left: what was refused is asked for again.
+  void forget_refusals() { refusals_stand_ = false; }
+  /// Places what is held, in the order of all queues, until every class is refused: what has become
+  /// ready competes with what was held. Loads only rise meanwhile, so that a refusal stands.
+  /// @param place  bool(TaskSlot): false if the policy refuses it.
+  template <typename Place>
+  void place_held(const Place& place) {
+    if (held_count_ == 0) return;
+    list_asking();
+    while (Class* first = next_asking()) {
+      const TaskSlot slot = first->held.front();
+      erase(slot);
+      first->refused = !place(slot);
+      if (first->refused) hold(slot);
+      ask_again(*first);
+    }
+  }
+  /// The first of the high-priority queue that the unit may take; kNoSlot if there is none.
+  [[nodiscard]] TaskSlot first_for(UnitId unit) {
+    return high_priority_count_ == 0 ? kNoSlot : find_first_for(unit);
+  }
+
+  /// Appends the tasks that @p unit could have taken, in no queue from now on.
+  void take_those_of(UnitId unit, UnitMask gone, std::vector<TaskSlot>& out);
+  /// Whether tasks are held that no unit will ever take.
+  [[nodiscard]] bool despairs() const { return despair_; }
+  /// Each of them, in no queue from now on.
+  template <typename Visit>
+  void take_hopeless(const Visit& visit) {
+    despair_ = false;
+    for (Class& entry : classes_) {
+      while (entry.hopeless && !entry.held.empty()) {
+        const TaskSlot slot = entry.held.front();
+        erase(slot);
+        visit(slot);
+      }
+    }
+  }
+
+ private:
+  struct ClassHash {
+    std::size_t operator()(const TaskClass& kind) const;
+  };
+  /// Of classes with held tasks: which is asked for later.
+  struct Later {
+    const TaskStore& tasks;
+    bool operator()(const Class* a, const Class* b) const {
+      return precedes(tasks[b->held.front()], tasks[a->held.front()]);
+    }
+  };
+
+  std::uint32_t find_class(const TaskClass& kind, UnitMask up);
+  void list_asking();
+  [[nodiscard]] Class* next_asking();
+  void ask_again(Class& entry);
+  [[nodiscard]] TaskSlot find_first_for(UnitId unit);
+
+  TaskStore& tasks_;
+  Policy& policy_;
+  std::vector<Class> classes_;
+  std::unordered_map<TaskClass, std::uint32_t, ClassHash> class_indices_;
+  std::uint32_t last_class_ = 0;
+  std::vector<std::uint32_t> holding_;      ///< Classes with held tasks, and some that had.
+  std::vector<std::uint32_t> prioritized_;  ///< The same for the high-priority queue.
+  std::vector<Class*> asking_;  ///< Of place_held: a heap, that of the first task on top.
+  bool refusals_stand_ = true;  ///< No load fell, no unit changed and nothing left since.
+  bool despair_ = false;
+  std::size_t held_count_ = 0;
+  std::size_t high_priority_count_ = 0;
+};
+
+}  // namespace pirt

@@ -1,0 +1,143 @@
+// Units and calls that do not do what they should, and the thread that looks after them.
+#include <algorithm>
+
+#include "scheduler/runtime/engine.h"
+#include "workloads/base/system/thread.h"
+
+namespace pirt {
+namespace {
+
+constexpr Nanos kLook = std::chrono::milliseconds(50);
+
+}  // namespace
+
+/// A unit that cannot run one workload may well run others.
+void Runtime::Engine::count_returns(const Submitted& task, Outcome outcome, Nanos now) {
+  const auto workload = static_cast<WorkloadId>(task.workload_index);
+  const int returns = live_units_.count_returns(task.unit, workload, outcome);
+  Known& known = workloads_[task.workload_index];
+  if (returns < LiveUnits::kMostReturns || contains(known.gave_up, task.unit)) return;
+  known.gave_up |= unit_bit(task.unit);
+  add_problem("unit " + options_.platform.units[task.unit].name + " is not asked for " +
+              known.workload->name + " any more: it gave back " + std::to_string(returns) +
+              " calls one after the other");
+  const bool asked_for_any = std::ranges::any_of(workloads_, [&](const Known& each) {
+    return contains(each.runs_on & ~each.gave_up, task.unit);
+  });
+  if (!asked_for_any) lose(task.unit, now);
+}
+
+/// Nothing runs there any more.
+void Runtime::Engine::lose(UnitId unit, Nanos now) {
+  units_[unit].in_service = false;
+  dispatcher_->set_unit(unit, UnitState::kGone, now, effects_);
+}
+
+void Runtime::Engine::bring_back(std::string_view name) {
+  runtime::MustNotWait::check("bringing a unit back");
+  const UnitModel& model = options_.platform.unit(name);
+  const auto unit = static_cast<UnitId>(&model - options_.platform.units.data());
+  const std::lock_guard one_at_a_time(bringing_back_);
+  {
+    const auto turn = turn_.take();
+    if (!live_units_.has(unit)) throw_bad_input("unit " + model.name + " computes nothing here");
+    if (units_[unit].in_service) {
+      ask_for_all(unit);
+      return;
+    }
+    if (!live_units_.at(unit).abandoned() && dispatcher_->running(unit) > 0) {
+      throw_environment("unit " + model.name + " has calls that have not ended; try again later");
+    }
+  }
+  auto other = live_units_.make_ready(unit, preparations(unit));
+  {
+    const auto turn = turn_.take();
+    other = live_units_.replace(unit, std::move(other));
+    ask_for_all(unit);
+    units_[unit].in_service = true;
+    dispatcher_->set_unit(unit, UnitState::kUp, now(), effects_);
+    asked_ = true;  // There may be something to start.
+  }
+  LiveUnits::close(std::move(other));
+  work(Thread::kTheirs);
+}
+
+/// Also for what it gave back too often.
+void Runtime::Engine::ask_for_all(UnitId unit) {
+  live_units_.forget_returns(unit);
+  for (Known& each : workloads_) each.gave_up &= ~unit_bit(unit);
+}
+
+/// What time has brought: tasks that were to start by now, and calls that do not end.
+void Runtime::Engine::look(Nanos now) {
+  dispatcher_->wake(now, effects_);
+  apply(now);
+  const auto all = live_units_.abandon_hung(
+      [this](UnitId unit, std::uint64_t token) { return expected(unit, token); });
+  // All of them first: nothing of one may start on another.
+  for (const LiveUnits::Hung& hung : all) lose(hung.unit, now);
+  for (const LiveUnits::Hung& hung : all) give_up(hung, now);
+}
+
+const Service* Runtime::Engine::expected(UnitId unit, std::uint64_t token) {
+  const std::size_t index = task_at(token).workload_index;
+  const OwnWorkload* own = workloads_[index].own;
+  const bool known = own != nullptr ? own->expected.contains(options_.platform.units[unit].name)
+                                    : options_.profile.has_value();
+  if (!known) return nullptr;
+  return setup_->scenario.services.find(static_cast<WorkloadId>(index), unit);
+}
+
+/// The call never comes back to anybody. What it reads and writes is its own from then on.
+void Runtime::Engine::give_up(const LiveUnits::Hung& hung, Nanos now) {
+  const Submitted& task = task_at(hung.token);
+  if (const auto& id = workloads_[task.workload_index].state) {
+    states_[*id] = std::make_shared<StateValue>(*states_[*id]);
+  }
+  const std::string problem =
+      overdue(task.workload->name, options_.platform.units[hung.unit].name, hung.ran);
+  const auto give_end = [&](std::uint64_t token, CallEnd end) {
+    Submitted& each = task_at(token);
+    each.call_end = std::move(end);
+    each.event = Submitted::Event::kEnd;
+    take_event(each, now);
+  };
+  give_end(hung.token, {.outcome = Outcome::kFailed, .busy = hung.ran, .problem = problem});
+  for (const std::uint64_t token : hung.behind) give_end(token, {.outcome = Outcome::kReturned});
+}
+
+void Runtime::Engine::wake_watcher() {
+  const std::lock_guard lock(watch_mutex_);
+  watch_now_ = true;
+  watcher_rests_ = false;
+  watch_sooner_.notify_one();
+}
+
+/// With nothing that runs and nothing to come it sleeps until somebody wakes it.
+void Runtime::Engine::watch(const std::stop_token& stop) {
+  name_thread("pirt-watch");
+  static_cast<void>(take_priority(options_.priority));
+  std::unique_lock lock(watch_mutex_);
+  while (!stop.stop_requested()) {
+    if (calls_run_ || watch_at_ != Nanos::max() || watch_now_) {
+      const Nanos until = std::min(watch_at_, now() + kLook);
+      const auto sooner = [&] { return watch_now_ || watch_at_ < until; };
+      watch_sooner_.wait_until(lock, stop, std::chrono::steady_clock::time_point(began_ + until),
+                               sooner);
+    } else {
+      watcher_rests_ = true;
+      watch_sooner_.wait(lock, stop, [this] { return !watcher_rests_ || calls_run_; });
+      watcher_rests_ = false;
+      continue;
+    }
+    watch_at_ = Nanos::max();
+    watch_now_ = false;
+    lock.unlock();
+    asked_ = true;
+    work(Thread::kOurs);
+    if (anything_left_) tell_left();
+    lock.lock();
+  }
+}
+
+}  // namespace pirt

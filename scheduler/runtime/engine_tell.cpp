@@ -1,0 +1,84 @@
+// Who hears of what: futures, callbacks, and problems, when the turn is over.
+#include <utility>
+
+#include "scheduler/runtime/engine.h"
+
+namespace pirt {
+
+void Runtime::Engine::add_problem(std::string problem) {
+  if (options_.problem) {
+    const std::lock_guard lock(telling_);
+    to_say_.push_back(problem);
+    anything_left_ = true;
+  }
+  problems_.add(std::move(problem));
+}
+
+/// Without the turn: callbacks may submit.
+void Runtime::Engine::tell(Tasks& ended, Thread thread) {
+  const bool ours = thread == Thread::kOurs;
+  bool left = false;
+  for (auto& task : ended) {
+    task->end.store(static_cast<int>(*task->ends), std::memory_order_release);
+    if (!task->callback) {
+      told(std::move(task));
+    } else if (ours) {
+      call_back(std::move(task));
+    } else {
+      const std::lock_guard lock(telling_);
+      to_tell_.push_back(std::move(task));
+      left = anything_left_ = true;
+    }
+  }
+  if (ours && anything_left_) tell_left();
+  if (!ours && (left || anything_left_)) wake_watcher();
+}
+
+/// What ended in the turn of somebody else's thread, and problems.
+void Runtime::Engine::tell_left() {
+  while (anything_left_.exchange(false)) {
+    Tasks tasks;
+    std::vector<std::string> problems;
+    {
+      const std::lock_guard lock(telling_);
+      std::swap(tasks, to_tell_);
+      std::swap(problems, to_say_);
+    }
+    for (const std::string& each : problems) {
+      const runtime::MustNotWait within;
+      try {
+        options_.problem(each);
+      } catch (...) {  // There is nobody left to tell.
+      }
+    }
+    for (auto& task : tasks) call_back(std::move(task));
+  }
+}
+
+void Runtime::Engine::call_back(std::shared_ptr<Submitted> task) {
+  std::string thrown;
+  {
+    const runtime::MustNotWait within;
+    try {
+      task->callback(TaskFuture(task), *task->ends);
+    } catch (const std::exception& error) {
+      thrown = error.what();
+    } catch (...) {
+      thrown = "an exception of an unknown type";
+    }
+    task->callback = nullptr;
+  }
+  if (!thrown.empty()) {
+    const auto turn = turn_.take();
+    add_problem("callback of " + task->workload->name + ": " + thrown);
+  }
+  told(std::move(task));
+}
+
+void Runtime::Engine::told(std::shared_ptr<Submitted> task) {
+  task->told.set();
+  task.reset();
+  room_.leave();
+}
+
+}  // namespace pirt

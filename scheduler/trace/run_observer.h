@@ -1,0 +1,36 @@
+// Who follows a run: a trace, in virtual time and live.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "scheduler/mix/task.h"
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+/// Hears of what a run does beyond what its dispatcher is asked. Must not throw.
+class RunObserver {
+ public:
+  virtual ~RunObserver() = default;
+  /// Before the dispatcher gets the task.
+  virtual void submitting(TaskId task, std::size_t pipeline, std::size_t position,
+                          std::uint64_t firing) = 0;
+  /// A step arrives at, and leaves, the servers of a unit, or of a link.
+  /// @param servers_index  Units in order, then links.
+  /// @param job      Unique among those that have arrived and not left.
+  /// @param power_w  Drawn while a server works on it at full rate.
+  virtual void arrived(std::size_t servers_index, std::uint32_t job, double power_w) = 0;
+  virtual void left(std::size_t servers_index, std::uint32_t job) = 0;
+  /// The unit of @p task, which it has begun, prepares its kernel from @p now on, which takes that
+  /// long: a unit with contexts that holds another, or a live one that has not prepared it before.
+  virtual void preparing(TaskId task, Nanos now, Nanos takes) {
+    static_cast<void>(task), static_cast<void>(now), static_cast<void>(takes);
+  }
+  /// All that happens at once at this moment has happened; more may follow at the same time.
+  /// @param waiting  Tasks that wait: by unit those in its queue, then those that are in none.
+  virtual void settled(Nanos now, std::span<const int> waiting) = 0;
+};
+
+}  // namespace pirt
