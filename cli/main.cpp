@@ -34,6 +34,8 @@ constexpr AddCommand* kCommands[] = {
     add_describe,       //
     add_bundle_adjust,  //
     add_generate_bal,   //
+    add_cloud_worker,   //
+    add_cloud_admin,    //
     add_sample,         //
     add_worker,
 };

@@ -74,7 +74,7 @@ struct UnitModel {
       cores;  ///< Host cores that it owns; resolved to numbers when the platform is read.
   bool shares_cores = false;  ///< Another unit owns one of them too (one-core machines).
   std::string device;         ///< Which device of the backend; empty = the first.
-  std::string script;         ///< Fake backend: its script, as YAML text.
+  std::string script;  ///< Fake backend: its script, as YAML text; of others, their settings.
   std::map<std::string, double> options;  ///< Of the backend, those that the file gives.
   std::optional<Contexts> contexts;       ///< With one server and one slot; absent = holds all.
   /// Meters that its energy is read from: a name of `pirt list meters` or a sum "A + B"; "none" =

@@ -119,6 +119,22 @@ void read_options(const YamlNode& node, UnitModel& unit) {
   }
 }
 
+/// Texts for the backend. What they mean it says when it opens the unit.
+void read_settings(const YamlNode& node, UnitModel& unit) {
+  const auto own = settings_of(unit.backend);
+  YAML::Node settings;
+  for (const std::string& backend : backend_names()) {
+    for (const std::string& name : settings_of(backend)) {
+      if (!node.has(name)) continue;
+      if (std::ranges::find(own, name) == own.end()) {
+        node.at(name).fail("only a unit with `backend: " + backend + "` has that");
+      }
+      settings[name] = node.at(name).text();
+    }
+  }
+  if (settings.size() > 0) unit.script = YAML::Dump(settings);
+}
+
 void read_contexts(const YamlNode& node, UnitModel& unit) {
   node.check_keys({"prepare_ms"});
   unit.contexts.emplace();
@@ -144,6 +160,7 @@ void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitMode
   unit.device = text_or_empty(node, "device");
   unit.meter = text_or_empty(node, "meter");
   if (node.has("options")) read_options(node.at("options"), unit);
+  read_settings(node, unit);
   if (node.has("script")) {
     const auto script = node.at("script");
     if (unit.backend != "fake") script.fail("only backend fake takes a script");
@@ -154,8 +171,13 @@ void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitMode
 }
 
 UnitModel read_unit(const YamlNode& node, const std::string& name, const std::vector<int>& usable) {
-  node.check_keys({"servers", "discipline", "slots", "active_w", "idle_w", "role", "energy", "link",
-                   "backend", "cores", "device", "script", "meter", "options", "contexts"});
+  std::vector<std::string> known = {"servers", "discipline", "slots", "active_w", "idle_w",
+                                    "role",    "energy",     "link",  "backend",  "cores",
+                                    "device",  "script",     "meter", "options",  "contexts"};
+  for (const std::string& backend : backend_names()) {
+    for (const std::string& key : settings_of(backend)) known.push_back(key);
+  }
+  node.check_keys(known);
   UnitModel unit;
   unit.name = checked_name(node, name);
   unit.role = role_from_string(name).value_or(Role::kOther);

@@ -4,6 +4,7 @@
 #include "workloads/backends/dsp/dsp_options.h"
 #include "workloads/backends/fake/fake_options.h"
 #include "workloads/backends/fpga/fpga_options.h"
+#include "workloads/backends/nats/nats_settings.h"
 
 namespace pirt {
 
@@ -19,6 +20,12 @@ std::vector<OptionSpec> options_of(std::string_view backend) {
   if (backend == "dsp") return dsp_options();
   if (backend == "fake") return fake_options();
   if (backend == "fpga") return fpga_options();
+  if (backend == "nats") return nats_options();
+  return {};
+}
+
+std::vector<std::string> settings_of(std::string_view backend) {
+  if (backend == "nats") return nats_settings();
   return {};
 }
 

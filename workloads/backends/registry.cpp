@@ -9,6 +9,7 @@
 #include "workloads/backends/dsp/dsp_backend.h"
 #include "workloads/backends/fake/fake_backend.h"
 #include "workloads/backends/fpga/fpga_backend.h"
+#include "workloads/backends/nats/nats_backend.h"
 #include "workloads/backends/opencl/opencl_backend.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"

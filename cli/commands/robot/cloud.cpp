@@ -1,0 +1,147 @@
+// pirt cloud-worker and pirt cloud-admin: the other side of a unit of role cloud.
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <memory>
+
+#include "cli/commands.h"
+#include "cli/long_run.h"
+#include "cli/options/files.h"
+#include "cli/options/values.h"
+#include "workloads/backends/nats/cloud_service.h"
+#include "workloads/backends/registry.h"
+#include "workloads/base/error.h"
+#include "workloads/catalog/catalog.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  cloud::ConnectionOptions connection;
+  std::string name;
+  std::string unit = "cpu";
+  int slots = 1;
+  std::int64_t cache_mb = 512;
+  std::vector<std::string> robots = {"robot"};
+};
+
+void add_connection(Command& command, cloud::ConnectionOptions& connection) {
+  add_text(command, "--server", &connection.server, "URL",
+           "The NATS server, nats://HOST:PORT, or tls://HOST:PORT")
+      .shows_default();
+  command.add_flag("--insecure", connection.insecure,
+                   "Speak to a server beyond this machine without TLS: anybody on the way can read "
+                   "and change tasks");
+  add_input(command, "--ca", &connection.ca, "Certificates that the server's has to follow from");
+  const Option certificate =
+      add_input(command, "--certificate", &connection.certificate, "Of this client");
+  const Option key = add_input(command, "--key", &connection.key, "Of the certificate");
+  certificate.needs(key);
+  key.needs(certificate);
+  const Option nkey = add_text(command, "--nkey", &connection.nkey, "KEY",
+                               "Public NKey of this client, in place of a certificate");
+  const Option seed = add_input(command, "--nkey-seed", &connection.nkey_seed, "Its seed");
+  nkey.needs(seed);
+  seed.needs(nkey);
+}
+
+std::vector<const Workload*> known_workloads() {
+  std::vector<const Workload*> known;
+  for (const Workload& each : catalog()) known.push_back(&each);
+  for (const Variant& variant : variants()) {
+    for (const Workload* each : workloads_in_variant(variant.name)) known.push_back(each);
+  }
+  return known;
+}
+
+/// Something that two workers do not share.
+std::string default_name() {
+  char host[64] = "host";
+  static_cast<void>(::gethostname(host, sizeof host - 1));
+  return fmt::format("{}-{}", host, ::getpid());
+}
+
+int work(const Options& options) {
+  const Backend& backend = find_backend(options.unit);
+  if (const Probe probe = backend.probe(); !probe.available) throw_environment(probe.reason);
+  std::vector<const Workload*> known;
+  for (const Workload* each : known_workloads()) {
+    if (backend.supports(*each).ok) known.push_back(each);
+  }
+  const auto kept = static_cast<std::uint64_t>(options.cache_mb) << 20;
+  cloud::WorkerOptions worker{.connection = options.connection,
+                              .name = options.name.empty() ? default_name() : options.name,
+                              .version = PIRT_VERSION,
+                              .limits = {.slots = options.slots},
+                              .cache_bytes = kept,
+                              .make_computer = {}};
+  worker.make_computer = [&] {
+    return cloud::computer_on(
+        backend, {.unit = options.unit, .cores = {}, .device = {}, .script = {}}, kept);
+  };
+  const std::atomic<bool>* const stop = stop_on_signal();
+  cloud::serve(worker, known,
+               {.stop = [stop] { return stop->load(); },
+                .say =
+                    [](const std::string& line) {
+                      std::printf("%s\n", line.c_str());
+                      std::fflush(stdout);
+                    }});
+  return 0;
+}
+
+int administer(const Options& options) {
+  const auto done = cloud::administer(options.connection, {.robots = options.robots});
+  for (const std::string& line : done) std::printf("%s\n", line.c_str());
+  if (done.empty()) std::puts("all is there");
+  return 0;
+}
+
+}  // namespace
+
+void add_cloud_worker(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  Command command(app, "cloud-worker", "Compute the tasks that robots send to the cloud");
+  add_connection(command, options->connection);
+  add_text(command, "--units", &options->unit, "UNIT",
+           "What computes: a backend of `pirt list backends`")
+      .shows_default();
+  add_value(command, "--slots", &options->slots, "NUMBER", not_within(1, 256),
+            "Tasks at a time; the others stay in the stream")
+      .shows_default();
+  add_value(command, "--cache-mb", &options->cache_mb, "NUMBER",
+            not_within<std::int64_t>(1, 1'000'000), "Of parameters and of kernels, each, in MB")
+      .shows_default();
+  add_text(command, "--name", &options->name, "NAME",
+           "Of this worker; default: the machine's and the process's");
+  command.footer(
+      "Ends on Ctrl-C: what it computes is finished, the rest goes back to the stream.\n"
+      "Example: pirt cloud-worker --server nats://127.0.0.1:4222 --slots 2");
+  command.runs(action, [options] { return work(*options); });
+}
+
+void add_cloud_admin(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  auto what = std::make_shared<std::string>();
+  Command command(app, "cloud-admin",
+                  "Make a NATS server ready for workers and robots, or say what each may do there");
+  add_choice(command, "what", what.get(), "WHAT", {"setup", "permissions"},
+             "setup: makes streams and consumers that are missing; permissions: writes the "
+             "`authorization` part of the server's configuration")
+      .required();
+  add_connection(command, options->connection);
+  add_list_of(command, "--robots", options->robots, "NAME,...", "The robots that there are")
+      .shows_default();
+  command.footer(
+      "Example: pirt cloud-admin permissions --robots r1,r2 > permissions.conf\n"
+      "         pirt cloud-admin setup --server nats://admin:PASSWORD@127.0.0.1:4222 --robots "
+      "r1,r2");
+  command.runs(action, [options, what] {
+    if (*what == "setup") return administer(*options);
+    std::fputs(cloud::permissions_of(options->robots).c_str(), stdout);
+    return 0;
+  });
+}
+
+}  // namespace pirt::cli

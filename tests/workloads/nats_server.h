@@ -1,0 +1,102 @@
+// Debian's nats-server on a free loopback port with a store folder of its own, a wire between it
+// and a client that can be cut and held up, and workloads that say how they are to be computed.
+#pragma once
+
+#include <sys/types.h>
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "workloads/backends/nats/administration.h"
+#include "workloads/backends/nats/robot_link.h"
+#include "workloads/backends/nats/worker_link.h"
+
+namespace pirt::cloud::test {
+
+/// Where it is; empty = nowhere.
+[[nodiscard]] std::string nats_server_program();
+
+class NatsServer {
+ public:
+  /// @param config  More of its configuration.
+  explicit NatsServer(std::string config = "");
+  ~NatsServer();
+  NatsServer(const NatsServer&) = delete;
+  NatsServer& operator=(const NatsServer&) = delete;
+
+  /// Until it answers. @return  Whether it does.
+  /// @param environment  "NAME=value".
+  bool start(const std::vector<std::string>& environment = {});
+  /// As power loss does it, but for what the system has to write.
+  void kill();
+  [[nodiscard]] int port() const { return port_; }
+  [[nodiscard]] std::string url() const { return "nats://127.0.0.1:" + std::to_string(port_); }
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+  /// What it said.
+  [[nodiscard]] std::string log() const;
+
+ private:
+  std::filesystem::path folder_;
+  int port_ = 0;
+  pid_t process_ = -1;
+};
+
+/// Forwards a port of its own to the server's.
+class Wire {
+ public:
+  explicit Wire(int to_port);
+  ~Wire();
+  Wire(const Wire&) = delete;
+  Wire& operator=(const Wire&) = delete;
+
+  [[nodiscard]] std::string url() const { return "nats://127.0.0.1:" + std::to_string(port_); }
+  /// Ends what is connected; what comes next is, too, as long as it is cut.
+  void cut(bool is_cut);
+  /// Nothing gets through meanwhile, and nothing is lost.
+  void hold(bool held) { held_ = held; }
+
+ private:
+  void accept_all();
+  void forward(int client);
+
+  int port_ = 0, to_port_ = 0, listener_ = -1;
+  std::atomic<bool> cut_ = false, held_ = false, stopping_ = false;
+  std::mutex mutex_;
+  std::list<std::jthread> forwarders_;
+  std::jthread acceptor_;
+};
+
+/// What the first byte of an input asks for; the second one is a time in units of 10 ms.
+enum class Ask : std::uint8_t { kPlain = 0, kThrow = 1 };
+
+/// u8[size] -> u8[size]: each byte and 1, and the first byte of its parameters, if it has any.
+[[nodiscard]] Workload adding(const std::string& name, std::int64_t size,
+                              std::int64_t parameters = 0);
+[[nodiscard]] std::unique_ptr<Computer> make_adding_computer();
+
+/// A task of one of them.
+struct AddingTask {
+  Ask ask = Ask::kPlain;
+  std::uint8_t tens_of_ms = 0;
+  std::uint8_t value = 1;
+};
+[[nodiscard]] Submission make_submission(const Workload& workload, const AddingTask& task,
+                                         std::uint8_t parameter = 0);
+/// What is wrong with its outputs; empty = nothing.
+[[nodiscard]] std::string check_outputs(const Workload& workload, const AddingTask& task,
+                                        const Bytes& outputs, std::uint8_t parameter = 0);
+
+/// Runs until the environment's parent kills it: what the test program is started for again.
+void run_worker_process();
+/// @return  Its process, which ends with this one.
+[[nodiscard]] pid_t start_worker_process(const std::string& url, int slots);
+
+}  // namespace pirt::cloud::test

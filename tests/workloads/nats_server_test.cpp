@@ -1,0 +1,349 @@
+// The cloud against a real server: robots, workers and server are killed, cut off and restarted.
+#include "tests/workloads/nats_server.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+
+#include <condition_variable>
+#include <future>
+#include <random>
+
+#include "tests/support/long.h"
+#include "workloads/backends/nats/subjects.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json_value.h"
+
+namespace pirt::cloud::test {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+constexpr Nanos kLong = 30s;
+
+TEST(CloudProcess, IsAWorker) {
+  if (std::getenv("PIRT_TEST_CLOUD") == nullptr) {
+    GTEST_SKIP() << "the body of the processes that other tests start and kill";
+  }
+  run_worker_process();
+}
+
+Json json_of(const Bytes& bytes) {
+  return Json::parse(reinterpret_cast<const char*>(bytes.data()),
+                     reinterpret_cast<const char*>(bytes.data()) + bytes.size());
+}
+
+class CloudServer : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (nats_server_program().empty()) GTEST_SKIP() << "skipped: nats-server is not installed";
+    server_ = std::make_unique<NatsServer>();
+    ASSERT_TRUE(server_->start()) << server_->log();
+    Connection admin({.server = server_->url()}, {});
+    ASSERT_TRUE(admin.wait_until_up(kLong));
+    set_up(admin, setup_);
+  }
+
+  [[nodiscard]] RobotOptions robot_options(const std::string& url) const {
+    RobotOptions options;
+    options.connection.server = url;
+    options.connection.reconnect_wait = 50ms;
+    options.limits.confirm = 1s;
+    options.limits.silence = 3s;
+    options.limits.worker = 2s;
+    return options;
+  }
+  [[nodiscard]] std::unique_ptr<WorkerLink> start_worker(const std::string& url, int slots = 1) {
+    WorkerOptions options;
+    options.connection.server = url;
+    options.connection.reconnect_wait = 50ms;
+    options.name = "w" + std::to_string(++workers_);
+    options.limits.slots = slots;
+    options.limits.progress = 300ms;
+    options.limits.confirm = 1s;
+    options.hello = 300ms;
+    options.make_computer = make_adding_computer;
+    return std::make_unique<WorkerLink>(options, known_);
+  }
+  static std::future<TaskEnd> submit(RobotLink& robot, Submission submission,
+                                     TaskId* id = nullptr) {
+    auto end = std::make_shared<std::promise<TaskEnd>>();
+    auto future = end->get_future();
+    submission.ended = [end](TaskEnd told) { end->set_value(std::move(told)); };
+    const TaskId task = robot.submit(std::move(submission));
+    if (id != nullptr) *id = task;
+    return future;
+  }
+  std::future<TaskEnd> submit(RobotLink& robot, const AddingTask& task, TaskId* id = nullptr) {
+    return submit(robot, make_submission(small_, task), id);
+  }
+  static TaskEnd end_of(std::future<TaskEnd>& future, Nanos most = kLong) {
+    if (future.wait_for(most) != std::future_status::ready) {
+      ADD_FAILURE() << "no end";
+      return {.how = CallEndKind::kCancelled, .problem = "no end"};
+    }
+    return future.get();
+  }
+  /// Messages on a stream.
+  std::int64_t messages(const std::string& stream) {
+    Connection admin({.server = server_->url()}, {});
+    if (!admin.wait_until_up(kLong)) return -1;
+    const auto answer = admin.request("$JS.API.STREAM.INFO." + stream, "", 5s);
+    return answer.came ? json_of(answer.data).at("state").at("messages").get<std::int64_t>() : -1;
+  }
+  /// Until there are no messages, or a while is over; how many there are then.
+  std::int64_t messages_in_the_end(const std::string& stream) {
+    std::int64_t left = messages(stream);
+    for (int i = 0; i < 100 && left != 0; ++i) {
+      std::this_thread::sleep_for(50ms);
+      left = messages(stream);
+    }
+    return left;
+  }
+
+  cloud::Setup setup_{.robots = {"robot"}, .redelivered = 1s};
+  Workload small_ = adding("small", 1000), large_ = adding("large", 3'000'000),
+           weighed_ = adding("weighed", 100, 1'500'000);
+  std::vector<const Workload*> known_ = {&small_, &large_, &weighed_};
+  std::unique_ptr<NatsServer> server_;
+  int workers_ = 0;
+};
+
+TEST_F(CloudServer, ComputesACall) {
+  const auto worker = start_worker(server_->url());
+  RobotLink robot(robot_options(server_->url()));
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  const AddingTask task{.tens_of_ms = 2, .value = 9};
+  auto future = submit(robot, task);
+  const TaskEnd end = end_of(future);
+  EXPECT_EQ(end.how, CallEndKind::kDone) << end.problem;
+  EXPECT_EQ(check_outputs(small_, task, end.outputs), "");
+  EXPECT_EQ(end.worker, "w1");
+  EXPECT_GE(end.execute, 20ms);
+  EXPECT_GE(end.held, end.execute);
+  EXPECT_GT(end.stored, 0ms);
+  EXPECT_GE(end.total, end.arrived);
+  EXPECT_EQ(messages_in_the_end(kTaskStream), 0);
+  EXPECT_EQ(messages_in_the_end(kReplyStream), 0);
+}
+
+TEST_F(CloudServer, HasManyInFlightAndLeavesTheRestInTheStream) {
+  const auto worker = start_worker(server_->url(), 2);
+  RobotLink robot(robot_options(server_->url()));
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  std::vector<std::future<TaskEnd>> ends;
+  for (int i = 0; i < 20; ++i) {
+    ends.push_back(submit(robot, {.tens_of_ms = 5, .value = static_cast<std::uint8_t>(i)}));
+  }
+  std::this_thread::sleep_for(120ms);
+  Connection admin({.server = server_->url()}, {});
+  ASSERT_TRUE(admin.wait_until_up(kLong));
+  const auto info = admin.request("$JS.API.CONSUMER.INFO.PIRT_TASKS.workers", "", 5s);
+  EXPECT_LE(json_of(info.data).at("num_ack_pending").get<int>(), 2);
+  for (int i = 0; i < 20; ++i) {
+    const TaskEnd end = end_of(ends[static_cast<std::size_t>(i)]);
+    EXPECT_EQ(end.how, CallEndKind::kDone) << end.problem;
+    EXPECT_EQ(check_outputs(small_, {.tens_of_ms = 5, .value = static_cast<std::uint8_t>(i)},
+                            end.outputs),
+              "");
+  }
+  EXPECT_EQ(worker->counts().tasks.run, 20);
+  EXPECT_EQ(robot.counts().done, 20);
+}
+
+TEST_F(CloudServer, SendsWhatIsLargerThanAMessageInChunksAndRemovesThem) {
+  const auto worker = start_worker(server_->url());
+  RobotLink robot(robot_options(server_->url()));
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  const AddingTask task{.value = 3};
+  auto future = submit(robot, make_submission(large_, task));
+  const TaskEnd end = end_of(future);
+  ASSERT_EQ(end.how, CallEndKind::kDone) << end.problem;
+  EXPECT_EQ(check_outputs(large_, task, end.outputs), "");
+  EXPECT_TRUE(robot.estimate().bytes_per_s.has_value());
+  EXPECT_EQ(messages_in_the_end(kBlobStream), 0);
+}
+
+TEST_F(CloudServer, SendsParametersOnce) {
+  const auto worker = start_worker(server_->url());
+  RobotLink robot(robot_options(server_->url()));
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  for (int i = 0; i < 3; ++i) {
+    auto future = submit(robot, make_submission(weighed_, {.value = 3}, 5));
+    const TaskEnd end = end_of(future);
+    ASSERT_EQ(end.how, CallEndKind::kDone) << end.problem;
+    EXPECT_EQ(check_outputs(weighed_, {.value = 3}, end.outputs, 5), "");
+  }
+  EXPECT_EQ(worker->counts().missed_parameters, 1);
+  EXPECT_EQ(messages(kBlobStream), 6) << "1.5 MB in chunks of 256 KiB, which stay for others";
+  auto other = submit(robot, make_submission(weighed_, {.value = 3}, 6));
+  EXPECT_EQ(check_outputs(weighed_, {.value = 3}, end_of(other).outputs, 6), "");
+  EXPECT_EQ(worker->counts().missed_parameters, 2);
+}
+
+TEST_F(CloudServer, GivesATaskOfAKilledWorkerToAnother) {
+  pid_t first = start_worker_process(server_->url(), 1);
+  RobotLink robot(robot_options(server_->url()));
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  const AddingTask task{.tens_of_ms = 100, .value = 4};
+  auto future = submit(robot, task);
+  std::this_thread::sleep_for(500ms);
+  ::kill(first, SIGKILL);
+  ::waitpid(first, nullptr, 0);
+  EXPECT_EQ(future.wait_for(0s), std::future_status::timeout) << "it was killed half-way";
+  const auto second = start_worker(server_->url());
+  const TaskEnd end = end_of(future);
+  EXPECT_EQ(end.how, CallEndKind::kDone) << end.problem;
+  EXPECT_EQ(end.worker, "w1");
+  EXPECT_EQ(check_outputs(small_, task, end.outputs), "");
+}
+
+TEST_F(CloudServer, GoesOnWhenTheServerWasKilledAndStartsAgain) {
+  const auto worker = start_worker(server_->url());
+  RobotLink robot(robot_options(server_->url()));
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  std::vector<std::future<TaskEnd>> ends;
+  const auto submit_some = [&] {
+    for (int i = 0; i < 5; ++i) ends.push_back(submit(robot, {.tens_of_ms = 10, .value = 8}));
+  };
+  submit_some();
+  std::this_thread::sleep_for(150ms);
+  server_->kill();
+  submit_some();
+  std::this_thread::sleep_for(300ms);
+  EXPECT_EQ(robot.availability(), Availability::kDown);
+  EXPECT_THAT(robot.why_down(), HasSubstr("no connection to server"));
+  ASSERT_TRUE(server_->start()) << server_->log();
+  for (auto& future : ends) {
+    const TaskEnd end = end_of(future);
+    EXPECT_EQ(end.how, CallEndKind::kDone) << end.problem;
+    EXPECT_EQ(check_outputs(small_, {.tens_of_ms = 10, .value = 8}, end.outputs), "");
+  }
+  EXPECT_EQ(robot.counts().done, 10);
+  EXPECT_TRUE(robot.wait_until_up(kLong));
+}
+
+TEST_F(CloudServer, WaitsForAServerThatIsNotThereYet) {
+  server_->kill();
+  RobotLink robot(robot_options(server_->url()));
+  const auto worker = start_worker(server_->url());
+  auto future = submit(robot, {.value = 8});
+  EXPECT_FALSE(robot.wait_until_up(300ms));
+  ASSERT_TRUE(server_->start()) << server_->log();
+  EXPECT_EQ(end_of(future).how, CallEndKind::kDone);
+}
+
+TEST_F(CloudServer, GivesUpAPoisonedTaskAfterThreeTries) {
+  const auto worker = start_worker(server_->url());
+  RobotLink robot(robot_options(server_->url()));
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  auto future = submit(robot, {.ask = Ask::kThrow});
+  const TaskEnd end = end_of(future);
+  EXPECT_EQ(end.how, CallEndKind::kGivenUp);
+  EXPECT_EQ(end.problem, "given up after 3 tries; the last one failed on worker w1: boom");
+  EXPECT_EQ(worker->counts().failed, 3);
+  EXPECT_EQ(messages_in_the_end(kTaskStream), 0);
+  auto next = submit(robot, {.value = 1});
+  EXPECT_EQ(end_of(next).how, CallEndKind::kDone);
+}
+
+TEST_F(CloudServer, RefusesWhatNoWorkerKnows) {
+  const auto worker = start_worker(server_->url());
+  RobotLink robot(robot_options(server_->url()));
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  const Workload other = adding("small", 999), unknown = adding("unknown", 10);
+  EXPECT_THAT(robot.why_not("small", spec_digest(other)), HasSubstr("has another small"));
+  EXPECT_THAT(robot.why_not("unknown", spec_digest(unknown)), HasSubstr("does not know unknown"));
+  EXPECT_EQ(robot.why_not("small", spec_digest(small_)), "");
+  auto future = submit(robot, make_submission(other, {}));
+  const TaskEnd end = end_of(future);
+  EXPECT_EQ(end.how, CallEndKind::kRefused);
+  EXPECT_THAT(end.problem, HasSubstr("small is something else here"));
+}
+
+TEST_F(CloudServer, GivesATaskBackInTimeAndDropsTheLateReply) {
+  const auto worker = start_worker(server_->url());
+  RobotLink robot(robot_options(server_->url()));
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  Submission submission = make_submission(small_, {.tens_of_ms = 60});
+  submission.time_left = 250ms;
+  submission.give_back_after = 200ms;
+  auto future = submit(robot, std::move(submission));
+  const TaskEnd end = end_of(future);
+  EXPECT_EQ(end.how, CallEndKind::kReturned);
+  EXPECT_GE(end.total, 200ms);
+  for (int i = 0; i < 100 && robot.counts().late == 0; ++i) std::this_thread::sleep_for(50ms);
+  EXPECT_EQ(robot.counts().late, 1);
+  EXPECT_EQ(messages_in_the_end(kReplyStream), 0);
+}
+
+TEST_F(CloudServer, CancellingWithdrawsTheMessage) {
+  RobotLink robot(robot_options(server_->url()));
+  TaskId id;
+  auto future = submit(robot, {.value = 2}, &id);
+  auto kept = submit(robot, {.value = 3});
+  for (int i = 0; i < 100 && messages(kTaskStream) < 2; ++i) std::this_thread::sleep_for(20ms);
+  ASSERT_EQ(messages(kTaskStream), 2);
+  robot.cancel(id);
+  EXPECT_EQ(end_of(future).how, CallEndKind::kCancelled);
+  const auto worker = start_worker(server_->url());
+  EXPECT_EQ(end_of(kept).how, CallEndKind::kDone);
+  EXPECT_EQ(messages_in_the_end(kTaskStream), 0);
+  EXPECT_EQ(messages_in_the_end(kWithdrawStream), 0);
+  EXPECT_EQ(worker->counts().withdrawn, 1);
+}
+
+TEST_F(CloudServer, AKeySurvivesTheRobot) {
+  RobotOptions options = robot_options(server_->url());
+  options.outbox = server_->folder() / "outbox.db";
+  const AddingTask task{.value = 77};
+  {
+    RobotLink robot(options);
+    Submission submission = make_submission(small_, task);
+    submission.key = "map of the cellar";
+    static_cast<void>(submit(robot, std::move(submission)));
+    static_cast<void>(submit(robot, {.value = 3}));
+    for (int i = 0; i < 100 && messages(kTaskStream) < 2; ++i) std::this_thread::sleep_for(20ms);
+    ASSERT_EQ(messages(kTaskStream), 2);
+  }
+  const auto worker = start_worker(server_->url());
+  RobotLink robot(options);
+  Submission submission = make_submission(small_, task);
+  submission.key = "map of the cellar";
+  auto future = submit(robot, std::move(submission));
+  const TaskEnd end = end_of(future);
+  EXPECT_EQ(end.how, CallEndKind::kDone) << end.problem;
+  EXPECT_EQ(check_outputs(small_, task, end.outputs), "");
+  EXPECT_EQ(messages_in_the_end(kTaskStream), 0);
+}
+
+TEST_F(CloudServer, DropsAndCountsWhatIsNoMessage) {
+  const auto worker = start_worker(server_->url());
+  RobotLink robot(robot_options(server_->url()));
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  Connection other({.server = server_->url()}, {});
+  ASSERT_TRUE(other.wait_until_up(kLong));
+  std::mt19937 random(1);
+  const Bytes right = encode(ReplyMessage{.task = {1, 2}, .worker = "w"});
+  for (int i = 0; i < 100; ++i) {
+    Bytes bytes = right;
+    bytes.resize(random() % (bytes.size() + 1));
+    for (std::byte& each : bytes) each = static_cast<std::byte>(random());
+    other.publish(task_subject("robot"), bytes);
+    other.publish(reply_subject("robot"), bytes);
+    other.publish(withdraw_subject("robot"), bytes);
+    other.publish(kHelloSubject, bytes);
+  }
+  auto future = submit(robot, {.value = 1});
+  EXPECT_EQ(end_of(future).how, CallEndKind::kDone);
+  EXPECT_EQ(messages_in_the_end(kTaskStream), 0);
+  EXPECT_EQ(messages_in_the_end(kReplyStream), 0);
+  EXPECT_EQ(messages_in_the_end(kWithdrawStream), 0);
+  EXPECT_GE(worker->counts().malformed, 100);
+  EXPECT_GE(robot.malformed(), 100);
+  EXPECT_EQ(worker->counts().tasks.run, 1);
+}
+
+}  // namespace
+}  // namespace pirt::cloud::test
