@@ -24,6 +24,8 @@ void add_bundle_adjust(CLI::App& app, Action& action);
 void add_generate_bal(CLI::App& app, Action& action);
 void add_cloud_worker(CLI::App& app, Action& action);
 void add_cloud_admin(CLI::App& app, Action& action);
+/// Hidden: the body of the processes that `cloud-worker` starts.
+void add_cloud_slot(CLI::App& app, Action& action);
 /// Hidden: the body of the processes that `regress` starts, of this and other versions.
 void add_sample(CLI::App& app, Action& action);
 /// Hidden: the body of the processes that `characterize` starts.

@@ -36,6 +36,7 @@ constexpr AddCommand* kCommands[] = {
     add_generate_bal,   //
     add_cloud_worker,   //
     add_cloud_admin,    //
+    add_cloud_slot,     //
     add_sample,         //
     add_worker,
 };

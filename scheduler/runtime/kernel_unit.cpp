@@ -214,8 +214,10 @@ void KernelUnit::set_up() {
     const std::string& remark = device_info_->remark;
     if (!remark.empty()) remark_ += (remark_.empty() ? "" : "; ") + remark;
     has_own_clock_ = device_->own_clock() != nullptr;
+    remote_ = dynamic_cast<const Remote*>(device_.get());
   }
-  if (!setup_.prepare_first) return;
+  // What is out of reach is prepared once it is not, at the first call.
+  if (!setup_.prepare_first || !is_reachable()) return;
   // The first one last, where one at a time is held.
   for (auto each = setup_.preparations.rbegin(); each != setup_.preparations.rend(); ++each) {
     if (stopping_) return;

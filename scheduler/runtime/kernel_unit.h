@@ -19,6 +19,7 @@
 
 #include "scheduler/mix/task.h"
 #include "workloads/model/function_kernel.h"
+#include "workloads/model/remote.h"
 
 namespace pirt {
 
@@ -146,6 +147,8 @@ class KernelUnit {
   [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
   /// What it computes on, once it is ready; null = only functions run there.
   [[nodiscard]] const DeviceInfo* device() const { return device_info_ ? &*device_info_ : nullptr; }
+  /// Whether what it computes on is within reach, once it is ready and until it is stopped.
+  [[nodiscard]] bool is_reachable() const { return remote_ == nullptr || remote_->is_reachable(); }
   /// Whether the device tells the time of its calls by a clock of its own, once it is ready.
   [[nodiscard]] bool has_own_clock() const { return has_own_clock_; }
 
@@ -176,6 +179,7 @@ class KernelUnit {
   bool ready_ = false;
   std::string remark_;
   std::optional<DeviceInfo> device_info_;
+  const Remote* remote_ = nullptr;  ///< The device, if it is one.
   bool has_own_clock_ = false;
   std::exception_ptr failure_;
   std::optional<Running> running_;

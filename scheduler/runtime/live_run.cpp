@@ -193,6 +193,7 @@ class LiveRun final : public Executor {
     // All of them first: nothing of one may start on another.
     for (const LiveUnits::Hung& hung : all) time_.set_unit(hung.unit, UnitState::kGone, now());
     for (const LiveUnits::Hung& hung : all) give_up(hung);
+    for (const auto& [unit, state] : units_.changed_reach()) time_.set_unit(unit, state, now());
     const int stops = options_.stop ? options_.stop() : 0;
     if (stops > 0 && !result_.stopped) {
       result_.stopped = true;

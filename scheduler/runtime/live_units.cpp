@@ -23,6 +23,7 @@ LiveUnits::LiveUnits(const Platform& platform, LiveUnitsOptions options, Done do
       options_(std::move(options)),
       done_(std::move(done)),
       returns_(platform.units.size()),
+      out_of_reach_(platform.units.size()),
       units_(platform.units.size()) {}
 
 LiveUnits::~LiveUnits() { close(); }
@@ -105,6 +106,20 @@ void LiveUnits::close() {
 void LiveUnits::close(std::unique_ptr<KernelUnit> unit) {
   unit->stop();
   if (unit->abandoned() || !unit->is_over_start(kPatience)) KernelUnit::leave(std::move(unit));
+}
+
+std::vector<LiveUnits::Reach> LiveUnits::changed_reach() {
+  std::vector<Reach> changed;
+  for (UnitId unit = 0; unit < units_.size(); ++unit) {
+    if (units_[unit] == nullptr || units_[unit]->abandoned()) continue;
+    const bool out = !units_[unit]->is_reachable();
+    if (out == out_of_reach_[unit]) continue;
+    out_of_reach_[unit] = out;
+    say(units_[unit]->name() + (out ? " is out of reach" : " is within reach again"));
+    // What runs there goes on: its reply may come all the same.
+    changed.push_back({unit, out ? UnitState::kDraining : UnitState::kUp});
+  }
+  return changed;
 }
 
 int LiveUnits::count_returns(UnitId unit, WorkloadId workload, Outcome outcome) {

@@ -109,6 +109,13 @@ class LiveUnits {
     return hung;
   }
 
+  /// A unit whose device is out of reach, or within it again, since this was asked last.
+  struct Reach {
+    UnitId unit = 0;
+    UnitState state = UnitState::kUp;
+  };
+  [[nodiscard]] std::vector<Reach> changed_reach();
+
   /// Hears how each call ended. How often calls of the workload have now been given back by the
   /// unit, in a row.
   int count_returns(UnitId unit, WorkloadId workload, Outcome outcome);
@@ -130,6 +137,7 @@ class LiveUnits {
   Done done_;
   MachineClock clock_;
   std::vector<std::map<WorkloadId, int>> returns_;  ///< By unit; of those that gave any back.
+  std::vector<bool> out_of_reach_;                  ///< By unit, as changed_reach() told it.
   std::vector<std::unique_ptr<KernelUnit>> units_;  ///< Last: their threads use all of it.
 };
 

@@ -125,7 +125,7 @@ TEST(Catalog, UnknownNamesComeWithTheNearest) {
 TEST(Registry, ListsTheBackendsAndNamesTheNearest) {
   std::vector<std::string> names;
   for (const auto& backend : backends()) names.emplace_back(backend->name());
-  EXPECT_THAT(names, ElementsAre("cpu", "opencl", "dsp", "fpga", "fake"));
+  EXPECT_THAT(names, ElementsAre("cpu", "opencl", "dsp", "fpga", "nats", "fake"));
   EXPECT_EQ(find_backend("opencl").name(), "opencl");
   EXPECT_THROW(static_cast<void>(find_backend("openCL2")), Error);
 }

@@ -9,7 +9,6 @@
 #include "tests/support/long.h"
 #include "tests/workloads/nats_server.h"
 #include "workloads/backends/nats/subjects.h"
-#include "workloads/base/text/json_value.h"
 
 namespace pirt::cloud::test {
 namespace {

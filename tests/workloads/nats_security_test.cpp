@@ -11,7 +11,7 @@
 #include "tests/workloads/nats_server.h"
 #include "workloads/backends/nats/subjects.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cloud::test {
 namespace {
@@ -42,6 +42,13 @@ TEST(CloudConnection, IsRefusedBeyondThisMachineWithoutTls) {
     EXPECT_EQ(error_of({.server = beyond, .insecure = true}), "") << beyond;
   }
   EXPECT_EQ(error_of({.server = "tls://robots.example:4222"}), "");
+}
+
+TEST(CloudConnection, TellsNobodyItsPassword) {
+  EXPECT_EQ(public_url("nats://robot:secret@127.0.0.1:4222"), "nats://127.0.0.1:4222");
+  EXPECT_EQ(public_url("tls://robots.example"), "tls://robots.example");
+  EXPECT_EQ(error_of({.server = "nats://robot:secret@10.0.0.1"}).find("secret"), std::string::npos);
+  EXPECT_EQ(error_of({.server = "http://robot:secret@10.0.0.1"}).find("secret"), std::string::npos);
 }
 
 TEST(CloudConnection, NamesWhatIsNoServer) {
@@ -80,11 +87,7 @@ class CloudPermissions : public ::testing::Test {
   }
   std::int64_t messages(const std::string& stream) {
     const auto answer = admin_->request("$JS.API.STREAM.INFO." + stream, "", 5s);
-    return Json::parse(reinterpret_cast<const char*>(answer.data.data()),
-                       reinterpret_cast<const char*>(answer.data.data()) + answer.data.size())
-        .at("state")
-        .at("messages")
-        .get<std::int64_t>();
+    return parse_json(text_of(answer.data)).at("state").at("messages").get<std::int64_t>();
   }
 
   std::unique_ptr<NatsServer> server_;

@@ -209,14 +209,15 @@ namespace {
 
 class AddingComputer : public Computer {
  public:
-  std::vector<Tensor> compute(const Workload& workload, std::span<const Tensor> parameters,
+  std::vector<Tensor> compute(const Workload& workload, const SharedTensors& parameters,
                               const Digest&, std::span<const Tensor> inputs, Nanos& took) override {
     const auto in = inputs[0].as<std::uint8_t>();
     const Nanos pause = in[1] * 10ms;
     if (pause > 0ms) std::this_thread::sleep_for(pause);
     if (in[0] == static_cast<std::uint8_t>(Ask::kThrow)) throw std::runtime_error("boom");
+    if (in[0] == static_cast<std::uint8_t>(Ask::kDie)) ::kill(::getpid(), SIGKILL);
     auto outputs = make_tensors(workload.outputs);
-    const int more = 1 + (parameters.empty() ? 0 : parameters[0].as<std::uint8_t>()[0]);
+    const int more = 1 + (parameters == nullptr ? 0 : parameters->at(0).as<std::uint8_t>()[0]);
     const auto out = outputs[0].as<std::uint8_t>();
     for (std::size_t i = 0; i < in.size(); ++i) out[i] = static_cast<std::uint8_t>(in[i] + more);
     took = pause;

@@ -75,7 +75,11 @@ class Wire {
 };
 
 /// What the first byte of an input asks for; the second one is a time in units of 10 ms.
-enum class Ask : std::uint8_t { kPlain = 0, kThrow = 1 };
+enum class Ask : std::uint8_t {
+  kPlain = 0,
+  kThrow = 1,
+  kDie = 2,  ///< The process that computes it.
+};
 
 /// u8[size] -> u8[size]: each byte and 1, and the first byte of its parameters, if it has any.
 [[nodiscard]] Workload adding(const std::string& name, std::int64_t size,

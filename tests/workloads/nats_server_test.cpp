@@ -11,9 +11,10 @@
 #include <random>
 
 #include "tests/support/long.h"
+#include "workloads/backends/nats/process_computer.h"
 #include "workloads/backends/nats/subjects.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cloud::test {
 namespace {
@@ -29,9 +30,15 @@ TEST(CloudProcess, IsAWorker) {
   run_worker_process();
 }
 
-Json json_of(const Bytes& bytes) {
-  return Json::parse(reinterpret_cast<const char*>(bytes.data()),
-                     reinterpret_cast<const char*>(bytes.data()) + bytes.size());
+Json json_of(const Bytes& bytes) { return parse_json(text_of(bytes)); }
+
+TEST(CloudProcess, IsASlot) {
+  if (std::getenv("PIRT_TEST_SLOT") == nullptr) {
+    GTEST_SKIP() << "the body of the processes that compute in another test";
+  }
+  const Workload small = adding("small", 1000), weighed = adding("weighed", 100, 1'500'000);
+  const std::vector<const Workload*> known = {&small, &weighed};
+  serve_computer(*make_adding_computer(), known, 1 << 30);
 }
 
 class CloudServer : public ::testing::Test {
@@ -63,7 +70,7 @@ class CloudServer : public ::testing::Test {
     options.limits.progress = 300ms;
     options.limits.confirm = 1s;
     options.hello = 300ms;
-    options.make_computer = make_adding_computer;
+    options.make_computer = make_computer_;
     return std::make_unique<WorkerLink>(options, known_);
   }
   static std::future<TaskEnd> submit(RobotLink& robot, Submission submission,
@@ -107,6 +114,7 @@ class CloudServer : public ::testing::Test {
            weighed_ = adding("weighed", 100, 1'500'000);
   std::vector<const Workload*> known_ = {&small_, &large_, &weighed_};
   std::unique_ptr<NatsServer> server_;
+  std::function<std::unique_ptr<Computer>()> make_computer_ = make_adding_computer;
   int workers_ = 0;
 };
 
@@ -234,6 +242,21 @@ TEST_F(CloudServer, WaitsForAServerThatIsNotThereYet) {
   EXPECT_EQ(end_of(future).how, CallEndKind::kDone);
 }
 
+TEST_F(CloudServer, IsDownForARobotThatItDoesNotKnow) {
+  const auto worker = start_worker(server_->url());
+  RobotOptions options = robot_options(server_->url());
+  options.robot = "stranger";
+  RobotLink robot(options);
+  EXPECT_FALSE(robot.wait_until_up(1s));
+  EXPECT_THAT(robot.why_down(), HasSubstr("pirt cloud-admin setup --robots stranger"));
+  auto future = submit(robot, {.value = 1});
+  Connection admin({.server = server_->url()}, {});
+  ASSERT_TRUE(admin.wait_until_up(kLong));
+  set_up(admin, {.robots = {"stranger"}, .redelivered = 1s});
+  EXPECT_EQ(end_of(future).how, CallEndKind::kDone);
+  EXPECT_EQ(robot.why_down(), "");
+}
+
 TEST_F(CloudServer, GivesUpAPoisonedTaskAfterThreeTries) {
   const auto worker = start_worker(server_->url());
   RobotLink robot(robot_options(server_->url()));
@@ -246,6 +269,34 @@ TEST_F(CloudServer, GivesUpAPoisonedTaskAfterThreeTries) {
   EXPECT_EQ(messages_in_the_end(kTaskStream), 0);
   auto next = submit(robot, {.value = 1});
   EXPECT_EQ(end_of(next).how, CallEndKind::kDone);
+}
+
+TEST_F(CloudServer, GivesUpATaskWhoseProcessDiesThreeTimesAndGoesOn) {
+  ::setenv("PIRT_TEST_SLOT", "1", 1);
+  make_computer_ = [] {
+    return make_process_computer("/proc/self/exe", {"--gtest_filter=CloudProcess.IsASlot"});
+  };
+  const auto worker = start_worker(server_->url());
+  RobotLink robot(robot_options(server_->url()));
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  const auto computes = [&] {
+    for (int i = 0; i < 2; ++i) {
+      auto future = submit(robot, make_submission(weighed_, {.value = 4}, 5));
+      const TaskEnd end = end_of(future);
+      EXPECT_EQ(end.how, CallEndKind::kDone) << end.problem;
+      EXPECT_EQ(check_outputs(weighed_, {.value = 4}, end.outputs, 5), "");
+    }
+  };
+  computes();
+  auto future = submit(robot, {.ask = Ask::kDie});
+  const TaskEnd end = end_of(future);
+  EXPECT_EQ(end.how, CallEndKind::kGivenUp);
+  EXPECT_EQ(end.problem,
+            "given up after 3 tries; the last one failed on worker w1: its process died (SIGKILL)");
+  auto thrown = submit(robot, {.ask = Ask::kThrow});
+  EXPECT_THAT(end_of(thrown).problem, HasSubstr("boom"));
+  computes();
+  ::unsetenv("PIRT_TEST_SLOT");
 }
 
 TEST_F(CloudServer, RefusesWhatNoWorkerKnows) {

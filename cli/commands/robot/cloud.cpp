@@ -46,6 +46,16 @@ void add_connection(Command& command, cloud::ConnectionOptions& connection) {
   seed.needs(nkey);
 }
 
+void add_computing(Command& command, Options& options) {
+  add_text(command, "--units", &options.unit, "UNIT",
+           "What computes: a backend of `pirt list backends`")
+      .shows_default();
+  add_value(command, "--cache-mb", &options.cache_mb, "NUMBER",
+            not_within<std::int64_t>(1, 1'000'000),
+            "Of parameters, and of a slot's kernels, each, in MB")
+      .shows_default();
+}
+
 std::vector<const Workload*> known_workloads() {
   std::vector<const Workload*> known;
   for (const Workload& each : catalog()) known.push_back(&each);
@@ -62,26 +72,39 @@ std::string default_name() {
   return fmt::format("{}-{}", host, ::getpid());
 }
 
-int work(const Options& options) {
-  const Backend& backend = find_backend(options.unit);
-  if (const Probe probe = backend.probe(); !probe.available) throw_environment(probe.reason);
+std::vector<const Workload*> known_on(const Backend& backend) {
   std::vector<const Workload*> known;
   for (const Workload* each : known_workloads()) {
     if (backend.supports(*each).ok) known.push_back(each);
   }
+  return known;
+}
+
+/// A process of a worker's: what it computes may crash.
+int work_in_slot(const Options& options) {
+  const Backend& backend = find_backend(options.unit);
   const auto kept = static_cast<std::uint64_t>(options.cache_mb) << 20;
+  const auto computer = cloud::computer_on(
+      backend, {.unit = options.unit, .cores = {}, .device = {}, .script = {}}, kept);
+  return cloud::serve_slot(*computer, known_on(backend), kept) ? 0 : kExitEnvironment;
+}
+
+int work(const Options& options) {
+  const Backend& backend = find_backend(options.unit);
+  if (const Probe probe = backend.probe(); !probe.available) throw_environment(probe.reason);
   cloud::WorkerOptions worker{.connection = options.connection,
                               .name = options.name.empty() ? default_name() : options.name,
                               .version = PIRT_VERSION,
                               .limits = {.slots = options.slots},
-                              .cache_bytes = kept,
-                              .make_computer = {}};
-  worker.make_computer = [&] {
-    return cloud::computer_on(
-        backend, {.unit = options.unit, .cores = {}, .device = {}, .script = {}}, kept);
-  };
+                              .cache_bytes = static_cast<std::uint64_t>(options.cache_mb) << 20,
+                              .make_computer = [&options] {
+                                return cloud::computer_in(
+                                    "/proc/self/exe",
+                                    {"cloud-slot", "--units", options.unit, "--cache-mb",
+                                     std::to_string(options.cache_mb)});
+                              }};
   const std::atomic<bool>* const stop = stop_on_signal();
-  cloud::serve(worker, known,
+  cloud::serve(worker, known_on(backend),
                {.stop = [stop] { return stop->load(); },
                 .say =
                     [](const std::string& line) {
@@ -104,14 +127,9 @@ void add_cloud_worker(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   Command command(app, "cloud-worker", "Compute the tasks that robots send to the cloud");
   add_connection(command, options->connection);
-  add_text(command, "--units", &options->unit, "UNIT",
-           "What computes: a backend of `pirt list backends`")
-      .shows_default();
+  add_computing(command, *options);
   add_value(command, "--slots", &options->slots, "NUMBER", not_within(1, 256),
             "Tasks at a time; the others stay in the stream")
-      .shows_default();
-  add_value(command, "--cache-mb", &options->cache_mb, "NUMBER",
-            not_within<std::int64_t>(1, 1'000'000), "Of parameters and of kernels, each, in MB")
       .shows_default();
   add_text(command, "--name", &options->name, "NAME",
            "Of this worker; default: the machine's and the process's");
@@ -119,6 +137,14 @@ void add_cloud_worker(CLI::App& app, Action& action) {
       "Ends on Ctrl-C: what it computes is finished, the rest goes back to the stream.\n"
       "Example: pirt cloud-worker --server nats://127.0.0.1:4222 --slots 2");
   command.runs(action, [options] { return work(*options); });
+}
+
+void add_cloud_slot(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  Command command(app, "cloud-slot", "Computes what a cloud-worker hands to it");
+  command.hide();
+  add_computing(command, *options);
+  command.runs(action, [options] { return work_in_slot(*options); });
 }
 
 void add_cloud_admin(CLI::App& app, Action& action) {

@@ -2,11 +2,12 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "workloads/backends/nats/subjects.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cloud {
 namespace {
@@ -23,7 +24,7 @@ struct Answer {
 };
 
 Answer ask(Connection& connection, const std::string& api, const Json& what) {
-  const auto answer = connection.request("$JS.API." + api, what.dump(), kAnswer);
+  const auto answer = connection.request("$JS.API." + api, json_text(what), kAnswer);
   if (!answer.came) {
     throw_environment("the server did not answer to " + api +
                       "; is it there, and may this user ask that (pirt cloud-admin permissions)?");
@@ -31,21 +32,23 @@ Answer ask(Connection& connection, const std::string& api, const Json& what) {
   if (answer.status != 0) {
     throw_environment("the server has no JetStream; start it with -js, or `jetstream {}`");
   }
-  Answer read{Json::parse(reinterpret_cast<const char*>(answer.data.data()),
-                          reinterpret_cast<const char*>(answer.data.data()) + answer.data.size(),
-                          nullptr, false)};
-  if (!read.json.is_object()) throw_environment("the server's answer to " + api + " is no JSON");
-  if (const auto error = read.json.find("error"); error != read.json.end() && error->is_object()) {
-    read.error = error->value("err_code", 1);
-    read.description = error->value("description", std::string("refused"));
+  auto json = try_parse_json(text_of(answer.data));
+  if (!json || !json->is_object()) {
+    throw_environment("the server's answer to " + api + " is no JSON");
+  }
+  Answer read{*std::move(json)};
+  if (read.json.contains("error") && read.json.at("error").is_object()) {
+    const Json& error = read.json.at("error");
+    read.error = error.value("err_code", 1);
+    read.description = error.value("description", "refused");
   }
   return read;
 }
 
-Json stream(const std::string& name, std::vector<std::string> subjects, const Setup& setup,
+Json stream(const std::string& name, const std::vector<std::string>& subjects, const Setup& setup,
             std::uint64_t bytes) {
   return {{"name", name},
-          {"subjects", std::move(subjects)},
+          {"subjects", Json(subjects)},
           {"retention", "workqueue"},
           {"max_consumers", -1},
           {"max_msgs", -1},
@@ -59,15 +62,18 @@ Json stream(const std::string& name, std::vector<std::string> subjects, const Se
           {"duplicate_window", std::chrono::nanoseconds(std::chrono::minutes(2)).count()}};
 }
 
+/// Whether it has all that was asked for.
+bool is_within(const Json& asked, const Json& is) {
+  return std::ranges::all_of(asked.items(), [&](const JsonMember& each) {
+    return is.contains(each.key) && is.at(each.key) == each.value;
+  });
+}
+
 std::string make_stream(Connection& connection, const Json& config) {
   const auto name = config.at("name").get<std::string>();
   const Answer known = ask(connection, "STREAM.INFO." + name, Json::object());
   if (known.error == 0) {
-    const Json& is = known.json.at("config");
-    bool same = true;
-    for (const auto& [key, value] : config.items())
-      same = same && is.contains(key) && is.at(key) == value;
-    if (same) return "";
+    if (is_within(config, known.json.at("config"))) return "";
   }
   const std::string api = known.error == 0 ? "STREAM.UPDATE." : "STREAM.CREATE.";
   const Answer made = ask(connection, api + name, config);
@@ -83,11 +89,7 @@ std::string make_consumer(Connection& connection, const std::string& of, const J
   const auto name = config.at("durable_name").get<std::string>();
   const Answer known = ask(connection, "CONSUMER.INFO." + of + "." + name, Json::object());
   if (known.error == 0) {
-    const Json& is = known.json.at("config");
-    bool same = true;
-    for (const auto& [key, value] : config.items())
-      same = same && is.contains(key) && is.at(key) == value;
-    if (same) return "";
+    if (is_within(config, known.json.at("config"))) return "";
   }
   const Answer made = ask(connection, "CONSUMER.DURABLE.CREATE." + of + "." + name,
                           {{"stream_name", of}, {"config", config}});

@@ -4,8 +4,10 @@
 
 #include <chrono>
 #include <thread>
+#include <utility>
 
 #include "workloads/backends/nats/device_computer.h"
+#include "workloads/backends/nats/process_computer.h"
 #include "workloads/base/error.h"
 
 namespace pirt::cloud {
@@ -33,7 +35,7 @@ void serve(const WorkerOptions& options, std::span<const Workload* const> worklo
   while (!events.stop()) {
     const bool up = connection.is_up();
     if (up != was_up) {
-      events.say((up ? "connected to " : "lost ") + options.connection.server);
+      events.say((up ? "connected to " : "lost ") + public_url(options.connection.server));
       was_up = up;
     }
     if (up && !checked) {
@@ -57,10 +59,19 @@ std::unique_ptr<Computer> computer_on(const Backend& backend, const UnitRequest&
   return make_device_computer(backend, request, kept_bytes);
 }
 
+std::unique_ptr<Computer> computer_in(std::string program, std::vector<std::string> arguments) {
+  return make_process_computer(std::move(program), std::move(arguments));
+}
+
+bool serve_slot(Computer& computer, std::span<const Workload* const> workloads,
+                std::uint64_t kept_bytes) {
+  return serve_computer(computer, workloads, kept_bytes);
+}
+
 std::vector<std::string> administer(const ConnectionOptions& options, const Setup& setup) {
   Connection connection(options, {});
   if (!connection.wait_until_up(kPatience)) {
-    throw_environment("no connection to server " + options.server +
+    throw_environment("no connection to server " + public_url(options.server) +
                       "; start one (nats-server -js), or name another (--server)");
   }
   return set_up(connection, setup);

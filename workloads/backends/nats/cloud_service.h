@@ -30,6 +30,13 @@ void serve(const WorkerOptions& options, std::span<const Workload* const> worklo
                                                     const UnitRequest& request,
                                                     std::uint64_t kept_bytes);
 
+/// As make_process_computer and serve_computer. @throws Error{kEnvironment} in a build without the
+/// backend.
+[[nodiscard]] std::unique_ptr<Computer> computer_in(std::string program,
+                                                    std::vector<std::string> arguments);
+bool serve_slot(Computer& computer, std::span<const Workload* const> workloads,
+                std::uint64_t kept_bytes);
+
 /// As set_up, over a connection of its own.
 [[nodiscard]] std::vector<std::string> administer(const ConnectionOptions& options,
                                                   const Setup& setup);

@@ -15,7 +15,7 @@
 
 #include "workloads/backends/nats/subjects.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cloud {
 namespace {
@@ -38,7 +38,7 @@ struct Url {
 
 Url parse(const std::string& server) {
   const auto refuse = [&](const std::string& why) {
-    throw_bad_input("server '" + server + "' " + why +
+    throw_bad_input("server '" + public_url(server) + "' " + why +
                     "; a server is nats://HOST:PORT, or tls://HOST:PORT");
   };
   Url url;
@@ -124,6 +124,13 @@ bool is_robot_name(std::string_view name) {
   });
 }
 
+std::string public_url(const std::string& server) {
+  const auto begin = server.find("://");
+  const auto at = server.rfind('@');
+  if (begin == std::string::npos || at == std::string::npos) return server;
+  return server.substr(0, begin + 3) + server.substr(at + 1);
+}
+
 void check_connection(const ConnectionOptions& options) {
   const Url url = parse(options.server);
   check_file("the certificate authority", options.ca);
@@ -138,7 +145,7 @@ void check_connection(const ConnectionOptions& options) {
   }
   const bool tls = url.scheme == "tls" || !options.ca.empty();
   if (!tls && !options.insecure && !is_loopback(url.host)) {
-    throw_bad_input("server '" + options.server +
+    throw_bad_input("server '" + public_url(options.server) +
                     "' is beyond this machine and would be spoken to without TLS: anybody on the "
                     "way could read and change tasks; use tls://, or allow it (--insecure; of a "
                     "unit, insecure: true)");
@@ -228,7 +235,7 @@ Options make_options(const ConnectionOptions& options) {
   natsOptions* raw = nullptr;
   throw_unless(natsOptions_Create(&raw), "libnats");
   Options made(raw);
-  const std::string what = "server '" + options.server + "'";
+  const std::string what = "server '" + public_url(options.server) + "'";
   const auto set = [&](natsStatus status) { throw_unless(status, what); };
   const Url url = parse(options.server);
   set(natsOptions_SetURL(raw, options.server.c_str()));
@@ -290,7 +297,7 @@ Connection::Connection(const ConnectionOptions& options, Events events)
   state_->inbox = options.inbox + state_->inbox.substr(state_->inbox.find('.'));
   const natsStatus status = natsConnection_Connect(&state_->handle, raw);
   if (status != NATS_OK && status != NATS_NOT_YET_CONNECTED) {
-    throw_unless(status, "server '" + options.server + "'");
+    throw_unless(status, "server '" + public_url(options.server) + "'");
   }
   void* const given = closure.release();
   if (status == NATS_OK) State::on_up(state_->handle, given);
@@ -391,23 +398,21 @@ std::size_t Connection::chunk_bytes() const {
 
 Stored read_stored(int status, ByteView data) {
   if (status == kNobody) return {.problem = "JetStream is not there; start the server with -js"};
-  const Json answer =
-      Json::parse(reinterpret_cast<const char*>(data.data()),
-                  reinterpret_cast<const char*>(data.data()) + data.size(), nullptr, false);
-  if (!answer.is_object()) return {.problem = "an answer that is none of JetStream's"};
-  if (const auto error = answer.find("error"); error != answer.end()) {
-    const bool told = error->is_object() && error->contains("description") &&
-                      error->at("description").is_string();
-    return {.problem = told ? error->at("description").get<std::string>() : "refused"};
+  const auto answer = try_parse_json(text_of(data));
+  if (!answer || !answer->is_object()) {
+    return {.problem = "an answer that is none of JetStream's"};
   }
-  Stored stored;
-  const auto sequence = answer.find("seq");
-  stored.ok = sequence != answer.end() && sequence->is_number_unsigned();
-  if (!stored.ok) return {.problem = "an answer without a sequence"};
-  stored.sequence = sequence->get<std::uint64_t>();
-  const auto duplicate = answer.find("duplicate");
-  stored.duplicate = duplicate != answer.end() && duplicate->is_boolean() && duplicate->get<bool>();
-  return stored;
+  if (answer->contains("error")) {
+    const Json& error = answer->at("error");
+    const bool told =
+        error.is_object() && error.contains("description") && error.at("description").is_string();
+    return {.problem = told ? error.at("description").get<std::string>() : "refused"};
+  }
+  if (!answer->contains("seq") || !answer->at("seq").is_number_unsigned()) {
+    return {.problem = "an answer without a sequence"};
+  }
+  const bool duplicate = answer->contains("duplicate") && answer->at("duplicate") == true;
+  return {.ok = true, .sequence = answer->at("seq").get<std::uint64_t>(), .duplicate = duplicate};
 }
 
 namespace {
@@ -459,7 +464,8 @@ Fetched fetch_blob(Connection& connection, const std::string& prefix, const Blob
 
 void remove_blob(Connection& connection, const std::string& prefix) {
   connection.publish("$JS.API.STREAM.PURGE." + std::string(kBlobStream),
-                     Json{{"filter", prefix + ".>"}}.dump(), connection.inbox() + ".purged");
+                     json_text(Json::object({{"filter", prefix + ".>"}})),
+                     connection.inbox() + ".purged");
 }
 
 }  // namespace pirt::cloud

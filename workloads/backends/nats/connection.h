@@ -9,9 +9,9 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "workloads/backends/nats/wire.h"
-#include "workloads/base/text/json.h"
 
 namespace pirt::cloud {
 
@@ -27,6 +27,9 @@ struct ConnectionOptions {
   std::string nkey = {};                   ///< The public key of the seed.
   Nanos reconnect_wait = std::chrono::milliseconds(200);
 };
+
+/// Without a user and a password: for messages, profiles, reports.
+[[nodiscard]] std::string public_url(const std::string& server);
 
 /// @throws Error{kBadInput} for what is no URL of a server, for one beyond loopback without TLS
 /// that is not said to be insecure, and for files that are not there or not complete.
@@ -85,6 +88,10 @@ class Connection {
   struct State;
   std::shared_ptr<State> state_;
 };
+
+[[nodiscard]] inline std::string_view text_of(ByteView bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
 
 /// What a stream answered to a message that was published with a reply subject.
 struct Stored {

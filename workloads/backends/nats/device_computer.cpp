@@ -12,7 +12,7 @@ class DeviceComputer : public Computer {
   DeviceComputer(const Backend& backend, const UnitRequest& request, std::uint64_t kept_bytes)
       : kept_bytes_(kept_bytes), device_(backend.open(request)) {}
 
-  std::vector<Tensor> compute(const Workload& workload, std::span<const Tensor> parameters,
+  std::vector<Tensor> compute(const Workload& workload, const SharedTensors& parameters,
                               const Digest& content, std::span<const Tensor> inputs,
                               Nanos& took) override {
     Kernel& kernel = prepared(workload, parameters, content);
@@ -22,6 +22,7 @@ class DeviceComputer : public Computer {
     kernel.upload();
     static_cast<void>(kernel.execute(1));
     kernel.download();
+    kernel.unbind();
     took = clock_.now() - begin;
     return outputs;
   }
@@ -30,11 +31,12 @@ class DeviceComputer : public Computer {
   struct Prepared {
     const Workload* workload = nullptr;
     Digest content;
+    SharedTensors parameters;  ///< As long as the kernel, which may read them.
     std::uint64_t bytes = 0;
     std::unique_ptr<Kernel> kernel;
   };
 
-  Kernel& prepared(const Workload& workload, std::span<const Tensor> parameters,
+  Kernel& prepared(const Workload& workload, const SharedTensors& parameters,
                    const Digest& content) {
     const auto known = std::ranges::find_if(prepared_, [&](const Prepared& each) {
       return each.workload == &workload && each.content == content;
@@ -43,14 +45,16 @@ class DeviceComputer : public Computer {
       prepared_.splice(prepared_.begin(), prepared_, known);
       return *prepared_.front().kernel;
     }
-    Prepared made{&workload, content, kLeastBytes, nullptr};
-    for (const Tensor& each : parameters) made.bytes += each.bytes().size();
+    Prepared made{&workload, content, parameters, kLeastBytes, nullptr};
+    const std::span<const Tensor> given =
+        parameters != nullptr ? std::span<const Tensor>(*parameters) : std::span<const Tensor>();
+    for (const Tensor& each : given) made.bytes += each.bytes().size();
     bytes_ += made.bytes;
     while (bytes_ > kept_bytes_ && !prepared_.empty()) {
       bytes_ -= prepared_.back().bytes;
       prepared_.pop_back();
     }
-    made.kernel = device_->prepare(workload, parameters);
+    made.kernel = device_->prepare(workload, given);
     prepared_.push_front(std::move(made));
     return *prepared_.front().kernel;
   }

@@ -17,6 +17,8 @@ void serve(const WorkerOptions&, std::span<const Workload* const>, const Service
 std::unique_ptr<Computer> computer_on(const Backend&, const UnitRequest&, std::uint64_t) {
   unavailable();
 }
+std::unique_ptr<Computer> computer_in(std::string, std::vector<std::string>) { unavailable(); }
+bool serve_slot(Computer&, std::span<const Workload* const>, std::uint64_t) { unavailable(); }
 std::vector<std::string> administer(const ConnectionOptions&, const Setup&) { unavailable(); }
 std::string permissions_of(std::span<const std::string>) { unavailable(); }
 

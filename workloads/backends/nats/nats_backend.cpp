@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <condition_variable>
 #include <mutex>
@@ -12,6 +13,7 @@
 #include "workloads/backends/nats/robot_link.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/yaml.h"
+#include "workloads/model/remote.h"
 
 namespace pirt {
 namespace {
@@ -54,6 +56,12 @@ class CloudKernel : public Kernel {
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
     inputs_ = inputs;
     outputs_ = outputs;
+  }
+
+  void unbind() override {
+    withdraw();
+    inputs_ = {};
+    outputs_ = {};
   }
 
   /// Until the server has the task.
@@ -206,16 +214,24 @@ CloudUnit read_request(const UnitRequest& request) {
   return unit;
 }
 
-class CloudDevice : public Device {
+class CloudDevice : public Device, public Remote {
  public:
   explicit CloudDevice(const CloudUnit& unit)
-      : server_(unit.options.connection.server), patience_(unit.patience), link_(unit.options) {
-    if (!link_.wait_until_up(kOpening)) {
-      throw_environment(link_.why_down());
-    }
+      : server_(cloud::public_url(unit.options.connection.server)),
+        patience_(unit.patience),
+        link_(unit.options) {
+    // Who is not there yet may come.
+    static_cast<void>(link_.wait_until_up(kOpening));
   }
 
-  [[nodiscard]] DeviceInfo info() const override { return device_info(server_); }
+  [[nodiscard]] DeviceInfo info() const override {
+    DeviceInfo info = device_info(server_);
+    info.remark = link_.why_down();
+    return info;
+  }
+  [[nodiscard]] bool is_reachable() const override {
+    return link_.availability() == cloud::Availability::kUp;
+  }
   [[nodiscard]] Support supports(const Workload& workload) const override {
     const Support support = support_of(workload);
     if (!support.ok) return support;
@@ -226,6 +242,7 @@ class CloudDevice : public Device {
  private:
   [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload& workload,
                                                     std::span<const Tensor> parameters) override {
+    if (!link_.wait_until_up(std::min(kOpening, patience_))) throw_environment(link_.why_down());
     constexpr std::uint32_t kChunk = 256 << 10;  // a part of any server's limit
     return std::make_unique<CloudKernel>(link_, workload, parameters, kChunk, patience_);
   }

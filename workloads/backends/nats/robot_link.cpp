@@ -2,18 +2,21 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <random>
 #include <utility>
 
 #include "workloads/backends/nats/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cloud {
 namespace {
 
 /// A message that no measurement of the bandwidth follows from.
 constexpr std::size_t kSmall = 64 << 10;
+constexpr Nanos kAskAgain = std::chrono::seconds(1);
 /// Of what is measured, in what is known from before.
 constexpr double kNew = 0.25;
 
@@ -67,13 +70,10 @@ RobotLink::RobotLink(const RobotOptions& options)
   CallerActions first;
   caller_ = std::make_unique<Caller>(*outbox_, options_.limits, mailbox_.now(), first);
   Connection::Events events;
-  events.up = [this] {
-    mailbox_.post([this] {
-      with_caller([this](Nanos now, CallerActions& out) { caller_->link_up(now, out); });
-    });
-  };
+  events.up = [this] { mailbox_.post([this] { ask_for_replies(); }); };
   events.down = [this] {
     mailbox_.post([this] {
+      ask_again_at_ = Nanos::max();
       with_caller([this](Nanos now, CallerActions& out) { caller_->link_down(now, out); });
     });
   };
@@ -87,6 +87,11 @@ RobotLink::RobotLink(const RobotOptions& options)
     mailbox_.post(
         [this, number = robot_of(message.subject),
          stored = read_stored(message.status, message.data)] { acknowledged(number, stored); });
+  });
+  connection.subscribe(connection.inbox() + ".replies", [this](const Incoming& message) {
+    const auto answer = try_parse_json(text_of(message.data));
+    const bool knows = answer && answer->contains("config");
+    mailbox_.post([this, knows] { replies_come(knows); });
   });
   connection.subscribe(deliver_subject(options_.robot),
                        [this](const Incoming& message) { on_reply(message, true); });
@@ -121,6 +126,24 @@ RobotLink::~RobotLink() {
     mailbox_.close();
   });
   server_.join();
+}
+
+/// Without a consumer of its own no reply would ever come.
+void RobotLink::ask_for_replies() {
+  ask_again_at_ = mailbox_.now() + kAskAgain;
+  connection_->publish(
+      fmt::format("$JS.API.CONSUMER.INFO.{}.{}", kReplyStream, robot_consumer(options_.robot)), "",
+      connection_->inbox() + ".replies");
+}
+
+void RobotLink::replies_come(bool server_knows_robot) {
+  {
+    const std::lock_guard lock(mutex_);
+    unknown_ = !server_knows_robot;
+  }
+  if (!server_knows_robot || !connection_->is_up()) return;  // It is asked again.
+  ask_again_at_ = Nanos::max();
+  with_caller([this](Nanos now, CallerActions& out) { caller_->link_up(now, out); });
 }
 
 TaskId RobotLink::submit(Submission submission) {
@@ -187,13 +210,19 @@ bool RobotLink::wait_until_up(Nanos most) {
 }
 
 std::string RobotLink::why_down() const {
-  const std::string server = "server " + options_.connection.server;
+  const std::string server = "server " + public_url(options_.connection.server);
   const bool linked = connection_->is_up();
   const std::lock_guard lock(mutex_);
   const std::string said = problem_.empty() ? "" : " (it said: " + problem_ + ")";
   if (!linked) {
     return "no connection to " + server + said +
            "; start one (nats-server -js), or name another (server:)";
+  }
+  if (unknown_) {
+    return fmt::format(
+        "{} has no replies for robot '{}'; start it with -js, and run `pirt cloud-admin setup "
+        "--robots {}`",
+        server, options_.robot, options_.robot);
   }
   switch (availability_) {
     case Availability::kUp:
@@ -207,7 +236,7 @@ std::string RobotLink::why_down() const {
     return "nothing was heard of a worker at " + server + said;
   }
   return "no worker is at " + server + "; start one (pirt cloud-worker --server " +
-         options_.connection.server + ")";
+         public_url(options_.connection.server) + ")";
 }
 
 LinkEstimate RobotLink::estimate() const {
@@ -250,8 +279,9 @@ void RobotLink::with_caller(Step step) {
 void RobotLink::serve() {
   name_thread("pirt-robot");
   Mailbox::Letter letter;
-  while (mailbox_.next(caller_->next_wake(), letter)) {
+  while (mailbox_.next(std::min(caller_->next_wake(), ask_again_at_), letter)) {
     if (letter) letter();
+    if (ask_again_at_ <= mailbox_.now()) ask_for_replies();
     if (caller_->next_wake() <= mailbox_.now()) {
       with_caller([this](Nanos now, CallerActions& out) { caller_->wake(now, out); });
     }

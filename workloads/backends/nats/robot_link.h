@@ -111,6 +111,8 @@ class RobotLink {
   };
 
   void serve();
+  void ask_for_replies();
+  void replies_come(bool server_knows_robot);
   void move();
   void apply(CallerActions actions);
   void publish(const Publish& what);
@@ -137,6 +139,7 @@ class RobotLink {
   std::map<std::string, Sent> sent_;
   std::uint64_t next_sent_ = 0;
   bool closing_ = false;
+  Nanos ask_again_at_ = Nanos::max();  ///< For whether the server has replies for this robot.
 
   mutable std::mutex mutex_;  ///< Of what others read.
   std::condition_variable changed_;
@@ -145,6 +148,7 @@ class RobotLink {
   CallerCounts counts_;
   std::int64_t malformed_ = 0;
   std::string problem_;
+  bool unknown_ = false;  ///< The server has no replies for this robot.
   std::map<std::string, AnnouncementMessage> workers_;
   std::uint64_t run_ = 0, number_ = 0;
 

@@ -8,7 +8,7 @@
 #include "workloads/backends/nats/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
-#include "workloads/base/text/json_value.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt::cloud {
 namespace {
@@ -177,7 +177,7 @@ void WorkerLink::pull() {
   const auto ask = [&](const char* stream, int batch, const std::string& pull) {
     pulls_[pull] = now + kPullLost;
     connection_->publish(fmt::format("$JS.API.CONSUMER.MSG.NEXT.{}.{}", stream, kWorkers),
-                         Json{{"batch", batch}, {"expires", kPull.count()}}.dump(),
+                         json_text(Json::object({{"batch", batch}, {"expires", kPull.count()}})),
                          connection_->inbox() + ".pull." + pull);
   };
   if (!pulls_.contains(kWithdrawals)) ask(kWithdrawStream, 1, kWithdrawals);
@@ -255,7 +255,7 @@ void WorkerLink::on_withdraw(const std::string& robot, const std::string& reply,
     connection_->publish(gone_subject(robot), encode(message));
     if (message.sequence > 0) {
       connection_->publish(fmt::format("$JS.API.STREAM.MSG.GET.{}", kTaskStream),
-                           Json{{"seq", message.sequence}}.dump(),
+                           json_text(Json::object({{"seq", message.sequence}})),
                            connection_->inbox() + ".seen." + robot);
     }
     remove_blob(*connection_, chunks_subject("in", robot, name));
@@ -268,15 +268,14 @@ void WorkerLink::on_withdraw(const std::string& robot, const std::string& reply,
 
 /// A message that a robot wants off the stream: if it is its own.
 void WorkerLink::on_seen(const Incoming& message) {
-  const Json answer = Json::parse(
-      reinterpret_cast<const char*>(message.data.data()),
-      reinterpret_cast<const char*>(message.data.data()) + message.data.size(), nullptr, false);
-  if (!answer.is_object() || !answer.contains("message")) return;  // It is gone already.
-  const Json& found = answer.at("message");
+  const auto answer = try_parse_json(text_of(message.data));
+  if (!answer || !answer->contains("message")) return;  // It is gone already.
+  const Json& found = answer->at("message");
   if (!found.is_object() || !found.contains("subject") || !found.contains("seq")) return;
-  if (found.at("subject") != task_subject(robot_of(message.subject))) return count_malformed();
+  if (found.at("subject") != Json(task_subject(robot_of(message.subject))))
+    return count_malformed();
   connection_->publish(fmt::format("$JS.API.STREAM.MSG.DELETE.{}", kTaskStream),
-                       Json{{"seq", found.at("seq")}, {"no_erase", true}}.dump(),
+                       json_text(Json::object({{"seq", found.at("seq")}, {"no_erase", true}})),
                        connection_->inbox() + ".deleted");
 }
 
@@ -402,7 +401,7 @@ WorkerLink::Made WorkerLink::make(Computer& computer, const Job& job) {
   const auto admitted = admission_.admit(inside != nullptr ? ByteView(*inside) : ByteView(fetched));
   if (!admitted.value) return {reply_to(message, ReplyKind::kRefused, one_line(admitted.problem))};
   const Workload& workload = *admitted.value->workload;
-  std::shared_ptr<const std::vector<Tensor>> given;
+  SharedTensors given;
   Digest content;
   if (admitted.value->parameters) {
     std::string problem;
@@ -414,17 +413,14 @@ WorkerLink::Made WorkerLink::make(Computer& computer, const Job& job) {
     content = admitted.value->parameters->digest;
   }
   ReplyMessage reply = reply_to(message, ReplyKind::kDone);
-  const auto made = computer.compute(
-      workload, given != nullptr ? std::span<const Tensor>(*given) : std::span<const Tensor>(),
-      content, admitted.value->inputs, reply.execute);
+  const auto made =
+      computer.compute(workload, given, content, admitted.value->inputs, reply.execute);
   reply.outputs = outputs(job.key, encode_tensors(made));
   return {std::move(reply)};
 }
 
-std::shared_ptr<const std::vector<Tensor>> WorkerLink::parameters(const Workload& workload,
-                                                                  const std::string& robot,
-                                                                  const Blob& blob,
-                                                                  std::string& problem) {
+SharedTensors WorkerLink::parameters(const Workload& workload, const std::string& robot,
+                                     const Blob& blob, std::string& problem) {
   {
     const std::lock_guard lock(mutex_);
     for (auto at = cache_.entries.begin(); at != cache_.entries.end(); ++at) {

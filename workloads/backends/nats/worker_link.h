@@ -27,16 +27,18 @@
 
 namespace pirt::cloud {
 
+using SharedTensors = std::shared_ptr<const std::vector<Tensor>>;
+
 /// Computes, one call after the other; each slot has its own.
 class Computer {
  public:
   virtual ~Computer() = default;
-  /// @param parameters  As the workload has them; empty if it has none.
+  /// @param parameters  As the workload has them; null if it has none.
   /// @param content     Names them: the same content, the same digest.
   /// @return  As Workload::outputs.
   /// @throws std::exception if it did not work: a try that failed.
   [[nodiscard]] virtual std::vector<Tensor> compute(const Workload& workload,
-                                                    std::span<const Tensor> parameters,
+                                                    const SharedTensors& parameters,
                                                     const Digest& content,
                                                     std::span<const Tensor> inputs,
                                                     Nanos& took) = 0;
@@ -86,7 +88,7 @@ class WorkerLink {
   struct Cache {
     struct Entry {
       Digest digest;
-      std::shared_ptr<const std::vector<Tensor>> tensors;
+      SharedTensors tensors;
       std::uint64_t bytes = 0;
     };
     std::list<Entry> entries;
@@ -100,10 +102,8 @@ class WorkerLink {
   void serve();
   void compute(std::size_t slot);
   [[nodiscard]] Made make(Computer& computer, const Job& job);
-  [[nodiscard]] std::shared_ptr<const std::vector<Tensor>> parameters(const Workload& workload,
-                                                                      const std::string& robot,
-                                                                      const Blob& blob,
-                                                                      std::string& problem);
+  [[nodiscard]] SharedTensors parameters(const Workload& workload, const std::string& robot,
+                                         const Blob& blob, std::string& problem);
   [[nodiscard]] Payload outputs(const TaskKey& key, Bytes bytes);
   void apply(AttendantActions actions);
   void pull();
