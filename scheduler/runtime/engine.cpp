@@ -235,7 +235,7 @@ void Runtime::Engine::end_turn(runtime::Turn::Held& turn, Tasks& ended) {
   turn.give_back();
   if (idle) room_.look_again();
   // It looks after calls that hang, and at what time brings.
-  if (wake != Nanos::max() || (!idle && watcher_rests_)) {
+  if (wake != Nanos::max() || ((!idle || out_of_reach_) && watcher_rests_)) {
     const std::lock_guard lock(watch_mutex_);
     if (wake < watch_at_ || watcher_rests_) {
       watch_at_ = std::min(watch_at_, wake);

@@ -241,6 +241,7 @@ class Runtime::Engine {
   bool watch_now_ = false;
   std::atomic<bool> watcher_rests_ = false;  ///< It looks at nothing until it is woken.
   std::atomic<bool> calls_run_ = false;
+  std::atomic<bool> out_of_reach_ = false;  ///< Some unit is, and may be within it again.
   std::jthread watcher_;
   LiveUnits live_units_;  ///< Last: their threads use all of it.
 };

@@ -81,6 +81,7 @@ void Runtime::Engine::look(Nanos now) {
     if (units_[unit].in_service) dispatcher_->set_unit(unit, state, now, effects_);
     apply(now);
   }
+  out_of_reach_ = live_units_.any_out_of_reach();
 }
 
 const Service* Runtime::Engine::expected(UnitId unit, std::uint64_t token) {
@@ -123,14 +124,14 @@ void Runtime::Engine::watch(const std::stop_token& stop) {
   static_cast<void>(take_priority(options_.priority));
   std::unique_lock lock(watch_mutex_);
   while (!stop.stop_requested()) {
-    if (calls_run_ || watch_at_ != Nanos::max() || watch_now_) {
+    if (calls_run_ || out_of_reach_ || watch_at_ != Nanos::max() || watch_now_) {
       const Nanos until = std::min(watch_at_, now() + kLook);
       const auto sooner = [&] { return watch_now_ || watch_at_ < until; };
       watch_sooner_.wait_until(lock, stop, std::chrono::steady_clock::time_point(began_ + until),
                                sooner);
     } else {
       watcher_rests_ = true;
-      watch_sooner_.wait(lock, stop, [this] { return !watcher_rests_ || calls_run_; });
+      watch_sooner_.wait(lock, stop, [this] { return !watcher_rests_ || calls_run_ || out_of_reach_; });
       watcher_rests_ = false;
       continue;
     }

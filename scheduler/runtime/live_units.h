@@ -2,6 +2,7 @@
 // their calls, and watched. What is known of their health is here, for both.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -115,6 +116,10 @@ class LiveUnits {
     UnitState state = UnitState::kUp;
   };
   [[nodiscard]] std::vector<Reach> changed_reach();
+  /// By then.
+  [[nodiscard]] bool any_out_of_reach() const {
+    return std::ranges::find(out_of_reach_, true) != out_of_reach_.end();
+  }
 
   /// Hears how each call ended. How often calls of the workload have now been given back by the
   /// unit, in a row.
