@@ -1,13 +1,13 @@
 // What an output is until it is complete, and what is removed of processes that are gone.
 #include "workloads/base/system/temporary.h"
 
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/file.h>
+#include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 

@@ -60,7 +60,8 @@ bool leads_to(const fs::path& path, int fd) {
 /// @param make  Opens what it makes under a name; below 0 with errno if it cannot.
 template <typename Make>
 std::pair<fs::path, FileDescriptor> make_locked(const fs::path& target, const Make& make) {
-  for (int i = 0;; ++i) {
+  constexpr int kMostTries = 1000;
+  for (int i = 0; i < kMostTries; ++i) {
     auto name = name_beside(target, i);
     FileDescriptor made(make(name));
     if (made.get() >= 0 && lock(made.get()) && leads_to(name, made.get())) {
@@ -68,6 +69,7 @@ std::pair<fs::path, FileDescriptor> make_locked(const fs::path& target, const Ma
     }
     if (made.get() < 0 && errno != EEXIST) throw_cannot_write(target, errno);
   }
+  throw_cannot_write(target, EEXIST);
 }
 
 /// Open, without a name; below 0 where there is none of that kind, or no way to name it later.
