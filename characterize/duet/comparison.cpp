@@ -183,8 +183,8 @@ void DuetComparison::apply(const Event& event) {
     } else {
       throw_bad_input("an unknown event");
     }
-  } catch (const nlohmann::json::exception& error) {
-    throw_bad_input(error.what());
+  } catch (const nlohmann::json::exception&) {
+    throw_bad_input("an event that lacks something");
   }
 }
 
