@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "reports/paper/local_tables.h"
-#include "reports/paper/offloaded_call.h"
 #include "reports/paper/scorecard.h"
 #include "reports/profile/environment_report.h"
 #include "reports/profile/preference.h"
@@ -31,11 +30,6 @@ ModeRuns skipped(const std::vector<std::string>& modes, const std::string& why) 
   ModeRuns none;
   for (const auto& mode : modes) none.skipped.push_back({mode, why});
   return none;
-}
-
-std::vector<OffloadedCall> calls_of(const Machine& machine) {
-  if (!machine.platform) return {};
-  return offloaded_calls(machine.profile, *machine.platform, "convolution");
 }
 
 /// Those of the paper's four modes that ran.
@@ -86,10 +80,6 @@ class Sections {
       crossovers.table.origin = origin_of(machine_.profile);
       parts_.emplace_back(std::move(crossovers));
     }
-    for (auto& table : offloaded_convolution_tables(calls_of(machine_))) {
-      table.origin = origin_of(machine_.profile);
-      parts_.emplace_back(std::move(table));
-    }
   }
   void limits() {
     heading("Limits of the units");
@@ -99,10 +89,6 @@ class Sections {
   void choices(bool with_modes) {
     heading("Which unit, which mode");
     add(preference_table(preferences(machine_.profile)));
-    const auto platform = machine_.platform ? &*machine_.platform : nullptr;
-    const auto alexnet = inferences(machine_.profile, platform);
-    if (!alexnet.empty()) add(cloud_table(alexnet));
-    if (!machine_.table5.runs.empty()) parts_.emplace_back(scheduling_table(machine_.table5.runs));
     const auto modes = papers_modes(machine_);
     if (with_modes && !modes.empty()) parts_.emplace_back(modes_table(modes));
     const auto missing = missing_modes(machine_);
@@ -119,10 +105,10 @@ class Sections {
       parts_.emplace_back(Paragraph{{"Modes that do not keep up: " + join(behind, ", ")}});
     }
   }
-  void rows() {
-    heading("Every row, and what was recorded with it");
+  void rows(bool with_facts) {
+    heading(with_facts ? "Every row, and what was recorded with it" : "Every row");
     add(profile_table(machine_.profile));
-    add(environment_table(machine_.profile));
+    if (with_facts) add(environment_table(machine_.profile));
   }
 
  private:
@@ -182,9 +168,12 @@ Machine machine_of(Profile profile, std::optional<Platform> platform, const Mix&
   Machine machine{
       .profile = std::move(profile), .platform = std::move(platform), .modes = {}, .table5 = {}};
   machine.modes = runs_of(machine.profile, machine.platform, mix, policy_names(), why);
-  machine.table5 = runs_of(machine.profile, machine.platform, load_mix("convolution-1000"),
-                           {"throughput", "latency", "energy"}, why);
   return machine;
+}
+
+ModeRuns table5_of(const Machine& machine) {
+  return runs_of(machine.profile, machine.platform, load_mix("convolution-1000"),
+                 {"throughput", "latency", "energy"});
 }
 
 std::vector<std::string> mismatches(const ReportInputs& inputs) {
@@ -223,10 +212,10 @@ Document full_report(const ReportInputs& inputs) {
   for (std::size_t i = 0; i < inputs.machines.size(); ++i) {
     sections.emplace_back(document, inputs.machines[i], several ? names[i] + ": " : "");
     sections.back().header(i == 0 ? mismatches(inputs) : std::vector<std::string>{});
+    sections.back().choices(inputs.runs.empty());
     sections.back().time_and_energy();
     sections.back().set_up();
     sections.back().limits();
-    sections.back().choices(inputs.runs.empty());
   }
   if (!inputs.runs.empty() || !inputs.timelines.empty()) {
     document.parts.emplace_back(Heading{"What ran where and when"});
@@ -238,12 +227,7 @@ Document full_report(const ReportInputs& inputs) {
   for (Part& part : live_parts(inputs.runs, profiles_of(inputs))) {
     document.parts.push_back(std::move(part));
   }
-  document.parts.emplace_back(Heading{"The paper's claims"});
-  document.parts.emplace_back(
-      scorecard_table(scorecard(evidence_of(&inputs.machines.front(), inputs.mix, inputs.paper))));
-  document.parts.emplace_back(contradictions_table());
-  document.parts.emplace_back(section5_table(inputs.paper.section5));
-  for (Sections& each : sections) each.rows();
+  for (Sections& each : sections) each.rows(inputs.facts);
   return document;
 }
 
@@ -252,7 +236,6 @@ Json full_report_json(const ReportInputs& inputs) {
   for (const Machine& machine : inputs.machines) {
     Json one = profile_json(machine.profile, preferences(machine.profile));
     one["setup"] = setup_json(offloading_costs(machine.profile));
-    one["setup"].update(offloaded_convolution_json(calls_of(machine)));
     one["pareto"] = pareto_json(mode_points(machine.modes.runs));
     if (&machine == &inputs.machines.front()) {
       json = std::move(one);
@@ -269,8 +252,6 @@ Json full_report_json(const ReportInputs& inputs) {
   if (inputs.runs.empty() && !missing.empty()) json["modes_missing"] = join(missing, "; ");
   auto live = live_json(inputs.runs, profiles_of(inputs));
   if (!live.empty()) json["live"] = std::move(live);
-  json["section5"] = section5_json(inputs.paper.section5);
-  json["scorecard"] = scorecard_json(scorecard(evidence_of(&first, inputs.mix, inputs.paper)));
   return json;
 }
 

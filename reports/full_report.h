@@ -21,7 +21,7 @@ struct Machine {
   Profile profile;  ///< With samples, for their distributions.
   std::optional<Platform> platform;
   ModeRuns modes;   ///< All modes on the mix of the report.
-  ModeRuns table5;  ///< The paper's three on its closed loop of convolutions.
+  ModeRuns table5;  ///< table5_of() it, for the paper's claims; otherwise empty.
 };
 
 /// Modes of a profile's machine on a mix, in virtual time. What cannot run is skipped, with the
@@ -37,19 +37,23 @@ struct Machine {
 [[nodiscard]] Machine machine_of(Profile profile, std::optional<Platform> platform, const Mix& mix,
                                  const std::string& why = "");
 
+/// The paper's three modes on its closed loop of convolutions.
+[[nodiscard]] ModeRuns table5_of(const Machine& machine);
+
 struct ReportInputs {
-  std::vector<Machine> machines;    ///< At least one; the first is held against the paper.
+  std::vector<Machine> machines;    ///< At least one.
   Mix mix;                          ///< Of their modes.
   std::vector<RunRecord> runs;      ///< Given; where there are none, the paper's modes are shown.
   std::vector<Timeline> timelines;  ///< Given, or made for the report.
-  PaperRuns paper;                  ///< run_paper().
+  bool facts = true;                ///< With every fact that was recorded of the run: 70 lines.
 };
 
+/// Answers first: which unit, which mode; then what that follows from. The paper's claims are
+/// paper_document()'s.
 [[nodiscard]] Document full_report(const ReportInputs& inputs);
 
 /// The figures of the first machine as profile_json() has them, with "modes" (given, or the
-/// paper's), "setup", "pareto", "section5", "scorecard", "live" if there are live runs; of the
-/// others under "others".
+/// paper's), "setup", "pareto", "live" if there are live runs; of the others under "others".
 [[nodiscard]] Json full_report_json(const ReportInputs& inputs);
 
 /// On a screen: the preferable unit of each workload, and the paper's modes beside each other.

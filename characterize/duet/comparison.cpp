@@ -183,8 +183,8 @@ void DuetComparison::apply(const Event& event) {
     } else {
       throw_bad_input("an unknown event");
     }
-  } catch (const JsonError& error) {
-    throw_bad_input(error.what());
+  } catch (const JsonError&) {
+    throw_bad_input("an event that lacks something");
   }
 }
 

@@ -1,6 +1,8 @@
 #include "cli/options/command.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -9,6 +11,7 @@
 
 #include "cli/options/files.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/file_descriptor.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt::cli {
@@ -72,6 +75,31 @@ void reject_unknown(const CLI::App& app, const CLI::App& root) {
   throw_bad_input("unexpected argument '" + word + "'; see '" + command + " --help'");
 }
 
+constexpr const char* kQuiet = "-q,--quiet";
+
+/// Nothing reaches stderr while it lives: of our own, of libraries and of processes that are
+/// started.
+class Quiet {
+ public:
+  /// @param asked  Otherwise it does nothing.
+  explicit Quiet(bool asked) {
+    if (!asked) return;
+    saved_ = FileDescriptor(::fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, STDERR_FILENO));
+    std::fflush(stderr);
+    const FileDescriptor nothing(::open("/dev/null", O_WRONLY | O_CLOEXEC));
+    if (saved_.get() >= 0 && nothing.get() >= 0) ::dup2(nothing.get(), STDERR_FILENO);
+  }
+  ~Quiet() {
+    std::fflush(stderr);
+    if (saved_.get() >= 0) ::dup2(saved_.get(), STDERR_FILENO);
+  }
+  Quiet(const Quiet&) = delete;
+  Quiet& operator=(const Quiet&) = delete;
+
+ private:
+  FileDescriptor saved_;
+};
+
 /// Without what an option excludes: the list is long, and the error says it to whom it concerns.
 class HelpFormatter : public CLI::Formatter {
  public:
@@ -97,7 +125,15 @@ const Option& Option::takes(int least, int most) const {
 const Option& Option::type(const std::string& name) const {
   return option_->type_name(name), *this;
 }
-const Option& Option::check(const Problem& problem) const { return option_->check(problem), *this; }
+const Option& Option::check(const Problem& problem) const {
+  if (!problem.range().empty()) {
+    option_->description(option_->get_description() + " [" + problem.range() + "]");
+  }
+  return option_->check(problem), *this;
+}
+const Option& Option::reads_as(const std::function<std::string(std::string)>& change) const {
+  return option_->transform(change), *this;
+}
 const Option& Option::with_commas() const {
   return option_->delimiter(',')->allow_extra_args(false), *this;
 }
@@ -114,7 +150,9 @@ std::vector<GivenOption> given_options(const CLI::App& command) {
 }
 
 Command::Command(CLI::App& app, const std::string& name, const std::string& description)
-    : app_(app.add_subcommand(name, description)) {}
+    : app_(app.add_subcommand(name, description)) {
+  app_->add_flag(kQuiet)->description("Say nothing on stderr but an error that ends the command");
+}
 
 Option Command::add(const std::string& name, const Target& target, const std::string& help) {
   return Option(
@@ -175,6 +213,9 @@ int run(std::span<AddCommand* const> commands, int argc, char** argv) {
     throw_bad_input("no command given (known: " + join(command_names(app), ", ") + ")");
   }
   for (auto* command : app.get_subcommands()) check_files(given_files(*command));
+  const Quiet quiet(std::ranges::any_of(app.get_subcommands(), [](const CLI::App* command) {
+    return command->count("--quiet") > 0;
+  }));
   return action();
 }
 

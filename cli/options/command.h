@@ -2,11 +2,13 @@
 // command.cpp: whoever includes its header compiles for seconds longer.
 #pragma once
 
+#include <concepts>
 #include <cstdint>
 #include <functional>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -20,8 +22,22 @@ namespace pirt::cli {
 /// Runs the chosen command; returns the exit code.
 using Action = std::function<int()>;
 
-/// What is wrong with a text as a value; empty = nothing.
-using Problem = std::function<std::string(const std::string&)>;
+/// What a value has to be without.
+class Problem {
+ public:
+  /// @param find   What is wrong with a text; empty = nothing.
+  /// @param range  What is right, for --help: "1 to 256"; empty where the option's type says it.
+  template <std::invocable<const std::string&> Find>
+  Problem(Find find, std::string range = "")  // NOLINT(google-explicit-constructor)
+      : find_(std::move(find)), range_(std::move(range)) {}
+
+  [[nodiscard]] std::string operator()(const std::string& text) const { return find_(text); }
+  [[nodiscard]] const std::string& range() const { return range_; }
+
+ private:
+  std::function<std::string(const std::string&)> find_;
+  std::string range_;
+};
 
 /// Where the value of an option goes. An optional one stays absent without the option.
 using Target = std::variant<std::string*, std::optional<std::string>*, std::vector<std::string>*,
@@ -41,11 +57,14 @@ class Option {
   const Option& takes(int least, int most) const;
   /// What --help shows for its value: "DURATION", "UNIT,...".
   const Option& type(const std::string& name) const;
+  /// --help says the range of @p problem, too.
   const Option& check(const Problem& problem) const;
   /// Several values, with commas.
   const Option& with_commas() const;
   /// Several values, each with the option before it.
   const Option& one_at_a_time() const;
+  /// What becomes of a value before anything sees it.
+  const Option& reads_as(const std::function<std::string(std::string)>& change) const;
   /// Whether the command line has it.
   [[nodiscard]] bool given() const;
   [[nodiscard]] CLI::Option* get() const { return option_; }

@@ -22,6 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kStdout = "/dev/stdout";
+constexpr const char* kStdin = "/dev/stdin";
 
 /// What --help shows is the mark of an option, too.
 struct UseType {
@@ -158,7 +159,9 @@ std::vector<NamedFile> standing_files() {
 
 Option add_input(Command& command, const std::string& name, const Target& target,
                  const std::string& help, FileUse use) {
-  return mark(command.add(name, target, help), use);
+  const Option option = mark(command.add(name, target, help), use);
+  return option.reads_as(
+      [](const std::string& given) { return given == "-" ? std::string(kStdin) : given; });
 }
 
 Option add_continued(Command& command, const std::string& name, const Target& target,

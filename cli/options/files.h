@@ -28,8 +28,8 @@ struct NamedFile {
   FileUse use = FileUse::kRead;
 };
 
-/// Empty names are refused; of what is written also those that begin with '-', which is an option
-/// without its value more likely than a file.
+/// Empty names are refused, and what is read from `-` is standard input; of what is written also
+/// those that begin with '-', which is an option without its value more likely than a file.
 Option add_input(Command& command, const std::string& name, const Target& target,
                  const std::string& help, FileUse use = FileUse::kRead);
 Option add_continued(Command& command, const std::string& name, const Target& target,

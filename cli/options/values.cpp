@@ -41,11 +41,12 @@ std::string no_weights(const std::string& text) {
 }
 
 Problem not_within(double low, double high) {
-  return [low, high](const std::string& text) {
+  const auto find = [low, high](const std::string& text) {
     if (decimal_number(text, low, high).value) return std::string();
     return fmt::format("'{}' is not a number between {} and {}, in decimal notation", text, low,
                        high);
   };
+  return {find, fmt::format("{} to {}", low, high)};
 }
 
 Problem not_among(std::vector<std::string> known) {

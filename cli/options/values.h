@@ -6,6 +6,7 @@
 
 #include <concepts>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -21,11 +22,14 @@ namespace pirt::cli {
 
 template <std::integral Number>
 [[nodiscard]] Problem not_within(Number low, Number high) {
-  return [low, high](const std::string& text) {
+  const auto find = [low, high](const std::string& text) {
     if (whole_number<Number>(text, low, high).value) return std::string();
     return fmt::format("'{}' is not a whole number between {} and {}, in plain digits", text, low,
                        high);
   };
+  // What the type holds is no range that a reader wants to know.
+  return {find,
+          high == std::numeric_limits<Number>::max() ? "" : fmt::format("{} to {}", low, high)};
 }
 [[nodiscard]] Problem not_within(double low, double high);
 

@@ -1,6 +1,7 @@
 #include "reports/document/document.h"
 
 #include <algorithm>
+#include <set>
 
 #include "reports/document/document_text.h"
 #include "reports/document/page.h"
@@ -18,6 +19,18 @@ std::string escape_markdown(std::string_view text) {
     out += c;
   }
   return out;
+}
+
+/// A terminal's lines are few: what stands under one table is not repeated under the next.
+void say_once(Document& document) {
+  std::set<std::string> said;
+  for (Part& part : document.parts) {
+    auto* const chart = std::get_if<Chart>(&part);
+    auto* const table = chart != nullptr ? &chart->table : std::get_if<Table>(&part);
+    if (table == nullptr) continue;
+    std::erase_if(table->footnotes,
+                  [&](const std::string& note) { return !said.insert(note).second; });
+  }
 }
 
 std::string markdown_row(const std::vector<std::string>& cells) {
@@ -126,6 +139,7 @@ std::string render(const Document& given, Format format, std::size_t columns) {
     std::visit([](auto& each) { make_printable(each); }, part);
   }
   if (format == Format::kHtml) return page(document);
+  if (format == Format::kText) say_once(document);
   const bool sections = std::ranges::any_of(
       document.parts, [](const auto& part) { return std::holds_alternative<Heading>(part); });
   const bool text = format == Format::kText;

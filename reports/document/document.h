@@ -35,7 +35,7 @@ enum class Format : std::uint8_t { kText, kMarkdown, kHtml };
 
 /// A whole document, ending in a newline. HTML is one self-contained page (page/page.h); everything
 /// from outside is escaped. What is not printable (base/printable.h) shows as escapes in every
-/// format.
+/// format. Text has each footnote once.
 /// @param columns  Text only: tables that are wider are folded, footnotes and paragraphs wrapped;
 /// 0 = as wide as they are.
 [[nodiscard]] std::string render(const Document& given, Format format, std::size_t columns = 0);

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "workloads/base/text/text.h"
+
 namespace pirt {
 
 std::string figure(double value) {
@@ -49,5 +51,19 @@ std::string_view provenance_legend() {
 }
 
 std::string marked(const std::string& text, Origin provenance) { return mark(provenance) + text; }
+
+std::string best_of(const std::vector<NamedFigure>& figures, bool greatest) {
+  std::optional<double> best;
+  std::vector<std::string> names;
+  for (const auto& [name, value] : figures) {
+    if (!value) continue;
+    if (!best || (greatest ? *value > *best : *value < *best)) {
+      best = value;
+      names.clear();
+    }
+    if (*value == *best) names.push_back(name);
+  }
+  return names.empty() ? "-" : join(names, " = ");
+}
 
 }  // namespace pirt

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "workloads/base/time.h"
 #include "workloads/model/phase.h"
@@ -26,5 +27,14 @@ namespace pirt {
 
 /// A figure of that provenance: mark in front.
 [[nodiscard]] std::string marked(const std::string& text, Origin provenance);
+
+/// A figure of somebody's; absent = not known.
+struct NamedFigure {
+  std::string name;
+  std::optional<double> value;
+};
+/// Whose figure is the least, or the greatest if @p greatest; "a = b" if they share it, "-" if none
+/// is known.
+[[nodiscard]] std::string best_of(const std::vector<NamedFigure>& figures, bool greatest = false);
 
 }  // namespace pirt

@@ -301,6 +301,25 @@ Paragraph profile_header(const Profile& profile) {
   return paragraph;
 }
 
+namespace {
+
+std::string in_short(const Profile& profile, std::size_t rows) {
+  std::map<std::string, int> fastest;
+  for (const Preference& each : preferences(profile)) ++fastest[each.by_time.preferable()];
+  std::vector<std::string> counts;
+  for (const auto& [unit, count] : fastest) {
+    counts.push_back(unit == "-" ? fmt::format("none {}", count)
+                                 : fmt::format("{} {}", unit, count));
+  }
+  const auto invalid = std::ranges::count_if(profile.phases, [](const PhaseRow& row) {
+    return row.phase == Phase::kCall && row.state == State::kSteady && !row.valid;
+  });
+  return fmt::format("In short: {} rows of {} workloads, {} not valid; fastest at so many: {}.",
+                     rows, profile.workloads().size(), invalid, join(counts, ", "));
+}
+
+}  // namespace
+
 Table profile_table(const Profile& profile) {
   Table table{.title = "Profile (medians, ms)",
               .columns = {{"workload", Align::kLeft},
@@ -358,6 +377,7 @@ Table profile_table(const Profile& profile) {
   }
   for (const auto& source : sources) table.footnotes.push_back("Energy of " + source);
   add_image_column(profile, table);
+  table.footnotes.push_back(in_short(profile, table.rows.size()));
   return table;
 }
 

@@ -42,6 +42,17 @@ std::int64_t deadline_misses(const RunRecord& run) {
   return misses;
 }
 
+std::string in_short(const std::vector<RunRecord>& runs) {
+  std::vector<NamedFigure> rates, joules, tails;
+  for (const RunRecord& run : runs) {
+    rates.push_back({run.mode, run.throughput_per_ms});
+    joules.push_back({run.mode, run.energy_j});
+    tails.push_back({run.mode, run.p99_latency_ms});
+  }
+  return fmt::format("In short: most tasks/ms: {}; least energy: {}; least p99: {}.",
+                     best_of(rates, true), best_of(joules), best_of(tails));
+}
+
 Table table_of(const ModeRuns& comparison) {
   Table table{.title = "Modes",
               .columns = {{"mode", Align::kLeft},
@@ -91,6 +102,7 @@ Table table_of(const ModeRuns& comparison) {
     table.footnotes.push_back(fmt::format("Not run: {}: {}", skipped.mode, skipped.reason));
   }
   table.footnotes.emplace_back(provenance_legend());
+  if (comparison.runs.size() > 1) table.footnotes.push_back(in_short(comparison.runs));
   return table;
 }
 

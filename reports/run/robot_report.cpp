@@ -321,6 +321,22 @@ Json robot_json(const RobotRun& run, const std::string& dataset) {
   return json;
 }
 
+namespace {
+
+std::string in_short(std::span<const RobotRun> runs) {
+  std::vector<NamedFigure> medians, tails, joules;
+  for (const RobotRun& run : runs) {
+    const std::string name = run.mode.empty() ? "serial" : run.mode;
+    medians.push_back({name, run.latency.p50_ms});
+    tails.push_back({name, run.latency.p99_ms});
+    if (run.energy_j > 0) joules.push_back({name, run.energy_j});
+  }
+  return fmt::format("In short: least p50: {}; least p99: {}; least energy: {}.", best_of(medians),
+                     best_of(tails), best_of(joules));
+}
+
+}  // namespace
+
 Table robot_comparison(std::span<const RobotRun> runs) {
   Table table;
   table.columns = {{"driver", Align::kLeft},
@@ -368,6 +384,7 @@ Table robot_comparison(std::span<const RobotRun> runs) {
       "Localization: Hz and times from a frame's arrival to its pose. recogn./s, plan p99 and late "
       "(plans past their deadline): what it does besides. W and J are by the platform's watts, at "
       "the sequence's own rate only."};
+  if (runs.size() > 1) table.footnotes.push_back(in_short(runs));
   return table;
 }
 

@@ -52,11 +52,7 @@ Timeline timeline_of(const Json& json) {
     throw_bad_input("not a trace of pirt's; `pirt schedule --trace FILE` writes one");
   }
   const Json& part = json.at("pirt");
-  const int version = part.at("schema_version").get<int>();
-  if (version != DispatcherSetup::kSchemaVersion) {
-    throw_bad_input(fmt::format("a trace of schema version {}; this pirt reads version {}", version,
-                                DispatcherSetup::kSchemaVersion));
-  }
+  check_trace_version(part);
   Timeline timeline;
   timeline.mode = part.at("mode").get<std::string>();
   timeline.platform = part.at("platform").get<std::string>();
@@ -112,8 +108,8 @@ Timeline parse_timeline(const std::string& text, const std::string& source) {
     Timeline timeline = timeline_of(parse_json(text));
     timeline.source = source;
     return timeline;
-  } catch (const JsonError& error) {
-    throw_bad_input(source + ": not a complete trace: " + error.what());
+  } catch (const JsonError&) {
+    throw_bad_input(source + ": not a complete trace: " + std::string(kNotReadable));
   } catch (const Error& error) {
     throw_bad_input(source + ": " + error.what());
   }

@@ -52,6 +52,19 @@ std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation
       [this, unit](Call& call, CallEnd end) { done_(unit, call, std::move(end)); });
 }
 
+namespace {
+
+/// Whether it is ready by now, after a while.
+bool look_at(KernelUnit& unit) {
+  try {
+    return unit.wait_until_ready(kLook);
+  } catch (const Error& error) {
+    throw Error(error.code(), "unit " + unit.name() + ": " + error.what());
+  }
+}
+
+}  // namespace
+
 std::vector<std::string> LiveUnits::wait_until_ready() {
   std::vector<std::string> remarks;
   const Nanos until = clock_.now() + kLongestStart;
@@ -64,7 +77,7 @@ std::vector<std::string> LiveUnits::wait_until_ready() {
 }
 
 void LiveUnits::wait_until_ready(KernelUnit& unit, Nanos until) const {
-  while (!unit.wait_until_ready(kLook)) {
+  while (!look_at(unit)) {
     if (options_.stop && options_.stop() > 0) {
       throw_environment("interrupted while unit " + unit.name() + " was being prepared");
     }

@@ -194,12 +194,16 @@ Json to_json(const DispatcherSetup& setup) {
           {"policy", policy_json(setup.policy)}};
 }
 
-DispatcherSetup dispatcher_setup_from_json(const Json& json) {
+void check_trace_version(const Json& json) {
   const auto version = whole<std::int64_t>(json.at("schema_version"));
-  if (version != DispatcherSetup::kSchemaVersion) {
-    throw_bad_input("schema_version " + std::to_string(version) + ", this pirt reads " +
-                    std::to_string(DispatcherSetup::kSchemaVersion));
-  }
+  if (version == DispatcherSetup::kSchemaVersion) return;
+  throw_bad_input(
+      fmt::format("a trace of schema_version {}, this pirt reads {}; write it again with this one",
+                  version, DispatcherSetup::kSchemaVersion));
+}
+
+DispatcherSetup dispatcher_setup_from_json(const Json& json) {
+  check_trace_version(json);
   DispatcherSetup setup;
   setup.mode = &find_policy(json.at("mode").get<std::string>());
   setup.units = json.at("units").get<std::vector<std::string>>();

@@ -22,6 +22,16 @@ struct DispatcherSetup {
 };
 
 [[nodiscard]] Json to_json(const DispatcherSetup& setup);
+
+/// Of a trace that lacks something, for messages.
+inline constexpr std::string_view kNotReadable =
+    "it is cut off, or another version of pirt wrote it; write it again with this one (pirt "
+    "schedule --trace, pirt run-robot --trace)";
+
+/// Of a trace's part "pirt".
+/// @throws Error{kBadInput} for another version; JsonError where there is none.
+void check_trace_version(const Json& json);
+
 /// @throws JsonError for a missing key or a wrong type, Error{kBadInput} for
 /// another version, an unknown mode, or tables that do not fit the units.
 [[nodiscard]] DispatcherSetup dispatcher_setup_from_json(const Json& json);

@@ -9,9 +9,9 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
 #include <string_view>
 
+#include "workloads/base/system/temporary.h"
 #include "workloads/base/text/json.h"
 
 namespace pirt {
@@ -19,11 +19,7 @@ namespace pirt {
 class TraceFile {
  public:
   /// @throws Error{kBadInput} if nothing can be written there.
-  explicit TraceFile(std::filesystem::path path);
-  /// Leaves nothing behind unless finished.
-  ~TraceFile();
-  TraceFile(const TraceFile&) = delete;
-  TraceFile& operator=(const TraceFile&) = delete;
+  explicit TraceFile(const std::filesystem::path& path);
 
   // A write that fails shows in finish().
 
@@ -36,10 +32,7 @@ class TraceFile {
   void finish(const Json& header);
 
  private:
-  [[noreturn]] void fail() const;
-
-  std::filesystem::path path_, events_path_, log_path_;
-  std::ofstream events_, log_;
+  TemporaryFile events_, log_;
   std::int64_t events_count_ = 0, log_count_ = 0;
 };
 

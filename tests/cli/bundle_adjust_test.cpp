@@ -27,6 +27,34 @@ TEST(BundleAdjustCommand, AdjustsWhatWasGenerated) {
             1e-9);
 }
 
+TEST(BundleAdjustCommand, ReadsStandardInputForADash) {
+  const auto outcome = run(quoted(kProgram) + " generate-bal --images 20 --points 400 | " +
+                           quoted(kProgram) + " bundle-adjust - --json -");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_TRUE(outcome.json().at("converged"));
+  const Scratch scratch;
+  const auto input = quoted(scratch.write("b.txt", "1 1 1\n"));
+  expect_refused(run(quoted(kProgram) + " bundle-adjust - -o " + input + " <" + input),
+                 {"would overwrite"});
+}
+
+TEST(BundleAdjustCommand, WritesNothingWhenItIsInterrupted) {
+  const Scratch scratch;
+  const auto problem = scratch.file("b.txt");
+  ASSERT_EQ(pirt({"generate-bal", "--images", "300", "--points", "20000", "-o", problem}).exit_code,
+            0);
+  // Asked to stop from when it listens on: at the next iteration.
+  const auto outcome = run(
+      "env --default-signal " + quoted(kProgram) + " bundle-adjust " + quoted(problem) + " -o " +
+      quoted(scratch.file("o.txt")) +
+      " & pid=$!; until [ $((0x$(sed -n 's/^SigCgt:\\s*//p' /proc/$pid/status) & 2)) != 0 ]; do "
+      "sleep 0.01; done; kill -INT $pid; wait $pid");
+  EXPECT_EQ(outcome.exit_code, 4);
+  EXPECT_THAT(outcome.err, testing::HasSubstr("interrupted after"));
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_FALSE(std::filesystem::exists(scratch.file("o.txt")));
+}
+
 TEST(BundleAdjustCommand, RefusesDamagedProblemsAndWritesNothing) {
   const Scratch scratch;
   const auto bad = scratch.write("b.txt", "1 1 1\n0 1 2.0 3.0\n0 0 0 0 0 0 500 0 0 0 0 -5\n");

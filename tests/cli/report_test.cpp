@@ -80,6 +80,25 @@ TEST_F(ReportOfRuns, SaysWhereItCannotWrite) {
   EXPECT_THAT(report.err, AllOf(HasSubstr(file), HasSubstr("No such file or directory")));
 }
 
+TEST_F(ReportOfRuns, AnswersFirst) {
+  const auto report = pirt({"report", database()});
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  std::istringstream lines(report.out);
+  std::vector<std::string> text;
+  for (std::string line; std::getline(lines, line);) text.push_back(line);
+  const auto first = [&](const std::string& part) {
+    return std::ranges::find_if(
+               text, [&](const auto& each) { return each.find(part) != std::string::npos; }) -
+           text.begin();
+  };
+  EXPECT_LT(first("Preferable unit for each workload"), 40);
+  EXPECT_LT(first("Preferable unit for each workload"), first("Time and energy"));
+  // Of three rows, with sixteen modes.
+  EXPECT_LT(text.size(), 260U);
+  EXPECT_THAT(report.out, Not(HasSubstr("The paper's claims")));
+  EXPECT_FALSE(pirt({"report", database(), "--json", "-"}).json().contains("scorecard"));
+}
+
 TEST_F(ReportOfRuns, OfThePaperHasSectionFiveInEachForm) {
   for (const char* format : {"text", "md", "html"}) {
     const auto report = pirt({"report", "--paper", "--format", format});

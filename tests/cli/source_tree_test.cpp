@@ -64,8 +64,8 @@ TEST(SourceTree, RoomsIncludeThoseBeforeThem) {
   const std::vector<std::vector<std::string>> houses = {
       {"workloads/base",
        "workloads/base/math",
-       "workloads/base/text",
        "workloads/base/system",
+       "workloads/base/text",
        "workloads/base/geometry",
        "workloads/model",
        "workloads/inputs/pictures",

@@ -47,6 +47,18 @@ TEST(Comparison, ShowsGapsAndCostsAgainstTheBestOfTheTable) {
   EXPECT_EQ(table.rows[1][8], "2.50x");
 }
 
+TEST(Comparison, EndsWithWhatItComesTo) {
+  // a: 0.5 tasks/ms, 4 J, p99 10 ms; b and c: 2 J, p99 25 ms.
+  ModeRuns comparison = {{run_of("a", 4, 10), run_of("b", 2, 25), run_of("c", 2, 25)}, {}};
+  comparison.runs[0].throughput_per_ms = 0.75;
+  const auto document = comparison_document(comparison, {});
+  EXPECT_EQ(std::get<Table>(document.parts[1]).footnotes.back(),
+            "In short: most tasks/ms: a; least energy: b = c; least p99: a.");
+  comparison.runs.resize(1);
+  EXPECT_THAT(render(comparison_document(comparison, {}), Format::kText),
+              Not(HasSubstr("In short")));
+}
+
 TEST(Comparison, OfAModeWhoseEnergyNobodyKnowsSaysWhy) {
   ModeRuns comparison = {{run_of("a", 4, 10), run_of("b", 2, 25)}, {}};
   comparison.runs[1].energy_j.reset();

@@ -73,5 +73,20 @@ TEST(Figures, MarkProvenance) {
   EXPECT_EQ(duration_text(Nanos(1'234'000)), "1.23 ms");
 }
 
+TEST(Document, AsTextSaysAFootnoteOnce) {
+  const Table table{.title = "t", .columns = {{"a"}}, .rows = {{"1"}}, .footnotes = {"legend"}};
+  const Document document{.title = "d", .parts = {table, table}};
+  const auto count = [&](Format format) {
+    const auto text = render(document, format);
+    std::size_t found = 0;
+    for (auto at = text.find("legend"); at != std::string::npos; at = text.find("legend", at + 1)) {
+      ++found;
+    }
+    return found;
+  };
+  EXPECT_EQ(count(Format::kText), 1U);
+  EXPECT_EQ(count(Format::kMarkdown), 2U);
+}
+
 }  // namespace
 }  // namespace pirt

@@ -83,7 +83,6 @@ Mix no_tasks() {
 TEST(FullReport, SaysThatRunsAreOfAnotherPlatform) {
   ReportInputs inputs;
   inputs.mix = no_tasks();
-  inputs.paper = run_paper();
   inputs.machines.push_back(machine_of(small_profile(2), std::nullopt, inputs.mix, "no platform"));
   RunRecord run;
   run.mode = "energy";
@@ -100,7 +99,6 @@ TEST(FullReport, EveryChartHasAsManyMarksAsRowsAndTheSameContentInEachFormat) {
   slower.path = "slower.db";
   ReportInputs inputs;
   inputs.mix = no_tasks();
-  inputs.paper = run_paper();
   inputs.machines.push_back(machine_of(small_profile(2), std::nullopt, inputs.mix, "no platform"));
   inputs.machines.push_back(machine_of(slower, std::nullopt, inputs.mix, "no platform"));
   const auto document = full_report(inputs);

@@ -89,6 +89,16 @@ TEST(ProfileTable, NamesThePhasesOfRemarksUnlessTheCallIsMeant) {
   EXPECT_THAT(table.footnotes, Contains(HasSubstr("bimodal: the samples have two centres")));
 }
 
+TEST(ProfileTable, EndsWithWhatItComesTo) {
+  auto broken = row("conv2", "cpu", Phase::kCall, 1);
+  broken.valid = false;
+  const auto table = profile_table(
+      profile_of({row("sobel", "cpu", Phase::kCall, 1), row("sobel", "opencl", Phase::kCall, 2),
+                  row("fc8", "cpu", Phase::kCall, 1), broken}));
+  EXPECT_EQ(table.footnotes.back(),
+            "In short: 4 rows of 3 workloads, 1 not valid; fastest at so many: none 1, cpu 2.");
+}
+
 TEST(ProfileTable, SaysOnceWhatHoldsForAllRowsOfAUnit) {
   auto a = row("sobel", "cpu", Phase::kCall, 1);
   auto b = row("fc8", "cpu", Phase::kCall, 1);

@@ -109,11 +109,23 @@ void refuse_degenerate(const BalProblem& problem, std::span<const double> residu
       which + 1, problem.observations[which].point, problem.observations[which].camera));
 }
 
+class Iterations : public ceres::IterationCallback {
+ public:
+  explicit Iterations(const BundleOptions& options) : options_(options) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& done) override {
+    return options_.goes_on(done.iteration, done.cost) ? ceres::SOLVER_CONTINUE
+                                                       : ceres::SOLVER_ABORT;
+  }
+
+ private:
+  const BundleOptions& options_;
+};
+
 /// Ceres's problem over the arrays of ours.
 class Adjustment {
  public:
   Adjustment(BalProblem& problem, const BundleOptions& options)
-      : loss_(make_loss(options)), problem_(ceres_options()) {
+      : loss_(make_loss(options)), iterations_(options), problem_(ceres_options()) {
     auto* ordering = new ceres::ParameterBlockOrdering;  // The solver's options own it.
     solver_.linear_solver_ordering.reset(ordering);
     for (const auto& seen : problem.observations) {
@@ -135,6 +147,7 @@ class Adjustment {
     solver_.logging_type = ceres::SILENT;
     // Costs that differ by less are the same map.
     solver_.function_tolerance = 1e-7;
+    if (options.goes_on) solver_.callbacks.push_back(&iterations_);
   }
 
   [[nodiscard]] ceres::Solver::Summary solve() {
@@ -176,6 +189,7 @@ class Adjustment {
   }
 
   std::unique_ptr<ceres::LossFunction> loss_;
+  Iterations iterations_;
   ceres::SubsetManifold pose_only_{kCameraSize, {6, 7, 8}};
   ceres::Problem problem_;
   ceres::Solver::Options solver_;
@@ -243,12 +257,14 @@ BundleSummary bundle_adjust(BalProblem& problem, const BundleOptions& options) {
 
   Adjustment adjustment(problem, options);
   const auto solved = adjustment.solve();
+  summary.stopped = solved.termination_type == ceres::USER_FAILURE;
+  summary.iterations = static_cast<int>(solved.iterations.size()) - 1;
+  if (summary.stopped) return summary;
   if (!solved.IsSolutionUsable()) {
     throw_bad_input("the problem cannot be adjusted: " + solved.message);
   }
   const auto residuals = residuals_px(problem);
   summary.final_cost = half_squares(residuals);
-  summary.iterations = static_cast<int>(solved.iterations.size()) - 1;
   summary.converged = solved.termination_type == ceres::CONVERGENCE;
   summary.free_parameters = solved.num_effective_parameters_reduced;
   judge_inliers(residuals, summary);

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -40,6 +41,8 @@ struct BundleOptions {
   std::vector<std::int32_t> fixed_cameras = {};
   /// No loss is taken of them, and no cost of the summary counts them.
   std::vector<CentrePrior> priors = {};
+  /// Told after each iteration the cost that it reached, in px^2; false = stop.
+  std::function<bool(int iteration, double cost)> goes_on = {};
 };
 
 /// Of a robot's own map: its cameras are calibrated, and some points are taken for others.
@@ -56,7 +59,8 @@ struct BundleSummary {
   double initial_cost = 0;
   double final_cost = 0;
   int iterations = 0;
-  bool converged = false;  ///< Otherwise the iterations ran out.
+  bool converged = false;  ///< Otherwise the iterations ran out, or it was stopped.
+  bool stopped = false;  ///< By `goes_on`: the problem is as it was, and only `iterations` is told.
   std::int64_t free_parameters = 0;
   /// Observations nearer than four times the noise, as their median tells it, to where they should
   /// be: without outliers, all but 0.03 %.

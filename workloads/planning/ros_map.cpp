@@ -107,10 +107,11 @@ MapPicture read_pgm(const fs::path& file, std::string_view bytes) {
 }
 
 MapPicture read_png(const fs::path& file, const std::string& bytes) {
-  const auto header = check_image(bytes).header;
-  if (header) check_size(file, header->width, header->height);
-  if (header && header->bits > 8) {
-    throw_unusable(file, fmt::format("it has {} bits a channel", header->bits));
+  const auto checked = check_image(bytes);
+  if (!checked.header) throw_unusable(file, checked.problem);
+  check_size(file, checked.header->width, checked.header->height);
+  if (checked.header->bits > 8) {
+    throw_unusable(file, fmt::format("it has {} bits a channel", checked.header->bits));
   }
   const Tensor planes = rgb_pixels(file);
   MapPicture picture;
@@ -129,6 +130,10 @@ MapPicture read_png(const fs::path& file, const std::string& bytes) {
 MapPicture read_picture(const fs::path& file) {
   const std::string bytes = read_file(file);
   if (bytes.starts_with("P5") || bytes.starts_with("P2")) return read_pgm(file, bytes);
+  // The rest of netpbm's family: bitmaps, and colour.
+  if (bytes.size() > 1 && bytes[0] == 'P' && bytes[1] >= '1' && bytes[1] <= '7') {
+    throw_unusable(file, "it is of netpbm's kind " + bytes.substr(0, 2) + ", not a grey map (P5)");
+  }
   return read_png(file, bytes);
 }
 

@@ -1,6 +1,7 @@
 // The module libpirt_networks.so: OpenCV's dnn. See network.h.
 #include <algorithm>
 #include <mutex>
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/dnn.hpp>
 
 #include "workloads/base/system/stderr_capture.h"
@@ -9,25 +10,32 @@
 namespace pirt::recognition {
 namespace {
 
+namespace logging = cv::utils::logging;
+
 int ignore_error(int, const char*, const char*, const char*, int, void*) { return 0; }
 
-/// OpenCV prints what it throws. Silent while there is one on any thread.
+/// OpenCV prints what it throws, and logs it besides. Silent while there is one on any thread.
 class SilentErrors {
  public:
   SilentErrors() {
     const std::lock_guard lock(mutex_);
-    if (count_++ == 0) cv::redirectError(ignore_error);
+    if (count_++ > 0) return;
+    cv::redirectError(ignore_error);
+    before_ = logging::setLogLevel(logging::LOG_LEVEL_SILENT);
   }
   SilentErrors(const SilentErrors&) = delete;
   SilentErrors& operator=(const SilentErrors&) = delete;
   ~SilentErrors() {
     const std::lock_guard lock(mutex_);
-    if (--count_ == 0) cv::redirectError(nullptr);
+    if (--count_ > 0) return;
+    cv::redirectError(nullptr);
+    logging::setLogLevel(before_);
   }
 
  private:
   static inline std::mutex mutex_;
   static inline int count_ = 0;
+  static inline logging::LogLevel before_ = logging::LOG_LEVEL_INFO;
 };
 
 std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }

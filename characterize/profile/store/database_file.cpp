@@ -3,19 +3,21 @@
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <sys/file.h>
-#include <unistd.h>
 
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
 #include <map>
+#include <memory>
+#include <new>
 #include <span>
 #include <system_error>
 
 #include "characterize/profile/store/database_format.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/file_descriptor.h"
+#include "workloads/base/system/temporary.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -137,22 +139,6 @@ void remove_leftovers(const std::filesystem::path& path) {
   }
 }
 
-/// Gives @p made the name @p path unless something has it by now.
-void link_new(const std::filesystem::path& made, const std::filesystem::path& path) {
-  // Of two creators the second must find the first one's file, and not its journal.
-  const FolderLock lock(path.parent_path());
-  std::error_code ignored;
-  const auto taken = std::filesystem::symlink_status(path, ignored);
-  if (std::filesystem::exists(taken)) return;
-  remove_leftovers(path);
-  if (::link(made.c_str(), path.c_str()) == 0 || errno == EEXIST) return;
-  std::filesystem::rename(made, path);  // file systems without hard links (FAT)
-}
-
-}  // namespace
-
-namespace {
-
 /// Of a file that must not be written.
 Connection copy_in_memory(const Connection& file) {
   Connection copy(file.path(), Connection::Mode::kMemory, Nanos(0));
@@ -162,6 +148,17 @@ Connection copy_in_memory(const Connection& file) {
   const int code = sqlite3_backup_finish(backup);
   if (code != SQLITE_OK) copy.fail(code);
   return copy;
+}
+
+/// The bytes of the file that a new database is.
+std::string new_database(const std::filesystem::path& path) {
+  Connection connection(path, Connection::Mode::kMemory, Nanos(0));
+  connection.run("BEGIN; " + std::string(database_schema()) + "; COMMIT");
+  sqlite3_int64 size = 0;
+  const std::unique_ptr<unsigned char, decltype(&sqlite3_free)> bytes(
+      sqlite3_serialize(connection.handle(), "main", &size, 0), sqlite3_free);
+  if (!bytes) throw std::bad_alloc();
+  return {reinterpret_cast<const char*>(bytes.get()), static_cast<std::size_t>(size)};
 }
 
 }  // namespace
@@ -187,27 +184,24 @@ sqlite::Connection open_database(const std::filesystem::path& path, sqlite::Conn
 }
 
 void create_database(const std::filesystem::path& path) {
-  auto temporary = path;
-  temporary += fmt::format(".tmp{}", ::getpid());
-  std::error_code ignored;
-  std::filesystem::remove(temporary, ignored);
   try {
-    {
-      Connection connection(temporary, Connection::Mode::kCreate, Nanos(0));
-      connection.run("PRAGMA journal_mode = DELETE; BEGIN; " + std::string(database_schema()) +
-                     "; COMMIT");
-    }
-    link_new(temporary, path);
+    remove_left_beside(path);
+    TemporaryFile made(path);
+    made.write(new_database(path));
+    // Of two creators the second must find the first one's file, and not its journal.
+    const FolderLock lock(path.parent_path());
+    std::error_code ignored;
+    if (std::filesystem::exists(std::filesystem::symlink_status(path, ignored))) return;
+    remove_leftovers(path);
+    made.publish_if_new();
   } catch (const Error& error) {
-    std::filesystem::remove(temporary, ignored);
     throw Error(error.code(),
-                fmt::format("cannot make profile database '{}': {}", path.string(), error.what()));
+                fmt::format("cannot make profile database '{}': {}; give another --db",
+                            path.string(), error.what()));
   } catch (const std::filesystem::filesystem_error& error) {
-    std::filesystem::remove(temporary, ignored);
     throw_bad_input(fmt::format("cannot make profile database '{}': {}; give another --db",
                                 path.string(), error.code().message()));
   }
-  std::filesystem::remove(temporary, ignored);
 }
 
 }  // namespace pirt

@@ -15,7 +15,6 @@ int open_flags(Connection::Mode mode) {
       return SQLITE_OPEN_READONLY;
     case Connection::Mode::kReadWrite:
       return SQLITE_OPEN_READWRITE;
-    case Connection::Mode::kCreate:
     case Connection::Mode::kMemory:
       return SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
   }

@@ -24,7 +24,6 @@ class Connection {
   enum class Mode {
     kReadOnly,
     kReadWrite,
-    kCreate,
     kMemory  ///< A database of its own in memory; the path only stands in messages.
   };
 

@@ -289,8 +289,8 @@ void add_characterize(CLI::App& app, Action& action) {
               "workloads` (default: those that --filter names, as in 'sobel@map')");
   add_value(command, "--batch", &options->batch, "INTEGER",
             not_within(kSmallestBatch, kLargestBatch),
-            "Measure AlexNet's layers and the chain with this many images a call as well "
-            "(2 to 256), in rows such as fc6@batch8 (default: those that --filter names)");
+            "Measure AlexNet's layers and the chain with this many images a call as well, "
+            "in rows such as fc6@batch8 (default: those that --filter names)");
   add_input(command, "--images", &options->images,
             "PNG or JPEG file, or a folder of them, as input (default: generated from the seed)",
             FileUse::kReadPictures);

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "cli/commands.h"
+#include "cli/long_run.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "cli/options/values.h"
@@ -63,7 +64,20 @@ int adjust(Options options) {
   }
   if (options.loss_px) options.adjust.loss_px = *options.loss_px;
   auto problem = mapping::read_bal(options.problem);
+  const auto* const stop = stop_on_signal();
+  const ProgressLine line;
+  options.adjust.goes_on = [&](int iteration, double cost) {
+    line.show(fmt::format("iteration {}, cost {:.6g} px^2", iteration, cost));
+    return !*stop;
+  };
   const auto summary = mapping::bundle_adjust(problem, options.adjust);
+  line.clear();
+  if (summary.stopped) {
+    throw_environment(
+        fmt::format("interrupted after {} iterations: nothing is written; fewer with "
+                    "--iterations",
+                    summary.iterations));
+  }
   if (!summary.converged) {
     warn(fmt::format("{} iterations were not enough to converge; give more with --iterations",
                      summary.iterations));
@@ -81,7 +95,7 @@ void add_bundle_adjust(CLI::App& app, Action& action) {
   Command command(app, "bundle-adjust",
                   "Move the cameras and points of a map to where they fit what was seen");
   add_input(command, "problem", &options->problem,
-            "A problem in the format of Bundle Adjustment in the Large (BAL)")
+            "A problem in the format of Bundle Adjustment in the Large (BAL), or - for stdin")
       .required();
   add_choice(command, "--loss", &options->loss, "LOSS", mapping::loss_names(),
              "What an error beyond --loss-px counts; cauchy for data with outliers")
@@ -99,7 +113,7 @@ void add_bundle_adjust(CLI::App& app, Action& action) {
                    "Leave focal lengths and distortions as they are");
   add_output(command, "-o,--output", options->output, "Write the adjusted problem to a file");
   add_json(command, options->json);
-  command.footer("Example: pirt generate-bal -o b.txt && pirt bundle-adjust b.txt -o out.txt");
+  command.footer("Example: pirt generate-bal | pirt bundle-adjust - -o out.txt");
   command.runs(action, [options] { return adjust(*options); });
 }
 

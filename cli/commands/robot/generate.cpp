@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "cli/commands.h"
+#include "cli/long_run.h"
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
 #include "cli/options/values.h"
@@ -46,8 +47,17 @@ int generate(const Options& options) {
   const Sequence sequence = generate_sequence(scene);
   const FloorMap map = floor_map(scene);
   const int cores = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-  write_euroc(sequence, options.folder, options.threads.value_or(cores),
-              {{"map.yaml", map.yaml}, {"map.pgm", map.pgm}, {"goal.yaml", map.goal_yaml}});
+  const auto* const stop = stop_on_signal();
+  const ProgressLine line;
+  const auto progress = [&](std::size_t written, std::size_t total) {
+    line.show(fmt::format("{} of {} pictures", written, total));
+    return !*stop;
+  };
+  const bool made = write_euroc(
+      sequence, options.folder, options.threads.value_or(cores),
+      {{"map.yaml", map.yaml}, {"map.pgm", map.pgm}, {"goal.yaml", map.goal_yaml}}, progress);
+  line.clear();
+  if (!made) throw_environment("interrupted: '" + options.folder + "' is not made");
   double path_m = 0;
   for (std::size_t i = 1; i < sequence.truth.size(); ++i) {
     path_m += (sequence.truth[i].body.position - sequence.truth[i - 1].body.position).norm();

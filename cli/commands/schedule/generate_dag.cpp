@@ -33,7 +33,7 @@ void add_generate_dag(CLI::App& app, Action& action) {
   Command command(app, "generate-dag",
                   "Write a random task graph as a mix, by the parameters of the HEFT paper");
   add_value(command, "--tasks", &parameters.tasks, "INTEGER", not_within(1, kMostDagTasks),
-            "Number of tasks, 1 to 10000")
+            "Number of tasks")
       .shows_default();
   add_value(command, "--shape", &parameters.shape, "NUMBER", not_within(0.0, kHighestDagShape),
             "alpha: sqrt(tasks)/alpha levels; above 1 wide, below 1 long")
@@ -46,7 +46,7 @@ void add_generate_dag(CLI::App& app, Action& action) {
       .shows_default();
   add_value(command, "--heterogeneity", &parameters.heterogeneity, "NUMBER",
             not_within(0.0, kHighestDagHeterogeneity),
-            "beta, 0 to 2: how far the units differ, in parts of a task's mean")
+            "beta: how far the units differ, in parts of a task's mean")
       .shows_default();
   add_value(command, "--mean-ms", &parameters.mean_ms, "NUMBER", not_within(0.0, kLongestDagMeanMs),
             "Mean service time, in milliseconds")

@@ -25,6 +25,7 @@
 #include "reports/run/run_report.h"
 #include "scheduler/policies/policy.h"
 #include "scheduler/schedule_live.h"
+#include "scheduler/services/draws.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
@@ -50,6 +51,7 @@ struct Options {
   std::string draw = "median";
   bool allow_invalid = false;
   std::uint64_t seed = 1;
+  bool seed_given = false;
   std::optional<std::string> faults;
   bool live = false;
   bool no_preinit = false;
@@ -142,6 +144,12 @@ Inputs read_inputs(const Options& options) {
   inputs.profile = std::move(read.profile);
   if (inputs.profile && find_draw(options.draw) == Draw::kSamples) {
     ProfileReader(*options.profile).read_samples(*inputs.profile);
+  }
+  if (options.seed_given && !options.live && find_draw(options.draw) != Draw::kSamples &&
+      !draws_times(inputs.platform, inputs.mix)) {
+    warn("--seed changes nothing: every call takes the time that is known of it" +
+         std::string(inputs.profile ? "; --draw samples draws one of its samples" : "") +
+         (options.faults ? "; --faults has a seed of its own" : ""));
   }
   const auto closed = [](const Pipeline& pipeline) { return pipeline.frames.has_value(); };
   if (options.in_flight && std::ranges::none_of(inputs.mix.pipelines, closed)) {
@@ -287,7 +295,8 @@ void add_schedule(CLI::App& app, Action& action) {
              "What a call on a profiled unit takes; samples: one of its samples at a time, drawn "
              "with --seed")
       .shows_default();
-  add_seed(command, options->seed, "Seed of drawn durations");
+  const Option seed =
+      add_seed(command, options->seed, "Seed of drawn durations, and live of inputs");
   command.add_flag("--live", options->live,
                    "By the machine's clock: real kernels on units with a backend; the others are "
                    "paced by their stages");
@@ -310,8 +319,9 @@ void add_schedule(CLI::App& app, Action& action) {
     command.option(name).needs(command.option("--profile"));
   command.footer(
       "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000");
-  command.runs(action, [options, compare] {
+  command.runs(action, [options, compare, seed] {
     options->comparing = compare.given();
+    options->seed_given = seed.given();
     return schedule(*options);
   });
 }

@@ -175,14 +175,16 @@ int report_profile(const Options& options) {
   for (const auto& file : files.runs) inputs.runs.push_back(load_run_record(file));
   for (const auto& file : files.traces) inputs.timelines.push_back(load_timeline(file));
   inputs.mix = load_mix(options.mix);
-  inputs.paper = run_paper();
   for (const auto& file : files.databases) {
     inputs.machines.push_back(read_machine(options, file, inputs.mix, true));
   }
   for (const RunRecord& run : inputs.runs) {
     if (auto planned = planned_timeline(run)) inputs.timelines.push_back(std::move(*planned));
   }
-  if (inputs.timelines.empty()) {
+  // A page has room for them.
+  const Format format = parse_format(options.format);
+  inputs.facts = format != Format::kText;
+  if (inputs.timelines.empty() && format == Format::kHtml) {
     if (auto made = make_timeline(inputs.machines.front(), inputs.mix, inputs.runs)) {
       inputs.timelines.push_back(std::move(*made));
     }
@@ -242,6 +244,7 @@ int report_paper(const Options& options) {
   std::optional<Machine> machine;
   if (!options.files.empty()) {
     machine = read_machine(options, options.files.front(), mix, false);
+    machine->table5 = table5_of(*machine);
   }
   const auto paper = run_paper();
   const Machine* evidence = machine ? &*machine : nullptr;
@@ -266,8 +269,8 @@ void add_report(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   Command command(
       app, "report",
-      "Show profiles, the preferable unit of each workload, the modes side by side, and what of "
-      "the Pi-RT paper holds here");
+      "Show the preferable unit of each workload, the modes side by side, and the profiles that "
+      "they follow from");
   add_input(command, "files", &options->files,
             "The profile database; then more of them, to be shown side by side, run records of "
             "pirt schedule --json (default: the modes are simulated now), and traces of its "
@@ -285,9 +288,10 @@ void add_report(CLI::App& app, Action& action) {
   command.add_flag("--brief", options->brief,
                    "Only the preferable unit of each workload and the paper's four modes, on a "
                    "screen");
-  command.add_flag("--paper", options->paper,
-                   "Only the Pi-RT paper's claims, one by one: confirmed, refuted or not testable "
-                   "here; with a profile database also those about units");
+  command.add_flag(
+      "--paper", options->paper,
+      "Instead of all that: the Pi-RT paper's claims, one by one: confirmed, refuted or "
+      "not testable here; with a profile database also those about units");
   command.add_flag("--setup", options->setup,
                    "Instead of the profile: offloading time by phase, cold and warm (ms), from how "
                    "many calls on one unit beats another, and a convolution beside the paper's "

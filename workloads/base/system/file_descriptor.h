@@ -21,6 +21,8 @@ class FileDescriptor {
     if (fd_ >= 0) ::close(std::exchange(fd_, -1));
   }
   [[nodiscard]] int get() const { return fd_; }
+  /// Whoever calls this closes it.
+  [[nodiscard]] int release() { return std::exchange(fd_, -1); }
 
  private:
   int fd_ = -1;  ///< Below 0 = none.

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/system/temporary.h"
 
 namespace pirt {
 namespace {
@@ -104,17 +105,6 @@ std::vector<std::string> once_each(std::span<const std::string> words) {
   return once;
 }
 
-/// Beside @p path, so that renaming puts it there in one step.
-std::filesystem::path temporary_of(std::filesystem::path path) {
-  path += ".tmp" + std::to_string(::getpid());
-  return path;
-}
-
-void remove_quietly(const std::filesystem::path& path) {
-  std::error_code ignored;
-  std::filesystem::remove(path, ignored);
-}
-
 }  // namespace
 
 std::vector<std::string> nearest(std::string_view word, std::span<const std::string> candidates,
@@ -199,23 +189,9 @@ void write_file(const std::filesystem::path& path, std::string_view text) {
     if (!(out << text << std::flush)) throw_system("write", path, errno != 0 ? errno : EIO);
     return;
   }
-  const auto target = follow_links(path);
-  const auto temporary = temporary_of(target);
-  errno = 0;
-  {
-    std::ofstream out(temporary, std::ios::binary);
-    if (!out || !(out << text << std::flush)) {
-      const int error = errno != 0 ? errno : EIO;
-      remove_quietly(temporary);
-      throw_system("write", path, error);
-    }
-  }
-  std::error_code failed;
-  std::filesystem::rename(temporary, target, failed);
-  if (failed) {
-    remove_quietly(temporary);
-    throw_bad_input("cannot write '" + path.string() + "': " + failed.message());
-  }
+  TemporaryFile file(follow_links(path));
+  file.write(text);
+  file.publish();
 }
 
 void check_writable(const std::filesystem::path& path) {
@@ -224,11 +200,10 @@ void check_writable(const std::filesystem::path& path) {
   if (std::filesystem::exists(path, failed) && !std::filesystem::is_regular_file(path, failed)) {
     return;
   }
-  const auto temporary = temporary_of(follow_links(path));
-  errno = 0;
-  const bool opened = std::ofstream(temporary, std::ios::binary).is_open();
-  if (!opened) throw_system("write", path, errno != 0 ? errno : EIO);
-  remove_quietly(temporary);
+  const auto target = follow_links(path);
+  remove_left_beside(target);
+  // With a name, since a folder may take a file and not such a name.
+  const TemporaryFile tried(target, TemporaryFile::Name::kAlways);
 }
 
 }  // namespace pirt

@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "workloads/base/error.h"
+#include "workloads/base/system/temporary.h"
 #include "workloads/base/system/thread.h"
 #include "workloads/base/text/text.h"
 #include "workloads/inputs/pictures/decoder.h"
@@ -92,8 +93,12 @@ std::string frames_csv(const Sequence& sequence) {
   return text;
 }
 
-void write_pictures(const Sequence& sequence, const fs::path& root, int threads) {
+/// @return  False if @p progress said to stop.
+bool write_pictures(const Sequence& sequence, const fs::path& root, int threads,
+                    const WriteProgress& progress) {
   std::atomic<std::size_t> next = 0;
+  std::size_t written = 0;
+  bool stopped = false;
   std::exception_ptr failure;
   std::mutex guard;
   const std::size_t cameras = sequence.cameras.size();
@@ -105,6 +110,10 @@ void write_pictures(const Sequence& sequence, const fs::path& root, int threads)
         const cv::Mat pixels(image.height, image.width, CV_8U, image.pixels.data());
         const auto name = picture_name(sequence.frames[i / cameras].time);
         write_file(root / fmt::format("cam{}", i % cameras) / "data" / name, encode_png(pixels));
+        const std::lock_guard lock(guard);
+        if (!progress || stopped || progress(++written, total)) continue;
+        stopped = true;
+        next = total;
       }
     } catch (...) {
       const std::lock_guard lock(guard);
@@ -118,9 +127,11 @@ void write_pictures(const Sequence& sequence, const fs::path& root, int threads)
     work();
   }
   if (failure) std::rethrow_exception(failure);
+  return !stopped;
 }
 
-void write_all(const Sequence& sequence, const fs::path& root, int threads) {
+bool write_all(const Sequence& sequence, const fs::path& root, int threads,
+               const WriteProgress& progress) {
   for (std::size_t i = 0; i < sequence.cameras.size(); ++i) {
     const fs::path camera = root / fmt::format("cam{}", i);
     fs::create_directories(camera / "data");
@@ -136,41 +147,33 @@ void write_all(const Sequence& sequence, const fs::path& root, int threads) {
     fs::create_directories(root / "state_groundtruth_estimate0");
     write_file(root / "state_groundtruth_estimate0" / "data.csv", truth_csv(sequence));
   }
-  write_pictures(sequence, root, threads);
+  return write_pictures(sequence, root, threads, progress);
 }
 
 }  // namespace
 
-void write_euroc(const Sequence& sequence, const fs::path& folder, int threads,
-                 const std::vector<std::pair<std::string, std::string>>& extra) {
-  const fs::path target = folder.has_filename() ? folder : folder.parent_path();
+bool write_euroc(const Sequence& sequence, const fs::path& folder, int threads,
+                 const std::vector<std::pair<std::string, std::string>>& extra,
+                 const WriteProgress& progress) {
+  const fs::path target = follow_links(folder.has_filename() ? folder : folder.parent_path());
   std::error_code failed;
-  if (fs::exists(target, failed) && !fs::is_empty(target, failed)) {
-    throw_bad_input("'" + folder.string() + "' exists and is not empty; name another folder");
+  if (fs::exists(target, failed) &&
+      !(fs::is_directory(target, failed) && fs::is_empty(target, failed))) {
+    throw_bad_input("'" + folder.string() +
+                    "' exists and is no folder, or is not empty; name another folder");
   }
-  fs::path partial = target;
-  partial += ".partial";
-  if (fs::exists(partial, failed)) {
-    throw_bad_input("'" + partial.string() +
-                    "' exists, perhaps of a run that was stopped; take it away first");
-  }
-  const auto refuse = [&](const std::error_code& why) {
-    throw_bad_input("cannot write '" + folder.string() + "': " + why.message());
-  };
-  fs::create_directories(partial / "mav0", failed);
-  if (failed) refuse(failed);
   try {
-    write_all(sequence, partial / "mav0", threads);
-    for (const auto& [name, text] : extra) write_file(partial / name, text);
-    fs::remove(target, failed);  // an empty one
-    fs::rename(partial, target);
+    if (target.has_parent_path()) fs::create_directories(target.parent_path());
+    remove_left_beside(target);
+    TemporaryFolder made(target);
+    fs::create_directory(made.path() / "mav0");
+    if (!write_all(sequence, made.path() / "mav0", threads, progress)) return false;
+    for (const auto& [name, text] : extra) write_file(made.path() / name, text);
+    made.publish();
   } catch (const fs::filesystem_error& error) {
-    fs::remove_all(partial, failed);
-    refuse(error.code());
-  } catch (...) {
-    fs::remove_all(partial, failed);
-    throw;
+    throw_bad_input("cannot write '" + folder.string() + "': " + error.code().message());
   }
+  return true;
 }
 
 }  // namespace pirt

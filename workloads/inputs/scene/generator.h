@@ -2,9 +2,13 @@
 // faults of real ones. A function of its options: the same seed gives the same bytes.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "workloads/inputs/scene/path.h"
 #include "workloads/inputs/sequence/sequence.h"
@@ -39,12 +43,17 @@ struct FloorMap {
 /// truth's.
 [[nodiscard]] FloorMap floor_map(const SceneOptions& options);
 
+/// Told after each picture how many there are, of how many; false = stop. One thread at a time.
+using WriteProgress = std::function<bool(std::size_t written, std::size_t total)>;
+
 /// Writes @p sequence in EuRoC's layout (mav0/...), pictures by @p threads threads.
 /// @param folder  Made here; nothing that exists is touched. Its content appears under this name
 ///                when it is complete.
 /// @param extra   Written beside mav0, by name.
+/// @return  False if @p progress said to stop: nothing is left then.
 /// @throws Error{kBadInput} if it exists and is not empty, or cannot be written.
-void write_euroc(const Sequence& sequence, const std::filesystem::path& folder, int threads,
-                 const std::vector<std::pair<std::string, std::string>>& extra = {});
+bool write_euroc(const Sequence& sequence, const std::filesystem::path& folder, int threads,
+                 const std::vector<std::pair<std::string, std::string>>& extra = {},
+                 const WriteProgress& progress = {});
 
 }  // namespace pirt

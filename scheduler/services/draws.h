@@ -1,0 +1,12 @@
+// Whether a run of a mix depends on its seed.
+#pragma once
+
+#include "characterize/platform/platform.h"
+#include "scheduler/mix/mix.h"
+
+namespace pirt {
+
+/// Whether the platform draws the time of some call of @p mix from a distribution.
+[[nodiscard]] bool draws_times(const Platform& platform, const Mix& mix);
+
+}  // namespace pirt
