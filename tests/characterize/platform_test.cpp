@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "characterize/platform/unit_request.h"
 #include "tests/support/documentation.h"
 #include "tests/support/errors.h"
 #include "tests/support/optional_backend.h"
@@ -288,6 +289,20 @@ TEST(Platform, KeepsTheScriptOfAFakeUnitAsText) {
   EXPECT_EQ(script.at("wrong_output").items()[0].text(), "sobel");
 }
 
+TEST(Platform, HandsTheSettingsOfACloudToItsBackend) {
+  const auto platform = parse(
+      "platform: p\nunits: {cloud: {backend: nats, server: 'nats://[::1]:4222', robot: r1}}\n");
+  const auto settings = parse_yaml("settings", platform.unit("cloud").script);
+  EXPECT_EQ(settings.at("server").text(), "nats://[::1]:4222");
+  EXPECT_EQ(settings.at("robot").text(), "r1");
+  EXPECT_EQ(make_unit_request(platform, platform.unit("cloud")).script,
+            platform.unit("cloud").script);
+  EXPECT_THAT(refused_unit("backend: cpu, server: x"),
+              HasSubstr("units.cpu.server: only a unit with `backend: nats` has that"));
+  EXPECT_THAT(refused_unit("server: x"), HasSubstr("only a unit with `backend: nats`"));
+  EXPECT_THAT(refused_unit("backend: nats, servr: x"), HasSubstr("did you mean server"));
+}
+
 TEST(PlatformOverrides, SetOneValueOfAUnit) {
   PIRT_BACKEND_OR_SKIP("opencl")
   const auto platform = load_platform(
@@ -316,8 +331,8 @@ TEST(PlatformOverrides, WithAMisspeltMapAreRefused) {
 
 TEST(ShippedPlatforms, AllLoadUnderTheirNames) {
   EXPECT_THAT(shipped_platforms(),
-              ElementsAre("de1-soc", "fake", "host", "host-cloud", "host-cpu", "host-opencl", "snapdragon820",
-                          "snapdragon820-counted", "snapdragon820-section5"));
+              ElementsAre("de1-soc", "fake", "host", "host-cloud", "host-cpu", "host-opencl",
+                          "snapdragon820", "snapdragon820-counted", "snapdragon820-section5"));
   for (const auto& name : shipped_platforms()) {
     const auto platform = load_platform(name);
     EXPECT_EQ(platform.name, name);
