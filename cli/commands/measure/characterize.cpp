@@ -2,9 +2,11 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <memory>
 #include <set>
+#include <string_view>
 
 #include "characterize/campaign/campaign.h"
 #include "characterize/doctor/doctor.h"
@@ -183,15 +185,21 @@ std::string precision_text(const CampaignSummary& summary, const CampaignPlan& p
       100 * campaign.precision, longer.count());
 }
 
+/// Reasons that the machine's state gives; the same row may be valid when it is quiet.
+bool is_disturbance(const std::string& reason) {
+  static constexpr std::array<std::string_view, 4> kWords = {"contended", "imprecise", "throttled",
+                                                             "unstable"};
+  return std::ranges::find(kWords, reason) != kWords.end();
+}
+
 /// What to do about rows that the machine's state spoilt.
 std::string disturbed_text(const Profile& profile, const CampaignOptions& campaign) {
-  const std::set<std::string> words = {"contended", "imprecise", "throttled", "unstable"};
   int rows = 0;
   std::set<std::string> workloads, why;
   for (const PhaseRow& row : profile.phases) {
     bool disturbed = false;
     for (const std::string& reason : row.reasons) {
-      if (!words.contains(reason)) continue;
+      if (!is_disturbance(reason)) continue;
       why.insert(reason);
       disturbed = true;
     }
@@ -230,9 +238,12 @@ Json summary_json(const CampaignSummary& summary) {
           {"elapsed_s", to_s(summary.elapsed)}};
 }
 
-/// Of the whole run: all of its cells may have been stored before it was interrupted.
-bool has_valid_row(const Profile& profile) {
-  return std::ranges::any_of(profile.phases, &PhaseRow::valid);
+/// Of the whole run: all of its cells may have been stored before it was interrupted. Rows that the
+/// machine's state spoilt were measured, and say what they are worth.
+bool has_measured_row(const Profile& profile) {
+  return std::ranges::any_of(profile.phases, [](const PhaseRow& row) {
+    return row.samples > 0 && std::ranges::all_of(row.reasons, is_disturbance);
+  });
 }
 
 /// The files of a run that is gone on with stand in its database and not on the command line.
@@ -298,8 +309,11 @@ int characterize(const Options& options) {
     throw_environment(fmt::format("interrupted; {} cells are complete and {} were begun; {}",
                                   summary.cells, summary.cells_begun, resume_hint(options)));
   }
-  if (!has_valid_row(profile)) {
+  if (!has_measured_row(profile)) {
     throw_environment("no valid row was measured; see the remarks for the reasons");
+  }
+  if (std::ranges::none_of(profile.phases, &PhaseRow::valid)) {
+    warn(disturbed_text(profile, campaign));
   }
   if (fits && !fit.complete) {
     warn("not every unit's energy model could be fitted; the tables say why");
