@@ -15,7 +15,7 @@ namespace pirt {
 namespace {
 
 constexpr std::array kSetupStates = {State::kCold, State::kWarm};
-constexpr int kFewestRepeatsIfUnstable = 4;  // two halves of two processes
+constexpr int kFewestRepeats = 4;  // two halves of two processes
 
 void append(std::vector<std::string>& to, const std::vector<std::string>& from) {
   to.insert(to.end(), from.begin(), from.end());
@@ -45,9 +45,9 @@ std::optional<Visit> CellMeasurement::next() const {
   const int taken = processes();
   if (taken < setups()) return Visit{taken % 2 == 0 ? State::kCold : State::kWarm, true};
   if (wrong_output()) return std::nullopt;
-  if (unstable_at_ && !repeated()) return Visit{State::kWarm, true};
+  if (again_at_ && !repeated()) return Visit{State::kWarm, true};
   if (unstable_ || taken >= kMostProcesses) return std::nullopt;
-  if (reached_ && *reached_ <= request_.precision) return std::nullopt;
+  if (is_precise()) return std::nullopt;
   return Visit{State::kWarm, false};
 }
 
@@ -62,9 +62,9 @@ std::optional<JobResult> CellMeasurement::visit() {
     auto filled = run(JobKind::kSetup);
     if (!filled || !filled->error.empty()) return filled;
   }
-  const bool again = unstable_at_ && !repeated();
+  const bool again = again_at_ && !repeated();
   begin_step(fmt::format("process {}, {}", processes() + 1,
-                         again          ? "again (unstable)"
+                         again          ? fmt::format("again ({})", again_why_)
                          : visit.needed ? fmt::format("{} set-up", to_string(visit.setup))
                                         : "for precision"));
   // A wrong computation is not timed, but its set-up is.
@@ -93,14 +93,20 @@ void CellMeasurement::add(State setup, JobResult result) {
 }
 
 void CellMeasurement::judge_samples() {
-  if (unstable_at_ && !repeated()) return;
+  if (again_at_ && !repeated()) return;
   if (is_settled_by_one()) {
     reached_ = 0;
     return;
   }
   const CellSamples calls = samples(Phase::kCall);
   unstable_ = is_unstable(calls.samples, calls.processes);
-  if (unstable_ && !unstable_at_) unstable_at_ = taken_.size();
+  measure_precision();
+  if (again_at_) return;
+  again_why_ = unstable_ ? "unstable" : is_spoilt_by_others(conditions()) ? "contended" : "";
+  if (!again_why_.empty()) again_at_ = taken_.size();
+}
+
+void CellMeasurement::measure_precision() {
   reached_.reset();
   for (const Phase phase : {Phase::kCall, Phase::kExecute}) {
     const CellSamples found = samples(phase);
@@ -115,11 +121,17 @@ void CellMeasurement::judge_samples() {
   }
 }
 
+/// Where all processes say the same, more would too.
+bool CellMeasurement::is_precise() const {
+  if (!reached_ || *reached_ > request_.precision) return false;
+  return *reached_ == 0 || static_cast<int>(shown().size()) >= kFewestForPrecision;
+}
+
 int CellMeasurement::needed_visits() const {
   if (failed()) return 0;
   if (processes() < setups()) return setups() - processes();
-  if (!unstable_at_ || wrong_output()) return 0;
-  return std::max(0, static_cast<int>(*unstable_at_) + repeats_if_unstable() - processes());
+  if (!again_at_ || wrong_output()) return 0;
+  return std::max(0, static_cast<int>(*again_at_) + repeats() - processes());
 }
 
 int CellMeasurement::expected_visits() const {
@@ -131,9 +143,10 @@ int CellMeasurement::expected_visits() const {
 std::optional<int> CellMeasurement::visits_to_precision() const {
   if (!reached_) return std::nullopt;
   const double ratio = *reached_ / request_.precision;
-  const double wanted = std::ceil(static_cast<double>(shown().size()) * (ratio * ratio - 1));
+  const int now = static_cast<int>(shown().size());
+  const double wanted = std::ceil(now * (ratio * ratio - 1));
   if (wanted > kMostProcesses - processes()) return std::nullopt;
-  return std::max(1, static_cast<int>(wanted));
+  return std::max({1, static_cast<int>(wanted), kFewestForPrecision - now});
 }
 
 /// Two processes where all figures repeat exactly: the second one checks that they do.
@@ -148,20 +161,18 @@ bool CellMeasurement::is_settled_by_one() const {
   });
 }
 
-int CellMeasurement::repeats_if_unstable() const {
-  return std::max(kFewestRepeatsIfUnstable, request_.setup_repeats);
-}
+int CellMeasurement::repeats() const { return std::max(kFewestRepeats, request_.setup_repeats); }
 
-/// Whether an unstable cell has been sampled again to the end.
+/// Whether a cell that was not to be believed has been sampled again to the end.
 bool CellMeasurement::repeated() const {
-  return unstable_at_ && processes() >= static_cast<int>(*unstable_at_) + repeats_if_unstable();
+  return again_at_ && processes() >= static_cast<int>(*again_at_) + repeats();
 }
 
 /// The processes that the figures of calls come from.
 std::span<const CellMeasurement::Taken> CellMeasurement::shown() const {
   const std::span all(taken_);
-  if (!unstable_at_) return all;
-  return repeated() ? all.subspan(*unstable_at_) : all.first(*unstable_at_);
+  if (!again_at_) return all;
+  return repeated() ? all.subspan(*again_at_) : all.first(*again_at_);
 }
 
 CellSamples CellMeasurement::samples(Phase phase) const {
@@ -211,21 +222,46 @@ bool CellMeasurement::wrong_output() const {
   return std::ranges::any_of(taken_, [](const Taken& taken) { return taken.result.wrong_output; });
 }
 
+namespace {
+
+/// What befell so many of a row's processes that it concerns the row.
+void take_in(std::span<const Interference> processes, CellConditions& conditions) {
+  const auto befell = [&processes](bool Interference::*what) {
+    return concerns_row(std::ranges::count(processes, true, what),
+                        static_cast<std::int64_t>(processes.size()));
+  };
+  conditions.contended = befell(&Interference::contended);
+  conditions.crowded = befell(&Interference::crowded);
+  conditions.throttled = befell(&Interference::throttled);
+}
+
+}  // namespace
+
+/// Of calls.
 CellConditions CellMeasurement::conditions() const {
   CellConditions found;
-  std::int64_t contended = 0;
-  std::int64_t throttled = 0;
+  std::vector<Interference> processes;
   for (const Taken& taken : shown()) {
     found.clock.cost_ns = std::max(found.clock.cost_ns, taken.result.clock.cost_ns);
     found.clock.resolution = std::max(found.clock.resolution, taken.result.clock.resolution);
-    contended += taken.result.contended ? 1 : 0;
-    throttled += taken.result.throttled ? 1 : 0;
+    processes.push_back(taken.result.during_calls);
   }
-  const auto processes = static_cast<std::int64_t>(shown().size());
-  found.contended = concerns_row(contended, processes);
-  found.throttled = concerns_row(throttled, processes);
+  take_in(processes, found);
   found.wrong_output = wrong_output();
   found.unstable = unstable_;
+  found.precise = reached_ && *reached_ <= request_.precision;
+  const CellSamples calls = samples(Phase::kCall);
+  if (!calls.samples.empty()) found.call = median(calls.samples, calls.processes);
+  return found;
+}
+
+CellConditions CellMeasurement::setup_conditions(State state) const {
+  CellConditions found;
+  std::vector<Interference> processes;
+  for (const Taken& taken : taken_) {
+    if (taken.setup == state) processes.push_back(taken.result.during_setup);
+  }
+  take_in(processes, found);
   return found;
 }
 
@@ -397,6 +433,11 @@ PhaseRecord CellMeasurement::setup_row(Phase phase, State state) const {
     append(row.reasons, failed() ? failure() : std::vector<std::string>{"few_samples"});
   } else if (is_clock_bound(median(row.samples), 1, clock)) {
     row.reasons.emplace_back("clock_bound");
+  }
+  if (!row.deterministic) {
+    const CellConditions known = setup_conditions(state);
+    append(row.reasons, judge_setups(row.samples, known));
+    if (known.contended && !known.crowded) row.notes.emplace_back("contended");
   }
   if (phase == Phase::kPrepare) {
     // It ends with a completed run, and that run was wrong.

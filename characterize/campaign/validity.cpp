@@ -2,20 +2,36 @@
 
 #include <algorithm>
 #include <map>
+#include <utility>
 
 #include "characterize/profile/profile.h"
-#include "characterize/statistics/statistics.h"
 
 namespace pirt {
 namespace {
 
 constexpr double kUnstableShare = 0.20;
+constexpr double kImprecise = 0.20;
+constexpr double kPartOfCall = 0.05;
+constexpr Nanos kSetupGrain = std::chrono::milliseconds(1);
 constexpr std::size_t kFewestHalves = 4;  // processes; two in each half
 
 bool far_apart(Nanos a, Nanos b) {
   const double low = static_cast<double>(std::min(a, b).count());
   const double high = static_cast<double>(std::max(a, b).count());
   return high - low > kUnstableShare * low;
+}
+
+Nanos half_of(const Interval& interval) { return (interval.high - interval.low) / 2; }
+
+/// Of processes in order of time; absent where the earlier and the later ones overlap.
+std::optional<std::pair<Nanos, Nanos>> halves_apart(std::span<const Nanos> medians) {
+  if (medians.size() < kFewestHalves) return std::nullopt;
+  const auto first = medians.first(medians.size() / 2);
+  const auto second = medians.subspan(medians.size() / 2);
+  const auto [first_low, first_high] = std::ranges::minmax(first);
+  const auto [second_low, second_high] = std::ranges::minmax(second);
+  if (first_high >= second_low && second_high >= first_low) return std::nullopt;
+  return std::pair(median(first), median(second));
 }
 
 std::size_t unstable_processes(std::span<const Nanos> samples,
@@ -41,17 +57,44 @@ bool is_unstable(std::span<const Nanos> samples) {
 bool is_unstable(std::span<const Nanos> samples, std::span<const std::int32_t> processes) {
   const std::vector<Nanos> medians = process_medians(samples, processes);
   if (2 * unstable_processes(samples, processes) > medians.size()) return true;
-  if (medians.size() < kFewestHalves) return false;
-  const auto first = std::span(medians).first(medians.size() / 2);
-  const auto second = std::span(medians).subspan(medians.size() / 2);
-  const auto [first_low, first_high] = std::ranges::minmax(first);
-  const auto [second_low, second_high] = std::ranges::minmax(second);
-  const bool apart = first_high < second_low || second_high < first_low;
-  return apart && far_apart(median(first), median(second));
+  const auto halves = halves_apart(medians);
+  return halves && far_apart(halves->first, halves->second);
 }
 
 bool concerns_row(std::int64_t affected, std::int64_t processes) {
   return affected > 0 && 4 * affected >= processes;
+}
+
+bool is_spoilt_by_others(const CellConditions& conditions) {
+  return conditions.contended && (conditions.crowded || !conditions.precise);
+}
+
+bool is_imprecise(const std::optional<Interval>& interval, Nanos median,
+                  const std::optional<Nanos>& call) {
+  if (!interval) return false;
+  const auto share_of = [half = half_of(*interval)](Nanos whole, double limit) {
+    return static_cast<double>(half.count()) > limit * static_cast<double>(whole.count());
+  };
+  return share_of(median, kImprecise) && (!call || share_of(*call, kPartOfCall));
+}
+
+std::vector<std::string> judge_setups(std::span<const Nanos> times,
+                                      const CellConditions& conditions) {
+  std::vector<std::string> reasons;
+  if (times.empty()) return reasons;
+  if (conditions.throttled) reasons.emplace_back("throttled");
+  const auto halves = halves_apart(times);
+  if (halves && far_apart(halves->first, halves->second) &&
+      std::chrono::abs(halves->first - halves->second) > kSetupGrain) {
+    reasons.emplace_back("unstable");
+  }
+  auto interval = interval_over_processes(times);
+  if (times.size() == 2) interval = {std::min(times[0], times[1]), std::max(times[0], times[1])};
+  if (is_imprecise(interval, median(times), std::nullopt) && half_of(*interval) > kSetupGrain) {
+    reasons.emplace_back("imprecise");
+  }
+  if (conditions.crowded) reasons.emplace_back("contended");
+  return reasons;
 }
 
 std::vector<std::string> judge(const CellSamples& samples, const CellConditions& conditions) {
@@ -71,6 +114,14 @@ std::vector<std::string> judge(const CellSamples& samples, const CellConditions&
   }
   if (conditions.throttled) reasons.emplace_back("throttled");
   if (conditions.unstable) reasons.emplace_back("unstable");
+  if (!samples.samples.empty()) {
+    const auto summary = summarize(samples.samples, samples.processes);
+    const bool whole = samples.phase == Phase::kCall;
+    if (is_imprecise(summary.interval, summary.median, whole ? std::nullopt : conditions.call)) {
+      reasons.emplace_back("imprecise");
+    }
+  }
+  if (is_spoilt_by_others(conditions)) reasons.emplace_back("contended");
   return reasons;
 }
 
@@ -82,7 +133,7 @@ std::vector<std::string> annotate(const CellSamples& samples, const CellConditio
   const auto summary = summarize(samples.samples, samples.processes);
   const auto reached = relative_half_width(summary.interval, summary.median);
   if (!reached || *reached > precision) notes.emplace_back("precision_not_reached");
-  if (conditions.contended) notes.emplace_back("contended");
+  if (conditions.contended && !is_spoilt_by_others(conditions)) notes.emplace_back("contended");
   if (summary.bimodal) notes.emplace_back("bimodal");
   if (conditions.live) notes.emplace_back("live");
   return notes;

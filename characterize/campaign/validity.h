@@ -3,10 +3,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "characterize/statistics/statistics.h"
 #include "characterize/worker/measure.h"
 
 namespace pirt {
@@ -33,7 +35,14 @@ struct CellConditions {
   bool unstable = false;
   bool deterministic = false;  ///< The figure repeats exactly: one sample is enough.
   bool live = false;           ///< Calls of a live run: one process took them all.
+  bool crowded = false;  ///< `contended`, and others took so much that it may be in all of it.
+  bool precise = true;   ///< The cell's `call` and `execute` reached the wished precision.
+  std::optional<Nanos> call = {};  ///< Median of the whole call that a phase is part of.
 };
+
+/// Whether what others took of the cores spoils the cell: it is not precise either, or they took so
+/// much that each process may have waited for as long, which no interval shows.
+[[nodiscard]] bool is_spoilt_by_others(const CellConditions& conditions);
 
 /// Whether the figure depends on when it was taken: the 95 % intervals of the medians of the first
 /// and the second half do not meet, and the medians differ by more than 20 % of the smaller. Below
@@ -53,9 +62,21 @@ struct CellConditions {
 /// more. The median over processes lies within the quartiles of the others as long as it is fewer.
 [[nodiscard]] bool concerns_row(std::int64_t affected, std::int64_t processes);
 
+/// Whether a figure is within a factor that leaves the order of units as it is (see is_unstable):
+/// an interval of more than 20 % of the median either way is not. What moves a call of @p call by 5
+/// % at most decides nothing and is not judged; it is noted as `precision_not_reached`.
+[[nodiscard]] bool is_imprecise(const std::optional<Interval>& interval, Nanos median,
+                                const std::optional<Nanos>& call);
+
 /// Reasons of one per-call row. `launch` is stamped by the device and cannot be clock-bound.
 [[nodiscard]] std::vector<std::string> judge(const CellSamples& samples,
                                              const CellConditions& conditions);
+
+/// Reasons of the set-ups of one phase and state, one a process in order of time: throttled,
+/// unstable, imprecise, contended. Of two, the interval is what they span; differences of less than
+/// 1 ms, which a page fault makes, are not judged.
+[[nodiscard]] std::vector<std::string> judge_setups(std::span<const Nanos> times,
+                                                    const CellConditions& conditions);
 
 /// deterministic, or precision_not_reached, contended, bimodal, live, where they apply.
 /// @param precision  Half the 95 % interval over processes, relative to the median.

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdlib>
 #include <fstream>
+#include <thread>
 
 #include "characterize/doctor/doctor_checks.h"
 #include "characterize/energy/meter.h"
@@ -13,6 +14,7 @@
 #include "characterize/worker/job_runner.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
+#include "workloads/base/time.h"
 
 namespace pirt {
 namespace doctor {
@@ -161,6 +163,16 @@ DiskSpace free_space(const std::filesystem::path& folder) {
   const auto space = std::filesystem::space(folder, failed);
   if (failed) return {folder.string(), std::nullopt};
   return {folder.string(), static_cast<std::int64_t>(space.available)};
+}
+
+Finding look_at_load(const std::vector<int>& cores, const DoctorSnapshot& before) {
+  constexpr Nanos kLeast = std::chrono::milliseconds(200);
+  std::this_thread::sleep_for(before.host.at + kLeast - MachineClock().now());
+  DoctorInput input;
+  input.cores = cores;
+  input.before = before;
+  input.after = read_doctor_snapshot(cores);
+  return doctor::load(input).front();
 }
 
 std::vector<Finding> diagnose(const DoctorInput& input) {

@@ -88,7 +88,7 @@ Sample take_sample(const Platform& platform, const SampleRequest& request) {
     sample.right = !result.wrong_output;
     sample.detail = result.verification;
   }
-  sample.contended = result.contended;
+  sample.contended = result.during_calls.contended;
   if (result.device_init) sample.seconds["device_init"] = to_s(*result.device_init);
   if (result.prepare) sample.seconds["prepare"] = to_s(*result.prepare);
   for (const PhaseSamples& phase : result.phases) {

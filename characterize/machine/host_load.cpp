@@ -1,5 +1,6 @@
 #include "characterize/machine/host_load.h"
 
+#include <sys/resource.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -17,6 +18,7 @@ namespace pirt {
 namespace {
 
 constexpr double kContendedShare = 0.05;
+constexpr double kCrowdedShare = 0.25;
 constexpr double kThrottledShare = 0.01;
 
 Nanos tick() { return Nanos(1'000'000'000 / ::sysconf(_SC_CLK_TCK)); }
@@ -110,7 +112,13 @@ std::optional<double> quota_of(const std::filesystem::path& folder) {
 Nanos process_time() {
   timespec time{};
   ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return std::chrono::seconds(time.tv_sec) + Nanos(time.tv_nsec);
+  rusage children{};
+  ::getrusage(RUSAGE_CHILDREN, &children);
+  Nanos sum = std::chrono::seconds(time.tv_sec) + Nanos(time.tv_nsec);
+  for (const timeval& part : {children.ru_utime, children.ru_stime}) {
+    sum += std::chrono::seconds(part.tv_sec) + std::chrono::microseconds(part.tv_usec);
+  }
+  return sum;
 }
 
 }  // namespace
@@ -147,7 +155,11 @@ Interference interference(const HostCounters& before, const HostCounters& after,
     const Nanos others = (*after.busy - *before.busy) - (after.own - before.own);
     // Busy time is counted in ticks, so each core's difference can be off by one at either end.
     const double grain_s = 2 * to_s(tick()) * core_count;
-    result.contended = to_s(others) > std::max(kContendedShare * wall_s * core_count, grain_s);
+    const auto exceed = [&](double share) {
+      return to_s(others) > std::max(share * wall_s * core_count, grain_s);
+    };
+    result.contended = exceed(kContendedShare);
+    result.crowded = exceed(kCrowdedShare);
   }
   const bool heat =
       before.heat_events && after.heat_events && *after.heat_events > *before.heat_events;

@@ -18,7 +18,8 @@ struct HostCounters {
   std::optional<Nanos> busy;   ///< Of the cores asked for: everything but idle, steal included.
   std::optional<Nanos> total;  ///< Of the same cores: idle time as well.
   std::optional<Nanos> steal;  ///< Of the same cores: taken by the hypervisor for others.
-  Nanos own{0};                ///< Processor time of this process, all threads.
+  Nanos own{0};  ///< Processor time of this process, all threads, and of the children (a driver's
+                 ///< compiler, say) that it has waited for.
   std::optional<std::int64_t> heat_events;  ///< Thermal throttling of the cores asked for.
   std::optional<Nanos>
       quota_wait;  ///< Time that this process' control group was held back by its quota.
@@ -36,8 +37,10 @@ struct HostCounters {
 struct Interference {
   bool contended = false;  ///< Others (or the hypervisor) used more than 5 % of the cores' time,
                            ///< and more than the counters' grain.
+  bool crowded = false;    ///< The same of 25 %: what was timed may have waited for much of it.
   bool throttled =
       false;  ///< A thermal event, or held back by a quota for more than 1 % of the time.
+  friend bool operator==(const Interference&, const Interference&) = default;
 };
 
 /// @param core_count  How many cores `busy` was summed over.

@@ -11,10 +11,10 @@
 namespace pirt {
 namespace {
 
-constexpr std::size_t kMinimumForBimodal = 20;
-constexpr double kSmallerGroup = 0.15;
-constexpr double kGroupDistance = 0.05;
-constexpr double kConfidence = 0.95;
+constexpr double kTail = 0.025;  // on either side of a 95 % interval
+/// Of an interval over processes, which ends a cell as soon as it is narrow enough: at 95 % those
+/// that ended there would hold the median in 92 % only.
+constexpr double kConfidence = 0.97;
 constexpr std::size_t kFewestProcesses = 3;  // for Student's t
 constexpr std::size_t kFewestForRanks = 6;   // with 5, the smallest to the largest covers 93.75 %
 constexpr std::size_t kFewestForDependence = 8;
@@ -59,9 +59,20 @@ Group group_of(double sum, double sum_of_squares, std::size_t size) {
   return {mean, std::max(0.0, sum_of_squares - n * mean * mean), n};
 }
 
+/// What counts as two groups: of how many, at least how much of them in the smaller one, and how
+/// far apart relative to the median.
+struct GroupLimits {
+  std::size_t fewest;
+  double smaller;
+  double distance;
+};
+constexpr GroupLimits kOfSamples = {20, 0.15, 0.05};
+constexpr GroupLimits kOfProcesses = {4, 0.15, 0.20};
+constexpr double kFewestInGroup = 2;
+
 /// Ashman's D of the two-means split, or nothing if the split leaves too small a group or too small
 /// a distance.
-std::optional<double> separation(std::span<const Nanos> sorted) {
+std::optional<double> separation(std::span<const Nanos> sorted, const GroupLimits& limits) {
   const double origin = static_cast<double>(sorted.front().count());
   double sum = 0;
   double squares = 0;
@@ -88,11 +99,31 @@ std::optional<double> separation(std::span<const Nanos> sorted) {
   }
   const auto total = static_cast<double>(sorted.size());
   const auto middle = static_cast<double>(median_of_sorted(sorted).count());
-  if (std::min(low.size, high.size) < kSmallerGroup * total) return std::nullopt;
-  if (high.mean - low.mean < kGroupDistance * middle) return std::nullopt;
+  const double smaller = std::min(low.size, high.size);
+  if (smaller < std::max(kFewestInGroup, limits.smaller * total)) return std::nullopt;
+  if (high.mean - low.mean < limits.distance * middle) return std::nullopt;
   const double spread = std::sqrt(low.squares / low.size + high.squares / high.size);
   if (spread == 0) return std::numeric_limits<double>::infinity();
   return std::numbers::sqrt2 * (high.mean - low.mean) / spread;
+}
+
+/// The highest rank k such that at most @p tail of all sets of n have their median below the kth
+/// smallest; 0 if there is none.
+std::size_t outer_rank(std::size_t n, double tail) {
+  // P(B <= k) summed term by term in logarithms, so that 2^-n does not underflow for thousands of
+  // samples.
+  const auto size = static_cast<double>(n);
+  double log_term = -size * std::numbers::ln2;  // log of C(n, 0) / 2^n
+  double below = 0;                             // P(B < rank)
+  std::size_t rank = 0;
+  while (rank < n / 2) {
+    below += std::exp(log_term);
+    if (below > tail) break;
+    const auto k = static_cast<double>(rank);
+    log_term += std::log((size - k) / (k + 1));
+    ++rank;
+  }
+  return rank;
 }
 
 /// P(low-th smallest <= median <= low-th largest) of n samples: 1 - 2 P(Binomial(n, 1/2) < low).
@@ -108,9 +139,12 @@ double coverage(std::size_t n, std::size_t low) {
 
 Nanos between(Nanos from, Nanos to, double share) { return from + scaled(to - from, share); }
 
-/// Between the last pair of order statistics that covers 95 % and the next inner one.
-Interval interpolated_interval(std::span<const Nanos> sorted, std::size_t low) {
+/// Between the last pair of order statistics that covers kConfidence and the next inner one; the
+/// smallest to the largest where these do not.
+Interval interpolated_interval(std::span<const Nanos> sorted) {
   const std::size_t n = sorted.size();
+  const std::size_t low = outer_rank(n, 0.5 * (1 - kConfidence));
+  if (low == 0) return {sorted.front(), sorted.back()};
   const double outer = coverage(n, low);
   const double inner = coverage(n, low + 1);
   const double excess = (outer - kConfidence) / (outer - inner);
@@ -121,7 +155,7 @@ Interval interpolated_interval(std::span<const Nanos> sorted, std::size_t low) {
           between(sorted[n - low], sorted[n - low - 1], inward)};
 }
 
-/// Student's t around the mean, reaching at least to the median.
+/// Student's t around the mean, reaching at least to the median and not below the smallest.
 Interval t_interval(std::span<const Nanos> sorted) {
   constexpr std::array kQuantile = {4.303, 3.182, 2.776};  // t(0.975) for 2, 3 and 4 degrees
   const std::size_t n = sorted.size();
@@ -138,7 +172,8 @@ Interval t_interval(std::span<const Nanos> sorted) {
       kQuantile[n - kFewestProcesses] * std::sqrt(all.squares / (all.size - 1) / all.size);
   const Nanos middle = median_of_sorted(sorted);
   const auto at = [&](double x) { return sorted.front() + Nanos(std::llround(x)); };
-  return {std::clamp(at(all.mean - half), Nanos(0), middle), std::max(at(all.mean + half), middle)};
+  return {std::clamp(at(all.mean - half), sorted.front(), middle),
+          std::max(at(all.mean + half), middle)};
 }
 
 /// Ranks in order of the values, equal ones sharing the mean of theirs.
@@ -167,35 +202,22 @@ std::optional<double> autocorrelation(std::span<const double> values) {
 }
 
 /// @param middle  Within @p interval.
-Interval widened(const Interval& interval, Nanos middle, double factor) {
-  return {std::max(Nanos(0), middle - scaled(middle - interval.low, factor)),
+/// @param least   Where it begins at the lowest.
+Interval widened(const Interval& interval, Nanos middle, double factor, Nanos least) {
+  return {std::max(least, middle - scaled(middle - interval.low, factor)),
           middle + scaled(interval.high - middle, factor)};
 }
 
-bool bimodal_of_sorted(std::span<const Nanos> sorted) {
-  if (sorted.size() < kMinimumForBimodal) return false;
-  const auto d = separation(sorted);
+bool bimodal_of_sorted(std::span<const Nanos> sorted, const GroupLimits& limits) {
+  if (sorted.size() < limits.fewest) return false;
+  const auto d = separation(sorted, limits);
   return d && *d > kBimodalD;
 }
 
 }  // namespace
 
 std::optional<Ranks> median_interval_ranks(std::size_t n) {
-  // P(B <= k) summed term by term in logarithms, so that 2^-n does not underflow for thousands of
-  // samples.
-  constexpr double kTail = 0.025;
-  const auto size = static_cast<double>(n);
-  double log_term = -size * std::numbers::ln2;  // log of C(n, 0) / 2^n
-  double tail = 0;                              // P(B < low)
-  std::size_t low = 0;
-  while (low < n / 2) {
-    const double next = tail + std::exp(log_term);
-    if (next > kTail) break;
-    tail = next;
-    const auto k = static_cast<double>(low);
-    log_term += std::log((size - k) / (k + 1));
-    ++low;
-  }
+  const std::size_t low = outer_rank(n, kTail);
   if (low == 0) return std::nullopt;
   return Ranks{low, n - low + 1};
 }
@@ -258,8 +280,8 @@ std::optional<Interval> interval_over_processes(std::span<const Nanos> medians) 
   const auto sorted = sorted_copy(medians);
   if (sorted.size() < kFewestProcesses) return std::nullopt;
   if (sorted.size() < kFewestForRanks) return t_interval(sorted);
-  return widened(interpolated_interval(sorted, median_interval_ranks(sorted.size())->low),
-                 median_of_sorted(sorted), dependence_factor(medians));
+  return widened(interpolated_interval(sorted), median_of_sorted(sorted),
+                 dependence_factor(medians), sorted.front());
 }
 
 double dependence_factor(std::span<const Nanos> values) {
@@ -271,7 +293,13 @@ double dependence_factor(std::span<const Nanos> values) {
   return std::sqrt((1 + r) / (1 - r));
 }
 
-bool is_bimodal(std::span<const Nanos> samples) { return bimodal_of_sorted(sorted_copy(samples)); }
+bool is_bimodal(std::span<const Nanos> samples) {
+  return bimodal_of_sorted(sorted_copy(samples), kOfSamples);
+}
+
+bool processes_are_bimodal(std::span<const Nanos> medians) {
+  return bimodal_of_sorted(sorted_copy(medians), kOfProcesses);
+}
 
 namespace {
 
@@ -286,7 +314,7 @@ Statistics describe(std::span<const Nanos> sorted, Nanos middle) {
   result.mad = median(deviations);
   result.p95 = percentile_of_sorted(sorted, 95);
   result.p99 = percentile_of_sorted(sorted, 99);
-  result.bimodal = bimodal_of_sorted(sorted);
+  result.bimodal = bimodal_of_sorted(sorted, kOfSamples);
   return result;
 }
 
@@ -305,6 +333,7 @@ Statistics summarize(std::span<const Nanos> samples, std::span<const std::int32_
   result.interval =
       medians.size() == 1 ? median_interval(samples) : interval_over_processes(medians);
   result.processes = static_cast<std::int64_t>(medians.size());
+  result.bimodal = result.bimodal || processes_are_bimodal(medians);
   return result;
 }
 

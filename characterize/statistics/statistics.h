@@ -72,13 +72,19 @@ struct Ranks {
 /// Deliberately no cluster bootstrap: with few clusters it covers too little (Cameron, Gelbach and
 /// Miller, Bootstrap-Based Improvements for Inference with Clustered Errors, 2008).
 ///
-/// - From 6 processes on: order statistics of the process medians, interpolated to 95 %, whatever
-///   their distribution, so that a few disturbed processes do not widen it. @source Hettmansperger
-///   and Sheather, Confidence intervals based on interpolated order statistics, Statistics &
-///   Probability Letters 4 (1986) 75.
+/// - From 6 processes on: order statistics of the process medians, whatever their distribution, so
+///   that a few disturbed processes do not widen it. @source Hettmansperger and Sheather,
+///   Confidence intervals based on interpolated order statistics, Statistics & Probability Letters
+///   4 (1986) 75. They are interpolated to 97 %, since a cell ends as soon as its interval is
+///   narrow enough, which favours those that are narrow by chance: what remains of it then is 95 %
+///   (below).
 /// - 3 to 5: no pair of order statistics reaches 95 %; Student's t of the process medians (Kalibera
-///   and Jones), widened where needed to hold their median.
+///   and Jones), widened where needed to hold their median. No cell ends here for its precision.
 /// - Below 3: absent.
+///
+/// It never begins below the smallest of them: a call that no process has seen is no answer,
+/// whatever normal theory says. With 3 to 5 that costs coverage, since all of so few are above the
+/// median by chance in 1 of 8 to 1 of 32 cases.
 ///
 /// A machine's clock and memory drift, so that processes that follow each other are alike, and n of
 /// them say less than n independent ones would. From 8 processes on the interval is therefore wider
@@ -111,6 +117,12 @@ struct Ranks {
 ///         hence the higher limit.
 [[nodiscard]] bool is_bimodal(std::span<const Nanos> samples);
 
+/// The same of the medians of processes, which are few: two in each group at least, whose means are
+/// 20 % of the median apart or more (what tells units apart, see is_unstable in validity.h). A
+/// process that takes few samples, since they are long, counts as much here as one that takes many.
+/// False below 4.
+[[nodiscard]] bool processes_are_bimodal(std::span<const Nanos> medians);
+
 /// Simulated, 20000 sets each from uniform, normal, exponential and log-normal (sigma 0.5)
 /// distributions: with 20 samples at most 0.96 % of the sets exceed it (exponential; uniform 0.16
 /// %), with 50 and 300 samples none did.
@@ -124,7 +136,7 @@ struct Statistics {
   Nanos p95{0};
   Nanos p99{0};
   std::optional<Interval> interval;  ///< 95 % interval of the median; see summarize.
-  bool bimodal = false;
+  bool bimodal = false;              ///< Samples, or the medians of processes.
   std::int64_t processes = 1;
 };
 

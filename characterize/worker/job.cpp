@@ -168,6 +168,15 @@ std::vector<PhaseAccount> decode_accounts(const Json& list) {
   return accounts;
 }
 
+Json encode(const Interference& found) {
+  return {
+      {"contended", found.contended}, {"crowded", found.crowded}, {"throttled", found.throttled}};
+}
+
+Interference decode_interference(const Json& j) {
+  return {j.at("contended"), j.at("crowded"), j.at("throttled")};
+}
+
 JobResult decode_result(const Json& j) {
   JobResult result;
   result.done = j.at("done");
@@ -184,8 +193,8 @@ JobResult decode_result(const Json& j) {
   result.prepare = decode_time(j.at("prepare_ns"));
   result.verification = j.at("verification");
   result.wrong_output = j.at("wrong_output");
-  result.contended = j.at("contended");
-  result.throttled = j.at("throttled");
+  result.during_setup = decode_interference(j.at("during_setup"));
+  result.during_calls = decode_interference(j.at("during_calls"));
   result.notes = j.at("notes").get<std::vector<std::string>>();
   result.ops = decode_count(j.at("ops"));
   result.bytes = decode_count(j.at("bytes"));
@@ -345,8 +354,8 @@ std::string to_record(const JobResult& r) {
                   {"prepare_ns", encode(r.prepare)},
                   {"verification", r.verification},
                   {"wrong_output", r.wrong_output},
-                  {"contended", r.contended},
-                  {"throttled", r.throttled},
+                  {"during_setup", encode(r.during_setup)},
+                  {"during_calls", encode(r.during_calls)},
                   {"notes", r.notes},
                   {"ops", encode(r.ops)},
                   {"bytes", encode(r.bytes)},

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "characterize/energy/metered_calls.h"
+#include "characterize/machine/host_load.h"
 #include "characterize/worker/measure.h"
 #include "characterize/worker/peaks.h"
 #include "workloads/model/backend.h"
@@ -65,8 +66,8 @@ struct JobResult {
   std::string verification;  ///< What the last comparison with the reference found; empty if none
                              ///< took place.
   bool wrong_output = false;
-  bool contended = false;
-  bool throttled = false;
+  Interference during_setup;       ///< From before the device was opened until it was prepared.
+  Interference during_calls;       ///< While they were timed.
   std::vector<std::string> notes;  ///< Of the data: "input_resized", "sequence of 8 frames".
   /// Of a call, the mean over a sequence, where they are not the workload's own.
   std::optional<std::int64_t> ops, bytes;

@@ -53,7 +53,7 @@ struct Plan {
 class Sampler {
  public:
   Sampler(Kernel& kernel, const PhaseClocks& clocks, std::span<const Phase> phases,
-          const Sequence& sequence)
+          const PlayedCalls& sequence)
       : kernel_(kernel),
         clocks_(clocks),
         clock_(clocks.clock),
@@ -272,7 +272,7 @@ class Sampler {
   const PhaseClocks& clocks_;
   const Clock& clock_;
   ClockQuality quality_;
-  const Sequence& sequence_;
+  const PlayedCalls& sequence_;
   bool has_upload_ = false;
   bool has_download_ = false;
   Plan plan_;
@@ -323,14 +323,16 @@ ClockQuality measure_clock(const Clock& clock) {
 
 std::vector<PhaseSamples> sample_calls(Kernel& kernel, const Clock& clock,
                                        const ClockQuality& quality, std::span<const Phase> phases,
-                                       const SamplingOptions& options, const Sequence& sequence) {
+                                       const SamplingOptions& options,
+                                       const PlayedCalls& sequence) {
   return sample_calls(kernel, PhaseClocks{.clock = clock, .quality = quality}, phases, options,
                       sequence);
 }
 
 std::vector<PhaseSamples> sample_calls(Kernel& kernel, const PhaseClocks& clocks,
                                        std::span<const Phase> phases,
-                                       const SamplingOptions& options, const Sequence& sequence) {
+                                       const SamplingOptions& options,
+                                       const PlayedCalls& sequence) {
   Sampler sampler(kernel, clocks, phases, sequence);
   sampler.warm_up(options);
   sample_for(sampler, clocks, options, sequence.frames);

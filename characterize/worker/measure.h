@@ -66,7 +66,7 @@ struct PhaseClocks {
 };
 
 /// How the calls of a played sequence follow each other; by default one call is repeated.
-struct Sequence {
+struct PlayedCalls {
   /// Between two samples, and not timed: the kernel was called, and is to be bound to the next
   /// frame.
   std::function<void()> next;
@@ -89,13 +89,13 @@ struct Sequence {
 [[nodiscard]] std::vector<PhaseSamples> sample_calls(Kernel& kernel, const PhaseClocks& clocks,
                                                      std::span<const Phase> phases,
                                                      const SamplingOptions& options,
-                                                     const Sequence& sequence = {});
+                                                     const PlayedCalls& sequence = {});
 /// The same where one clock tells all.
 [[nodiscard]] std::vector<PhaseSamples> sample_calls(Kernel& kernel, const Clock& clock,
                                                      const ClockQuality& quality,
                                                      std::span<const Phase> phases,
                                                      const SamplingOptions& options,
-                                                     const Sequence& sequence = {});
+                                                     const PlayedCalls& sequence = {});
 
 /// Calls a batch so that it takes 1 ms or more: 1 for calls of at least 1 ms, at most 100000.
 [[nodiscard]] std::int64_t batch_size(Nanos one_call);

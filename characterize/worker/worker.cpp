@@ -186,6 +186,7 @@ class Worker {
     result_.notes = notes_of(workload, data_);
 
     begin("opening the device");
+    const auto before = read_host_counters(job_.unit.cores);
     const Nanos start = machine_.now();
     device_ = backend_.open(job_.unit);
     const Nanos opened = machine_.now();
@@ -209,10 +210,19 @@ class Worker {
       ExtraWork::run(extra->steps_for(Nanos(std::llround((injection_.prepare - 1) * taken))));
     }
     if (result_.unknown(Phase::kPrepare).empty()) result_.prepare = clock.now() - begun + beside;
+    result_.during_setup = interference_since(before);
     show_life(0);
     player_->wrap_kernel([this](std::unique_ptr<Kernel> kernel) {
       return slowed(std::move(kernel), injection_.execute, machine_);
     });
+  }
+
+  /// On the unit's cores; nothing on a device with a clock of its own, which others do not hold up.
+  [[nodiscard]] Interference interference_since(const HostCounters& before) const {
+    if (device_->own_clock() != nullptr) return {};
+    const int cores = job_.unit.cores.empty() ? static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))
+                                              : static_cast<int>(job_.unit.cores.size());
+    return interference(before, read_host_counters(job_.unit.cores), cores);
   }
 
   /// @return What of it is measured beside the device's own clock, which tells the preparation.
@@ -275,7 +285,7 @@ class Worker {
   }
 
   /// Goes from sample to sample: the kernel was called by others.
-  [[nodiscard]] Sequence sequence() {
+  [[nodiscard]] PlayedCalls sequence() {
     return {.next =
                 [this] {
                   player_->called();
@@ -323,14 +333,7 @@ class Worker {
     const auto phases = backend_.phases();
     const auto before = read_host_counters(job_.unit.cores);
     result_.phases = sample_calls(player_->kernel(), clocks(), phases, sampling(), sequence());
-    const auto after = read_host_counters(job_.unit.cores);
-    if (device_->own_clock() == nullptr) {
-      const int cores = job_.unit.cores.empty() ? static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))
-                                                : static_cast<int>(job_.unit.cores.size());
-      const Interference found = interference(before, after, cores);
-      result_.contended = found.contended;
-      result_.throttled = found.throttled;
-    }
+    result_.during_calls = interference_since(before);
     if (!job_.reference.empty()) verify("after timing");
   }
 

@@ -81,7 +81,7 @@ constexpr std::array kWords = std::to_array<Word>(
      {"input_cropped", "its edges were cut to keep its proportions"},
      {"precision_not_reached", "the interval of the median is wider than was asked for"},
      {"contended", "other processes took processor time meanwhile"},
-     {"bimodal", "the samples have two centres"},
+     {"bimodal", "the samples have two centres, or the processes"},
      {"no_kernel_cache", "nothing is compiled that could be cached: cold and warm are alike"},
      {kDeterministic, "the figure repeats exactly: one sample is all there is"},
      {"shared_core", "another unit owns one of its cores too"}});

@@ -169,6 +169,9 @@ TEST(HostLoad, NoticesOthersOnTheSameCores) {
       interference(before, at(milliseconds(100), milliseconds(100'020), seconds(10)), 1).contended);
   // The process' own time on other cores does not count against it.
   EXPECT_FALSE(interference(before, at(seconds(2), seconds(101), seconds(13)), 1).contended);
+  // A quarter of 4 s is 1 s.
+  EXPECT_FALSE(interference(before, at(seconds(2), seconds(103), seconds(12)), 2).crowded);
+  EXPECT_TRUE(interference(before, at(seconds(2), milliseconds(103'010), seconds(12)), 2).crowded);
 }
 
 TEST(HostLoad, NoticesThrottling) {

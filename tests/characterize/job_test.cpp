@@ -56,7 +56,8 @@ JobResult a_result() {
   result.clock = {28.5, Nanos(20)};
   result.device_init = Nanos(7);
   result.verification = "after timing: equal";
-  result.contended = true;
+  result.during_setup = {.contended = true, .crowded = false, .throttled = true};
+  result.during_calls = {.contended = true, .crowded = true, .throttled = false};
   result.notes = {"input_resized"};
   result.ops = 12;
   result.bytes = 34;
@@ -73,6 +74,8 @@ TEST(Job, ReadsBackTheRecordOfAResult) {
   ASSERT_EQ(read.phases.size(), 1U);
   EXPECT_EQ(read.phases[0].samples, test::ramp(5, 3));
   EXPECT_EQ(read.phases[0].batch, 10);
+  EXPECT_EQ(read.during_setup, a_result().during_setup);
+  EXPECT_EQ(read.during_calls, a_result().during_calls);
 }
 
 TEST(Job, TakesTheLastCompleteRecordAmongChatter) {

@@ -133,18 +133,55 @@ TEST(Statistics, CountsEachProcessOnce) {
 
 TEST(Statistics, TakesStudentsIntervalOfThreeProcesses) {
   // Mean 110, standard deviation 10, t(0.975, 2) = 4.303: half width 4.303 * 10 / sqrt(3) = 24.84.
-  EXPECT_EQ(interval_over_processes(nanos({120, 100, 110})), (Interval{Nanos(85), Nanos(135)}));
-  // 10, 10, 10, 1000: mean 257.5, deviation 495, half 3.182 * 495 / 2 = 787.5; no time is below 0.
-  EXPECT_EQ(interval_over_processes(nanos({10, 10, 1000, 10})), (Interval{Nanos(0), Nanos(1045)}));
+  // No process was below 100.
+  EXPECT_EQ(interval_over_processes(nanos({120, 100, 110})), (Interval{Nanos(100), Nanos(135)}));
+  // 10, 10, 10, 1000: mean 257.5, deviation 495, half 3.182 * 495 / 2 = 787.5.
+  EXPECT_EQ(interval_over_processes(nanos({10, 10, 1000, 10})), (Interval{Nanos(10), Nanos(1045)}));
   EXPECT_EQ(interval_over_processes(nanos({10, 20})), std::nullopt);
   EXPECT_EQ(interval_over_processes({}), std::nullopt);
 }
 
-TEST(Statistics, InterpolatesOrderStatisticsOfSixProcesses) {
-  // Smallest to largest cover 1 - 2/64 = 0.96875, the next inner pair 1 - 14/64 = 0.78125: excess
-  // 0.01875 / 0.1875 = 0.1, so 5 * 0.1 / (1 + 4 * 0.1) = 0.357 of the way inwards.
+TEST(Statistics, InterpolatesOrderStatisticsOfProcesses) {
+  // Of six, smallest to largest cover 1 - 2/64 = 0.969, which is not 0.97.
   EXPECT_EQ(interval_over_processes(nanos({1000, 2000, 3000, 4000, 5000, 6000})),
-            (Interval{Nanos(1357), Nanos(5643)}));
+            (Interval{Nanos(1000), Nanos(6000)}));
+  // Of seven, 1 - 2/128 = 0.984375, the next inner pair 1 - 16/128 = 0.875: excess 0.014375 /
+  // 0.109375 = 0.1314, so 6 * 0.1314 / (1 + 5 * 0.1314) = 0.4758 of the way inwards.
+  EXPECT_EQ(interval_over_processes(nanos({1000, 2000, 3000, 4000, 5000, 6000, 7000})),
+            (Interval{Nanos(1476), Nanos(6524)}));
+}
+
+TEST(Statistics, NoIntervalBeginsBelowTheFastestProcess) {
+  // A drift widens the interval by 2; the median of these is 10500, the slowest 20 times that.
+  std::vector<Nanos> rising;
+  for (int i = 1; i <= 20; ++i) rising.emplace_back(1000 * i);
+  EXPECT_GE(interval_over_processes(rising)->low, Nanos(1000));
+  for (std::size_t n = 3; n <= rising.size(); ++n) {
+    const auto some = std::span(rising).first(n);
+    const auto interval = interval_over_processes(some).value();
+    EXPECT_GE(interval.low, Nanos(1000)) << n;
+    EXPECT_LE(interval.low, median(some)) << n;
+    EXPECT_GE(interval.high, median(some)) << n;
+  }
+}
+
+TEST(Statistics, FlagsTwoGroupsOfProcesses) {
+  EXPECT_TRUE(processes_are_bimodal(nanos({120, 24'000, 120, 26'000, 22'000, 20'000})));
+  EXPECT_TRUE(processes_are_bimodal(nanos({100, 130, 100, 130})));
+  EXPECT_FALSE(processes_are_bimodal(nanos({100, 110, 100, 110})));     // no factor apart
+  EXPECT_FALSE(processes_are_bimodal(nanos({100, 100, 100, 24'000})));  // one is no group
+  EXPECT_FALSE(processes_are_bimodal(nanos({100, 24'000, 24'000})));    // too few to say
+  EXPECT_FALSE(processes_are_bimodal(nanos({100, 120, 140, 160, 180, 200, 220, 240})));
+  // However few samples the slow ones have.
+  std::vector<Nanos> samples(400, Nanos(120));
+  std::vector<std::int32_t> processes;
+  for (int i = 0; i < 400; ++i) processes.push_back(i / 200);
+  for (int i = 0; i < 20; ++i) {
+    samples.emplace_back(24'000);
+    processes.push_back(2 + i / 5);
+  }
+  EXPECT_FALSE(is_bimodal(samples));
+  EXPECT_TRUE(summarize(samples, processes).bimodal);
 }
 
 TEST(Statistics, GivesPrecisionAsHalfTheIntervalOverTheMedian) {

@@ -264,6 +264,30 @@ Outcome characterize_interrupted(const std::string& options, const std::string& 
              " ]; do sleep 0.02; done; kill -INT $pid; wait $pid");
 }
 
+// Two busy loops a core. Whether all of a row's processes wait alike or not, none is believed.
+TEST(Characterize, BelievesNoCallBesideOtherPrograms) {
+  const Scratch scratch;
+  const std::string database = scratch.file("p.db");
+  const auto made =
+      run("pids=; for i in $(seq $((2 * $(nproc)))); do (while :; do :; done) & pids=\"$pids $!\"; "
+          "done; trap 'kill $pids' EXIT; " +
+          quoted(kProgram) + " characterize --quick --platform host-cpu --filter '^fc8$' " +
+          "--max-time 6s --db " + quoted(database) + " --json -");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_THAT(made.err, HasSubstr("other programs take"));
+  EXPECT_THAT(made.err, HasSubstr("fc8 on cpu: not valid"));
+  int calls = 0;
+  const auto shown = made.json();
+  for (const auto& row : shown.at("profile_summary")) {
+    if (row["phase"] != "call" && row["phase"] != "execute") continue;
+    ++calls;
+    EXPECT_EQ(row["valid"], false);
+    EXPECT_THAT(row["reasons"].dump(), HasSubstr("contended"));
+  }
+  EXPECT_EQ(calls, 2);
+  EXPECT_EQ(pirt({"report", database}).exit_code, 0);
+}
+
 TEST(Characterize, MeasuresBatchesBesideThePlainRows) {
   const Scratch scratch;
   const std::string database = scratch.file("p.db");

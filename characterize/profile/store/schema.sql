@@ -5,14 +5,14 @@
 --
 -- Words in `reasons` (why a row is not valid) and `notes` (what to know about a valid one) are separated by "; ", and "" means none.
 --   reasons: wrong_output      the output did not match the reference, before or after timing
---            few_samples       fewer samples than asked for, or from fewer than 6 processes; fewer set-ups than asked for
+--            few_samples       fewer samples than asked for, or from fewer than 3 processes; fewer set-ups than asked for
 --            clock_bound       the clock's cost or step is more than 1 % of what was timed in one go
 --            throttled         the processor or the container was throttled while a quarter of the processes or more were timed
 --            unstable          first and second half of the samples or of the processes differ, also after one re-measurement
 --            imprecise         half the interval is more than 20 % of the median; of a call's phases, and more than 5 % of the call; of
 --                              set-ups, and more than 1 ms (of two, the interval is what they span)
---            contended         others used the unit's cores beside a quarter of the processes, also after one re-measurement, and the
---                              precision was not reached or they used a quarter of the cores
+--            contended         others used more than 5 % of the unit's cores beside a quarter of the processes, also after one
+--                              re-measurement, and the cell's precision was not reached, or they used 25 %; of set-ups, they used 25 %
 --            no_power          energy only: the platform gives no watts for the unit
 --            ops_unknown       energy only: op_pj is given but the workload's operations depend on the data
 --            meter_frozen      energy only: the meter reads 0, or the same all the time, under load too

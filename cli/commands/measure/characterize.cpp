@@ -2,10 +2,14 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <memory>
+#include <set>
+#include <string_view>
 
 #include "characterize/campaign/campaign.h"
+#include "characterize/doctor/doctor.h"
 #include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
 #include "cli/commands/measure/fit_energy.h"
@@ -148,6 +152,16 @@ CampaignSummary measure(const CampaignOptions& campaign, const CampaignPlan& pla
        .stored = [](const CellName& cell) { acknowledge(cell); }});
 }
 
+/// Said before the time is spent: rows that are measured beside other programs are not valid.
+void warn_of_load(const CampaignPlan& plan, const DoctorSnapshot& before) {
+  const auto on_this_clock = std::ranges::count(plan.provenances, Provenance::kMeasured);
+  if (on_this_clock == 0) return;
+  const Finding load = look_at_load(usable_cores(), before);
+  if (load.level != Level::kSpoils) return;
+  warn(fmt::format("{}: {}, and rows that this disturbs will not be valid; {}", load.found,
+                   load.why, load.remedy));
+}
+
 std::string summary_text(const CampaignSummary& summary, const CampaignPlan& plan,
                          const CampaignOptions& campaign) {
   return fmt::format(
@@ -169,6 +183,37 @@ std::string precision_text(const CampaignSummary& summary, const CampaignPlan& p
       "Less than half of the cells are within {:.3g} %: `pirt doctor` says what disturbs this "
       "machine; --max-time {}min halves the intervals where nothing helps",
       100 * campaign.precision, longer.count());
+}
+
+/// Reasons that the machine's state gives; the same row may be valid when it is quiet.
+bool is_disturbance(const std::string& reason) {
+  static constexpr std::array<std::string_view, 4> kWords = {"contended", "imprecise", "throttled",
+                                                             "unstable"};
+  return std::ranges::find(kWords, reason) != kWords.end();
+}
+
+/// What to do about rows that the machine's state spoilt.
+std::string disturbed_text(const Profile& profile, const CampaignOptions& campaign) {
+  int rows = 0;
+  std::set<std::string> workloads, why;
+  for (const PhaseRow& row : profile.phases) {
+    bool disturbed = false;
+    for (const std::string& reason : row.reasons) {
+      if (!is_disturbance(reason)) continue;
+      why.insert(reason);
+      disturbed = true;
+    }
+    if (!disturbed) continue;
+    ++rows;
+    workloads.insert(row.workload);
+  }
+  if (rows == 0) return "";
+  return fmt::format(
+      "{} rows are not valid ({}): `pirt doctor` says what disturbs this machine; when it is "
+      "quiet, or with more time (--max-time): pirt characterize --platform {} --db {} "
+      "--filter '^({})$'",
+      rows, join(std::vector(why.begin(), why.end()), ", "), campaign.platform_argument,
+      campaign.database.string(), join(std::vector(workloads.begin(), workloads.end()), "|"));
 }
 
 /// What the clock does to a sample: batches keep it below 0.1 % of any phase (measure.h).
@@ -193,9 +238,12 @@ Json summary_json(const CampaignSummary& summary) {
           {"elapsed_s", to_s(summary.elapsed)}};
 }
 
-/// Of the whole run: all of its cells may have been stored before it was interrupted.
-bool has_valid_row(const Profile& profile) {
-  return std::ranges::any_of(profile.phases, &PhaseRow::valid);
+/// Of the whole run: all of its cells may have been stored before it was interrupted. Rows that the
+/// machine's state spoilt were measured, and say what they are worth.
+bool has_measured_row(const Profile& profile) {
+  return std::ranges::any_of(profile.phases, [](const PhaseRow& row) {
+    return row.samples > 0 && std::ranges::all_of(row.reasons, is_disturbance);
+  });
 }
 
 /// The files of a run that is gone on with stand in its database and not on the command line.
@@ -218,6 +266,7 @@ int characterize(const Options& options) {
   if (options.resume) check_resumed_files(options, campaign);
   campaign.sysfs = sysfs_root();
   campaign.stop = stop_on_signal();
+  const auto before = read_doctor_snapshot(usable_cores());
   const auto plan = plan_campaign(campaign);
   check_fit(options.fit, plan);
   if (options.dry_run) {
@@ -228,6 +277,7 @@ int characterize(const Options& options) {
   }
   warn_of_skipped(plan, "measured", "--dry-run");
   for (const auto& remark : plan.remarks) warn(remark);
+  warn_of_load(plan, before);
   const auto summary = measure(campaign, plan);
   if (summary.interrupted && summary.cells + summary.cells_begun == 0) {
     throw_environment(
@@ -240,7 +290,7 @@ int characterize(const Options& options) {
   Document document{.title = "pirt characterize",
                     .parts = {profile_header(profile), profile_table(profile)}};
   Paragraph closing{{summary_text(summary, plan, campaign), precision_text(summary, plan, campaign),
-                     clock_text(profile.runs.front())}};
+                     disturbed_text(profile, campaign), clock_text(profile.runs.front())}};
   std::erase(closing.lines, "");
   document.parts.emplace_back(std::move(closing));
   auto json = profile_json(profile, preferences(profile));
@@ -259,8 +309,11 @@ int characterize(const Options& options) {
     throw_environment(fmt::format("interrupted; {} cells are complete and {} were begun; {}",
                                   summary.cells, summary.cells_begun, resume_hint(options)));
   }
-  if (!has_valid_row(profile)) {
+  if (!has_measured_row(profile)) {
     throw_environment("no valid row was measured; see the remarks for the reasons");
+  }
+  if (std::ranges::none_of(profile.phases, &PhaseRow::valid)) {
+    warn(disturbed_text(profile, campaign));
   }
   if (fits && !fit.complete) {
     warn("not every unit's energy model could be fitted; the tables say why");
@@ -304,7 +357,7 @@ void add_characterize(CLI::App& app, Action& action) {
   add_seed(command, options->seed, "Seed of inputs, weights and the order of measuring");
   command.add_flag(
       "--quick", options->quick,
-      "6 processes a cell, 2 of them with cold set-ups, instead of 10 and 5, and less sampling");
+      "4 processes a cell, 2 of them with cold set-ups, instead of 10 and 5, and less sampling");
   command.add_flag("--dry-run", options->dry_run,
                    "Show the cells and the estimated time; measure nothing");
   add_output(command, "--fit-energy", options->fit.file,
