@@ -209,7 +209,8 @@ TEST_F(Campaign, SaysFewSamplesWhenTimeRunsOut) {
 }
 
 TEST_F(Campaign, NotesWhatDoesNotInvalidate) {
-  auto o = options({{"gpu", "samples_ms: {pool5: [1, 1.2]}\nprocess_factors: [1, 1.1]"}}, "^pool5$");
+  auto o =
+      options({{"gpu", "samples_ms: {pool5: [1, 1.3]}\nprocess_factors: [1, 1.04]"}}, "^pool5$");
   o.platform.units[0].shares_cores = true;
   o.max_time = Nanos(1);
   const Profile profile = measure(o);
