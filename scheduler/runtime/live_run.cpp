@@ -65,6 +65,10 @@ class LiveRun final : public Executor {
     result_.set_up = start_ - before;
     {
       std::unique_lock lock(mutex_);
+      // Nothing is given to what is out of reach from the beginning.
+      for (const auto& [unit, state] : units_.changed_reach()) {
+        time_.set_unit(unit, state, Nanos::zero());
+      }
       time_.begin();
       pace(lock);
       closing_ = true;
