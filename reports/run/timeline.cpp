@@ -108,8 +108,8 @@ Timeline parse_timeline(const std::string& text, const std::string& source) {
     Timeline timeline = timeline_of(parse_json(text));
     timeline.source = source;
     return timeline;
-  } catch (const JsonError&) {
-    throw_bad_input(source + ": not a complete trace: " + std::string(kNotReadable));
+  } catch (const JsonError& error) {
+    throw_bad_input(not_a_trace(source, error));
   } catch (const Error& error) {
     throw_bad_input(source + ": " + error.what());
   }

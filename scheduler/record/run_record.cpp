@@ -246,8 +246,9 @@ RunRecord run_record_from_json(const Json& json, const std::string& source) {
       visit_bounds(bounds, record.bounds.emplace());
     }
     return record;
-  } catch (const JsonError&) {
-    throw_bad_input(source + ": not a complete result of a run; write it again with this pirt");
+  } catch (const JsonError& error) {
+    throw_bad_input(source + ": not a complete result of a run: " + error.reason() +
+                    "; write it again with this pirt");
   }
 }
 
@@ -255,10 +256,9 @@ RunRecord load_run_record(const std::filesystem::path& path) {
   const std::string text = read_file(path);
   try {
     return run_record_from_json(parse_json(text), path.string());
-  } catch (const JsonError&) {  // Syntax, or a number that no double holds.
-    throw_bad_input(
-        path.string() +
-        ": not JSON, or cut off; `pirt schedule --json FILE` writes the result of a run");
+  } catch (const JsonError& error) {  // Syntax, or a number that no double holds.
+    throw_bad_input(path.string() + ": not JSON, or cut off: " + error.reason() +
+                    "; `pirt schedule --json FILE` writes the result of a run");
   }
 }
 

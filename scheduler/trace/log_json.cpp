@@ -337,4 +337,10 @@ LogEntry log_entry_from_json(const Json& json) {
   return entry;
 }
 
+std::string not_a_trace(const std::string& source, const JsonError& error) {
+  return source + ": not a complete trace: " + error.reason() +
+         "; it is cut off, or another version of pirt wrote it: write it again with this one (pirt "
+         "schedule --trace, pirt run-robot --trace)";
+}
+
 }  // namespace pirt

@@ -23,10 +23,8 @@ struct DispatcherSetup {
 
 [[nodiscard]] Json to_json(const DispatcherSetup& setup);
 
-/// Of a trace that lacks something, for messages.
-inline constexpr std::string_view kNotReadable =
-    "it is cut off, or another version of pirt wrote it; write it again with this one (pirt "
-    "schedule --trace, pirt run-robot --trace)";
+/// What is wrong with a trace that lacks something, and what to do.
+[[nodiscard]] std::string not_a_trace(const std::string& source, const JsonError& error);
 
 /// Of a trace's part "pirt".
 /// @throws Error{kBadInput} for another version; JsonError where there is none.

@@ -206,8 +206,8 @@ TraceLog parse_trace_log(const std::string& text, const std::string& source) {
     if (part.at("inputs").get<std::size_t>() != log.entries.size()) {
       throw_bad_input("its log is not as long as it says");
     }
-  } catch (const JsonError&) {
-    throw_bad_input(source + ": not a complete trace: " + std::string(kNotReadable));
+  } catch (const JsonError& error) {
+    throw_bad_input(not_a_trace(source, error));
   } catch (const Error& error) {
     throw_bad_input(source + ": " + error.what());
   }

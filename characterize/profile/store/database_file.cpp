@@ -188,6 +188,7 @@ void create_database(const std::filesystem::path& path) {
     remove_left_beside(path);
     TemporaryFile made(path);
     made.write(new_database(path));
+    made.check_written();
     // Of two creators the second must find the first one's file, and not its journal.
     const FolderLock lock(path.parent_path());
     std::error_code ignored;

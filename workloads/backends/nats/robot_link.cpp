@@ -526,8 +526,9 @@ void RobotLink::fetch_outputs(ReplyMessage reply, std::string ack) {
 }
 
 void RobotLink::take(ReplyMessage reply, const std::string& ack) {
+  // A worker that lacks the parameters has replied, too.
   if (const auto running = running_.find(reply.task); running != running_.end() &&
-                                                      reply.kind != ReplyKind::kRunning &&
+                                                      reply.kind == ReplyKind::kDone &&
                                                       running->second.arrived == Nanos::zero()) {
     running->second.arrived = mailbox_.now() - running->second.submitted;
     if (running->second.submission.arrived) running->second.submission.arrived(reply);

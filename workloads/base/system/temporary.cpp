@@ -144,6 +144,14 @@ void TemporaryFile::publish_if_new() {
 
 void TemporaryFile::fail(int error) const { throw_cannot_write(target_, error); }
 
+void TemporaryFile::check_written() {
+  try {
+    flush();
+  } catch (const Error& error) {
+    throw_environment(error.what());
+  }
+}
+
 void TemporaryFile::flush() {
   if (std::fflush(file_.get()) != 0 && error_ == 0) error_ = errno;
   if (error_ != 0) fail(error_);

@@ -32,6 +32,9 @@ class TemporaryFile {
   /// All that was written to @p other, which is not written to any more.
   void append(TemporaryFile& other);
 
+  /// That all of it is on the disk's side by now.
+  /// @throws Error{kEnvironment} if something could not be written: the disk is full.
+  void check_written();
   /// Puts it where the target is. It is not written to any more.
   /// @throws Error{kBadInput} if something could not be written; the target is then as it was.
   void publish();

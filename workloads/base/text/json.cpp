@@ -11,6 +11,12 @@
 
 namespace pirt {
 
+std::string JsonError::reason() const {
+  const std::string text = what();
+  const auto number = text.find("] ");
+  return text.starts_with('[') && number != std::string::npos ? text.substr(number + 2) : text;
+}
+
 Json::Json() noexcept : value_(nullptr) {}
 Json::Json(std::nullptr_t) noexcept : value_(nullptr) {}
 Json::Json(Stored, bool value) : value_(value) {}

@@ -28,6 +28,8 @@ namespace pirt {
 class JsonError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
+  /// what() without the library's number in front: for messages that say which file.
+  [[nodiscard]] std::string reason() const;
 };
 
 template <typename T>

@@ -141,8 +141,8 @@ TuningFile parse_tuning(const std::filesystem::path& path, const std::string& te
       file.devices.push_back(std::move(device));
     }
     return file;
-  } catch (const JsonError&) {
-    refuse(path, "it is no whole file of tuned parameters");
+  } catch (const JsonError& error) {
+    refuse(path, fmt::format("it is no whole file of tuned parameters ({})", error.reason()));
   }
 }
 
