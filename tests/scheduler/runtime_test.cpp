@@ -619,6 +619,19 @@ TEST(Runtime, TasksThatNoUnitIsLeftForFailAlsoThoseToCome) {
   expect_balance(runtime.statistics());
 }
 
+// Where real-time priorities are permitted, units have them; elsewhere it is said.
+TEST(Runtime, ComputesAtAPriorityOrSaysThatItIsNotPermitted) {
+  auto options = options_with({adding()});
+  options.priority = 10;
+  Runtime runtime(std::move(options));
+  TaskFuture sum = runtime.submit("add", {number(0), number(1)});
+  for (int i = 2; i <= 1000; ++i) sum = runtime.submit("add", {sum.output(0), number(i)});
+  EXPECT_EQ(value_of(sum.get()), 500500);
+  for (const std::string& problem : runtime.statistics().problems) {
+    EXPECT_THAT(problem, HasSubstr("no real-time priority 10"));
+  }
+}
+
 TEST(Runtime, TakesADriversBufferWithoutACopyAndSaysWhenItIsFree) {
   alignas(Tensor::kAlignment) static std::array<double, 8> buffer;
   const auto* const bytes = reinterpret_cast<const std::byte*>(buffer.data());
