@@ -43,7 +43,8 @@ pirt::OwnWorkload make_steering(const pirt::TensorSpec& corners) {
   return {.name = "steer",
           .inputs = {corners},
           .outputs = {{.name = "turn_rad_s", .element = pirt::Element::kF32, .shape = {1}}},
-          .kernels = {{"cpu", steer}}};
+          .kernels = {{"cpu", steer}},
+          .expected = {{"cpu", 1ms}}};  // So that a call that hangs is noticed.
 }
 
 }  // namespace
@@ -57,6 +58,7 @@ int main(int argc, char** argv) {
   options.workloads = {"undistort", "gaussian_blur", "feature_detect"};
   options.own.push_back(make_steering(detect.outputs[0]));
   options.progress = [](const std::string& line) { std::printf("%s\n", line.c_str()); };
+  options.time_limit = 5s;  // Without a profile nobody knows what the others take.
   pirt::Runtime runtime(std::move(options));
 
   const pirt::TaskOptions soon{.real_time = true, .deadline = 40ms, .expires = 40ms};
