@@ -28,7 +28,7 @@ struct MapPose {
 struct ActivityOptions {
   struct Planning {
     planning::Grid map;  ///< Of unit kMetres, with yaw 0.
-    MapPose start;         ///< When the localization begins.
+    MapPose start;       ///< When the localization begins.
     planning::Point goal;
     double radius_m = 0.25;
   };

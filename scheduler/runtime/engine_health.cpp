@@ -131,7 +131,8 @@ void Runtime::Engine::watch(const std::stop_token& stop) {
                                sooner);
     } else {
       watcher_rests_ = true;
-      watch_sooner_.wait(lock, stop, [this] { return !watcher_rests_ || calls_run_ || out_of_reach_; });
+      watch_sooner_.wait(lock, stop,
+                         [this] { return !watcher_rests_ || calls_run_ || out_of_reach_; });
       watcher_rests_ = false;
       continue;
     }

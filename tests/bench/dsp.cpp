@@ -51,11 +51,11 @@ dsp::Cost cost_of(const std::string& program, const std::string& profile, const 
                   const Data& data, const std::vector<Tensor>& expected) {
   const auto tools = dsp::find_tools();
   dsp::ProgramSession session({.emulator = tools.emulator,
-                        .plugin = tools.plugin,
-                        .program = tools.program.parent_path() / program,
-                        .models_memory = true,
-                        .profile = profile,
-                        .limit = std::chrono::minutes(5)});
+                               .plugin = tools.plugin,
+                               .program = tools.program.parent_path() / program,
+                               .models_memory = true,
+                               .profile = profile,
+                               .limit = std::chrono::minutes(5)});
   auto call = dsp::find_kernel(workload.kernel)->make(session, workload, data.parameters);
   if (workload.kernel == "undistort") add_map(session, workload, call);
   for (std::size_t i = 0; i < data.inputs.size(); ++i) {

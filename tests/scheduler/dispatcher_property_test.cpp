@@ -316,7 +316,7 @@ class Model {
       Known& known = tasks_.at(ended.task);
       ++(ended.how == TaskEnd::kExpired  ? expired_
          : ended.how == TaskEnd::kFailed ? failed_
-                                        : dropped_);
+                                         : dropped_);
       if (ended.how == TaskEnd::kNoPredecessor) {
         ASSERT_TRUE(finds_nothing(known));
         found_nothing_.insert(ended.task);

@@ -34,9 +34,9 @@ TEST(MatchPlaces, KnowsAPointThatIsInTheMapTwiceAndNoneThatLooksLikeAnother) {
   const std::array looks = {descriptor_of(1), descriptor_of(2), descriptor_of(3)};
   // The first look is that of one point, twice there; the second that of two.
   const std::vector<KnownPlace> places = {{&looks[0], &points[0], &eye},
-                                     {&looks[0], &points[1], &eye},
-                                     {&looks[1], &points[2], &eye},
-                                     {&looks[1], &points[3], &eye}};
+                                          {&looks[0], &points[1], &eye},
+                                          {&looks[1], &points[2], &eye},
+                                          {&looks[1], &points[3], &eye}};
   Features features;
   for (const auto& look : looks) {
     features.pixels.emplace_back(0, 0);

@@ -8,11 +8,11 @@
 
 #include "characterize/machine/build_info.h"
 #include "cli/commands.h"
+#include "cli/commands/measure/planning_time.h"
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "cli/options/values.h"
-#include "cli/commands/measure/planning_time.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/text/json.h"

@@ -211,9 +211,9 @@ std::unique_ptr<Kernel> make_sequence(const Workload& workload, std::span<const 
 }
 
 constexpr std::array<CpuKernelEntry, 4> kKernels = {{{"conv2d_relu", make_layer},
-                                                  {"max_pool", make_layer},
-                                                  {"fully_connected", make_layer},
-                                                  {"sequence", make_sequence}}};
+                                                     {"max_pool", make_layer},
+                                                     {"fully_connected", make_layer},
+                                                     {"sequence", make_sequence}}};
 
 }  // namespace
 

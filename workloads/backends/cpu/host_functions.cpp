@@ -14,8 +14,10 @@ std::unique_ptr<Kernel> make_function(const Workload& workload, std::span<const 
 }
 
 constexpr std::array kKernels = {
-    CpuKernelEntry{"plan_path", make_function},      CpuKernelEntry{"avoid_obstacles", make_function},
-    CpuKernelEntry{"bundle_adjust", make_function},  CpuKernelEntry{"detect_objects", make_function},
+    CpuKernelEntry{"plan_path", make_function},
+    CpuKernelEntry{"avoid_obstacles", make_function},
+    CpuKernelEntry{"bundle_adjust", make_function},
+    CpuKernelEntry{"detect_objects", make_function},
     CpuKernelEntry{"describe_scene", make_function},
 };
 

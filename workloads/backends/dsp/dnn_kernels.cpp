@@ -155,7 +155,7 @@ Call make_fully_connected(ProgramSession& session, const Workload& workload,
   const Quantized quantized(parameters, scale);
 
   MappedTensor input{session.allocate(size(in) * 4, "the input of a layer"), 1, size(op.in) * 4,
-                 size(op.in) * 4};
+                     size(op.in) * 4};
   std::memset(session.bytes(input.buffer).data(), 0, input.buffer.bytes);
   const Buffer weights = session.allocate(size(channels) * size(in), "the weights of a layer");
   auto* to = session.bytes(weights).data();

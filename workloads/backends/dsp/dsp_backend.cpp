@@ -34,8 +34,8 @@ Support support_of(const Workload& workload) {
 
 class DspKernel : public Kernel {
  public:
-  DspKernel(std::shared_ptr<dsp::ProgramSession> session, dsp::Call call, const dsp::CostModel& model,
-            CountedClock& clock)
+  DspKernel(std::shared_ptr<dsp::ProgramSession> session, dsp::Call call,
+            const dsp::CostModel& model, CountedClock& clock)
       : session_(std::move(session)), call_(std::move(call)), model_(model), clock_(clock) {}
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
@@ -91,10 +91,11 @@ class DspDevice : public Device {
   DspDevice(const dsp::Tools& tools, const dsp::CostModel& model)
       : version_(fmt::format("{}, program {}", dsp::emulator_version(tools.emulator),
                              dsp::program_hash(tools))),
-        session_(std::make_shared<dsp::ProgramSession>(dsp::SessionOptions{.emulator = tools.emulator,
-                                                                    .plugin = tools.plugin,
-                                                                    .program = tools.program,
-                                                                    .models_memory = true})),
+        session_(
+            std::make_shared<dsp::ProgramSession>(dsp::SessionOptions{.emulator = tools.emulator,
+                                                                      .plugin = tools.plugin,
+                                                                      .program = tools.program,
+                                                                      .models_memory = true})),
         program_bytes_(std::filesystem::file_size(tools.program)),
         model_(model) {
     clock_.advance(model_.without_stalls(session_->start_cost()));

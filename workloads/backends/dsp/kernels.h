@@ -37,7 +37,8 @@ struct DspKernelEntry {
   std::string_view kernel;  ///< Workload::kernel
   /// Why it cannot compute this one; empty if it can.
   std::string (*fault)(const Workload& workload);
-  Call (*make)(ProgramSession& session, const Workload& workload, std::span<const Tensor> parameters);
+  Call (*make)(ProgramSession& session, const Workload& workload,
+               std::span<const Tensor> parameters);
 };
 
 [[nodiscard]] std::span<const DspKernelEntry> vision_kernels();

@@ -250,7 +250,7 @@ std::span<std::byte> ProgramSession::bytes(Buffer buffer) const {
 }
 
 Cost ProgramSession::run(std::uint32_t kernel, std::span<const Buffer> buffers,
-                  std::span<const std::int32_t> values, std::string_view name) {
+                         std::span<const std::int32_t> values, std::string_view name) {
   assert(buffers.size() <= PIRT_DSP_MAX_BUFFERS && values.size() <= PIRT_DSP_MAX_VALUES);
   if (process_ < 0) start();
   PirtDspCommand command{};

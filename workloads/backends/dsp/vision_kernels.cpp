@@ -41,7 +41,8 @@ Call picture_call(ProgramSession& session, const Workload& workload, std::uint32
   return call;
 }
 
-Call make_gaussian_blur(ProgramSession& session, const Workload& workload, std::span<const Tensor>) {
+Call make_gaussian_blur(ProgramSession& session, const Workload& workload,
+                        std::span<const Tensor>) {
   return picture_call(session, workload, PIRT_DSP_gaussian_blur);
 }
 
@@ -76,7 +77,8 @@ Call make_filter7x7(ProgramSession& session, const Workload& workload,
   return call;
 }
 
-Call make_feature_detect(ProgramSession& session, const Workload& workload, std::span<const Tensor>) {
+Call make_feature_detect(ProgramSession& session, const Workload& workload,
+                         std::span<const Tensor>) {
   using vision::FeatureDetect;
   static_assert(FeatureDetect::kMaxCorners == 500 && FeatureDetect::kMinDistance == 10 &&
                     FeatureDetect::kQuality == 0.01 && FeatureDetect::kBlock == 3,

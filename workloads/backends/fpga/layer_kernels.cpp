@@ -242,7 +242,7 @@ Call make_fully_connected(const Workload& workload, std::span<const Tensor> para
 constexpr std::array kKernels = {
     FpgaKernelEntry{"conv2d_relu", "mac_array", "layers", convolution_fault, make_convolution},
     FpgaKernelEntry{"fully_connected", "mac_array", "layers", fully_connected_fault,
-                make_fully_connected},
+                    make_fully_connected},
 };
 
 }  // namespace

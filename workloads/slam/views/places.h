@@ -24,7 +24,8 @@ struct PlaceMatch {
 /// point may be there several times. A place is seen once.
 /// @param most  Features that are looked at, strongest first.
 [[nodiscard]] std::vector<PlaceMatch> match_places(const Features& features,
-                                                   std::span<const KnownPlace> places, std::size_t most);
+                                                   std::span<const KnownPlace> places,
+                                                   std::size_t most);
 
 /// Whether the view of a point is near enough to the one that was described.
 [[nodiscard]] bool looks_alike(const Eigen::Vector3d& point, const Eigen::Vector3d& seen_from,

@@ -21,7 +21,8 @@ constexpr std::int32_t kIterations = 16'384;
 
 /// Reads back what the items left.
 template <typename T>
-std::vector<T> read_back(const DeviceSession& session, const cl::Buffer& buffer, std::size_t count) {
+std::vector<T> read_back(const DeviceSession& session, const cl::Buffer& buffer,
+                         std::size_t count) {
   std::vector<T> values(count);
   session.queue.enqueueReadBuffer(buffer, CL_TRUE, 0, count * sizeof(T), values.data());
   return values;

@@ -48,7 +48,8 @@ std::string with_includes(std::string_view source) {
 
 }  // namespace
 
-cl::Program build_program(const DeviceSession& session, std::string_view name, std::string_view source) {
+cl::Program build_program(const DeviceSession& session, std::string_view name,
+                          std::string_view source) {
   // -w: PoCL would print "12 warnings generated." to stderr, all of them about the ABI of wide
   // vectors in functions that are inlined anyway.
   const std::string options =

@@ -50,8 +50,8 @@ void append_tiles(PlanBuilder& builder, const ConvTile& tile, const Convolution&
 
 }  // namespace
 
-void append_convolution(PlanBuilder& builder, const Convolution& convolution, const DeviceTensor& in,
-                        const DeviceTensor& out) {
+void append_convolution(PlanBuilder& builder, const Convolution& convolution,
+                        const DeviceTensor& in, const DeviceTensor& out) {
   if (!builder.session().is_cpu) {
     if (const ConvTile tile(builder); tile.fits()) {
       append_tiles(builder, tile, convolution, in, out);

@@ -18,7 +18,7 @@ struct Convolution {
 
 /// Appends the launch that computes it.
 /// @param in   With the border that the shape pads. @param out  With whatever border.
-void append_convolution(PlanBuilder& builder, const Convolution& convolution, const DeviceTensor& in,
-                        const DeviceTensor& out);
+void append_convolution(PlanBuilder& builder, const Convolution& convolution,
+                        const DeviceTensor& in, const DeviceTensor& out);
 
 }  // namespace pirt::opencl

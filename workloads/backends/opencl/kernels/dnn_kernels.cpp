@@ -42,7 +42,8 @@ void append_max_pool(PlanBuilder& builder, const Workload& workload, std::span<c
 }
 
 void append_fully_connected(PlanBuilder& builder, const Workload& workload,
-                            std::span<const Tensor> parameters, std::span<const DeviceTensor> inputs,
+                            std::span<const Tensor> parameters,
+                            std::span<const DeviceTensor> inputs,
                             std::span<const DeviceTensor> outputs) {
   const auto& op = operation_as<dnn::FullyConnected>(workload);
   if (workload.batch > 1) {

@@ -97,7 +97,8 @@ class ExtractFeaturesKernel final : public PlanKernel {
 
 }  // namespace
 
-std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session, const Workload& workload,
+std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
+                                              const Workload& workload,
                                               std::span<const Tensor> /*parameters*/) {
   static_assert(slam::kFeatureRim == 20 && slam::kFeatureScoreHalf == 3 &&
                     slam::kFeatureWindowHalf == 7 && slam::kFeatureRefineSteps == 3 &&

@@ -24,7 +24,8 @@ Strips strips_of(const PlanBuilder& builder, Parameter rows, const vision::Image
 }
 
 void append_gaussian_blur(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
-                          std::span<const DeviceTensor> inputs, std::span<const DeviceTensor> outputs) {
+                          std::span<const DeviceTensor> inputs,
+                          std::span<const DeviceTensor> outputs) {
   const auto& op = operation_as<vision::GaussianBlur>(workload);
   if (!builder.session().is_cpu) {
     const auto tiles = tiles_of(builder, "gaussian_blur_tile", Parameter::kBlurStripRows, 2, op);
@@ -65,7 +66,8 @@ void append_sobel(PlanBuilder& builder, const Workload& workload, std::span<cons
 }
 
 void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
-                         std::span<const DeviceTensor> inputs, std::span<const DeviceTensor> outputs) {
+                         std::span<const DeviceTensor> inputs,
+                         std::span<const DeviceTensor> outputs) {
   static_assert(vision::OpticalFlow::kWindow == 52, "flow.cl has it as a constant");
   constexpr int kSums = 5;  // xx, xy, yy, xt, yt
   constexpr int kColumnsPerItem = 8;
@@ -100,7 +102,8 @@ void append_background_model(PlanBuilder& builder, const Workload& workload,
 }
 
 void append_track_features(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
-                           std::span<const DeviceTensor> inputs, std::span<const DeviceTensor> outputs) {
+                           std::span<const DeviceTensor> inputs,
+                           std::span<const DeviceTensor> outputs) {
   using Op = vision::TrackFeatures;
   static_assert(
       Op::kLevels == 3 && Op::kIterations == 8 && Op::kRadius == 7 && Op::kLeastEigenvalue == 1.0,
@@ -138,8 +141,8 @@ constexpr std::array kKernels = {
 
 }  // namespace
 
-void append_gradients(PlanBuilder& builder, const vision::ImageOperation& op, const DeviceTensor& image,
-                      const cl::Buffer& gx, const cl::Buffer& gy) {
+void append_gradients(PlanBuilder& builder, const vision::ImageOperation& op,
+                      const DeviceTensor& image, const cl::Buffer& gx, const cl::Buffer& gy) {
   if (!builder.session().is_cpu) {
     const auto tiles = tiles_of(builder, "sobel_tile", Parameter::kSobelStripRows, 1, op);
     builder.step("tiles.cl", "sobel_tile", tiles.extent, image, gx, gy, op.width, op.height,

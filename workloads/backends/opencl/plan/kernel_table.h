@@ -13,10 +13,12 @@ namespace pirt::opencl {
 
 /// Appends the launches that compute a workload from @p inputs to @p outputs.
 using AppendSteps = void (*)(PlanBuilder& builder, const Workload& workload,
-                             std::span<const Tensor> parameters, std::span<const DeviceTensor> inputs,
+                             std::span<const Tensor> parameters,
+                             std::span<const DeviceTensor> inputs,
                              std::span<const DeviceTensor> outputs);
 /// For kernels with a part on the host.
-using MakeKernel = std::unique_ptr<Kernel> (*)(const DeviceSession& session, const Workload& workload,
+using MakeKernel = std::unique_ptr<Kernel> (*)(const DeviceSession& session,
+                                               const Workload& workload,
                                                std::span<const Tensor> parameters);
 
 struct OpenclKernelEntry {
@@ -35,7 +37,8 @@ struct OpenclKernelEntry {
 [[nodiscard]] Support support_of(const Workload& workload, const cl::Device& device);
 
 /// @throws Error{kEnvironment} or cl::Error if the device cannot.
-[[nodiscard]] std::unique_ptr<Kernel> make_kernel(const DeviceSession& session, const Workload& workload,
+[[nodiscard]] std::unique_ptr<Kernel> make_kernel(const DeviceSession& session,
+                                                  const Workload& workload,
                                                   std::span<const Tensor> parameters);
 
 // The families, each in its own file.

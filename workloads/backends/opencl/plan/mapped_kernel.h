@@ -36,8 +36,8 @@ class MappedKernel final : public Kernel {
     cl_map_flags flags = 0;
     void* pointer = nullptr;  ///< Where it is mapped; null = the device has it.
   };
-  void share(DeviceTensor& resident, const std::byte* data, std::size_t size_bytes, cl_mem_flags access,
-             cl_map_flags flags);
+  void share(DeviceTensor& resident, const std::byte* data, std::size_t size_bytes,
+             cl_mem_flags access, cl_map_flags flags);
   void map_all();
   void unmap_all();
 

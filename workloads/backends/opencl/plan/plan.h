@@ -55,7 +55,7 @@ struct Use {
 struct Plan {
   std::vector<DeviceTensor> inputs;  ///< As the workload's.
   std::vector<DeviceTensor>
-      outputs;              ///< As the workload's, unless the host computes the last part; pad 0.
+      outputs;                ///< As the workload's, unless the host computes the last part; pad 0.
   std::vector<Launch> steps;  ///< In order.
   std::vector<cl::Buffer> held;  ///< All buffers of the steps: a cl_kernel retains no arguments.
   std::vector<Use> uses;         ///< Of all buffers.
@@ -97,7 +97,9 @@ class PlanBuilder {
   /// Allocates both sets of a state, which the plan will have.
   void make_state(std::span<const TensorSpec> specs);
   /// For the steps: what a call reads and what it writes.
-  [[nodiscard]] const DeviceTensor& current(std::size_t tensor) const { return current_.at(tensor); }
+  [[nodiscard]] const DeviceTensor& current(std::size_t tensor) const {
+    return current_.at(tensor);
+  }
   [[nodiscard]] const DeviceTensor& next(std::size_t tensor) const { return next_.at(tensor); }
   [[nodiscard]] cl::Buffer scratch(std::int64_t size_bytes);
   /// Complete on return.
