@@ -38,16 +38,19 @@ void Runtime::Engine::bring_back(std::string_view name) {
   const UnitModel& model = options_.platform.unit(name);
   const auto unit = static_cast<UnitId>(&model - options_.platform.units.data());
   const std::lock_guard one_at_a_time(bringing_back_);
+  bool known = false, lost = false, busy = false;
   {
     const auto turn = turn_.take();
-    if (!live_units_.has(unit)) throw_bad_input("unit " + model.name + " computes nothing here");
-    if (units_[unit].in_service) {
-      ask_for_all(unit);
-      return;
-    }
-    if (!live_units_.at(unit).abandoned() && dispatcher_->running(unit) > 0) {
-      throw_environment("unit " + model.name + " has calls that have not ended; try again later");
-    }
+    known = live_units_.has(unit);
+    lost = !units_[unit].in_service;
+    if (known && !lost) ask_for_all(unit);
+    busy = known && lost && !live_units_.at(unit).abandoned() && dispatcher_->running(unit) > 0;
+  }
+  work(Thread::kTheirs);  // What was left to who had the turn.
+  if (!known) throw_bad_input("unit " + model.name + " computes nothing here");
+  if (!lost) return;
+  if (busy) {
+    throw_environment("unit " + model.name + " has calls that have not ended; try again later");
   }
   auto other = live_units_.make_ready(unit, preparations(unit));
   {
@@ -58,8 +61,8 @@ void Runtime::Engine::bring_back(std::string_view name) {
     dispatcher_->set_unit(unit, UnitState::kUp, now(), effects_);
     asked_ = true;  // There may be something to start.
   }
-  LiveUnits::close(std::move(other));
   work(Thread::kTheirs);
+  LiveUnits::close(std::move(other));
 }
 
 /// Also for what it gave back too often.

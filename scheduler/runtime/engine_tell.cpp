@@ -69,8 +69,11 @@ void Runtime::Engine::call_back(std::shared_ptr<Submitted> task) {
     task->callback = nullptr;
   }
   if (!thrown.empty()) {
-    const auto turn = turn_.take();
-    add_problem("callback of " + task->workload->name + ": " + thrown);
+    {
+      const auto turn = turn_.take();
+      add_problem("callback of " + task->workload->name + ": " + thrown);
+    }
+    wake_watcher();  // What was left to who had the turn.
   }
   told(std::move(task));
 }
