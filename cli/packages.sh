@@ -2,14 +2,14 @@
 #
 # Run packages come first, then what only building or testing needs.
 PIRT_PACKAGES=(
-  g++ cmake ninja-build ccache pkg-config git ca-certificates sqlite3
+  g++ cmake ninja-build pkg-config git ca-certificates sqlite3
   libopencv-dev libdnnl-dev
   ocl-icd-opencl-dev opencl-headers opencl-clhpp-headers pocl-opencl-icd
   libsqlite3-dev libyaml-cpp-dev libre2-dev nlohmann-json3-dev libcli11-dev libfmt-dev
   coinor-libclp-dev libceres-dev
   node-d3
 )
-PIRT_TEST_PACKAGES=(libgtest-dev libgmock-dev chromium chromium-driver)
+PIRT_TEST_PACKAGES=(ccache libgtest-dev libgmock-dev chromium chromium-driver)
 # Backend dsp: its program's compiler and linker, and the emulator; without them it says so, and its tests are skipped.
 PIRT_DSP_PACKAGES=(clang-14 lld-14 qemu-user)
 # Backend nats, the cloud: its libraries, and the server that tests start; likewise.
