@@ -165,8 +165,10 @@ class Worker {
     begin("making the input data");
     const bool may_be_there = job_.kind != JobKind::kReference && !job_.inputs.empty();
     if (may_be_there && std::filesystem::exists(job_.inputs)) {
+      initial_ = read_state(job_.inputs, workload);
       return read_data(job_.inputs, workload);
     }
+    if (workload.state) initial_ = workload.make_state();
     const auto images =
         job_.images.empty() ? generated_images(job_.seed) : images_from(job_.images);
     return make_sequence(workload, {job_.seed, images.get()});
@@ -175,7 +177,9 @@ class Worker {
   void reference() {
     const Workload& workload = find_workload(job_.workload);
     const auto data = make_data(workload);
-    if (!job_.inputs.empty() && size_bytes(data) <= kMostKept) write_data(job_.inputs, data);
+    if (!job_.inputs.empty() && size_bytes(data) <= kMostKept) {
+      write_data(job_.inputs, workload, data);
+    }
     begin("computing the reference");
     write_reference(job_.reference, reference_of(workload, data));
   }
@@ -203,7 +207,8 @@ class Worker {
     begin("preparing");
     const Clock& clock = is_own(Phase::kPrepare) ? *device_->own_clock() : machine_;
     const Nanos begun = clock.now();
-    player_.emplace(device_->prepare(workload, data_.front().parameters), workload, data_);
+    player_.emplace(device_->prepare(workload, data_.front().parameters), workload, data_,
+                    std::move(initial_));
     const Nanos beside = first_call();
     if (extra) {
       const auto taken = static_cast<double>((clock.now() - begun).count());
@@ -370,8 +375,9 @@ class Worker {
   MachineClock machine_;
   Nanos begun_{0};  ///< The step.
   Nanos life_shown_ = machine_.now();
-  std::vector<Data> data_;                     ///< Of each frame of the sequence.
-  std::vector<std::vector<Tensor>> expected_;  ///< The same.
+  std::vector<Data> data_;                      ///< Of each frame of the sequence.
+  std::optional<std::vector<Tensor>> initial_;  ///< The state before them, until it is played.
+  std::vector<std::vector<Tensor>> expected_;   ///< The same.
   std::unique_ptr<Device> device_;
   std::optional<Player> player_;  // goes before its device
 };

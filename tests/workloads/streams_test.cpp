@@ -134,6 +134,18 @@ TEST(Player, GoesFromFrameToFrameWithTheStateAndBeginsAnew) {
   EXPECT_EQ(sequence_note(find_workload("sobel")), "");
 }
 
+TEST(Player, BeginsWithTheStateThatItIsGiven) {
+  Workload workload = counting(3);
+  const auto frames = test::sequence_of(workload);
+  const auto expected = reference_of(workload, frames);
+  auto begin = workload.make_state();
+  workload.make_state = []() -> std::vector<Tensor> { throw_bad_input("made a second time"); };
+  const auto device = fake_device();
+  Player player(device->prepare(workload, {}), workload, frames, std::move(begin));
+  player.complete();
+  EXPECT_EQ(sums(player.played(expected)), (std::vector<double>{1, 3, 6}));
+}
+
 TEST(Player, WhatWasNotCalledIsNeverRight) {
   const Workload workload = counting(2);
   const auto frames = test::sequence_of(workload);

@@ -33,14 +33,17 @@ void expect_equal(const std::vector<Tensor>& a, const std::vector<Tensor>& b) {
 
 TEST_F(TensorFiles, KeepsInputsParametersAndNotesOfEveryFrame) {
   const auto images = generated_images(3);
-  for (const char* name : {"gaussian_blur", "conv3", "track_features", "plan_path"}) {
+  for (const char* name :
+       {"gaussian_blur", "conv3", "track_features", "plan_path", "update_pose"}) {
     const Workload& workload = find_workload(name);
     auto frames = make_sequence(workload, {.seed = 3, .images = images.get()});
     frames.front().notes = {"input_resized", "and cropped"};
     const auto path = folder_ / name;
-    write_data(path, frames);
+    write_data(path, workload, frames);
     const auto read = read_data(path, workload);
     ASSERT_EQ(read.size(), frames.size()) << name;
+    expect_equal(read_state(path, workload),
+                 workload.state ? workload.make_state() : std::vector<Tensor>());
     for (std::size_t i = 0; i < frames.size(); ++i) {
       SCOPED_TRACE(name);
       expect_equal(read[i].inputs, frames[i].inputs);
@@ -53,7 +56,7 @@ TEST_F(TensorFiles, KeepsInputsParametersAndNotesOfEveryFrame) {
 TEST_F(TensorFiles, RefusesWhatIsOfAnotherWorkload) {
   const auto images = generated_images(3);
   const Workload& blur = find_workload("gaussian_blur");
-  write_data(folder_ / "x", make_sequence(blur, {.seed = 3, .images = images.get()}));
+  write_data(folder_ / "x", blur, make_sequence(blur, {.seed = 3, .images = images.get()}));
   EXPECT_THROW(static_cast<void>(read_data(folder_ / "x", find_workload("conv3"))), Error);
 }
 

@@ -27,8 +27,11 @@ class Player {
   /// Binds the first frame and the initial state, and takes that to the device.
   /// @param kernel            Prepared for @p workload on a device that outlives this.
   /// @param workload, frames  Outlive this.
+  /// @param initial           The state before the first frame, where somebody has made it; absent
+  /// = it is made here, which may take as long as what it comes from.
   /// @throws Whatever the kernel throws, here and below.
-  Player(std::unique_ptr<Kernel> kernel, const Workload& workload, std::span<const Data> frames);
+  Player(std::unique_ptr<Kernel> kernel, const Workload& workload, std::span<const Data> frames,
+         std::optional<std::vector<Tensor>> initial = std::nullopt);
 
   [[nodiscard]] Kernel& kernel() { return *kernel_; }
   /// Gives the kernel away and goes on with what @p wrap makes of it; what is bound stays so.

@@ -93,10 +93,12 @@ std::vector<TensorSpec> reference_specs(const Workload& workload) {
 namespace {
 
 std::filesystem::path notes_of(std::filesystem::path path) { return path += ".notes"; }
+std::filesystem::path state_of(std::filesystem::path path) { return path += ".state"; }
 
 }  // namespace
 
-void write_data(const std::filesystem::path& path, std::span<const Data> frames) {
+void write_data(const std::filesystem::path& path, const Workload& workload,
+                std::span<const Data> frames) {
   std::string notes;
   std::vector<const Tensor*> all;
   for (const Data& data : frames) {
@@ -105,7 +107,9 @@ void write_data(const std::filesystem::path& path, std::span<const Data> frames)
       for (const Tensor& tensor : *part) all.push_back(&tensor);
     }
   }
-  write_file(notes_of(path), notes);  // first: it is looked for by the other's name
+  // First: they are looked for by the other's name.
+  write_file(notes_of(path), notes);
+  if (workload.state) write_tensors(state_of(path), workload.make_state());
   write_tensors(path, all);
 }
 
@@ -129,6 +133,11 @@ std::vector<Data> read_data(const std::filesystem::path& path, const Workload& w
     next = end;
   }
   return frames;
+}
+
+std::vector<Tensor> read_state(const std::filesystem::path& path, const Workload& workload) {
+  return workload.state ? read_tensors(state_of(path), workload.state->tensors)
+                        : std::vector<Tensor>();
 }
 
 void write_reference(const std::filesystem::path& path, std::vector<std::vector<Tensor>> sequence) {

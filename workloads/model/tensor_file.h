@@ -33,10 +33,15 @@ void write_reference(const std::filesystem::path& path, std::vector<std::vector<
 [[nodiscard]] std::vector<std::vector<Tensor>> read_reference(const std::filesystem::path& path,
                                                               const Workload& workload);
 
-/// What make_sequence() gives, its notes in a file beside it. Whoever sees the file sees both.
+/// What make_sequence() gives, its notes and the state before it in files beside it. Whoever sees
+/// the file sees all.
 /// @throws Error{kBadInput} as write_tensors and read_tensors.
-void write_data(const std::filesystem::path& path, std::span<const Data> frames);
+void write_data(const std::filesystem::path& path, const Workload& workload,
+                std::span<const Data> frames);
 [[nodiscard]] std::vector<Data> read_data(const std::filesystem::path& path,
                                           const Workload& workload);
+/// The state that stands beside them; nothing for workloads without one.
+[[nodiscard]] std::vector<Tensor> read_state(const std::filesystem::path& path,
+                                             const Workload& workload);
 
 }  // namespace pirt

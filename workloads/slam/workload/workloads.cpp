@@ -31,19 +31,23 @@ State displaced(State state) {
   return state;
 }
 
-/// Played once, when first asked for; the same in every process.
-struct Played {
-  Recording recording;
-  Moment moment = moment_of(recording, kMoment);
+// Both made once, when first asked for, and the same in every process; never destroyed, as in
+// catalog.cpp.
 
-  Played() {
-    moment.before_update = displaced(std::move(moment.before_update));
-    moment.before_extend = moment_of(recording, kManyNew).before_extend;
-  }
-};
-const Played& played() {
-  static const auto& all = *new Played();  // Never destroyed, as in catalog.cpp.
-  return all;
+const Recording& recorded() {
+  static const auto& recording = *new Recording();
+  return recording;
+}
+
+/// What playing the recording comes to, which takes a second.
+const Moment& played() {
+  static const auto& moment = *new Moment([] {
+    Moment all = moment_of(recorded(), kMoment);
+    all.before_update = displaced(std::move(all.before_update));
+    all.before_extend = moment_of(recorded(), kManyNew).before_extend;
+    return all;
+  }());
+  return moment;
 }
 
 // ------------------------------------------------------------------------------------------- steps
@@ -108,7 +112,7 @@ void run_extend(State& state, const Setup& setup, std::span<const Tensor> inputs
 // -------------------------------------------------------------------------------------------- data
 
 Data propagate_data(const DataRequest& request) {
-  const Recording& recording = played().recording;
+  const Recording& recording = recorded();
   const int frame = kMoment + request.frame;
   Data data;
   data.inputs = tensors_of(recording.samples(frame), recording.time_of(frame));
@@ -116,8 +120,8 @@ Data propagate_data(const DataRequest& request) {
 }
 
 Data update_data(const DataRequest& request) {
-  const auto& [recording, moment] = played();
-  const auto tracks = recording.tracks(moment.before_update, kMoment, request.seed);
+  const Recording& recording = recorded();
+  const auto tracks = recording.tracks(played().before_update, kMoment, request.seed);
   Data data;
   data.inputs = make_tensors(track_specs(recording.setup()));
   write_tracks(tracks.left, data.inputs);
@@ -133,7 +137,7 @@ Data update_data(const DataRequest& request) {
 
 Data extend_data(const DataRequest& request) {
   Data data;
-  data.inputs = tensors_of(played().recording.features(kManyNew, request.seed));
+  data.inputs = tensors_of(recorded().features(kManyNew, request.seed));
   return data;
 }
 
@@ -186,7 +190,7 @@ Verdict judge_poses(std::span<const PlayedFrame> sequence) {
                                    static_cast<double>(values[11]));
     const Eigen::Matrix3d rotation =
         Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(values.data()).cast<double>();
-    const Pose truth = played().recording.truth_at(kMoment + static_cast<int>(i));
+    const Pose truth = recorded().truth_at(kMoment + static_cast<int>(i));
     most_m = std::max(most_m, (position - truth.position).norm());
     most_deg =
         std::max(most_deg, angle_of(truth.rotation.transpose() * nearest_rotation(rotation)) *
@@ -207,7 +211,7 @@ Verdict judge_landmarks(std::span<const PlayedFrame> sequence) {
   constexpr std::size_t kLeast = 28;
   constexpr double kMost_m = 0.10;
   Verdict worst = verify_each(sequence);
-  const auto points = played().recording.points();
+  const auto points = recorded().points();
   for (std::size_t i = 0; worst.ok && i < sequence.size(); ++i) {
     const auto values = sequence[i].outputs[0].used<float>();
     std::vector<double> misses;
@@ -300,7 +304,7 @@ std::vector<Workload> all() {
     w.make_data = each.data;
     w.make_state = [from = each.state, specs = w.state->tensors] {
       auto tensors = make_tensors(specs);
-      write_state(played().moment.*from, tensors);
+      write_state(played().*from, tensors);
       return tensors;
     };
     w.judge = each.judge;
