@@ -29,11 +29,11 @@ constexpr AddCommand* kCommands[] = {
     add_diff,           //
     add_run_robot,      //
     add_generate,       //
-    add_generate_dag,   //
+    add_generate_dag,   // a kind of it, as the next
+    add_generate_bal,   //
     add_plan,           //
     add_describe,       //
     add_bundle_adjust,  //
-    add_generate_bal,   //
     add_cloud_worker,   //
     add_cloud_admin,    //
     add_cloud_slot,     //

@@ -43,7 +43,32 @@ struct OldSpelling {
 };
 constexpr OldSpelling kOldSpellings[] = {
     {"", "detect", "pirt describe --table (or without --table, a line of JSON a picture)"},
+    {"", "generate-dag", "pirt generate dag"},
+    {"", "generate-bal", "pirt generate bal"},
     {"regress", "--self-test", "the benchmark build/tests/bench/self_test PIRT"}};
+
+/// "pirt generate dag".
+std::string full_name(const CLI::App& command) {
+  const CLI::App* parent = command.get_parent();
+  return parent == nullptr ? command.get_name() : full_name(*parent) + " " + command.get_name();
+}
+
+/// What the command line chose, from the command to the last of its kinds.
+std::vector<const CLI::App*> chosen_commands(const CLI::App& root) {
+  std::vector<const CLI::App*> chosen;
+  for (auto next = root.get_subcommands(); !next.empty(); next = next.front()->get_subcommands()) {
+    chosen.push_back(next.front());
+  }
+  return chosen;
+}
+
+/// What was said to a command of which a kind was chosen would be said to nobody.
+void reject_before_kind(const CLI::App& command, const CLI::App& kind) {
+  for (const GivenOption& given : given_options(command)) {
+    throw_bad_input(fmt::format("'{}' before '{}' says nothing to it; see '{} --help'", given.name,
+                                kind.get_name(), full_name(kind)));
+  }
+}
 
 void reject_old_spelling(const std::string& command, const std::string& word) {
   for (const OldSpelling& old : kOldSpellings) {
@@ -61,7 +86,7 @@ void reject_unknown(const CLI::App& app, const CLI::App& root) {
   if (app.remaining_size() == 0) return;
   if (unknown.size() > app.remaining_size()) unknown.erase(std::ranges::find(unknown, "--"));
   const auto& word = unknown.front();
-  const std::string command = &app == &root ? "pirt" : "pirt " + app.get_name();
+  const std::string command = full_name(app);
   if (word.size() > 1 && word.front() == '-') {
     const auto name = word.substr(0, word.find('='));
     reject_old_spelling(app.get_name(), name);
@@ -144,13 +169,17 @@ std::vector<GivenOption> given_options(const CLI::App& command) {
   std::vector<GivenOption> given;
   for (const auto* option : command.get_options()) {
     if (option->count() == 0) continue;
-    given.push_back({option->get_name(), option->get_type_name(), option->results()});
+    given.push_back({option, option->get_name(), option->results()});
   }
   return given;
 }
 
-Command::Command(CLI::App& app, const std::string& name, const std::string& description)
-    : app_(app.add_subcommand(name, description)) {
+Command::Command(CLI::App& app, const std::string& name, const std::string& description) {
+  const auto space = name.find(' ');
+  app_ = space == std::string::npos ? app.add_subcommand(name, description)
+                                    : app.get_subcommand(name.substr(0, space))
+                                          ->add_subcommand(name.substr(space + 1), description);
+  app_->allow_extras();
   app_->add_flag(kQuiet)->description("Say nothing on stderr but an error that ends the command");
 }
 
@@ -175,7 +204,9 @@ void Command::footer(const std::string& text) { app_->footer(text); }
 void Command::hide() { app_->group(""); }
 
 void Command::runs(Action& action, const Action& run) {
-  app_->callback([&action, run] { action = run; });
+  app_->callback([command = app_, &action, run] {
+    if (command->get_subcommands().empty()) action = run;
+  });
 }
 
 int run(std::span<AddCommand* const> commands, int argc, char** argv) {
@@ -193,7 +224,6 @@ int run(std::span<AddCommand* const> commands, int argc, char** argv) {
       "Exit codes: 0 good, 1 a check failed, 2 usage or bad input, 3 inconclusive, 4 not possible "
       "on this "
       "machine.\nFirst steps: pirt characterize --quick --db profile.db && pirt report profile.db");
-  for (auto* command : app.get_subcommands({})) command->allow_extras();
 
   // Nothing but the command can follow.
   if (argc > 1 && std::string_view(argv[1]) == "--") argv[1] = argv[0], ++argv, --argc;
@@ -202,20 +232,20 @@ int run(std::span<AddCommand* const> commands, int argc, char** argv) {
   } catch (const CLI::Success& success) {  // --help, --version
     return app.exit(success);
   } catch (const CLI::ParseError& error) {
-    for (const auto* command : app.get_subcommands()) reject_unknown(*command, app);
+    for (const auto* command : chosen_commands(app)) reject_unknown(*command, app);
     reject_unknown(app, app);
     throw_bad_input(error.what());
   }
-  for (const auto* command : app.get_subcommands()) reject_unknown(*command, app);
+  const auto chosen = chosen_commands(app);
+  for (const auto* command : chosen) reject_unknown(*command, app);
   reject_unknown(app, app);
   if (!action) {
     std::fputs(app.help().c_str(), stderr);
     throw_bad_input("no command given (known: " + join(command_names(app), ", ") + ")");
   }
-  for (auto* command : app.get_subcommands()) check_files(given_files(*command));
-  const Quiet quiet(std::ranges::any_of(app.get_subcommands(), [](const CLI::App* command) {
-    return command->count("--quiet") > 0;
-  }));
+  for (std::size_t i = 1; i < chosen.size(); ++i) reject_before_kind(*chosen[i - 1], *chosen[i]);
+  check_files(given_files(*chosen.back()));
+  const Quiet quiet(chosen.back()->count("--quiet") > 0);
   return action();
 }
 

@@ -75,14 +75,15 @@ class Option {
 
 /// An option that the command line has.
 struct GivenOption {
+  const CLI::Option* option;
   std::string name;
-  std::string type;
   std::vector<std::string> values;
 };
 [[nodiscard]] std::vector<GivenOption> given_options(const CLI::App& command);
 
 class Command {
  public:
+  /// @param name  "generate", or a kind of a command that was added: "generate dag".
   Command(CLI::App& app, const std::string& name, const std::string& description);
 
   /// @param name    "--db", "-o,--output", or, of a positional argument, "trace".

@@ -3,11 +3,9 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <array>
 #include <fstream>
 #include <iterator>
-#include <optional>
-#include <string_view>
+#include <map>
 
 #include "characterize/platform/platform.h"
 #include "workloads/backends/opencl/tuning/tuning_file.h"
@@ -24,16 +22,28 @@ namespace fs = std::filesystem;
 constexpr const char* kStdout = "/dev/stdout";
 constexpr const char* kStdin = "/dev/stdin";
 
-/// What --help shows is the mark of an option, too.
-struct UseType {
-  FileUse use;
-  std::string_view type;
-};
-constexpr std::array kUses = {
-    UseType{FileUse::kRead, "FILE"}, UseType{FileUse::kReadIfFile, "NAME|FILE"},
-    UseType{FileUse::kReadPictures, "FILE|FOLDER"}, UseType{FileUse::kContinued, "DATAFILE"},
-    UseType{FileUse::kWritten, "OUTFILE"}};
-constexpr std::string_view kOrStdout = "|-";
+/// What --help shows for the value.
+std::string type_of(FileUse use) {
+  switch (use) {
+    case FileUse::kRead:
+      return "FILE";
+    case FileUse::kReadIfFile:
+      return "NAME|FILE";
+    case FileUse::kReadPictures:
+      return "FILE|FOLDER";
+    case FileUse::kContinued:
+      return "DATAFILE";
+    case FileUse::kWritten:
+      break;
+  }
+  return "OUTFILE";
+}
+
+/// What the options of this program that name files do with them; CLI11's have no place to say it.
+std::map<const CLI::Option*, FileUse>& file_options() {
+  static std::map<const CLI::Option*, FileUse> options;
+  return options;
+}
 
 bool is_written(FileUse use) { return use == FileUse::kWritten || use == FileUse::kContinued; }
 
@@ -48,18 +58,9 @@ std::string problem_of_name(const std::string& name, FileUse use, bool stdout_ta
 }
 
 Option mark(Option option, FileUse use, bool stdout_takes_it = false) {
-  std::string type(std::ranges::find(kUses, use, &UseType::use)->type);
-  if (stdout_takes_it) type += kOrStdout;
-  return option.type(type).check(
-      [=](const std::string& name) { return problem_of_name(name, use, stdout_takes_it); });
-}
-
-std::optional<FileUse> use_of(const GivenOption& option) {
-  std::string type = option.type;
-  if (type.ends_with(kOrStdout)) type.resize(type.size() - kOrStdout.size());
-  const auto* const entry = std::ranges::find(kUses, type, &UseType::type);
-  if (entry == kUses.end()) return std::nullopt;
-  return entry->use;
+  file_options()[option.get()] = use;
+  return option.type(type_of(use) + (stdout_takes_it ? "|-" : ""))
+      .check([=](const std::string& name) { return problem_of_name(name, use, stdout_takes_it); });
 }
 
 /// follow_links(), by the one name that it has whichever links lead to its folder.
@@ -183,11 +184,12 @@ void add_json(Command& command, Output& output) {
 std::vector<NamedFile> given_files(const CLI::App& command) {
   std::vector<NamedFile> files;
   for (const GivenOption& option : given_options(command)) {
-    const auto use = use_of(option);
-    if (!use) continue;
+    const auto file = file_options().find(option.option);
+    if (file == file_options().end()) continue;
+    const FileUse use = file->second;
     for (const auto& name : option.values) {
-      if (*use == FileUse::kReadIfFile && !names_a_file(name)) continue;
-      files.push_back({option.name, name, *use});
+      if (use == FileUse::kReadIfFile && !names_a_file(name)) continue;
+      files.push_back({option.name, name, use});
     }
   }
   return files;

@@ -1,4 +1,4 @@
-// pirt generate-bal and pirt bundle-adjust as their user runs them.
+// pirt generate bal and pirt bundle-adjust as their user runs them.
 #include <gtest/gtest.h>
 
 #include "tests/cli/program.h"
@@ -9,7 +9,7 @@ namespace {
 
 TEST(BundleAdjustCommand, AdjustsWhatWasGenerated) {
   const Scratch scratch;
-  ASSERT_EQ(pirt({"generate-bal", "--images", "20", "--points", "400", "-o", scratch.file("b.txt"),
+  ASSERT_EQ(pirt({"generate", "bal", "--images", "20", "--points", "400", "-o", scratch.file("b.txt"),
                   "--truth", scratch.file("t.txt")})
                 .exit_code,
             0);
@@ -28,7 +28,7 @@ TEST(BundleAdjustCommand, AdjustsWhatWasGenerated) {
 }
 
 TEST(BundleAdjustCommand, ReadsStandardInputForADash) {
-  const auto outcome = run(quoted(kProgram) + " generate-bal --images 20 --points 400 | " +
+  const auto outcome = run(quoted(kProgram) + " generate bal --images 20 --points 400 | " +
                            quoted(kProgram) + " bundle-adjust - --json -");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_TRUE(outcome.json().at("converged"));
@@ -41,7 +41,7 @@ TEST(BundleAdjustCommand, ReadsStandardInputForADash) {
 TEST(BundleAdjustCommand, WritesNothingWhenItIsInterrupted) {
   const Scratch scratch;
   const auto problem = scratch.file("b.txt");
-  ASSERT_EQ(pirt({"generate-bal", "--images", "300", "--points", "20000", "-o", problem}).exit_code,
+  ASSERT_EQ(pirt({"generate", "bal", "--images", "300", "--points", "20000", "-o", problem}).exit_code,
             0);
   // Asked to stop from when it listens on: at the next iteration.
   const auto outcome = run(
@@ -62,7 +62,7 @@ TEST(BundleAdjustCommand, RefusesDamagedProblemsAndWritesNothing) {
                  {"b.txt:2:", "point of an observation"});
   EXPECT_FALSE(std::filesystem::exists(scratch.file("o.txt")));
   expect_refused(pirt({"bundle-adjust", bad, "-o", bad}), {"would overwrite"});
-  expect_refused(pirt({"generate-bal", "--images", "7"}), {"--images"});
+  expect_refused(pirt({"generate", "bal", "--images", "7"}), {"--images"});
 }
 
 }  // namespace

@@ -121,16 +121,29 @@ TEST(Quiet, LeavesErrorsAlone) {
 }
 
 TEST(Help, SaysTheRangesThatAreChecked) {
-  const auto says = [](const std::string& command, const std::string& line) {
-    EXPECT_THAT(std::regex_replace(pirt({command, "--help"}).out, std::regex("\\s+"), " "),
-                HasSubstr(line))
-        << command;
+  const auto says = [](std::vector<std::string> command, const std::string& line) {
+    command.emplace_back("--help");
+    EXPECT_THAT(std::regex_replace(pirt(command).out, std::regex("\\s+"), " "), HasSubstr(line))
+        << command.front();
   };
-  says("generate", "Frames a second [1 to 1000]");
-  says("bundle-adjust", "At most so many [1 to 100000]");
-  says("generate-dag", "Number of tasks [1 to 10000]");
-  says("doctor", "[1e-06 to 3600]");
+  says({"generate"}, "Frames a second [1 to 1000]");
+  says({"bundle-adjust"}, "At most so many [1 to 100000]");
+  says({"generate", "dag"}, "Number of tasks [1 to 10000]");
+  says({"doctor"}, "[1e-06 to 3600]");
   EXPECT_THAT(pirt({"generate", "--help"}).out, Not(HasSubstr("9223372036854775807")));
+}
+
+TEST(Kinds, OfACommandHaveOptionsOfTheirOwn) {
+  const Scratch scratch;
+  EXPECT_EQ(pirt({"generate", "dag", "--tasks", "3", "-o", scratch.file("d.yaml")}).exit_code, 0);
+  expect_refused(pirt({"generate", "--seed", "3", "dag"}), {"'--seed' before 'dag'"});
+  expect_refused(pirt({"generate", scratch.file("out"), "bal"}), {"'folder' before 'bal'"});
+  expect_refused(pirt({"generate", "dag", "--images", "9"}),
+                 {"unknown option '--images'", "'pirt generate dag --help'"});
+  expect_refused(pirt({"generate", "dag", "more"}), {"'more'", "'pirt generate dag --help'"});
+  expect_refused(pirt({"generate"}), {"name the folder", "dag, bal"});
+  expect_refused(pirt({"generate-dag", "--tasks", "3"}), {"pirt generate dag"});
+  expect_refused(pirt({"generate-bal"}), {"pirt generate bal"});
 }
 
 }  // namespace

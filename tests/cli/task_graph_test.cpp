@@ -23,7 +23,7 @@ TEST(GenerateDag, WritesAMixThatRunsAsPlanned) {
   const auto platform = scratch.write("three.yaml", kPlatform);
   const auto dag = scratch.file("dag.yaml");
   const auto generated =
-      pirt({"generate-dag", "--tasks", "40", "--shape", "1", "--out-degree", "3", "--ccr", "0.5",
+      pirt({"generate", "dag", "--tasks", "40", "--shape", "1", "--out-degree", "3", "--ccr", "0.5",
             "--heterogeneity", "0.5", "--units", "cpu,gpu,dsp", "--seed", "1", "-o", dag});
   ASSERT_EQ(generated.exit_code, 0) << generated.err;
   for (const char* mode : {"heft", "cpop", "peft", "etf", "shortest"}) {
@@ -37,10 +37,10 @@ TEST(GenerateDag, WritesAMixThatRunsAsPlanned) {
 }
 
 TEST(GenerateDag, SameSeedSameBytes) {
-  const auto first = pirt({"generate-dag", "--seed", "7"});
+  const auto first = pirt({"generate", "dag", "--seed", "7"});
   EXPECT_EQ(first.exit_code, 0);
-  EXPECT_EQ(first.out, pirt({"generate-dag", "--seed", "7"}).out);
-  EXPECT_NE(first.out, pirt({"generate-dag", "--seed", "8"}).out);
+  EXPECT_EQ(first.out, pirt({"generate", "dag", "--seed", "7"}).out);
+  EXPECT_NE(first.out, pirt({"generate", "dag", "--seed", "8"}).out);
 }
 
 TEST(GenerateDag, RefusesBadParametersAndWritesNothing) {
@@ -51,7 +51,7 @@ TEST(GenerateDag, RefusesBadParametersAndWritesNothing) {
       {"--out-degree", "0"}, {"--ccr", "-1"},      {"--ccr", "inf"},       {"--heterogeneity", "3"},
       {"--mean-ms", "0"},    {"--units", "cpu,,"}, {"--units", "cpu,cpu"}, {"--seed", "-1"}};
   for (const auto& [option, value] : bad) {
-    const auto outcome = pirt({"generate-dag", option, value, "-o", dag});
+    const auto outcome = pirt({"generate", "dag", option, value, "-o", dag});
     EXPECT_EQ(outcome.exit_code, 2) << option << ' ' << value;
     EXPECT_THAT(outcome.err, HasSubstr(option)) << value;
     EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;

@@ -21,18 +21,18 @@ std::vector<NumberOption> whole_numbers() {
           {{"schedule", "--seed"}, seed},
           {{"regress", "--seed"}, seed},
           {{"sample", "--workload", "sobel", "--seed"}, seed},
-          {{"generate-dag", "--seed"}, seed},
+          {{"generate", "dag", "--seed"}, seed},
           {{"schedule", "--in-flight"}, "between 1 and 1000000"},
           {{"characterize", "--batch"}, "between 2 and 256"},
-          {{"generate-dag", "--tasks"}, "between 1 and 10000"},
-          {{"generate-dag", "--out-degree"}, "between 1 and 10000"}};
+          {{"generate", "dag", "--tasks"}, "between 1 and 10000"},
+          {{"generate", "dag", "--out-degree"}, "between 1 and 10000"}};
 }
 
 std::vector<NumberOption> decimals() {
-  return {{{"generate-dag", "--shape"}, "between 0 and 100"},
-          {{"generate-dag", "--ccr"}, "between 0 and 1000"},
-          {{"generate-dag", "--heterogeneity"}, "between 0 and 2"},
-          {{"generate-dag", "--mean-ms"}, "between 0 and 1000000"},
+  return {{{"generate", "dag", "--shape"}, "between 0 and 100"},
+          {{"generate", "dag", "--ccr"}, "between 0 and 1000"},
+          {{"generate", "dag", "--heterogeneity"}, "between 0 and 2"},
+          {{"generate", "dag", "--mean-ms"}, "between 0 and 1000000"},
           {{"doctor", "--seconds"}, "3600"}};
 }
 
@@ -87,7 +87,7 @@ TEST(OptionValues, TakeTheEndsOfTheirRange) {
     ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
     EXPECT_EQ(std::to_string(outcome.json()["seed"].get<std::uint64_t>()), seed);
   }
-  EXPECT_EQ(pirt({"generate-dag", "--tasks", "1", "--ccr", "0"}).exit_code, 0);
+  EXPECT_EQ(pirt({"generate", "dag", "--tasks", "1", "--ccr", "0"}).exit_code, 0);
 }
 
 TEST(OptionValues, AreNotEmpty) {

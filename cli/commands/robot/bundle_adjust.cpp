@@ -113,7 +113,7 @@ void add_bundle_adjust(CLI::App& app, Action& action) {
                    "Leave focal lengths and distortions as they are");
   add_output(command, "-o,--output", options->output, "Write the adjusted problem to a file");
   add_json(command, options->json);
-  command.footer("Example: pirt generate-bal | pirt bundle-adjust - -o out.txt");
+  command.footer("Example: pirt generate bal | pirt bundle-adjust - -o out.txt");
   command.runs(action, [options] { return adjust(*options); });
 }
 

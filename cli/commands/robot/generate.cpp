@@ -34,7 +34,10 @@ constexpr double kRest = 2;  ///< Seconds.
 bool is_zero(const std::string& duration) { return duration == "0" || duration == "0s"; }
 
 int generate(const Options& options) {
-  if (options.folder.empty()) throw_bad_input("name the folder that is to be made");
+  if (options.folder.empty()) {
+    throw_bad_input(
+        "name the folder that is to be made: pirt generate FOLDER (or a kind: dag, bal)");
+  }
   SceneOptions scene = options.scene;
   scene.path.duration_s = to_s(parse_duration(options.duration));
   // Of a short sequence, a part; what was asked for is checked where the scene is.
@@ -78,8 +81,8 @@ void add_generate(CLI::App& app, Action& action) {
   auto& scene = options->scene;
   Command command(app, "generate",
                   "Generate a sequence of a robot in a textured room (cameras, IMU, truth), in "
-                  "EuRoC's layout, with a floor map");
-  add_text(command, "folder", &options->folder, "FOLDER", "Folder to make").required();
+                  "EuRoC's layout, with a floor map; or, by a kind, something else");
+  add_text(command, "folder", &options->folder, "FOLDER", "Folder to make");
   add_value(command, "--duration", &options->duration, "DURATION", no_duration,
             "Length of the sequence")
       .shows_default();
@@ -101,7 +104,7 @@ void add_generate(CLI::App& app, Action& action) {
             "Sigma of the pictures' noise, in grey levels")
       .shows_default();
   add_value(command, "--exposure-ms", &scene.exposure_ms, "MS", not_within(0.0, 1000.0),
-            "BodyMotion blur")
+            "Motion blur")
       .shows_default();
   add_value(command, "--threads", &options->threads, "INTEGER", not_within(1, 256),
             "Threads that render (default: all cores)");

@@ -1,4 +1,4 @@
-// pirt generate-bal: writes a bundle adjustment problem whose answer is known.
+// pirt generate bal: writes a bundle adjustment problem whose answer is known.
 #include "workloads/mapping/generate_bal.h"
 
 #include <memory>
@@ -28,7 +28,7 @@ int generate(const Options& options) {
 void add_generate_bal(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   auto& parameters = options->parameters;
-  Command command(app, "generate-bal",
+  Command command(app, "generate bal",
                   "Write a bundle adjustment problem of a camera that goes round a scene");
   add_value(command, "--images", &parameters.images, "INTEGER",
             not_within(mapping::kLeastImages, mapping::kMostImages), "Number of images")
@@ -46,7 +46,7 @@ void add_generate_bal(CLI::App& app, Action& action) {
   add_output(command, "-o,--output", options->output, "File to write (default: stdout)");
   add_output(command, "--truth", options->truth,
              "Write cameras and points as they are, with observations without noise");
-  command.footer("Example: pirt generate-bal --images 100 --points 5000 --seed 1 -o b.txt");
+  command.footer("Example: pirt generate bal --images 100 --points 5000 --seed 1 -o b.txt");
   command.runs(action, [options] { return generate(*options); });
 }
 

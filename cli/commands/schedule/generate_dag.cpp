@@ -1,4 +1,4 @@
-// pirt generate-dag: writes a random task graph as a mix.
+// pirt generate dag: writes a random task graph as a mix.
 #include <memory>
 
 #include "cli/commands.h"
@@ -30,7 +30,7 @@ int generate(const Options& options) {
 void add_generate_dag(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   auto& parameters = options->parameters;
-  Command command(app, "generate-dag",
+  Command command(app, "generate dag",
                   "Write a random task graph as a mix, by the parameters of the HEFT paper");
   add_value(command, "--tasks", &parameters.tasks, "INTEGER", not_within(1, kMostDagTasks),
             "Number of tasks")
@@ -55,7 +55,7 @@ void add_generate_dag(CLI::App& app, Action& action) {
       .shows_default();
   add_seed(command, parameters.seed, "Same seed, same bytes");
   add_output(command, "-o,--output", options->output, "Mix file to write (default: stdout)");
-  command.footer("Example: pirt generate-dag --tasks 40 --ccr 0.5 --seed 1 -o dag.yaml");
+  command.footer("Example: pirt generate dag --tasks 40 --ccr 0.5 --seed 1 -o dag.yaml");
   command.runs(action, [options] { return generate(*options); });
 }
 
