@@ -178,7 +178,7 @@ class Worker {
     const Workload& workload = find_workload(job_.workload);
     const auto data = make_data(workload);
     if (!job_.inputs.empty() && size_bytes(data) <= kMostKept) {
-      write_data(job_.inputs, workload, data);
+      write_data(job_.inputs, data, initial_);
     }
     begin("computing the reference");
     write_reference(job_.reference, reference_of(workload, data));
@@ -375,9 +375,9 @@ class Worker {
   MachineClock machine_;
   Nanos begun_{0};  ///< The step.
   Nanos life_shown_ = machine_.now();
-  std::vector<Data> data_;                      ///< Of each frame of the sequence.
-  std::optional<std::vector<Tensor>> initial_;  ///< The state before them, until it is played.
-  std::vector<std::vector<Tensor>> expected_;   ///< The same.
+  std::vector<Data> data_;                     ///< Of each frame of the sequence.
+  std::vector<Tensor> initial_;                ///< The state before them, until it is played.
+  std::vector<std::vector<Tensor>> expected_;  ///< The same.
   std::unique_ptr<Device> device_;
   std::optional<Player> player_;  // goes before its device
 };

@@ -39,11 +39,11 @@ TEST_F(TensorFiles, KeepsInputsParametersAndNotesOfEveryFrame) {
     auto frames = make_sequence(workload, {.seed = 3, .images = images.get()});
     frames.front().notes = {"input_resized", "and cropped"};
     const auto path = folder_ / name;
-    write_data(path, workload, frames);
+    const auto state = workload.state ? workload.make_state() : std::vector<Tensor>();
+    write_data(path, frames, state);
     const auto read = read_data(path, workload);
     ASSERT_EQ(read.size(), frames.size()) << name;
-    expect_equal(read_state(path, workload),
-                 workload.state ? workload.make_state() : std::vector<Tensor>());
+    expect_equal(read_state(path, workload), state);
     for (std::size_t i = 0; i < frames.size(); ++i) {
       SCOPED_TRACE(name);
       expect_equal(read[i].inputs, frames[i].inputs);
@@ -56,7 +56,7 @@ TEST_F(TensorFiles, KeepsInputsParametersAndNotesOfEveryFrame) {
 TEST_F(TensorFiles, RefusesWhatIsOfAnotherWorkload) {
   const auto images = generated_images(3);
   const Workload& blur = find_workload("gaussian_blur");
-  write_data(folder_ / "x", blur, make_sequence(blur, {.seed = 3, .images = images.get()}));
+  write_data(folder_ / "x", make_sequence(blur, {.seed = 3, .images = images.get()}), {});
   EXPECT_THROW(static_cast<void>(read_data(folder_ / "x", find_workload("conv3"))), Error);
 }
 

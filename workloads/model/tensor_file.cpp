@@ -97,8 +97,8 @@ std::filesystem::path state_of(std::filesystem::path path) { return path += ".st
 
 }  // namespace
 
-void write_data(const std::filesystem::path& path, const Workload& workload,
-                std::span<const Data> frames) {
+void write_data(const std::filesystem::path& path, std::span<const Data> frames,
+                std::span<const Tensor> state) {
   std::string notes;
   std::vector<const Tensor*> all;
   for (const Data& data : frames) {
@@ -109,7 +109,7 @@ void write_data(const std::filesystem::path& path, const Workload& workload,
   }
   // First: they are looked for by the other's name.
   write_file(notes_of(path), notes);
-  if (workload.state) write_tensors(state_of(path), workload.make_state());
+  if (!state.empty()) write_tensors(state_of(path), state);
   write_tensors(path, all);
 }
 

@@ -35,9 +35,10 @@ void write_reference(const std::filesystem::path& path, std::vector<std::vector<
 
 /// What make_sequence() gives, its notes and the state before it in files beside it. Whoever sees
 /// the file sees all.
+/// @param state  Empty for workloads without one.
 /// @throws Error{kBadInput} as write_tensors and read_tensors.
-void write_data(const std::filesystem::path& path, const Workload& workload,
-                std::span<const Data> frames);
+void write_data(const std::filesystem::path& path, std::span<const Data> frames,
+                std::span<const Tensor> state);
 [[nodiscard]] std::vector<Data> read_data(const std::filesystem::path& path,
                                           const Workload& workload);
 /// The state that stands beside them; nothing for workloads without one.
