@@ -53,6 +53,10 @@ std::string full_name(const CLI::App& command) {
   return parent == nullptr ? command.get_name() : full_name(*parent) + " " + command.get_name();
 }
 
+/// One command, and one kind of it: a further name is an argument, where it would otherwise run in
+/// the place of the first.
+void take_one(CLI::App& app) { app.require_subcommand(0, 1); }
+
 /// What the command line chose, from the command to the last of its kinds.
 std::vector<const CLI::App*> chosen_commands(const CLI::App& root) {
   std::vector<const CLI::App*> chosen;
@@ -64,10 +68,10 @@ std::vector<const CLI::App*> chosen_commands(const CLI::App& root) {
 
 /// What was said to a command of which a kind was chosen would be said to nobody.
 void reject_before_kind(const CLI::App& command, const CLI::App& kind) {
-  for (const GivenOption& given : given_options(command)) {
-    throw_bad_input(fmt::format("'{}' before '{}' says nothing to it; see '{} --help'", given.name,
-                                kind.get_name(), full_name(kind)));
-  }
+  const auto given = given_options(command);
+  if (given.empty()) return;
+  throw_bad_input(fmt::format("'{}' before '{}' says nothing to it; see '{} --help'",
+                              given.front().name, kind.get_name(), full_name(kind)));
 }
 
 void reject_old_spelling(const std::string& command, const std::string& word) {
@@ -180,6 +184,7 @@ Command::Command(CLI::App& app, const std::string& name, const std::string& desc
                                     : app.get_subcommand(name.substr(0, space))
                                           ->add_subcommand(name.substr(space + 1), description);
   app_->allow_extras();
+  take_one(*app_);
   app_->add_flag(kQuiet)->description("Say nothing on stderr but an error that ends the command");
 }
 
@@ -218,6 +223,7 @@ int run(std::span<AddCommand* const> commands, int argc, char** argv) {
   app.formatter(std::make_shared<HelpFormatter>());
   app.set_version_flag("--version", std::string("pirt ") + PIRT_VERSION);
   app.allow_extras();
+  take_one(app);
   Action action;
   for (AddCommand* add : commands) add(app, action);
   app.footer(

@@ -133,6 +133,15 @@ TEST(Help, SaysTheRangesThatAreChecked) {
   EXPECT_THAT(pirt({"generate", "--help"}).out, Not(HasSubstr("9223372036854775807")));
 }
 
+TEST(Commands, RunOneAtATime) {
+  expect_refused(pirt({"list", "modes", "doctor"}), {"unexpected argument 'doctor'"});
+  expect_refused(pirt({"generate", "dag", "bal"}),
+                 {"unexpected argument 'bal'", "'pirt generate dag --help'"});
+  expect_refused(pirt({"generate", "dag", "schedule"}), {"unexpected argument 'schedule'"});
+  // The name of a file that is called like a command.
+  expect_refused(pirt({"replay", "report"}), {"'report'"});
+}
+
 TEST(Kinds, OfACommandHaveOptionsOfTheirOwn) {
   const Scratch scratch;
   EXPECT_EQ(pirt({"generate", "dag", "--tasks", "3", "-o", scratch.file("d.yaml")}).exit_code, 0);
