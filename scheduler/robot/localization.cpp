@@ -251,7 +251,20 @@ class LiveLocalization {
       }
       changed_.notify_all();
     }
-    if (next) begin_steps(next);
+    if (next) begin_next(next);
+  }
+
+  /// On a thread of the runtime, which takes nothing new once it ends: then the frame goes with it.
+  void begin_next(const std::shared_ptr<Flight>& next) {
+    try {
+      begin_steps(next);
+    } catch (...) {
+      const std::lock_guard lock(mutex_);
+      if (!closing_ && failure_ == nullptr) failure_ = std::current_exception();
+      ++result_.failed;
+      --in_flight_;
+      changed_.notify_all();
+    }
   }
 
   /// What a frame that was localized leaves.
@@ -313,8 +326,8 @@ class LiveLocalization {
     bool all = false;
     {
       std::unique_lock lock(mutex_);
-      while (in_flight_ > 0 && stops() < 2) {
-        changed_.wait_for(lock, kLook, [this] { return in_flight_ == 0; });
+      while (in_flight_ > 0 && failure_ == nullptr && stops() < 2) {
+        changed_.wait_for(lock, kLook, [this] { return in_flight_ == 0 || failure_ != nullptr; });
       }
       all = in_flight_ == 0;
       if (failure_ != nullptr) std::rethrow_exception(failure_);
