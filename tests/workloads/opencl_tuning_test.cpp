@@ -61,7 +61,7 @@ TEST(OpenClTuning, SaysWhatDiffersFromTheDefaults) {
   EXPECT_EQ(tuning.describe(), "local_x=16, fc_rows=2");
   EXPECT_FALSE(tuning.is_default(Parameter::kFcRows));
   EXPECT_THAT(definitions_of(tuning, "dnn.cl"), HasSubstr(" -DFC_ROWS=2"));
-  EXPECT_THAT(definitions_of(tuning, "vision.cl"), Not(HasSubstr("FC_ROWS")));
+  EXPECT_THAT(definitions_of(tuning, "sobel.cl"), Not(HasSubstr("FC_ROWS")));
   tuning.set(Parameter::kFcRows, Tuning(true)[Parameter::kFcRows]);
   tuning.set(Parameter::kLocalX, Tuning(true)[Parameter::kLocalX]);
   EXPECT_EQ(tuning, Tuning(true));

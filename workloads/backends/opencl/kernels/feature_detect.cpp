@@ -90,7 +90,7 @@ std::unique_ptr<Kernel> make_feature_detect(const DeviceSession& session, const 
       .candidates = builder.scratch(area * std::int64_t{sizeof(cl_ulong)})};
   const int pixels = session.value(Parameter::kFeaturePixels);
   const Extent segments{(op.width + pixels - 1) / pixels, op.height};
-  append_gradients(builder, op, image, gx, gy);
+  append_gradients(builder, "features.cl", op, image, gx, gy);
   builder.step("features.cl", "corner_response", segments, gx, gy, response, buffers.state,
                op.width, op.height, pixels);
   builder.step("features.cl", "corner_candidates", segments, response, buffers.state,

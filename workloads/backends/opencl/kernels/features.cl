@@ -1,10 +1,9 @@
 // Shi-Tomasi corners: the response map, its peak, and the candidates; sorting and the distance rule
-// are the host's (feature_detect.cpp). Gradients come from kernel `sobel` of vision.cl.
+// are the host's (feature_detect.cpp). Gradients come from kernel `sobel`, which this program has too.
 // A work item computes `pixels` neighbouring pixels of a row, a multiple of 8, which the host chooses
 // (tuning.cpp); global ids are (segment, row).
 
-#include "border.cl"
-#include "lanes.cl"
+#include "sobel.cl"  // One program for all three steps.
 
 /// Twice the smaller eigenvalue of [sxx sxy; sxy syy]; the factor changes no comparison. Computed
 /// as 4*det / (trace + sqrt((sxx-syy)^2 + 4*sxy^2)): trace - sqrt(...) would cancel in float, and

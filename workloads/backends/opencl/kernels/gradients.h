@@ -7,8 +7,10 @@
 namespace pirt::opencl {
 
 /// Appends the launch that computes them as make_sobel defines.
+/// @param source  The .cl file with kernel `sobel` that the caller's other steps are of too.
 /// @param gx, gy  i16 [height,width].
-void append_gradients(PlanBuilder& builder, const vision::ImageOperation& operation,
-                      const DeviceTensor& image, const cl::Buffer& gx, const cl::Buffer& gy);
+void append_gradients(PlanBuilder& builder, std::string_view source,
+                      const vision::ImageOperation& operation, const DeviceTensor& image,
+                      const cl::Buffer& gx, const cl::Buffer& gy);
 
 }  // namespace pirt::opencl

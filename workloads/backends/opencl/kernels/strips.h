@@ -1,4 +1,4 @@
-// How a picture is cut into work items by the kernels of vision.cl that slide down strips.
+// How a picture is cut into work items by the kernels that slide down strips (strips.cl).
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
 // Stencils, convolutions and fully connected layers for devices with local memory of their own:
 // GPUs. What the items of a work group share is read once, into local memory. Definitions and
-// arguments as in vision.cl and dnn.cl, whose kernels do the same for CPUs; integer results are
+// arguments as in gaussian_blur.cl, filter7x7.cl, sobel.cl and dnn.cl, whose kernels do the same for CPUs; integer results are
 // exact.
 //
 // Groups have any number of items along x, one along y. Local memory comes as an argument, so that

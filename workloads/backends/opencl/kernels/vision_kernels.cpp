@@ -1,6 +1,5 @@
-// The vision workloads that the device computes entirely: arguments and extents of the kernels in
-// vision.cl, flow.cl, track.cl, background.cl and, where the device has local memory of its own,
-// tiles.cl.
+// The vision workloads that the device computes entirely: arguments and extents of their kernels,
+// each in a .cl file of its name and, where the device has local memory of its own, in tiles.cl.
 #include <array>
 #include <vector>
 
@@ -34,14 +33,14 @@ void append_gaussian_blur(PlanBuilder& builder, const Workload& workload, std::s
     return;
   }
   const Strips strips = strips_of(builder, Parameter::kBlurStripRows, op);
-  builder.step("vision.cl", "gaussian_blur", strips.extent, inputs[0], outputs[0], op.width,
+  builder.step("gaussian_blur.cl", "gaussian_blur", strips.extent, inputs[0], outputs[0], op.width,
                op.height, strips.rows);
 }
 
 void append_filter7x7(PlanBuilder& builder, const Workload& workload,
                       std::span<const Tensor> parameters, std::span<const DeviceTensor> inputs,
                       std::span<const DeviceTensor> outputs) {
-  static_assert(vision::Filter7x7::kSize == 7, "vision.cl has it as a constant");
+  static_assert(vision::Filter7x7::kSize == 7, "filter7x7.cl has it as a constant");
   const auto& op = operation_as<vision::Filter7x7>(workload);
   std::vector<float> weights;
   for (const std::int16_t weight : parameters[0].as<std::int16_t>()) {
@@ -55,14 +54,14 @@ void append_filter7x7(PlanBuilder& builder, const Workload& workload,
     return;
   }
   const Strips strips = strips_of(builder, Parameter::kFilterStripRows, op);
-  builder.step("vision.cl", "filter7x7", strips.extent, inputs[0], outputs[0], constant, op.width,
-               op.height, strips.rows);
+  builder.step("filter7x7.cl", "filter7x7", strips.extent, inputs[0], outputs[0], constant,
+               op.width, op.height, strips.rows);
 }
 
 void append_sobel(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
                   std::span<const DeviceTensor> inputs, std::span<const DeviceTensor> outputs) {
-  append_gradients(builder, operation_as<vision::Sobel>(workload), inputs[0], outputs[0].buffer,
-                   outputs[1].buffer);
+  append_gradients(builder, "sobel.cl", operation_as<vision::Sobel>(workload), inputs[0],
+                   outputs[0].buffer, outputs[1].buffer);
 }
 
 void append_optical_flow(PlanBuilder& builder, const Workload& workload, std::span<const Tensor>,
@@ -141,8 +140,9 @@ constexpr std::array kKernels = {
 
 }  // namespace
 
-void append_gradients(PlanBuilder& builder, const vision::ImageOperation& op,
-                      const DeviceTensor& image, const cl::Buffer& gx, const cl::Buffer& gy) {
+void append_gradients(PlanBuilder& builder, std::string_view source,
+                      const vision::ImageOperation& op, const DeviceTensor& image,
+                      const cl::Buffer& gx, const cl::Buffer& gy) {
   if (!builder.session().is_cpu) {
     const auto tiles = tiles_of(builder, "sobel_tile", Parameter::kSobelStripRows, 1, op);
     builder.step("tiles.cl", "sobel_tile", tiles.extent, image, gx, gy, op.width, op.height,
@@ -150,8 +150,7 @@ void append_gradients(PlanBuilder& builder, const vision::ImageOperation& op,
     return;
   }
   const Strips strips = strips_of(builder, Parameter::kSobelStripRows, op);
-  builder.step("vision.cl", "sobel", strips.extent, image, gx, gy, op.width, op.height,
-               strips.rows);
+  builder.step(source, "sobel", strips.extent, image, gx, gy, op.width, op.height, strips.rows);
 }
 
 std::span<const OpenclKernelEntry> vision_kernels() { return kKernels; }

@@ -54,7 +54,7 @@ std::span<const ParameterInfo> parameter_table() {
        .cpu = {4, kFilterAtOnce},
        .gpu = {4, kFilterAtOnce},
        .definition = "FILTER_ROWS",
-       .sources = {"vision.cl", "tiles.cl"}},
+       .sources = {"filter7x7.cl", "tiles.cl"}},
       {.parameter = Parameter::kFilterStripRows,
        .name = "filter_strip_rows",
        .meaning = "rows that a work item of filter7x7 slides down, a GPU's tile has",
