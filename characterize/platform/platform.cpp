@@ -44,6 +44,15 @@ std::optional<Role> role_from_string(std::string_view text) {
 
 std::vector<std::string> role_names() { return {kRoles.begin(), kRoles.end()}; }
 
+std::optional<std::size_t> Contexts::program_of(const std::string& workload) const {
+  std::size_t position = 0;
+  for (const auto& [name, workloads] : programs) {
+    if (std::ranges::find(workloads, workload) != workloads.end()) return position;
+    ++position;
+  }
+  return std::nullopt;
+}
+
 const UnitModel* Platform::find_unit(std::string_view unit) const {
   const auto it = std::ranges::find(units, unit, &UnitModel::name);
   return it == units.end() ? nullptr : &*it;

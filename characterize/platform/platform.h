@@ -47,10 +47,15 @@ enum class Role : std::uint8_t { kCpu, kGpu, kDsp, kFpga, kCloud, kOther };
 [[nodiscard]] std::optional<Role> role_from_string(std::string_view text);
 [[nodiscard]] std::vector<std::string> role_names();
 
-/// Of a unit that holds one program (a bitstream, a loaded module) at a time: a call of another
-/// workload than the last prepares it anew.
+/// Of a unit that holds one program (a bitstream, a loaded module) at a time: a call of another one
+/// than the last prepares it anew.
 struct Contexts {
   std::optional<Nanos> prepare;  ///< What that takes; absent = the profile's warm `prepare`.
+  /// Workloads of one program, by its name; each other one is a program of its own.
+  std::map<std::string, std::vector<std::string>> programs = {};
+
+  /// Which of `programs` has the workload; absent = one of its own.
+  [[nodiscard]] std::optional<std::size_t> program_of(const std::string& workload) const;
 };
 
 struct UnitModel {

@@ -135,9 +135,24 @@ void read_settings(const YamlNode& node, UnitModel& unit) {
   if (settings.size() > 0) unit.script = YAML::Dump(settings);
 }
 
+std::map<std::string, std::vector<std::string>> read_programs(const YamlNode& node) {
+  std::map<std::string, std::vector<std::string>> programs;
+  std::map<std::string, std::string> known;
+  for (const auto& name : node.keys()) {
+    for (const YamlNode& item : node.at(name).items()) {
+      const std::string workload = item.text();
+      const auto [first, added] = known.emplace(workload, name);
+      if (!added) item.fail(workload + " is in program " + first->second + " already");
+      programs[name].push_back(workload);
+    }
+  }
+  return programs;
+}
+
 void read_contexts(const YamlNode& node, UnitModel& unit) {
-  node.check_keys({"prepare_ms"});
+  node.check_keys({"prepare_ms", "programs"});
   unit.contexts.emplace();
+  if (node.has("programs")) unit.contexts->programs = read_programs(node.at("programs"));
   if (node.has("prepare_ms")) unit.contexts->prepare = node.at("prepare_ms").milliseconds(0);
   if (unit.servers != 1) {
     node.fail("a unit with contexts has one server, and this one has " +

@@ -218,7 +218,7 @@ void KernelUnit::set_up() {
   }
   // What is out of reach is prepared once it is not, at the first call.
   if (!setup_.prepare_first || !is_reachable()) return;
-  // The first one last, where one at a time is held.
+  // The first one last, where one program at a time is held.
   for (auto each = setup_.preparations.rbegin(); each != setup_.preparations.rend(); ++each) {
     if (stopping_) return;
     Prepared& made = prepare(*each);
@@ -226,9 +226,16 @@ void KernelUnit::set_up() {
   }
 }
 
+/// Whether the unit holds both at once.
+bool KernelUnit::go_together(const Workload& one, const Workload& other) const {
+  if (!setup_.contexts || &one == &other) return true;
+  const auto program = setup_.contexts->program_of(one.name);
+  return program && program == setup_.contexts->program_of(other.name);
+}
+
 KernelUnit::Prepared& KernelUnit::prepare(const Preparation& preparation) {
   const Workload& workload = *preparation.workload;
-  if (setup_.contexts) kernels_.clear();
+  std::erase_if(kernels_, [&](const auto& held) { return !go_together(*held.first, workload); });
   auto kernel = preparation.function ? std::make_unique<FunctionKernel>(preparation.function)
                                      : device_->prepare(workload, preparation.sample->parameters);
   return kernels_[&workload] = {.kernel = std::move(kernel)};
@@ -255,6 +262,12 @@ KernelUnit::Prepared& KernelUnit::prepared(const Workload& workload, CallEnd& en
   const Nanos begin = clock_.now();
   Prepared& made =
       prepare(*std::ranges::find(setup_.preparations, &workload, &Preparation::workload));
+  if (setup_.contexts) {
+    for (const Preparation& each : setup_.preparations) {
+      const bool is_held = kernels_.contains(each.workload);
+      if (!is_held && go_together(*each.workload, workload)) prepare(each);
+    }
+  }
   end.preparing = clock_.now() - begin;
   return made;
 }

@@ -17,6 +17,7 @@
 #include <thread>
 #include <vector>
 
+#include "characterize/platform/platform.h"
 #include "scheduler/mix/task.h"
 #include "workloads/model/function_kernel.h"
 #include "workloads/model/remote.h"
@@ -92,9 +93,9 @@ struct UnitSetup {
   const Backend* backend = nullptr;  ///< Null: only functions run there.
   std::vector<Preparation> preparations;
   bool prepare_first = true;  ///< All of them, before the first call.
-  /// It holds one kernel at a time: a call of another one than the last prepares it again. At first
-  /// it holds that of the first preparation.
-  bool contexts = false;
+  /// It holds one program at a time: a call of another one than the last prepares all of that again.
+  /// At first it holds that of the first preparation.
+  std::optional<Contexts> contexts = {};
   int priority = 0;  ///< Above 0: of real-time scheduling, first in first out.
   std::shared_ptr<const void> keeps =
       {};  ///< There as long as the unit: what its workloads are in.
@@ -162,6 +163,7 @@ class KernelUnit {
   void set_up();
   void wait_for_call(std::unique_lock<std::mutex>& lock);
   Call take_call();
+  [[nodiscard]] bool go_together(const Workload& one, const Workload& other) const;
   Prepared& prepare(const Preparation& preparation);
   void run_once(const Preparation& preparation, Prepared& prepared);
   Prepared& prepared(const Workload& workload, CallEnd& end);

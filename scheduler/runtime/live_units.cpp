@@ -46,7 +46,7 @@ std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation
                 .backend = model.measured() ? &find_backend(model.backend) : nullptr,
                 .preparations = std::move(preparations),
                 .prepare_first = options_.prepare_first,
-                .contexts = model.contexts.has_value(),
+                .contexts = model.contexts,
                 .priority = options_.priority,
                 .keeps = options_.keeps},
       [this, unit](Call& call, CallEnd end) { done_(unit, call, std::move(end)); });

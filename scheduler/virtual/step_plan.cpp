@@ -45,6 +45,12 @@ void add_transfer(const Platform& platform, UnitId unit, std::int64_t size_bytes
   steps.push_back({.time = link->second.latency, .scaled = link->second.latency.mean()});
 }
 
+/// Programs of several workloads come first, then each workload is its own.
+std::uint32_t context_of(const Contexts& contexts, WorkloadId workload, const std::string& name) {
+  const auto program = contexts.program_of(name);
+  return static_cast<std::uint32_t>(program ? *program : contexts.programs.size() + workload);
+}
+
 /// A call on a linked unit is: inputs over the link, the stages, outputs back. They travel at each
 /// call, wherever the predecessor ran.
 std::vector<TaskStep> plan_steps(const Scenario& scenario, const MixTask& task,
@@ -56,11 +62,14 @@ std::vector<TaskStep> plan_steps(const Scenario& scenario, const MixTask& task,
   if (!plan.edges.empty() || plan.state) steps.push_back({.time = {}, .for_data = true});
   if (moves_data) add_transfer(scenario.platform, unit, bytes.in, steps);
   if (service.prepare) {
-    steps.push_back({.servers = unit,
-                     .time = {.low = *service.prepare, .high = *service.prepare},
-                     .scaled = *service.prepare,
-                     .energy_scale = service.metered_j ? 0.0 : 1.0,
-                     .prepares = true});
+    TaskStep& load = steps.emplace_back();
+    load.servers = unit;
+    load.time = {.low = *service.prepare, .high = *service.prepare};
+    load.scaled = *service.prepare;
+    load.energy_scale = service.metered_j ? 0.0 : 1.0;
+    load.prepares = true;
+    load.context =
+        context_of(*scenario.platform.units[unit].contexts, plan.workload, task.workload);
   }
   for (const auto& stage : service.stages) {
     steps.push_back({.servers = stage.on.value_or(TaskStep::kDelay),

@@ -23,7 +23,8 @@ struct TaskStep {
   Nanos scaled{0};    ///< Of a constant.
   double scale = 1;
   double energy_scale = 0;  ///< Of its time before the scale, what draws the unit's active_w.
-  bool prepares = false;    ///< Of a unit with contexts: not where it holds the task's already.
+  bool prepares = false;    ///< Of a unit with contexts: not where it holds this one already.
+  std::uint32_t context = 0;  ///< Of one that prepares: which.
   bool for_data = false;    ///< A delay until the data of the predecessors is there.
 };
 

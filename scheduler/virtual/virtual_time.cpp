@@ -328,12 +328,12 @@ void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from) {
 }
 
 /// What the unit holds at first: the first of the mix that it may have to.
-std::optional<WorkloadId> VirtualTime::first_context(UnitId unit) const {
-  const auto prepares = [unit](const TaskPlan& plan) {
-    return std::ranges::any_of(plan.steps[unit], &TaskStep::prepares);
-  };
-  const auto first = std::ranges::find_if(plans_, prepares);
-  return first == plans_.end() ? std::nullopt : std::optional(first->workload);
+std::optional<std::uint32_t> VirtualTime::first_context(UnitId unit) const {
+  for (const TaskPlan& plan : plans_) {
+    const auto first = std::ranges::find_if(plan.steps[unit], &TaskStep::prepares);
+    if (first != plan.steps[unit].end()) return first->context;
+  }
+  return std::nullopt;
 }
 
 void VirtualTime::prepared(Job& job, Nanos at, Nanos takes) {
@@ -344,8 +344,7 @@ void VirtualTime::prepared(Job& job, Nanos at, Nanos takes) {
 
 void VirtualTime::begin_step(JobIndex job, const TaskStep& step) {
   if (step.prepares) {
-    const WorkloadId workload = workload_of(jobs_[job]);
-    if (std::exchange(contexts_[jobs_[job].unit], workload) == workload) {
+    if (std::exchange(contexts_[jobs_[job].unit], step.context) == step.context) {
       ++jobs_[job].step;
       return proceed(job);
     }

@@ -89,7 +89,7 @@ class VirtualTime {
   void send(UnitId unit, std::int64_t size_bytes, Nanos from);
   [[nodiscard]] const TaskStep& step_of(const Job& job) const;
   [[nodiscard]] WorkloadId workload_of(const Job& job) const;
-  [[nodiscard]] std::optional<WorkloadId> first_context(UnitId unit) const;
+  [[nodiscard]] std::optional<std::uint32_t> first_context(UnitId unit) const;
   void prepared(Job& job, Nanos at, Nanos takes);
   [[nodiscard]] Nanos draw(JobIndex job, const TaskStep& step) const;
   [[nodiscard]] double power_w(const Job& job, const TaskStep& step) const;
@@ -110,7 +110,7 @@ class VirtualTime {
   std::vector<std::uint64_t> seeds_;               ///< and likewise.
   std::vector<std::optional<UnitId>>
       state_units_;  ///< By state: where it is; absent = nowhere yet.
-  std::vector<std::optional<WorkloadId>> contexts_;  ///< By unit with contexts: which it holds.
+  std::vector<std::optional<std::uint32_t>> contexts_;  ///< By unit with contexts: which it holds.
   std::vector<Job> jobs_;
   std::vector<Timer> timers_;  ///< A heap, earliest first.
   std::uint64_t sequence_ = 0;

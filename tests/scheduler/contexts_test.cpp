@@ -51,6 +51,21 @@ TEST(Contexts, CallsOfOneDoNotPrepareAgain) {
   EXPECT_EQ(record.units[0].prepares, 0);
 }
 
+// Two of one program, then one of its own, then back: loaded twice.
+TEST(Contexts, WorkloadsOfOneProgramAreLoadedTogether) {
+  const RunRecord record = run(R"(
+platform: board
+units: {fpga: {contexts: {prepare_ms: 10, programs: {layers: [fc8, pool5]}}, active_w: 2}}
+workloads: {fc8: {fpga: [{on: fpga, ms: 30}]}, pool5: {fpga: [{on: fpga, ms: 5}]},
+            sobel: {fpga: [{on: fpga, ms: 1}]}}
+)",
+                               "[{name: a, workload: fc8}, {name: b, workload: pool5, after: [a]}, "
+                               "{name: c, workload: sobel, after: [b]}, "
+                               "{name: d, workload: pool5, after: [c]}]");
+  EXPECT_DOUBLE_EQ(record.makespan_s, 0.061);
+  EXPECT_EQ(record.units[0].prepares, 2);
+}
+
 TEST(Contexts, AreInTheRecordOnlyWhereAUnitHasThem) {
   const RunRecord with =
       run(kBoard, "[{name: a, workload: fc8}, {name: b, workload: pool5, after: [a]}]");
@@ -90,6 +105,9 @@ TEST(Contexts, NeedOneServerAndOneSlot) {
               AllOf(StartsWith("test.yaml:3: units.fpga.contexts"), HasSubstr("one server")));
   EXPECT_THAT(refused("{slots: 4, contexts: {}}"), HasSubstr("take `slots` out"));
   EXPECT_THAT(refused("{contexts: {prepare: 1}}"), HasSubstr("prepare_ms"));
+  EXPECT_THAT(refused("{contexts: {programs: {a: [fc8], b: [sobel, fc8]}}}"),
+              AllOf(StartsWith("test.yaml:3: units.fpga.contexts.programs.b"),
+                    HasSubstr("fc8 is in program a already")));
   EXPECT_EQ(platform_of("platform: p\nunits: {fpga: {contexts: {}}}\n").unit("fpga").slots, 1);
 }
 

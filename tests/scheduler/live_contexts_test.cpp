@@ -87,6 +87,30 @@ TEST(LiveContexts, TheSameCallsLoadAnotherOneAsInVirtualTime) {
   }
 }
 
+constexpr const char* kPrograms = "prepare_ms: 2, programs: {vision: [gaussian_blur, sobel]}";
+
+TEST(LiveContexts, WorkloadsOfOneProgramAreLoadedTogetherAsInVirtualTime) {
+  constexpr const char* kThree = R"(
+mix: m
+pipelines:
+  p:
+    closed_loop: {frames: 2}
+    tasks:
+      - {name: a, workload: gaussian_blur}
+      - {name: b, workload: sobel, after: [a]}
+      - {name: c, workload: fc8, after: [b]}
+)";
+  for (const std::string& board : {kPaced, kComputed}) {
+    std::string with = board + "  fc8: {fpga: [{on: fpga, ms: 1, name: execute}]}\n";
+    with.replace(with.find("prepare_ms: 2"), std::string("prepare_ms: 2").size(), kPrograms);
+    LiveOptions how;
+    const Outcomes lively = run(with, kThree, &how);
+    const Outcomes virtually = run(with, kThree, nullptr);
+    EXPECT_THAT(virtually.prepared, ElementsAre("fc8", "gaussian_blur", "fc8"));
+    EXPECT_EQ(virtually.prepared, lively.prepared);
+  }
+}
+
 // 3 ms and 1 ms, whether or not 2 ms of loading came before.
 TEST(LiveContexts, WhatACallTakesIsWithoutItsLoading) {
   const LiveOptions how;
