@@ -330,9 +330,9 @@ TEST(PlatformOverrides, WithAMisspeltMapAreRefused) {
 }
 
 TEST(ShippedPlatforms, AllLoadUnderTheirNames) {
-  EXPECT_THAT(shipped_platforms(),
-              ElementsAre("de1-soc", "fake", "host", "host-cloud", "host-cpu", "host-opencl",
-                          "snapdragon820", "snapdragon820-counted", "snapdragon820-section5"));
+  EXPECT_THAT(shipped_platforms(), ElementsAre("de1-soc", "fake", "host", "host-cloud", "host-cpu",
+                                               "host-opencl", "jetson-tx1", "snapdragon820",
+                                               "snapdragon820-counted", "snapdragon820-section5"));
   for (const auto& name : shipped_platforms()) {
     const auto platform = load_platform(name);
     EXPECT_EQ(platform.name, name);

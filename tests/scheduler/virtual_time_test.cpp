@@ -695,5 +695,20 @@ TEST(Schedule, MetersReplaceTheModelOfACall) {
   EXPECT_EQ(record.units[0].energy_provenance, std::vector<std::string>{"measured"});
 }
 
+TEST(VirtualTime, AnImageOnTheJetsonTakesWhatTableFourPrints) {
+  const Mix mix = mix_of(
+      "mix: m\npipelines: {p: {closed_loop: {frames: 10}, tasks: [{workload: alexnet}]}}\n");
+  for (const auto& [mode, ms, joules] :
+       {std::tuple("cpu-only", 400.0, 0.8), std::tuple("throughput", 33.0, 0.132)}) {
+    ScheduleOptions options;
+    options.mode = mode;
+    options.in_flight = 1;
+    if (mode == std::string("throughput")) options.weights = {{"gpu", 1}};
+    const RunRecord record = run_virtual(load_platform("jetson-tx1"), nullptr, mix, options);
+    EXPECT_NEAR(record.makespan_s, 10 * ms / 1e3, 1e-9) << mode;
+    EXPECT_NEAR(record.energy_j.value(), 10 * joules, 1e-9) << mode;
+  }
+}
+
 }  // namespace
 }  // namespace pirt::test
