@@ -7,6 +7,7 @@
 
 #include "reports/paper/local_tables.h"
 #include "reports/paper/scorecard.h"
+#include "reports/paper/table3.h"
 #include "reports/profile/environment_report.h"
 #include "reports/profile/preference.h"
 #include "reports/profile/profile_charts.h"
@@ -140,6 +141,12 @@ std::vector<const Profile*> profiles_of(const ReportInputs& inputs) {
   return profiles;
 }
 
+Table3 table3_of(const Machine& machine, const std::vector<Profile>& others) {
+  std::vector<const Profile*> profiles = {&machine.profile};
+  for (const Profile& other : others) profiles.push_back(&other);
+  return table3(profiles);
+}
+
 Evidence evidence_of(const Machine* machine, const Mix& mix, const PaperRuns& paper) {
   Evidence evidence{.cells = &paper.cells, .section5 = &paper.section5};
   if (machine == nullptr) return evidence;
@@ -271,7 +278,8 @@ Json brief_json(const Profile& profile, const ModeRuns& modes) {
   return json;
 }
 
-Document paper_document(const Machine* machine, const Mix& mix, const PaperRuns& paper) {
+Document paper_document(const Machine* machine, const std::vector<Profile>& others, const Mix& mix,
+                        const PaperRuns& paper) {
   Document document{.title = "pirt report --paper", .parts = {}};
   if (machine != nullptr) document.parts.emplace_back(profile_header(machine->profile));
   document.parts.emplace_back(scorecard_table(scorecard(evidence_of(machine, mix, paper))));
@@ -279,6 +287,9 @@ Document paper_document(const Machine* machine, const Mix& mix, const PaperRuns&
   document.parts.emplace_back(paper_table(paper.cells));
   document.parts.emplace_back(section5_table(paper.section5));
   if (machine == nullptr) return document;
+  for (Table& table : table3_tables(table3_of(*machine, others))) {
+    document.parts.emplace_back(std::move(table));
+  }
   document.parts.emplace_back(preference_table(preferences(machine->profile)));
   const auto platform = machine->platform ? &*machine->platform : nullptr;
   document.parts.emplace_back(cloud_table(inferences(machine->profile, platform)));
@@ -288,8 +299,10 @@ Document paper_document(const Machine* machine, const Mix& mix, const PaperRuns&
   return document;
 }
 
-Json paper_document_json(const Machine* machine, const Mix& mix, const PaperRuns& paper) {
+Json paper_document_json(const Machine* machine, const std::vector<Profile>& others, const Mix& mix,
+                         const PaperRuns& paper) {
   Json json = paper_json(paper.cells);
+  if (machine != nullptr) json["table3"] = table3_json(table3_of(*machine, others));
   json["section5"] = section5_json(paper.section5);
   json["scorecard"] = scorecard_json(scorecard(evidence_of(machine, mix, paper)));
   return json;

@@ -67,9 +67,10 @@ struct ReportInputs {
 
 /// Tables I, III, IV, V, the observations and Section V. @param machine  Null = what needs no
 /// measurement.
-[[nodiscard]] Document paper_document(const Machine* machine, const Mix& mix,
-                                      const PaperRuns& paper);
-[[nodiscard]] Json paper_document_json(const Machine* machine, const Mix& mix,
-                                       const PaperRuns& paper);
+/// @param others  Profiles of other boards, which with the machine's make Table III anew.
+[[nodiscard]] Document paper_document(const Machine* machine, const std::vector<Profile>& others,
+                                      const Mix& mix, const PaperRuns& paper);
+[[nodiscard]] Json paper_document_json(const Machine* machine, const std::vector<Profile>& others,
+                                       const Mix& mix, const PaperRuns& paper);
 
 }  // namespace pirt

@@ -2,16 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <string_view>
 
 namespace pirt {
 namespace {
 
-struct PaperPreference {
-  std::string_view workload, time, energy;
-};
-
-/// @source Paper, Table III.
 constexpr std::array<PaperPreference, 6> kTable3 = {{{"gaussian_blur", "CPU", "mGPU"},
                                                      {"convolution", "GPU", "GPU"},
                                                      {"sobel", "GPU", "DSP"},
@@ -51,6 +45,8 @@ Ranking rank_energy(const Profile& profile, const std::string& workload) {
 }
 
 }  // namespace
+
+std::span<const PaperPreference> paper_preferences() { return kTable3; }
 
 std::string Ranking::preferable() const {
   if (units.empty()) return "-";

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "characterize/profile/profile.h"
@@ -37,6 +39,13 @@ struct Preference {
   /// What the paper's Table III prefers, for its six vision workloads.
   std::optional<std::string> paper_time, paper_energy;
 };
+
+/// What the paper prefers for one of its vision workloads.
+struct PaperPreference {
+  std::string_view workload, time, energy;
+};
+/// @source Paper, Table III, in its order.
+[[nodiscard]] std::span<const PaperPreference> paper_preferences();
 
 /// In the profile's order of workloads.
 [[nodiscard]] std::vector<Preference> preferences(const Profile& profile);

@@ -107,6 +107,13 @@ Profile open_profile(const Options& options, const std::string& file, bool sampl
   return profile;
 }
 
+/// A board beside the machine, of its newest run: --platform names the machine's.
+Profile open_other(const std::string& file) {
+  Profile profile = ProfileReader(file).read();
+  profile.path = file;
+  return profile;
+}
+
 /// The platform that is given, or the profile's.
 /// @throws Error{kBadInput} if that is none that is shipped.
 Platform platform_for(const Options& options, const Profile& profile) {
@@ -237,19 +244,26 @@ int report_brief(const Options& options) {
 
 /// @return kExitCheckFailed if a cell of Table V is farther off than its limit.
 int report_paper(const Options& options) {
-  if (options.files.size() > 1) {
-    throw_bad_input("--paper takes one profile database, or none");
+  const Files files = sort_files(options.files);
+  if (!files.runs.empty() || !files.traces.empty()) {
+    throw_bad_input("--paper takes profile databases, not '" +
+                    (files.runs.empty() ? files.traces : files.runs).front() + "'");
   }
   const auto mix = load_mix(options.mix);
   std::optional<Machine> machine;
-  if (!options.files.empty()) {
-    machine = read_machine(options, options.files.front(), mix, false);
-    machine->table5 = table5_of(*machine);
+  std::vector<Profile> others;
+  for (const auto& file : files.databases) {
+    if (machine) {
+      others.push_back(open_other(file));
+    } else {
+      machine = read_machine(options, file, mix, false);
+      machine->table5 = table5_of(*machine);
+    }
   }
   const auto paper = run_paper();
   const Machine* evidence = machine ? &*machine : nullptr;
-  write(options, paper_document(evidence, mix, paper),
-        [&] { return paper_document_json(evidence, mix, paper); });
+  write(options, paper_document(evidence, others, mix, paper),
+        [&] { return paper_document_json(evidence, others, mix, paper); });
   return std::ranges::all_of(paper.cells, &PaperCell::holds) ? 0 : kExitCheckFailed;
 }
 
@@ -291,7 +305,9 @@ void add_report(CLI::App& app, Action& action) {
   command.add_flag(
       "--paper", options->paper,
       "Instead of all that: the Pi-RT paper's claims, one by one: confirmed, refuted or "
-      "not testable here; with a profile database also those about units");
+      "not testable here; with a profile database also those about units; with those of other "
+      "boards "
+      "behind it (dsp.db fpga.db) Table III over all of their units");
   command.add_flag("--setup", options->setup,
                    "Instead of the profile: offloading time by phase, cold and warm (ms), from how "
                    "many calls on one unit beats another, and a convolution beside the paper's "
