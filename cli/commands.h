@@ -10,6 +10,7 @@ void add_characterize(CLI::App& app, Action& action);
 void add_tune(CLI::App& app, Action& action);
 void add_doctor(CLI::App& app, Action& action);
 void add_schedule(CLI::App& app, Action& action);
+void add_what_if(CLI::App& app, Action& action);
 void add_report(CLI::App& app, Action& action);
 void add_regress(CLI::App& app, Action& action);
 void add_replay(CLI::App& app, Action& action);

@@ -22,6 +22,7 @@ constexpr AddCommand* kCommands[] = {
     add_tune,           //
     add_doctor,         //
     add_schedule,       //
+    add_what_if,        //
     add_report,         //
     add_regress,        //
     add_replay,         //

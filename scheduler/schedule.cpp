@@ -4,11 +4,14 @@
 #include <utility>
 
 #include "scheduler/bounds/bounds.h"
+#include "scheduler/budget/guarantees.h"
+#include "scheduler/budget/planning.h"
 #include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/policies/policy.h"
 #include "scheduler/policies/unit_order.h"
 #include "scheduler/record/summary.h"
 #include "scheduler/services/scenario.h"
+#include "scheduler/trace/power_peak.h"
 #include "scheduler/trace/trace_writer.h"
 #include "scheduler/virtual/virtual_time.h"
 #include "workloads/base/error.h"
@@ -64,6 +67,22 @@ void add_warnings(const Scenario& scenario, const Mode& mode, std::vector<std::s
   }
 }
 
+/// What mode budget guarantees of pipelines with a rate and a deadline.
+void add_guarantees(const Scenario& scenario, const BudgetPlan& plan, RunRecord& record) {
+  const auto guarantees = guarantees_of(scenario, plan);
+  for (std::size_t p = 0; p < guarantees.size(); ++p) {
+    const Guarantee& guarantee = guarantees[p];
+    PipelineResult& result = record.pipelines[p];
+    if (!guarantee.analysed && guarantee.not_analysed.empty()) continue;
+    if (!guarantee.analysed) {
+      result.not_analysed = guarantee.not_analysed;
+      continue;
+    }
+    result.guaranteed = guarantee.response && *guarantee.response <= *plan.pipelines[p].deadline;
+    if (guarantee.response) result.response_bound_ms = to_ms(*guarantee.response);
+  }
+}
+
 std::vector<PlanRow> planned_tasks(const Scenario& scenario, const MixPlan& plan) {
   std::vector<PlanRow> tasks;
   for (const auto& pipeline : scenario.mix.pipelines) {
@@ -85,6 +104,7 @@ RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& m
                   const ScheduleOptions& options, const Driver& driver, const std::string& time) {
   ModeSetup setup = set_up_mode(platform, profile, mix, options);
   const Mode& mode = setup.mode;
+  if (mode.policy.budgets) plan_budget(setup, options);
   const Scenario& scenario = setup.scenario;
   Dispatcher dispatcher(setup.slots, std::move(setup.policy));
   std::optional<TraceWriter> trace;
@@ -107,9 +127,16 @@ RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& m
   }
   record.time = time;
   record.mode = mode.policy.name;
+  if (mode.policy.budgets) {
+    record.objective = to_string(options.objective.value_or(Objective::kRate));
+    record.min_rate_per_ms = options.min_rate_per_ms;
+    record.power_cap_w = options.power_cap_w;
+    if (options.power_cap_w) record.over_cap = dispatcher.policy().over_cap();
+    if (!mix.fires_once()) add_guarantees(scenario, setup.policy_setup.budget, record);
+  }
   if (profile != nullptr) record.draw = to_string(options.draw);
   record.bounds = bounds_of(scenario, mode.policy.cloud_use, record);
-  if (mode.policy.planner != nullptr && mix.fires_once()) {
+  if (!setup.policy_setup.plan.entries.empty() && mix.fires_once()) {
     record.planned_makespan_s = to_s(setup.policy_setup.plan.makespan);
     record.plan = planned_tasks(scenario, setup.policy_setup.plan);
   }
@@ -128,11 +155,16 @@ RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& m
 
 RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mix& mix,
                       const ScheduleOptions& options) {
-  const auto driver = [](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter* trace) {
+  std::optional<PowerPeak> peak;
+  const auto driver = [&](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter* trace) {
     dispatcher.observe(trace);
-    return VirtualTime(scenario, dispatcher, trace).run();
+    if (options.power_cap_w || options.watch_power) peak.emplace(platform, trace);
+    RunObserver* const observer = peak ? static_cast<RunObserver*>(&*peak) : trace;
+    return VirtualTime(scenario, dispatcher, observer).run();
   };
-  return run_mix(platform, profile, mix, options, driver, "virtual");
+  RunRecord record = run_mix(platform, profile, mix, options, driver, "virtual");
+  if (peak) record.power_highest_w = peak->highest_w();
+  return record;
 }
 
 std::vector<std::string> reason_lines(const std::vector<ModeRuns::Skipped>& skipped) {
@@ -163,8 +195,16 @@ ModeRuns run_modes(const Platform& platform, const Profile* profile, const Mix& 
         "--overflow is about the queues of Algorithms 2 and 3; none of these modes has "
         "them, leave it out");
   }
+  const ScheduleOptions given = options;
+  const auto budgets = [](const std::string& name) { return find_policy(name).budgets; };
+  if (given.has_budget() && std::ranges::none_of(modes, budgets)) {
+    throw_bad_input(
+        "--objective, --min-rate and --power-cap are about mode budget, which is none of these; "
+        "leave them out");
+  }
   ModeRuns result;
   for (const auto& name : modes) {
+    options = budgets(name) ? given : given.without_budget();
     options.mode = name;
     options.overflow = overflows(name) ? overflow : std::nullopt;
     try {

@@ -59,4 +59,14 @@ double parse_fraction(const std::string& text) {
   throw_bad_input("'" + text + "' is not a fraction between 0 and 1; write e.g. 2% or 0.02");
 }
 
+double parse_watts(const std::string& text) {
+  constexpr double kMost = 1e6;
+  const auto [digits, unit] = split_unit(text);
+  if (const auto value = number(digits); value && (unit == "W" || unit == "mW" || unit.empty())) {
+    const double watts = unit == "mW" ? *value / 1e3 : *value;
+    if (watts > 0 && watts <= kMost) return watts;
+  }
+  throw_bad_input("'" + text + "' is not a power between 0 and 1e6 W; write e.g. 11W or 800mW");
+}
+
 }  // namespace pirt::cli

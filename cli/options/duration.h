@@ -1,4 +1,4 @@
-// Durations and percentages as they are typed on the command line.
+// Durations, percentages and watts as they are typed on the command line.
 #pragma once
 
 #include <string>
@@ -13,5 +13,9 @@ namespace pirt::cli {
 
 /// "2%" or "0.02" -> 0.02. @throws Error{kBadInput} unless within (0, 1].
 [[nodiscard]] double parse_fraction(const std::string& text);
+
+/// "11W", "800mW"; a bare number is watts. @throws Error{kBadInput} unless positive and at most 1
+/// MW.
+[[nodiscard]] double parse_watts(const std::string& text);
 
 }  // namespace pirt::cli

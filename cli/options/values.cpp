@@ -36,6 +36,10 @@ std::string no_fraction(const std::string& text) {
   return problem_in([&] { static_cast<void>(parse_fraction(text)); });
 }
 
+std::string no_watts(const std::string& text) {
+  return problem_in([&] { static_cast<void>(parse_watts(text)); });
+}
+
 std::string no_weights(const std::string& text) {
   return problem_in([&] { static_cast<void>(parse_weights(text)); });
 }

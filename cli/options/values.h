@@ -18,6 +18,7 @@ namespace pirt::cli {
 [[nodiscard]] std::string nothing_given(const std::string& text);
 [[nodiscard]] std::string no_duration(const std::string& text);
 [[nodiscard]] std::string no_fraction(const std::string& text);
+[[nodiscard]] std::string no_watts(const std::string& text);
 [[nodiscard]] std::string no_weights(const std::string& text);
 
 template <std::integral Number>

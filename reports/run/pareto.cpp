@@ -214,6 +214,71 @@ std::vector<Chart> pareto_charts(const std::vector<ModePoint>& points) {
   return {rate_chart(points), latency_chart(points)};
 }
 
+Document pareto_document(const ModeRuns& frontier) {
+  const auto points = mode_points(frontier.runs);
+  Document document{.title = "pirt schedule --pareto", .parts = {}};
+  if (points.empty()) return document;
+  const RunRecord& first = *points.front().run;
+  document.parts.emplace_back(
+      Paragraph{{fmt::format("Mix {} on platform {}, {} time, seed {}", first.mix, first.platform,
+                             first.time, first.seed)}});
+  Table table{.title = "What can be had",
+              .columns = {{"mode, goal", Align::kLeft},
+                          {"tasks/ms"},
+                          {"gap %"},
+                          {"mJ/task"},
+                          {"gap %"},
+                          {"p99 ms"},
+                          {"late"},
+                          {"beaten by", Align::kLeft}}};
+  for (const ModePoint& point : points) {
+    const RunBounds bounds = point.run->bounds.value_or(RunBounds{});
+    const RunMarks marks = marks_of(*point.run);
+    table.rows.push_back({goal_of(*point.run), shown(point.rate_per_ms, marks.time),
+                          gap_text(point.rate_per_ms, bounds.throughput_per_ms),
+                          shown(point.energy_mj, marks.energy),
+                          gap_text(point.run->energy_j, bounds.energy_j),
+                          shown(point.latency_ms, marks.time), fmt::format("{}", late(*point.run)),
+                          point.beaten_by == nullptr ? "nobody" : goal_of(*point.beaten_by)});
+  }
+  if (const auto most = most_rate(points)) {
+    table.footnotes.push_back(
+        fmt::format("No scheduler completes more than {} tasks a ms.", figure(*most)));
+  }
+  table.footnotes.emplace_back(
+      "gap = reached / bound - 1; energy: to the least for what was completed in the same time. "
+      "beaten by: as good in rate, energy and p99, and better in one.");
+  for (const auto& skipped : frontier.skipped) {
+    table.footnotes.push_back(fmt::format("Not run: {}: {}", skipped.mode, skipped.reason));
+  }
+  table.footnotes.emplace_back(provenance_legend());
+  document.parts.emplace_back(std::move(table));
+  return document;
+}
+
+Json pareto_json(const ModeRuns& frontier) {
+  const auto points = mode_points(frontier.runs);
+  auto json = Json::array();
+  for (const ModePoint& point : points) {
+    const RunRecord& run = *point.run;
+    Json each = {{"goal", goal_of(run)},
+                 {"mode", run.mode},
+                 {"rate_per_ms", point.rate_per_ms},
+                 {"energy_mj", point.energy_mj},
+                 {"p99_latency_ms", point.latency_ms},
+                 {"on_the_frontier", point.beaten_by == nullptr}};
+    if (point.beaten_by != nullptr) each["beaten_by"] = goal_of(*point.beaten_by);
+    if (run.in_flight) each["in_flight"] = *run.in_flight;
+    if (run.bounds && run.bounds->energy_j) {
+      each["least_energy_mj"] = *run.bounds->energy_j * 1e3 / static_cast<double>(run.completed);
+    }
+    json.push_back(std::move(each));
+  }
+  Json result = {{"schema_version", 1}, {"points", json}};
+  if (const auto most = most_rate(points)) result["bounds"] = {{"throughput_per_ms", *most}};
+  return result;
+}
+
 Json pareto_json(const std::vector<ModePoint>& points) {
   auto json = Json::array();
   for (const ModePoint& point : points) {

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "reports/document/chart.h"
+#include "reports/document/document.h"
+#include "scheduler/frontier.h"
 #include "scheduler/record/run_record.h"
 #include "workloads/base/text/json.h"
 
@@ -33,6 +35,10 @@ inline constexpr double kKeepsUp = 0.9;
 /// Rate over energy, with both bounds; latency over energy, with that of energy. Each with the
 /// front of its two figures as a line.
 [[nodiscard]] std::vector<Chart> pareto_charts(const std::vector<ModePoint>& points);
+
+/// What can be had at best, beside other modes, with the bounds on it.
+[[nodiscard]] Document pareto_document(const ModeRuns& frontier);
+[[nodiscard]] Json pareto_json(const ModeRuns& frontier);
 
 /// [{"mode", "rate_per_ms", "energy_mj", "p99_latency_ms", "beaten_by"}]
 [[nodiscard]] Json pareto_json(const std::vector<ModePoint>& points);

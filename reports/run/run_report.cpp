@@ -95,6 +95,20 @@ Paragraph totals(const RunRecord& run) {
     paragraph.lines.push_back("all as of the end of the duration; what was unfinished then takes " +
                               shown(run.drain_s, marks.time) + " s more");
   }
+  if (run.objective) {
+    std::string line = "objective " + *run.objective;
+    if (run.min_rate_per_ms) {
+      line += fmt::format(", at least {} tasks/ms", figure(*run.min_rate_per_ms));
+    }
+    if (run.power_cap_w) {
+      line += fmt::format(", power cap {} W: {} tasks with a deadline went beyond it",
+                          figure(*run.power_cap_w), run.over_cap.value_or(0));
+    }
+    if (run.power_highest_w) {
+      line += "; the fullest second drew " + shown(run.power_highest_w, marks.energy) + " W";
+    }
+    paragraph.lines.push_back(line);
+  }
   if (run.planned_makespan_s) {
     paragraph.lines.push_back("planned makespan " + shown(run.planned_makespan_s, marks.time) +
                               " s");
@@ -163,6 +177,16 @@ Table units_table(const RunRecord& run) {
   return table;
 }
 
+/// "yes, 4.5 ms", "no, 7.1 ms", "not analysed (served on another's cores: gpu)".
+std::string guarantee_text(const PipelineResult& pipeline, Origin time) {
+  if (pipeline.not_analysed) return "not analysed (" + *pipeline.not_analysed + ")";
+  if (!pipeline.guaranteed) return "-";
+  const std::string bound = pipeline.response_bound_ms
+                                ? "at most " + shown(pipeline.response_bound_ms, time) + " ms"
+                                : "no limit found";
+  return (*pipeline.guaranteed ? "yes, " : "no, ") + bound;
+}
+
 Table pipelines_table(const RunRecord& run) {
   const RunMarks marks = marks_of(run);
   Table table{.title = "Pipelines",
@@ -186,11 +210,17 @@ Table pipelines_table(const RunRecord& run) {
          shown(pipeline.p99_ms, marks.time),
          pipeline.deadline_ms ? figure(*pipeline.deadline_ms) : "-",
          pipeline.deadline_misses ? fmt::format("{}", *pipeline.deadline_misses) : "-"});
+    if (run.objective) table.rows.back().push_back(guarantee_text(pipeline, marks.time));
   }
-  table.footnotes = {
+  if (run.objective) {
+    table.columns.push_back({"guaranteed", Align::kLeft});
+    table.footnotes.emplace_back(
+        "guaranteed: what a firing takes at most if no call takes longer than the plan's worst.");
+  }
+  table.footnotes.emplace_back(
       "Firings, not tasks; ms: firing to the completion of its last task. misses: completed late, "
       "or "
-      "unfinished past the deadline."};
+      "unfinished past the deadline.");
   return table;
 }
 

@@ -14,18 +14,21 @@ namespace {
 
 using Terms = LinearProgram::Terms;
 
-/// The least that a call can cost: drawn times at their lowest.
-UnitWork unit_work(const Scenario& run, const MixTask& task, WorkloadId workload, UnitId unit) {
+/// What a call costs, drawn times at their lowest or their mean.
+UnitWork unit_work(const Scenario& run, const MixTask& task, WorkloadId workload, UnitId unit,
+                   TimesTaken taken) {
+  const auto time_of = [taken](const ServiceStage& stage) {
+    return taken == TimesTaken::kLeast ? stage.time.low : stage.time.mean();
+  };
   const Service& service = *run.services.find(workload, unit);
   UnitWork work{.unit = unit, .server_ms = std::vector<double>(run.platform.units.size(), 0.0)};
   for (const ServiceStage& stage : service.stages) {
-    const double ms = to_ms(stage.time.low) * stage.scale;
+    const double ms = to_ms(time_of(stage)) * stage.scale;
     work.total_ms += ms;
     if (!stage.on) continue;
     work.server_ms[*stage.on] += ms;
   }
-  work.energy_j = call_energy_j(run.platform, service,
-                                [](const ServiceStage& stage) { return stage.time.low; });
+  work.energy_j = call_energy_j(run.platform, service, time_of);
   if (const Link* link = link_of(run.platform, unit)) {
     const CallBytes bytes = call_bytes(task);
     const Nanos sending = sending_time(*link, bytes.in) + sending_time(*link, bytes.out);
@@ -201,7 +204,7 @@ void add_completeness(const std::vector<Group>& groups, LinearProgram& program) 
 
 }  // namespace
 
-Work work_of(const Scenario& run, CloudUse cloud_use) {
+Work work_of(const Scenario& run, CloudUse cloud_use, TimesTaken taken) {
   Work work;
   for (const UnitModel& unit : run.platform.units) {
     work.units.push_back({static_cast<double>(unit.servers), unit.slots});
@@ -226,7 +229,7 @@ Work work_of(const Scenario& run, CloudUse cloud_use) {
       const UnitMask eligible = may_leave || here == 0 ? kind.eligible : here;
       for (UnitId unit = 0; unit < run.platform.units.size(); ++unit) {
         if (!contains(eligible, unit)) continue;
-        task.units.push_back(unit_work(run, pipeline.tasks[t], kind.workload, unit));
+        task.units.push_back(unit_work(run, pipeline.tasks[t], kind.workload, unit, taken));
       }
     }
   }

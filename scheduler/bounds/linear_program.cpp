@@ -48,7 +48,7 @@ std::vector<unsigned char> LinearProgram::first_basis() const {
   return statuses;
 }
 
-std::optional<double> LinearProgram::minimum() const {
+std::optional<LinearProgram::Solution> LinearProgram::solve() const {
   const std::unique_ptr<Clp_Simplex, DeleteModel> model(Clp_newModel());
   Clp_setLogLevel(model.get(), kQuiet);
   Clp_setPrimalTolerance(model.get(), kTolerance);
@@ -80,7 +80,9 @@ std::optional<double> LinearProgram::minimum() const {
   constexpr int kNoValuesPass = 0;
   Clp_primal(model.get(), kNoValuesPass);
   if (Clp_status(model.get()) != kOptimal) return std::nullopt;
-  return Clp_objectiveValue(model.get());
+  const double* values = Clp_getColSolution(model.get());
+  return Solution{.minimum = Clp_objectiveValue(model.get()),
+                  .values = std::vector<double>(values, values + costs_.size())};
 }
 
 }  // namespace pirt

@@ -20,8 +20,16 @@ class LinearProgram {
   /// saves the search for it.
   void add_row(Terms terms, double low, double high, std::optional<int> guess = std::nullopt);
 
+  struct Solution {
+    double minimum = 0;
+    std::vector<double> values;  ///< By variable.
+  };
   /// Absent if there is no solution or no finite one. Rows hold within 1e-9 of their scale.
-  [[nodiscard]] std::optional<double> minimum() const;
+  [[nodiscard]] std::optional<Solution> solve() const;
+  [[nodiscard]] std::optional<double> minimum() const {
+    const auto solution = solve();
+    return solution ? std::optional(solution->minimum) : std::nullopt;
+  }
 
  private:
   struct Row {

@@ -147,6 +147,7 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
     expire(Expire::kBeforeNow, out);
     --units_[unit].running;
     --load_[unit];
+    policy_->left(waiting_.class_at(slot).kind, unit, now_);
     if (state == TaskState::kRunning && outcome == Outcome::kCompleted) {
       ++counts_.completed;
       released_.clear();
@@ -306,7 +307,10 @@ void Dispatcher::settle(Effects& out) {
     if (!waiting_.despairs()) break;
     fail_hopeless(out);  // Others may hold their states now, or have nothing to read.
   }
+  if (ask_again_ <= now_) waiting_.forget_refusals();
   waiting_.place_held([this](TaskSlot slot) { return place(slot); });
+  ask_again_ = waiting_.holds_any() ? policy_->ask_again() : Nanos::max();
+  if (ask_again_ <= now_) ask_again_ = Nanos::max();
   start_all(out);
   expiries_.tidy();
 }
@@ -407,6 +411,7 @@ void Dispatcher::unlink(TaskSlot slot) {
     case TaskState::kQueued:
       units_[record.unit].queue.erase(tasks_, slot);
       --load_[record.unit];
+      policy_->left(waiting_.class_at(slot).kind, record.unit, now_);
       break;
     case TaskState::kNew:
     case TaskState::kWaiting:

@@ -9,6 +9,7 @@
 // input.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <span>
@@ -84,15 +85,16 @@ class Dispatcher {
   /// A unit that is not up hands what waits in its queue to others. What only units that are gone
   /// could take fails, from now on when it could start. Refused: no such unit.
   bool set_unit(UnitId unit, UnitState state, Nanos now, Effects& out);
-  /// Expires what should have started by @p now. Call it after the completions of that time: a task
-  /// may start at its last moment.
+  /// Expires what should have started by @p now, and asks the policy again where it wanted to be.
+  /// Call it after the completions of that time: a task may start at its last moment.
   void wake(Nanos now, Effects& out);
   /// @param observer  Null = none (the default); must outlive what follows.
   void observe(DispatcherObserver* observer) { observer_ = observer; }
   /// When to call wake next; Nanos::max() = never.
-  [[nodiscard]] Nanos next_wake() const { return expiries_.next(); }
+  [[nodiscard]] Nanos next_wake() const { return std::min(expiries_.next(), ask_again_); }
 
   [[nodiscard]] const TaskCounts& counts() const { return counts_; }
+  [[nodiscard]] const Policy& policy() const { return *policy_; }
   /// Inputs that were refused.
   [[nodiscard]] std::int64_t refused() const { return refused_; }
   /// Q of the paper: tasks queued and running on the unit.
@@ -157,6 +159,7 @@ class Dispatcher {
   std::vector<TaskSlot> released_;  ///< Of complete.
   TaskCounts counts_;
   std::int64_t refused_ = 0;
+  Nanos ask_again_ = Nanos::max();  ///< The policy's wish, while something is held.
   Nanos now_ = Nanos::min();
 };
 

@@ -1,5 +1,7 @@
 #include "scheduler/mix/mix.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <map>
 #include <set>
@@ -316,14 +318,33 @@ void resolve_state(const YamlNode& node, const std::string& pipeline, MixTask& t
   }
 }
 
+/// When firings come, beside the rate.
+void read_arrivals(const YamlNode& node, Pipeline& pipeline) {
+  for (const char* key : {"offset_ms", "jitter_ms"}) {
+    if (node.has(key) && !pipeline.rate_hz) {
+      node.at(key).fail("is about pipelines with a rate_hz; leave it out");
+    }
+  }
+  if (node.has("offset_ms")) pipeline.offset = node.at("offset_ms").milliseconds(0);
+  if (!node.has("jitter_ms")) return;
+  pipeline.jitter = node.at("jitter_ms").milliseconds(0);
+  // Firings stay in their order.
+  if (to_s(pipeline.jitter) * *pipeline.rate_hz > 1) {
+    node.at("jitter_ms")
+        .fail(fmt::format("must not be above the {:g} ms between two firings",
+                          1e3 / *pipeline.rate_hz));
+  }
+}
+
 Pipeline read_pipeline(const YamlNode& node, const std::string& name, Mix& mix) {
-  node.check_keys(
-      {"rate_hz", "closed_loop", "deadline_ms", "expires_ms", "real_time", "eligible", "tasks"});
+  node.check_keys({"rate_hz", "offset_ms", "jitter_ms", "closed_loop", "deadline_ms", "expires_ms",
+                   "real_time", "eligible", "tasks"});
   Pipeline pipeline;
   pipeline.name = checked_name(node, name);
   if (node.has("rate_hz") == node.has("closed_loop"))
     node.fail("needs one of rate_hz and closed_loop");
   if (node.has("rate_hz")) pipeline.rate_hz = node.at("rate_hz").number(kMinRate, kMaxRate);
+  read_arrivals(node, pipeline);
   if (node.has("closed_loop")) {
     const auto loop = node.at("closed_loop");
     loop.check_keys({"frames"});

@@ -53,9 +53,11 @@ struct MixTask {
 
 struct Pipeline {
   std::string name;
-  std::optional<double> rate_hz;  ///< Open loop: fires at 0, 1/rate, 2/rate, ...
+  std::optional<double> rate_hz;  ///< Open loop: fires at offset, offset + 1/rate, ...
   std::optional<std::int64_t>
       frames;  ///< Closed loop: fires so often, a new one at each end. One of the two is given.
+  Nanos offset{0};  ///< Of the first firing, with a rate.
+  Nanos jitter{0};  ///< With a rate: each firing comes by up to so much later, drawn by the seed.
   std::optional<Nanos> deadline;  ///< Of a firing's last task, from the firing on.
   std::optional<Nanos>
       expires;  ///< A task not started so long after its firing is given up, with its successors.

@@ -45,11 +45,14 @@ class AdvancedPolicy final : public Policy {
   }
 
   const std::vector<UnitId>& order() const override { return basic_->order(); }
-  Nanos rank(const Task& task) const override { return basic_->rank(task); }
+  Nanos rank(const Task& task) override { return basic_->rank(task); }
   void took(const TaskClass& task, UnitId unit, const UnitsView& units) override {
     basic_->took(task, unit, units);
   }
   void gone(const TaskClass& task) override { basic_->gone(task); }
+  void left(const TaskClass& task, UnitId unit, Nanos now) override {
+    basic_->left(task, unit, now);
+  }
 
  private:
   bool offloads(const TaskClass& task) const {

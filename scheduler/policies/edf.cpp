@@ -27,7 +27,7 @@ class EdfPolicy final : public Baseline {
     estimate_.add(task, unit, units);
   }
 
-  Nanos rank(const Task& task) const override { return task.deadline.value_or(Nanos::max()); }
+  Nanos rank(const Task& task) override { return task.deadline.value_or(Nanos::max()); }
 
  private:
   CompletionEstimate estimate_;

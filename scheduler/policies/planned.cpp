@@ -42,10 +42,14 @@ class PlannedPolicy final : public Policy {
 
 }  // namespace
 
+std::unique_ptr<Policy> make_planned_policy(const PolicySetup& setup) {
+  return std::make_unique<PlannedPolicy>(setup);
+}
+
 PolicyInfo planned_policy(const PlannerInfo& planner) {
   return {.name = planner.name,
           .description = planner.description,
-          .make = make_policy<PlannedPolicy>,
+          .make = make_planned_policy,
           .cloud_use = CloudUse::kAll,
           .planner = planner.plan};
 }

@@ -13,6 +13,8 @@ namespace policy {
 #undef PIRT_POLICY
 }  // namespace policy
 
+/// Follows the static plan of its setup.
+[[nodiscard]] std::unique_ptr<Policy> make_planned_policy(const PolicySetup& setup);
 /// Follows the plan that the planner makes before the run.
 [[nodiscard]] PolicyInfo planned_policy(const PlannerInfo& planner);
 

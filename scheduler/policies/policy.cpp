@@ -19,7 +19,9 @@ std::vector<PolicyInfo> all_policies() {
   return all;
 }
 
-bool is_basic(const PolicyInfo& info) { return !info.has_basic() && info.planner == nullptr; }
+bool is_basic(const PolicyInfo& info) {
+  return !info.has_basic() && info.planner == nullptr && !info.budgets;
+}
 
 }  // namespace
 

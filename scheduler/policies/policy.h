@@ -13,6 +13,7 @@
 
 #include "characterize/platform/platform.h"
 #include "scheduler/mix/task.h"
+#include "scheduler/planner/budget_plan.h"
 #include "scheduler/planner/mix_plan.h"
 #include "scheduler/planner/planner.h"
 #include "scheduler/services/eligibility.h"
@@ -52,8 +53,9 @@ class Policy {
   [[nodiscard]] virtual UnitMask takers(const TaskClass& task, UnitMask up) const = 0;
   /// The order in which idle units are asked when several could take a task.
   [[nodiscard]] virtual const std::vector<UnitId>& order() const = 0;
-  /// Queues are served by rising rank, then in the order in which tasks became ready.
-  [[nodiscard]] virtual Nanos rank(const Task& task) const {
+  /// Queues are served by rising rank, then in the order in which tasks became ready. Asked once
+  /// for each task, when it is submitted.
+  [[nodiscard]] virtual Nanos rank(const Task& task) {
     static_cast<void>(task);
     return Nanos::zero();
   }
@@ -65,6 +67,17 @@ class Policy {
   }
   /// A task of the class was dropped or expired before it was placed.
   virtual void gone(const TaskClass& task) { static_cast<void>(task); }
+  /// A task of the class counts no more in the load of the unit that it was given to.
+  virtual void left(const TaskClass& task, UnitId unit, Nanos now) {
+    static_cast<void>(task);
+    static_cast<void>(unit);
+    static_cast<void>(now);
+  }
+  /// When what it holds is worth asking for again though nothing happens until then; what is past
+  /// stands for never.
+  [[nodiscard]] virtual Nanos ask_again() const { return Nanos::max(); }
+  /// Tasks that it placed although a cap of power spoke against it.
+  [[nodiscard]] virtual std::int64_t over_cap() const { return 0; }
 };
 
 struct PolicyInfo;
@@ -75,7 +88,8 @@ struct PolicySetup {
   std::vector<Role> roles;   ///< By unit.
   std::vector<int> servers;  ///< By unit, >= 1.
   CostTable costs;
-  MixPlan plan;  ///< Of modes that have a planner; otherwise empty.
+  MixPlan plan;       ///< Of modes that follow a static plan; otherwise empty.
+  BudgetPlan budget;  ///< Of mode budget; otherwise empty.
   WeightTable weights;
   /// Algorithms 2 and 3: take the printed `else` instead of holding.
   bool literal_overflow = false;
@@ -101,6 +115,7 @@ struct PolicyInfo {
   CloudUse cloud_use = CloudUse::kNone;
   std::optional<Role> needs_role = {};  ///< Of some unit of the platform.
   Planner planner = nullptr;            ///< What makes its plan; null = it has none.
+  bool budgets = false;                 ///< It follows a BudgetPlan.
 
   /// Whether it falls back to a basic policy, as advanced does.
   [[nodiscard]] bool has_basic() const { return rule == WeightRule::kOfBasic; }

@@ -1,8 +1,10 @@
 #include "scheduler/policies/setup.h"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
+#include "scheduler/planner/budget_plan.h"
 #include "scheduler/planner/mix_plan.h"
 #include "scheduler/policies/unit_order.h"
 #include "scheduler/policies/weights.h"
@@ -136,31 +138,79 @@ void check_every_task_placeable(const Scenario& scenario, const Policy& policy, 
   }
 }
 
-/// Plans the mix if the mode does, and gives each task its entry in the plan.
-MixPlan make_plan(const Mode& mode, Scenario& scenario) {
-  if (mode.policy.planner == nullptr) return {};
+/// Each task's place in a plan.
+void number_entries(Scenario& scenario) {
   std::uint32_t entry = 0;
   for (auto& pipeline : scenario.classes) {
     for (auto& kind : pipeline) kind.entry = entry++;
   }
-  return plan_mix(scenario, mode.policy.planner);
 }
 
+/// What the mode plans before a run: what a planner does, or the beginning of a budget.
+void make_plan(const Mode& mode, Scenario& scenario, const Profile* profile,
+               ServiceOptions service_options, const ScheduleOptions& options, PolicySetup& setup) {
+  if (mode.policy.planner == nullptr && !mode.policy.budgets) return;
+  number_entries(scenario);
+  if (mode.policy.planner != nullptr) {
+    setup.plan = plan_mix(scenario, mode.policy.planner);
+    return;
+  }
+  if (service_options.draw == Draw::kMedian) service_options.draw = Draw::kP95;
+  service_options.given = given_services(scenario.platform, scenario.mix);
+  const ServiceTable upper =
+      resolve_services(scenario.platform, profile, scenario.services.workloads, service_options);
+  setup.budget = first_budget_plan(scenario, upper, options.power_cap_w);
+}
+
+void check_budget(const Platform& platform, const ScheduleOptions& options, const Mode& mode) {
+  if (!mode.policy.budgets && options.has_budget()) {
+    throw_bad_input("--objective, --min-rate and --power-cap are about mode budget; mode " +
+                    std::string(mode.policy.name) + " has no use for them, leave them out");
+  }
+  if (!options.power_cap_w || above_idle_j(platform, *options.power_cap_w) >= 0) return;
+  throw_bad_input(infeasible_cap(platform, *options.power_cap_w));
+}
+
+constexpr std::array<std::string_view, 3> kObjectives = {"rate", "energy", "latency"};
+
 }  // namespace
+
+std::vector<std::string> objective_names() { return {kObjectives.begin(), kObjectives.end()}; }
+
+std::string_view to_string(Objective objective) {
+  return kObjectives[static_cast<std::size_t>(objective)];
+}
+
+ScheduleOptions ScheduleOptions::without_budget() const {
+  ScheduleOptions others = *this;
+  others.objective.reset();
+  others.min_rate_per_ms.reset();
+  others.power_cap_w.reset();
+  return others;
+}
+
+Objective find_objective(const std::string& name) {
+  const auto found = std::ranges::find(kObjectives, name);
+  if (found == kObjectives.end()) {
+    throw_bad_input("unknown --objective '" + name + "'" + suggestion(name, objective_names()));
+  }
+  return static_cast<Objective>(found - kObjectives.begin());
+}
 
 ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mix& mix,
                       const ScheduleOptions& options) {
   const Mode mode = find_mode(options.mode, options.basic);
   check_options(platform, mix, options, mode);
+  check_budget(platform, options, mode);
   const Defaults defaults = defaults_of(platform, mode);
   check_role(platform, mode.policy);
   check_role(platform, mode.weighed());
   ServiceOptions service_options;
+  service_options.without = options.without;
   service_options.allow_invalid = options.allow_invalid;
   service_options.draw = options.draw;
   if (defaults.mode != nullptr) service_options.stage_scale = defaults.mode->stage_scale;
-  Scenario scenario =
-      make_scenario(platform, profile, mix, std::move(service_options), mode.policy.cloud_use);
+  Scenario scenario = make_scenario(platform, profile, mix, service_options, mode.policy.cloud_use);
   scenario.in_flight = choose_in_flight(scenario, options, defaults);
   scenario.duration = options.duration.value_or(kDefaultDuration);
   scenario.seed = options.seed;
@@ -170,7 +220,7 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
   setup.roles = roles_of(platform);
   for (const auto& unit : platform.units) setup.servers.push_back(unit.servers);
   setup.costs = call_costs(platform, scenario.services);
-  setup.plan = make_plan(mode, scenario);
+  make_plan(mode, scenario, profile, std::move(service_options), options, setup);
   ChosenWeights weights = choose_weights(scenario, options, mode, defaults);
   setup.weights = std::move(weights.table);
   setup.literal_overflow = options.overflow == Overflow::kLiteral;

@@ -28,6 +28,17 @@ enum class Overflow : std::uint8_t {
   kLiteral,  ///< As printed: the `else`.
 };
 
+/// What mode budget is for once deadlines are met; the others follow.
+enum class Objective : std::uint8_t {
+  kRate,     ///< Most tasks a millisecond, then least energy.
+  kEnergy,   ///< Least energy, then most tasks.
+  kLatency,  ///< Least latency, then most tasks.
+};
+[[nodiscard]] std::vector<std::string> objective_names();
+[[nodiscard]] std::string_view to_string(Objective objective);
+/// @throws Error{kBadInput} with the nearest name.
+[[nodiscard]] Objective find_objective(const std::string& name);
+
 struct ScheduleOptions {
   std::string mode;                  ///< A name of policies().
   std::string basic = "throughput";  ///< Fallback of mode advanced.
@@ -36,12 +47,22 @@ struct ScheduleOptions {
   std::optional<int> in_flight;  ///< Frames in flight of closed loops; absent = the platform's,
                                  ///< else what keeps the units busy.
   std::optional<Overflow> overflow;  ///< Absent = hold.
+  std::vector<std::string> without;  ///< Units that serve nothing; they draw idle power.
   bool allow_invalid = false;        ///< Use profile rows that are not valid.
   Draw draw = Draw::kMedian;         ///< What a profile's rows take.
   std::optional<Nanos> duration;     ///< Of open loops; absent = kDefaultDuration.
+  // Of mode budget.
+  std::optional<Objective> objective;     ///< Absent = rate.
+  std::optional<double> min_rate_per_ms;  ///< Of completed tasks, whatever the objective.
+  std::optional<double> power_cap_w;      ///< In any second; see policies/power_window.h.
+  bool watch_power = false;  ///< RunRecord::power_highest_w without a cap, too; in virtual time.
   std::uint64_t seed = 1;
   std::optional<Faults> faults;      ///< Calls that do not complete; absent = none.
   std::optional<std::string> trace;  ///< Path; see trace/trace_writer.h.
+
+  /// Whether something is wanted that only mode budget gives.
+  [[nodiscard]] bool has_budget() const { return objective || min_rate_per_ms || power_cap_w; }
+  [[nodiscard]] ScheduleOptions without_budget() const;
 };
 
 /// What makes a dispatcher, and what it was made from.

@@ -78,6 +78,9 @@ void visit_pipeline(Visitor& visitor, Pipeline& pipeline) {
   visitor.field("p99_ms", pipeline.p99_ms);
   visitor.field("deadline_ms", pipeline.deadline_ms);
   visitor.field("deadline_misses", pipeline.deadline_misses);
+  visitor.field("response_bound_ms", pipeline.response_bound_ms);
+  visitor.field("guaranteed", pipeline.guaranteed);
+  visitor.field("not_analysed", pipeline.not_analysed);
 }
 
 template <typename Visitor, typename Call>
@@ -122,6 +125,11 @@ void visit_record(Visitor& visitor, Record& record) {
   visitor.field("seed", record.seed);
   visitor.field("duration_s", record.duration_s);
   visitor.field("in_flight", record.in_flight);
+  visitor.field("objective", record.objective);
+  visitor.field("min_rate_per_ms", record.min_rate_per_ms);
+  visitor.field("power_cap_w", record.power_cap_w);
+  visitor.field("over_cap", record.over_cap);
+  visitor.field("power_highest_w", record.power_highest_w);
   visitor.field("planned_makespan_s", record.planned_makespan_s);
   visitor.field("makespan_s", record.makespan_s);
   visitor.field("drain_s", record.drain_s);

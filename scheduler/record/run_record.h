@@ -56,6 +56,11 @@ struct PipelineResult {
   std::optional<double> deadline_ms;
   /// Completed late, or unfinished when the deadline had passed. Absent without a deadline.
   std::optional<std::int64_t> deadline_misses;
+  // Of mode budget: what a firing takes at most, if no call takes longer than the plan's worst, and
+  // whether that is no longer than the deadline; or why nothing is said.
+  std::optional<double> response_bound_ms;
+  std::optional<bool> guaranteed;
+  std::optional<std::string> not_analysed;
   friend bool operator==(const PipelineResult&, const PipelineResult&) = default;
 };
 
@@ -108,6 +113,13 @@ struct RunRecord {
   std::uint64_t seed = 1;
   std::optional<double> duration_s;  ///< Open loops only.
   std::optional<int> in_flight;      ///< Closed loops only.
+
+  // Of mode budget.
+  std::optional<std::string> objective;   ///< "rate", "energy", "latency".
+  std::optional<double> min_rate_per_ms;  ///< That was wanted.
+  std::optional<double> power_cap_w;      ///< In any second.
+  std::optional<std::int64_t> over_cap;   ///< Tasks with a deadline that were begun beyond it.
+  std::optional<double> power_highest_w;  ///< Of any second, with a cap, in virtual time.
 
   // Of static plans of a mix that fires once.
   std::optional<double> planned_makespan_s;

@@ -9,6 +9,7 @@ bool draws_times(const Platform& platform, const Mix& mix) {
     return stage.time.kind != Distribution::Kind::kConstant;
   };
   for (const Pipeline& pipeline : mix.pipelines) {
+    if (pipeline.jitter > Nanos::zero()) return true;
     for (const MixTask& task : pipeline.tasks) {
       const auto model = platform.workloads.find(task.workload);
       if (model == platform.workloads.end()) continue;

@@ -314,6 +314,7 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
     throw_bad_input("profile " + profile->path + " was taken on platform " + profile->platform() +
                     ", not on " + platform.name + "; give --platform " + profile->platform());
   }
+  for (const auto& unit : options.without) static_cast<void>(platform.unit(unit));
   ServiceTable table;
   table.workloads = workloads;
   warn_of_power(platform, profile, table.warnings);
@@ -323,6 +324,10 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
     const auto workload =
         given == options.given.end() ? std::optional(find_spec(name)) : std::nullopt;
     for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+      if (std::ranges::find(options.without, platform.units[unit].name) != options.without.end()) {
+        row.push_back({.service = std::nullopt, .reason = "left out by --without"});
+        continue;
+      }
       row.push_back(!workload
                         ? from_mix(given->second, unit)
                         : resolve({platform, profile, *workload, unit, options}, table.warnings));

@@ -119,13 +119,15 @@ enum class Draw : std::uint8_t {
 struct ServiceOptions {
   GivenServices given;  ///< Of the mix's own tasks; in place of a workload of the catalog.
   std::map<std::string, double> stage_scale;  ///< "unit.stage" -> factor.
+  std::vector<std::string> without;           ///< Units that serve nothing.
   bool allow_invalid = false;                 ///< Use rows that say that they are not valid.
   Draw draw = Draw::kMedian;                  ///< kSamples: the profile's samples have been read.
 };
 
 /// @param profile    Null = only what the platform file says.
 /// @param workloads  Names of the catalog or of options.given, each once.
-/// @throws Error{kBadInput} if the profile is of another platform.
+/// @throws Error{kBadInput} if the profile is of another platform, or there is no unit to leave out
+/// of that name.
 [[nodiscard]] ServiceTable resolve_services(const Platform& platform, const Profile* profile,
                                             const std::vector<std::string>& workloads,
                                             const ServiceOptions& options);

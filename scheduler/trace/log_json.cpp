@@ -9,6 +9,7 @@
 #include <string_view>
 #include <utility>
 
+#include "scheduler/trace/budget_json.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 
@@ -95,13 +96,14 @@ Json plan_json(const MixPlan& plan) {
 /// By its members in order, so that one that is added does not compile until it is written here
 /// and read below.
 Json policy_json(const PolicySetup& setup) {
-  const auto& [roles, servers, costs, plan, weights, literal_overflow, basic, seed] = setup;
+  const auto& [roles, servers, costs, plan, budget, weights, literal_overflow, basic, seed] = setup;
   Json role_names = Json::array();
   for (const Role role : roles) role_names.push_back(to_string(role));
   return {{"roles", role_names},
           {"servers", servers},
           {"costs", costs_json(costs)},
           {"plan", plan_json(plan)},
+          {"budget", to_json(budget)},
           {"weights", weights},
           {"literal_overflow", literal_overflow},
           {"basic", basic == nullptr ? Json() : Json(basic->name)},
@@ -126,6 +128,9 @@ PolicySetup policy_from_json(const Json& json) {
     }
   }
   setup.plan.makespan = time_from_json(json.at("plan").at("makespan_ns"));
+  if (json.contains("budget") && !json.at("budget").is_null()) {
+    setup.budget = budget_plan_from_json(json.at("budget"), setup.roles.size());
+  }
   setup.weights = json.at("weights").get<WeightTable>();
   setup.literal_overflow = json.at("literal_overflow").get<bool>();
   if (!json.at("basic").is_null()) {
@@ -158,6 +163,7 @@ void check_sizes(const DispatcherSetup& setup) {
            std::ranges::find(policy.roles, *info.needs_role) != policy.roles.end();
   };
   require(has_role(*setup.mode) && has_role(basic), "roles");
+  require(setup.mode->budgets == !policy.budget.tasks.empty(), "the plan");
   const bool weighed = basic.rule != WeightRule::kNone;
   require(policy.weights.size() == (weighed ? policy.costs.size() : 0) &&
               std::ranges::all_of(policy.weights, of_units),

@@ -96,7 +96,8 @@ class Replay {
       require(!contains(kind.eligible, unit) || policy.costs[kind.workload][unit].has_value(),
               "names a unit without a time for its workload");
     }
-    if (mode_.planner == nullptr) return;
+    require(!mode_.budgets || kind.entry < policy.budget.tasks.size(), "has no place in the plan");
+    if (policy.plan.entries.empty()) return;
     require(kind.entry < policy.plan.entries.size() &&
                 contains(kind.eligible, policy.plan.entries[kind.entry].unit),
             "has no place in the plan");

@@ -30,14 +30,13 @@ TraceWriter::TraceWriter(const std::filesystem::path& path, const Scenario& run,
       time_(std::move(time)),
       file_(path),
       free_lanes_(run.platform.units.size()),
-      lanes_(run.platform.units.size(), 0) {
+      lanes_(run.platform.units.size(), 0),
+      loads_(server_loads(run.platform)) {
   for (const auto& unit : run.platform.units) {
-    loads_.push_back({unit.servers, unit.discipline, unit.idle_w, {}});
     power_keys_.push_back(quoted(unit.name));
     depth_keys_.push_back(quoted(unit.name));
   }
   for (const auto& [name, link] : run.platform.links) {
-    loads_.push_back({});
     power_keys_.push_back(quoted("link " + name));
   }
   depth_keys_.push_back(quoted("in no queue"));
@@ -150,12 +149,11 @@ void TraceWriter::end_slice(TaskId task, Outcome outcome, Nanos now) {
 }
 
 void TraceWriter::arrived(std::size_t servers_index, std::uint32_t job, double power_w) {
-  loads_[servers_index].jobs.emplace_back(job, power_w);
+  loads_[servers_index].arrived(job, power_w);
 }
 
 void TraceWriter::left(std::size_t servers_index, std::uint32_t job) {
-  auto& jobs = loads_[servers_index].jobs;
-  jobs.erase(std::ranges::find(jobs, job, &std::pair<std::uint32_t, double>::first));
+  loads_[servers_index].left(job);
 }
 
 void TraceWriter::preparing(TaskId task, Nanos now, Nanos takes) {
@@ -167,17 +165,6 @@ void TraceWriter::preparing(TaskId task, Nanos now, Nanos takes) {
       R"({{"name":"prepare","cat":{},"ph":"X","pid":{},"tid":{},"ts":{},"dur":{},"args":{{"task":{}}}}})",
       quoted(definition.workload), process(track.slot.unit), track.slot.lane, us(now), us(takes),
       task));
-}
-
-double TraceWriter::ServerLoad::power_w() const {
-  const bool shared = discipline == Discipline::kProcessorSharing;
-  const auto all = static_cast<double>(jobs.size());
-  const double rate = shared && all > servers ? servers / all : 1;
-  const std::size_t served =
-      shared ? jobs.size() : std::min(jobs.size(), static_cast<std::size_t>(servers));
-  double sum = idle_w;
-  for (std::size_t i = 0; i < served; ++i) sum += rate * jobs[i].second;
-  return sum;
 }
 
 /// Several things may happen at one moment; what they come to counts.

@@ -11,7 +11,6 @@
 // whole (call_j, a meter's, those of operations and bytes) have no place in time and are left out.
 #pragma once
 
-#include <deque>
 #include <filesystem>
 #include <map>
 #include <set>
@@ -25,6 +24,7 @@
 #include "scheduler/services/scenario.h"
 #include "scheduler/trace/log_json.h"
 #include "scheduler/trace/run_observer.h"
+#include "scheduler/trace/server_load.h"
 #include "scheduler/trace/trace_file.h"
 
 namespace pirt {
@@ -69,13 +69,6 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
     Nanos started_at{0}, ready_at{0};
     bool running = false;
     bool over = false;  ///< For the dispatcher; it may still run.
-  };
-  struct ServerLoad {
-    int servers = 1;
-    Discipline discipline = Discipline::kFifo;
-    double idle_w = 0;
-    std::deque<std::pair<std::uint32_t, double>> jobs;  ///< In order of arrival, with their watts.
-    [[nodiscard]] double power_w() const;
   };
 
   void name_tracks();

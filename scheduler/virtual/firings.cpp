@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "workloads/base/math/random.h"
+
 namespace pirt {
 
 Firings::Firings(const Scenario& scenario, bool keep_made)
@@ -19,6 +21,7 @@ void Firings::plan(std::uint32_t p) {
   PipelineState& state = pipelines_[p];
   const Pipeline& pipeline = scenario_.mix.pipelines[p];
   state.pipeline = &pipeline;
+  state.jitter_seed = derive_seed(scenario_.seed, "jitter of " + pipeline.name);
   const SeriesId first_series = series_count_;
   state.moves_data = keep_made_;
   const auto moves = [this](const MixEdge& edge) {
@@ -66,14 +69,19 @@ void Firings::plan_submission(std::uint32_t p, SeriesId first_series) {
   }
 }
 
-std::optional<Nanos> Firings::due(std::uint32_t pipeline) const {
-  const auto& rate_hz = pipelines_[pipeline].pipeline->rate_hz;
-  if (!rate_hz) return std::nullopt;
+std::optional<Nanos> Firings::due(std::uint32_t p) const {
+  const Pipeline& pipeline = *pipelines_[p].pipeline;
+  if (!pipeline.rate_hz) return std::nullopt;
+  const std::int64_t number = tallies_[p].fired;
   // From the number of the firing, not from the last one, so that rounding does not add up.
-  const double at_ns = static_cast<double>(tallies_[pipeline].fired) * 1e9 / *rate_hz;
+  const double at_ns = static_cast<double>(number) * 1e9 / *pipeline.rate_hz;
   // Compared before it is rounded, so that it fits.
   if (at_ns >= static_cast<double>(end_.count())) return std::nullopt;
-  const Nanos at(std::llround(at_ns));
+  Nanos at = Nanos(std::llround(at_ns)) + pipeline.offset;
+  if (pipeline.jitter > Nanos::zero()) {
+    const auto drawn = hash_u64(pipelines_[p].jitter_seed, static_cast<std::uint64_t>(number));
+    at += scaled(pipeline.jitter, static_cast<double>(drawn >> 11U) * 0x1p-53);
+  }
   return at < end_ ? std::optional(at) : std::nullopt;
 }
 

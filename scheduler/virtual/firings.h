@@ -116,6 +116,7 @@ class Firings {
   };
   struct PipelineState {
     const Pipeline* pipeline = nullptr;
+    std::uint64_t jitter_seed = 0;
     std::vector<Task> tasks = {};    ///< As submitted last; but for ids and times always the same.
     std::vector<TaskId> after = {};  ///< What these refer to.
     std::uint32_t image_tasks = 0;

@@ -3,14 +3,18 @@
 //
 // Usage: scheduler [tasks in millions ...]; default 1 10. Prints tasks/s and the peak memory of the
 // process after each. Then the same beside SimGrid S4U, where that is installed (libsimgrid-dev).
+// `scheduler budget [profile.db of platform host]`: what mode budget reaches instead.
 #include <fmt/format.h>
 #include <sys/resource.h>
 
 #include <chrono>
 #include <cstdlib>
+#include <string_view>
 #include <vector>
 
+#include "characterize/profile/store/reader.h"
 #include "scheduler/schedule.h"
+#include "tests/bench/budget_rows.h"
 #include "tests/bench/peers/comparison.h"
 
 namespace {
@@ -33,6 +37,17 @@ double task_rate(const pirt::Mix& mix) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::string_view(argv[1]) == "budget") {
+    pirt::bench::print_closed_loops();
+    pirt::bench::print_graphs();
+    pirt::bench::print_robot(pirt::load_platform("fake"), nullptr);
+    if (argc < 3) return 0;
+    const pirt::ProfileReader reader(argv[2]);
+    auto profile = reader.read();
+    reader.read_samples(profile);
+    pirt::bench::print_robot(pirt::load_platform("host"), &profile);
+    return 0;
+  }
   std::vector<double> millions;
   for (int i = 1; i < argc; ++i) millions.push_back(std::atof(argv[i]));
   if (millions.empty()) millions = {1, 10};

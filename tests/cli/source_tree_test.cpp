@@ -100,7 +100,7 @@ TEST(SourceTree, RoomsIncludeThoseBeforeThem) {
        "characterize/tune"},
       {"scheduler/mix", "scheduler/services", "scheduler/planner", "scheduler/policies",
        "scheduler/dispatcher", "scheduler/record", "scheduler/trace", "scheduler/virtual",
-       "scheduler/runtime", "scheduler/robot", "scheduler/bounds", "scheduler"},
+       "scheduler/runtime", "scheduler/robot", "scheduler/bounds", "scheduler/budget", "scheduler"},
       {"reports/document", "reports/profile", "reports/run", "reports/paper", "reports/export",
        "reports/gate", "reports/tools", "reports"},
       {"cli/options", "cli", "cli/commands/measure", "cli/commands/schedule", "cli/commands/robot",

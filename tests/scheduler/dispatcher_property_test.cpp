@@ -111,6 +111,7 @@ class Model {
     for (int w = 0; w < 2; ++w) {
       setup.weights.push_back({1 + pick(4), 1 + pick(4), 1 + pick(4), 0});
     }
+    setup.budget = any_budget();
     setup.literal_overflow = random_.below(2) == 0;
     setup.basic = basic[random_.below(basic.size())];
     std::vector<std::optional<int>> slots;
@@ -119,6 +120,25 @@ class Model {
       slots.emplace_back(slots_.back());
     }
     return {std::move(slots), modes[random_.below(modes.size())]->make(setup)};
+  }
+
+  /// Each of the local units may serve the one entry, in some order.
+  BudgetPlan any_budget() {
+    BudgetPlan::Task task{.units = {kGpu, kDsp, kCpu},
+                          .capacity = {},
+                          .share = {},
+                          .worst = {},
+                          .prepare = {},
+                          .window_j = {}};
+    std::swap(task.units[0], task.units[random_.below(3)]);
+    for (std::size_t unit = 0; unit < kRoles.size(); ++unit) {
+      task.capacity.push_back(1 + pick(3));
+      task.share.push_back(1);
+      task.worst.emplace_back(1 + pick(20));
+      task.prepare.emplace_back(pick(20));
+      task.window_j.push_back(0);
+    }
+    return {.tasks = {task}, .pipelines = {{}}, .window_j = {}};
   }
 
   int pick(std::uint64_t n) { return static_cast<int>(random_.below(n)); }

@@ -23,6 +23,8 @@ image_buffers: 3
 pipelines:
   first:
     rate_hz: 12.5
+    offset_ms: 7
+    jitter_ms: 2.5
     deadline_ms: 40
     expires_ms: 25.5
     real_time: false
@@ -40,6 +42,8 @@ pipelines:
   ASSERT_EQ(mix.pipelines.size(), 2U);
   const Pipeline& first = mix.pipelines[0];
   EXPECT_EQ(first.rate_hz, 12.5);
+  EXPECT_EQ(first.offset, Nanos(7'000'000));
+  EXPECT_EQ(first.jitter, Nanos(2'500'000));
   EXPECT_EQ(first.deadline, Nanos(40'000'000));
   EXPECT_EQ(first.expires, Nanos(25'500'000));
   EXPECT_FALSE(first.real_time);
@@ -104,7 +108,8 @@ std::string with_number(const std::string& key, const std::string& bad) {
     return name + ": " + (name == key ? bad : good);
   };
   return "mix: m\n" + number("image_buffers", "1") + "\npipelines:\n  p:\n    " +
-         number("rate_hz", "1") + "\n    " + number("deadline_ms", "1") + "\n    " +
+         number("rate_hz", "1") + "\n    " + number("offset_ms", "0") + "\n    " +
+         number("jitter_ms", "0") + "\n    " + number("deadline_ms", "1") + "\n    " +
          number("expires_ms", "1") + "\n    tasks:\n      - {name: a, workload: fc8}\n" +
          "      - {name: b, after: [{task: a, " + number("bytes", "0") + ", " +
          number("transfer_ms", "0") + "}], service_ms: {" + number("cpu", "1") + "}}\n" +
@@ -113,7 +118,8 @@ std::string with_number(const std::string& key, const std::string& bad) {
 
 TEST(Mix, RefusesEachNumberOutsideItsRangeAtItsLine) {
   const std::vector<std::string> counts = {"image_buffers", "bytes", "frames"};
-  const std::vector<std::string> times = {"deadline_ms", "expires_ms", "transfer_ms", "cpu"};
+  const std::vector<std::string> times = {"offset_ms",  "jitter_ms",   "deadline_ms",
+                                          "expires_ms", "transfer_ms", "cpu"};
   EXPECT_EQ(mix_of(with_number("", "")).pipelines.size(), 2U);
   const auto expect_refused = [](const std::string& key, const std::string& bad) {
     const std::string yaml = with_number(key, bad);
@@ -181,6 +187,10 @@ TEST(Mix, RefusesWhatCannotRun) {
   EXPECT_THAT(refused(pipeline(task)), HasSubstr("one of rate_hz and closed_loop"));
   EXPECT_THAT(refused(pipeline("    rate_hz: 1\n    closed_loop: {frames: 1}\n" + task)),
               HasSubstr("one of rate_hz and closed_loop"));
+  EXPECT_THAT(refused(pipeline("    closed_loop: {frames: 1}\n    jitter_ms: 1\n" + task)),
+              HasSubstr("jitter_ms: is about pipelines with a rate_hz"));
+  EXPECT_THAT(refused(pipeline("    rate_hz: 40\n    jitter_ms: 25.1\n" + task)),
+              HasSubstr("must not be above the 25 ms between two firings"));
   EXPECT_THAT(refused(pipeline("    closed_loop: {frames: 0}\n" + task)),
               HasSubstr("closed_loop.frames"));
   EXPECT_THAT(refused(pipeline("    closed_loop: {frames: 1.5}\n" + task)),

@@ -186,6 +186,39 @@ TEST_F(Traces, CountTheTasksThatWait) {
                                       "20 ms: 0 queued, 0 in none"}));
 }
 
+// What mode budget foresees, waits for and keeps to comes from its inputs alone.
+TEST_F(Traces, ReplayTheForesightOfABudget) {
+  ScheduleOptions options;
+  options.mode = "budget";
+  options.duration = from_s(5);
+  options.power_cap_w = 1;
+  options.trace = path();
+  const auto platform = parse_platform(
+      "one.yaml", "platform: one\nunits: {cpu: {slots: 1, active_w: 2, idle_w: 0.5}}\n", {}, 4);
+  const auto mix = parse_mix("m.yaml", R"(
+mix: m
+pipelines:
+  planning:
+    rate_hz: 10
+    jitter_ms: 20
+    deadline_ms: 6
+    tasks: [{name: a, service_ms: {cpu: 1}}]
+  mapping: {rate_hz: 100, tasks: [{name: a, service_ms: {cpu: 8}}]}
+)");
+  const auto record = run_virtual(platform, nullptr, mix, options);
+  EXPECT_GT(record.completed, 150);
+  EXPECT_EQ(record.pipelines[0].deadline_misses, 0);
+  const auto log = load_trace_log(path());
+  EXPECT_TRUE(log.setup.policy.budget.window_j);
+  const auto wakes = std::ranges::count_if(log.entries, [](const LogEntry& entry) {
+    return entry.input.kind == DispatcherInput::Kind::kWake;
+  });
+  EXPECT_GT(wakes, 10);
+  const auto result = replay(log, path());
+  EXPECT_FALSE(result.difference);
+  EXPECT_GT(result.decisions, 150);
+}
+
 TEST_F(Traces, ReplayToTheSameDecisionsInEveryMode) {
   std::int64_t ends = 0;
   for (const auto& mode : policy_names()) {

@@ -153,6 +153,28 @@ TEST(VirtualTime, FiresAtMultiplesOfThePeriodUntilTheDuration) {
   EXPECT_FALSE(record.in_flight);
 }
 
+TEST(VirtualTime, AnOffsetAndJitterMoveFirings) {
+  // 3 Hz for 2 s, from 0.5 on: 0.5, 0.833, ..., 1.833: five firings.
+  const std::string line = "rate_hz: 3, offset_ms: 500, tasks: [{workload: fc8}]";
+  const auto platform = platform_of(kOneUnit);
+  const auto late =
+      run(platform, mix_of("mix: m\npipelines: {p: {" + line + "}}"), mode("throughput", 2));
+  EXPECT_EQ(late.pipelines[0].fired, 5);
+  // Each up to 30 ms later: beside an equal pipeline at the nominal time, whose 30 ms it waits for,
+  // it takes 30 + 30 - jitter, 45 on average.
+  const auto mix =
+      mix_of("mix: m\npipelines:\n  p: {" + line + "}\n  q: {jitter_ms: 30, " + line + "}\n");
+  auto options = mode("throughput", 300);
+  const auto one = run(platform, mix, options);
+  EXPECT_NEAR(*one.pipelines[0].p99_ms, 30, 0.1);
+  EXPECT_NEAR(*one.pipelines[1].p50_ms, 45, 2);
+  EXPECT_GT(*one.pipelines[1].p99_ms, 58);
+  EXPECT_LE(*one.pipelines[1].p99_ms, 60.1);
+  EXPECT_EQ(one, run(platform, mix, options));
+  options.seed = 2;
+  EXPECT_NE(one.pipelines[1], run(platform, mix, options).pipelines[1]);
+}
+
 TEST(VirtualTime, SharesCoresBetweenStagesOfSeveralUnits) {
   // Two cores, shared. In flight 3, one each of: cpu 4 ms; gpu frames with 2 ms on the cores, then
   // 1 ms kernel. Weights gpu 2, cpu 1. At 0 all three are on the cores at rate 2/3: the gpu's 2 ms
@@ -610,6 +632,24 @@ TEST(Schedule, DoesNotTakeTheCloudForARealTimeTask) {
                 static_cast<void>(run(load_platform("host"), offline, mode("latency", 2)));
               }),
               HasSubstr("'^(alexnet)$'"));
+}
+
+TEST(Schedule, LeavesOutTheUnitsThatItIsTold) {
+  const auto mix = mix_of("mix: m\npipelines: {p: {rate_hz: 10, tasks: [{workload: alexnet}]}}");
+  auto options = mode("met", 1);
+  const auto with = run(load_platform("fake"), mix, options);
+  EXPECT_EQ(unit(with, "gpu").completed, 10);
+  options.without = {"gpu", "cloud"};
+  const auto record = run(load_platform("fake"), mix, options);
+  EXPECT_EQ(unit(record, "gpu").completed, 0);
+  EXPECT_NEAR(*unit(record, "gpu").energy_j, 0.1, 1e-12);  // 1 s idle.
+  EXPECT_GT(unit(record, "cpu").completed, 0);
+  options.without = {"gpuu"};
+  EXPECT_THAT(bad_input([&] { static_cast<void>(run(load_platform("fake"), mix, options)); }),
+              AllOf(HasSubstr("'gpuu'"), HasSubstr("did you mean gpu")));
+  options.without = {"cpu", "gpu", "dsp"};
+  EXPECT_THAT(bad_input([&] { static_cast<void>(run(load_platform("fake"), mix, options)); }),
+              HasSubstr("left out by --without"));
 }
 
 TEST(Schedule, RefusesEligibleThatNamesNothingOrLeavesNothing) {

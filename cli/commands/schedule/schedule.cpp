@@ -22,7 +22,9 @@
 #include "reports/document/document.h"
 #include "reports/run/comparison_report.h"
 #include "reports/run/live_report.h"
+#include "reports/run/pareto.h"
 #include "reports/run/run_report.h"
+#include "scheduler/planner/budget_plan.h"
 #include "scheduler/policies/policy.h"
 #include "scheduler/schedule_live.h"
 #include "scheduler/services/draws.h"
@@ -39,6 +41,7 @@ struct Options {
   std::string mode;
   std::string compare;  ///< Modes, with commas; empty = all.
   bool comparing = false;
+  bool pareto = false;
   std::optional<std::string> profile;
   std::optional<std::string> platform;
   std::vector<std::string> settings;
@@ -48,6 +51,10 @@ struct Options {
   std::optional<int> in_flight;
   std::optional<std::string> basic;
   std::optional<std::string> overflow;
+  std::vector<std::string> without;
+  std::optional<std::string> objective;
+  std::optional<double> min_rate;
+  std::optional<std::string> power_cap;
   std::string draw = "median";
   bool allow_invalid = false;
   std::uint64_t seed = 1;
@@ -103,6 +110,10 @@ ScheduleOptions schedule_options(const Options& options, const std::vector<std::
   if (options.overflow) {
     schedule.overflow = *options.overflow == "literal" ? Overflow::kLiteral : Overflow::kHold;
   }
+  schedule.without = options.without;
+  if (options.objective) schedule.objective = find_objective(*options.objective);
+  schedule.min_rate_per_ms = options.min_rate;
+  if (options.power_cap) schedule.power_cap_w = parse_watts(*options.power_cap);
   schedule.allow_invalid = options.allow_invalid;
   schedule.draw = find_draw(options.draw);
   if (options.duration) schedule.duration = parse_duration(*options.duration);
@@ -159,10 +170,20 @@ Inputs read_inputs(const Options& options) {
   return inputs;
 }
 
+/// A cap that no schedule keeps is an answer, and no bad input.
+bool is_infeasible(const Inputs& inputs, const ScheduleOptions& settings) {
+  if (!settings.power_cap_w || above_idle_j(inputs.platform, *settings.power_cap_w) >= 0) {
+    return false;
+  }
+  fmt::print(stderr, "pirt: {}\n", infeasible_cap(inputs.platform, *settings.power_cap_w));
+  return true;
+}
+
 int compare(const Options& options) {
   const auto modes = options.compare.empty() ? policy_names() : find_policies(options.compare);
   const auto settings = schedule_options(options, modes);
   const Inputs inputs = read_inputs(options);
+  if (is_infeasible(inputs, settings)) return kExitCheckFailed;
   const ModeRuns runs = run_modes(inputs.platform, inputs.profile ? &*inputs.profile : nullptr,
                                   inputs.mix, modes, settings);
   if (runs.runs.empty()) throw_bad_input(runs.skipped.front().reason);
@@ -171,6 +192,16 @@ int compare(const Options& options) {
   const bool stalled =
       std::ranges::any_of(runs.runs, [](const RunRecord& run) { return run.stalled > 0; });
   return stalled ? kExitCheckFailed : 0;
+}
+
+int show_pareto(const Options& options) {
+  const auto settings = schedule_options(options, paper_modes());
+  const Inputs inputs = read_inputs(options);
+  if (is_infeasible(inputs, settings)) return kExitCheckFailed;
+  const ModeRuns runs = run_frontier(inputs.platform, inputs.profile ? &*inputs.profile : nullptr,
+                                     inputs.mix, paper_modes(), settings);
+  emit(render(pareto_document(runs), Format::kText), pareto_json(runs), options.json);
+  return 0;
 }
 
 /// The phases of calls, each with its times.
@@ -232,11 +263,13 @@ void update_profile(ProfileWriter& writer, const Inputs& inputs, const RunRecord
 
 int schedule(const Options& options) {
   if (options.comparing) return compare(options);
+  if (options.pareto) return show_pareto(options);
   if (options.mode.empty()) {
-    throw_bad_input("give --mode (" + join(policy_names(), ", ") + ") or --compare");
+    throw_bad_input("give --mode (" + join(policy_names(), ", ") + "), --compare or --pareto");
   }
   const auto settings = schedule_options(options, {options.mode});
   const Inputs inputs = read_inputs(options);
+  if (is_infeasible(inputs, settings)) return kExitCheckFailed;
   LiveOptions live;
   live.prepare_first = !options.no_preinit;
   const auto* stops = options.live ? count_stop_signals() : nullptr;
@@ -269,6 +302,9 @@ void add_schedule(CLI::App& app, Action& action) {
       "--compare", &options->compare,
       "Instead of --mode: run these modes, with commas (default: all), and show them as one table");
   compare.takes(0, 1).type("MODE,...");
+  command.add_flag("--pareto", options->pareto,
+                   "Instead of --mode: what mode budget reaches with several goals, beside the "
+                   "paper's modes, and who is beaten by whom in rate, energy and p99");
   add_input(command, "--profile", &options->profile, "Profile database of pirt characterize");
   add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file (default: the profile's)",
@@ -289,6 +325,16 @@ void add_schedule(CLI::App& app, Action& action) {
       command, "--overflow", &options->overflow, "HOW", {"hold", "literal"},
       "When all queues are full, Algorithms 2 and 3 hold the task (the default) or take their "
       "literal `else`");
+  add_choice(command, "--objective", &options->objective, "WHAT", objective_names(),
+             "What mode budget is for once deadlines are met: most tasks a millisecond, then least "
+             "energy (rate, the default), or least energy or latency first");
+  add_value(command, "--min-rate", &options->min_rate, "NUMBER", not_within(1e-9, 1e9),
+            "Mode budget: complete at least so many tasks a millisecond, whatever the objective");
+  add_value(command, "--power-cap", &options->power_cap, "WATTS", no_watts,
+            "Mode budget: draw no more in any second, e.g. 11W; tasks with a deadline may, and are "
+            "counted");
+  add_list_of(command, "--without", options->without, "UNIT,...",
+              "Units that serve nothing, as if they were away from the beginning");
   command.add_flag("--allow-invalid", options->allow_invalid,
                    "Use profile rows that are marked invalid");
   add_choice(command, "--draw", &options->draw, "HOW", draw_names(),
@@ -313,6 +359,8 @@ void add_schedule(CLI::App& app, Action& action) {
              StdoutUse::kRefused);
   add_json(command, options->json);
   for (const auto* name : {"--mode", "--live", "--trace"}) compare.excludes(command.option(name));
+  for (const auto* name : {"--mode", "--compare", "--live", "--trace", "--objective", "--min-rate"})
+    command.option("--pareto").excludes(command.option(name));
   for (const auto* name : {"--no-preinit", "--update-profile"})
     command.option(name).needs(command.option("--live"));
   for (const auto* name : {"--allow-invalid", "--update-profile"})

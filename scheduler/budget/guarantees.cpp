@@ -1,0 +1,318 @@
+#include "scheduler/budget/guarantees.h"
+
+#include <algorithm>
+#include <set>
+
+#include "scheduler/services/transfers.h"
+
+namespace pirt {
+namespace {
+
+constexpr Nanos kNoLimit = Nanos::max();
+
+/// How many multiples of the period lie in a time, both ends included.
+std::int64_t count_in(Nanos time, Nanos period) {
+  return time < Nanos::zero() ? 0 : time / period + 1;
+}
+
+/// A task of a pipeline with a rate and a deadline, on the unit that serves it.
+struct Analysed {
+  std::uint32_t entry = 0;
+  std::size_t pipeline = 0;
+  UnitId unit = 0;
+  Nanos period{0};
+  Nanos takes{0};
+  Nanos slack{0};     ///< From its firing to when it has to start.
+  Nanos late{0};      ///< From the nominal time to its firing, at most.
+  Nanos ready{0};     ///< From its firing to when it can start, at most.
+  Nanos response{0};  ///< From its firing to its end, at most.
+};
+
+class Analysis {
+ public:
+  Analysis(const Scenario& scenario, const BudgetPlan& plan)
+      : scenario_(scenario), plan_(plan), before_(plan.tasks.size()) {
+    for (std::size_t p = 0; p < scenario.classes.size(); ++p) {
+      const auto& classes = scenario.classes[p];
+      for (std::size_t t = 0; t < classes.size(); ++t) {
+        add(p, classes[t].entry);
+        auto& before = before_[classes[t].entry];
+        for (const std::size_t each : scenario.mix.pipelines[p].tasks[t].after) {
+          const std::uint32_t entry = classes[each].entry;
+          before.insert(entry);
+          before.insert(before_[entry].begin(), before_[entry].end());
+        }
+      }
+    }
+  }
+
+  std::vector<Guarantee> run() {
+    std::vector<Guarantee> results(scenario_.mix.pipelines.size());
+    const auto obstacles = all_obstacles();
+    std::erase_if(tasks_, [&](const Analysed& task) { return !obstacles[task.pipeline].empty(); });
+    const auto responses = settled_responses();
+    for (std::size_t p = 0; p < results.size(); ++p) {
+      if (!is_periodic(p)) continue;
+      results[p].not_analysed = obstacles[p];
+      results[p].analysed = obstacles[p].empty();
+      if (results[p].analysed && responses) results[p].response = (*responses)[p];
+    }
+    return results;
+  }
+
+ private:
+  /// By pipeline. Absent if some response has no limit, or a firing may not have ended when the
+  /// next one comes: that no task waits for one that comes before or after it in its firing would
+  /// not hold then.
+  std::optional<std::vector<Nanos>> settled_responses() {
+    if (!settle()) return std::nullopt;
+    std::vector<Nanos> responses(scenario_.mix.pipelines.size(), Nanos::zero());
+    for (const Analysed& task : tasks_) {
+      auto& response = responses[task.pipeline];
+      response = std::max(response, task.response);
+      if (response + task.late > task.period) return std::nullopt;
+    }
+    return responses;
+  }
+
+  /// By pipeline. What is not analysed may be in the way of others at any time: nothing can be said
+  /// of those on its units either.
+  [[nodiscard]] std::vector<std::string> all_obstacles() const {
+    const auto& pipelines = scenario_.mix.pipelines;
+    std::vector<std::string> obstacles(pipelines.size());
+    std::vector<UnitMask> units(pipelines.size(), 0);
+    for (std::size_t p = 0; p < pipelines.size(); ++p) {
+      if (!pipelines[p].deadline) continue;
+      obstacles[p] = pipelines[p].rate_hz ? obstacle(p) : "closed loop";
+      for (const TaskClass& kind : scenario_.classes[p]) {
+        units[p] |= unit_bit(plan_.tasks[kind.entry].units.front());
+      }
+    }
+    for (bool changed = true; changed;) {
+      changed = false;
+      for (std::size_t p = 0; p < pipelines.size(); ++p) {
+        for (std::size_t q = 0; q < pipelines.size() && obstacles[p].empty(); ++q) {
+          if (obstacles[q].empty() || (units[p] & units[q]) == 0) continue;
+          obstacles[p] = "on a unit of " + pipelines[q].name + ", which is not";
+          changed = true;
+        }
+      }
+    }
+    return obstacles;
+  }
+
+  /// Whether both may want their unit at a time.
+  [[nodiscard]] bool compete(const Analysed& a, const Analysed& b) const {
+    return a.unit == b.unit && a.entry != b.entry && !before_[a.entry].contains(b.entry) &&
+           !before_[b.entry].contains(a.entry);
+  }
+
+  [[nodiscard]] bool is_periodic(std::size_t pipeline) const {
+    const auto& arrivals = plan_.pipelines[pipeline];
+    return arrivals.rate_hz && arrivals.deadline;
+  }
+
+  void add(std::size_t pipeline, std::uint32_t entry) {
+    const BudgetPlan::Task& task = plan_.tasks[entry];
+    const UnitId unit = task.units.front();
+    const Nanos takes = task.worst[unit] + task.prepare[unit];
+    if (!is_periodic(pipeline)) {
+      for (const UnitId each : task.units) {
+        if (task.capacity[each] == 0) continue;
+        others_.push_back({each, task.worst[each] + task.prepare[each]});
+      }
+      return;
+    }
+    const auto& arrivals = plan_.pipelines[pipeline];
+    tasks_.push_back({.entry = entry,
+                      .pipeline = pipeline,
+                      .unit = unit,
+                      .period = Nanos(static_cast<std::int64_t>(1e9 / *arrivals.rate_hz)),
+                      .takes = takes,
+                      .slack = *arrivals.deadline - task.behind - takes,
+                      .late = arrivals.jitter});
+  }
+
+  /// Why nothing can be said of the pipeline; empty if something can.
+  [[nodiscard]] std::string obstacle(std::size_t pipeline) const {
+    const auto& tasks = scenario_.mix.pipelines[pipeline].tasks;
+    for (std::size_t t = 0; t < tasks.size(); ++t) {
+      const UnitId unit = plan_.tasks[scenario_.classes[pipeline][t].entry].units.front();
+      const UnitModel& model = scenario_.platform.units[unit];
+      if (shares_servers(unit)) return "served on another's cores: " + model.name;
+      if (model.servers != 1) return "several servers: " + model.name;
+      if (tasks[t].state && shared_state(pipeline, *tasks[t].state)) {
+        return "shares state " + scenario_.mix.states[*tasks[t].state].name;
+      }
+    }
+    return "";
+  }
+
+  /// Whether some call of the unit works on another's servers, or one of another's on its own.
+  [[nodiscard]] bool shares_servers(UnitId unit) const {
+    if (scenario_.platform.units[unit].shares_cores) return true;
+    for (const auto& row : scenario_.services.entries) {
+      for (UnitId by = 0; by < row.size(); ++by) {
+        if (!row[by].service) continue;
+        for (const ServiceStage& stage : row[by].service->stages) {
+          if (stage.on && *stage.on != by && (by == unit || *stage.on == unit)) return true;
+        }
+      }
+    }
+    return false;
+  }
+
+  [[nodiscard]] bool shared_state(std::size_t pipeline, std::size_t state) const {
+    for (std::size_t p = 0; p < scenario_.mix.pipelines.size(); ++p) {
+      if (p == pipeline) continue;
+      for (const MixTask& task : scenario_.mix.pipelines[p].tasks) {
+        if (task.state == state) return true;
+      }
+    }
+    return false;
+  }
+
+  /// Responses make what comes after them ready later, which makes responses longer: until nothing
+  /// changes. False if that has no end.
+  bool settle() {
+    constexpr int kMostRounds = 200;
+    for (int round = 0; round < kMostRounds; ++round) {
+      bool changed = false;
+      for (Analysed& task : tasks_) {
+        const Nanos ready = ready_of(task);
+        task.ready = std::max(task.ready, ready);
+        const Nanos response = response_of(task);
+        changed = changed || response != task.response;
+        task.response = response;
+        if (response == kNoLimit) return false;
+      }
+      if (!changed) return true;
+    }
+    return false;
+  }
+
+  [[nodiscard]] Nanos ready_of(const Analysed& task) const {
+    const auto& classes = scenario_.classes[task.pipeline];
+    const auto position = static_cast<std::size_t>(
+        std::ranges::find(classes, task.entry, &TaskClass::entry) - classes.begin());
+    Nanos ready{0};
+    for (const GraphEdge& edge :
+         edges_into(scenario_.platform, scenario_.mix.pipelines[task.pipeline], position)) {
+      const auto before = std::ranges::find(tasks_, classes[edge.from].entry, &Analysed::entry);
+      ready = std::max(ready, before->response + edge.transfer(before->unit, task.unit));
+    }
+    return ready;
+  }
+
+  /// Firings of the other, in a busy period, whose tasks may go before a task that has to start
+  /// @p until after the period's begin, or are there before @p until_start.
+  [[nodiscard]] static std::int64_t ahead(const Analysed& other, Nanos until, Nanos until_start) {
+    const Nanos spread = other.late + other.ready;
+    return std::min(count_in(until - other.slack + spread, other.period),
+                    count_in(until_start + spread, other.period));
+  }
+
+  /// How long the unit may be left idle for one firing of the other while this task waits.
+  [[nodiscard]] Nanos idle_for(const Analysed& task, const Analysed& other, Nanos blocking) const {
+    Nanos others{0};
+    for (const Analysed& each : tasks_) {
+      if (compete(each, task) && each.entry != other.entry) others += each.takes;
+    }
+    const Nanos over = task.takes + others - other.slack;
+    return over <= Nanos::zero() ? Nanos::zero() : other.late + over + blocking;
+  }
+
+  /// The longest of what may have begun before the task came, which nothing interrupts.
+  [[nodiscard]] Nanos blocking_of(const Analysed& task, Nanos into) const {
+    Nanos longest{0};
+    for (const auto& [unit, takes] : others_) {
+      // That was not begun if it would have made the task late.
+      if (unit == task.unit) longest = std::max(longest, std::min(takes, task.slack + into));
+    }
+    for (const Analysed& other : tasks_) {
+      if (compete(other, task)) longest = std::max(longest, other.takes);
+    }
+    return std::max(longest, Nanos::zero());
+  }
+
+  /// From the begin of a busy period, in which the task becomes ready @p into, to its start.
+  [[nodiscard]] Nanos start_of(const Analysed& task, Nanos into) const {
+    const Nanos blocking = blocking_of(task, into);
+    const Nanos limit = 4 * (task.period + task.slack + blocking + into);
+    // Its own firings before it.
+    const std::int64_t own = (into + task.late + task.ready) / task.period;
+    Nanos start{0};
+    while (true) {
+      Nanos next = blocking + own * task.takes;
+      for (const Analysed& other : tasks_) {
+        if (!compete(other, task)) continue;
+        const std::int64_t firings = ahead(other, into + task.slack, start);
+        next += firings * (other.takes + idle_for(task, other, blocking));
+      }
+      if (next <= start) return start;
+      if (next > limit) return kNoLimit;
+      start = next;
+    }
+  }
+
+  /// The longest over all places in a busy period where the number of those ahead changes.
+  [[nodiscard]] Nanos response_of(const Analysed& task) const {
+    std::set<Nanos> places = {Nanos::zero()};
+    const Nanos last = busy_period(task.unit);
+    if (last == kNoLimit) return kNoLimit;
+    for (const Analysed& other : tasks_) {
+      if (other.unit != task.unit) continue;
+      for (std::int64_t k = 0; places.size() < kMostPlaces; ++k) {
+        const Nanos place = k * other.period + other.slack - task.slack - other.late - other.ready;
+        if (place > last) break;
+        if (place > Nanos::zero()) places.insert(place);
+      }
+    }
+    if (places.size() >= kMostPlaces) return kNoLimit;
+    Nanos longest{0};
+    for (const Nanos into : places) {
+      const Nanos start = start_of(task, into);
+      if (start == kNoLimit) return kNoLimit;
+      longest = std::max(longest, start + task.takes - into);
+    }
+    return task.ready + std::max(longest, task.takes);
+  }
+
+  /// The longest time in which the unit always has something of these to do.
+  [[nodiscard]] Nanos busy_period(UnitId unit) const {
+    constexpr Nanos kLongest = std::chrono::seconds(100);
+    Nanos length{1};
+    while (true) {
+      Nanos next{0};
+      for (const auto& [each, takes] : others_) {
+        if (each == unit) next = std::max(next, takes);
+      }
+      for (const Analysed& task : tasks_) {
+        if (task.unit != unit) continue;
+        next += count_in(length - Nanos(1) + task.late + task.ready, task.period) * task.takes;
+      }
+      if (next <= length) return length;
+      if (next > kLongest) return kNoLimit;
+      length = next;
+    }
+  }
+
+  static constexpr std::size_t kMostPlaces = 2000;
+  struct Other {
+    UnitId unit = 0;
+    Nanos takes{0};
+  };
+  const Scenario& scenario_;
+  const BudgetPlan& plan_;
+  std::vector<std::set<std::uint32_t>> before_;  ///< By entry: those that it comes after.
+  std::vector<Analysed> tasks_;
+  std::vector<Other> others_;  ///< Calls of tasks without rate or deadline, on all their units.
+};
+
+}  // namespace
+
+std::vector<Guarantee> guarantees_of(const Scenario& scenario, const BudgetPlan& plan) {
+  return Analysis(scenario, plan).run();
+}
+
+}  // namespace pirt

@@ -1,0 +1,35 @@
+// How long a firing can take at most in mode budget, by response-time analysis: a guarantee, where
+// it is no longer than the deadline.
+//
+// It holds for calls that take no longer than the plan's worst times, on units that serve their
+// tasks alone: one at a time, without interrupting them, in the order of budget.cpp. Each task with
+// a deadline is looked at on the unit that the plan gives it.
+//
+// @source George, Rivierre, Spuri: Preemptive and Non-Preemptive Real-Time UniProcessor Scheduling,
+// INRIA RR-2966, 1996 (a task's response by its place in a busy period, blocking included);
+// Tindell, Clark: Holistic schedulability analysis for distributed hard real-time systems, 1994 (a
+// predecessor's response is the jitter of what comes after it). What a unit is left idle for what
+// is foreseen is this project's.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "scheduler/planner/budget_plan.h"
+#include "scheduler/services/scenario.h"
+
+namespace pirt {
+
+struct Guarantee {
+  bool analysed = false;
+  /// From the firing to its end, never more; absent: not analysed, or there is no limit.
+  std::optional<Nanos> response = {};
+  std::string not_analysed = {};  ///< Why.
+};
+
+/// By pipeline; of those with a rate and a deadline. The others have no reason why not.
+[[nodiscard]] std::vector<Guarantee> guarantees_of(const Scenario& scenario,
+                                                   const BudgetPlan& plan);
+
+}  // namespace pirt

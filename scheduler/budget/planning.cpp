@@ -1,0 +1,271 @@
+#include "scheduler/budget/planning.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "scheduler/budget/assignment.h"
+#include "scheduler/budget/trial.h"
+#include "scheduler/planner/mix_plan.h"
+#include "scheduler/planner/shortened.h"
+
+namespace pirt {
+namespace {
+
+constexpr std::int64_t kMostTasks = 100'000;  ///< In all trials.
+constexpr double kAlike = 0.003;              ///< Figures that differ by less count as the same.
+/// What may be given away of the objective for the figures behind it, all in all.
+constexpr double kSlack = 0.005;
+constexpr double kNone = 1e-6;  ///< Of a task's calls: less than this part is none.
+
+/// Sets the plan's units, and how long queues may be, by what the programme gives them.
+void follow(const Assignment& assignment, BudgetPlan& plan) {
+  for (std::size_t entry = 0; entry < plan.tasks.size(); ++entry) {
+    BudgetPlan::Task& task = plan.tasks[entry];
+    const auto& calls = assignment.calls_per_ms[entry];
+    double all = 0;
+    for (const double each : calls) all += each;
+    if (all <= 0) continue;
+    std::ranges::stable_sort(task.units, [&](UnitId a, UnitId b) {
+      return std::lround(calls[a] / all * 1e6) > std::lround(calls[b] / all * 1e6);
+    });
+    if (task.pinned) continue;
+    for (const UnitId unit : task.units) {
+      if (calls[unit] < kNone * all) task.capacity[unit] = 0;
+    }
+  }
+}
+
+class Planning {
+ public:
+  Planning(ModeSetup& setup, const ScheduleOptions& options)
+      : setup_(setup),
+        options_(options),
+        trial_(setup),
+        choice_{setup.policy_setup.budget, setup.scenario.in_flight} {
+    goals_ = {.objective = options.objective.value_or(Objective::kRate),
+              .min_rate_per_ms = options.min_rate_per_ms,
+              .most_w = choice_.plan.window_j};
+  }
+
+  void run() {
+    begin();
+    best_ = trial_.run(choice_);
+    if (best_.misses == 0) least_ = keys(best_)[2];
+    if (best_.misses > 0) move_units();
+    fit_queues();
+    if (goals_.min_rate_per_ms) spare();
+    finish();
+  }
+
+ private:
+  void begin() {
+    const Scenario& run = setup_.scenario;
+    std::vector<bool> urgent;
+    for (const Pipeline& pipeline : run.mix.pipelines)
+      urgent.push_back(pipeline.deadline.has_value());
+    const Work work = work_of(run, setup_.mode.policy.cloud_use, TimesTaken::kMean);
+    if (const auto assignment = assign(work, urgent, goals_)) follow(*assignment, choice_.plan);
+    measure_ways(run, choice_.plan);
+    choose_in_flight();
+  }
+
+  [[nodiscard]] bool own_in_flight(std::size_t pipeline) const {
+    return setup_.scenario.mix.pipelines[pipeline].frames && !options_.in_flight;
+  }
+
+  /// As many as have room on the units.
+  void choose_in_flight() {
+    for (std::size_t p = 0; p < choice_.in_flight.size(); ++p) {
+      if (!own_in_flight(p)) continue;
+      std::int64_t room = 0;
+      for (const BudgetPlan::Task& task : choice_.plan.tasks) {
+        if (task.pipeline != p) continue;
+        std::int64_t own = 0;
+        for (const UnitId unit : task.units) own += task.capacity[unit];
+        room = std::max(room, own);
+      }
+      choice_.in_flight[p] = static_cast<int>(std::clamp<std::int64_t>(room, 1, 1000));
+    }
+  }
+
+  [[nodiscard]] bool may_try() const { return trial_.tasks_run() < kMostTasks; }
+
+  /// What counts, most important first; less is better.
+  [[nodiscard]] std::array<double, 5> keys(const TrialResult& of) const {
+    const double missing =
+        std::max(0.0, 1 - of.rate_per_ms / goals_.min_rate_per_ms.value_or(of.rate_per_ms));
+    const auto misses = static_cast<double>(of.misses);
+    const double slowness = of.rate_per_ms > 0 ? 1 / of.rate_per_ms : 1e300;
+    switch (goals_.objective) {
+      case Objective::kEnergy:
+        return {misses, missing, of.energy_mj, slowness, of.latency_ms};
+      case Objective::kLatency:
+        return {misses, missing, of.latency_ms, slowness, of.energy_mj};
+      case Objective::kRate:
+        break;
+    }
+    return {misses, missing, slowness, of.energy_mj, of.latency_ms};
+  }
+
+  [[nodiscard]] bool better(const TrialResult& a, const TrialResult& b) const {
+    const auto first = keys(a);
+    const auto second = keys(b);
+    // Small losses do not add up.
+    if (first[2] > least_ * (1 + kSlack) && first[0] == second[0] && first[1] >= second[1]) {
+      return false;
+    }
+    for (std::size_t i = 0; i < first.size(); ++i) {
+      const double alike = i < 2 ? 0 : kAlike * std::abs(second[i]);
+      if (first[i] < second[i] - alike) return true;
+      if (first[i] > second[i] + alike) return false;
+    }
+    return false;
+  }
+
+  /// Takes the choice if it is better than what there is.
+  bool consider(BudgetChoice choice) {
+    const TrialResult result = trial_.run(choice);
+    const bool takes = better(result, best_);
+    if (!takes) return false;
+    best_ = result;
+    if (best_.misses == 0) least_ = std::min(least_, keys(best_)[2]);
+    choice_ = std::move(choice);
+    return true;
+  }
+
+  /// Tasks with a deadline that is missed: another unit for each, as long as that helps.
+  void move_units() {
+    for (bool moved = true; moved && best_.misses > 0;) {
+      moved = false;
+      for (std::size_t entry = 0; entry < choice_.plan.tasks.size(); ++entry) {
+        const std::size_t units = choice_.plan.tasks[entry].units.size();
+        if (!choice_.plan.tasks[entry].pinned) continue;
+        for (std::size_t i = 1; i < units && best_.misses > 0 && may_try(); ++i) {
+          BudgetChoice other = choice_;
+          auto& order = other.plan.tasks[entry].units;
+          std::rotate(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(i),
+                      order.begin() + static_cast<std::ptrdiff_t>(i) + 1);
+          measure_ways(setup_.scenario, other.plan);
+          moved = consider(std::move(other)) || moved;
+        }
+      }
+    }
+  }
+
+  /// Longer and shorter queues, more and fewer frames in flight, while that is better.
+  void fit_queues() {
+    for (bool changed = true; changed && may_try();) {
+      changed = false;
+      for (std::size_t entry = 0; entry < choice_.plan.tasks.size(); ++entry) {
+        if (choice_.plan.tasks[entry].pinned || !queues_matter(entry)) continue;
+        for (const UnitId unit : std::vector(choice_.plan.tasks[entry].units)) {
+          for (const int by : {1, -1}) changed = change_capacity(entry, unit, by) || changed;
+        }
+      }
+      for (std::size_t p = 0; p < choice_.in_flight.size(); ++p) {
+        if (!own_in_flight(p)) continue;
+        for (const int by : {1, -1}) changed = change_in_flight(p, by) || changed;
+      }
+    }
+  }
+
+  /// Where nothing has to go first, a queue may be longer than what is served.
+  [[nodiscard]] bool queues_matter(std::size_t entry) const {
+    const BudgetPlan& plan = choice_.plan;
+    return plan.pipelines[plan.tasks[entry].pipeline].real_time &&
+           std::ranges::none_of(plan.pipelines,
+                                [](const auto& each) { return each.deadline.has_value(); });
+  }
+
+  bool change_capacity(std::size_t entry, UnitId unit, int by) {
+    bool changed = false;
+    while (may_try()) {
+      BudgetChoice other = choice_;
+      BudgetPlan::Task& task = other.plan.tasks[entry];
+      task.capacity[unit] += by;
+      const bool any = std::ranges::any_of(task.capacity, [](int each) { return each > 0; });
+      if (task.capacity[unit] < 0 || !any || task.capacity[unit] > 1000) break;
+      if (own_in_flight(task.pipeline)) {
+        other.in_flight[task.pipeline] = std::max(1, other.in_flight[task.pipeline] + by);
+      }
+      if (!consider(std::move(other))) break;
+      changed = true;
+    }
+    return changed;
+  }
+
+  bool change_in_flight(std::size_t pipeline, int by) {
+    bool changed = false;
+    while (may_try()) {
+      BudgetChoice other = choice_;
+      other.in_flight[pipeline] += by;
+      if (other.in_flight[pipeline] < 1) break;
+      if (!consider(std::move(other))) break;
+      changed = true;
+    }
+    return changed;
+  }
+
+  /// More than the rate that is wanted: the dearest units get less of it, by halving.
+  void spare() {
+    if (goals_.objective != Objective::kEnergy) return;
+    for (std::size_t entry = 0; entry < choice_.plan.tasks.size(); ++entry) {
+      if (choice_.plan.tasks[entry].pinned) continue;
+      for (const UnitId unit : dearest_first(entry)) {
+        if (choice_.plan.tasks[entry].capacity[unit] > 0) spare_unit(entry, unit);
+      }
+    }
+  }
+
+  [[nodiscard]] std::vector<UnitId> dearest_first(std::size_t entry) const {
+    std::vector<UnitId> units = choice_.plan.tasks[entry].units;
+    const auto& window_j = choice_.plan.tasks[entry].window_j;
+    std::ranges::stable_sort(units, [&](UnitId a, UnitId b) { return window_j[a] > window_j[b]; });
+    return units;
+  }
+
+  void spare_unit(std::size_t entry, UnitId unit) {
+    constexpr int kHalvings = 10;
+    double enough = 1;
+    double too_little = 0;
+    for (int i = 0; i < kHalvings && may_try(); ++i) {
+      BudgetChoice other = choice_;
+      const double share = (enough + too_little) / 2;
+      other.plan.tasks[entry].share[unit] = share;
+      const TrialResult result = trial_.run(other);
+      const bool keeps = result.misses <= best_.misses &&
+                         result.rate_per_ms >= *goals_.min_rate_per_ms * (1 + kNone) &&
+                         result.energy_mj <= best_.energy_mj;
+      (keeps ? enough : too_little) = share;
+      if (!keeps) continue;
+      best_ = result;
+      choice_ = std::move(other);
+    }
+  }
+
+  void finish() {
+    setup_.policy_setup.budget = std::move(choice_.plan);
+    setup_.scenario.in_flight = std::move(choice_.in_flight);
+    setup_.policy = setup_.mode.policy.make(setup_.policy_setup);
+  }
+
+  ModeSetup& setup_;
+  const ScheduleOptions& options_;
+  Goals goals_;
+  Trial trial_;
+  BudgetChoice choice_;
+  TrialResult best_;
+  double least_ = 1e300;  ///< Of the objective's figure, the least that was taken.
+};
+
+}  // namespace
+
+void plan_budget(ModeSetup& setup, const ScheduleOptions& options) {
+  if (!setup.scenario.mix.fires_once()) return Planning(setup, options).run();
+  setup.policy_setup.plan = plan_mix(setup.scenario, shortened_plan);
+  setup.policy = setup.mode.policy.make(setup.policy_setup);
+}
+
+}  // namespace pirt

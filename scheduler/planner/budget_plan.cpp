@@ -1,0 +1,183 @@
+#include "scheduler/planner/budget_plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "scheduler/services/transfers.h"
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+constexpr double kWindowS = 1;
+
+double idle_w(const Platform& platform) {
+  double sum = 0;
+  for (const UnitModel& unit : platform.units) sum += unit.idle_w;
+  return sum;
+}
+
+/// Of a call with all its stages, one after the other.
+Nanos worst_of(const Service& service) {
+  Nanos sum{0};
+  for (const ServiceStage& stage : service.stages) {
+    sum += scaled(usual_worst(stage.time), stage.scale);
+  }
+  return sum;
+}
+
+/// The most joules of a call that fall into one second: all, or a second of its hungriest stage.
+double window_j_of(const Platform& platform, const Service& service) {
+  double energy_j = service.fixed_j();
+  double highest_w = 0;
+  for (const ServiceStage& stage : service.stages) {
+    if (!stage.on) continue;
+    const double power_w = platform.units[*stage.on].active_w * service.energy_scale(stage);
+    energy_j += power_w * to_s(stage.time.high);
+    highest_w = std::max(highest_w, power_w / stage.scale);
+  }
+  return std::min(energy_j, service.fixed_j() + highest_w * kWindowS);
+}
+
+/// By Little's law: what keeps the unit busy with calls of the kind.
+int busy_with(const Service& service, const UnitModel& unit, UnitId id) {
+  constexpr int kNoLimit = 1'000'000;
+  const auto on_it = [id](const ServiceStage& stage) { return stage.on == id; };
+  if (std::ranges::none_of(service.stages, on_it)) return kNoLimit;
+  const double occupied = to_s(service.bottleneck(id));
+  if (occupied <= 0) return unit.servers;
+  const double tasks = std::ceil(unit.servers * to_s(service.total()) / occupied - 1e-9);
+  return static_cast<int>(std::clamp(tasks, 1.0, double{kNoLimit}));
+}
+
+BudgetPlan::Task first_task(const Scenario& scenario, const ServiceTable& upper,
+                            std::uint32_t pipeline, std::uint32_t position) {
+  const Platform& platform = scenario.platform;
+  const TaskClass& kind = scenario.classes[pipeline][position];
+  const std::size_t units = platform.units.size();
+  BudgetPlan::Task task{.pipeline = pipeline,
+                        .first = position == 0,
+                        .units = {},
+                        .capacity = std::vector<int>(units, 0),
+                        .share = std::vector<double>(units, 1.0),
+                        .worst = std::vector<Nanos>(units, Nanos::zero()),
+                        .prepare = std::vector<Nanos>(units, Nanos::zero()),
+                        .window_j = std::vector<double>(units, 0.0)};
+  const bool urgent = scenario.mix.pipelines[pipeline].deadline.has_value();
+  std::vector<std::optional<double>> energy_j(units);
+  for (UnitId unit = 0; unit < units; ++unit) {
+    if (!contains(kind.eligible, unit)) continue;
+    const Service& service = *scenario.services.find(kind.workload, unit);
+    task.units.push_back(unit);
+    task.capacity[unit] = busy_with(service, platform.units[unit], unit);
+    const Service* slow = upper.find(kind.workload, unit);
+    task.worst[unit] = std::max(worst_of(service), slow != nullptr ? worst_of(*slow) : Nanos(0));
+    task.prepare[unit] = service.prepare.value_or(Nanos::zero());
+    task.window_j[unit] = window_j_of(platform, service);
+    energy_j[unit] = call_energy_j(platform, service,
+                                   [](const ServiceStage& stage) { return stage.time.mean(); });
+  }
+  // A real-time task has no use for the cloud while a unit of the robot may serve it.
+  const UnitMask cloud = cloud_units(platform);
+  const bool stays = kind.real_time && (kind.eligible & ~cloud) != 0;
+  if (stays) std::erase_if(task.units, [cloud](UnitId unit) { return contains(cloud, unit); });
+  const bool known =
+      std::ranges::all_of(task.units, [&](UnitId unit) { return energy_j[unit].has_value(); });
+  std::ranges::stable_sort(task.units, [&](UnitId a, UnitId b) {
+    if (known && *energy_j[a] != *energy_j[b]) return *energy_j[a] < *energy_j[b];
+    return task.worst[a] < task.worst[b];
+  });
+  task.pinned = urgent;
+  return task;
+}
+
+void check_energy_known(const Scenario& scenario, const BudgetPlan& plan) {
+  for (std::size_t p = 0; p < scenario.classes.size(); ++p) {
+    for (const TaskClass& kind : scenario.classes[p]) {
+      for (const UnitId unit : plan.tasks[kind.entry].units) {
+        if (scenario.services.find(kind.workload, unit)->energy_known) continue;
+        const std::string& name = scenario.platform.units[unit].name;
+        throw_bad_input("--power-cap: nobody knows what " + name + " draws; give it with --set " +
+                        name + ".active_w=W, or leave it out with --without " + name);
+      }
+    }
+  }
+}
+
+/// Where tasks with a deadline are served, nothing queues before them.
+void shorten_queues(const Scenario& scenario, BudgetPlan& plan) {
+  UnitMask urgent = 0;
+  for (const BudgetPlan::Task& task : plan.tasks) {
+    if (!plan.pipelines[task.pipeline].deadline) continue;
+    for (const UnitId unit : task.units) urgent |= unit_bit(unit);
+  }
+  for (BudgetPlan::Task& task : plan.tasks) {
+    for (const UnitId unit : task.units) {
+      if (!contains(urgent, unit)) continue;
+      task.capacity[unit] = std::min(task.capacity[unit], scenario.platform.units[unit].servers);
+    }
+  }
+}
+
+}  // namespace
+
+Nanos usual_worst(const Distribution& time) {
+  if (time.kind != Distribution::Kind::kSamples) return time.high;
+  std::vector<Nanos> samples = *time.samples;
+  const auto place =
+      samples.begin() + static_cast<std::ptrdiff_t>((samples.size() * 95 + 99) / 100 - 1);
+  std::ranges::nth_element(samples, place);
+  return *place;
+}
+
+double above_idle_j(const Platform& platform, double power_cap_w) {
+  return (power_cap_w - idle_w(platform)) * kWindowS;
+}
+
+std::string infeasible_cap(const Platform& platform, double power_cap_w) {
+  return fmt::format("--power-cap {:g} W is infeasible: the units of {} draw {:g} W idle",
+                     power_cap_w, platform.name, idle_w(platform));
+}
+
+BudgetPlan first_budget_plan(const Scenario& scenario, const ServiceTable& upper,
+                             std::optional<double> power_cap_w) {
+  BudgetPlan plan;
+  for (std::uint32_t p = 0; p < scenario.mix.pipelines.size(); ++p) {
+    const Pipeline& pipeline = scenario.mix.pipelines[p];
+    plan.pipelines.push_back({.rate_hz = pipeline.rate_hz,
+                              .offset = pipeline.offset,
+                              .jitter = pipeline.jitter,
+                              .deadline = pipeline.deadline,
+                              .real_time = pipeline.real_time});
+    for (std::uint32_t t = 0; t < pipeline.tasks.size(); ++t) {
+      plan.tasks.push_back(first_task(scenario, upper, p, t));
+    }
+  }
+  shorten_queues(scenario, plan);
+  measure_ways(scenario, plan);
+  if (power_cap_w) {
+    check_energy_known(scenario, plan);
+    plan.window_j = above_idle_j(scenario.platform, *power_cap_w);
+  }
+  return plan;
+}
+
+void measure_ways(const Scenario& scenario, BudgetPlan& plan) {
+  for (std::size_t p = 0; p < scenario.mix.pipelines.size(); ++p) {
+    const auto& classes = scenario.classes[p];
+    for (const TaskClass& kind : classes) plan.tasks[kind.entry].behind = Nanos::zero();
+    for (std::size_t t = classes.size(); t-- > 0;) {
+      const BudgetPlan::Task& task = plan.tasks[classes[t].entry];
+      const UnitId unit = task.units.front();
+      const Nanos whole = task.worst[unit] + task.prepare[unit] + task.behind;
+      for (const GraphEdge& edge : edges_into(scenario.platform, scenario.mix.pipelines[p], t)) {
+        BudgetPlan::Task& before = plan.tasks[classes[edge.from].entry];
+        before.behind = std::max(before.behind, edge.transfer(before.units.front(), unit) + whole);
+      }
+    }
+  }
+}
+
+}  // namespace pirt

@@ -1,0 +1,65 @@
+// What mode budget decides before a run, and what it foresees in it: data that its policy follows
+// (policies/budget.cpp) and budget/ improves.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "scheduler/mix/task.h"
+#include "scheduler/services/scenario.h"
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+struct BudgetPlan {
+  struct Task {
+    std::uint32_t pipeline = 0;
+    bool first = false;            ///< Of its pipeline: that it is submitted tells of a firing.
+    bool pinned = false;           ///< It keeps the first of `units` that is up.
+    std::vector<UnitId> units;     ///< That may serve it, the best first.
+    std::vector<int> capacity;     ///< By unit: it is given the task while it has fewer. 0 = never,
+                                   ///< unless no other is up.
+    std::vector<double> share;     ///< By unit: it gets at most this part of the task's calls.
+    std::vector<Nanos> worst;      ///< By unit: what a call takes there when it takes long.
+    std::vector<Nanos> prepare;    ///< By unit: what it adds where another workload was before.
+    std::vector<double> window_j;  ///< By unit: the most that a call draws in a second, above idle.
+    Nanos behind{0};               ///< The longest way from its end to that of its firing.
+    friend bool operator==(const Task&, const Task&) = default;
+  };
+  /// When a pipeline fires: at offset + n / rate and up to `jitter` later.
+  struct Arrivals {
+    std::optional<double> rate_hz = {};  ///< Absent: nobody knows.
+    Nanos offset{0};
+    Nanos jitter{0};
+    std::optional<Nanos> deadline = {};
+    bool real_time = true;
+    friend bool operator==(const Arrivals&, const Arrivals&) = default;
+  };
+  std::vector<Task> tasks;  ///< Of all pipelines; the position is TaskClass::entry.
+  std::vector<Arrivals> pipelines;
+  std::optional<double> window_j;  ///< What all may draw in any second, above idle; absent = all.
+  friend bool operator==(const BudgetPlan&, const BudgetPlan&) = default;
+};
+
+/// Joules in a second that a cap leaves above what all units draw idle; below 0: infeasible.
+[[nodiscard]] double above_idle_j(const Platform& platform, double power_cap_w);
+/// What to say of such a cap.
+[[nodiscard]] std::string infeasible_cap(const Platform& platform, double power_cap_w);
+
+/// A plan that nobody has improved: the cheapest unit first, tasks with a deadline on one unit,
+/// queues no longer than what keeps a unit busy.
+/// @param scenario  Its classes have their entries.
+/// @param upper     Services whose times are those of calls that take long.
+/// @throws Error{kBadInput} for a cap where nobody knows what a unit that may serve a task draws.
+[[nodiscard]] BudgetPlan first_budget_plan(const Scenario& scenario, const ServiceTable& upper,
+                                           std::optional<double> power_cap_w);
+
+/// Sets what follows from the first of each task's units: the ways behind them.
+void measure_ways(const Scenario& scenario, BudgetPlan& plan);
+
+/// Of a drawn time, what 95 of 100 do not exceed; the value itself, or the highest, of others.
+[[nodiscard]] Nanos usual_worst(const Distribution& time);
+
+}  // namespace pirt

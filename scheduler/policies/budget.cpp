@@ -1,0 +1,173 @@
+// Mode budget: meets deadlines, and beside them what it was asked for, under a cap of power.
+//
+// The plan (../planner/budget_plan.h, made better by ../budget/) says which units serve a task, in
+// which order, and how many tasks a unit may have when it is given one more. Here is what is
+// decided as things come:
+//
+//   the task that has to start first (its deadline less the longest way to the end of its firing)
+//   goes before others; those of real-time pipelines without a deadline come next, then the rest;
+//   a task with a deadline keeps the unit that the plan gives it while that is up;
+//   a unit stays idle rather than begin what would make late a more urgent task that waits for it
+//   or is foreseen (foresight.h), unless what asks would be late then itself;
+//   what has no deadline waits while it would break the cap of power (power_window.h); what has one
+//   does not, and is counted;
+//   where two units do, a unit that holds the task's program goes before one that has to load it.
+//
+// With no plan from budget/, as in a runtime that knows no mix, the cheapest unit that has room
+// serves a task. A mix that fires once follows a static plan (planned.cpp).
+#include <algorithm>
+#include <optional>
+
+#include "scheduler/policies/foresight.h"
+#include "scheduler/policies/policies.h"
+#include "scheduler/policies/power_window.h"
+
+namespace pirt {
+namespace {
+
+// Ranks of tasks without a deadline, behind all times that a run reaches.
+constexpr Nanos kRealTime = Nanos::max() - Nanos(1);
+constexpr Nanos kRest = Nanos::max();
+
+class BudgetPolicy final : public Policy {
+ public:
+  explicit BudgetPolicy(const PolicySetup& setup)
+      : plan_(setup.budget),
+        servers_(setup.servers),
+        foresight_(plan_),
+        calls_(plan_.tasks.size()),
+        holds_(setup.servers.size()) {
+    for (UnitId unit = 0; unit < setup.servers.size(); ++unit) order_.push_back(unit);
+    if (plan_.window_j) window_.emplace(*plan_.window_j);
+    for (Calls& each : calls_) each.by_unit.resize(setup.servers.size(), 0);
+  }
+
+  Nanos rank(const Task& task) override {
+    foresight_.submitted(task);
+    const BudgetPlan::Task& planned = plan_.tasks[task.kind.entry];
+    if (!task.deadline) return task.kind.real_time ? kRealTime : kRest;
+    return *task.deadline - planned.behind - planned.worst[planned.units.front()];
+  }
+
+  Placement place(const TaskClass& task, const UnitsView& units) override {
+    if (units.now >= ask_again_) ask_again_ = Nanos::max();
+    const auto unit = choose(task, units);
+    if (!unit) return Placement::hold();
+    const BudgetPlan::Task& planned = plan_.tasks[task.entry];
+    foresight_.left(task.entry);
+    ++calls_[task.entry].all;
+    ++calls_[task.entry].by_unit[*unit];
+    holds_[*unit] = task.workload;
+    if (window_) {
+      if (!window_->allows(planned.window_j[*unit], units.now)) ++over_cap_;
+      window_->started(planned.window_j[*unit]);
+    }
+    return Placement::on(*unit);
+  }
+
+  UnitMask takers(const TaskClass& task, UnitMask up) const override {
+    UnitMask mask = 0;
+    for (const UnitId unit : plan_.tasks[task.entry].units) mask |= unit_bit(unit);
+    return mask & task.eligible & up;
+  }
+
+  const std::vector<UnitId>& order() const override { return order_; }
+  void gone(const TaskClass& task) override { foresight_.left(task.entry); }
+  void left(const TaskClass& task, UnitId unit, Nanos now) override {
+    if (window_) window_->ended(plan_.tasks[task.entry].window_j[unit], now);
+  }
+  [[nodiscard]] Nanos ask_again() const override { return ask_again_; }
+  [[nodiscard]] std::int64_t over_cap() const override { return over_cap_; }
+
+ private:
+  struct Calls {
+    std::int64_t all = 0;
+    std::vector<std::int64_t> by_unit;
+  };
+
+  /// Whether the unit may have one more of the task's calls; it may while all units are idle, whose
+  /// tasks would change that.
+  bool has_share(const TaskClass& task, UnitId unit, const UnitsView& units) const {
+    const double share = plan_.tasks[task.entry].share[unit];
+    if (share >= 1 || std::ranges::all_of(units.load, [](int load) { return load == 0; })) {
+      return true;
+    }
+    const Calls& calls = calls_[task.entry];
+    return static_cast<double>(calls.by_unit[unit] + 1) <=
+           share * static_cast<double>(calls.all + 1) + 1;
+  }
+
+  /// Nothing speaks against starting the task there now, except what is said of capacities.
+  bool may_start(const TaskClass& task, UnitId unit, const UnitsView& units) {
+    const BudgetPlan::Task& planned = plan_.tasks[task.entry];
+    const bool last_server = units.load[unit] + 1 >= servers_[unit];
+    if (last_server) {
+      if (const auto conflict = foresight_.conflict(task.entry, unit, units.up, units.now)) {
+        wait_until(conflict->ask_again, units.now);
+        return false;
+      }
+    }
+    const bool urgent = plan_.pipelines[planned.pipeline].deadline.has_value();
+    if (urgent || !window_ || window_->allows(planned.window_j[unit], units.now)) return true;
+    wait_until(window_->next(), units.now);
+    return false;
+  }
+
+  void wait_until(Nanos time, Nanos now) {
+    if (time > now) ask_again_ = std::min(ask_again_, time);
+  }
+
+  bool is_warm(const TaskClass& task, UnitId unit) const {
+    return plan_.tasks[task.entry].prepare[unit] == Nanos::zero() || holds_[unit] == task.workload;
+  }
+
+  std::optional<UnitId> choose(const TaskClass& task, const UnitsView& units) {
+    const BudgetPlan::Task& planned = plan_.tasks[task.entry];
+    const UnitMask mask = task.eligible & units.up;
+    // Units that the plan leaves out serve where no other can.
+    const bool any_planned = std::ranges::any_of(planned.units, [&](UnitId unit) {
+      return contains(mask, unit) && planned.capacity[unit] > 0;
+    });
+    std::optional<UnitId> cold;
+    for (const UnitId unit : planned.units) {
+      if (!contains(mask, unit)) continue;
+      const int capacity = any_planned ? planned.capacity[unit] : servers_[unit];
+      const bool has_room = units.load[unit] < capacity;
+      if (has_room && has_share(task, unit, units) && may_start(task, unit, units)) {
+        if (is_warm(task, unit)) {
+          return cold && planned.worst[unit] > planned.worst[*cold] + planned.prepare[*cold] ? cold
+                                                                                             : unit;
+        }
+        if (!cold) cold = unit;
+      }
+      if (planned.pinned) break;
+    }
+    return cold;
+  }
+
+  BudgetPlan plan_;
+  std::vector<int> servers_;
+  Foresight foresight_;
+  std::optional<PowerWindow> window_;
+  std::vector<Calls> calls_;                      ///< By entry.
+  std::vector<std::optional<WorkloadId>> holds_;  ///< By unit: what it was given last.
+  std::vector<UnitId> order_;
+  Nanos ask_again_ = Nanos::max();
+  std::int64_t over_cap_ = 0;
+};
+
+}  // namespace
+
+constinit const PolicyInfo policy::budget = {
+    .name = "budget",
+    .description =
+        "Meets deadlines under --power-cap, then gives what --objective says; foresees firings",
+    .make = [](const PolicySetup& setup) -> std::unique_ptr<Policy> {
+      if (!setup.plan.entries.empty()) return make_planned_policy(setup);
+      return std::make_unique<BudgetPolicy>(setup);
+    },
+    .cloud_use = CloudUse::kNotRealTime,
+    .budgets = true,
+};
+
+}  // namespace pirt

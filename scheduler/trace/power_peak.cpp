@@ -1,0 +1,67 @@
+#include "scheduler/trace/power_peak.h"
+
+#include <algorithm>
+
+namespace pirt {
+namespace {
+
+constexpr Nanos kWindow = std::chrono::seconds(1);
+
+}  // namespace
+
+void PowerPeak::submitting(TaskId task, std::size_t pipeline, std::size_t position,
+                           std::uint64_t firing) {
+  if (next_ != nullptr) next_->submitting(task, pipeline, position, firing);
+}
+
+void PowerPeak::arrived(std::size_t servers_index, std::uint32_t job, double power_w) {
+  loads_[servers_index].arrived(job, power_w);
+  if (next_ != nullptr) next_->arrived(servers_index, job, power_w);
+}
+
+void PowerPeak::left(std::size_t servers_index, std::uint32_t job) {
+  loads_[servers_index].left(job);
+  if (next_ != nullptr) next_->left(servers_index, job);
+}
+
+void PowerPeak::preparing(TaskId task, Nanos now, Nanos takes) {
+  if (next_ != nullptr) next_->preparing(task, now, takes);
+}
+
+/// @param time  Not before the first change that is kept.
+double PowerPeak::joules_until(Nanos time) const {
+  const auto behind = std::ranges::upper_bound(changes_, time, {}, &Change::at);
+  if (behind == changes_.begin()) return 0;
+  const Change& last = *std::prev(behind);
+  return last.before_j + last.power_w * to_s(time - last.at);
+}
+
+void PowerPeak::consider(Nanos end) {
+  highest_w_ = std::max(highest_w_, joules_until(end) - joules_until(end - kWindow));
+}
+
+/// What a second draws, by its end, rises and falls in straight lines: it is highest where the
+/// power changes at its end or its beginning.
+void PowerPeak::settled(Nanos now, std::span<const int> waiting) {
+  if (next_ != nullptr) next_->settled(now, waiting);
+  double power_w = 0;
+  for (const ServerLoad& load : loads_) power_w += load.power_w();
+  if (!changes_.empty() && changes_.back().power_w == power_w) return;
+  if (!changes_.empty() && changes_.back().at == now) {
+    changes_.back().power_w = power_w;
+    return;
+  }
+  const double before_j = joules_until(now);
+  if (!changes_.empty()) {
+    const Nanos since = changes_.back().at;
+    for (const Change& change : changes_) {
+      const Nanos end = change.at + kWindow;
+      if (end > since && end < now) consider(end);
+    }
+    consider(now);
+  }
+  while (changes_.size() > 1 && changes_[1].at <= now - kWindow) changes_.pop_front();
+  changes_.push_back({now, power_w, before_j});
+}
+
+}  // namespace pirt

@@ -1,0 +1,255 @@
+#include "scheduler/what_if.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "scheduler/planner/budget_plan.h"
+#include "scheduler/schedule.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt {
+namespace {
+
+constexpr double kStep = 0.05;
+constexpr int kMostSteps = 60;
+constexpr int kHalvings = 7;  ///< 5 % / 2^7 is below a two-thousandth.
+constexpr const char* kAll = "all";
+
+/// Firings that may be unfinished at the end, since they have just come.
+std::int64_t just_come(const PipelineResult& result, const Pipeline& pipeline) {
+  const double while_one_takes = *pipeline.rate_hz * std::max(result.p99_ms.value_or(0), 1.0) / 1e3;
+  const double part = 0.01 * static_cast<double>(result.fired);
+  return 1 + static_cast<std::int64_t>(std::ceil(std::min(while_one_takes, part)));
+}
+
+/// What part of the pipeline's firings went wrong; 0 = nothing is amiss.
+double amiss(const PipelineResult& result, const Pipeline& pipeline) {
+  if (!pipeline.rate_hz || result.fired == 0) return 0;
+  std::int64_t bad = result.dropped;
+  if (pipeline.real_time) {
+    bad += result.deadline_misses.value_or(0);
+    const std::int64_t allowed = just_come(result, pipeline);
+    if (result.unfinished > allowed) bad += result.unfinished - allowed;
+  }
+  return static_cast<double>(bad) / static_cast<double>(result.fired);
+}
+
+/// The busiest unit of those that served the pipeline's workloads, or that could have.
+const UnitResult* unit_of(const RunRecord& run, const Pipeline& pipeline) {
+  const UnitResult* busiest = nullptr;
+  for (const UnitResult& unit : run.units) {
+    const bool served = std::ranges::any_of(run.calls, [&](const CallResult& call) {
+      return call.unit == unit.unit &&
+             std::ranges::any_of(pipeline.tasks, [&](const MixTask& task) {
+               return task.workload == call.workload;
+             });
+    });
+    if (!served) continue;
+    if (busiest == nullptr || unit.utilization.value_or(0) > busiest->utilization.value_or(0)) {
+      busiest = &unit;
+    }
+  }
+  return busiest;
+}
+
+std::string what_of(const PipelineResult& result) {
+  std::vector<std::string> parts;
+  if (result.deadline_misses.value_or(0) > 0) {
+    parts.push_back(fmt::format("{} of {} late", *result.deadline_misses, result.fired));
+  }
+  if (result.dropped > 0)
+    parts.push_back(fmt::format("{} of {} dropped", result.dropped, result.fired));
+  if (result.unfinished > 0 && parts.empty()) {
+    parts.push_back(fmt::format("{} of {} unfinished", result.unfinished, result.fired));
+  }
+  return join(parts, ", ");
+}
+
+std::string resource_of(const RunRecord& run, const Mix& mix, const UnitResult* unit,
+                        const PipelineResult& result, const Pipeline& pipeline,
+                        std::optional<double> power_cap_w) {
+  constexpr double kFull = 0.9;
+  const double busy = unit == nullptr ? 0 : unit->utilization.value_or(0);
+  if (busy >= kFull) return fmt::format("time of the unit ({:.0f} % busy)", 100 * busy);
+  if (power_cap_w && run.average_power_w.value_or(0) >= 0.85 * *power_cap_w) {
+    return fmt::format("power ({:.3g} of {:.3g} W)", *run.average_power_w, *power_cap_w);
+  }
+  if (result.dropped > 0 && mix.image_buffers && pipeline.has_image_input()) {
+    return fmt::format("image buffers ({})", *mix.image_buffers);
+  }
+  return fmt::format("its turn: calls before it are not interrupted ({:.0f} % busy)", 100 * busy);
+}
+
+/// A mix with the parameter at a value.
+Mix changed(const Mix& mix, const WhatIfChange& change, double value) {
+  Mix other = mix;
+  if (change.kind != WhatIfChange::Kind::kRate) return other;
+  for (Pipeline& pipeline : other.pipelines) {
+    if (!pipeline.rate_hz) continue;
+    if (change.pipeline == kAll) {
+      pipeline.rate_hz = *pipeline.rate_hz * value;
+    } else if (pipeline.name == change.pipeline) {
+      pipeline.rate_hz = value;
+    } else {
+      continue;
+    }
+    pipeline.jitter = std::min(pipeline.jitter, from_s(1 / *pipeline.rate_hz));
+  }
+  return other;
+}
+
+class Search {
+ public:
+  Search(const Platform& platform, const Profile* profile, const Mix& mix,
+         const WhatIfChange& change, const ScheduleOptions& options)
+      : platform_(platform), profile_(profile), mix_(mix), change_(change), options_(options) {}
+
+  /// @param values  The given one, then so far as is tried.
+  WhatIfRow run(const std::string& mode, const std::vector<double>& values) {
+    WhatIfRow row{.mode = mode, .not_run = "", .holds = {}, .breaks = {}, .breakage = {}};
+    try {
+      for (const double value : values) {
+        if (auto breakage = breakage_at(mode, value)) {
+          row.breaks = value;
+          row.breakage = std::move(breakage);
+          break;
+        }
+        row.holds = value;
+      }
+      if (row.holds && row.breaks) bisect(row);
+    } catch (const Error& error) {
+      row.not_run = error.what();
+    }
+    return row;
+  }
+
+ private:
+  std::optional<Breakage> breakage_at(const std::string& mode, double value) {
+    const Mix mix = changed(mix_, change_, value);
+    const bool budgets = find_policy(mode).budgets;
+    ScheduleOptions options = budgets ? options_ : options_.without_budget();
+    options.mode = mode;
+    options.watch_power = true;
+    std::optional<double> cap_w = options_.power_cap_w;
+    if (change_.kind == WhatIfChange::Kind::kPowerCap) cap_w = value;
+    if (budgets) options.power_cap_w = cap_w;
+    if (cap_w && above_idle_j(platform_, *cap_w) < 0) {
+      return Breakage{.pipeline = "",
+                      .unit = "",
+                      .resource = "power",
+                      .what = infeasible_cap(platform_, *cap_w)};
+    }
+    return breakage_of(run_virtual(platform_, profile_, mix, options), mix, cap_w);
+  }
+
+  void bisect(WhatIfRow& row) {
+    for (int i = 0; i < kHalvings; ++i) {
+      const double middle = (*row.holds + *row.breaks) / 2;
+      auto breakage = breakage_at(row.mode, middle);
+      if (!breakage) {
+        row.holds = middle;
+        continue;
+      }
+      row.breaks = middle;
+      row.breakage = std::move(breakage);
+    }
+  }
+
+  const Platform& platform_;
+  const Profile* profile_;
+  const Mix& mix_;
+  const WhatIfChange& change_;
+  const ScheduleOptions& options_;
+};
+
+std::vector<double> values_of(const WhatIfChange& change, double given) {
+  std::vector<double> values;
+  const bool down = change.kind == WhatIfChange::Kind::kPowerCap;
+  for (int i = 0; i <= kMostSteps; ++i) {
+    const double factor = down ? 1 - kStep * i : 1 + kStep * i;
+    if (factor <= kStep / 2) break;
+    values.push_back(given * factor);
+  }
+  return values;
+}
+
+}  // namespace
+
+std::optional<Breakage> breakage_of(const RunRecord& run, const Mix& mix,
+                                    std::optional<double> power_cap_w) {
+  double worst = 0;
+  std::size_t position = 0;
+  for (std::size_t p = 0; p < mix.pipelines.size(); ++p) {
+    const double each = amiss(run.pipelines[p], mix.pipelines[p]);
+    if (each <= worst) continue;
+    worst = each;
+    position = p;
+  }
+  if (worst > 0) {
+    const Pipeline& pipeline = mix.pipelines[position];
+    const PipelineResult& result = run.pipelines[position];
+    const UnitResult* unit = unit_of(run, pipeline);
+    return Breakage{.pipeline = pipeline.name,
+                    .unit = unit == nullptr ? "" : unit->unit,
+                    .resource = resource_of(run, mix, unit, result, pipeline, power_cap_w),
+                    .what = what_of(result)};
+  }
+  if (!power_cap_w || run.power_highest_w.value_or(0) <= *power_cap_w * (1 + 1e-9)) {
+    return std::nullopt;
+  }
+  const auto hungriest = std::ranges::max_element(
+      run.units, {}, [](const UnitResult& unit) { return unit.energy_j.value_or(0); });
+  return Breakage{.pipeline = "",
+                  .unit = hungriest->unit,
+                  .resource = "power",
+                  .what = fmt::format("the fullest second draws {:.3g} W", *run.power_highest_w)};
+}
+
+WhatIfChange parse_raise(const std::string& text, const Mix& mix) {
+  constexpr std::string_view kRate = ".rate_hz";
+  std::vector<std::string> known = {std::string(kAll) + std::string(kRate)};
+  for (const Pipeline& pipeline : mix.pipelines) {
+    if (pipeline.rate_hz) known.push_back(pipeline.name + std::string(kRate));
+  }
+  if (std::ranges::find(known, text) == known.end()) {
+    throw_bad_input("--raise '" + text + "' names no rate of mix " + mix.name +
+                    suggestion(text, known));
+  }
+  return {.kind = WhatIfChange::Kind::kRate,
+          .pipeline = text.substr(0, text.size() - kRate.size())};
+}
+
+WhatIf what_if(const Platform& platform, const Profile* profile, const Mix& mix,
+               const std::vector<std::string>& modes, const WhatIfChange& change,
+               const ScheduleOptions& options) {
+  WhatIf result;
+  if (change.kind == WhatIfChange::Kind::kPowerCap) {
+    if (!options.power_cap_w) {
+      throw_bad_input("--lower power-cap begins at a cap; give it with --power-cap 11W");
+    }
+    result.parameter = "power cap";
+    result.unit = "W";
+    result.given = *options.power_cap_w;
+  } else if (change.pipeline == kAll) {
+    if (!mix.open_loop()) {
+      throw_bad_input("mix " + mix.name + " has closed loops only, and no rate to raise");
+    }
+    result.parameter = "all rates, times";
+    result.given = 1;
+  } else {
+    const auto pipeline = std::ranges::find(mix.pipelines, change.pipeline, &Pipeline::name);
+    result.parameter = change.pipeline + ".rate_hz";
+    result.unit = "Hz";
+    result.given = *pipeline->rate_hz;
+  }
+  const auto values = values_of(change, result.given);
+  result.last_tried = values.back();
+  Search search(platform, profile, mix, change, options);
+  for (const auto& mode : modes) result.rows.push_back(search.run(mode, values));
+  return result;
+}
+
+}  // namespace pirt

@@ -1,0 +1,317 @@
+// Mode budget: what it meets that the paper's modes do not, what it waits for, and its cap of
+// power.
+#include <algorithm>
+
+#include "scheduler/mix/dag_generator.h"
+#include "scheduler/policies/foresight.h"
+#include "scheduler/policies/power_window.h"
+#include "scheduler/trace/power_peak.h"
+#include "tests/scheduler/support.h"
+
+namespace pirt::test {
+namespace {
+
+using std::chrono::milliseconds;
+using testing::HasSubstr;
+
+RunRecord run(const Platform& platform, const Mix& mix, ScheduleOptions options) {
+  if (options.mode.empty()) options.mode = "budget";
+  return run_virtual(platform, nullptr, mix, options);
+}
+RunRecord run(const Platform& platform, const Mix& mix, const std::string& mode,
+              std::optional<int> in_flight = {}) {
+  ScheduleOptions options;
+  options.mode = mode;
+  options.in_flight = in_flight;
+  return run_virtual(platform, nullptr, mix, options);
+}
+
+std::int64_t misses(const RunRecord& record) {
+  std::int64_t sum = 0;
+  for (const auto& pipeline : record.pipelines) sum += pipeline.deadline_misses.value_or(0);
+  return sum;
+}
+
+TEST(Budget, BeatsThroughputModeInRateLatencyAndEnergyAtOnce) {
+  const auto platform = load_platform("snapdragon820");
+  const auto mix = load_mix("convolution-1000");
+  const auto budget = run(platform, mix, "budget");
+  const auto throughput = run(platform, mix, "throughput");
+  EXPECT_GT(*budget.throughput_per_ms, *throughput.throughput_per_ms);
+  EXPECT_LT(*budget.mean_latency_ms, *throughput.mean_latency_ms);
+  EXPECT_LT(*budget.energy_j, *throughput.energy_j);
+  EXPECT_EQ(budget.objective, "rate");
+  EXPECT_EQ(budget, run(platform, mix, "budget")) << "the same inputs, another plan";
+}
+
+TEST(Budget, HasABetterTailThanLatencyModeWithAsManyInFlight) {
+  const auto platform = load_platform("snapdragon820");
+  const auto mix = load_mix("convolution-1000");
+  ScheduleOptions options;
+  options.in_flight = 4;
+  const auto latency = run(platform, mix, "latency", 4);
+  const auto fast = run(platform, mix, options);
+  EXPECT_EQ(fast.in_flight, 4);
+  EXPECT_GE(*fast.throughput_per_ms, 1.13 * *latency.throughput_per_ms);
+  EXPECT_LE(*fast.p99_latency_ms, 0.5 * *latency.p99_latency_ms);
+  options.objective = Objective::kEnergy;
+  options.min_rate_per_ms = 1.13 * *latency.throughput_per_ms;
+  const auto frugal = run(platform, mix, options);
+  EXPECT_GE(*frugal.throughput_per_ms, 1.13 * *latency.throughput_per_ms);
+  EXPECT_LE(*frugal.p99_latency_ms, 0.5 * *latency.p99_latency_ms);
+  EXPECT_LE(*frugal.energy_j, 1.04 * *latency.energy_j);
+}
+
+TEST(Budget, NeedsLittleMoreThanTheLeastEnergyForARate) {
+  const auto platform = load_platform("snapdragon820");
+  const auto mix = load_mix("convolution-1000");
+  for (const auto& mode : paper_modes()) {
+    const double rate = *run(platform, mix, mode).throughput_per_ms;
+    ScheduleOptions options;
+    options.objective = Objective::kEnergy;
+    options.min_rate_per_ms = rate;
+    const auto record = run(platform, mix, options);
+    EXPECT_GE(*record.throughput_per_ms, rate) << mode;
+    EXPECT_LE(*record.energy_j, 1.03 * *record.bounds->energy_j) << mode;
+  }
+}
+
+/// A planner with 6 ms, and a long job; one core.
+const std::string kOneCore = R"(
+platform: one
+units: {cpu: {slots: 1, active_w: 2, idle_w: 0.5}}
+)";
+std::string planner_and_job(const std::string& arrivals, int job_ms) {
+  return "mix: m\npipelines:\n"
+         "  planning: {rate_hz: 10, deadline_ms: 6, " +
+         arrivals + "tasks: [{name: plan, service_ms: {cpu: 1}}]}\n" +
+         "  mapping: {rate_hz: 4, real_time: false, tasks: [{name: adjust, service_ms: {cpu: " +
+         std::to_string(job_ms) + "}}]}\n";
+}
+
+TEST(Budget, LeavesAUnitIdleRatherThanBeginWhatWouldOverrunAPlan) {
+  // The job comes at 0, 250, 500, ...; 60 ms from 250 on would end at 310, where the plan of 300
+  // has to have begun by 305.
+  const auto platform = platform_of(kOneCore);
+  const auto mix = mix_of(planner_and_job("", 60));
+  ScheduleOptions options;
+  options.duration = from_s(60);
+  EXPECT_EQ(misses(run(platform, mix, options)), 0);
+  EXPECT_EQ(run(platform, mix, options).pipelines[1].completed, 240);
+  options.mode = "edf";
+  EXPECT_GT(misses(run(platform, mix, options)), 100);
+  // With jitter the plan of 300 may come at any moment until 320.
+  options.mode = "budget";
+  const auto jitter = mix_of(planner_and_job("offset_ms: 30, jitter_ms: 20, ", 60));
+  const auto record = run(platform, jitter, options);
+  EXPECT_EQ(misses(record), 0);
+  EXPECT_EQ(record.pipelines[1].completed, 240);
+}
+
+TEST(Budget, WhatFitsNowhereWaitsForTheEnd) {
+  const auto platform = platform_of(kOneCore);
+  const auto mix = mix_of(planner_and_job("", 120));
+  ScheduleOptions options;
+  options.duration = from_s(2);
+  const auto record = run(platform, mix, options);
+  EXPECT_EQ(misses(record), 0);
+  EXPECT_EQ(record.pipelines[1].completed, 0);
+  EXPECT_EQ(record.pipelines[1].unfinished, 8);
+  EXPECT_EQ(record.stalled, 0) << "once no plan comes any more, the jobs are done";
+}
+
+/// One pipeline that fires each 100 ms with a deadline of 10 and takes 2, and one without.
+BudgetPlan small_plan() {
+  BudgetPlan plan;
+  const auto task = [](std::uint32_t pipeline, int ms) {
+    return BudgetPlan::Task{.pipeline = pipeline,
+                            .first = true,
+                            .pinned = pipeline == 0,
+                            .units = {0},
+                            .capacity = {1},
+                            .share = {1},
+                            .worst = {milliseconds(ms)},
+                            .prepare = {Nanos(0)},
+                            .window_j = {0}};
+  };
+  plan.tasks = {task(0, 2), task(1, 50)};
+  plan.pipelines = {{.rate_hz = 10.0, .jitter = milliseconds(5), .deadline = milliseconds(10)}, {}};
+  return plan;
+}
+
+Task firing(Nanos at) {
+  return {.id = 1, .kind = {.entry = 0}, .deadline = at + milliseconds(10), .expires_at = {}};
+}
+
+TEST(Foresight, KnowsWhatIsToComeAndWhatWaits) {
+  const BudgetPlan plan = small_plan();
+  Foresight foresight(plan);
+  const auto ask_again = [&](int ms) -> std::optional<double> {
+    const auto conflict = foresight.conflict(1, 0, 1, milliseconds(ms));
+    return conflict ? std::optional(to_ms(conflict->ask_again)) : std::nullopt;
+  };
+  // Firing 0 is to come at 0 to 5 ms; 50 ms from now on would be too late for it. If it has not
+  // come by 5 ms, and one of grace, it is worth asking again.
+  EXPECT_NEAR(*ask_again(0), 6, 0.001);
+  foresight.submitted(firing(milliseconds(2)));
+  // It waits now.
+  EXPECT_TRUE(ask_again(2));
+  EXPECT_EQ(foresight.latest_end(0), milliseconds(12));
+  foresight.left(0);
+  // Free until firing 1: from 100 on, to end by 110, so to be begun by 108.
+  EXPECT_FALSE(ask_again(4));
+  EXPECT_FALSE(ask_again(58));
+  EXPECT_NEAR(*ask_again(59), 106, 0.001);
+  // It does not come: the next one counts.
+  EXPECT_FALSE(ask_again(107));
+  EXPECT_NEAR(*ask_again(160), 206, 0.001);
+  // Nor does that: the pipeline has ended.
+  EXPECT_FALSE(ask_again(260));
+  foresight.submitted(firing(milliseconds(400)));
+  foresight.left(0);
+  EXPECT_NEAR(*ask_again(470), 506, 0.001);
+}
+
+TEST(Foresight, WhatWouldBeLateItselfDoesNotWait) {
+  BudgetPlan plan = small_plan();
+  plan.pipelines[1] = {.deadline = milliseconds(100)};
+  Foresight foresight(plan);
+  Task own = firing(Nanos(0));
+  own.kind.entry = 1;
+  own.deadline = milliseconds(56);
+  foresight.submitted(own);
+  // It takes 50 of its 56 ms, the plan 2: it can wait until 4 ms.
+  EXPECT_EQ(foresight.conflict(1, 0, 1, Nanos(0))->ask_again, milliseconds(4));
+  EXPECT_FALSE(foresight.conflict(1, 0, 1, milliseconds(4)));
+}
+
+TEST(PowerWindow, CountsACallUntilASecondAfterItsEnd) {
+  PowerWindow window(2);
+  EXPECT_TRUE(window.allows(2, Nanos(0)));
+  EXPECT_FALSE(window.allows(2.001, Nanos(0)));
+  window.started(1.5);
+  EXPECT_TRUE(window.allows(0.5, Nanos(0)));
+  EXPECT_FALSE(window.allows(0.6, milliseconds(500)));
+  EXPECT_EQ(window.next(), Nanos::max());
+  window.ended(1.5, milliseconds(600));
+  EXPECT_FALSE(window.allows(0.6, milliseconds(1600)));
+  EXPECT_EQ(window.next(), milliseconds(1600) + Nanos(1));
+  EXPECT_TRUE(window.allows(2, window.next()));
+}
+
+TEST(PowerPeak, FindsTheFullestSecond) {
+  const auto platform = platform_of(kOneCore);
+  PowerPeak peak(platform, nullptr);
+  const std::vector<int> none;
+  peak.settled(Nanos(0), none);
+  // 2 W for 400 ms from 0.5 s on, and for 200 ms from 1.4 s on: [0.5, 1.5] has 500 ms of it and
+  // [0.6, 1.6] as many.
+  for (const auto& [from, to] : {std::pair(500, 900), std::pair(1400, 1600)}) {
+    peak.arrived(0, 1, 2);
+    peak.settled(milliseconds(from), none);
+    peak.left(0, 1);
+    peak.settled(milliseconds(to), none);
+  }
+  EXPECT_NEAR(peak.highest_w(), 0.5 + 2 * 0.5, 1e-9);
+}
+
+TEST(Budget, DrawsNoMoreThanItsCapInAnySecond) {
+  const auto platform = load_platform("snapdragon820");
+  const auto mix = load_mix("convolution-1000");
+  const double free_w = *run(platform, mix, "budget").average_power_w;
+  double before = 0;
+  for (const double cap_w : {0.4, 1.0, 2.0, 3.0}) {
+    ScheduleOptions options;
+    options.power_cap_w = cap_w;
+    const auto record = run(platform, mix, options);
+    EXPECT_EQ(record.completed, 1000);
+    EXPECT_LE(*record.power_highest_w, cap_w);
+    EXPECT_GT(*record.power_highest_w, 0.85 * std::min(cap_w, free_w));
+    EXPECT_GT(*record.throughput_per_ms, before);
+    EXPECT_EQ(record.over_cap, 0);
+    before = *record.throughput_per_ms;
+  }
+}
+
+TEST(Budget, CountsTasksWithADeadlineThatGoBeyondTheCap) {
+  // 10 Hz of 20 ms at 2 W are 0.4 W; with 0.5 W idle 0.9 W. A cap of 0.7 W leaves room for five.
+  const auto platform = platform_of(kOneCore);
+  const auto mix = mix_of(
+      "mix: m\npipelines:\n  p: {rate_hz: 10, deadline_ms: 50, tasks: [{name: a, service_ms: {cpu: "
+      "20}}]}\n  q: {rate_hz: 10, offset_ms: 50, tasks: [{name: b, service_ms: {cpu: 20}}]}\n");
+  ScheduleOptions options;
+  options.duration = from_s(20);
+  options.power_cap_w = 0.7;
+  const auto tight = run(platform, mix, options);
+  EXPECT_EQ(misses(tight), 0);
+  EXPECT_GT(*tight.over_cap, 150);
+  EXPECT_LT(tight.pipelines[1].completed, 20);
+  options.power_cap_w = 1.4;
+  const auto wide = run(platform, mix, options);
+  EXPECT_EQ(wide.over_cap, 0);
+  EXPECT_EQ(wide.pipelines[1].completed, 200);
+  EXPECT_LE(*wide.power_highest_w, 1.4);
+  options.power_cap_w = 0.4;
+  EXPECT_THAT(bad_input([&] { static_cast<void>(run(platform, mix, options)); }),
+              HasSubstr("--power-cap 0.4 W is infeasible: the units of one draw 0.5 W idle"));
+}
+
+TEST(Budget, ItsOptionsAreItsOwn) {
+  ScheduleOptions options;
+  options.mode = "edf";
+  options.power_cap_w = 5;
+  EXPECT_THAT(bad_input([&] {
+                static_cast<void>(run(load_platform("fake"), load_mix("table1-robot"), options));
+              }),
+              HasSubstr("are about mode budget; mode edf has no use for them"));
+  // Side by side, the others go without.
+  const auto runs = run_modes(load_platform("fake"), nullptr, load_mix("table1-robot"),
+                              {"edf", "budget"}, options);
+  EXPECT_EQ(runs.runs.size(), 2U);
+  EXPECT_THAT(bad_input([&] {
+                static_cast<void>(run_modes(load_platform("fake"), nullptr,
+                                            load_mix("table1-robot"), {"edf"}, options));
+              }),
+              HasSubstr("none of these"));
+}
+
+TEST(Budget, ServesWithWhatIsLeftWhenAUnitGoes) {
+  // Two units; the tasks' own is the gpu. While it is away the cpu serves them.
+  BudgetPlan plan = small_plan();
+  plan.tasks.resize(1);
+  plan.tasks[0].units = {0, 2};
+  for (auto* each : {&plan.tasks[0].worst, &plan.tasks[0].prepare}) each->resize(4);
+  plan.tasks[0].capacity = {1, 0, 1, 0};
+  plan.tasks[0].share.resize(4, 1);
+  plan.tasks[0].window_j.resize(4);
+  PolicySetup setup = setup_of(1, 1, 1);
+  setup.servers = {1, 1, 1, 1};
+  setup.budget = plan;
+  Script script(policy_of("budget", setup), {1, 1, 1, 1});
+  EXPECT_EQ(script.submit(1), "G1");
+  EXPECT_EQ(script.submit(2), "");
+  EXPECT_EQ(script.set(kGpu, UnitState::kDown), "C2");
+  EXPECT_EQ(script.set(kGpu, UnitState::kUp), "");
+  EXPECT_EQ(script.complete(kGpu, 1, Outcome::kReturned), "");
+  EXPECT_EQ(script.submit(3), "G3");
+  EXPECT_EQ(script.complete(kCpu, 2), "C1");
+}
+
+TEST(Budget, PlansATaskGraphShorterThanHeft) {
+  // Three units and 30 tasks; the paper's parameters at random.
+  const auto platform = platform_of("platform: three\nunits: {cpu: {}, gpu: {}, dsp: {}}\n");
+  std::vector<double> ratios;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const auto mix = parse_mix("dag.yaml", generate_dag({.tasks = 30, .ccr = 1, .seed = seed}));
+    const auto budget = run(platform, mix, "budget");
+    const auto heft = run(platform, mix, "heft");
+    EXPECT_EQ(budget.planned_makespan_s, budget.makespan_s);
+    ratios.push_back(budget.makespan_s / heft.makespan_s);
+    EXPECT_LE(ratios.back(), 1.0);
+  }
+  std::ranges::sort(ratios);
+  EXPECT_LE(ratios[10], 0.95);
+}
+
+}  // namespace
+}  // namespace pirt::test
