@@ -1,7 +1,9 @@
 #include "scheduler/budget/guarantees.h"
 
 #include <algorithm>
+#include <iterator>
 #include <set>
+#include <utility>
 
 #include "scheduler/services/transfers.h"
 
@@ -50,17 +52,39 @@ class Analysis {
     std::vector<Guarantee> results(scenario_.mix.pipelines.size());
     const auto obstacles = all_obstacles();
     std::erase_if(tasks_, [&](const Analysed& task) { return !obstacles[task.pipeline].empty(); });
-    const auto responses = settled_responses();
+    const auto all = std::exchange(tasks_, {});
     for (std::size_t p = 0; p < results.size(); ++p) {
       if (!is_periodic(p)) continue;
       results[p].not_analysed = obstacles[p];
       results[p].analysed = obstacles[p].empty();
-      if (results[p].analysed && responses) results[p].response = (*responses)[p];
+      if (!results[p].analysed) continue;
+      tasks_ = together_with(p, all);
+      if (const auto responses = settled_responses()) results[p].response = (*responses)[p];
     }
     return results;
   }
 
  private:
+  /// The tasks of the pipeline, of those that share a unit with it, and so on.
+  [[nodiscard]] static std::vector<Analysed> together_with(std::size_t pipeline,
+                                                           const std::vector<Analysed>& all) {
+    std::set<std::size_t> pipelines = {pipeline};
+    UnitMask units = 0;
+    for (std::size_t known = 0; known != pipelines.size();) {
+      known = pipelines.size();
+      for (const Analysed& task : all) {
+        if (pipelines.contains(task.pipeline)) units |= unit_bit(task.unit);
+      }
+      for (const Analysed& task : all) {
+        if (contains(units, task.unit)) pipelines.insert(task.pipeline);
+      }
+    }
+    std::vector<Analysed> tasks;
+    std::ranges::copy_if(all, std::back_inserter(tasks),
+                         [&](const Analysed& task) { return pipelines.contains(task.pipeline); });
+    return tasks;
+  }
+
   /// By pipeline. Absent if some response has no limit, or a firing may not have ended when the
   /// next one comes: that no task waits for one that comes before or after it in its firing would
   /// not hold then.
