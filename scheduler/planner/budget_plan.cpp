@@ -63,6 +63,7 @@ BudgetPlan::Task first_task(const Scenario& scenario, const ServiceTable& upper,
                         .capacity = std::vector<int>(units, 0),
                         .share = std::vector<double>(units, 1.0),
                         .worst = std::vector<Nanos>(units, Nanos::zero()),
+                        .context = std::vector<std::uint32_t>(units, 0),
                         .prepare = std::vector<Nanos>(units, Nanos::zero()),
                         .window_j = std::vector<double>(units, 0.0)};
   const bool urgent = scenario.mix.pipelines[pipeline].deadline.has_value();
@@ -74,6 +75,10 @@ BudgetPlan::Task first_task(const Scenario& scenario, const ServiceTable& upper,
     task.capacity[unit] = busy_with(service, platform.units[unit], unit);
     const Service* slow = upper.find(kind.workload, unit);
     task.worst[unit] = std::max(worst_of(service), slow != nullptr ? worst_of(*slow) : Nanos(0));
+    if (const auto& contexts = platform.units[unit].contexts) {
+      task.context[unit] =
+          context_of(*contexts, kind.workload, scenario.services.workloads[kind.workload]);
+    }
     task.prepare[unit] = service.prepare.value_or(Nanos::zero());
     task.window_j[unit] = window_j_of(platform, service);
     energy_j[unit] = call_energy_j(platform, service,

@@ -16,14 +16,15 @@ namespace pirt {
 struct BudgetPlan {
   struct Task {
     std::uint32_t pipeline = 0;
-    bool first = false;            ///< Of its pipeline: that it is submitted tells of a firing.
-    bool pinned = false;           ///< It keeps the first of `units` that is up.
-    std::vector<UnitId> units;     ///< That may serve it, the best first.
-    std::vector<int> capacity;     ///< By unit: it is given the task while it has fewer. 0 = never,
-                                   ///< unless no other is up.
-    std::vector<double> share;     ///< By unit: it gets at most this part of the task's calls.
-    std::vector<Nanos> worst;      ///< By unit: what a call takes there when it takes long.
-    std::vector<Nanos> prepare;    ///< By unit: what it adds where another workload was before.
+    bool first = false;         ///< Of its pipeline: that it is submitted tells of a firing.
+    bool pinned = false;        ///< It keeps the first of `units` that is up.
+    std::vector<UnitId> units;  ///< That may serve it, the best first.
+    std::vector<int> capacity;  ///< By unit: it is given the task while it has fewer. 0 = never,
+                                ///< unless no other is up.
+    std::vector<double> share;  ///< By unit: it gets at most this part of the task's calls.
+    std::vector<Nanos> worst;   ///< By unit: what a call takes there when it takes long.
+    std::vector<std::uint32_t> context;  ///< By unit: the program that it loads for the task.
+    std::vector<Nanos> prepare;    ///< By unit: what it adds where another program was before.
     std::vector<double> window_j;  ///< By unit: the most that a call draws in a second, above idle.
     Nanos behind{0};               ///< The longest way from its end to that of its firing.
     friend bool operator==(const Task&, const Task&) = default;

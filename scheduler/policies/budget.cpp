@@ -57,7 +57,7 @@ class BudgetPolicy final : public Policy {
     foresight_.left(task.entry);
     ++calls_[task.entry].all;
     ++calls_[task.entry].by_unit[*unit];
-    holds_[*unit] = task.workload;
+    holds_[*unit] = planned.context[*unit];
     if (window_) {
       if (!window_->allows(planned.window_j[*unit], units.now)) ++over_cap_;
       window_->started(planned.window_j[*unit]);
@@ -118,7 +118,8 @@ class BudgetPolicy final : public Policy {
   }
 
   bool is_warm(const TaskClass& task, UnitId unit) const {
-    return plan_.tasks[task.entry].prepare[unit] == Nanos::zero() || holds_[unit] == task.workload;
+    const BudgetPlan::Task& planned = plan_.tasks[task.entry];
+    return planned.prepare[unit] == Nanos::zero() || holds_[unit] == planned.context[unit];
   }
 
   std::optional<UnitId> choose(const TaskClass& task, const UnitsView& units) {
@@ -149,8 +150,8 @@ class BudgetPolicy final : public Policy {
   std::vector<int> servers_;
   Foresight foresight_;
   std::optional<PowerWindow> window_;
-  std::vector<Calls> calls_;                      ///< By entry.
-  std::vector<std::optional<WorkloadId>> holds_;  ///< By unit: what it was given last.
+  std::vector<Calls> calls_;                         ///< By entry.
+  std::vector<std::optional<std::uint32_t>> holds_;  ///< By unit: the program of what it was given.
   std::vector<UnitId> order_;
   Nanos ask_again_ = Nanos::max();
   std::int64_t over_cap_ = 0;

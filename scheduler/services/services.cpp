@@ -264,6 +264,11 @@ UnitMask ServiceTable::units_of(WorkloadId workload) const {
   return mask;
 }
 
+std::uint32_t context_of(const Contexts& contexts, WorkloadId workload, const std::string& name) {
+  const auto program = contexts.program_of(name);
+  return static_cast<std::uint32_t>(program ? *program : contexts.programs.size() + workload);
+}
+
 CostTable call_costs(const Platform& platform, const ServiceTable& services) {
   CostTable costs;
   for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {

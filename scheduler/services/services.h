@@ -72,6 +72,11 @@ struct ServiceTable {
   [[nodiscard]] UnitMask units_of(WorkloadId workload) const;
 };
 
+/// Which program a unit with contexts loads for the workload. Programs of several workloads come
+/// first, then each workload is its own.
+[[nodiscard]] std::uint32_t context_of(const Contexts& contexts, WorkloadId workload,
+                                       const std::string& name);
+
 /// Joules of one call without what travels over a link and without idle power; absent where nobody
 /// knows them.
 /// @param stage_time  The time of a stage before its scale: Nanos(const ServiceStage&).

@@ -31,6 +31,7 @@ BudgetPlan::Task task_from_json(const Json& json) {
           .capacity = json.at("capacity").get<std::vector<int>>(),
           .share = json.at("share").get<std::vector<double>>(),
           .worst = times_from_json(json.at("worst_ns")),
+          .context = json.at("context").get<std::vector<std::uint32_t>>(),
           .prepare = times_from_json(json.at("prepare_ns")),
           .window_j = json.at("window_j").get<std::vector<double>>(),
           .behind = Nanos(json.at("behind_ns").get<std::int64_t>())};
@@ -56,8 +57,8 @@ Json to_json(const BudgetPlan& plan) {
   const auto& [tasks, pipelines, window_j] = plan;
   if (tasks.empty()) return {};
   Json json = {{"tasks", Json::array()}, {"pipelines", Json::array()}};
-  for (const auto& [pipeline, first, pinned, units, capacity, share, worst, prepare, call_window_j,
-                    behind] : tasks) {
+  for (const auto& [pipeline, first, pinned, units, capacity, share, worst, context, prepare,
+                    call_window_j, behind] : tasks) {
     json["tasks"].push_back({{"pipeline", pipeline},
                              {"first", first},
                              {"pinned", pinned},
@@ -65,6 +66,7 @@ Json to_json(const BudgetPlan& plan) {
                              {"capacity", capacity},
                              {"share", share},
                              {"worst_ns", in_nanos(worst)},
+                             {"context", context},
                              {"prepare_ns", in_nanos(prepare)},
                              {"window_j", call_window_j},
                              {"behind_ns", behind.count()}});
@@ -89,8 +91,8 @@ BudgetPlan budget_plan_from_json(const Json& json, std::size_t units) {
     require(task.pipeline < plan.pipelines.size() && !task.units.empty());
     require(std::ranges::all_of(task.units, [units](UnitId unit) { return unit < units; }));
     require(task.capacity.size() == units && task.share.size() == units &&
-            task.worst.size() == units && task.prepare.size() == units &&
-            task.window_j.size() == units);
+            task.worst.size() == units && task.context.size() == units &&
+            task.prepare.size() == units && task.window_j.size() == units);
   }
   return plan;
 }

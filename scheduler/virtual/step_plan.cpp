@@ -45,12 +45,6 @@ void add_transfer(const Platform& platform, UnitId unit, std::int64_t size_bytes
   steps.push_back({.time = link->second.latency, .scaled = link->second.latency.mean()});
 }
 
-/// Programs of several workloads come first, then each workload is its own.
-std::uint32_t context_of(const Contexts& contexts, WorkloadId workload, const std::string& name) {
-  const auto program = contexts.program_of(name);
-  return static_cast<std::uint32_t>(program ? *program : contexts.programs.size() + workload);
-}
-
 /// A call on a linked unit is: inputs over the link, the stages, outputs back. They travel at each
 /// call, wherever the predecessor ran.
 std::vector<TaskStep> plan_steps(const Scenario& scenario, const MixTask& task,

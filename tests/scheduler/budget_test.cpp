@@ -131,6 +131,7 @@ BudgetPlan small_plan() {
                             .capacity = {1},
                             .share = {1},
                             .worst = {milliseconds(ms)},
+                            .context = {0},
                             .prepare = {Nanos(0)},
                             .window_j = {0}};
   };
@@ -283,6 +284,7 @@ TEST(Budget, ServesWithWhatIsLeftWhenAUnitGoes) {
   for (auto* each : {&plan.tasks[0].worst, &plan.tasks[0].prepare}) each->resize(4);
   plan.tasks[0].capacity = {1, 0, 1, 0};
   plan.tasks[0].share.resize(4, 1);
+  plan.tasks[0].context.resize(4);
   plan.tasks[0].window_j.resize(4);
   PolicySetup setup = setup_of(1, 1, 1);
   setup.servers = {1, 1, 1, 1};

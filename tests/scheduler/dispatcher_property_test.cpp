@@ -128,6 +128,7 @@ class Model {
                           .capacity = {},
                           .share = {},
                           .worst = {},
+                          .context = {},
                           .prepare = {},
                           .window_j = {}};
     std::swap(task.units[0], task.units[random_.below(3)]);
@@ -135,6 +136,7 @@ class Model {
       task.capacity.push_back(1 + pick(3));
       task.share.push_back(1);
       task.worst.emplace_back(1 + pick(20));
+      task.context.push_back(static_cast<std::uint32_t>(pick(2)));
       task.prepare.emplace_back(pick(20));
       task.window_j.push_back(0);
     }
