@@ -75,7 +75,8 @@ struct PlayedCalls {
 
 /// Times @p kernel, which is bound, prepared and right, for options.slice. Afterwards the outputs
 /// are those of a timed call. Of a sequence each frame has as many samples, unless options.limit or
-/// max_samples ended it; the calls of a batch are all on one frame and commit no state.
+/// max_samples ended it; the calls of a batch are all on one frame and commit no state, and are no
+/// more than the clock's cost asks for.
 ///
 /// @param clocks   The slice is one of `clock`, so that simulated devices repeat exactly, unless
 /// the machine's says that it took 40 times as long.

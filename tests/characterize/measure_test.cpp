@@ -216,6 +216,22 @@ TEST(Measure, PlaysSequencesToTheirEnd) {
   }
 }
 
+// A frame's calls but the first are not what a sequence costs where the kernel keeps what it made.
+TEST(Measure, CallsOfASequenceAreRepeatedOnlyAsTheClockAsks) {
+  const auto batch_of = [](Nanos call, std::int64_t frames) {
+    TickingClock clock{Nanos(25)};
+    TimedKernel kernel(clock);
+    kernel.execute_times = {call};
+    const PlayedCalls sequence{.next = [] {}, .frames = frames};
+    const auto result = sample_calls(kernel, clock, kReal, kHost, twenty(), sequence);
+    return find(result, Phase::kCall).batch;
+  };
+  // The clock costs 25 ns, a thousandth of 25 us.
+  EXPECT_EQ(batch_of(microseconds(50), 3), 1);
+  EXPECT_EQ(batch_of(microseconds(10), 3), 3);
+  EXPECT_EQ(batch_of(microseconds(50), 1), 20);
+}
+
 TEST(Measure, WarmsUpForAsLongAsAsked) {
   TickingClock clock{Nanos(0)};
   TimedKernel kernel(clock);
