@@ -14,6 +14,7 @@
 
 #include "characterize/energy/metered_calls.h"
 #include "characterize/machine/host_load.h"
+#include "characterize/profile/condition.h"
 #include "characterize/worker/measure.h"
 #include "characterize/worker/peaks.h"
 #include "workloads/model/backend.h"
@@ -46,6 +47,12 @@ struct Job {
   MeterRequest metering;  ///< For kMeter.
 };
 
+/// Executions under another condition than kSteady.
+struct ConditionSamples {
+  Condition condition = Condition::kColdCache;
+  PhaseSamples samples;
+};
+
 /// How the device that a worker opened accounts for one phase.
 struct PhaseAccount {
   Phase phase = Phase::kCall;
@@ -72,6 +79,7 @@ struct JobResult {
   /// Of a call, the mean over a sequence, where they are not the workload's own.
   std::optional<std::int64_t> ops, bytes;
   std::vector<PhaseSamples> phases;
+  std::vector<ConditionSamples> conditions;
   std::optional<MeteredCalls> metered;
   std::vector<PeakFigure> peaks;
 

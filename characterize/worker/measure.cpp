@@ -359,6 +359,23 @@ std::vector<PhaseSamples> sample_calls(Kernel& kernel, const PhaseClocks& clocks
   return result;
 }
 
+PhaseSamples sample_executions(Kernel& kernel, const Clock& clock, std::int64_t samples,
+                               const std::function<void()>& before, const PlayedCalls& sequence) {
+  PhaseSamples taken{Phase::kExecute, {}, 1};
+  for (std::int64_t i = 0; i < samples; ++i) {
+    kernel.upload();
+    before();
+    const Nanos start = clock.now();
+    const auto launch = kernel.execute(1);
+    const Nanos wall = clock.now() - start;
+    check_launch(launch, wall);
+    taken.samples.push_back(wall - launch.value_or(Nanos(0)));
+    kernel.download();
+    if (sequence.next) sequence.next();
+  }
+  return taken;
+}
+
 std::int64_t batch_size(Nanos one_call) {
   if (one_call >= kBatchTime) return 1;
   const std::int64_t call_ns = std::max<std::int64_t>(1, one_call.count());

@@ -39,6 +39,8 @@ struct SamplingOptions {
   std::int64_t warm_up_calls = 2;          ///< At least.
   std::int64_t min_samples = 5;
   std::int64_t max_samples = 1'000;
+  /// Besides, executions under each other condition (condition.h); 0 = none.
+  std::int64_t condition_samples = 0;
 };
 
 /// Samples of one phase, with what else is needed to judge them.
@@ -97,6 +99,13 @@ struct PlayedCalls {
                                                      std::span<const Phase> phases,
                                                      const SamplingOptions& options,
                                                      const PlayedCalls& sequence = {});
+
+/// Times @p samples executions of @p kernel, each a call of its own after @p before, which runs
+/// once the inputs are there and is not timed; of a sequence one a frame.
+[[nodiscard]] PhaseSamples sample_executions(Kernel& kernel, const Clock& clock,
+                                             std::int64_t samples,
+                                             const std::function<void()>& before,
+                                             const PlayedCalls& sequence = {});
 
 /// Calls a batch so that it takes 1 ms or more: 1 for calls of at least 1 ms, at most 100000.
 [[nodiscard]] std::int64_t batch_size(Nanos one_call);

@@ -13,6 +13,8 @@
 #include <ostream>
 
 #include "characterize/machine/host_load.h"
+#include "characterize/statistics/statistics.h"
+#include "characterize/worker/cache_sweep.h"
 #include "characterize/worker/job.h"
 #include "characterize/worker/peaks.h"
 #include "workloads/backends/registry.h"
@@ -338,8 +340,35 @@ class Worker {
     const auto phases = backend_.phases();
     const auto before = read_host_counters(job_.unit.cores);
     result_.phases = sample_calls(player_->kernel(), clocks(), phases, sampling(), sequence());
+    sample_cold();
     result_.during_calls = interference_since(before);
     if (!job_.reference.empty()) verify("after timing");
+  }
+
+  /// Whether the host's caches are the device's, and its time the machine's.
+  [[nodiscard]] bool computes_on_host() const {
+    return device_->own_clock() == nullptr && device_->info().is_cpu;
+  }
+
+  /// Not of calls beside which filling the caches again is nothing: at most what emptying them
+  /// takes.
+  void sample_cold() {
+    constexpr int kNothingBeside = 20;
+    const auto execute = std::ranges::find(result_.phases, Phase::kExecute, &PhaseSamples::phase);
+    if (job_.sampling.condition_samples == 0 || !computes_on_host() ||
+        execute == result_.phases.end()) {
+      return;
+    }
+    CacheSweep sweep(job_.unit.cores);
+    if (!sweep.possible()) return;
+    const Nanos start = machine_.now();
+    sweep.run();
+    if (median(execute->samples) > kNothingBeside * (machine_.now() - start)) return;
+    begin("sampling with cold caches");
+    result_.conditions.push_back(
+        {Condition::kColdCache, sample_executions(
+                                    player_->kernel(), machine_, job_.sampling.condition_samples,
+                                    [&sweep] { sweep.run(); }, sequence())});
   }
 
   /// The same calls, on the machine's clock even if the device has its own: meters know no other.

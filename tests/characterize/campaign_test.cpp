@@ -15,6 +15,7 @@
 #include "tests/characterize/campaign_support.h"
 #include "tests/characterize/support.h"
 #include "tests/support/data.h"
+#include "workloads/base/system/caches.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"
 
@@ -347,6 +348,12 @@ TEST_F(Campaign, MeasuresThisMachine) {
   EXPECT_EQ(profile.find("pool5", "cpu", Phase::kUpload), nullptr);
   EXPECT_EQ(profile.find_energy("pool5", "cpu")->provenance, Provenance::kModelled);
   EXPECT_TRUE(profile.find_unit("cpu")->device_is_cpu);
+  // Nobody else uses the core's own caches, as far as the machine tells their size.
+  const PhaseRow* cold = profile.find_condition("pool5", "cpu", Condition::kColdCache);
+  EXPECT_EQ(cold != nullptr, own_cache_bytes(cpu.cores).has_value());
+  if (cold != nullptr) {
+    EXPECT_GE(cold->samples, 20);
+  }
 }
 
 TEST_F(Campaign, MeasuresTheLimitsOfEachUnit) {

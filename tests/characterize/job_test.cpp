@@ -62,6 +62,7 @@ JobResult a_result() {
   result.ops = 12;
   result.bytes = 34;
   result.phases = {{Phase::kCall, test::ramp(5, 3), 10}};
+  result.conditions = {{Condition::kBesideMemory, {Phase::kExecute, test::ramp(8, 2), 1}}};
   return result;
 }
 
@@ -74,6 +75,9 @@ TEST(Job, ReadsBackTheRecordOfAResult) {
   ASSERT_EQ(read.phases.size(), 1U);
   EXPECT_EQ(read.phases[0].samples, test::ramp(5, 3));
   EXPECT_EQ(read.phases[0].batch, 10);
+  ASSERT_EQ(read.conditions.size(), 1U);
+  EXPECT_EQ(read.conditions[0].condition, Condition::kBesideMemory);
+  EXPECT_EQ(read.conditions[0].samples.samples, test::ramp(8, 2));
   EXPECT_EQ(read.during_setup, a_result().during_setup);
   EXPECT_EQ(read.during_calls, a_result().during_calls);
 }

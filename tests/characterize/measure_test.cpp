@@ -232,6 +232,28 @@ TEST(Measure, CallsOfASequenceAreRepeatedOnlyAsTheClockAsks) {
   EXPECT_EQ(batch_of(microseconds(50), 1), 20);
 }
 
+TEST(Measure, TimesExecutionsAloneAfterWhatComesBeforeEach) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  kernel.upload_time = milliseconds(2);
+  kernel.execute_times = {milliseconds(3)};
+  int swept = 0;
+  int frames = 0;
+  const PlayedCalls sequence{.next = [&frames] { ++frames; }, .frames = 2};
+  const auto result = sample_executions(
+      kernel, clock, 4,
+      [&] {
+        clock.advance(milliseconds(50));
+        ++swept;
+      },
+      sequence);
+  EXPECT_EQ(result.phase, Phase::kExecute);
+  EXPECT_THAT(result.samples,
+              ElementsAre(milliseconds(3), milliseconds(3), milliseconds(3), milliseconds(3)));
+  EXPECT_EQ(swept, 4);
+  EXPECT_EQ(frames, 4);
+}
+
 TEST(Measure, WarmsUpForAsLongAsAsked) {
   TickingClock clock{Nanos(0)};
   TimedKernel kernel(clock);

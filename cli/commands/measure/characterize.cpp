@@ -13,6 +13,7 @@
 #include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
 #include "cli/commands/measure/fit_energy.h"
+#include "cli/commands/measure/handovers.h"
 #include "cli/long_run.h"
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
@@ -21,6 +22,7 @@
 #include "cli/options/values.h"
 #include "reports/document/document.h"
 #include "reports/document/figures.h"
+#include "reports/profile/condition_report.h"
 #include "reports/profile/profile_report.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
@@ -285,10 +287,17 @@ int characterize(const Options& options) {
                     summary.processes, resume_hint(options)));
   }
   // This run alone: others may write to the same database meanwhile.
-  const auto profile =
-      load_profile(options.database, campaign.platform.name, {summary.run_id, summary.run_id});
+  const auto load = [&] {
+    return load_profile(options.database, campaign.platform.name, {summary.run_id, summary.run_id});
+  };
+  auto profile = load();
+  if (!summary.interrupted && profile.handovers.empty()) {
+    measure_handovers(options.database, profile);
+    profile = load();
+  }
   Document document{.title = "pirt characterize",
                     .parts = {profile_header(profile), profile_table(profile)}};
+  for (auto& table : condition_tables(profile)) document.parts.emplace_back(std::move(table));
   Paragraph closing{{summary_text(summary, plan, campaign), precision_text(summary, plan, campaign),
                      disturbed_text(profile, campaign), clock_text(profile.runs.front())}};
   std::erase(closing.lines, "");
