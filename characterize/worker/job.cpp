@@ -307,7 +307,8 @@ std::string to_json(const Job& job) {
                   {"inputs", job.inputs},
                   {"verifies_first", job.verifies_first},
                   {"sampling", encode(job.sampling)},
-                  {"metering", encode(job.metering)}};
+                  {"metering", encode(job.metering)},
+                  {"neighbours", job.neighbours}};
   return json_text(j);
 }
 
@@ -338,6 +339,7 @@ Job job_from_json(const std::string& text) {
     job.verifies_first = j.at("verifies_first");
     job.sampling = decode_sampling(j.at("sampling"));
     job.metering = decode_metering(j.at("metering"));
+    job.neighbours = j.at("neighbours").get<std::vector<std::vector<int>>>();
     return job;
   } catch (const JsonError& error) {
     throw_bad_input(

@@ -45,6 +45,8 @@ struct Job {
   bool verifies_first = true;
   SamplingOptions sampling;
   MeterRequest metering;  ///< For kMeter.
+  /// The cores of each unit that shares the unit's memory, beside which calls are sampled as well.
+  std::vector<std::vector<int>> neighbours = {};
 };
 
 /// Executions under another condition than kSteady.

@@ -16,6 +16,7 @@
 #include "characterize/statistics/statistics.h"
 #include "characterize/worker/cache_sweep.h"
 #include "characterize/worker/job.h"
+#include "characterize/worker/neighbour.h"
 #include "characterize/worker/peaks.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
@@ -342,6 +343,8 @@ class Worker {
     result_.phases = sample_calls(player_->kernel(), clocks(), phases, sampling(), sequence());
     sample_cold();
     result_.during_calls = interference_since(before);
+    sample_beside(Condition::kBesideMemory, Neighbour::Work::kStreams);
+    sample_beside(Condition::kBesideCompute, Neighbour::Work::kComputes);
     if (!job_.reference.empty()) verify("after timing");
   }
 
@@ -369,6 +372,21 @@ class Worker {
         {Condition::kColdCache, sample_executions(
                                     player_->kernel(), machine_, job_.sampling.condition_samples,
                                     [&sweep] { sweep.run(); }, sequence())});
+  }
+
+  /// Of several neighbours the one that slows it most.
+  void sample_beside(Condition condition, Neighbour::Work work) {
+    if (!computes_on_host()) return;
+    std::optional<PhaseSamples> worst;
+    for (const auto& cores : job_.neighbours) {
+      begin(fmt::format("sampling {}", to_string(condition)));
+      const Neighbour neighbour(cores, work);
+      auto samples = sample_executions(
+          player_->kernel(), machine_, job_.sampling.condition_samples, [] {}, sequence());
+      if (samples.samples.empty()) return;
+      if (!worst || median(samples.samples) > median(worst->samples)) worst = std::move(samples);
+    }
+    if (worst) result_.conditions.push_back({condition, *std::move(worst)});
   }
 
   /// The same calls, on the machine's clock even if the device has its own: meters know no other.

@@ -356,6 +356,35 @@ TEST_F(Campaign, MeasuresThisMachine) {
   }
 }
 
+// On a machine with one core there is nobody to be beside.
+TEST_F(Campaign, MeasuresBesideTheUnitsOfTheSameMemory) {
+  const auto cores = usable_cores();
+  if (cores.size() < 2) GTEST_SKIP() << "one core";
+  auto o = options({}, "^pool5$");
+  UnitModel cpu;
+  cpu.name = "cpu";
+  cpu.role = Role::kCpu;
+  cpu.backend = "cpu";
+  cpu.memory = "dram";
+  cpu.cores = {cores[0]};
+  UnitModel other = cpu;
+  other.name = "other";
+  other.cores = {cores[1]};
+  o.platform.units = {cpu, other};
+  o.units = {"cpu"};
+  const Profile alone = measure(o);
+  EXPECT_EQ(alone.find_condition("pool5", "cpu", Condition::kBesideMemory), nullptr);
+  o.interference = true;
+  const Profile profile = measure(o);
+  for (const Condition condition : {Condition::kBesideMemory, Condition::kBesideCompute}) {
+    const PhaseRow* row = profile.find_condition("pool5", "cpu", condition);
+    ASSERT_NE(row, nullptr) << to_string(condition);
+    EXPECT_GE(row->samples, 20);
+    EXPECT_EQ(row->phase, Phase::kExecute);
+  }
+  EXPECT_EQ(profile.find("pool5", "cpu", Phase::kExecute)->condition, Condition::kSteady);
+}
+
 TEST_F(Campaign, MeasuresTheLimitsOfEachUnit) {
   // fc8 has 8192000 operations: 8.192 ms at 1e9 a second; its 16 MB take 0.16 ms.
   const Profile profile = measure(options({{"gpu", R"(

@@ -25,6 +25,7 @@ TEST(Job, RoundTrips) {
   job.images = "/pictures of mine";
   job.reference = "/tmp/x.reference";
   job.sampling = {Nanos(1), Nanos(2), Nanos(3), 4, 5};
+  job.neighbours = {{0, 1}, {4}};
   const Job read = job_from_json(to_json(job));
   EXPECT_EQ(read.kind, JobKind::kSample);
   EXPECT_EQ(read.backend, job.backend);
@@ -36,6 +37,7 @@ TEST(Job, RoundTrips) {
   EXPECT_EQ(read.seed, job.seed);
   EXPECT_EQ(read.images, job.images);
   EXPECT_EQ(read.reference, job.reference);
+  EXPECT_EQ(read.neighbours, job.neighbours);
   EXPECT_EQ(to_json(read), to_json(job));
 }
 

@@ -46,6 +46,7 @@ struct Options {
   std::optional<std::string> max_time;
   std::uint64_t seed = 1;
   bool quick = false;
+  bool interference = false;
   bool resume = false;
   bool dry_run = false;
   FitOptions fit;
@@ -88,6 +89,7 @@ CampaignOptions campaign_options(const Options& options) {
   campaign.precision = parse_fraction(options.precision);
   if (options.max_time) campaign.max_time = parse_duration(*options.max_time);
   campaign.quick = options.quick;
+  campaign.interference = options.interference;
   return campaign;
 }
 
@@ -367,6 +369,9 @@ void add_characterize(CLI::App& app, Action& action) {
   command.add_flag(
       "--quick", options->quick,
       "4 processes a cell, 2 of them with cold set-ups, instead of 10 and 5, and less sampling");
+  command.add_flag("--interference", options->interference,
+                   "Measure calls beside a busy unit of the same memory as well, which a run "
+                   "without --quick does anyway");
   command.add_flag("--dry-run", options->dry_run,
                    "Show the cells and the estimated time; measure nothing");
   add_output(command, "--fit-energy", options->fit.file,
@@ -381,8 +386,9 @@ void add_characterize(CLI::App& app, Action& action) {
   const Option resume = command.add_flag(
       "--resume", options->resume,
       "Go on with the newest run of --db that did not end, with the options it was started with");
-  for (const auto* name : {"--platform", "--set", "--units", "--filter", "--variants", "--batch",
-                           "--images", "--precision", "--max-time", "--seed", "--quick"}) {
+  for (const auto* name :
+       {"--platform", "--set", "--units", "--filter", "--variants", "--batch", "--images",
+        "--precision", "--max-time", "--seed", "--quick", "--interference"}) {
     resume.excludes(command.option(name));
   }
   add_json(command, options->json);
