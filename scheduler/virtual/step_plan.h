@@ -25,6 +25,8 @@ struct TaskStep {
   double energy_scale = 0;  ///< Of its time before the scale, what draws the unit's active_w.
   bool prepares = false;    ///< Of a unit with contexts: not where it holds the task's already.
   bool for_data = false;    ///< A delay until the data of the predecessors is there.
+  /// Of the phase `execute`: what else it may take; refers to the scenario's services. Null = no.
+  const CallConditions* conditions = nullptr;
 };
 
 /// Data that a task waits for once it has started, with what it moves over links.
