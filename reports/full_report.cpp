@@ -8,6 +8,7 @@
 #include "reports/paper/local_tables.h"
 #include "reports/paper/scorecard.h"
 #include "reports/paper/table3.h"
+#include "reports/profile/condition_report.h"
 #include "reports/profile/environment_report.h"
 #include "reports/profile/preference.h"
 #include "reports/profile/profile_charts.h"
@@ -109,6 +110,7 @@ class Sections {
   void rows(bool with_facts) {
     heading(with_facts ? "Every row, and what was recorded with it" : "Every row");
     add(profile_table(machine_.profile));
+    for (auto& table : condition_tables(machine_.profile)) add(std::move(table));
     if (with_facts) add(environment_table(machine_.profile));
   }
 

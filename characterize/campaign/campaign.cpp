@@ -309,6 +309,13 @@ class Campaign {
     job.sampling = sampling_options(options_);
     const auto meters = plan_.meters.find(unit.name);
     if (meters != plan_.meters.end()) job.metering = meters->second;
+    if (options_.interference || !options_.quick) {
+      for (const UnitModel* other : options_.platform.neighbours(unit)) {
+        // On one core they would take turns.
+        const bool apart = !unit.shares_cores && !other->shares_cores;
+        if (apart && !other->cores.empty()) job.neighbours.push_back(other->cores);
+      }
+    }
     return job;
   }
 

@@ -40,7 +40,9 @@ struct CampaignOptions {
   std::uint64_t seed = 1;
   double precision =
       0.02;  ///< Half the 95 % interval of the median, relative; within 0 and 1, both excluded.
-  bool quick = false;             ///< 4 processes a cell, 2 of them cold, instead of 10 and 5.
+  bool quick = false;  ///< 4 processes a cell, 2 of them cold, instead of 10 and 5.
+  /// Sample beside the units of the same memory, too. A run that is not quick does.
+  bool interference = false;
   std::optional<Nanos> max_time;  ///< See CampaignPlan::max_time; absent = kQuickTime or kFullTime
                                   ///< a cell.
   /// What `platform` was loaded from, so that the run can be gone on with.

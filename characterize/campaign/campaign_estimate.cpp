@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "characterize/campaign/validity.h"
 #include "characterize/profile/profile.h"
 #include "characterize/profile/store/reader.h"
 #include "workloads/base/error.h"
@@ -69,7 +70,9 @@ int needed_processes(const CampaignOptions& options) { return options.quick ? 4 
 
 SamplingOptions sampling_options(const CampaignOptions& options) {
   SamplingOptions sampling;
+  sampling.condition_samples = kFewestSamples / needed_processes(options);
   if (!options.quick) {
+    sampling.condition_samples *= 5;
     sampling.warm_up = std::chrono::milliseconds(80);
     sampling.slice = std::chrono::milliseconds(250);
   }

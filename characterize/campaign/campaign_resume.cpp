@@ -77,6 +77,7 @@ std::string stored_plan(const CampaignOptions& options, const CampaignPlan& plan
                {"seed", std::to_string(options.seed)},
                {"precision", options.precision},
                {"quick", options.quick},
+               {"interference", options.interference},
                {"max_time_ns", plan.max_time.count()},
                {"cells", cells}};
   if (options.batch) json["batch"] = *options.batch;
@@ -106,6 +107,7 @@ CampaignOptions resume_options(const std::filesystem::path& database) {
     options.seed = run->run.seed;
     options.precision = json.at("precision").get<double>();
     options.quick = json.at("quick").get<bool>();
+    options.interference = json.value("interference", false);  // Plans of before have none.
     options.max_time = Nanos(json.at("max_time_ns").get<std::int64_t>());
     if (json.contains("images")) options.images = json.at("images").get<std::string>();
     options.resumed = std::move(run);

@@ -323,6 +323,7 @@ CellRecord CellMeasurement::record() const {
       cell.phases.push_back(std::move(*row));
     }
   }
+  cell.conditions = condition_rows();
   const auto call = std::ranges::find(cell.phases, Phase::kCall, &PhaseRecord::phase);
   if (call != cell.phases.end()) {
     cell.energy = energy(*call);
@@ -480,6 +481,38 @@ std::optional<PhaseRecord> CellMeasurement::call_row(Phase phase) const {
   }
   if (request_.unit.shares_cores) row.notes.emplace_back("shared_core");
   return row;
+}
+
+/// Those that some process sampled, by the same rules as steady ones; the cell's own precision says
+/// nothing of them.
+std::vector<PhaseRecord> CellMeasurement::condition_rows() const {
+  std::map<Condition, CellSamples> found;
+  std::int32_t process = 0;
+  for (const Taken& taken : shown()) {
+    for (const auto& [condition, samples] : taken.result.conditions) {
+      CellSamples& all =
+          found.try_emplace(condition, CellSamples{samples.phase, {}, {}, 1}).first->second;
+      all.samples.insert(all.samples.end(), samples.samples.begin(), samples.samples.end());
+      all.processes.resize(all.samples.size(), process);
+    }
+    ++process;
+  }
+  std::vector<PhaseRecord> rows;
+  for (auto& [condition, samples] : found) {
+    PhaseRecord row;
+    row.phase = samples.phase;
+    row.condition = condition;
+    row.provenance = provenance(samples.phase);
+    const CellConditions known = conditions();
+    row.reasons = failure();
+    append(row.reasons, judge(samples, known));
+    row.notes = notes();
+    append(row.notes, annotate(samples, known, request_.precision));
+    row.samples = std::move(samples.samples);
+    row.processes = std::move(samples.processes);
+    rows.push_back(std::move(row));
+  }
+  return rows;
 }
 
 CellRecord failed_cell(const CellRequest& request, const std::string& error) {

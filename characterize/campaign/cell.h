@@ -121,6 +121,7 @@ class CellMeasurement {
   [[nodiscard]] std::vector<std::string> failure() const;
   [[nodiscard]] PhaseRecord setup_row(Phase phase, State state) const;
   [[nodiscard]] std::optional<PhaseRecord> call_row(Phase phase) const;
+  [[nodiscard]] std::vector<PhaseRecord> condition_rows() const;
   [[nodiscard]] EnergyRecord energy(const PhaseRecord& call) const;
   void judge_samples();
   void measure_precision();

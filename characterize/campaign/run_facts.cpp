@@ -7,10 +7,12 @@
 #include <ctime>
 #include <vector>
 
+#include "characterize/profile/profile.h"
 #include "characterize/worker/measure.h"
 #include "workloads/backends/backend_list.h"
 #include "workloads/base/hash.h"
 #include "workloads/base/system/affinity.h"
+#include "workloads/base/system/caches.h"
 #include "workloads/base/system/module.h"
 #include "workloads/base/text/text.h"
 
@@ -75,6 +77,10 @@ Environment unit_facts(const UnitModel& unit, const DeviceInfo& device) {
   const std::string options = describe_options(unit);
   if (!options.empty()) facts[prefix + "options"] = options;
   if (device.cache_bytes) facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);
+  if (device.is_cpu) {
+    const auto own = own_cache_bytes(unit.cores.empty() ? usable_cores() : unit.cores);
+    if (own) facts[prefix + std::string(kOwnCacheBytes)] = std::to_string(*own);
+  }
   return facts;
 }
 

@@ -51,6 +51,8 @@ constexpr std::array kKeys = {
     EnvironmentKey{"images_hash", kIdentity, "some workloads' work depends on the data"},
     EnvironmentKey{"precision", kIdentity, "it decides how sure a median has to be"},
 
+    EnvironmentKey{"unit.*.own_cache_bytes", kInformation,
+                   "what rows of cold_cache found full of other bytes"},
     EnvironmentKey{"images", kInformation,
                    "where the pictures lie; images_hash says what they are"},
     EnvironmentKey{"pirt_version", kInformation, "versions are what one compares"},

@@ -64,6 +64,15 @@ const UnitModel& Platform::unit(std::string_view name_of_unit) const {
                   suggestion(name_of_unit, unit_names()));
 }
 
+std::vector<const UnitModel*> Platform::neighbours(const UnitModel& unit) const {
+  std::vector<const UnitModel*> others;
+  for (const UnitModel& other : units) {
+    const bool shares = !unit.memory.empty() && other.memory == unit.memory;
+    if (shares && other.name != unit.name) others.push_back(&other);
+  }
+  return others;
+}
+
 bool Platform::states_power(const UnitModel& unit) const {
   const double figures = unit.active_w + unit.idle_w + unit.op_pj + unit.byte_pj + unit.call_j;
   return figures > 0 || !unit.link.empty() ||

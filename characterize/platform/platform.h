@@ -73,6 +73,8 @@ struct UnitModel {
   Provenance energy_provenance = Provenance::kModelled;  ///< Of these figures and active_w.
   std::string energy_source;  ///< Where they come from; empty = the platform's assumptions.
   std::string link;  ///< Name of the link that inputs and outputs travel over; empty = none.
+  /// Units that name the same memory share it, with its bandwidth; empty = it shares none.
+  std::string memory;
 
   std::string backend;  ///< Measured unit: the backend's name; empty = modelled.
   std::vector<int>
@@ -121,6 +123,8 @@ struct Platform {
   /// @throws Error{kBadInput} with the nearest names.
   [[nodiscard]] const UnitModel& unit(std::string_view unit) const;
   [[nodiscard]] std::vector<std::string> unit_names() const;
+  /// The other units that share @p unit's memory, in file order.
+  [[nodiscard]] std::vector<const UnitModel*> neighbours(const UnitModel& unit) const;
   /// Whether the file says anything of what the unit draws, if only for one workload.
   [[nodiscard]] bool states_power(const UnitModel& unit) const;
 };

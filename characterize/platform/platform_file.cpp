@@ -186,9 +186,9 @@ void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitMode
 }
 
 UnitModel read_unit(const YamlNode& node, const std::string& name, const std::vector<int>& usable) {
-  std::vector<std::string> known = {"servers", "discipline", "slots", "active_w", "idle_w",
-                                    "role",    "energy",     "link",  "backend",  "cores",
-                                    "device",  "script",     "meter", "options",  "contexts"};
+  std::vector<std::string> known = {
+      "servers", "discipline", "slots",  "active_w", "idle_w", "role",    "energy",   "link",
+      "backend", "cores",      "device", "script",   "meter",  "options", "contexts", "memory"};
   for (const std::string& backend : backend_names()) {
     for (const std::string& key : settings_of(backend)) known.push_back(key);
   }
@@ -222,6 +222,7 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, const std::ve
     unit.energy_source = paragraph_or_empty(energy, "source");
   }
   unit.link = text_or_empty(node, "link");
+  unit.memory = text_or_empty(node, "memory");
   read_backend(node, usable, unit);
   if (node.has("contexts")) read_contexts(node.at("contexts"), unit);
   return unit;

@@ -34,6 +34,14 @@ const PhaseRow* Profile::find(std::string_view workload, std::string_view unit, 
   return it == phases.end() ? nullptr : &*it;
 }
 
+const PhaseRow* Profile::find_condition(std::string_view workload, std::string_view unit,
+                                        Condition condition) const {
+  const auto it = std::ranges::find_if(conditions, [&](const PhaseRow& row) {
+    return row.workload == workload && row.unit == unit && row.condition == condition;
+  });
+  return it == conditions.end() ? nullptr : &*it;
+}
+
 const EnergyRow* Profile::find_energy(std::string_view workload, std::string_view unit) const {
   const auto it = std::ranges::find_if(
       energies, [&](const EnergyRow& row) { return row.workload == workload && row.unit == unit; });

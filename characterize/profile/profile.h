@@ -1,5 +1,5 @@
-// What is known of each (workload, unit), as read from a profile database: the rows of its two
-// stable views.
+// What is known of each (workload, unit), as read from a profile database: the rows of its stable
+// views.
 //
 // Scheduler and reports see this and never SQLite (store/).
 #pragma once
@@ -12,18 +12,20 @@
 #include <string_view>
 #include <vector>
 
+#include "characterize/profile/condition.h"
 #include "workloads/base/time.h"
 #include "workloads/model/peak.h"
 #include "workloads/model/phase.h"
 
 namespace pirt {
 
-/// A row of view profile_summary.
+/// A row of view profile_summary; of another condition than kSteady, of condition_summary.
 struct PhaseRow {
   std::int64_t run_id = 0;
   std::string platform, workload, unit, backend;
   Phase phase = Phase::kCall;
   State state = State::kSteady;
+  Condition condition = Condition::kSteady;
   Origin provenance = {};
   bool valid = false;
   std::vector<std::string> reasons;  ///< Why it is not valid.
@@ -66,6 +68,19 @@ struct EnergyRow {
   bool idle_subtracted = false;  ///< What the domain takes anyway is not in energy_j.
 };
 
+/// A row of view handover_summary: from handing a call to a unit that is a thread of the host until
+/// it begins, after the unit has had nothing to do for a while. It is no part of `call`.
+struct HandoverRow {
+  std::int64_t run_id = 0;
+  std::string unit;
+  Nanos sleep{0};  ///< 0: from the end of one call to the beginning of the next, which waits.
+  bool valid = false;
+  std::vector<std::string> reasons;
+  std::int64_t samples = 0;
+  std::optional<Nanos> median, mad, p95, p99, ci_low, ci_high;  ///< Absent if there are no samples.
+  std::vector<Nanos> values;  ///< Its samples; empty until ProfileReader::read_samples.
+};
+
 /// What a unit can do at most: operations (f32, int8) or bytes (bandwidth) a second.
 struct PeakRow {
   std::int64_t run_id = 0;
@@ -85,6 +100,9 @@ struct UnitRecord {
   std::vector<int> cores;
 };
 
+/// Fact "unit.NAME.own_cache_bytes" of a run: what rows of kColdCache found full of other bytes.
+inline constexpr std::string_view kOwnCacheBytes = "own_cache_bytes";
+
 struct RunInfo {
   std::int64_t run_id = 0;
   std::string started;   ///< ISO 8601, UTC.
@@ -102,12 +120,19 @@ struct Profile {
   std::vector<RunInfo> runs;  ///< Those that rows come from; newest first.
   std::vector<PhaseRow>
       phases;  ///< For each (workload, unit): the newest complete cell's, or else a begun one's.
-  std::vector<EnergyRow> energies;  ///< For each (workload, unit): the same.
-  std::vector<PeakRow> peaks;       ///< For each (unit, kind): the newest run's row.
+  /// Of all conditions but kSteady; for each (workload, unit): those of the newest cell that has
+  /// any.
+  std::vector<PhaseRow> conditions;
+  std::vector<HandoverRow> handovers;  ///< For each unit: the newest run's that has any, by sleep.
+  std::vector<EnergyRow> energies;     ///< For each (workload, unit): as `phases`.
+  std::vector<PeakRow> peaks;          ///< For each (unit, kind): the newest run's row.
 
   /// Null if there is no such row.
   [[nodiscard]] const PhaseRow* find(std::string_view workload, std::string_view unit, Phase phase,
                                      State state = State::kSteady) const;
+  /// Of `execute`; null for kSteady, too.
+  [[nodiscard]] const PhaseRow* find_condition(std::string_view workload, std::string_view unit,
+                                               Condition condition) const;
   [[nodiscard]] const EnergyRow* find_energy(std::string_view workload,
                                              std::string_view unit) const;
   [[nodiscard]] const PeakRow* find_peak(std::string_view unit, PeakKind kind) const;

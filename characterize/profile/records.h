@@ -24,8 +24,8 @@ struct RunHeader {
   std::string plan = {};  ///< What find_unfinished_run gives back; empty = cannot be resumed.
 };
 
-/// One row of profile_summary with its samples; the statistics are computed when it is written, so
-/// that they always belong to them.
+/// One row of profile_summary or condition_summary with its samples; the statistics are computed
+/// when it is written, so that they always belong to them.
 struct PhaseRecord {
   Phase phase = Phase::kCall;
   State state = State::kSteady;
@@ -38,6 +38,7 @@ struct PhaseRecord {
   std::vector<std::int32_t> processes = {};
   std::optional<Nanos> bound = {};  ///< What no sample can be below, where the device knows that.
   bool deterministic = false;       ///< Each sample is the figure: nothing varies.
+  Condition condition = Condition::kSteady;  ///< Another one: of phase kExecute, state kSteady.
 };
 
 /// The defaults are those of model_energy, whose watts are above idle.
@@ -48,6 +49,14 @@ struct EnergyRecord {
   std::vector<std::string> reasons;  ///< Empty = valid; never empty without energy_j.
   std::string domain = "unit";       ///< What the meter or model covers.
   bool idle_subtracted = true;       ///< What the domain takes anyway is not in energy_j.
+};
+
+/// What handing a call to a unit took, after one time of sleep: HandoverRow with its samples.
+struct HandoverRecord {
+  std::string unit;
+  Nanos sleep{0};
+  std::vector<std::string> reasons;  ///< Empty = valid; never empty without samples.
+  std::vector<Nanos> samples;
 };
 
 /// What a unit can do at most.
@@ -74,6 +83,7 @@ struct CellRecord {
   std::string verification;
   std::vector<PhaseRecord> phases;
   std::optional<EnergyRecord> energy;
+  std::vector<PhaseRecord> conditions = {};  ///< Of another one than kSteady.
 };
 
 struct CellName {

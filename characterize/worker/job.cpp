@@ -11,7 +11,7 @@
 namespace pirt {
 namespace {
 
-constexpr int kProtocol = 4;
+constexpr int kProtocol = 5;
 constexpr std::string_view kPrefix = "pirt-record ";
 constexpr std::string_view kProgress = "pirt-progress ";
 
@@ -38,9 +38,13 @@ std::vector<Nanos> decode_times(const Json& list) {
 }
 
 Json encode(const SamplingOptions& o) {
-  return {{"warm_up_ns", o.warm_up.count()}, {"warm_up_calls", o.warm_up_calls},
-          {"slice_ns", o.slice.count()},     {"limit_ns", o.limit.count()},
-          {"min_samples", o.min_samples},    {"max_samples", o.max_samples}};
+  return {{"warm_up_ns", o.warm_up.count()},
+          {"warm_up_calls", o.warm_up_calls},
+          {"slice_ns", o.slice.count()},
+          {"limit_ns", o.limit.count()},
+          {"min_samples", o.min_samples},
+          {"max_samples", o.max_samples},
+          {"condition_samples", o.condition_samples}};
 }
 
 SamplingOptions decode_sampling(const Json& j) {
@@ -51,6 +55,7 @@ SamplingOptions decode_sampling(const Json& j) {
   o.warm_up_calls = j.at("warm_up_calls");
   o.min_samples = j.at("min_samples");
   o.max_samples = j.at("max_samples");
+  o.condition_samples = j.at("condition_samples");
   return o;
 }
 
@@ -177,6 +182,18 @@ Interference decode_interference(const Json& j) {
   return {j.at("contended"), j.at("crowded"), j.at("throttled")};
 }
 
+Json encode(const PhaseSamples& p) {
+  return {{"phase", to_string(p.phase)},
+          {"samples_ns", encode(p.samples)},
+          {"batch", p.batch},
+          {"bound_ns", encode(p.bound)}};
+}
+
+PhaseSamples decode_phase(const Json& j) {
+  return {decode_word(j.at("phase"), phase_from_string), decode_times(j.at("samples_ns")),
+          j.at("batch"), decode_time(j.value("bound_ns", Json()))};
+}
+
 JobResult decode_result(const Json& j) {
   JobResult result;
   result.done = j.at("done");
@@ -198,10 +215,10 @@ JobResult decode_result(const Json& j) {
   result.notes = j.at("notes").get<std::vector<std::string>>();
   result.ops = decode_count(j.at("ops"));
   result.bytes = decode_count(j.at("bytes"));
-  for (const auto& phase : j.at("phases")) {
-    result.phases.push_back({decode_word(phase.at("phase"), phase_from_string),
-                             decode_times(phase.at("samples_ns")), phase.at("batch"),
-                             decode_time(phase.value("bound_ns", Json()))});
+  for (const auto& phase : j.at("phases")) result.phases.push_back(decode_phase(phase));
+  for (const auto& each : j.value("conditions", Json::array())) {
+    result.conditions.push_back(
+        {decode_word(each.at("condition"), condition_from_string), decode_phase(each)});
   }
   result.metered = decode_metered(j.value("metered", Json()));
   for (const auto& peak : j.at("peaks")) result.peaks.push_back(decode_peak(peak));
@@ -290,7 +307,8 @@ std::string to_json(const Job& job) {
                   {"inputs", job.inputs},
                   {"verifies_first", job.verifies_first},
                   {"sampling", encode(job.sampling)},
-                  {"metering", encode(job.metering)}};
+                  {"metering", encode(job.metering)},
+                  {"neighbours", job.neighbours}};
   return json_text(j);
 }
 
@@ -321,6 +339,7 @@ Job job_from_json(const std::string& text) {
     job.verifies_first = j.at("verifies_first");
     job.sampling = decode_sampling(j.at("sampling"));
     job.metering = decode_metering(j.at("metering"));
+    job.neighbours = j.at("neighbours").get<std::vector<std::vector<int>>>();
     return job;
   } catch (const JsonError& error) {
     throw_bad_input(
@@ -332,11 +351,12 @@ Job job_from_json(const std::string& text) {
 
 std::string to_record(const JobResult& r) {
   Json phases = Json::array();
-  for (const PhaseSamples& p : r.phases) {
-    phases.push_back({{"phase", to_string(p.phase)},
-                      {"samples_ns", encode(p.samples)},
-                      {"batch", p.batch},
-                      {"bound_ns", encode(p.bound)}});
+  for (const PhaseSamples& p : r.phases) phases.push_back(encode(p));
+  Json conditions = Json::array();
+  for (const auto& [condition, samples] : r.conditions) {
+    Json each = encode(samples);
+    each["condition"] = to_string(condition);
+    conditions.push_back(std::move(each));
   }
   Json peaks = Json::array();
   for (const PeakFigure& peak : r.peaks) peaks.push_back(encode(peak));
@@ -360,6 +380,7 @@ std::string to_record(const JobResult& r) {
                   {"ops", encode(r.ops)},
                   {"bytes", encode(r.bytes)},
                   {"phases", phases},
+                  {"conditions", conditions},
                   {"metered", encode(r.metered)},
                   {"peaks", peaks}};
   // Drivers' texts need not be UTF-8.

@@ -14,6 +14,7 @@
 
 #include "characterize/energy/metered_calls.h"
 #include "characterize/machine/host_load.h"
+#include "characterize/profile/condition.h"
 #include "characterize/worker/measure.h"
 #include "characterize/worker/peaks.h"
 #include "workloads/model/backend.h"
@@ -44,6 +45,14 @@ struct Job {
   bool verifies_first = true;
   SamplingOptions sampling;
   MeterRequest metering;  ///< For kMeter.
+  /// The cores of each unit that shares the unit's memory, beside which calls are sampled as well.
+  std::vector<std::vector<int>> neighbours = {};
+};
+
+/// Executions under another condition than kSteady.
+struct ConditionSamples {
+  Condition condition = Condition::kColdCache;
+  PhaseSamples samples;
 };
 
 /// How the device that a worker opened accounts for one phase.
@@ -72,6 +81,7 @@ struct JobResult {
   /// Of a call, the mean over a sequence, where they are not the workload's own.
   std::optional<std::int64_t> ops, bytes;
   std::vector<PhaseSamples> phases;
+  std::vector<ConditionSamples> conditions;
   std::optional<MeteredCalls> metered;
   std::vector<PeakFigure> peaks;
 

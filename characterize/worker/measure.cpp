@@ -158,7 +158,16 @@ class Sampler {
 
   /// A batch's phases cannot be told apart by several clocks.
   [[nodiscard]] std::int64_t batch(Nanos estimate) const {
-    return quality_.cost_ns > 0 && !is_mixed() ? batch_size(estimate) : 1;
+    if (quality_.cost_ns <= 0 || is_mixed()) return 1;
+    return sequence_.frames > 1 ? fewest_calls(estimate) : batch_size(estimate);
+  }
+
+  /// Of a sequence: a kernel may keep what it made of the frame before (plan_path its map), so that
+  /// calls on one frame again and again are not those of a robot.
+  [[nodiscard]] std::int64_t fewest_calls(Nanos estimate) const {
+    const double least_ns = quality_.cost_ns / kClockShare;
+    const auto call_ns = static_cast<double>(std::max<std::int64_t>(1, estimate.count()));
+    return std::min(batch_size(estimate), static_cast<std::int64_t>(std::ceil(least_ns / call_ns)));
   }
 
   /// Phases that are long against the clock are timed within single calls, where they belong
@@ -348,6 +357,23 @@ std::vector<PhaseSamples> sample_calls(Kernel& kernel, const PhaseClocks& clocks
     if (!absent) result.push_back(std::move(samples));
   }
   return result;
+}
+
+PhaseSamples sample_executions(Kernel& kernel, const Clock& clock, std::int64_t samples,
+                               const std::function<void()>& before, const PlayedCalls& sequence) {
+  PhaseSamples taken{Phase::kExecute, {}, 1};
+  for (std::int64_t i = 0; i < samples; ++i) {
+    kernel.upload();
+    before();
+    const Nanos start = clock.now();
+    const auto launch = kernel.execute(1);
+    const Nanos wall = clock.now() - start;
+    check_launch(launch, wall);
+    taken.samples.push_back(wall - launch.value_or(Nanos(0)));
+    kernel.download();
+    if (sequence.next) sequence.next();
+  }
+  return taken;
 }
 
 std::int64_t batch_size(Nanos one_call) {

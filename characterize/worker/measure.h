@@ -39,6 +39,8 @@ struct SamplingOptions {
   std::int64_t warm_up_calls = 2;          ///< At least.
   std::int64_t min_samples = 5;
   std::int64_t max_samples = 1'000;
+  /// Besides, executions under each other condition (condition.h); 0 = none.
+  std::int64_t condition_samples = 0;
 };
 
 /// Samples of one phase, with what else is needed to judge them.
@@ -75,7 +77,8 @@ struct PlayedCalls {
 
 /// Times @p kernel, which is bound, prepared and right, for options.slice. Afterwards the outputs
 /// are those of a timed call. Of a sequence each frame has as many samples, unless options.limit or
-/// max_samples ended it; the calls of a batch are all on one frame and commit no state.
+/// max_samples ended it; the calls of a batch are all on one frame and commit no state, and are no
+/// more than the clock's cost asks for.
 ///
 /// @param clocks   The slice is one of `clock`, so that simulated devices repeat exactly, unless
 /// the machine's says that it took 40 times as long.
@@ -96,6 +99,13 @@ struct PlayedCalls {
                                                      std::span<const Phase> phases,
                                                      const SamplingOptions& options,
                                                      const PlayedCalls& sequence = {});
+
+/// Times @p samples executions of @p kernel, each a call of its own after @p before, which runs
+/// once the inputs are there and is not timed; of a sequence one a frame.
+[[nodiscard]] PhaseSamples sample_executions(Kernel& kernel, const Clock& clock,
+                                             std::int64_t samples,
+                                             const std::function<void()>& before,
+                                             const PlayedCalls& sequence = {});
 
 /// Calls a batch so that it takes 1 ms or more: 1 for calls of at least 1 ms, at most 100000.
 [[nodiscard]] std::int64_t batch_size(Nanos one_call);

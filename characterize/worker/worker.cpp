@@ -13,7 +13,10 @@
 #include <ostream>
 
 #include "characterize/machine/host_load.h"
+#include "characterize/statistics/statistics.h"
+#include "characterize/worker/cache_sweep.h"
 #include "characterize/worker/job.h"
+#include "characterize/worker/neighbour.h"
 #include "characterize/worker/peaks.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
@@ -338,8 +341,52 @@ class Worker {
     const auto phases = backend_.phases();
     const auto before = read_host_counters(job_.unit.cores);
     result_.phases = sample_calls(player_->kernel(), clocks(), phases, sampling(), sequence());
+    sample_cold();
     result_.during_calls = interference_since(before);
+    sample_beside(Condition::kBesideMemory, Neighbour::Work::kStreams);
+    sample_beside(Condition::kBesideCompute, Neighbour::Work::kComputes);
     if (!job_.reference.empty()) verify("after timing");
+  }
+
+  /// Whether the host's caches are the device's, and its time the machine's.
+  [[nodiscard]] bool computes_on_host() const {
+    return device_->own_clock() == nullptr && device_->info().is_cpu;
+  }
+
+  /// Not of calls beside which filling the caches again is nothing: at most what emptying them
+  /// takes.
+  void sample_cold() {
+    constexpr int kNothingBeside = 20;
+    const auto execute = std::ranges::find(result_.phases, Phase::kExecute, &PhaseSamples::phase);
+    if (job_.sampling.condition_samples == 0 || !computes_on_host() ||
+        execute == result_.phases.end()) {
+      return;
+    }
+    CacheSweep sweep(job_.unit.cores);
+    if (!sweep.possible()) return;
+    const Nanos start = machine_.now();
+    sweep.run();
+    if (median(execute->samples) > kNothingBeside * (machine_.now() - start)) return;
+    begin("sampling with cold caches");
+    result_.conditions.push_back(
+        {Condition::kColdCache, sample_executions(
+                                    player_->kernel(), machine_, job_.sampling.condition_samples,
+                                    [&sweep] { sweep.run(); }, sequence())});
+  }
+
+  /// Of several neighbours the one that slows it most.
+  void sample_beside(Condition condition, Neighbour::Work work) {
+    if (!computes_on_host()) return;
+    std::optional<PhaseSamples> worst;
+    for (const auto& cores : job_.neighbours) {
+      begin(fmt::format("sampling {}", to_string(condition)));
+      const Neighbour neighbour(cores, work);
+      auto samples = sample_executions(
+          player_->kernel(), machine_, job_.sampling.condition_samples, [] {}, sequence());
+      if (samples.samples.empty()) return;
+      if (!worst || median(samples.samples) > median(worst->samples)) worst = std::move(samples);
+    }
+    if (worst) result_.conditions.push_back({condition, *std::move(worst)});
   }
 
   /// The same calls, on the machine's clock even if the device has its own: meters know no other.

@@ -23,6 +23,7 @@ void keep_workloads(Profile& profile, const std::string& filter) {
   const NameFilter wanted(filter);
   const auto other = [&wanted](const auto& row) { return !wanted.picks(row.workload); };
   std::erase_if(profile.phases, other);
+  std::erase_if(profile.conditions, other);
   std::erase_if(profile.energies, other);
   if (profile.phases.empty()) {
     throw_bad_input(fmt::format("--filter '{}' matches no workload of '{}'{}", filter, profile.path,
@@ -42,15 +43,22 @@ Profile load_with_samples(const std::filesystem::path& path, std::string_view pl
 Json export_json(const Profile& profile) {
   auto json = profile_json(profile, {});
   json.erase("preferable");
-  for (std::size_t i = 0; i < profile.phases.size(); ++i) {
-    auto& row = json["profile_summary"][i];
-    row["samples_ns"] = Json::array();
-    row["processes_of_samples"] = Json::array();
-    const PhaseRow& phase = profile.phases[i];
-    for (const Nanos sample : phase.values) row["samples_ns"].push_back(sample.count());
-    for (const auto process : phase.value_processes) {
-      row["processes_of_samples"].push_back(process);
+  const auto add_samples = [&json](const char* view, const std::vector<PhaseRow>& rows) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      auto& row = json[view][i];
+      row["samples_ns"] = Json::array();
+      row["processes_of_samples"] = Json::array();
+      for (const Nanos sample : rows[i].values) row["samples_ns"].push_back(sample.count());
+      for (const auto process : rows[i].value_processes) {
+        row["processes_of_samples"].push_back(process);
+      }
     }
+  };
+  add_samples("profile_summary", profile.phases);
+  add_samples("condition_summary", profile.conditions);
+  for (std::size_t i = 0; i < profile.handovers.size(); ++i) {
+    auto& samples = json["handover_summary"][i]["samples_ns"] = Json::array();
+    for (const Nanos sample : profile.handovers[i].values) samples.push_back(sample.count());
   }
   for (std::size_t i = 0; i < profile.runs.size(); ++i) {
     json["runs"][i]["identity"] = profile.runs[i].identity;
@@ -100,17 +108,33 @@ class Csv {
   bool first_ = true;
 };
 
-std::string profile_csv(const Profile& profile) {
+/// Of view profile_summary or condition_summary.
+std::string phases_csv(const std::vector<PhaseRow>& rows) {
   Csv csv(
       "run_id,platform,workload,unit,backend,phase,state,provenance,valid,reasons,notes,samples,"
       "median_ns,mad_ns,p95_ns,p99_ns,ci_low_ns,ci_high_ns,ops,bytes,processes,mixture,"
       "bound_ns");
-  for (const PhaseRow& row : profile.phases) {
+  for (const PhaseRow& row : rows) {
+    const bool steady = row.condition == Condition::kSteady;
     csv.add(row.run_id).add(row.platform).add(row.workload).add(row.unit).add(row.backend);
-    csv.add(to_string(row.phase)).add(to_string(row.state)).add(to_string(row.provenance));
+    csv.add(to_string(row.phase)).add(steady ? to_string(row.state) : to_string(row.condition));
+    csv.add(to_string(row.provenance));
     csv.add(row.valid).add(row.reasons).add(row.notes).add(row.samples).add(row.median);
     csv.add(row.mad).add(row.p95).add(row.p99).add(row.ci_low).add(row.ci_high).add(row.ops);
     csv.add(row.bytes).add(row.processes).add(row.provenance.mixture).add(row.bound).end_line();
+  }
+  return csv.text();
+}
+
+std::string handovers_csv(const Profile& profile) {
+  Csv csv(
+      "run_id,unit,phase,sleep_ns,provenance,valid,reasons,samples,median_ns,mad_ns,p95_ns,p99_ns,"
+      "ci_low_ns,ci_high_ns");
+  for (const HandoverRow& row : profile.handovers) {
+    csv.add(row.run_id).add(row.unit).add(std::string_view("handover")).add(row.sleep);
+    csv.add(to_string(Provenance::kMeasured)).add(row.valid).add(row.reasons).add(row.samples);
+    csv.add(row.median).add(row.mad).add(row.p95).add(row.p99).add(row.ci_low).add(row.ci_high);
+    csv.end_line();
   }
   return csv.text();
 }
@@ -154,7 +178,11 @@ std::string samples_csv(const Profile& profile) {
 std::string export_csv(const Profile& profile, CsvTable table) {
   switch (table) {
     case CsvTable::kProfile:
-      return profile_csv(profile);
+      return phases_csv(profile.phases);
+    case CsvTable::kConditions:
+      return phases_csv(profile.conditions);
+    case CsvTable::kHandovers:
+      return handovers_csv(profile);
     case CsvTable::kEnergy:
       return energy_csv(profile);
     case CsvTable::kPeaks:

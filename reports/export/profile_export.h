@@ -27,13 +27,15 @@ namespace pirt {
 void keep_workloads(Profile& profile, const std::string& filter);
 
 /// profile_json (profile_report.h) without preferences; and `samples_ns` and `processes_of_samples`
-/// in each row, `identity` (the keys of those facts) in each run, and `peaks`.
+/// in each row (hand-overs have the former), `identity` (the keys of those facts) in each run, and
+/// `peaks`.
 [[nodiscard]] Json export_json(const Profile& profile);
 
-/// The tables that CSV has, each with a header: `profile` and `energy` with the columns of the
-/// views profile_summary and energy_summary, `peaks`, and `samples` (one line a sample). Quoted as
+/// The tables that CSV has, each with a header: `profile`, `conditions`, `handovers` and `energy`
+/// with the columns of the views profile_summary, condition_summary, handover_summary and
+/// energy_summary, `peaks`, and `samples` of profile_summary (one line a sample). Quoted as
 /// RFC 4180 says, lines end in \n, what is unknown is an empty field.
-enum class CsvTable : std::uint8_t { kProfile, kEnergy, kPeaks, kSamples };
+enum class CsvTable : std::uint8_t { kProfile, kConditions, kHandovers, kEnergy, kPeaks, kSamples };
 [[nodiscard]] std::string export_csv(const Profile& profile, CsvTable table);
 
 /// What Google Benchmark writes with --benchmark_format=json, for its compare.py and what else

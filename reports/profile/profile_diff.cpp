@@ -116,6 +116,7 @@ std::vector<std::string> cells_only_in(const Profile& profile, const Profile& ot
 std::string phase_name(const PhaseRow& row) {
   std::string name(to_string(row.phase));
   if (row.state != State::kSteady) name += fmt::format(" {}", to_string(row.state));
+  if (row.condition != Condition::kSteady) name += fmt::format(" {}", to_string(row.condition));
   return name;
 }
 
@@ -168,13 +169,15 @@ Table figure_table(const ProfileDiff& diff) {
                           {"b/a"},
                           {"intervals", Align::kLeft},
                           {"remarks", Align::kLeft}}};
-  for (const PhasePair& pair : diff.phases) {
+  const auto add = [&table](const PhasePair& pair) {
     const auto overlap = pair.overlap();
     table.rows.push_back({pair.a->workload, pair.a->unit, phase_name(*pair.a), shown(*pair.a),
                           shown(*pair.b), ratio_text(pair.ratio()),
                           overlap ? (*overlap ? "overlap" : "apart") : "-",
                           remarks(pair.a->reasons, pair.b->reasons)});
-  }
+  };
+  for (const PhasePair& pair : diff.phases) add(pair);
+  for (const PhasePair& pair : diff.conditions) add(pair);
   table.footnotes = {
       "intervals: whether the 95 % intervals of the two medians meet; - where one has none (a "
       "set-up of few samples). Apart is no verdict: runs of the same program are apart at times.",
@@ -182,6 +185,19 @@ Table figure_table(const ProfileDiff& diff) {
   for (const auto& [name, cells] : {std::pair("a", &diff.only_a), std::pair("b", &diff.only_b)}) {
     if (cells->empty()) continue;
     table.footnotes.push_back(fmt::format("Only in {}: {}", name, join(*cells, ", ")));
+  }
+  return table;
+}
+
+Table handover_table(const ProfileDiff& diff) {
+  Table table{.title = "Until a call begins, side by side (medians, us)",
+              .columns = {{"unit", Align::kLeft}, {"it slept, ms"}, {"a"}, {"b"}, {"b/a"}}};
+  for (const HandoverPair& pair : diff.handovers) {
+    const auto us = [](const HandoverRow& row) {
+      return row.valid && row.median ? figure(1e6 * to_s(*row.median)) : std::string("invalid");
+    };
+    table.rows.push_back({pair.a->unit, figure_ms(pair.a->sleep), us(*pair.a), us(*pair.b),
+                          ratio_text(pair.ratio())});
   }
   return table;
 }
@@ -271,6 +287,13 @@ std::optional<bool> PhasePair::overlap() const {
   return *a->ci_low <= *b->ci_high && *b->ci_low <= *a->ci_high;
 }
 
+std::optional<double> HandoverPair::ratio() const {
+  if (!a->valid || !b->valid || !a->median || !b->median || a->median->count() <= 0) {
+    return std::nullopt;
+  }
+  return to_s(*b->median) / to_s(*a->median);
+}
+
 std::optional<double> EnergyPair::ratio() const {
   if (!a->valid || !b->valid || !a->energy_j || !b->energy_j || *a->energy_j <= 0) {
     return std::nullopt;
@@ -285,6 +308,16 @@ ProfileDiff diff_profiles(const Profile& a, const Profile& b) {
   for (const PhaseRow& row : a.phases) {
     const auto* other = b.find(row.workload, row.unit, row.phase, row.state);
     if (other != nullptr) diff.phases.push_back({&row, other});
+  }
+  for (const PhaseRow& row : a.conditions) {
+    const auto* other = b.find_condition(row.workload, row.unit, row.condition);
+    if (other != nullptr) diff.conditions.push_back({&row, other});
+  }
+  for (const HandoverRow& row : a.handovers) {
+    const auto other = std::ranges::find_if(b.handovers, [&row](const HandoverRow& each) {
+      return each.unit == row.unit && each.sleep == row.sleep;
+    });
+    if (other != b.handovers.end()) diff.handovers.push_back({&row, &*other});
   }
   for (const EnergyRow& row : a.energies) {
     const auto* other = b.find_energy(row.workload, row.unit);
@@ -317,6 +350,7 @@ Document diff_document(const ProfileDiff& diff) {
   document.parts.emplace_back(std::move(head));
   if (!diff.identity.empty()) document.parts.emplace_back(identity_table(diff));
   document.parts.emplace_back(figure_table(diff));
+  if (!diff.handovers.empty()) document.parts.emplace_back(handover_table(diff));
   if (!diff.energies.empty()) document.parts.emplace_back(energy_table(diff));
   return document;
 }
@@ -328,16 +362,31 @@ Json diff_json(const ProfileDiff& diff) {
                {"identity", facts_json(diff.identity)},
                {"information", facts_json(diff.information)},
                {"figures", Json::array()},
+               {"conditions", Json::array()},
+               {"handovers", Json::array()},
                {"energies", Json::array()},
                {"only_in_a", diff.only_a},
                {"only_in_b", diff.only_b}};
-  for (const PhasePair& pair : diff.phases) {
-    Json row = {{"workload", pair.a->workload},      {"unit", pair.a->unit},
-                {"phase", to_string(pair.a->phase)}, {"state", to_string(pair.a->state)},
-                {"a", side_json(*pair.a)},           {"b", side_json(*pair.b)}};
+  const auto figure_json = [](const PhasePair& pair) {
+    const bool steady = pair.a->condition == Condition::kSteady;
+    Json row = {{"workload", pair.a->workload},
+                {"unit", pair.a->unit},
+                {"phase", to_string(pair.a->phase)},
+                {"state", steady ? to_string(pair.a->state) : to_string(pair.a->condition)},
+                {"a", side_json(*pair.a)},
+                {"b", side_json(*pair.b)}};
     put(row, "ratio", pair.ratio());
     put(row, "intervals_overlap", pair.overlap());
-    json["figures"].push_back(std::move(row));
+    return row;
+  };
+  for (const PhasePair& pair : diff.phases) json["figures"].push_back(figure_json(pair));
+  for (const PhasePair& pair : diff.conditions) json["conditions"].push_back(figure_json(pair));
+  for (const HandoverPair& pair : diff.handovers) {
+    Json row = {{"unit", pair.a->unit}, {"sleep_ns", pair.a->sleep.count()}};
+    put(row, "a_median_ns", pair.a->median);
+    put(row, "b_median_ns", pair.b->median);
+    put(row, "ratio", pair.ratio());
+    json["handovers"].push_back(std::move(row));
   }
   for (const EnergyPair& pair : diff.energies) {
     Json row = {{"workload", pair.a->workload},

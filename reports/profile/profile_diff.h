@@ -30,6 +30,13 @@ struct PhasePair {
   [[nodiscard]] std::optional<bool> overlap() const;
 };
 
+struct HandoverPair {
+  const HandoverRow* a = nullptr;
+  const HandoverRow* b = nullptr;
+
+  [[nodiscard]] std::optional<double> ratio() const;
+};
+
 struct EnergyPair {
   const EnergyRow* a = nullptr;
   const EnergyRow* b = nullptr;
@@ -45,6 +52,8 @@ struct ProfileDiff {
   std::vector<FactDifference> identity;
   std::vector<FactDifference> information;  ///< All other facts.
   std::vector<PhasePair> phases;            ///< In the order of a.
+  std::vector<PhasePair> conditions;        ///< Of all but steady.
+  std::vector<HandoverPair> handovers;
   std::vector<EnergyPair> energies;
   std::vector<std::string> only_a, only_b;  ///< "workload on unit" of cells that the other lacks.
 };

@@ -13,6 +13,7 @@
 #include "characterize/profile/identity.h"
 #include "characterize/profile/roofline.h"
 #include "reports/document/figures.h"
+#include "reports/profile/condition_report.h"
 #include "reports/profile/environment_report.h"
 #include "reports/profile/roofline_report.h"
 #include "workloads/base/text/json.h"
@@ -210,7 +211,8 @@ Json phase_json(const PhaseRow& row) {
                {"unit", row.unit},
                {"backend", row.backend},
                {"phase", to_string(row.phase)},
-               {"state", to_string(row.state)},
+               {"state", row.condition == Condition::kSteady ? to_string(row.state)
+                                                             : to_string(row.condition)},
                {"provenance", to_string(row.provenance)},
                {"valid", row.valid},
                {"reasons", row.reasons},
@@ -427,11 +429,14 @@ Json preference_json(const std::vector<Preference>& preferences) {
 Json profile_json(const Profile& profile, const std::vector<Preference>& preferences) {
   Json json = {{"runs", Json::array()},
                {"profile_summary", Json::array()},
+               {"condition_summary", Json::array()},
+               {"handover_summary", handover_json(profile)},
                {"energy_summary", Json::array()},
                {"preferable", preference_json(preferences)},
                {"roofline", roofline_json(rooflines(profile))}};
   for (const auto& run : profile.runs) json["runs"].push_back(run_json(run));
   for (const auto& row : profile.phases) json["profile_summary"].push_back(phase_json(row));
+  for (const auto& row : profile.conditions) json["condition_summary"].push_back(phase_json(row));
   for (const auto& row : profile.energies) json["energy_summary"].push_back(energy_json(row));
   return json;
 }

@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "reports/document/figures.h"
+#include "reports/run/live_terms.h"
 #include "reports/run/run_report.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
@@ -142,7 +143,8 @@ Table rows_table(const RunRecord& live, const Profile* profile, const std::vecto
                   {"p50 ms"},
                   {"p95 ms"},
                   {"live / row"},
-                  {"found", Align::kLeft}},
+                  {"found", Align::kLeft},
+                  {"explained by", Align::kLeft}},
       .footnotes = {fmt::format("contradicted: the live median is more than {:.0f} % outside the "
                                 "95 % interval of the row's; of fewer than {} calls nothing is "
                                 "said. A call is upload, execute and download. own clock: the row "
@@ -155,17 +157,14 @@ Table rows_table(const RunRecord& live, const Profile* profile, const std::vecto
         {row.live.workload, row.live.unit, figure(row.median_ms),
          row.low_ms && row.high_ms ? figure(row.low_ms) + " to " + figure(row.high_ms) : "-",
          fmt::format("{}", row.live.completed), figure(row.live.p50_ms), figure(row.live.p95_ms),
-         ratio ? fmt::format("{:.2f}x", 1 + *ratio) : "-", found_text(row.finding)});
+         ratio ? fmt::format("{:.2f}x", 1 + *ratio) : "-", found_text(row.finding),
+         profile == nullptr ? "" : explanation_of(row, *profile)});
   }
   return table;
 }
 
-std::vector<std::string> left_out(const RunRecord& live) {
-  std::vector<std::string> lines = {
-      "What virtual time leaves out, and a live run has: cold caches (in a profile calls of one "
-      "workload follow each other, here others come between them); memory bandwidth and caches "
-      "that units share; the dispatcher's own time and the hand-over between threads; the "
-      "operating system with other processes, wake-ups and clock frequency."};
+std::vector<std::string> left_out(const RunRecord& live, const Profile* profile) {
+  std::vector<std::string> lines = {left_out_of_prediction(profile)};
   if (live.set_up_s) {
     lines.push_back(fmt::format(
         "Devices and kernels took {} s before the first firing, which "
@@ -228,13 +227,16 @@ Json pair_json(const RunRecord& live, const RunRecord& predicted) {
   return json;
 }
 
-Json row_json(const RowCheck& row) {
+Json row_json(const RowCheck& row, const Profile* profile) {
   Json json = {{"workload", row.live.workload},  {"unit", row.live.unit},
                {"calls", row.live.completed},    {"live_p50_ms", row.live.p50_ms},
                {"live_p95_ms", row.live.p95_ms}, {"finding", to_string(row.finding)}};
   put(json, "median_ms", row.median_ms);
   put(json, "ci_low_ms", row.low_ms);
   put(json, "ci_high_ms", row.high_ms);
+  if (profile != nullptr) {
+    if (auto why = explanation_of(row, *profile); !why.empty()) json["explained_by"] = why;
+  }
   return json;
 }
 
@@ -300,7 +302,7 @@ std::vector<Part> live_parts(std::span<const RunRecord> runs,
     const Profile* profile = profile_of(live, profiles);
     const auto rows = check_rows(live, profile);
     if (!rows.empty()) parts.emplace_back(rows_table(live, profile, rows));
-    parts.emplace_back(Paragraph{left_out(live)});
+    parts.emplace_back(Paragraph{left_out(live, profile)});
   }
   return parts;
 }
@@ -317,8 +319,9 @@ Json live_json(std::span<const RunRecord> runs, std::span<const Profile* const> 
     for (const RunRecord* predicted : each.predictions) {
       one["predictions"].push_back(pair_json(live, *predicted));
     }
-    for (const RowCheck& row : check_rows(live, profile_of(live, profiles))) {
-      one["rows"].push_back(row_json(row));
+    const Profile* profile = profile_of(live, profiles);
+    for (const RowCheck& row : check_rows(live, profile)) {
+      one["rows"].push_back(row_json(row, profile));
     }
     json.push_back(std::move(one));
   }

@@ -10,6 +10,7 @@
 #include "workloads/mapping/keyframes.h"
 #include "workloads/mapping/workloads.h"
 #include "workloads/planning/map_files.h"
+#include "workloads/planning/path_follower.h"
 #include "workloads/planning/prepared_map.h"
 #include "workloads/planning/workloads.h"
 #include "workloads/recognition/describe_scene.h"
@@ -167,7 +168,7 @@ struct Activities::Planned {
   std::optional<std::pair<MapPose, Nanos>> before;
 
   std::mutex mutex;  ///< Guards what follows, which plans that end write.
-  std::vector<Point> path;
+  planning::PathFollower path;
   std::int64_t found = 0;
   double length_m = 0;
 };
@@ -374,12 +375,14 @@ void Activities::plan(const MapPose& place) {
   planning_->fire(inputs, [this](std::span<const Tensor> outputs) {
     const planning::Path path = planning::path_of(outputs);
     const std::lock_guard lock(planned_->mutex);
-    planned_->path.clear();
+    planned_->path = {};
     if (path.status != planning::PathStatus::kFound) return;
     const Grid& grid = options_.planning->map;
     ++planned_->found;
     planned_->length_m = path.length * grid.resolution;
-    for (const Cell cell : path.cells) planned_->path.push_back(grid.centre_of(cell));
+    std::vector<Point> centres;
+    for (const Cell cell : path.cells) centres.push_back(grid.centre_of(cell));
+    planned_->path = planning::PathFollower(std::move(centres));
   });
 }
 
@@ -389,7 +392,7 @@ void Activities::avoid(const MapPose& place, Nanos time) {
   {
     const std::lock_guard lock(planned_->mutex);
     if (planned_->path.empty() || !before || !avoiding_->is_free()) return;
-    target = planning::point_ahead(planned_->path, place.position, kAhead_m);
+    target = planned_->path.ahead(place.position, kAhead_m);
   }
   const double dt = std::max(to_s(time - before->second), 1e-3);
   const double dx = place.position.x - before->first.position.x;

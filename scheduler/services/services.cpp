@@ -87,19 +87,6 @@ std::string complaint(const PhaseRow& row) {
   return "";
 }
 
-/// @param row  Has samples.
-Distribution time_of(const PhaseRow& row, Draw draw) {
-  switch (draw) {
-    case Draw::kMedian:
-      return Distribution::constant(*row.median);
-    case Draw::kP95:
-      return Distribution::constant(*row.p95);
-    case Draw::kSamples:
-      break;
-  }
-  return Distribution::of(row.values);
-}
-
 double energy_scale(const PhaseRow& row, const Distribution& time) {
   const Nanos taken = time.mean();
   return row.mean && taken > Nanos::zero() ? to_s(*row.mean) / to_s(taken) : 1;
@@ -129,6 +116,8 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
                               .energy_scale = energy_scale(*row, time)});
     service.time_provenance = sum_of(service.time_provenance, row->provenance);
   }
+  service.conditions = call_conditions(*cell.profile, cell.workload.name, cell.unit().name,
+                                       cell.workload.bytes, cell.options.draw);
   service.energy_provenance = weakest(cell.unit().energy_provenance, service.time_provenance);
   if (cell.platform.watts_set) service.energy_provenance = Provenance::kModelled;
   const auto* energy = cell.profile->find_energy(cell.workload.name, cell.unit().name);
@@ -323,6 +312,11 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
   ServiceTable table;
   table.workloads = workloads;
   warn_of_power(platform, profile, table.warnings);
+  if (profile != nullptr && !(profile->conditions.empty() && profile->handovers.empty())) {
+    for (const UnitModel& unit : platform.units) {
+      table.units.push_back(unit_conditions(*profile, unit, options.draw));
+    }
+  }
   for (const auto& name : workloads) {
     auto& row = table.entries.emplace_back();
     const auto given = options.given.find(name);

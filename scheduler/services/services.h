@@ -14,6 +14,7 @@
 #include "characterize/platform/platform.h"
 #include "characterize/profile/profile.h"
 #include "scheduler/mix/task.h"
+#include "scheduler/services/conditions.h"
 
 namespace pirt {
 
@@ -41,6 +42,9 @@ struct Service {
   std::optional<double> metered_j;
   /// False: no meter and no platform says what a call draws, and nobody may take it for nothing.
   bool energy_known = true;
+  /// Of a stage that is the phase `execute` of a measured row; absent = it takes its time whatever
+  /// else happens.
+  std::optional<CallConditions> conditions = std::nullopt;
 
   /// Of the stage's time before the scale, how much draws active_w: none of a metered call's.
   [[nodiscard]] double energy_scale(const ServiceStage& stage) const {
@@ -64,6 +68,7 @@ struct ServiceTable {
   std::vector<std::string> workloads;              ///< By WorkloadId.
   std::vector<std::vector<ServiceEntry>> entries;  ///< [workload][unit]
   std::vector<std::string> warnings;
+  std::vector<UnitConditions> units;  ///< By UnitId; empty where no profile has any.
 
   [[nodiscard]] const Service* find(WorkloadId workload, UnitId unit) const {
     const auto& entry = entries[workload][unit];

@@ -23,6 +23,14 @@ class FifoServers final : public Servers {
     serve({job, work, sequence}, now);
   }
 
+  void lengthen(JobId job, Nanos by) override {
+    const auto found = std::ranges::find(busy_, job, &Busy::job);
+    if (found == busy_.end()) return;
+    found->end.time += by;
+    std::ranges::make_heap(busy_, std::greater{});
+    next_ = busy_.front().end;
+  }
+
   JobId complete_next() override {
     assert(!busy_.empty());
     std::ranges::pop_heap(busy_, std::greater{});

@@ -29,6 +29,8 @@ class Servers {
   /// @param work      Server time at rate 1, >= 0.
   /// @param sequence  Unique and rising over all arrivals.
   virtual void arrive(JobId job, Nanos work, std::uint64_t sequence, Nanos now) = 0;
+  /// A job that is being served needs so much more. Jobs that share servers finish as they would.
+  virtual void lengthen(JobId job, Nanos by) { static_cast<void>(job), static_cast<void>(by); }
   /// Takes the job whose completion is next(); now == next().time.
   virtual JobId complete_next() = 0;
   [[nodiscard]] const Moment& next() const { return next_; }

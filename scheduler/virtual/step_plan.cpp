@@ -71,6 +71,9 @@ std::vector<TaskStep> plan_steps(const Scenario& scenario, const MixTask& task,
                      .scaled = stage.mean(),
                      .scale = stage.scale,
                      .energy_scale = service.energy_scale(stage)});
+    if (service.conditions && stage.on == unit && stage.name == to_string(Phase::kExecute)) {
+      steps.back().conditions = &*service.conditions;
+    }
   }
   if (moves_data) add_transfer(scenario.platform, unit, bytes.out, steps);
   return steps;

@@ -26,6 +26,8 @@ struct TaskStep {
   bool prepares = false;    ///< Of a unit with contexts: not where it holds this one already.
   std::uint32_t context = 0;  ///< Of one that prepares: which.
   bool for_data = false;    ///< A delay until the data of the predecessors is there.
+  /// Of the phase `execute`: what else it may take; refers to the scenario's services. Null = no.
+  const CallConditions* conditions = nullptr;
 };
 
 /// Data that a task waits for once it has started, with what it moves over links.

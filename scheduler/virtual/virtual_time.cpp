@@ -32,6 +32,7 @@ struct VirtualTime::Job {
   Nanos takes{0};      ///< Server time of its step,
   Nanos powered{0};    ///< and the part of it that draws the unit's active_w.
   Nanos preparing{0};  ///< What this try has spent on it.
+  Nanos handover{0};   ///< Until its first step on its unit; then zero.
 };
 
 struct VirtualTime::Timer {
@@ -60,7 +61,8 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunOb
       executor_(executor),
       computed_(computed),
       firings_(scenario, executor != nullptr),
-      books_(scenario) {
+      books_(scenario),
+      call_effects_(scenario) {
   for (const auto& unit : scenario.platform.units)
     servers_.push_back(make_servers(unit.servers, unit.discipline));
   for (std::size_t i = 0; i < scenario.platform.links.size(); ++i) {
@@ -263,6 +265,9 @@ void VirtualTime::apply_starts() {
     jobs_[job].started_at = now_;
     jobs_[job].preparing = Nanos::zero();
     if (!contains(computed_, start.unit)) {
+      jobs_[job].handover = call_effects_.any() ? call_effects_.handed_over(
+                                                      start.unit, now_, hash_u64(random(job), 1))
+                                                : Nanos::zero();
       begin_step(job, step_of(jobs_[job]));
       continue;
     }
@@ -355,11 +360,16 @@ void VirtualTime::begin_step(JobIndex job, const TaskStep& step) {
     return;
   }
   const bool constant = step.time.kind == Distribution::Kind::kConstant;
-  const Nanos unscaled = constant ? step.time.low : draw(job, step);
-  const Nanos takes = constant ? step.scaled : scaled(unscaled, step.scale);
+  Nanos unscaled = constant ? step.time.low : step.time.draw(random(job));
+  Nanos takes = constant ? step.scaled : scaled(unscaled, step.scale);
   if (step.servers == TaskStep::kDelay) {
     add_timer(now_ + takes, false, job);
     return;
+  }
+  if (step.servers == jobs_[job].unit) {
+    const Nanos longer = with_effects(job, step, takes);
+    unscaled += longer - takes;
+    takes = longer + std::exchange(jobs_[job].handover, Nanos::zero());
   }
   jobs_[job].takes = takes;
   jobs_[job].powered = step.energy_scale == 1 ? unscaled : scaled(unscaled, step.energy_scale);
@@ -377,12 +387,27 @@ double VirtualTime::power_w(const Job& job, const TaskStep& step) const {
   return scenario_.platform.links.at(scenario_.platform.units[job.unit].link).active_w;
 }
 
+/// What the step takes by what else happened; others that it slows end later from now on.
+Nanos VirtualTime::with_effects(JobIndex job, const TaskStep& step, Nanos takes) {
+  if (step.conditions == nullptr) return takes;
+  const CallEffects::Execution execution{job, jobs_[job].unit, workload_of(jobs_[job]), takes};
+  slowed_.clear();
+  const Nanos longer =
+      call_effects_.executes(execution, *step.conditions, now_, hash_u64(random(job), 2), slowed_);
+  for (const auto& [other, unit, by] : slowed_) {
+    jobs_[other].takes += by;
+    jobs_[other].powered += scaled(by, step_of(jobs_[other]).energy_scale);
+    servers_[unit]->lengthen(other, by);
+  }
+  return longer;
+}
+
 /// A pure function of seed, pipeline, firing, task and step, so that two policies meet the same
 /// luck.
-Nanos VirtualTime::draw(JobIndex job, const TaskStep& step) const {
+std::uint64_t VirtualTime::random(JobIndex job) const {
   const Firings::TaskPlace& place = firings_.place(job);
   const std::uint64_t stream = hash_u64(hash_u64(seeds_[place.pipeline], place.firing), place.task);
-  return step.time.draw(hash_u64(stream, jobs_[job].step));
+  return hash_u64(stream, jobs_[job].step);
 }
 
 UnitId VirtualTime::unit_of(JobIndex job) const { return jobs_[job].unit; }
@@ -396,6 +421,9 @@ Outcome VirtualTime::intended(JobIndex job) const {
 void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
                            std::shared_ptr<const std::vector<Tensor>> data) {
   Job& done = jobs_[job];
+  if (call_effects_.any() && !contains(computed_, done.unit)) {
+    call_effects_.ended(done.unit, workload_of(done), now_);
+  }
   must(dispatcher_.complete(done.unit, done.id, outcome, now_, effects_));
   books_.note_end(now_);
   if (outcome == Outcome::kReturned) {

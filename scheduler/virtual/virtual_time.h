@@ -17,6 +17,7 @@
 #include "scheduler/services/scenario.h"
 #include "scheduler/trace/run_observer.h"
 #include "scheduler/virtual/books.h"
+#include "scheduler/virtual/call_effects.h"
 #include "scheduler/virtual/firings.h"
 #include "scheduler/virtual/servers.h"
 #include "scheduler/virtual/step_plan.h"
@@ -91,7 +92,8 @@ class VirtualTime {
   [[nodiscard]] WorkloadId workload_of(const Job& job) const;
   [[nodiscard]] std::optional<std::uint32_t> first_context(UnitId unit) const;
   void prepared(Job& job, Nanos at, Nanos takes);
-  [[nodiscard]] Nanos draw(JobIndex job, const TaskStep& step) const;
+  [[nodiscard]] std::uint64_t random(JobIndex job) const;
+  Nanos with_effects(JobIndex job, const TaskStep& step, Nanos takes);
   [[nodiscard]] double power_w(const Job& job, const TaskStep& step) const;
   void complete(JobIndex job, Outcome outcome, Nanos took,
                 std::shared_ptr<const std::vector<Tensor>> data);
@@ -117,6 +119,8 @@ class VirtualTime {
   Effects effects_;
   std::vector<int> waiting_;  ///< For the observer.
   Books books_;
+  CallEffects call_effects_;
+  std::vector<CallEffects::Slowed> slowed_;
   std::optional<Tally> at_end_;  ///< What is returned.
   Nanos now_{0};
 };

@@ -15,6 +15,7 @@
 #include "workloads/base/math/random.h"
 #include "workloads/mapping/bundle_adjust.h"
 #include "workloads/mapping/generate_bal.h"
+#include "workloads/planning/changing_map.h"
 #include "workloads/planning/map_files.h"
 #include "workloads/planning/plain_search.h"
 
@@ -89,6 +90,50 @@ bool plan_paths(const std::string& file, int queries, std::uint64_t seed) {
   return met;
 }
 
+/// Between queries a square of 0.4 m appears at random and the one before goes. @return whether the
+/// goals are met.
+bool plan_on_a_changing_map(const std::string& file, int queries, std::uint64_t seed) {
+  constexpr double kRadius = 0.22;
+  constexpr double kSquare = 0.4;
+  const planning::Grid grid = planning::read_map(file);
+  planning::ChangingMap map(grid, kRadius);
+  planning::PathPlanner planner(map.prepared());
+  const int side = std::max(1, static_cast<int>(kSquare / grid.resolution));
+  pirt::Random random(seed);
+  const auto any_cell = [&] { return map.prepared().cell(random.below(map.prepared().size())); };
+  Times times;
+  double worst = 0;
+  while (times.ms.size() < static_cast<std::size_t>(queries)) {
+    planning::Grid now = grid;
+    const planning::Cell first = any_cell();
+    for (int y = first.y; y < std::min(first.y + side, grid.height); ++y) {
+      for (int x = first.x; x < std::min(first.x + side, grid.width); ++x) {
+        now.cells[grid.index({x, y})] = planning::CellState::kOccupied;
+      }
+    }
+    std::vector<std::uint8_t> cells;
+    for (const auto cell : now.cells) cells.push_back(static_cast<std::uint8_t>(cell));
+    const planning::Cell start = any_cell();
+    const planning::Cell goal = any_cell();
+    planning::Path path;
+    const double took = ms_of([&] {
+      map.become(cells);
+      path = planner.plan(start, goal);
+    });
+    const auto expected =
+        planning::plan_plainly(planning::PlainSearch::kAStar, grid.width, grid.height,
+                               planning::passable_cells(now, kRadius), start, goal);
+    if (path.status != expected.status) return fmt::print("another answer than A*'s\n"), false;
+    if (path.status != planning::PathStatus::kFound) continue;
+    times.ms.push_back(took);
+    worst = std::max(worst, std::abs(path.length - expected.length));
+  }
+  times.print("  plan_path, the map changed");
+  fmt::print("  p99 {:.3f} ms (goal 2); lengths differ by at most {:.1g} cells\n",
+             times.quantile(0.99), worst);
+  return times.quantile(0.99) < 2 && worst < 1e-6;
+}
+
 double peak_mib() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -123,7 +168,8 @@ int main(int argc, char** argv) {
   if (arguments.size() >= 2 && arguments[0] == "plan") {
     const int queries = arguments.size() > 2 ? std::atoi(arguments[2].c_str()) : 1000;
     const auto seed = arguments.size() > 3 ? std::strtoull(arguments[3].c_str(), nullptr, 10) : 1;
-    return plan_paths(arguments[1], queries, seed) ? 0 : 1;
+    const bool met = plan_paths(arguments[1], queries, seed);
+    return plan_on_a_changing_map(arguments[1], queries, seed) && met ? 0 : 1;
   }
   if (!arguments.empty() && arguments[0] == "bundle") {
     return adjust_bundles(arguments.size() > 1 ? std::atoi(arguments[1].c_str()) : 1) ? 0 : 1;

@@ -15,6 +15,7 @@
 #include "tests/characterize/campaign_support.h"
 #include "tests/characterize/support.h"
 #include "tests/support/data.h"
+#include "workloads/base/system/caches.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"
 
@@ -347,6 +348,41 @@ TEST_F(Campaign, MeasuresThisMachine) {
   EXPECT_EQ(profile.find("pool5", "cpu", Phase::kUpload), nullptr);
   EXPECT_EQ(profile.find_energy("pool5", "cpu")->provenance, Provenance::kModelled);
   EXPECT_TRUE(profile.find_unit("cpu")->device_is_cpu);
+  // Nobody else uses the core's own caches, as far as the machine tells their size.
+  const PhaseRow* cold = profile.find_condition("pool5", "cpu", Condition::kColdCache);
+  EXPECT_EQ(cold != nullptr, own_cache_bytes(cpu.cores).has_value());
+  if (cold != nullptr) {
+    EXPECT_GE(cold->samples, 20);
+  }
+}
+
+// On a machine with one core there is nobody to be beside.
+TEST_F(Campaign, MeasuresBesideTheUnitsOfTheSameMemory) {
+  const auto cores = usable_cores();
+  if (cores.size() < 2) GTEST_SKIP() << "one core";
+  auto o = options({}, "^pool5$");
+  UnitModel cpu;
+  cpu.name = "cpu";
+  cpu.role = Role::kCpu;
+  cpu.backend = "cpu";
+  cpu.memory = "dram";
+  cpu.cores = {cores[0]};
+  UnitModel other = cpu;
+  other.name = "other";
+  other.cores = {cores[1]};
+  o.platform.units = {cpu, other};
+  o.units = {"cpu"};
+  const Profile alone = measure(o);
+  EXPECT_EQ(alone.find_condition("pool5", "cpu", Condition::kBesideMemory), nullptr);
+  o.interference = true;
+  const Profile profile = measure(o);
+  for (const Condition condition : {Condition::kBesideMemory, Condition::kBesideCompute}) {
+    const PhaseRow* row = profile.find_condition("pool5", "cpu", condition);
+    ASSERT_NE(row, nullptr) << to_string(condition);
+    EXPECT_GE(row->samples, 20);
+    EXPECT_EQ(row->phase, Phase::kExecute);
+  }
+  EXPECT_EQ(profile.find("pool5", "cpu", Phase::kExecute)->condition, Condition::kSteady);
 }
 
 TEST_F(Campaign, MeasuresTheLimitsOfEachUnit) {

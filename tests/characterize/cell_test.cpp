@@ -81,6 +81,23 @@ TEST_F(Cell, OperationsAndBytesAreThoseThatAProcessFound) {
   EXPECT_NEAR(record.energy.value().energy_j.value(), 0.025, 1e-9);
 }
 
+TEST_F(Cell, KeepsWhatWasSampledWithColdCachesApart) {
+  for (const double ms : {10, 10, 10, 10}) {
+    JobResult result = a_process(ms);
+    result.conditions = {
+        {Condition::kColdCache, {Phase::kExecute, std::vector<Nanos>(5, from_ms(ms)), 1}}};
+    cell.add(cell.next().value().setup, std::move(result));
+  }
+  EXPECT_EQ(row(Phase::kExecute).samples.front(), from_ms(5));
+  const auto conditions = cell.record().conditions;
+  ASSERT_EQ(conditions.size(), 1U);
+  EXPECT_EQ(conditions[0].condition, Condition::kColdCache);
+  EXPECT_EQ(conditions[0].phase, Phase::kExecute);
+  EXPECT_EQ(conditions[0].samples.size(), 20U);
+  EXPECT_EQ(conditions[0].processes.back(), 3);
+  EXPECT_THAT(conditions[0].reasons, IsEmpty());
+}
+
 TEST_F(Cell, WantsAsManyProcessesAsItsPrecisionWillTake) {
   // Mean 10, deviation sqrt(0.08 / 3) = 0.163, t 3.182 * 0.163 / 2 = 0.26, but none was below 9.8:
   // 9.8 to 10.26, half of it 2.3 %. 4 processes x ((2.3 / 2)^2 - 1) = 1.3, so 2 more.

@@ -111,6 +111,70 @@ TEST(Database, AppendsARunToAnExistingFile) {
   EXPECT_EQ(profile.find("sobel", "gpu", Phase::kCall)->median, Nanos(3009));
 }
 
+// Who asks profile_summary for a phase gets calls in a row, whatever else was measured.
+TEST(Database, OtherConditionsAreRowsOfTheirOwn) {
+  const TemporaryFolder folder;
+  auto cell = small_cell("sobel", "cpu");
+  cell.phases.push_back(
+      {Phase::kExecute, State::kSteady, Provenance::kMeasured, {}, {}, test::ramp(100, 20)});
+  for (const Condition condition : {Condition::kColdCache, Condition::kBesideMemory}) {
+    PhaseRecord record{Phase::kExecute,
+                       State::kSteady,
+                       Provenance::kMeasured,
+                       {},
+                       {},
+                       test::ramp(condition == Condition::kColdCache ? 900 : 500, 20)};
+    record.condition = condition;
+    cell.conditions.push_back(std::move(record));
+  }
+  {
+    ProfileWriter writer(folder / "p.db");
+    const auto run = writer.begin_run(small_run());
+    writer.write_cell(run, cell);
+    writer.write_handovers(run, std::vector<HandoverRecord>{
+                                    {"cpu", Nanos(0), {}, test::ramp(1000, 20)},
+                                    {"cpu", std::chrono::milliseconds(1), {"few_samples"}, {}}});
+    // A newer run has neither: rows of a live run.
+    const auto live = writer.begin_run(small_run());
+    writer.write_cell(live, small_cell("sobel", "cpu", 7000));
+  }
+  const ProfileReader reader(folder / "p.db");
+  Profile profile = reader.read();
+  reader.read_samples(profile);
+  EXPECT_EQ(profile.find("sobel", "cpu", Phase::kCall)->median, Nanos(7009));
+  EXPECT_EQ(profile.find("sobel", "cpu", Phase::kExecute), nullptr);
+  ASSERT_EQ(profile.conditions.size(), 2U);
+  const PhaseRow* cold = profile.find_condition("sobel", "cpu", Condition::kColdCache);
+  ASSERT_NE(cold, nullptr);
+  EXPECT_EQ(cold->median, Nanos(909));
+  EXPECT_EQ(cold->values.size(), 20U);
+  EXPECT_TRUE(cold->mean);
+  EXPECT_EQ(profile.find_condition("sobel", "cpu", Condition::kBesideMemory)->values.front(),
+            Nanos(500));
+  EXPECT_EQ(profile.find_condition("sobel", "cpu", Condition::kBesideCompute), nullptr);
+  ASSERT_EQ(profile.handovers.size(), 2U);
+  EXPECT_EQ(profile.handovers[0].median, Nanos(1009));
+  EXPECT_EQ(profile.handovers[0].values.size(), 20U);
+  EXPECT_FALSE(profile.handovers[1].valid);
+  EXPECT_EQ(profile.runs.size(), 2U);
+  const Profile first = reader.read({}, {1, 1});
+  EXPECT_EQ(first.find("sobel", "cpu", Phase::kExecute)->median, Nanos(109));
+}
+
+TEST(Database, DamageOfAHandoverIsFound) {
+  const TemporaryFolder folder;
+  {
+    ProfileWriter writer(folder / "p.db");
+    const auto run = writer.begin_run(small_run());
+    writer.write_cell(run, small_cell("sobel", "cpu"));
+    writer.write_handovers(
+        run, std::vector<HandoverRecord>{{"cpu", Nanos(0), {}, test::ramp(1000, 20)}});
+  }
+  run_sql(folder / "p.db", "UPDATE handover_sample SET ns = 7 WHERE position = 3");
+  EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "p.db"); }),
+              HasSubstr("checksum of run 1"));
+}
+
 TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
   const TemporaryFolder folder;
   test::write_bytes(folder / "empty.db", "");
@@ -120,7 +184,7 @@ TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
   test::write_bytes(folder / "cut.db", std::string("SQLite format 3\0 and the end", 28));
   run_sql(folder / "other.db", "PRAGMA application_id = 7; CREATE TABLE t (x)");
   write_one_run(folder / "newer.db");
-  run_sql(folder / "newer.db", "PRAGMA user_version = 5");
+  run_sql(folder / "newer.db", "PRAGMA user_version = 6");
   write_one_run(folder / "older.db");
   run_sql(folder / "older.db", "PRAGMA user_version = 2; DROP VIEW energy_summary");
   write_one_run(folder / "wal.db");
@@ -134,8 +198,8 @@ TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
       {"short.db", "not a profile database"},
       {"cut.db", "damaged (cut off after 28 bytes)"},
       {"other.db", "another application"},
-      {"newer.db", "is of version 5, and this pirt reads version 4: use a newer pirt"},
-      {"older.db", "is of version 2, and this pirt reads version 4: characterize again"},
+      {"newer.db", "is of version 6, and this pirt reads version 5: use a newer pirt"},
+      {"older.db", "is of version 2, and this pirt reads version 5: characterize again"},
       {"wal.db", "journal_mode=DELETE"},
       {"", "is not a file but a folder"},
       {"pipe.db", "is not a file but a device or pipe"}};

@@ -1,4 +1,4 @@
-// Profile databases of the version before: read as they are, upgraded when they are written.
+// Profile databases of the versions before: read as they are, upgraded when they are written.
 #include <gmock/gmock.h>
 
 #include "schema_files.h"
@@ -10,21 +10,24 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// What write_one_run wrote, as version 3 had it.
-void make_old(const std::filesystem::path& path) {
+/// What write_one_run wrote, as version 3 or 4 had it.
+void make_old(const std::filesystem::path& path, int version) {
   write_one_run(path);
+  const std::string less = version == 4 ? "" : R"(
+ALTER TABLE temp.m DROP COLUMN mixture; ALTER TABLE temp.m DROP COLUMN bound_ns;
+ALTER TABLE temp.j DROP COLUMN mixture;)";
+  const std::string schema = fmt::format("schema-{}.sql", version);
   run_sql(path, R"(
 PRAGMA foreign_keys = OFF;
 CREATE TEMP TABLE r AS SELECT * FROM run; CREATE TEMP TABLE e AS SELECT * FROM environment;
 CREATE TEMP TABLE u AS SELECT * FROM unit; CREATE TEMP TABLE c AS SELECT * FROM cell;
 CREATE TEMP TABLE m AS SELECT * FROM measurement; CREATE TEMP TABLE s AS SELECT * FROM sample;
 CREATE TEMP TABLE j AS SELECT * FROM energy;
-DROP VIEW profile_summary; DROP VIEW energy_summary; DROP TABLE sample; DROP TABLE measurement;
-DROP TABLE energy; DROP TABLE cell; DROP TABLE peak; DROP TABLE visit; DROP TABLE unit;
-DROP TABLE environment; DROP TABLE run;)" +
-                    std::string(find_embedded(schema_files::files(), "schema-3.sql").value()) + R"(
-ALTER TABLE temp.m DROP COLUMN mixture; ALTER TABLE temp.m DROP COLUMN bound_ns;
-ALTER TABLE temp.j DROP COLUMN mixture;
+DROP VIEW profile_summary; DROP VIEW energy_summary; DROP VIEW condition_summary;
+DROP VIEW handover_summary; DROP TABLE handover_sample; DROP TABLE handover; DROP TABLE sample;
+DROP TABLE measurement; DROP TABLE energy; DROP TABLE cell; DROP TABLE peak; DROP TABLE visit;
+DROP TABLE unit; DROP TABLE environment; DROP TABLE run;)" +
+                    std::string(find_embedded(schema_files::files(), schema).value()) + less + R"(
 INSERT INTO run SELECT * FROM r; INSERT INTO environment SELECT * FROM e;
 INSERT INTO unit SELECT * FROM u; INSERT INTO cell SELECT * FROM c;
 INSERT INTO measurement SELECT * FROM m; INSERT INTO sample SELECT * FROM s;
@@ -37,23 +40,27 @@ INSERT INTO energy SELECT * FROM j;)");
   run_sql(path, fmt::format("UPDATE run SET checksum = {}", run_checksum(old, 1)));
 }
 
-TEST(DatabaseUpgrade, AnOldFileIsReadAsItIsAndNotWritten) {
+class DatabaseUpgrade : public ::testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(From, DatabaseUpgrade, ::testing::Values(3, 4));
+
+TEST_P(DatabaseUpgrade, AnOldFileIsReadAsItIsAndNotWritten) {
   const TemporaryFolder folder;
   write_one_run(folder / "new.db");
-  make_old(folder / "old.db");
+  make_old(folder / "old.db", GetParam());
   const std::string before = read_bytes(folder / "old.db");
   EXPECT_EQ(dump(folder / "old.db"), dump(folder / "new.db"));
   EXPECT_EQ(read_bytes(folder / "old.db"), before);
   EXPECT_EQ(folder.entries().size(), 2U);
+  EXPECT_TRUE(load_profile(folder / "old.db").conditions.empty());
   for (const PhaseRow& row : load_profile(folder / "old.db").phases) {
     EXPECT_FALSE(row.provenance.mixture);
     EXPECT_EQ(row.bound, std::nullopt);
   }
 }
 
-TEST(DatabaseUpgrade, AnOldFileThatIsWrittenBecomesANewOne) {
+TEST_P(DatabaseUpgrade, AnOldFileThatIsWrittenBecomesANewOne) {
   const TemporaryFolder folder;
-  make_old(folder / "old.db");
+  make_old(folder / "old.db", GetParam());
   {
     ProfileWriter writer(folder / "old.db");
     EXPECT_EQ(writer.begin_run(small_run()), 2);
@@ -66,9 +73,9 @@ TEST(DatabaseUpgrade, AnOldFileThatIsWrittenBecomesANewOne) {
   EXPECT_EQ(version_of(file), kDatabaseVersion);
 }
 
-TEST(DatabaseUpgrade, DamageInAnOldFileIsFound) {
+TEST_P(DatabaseUpgrade, DamageInAnOldFileIsFound) {
   const TemporaryFolder folder;
-  make_old(folder / "old.db");
+  make_old(folder / "old.db", GetParam());
   run_sql(folder / "old.db", "UPDATE sample SET ns = ns + 1 WHERE position = 3");
   EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "old.db"); }),
               HasSubstr("checksum of sobel"));

@@ -25,6 +25,7 @@ TEST(Job, RoundTrips) {
   job.images = "/pictures of mine";
   job.reference = "/tmp/x.reference";
   job.sampling = {Nanos(1), Nanos(2), Nanos(3), 4, 5};
+  job.neighbours = {{0, 1}, {4}};
   const Job read = job_from_json(to_json(job));
   EXPECT_EQ(read.kind, JobKind::kSample);
   EXPECT_EQ(read.backend, job.backend);
@@ -36,6 +37,7 @@ TEST(Job, RoundTrips) {
   EXPECT_EQ(read.seed, job.seed);
   EXPECT_EQ(read.images, job.images);
   EXPECT_EQ(read.reference, job.reference);
+  EXPECT_EQ(read.neighbours, job.neighbours);
   EXPECT_EQ(to_json(read), to_json(job));
 }
 
@@ -62,6 +64,7 @@ JobResult a_result() {
   result.ops = 12;
   result.bytes = 34;
   result.phases = {{Phase::kCall, test::ramp(5, 3), 10}};
+  result.conditions = {{Condition::kBesideMemory, {Phase::kExecute, test::ramp(8, 2), 1}}};
   return result;
 }
 
@@ -74,6 +77,9 @@ TEST(Job, ReadsBackTheRecordOfAResult) {
   ASSERT_EQ(read.phases.size(), 1U);
   EXPECT_EQ(read.phases[0].samples, test::ramp(5, 3));
   EXPECT_EQ(read.phases[0].batch, 10);
+  ASSERT_EQ(read.conditions.size(), 1U);
+  EXPECT_EQ(read.conditions[0].condition, Condition::kBesideMemory);
+  EXPECT_EQ(read.conditions[0].samples.samples, test::ramp(8, 2));
   EXPECT_EQ(read.during_setup, a_result().during_setup);
   EXPECT_EQ(read.during_calls, a_result().during_calls);
 }

@@ -216,6 +216,44 @@ TEST(Measure, PlaysSequencesToTheirEnd) {
   }
 }
 
+// A frame's calls but the first are not what a sequence costs where the kernel keeps what it made.
+TEST(Measure, CallsOfASequenceAreRepeatedOnlyAsTheClockAsks) {
+  const auto batch_of = [](Nanos call, std::int64_t frames) {
+    TickingClock clock{Nanos(25)};
+    TimedKernel kernel(clock);
+    kernel.execute_times = {call};
+    const PlayedCalls sequence{.next = [] {}, .frames = frames};
+    const auto result = sample_calls(kernel, clock, kReal, kHost, twenty(), sequence);
+    return find(result, Phase::kCall).batch;
+  };
+  // The clock costs 25 ns, a thousandth of 25 us.
+  EXPECT_EQ(batch_of(microseconds(50), 3), 1);
+  EXPECT_EQ(batch_of(microseconds(10), 3), 3);
+  EXPECT_EQ(batch_of(microseconds(50), 1), 20);
+}
+
+TEST(Measure, TimesExecutionsAloneAfterWhatComesBeforeEach) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  kernel.upload_time = milliseconds(2);
+  kernel.execute_times = {milliseconds(3)};
+  int swept = 0;
+  int frames = 0;
+  const PlayedCalls sequence{.next = [&frames] { ++frames; }, .frames = 2};
+  const auto result = sample_executions(
+      kernel, clock, 4,
+      [&] {
+        clock.advance(milliseconds(50));
+        ++swept;
+      },
+      sequence);
+  EXPECT_EQ(result.phase, Phase::kExecute);
+  EXPECT_THAT(result.samples,
+              ElementsAre(milliseconds(3), milliseconds(3), milliseconds(3), milliseconds(3)));
+  EXPECT_EQ(swept, 4);
+  EXPECT_EQ(frames, 4);
+}
+
 TEST(Measure, WarmsUpForAsLongAsAsked) {
   TickingClock clock{Nanos(0)};
   TimedKernel kernel(clock);

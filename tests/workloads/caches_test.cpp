@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include <fstream>
+#include <vector>
 
 namespace pirt {
 namespace {
@@ -63,6 +64,23 @@ TEST_F(Caches, OfTheLastLevelWithoutSharersAreCountedOncePerCore) {
   put(0, "2", "Unified", "1M", 0);
   put(0, "2", "Unified", "1M", 1);
   EXPECT_EQ(all_last_cache_bytes(root_), 2 << 20);
+}
+
+TEST_F(Caches, OwnAreTheLargestThatNoOtherCoreShares) {
+  for (const int core : {0, 1, 2, 3}) {
+    put(0, "1", "Data", "32K", core, std::to_string(core));
+    put(1, "2", "Unified", "1M", core, core < 2 ? "0-1" : "2-3");
+    put(2, "3", "Unified", "32M", core, "0-3");
+  }
+  const auto own = [this](std::vector<int> cores) { return own_cache_bytes(cores, root_); };
+  EXPECT_EQ(own({0, 1}), 1 << 20);
+  EXPECT_EQ(own({0, 1, 2, 3}), 32 << 20);
+  EXPECT_EQ(own({0, 1, 2}), (1 << 20) + (1 << 19)) << "of what it shares with core 3 its part";
+  EXPECT_EQ(own({3}), 1 << 19);
+}
+
+TEST_F(Caches, OwnAreAbsentWhereTheMachineDoesNotSay) {
+  EXPECT_EQ(own_cache_bytes(std::vector{0}, root_), std::nullopt);
 }
 
 TEST_F(Caches, OfTheLastLevelAreAbsentWhereTheMachineDoesNotSay) {

@@ -210,21 +210,4 @@ VelocityCommand avoid_obstacles(const RobotState& robot, const Grid& window,
   return Choice(robot, window, moving, target, options).best();
 }
 
-Point point_ahead(std::span<const Point> path, Point position, double ahead_m) {
-  std::size_t nearest = 0;
-  for (std::size_t i = 1; i < path.size(); ++i) {
-    if (distance(path[i], position) < distance(path[nearest], position)) nearest = i;
-  }
-  double left = ahead_m;
-  for (std::size_t i = nearest; i + 1 < path.size(); ++i) {
-    const double step = distance(path[i], path[i + 1]);
-    if (step > left) {
-      const double part = left / step;
-      return {std::lerp(path[i].x, path[i + 1].x, part), std::lerp(path[i].y, path[i + 1].y, part)};
-    }
-    left -= step;
-  }
-  return path.back();
-}
-
 }  // namespace pirt::planning

@@ -1,7 +1,7 @@
 // The local planner: the next velocity of a robot among people, towards a target.
 //
 // Looks at a window of the map around the robot and at what moves there. It plans no way round
-// large obstacles: its target is a point ahead on the path of plan_path (point_ahead).
+// large obstacles: its target is a point ahead on the path of plan_path (path_follower.h).
 #pragma once
 
 #include <span>
@@ -69,10 +69,5 @@ struct AvoidOptions {
 [[nodiscard]] VelocityCommand avoid_obstacles(const RobotState& robot, const Grid& window,
                                               std::span<const MovingObstacle> moving, Point target,
                                               const AvoidOptions& options);
-
-/// The point of a path (its cells' centres) that lies @p ahead_m along it beyond the one nearest to
-/// @p position; its end if that is nearer.
-/// @param path  At least one point.
-[[nodiscard]] Point point_ahead(std::span<const Point> path, Point position, double ahead_m);
 
 }  // namespace pirt::planning

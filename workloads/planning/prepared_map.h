@@ -27,7 +27,12 @@ inline constexpr std::array<GridMove, kDirections> kGridMoves = {
   return {diagonal - 4, (diagonal - 3) % 4};
 }
 
-/// Immutable after construction; any thread may call it. Takes 21 bytes a cell.
+/// Cells of a grid: the first, and the first beyond.
+struct CellBox {
+  Cell begin, end;
+};
+
+/// Between changes any thread may call it. Takes 21 bytes a cell.
 ///
 /// @source Harabor, Grastien: Online Graph Pruning for Pathfinding on Grid Maps, AAAI 2011, and
 /// Improving Jump Point Search, ICAPS 2014 (jump distances computed beforehand: JPS+), in the form
@@ -38,6 +43,14 @@ class PreparedMap {
   PreparedMap(const Grid& grid, double radius);
   /// @param passable  [height, width] of passable_cells().
   PreparedMap(int width, int height, std::span<const std::uint8_t> passable);
+
+  /// What is passable within @p box from now on; settle() has to follow.
+  /// @param passable  [height, width] of the box, which lies inside.
+  void change(const CellBox& box, std::span<const std::uint8_t> passable);
+  /// After one or more changes: all answers are those of a map prepared anew. Regions and the lines
+  /// that changed are measured at once; what follows from these for diagonals is from now on found
+  /// by each query on its way, since between two changes it asks for little of it.
+  void settle();
 
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
@@ -55,9 +68,7 @@ class PreparedMap {
   }
 
   /// Whether the robot may be there; false outside.
-  [[nodiscard]] bool passable(Cell cell) const {
-    return contains(cell) && regions_[index(cell)] != 0;
-  }
+  [[nodiscard]] bool passable(Cell cell) const { return contains(cell) && *framed(cell) != 0; }
   /// Whether a path leads from one to the other; both passable.
   [[nodiscard]] bool connected(Cell a, Cell b) const {
     return regions_[index(a)] == regions_[index(b)];
@@ -65,7 +76,8 @@ class PreparedMap {
   /// Steps from @p cell in @p direction to the next jump point, as a positive number; without one,
   /// minus the steps that can be made.
   [[nodiscard]] int jump(std::size_t cell, int direction) const {
-    return jumps_[cell][static_cast<std::size_t>(direction)];
+    return direction < 4 || diagonals_known_ ? jumps_[cell][static_cast<std::size_t>(direction)]
+                                             : walk(cell, direction);
   }
   /// The directions, as bits, in which an optimal path may go on from @p cell when it came by a
   /// straight move in @p direction and a wall beside it has ended; 0 = this is no jump point.
@@ -76,13 +88,25 @@ class PreparedMap {
   [[nodiscard]] std::optional<Cell> nearest_passable(Cell to) const;
 
  private:
-  void label_regions(std::span<const std::uint8_t> passable);
-  void measure_straight(int direction);
+  /// In passable_, which has a frame of blocked cells around it.
+  [[nodiscard]] std::ptrdiff_t framed_step(GridMove step) const {
+    return std::ptrdiff_t{step.y} * (width_ + 2) + step.x;
+  }
+  [[nodiscard]] const std::uint8_t* framed(Cell cell) const {
+    return passable_.data() + framed_step({cell.x + 1, cell.y + 1});
+  }
+  void label_regions();
+  void measure_straight(int direction, const CellBox& box);
   void measure_diagonal(int direction);
+  [[nodiscard]] int walk(std::size_t cell, int direction) const;
 
   int width_, height_;
+  std::vector<std::uint8_t> passable_;
   std::vector<std::int32_t> regions_;  ///< 0 = blocked.
   std::vector<std::array<std::int16_t, kDirections>> jumps_;
+  bool diagonals_known_ = false;  ///< Those of jumps_ hold.
+  /// Whose straight jumps do not hold: lines that changed, and those beside them.
+  std::vector<std::uint8_t> stale_rows_, stale_columns_;
 };
 
 }  // namespace pirt::planning

@@ -16,6 +16,8 @@ constexpr int kHalfDoor = 12;  // 1.2 m in all
 /// Half of the way across a room that is kept free: a robot of 40 cm and what queries vary.
 constexpr int kHalfAisle = 20;
 constexpr int kVaried = 10;
+constexpr int kRooms = (kMapWidth / kRoom) * (kMapHeight / kRoom);
+constexpr int kPresent = 3;  ///< Obstacles at a time that come and go.
 
 Grid free_grid(int width, int height) {
   Grid grid;
@@ -48,10 +50,15 @@ void add_box(Grid& grid, Random& random, Cell first, int side) {
        width, height, state);
 }
 
-Cell near_middle(Random& random, int room) {
+Cell middle_of(int room) {
   const int columns = kMapWidth / kRoom;
-  return {room % columns * kRoom + kRoom / 2 + between(random, -kVaried, kVaried),
-          room / columns * kRoom + kRoom / 2 + between(random, -kVaried, kVaried)};
+  return {room % columns * kRoom + kRoom / 2, room / columns * kRoom + kRoom / 2};
+}
+
+Cell near_middle(Random& random, int room) {
+  const Cell middle = middle_of(room);
+  const int x = middle.x + between(random, -kVaried, kVaried);
+  return {x, middle.y + between(random, -kVaried, kVaried)};
 }
 
 Grid rooms(std::uint64_t seed) {
@@ -77,16 +84,33 @@ Grid rooms(std::uint64_t seed) {
   return grid;
 }
 
+/// Somebody who stands in the way between a room's middle and one of its doors, to the side, so
+/// that there is room to pass; nowhere near where queries begin and end.
+void add_person(Grid& grid, std::uint64_t seed, int number) {
+  constexpr int kSide = 8;
+  Random random(
+      derive_seed(hash_u64(seed, static_cast<std::uint64_t>(number)), "plan_path obstacle"));
+  const Cell middle = middle_of(static_cast<int>(random.below(kRooms)));
+  const bool far = random.below(2) == 0;
+  const bool left = random.below(2) == 0;
+  const int along = between(random, 2 * kHalfAisle - kVaried, kRoom / 2 - kHalfAisle);
+  const int first = far ? along : -along - kSide;
+  const int beside = left ? -kHalfAisle : kHalfAisle - kSide;
+  const bool across = random.below(2) == 0;
+  fill(grid, {middle.x + (across ? first : beside), middle.y + (across ? beside : first)}, kSide,
+       kSide, CellState::kOccupied);
+}
+
 double distance(Point a, Point b) { return std::hypot(a.x - b.x, a.y - b.y); }
 
 }  // namespace
 
 PlanSample plan_sample(std::uint64_t seed, int query) {
-  constexpr std::uint64_t kRooms = std::uint64_t{kMapWidth / kRoom} * (kMapHeight / kRoom);
   Random random(derive_seed(hash_u64(seed, static_cast<std::uint64_t>(query)), "plan_path query"));
   const auto from = random.below(kRooms);
   const auto to = (from + 1 + random.below(kRooms - 1)) % kRooms;
   PlanSample sample{.grid = rooms(seed), .start = {}, .goal = {}};
+  for (int i = 0; i < kPresent; ++i) add_person(sample.grid, seed, (query + i) % kFrames);
   sample.start = near_middle(random, static_cast<int>(from));
   sample.goal = near_middle(random, static_cast<int>(to));
   return sample;

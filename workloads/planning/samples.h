@@ -9,7 +9,8 @@
 
 namespace pirt::planning {
 
-/// Eight rooms with doors, boxes in their corners and some unseen parts, in cells of 5 cm. Every
+/// Eight rooms with doors, boxes in their corners and some unseen parts, in cells of 5 cm, and a
+/// few obstacles that come and go: from one query to the next one appears and one is gone. Every
 /// query has an answer for robots of up to 40 cm.
 struct PlanSample {
   Grid grid;

@@ -3,7 +3,6 @@
 namespace pirt::planning {
 namespace {
 
-constexpr int kFrames = 8;
 constexpr std::int64_t kCells = std::int64_t{kMapWidth} * kMapHeight;
 
 Workload make(const char* name, const char* text) {

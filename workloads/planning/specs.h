@@ -13,6 +13,7 @@ inline constexpr int kMapWidth = 640;
 inline constexpr int kMapHeight = 320;
 inline constexpr int kWindowSide = 160;
 inline constexpr int kMostMoving = 32;
+inline constexpr int kFrames = 8;  ///< Of the sequences that the workloads are measured with.
 
 /// Of all(), in its order: everything but the functions and the operation.
 [[nodiscard]] std::vector<Workload> specs();

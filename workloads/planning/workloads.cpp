@@ -10,6 +10,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/model/host_function.h"
+#include "workloads/planning/changing_map.h"
 #include "workloads/planning/plain_search.h"
 #include "workloads/planning/samples.h"
 #include "workloads/planning/verdicts.h"
@@ -58,27 +59,24 @@ void put_path(const Path& path, std::span<Tensor> outputs) {
   outputs[2].as<double>()[0] = path.length;
 }
 
-/// A map that is prepared anew where it is another than before.
+/// Plans on the map of the call, which it expects to be much like that of the call before.
 class Planner {
  public:
   void plan(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
     const double radius = checked_radius(inputs[1].as<double>()[0]);
-    const auto cells = inputs[0].as<std::uint8_t>();
-    const bool known = planner_ && radius == radius_ && std::ranges::equal(cells, cells_);
-    if (!known) {
+    if (!planner_ || radius != map_->radius()) {
+      Grid grid = grid_of(inputs[0]);
       planner_.reset();
-      map_.emplace(grid_of(inputs[0]), radius);
-      planner_.emplace(*map_);
-      radius_ = radius;
-      cells_.assign(cells.begin(), cells.end());
+      map_.emplace(std::move(grid), radius);
+      planner_.emplace(map_->prepared());
+    } else {
+      map_->become(inputs[0].as<std::uint8_t>());
     }
     put_path(planner_->plan(cell_of(inputs[2]), cell_of(inputs[3])), outputs);
   }
 
  private:
-  std::vector<std::uint8_t> cells_;
-  double radius_ = 0;
-  std::optional<PreparedMap> map_;
+  std::optional<ChangingMap> map_;
   std::optional<PathPlanner> planner_;
 };
 
@@ -96,13 +94,10 @@ Grid grid_of(const Tensor& tensor) {
   Grid grid;
   grid.height = static_cast<int>(tensor.dim(0));
   grid.width = static_cast<int>(tensor.dim(1));
-  for (const std::uint8_t cell : tensor.as<std::uint8_t>()) {
-    if (cell > static_cast<std::uint8_t>(CellState::kUnknown)) {
-      throw_bad_input(fmt::format("a cell of the grid is {}; 0 is free, 1 occupied and 2 unknown",
-                                  static_cast<int>(cell)));
-    }
-    grid.cells.push_back(static_cast<CellState>(cell));
-  }
+  const auto cells = tensor.as<std::uint8_t>();
+  check_cells(cells);
+  grid.cells.reserve(cells.size());
+  for (const std::uint8_t cell : cells) grid.cells.push_back(static_cast<CellState>(cell));
   return grid;
 }
 

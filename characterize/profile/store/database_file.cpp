@@ -176,7 +176,7 @@ sqlite::Connection open_database(const std::filesystem::path& path, sqlite::Conn
       sqlite3_db_readonly(connection.handle(), "main") != 0) {
     connection.fail(SQLITE_READONLY);
   }
-  if (version_of(connection) == kOldestVersion) {
+  if (version_of(connection) != kDatabaseVersion) {
     if (mode == Connection::Mode::kReadOnly) connection = copy_in_memory(connection);
     upgrade(connection);
   }

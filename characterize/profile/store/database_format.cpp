@@ -17,7 +17,7 @@ namespace {
 using sqlite::Connection;
 using sqlite::Statement;
 
-constexpr std::array<std::string_view, 6> kRunQueries = {
+constexpr std::array<std::string_view, 8> kRunQueries = {
     "SELECT run_id, started, finished, platform, seed, plan FROM run WHERE run_id = ?",
     "SELECT key, value, kind FROM environment WHERE run_id = ? ORDER BY key",
     "SELECT unit, ordinal, backend, device, device_is_cpu, cores FROM unit "
@@ -27,7 +27,13 @@ constexpr std::array<std::string_view, 6> kRunQueries = {
     // Which cells and visits there are; what each holds is in its own checksum.
     "SELECT workload, unit, checksum FROM cell WHERE run_id = ? ORDER BY workload, unit",
     "SELECT workload, unit, position, checksum FROM visit WHERE run_id = ? "
-    "ORDER BY workload, unit, position"};
+    "ORDER BY workload, unit, position",
+    "SELECT unit, sleep_ns, valid, reasons, samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, "
+    "ci_high_ns FROM handover WHERE run_id = ? ORDER BY unit, sleep_ns",
+    "SELECT unit, sleep_ns, position, ns FROM handover JOIN handover_sample USING (handover_id) "
+    "WHERE run_id = ? ORDER BY unit, sleep_ns, position"};
+/// Those of versions 3 and 4, which have no hand-overs.
+constexpr std::span kRunQueries4 = std::span(kRunQueries).first(6);
 constexpr std::array<std::string_view, 4> kCellQueries = {
     "SELECT run_id, workload, unit, ops, bytes, verification FROM cell WHERE cell_id = ?",
     "SELECT phase, state, provenance, valid, reasons, notes, samples, processes, median_ns, "
@@ -50,8 +56,8 @@ constexpr std::array<std::string_view, 4> kCellQueries3 = {
     "SELECT energy_j, provenance, source, valid, reasons, domain, idle_subtracted FROM energy "
     "WHERE cell_id = ?"};
 
-/// Tables in the order in which they refer to each other, with what version 4 has beside the
-/// columns of version 3.
+/// Tables in the order in which they refer to each other, with what they have beside the columns of
+/// version 3 from version 4 on. Others begin empty.
 struct UpgradedTable {
   std::string_view name, added;
 };
@@ -66,9 +72,9 @@ constexpr std::array<UpgradedTable, 9> kUpgradedTables = {{{"run", ""},
                                                            {"energy", ", 0"}}};
 
 std::string_view schema_of(std::int64_t version) {
-  return find_embedded(schema_files::files(),
-                       version == kOldestVersion ? "schema-3.sql" : "schema.sql")
-      .value();
+  const std::string name =
+      version == kDatabaseVersion ? "schema.sql" : fmt::format("schema-{}.sql", version);
+  return find_embedded(schema_files::files(), name).value();
 }
 
 std::map<std::string, std::string> schema_objects(const Connection& connection) {
@@ -117,7 +123,8 @@ std::int64_t version_of(const Connection& connection) {
 }
 
 std::int64_t run_checksum(const Connection& connection, std::int64_t run_id) {
-  return checksum(connection, run_id, kRunQueries);
+  const bool old = version_of(connection) < kDatabaseVersion;
+  return checksum(connection, run_id, old ? kRunQueries4 : std::span(kRunQueries));
 }
 
 std::int64_t cell_checksum(const Connection& connection, std::int64_t cell_id) {
@@ -183,7 +190,8 @@ void upgrade(Connection& connection) {
   const WithoutForeignKeys off(connection);
   {
     sqlite::Transaction transaction(connection);
-    if (version_of(connection) == kDatabaseVersion) return;
+    const std::int64_t version = version_of(connection);
+    if (version == kDatabaseVersion) return;
     std::string sql;
     for (const auto& [name, added] : kUpgradedTables) {
       sql += fmt::format("CREATE TEMP TABLE old_{0} AS SELECT * FROM main.{0};", name);
@@ -194,7 +202,8 @@ void upgrade(Connection& connection) {
     }
     sql += database_schema();
     for (const auto& [name, added] : kUpgradedTables) {
-      sql += fmt::format("INSERT INTO main.{0} SELECT *{1} FROM temp.old_{0};", name, added);
+      sql += fmt::format("INSERT INTO main.{0} SELECT *{1} FROM temp.old_{0};", name,
+                         version == kOldestVersion ? added : "");
       sql += fmt::format("DROP TABLE temp.old_{};", name);
     }
     connection.run(sql);

@@ -25,6 +25,13 @@ namespace {
 using sqlite::Connection;
 using sqlite::Statement;
 
+/// Column `state` holds a condition where it holds no state.
+/// The words are known ones: integrity_check has verified the CHECK constraints.
+void take_state(const std::string& text, State& state, Condition& condition) {
+  condition = condition_from_string(text).value_or(Condition::kSteady);
+  state = state_from_string(text).value_or(State::kSteady);
+}
+
 PhaseRow read_phase_row(const Statement& q) {
   PhaseRow row;
   row.run_id = q.integer(0);
@@ -32,9 +39,8 @@ PhaseRow read_phase_row(const Statement& q) {
   row.workload = q.text(2);
   row.unit = q.text(3);
   row.backend = q.text(4);
-  // The words are known ones: integrity_check has verified the CHECK constraints.
   row.phase = phase_from_string(q.text(5)).value();
-  row.state = state_from_string(q.text(6)).value();
+  take_state(q.text(6), row.state, row.condition);
   row.provenance = provenance_from_string(q.text(7)).value();
   row.valid = q.integer(8) != 0;
   row.reasons = split_words(q.text(9));
@@ -64,18 +70,19 @@ std::string is_unfinished(const std::string& cell) {
 
 /// Complete cells first, the newest of them before the others. Of each (workload, unit) the rows of
 /// calls are those of the first cell met that has any, and so are those of set-ups, which live rows
-/// have not.
-std::vector<PhaseRow> read_phases(const Connection& connection, const std::string& platform,
-                                  RunRange runs) {
+/// have not, and those of other conditions.
+/// @param view  "profile_summary" or "condition_summary".
+std::vector<PhaseRow> read_phases(const Connection& connection, const std::string& view,
+                                  const std::string& platform, RunRange runs) {
   std::vector<PhaseRow> rows;
   std::map<std::tuple<std::string, std::string, bool>, std::int64_t> chosen;
   Statement query(
       connection,
       "SELECT run_id, platform, workload, unit, backend, phase, state, provenance, valid, "
       "reasons, notes, samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, "
-      "ops, bytes, processes, mixture, bound_ns FROM profile_summary WHERE platform = ? AND run_id "
-      "BETWEEN ? AND ? ORDER BY " +
-          is_unfinished("profile_summary") + ", run_id DESC");
+      "ops, bytes, processes, mixture, bound_ns FROM " +
+          view + " WHERE platform = ? AND run_id BETWEEN ? AND ? ORDER BY " + is_unfinished(view) +
+          ", run_id DESC");
   query.bind(platform).bind(runs.first).bind(runs.last);
   while (query.step()) {
     PhaseRow row = read_phase_row(query);
@@ -112,6 +119,36 @@ std::vector<EnergyRow> read_energies(const Connection& connection, const std::st
     row.idle_subtracted = query.integer(9) != 0;
     row.provenance.mixture = query.integer(10) != 0;
     if (seen.emplace(row.workload, row.unit).second) rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+std::vector<HandoverRow> read_handovers(const Connection& connection, const std::string& platform,
+                                        RunRange runs) {
+  std::vector<HandoverRow> rows;
+  std::map<std::string, std::int64_t> chosen;
+  Statement query(connection,
+                  "SELECT run_id, unit, sleep_ns, valid, reasons, samples, median_ns, mad_ns, "
+                  "p95_ns, p99_ns, ci_low_ns, ci_high_ns FROM handover_summary WHERE platform = ? "
+                  "AND run_id BETWEEN ? AND ? ORDER BY run_id DESC, unit, sleep_ns");
+  query.bind(platform).bind(runs.first).bind(runs.last);
+  while (query.step()) {
+    HandoverRow row;
+    row.run_id = query.integer(0);
+    row.unit = query.text(1);
+    row.sleep = Nanos(query.integer(2));
+    row.valid = query.integer(3) != 0;
+    row.reasons = split_words(query.text(4));
+    row.samples = query.integer(5);
+    row.median = query.optional_nanos(6);
+    row.mad = query.optional_nanos(7);
+    row.p95 = query.optional_nanos(8);
+    row.p99 = query.optional_nanos(9);
+    row.ci_low = query.optional_nanos(10);
+    row.ci_high = query.optional_nanos(11);
+    if (chosen.try_emplace(row.unit, row.run_id).first->second == row.run_id) {
+      rows.push_back(std::move(row));
+    }
   }
   return rows;
 }
@@ -221,9 +258,14 @@ void sort_rows(Profile& profile) {
   const auto unit_rank = [&units](const std::string& name) {
     return std::ranges::find(units, name) - units.begin();
   };
-  std::ranges::sort(profile.phases, {}, [&](const PhaseRow& row) {
-    return std::tuple(workload_rank(row.workload), row.workload, unit_rank(row.unit), row.phase,
-                      row.state);
+  for (auto* rows : {&profile.phases, &profile.conditions}) {
+    std::ranges::sort(*rows, {}, [&](const PhaseRow& row) {
+      return std::tuple(workload_rank(row.workload), row.workload, unit_rank(row.unit), row.phase,
+                        row.state, row.condition);
+    });
+  }
+  std::ranges::sort(profile.handovers, {}, [&](const HandoverRow& row) {
+    return std::tuple(unit_rank(row.unit), row.unit, row.sleep);
   });
   std::ranges::sort(profile.energies, {}, [&](const EnergyRow& row) {
     return std::tuple(workload_rank(row.workload), row.workload, unit_rank(row.unit));
@@ -238,16 +280,18 @@ struct RowKey {
   std::string workload, unit;
   Phase phase = Phase::kCall;
   State state = State::kSteady;
+  Condition condition = Condition::kSteady;
 };
 
 /// Null where another run's row stands in the profile.
 PhaseRow* row_of(Profile& profile, std::int64_t run_id, const RowKey& key) {
-  const auto row = std::ranges::find_if(profile.phases, [&](const PhaseRow& candidate) {
+  auto& rows = key.condition == Condition::kSteady ? profile.phases : profile.conditions;
+  const auto row = std::ranges::find_if(rows, [&](const PhaseRow& candidate) {
     return candidate.run_id == run_id && candidate.workload == key.workload &&
            candidate.unit == key.unit && candidate.phase == key.phase &&
-           candidate.state == key.state;
+           candidate.state == key.state && candidate.condition == key.condition;
   });
-  return row == profile.phases.end() ? nullptr : &*row;
+  return row == rows.end() ? nullptr : &*row;
 }
 
 /// Of the processes' means, as mean() of statistics.h has it.
@@ -261,9 +305,9 @@ void read_means(const Connection& connection, std::int64_t run_id, Profile& prof
                   "GROUP BY measurement_id");
   query.bind(run_id);
   while (query.step()) {
-    PhaseRow* row = row_of(profile, run_id,
-                           {query.text(0), query.text(1), phase_from_string(query.text(2)).value(),
-                            state_from_string(query.text(3)).value()});
+    RowKey key{query.text(0), query.text(1), phase_from_string(query.text(2)).value()};
+    take_state(query.text(3), key.state, key.condition);
+    PhaseRow* row = row_of(profile, run_id, key);
     if (row != nullptr) row->mean = Nanos(std::llround(query.real(4)));
   }
 }
@@ -281,14 +325,12 @@ std::vector<RowSamples> read_run_samples(const Connection& connection, std::int6
   while (query.step()) {
     if (current != query.integer(0)) {
       current = query.integer(0);
-      // The columns' CHECK constraints and the checksum have been verified: the words are known
-      // ones.
-      rows.push_back({query.text(1),
-                      query.text(2),
-                      phase_from_string(query.text(3)).value(),
-                      state_from_string(query.text(4)).value(),
-                      {},
-                      {}});
+      RowSamples row;
+      row.workload = query.text(1);
+      row.unit = query.text(2);
+      row.phase = phase_from_string(query.text(3)).value();
+      take_state(query.text(4), row.state, row.condition);
+      rows.push_back(std::move(row));
     }
     rows.back().samples.push_back(Nanos(query.integer(5)));
     rows.back().processes.push_back(static_cast<std::int32_t>(query.integer(6)));
@@ -320,11 +362,15 @@ Profile ProfileReader::read(std::string_view platform, RunRange runs) const {
   const std::string chosen = choose_platform(*connection_, platform, runs);
   Profile profile;
   profile.path = connection_->path().string();
-  profile.phases = read_phases(*connection_, chosen, runs);
+  profile.phases = read_phases(*connection_, "profile_summary", chosen, runs);
+  profile.conditions = read_phases(*connection_, "condition_summary", chosen, runs);
+  profile.handovers = read_handovers(*connection_, chosen, runs);
   profile.energies = read_energies(*connection_, chosen, runs);
   profile.peaks = read_peaks(*connection_, chosen, runs);
   std::set<std::int64_t, std::greater<>> run_ids;
   for (const PhaseRow& row : profile.phases) run_ids.insert(row.run_id);
+  for (const PhaseRow& row : profile.conditions) run_ids.insert(row.run_id);
+  for (const HandoverRow& row : profile.handovers) run_ids.insert(row.run_id);
   for (const EnergyRow& row : profile.energies) run_ids.insert(row.run_id);
   for (const PeakRow& row : profile.peaks) run_ids.insert(row.run_id);
   for (const std::int64_t run_id : run_ids) {
@@ -348,12 +394,19 @@ std::vector<std::int64_t> ProfileReader::finished_runs(std::string_view platform
 void ProfileReader::read_samples(Profile& profile) const {
   for (const RunInfo& run : profile.runs) {
     for (RowSamples& each : read_run_samples(*connection_, run.run_id)) {
-      PhaseRow* row =
-          row_of(profile, run.run_id, {each.workload, each.unit, each.phase, each.state});
+      PhaseRow* row = row_of(profile, run.run_id,
+                             {each.workload, each.unit, each.phase, each.state, each.condition});
       if (row == nullptr) continue;
       row->values = std::move(each.samples);
       row->value_processes = std::move(each.processes);
     }
+  }
+  for (HandoverRow& row : profile.handovers) {
+    Statement query(*connection_,
+                    "SELECT ns FROM handover JOIN handover_sample USING (handover_id) "
+                    "WHERE run_id = ? AND unit = ? AND sleep_ns = ? ORDER BY position");
+    query.bind(row.run_id).bind(row.unit).bind(row.sleep);
+    while (query.step()) row.values.emplace_back(query.integer(0));
   }
 }
 

@@ -46,7 +46,7 @@ class ProfileReader {
   /// The runs of a platform that ended, newest first.
   [[nodiscard]] std::vector<std::int64_t> finished_runs(std::string_view platform) const;
 
-  /// Fills in PhaseRow::values of all rows: for whoever needs distributions, not medians alone.
+  /// Fills in the values of all rows: for whoever needs distributions, not medians alone.
   /// @param profile  Read from here.
   void read_samples(Profile& profile) const;
 
@@ -73,11 +73,12 @@ struct UnfinishedRun {
 /// @throws Error as load_profile, but not because there are no measurements yet.
 [[nodiscard]] std::optional<UnfinishedRun> find_unfinished_run(const std::filesystem::path& path);
 
-/// The raw samples behind one row of profile_summary.
+/// The raw samples behind one row of profile_summary or condition_summary.
 struct RowSamples {
   std::string workload, unit;
   Phase phase = Phase::kCall;
   State state = State::kSteady;
+  Condition condition = Condition::kSteady;
   std::vector<Nanos> samples;           ///< In the order in which they were taken.
   std::vector<std::int32_t> processes;  ///< Of each sample, the worker process that took it.
 };

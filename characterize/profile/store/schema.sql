@@ -1,6 +1,9 @@
--- The profile database of pirt, version 4. One SQLite file, journal mode DELETE: closed, it is one file and opens read-only.
+-- The profile database of pirt, version 5. One SQLite file, journal mode DELETE: closed, it is one file and opens read-only.
 --
--- Other tools read the views profile_summary and energy_summary: their columns, in this order, are stable; new ones come at their end.
+-- Other tools read the views profile_summary, energy_summary, condition_summary and handover_summary: their columns, in this order, are
+-- stable; new ones come at their end. profile_summary has one row a phase and set-up state, so that who asks it for phase 'execute' gets
+-- the figure of calls in a row; what else a call may take is in condition_summary, and what handing it to its unit takes in
+-- handover_summary.
 -- The tables are pirt's own. Readers refuse every other user_version. All times are integer nanoseconds, started/finished are UTC (ISO 8601).
 --
 -- Words in `reasons` (why a row is not valid) and `notes` (what to know about a valid one) are separated by "; ", and "" means none.
@@ -30,11 +33,11 @@
 --            live (calls of a live run, `pirt schedule --update-profile`: one process, other calls between them)
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %
 -- interval over processes (characterize/statistics/statistics.h), NULL with 2; of a single process, that of its samples, NULL below 6.
--- `checksum` columns are FNV-1a over what a run (with its environment, units, peaks, and which cells and visits it has) or a cell
+-- `checksum` columns are FNV-1a over what a run (with its environment, units, peaks, hand-overs, and which cells and visits it has) or a cell
 -- (with its measurements, samples and energy) holds (database_format.h): damage that SQLite cannot see is an error.
 
 PRAGMA application_id = 1346982484;  -- "PIRT"
-PRAGMA user_version = 4;
+PRAGMA user_version = 5;
 
 -- One `pirt characterize`. `finished` is NULL if it did not end; its cells are complete all the same.
 CREATE TABLE run (
@@ -97,6 +100,39 @@ CREATE TABLE peak (
   CHECK (per_second IS NOT NULL OR valid = 0)
 ) STRICT, WITHOUT ROWID;
 
+-- From handing a call to a unit that is a thread of the host until it begins, after the unit has slept for that long (0: the call waits
+-- while another one runs, and the time is that between them). With the runtime's own queue; no part of `call`.
+CREATE TABLE handover (
+  handover_id INTEGER PRIMARY KEY,
+  run_id     INTEGER NOT NULL,
+  unit       TEXT NOT NULL,
+  sleep_ns   INTEGER NOT NULL CHECK (sleep_ns >= 0),
+  valid      INTEGER NOT NULL CHECK (valid IN (0, 1)),
+  reasons    TEXT NOT NULL,
+  samples    INTEGER NOT NULL CHECK (samples >= 0),
+  median_ns  INTEGER CHECK (median_ns >= 0),
+  mad_ns     INTEGER CHECK (mad_ns >= 0),
+  p95_ns     INTEGER CHECK (p95_ns >= 0),
+  p99_ns     INTEGER CHECK (p99_ns >= p95_ns),
+  ci_low_ns  INTEGER CHECK (ci_low_ns <= median_ns),
+  ci_high_ns INTEGER CHECK (ci_high_ns >= median_ns),
+  UNIQUE (run_id, unit, sleep_ns),
+  FOREIGN KEY (run_id, unit) REFERENCES unit,
+  CHECK ((valid = 1) = (reasons = '')),
+  CHECK (samples > 0 OR valid = 0),
+  CHECK ((samples = 0) = (median_ns IS NULL) AND (median_ns IS NULL) = (mad_ns IS NULL)),
+  CHECK ((median_ns IS NULL) = (p95_ns IS NULL) AND (median_ns IS NULL) = (p99_ns IS NULL)),
+  CHECK ((ci_low_ns IS NULL) = (ci_high_ns IS NULL) AND (samples > 0 OR ci_low_ns IS NULL))
+) STRICT;
+
+-- In the order in which they were taken.
+CREATE TABLE handover_sample (
+  handover_id INTEGER NOT NULL REFERENCES handover,
+  position    INTEGER NOT NULL CHECK (position >= 0),
+  ns          INTEGER NOT NULL CHECK (ns >= 0),
+  PRIMARY KEY (handover_id, position)
+) STRICT, WITHOUT ROWID;
+
 -- One workload on one unit; written in one transaction with everything below it.
 CREATE TABLE cell (
   cell_id      INTEGER PRIMARY KEY,
@@ -115,7 +151,9 @@ CREATE TABLE measurement (
   measurement_id INTEGER PRIMARY KEY,
   cell_id    INTEGER NOT NULL REFERENCES cell,
   phase      TEXT NOT NULL CHECK (phase IN ('device_init', 'prepare', 'upload', 'launch', 'execute', 'download', 'call')),
-  state      TEXT NOT NULL CHECK (state IN ('cold', 'warm', 'steady')),
+  -- cold, warm: of a set-up, which met an empty kernel cache or a filled one. The others are of calls: in a row, or after the unit's own
+  -- caches were filled with other bytes, or while another unit of the same memory streams through it, or computes.
+  state      TEXT NOT NULL CHECK (state IN ('cold', 'warm', 'steady', 'cold_cache', 'beside_memory', 'beside_compute')),
   provenance TEXT NOT NULL CHECK (provenance IN ('measured', 'counted', 'modelled', 'fitted', 'published')),
   valid      INTEGER NOT NULL CHECK (valid IN (0, 1)),
   reasons    TEXT NOT NULL,
@@ -131,7 +169,8 @@ CREATE TABLE measurement (
   mixture    INTEGER NOT NULL CHECK (mixture IN (0, 1)),  -- 1: a sum of several provenances, of which the weakest stands here
   bound_ns   INTEGER CHECK (bound_ns >= 0),               -- what the phase takes at least, where the device knows
   UNIQUE (cell_id, phase, state),
-  CHECK ((phase IN ('device_init', 'prepare')) = (state <> 'steady')),
+  CHECK ((phase IN ('device_init', 'prepare')) = (state IN ('cold', 'warm'))),
+  CHECK (phase = 'execute' OR state NOT IN ('cold_cache', 'beside_memory', 'beside_compute')),
   CHECK ((valid = 1) = (reasons = '')),
   CHECK (samples > 0 OR valid = 0),
   CHECK ((samples = 0) = (processes = 0)),
@@ -172,7 +211,26 @@ SELECT run.run_id, run.platform, cell.workload, cell.unit, unit.backend, measure
        measurement.ci_low_ns, measurement.ci_high_ns, cell.ops, cell.bytes, measurement.processes,
        measurement.mixture, measurement.bound_ns
 FROM measurement JOIN cell USING (cell_id) JOIN run USING (run_id)
-     JOIN unit ON unit.run_id = cell.run_id AND unit.unit = cell.unit;
+     JOIN unit ON unit.run_id = cell.run_id AND unit.unit = cell.unit
+WHERE measurement.state IN ('cold', 'warm', 'steady');
+
+-- The same of what profile_summary has not: `execute` under other conditions, in `state`.
+CREATE VIEW condition_summary AS
+SELECT run.run_id, run.platform, cell.workload, cell.unit, unit.backend, measurement.phase, measurement.state,
+       measurement.provenance, measurement.valid, measurement.reasons, measurement.notes, measurement.samples,
+       measurement.median_ns, measurement.mad_ns, measurement.p95_ns, measurement.p99_ns,
+       measurement.ci_low_ns, measurement.ci_high_ns, cell.ops, cell.bytes, measurement.processes,
+       measurement.mixture, measurement.bound_ns
+FROM measurement JOIN cell USING (cell_id) JOIN run USING (run_id)
+     JOIN unit ON unit.run_id = cell.run_id AND unit.unit = cell.unit
+WHERE measurement.state NOT IN ('cold', 'warm', 'steady');
+
+-- One row per (run, unit, sleep_ns).
+CREATE VIEW handover_summary AS
+SELECT run.run_id, run.platform, handover.unit, unit.backend, 'handover' AS phase, handover.sleep_ns, 'measured' AS provenance,
+       handover.valid, handover.reasons, handover.samples, handover.median_ns, handover.mad_ns, handover.p95_ns, handover.p99_ns,
+       handover.ci_low_ns, handover.ci_high_ns
+FROM handover JOIN run USING (run_id) JOIN unit ON unit.run_id = handover.run_id AND unit.unit = handover.unit;
 
 -- One row per (run, workload, unit).
 CREATE VIEW energy_summary AS

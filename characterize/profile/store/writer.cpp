@@ -78,7 +78,9 @@ void insert_phase(const Connection& connection, std::int64_t cell_id, const Phas
       "INSERT INTO measurement (cell_id, phase, state, provenance, valid, reasons, notes, "
       "samples, processes, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, mixture, "
       "bound_ns) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
-  insert.bind(cell_id).bind(to_string(record.phase)).bind(to_string(record.state));
+  const bool other = record.condition != Condition::kSteady;
+  insert.bind(cell_id).bind(to_string(record.phase));
+  insert.bind(other ? to_string(record.condition) : to_string(record.state));
   insert.bind(to_string(record.provenance)).bind(std::int64_t{record.reasons.empty()});
   insert.bind(join_words(record.reasons)).bind(join_words(record.notes));
   insert.bind(static_cast<std::int64_t>(record.samples.size()));
@@ -155,6 +157,7 @@ void insert_cell(const Connection& connection, std::int64_t run_id, const CellRe
   insert.bind(cell.verification).run();
   const std::int64_t cell_id = connection.last_row_id();
   for (const PhaseRecord& record : cell.phases) insert_phase(connection, cell_id, record);
+  for (const PhaseRecord& record : cell.conditions) insert_phase(connection, cell_id, record);
   if (cell.energy) insert_energy(connection, cell_id, *cell.energy);
   Statement update(connection, "UPDATE cell SET checksum = ? WHERE cell_id = ?");
   update.bind(cell_checksum(connection, cell_id)).bind(cell_id).run();
@@ -306,6 +309,39 @@ void ProfileWriter::write_peaks(std::int64_t run_id, std::span<const PeakRecord>
     insert.bind(run_id).bind(peak.unit).bind(to_string(peak.kind)).bind(peak.per_second);
     insert.bind(peak.variant).bind(to_string(peak.provenance));
     insert.bind(std::int64_t{peak.reasons.empty()}).bind(join_words(peak.reasons)).run();
+  }
+  update_run_checksum(connection, run_id);
+  transaction.commit();
+}
+
+void ProfileWriter::write_handovers(std::int64_t run_id,
+                                    std::span<const HandoverRecord> handovers) {
+  Connection& connection = impl_->connection;
+  Transaction transaction(connection);
+  Statement insert(connection,
+                   "INSERT INTO handover (run_id, unit, sleep_ns, valid, reasons, samples, "
+                   "median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns) "
+                   "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+  Statement sample(connection,
+                   "INSERT INTO handover_sample (handover_id, position, ns) VALUES (?, ?, ?)");
+  for (const HandoverRecord& record : handovers) {
+    assert((!record.samples.empty() || !record.reasons.empty()) && "no samples need a reason");
+    std::optional<Statistics> s;
+    if (!record.samples.empty()) s = summarize(record.samples);
+    const auto of = [&s](Nanos Statistics::*member) {
+      return s ? std::optional((*s).*member) : std::nullopt;
+    };
+    const auto interval = s ? s->interval : std::nullopt;
+    insert.bind(run_id).bind(record.unit).bind(record.sleep);
+    insert.bind(std::int64_t{record.reasons.empty()}).bind(join_words(record.reasons));
+    insert.bind(static_cast<std::int64_t>(record.samples.size()));
+    insert.bind(of(&Statistics::median)).bind(of(&Statistics::mad));
+    insert.bind(of(&Statistics::p95)).bind(of(&Statistics::p99));
+    insert.bind(interval ? std::optional(interval->low) : std::nullopt);
+    insert.bind(interval ? std::optional(interval->high) : std::nullopt).run();
+    const std::int64_t id = connection.last_row_id();
+    std::int64_t position = 0;
+    for (const Nanos each : record.samples) sample.bind(id).bind(position++).bind(each).run();
   }
   update_run_checksum(connection, run_id);
   transaction.commit();

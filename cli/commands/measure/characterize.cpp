@@ -13,6 +13,7 @@
 #include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
 #include "cli/commands/measure/fit_energy.h"
+#include "cli/commands/measure/handovers.h"
 #include "cli/long_run.h"
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
@@ -21,6 +22,7 @@
 #include "cli/options/values.h"
 #include "reports/document/document.h"
 #include "reports/document/figures.h"
+#include "reports/profile/condition_report.h"
 #include "reports/profile/profile_report.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
@@ -44,6 +46,7 @@ struct Options {
   std::optional<std::string> max_time;
   std::uint64_t seed = 1;
   bool quick = false;
+  bool interference = false;
   bool resume = false;
   bool dry_run = false;
   FitOptions fit;
@@ -86,6 +89,7 @@ CampaignOptions campaign_options(const Options& options) {
   campaign.precision = parse_fraction(options.precision);
   if (options.max_time) campaign.max_time = parse_duration(*options.max_time);
   campaign.quick = options.quick;
+  campaign.interference = options.interference;
   return campaign;
 }
 
@@ -285,10 +289,17 @@ int characterize(const Options& options) {
                     summary.processes, resume_hint(options)));
   }
   // This run alone: others may write to the same database meanwhile.
-  const auto profile =
-      load_profile(options.database, campaign.platform.name, {summary.run_id, summary.run_id});
+  const auto load = [&] {
+    return load_profile(options.database, campaign.platform.name, {summary.run_id, summary.run_id});
+  };
+  auto profile = load();
+  if (!summary.interrupted && profile.handovers.empty()) {
+    measure_handovers(options.database, profile);
+    profile = load();
+  }
   Document document{.title = "pirt characterize",
                     .parts = {profile_header(profile), profile_table(profile)}};
+  for (auto& table : condition_tables(profile)) document.parts.emplace_back(std::move(table));
   Paragraph closing{{summary_text(summary, plan, campaign), precision_text(summary, plan, campaign),
                      disturbed_text(profile, campaign), clock_text(profile.runs.front())}};
   std::erase(closing.lines, "");
@@ -358,6 +369,9 @@ void add_characterize(CLI::App& app, Action& action) {
   command.add_flag(
       "--quick", options->quick,
       "4 processes a cell, 2 of them with cold set-ups, instead of 10 and 5, and less sampling");
+  command.add_flag("--interference", options->interference,
+                   "Measure calls beside a busy unit of the same memory as well, which a run "
+                   "without --quick does anyway");
   command.add_flag("--dry-run", options->dry_run,
                    "Show the cells and the estimated time; measure nothing");
   add_output(command, "--fit-energy", options->fit.file,
@@ -372,8 +386,9 @@ void add_characterize(CLI::App& app, Action& action) {
   const Option resume = command.add_flag(
       "--resume", options->resume,
       "Go on with the newest run of --db that did not end, with the options it was started with");
-  for (const auto* name : {"--platform", "--set", "--units", "--filter", "--variants", "--batch",
-                           "--images", "--precision", "--max-time", "--seed", "--quick"}) {
+  for (const auto* name :
+       {"--platform", "--set", "--units", "--filter", "--variants", "--batch", "--images",
+        "--precision", "--max-time", "--seed", "--quick", "--interference"}) {
     resume.excludes(command.option(name));
   }
   add_json(command, options->json);

@@ -32,8 +32,9 @@ const std::vector<std::string>& formats() {
 
 CsvTable parse_table(const std::string& name) {
   constexpr std::array kTables = {
-      std::pair("profile", CsvTable::kProfile), std::pair("energy", CsvTable::kEnergy),
-      std::pair("peaks", CsvTable::kPeaks), std::pair("samples", CsvTable::kSamples)};
+      std::pair("profile", CsvTable::kProfile),     std::pair("conditions", CsvTable::kConditions),
+      std::pair("handovers", CsvTable::kHandovers), std::pair("energy", CsvTable::kEnergy),
+      std::pair("peaks", CsvTable::kPeaks),         std::pair("samples", CsvTable::kSamples)};
   std::vector<std::string> known;
   for (const auto& [text, table] : kTables) {
     if (name == text) return table;
@@ -94,8 +95,10 @@ void add_export(CLI::App& app, Action& action) {
            "json: everything, raw samples included | csv: one table | gbench: JSON as "
            "Google Benchmark writes it, valid rows only, ns a call | history: medians for "
            "benchmark-history actions, smaller is better");
-  add_text(command, "--table", &options->table, "TABLE",
-           "With csv: profile | energy | peaks | samples (default: profile)");
+  add_text(
+      command, "--table", &options->table, "TABLE",
+      "With csv: profile | conditions (cold caches, beside others) | handovers | energy | peaks | "
+      "samples (default: profile)");
   add_filter(command, options->filter);
   add_text(command, "--platform", &options->platform, "NAME",
            "The runs of this platform (default: that of the newest run)");

@@ -9,6 +9,7 @@
 
 #include "tests/support/errors.h"
 #include "workloads/base/math/random.h"
+#include "workloads/planning/path_follower.h"
 #include "workloads/planning/plan_path.h"
 
 namespace pirt::planning {
@@ -174,10 +175,11 @@ TEST(AvoidObstacles, FollowsAPathRoundAWall) {
   ASSERT_EQ(path.status, PathStatus::kFound);
   std::vector<Point> points;
   for (const Cell cell : path.cells) points.push_back(map.centre_of(cell));
+  PathFollower follower(points);
   RobotState robot{kStart};
   for (int period = 0; period < 600 && distance(robot.position, kGoal) > kReachedM; ++period) {
     const auto command = avoid_obstacles(robot, window_of(map, robot.position, 4), {},
-                                         point_ahead(points, robot.position, 0.8), options);
+                                         follower.ahead(robot.position, 0.8), options);
     robot.speed_mps = command.speed_mps;
     robot.turn_rate_rps = command.turn_rate_rps;
     for (int step = 0; step < 10; ++step) integrate(robot, 0.01);
@@ -205,13 +207,6 @@ TEST(Window, IsThePartOfTheMapAroundThePlace) {
   Grid cells = map;
   cells.unit = Unit::kCells;
   EXPECT_NE(test::bad_input([&] { static_cast<void>(window_of(cells, {1, 1}, 2)); }), "");
-}
-
-TEST(PointAhead, GoesAlongThePathToItsEnd) {
-  const std::vector<Point> path = {{0, 0}, {1, 0}, {1, 1}};
-  EXPECT_DOUBLE_EQ(point_ahead(path, {0.1, 0.2}, 0.5).x, 0.5);
-  EXPECT_DOUBLE_EQ(point_ahead(path, {0.1, 0.2}, 1.25).y, 0.25);
-  EXPECT_DOUBLE_EQ(point_ahead(path, {0.9, 0.1}, 5).y, 1);
 }
 
 }  // namespace

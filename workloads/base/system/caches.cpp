@@ -3,8 +3,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <fstream>
 #include <map>
+#include <sstream>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -56,7 +58,59 @@ std::vector<Cache> caches_of(const std::filesystem::path& core) {
   }
 }
 
+/// "0-3,8" as numbers; empty where it is none.
+std::vector<int> parse_cores(const std::string& list) {
+  std::vector<int> cores;
+  std::istringstream parts(list);
+  for (std::string part; std::getline(parts, part, ',');) {
+    int first = 0;
+    int last = 0;
+    const int found = std::sscanf(part.c_str(), "%d-%d", &first, &last);
+    if (found < 1) return {};
+    for (int core = first; core <= (found == 2 ? last : first); ++core) cores.push_back(core);
+  }
+  return cores;
+}
+
+/// The caches of one level that some cores reach.
+struct Level {
+  std::map<std::string, std::int64_t> bytes;  ///< Of each, by the cores that share it.
+  double part = 0;  ///< Bytes, each cache by the part that is these cores'.
+  bool own = true;  ///< No other core shares any.
+};
+
+std::map<long, Level> levels_of(std::span<const int> cores, const std::filesystem::path& root) {
+  std::map<long, Level> levels;
+  for (const int core : cores) {
+    for (const Cache& cache : caches_of(root / kCores / ("cpu" + std::to_string(core)))) {
+      if (cache.level < 2) continue;
+      auto sharing = parse_cores(cache.cores);
+      if (sharing.empty()) sharing = {core};
+      Level& level = levels[cache.level];
+      for (const int other : sharing) {
+        level.own = level.own && std::ranges::find(cores, other) != cores.end();
+      }
+      level.part += static_cast<double>(cache.bytes) / static_cast<double>(sharing.size());
+      level.bytes[cache.cores.empty() ? std::to_string(core) : cache.cores] = cache.bytes;
+    }
+  }
+  return levels;
+}
+
 }  // namespace
+
+std::optional<std::int64_t> own_cache_bytes(std::span<const int> cores,
+                                            const std::filesystem::path& root) {
+  const auto levels = levels_of(cores, root);
+  for (auto level = levels.rbegin(); level != levels.rend(); ++level) {
+    if (!level->second.own) continue;
+    std::int64_t sum = 0;
+    for (const auto& [sharing, bytes] : level->second.bytes) sum += bytes;
+    return sum;
+  }
+  if (levels.empty()) return read_cache_sizes(cores.front(), root).l2_bytes;
+  return static_cast<std::int64_t>(levels.begin()->second.part);
+}
 
 CacheSizes read_cache_sizes(int core, const std::filesystem::path& root) {
   CacheSizes sizes;

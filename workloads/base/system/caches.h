@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <span>
 
 namespace pirt {
 
@@ -19,6 +20,14 @@ struct CacheSizes {
 /// @param root  As for read_cache_sizes.
 [[nodiscard]] std::optional<std::int64_t> all_last_cache_bytes(
     const std::filesystem::path& root = "/");
+
+/// What @p cores have for themselves: the caches of the largest level which no other core shares
+/// with them, together; where there is none, their part of the smallest level behind the first.
+/// Absent where the machine does not say.
+/// @param cores  At least one.
+/// @param root   As for read_cache_sizes.
+[[nodiscard]] std::optional<std::int64_t> own_cache_bytes(std::span<const int> cores,
+                                                          const std::filesystem::path& root = "/");
 
 /// Data and unified caches of @p core.
 /// @param root  Where /sys is found; another folder in tests. Where it has no caches and is "/",

@@ -1,0 +1,23 @@
+#include "characterize/profile/condition.h"
+
+#include <algorithm>
+
+namespace pirt {
+namespace {
+
+constexpr std::array<std::string_view, kAllConditions.size()> kNames = {
+    "steady", "cold_cache", "beside_memory", "beside_compute"};
+
+}  // namespace
+
+std::string_view to_string(Condition condition) {
+  return kNames[static_cast<std::size_t>(condition)];
+}
+
+std::optional<Condition> condition_from_string(std::string_view text) {
+  const auto found = std::ranges::find(kNames, text);
+  if (found == kNames.end()) return std::nullopt;
+  return static_cast<Condition>(found - kNames.begin());
+}
+
+}  // namespace pirt

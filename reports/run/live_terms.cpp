@@ -1,0 +1,56 @@
+#include "reports/run/live_terms.h"
+
+#include <algorithm>
+#include <optional>
+
+namespace pirt {
+namespace {
+
+/// What the condition adds to `execute`, in ms; absent where it was not measured.
+std::optional<double> added_ms(const Profile& profile, const CallResult& call,
+                               Condition condition) {
+  const PhaseRow* steady = profile.find(call.workload, call.unit, Phase::kExecute);
+  const PhaseRow* row = profile.find_condition(call.workload, call.unit, condition);
+  const bool known = steady != nullptr && row != nullptr && steady->valid && row->valid &&
+                     steady->median && row->median;
+  if (!known) return std::nullopt;
+  return std::max(0.0, to_ms(*row->median) - to_ms(*steady->median));
+}
+
+}  // namespace
+
+std::string explanation_of(const RowCheck& check, const Profile& profile) {
+  if (check.finding != RowFinding::kContradicted || !check.median_ms) return "";
+  const double more_ms = check.live.p50_ms - *check.median_ms;
+  if (more_ms < 0) return "nothing: faster than its row";
+  const auto cold = added_ms(profile, check.live, Condition::kColdCache);
+  const auto memory = added_ms(profile, check.live, Condition::kBesideMemory);
+  const auto compute = added_ms(profile, check.live, Condition::kBesideCompute);
+  const double slack_ms = kSameMedian * *check.median_ms;
+  const double beside_ms = std::max(memory.value_or(0), compute.value_or(0));
+  if (cold && more_ms <= *cold + slack_ms) return "cold caches";
+  if (beside_ms > 0 && more_ms <= beside_ms + slack_ms) return "a busy neighbour";
+  if (cold && beside_ms > 0 && more_ms <= *cold + beside_ms + slack_ms) {
+    return "cold caches and a busy neighbour";
+  }
+  if (!cold && !memory) return "not known: no row of cold_cache or beside_memory";
+  return "more than its rows of other conditions: the operating system, or the clock";
+}
+
+std::string left_out_of_prediction(const Profile* profile) {
+  if (profile != nullptr && !profile->conditions.empty()) {
+    return "Virtual time counts cold caches, busy neighbours and the hand-over between threads as "
+           "far "
+           "as the profile has rows of them (scheduler/README.md). It leaves out, and a live run "
+           "has: "
+           "the dispatcher's own time; the operating system with other processes and clock "
+           "frequency.";
+  }
+  return "What virtual time leaves out, and a live run has: cold caches (in a profile calls of one "
+         "workload follow each other, here others come between them); memory bandwidth and caches "
+         "that units share; the dispatcher's own time and the hand-over between threads; the "
+         "operating system with other processes, wake-ups and clock frequency. A profile that is "
+         "measured anew, with --interference, has rows of the first of these.";
+}
+
+}  // namespace pirt

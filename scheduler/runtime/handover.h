@@ -1,0 +1,28 @@
+// What it takes until a call begins that is handed to a unit's thread.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+/// How often to hand over after so long a sleep.
+struct HandoverPlan {
+  Nanos sleep{0};  ///< 0: the call is handed over from the end of the one before.
+  int samples = 0;
+};
+/// 0, 0.1, 1, 10 and 100 ms, fewer of the longer ones: 0.8 s in all.
+[[nodiscard]] std::span<const HandoverPlan> handover_plans();
+
+/// Hands empty calls to a unit (KernelUnit, its own queue) whose thread runs on @p cores; no device
+/// is opened.
+/// @param cores  As UnitRequest::cores.
+/// @return  As many as asked for: from run() to the beginning of the call, or from the end of the
+/// call before.
+/// @throws Error{kEnvironment} if the thread cannot be started, or not run there.
+[[nodiscard]] std::vector<Nanos> measure_handover(const std::vector<int>& cores,
+                                                  const HandoverPlan& plan);
+
+}  // namespace pirt

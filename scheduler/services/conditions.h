@@ -1,0 +1,51 @@
+// What a call takes beside its steady rows, by what else happened: figures of a profile, and which
+// of them belong to which unit. What virtual time makes of them: virtual/call_effects.h.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "characterize/platform/platform.h"
+#include "characterize/profile/profile.h"
+#include "characterize/statistics/distribution.h"
+
+namespace pirt {
+
+enum class Draw : std::uint8_t;
+
+/// Of one workload on one unit.
+struct CallConditions {
+  std::optional<Distribution> cold;  ///< `execute` with cold caches; absent = as steady.
+  double beside_memory = 1;          ///< `execute` beside a unit that streams, over steady.
+  double beside_compute = 1;         ///< The same beside one that computes.
+  std::int64_t bytes = 0;            ///< A call touches: Workload::bytes().
+  bool streams = false;              ///< Memory, not arithmetic, is what its calls wait for.
+};
+
+/// Of a unit.
+struct UnitConditions {
+  struct Handover {
+    Nanos sleep{0};
+    Distribution time;
+  };
+  std::vector<Handover> handovers;  ///< By sleep; empty = it takes no time.
+  std::int64_t cache_bytes = 0;     ///< Its own; 0 = not known.
+  std::string memory;               ///< UnitModel::memory.
+};
+
+/// A row as --draw says.
+/// @param row  Has samples.
+[[nodiscard]] Distribution time_of(const PhaseRow& row, Draw draw);
+
+/// Absent where the profile has no row of another condition, and where `execute` has no valid
+/// steady row, or one of a live run, which has all of it in it.
+[[nodiscard]] std::optional<CallConditions> call_conditions(const Profile& profile,
+                                                            const std::string& workload,
+                                                            const std::string& unit,
+                                                            std::int64_t bytes, Draw draw);
+[[nodiscard]] UnitConditions unit_conditions(const Profile& profile, const UnitModel& unit,
+                                             Draw draw);
+
+}  // namespace pirt

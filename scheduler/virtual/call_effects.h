@@ -1,0 +1,65 @@
+// What lengthens calls in virtual time beyond their steady rows: handing them over, caches that
+// others filled meanwhile, and units of the same memory. The model: ../README.md.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "scheduler/mix/task.h"
+#include "scheduler/services/scenario.h"
+#include "scheduler/virtual/firings.h"
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+class CallEffects {
+ public:
+  /// @param scenario  Must outlive it.
+  explicit CallEffects(const Scenario& scenario);
+
+  /// Whether anything is known of them; what follows is for where it is.
+  [[nodiscard]] bool any() const { return !units_.empty(); }
+  /// A task starts on the unit. @param random  Evenly spread over 64 bits, here and below.
+  /// @return  What passes until its call begins.
+  [[nodiscard]] Nanos handed_over(UnitId unit, Nanos now, std::uint64_t random);
+
+  /// `execute` with steady caches, of @p workload, begins on a unit.
+  struct Execution {
+    JobIndex job = 0;
+    UnitId unit = 0;
+    WorkloadId workload = 0;
+    Nanos steady{0};
+  };
+  /// Another call that it slows.
+  struct Slowed {
+    JobIndex job = 0;
+    UnitId unit = 0;
+    Nanos by{0};
+  };
+  /// @return  How long it takes if nothing more begins beside it.
+  /// @param slowed  Calls of other units that it slows are added.
+  [[nodiscard]] Nanos executes(const Execution& execution, const CallConditions& conditions,
+                               Nanos now, std::uint64_t random, std::vector<Slowed>& slowed);
+
+  /// The task has ended on the unit.
+  void ended(UnitId unit, WorkloadId workload, Nanos now);
+
+ private:
+  static constexpr std::int64_t kNever = -1;
+  struct Unit {
+    int tasks = 0;  ///< That are on it.
+    Nanos idle_since{0};
+    std::int64_t touched = 0;  ///< Bytes, by all calls so far,
+    /// and when the last one of each workload had ended; kNever if there was none.
+    std::vector<std::int64_t> touched_at;
+    Execution executing;                         ///< The last that began,
+    Nanos ends{0};                               ///< and when it does.
+    const CallConditions* conditions = nullptr;  ///< Its own.
+  };
+  [[nodiscard]] double coldness(const Unit& unit, UnitId id, WorkloadId workload) const;
+
+  const Scenario& scenario_;
+  std::vector<Unit> units_;  ///< Empty where nothing is known of any.
+};
+
+}  // namespace pirt

@@ -1,0 +1,200 @@
+// What lengthens calls in virtual time, worked out by hand: hand-over by sleep, caches that others
+// filled, a neighbour of the same memory.
+#include <gmock/gmock.h>
+
+#include "scheduler/schedule.h"
+#include "tests/scheduler/support.h"
+#include "workloads/catalog/specs.h"
+
+namespace pirt::test {
+namespace {
+
+const char* const kBoard = R"(
+platform: board
+units:
+  cpu: {backend: cpu, memory: dram, active_w: 1}
+  gpu: {backend: cpu, memory: dram, role: gpu, active_w: 1}
+)";
+
+PhaseRow execute(const std::string& workload, const std::string& unit, double ms,
+                 Condition condition = Condition::kSteady) {
+  PhaseRow row;
+  row.run_id = 1;
+  row.platform = "board";
+  row.workload = workload;
+  row.unit = unit;
+  row.backend = "cpu";
+  row.phase = Phase::kExecute;
+  row.condition = condition;
+  row.valid = true;
+  row.samples = 20;
+  row.median = row.mean = row.p95 = from_ms(ms);
+  return row;
+}
+
+/// gaussian_blur takes 4 ms, sobel 2 ms, on either unit.
+Profile steady_profile() {
+  Profile profile;
+  profile.path = "p.db";
+  RunInfo run;
+  run.run_id = 1;
+  run.platform = "board";
+  profile.runs = {run};
+  for (const char* unit : {"cpu", "gpu"}) {
+    profile.phases.push_back(execute("gaussian_blur", unit, 4));
+    profile.phases.push_back(execute("sobel", unit, 2));
+  }
+  return profile;
+}
+
+void set_cache(Profile& profile, std::int64_t bytes) {
+  profile.runs[0].environment["unit.cpu.own_cache_bytes"] = std::to_string(bytes);
+}
+
+void add_handover(Profile& profile, double sleep_ms, double ms) {
+  HandoverRow row;
+  row.run_id = 1;
+  row.unit = "cpu";
+  row.sleep = from_ms(sleep_ms);
+  row.valid = true;
+  row.samples = 20;
+  row.median = row.p95 = from_ms(ms);
+  profile.handovers.push_back(row);
+}
+
+/// Of the pipelines, in order.
+std::vector<double> p50s_ms(const Profile& profile, const std::string& mix,
+                            const std::string& mode = "met") {
+  ScheduleOptions options;
+  options.mode = mode;
+  if (mix.find("closed_loop") != std::string::npos) {
+    options.in_flight = 1;
+  } else {
+    options.duration = std::chrono::seconds(1);
+  }
+  const RunRecord record = run_virtual(platform_of(kBoard), &profile, mix_of(mix.c_str()), options);
+  std::vector<double> found;
+  for (const PipelineResult& pipeline : record.pipelines) {
+    found.push_back(pipeline.p50_ms.value_or(-1));
+  }
+  return found;
+}
+
+constexpr double kHistogram = 0.001;  // relative: what a percentile of a record may be off
+
+TEST(CallEffects, AreNoneWithoutRows) {
+  const auto p50 = p50s_ms(steady_profile(), R"(
+mix: m
+pipelines:
+  p: {rate_hz: 100, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+)");
+  EXPECT_NEAR(p50[0], 4, 4 * kHistogram);
+}
+
+// 100 firings a second, a call of 4 ms: the unit sleeps 6 ms less the hand-over each time. Rows of
+// 1 ms (10 us) and 10 ms (110 us): at 5.9 ms 10 + 100 x log10(5.9) = 87 us.
+TEST(CallEffects, AHandOverTakesWhatTheSleepBeforeItAsksFor) {
+  Profile profile = steady_profile();
+  add_handover(profile, 0, 0.002);
+  add_handover(profile, 1, 0.010);
+  add_handover(profile, 10, 0.110);
+  const auto p50 = p50s_ms(profile, R"(
+mix: m
+pipelines:
+  p: {rate_hz: 100, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+)");
+  EXPECT_NEAR(p50[0], 4.087, 4 * kHistogram);
+}
+
+// Two tasks in a row: the second finds the unit awake.
+TEST(CallEffects, ATaskThatFollowsAnotherIsHandedOverAtOnce) {
+  Profile profile = steady_profile();
+  add_handover(profile, 0, 0.5);
+  add_handover(profile, 1, 1);
+  const auto p50 = p50s_ms(profile, R"(
+mix: m
+pipelines:
+  p:
+    rate_hz: 20
+    tasks:
+      - {name: a, workload: gaussian_blur, eligible: [cpu]}
+      - {name: b, workload: sobel, eligible: [cpu], after: [a]}
+)");
+  EXPECT_NEAR(p50[0], 4 + 2 + 1 + 0.5, 7.5 * kHistogram);
+}
+
+// Both touch what they state: of caches twice as large as what a call of sobel touches, half is
+// other bytes when gaussian_blur comes again; alone, nothing is.
+TEST(CallEffects, CachesAreAsColdAsOthersMadeThem) {
+  const std::int64_t sobel_bytes = find_spec("sobel").bytes;
+  Profile profile = steady_profile();
+  set_cache(profile, 2 * sobel_bytes);
+  profile.conditions = {execute("gaussian_blur", "cpu", 6, Condition::kColdCache)};
+  const std::string blur = "{name: a, workload: gaussian_blur, eligible: [cpu]}";
+  const auto alone = p50s_ms(
+      profile, "mix: m\npipelines:\n  p: {closed_loop: {frames: 50}, tasks: [" + blur + "]}\n");
+  EXPECT_NEAR(alone[0], 4, 4 * kHistogram);
+  const auto others =
+      p50s_ms(profile, "mix: m\npipelines:\n  p: {closed_loop: {frames: 50}, tasks: [" + blur +
+                           ", {name: b, workload: sobel, eligible: [cpu], after: [a]}]}\n");
+  EXPECT_NEAR(others[0], (4 + (6 - 4) / 2.0) + 2, 7 * kHistogram);
+}
+
+TEST(CallEffects, ColdIsAtMostWhatWasMeasuredCold) {
+  Profile profile = steady_profile();
+  set_cache(profile, 1);
+  profile.conditions = {execute("gaussian_blur", "cpu", 6, Condition::kColdCache)};
+  const auto p50 = p50s_ms(profile, R"(
+mix: m
+pipelines:
+  p:
+    closed_loop: {frames: 50}
+    tasks:
+      - {name: a, workload: gaussian_blur, eligible: [cpu]}
+      - {name: b, workload: sobel, eligible: [cpu], after: [a]}
+)");
+  EXPECT_NEAR(p50[0], 6 + 2, 8 * kHistogram);
+}
+
+// Both begin at once. Of sobel all 2 ms are beside gaussian_blur, of that 2 of its 4 ms: 2 x 1.5
+// and 4 + 2 x (1.25 - 1).
+TEST(CallEffects, UnitsOfOneMemorySlowEachOtherWhileBothAreBusy) {
+  Profile profile = steady_profile();
+  profile.conditions = {execute("gaussian_blur", "cpu", 5, Condition::kBesideCompute),
+                        execute("sobel", "gpu", 3, Condition::kBesideCompute)};
+  const std::string mix = R"(
+mix: m
+pipelines:
+  p: {rate_hz: 10, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+  q: {rate_hz: 10, tasks: [{name: a, workload: sobel, eligible: [gpu]}]}
+)";
+  const auto p50 = p50s_ms(profile, mix);
+  EXPECT_NEAR(p50[0], 4.5, 5 * kHistogram);
+  EXPECT_NEAR(p50[1], 3, 3 * kHistogram);
+  // On memories of their own they do not.
+  std::string board = kBoard;
+  board.replace(board.rfind("dram"), 4, "vram");
+  ScheduleOptions options;
+  options.mode = "met";
+  options.duration = std::chrono::seconds(1);
+  const RunRecord apart =
+      run_virtual(platform_of(board.c_str()), &profile, mix_of(mix.c_str()), options);
+  EXPECT_NEAR(apart.pipelines[0].p50_ms.value(), 4, 4 * kHistogram);
+}
+
+// What a live run measured has it in it.
+TEST(CallEffects, RowsOfLiveRunsGetNothingAdded) {
+  Profile profile = steady_profile();
+  set_cache(profile, 1);
+  profile.conditions = {execute("gaussian_blur", "cpu", 6, Condition::kColdCache)};
+  for (PhaseRow& row : profile.phases) row.notes = {"live"};
+  const auto p50 = p50s_ms(profile, R"(
+mix: m
+pipelines:
+  p: {rate_hz: 100, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+)");
+  EXPECT_NEAR(p50[0], 4, 4 * kHistogram);
+}
+
+}  // namespace
+}  // namespace pirt::test
