@@ -121,7 +121,8 @@ class CellMeasurement {
   [[nodiscard]] std::vector<std::string> failure() const;
   [[nodiscard]] PhaseRecord setup_row(Phase phase, State state) const;
   [[nodiscard]] std::optional<PhaseRecord> call_row(Phase phase) const;
-  [[nodiscard]] EnergyRecord energy(const PhaseRecord& call) const;
+  [[nodiscard]] EnergyRecord energy(const PhaseRecord& call,
+                                    std::span<const PhaseRecord> phases) const;
   void judge_samples();
   void measure_precision();
 

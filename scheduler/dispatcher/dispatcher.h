@@ -9,6 +9,7 @@
 // input.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <span>
@@ -84,13 +85,13 @@ class Dispatcher {
   /// A unit that is not up hands what waits in its queue to others. What only units that are gone
   /// could take fails, from now on when it could start. Refused: no such unit.
   bool set_unit(UnitId unit, UnitState state, Nanos now, Effects& out);
-  /// Expires what should have started by @p now. Call it after the completions of that time: a task
-  /// may start at its last moment.
+  /// Expires what should have started by @p now, and takes back what should have completed on some
+  /// units. Call it after the completions of that time: a task may start at its last moment.
   void wake(Nanos now, Effects& out);
   /// @param observer  Null = none (the default); must outlive what follows.
   void observe(DispatcherObserver* observer) { observer_ = observer; }
   /// When to call wake next; Nanos::max() = never.
-  [[nodiscard]] Nanos next_wake() const { return expiries_.next(); }
+  [[nodiscard]] Nanos next_wake() const { return std::min(expiries_.next(), recalls_.next()); }
 
   [[nodiscard]] const TaskCounts& counts() const { return counts_; }
   /// Inputs that were refused.
@@ -125,6 +126,8 @@ class Dispatcher {
   void hand_on(UnitId unit);
   enum class Expire : std::uint8_t { kBeforeNow, kByNow };
   void expire(Expire which, Effects& out);
+  void take_back(TaskSlot slot, Effects& out);
+  [[nodiscard]] bool is_due(const Expiries& timers, Expire which) const;
   void settle(Effects& out);
   void make_ready(TaskSlot slot, bool alone);
   bool place(TaskSlot slot);
@@ -149,7 +152,8 @@ class Dispatcher {
   TaskStore tasks_;
   Ties ties_{tasks_};
   Waiting waiting_{tasks_, *policy_};
-  Expiries expiries_{tasks_};
+  Expiries expiries_{tasks_, &TaskRecord::expires};
+  Expiries recalls_{tasks_, &TaskRecord::recalled};
   std::uint64_t ready_sequence_ = 0;
   // Kept for their memory.
   std::vector<TaskSlot> added_;     ///< Of submit.
