@@ -37,6 +37,11 @@ void add_live(const Platform& platform, const LiveResult& result, RunRecord& rec
   warn_of("units without a backend are paced by their stages and compute nothing: ", paced);
   for (UnitResult& unit : record.units) {
     if (std::ranges::count(result.own_clocks, unit.unit) > 0) unit.own_clock = true;
+    const auto link = result.links.find(unit.unit);
+    if (link == result.links.end()) continue;
+    const auto& [round_trip, bytes_per_s] = link->second;
+    if (round_trip) unit.round_trip_ms = to_ms(*round_trip);
+    if (bytes_per_s) unit.link_mbit_s = *bytes_per_s * 8e-6;
   }
   warn_of(
       "units that tell time by a clock of their own take here what the machine takes for them: ",

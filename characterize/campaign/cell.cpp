@@ -278,10 +278,11 @@ bool CellMeasurement::meter() {
   return metered_.has_value();
 }
 
-EnergyRecord CellMeasurement::energy(const PhaseRecord& call) const {
+EnergyRecord CellMeasurement::energy(const PhaseRecord& call,
+                                     std::span<const PhaseRecord> phases) const {
   const MeterRequest& request = request_.job.metering;
   if (request.meters.empty() || (!metered_ && !metering_due())) {
-    return model_energy(request_.platform, request_.unit, request_.workload, call, work());
+    return model_energy(request_.platform, request_.unit, request_.workload, call, work(), phases);
   }
   if (metered_ && metered_->metered) {
     MeteredCalls metered = *metered_->metered;
@@ -326,7 +327,7 @@ CellRecord CellMeasurement::record() const {
   cell.conditions = condition_rows();
   const auto call = std::ranges::find(cell.phases, Phase::kCall, &PhaseRecord::phase);
   if (call != cell.phases.end()) {
-    cell.energy = energy(*call);
+    cell.energy = energy(*call, cell.phases);
   }
   return cell;
 }

@@ -122,7 +122,8 @@ class CellMeasurement {
   [[nodiscard]] PhaseRecord setup_row(Phase phase, State state) const;
   [[nodiscard]] std::optional<PhaseRecord> call_row(Phase phase) const;
   [[nodiscard]] std::vector<PhaseRecord> condition_rows() const;
-  [[nodiscard]] EnergyRecord energy(const PhaseRecord& call) const;
+  [[nodiscard]] EnergyRecord energy(const PhaseRecord& call,
+                                    std::span<const PhaseRecord> phases) const;
   void judge_samples();
   void measure_precision();
 

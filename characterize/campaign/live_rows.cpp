@@ -68,7 +68,7 @@ std::int64_t write_live_rows(ProfileWriter& writer, const Platform& platform,
     if (!row.metered) {
       const auto call = std::ranges::find(cell.phases, Phase::kCall, &PhaseRecord::phase);
       cell.energy = model_energy(platform, platform.unit(row.unit), find_workload(row.workload),
-                                 *call, CallWork{row.ops, row.bytes});
+                                 *call, CallWork{row.ops, row.bytes}, cell.phases);
     }
     writer.write_cell(run_id, cell);
   }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "characterize/platform/elsewhere.h"
 #include "characterize/statistics/statistics.h"
 #include "workloads/base/text/text.h"
 
@@ -30,6 +31,18 @@ double link_j(const Platform& platform, const UnitModel& unit, const Workload& w
   return link->second.active_w * static_cast<double>(size_bytes) * 8 / (link->second.mbit_s * 1e6);
 }
 
+/// What of a mean call draws the unit's active_w.
+Nanos drawing(const UnitModel& unit, const PhaseRecord& call, std::span<const PhaseRecord> phases) {
+  if (!is_elsewhere(unit)) return mean(call.samples, call.processes);
+  Nanos sum{0};
+  for (const PhaseRecord& each : phases) {
+    if (!is_setup(each.phase) && draws_in(unit, each.phase) && !each.samples.empty()) {
+      sum += mean(each.samples, each.processes);
+    }
+  }
+  return sum;
+}
+
 /// The platform's own words, in one line.
 std::string remark(const Platform& platform, const UnitModel& unit) {
   std::string text = unit.energy_source.empty() ? platform.assumptions : unit.energy_source;
@@ -41,7 +54,8 @@ std::string remark(const Platform& platform, const UnitModel& unit) {
 }  // namespace
 
 EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const Workload& workload,
-                          const PhaseRecord& call, const std::optional<CallWork>& work) {
+                          const PhaseRecord& call, const std::optional<CallWork>& work,
+                          std::span<const PhaseRecord> phases) {
   const auto [ops, bytes] = work.value_or(CallWork{workload.ops, workload.bytes()});
   const double call_j = stated_call_j(platform, unit, workload.name) + unit.call_j;
   std::vector<std::string> terms;
@@ -50,10 +64,9 @@ EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const
   result.reasons = call.reasons;
   double energy_j = call_j;
   if (unit.active_w > 0) {
-    terms.push_back(fmt::format("active_w {} W x mean call", unit.active_w));
-    if (!call.samples.empty()) {
-      energy_j += unit.active_w * to_s(mean(call.samples, call.processes));
-    }
+    terms.push_back(fmt::format("active_w {} W x mean {}", unit.active_w,
+                                is_elsewhere(unit) ? "upload and download" : "call"));
+    if (!call.samples.empty()) energy_j += unit.active_w * to_s(drawing(unit, call, phases));
   }
   if (unit.op_pj > 0) {
     terms.push_back(fmt::format("op_pj {} pJ x ops", unit.op_pj));

@@ -4,6 +4,8 @@
 // No meter is read here (metered_calls.h).
 #pragma once
 
+#include <span>
+
 #include "characterize/platform/platform.h"
 #include "characterize/profile/records.h"
 #include "workloads/model/workload.h"
@@ -23,8 +25,11 @@ namespace pirt {
 ///              ops_unknown if op_pj is given but the workload's operations depend on the data.
 /// @param work  Of a call, the mean over the workload's sequence; by default what holds for all
 /// data.
+/// @param phases  The cell's rows, for a unit that draws active_w in some of them only
+/// (platform/elsewhere.h).
 [[nodiscard]] EnergyRecord model_energy(const Platform& platform, const UnitModel& unit,
                                         const Workload& workload, const PhaseRecord& call,
-                                        const std::optional<CallWork>& work = std::nullopt);
+                                        const std::optional<CallWork>& work = std::nullopt,
+                                        std::span<const PhaseRecord> phases = {});
 
 }  // namespace pirt

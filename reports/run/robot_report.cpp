@@ -84,7 +84,7 @@ double energy_of(const Platform& platform, const LocalizationResult& result, boo
     if (!unit.measured()) continue;
     Nanos busy{0};
     for (const auto& each : result.statistics.units) {
-      if (each.name == unit.name) busy = each.busy;
+      if (each.name == unit.name) busy = each.powered;
     }
     if (unit.backend == "cpu" && !std::exchange(charged, true)) busy = result.busy;
     const Nanos idle = std::max(result.duration - busy, Nanos::zero());

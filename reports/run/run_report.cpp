@@ -170,6 +170,12 @@ Table units_table(const RunRecord& run) {
                           shown(unit.busy_s, time), percent(unit.utilization, time),
                           shown(unit.energy_j, energy), name_of_device(unit)});
     table.footnotes.push_back(input_note(unit));
+    if (unit.round_trip_ms) {
+      table.footnotes.push_back(
+          fmt::format("{}: a round trip of {} ms{}, measured while it ran.", unit.unit,
+                      figure(*unit.round_trip_ms),
+                      unit.link_mbit_s ? " and " + figure(*unit.link_mbit_s) + " Mbit/s" : ""));
+    }
   }
   table.footnotes.push_back(
       "ms: dispatch to completion. What virtual time computes from measured inputs is modelled.");

@@ -92,6 +92,10 @@ bool Dispatcher::add(FiringId firing, std::span<const Task> tasks) {
       tasks_.tie(added_[i]).expires_at = tasks[i].expires_at;
       expiries_.watch(added_[i], *tasks[i].expires_at);
     }
+    if (tasks[i].recall) {
+      tasks_.tie(added_[i]).recall = tasks[i].recall;
+      recalls_.watch(added_[i], tasks[i].recall->at);
+    }
     ties_.await_earlier(added_[i], tasks[i]);
   }
   for (std::size_t i = 0; i < tasks.size(); ++i) ties_.join(added_[i], tasks[i]);
@@ -144,6 +148,7 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
     if (slot == kNoSlot || tasks_[slot].unit != unit) return false;
     const TaskState state = tasks_[slot].state;
     if (state != TaskState::kRunning && state != TaskState::kCancelled) return false;
+    recalls_.forget(slot);  // It is back.
     expire(Expire::kBeforeNow, out);
     --units_[unit].running;
     --load_[unit];
@@ -184,19 +189,21 @@ void Dispatcher::give_back(TaskSlot slot, UnitId unit, Effects& out) {
   ++counts_.returned;
   waiting_.forget_refusals();
   TaskTies& ties = tasks_.tie(slot);
+  const bool recalled = contains(ties.returned_by, unit);  // Which is no try.
   ties.returned_by |= unit_bit(unit);
   TaskClass kind = waiting_.class_at(slot).kind;
   kind.eligible &= ~(ties.returned_by | gone_);
-  if (++ties.returns == kMostTries || kind.eligible == 0 ||
+  if (!recalled) ++ties.returns;
+  if (ties.returns == kMostTries || kind.eligible == 0 ||
       policy_->takers(kind, kind.eligible) == 0) {
     out.ended.push_back({tasks_[slot].id, TaskEnd::kFailed});
     return fail(slot, out);
   }
   tasks_[slot].class_index = waiting_.class_of(kind, up_);
   waiting_.hold(slot);
-  if (!ties.expires_at) return;
-  expiries_.watch(slot, *ties.expires_at);
-  expire(Expire::kBeforeNow, out);
+  if (ties.recall) recalls_.watch(slot, ties.recall->at);
+  if (ties.expires_at) expiries_.watch(slot, *ties.expires_at);
+  if (ties.recall || ties.expires_at) expire(Expire::kBeforeNow, out);
 }
 
 void Dispatcher::cancel(TaskId task, Nanos now, Effects& out) {
@@ -249,11 +256,14 @@ void Dispatcher::wake(Nanos now, Effects& out) {
   });
 }
 
-/// Ends what should have started by now, or before now.
+bool Dispatcher::is_due(const Expiries& timers, Expire which) const {
+  return timers.any() && (which == Expire::kByNow ? timers.next() <= now_ : timers.next() < now_);
+}
+
+/// Ends what should have started by now, or before now, and takes back what should have completed.
 void Dispatcher::expire(Expire which, Effects& out) {
   expiries_.tidy();
-  while (expiries_.any() &&
-         (which == Expire::kByNow ? expiries_.next() <= now_ : expiries_.next() < now_)) {
+  while (is_due(expiries_, which)) {
     const TaskSlot slot = expiries_.first();
     ++counts_.expired;
     out.ended.push_back({tasks_[slot].id, TaskEnd::kExpired});
@@ -262,6 +272,39 @@ void Dispatcher::expire(Expire which, Effects& out) {
     end(slot);
     expiries_.tidy();
   }
+  recalls_.tidy();
+  while (is_due(recalls_, which)) {
+    const TaskSlot slot = recalls_.first();
+    recalls_.forget(slot);
+    take_back(slot, out);
+    recalls_.tidy();
+  }
+}
+
+/// From the units that it was to complete on by now, if others would take it.
+void Dispatcher::take_back(TaskSlot slot, Effects& out) {
+  TaskRecord& record = tasks_[slot];
+  TaskTies& ties = tasks_.tie(slot);
+  TaskClass kind = waiting_.class_at(slot).kind;
+  const UnitMask from = ties.recall->from;
+  kind.eligible &= ~(from | ties.returned_by | gone_);
+  if (is_over(record.state) || kind.eligible == 0 || policy_->takers(kind, kind.eligible) == 0) {
+    return;
+  }
+  ties.returned_by |= from;  // It goes there no more.
+  const bool placed = record.state == TaskState::kRunning || record.state == TaskState::kQueued;
+  const bool there = placed && contains(from, record.unit);
+  if (record.state == TaskState::kRunning) {
+    if (there) out.recalled.push_back({record.id, record.unit});
+    return;
+  }
+  const bool waits =
+      there || record.state == TaskState::kHeld || record.state == TaskState::kHighPriority;
+  if (waits) unlink(slot);
+  record.class_index = waiting_.class_of(kind, up_);
+  if (!waits) return;
+  waiting_.forget_refusals();
+  waiting_.hold(slot);
 }
 
 /// What waits in the unit's queue waits for others; if it is gone, all that it could have taken.
@@ -313,6 +356,7 @@ void Dispatcher::settle(Effects& out) {
   if (ask_again_ <= now_) ask_again_ = Nanos::max();
   start_all(out);
   expiries_.tidy();
+  recalls_.tidy();
 }
 
 void Dispatcher::list_waiting(std::vector<int>& waiting) const {
@@ -462,6 +506,7 @@ void Dispatcher::end(TaskSlot slot) {
     policy_->gone(waiting_.class_at(slot).kind);
   }
   expiries_.forget(slot);
+  recalls_.forget(slot);
   ties_.leave(slot, false);
   tasks_.end(slot);
   waiting_.forget_refusals();

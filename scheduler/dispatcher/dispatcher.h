@@ -85,13 +85,16 @@ class Dispatcher {
   /// A unit that is not up hands what waits in its queue to others. What only units that are gone
   /// could take fails, from now on when it could start. Refused: no such unit.
   bool set_unit(UnitId unit, UnitState state, Nanos now, Effects& out);
-  /// Expires what should have started by @p now, and asks the policy again where it wanted to be.
-  /// Call it after the completions of that time: a task may start at its last moment.
+  /// Expires what should have started by @p now, takes back what should have completed on some
+  /// units, and asks the policy again where it wanted to be. Call it after the completions of that
+  /// time: a task may start at its last moment.
   void wake(Nanos now, Effects& out);
   /// @param observer  Null = none (the default); must outlive what follows.
   void observe(DispatcherObserver* observer) { observer_ = observer; }
   /// When to call wake next; Nanos::max() = never.
-  [[nodiscard]] Nanos next_wake() const { return std::min(expiries_.next(), ask_again_); }
+  [[nodiscard]] Nanos next_wake() const {
+    return std::min({expiries_.next(), recalls_.next(), ask_again_});
+  }
 
   [[nodiscard]] const TaskCounts& counts() const { return counts_; }
   [[nodiscard]] const Policy& policy() const { return *policy_; }
@@ -127,6 +130,8 @@ class Dispatcher {
   void hand_on(UnitId unit);
   enum class Expire : std::uint8_t { kBeforeNow, kByNow };
   void expire(Expire which, Effects& out);
+  void take_back(TaskSlot slot, Effects& out);
+  [[nodiscard]] bool is_due(const Expiries& timers, Expire which) const;
   void settle(Effects& out);
   void make_ready(TaskSlot slot, bool alone);
   bool place(TaskSlot slot);
@@ -151,7 +156,8 @@ class Dispatcher {
   TaskStore tasks_;
   Ties ties_{tasks_};
   Waiting waiting_{tasks_, *policy_};
-  Expiries expiries_{tasks_};
+  Expiries expiries_{tasks_, &TaskRecord::expires};
+  Expiries recalls_{tasks_, &TaskRecord::recalled};
   std::uint64_t ready_sequence_ = 0;
   // Kept for their memory.
   std::vector<TaskSlot> added_;     ///< Of submit.

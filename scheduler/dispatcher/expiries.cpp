@@ -6,13 +6,13 @@
 namespace pirt {
 
 void Expiries::watch(TaskSlot slot, Nanos at) {
-  tasks_[slot].expires = true;
+  tasks_[slot].*watched_ = true;
   ++live_;
   heap_.push_back({at, sequence_++, slot, tasks_[slot].generation});
   std::ranges::push_heap(heap_, std::greater{});
 }
 
-/// Keeps a live entry at the top, and memory in proportion to the tasks that can still expire.
+/// Keeps a live entry at the top, and memory in proportion to the tasks that are watched.
 void Expiries::drop_stale() {
   if (heap_.size() > 2 * live_ + 64) {
     std::erase_if(heap_, [this](const Expiry& expiry) { return is_stale(expiry); });

@@ -1,4 +1,5 @@
-// When tasks expire that have not started by then.
+// Tasks that something happens to when their time has come: those that have not started expire,
+// those that have not completed somewhere are taken back.
 #pragma once
 
 #include <compare>
@@ -13,20 +14,21 @@ namespace pirt {
 
 class Expiries {
  public:
-  /// @param tasks  Must outlive it.
-  explicit Expiries(TaskStore& tasks) : tasks_(tasks) {}
+  /// @param tasks    Must outlive it.
+  /// @param watched  Its own mark on those that it watches.
+  Expiries(TaskStore& tasks, bool TaskRecord::*watched) : tasks_(tasks), watched_(watched) {}
 
   void watch(TaskSlot slot, Nanos at);
-  /// It has started, or ended.
+  /// Nothing happens to it any more.
   void forget(TaskSlot slot) {
-    if (std::exchange(tasks_[slot].expires, false)) --live_;
+    if (std::exchange(tasks_[slot].*watched_, false)) --live_;
   }
   /// Before any of these is asked.
   void tidy() {
     if (!heap_.empty()) drop_stale();
   }
   [[nodiscard]] bool any() const { return !heap_.empty(); }
-  /// When the first of them expires; Nanos::max() = none ever.
+  /// When the time of the first of them comes; Nanos::max() = never.
   [[nodiscard]] Nanos next() const { return heap_.empty() ? Nanos::max() : heap_.front().at; }
   /// Its task. Of those of one moment that which was submitted first.
   [[nodiscard]] TaskSlot first() const { return heap_.front().slot; }
@@ -34,19 +36,20 @@ class Expiries {
  private:
   struct Expiry {
     Nanos at{0};
-    std::uint64_t sequence = 0;  ///< Ties expire in order of submission.
+    std::uint64_t sequence = 0;  ///< Ties go in order of submission.
     TaskSlot slot = kNoSlot;
     std::uint32_t generation = 0;
     friend auto operator<=>(const Expiry&, const Expiry&) = default;
   };
 
   [[nodiscard]] bool is_stale(const Expiry& expiry) const {
-    return !tasks_.is_current(expiry.slot, expiry.generation) || !tasks_[expiry.slot].expires;
+    return !tasks_.is_current(expiry.slot, expiry.generation) || !(tasks_[expiry.slot].*watched_);
   }
   void drop_stale();
 
   TaskStore& tasks_;
-  /// Earliest first; may hold entries of tasks that have started or ended.
+  bool TaskRecord::*watched_;
+  /// Earliest first; may hold entries of tasks that are forgotten.
   std::vector<Expiry> heap_;
   std::size_t live_ = 0;
   std::uint64_t sequence_ = 0;

@@ -50,7 +50,8 @@ struct TaskRecord {
   std::uint64_t sequence = 0;  ///< and then the order in which tasks became ready.
   Nanos dispatched_at{0};
   Nanos ready_at{0};
-  bool expires = false;
+  bool expires = false;    ///< Watched for that,
+  bool recalled = false;   ///< and for being taken back.
   bool in_state = false;   ///< In the queue of a state; see TaskTies.
   bool in_series = false;  ///< Not decided, and in the list of a series.
 };
@@ -58,6 +59,7 @@ struct TaskRecord {
 /// What few tasks have, kept apart so that the others need not carry it.
 struct TaskTies {
   std::optional<Nanos> expires_at;
+  std::optional<Recall> recall;
   UnitMask returned_by = 0;
   int returns = 0;
   // In the queue of a state, while in_state.

@@ -57,11 +57,19 @@ struct TaskClass {
   friend bool operator==(const TaskClass&, const TaskClass&) = default;
 };
 
+/// A task that has not completed on one of these units by then is taken back from there, wherever
+/// it stands, and placed on the others: its latest safe start.
+struct Recall {
+  Nanos at{0};
+  UnitMask from = 0;
+};
+
 struct Task {
   TaskId id = 0;
   TaskClass kind;
   std::optional<Nanos> deadline;    ///< When it should be complete; for policies that look at it.
   std::optional<Nanos> expires_at;  ///< Not started by then: expired, and its successors dropped.
+  std::optional<Recall> recall = {};
   /// Tasks that have to complete first: earlier ones of the same firing, or submitted before. An id
   /// that is not known counts as complete; one that ended otherwise drops this task.
   std::span<const TaskId> after = {};
@@ -121,13 +129,22 @@ struct Ended {
   TaskEnd how = TaskEnd::kDropped;
 };
 
+/// A task that runs and is wanted back from its unit: whoever drives the unit completes it there as
+/// kReturned, unless it has ended otherwise by then.
+struct Recalled {
+  TaskId task = 0;
+  UnitId unit = 0;
+};
+
 /// What a call of the dispatcher brought about; calls append.
 struct Effects {
   std::vector<Start> started;
   std::vector<Ended> ended;
+  std::vector<Recalled> recalled;
   void clear() {
     started.clear();
     ended.clear();
+    recalled.clear();
   }
 };
 

@@ -10,8 +10,9 @@
 // first task that the unit can serve, and Qh falls then. A unit to which the basic scheduler gives
 // no weight for a workload does not take it from there either: it would do what the weights say it
 // should not. Strict priority can starve real-time tasks without images; that is the paper's mode.
-// Where no cloud unit may serve a non-real-time task, the basic scheduler takes it; while the cloud
-// is only away (link loss), the task waits, since it is not urgent and would clog the robot.
+// Where no cloud unit may serve a non-real-time task, or none is there (an outage), the basic
+// scheduler takes it: it would wait for ever otherwise. Only what no unit of the robot's would take
+// waits for the cloud.
 #include <stdexcept>
 
 #include "scheduler/policies/policies.h"
@@ -34,14 +35,15 @@ class AdvancedPolicy final : public Policy {
       for (UnitId unit = 0; unit < kMaxUnits; ++unit) {
         if (contains(task.eligible & cloud_ & units.up, unit)) return Placement::on(unit);
       }
-      return Placement::hold();
+      if (basic_->takers(task, units.up) == 0) return Placement::hold();
     }
     if (task.real_time && task.image_input) return Placement::high_priority();
     return basic_->place(task, units);
   }
 
   UnitMask takers(const TaskClass& task, UnitMask up) const override {
-    return offloads(task) ? task.eligible & cloud_ & up : basic_->takers(task, up);
+    const UnitMask there = offloads(task) ? task.eligible & cloud_ & up : 0;
+    return there != 0 ? there : basic_->takers(task, up);
   }
 
   const std::vector<UnitId>& order() const override { return basic_->order(); }

@@ -4,6 +4,7 @@
 #include <array>
 #include <utility>
 
+#include "characterize/platform/elsewhere.h"
 #include "scheduler/planner/budget_plan.h"
 #include "scheduler/planner/mix_plan.h"
 #include "scheduler/policies/unit_order.h"
@@ -231,7 +232,9 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
   std::vector<std::optional<int>> slots;
   // What is handed to a unit that computes can no longer be cancelled, expire or be overtaken.
   for (const auto& unit : platform.units) {
-    slots.push_back(unit.slots || !unit.measured() ? unit.slots : std::optional(1));
+    slots.push_back(unit.slots || !unit.measured() ? unit.slots : std::optional(unit.servers));
+    // And what waits for a unit elsewhere can be taken back in time.
+    if (is_elsewhere(unit)) slots.back() = std::min(*slots.back(), unit.servers);
   }
   return {.mode = mode,
           .scenario = std::move(scenario),

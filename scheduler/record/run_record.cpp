@@ -52,6 +52,8 @@ void visit_unit(Visitor& visitor, Unit& unit) {
   visitor.field("device", unit.device);
   visitor.field("device_is_cpu", unit.device_is_cpu);
   visitor.field("own_clock", unit.own_clock);
+  visitor.field("round_trip_ms", unit.round_trip_ms);
+  visitor.field("link_mbit_s", unit.link_mbit_s);
   visitor.field("provenance", unit.provenance);
   visitor.field("energy_provenance", unit.energy_provenance);
   visitor.field("mixture", unit.mixture);

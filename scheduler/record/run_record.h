@@ -24,6 +24,8 @@ struct UnitResult {
   /// Live, if the unit tells time by a clock of its own: its figures here are what the machine
   /// took.
   std::optional<bool> own_clock;
+  /// Live, of a unit that computes elsewhere: the way there, as it was measured while it ran.
+  std::optional<double> round_trip_ms, link_mbit_s;
   std::vector<std::string>
       provenance;  ///< Of the times of the services that the run could use, each once.
   std::vector<std::string> energy_provenance;  ///< Of their energy.

@@ -167,6 +167,7 @@ RuntimeStatistics Runtime::Engine::statistics() {
                                 .in_service = each.in_service,
                                 .completed = each.completed,
                                 .busy = each.busy,
+                                .powered = each.powered,
                                 .latency = each.latency});
   }
   turn.give_back();

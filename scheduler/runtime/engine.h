@@ -27,6 +27,7 @@
 #include "scheduler/runtime/runtime.h"
 #include "scheduler/runtime/samples.h"
 #include "scheduler/runtime/turn.h"
+#include "scheduler/services/recall.h"
 #include "scheduler/trace/trace_thread.h"
 
 namespace pirt {
@@ -124,11 +125,12 @@ class Runtime::Engine {
     UnitMask gave_up = 0;      ///< Units that gave back too many calls of it: of who has the turn.
     bool takes_image = false;  ///< See TaskOptions::image_input.
     std::optional<StateId> state = {};  ///< Index of states_.
+    std::optional<RecallLead> lead = {};
   };
   struct Unit {
     bool in_service = true;
     std::int64_t completed = 0;
-    Nanos busy{0};
+    Nanos busy{0}, powered{0};
     Histogram latency;
   };
 
@@ -159,7 +161,7 @@ class Runtime::Engine {
   [[nodiscard]] Task dispatched(const Submitted& task);
   TaskId never(Nanos now);
   void take_end(Submitted& task, Nanos now);
-  void count_returns(const Submitted& task, Outcome outcome, Nanos now);
+  void count_returns(const Submitted& task, Nanos now);
   void look(Nanos now);
   [[nodiscard]] const Service* expected(UnitId unit, std::uint64_t token);
   void give_up(const LiveUnits::Hung& hung, Nanos now);
@@ -168,6 +170,7 @@ class Runtime::Engine {
   void cancel_asked(Nanos now);
   void apply(Nanos now);
   void start(const Start& start);
+  void request_stop(const Submitted& task);
   [[nodiscard]] Call call_of(Submitted& task);
   void finish(Submitted& task, TaskEnd end, Nanos now);
   void forget(Submitted& task, Nanos now);

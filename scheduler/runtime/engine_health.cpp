@@ -12,9 +12,9 @@ constexpr Nanos kLook = std::chrono::milliseconds(50);
 }  // namespace
 
 /// A unit that cannot run one workload may well run others.
-void Runtime::Engine::count_returns(const Submitted& task, Outcome outcome, Nanos now) {
+void Runtime::Engine::count_returns(const Submitted& task, Nanos now) {
   const auto workload = static_cast<WorkloadId>(task.workload_index);
-  const int returns = live_units_.count_returns(task.unit, workload, outcome);
+  const int returns = live_units_.count_returns(task.unit, workload, task.call_end);
   Known& known = workloads_[task.workload_index];
   if (returns < LiveUnits::kMostReturns || contains(known.gave_up, task.unit)) return;
   known.gave_up |= unit_bit(task.unit);

@@ -61,6 +61,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
   for (std::size_t w = 0; w < workloads_.size(); ++w) {
     Known& known = workloads_[w];
     known.runs_on &= setup_->scenario.classes[w][0].eligible;
+    known.lead = recall_leads(setup_->scenario, w)[0];
     if (known.runs_on == 0) {
       throw_bad_input("no unit of platform " + options_.platform.name + " can run " +
                       known.workload->name + " here");

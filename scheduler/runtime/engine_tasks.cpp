@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "characterize/platform/elsewhere.h"
 #include "scheduler/runtime/engine.h"
 
 namespace pirt {
@@ -70,6 +71,9 @@ Task Runtime::Engine::dispatched(const Submitted& task) {
   submitted.kind.image_input = task.options.image_input.value_or(known.takes_image);
   if (task.options.deadline) submitted.deadline = later_by(now, *task.options.deadline);
   if (task.options.expires) submitted.expires_at = later_by(now, *task.options.expires);
+  if (submitted.deadline && known.lead && !submitted.kind.real_time) {
+    submitted.recall = known.lead->recall(*submitted.deadline);
+  }
   submitted.after = after_;
   submitted.state = known.state;
   return submitted;
@@ -95,12 +99,15 @@ void Runtime::Engine::take_end(Submitted& task, Nanos now) {
   Unit& unit = units_[task.unit];
   const CallEnd& end = task.call_end;
   unit.busy += end.busy;
+  unit.powered += is_elsewhere(options_.platform.units[task.unit])
+                      ? end.times.upload + end.times.download
+                      : end.busy;
   if (!task.ends) task.busy = end.busy;
   if (trace_) trace_->left(task.unit, static_cast<std::uint32_t>(task.id));
   if (!end.problem.empty()) add_problem(end.problem);
   if (!task.ends) task.problem = end.problem;
   dispatcher_->complete(task.unit, task.id, end.outcome, now, effects_);
-  count_returns(task, end.outcome, now);
+  count_returns(task, now);
   if (end.outcome == Outcome::kReturned) {
     if (task.ends) forget(task, now);
     return;
@@ -138,7 +145,7 @@ void Runtime::Engine::cancel_asked(Nanos now) {
     dispatcher_->cancel(id, now, effects_);
     apply(now);
     if (task->running) {
-      live_units_.request_stop(task->unit, reinterpret_cast<std::uintptr_t>(task.get()));
+      request_stop(*task);
     } else {
       forget(*task, now);
     }
@@ -149,6 +156,10 @@ void Runtime::Engine::cancel_asked(Nanos now) {
 void Runtime::Engine::apply(Nanos now) {
   std::swap(effects_, applied_);
   for (const Start& each : applied_.started) start(each);
+  for (const Recalled& each : applied_.recalled) {
+    const auto& task = tasks_[static_cast<std::uint32_t>(each.task)];
+    if (task != nullptr && task->id == each.task && task->running) request_stop(*task);
+  }
   for (const Ended& each : applied_.ended) {
     if (each.task == never_) continue;
     const auto& task = tasks_[static_cast<std::uint32_t>(each.task)];
@@ -159,6 +170,11 @@ void Runtime::Engine::apply(Nanos now) {
     finish(*task, each.how, now);
   }
   applied_.clear();
+}
+
+/// Of one that runs.
+void Runtime::Engine::request_stop(const Submitted& task) {
+  live_units_.request_stop(task.unit, reinterpret_cast<std::uintptr_t>(&task));
 }
 
 void Runtime::Engine::start(const Start& start) {

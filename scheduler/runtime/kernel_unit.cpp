@@ -46,8 +46,9 @@ void StateValue::restart() {
 
 namespace {
 
-/// Of the unit whose thread this is.
+/// Of the lane whose thread this is, and the unit that it is of.
 thread_local const std::stop_source* stop_here = nullptr;
+thread_local const void* lane_here = nullptr;
 
 /// Whose inputs and outputs are gone, or others', before the kernel's next call.
 struct Unbinding {
@@ -79,6 +80,7 @@ std::string take_priority(int priority) {
 KernelUnit::KernelUnit(UnitSetup setup, std::function<void(Call&, CallEnd)> done)
     : setup_(std::move(setup)),
       done_(std::move(done)),
+      lanes_(static_cast<std::size_t>(setup_.lanes)),
       thread_(start_thread([this] { serve(); })) {}
 
 KernelUnit::~KernelUnit() { stop(); }
@@ -87,6 +89,9 @@ void KernelUnit::stop() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
+    for (Lane& lane : lanes_) {
+      if (remote_ != nullptr && lane.running) lane.stop.request_stop();
+    }
   }
   changed_.notify_all();
 }
@@ -108,8 +113,11 @@ bool KernelUnit::wait_until_ready(Nanos most) {
 }
 
 void KernelUnit::run(Call call) {
-  if (std::this_thread::get_id() == thread_.get_id() && telling_ && !next_ && waiting_ == 0) {
-    next_ = std::move(call);
+  for (Lane& lane : lanes_) {
+    if (lane_here != &lane) continue;
+    // What is given to a unit elsewhere can be withdrawn before it begins.
+    if (!lane.telling || lane.next || waiting_ != 0 || remote_ != nullptr) break;
+    lane.next = std::move(call);
     return;
   }
   {
@@ -120,46 +128,55 @@ void KernelUnit::run(Call call) {
   changed_.notify_one();
 }
 
-std::optional<KernelUnit::Running> KernelUnit::running() const {
+std::vector<KernelUnit::Running> KernelUnit::running() const {
   const std::lock_guard lock(mutex_);
-  return abandoned_ ? std::nullopt : running_;
+  std::vector<Running> running;
+  for (const Lane& lane : lanes_) {
+    if (lane.running && !abandoned_) running.push_back(*lane.running);
+  }
+  return running;
 }
 
 std::optional<std::vector<std::uint64_t>> KernelUnit::abandon(std::uint64_t token) {
   const std::lock_guard lock(mutex_);
-  if (abandoned_ || !running_ || running_->token != token) return std::nullopt;
+  Lane& lane = lanes_.front();
+  if (abandoned_ || !lane.running || lane.running->token != token) return std::nullopt;
   abandoned_ = true;
-  stop_.request_stop();
+  lane.stop.request_stop();
   std::vector<std::uint64_t> behind;
   for (const Call& call : calls_) behind.push_back(call.token);
   calls_.clear();
   return behind;
 }
 
-void KernelUnit::request_stop(std::uint64_t token) {
+bool KernelUnit::request_stop(std::uint64_t token) {
   const std::lock_guard lock(mutex_);
-  if (running_ && running_->token == token) stop_.request_stop();
+  for (Lane& lane : lanes_) {
+    if (lane.running && lane.running->token == token) return lane.stop.request_stop();
+  }
+  const auto waits = std::ranges::find(calls_, token, &Call::token);
+  return remote_ != nullptr && waits != calls_.end() && !std::exchange(waits->unwanted, true);
 }
 
 std::stop_token KernelUnit::stop_of_this_call() {
   return stop_here != nullptr ? stop_here->get_token() : std::stop_token();
 }
 
-void KernelUnit::wait_for_call(std::unique_lock<std::mutex>& lock) {
-  if (calls_.empty() && !stopping_ && !next_) {
+void KernelUnit::wait_for_call(Lane& lane, std::unique_lock<std::mutex>& lock) {
+  if (calls_.empty() && !stopping_ && !lane.next) {
     lock.unlock();
     for (int turn = 0; turn < kTurnsAwake && waiting_ == 0 && !stopping_; ++turn) {
       std::this_thread::yield();
     }
     lock.lock();
   }
-  changed_.wait(lock, [this] { return stopping_ || next_ || !calls_.empty(); });
+  changed_.wait(lock, [&] { return stopping_ || lane.next || !calls_.empty(); });
 }
 
-Call KernelUnit::take_call() {
-  if (next_) {
-    Call call = *std::move(next_);
-    next_.reset();
+Call KernelUnit::take_call(Lane& lane) {
+  if (lane.next) {
+    Call call = *std::move(lane.next);
+    lane.next.reset();
     return call;
   }
   Call call = std::move(calls_.front());
@@ -170,40 +187,66 @@ Call KernelUnit::take_call() {
 
 void KernelUnit::serve() {
   name_thread(name());
-  stop_here = &stop_;
+  stop_here = &lanes_.front().stop;
+  std::vector<std::jthread> others;
   try {
     set_up();
+    for (std::size_t i = 1; i < lanes_.size(); ++i) {
+      others.push_back(start_thread([this, &lane = lanes_[i]] {
+        name_thread(name());
+        static_cast<void>(take_priority(setup_.priority));
+        serve_calls(lane);
+        lane.kernels.clear();
+      }));
+    }
   } catch (...) {
+    stop();  // Those that have begun.
     const std::lock_guard lock(mutex_);
     failure_ = std::current_exception();
     changed_.notify_all();
     return;
   }
-  std::unique_lock lock(mutex_);
-  ready_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    ready_ = true;
+  }
   changed_.notify_all();
+  serve_calls(lanes_.front());
+  others.clear();
+  if (abandoned_) return;
+  // Where they were made: a driver may want its own thread.
+  lanes_.front().kernels.clear();
+  device_.reset();
+}
+
+void KernelUnit::serve_calls(Lane& lane) {
+  stop_here = &lane.stop;
+  lane_here = &lane;
+  std::unique_lock lock(mutex_);
   while (true) {
-    wait_for_call(lock);
-    if (stopping_) break;
-    Call call = take_call();
-    running_ = {.token = call.token, .since = clock_.now()};
+    wait_for_call(lane, lock);
+    if (stopping_) return;
+    Call call = take_call(lane);
+    lane.running = {.token = call.token, .since = clock_.now()};
     lock.unlock();
-    CallEnd end = execute(call);
+    CallEnd end = execute(lane, call);
     lock.lock();
-    end.busy = clock_.now() - running_->since;
-    running_.reset();
-    if (stop_.stop_requested()) stop_ = std::stop_source();
+    end.busy = clock_.now() - lane.running->since;
+    lane.running.reset();
+    const bool unwanted = call.unwanted || lane.stop.stop_requested();
+    if (unwanted) lane.stop = std::stop_source();
     if (abandoned_) return;  // Nobody knows of the call any more; what it holds goes with it.
     lock.unlock();
-    telling_ = true;
+    if (remote_ != nullptr) {
+      end.excused = unwanted || !remote_->is_reachable();
+      const bool withdrawn = unwanted && end.outcome == Outcome::kReturned;
+      if (withdrawn) end.problem.clear();  // It is what was asked for.
+    }
+    lane.telling = true;
     done_(call, std::move(end));
-    telling_ = false;
+    lane.telling = false;
     lock.lock();
   }
-  lock.unlock();
-  // Where they were made: a driver may want its own thread.
-  kernels_.clear();
-  device_.reset();
 }
 
 void KernelUnit::set_up() {
@@ -214,15 +257,23 @@ void KernelUnit::set_up() {
     const std::string& remark = device_info_->remark;
     if (!remark.empty()) remark_ += (remark_.empty() ? "" : "; ") + remark;
     has_own_clock_ = device_->own_clock() != nullptr;
-    remote_ = dynamic_cast<const Remote*>(device_.get());
+    auto* const remote = dynamic_cast<Remote*>(device_.get());
+    const std::lock_guard lock(mutex_);
+    remote_ = remote;
+  }
+  if (setup_.lanes > 1 && remote_ == nullptr) {
+    throw_bad_input(std::to_string(setup_.lanes) +
+                    " servers, and a unit that computes here serves one call after the other; take "
+                    "`servers` out, or give each its cores as a unit of its own");
   }
   // What is out of reach is prepared once it is not, at the first call.
   if (!setup_.prepare_first || !is_reachable()) return;
   // The first one last, where one program at a time is held.
   for (auto each = setup_.preparations.rbegin(); each != setup_.preparations.rend(); ++each) {
     if (stopping_) return;
-    Prepared& made = prepare(*each);
-    if (!each->function) run_once(*each, made);
+    Lane& lane = lanes_.front();
+    Prepared& made = prepare(lane, *each);
+    if (!each->function) run_once(lane, *each, made);
   }
 }
 
@@ -233,16 +284,17 @@ bool KernelUnit::go_together(const Workload& one, const Workload& other) const {
   return program && program == setup_.contexts->program_of(other.name);
 }
 
-KernelUnit::Prepared& KernelUnit::prepare(const Preparation& preparation) {
+KernelUnit::Prepared& KernelUnit::prepare(Lane& lane, const Preparation& preparation) {
   const Workload& workload = *preparation.workload;
-  std::erase_if(kernels_, [&](const auto& held) { return !go_together(*held.first, workload); });
+  std::erase_if(lane.kernels,
+                [&](const auto& held) { return !go_together(*held.first, workload); });
   auto kernel = preparation.function ? std::make_unique<FunctionKernel>(preparation.function)
                                      : device_->prepare(workload, preparation.sample->parameters);
-  return kernels_[&workload] = {.kernel = std::move(kernel)};
+  return lane.kernels[&workload] = {.kernel = std::move(kernel)};
 }
 
 /// Some compile at the first run.
-void KernelUnit::run_once(const Preparation& preparation, Prepared& prepared) {
+void KernelUnit::run_once(Lane& lane, const Preparation& preparation, Prepared& prepared) {
   const Workload& workload = *preparation.workload;
   Call first{.workload = &workload,
              .inputs = {},
@@ -251,36 +303,40 @@ void KernelUnit::run_once(const Preparation& preparation, Prepared& prepared) {
              .intended = Outcome::kFailed};
   for (const Tensor& input : preparation.sample->inputs) first.inputs.push_back(input.share());
   CallTimes unused;
-  compute(prepared, first, unused);
+  compute(lane, prepared, first, unused);
   prepared.resident = nullptr;
 }
 
 /// @param end  Is told what preparing took, if it was not there.
-KernelUnit::Prepared& KernelUnit::prepared(const Workload& workload, CallEnd& end) {
-  const auto known = kernels_.find(&workload);
-  if (known != kernels_.end()) return known->second;
+KernelUnit::Prepared& KernelUnit::prepared(Lane& lane, const Workload& workload, CallEnd& end) {
+  const auto known = lane.kernels.find(&workload);
+  if (known != lane.kernels.end()) return known->second;
   const Nanos begin = clock_.now();
   Prepared& made =
-      prepare(*std::ranges::find(setup_.preparations, &workload, &Preparation::workload));
+      prepare(lane, *std::ranges::find(setup_.preparations, &workload, &Preparation::workload));
   if (setup_.contexts) {
     for (const Preparation& each : setup_.preparations) {
-      const bool is_held = kernels_.contains(each.workload);
-      if (!is_held && go_together(*each.workload, workload)) prepare(each);
+      const bool is_held = lane.kernels.contains(each.workload);
+      if (!is_held && go_together(*each.workload, workload)) prepare(lane, each);
     }
   }
   end.preparing = clock_.now() - begin;
   return made;
 }
 
-CallEnd KernelUnit::execute(Call& call) {
+CallEnd KernelUnit::execute(Lane& lane, Call& call) {
   CallEnd end;
+  if (call.unwanted) {
+    end.outcome = Outcome::kReturned;
+    return end;
+  }
   end.outcome = call.intended;
   const auto ended = [&](Outcome outcome, const std::string& why) {
     end.outcome = outcome;
     end.problem = call.workload->name + " on " + name() + ": " + why;
   };
   try {
-    end.version = compute(prepared(*call.workload, end), call, end.times);
+    end.version = compute(lane, prepared(lane, *call.workload, end), call, end.times);
   } catch (const Error& error) {
     // The device could not; another may.
     const bool environment = error.code() == ErrorCode::kEnvironment;
@@ -294,10 +350,14 @@ CallEnd KernelUnit::execute(Call& call) {
 }
 
 /// @return  The version of the state that it wrote; 0 if it has none, or is not to count.
-std::uint64_t KernelUnit::compute(Prepared& prepared, Call& call, CallTimes& times) {
+std::uint64_t KernelUnit::compute(Lane& lane, Prepared& prepared, Call& call, CallTimes& times) {
   Kernel& kernel = *prepared.kernel;
   kernel.bind(call.inputs, *call.outputs);
   const Unbinding unbinding{kernel};
+  // What is under way elsewhere can be taken back.
+  const std::stop_callback withdrawn(lane.stop.get_token(), [&] {
+    if (remote_ != nullptr) remote_->withdraw(kernel);
+  });
   if (call.state != nullptr) {
     kernel.bind_state(call.state->committed(), call.state->next());
     if (prepared.resident != call.state.get() || prepared.version != call.state->version()) {

@@ -1,5 +1,6 @@
 // A unit that computes: one thread that opens its device, prepares what it is to run, and then runs
-// one call after the other.
+// one call after the other. One that computes elsewhere may have several under way, each in a lane:
+// a thread with kernels of its own.
 #pragma once
 
 #include <atomic>
@@ -58,6 +59,7 @@ struct Call {
   std::shared_ptr<StateValue> state = {};  ///< Null if the workload has none.
   Outcome intended = Outcome::kCompleted;  ///< Otherwise it runs, and commits nothing.
   std::uint64_t token = 0;                 ///< The caller's.
+  bool unwanted = false;                   ///< The unit's: it was withdrawn before it began.
 };
 
 /// What the phases of a call took, as a profile has them. Making a kernel and moving a state
@@ -76,6 +78,9 @@ struct CallEnd {
   Nanos busy{0};
   std::optional<Nanos> preparing = {};  ///< Part of `busy`; absent = the kernel was there.
   std::uint64_t version = 0;            ///< Of the state that it wrote, if it completed.
+  /// It was given back since its unit was out of reach, or since nobody wanted it there any more:
+  /// nothing is wrong with unit and workload.
+  bool excused = false;
   std::string problem = {};  ///< Of one that failed, with the names of workload and unit.
   CallTimes times = {};      ///< Of one that completed.
 };
@@ -93,9 +98,10 @@ struct UnitSetup {
   const Backend* backend = nullptr;  ///< Null: only functions run there.
   std::vector<Preparation> preparations;
   bool prepare_first = true;  ///< All of them, before the first call.
-  /// It holds one program at a time: a call of another one than the last prepares all of that again.
-  /// At first it holds that of the first preparation.
+  /// It holds one program at a time: a call of another one than the last prepares all of that
+  /// again. At first it holds that of the first preparation.
   std::optional<Contexts> contexts = {};
+  int lanes = 1;     ///< Calls at a time; above 1 only where the device is a Remote.
   int priority = 0;  ///< Above 0: of real-time scheduling, first in first out.
   std::shared_ptr<const void> keeps =
       {};  ///< There as long as the unit: what its workloads are in.
@@ -118,7 +124,8 @@ class KernelUnit {
   KernelUnit(const KernelUnit&) = delete;
   KernelUnit& operator=(const KernelUnit&) = delete;
 
-  /// Nothing runs from now on but the call that does.
+  /// Nothing runs from now on but the call that does. Calls that are under way elsewhere are
+  /// withdrawn.
   void stop();
   /// Until its start is over, well or not, or @p most is.
   /// @return  Whether it is.
@@ -135,19 +142,27 @@ class KernelUnit {
     std::uint64_t token = 0;
     Nanos since{0};  ///< By MachineClock.
   };
-  /// The call that runs now; absent from when it was abandoned.
-  [[nodiscard]] std::optional<Running> running() const;
+  /// The calls that run now; none from when it was abandoned.
+  [[nodiscard]] std::vector<Running> running() const;
   /// Nothing is heard of the call any more, and nothing runs after it. The tokens of those that
   /// waited behind it; absent, and nothing changed, if it does not run, or was abandoned before.
+  /// Of a unit with one lane.
   [[nodiscard]] std::optional<std::vector<std::uint64_t>> abandon(std::uint64_t token);
   [[nodiscard]] bool abandoned() const { return abandoned_; }
-  /// Whoever made the call wants its result no more; it may hear of that.
-  void request_stop(std::uint64_t token);
+  /// Whoever made the call wants its result no more; it may hear of that. One that is under way
+  /// elsewhere is withdrawn, and given back soon. @return  Whether that is news.
+  bool request_stop(std::uint64_t token);
   /// Of the call that the calling thread runs; elsewhere one that never stops.
   [[nodiscard]] static std::stop_token stop_of_this_call();
   [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
   /// What it computes on, once it is ready; null = only functions run there.
   [[nodiscard]] const DeviceInfo* device() const { return device_info_ ? &*device_info_ : nullptr; }
+  /// Whether it computes elsewhere, once it is ready.
+  [[nodiscard]] bool is_remote() const { return remote_ != nullptr; }
+  /// The way there, as it was measured so far; absent if it computes here.
+  [[nodiscard]] std::optional<LinkEstimate> link() const {
+    return remote_ == nullptr ? std::nullopt : std::optional(remote_->link());
+  }
   /// Whether what it computes on is within reach, once it is ready and until it is stopped.
   [[nodiscard]] bool is_reachable() const { return remote_ == nullptr || remote_->is_reachable(); }
   /// Whether the device tells the time of its calls by a clock of its own, once it is ready.
@@ -159,40 +174,45 @@ class KernelUnit {
     const StateValue* resident = nullptr;  ///< Whose value the device has,
     std::uint64_t version = 0;             ///< and which.
   };
+  /// Calls one after the other, on a thread of their own. What has no mutex is that thread's.
+  struct Lane {
+    std::map<const Workload*, Prepared> kernels;
+    std::optional<Running> running;  ///< Behind the mutex, as stop.
+    std::stop_source stop;           ///< Of the call that runs; as good as new before each.
+    bool telling = false;            ///< The thread is within done_.
+    std::optional<Call> next;        ///< Before calls_; never of a unit elsewhere.
+  };
   void serve();
+  void serve_calls(Lane& lane);
   void set_up();
-  void wait_for_call(std::unique_lock<std::mutex>& lock);
-  Call take_call();
+  void wait_for_call(Lane& lane, std::unique_lock<std::mutex>& lock);
+  Call take_call(Lane& lane);
   [[nodiscard]] bool go_together(const Workload& one, const Workload& other) const;
-  Prepared& prepare(const Preparation& preparation);
-  void run_once(const Preparation& preparation, Prepared& prepared);
-  Prepared& prepared(const Workload& workload, CallEnd& end);
-  CallEnd execute(Call& call);
-  std::uint64_t compute(Prepared& prepared, Call& call, CallTimes& times);
+  Prepared& prepare(Lane& lane, const Preparation& preparation);
+  void run_once(Lane& lane, const Preparation& preparation, Prepared& prepared);
+  Prepared& prepared(Lane& lane, const Workload& workload, CallEnd& end);
+  CallEnd execute(Lane& lane, Call& call);
+  std::uint64_t compute(Lane& lane, Prepared& prepared, Call& call, CallTimes& times);
 
   UnitSetup setup_;
   std::function<void(Call&, CallEnd)> done_;
   MachineClock clock_;
-  std::unique_ptr<Device> device_;  ///< As kernels_: of the unit's thread.
-  std::map<const Workload*, Prepared> kernels_;
+  std::unique_ptr<Device> device_;  ///< Made and ended by the unit's thread.
+  std::deque<Lane> lanes_;          ///< The first one's thread is the unit's.
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   bool ready_ = false;
   std::string remark_;
   std::optional<DeviceInfo> device_info_;
-  const Remote* remote_ = nullptr;  ///< The device, if it is one.
+  Remote* remote_ = nullptr;  ///< The device, if it is one.
   bool has_own_clock_ = false;
   std::exception_ptr failure_;
-  std::optional<Running> running_;
-  std::stop_source stop_;  ///< Of the call that runs; as good as new before each.
   std::atomic<bool> stopping_ = false;
   std::atomic<bool> abandoned_ = false;
   std::atomic<std::size_t> waiting_ = 0;  ///< How many calls_ are.
   std::deque<Call> calls_;
-  bool telling_ = false;      ///< The unit's thread is within done_: as next_, its own.
-  std::optional<Call> next_;  ///< Before calls_.
-  std::jthread thread_;       ///< Last: all else is there before it and after it.
+  std::jthread thread_;  ///< Last: all else is there before it and after it.
 };
 
 }  // namespace pirt

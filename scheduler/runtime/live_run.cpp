@@ -7,6 +7,7 @@
 #include <mutex>
 #include <utility>
 
+#include "characterize/platform/elsewhere.h"
 #include "scheduler/runtime/live_units.h"
 #include "scheduler/runtime/output_pool.h"
 #include "scheduler/runtime/samples.h"
@@ -74,6 +75,7 @@ class LiveRun final : public Executor {
       closing_ = true;
     }
     if (options_.calls) options_.calls(calls());
+    note_links();
     units_.close();  // Their threads end.
     result_.tally = time_.finish();
     // What is left was not waited for; it could have started.
@@ -108,6 +110,10 @@ class LiveRun final : public Executor {
     }
     units_.run(unit, std::move(call));
   }
+  /// As start.
+  void recall(JobIndex job, UnitId unit) override {
+    static_cast<void>(units_.request_stop(unit, job));
+  }
 
  private:
   static UnitMask computed_units(const Scenario& scenario) {
@@ -127,6 +133,15 @@ class LiveRun final : public Executor {
     const auto [last, first_time] = played_.try_emplace(state, frame);
     if (!first_time && frame <= last->second) states_[state]->restart();
     last->second = frame;
+  }
+
+  void note_links() {
+    for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
+      if (!units_.has(unit)) continue;
+      if (const auto link = units_.at(unit).link()) {
+        result_.links.emplace(units_.at(unit).name(), *link);
+      }
+    }
   }
 
   void set_up() {
@@ -229,6 +244,12 @@ class LiveRun final : public Executor {
     time_.finished(job, std::move(end), now());
   }
 
+  /// Of a call, what drew the unit's active_w; absent = all of it.
+  [[nodiscard]] std::optional<Nanos> powered(UnitId unit, const CallEnd& end) const {
+    if (!is_elsewhere(scenario_.platform.units[unit])) return std::nullopt;
+    return end.times.upload + end.times.download;
+  }
+
   /// From a unit's thread.
   void ended(UnitId unit, Call& call, const CallEnd& end) {
     const std::lock_guard lock(mutex_);
@@ -244,6 +265,7 @@ class LiveRun final : public Executor {
     end_computing(job, {.outcome = end.outcome,
                         .busy = end.busy,
                         .preparing = end.preparing,
+                        .powered = powered(unit, end),
                         .data = completed ? call.outputs : nullptr});
     if (completed && !result_.first_call) result_.first_call = end.busy;
     if (time_.next() < next || computing_ == 0) changed_.notify_all();

@@ -14,6 +14,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -71,6 +72,8 @@ struct LiveResult {
   bool stopped = false;  ///< Before its time, by LiveOptions::stop.
   /// Units that tell time by a clock of their own: here it is the machine's.
   std::vector<std::string> own_clocks;
+  /// By unit that computes elsewhere: the way there at the end of the run.
+  std::map<std::string, LinkEstimate> links;
 };
 
 /// @param observer  Null = none; called behind the mutex.

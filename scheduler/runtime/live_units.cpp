@@ -34,12 +34,6 @@ void LiveUnits::open(UnitId unit, std::vector<Preparation> preparations) {
 
 std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation> preparations) {
   const UnitModel& model = platform_.units[unit];
-  if (model.measured() && model.servers > 1) {
-    throw_bad_input(fmt::format(
-        "unit {} of platform {} has {} servers, and a unit that computes serves one call after the "
-        "other; take `servers` out, or give each its cores as a unit of its own",
-        model.name, platform_.name, model.servers));
-  }
   say("opening " + model.name);
   return std::make_unique<KernelUnit>(
       UnitSetup{.request = make_unit_request(platform_, model, ""),
@@ -47,6 +41,7 @@ std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation
                 .preparations = std::move(preparations),
                 .prepare_first = options_.prepare_first,
                 .contexts = model.contexts,
+                .lanes = model.measured() ? model.servers : 1,
                 .priority = options_.priority,
                 .keeps = options_.keeps},
       [this, unit](Call& call, CallEnd end) { done_(unit, call, std::move(end)); });
@@ -135,17 +130,19 @@ std::vector<LiveUnits::Reach> LiveUnits::changed_reach() {
   return changed;
 }
 
-int LiveUnits::count_returns(UnitId unit, WorkloadId workload, Outcome outcome) {
+int LiveUnits::count_returns(UnitId unit, WorkloadId workload, const CallEnd& end) {
   auto& returns = returns_[unit];
-  if (outcome == Outcome::kReturned) return ++returns[workload];
+  if (end.outcome == Outcome::kReturned) {
+    return end.excused ? returns[workload] : ++returns[workload];
+  }
   if (!returns.empty()) returns.erase(workload);
   return 0;
 }
 
 std::optional<Nanos> LiveUnits::limit_of(UnitId unit, const Service* expected) const {
   if (options_.time_limit) return options_.time_limit;
-  // Waiting for a link, a server or a worker is not hanging: the cloud's backend ends it.
-  if (expected == nullptr || platform_.units[unit].role == Role::kCloud) return std::nullopt;
+  // Waiting for a link, a server or a worker is not hanging: the unit's backend ends it.
+  if (expected == nullptr || units_[unit]->is_remote()) return std::nullopt;
   return time_limit(*expected, units_[unit]->has_own_clock());
 }
 

@@ -56,7 +56,6 @@ class LiveUnits {
   LiveUnits& operator=(const LiveUnits&) = delete;
 
   /// Begins to open the unit and to prepare.
-  /// @throws Error{kBadInput} if the platform says of it what a unit that computes cannot do.
   void open(UnitId unit, std::vector<Preparation> preparations);
   /// Until all are ready.
   /// @return  What is not as it was asked for.
@@ -69,7 +68,7 @@ class LiveUnits {
   [[nodiscard]] bool has(UnitId unit) const { return units_[unit] != nullptr; }
   [[nodiscard]] const KernelUnit& at(UnitId unit) const { return *units_[unit]; }
   void run(UnitId unit, Call call) { units_[unit]->run(std::move(call)); }
-  void request_stop(UnitId unit, std::uint64_t token) { units_[unit]->request_stop(token); }
+  bool request_stop(UnitId unit, std::uint64_t token) { return units_[unit]->request_stop(token); }
 
   /// Another one in place of a unit that is out of service; any thread may make it, and hands it to
   /// whoever drives the units.
@@ -82,7 +81,8 @@ class LiveUnits {
   /// The end of it.
   static void close(std::unique_ptr<KernelUnit> unit);
 
-  /// A call that does not end. Its unit is abandoned: nothing is heard of its calls any more.
+  /// A call that does not end. Its unit is abandoned: nothing is heard of its calls any more. One
+  /// that does not end elsewhere is withdrawn, and its unit stays in service.
   struct Hung {
     UnitId unit = 0;
     std::uint64_t token = 0;
@@ -98,14 +98,19 @@ class LiveUnits {
     std::vector<Hung> hung;
     for (UnitId unit = 0; unit < units_.size(); ++unit) {
       if (units_[unit] == nullptr) continue;
-      const auto call = units_[unit]->running();
-      if (!call) continue;
-      const auto limit = limit_of(unit, expected(unit, call->token));
-      const Nanos ran = clock_.now() - call->since;
-      if (!limit || ran <= *limit) continue;
-      auto behind = units_[unit]->abandon(call->token);
-      if (!behind) continue;
-      hung.push_back({unit, call->token, *std::move(behind), ran, {}});
+      for (const KernelUnit::Running& call : units_[unit]->running()) {
+        const auto limit = limit_of(unit, expected(unit, call.token));
+        const Nanos ran = clock_.now() - call.since;
+        if (!limit || ran <= *limit) continue;
+        if (units_[unit]->is_remote()) {
+          if (request_stop(unit, call.token)) {
+            say(units_[unit]->name() + " has not answered a call in time; it is withdrawn");
+          }
+          continue;
+        }
+        auto behind = units_[unit]->abandon(call.token);
+        if (behind) hung.push_back({unit, call.token, *std::move(behind), ran, {}});
+      }
     }
     return hung;
   }
@@ -123,7 +128,7 @@ class LiveUnits {
 
   /// Hears how each call ended. How often calls of the workload have now been given back by the
   /// unit, in a row.
-  int count_returns(UnitId unit, WorkloadId workload, Outcome outcome);
+  int count_returns(UnitId unit, WorkloadId workload, const CallEnd& end);
   /// So often, and the unit is no longer asked for the workload.
   static constexpr int kMostReturns = 3;
   void forget_returns(UnitId unit) { returns_[unit].clear(); }

@@ -173,6 +173,7 @@ struct RuntimeStatistics {
     bool in_service = true;
     std::int64_t completed = 0;
     Nanos busy{0};
+    Nanos powered{0};   ///< Of which it drew active_w: all, or elsewhere what moved data.
     Histogram latency;  ///< Of its tasks, from the decision to the end.
   };
   std::vector<Unit> units;

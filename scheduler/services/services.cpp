@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 
+#include "characterize/platform/elsewhere.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/specs.h"
@@ -66,8 +67,11 @@ CallRows call_rows(const Cell& cell) {
   CallRows rows;
   rows.whole = find(Phase::kCall);
   if (find(Phase::kExecute) != nullptr) {
+    // What is moved over a link that the platform gives is counted there, and not again.
+    const bool linked = is_elsewhere(cell.unit()) && !cell.unit().link.empty();
     for (const Phase phase : kCallPhases) {
-      if (const auto* row = find(phase)) rows.stages.push_back(row);
+      const auto* const row = find(phase);
+      if (row != nullptr && !(linked && draws_in(cell.unit(), phase))) rows.stages.push_back(row);
     }
   } else if (rows.whole != nullptr) {
     rows.stages.push_back(rows.whole);
@@ -110,10 +114,13 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
   service.time_provenance = rows.stages.front()->provenance;
   for (const auto* row : rows.stages) {
     const Distribution time = time_of(*row, cell.options.draw);
-    service.stages.push_back({.name = std::string(to_string(row->phase)),
-                              .on = cell.unit_id,
-                              .time = time,
-                              .energy_scale = energy_scale(*row, time)});
+    service.stages.push_back(
+        {.name = std::string(to_string(row->phase)),
+         .on = cell.unit_id,
+         .time = time,
+         .energy_scale = draws_in(cell.unit(), row->phase) || row->phase == Phase::kCall
+                             ? energy_scale(*row, time)
+                             : 0});
     service.time_provenance = sum_of(service.time_provenance, row->provenance);
   }
   service.conditions = call_conditions(*cell.profile, cell.workload.name, cell.unit().name,

@@ -181,6 +181,9 @@ void add_task(const Task& task, std::string& line) {
                  kind.eligible, kind.real_time, kind.image_input, kind.entry);
   if (task.deadline) fmt::format_to(out, R"(,"deadline":{})", task.deadline->count());
   if (task.expires_at) fmt::format_to(out, R"(,"expires":{})", task.expires_at->count());
+  if (task.recall) {
+    fmt::format_to(out, R"(,"recall":[{},{}])", task.recall->at.count(), task.recall->from);
+  }
   if (!task.after.empty()) fmt::format_to(out, R"(,"after":[{}])", fmt::join(task.after, ","));
   if (task.state) fmt::format_to(out, R"(,"state":{})", *task.state);
   if (task.series) fmt::format_to(out, R"(,"series":{})", *task.series);
@@ -280,6 +283,10 @@ void add_task_from_json(const Json& json, LogEntry& entry) {
                .entry = whole<std::uint32_t>(kind.at(4))};
   if (json.contains("deadline")) task.deadline = time_from_json(json.at("deadline"));
   if (json.contains("expires")) task.expires_at = time_from_json(json.at("expires"));
+  if (json.contains("recall")) {
+    const Json& recall = json.at("recall");
+    task.recall = {Nanos(whole<std::int64_t>(recall.at(0))), whole<UnitMask>(recall.at(1))};
+  }
   auto& after = entry.after.emplace_back();
   if (json.contains("after")) {
     for (const auto& each : json.at("after")) after.push_back(whole<TaskId>(each));

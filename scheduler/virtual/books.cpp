@@ -10,9 +10,9 @@ Books::Books(const Scenario& scenario) : scenario_(scenario) {
   tally_.calls.assign(scenario.services.workloads.size(), std::vector<Histogram>(units));
 }
 
-void Books::charge_computed(WorkloadId workload, UnitId unit, Nanos busy) {
+void Books::charge_computed(WorkloadId workload, UnitId unit, Nanos busy, Nanos powered) {
   tally_.units[unit].busy += busy;
-  if (!is_metered(workload, unit)) tally_.units[unit].powered += busy;
+  if (!is_metered(workload, unit)) tally_.units[unit].powered += powered;
 }
 
 void Books::count_completed(WorkloadId workload, UnitId unit, Nanos call, Nanos latency) {

@@ -29,8 +29,8 @@ class Books {
     }
   }
   void charge_link(UnitId unit, Nanos sending) { tally_.units[unit].transferring += sending; }
-  /// A call that is computed has occupied its unit.
-  void charge_computed(WorkloadId workload, UnitId unit, Nanos busy);
+  /// A call that is computed has occupied its unit, and drawn its active_w for part of that.
+  void charge_computed(WorkloadId workload, UnitId unit, Nanos busy, Nanos powered);
   void count_prepare(UnitId unit) { ++tally_.units[unit].prepares; }
   /// Of what is computed: the part of what is charged.
   void count_preparing(UnitId unit, Nanos preparing) { tally_.units[unit].preparing += preparing; }

@@ -57,10 +57,13 @@ void Firings::plan_submission(std::uint32_t p, SeriesId first_series) {
   for (const MixTask& definition : pipeline.tasks) edges += definition.after.size();
   state.after.resize(edges);
   std::span<const TaskId> after = state.after;
+  const auto leads = recall_leads(scenario_, p);
   for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
     const MixTask& definition = pipeline.tasks[t];
     Task& task = state.tasks.emplace_back();
     task.kind = scenario_.classes[p][t];
+    const bool may_leave = pipeline.deadline && !task.kind.real_time;
+    state.leads.push_back(may_leave ? leads[t] : std::nullopt);
     task.after = after.first(definition.after.size());
     after = after.subspan(definition.after.size());
     if (definition.state) task.state = static_cast<StateId>(*definition.state);
@@ -152,6 +155,7 @@ void Firings::number_tasks(std::uint32_t p, std::uint32_t slot, Nanos now) {
     task.id = id;
     for (const std::size_t each : pipeline.tasks[t].after) *after++ = state.tasks[each].id;
     if (pipeline.deadline) task.deadline = now + *pipeline.deadline;
+    if (state.leads[t]) task.recall = state.leads[t]->recall(*task.deadline);
     if (pipeline.expires) task.expires_at = now + *pipeline.expires;
   }
 }

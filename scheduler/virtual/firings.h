@@ -16,6 +16,7 @@
 #include "scheduler/dispatcher/slot_table.h"
 #include "scheduler/mix/task.h"
 #include "scheduler/record/tally.h"
+#include "scheduler/services/recall.h"
 #include "scheduler/services/scenario.h"
 #include "workloads/model/tensor.h"
 
@@ -119,6 +120,7 @@ class Firings {
     std::uint64_t jitter_seed = 0;
     std::vector<Task> tasks = {};    ///< As submitted last; but for ids and times always the same.
     std::vector<TaskId> after = {};  ///< What these refer to.
+    std::vector<std::optional<RecallLead>> leads = {};  ///< By task; absent = it is not taken back.
     std::uint32_t image_tasks = 0;
     bool moves_data = false;
     std::int64_t to_fire = 0;  ///< Of a closed loop: at the begin, or in refires_ or starving_.

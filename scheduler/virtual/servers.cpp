@@ -47,6 +47,28 @@ class FifoServers final : public Servers {
     return done.job;
   }
 
+  std::optional<Nanos> remove(JobId job, Nanos now) override {
+    if (const auto at = std::ranges::find(waiting_, job, &Waiting::job); at != waiting_.end()) {
+      const Nanos work = at->work;
+      waiting_.erase(at);
+      return work;
+    }
+    const auto at = std::ranges::find(busy_, job, &Busy::job);
+    if (at == busy_.end()) return std::nullopt;
+    const Nanos left = at->end.time - now;
+    busy_.erase(at);
+    std::ranges::make_heap(busy_, std::greater{});
+    next_ = busy_.empty() ? Moment{} : busy_.front().end;
+    if (waiting_.empty()) {
+      ++idle_;
+    } else {
+      const Waiting first = waiting_.front();
+      waiting_.pop_front();
+      serve(first, now);
+    }
+    return left;
+  }
+
   std::vector<std::pair<JobId, Nanos>> left(Nanos now) const override {
     std::vector<std::pair<JobId, Nanos>> jobs;
     for (const Busy& each : busy_) jobs.emplace_back(each.job, each.end.time - now);
@@ -105,6 +127,21 @@ class SharedServers final : public Servers {
     left_.pop_front();
     find_next();
     return job;
+  }
+
+  std::optional<Nanos> remove(JobId job, Nanos now) override {
+    progress(fixed(now));
+    std::optional<Nanos> left;
+    if (const auto at = std::ranges::find(left_, job, &Left::job); at != left_.end()) {
+      left_.erase(at);
+      left = Nanos::zero();
+    } else if (const auto in = std::ranges::find(jobs_, job, &Job::job); in != jobs_.end()) {
+      left = round_up(in->end - done_);
+      jobs_.erase(in);
+      std::ranges::make_heap(jobs_, later);
+    }
+    find_next();
+    return left;
   }
 
   std::vector<std::pair<JobId, Nanos>> left(Nanos now) const override {

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -33,6 +34,10 @@ class Servers {
   virtual void lengthen(JobId job, Nanos by) { static_cast<void>(job), static_cast<void>(by); }
   /// Takes the job whose completion is next(); now == next().time.
   virtual JobId complete_next() = 0;
+  /// The job leaves without being complete. @return  The server time that it still needed; absent
+  /// if it is not here.
+  /// @param now  Not after next().
+  virtual std::optional<Nanos> remove(JobId job, Nanos now) = 0;
   [[nodiscard]] const Moment& next() const { return next_; }
   /// The jobs that have arrived and are not complete, with the server time that each still needs.
   /// @param now  Not after next().

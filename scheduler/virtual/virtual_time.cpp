@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "characterize/platform/elsewhere.h"
 #include "scheduler/services/transfers.h"
 #include "workloads/base/error.h"
 #include "workloads/base/math/random.h"
@@ -109,7 +110,9 @@ void VirtualTime::close_books(Nanos end) {
   }
   for (const Job& job : jobs_) {
     if (!job.computing || job.started_at >= end) continue;
-    books.charge_computed(workload_of(job), job.unit, end - job.started_at);
+    const Nanos busy = end - job.started_at;
+    const bool draws = draws_in(scenario_.platform.units[job.unit], Phase::kExecute);
+    books.charge_computed(workload_of(job), job.unit, busy, draws ? busy : Nanos::zero());
   }
   at_end_ = std::move(books).close(end, dispatcher_.counts(), firings_);
 }
@@ -192,7 +195,7 @@ void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
   if (now_ > firings_.end() && !at_end_) close_books(firings_.end());
   Job& job = jobs_[index];
   job.computing = false;
-  books_.charge_computed(workload_of(job), job.unit, end.busy);
+  books_.charge_computed(workload_of(job), job.unit, end.busy, end.powered.value_or(end.busy));
   if (end.preparing) {
     books_.count_preparing(job.unit, *end.preparing);
     prepared(job, job.started_at, *end.preparing);
@@ -282,7 +285,32 @@ void VirtualTime::apply_starts() {
   for (const Ended& ended : effects_.ended) {
     release(firings_.lose(Firings::job_of(ended.task), now_));
   }
+  std::swap(recalled_, effects_.recalled);
   effects_.clear();
+  if (recalled_.empty()) return;
+  for (const Recalled& each : std::exchange(recalled_, {})) take_back(each);
+  apply_starts();  // What goes on in its place.
+}
+
+/// The task does not go on where it is, and is placed anew.
+void VirtualTime::take_back(const Recalled& recalled) {
+  const JobIndex index = Firings::job_of(recalled.task);
+  Job& job = jobs_[index];
+  if (job.computing) return executor_->recall(index, recalled.unit);
+  const TaskStep& step = step_of(job);
+  if (!step.for_data && step.servers != TaskStep::kDelay) {
+    const Nanos left = servers_[step.servers]->remove(index, now_).value();
+    const Nanos served = job.takes - left;
+    if (served > Nanos::zero()) {
+      books_.charge(step, job.unit, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
+    }
+    if (observer_ != nullptr) observer_->left(step.servers, index);
+  } else {
+    std::erase_if(timers_,
+                  [index](const Timer& each) { return !each.fires && each.index == index; });
+    std::ranges::make_heap(timers_, std::greater{});
+  }
+  complete(index, Outcome::kReturned, now_ - job.started_at, nullptr);
 }
 
 /// To the job's current step, or to its end.

@@ -28,7 +28,8 @@ namespace pirt {
 struct ComputedEnd {
   Outcome outcome = Outcome::kCompleted;
   Nanos busy{0};                     ///< How long it occupied its unit,
-  std::optional<Nanos> preparing{};  ///< of which its kernel was prepared; absent = it was there.
+  std::optional<Nanos> preparing{};  ///< of which its kernel was prepared; absent = it was there;
+  std::optional<Nanos> powered{};    ///< and of which it drew active_w; absent = all of it.
   std::shared_ptr<const std::vector<Tensor>> data = nullptr;  ///< What it made.
 };
 
@@ -38,6 +39,8 @@ class Executor {
   virtual ~Executor() = default;
   /// The task may start; VirtualTime::finished hears of its end, and not from here.
   virtual void start(JobIndex job, UnitId unit) = 0;
+  /// It is wanted back from there, if it has not ended.
+  virtual void recall(JobIndex job, UnitId unit) = 0;
 };
 
 /// One run. Its references must outlive it.
@@ -84,6 +87,7 @@ class VirtualTime {
   void schedule_firing(std::uint32_t pipeline);
   void settle();
   void apply_starts();
+  void take_back(const Recalled& recalled);
   void proceed(JobIndex job);
   void begin_step(JobIndex job, const TaskStep& step);
   Nanos data_arrival(JobIndex job);
@@ -117,7 +121,8 @@ class VirtualTime {
   std::vector<Timer> timers_;  ///< A heap, earliest first.
   std::uint64_t sequence_ = 0;
   Effects effects_;
-  std::vector<int> waiting_;  ///< For the observer.
+  std::vector<Recalled> recalled_;  ///< Of effects_, for its memory.
+  std::vector<int> waiting_;        ///< For the observer.
   Books books_;
   CallEffects call_effects_;
   std::vector<CallEffects::Slowed> slowed_;

@@ -19,12 +19,13 @@ struct Known {
   std::set<TaskId> waits_for;
   std::optional<UnitId> runs_on;
   bool cancelled = false;
-  std::optional<Nanos> expires_at;
+  std::optional<Nanos> expires_at, recall_at;
   std::optional<StateId> state;
   /// What it reads: of each series, how many tasks had joined when it was submitted.
   std::vector<std::pair<SeriesId, std::size_t>> reads;
   UnitMask returned_by = 0;
   int returns = 0;
+  bool recalled = false;  ///< And still there.
 };
 
 /// What became of a task of a series.
@@ -189,6 +190,10 @@ class Model {
         series_[*tasks[i].series].emplace_back(id, Fate::kOpen);
       }
       if (random_.below(2) == 0) tasks[i].deadline = now_ + Nanos(pick(40));
+      if (random_.below(4) == 0) {
+        known.recall_at = now_ + Nanos(pick(40));
+        tasks[i].recall = Recall{*known.recall_at, unit_bit(kCloud)};
+      }
       tasks_[id] = known;
     }
     ASSERT_TRUE(dispatcher_.submit(firing, tasks, said_time(), out_));
@@ -287,7 +292,8 @@ class Model {
     Known& known = tasks_.at(id);
     const UnitId unit = *std::exchange(known.runs_on, std::nullopt);
     known.returned_by |= unit_bit(unit);
-    ++known.returns;
+    if (!known.recalled) ++known.returns;
+    known.recalled = false;
     ++returned_;
     ASSERT_TRUE(dispatcher_.complete(unit, id, Outcome::kReturned, said_time(), out_));
     const bool stays = std::ranges::none_of(out_.ended, [&](const Ended& each) {
@@ -344,7 +350,7 @@ class Model {
         found_nothing_.insert(ended.task);
         ++no_predecessor_;
       }
-      if (ended.how == TaskEnd::kFailed && !known.runs_on) {
+      if (ended.how == TaskEnd::kFailed && !known.runs_on && known.returns < kMostTries) {
         const UnitMask left = known.kind.eligible & ~known.returned_by & ~gone_;
         ASSERT_EQ(left & kLocal, 0U) << "failed though a unit may take it";
         ASSERT_TRUE(known.waits_for.empty()) << "failed before it could start";
@@ -361,9 +367,20 @@ class Model {
       }
       if (keep_log_) log_ += std::to_string(ended.task) + "- ";
     }
+    for (const Recalled& recalled : out_.recalled) {
+      Known& known = tasks_.at(recalled.task);
+      ASSERT_TRUE(known.runs_on == recalled.unit && recalled.unit == kCloud && !known.cancelled);
+      ASSERT_TRUE(known.recall_at && *known.recall_at <= now_);
+      ASSERT_NE(known.kind.eligible & kLocal, 0U) << "nobody else would take it";
+      known.recalled = true;
+    }
     for (const Start& start : out_.started) {
       ASSERT_TRUE(tasks_.contains(start.task));
       Known& known = tasks_.at(start.task);
+      const UnitMask here = known.kind.eligible & kLocal & ~known.returned_by & ~gone_;
+      ASSERT_TRUE(start.unit != kCloud || here == 0 || !known.recall_at ||
+                  *known.recall_at >= taken_as_)
+          << "there, when it should be back";
       ASSERT_FALSE(known.runs_on) << "started twice";
       ASSERT_TRUE(known.waits_for.empty()) << "started before a predecessor was complete";
       ASSERT_TRUE(has_read(known)) << "started before it was known what it reads";

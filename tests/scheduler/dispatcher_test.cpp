@@ -123,6 +123,58 @@ TEST(Dispatcher, SendsNonRealTimeTasksToTheCloudWithoutLimit) {
   EXPECT_EQ(script.submit(3, kPlain), "G3");
 }
 
+TEST(Dispatcher, TakesBackWhatHasNotCompletedInTheCloudInTime) {
+  // One slot in the cloud: 1 runs there, 2 is queued there; 3 has time.
+  Script script(policy_of("advanced", setup_of(1, 1, 1)), {1, 1, 1, 1});
+  const TaskClass slow{.eligible = kAll, .real_time = false};
+  EXPECT_EQ(script.submit_recalled(1, slow, Nanos(10)), "L1");
+  EXPECT_EQ(script.submit_recalled(2, slow, Nanos(10)), "");
+  EXPECT_EQ(script.submit_recalled(3, slow, Nanos(20)), "");
+  EXPECT_EQ(script.dispatcher().next_wake(), Nanos(10));
+  EXPECT_EQ(script.wake(Nanos(10)), "G2 <1") << "at once, and as soon as it has been let go";
+  EXPECT_EQ(script.complete(kCloud, 1, Outcome::kReturned), "C1 L3");
+  EXPECT_EQ(script.complete(kCpu, 1), "");
+  EXPECT_EQ(script.complete(kCloud, 3), "");
+  EXPECT_EQ(script.dispatcher().next_wake(), Nanos::max()) << "it completed in time";
+  EXPECT_EQ(script.complete(kGpu, 2), "");
+  EXPECT_EQ(script.dispatcher().counts().completed, 3);
+  EXPECT_EQ(script.dispatcher().counts().returned, 1);
+}
+
+TEST(Dispatcher, TakesNothingBackThatNobodyElseWouldTake) {
+  Script script(policy_of("advanced", setup_of(1, 1, 1)), {1, 1, 1, 1});
+  const TaskClass only{.eligible = unit_bit(kCloud), .real_time = false};
+  EXPECT_EQ(script.submit_recalled(1, only, Nanos(10)), "L1");
+  EXPECT_EQ(script.submit_recalled(2, only, Nanos(10)), "");
+  EXPECT_EQ(script.wake(Nanos(10)), "");
+  EXPECT_EQ(script.complete(kCloud, 1), "L2");
+}
+
+TEST(Dispatcher, WhatCompletesWhileItIsWantedBackHasCompleted) {
+  Script script(policy_of("advanced", setup_of(1, 1, 1)), {1, 1, 1, 1});
+  EXPECT_EQ(script.submit_recalled(1, {.eligible = kAll, .real_time = false}, Nanos(10)), "L1");
+  EXPECT_EQ(script.wake(Nanos(10)), "<1");
+  EXPECT_EQ(script.complete(kCloud, 1), "");
+  EXPECT_EQ(script.dispatcher().counts().completed, 1);
+  // And one that was cancelled meanwhile is not asked for.
+  EXPECT_EQ(script.submit_recalled(2, {.eligible = kAll, .real_time = false}, Nanos(20)), "L2");
+  EXPECT_EQ(script.cancel(2), "-2");
+  EXPECT_EQ(script.wake(Nanos(20)), "");
+  EXPECT_EQ(script.complete(kCloud, 2, Outcome::kReturned), "");
+}
+
+TEST(Dispatcher, HandsWhatWaitsForTheCloudToOthersWhileItIsAway) {
+  Script script(policy_of("advanced", setup_of(1, 1, 1)), {1, 1, 1, 1});
+  const TaskClass slow{.eligible = kAll, .real_time = false};
+  EXPECT_EQ(script.submit(1, slow), "L1");
+  EXPECT_EQ(script.submit(2, slow), "");
+  EXPECT_EQ(script.set(kCloud, UnitState::kDraining), "G2");
+  EXPECT_EQ(script.submit(3, slow), "C3");
+  EXPECT_EQ(script.complete(kCloud, 1), "") << "its reply came all the same";
+  EXPECT_EQ(script.set(kCloud, UnitState::kUp), "");
+  EXPECT_EQ(script.submit(4, slow), "L4");
+}
+
 TEST(Dispatcher, ReleasesATaskWhenItsLastPredecessorCompletes) {
   // A diamond: 1 -> {2, 3} -> 4.
   Script script = throughput(9, 0, 0, {9, 9, 9, {}});

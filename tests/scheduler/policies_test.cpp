@@ -147,9 +147,19 @@ TEST(Algorithm4, FallsBackToBasicWhereNoCloudMayServe) {
   EXPECT_EQ(placements(*policy, 3, {.eligible = kLocal, .real_time = false}), "GCD");
 }
 
-TEST(Algorithm4, WaitsForACloudThatIsAway) {
+TEST(Algorithm4, ComputesHereWhileTheCloudIsAway) {
   const auto policy = policy_of("advanced", setup_of(1, 1, 1));
-  EXPECT_EQ(placements(*policy, 2, {.eligible = kAll, .real_time = false}, kLocal), "..");
+  const TaskClass slow{.eligible = kAll, .real_time = false};
+  EXPECT_EQ(placements(*policy, 3, slow, kLocal), "GCD");
+  EXPECT_EQ(policy->takers(slow, kLocal), kLocal);
+  EXPECT_EQ(placements(*policy, 1, slow), "L") << "it is back";
+}
+
+TEST(Algorithm4, WaitsForACloudThatIsAwayWhereNobodyElseWouldTakeTheTask) {
+  const auto policy = policy_of("advanced", setup_of(1, 1, 1));
+  const TaskClass only{.eligible = unit_bit(kCloud), .real_time = false};
+  EXPECT_EQ(placements(*policy, 2, only, kLocal), "..");
+  EXPECT_EQ(placements(*policy, 2, only), "LL");
 }
 
 TEST(Takers, AreTheUnitsThatThePolicyEverUses) {

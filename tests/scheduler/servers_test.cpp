@@ -35,6 +35,29 @@ Completions serve(int servers, Discipline discipline, const std::vector<Arrival>
 
 Nanos ns(std::int64_t count) { return Nanos(count); }
 
+TEST(Servers, LetAJobGoAndGoOnWithTheNext) {
+  const auto fifo = make_servers(1, Discipline::kFifo);
+  fifo->arrive(0, ns(10), 0, ns(0));
+  fifo->arrive(1, ns(5), 1, ns(0));
+  fifo->arrive(2, ns(7), 2, ns(0));
+  EXPECT_EQ(fifo->remove(1, ns(2)), ns(5)) << "it had not begun";
+  EXPECT_EQ(fifo->remove(0, ns(4)), ns(6));
+  EXPECT_EQ(fifo->remove(0, ns(4)), std::nullopt);
+  EXPECT_EQ(fifo->next().time, ns(11));
+  EXPECT_EQ(fifo->complete_next(), 2U);
+  EXPECT_EQ(fifo->next().time, Nanos::max());
+  fifo->arrive(3, ns(1), 3, ns(20));
+  EXPECT_EQ(fifo->next().time, ns(21)) << "the server is idle again";
+
+  const auto shared = make_servers(1, Discipline::kProcessorSharing);
+  shared->arrive(0, ns(10), 0, ns(0));
+  shared->arrive(1, ns(10), 1, ns(0));
+  EXPECT_EQ(shared->remove(0, ns(8)), ns(6)) << "each had half of the server";
+  EXPECT_EQ(shared->next().time, ns(14));
+  EXPECT_EQ(shared->remove(1, ns(9)), ns(5));
+  EXPECT_EQ(shared->next().time, Nanos::max());
+}
+
 TEST(FifoServers, ServeOneAfterTheOther) {
   EXPECT_EQ(serve(1, Discipline::kFifo, {{ns(0), ns(10)}, {ns(3), ns(5)}, {ns(20), ns(1)}}),
             (Completions{{0, 10}, {1, 15}, {2, 21}}));

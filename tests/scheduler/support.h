@@ -50,7 +50,7 @@ inline std::unique_ptr<Policy> policy_of(const std::string& name, const PolicySe
 
 /// A dispatcher whose every input appends to one text what it brought about: "G3" = task 3 started
 /// on the GPU, "-3" = dropped, "!3" = expired, "?3" = no earlier firing has its data, "x3" = given
-/// back and failed, "refused".
+/// back and failed, "<3" = wanted back from its unit, "refused".
 class Script {
  public:
   Script(std::unique_ptr<Policy> policy, std::vector<std::optional<int>> slots)
@@ -65,6 +65,14 @@ class Script {
   }
   std::string submit_all(FiringId firing, const std::vector<Task>& tasks) {
     return taken(dispatcher_->submit(firing, tasks, now_, out_));
+  }
+  /// One that is to have completed elsewhere than in the cloud by then.
+  std::string submit_recalled(TaskId id, TaskClass kind, Nanos at) {
+    return submit_all(id, {{.id = id,
+                            .kind = kind,
+                            .deadline = {},
+                            .expires_at = {},
+                            .recall = Recall{at, unit_bit(kCloud)}}});
   }
   bool release(FiringId firing) { return dispatcher_->release(firing, now_); }
   std::string complete(UnitId unit, TaskId id, Outcome outcome = Outcome::kCompleted) {
@@ -100,6 +108,7 @@ class Script {
     for (const Start& start : out_.started) add(letter(start.unit), start.task);
     for (const Ended& ended : out_.ended)
       add(" x-! ?"[static_cast<std::size_t>(ended.how)], ended.task);
+    for (const Recalled& recalled : out_.recalled) add('<', recalled.task);
     out_.clear();
     return text;
   }

@@ -234,6 +234,98 @@ TEST(VirtualTime, ScaledStagesTakeLongerAndCostTheSame) {
   EXPECT_NEAR(record.energy_j.value(), 2 * 0.06, 1e-12);
 }
 
+TEST(VirtualTime, ATaskWithADeadlineComesBackFromTheCloudInTime) {
+  // The cloud takes 500 ms, the cpu 20 ms. Two at 10 Hz, due at 100: what has not come back by 80
+  // is computed here and done at 100. One of them runs in the cloud, the other one waits: for a
+  // slot, or for its server.
+  for (const char* slots : {"1", "2"}) {
+    const auto platform = platform_of(std::string(R"(
+platform: p
+units: {cpu: {servers: 2, active_w: 1}, cloud: {slots: )") +
+                                      slots +
+                                      R"(, active_w: 2}}
+workloads: {fc8: {cpu: [{on: cpu, ms: 20}], cloud: [{on: cloud, ms: 500}]}}
+)");
+    const auto mix = mix_of(R"(
+mix: m
+pipelines:
+  p: {rate_hz: 10, real_time: false, deadline_ms: 100, tasks: [{workload: fc8}]}
+  q: {rate_hz: 10, real_time: false, deadline_ms: 100, tasks: [{workload: fc8}]}
+)");
+    const auto record = run(platform, mix, mode("advanced", 0.41));
+    EXPECT_EQ(record.offloaded, 0) << slots;
+    EXPECT_EQ(record.completed, 8) << slots;
+    for (const PipelineResult& each : record.pipelines) {
+      EXPECT_EQ(each.deadline_misses, 0) << slots;
+      EXPECT_NEAR(*each.p99_ms, 100, 0.1) << slots;
+    }
+    // One of each two ran there for 80 ms, and the next pair's for 10.
+    EXPECT_NEAR(unit(record, "cloud").busy_s, 4 * 0.08 + 0.01, 1e-9) << slots;
+    EXPECT_NEAR(unit(record, "cloud").energy_j.value(), 2 * (4 * 0.08 + 0.01), 1e-9) << slots;
+  }
+}
+
+// Ten minutes without the cloud, at 10 tasks a second that are meant for it.
+TEST(VirtualTime, AnOutageOfTheCloudCostsNoRealTimeTaskItsDeadline) {
+  const auto platform = platform_of(R"(
+platform: p
+units: {cpu: {slots: 1, active_w: 1}, cloud: {servers: 4}}
+workloads: {fc8: {cpu: [{on: cpu, ms: 3}], cloud: [{delay_ms: 80}]}}
+)");
+  const auto mix = mix_of(R"(
+mix: m
+pipelines:
+  camera: {rate_hz: 100, deadline_ms: 10, tasks: [{workload: fc8, image_input: true}]}
+  far: {rate_hz: 10, real_time: false, tasks: [{workload: fc8}]}
+)");
+  const auto outage = [&](bool away) {
+    const auto driver = [away](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter*) {
+      VirtualTime time(scenario, dispatcher);
+      time.begin();
+      const auto is = [&](UnitState state, double at_s) {
+        while (time.next() <= from_s(at_s)) static_cast<void>(time.advance());
+        time.set_unit(1, state, from_s(at_s));
+      };
+      if (away) is(UnitState::kDraining, 60);
+      if (away) is(UnitState::kUp, 660);
+      while (time.advance()) continue;
+      return time.finish();
+    };
+    return run_mix(platform, nullptr, mix, mode("advanced", 720), driver, "virtual");
+  };
+  const auto usual = outage(false), without = outage(true);
+  for (const RunRecord* each : {&usual, &without}) {
+    EXPECT_EQ(each->pipelines[0].completed, 72'000);
+    EXPECT_EQ(each->pipelines[0].deadline_misses, 0);
+    EXPECT_GE(each->pipelines[1].completed, 7'199) << "the last one may be under way";
+  }
+  EXPECT_EQ(usual.offloaded, usual.pipelines[1].completed);
+  EXPECT_EQ(without.offloaded, without.pipelines[1].completed - 6'000);
+}
+
+TEST(VirtualTime, ATaskLeavesTimeForThoseAfterIt) {
+  // a and b take 20 ms here, one after the other: a has to be back at 60 to be done at 80, b begins
+  // then.
+  const auto platform = platform_of(R"(
+platform: p
+units: {cpu: {slots: 1}, cloud: {servers: 4}}
+workloads: {fc8: {cpu: [{on: cpu, ms: 20}], cloud: [{delay_ms: 500}]}}
+)");
+  const auto mix = mix_of(R"(
+mix: m
+pipelines:
+  p:
+    rate_hz: 1
+    real_time: false
+    deadline_ms: 100
+    tasks: [{name: a, workload: fc8}, {name: b, workload: fc8, after: [a]}]
+)");
+  const auto record = run(platform, mix, mode("advanced", 0.5));
+  EXPECT_EQ(record.pipelines[0].completed, 1);
+  EXPECT_EQ(record.pipelines[0].deadline_misses, 0);
+  EXPECT_NEAR(*record.pipelines[0].p99_ms, 100, 0.1);
+}
+
 TEST(VirtualTime, SendsInputsAndOutputsOverTheLink) {
   // fc8: 4096 floats in = 16384 B, at 8 Mbit/s 16.384 ms; 1000 out = 4000 B, 4 ms; latency 10 ms
   // each way; the cloud takes 5 ms. Two calls at once. Inputs are sent [0, 16.384) and [16.384,

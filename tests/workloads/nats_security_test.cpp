@@ -164,6 +164,36 @@ TEST_F(CloudPermissions, BindARobotToItsOwnSubjects) {
   EXPECT_THAT(server_->log(), HasSubstr("Violation"));
 }
 
+// The key pair is the one that the documentation of NATS prints.
+TEST(CloudNKey, LetsInWhoHasTheSeedAndNobodyElse) {
+  if (nats_server_program().empty()) GTEST_SKIP() << "skipped: nats-server is not installed";
+  const std::string key = "UDXU4RCSJNZOIQHZNWXHXORDPRTGNJAHAHFRGZNEEJCPQTT2M7NLCNF4";
+  NatsServer server("authorization { users = [ { nkey: " + key +
+                    ", permissions: { publish: { allow: [\"pirt.task.r1\", \"$JS.API.INFO\"] }, "
+                    "subscribe: { allow: [\"_INBOX.>\"] } } } ] }\n");
+  const auto file = [&](const std::string& name, const std::string& text) {
+    std::ofstream(server.folder() / name) << text;
+    return (server.folder() / name).string();
+  };
+  const ConnectionOptions right{
+      .server = server.url(),
+      .nkey_seed = file("seed", "SUACSSL3UAHUDXKFSNVUZRF5UHPMWZ6BFDTJ7M6USDXIEDNPPQYYYCU3VY"),
+      .nkey = key};
+  ASSERT_TRUE(server.start()) << server.log();
+  Connection good(right, {});
+  ASSERT_TRUE(good.wait_until_up(5s)) << server.log();
+  EXPECT_TRUE(good.request("$JS.API.INFO", "", 5s).came);
+  good.publish("pirt.task.r2", std::string_view("not its own"));
+  EXPECT_TRUE(good.request("$JS.API.INFO", "", 5s).came);
+  EXPECT_THAT(server.log(), HasSubstr("pirt.task.r2")) << "it may not, and the server says so";
+  ConnectionOptions nobody = right;
+  nobody.nkey = nobody.nkey_seed = "";
+  EXPECT_FALSE(Connection(nobody, {}).wait_until_up(1s)) << "no key";
+  ConnectionOptions other = right;
+  other.nkey_seed = file("other", "SUAMLK2ZNL35WSMW37E7UD4VZ7ELPKW7DHC3BWBSD2GCZ7IUQQXZIORRBU");
+  EXPECT_FALSE(Connection(other, {}).wait_until_up(1s)) << "another's seed";
+}
+
 TEST(CloudTls, VerifiesTheServerAndShowsTheClientsCertificate) {
   if (nats_server_program().empty()) GTEST_SKIP() << "skipped: nats-server is not installed";
   if (std::system("openssl version > /dev/null 2>&1") != 0) {  // NOLINT: a test's tool

@@ -9,6 +9,8 @@
 #include "workloads/backends/nats/attendant.h"
 #include "workloads/backends/nats/caller.h"
 #include "workloads/base/math/random.h"
+#include "workloads/catalog/catalog.h"
+#include "workloads/vision/vision.h"
 
 namespace pirt::cloud {
 namespace {
@@ -131,6 +133,43 @@ TEST(CloudWire, AnotherSpecOfTheSameNameIsRefusedByName) {
   const Workload* const known[] = {&other};
   EXPECT_THAT(Admission(known).admit(small_body(workload)).problem,
               HasSubstr("small is something else here"));
+}
+
+TEST(CloudWire, SizesOfOnesOwnAreMadeWhereTheyArrive) {
+  const Workload& sobel = find_workload("sobel");
+  const Workload* const known[] = {&sobel, &find_workload("fc8")};
+  const Admission admission(known);
+  const auto body_of = [](const Workload& workload, std::vector<std::int64_t> sizes) {
+    const Bytes tensors = encode_tensors(make_tensors(workload.inputs));
+    return encode(TaskBody{.workload = workload.name,
+                           .sizes = std::move(sizes),
+                           .spec = spec_digest(workload),
+                           .tensors = tensors});
+  };
+  const Workload own = vision::make_sobel(320, 200);
+  EXPECT_EQ(sizes_of(own), (std::vector<std::int64_t>{320, 200}));
+  const auto made = admission.admit(body_of(own, sizes_of(own)));
+  ASSERT_TRUE(made.value) << made.problem;
+  EXPECT_EQ(made.value->inputs[0].spec().shape, (std::vector<std::int64_t>{200, 320}));
+  EXPECT_EQ(admission.admit(body_of(own, sizes_of(own))).value->workload, made.value->workload)
+      << "a kernel may know it";
+  EXPECT_EQ(admission.admit(body_of(sobel, sizes_of(sobel))).value->workload, &sobel);
+  const auto problem = [&](const Workload& workload, std::vector<std::int64_t> sizes) {
+    return admission.admit(body_of(workload, std::move(sizes))).problem;
+  };
+  EXPECT_THAT(problem(own, {}), HasSubstr("something else here"));
+  EXPECT_THAT(problem(own, {200, 320}), HasSubstr("something else here"));
+  EXPECT_THAT(problem(own, {320}), HasSubstr("no sizes of a picture"));
+  EXPECT_THAT(problem(own, {-320, 200}), HasSubstr("no sizes of a picture"));
+  EXPECT_THAT(problem(own, {16384, 16384}), HasSubstr("no sizes of a picture"));
+  EXPECT_THAT(problem(vision::make_gaussian_blur(320, 200), {320, 200}),
+              HasSubstr("unknown workload"));
+  std::string last;
+  for (int width = 64; width < 64 + 65; ++width) {
+    const Workload each = vision::make_sobel(width, 64);
+    last = problem(each, sizes_of(each));
+  }
+  EXPECT_THAT(last, HasSubstr("other sizes are known already"));
 }
 
 TEST(CloudWire, SpecsDifferInWhateverChangesTheResult) {

@@ -1,12 +1,31 @@
 // What a device is besides, if it computes elsewhere, over a way that may be lost and come back.
 #pragma once
 
+#include <optional>
+
+#include "workloads/base/time.h"
+
 namespace pirt {
 
+class Kernel;
+
+/// What was measured of the way there while it was used.
+struct LinkEstimate {
+  std::optional<Nanos> round_trip;
+  std::optional<double> bytes_per_s;  ///< From here; absent until something large was sent.
+};
+
+/// A device whose kernels may be prepared, and used, by several threads at a time; each kernel by
+/// one.
 class Remote {
  public:
   /// Whether a call that is made now gets there and is computed. Any thread may ask.
   [[nodiscard]] virtual bool is_reachable() const = 0;
+  /// Nobody wants the call any more that the kernel is bound for: it ends soon, as it would have or
+  /// with an Error{kEnvironment}. Any thread, while the kernel is bound.
+  virtual void withdraw(Kernel& kernel) = 0;
+  /// Any thread.
+  [[nodiscard]] virtual LinkEstimate link() const = 0;
 
  protected:
   ~Remote() = default;

@@ -17,6 +17,7 @@
 #include "cli/options/values.h"
 #include "reports/document/document.h"
 #include "reports/full_report.h"
+#include "reports/paper/cloud_offload.h"
 #include "reports/paper/offloaded_call.h"
 #include "reports/profile/profile_report.h"
 #include "reports/profile/setup_report.h"
@@ -38,6 +39,7 @@ struct Options {
   std::string mix = "full-robot";
   bool paper = false;
   bool setup = false;
+  bool offload = false;
   bool brief = false;
   Output json;
 };
@@ -230,6 +232,20 @@ int report_setup(const Options& options) {
   return 0;
 }
 
+int report_offload(const Options& options) {
+  if (options.files.size() > 1) {
+    throw_bad_input("--offload takes one profile database and no run records");
+  }
+  const auto profile = open_profile(options, options.files.front(), false);
+  const Platform platform = platform_for(options, profile);
+  const OffloadChoices choices = offload_choices(profile, platform);
+  write(options,
+        {.title = "pirt report --offload",
+         .parts = {profile_header(profile), offload_table(choices, platform)}},
+        [&] { return offload_json(choices); });
+  return 0;
+}
+
 int report_brief(const Options& options) {
   if (options.files.size() > 1) {
     throw_bad_input("--brief takes one profile database and no run records");
@@ -274,6 +290,7 @@ int report(const Options& options) {
     throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one");
   }
   if (options.brief) return report_brief(options);
+  if (options.offload) return report_offload(options);
   return options.setup ? report_setup(options) : report_profile(options);
 }
 
@@ -312,10 +329,15 @@ void add_report(CLI::App& app, Action& action) {
                    "Instead of the profile: offloading time by phase, cold and warm (ms), from how "
                    "many calls on one unit beats another, and a convolution beside the paper's "
                    "Fig. 7");
+  command.add_flag("--offload", options->offload,
+                   "Instead of the profile: each workload here or in the cloud, in time and in the "
+                   "robot's energy, and from which bandwidth on; the paper's Table IV");
   add_json(command, options->json);
   command.option("--brief").excludes(command.option("--paper"));
   for (const auto* name : {"--paper", "--brief", "--mix"})
     command.option("--setup").excludes(command.option(name));
+  for (const auto* name : {"--paper", "--brief", "--mix", "--setup"})
+    command.option("--offload").excludes(command.option(name));
   command.footer("Example: pirt report profile.db --format html -o report.html");
   command.runs(action, [options] { return report(*options); });
 }

@@ -26,9 +26,11 @@ Decoded<Admitted> Admission::admit(ByteView bytes) const {
   const TaskBody& task = *body.value;
   const auto at = known_.find(task.workload);
   if (at == known_.end()) return {std::nullopt, "unknown workload '" + task.workload + "'"};
-  const Known& known = at->second;
-  if (!task.sizes.empty()) {
-    return {std::nullopt, task.workload + ": sizes of one's own are not computed here"};
+  Known known = at->second;
+  if (task.spec != known.spec && !task.sizes.empty()) {
+    const auto own = own_sizes_.find(task.workload, task.sizes, task.spec);
+    if (own.workload == nullptr) return {std::nullopt, own.problem};
+    known = {own.workload, task.spec, encoded_bytes(own.workload->parameters)};
   }
   if (task.spec != known.spec) {
     return {std::nullopt, task.workload +

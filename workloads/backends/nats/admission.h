@@ -1,4 +1,5 @@
-// What a worker computes: workloads that it knows, with the sizes that it knows, and nothing else.
+// What a worker computes: workloads that it knows, with the sizes that it knows, or those that its
+// own makers make of a picture's, and nothing else.
 // Pure; what it admits is ready to be computed, and what it does not was never allocated.
 #pragma once
 
@@ -6,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "workloads/backends/nats/own_sizes.h"
 #include "workloads/backends/nats/wire.h"
 
 namespace pirt::cloud {
@@ -33,6 +35,7 @@ class Admission {
     std::uint64_t parameter_bytes = 0;  ///< As encode_tensors writes them.
   };
   std::map<std::string, Known, std::less<>> known_;
+  OwnSizes own_sizes_;
 };
 
 }  // namespace pirt::cloud

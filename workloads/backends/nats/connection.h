@@ -102,11 +102,16 @@ struct Stored {
 };
 [[nodiscard]] Stored read_stored(int status, ByteView data);
 
-/// Puts a blob's chunks on the stream under "PREFIX.N", and goes on where it was after a lost link.
-/// @return  The problem, in one line; empty = it is there.
-[[nodiscard]] std::string put_blob(Connection& connection, const std::string& prefix,
-                                   ByteView bytes, std::uint32_t chunk_bytes,
-                                   const std::function<bool()>& stop);
+struct Put {
+  std::string problem = {};  ///< In one line; empty = it is there.
+  std::uint32_t stored = 0;  ///< All chunks before it are.
+};
+/// Puts a blob's chunks on the stream under "PREFIX.N", some at a time, and goes on where it was
+/// after a lost link.
+/// @param first  Those before it are there already.
+[[nodiscard]] Put put_blob(Connection& connection, const std::string& prefix, ByteView bytes,
+                           std::uint32_t chunk_bytes, const std::function<bool()>& stop,
+                           std::uint32_t first = 0);
 
 struct Fetched {
   enum class How : std::uint8_t { kWhole, kMissing, kDamaged, kNoAnswer };

@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <condition_variable>
+#include <map>
 #include <mutex>
 #include <string>
 #include <utility>
 
 #include "workloads/backends/nats/nats_settings.h"
+#include "workloads/backends/nats/own_sizes.h"
 #include "workloads/backends/nats/robot_link.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/yaml.h"
@@ -33,27 +35,62 @@ Support support_of(const Workload& workload) {
 struct Flight {
   std::mutex mutex;
   std::condition_variable changed;
+  bool unwanted = false;  ///< Nobody waits for its end.
   bool stored = false, arrived = false;
   bool large = false;  ///< Its outputs have to be read after that.
   Nanos execute{0};
   std::optional<cloud::TaskEnd> end;
 };
 
+/// Parameters that kernels have, once each: those of the same content share their bytes.
+class SharedParameters {
+ public:
+  cloud::Parameters of(std::span<const Tensor> tensors, std::uint32_t chunk_bytes) {
+    auto bytes = std::make_shared<const cloud::Bytes>(cloud::encode_tensors(tensors));
+    const cloud::Digest digest = cloud::digest_of(*bytes);
+    const std::lock_guard lock(mutex_);
+    std::erase_if(known_, [](const auto& entry) { return entry.second.expired(); });
+    auto& known = known_[digest];
+    if (auto there = known.lock()) {
+      bytes = std::move(there);
+    } else {
+      known = bytes;
+    }
+    return {.blob = {digest, bytes->size(), chunk_bytes}, .bytes = std::move(bytes)};
+  }
+
+ private:
+  std::mutex mutex_;
+  std::map<cloud::Digest, std::weak_ptr<const cloud::Bytes>> known_;
+};
+
 class CloudKernel : public Kernel {
  public:
-  CloudKernel(cloud::RobotLink& link, const Workload& workload, std::span<const Tensor> parameters,
-              std::uint32_t chunk_bytes, Nanos patience)
-      : link_(link), workload_(workload), patience_(patience) {
+  CloudKernel(cloud::RobotLink& link, const Workload& workload,
+              std::optional<cloud::Parameters> parameters, Nanos patience)
+      : link_(link), workload_(workload), patience_(patience), parameters_(std::move(parameters)) {
     body_.workload = workload.name;
+    body_.sizes = cloud::sizes_of(workload);
     body_.spec = cloud::spec_digest(workload);
-    if (parameters.empty()) return;
-    auto bytes = std::make_shared<const cloud::Bytes>(cloud::encode_tensors(parameters));
-    parameters_ = {.blob = {cloud::digest_of(*bytes), bytes->size(), chunk_bytes}, .bytes = bytes};
-    body_.parameters = parameters_->blob;
+    if (parameters_) body_.parameters = parameters_->blob;
   }
   ~CloudKernel() override { withdraw(); }
 
+  /// From any thread: whoever waits for the call that is bound does so no longer.
+  void give_up() {
+    const std::lock_guard lock(mutex_);
+    unwanted_ = true;
+    if (flight_ == nullptr) return;
+    const std::lock_guard flight_lock(flight_->mutex);
+    flight_->unwanted = true;
+    flight_->changed.notify_all();
+  }
+
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
+    {
+      const std::lock_guard lock(mutex_);
+      unwanted_ = false;
+    }
     inputs_ = inputs;
     outputs_ = outputs;
   }
@@ -101,7 +138,11 @@ class CloudKernel : public Kernel {
 
  private:
   void submit() {
-    flight_ = std::make_shared<Flight>();
+    {
+      const std::lock_guard lock(mutex_);
+      flight_ = std::make_shared<Flight>();
+      flight_->unwanted = unwanted_;
+    }
     cloud::Submission submission{.body = bytes_, .parameters = parameters_};
     submission.stored = [flight = flight_] {
       const std::lock_guard lock(flight->mutex);
@@ -131,6 +172,11 @@ class CloudKernel : public Kernel {
     Nanos lost{0};
     std::unique_lock lock(flight_->mutex);
     while (!until(*flight_) && !flight_->end) {
+      if (flight_->unwanted) {
+        lock.unlock();
+        withdraw();
+        throw_environment(workload_.name + " was withdrawn");
+      }
       if (flight_->changed.wait_for(lock, kLook) == std::cv_status::no_timeout) continue;
       if (link_.availability() != cloud::Availability::kDown) {
         lost = Nanos::zero();
@@ -146,19 +192,24 @@ class CloudKernel : public Kernel {
     if (!flight_->end || flight_->end->how == cloud::CallEndKind::kDone) return;
     const std::string problem = flight_->end->problem;
     lock.unlock();
-    flight_.reset();
+    forget_flight();
     throw_environment(problem);
   }
 
   void finish() {
     wait([](const Flight&) { return false; });
     last_ = *std::move(flight_->end);
-    flight_.reset();
+    forget_flight();
   }
 
   void withdraw() {
     if (flight_ == nullptr) return;
     link_.cancel(task_);
+    forget_flight();
+  }
+
+  void forget_flight() {
+    const std::lock_guard lock(mutex_);
     flight_.reset();
   }
 
@@ -172,8 +223,10 @@ class CloudKernel : public Kernel {
   std::span<Tensor> outputs_;
   std::shared_ptr<const cloud::Bytes> bytes_;
   cloud::TaskId task_;
-  std::shared_ptr<Flight> flight_;
   cloud::TaskEnd last_;
+  std::mutex mutex_;                ///< Of what other threads look at: they read flight_ alone.
+  std::shared_ptr<Flight> flight_;  ///< Changed by the thread that uses the kernel.
+  bool unwanted_ = false;           ///< What is bound.
 };
 
 DeviceInfo device_info(const std::string& server) {
@@ -232,10 +285,13 @@ class CloudDevice : public Device, public Remote {
   [[nodiscard]] bool is_reachable() const override {
     return link_.availability() == cloud::Availability::kUp;
   }
+  [[nodiscard]] LinkEstimate link() const override { return link_.estimate(); }
+  void withdraw(Kernel& kernel) override { dynamic_cast<CloudKernel&>(kernel).give_up(); }
   [[nodiscard]] Support supports(const Workload& workload) const override {
     const Support support = support_of(workload);
     if (!support.ok) return support;
-    const std::string why = link_.why_not(workload.name, cloud::spec_digest(workload));
+    const bool any_size = !cloud::sizes_of(workload).empty();
+    const std::string why = link_.why_not(workload.name, cloud::spec_digest(workload), any_size);
     return {why.empty(), why};
   }
 
@@ -244,11 +300,14 @@ class CloudDevice : public Device, public Remote {
                                                     std::span<const Tensor> parameters) override {
     if (!link_.wait_until_up(std::min(kOpening, patience_))) throw_environment(link_.why_down());
     constexpr std::uint32_t kChunk = 256 << 10;  // a part of any server's limit
-    return std::make_unique<CloudKernel>(link_, workload, parameters, kChunk, patience_);
+    std::optional<cloud::Parameters> given;
+    if (!parameters.empty()) given = parameters_.of(parameters, kChunk);
+    return std::make_unique<CloudKernel>(link_, workload, std::move(given), patience_);
   }
 
   std::string server_;
   Nanos patience_;
+  SharedParameters parameters_;
   cloud::RobotLink link_;
 };
 

@@ -81,7 +81,10 @@ class ProcessComputer : public Computer {
                               Nanos& took) override {
     if (process_ <= 0) start();
     const Bytes tensors = encode_tensors(inputs);
-    TaskBody body{.workload = workload.name, .spec = spec_digest(workload), .tensors = tensors};
+    TaskBody body{.workload = workload.name,
+                  .sizes = sizes_of(workload),
+                  .spec = spec_digest(workload),
+                  .tensors = tensors};
     if (parameters != nullptr) body.parameters = Blob{content, 1, kLeastChunkBytes};
     const Line line(line_);
     std::uint64_t word = 0, nanos = 0;

@@ -254,14 +254,15 @@ std::int64_t RobotLink::malformed() const {
   return malformed_;
 }
 
-std::string RobotLink::why_not(const std::string& workload, const Digest& spec) const {
+std::string RobotLink::why_not(const std::string& workload, const Digest& spec,
+                               bool any_size) const {
   const std::lock_guard lock(mutex_);
   std::string why;
   for (const auto& [name, worker] : workers_) {
     why = "worker " + name + " (pirt " + worker.version + ") does not know " + workload;
     for (const auto& known : worker.workloads) {
       if (known.workload != workload) continue;
-      if (known.spec == spec) return "";
+      if (any_size || known.spec == spec) return "";
       why = "worker " + name + " (pirt " + worker.version + ") has another " + workload +
             ": other sizes, or another version of pirt";
     }
@@ -355,8 +356,10 @@ void RobotLink::send_blobs(const TaskId& task, std::uint32_t send, std::optional
   const auto chunk = static_cast<std::uint32_t>(connection_->chunk_bytes());
   moves_.post([this, task, send, time_left, chunk, body = std::move(body)] {
     const Nanos begin = mailbox_.now();
-    const std::string problem = put_blob(*connection_, in_prefix(options_.robot, task), *body,
-                                         chunk, [this] { return stopping_.load(); });
+    const std::string problem =
+        put_blob(*connection_, in_prefix(options_.robot, task), *body, chunk, [this] {
+          return stopping_.load();
+        }).problem;
     const Sent all{task, send, begin, body->size()};
     const TaskMessage message{.task = task,
                               .send = send,
@@ -388,13 +391,23 @@ void RobotLink::send_parameters(const TaskId& task) {
     });
   }
   if (!running.submission.parameters) return;
-  moves_.post([this, parameters = *running.submission.parameters] {
-    const std::string problem = put_blob(
+  Parameters parameters = *running.submission.parameters;
+  const auto [moved, is_new] = parameters_.try_emplace(parameters.blob.digest);
+  if (!is_new && moved->second.moving) return;  // Every worker asks until they are there.
+  moved->second.moving = true;
+  moves_.post([this, parameters = std::move(parameters), first = moved->second.stored] {
+    const Put put = put_blob(
         *connection_, chunks_subject("par", options_.robot, parameters.blob.digest.hex()),
-        *parameters.bytes, parameters.blob.chunk_bytes, [this] { return stopping_.load(); });
-    if (problem.empty()) return;
-    const std::lock_guard lock(mutex_);
-    problem_ = problem;
+        *parameters.bytes, parameters.blob.chunk_bytes, [this] { return stopping_.load(); }, first);
+    mailbox_.post([this, digest = parameters.blob.digest, put] {
+      if (put.problem.empty()) {
+        parameters_.erase(digest);  // Who asks again has lost them.
+        return;
+      }
+      parameters_[digest] = {.moving = false, .stored = put.stored};
+      const std::lock_guard lock(mutex_);
+      problem_ = put.problem;
+    });
   });
 }
 

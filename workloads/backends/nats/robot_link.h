@@ -20,6 +20,7 @@
 #include "workloads/backends/nats/caller.h"
 #include "workloads/backends/nats/connection.h"
 #include "workloads/backends/nats/mailbox.h"
+#include "workloads/model/remote.h"
 
 namespace pirt::cloud {
 
@@ -35,12 +36,6 @@ struct RobotOptions {
 struct Parameters {
   Blob blob;
   std::shared_ptr<const Bytes> bytes;
-};
-
-/// What was measured of the link while running.
-struct LinkEstimate {
-  std::optional<Nanos> round_trip;    ///< Of a message that is stored.
-  std::optional<double> bytes_per_s;  ///< To the server.
 };
 
 /// How a task ended, with durations of this clock or of the worker's, never differences of both.
@@ -88,13 +83,16 @@ class RobotLink {
   [[nodiscard]] bool wait_until_up(Nanos most);
   /// Why it is not up, in one line with the remedy; empty if it is.
   [[nodiscard]] std::string why_down() const;
+  /// Round trip of a message that is stored; bandwidth to the server.
   [[nodiscard]] LinkEstimate estimate() const;
   [[nodiscard]] CallerCounts counts() const;
   /// Messages that were none.
   [[nodiscard]] std::int64_t malformed() const;
   /// Why no worker that was heard computes it: nobody knows it, or it is something else there;
   /// empty if one does, or nobody was heard.
-  [[nodiscard]] std::string why_not(const std::string& workload, const Digest& spec) const;
+  /// @param any_size  A worker that has it in other sizes makes it in these.
+  [[nodiscard]] std::string why_not(const std::string& workload, const Digest& spec,
+                                    bool any_size = false) const;
 
  private:
   struct Running {
@@ -137,6 +135,11 @@ class RobotLink {
   std::unique_ptr<Caller> caller_;  ///< As what follows: of the thread that serves.
   std::map<TaskId, Running> running_;
   std::map<std::string, Sent> sent_;
+  struct Moved {
+    bool moving = false;
+    std::uint32_t stored = 0;  ///< Where it goes on.
+  };
+  std::map<Digest, Moved> parameters_;  ///< That are on their way, or were and did not get there.
   std::uint64_t next_sent_ = 0;
   bool closing_ = false;
   Nanos ask_again_at_ = Nanos::max();  ///< For whether the server has replies for this robot.

@@ -455,7 +455,8 @@ Payload WorkerLink::outputs(const TaskKey& key, Bytes bytes) {
   const Blob blob{digest_of(bytes), bytes.size(), static_cast<std::uint32_t>(chunk)};
   const std::string problem =
       put_blob(*connection_, chunks_subject("out", key.robot, key.task.hex()), bytes,
-               blob.chunk_bytes, [this] { return stopping_.load(); });
+               blob.chunk_bytes, [this] { return stopping_.load(); })
+          .problem;
   if (!problem.empty()) throw_environment("its outputs could not be stored: " + problem);
   return blob;
 }

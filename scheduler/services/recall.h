@@ -1,0 +1,28 @@
+// When a task with a deadline has to be back from the cloud, to be done in time by the robot
+// itself.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "scheduler/mix/task.h"
+#include "scheduler/services/scenario.h"
+
+namespace pirt {
+
+struct RecallLead {
+  Nanos before_deadline{0};
+  UnitMask from = 0;
+
+  /// @param deadline  When the pipeline's last task should be complete.
+  [[nodiscard]] Recall recall(Nanos deadline) const { return {deadline - before_deadline, from}; }
+};
+
+/// By task of the pipeline: what it, and the longest way from it to the end, take on the robot's
+/// own units, on the slowest that may serve each, since nobody knows which will. Absent for a task
+/// that no cloud may serve, or nobody else.
+[[nodiscard]] std::vector<std::optional<RecallLead>> recall_leads(const Scenario& scenario,
+                                                                  std::size_t pipeline);
+
+}  // namespace pirt

@@ -1,0 +1,234 @@
+// A unit that computes elsewhere: several calls under way, calls that are taken back, a link that
+// is lost.
+#include "scheduler/runtime/kernel_unit.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+
+#include "tests/support/errors.h"
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::AllOf;
+using testing::HasSubstr;
+
+/// What happens elsewhere, as the test wants it.
+struct Elsewhere {
+  std::mutex mutex;
+  std::condition_variable changed;
+  int under_way = 0, prepared = 0;
+  bool answers = false, reachable = true;
+
+  template <typename Until>
+  [[nodiscard]] bool wait(Until until) {
+    std::unique_lock lock(mutex);
+    return changed.wait_for(lock, 20s, until);
+  }
+  template <typename Change>
+  void change(Change change) {
+    {
+      const std::lock_guard lock(mutex);
+      change();
+    }
+    changed.notify_all();
+  }
+};
+
+class FarKernel : public Kernel {
+ public:
+  explicit FarKernel(Elsewhere& there) : there_(there) {}
+  void bind(std::span<const Tensor>, std::span<Tensor>) override {
+    there_.change([this] { unwanted_ = false; });
+  }
+  std::optional<Nanos> execute(int) override {
+    there_.change([this] { ++there_.under_way; });
+    bool answered = false;
+    const bool ended = there_.wait([&] {
+      answered = there_.answers && there_.reachable && !unwanted_;
+      return answered || !there_.reachable || unwanted_;
+    });
+    there_.change([this] { --there_.under_way; });
+    if (!ended || !answered) throw_environment("it was not answered");
+    return std::nullopt;
+  }
+  void give_up() {
+    there_.change([this] { unwanted_ = true; });
+  }
+
+ private:
+  Elsewhere& there_;
+  bool unwanted_ = false;
+};
+
+class HereDevice : public Device {
+ public:
+  explicit HereDevice(Elsewhere& there) : there_(there) {}
+  [[nodiscard]] DeviceInfo info() const override {
+    return {.name = "test", .platform = {}, .version = {}};
+  }
+  [[nodiscard]] Support supports(const Workload&) const override { return {true, ""}; }
+
+ protected:
+  Elsewhere& there_;
+
+ private:
+  [[nodiscard]] std::unique_ptr<Kernel> make_kernel(const Workload&,
+                                                    std::span<const Tensor>) override {
+    there_.change([this] { ++there_.prepared; });
+    return std::make_unique<FarKernel>(there_);
+  }
+};
+
+class FarDevice : public HereDevice, public Remote {
+ public:
+  using HereDevice::HereDevice;
+  [[nodiscard]] bool is_reachable() const override {
+    const std::lock_guard lock(there_.mutex);
+    return there_.reachable;
+  }
+  [[nodiscard]] LinkEstimate link() const override { return {from_ms(3), 1e6}; }
+  void withdraw(Kernel& kernel) override { dynamic_cast<FarKernel&>(kernel).give_up(); }
+};
+
+class TestBackend : public Backend {
+ public:
+  TestBackend(Elsewhere& there, bool far) : there_(there), far_(far) {}
+  [[nodiscard]] std::string_view name() const override { return "test"; }
+  [[nodiscard]] std::string_view description() const override { return "a test's"; }
+  [[nodiscard]] std::vector<Phase> phases() const override { return {Phase::kExecute}; }
+  [[nodiscard]] Probe probe() const override { return {true, "", {}}; }
+  [[nodiscard]] Support supports(const Workload&) const override { return {true, ""}; }
+  [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest&) const override {
+    if (far_) return std::make_unique<FarDevice>(there_);
+    return std::make_unique<HereDevice>(there_);
+  }
+
+ private:
+  Elsewhere& there_;
+  bool far_;
+};
+
+class KernelUnitElsewhere : public testing::Test {
+ protected:
+  KernelUnitElsewhere() { workload_.name = "far"; }
+  std::unique_ptr<KernelUnit> open(int lanes, bool far = true) {
+    UnitSetup setup{.request = {.unit = "cloud", .cores = {}, .device = {}, .script = {}},
+                    .backend = far ? &far_ : &here_,
+                    .preparations = {{.workload = &workload_, .sample = sample_}},
+                    .prepare_first = false,
+                    .lanes = lanes};
+    auto unit = std::make_unique<KernelUnit>(std::move(setup), [this](Call& call, CallEnd end) {
+      there_.change([&] { ends_[call.token] = std::move(end); });
+    });
+    return unit;
+  }
+  Call call(std::uint64_t token) {
+    return {.workload = &workload_,
+            .inputs = {},
+            .outputs = std::make_shared<std::vector<Tensor>>(),
+            .token = token};
+  }
+  [[nodiscard]] bool wait_for_end(std::uint64_t token) {
+    return there_.wait([&] { return ends_.contains(token); });
+  }
+  [[nodiscard]] bool wait_for_under_way(int number) {
+    return there_.wait([&] { return there_.under_way == number; });
+  }
+
+  Elsewhere there_;
+  Workload workload_;
+  std::shared_ptr<const Data> sample_ = std::make_shared<Data>();
+  TestBackend far_{there_, true}, here_{there_, false};
+  std::map<std::uint64_t, CallEnd> ends_;
+};
+
+TEST_F(KernelUnitElsewhere, HasAsManyCallsUnderWayAsLanes) {
+  const auto unit = open(3);
+  ASSERT_TRUE(unit->wait_until_ready(20s));
+  for (std::uint64_t token = 1; token <= 5; ++token) unit->run(call(token));
+  ASSERT_TRUE(wait_for_under_way(3));
+  EXPECT_EQ(unit->running().size(), 3U);
+  EXPECT_EQ(unit->link().value().round_trip, from_ms(3));
+  there_.change([this] { there_.answers = true; });
+  for (std::uint64_t token = 1; token <= 5; ++token) {
+    ASSERT_TRUE(wait_for_end(token));
+    EXPECT_EQ(ends_[token].outcome, Outcome::kCompleted);
+    EXPECT_FALSE(ends_[token].excused);
+  }
+  EXPECT_EQ(there_.prepared, 3) << "a kernel is used by one thread at a time";
+}
+
+TEST_F(KernelUnitElsewhere, GivesBackWhatNobodyWantsThereAndThatAlone) {
+  const auto unit = open(2);
+  ASSERT_TRUE(unit->wait_until_ready(20s));
+  unit->run(call(1));
+  unit->run(call(2));
+  ASSERT_TRUE(wait_for_under_way(2));
+  unit->request_stop(1);
+  ASSERT_TRUE(wait_for_end(1));
+  EXPECT_EQ(ends_[1].outcome, Outcome::kReturned);
+  EXPECT_TRUE(ends_[1].excused);
+  EXPECT_EQ(ends_.size(), 1U);
+  there_.change([this] { there_.answers = true; });
+  ASSERT_TRUE(wait_for_end(2));
+  EXPECT_EQ(ends_[2].outcome, Outcome::kCompleted);
+  // The lane whose call was taken back is as good as new.
+  unit->run(call(3));
+  unit->run(call(4));
+  ASSERT_TRUE(wait_for_end(3) && wait_for_end(4));
+  EXPECT_EQ(ends_[3].outcome, Outcome::kCompleted);
+  EXPECT_EQ(ends_[4].outcome, Outcome::kCompleted);
+}
+
+TEST_F(KernelUnitElsewhere, GivesBackWhatIsNotWantedBeforeItBegan) {
+  const auto unit = open(1);
+  ASSERT_TRUE(unit->wait_until_ready(20s));
+  unit->run(call(1));
+  ASSERT_TRUE(wait_for_under_way(1));
+  unit->run(call(2));
+  unit->run(call(3));
+  EXPECT_TRUE(unit->request_stop(2));
+  EXPECT_FALSE(unit->request_stop(2)) << "it is no news";
+  EXPECT_FALSE(unit->request_stop(4)) << "there is none";
+  there_.change([this] { there_.answers = true; });
+  ASSERT_TRUE(wait_for_end(3));
+  EXPECT_EQ(ends_[1].outcome, Outcome::kCompleted);
+  EXPECT_EQ(ends_[2].outcome, Outcome::kReturned);
+  EXPECT_TRUE(ends_[2].excused);
+  EXPECT_EQ(ends_[3].outcome, Outcome::kCompleted);
+}
+
+TEST_F(KernelUnitElsewhere, ItsEndWaitsForNoAnswer) {
+  auto unit = open(2);
+  ASSERT_TRUE(unit->wait_until_ready(20s));
+  for (std::uint64_t token = 1; token <= 3; ++token) unit->run(call(token));
+  ASSERT_TRUE(wait_for_under_way(2));
+  unit.reset();
+  EXPECT_EQ(there_.under_way, 0);
+  EXPECT_FALSE(ends_.contains(3)) << "it had not begun";
+}
+
+TEST_F(KernelUnitElsewhere, WhatIsGivenBackWhileItIsOutOfReachIsExcused) {
+  const auto unit = open(1);
+  ASSERT_TRUE(unit->wait_until_ready(20s));
+  unit->run(call(1));
+  ASSERT_TRUE(wait_for_under_way(1));
+  there_.change([this] { there_.reachable = false; });
+  ASSERT_TRUE(wait_for_end(1));
+  EXPECT_EQ(ends_[1].outcome, Outcome::kReturned);
+  EXPECT_TRUE(ends_[1].excused);
+}
+
+TEST_F(KernelUnitElsewhere, WhatComputesHereServesOneCallAfterTheOther) {
+  const auto unit = open(4, false);
+  EXPECT_THAT(test::bad_input([&] { static_cast<void>(unit->wait_until_ready(20s)); }),
+              AllOf(HasSubstr("4 servers"), HasSubstr("one call after the other")));
+}
+
+}  // namespace
+}  // namespace pirt
