@@ -24,6 +24,10 @@ void add_bundle_adjust(CLI::App& app, Action& action);
 void add_generate_bal(CLI::App& app, Action& action);
 void add_cloud_worker(CLI::App& app, Action& action);
 void add_cloud_admin(CLI::App& app, Action& action);
+/// Hidden: what the completion of shells asks for.
+void add_complete(CLI::App& app, Action& action);
+/// Hidden: what the build makes manual pages with.
+void add_manual(CLI::App& app, Action& action);
 /// Hidden: the body of the processes that `cloud-worker` starts.
 void add_cloud_slot(CLI::App& app, Action& action);
 /// Hidden: the body of the processes that `regress` starts, of this and other versions.

@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "cli/commands.h"
+#include "cli/version.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/printable.h"
 
@@ -38,6 +39,8 @@ constexpr AddCommand* kCommands[] = {
     add_cloud_admin,    //
     add_cloud_slot,     //
     add_sample,         //
+    add_complete,       //
+    add_manual,         //
     add_worker,
 };
 
@@ -61,7 +64,7 @@ int main(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);
   if (!pirt::cli::occupy_standard_streams()) return pirt::kExitEnvironment;
   try {
-    return pirt::cli::run(pirt::cli::kCommands, argc, argv);
+    return pirt::cli::run(pirt::cli::kCommands, pirt::cli::version_text, argc, argv);
   } catch (const pirt::Error& error) {
     std::fprintf(stderr, "pirt: %s\n", pirt::printable(error.what()).c_str());
     return pirt::exit_code(error.code());

@@ -96,15 +96,15 @@ TEST(SourceTree, RoomsIncludeThoseBeforeThem) {
        "workloads/catalog"},
       {"characterize/statistics", "characterize/machine", "characterize/platform",
        "characterize/profile", "characterize/profile/store", "characterize/energy",
-       "characterize/worker", "characterize/campaign", "characterize/doctor", "characterize/duet",
-       "characterize/tune"},
+       "characterize/worker", "characterize/campaign",
+       "characterize/doctor", "characterize/duet", "characterize/tune"},
       {"scheduler/mix", "scheduler/services", "scheduler/planner", "scheduler/policies",
        "scheduler/dispatcher", "scheduler/record", "scheduler/trace", "scheduler/virtual",
        "scheduler/runtime", "scheduler/robot", "scheduler/bounds", "scheduler"},
       {"reports/document", "reports/profile", "reports/run", "reports/paper", "reports/export",
        "reports/gate", "reports/tools", "reports"},
-      {"cli/options", "cli", "cli/commands/measure", "cli/commands/schedule", "cli/commands/robot",
-       "cli/commands/show", "cli/commands/gate"}};
+      {"cli/options", "cli/guide", "cli", "cli/commands/measure", "cli/commands/schedule",
+       "cli/commands/robot", "cli/commands/show", "cli/commands/gate"}};
   const auto room_of = [](const std::vector<std::string>& house, const std::string& path) {
     const auto folder = fs::path(path).parent_path().string();
     return std::ranges::find(house, folder) - house.begin();

@@ -13,6 +13,7 @@
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "cli/options/profile_platform.h"
+#include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "reports/document/document.h"
 #include "reports/run/robot_report.h"
@@ -220,11 +221,12 @@ void add_run_robot(CLI::App& app, Action& action) {
       "--compare", &options->compare,
       "Instead of --mode: first serially without the runtime, then live in these modes, with "
       "commas (default: the paper's), shown as one table");
-  compare.takes(0, 1).type("MODE,...");
+  compare.takes(0, 1).type("MODE,...").offers(runtime_policy_names());
   command.add_flag("--serial", options->serial, "In one thread, without the runtime");
   add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file (default: the profile's, else host)",
-            FileUse::kReadIfFile);
+            FileUse::kReadIfFile)
+      .offers(offer_platforms());
   add_settings(command, options->settings);
   add_input(command, "--profile", &options->profile,
             "Profile database of pirt characterize; without one all units count as equally fast");
