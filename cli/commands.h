@@ -7,6 +7,7 @@ namespace pirt::cli {
 
 void add_list(CLI::App& app, Action& action);
 void add_characterize(CLI::App& app, Action& action);
+void add_import(CLI::App& app, Action& action);
 void add_tune(CLI::App& app, Action& action);
 void add_doctor(CLI::App& app, Action& action);
 void add_schedule(CLI::App& app, Action& action);

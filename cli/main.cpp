@@ -20,6 +20,7 @@ namespace {
 constexpr AddCommand* kCommands[] = {
     add_list,           //
     add_characterize,   //
+    add_import,         //
     add_tune,           //
     add_doctor,         //
     add_schedule,       //

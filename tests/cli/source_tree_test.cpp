@@ -96,7 +96,7 @@ TEST(SourceTree, RoomsIncludeThoseBeforeThem) {
        "workloads/catalog"},
       {"characterize/statistics", "characterize/machine", "characterize/platform",
        "characterize/profile", "characterize/profile/store", "characterize/energy",
-       "characterize/worker", "characterize/campaign",
+       "characterize/worker", "characterize/campaign", "characterize/published",
        "characterize/doctor", "characterize/duet", "characterize/tune"},
       {"scheduler/mix", "scheduler/services", "scheduler/planner", "scheduler/policies",
        "scheduler/dispatcher", "scheduler/record", "scheduler/trace", "scheduler/virtual",
