@@ -14,6 +14,8 @@ PIRT_TEST_PACKAGES=(ccache libgtest-dev libgmock-dev chromium chromium-driver ba
 PIRT_DSP_PACKAGES=(clang-14 lld-14 qemu-user)
 # Backend nats, the cloud: its libraries, and the server that tests start; likewise.
 PIRT_NATS_PACKAGES=(libnats-dev nats-server)
+# Bags of ROS 1 that are compressed; without them such a bag is refused by name.
+PIRT_BAG_PACKAGES=(libbz2-dev liblz4-dev)
 PIRT_FPGA_PACKAGES=(verilator)  # backend fpga, in the same way
 
 say() { printf '== %s\n' "$*"; }

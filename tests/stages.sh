@@ -3,7 +3,7 @@
 # READS: the paths (pathspecs of git) that it compiles and reads; it is run again when one of them has changed. INSTALLS: packages.
 # COMMAND: words, or a function below. None takes longer than 20 minutes on two quiet cores.
 
-base="${PIRT_PACKAGES[*]} ${PIRT_TEST_PACKAGES[*]} ${PIRT_DSP_PACKAGES[*]} ${PIRT_NATS_PACKAGES[*]} ${PIRT_FPGA_PACKAGES[*]}"
+base="${PIRT_PACKAGES[*]} ${PIRT_TEST_PACKAGES[*]} ${PIRT_DSP_PACKAGES[*]} ${PIRT_NATS_PACKAGES[*]} ${PIRT_BAG_PACKAGES[*]} ${PIRT_FPGA_PACKAGES[*]}"
 all='. :!tests/run.sh :!tests/stages.sh :!cli/demo.sh :!tests/bench/README.md'
 # What the tests of a folder compile: it, and those that it may include.
 common='CMakeLists.txt CMakePresets.json README.md tests/CMakeLists.txt tests/*.cmake tests/support'
