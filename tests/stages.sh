@@ -17,6 +17,7 @@ layers=(workloads characterize scheduler reports cli)
 
 stage tests "$all" "$base" "every test, built with g++" usual_tests
 stage format "*.cpp *.h .clang-format" "git clang-format-14" "format of the sources" check_format
+stage yaml ".yamllint cli/ci *.yaml" "yamllint" "workflows and shipped YAML, linted" yamllint --strict -c .yamllint cli/ci characterize/platform/platforms scheduler/mix/mixes
 stage page-script "reports/document/*.js reports/document/.eslintrc.json" "eslint" "the page's script, linted" check_page_script
 stage clang "$all" "$base clang-14" "clang 14 builds all of it without a warning" build_clang
 stage headers "$all" "$base clang-14" "each header compiles alone" check_headers
