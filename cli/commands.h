@@ -7,6 +7,7 @@ namespace pirt::cli {
 
 void add_list(CLI::App& app, Action& action);
 void add_characterize(CLI::App& app, Action& action);
+void add_import(CLI::App& app, Action& action);
 void add_tune(CLI::App& app, Action& action);
 void add_doctor(CLI::App& app, Action& action);
 void add_schedule(CLI::App& app, Action& action);
@@ -25,6 +26,10 @@ void add_bundle_adjust(CLI::App& app, Action& action);
 void add_generate_bal(CLI::App& app, Action& action);
 void add_cloud_worker(CLI::App& app, Action& action);
 void add_cloud_admin(CLI::App& app, Action& action);
+/// Hidden: what the completion of shells asks for.
+void add_complete(CLI::App& app, Action& action);
+/// Hidden: what the build makes manual pages with.
+void add_manual(CLI::App& app, Action& action);
 /// Hidden: the body of the processes that `cloud-worker` starts.
 void add_cloud_slot(CLI::App& app, Action& action);
 /// Hidden: the body of the processes that `regress` starts, of this and other versions.

@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "cli/commands.h"
+#include "cli/version.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/printable.h"
 
@@ -19,6 +20,7 @@ namespace {
 constexpr AddCommand* kCommands[] = {
     add_list,           //
     add_characterize,   //
+    add_import,         //
     add_tune,           //
     add_doctor,         //
     add_schedule,       //
@@ -39,6 +41,8 @@ constexpr AddCommand* kCommands[] = {
     add_cloud_admin,    //
     add_cloud_slot,     //
     add_sample,         //
+    add_complete,       //
+    add_manual,         //
     add_worker,
 };
 
@@ -62,7 +66,7 @@ int main(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);
   if (!pirt::cli::occupy_standard_streams()) return pirt::kExitEnvironment;
   try {
-    return pirt::cli::run(pirt::cli::kCommands, argc, argv);
+    return pirt::cli::run(pirt::cli::kCommands, pirt::cli::version_text, argc, argv);
   } catch (const pirt::Error& error) {
     std::fprintf(stderr, "pirt: %s\n", pirt::printable(error.what()).c_str());
     return pirt::exit_code(error.code());

@@ -9,11 +9,13 @@ PIRT_PACKAGES=(
   coinor-libclp-dev libceres-dev
   node-d3
 )
-PIRT_TEST_PACKAGES=(ccache libgtest-dev libgmock-dev chromium chromium-driver)
+PIRT_TEST_PACKAGES=(ccache libgtest-dev libgmock-dev chromium chromium-driver bash-completion mandoc yamllint python3-jsonschema)
 # Backend dsp: its program's compiler and linker, and the emulator; without them it says so, and its tests are skipped.
 PIRT_DSP_PACKAGES=(clang-14 lld-14 qemu-user)
 # Backend nats, the cloud: its libraries, and the server that tests start; likewise.
 PIRT_NATS_PACKAGES=(libnats-dev nats-server)
+# Bags of ROS 1 that are compressed; without them such a bag is refused by name.
+PIRT_BAG_PACKAGES=(libbz2-dev liblz4-dev)
 PIRT_FPGA_PACKAGES=(verilator)  # backend fpga, in the same way
 
 say() { printf '== %s\n' "$*"; }

@@ -3,7 +3,7 @@
 # READS: the paths (pathspecs of git) that it compiles and reads; it is run again when one of them has changed. INSTALLS: packages.
 # COMMAND: words, or a function below. None takes longer than 20 minutes on two quiet cores.
 
-base="${PIRT_PACKAGES[*]} ${PIRT_TEST_PACKAGES[*]} ${PIRT_DSP_PACKAGES[*]} ${PIRT_NATS_PACKAGES[*]} ${PIRT_FPGA_PACKAGES[*]}"
+base="${PIRT_PACKAGES[*]} ${PIRT_TEST_PACKAGES[*]} ${PIRT_DSP_PACKAGES[*]} ${PIRT_NATS_PACKAGES[*]} ${PIRT_BAG_PACKAGES[*]} ${PIRT_FPGA_PACKAGES[*]}"
 all='. :!tests/run.sh :!tests/stages.sh :!cli/demo.sh :!tests/bench/README.md'
 # What the tests of a folder compile: it, and those that it may include.
 common='CMakeLists.txt CMakePresets.json README.md tests/CMakeLists.txt tests/*.cmake tests/support'
@@ -17,6 +17,7 @@ layers=(workloads characterize scheduler reports cli)
 
 stage tests "$all" "$base" "every test, built with g++" usual_tests
 stage format "*.cpp *.h .clang-format" "git clang-format-14" "format of the sources" check_format
+stage yaml ".yamllint cli/ci *.yaml" "yamllint" "workflows and shipped YAML, linted" yamllint --strict -c .yamllint cli/ci characterize/platform/platforms scheduler/mix/mixes
 stage page-script "reports/document/*.js reports/document/.eslintrc.json" "eslint" "the page's script, linted" check_page_script
 stage clang "$all" "$base clang-14" "clang 14 builds all of it without a warning" build_clang
 stage headers "$all" "$base clang-14" "each header compiles alone" check_headers

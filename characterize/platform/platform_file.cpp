@@ -319,7 +319,10 @@ WorkloadModel read_workload(const YamlNode& node, const Platform& platform) {
 }
 
 void read_workloads(const YamlNode& node, Platform& platform) {
-  const auto known = workload_names();
+  auto known = workload_names();
+  for (const auto& name : node.keys()) {
+    if (is_foreign(name)) known.push_back(name);
+  }
   node.check_keys(known);
   for (const auto& name : node.keys()) {
     platform.workloads.emplace(name, read_workload(node.at(name), platform));

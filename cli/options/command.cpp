@@ -7,15 +7,42 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <map>
+#include <memory>
 #include <string_view>
 
 #include "cli/options/files.h"
+#include "cli/options/program.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/file_descriptor.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt::cli {
+
+/// A command with what its options have besides.
+class Subcommand : public CLI::App {
+ public:
+  using CLI::App::App;
+
+  [[nodiscard]] Option wrap(CLI::Option* option) { return {option, &facts_[option]}; }
+  /// Null for an option that CLI11 added by itself.
+  [[nodiscard]] const OptionFacts* find(const CLI::Option* option) const {
+    const auto found = facts_.find(option);
+    return found == facts_.end() ? nullptr : &found->second;
+  }
+
+ private:
+  std::map<const CLI::Option*, OptionFacts> facts_;
+};
+
 namespace {
+
+const OptionFacts& facts_of(const CLI::App& command, const CLI::Option* option) {
+  static const OptionFacts nothing;
+  const auto* subcommand = dynamic_cast<const Subcommand*>(&command);  // not the program itself
+  const OptionFacts* facts = subcommand == nullptr ? nullptr : subcommand->find(option);
+  return facts == nullptr ? nothing : *facts;
+}
 
 std::vector<std::string> option_names(const CLI::App& app) {
   std::vector<std::string> names;
@@ -164,8 +191,14 @@ const Option& Option::reads_as(const std::function<std::string(std::string)>& ch
   return option_->transform(change), *this;
 }
 const Option& Option::with_commas() const {
+  facts_->with_commas = true;
   return option_->delimiter(',')->allow_extra_args(false), *this;
 }
+const Option& Option::offers(Offer offer) const { return facts_->offer = std::move(offer), *this; }
+const Option& Option::offers(std::vector<std::string> names) const {
+  return offers({.names = [names = std::move(names)](const TypedValue&) { return names; }});
+}
+const Option& Option::names_file(FileUse use) const { return facts_->file = use, *this; }
 const Option& Option::one_at_a_time() const { return option_->allow_extra_args(false), *this; }
 bool Option::given() const { return option_->count() > 0; }
 
@@ -173,36 +206,39 @@ std::vector<GivenOption> given_options(const CLI::App& command) {
   std::vector<GivenOption> given;
   for (const auto* option : command.get_options()) {
     if (option->count() == 0) continue;
-    given.push_back({option, option->get_name(), option->results()});
+    given.push_back({option->get_name(), option->results(), &facts_of(command, option)});
   }
   return given;
 }
 
 Command::Command(CLI::App& app, const std::string& name, const std::string& description) {
   const auto space = name.find(' ');
-  app_ = space == std::string::npos ? app.add_subcommand(name, description)
-                                    : app.get_subcommand(name.substr(0, space))
-                                          ->add_subcommand(name.substr(space + 1), description);
+  CLI::App* parent = &app;
+  if (space != std::string::npos) parent = app.get_subcommand(name.substr(0, space));
+  auto own = std::make_shared<Subcommand>(description, name.substr(space + 1));
+  own->formatter(app.get_formatter());
+  app_ = own.get();
+  parent->add_subcommand(std::move(own));
   app_->allow_extras();
   take_one(*app_);
   app_->add_flag(kQuiet)->description("Say nothing on stderr but an error that ends the command");
 }
 
 Option Command::add(const std::string& name, const Target& target, const std::string& help) {
-  return Option(
+  return app_->wrap(
       std::visit([&](auto* value) { return app_->add_option(name, *value, help); }, target));
 }
 
 Option Command::add(const std::string& name, const std::function<void(const std::string&)>& take,
                     const std::string& help) {
-  return Option(app_->add_option_function<std::string>(name, take, help));
+  return app_->wrap(app_->add_option_function<std::string>(name, take, help));
 }
 
 Option Command::add_flag(const std::string& name, bool& target, const std::string& help) {
-  return Option(app_->add_flag(name, target, help));
+  return app_->wrap(app_->add_flag(name, target, help));
 }
 
-Option Command::option(const std::string& name) const { return Option(app_->get_option(name)); }
+Option Command::option(const std::string& name) const { return app_->wrap(app_->get_option(name)); }
 
 void Command::footer(const std::string& text) { app_->footer(text); }
 
@@ -214,14 +250,55 @@ void Command::runs(Action& action, const Action& run) {
   });
 }
 
-int run(std::span<AddCommand* const> commands, int argc, char** argv) {
+namespace {
+
+OptionDescription describe(const CLI::App& command, const CLI::Option* option) {
+  OptionDescription described;
+  described.positional = option->get_positional();
+  if (described.positional) {
+    described.names.push_back(option->get_name(true));
+  } else {
+    for (const auto& name : option->get_snames()) described.names.push_back("-" + name);
+    for (const auto& name : option->get_lnames()) described.names.push_back("--" + name);
+  }
+  described.help = option->get_description();
+  described.type = option->get_type_size() == 0 ? "" : option->get_type_name();
+  described.standard = option->get_default_str();
+  described.required = option->get_required();
+  described.least_values = option->get_items_expected_min();
+  described.most_values = option->get_items_expected_max();
+  described.repeatable =
+      described.most_values > 1 || option->get_expected_max() > 1 || option->get_delimiter() != 0;
+  described.facts = facts_of(command, option);
+  for (const auto* needed : option->get_needs()) described.needs.push_back(needed->get_name());
+  for (const auto* other : option->get_excludes()) described.excludes.push_back(other->get_name());
+  return described;
+}
+
+}  // namespace
+
+CommandDescription describe(const CLI::App& app) {
+  CommandDescription described;
+  described.name = full_name(app);
+  described.help = app.get_description();
+  described.footer = app.get_footer();
+  for (const auto* option : app.get_options()) described.options.push_back(describe(app, option));
+  for (const auto* kind :
+       app.get_subcommands([](const CLI::App* a) { return !a->get_group().empty(); })) {
+    described.kinds.push_back(describe(*kind));
+  }
+  return described;
+}
+
+int run(std::span<AddCommand* const> commands, const std::function<std::string()>& version,
+        int argc, char** argv) {
   CLI::App app{
       "Characterizes robot workloads on every processing unit of a machine and schedules a robot's "
       "mix\n"
       "of them for latency, throughput or energy."};
   app.name("pirt");
   app.formatter(std::make_shared<HelpFormatter>());
-  app.set_version_flag("--version", std::string("pirt ") + PIRT_VERSION);
+  app.set_version_flag("--version", version);
   app.allow_extras();
   take_one(app);
   Action action;

@@ -39,6 +39,31 @@ class Problem {
   std::string range_;
 };
 
+/// What a command does with a file that it is given.
+enum class FileUse : std::uint8_t {
+  kRead,          ///< With all files below it, if it is a folder.
+  kReadIfFile,    ///< A name of something shipped, unless names_a_file().
+  kReadPictures,  ///< A picture, or a folder whose pictures are read.
+  kContinued,     ///< Read and added to: a database, a ledger, a tuning file.
+  kWritten,       ///< Replaced as a whole.
+};
+
+/// The value that a command line in the making has of an option, "--platform".
+using TypedValue = std::function<std::optional<std::string>(const std::string& option)>;
+
+/// The names that a shell offers for a value.
+struct Offer {
+  std::function<std::vector<std::string>(const TypedValue&)> names;
+  std::string suffix = {};  ///< What follows a name within the value: "=" of a unit's weight.
+};
+
+/// What CLI11 has no place for. The command owns it.
+struct OptionFacts {
+  std::optional<FileUse> file = std::nullopt;  ///< If its value names one.
+  Offer offer = {};                            ///< Without names: nothing is known.
+  bool with_commas = false;
+};
+
 /// Where the value of an option goes. An optional one stays absent without the option.
 using Target = std::variant<std::string*, std::optional<std::string>*, std::vector<std::string>*,
                             int*, std::optional<int>*, std::int64_t*, std::optional<std::int64_t>*,
@@ -47,7 +72,7 @@ using Target = std::variant<std::string*, std::optional<std::string>*, std::vect
 /// An option that was added.
 class Option {
  public:
-  explicit Option(CLI::Option* option) : option_(option) {}
+  Option(CLI::Option* option, OptionFacts* facts) : option_(option), facts_(facts) {}
   /// --help shows the value that the target has now.
   const Option& shows_default() const;
   const Option& required() const;
@@ -63,23 +88,30 @@ class Option {
   const Option& with_commas() const;
   /// Several values, each with the option before it.
   const Option& one_at_a_time() const;
+  /// What completion offers for its value.
+  const Option& offers(Offer offer) const;
+  const Option& offers(std::vector<std::string> names) const;
+  /// Its value names a file.
+  const Option& names_file(FileUse use) const;
   /// What becomes of a value before anything sees it.
   const Option& reads_as(const std::function<std::string(std::string)>& change) const;
   /// Whether the command line has it.
   [[nodiscard]] bool given() const;
-  [[nodiscard]] CLI::Option* get() const { return option_; }
 
  private:
   CLI::Option* option_;
+  OptionFacts* facts_;
 };
 
 /// An option that the command line has.
 struct GivenOption {
-  const CLI::Option* option;
   std::string name;
   std::vector<std::string> values;
+  const OptionFacts* facts;
 };
 [[nodiscard]] std::vector<GivenOption> given_options(const CLI::App& command);
+
+class Subcommand;
 
 class Command {
  public:
@@ -102,15 +134,17 @@ class Command {
   void runs(Action& action, const Action& run);
 
  private:
-  CLI::App* app_;
+  Subcommand* app_;
 };
 
 /// Adds a command to the program.
 using AddCommand = void(CLI::App& app, Action& action);
 
 /// Parses the command line, checks the files that it names, and runs the command.
+/// @param version  What --version prints.
 /// @throws Error{kBadInput} for what no command knows, with the nearest names.
 /// @return  The exit code.
-[[nodiscard]] int run(std::span<AddCommand* const> commands, int argc, char** argv);
+[[nodiscard]] int run(std::span<AddCommand* const> commands,
+                      const std::function<std::string()>& version, int argc, char** argv);
 
 }  // namespace pirt::cli

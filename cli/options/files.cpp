@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
-#include <map>
 
 #include "characterize/platform/platform.h"
 #include "workloads/backends/opencl/tuning/tuning_file.h"
@@ -39,12 +38,6 @@ std::string type_of(FileUse use) {
   return "OUTFILE";
 }
 
-/// What the options of this program that name files do with them; CLI11's have no place to say it.
-std::map<const CLI::Option*, FileUse>& file_options() {
-  static std::map<const CLI::Option*, FileUse> options;
-  return options;
-}
-
 bool is_written(FileUse use) { return use == FileUse::kWritten || use == FileUse::kContinued; }
 
 std::string problem_of_name(const std::string& name, FileUse use, bool stdout_takes_it) {
@@ -58,8 +51,8 @@ std::string problem_of_name(const std::string& name, FileUse use, bool stdout_ta
 }
 
 Option mark(Option option, FileUse use, bool stdout_takes_it = false) {
-  file_options()[option.get()] = use;
-  return option.type(type_of(use) + (stdout_takes_it ? "|-" : ""))
+  return option.names_file(use)
+      .type(type_of(use) + (stdout_takes_it ? "|-" : ""))
       .check([=](const std::string& name) { return problem_of_name(name, use, stdout_takes_it); });
 }
 
@@ -184,12 +177,11 @@ void add_json(Command& command, Output& output) {
 std::vector<NamedFile> given_files(const CLI::App& command) {
   std::vector<NamedFile> files;
   for (const GivenOption& option : given_options(command)) {
-    const auto file = file_options().find(option.option);
-    if (file == file_options().end()) continue;
-    const FileUse use = file->second;
+    const auto use = option.facts->file;
+    if (!use) continue;
     for (const auto& name : option.values) {
       if (use == FileUse::kReadIfFile && !names_a_file(name)) continue;
-      files.push_back({option.name, name, use});
+      files.push_back({option.name, name, *use});
     }
   }
   return files;

@@ -13,15 +13,6 @@
 
 namespace pirt::cli {
 
-/// What a command does with a file that it is given.
-enum class FileUse : std::uint8_t {
-  kRead,          ///< With all files below it, if it is a folder.
-  kReadIfFile,    ///< A name of something shipped, unless names_a_file().
-  kReadPictures,  ///< A picture, or a folder whose pictures are read.
-  kContinued,     ///< Read and added to: a database, a ledger, a tuning file.
-  kWritten,       ///< Replaced as a whole.
-};
-
 struct NamedFile {
   std::string option;  ///< As messages name it: "--db".
   std::filesystem::path path;

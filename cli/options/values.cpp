@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "cli/options/duration.h"
+#include "cli/options/shipped.h"
 #include "cli/options/weights.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/name_filter.h"
@@ -73,7 +74,8 @@ Option add_text(Command& command, const std::string& name, const Target& target,
 Option add_choice(Command& command, const std::string& name, const Target& target,
                   const std::string& type, const std::vector<std::string>& known,
                   const std::string& help) {
-  return add_value(command, name, target, type, not_among(known), help + ": " + join(known, " | "));
+  return add_value(command, name, target, type, not_among(known), help + ": " + join(known, " | "))
+      .offers(known);
 }
 
 Option add_list_of(Command& command, const std::string& name, std::vector<std::string>& values,
@@ -89,18 +91,20 @@ Option add_seed(Command& command, std::uint64_t& seed, const std::string& help) 
 Option add_settings(Command& command, std::vector<std::string>& settings) {
   return add_text(command, "--set", &settings, "UNIT.KEY=VALUE",
                   "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable")
-      .one_at_a_time();
+      .one_at_a_time()
+      .offers(offer_units("."));
 }
 
 Option add_filter(Command& command, std::string& filter, const std::string& what) {
   return add_value(
-      command, "--filter", &filter, "REGEX",
-      [](const std::string& text) {
-        static_cast<void>(NameFilter(text));  // names the option itself
-        return std::string();
-      },
-      "Regular expression (RE2 syntax: no look-ahead, no back-references): " + what +
-          " (default: all)");
+             command, "--filter", &filter, "REGEX",
+             [](const std::string& text) {
+               static_cast<void>(NameFilter(text));  // names the option itself
+               return std::string();
+             },
+             "Regular expression (RE2 syntax: no look-ahead, no back-references): " + what +
+                 " (default: all)")
+      .offers(offer_workloads());
 }
 
 }  // namespace pirt::cli

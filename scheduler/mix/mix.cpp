@@ -119,7 +119,7 @@ void read_ports(const YamlNode& node, NamedTask& named) {
 
 void read_workload(const YamlNode& node, MixTask& task) {
   task.workload = node.text();
-  if (!try_find_spec(task.workload)) {
+  if (!is_foreign(task.workload) && !try_find_spec(task.workload)) {
     node.fail("there is no workload '" + task.workload + "'" +
               suggestion(task.workload, workload_names()));
   }
@@ -139,7 +139,9 @@ NamedTask read_task(const YamlNode& node, const std::string& pipeline,
       {"name", "workload", "service_ms", "image_input", "inputs", "after", "state", "eligible"});
   NamedTask named{.task = {}, .after = {}, .ports = {}, .node = node};
   if (node.has("workload") == node.has("service_ms")) {
-    node.fail("needs one of workload (of the catalog) and service_ms ({unit: milliseconds})");
+    node.fail(
+        "needs one of workload (of the catalog, or a foreign one of a profile) and service_ms "
+        "({unit: milliseconds})");
   }
   if (node.has("workload")) {
     read_workload(node.at("workload"), named.task);

@@ -285,15 +285,22 @@ CostTable call_costs(const Platform& platform, const ServiceTable& services) {
 
 namespace {
 
-/// Whether anybody says what calls on the unit draw, if no meter has seen them.
-bool states_power(const Platform& platform, const UnitModel& unit) {
-  return !unit.measured() || platform.states_power(unit);
+/// Whether anybody says what calls on the unit draw, if no meter has seen them. A unit that is made
+/// of rows of @p profile alone, which others have published, has no watts by its model either.
+bool states_power(const Platform& platform, const UnitModel& unit, const Profile* profile) {
+  const bool of_rows =
+      profile != nullptr &&
+      std::ranges::find(profile->phases, unit.name, &PhaseRow::unit) != profile->phases.end() &&
+      std::ranges::none_of(platform.workloads, [&unit](const auto& entry) {
+        return entry.second.stages.contains(unit.name);
+      });
+  return (!unit.measured() && !of_rows) || platform.states_power(unit);
 }
 
 void warn_of_power(const Platform& platform, const Profile* profile,
                    std::vector<std::string>& warnings) {
   for (const UnitModel& unit : platform.units) {
-    if (states_power(platform, unit)) continue;
+    if (states_power(platform, unit, profile)) continue;
     const bool metered =
         profile != nullptr && std::ranges::any_of(profile->energies, [&unit](const EnergyRow& row) {
           return row.unit == unit.name && row.valid;
@@ -339,7 +346,8 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
                         : resolve({platform, profile, *workload, unit, options}, table.warnings));
       if (!row.back().service) continue;
       Service& service = *row.back().service;
-      service.energy_known = service.metered_j || states_power(platform, platform.units[unit]);
+      service.energy_known =
+          service.metered_j || states_power(platform, platform.units[unit], profile);
     }
   }
   return table;

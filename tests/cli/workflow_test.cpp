@@ -57,6 +57,39 @@ TEST(Workflow, WritesItsBaseOnTheDefaultBranchOnly) {
   EXPECT_EQ(writers, 1);
 }
 
+TEST_P(WorkflowFile, PassesYamllint) {
+  if (run("command -v yamllint").exit_code != 0) GTEST_SKIP() << "yamllint is not installed";
+  const std::string source = kSourceFolder;
+  const auto outcome = run("yamllint --strict -c " + source + "/.yamllint " + source + "/cli/ci/" +
+                           GetParam());
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
+}
+
+/// @source  GitHub's "Workflow syntax for GitHub Actions", of what is used here.
+TEST(Workflow, OfGithubHasTheKeysThatGithubReads) {
+  const auto known = [](const YAML::Node& map, const std::set<std::string>& keys) {
+    for (const auto& each : map) {
+      EXPECT_TRUE(keys.contains(each.first.Scalar())) << each.first.Scalar();
+    }
+  };
+  const YAML::Node file = YAML::LoadFile(std::string(kSourceFolder) + "/cli/ci/github.yml");
+  known(file, {"name", "on", "permissions", "env", "concurrency", "defaults", "jobs"});
+  for (const auto& job : file["jobs"]) {
+    known(job.second, {"name", "needs", "if", "runs-on", "permissions", "env", "timeout-minutes",
+                       "strategy", "container", "services", "steps"});
+    EXPECT_TRUE(job.second["runs-on"]);
+    for (const auto& step : job.second["steps"]) {
+      known(step, {"id", "name", "if", "uses", "run", "with", "env", "shell", "working-directory",
+                   "continue-on-error", "timeout-minutes"});
+      EXPECT_NE(step["uses"].IsDefined(), step["run"].IsDefined()) << "a step is one of the two";
+      if (!step["run"]) continue;
+      const Scratch scratch;
+      const auto script = scratch.write("step.sh", step["run"].Scalar());
+      EXPECT_EQ(run("bash -n " + script).err, "");
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Files, WorkflowFile, testing::Values("github.yml", "gitlab.yml"),
                          [](const auto& test) {
                            const std::string name = test.param;

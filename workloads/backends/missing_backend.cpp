@@ -31,4 +31,8 @@ std::unique_ptr<const Backend> make_missing_backend(std::string name, std::strin
   return std::make_unique<MissingBackend>(std::move(name), std::move(missing));
 }
 
+bool is_missing(const Backend& backend) {
+  return dynamic_cast<const MissingBackend*>(&backend) != nullptr;
+}
+
 }  // namespace pirt

@@ -12,5 +12,6 @@ namespace pirt {
 /// @param missing  What was not there when pirt was built, and the remedy, in one line.
 [[nodiscard]] std::unique_ptr<const Backend> make_missing_backend(std::string name,
                                                                   std::string missing);
+[[nodiscard]] bool is_missing(const Backend& backend);
 
 }  // namespace pirt

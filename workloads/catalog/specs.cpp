@@ -43,6 +43,23 @@ std::optional<WorkloadSpec> try_find_spec(std::string_view name) {
   return workload == nullptr ? std::nullopt : std::optional(spec_of(*workload));
 }
 
-WorkloadSpec find_spec(std::string_view name) { return spec_of(all_specs().find(name)); }
+bool is_foreign(std::string_view name) {
+  const auto dot = name.find('.');
+  return dot != std::string_view::npos && dot > 0 && dot + 1 < name.size();
+}
+
+WorkloadSpec find_spec(const std::string& name) {
+  static const std::vector<TensorSpec> no_tensors;
+  static const std::optional<StateSpec> no_state;
+  if (is_foreign(name)) {
+    return {.name = name,
+            .inputs = no_tensors,
+            .outputs = no_tensors,
+            .state = no_state,
+            .ops = std::nullopt,
+            .bytes = 0};
+  }
+  return spec_of(all_specs().find(name));
+}
 
 }  // namespace pirt

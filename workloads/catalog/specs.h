@@ -13,7 +13,8 @@
 
 namespace pirt {
 
-/// As Workload; refers to what stays to the end of the process.
+/// As Workload; refers to what stays to the end of the process, or, of a foreign workload, to the
+/// name that it was asked for with.
 struct WorkloadSpec {
   const std::string& name;
   const std::vector<TensorSpec>& inputs;
@@ -27,7 +28,12 @@ struct WorkloadSpec {
 [[nodiscard]] std::vector<std::string> workload_names();
 /// Of the catalog, a variant or a batch; absent if there is none of that name.
 [[nodiscard]] std::optional<WorkloadSpec> try_find_spec(std::string_view name);
+/// Whether @p name is of something that others computed, "ncnn.alexnet": nobody here knows what it
+/// takes and makes. Names of the catalog have no '.'.
+[[nodiscard]] bool is_foreign(std::string_view name);
+/// As try_find_spec, or that of a foreign workload, which has neither inputs nor outputs.
 /// @throws Error{kBadInput} with the nearest names.
-[[nodiscard]] WorkloadSpec find_spec(std::string_view name);
+[[nodiscard]] WorkloadSpec find_spec(const std::string& name);
+WorkloadSpec find_spec(std::string&& name) = delete;
 
 }  // namespace pirt

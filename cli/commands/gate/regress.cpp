@@ -12,6 +12,7 @@
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "cli/options/profile_platform.h"
+#include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "reports/export/profile_export.h"
 #include "reports/gate/gate_report.h"
@@ -138,9 +139,11 @@ void add_regress(CLI::App& app, Action& action) {
   add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file (default: that of each file's newest "
             "run; host for programs)",
-            FileUse::kReadIfFile);
+            FileUse::kReadIfFile)
+      .offers(offer_platforms());
   add_list_of(command, "--units", options->units, "UNIT",
-              "Programs: units to compare on, with commas (default: all)");
+              "Programs: units to compare on, with commas (default: all)")
+      .offers(offer_units());
   add_seed(command, options->seed, "Programs: seed of inputs and of the order");
   add_value(command, "--work", &options->work, "DURATION", no_duration,
             "Programs: how long a process repeats its calls")
@@ -161,6 +164,7 @@ void add_regress(CLI::App& app, Action& action) {
                 "pirt-regress.ledger until the answer is there)");
   add_input(command, "--mix", &options->mix,
             "Profiles: mix whose cost is shown in each mode on both, or none", FileUse::kReadIfFile)
+      .offers(offer_mixes())
       .shows_default();
   command.add_flag("--all", options->all, "Show also the rows that are the same or not judged");
   add_output(command, "--markdown", options->markdown,

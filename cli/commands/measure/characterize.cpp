@@ -18,6 +18,7 @@
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/shipped.h"
 #include "cli/options/sysfs.h"
 #include "cli/options/values.h"
 #include "reports/document/document.h"
@@ -343,14 +344,17 @@ void add_characterize(CLI::App& app, Action& action) {
                 "Profile database; made if missing, added to otherwise");
   add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file", FileUse::kReadIfFile)
+      .offers(offer_platforms())
       .shows_default();
   add_settings(command, options->settings);
   add_list_of(command, "--units", options->units, "UNIT",
-              "Units to measure, with commas (default: all)");
+              "Units to measure, with commas (default: all)")
+      .offers(offer_units());
   add_filter(command, options->filter);
   add_list_of(command, "--variants", options->variants, "VARIANT",
               "Measure these variants of workloads as well, with commas: see `pirt list "
-              "workloads` (default: those that --filter names, as in 'sobel@map')");
+              "workloads` (default: those that --filter names, as in 'sobel@map')")
+      .offers(offer_variants());
   add_value(command, "--batch", &options->batch, "INTEGER",
             not_within(kSmallestBatch, kLargestBatch),
             "Measure AlexNet's layers and the chain with this many images a call as well, "

@@ -12,6 +12,7 @@
 #include "cli/commands.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "reports/tools/doctor_report.h"
 #include "workloads/base/error.h"
@@ -86,6 +87,7 @@ void add_doctor(CLI::App& app, Action& action) {
   add_input(command, "--platform", &options->platform,
             "Whose units are tried: a name of `pirt list platforms`, or a YAML file",
             FileUse::kReadIfFile)
+      .offers(offer_platforms())
       .shows_default();
   add_value(command, "--seconds", &options->seconds, "NUMBER", not_within(1e-6, 3600.0),
             "How long load, steal, jitter and throttling are watched, in seconds; the cores "

@@ -12,6 +12,7 @@
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
@@ -73,10 +74,12 @@ void add_sample(CLI::App& app, Action& action) {
   Command command(app, "sample", "Time one workload on one unit in this process, as JSON");
   command.hide();  // not in the help
   add_text(command, "--workload", &options->workload, "WORKLOAD", "A workload, or scheduler")
+      .offers(offer_workloads())
       .required();
-  add_text(command, "--unit", &options->unit, "UNIT", "Unit of the platform");
+  add_text(command, "--unit", &options->unit, "UNIT", "Unit of the platform").offers(offer_units());
   add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file", FileUse::kReadIfFile)
+      .offers(offer_platforms())
       .shows_default();
   add_seed(command, options->seed, "Seed of inputs and weights");
   add_value(command, "--work", &options->work, "DURATION", no_duration,

@@ -13,6 +13,7 @@
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "reports/tools/tune_report.h"
 #include "workloads/backends/opencl/tuning/tuning_file.h"
@@ -149,9 +150,11 @@ void add_tune(CLI::App& app, Action& action) {
   add_input(command, "--platform", &options->platform,
             "Whose units are tuned: a name of `pirt list platforms`, or a YAML file",
             FileUse::kReadIfFile)
+      .offers(offer_platforms())
       .shows_default();
   add_list_of(command, "--units", options->units, "UNIT",
-              "Units to tune, with commas (default: all with backend opencl)");
+              "Units to tune, with commas (default: all with backend opencl)")
+      .offers(offer_units());
   add_filter(command, options->filter,
              "only parameters of workloads whose names contain it, judged by those");
   add_value(command, "--max-time", &options->max_time, "DURATION", no_duration,

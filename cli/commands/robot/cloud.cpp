@@ -5,9 +5,11 @@
 #include <cstdio>
 #include <memory>
 
+#include "characterize/machine/build_info.h"
 #include "cli/commands.h"
 #include "cli/long_run.h"
 #include "cli/options/files.h"
+#include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "workloads/backends/nats/cloud_service.h"
 #include "workloads/backends/registry.h"
@@ -49,6 +51,7 @@ void add_connection(Command& command, cloud::ConnectionOptions& connection) {
 void add_computing(Command& command, Options& options) {
   add_text(command, "--units", &options.unit, "UNIT",
            "What computes: a backend of `pirt list backends`")
+      .offers(offer_backends())
       .shows_default();
   add_value(command, "--cache-mb", &options.cache_mb, "NUMBER",
             not_within<std::int64_t>(1, 1'000'000),
@@ -94,7 +97,7 @@ int work(const Options& options) {
   if (const Probe probe = backend.probe(); !probe.available) throw_environment(probe.reason);
   cloud::WorkerOptions worker{.connection = options.connection,
                               .name = options.name.empty() ? default_name() : options.name,
-                              .version = PIRT_VERSION,
+                              .version = std::string(build_info().version),
                               .limits = {.slots = options.slots},
                               .cache_bytes = static_cast<std::uint64_t>(options.cache_mb) << 20,
                               .make_computer = [&options] {

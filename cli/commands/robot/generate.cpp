@@ -1,4 +1,4 @@
-// pirt generate: a generated sequence with exact truth, as an EuRoC folder.
+// pirt generate: a generated sequence with exact truth, as an EuRoC folder or a recording of ROS.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -14,12 +14,14 @@
 #include "cli/options/values.h"
 #include "workloads/base/error.h"
 #include "workloads/inputs/scene/generator.h"
+#include "workloads/inputs/sequence/recorded.h"
 
 namespace pirt::cli {
 namespace {
 
 struct Options {
   std::string folder;
+  std::string format = "euroc";
   std::string duration = "60s";
   std::optional<std::string> rest;
   std::string cameras = "stereo";
@@ -37,6 +39,19 @@ int generate(const Options& options) {
   if (options.folder.empty()) {
     throw_bad_input(
         "name the folder that is to be made: pirt generate FOLDER (or a kind: dag, bal)");
+  }
+  if (options.format != "euroc" && !options.folder.ends_with("." + options.format)) {
+    throw_bad_input(fmt::format("--format {} makes a file, and '{}' does not end in .{}",
+                                options.format, options.folder, options.format));
+  }
+  for (const std::string other : {"bag", "db3"}) {
+    if (options.format == "euroc" && options.folder.ends_with("." + other)) {
+      throw_bad_input("'" + options.folder + "' would be a folder; add --format " + other +
+                      " for a recording");
+    }
+  }
+  if (options.format != "euroc" && options.threads) {
+    throw_bad_input("--threads is of folders: a recording is written in order of time");
   }
   SceneOptions scene = options.scene;
   scene.path.duration_s = to_s(parse_duration(options.duration));
@@ -56,9 +71,13 @@ int generate(const Options& options) {
     line.show(fmt::format("{} of {} pictures", written, total));
     return !*stop;
   };
-  const bool made = write_euroc(
-      sequence, options.folder, options.threads.value_or(cores),
-      {{"map.yaml", map.yaml}, {"map.pgm", map.pgm}, {"goal.yaml", map.goal_yaml}}, progress);
+  const bool made =
+      options.format == "euroc"
+          ? write_euroc(
+                sequence, options.folder, options.threads.value_or(cores),
+                {{"map.yaml", map.yaml}, {"map.pgm", map.pgm}, {"goal.yaml", map.goal_yaml}},
+                progress)
+          : write_recording(sequence, options.folder, progress);
   line.clear();
   if (!made) throw_environment("interrupted: '" + options.folder + "' is not made");
   double path_m = 0;
@@ -79,10 +98,14 @@ std::string no_rest(const std::string& text) { return is_zero(text) ? "" : no_du
 void add_generate(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   auto& scene = options->scene;
-  Command command(app, "generate",
-                  "Generate a sequence of a robot in a textured room (cameras, IMU, truth), in "
-                  "EuRoC's layout, with a floor map; or, by a kind, something else");
-  add_text(command, "folder", &options->folder, "FOLDER", "Folder to make");
+  Command command(
+      app, "generate",
+      "Generate a sequence of a robot in a textured room (cameras, IMU, truth), in "
+      "EuRoC's layout with a floor map, or as a recording of ROS; or, by a kind, something else");
+  add_text(command, "folder", &options->folder, "FOLDER", "Folder to make, or recording");
+  add_choice(command, "--format", &options->format, "FORMAT", {"euroc", "bag", "db3"},
+             "A folder of EuRoC's with a floor map, or a recording of ROS 1 or ROS 2 without")
+      .shows_default();
   add_value(command, "--duration", &options->duration, "DURATION", no_duration,
             "Length of the sequence")
       .shows_default();

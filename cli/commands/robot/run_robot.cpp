@@ -13,6 +13,7 @@
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "cli/options/profile_platform.h"
+#include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "reports/document/document.h"
 #include "reports/run/robot_report.h"
@@ -21,6 +22,8 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
+#include "workloads/inputs/recording/recording.h"
+#include "workloads/inputs/sequence/recorded.h"
 #include "workloads/slam/run/map_file.h"
 
 namespace pirt::cli {
@@ -28,7 +31,7 @@ namespace {
 
 struct Options {
   std::string dataset;
-  std::optional<std::string> slam_map;
+  std::optional<std::string> slam_map, topics;
   ActivityFlags activities;
   bool no_update = false, no_map = false, mono = false, no_imu = false;
   bool serial = false, fast = false, comparing = false;
@@ -42,8 +45,14 @@ struct Options {
 };
 
 Sequence read(const Options& options) {
-  if (options.dataset.empty()) throw_bad_input("name the folder of a sequence");
-  Sequence sequence = read_sequence(options.dataset);
+  if (options.dataset.empty()) throw_bad_input("name the folder of a sequence, or a recording");
+  if (options.topics && !names_a_recording(options.dataset)) {
+    throw_bad_input("--topics are of recordings (.bag, .db3), and '" + options.dataset +
+                    "' is none");
+  }
+  Sequence sequence = options.topics
+                          ? read_recording(options.dataset, parse_topics(*options.topics))
+                          : read_sequence(options.dataset);
   if (options.mono) {
     sequence.cameras.resize(1);
     for (auto& frame : sequence.frames) frame.present.resize(1);
@@ -206,10 +215,15 @@ int run_robot(const Options& options) {
 
 void add_run_robot(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
-  Command command(
-      app, "run-robot",
-      "Localize a robot on a recorded sequence (EuRoC's layout or KITTI odometry), live");
-  add_input(command, "dataset", &options->dataset, "Folder of the sequence");
+  Command command(app, "run-robot",
+                  "Localize a robot on a recorded sequence (EuRoC's layout, KITTI odometry, a "
+                  "recording of ROS), "
+                  "live");
+  add_input(command, "dataset", &options->dataset,
+            "Folder of the sequence, or a .bag of ROS 1 or a .db3 of ROS 2");
+  add_text(command, "--topics", &options->topics, "WHAT=TOPIC,...",
+           "Topics of a recording: left, right, imu, truth, e.g. left=/cam0/image_raw,imu=none "
+           "(default: found by their types)");
   command.add_flag("--fast", options->fast,
                    "As fast as it goes, not at the sequence's own rate; no frame is dropped");
   add_value(command, "--duration", &options->duration, "DURATION", no_duration,
@@ -220,11 +234,12 @@ void add_run_robot(CLI::App& app, Action& action) {
       "--compare", &options->compare,
       "Instead of --mode: first serially without the runtime, then live in these modes, with "
       "commas (default: the paper's), shown as one table");
-  compare.takes(0, 1).type("MODE,...");
+  compare.takes(0, 1).type("MODE,...").offers(runtime_policy_names());
   command.add_flag("--serial", options->serial, "In one thread, without the runtime");
   add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file (default: the profile's, else host)",
-            FileUse::kReadIfFile);
+            FileUse::kReadIfFile)
+      .offers(offer_platforms());
   add_settings(command, options->settings);
   add_input(command, "--profile", &options->profile,
             "Profile database of pirt characterize; without one all units count as equally fast");

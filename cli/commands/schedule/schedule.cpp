@@ -17,6 +17,7 @@
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "cli/options/profile_platform.h"
+#include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "cli/options/weights.h"
 #include "reports/document/document.h"
@@ -301,26 +302,30 @@ void add_schedule(CLI::App& app, Action& action) {
   const Option compare = command.add(
       "--compare", &options->compare,
       "Instead of --mode: run these modes, with commas (default: all), and show them as one table");
-  compare.takes(0, 1).type("MODE,...");
+  compare.takes(0, 1).type("MODE,...").offers(offer_modes());
   command.add_flag("--pareto", options->pareto,
                    "Instead of --mode: what mode budget reaches with several goals, beside the "
                    "paper's modes, and who is beaten by whom in rate, energy and p99");
   add_input(command, "--profile", &options->profile, "Profile database of pirt characterize");
   add_input(command, "--platform", &options->platform,
             "A name of `pirt list platforms`, or a YAML file (default: the profile's)",
-            FileUse::kReadIfFile);
+            FileUse::kReadIfFile)
+      .offers(offer_platforms());
   add_settings(command, options->settings);
   add_input(command, "--mix", &options->mix, "A name of `pirt list mixes`, or a YAML file",
             FileUse::kReadIfFile)
+      .offers(offer_mixes())
       .shows_default();
   add_value(command, "--duration", &options->duration, "DURATION", no_duration,
             "Time in which pipelines with a rate fire, e.g. 60s (the default) or 2min");
   add_value(command, "--weights", &options->weights, "UNIT=WEIGHT,...", no_weights,
-            "Weights of the units, e.g. gpu=4,cpu=3 (default: the platform's, else derived)");
+            "Weights of the units, e.g. gpu=4,cpu=3 (default: the platform's, else derived)")
+      .offers(offer_units("="));
   add_value(command, "--in-flight", &options->in_flight, "INTEGER", not_within(1, 1'000'000),
             "Frames in flight of closed loops (default: the platform's, else derived)");
   add_text(command, "--basic", &options->basic, "MODE",
-           "Fallback of mode advanced (default: throughput)");
+           "Fallback of mode advanced (default: throughput)")
+      .offers(offer_modes());
   add_choice(
       command, "--overflow", &options->overflow, "HOW", {"hold", "literal"},
       "When all queues are full, Algorithms 2 and 3 hold the task (the default) or take their "

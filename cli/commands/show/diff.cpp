@@ -8,6 +8,7 @@
 #include "cli/commands.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "reports/export/profile_export.h"
 #include "reports/profile/profile_diff.h"
@@ -61,7 +62,8 @@ void add_diff(CLI::App& app, Action& action) {
   add_input(command, "profiles", &options->files, "Two profile databases, a and b");
   add_filter(command, options->filter);
   add_text(command, "--platform", &options->platform, "NAME",
-           "The runs of this platform (default: that of each file's newest run)");
+           "The runs of this platform (default: that of each file's newest run)")
+      .offers(offer_platforms());
   add_json(command, options->json);
   command.footer(
       "Shows and does not judge: the exit code is 0 however far apart the figures are.\n"

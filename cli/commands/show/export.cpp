@@ -7,6 +7,7 @@
 #include "cli/commands.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "reports/export/profile_export.h"
 #include "workloads/base/error.h"
@@ -94,14 +95,17 @@ void add_export(CLI::App& app, Action& action) {
   add_text(command, "--format", &options->format, "FORMAT",
            "json: everything, raw samples included | csv: one table | gbench: JSON as "
            "Google Benchmark writes it, valid rows only, ns a call | history: medians for "
-           "benchmark-history actions, smaller is better");
-  add_text(
-      command, "--table", &options->table, "TABLE",
-      "With csv: profile | conditions (cold caches, beside others) | handovers | energy | peaks | "
-      "samples (default: profile)");
+           "benchmark-history actions, smaller is better")
+      .offers(std::vector<std::string>{"json", "csv", "gbench", "history"});
+  add_text(command, "--table", &options->table, "TABLE",
+           "With csv: profile | conditions (cold caches, beside others) | handovers | energy | "
+           "peaks | samples (default: profile)")
+      .offers(std::vector<std::string>{"profile", "conditions", "handovers", "energy", "peaks",
+                                       "samples"});
   add_filter(command, options->filter);
   add_text(command, "--platform", &options->platform, "NAME",
-           "The runs of this platform (default: that of the newest run)");
+           "The runs of this platform (default: that of the newest run)")
+      .offers(offer_platforms());
   add_output(command, "-o,--output", options->output, "Write to a file (default, and -: stdout)");
   command.footer("Example: pirt export profile.db --format gbench -o profile.json");
   command.runs(action, [options] { return run_export(*options); });

@@ -9,6 +9,7 @@
 #include "cli/commands.h"
 #include "cli/options/files.h"
 #include "cli/options/output.h"
+#include "cli/options/shipped.h"
 #include "cli/options/sysfs.h"
 #include "cli/options/values.h"
 #include "reports/document/document.h"
@@ -325,6 +326,10 @@ Listing list_modes() {
   });
 }
 
+std::vector<std::string> what_is_listed() {
+  return {"workloads", "backends", "units", "platforms", "mixes", "modes", "meters"};
+}
+
 Listing list(const Options& options) {
   if (options.platform && options.what != "units") {
     throw_bad_input("--platform says whose units are listed, and " + options.what +
@@ -343,9 +348,8 @@ Listing list(const Options& options) {
     return list_named("mixes", shipped_mixes(),
                       [](const std::string& name) { return load_mix(name).description; });
   }
-  const std::vector<std::string> known = {"workloads", "backends", "units", "platforms",
-                                          "mixes",     "modes",    "meters"};
-  throw_bad_input("cannot list '" + options.what + "'" + suggestion(options.what, known));
+  throw_bad_input("cannot list '" + options.what + "'" +
+                  suggestion(options.what, what_is_listed()));
 }
 
 }  // namespace
@@ -354,11 +358,12 @@ void add_list(CLI::App& app, Action& action) {
   auto options = std::make_shared<Options>();
   Command command(app, "list",
                   "Show the workloads, backends, units, platforms, mixes, modes or energy meters");
-  add_text(command, "what", &options->what, "WHAT",
-           "workloads | backends | units | platforms | mixes | modes | meters")
+  add_text(command, "what", &options->what, "WHAT", join(what_is_listed(), " | "))
+      .offers(what_is_listed())
       .required();
   add_input(command, "--platform", &options->platform,
-            "Platform whose units are listed (default: host)", FileUse::kReadIfFile);
+            "Platform whose units are listed (default: host)", FileUse::kReadIfFile)
+      .offers(offer_platforms());
   add_json(command, options->json);
   command.footer("Example: pirt list workloads");
   command.runs(action, [options] {

@@ -14,6 +14,7 @@
 #include "cli/options/files.h"
 #include "cli/options/output.h"
 #include "cli/options/profile_platform.h"
+#include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "reports/document/document.h"
 #include "reports/full_report.h"
@@ -306,15 +307,19 @@ void add_report(CLI::App& app, Action& action) {
             "The profile database; then more of them, to be shown side by side, run records of "
             "pirt schedule --json (default: the modes are simulated now), and traces of its "
             "--trace");
-  add_text(command, "--format", &options->format, "FORMAT", "text | md | html").shows_default();
+  add_text(command, "--format", &options->format, "FORMAT", "text | md | html")
+      .offers(std::vector<std::string>{"text", "md", "html"})
+      .shows_default();
   add_output(command, "-o,--output", options->output, "Write to a file instead of stdout");
   add_input(command, "--platform", &options->platform,
             "Show the runs of this platform (default: that of the newest run)",
-            FileUse::kReadIfFile);
+            FileUse::kReadIfFile)
+      .offers(offer_platforms());
   add_settings(command, options->settings);
   add_input(command, "--mix", &options->mix,
             "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file",
             FileUse::kReadIfFile)
+      .offers(offer_mixes())
       .shows_default();
   command.add_flag("--brief", options->brief,
                    "Only the preferable unit of each workload and the paper's four modes, on a "

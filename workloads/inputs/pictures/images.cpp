@@ -17,6 +17,8 @@
 #include "workloads/base/text/text.h"
 #include "workloads/inputs/pictures/decoder.h"
 #include "workloads/inputs/pictures/image_format.h"
+#include "workloads/inputs/pictures/recorded_picture.h"
+#include "workloads/inputs/recording/recording.h"
 
 namespace pirt {
 namespace {
@@ -127,8 +129,87 @@ bool has_image_extension(const fs::path& file) {
   return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
 }
 
-/// Keeps the paths and hashes, not the pixels: a folder may be larger than memory.
-class FileImages : public ImageSource {
+/// Pictures in their order, loaded when they are asked for: all of them may be larger than memory.
+class LoadedImages : public ImageSource {
+ public:
+  Picture gray(int index, int width, int height) const override {
+    return gray_picture(at(index), width, height);
+  }
+
+  Picture rgb(int index, int width, int height) const override {
+    return rgb_picture(at(index), width, height);
+  }
+
+  /// In their order, back from the last, and so on: n pictures have n - 1 beginnings, since the
+  /// first does not follow the last. A single one slides to the right by a pixel a frame.
+  Picture gray_frame(int index, int frame, int width, int height) const override {
+    if (hashes_.size() == 1) return slid(gray(0, width, height), frame, width);
+    const auto turns = static_cast<std::int64_t>(hashes_.size()) - 1;
+    const std::int64_t at = (index % turns + frame) % (2 * turns);
+    return gray(static_cast<int>(std::min(at, 2 * turns - at)), width, height);
+  }
+
+  std::uint64_t content_hash() const override {
+    std::uint64_t hash = hashes_.size();
+    for (const std::uint64_t each : hashes_) hash = hash_u64(hash, each);
+    return hash;
+  }
+
+ protected:
+  /// B, G, R, 8 bits.
+  [[nodiscard]] virtual cv::Mat load(std::size_t index) const = 0;
+
+  std::vector<std::uint64_t> hashes_;  ///< Of the bytes of each.
+
+ private:
+  [[nodiscard]] cv::Mat at(int index) const {
+    return load(static_cast<std::size_t>(index) % hashes_.size());
+  }
+
+  /// Moved right by @p frame pixels; the left edge is repeated.
+  static Picture slid(Picture picture, int frame, int width) {
+    if (frame == 0) return picture;
+    Picture moved{Tensor(picture.pixels.spec()), picture.notes};
+    const auto from = picture.pixels.as<std::uint8_t>();
+    const auto to = moved.pixels.as<std::uint8_t>();
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      const std::size_t x = i % static_cast<std::size_t>(width);
+      to[i] = from[i - std::min(x, static_cast<std::size_t>(frame))];
+    }
+    return moved;
+  }
+};
+
+class RecordedImages final : public LoadedImages {
+ public:
+  explicit RecordedImages(const fs::path& path)
+      : recording_(open_recording(path)), topic_(picture_topic(*recording_)) {
+    for (std::size_t i = 0; i < recording_->topics()[topic_].messages; ++i) {
+      static_cast<void>(load(i));
+      hashes_.push_back(Hash64().add(recording_->message(topic_, i)).value());
+    }
+  }
+
+  std::string describe() const override {
+    return fmt::format("{} images of {} in {}", hashes_.size(), recording_->topics()[topic_].name,
+                       recording_->file());
+  }
+
+ private:
+  cv::Mat load(std::size_t index) const override {
+    cv::Mat pixels = recorded_picture(*recording_, topic_, index);
+    if (pixels.channels() == 3) return pixels;
+    cv::Mat coloured;
+    cv::cvtColor(pixels, coloured, cv::COLOR_GRAY2BGR);
+    return coloured;
+  }
+
+  std::unique_ptr<Recording> recording_;
+  std::size_t topic_;
+};
+
+/// Keeps the paths.
+class FileImages final : public LoadedImages {
  public:
   explicit FileImages(const fs::path& path) : path_(path) {
     std::error_code failed;
@@ -142,25 +223,9 @@ class FileImages : public ImageSource {
       if (!fs::is_regular_file(file, failed)) throw_unusable(file, "it is not a regular file");
       const std::string bytes = read_bytes(file);
       static_cast<void>(decode(file, bytes));
-      files_.push_back({file, Hash64().add(bytes).value()});
+      files_.push_back(file);
+      hashes_.push_back(Hash64().add(bytes).value());
     }
-  }
-
-  Picture gray(int index, int width, int height) const override {
-    return gray_picture(load(index, files_.size()), width, height);
-  }
-
-  Picture rgb(int index, int width, int height) const override {
-    return rgb_picture(load(index, files_.size()), width, height);
-  }
-
-  /// The files in name order, back from the last, and so on: n files have n - 1 beginnings, since
-  /// the first does not follow the last. A single one slides to the right by a pixel a frame.
-  Picture gray_frame(int index, int frame, int width, int height) const override {
-    if (files_.size() == 1) return slid(gray(0, width, height), frame, width);
-    const auto turns = static_cast<std::int64_t>(files_.size()) - 1;
-    const std::int64_t at = (index % turns + frame) % (2 * turns);
-    return gray(static_cast<int>(std::min(at, 2 * turns - at)), width, height);
   }
 
   std::string describe() const override {
@@ -168,41 +233,17 @@ class FileImages : public ImageSource {
                                    : "image " + path_.string();
   }
 
-  std::uint64_t content_hash() const override {
-    std::uint64_t hash = files_.size();
-    for (const auto& file : files_) hash = hash_u64(hash, file.hash);
-    return hash;
-  }
-
  private:
-  /// Moved right by @p frame pixels; the left edge is repeated.
-  static Picture slid(Picture picture, int frame, int width) {
-    if (frame == 0) return picture;
-    Picture moved{Tensor(picture.pixels.spec()), picture.notes};
-    const auto from = picture.pixels.as<std::uint8_t>();
-    const auto to = moved.pixels.as<std::uint8_t>();
-    for (std::size_t i = 0; i < from.size(); ++i) {
-      const std::size_t x = i % static_cast<std::size_t>(width);
-      to[i] = from[i - std::min(x, static_cast<std::size_t>(frame))];
-    }
-    return moved;
-  }
-
-  struct File {
-    fs::path path;
-    std::uint64_t hash;  ///< Of its bytes.
-  };
-
-  cv::Mat load(int index, std::size_t count) const {
-    const File& file = files_[static_cast<std::size_t>(index) % count];
-    const std::string bytes = read_bytes(file.path);
-    if (Hash64().add(bytes).value() != file.hash)
-      throw_unusable(file.path, "it changed while in use");
-    return decode(file.path, bytes);
+  cv::Mat load(std::size_t index) const override {
+    const fs::path& file = files_[index];
+    const std::string bytes = read_bytes(file);
+    if (Hash64().add(bytes).value() != hashes_[index])
+      throw_unusable(file, "it changed while in use");
+    return decode(file, bytes);
   }
 
   fs::path path_;
-  std::vector<File> files_;
+  std::vector<fs::path> files_;
 };
 
 }  // namespace
@@ -239,6 +280,7 @@ Tensor rgb_pixels(const fs::path& file) {
 }
 
 std::unique_ptr<ImageSource> images_from(const fs::path& path) {
+  if (names_a_recording(path)) return std::make_unique<RecordedImages>(path);
   return std::make_unique<FileImages>(path);
 }
 

@@ -11,6 +11,7 @@
 #include "workloads/base/math/pixel_index.h"
 #include "workloads/base/text/text.h"
 #include "workloads/base/text/yaml.h"
+#include "workloads/inputs/sequence/imu_check.h"
 #include "workloads/inputs/sequence/sequence.h"
 #include "workloads/inputs/sequence/table_file.h"
 
@@ -86,8 +87,9 @@ std::vector<Stamped> read_frames(const fs::path& camera) {
   return frames;
 }
 
-/// Degrees and g, as far as they can be told from a recording.
-void check_units(const fs::path& file, const std::vector<ImuSample>& imu) {
+}  // namespace
+
+void check_imu(const std::string& what, const std::vector<ImuSample>& imu) {
   double fastest = 0;
   std::vector<double> accels;
   for (const auto& sample : imu) {
@@ -98,23 +100,25 @@ void check_units(const fs::path& file, const std::vector<ImuSample>& imu) {
   const double usual = accels[accels.size() / 2];
   if (fastest > kFastestGyro_rad_s) {
     throw_bad_input(
-        fmt::format("'{}': turns at up to {:.0f} rad/s, faster than gyroscopes measure; "
+        fmt::format("{}: turns at up to {:.0f} rad/s, faster than gyroscopes measure; "
                     "are these degrees/s? Give rad/s",
-                    file.string(), fastest));
+                    what, fastest));
   }
   if (usual > 0.5 && usual < 2.0) {
     throw_bad_input(
-        fmt::format("'{}': the median acceleration is {:.2f}, which looks like g; give "
+        fmt::format("{}: the median acceleration is {:.2f}, which looks like g; give "
                     "m/s^2",
-                    file.string(), usual));
+                    what, usual));
   }
   if (usual < 5.0 || usual > 20.0) {
     throw_bad_input(
-        fmt::format("'{}': the median acceleration is {:.2f} m/s^2, where gravity alone "
+        fmt::format("{}: the median acceleration is {:.2f} m/s^2, where gravity alone "
                     "is {}; give specific force in m/s^2",
-                    file.string(), usual, kGravity));
+                    what, usual, kGravity));
   }
 }
+
+namespace {
 
 void read_cameras(const fs::path& root, Sequence& sequence) {
   std::vector<std::vector<Stamped>> pictures;
@@ -226,7 +230,7 @@ std::vector<ImuSample> read_imu_csv(const fs::path& file) {
     }
     imu.push_back(sample);
   }
-  check_units(file, imu);
+  check_imu("'" + file.string() + "'", imu);
   return imu;
 }
 

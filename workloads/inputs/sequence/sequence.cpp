@@ -5,6 +5,8 @@
 #include <algorithm>
 
 #include "workloads/base/error.h"
+#include "workloads/inputs/recording/recording.h"
+#include "workloads/inputs/sequence/recorded.h"
 
 namespace pirt {
 namespace {
@@ -61,17 +63,23 @@ std::vector<std::string> gaps_of(const Sequence& sequence) {
   return found;
 }
 
-Sequence read_sequence(const fs::path& folder) {
+Sequence read_sequence(const fs::path& path) {
+  if (names_a_recording(path)) return read_recording(path);
+  const fs::path& folder = path;
   if (!fs::is_directory(folder)) {
-    throw_bad_input("'" + folder.string() + "' is no folder; give the folder of a sequence");
+    throw_bad_input("'" + folder.string() +
+                    "' is no folder; give the folder of a sequence, or a recording of ROS (.bag, "
+                    ".db3)");
   }
   if (fs::exists(folder / "mav0") || fs::exists(folder / "cam0")) return read_euroc(folder);
   if (fs::exists(folder / "calib.txt") || fs::exists(folder / "image_0") ||
       fs::exists(folder / "image_l")) {
     return read_kitti(folder);
   }
-  throw_bad_input("'" + folder.string() +
-                  "' is no sequence: EuRoC's layout has mav0/cam0, KITTI's calib.txt and image_0");
+  throw_bad_input(
+      "'" + folder.string() +
+      "' is no sequence: EuRoC's layout has mav0/cam0, KITTI's calib.txt and image_0, ROS 2's a "
+      ".db3");
 }
 
 }  // namespace pirt

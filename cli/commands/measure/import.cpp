@@ -1,0 +1,150 @@
+// pirt import: figures that others have published, into a profile database.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+
+#include "characterize/published/published.h"
+#include "cli/commands.h"
+#include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "cli/options/values.h"
+#include "reports/document/document.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json.h"
+#include "workloads/base/text/text.h"
+
+namespace pirt::cli {
+namespace {
+
+struct Options {
+  std::string file;
+  std::string database;
+  std::optional<std::string> board, name, source;
+  Output platform_file;
+  Output json;
+};
+
+/// Those that are asked for, called as is asked for.
+void choose(Publication& publication, const Options& options) {
+  std::vector<std::string> names;
+  for (const auto& board : publication.boards) {
+    if (std::ranges::find(names, board.name) == names.end()) names.push_back(board.name);
+  }
+  if (options.board) {
+    std::erase_if(publication.boards,
+                  [&](const PublishedBoard& board) { return board.name != *options.board; });
+    if (publication.boards.empty()) {
+      throw_bad_input("'" + options.file + "' has no board '" + *options.board + "'" +
+                      suggestion(*options.board, names));
+    }
+    names = {*options.board};
+  }
+  if (names.size() > 1 && (options.name || options.platform_file)) {
+    throw_bad_input(fmt::format("'{}' has {} boards, and {} is of one; choose it with --board: {}",
+                                options.file, names.size(),
+                                options.name ? "--name" : "--platform-file", join(names, ", ")));
+  }
+  for (auto& board : publication.boards) {
+    if (options.name) board.name = *options.name;
+  }
+}
+
+std::string medians(const PublishedFigure& figure) {
+  const auto [low, high] = std::ranges::minmax(figure.samples);
+  return low == high ? fmt::format("{:.4g}", to_ms(low))
+                     : fmt::format("{:.4g} to {:.4g}", to_ms(low), to_ms(high));
+}
+
+int import(const Options& options) {
+  Publication publication = read_publication(options.file, read_file(options.file));
+  choose(publication, options);
+  const std::string source = options.source.value_or(options.file);
+  ProfileWriter writer(options.database);
+  Table table{
+      .title = fmt::format("Published figures of {} ({})", options.file, publication.format),
+      .columns = {{"platform", Align::kLeft},
+                  {"edition", Align::kLeft},
+                  {"unit", Align::kLeft},
+                  {"workload", Align::kLeft},
+                  {"ms"},
+                  {"figures"}}};
+  Json runs = Json::array();
+  for (const PublishedBoard& board : publication.boards) {
+    if (board.figures.empty()) {
+      publication.left_out.push_back(board.said +
+                                     ": no time of a call is given, so that it has no run");
+      continue;
+    }
+    const auto run_id = write_published(writer, board, source);
+    Json rows = Json::array();
+    for (const PublishedFigure& figure : board.figures) {
+      table.rows.push_back({board.name, board.edition.empty() ? "-" : board.edition, figure.unit,
+                            figure.workload, medians(figure),
+                            fmt::format("{}", figure.samples.size())});
+      Json samples = Json::array();
+      for (const Nanos sample : figure.samples) samples.push_back(sample.count());
+      rows.push_back({{"workload", figure.workload},
+                      {"unit", figure.unit},
+                      {"call_ns", samples},
+                      {"notes", figure.notes}});
+    }
+    Json run = {
+        {"run_id", run_id}, {"platform", board.name}, {"board", board.said}, {"rows", rows}};
+    if (!board.edition.empty()) run["edition"] = board.edition;
+    runs.push_back(std::move(run));
+  }
+  if (runs.empty()) {
+    throw_bad_input("'" + options.file +
+                    "' has no time of a call: " + join(publication.left_out, "; "));
+  }
+  if (options.platform_file) {
+    emit_text(published_platform(publication.boards.back(), source), options.platform_file);
+  }
+  table.footnotes.push_back("Of several editions of a platform, the last is the profile.");
+  for (const auto& line : publication.left_out) table.footnotes.push_back("Left out: " + line);
+  emit(render({.title = "pirt import", .parts = {table}}, Format::kText),
+       {{"schema_version", 1},
+        {"format", publication.format},
+        {"source", source},
+        {"runs", runs},
+        {"left_out", publication.left_out}},
+       options.json);
+  return 0;
+}
+
+std::string no_platform_name(const std::string& text) {
+  if (!text.empty() && text == name_of(text)) return "";
+  return "'" + text + "' is no platform's name: letters a to z, digits, and '-' between them";
+}
+
+}  // namespace
+
+void add_import(CLI::App& app, Action& action) {
+  auto options = std::make_shared<Options>();
+  Command command(app, "import",
+                  "Take figures that others have published into a profile database: JSON of "
+                  "ros2_benchmark, a benchmark.yaml of RobotPerf, a table of ncnn as CSV");
+  add_input(command, "file", &options->file, "What was published").required();
+  add_continued(command, "--db", &options->database,
+                "Profile database; made if missing, added to otherwise")
+      .required();
+  add_text(command, "--board", &options->board, "NAME", "Of several boards, only this one");
+  add_value(command, "--name", &options->name, "NAME", no_platform_name,
+            "What the board's platform is called (default: from what the file calls it)");
+  add_text(command, "--source", &options->source, "TEXT",
+           "Where the file is from, kept with the rows (default: its name)");
+  add_output(command, "--platform-file", options->platform_file,
+             "Write a platform with the board's units, for --platform; watts are yours to add",
+             StdoutUse::kRefused);
+  add_json(command, options->json);
+  command.footer(
+      "Rows are of provenance `published` and keep foreign names (ncnn.alexnet), which a mix may "
+      "name as workloads.\n"
+      "Example: pirt import ncnn.csv --db published.db --board qualcomm-msm8996-snapdragon-820 "
+      "--platform-file board.yaml");
+  command.runs(action, [options] { return import(*options); });
+}
+
+}  // namespace pirt::cli

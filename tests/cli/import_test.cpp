@@ -1,0 +1,78 @@
+// pirt import, and a mix of what was imported.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/cli/program.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+class Import : public testing::Test {
+ protected:
+  const Scratch scratch_;
+  const std::string table_ = scratch_.write(
+      "t.csv",
+      "soc,unit,threads,network,avg_ms\n"
+      "Acme 1,CPU A57,4,alexnet,20\nAcme 1,GPU Quad,1,alexnet,10\nAcme 2,CPU A72,4,alexnet,5\n");
+  const std::string database_ = scratch_.file("p.db");
+  const std::string board_ = scratch_.file("board.yaml");
+  const std::string mix_ = scratch_.write(
+      "m.yaml",
+      "mix: m\npipelines:\n  see: {closed_loop: {frames: 100}, tasks: [{workload: "
+      "ncnn.alexnet}, {name: act, workload: ncnn.alexnet, after: [ncnn.alexnet]}]}\n");
+};
+
+TEST_F(Import, GivesABoardToScheduleOn) {
+  const auto imported = pirt({"import", table_, "--db", database_, "--board", "acme-1",
+                              "--platform-file", board_, "--source", "a README", "--json", "-"});
+  ASSERT_EQ(imported.exit_code, 0) << imported.err;
+  const auto json = imported.json();
+  EXPECT_EQ(json["format"], "ncnn");
+  ASSERT_EQ(json["runs"].size(), 1U);
+  EXPECT_EQ(json["runs"][0]["rows"][0]["call_ns"][0], 20'000'000);
+  const auto outcome = pirt({"schedule", "--profile", database_, "--platform", board_, "--mix",
+                             mix_, "--mode", "ect", "--json", "-"});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  // 200 calls on two units of 20 and 10 ms: no scheduler is faster than 200 / 0.15 ms.
+  const auto run = outcome.json();
+  EXPECT_EQ(run["completed"], 200);
+  EXPECT_GE(run["makespan_s"].get<double>(), 200 / 150.0);
+  EXPECT_FALSE(run.contains("energy_j")) << "nobody has said what the board draws";
+  const auto report = pirt({"export", database_, "--format", "csv"});
+  EXPECT_THAT(report.out, AllOf(HasSubstr("ncnn.alexnet"), HasSubstr("published")));
+}
+
+TEST_F(Import, ChoosesAndNamesABoard) {
+  expect_refused(pirt({"import", table_, "--db", database_, "--platform-file", board_}),
+                 {"2 boards", "--board", "acme-1, acme-2"});
+  expect_refused(pirt({"import", table_, "--db", database_, "--board", "acme-3"}), {"acme-3"});
+  expect_refused(pirt({"import", table_, "--db", database_, "--name", "A B"}), {"A B"});
+  const auto imported = pirt({"import", table_, "--db", database_, "--board", "acme-2", "--name",
+                              "mine", "--platform-file", board_});
+  ASSERT_EQ(imported.exit_code, 0) << imported.err;
+  EXPECT_THAT(imported.out, AllOf(HasSubstr("mine"), HasSubstr("ncnn.alexnet")));
+  EXPECT_THAT(slurp(board_), HasSubstr("platform: mine\n"));
+}
+
+TEST_F(Import, SaysWhereAForeignWorkloadIsMissing) {
+  ASSERT_EQ(
+      pirt({"import", table_, "--db", database_, "--board", "acme-1", "--platform-file", board_})
+          .exit_code,
+      0);
+  const auto mix = scratch_.write(
+      "n.yaml", "mix: n\npipelines: {see: {rate_hz: 1, tasks: [{workload: ncnn.vgg}]}}\n");
+  expect_refused(pirt({"schedule", "--profile", database_, "--platform", board_, "--mix", mix,
+                       "--mode", "ect"}),
+                 {"ncnn.vgg"});
+}
+
+TEST_F(Import, RefusesWhatIsNoPublication) {
+  expect_refused(pirt({"import", mix_, "--db", database_}), {"none of what can be imported"});
+  EXPECT_FALSE(std::filesystem::exists(database_)) << "nothing is made then";
+}
+
+}  // namespace
+}  // namespace pirt::test

@@ -1,0 +1,153 @@
+// What --json writes is what reports/schema/ says: each command's output against its file, which
+// other tools may rely on.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "tests/cli/program.h"
+
+namespace pirt::test {
+namespace {
+
+/// Validates pairs of a schema's name and a document.
+std::string problems_of(const std::vector<std::pair<std::string, std::string>>& documents) {
+  const Scratch scratch;
+  const auto script = scratch.write("validate.py", R"(
+import json, os, sys
+from jsonschema import Draft202012Validator as Validator, RefResolver
+for file, document in zip(sys.argv[1::2], sys.argv[2::2]):
+    schema = json.load(open(file))
+    Validator.check_schema(schema)
+    # Some refer to others beside them.
+    validator = Validator(schema, resolver=RefResolver('file://' + os.path.dirname(file) + '/', schema))
+    for error in validator.iter_errors(json.load(open(document))):
+        print(schema['title'], error.json_path, error.message[:300])
+)");
+  std::string command = "python3 -W ignore " + script;
+  for (const auto& [schema, document] : documents) {
+    command += " " + quoted(std::string(kSourceFolder) + "/reports/schema/" + schema + ".json") +
+               " " + quoted(document);
+  }
+  const auto outcome = run(command);
+  return outcome.out + outcome.err;
+}
+
+class Schema : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (run("python3 -c 'from jsonschema import Draft202012Validator'").exit_code != 0) {
+      GTEST_SKIP() << "python3-jsonschema is not installed";
+    }
+  }
+  /// Runs a command with --json, for validate().
+  void add(const std::string& schema, std::vector<std::string> arguments, int exit_code = 0) {
+    const auto file = scratch_.file(std::to_string(documents_.size()) + ".json");
+    arguments.insert(arguments.end(), {"--json", file});
+    const auto outcome = pirt(arguments);
+    EXPECT_EQ(outcome.exit_code, exit_code) << arguments[0] << ": " << outcome.err;
+    documents_.emplace_back(schema, file);
+  }
+  void validate() const { EXPECT_EQ(problems_of(documents_), ""); }
+
+  const Scratch scratch_;
+  std::vector<std::pair<std::string, std::string>> documents_;
+};
+
+/// A platform of two fake units: no figure here is a machine's.
+constexpr const char* kBoard = R"(
+platform: board
+units:
+  cpu: {backend: fake, active_w: 1, script: {stages: {sobel: [{name: execute, ms: 1}]}}}
+  gpu: {backend: fake, active_w: 2, script: {stages: {sobel: [{name: execute, ms: 2}]}}}
+)";
+
+TEST_F(Schema, OfListings) {
+  for (const char* what :
+       {"workloads", "backends", "units", "platforms", "mixes", "modes", "meters"}) {
+    add(std::string("list-") + what, {"list", what});
+  }
+  validate();
+}
+
+TEST_F(Schema, OfSchedules) {
+  const std::vector<std::string> board = {"--platform", "snapdragon820", "--mix",
+                                          "convolution-1000"};
+  const auto with = [&](std::vector<std::string> words) {
+    words.insert(words.end(), board.begin(), board.end());
+    return words;
+  };
+  for (const char* mode : {"throughput", "latency", "energy", "advanced", "heft", "edf"}) {
+    add("schedule", with({"schedule", "--mode", mode}));
+  }
+  const auto mix = scratch_.write(
+      "m.yaml",
+      "mix: m\nimage_buffers: 2\npipelines:\n  p: {rate_hz: 500, deadline_ms: 5, expires_ms: 20, "
+      "tasks: [{workload: convolution, image_input: true}]}\n");
+  add("schedule", {"schedule", "--mode", "ect", "--platform", "snapdragon820", "--mix", mix,
+                   "--duration", "1s", "--faults", "seed=1,fail=0.1"});
+  add("compare", with({"schedule", "--compare", "latency,throughput"}));
+  const auto trace = scratch_.file("t.json");
+  ASSERT_EQ(pirt(with({"schedule", "--mode", "energy", "--trace", trace})).exit_code, 0);
+  add("replay", {"replay", trace});
+  validate();
+}
+
+TEST_F(Schema, OfProfiles) {
+  const auto board = scratch_.write("board.yaml", kBoard);
+  const auto database = scratch_.file("p.db");
+  add("characterize",
+      {"characterize", "--quick", "--platform", board, "--filter", "^sobel$", "--db", database});
+  add("report", {"report", database, "--platform", board, "--mix",
+                 scratch_.write("s.yaml",
+                                "mix: s\npipelines: {p: {closed_loop: {frames: 10}, "
+                                "tasks: [{workload: sobel}]}}\n")});
+  const auto copy = scratch_.write("copy.db", slurp(database));
+  add("diff", {"diff", database, copy});
+  add("regress", {"regress", database, copy, "--mix", "none"});
+  const auto file = scratch_.file("export.json");
+  ASSERT_EQ(pirt({"export", database, "--format", "json", "-o", file}).exit_code, 0);
+  documents_.emplace_back("export", file);
+  const auto table = scratch_.write(
+      "t.csv", "readme_version,soc,unit,threads,network,avg_ms\n2018,Acme 1,CPU,4,alexnet,20\n");
+  add("import", {"import", table, "--db", scratch_.file("i.db")});
+  validate();
+}
+
+TEST_F(Schema, OfTheRobot) {
+  ASSERT_EQ(pirt({"generate", "--duration", "1s", "--width", "160", "--height", "120", "--rate",
+                  "10", scratch_.file("room")})
+                .exit_code,
+            0);
+  add("run-robot", {"run-robot", scratch_.file("room"), "--serial", "--fast", "--localize-only"});
+  add("plan", {"plan", "--map", scratch_.file("room") + "/map.yaml", "--start", "0,0", "--goal",
+               "0.5,0.5"});
+  const auto problem = scratch_.file("p.txt");
+  ASSERT_EQ(pirt({"generate", "bal", "-o", problem}).exit_code, 0);
+  add("bundle-adjust", {"bundle-adjust", problem});
+  validate();
+}
+
+TEST_F(Schema, OfTheDoctor) {
+  const auto file = scratch_.file("d.json");
+  const auto outcome =
+      pirt({"doctor", "--platform", "host-cpu", "--seconds", "0.01", "--json", file});
+  EXPECT_THAT(outcome.exit_code, testing::AnyOf(0, 1)) << outcome.err;
+  documents_.emplace_back("doctor", file);
+  validate();
+}
+
+// A file that no output was held against would say what nobody has seen.
+TEST(SchemaFiles, AreAllTested) {
+  const std::string test = slurp(std::string(kSourceFolder) + "/tests/cli/schema_test.cpp");
+  for (const auto& entry :
+       std::filesystem::directory_iterator(std::string(kSourceFolder) + "/reports/schema")) {
+    const auto name = entry.path().stem().string();
+    if (name == "profile") continue;  // what others refer to
+    const bool listing = name.starts_with("list-");
+    EXPECT_NE(test.find('"' + (listing ? name.substr(5) : name) + '"'), std::string::npos) << name;
+  }
+}
+
+}  // namespace
+}  // namespace pirt::test

@@ -1,0 +1,23 @@
+// Pictures of a recording's messages.
+#pragma once
+
+#include <opencv2/core.hpp>
+
+#include "workloads/inputs/recording/recording.h"
+#include "workloads/model/grey_image.h"
+
+namespace pirt {
+
+/// Position of the first topic with pictures, by name. @throws Error{kBadInput} if there is none.
+[[nodiscard]] std::size_t picture_topic(const Recording& recording);
+
+/// Grey or B, G, R, 8 bits.
+/// @throws Error{kBadInput} for damage and for encodings that are not known.
+[[nodiscard]] cv::Mat recorded_picture(const Recording& recording, std::size_t topic,
+                                       std::size_t index);
+
+/// In grey. @throws Error{kBadInput} also unless it is @p width x @p height.
+[[nodiscard]] GreyImage recorded_grey(const Recording& recording, std::size_t topic,
+                                      std::size_t index, int width, int height);
+
+}  // namespace pirt

@@ -1,0 +1,40 @@
+// Sequences in recordings of ROS: which topics they are, and writing one.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "workloads/inputs/sequence/sequence.h"
+
+namespace pirt {
+
+/// Names of topics; "none" = without it, absent = found by its type.
+struct SequenceTopics {
+  std::optional<std::string> left, right, imu, truth;
+};
+/// "left=/cam0/image_raw,imu=none". @throws Error{kBadInput} for another key.
+[[nodiscard]] SequenceTopics parse_topics(const std::string& text);
+
+/// A .bag of ROS 1 or a .db3 of ROS 2.
+///
+/// Pictures are sensor_msgs/Image or CompressedImage: the two topics, or the one, by name, left
+/// first; frames are those of the left one, and a picture of the right belongs to the frame of the
+/// same stamp. Calibrations are the sensor_msgs/CameraInfo beside each; where sensors sit says
+/// /tf_static, with the IMU as body, or, without one, the left camera. Truth is a
+/// geometry_msgs/PoseStamped of the body. What cannot be used is left out with a warning; how noisy
+/// the IMU is no message says: ImuModel's defaults are taken.
+/// @throws Error{kBadInput} naming the topics that there are if one is missing or several could be
+/// meant.
+[[nodiscard]] Sequence read_recording(const std::filesystem::path& file,
+                                      const SequenceTopics& topics = {});
+
+/// Writes /cam0/image_raw, /cam0/camera_info, ..., /imu0, /truth and /tf_static, in order of time.
+/// @param file      .bag, or .db3.
+/// @param progress  As write_euroc.
+/// @return  False if @p progress said to stop: nothing is left then.
+bool write_recording(const Sequence& sequence, const std::filesystem::path& file,
+                     const std::function<bool(std::size_t, std::size_t)>& progress = {});
+
+}  // namespace pirt
