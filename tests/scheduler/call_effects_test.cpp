@@ -126,7 +126,8 @@ pipelines:
 // Both touch what they state: of caches twice as large as what a call of sobel touches, half is
 // other bytes when gaussian_blur comes again; alone, nothing is.
 TEST(CallEffects, CachesAreAsColdAsOthersMadeThem) {
-  const std::int64_t sobel_bytes = find_spec("sobel").bytes;
+  const std::string sobel_name = "sobel";
+  const std::int64_t sobel_bytes = find_spec(sobel_name).bytes;
   Profile profile = steady_profile();
   set_cache(profile, 2 * sobel_bytes);
   profile.conditions = {execute("gaussian_blur", "cpu", 6, Condition::kColdCache)};

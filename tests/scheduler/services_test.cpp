@@ -79,7 +79,7 @@ TEST(Services, TakeMedianP95OrSamplesOfTheRows) {
   execute.values = {Nanos(90), Nanos(100), Nanos(110), Nanos(200)};
   const Profile profile = profile_of({execute});
   const auto time_of = [&](Draw draw) {
-    return services_of(&profile, {.given = {}, .stage_scale = {}, .draw = draw})
+    return services_of(&profile, {.given = {}, .stage_scale = {}, .without = {}, .draw = draw})
         .find(0, 0)
         ->stages.at(0)
         .time;
@@ -104,8 +104,8 @@ TEST(Services, PowerTheMeanOfARowWhateverIsDrawn) {
   execute.mean = Nanos(125);
   const auto powered = [&](Draw draw) {
     const Profile profile = profile_of({execute});
-    const auto table =
-        services_of(&profile, {.given = {}, .stage_scale = {{"cpu.execute", 3}}, .draw = draw});
+    const auto table = services_of(
+        &profile, {.given = {}, .stage_scale = {{"cpu.execute", 3}}, .without = {}, .draw = draw});
     const ServiceStage& stage = table.find(0, 0)->stages.at(0);
     return to_s(stage.time.mean()) * stage.energy_scale;
   };
