@@ -1,0 +1,53 @@
+// Which term explains that live calls took longer than their row.
+#include "reports/run/live_terms.h"
+
+#include <gtest/gtest.h>
+
+namespace pirt {
+namespace {
+
+PhaseRow execute(Condition condition, double ms) {
+  PhaseRow row;
+  row.workload = "sobel";
+  row.unit = "cpu";
+  row.phase = Phase::kExecute;
+  row.condition = condition;
+  row.valid = true;
+  row.median = from_ms(ms);
+  return row;
+}
+
+/// Of a row of 10 ms that calls of that long contradict.
+std::string explained(double live_ms, const Profile& profile) {
+  RowCheck check;
+  check.live.workload = "sobel";
+  check.live.unit = "cpu";
+  check.live.p50_ms = live_ms;
+  check.median_ms = 10;
+  check.finding = RowFinding::kContradicted;
+  return explanation_of(check, profile);
+}
+
+// 10 % of the row either way is what medians may differ by.
+TEST(LiveTerms, TheSmallestThatIsEnoughExplainsIt) {
+  Profile profile;
+  profile.phases = {execute(Condition::kSteady, 10)};
+  EXPECT_EQ(explained(20, profile), "not known: no row of cold_cache or beside_memory");
+  profile.conditions = {execute(Condition::kColdCache, 14), execute(Condition::kBesideMemory, 16)};
+  EXPECT_EQ(explained(14.9, profile), "cold caches");
+  EXPECT_EQ(explained(16.9, profile), "a busy neighbour");
+  EXPECT_EQ(explained(20.9, profile), "cold caches and a busy neighbour");
+  EXPECT_EQ(explained(22, profile),
+            "more than its rows of other conditions: the operating system, or the clock");
+  EXPECT_EQ(explained(8, profile), "nothing: faster than its row");
+}
+
+TEST(LiveTerms, NothingIsSaidOfARowThatAgrees) {
+  RowCheck check;
+  check.median_ms = 10;
+  check.finding = RowFinding::kAgrees;
+  EXPECT_EQ(explanation_of(check, Profile()), "");
+}
+
+}  // namespace
+}  // namespace pirt
