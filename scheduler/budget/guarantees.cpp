@@ -109,7 +109,10 @@ class Analysis {
       if (!pipelines[p].deadline) continue;
       obstacles[p] = pipelines[p].rate_hz ? obstacle(p) : "closed loop";
       for (const TaskClass& kind : scenario_.classes[p]) {
-        units[p] |= unit_bit(plan_.tasks[kind.entry].units.front());
+        const BudgetPlan::Task& task = plan_.tasks[kind.entry];
+        for (const UnitId unit : task.units) {
+          if (!task.pinned || unit == task.units.front()) units[p] |= unit_bit(unit);
+        }
       }
     }
     for (bool changed = true; changed;) {
@@ -161,7 +164,9 @@ class Analysis {
   [[nodiscard]] std::string obstacle(std::size_t pipeline) const {
     const auto& tasks = scenario_.mix.pipelines[pipeline].tasks;
     for (std::size_t t = 0; t < tasks.size(); ++t) {
-      const UnitId unit = plan_.tasks[scenario_.classes[pipeline][t].entry].units.front();
+      const BudgetPlan::Task& planned = plan_.tasks[scenario_.classes[pipeline][t].entry];
+      if (!planned.pinned) return "served by several units";
+      const UnitId unit = planned.units.front();
       const UnitModel& model = scenario_.platform.units[unit];
       if (shares_servers(unit)) return "served on another's cores: " + model.name;
       if (model.servers != 1) return "several servers: " + model.name;

@@ -17,6 +17,7 @@ constexpr std::int64_t kMostTasks = 100'000;  ///< In all trials.
 constexpr double kAlike = 0.003;              ///< Figures that differ by less count as the same.
 /// What may be given away of the objective for the figures behind it, all in all.
 constexpr double kSlack = 0.005;
+constexpr double kPart = 1e-3;  ///< Of a task's calls: less elsewhere is nothing.
 constexpr double kNone = 1e-6;  ///< Of a task's calls: less than this part is none.
 
 /// Sets the plan's units, and how long queues may be, by what the programme gives them.
@@ -30,6 +31,8 @@ void follow(const Assignment& assignment, BudgetPlan& plan) {
     std::ranges::stable_sort(task.units, [&](UnitId a, UnitId b) {
       return std::lround(calls[a] / all * 1e6) > std::lround(calls[b] / all * 1e6);
     });
+    // Its rate is more than one unit is for.
+    task.pinned = task.pinned && calls[task.units.front()] > (1 - kPart) * all;
     if (task.pinned) continue;
     for (const UnitId unit : task.units) {
       if (calls[unit] < kNone * all) task.capacity[unit] = 0;
@@ -150,6 +153,10 @@ class Planning {
           measure_ways(setup_.scenario, other.plan);
           moved = consider(std::move(other)) || moved;
         }
+        if (best_.misses == 0 || !may_try()) continue;
+        BudgetChoice spread = choice_;  // Over all units that may serve it.
+        spread.plan.tasks[entry].pinned = false;
+        moved = consider(std::move(spread)) || moved;
       }
     }
   }

@@ -41,14 +41,19 @@ double window_j_of(const Platform& platform, const Service& service) {
   return std::min(energy_j, service.fixed_j() + highest_w * kWindowS);
 }
 
-/// By Little's law: what keeps the unit busy with calls of the kind.
+/// By Little's law: what keeps the unit's own servers busy with calls of the kind.
 int busy_with(const Service& service, const UnitModel& unit, UnitId id) {
   constexpr int kNoLimit = 1'000'000;
-  const auto on_it = [id](const ServiceStage& stage) { return stage.on == id; };
-  if (std::ranges::none_of(service.stages, on_it)) return kNoLimit;
-  const double occupied = to_s(service.bottleneck(id));
-  if (occupied <= 0) return unit.servers;
-  const double tasks = std::ceil(unit.servers * to_s(service.total()) / occupied - 1e-9);
+  Nanos own{0};
+  bool on_it = false;
+  for (const ServiceStage& stage : service.stages) {
+    if (stage.on != id) continue;
+    own += stage.mean();
+    on_it = true;
+  }
+  if (!on_it) return kNoLimit;
+  if (own <= Nanos::zero()) return unit.servers;
+  const double tasks = std::ceil(unit.servers * to_s(service.total()) / to_s(own) - 1e-9);
   return static_cast<int>(std::clamp(tasks, 1.0, double{kNoLimit}));
 }
 
@@ -111,21 +116,6 @@ void check_energy_known(const Scenario& scenario, const BudgetPlan& plan) {
   }
 }
 
-/// Where tasks with a deadline are served, nothing queues before them.
-void shorten_queues(const Scenario& scenario, BudgetPlan& plan) {
-  UnitMask urgent = 0;
-  for (const BudgetPlan::Task& task : plan.tasks) {
-    if (!plan.pipelines[task.pipeline].deadline) continue;
-    for (const UnitId unit : task.units) urgent |= unit_bit(unit);
-  }
-  for (BudgetPlan::Task& task : plan.tasks) {
-    for (const UnitId unit : task.units) {
-      if (!contains(urgent, unit)) continue;
-      task.capacity[unit] = std::min(task.capacity[unit], scenario.platform.units[unit].servers);
-    }
-  }
-}
-
 }  // namespace
 
 Nanos usual_worst(const Distribution& time) {
@@ -160,7 +150,6 @@ BudgetPlan first_budget_plan(const Scenario& scenario, const ServiceTable& upper
       plan.tasks.push_back(first_task(scenario, upper, p, t));
     }
   }
-  shorten_queues(scenario, plan);
   measure_ways(scenario, plan);
   if (power_cap_w) {
     check_energy_known(scenario, plan);

@@ -77,7 +77,8 @@ TEST_F(Schema, OfSchedules) {
     words.insert(words.end(), board.begin(), board.end());
     return words;
   };
-  for (const char* mode : {"throughput", "latency", "energy", "advanced", "heft", "edf"}) {
+  for (const char* mode :
+       {"throughput", "latency", "energy", "advanced", "heft", "edf", "budget"}) {
     add("schedule", with({"schedule", "--mode", mode}));
   }
   const auto mix = scratch_.write(
@@ -86,6 +87,14 @@ TEST_F(Schema, OfSchedules) {
       "tasks: [{workload: convolution, image_input: true}]}\n");
   add("schedule", {"schedule", "--mode", "ect", "--platform", "snapdragon820", "--mix", mix,
                    "--duration", "1s", "--faults", "seed=1,fail=0.1"});
+  add("schedule", {"schedule", "--mode", "budget", "--platform", "fake", "--duration", "2s",
+                   "--power-cap", "3W", "--objective", "energy", "--min-rate", "0.1"});
+  add("pareto", with({"schedule", "--pareto"}));
+  const auto slow = scratch_.write("w.yaml",
+                                   "mix: w\npipelines: {p: {rate_hz: 100, deadline_ms: 40, tasks: "
+                                   "[{workload: convolution}]}}\n");
+  add("what-if", {"what-if", "--platform", "snapdragon820", "--mix", slow, "--duration", "1s",
+                  "--raise", "p.rate_hz", "--modes", "edf,budget,cpu-only"});
   add("compare", with({"schedule", "--compare", "latency,throughput"}));
   const auto trace = scratch_.file("t.json");
   ASSERT_EQ(pirt(with({"schedule", "--mode", "energy", "--trace", trace})).exit_code, 0);

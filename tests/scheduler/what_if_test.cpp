@@ -94,6 +94,18 @@ TEST(WhatIf, KnowsWhatDoesNotFitAsItIs) {
               HasSubstr("did you mean camera.rate_hz"));
 }
 
+TEST(WhatIf, ADeadlineDoesNotKeepARateOnOneUnit) {
+  // On the GPU alone 384 Hz; with the CPU's cores beside it 755, with the DSP 808.
+  const auto mix = mix_of(
+      "mix: m\npipelines: {p: {rate_hz: 300, deadline_ms: 40, tasks: [{workload: "
+      "convolution}]}}\n");
+  auto options = ten_seconds();
+  options.duration = std::chrono::seconds(2);
+  const auto found = what_if(load_platform("snapdragon820"), nullptr, mix, {"budget"},
+                             parse_raise("p.rate_hz", mix), options);
+  EXPECT_GT(found.rows[0].holds.value_or(0), 600);
+}
+
 TEST(Frontier, HasWhatThePapersModesReachAndMore) {
   ScheduleOptions options;
   const auto runs = run_frontier(load_platform("snapdragon820"), nullptr,
