@@ -317,7 +317,9 @@ void add_decisions_from_json(const Json& json, LogEntry& entry) {
 
 }  // namespace
 
-LogEntry log_entry_from_json(const Json& json) {
+namespace {
+
+LogEntry entry_from_json(const Json& json) {
   using Kind = DispatcherInput::Kind;
   LogEntry entry;
   DispatcherInput& input = entry.input;
@@ -348,6 +350,16 @@ LogEntry log_entry_from_json(const Json& json) {
   }
   add_decisions_from_json(json, entry);
   return entry;
+}
+
+}  // namespace
+
+LogEntry log_entry_from_json(const Json& json, std::size_t number) {
+  try {
+    return entry_from_json(json);
+  } catch (const Error& error) {
+    throw_bad_input(fmt::format("input {} of the log: {}", number, error.what()));
+  }
 }
 
 std::string not_a_trace(const std::string& source, const JsonError& error) {

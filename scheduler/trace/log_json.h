@@ -50,7 +50,8 @@ struct LogEntry {
 
 /// One line of JSON. Keys are left out where they do not apply.
 [[nodiscard]] std::string log_line(const DispatcherInput& input, const Answer& answer);
+/// @param number  Of the entry in its log, from 1: for messages.
 /// @throws JsonError as above, Error{kBadInput} for a word that is none.
-[[nodiscard]] LogEntry log_entry_from_json(const Json& json);
+[[nodiscard]] LogEntry log_entry_from_json(const Json& json, std::size_t number);
 
 }  // namespace pirt

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "scheduler/trace/trace_reader.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
@@ -41,16 +42,18 @@ std::string_view verb(TaskEnd how) {
 
 class Replay {
  public:
-  Replay(const TraceLog& log, const std::string& source)
-      : log_(log),
+  Replay(const DispatcherSetup& setup, const std::string& source)
+      : setup_(setup),
         source_(source),
-        mode_(*log.setup.mode),
-        dispatcher_(log.setup.slots, mode_.make(log.setup.policy)) {}
+        mode_(*setup.mode),
+        dispatcher_(setup.slots, mode_.make(setup.policy)) {}
 
-  ReplayResult run() {
+  /// @param next  std::optional<LogEntry>(): absent after the last.
+  template <typename Next>
+  ReplayResult run(const Next& next) {
     ReplayResult result;
-    for (position_ = 0; position_ < log_.entries.size(); ++position_) {
-      const LogEntry& entry = log_.entries[position_];
+    for (position_ = 0; const auto given = next(); ++position_) {
+      const LogEntry& entry = *given;
       check(entry);
       Effects out;
       const bool taken = give(entry, out);
@@ -86,8 +89,8 @@ class Replay {
   }
 
   void check_class(const TaskClass& kind) const {
-    const PolicySetup& policy = log_.setup.policy;
-    const std::size_t units = log_.setup.units.size();
+    const PolicySetup& policy = setup_.policy;
+    const std::size_t units = setup_.units.size();
     const UnitMask known =
         units == kMaxUnits ? ~UnitMask{0} : unit_bit(static_cast<UnitId>(units)) - 1;
     require(kind.workload < policy.costs.size(), "names no workload");
@@ -130,7 +133,7 @@ class Replay {
   }
 
   std::string unit_name(UnitId unit) const {
-    return unit < log_.setup.units.size() ? log_.setup.units[unit] : std::to_string(unit);
+    return unit < setup_.units.size() ? setup_.units[unit] : std::to_string(unit);
   }
 
   std::string describe(const LogEntry& entry) const {
@@ -171,21 +174,13 @@ class Replay {
     return parts.empty() ? "nothing" : join(parts, ", ");
   }
 
-  const TraceLog& log_;
+  const DispatcherSetup& setup_;
   const std::string& source_;
   const PolicyInfo& mode_;
   Dispatcher dispatcher_;
   std::size_t position_ = 0;
   Nanos now_ = Nanos::min();
 };
-
-LogEntry entry_from_json(const Json& json, std::size_t position) {
-  try {
-    return log_entry_from_json(json);
-  } catch (const Error& error) {
-    throw_bad_input(fmt::format("input {} of the log: {}", position + 1, error.what()));
-  }
-}
 
 }  // namespace
 
@@ -203,7 +198,7 @@ TraceLog parse_trace_log(const std::string& text, const std::string& source) {
     const auto& part = json.at("pirt");
     log.setup = dispatcher_setup_from_json(part);
     for (const auto& entry : part.at("log"))
-      log.entries.push_back(entry_from_json(entry, log.entries.size()));
+      log.entries.push_back(log_entry_from_json(entry, log.entries.size() + 1));
     if (part.at("inputs").get<std::size_t>() != log.entries.size()) {
       throw_bad_input("its log is not as long as it says");
     }
@@ -216,7 +211,21 @@ TraceLog parse_trace_log(const std::string& text, const std::string& source) {
 }
 
 ReplayResult replay(const TraceLog& log, const std::string& source) {
-  return Replay(log, source).run();
+  std::size_t position = 0;
+  return Replay(log.setup, source).run([&]() -> std::optional<LogEntry> {
+    if (position == log.entries.size()) return std::nullopt;
+    return log.entries[position++];
+  });
+}
+
+FileReplay replay_file(const std::filesystem::path& path) {
+  TraceReader reader(path);
+  if (reader.is_laid_out_otherwise()) {
+    const TraceLog log = load_trace_log(path);
+    return {log.setup.mode, log.entries.size(), replay(log, path.string())};
+  }
+  auto result = Replay(reader.setup(), path.string()).run([&] { return reader.next(); });
+  return {reader.setup().mode, reader.size(), std::move(result)};
 }
 
 }  // namespace pirt

@@ -40,4 +40,13 @@ struct ReplayResult {
 /// @throws Error{kBadInput} if the log names what its tables do not have.
 [[nodiscard]] ReplayResult replay(const TraceLog& log, const std::string& source);
 
+struct FileReplay {
+  const PolicyInfo* mode = nullptr;
+  std::size_t size = 0;  ///< Of the log.
+  ReplayResult result;
+};
+/// The same of a file, in memory that does not follow its length.
+/// @throws Error{kBadInput} as load_trace_log and replay.
+[[nodiscard]] FileReplay replay_file(const std::filesystem::path& path);
+
 }  // namespace pirt

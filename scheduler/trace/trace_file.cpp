@@ -25,7 +25,7 @@ std::filesystem::path target_of(std::filesystem::path path) {
 
 TraceFile::TraceFile(const std::filesystem::path& path)
     : events_(target_of(path)), log_(follow_links(path)) {
-  events_.write("{\"displayTimeUnit\": \"ms\", \"traceEvents\": [\n");
+  events_.write(std::string(kFirstLine) + "\n");
 }
 
 void TraceFile::event(std::string_view json) {
@@ -44,9 +44,9 @@ void TraceFile::finish(const Json& header) {
   std::string text = json_text(head);
   text.pop_back();  // The brace; "log" comes last.
   // Perfetto leaves the rest of the file alone after a key that it does not know.
-  events_.write("\n],\n\"pirt\": " + text + ",\"log\": [\n");
+  events_.write("\n],\n" + std::string(kPart) + text + std::string(kLog) + "\n");
   events_.append(log_);
-  events_.write("\n]}}\n");
+  events_.write("\n" + std::string(kEnd) + "\n");
   events_.publish();
 }
 

@@ -3,8 +3,8 @@
 //   {"displayTimeUnit": "ms", "traceEvents": [EVENT, ...], "pirt": {..., "log": [ENTRY, ...]}}
 //
 // Events and log entries come interleaved and are two lists, so that the log is collected in a
-// second file. Nothing is kept in memory. The trace appears under its name when it is complete, and
-// not at all if it does not become so.
+// second file. Each has a line of its own. Nothing is kept in memory. The trace appears under its
+// name when it is complete, and not at all if it does not become so.
 #pragma once
 
 #include <cstdint>
@@ -18,6 +18,13 @@ namespace pirt {
 
 class TraceFile {
  public:
+  // How its lines look to a reader that takes one after the other: the first, that on which the log
+  // begins (kPart, the header without its last brace, kLog), and the last.
+  static constexpr std::string_view kFirstLine = R"({"displayTimeUnit": "ms", "traceEvents": [)";
+  static constexpr std::string_view kPart = R"("pirt": )";
+  static constexpr std::string_view kLog = R"(,"log": [)";
+  static constexpr std::string_view kEnd = "]}}";
+
   /// @throws Error{kBadInput} if nothing can be written there.
   explicit TraceFile(const std::filesystem::path& path);
 

@@ -230,6 +230,14 @@ TEST_F(Traces, ReplayToTheSameDecisionsInEveryMode) {
     EXPECT_EQ(result.inputs, static_cast<std::int64_t>(log.entries.size()));
     EXPECT_GE(result.decisions, record.completed) << mode;
     EXPECT_GT(record.completed, 50) << mode;
+    // The file entry by entry, and laid out anew: the same.
+    for (const bool anew : {false, true}) {
+      if (anew) write_file(path(), trace().dump(1));
+      const FileReplay again = replay_file(path());
+      EXPECT_FALSE(again.result.difference) << mode;
+      EXPECT_EQ(again.result.decisions, result.decisions);
+      EXPECT_EQ(again.size, log.entries.size());
+    }
   }
   EXPECT_GT(ends, 0) << "nothing was dropped or expired, so that was not compared";
 }
@@ -279,6 +287,15 @@ TEST_F(Traces, ThatAreDamagedAreRefused) {
     });
   };
   EXPECT_THAT(refused(text.substr(0, text.size() / 2)), HasSubstr("t.json"));
+  const auto file_refused = [&](const std::string& each) {
+    write_file(path(), each);
+    return bad_input([&] { static_cast<void>(replay_file(path())); });
+  };
+  EXPECT_THAT(file_refused(text.substr(0, text.size() / 2)), HasSubstr(path()));
+  EXPECT_THAT(file_refused(text.substr(0, text.size() - 100)),
+              AllOf(HasSubstr(path()), HasSubstr("cut off")));
+  EXPECT_THAT(file_refused("{}"), HasSubstr("--trace"));
+  write_file(path(), text);
   EXPECT_THAT(refused("{}"), AllOf(HasSubstr("t.json"), HasSubstr("--trace")));
   EXPECT_THAT(refused("{\"traceEvents\": [], \"pirt\": 3}"), HasSubstr("not a complete trace"));
   const auto with = [&](const auto& change) {

@@ -19,21 +19,23 @@ struct Options {
   Output json;
 };
 
-std::string text_of(const ReplayResult& result, const TraceLog& log) {
+std::string text_of(const FileReplay& replay) {
+  const ReplayResult& result = replay.result;
   if (!result.difference) {
     return fmt::format("{} inputs replayed, mode {}: all {} decisions are the same\n",
-                       result.inputs, std::string(log.setup.mode->name), result.decisions);
+                       result.inputs, std::string(replay.mode->name), result.decisions);
   }
   const ReplayDifference& difference = *result.difference;
   return fmt::format(
       "The decisions differ at input {} of {}, {:.6f} ms, {}:\n  recorded: {}\n  replayed: {}\n",
-      difference.entry + 1, log.entries.size(), to_ms(difference.at), difference.input,
+      difference.entry + 1, replay.size, to_ms(difference.at), difference.input,
       difference.recorded, difference.replayed);
 }
 
-Json json_of(const ReplayResult& result, const TraceLog& log) {
+Json json_of(const FileReplay& replay) {
+  const ReplayResult& result = replay.result;
   Json json = {{"schema_version", 1},
-               {"mode", std::string(log.setup.mode->name)},
+               {"mode", std::string(replay.mode->name)},
                {"inputs", result.inputs},
                {"decisions", result.decisions},
                {"same", !result.difference.has_value()}};
@@ -49,10 +51,9 @@ Json json_of(const ReplayResult& result, const TraceLog& log) {
 }
 
 int replay_trace(const Options& options) {
-  const auto log = load_trace_log(options.file);
-  const auto result = replay(log, options.file);
-  emit(text_of(result, log), json_of(result, log), options.json);
-  return result.difference ? kExitCheckFailed : 0;
+  const FileReplay replay = replay_file(options.file);
+  emit(text_of(replay), json_of(replay), options.json);
+  return replay.result.difference ? kExitCheckFailed : 0;
 }
 
 }  // namespace
