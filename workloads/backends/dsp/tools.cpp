@@ -20,6 +20,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/hash.h"
 #include "workloads/base/system/file_descriptor.h"
+#include "workloads/base/system/module.h"
 
 namespace pirt::dsp {
 namespace {
@@ -29,9 +30,6 @@ namespace fs = std::filesystem;
 constexpr const char* kEmulator = "qemu-hexagon";
 constexpr const char* kPlugin = "pirt_dsp_count.so";
 constexpr const char* kProgram = "pirt_dsp.elf";
-// As the build says: the former seen from the folder above the program's.
-constexpr const char* kModuleFolder = PIRT_MODULE_FOLDER;
-constexpr const char* kBuildFolder = PIRT_BUILD_FOLDER;
 
 fs::path find_in_path(const char* name) {
   const char* const variable = std::getenv("PATH");
@@ -43,12 +41,9 @@ fs::path find_in_path(const char* name) {
   return {};
 }
 
-/// Where it is installed, seen from the program; where it was built.
 fs::path find_own(const char* name) {
   std::error_code unknown;
-  const fs::path self = fs::read_symlink("/proc/self/exe", unknown);
-  for (const fs::path& folder :
-       {self.parent_path().parent_path() / kModuleFolder, fs::path(kBuildFolder)}) {
+  for (const fs::path& folder : module_folders()) {
     if (fs::is_regular_file(folder / name, unknown)) return folder / name;
   }
   return {};
@@ -59,7 +54,7 @@ std::string what_is_missing(const Tools& tools) {
   for (const auto& [path, name] : {std::pair(&tools.plugin, kPlugin), {&tools.program, kProgram}}) {
     if (!path->empty()) continue;
     return fmt::format("{} is neither installed with pirt nor in {}; install or build pirt again",
-                       name, kBuildFolder);
+                       name, module_folders().front().string());
   }
   return "";
 }

@@ -10,21 +10,18 @@
 #include "workloads/base/error.h"
 
 namespace pirt {
-namespace {
 
 namespace fs = std::filesystem;
 
-/// Where modules are installed, seen from the program; where they are built.
-std::vector<fs::path> folders() {
+std::vector<fs::path> module_folders() {
   std::error_code unknown;
   const fs::path program = fs::read_symlink("/proc/self/exe", unknown);
-  return {program.parent_path().parent_path() / PIRT_MODULE_FOLDER, fs::path(PIRT_BUILD_FOLDER)};
+  return {program.parent_path().parent_path() / PIRT_MODULE_FOLDER, fs::path(PIRT_BUILD_FOLDER),
+          fs::path(PIRT_INSTALLED_FOLDER)};
 }
 
-}  // namespace
-
 std::vector<fs::path> modules() {
-  for (const fs::path& folder : folders()) {
+  for (const fs::path& folder : module_folders()) {
     std::vector<fs::path> found;
     std::error_code missing;
     for (const auto& entry : fs::directory_iterator(folder, missing)) {
@@ -39,7 +36,7 @@ std::vector<fs::path> modules() {
 
 void* module_symbol(const char* module, const char* symbol, const std::string& remedy) {
   std::string why;
-  const auto places = folders();
+  const auto places = module_folders();
   for (const fs::path& folder : places) {
     const fs::path place = folder / module;
     if (!fs::exists(place)) continue;
@@ -49,7 +46,7 @@ void* module_symbol(const char* module, const char* symbol, const std::string& r
     why = ::dlerror();
   }
   if (why.empty()) {
-    why = fmt::format("it is neither in {} nor in {}", places[0].string(), places[1].string());
+    why = fmt::format("it is neither in {} nor in {}", places[0].string(), places[2].string());
   }
   throw_environment(
       fmt::format("cannot load {}, {}: {}; install pirt with it", module, remedy, why));

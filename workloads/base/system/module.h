@@ -8,6 +8,10 @@
 
 namespace pirt {
 
+/// Where modules and what else pirt installs for itself may be, best first: seen from the program,
+/// where it was built, where its libraries are installed.
+[[nodiscard]] std::vector<std::filesystem::path> module_folders();
+
 /// The files of all modules that there are, in order of their names.
 [[nodiscard]] std::vector<std::filesystem::path> modules();
 
