@@ -22,10 +22,10 @@ struct TaskStep {
   Distribution time;  ///< Before the scale.
   Nanos scaled{0};    ///< Of a constant.
   double scale = 1;
-  double energy_scale = 0;  ///< Of its time before the scale, what draws the unit's active_w.
-  bool prepares = false;    ///< Of a unit with contexts: not where it holds this one already.
+  double energy_scale = 0;    ///< Of its time before the scale, what draws the unit's active_w.
+  bool prepares = false;      ///< Of a unit with contexts: not where it holds this one already.
   std::uint32_t context = 0;  ///< Of one that prepares: which.
-  bool for_data = false;    ///< A delay until the data of the predecessors is there.
+  bool for_data = false;      ///< A delay until the data of the predecessors is there.
   /// Of the phase `execute`: what else it may take; refers to the scenario's services. Null = no.
   const CallConditions* conditions = nullptr;
 };

@@ -9,8 +9,8 @@ namespace {
 
 TEST(BundleAdjustCommand, AdjustsWhatWasGenerated) {
   const Scratch scratch;
-  ASSERT_EQ(pirt({"generate", "bal", "--images", "20", "--points", "400", "-o", scratch.file("b.txt"),
-                  "--truth", scratch.file("t.txt")})
+  ASSERT_EQ(pirt({"generate", "bal", "--images", "20", "--points", "400", "-o",
+                  scratch.file("b.txt"), "--truth", scratch.file("t.txt")})
                 .exit_code,
             0);
   const auto outcome =
@@ -41,8 +41,9 @@ TEST(BundleAdjustCommand, ReadsStandardInputForADash) {
 TEST(BundleAdjustCommand, WritesNothingWhenItIsInterrupted) {
   const Scratch scratch;
   const auto problem = scratch.file("b.txt");
-  ASSERT_EQ(pirt({"generate", "bal", "--images", "300", "--points", "20000", "-o", problem}).exit_code,
-            0);
+  ASSERT_EQ(
+      pirt({"generate", "bal", "--images", "300", "--points", "20000", "-o", problem}).exit_code,
+      0);
   // Asked to stop from when it listens on: at the next iteration.
   const auto outcome = run(
       "env --default-signal " + quoted(kProgram) + " bundle-adjust " + quoted(problem) + " -o " +

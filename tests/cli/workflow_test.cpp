@@ -60,8 +60,8 @@ TEST(Workflow, WritesItsBaseOnTheDefaultBranchOnly) {
 TEST_P(WorkflowFile, PassesYamllint) {
   if (run("command -v yamllint").exit_code != 0) GTEST_SKIP() << "yamllint is not installed";
   const std::string source = kSourceFolder;
-  const auto outcome = run("yamllint --strict -c " + source + "/.yamllint " + source + "/cli/ci/" +
-                           GetParam());
+  const auto outcome =
+      run("yamllint --strict -c " + source + "/.yamllint " + source + "/cli/ci/" + GetParam());
   EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
 }
 

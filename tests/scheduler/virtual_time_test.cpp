@@ -828,8 +828,8 @@ TEST(Schedule, MetersReplaceTheModelOfACall) {
 }
 
 TEST(VirtualTime, AnImageOnTheJetsonTakesWhatTableFourPrints) {
-  const Mix mix = mix_of(
-      "mix: m\npipelines: {p: {closed_loop: {frames: 10}, tasks: [{workload: alexnet}]}}\n");
+  const Mix mix =
+      mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 10}, tasks: [{workload: alexnet}]}}\n");
   for (const auto& [mode, ms, joules] :
        {std::tuple("cpu-only", 400.0, 0.8), std::tuple("throughput", 33.0, 0.132)}) {
     ScheduleOptions options;

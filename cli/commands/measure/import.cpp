@@ -133,7 +133,7 @@ void add_import(CLI::App& app, Action& action) {
   add_text(command, "--board", &options->board, "NAME", "Of several boards, only this one");
   add_value(command, "--name", &options->name, "NAME", no_platform_name,
             "What the board's platform is called (default: from what the file calls it)");
-  add_text(command, "--source", &options->source, "TEXT",
+  add_text(command, "--source", &options->source, "WHERE",
            "Where the file is from, kept with the rows (default: its name)");
   add_output(command, "--platform-file", options->platform_file,
              "Write a platform with the board's units, for --platform; watts are yours to add",

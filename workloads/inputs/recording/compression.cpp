@@ -14,7 +14,7 @@ namespace pirt {
 namespace {
 
 [[noreturn, maybe_unused]] void throw_without(const std::string& file, const std::string& name,
-                                const std::string& package) {
+                                              const std::string& package) {
   throw_environment("'" + file + "' is compressed with " + name +
                     ", which pirt was built without; install " + package +
                     " and build again, or unpack it: rosbag decompress");
