@@ -1,6 +1,7 @@
 #include "scheduler/dispatcher/dispatcher.h"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <limits>
 #include <utility>
@@ -16,6 +17,7 @@ Dispatcher::Dispatcher(std::vector<std::optional<int>> slots, std::unique_ptr<Po
     if (std::ranges::find(start_order_, unit) == start_order_.end()) start_order_.push_back(unit);
   }
   up_ = all_;
+  for (UnitId unit = 0; unit < units_.size(); ++unit) note_running(unit);
 }
 
 /// Every input goes through here.
@@ -68,26 +70,45 @@ bool Dispatcher::add(FiringId firing, std::span<const Task> tasks) {
   if (place == kNoSlot) return false;
   added_.clear();
   doomed_.clear();
-  bool good = true;
-  for (const Task& task : tasks) {
-    const bool sound =
-        task.kind.eligible != 0 && (task.kind.eligible & ~all_) == 0 &&
-        task.state.value_or(0) < kMaxStates && task.series.value_or(0) < kMaxSeries &&
-        std::ranges::all_of(task.reads, [](SeriesId each) { return each < kMaxSeries; });
-    const TaskSlot slot = sound ? tasks_.add(task.id, place) : kNoSlot;
-    good = slot != kNoSlot;
-    if (!good) break;
-    added_.push_back(slot);
-  }
+  bool good = register_all(place, tasks);
   for (std::size_t i = 0; good && i < tasks.size(); ++i) good = link(added_[i], tasks[i]);
   if (!good) {
     for (const TaskSlot each : added_) tasks_.remove(each);
     if (is_new) tasks_.release(firing);
     return false;
   }
+  bool binds = false;
   for (std::size_t i = 0; i < tasks.size(); ++i) {
-    tasks_[added_[i]].class_index = waiting_.class_of(tasks[i].kind, up_);
-    tasks_[added_[i]].rank = policy_->rank(tasks[i]);
+    const Task& task = tasks[i];
+    TaskRecord& record = tasks_[added_[i]];
+    record.class_index = waiting_.class_of(task.kind, up_);
+    record.rank = policy_->rank(task);
+    binds =
+        binds || task.expires_at || task.recall || task.state || task.series || !task.reads.empty();
+  }
+  if (binds) bind(tasks);
+  return true;
+}
+
+bool Dispatcher::is_sound(const Task& task) const {
+  return task.kind.eligible != 0 && (task.kind.eligible & ~all_) == 0 &&
+         task.state.value_or(0) < kMaxStates && task.series.value_or(0) < kMaxSeries &&
+         std::ranges::all_of(task.reads, [](SeriesId each) { return each < kMaxSeries; });
+}
+
+/// Those before one that makes no sense.
+bool Dispatcher::register_all(std::uint32_t firing, std::span<const Task> tasks) {
+  for (const Task& task : tasks) {
+    const TaskSlot slot = is_sound(task) ? tasks_.add(task.id, firing) : kNoSlot;
+    if (slot == kNoSlot) return false;
+    added_.push_back(slot);
+  }
+  return true;
+}
+
+/// What only some tasks have.
+void Dispatcher::bind(std::span<const Task> tasks) {
+  for (std::size_t i = 0; i < tasks.size(); ++i) {
     if (tasks[i].expires_at) {
       tasks_.tie(added_[i]).expires_at = tasks[i].expires_at;
       expiries_.watch(added_[i], *tasks[i].expires_at);
@@ -99,7 +120,6 @@ bool Dispatcher::add(FiringId firing, std::span<const Task> tasks) {
     ties_.await_earlier(added_[i], tasks[i]);
   }
   for (std::size_t i = 0; i < tasks.size(); ++i) ties_.join(added_[i], tasks[i]);
-  return true;
 }
 
 /// Each may leave others unmet.
@@ -128,11 +148,14 @@ bool Dispatcher::link(TaskSlot slot, const Task& task) {
 }
 
 bool Dispatcher::release(FiringId firing, Nanos now) {
-  const auto input = [&] {
-    return DispatcherInput{.kind = DispatcherInput::Kind::kRelease, .now = now_, .firing = firing};
-  };
-  Effects none;
-  return take(now, none, input, [&] { return tasks_.release(firing); });
+  now_ = std::max(now_, now);
+  const bool taken = tasks_.release(firing);
+  if (!taken) ++refused_;
+  if (observer_ != nullptr) {
+    observer_->on_input({.kind = DispatcherInput::Kind::kRelease, .now = now_, .firing = firing},
+                        {.taken = taken, .started = {}, .ended = {}});
+  }
+  return taken;
 }
 
 bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, Effects& out) {
@@ -151,12 +174,12 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
     recalls_.forget(slot);  // It is back.
     expire(Expire::kBeforeNow, out);
     --units_[unit].running;
-    --load_[unit];
-    policy_->left(waiting_.class_at(slot).kind, unit, now_);
+    remove_load(slot, unit);
+    note_running(unit);
     if (state == TaskState::kRunning && outcome == Outcome::kCompleted) {
       ++counts_.completed;
       released_.clear();
-      tasks_.successors(slot, released_);
+      if (tasks_.has_successors(slot)) tasks_.successors(slot, released_);
       ties_.leave(slot, true);
       tasks_.remove(slot);
       waiting_.forget_refusals();
@@ -238,6 +261,7 @@ bool Dispatcher::set_unit(UnitId unit, UnitState state, Nanos now, Effects& out)
     up_ = state == UnitState::kUp ? up_ | unit_bit(unit) : up_ & ~unit_bit(unit);
     gone_ = state == UnitState::kGone ? gone_ | unit_bit(unit) : gone_ & ~unit_bit(unit);
     waiting_.set_up(up_);
+    note_running(unit);
     if (state != UnitState::kUp) hand_on(unit);
     waiting_.forget_refusals();
     settle(out);
@@ -261,7 +285,7 @@ bool Dispatcher::is_due(const Expiries& timers, Expire which) const {
 }
 
 /// Ends what should have started by now, or before now, and takes back what should have completed.
-void Dispatcher::expire(Expire which, Effects& out) {
+void Dispatcher::expire_watched(Expire which, Effects& out) {
   expiries_.tidy();
   while (is_due(expiries_, which)) {
     const TaskSlot slot = expiries_.first();
@@ -340,6 +364,17 @@ void Dispatcher::fail_hopeless(Effects& out) {
 
 /// What every input but release ends with.
 void Dispatcher::settle(Effects& out) {
+  if (ties_.has_news() || waiting_.despairs()) take_news(out);
+  if (ask_again_ <= now_) waiting_.forget_refusals();
+  waiting_.place_held([this](TaskSlot slot) { return place(slot); });
+  ask_again_ = waiting_.holds_any() ? policy_->ask_again() : Nanos::max();
+  if (ask_again_ <= now_) ask_again_ = Nanos::max();
+  start_all(out);
+  expiries_.tidy();
+  recalls_.tidy();
+}
+
+void Dispatcher::take_news(Effects& out) {
   while (true) {
     drop_unmet(out);
     ties_.take_freed([this](TaskSlot slot) {
@@ -350,13 +385,6 @@ void Dispatcher::settle(Effects& out) {
     if (!waiting_.despairs()) break;
     fail_hopeless(out);  // Others may hold their states now, or have nothing to read.
   }
-  if (ask_again_ <= now_) waiting_.forget_refusals();
-  waiting_.place_held([this](TaskSlot slot) { return place(slot); });
-  ask_again_ = waiting_.holds_any() ? policy_->ask_again() : Nanos::max();
-  if (ask_again_ <= now_) ask_again_ = Nanos::max();
-  start_all(out);
-  expiries_.tidy();
-  recalls_.tidy();
 }
 
 void Dispatcher::list_waiting(std::vector<int>& waiting) const {
@@ -378,7 +406,7 @@ std::optional<TaskState> Dispatcher::state(TaskId task) const {
 void Dispatcher::make_ready(TaskSlot slot, bool alone) {
   tasks_[slot].sequence = ready_sequence_++;
   tasks_[slot].ready_at = now_;
-  leave_gone(slot);
+  if (gone_ != 0) leave_gone(slot);
   const bool hopeless = waiting_.class_at(slot).hopeless;
   if (!alone || hopeless || waiting_.holds_any() || !place(slot)) waiting_.hold(slot);
 }
@@ -400,6 +428,7 @@ bool Dispatcher::place(TaskSlot slot) {
       record.unit = placement.unit;
       record.dispatched_at = now_;
       units_[placement.unit].queue.insert(tasks_, slot);
+      queued_ |= unit_bit(placement.unit);
       ++load_[placement.unit];
       return true;
   }
@@ -407,14 +436,27 @@ bool Dispatcher::place(TaskSlot slot) {
 }
 
 void Dispatcher::start_all(Effects& out) {
+  const UnitMask able = idle_ & (waiting_.prioritizes_any() ? all_ : queued_);
+  if (able == 0) return;
+  if (std::has_single_bit(able)) return fill(static_cast<UnitId>(std::countr_zero(able)), out);
   for (const UnitId id : start_order_) {
-    if (units_[id].state != UnitState::kUp) continue;
-    while (units_[id].running < units_[id].slots) {
-      const TaskSlot slot = next_for(id);
-      if (slot == kNoSlot) break;
-      start(slot, id, out);
-    }
+    if (contains(able, id)) fill(id, out);
   }
+}
+
+void Dispatcher::fill(UnitId id, Effects& out) {
+  while (contains(idle_, id)) {
+    const TaskSlot slot = next_for(id);
+    if (slot == kNoSlot) break;
+    start(slot, id, out);
+  }
+}
+
+/// What runs there has changed, or its state.
+void Dispatcher::note_running(UnitId id) {
+  const Unit& unit = units_[id];
+  const bool idle = unit.state == UnitState::kUp && unit.running < unit.slots;
+  idle_ = idle ? idle_ | unit_bit(id) : idle_ & ~unit_bit(id);
 }
 
 /// What the idle unit starts: of the high-priority queue, which falls here, at dispatch, before its
@@ -430,7 +472,7 @@ TaskSlot Dispatcher::next_for(UnitId id) {
   }
   if (unit.queue.empty()) return kNoSlot;
   const TaskSlot slot = unit.queue.front();
-  unit.queue.erase(tasks_, slot);
+  take_from_queue(slot, id);
   return slot;
 }
 
@@ -440,8 +482,15 @@ void Dispatcher::start(TaskSlot slot, UnitId unit, Effects& out) {
   record.state = TaskState::kRunning;
   record.unit = unit;
   ++units_[unit].running;
+  note_running(unit);
   expiries_.forget(slot);
   out.started.push_back({record.id, unit, record.dispatched_at, record.ready_at});
+}
+
+void Dispatcher::take_from_queue(TaskSlot slot, UnitId unit) {
+  TaskList& queue = units_[unit].queue;
+  queue.erase(tasks_, slot);
+  if (queue.empty()) queued_ &= ~unit_bit(unit);
 }
 
 /// Takes a task that has not started out of the queue that it is in.
@@ -453,9 +502,8 @@ void Dispatcher::unlink(TaskSlot slot) {
       waiting_.erase(slot);
       break;
     case TaskState::kQueued:
-      units_[record.unit].queue.erase(tasks_, slot);
-      --load_[record.unit];
-      policy_->left(waiting_.class_at(slot).kind, record.unit, now_);
+      take_from_queue(slot, record.unit);
+      remove_load(slot, record.unit);
       break;
     case TaskState::kNew:
     case TaskState::kWaiting:

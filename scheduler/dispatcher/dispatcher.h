@@ -121,7 +121,10 @@ class Dispatcher {
   template <typename Make, typename Body>
   bool take(Nanos now, Effects& out, const Make& input, const Body& body);
   bool add(FiringId firing, std::span<const Task> tasks);
+  bool register_all(std::uint32_t firing, std::span<const Task> tasks);
+  [[nodiscard]] bool is_sound(const Task& task) const;
   bool link(TaskSlot slot, const Task& task);
+  void bind(std::span<const Task> tasks);
   void drop_unmet(Effects& out);
   void give_back(TaskSlot slot, UnitId unit, Effects& out);
   void fail(TaskSlot slot, Effects& out);
@@ -129,21 +132,32 @@ class Dispatcher {
   void leave_gone(TaskSlot slot);
   void hand_on(UnitId unit);
   enum class Expire : std::uint8_t { kBeforeNow, kByNow };
-  void expire(Expire which, Effects& out);
+  void expire(Expire which, Effects& out) {
+    if (expiries_.any() || recalls_.any()) expire_watched(which, out);
+  }
+  void expire_watched(Expire which, Effects& out);
   void take_back(TaskSlot slot, Effects& out);
   [[nodiscard]] bool is_due(const Expiries& timers, Expire which) const;
   void settle(Effects& out);
+  void take_news(Effects& out);
   void make_ready(TaskSlot slot, bool alone);
   bool place(TaskSlot slot);
   void start_all(Effects& out);
+  void fill(UnitId id, Effects& out);
+  void note_running(UnitId id);
   TaskSlot next_for(UnitId id);
   void start(TaskSlot slot, UnitId unit, Effects& out);
+  void take_from_queue(TaskSlot slot, UnitId unit);
   void unlink(TaskSlot slot);
   void drop(TaskSlot slot, TaskEnd how, Effects& out);
   void drop_successors(TaskSlot slot, TaskEnd how, Effects& out);
   void count_drop(TaskSlot slot, TaskEnd how, Effects& out);
   void end(TaskSlot slot);
   [[nodiscard]] UnitsView view() const { return {.load = load_, .up = up_, .now = now_}; }
+  void remove_load(TaskSlot slot, UnitId unit) {
+    --load_[unit];
+    policy_->left(waiting_.class_at(slot).kind, unit, now_);
+  }
 
   std::unique_ptr<Policy> policy_;
   DispatcherObserver* observer_ = nullptr;
@@ -152,6 +166,8 @@ class Dispatcher {
   UnitMask all_ = 0;
   UnitMask up_ = 0;
   UnitMask gone_ = 0;
+  UnitMask idle_ = 0;                ///< Those that are up and have a slot left.
+  UnitMask queued_ = 0;              ///< Those with something in their queue.
   std::vector<UnitId> start_order_;  ///< The policy's order, then the units that it does not name.
   TaskStore tasks_;
   Ties ties_{tasks_};

@@ -1,8 +1,11 @@
-// TaskId -> slot: open addressing with linear probing, erased by shifting back, so that it never
-// fills with leftovers.
+// TaskId -> slot, without a search for the ids that drivers choose: their lower bits are small
+// numbers that are used again, or rise one by one, so that each finds a cell of its own there. The
+// few that do not are kept apart.
 #pragma once
 
 #include <cstdint>
+#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "scheduler/mix/task.h"
@@ -15,34 +18,30 @@ class IdMap {
 
   IdMap() : cells_(kInitial) {}
 
-  /// Where the id is, or would be; true until the map changes.
-  [[nodiscard]] std::size_t locate(TaskId id) const {
-    std::size_t i = home(id);
-    while (cells_[i].value != kAbsent && cells_[i].id != id) i = next(i);
-    return i;
+  /// kAbsent if the id is not there.
+  [[nodiscard]] std::uint32_t find(TaskId id) const {
+    const Cell& cell = cells_[home(id)];
+    if (cell.id == id) return cell.value;
+    return apart_.empty() ? kAbsent : find_apart(id);
   }
-  /// kAbsent if the id that was located is not there.
-  [[nodiscard]] std::uint32_t at(std::size_t position) const { return cells_[position].value; }
-  [[nodiscard]] std::uint32_t find(TaskId id) const { return at(locate(id)); }
 
-  /// @param position  Of an id that is not there.
-  void insert_at(std::size_t position, TaskId id, std::uint32_t value) {
-    cells_[position] = {id, value};
+  /// False, and nothing changed, if the id is there.
+  bool insert(TaskId id, std::uint32_t value) {
+    if (find(id) != kAbsent) return false;
     if (2 * ++size_ > cells_.size()) grow();
+    put(id, value);
+    return true;
   }
 
-  /// @param hole  Of an id that is there.
-  void erase_at(std::size_t hole) {
-    // Whoever probed past the hole moves into it, as long as its home is not behind it.
-    for (std::size_t i = next(hole); cells_[i].value != kAbsent; i = next(i)) {
-      const std::size_t from_home = (i - home(cells_[i].id)) & (cells_.size() - 1);
-      const std::size_t from_hole = (i - hole) & (cells_.size() - 1);
-      if (from_home < from_hole) continue;
-      cells_[hole] = cells_[i];
-      hole = i;
-    }
-    cells_[hole] = {};
+  /// @param id  Is there.
+  void erase(TaskId id) {
     --size_;
+    Cell& cell = cells_[home(id)];
+    if (cell.id == id && cell.value != kAbsent) {
+      cell.value = kAbsent;
+    } else {
+      apart_.erase(id);
+    }
   }
 
  private:
@@ -52,20 +51,34 @@ class IdMap {
   };
   static constexpr std::size_t kInitial = 64;  // A power of two, as all sizes.
 
-  [[nodiscard]] std::size_t home(TaskId id) const {
-    return static_cast<std::size_t>((id * 0x9e3779b97f4a7c15ULL) >> 32) & (cells_.size() - 1);
+  [[nodiscard]] std::size_t home(TaskId id) const { return id & (cells_.size() - 1); }
+
+  [[nodiscard]] std::uint32_t find_apart(TaskId id) const {
+    const auto found = apart_.find(id);
+    return found == apart_.end() ? kAbsent : found->second;
   }
-  [[nodiscard]] std::size_t next(std::size_t i) const { return (i + 1) & (cells_.size() - 1); }
+
+  void put(TaskId id, std::uint32_t value) {
+    Cell& cell = cells_[home(id)];
+    if (cell.value == kAbsent) {
+      cell = {id, value};
+    } else {
+      apart_.emplace(id, value);
+    }
+  }
 
   void grow() {
     auto old = std::vector<Cell>(cells_.size() * 2);
     old.swap(cells_);
+    auto apart = std::exchange(apart_, {});
     for (const Cell& cell : old) {
-      if (cell.value != kAbsent) cells_[locate(cell.id)] = cell;
+      if (cell.value != kAbsent) put(cell.id, cell.value);
     }
+    for (const auto& [id, value] : apart) put(id, value);
   }
 
   std::vector<Cell> cells_;
+  std::unordered_map<TaskId, std::uint32_t> apart_;
   std::size_t size_ = 0;
 };
 

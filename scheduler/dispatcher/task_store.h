@@ -91,20 +91,18 @@ class TaskStore {
   };
   /// The firing to add tasks to: a new one, or one that is not released.
   OpenFiring open_firing(FiringId id) {
-    const std::size_t position = firing_slots_.locate(id);
-    const std::uint32_t known = firing_slots_.at(position);
+    const std::uint32_t known = firing_slots_.find(id);
     if (known != IdMap::kAbsent) return {firings_[known].released ? kNoSlot : known, false};
     const Slot firing = firings_.take();
     firings_[firing] = {.id = id};
-    firing_slots_.insert_at(position, id, firing);
+    firing_slots_.insert(id, firing);
     return {firing, true};
   }
 
   /// Nothing that comes later names its tasks. False if there is no such firing, or it is released
   /// already.
   bool release(FiringId id) {
-    const std::size_t position = firing_slots_.locate(id);
-    const std::uint32_t firing = firing_slots_.at(position);
+    const std::uint32_t firing = firing_slots_.find(id);
     if (firing == IdMap::kAbsent || firings_[firing].released) return false;
     for (TaskSlot slot = firings_[firing].ended; slot != kNoSlot;) {
       const TaskSlot next = records_[slot].next;
@@ -113,7 +111,7 @@ class TaskStore {
     }
     firings_[firing].ended = kNoSlot;
     firings_[firing].released = true;
-    if (firings_[firing].live == 0) forget_firing(position);
+    if (firings_[firing].live == 0) forget_firing(firing);
     return true;
   }
 
@@ -124,14 +122,15 @@ class TaskStore {
 
   /// kNoSlot if the id is of a task that is known.
   TaskSlot add(TaskId id, std::uint32_t firing) {
-    const std::size_t position = slots_.locate(id);
-    if (slots_.at(position) != kNoSlot) return kNoSlot;
     const TaskSlot slot = records_.take();
+    if (!slots_.insert(id, slot)) {
+      records_.give_back(slot);
+      return kNoSlot;
+    }
     const std::uint32_t generation = records_[slot].generation;
     records_[slot] =
         TaskRecord{.id = id, .state = TaskState::kNew, .generation = generation, .firing = firing};
     if (slot < ties_.size()) ties_[slot] = {};
-    slots_.insert_at(position, id, slot);
     ++firings_[firing].live;
     return slot;
   }
@@ -142,7 +141,7 @@ class TaskStore {
     const std::uint32_t firing = records_[slot].firing;
     forget(slot);
     if (--firings_[firing].live == 0 && firings_[firing].released) {
-      forget_firing(firing_slots_.locate(firings_[firing].id));
+      forget_firing(firing);
     }
   }
 
@@ -164,6 +163,9 @@ class TaskStore {
 
   void add_successor(TaskSlot predecessor, TaskSlot successor) {
     add_edge(records_[predecessor].first_edge, successor);
+  }
+  [[nodiscard]] bool has_successors(TaskSlot slot) const {
+    return records_[slot].first_edge != kNoSlot;
   }
   /// Appends the successors that are still live, in order of submission.
   void successors(TaskSlot slot, std::vector<TaskSlot>& out) const {
@@ -193,14 +195,14 @@ class TaskStore {
   };
 
   void forget(TaskSlot slot) {
-    slots_.erase_at(slots_.locate(records_[slot].id));
+    slots_.erase(records_[slot].id);
     ++records_[slot].generation;
     records_.give_back(slot);
   }
 
-  void forget_firing(std::size_t position) {
-    firings_.give_back(firing_slots_.at(position));
-    firing_slots_.erase_at(position);
+  void forget_firing(std::uint32_t firing) {
+    firing_slots_.erase(firings_[firing].id);
+    firings_.give_back(firing);
   }
 
   /// @param first  Of a list of edges, newest first.

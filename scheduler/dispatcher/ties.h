@@ -43,6 +43,7 @@ class Ties {
   // What that brought about, until it is taken. Noted ones may have ended meanwhile.
 
   [[nodiscard]] bool frees() const { return !freed_.empty(); }
+  [[nodiscard]] bool has_news() const { return frees() || !unmet_.empty(); }
   /// They wait for a state, or for what they read, no longer.
   template <typename Visit>
   void take_freed(const Visit& visit) {

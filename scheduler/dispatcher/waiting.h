@@ -45,6 +45,7 @@ class Waiting {
 
   [[nodiscard]] std::size_t size() const { return held_count_ + high_priority_count_; }
   [[nodiscard]] bool holds_any() const { return held_count_ != 0; }
+  [[nodiscard]] bool prioritizes_any() const { return high_priority_count_ != 0; }
   void hold(TaskSlot slot);
   void prioritize(TaskSlot slot);
   /// @param slot  Is held, or in the high-priority queue.

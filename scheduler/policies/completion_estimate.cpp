@@ -1,7 +1,7 @@
 #include "scheduler/policies/completion_estimate.h"
 
 #include <algorithm>
-#include <array>
+#include <bit>
 #include <limits>
 
 #include "scheduler/policies/unit_order.h"
@@ -17,12 +17,18 @@ CompletionEstimate::CompletionEstimate(const PolicySetup& setup)
 
 std::optional<UnitId> CompletionEstimate::best_unit(const TaskClass& task,
                                                     const UnitsView& units) const {
-  const UnitMask mask = task.eligible & units.up & local_;
-  std::array<Nanos, kMaxUnits> ends{};
-  for (UnitId unit = 0; unit < accounts_.size(); ++unit) {
-    if (contains(mask, unit)) ends[unit] = completion(task, unit, units);
+  std::optional<UnitId> best;
+  Nanos first_end{0};
+  for (UnitMask left = task.eligible & units.up & local_; left != 0; left &= left - 1) {
+    const auto unit = static_cast<UnitId>(std::countr_zero(left));
+    // No unit ends it before the time that it takes there.
+    if (best && units.now + time(task, unit).total >= first_end) continue;
+    const Nanos end = completion(task, unit, units);
+    if (best && end >= first_end) continue;
+    best = unit;
+    first_end = end;
   }
-  return first_best(mask, [&](UnitId a, UnitId b) { return ends[a] < ends[b]; });
+  return best;
 }
 
 bool CompletionEstimate::has_idle_server(UnitId unit, const UnitsView& units) const {

@@ -3,6 +3,8 @@
 //
 // Source: Armstrong, Hensgen, Kidd: The Relative Performance of Various Mapping Algorithms is
 // Independent of Sizable Variances in Run-time Predictions, HCW 1998.
+#include <bit>
+
 #include "scheduler/policies/baseline.h"
 #include "scheduler/policies/policies.h"
 
@@ -14,9 +16,9 @@ class OlbPolicy final : public Baseline {
   explicit OlbPolicy(const PolicySetup& setup) : Baseline(setup), servers_(setup.servers) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
-    const UnitMask mask = takers(task, units.up);
-    for (const UnitId unit : order()) {
-      if (contains(mask, unit) && units.load[unit] < servers_[unit]) return Placement::on(unit);
+    for (UnitMask mask = takers(task, units.up); mask != 0; mask &= mask - 1) {
+      const auto unit = static_cast<UnitId>(std::countr_zero(mask));
+      if (units.load[unit] < servers_[unit]) return Placement::on(unit);
     }
     return Placement::hold();
   }

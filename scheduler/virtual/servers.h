@@ -11,16 +11,10 @@
 #include <vector>
 
 #include "characterize/platform/platform.h"
+#include "scheduler/virtual/moments.h"
 #include "workloads/base/time.h"
 
 namespace pirt {
-
-/// A moment in virtual time; ties break by the order in which things were set going.
-struct Moment {
-  Nanos time = Nanos::max();  ///< Nanos::max() = never.
-  std::uint64_t sequence = 0;
-  friend auto operator<=>(const Moment&, const Moment&) = default;
-};
 
 using JobId = std::uint32_t;
 

@@ -25,7 +25,7 @@ struct VirtualTime::Job {
   TaskId id = 0;
   std::uint32_t plan = 0;
   UnitId unit = 0;
-  std::uint32_t step = 0;
+  std::uint32_t step = 0;   ///< Position in steps_.
   std::uint32_t tries = 0;  ///< Before this one.
   bool computing = false;   ///< By the executor.
   Nanos started_at{0};
@@ -45,6 +45,11 @@ struct VirtualTime::Timer {
 
 namespace {
 
+/// The part of a step's time that draws its unit's active_w.
+Nanos powered(Nanos unscaled, const TaskStep& step) {
+  return step.energy_scale == 1 ? unscaled : scaled(unscaled, step.energy_scale);
+}
+
 /// What the dispatcher refuses here would be this driver's mistake.
 void must(bool taken) {
   if (!taken) throw std::logic_error("the dispatcher refused an input of virtual time");
@@ -62,6 +67,7 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunOb
       executor_(executor),
       computed_(computed),
       firings_(scenario, executor != nullptr),
+      completions_(scenario.platform.units.size() + scenario.platform.links.size()),
       books_(scenario),
       call_effects_(scenario) {
   for (const auto& unit : scenario.platform.units)
@@ -74,10 +80,28 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunOb
     std::ranges::move(plan_tasks(scenario, p), std::back_inserter(plans_));
     seeds_.push_back(derive_seed(scenario.seed, scenario.mix.pipelines[p].name));
   }
+  lay_out_steps();
   for (UnitId unit = 0; unit < scenario.platform.units.size(); ++unit) {
     contexts_.push_back(first_context(unit));
   }
   state_units_.resize(scenario.mix.states.size());
+}
+
+void VirtualTime::lay_out_steps() {
+  for (const TaskPlan& plan : plans_) {
+    for (UnitId unit = 0; unit < plan.steps.size(); ++unit) {
+      first_steps_.push_back(static_cast<std::uint32_t>(steps_.size()));
+      for (const TaskStep& step : plan.steps[unit]) {
+        const bool same = step.time.kind == Distribution::Kind::kConstant;
+        const bool affected = step.servers == unit && call_effects_.any();
+        steps_.push_back({.plan = &step,
+                          .takes = step.scaled,
+                          .powered = same ? powered(step.time.low, step) : Nanos::zero(),
+                          .constant = same && !step.prepares && !step.for_data && !affected});
+      }
+      steps_.emplace_back();
+    }
+  }
 }
 
 Tally VirtualTime::run() {
@@ -119,9 +143,7 @@ void VirtualTime::close_books(Nanos end) {
 
 WorkloadId VirtualTime::workload_of(const Job& job) const { return plans_[job.plan].workload; }
 
-const TaskStep& VirtualTime::step_of(const Job& job) const {
-  return plans_[job.plan].steps[job.unit][job.step];
-}
+const TaskStep& VirtualTime::step_of(const Job& job) const { return *steps_[job.step].plan; }
 
 void VirtualTime::begin() {
   for (std::uint32_t p = 0; p < scenario_.mix.pipelines.size(); ++p) {
@@ -130,29 +152,15 @@ void VirtualTime::begin() {
   }
 }
 
-/// Those with the next completion, if it comes before any timer.
-Servers* VirtualTime::first_servers() const {
-  static constexpr Moment kNever;
-  const Moment* soonest = timers_.empty() ? &kNever : &timers_.front().moment;
-  Servers* first = nullptr;
-  for (const auto& each : servers_) {
-    if (*soonest <= each->next()) continue;
-    soonest = &each->next();
-    first = each.get();
-  }
-  return first;
-}
-
 Nanos VirtualTime::next() const {
-  const Servers* servers = first_servers();
   const Nanos timer = timers_.empty() ? Nanos::max() : timers_.front().moment.time;
-  return std::min(dispatcher_.next_wake(), servers != nullptr ? servers->next().time : timer);
+  return std::min({dispatcher_.next_wake(), completions_.first().time, timer});
 }
 
 bool VirtualTime::advance(Nanos now) {
-  Servers* servers = first_servers();
-  const Nanos timer = timers_.empty() ? Nanos::max() : timers_.front().moment.time;
-  const Nanos event = servers != nullptr ? servers->next().time : timer;
+  const Moment& completion = completions_.first();
+  const bool completes = timers_.empty() || completion < timers_.front().moment;
+  const Nanos event = completes ? completion.time : timers_.front().moment.time;
   // At equal times completions come first: a task may start at its last moment.
   const Nanos wake = dispatcher_.next_wake();
   const bool wakes = wake < event;
@@ -166,14 +174,16 @@ bool VirtualTime::advance(Nanos now) {
   now_ = std::max(time, now);
   if (wakes) {
     dispatcher_.wake(now_, effects_);
-  } else if (servers != nullptr) {
-    const JobIndex index = servers->complete_next();
+  } else if (completes) {
+    const std::size_t position = completions_.first_position();
+    const JobIndex index = servers_[position]->complete_next();
+    note_next(position);
     Job& job = jobs_[index];
     const TaskStep& step = step_of(job);
     books_.charge(step, job.unit, job.takes, job.powered);
     if (observer_ != nullptr) observer_->left(step.servers, index);
     ++job.step;
-    proceed(index);
+    begin_step(index);
   } else {
     std::ranges::pop_heap(timers_, std::greater{});
     const Timer due = timers_.back();
@@ -182,7 +192,7 @@ bool VirtualTime::advance(Nanos now) {
       fire(due.index);
     } else {
       ++jobs_[due.index].step;
-      proceed(due.index);
+      begin_step(due.index);
     }
   }
   settle();
@@ -261,26 +271,28 @@ void VirtualTime::apply_starts() {
   // A step ends through an event only, even one that takes no time, so that effects_ does not grow
   // here.
   for (const Start& start : effects_.started) {
-    const JobIndex job = Firings::job_of(start.task);
-    assert(jobs_[job].id == start.task);
-    jobs_[job].unit = start.unit;
-    jobs_[job].dispatched_at = start.dispatched_at;
-    jobs_[job].started_at = now_;
-    jobs_[job].preparing = Nanos::zero();
+    const JobIndex index = Firings::job_of(start.task);
+    Job& job = jobs_[index];
+    assert(job.id == start.task);
+    job.unit = start.unit;
+    job.step = first_steps_[job.plan * scenario_.platform.units.size() + start.unit];
+    job.dispatched_at = start.dispatched_at;
+    job.started_at = now_;
+    job.preparing = Nanos::zero();
     if (!contains(computed_, start.unit)) {
-      jobs_[job].handover = call_effects_.any() ? call_effects_.handed_over(
-                                                      start.unit, now_, hash_u64(random(job), 1))
-                                                : Nanos::zero();
-      begin_step(job, step_of(jobs_[job]));
+      job.handover = call_effects_.any()
+                         ? call_effects_.handed_over(start.unit, now_, hash_u64(random(index), 1))
+                         : Nanos::zero();
+      begin_step(index);
       continue;
     }
-    jobs_[job].computing = true;
+    job.computing = true;
     if (observer_ != nullptr) {
       const double active_w = scenario_.platform.units[start.unit].active_w;
-      observer_->arrived(start.unit, job,
-                         books_.is_metered(workload_of(jobs_[job]), start.unit) ? 0 : active_w);
+      observer_->arrived(start.unit, index,
+                         books_.is_metered(workload_of(job), start.unit) ? 0 : active_w);
     }
-    executor_->start(job, start.unit);
+    executor_->start(index, start.unit);
   }
   for (const Ended& ended : effects_.ended) {
     release(firings_.lose(Firings::job_of(ended.task), now_));
@@ -300,6 +312,7 @@ void VirtualTime::take_back(const Recalled& recalled) {
   const TaskStep& step = step_of(job);
   if (!step.for_data && step.servers != TaskStep::kDelay) {
     const Nanos left = servers_[step.servers]->remove(index, now_).value();
+    note_next(step.servers);
     const Nanos served = job.takes - left;
     if (served > Nanos::zero()) {
       books_.charge(step, job.unit, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
@@ -311,16 +324,6 @@ void VirtualTime::take_back(const Recalled& recalled) {
     std::ranges::make_heap(timers_, std::greater{});
   }
   complete(index, Outcome::kReturned, now_ - job.started_at, nullptr);
-}
-
-/// To the job's current step, or to its end.
-void VirtualTime::proceed(JobIndex job) {
-  const auto& steps = plans_[jobs_[job].plan].steps[jobs_[job].unit];
-  if (jobs_[job].step < steps.size()) {
-    begin_step(job, steps[jobs_[job].step]);
-  } else {
-    complete(job, intended(job), now_ - jobs_[job].started_at, nullptr);
-  }
 }
 
 /// Data sets out to the unit when its predecessor completes; other transfers do not hold it up. A
@@ -375,36 +378,59 @@ void VirtualTime::prepared(Job& job, Nanos at, Nanos takes) {
   if (observer_ != nullptr) observer_->preparing(job.id, at, takes);
 }
 
-void VirtualTime::begin_step(JobIndex job, const TaskStep& step) {
-  if (step.prepares) {
-    if (std::exchange(contexts_[jobs_[job].unit], step.context) == step.context) {
-      ++jobs_[job].step;
-      return proceed(job);
-    }
-    prepared(jobs_[job], now_, step.scaled);
+/// The job's current step, or its end.
+void VirtualTime::begin_step(JobIndex index) {
+  Job& job = jobs_[index];
+  while (steps_[job.step].plan != nullptr && holds_context(job, *steps_[job.step].plan)) ++job.step;
+  const Step& step = steps_[job.step];
+  if (step.plan == nullptr) {
+    return complete(index, intended(index), now_ - job.started_at, nullptr);
   }
-  if (step.for_data) {
-    add_timer(data_arrival(job), false, job);
-    return;
+  if (step.constant) {
+    job.takes = step.takes;
+    job.powered = step.powered;
+  } else if (step.plan->for_data) {
+    return add_timer(data_arrival(index), false, index);
+  } else {
+    measure(index, *step.plan);
   }
+  if (step.plan->servers == TaskStep::kDelay) return add_timer(now_ + job.takes, false, index);
+  work_on(index, *step.plan);
+}
+
+/// Sets what the step takes, where that is not always the same.
+void VirtualTime::measure(JobIndex index, const TaskStep& step) {
+  Job& job = jobs_[index];
   const bool constant = step.time.kind == Distribution::Kind::kConstant;
-  Nanos unscaled = constant ? step.time.low : step.time.draw(random(job));
-  Nanos takes = constant ? step.scaled : scaled(unscaled, step.scale);
-  if (step.servers == TaskStep::kDelay) {
-    add_timer(now_ + takes, false, job);
-    return;
+  Nanos unscaled = constant ? step.time.low : step.time.draw(random(index));
+  job.takes = constant ? step.scaled : scaled(unscaled, step.scale);
+  if (step.servers == job.unit) {
+    const Nanos longer = with_effects(index, step, job.takes);
+    unscaled += longer - job.takes;
+    job.takes = longer + std::exchange(job.handover, Nanos::zero());
   }
-  if (step.servers == jobs_[job].unit) {
-    const Nanos longer = with_effects(job, step, takes);
-    unscaled += longer - takes;
-    takes = longer + std::exchange(jobs_[job].handover, Nanos::zero());
-  }
-  jobs_[job].takes = takes;
-  jobs_[job].powered = step.energy_scale == 1 ? unscaled : scaled(unscaled, step.energy_scale);
+  job.powered = powered(unscaled, step);
+}
+
+void VirtualTime::work_on(JobIndex index, const TaskStep& step) {
   if (observer_ != nullptr) {
-    observer_->arrived(step.servers, job, power_w(jobs_[job], step));
+    observer_->arrived(step.servers, index, power_w(jobs_[index], step));
   }
-  servers_[step.servers]->arrive(job, takes, sequence_++, now_);
+  servers_[step.servers]->arrive(index, jobs_[index].takes, sequence_++, now_);
+  note_next(step.servers);
+}
+
+/// They have changed: their next completion may be another.
+void VirtualTime::note_next(std::size_t servers) {
+  completions_.set(servers, servers_[servers]->next());
+}
+
+/// Whether the step prepares what its unit holds already. From now on it holds it.
+bool VirtualTime::holds_context(Job& job, const TaskStep& step) {
+  if (!step.prepares) return false;
+  if (std::exchange(contexts_[job.unit], step.context) == step.context) return true;
+  prepared(job, now_, step.scaled);
+  return false;
 }
 
 /// While a server works on the step. A scaled stage draws less for longer: its energy stays.
@@ -426,6 +452,7 @@ Nanos VirtualTime::with_effects(JobIndex job, const TaskStep& step, Nanos takes)
     jobs_[other].takes += by;
     jobs_[other].powered += scaled(by, step_of(jobs_[other]).energy_scale);
     servers_[unit]->lengthen(other, by);
+    note_next(unit);
   }
   return longer;
 }
@@ -435,7 +462,9 @@ Nanos VirtualTime::with_effects(JobIndex job, const TaskStep& step, Nanos takes)
 std::uint64_t VirtualTime::random(JobIndex job) const {
   const Firings::TaskPlace& place = firings_.place(job);
   const std::uint64_t stream = hash_u64(hash_u64(seeds_[place.pipeline], place.firing), place.task);
-  return hash_u64(stream, jobs_[job].step);
+  const Job& its = jobs_[job];
+  const std::size_t first = first_steps_[its.plan * scenario_.platform.units.size() + its.unit];
+  return hash_u64(stream, its.step - first);
 }
 
 UnitId VirtualTime::unit_of(JobIndex job) const { return jobs_[job].unit; }
@@ -455,7 +484,6 @@ void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
   must(dispatcher_.complete(done.unit, done.id, outcome, now_, effects_));
   books_.note_end(now_);
   if (outcome == Outcome::kReturned) {
-    done.step = 0;
     ++done.tries;
     return;
   }

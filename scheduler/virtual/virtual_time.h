@@ -80,16 +80,26 @@ class VirtualTime {
  private:
   struct Job;
   struct Timer;
+  /// A step of a plan, laid out for the run: those of a task on a unit follow each other, and then
+  /// one without a plan.
+  struct Step {
+    const TaskStep* plan = nullptr;
+    Nanos takes{0}, powered{0};  ///< As Job, if it is always the same.
+    bool constant = false;       ///< It is, and begins whatever happened before.
+  };
 
-  [[nodiscard]] Servers* first_servers() const;
+  void lay_out_steps();
   void close_books(Nanos end);
   void fire(std::uint32_t pipeline);
   void schedule_firing(std::uint32_t pipeline);
   void settle();
   void apply_starts();
   void take_back(const Recalled& recalled);
-  void proceed(JobIndex job);
-  void begin_step(JobIndex job, const TaskStep& step);
+  void begin_step(JobIndex job);
+  [[nodiscard]] bool holds_context(Job& job, const TaskStep& step);
+  void measure(JobIndex job, const TaskStep& step);
+  void work_on(JobIndex job, const TaskStep& step);
+  void note_next(std::size_t servers);
   Nanos data_arrival(JobIndex job);
   void send(UnitId unit, std::int64_t size_bytes, Nanos from);
   [[nodiscard]] const TaskStep& step_of(const Job& job) const;
@@ -111,7 +121,10 @@ class VirtualTime {
   UnitMask computed_;
   Firings firings_;
   std::vector<std::unique_ptr<Servers>> servers_;  ///< Units in order, then links.
+  Moments completions_;                            ///< The next of each of these.
   std::vector<TaskPlan> plans_;                    ///< Of all tasks of all pipelines.
+  std::vector<Step> steps_;                        ///< Of these.
+  std::vector<std::uint32_t> first_steps_;         ///< By plan and unit: positions in steps_.
   std::vector<std::uint32_t> first_plans_;         ///< By pipeline,
   std::vector<std::uint64_t> seeds_;               ///< and likewise.
   std::vector<std::optional<UnitId>>

@@ -35,7 +35,7 @@ enum class Fate : std::uint8_t { kOpen, kCompleted, kLost };
 class Model {
  public:
   Model(std::uint64_t seed, bool keep_log)
-      : random_(seed), keep_log_(keep_log), dispatcher_(make()) {}
+      : random_(seed), keep_log_(keep_log), handles_(seed % 2 == 0), dispatcher_(make()) {}
 
   void step() {
     switch (random_.below(12)) {
@@ -176,7 +176,7 @@ class Model {
         known.reads.emplace_back(each, joined[each].size());
       }
       if (random_.below(3) == 0) known.expires_at = now_ + Nanos(pick(40) - 2);
-      const TaskId id = next_id_++;
+      const TaskId id = new_id();
       tasks[i] = {.id = id,
                   .kind = known.kind,
                   .deadline = {},
@@ -198,6 +198,13 @@ class Model {
     }
     ASSERT_TRUE(dispatcher_.submit(firing, tasks, said_time(), out_));
     absorb();
+  }
+
+  /// In order of submission; with handles below, as drivers have them, which are used again while
+  /// others that have the same are known.
+  TaskId new_id() {
+    const TaskId number = next_id_++;
+    return handles_ ? number << 32 | random_.below(16) : number;
   }
 
   void release() {
@@ -434,6 +441,7 @@ class Model {
 
   Random random_;
   bool keep_log_;
+  bool handles_;
   std::vector<int> slots_;
   Dispatcher dispatcher_;
   std::map<TaskId, Known> tasks_;
@@ -452,6 +460,34 @@ class Model {
   Nanos taken_as_ = Nanos::min();  ///< By the dispatcher: never before what it was told last.
   std::string log_;
 };
+
+// Dense ids, rising ones, handles that are used again and ids that share their lower bits, each
+// beside a map of the library.
+TEST(DispatcherProperties, IdsAreFoundWhateverTheyAre) {
+  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+    Random random(seed);
+    IdMap map;
+    std::map<TaskId, std::uint32_t> model;
+    TaskId number = 0;
+    for (std::uint32_t step = 0; step < 3000; ++step) {
+      const TaskId ids[] = {random.below(300), ++number, number << 32 | random.below(100),
+                            random.below(200) << 20, ~random.below(50)};
+      const TaskId id = ids[seed % 6 < 5 ? seed % 6 : random.below(5)];
+      ASSERT_EQ(map.insert(id, step), model.emplace(id, step).second);
+      while (!model.empty() && random.below(200) < model.size()) {
+        const auto gone = std::next(model.begin(), static_cast<int>(random.below(model.size())));
+        map.erase(gone->first);
+        ASSERT_EQ(map.find(gone->first), IdMap::kAbsent);
+        model.erase(gone);
+      }
+      const TaskId asked =
+          step % 2 == 0 || model.empty() ? random.below(300) : model.begin()->first;
+      const auto known = model.find(asked);
+      ASSERT_EQ(map.find(asked), known == model.end() ? IdMap::kAbsent : known->second);
+    }
+    for (const auto& [id, value] : model) ASSERT_EQ(map.find(id), value);
+  }
+}
 
 TEST(DispatcherProperties, HoldInRandomCallSequences) {
   for (std::uint64_t seed = 0; seed < kSequences; ++seed) {
