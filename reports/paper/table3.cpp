@@ -9,6 +9,7 @@
 
 #include "characterize/profile/roofline.h"
 #include "reports/document/figures.h"
+#include "reports/profile/profile_report.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -264,15 +265,6 @@ Table figures_table(const Table3& table) {
   return shown;
 }
 
-Json units_json(const Ranking& ranking, const char* key) {
-  Json units = Json::array();
-  for (const RankedUnit& unit : ranking.units) {
-    units.push_back(
-        {{"unit", unit.unit}, {key, unit.value}, {"provenance", to_string(unit.provenance)}});
-  }
-  return {{"preferable", ranking.preferable()}, {"units", units}};
-}
-
 }  // namespace
 
 Table3 table3(std::span<const Profile* const> profiles) {
@@ -297,10 +289,10 @@ Json table3_json(const Table3& table) {
     Json one = {{"workload", row.workload},
                 {"paper_time", row.paper_time},
                 {"paper_energy", row.paper_energy},
-                {"here", units_json(row.here, "call_ms")},
-                {"energy", units_json(row.energy, "energy_j")},
+                {"here", ranking_json(row.here, "call_ms")},
+                {"energy", ranking_json(row.energy, "energy_j")},
                 {"no_energy", row.no_energy},
-                {"boards", units_json(row.boards, "execute_ms")}};
+                {"boards", ranking_json(row.boards, "execute_ms")}};
     if (!row.difference.empty()) one["difference"] = row.difference;
     rows.push_back(std::move(one));
   }

@@ -248,17 +248,6 @@ Json energy_json(const EnergyRow& row) {
   return json;
 }
 
-Json ranking_json(const Ranking& ranking, const char* value_key) {
-  Json units = Json::array();
-  for (const auto& unit : ranking.units) {
-    units.push_back(
-        {{"unit", unit.unit}, {value_key, unit.value}, {"provenance", to_string(unit.provenance)}});
-  }
-  Json json = {{"preferable", ranking.preferable()}, {"units", units}};
-  put(json, "advantage", ranking.advantage());
-  return json;
-}
-
 Json run_json(const RunInfo& run) {
   Json units = Json::array();
   for (const auto& unit : run.units) {
@@ -414,6 +403,17 @@ Table preference_table(const std::vector<Preference>& preferences) {
       "those of its three boards.",
       std::string(provenance_legend())};
   return table;
+}
+
+Json ranking_json(const Ranking& ranking, const char* value_key) {
+  Json units = Json::array();
+  for (const auto& unit : ranking.units) {
+    units.push_back(
+        {{"unit", unit.unit}, {value_key, unit.value}, {"provenance", to_string(unit.provenance)}});
+  }
+  Json json = {{"preferable", ranking.preferable()}, {"units", units}};
+  put(json, "advantage", ranking.advantage());
+  return json;
 }
 
 Json preference_json(const std::vector<Preference>& preferences) {

@@ -21,6 +21,9 @@ namespace pirt {
 /// This machine's Table III, beside the paper's.
 [[nodiscard]] Table preference_table(const std::vector<Preference>& preferences);
 
+/// Units best first, each with its figure under @p value_key; the preferable one, and by how much.
+[[nodiscard]] Json ranking_json(const Ranking& ranking, const char* value_key);
+
 /// What that table is made of: "by_time" in ms, "by_energy" in J a call.
 [[nodiscard]] Json preference_json(const std::vector<Preference>& preferences);
 
