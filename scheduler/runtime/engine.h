@@ -51,6 +51,7 @@ struct runtime::Submitted {
   Event event = Event::kSubmit;
   std::shared_ptr<Submitted> self;  ///< Until the engine has it.
   CallEnd call_end;                 ///< Of Event::kEnd.
+  Call call;                        ///< Its unit's while it runs; its outputs stay the task's.
 
   // The engine's.
   std::vector<TaskInput> inputs;
@@ -62,8 +63,7 @@ struct runtime::Submitted {
   bool running = false;         ///< On its unit, whatever has become of it.
   std::optional<TaskEnd> ends;  ///< Decided; told soon.
 
-  // Written before `end`, read after it.
-  std::shared_ptr<std::vector<Tensor>> outputs;
+  // Written before `end`, read after it, as are the outputs of `call`.
   std::string unit_name;
   std::string name;  ///< Of the workload, where it did not complete.
   std::string problem;
@@ -140,7 +140,7 @@ class Runtime::Engine {
   void list_states();
   void take_first_inputs();
   void open_units();
-  void ended(Call& call, CallEnd end);
+  void ended(Call& call, CallEnd& end);
   std::vector<Preparation> preparations(UnitId unit);
   [[nodiscard]] Support support(const Known& known, const UnitModel& unit) const;
   [[nodiscard]] UnitMask units_of(const Known& known) const;
@@ -170,8 +170,8 @@ class Runtime::Engine {
   void cancel_asked(Nanos now);
   void apply(Nanos now);
   void start(const Start& start);
-  void request_stop(const Submitted& task);
-  [[nodiscard]] Call call_of(Submitted& task);
+  void request_stop(Submitted& task);
+  void fill_call(Submitted& task);
   void finish(Submitted& task, TaskEnd end, Nanos now);
   void forget(Submitted& task, Nanos now);
   void tell(Tasks& ended, Thread thread);
@@ -212,7 +212,6 @@ class Runtime::Engine {
   Effects applied_;  ///< For its memory.
   std::vector<Unit> units_;
   OutputPool pool_;
-  std::shared_ptr<std::vector<Tensor>> nothing_ = std::make_shared<std::vector<Tensor>>();
   std::vector<std::shared_ptr<StateValue>> states_;  ///< Workloads may share them.
   std::map<std::string, StateId, std::less<>> state_names_;
   SlotTable<std::shared_ptr<Submitted>> tasks_;  ///< By the lower half of their id.

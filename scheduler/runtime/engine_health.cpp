@@ -96,9 +96,11 @@ const Service* Runtime::Engine::expected(UnitId unit, std::uint64_t token) {
   return setup_->scenario.services.find(static_cast<WorkloadId>(index), unit);
 }
 
-/// The call never comes back to anybody. What it reads and writes is its own from then on.
+/// The call never comes back to anybody. What it reads and writes is its own from then on, as is
+/// the record that it is in.
 void Runtime::Engine::give_up(const LiveUnits::Hung& hung, Nanos now) {
-  const Submitted& task = task_at(hung.token);
+  Submitted& task = task_at(hung.token);
+  task.self = tasks_[static_cast<std::uint32_t>(task.id)];
   if (const auto& id = workloads_[task.workload_index].state) {
     states_[*id] = std::make_shared<StateValue>(*states_[*id]);
   }

@@ -30,6 +30,14 @@ std::size_t checked(std::size_t most_tasks) {
   return most_tasks;
 }
 
+Nanos checked_spin(Nanos spin) {
+  if (spin < Nanos::zero() || spin > kSpin) {
+    throw_bad_input("spin is " + std::to_string(to_us(spin)) + " us; it is 0 to " +
+                    std::to_string(to_us(kSpin)) + " us");
+  }
+  return spin;
+}
+
 }  // namespace
 
 Runtime::Engine::Engine(RuntimeOptions options)
@@ -41,10 +49,11 @@ Runtime::Engine::Engine(RuntimeOptions options)
                   {.prepare_first = options_.prepare_first,
                    .time_limit = options_.time_limit,
                    .priority = options_.priority,
+                   .spin = checked_spin(options_.spin),
                    .keeps = own_,
                    .stop = {},
                    .progress = options_.progress},
-                  [this](UnitId, Call& call, CallEnd end) { ended(call, std::move(end)); }) {
+                  [this](UnitId, Call& call, CallEnd& end) { ended(call, end); }) {
   const Nanos begin = clock_.now();
   units_.resize(options_.platform.units.size());
   list_workloads();
@@ -223,17 +232,19 @@ void Runtime::Engine::take_first_inputs() {
 }
 
 void Runtime::Engine::open_units() {
+  std::map<UnitId, std::vector<Preparation>> prepared;
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
-    auto prepared = preparations(unit);
-    if (!prepared.empty()) live_units_.open(unit, std::move(prepared));
+    if (auto each = preparations(unit); !each.empty()) prepared.emplace(unit, std::move(each));
   }
+  live_units_.open(std::move(prepared));
   for (const std::string& remark : live_units_.wait_until_ready()) add_problem(remark);
 }
 
 /// From the unit's thread.
-void Runtime::Engine::ended(Call& call, CallEnd end) {
+void Runtime::Engine::ended(Call& call, CallEnd& end) {
   Submitted& task = task_at(call.token);
-  call = {};  // What it shares is to be written again when nobody else has it.
+  call.inputs.clear();  // What it shares is to be written again when nobody else has it.
+  call.state = nullptr;
   task.call_end = std::move(end);
   post(task, Submitted::Event::kEnd);
   work(Thread::kOurs);

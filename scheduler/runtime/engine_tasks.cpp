@@ -99,9 +99,7 @@ void Runtime::Engine::take_end(Submitted& task, Nanos now) {
   Unit& unit = units_[task.unit];
   const CallEnd& end = task.call_end;
   unit.busy += end.busy;
-  unit.powered += is_elsewhere(options_.platform.units[task.unit])
-                      ? end.times.upload + end.times.download
-                      : end.busy;
+  unit.powered += end.powered(is_elsewhere(options_.platform.units[task.unit]));
   if (!task.ends) task.busy = end.busy;
   if (trace_) trace_->left(task.unit, static_cast<std::uint32_t>(task.id));
   if (!end.problem.empty()) add_problem(end.problem);
@@ -173,8 +171,8 @@ void Runtime::Engine::apply(Nanos now) {
 }
 
 /// Of one that runs.
-void Runtime::Engine::request_stop(const Submitted& task) {
-  live_units_.request_stop(task.unit, reinterpret_cast<std::uintptr_t>(&task));
+void Runtime::Engine::request_stop(Submitted& task) {
+  live_units_.request_stop(task.unit, task.call);
 }
 
 void Runtime::Engine::start(const Start& start) {
@@ -190,7 +188,8 @@ void Runtime::Engine::start(const Start& start) {
                     options_.platform.units[start.unit].active_w);
   }
   try {
-    live_units_.run(start.unit, call_of(task));
+    fill_call(task);
+    live_units_.run(start.unit, task.call);
   } catch (const std::exception& error) {  // No memory for what it makes.
     task.call_end = {
         .outcome = Outcome::kFailed,
@@ -199,21 +198,21 @@ void Runtime::Engine::start(const Start& start) {
   }
 }
 
-Call Runtime::Engine::call_of(Submitted& task) {
-  task.outputs = task.workload->outputs.empty() ? nothing_ : pool_.take(*task.workload);
+void Runtime::Engine::fill_call(Submitted& task) {
+  Call& call = task.call;
   const auto& state = workloads_[task.workload_index].state;
-  Call call{.workload = task.workload,
-            .inputs = {},
-            .outputs = task.outputs,
-            .state = state ? states_[*state] : nullptr,
-            .token = reinterpret_cast<std::uintptr_t>(&task)};
+  call.workload = task.workload;
+  if (!task.workload->outputs.empty()) call.outputs = pool_.take(*task.workload);
+  if (state) call.state = states_[*state];
+  call.token = reinterpret_cast<std::uintptr_t>(&task);
+  call.unwanted = false;
+  call.inputs.clear();
   call.inputs.reserve(task.inputs.size());
   for (const TaskInput& input : task.inputs) {
     const TaskOutput& output = input.output_;
-    call.inputs.push_back(output.task ? (*output.task->outputs)[output.index].share()
+    call.inputs.push_back(output.task ? (*output.task->call.outputs)[output.index].share()
                                       : input.tensor_.share());
   }
-  return call;
 }
 
 void Runtime::Engine::finish(Submitted& task, TaskEnd end, Nanos now) {

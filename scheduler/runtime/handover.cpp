@@ -26,7 +26,7 @@ class EmptyUnit {
  public:
   explicit EmptyUnit(const std::vector<int>& cores)
       : cores_(cores), unit_(setup(), [this](Call&, const CallEnd& end) { ended(end); }) {
-    unit_.run(call());  // Binds the thread.
+    unit_.run(call_);  // Binds the thread.
     wait_for(1);
   }
 
@@ -40,13 +40,13 @@ class EmptyUnit {
         const std::lock_guard lock(mutex_);
         to_follow_ = plan.samples;
       }
-      unit_.run(call());
+      unit_.run(call_);
       wait_for(last + 1);
     } else {
       for (std::int64_t i = 0; i < plan.samples; ++i) {
         std::this_thread::sleep_for(plan.sleep);
         handed.push_back(clock_.now());
-        unit_.run(call());
+        unit_.run(call_);
         wait_for(static_cast<std::int64_t>(first) + i + 1);
       }
     }
@@ -62,17 +62,13 @@ class EmptyUnit {
  private:
   UnitSetup setup() {
     workload_.name = "handover";
+    call_.workload = &workload_;
     UnitSetup setup;
     setup.request.unit = "handover";
     setup.preparations.push_back(
         {.workload = &workload_, .sample = nullptr, .function = [this](auto, auto) { compute(); }});
     return setup;
   }
-  [[nodiscard]] Call call() const {
-    return {
-        .workload = &workload_, .inputs = {}, .outputs = std::make_shared<std::vector<Tensor>>()};
-  }
-
   void compute() {
     const Nanos begin = clock_.now();
     if (!bound_) {
@@ -93,7 +89,7 @@ class EmptyUnit {
       if (follows) --to_follow_;
     }
     if (follows) {
-      unit_.run(call());
+      unit_.run(call_);
     } else {
       changed_.notify_one();
     }
@@ -111,6 +107,7 @@ class EmptyUnit {
 
   std::vector<int> cores_;
   Workload workload_;
+  Call call_;  ///< One at a time.
   MachineClock clock_;
   bool bound_ = false;                ///< Of the unit's thread, as those below until it has ended
   std::vector<Nanos> begun_, ended_;  ///< the last call that somebody waits for.

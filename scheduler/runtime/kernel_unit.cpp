@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/system/pause.h"
 #include "workloads/base/system/thread.h"
 
 namespace pirt {
@@ -46,9 +47,13 @@ void StateValue::restart() {
 
 namespace {
 
-/// Of the lane whose thread this is, and the unit that it is of.
+/// Of the lane whose thread this is.
 thread_local const std::stop_source* stop_here = nullptr;
-thread_local const void* lane_here = nullptr;
+thread_local void* lane_here = nullptr;
+
+std::span<Tensor> outputs_of(const Call& call) {
+  return call.outputs != nullptr ? std::span(*call.outputs) : std::span<Tensor>();
+}
 
 /// Whose inputs and outputs are gone, or others', before the kernel's next call.
 struct Unbinding {
@@ -60,10 +65,6 @@ struct Unbinding {
     }
   }
 };
-
-/// Turns to wait awake before sleeping: short kernels follow each other, and waking up takes longer
-/// than they do. Each gives its core to whoever else wants it.
-constexpr int kTurnsAwake = 100;
 
 }  // namespace
 
@@ -77,7 +78,7 @@ std::string take_priority(int priority) {
          "; it needs CAP_SYS_NICE or a limit (ulimit -r)";
 }
 
-KernelUnit::KernelUnit(UnitSetup setup, std::function<void(Call&, CallEnd)> done)
+KernelUnit::KernelUnit(UnitSetup setup, Done done)
     : setup_(std::move(setup)),
       done_(std::move(done)),
       lanes_(static_cast<std::size_t>(setup_.lanes)),
@@ -86,14 +87,13 @@ KernelUnit::KernelUnit(UnitSetup setup, std::function<void(Call&, CallEnd)> done
 KernelUnit::~KernelUnit() { stop(); }
 
 void KernelUnit::stop() {
-  {
-    const std::lock_guard lock(mutex_);
-    stopping_ = true;
+  stopping_ = true;
+  if (is_remote()) {
     for (Lane& lane : lanes_) {
-      if (remote_ != nullptr && lane.running) lane.stop.request_stop();
+      if (const auto call = lane.running.seen()) stop_call(lane, *call);
     }
   }
-  changed_.notify_all();
+  bell_.ring(setup_.lanes);
 }
 
 void KernelUnit::leave(std::unique_ptr<KernelUnit> unit) {
@@ -112,81 +112,122 @@ bool KernelUnit::wait_until_ready(Nanos most) {
   return over;
 }
 
-void KernelUnit::run(Call call) {
-  for (Lane& lane : lanes_) {
-    if (lane_here != &lane) continue;
-    // What is given to a unit elsewhere can be withdrawn before it begins.
-    if (!lane.telling || lane.next || waiting_ != 0 || remote_ != nullptr) break;
-    lane.next = std::move(call);
+void KernelUnit::run(Call& call) {
+  auto* const lane = static_cast<Lane*>(lane_here);
+  if (lane != nullptr && lane->unit == this && lane->telling && lane->next == nullptr &&
+      !anything_waits()) {
+    lane->next = &call;
     return;
   }
-  {
-    const std::lock_guard lock(mutex_);
-    calls_.push_back(std::move(call));
-    waiting_ = calls_.size();
-  }
-  changed_.notify_one();
+  call.neighbour = posted_.load(std::memory_order_relaxed);
+  while (!posted_.compare_exchange_weak(call.neighbour, &call)) continue;
+  bell_.ring(1);
 }
 
 std::vector<KernelUnit::Running> KernelUnit::running() const {
-  const std::lock_guard lock(mutex_);
   std::vector<Running> running;
-  for (const Lane& lane : lanes_) {
-    if (lane.running && !abandoned_) running.push_back(*lane.running);
+  for (std::size_t lane = 0; lane < lanes_.size(); ++lane) {
+    if (const auto call = lanes_[lane].running.seen()) running.push_back({*call, lane});
   }
   return running;
 }
 
-std::optional<std::vector<std::uint64_t>> KernelUnit::abandon(std::uint64_t token) {
-  const std::lock_guard lock(mutex_);
+std::optional<std::vector<std::uint64_t>> KernelUnit::abandon(const Running& call) {
   Lane& lane = lanes_.front();
-  if (abandoned_ || !lane.running || lane.running->token != token) return std::nullopt;
+  if (!lane.running.give_up(call.number)) return std::nullopt;
   abandoned_ = true;
   lane.stop.request_stop();
+  const std::lock_guard lock(taking_);
+  queue_posted();
   std::vector<std::uint64_t> behind;
-  for (const Call& call : calls_) behind.push_back(call.token);
-  calls_.clear();
+  for (const Call* each = queued_; each != nullptr; each = each->neighbour) {
+    behind.push_back(each->token);
+  }
+  queued_ = nullptr;
   return behind;
 }
 
-bool KernelUnit::request_stop(std::uint64_t token) {
-  const std::lock_guard lock(mutex_);
+bool KernelUnit::stop_call(Lane& lane, const runtime::RunningCall::Seen& call) {
+  bool is_news = false;
+  lane.running.act_within(call.number, [&] { is_news = lane.stop.request_stop(); });
+  return is_news;
+}
+
+bool KernelUnit::request_stop(const Running& call) { return stop_call(lanes_[call.lane], call); }
+
+bool KernelUnit::request_stop(Call& call) {
+  // Before it is looked for: one that begins meanwhile looks at this when it has.
+  const bool withdrawn = is_remote() && !call.unwanted.exchange(true);
   for (Lane& lane : lanes_) {
-    if (lane.running && lane.running->token == token) return lane.stop.request_stop();
+    const auto runs = lane.running.seen();
+    if (runs && runs->token == call.token) return stop_call(lane, *runs);
   }
-  const auto waits = std::ranges::find(calls_, token, &Call::token);
-  return remote_ != nullptr && waits != calls_.end() && !std::exchange(waits->unwanted, true);
+  return withdrawn;
 }
 
 std::stop_token KernelUnit::stop_of_this_call() {
   return stop_here != nullptr ? stop_here->get_token() : std::stop_token();
 }
 
-void KernelUnit::wait_for_call(Lane& lane, std::unique_lock<std::mutex>& lock) {
-  if (calls_.empty() && !stopping_ && !lane.next) {
-    lock.unlock();
-    for (int turn = 0; turn < kTurnsAwake && waiting_ == 0 && !stopping_; ++turn) {
-      std::this_thread::yield();
+/// Null: nothing runs any more.
+Call* KernelUnit::wait_for_call(Lane& lane) {
+  while (!stopping_) {
+    if (lane.next != nullptr) return std::exchange(lane.next, nullptr);
+    if (anything_waits()) {
+      if (Call* const call = take_first()) return call;  // Another lane may have it.
+    } else if (!spin(lane)) {
+      bell_.sleep_until([this] { return stopping_ || anything_waits(); });
     }
-    lock.lock();
   }
-  changed_.wait(lock, [&] { return stopping_ || lane.next || !calls_.empty(); });
+  return nullptr;
 }
 
-Call KernelUnit::take_call(Lane& lane) {
-  if (lane.next) {
-    Call call = *std::move(lane.next);
-    lane.next.reset();
-    return call;
+/// Whether something has come while it could.
+bool KernelUnit::spin(Lane& lane) const {
+  if (setup_.spin <= Nanos::zero()) return false;
+  constexpr int kLooks = 32;  // Between two readings of the clock.
+  const Nanos begin = clock_.now();
+  Nanos awake{0};
+  bool come = false;
+  while (!come && awake < setup_.spin) {
+    for (int look = 0; look < kLooks && !come; ++look) {
+      pause_core();
+      come = anything_waits() || stopping_;
+    }
+    awake = clock_.now() - begin;
   }
-  Call call = std::move(calls_.front());
-  calls_.pop_front();
-  waiting_ = calls_.size();
-  return call;
+  lane.awake += awake;
+  return come;
+}
+
+/// Null if none waits.
+Call* KernelUnit::take_first() {
+  const std::lock_guard lock(taking_);
+  if (queued_.load() == nullptr) queue_posted();
+  Call* const first = queued_;
+  if (first != nullptr) queued_ = first->neighbour;
+  return first;
+}
+
+/// What is posted goes behind what is queued.
+void KernelUnit::queue_posted() {
+  Call* oldest = nullptr;
+  for (Call* newest = posted_.exchange(nullptr); newest != nullptr;) {
+    Call* const before = std::exchange(newest->neighbour, oldest);
+    oldest = std::exchange(newest, before);
+  }
+  Call* last = queued_;
+  if (last == nullptr) {
+    queued_ = oldest;
+    return;
+  }
+  while (last->neighbour != nullptr) last = last->neighbour;
+  last->neighbour = oldest;
 }
 
 void KernelUnit::serve() {
   name_thread(name());
+  for (Lane& lane : lanes_) lane.unit = this;
   stop_here = &lanes_.front().stop;
   std::vector<std::jthread> others;
   try {
@@ -195,8 +236,7 @@ void KernelUnit::serve() {
       others.push_back(start_thread([this, &lane = lanes_[i]] {
         name_thread(name());
         static_cast<void>(take_priority(setup_.priority));
-        serve_calls(lane);
-        lane.kernels.clear();
+        if (serve_calls(lane)) lane.kernels.clear();
       }));
     }
   } catch (...) {
@@ -211,42 +251,48 @@ void KernelUnit::serve() {
     ready_ = true;
   }
   changed_.notify_all();
-  serve_calls(lanes_.front());
+  if (!serve_calls(lanes_.front())) return;
   others.clear();
-  if (abandoned_) return;
   // Where they were made: a driver may want its own thread.
   lanes_.front().kernels.clear();
   device_.reset();
 }
 
-void KernelUnit::serve_calls(Lane& lane) {
+/// False if a call was given up.
+bool KernelUnit::serve_calls(Lane& lane) {
   stop_here = &lane.stop;
   lane_here = &lane;
-  std::unique_lock lock(mutex_);
-  while (true) {
-    wait_for_call(lane, lock);
-    if (stopping_) return;
-    Call call = take_call(lane);
-    lane.running = {.token = call.token, .since = clock_.now()};
-    lock.unlock();
-    CallEnd end = execute(lane, call);
-    lock.lock();
-    end.busy = clock_.now() - lane.running->since;
-    lane.running.reset();
-    const bool unwanted = call.unwanted || lane.stop.stop_requested();
-    if (unwanted) lane.stop = std::stop_source();
-    if (abandoned_) return;  // Nobody knows of the call any more; what it holds goes with it.
-    lock.unlock();
-    if (remote_ != nullptr) {
-      end.excused = unwanted || !remote_->is_reachable();
-      const bool withdrawn = unwanted && end.outcome == Outcome::kReturned;
-      if (withdrawn) end.problem.clear();  // It is what was asked for.
-    }
+  while (Call* const call = wait_for_call(lane)) {
+    CallEnd end;
+    if (!run_call(lane, *call, end)) return false;
     lane.telling = true;
-    done_(call, std::move(end));
+    done_(*call, end);
     lane.telling = false;
-    lock.lock();
   }
+  return true;
+}
+
+/// False if it was given up: nobody knows of the call any more; what it holds goes with it.
+bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
+  const Nanos begin = clock_.now();
+  lane.running.begin(call.token, begin);
+  const Remote* const remote = remote_;
+  // Who wants it no more, or stops the unit, saw this call or is seen here.
+  const bool begins = !call.unwanted && (remote == nullptr || !stopping_);
+  const bool in_phases = !begins || execute(lane, call, end);
+  if (!begins) end.outcome = Outcome::kReturned;
+  end.busy = clock_.now() - begin;
+  if (!in_phases) end.times.execute = end.busy - end.preparing.value_or(Nanos::zero());
+  if (!lane.running.end()) return false;
+  end.awake = std::exchange(lane.awake, Nanos::zero());
+  const bool stopped = lane.stop.stop_requested();
+  if (stopped) lane.stop = std::stop_source();
+  if (remote == nullptr) return true;
+  const bool unwanted = stopped || call.unwanted;
+  end.excused = unwanted || !remote->is_reachable();
+  const bool withdrawn = unwanted && end.outcome == Outcome::kReturned;
+  if (withdrawn) end.problem.clear();  // It is what was asked for.
+  return true;
 }
 
 void KernelUnit::set_up() {
@@ -257,11 +303,9 @@ void KernelUnit::set_up() {
     const std::string& remark = device_info_->remark;
     if (!remark.empty()) remark_ += (remark_.empty() ? "" : "; ") + remark;
     has_own_clock_ = device_->own_clock() != nullptr;
-    auto* const remote = dynamic_cast<Remote*>(device_.get());
-    const std::lock_guard lock(mutex_);
-    remote_ = remote;
+    remote_ = dynamic_cast<Remote*>(device_.get());
   }
-  if (setup_.lanes > 1 && remote_ == nullptr) {
+  if (setup_.lanes > 1 && !is_remote()) {
     throw_bad_input(std::to_string(setup_.lanes) +
                     " servers, and a unit that computes here serves one call after the other; take "
                     "`servers` out, or give each its cores as a unit of its own");
@@ -284,13 +328,24 @@ bool KernelUnit::go_together(const Workload& one, const Workload& other) const {
   return program && program == setup_.contexts->program_of(other.name);
 }
 
+KernelUnit::Prepared* KernelUnit::find(Lane& lane, const Workload& workload) {
+  for (const auto& each : lane.kernels) {
+    if (each->workload == &workload) return each.get();
+  }
+  return nullptr;
+}
+
 KernelUnit::Prepared& KernelUnit::prepare(Lane& lane, const Preparation& preparation) {
   const Workload& workload = *preparation.workload;
-  std::erase_if(lane.kernels,
-                [&](const auto& held) { return !go_together(*held.first, workload); });
-  auto kernel = preparation.function ? std::make_unique<FunctionKernel>(preparation.function)
-                                     : device_->prepare(workload, preparation.sample->parameters);
-  return lane.kernels[&workload] = {.kernel = std::move(kernel)};
+  std::erase_if(lane.kernels, [&](const auto& held) {
+    return held->workload == &workload || !go_together(*held->workload, workload);
+  });
+  auto made = std::make_unique<Prepared>();
+  made->workload = &workload;
+  made->kernel = preparation.function ? std::make_unique<FunctionKernel>(preparation.function)
+                                      : device_->prepare(workload, preparation.sample->parameters);
+  made->function = dynamic_cast<FunctionKernel*>(made->kernel.get());
+  return *lane.kernels.emplace_back(std::move(made));
 }
 
 /// Some compile at the first run.
@@ -309,14 +364,13 @@ void KernelUnit::run_once(Lane& lane, const Preparation& preparation, Prepared& 
 
 /// @param end  Is told what preparing took, if it was not there.
 KernelUnit::Prepared& KernelUnit::prepared(Lane& lane, const Workload& workload, CallEnd& end) {
-  const auto known = lane.kernels.find(&workload);
-  if (known != lane.kernels.end()) return known->second;
+  if (Prepared* const known = find(lane, workload)) return *known;
   const Nanos begin = clock_.now();
   Prepared& made =
       prepare(lane, *std::ranges::find(setup_.preparations, &workload, &Preparation::workload));
   if (setup_.contexts) {
     for (const Preparation& each : setup_.preparations) {
-      const bool is_held = lane.kernels.contains(each.workload);
+      const bool is_held = find(lane, *each.workload) != nullptr;
       if (!is_held && go_together(*each.workload, workload)) prepare(lane, each);
     }
   }
@@ -324,19 +378,21 @@ KernelUnit::Prepared& KernelUnit::prepared(Lane& lane, const Workload& workload,
   return made;
 }
 
-CallEnd KernelUnit::execute(Lane& lane, Call& call) {
-  CallEnd end;
-  if (call.unwanted) {
-    end.outcome = Outcome::kReturned;
-    return end;
-  }
+/// @return  Whether its phases were timed; else it has none, and is all execute.
+bool KernelUnit::execute(Lane& lane, Call& call, CallEnd& end) {
   end.outcome = call.intended;
   const auto ended = [&](Outcome outcome, const std::string& why) {
     end.outcome = outcome;
     end.problem = call.workload->name + " on " + name() + ": " + why;
   };
   try {
-    end.version = compute(lane, prepared(lane, *call.workload, end), call, end.times);
+    Prepared& held = prepared(lane, *call.workload, end);
+    if (held.function != nullptr && call.state == nullptr) {
+      held.function->bind(call.inputs, outputs_of(call));
+      held.function->execute(1);
+      return false;
+    }
+    end.version = compute(lane, held, call, end.times);
   } catch (const Error& error) {
     // The device could not; another may.
     const bool environment = error.code() == ErrorCode::kEnvironment;
@@ -346,18 +402,18 @@ CallEnd KernelUnit::execute(Lane& lane, Call& call) {
   } catch (...) {
     ended(Outcome::kFailed, "an exception of an unknown type");
   }
-  return end;
+  return true;
 }
 
 /// @return  The version of the state that it wrote; 0 if it has none, or is not to count.
 std::uint64_t KernelUnit::compute(Lane& lane, Prepared& prepared, Call& call, CallTimes& times) {
   Kernel& kernel = *prepared.kernel;
-  kernel.bind(call.inputs, *call.outputs);
+  kernel.bind(call.inputs, outputs_of(call));
   const Unbinding unbinding{kernel};
   // What is under way elsewhere can be taken back.
-  const std::stop_callback withdrawn(lane.stop.get_token(), [&] {
-    if (remote_ != nullptr) remote_->withdraw(kernel);
-  });
+  const auto withdraw = [&] { remote_.load()->withdraw(kernel); };
+  std::optional<std::stop_callback<decltype(withdraw)>> withdrawn;
+  if (is_remote()) withdrawn.emplace(lane.stop.get_token(), withdraw);
   if (call.state != nullptr) {
     kernel.bind_state(call.state->committed(), call.state->next());
     if (prepared.resident != call.state.get() || prepared.version != call.state->version()) {

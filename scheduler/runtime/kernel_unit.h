@@ -8,7 +8,6 @@
 #include <deque>
 #include <exception>
 #include <functional>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -20,6 +19,8 @@
 
 #include "characterize/platform/platform.h"
 #include "scheduler/mix/task.h"
+#include "scheduler/runtime/bell.h"
+#include "scheduler/runtime/running_call.h"
 #include "workloads/model/function_kernel.h"
 #include "workloads/model/remote.h"
 
@@ -51,15 +52,19 @@ class StateValue {
   std::uint64_t version_ = 0;
 };
 
-/// One call of a workload. Whoever makes it keeps its tensors and its state to it until it is done.
+/// One call of a workload. Whoever makes it keeps it, and its tensors and its state to it, until it
+/// is done; one that is given up is its unit's for good.
 struct Call {
   const Workload* workload = nullptr;
   std::vector<Tensor> inputs;
-  std::shared_ptr<std::vector<Tensor>> outputs;
-  std::shared_ptr<StateValue> state = {};  ///< Null if the workload has none.
-  Outcome intended = Outcome::kCompleted;  ///< Otherwise it runs, and commits nothing.
-  std::uint64_t token = 0;                 ///< The caller's.
-  bool unwanted = false;                   ///< The unit's: it was withdrawn before it began.
+  std::shared_ptr<std::vector<Tensor>> outputs;  ///< Null if the workload has none.
+  std::shared_ptr<StateValue> state = {};        ///< Null if the workload has none.
+  Outcome intended = Outcome::kCompleted;        ///< Otherwise it runs, and commits nothing.
+  std::uint64_t token = 0;                       ///< The caller's.
+
+  // The unit's, while it has the call.
+  std::atomic<bool> unwanted = false;  ///< It was withdrawn.
+  Call* neighbour = nullptr;           ///< In the list that it waits in.
 };
 
 /// What the phases of a call took, as a profile has them. Making a kernel and moving a state
@@ -83,6 +88,12 @@ struct CallEnd {
   bool excused = false;
   std::string problem = {};  ///< Of one that failed, with the names of workload and unit.
   CallTimes times = {};      ///< Of one that completed.
+  Nanos awake{0};            ///< What the unit's thread has spent awake, waiting for the call.
+
+  /// What drew the unit's active_w: all, but of a call elsewhere what moved data.
+  [[nodiscard]] Nanos powered(bool elsewhere) const {
+    return elsewhere ? times.upload + times.download : busy + awake;
+  }
 };
 
 /// What a unit prepares before anything runs.
@@ -103,6 +114,9 @@ struct UnitSetup {
   std::optional<Contexts> contexts = {};
   int lanes = 1;     ///< Calls at a time; above 1 only where the device is a Remote.
   int priority = 0;  ///< Above 0: of real-time scheduling, first in first out.
+  /// How long who waits for a call stays awake before it sleeps: waking up takes longer than short
+  /// kernels do.
+  Nanos spin{0};
   std::shared_ptr<const void> keeps =
       {};  ///< There as long as the unit: what its workloads are in.
 };
@@ -113,9 +127,12 @@ struct UnitSetup {
 
 class KernelUnit {
  public:
-  /// @param done  Called from the unit's thread after each call; must not throw, may call run().
+  /// After each call, from the thread that ran it; must not throw, may call run() and run the call
+  /// again.
+  using Done = std::function<void(Call& call, CallEnd& end)>;
+
   /// @throws Error{kEnvironment} if the thread cannot be started.
-  KernelUnit(UnitSetup setup, std::function<void(Call&, CallEnd)> done);
+  KernelUnit(UnitSetup setup, Done done);
   /// Waits for the call that runs; what waits behind it is forgotten.
   ~KernelUnit();
   /// The end of one that was abandoned, or never became ready: its thread may never return, so that
@@ -136,22 +153,24 @@ class KernelUnit {
   bool wait_until_ready(Nanos most);
   /// What is not as it was asked for, once it is ready; empty if all is.
   [[nodiscard]] const std::string& remark() const { return remark_; }
-  /// Runs the call after those before it. Any thread; from `done` its own takes it without a lock.
-  void run(Call call);
-  struct Running {
-    std::uint64_t token = 0;
-    Nanos since{0};  ///< By MachineClock.
+  /// Runs the call after those before it. Any thread, which waits for nobody; from `done` the
+  /// thread that called it goes on with it.
+  void run(Call& call);
+  struct Running : runtime::RunningCall::Seen {
+    std::size_t lane = 0;
   };
   /// The calls that run now; none from when it was abandoned.
   [[nodiscard]] std::vector<Running> running() const;
   /// Nothing is heard of the call any more, and nothing runs after it. The tokens of those that
   /// waited behind it; absent, and nothing changed, if it does not run, or was abandoned before.
   /// Of a unit with one lane.
-  [[nodiscard]] std::optional<std::vector<std::uint64_t>> abandon(std::uint64_t token);
+  [[nodiscard]] std::optional<std::vector<std::uint64_t>> abandon(const Running& call);
   [[nodiscard]] bool abandoned() const { return abandoned_; }
   /// Whoever made the call wants its result no more; it may hear of that. One that is under way
   /// elsewhere is withdrawn, and given back soon. @return  Whether that is news.
-  bool request_stop(std::uint64_t token);
+  /// @param call  That it was given and that is not done, or one that runs.
+  bool request_stop(Call& call);
+  bool request_stop(const Running& call);
   /// Of the call that the calling thread runs; elsewhere one that never stops.
   [[nodiscard]] static std::stop_token stop_of_this_call();
   [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
@@ -161,57 +180,78 @@ class KernelUnit {
   [[nodiscard]] bool is_remote() const { return remote_ != nullptr; }
   /// The way there, as it was measured so far; absent if it computes here.
   [[nodiscard]] std::optional<LinkEstimate> link() const {
-    return remote_ == nullptr ? std::nullopt : std::optional(remote_->link());
+    const Remote* const remote = remote_;
+    return remote == nullptr ? std::nullopt : std::optional(remote->link());
   }
   /// Whether what it computes on is within reach, once it is ready and until it is stopped.
-  [[nodiscard]] bool is_reachable() const { return remote_ == nullptr || remote_->is_reachable(); }
+  [[nodiscard]] bool is_reachable() const {
+    const Remote* const remote = remote_;
+    return remote == nullptr || remote->is_reachable();
+  }
   /// Whether the device tells the time of its calls by a clock of its own, once it is ready.
   [[nodiscard]] bool has_own_clock() const { return has_own_clock_; }
 
  private:
   struct Prepared {
+    const Workload* workload = nullptr;
     std::unique_ptr<Kernel> kernel;
+    FunctionKernel* function = nullptr;    ///< The kernel, if it is one: it has no phases.
     const StateValue* resident = nullptr;  ///< Whose value the device has,
     std::uint64_t version = 0;             ///< and which.
   };
-  /// Calls one after the other, on a thread of their own. What has no mutex is that thread's.
+  /// Calls one after the other, on a thread of their own. What others may touch is `running`, and
+  /// `stop` within it.
   struct Lane {
-    std::map<const Workload*, Prepared> kernels;
-    std::optional<Running> running;  ///< Behind the mutex, as stop.
-    std::stop_source stop;           ///< Of the call that runs; as good as new before each.
-    bool telling = false;            ///< The thread is within done_.
-    std::optional<Call> next;        ///< Before calls_; never of a unit elsewhere.
+    KernelUnit* unit = nullptr;
+    std::vector<std::unique_ptr<Prepared>> kernels;
+    runtime::RunningCall running;
+    std::stop_source stop;  ///< Of the call that runs; as good as new before each.
+    bool telling = false;   ///< The thread is within done_.
+    Call* next = nullptr;   ///< Before those that wait.
+    Nanos awake{0};         ///< Since the last call.
   };
   void serve();
-  void serve_calls(Lane& lane);
+  bool serve_calls(Lane& lane);
   void set_up();
-  void wait_for_call(Lane& lane, std::unique_lock<std::mutex>& lock);
-  Call take_call(Lane& lane);
+  Call* wait_for_call(Lane& lane);
+  bool spin(Lane& lane) const;
+  [[nodiscard]] bool anything_waits() const {
+    return posted_.load() != nullptr || queued_.load() != nullptr;
+  }
+  Call* take_first();
+  void queue_posted();
+  bool stop_call(Lane& lane, const runtime::RunningCall::Seen& call);
   [[nodiscard]] bool go_together(const Workload& one, const Workload& other) const;
+  static Prepared* find(Lane& lane, const Workload& workload);
   Prepared& prepare(Lane& lane, const Preparation& preparation);
   void run_once(Lane& lane, const Preparation& preparation, Prepared& prepared);
   Prepared& prepared(Lane& lane, const Workload& workload, CallEnd& end);
-  CallEnd execute(Lane& lane, Call& call);
+  bool run_call(Lane& lane, Call& call, CallEnd& end);
+  bool execute(Lane& lane, Call& call, CallEnd& end);
   std::uint64_t compute(Lane& lane, Prepared& prepared, Call& call, CallTimes& times);
 
   UnitSetup setup_;
-  std::function<void(Call&, CallEnd)> done_;
+  Done done_;
   MachineClock clock_;
   std::unique_ptr<Device> device_;  ///< Made and ended by the unit's thread.
   std::deque<Lane> lanes_;          ///< The first one's thread is the unit's.
 
-  mutable std::mutex mutex_;
+  std::mutex mutex_;  ///< Of its start.
   std::condition_variable changed_;
   bool ready_ = false;
   std::string remark_;
   std::optional<DeviceInfo> device_info_;
-  Remote* remote_ = nullptr;  ///< The device, if it is one.
+  std::atomic<Remote*> remote_ = nullptr;  ///< The device, if it is one.
   bool has_own_clock_ = false;
   std::exception_ptr failure_;
   std::atomic<bool> stopping_ = false;
   std::atomic<bool> abandoned_ = false;
-  std::atomic<std::size_t> waiting_ = 0;  ///< How many calls_ are.
-  std::deque<Call> calls_;
+
+  // Calls that wait. Who brings one leaves it in a list, the newest first; lanes turn that round.
+  std::atomic<Call*> posted_ = nullptr;
+  std::mutex taking_;                    ///< Lanes' alone, and of who abandons one.
+  std::atomic<Call*> queued_ = nullptr;  ///< Oldest first, before posted_; changed with taking_.
+  runtime::Bell bell_;
   std::jthread thread_;  ///< Last: all else is there before it and after it.
 };
 

@@ -1,15 +1,10 @@
 // Something that happens once, and that some wait for, for as long as they like.
 #pragma once
 
-#include <linux/futex.h>
-#include <sys/syscall.h>
-#include <unistd.h>
-
-#include <algorithm>
-#include <atomic>
 #include <cstdint>
 #include <ctime>
 
+#include "scheduler/runtime/futex.h"
 #include "workloads/base/time.h"
 
 namespace pirt::runtime {
@@ -20,7 +15,7 @@ class Latch {
  public:
   [[nodiscard]] bool is_set() const { return state_.load(std::memory_order_acquire) == kSet; }
   void set() {
-    if (state_.exchange(kSet) == kAwaited) call(FUTEX_WAKE_PRIVATE, INT32_MAX, nullptr);
+    if (state_.exchange(kSet) == kAwaited) futex_wake(state_, INT32_MAX);
   }
   void wait() {
     while (!is_set()) sleep(nullptr);
@@ -41,18 +36,14 @@ class Latch {
 
  private:
   enum : std::uint32_t { kNot, kAwaited, kSet };
-  static_assert(sizeof(std::atomic<std::uint32_t>) == sizeof(std::uint32_t));
 
   void sleep(const std::timespec* most) {
     std::uint32_t state = kNot;
     if (state_.compare_exchange_strong(state, kAwaited) || state == kAwaited) {
-      call(FUTEX_WAIT_PRIVATE, kAwaited, most);
+      futex_wait(state_, kAwaited, most);
     }
   }
-  void call(int what, std::uint32_t value, const std::timespec* most) {
-    ::syscall(SYS_futex, reinterpret_cast<std::uint32_t*>(&state_), what, value, most, nullptr, 0);
-  }
-  std::atomic<std::uint32_t> state_ = kNot;
+  FutexWord state_ = kNot;
 };
 
 }  // namespace pirt::runtime

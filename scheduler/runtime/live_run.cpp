@@ -93,12 +93,13 @@ class LiveRun final : public Executor {
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
     const Workload& workload = find_workload(task.workload);
     if (task.state && task.inputs.empty()) follow_sequence(*task.state, workload, place.firing);
-    Call call{.workload = &workload,
-              .inputs = {},
-              .outputs = outputs_.take(workload),
-              .state = task.state ? states_[*task.state] : nullptr,
-              .intended = time_.intended(job),
-              .token = job};
+    Call& call = call_of(job);
+    call.workload = &workload;
+    call.outputs = outputs_.take(workload);
+    call.state = task.state ? states_[*task.state] : nullptr;
+    call.intended = time_.intended(job);
+    call.token = job;
+    call.unwanted = false;
     for (const Tensor& each : samples_.of(workload, place.firing)->inputs) {
       call.inputs.push_back(each.share());
     }
@@ -108,11 +109,11 @@ class LiveRun final : public Executor {
       if (made.data == nullptr) continue;  // Of a paced unit.
       call.inputs[port.input] = (*made.data)[port.output].share();
     }
-    units_.run(unit, std::move(call));
+    units_.run(unit, call);
   }
   /// As start.
   void recall(JobIndex job, UnitId unit) override {
-    static_cast<void>(units_.request_stop(unit, job));
+    static_cast<void>(units_.request_stop(unit, call_of(job)));
   }
 
  private:
@@ -145,9 +146,11 @@ class LiveRun final : public Executor {
   }
 
   void set_up() {
+    std::map<UnitId, std::vector<Preparation>> prepared;
     for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
-      if (scenario_.platform.units[unit].measured()) units_.open(unit, preparations(unit));
+      if (scenario_.platform.units[unit].measured()) prepared.emplace(unit, preparations(unit));
     }
+    units_.open(std::move(prepared));
     for (const std::string& remark : units_.wait_until_ready()) problems_.add(remark);
     for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
       if (!units_.has(unit) || !units_.at(unit).has_own_clock()) continue;
@@ -226,9 +229,17 @@ class LiveRun final : public Executor {
     return scenario_.classes[place.pipeline][place.task].workload;
   }
 
+  /// That of a task that is started.
+  Call& call_of(JobIndex job) {
+    if (calls_.size() <= job) calls_.resize(job + std::size_t{1});
+    if (calls_[job] == nullptr) calls_[job] = std::make_unique<Call>();
+    return *calls_[job];
+  }
+
   /// What the call has is its own from then on; its state is that of before.
   void give_up(const LiveUnits::Hung& hung) {
     const auto job = static_cast<JobIndex>(hung.token);
+    static_cast<void>(calls_[job].release());  // The thread that hangs has it.
     const Firings::TaskPlace place = time_.firings().place(job);
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
     if (task.state) states_[*task.state] = std::make_shared<StateValue>(*states_[*task.state]);
@@ -244,12 +255,6 @@ class LiveRun final : public Executor {
     time_.finished(job, std::move(end), now());
   }
 
-  /// Of a call, what drew the unit's active_w; absent = all of it.
-  [[nodiscard]] std::optional<Nanos> powered(UnitId unit, const CallEnd& end) const {
-    if (!is_elsewhere(scenario_.platform.units[unit])) return std::nullopt;
-    return end.times.upload + end.times.download;
-  }
-
   /// From a unit's thread.
   void ended(UnitId unit, Call& call, const CallEnd& end) {
     const std::lock_guard lock(mutex_);
@@ -260,13 +265,16 @@ class LiveRun final : public Executor {
     if (completed && call.state) call.state->commit(end.version);
     if (completed && options_.sink) options_.sink(place, *call.outputs);
     if (completed && options_.calls) kept_[{workload_of(job), unit}].add(end.times);
-    call.inputs.clear();  // Before the firing that made them may be over.
+    // Before the firing that made them may be over, and the job another one's.
+    call.inputs.clear();
+    call.state = nullptr;
+    const auto outputs = std::exchange(call.outputs, nullptr);
     const Nanos next = time_.next();
     end_computing(job, {.outcome = end.outcome,
                         .busy = end.busy,
                         .preparing = end.preparing,
-                        .powered = powered(unit, end),
-                        .data = completed ? call.outputs : nullptr});
+                        .powered = end.powered(is_elsewhere(scenario_.platform.units[unit])),
+                        .data = completed ? outputs : nullptr});
     if (completed && !result_.first_call) result_.first_call = end.busy;
     if (time_.next() < next || computing_ == 0) changed_.notify_all();
   }
@@ -281,6 +289,7 @@ class LiveRun final : public Executor {
   Samples samples_;
   OutputPool outputs_;
   std::vector<std::shared_ptr<StateValue>> states_;
+  std::vector<std::unique_ptr<Call>> calls_;     ///< By job.
   std::map<std::size_t, std::uint64_t> played_;  ///< Of states_ that play: the last frame.
   VirtualTime time_;
   int computing_ = 0;

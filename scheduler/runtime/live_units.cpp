@@ -2,9 +2,11 @@
 
 #include <fmt/core.h>
 
+#include "characterize/platform/elsewhere.h"
 #include "characterize/platform/unit_request.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/affinity.h"
 
 namespace pirt {
 namespace {
@@ -28,8 +30,12 @@ LiveUnits::LiveUnits(const Platform& platform, LiveUnitsOptions options, Done do
 
 LiveUnits::~LiveUnits() { close(); }
 
-void LiveUnits::open(UnitId unit, std::vector<Preparation> preparations) {
-  units_[unit] = make(unit, std::move(preparations));
+void LiveUnits::open(std::map<UnitId, std::vector<Preparation>> preparations) {
+  const auto here = std::ranges::count_if(preparations, [this](const auto& each) {
+    return !is_elsewhere(platform_.units[each.first]);
+  });
+  if (static_cast<std::size_t>(here) < current_cores().size()) spin_ = options_.spin;
+  for (auto& [unit, each] : preparations) units_[unit] = make(unit, std::move(each));
 }
 
 std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation> preparations) {
@@ -43,8 +49,9 @@ std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation
                 .contexts = model.contexts,
                 .lanes = model.measured() ? model.servers : 1,
                 .priority = options_.priority,
+                .spin = is_elsewhere(model) ? Nanos::zero() : spin_,
                 .keeps = options_.keeps},
-      [this, unit](Call& call, CallEnd end) { done_(unit, call, std::move(end)); });
+      [this, unit](Call& call, CallEnd& end) { done_(unit, call, end); });
 }
 
 namespace {

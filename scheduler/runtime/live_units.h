@@ -34,10 +34,15 @@ class Problems {
   std::int64_t count_ = 0;
 };
 
+/// How long a unit stays awake for the next call: less than waking up takes.
+inline constexpr Nanos kSpin = std::chrono::microseconds(20);
+
 struct LiveUnitsOptions {
   bool prepare_first = true;
   std::optional<Nanos> time_limit = {};  ///< Of each call; absent = by what is expected of it.
   int priority = 0;                      ///< As UnitSetup.
+  /// The same; where units that compute here, and who gives them calls, have no core each: none.
+  Nanos spin = kSpin;
   std::shared_ptr<const void> keeps = {};
   std::function<int()> stop = {};  ///< Whether somebody wants no start any more; empty = never.
   std::function<void(const std::string&)> progress = {};
@@ -46,7 +51,7 @@ struct LiveUnitsOptions {
 /// Threads: whoever drives them, one at a time, but for `done`.
 class LiveUnits {
  public:
-  using Done = std::function<void(UnitId unit, Call& call, CallEnd end)>;
+  using Done = std::function<void(UnitId unit, Call& call, CallEnd& end)>;
 
   /// @param platform  Must outlive it.
   /// @param done      Called from the unit's thread after each call; must not throw.
@@ -55,8 +60,8 @@ class LiveUnits {
   LiveUnits(const LiveUnits&) = delete;
   LiveUnits& operator=(const LiveUnits&) = delete;
 
-  /// Begins to open the unit and to prepare.
-  void open(UnitId unit, std::vector<Preparation> preparations);
+  /// Begins to open the units and to prepare what each may be asked for. Once.
+  void open(std::map<UnitId, std::vector<Preparation>> preparations);
   /// Until all are ready.
   /// @return  What is not as it was asked for.
   /// @throws What opening and preparing throw, with the unit's name; Error{kEnvironment} for a unit
@@ -67,8 +72,8 @@ class LiveUnits {
 
   [[nodiscard]] bool has(UnitId unit) const { return units_[unit] != nullptr; }
   [[nodiscard]] const KernelUnit& at(UnitId unit) const { return *units_[unit]; }
-  void run(UnitId unit, Call call) { units_[unit]->run(std::move(call)); }
-  bool request_stop(UnitId unit, std::uint64_t token) { return units_[unit]->request_stop(token); }
+  void run(UnitId unit, Call& call) { units_[unit]->run(call); }
+  bool request_stop(UnitId unit, Call& call) { return units_[unit]->request_stop(call); }
 
   /// Another one in place of a unit that is out of service; any thread may make it, and hands it to
   /// whoever drives the units.
@@ -103,12 +108,12 @@ class LiveUnits {
         const Nanos ran = clock_.now() - call.since;
         if (!limit || ran <= *limit) continue;
         if (units_[unit]->is_remote()) {
-          if (request_stop(unit, call.token)) {
+          if (units_[unit]->request_stop(call)) {
             say(units_[unit]->name() + " has not answered a call in time; it is withdrawn");
           }
           continue;
         }
-        auto behind = units_[unit]->abandon(call.token);
+        auto behind = units_[unit]->abandon(call);
         if (behind) hung.push_back({unit, call.token, *std::move(behind), ran, {}});
       }
     }
@@ -146,6 +151,7 @@ class LiveUnits {
   LiveUnitsOptions options_;
   Done done_;
   MachineClock clock_;
+  Nanos spin_{0};                                   ///< Of units that compute here.
   std::vector<std::map<WorkloadId, int>> returns_;  ///< By unit; of those that gave any back.
   std::vector<bool> out_of_reach_;                  ///< By unit, as changed_reach() told it.
   std::vector<std::unique_ptr<KernelUnit>> units_;  ///< Last: their threads use all of it.

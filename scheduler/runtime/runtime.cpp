@@ -38,7 +38,8 @@ std::span<const Tensor> TaskFuture::get() const& {
     throw_environment(task_->name + " has no outputs, it was " + std::string(to_string(end)) +
                       (task_->problem.empty() ? "" : ": " + task_->problem));
   }
-  return *task_->outputs;
+  const auto& outputs = task_->call.outputs;
+  return outputs != nullptr ? std::span<const Tensor>(*outputs) : std::span<const Tensor>();
 }
 
 std::string TaskFuture::unit() const { return end() ? task_->unit_name : ""; }

@@ -147,6 +147,10 @@ struct RuntimeOptions {
   /// expected to take, and at least 5 s; never where that is not known (no profile, and an own
   /// workload that does not say what it expects of the unit).
   std::optional<Nanos> time_limit = {};
+  /// How long a unit that has nothing to do stays awake before its thread sleeps, 0 to 20 us: a
+  /// task that comes by then begins sooner. It draws active_w meanwhile (`powered`). 0 = not at
+  /// all, as where the machine has no core for each unit and one more.
+  Nanos spin = std::chrono::microseconds(20);
   std::optional<std::string> trace = {};  ///< A file; see write_trace.
   int priority = 0;  ///< Above 0: units' threads at this real-time priority, where permitted.
   std::function<void(const std::string&)> progress = {};  ///< A line each while it starts.
@@ -173,7 +177,7 @@ struct RuntimeStatistics {
     bool in_service = true;
     std::int64_t completed = 0;
     Nanos busy{0};
-    Nanos powered{0};   ///< Of which it drew active_w: all, or elsewhere what moved data.
+    Nanos powered{0};   ///< Drew active_w: busy or awake for more; elsewhere what moved data.
     Histogram latency;  ///< Of its tasks, from the decision to the end.
   };
   std::vector<Unit> units;

@@ -116,22 +116,23 @@ class TestBackend : public Backend {
 class KernelUnitElsewhere : public testing::Test {
  protected:
   KernelUnitElsewhere() { workload_.name = "far"; }
-  std::unique_ptr<KernelUnit> open(int lanes, bool far = true) {
+  std::unique_ptr<KernelUnit> open(int lanes, bool far = true, Nanos spin = Nanos(0)) {
     UnitSetup setup{.request = {.unit = "cloud", .cores = {}, .device = {}, .script = {}},
                     .backend = far ? &far_ : &here_,
                     .preparations = {{.workload = &workload_, .sample = sample_}},
                     .prepare_first = false,
-                    .lanes = lanes};
-    auto unit = std::make_unique<KernelUnit>(std::move(setup), [this](Call& call, CallEnd end) {
+                    .lanes = lanes,
+                    .spin = spin};
+    auto unit = std::make_unique<KernelUnit>(std::move(setup), [this](Call& call, CallEnd& end) {
       there_.change([&] { ends_[call.token] = std::move(end); });
     });
     return unit;
   }
-  Call call(std::uint64_t token) {
-    return {.workload = &workload_,
-            .inputs = {},
-            .outputs = std::make_shared<std::vector<Tensor>>(),
-            .token = token};
+  Call& call(std::uint64_t token) {
+    Call& call = calls_[token];
+    call.workload = &workload_;
+    call.token = token;
+    return call;
   }
   [[nodiscard]] bool wait_for_end(std::uint64_t token) {
     return there_.wait([&] { return ends_.contains(token); });
@@ -144,6 +145,7 @@ class KernelUnitElsewhere : public testing::Test {
   Workload workload_;
   std::shared_ptr<const Data> sample_ = std::make_shared<Data>();
   TestBackend far_{there_, true}, here_{there_, false};
+  std::map<std::uint64_t, Call> calls_;
   std::map<std::uint64_t, CallEnd> ends_;
 };
 
@@ -169,7 +171,7 @@ TEST_F(KernelUnitElsewhere, GivesBackWhatNobodyWantsThereAndThatAlone) {
   unit->run(call(1));
   unit->run(call(2));
   ASSERT_TRUE(wait_for_under_way(2));
-  unit->request_stop(1);
+  unit->request_stop(call(1));
   ASSERT_TRUE(wait_for_end(1));
   EXPECT_EQ(ends_[1].outcome, Outcome::kReturned);
   EXPECT_TRUE(ends_[1].excused);
@@ -192,9 +194,8 @@ TEST_F(KernelUnitElsewhere, GivesBackWhatIsNotWantedBeforeItBegan) {
   ASSERT_TRUE(wait_for_under_way(1));
   unit->run(call(2));
   unit->run(call(3));
-  EXPECT_TRUE(unit->request_stop(2));
-  EXPECT_FALSE(unit->request_stop(2)) << "it is no news";
-  EXPECT_FALSE(unit->request_stop(4)) << "there is none";
+  EXPECT_TRUE(unit->request_stop(call(2)));
+  EXPECT_FALSE(unit->request_stop(call(2))) << "it is no news";
   there_.change([this] { there_.answers = true; });
   ASSERT_TRUE(wait_for_end(3));
   EXPECT_EQ(ends_[1].outcome, Outcome::kCompleted);
@@ -222,6 +223,22 @@ TEST_F(KernelUnitElsewhere, WhatIsGivenBackWhileItIsOutOfReachIsExcused) {
   ASSERT_TRUE(wait_for_end(1));
   EXPECT_EQ(ends_[1].outcome, Outcome::kReturned);
   EXPECT_TRUE(ends_[1].excused);
+}
+
+TEST_F(KernelUnitElsewhere, CountsWhatItStaysAwakeForTheNextCallWhereItMay) {
+  there_.answers = true;
+  for (const Nanos spin : {Nanos(0), Nanos(20us)}) {
+    const auto unit = open(1, false, spin);
+    ASSERT_TRUE(unit->wait_until_ready(20s));
+    Nanos awake{0};
+    for (std::uint64_t token = 1; token <= 100; ++token) {
+      ends_.clear();
+      unit->run(call(token));
+      ASSERT_TRUE(wait_for_end(token));
+      awake += ends_[token].awake;
+    }
+    EXPECT_EQ(awake > Nanos(0), spin > Nanos(0));
+  }
 }
 
 TEST_F(KernelUnitElsewhere, WhatComputesHereServesOneCallAfterTheOther) {

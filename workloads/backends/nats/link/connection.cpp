@@ -1,0 +1,516 @@
+#include "workloads/backends/nats/link/connection.h"
+
+#include <fmt/core.h>
+#include <nats/nats.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <condition_variable>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include "workloads/backends/nats/wire/subjects.h"
+#include "workloads/base/error.h"
+#include "workloads/base/system/thread.h"
+#include "workloads/base/text/json.h"
+
+namespace pirt::cloud {
+namespace {
+
+constexpr std::size_t kStandardPayload = std::size_t{1} << 20;
+constexpr std::size_t kHead = 4096;  ///< Of a message: subject, id, what a frame adds.
+constexpr std::size_t kLargestChunk = std::size_t{512} << 10;
+constexpr int kNobody = 503;  ///< Status: nobody listens; of JetStream: it has not begun yet.
+/// For the library's threads to have seen the end.
+constexpr Nanos kEnd = std::chrono::seconds(5);
+
+std::int64_t ms(Nanos time) {
+  return std::max<std::int64_t>(
+      1, std::chrono::duration_cast<std::chrono::milliseconds>(time).count());
+}
+
+struct Url {
+  std::string scheme, host;
+};
+
+Url parse(const std::string& server) {
+  const auto refuse = [&](const std::string& why) {
+    throw_bad_input("server '" + public_url(server) + "' " + why +
+                    "; a server is nats://HOST:PORT, or tls://HOST:PORT");
+  };
+  Url url;
+  const auto colon = server.find("://");
+  if (colon == std::string::npos) refuse("has no scheme");
+  url.scheme = server.substr(0, colon);
+  if (url.scheme != "nats" && url.scheme != "tls") refuse("is of another scheme");
+  std::string rest = server.substr(colon + 3);
+  if (const auto at = rest.rfind('@'); at != std::string::npos) rest = rest.substr(at + 1);
+  if (rest.find_first_of("/, \t?#") != std::string::npos) refuse("is more than a host and a port");
+  std::string port;
+  if (rest.starts_with('[')) {
+    const auto close = rest.find(']');
+    if (close == std::string::npos) refuse("has no end of its address");
+    url.host = rest.substr(1, close - 1);
+    port = rest.substr(close + 1);
+  } else {
+    const auto end = rest.rfind(':');
+    url.host = rest.substr(0, end);
+    if (end != std::string::npos) port = rest.substr(end);
+  }
+  if (url.host.empty()) refuse("has no host");
+  if (!port.empty()) {
+    const bool digits =
+        port.size() > 1 && port.size() <= 6 && port[0] == ':' &&
+        std::all_of(port.begin() + 1, port.end(), [](char c) { return c >= '0' && c <= '9'; });
+    if (!digits || std::atoi(port.c_str() + 1) > 65535 || std::atoi(port.c_str() + 1) == 0) {
+      refuse("has no port that there is");
+    }
+  }
+  return url;
+}
+
+bool is_loopback(const std::string& host) {
+  if (host == "localhost" || host == "::1") return true;
+  const bool numeric = host.find_first_not_of("0123456789.") == std::string::npos;
+  return numeric && host.starts_with("127.");
+}
+
+void check_file(const std::string& what, const std::string& file) {
+  if (file.empty()) return;
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error)) {
+    throw_bad_input(what + " '" + file + "' is no file that can be read");
+  }
+}
+
+void throw_unless(natsStatus status, const std::string& what) {
+  if (status == NATS_OK) return;
+  const char* const last = nats_GetLastError(nullptr);
+  throw_environment(fmt::format("{}: {}{}{}", what, natsStatus_GetText(status),
+                                last != nullptr && *last != 0 ? ": " : "",
+                                last != nullptr ? last : ""));
+}
+
+struct DestroyOptions {
+  void operator()(natsOptions* options) const { natsOptions_Destroy(options); }
+};
+struct DestroyMessage {
+  void operator()(natsMsg* message) const { natsMsg_Destroy(message); }
+};
+using MessagePtr = std::unique_ptr<natsMsg, DestroyMessage>;
+
+ByteView data_of(natsMsg* message) {
+  return {reinterpret_cast<const std::byte*>(natsMsg_GetData(message)),
+          static_cast<std::size_t>(std::max(0, natsMsg_GetDataLength(message)))};
+}
+
+int status_of(natsMsg* message) {
+  if (natsMsg_GetDataLength(message) > 0) return 0;
+  const char* text = nullptr;
+  if (natsMsgHeader_Get(message, "Status", &text) != NATS_OK || text == nullptr) return 0;
+  return std::atoi(text);
+}
+
+}  // namespace
+
+bool is_robot_name(std::string_view name) {
+  constexpr std::size_t kLongest = 64;
+  return !name.empty() && name.size() <= kLongest && std::ranges::all_of(name, [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
+           c == '-';
+  });
+}
+
+std::string public_url(const std::string& server) {
+  const auto begin = server.find("://");
+  const auto at = server.rfind('@');
+  if (begin == std::string::npos || at == std::string::npos) return server;
+  return server.substr(0, begin + 3) + server.substr(at + 1);
+}
+
+void check_connection(const ConnectionOptions& options) {
+  const Url url = parse(options.server);
+  check_file("the certificate authority", options.ca);
+  check_file("the certificate", options.certificate);
+  check_file("the certificate's key", options.key);
+  check_file("the NKey's seed", options.nkey_seed);
+  if (options.certificate.empty() != options.key.empty()) {
+    throw_bad_input("a certificate and its key belong together; give both, or neither");
+  }
+  if (options.nkey_seed.empty() != options.nkey.empty()) {
+    throw_bad_input("an NKey and the file with its seed belong together; give both, or neither");
+  }
+  const bool tls = url.scheme == "tls" || !options.ca.empty();
+  if (!tls && !options.insecure && !is_loopback(url.host)) {
+    throw_bad_input("server '" + public_url(options.server) +
+                    "' is beyond this machine and would be spoken to without TLS: anybody on the "
+                    "way could read and change tasks; use tls://, or allow it (--insecure; of a "
+                    "unit, insecure: true)");
+  }
+}
+
+struct Connection::State {
+  struct Subscription {
+    std::weak_ptr<State> state;
+    Handler handler;
+  };
+
+  ConnectionOptions options;
+  Events events;
+  std::string inbox;
+  natsConnection* handle = nullptr;
+  std::vector<natsSubscription*> subscriptions;
+  std::atomic<bool> up = false;
+
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool closed = false;
+  int dispatching = 0;  ///< Subscriptions whose last message may not have been handled.
+
+  // A handler of the library's gets a pointer to a shared one of its own.
+  using Shared = std::shared_ptr<State>;
+  static State& of(void* closure) { return **static_cast<Shared*>(closure); }
+
+  static void on_up(natsConnection*, void* closure) {
+    State& state = of(closure);
+    {
+      const std::lock_guard lock(state.mutex);
+      state.up = true;
+    }
+    state.changed.notify_all();
+    if (state.events.up) state.events.up();
+  }
+  static void on_down(natsConnection*, void* closure) {
+    State& state = of(closure);
+    state.up = false;
+    if (state.events.down) state.events.down();
+  }
+  static void on_closed(natsConnection*, void* closure) {
+    const std::unique_ptr<Shared> last(static_cast<Shared*>(closure));
+    State& state = **last;
+    {
+      const std::lock_guard lock(state.mutex);
+      state.up = false;
+      state.closed = true;
+    }
+    state.changed.notify_all();
+  }
+  static void on_error(natsConnection*, natsSubscription*, natsStatus status, void* closure) {
+    State& state = of(closure);
+    if (!state.events.problem) return;
+    const char* last = nullptr;
+    std::string text = natsStatus_GetText(status);
+    if (natsConnection_GetLastError(state.handle, &last) != NATS_OK && last != nullptr &&
+        *last != 0) {
+      text += ": " + std::string(last);
+    }
+    state.events.problem(text);
+  }
+  static void on_message(natsConnection*, natsSubscription*, natsMsg* raw, void* closure) {
+    const MessagePtr message(raw);
+    const auto& subscription = *static_cast<Subscription*>(closure);
+    const char* const reply = natsMsg_GetReply(raw);
+    subscription.handler(
+        {natsMsg_GetSubject(raw), reply == nullptr ? "" : reply, data_of(raw), status_of(raw)});
+  }
+  static void on_complete(void* closure) {
+    const auto* const subscription = static_cast<Subscription*>(closure);
+    if (const Shared state = subscription->state.lock()) {
+      const std::lock_guard lock(state->mutex);
+      --state->dispatching;
+      state->changed.notify_all();
+    }
+    delete subscription;
+  }
+};
+
+namespace {
+
+using Options = std::unique_ptr<natsOptions, DestroyOptions>;
+
+Options make_options(const ConnectionOptions& options) {
+  natsOptions* raw = nullptr;
+  throw_unless(natsOptions_Create(&raw), "libnats");
+  Options made(raw);
+  const std::string what = "server '" + public_url(options.server) + "'";
+  const auto set = [&](natsStatus status) { throw_unless(status, what); };
+  const Url url = parse(options.server);
+  set(natsOptions_SetURL(raw, options.server.c_str()));
+  set(natsOptions_SetName(raw, options.name.c_str()));
+  set(natsOptions_SetCustomInboxPrefix(raw, options.inbox.c_str()));
+  set(natsOptions_SetMaxReconnect(raw, -1));
+  set(natsOptions_SetReconnectWait(raw, ms(options.reconnect_wait)));
+  set(natsOptions_SetReconnectJitter(raw, ms(options.reconnect_wait), ms(options.reconnect_wait)));
+  set(natsOptions_SetTimeout(raw, 2000));
+  set(natsOptions_SetWriteDeadline(raw, 5000));
+  // A server that says nothing is gone after twice that.
+  set(natsOptions_SetPingInterval(raw, 5000));
+  set(natsOptions_SetMaxPingsOut(raw, 2));
+  set(natsOptions_SetSendAsap(raw, true));
+  set(natsOptions_SetFailRequestsOnDisconnect(raw, true));
+  set(natsOptions_SetIgnoreDiscoveredServers(raw, true));  // nobody vouches for those
+  if (url.scheme == "tls" || !options.ca.empty()) {
+    set(natsOptions_SetSecure(raw, true));
+    set(natsOptions_SkipServerVerification(raw, false));
+    set(natsOptions_SetExpectedHostname(raw, url.host.c_str()));
+    if (!options.ca.empty()) {
+      throw_unless(natsOptions_LoadCATrustedCertificates(raw, options.ca.c_str()),
+                   "the certificate authority '" + options.ca + "'");
+    }
+    if (!options.certificate.empty()) {
+      throw_unless(
+          natsOptions_LoadCertificatesChain(raw, options.certificate.c_str(), options.key.c_str()),
+          "the certificate '" + options.certificate + "'");
+    }
+  }
+  if (!options.nkey.empty()) {
+    throw_unless(natsOptions_SetNKeyFromSeed(raw, options.nkey.c_str(), options.nkey_seed.c_str()),
+                 "the NKey's seed '" + options.nkey_seed + "'");
+  }
+  return made;
+}
+
+}  // namespace
+
+Connection::Connection(const ConnectionOptions& options, Events events)
+    : state_(std::make_shared<State>()) {
+  check_connection(options);
+  state_->options = options;
+  state_->events = std::move(events);
+  const Options made = make_options(options);
+  auto closure = std::make_unique<State::Shared>(state_);
+  natsOptions* const raw = made.get();
+  const auto set = [](natsStatus status) { throw_unless(status, "libnats"); };
+  set(natsOptions_SetRetryOnFailedConnect(raw, true, &State::on_up, closure.get()));
+  set(natsOptions_SetReconnectedCB(raw, &State::on_up, closure.get()));
+  set(natsOptions_SetDisconnectedCB(raw, &State::on_down, closure.get()));
+  set(natsOptions_SetClosedCB(raw, &State::on_closed, closure.get()));
+  set(natsOptions_SetErrorHandler(raw, &State::on_error, closure.get()));
+  natsInbox* inbox = nullptr;
+  set(natsInbox_Create(&inbox));
+  state_->inbox = inbox;
+  natsInbox_Destroy(inbox);
+  // libnats takes its own prefix for that.
+  state_->inbox = options.inbox + state_->inbox.substr(state_->inbox.find('.'));
+  const natsStatus status = natsConnection_Connect(&state_->handle, raw);
+  if (status != NATS_OK && status != NATS_NOT_YET_CONNECTED) {
+    throw_unless(status, "server '" + public_url(options.server) + "'");
+  }
+  void* const given = closure.release();
+  if (status == NATS_OK) State::on_up(state_->handle, given);
+}
+
+Connection::~Connection() {
+  State& state = *state_;
+  natsConnection_Close(state.handle);
+  std::unique_lock lock(state.mutex);
+  const bool quiet =
+      state.changed.wait_for(lock, kEnd, [&] { return state.closed && state.dispatching == 0; });
+  lock.unlock();
+  if (!quiet) return;  // Something of the library's still runs, and keeps what it needs.
+  for (natsSubscription* const each : state.subscriptions) natsSubscription_Destroy(each);
+  natsConnection_Destroy(state.handle);
+}
+
+bool Connection::wait_until_up(Nanos most) {
+  std::unique_lock lock(state_->mutex);
+  return state_->changed.wait_for(lock, most, [this] { return state_->up.load(); });
+}
+
+bool Connection::is_up() const { return state_->up; }
+
+const std::string& Connection::inbox() const { return state_->inbox; }
+
+void Connection::subscribe(const std::string& subject, Handler handler) {
+  auto subscription = std::make_unique<State::Subscription>();
+  subscription->state = state_;
+  subscription->handler = std::move(handler);
+  natsSubscription* handle = nullptr;
+  throw_unless(natsConnection_Subscribe(&handle, state_->handle, subject.c_str(),
+                                        &State::on_message, subscription.get()),
+               "subscription to " + subject);
+  throw_unless(natsSubscription_SetPendingLimits(handle, -1, -1), "subscription to " + subject);
+  {
+    const std::lock_guard lock(state_->mutex);
+    ++state_->dispatching;
+  }
+  throw_unless(natsSubscription_SetOnCompleteCB(handle, &State::on_complete, subscription.get()),
+               "subscription to " + subject);
+  static_cast<void>(subscription.release());  // on_complete deletes it
+  state_->subscriptions.push_back(handle);
+}
+
+bool Connection::publish(const std::string& subject, ByteView data, const std::string& reply,
+                         const std::string& id) {
+  natsMsg* raw = nullptr;
+  if (natsMsg_Create(&raw, subject.c_str(), reply.empty() ? nullptr : reply.c_str(),
+                     reinterpret_cast<const char*>(data.data()),
+                     static_cast<int>(data.size())) != NATS_OK) {
+    return false;
+  }
+  const MessagePtr message(raw);
+  if (!id.empty() && natsMsgHeader_Set(raw, "Nats-Msg-Id", id.c_str()) != NATS_OK) return false;
+  return natsConnection_PublishMsg(state_->handle, raw) == NATS_OK;
+}
+
+bool Connection::publish(const std::string& subject, std::string_view text,
+                         const std::string& reply) {
+  return publish(subject, std::as_bytes(std::span(text)), reply, "");
+}
+
+Connection::Answer Connection::request(const std::string& subject, ByteView data, Nanos most,
+                                       const std::string& id) {
+  natsMsg* raw = nullptr;
+  if (!is_up() ||
+      natsMsg_Create(&raw, subject.c_str(), nullptr, reinterpret_cast<const char*>(data.data()),
+                     static_cast<int>(data.size())) != NATS_OK) {
+    return {};
+  }
+  const MessagePtr message(raw);
+  if (!id.empty() && natsMsgHeader_Set(raw, "Nats-Msg-Id", id.c_str()) != NATS_OK) return {};
+  natsMsg* answer = nullptr;
+  const natsStatus status = natsConnection_RequestMsg(&answer, state_->handle, raw, ms(most));
+  if (status == NATS_NO_RESPONDERS) return {true, kNobody, {}};
+  if (status != NATS_OK) return {};
+  const MessagePtr came(answer);
+  const ByteView bytes = data_of(answer);
+  return {true, status_of(answer), Bytes(bytes.begin(), bytes.end())};
+}
+
+Connection::Answer Connection::request(const std::string& subject, std::string_view text,
+                                       Nanos most) {
+  return request(subject, std::as_bytes(std::span(text)), most, "");
+}
+
+std::size_t Connection::most_payload() const {
+  const std::int64_t most = natsConnection_GetMaxPayload(state_->handle);
+  return most > 0 ? static_cast<std::size_t>(most) : kStandardPayload;
+}
+
+std::size_t Connection::chunk_bytes() const {
+  const std::size_t most = most_payload();
+  const std::size_t fits = most > 2 * kHead ? most - kHead : most / 2;
+  return std::clamp(fits, std::size_t{kLeastChunkBytes}, kLargestChunk);
+}
+
+Stored read_stored(int status, ByteView data) {
+  if (status == kNobody) return {.problem = "JetStream is not there; start the server with -js"};
+  const auto answer = try_parse_json(text_of(data));
+  if (!answer || !answer->is_object()) {
+    return {.problem = "an answer that is none of JetStream's"};
+  }
+  if (answer->contains("error")) {
+    const Json& error = answer->at("error");
+    const bool told =
+        error.is_object() && error.contains("description") && error.at("description").is_string();
+    return {.problem = told ? error.at("description").get<std::string>() : "refused"};
+  }
+  if (!answer->contains("seq") || !answer->at("seq").is_number_unsigned()) {
+    return {.problem = "an answer without a sequence"};
+  }
+  const bool duplicate = answer->contains("duplicate") && answer->at("duplicate") == true;
+  return {.ok = true, .sequence = answer->at("seq").get<std::uint64_t>(), .duplicate = duplicate};
+}
+
+namespace {
+
+constexpr Nanos kAnswer = std::chrono::seconds(5);
+constexpr std::uint32_t kWindow = 4;  ///< Chunks under way.
+
+/// Calls @p work with each number below @p count, some at a time, until one says no.
+/// @param work  bool(std::uint32_t)
+template <typename Work>
+void in_window(std::uint32_t count, const Work& work) {
+  std::atomic<std::uint32_t> next = 0;
+  std::atomic<bool> goes_on = true;
+  const auto run = [&] {
+    while (goes_on) {
+      const std::uint32_t number = next++;
+      if (number >= count) return;
+      if (!work(number)) goes_on = false;
+    }
+  };
+  std::vector<std::jthread> others;
+  for (std::uint32_t i = 1; i < std::min(kWindow, count); ++i) others.push_back(start_thread(run));
+  run();
+}
+
+}  // namespace
+
+Put put_blob(Connection& connection, const std::string& prefix, ByteView bytes,
+             std::uint32_t chunk_bytes, const std::function<bool()>& stop, std::uint32_t first) {
+  const auto chunks = static_cast<std::uint32_t>((bytes.size() + chunk_bytes - 1) / chunk_bytes);
+  if (first >= chunks) first = 0;
+  std::mutex mutex;
+  Put put;
+  std::vector<bool> stored(chunks, false);
+  const auto fail = [&](std::string problem) {
+    const std::lock_guard lock(mutex);
+    if (put.problem.empty()) put.problem = std::move(problem);
+    return false;
+  };
+  in_window(chunks - first, [&](std::uint32_t behind) {
+    const std::uint32_t number = first + behind;
+    const std::size_t from = std::size_t{number} * chunk_bytes;
+    const ByteView chunk =
+        bytes.subspan(from, std::min<std::size_t>(chunk_bytes, bytes.size() - from));
+    while (true) {
+      if (stop()) return fail("stopped");
+      const auto answer = connection.request(prefix + "." + std::to_string(number), chunk, kAnswer);
+      if (!answer.came) {  // Goes on where it was once there is a link.
+        static_cast<void>(connection.wait_until_up(std::chrono::milliseconds(100)));
+        continue;
+      }
+      const Stored taken = read_stored(answer.status, answer.data);
+      if (!taken.ok) return fail("stream " + std::string(kBlobStream) + ": " + taken.problem);
+      const std::lock_guard lock(mutex);
+      stored[number] = true;
+      return true;
+    }
+  });
+  put.stored = first;
+  while (put.stored < chunks && stored[put.stored]) ++put.stored;
+  return put;
+}
+
+Fetched fetch_blob(Connection& connection, const std::string& prefix, const Blob& blob,
+                   const std::function<bool()>& stop) {
+  Fetched fetched;
+  const std::string direct = "$JS.API.DIRECT.GET." + std::string(kBlobStream) + "." + prefix + ".";
+  for (std::uint32_t first = 0; first < blob.chunks(); first += kWindow) {
+    if (stop()) return {};
+    std::array<Connection::Answer, kWindow> answers;
+    const std::uint32_t count = std::min(kWindow, blob.chunks() - first);
+    in_window(count, [&](std::uint32_t i) {
+      answers[i] = connection.request(direct + std::to_string(first + i), "", kAnswer);
+      return answers[i].came && answers[i].status == 0;
+    });
+    for (std::uint32_t i = 0; i < count; ++i) {
+      const Connection::Answer& answer = answers[i];
+      if (!answer.came || answer.status == kNobody) return {};
+      const std::uint64_t left = blob.size_bytes - fetched.bytes.size();
+      if (answer.status != 0) return {Fetched::How::kMissing, {}};
+      if (answer.data.size() != std::min<std::uint64_t>(left, blob.chunk_bytes)) {
+        return {Fetched::How::kDamaged, {}};
+      }
+      fetched.bytes.insert(fetched.bytes.end(), answer.data.begin(), answer.data.end());
+    }
+  }
+  const bool same = digest_of(fetched.bytes) == blob.digest;
+  if (!same) return {Fetched::How::kDamaged, {}};
+  fetched.how = Fetched::How::kWhole;
+  return fetched;
+}
+
+void remove_blob(Connection& connection, const std::string& prefix) {
+  connection.publish("$JS.API.STREAM.PURGE." + std::string(kBlobStream),
+                     json_text(Json::object({{"filter", prefix + ".>"}})),
+                     connection.inbox() + ".purged");
+}
+
+}  // namespace pirt::cloud

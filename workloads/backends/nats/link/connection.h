@@ -1,0 +1,127 @@
+// A connection to a NATS server that comes back by itself, and JetStream's requests over it. The
+// only file that knows libnats.
+//
+// Handlers are called from the library's threads, must not throw, and must not block for long.
+// Nothing is heard of any once the destructor has returned.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "workloads/backends/nats/wire/wire.h"
+
+namespace pirt::cloud {
+
+struct ConnectionOptions {
+  std::string server = "nats://127.0.0.1:4222";  ///< tls:// for TLS.
+  std::string name = "pirt";                     ///< For whoever looks at the server.
+  std::string inbox = "_INBOX";                  ///< What answers come to begins with it.
+  bool insecure = false;                         ///< Beyond loopback without TLS is not refused.
+  // Files; empty = none.
+  std::string ca = {};                     ///< That the server's certificate follows from.
+  std::string certificate = {}, key = {};  ///< Of this client.
+  std::string nkey_seed = {};              ///< Of this client, in place of a certificate.
+  std::string nkey = {};                   ///< The public key of the seed.
+  Nanos reconnect_wait = std::chrono::milliseconds(200);
+};
+
+/// Without a user and a password: for messages, profiles, reports.
+[[nodiscard]] std::string public_url(const std::string& server);
+
+/// @throws Error{kBadInput} for what is no URL of a server, for one beyond loopback without TLS
+/// that is not said to be insecure, and for files that are not there or not complete.
+void check_connection(const ConnectionOptions& options);
+
+struct Incoming {
+  std::string subject, reply;
+  ByteView data;   ///< As long as the handler runs.
+  int status = 0;  ///< Of the server's own messages: 404, 408, 503; 0 = none.
+};
+
+/// Any thread may call it.
+class Connection {
+ public:
+  using Handler = std::function<void(const Incoming&)>;
+  struct Events {
+    std::function<void()> up = {}, down = {};
+    std::function<void(const std::string&)> problem = {};  ///< What the server complains of.
+  };
+
+  /// Returns at once, whether or not there is a server: `up` is called when there is.
+  /// @throws As check_connection; Error{kEnvironment} if the library cannot begin.
+  Connection(const ConnectionOptions& options, Events events);
+  ~Connection();
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  /// Until it is up, or @p most is over. @return  Whether it is.
+  [[nodiscard]] bool wait_until_up(Nanos most);
+  [[nodiscard]] bool is_up() const;
+  void subscribe(const std::string& subject, Handler handler);
+  /// A subject of this connection's own, under which answers may come.
+  [[nodiscard]] const std::string& inbox() const;
+  /// @param reply  Where the server or a peer answers; empty = nobody does.
+  /// @param id     The message's, by which the server drops what it has; empty = none.
+  /// @return  Whether it is on its way.
+  bool publish(const std::string& subject, ByteView data, const std::string& reply = "",
+               const std::string& id = "");
+  bool publish(const std::string& subject, std::string_view text, const std::string& reply = "");
+
+  struct Answer {
+    bool came = false;  ///< Else: no connection, or nothing came in time.
+    int status = 0;
+    Bytes data = {};
+  };
+  /// Blocks; not from a handler.
+  [[nodiscard]] Answer request(const std::string& subject, ByteView data, Nanos most,
+                               const std::string& id = "");
+  [[nodiscard]] Answer request(const std::string& subject, std::string_view text, Nanos most);
+  /// In bytes; a standard server's before there was a connection.
+  [[nodiscard]] std::size_t most_payload() const;
+  /// Of a message's data that is certain to fit with its head.
+  [[nodiscard]] std::size_t chunk_bytes() const;
+
+ private:
+  struct State;
+  std::shared_ptr<State> state_;
+};
+
+[[nodiscard]] inline std::string_view text_of(ByteView bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+/// What a stream answered to a message that was published with a reply subject.
+struct Stored {
+  bool ok = false;
+  std::uint64_t sequence = 0;
+  bool duplicate = false;
+  std::string problem = {};  ///< Of one that was not taken.
+};
+[[nodiscard]] Stored read_stored(int status, ByteView data);
+
+struct Put {
+  std::string problem = {};  ///< In one line; empty = it is there.
+  std::uint32_t stored = 0;  ///< All chunks before it are.
+};
+/// Puts a blob's chunks on the stream under "PREFIX.N", some at a time, and goes on where it was
+/// after a lost link.
+/// @param first  Those before it are there already.
+[[nodiscard]] Put put_blob(Connection& connection, const std::string& prefix, ByteView bytes,
+                           std::uint32_t chunk_bytes, const std::function<bool()>& stop,
+                           std::uint32_t first = 0);
+
+struct Fetched {
+  enum class How : std::uint8_t { kWhole, kMissing, kDamaged, kNoAnswer };
+  How how = How::kNoAnswer;
+  Bytes bytes = {};
+};
+/// Reads it from there. Nothing is allocated beyond what has come.
+[[nodiscard]] Fetched fetch_blob(Connection& connection, const std::string& prefix,
+                                 const Blob& blob, const std::function<bool()>& stop);
+/// Removes all chunks under the prefix; nobody waits for it.
+void remove_blob(Connection& connection, const std::string& prefix);
+
+}  // namespace pirt::cloud
