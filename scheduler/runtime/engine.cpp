@@ -25,6 +25,29 @@ void runtime::MustNotWait::check(const char* what) {
                          "next with `after` instead");
 }
 
+void runtime::Submitted::begin() {
+  uses.store(2, std::memory_order_relaxed);  // The engine and who submits.
+  id = 0;
+  taken_in = known = running = false;
+  decided.store(kLive, std::memory_order_relaxed);
+  unit_name.clear();
+  name.clear();
+  problem.clear();
+  busy = Nanos::zero();
+  started_at.reset();
+  end.store(kLive, std::memory_order_relaxed);
+  told.reset();
+}
+
+void runtime::Submitted::forget_all() {
+  inputs.clear();
+  options.after.clear();
+  callback = nullptr;
+  call.inputs.clear();
+  call.outputs = nullptr;
+  call.state = nullptr;
+}
+
 Runtime::Engine::~Engine() {
   if (runtime::MustNotWait::here()) {
     std::fputs(
@@ -52,6 +75,12 @@ std::size_t Runtime::Engine::find(std::string_view workload) const {
                   suggestion(std::string(workload), names) + "; name it in its options");
 }
 
+void Runtime::Engine::check(std::uint64_t number) const {
+  if (number != number_of_engine_) {
+    throw_bad_input("submit: the workload's handle is none of this runtime's");
+  }
+}
+
 void Runtime::Engine::check_inputs(const Workload& workload,
                                    const std::vector<TaskInput>& inputs) const {
   if (inputs.size() != workload.inputs.size()) {
@@ -61,7 +90,7 @@ void Runtime::Engine::check_inputs(const Workload& workload,
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     const TaskOutput& output = inputs[i].output_;
     const TensorSpec* given = &inputs[i].tensor_.spec();
-    if (output.task != nullptr) {
+    if (output.task) {
       // Of another one the workload may be gone.
       const bool ours = output.task->engine == number_of_engine_;
       if (!ours || output.index >= output.task->workload->outputs.size()) {
@@ -89,9 +118,8 @@ UnitMask Runtime::Engine::units_named(const std::vector<std::string>& names) con
   return mask;
 }
 
-TaskFuture Runtime::Engine::submit(std::string_view workload, std::vector<TaskInput> inputs,
+TaskFuture Runtime::Engine::submit(std::size_t index, std::vector<TaskInput> inputs,
                                    TaskOptions options, Callback callback) {
-  const std::size_t index = find(workload);
   const Known& known = workloads_[index];
   check_inputs(*known.workload, inputs);
   for (const TaskFuture& before : options.after) {
@@ -107,23 +135,56 @@ TaskFuture Runtime::Engine::submit(std::string_view workload, std::vector<TaskIn
   if (closing_) {
     throw_environment(known.workload->name + ": the runtime is ending and takes nothing new");
   }
-  auto task = std::make_shared<Submitted>();
+  Submitted& task = records_.slab.take();
   if (!room_.try_enter()) {
     if (!runtime::MustNotWait::here()) room_.wait_for_room();
     room_.enter();
   }
-  task->engine = number_of_engine_;
-  task->workload = known.workload;
-  task->workload_index = index;
-  task->eligible = eligible;
-  task->inputs = std::move(inputs);
-  task->options = std::move(options);
-  task->callback = std::move(callback);
-  task->submitted_at = now();
-  task->self = task;
-  post(*task, Submitted::Event::kSubmit);
-  work(Thread::kTheirs);
-  return TaskFuture(std::move(task));
+  task.begin();
+  task.engine = number_of_engine_;
+  task.workload = known.workload;
+  task.workload_index = index;
+  task.eligible = eligible;
+  task.inputs = std::move(inputs);
+  task.options = std::move(options);
+  task.callback = std::move(callback);
+  task.submitted_at = now();
+  TaskFuture future{TaskRef(task)};
+  const std::uint64_t turns = turns_.load();
+  const Prospect now = prospect(task);
+  post(submitted_, task, Submitted::Event::kSubmit);
+  if (!may_wait(now, turns)) work(Thread::kTheirs);
+  return future;
+}
+
+Runtime::Engine::Prospect Runtime::Engine::prospect(const Submitted& task) {
+  if (task.options.expires) return Prospect::kUrgent;
+  Prospect so_far = Prospect::kReady;
+  const auto follow = [&](const Submitted* before) {
+    if (before == nullptr || so_far == Prospect::kUrgent) return;
+    const int decided = before->decided.load(std::memory_order_acquire);
+    if (decided == Submitted::kLive) {
+      so_far = Prospect::kWaits;
+    } else if (decided != static_cast<int>(TaskEnd::kCompleted)) {
+      so_far = Prospect::kUrgent;
+    }
+  };
+  for (const TaskInput& input : task.inputs) follow(input.output_.task.get());
+  for (const TaskFuture& before : task.options.after) follow(before.task_.get());
+  return so_far;
+}
+
+/// Whether what was posted may be left for the turn that the end of some call will bring: nothing
+/// could start now. Who has the turn publishes how it ends before it looks at what was posted
+/// meanwhile: either it finds the task, or this finds how it ended.
+/// @param turns  As it was before @p prospect was.
+bool Runtime::Engine::may_wait(Prospect prospect, std::uint64_t turns) {
+  const std::uint64_t now = turns_.load();
+  if (prospect == Prospect::kReady) return (now & 1U) == 0;
+  // What it waits for was undecided, and is yet if no turn has ended: its own is to come.
+  if (prospect == Prospect::kWaits && now / 2 == turns / 2) return true;
+  asked_.fetch_or(kTakeIn);
+  return false;
 }
 
 void Runtime::Engine::cancel(const TaskFuture& task) {
@@ -134,7 +195,7 @@ void Runtime::Engine::cancel(const TaskFuture& task) {
     const std::lock_guard lock(asking_);
     cancels_.push_back(task.task_);
   }
-  asked_ = true;
+  asked_.fetch_or(kLook);
   work(Thread::kTheirs);
 }
 
@@ -143,7 +204,7 @@ void Runtime::Engine::cancel_all() {
     const std::lock_guard lock(asking_);
     cancels_all_ = true;
   }
-  asked_ = true;
+  asked_.fetch_or(kLook);
   work(Thread::kTheirs);
 }
 
@@ -153,7 +214,9 @@ void Runtime::Engine::wait_all() {
 }
 
 RuntimeStatistics Runtime::Engine::statistics() {
+  TaskChain ended;
   auto turn = turn_.take();
+  take_turn();  // What is submitted is counted.
   RuntimeStatistics statistics = counts_;
   statistics.problems = problems_.first();
   statistics.returned = dispatcher_->counts().returned;
@@ -170,7 +233,8 @@ RuntimeStatistics Runtime::Engine::statistics() {
                                 .powered = each.powered,
                                 .latency = each.latency});
   }
-  turn.give_back();
+  end_turn(turn, ended);
+  tell(ended, Thread::kTheirs);
   work(Thread::kTheirs);  // What was left to who had the turn.
   return statistics;
 }
@@ -201,14 +265,14 @@ void Runtime::Engine::write_trace() {
   writer_->finish(tally);
 }
 
-void Runtime::Engine::post(Submitted& task, Submitted::Event event) {
+void Runtime::Engine::post(std::atomic<Submitted*>& list, Submitted& task, Submitted::Event event) {
   task.event = event;
-  task.next = posted_.load(std::memory_order_relaxed);
-  while (!posted_.compare_exchange_weak(task.next, &task)) continue;
+  task.next = list.load(std::memory_order_relaxed);
+  while (!list.compare_exchange_weak(task.next, &task)) continue;
 }
 
 void Runtime::Engine::work(Thread thread) {
-  Tasks ended;
+  TaskChain ended;
   for (int turns = 0; has_work(); ++turns) {
     if (turns == kMostTurns && thread == Thread::kTheirs) {
       wake_watcher();
@@ -223,52 +287,45 @@ void Runtime::Engine::work(Thread thread) {
   tell(ended, thread);
 }
 
-void Runtime::Engine::end_turn(runtime::Turn::Held& turn, Tasks& ended) {
-  if (ended.empty()) {
-    std::swap(ended, ended_);
-  } else {
-    std::ranges::move(ended_, std::back_inserter(ended));
-    ended_.clear();
-  }
-  const Nanos wake = dispatcher_->next_wake();
+void Runtime::Engine::end_turn(runtime::Turn::Held& turn, TaskChain& ended) {
+  ended.append(ended_);
   const bool idle = running_ == 0;
-  calls_run_ = !idle;
+  Nanos due = dispatcher_->next_wake();
+  // Also at calls that hang.
+  if (!idle || out_of_reach_) due = std::min(due, look_at_);
+  if (calls_run_.load(std::memory_order_relaxed) == idle) calls_run_ = !idle;
+  const bool not_to_wait = with_room_ != 0 || std::exchange(some_did_not_complete_, false);
+  turns_.store(((turns_.load(std::memory_order_relaxed) | 1U) + 1U) | (not_to_wait ? 1U : 0U));
   turn.give_back();
-  if (idle) room_.look_again();
-  // It looks after calls that hang, and at what time brings.
-  if (wake != Nanos::max() || ((!idle || out_of_reach_) && watcher_rests_)) {
-    const std::lock_guard lock(watch_mutex_);
-    if (wake < watch_at_ || watcher_rests_) {
-      watch_at_ = std::min(watch_at_, wake);
-      watcher_rests_ = false;
-      watch_sooner_.notify_one();
-    }
-  }
+  if (idle && closing_) room_.look_again();
+  if (due < watch_at_.load()) watch_by(due);
 }
 
 void Runtime::Engine::take_turn() {
-  const Nanos now = this->now();
-  Submitted* newest = posted_.exchange(nullptr);
-  Submitted* oldest = nullptr;
-  while (newest != nullptr) {
-    Submitted* before = newest->next;
-    newest->next = oldest;
-    oldest = newest;
-    newest = before;
-  }
-  while (oldest != nullptr) {
-    Submitted& task = *oldest;
-    oldest = task.next;
-    take_event(task, now);
-  }
-  if (asked_.exchange(false)) {
-    cancel_asked(now);
-    look(now);
-    apply(now);
+  // First: who asks has posted before.
+  const unsigned asked = asked_.load() != 0 ? asked_.exchange(0) : 0;
+  take_all(submitted_);
+  take_all(ended_calls_);
+  if ((asked & kLook) != 0) {
+    now_ = std::max(now_, now());
+    cancel_asked();
+    look();
+    apply();
   }
   if (!trace_) return;
   dispatcher_->list_waiting(queued_);
-  trace_->settled(now, queued_);
+  trace_->settled(now_, queued_);
+}
+
+/// In the order in which they were posted.
+void Runtime::Engine::take_all(std::atomic<Submitted*>& list) {
+  if (list.load(std::memory_order_relaxed) == nullptr) return;
+  Submitted* oldest = nullptr;
+  for (Submitted* newest = list.exchange(nullptr); newest != nullptr;) {
+    Submitted* const before = std::exchange(newest->next, oldest);
+    oldest = std::exchange(newest, before);
+  }
+  while (oldest != nullptr) take_event(*std::exchange(oldest, oldest->next));
 }
 
 }  // namespace pirt

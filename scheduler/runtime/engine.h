@@ -18,7 +18,6 @@
 #include <vector>
 
 #include "scheduler/dispatcher/dispatcher.h"
-#include "scheduler/dispatcher/slot_table.h"
 #include "scheduler/policies/setup.h"
 #include "scheduler/runtime/latch.h"
 #include "scheduler/runtime/live_units.h"
@@ -26,6 +25,7 @@
 #include "scheduler/runtime/room.h"
 #include "scheduler/runtime/runtime.h"
 #include "scheduler/runtime/samples.h"
+#include "scheduler/runtime/slab.h"
 #include "scheduler/runtime/turn.h"
 #include "scheduler/services/recall.h"
 #include "scheduler/trace/trace_thread.h"
@@ -36,6 +36,10 @@ namespace pirt {
 /// written by whoever has its turn, the others as is said there.
 struct runtime::Submitted {
   enum class Event : std::uint8_t { kSubmit, kEnd };
+  static constexpr int kLive = -1;
+
+  Slab<Submitted>::Place place;
+  std::atomic<std::uint32_t> uses = 0;  ///< TaskRefs; one is the engine's until it has been told.
 
   // Before it is submitted, and read only from then on.
   std::uint64_t engine = 0;            ///< A number of its own: addresses come again.
@@ -49,9 +53,8 @@ struct runtime::Submitted {
   // On its way to the engine.
   Submitted* next = nullptr;
   Event event = Event::kSubmit;
-  std::shared_ptr<Submitted> self;  ///< Until the engine has it.
-  CallEnd call_end;                 ///< Of Event::kEnd.
-  Call call;                        ///< Its unit's while it runs; its outputs stay the task's.
+  CallEnd call_end;  ///< Of Event::kEnd.
+  Call call;         ///< Its unit's while it runs; its outputs stay the task's.
 
   // The engine's.
   std::vector<TaskInput> inputs;
@@ -59,9 +62,10 @@ struct runtime::Submitted {
   UnitId unit = 0;
   Nanos dispatched_at{0};
   bool taken_in = false;
-  bool known = false;           ///< To the dispatcher.
-  bool running = false;         ///< On its unit, whatever has become of it.
-  std::optional<TaskEnd> ends;  ///< Decided; told soon.
+  bool known = false;                ///< To the dispatcher.
+  bool running = false;              ///< On its unit, whatever has become of it.
+  Submitted* told_next = nullptr;    ///< Of those that are told together.
+  std::atomic<int> decided = kLive;  ///< A TaskEnd, told soon; read by any who knows the task.
 
   // Written before `end`, read after it, as are the outputs of `call`.
   std::string unit_name;
@@ -71,9 +75,14 @@ struct runtime::Submitted {
   std::optional<Nanos> started_at;
   Nanos ended_at{0};
 
-  static constexpr int kLive = -1;
   std::atomic<int> end = kLive;  ///< A TaskEnd; before the callback.
   runtime::Latch told;           ///< After it.
+
+  [[nodiscard]] bool is_decided() const { return decided.load(std::memory_order_relaxed) != kLive; }
+  /// As new.
+  void begin();
+  /// What it holds on to is somebody else's.
+  void forget_all();
 };
 
 namespace runtime {
@@ -95,6 +104,30 @@ class MustNotWait {
   bool before_;
 };
 
+/// Tasks in order, for one of which each is the engine.
+class TaskChain {
+ public:
+  [[nodiscard]] bool empty() const { return first_ == nullptr; }
+  void push(Submitted& task) {
+    task.told_next = nullptr;
+    (first_ == nullptr ? first_ : last_->told_next) = &task;
+    last_ = &task;
+  }
+  /// Those of @p other behind these; it has none then.
+  void append(TaskChain& other) {
+    if (other.empty()) return;
+    (first_ == nullptr ? first_ : last_->told_next) = other.first_;
+    last_ = other.last_;
+    other.first_ = nullptr;
+  }
+  /// Not of an empty one.
+  Submitted& take_first() { return *std::exchange(first_, first_->told_next); }
+
+ private:
+  Submitted* first_ = nullptr;
+  Submitted* last_ = nullptr;
+};
+
 }  // namespace runtime
 
 /// Who has something to say to the dispatcher leaves it in a list and takes the turn if it is free;
@@ -105,7 +138,11 @@ class Runtime::Engine {
   explicit Engine(RuntimeOptions options);
   ~Engine();
 
-  TaskFuture submit(std::string_view workload, std::vector<TaskInput> inputs, TaskOptions options,
+  [[nodiscard]] std::uint64_t number() const { return number_of_engine_; }
+  [[nodiscard]] std::size_t find(std::string_view workload) const;
+  /// @throws Error{kBadInput} if that is another one's.
+  void check(std::uint64_t number) const;
+  TaskFuture submit(std::size_t workload, std::vector<TaskInput> inputs, TaskOptions options,
                     Callback callback);
   void cancel(const TaskFuture& task);
   void cancel_all();
@@ -117,7 +154,8 @@ class Runtime::Engine {
 
  private:
   using Submitted = runtime::Submitted;
-  using Tasks = std::vector<std::shared_ptr<Submitted>>;
+  using TaskRef = runtime::TaskRef;
+  using TaskChain = runtime::TaskChain;
   struct Known {
     const Workload* workload = nullptr;
     const OwnWorkload* own = nullptr;
@@ -129,6 +167,7 @@ class Runtime::Engine {
   };
   struct Unit {
     bool in_service = true;
+    int slots = 0, running = 0;
     std::int64_t completed = 0;
     Nanos busy{0}, powered{0};
     Histogram latency;
@@ -145,43 +184,57 @@ class Runtime::Engine {
   [[nodiscard]] Support support(const Known& known, const UnitModel& unit) const;
   [[nodiscard]] UnitMask units_of(const Known& known) const;
   [[nodiscard]] Mix mix() const;
-  [[nodiscard]] std::size_t find(std::string_view workload) const;
   void check_inputs(const Workload& workload, const std::vector<TaskInput>& inputs) const;
   [[nodiscard]] UnitMask units_named(const std::vector<std::string>& names) const;
 
-  void post(Submitted& task, Submitted::Event event);
+  /// What is known of a task as it is submitted.
+  enum class Prospect : std::uint8_t { kReady, kWaits, kUrgent };
+  [[nodiscard]] static Prospect prospect(const Submitted& task);
+  [[nodiscard]] bool may_wait(Prospect prospect, std::uint64_t turns);
+  static void post(std::atomic<Submitted*>& list, Submitted& task, Submitted::Event event);
   /// Whose thread it is that works: callbacks run on the runtime's own alone.
   enum class Thread : std::uint8_t { kOurs, kTheirs };
   void work(Thread thread);
-  [[nodiscard]] bool has_work() const { return posted_.load() != nullptr || asked_; }
+  [[nodiscard]] bool has_work() const {
+    return ended_calls_.load() != nullptr || asked_.load() != 0 ||
+           (submitted_.load() != nullptr && (turns_.load() & 1U) != 0);
+  }
   void take_turn();
-  void take_event(Submitted& task, Nanos now);
-  void end_turn(runtime::Turn::Held& turn, Tasks& ended);
-  void take_in(Submitted& task, Nanos now);
+  void take_all(std::atomic<Submitted*>& list);
+  void take_event(Submitted& task);
+  void end_turn(runtime::Turn::Held& turn, TaskChain& ended);
+  void take_in(Submitted& task);
   [[nodiscard]] Task dispatched(const Submitted& task);
-  TaskId never(Nanos now);
-  void take_end(Submitted& task, Nanos now);
-  void count_returns(const Submitted& task, Nanos now);
-  void look(Nanos now);
+  TaskId never();
+  void take_end(Submitted& task);
+  void count_returns(const Submitted& task);
+  void look();
   [[nodiscard]] const Service* expected(UnitId unit, std::uint64_t token);
-  void give_up(const LiveUnits::Hung& hung, Nanos now);
-  void lose(UnitId unit, Nanos now);
+  void give_up(const LiveUnits::Hung& hung);
+  void lose(UnitId unit);
   void ask_for_all(UnitId unit);
-  void cancel_asked(Nanos now);
-  void apply(Nanos now);
+  void cancel_asked();
+  void apply();
   void start(const Start& start);
+  void count_running(UnitId unit, int more);
   void request_stop(Submitted& task);
   void fill_call(Submitted& task);
-  void finish(Submitted& task, TaskEnd end, Nanos now);
-  void forget(Submitted& task, Nanos now);
-  void tell(Tasks& ended, Thread thread);
+  void decide(Submitted& task, TaskEnd end);
+  void finish(Submitted& task, TaskEnd end);
+  void forget(Submitted& task);
+  void tell(TaskChain& ended, Thread thread);
   void tell_left();
-  void call_back(std::shared_ptr<Submitted> task);
-  void told(std::shared_ptr<Submitted> task);
+  void call_back(TaskRef task);
+  void told(TaskRef task);
   void add_problem(std::string problem);
   void watch(const std::stop_token& stop);
   void wake_watcher();
-  [[nodiscard]] Submitted& task_of(TaskId id) { return *tasks_[static_cast<std::uint32_t>(id)]; }
+  void watch_by(Nanos due);
+  /// Null if it is none of those that are known.
+  [[nodiscard]] Submitted* task_of(TaskId id) {
+    Submitted* const task = tasks_[static_cast<std::uint32_t>(id)];
+    return task != nullptr && task->id == id ? task : nullptr;
+  }
   /// Of a call's token, which is the task's address: the unit's thread has no turn.
   [[nodiscard]] static Submitted& task_at(std::uint64_t token) {
     return *reinterpret_cast<Submitted*>(token);  // NOLINT(performance-no-int-to-ptr): as made.
@@ -198,10 +251,25 @@ class Runtime::Engine {
   std::optional<ModeSetup> setup_;
   Samples samples_;
 
-  std::atomic<Submitted*> posted_ = nullptr;
-  std::atomic<bool> asked_ = false;  ///< Something is wanted that is not in posted_.
+  struct SlabOwner {
+    runtime::Slab<Submitted>& slab = runtime::Slab<Submitted>::make();
+    SlabOwner() = default;
+    SlabOwner(const SlabOwner&) = delete;
+    SlabOwner& operator=(const SlabOwner&) = delete;
+    ~SlabOwner() { slab.close(); }
+  };
+  SlabOwner records_;
+
+  // What is left for who has the turn, the newest first.
+  std::atomic<Submitted*> submitted_ = nullptr;
+  std::atomic<Submitted*> ended_calls_ = nullptr;
+  enum : unsigned { kTakeIn = 1, kLook = 2 };
+  std::atomic<unsigned> asked_ = 0;  ///< What else is wanted.
   std::atomic<bool> closing_ = false;
   runtime::Turn turn_;
+  /// How many turns have ended, times two; one more if what is submitted is not to wait for the
+  /// next one: some unit could start it, or what it comes after may not have completed.
+  std::atomic<std::uint64_t> turns_ = 1;
 
   // Of who has the turn.
   std::optional<Dispatcher> dispatcher_;
@@ -214,10 +282,14 @@ class Runtime::Engine {
   OutputPool pool_;
   std::vector<std::shared_ptr<StateValue>> states_;  ///< Workloads may share them.
   std::map<std::string, StateId, std::less<>> state_names_;
-  SlotTable<std::shared_ptr<Submitted>> tasks_;  ///< By the lower half of their id.
+  std::vector<Submitted*> tasks_;  ///< By their place in the slab; null = not known.
   std::vector<TaskId> after_;
-  Tasks ended_;                  ///< To be told when the turn is over.
-  std::optional<TaskId> never_;  ///< For the dispatcher: what comes after it is dropped.
+  TaskChain ended_;                     ///< To be told when the turn is over.
+  bool some_did_not_complete_ = false;  ///< Of those that ended in the turn.
+  UnitMask with_room_ = 0;              ///< Units that could start another task.
+  Nanos now_{0};                        ///< Of the last event.
+  Nanos look_at_{0};                    ///< At calls that run.
+  std::optional<TaskId> never_;         ///< For the dispatcher: what comes after it is dropped.
   std::uint32_t number_ = 0;
   std::int64_t running_ = 0;
   RuntimeStatistics counts_;
@@ -227,11 +299,11 @@ class Runtime::Engine {
   std::mutex bringing_back_;  ///< One unit at a time.
 
   std::mutex asking_;
-  Tasks cancels_;
+  std::vector<TaskRef> cancels_;
   bool cancels_all_ = false;
 
   std::mutex telling_;
-  Tasks to_tell_;  ///< Those that ended in the turn of a thread that is not the runtime's.
+  TaskChain to_tell_;  ///< Those that ended in the turn of a thread that is not the runtime's.
   std::vector<std::string> to_say_;          ///< Problems, where somebody wants to hear of them.
   std::atomic<bool> anything_left_ = false;  ///< Of these two.
 
@@ -239,10 +311,9 @@ class Runtime::Engine {
 
   std::mutex watch_mutex_;
   std::condition_variable_any watch_sooner_;
-  Nanos watch_at_ = Nanos::max();
+  std::atomic<Nanos> watch_at_ = Nanos::max();  ///< When it looks; changed with the mutex.
   bool watch_now_ = false;
-  std::atomic<bool> watcher_rests_ = false;  ///< It looks at nothing until it is woken.
-  std::atomic<bool> calls_run_ = false;
+  std::atomic<bool> calls_run_ = false;     ///< Written in turns.
   std::atomic<bool> out_of_reach_ = false;  ///< Some unit is, and may be within it again.
   std::jthread watcher_;
   LiveUnits live_units_;  ///< Last: their threads use all of it.

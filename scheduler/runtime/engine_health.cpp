@@ -5,14 +5,8 @@
 #include "workloads/base/system/thread.h"
 
 namespace pirt {
-namespace {
-
-constexpr Nanos kLook = std::chrono::milliseconds(50);
-
-}  // namespace
-
 /// A unit that cannot run one workload may well run others.
-void Runtime::Engine::count_returns(const Submitted& task, Nanos now) {
+void Runtime::Engine::count_returns(const Submitted& task) {
   const auto workload = static_cast<WorkloadId>(task.workload_index);
   const int returns = live_units_.count_returns(task.unit, workload, task.call_end);
   Known& known = workloads_[task.workload_index];
@@ -24,13 +18,13 @@ void Runtime::Engine::count_returns(const Submitted& task, Nanos now) {
   const bool asked_for_any = std::ranges::any_of(workloads_, [&](const Known& each) {
     return contains(each.runs_on & ~each.gave_up, task.unit);
   });
-  if (!asked_for_any) lose(task.unit, now);
+  if (!asked_for_any) lose(task.unit);
 }
 
 /// Nothing runs there any more.
-void Runtime::Engine::lose(UnitId unit, Nanos now) {
+void Runtime::Engine::lose(UnitId unit) {
   units_[unit].in_service = false;
-  dispatcher_->set_unit(unit, UnitState::kGone, now, effects_);
+  dispatcher_->set_unit(unit, UnitState::kGone, now_, effects_);
 }
 
 void Runtime::Engine::bring_back(std::string_view name) {
@@ -59,7 +53,7 @@ void Runtime::Engine::bring_back(std::string_view name) {
     ask_for_all(unit);
     units_[unit].in_service = true;
     dispatcher_->set_unit(unit, UnitState::kUp, now(), effects_);
-    asked_ = true;  // There may be something to start.
+    asked_.fetch_or(kLook);  // There may be something to start.
   }
   work(Thread::kTheirs);
   LiveUnits::close(std::move(other));
@@ -72,19 +66,21 @@ void Runtime::Engine::ask_for_all(UnitId unit) {
 }
 
 /// What time has brought: tasks that were to start by now, and calls that do not end.
-void Runtime::Engine::look(Nanos now) {
-  dispatcher_->wake(now, effects_);
-  apply(now);
+void Runtime::Engine::look() {
+  dispatcher_->wake(now_, effects_);
+  apply();
   const auto all = live_units_.abandon_hung(
       [this](UnitId unit, std::uint64_t token) { return expected(unit, token); });
   // All of them first: nothing of one may start on another.
-  for (const LiveUnits::Hung& hung : all) lose(hung.unit, now);
-  for (const LiveUnits::Hung& hung : all) give_up(hung, now);
+  for (const LiveUnits::Hung& hung : all) lose(hung.unit);
+  for (const LiveUnits::Hung& hung : all) give_up(hung);
   for (const auto& [unit, state] : live_units_.changed_reach()) {
-    if (units_[unit].in_service) dispatcher_->set_unit(unit, state, now, effects_);
-    apply(now);
+    if (units_[unit].in_service) dispatcher_->set_unit(unit, state, now_, effects_);
+    apply();
   }
   out_of_reach_ = live_units_.any_out_of_reach();
+  look_at_ =
+      std::min(later_by(now_, live_units_.look_every()), live_units_.next_overdue() - began_);
 }
 
 const Service* Runtime::Engine::expected(UnitId unit, std::uint64_t token) {
@@ -98,9 +94,9 @@ const Service* Runtime::Engine::expected(UnitId unit, std::uint64_t token) {
 
 /// The call never comes back to anybody. What it reads and writes is its own from then on, as is
 /// the record that it is in.
-void Runtime::Engine::give_up(const LiveUnits::Hung& hung, Nanos now) {
+void Runtime::Engine::give_up(const LiveUnits::Hung& hung) {
   Submitted& task = task_at(hung.token);
-  task.self = tasks_[static_cast<std::uint32_t>(task.id)];
+  TaskRef::hold(task);
   if (const auto& id = workloads_[task.workload_index].state) {
     states_[*id] = std::make_shared<StateValue>(*states_[*id]);
   }
@@ -110,7 +106,7 @@ void Runtime::Engine::give_up(const LiveUnits::Hung& hung, Nanos now) {
     Submitted& each = task_at(token);
     each.call_end = std::move(end);
     each.event = Submitted::Event::kEnd;
-    take_event(each, now);
+    take_event(each);
   };
   give_end(hung.token, {.outcome = Outcome::kFailed, .busy = hung.ran, .problem = problem});
   for (const std::uint64_t token : hung.behind) give_end(token, {.outcome = Outcome::kReturned});
@@ -119,7 +115,13 @@ void Runtime::Engine::give_up(const LiveUnits::Hung& hung, Nanos now) {
 void Runtime::Engine::wake_watcher() {
   const std::lock_guard lock(watch_mutex_);
   watch_now_ = true;
-  watcher_rests_ = false;
+  watch_sooner_.notify_one();
+}
+
+void Runtime::Engine::watch_by(Nanos due) {
+  const std::lock_guard lock(watch_mutex_);
+  if (due >= watch_at_.load()) return;
+  watch_at_ = due;
   watch_sooner_.notify_one();
 }
 
@@ -129,22 +131,20 @@ void Runtime::Engine::watch(const std::stop_token& stop) {
   static_cast<void>(take_priority(options_.priority));
   std::unique_lock lock(watch_mutex_);
   while (!stop.stop_requested()) {
-    if (calls_run_ || out_of_reach_ || watch_at_ != Nanos::max() || watch_now_) {
-      const Nanos until = std::min(watch_at_, now() + kLook);
-      const auto sooner = [&] { return watch_now_ || watch_at_ < until; };
-      watch_sooner_.wait_until(lock, stop, std::chrono::steady_clock::time_point(began_ + until),
-                               sooner);
+    const Nanos at = watch_at_;
+    const auto sooner = [&] { return watch_now_ || watch_at_.load() < at; };
+    if (at == Nanos::max()) {
+      watch_sooner_.wait(lock, stop, sooner);
     } else {
-      watcher_rests_ = true;
-      watch_sooner_.wait(lock, stop,
-                         [this] { return !watcher_rests_ || calls_run_ || out_of_reach_; });
-      watcher_rests_ = false;
-      continue;
+      watch_sooner_.wait_until(lock, stop, std::chrono::steady_clock::time_point(began_ + at),
+                               sooner);
     }
+    if (!watch_now_ && now() < at) continue;
+    // The turn that follows says when it looks next.
     watch_at_ = Nanos::max();
     watch_now_ = false;
     lock.unlock();
-    asked_ = true;
+    asked_.fetch_or(kLook);
     work(Thread::kOurs);
     if (anything_left_) tell_left();
     lock.lock();

@@ -1,5 +1,6 @@
 // Starting a runtime: its workloads, what they cost, and its units.
 #include <algorithm>
+#include <limits>
 #include <map>
 
 #include "characterize/platform/unit_request.h"
@@ -77,6 +78,9 @@ Runtime::Engine::Engine(RuntimeOptions options)
     }
   }
   list_states();
+  for (UnitId unit = 0; unit < units_.size(); ++unit) {
+    units_[unit].slots = setup_->slots[unit].value_or(std::numeric_limits<int>::max());
+  }
   dispatcher_.emplace(setup_->slots, std::move(setup_->policy));
   if (options_.trace) {
     writer_ = std::make_unique<TraceWriter>(
@@ -236,6 +240,7 @@ void Runtime::Engine::open_units() {
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     if (auto each = preparations(unit); !each.empty()) prepared.emplace(unit, std::move(each));
   }
+  for (const auto& [unit, unused] : prepared) with_room_ |= unit_bit(unit);
   live_units_.open(std::move(prepared));
   for (const std::string& remark : live_units_.wait_until_ready()) add_problem(remark);
 }
@@ -246,7 +251,8 @@ void Runtime::Engine::ended(Call& call, CallEnd& end) {
   call.inputs.clear();  // What it shares is to be written again when nobody else has it.
   call.state = nullptr;
   task.call_end = std::move(end);
-  post(task, Submitted::Event::kEnd);
+  task.call_end.at -= began_;
+  post(ended_calls_, task, Submitted::Event::kEnd);
   work(Thread::kOurs);
 }
 

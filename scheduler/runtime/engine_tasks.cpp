@@ -8,41 +8,41 @@
 namespace pirt {
 
 /// Whatever is thrown meanwhile (there may be no memory) ends this task, and no other.
-void Runtime::Engine::take_event(Submitted& task, Nanos now) {
-  // Who has ended is told, and may then be gone.
-  const auto kept = task.event == Submitted::Event::kSubmit
-                        ? task.self
-                        : tasks_[static_cast<std::uint32_t>(task.id)];
+void Runtime::Engine::take_event(Submitted& task) {
+  const bool submits = task.event == Submitted::Event::kSubmit;
+  const bool was_cancelled = !submits && task.is_decided();
+  now_ = std::max(now_, submits ? task.submitted_at : task.call_end.at);
   try {
-    if (task.event == Submitted::Event::kSubmit) {
-      take_in(task, now);
+    if (submits) {
+      take_in(task);
     } else {
-      take_end(task, now);
+      take_end(task);
     }
-    apply(now);
+    apply();
   } catch (const std::exception& error) {
     task.problem = task.workload->name + ": " + error.what();
     add_problem(task.problem);
-    if (!task.ends && task.taken_in) {
-      finish(task, TaskEnd::kFailed, now);
-    } else if (!task.ends) {
-      task.ends = TaskEnd::kFailed;
-      task.name = task.workload->name;
-      ++counts_.failed;
-      ended_.push_back(kept);
+    if (!task.is_decided() && task.taken_in) {
+      finish(task, TaskEnd::kFailed);
+    } else if (!task.is_decided()) {
+      decide(task, TaskEnd::kFailed);
+      ended_.push(task);
     }
   }
+  // It has been told; the engine waited for the end of its call alone.
+  if (was_cancelled && tasks_[task.place.index] != &task) TaskRef::let_go(task);
 }
 
-void Runtime::Engine::take_in(Submitted& task, Nanos now) {
+void Runtime::Engine::take_in(Submitted& task) {
   ++counts_.submitted;
-  const Slot slot = tasks_.take();
-  tasks_[slot] = std::move(task.self);
-  task.id = TaskId{number_++} << 32 | slot;
+  const std::uint32_t place = task.place.index;
+  if (tasks_.size() <= place) tasks_.resize(place + std::size_t{1});
+  tasks_[place] = &task;
+  task.id = TaskId{task.place.generation} << 32 | place;
   task.taken_in = true;
   const Task submitted = dispatched(task);
-  if (trace_) trace_->submitting(task.id, task.workload_index, 0, number_);
-  if (!dispatcher_->submit(task.id, std::span(&submitted, 1), now, effects_)) {
+  if (trace_) trace_->submitting(task.id, task.workload_index, 0, ++number_);
+  if (!dispatcher_->submit(task.id, std::span(&submitted, 1), now_, effects_)) {
     throw std::logic_error("the dispatcher refused a task of the runtime");
   }
   task.known = true;
@@ -55,13 +55,15 @@ Task Runtime::Engine::dispatched(const Submitted& task) {
   after_.clear();
   bool doomed = false;
   const auto follow = [&](const Submitted* before) {
-    if (before == nullptr || before->ends == TaskEnd::kCompleted) return;
-    doomed = doomed || before->ends.has_value();
+    if (before == nullptr) return;
+    const int decided = before->decided.load(std::memory_order_relaxed);
+    if (decided == static_cast<int>(TaskEnd::kCompleted)) return;
+    doomed = doomed || decided != Submitted::kLive;
     after_.push_back(before->id);
   };
   for (const TaskInput& input : task.inputs) follow(input.output_.task.get());
   for (const TaskFuture& before : task.options.after) follow(before.task_.get());
-  if (doomed) after_.push_back(never(this->now()));
+  if (doomed) after_.push_back(never());
   Task submitted;
   submitted.id = task.id;
   submitted.kind = setup_->scenario.classes[task.workload_index][0];
@@ -80,92 +82,104 @@ Task Runtime::Engine::dispatched(const Submitted& task) {
 }
 
 /// A task that has not completed, and is known for good: the dispatcher drops what comes after it.
-TaskId Runtime::Engine::never(Nanos now) {
+TaskId Runtime::Engine::never() {
   if (!never_) {
     never_ = ~TaskId{0};
     Task task;
     task.id = *never_;
     task.kind = setup_->scenario.classes[0][0];
-    task.expires_at = now - Nanos(1);  // Over before it could start.
+    task.expires_at = now_ - Nanos(1);  // Over before it could start.
     if (trace_) trace_->submitting(*never_, 0, 0, 0);
-    dispatcher_->submit(*never_, std::span(&task, 1), now, effects_);
+    dispatcher_->submit(*never_, std::span(&task, 1), now_, effects_);
   }
   return *never_;
 }
 
-void Runtime::Engine::take_end(Submitted& task, Nanos now) {
-  --running_;
+void Runtime::Engine::take_end(Submitted& task) {
+  count_running(task.unit, -1);
   task.running = false;
   Unit& unit = units_[task.unit];
   const CallEnd& end = task.call_end;
+  const bool wanted = !task.is_decided();
   unit.busy += end.busy;
   unit.powered += end.powered(is_elsewhere(options_.platform.units[task.unit]));
-  if (!task.ends) task.busy = end.busy;
-  if (trace_) trace_->left(task.unit, static_cast<std::uint32_t>(task.id));
+  if (trace_) trace_->left(task.unit, task.place.index);
   if (!end.problem.empty()) add_problem(end.problem);
-  if (!task.ends) task.problem = end.problem;
-  dispatcher_->complete(task.unit, task.id, end.outcome, now, effects_);
-  count_returns(task, now);
-  if (end.outcome == Outcome::kReturned) {
-    if (task.ends) forget(task, now);
-    return;
+  if (wanted) {
+    task.busy = end.busy;
+    task.problem = end.problem;
   }
-  const auto& state = workloads_[task.workload_index].state;
-  if (!task.ends && end.outcome == Outcome::kCompleted && state) {
+  dispatcher_->complete(task.unit, task.id, end.outcome, now_, effects_);
+  count_returns(task);
+  if (!wanted) return forget(task);  // Cancelled as it ran.
+  if (end.outcome == Outcome::kReturned) return;
+  if (end.outcome != Outcome::kCompleted) return finish(task, TaskEnd::kFailed);
+  if (const auto& state = workloads_[task.workload_index].state) {
     states_[*state]->commit(end.version);
   }
-  if (task.ends) return forget(task, now);  // Cancelled as it ran.
-  if (end.outcome == Outcome::kCompleted) {
-    ++unit.completed;
-    unit.latency.add(std::max(now - task.dispatched_at, Nanos::zero()));
-  }
-  finish(task, end.outcome == Outcome::kCompleted ? TaskEnd::kCompleted : TaskEnd::kFailed, now);
+  ++unit.completed;
+  unit.latency.add(std::max(now_ - task.dispatched_at, Nanos::zero()));
+  finish(task, TaskEnd::kCompleted);
 }
 
-void Runtime::Engine::cancel_asked(Nanos now) {
-  Tasks cancels;
+void Runtime::Engine::count_running(UnitId id, int more) {
+  Unit& unit = units_[id];
+  running_ += more;
+  unit.running += more;
+  with_room_ = unit.running < unit.slots ? with_room_ | unit_bit(id) : with_room_ & ~unit_bit(id);
+}
+
+void Runtime::Engine::cancel_asked() {
+  std::vector<TaskRef> cancels;
   {
     const std::lock_guard lock(asking_);
     std::swap(cancels, cancels_);
-    if (std::exchange(cancels_all_, false)) cancels = tasks_.records();
+    if (std::exchange(cancels_all_, false)) {
+      for (Submitted* const each : tasks_) {
+        if (each == nullptr) continue;
+        TaskRef::hold(*each);
+        cancels.emplace_back(*each);
+      }
+    }
   }
-  for (const auto& task : cancels) {
-    if (task == nullptr || task->ends) continue;
+  for (const TaskRef& task : cancels) {
+    if (task->is_decided()) continue;
     if (!task->taken_in) {  // It was submitted after this turn began.
       const std::lock_guard lock(asking_);
       cancels_.push_back(task);
-      asked_ = true;
+      asked_.fetch_or(kLook);
       continue;
     }
     // First, so that the dispatcher's word for it, dropped, is not taken.
     const TaskId id = task->id;
-    finish(*task, TaskEnd::kCancelled, now);
-    dispatcher_->cancel(id, now, effects_);
-    apply(now);
+    finish(*task, TaskEnd::kCancelled);
+    dispatcher_->cancel(id, now_, effects_);
+    apply();
     if (task->running) {
       request_stop(*task);
     } else {
-      forget(*task, now);
+      forget(*task);
+      TaskRef::let_go(*task);
     }
   }
 }
 
 /// Carries out what the dispatcher has decided.
-void Runtime::Engine::apply(Nanos now) {
+void Runtime::Engine::apply() {
   std::swap(effects_, applied_);
   for (const Start& each : applied_.started) start(each);
   for (const Recalled& each : applied_.recalled) {
-    const auto& task = tasks_[static_cast<std::uint32_t>(each.task)];
-    if (task != nullptr && task->id == each.task && task->running) request_stop(*task);
+    Submitted* const task = task_of(each.task);
+    if (task != nullptr && task->running) request_stop(*task);
   }
   for (const Ended& each : applied_.ended) {
     if (each.task == never_) continue;
-    const auto& task = tasks_[static_cast<std::uint32_t>(each.task)];
-    if (task == nullptr || task->id != each.task || task->ends) continue;
+    Submitted* const task = task_of(each.task);
+    if (task == nullptr || task->is_decided()) continue;
     if (each.how == TaskEnd::kFailed && task->problem.empty()) {
       task->problem = task->workload->name + ": no unit is left that could run it";
     }
-    finish(*task, each.how, now);
+    finish(*task, each.how);
   }
   applied_.clear();
 }
@@ -176,16 +190,17 @@ void Runtime::Engine::request_stop(Submitted& task) {
 }
 
 void Runtime::Engine::start(const Start& start) {
-  Submitted& task = task_of(start.task);
+  Submitted& task = *task_of(start.task);
   task.unit = start.unit;
   task.dispatched_at = start.dispatched_at;
-  task.started_at = now();
+  task.started_at = now_;
   task.unit_name = options_.platform.units[start.unit].name;
   task.running = true;
-  ++running_;
+  // Later calls are looked at when this one is.
+  if (running_ == 0) look_at_ = later_by(now_, live_units_.look_every());
+  count_running(start.unit, 1);
   if (trace_) {
-    trace_->arrived(start.unit, static_cast<std::uint32_t>(start.task),
-                    options_.platform.units[start.unit].active_w);
+    trace_->arrived(start.unit, task.place.index, options_.platform.units[start.unit].active_w);
   }
   try {
     fill_call(task);
@@ -194,7 +209,7 @@ void Runtime::Engine::start(const Start& start) {
     task.call_end = {
         .outcome = Outcome::kFailed,
         .problem = task.workload->name + " on " + task.unit_name + ": " + error.what()};
-    post(task, Submitted::Event::kEnd);
+    post(ended_calls_, task, Submitted::Event::kEnd);
   }
 }
 
@@ -205,7 +220,7 @@ void Runtime::Engine::fill_call(Submitted& task) {
   if (!task.workload->outputs.empty()) call.outputs = pool_.take(*task.workload);
   if (state) call.state = states_[*state];
   call.token = reinterpret_cast<std::uintptr_t>(&task);
-  call.unwanted = false;
+  call.unwanted.store(false, std::memory_order_relaxed);
   call.inputs.clear();
   call.inputs.reserve(task.inputs.size());
   for (const TaskInput& input : task.inputs) {
@@ -215,12 +230,16 @@ void Runtime::Engine::fill_call(Submitted& task) {
   }
 }
 
-void Runtime::Engine::finish(Submitted& task, TaskEnd end, Nanos now) {
-  task.ends = end;
-  task.ended_at = now;
-  if (end != TaskEnd::kCompleted) task.name = task.workload->name;
+/// How it ends is known, and counted.
+void Runtime::Engine::decide(Submitted& task, TaskEnd end) {
+  task.decided.store(static_cast<int>(end), std::memory_order_release);
+  task.ended_at = now_;
+  if (end != TaskEnd::kCompleted) {
+    task.name = task.workload->name;
+    some_did_not_complete_ = true;
+  }
   const auto& deadline = task.options.deadline;
-  if (deadline && now > later_by(task.submitted_at, *deadline)) ++counts_.late;
+  if (deadline && now_ > later_by(task.submitted_at, *deadline)) ++counts_.late;
   switch (end) {
     case TaskEnd::kCompleted:
       ++counts_.completed;
@@ -239,18 +258,23 @@ void Runtime::Engine::finish(Submitted& task, TaskEnd end, Nanos now) {
       ++counts_.cancelled;
       break;
   }
-  ended_.push_back(tasks_[static_cast<std::uint32_t>(task.id)]);
-  if (!task.running && end != TaskEnd::kCancelled) forget(task, now);
 }
 
-/// Nothing refers to its slot any more.
-void Runtime::Engine::forget(Submitted& task, Nanos now) {
-  if (task.known) dispatcher_->release(task.id, now);
-  const auto slot = static_cast<std::uint32_t>(task.id);
+/// It is told when the turn is over. Whoever cancels it forgets it, at once or when its call ends.
+void Runtime::Engine::finish(Submitted& task, TaskEnd end) {
+  decide(task, end);
+  const bool stays = task.running || end == TaskEnd::kCancelled;
+  if (stays) TaskRef::hold(task);
+  ended_.push(task);
+  if (!stays) forget(task);
+}
+
+/// The dispatcher and the engine know it no more.
+void Runtime::Engine::forget(Submitted& task) {
+  if (task.known) dispatcher_->release(task.id, now_);
   task.inputs.clear();
   task.options.after.clear();
-  tasks_[slot] = nullptr;
-  tasks_.give_back(slot);
+  tasks_[task.place.index] = nullptr;
 }
 
 }  // namespace pirt

@@ -15,18 +15,19 @@ void Runtime::Engine::add_problem(std::string problem) {
 }
 
 /// Without the turn: callbacks may submit.
-void Runtime::Engine::tell(Tasks& ended, Thread thread) {
+void Runtime::Engine::tell(TaskChain& ended, Thread thread) {
   const bool ours = thread == Thread::kOurs;
   bool left = false;
-  for (auto& task : ended) {
-    task->end.store(static_cast<int>(*task->ends), std::memory_order_release);
+  while (!ended.empty()) {
+    TaskRef task(ended.take_first());
+    task->end.store(task->decided.load(std::memory_order_relaxed), std::memory_order_release);
     if (!task->callback) {
       told(std::move(task));
     } else if (ours) {
       call_back(std::move(task));
     } else {
       const std::lock_guard lock(telling_);
-      to_tell_.push_back(std::move(task));
+      to_tell_.push(task.release());
       left = anything_left_ = true;
     }
   }
@@ -37,11 +38,11 @@ void Runtime::Engine::tell(Tasks& ended, Thread thread) {
 /// What ended in the turn of somebody else's thread, and problems.
 void Runtime::Engine::tell_left() {
   while (anything_left_.exchange(false)) {
-    Tasks tasks;
+    TaskChain tasks;
     std::vector<std::string> problems;
     {
       const std::lock_guard lock(telling_);
-      std::swap(tasks, to_tell_);
+      tasks.append(to_tell_);
       std::swap(problems, to_say_);
     }
     for (const std::string& each : problems) {
@@ -51,36 +52,37 @@ void Runtime::Engine::tell_left() {
       } catch (...) {  // There is nobody left to tell.
       }
     }
-    for (auto& task : tasks) call_back(std::move(task));
+    while (!tasks.empty()) call_back(TaskRef(tasks.take_first()));
   }
 }
 
-void Runtime::Engine::call_back(std::shared_ptr<Submitted> task) {
+void Runtime::Engine::call_back(TaskRef task) {
   std::string thrown;
+  TaskFuture future(std::move(task));
   {
     const runtime::MustNotWait within;
     try {
-      task->callback(TaskFuture(task), *task->ends);
+      future.task_->callback(future, *future.end());
     } catch (const std::exception& error) {
       thrown = error.what();
     } catch (...) {
       thrown = "an exception of an unknown type";
     }
-    task->callback = nullptr;
+    future.task_->callback = nullptr;
   }
   if (!thrown.empty()) {
     {
       const auto turn = turn_.take();
-      add_problem("callback of " + task->workload->name + ": " + thrown);
+      add_problem("callback of " + future.task_->workload->name + ": " + thrown);
     }
     wake_watcher();  // What was left to who had the turn.
   }
-  told(std::move(task));
+  told(std::move(future.task_));
 }
 
-void Runtime::Engine::told(std::shared_ptr<Submitted> task) {
+void Runtime::Engine::told(TaskRef task) {
   task->told.set();
-  task.reset();
+  task = {};
   room_.leave();
 }
 

@@ -281,7 +281,8 @@ bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
   const bool begins = !call.unwanted && (remote == nullptr || !stopping_);
   const bool in_phases = !begins || execute(lane, call, end);
   if (!begins) end.outcome = Outcome::kReturned;
-  end.busy = clock_.now() - begin;
+  end.at = clock_.now();
+  end.busy = end.at - begin;
   if (!in_phases) end.times.execute = end.busy - end.preparing.value_or(Nanos::zero());
   if (!lane.running.end()) return false;
   end.awake = std::exchange(lane.awake, Nanos::zero());

@@ -81,6 +81,7 @@ struct CallTimes {
 struct CallEnd {
   Outcome outcome = Outcome::kCompleted;
   Nanos busy{0};
+  Nanos at{0};                          ///< By MachineClock.
   std::optional<Nanos> preparing = {};  ///< Part of `busy`; absent = the kernel was there.
   std::uint64_t version = 0;            ///< Of the state that it wrote, if it completed.
   /// It was given back since its unit was out of reach, or since nobody wanted it there any more:

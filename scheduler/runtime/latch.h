@@ -17,6 +17,8 @@ class Latch {
   void set() {
     if (state_.exchange(kSet) == kAwaited) futex_wake(state_, INT32_MAX);
   }
+  /// Nobody waits, and nobody will before this has become known to them.
+  void reset() { state_.store(kNot, std::memory_order_relaxed); }
   void wait() {
     while (!is_set()) sleep(nullptr);
   }

@@ -13,6 +13,9 @@ namespace {
 
 /// How often it is asked whether to go on while units start.
 constexpr Nanos kLook = std::chrono::milliseconds(50);
+constexpr Nanos kLeastLook = std::chrono::milliseconds(1);
+/// How often it is asked whether what is elsewhere is within reach.
+constexpr Nanos kLookForReach = std::chrono::milliseconds(50);
 /// A start takes seconds; with an emulator, and everything compiled anew, some minutes.
 constexpr Nanos kLongestStart = std::chrono::minutes(10);
 /// What a unit gets for the end of its start when nobody wants it any more.
@@ -24,6 +27,7 @@ LiveUnits::LiveUnits(const Platform& platform, LiveUnitsOptions options, Done do
     : platform_(platform),
       options_(std::move(options)),
       done_(std::move(done)),
+      look_every_(std::max(options_.time_limit.value_or(kLeastTimeLimit), kLeastLook)),
       returns_(platform.units.size()),
       out_of_reach_(platform.units.size()),
       units_(platform.units.size()) {}
@@ -74,6 +78,7 @@ std::vector<std::string> LiveUnits::wait_until_ready() {
     if (unit == nullptr) continue;
     wait_until_ready(*unit, until);
     if (!unit->remark().empty()) remarks.push_back(unit->name() + ": " + unit->remark());
+    if (unit->is_remote()) look_every_ = kLookForReach;
   }
   return remarks;
 }

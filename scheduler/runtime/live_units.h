@@ -101,11 +101,15 @@ class LiveUnits {
   template <typename Expected>
   [[nodiscard]] std::vector<Hung> abandon_hung(const Expected& expected) {
     std::vector<Hung> hung;
+    next_overdue_ = Nanos::max();
     for (UnitId unit = 0; unit < units_.size(); ++unit) {
       if (units_[unit] == nullptr) continue;
       for (const KernelUnit::Running& call : units_[unit]->running()) {
         const auto limit = limit_of(unit, expected(unit, call.token));
         const Nanos ran = clock_.now() - call.since;
+        if (limit && ran <= *limit) {
+          next_overdue_ = std::min(next_overdue_, later_by(call.since, *limit));
+        }
         if (!limit || ran <= *limit) continue;
         if (units_[unit]->is_remote()) {
           if (units_[unit]->request_stop(call)) {
@@ -119,6 +123,12 @@ class LiveUnits {
     }
     return hung;
   }
+
+  /// When the first of the calls that ran then will have run too long; by MachineClock.
+  [[nodiscard]] Nanos next_overdue() const { return next_overdue_; }
+  /// So often calls that run are to be looked at: no call may take less; and what is elsewhere may
+  /// get out of reach at any time.
+  [[nodiscard]] Nanos look_every() const { return look_every_; }
 
   /// A unit whose device is out of reach, or within it again, since this was asked last.
   struct Reach {
@@ -151,7 +161,9 @@ class LiveUnits {
   LiveUnitsOptions options_;
   Done done_;
   MachineClock clock_;
-  Nanos spin_{0};                                   ///< Of units that compute here.
+  Nanos spin_{0};  ///< Of units that compute here.
+  Nanos look_every_{0};
+  Nanos next_overdue_ = Nanos::max();
   std::vector<std::map<WorkloadId, int>> returns_;  ///< By unit; of those that gave any back.
   std::vector<bool> out_of_reach_;                  ///< By unit, as changed_reach() told it.
   std::vector<std::unique_ptr<KernelUnit>> units_;  ///< Last: their threads use all of it.

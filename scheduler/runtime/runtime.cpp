@@ -8,8 +8,16 @@
 
 namespace pirt {
 
+void runtime::TaskRef::hold(Submitted& task) { task.uses.fetch_add(1, std::memory_order_relaxed); }
+
+void runtime::TaskRef::let_go(Submitted& task) {
+  if (task.uses.fetch_sub(1, std::memory_order_acq_rel) > 1) return;
+  task.forget_all();
+  task.place.slab->give_back(task);
+}
+
 runtime::Submitted& TaskFuture::task() const {
-  if (task_ == nullptr) throw std::logic_error("a TaskFuture of no task was asked");
+  if (!task_) throw std::logic_error("a TaskFuture of no task was asked");
   return *task_;
 }
 
@@ -57,9 +65,22 @@ std::stop_token stop_of_this_call() { return KernelUnit::stop_of_this_call(); }
 Runtime::Runtime(RuntimeOptions options) : engine_(std::make_unique<Engine>(std::move(options))) {}
 Runtime::~Runtime() = default;
 
+TaskFuture Runtime::submit(WorkloadHandle workload, std::vector<TaskInput> inputs,
+                           TaskOptions options, Callback callback) {
+  engine_->check(workload.engine_);
+  return engine_->submit(workload.index_, std::move(inputs), std::move(options),
+                         std::move(callback));
+}
 TaskFuture Runtime::submit(std::string_view workload, std::vector<TaskInput> inputs,
                            TaskOptions options, Callback callback) {
-  return engine_->submit(workload, std::move(inputs), std::move(options), std::move(callback));
+  return submit(this->workload(workload), std::move(inputs), std::move(options),
+                std::move(callback));
+}
+WorkloadHandle Runtime::workload(std::string_view name) const {
+  WorkloadHandle handle;
+  handle.engine_ = engine_->number();
+  handle.index_ = engine_->find(name);
+  return handle;
 }
 void Runtime::cancel(const TaskFuture& task) { engine_->cancel(task); }
 void Runtime::cancel_all() { engine_->cancel_all(); }

@@ -15,9 +15,9 @@
 //
 // Example:
 //     pirt::Runtime runtime({.workloads = {"undistort", "gaussian_blur"}});
-//     auto flat = runtime.submit("undistort", {frame});
-//     auto blurred = runtime.submit("gaussian_blur", {flat.output(0)}, {.real_time = true});
-//     use(blurred.get()[0]);
+//     const auto undistort = runtime.workload("undistort"), blur =
+//     runtime.workload("gaussian_blur"); auto flat = runtime.submit(undistort, {frame}); auto
+//     blurred = runtime.submit(blur, {flat.output(0)}, {.real_time = true}); use(blurred.get()[0]);
 // A whole robot: tests/examples/robot.cpp.
 #pragma once
 
@@ -31,6 +31,7 @@
 #include <stop_token>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "characterize/platform/platform.h"
@@ -45,11 +46,44 @@ namespace pirt {
 
 namespace runtime {
 struct Submitted;
-}
+
+/// One of those that know of a task, whose record is used again when the last has gone.
+class TaskRef {
+ public:
+  TaskRef() = default;
+  /// @param task  Of which the caller is one, and no more from now on.
+  explicit TaskRef(Submitted& task) : task_(&task) {}
+  TaskRef(const TaskRef& other) : task_(other.task_) {
+    if (task_ != nullptr) hold(*task_);
+  }
+  TaskRef(TaskRef&& other) noexcept : task_(std::exchange(other.task_, nullptr)) {}
+  TaskRef& operator=(TaskRef other) noexcept {
+    std::swap(task_, other.task_);
+    return *this;
+  }
+  ~TaskRef() {
+    if (task_ != nullptr) let_go(*task_);
+  }
+
+  [[nodiscard]] Submitted* get() const { return task_; }
+  Submitted* operator->() const { return task_; }
+  Submitted& operator*() const { return *task_; }
+  explicit operator bool() const { return task_ != nullptr; }
+  /// The caller is one in its place.
+  [[nodiscard]] Submitted& release() { return *std::exchange(task_, nullptr); }
+
+  static void hold(Submitted& task);
+  static void let_go(Submitted& task);
+
+ private:
+  Submitted* task_ = nullptr;
+};
+
+}  // namespace runtime
 
 /// One output of a task.
 struct TaskOutput {
-  std::shared_ptr<runtime::Submitted> task;
+  runtime::TaskRef task;
   std::size_t index = 0;
 };
 
@@ -58,9 +92,9 @@ struct TaskOutput {
 class TaskFuture {
  public:
   TaskFuture() = default;
-  explicit TaskFuture(std::shared_ptr<runtime::Submitted> task) : task_(std::move(task)) {}
+  explicit TaskFuture(runtime::TaskRef task) : task_(std::move(task)) {}
 
-  [[nodiscard]] bool valid() const { return task_ != nullptr; }
+  [[nodiscard]] bool valid() const { return task_.get() != nullptr; }
   /// Absent until the task has ended.
   [[nodiscard]] std::optional<TaskEnd> end() const;
   /// Until it has ended, and its callback has returned.
@@ -88,7 +122,18 @@ class TaskFuture {
  private:
   friend class Runtime;
   [[nodiscard]] runtime::Submitted& task() const;
-  std::shared_ptr<runtime::Submitted> task_;
+  runtime::TaskRef task_;
+};
+
+/// A workload of a runtime, found once: Runtime::workload. As long as that runtime is there.
+class WorkloadHandle {
+ public:
+  WorkloadHandle() = default;
+
+ private:
+  friend class Runtime;
+  std::uint64_t engine_ = 0;
+  std::size_t index_ = 0;
 };
 
 /// What a task takes: data that is there, shared and not copied, so that nobody may write it until
@@ -208,8 +253,14 @@ class Runtime {
   /// @throws Error{kBadInput}: a workload that is not among the options', inputs that do not fit,
   /// units that cannot serve it, an input or predecessor of another runtime; Error{kEnvironment}:
   /// the runtime is ending.
+  TaskFuture submit(WorkloadHandle workload, std::vector<TaskInput> inputs,
+                    TaskOptions options = {}, Callback callback = {});
+  /// The same; the name is looked up each time.
   TaskFuture submit(std::string_view workload, std::vector<TaskInput> inputs,
                     TaskOptions options = {}, Callback callback = {});
+  /// For submit.
+  /// @throws Error{kBadInput} if it is none of the options'.
+  [[nodiscard]] WorkloadHandle workload(std::string_view name) const;
   /// The task ends as cancelled, and what comes after it as dropped, soon. One that runs goes on to
   /// its end; what it makes is lost. Does nothing if it has ended.
   void cancel(const TaskFuture& task);

@@ -9,12 +9,15 @@
 
 namespace pirt {
 
+/// A busy machine, a kernel's first call.
+inline constexpr Nanos kLeastTimeLimit = std::chrono::seconds(5);
+
 /// @param service    What the call is expected to take.
 /// @param own_clock  The unit tells time by a clock of its own: how long this machine takes for a
 ///                   call does not follow from that.
 [[nodiscard]] inline Nanos time_limit(const Service& service, bool own_clock) {
-  // A busy machine, a kernel's first call; or an emulator.
-  const Nanos least = std::chrono::seconds(own_clock ? 60 : 5);
+  // Its own clock may be that of an emulator.
+  const Nanos least = own_clock ? std::chrono::seconds(60) : kLeastTimeLimit;
   constexpr int kTimes = 50;
   return std::max(least, kTimes * (service.total() + service.prepare.value_or(Nanos::zero())));
 }

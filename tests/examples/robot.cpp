@@ -61,16 +61,20 @@ int main(int argc, char** argv) {
   options.time_limit = 5s;  // Without a profile nobody knows what the others take.
   pirt::Runtime runtime(std::move(options));
 
+  const auto undistorting = runtime.workload("undistort");
+  const auto blurring = runtime.workload("gaussian_blur");
+  const auto detecting = runtime.workload("feature_detect");
+  const auto steering = runtime.workload("steer");
   const pirt::TaskOptions soon{.real_time = true, .deadline = 40ms, .expires = 40ms};
   pirt::TaskFuture last;
   auto next = std::chrono::steady_clock::now();
   for (int frame = 0; frame < frames; ++frame, next += 40ms) {
     std::this_thread::sleep_until(next);
     const pirt::Tensor picture = take_picture(undistort.inputs[0], frame);
-    const auto flat = runtime.submit("undistort", {picture}, soon);
-    const auto blurred = runtime.submit("gaussian_blur", {flat.output(0)}, soon);
-    const auto corners = runtime.submit("feature_detect", {blurred.output(0)}, soon);
-    last = runtime.submit("steer", {corners.output(0)}, soon,
+    const auto flat = runtime.submit(undistorting, {picture}, soon);
+    const auto blurred = runtime.submit(blurring, {flat.output(0)}, soon);
+    const auto corners = runtime.submit(detecting, {blurred.output(0)}, soon);
+    last = runtime.submit(steering, {corners.output(0)}, soon,
                           [frame](const pirt::TaskFuture& task, pirt::TaskEnd end) {
                             if (end != pirt::TaskEnd::kCompleted) {
                               std::printf("frame %d: no turn, %s\n", frame,

@@ -546,6 +546,40 @@ TEST(Runtime, RefusesOptionsThatMakeNoSense) {
               HasSubstr("two can run add (cpu: no kernel was given for it; gpu: "));
 }
 
+TEST(Runtime, AWorkloadIsFoundOnceAndSubmittedOften) {
+  Runtime runtime(options_with({adding()}));
+  const WorkloadHandle add = runtime.workload("add");
+  const TaskFuture sum = runtime.submit(add, {number(1), number(2)});
+  EXPECT_EQ(value_of(sum.get()), 3);
+  EXPECT_THAT(bad_input([&] { static_cast<void>(runtime.workload("ad")); }),
+              HasSubstr("did you mean add"));
+  Runtime second(options_with({adding()}));
+  for (const WorkloadHandle handle : {add, WorkloadHandle()}) {
+    EXPECT_THAT(bad_input([&] {
+                  second.submit(handle, {number(1), number(2)});
+                }),
+                HasSubstr("handle"));
+  }
+}
+
+// A future is of its own task, however often others' records were used since.
+TEST(Runtime, FuturesStayOfTheirTasksWhileRecordsAreUsedAgain) {
+  Runtime runtime(options_with({adding()}));
+  const WorkloadHandle add = runtime.workload("add");
+  std::vector<TaskFuture> kept;
+  TaskFuture sum = runtime.submit(add, {number(0), number(0)});
+  for (int i = 1; i <= 3000; ++i) {
+    TaskFuture next = runtime.submit(add, {sum.output(0), number(1)});
+    if (i % 3 == 0) kept.push_back(sum);  // Of i - 1.
+    sum = std::move(next);
+    if (i % 500 == 0) runtime.wait_all();
+  }
+  EXPECT_EQ(value_of(sum.get()), 3000);
+  for (std::size_t i = 0; i < kept.size(); ++i) {
+    EXPECT_EQ(value_of(kept[i].get()), 3.0 * static_cast<double>(i) + 2);
+  }
+}
+
 TEST(Runtime, RefusesTasksThatDoNotFit) {
   Runtime runtime(options_with({adding()}));
   const auto refused = [&](std::string_view name, std::vector<TaskInput> inputs,
