@@ -44,11 +44,11 @@ TEST(BundleAdjustCommand, WritesNothingWhenItIsInterrupted) {
   ASSERT_EQ(
       pirt({"generate", "bal", "--images", "300", "--points", "20000", "-o", problem}).exit_code,
       0);
-  // Asked to stop from when it listens on: at the next iteration.
+  // Asked to stop from when it listens on: at the next iteration. The shell listens before it.
   const auto outcome = run(
       "env --default-signal " + quoted(kProgram) + " bundle-adjust " + quoted(problem) + " -o " +
-      quoted(scratch.file("o.txt")) +
-      " & pid=$!; until [ $((0x$(sed -n 's/^SigCgt:\\s*//p' /proc/$pid/status) & 2)) != 0 ]; do "
+      quoted(scratch.file("o.txt")) + " & pid=$!; until [ /proc/$pid/exe -ef " + quoted(kProgram) +
+      " ] && [ $((0x$(sed -n 's/^SigCgt:\\s*//p' /proc/$pid/status) & 2)) != 0 ]; do "
       "sleep 0.01; done; kill -INT $pid; wait $pid");
   EXPECT_EQ(outcome.exit_code, 4);
   EXPECT_THAT(outcome.err, testing::HasSubstr("interrupted after"));
