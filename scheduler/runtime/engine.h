@@ -56,6 +56,7 @@ struct runtime::Submitted {
   // The engine's.
   std::vector<TaskInput> inputs;
   TaskId id = 0;
+  std::optional<Recall> recall;
   UnitId unit = 0;
   Nanos dispatched_at{0};
   bool taken_in = false;
@@ -166,6 +167,7 @@ class Runtime::Engine {
   [[nodiscard]] const Service* expected(UnitId unit, std::uint64_t token);
   void give_up(const LiveUnits::Hung& hung, Nanos now);
   void lose(UnitId unit, Nanos now);
+  void note_reach(Nanos now);
   void ask_for_all(UnitId unit);
   void cancel_asked(Nanos now);
   void apply(Nanos now);

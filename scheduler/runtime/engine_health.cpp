@@ -80,6 +80,10 @@ void Runtime::Engine::look(Nanos now) {
   // All of them first: nothing of one may start on another.
   for (const LiveUnits::Hung& hung : all) lose(hung.unit, now);
   for (const LiveUnits::Hung& hung : all) give_up(hung, now);
+  note_reach(now);
+}
+
+void Runtime::Engine::note_reach(Nanos now) {
   for (const auto& [unit, state] : live_units_.changed_reach()) {
     if (units_[unit].in_service) dispatcher_->set_unit(unit, state, now, effects_);
     apply(now);

@@ -89,6 +89,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
   }
   take_first_inputs();
   open_units();
+  note_reach(now());  // Before the first task: nothing is given to what is out of reach.
   set_up_ = clock_.now() - begin;
   watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
   if (anything_left_) wake_watcher();
