@@ -32,7 +32,8 @@ class CloudTest : public testing::Test {
 
   /// The server is at $url; both are killed when the script ends.
   static Outcome run_with_cloud(const std::string& script) {
-    return run("cd " + quoted(scratch->file("")) + "; rm -rf store *.ports; " + quoted(nats_server()) +
+    return run("cd " + quoted(scratch->file("")) + "; rm -rf store *.ports; " +
+               quoted(nats_server()) +
                " -a 127.0.0.1 -p -1 --ports_file_dir . -js -sd store >server.log 2>&1 & server=$!; "
                "trap 'kill -9 $server $worker 2>/dev/null' EXIT; "
                "until url=$(grep -ho 'nats://127.0.0.1:[0-9]*' *.ports 2>/dev/null); do "
