@@ -39,9 +39,14 @@ void add_live(const Platform& platform, const LiveResult& result, RunRecord& rec
     if (std::ranges::count(result.own_clocks, unit.unit) > 0) unit.own_clock = true;
     const auto link = result.links.find(unit.unit);
     if (link == result.links.end()) continue;
-    const auto& [round_trip, bytes_per_s] = link->second;
+    const auto& [round_trip, bytes_per_s, late_replies] = link->second;
     if (round_trip) unit.round_trip_ms = to_ms(*round_trip);
     if (bytes_per_s) unit.link_mbit_s = *bytes_per_s * 8e-6;
+    unit.late_replies = late_replies;
+  }
+  if (record.stalled > 0) {
+    warn_of("out of reach at the end, and longer than a call would wait there (patience_s): ",
+            result.out_of_reach);
   }
   warn_of(
       "units that tell time by a clock of their own take here what the machine takes for them: ",

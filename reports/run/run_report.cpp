@@ -176,6 +176,11 @@ Table units_table(const RunRecord& run) {
                       figure(*unit.round_trip_ms),
                       unit.link_mbit_s ? " and " + figure(*unit.link_mbit_s) + " Mbit/s" : ""));
     }
+    if (unit.late_replies.value_or(0) > 0) {
+      table.footnotes.push_back(
+          fmt::format("{}: {} replies came when nobody waited for them any more, and were dropped.",
+                      unit.unit, *unit.late_replies));
+    }
   }
   table.footnotes.push_back(
       "ms: dispatch to completion. What virtual time computes from measured inputs is modelled.");

@@ -54,6 +54,7 @@ void visit_unit(Visitor& visitor, Unit& unit) {
   visitor.field("own_clock", unit.own_clock);
   visitor.field("round_trip_ms", unit.round_trip_ms);
   visitor.field("link_mbit_s", unit.link_mbit_s);
+  visitor.field("late_replies", unit.late_replies);
   visitor.field("provenance", unit.provenance);
   visitor.field("energy_provenance", unit.energy_provenance);
   visitor.field("mixture", unit.mixture);

@@ -26,6 +26,7 @@ struct UnitResult {
   std::optional<bool> own_clock;
   /// Live, of a unit that computes elsewhere: the way there, as it was measured while it ran.
   std::optional<double> round_trip_ms, link_mbit_s;
+  std::optional<std::int64_t> late_replies;  ///< That nobody waited for any more.
   std::vector<std::string>
       provenance;  ///< Of the times of the services that the run could use, each once.
   std::vector<std::string> energy_provenance;  ///< Of their energy.

@@ -59,6 +59,7 @@ struct runtime::Submitted {
   // The engine's.
   std::vector<TaskInput> inputs;
   TaskId id = 0;
+  std::optional<Recall> recall;
   UnitId unit = 0;
   Nanos dispatched_at{0};
   bool taken_in = false;
@@ -212,6 +213,7 @@ class Runtime::Engine {
   [[nodiscard]] const Service* expected(UnitId unit, std::uint64_t token);
   void give_up(const LiveUnits::Hung& hung);
   void lose(UnitId unit);
+  void note_reach();
   void ask_for_all(UnitId unit);
   void cancel_asked();
   void apply();

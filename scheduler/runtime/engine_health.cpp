@@ -74,13 +74,17 @@ void Runtime::Engine::look() {
   // All of them first: nothing of one may start on another.
   for (const LiveUnits::Hung& hung : all) lose(hung.unit);
   for (const LiveUnits::Hung& hung : all) give_up(hung);
+  note_reach();
+  look_at_ =
+      std::min(later_by(now_, live_units_.look_every()), live_units_.next_overdue() - began_);
+}
+
+void Runtime::Engine::note_reach() {
   for (const auto& [unit, state] : live_units_.changed_reach()) {
     if (units_[unit].in_service) dispatcher_->set_unit(unit, state, now_, effects_);
     apply();
   }
   out_of_reach_ = live_units_.any_out_of_reach();
-  look_at_ =
-      std::min(later_by(now_, live_units_.look_every()), live_units_.next_overdue() - began_);
 }
 
 const Service* Runtime::Engine::expected(UnitId unit, std::uint64_t token) {

@@ -93,6 +93,8 @@ Runtime::Engine::Engine(RuntimeOptions options)
   }
   take_first_inputs();
   open_units();
+  now_ = now();
+  note_reach();  // Before the first task: nothing is given to what is out of reach.
   set_up_ = clock_.now() - begin;
   watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
   if (anything_left_) wake_watcher();

@@ -41,6 +41,7 @@ void Runtime::Engine::take_in(Submitted& task) {
   task.id = TaskId{task.place.generation} << 32 | place;
   task.taken_in = true;
   const Task submitted = dispatched(task);
+  task.recall = submitted.recall;
   if (trace_) trace_->submitting(task.id, task.workload_index, 0, ++number_);
   if (!dispatcher_->submit(task.id, std::span(&submitted, 1), now_, effects_)) {
     throw std::logic_error("the dispatcher refused a task of the runtime");
@@ -221,6 +222,10 @@ void Runtime::Engine::fill_call(Submitted& task) {
   if (state) call.state = states_[*state];
   call.token = reinterpret_cast<std::uintptr_t>(&task);
   call.unwanted.store(false, std::memory_order_relaxed);
+  call.wanted_until.reset();
+  if (task.recall && contains(task.recall->from, task.unit)) {
+    call.wanted_until = began_ + task.recall->at;
+  }
   call.inputs.clear();
   call.inputs.reserve(task.inputs.size());
   for (const TaskInput& input : task.inputs) {

@@ -415,6 +415,9 @@ std::uint64_t KernelUnit::compute(Lane& lane, Prepared& prepared, Call& call, Ca
   const auto withdraw = [&] { remote_.load()->withdraw(kernel); };
   std::optional<std::stop_callback<decltype(withdraw)>> withdrawn;
   if (is_remote()) withdrawn.emplace(lane.stop.get_token(), withdraw);
+  if (is_remote() && call.wanted_until) {
+    remote_.load()->expires_in(kernel, *call.wanted_until - clock_.now());
+  }
   if (call.state != nullptr) {
     kernel.bind_state(call.state->committed(), call.state->next());
     if (prepared.resident != call.state.get() || prepared.version != call.state->version()) {

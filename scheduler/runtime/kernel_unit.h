@@ -61,6 +61,7 @@ struct Call {
   std::shared_ptr<StateValue> state = {};        ///< Null if the workload has none.
   Outcome intended = Outcome::kCompleted;        ///< Otherwise it runs, and commits nothing.
   std::uint64_t token = 0;                       ///< The caller's.
+  std::optional<Nanos> wanted_until = {};  ///< By MachineClock; later, nobody takes its result.
 
   // The unit's, while it has the call.
   std::atomic<bool> unwanted = false;  ///< It was withdrawn.
@@ -188,6 +189,11 @@ class KernelUnit {
   [[nodiscard]] bool is_reachable() const {
     const Remote* const remote = remote_;
     return remote == nullptr || remote->is_reachable();
+  }
+  /// For how long it is waited for while it is out of reach, once it is ready.
+  [[nodiscard]] Nanos patience() const {
+    const Remote* const remote = remote_;
+    return remote == nullptr ? Nanos::zero() : remote->patience();
   }
   /// Whether the device tells the time of its calls by a clock of its own, once it is ready.
   [[nodiscard]] bool has_own_clock() const { return has_own_clock_; }

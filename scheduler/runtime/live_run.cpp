@@ -47,6 +47,7 @@ class LiveRun final : public Executor {
       : scenario_(scenario),
         options_(options),
         samples_(scenario.seed),
+        dispatcher_(dispatcher),
         time_(scenario, dispatcher, observer, this, computed_units(scenario)),
         units_(scenario.platform,
                {.prepare_first = options.prepare_first,
@@ -100,6 +101,9 @@ class LiveRun final : public Executor {
     call.intended = time_.intended(job);
     call.token = job;
     call.unwanted = false;
+    const auto recall = time_.firings().recall(job);
+    call.wanted_until.reset();
+    if (recall && contains(recall->from, unit)) call.wanted_until = start_ + recall->at;
     for (const Tensor& each : samples_.of(workload, place.firing)->inputs) {
       call.inputs.push_back(each.share());
     }
@@ -141,6 +145,7 @@ class LiveRun final : public Executor {
       if (!units_.has(unit)) continue;
       if (const auto link = units_.at(unit).link()) {
         result_.links.emplace(units_.at(unit).name(), *link);
+        if (!units_.at(unit).is_reachable()) result_.out_of_reach.push_back(units_.at(unit).name());
       }
     }
   }
@@ -187,6 +192,12 @@ class LiveRun final : public Executor {
     return all;
   }
 
+  /// Tasks that nothing else is there for wait for a unit that may come back; who stops the run
+  /// does not.
+  [[nodiscard]] bool waits_for_reach() const {
+    return !result_.stopped && dispatcher_.counts().queued() > 0 && units_.any_may_come_back();
+  }
+
   /// Lets events happen when their time has come, until none is left and nothing computes.
   void pace(std::unique_lock<std::mutex>& lock) {
     Nanos look = now() + kLook;
@@ -197,7 +208,7 @@ class LiveRun final : public Executor {
         look = now() + kLook;
       } else if (next <= now()) {
         time_.advance(now());
-      } else if (next != Nanos::max() || computing_ > 0) {
+      } else if (next != Nanos::max() || computing_ > 0 || waits_for_reach()) {
         const Nanos until = std::min(next, look);
         changed_.wait_until(lock, std::chrono::steady_clock::time_point(start_ + until));
       } else {
@@ -291,6 +302,7 @@ class LiveRun final : public Executor {
   std::vector<std::shared_ptr<StateValue>> states_;
   std::vector<std::unique_ptr<Call>> calls_;     ///< By job.
   std::map<std::size_t, std::uint64_t> played_;  ///< Of states_ that play: the last frame.
+  const Dispatcher& dispatcher_;
   VirtualTime time_;
   int computing_ = 0;
   std::map<std::pair<WorkloadId, UnitId>, KeptCalls> kept_;

@@ -74,6 +74,7 @@ struct LiveResult {
   std::vector<std::string> own_clocks;
   /// By unit that computes elsewhere: the way there at the end of the run.
   std::map<std::string, LinkEstimate> links;
+  std::vector<std::string> out_of_reach;  ///< Those of them that were, then.
 };
 
 /// @param observer  Null = none; called behind the mutex.

@@ -133,13 +133,21 @@ std::vector<LiveUnits::Reach> LiveUnits::changed_reach() {
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     if (units_[unit] == nullptr || units_[unit]->abandoned()) continue;
     const bool out = !units_[unit]->is_reachable();
-    if (out == out_of_reach_[unit]) continue;
-    out_of_reach_[unit] = out;
+    if (out == out_of_reach_[unit].has_value()) continue;
+    out_of_reach_[unit] = out ? std::optional(clock_.now()) : std::nullopt;
     say(units_[unit]->name() + (out ? " is out of reach" : " is within reach again"));
     // What runs there goes on: its reply may come all the same.
     changed.push_back({unit, out ? UnitState::kDraining : UnitState::kUp});
   }
   return changed;
+}
+
+bool LiveUnits::any_may_come_back() const {
+  for (UnitId unit = 0; unit < units_.size(); ++unit) {
+    const auto& since = out_of_reach_[unit];
+    if (since && clock_.now() - *since < units_[unit]->patience()) return true;
+  }
+  return false;
 }
 
 int LiveUnits::count_returns(UnitId unit, WorkloadId workload, const CallEnd& end) {

@@ -138,8 +138,11 @@ class LiveUnits {
   [[nodiscard]] std::vector<Reach> changed_reach();
   /// By then.
   [[nodiscard]] bool any_out_of_reach() const {
-    return std::ranges::find(out_of_reach_, true) != out_of_reach_.end();
+    return std::ranges::any_of(out_of_reach_, [](const auto& since) { return since.has_value(); });
   }
+  /// Units that were out of reach when that was asked last, and have not been for so long that a
+  /// call that waits there would have ended.
+  [[nodiscard]] bool any_may_come_back() const;
 
   /// Hears how each call ended. How often calls of the workload have now been given back by the
   /// unit, in a row.
@@ -165,7 +168,7 @@ class LiveUnits {
   Nanos look_every_{0};
   Nanos next_overdue_ = Nanos::max();
   std::vector<std::map<WorkloadId, int>> returns_;  ///< By unit; of those that gave any back.
-  std::vector<bool> out_of_reach_;                  ///< By unit, as changed_reach() told it.
+  std::vector<std::optional<Nanos>> out_of_reach_;  ///< By unit, as changed_reach() told it: since.
   std::vector<std::unique_ptr<KernelUnit>> units_;  ///< Last: their threads use all of it.
 };
 

@@ -84,6 +84,9 @@ class Firings {
   /// By the nearest earlier firing that completed the task, for a task that may start.
   [[nodiscard]] const Made& made_earlier(JobIndex job, std::size_t task) const;
 
+  /// As the task was submitted; of one that has not ended.
+  [[nodiscard]] std::optional<Recall> recall(JobIndex job) const;
+
   /// The task completed, or ended otherwise; its job is free. What is returned names the firing
   /// that is over with it, which the dispatcher may forget.
   [[nodiscard]] std::optional<FiringId> complete(

@@ -91,7 +91,9 @@ class FarDevice : public HereDevice, public Remote {
     const std::lock_guard lock(there_.mutex);
     return there_.reachable;
   }
-  [[nodiscard]] LinkEstimate link() const override { return {from_ms(3), 1e6}; }
+  [[nodiscard]] LinkEstimate link() const override { return {from_ms(3), 1e6, 0}; }
+  [[nodiscard]] Nanos patience() const override { return 1s; }
+  void expires_in(Kernel&, Nanos) override {}
   void withdraw(Kernel& kernel) override { dynamic_cast<FarKernel&>(kernel).give_up(); }
 };
 

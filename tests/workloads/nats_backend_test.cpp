@@ -133,9 +133,12 @@ TEST_F(CloudUnitOnAServer, IsWithinReachOnceServerAndWorkerAre) {
   EXPECT_THAT(error_of([&] { static_cast<void>(device->prepare(small_, {})); }),
               HasSubstr("start one (nats-server -js)"));
   start_server();
-  std::this_thread::sleep_for(700ms);
+  const std::string remedy = "start one (pirt cloud-worker --server";
+  for (int i = 0; i < 100 && device->info().remark.find(remedy) == std::string::npos; ++i) {
+    std::this_thread::sleep_for(50ms);
+  }
   EXPECT_FALSE(remote->is_reachable()) << "nobody computes";
-  EXPECT_THAT(device->info().remark, HasSubstr("start one (pirt cloud-worker --server"));
+  EXPECT_THAT(device->info().remark, HasSubstr(remedy));
   start_worker();
   for (int i = 0; i < 100 && !remote->is_reachable(); ++i) std::this_thread::sleep_for(50ms);
   ASSERT_TRUE(remote->is_reachable());

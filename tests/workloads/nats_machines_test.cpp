@@ -4,6 +4,7 @@
 
 #include "nats_simulation.h"
 #include "tests/support/long.h"
+#include "workloads/backends/nats/worker/stream_age.h"
 
 namespace pirt::cloud {
 namespace {
@@ -270,6 +271,35 @@ TEST_F(CloudAttendant, PublishesAReplyAgainUntilTheServerHasIt) {
   EXPECT_EQ(attendant_.next_wake(), seconds(5));
   attendant_.wake(seconds(5), out_);
   EXPECT_EQ(of<PublishReply>(actions()).size(), 1U);
+}
+
+TEST_F(CloudAttendant, PublishesAReplyAgainAtOnceWhenALinkIsBack) {
+  attendant_.delivered(key_, 1, 10, kNow, out_);
+  attendant_.link_up(kNow, out_);
+  EXPECT_TRUE(of<PublishReply>(actions()).empty()) << "it is computed";
+  finish();
+  actions();
+  attendant_.link_up(seconds(1), out_);
+  EXPECT_EQ(of<PublishReply>(actions()).size(), 1U);
+}
+
+TEST(CloudStreamAge, IsNeverMoreThanItWas) {
+  StreamAge ages;
+  const auto ack = [](Nanos stored) {
+    return "$JS.ACK.PIRT_TASKS.workers.1.7.3." + std::to_string(stored.count()) + ".0";
+  };
+  const Nanos server = seconds(1000);  // Another clock.
+  EXPECT_EQ(ages.at_least(ack(server), seconds(5)), seconds(0)) << "nothing is known yet";
+  EXPECT_EQ(ages.at_least(ack(server + seconds(1)), seconds(9)), seconds(3));
+  EXPECT_EQ(ages.at_least(ack(server + seconds(6)), seconds(10)), seconds(0))
+      << "it was faster than any before";
+  EXPECT_EQ(ages.at_least(ack(server + seconds(6)), seconds(12)), seconds(2));
+  EXPECT_EQ(
+      ages.at_least("$JS.ACK.hub.acc.PIRT_TASKS.workers.1.7.3.1006000000000.0.x", seconds(12)),
+      seconds(2));
+  for (const char* other : {"", "x", "$JS.ACK.1.2", "$JS.ACK.a.b.1.2.3.soon.0", "........"}) {
+    EXPECT_EQ(ages.at_least(other, seconds(50)), seconds(0)) << other;
+  }
 }
 
 TEST_F(CloudAttendant, ComputesWhatComesTwiceOnce) {

@@ -329,6 +329,23 @@ TEST_F(CloudServer, GivesATaskBackInTimeAndDropsTheLateReply) {
   EXPECT_EQ(messages_in_the_end(kReplyStream), 0);
 }
 
+TEST_F(CloudServer, DropsWhatIsPastItsTimeAndSaysSo) {
+  const auto worker = start_worker(server_->url());
+  RobotLink robot(robot_options(server_->url()));
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  auto before = submit(robot, {.tens_of_ms = 60, .value = 1});
+  Submission submission = make_submission(small_, {.value = 2});
+  submission.time_left = 200ms;  // It lies on the stream for longer.
+  submission.give_back_after = kLong;
+  auto future = submit(robot, std::move(submission));
+  const TaskEnd end = end_of(future);
+  EXPECT_EQ(end.how, CallEndKind::kReturned);
+  EXPECT_EQ(end.problem, "its time was over before a worker began");
+  EXPECT_EQ(end_of(before).how, CallEndKind::kDone);
+  EXPECT_EQ(worker->counts().expired, 1);
+  EXPECT_EQ(messages_in_the_end(kTaskStream), 0);
+}
+
 TEST_F(CloudServer, CancellingWithdrawsTheMessage) {
   RobotLink robot(robot_options(server_->url()));
   TaskId id;

@@ -86,11 +86,15 @@ class CloudKernel : public Kernel {
     flight_->changed.notify_all();
   }
 
+  /// Of the call that is bound.
+  void expires_in(Nanos time_left) { expires_at_ = clock_.now() + time_left; }
+
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
     {
       const std::lock_guard lock(mutex_);
       unwanted_ = false;
     }
+    expires_at_.reset();
     inputs_ = inputs;
     outputs_ = outputs;
   }
@@ -144,6 +148,7 @@ class CloudKernel : public Kernel {
       flight_->unwanted = unwanted_;
     }
     cloud::Submission submission{.body = bytes_, .parameters = parameters_};
+    if (expires_at_) submission.time_left = *expires_at_ - clock_.now();
     submission.stored = [flight = flight_] {
       const std::lock_guard lock(flight->mutex);
       flight->stored = true;
@@ -221,6 +226,7 @@ class CloudKernel : public Kernel {
   std::optional<cloud::Parameters> parameters_;
   std::span<const Tensor> inputs_;
   std::span<Tensor> outputs_;
+  std::optional<Nanos> expires_at_;
   std::shared_ptr<const cloud::Bytes> bytes_;
   cloud::TaskId task_;
   cloud::TaskEnd last_;
@@ -286,6 +292,10 @@ class CloudDevice : public Device, public Remote {
     return link_.availability() == cloud::Availability::kUp;
   }
   [[nodiscard]] LinkEstimate link() const override { return link_.estimate(); }
+  [[nodiscard]] Nanos patience() const override { return patience_; }
+  void expires_in(Kernel& kernel, Nanos time_left) override {
+    dynamic_cast<CloudKernel&>(kernel).expires_in(time_left);
+  }
   void withdraw(Kernel& kernel) override { dynamic_cast<CloudKernel&>(kernel).give_up(); }
   [[nodiscard]] Support supports(const Workload& workload) const override {
     const Support support = support_of(workload);

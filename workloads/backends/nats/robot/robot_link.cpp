@@ -241,7 +241,9 @@ std::string RobotLink::why_down() const {
 
 LinkEstimate RobotLink::estimate() const {
   const std::lock_guard lock(mutex_);
-  return estimate_;
+  LinkEstimate estimate = estimate_;
+  estimate.late_replies = counts_.late;
+  return estimate;
 }
 
 CallerCounts RobotLink::counts() const {

@@ -76,6 +76,12 @@ void Attendant::stored(const TaskKey& key, std::uint32_t send, Nanos now, Attend
   tasks_.erase(at);
 }
 
+void Attendant::link_up(Nanos now, AttendantActions& out) {
+  for (auto& [key, task] : tasks_) {
+    if (task.reply != nullptr) publish(key, task, now, out);
+  }
+}
+
 void Attendant::wake(Nanos now, AttendantActions& out) {
   for (auto& [key, task] : tasks_) {
     if (task.progress <= now) {

@@ -84,6 +84,8 @@ class Attendant {
   void postponed(const TaskKey& task, AttendantActions& out);
   /// The stream of replies has it.
   void stored(const TaskKey& task, std::uint32_t send, Nanos now, AttendantActions& out);
+  /// There is a link again: what was said meanwhile may have been lost.
+  void link_up(Nanos now, AttendantActions& out);
   void wake(Nanos now, AttendantActions& out);
   /// When to call wake next; Nanos::max() = never.
   [[nodiscard]] Nanos next_wake() const;

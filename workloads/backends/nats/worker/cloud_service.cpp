@@ -18,10 +18,10 @@ constexpr Nanos kPatience = std::chrono::seconds(5);
 
 std::string counted(const WorkerCounts& counts) {
   return fmt::format(
-      "{} delivered, {} computed, {} replied, {} again, {} failed, {} refused, {} withdrawn, {} "
-      "malformed",
+      "{} delivered, {} computed, {} replied, {} again, {} failed, {} refused, {} expired, {} "
+      "withdrawn, {} malformed",
       counts.tasks.delivered, counts.tasks.run, counts.tasks.replied, counts.tasks.same_again,
-      counts.failed, counts.refused, counts.withdrawn, counts.malformed);
+      counts.failed, counts.refused, counts.expired, counts.withdrawn, counts.malformed);
 }
 
 }  // namespace

@@ -47,6 +47,7 @@ WorkerLink::WorkerLink(const WorkerOptions& options, std::span<const Workload* c
     mailbox_.post([this] {
       pulls_.clear();
       hello_at_ = Nanos(0);
+      with_attendant([this](Nanos now, AttendantActions& out) { attendant_.link_up(now, out); });
     });
   };
   events.problem = [this](const std::string& problem) {
@@ -222,6 +223,7 @@ void WorkerLink::on_pulled(const Incoming& message, const std::string& pull) {
 }
 
 void WorkerLink::on_task(const std::string& robot, const std::string& reply, TaskMessage message) {
+  const Nanos aged = ages_.at_least(reply, mailbox_.now());
   const TaskKey key{robot, message.task};
   if (gone_.contains(key)) {
     connection_->publish(reply, "+ACK");
@@ -235,7 +237,8 @@ void WorkerLink::on_task(const std::string& robot, const std::string& reply, Tas
   deliveries_[delivery] = {key, reply};
   held_.insert(key);
   if (std::holds_alternative<Blob>(message.body)) large_.insert(key);
-  const Job job{key, std::move(message), mailbox_.now()};
+  const Nanos taken = mailbox_.now();
+  const Job job{key, std::move(message), taken, aged};
   arriving_ = &job;
   with_attendant([&](Nanos now, AttendantActions& out) {
     attendant_.delivered(key, job.message.send, delivery, now, out);
@@ -366,6 +369,7 @@ void WorkerLink::compute(std::size_t slot) {
     if (made.missing) ++counts_.missed_parameters;
     if (made.reply && made.reply->kind == ReplyKind::kRefused) ++counts_.refused;
     if (made.reply && made.reply->kind == ReplyKind::kFailedTry) ++counts_.failed;
+    if (made.reply && made.reply->kind == ReplyKind::kExpired) ++counts_.expired;
     lock.unlock();
     if (stopping_) return;
     mailbox_.post([this, key = job.key, message = job.message, made = std::move(made)]() mutable {
@@ -386,9 +390,10 @@ void WorkerLink::compute(std::size_t slot) {
 
 WorkerLink::Made WorkerLink::make(Computer& computer, const Job& job) {
   const TaskMessage& message = job.message;
-  if (message.time_left && *message.time_left <= Nanos::zero()) {
-    return {reply_to(message, ReplyKind::kExpired)};
-  }
+  const auto is_over = [&] {
+    return message.time_left && *message.time_left <= job.aged + mailbox_.now() - job.taken;
+  };
+  if (is_over()) return {reply_to(message, ReplyKind::kExpired)};
   Bytes fetched;
   if (const auto* const blob = std::get_if<Blob>(&message.body)) {
     auto found = fetch_blob(*connection_, chunks_subject("in", job.key.robot, message.task.hex()),
@@ -412,6 +417,7 @@ WorkerLink::Made WorkerLink::make(Computer& computer, const Job& job) {
     if (given == nullptr) return {.reply = {}, .missing = true};
     content = admitted.value->parameters->digest;
   }
+  if (is_over()) return {reply_to(message, ReplyKind::kExpired)};  // Reading it took its time.
   ReplyMessage reply = reply_to(message, ReplyKind::kDone);
   const auto made =
       computer.compute(workload, given, content, admitted.value->inputs, reply.execute);

@@ -24,6 +24,7 @@
 #include "workloads/backends/nats/link/mailbox.h"
 #include "workloads/backends/nats/worker/admission.h"
 #include "workloads/backends/nats/worker/attendant.h"
+#include "workloads/backends/nats/worker/stream_age.h"
 
 namespace pirt::cloud {
 
@@ -59,6 +60,7 @@ struct WorkerCounts {
   AttendantCounts tasks = {};
   std::int64_t malformed = 0;  ///< Messages that were none.
   std::int64_t refused = 0, failed = 0, withdrawn = 0, missed_parameters = 0;
+  std::int64_t expired = 0;  ///< Not computed: nobody would have taken the result.
 };
 
 /// Any thread may call it.
@@ -83,6 +85,7 @@ class WorkerLink {
     TaskKey key;
     TaskMessage message;
     Nanos taken{0};
+    Nanos aged{0};  ///< On the stream until then, at least.
   };
   /// Parameters by their content; the ones that were used longest ago go first.
   struct Cache {
@@ -134,6 +137,7 @@ class WorkerLink {
   std::map<std::string, Nanos> pulls_;  ///< Under way, until when.
   std::set<TaskKey> gone_;              ///< Withdrawn before they came,
   std::deque<TaskKey> oldest_gone_;     ///< in order.
+  StreamAge ages_;
   Delivery next_delivery_ = 0;
   std::uint64_t next_number_ = 0;
   Nanos hello_at_{0};

@@ -1,0 +1,211 @@
+// The cloud as its user starts it: a server, a worker and a robot, each a process of its own.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <utility>
+
+#include "tests/cli/program.h"
+
+namespace pirt::test {
+namespace {
+
+using testing::HasSubstr;
+
+std::string nats_server() {
+  for (const char* each :
+       {"/usr/sbin/nats-server", "/usr/bin/nats-server", "/usr/local/bin/nats-server"}) {
+    if (::access(each, X_OK) == 0) return each;
+  }
+  return "";
+}
+
+/// Scripts in a folder that the tests of a suite share, with a server and a worker each.
+class CloudTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    if (!nats_server().empty()) scratch = new Scratch;
+  }
+  static void TearDownTestSuite() { delete std::exchange(scratch, nullptr); }
+  void SetUp() override {
+    if (scratch == nullptr) GTEST_SKIP() << "skipped: nats-server is not installed";
+  }
+
+  /// The server is at $url; both are killed when the script ends.
+  static Outcome run_with_cloud(const std::string& script) {
+    return run("cd " + quoted(scratch->file("")) + "; rm -rf store *.ports; " +
+               quoted(nats_server()) +
+               " -a 127.0.0.1 -p -1 --ports_file_dir . -js -sd store >server.log 2>&1 & server=$!; "
+               "trap 'kill -9 $server $worker 2>/dev/null' EXIT; "
+               "until url=$(grep -ho 'nats://127.0.0.1:[0-9]*' *.ports 2>/dev/null); do "
+               "kill -0 $server || exit 9; sleep 0.05; done; " +
+               quoted(kProgram) +
+               " cloud-worker --server $url --slots 2 >worker.log 2>&1 & worker=$!; "
+               "until grep -q 'with 2 slots' worker.log; do sleep 0.05; done; " +
+               script);
+  }
+  static std::string kill_server() { return "kill -9 $server; wait $server; "; }
+  static std::string start_server() {
+    return quoted(nats_server()) +
+           " -a 127.0.0.1 -p ${url##*:} -js -sd store >>server.log 2>&1 & server=$!; ";
+  }
+  /// A command on host-cloud; the script goes on once its cloud is ready, and meets it again at its
+  /// end. Then the worker says what it has done.
+  static Outcome run_on_cloud(const std::string& command, const std::string& meanwhile) {
+    return run_with_cloud(
+        quoted(kProgram) + " " + command +
+        " --mode advanced --platform host-cloud --set cloud.server=$url --json run.json 2>heard & "
+        "run=$!; until grep -q 'cloud is ready' heard || ! kill -0 $run; do sleep 0.05; done; " +
+        meanwhile +
+        "wait $run; rc=$?; kill $worker; wait $worker; cat heard >&2; cat worker.log; exit $rc");
+  }
+  static nlohmann::json record() { return nlohmann::json::parse(slurp(scratch->file("run.json"))); }
+  /// By the worker's word, e.g. "replied".
+  static int counted(const Outcome& outcome, const std::string& what) {
+    const auto end = outcome.out.rfind(' ' + what);
+    if (end == std::string::npos) return -1;
+    const auto begin = outcome.out.find_last_of(" \n", end - 1);
+    return std::stoi(outcome.out.substr(begin + 1));
+  }
+
+  static Scratch* scratch;
+};
+Scratch* CloudTest::scratch = nullptr;
+
+/// On one profile, measured over loopback.
+class CloudCommand : public CloudTest {
+ protected:
+  static void SetUpTestSuite() {
+    CloudTest::SetUpTestSuite();
+    if (scratch == nullptr) return;
+    scratch->write("mix.yaml", R"(
+mix: m
+pipelines:
+  camera: {rate_hz: 10, tasks: [{workload: pool5, eligible: [cpu]}]}
+  scenes: {rate_hz: 10, real_time: false, tasks: [{workload: pool5}]}
+  map: {rate_hz: 10, real_time: false, tasks: [{workload: pool5, eligible: [cloud]}]}
+)");
+    measured = run_with_cloud(quoted(kProgram) +
+                              " characterize --quick --platform host-cloud --set "
+                              "cloud.server=$url --units cpu,cloud --filter '^pool5$' --db p.db");
+  }
+  void SetUp() override {
+    CloudTest::SetUp();
+    if (scratch == nullptr) return;
+    ASSERT_EQ(measured.exit_code, 0) << measured.err;
+  }
+  static Outcome live(const std::string& options, const std::string& meanwhile) {
+    return run_on_cloud("schedule --live --profile p.db --allow-invalid --mix mix.yaml " + options,
+                        meanwhile);
+  }
+  static Outcome measured;
+};
+Outcome CloudCommand::measured;
+
+// Half-way through, the server is killed, and comes back.
+TEST_F(CloudCommand, ALiveRunLosesNothingWithItsServer) {
+  const auto outcome =
+      live("--duration 5s", "sleep 2; " + kill_server() + "sleep 1; " + start_server());
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("cloud is out of reach"));
+  EXPECT_THAT(outcome.err, HasSubstr("cloud is within reach again"));
+  const auto made = record();
+  EXPECT_EQ(made["submitted"], 150);
+  EXPECT_EQ(made["failed"], 0);
+  EXPECT_EQ(made["dropped"], 0);
+  EXPECT_EQ(made["expired"], 0);
+  EXPECT_EQ(made["stalled"], 0);
+  EXPECT_EQ(made["completed"].get<int>() + made["queued"].get<int>(), 150);
+  EXPECT_GT(made["units"]["cloud"]["link_mbit_s"], 0);
+  // Those of the map are computed there in any case, also the ones that were queued at the end.
+  EXPECT_GE(counted(outcome, "replied"), 50);
+  EXPECT_EQ(counted(outcome, "failed"), 0);
+}
+
+// The run is over, and what waits for the cloud is computed when it comes back.
+TEST_F(CloudCommand, ALiveRunWaitsForACloudThatComesBack) {
+  const auto outcome =
+      live("--duration 2s", "sleep 1; " + kill_server() + "sleep 3; " + start_server());
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto made = record();
+  EXPECT_EQ(made["stalled"], 0);
+  EXPECT_EQ(made["failed"], 0);
+  EXPECT_GT(made["queued"], 0);
+  EXPECT_GT(made["drain_s"], 1);
+  EXPECT_GE(counted(outcome, "replied"), 20);
+}
+
+TEST_F(CloudCommand, ALiveRunEndsWithoutACloudThatDoesNot) {
+  const auto outcome =
+      live("--set cloud.options.patience_s=1 --duration 2s", "sleep 1; " + kill_server());
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("out of reach at the end, and longer than a call would wait"));
+  const auto made = record();
+  EXPECT_GT(made["stalled"], 0);
+  EXPECT_EQ(made["completed"].get<int>() + made["queued"].get<int>(), 60);
+}
+
+TEST_F(CloudCommand, IsMeasuredAndComparedWithTheRobot) {
+  const auto report = pirt({"report", scratch->file("p.db"), "--offload", "--json", "-"});
+  ASSERT_EQ(report.exit_code, 0) << report.err;
+  const auto made = report.json();
+  // On a busy machine its rows are not valid, and the report says which.
+  if (made["offload"].empty()) {
+    EXPECT_THAT(made["left_out"].dump(), HasSubstr("pool5: in the cloud its "));
+    return;
+  }
+  const auto& row = made["offload"][0];
+  EXPECT_EQ(row["workload"], "pool5");
+  EXPECT_EQ(row["fastest"]["unit"], "cpu");
+  EXPECT_EQ(row["cloud"]["unit"], "cloud");
+  EXPECT_GT(row["cloud"]["ms"], 0);
+}
+
+/// A robot that runs through a room: long enough for a batch of keyframes, and one description.
+class CloudRobot : public CloudTest {
+ protected:
+  static void SetUpTestSuite() {
+    CloudTest::SetUpTestSuite();
+    if (scratch == nullptr) return;
+    made = pirt({"generate", scratch->file("room"), "--duration", "8s", "--rest", "1s", "--seed",
+                 "3", "--width", "320", "--height", "240"});
+  }
+  void SetUp() override {
+    CloudTest::SetUp();
+    if (scratch == nullptr) return;
+    ASSERT_EQ(made.exit_code, 0) << made.err;
+  }
+  /// Of its activities or units.
+  static int completed(const char* list, const char* name) {
+    const auto all = record();
+    for (const auto& each : all[list]) {
+      if (each["name"] == name) return each["completed"];
+    }
+    return -1;
+  }
+  static Outcome made;
+};
+Outcome CloudRobot::made;
+
+TEST_F(CloudRobot, TakesItsRefinedMapBackFromTheCloud) {
+  const auto outcome = run_on_cloud("run-robot room", "");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(record()["problems"].size(), 0U) << record()["problems"];
+  EXPECT_GE(completed("activities", "bundle_adjust"), 1);
+  EXPECT_GE(completed("activities", "describe_scene"), 1);
+  EXPECT_EQ(completed("units", "cloud"),
+            completed("activities", "bundle_adjust") + completed("activities", "describe_scene"));
+  EXPECT_GT(record()["keyframes_ate_rms_m"]["after"], 0);
+}
+
+TEST_F(CloudRobot, GoesOnWithoutACloudThatIsGone) {
+  const auto outcome = run_on_cloud("run-robot room", kill_server());
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(record()["frames"].get<int>() + record()["dropped"].get<int>(), 200);
+  EXPECT_EQ(completed("units", "cloud"), 0);
+  EXPECT_GE(completed("activities", "bundle_adjust"), 1);
+  EXPECT_GE(completed("activities", "describe_scene"), 1);
+  EXPECT_GT(record()["keyframes_ate_rms_m"]["after"], 0);
+}
+
+}  // namespace
+}  // namespace pirt::test
