@@ -111,6 +111,10 @@ std::string units_text(const RobotRun& run) {
   return text;
 }
 
+bool is_some(const slam::MapChange& change) {
+  return change.replaced + change.added + change.refused > 0;
+}
+
 std::string activities_text(const RobotRun& run) {
   if (run.activities.empty()) return "";
   std::string text =
@@ -131,6 +135,11 @@ std::string activities_text(const RobotRun& run) {
   if (run.keyframes_after) {
     text += fmt::format("keyframes      RMS {:.4f} m before they were adjusted, {:.4f} m after\n",
                         run.keyframes_before->ate_rms_m, run.keyframes_after->ate_rms_m);
+  }
+  if (const auto& change = run.summary.map_change; is_some(change)) {
+    text += fmt::format("               {} points of the map replaced by theirs, {} added{}\n",
+                        change.replaced, change.added,
+                        change.refused > 0 ? fmt::format(", {} too far off", change.refused) : "");
   }
   if (run.energy_j > 0) {
     text += fmt::format("power          {}{:.2f} W ({}{:.1f} J by the platform's watts)\n",
@@ -310,6 +319,10 @@ Json robot_json(const RobotRun& run, const std::string& dataset) {
   if (run.keyframes_after) {
     json["keyframes_ate_rms_m"] = {{"before", run.keyframes_before->ate_rms_m},
                                    {"after", run.keyframes_after->ate_rms_m}};
+  }
+  if (const auto& change = s.map_change; is_some(change)) {
+    json["map_corrected"] = {
+        {"replaced", change.replaced}, {"added", change.added}, {"refused", change.refused}};
   }
   if (run.energy_j > 0) {
     json["power_w"] = run.energy_j / to_s(r.duration);

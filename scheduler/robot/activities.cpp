@@ -15,6 +15,7 @@
 #include "workloads/planning/workloads.h"
 #include "workloads/recognition/describe_scene.h"
 #include "workloads/recognition/specs.h"
+#include "workloads/slam/workload/specs.h"
 
 namespace pirt {
 
@@ -182,6 +183,7 @@ struct Activities::Mapped {
 
   std::mutex mutex;  ///< Guards what follows, which jobs that end write.
   AdjustedKeyframes adjusted;
+  slam::BetterMap better;           ///< Of the last job, until it is asked for.
   std::optional<Similarity> moved;  ///< The localization's world since it began.
 };
 
@@ -420,10 +422,10 @@ void Activities::map(const slam::FrameResult& frame, const std::function<slam::S
   const auto batch = std::make_shared<const mapping::Keyframes>(
       std::exchange(mapped_->keyframes, mapping::Keyframes(options_.setup)));
   auto problem = std::make_shared<mapping::BalProblem>(batch->problem());
-  mapping_->fire(mapping::bundle_inputs(*problem, {}, batch->priors()),
+  mapping_->fire(mapping::bundle_inputs(*problem, {}, batch->priors(), batch->relative()),
                  [this, batch, problem, in_map = in_map_](std::span<const Tensor> outputs) {
                    mapping::take_outputs(outputs, *problem);
-                   const auto refined = batch->refined(*problem);
+                   auto refined = batch->refined(*problem);
                    const std::lock_guard lock(mapped_->mutex);
                    const auto add = [&](std::vector<StampedPose>& poses, StampedPose pose) {
                      if (!in_map && mapped_->moved) pose.body = moved(*mapped_->moved, pose.body);
@@ -432,7 +434,18 @@ void Activities::map(const slam::FrameResult& frame, const std::function<slam::S
                    auto& [before, after] = mapped_->adjusted;
                    for (const auto& each : batch->all()) add(before, each.pose);
                    for (const auto& each : refined.keyframes) add(after, each);
+                   if (!options_.corrects_map) return;
+                   if (refined.points.size() > slam::kMostBetter) {
+                     refined.points.resize(slam::kMostBetter);
+                   }
+                   mapped_->better = {std::move(refined.points), in_map};
                  });
+}
+
+slam::BetterMap Activities::better_map() {
+  if (!mapped_) return {};
+  const std::lock_guard lock(mapped_->mutex);
+  return std::exchange(mapped_->better, {});
 }
 
 AdjustedKeyframes Activities::adjusted() const {

@@ -38,6 +38,8 @@ struct ActivityOptions {
   /// Keyframes that are adjusted at a time; 0 = none. Units are not preempted: on one that also
   /// localizes, more would hold up frames.
   std::size_t keyframes = 15;
+  bool corrects_map =
+      true;  ///< The points that are adjusted replace those of the localization's map.
   slam::Setup setup = {};  ///< Of the localization, for them.
   double scenes_hz = 0.1;  ///< How often what is seen is described; 0 = never.
   /// A detector of the user's; absent = the chain of AlexNet and the catalogue's description, both
@@ -75,6 +77,7 @@ class Activities final : public Companion {
   void arrived(Nanos time, const GreyImage& left) override;
   void localized(const slam::FrameResult& frame,
                  const std::function<slam::State()>& state) override;
+  slam::BetterMap better_map() override;
 
   /// Once all has ended.
   [[nodiscard]] std::vector<ActivityCounts> counts() const;

@@ -38,6 +38,9 @@ class Companion {
   /// @param state  Makes a copy of the state after this frame.
   virtual void localized(const slam::FrameResult& frame,
                          const std::function<slam::State()>& state) = 0;
+  /// Points of the localization's map that are known better since it was last asked, at most
+  /// slam::kMostBetter. Before each frame that is localized, after `localized` of the one before.
+  virtual slam::BetterMap better_map() { return {}; }
 };
 
 }  // namespace pirt

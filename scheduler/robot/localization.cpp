@@ -54,7 +54,8 @@ class LiveLocalization {
       : sequence_(sequence),
         options_(std::move(options)),
         no_tracks_(empty(slam::track_specs(options_.setup))),
-        no_features_(empty(slam::feature_specs())) {
+        no_features_(empty(slam::feature_specs())),
+        no_better_(slam::tensors_of(slam::BetterMap{})) {
     const auto& camera = options_.setup.cameras[0];
     RuntimeOptions& runtime = options_.runtime;
     runtime.made = slam::steps(options_.setup);
@@ -202,6 +203,9 @@ class LiveLocalization {
     std::ranges::copy(features, std::back_inserter(inputs));
     // The pyramid is what the next frame is compared with.
     f.update_pose = submit("update_pose", std::move(inputs), {f.propagate, f.pyramid});
+    const auto better =
+        options_.companion != nullptr ? options_.companion->better_map() : slam::BetterMap{};
+    better.points.empty() ? add(features, no_better_) : add(features, slam::tensors_of(better));
     static_cast<void>(
         submit("extend_map", std::move(features), {f.update_pose},
                [this, flight](const TaskFuture& task, TaskEnd end) { ended(flight, task, end); }));
@@ -306,6 +310,8 @@ class LiveLocalization {
     result.status = static_cast<slam::Status>(outputs[4].as<std::int32_t>()[0]);
     result.in_map = outputs[4].as<std::int32_t>()[1] != 0;
     result.unusable = f.unusable;
+    const auto counts = outputs[1].as<std::int32_t>();
+    result.map_change = {counts[2], counts[3], counts[4]};
     const auto report = f.update_pose.get()[2].as<std::int32_t>();
     result.report = {report[0], report[1], report[2], report[3], report[4]};
     const auto took = [&](slam::Stage stage, const TaskFuture& task) {
@@ -368,7 +374,7 @@ class LiveLocalization {
 
   const Sequence& sequence_;
   LocalizationOptions options_;
-  const std::vector<Tensor> no_tracks_, no_features_;
+  const std::vector<Tensor> no_tracks_, no_features_, no_better_;
   MachineClock clock_;
   Nanos begin_{0};
   Nanos first_{0}, last_{0};  ///< Arrival of the first frame, pose of the last.

@@ -102,6 +102,9 @@ class SerialLocalization {
       if (options_.spoil) options_.spoil(frame, camera, image);
       if (camera == 0 && options_.companion != nullptr) left_ = image;
     };
+    if (options_.companion != nullptr) {
+      run.better_map = [this] { return options_.companion->better_map(); };
+    }
     run.next = [this](std::size_t frame) { return next(frame); };
     run.seen = [this](std::size_t frame, const slam::State& state, const GreyImage& image,
                       const slam::FrameResult& seen) {

@@ -200,7 +200,8 @@ TEST_F(RunWholeRobot, PlansAvoidsRecognizesAndAdjustsBesides) {
   const auto outcome = pirt(live({"--fast", "--compare", "ect", "--json", "-"}));
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const auto runs = outcome.json()["runs"];
-  ASSERT_EQ(runs.size(), 2U);
+  ASSERT_EQ(runs.size(), 3U);
+  EXPECT_THAT(runs[1]["driver"], HasSubstr("its map as it was"));
   for (const auto& run : runs) {
     EXPECT_EQ(run["problems"].size(), 0U) << run["problems"];
     EXPECT_EQ(run["ate_rms_m"], runs[0]["ate_rms_m"]);

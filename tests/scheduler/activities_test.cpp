@@ -28,7 +28,7 @@ units:
 
 /// A short flight through a room, and the room's map.
 struct Room {
-  Room() {
+  explicit Room(double duration_s = 2.4) : options(test::scene(4, duration_s)) {
     options.path.rest_s = 0.4;
     options.width = 320;
     options.height = 240;
@@ -58,7 +58,7 @@ struct Room {
   }
 
   const test::ScratchFolder folder;
-  SceneOptions options = test::scene(4, 2.4);
+  SceneOptions options;
   Sequence sequence;
   ActivityOptions activities;
 };
@@ -93,8 +93,9 @@ void expect_done(const Activities& activities, std::size_t poses) {
 
 std::size_t poses_of(const LocalizationResult& result) { return result.run.trajectory().size(); }
 
-TEST(Activities, RunLiveBesideTheLocalizationAndChangeNothingOfIt) {
-  const Room room;
+TEST(Activities, RunLiveBesideTheLocalizationAndChangeNothingOfItButTheMap) {
+  Room room;
+  room.activities.corrects_map = false;
   auto options = room.localization();
   const auto alone = localize_serially(room.sequence, options);
   for (const char* mode : {"ect", "latency", "throughput", "energy", "advanced"}) {
@@ -112,8 +113,27 @@ TEST(Activities, RunLiveBesideTheLocalizationAndChangeNothingOfIt) {
   }
 }
 
+// For long enough that points of the first keyframes are no longer followed.
+TEST(Activities, AdjustedPointsComeIntoTheMap) {
+  const Room room(4.5);
+  auto options = room.localization();
+  for (const auto& drive : {localize_live, localize_serially}) {
+    Activities activities(room.activities);
+    options.companion = &activities;
+    const auto result = drive(room.sequence, options);
+    expect_done(activities, poses_of(result));
+    int corrected = 0;
+    for (const auto& frame : result.run.frames) {
+      corrected += frame.map_change.replaced + frame.map_change.added;
+    }
+    EXPECT_GT(corrected, 0);
+    EXPECT_EQ(result.run.frames.back().status, slam::Status::kTracking);
+  }
+}
+
 TEST(Activities, RunWithoutTheRuntimeToo) {
-  const Room room;
+  Room room;
+  room.activities.corrects_map = false;
   auto options = room.localization();
   const auto alone = localize_serially(room.sequence, options);
   Activities activities(room.activities);

@@ -13,6 +13,7 @@
 #include "tests/support/data.h"
 #include "tests/support/optional_backend.h"
 #include "tests/workloads/sequence_support.h"
+#include "workloads/mapping/keyframes.h"
 #include "workloads/slam/run/map_file.h"
 #include "workloads/slam/workload/state_tensors.h"
 
@@ -185,6 +186,43 @@ units:
   const double expected = error_of(serial(sequence, options));
   EXPECT_LT(error_of(live.run), 2 * expected + 0.002);
   EXPECT_EQ(live.run.frames.back().status, slam::Status::kTracking);
+}
+
+/// Adjusts its keyframes at once, so that its points come to the same frame however it runs.
+class Correcting final : public Companion {
+ public:
+  explicit Correcting(const slam::Setup& setup) : setup_(setup), keyframes_(setup) {}
+  void list_workloads(RuntimeOptions&) const override {}
+  void begin(Caller&) override {}
+  void arrived(Nanos, const GreyImage&) override {}
+  void localized(const slam::FrameResult& frame,
+                 const std::function<slam::State()>& state) override {
+    replaced += frame.map_change.replaced;
+    added += frame.map_change.added;
+    if (!keyframes_.add(state()) || keyframes_.all().size() < 5) return;
+    better_.points = mapping::refine(std::exchange(keyframes_, mapping::Keyframes(setup_))).points;
+  }
+  slam::BetterMap better_map() override { return std::exchange(better_, {}); }
+
+  int replaced = 0, added = 0;
+
+ private:
+  slam::Setup setup_;
+  mapping::Keyframes keyframes_;
+  slam::BetterMap better_;
+};
+
+TEST(Localization, PointsThatAreKnownBetterComeIntoTheMapLiveAsInTheSerialRun) {
+  const auto sequence = small(4.0);
+  auto options = options_of(sequence);
+  Correcting live(options.setup), serially(options.setup);
+  options.companion = &live;
+  const auto result = localize_live(sequence, options).run;
+  options.companion = &serially;
+  expect_same(result, serial(sequence, options), options.setup);
+  EXPECT_GT(live.replaced + live.added, 0);
+  EXPECT_EQ(live.replaced, serially.replaced);
+  EXPECT_EQ(live.added, serially.added);
 }
 
 /// Ends no frame before it is let go.

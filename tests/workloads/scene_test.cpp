@@ -12,7 +12,7 @@ namespace pirt {
 namespace {
 
 TEST(RobotPath, VelocityAndTurnAreTheDerivatives) {
-  for (const auto shape : {PathShape::kLoop, PathShape::kTurns}) {
+  for (const auto shape : {PathShape::kLoop, PathShape::kTurns, PathShape::kRing}) {
     const RobotPath path({shape, 20.0, 2.0, 5});
     constexpr double kStep = 1e-4;
     for (double t = 0.5; t < 19.5; t += 0.37) {
@@ -54,6 +54,33 @@ TEST(RobotPath, RestsFirstThenMovesWithinItsLimitsAwayFromFurniture) {
     }
     EXPECT_GT(way_m, 40);
     EXPECT_LT(way_m, 80);
+  }
+}
+
+TEST(RobotPath, LeadsAroundTheCorridorAndBackToWhereItBegan) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const RobotPath path({PathShape::kRing, 120.0, 2.0, seed});
+    const Room room(seed, RoomKind::kCorridor);
+    const Eigen::Vector3d start = path.at(0).body.position;
+    double farthest = 0;
+    double again = 1e9;
+    for (double t = 0; t < 120; t += 0.02) {
+      const BodyMotion motion = path.at(t);
+      const auto& p = motion.body.position;
+      EXPECT_LE(motion.velocity_m_s.norm(), 2.3);
+      EXPECT_LE(motion.turn_rad_s.norm() * kDegreesPerRadian, 61);
+      farthest = std::max(farthest, (p - start).norm());
+      if (t > 30) again = std::min(again, (p - start).norm());
+      EXPECT_TRUE((p.array() > 0.3).all() &&
+                  (p.array() < size_of(RoomKind::kCorridor).array() - 0.3).all());
+      for (const auto& box : room.furniture()) {
+        EXPECT_TRUE((p.array() < box.low.array() - 0.3).any() ||
+                    (p.array() > box.high.array() + 0.3).any())
+            << t;
+      }
+    }
+    EXPECT_GT(farthest, 25);
+    EXPECT_LT(again, 0.6);
   }
 }
 

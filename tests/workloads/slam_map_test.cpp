@@ -8,6 +8,7 @@
 #include "tests/support/long.h"
 #include "tests/workloads/sequence_support.h"
 #include "workloads/base/math/random.h"
+#include "workloads/slam/filter/map_points.h"
 #include "workloads/slam/filter/map_search.h"
 #include "workloads/slam/filter/steps.h"
 #include "workloads/slam/run/map_file.h"
@@ -47,6 +48,71 @@ TEST(MatchPlaces, KnowsAPointThatIsInTheMapTwiceAndNoneThatLooksLikeAnother) {
   ASSERT_EQ(matches.size(), 1U);
   EXPECT_EQ(matches[0].feature, 0U);
   EXPECT_LE(matches[0].place, 1U);
+}
+
+MapPoint point_at(std::int64_t id, const Eigen::Vector3d& position, double variance) {
+  MapPoint point;
+  point.id = id;
+  point.position = position;
+  point.covariance = variance * Eigen::Matrix3d::Identity();
+  return point;
+}
+
+TEST(CorrectMap, ReplacesWhatItKnowsAddsWhatItDoesNotAndRefusesWhatCannotBe) {
+  const slam::Setup setup;
+  State state;
+  state.landmarks.resize(1);
+  state.landmarks[0].id = 1;
+  state.tracks.resize(1);
+  state.tracks[0].id = 2;
+  state.map = {point_at(3, {1, 0, 0}, 0.04), point_at(4, {2, 0, 0}, 1e-6),
+               point_at(5, {3, 0, 0}, 0.01)};
+  const auto before = state;
+  const auto change =
+      correct_map(state, setup,
+                  {.points = {point_at(1, {9, 9, 9}, 1e-4), point_at(2, {9, 9, 9}, 1e-4),
+                              point_at(3, {1.1, 0, 0}, 1e-4), point_at(4, {2.05, 0, 0}, 0.01),
+                              point_at(5, {5, 0, 0}, 0.01), point_at(6, {7, 0, 0}, 0.01)}});
+  EXPECT_EQ(change.replaced, 2);
+  EXPECT_EQ(change.refused, 1);
+  EXPECT_EQ(change.added, 1);
+  EXPECT_EQ(state.landmarks[0].position, before.landmarks[0].position);
+  ASSERT_EQ(state.map.size(), 4U);
+  // Of two that may have the same errors, what the better one says: not less than it is sure of.
+  EXPECT_NEAR(state.map[0].position.x(), 1.1, 1e-9);
+  EXPECT_NEAR(state.map[0].covariance(0, 0), 1e-4, 1e-12);
+  EXPECT_EQ(state.map[1].position, before.map[1].position) << "it knew better";
+  EXPECT_EQ(state.map[2].position, before.map[2].position) << "two metres where 14 cm are likely";
+  EXPECT_EQ(state.map[3].id, 6);
+}
+
+TEST(CorrectMap, MovesPointsOfTheWorldInWhichTheRunBegan) {
+  const slam::Setup setup;
+  State state;
+  state.in_map = true;
+  state.map_from_start = {1, {rotation_of({0, 0, 0.5}), {1, 2, 3}}};
+  const auto old_world = point_at(1, {1, 0, 0}, 0.01);
+  const auto new_world = point_at(2, {1, 0, 0}, 0.01);
+  correct_map(state, setup, {.points = {old_world}, .in_map = false});
+  correct_map(state, setup, {.points = {new_world}, .in_map = true});
+  ASSERT_EQ(state.map.size(), 2U);
+  EXPECT_EQ(state.map[0].position, state.map_from_start * old_world.position);
+  EXPECT_EQ(state.map[1].position, new_world.position);
+}
+
+TEST(CorrectMap, KeepsTheMapsBound) {
+  slam::Setup setup;
+  setup.most_map_points = 2;
+  State state;
+  BetterMap better;
+  for (int i = 0; i < 5; ++i) {
+    better.points.push_back(point_at(i, {1.0 * i, 0, 0}, 0.01));
+    better.points.back().last_frame = i;
+  }
+  EXPECT_EQ(correct_map(state, setup, better).added, 5);
+  ASSERT_EQ(state.map.size(), 2U);
+  EXPECT_EQ(state.map[0].id, 3);
+  EXPECT_EQ(state.map[1].id, 4);
 }
 
 /// What a flight without pictures comes to.

@@ -544,7 +544,7 @@ TEST(MapFile, ComesBackAndRefusesWhatIsNone) {
   setup.imu = ImuModel{};
   State state = small_state(setup);
   state.landmarks[0].descriptor[31] = 0xa5;
-  state.map.push_back({{1.5, -2, 3}, 0.01 * Eigen::Matrix3d::Identity(), {}, {1, 2, 3}, 0});
+  state.map.push_back({7, {1.5, -2, 3}, 0.01 * Eigen::Matrix3d::Identity(), {}, {1, 2, 3}, 0});
   const std::string text = map_text(state, setup);
   test::put(file, text);
   const auto loaded = load_map(file, setup);

@@ -80,6 +80,40 @@ class CentreError {
   CentrePrior prior_;
 };
 
+/// How a camera stands against another, beside how it should, in pixels.
+class RelativeError {
+ public:
+  explicit RelativeError(const RelativePose& expected) : expected_(expected) {}
+
+  template <typename T>
+  bool operator()(const T* from, const T* to, T* residuals) const {
+    // What is left of R_to (R(turn) R_from)^T.
+    const std::array<T, 3> turn = {T(expected_.turn[0]), T(expected_.turn[1]),
+                                   T(expected_.turn[2])};
+    std::array<T, 4> turned, start, between, now, left;
+    ceres::AngleAxisToQuaternion(turn.data(), turned.data());
+    ceres::AngleAxisToQuaternion(from, start.data());
+    ceres::QuaternionProduct(turned.data(), start.data(), between.data());
+    for (std::size_t i = 1; i < 4; ++i) between[i] = -between[i];
+    ceres::AngleAxisToQuaternion(to, now.data());
+    ceres::QuaternionProduct(now.data(), between.data(), left.data());
+    ceres::QuaternionToAngleAxis(left.data(), residuals);
+    // t_to - R_to R_from^T t_from: where the camera `from` is seen from `to`.
+    const std::array<T, 3> back = {-from[0], -from[1], -from[2]};
+    std::array<T, 3> centre, carried;
+    ceres::AngleAxisRotatePoint(back.data(), from + 3, centre.data());
+    ceres::AngleAxisRotatePoint(to, centre.data(), carried.data());
+    for (std::size_t i = 0; i < 3; ++i) {
+      residuals[i] *= expected_.px_per_rad;
+      residuals[3 + i] = expected_.px_per_unit * (to[3 + i] - carried[i] - expected_.move[i]);
+    }
+    return true;
+  }
+
+ private:
+  RelativePose expected_;
+};
+
 std::unique_ptr<ceres::LossFunction> make_loss(const BundleOptions& options) {
   switch (options.loss) {
     case Loss::kNone:
@@ -142,6 +176,7 @@ class Adjustment {
       ordering->AddElementToGroup(camera, 1);
     }
     expect(problem, options.priors);
+    expect(problem, options.relative);
     hold(problem, options);
     solver_.linear_solver_type =
         problem.camera_count() < kSparseFrom ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
@@ -176,6 +211,19 @@ class Adjustment {
       problem_.AddResidualBlock(
           new ceres::AutoDiffCostFunction<CentreError, 3, kCameraSize>(new CentreError(prior)),
           nullptr, camera);
+    }
+  }
+
+  /// Of a pair of which one sees nothing, nothing is expected either.
+  void expect(BalProblem& problem, std::span<const RelativePose> relative) {
+    for (const RelativePose& pose : relative) {
+      double* const from = &problem.cameras[static_cast<std::size_t>(pose.from) * kCameraSize];
+      double* const to = &problem.cameras[static_cast<std::size_t>(pose.to) * kCameraSize];
+      if (!problem_.HasParameterBlock(from) || !problem_.HasParameterBlock(to)) continue;
+      problem_.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<RelativeError, 6, kCameraSize, kCameraSize>(
+              new RelativeError(pose)),
+          nullptr, from, to);
     }
   }
 
@@ -221,7 +269,7 @@ void judge_inliers(std::span<const double> residuals, BundleSummary& summary) {
   summary.noise_px = spare > 0 ? std::sqrt(sum / spare) : 0;
 }
 
-void check(const BalProblem& problem, std::span<const CentrePrior> priors) {
+void check(const BalProblem& problem, const BundleOptions& options) {
   if (problem.observations.empty() || problem.cameras.size() % kCameraSize != 0 ||
       problem.points.size() % kPointSize != 0) {
     throw_bad_input(fmt::format(
@@ -240,8 +288,17 @@ void check(const BalProblem& problem, std::span<const CentrePrior> priors) {
     check_index("observation", i, "camera", seen.camera, problem.camera_count());
     check_index("observation", i, "point", seen.point, problem.point_count());
   }
-  for (std::size_t i = 0; i < priors.size(); ++i) {
-    check_index("prior", i, "camera", priors[i].camera, problem.camera_count());
+  for (std::size_t i = 0; i < options.priors.size(); ++i) {
+    check_index("prior", i, "camera", options.priors[i].camera, problem.camera_count());
+  }
+  for (std::size_t i = 0; i < options.relative.size(); ++i) {
+    for (const std::int32_t camera : {options.relative[i].from, options.relative[i].to}) {
+      check_index("relative pose", i, "camera", camera, problem.camera_count());
+    }
+    if (options.relative[i].from == options.relative[i].to) {
+      throw_bad_input(fmt::format("relative pose {}: camera {} cannot stand against itself", i + 1,
+                                  options.relative[i].from));
+    }
   }
 }
 
@@ -252,7 +309,7 @@ std::string_view to_string(Loss loss) { return kLossNames[static_cast<std::size_
 std::vector<std::string> loss_names() { return {kLossNames.begin(), kLossNames.end()}; }
 
 BundleSummary bundle_adjust(BalProblem& problem, const BundleOptions& options) {
-  check(problem, options.priors);
+  check(problem, options);
   const auto initial = residuals_px(problem);
   refuse_degenerate(problem, initial);
   BundleSummary summary;

@@ -27,6 +27,15 @@ struct CentrePrior {
   double px_per_unit = 0;  ///< An error's weight: as much as one of so many pixels for each unit.
 };
 
+/// How a camera is expected to stand against another, by somebody who does not look at these
+/// pictures: one of a pair that is mounted together, or the next one on a robot's way.
+struct RelativePose {
+  std::int32_t from = 0, to = 0;
+  std::array<double, 3> turn = {};  ///< x_to = R(turn) x_from + move, as bal.h has cameras.
+  std::array<double, 3> move = {};
+  double px_per_rad = 0, px_per_unit = 0;  ///< Weights, as CentrePrior's.
+};
+
 struct BundleOptions {
   Loss loss = Loss::kNone;
   double loss_px = 1;  ///< > 0; about the noise of the observations.
@@ -41,6 +50,7 @@ struct BundleOptions {
   std::vector<std::int32_t> fixed_cameras = {};
   /// No loss is taken of them, and no cost of the summary counts them.
   std::vector<CentrePrior> priors = {};
+  std::vector<RelativePose> relative = {};  ///< Likewise.
   /// Told after each iteration the cost that it reached, in px^2; false = stop.
   std::function<bool(int iteration, double cost)> goes_on = {};
 };

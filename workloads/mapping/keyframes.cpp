@@ -2,7 +2,9 @@
 
 #include <fmt/core.h>
 
+#include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -16,6 +18,8 @@ constexpr std::size_t kLeastViews = 3;
 constexpr std::ptrdiff_t kLeastPoints = 12;
 constexpr double kMostRelativeSigma = 0.3;  // of a point's depth
 constexpr double kLeastSigma_m = 1e-3;      // the first keyframe's is 0: the world begins there
+constexpr double kLeastTurn_rad = 1e-4;
+constexpr double kMounted = 1e-5;  // rad and m: how well cameras on one board are known
 
 /// From the camera's axes (x right, y down, z ahead) to those of bal.h (y up, -z ahead), and back.
 const Eigen::DiagonalMatrix<double, 3> kFlip(1, -1, -1);
@@ -36,10 +40,80 @@ Pose pose_of(std::span<const double> camera) {
   return Pose{rotation, moved}.inverse();
 }
 
+/// @param way  From the camera @p to to the camera @p from.
+RelativePose relative_of(std::size_t from, std::size_t to, const Pose& way, double px_per_rad,
+                         double px_per_unit) {
+  const Pose there = way.inverse();
+  const Eigen::Vector3d turn = vector_of(kFlip * there.rotation * kFlip);
+  const Eigen::Vector3d move = kFlip * there.position;
+  return {.from = static_cast<std::int32_t>(from),
+          .to = static_cast<std::int32_t>(to),
+          .turn = {turn.x(), turn.y(), turn.z()},
+          .move = {move.x(), move.y(), move.z()},
+          .px_per_rad = px_per_rad,
+          .px_per_unit = px_per_unit};
+}
+
+/// Of the way from a clone of @p frame to the newest pose.
+std::optional<Step> step_since(const slam::State& state, std::int64_t frame) {
+  const auto clone = std::ranges::find(state.clones, frame, &slam::Clone::frame);
+  if (clone == state.clones.end()) return std::nullopt;
+  const int then = slam::State::clone_at(static_cast<std::size_t>(clone - state.clones.begin()));
+  // turn = b - a; place = b - a + turn x where it is now.
+  Eigen::Matrix<double, 6, 12> j = Eigen::Matrix<double, 6, 12>::Zero();
+  const Eigen::Matrix3d unit = Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d arm = cross_matrix(state.motion.position);
+  j << -unit, Eigen::Matrix3d::Zero(), unit, Eigen::Matrix3d::Zero(),  //
+      arm, -unit, -arm, unit;
+  const auto& p = state.covariance;
+  std::array<Eigen::Index, 12> rows{};
+  for (int i = 0; i < 6; ++i) rows[static_cast<std::size_t>(i)] = then + i;
+  for (int i = 0; i < 3; ++i) {
+    rows[static_cast<std::size_t>(6 + i)] = i;
+    rows[static_cast<std::size_t>(9 + i)] = slam::kPositionAt + i;
+  }
+  const Eigen::Matrix<double, 12, 12> both = p(rows, rows);
+  const Eigen::Matrix<double, 6, 1> variance = (j * both * j.transpose()).diagonal();
+  return Step{clone->body.inverse() * state.body(),
+              std::sqrt(std::max(0.0, variance.head<3>().mean())),
+              std::sqrt(std::max(0.0, variance.tail<3>().mean()))};
+}
+
+/// What takes adjusted cameras back to where they were: the mean of their turns and places, and of
+/// one camera the mean of their distances.
+Similarity back_to(std::span<const Pose> before, std::span<const Pose> after, bool scaled) {
+  const auto count = static_cast<double>(before.size());
+  const Eigen::Matrix3d first = before[0].rotation * after[0].rotation.transpose();
+  Eigen::Vector3d turn = Eigen::Vector3d::Zero();
+  Eigen::Vector3d old_centre = Eigen::Vector3d::Zero();
+  Eigen::Vector3d new_centre = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const Eigen::Matrix3d each = before[i].rotation * after[i].rotation.transpose();
+    turn += vector_of(each * first.transpose()) / count;
+    old_centre += before[i].position / count;
+    new_centre += after[i].position / count;
+  }
+  Similarity back;
+  back.pose.rotation = rotation_of(turn) * first;
+  double along = 0;
+  double square = 0;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const Eigen::Vector3d moved = back.pose.rotation * (after[i].position - new_centre);
+    along += moved.dot(before[i].position - old_centre);
+    square += moved.squaredNorm();
+  }
+  if (scaled && square > 0) back.scale = along / square;
+  back.pose.position = old_centre - back.scale * (back.pose.rotation * new_centre);
+  return back;
+}
+
 }  // namespace
 
 Keyframes::Keyframes(slam::Setup setup, KeyframeOptions options)
-    : setup_(std::move(setup)), options_(options) {}
+    : setup_(std::move(setup)), options_(options) {
+  // What the workload has room for is cameras.
+  options_.most = std::max<std::size_t>(3, options_.most / setup_.cameras.size());
+}
 
 bool Keyframes::add(const slam::State& state) {
   for (const slam::Track& track : state.tracks) {
@@ -55,12 +129,19 @@ bool Keyframes::add(const slam::State& state) {
     }
   }
   if (keyframes_.size() >= options_.most) thin_out();
+  const std::int64_t before = keyframes_.empty() ? -1 : keyframes_.back().frame;
   Keyframe& made = keyframes_.emplace_back();
+  made.step = step_since(state, before);
   made.pose = {state.time, body};
+  made.frame = state.frame;
   // Where nothing is uncertain, rounding may leave less than 0.
   made.sigma_m = std::sqrt(std::max(0.0, slam::position_covariance(state).trace() / 3));
   for (const slam::Track& track : state.tracks) {
-    made.seen.push_back({track.id, setup_.cameras[0].ray(track.pixel.cast<double>())});
+    Sighting& seen = made.seen.emplace_back();
+    seen.point = track.id;
+    seen.ray = setup_.cameras[0].ray(track.pixel.cast<double>());
+    if (track.has_right) seen.right = setup_.cameras[1].ray(track.right_pixel.cast<double>());
+    seen.descriptor = track.descriptor;
   }
   return true;
 }
@@ -68,7 +149,17 @@ bool Keyframes::add(const slam::State& state) {
 void Keyframes::thin_out() {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < keyframes_.size(); i += 2) {
-    if (kept != i) keyframes_[kept] = std::move(keyframes_[i]);
+    Keyframe& each = keyframes_[i];
+    // Two steps are one.
+    const auto before = i > 0 ? keyframes_[i - 1].step : std::nullopt;
+    if (each.step && before) {
+      each.step =
+          Step{before->way * each.step->way, std::hypot(each.step->turn_rad, before->turn_rad),
+               std::hypot(each.step->move_m, before->move_m)};
+    } else {
+      each.step.reset();
+    }
+    if (kept != i) keyframes_[kept] = std::move(each);
     ++kept;
   }
   keyframes_.resize(kept);
@@ -76,47 +167,62 @@ void Keyframes::thin_out() {
   options_.least_turn_rad *= 2;
 }
 
-Pose Keyframes::camera(std::size_t keyframe) const {
-  return slam::camera_pose(setup_, keyframes_[keyframe].pose.body, 0);
+std::size_t Keyframes::camera_count() const { return keyframes_.size() * setup_.cameras.size(); }
+
+Pose Keyframes::camera(std::size_t index) const {
+  return slam::camera_pose(setup_, keyframes_[index % keyframes_.size()].pose.body,
+                           index / keyframes_.size());
 }
 
-BalProblem Keyframes::problem() const {
-  struct Seen {
-    std::size_t keyframe;
-    Eigen::Vector2d ray;
-  };
-  std::map<std::int64_t, std::vector<Seen>> points;
+std::vector<Keyframes::Point> Keyframes::points() const {
+  std::map<std::int64_t, std::vector<View>> seen;
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
     for (const Sighting& sighting : keyframes_[i].seen) {
       const auto landmark = landmarks_.find(sighting.point);
-      points[landmark == landmarks_.end() ? sighting.point : landmark->second].push_back(
-          {i, sighting.ray});
+      seen[landmark == landmarks_.end() ? sighting.point : landmark->second].push_back(
+          {i, &sighting});
     }
   }
-  const double focal = setup_.cameras[0].focal();
-  std::map<std::int64_t, Eigen::Vector3d> placed;
-  std::vector<std::ptrdiff_t> seen_by(keyframes_.size());
-  for (const auto& [id, seen] : points) {
-    if (seen.size() < kLeastViews) continue;
-    std::vector<slam::View> views;
-    for (const Seen& each : seen) views.push_back({camera(each.keyframe), each.ray});
-    const double sigma = setup_.pixel_sigma / focal;
-    const auto point = slam::triangulate(views, sigma);
+  std::vector<Point> points;
+  for (auto& [id, views] : seen) {
+    if (views.size() < kLeastViews) continue;
+    std::vector<slam::View> rays;
+    for (const View& each : views) {
+      rays.push_back({camera(each.keyframe), each.seen->ray});
+      if (each.seen->right) {
+        rays.push_back({camera(keyframes_.size() + each.keyframe), *each.seen->right});
+      }
+    }
+    const double sigma = setup_.pixel_sigma / setup_.cameras[0].focal();
+    const auto point = slam::triangulate(rays, sigma);
     if (!point || point->rms > 3 * sigma || point->relative_sigma > kMostRelativeSigma) continue;
-    placed.emplace(id, point->point);
-    for (const Seen& each : seen) ++seen_by[each.keyframe];
+    points.push_back({id, point->point, std::move(views)});
   }
+  return points;
+}
+
+BalProblem Keyframes::problem() const {
+  const auto points = this->points();
+  std::vector<std::ptrdiff_t> seen_by(keyframes_.size());
+  for (const Point& point : points) {
+    for (const View& each : point.views) ++seen_by[each.keyframe];
+  }
+  const double focal = setup_.cameras[0].focal();
   BalProblem problem;
-  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+  for (std::size_t i = 0; i < camera_count(); ++i) {
     append_camera(camera(i), focal, problem.cameras);
   }
-  for (const auto& [id, place] : placed) {
+  for (const Point& point : points) {
     const auto index = static_cast<std::int32_t>(problem.point_count());
-    problem.points.insert(problem.points.end(), place.data(), place.data() + 3);
-    for (const Seen& each : points[id]) {
+    problem.points.insert(problem.points.end(), point.place.data(), point.place.data() + 3);
+    const auto observe = [&](std::size_t camera, const Eigen::Vector2d& ray) {
+      problem.observations.push_back(
+          {static_cast<std::int32_t>(camera), index, focal * ray.x(), -focal * ray.y()});
+    };
+    for (const View& each : point.views) {
       if (seen_by[each.keyframe] < kLeastPoints) continue;
-      problem.observations.push_back({static_cast<std::int32_t>(each.keyframe), index,
-                                      focal * each.ray.x(), -focal * each.ray.y()});
+      observe(each.keyframe, each.seen->ray);
+      if (each.seen->right) observe(keyframes_.size() + each.keyframe, *each.seen->right);
     }
   }
   return problem;
@@ -137,45 +243,100 @@ std::vector<CentrePrior> Keyframes::priors() const {
   return priors;
 }
 
+std::vector<RelativePose> Keyframes::relative() const {
+  std::vector<RelativePose> all;
+  const std::size_t count = keyframes_.size();
+  const Pose& left = setup_.cameras[0].body_from_camera;
+  for (std::size_t i = count; i < camera_count(); ++i) {
+    const double weight = setup_.pixel_sigma / kMounted;
+    const Pose mounted = left.inverse() * setup_.cameras[1].body_from_camera;
+    all.push_back(relative_of(i - count, i, mounted, weight, weight));
+  }
+  for (std::size_t i = 1; i < count; ++i) {
+    const auto& step = keyframes_[i].step;
+    if (!step) continue;
+    all.push_back(relative_of(i - 1, i, left.inverse() * step->way * left,
+                              setup_.pixel_sigma / std::max(step->turn_rad, kLeastTurn_rad),
+                              setup_.pixel_sigma / std::max(step->move_m, kLeastSigma_m)));
+  }
+  return all;
+}
+
 RefinedMap Keyframes::refined(const BalProblem& adjusted) const {
-  if (adjusted.camera_count() != keyframes_.size()) {
+  if (keyframes_.empty() || adjusted.camera_count() != camera_count()) {
     throw_bad_input(fmt::format("{} cameras cannot be the poses of {} keyframes",
                                 adjusted.camera_count(), keyframes_.size()));
   }
-  std::vector<bool> moved(keyframes_.size());
+  std::vector<bool> adjusts(camera_count());
   for (const Observation& seen : adjusted.observations) {
-    moved[static_cast<std::size_t>(seen.camera)] = true;
+    adjusts[static_cast<std::size_t>(seen.camera)] = true;
   }
   // Of cameras, since a map that shrinks leaves the way from the camera to the body as it is.
-  std::vector<StampedPose> estimate;
-  std::vector<TruthRow> before;
+  std::vector<Pose> before, after;
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
-    if (!moved[i]) continue;
-    const Nanos time = keyframes_[i].pose.time;
-    const auto numbers = std::span(adjusted.cameras).subspan(i * kCameraSize, kCameraSize);
-    estimate.push_back({time, pose_of(numbers)});
-    TruthRow& row = before.emplace_back();
-    row.time = time;
-    row.body = camera(i);
+    if (!adjusts[i]) continue;
+    before.push_back(camera(i));
+    after.push_back(pose_of(std::span(adjusted.cameras).subspan(i * kCameraSize, kCameraSize)));
   }
-  if (estimate.size() < 3) {
-    throw_bad_input(fmt::format("{} keyframes that see enough cannot be adjusted; it takes 3",
-                                estimate.size()));
+  if (after.size() < 3) {
+    throw_bad_input(
+        fmt::format("{} keyframes that see enough cannot be adjusted; it takes 3", after.size()));
   }
-  const Similarity back = align(estimate, before, Alignment::kSim3);
+  const Similarity back = back_to(before, after, setup_.cameras.size() == 1);
   const Pose camera_from_body = setup_.cameras[0].body_from_camera.inverse();
   RefinedMap map;
   for (std::size_t i = 0, next = 0; i < keyframes_.size(); ++i) {
     map.keyframes.push_back(keyframes_[i].pose);
-    if (!moved[i]) continue;
-    const Pose& camera = estimate[next++].body;
-    map.keyframes.back().body =
-        Pose{back.pose.rotation * camera.rotation, back * camera.position} * camera_from_body;
+    if (!adjusts[i]) continue;
+    map.keyframes.back().body = moved(back, after[next++]) * camera_from_body;
   }
-  for (std::size_t i = 0; i < adjusted.points.size(); i += kPointSize) {
-    map.points.push_back(back * Eigen::Vector3d(&adjusted.points[i]));
-  }
+  map.points = map_points(adjusted, back);
   return map;
+}
+
+std::vector<slam::MapPoint> Keyframes::map_points(const BalProblem& adjusted,
+                                                  const Similarity& back) const {
+  const double focal = setup_.cameras[0].focal();
+  const auto cameras = [&](std::size_t index) {
+    return moved(back,
+                 pose_of(std::span(adjusted.cameras).subspan(index * kCameraSize, kCameraSize)));
+  };
+  const auto points = this->points();
+  std::vector<slam::MapPoint> made;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Point& point = points[i];
+    slam::MapPoint better;
+    better.id = point.id;
+    better.position = back * Eigen::Vector3d(&adjusted.points[i * kPointSize]);
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    double squares = 0;
+    double rays = 0;
+    double variance = 0;
+    const auto look = [&](const Pose& camera, const Eigen::Vector2d& ray) {
+      const slam::RayRows rows = slam::rows_of_ray(camera, better.position, ray);
+      information += rows.slope.transpose() * rows.slope;
+      squares += rows.miss.squaredNorm();
+      ++rays;
+    };
+    for (const View& each : point.views) {
+      look(cameras(each.keyframe), each.seen->ray);
+      if (each.seen->right) look(cameras(keyframes_.size() + each.keyframe), *each.seen->right);
+      const double sigma_m = keyframes_[each.keyframe].sigma_m;
+      variance += sigma_m * sigma_m / static_cast<double>(point.views.size());
+    }
+    const double sigma = setup_.pixel_sigma / focal;
+    // Outliers are no points; one that is far has no place.
+    if (squares > rays * sigma * sigma || information.determinant() <= 0) continue;
+    better.covariance =
+        sigma * sigma * information.inverse() + variance * Eigen::Matrix3d::Identity();
+    if (!better.covariance.allFinite()) continue;
+    const View& first = point.views.front();
+    better.descriptor = first.seen->descriptor;
+    better.seen_from = cameras(first.keyframe).position;
+    better.last_frame = keyframes_[point.views.back().keyframe].frame;
+    made.push_back(better);
+  }
+  return made;
 }
 
 RefinedMap refine(const Keyframes& keyframes) {
@@ -186,6 +347,7 @@ RefinedMap refine(const Keyframes& keyframes) {
   }
   BundleOptions options = robot_options();
   options.priors = keyframes.priors();
+  options.relative = keyframes.relative();
   const BundleSummary summary = bundle_adjust(problem, options);
   RefinedMap map = keyframes.refined(problem);
   map.summary = summary;

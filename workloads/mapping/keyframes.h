@@ -1,9 +1,10 @@
 // Keyframes of a localization: some of its frames, with what each saw, as a problem of bundle
-// adjustment, and their poses back from it.
+// adjustment, and their poses and points back from it.
 #pragma once
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -13,15 +14,26 @@
 
 namespace pirt::mapping {
 
-/// A point as a frame saw it with its left camera.
+/// A point as a frame saw it: rays (x, y, 1), undistorted.
 struct Sighting {
-  std::int64_t point = 0;
-  Eigen::Vector2d ray = Eigen::Vector2d::Zero();  ///< (x, y, 1), undistorted.
+  std::int64_t point = 0;  ///< Of the track.
+  Eigen::Vector2d ray = Eigen::Vector2d::Zero();
+  std::optional<Eigen::Vector2d> right = {};
+  slam::Descriptor descriptor{};
+};
+
+/// A way as the localization has it at its end, and how well, an axis. Where a pose was when it was
+/// new tells less: it has been corrected since.
+struct Step {
+  Pose way;  ///< Body to the body before.
+  double turn_rad = 0, move_m = 0;
 };
 
 struct Keyframe {
   StampedPose pose;
-  double sigma_m = 0;  ///< Of the position, an axis, as the localization knows it.
+  std::int64_t frame = 0;
+  double sigma_m = 0;             ///< Of the position, an axis, as the localization knows it.
+  std::optional<Step> step = {};  ///< From the keyframe before; absent = not known.
   std::vector<Sighting> seen;
 };
 
@@ -35,8 +47,10 @@ struct KeyframeOptions {
 
 /// What bundle adjustment made of keyframes.
 struct RefinedMap {
-  std::vector<StampedPose> keyframes;   ///< As many as there were, in their order.
-  std::vector<Eigen::Vector3d> points;  ///< Of the world, those of the problem.
+  std::vector<StampedPose> keyframes;  ///< As many as there were, in their order.
+  /// Of the world, those of the problem that are seen where they are; their ids are those of
+  /// landmarks, or of tracks that were none (slam::correct_map).
+  std::vector<slam::MapPoint> points;
   BundleSummary summary;
 };
 
@@ -49,24 +63,43 @@ class Keyframes {
   bool add(const slam::State& state);
   [[nodiscard]] std::span<const Keyframe> all() const { return keyframes_; }
 
-  /// One camera a keyframe, with the left camera's focal length and no distortion, and the points
-  /// that at least 3 of them saw from places that tell where it is. Keyframes that see fewer than
-  /// 12 of these have no observations, and stay as they are.
+  /// A camera a keyframe, with the left camera's focal length and no distortion, after them as many
+  /// right ones if there are two, and the points that at least 3 of them saw from places that tell
+  /// where it is. Keyframes that see fewer than 12 of these have no observations, and stay as they
+  /// are.
   [[nodiscard]] BalProblem problem() const;
   /// Of the cameras of problem(): where the localization has them, and how sure it is. It has seen
   /// more than the points that are followed, and these bend a map as a whole, since they drift over
   /// what they show.
   [[nodiscard]] std::vector<CentrePrior> priors() const;
-  /// The keyframes' poses in a problem() that was adjusted. What no camera tells, where the whole
-  /// is, which way it looks and how large it is, is as before: the poses are moved, turned and
-  /// scaled as a whole to where the localization had them.
+  /// How the two cameras are mounted, and how the localization has each keyframe against the one
+  /// before.
+  [[nodiscard]] std::vector<RelativePose> relative() const;
+  /// The keyframes' poses and the points in a problem() that was adjusted. What no camera tells,
+  /// where the whole is, which way it looks and, of one camera, how large it is, is as before: it
+  /// is moved, turned and scaled as a whole to where the localization had it.
   /// @throws Error{kBadInput} if it has another number of cameras, or fewer than 3 of them see
   /// anything.
   [[nodiscard]] RefinedMap refined(const BalProblem& adjusted) const;
 
  private:
+  struct View {
+    std::size_t keyframe;
+    const Sighting* seen;
+  };
+  struct Point {
+    std::int64_t id;
+    Eigen::Vector3d place;
+    std::vector<View> views;
+  };
   void thin_out();
-  [[nodiscard]] Pose camera(std::size_t keyframe) const;
+  [[nodiscard]] std::size_t camera_count() const;
+  /// Of keyframe i the left camera is i, the right one as many further on as there are keyframes.
+  [[nodiscard]] Pose camera(std::size_t index) const;
+  /// Those of problem(), in its order.
+  [[nodiscard]] std::vector<Point> points() const;
+  [[nodiscard]] std::vector<slam::MapPoint> map_points(const BalProblem& adjusted,
+                                                       const Similarity& back) const;
 
   slam::Setup setup_;
   KeyframeOptions options_;
@@ -75,7 +108,7 @@ class Keyframes {
   std::map<std::int64_t, std::int64_t> landmarks_;
 };
 
-/// problem(), bundle_adjust() with robot_options() and priors(), and refined() in one.
+/// problem(), bundle_adjust() with robot_options(), priors(), relative(), and refined() in one.
 /// @throws Error{kBadInput} if there are no points that can be adjusted.
 [[nodiscard]] RefinedMap refine(const Keyframes& keyframes);
 

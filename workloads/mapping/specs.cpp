@@ -19,7 +19,9 @@ std::vector<Workload> specs() {
               {"cameras", Element::kF64, {kRoomForImages, kCameraSize}, true},
               {"points", Element::kF64, {kRoomForPoints, kPointSize}, true},
               {"fixed", Element::kU8, {kRoomForImages}, true},
-              {"priors", Element::kF64, {kRoomForImages, kPriorSize}, true}};
+              {"priors", Element::kF64, {kRoomForImages, kPriorSize}, true},
+              {"pairs", Element::kI32, {kRoomForRelative, 2}, true},
+              {"relative", Element::kF64, {kRoomForRelative, kRelativeSize}, true}};
   w.outputs = {{"poses", Element::kF64, {kRoomForImages, kPoseSize}, true},
                {"points", Element::kF64, {kRoomForPoints, kPointSize}, true},
                {"costs", Element::kF64, {2}},

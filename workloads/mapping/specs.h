@@ -18,6 +18,11 @@ inline constexpr std::size_t kPoseSize = 6;
 /// A camera's expected centre and its weight, as CentrePrior has them.
 inline constexpr std::size_t kPriorSize = 4;
 
+/// Relative poses: a pair that is mounted together for each two images, and the step to the next.
+inline constexpr int kRoomForRelative = 2 * kRoomForImages;
+/// Of one, as RelativePose has it: turn, move and the weights.
+inline constexpr std::size_t kRelativeSize = 8;
+
 /// Of all(), in its order: everything but the functions and the operation.
 [[nodiscard]] std::vector<Workload> specs();
 

@@ -21,13 +21,15 @@ void check_rows(std::span<const Tensor> inputs) {
   const auto cameras = inputs[2].rows();
   const auto priors = inputs[5].rows();
   if (inputs[0].rows() == inputs[1].rows() && cameras == inputs[4].rows() &&
-      (priors == 0 || cameras == priors)) {
+      (priors == 0 || cameras == priors) && inputs[6].rows() == inputs[7].rows()) {
     return;
   }
-  throw_bad_input(fmt::format(
-      "{} observations with {} pixels, and {} cameras with {} of fixed and {} priors: each needs "
-      "one, and no priors or as many as cameras",
-      inputs[0].rows(), inputs[1].rows(), cameras, inputs[4].rows(), priors));
+  throw_bad_input(
+      fmt::format("{} observations with {} pixels, {} cameras with {} of fixed and {} priors, and "
+                  "{} pairs with "
+                  "{} relative poses: each needs one, and no priors or as many as cameras",
+                  inputs[0].rows(), inputs[1].rows(), cameras, inputs[4].rows(), priors,
+                  inputs[6].rows(), inputs[7].rows()));
 }
 
 BalProblem problem_of(std::span<const Tensor> inputs) {
@@ -56,6 +58,17 @@ BundleOptions options_of(std::span<const Tensor> inputs) {
     options.priors.push_back({.camera = static_cast<std::int32_t>(i / kPriorSize),
                               .centre = {priors[i], priors[i + 1], priors[i + 2]},
                               .px_per_unit = priors[i + 3]});
+  }
+  const auto pairs = inputs[6].used<std::int32_t>();
+  const auto relative = inputs[7].used<double>();
+  for (std::size_t i = 0; 2 * i < pairs.size(); ++i) {
+    const double* const row = &relative[i * kRelativeSize];
+    options.relative.push_back({.from = pairs[2 * i],
+                                .to = pairs[2 * i + 1],
+                                .turn = {row[0], row[1], row[2]},
+                                .move = {row[3], row[4], row[5]},
+                                .px_per_rad = row[6],
+                                .px_per_unit = row[7]});
   }
   return options;
 }
@@ -146,10 +159,12 @@ void check_room(std::size_t count, int room, std::string_view what) {
 }  // namespace
 
 std::vector<Tensor> bundle_inputs(const BalProblem& problem, std::span<const std::int32_t> fixed,
-                                  std::span<const CentrePrior> priors) {
+                                  std::span<const CentrePrior> priors,
+                                  std::span<const RelativePose> relative) {
   check_room(problem.observations.size(), kRoomForObservations, "observations");
   check_room(problem.camera_count(), kRoomForImages, "cameras");
   check_room(problem.point_count(), kRoomForPoints, "points");
+  check_room(relative.size(), kRoomForRelative, "relative poses");
   auto inputs = make_tensors(specs()[0].inputs);
   inputs[0].set_rows(std::ssize(problem.observations));
   inputs[1].set_rows(std::ssize(problem.observations));
@@ -184,6 +199,18 @@ std::vector<Tensor> bundle_inputs(const BalProblem& problem, std::span<const std
         &inputs[5].as<double>()[kPriorSize * static_cast<std::size_t>(prior.camera)];
     std::ranges::copy(prior.centre, row);
     row[3] = prior.px_per_unit;
+  }
+  inputs[6].set_rows(std::ssize(relative));
+  inputs[7].set_rows(std::ssize(relative));
+  for (std::size_t i = 0; i < relative.size(); ++i) {
+    const RelativePose& pose = relative[i];
+    inputs[6].as<std::int32_t>()[2 * i] = pose.from;
+    inputs[6].as<std::int32_t>()[2 * i + 1] = pose.to;
+    double* row = &inputs[7].as<double>()[i * kRelativeSize];
+    row = std::ranges::copy(pose.turn, row).out;
+    row = std::ranges::copy(pose.move, row).out;
+    row[0] = pose.px_per_rad;
+    row[1] = pose.px_per_unit;
   }
   return inputs;
 }

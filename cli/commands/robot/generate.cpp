@@ -59,7 +59,9 @@ int generate(const Options& options) {
   scene.path.rest_s = !options.rest            ? std::min(kRest, scene.path.duration_s / 4)
                       : is_zero(*options.rest) ? 0.0
                                                : to_s(parse_duration(*options.rest));
-  scene.path.shape = options.shape == "turns" ? PathShape::kTurns : PathShape::kLoop;
+  scene.path.shape = options.shape == "turns"  ? PathShape::kTurns
+                     : options.shape == "ring" ? PathShape::kRing
+                                               : PathShape::kLoop;
   if (options.room_seed) scene.room_seed = static_cast<std::uint64_t>(*options.room_seed);
   scene.stereo = options.cameras == "stereo";
   const Sequence sequence = generate_sequence(scene);
@@ -113,8 +115,9 @@ void add_generate(CLI::App& app, Action& action) {
             "Rest at the start, or 0 (default: 2s, at most a quarter of the sequence)");
   add_choice(command, "--cameras", &options->cameras, "WHICH", {"stereo", "mono"}, "How many")
       .shows_default();
-  add_choice(command, "--path", &options->shape, "SHAPE", {"loop", "turns"},
-             "Around the room, or two turns of 90 degrees between straights")
+  add_choice(command, "--path", &options->shape, "SHAPE", {"loop", "turns", "ring"},
+             "Around the room, two turns of 90 degrees between straights, or in place of the room "
+             "around a square corridor, 25 m a side")
       .shows_default();
   add_value(command, "--width", &scene.width, "INTEGER", not_within(64, 4096), "Pixels")
       .shows_default();

@@ -75,6 +75,7 @@ std::optional<ActivityOptions> ActivityFlags::options(const std::string& dataset
   if (!grid && !model.model) return std::nullopt;
   ActivityOptions activities;
   activities.setup = slam::setup_of(sequence);
+  activities.corrects_map = !keep_map;
   activities.width = sequence.cameras[0].width;
   activities.height = sequence.cameras[0].height;
   if (model.model) activities.model = model.options();
@@ -113,6 +114,9 @@ void add_activities(Command& command, ActivityFlags& flags) {
   for (const char* name : {"--classifier", "--scenes"}) {
     command.option(name).needs(command.option("--model"));
   }
+  command.add_flag("--keep-map", flags.keep_map,
+                   "Keyframes are adjusted and reported, and their points do not come into the "
+                   "localization's map");
   command.add_flag("--localize-only", flags.localize_only,
                    "Nothing but localization, whatever map there is");
 }

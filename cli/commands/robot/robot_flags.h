@@ -15,7 +15,7 @@ struct ActivityFlags {
   std::optional<std::string> map, goal, start;
   ModelFlags model, classifier;
   Output scenes;  ///< Of what a user's detector sees.
-  bool localize_only = false;
+  bool localize_only = false, keep_map = false;
 
   /// @param dataset  Its folder, whose map.yaml and goal.yaml are the defaults.
   /// @return  Nothing where there is no map and no model, or nothing else is wanted.

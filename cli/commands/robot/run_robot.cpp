@@ -114,6 +114,13 @@ int compare(const Options& options, Robot robot) {
   const auto modes = options.compare.empty() ? paper_modes() : find_policies(options.compare);
   std::vector<RobotRun> runs;
   runs.push_back(robot.run(false));
+  if (robot.activities && robot.activities->corrects_map && robot.localization.stops() == 0) {
+    Robot keeping = robot;
+    keeping.activities->corrects_map = false;
+    runs.push_back(keeping.run(false));
+    runs.back().driver += ", its map as it was";
+  }
+  const std::size_t serial_runs = runs.size();
   std::vector<std::string> skipped;
   for (const auto& mode : modes) {
     if (robot.localization.stops() > 0) {
@@ -129,7 +136,8 @@ int compare(const Options& options, Robot robot) {
     }
   }
   const bool interrupted = robot.localization.stops() > 0;
-  if (runs.size() == 1 && !skipped.empty() && !interrupted) throw_bad_input(skipped.front());
+  if (runs.size() == serial_runs && !skipped.empty() && !interrupted)
+    throw_bad_input(skipped.front());
   Table table = robot_comparison(runs);
   for (const RobotRun& each : runs) {
     if (!each.result.stopped) continue;

@@ -11,6 +11,7 @@
 
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
+#include "workloads/base/geometry/geometry.h"
 #include "workloads/mapping/generate_bal.h"
 
 namespace pirt::mapping {
@@ -134,6 +135,45 @@ TEST(BundleAdjust, PriorsTellHowLargeAllIsAndWhere) {
   options.priors[3].camera = 12;
   EXPECT_THAT(bad_input([&] { static_cast<void>(bundle_adjust(problem, options)); }),
               HasSubstr("prior 4: camera 12"));
+}
+
+TEST(BundleAdjust, AWayThatIsKnownTellsHowLargeAllIs) {
+  const auto made = generate_bal({.images = 12, .points = 150, .noise_px = 0});
+  const auto pose = [](const BalProblem& problem, std::size_t i) {
+    const double* const camera = &problem.cameras[i * kCameraSize];
+    return Pose{rotation_of(Eigen::Vector3d(camera)), Eigen::Vector3d(camera + 3)};
+  };
+  BundleOptions options{.fixed_intrinsics = true, .fixed_cameras = {2}};
+  const Pose way = pose(made.truth, 7) * pose(made.truth, 2).inverse();
+  const Eigen::Vector3d turn = vector_of(way.rotation);
+  RelativePose known{.from = 2, .to = 7, .px_per_rad = 1e4, .px_per_unit = 1e4};
+  std::copy_n(turn.data(), 3, known.turn.begin());
+  std::copy_n(way.position.data(), 3, known.move.begin());
+  options.relative.push_back(known);
+  // All of it half as large about the camera that stays, and off by some noise.
+  auto problem = made.truth;
+  const Eigen::Vector3d centre = pose(problem, 2).inverse().position;
+  for (std::size_t i = 0; i < problem.points.size(); i += kPointSize) {
+    Eigen::Map<Eigen::Vector3d> point(&problem.points[i]);
+    point = centre + 0.5 * (point - centre);
+  }
+  for (std::size_t i = 0; i < problem.camera_count(); ++i) {
+    const Pose camera = pose(problem, i);
+    const Eigen::Vector3d place = centre + 0.5 * (camera.inverse().position - centre);
+    Eigen::Map<Eigen::Vector3d>(&problem.cameras[i * kCameraSize + 3]) = -(camera.rotation * place);
+  }
+  static_cast<void>(bundle_adjust(problem, options));
+  for (std::size_t i = 0; i < 12; ++i) {
+    EXPECT_LT((pose(problem, i).inverse().position - pose(made.truth, i).inverse().position).norm(),
+              1e-3)
+        << i;
+  }
+  options.relative[0].to = 12;
+  EXPECT_THAT(bad_input([&] { static_cast<void>(bundle_adjust(problem, options)); }),
+              HasSubstr("relative pose 1: camera 12"));
+  options.relative[0].to = 2;
+  EXPECT_THAT(bad_input([&] { static_cast<void>(bundle_adjust(problem, options)); }),
+              HasSubstr("against itself"));
 }
 
 TEST(BundleAdjust, RefusesAPointInTheCamerasPlane) {

@@ -4,8 +4,12 @@
 
 #include <gmock/gmock.h>
 
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cmath>
 #include <cstdio>
 #include <memory>
+#include <utility>
 
 #include "tests/support/errors.h"
 #include "tests/support/long.h"
@@ -82,6 +86,97 @@ TEST(KeyframesLong, AreNoWorseThanTheLocalization) {
   }
 }
 
+/// A run whose map is corrected by what its keyframes come to, so many at a time, at once.
+struct Corrected {
+  slam::RunResult run;
+  slam::MapChange change;
+};
+
+Corrected corrected_run(const Sequence& sequence) {
+  constexpr std::size_t kBatch = 15;
+  slam::RunOptions options;
+  options.setup = slam::setup_of(sequence);
+  Keyframes batch(options.setup);
+  slam::BetterMap better;
+  Corrected corrected;
+  options.better_map = [&] { return std::exchange(better, {}); };
+  options.seen = [&](std::size_t, const slam::State& state, const GreyImage&,
+                     const slam::FrameResult& frame) {
+    corrected.change.replaced += frame.map_change.replaced;
+    corrected.change.added += frame.map_change.added;
+    corrected.change.refused += frame.map_change.refused;
+    if (!batch.add(state) || batch.all().size() < kBatch) return;
+    better.points = refine(std::exchange(batch, Keyframes(options.setup))).points;
+  };
+  corrected.run = slam::run_serially(sequence, options);
+  return corrected;
+}
+
+// By `ctest -C long -L long` five seeds of 40 s, otherwise one of 8 s.
+TEST(KeyframesLong, TheirPointsReplaceThoseOfTheMapAndThePoseDoesNotJump) {
+  const double duration_s = test::long_tests() ? 40 : 8;
+  double squares_without = 0, squares_with = 0;
+  for (int seed = 1; seed <= test::repeats(1, 5); ++seed) {
+    const Sequence sequence = test::remembering(
+        generate_sequence(test::scene(static_cast<std::uint64_t>(seed), duration_s)));
+    slam::RunOptions options;
+    options.setup = slam::setup_of(sequence);
+    const auto without = slam::run_serially(sequence, options);
+    const auto [with, change] = corrected_run(sequence);
+    ASSERT_EQ(with.frames.size(), without.frames.size());
+    // What both say differs by no more than either covariance says it may.
+    double most_sigmas = 0;
+    for (std::size_t i = 0; i < with.frames.size(); ++i) {
+      const auto& a = with.frames[i];
+      const auto& b = without.frames[i];
+      EXPECT_EQ(a.status, b.status) << i;
+      const Eigen::Vector3d off = a.pose.body.position - b.pose.body.position;
+      const Eigen::Matrix3d both =
+          a.position_covariance + b.position_covariance + 1e-8 * Eigen::Matrix3d::Identity();
+      most_sigmas = std::max(most_sigmas, std::sqrt(off.dot(both.inverse() * off)));
+    }
+    const auto before = evaluate(without.trajectory(), sequence.truth, Alignment::kSe3);
+    const auto after = evaluate(with.trajectory(), sequence.truth, Alignment::kSe3);
+    std::printf(
+        "seed %d: %d points replaced, %d added, %d refused; RMS %.4f m without, %.4f m with, of "
+        "%.1f m; apart by at most %.2f sigma\n",
+        seed, change.replaced, change.added, change.refused, before.ate_rms_m, after.ate_rms_m,
+        before.path_m, most_sigmas);
+    EXPECT_GT(change.added + change.replaced, 20) << seed;
+    EXPECT_LT(change.refused, 0.1 * (change.added + change.replaced)) << seed;
+    EXPECT_LT(most_sigmas, 3.0) << seed;
+    squares_without += before.ate_rms_m * before.ate_rms_m;
+    squares_with += after.ate_rms_m * after.ate_rms_m;
+  }
+  EXPECT_LE(squares_with, 1.1 * squares_without);
+}
+
+// Each is off by less than three times what its covariance says, in nine of ten cases: the world is
+// the localization's, which begins where the truth has it.
+TEST(Keyframes, PointsAreOffByWhatTheirCovarianceSays) {
+  SceneOptions scene = test::scene(1, 6);
+  scene.width = 320;
+  scene.height = 240;
+  const Sequence sequence = generate_sequence(scene);
+  const Keyframes keyframes = flight_of(sequence).all;
+  const auto map = refine(keyframes);
+  ASSERT_GT(map.points.size(), 40U);
+  const Similarity to_truth = align(poses_of(keyframes), sequence.truth, Alignment::kStartYaw);
+  // A point of the room lies on the walls, the floor or the ceiling, or on furniture: not beyond.
+  int inside = 0;
+  for (const auto& point : map.points) {
+    const Eigen::Vector3d place = to_truth * point.position;
+    const double sigma = std::sqrt(point.covariance.trace());
+    const auto within = [&](double x, double high) {
+      return x > -3 * sigma && x < high + 3 * sigma;
+    };
+    inside += within(place.x(), 8) && within(place.y(), 8) && within(place.z(), 4) ? 1 : 0;
+    EXPECT_GE(point.id, 0);
+    EXPECT_GT(Eigen::LLT<Eigen::Matrix3d>(point.covariance).info() == Eigen::Success, false);
+  }
+  EXPECT_GE(inside, 0.9 * static_cast<double>(map.points.size()));
+}
+
 // What was not adjusted comes back as it went in, whatever the camera's place in the body.
 TEST(Keyframes, ComeBackAsTheyAreFromAProblemThatNobodyTouched) {
   const Keyframes& keyframes = short_flight().all;
@@ -114,7 +209,7 @@ TEST(Keyframes, GoThroughTheWorkloadAsWell) {
   const Keyframes& keyframes = short_flight().all;
   const RefinedMap expected = refine(keyframes);
   BalProblem problem = keyframes.problem();
-  const auto inputs = bundle_inputs(problem, {}, keyframes.priors());
+  const auto inputs = bundle_inputs(problem, {}, keyframes.priors(), keyframes.relative());
   const Workload& workload = find_workload("bundle_adjust");
   auto outputs = make_tensors(workload.outputs);
   const auto device = make_cpu_backend()->open({"cpu", {}, "", ""});
@@ -124,7 +219,10 @@ TEST(Keyframes, GoThroughTheWorkloadAsWell) {
   take_outputs(outputs, problem);
   const RefinedMap map = keyframes.refined(problem);
   ASSERT_EQ(map.points.size(), expected.points.size());
-  for (std::size_t i = 0; i < map.points.size(); ++i) EXPECT_EQ(map.points[i], expected.points[i]);
+  for (std::size_t i = 0; i < map.points.size(); ++i) {
+    EXPECT_EQ(map.points[i].position, expected.points[i].position);
+    EXPECT_EQ(map.points[i].covariance, expected.points[i].covariance);
+  }
   EXPECT_LT(expected.summary.final_cost, expected.summary.initial_cost);
 }
 

@@ -42,10 +42,12 @@ TEST_F(BundleAdjustOnCpu, GivesWhatTheFunctionGives) {
       for (const std::int32_t camera : {0, 1, 2, 4, 5, 6, 7}) {
         options.priors.push_back({camera, {0.1 * camera, 5, 0}, 2});
       }
+      options.relative = {{1, 2, {0.1, 0.2, 0}, {0.3, 0, 0}, 5, 7}, {4, 0, {}, {0, 1, 0}, 2, 3}};
     }
     static_cast<void>(bundle_adjust(expected, options));
     BalProblem got = made.problem;
-    take_outputs(call(bundle_inputs(got, options.fixed_cameras, options.priors)), got);
+    take_outputs(call(bundle_inputs(got, options.fixed_cameras, options.priors, options.relative)),
+                 got);
     EXPECT_EQ(got.cameras, expected.cameras);
     EXPECT_EQ(got.points, expected.points);
     EXPECT_NE(got.points, made.problem.points);
@@ -69,6 +71,9 @@ TEST_F(BundleAdjustOnCpu, RefusesWhatDoesNotFit) {
   inputs = bundle_inputs(made.problem, {});
   inputs[5].set_rows(7);
   EXPECT_THAT(test::bad_input([&] { call(inputs); }), HasSubstr("7 priors"));
+  inputs = bundle_inputs(made.problem, {});
+  inputs[6].set_rows(2);
+  EXPECT_THAT(test::bad_input([&] { call(inputs); }), HasSubstr("2 pairs with 0 relative"));
   made.problem.points.resize(3 * (kRoomForPoints + 1));
   EXPECT_THAT(test::bad_input([&] { static_cast<void>(bundle_inputs(made.problem, {})); }),
               HasSubstr("5001 points"));

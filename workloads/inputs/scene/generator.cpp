@@ -83,6 +83,10 @@ std::uint64_t room_seed(const SceneOptions& options) {
   return options.room_seed.value_or(options.path.seed);
 }
 
+RoomKind kind_of(const SceneOptions& options) {
+  return options.path.shape == PathShape::kRing ? RoomKind::kCorridor : RoomKind::kRoom;
+}
+
 /// All that rendering needs, shared by the copies of the sequence.
 struct Renderer {
   SceneOptions options;
@@ -92,7 +96,10 @@ struct Renderer {
   std::vector<RoomCamera> cameras;
 
   explicit Renderer(const SceneOptions& given)
-      : options(given), path(given.path), room(room_seed(given)), models(make_cameras(given)) {
+      : options(given),
+        path(given.path),
+        room(room_seed(given), kind_of(given)),
+        models(make_cameras(given)) {
     for (const auto& model : models) cameras.emplace_back(room, model);
   }
   Renderer(const Renderer&) = delete;  // cameras point to the room
@@ -158,15 +165,16 @@ FloorMap floor_map(const SceneOptions& options) {
   constexpr double kCell_m = 0.05;
   constexpr int kWall = 2;  // cells
   constexpr double kRobotHeight_m = 1.7;
-  const int inside = static_cast<int>(std::lround(kRoomSide_m / kCell_m));
+  const double side_m = size_of(kind_of(options)).x();
+  const int inside = static_cast<int>(std::lround(side_m / kCell_m));
   const int side = inside + 2 * kWall;
-  const Room room(room_seed(options));
+  const Room room(room_seed(options), kind_of(options));
   std::string cells(static_cast<std::size_t>(side) * static_cast<std::size_t>(side), '\0');
   for (int row = 0; row < side; ++row) {  // the picture's first row is the highest y
     for (int column = 0; column < side; ++column) {
       const double x = (column - kWall + 0.5) * kCell_m;
       const double y = (side - 1 - row - kWall + 0.5) * kCell_m;
-      bool free = x > 0 && y > 0 && x < kRoomSide_m && y < kRoomSide_m;
+      bool free = x > 0 && y > 0 && x < side_m && y < side_m;
       for (const auto& box : room.furniture()) {
         free = free && !(box.low.z() < kRobotHeight_m && x > box.low.x() - kCell_m / 2 &&
                          x < box.high.x() + kCell_m / 2 && y > box.low.y() - kCell_m / 2 &&
@@ -175,11 +183,14 @@ FloorMap floor_map(const SceneOptions& options) {
       cells[pixel_index(column, row, side)] = static_cast<char>(free ? 254 : 0);
     }
   }
-  // Across the room from where the robot starts, in the ring that has no furniture.
+  // Across the room from where the robot starts, in the ring that has no furniture; of a corridor,
+  // where it is half around.
   const Pose body = RobotPath(options.path).at(0).body;
   const Eigen::Vector3d& start = body.position;
-  const Eigen::Vector2d centre(kRoomSide_m / 2, kRoomSide_m / 2);
-  const Eigen::Vector2d goal = centre - 2.2 * (start.head<2>() - centre).normalized();
+  const Eigen::Vector2d centre(side_m / 2, side_m / 2);
+  const Eigen::Vector2d off = start.head<2>() - centre;
+  const Eigen::Vector2d goal =
+      centre - (kind_of(options) == RoomKind::kCorridor ? off : 2.2 * off.normalized());
   FloorMap map;
   map.pgm = fmt::format("P5\n{} {}\n255\n", side, side) + cells;
   map.yaml = fmt::format(

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "workloads/base/math/random.h"
+#include "workloads/inputs/scene/room.h"
 
 namespace pirt {
 namespace {
@@ -100,6 +101,34 @@ PlanarPose turns_at(double s) {
 }
 constexpr double kTurnsLength_m = 3 * 3.7 + 0.9 * kPi;
 
+constexpr double kRingSide_m = kCorridorSide_m - kCorridorWidth_m;
+constexpr double kRingRadius_m = 2.0;
+constexpr double kRingStraight_m = kRingSide_m - 2 * kRingRadius_m;
+constexpr double kRingLength_m = 4 * kRingStraight_m + 2 * kPi * kRingRadius_m;
+
+/// Along the middle of the corridor, @p aside to the left of it.
+PlanarPose ring_at(double s, double aside) {
+  s -= kRingLength_m * std::floor(s / kRingLength_m);
+  constexpr double kQuarter = kRingLength_m / 4;
+  const double side = std::floor(s / kQuarter);
+  s -= side * kQuarter;
+  // A straight along x, then a quarter circle.
+  Eigen::Vector2d at(kRingRadius_m + std::min(s, kRingStraight_m), 0);
+  double heading = 0;
+  if (s > kRingStraight_m) {
+    heading = (s - kRingStraight_m) / kRingRadius_m;
+    at += kRingRadius_m * Eigen::Vector2d(std::sin(heading), 1 - std::cos(heading));
+  }
+  at += aside * Eigen::Vector2d(-std::sin(heading), std::cos(heading));
+  const double turn = side * kPi / 2;
+  const Eigen::Vector2d centre(kRingSide_m / 2, kRingSide_m / 2);
+  const Eigen::Vector2d off = at - centre;
+  const Eigen::Vector2d turned(std::cos(turn) * off.x() - std::sin(turn) * off.y(),
+                               std::sin(turn) * off.x() + std::cos(turn) * off.y());
+  const Eigen::Vector2d corner(kCorridorWidth_m / 2, kCorridorWidth_m / 2);
+  return {corner + centre + turned, heading + turn};
+}
+
 double unwrapped(double angle, double near) {
   return angle + 2 * kPi * std::round((near - angle) / (2 * kPi));
 }
@@ -117,6 +146,7 @@ RobotPath::RobotPath(const PathOptions& options) {
 void RobotPath::plan(const PathOptions& options, double swing) {
   Random random(derive_seed(options.seed, "path"));
   const bool loops = options.shape == PathShape::kLoop;
+  const bool rings = options.shape == PathShape::kRing;
   const Loop loop{wave(random, 0.4, 0.3, 0.5), wave(random, 0.2, 0.6, 0.8),
                   random.uniform(0, 2 * kPi)};
   const Wave speed = wave(random, 0.35, 0.4, 0.7);
@@ -124,7 +154,9 @@ void RobotPath::plan(const PathOptions& options, double swing) {
   const Wave yaw = wave(random, 0.45 * swing, 0.8, 1.2);
   const Wave pitch = wave(random, 0.08 * swing, 0.9, 1.6);
   const Wave roll = wave(random, 0.06 * swing, 0.9, 1.6);
-  const double mean_speed = loops ? 1.0 : 0.7;
+  const Wave aside = wave(random, 0.2, 0.3, 0.5);  // last: the others are those of old seeds
+  double mean_speed = loops ? 1.0 : 0.7;
+  if (rings) mean_speed = 1.5;
   const int knots = static_cast<int>(std::ceil(options.duration_s / kKnot_s)) + 2 * kLead;
   constexpr int kFine = 50;  // steps of the integral a knot
   controls_.clear();
@@ -132,10 +164,10 @@ void RobotPath::plan(const PathOptions& options, double swing) {
   double heading = 0;
   for (int k = 0; k < knots; ++k) {
     const double begin = (k - kLead) * kKnot_s;
-    const PlanarPose place = loops ? loop.at(s) : turns_at(s);
+    const PlanarPose place = loops ? loop.at(s) : rings ? ring_at(s, aside.at(s)) : turns_at(s);
     heading = k == 0 ? place.heading : unwrapped(place.heading, heading);
     const double moving = smooth_step((begin - options.rest_s) / 3.0);
-    const double lively = loops ? moving : 0.3 * moving;
+    const double lively = loops || rings ? moving : 0.3 * moving;
     Control control;
     control << place.point, 1.4 + lively * up.at(begin), heading + lively * yaw.at(begin),
         lively * pitch.at(begin), lively * roll.at(begin);
@@ -146,7 +178,7 @@ void RobotPath::plan(const PathOptions& options, double swing) {
           (mean_speed + (loops ? speed.at(t) : 0.0)) * smooth_step((t - options.rest_s) / 1.5);
       if (loops) {
         v /= loop.slope(s).norm();
-      } else {
+      } else if (!rings) {
         v *= smooth_step((kTurnsLength_m - s) / 0.7 + 0.02);
       }
       s += v * kKnot_s / kFine;

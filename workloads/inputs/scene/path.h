@@ -15,6 +15,7 @@ namespace pirt {
 enum class PathShape : std::uint8_t {
   kLoop,   ///< Around the room, with changing radius, speed, height and view.
   kTurns,  ///< Straight, 90 degrees left, straight, 90 degrees left, straight.
+  kRing,   ///< Around the corridor (room.h), 86 m a time at 1.5 m/s.
 };
 
 struct PathOptions {

@@ -158,11 +158,47 @@ std::vector<Box> make_furniture(std::uint64_t seed) {
   return boxes;
 }
 
+/// What the ring leads around, and cupboards along both of its walls, of which none stands in a
+/// corner.
+std::vector<Box> make_cupboards(std::uint64_t seed) {
+  Random random(seed);
+  constexpr double kInner = kCorridorSide_m - kCorridorWidth_m;
+  std::vector<Box> boxes;
+  boxes.push_back({{kCorridorWidth_m, kCorridorWidth_m, 0}, {kInner, kInner, kCorridorHeight_m}});
+  for (int wall = 0; wall < 8; ++wall) {
+    const int axis = wall / 2 % 2;
+    const bool outer = wall < 4;
+    const bool low = wall % 2 == 0;
+    constexpr double kFirst = 5.5, kStep = 3.5;
+    for (double middle = outer ? kFirst : kFirst + kStep / 2;
+         middle < kCorridorSide_m - kFirst + 0.1; middle += kStep) {
+      const double along = middle + random.uniform(-0.6, 0.6);
+      const double half = random.uniform(0.25, 0.7);
+      const double depth = random.uniform(0.12, 0.35);
+      Box box;
+      box.low(1 - axis) = along - half;
+      box.high(1 - axis) = along + half;
+      // From the wall into the corridor.
+      double from = low ? 0.0 : kCorridorSide_m - depth;
+      if (!outer) from = low ? kCorridorWidth_m - depth : kInner;
+      box.low(axis) = from;
+      box.high(axis) = from + depth;
+      box.low(2) = 0;
+      box.high(2) = random.uniform(0.6, 2.4);
+      boxes.push_back(box);
+    }
+  }
+  return boxes;
+}
+
 }  // namespace
 
-Room::Room(std::uint64_t seed) : furniture_(make_furniture(derive_seed(seed, "furniture"))) {
+Room::Room(std::uint64_t seed, RoomKind kind)
+    : size_(size_of(kind)),
+      furniture_(kind == RoomKind::kRoom ? make_furniture(derive_seed(seed, "furniture"))
+                                         : make_cupboards(derive_seed(seed, "furniture"))) {
   const auto texture_seed = derive_seed(seed, "textures");
-  add_faces({{0, 0, 0}, {kRoomSide_m, kRoomSide_m, kRoomHeight_m}}, texture_seed, faces_);
+  add_faces({{0, 0, 0}, size_}, texture_seed, faces_);
   for (const auto& box : furniture_) add_faces(box, texture_seed, faces_);
 }
 
@@ -171,8 +207,7 @@ int Room::face_seen(const Eigen::Vector3f& from, const Eigen::Vector3f& directio
   // Out of the room: the nearest of its planes that lies ahead.
   float nearest = std::numeric_limits<float>::max();
   int seen = 0;
-  const Eigen::Vector3f room(static_cast<float>(kRoomSide_m), static_cast<float>(kRoomSide_m),
-                             static_cast<float>(kRoomHeight_m));
+  const Eigen::Vector3f room = size_.cast<float>();
   for (int axis = 0; axis < 3; ++axis) {
     const bool high = direction(axis) > 0;
     const float way = ((high ? room(axis) : 0.0F) - from(axis)) * inverse(axis);

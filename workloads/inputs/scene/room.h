@@ -22,6 +22,19 @@ struct Box {
 inline constexpr double kRoomSide_m = 8.0;
 inline constexpr double kRoomHeight_m = 4.0;
 
+/// A square ring, 25 m a side outside and 3 m high, a corner at the origin: what a robot sees first
+/// is behind it until it has been all around.
+inline constexpr double kCorridorSide_m = 25.0;
+inline constexpr double kCorridorWidth_m = 2.6;
+inline constexpr double kCorridorHeight_m = 3.0;
+
+enum class RoomKind : std::uint8_t { kRoom, kCorridor };
+[[nodiscard]] inline Eigen::Vector3d size_of(RoomKind kind) {
+  return kind == RoomKind::kRoom
+             ? Eigen::Vector3d(kRoomSide_m, kRoomSide_m, kRoomHeight_m)
+             : Eigen::Vector3d(kCorridorSide_m, kCorridorSide_m, kCorridorHeight_m);
+}
+
 /// Grey levels on a rectangle in space, with coarser copies of itself.
 struct Face {
   Eigen::Vector3d origin;         ///< Of texel (0, 0).
@@ -33,13 +46,14 @@ struct Face {
 class Room {
  public:
   /// Furniture and textures are a function of @p seed.
-  explicit Room(std::uint64_t seed);
+  explicit Room(std::uint64_t seed, RoomKind kind = RoomKind::kRoom);
   [[nodiscard]] const std::vector<Box>& furniture() const { return furniture_; }
   [[nodiscard]] const std::vector<Face>& faces() const { return faces_; }
   /// The face that a ray from within the room meets first.
   [[nodiscard]] int face_seen(const Eigen::Vector3f& from, const Eigen::Vector3f& direction) const;
 
  private:
+  Eigen::Vector3d size_;
   std::vector<Box> furniture_;
   std::vector<Face> faces_;  ///< 6 of the room, then 6 a box: low x, high x, low y, ...
 };

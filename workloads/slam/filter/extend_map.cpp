@@ -26,16 +26,6 @@ bool is_followed(const State& state, std::int64_t landmark) {
                              [&](const Track& track) { return track.landmark == landmark; });
 }
 
-void keep_map_point(State& state, const Setup& setup, const Landmark& landmark,
-                    const Eigen::Matrix3d& covariance) {
-  if (setup.most_map_points <= 0) return;
-  if (std::ssize(state.map) >= setup.most_map_points) {
-    state.map.erase(std::ranges::min_element(state.map, {}, &MapPoint::last_frame));
-  }
-  state.map.push_back({landmark.position, covariance, landmark.descriptor, landmark.seen_from,
-                       landmark.last_frame});
-}
-
 /// Makes room for @p wanted landmarks: those that were not found again where they should be, else
 /// those that were used least, among those that are not seen.
 /// @return  For how many there is room.
@@ -58,7 +48,10 @@ std::size_t make_room(State& state, const Setup& setup, std::size_t wanted) {
          leaving.size() < unseen.size()) {
     const std::size_t index = unseen[leaving.size()].index;
     if (state.landmarks[index].misses < kMostMisses) {
-      keep_map_point(state, setup, state.landmarks[index], landmark_covariance(state, index));
+      const Landmark& gone = state.landmarks[index];
+      add_map_point(state, setup,
+                    {gone.id, gone.position, landmark_covariance(state, index), gone.descriptor,
+                     gone.seen_from, gone.last_frame});
     }
     leaving.push_back(index);
   }
@@ -241,8 +234,9 @@ void add_tracks(State& state, const Setup& setup, const Features& features) {
 
 }  // namespace
 
-void extend_map(State& state, const Setup& setup, const Features& features) {
-  if (state.clones.empty()) return;  // No frame has been seen.
+MapChange extend_map(State& state, const Setup& setup, const Features& features,
+                     const BetterMap& better) {
+  if (state.clones.empty()) return {};  // No frame has been seen.
   if (setup.update && !state.still && state.status == Status::kTracking) {
     remove_bad_landmarks(state);
     promote_tracks(state, setup);
@@ -251,6 +245,7 @@ void extend_map(State& state, const Setup& setup, const Features& features) {
   guess_depths(state, setup);
   forget_clones(state, setup);
   add_tracks(state, setup, features);
+  return correct_map(state, setup, better);
 }
 
 }  // namespace pirt::slam

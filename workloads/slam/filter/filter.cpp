@@ -326,12 +326,16 @@ void move_world(State& state, const Similarity& to_world, const PlaceCovariance&
     shares(-1, state.landmark_at(i), landmark.position);
   }
   state.covariance = turned + shared * covariance * shared.transpose();
-  for (MapPoint& point : state.map) {
-    point.position = to_world * point.position;
-    point.seen_from = to_world * point.seen_from;
-    point.covariance = s * s * r * point.covariance * r.transpose();
-  }
+  for (MapPoint& point : state.map) move_point(point, to_world);
   for (Track& track : state.tracks) track.depth *= s;
+}
+
+void move_point(MapPoint& point, const Similarity& to_world) {
+  const double s = to_world.scale;
+  const Eigen::Matrix3d& r = to_world.pose.rotation;
+  point.position = to_world * point.position;
+  point.seen_from = to_world * point.seen_from;
+  point.covariance = s * s * r * point.covariance * r.transpose();
 }
 
 RowBlock without_point(const RowBlock& block, const Eigen::MatrixXd& to_point) {

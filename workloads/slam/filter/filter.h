@@ -69,6 +69,9 @@ using PlaceCovariance = Eigen::Matrix<double, 7, 7>;
 /// @param covariance  Of @p to_world: what all poses and points are then off by together.
 void move_world(State& state, const Similarity& to_world, const PlaceCovariance& covariance);
 
+/// The same of a point outside of the filter, but for what the world is off by.
+void move_point(MapPoint& point, const Similarity& to_world);
+
 /// Takes a point's own error out of a block: what is left says something of the poses alone.
 [[nodiscard]] RowBlock without_point(const RowBlock& block, const Eigen::MatrixXd& to_point);
 

@@ -183,16 +183,13 @@ struct OutsideRows {
 OutsideRows rows_outside(const State& state, const Setup& setup, const MapPoint& point,
                          const Eigen::Vector2d& ray) {
   const Pose camera = camera_pose(setup, state.clones.back().body, 0);
-  const Eigen::Vector3d p = camera.rotation.transpose() * (point.position - camera.position);
-  const double w = 1 / p.z();
-  Eigen::Matrix<double, 2, 3> slope;
-  slope << w, 0, -p.x() * w * w, 0, w, -p.y() * w * w;
-  slope = setup.cameras[0].focal() * slope * camera.rotation.transpose();
+  const RayRows seen = rows_of_ray(camera, point.position, ray);
+  const Eigen::Matrix<double, 2, 3> slope = setup.cameras[0].focal() * seen.slope;
   Eigen::Matrix<double, 2, 6> pose;
   pose << slope * cross_matrix(point.position), -slope;
   const int at = State::clone_at(state.clones.size() - 1);
   OutsideRows rows;
-  rows.residual = setup.cameras[0].focal() * (ray - p.head<2>() * w);
+  rows.residual = setup.cameras[0].focal() * seen.miss;
   rows.covariance = pose * state.covariance.block<6, 6>(at, at) * pose.transpose() +
                     slope * point.covariance * slope.transpose();
   return rows;
@@ -283,7 +280,7 @@ std::vector<Landmark> landmarks_of(State& state, std::span<const Sighting> seen)
   std::vector<Landmark> landmarks;
   for (const auto& each : seen) {
     Landmark landmark;
-    landmark.id = state.next_id++;
+    landmark.id = each.point->id >= 0 ? each.point->id : state.next_id++;
     landmark.position = each.point->position;
     landmark.descriptor = each.point->descriptor;
     landmark.seen_from = each.point->seen_from;

@@ -156,6 +156,11 @@ std::optional<double> stereo_depth(const Setup& setup, const Eigen::Vector2d& le
   return 1.0 / used;
 }
 
+RayRows rows_of_ray(const Pose& camera, const Eigen::Vector3d& point, const Eigen::Vector2d& ray) {
+  const Eigen::Vector3d p = camera.rotation.transpose() * (point - camera.position);
+  return {ray - p.head<2>() / p.z(), projection_slope(p) * camera.rotation.transpose()};
+}
+
 PointRows rows_of_track(const State& state, const Setup& setup, const Track& track,
                         const Eigen::Vector3d& point) {
   Eigen::Index count = 0;

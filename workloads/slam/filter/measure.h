@@ -36,6 +36,14 @@ struct Triangulated {
 [[nodiscard]] std::optional<double> stereo_depth(const Setup& setup, const Eigen::Vector2d& left,
                                                  const Eigen::Vector2d& right, double most_miss);
 
+/// A ray beside a point that it may be of, in the ray's unit.
+struct RayRows {
+  Eigen::Vector2d miss;
+  Eigen::Matrix<double, 2, 3> slope;  ///< d ray / d point, world axes.
+};
+[[nodiscard]] RayRows rows_of_ray(const Pose& camera, const Eigen::Vector3d& point,
+                                  const Eigen::Vector2d& ray);
+
 /// All that a track's clones saw of it, as rows in pixels: of clones' errors and, in to_point, of
 /// the point's own error (world axes).
 struct PointRows {

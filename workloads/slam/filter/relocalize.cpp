@@ -235,7 +235,7 @@ class NewLandmarks {
     if (own) own_.push_back(outside);
     if (!own) taken_.push_back(known_.known[outside - known_.own]);
     points_.push_back(own ? &state_.map[outside] : &(*setup_.known)[taken_.back()]);
-    ids_.push_back(state_.next_id++);
+    ids_.push_back(points_.back()->id >= 0 ? points_.back()->id : state_.next_id++);
     return ids_.back();
   }
   /// Before place_body().

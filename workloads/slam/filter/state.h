@@ -30,8 +30,9 @@ enum class Status : std::uint8_t {
 };
 [[nodiscard]] std::string_view to_string(Status status);
 
-/// A point of the world outside of the filter: known again, not corrected.
+/// A point of the world outside of the filter: known again, and corrected by correct_map() alone.
 struct MapPoint {
+  std::int64_t id = -1;  ///< Of the landmark or track that it was; -1 = of another run.
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   Descriptor descriptor{};

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "workloads/slam/filter/map_points.h"
 #include "workloads/slam/filter/state.h"
 #include "workloads/vision/pyramid.h"
 
@@ -65,9 +66,10 @@ void use_points(State& state, const Setup& setup, std::vector<Track>& ended, std
 inline constexpr std::size_t kMostPoints = 30;  ///< In one frame: what bounds its time.
 
 /// Triangulates: tracks with a good base line become landmarks or map points, new corners become
-/// tracks, and what exceeds the setup's bounds is forgotten. Does nothing before the first
-/// update_pose.
-void extend_map(State& state, const Setup& setup, const Features& features);
+/// tracks, what exceeds the setup's bounds is forgotten, and points of the map that are known
+/// better take the place of those that it has. Does nothing before the first update_pose.
+MapChange extend_map(State& state, const Setup& setup, const Features& features,
+                     const BetterMap& better = {});
 
 /// Without an IMU: takes the first frames that have a base line as the start (its length sets the
 /// unit of length).

@@ -106,7 +106,8 @@ class SerialRun {
       result.report = update_pose(state_, setup_, tracks, features);
     }
     const auto t = timer(Stage::kExtend);
-    extend_map(state_, setup_, features);
+    result.map_change = extend_map(state_, setup_, features,
+                                   options_.better_map ? options_.better_map() : BetterMap{});
   }
 
   const Sequence& sequence_;

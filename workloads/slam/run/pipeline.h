@@ -34,6 +34,7 @@ struct FrameResult {
   bool in_map = false;  ///< The pose is in the world of the setup's known map.
   Eigen::Matrix3d position_covariance = Eigen::Matrix3d::Zero();
   FrameReport report;
+  MapChange map_change;
   bool unusable = false;  ///< The picture was black or constant.
   std::array<Nanos, kStages.size()> stage_time{};
 };
@@ -54,6 +55,8 @@ struct RunOptions {
   std::function<void(std::size_t frame, std::size_t camera, GreyImage&)> spoil;
   /// Asked before each frame, whose pictures have been read; empty = each is taken.
   std::function<Next(std::size_t frame)> next;
+  /// Asked in each frame for points of the map that are known better; empty = there are none.
+  std::function<BetterMap()> better_map = {};
 };
 
 struct RunResult {

@@ -95,6 +95,9 @@ RunSummary summarize(const Sequence& sequence, const RunResult& result, const Se
     summary.tracking += frame.status == Status::kTracking ? 1U : 0U;
     summary.lost += frame.status == Status::kLost ? 1U : 0U;
     summary.unusable += frame.unusable ? 1U : 0U;
+    summary.map_change.replaced += frame.map_change.replaced;
+    summary.map_change.added += frame.map_change.added;
+    summary.map_change.refused += frame.map_change.refused;
     double sum = 0;
     for (std::size_t i = 0; i < kStages.size(); ++i) {
       ms[i].push_back(to_ms(frame.stage_time[i]));

@@ -42,6 +42,7 @@ struct RunSummary {
   std::vector<TurnError> turns;  ///< Over 1 frame and over 10, where so many have a pose and truth.
   bool scale_known = true;       ///< Aligned by SE(3); otherwise by Sim(3).
   std::size_t landmarks = 0, map_points = 0;
+  MapChange map_change;                      ///< By what was known better, all together.
   std::optional<KnownMapSummary> known_map;  ///< Where there is one.
 };
 

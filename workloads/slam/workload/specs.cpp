@@ -1,5 +1,7 @@
 #include "workloads/slam/workload/specs.h"
 
+#include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "workloads/slam/workload/recording.h"
@@ -56,6 +58,13 @@ std::vector<TensorSpec> feature_specs() {
           {"descriptors", Element::kU8, {kMostFeatures, 32}, true}};
 }
 
+std::vector<TensorSpec> better_specs() {
+  return {{"better", Element::kF64, {kMostBetter, std::int64_t{kBetterSize}}, true},
+          {"better_ids", Element::kI32, {kMostBetter, 4}, true},
+          {"better_descriptors", Element::kU8, {kMostBetter, 32}, true},
+          {"better_world", Element::kI32, {1}}};
+}
+
 std::vector<TensorSpec> track_specs(const Setup& setup, const std::string& side) {
   const std::int64_t most = most_tracks(setup);
   return {{side + "tracks", Element::kF32, {most, 2}, true},
@@ -80,10 +89,12 @@ std::vector<Workload> specs(const Setup& setup) {
   all.push_back(make(
       "update_pose", "tracks and features of a frame correct the pose", setup, std::move(seen),
       {pose, {"covariance", Element::kF32, {3, 3}}, {"report", Element::kI32, {kReportSize}}}));
+  std::vector<TensorSpec> extends = feature_specs();
+  std::ranges::copy(better_specs(), std::back_inserter(extends));
   all.push_back(make("extend_map", "tracks of a frame become landmarks, corners become tracks",
-                     setup, feature_specs(),
+                     setup, std::move(extends),
                      {{"landmarks", Element::kF32, {setup.most_landmarks, 3}, true},
-                      {"counts", Element::kI32, {2}},
+                      {"counts", Element::kI32, {5}},
                       {"body", Element::kF64, {12}},
                       {"body_covariance", Element::kF64, {3, 3}},
                       {"status", Element::kI32, {2}}}));

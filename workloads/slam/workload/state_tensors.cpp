@@ -166,6 +166,15 @@ void visit_track(auto& a, auto& track) {
   });
 }
 
+void visit_point(auto& a, auto& point) {
+  a.integer(point.id);
+  a.matrix(point.position);
+  a.matrix(point.covariance);
+  a.bytes(point.descriptor);
+  a.matrix(point.seen_from);
+  a.integer(point.last_frame);
+}
+
 /// The one place that knows the order, for both directions.
 void visit_points(auto& a, auto& state) {
   a.list(state.landmarks, [&](auto& landmark) {
@@ -178,13 +187,7 @@ void visit_points(auto& a, auto& state) {
     a.integer(landmark.misses);
   });
   a.square(state.covariance);
-  a.list(state.map, [&](auto& point) {
-    a.matrix(point.position);
-    a.matrix(point.covariance);
-    a.bytes(point.descriptor);
-    a.matrix(point.seen_from);
-    a.integer(point.last_frame);
-  });
+  a.list(state.map, [&](auto& point) { visit_point(a, point); });
   a.list(state.tracks, [&](auto& track) { visit_track(a, track); });
 }
 
@@ -236,8 +239,8 @@ std::vector<TensorSpec> state_specs(const Setup& setup) {
   const auto known = setup.known ? std::ssize(*setup.known) : std::int64_t{0};
   const std::int64_t numbers = size * size + 47 + 12 * clones + 6 * landmarks + 15 * points +
                                tracks * (7 + 4 * clones) + 6 * (kMostWaiting + 1);
-  const std::int64_t integers = 20 + clones + 4 * landmarks + points + tracks * (5 + 2 * clones) +
-                                kMostWaiting + 1 + 2 * known;
+  const std::int64_t integers = 20 + clones + 4 * landmarks + 2 * points +
+                                tracks * (5 + 2 * clones) + kMostWaiting + 1 + 2 * known;
   return {{"numbers", Element::kF64, {numbers}, true},
           {"integers", Element::kI32, {integers, 2}, true},
           {"descriptors", Element::kU8, {landmarks + tracks + points, kDescriptorBytes}, true}};

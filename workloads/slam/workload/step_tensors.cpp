@@ -10,17 +10,21 @@ namespace {
 
 using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
-void put_words(Nanos time, std::span<std::int32_t> words) {
-  const auto bits = static_cast<std::uint64_t>(time.count());
+void put_words(std::int64_t value, std::span<std::int32_t> words) {
+  const auto bits = static_cast<std::uint64_t>(value);
   words[0] = static_cast<std::int32_t>(static_cast<std::uint32_t>(bits));
   words[1] = static_cast<std::int32_t>(static_cast<std::uint32_t>(bits >> 32U));
 }
 
-Nanos time_of_words(std::span<const std::int32_t> words) {
+void put_words(Nanos time, std::span<std::int32_t> words) { put_words(time.count(), words); }
+
+std::int64_t whole_of(std::span<const std::int32_t> words) {
   const auto low = static_cast<std::uint32_t>(words[0]);
   const auto high = static_cast<std::uint32_t>(words[1]);
-  return Nanos(static_cast<std::int64_t>(std::uint64_t{high} << 32U | low));
+  return static_cast<std::int64_t>(std::uint64_t{high} << 32U | low);
 }
+
+Nanos time_of_words(std::span<const std::int32_t> words) { return Nanos(whole_of(words)); }
 
 }  // namespace
 
@@ -79,6 +83,52 @@ Features features_of(std::span<const Tensor> tensors) {
                       features.descriptors[i].begin());
   }
   return features;
+}
+
+std::vector<Tensor> tensors_of(const BetterMap& better) {
+  const auto count = std::ssize(better.points);
+  if (count > kMostBetter) {
+    throw_bad_input(std::to_string(count) + " points of a map are more than the " +
+                    std::to_string(kMostBetter) + " that extend_map takes at once");
+  }
+  auto tensors = make_tensors(better_specs());
+  for (std::size_t i = 0; i < 3; ++i) tensors[i].set_rows(count);
+  tensors[3].as<std::int32_t>()[0] = better.in_map ? 1 : 0;
+  for (std::size_t i = 0; i < better.points.size(); ++i) {
+    const MapPoint& point = better.points[i];
+    double* const values = &tensors[0].as<double>()[kBetterSize * i];
+    std::copy_n(point.position.data(), 3, values);
+    std::copy_n(point.covariance.data(), 9, values + 3);
+    std::copy_n(point.seen_from.data(), 3, values + 12);
+    const auto ids = tensors[1].as<std::int32_t>();
+    put_words(point.id, ids.subspan(4 * i, 2));
+    put_words(point.last_frame, ids.subspan(4 * i + 2, 2));
+    std::ranges::copy(point.descriptor,
+                      &tensors[2].as<std::uint8_t>()[i * point.descriptor.size()]);
+  }
+  return tensors;
+}
+
+BetterMap better_of(std::span<const Tensor> tensors) {
+  if (tensors[0].rows() != tensors[1].rows() || tensors[0].rows() != tensors[2].rows()) {
+    throw_bad_input("points of a map, their ids and descriptors that differ in number");
+  }
+  BetterMap better;
+  better.in_map = tensors[3].as<std::int32_t>()[0] != 0;
+  better.points.resize(static_cast<std::size_t>(tensors[0].rows()));
+  for (std::size_t i = 0; i < better.points.size(); ++i) {
+    MapPoint& point = better.points[i];
+    const double* const values = &tensors[0].as<double>()[kBetterSize * i];
+    point.position = Eigen::Vector3d(values);
+    point.covariance = Eigen::Matrix3d(values + 3);
+    point.seen_from = Eigen::Vector3d(values + 12);
+    const auto ids = tensors[1].as<std::int32_t>();
+    point.id = whole_of(ids.subspan(4 * i, 2));
+    point.last_frame = whole_of(ids.subspan(4 * i + 2, 2));
+    std::copy_n(&tensors[2].as<std::uint8_t>()[i * point.descriptor.size()],
+                point.descriptor.size(), point.descriptor.begin());
+  }
+  return better;
 }
 
 void write_tracks(std::span<const TrackedPoint> tracks, std::span<Tensor> tensors) {

@@ -19,6 +19,10 @@ namespace pirt::slam {
 [[nodiscard]] std::vector<Tensor> tensors_of(const Features& features);
 [[nodiscard]] Features features_of(std::span<const Tensor> tensors);
 
+/// @throws Error{kBadInput} for more than kMostBetter points.
+[[nodiscard]] std::vector<Tensor> tensors_of(const BetterMap& better);
+[[nodiscard]] BetterMap better_of(std::span<const Tensor> tensors);
+
 void write_tracks(std::span<const TrackedPoint> tracks, std::span<Tensor> tensors);
 [[nodiscard]] std::vector<TrackedPoint> tracks_of(std::span<const Tensor> tensors);
 

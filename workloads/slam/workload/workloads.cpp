@@ -96,13 +96,18 @@ void run_update(State& state, const Setup& setup, std::span<const Tensor> inputs
 
 void run_extend(State& state, const Setup& setup, std::span<const Tensor> inputs,
                 std::span<Tensor> outputs) {
-  if (sees(state, setup)) extend_map(state, setup, features_of(inputs));
+  MapChange change;
+  if (sees(state, setup)) {
+    change = extend_map(state, setup, features_of(inputs), better_of(inputs.subspan(3, 4)));
+  }
   outputs[0].set_rows(std::ssize(state.landmarks));
   for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
     Eigen::Map<Eigen::Vector3d>(&outputs[0].as<double>()[3 * i]) = state.landmarks[i].position;
   }
-  outputs[1].as<std::int32_t>()[0] = static_cast<std::int32_t>(state.tracks.size());
-  outputs[1].as<std::int32_t>()[1] = static_cast<std::int32_t>(state.map.size());
+  const std::array counts = {static_cast<int>(state.tracks.size()),
+                             static_cast<int>(state.map.size()), change.replaced, change.added,
+                             change.refused};
+  std::ranges::copy(counts, outputs[1].as<std::int32_t>().begin());
   write_pose(state.body(), outputs[2]);
   Eigen::Map<Eigen::Matrix3d>(outputs[3].as<double>().data()) = position_covariance(state);
   outputs[4].as<std::int32_t>()[0] = static_cast<std::int32_t>(state.status);
@@ -138,6 +143,7 @@ Data update_data(const DataRequest& request) {
 Data extend_data(const DataRequest& request) {
   Data data;
   data.inputs = tensors_of(recorded().features(kManyNew, request.seed));
+  for (Tensor& tensor : tensors_of(BetterMap{})) data.inputs.push_back(std::move(tensor));
   return data;
 }
 

@@ -32,8 +32,9 @@ struct FilterStep : Operation {
 ///   in their order (no row: none was found), right_tracks and right_found likewise (no row: no
 ///   second picture), and extract_features' three lists. Outputs pose f32 [12], covariance of the
 ///   position f32 [3,3] (m^2), report i32 [5].
-/// - "extend_map": one frame. Inputs extract_features' lists. Outputs landmarks f32 [<=100,3] (m),
-///   counts i32 [2] (tracks, map points), and what the frame leaves: body f64 [12] as pose,
+/// - "extend_map": one frame. Inputs extract_features' lists and those of better_specs(). Outputs
+///   landmarks f32 [<=100,3] (m), counts i32 [5] (tracks, map points; of better points replaced,
+///   added, refused), and what the frame leaves: body f64 [12] as pose,
 ///   body_covariance f64 [3,3] (m^2), status i32 [2] (Status; 1 = in the known map's world).
 [[nodiscard]] std::vector<Workload> steps(const Setup& setup);
 

@@ -1,0 +1,77 @@
+#include "workloads/slam/filter/map_points.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <unordered_map>
+#include <unordered_set>
+
+#include "workloads/slam/filter/filter.h"
+
+namespace pirt::slam {
+namespace {
+
+constexpr double kGate = 1.5;  // times the 95 % quantile
+
+/// Of two estimates whose errors may be the same, that of the least trace.
+void intersect(MapPoint& point, const MapPoint& other) {
+  const Eigen::Matrix3d mine = point.covariance.inverse();
+  const Eigen::Matrix3d theirs = other.covariance.inverse();
+  const Eigen::Vector3d my_part = mine * point.position;
+  const Eigen::Vector3d their_part = theirs * other.position;
+  constexpr int kParts = 10;
+  double least = point.covariance.trace();
+  for (int i = 1; i <= kParts; ++i) {
+    const double part = static_cast<double>(i) / kParts;
+    const Eigen::Matrix3d covariance = ((1 - part) * mine + part * theirs).inverse();
+    if (!covariance.allFinite() || covariance.trace() >= least) continue;
+    least = covariance.trace();
+    point.covariance = 0.5 * (covariance + covariance.transpose());
+    point.position = covariance * ((1 - part) * my_part + part * their_part);
+  }
+}
+
+}  // namespace
+
+void add_map_point(State& state, const Setup& setup, const MapPoint& point) {
+  if (setup.most_map_points <= 0) return;
+  if (std::ssize(state.map) >= setup.most_map_points) {
+    state.map.erase(std::ranges::min_element(state.map, {}, &MapPoint::last_frame));
+  }
+  state.map.push_back(point);
+}
+
+MapChange correct_map(State& state, const Setup& setup, const BetterMap& better) {
+  MapChange change;
+  if (better.points.empty()) return change;
+  std::unordered_map<std::int64_t, std::size_t> map;
+  for (std::size_t i = 0; i < state.map.size(); ++i) map.emplace(state.map[i].id, i);
+  std::unordered_set<std::int64_t> elsewhere;
+  for (const Landmark& landmark : state.landmarks) elsewhere.insert(landmark.id);
+  for (const Track& track : state.tracks) elsewhere.insert(track.id);
+  std::vector<MapPoint> added;
+  for (MapPoint point : better.points) {
+    if (elsewhere.contains(point.id)) continue;
+    // The map was found since.
+    if (state.in_map && !better.in_map) move_point(point, state.map_from_start);
+    const auto old = map.find(point.id);
+    if (old == map.end()) {
+      added.push_back(point);
+      continue;
+    }
+    MapPoint& mine = state.map[old->second];
+    const Eigen::Vector3d off = point.position - mine.position;
+    const Eigen::Matrix3d both = point.covariance + mine.covariance;
+    if (off.dot(both.ldlt().solve(off)) > kGate * chi_square_95(3)) {
+      ++change.refused;
+      continue;
+    }
+    intersect(mine, point);
+    ++change.replaced;
+  }
+  for (const MapPoint& point : added) add_map_point(state, setup, point);
+  change.added = static_cast<int>(added.size());
+  return change;
+}
+
+}  // namespace pirt::slam

@@ -1,0 +1,35 @@
+// The run's own points outside of the filter: kept, and corrected by somebody who looks at a whole
+// stretch of the way.
+#pragma once
+
+#include <vector>
+
+#include "workloads/slam/filter/state.h"
+
+namespace pirt::slam {
+
+/// Where there are too many, the one that was seen longest ago goes.
+void add_map_point(State& state, const Setup& setup, const MapPoint& point);
+
+/// Points as somebody knows them who has looked at more than the last pictures.
+struct BetterMap {
+  std::vector<MapPoint> points;
+  bool in_map = false;  ///< Of the setup's known map's world; otherwise of that of the start.
+};
+
+/// What became of them.
+struct MapChange {
+  int replaced = 0;
+  int added = 0;    ///< Of tracks that were no landmarks.
+  int refused = 0;  ///< Farther from where the map has them than both covariances say.
+};
+
+/// Points of bundle adjustment take the place of those of the map that have their id. Both come
+/// from the same pictures, so that what they say together is their covariance intersection; the
+/// pose is as it was, and use_map() gates what the points say of it. What is in the filter is left
+/// to the filter, and what is still being followed to the steps that follow it.
+/// @source  Julier and Uhlmann, A non-divergent estimation algorithm in the presence of unknown
+/// correlations, ACC 1997.
+MapChange correct_map(State& state, const Setup& setup, const BetterMap& better);
+
+}  // namespace pirt::slam
