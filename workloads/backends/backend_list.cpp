@@ -24,6 +24,8 @@ std::vector<OptionSpec> options_of(std::string_view backend) {
   return {};
 }
 
+bool leaves_calls_of(std::string_view backend) { return backend == "cpu"; }
+
 std::vector<std::string> settings_of(std::string_view backend) {
   if (backend == "nats") return nats_settings();
   return {};

@@ -14,6 +14,8 @@ namespace pirt {
 /// What a platform file may give under a unit's `options:`, and a device reads from its request.
 /// All of them change figures. Nothing for a name that is no backend's.
 [[nodiscard]] std::vector<OptionSpec> options_of(std::string_view backend);
+/// Whether its kernels can be left between two slices (model/slices.h).
+[[nodiscard]] bool leaves_calls_of(std::string_view backend);
 /// Keys of a unit whose values are texts for its backend, which gets a map of them as its request's
 /// script. They say where it is, and change no figures by themselves.
 [[nodiscard]] std::vector<std::string> settings_of(std::string_view backend);

@@ -4,7 +4,9 @@
 #include <iterator>
 
 #include "workloads/catalog/workload_list.h"
+#include "workloads/dnn/dnn.h"
 #include "workloads/mapping/specs.h"
+#include "workloads/model/host_function.h"
 #include "workloads/planning/specs.h"
 #include "workloads/recognition/specs.h"
 #include "workloads/slam/workload/specs.h"
@@ -25,13 +27,19 @@ const WorkloadList& all_specs() {
   return all;
 }
 
+std::vector<double> slices_of(const Workload& workload) {
+  const auto* function = dynamic_cast<const HostFunction*>(workload.operation.get());
+  return function != nullptr ? function->slices : dnn::slices_of(workload);
+}
+
 WorkloadSpec spec_of(const Workload& workload) {
   return {.name = workload.name,
           .inputs = workload.inputs,
           .outputs = workload.outputs,
           .state = workload.state,
           .ops = workload.ops,
-          .bytes = workload.bytes()};
+          .bytes = workload.bytes(),
+          .slices = slices_of(workload)};
 }
 
 }  // namespace

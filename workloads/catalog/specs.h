@@ -22,6 +22,9 @@ struct WorkloadSpec {
   const std::optional<StateSpec>& state;
   std::optional<std::int64_t> ops;
   std::int64_t bytes = 0;
+  /// The parts of a call, of usual data, after each of which but the last it can be left
+  /// (model/slices.h), as shares of its time; empty = it cannot.
+  std::vector<double> slices = {};
 };
 
 /// In the catalog's order, without variants and batches.

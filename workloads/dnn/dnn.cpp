@@ -209,6 +209,49 @@ Workload make_sequence(std::string name, std::string description, std::vector<Wo
   return w;
 }
 
+namespace {
+
+/// On such a core no longer than 2.1 ms.
+constexpr std::int64_t kMostOpsOfAPart = 250'000'000;
+constexpr std::int64_t kOpsPerByte = 8;
+
+/// What it takes, in operations.
+std::int64_t weight_of(const Workload& layer) {
+  return std::max(layer.ops.value_or(0), kOpsPerByte * layer.bytes());
+}
+
+}  // namespace
+
+int parts_of(const Workload& layer, int batch) {
+  const bool whole = batch != 1 || layer.precision != Precision::kF32 || layer.parameters.empty() ||
+                     layer.kernel == "max_pool";
+  const auto* full = dynamic_cast<const FullyConnected*>(layer.operation.get());
+  if (whole || (full != nullptr && full->activation == Activation::kSoftmax)) return 1;
+  // Channels come in blocks of vectors.
+  constexpr int kChannels = 32;
+  int parts = 1;
+  while (weight_of(layer) > parts * kMostOpsOfAPart &&
+         layer.outputs[0].shape[0] % (2 * parts * kChannels) == 0) {
+    parts *= 2;
+  }
+  return parts;
+}
+
+std::vector<double> slices_of(const Workload& chain) {
+  const auto* sequence = dynamic_cast<const Sequence*>(chain.operation.get());
+  if (sequence == nullptr) return {};
+  std::vector<double> shares;
+  double all = 0;
+  for (const Workload& layer : sequence->layers) {
+    const int parts = parts_of(layer, chain.batch);
+    const auto weight = static_cast<double>(weight_of(layer));
+    shares.insert(shares.end(), static_cast<std::size_t>(parts), weight / parts);
+    all += weight;
+  }
+  for (double& share : shares) share /= all;
+  return shares;
+}
+
 Workload make_alexnet() {
   return make_sequence("alexnet", "AlexNet, the whole chain, 3x227x227 to 1000 probabilities",
                        alexnet_layers(), kChainTolerance);

@@ -12,6 +12,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/mapping/reprojection.h"
+#include "workloads/model/slices.h"
 
 namespace pirt::mapping {
 namespace {
@@ -113,8 +114,10 @@ class Iterations : public ceres::IterationCallback {
  public:
   explicit Iterations(const BundleOptions& options) : options_(options) {}
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& done) override {
-    return options_.goes_on(done.iteration, done.cost) ? ceres::SOLVER_CONTINUE
-                                                       : ceres::SOLVER_ABORT;
+    if (options_.goes_on && !options_.goes_on(done.iteration, done.cost))
+      return ceres::SOLVER_ABORT;
+    between_slices();
+    return ceres::SOLVER_CONTINUE;
   }
 
  private:
@@ -147,7 +150,7 @@ class Adjustment {
     solver_.logging_type = ceres::SILENT;
     // Costs that differ by less are the same map.
     solver_.function_tolerance = 1e-7;
-    if (options.goes_on) solver_.callbacks.push_back(&iterations_);
+    solver_.callbacks.push_back(&iterations_);
   }
 
   [[nodiscard]] ceres::Solver::Summary solve() {

@@ -1,6 +1,7 @@
 #include "workloads/mapping/specs.h"
 
 #include "workloads/mapping/bal.h"
+#include "workloads/model/host_function.h"
 
 namespace pirt::mapping {
 
@@ -10,6 +11,9 @@ std::vector<Workload> specs() {
   w.name = w.kernel = "bundle_adjust";
   w.description = "cameras and points of up to 100 images to the least reprojection error";
   w.tags = {"mapping"};
+  // After its first look at the problem and between its iterations: of the sample 32, some of which
+  // try a step more than once.
+  w.operation = host_function(std::vector<double>(33, 1.0 / 33));
   w.inputs = {{"seen_by", Element::kI32, {kRoomForObservations, 2}, true},
               {"pixels", Element::kF64, {kRoomForObservations, 2}, true},
               {"cameras", Element::kF64, {kRoomForImages, kCameraSize}, true},

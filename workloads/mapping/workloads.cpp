@@ -202,10 +202,10 @@ void take_outputs(std::span<const Tensor> outputs, BalProblem& problem) {
 }
 
 std::vector<Workload> all() {
-  auto function = std::make_shared<HostFunction>();
-  function->prepare = [](std::span<const Tensor>) -> KernelFunction { return adjust; };
   auto all = specs();
   Workload& w = all[0];
+  auto function = std::make_shared<HostFunction>(operation_as<HostFunction>(w));
+  function->prepare = [](std::span<const Tensor>) -> KernelFunction { return adjust; };
   w.operation = std::move(function);
   w.make_data = sample;
   w.reference = [](const Data& data) {

@@ -9,6 +9,7 @@
 
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
+#include "workloads/model/slices.h"
 
 namespace pirt::recognition {
 namespace {
@@ -63,7 +64,9 @@ Scene describe_scene(const std::string& name, const Tensor& image, Model& detect
   scene.objects = detect_objects(detector, image, options);
   scene.height = image.dim(1);
   scene.width = image.dim(2);
-  if (classifier != nullptr) scene.labels = classify(*classifier, image, labels);
+  if (classifier == nullptr) return scene;
+  between_slices();
+  scene.labels = classify(*classifier, image, labels);
   return scene;
 }
 

@@ -1,5 +1,7 @@
 #include "workloads/recognition/specs.h"
 
+#include "workloads/model/host_function.h"
+
 namespace pirt::recognition {
 namespace {
 
@@ -57,7 +59,10 @@ std::vector<Workload> specs() {
   std::vector<Workload> all;
   all.push_back(make("detect_objects",
                      "boxes of a small detector of seeded weights on a picture of 640x480"));
+  all[0].operation = host_function({});
   all.push_back(make("describe_scene", "that detector and a classifier on a picture of 640x480"));
+  // Between its networks.
+  all[1].operation = host_function({0.6, 0.4});
   all[1].parameters.push_back(
       {"classifier", Element::kF32, {weight_count(generated_classifier())}});
   all[1].outputs.push_back({"labels", Element::kI32, {kLabels}});

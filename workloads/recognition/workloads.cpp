@@ -147,7 +147,7 @@ std::vector<Workload> all() {
   auto all = specs();
   for (Workload& w : all) {
     const bool describes = w.parameters.size() > 1;
-    auto function = std::make_shared<HostFunction>();
+    auto function = std::make_shared<HostFunction>(operation_as<HostFunction>(w));
     function->prepare = describes ? prepare_describer : prepare_detector;
     w.operation = std::move(function);
     w.make_data = [describes](const DataRequest& request) { return make_data(request, describes); };

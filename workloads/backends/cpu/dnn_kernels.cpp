@@ -3,6 +3,7 @@
 //
 // Weights are reordered once. Activations change layout only where two neighbours differ, and at
 // the two ends, where the host's plain tensors are used in place if the primitive takes them so.
+#include <algorithm>
 #include <array>
 #include <oneapi/dnnl/dnnl.hpp>
 #include <unordered_map>
@@ -12,6 +13,7 @@
 #include "workloads/backends/cpu/dnn_precision.h"
 #include "workloads/backends/cpu/kernels.h"
 #include "workloads/dnn/dnn.h"
+#include "workloads/model/slices.h"
 
 namespace pirt::cpu {
 namespace {
@@ -29,6 +31,21 @@ memory::desc plain(const memory::dims& dims) {
 
 /// The same values in whatever layout the primitive likes best.
 memory::desc any(const memory::dims& dims) { return {dims, kF32, Format::any}; }
+
+/// Whether the values of @p part, some output channels of one image, lie in memory one after the
+/// other as in @p whole, which has all.
+bool is_part_of(const memory::desc& part, const memory::desc& whole) {
+  const auto& a = part.data.format_desc.blocking;
+  const auto& b = whole.data.format_desc.blocking;
+  const int inner = a.inner_nblks;
+  const int dims = part.data.ndims;
+  return inner == b.inner_nblks && std::equal(a.inner_blks, a.inner_blks + inner, b.inner_blks) &&
+         std::equal(a.inner_idxs, a.inner_idxs + inner, b.inner_idxs) &&
+         std::equal(a.strides + 1, a.strides + dims, b.strides + 1) && whole.dims()[0] == 1 &&
+         whole.data.ndims == dims &&
+         whole.get_size() * static_cast<std::size_t>(part.dims()[1]) ==
+             part.get_size() * static_cast<std::size_t>(whole.dims()[1]);
+}
 
 /// Dimensions of an activation with its batch in front, which the tensor of a single image has not.
 memory::dims with_batch(const TensorSpec& spec, int batch) {
@@ -51,7 +68,12 @@ class DnnKernel : public Kernel {
 
   std::optional<Nanos> execute(int repeats) override {
     for (int i = 0; i < repeats; ++i) {
-      for (const auto& step : steps_) step.primitive.execute(stream_, step.arguments);
+      for (const auto& step : steps_) {
+        step.primitive.execute(stream_, step.arguments);
+        if (!step.ends_slice || &step == &steps_.back() || !are_slices_heard()) continue;
+        stream_.wait();
+        between_slices();
+      }
     }
     stream_.wait();
     return std::nullopt;
@@ -62,21 +84,25 @@ class DnnKernel : public Kernel {
   }
 
   /// Adds the layer that @p layer's operation says. @param parameters  Its own.
-  void add(const Workload& layer, std::span<const Tensor> parameters) {
+  /// @param parts  As dnn::parts_of.
+  void add(const Workload& layer, std::span<const Tensor> parameters, int parts = 1) {
     const Operation* op = layer.operation.get();
     if (const auto* conv = dynamic_cast<const dnn::Conv2dRelu*>(op)) {
-      add_conv(*conv, arithmetic_of(layer.precision, conv->input, parameters[0]), parameters);
+      add_conv(*conv, arithmetic_of(layer.precision, conv->input, parameters[0]), parameters,
+               parts);
     } else if (const auto* pool = dynamic_cast<const dnn::MaxPool*>(op)) {
       add_pool(*pool);
     } else {
       const auto& full = operation_as<dnn::FullyConnected>(layer);
       add_fully_connected(full, arithmetic_of(layer.precision, full.input, parameters[0]),
-                          parameters);
+                          parameters, parts);
     }
+    steps_.back().ends_slice = true;
   }
 
   /// The result goes to the host in its plain layout: by the last step itself, or by one more.
   void end(const TensorSpec& output) {
+    steps_.back().ends_slice = false;
     const auto desc = plain(with_batch(output, batch_));
     if (current_.get_desc() == desc) {
       output_ = current_;
@@ -91,6 +117,7 @@ class DnnKernel : public Kernel {
   struct PrimitiveCall {
     dnnl::primitive primitive;
     std::unordered_map<int, memory> arguments;
+    bool ends_slice = false;  ///< The call can be left behind it.
   };
 
   /// The current activation in the layout and type @p desc, by one more step if it has another.
@@ -135,12 +162,55 @@ class DnnKernel : public Kernel {
           {DNNL_ARG_DST, current_}}});
   }
 
+  /// The same in several steps, each of as many output channels, in f32.
+  /// @param whole    Of all of them; it says how the result lies.
+  /// @param part     Of those of one step.
+  /// @param weights  Dimensions of one step's.
+  template <typename Primitive, typename Description>
+  void add_in_parts(const Description& whole, const Description& part, const memory::dims& weights,
+                    std::span<const Tensor> parameters) {
+    const memory source = current_as(part.src_desc());
+    const memory::desc result = part.dst_desc();
+    const bool in_place = is_part_of(result, whole.dst_desc());
+    current_ = memory(whole.dst_desc(), engine_);
+    auto* const begin = static_cast<std::byte*>(current_.get_data_handle());
+    const std::span<const float> values = parameters[0].as<float>();
+    const std::span<const float> biases = parameters[1].as<float>();
+    const auto channels = static_cast<std::size_t>(weights[0]);
+    const std::size_t steps = biases.size() / channels;
+    for (std::size_t i = 0; i < steps; ++i) {
+      const memory to = in_place ? memory(result, engine_, begin + i * result.get_size())
+                                 : memory(result, engine_);
+      steps_.push_back(
+          {Primitive(part),
+           {{DNNL_ARG_SRC, source},
+            {DNNL_ARG_WEIGHTS,
+             parameter_as(part.weights_desc(), weights, &values[i * (values.size() / steps)])},
+            {DNNL_ARG_BIAS, parameter_as(part.bias_desc(), {weights[0]}, &biases[i * channels])},
+            {DNNL_ARG_DST, to}}});
+      if (!in_place) {
+        // Channels-last: they lie between those of other parts.
+        memory::dims offsets(result.dims().size(), 0);
+        offsets[1] = static_cast<memory::dim>(i * channels);
+        const memory place(whole.dst_desc().submemory_desc(result.dims(), offsets), engine_, begin);
+        steps_.push_back({dnnl::reorder(to, place), {{DNNL_ARG_FROM, to}, {DNNL_ARG_TO, place}}});
+      }
+      steps_.back().ends_slice = true;
+    }
+  }
+
   void add_conv(const dnn::Conv2dRelu& op, const Arithmetic& arithmetic,
-                std::span<const Tensor> parameters) {
-    const dnn::ConvShape& s = op.shape;
-    add_weighted<dnnl::convolution_forward>(describe(op, batch_, arithmetic, engine_),
-                                            {s.out_c, s.in_c, s.k_h, s.k_w}, arithmetic,
-                                            parameters);
+                std::span<const Tensor> parameters, int parts) {
+    dnn::Conv2dRelu some = op;
+    some.shape.out_c /= parts;
+    const dnn::ConvShape& s = some.shape;
+    const auto whole = describe(op, batch_, arithmetic, engine_);
+    const memory::dims weights = {s.out_c, s.in_c, s.k_h, s.k_w};
+    if (parts == 1) {
+      return add_weighted<dnnl::convolution_forward>(whole, weights, arithmetic, parameters);
+    }
+    add_in_parts<dnnl::convolution_forward>(whole, describe(some, batch_, arithmetic, engine_),
+                                            weights, parameters);
   }
 
   void add_pool(const dnn::MaxPool& op) {
@@ -162,14 +232,21 @@ class DnnKernel : public Kernel {
   }
 
   void add_fully_connected(const dnn::FullyConnected& op, const Arithmetic& arithmetic,
-                           std::span<const Tensor> parameters) {
+                           std::span<const Tensor> parameters, int parts) {
     // After a convolution or a pool the activation keeps its three dimensions, and the weights are
     // laid out to fit.
     const memory::dims source = current_.get_desc().dims();
     memory::dims weights = source;
-    weights[0] = op.out;
-    add_weighted<dnnl::inner_product_forward>(describe(op, source, arithmetic, engine_), weights,
-                                              arithmetic, parameters);
+    dnn::FullyConnected some = op;
+    some.out /= parts;
+    weights[0] = some.out;
+    const auto whole = describe(op, source, arithmetic, engine_);
+    if (parts == 1) {
+      add_weighted<dnnl::inner_product_forward>(whole, weights, arithmetic, parameters);
+    } else {
+      add_in_parts<dnnl::inner_product_forward>(whole, describe(some, source, arithmetic, engine_),
+                                                weights, parameters);
+    }
     if (op.activation == dnn::Activation::kSoftmax) add_softmax();
   }
 
@@ -203,7 +280,8 @@ std::unique_ptr<Kernel> make_sequence(const Workload& workload, std::span<const 
   auto kernel = std::make_unique<DnnKernel>(workload.batch);
   kernel->begin(workload.inputs[0]);
   for (const auto& layer : operation_as<dnn::Sequence>(workload).layers) {
-    kernel->add(layer, parameters.first(layer.parameters.size()));
+    kernel->add(layer, parameters.first(layer.parameters.size()),
+                dnn::parts_of(layer, workload.batch));
     parameters = parameters.subspan(layer.parameters.size());
   }
   kernel->end(workload.outputs[0]);
