@@ -134,6 +134,7 @@ RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& m
     if (options.power_cap_w) record.over_cap = dispatcher.policy().over_cap();
     if (!mix.fires_once()) add_guarantees(scenario, setup.policy_setup.budget, record);
   }
+  if (tally.tasks.left > 0) record.slices_left = tally.tasks.left;
   if (profile != nullptr) record.draw = to_string(options.draw);
   record.bounds = bounds_of(scenario, mode.policy.cloud_use, record);
   if (!setup.policy_setup.plan.entries.empty() && mix.fires_once()) {

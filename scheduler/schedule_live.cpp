@@ -70,7 +70,9 @@ RunRecord run_live(const Platform& platform, const Profile* profile, const Mix& 
     }
     return result.tally;
   };
-  RunRecord record = run_mix(platform, profile, mix, options, driver, "live");
+  ScheduleOptions whole = options;
+  whole.slices = false;  // Calls that compute are not left.
+  RunRecord record = run_mix(platform, profile, mix, whole, driver, "live");
   if (!trace_problem.empty()) record.trace_problem = trace_problem;
   add_live(platform, result, record);
   return record;

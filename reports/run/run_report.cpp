@@ -109,6 +109,11 @@ Paragraph totals(const RunRecord& run) {
     }
     paragraph.lines.push_back(line);
   }
+  if (run.slices_left) {
+    paragraph.lines.push_back(
+        fmt::format("calls were left between two slices {} times, for tasks with a nearer deadline",
+                    *run.slices_left));
+  }
   if (run.planned_makespan_s) {
     paragraph.lines.push_back("planned makespan " + shown(run.planned_makespan_s, marks.time) +
                               " s");

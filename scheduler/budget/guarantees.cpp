@@ -24,6 +24,8 @@ struct Analysed {
   UnitId unit = 0;
   Nanos period{0};
   Nanos takes{0};
+  Nanos slice{0};     ///< Of these, until it can be left at most.
+  Nanos deadline{0};  ///< From its firing.
   Nanos slack{0};     ///< From its firing to when it has to start.
   Nanos late{0};      ///< From the nominal time to its firing, at most.
   Nanos ready{0};     ///< From its firing to when it can start, at most.
@@ -146,7 +148,7 @@ class Analysis {
     if (!is_periodic(pipeline)) {
       for (const UnitId each : task.units) {
         if (task.capacity[each] == 0) continue;
-        others_.push_back({each, task.worst[each] + task.prepare[each]});
+        others_.push_back({each, task.slice_on(each) + task.prepare[each]});
       }
       return;
     }
@@ -156,6 +158,8 @@ class Analysis {
                       .unit = unit,
                       .period = Nanos(static_cast<std::int64_t>(1e9 / *arrivals.rate_hz)),
                       .takes = takes,
+                      .slice = task.slice_on(unit) + task.prepare[unit],
+                      .deadline = *arrivals.deadline,
                       .slack = *arrivals.deadline - task.behind - takes,
                       .late = arrivals.jitter});
   }
@@ -233,12 +237,23 @@ class Analysis {
     return ready;
   }
 
-  /// Firings of the other, in a busy period, whose tasks may go before a task that has to start
-  /// @p until after the period's begin, or are there before @p until_start.
-  [[nodiscard]] static std::int64_t ahead(const Analysed& other, Nanos until, Nanos until_start) {
+  /// Whether calls of the unit are left between slices: by deadline, not by when they have to
+  /// start.
+  [[nodiscard]] bool leaves_calls(UnitId unit) const {
+    return std::ranges::any_of(tasks_, [unit](const Analysed& each) {
+      return each.unit == unit && each.slice < each.takes;
+    });
+  }
+
+  /// Firings of the other, in a busy period, whose tasks may go before @p task, ready @p into it,
+  /// or are there before @p until.
+  [[nodiscard]] std::int64_t ahead(const Analysed& task, const Analysed& other, Nanos into,
+                                   Nanos until) const {
     const Nanos spread = other.late + other.ready;
-    return std::min(count_in(until - other.slack + spread, other.period),
-                    count_in(until_start + spread, other.period));
+    Nanos sooner = task.slack - other.slack;
+    if (leaves_calls(task.unit)) sooner = std::max(sooner, task.deadline - other.deadline);
+    return std::min(count_in(into + sooner + spread, other.period),
+                    count_in(until + spread, other.period));
   }
 
   /// How long the unit may be left idle for one firing of the other while this task waits.
@@ -247,7 +262,7 @@ class Analysis {
     for (const Analysed& each : tasks_) {
       if (compete(each, task) && each.entry != other.entry) others += each.takes;
     }
-    const Nanos over = task.takes + others - other.slack;
+    const Nanos over = task.slice + others - other.slack;
     return over <= Nanos::zero() ? Nanos::zero() : other.late + over + blocking;
   }
 
@@ -259,7 +274,7 @@ class Analysis {
       if (unit == task.unit) longest = std::max(longest, std::min(takes, task.slack + into));
     }
     for (const Analysed& other : tasks_) {
-      if (compete(other, task)) longest = std::max(longest, other.takes);
+      if (compete(other, task)) longest = std::max(longest, other.slice);
     }
     return std::max(longest, Nanos::zero());
   }
@@ -275,7 +290,9 @@ class Analysis {
       Nanos next = blocking + own * task.takes;
       for (const Analysed& other : tasks_) {
         if (!compete(other, task)) continue;
-        const std::int64_t firings = ahead(other, into + task.slack, start);
+        // What can be left may be until its end.
+        const Nanos until = task.slice < task.takes ? start + task.takes : start;
+        const std::int64_t firings = ahead(task, other, into, until);
         next += firings * (other.takes + idle_for(task, other, blocking));
       }
       if (next <= start) return start;

@@ -38,7 +38,8 @@ Trial::Trial(const ModeSetup& setup) : setup_(setup), mix_(setup.scenario.mix) {
                              .classes = run.classes,
                              .in_flight = run.in_flight,
                              .duration = run.duration,
-                             .seed = derive_seed(run.seed, "trial")});
+                             .seed = derive_seed(run.seed, "trial"),
+                             .slices = run.slices});
   if (mix_.open_loop()) {
     scenario_->duration = std::min(run.duration, from_s(std::min(kTasks / task_rate(mix_), 60.0)));
   }

@@ -28,12 +28,16 @@ bool Dispatcher::take(Nanos now, Effects& out, const Make& input, const Body& bo
   now_ = std::max(now_, now);
   const std::size_t started = out.started.size();
   const std::size_t ended = out.ended.size();
+  const std::size_t left = out.left.size();
+  const std::size_t resumed = out.resumed.size();
   const bool taken = body();
   if (!taken) ++refused_;
   if (observer_ != nullptr) {
     observer_->on_input(input(), {.taken = taken,
                                   .started = std::span(out.started).subspan(started),
-                                  .ended = std::span(out.ended).subspan(ended)});
+                                  .ended = std::span(out.ended).subspan(ended),
+                                  .left = std::span(out.left).subspan(left),
+                                  .resumed = std::span(out.resumed).subspan(resumed)});
   }
   return taken;
 }
@@ -83,6 +87,7 @@ bool Dispatcher::add(FiringId firing, std::span<const Task> tasks) {
     TaskRecord& record = tasks_[added_[i]];
     record.class_index = waiting_.class_of(task.kind, up_);
     record.rank = policy_->rank(task);
+    if (task.deadline) record.deadline = *task.deadline;
     binds =
         binds || task.expires_at || task.recall || task.state || task.series || !task.reads.empty();
   }
@@ -173,7 +178,12 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
     if (state != TaskState::kRunning && state != TaskState::kCancelled) return false;
     recalls_.forget(slot);  // It is back.
     expire(Expire::kBeforeNow, out);
-    --units_[unit].running;
+    if (std::exchange(tasks_[slot].left, false)) {
+      std::erase(units_[unit].left, slot);
+      if (units_[unit].left.empty()) left_ &= ~unit_bit(unit);
+    } else {
+      --units_[unit].running;
+    }
     remove_load(slot, unit);
     note_running(unit);
     if (state == TaskState::kRunning && outcome == Outcome::kCompleted) {
@@ -193,6 +203,29 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
       give_back(slot, unit, out);
     } else {
       fail(slot, out);
+    }
+    settle(out);
+    return true;
+  });
+}
+
+bool Dispatcher::slice_ended(UnitId unit, TaskId task, Nanos now, Effects& out) {
+  const auto input = [&] {
+    return DispatcherInput{
+        .kind = DispatcherInput::Kind::kSliceEnded, .now = now_, .task = task, .unit = unit};
+  };
+  return take(now, out, input, [&] {
+    const TaskSlot slot = tasks_.find(task);
+    if (slot == kNoSlot || tasks_[slot].unit != unit || tasks_[slot].left) return false;
+    const TaskState state = tasks_[slot].state;
+    if (state != TaskState::kRunning && state != TaskState::kCancelled) return false;
+    expire(Expire::kBeforeNow, out);
+    leave(slot, unit);
+    if (let_in(unit, tasks_[slot].deadline, out)) {
+      out.left.push_back({task, unit});
+      ++counts_.left;
+    } else {
+      resume(unit);
     }
     settle(out);
     return true;
@@ -367,6 +400,7 @@ void Dispatcher::settle(Effects& out) {
   if (ties_.has_news() || waiting_.despairs()) take_news(out);
   if (ask_again_ <= now_) waiting_.forget_refusals();
   waiting_.place_held([this](TaskSlot slot) { return place(slot); });
+  if (left_ != 0) resume_left(out);
   ask_again_ = waiting_.holds_any() ? policy_->ask_again() : Nanos::max();
   if (ask_again_ <= now_) ask_again_ = Nanos::max();
   start_all(out);
@@ -390,7 +424,7 @@ void Dispatcher::take_news(Effects& out) {
 void Dispatcher::list_waiting(std::vector<int>& waiting) const {
   waiting.clear();
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
-    waiting.push_back(load_[unit] - units_[unit].running);
+    waiting.push_back(load_[unit] - units_[unit].running - left(unit));
   }
   waiting.push_back(static_cast<int>(waiting_.size()));
 }
@@ -413,7 +447,6 @@ void Dispatcher::make_ready(TaskSlot slot, bool alone) {
 
 /// Asks the policy. False if it refuses; the task is then in no queue.
 bool Dispatcher::place(TaskSlot slot) {
-  TaskRecord& record = tasks_[slot];
   const TaskClass& kind = waiting_.class_at(slot).kind;
   const Placement placement = policy_->place(kind, view());
   switch (placement.kind) {
@@ -424,15 +457,20 @@ bool Dispatcher::place(TaskSlot slot) {
       return true;
     case Placement::Kind::kUnit:
       assert(contains(kind.eligible & up_, placement.unit));
-      record.state = TaskState::kQueued;
-      record.unit = placement.unit;
-      record.dispatched_at = now_;
-      units_[placement.unit].queue.insert(tasks_, slot);
-      queued_ |= unit_bit(placement.unit);
-      ++load_[placement.unit];
+      put_in_queue(slot, placement.unit);
       return true;
   }
   return false;
+}
+
+void Dispatcher::put_in_queue(TaskSlot slot, UnitId unit) {
+  TaskRecord& record = tasks_[slot];
+  record.state = TaskState::kQueued;
+  record.unit = unit;
+  record.dispatched_at = now_;
+  units_[unit].queue.insert(tasks_, slot);
+  queued_ |= unit_bit(unit);
+  ++load_[unit];
 }
 
 void Dispatcher::start_all(Effects& out) {

@@ -26,13 +26,21 @@ namespace pirt {
 
 /// One call of the dispatcher, as it took it: `now` is never before that of the call before.
 struct DispatcherInput {
-  enum class Kind : std::uint8_t { kSubmit, kRelease, kComplete, kCancel, kSetUnit, kWake };
+  enum class Kind : std::uint8_t {
+    kSubmit,
+    kRelease,
+    kComplete,
+    kCancel,
+    kSetUnit,
+    kWake,
+    kSliceEnded
+  };
   Kind kind = Kind::kWake;
   Nanos now{0};
   FiringId firing = 0;               ///< Of kSubmit and kRelease.
   std::span<const Task> tasks = {};  ///< Of kSubmit.
-  TaskId task = 0;                   ///< Of kComplete and kCancel.
-  UnitId unit = 0;                   ///< Of kComplete and kSetUnit.
+  TaskId task = 0;                   ///< Of kComplete, kCancel and kSliceEnded.
+  UnitId unit = 0;                   ///< Of kComplete, kSetUnit and kSliceEnded.
   Outcome outcome = Outcome::kCompleted;
   UnitState state = UnitState::kUp;
 };
@@ -42,6 +50,8 @@ struct Answer {
   bool taken = true;  ///< False: it made no sense and changed nothing.
   std::span<const Start> started;
   std::span<const Ended> ended;
+  std::span<const Sliced> left = {};
+  std::span<const Sliced> resumed = {};
 };
 
 /// Hears of every input and what it brought about, in order. Must not call the dispatcher's inputs.
@@ -79,6 +89,13 @@ class Dispatcher {
   /// then with its own.
   /// Refused: a task that does not run there, as after a second completion.
   bool complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, Effects& out);
+  /// @p task, which runs on @p unit, has ended a slice there and another one follows. What waits
+  /// for the unit with a nearer deadline, and is of another workload than all that is left there,
+  /// starts in its place: the task is left (Effects::left), keeps the unit and counts as one. It
+  /// goes on when what was let in has ended and nothing waits that is more urgent
+  /// (Effects::resumed); where it is not left, at once. Refused: a task that does not run there, or
+  /// is left already.
+  bool slice_ended(UnitId unit, TaskId task, Nanos now, Effects& out);
   /// Drops a task in any state, and its successors. One that runs keeps its slot until it is
   /// completed. Does nothing if the task is done already (which its caller cannot always know).
   void cancel(TaskId task, Nanos now, Effects& out);
@@ -102,7 +119,9 @@ class Dispatcher {
   [[nodiscard]] std::int64_t refused() const { return refused_; }
   /// Q of the paper: tasks queued and running on the unit.
   [[nodiscard]] int load(UnitId unit) const { return load_[unit]; }
+  /// Without those that are left between two slices.
   [[nodiscard]] int running(UnitId unit) const { return units_[unit].running; }
+  [[nodiscard]] int left(UnitId unit) const { return static_cast<int>(units_[unit].left.size()); }
   /// Tasks that could start: by unit those in its queue, then those that are in none.
   void list_waiting(std::vector<int>& waiting) const;
   /// Absent if the task is done or unknown.
@@ -117,6 +136,7 @@ class Dispatcher {
     int running = 0;
     UnitState state = UnitState::kUp;
     TaskList queue = {};
+    std::vector<TaskSlot> left = {};  ///< Between two slices, the innermost last.
   };
   template <typename Make, typename Body>
   bool take(Nanos now, Effects& out, const Make& input, const Body& body);
@@ -147,7 +167,14 @@ class Dispatcher {
   void note_running(UnitId id);
   TaskSlot next_for(UnitId id);
   void start(TaskSlot slot, UnitId unit, Effects& out);
+  void put_in_queue(TaskSlot slot, UnitId unit);
   void take_from_queue(TaskSlot slot, UnitId unit);
+  void leave(TaskSlot slot, UnitId unit);
+  void resume(UnitId unit);
+  bool let_in(UnitId unit, Nanos before, Effects& out);
+  [[nodiscard]] bool may_let_in(TaskSlot slot, UnitId unit, Nanos before);
+  bool take_in(TaskSlot slot, UnitId unit);
+  void resume_left(Effects& out);
   void unlink(TaskSlot slot);
   void drop(TaskSlot slot, TaskEnd how, Effects& out);
   void drop_successors(TaskSlot slot, TaskEnd how, Effects& out);
@@ -168,6 +195,7 @@ class Dispatcher {
   UnitMask gone_ = 0;
   UnitMask idle_ = 0;                ///< Those that are up and have a slot left.
   UnitMask queued_ = 0;              ///< Those with something in their queue.
+  UnitMask left_ = 0;                ///< Those with tasks that are left between two slices.
   std::vector<UnitId> start_order_;  ///< The policy's order, then the units that it does not name.
   TaskStore tasks_;
   Ties ties_{tasks_};
@@ -179,6 +207,8 @@ class Dispatcher {
   std::vector<TaskSlot> added_;     ///< Of submit.
   std::vector<TaskSlot> doomed_;    ///< Those of them with a predecessor that did not complete.
   std::vector<TaskSlot> released_;  ///< Of complete.
+  std::vector<TaskSlot> urgent_;    ///< Of let_in,
+  std::vector<int> shown_;          ///< and the loads that a policy sees then.
   TaskCounts counts_;
   std::int64_t refused_ = 0;
   Nanos ask_again_ = Nanos::max();  ///< The policy's wish, while something is held.

@@ -50,10 +50,12 @@ struct TaskRecord {
   std::uint64_t sequence = 0;  ///< and then the order in which tasks became ready.
   Nanos dispatched_at{0};
   Nanos ready_at{0};
-  bool expires = false;    ///< Watched for that,
-  bool recalled = false;   ///< and for being taken back.
-  bool in_state = false;   ///< In the queue of a state; see TaskTies.
-  bool in_series = false;  ///< Not decided, and in the list of a series.
+  Nanos deadline = Nanos::max();  ///< Nanos::max() = none.
+  bool left = false;              ///< Runs, and is left between two slices.
+  bool expires = false;           ///< Watched for that,
+  bool recalled = false;          ///< and for being taken back.
+  bool in_state = false;          ///< In the queue of a state; see TaskTies.
+  bool in_series = false;         ///< Not decided, and in the list of a series.
 };
 
 /// What few tasks have, kept apart so that the others need not carry it.

@@ -73,6 +73,21 @@ class Waiting {
     return high_priority_count_ == 0 ? kNoSlot : find_first_for(unit);
   }
 
+  /// The first task of each class that is held, or in the high-priority queue, and that the unit
+  /// may take.
+  template <typename Visit>
+  void visit_first_for(UnitId unit, const Visit& visit) {
+    for (const std::uint32_t index : holding_) {
+      Class& entry = classes_[index];
+      if (contains(entry.takers, unit) && !entry.held.empty()) visit(entry.held.front());
+    }
+    for (const std::uint32_t index : prioritized_) {
+      Class& entry = classes_[index];
+      const bool any = contains(entry.takers, unit) && !entry.high_priority.empty();
+      if (any) visit(entry.high_priority.front());
+    }
+  }
+
   /// Appends the tasks that @p unit could have taken, in no queue from now on.
   void take_those_of(UnitId unit, UnitMask gone, std::vector<TaskSlot>& out);
   /// Whether tasks are held that no unit will ever take.

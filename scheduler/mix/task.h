@@ -106,6 +106,9 @@ struct Start {
   UnitId unit = 0;
   Nanos dispatched_at{0};  ///< When it was given to the unit's queue: latency counts from here.
   Nanos ready_at{0};       ///< When its predecessors were complete: waiting counts from here.
+  /// In the place of a task of the unit that has been left between two slices: where that runs,
+  /// before it goes on.
+  bool let_in = false;
 };
 
 /// How a task ended, for good; what a unit says of one try is an Outcome.
@@ -136,15 +139,26 @@ struct Recalled {
   UnitId unit = 0;
 };
 
+/// A task that runs and is left between two slices, or goes on after that.
+struct Sliced {
+  TaskId task = 0;
+  UnitId unit = 0;
+  friend bool operator==(const Sliced&, const Sliced&) = default;
+};
+
 /// What a call of the dispatcher brought about; calls append.
 struct Effects {
   std::vector<Start> started;
   std::vector<Ended> ended;
   std::vector<Recalled> recalled;
+  std::vector<Sliced> left;     ///< It keeps its unit; what starts there comes first.
+  std::vector<Sliced> resumed;  ///< The last one of its unit that was left.
   void clear() {
     started.clear();
     ended.clear();
     recalled.clear();
+    left.clear();
+    resumed.clear();
   }
 };
 
@@ -157,6 +171,7 @@ struct TaskCounts {
   std::int64_t failed = 0;
   std::int64_t no_predecessor = 0;  ///< Of `dropped`.
   std::int64_t returned = 0;        ///< How often a task was given back.
+  std::int64_t left = 0;            ///< How often one was left between two slices.
   [[nodiscard]] std::int64_t queued() const {
     return submitted - completed - dropped - expired - failed;
   }

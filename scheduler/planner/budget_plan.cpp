@@ -28,6 +28,28 @@ Nanos worst_of(const Service& service) {
   return sum;
 }
 
+/// The longest time until a call ends or can be left.
+Nanos longest_slice(const Service& service, UnitId unit) {
+  const auto sliced = service.sliced_stage(unit);
+  if (!sliced) return worst_of(service);
+  Nanos longest{0};
+  Nanos since{0};  // It could be left.
+  for (std::size_t i = 0; i < service.stages.size(); ++i) {
+    const ServiceStage& stage = service.stages[i];
+    const Nanos takes = scaled(usual_worst(stage.time), stage.scale);
+    if (i != *sliced) {
+      since += takes;
+      continue;
+    }
+    for (std::size_t part = 0; part < service.slices.size(); ++part) {
+      since += scaled(takes, service.slices[part]);
+      longest = std::max(longest, since);
+      if (part + 1 < service.slices.size()) since = Nanos::zero();
+    }
+  }
+  return std::max(longest, since);
+}
+
 /// The most joules of a call that fall into one second: all, or a second of its hungriest stage.
 double window_j_of(const Platform& platform, const Service& service) {
   double energy_j = service.fixed_j();
@@ -70,7 +92,8 @@ BudgetPlan::Task first_task(const Scenario& scenario, const ServiceTable& upper,
                         .worst = std::vector<Nanos>(units, Nanos::zero()),
                         .context = std::vector<std::uint32_t>(units, 0),
                         .prepare = std::vector<Nanos>(units, Nanos::zero()),
-                        .window_j = std::vector<double>(units, 0.0)};
+                        .window_j = std::vector<double>(units, 0.0),
+                        .slice = std::vector<Nanos>(scenario.slices ? units : 0, Nanos::zero())};
   const bool urgent = scenario.mix.pipelines[pipeline].deadline.has_value();
   std::vector<std::optional<double>> energy_j(units);
   for (UnitId unit = 0; unit < units; ++unit) {
@@ -80,6 +103,11 @@ BudgetPlan::Task first_task(const Scenario& scenario, const ServiceTable& upper,
     task.capacity[unit] = busy_with(service, platform.units[unit], unit);
     const Service* slow = upper.find(kind.workload, unit);
     task.worst[unit] = std::max(worst_of(service), slow != nullptr ? worst_of(*slow) : Nanos(0));
+    if (scenario.slices) {
+      task.slice[unit] = longest_slice(service, unit);
+      if (slow != nullptr)
+        task.slice[unit] = std::max(task.slice[unit], longest_slice(*slow, unit));
+    }
     if (const auto& contexts = platform.units[unit].contexts) {
       task.context[unit] =
           context_of(*contexts, kind.workload, scenario.services.workloads[kind.workload]);

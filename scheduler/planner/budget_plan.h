@@ -27,6 +27,13 @@ struct BudgetPlan {
     std::vector<Nanos> prepare;    ///< By unit: what it adds where another program was before.
     std::vector<double> window_j;  ///< By unit: the most that a call draws in a second, above idle.
     Nanos behind{0};               ///< The longest way from its end to that of its firing.
+    /// By unit: of such a call the longest time until it ends or can be left; empty = it cannot be
+    /// left anywhere.
+    std::vector<Nanos> slice = {};
+    [[nodiscard]] Nanos slice_on(UnitId unit) const {
+      return slice.empty() ? worst[unit] : slice[unit];
+    }
+    [[nodiscard]] bool can_be_left(UnitId unit) const { return slice_on(unit) < worst[unit]; }
     friend bool operator==(const Task&, const Task&) = default;
   };
   /// When a pipeline fires: at offset + n / rate and up to `jitter` later.

@@ -127,12 +127,16 @@ std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, Unit
   add_waiting(entry, unit, up, now);
   std::erase_if(demands_, [own_end](const Demand& each) { return each.latest_end >= own_end; });
   std::ranges::stable_sort(demands_, {}, &Demand::latest_end);
-  Nanos free = now;                 // Without the task,
-  Nanos free_behind = now + takes;  // and behind it.
+  // What can be left goes on while nothing more urgent is there, and holds the unit for a slice.
+  const bool sliced = asking.can_be_left(unit);
+  const Nanos slice = asking.slice_on(unit);
+  Nanos free = now;  // Without the task, and behind it, or what it holds the unit for.
+  Nanos free_behind = now + (sliced ? slice + asking.prepare[unit] : takes);
   Nanos urgent{0};
   bool late = false;
   for (const Demand& each : demands_) {
     free = std::max(free, each.ready) + each.takes;
+    if (sliced && each.ready > free_behind) free_behind = each.ready + slice;
     free_behind = std::max(free_behind, each.ready) + each.takes;
     urgent += each.takes;
     late = late || (free_behind > each.latest_end && free <= each.latest_end);

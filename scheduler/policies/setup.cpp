@@ -210,6 +210,7 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
   service_options.without = options.without;
   service_options.allow_invalid = options.allow_invalid;
   service_options.draw = options.draw;
+  service_options.slices = options.slices.value_or(mode.policy.budgets);
   if (defaults.mode != nullptr) service_options.stage_scale = defaults.mode->stage_scale;
   Scenario scenario = make_scenario(platform, profile, mix, service_options, mode.policy.cloud_use);
   scenario.in_flight = choose_in_flight(scenario, options, defaults);

@@ -49,8 +49,11 @@ struct ScheduleOptions {
   std::optional<Overflow> overflow;  ///< Absent = hold.
   std::vector<std::string> without;  ///< Units that serve nothing; they draw idle power.
   bool allow_invalid = false;        ///< Use profile rows that are not valid.
-  Draw draw = Draw::kMedian;         ///< What a profile's rows take.
-  std::optional<Nanos> duration;     ///< Of open loops; absent = kDefaultDuration.
+  /// Tasks with a nearer deadline are let in between two slices of a call, where its workload says
+  /// that it can be left; absent = in mode budget alone.
+  std::optional<bool> slices = {};
+  Draw draw = Draw::kMedian;      ///< What a profile's rows take.
+  std::optional<Nanos> duration;  ///< Of open loops; absent = kDefaultDuration.
   // Of mode budget.
   std::optional<Objective> objective;     ///< Absent = rate.
   std::optional<double> min_rate_per_ms;  ///< Of completed tasks, whatever the objective.

@@ -124,6 +124,9 @@ struct RunRecord {
   std::optional<std::int64_t> over_cap;   ///< Tasks with a deadline that were begun beyond it.
   std::optional<double> power_highest_w;  ///< Of any second, with a cap, in virtual time.
 
+  /// How often calls were left between two slices for more urgent ones; absent if they never were.
+  std::optional<std::int64_t> slices_left;
+
   // Of static plans of a mix that fires once.
   std::optional<double> planned_makespan_s;
   std::vector<PlanRow> plan;  ///< In the mix's order.

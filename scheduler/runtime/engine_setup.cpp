@@ -61,6 +61,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
   mix_ = mix();
   ScheduleOptions schedule;
   schedule.mode = options_.mode;
+  schedule.slices = false;  // Nobody hears of them here.
   setup_.emplace(set_up_mode(options_.platform, options_.profile ? &*options_.profile : nullptr,
                              mix_, schedule));
   if (setup_->mode.policy.planner != nullptr) {

@@ -87,7 +87,8 @@ class LiveRun final : public Executor {
   }
 
   /// Behind the mutex, from within what a thread tells the driver.
-  void start(JobIndex job, UnitId unit) override {
+  void start(JobIndex job, UnitId unit, bool let_in) override {
+    static_cast<void>(let_in);
     if (closing_) return;  // Nobody waits for what comes now.
     ++computing_;
     const Firings::TaskPlace& place = time_.firings().place(job);
@@ -114,6 +115,10 @@ class LiveRun final : public Executor {
       call.inputs[port.input] = (*made.data)[port.output].share();
     }
     units_.run(unit, call);
+  }
+  /// Nobody hears of slices here, so that nothing is left.
+  void resume(JobIndex job, UnitId unit) override {
+    static_cast<void>(job), static_cast<void>(unit);
   }
   /// As start.
   void recall(JobIndex job, UnitId unit) override {

@@ -7,13 +7,15 @@ namespace pirt {
 Scenario make_scenario(const Platform& platform, const Profile* profile, const Mix& mix,
                        ServiceOptions options, CloudUse cloud_use) {
   options.given = given_services(platform, mix);
+  const bool slices = options.slices;
   ServiceTable services = resolve_services(platform, profile, workloads_of(mix), options);
   check_every_workload_served(platform, profile, mix, services, cloud_use);
   auto classes = task_classes(platform, mix, services);
   return {.platform = platform,
           .mix = mix,
           .services = std::move(services),
-          .classes = std::move(classes)};
+          .classes = std::move(classes),
+          .slices = slices};
 }
 
 }  // namespace pirt

@@ -6,6 +6,7 @@
 #include <array>
 
 #include "characterize/platform/elsewhere.h"
+#include "workloads/backends/backend_list.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/specs.h"
@@ -190,6 +191,15 @@ void add_context(const Cell& cell, ServiceEntry& entry) {
            .reason = why + "; give `contexts: {prepare_ms: N}` in the platform file"};
 }
 
+/// Units on which calls can be left: what runs there has one thing under way, which is here, and
+/// holds all programs at once.
+bool leaves_calls(const UnitModel& unit) {
+  const bool one_at_a_time = unit.servers == 1 && unit.discipline == Discipline::kFifo &&
+                             unit.slots.value_or(unit.measured() ? 1 : 0) == 1;
+  return one_at_a_time && !unit.contexts && !is_elsewhere(unit) && unit.role != Role::kCloud &&
+         (!unit.measured() || leaves_calls_of(unit.backend));
+}
+
 ServiceEntry resolve(const Cell& cell, std::vector<std::string>& warnings) {
   ServiceEntry entry;
   const auto rows = cell.profile == nullptr ? CallRows{} : call_rows(cell);
@@ -203,6 +213,9 @@ ServiceEntry resolve(const Cell& cell, std::vector<std::string>& warnings) {
   if (entry.service) {
     scale_stages(cell, *entry.service);
     add_energy(cell, *entry.service, warnings);
+    if (cell.options.slices && leaves_calls(cell.unit())) {
+      entry.service->slices = cell.workload.slices;
+    }
   }
   return entry;
 }
@@ -240,6 +253,15 @@ Nanos Service::total() const {
   Nanos sum{0};
   for (const auto& stage : stages) sum += stage.mean();
   return sum;
+}
+
+std::optional<std::size_t> Service::sliced_stage(UnitId unit) const {
+  std::optional<std::size_t> longest;
+  for (std::size_t i = 0; i < stages.size() && slices.size() > 1; ++i) {
+    const bool longer = !longest || stages[i].mean() > stages[*longest].mean();
+    if (stages[i].on == unit && longer) longest = i;
+  }
+  return longest;
 }
 
 Nanos Service::bottleneck(UnitId unit) const {

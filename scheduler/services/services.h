@@ -45,6 +45,9 @@ struct Service {
   /// Of a stage that is the phase `execute` of a measured row; absent = it takes its time whatever
   /// else happens.
   std::optional<CallConditions> conditions = std::nullopt;
+  /// Of the longest stage on the unit itself, the parts after each of which but the last the call
+  /// can be left, as shares of its time; empty = it cannot.
+  std::vector<double> slices = {};
 
   /// Of the stage's time before the scale, how much draws active_w: none of a metered call's.
   [[nodiscard]] double energy_scale(const ServiceStage& stage) const {
@@ -52,6 +55,8 @@ struct Service {
   }
   /// Joules of a call beyond busy servers and links.
   [[nodiscard]] double fixed_j() const { return metered_j.value_or(extra_j); }
+  /// Position of the stage that has the slices; absent if none has.
+  [[nodiscard]] std::optional<std::size_t> sliced_stage(UnitId unit) const;
   /// All stages, scaled.
   [[nodiscard]] Nanos total() const;
   /// The longest stage on @p unit itself, or the longest of all where none is.
@@ -132,6 +137,7 @@ struct ServiceOptions {
   std::vector<std::string> without;           ///< Units that serve nothing.
   bool allow_invalid = false;                 ///< Use rows that say that they are not valid.
   Draw draw = Draw::kMedian;                  ///< kSamples: the profile's samples have been read.
+  bool slices = false;                        ///< Calls are left where their workloads say so.
 };
 
 /// @param profile    Null = only what the platform file says.

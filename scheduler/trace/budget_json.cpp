@@ -34,7 +34,9 @@ BudgetPlan::Task task_from_json(const Json& json) {
           .context = json.at("context").get<std::vector<std::uint32_t>>(),
           .prepare = times_from_json(json.at("prepare_ns")),
           .window_j = json.at("window_j").get<std::vector<double>>(),
-          .behind = Nanos(json.at("behind_ns").get<std::int64_t>())};
+          .behind = Nanos(json.at("behind_ns").get<std::int64_t>()),
+          .slice = json.contains("slice_ns") ? times_from_json(json.at("slice_ns"))
+                                             : std::vector<Nanos>{}};
 }
 
 BudgetPlan::Arrivals arrivals_from_json(const Json& json) {
@@ -58,7 +60,7 @@ Json to_json(const BudgetPlan& plan) {
   if (tasks.empty()) return {};
   Json json = {{"tasks", Json::array()}, {"pipelines", Json::array()}};
   for (const auto& [pipeline, first, pinned, units, capacity, share, worst, context, prepare,
-                    call_window_j, behind] : tasks) {
+                    call_window_j, behind, slice] : tasks) {
     json["tasks"].push_back({{"pipeline", pipeline},
                              {"first", first},
                              {"pinned", pinned},
@@ -70,6 +72,7 @@ Json to_json(const BudgetPlan& plan) {
                              {"prepare_ns", in_nanos(prepare)},
                              {"window_j", call_window_j},
                              {"behind_ns", behind.count()}});
+    if (!slice.empty()) json["tasks"].back()["slice_ns"] = in_nanos(slice);
   }
   for (const auto& [rate_hz, offset, jitter, deadline, real_time] : pipelines) {
     Json each = {
@@ -92,7 +95,8 @@ BudgetPlan budget_plan_from_json(const Json& json, std::size_t units) {
     require(std::ranges::all_of(task.units, [units](UnitId unit) { return unit < units; }));
     require(task.capacity.size() == units && task.share.size() == units &&
             task.worst.size() == units && task.context.size() == units &&
-            task.prepare.size() == units && task.window_j.size() == units);
+            task.prepare.size() == units && task.window_j.size() == units &&
+            (task.slice.empty() || task.slice.size() == units));
   }
   return plan;
 }

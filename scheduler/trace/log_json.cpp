@@ -16,8 +16,8 @@
 namespace pirt {
 namespace {
 
-constexpr std::array<std::string_view, 6> kInputs = {"submit", "release",  "complete",
-                                                     "cancel", "set_unit", "wake"};
+constexpr std::array<std::string_view, 7> kInputs = {"submit",   "release", "complete",   "cancel",
+                                                     "set_unit", "wake",    "slice_ended"};
 constexpr std::array<std::string_view, 3> kOutcomes = {"completed", "failed", "returned"};
 constexpr std::array<std::string_view, 4> kUnitStates = {"up", "draining", "down", "gone"};
 
@@ -191,6 +191,15 @@ void add_task(const Task& task, std::string& line) {
   line += '}';
 }
 
+/// @param separator  Before the first.
+void add_sliced(std::string_view separator, std::span<const Sliced> tasks, std::string& line) {
+  for (const Sliced& each : tasks) {
+    fmt::format_to(std::back_inserter(line), "{}[{},{}]", separator, each.task, each.unit);
+    separator = ",";
+  }
+  if (!tasks.empty()) line += ']';
+}
+
 }  // namespace
 
 Json to_json(const DispatcherSetup& setup) {
@@ -234,7 +243,8 @@ std::string log_line(const DispatcherInput& input, const Answer& answer) {
   if (input.kind == Kind::kSubmit || input.kind == Kind::kRelease) {
     fmt::format_to(out, R"(,"firing":{})", input.firing);
   }
-  if (input.kind == Kind::kComplete || input.kind == Kind::kCancel) {
+  if (input.kind == Kind::kComplete || input.kind == Kind::kCancel ||
+      input.kind == Kind::kSliceEnded) {
     fmt::format_to(out, R"(,"task":{})", input.task);
   }
   if (input.kind == Kind::kSubmit) {
@@ -249,6 +259,7 @@ std::string log_line(const DispatcherInput& input, const Answer& answer) {
   if (input.kind == Kind::kComplete) {
     fmt::format_to(out, R"(,"unit":{},"outcome":"{}")", input.unit, word(kOutcomes, input.outcome));
   }
+  if (input.kind == Kind::kSliceEnded) fmt::format_to(out, R"(,"unit":{})", input.unit);
   if (input.kind == Kind::kSetUnit) {
     fmt::format_to(out, R"(,"unit":{},"state":"{}")", input.unit, word(kUnitStates, input.state));
   }
@@ -266,6 +277,8 @@ std::string log_line(const DispatcherInput& input, const Answer& answer) {
     separator = ",";
   }
   if (!answer.ended.empty()) line += ']';
+  add_sliced(R"(,"leave":[)", answer.left, line);
+  add_sliced(R"(,"resume":[)", answer.resumed, line);
   line += '}';
   return line;
 }
@@ -299,6 +312,15 @@ void add_task_from_json(const Json& json, LogEntry& entry) {
   }
 }
 
+std::vector<Sliced> sliced_from_json(const Json& json, const char* key) {
+  std::vector<Sliced> tasks;
+  if (!json.contains(key)) return tasks;
+  for (const auto& each : json.at(key)) {
+    tasks.push_back({whole<TaskId>(each.at(0)), whole<UnitId>(each.at(1))});
+  }
+  return tasks;
+}
+
 void add_decisions_from_json(const Json& json, LogEntry& entry) {
   entry.taken = !json.value("refused", false);
   if (json.contains("start")) {
@@ -307,6 +329,8 @@ void add_decisions_from_json(const Json& json, LogEntry& entry) {
                                time_from_json(each.at(2)), time_from_json(each.at(3))});
     }
   }
+  entry.left = sliced_from_json(json, "leave");
+  entry.resumed = sliced_from_json(json, "resume");
   if (json.contains("end")) {
     for (const auto& each : json.at("end")) {
       entry.ended.push_back(
@@ -344,6 +368,10 @@ LogEntry entry_from_json(const Json& json) {
     case Kind::kSetUnit:
       input.unit = whole<UnitId>(json.at("unit"));
       input.state = value_of<UnitState>(kUnitStates, json.at("state").get<std::string>());
+      break;
+    case Kind::kSliceEnded:
+      input.task = whole<TaskId>(json.at("task"));
+      input.unit = whole<UnitId>(json.at("unit"));
       break;
     case Kind::kWake:
       break;

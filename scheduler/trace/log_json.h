@@ -43,6 +43,7 @@ struct LogEntry {
   bool taken = true;
   std::vector<Start> started;
   std::vector<Ended> ended;
+  std::vector<Sliced> left, resumed;
 };
 
 /// "completed", "dropped": as they stand in the log.

@@ -59,12 +59,17 @@ class Replay {
       const bool taken = give(entry, out);
       ++result.inputs;
       if (taken != entry.taken || !same(entry.started, out.started) ||
-          !same(entry.ended, out.ended)) {
+          !same(entry.ended, out.ended) || entry.left != out.left || entry.resumed != out.resumed) {
+        const Effects recorded{.started = entry.started,
+                               .ended = entry.ended,
+                               .recalled = {},
+                               .left = entry.left,
+                               .resumed = entry.resumed};
         result.difference = {.entry = position_,
                              .at = entry.input.now,
                              .input = describe(entry),
-                             .recorded = describe(entry.taken, entry.started, entry.ended),
-                             .replayed = describe(taken, out.started, out.ended)};
+                             .recorded = describe(entry.taken, recorded),
+                             .replayed = describe(taken, out)};
         return result;
       }
       result.decisions += static_cast<std::int64_t>(out.started.size() + out.ended.size());
@@ -125,6 +130,8 @@ class Replay {
         return true;
       case Kind::kSetUnit:
         return dispatcher_.set_unit(input.unit, input.state, now_, out);
+      case Kind::kSliceEnded:
+        return dispatcher_.slice_ended(input.unit, input.task, now_, out);
       case Kind::kWake:
         break;
     }
@@ -153,22 +160,29 @@ class Replay {
         return fmt::format("cancel task {}", input.task);
       case Kind::kSetUnit:
         return fmt::format("change of unit {}", unit_name(input.unit));
+      case Kind::kSliceEnded:
+        return fmt::format("slice of task {} on {}", input.task, unit_name(input.unit));
       case Kind::kWake:
         break;
     }
     return "wake";
   }
 
-  std::string describe(bool taken, const std::vector<Start>& started,
-                       const std::vector<Ended>& ended) const {
+  std::string describe(bool taken, const Effects& effects) const {
     if (!taken) return "refuses it";
     std::vector<std::string> parts;
-    for (const Start& each : started) {
+    for (const Sliced& each : effects.left) {
+      parts.push_back(fmt::format("leaves task {} on {}", each.task, unit_name(each.unit)));
+    }
+    for (const Start& each : effects.started) {
       parts.push_back(fmt::format("starts task {} on {} (ready at {} ns, dispatched at {} ns)",
                                   each.task, unit_name(each.unit), each.ready_at.count(),
                                   each.dispatched_at.count()));
     }
-    for (const Ended& each : ended) {
+    for (const Sliced& each : effects.resumed) {
+      parts.push_back(fmt::format("goes on with task {} on {}", each.task, unit_name(each.unit)));
+    }
+    for (const Ended& each : effects.ended) {
       parts.push_back(fmt::format("{} task {}", verb(each.how), each.task));
     }
     return parts.empty() ? "nothing" : join(parts, ", ");

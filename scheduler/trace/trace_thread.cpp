@@ -26,6 +26,8 @@ void TraceThread::Batch::clear() {
   reads.clear();
   started.clear();
   ended.clear();
+  left.clear();
+  resumed.clear();
   waiting.clear();
 }
 
@@ -47,7 +49,9 @@ class TraceThread::Teller {
     input.tasks = tasks;
     writer_.on_input(input, {.taken = event.taken,
                              .started = take(batch_.started, started_, event.started),
-                             .ended = take(batch_.ended, ended_, event.ended)});
+                             .ended = take(batch_.ended, ended_, event.ended),
+                             .left = take(batch_.left, left_, event.left),
+                             .resumed = take(batch_.resumed, resumed_, event.resumed)});
   }
   void operator()(const Submitting& event) {
     writer_.submitting(event.task, event.pipeline, event.position, event.firing);
@@ -70,7 +74,8 @@ class TraceThread::Teller {
 
   Batch& batch_;
   TraceWriter& writer_;
-  std::size_t tasks_ = 0, after_ = 0, reads_ = 0, started_ = 0, ended_ = 0, waiting_ = 0;
+  std::size_t tasks_ = 0, after_ = 0, reads_ = 0, started_ = 0, ended_ = 0, left_ = 0;
+  std::size_t resumed_ = 0, waiting_ = 0;
 };
 
 TraceThread::TraceThread(TraceWriter& writer)
@@ -126,10 +131,14 @@ void TraceThread::on_input(const DispatcherInput& input, const Answer& answer) {
   }
   append(filling_.started, answer.started);
   append(filling_.ended, answer.ended);
+  append(filling_.left, answer.left);
+  append(filling_.resumed, answer.resumed);
   add(Input{.input = input,
             .taken = answer.taken,
             .started = answer.started.size(),
-            .ended = answer.ended.size()});
+            .ended = answer.ended.size(),
+            .left = answer.left.size(),
+            .resumed = answer.resumed.size()});
 }
 
 void TraceThread::submitting(TaskId task, std::size_t pipeline, std::size_t position,

@@ -42,7 +42,7 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
   struct Input {
     DispatcherInput input;  ///< Of its tasks only the number counts,
     bool taken = true;
-    std::size_t started = 0, ended = 0;  ///< as of these.
+    std::size_t started = 0, ended = 0, left = 0, resumed = 0;  ///< as of these.
   };
   struct Submitting {
     TaskId task;
@@ -76,6 +76,7 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
     std::vector<SeriesId> reads;
     std::vector<Start> started;
     std::vector<Ended> ended;
+    std::vector<Sliced> left, resumed;
     std::vector<int> waiting;
     void clear();
   };

@@ -79,6 +79,24 @@ Nanos CallEffects::executes(const Execution& execution, const CallConditions& co
   return takes + more;
 }
 
+CallEffects::Rest CallEffects::leave(UnitId id, Nanos now) {
+  Unit& unit = units_[id];
+  const Rest rest{unit.executing, unit.ends - now, unit.conditions};
+  unit.ends = now;
+  unit.conditions = nullptr;
+  return rest;
+}
+
+Nanos CallEffects::resume(UnitId id, const Rest& rest, Nanos now, std::uint64_t random) {
+  Unit& unit = units_[id];
+  const auto& rows = scenario_.services.units[id].handovers;
+  const Nanos passes = rows.empty() ? Nanos::zero() : handover(rows, Nanos::zero(), random);
+  unit.executing = rest.executing;
+  unit.ends = now + passes + rest.takes;
+  unit.conditions = rest.conditions;
+  return passes;
+}
+
 void CallEffects::ended(UnitId id, WorkloadId workload, Nanos now) {
   Unit& unit = units_[id];
   if (--unit.tasks == 0) unit.idle_since = now;

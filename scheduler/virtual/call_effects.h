@@ -41,6 +41,17 @@ class CallEffects {
   [[nodiscard]] Nanos executes(const Execution& execution, const CallConditions& conditions,
                                Nanos now, std::uint64_t random, std::vector<Slowed>& slowed);
 
+  /// The rest of a call that is left between two slices, while it is.
+  struct Rest {
+    Execution executing;
+    Nanos takes{0};
+    const CallConditions* conditions = nullptr;
+  };
+  /// The call on the unit is left.
+  [[nodiscard]] Rest leave(UnitId unit, Nanos now);
+  /// It goes on. @return  What passes until it does: handing it over, behind the call before.
+  [[nodiscard]] Nanos resume(UnitId unit, const Rest& rest, Nanos now, std::uint64_t random);
+
   /// The task has ended on the unit.
   void ended(UnitId unit, WorkloadId workload, Nanos now);
 

@@ -65,7 +65,9 @@ std::vector<TaskStep> plan_steps(const Scenario& scenario, const MixTask& task,
     load.context =
         context_of(*scenario.platform.units[unit].contexts, plan.workload, task.workload);
   }
-  for (const auto& stage : service.stages) {
+  const auto sliced = service.sliced_stage(unit);
+  for (std::size_t i = 0; i < service.stages.size(); ++i) {
+    const ServiceStage& stage = service.stages[i];
     steps.push_back({.servers = stage.on.value_or(TaskStep::kDelay),
                      .time = stage.time,
                      .scaled = stage.mean(),
@@ -74,6 +76,7 @@ std::vector<TaskStep> plan_steps(const Scenario& scenario, const MixTask& task,
     if (service.conditions && stage.on == unit && stage.name == to_string(Phase::kExecute)) {
       steps.back().conditions = &*service.conditions;
     }
+    if (i == sliced) steps.back().slices = &service.slices;
   }
   if (moves_data) add_transfer(scenario.platform, unit, bytes.out, steps);
   return steps;

@@ -28,6 +28,9 @@ struct TaskStep {
   bool for_data = false;      ///< A delay until the data of the predecessors is there.
   /// Of the phase `execute`: what else it may take; refers to the scenario's services. Null = no.
   const CallConditions* conditions = nullptr;
+  /// Parts after each of which but the last the call can be left, as shares; of the scenario's
+  /// services. Null = none.
+  const std::vector<double>* slices = nullptr;
 };
 
 /// Data that a task waits for once it has started, with what it moves over links.

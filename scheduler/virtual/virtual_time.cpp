@@ -34,6 +34,14 @@ struct VirtualTime::Job {
   Nanos powered{0};    ///< and the part of it that draws the unit's active_w.
   Nanos preparing{0};  ///< What this try has spent on it.
   Nanos handover{0};   ///< Until its first step on its unit; then zero.
+  // Of a step with slices: all of it, and what follows the slice that is served.
+  Nanos whole{0}, whole_powered{0}, rest{0};
+  std::uint32_t slice = 0;
+  // Of a task that was left between two slices.
+  bool left = false;  ///< It is,
+  Nanos left_at{0};   ///< since then,
+  Nanos paused{0};    ///< and was before for so long.
+  CallEffects::Rest effects = {};
 };
 
 struct VirtualTime::Timer {
@@ -134,7 +142,7 @@ void VirtualTime::close_books(Nanos end) {
   }
   for (const Job& job : jobs_) {
     if (!job.computing || job.started_at >= end) continue;
-    const Nanos busy = end - job.started_at;
+    const Nanos busy = (job.left ? std::min(job.left_at, end) : end) - job.started_at - job.paused;
     const bool draws = draws_in(scenario_.platform.units[job.unit], Phase::kExecute);
     books.charge_computed(workload_of(job), job.unit, busy, draws ? busy : Nanos::zero());
   }
@@ -182,8 +190,12 @@ bool VirtualTime::advance(Nanos now) {
     const TaskStep& step = step_of(job);
     books_.charge(step, job.unit, job.takes, job.powered);
     if (observer_ != nullptr) observer_->left(step.servers, index);
-    ++job.step;
-    begin_step(index);
+    if (step.slices != nullptr && job.rest > Nanos::zero()) {
+      end_slice(index);
+    } else {
+      ++job.step;
+      begin_step(index);
+    }
   } else {
     std::ranges::pop_heap(timers_, std::greater{});
     const Timer due = timers_.back();
@@ -210,9 +222,68 @@ void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
     books_.count_preparing(job.unit, *end.preparing);
     prepared(job, job.started_at, *end.preparing);
   }
-  if (observer_ != nullptr) observer_->left(job.unit, index);
+  if (observer_ != nullptr && !std::exchange(job.left, false)) observer_->left(job.unit, index);
   complete(index, end.outcome, end.busy, std::move(end.data));
   settle();
+}
+
+bool VirtualTime::slice_ended(JobIndex index, Nanos now) {
+  while (next() <= now) advance(now);
+  now_ = std::max(now_, now);
+  if (now_ > firings_.end() && !at_end_) close_books(firings_.end());
+  Job& job = jobs_[index];
+  must(dispatcher_.slice_ended(job.unit, job.id, now_, effects_));
+  const bool leaves = !effects_.left.empty();
+  if (leaves) leave(index);
+  settle();
+  return !leaves;
+}
+
+/// Of a modelled task.
+void VirtualTime::end_slice(JobIndex index) {
+  const Job& job = jobs_[index];
+  must(dispatcher_.slice_ended(job.unit, job.id, now_, effects_));
+  if (effects_.left.empty()) return go_on(index);
+  leave(index);
+}
+
+void VirtualTime::leave(JobIndex index) {
+  Job& job = jobs_[index];
+  job.left = true;
+  job.left_at = now_;
+  if (job.computing) {
+    if (observer_ != nullptr) observer_->left(job.unit, index);
+  } else if (call_effects_.any()) {
+    job.effects = call_effects_.leave(job.unit, now_);
+  }
+}
+
+/// Between two slices, whether it was left there or not.
+void VirtualTime::go_on(JobIndex index) {
+  Job& job = jobs_[index];
+  const bool was_left = std::exchange(job.left, false);
+  if (was_left) job.paused += now_ - job.left_at;
+  if (job.computing) {
+    note_arrival(index);
+    return executor_->resume(index, job.unit);
+  }
+  const TaskStep& step = step_of(job);
+  cut(job, step);
+  if (was_left && call_effects_.any()) {
+    job.takes += call_effects_.resume(job.unit, job.effects, now_,
+                                      hash_u64(random(index), 3 + std::uint64_t{job.slice}));
+  }
+  work_on(index, step);
+}
+
+/// The next slice is what it takes; of a new step, the first.
+void VirtualTime::cut(Job& job, const TaskStep& step) const {
+  const double share = (*step.slices)[job.slice];
+  const bool last = ++job.slice == step.slices->size();
+  job.takes = last ? job.rest : std::min(job.rest, scaled(job.whole, share));
+  job.rest -= job.takes;
+  job.powered =
+      scaled(job.whole_powered, job.whole > Nanos::zero() ? to_s(job.takes) / to_s(job.whole) : 0);
 }
 
 void VirtualTime::set_unit(UnitId unit, UnitState state, Nanos now) {
@@ -279,6 +350,8 @@ void VirtualTime::apply_starts() {
     job.dispatched_at = start.dispatched_at;
     job.started_at = now_;
     job.preparing = Nanos::zero();
+    job.left = false;
+    job.paused = job.rest = Nanos::zero();
     if (!contains(computed_, start.unit)) {
       job.handover = call_effects_.any()
                          ? call_effects_.handed_over(start.unit, now_, hash_u64(random(index), 1))
@@ -287,13 +360,10 @@ void VirtualTime::apply_starts() {
       continue;
     }
     job.computing = true;
-    if (observer_ != nullptr) {
-      const double active_w = scenario_.platform.units[start.unit].active_w;
-      observer_->arrived(start.unit, index,
-                         books_.is_metered(workload_of(job), start.unit) ? 0 : active_w);
-    }
-    executor_->start(index, start.unit);
+    note_arrival(index);
+    executor_->start(index, start.unit, start.let_in);
   }
+  for (const Sliced& each : effects_.resumed) go_on(Firings::job_of(each.task));
   for (const Ended& ended : effects_.ended) {
     release(firings_.lose(Firings::job_of(ended.task), now_));
   }
@@ -304,13 +374,23 @@ void VirtualTime::apply_starts() {
   apply_starts();  // What goes on in its place.
 }
 
+/// Of a computed task on its unit.
+void VirtualTime::note_arrival(JobIndex index) {
+  if (observer_ == nullptr) return;
+  const Job& job = jobs_[index];
+  const double active_w = scenario_.platform.units[job.unit].active_w;
+  observer_->arrived(job.unit, index, books_.is_metered(workload_of(job), job.unit) ? 0 : active_w);
+}
+
 /// The task does not go on where it is, and is placed anew.
 void VirtualTime::take_back(const Recalled& recalled) {
   const JobIndex index = Firings::job_of(recalled.task);
   Job& job = jobs_[index];
   if (job.computing) return executor_->recall(index, recalled.unit);
   const TaskStep& step = step_of(job);
-  if (!step.for_data && step.servers != TaskStep::kDelay) {
+  if (job.left) {
+    job.paused += now_ - job.left_at;
+  } else if (!step.for_data && step.servers != TaskStep::kDelay) {
     const Nanos left = servers_[step.servers]->remove(index, now_).value();
     note_next(step.servers);
     const Nanos served = job.takes - left;
@@ -323,7 +403,7 @@ void VirtualTime::take_back(const Recalled& recalled) {
                   [index](const Timer& each) { return !each.fires && each.index == index; });
     std::ranges::make_heap(timers_, std::greater{});
   }
-  complete(index, Outcome::kReturned, now_ - job.started_at, nullptr);
+  complete(index, Outcome::kReturned, now_ - job.started_at - job.paused, nullptr);
 }
 
 /// Data sets out to the unit when its predecessor completes; other transfers do not hold it up. A
@@ -384,7 +464,7 @@ void VirtualTime::begin_step(JobIndex index) {
   while (steps_[job.step].plan != nullptr && holds_context(job, *steps_[job.step].plan)) ++job.step;
   const Step& step = steps_[job.step];
   if (step.plan == nullptr) {
-    return complete(index, intended(index), now_ - job.started_at, nullptr);
+    return complete(index, intended(index), now_ - job.started_at - job.paused, nullptr);
   }
   if (step.constant) {
     job.takes = step.takes;
@@ -393,6 +473,12 @@ void VirtualTime::begin_step(JobIndex index) {
     return add_timer(data_arrival(index), false, index);
   } else {
     measure(index, *step.plan);
+  }
+  if (step.plan->slices != nullptr) {
+    job.whole = job.rest = job.takes;
+    job.whole_powered = job.powered;
+    job.slice = 0;
+    cut(job, *step.plan);
   }
   if (step.plan->servers == TaskStep::kDelay) return add_timer(now_ + job.takes, false, index);
   work_on(index, *step.plan);

@@ -38,7 +38,10 @@ class Executor {
  public:
   virtual ~Executor() = default;
   /// The task may start; VirtualTime::finished hears of its end, and not from here.
-  virtual void start(JobIndex job, UnitId unit) = 0;
+  /// @param let_in  As Start.
+  virtual void start(JobIndex job, UnitId unit, bool let_in) = 0;
+  /// The task was left between two slices and goes on.
+  virtual void resume(JobIndex job, UnitId unit) = 0;
   /// It is wanted back from there, if it has not ended.
   virtual void recall(JobIndex job, UnitId unit) = 0;
 };
@@ -66,6 +69,9 @@ class VirtualTime {
   /// @return     False if there is none.
   bool advance(Nanos now = Nanos::min());
   void finished(JobIndex job, ComputedEnd end, Nanos now);
+  /// A computed task has ended a slice, and another one follows.
+  /// @return  Whether it goes on at once; otherwise when Executor::resume says so.
+  [[nodiscard]] bool slice_ended(JobIndex job, Nanos now);
   /// The unit is up or not from now on; see Dispatcher.
   void set_unit(UnitId unit, UnitState state, Nanos now);
   /// Nothing fires any more, and what is counted is counted by now; what has fired is finished.
@@ -99,6 +105,11 @@ class VirtualTime {
   [[nodiscard]] bool holds_context(Job& job, const TaskStep& step);
   void measure(JobIndex job, const TaskStep& step);
   void work_on(JobIndex job, const TaskStep& step);
+  void cut(Job& job, const TaskStep& step) const;
+  void end_slice(JobIndex job);
+  void leave(JobIndex job);
+  void go_on(JobIndex job);
+  void note_arrival(JobIndex job);
   void note_next(std::size_t servers);
   Nanos data_arrival(JobIndex job);
   void send(UnitId unit, std::int64_t size_bytes, Nanos from);

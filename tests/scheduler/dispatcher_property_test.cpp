@@ -26,6 +26,8 @@ struct Known {
   UnitMask returned_by = 0;
   int returns = 0;
   bool recalled = false;  ///< And still there.
+  bool left = false;      ///< Between two slices.
+  std::optional<Nanos> deadline;
 };
 
 /// What became of a task of a series.
@@ -38,7 +40,11 @@ class Model {
       : random_(seed), keep_log_(keep_log), handles_(seed % 2 == 0), dispatcher_(make()) {}
 
   void step() {
-    switch (random_.below(12)) {
+    switch (random_.below(14)) {
+      case 12:
+      case 13:
+        end_slice();
+        break;
       case 0:
       case 1:
       case 2:
@@ -189,7 +195,7 @@ class Model {
         tasks[i].series = static_cast<SeriesId>(random_.below(series_.size()));
         series_[*tasks[i].series].emplace_back(id, Fate::kOpen);
       }
-      if (random_.below(2) == 0) tasks[i].deadline = now_ + Nanos(pick(40));
+      if (random_.below(2) == 0) tasks[i].deadline = known.deadline = now_ + Nanos(pick(40));
       if (random_.below(4) == 0) {
         known.recall_at = now_ + Nanos(pick(40));
         tasks[i].recall = Recall{*known.recall_at, unit_bit(kCloud)};
@@ -279,6 +285,7 @@ class Model {
     const TaskId id = candidates[random_.below(candidates.size())];
     const Known known = tasks_.at(id);
     if (outcome == Outcome::kReturned && !known.cancelled) return give_back(id);
+    forget_left(id);
     if (!known.cancelled) ++(outcome == Outcome::kCompleted ? completed_ : failed_);
     if (!known.cancelled && outcome == Outcome::kCompleted) {
       for (auto& [other, each] : tasks_) each.waits_for.erase(id);
@@ -298,6 +305,8 @@ class Model {
   void give_back(TaskId id) {
     Known& known = tasks_.at(id);
     const UnitId unit = *std::exchange(known.runs_on, std::nullopt);
+    forget_left(id);
+    known.left = false;
     known.returned_by |= unit_bit(unit);
     if (!known.recalled) ++known.returns;
     known.recalled = false;
@@ -312,6 +321,22 @@ class Model {
     ASSERT_TRUE(stays || (left & kLocal) == 0 || known.returns == kMostTries);
     absorb();
     ASSERT_FALSE(dispatcher_.complete(unit, id, Outcome::kReturned, now_, out_));
+  }
+
+  void end_slice() {
+    std::vector<TaskId> candidates;
+    for (const auto& [id, each] : tasks_) {
+      if (each.runs_on) candidates.push_back(id);
+    }
+    if (candidates.empty()) return;
+    const TaskId id = candidates[random_.below(candidates.size())];
+    const Known& known = tasks_.at(id);
+    const UnitId unit = *known.runs_on;
+    ASSERT_EQ(dispatcher_.slice_ended(unit, id, said_time(), out_), !known.left);
+    ASSERT_LE(out_.left.size(), 1U);
+    ASSERT_TRUE(out_.left.empty() || out_.left[0] == (Sliced{id, unit}));
+    // Nothing is resumed that was not left; this one, if it is left, has not ended a slice since.
+    absorb();
   }
 
   void cancel() {
@@ -346,6 +371,12 @@ class Model {
 
   /// Every start and every end has to be one that the model allows.
   void absorb() {
+    for (const Sliced& each : out_.left) {
+      Known& known = tasks_.at(each.task);
+      ASSERT_TRUE(known.runs_on == each.unit && !known.left);
+      known.left = true;
+      lefts_[each.unit].push_back(each.task);
+    }
     for (const Ended& ended : out_.ended) {
       ASSERT_TRUE(tasks_.contains(ended.task));
       Known& known = tasks_.at(ended.task);
@@ -396,10 +427,30 @@ class Model {
       ASSERT_TRUE(!known.expires_at || *known.expires_at >= taken_as_) << "started too late";
       ASSERT_TRUE(contains(known.kind.eligible & ~down_, start.unit));
       ASSERT_LE(start.dispatched_at, now_);
+      if (start.let_in) {
+        const TaskId innermost = lefts_[start.unit].back();
+        const Known& outer = tasks_.at(innermost);
+        ASSERT_TRUE(known.deadline && (!outer.deadline || *known.deadline < *outer.deadline))
+            << "let in though it is not more urgent";
+        for (const TaskId each : lefts_[start.unit]) {
+          ASSERT_NE(tasks_.at(each).kind.workload, known.kind.workload) << "one kernel, two calls";
+        }
+      }
       known.runs_on = start.unit;
       if (keep_log_) log_ += std::to_string(start.task) + letter(start.unit) + ' ';
     }
+    for (const Sliced& each : out_.resumed) {
+      ASSERT_EQ(lefts_[each.unit].back(), each.task) << "not the innermost";
+      lefts_[each.unit].pop_back();
+      tasks_.at(each.task).left = false;
+      if (keep_log_) log_ += std::to_string(each.task) + "+ ";
+    }
     out_.clear();
+  }
+
+  /// It has ended, wherever it was.
+  void forget_left(TaskId id) {
+    for (auto& [unit, tasks] : lefts_) std::erase(tasks, id);
   }
 
   std::int64_t running() const {
@@ -422,7 +473,7 @@ class Model {
     std::map<UnitId, int> on_unit;
     for (const auto& [id, each] : tasks_) {
       ASSERT_TRUE(dispatcher_.state(id).has_value());
-      if (each.runs_on) ++on_unit[*each.runs_on];
+      if (each.runs_on && !each.left) ++on_unit[*each.runs_on];
       const bool is_ready = !each.runs_on && each.waits_for.empty() && has_read(each);
       const UnitMask left = each.kind.eligible & ~each.returned_by & ~gone_;
       EXPECT_TRUE(!is_ready || !has_state(id, each) || left != 0)
@@ -430,9 +481,13 @@ class Model {
     }
     for (UnitId unit = 0; unit < kRoles.size(); ++unit) {
       EXPECT_EQ(dispatcher_.running(unit), on_unit[unit]);
+      EXPECT_EQ(dispatcher_.left(unit), static_cast<int>(lefts_[unit].size()));
+      // What is left goes on as soon as there is a slot.
+      EXPECT_TRUE(lefts_[unit].empty() || dispatcher_.running(unit) == slots_[unit]);
       EXPECT_LE(dispatcher_.running(unit), slots_[unit]);
       // Nothing waits in the queue of a unit that could start it, or of one that is not up.
-      const int queued = dispatcher_.load(unit) - dispatcher_.running(unit);
+      const int queued =
+          dispatcher_.load(unit) - dispatcher_.running(unit) - dispatcher_.left(unit);
       EXPECT_GE(queued, 0);
       const bool nothing_waits = contains(down_, unit) || dispatcher_.running(unit) < slots_[unit];
       EXPECT_TRUE(!nothing_waits || queued == 0);
@@ -453,6 +508,7 @@ class Model {
   FiringId next_firing_ = 0;
   std::int64_t completed_ = 0, dropped_ = 0, expired_ = 0, failed_ = 0;
   std::int64_t no_predecessor_ = 0, returned_ = 0;
+  std::map<UnitId, std::vector<TaskId>> lefts_;  ///< Between two slices, the innermost last.
   std::vector<std::vector<std::pair<TaskId, Fate>>> series_{3};  ///< In order of submission.
   std::set<TaskId> found_nothing_;
   Effects out_;

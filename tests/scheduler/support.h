@@ -50,7 +50,8 @@ inline std::unique_ptr<Policy> policy_of(const std::string& name, const PolicySe
 
 /// A dispatcher whose every input appends to one text what it brought about: "G3" = task 3 started
 /// on the GPU, "-3" = dropped, "!3" = expired, "?3" = no earlier firing has its data, "x3" = given
-/// back and failed, "<3" = wanted back from its unit, "refused".
+/// back and failed, "<3" = wanted back from its unit, "~3" = left between two slices, "+3" = goes
+/// on after that, "refused".
 class Script {
  public:
   Script(std::unique_ptr<Policy> policy, std::vector<std::optional<int>> slots)
@@ -77,6 +78,9 @@ class Script {
   bool release(FiringId firing) { return dispatcher_->release(firing, now_); }
   std::string complete(UnitId unit, TaskId id, Outcome outcome = Outcome::kCompleted) {
     return taken(dispatcher_->complete(unit, id, outcome, now_, out_));
+  }
+  std::string slice(UnitId unit, TaskId id) {
+    return taken(dispatcher_->slice_ended(unit, id, now_, out_));
   }
   std::string cancel(TaskId id) {
     dispatcher_->cancel(id, now_, out_);
@@ -105,10 +109,12 @@ class Script {
       if (!text.empty()) text += ' ';
       text += what + std::to_string(id);
     };
+    for (const Sliced& left : out_.left) add('~', left.task);
     for (const Start& start : out_.started) add(letter(start.unit), start.task);
     for (const Ended& ended : out_.ended)
       add(" x-! ?"[static_cast<std::size_t>(ended.how)], ended.task);
     for (const Recalled& recalled : out_.recalled) add('<', recalled.task);
+    for (const Sliced& resumed : out_.resumed) add('+', resumed.task);
     out_.clear();
     return text;
   }

@@ -53,6 +53,7 @@ struct Options {
   std::optional<std::string> basic;
   std::optional<std::string> overflow;
   std::vector<std::string> without;
+  std::optional<std::string> slices;
   std::optional<std::string> objective;
   std::optional<double> min_rate;
   std::optional<std::string> power_cap;
@@ -112,6 +113,7 @@ ScheduleOptions schedule_options(const Options& options, const std::vector<std::
     schedule.overflow = *options.overflow == "literal" ? Overflow::kLiteral : Overflow::kHold;
   }
   schedule.without = options.without;
+  if (options.slices) schedule.slices = *options.slices == "on";
   if (options.objective) schedule.objective = find_objective(*options.objective);
   schedule.min_rate_per_ms = options.min_rate;
   if (options.power_cap) schedule.power_cap_w = parse_watts(*options.power_cap);
@@ -340,6 +342,9 @@ void add_schedule(CLI::App& app, Action& action) {
             "counted");
   add_list_of(command, "--without", options->without, "UNIT,...",
               "Units that serve nothing, as if they were away from the beginning");
+  add_choice(command, "--slices", &options->slices, "WHETHER", {"on", "off"},
+             "Let tasks with a nearer deadline in between two slices of a call, where its workload "
+             "can be left there (default: on in mode budget, off in others)");
   command.add_flag("--allow-invalid", options->allow_invalid,
                    "Use profile rows that are marked invalid");
   add_choice(command, "--draw", &options->draw, "HOW", draw_names(),
@@ -368,6 +373,7 @@ void add_schedule(CLI::App& app, Action& action) {
     command.option("--pareto").excludes(command.option(name));
   for (const auto* name : {"--no-preinit", "--update-profile"})
     command.option(name).needs(command.option("--live"));
+  command.option("--slices").excludes(command.option("--live"));
   for (const auto* name : {"--allow-invalid", "--update-profile"})
     command.option(name).needs(command.option("--profile"));
   command.footer(

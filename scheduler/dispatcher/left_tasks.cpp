@@ -1,0 +1,112 @@
+// What becomes of units whose tasks are left between two slices.
+#include <algorithm>
+#include <bit>
+
+#include "scheduler/dispatcher/dispatcher.h"
+
+namespace pirt {
+
+/// The task does not run for now.
+void Dispatcher::leave(TaskSlot slot, UnitId unit) {
+  tasks_[slot].left = true;
+  units_[unit].left.push_back(slot);
+  left_ |= unit_bit(unit);
+  --units_[unit].running;
+  note_running(unit);
+}
+
+/// The last task that was left there runs again.
+void Dispatcher::resume(UnitId unit) {
+  Unit& its = units_[unit];
+  tasks_[its.left.back()].left = false;
+  its.left.pop_back();
+  if (its.left.empty()) left_ &= ~unit_bit(unit);
+  ++its.running;
+  note_running(unit);
+}
+
+/// Whether the task is urgent enough. A kernel is not called anew before its call has ended, so
+/// that none of the same workload is let in.
+bool Dispatcher::may_let_in(TaskSlot slot, UnitId unit, Nanos before) {
+  const WorkloadId workload = waiting_.class_at(slot).kind.workload;
+  return tasks_[slot].deadline < before &&
+         std::ranges::none_of(units_[unit].left, [&](TaskSlot each) {
+           return waiting_.class_at(each).kind.workload == workload;
+         });
+}
+
+/// Starts what waits for the unit, all of whose tasks are left, with the nearest deadline before
+/// @p before; false if nothing does, or the policy refuses it.
+bool Dispatcher::let_in(UnitId unit, Nanos before, Effects& out) {
+  if (units_[unit].state != UnitState::kUp) return false;
+  urgent_.clear();
+  const auto consider = [&](TaskSlot slot) {
+    if (may_let_in(slot, unit, before)) urgent_.push_back(slot);
+  };
+  const TaskList& queue = units_[unit].queue;
+  for (TaskSlot slot = queue.front(); slot != kNoSlot; slot = tasks_[slot].next) consider(slot);
+  waiting_.visit_first_for(unit, consider);
+  std::ranges::sort(urgent_, [this](TaskSlot a, TaskSlot b) {
+    const TaskRecord& first = tasks_[a];
+    const TaskRecord& second = tasks_[b];
+    return first.deadline != second.deadline ? first.deadline < second.deadline
+                                             : first.sequence < second.sequence;
+  });
+  for (const TaskSlot slot : urgent_) {
+    if (!take_in(slot, unit)) continue;
+    start(slot, unit, out);
+    out.started.back().let_in = true;
+    return true;
+  }
+  return false;
+}
+
+/// Takes the task out of the queue that it is in, so that it may start on the unit. One that is
+/// held only if the policy gives it to that now, which sees no load of what is left there.
+bool Dispatcher::take_in(TaskSlot slot, UnitId unit) {
+  const TaskClass& kind = waiting_.class_at(slot).kind;
+  switch (tasks_[slot].state) {
+    case TaskState::kQueued:
+      take_from_queue(slot, unit);
+      return true;
+    case TaskState::kHighPriority:
+      unlink(slot);
+      tasks_[slot].dispatched_at = now_;
+      policy_->took(kind, unit, view());
+      ++load_[unit];
+      return true;
+    case TaskState::kHeld:
+      break;
+    default:
+      return false;
+  }
+  shown_ = load_;
+  shown_[unit] -= left(unit);
+  const Placement placement = policy_->place(kind, {.load = shown_, .up = up_, .now = now_});
+  if (placement.kind == Placement::Kind::kHold) return false;
+  unlink(slot);
+  if (placement.kind == Placement::Kind::kHighPriority) {
+    waiting_.prioritize(slot);
+    return false;
+  }
+  put_in_queue(slot, placement.unit);
+  if (placement.unit != unit) return false;
+  take_from_queue(slot, unit);
+  return true;
+}
+
+/// Where what was let in between two slices has ended: something else is, or what was left goes on.
+void Dispatcher::resume_left(Effects& out) {
+  for (UnitMask units = left_; units != 0; units &= units - 1) {
+    const auto unit = static_cast<UnitId>(std::countr_zero(units));
+    Unit& its = units_[unit];
+    while (!its.left.empty() && its.running < its.slots) {
+      const TaskSlot innermost = its.left.back();
+      if (let_in(unit, tasks_[innermost].deadline, out)) continue;
+      out.resumed.push_back({tasks_[innermost].id, unit});
+      resume(unit);
+    }
+  }
+}
+
+}  // namespace pirt
