@@ -47,7 +47,7 @@ module mac_array (
   reg [55:0] low;
   reg [13:0] inputs_in;
   reg [COUNT-1:0] weights_in, freed;
-  wire [COUNT-1:0] kept = weights_in - freed;
+  reg [COUNT-1:0] kept;
   wire inputs_done = inputs_in == input_words;
   wire take = in_valid && in_ready;
   wire word_in = take && half;
@@ -61,7 +61,8 @@ module mac_array (
     if (word_in && !inputs_done && !inputs_in[0]) even[inputs_in[13:1]] <= word;
     if (word_in && !inputs_done && inputs_in[0]) odd[inputs_in[13:1]] <= word;
     if (word_in && inputs_done) ring[weights_in[RING-1:0]] <= word;
-    full <= kept >= 24'd8188;  // a cycle late, which the four words' room allows
+    kept <= weights_in - freed;
+    full <= kept >= 24'd8188;  // two cycles late, which the four words' room allows
     if (reset) begin
       half <= 0;
       inputs_in <= 0;
