@@ -125,10 +125,17 @@ fs::path database_beside(const fs::path& path) {
   return {};
 }
 
-/// SQLite would roll it back into the database.
+/// SQLite would roll it back into the database, or remove it; a database of such a name even with
+/// the first that is made or read beside it.
 void check_beside_databases(const NamedFile& written, const std::vector<NamedFile>& files) {
   const auto database = database_beside(destination(written.path));
   if (database.empty()) return;
+  if (written.use == FileUse::kContinued) {
+    throw_bad_input(
+        fmt::format("{} '{}' would go with '{}', which SQLite keeps such files beside; "
+                    "name another file",
+                    written.option, written.path.string(), database.string()));
+  }
   std::string head(15, ' ');
   std::ifstream(database, std::ios::binary).read(head.data(), 15);
   const bool named = std::ranges::any_of(
@@ -212,9 +219,9 @@ void check_files(std::vector<NamedFile> files) {
     for (std::size_t k = 0; k < i; ++k) check_pair(files[i], files[k]);
   }
   for (std::size_t i = 0; i < given; ++i) {
-    if (files[i].use != FileUse::kWritten) continue;
+    if (!is_written(files[i].use)) continue;
     check_beside_databases(files[i], files);
-    check_writable(files[i].path);
+    if (files[i].use == FileUse::kWritten) check_writable(files[i].path);
   }
 }
 

@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "tests/workloads/nats_server.h"
-#include "workloads/backends/nats/outbox.h"
-#include "workloads/backends/nats/subjects.h"
+#include "workloads/backends/nats/robot/outbox.h"
+#include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/text/json.h"
 
 namespace {

@@ -34,9 +34,7 @@ double task_rate(const pirt::Mix& mix) {
   return rate;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   if (argc > 1 && std::string_view(argv[1]) == "budget") {
     pirt::bench::print_closed_loops();
     pirt::bench::print_graphs();
@@ -68,4 +66,15 @@ int main(int argc, char** argv) {
     }
   }
   return pirt::bench::compare_with_simgrid() ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const pirt::Error& error) {
+    std::fprintf(stderr, "scheduler: %s\n", error.what());
+    return pirt::exit_code(error.code());
+  }
 }

@@ -283,6 +283,9 @@ TEST(Databases, KeepWhatLiesBesideThem) {
     expect_refused(pirt({"characterize", "--platform", "fake", "--filter", "^pool5$", "--db",
                          scratch.file("new.db"), "--json", scratch.file("new.db") + suffix}),
                    {"--json", "new.db"});
+    expect_refused(pirt({"characterize", "--platform", "fake", "--filter", "^pool5$", "--db",
+                         scratch.file("none.db") + suffix}),
+                   {"--db", "none.db"});
   }
   EXPECT_EQ(pirt({"list", "modes", "--json", scratch.file("notes-journal")}).exit_code, 0);
   EXPECT_EQ(slurp(database), before);

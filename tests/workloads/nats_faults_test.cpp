@@ -8,7 +8,7 @@
 
 #include "tests/support/long.h"
 #include "tests/workloads/nats_server.h"
-#include "workloads/backends/nats/subjects.h"
+#include "workloads/backends/nats/wire/subjects.h"
 
 namespace pirt::cloud::test {
 namespace {

@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "workloads/backends/nats/caller.h"
+#include "workloads/backends/nats/robot/caller.h"
 #include "workloads/base/error.h"
 
 namespace pirt::cloud {

@@ -9,7 +9,7 @@
 
 #include "tests/support/paths.h"
 #include "tests/workloads/nats_server.h"
-#include "workloads/backends/nats/subjects.h"
+#include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 
@@ -97,7 +97,7 @@ class CloudPermissions : public ::testing::Test {
 TEST(CloudPermissionFile, IsWhatTheCommandWrites) {
   std::ostringstream file;
   file << std::ifstream(std::string(pirt::test::kSourceFolder) +
-                        "/workloads/backends/nats/permissions.conf")
+                        "/workloads/backends/nats/link/permissions.conf")
               .rdbuf();
   const std::vector<std::string> robots = {"robot"};
   EXPECT_EQ(file.str(), permissions(robots));

@@ -15,9 +15,9 @@
 #include <thread>
 #include <vector>
 
-#include "workloads/backends/nats/administration.h"
-#include "workloads/backends/nats/robot_link.h"
-#include "workloads/backends/nats/worker_link.h"
+#include "workloads/backends/nats/link/administration.h"
+#include "workloads/backends/nats/robot/robot_link.h"
+#include "workloads/backends/nats/worker/worker_link.h"
 
 namespace pirt::cloud::test {
 

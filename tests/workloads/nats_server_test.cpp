@@ -11,8 +11,8 @@
 #include <random>
 
 #include "tests/support/long.h"
-#include "workloads/backends/nats/process_computer.h"
-#include "workloads/backends/nats/subjects.h"
+#include "workloads/backends/nats/wire/subjects.h"
+#include "workloads/backends/nats/worker/process_computer.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 

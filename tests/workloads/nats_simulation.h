@@ -15,8 +15,8 @@
 #include <tuple>
 #include <vector>
 
-#include "workloads/backends/nats/attendant.h"
-#include "workloads/backends/nats/caller.h"
+#include "workloads/backends/nats/robot/caller.h"
+#include "workloads/backends/nats/worker/attendant.h"
 
 namespace pirt::cloud::test {
 

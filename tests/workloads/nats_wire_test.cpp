@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cstring>
 
-#include "workloads/backends/nats/admission.h"
-#include "workloads/backends/nats/attendant.h"
-#include "workloads/backends/nats/caller.h"
+#include "workloads/backends/nats/robot/caller.h"
+#include "workloads/backends/nats/worker/admission.h"
+#include "workloads/backends/nats/worker/attendant.h"
 #include "workloads/base/math/random.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/vision/vision.h"

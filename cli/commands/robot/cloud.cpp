@@ -11,7 +11,7 @@
 #include "cli/options/files.h"
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
-#include "workloads/backends/nats/cloud_service.h"
+#include "workloads/backends/nats/worker/cloud_service.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"

@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "workloads/backends/nats/nats_settings.h"
-#include "workloads/backends/nats/own_sizes.h"
-#include "workloads/backends/nats/robot_link.h"
+#include "workloads/backends/nats/robot/robot_link.h"
+#include "workloads/backends/nats/wire/own_sizes.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/yaml.h"
 #include "workloads/model/remote.h"

@@ -34,7 +34,7 @@ void add_products(Products* sums, Rows rows, int x, int width, int sign) {
 
 /// Sums along the rows. Global ids (run, row).
 /// @param sums   i32 [5,height,pitch]: xx, xy, yy, xt, yt.
-/// @param pitch  Width rounded up to 8; columns beyond the width are not written.
+/// @param pitch  Width rounded up to 8; columns beyond the width become 0.
 __kernel void flow_row_sums(__global const uchar* restrict previous,
                             __global const uchar* restrict next, __global int* restrict sums,
                             int width, int height, int pitch, int run) {
@@ -60,6 +60,10 @@ __kernel void flow_row_sums(__global const uchar* restrict previous,
     out[x + 4 * plane] = window.yt;
     add_products(&window, rows, x + 1 + AFTER, width, 1);
     add_products(&window, rows, x - BEFORE, width, -1);
+  }
+  if (end < width) return;
+  for (int x = width; x < pitch; ++x) {
+    for (int i = 0; i < 5; ++i) out[x + i * plane] = 0;
   }
 }
 

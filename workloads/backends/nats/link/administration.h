@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "workloads/backends/nats/connection.h"
+#include "workloads/backends/nats/link/connection.h"
 
 namespace pirt::cloud {
 

@@ -16,7 +16,7 @@
 #include <variant>
 #include <vector>
 
-#include "workloads/backends/nats/wire.h"
+#include "workloads/backends/nats/wire/wire.h"
 
 namespace pirt::cloud {
 

@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/digest.h"
+#include "workloads/backends/nats/wire/digest.h"
 
 #include <openssl/evp.h>
 

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "workloads/backends/nats/administration.h"
-#include "workloads/backends/nats/worker_link.h"
+#include "workloads/backends/nats/link/administration.h"
+#include "workloads/backends/nats/worker/worker_link.h"
 #include "workloads/model/backend.h"
 
 namespace pirt::cloud {

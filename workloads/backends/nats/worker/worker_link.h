@@ -20,10 +20,10 @@
 #include <thread>
 #include <vector>
 
-#include "workloads/backends/nats/admission.h"
-#include "workloads/backends/nats/attendant.h"
-#include "workloads/backends/nats/connection.h"
-#include "workloads/backends/nats/mailbox.h"
+#include "workloads/backends/nats/link/connection.h"
+#include "workloads/backends/nats/link/mailbox.h"
+#include "workloads/backends/nats/worker/admission.h"
+#include "workloads/backends/nats/worker/attendant.h"
 
 namespace pirt::cloud {
 

@@ -1,11 +1,11 @@
-#include "workloads/backends/nats/administration.h"
+#include "workloads/backends/nats/link/administration.h"
 
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <utility>
 
-#include "workloads/backends/nats/subjects.h"
+#include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 

@@ -17,9 +17,9 @@
 #include <thread>
 #include <vector>
 
-#include "workloads/backends/nats/caller.h"
-#include "workloads/backends/nats/connection.h"
-#include "workloads/backends/nats/mailbox.h"
+#include "workloads/backends/nats/link/connection.h"
+#include "workloads/backends/nats/link/mailbox.h"
+#include "workloads/backends/nats/robot/caller.h"
 #include "workloads/model/remote.h"
 
 namespace pirt::cloud {

@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/connection.h"
+#include "workloads/backends/nats/link/connection.h"
 
 #include <fmt/core.h>
 #include <nats/nats.h>
@@ -14,7 +14,7 @@
 #include <utility>
 #include <vector>
 
-#include "workloads/backends/nats/subjects.h"
+#include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
 #include "workloads/base/text/json.h"

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "workloads/backends/nats/own_sizes.h"
-#include "workloads/backends/nats/wire.h"
+#include "workloads/backends/nats/wire/own_sizes.h"
+#include "workloads/backends/nats/wire/wire.h"
 
 namespace pirt::cloud {
 

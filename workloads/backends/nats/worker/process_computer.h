@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "workloads/backends/nats/worker_link.h"
+#include "workloads/backends/nats/worker/worker_link.h"
 
 namespace pirt::cloud {
 

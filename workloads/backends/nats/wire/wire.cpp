@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/wire.h"
+#include "workloads/backends/nats/wire/wire.h"
 
 #include <fmt/core.h>
 

@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/caller.h"
+#include "workloads/backends/nats/robot/caller.h"
 
 #include <fmt/core.h>
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "workloads/backends/nats/worker_link.h"
+#include "workloads/backends/nats/worker/worker_link.h"
 #include "workloads/model/backend.h"
 
 namespace pirt::cloud {

@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "workloads/backends/nats/wire.h"
+#include "workloads/backends/nats/wire/wire.h"
 
 namespace pirt::cloud {
 

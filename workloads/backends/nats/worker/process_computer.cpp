@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/process_computer.h"
+#include "workloads/backends/nats/worker/process_computer.h"
 
 #include <fcntl.h>
 #include <fmt/core.h>

@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/own_sizes.h"
+#include "workloads/backends/nats/wire/own_sizes.h"
 
 #include <fmt/core.h>
 

@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/admission.h"
+#include "workloads/backends/nats/worker/admission.h"
 
 #include <fmt/core.h>
 

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "workloads/backends/nats/wire.h"
+#include "workloads/backends/nats/wire/wire.h"
 
 namespace pirt::cloud {
 

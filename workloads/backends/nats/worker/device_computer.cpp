@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/device_computer.h"
+#include "workloads/backends/nats/worker/device_computer.h"
 
 #include <algorithm>
 #include <list>

@@ -18,7 +18,7 @@
 #include <variant>
 #include <vector>
 
-#include "workloads/backends/nats/digest.h"
+#include "workloads/backends/nats/wire/digest.h"
 #include "workloads/base/time.h"
 #include "workloads/model/workload.h"
 

@@ -1,11 +1,11 @@
-#include "workloads/backends/nats/worker_link.h"
+#include "workloads/backends/nats/worker/worker_link.h"
 
 #include <fmt/core.h>
 
 #include <algorithm>
 #include <utility>
 
-#include "workloads/backends/nats/subjects.h"
+#include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
 #include "workloads/base/text/json.h"

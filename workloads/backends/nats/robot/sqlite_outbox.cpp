@@ -5,7 +5,7 @@
 #include <map>
 #include <utility>
 
-#include "workloads/backends/nats/outbox.h"
+#include "workloads/backends/nats/robot/outbox.h"
 #include "workloads/base/error.h"
 
 namespace pirt::cloud {

@@ -1,6 +1,6 @@
 #include <map>
 
-#include "workloads/backends/nats/outbox.h"
+#include "workloads/backends/nats/robot/outbox.h"
 
 namespace pirt::cloud {
 namespace {

@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/robot_link.h"
+#include "workloads/backends/nats/robot/robot_link.h"
 
 #include <fmt/core.h>
 
@@ -6,7 +6,7 @@
 #include <random>
 #include <utility>
 
-#include "workloads/backends/nats/subjects.h"
+#include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
 #include "workloads/base/text/json.h"

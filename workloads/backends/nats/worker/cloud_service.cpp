@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/cloud_service.h"
+#include "workloads/backends/nats/worker/cloud_service.h"
 
 #include <fmt/core.h>
 
@@ -6,8 +6,8 @@
 #include <thread>
 #include <utility>
 
-#include "workloads/backends/nats/device_computer.h"
-#include "workloads/backends/nats/process_computer.h"
+#include "workloads/backends/nats/worker/device_computer.h"
+#include "workloads/backends/nats/worker/process_computer.h"
 #include "workloads/base/error.h"
 
 namespace pirt::cloud {

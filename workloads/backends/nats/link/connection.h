@@ -11,7 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "workloads/backends/nats/wire.h"
+#include "workloads/backends/nats/wire/wire.h"
 
 namespace pirt::cloud {
 

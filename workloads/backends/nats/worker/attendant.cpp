@@ -1,4 +1,4 @@
-#include "workloads/backends/nats/attendant.h"
+#include "workloads/backends/nats/worker/attendant.h"
 
 #include <algorithm>
 #include <utility>

@@ -17,8 +17,8 @@
 #include <variant>
 #include <vector>
 
-#include "workloads/backends/nats/outbox.h"
-#include "workloads/backends/nats/wire.h"
+#include "workloads/backends/nats/robot/outbox.h"
+#include "workloads/backends/nats/wire/wire.h"
 
 namespace pirt::cloud {
 
