@@ -123,12 +123,12 @@ bool KernelUnit::request_stop(const Running& call) { return stop_call(lanes_[cal
 
 bool KernelUnit::request_stop(Call& call) {
   // Before it is looked for: one that begins meanwhile looks at this when it has.
-  const bool withdrawn = is_remote() && !call.unwanted.exchange(true);
+  const bool is_news = !call.unwanted.exchange(true);
   for (Lane& lane : lanes_) {
     const auto runs = lane.running.seen();
     if (runs && runs->token == call.token) return stop_call(lane, *runs);
   }
-  return withdrawn;
+  return is_news;
 }
 
 std::stop_token KernelUnit::stop_of_this_call() {
@@ -244,7 +244,8 @@ bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
   lane.running.begin(call.token, begin);
   const Remote* const remote = remote_;
   // Who wants it no more, or stops the unit, saw this call or is seen here.
-  const bool begins = !call.unwanted && (remote == nullptr || !stopping_);
+  const bool begins = remote == nullptr || (!call.unwanted && !stopping_);
+  if (remote == nullptr && call.unwanted) lane.stop.request_stop();
   const bool in_phases = !begins || execute(lane, call, end);
   if (!begins) end.outcome = Outcome::kReturned;
   end.at = clock_.now();

@@ -97,8 +97,8 @@ class KernelUnit {
   /// Of a unit with one lane.
   [[nodiscard]] std::optional<std::vector<std::uint64_t>> abandon(const Running& call);
   [[nodiscard]] bool abandoned() const { return abandoned_; }
-  /// Whoever made the call wants its result no more; it may hear of that. One that is under way
-  /// elsewhere is withdrawn, and given back soon. @return  Whether that is news.
+  /// Whoever made the call wants its result no more; it may hear of that. One that waits, or is
+  /// under way, elsewhere is withdrawn, and given back soon. @return  Whether that is news.
   /// @param call  That it was given and that is not done, or one that runs.
   bool request_stop(Call& call);
   bool request_stop(const Running& call);

@@ -17,6 +17,7 @@
 #include "scheduler/trace/replay.h"
 #include "tests/scheduler/support.h"
 #include "tests/support/errors.h"
+#include "tests/support/long.h"
 #include "tests/workloads/sequence_support.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/math/random.h"
@@ -523,6 +524,77 @@ TEST(Runtime, ManyThreadsSubmitDependAndCancelAndCountsBalance) {
   EXPECT_GT(statistics.failed, 0);
   EXPECT_GT(statistics.completed, kTasks);
   expect_balance(statistics);
+}
+
+/// What becomes of a task by a plain model: a number, or none.
+struct Modelled {
+  TaskFuture task;
+  std::optional<double> value;
+  bool certain = true;  ///< Nothing before it, nor itself, was cancelled, maybe too late.
+};
+
+// Tasks of random others while records are used again and again: ends and values are those of a
+// plain model, and every decision replays.
+TEST(Runtime, IsWhatAPlainModelSaysHoweverOftenRecordsAreUsedAgain) {
+  const ScratchFolder folder;
+  auto options =
+      options_with({own("random", 2, [](std::span<const Tensor> in, std::span<Tensor> out) {
+        const double sum = in[0].as<double>()[0] + in[1].as<double>()[0];
+        if (std::fmod(sum, 97) == 0) throw std::runtime_error("97");
+        out[0].as<double>()[0] = std::fmod(sum, 10'007);
+      })});
+  options.trace = (folder.path() / "trace.json").string();
+  Runtime runtime(options);
+  const WorkloadHandle workload = runtime.workload("random");
+  Random random(43);
+  std::vector<Modelled> known;
+  const int tasks = repeats(20'000, 1'000'000);
+  for (int i = 0; i < tasks; ++i) {
+    Modelled next{.task = {}, .value = 0.0, .certain = true};
+    std::vector<TaskInput> inputs;
+    for (int input = 0; input < 2; ++input) {
+      if (known.empty() || random.uniform(0, 1) < 0.5) {
+        inputs.emplace_back(number(i % 1009));
+        if (next.value) *next.value += i % 1009;
+        continue;
+      }
+      const Modelled& before = known[static_cast<std::size_t>(
+          random.uniform(0, 1) * static_cast<double>(known.size() - 1))];
+      inputs.emplace_back(before.task.output(0));
+      next.certain = next.certain && before.certain;
+      next.value =
+          next.value && before.value ? std::optional(*next.value + *before.value) : std::nullopt;
+    }
+    if (next.value && std::fmod(*next.value, 97) == 0) next.value = std::nullopt;
+    if (next.value) next.value = std::fmod(*next.value, 10'007);
+    next.task = runtime.submit(workload, std::move(inputs));
+    if (random.uniform(0, 1) < 0.02) {
+      runtime.cancel(next.task);
+      next.certain = false;
+    }
+    known.push_back(std::move(next));
+    if (known.size() < 200) continue;
+    for (int gone = 0; gone < 100; ++gone) {
+      const auto at =
+          static_cast<std::size_t>(random.uniform(0, 1) * static_cast<double>(known.size() - 1));
+      const Modelled& each = known[at];
+      // Most go while they have not ended.
+      if (each.certain && random.uniform(0, 1) < 0.2) {
+        ASSERT_EQ(each.task.wait() == TaskEnd::kCompleted, each.value.has_value()) << i;
+        if (each.value) {
+          ASSERT_EQ(value_of(each.task.get()), *each.value) << i;
+        }
+      }
+      known.erase(known.begin() + static_cast<std::ptrdiff_t>(at));
+    }
+  }
+  runtime.write_trace();
+  const auto statistics = runtime.statistics();
+  EXPECT_EQ(statistics.submitted, tasks);
+  EXPECT_GT(statistics.completed, tasks / 10);
+  EXPECT_GT(statistics.cancelled, 0);
+  expect_balance(statistics);
+  EXPECT_FALSE(replay_file(*options.trace).result.difference.has_value());
 }
 
 TEST(Runtime, RefusesOptionsThatMakeNoSense) {
