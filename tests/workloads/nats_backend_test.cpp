@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/workloads/nats_server.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
@@ -108,7 +110,9 @@ TEST_F(CloudUnitOnAServer, ComputesInPhases) {
       const auto launch = kernel->execute(1);
       const Nanos took = MachineClock().now() - begin;
       ASSERT_TRUE(launch.has_value());
-      EXPECT_LE(*launch, took - 25ms) << "the worker computed for 30 ms, " << each->name;
+      // On a busy machine it had begun before the upload was known to be over.
+      EXPECT_LE(*launch, std::max<Nanos>(took - 25ms, 0ms))
+          << "the worker computed for 30 ms, " << each->name;
       kernel->download();
       EXPECT_EQ(bound.out[0].as<std::uint8_t>()[5], each == &weighed_ ? 43 : 42) << each->name;
     }

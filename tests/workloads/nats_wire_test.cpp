@@ -135,6 +135,8 @@ TEST(CloudWire, AnotherSpecOfTheSameNameIsRefusedByName) {
               HasSubstr("small is something else here"));
 }
 
+std::vector<std::int64_t> sizes_of(const Workload& workload) { return kind_of(workload).sizes; }
+
 TEST(CloudWire, SizesOfOnesOwnAreMadeWhereTheyArrive) {
   const Workload& sobel = find_workload("sobel");
   const Workload* const known[] = {&sobel, &find_workload("fc8")};
@@ -159,7 +161,9 @@ TEST(CloudWire, SizesOfOnesOwnAreMadeWhereTheyArrive) {
   };
   EXPECT_THAT(problem(own, {}), HasSubstr("something else here"));
   EXPECT_THAT(problem(own, {200, 320}), HasSubstr("something else here"));
-  EXPECT_THAT(problem(own, {320}), HasSubstr("no sizes of a picture"));
+  EXPECT_THAT(problem(own, {320}), HasSubstr("no number of images"));
+  EXPECT_THAT(problem(own, {8}), HasSubstr("made in one size only"));
+  EXPECT_THAT(problem(own, {320, 200, 1}), HasSubstr("no sizes of a picture"));
   EXPECT_THAT(problem(own, {-320, 200}), HasSubstr("no sizes of a picture"));
   EXPECT_THAT(problem(own, {16384, 16384}), HasSubstr("no sizes of a picture"));
   EXPECT_THAT(problem(vision::make_gaussian_blur(320, 200), {320, 200}),
@@ -170,6 +174,26 @@ TEST(CloudWire, SizesOfOnesOwnAreMadeWhereTheyArrive) {
     last = problem(each, sizes_of(each));
   }
   EXPECT_THAT(last, HasSubstr("other sizes are known already"));
+}
+
+TEST(CloudWire, ABatchTravelsAsItsLayerAndTheNumberOfImages) {
+  const Workload* const known[] = {&find_workload("fc8"), &find_workload("alexnet")};
+  const Admission admission(known);
+  for (const char* const name : {"fc8@batch8", "alexnet@batch2"}) {
+    const Workload& batch = find_workload(name);
+    const Kind kind = kind_of(batch);
+    const Bytes tensors = encode_tensors(make_tensors(batch.inputs));
+    const auto admitted = admission.admit(encode(TaskBody{.workload = kind.name,
+                                                          .sizes = kind.sizes,
+                                                          .spec = spec_digest(batch),
+                                                          .parameters = Blob{{}, 8, 4096},
+                                                          .tensors = tensors}));
+    ASSERT_TRUE(admitted.value) << admitted.problem;
+    EXPECT_EQ(admitted.value->workload->name, name);
+    EXPECT_EQ(kind_of(*admitted.value->workload).sizes, kind.sizes) << "to a slot's process";
+  }
+  EXPECT_EQ(kind_of(find_workload("sobel@map")).name, "sobel@map");
+  EXPECT_TRUE(kind_of(find_workload("bundle_adjust")).sizes.empty());
 }
 
 TEST(CloudWire, SpecsDifferInWhateverChangesTheResult) {

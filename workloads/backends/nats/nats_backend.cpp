@@ -69,8 +69,9 @@ class CloudKernel : public Kernel {
   CloudKernel(cloud::RobotLink& link, const Workload& workload,
               std::optional<cloud::Parameters> parameters, Nanos patience)
       : link_(link), workload_(workload), patience_(patience), parameters_(std::move(parameters)) {
-    body_.workload = workload.name;
-    body_.sizes = cloud::sizes_of(workload);
+    cloud::Kind kind = cloud::kind_of(workload);
+    body_.workload = std::move(kind.name);
+    body_.sizes = std::move(kind.sizes);
     body_.spec = cloud::spec_digest(workload);
     if (parameters_) body_.parameters = parameters_->blob;
   }
@@ -300,8 +301,9 @@ class CloudDevice : public Device, public Remote {
   [[nodiscard]] Support supports(const Workload& workload) const override {
     const Support support = support_of(workload);
     if (!support.ok) return support;
-    const bool any_size = !cloud::sizes_of(workload).empty();
-    const std::string why = link_.why_not(workload.name, cloud::spec_digest(workload), any_size);
+    const cloud::Kind kind = cloud::kind_of(workload);
+    const std::string why =
+        link_.why_not(kind.name, cloud::spec_digest(workload), !kind.sizes.empty());
     return {why.empty(), why};
   }
 

@@ -161,4 +161,11 @@ class RobotLink {
   std::unique_ptr<Connection> connection_;  ///< Last: its handlers use the rest.
 };
 
+template <typename Step>
+void RobotLink::with_caller(Step step) {
+  CallerActions actions;
+  step(mailbox_.now(), actions);
+  apply(std::move(actions));
+}
+
 }  // namespace pirt::cloud

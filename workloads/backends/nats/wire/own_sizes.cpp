@@ -1,9 +1,11 @@
 #include "workloads/backends/nats/wire/own_sizes.h"
 
-#include <fmt/core.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 
+#include "workloads/dnn/dnn.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt::cloud {
@@ -12,48 +14,75 @@ namespace {
 // A picture's; what is larger would be no camera's.
 constexpr std::int64_t kLeastSide = 64, kMostSide = 16384;
 constexpr std::int64_t kMostPixels = std::int64_t{1} << 26;
+// A batch's.
+constexpr std::int64_t kLeastImages = 2, kMostImages = 256;
 /// Kept, since kernels refer to them.
 constexpr std::size_t kMostMade = 64;
 
-}  // namespace
+/// As the catalogue names it: fc6@batch8.
+std::string batch_suffix(std::int64_t images) { return "batch" + std::to_string(images); }
 
-std::vector<std::int64_t> sizes_of(const Workload& workload) {
-  const auto* const image = dynamic_cast<const vision::ImageOperation*>(workload.operation.get());
-  if (image == nullptr || !workload.variant.empty() || workload.batch > 1) return {};
-  return {image->width, image->height};
+/// Why no workload of the kind could be made in these sizes; empty if one may.
+std::string wrong_sizes(const std::string& kind, std::span<const std::int64_t> sizes) {
+  const auto is_side = [](std::int64_t side) { return side >= kLeastSide && side <= kMostSide; };
+  if (sizes.size() == 1) {
+    const bool right = sizes[0] >= kLeastImages && sizes[0] <= kMostImages;
+    return right ? "" : kind + ": no number of images";
+  }
+  const bool right = sizes.size() == 2 && std::ranges::all_of(sizes, is_side) &&
+                     sizes[0] * sizes[1] <= kMostPixels;
+  return right ? "" : kind + ": no sizes of a picture";
 }
 
-OwnSizes::Found OwnSizes::find(const std::string& kind, std::span<const std::int64_t> sizes,
-                               const Digest& spec) const {
-  constexpr std::size_t kSides = 2;
-  const auto is_side = [](std::int64_t side) { return side >= kLeastSide && side <= kMostSide; };
-  if (sizes.size() != kSides || !std::ranges::all_of(sizes, is_side) ||
-      sizes[0] * sizes[1] > kMostPixels) {
-    return {nullptr, kind + ": no sizes of a picture"};
+}  // namespace
+
+Kind kind_of(const Workload& workload) {
+  const std::string suffix = batch_suffix(workload.batch);
+  if (workload.batch > 1 && workload.variant == suffix && workload.name.ends_with("@" + suffix)) {
+    return {workload.name.substr(0, workload.name.size() - suffix.size() - 1), {workload.batch}};
   }
-  const auto width = static_cast<int>(sizes[0]), height = static_cast<int>(sizes[1]);
+  const auto* const image = dynamic_cast<const vision::ImageOperation*>(workload.operation.get());
+  if (image == nullptr || !workload.variant.empty() || workload.batch > 1) return {workload.name};
+  return {workload.name, {image->width, image->height}};
+}
+
+OwnSizes::Found OwnSizes::find(const Workload& kind, std::span<const std::int64_t> sizes,
+                               const Digest& spec) const {
+  if (std::string problem = wrong_sizes(kind.name, sizes); !problem.empty()) {
+    return {nullptr, std::move(problem)};
+  }
   const std::lock_guard lock(mutex_);
-  auto at = made_.find({kind, {sizes.begin(), sizes.end()}});
+  const std::pair key(kind.name, std::vector(sizes.begin(), sizes.end()));
+  auto at = made_.find(key);
   if (at == made_.end()) {
     if (made_.size() >= kMostMade) {
-      return {nullptr, fmt::format("{} of {} x {}: {} other sizes are known already", kind, width,
-                                   height, kMostMade)};
+      return {nullptr, fmt::format("{} of {}: {} other sizes are known already", kind.name,
+                                   fmt::join(sizes, " x "), kMostMade)};
     }
-    for (const vision::Entry& entry : vision::entries()) {
-      // What others' makers take, nobody asked.
-      if (entry.make(entry.width, entry.height).name != kind) continue;
-      Workload made = entry.make(width, height);
-      if (made.state) break;
-      at = made_.emplace(std::pair(kind, std::vector(sizes.begin(), sizes.end())), std::move(made))
-               .first;
-      break;
-    }
+    auto made = make(kind, sizes);
+    if (!made || made->state) return {nullptr, kind.name + ": made in one size only"};
+    at = made_.emplace(key, *std::move(made)).first;
   }
-  if (at == made_.end()) return {nullptr, kind + ": made in one size only"};
   if (spec_digest(at->second) != spec) {
-    return {nullptr, kind + " is something else here: another version of pirt"};
+    return {nullptr, kind.name + " is something else here: another version of pirt"};
   }
   return {&at->second, ""};
+}
+
+std::optional<Workload> OwnSizes::make(const Workload& kind, std::span<const std::int64_t> sizes) {
+  if (sizes.size() == 1) {
+    if (!kind.has_tag("dnn") || !kind.variant.empty() || kind.batch > 1) return std::nullopt;
+    Workload made = dnn::batched(kind, static_cast<int>(sizes[0]));
+    made.variant = batch_suffix(sizes[0]);
+    made.name = kind.name + "@" + made.variant;
+    return made;
+  }
+  for (const vision::Entry& entry : vision::entries()) {
+    // What others' makers take, nobody asked.
+    if (entry.make(entry.width, entry.height).name != kind.name) continue;
+    return entry.make(static_cast<int>(sizes[0]), static_cast<int>(sizes[1]));
+  }
+  return std::nullopt;
 }
 
 }  // namespace pirt::cloud

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -14,8 +15,13 @@
 
 namespace pirt::cloud {
 
-/// What its kind's maker takes; empty for a workload of a kind that is made in one size.
-[[nodiscard]] std::vector<std::int64_t> sizes_of(const Workload& workload);
+/// As it travels.
+struct Kind {
+  std::string name;                      ///< Of the workload that whoever reads it knows.
+  std::vector<std::int64_t> sizes = {};  ///< What its maker takes: a picture's width and height, or
+                                         ///< images a call; empty = made in one size.
+};
+[[nodiscard]] Kind kind_of(const Workload& workload);
 
 /// Those that were asked for. Any thread.
 class OwnSizes {
@@ -24,11 +30,15 @@ class OwnSizes {
     const Workload* workload = nullptr;  ///< As long as this is there; null with a problem.
     std::string problem = {};            ///< One line.
   };
+  /// @param kind  Of its kind, in the size that is known here.
   /// @param spec  What it has to be, as the other side knows it.
-  [[nodiscard]] Found find(const std::string& kind, std::span<const std::int64_t> sizes,
+  [[nodiscard]] Found find(const Workload& kind, std::span<const std::int64_t> sizes,
                            const Digest& spec) const;
 
  private:
+  [[nodiscard]] static std::optional<Workload> make(const Workload& kind,
+                                                    std::span<const std::int64_t> sizes);
+
   mutable std::mutex mutex_;
   mutable std::map<std::pair<std::string, std::vector<std::int64_t>>, Workload> made_;
 };

@@ -28,7 +28,7 @@ Decoded<Admitted> Admission::admit(ByteView bytes) const {
   if (at == known_.end()) return {std::nullopt, "unknown workload '" + task.workload + "'"};
   Known known = at->second;
   if (task.spec != known.spec && !task.sizes.empty()) {
-    const auto own = own_sizes_.find(task.workload, task.sizes, task.spec);
+    const auto own = own_sizes_.find(*known.workload, task.sizes, task.spec);
     if (own.workload == nullptr) return {std::nullopt, own.problem};
     known = {own.workload, task.spec, encoded_bytes(own.workload->parameters)};
   }

@@ -81,8 +81,9 @@ class ProcessComputer : public Computer {
                               Nanos& took) override {
     if (process_ <= 0) start();
     const Bytes tensors = encode_tensors(inputs);
-    TaskBody body{.workload = workload.name,
-                  .sizes = sizes_of(workload),
+    Kind kind = kind_of(workload);
+    TaskBody body{.workload = std::move(kind.name),
+                  .sizes = std::move(kind.sizes),
                   .spec = spec_digest(workload),
                   .tensors = tensors};
     if (parameters != nullptr) body.parameters = Blob{content, 1, kLeastChunkBytes};

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "workloads/backends/nats/link/blobs.h"
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
