@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/cli/program.h"
 #include "tests/workloads/sequence_support.h"
 
@@ -112,6 +114,21 @@ TEST_F(RunRobot, ComparesTheSerialRunWithEachMode) {
   }
   const auto text = pirt(live({"--fast", "--duration", "1s", "--compare", "ect,heft"}));
   EXPECT_THAT(text.out, HasSubstr("Not run: heft"));
+}
+
+TEST_F(RunRobot, TakesOutByHowMuchPicturesAreLate) {
+  const auto path = [&](const char* late) {
+    const auto file = scratch_.file("late.txt");
+    const auto outcome = pirt(arguments(
+        {"--serial", "--fast", "--camera-late", late, "--trajectory", file, "--json", "-"}));
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    return line_of(slurp(file), 1);
+  };
+  const double stamp = std::stod(path("0"));
+  // It may begin a picture sooner or later.
+  constexpr double kFrame_s = 0.04;
+  EXPECT_NEAR(std::remainder(std::stod(path("10")) - stamp + 0.01, kFrame_s), 0, 1e-3);
+  EXPECT_NEAR(std::remainder(std::stod(path("-10")) - stamp - 0.01, kFrame_s), 0, 1e-3);
 }
 
 TEST_F(RunRobot, KeepsWhatRanWhenItIsInterrupted) {
@@ -257,6 +274,7 @@ TEST_F(RunWholeRobot, RefusesPlacesAndMapsThatAreNoUse) {
 TEST_F(RunRobot, RefusesWhatMakesNoSense) {
   expect_refused(pirt({"run-robot", scratch_.file("nothing")}), {"nothing"});
   expect_refused(pirt({"run-robot"}), {"folder"});
+  expect_refused(pirt(arguments({"--serial", "--camera-late", "soon"})), {"--camera-late", "soon"});
   expect_refused(pirt(arguments({"--serial", "--mode", "ect"})), {"--serial"});
   expect_refused(pirt(arguments({"--serial", "--compare"})), {"--serial"});
   expect_refused(pirt(live({"--compare", "--mode", "ect"})), {"--compare"});

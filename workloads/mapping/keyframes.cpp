@@ -2,7 +2,6 @@
 
 #include <fmt/core.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -296,7 +295,6 @@ RefinedMap Keyframes::refined(const BalProblem& adjusted) const {
 
 std::vector<slam::MapPoint> Keyframes::map_points(const BalProblem& adjusted,
                                                   const Similarity& back) const {
-  const double focal = setup_.cameras[0].focal();
   const auto cameras = [&](std::size_t index) {
     return moved(back,
                  pose_of(std::span(adjusted.cameras).subspan(index * kCameraSize, kCameraSize)));
@@ -308,28 +306,21 @@ std::vector<slam::MapPoint> Keyframes::map_points(const BalProblem& adjusted,
     slam::MapPoint better;
     better.id = point.id;
     better.position = back * Eigen::Vector3d(&adjusted.points[i * kPointSize]);
-    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-    double squares = 0;
-    double rays = 0;
+    std::vector<slam::View> rays;
     double variance = 0;
-    const auto look = [&](const Pose& camera, const Eigen::Vector2d& ray) {
-      const slam::RayRows rows = slam::rows_of_ray(camera, better.position, ray);
-      information += rows.slope.transpose() * rows.slope;
-      squares += rows.miss.squaredNorm();
-      ++rays;
-    };
     for (const View& each : point.views) {
-      look(cameras(each.keyframe), each.seen->ray);
-      if (each.seen->right) look(cameras(keyframes_.size() + each.keyframe), *each.seen->right);
+      rays.push_back({cameras(each.keyframe), each.seen->ray});
+      if (each.seen->right) {
+        rays.push_back({cameras(keyframes_.size() + each.keyframe), *each.seen->right});
+      }
       const double sigma_m = keyframes_[each.keyframe].sigma_m;
       variance += sigma_m * sigma_m / static_cast<double>(point.views.size());
     }
-    const double sigma = setup_.pixel_sigma / focal;
-    // Outliers are no points; one that is far has no place.
-    if (squares > rays * sigma * sigma || information.determinant() <= 0) continue;
-    better.covariance =
-        sigma * sigma * information.inverse() + variance * Eigen::Matrix3d::Identity();
-    if (!better.covariance.allFinite()) continue;
+    const double sigma = setup_.pixel_sigma / setup_.cameras[0].focal();
+    const auto fit = slam::fit_of(rays, better.position, sigma);
+    constexpr double kMostRms = 0.7;  // of sigma: outliers are no points
+    if (!fit || fit->rms > kMostRms * sigma) continue;
+    better.covariance = fit->covariance + variance * Eigen::Matrix3d::Identity();
     const View& first = point.views.front();
     better.descriptor = first.seen->descriptor;
     better.seen_from = cameras(first.keyframe).position;

@@ -24,6 +24,7 @@
 #include "workloads/base/text/text.h"
 #include "workloads/inputs/recording/recording.h"
 #include "workloads/inputs/sequence/recorded.h"
+#include "workloads/slam/run/camera_imu.h"
 #include "workloads/slam/run/map_file.h"
 
 namespace pirt::cli {
@@ -41,6 +42,7 @@ struct Options {
   std::vector<std::string> settings;
   std::optional<std::string> duration;
   int in_flight = 2;
+  double camera_late_ms = 0;
   Output json, trajectory, plot, save_map, trace;
 };
 
@@ -61,6 +63,7 @@ Sequence read(const Options& options) {
     sequence.imu.clear();
     sequence.imu_model.reset();
   }
+  for (Frame& frame : sequence.frames) frame.time -= from_s(options.camera_late_ms / 1e3);
   if (options.duration) {
     const Nanos end = sequence.frames.front().time + parse_duration(*options.duration);
     std::erase_if(sequence.frames, [&](const Frame& frame) { return frame.time >= end; });
@@ -177,6 +180,7 @@ int run_robot(const Options& options) {
   check(options);
   const Sequence sequence = read(options);
   warn_all(sequence.warnings);
+  if (const auto fit = slam::fit_camera_to_imu(sequence)) warn_all(slam::warnings_of(*fit));
   LocalizationOptions run;
   run.setup = slam::setup_of(sequence);
   run.setup.update = !options.no_update;
@@ -257,6 +261,10 @@ void add_run_robot(CLI::App& app, Action& action) {
   add_activities(command, options->activities);
   command.add_flag("--mono", options->mono, "Use the left camera only");
   command.add_flag("--no-imu", options->no_imu, "Use the cameras only");
+  add_value(
+      command, "--camera-late", &options->camera_late_ms, "MS", not_within(-1000.0, 1000.0),
+      "By how much pictures' stamps are later than the IMU's, in ms; what a sequence says of it "
+      "is warned of");
   command.add_flag("--no-update", options->no_update,
                    "Only predict, to see the drift that updates correct");
   command.add_flag("--no-map", options->no_map,

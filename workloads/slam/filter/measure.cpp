@@ -161,6 +161,23 @@ RayRows rows_of_ray(const Pose& camera, const Eigen::Vector3d& point, const Eige
   return {ray - p.head<2>() / p.z(), projection_slope(p) * camera.rotation.transpose()};
 }
 
+std::optional<PointFit> fit_of(std::span<const View> views, const Eigen::Vector3d& point,
+                               double ray_sigma) {
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  double squares = 0;
+  for (const View& view : views) {
+    const RayRows rows = rows_of_ray(view.camera, point, view.ray);
+    information += rows.slope.transpose() * rows.slope;
+    squares += rows.miss.squaredNorm();
+  }
+  if (!(information.determinant() > 0)) return std::nullopt;
+  PointFit fit;
+  fit.rms = std::sqrt(squares / (2.0 * static_cast<double>(views.size())));
+  fit.covariance = ray_sigma * ray_sigma * information.inverse();
+  if (!fit.covariance.allFinite()) return std::nullopt;
+  return fit;
+}
+
 PointRows rows_of_track(const State& state, const Setup& setup, const Track& track,
                         const Eigen::Vector3d& point) {
   Eigen::Index count = 0;

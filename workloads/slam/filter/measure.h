@@ -44,6 +44,15 @@ struct RayRows {
 [[nodiscard]] RayRows rows_of_ray(const Pose& camera, const Eigen::Vector3d& point,
                                   const Eigen::Vector2d& ray);
 
+/// How well rays tell a point.
+struct PointFit {
+  double rms = 0;  ///< Of the rays.
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+};
+/// @return  Absent if they do not tell its place.
+[[nodiscard]] std::optional<PointFit> fit_of(std::span<const View> views,
+                                             const Eigen::Vector3d& point, double ray_sigma);
+
 /// All that a track's clones saw of it, as rows in pixels: of clones' errors and, in to_point, of
 /// the point's own error (world axes).
 struct PointRows {

@@ -1,0 +1,247 @@
+#include "workloads/slam/run/camera_imu.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <span>
+
+#include "workloads/slam/views/two_views.h"
+#include "workloads/vision/features.h"
+#include "workloads/vision/pyramid.h"
+
+namespace pirt::slam {
+namespace {
+
+constexpr double kFarthest_s = 0.06;
+constexpr double kStep_s = 0.002;
+constexpr std::size_t kChain = 5;     // pictures from one that is compared to the next
+constexpr std::size_t kStretch = 26;  // pictures in a row
+constexpr std::size_t kStretches = 4;
+constexpr double kLeastTold_s = 0.005;
+constexpr double kLeastTilt_rad = 1 / kDegreesPerRadian;
+constexpr double kSigmas = 4;
+
+/// How the body has turned since the first sample.
+class Gyroscope {
+ public:
+  explicit Gyroscope(std::span<const ImuSample> samples) : samples_(samples) {
+    turned_.push_back(Eigen::Matrix3d::Identity());
+    for (std::size_t i = 1; i < samples.size(); ++i) {
+      const double dt = to_s(samples[i].time - samples[i - 1].time);
+      const Eigen::Vector3d mean = 0.5 * (samples[i].gyro_rad_s + samples[i - 1].gyro_rad_s);
+      turned_.push_back(nearest_rotation(turned_.back() * rotation_of(dt * mean)));
+    }
+  }
+  [[nodiscard]] bool covers(Nanos from, Nanos until) const {
+    const Nanos most = from_s(kFarthest_s + kStep_s);
+    return samples_.front().time <= from - most && until + most <= samples_.back().time;
+  }
+  /// The turn's vector. @param late_s  Of the stamps.
+  [[nodiscard]] Eigen::Vector3d between(Nanos from, Nanos to, double late_s) const {
+    return vector_of(until(from - from_s(late_s)).transpose() * until(to - from_s(late_s)));
+  }
+
+ private:
+  [[nodiscard]] Eigen::Matrix3d until(Nanos time) const {
+    const auto after = std::ranges::upper_bound(samples_, time, {}, &ImuSample::time);
+    const auto i = static_cast<std::size_t>(
+        std::clamp<std::ptrdiff_t>(after - samples_.begin(), 1, std::ssize(samples_) - 1));
+    const ImuSample& a = samples_[i - 1];
+    const ImuSample& b = samples_[i];
+    const double dt = to_s(time - a.time);
+    const double part = dt / to_s(b.time - a.time);
+    const Eigen::Vector3d mean = a.gyro_rad_s + 0.5 * part * (b.gyro_rad_s - a.gyro_rad_s);
+    return turned_[i - 1] * rotation_of(dt * mean);
+  }
+
+  std::span<const ImuSample> samples_;
+  std::vector<Eigen::Matrix3d> turned_;
+};
+
+/// First frames of stretches that do not overlap, where the turn rate changes most from picture to
+/// picture: a steady turn tells no time.
+std::vector<std::size_t> stretches_of(const Sequence& sequence, const Gyroscope& gyroscope) {
+  const auto& frames = sequence.frames;
+  std::vector<double> changes(frames.size(), 0.0);
+  Eigen::Vector3d before = Eigen::Vector3d::Zero();
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    if (!gyroscope.covers(frames[i - 1].time, frames[i].time)) continue;
+    const Eigen::Vector3d turn = gyroscope.between(frames[i - 1].time, frames[i].time, 0);
+    changes[i] = (turn - before).norm();
+    before = turn;
+  }
+  std::vector<std::size_t> starts;
+  const std::size_t length = std::min(kStretch, frames.size());
+  while (starts.size() < kStretches) {
+    double most = 0;
+    std::size_t best = 0;
+    for (std::size_t i = 0; i + length <= frames.size(); ++i) {
+      if (std::ranges::any_of(starts,
+                              [&](std::size_t s) { return i < s + length && s < i + length; })) {
+        continue;
+      }
+      double sum = 0;
+      for (std::size_t k = i + 1; k < i + length; ++k) sum += changes[k];
+      if (sum > most) most = sum, best = i;
+    }
+    if (most <= 0) break;
+    starts.push_back(best);
+  }
+  return starts;
+}
+
+/// How the body turned between two pictures, by them.
+struct SeenTurn {
+  Nanos from, to;
+  Eigen::Vector3d turn;
+};
+
+/// Follows the corners of each kChain-th picture through those up to the next: a turn that takes
+/// longer differs more where it is looked for at another time, and is seen as well.
+void see_turns(const Sequence& sequence, std::size_t first, const Gyroscope& gyroscope,
+               std::vector<SeenTurn>& turns) {
+  const CameraModel& camera = sequence.cameras[0];
+  const Eigen::Matrix3d& mount = camera.body_from_camera.rotation;
+  const std::size_t end = std::min(first + kStretch, sequence.frames.size());
+  Pyramid before = make_pyramid(sequence.image(first, 0));
+  for (std::size_t i = first; i + kChain < end; i += kChain) {
+    auto begun = extract_features(before.levels[0], {.most = 150}).pixels;
+    auto points = begun;
+    for (std::size_t k = i + 1; k <= i + kChain; ++k) {
+      Pyramid now = make_pyramid(sequence.image(k, 0));
+      const auto tracked = track_features(before, now, points, points, {});
+      std::size_t kept = 0;
+      for (std::size_t p = 0; p < points.size(); ++p) {
+        if (!tracked[p].found) continue;
+        begun[kept] = begun[p];
+        points[kept++] = tracked[p].pixel;
+      }
+      begun.resize(kept);
+      points.resize(kept);
+      before = std::move(now);
+    }
+    std::vector<RayPair> pairs;
+    for (std::size_t p = 0; p < points.size(); ++p) {
+      pairs.push_back({camera.ray(begun[p].cast<double>()), camera.ray(points[p].cast<double>())});
+    }
+    const Nanos from = sequence.frames[i].time;
+    const Nanos to = sequence.frames[i + kChain].time;
+    const auto turn = turn_of(pairs, 1.0 / camera.focal());
+    if (!turn || !gyroscope.covers(from, to)) continue;
+    turns.push_back({from, to, vector_of(mount * turn->rotation.transpose() * mount.transpose())});
+  }
+}
+
+/// Of one lateness: seen turn = turn + tilt x turn - bias * time.
+struct Fit {
+  Eigen::Matrix<double, 6, 1> unknowns = Eigen::Matrix<double, 6, 1>::Zero();
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+  std::vector<double> misses;
+  double cost = 0;
+};
+
+Fit fit_at(const std::vector<SeenTurn>& turns, const std::vector<double>& weights,
+           const Gyroscope& gyroscope, double late_s) {
+  Fit fit;
+  Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
+  std::vector<Eigen::Vector3d> residuals;
+  std::vector<Eigen::Matrix<double, 3, 6>> slopes;
+  for (std::size_t i = 0; i < turns.size(); ++i) {
+    const SeenTurn& seen = turns[i];
+    const Eigen::Vector3d turn = gyroscope.between(seen.from, seen.to, late_s);
+    Eigen::Matrix<double, 3, 6> slope;
+    slope << -cross_matrix(turn), -to_s(seen.to - seen.from) * Eigen::Matrix3d::Identity();
+    residuals.emplace_back(seen.turn - turn);
+    slopes.push_back(slope);
+    fit.information += weights[i] * slope.transpose() * slope;
+    right += weights[i] * slope.transpose() * residuals.back();
+  }
+  fit.unknowns = fit.information.ldlt().solve(right);
+  for (std::size_t i = 0; i < turns.size(); ++i) {
+    fit.misses.push_back((residuals[i] - slopes[i] * fit.unknowns).norm());
+    fit.cost += weights[i] * fit.misses.back() * fit.misses.back();
+  }
+  return fit;
+}
+
+double best_lateness(const std::vector<SeenTurn>& turns, const std::vector<double>& weights,
+                     const Gyroscope& gyroscope) {
+  double best = 0;
+  double least = std::numeric_limits<double>::max();
+  const int steps = static_cast<int>(std::lround(kFarthest_s / kStep_s));
+  for (int i = -steps; i <= steps; ++i) {
+    const double cost = fit_at(turns, weights, gyroscope, i * kStep_s).cost;
+    if (cost < least) least = cost, best = i * kStep_s;
+  }
+  return best;
+}
+
+}  // namespace
+
+std::optional<CameraImuFit> fit_camera_to_imu(const Sequence& sequence) {
+  constexpr std::size_t kLeastPairs = 10;
+  if (sequence.imu.size() < 3 || sequence.frames.size() <= kChain) return std::nullopt;
+  const Gyroscope gyroscope(sequence.imu);
+  std::vector<SeenTurn> turns;
+  for (const std::size_t first : stretches_of(sequence, gyroscope)) {
+    see_turns(sequence, first, gyroscope, turns);
+  }
+  if (turns.size() < kLeastPairs) return std::nullopt;
+  // Cauchy's weights of what the fit before leaves: some pairs of pictures show little.
+  std::vector<double> weights(turns.size(), 1.0);
+  double late_s = 0;
+  constexpr int kRounds = 3;
+  for (int round = 0; round < kRounds; ++round) {
+    late_s = best_lateness(turns, weights, gyroscope);
+    const auto misses = fit_at(turns, weights, gyroscope, late_s).misses;
+    auto sorted = misses;
+    std::ranges::nth_element(sorted, sorted.begin() + std::ssize(sorted) / 2);
+    const double scale = 2 * std::max(sorted[sorted.size() / 2], 1e-7);
+    for (std::size_t i = 0; i < turns.size(); ++i) {
+      weights[i] = 1 / (1 + misses[i] * misses[i] / (scale * scale));
+    }
+  }
+  const auto at = [&](double s) { return fit_at(turns, weights, gyroscope, s).cost; };
+  const double low = at(late_s - kStep_s);
+  const double high = at(late_s + kStep_s);
+  const Fit best = fit_at(turns, weights, gyroscope, late_s);
+  const double bend = low - 2 * best.cost + high;
+  if (bend <= 0) return std::nullopt;
+  CameraImuFit fit;
+  fit.pairs = turns.size();
+  fit.late_s = late_s + 0.5 * kStep_s * (low - high) / bend;
+  double sum = 0;
+  for (const double weight : weights) sum += weight;
+  const double variance = best.cost / (3 * sum);  // of a turn, an axis
+  // Half the second derivative of the cost, over the variance, is the information.
+  fit.sigma_s = kStep_s * std::sqrt(2 * variance / bend);
+  if (kSigmas * fit.sigma_s > kLeastTold_s) return std::nullopt;
+  fit.tilt_rad = best.unknowns.head<3>();
+  const Eigen::Matrix<double, 6, 6> covariance =
+      variance * best.information.ldlt().solve(Eigen::Matrix<double, 6, 6>::Identity());
+  fit.tilt_sigma_rad = std::sqrt(covariance.topLeftCorner<3, 3>().diagonal().maxCoeff());
+  return fit;
+}
+
+std::vector<std::string> warnings_of(const CameraImuFit& fit) {
+  std::vector<std::string> warnings;
+  if (std::abs(fit.late_s) > std::max(kLeastTold_s, kSigmas * fit.sigma_s)) {
+    warnings.push_back(fmt::format(
+        "pictures' stamps are {:.1f} ms {} than the IMU's, by {} of their turns (sigma "
+        "{:.1f} ms): the localization will be worse for it; --camera-late={:.1f} takes it out",
+        1e3 * std::abs(fit.late_s), fit.late_s > 0 ? "later" : "earlier", fit.pairs,
+        1e3 * fit.sigma_s, 1e3 * fit.late_s));
+  }
+  if (fit.tilt_rad.norm() > std::max(kLeastTilt_rad, kSigmas * fit.tilt_sigma_rad)) {
+    warnings.push_back(fmt::format(
+        "the left camera turns otherwise than the IMU, as if it were mounted {:.1f} degrees from "
+        "what its calibration says (sigma {:.1f}): the localization will be worse for it",
+        kDegreesPerRadian * fit.tilt_rad.norm(), kDegreesPerRadian * fit.tilt_sigma_rad));
+  }
+  return warnings;
+}
+
+}  // namespace pirt::slam
