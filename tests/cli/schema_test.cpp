@@ -6,6 +6,8 @@
 #include <map>
 
 #include "tests/cli/program.h"
+#include "tests/support/data.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt::test {
 namespace {
@@ -54,13 +56,16 @@ class Schema : public testing::Test {
   std::vector<std::pair<std::string, std::string>> documents_;
 };
 
-/// A platform of two fake units: no figure here is a machine's.
+/// A platform of fake units: no figure here is a machine's.
 constexpr const char* kBoard = R"(
 platform: board
 units:
   cpu: {backend: fake, active_w: 1, script: {stages: {sobel: [{name: execute, ms: 1}]}}}
   gpu: {backend: fake, active_w: 2, script: {stages: {sobel: [{name: execute, ms: 2}]}}}
+  cloud: {backend: fake, role: cloud, active_w: 1, script: {stages: {sobel: [{name: execute, ms: 1}]}}}
 )";
+constexpr const char* kLoop =
+    "mix: loop\npipelines: {p: {closed_loop: {frames: 10}, tasks: [{workload: sobel}]}}\n";
 
 TEST_F(Schema, OfListings) {
   for (const char* what :
@@ -105,15 +110,36 @@ TEST_F(Schema, OfSchedules) {
 TEST_F(Schema, OfProfiles) {
   const auto board = scratch_.write("board.yaml", kBoard);
   const auto database = scratch_.file("p.db");
-  add("characterize",
-      {"characterize", "--quick", "--platform", board, "--filter", "^sobel$", "--db", database});
-  add("report", {"report", database, "--platform", board, "--mix",
-                 scratch_.write("s.yaml",
-                                "mix: s\npipelines: {p: {closed_loop: {frames: 10}, "
-                                "tasks: [{workload: sobel}]}}\n")});
+  const std::vector<std::string> sobel = {"characterize", "--quick", "--platform", board,
+                                          "--filter",     "^sobel$", "--db",       database};
+  add("characterize", sobel);
+  auto dry = sobel;
+  dry.emplace_back("--dry-run");
+  add("characterize-dry-run", dry);
+  const auto mix = scratch_.write("loop.yaml", kLoop);
+  add("report", {"report", database, "--platform", board, "--mix", mix});
+  add("report-brief", {"report", "--brief", database, "--platform", board, "--mix", mix});
+  add("report-setup", {"report", "--setup", database, "--platform", board});
+  add("report-offload", {"report", "--offload", database, "--platform", board});
+  add("report-paper", {"report", "--paper"});
+  add("report-paper", {"report", "--paper", database, "--platform", board, "--mix", mix});
   const auto copy = scratch_.write("copy.db", slurp(database));
   add("diff", {"diff", database, copy});
   add("regress", {"regress", database, copy, "--mix", "none"});
+  add("regress", {"regress", database, copy, "--mix", mix, "--platform", board});
+  // What ran live beside what was predicted of it, and a second profile.
+  std::vector<std::string> files = {"report", database, copy};
+  for (const bool live : {true, false}) {
+    std::vector<std::string> run = {"schedule",   "--mode", "ect",   "--profile", database,
+                                    "--platform", board,    "--mix", mix};
+    if (live) run.emplace_back("--live");
+    add("schedule", run);
+    files.push_back(documents_.back().second);
+  }
+  files.insert(files.end(), {"--platform", board, "--mix", mix});
+  add("report", files);
+  EXPECT_THAT(slurp(documents_.back().second),
+              testing::AllOf(testing::HasSubstr("\"others\""), testing::HasSubstr("\"live\"")));
   const auto file = scratch_.file("export.json");
   ASSERT_EQ(pirt({"export", database, "--format", "json", "-o", file}).exit_code, 0);
   documents_.emplace_back("export", file);
@@ -129,6 +155,8 @@ TEST_F(Schema, OfTheRobot) {
                 .exit_code,
             0);
   add("run-robot", {"run-robot", scratch_.file("room"), "--serial", "--fast", "--localize-only"});
+  add("run-robot-compare", {"run-robot", scratch_.file("room"), "--fast", "--localize-only",
+                            "--platform", "fake", "--compare", "ect"});
   add("plan", {"plan", "--map", scratch_.file("room") + "/map.yaml", "--start", "0,0", "--goal",
                "0.5,0.5"});
   const auto problem = scratch_.file("p.txt");
@@ -144,6 +172,67 @@ TEST_F(Schema, OfTheDoctor) {
   EXPECT_THAT(outcome.exit_code, testing::AnyOf(0, 1)) << outcome.err;
   documents_.emplace_back("doctor", file);
   validate();
+}
+
+TEST_F(Schema, OfTuning) {
+  const std::vector<std::string> tune = {"tune",     "--platform", "host-opencl",
+                                         "--filter", "blur",       "--max-time",
+                                         "1s",       "--output",   scratch_.file("tuning.json")};
+  auto dry = tune;
+  dry.emplace_back("--dry-run");
+  if (pirt(dry).exit_code == 4) GTEST_SKIP() << "skipped: no OpenCL device";
+  add("tune-dry-run", dry);
+  add("tune", tune);
+  validate();
+}
+
+TEST_F(Schema, OfTwoPrograms) {
+  const auto program = scratch_.write(
+      "program",
+      "#!/bin/sh\ncase \"$*\" in *--help*) echo --workload; exit 0;; esac\n"
+      R"(echo '{"pirt_sample": 1, "version": "1", "device": "CPU", "inputs": "a", "right": true, )"
+      R"("detail": "", "seconds": {"call": 0.01}}')"
+      "\n");
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  add("regress-programs",
+      {"regress", "--baseline-program", program, "--candidate-program", program, "--filter",
+       "sobel", "--platform", "fake", "--units", "cpu", "--ledger", scratch_.file("ledger")});
+  validate();
+}
+
+TEST_F(Schema, OfDescriptions) {
+  PIRT_DATA_OR_SKIP(photos, "photos-darknet");
+  PIRT_DATA_OR_SKIP(yolo, "yolo-fastest-1.1");
+  PIRT_DATA_OR_SKIP(squeezenet, "squeezenet-v1.0-deepcompressed");
+  const auto outcome =
+      pirt({"describe", "--model", yolo / "yolo-fastest-1.1.weights", "--config",
+            yolo / "yolo-fastest-1.1.cfg", "--names", yolo / "coco.names", "--classifier",
+            squeezenet / "squeezenet_v1.0_dc.caffemodel", "--classifier-config",
+            squeezenet / "SqueezeNet_deploy.prototxt", "--classifier-names",
+            squeezenet / "imagenet1000_wnid_name.txt", photos});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  std::istringstream lines(outcome.out);
+  for (std::string line; std::getline(lines, line);) {
+    const auto name = std::to_string(documents_.size()) + ".json";
+    documents_.emplace_back("describe", scratch_.write(name, line));
+  }
+  EXPECT_GE(documents_.size(), 2U);
+  validate();
+}
+
+// A command whose output no schema says would be an interface that nobody promises.
+TEST(SchemaFiles, AreThereForEveryCommandWithJson) {
+  std::size_t found = 0;
+  for (const auto& command : split(pirt({"complete", "--", ""}).out, '\n')) {
+    const auto name = command.substr(0, command.find('\t'));
+    if (name.empty() || name.starts_with(':') || name.starts_with('-')) continue;
+    if (pirt({"complete", "--", name, "--json"}).out.find("--json") == std::string::npos) continue;
+    ++found;
+    const auto folder = std::string(kSourceFolder) + "/reports/schema/";
+    const auto file = name == "list" ? "list-units" : name;
+    EXPECT_TRUE(std::filesystem::exists(folder + file + ".json")) << name;
+  }
+  EXPECT_GT(found, 10U);
 }
 
 // A file that no output was held against would say what nobody has seen.
