@@ -15,6 +15,7 @@
 
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/thread.h"
 #include "workloads/base/text/json.h"
 
 namespace pirt::cloud {
@@ -25,6 +26,8 @@ constexpr std::size_t kHead = 4096;  ///< Of a message: subject, id, what a fram
 constexpr std::size_t kLargestChunk = std::size_t{512} << 10;
 /// For the library's threads to have seen the end.
 constexpr Nanos kEnd = std::chrono::seconds(5);
+/// Until a connection that the library has given up is made anew.
+constexpr Nanos kAgain = std::chrono::seconds(1);
 
 std::int64_t ms(Nanos time) {
   return std::max<std::int64_t>(
@@ -160,14 +163,21 @@ struct Connection::State {
   ConnectionOptions options;
   Events events;
   std::string inbox;
-  natsConnection* handle = nullptr;
-  std::vector<natsSubscription*> subscriptions;
   std::atomic<bool> up = false;
 
-  std::mutex mutex;
-  std::condition_variable changed;
-  bool closed = false;
+  std::mutex opening;  ///< Who makes a handle or a subscription; before the other one.
+  std::mutex mutex;    ///< Of what follows.
+  std::condition_variable_any changed;
+  std::shared_ptr<natsConnection> handle;               ///< Null before the first one is there.
+  std::vector<std::pair<std::string, Handler>> wanted;  ///< What is subscribed to,
+  std::vector<natsSubscription*> subscriptions;         ///< and how, over the handle.
+  bool closed = false;                                  ///< The handle, by us or by the library.
   int dispatching = 0;  ///< Subscriptions whose last message may not have been handled.
+
+  [[nodiscard]] std::shared_ptr<natsConnection> current() {
+    const std::lock_guard lock(mutex);
+    return handle;
+  }
 
   // A handler of the library's gets a pointer to a shared one of its own.
   using Shared = std::shared_ptr<State>;
@@ -190,19 +200,21 @@ struct Connection::State {
   static void on_closed(natsConnection*, void* closure) {
     const std::unique_ptr<Shared> last(static_cast<Shared*>(closure));
     State& state = **last;
+    const bool was_up = state.up.exchange(false);
     {
       const std::lock_guard lock(state.mutex);
-      state.up = false;
       state.closed = true;
     }
     state.changed.notify_all();
+    if (was_up && state.events.down) state.events.down();
   }
-  static void on_error(natsConnection*, natsSubscription*, natsStatus status, void* closure) {
+  static void on_error(natsConnection* connection, natsSubscription*, natsStatus status,
+                       void* closure) {
     State& state = of(closure);
     if (!state.events.problem) return;
     const char* last = nullptr;
     std::string text = natsStatus_GetText(status);
-    if (natsConnection_GetLastError(state.handle, &last) != NATS_OK && last != nullptr &&
+    if (natsConnection_GetLastError(connection, &last) != NATS_OK && last != nullptr &&
         *last != 0) {
       text += ": " + std::string(last);
     }
@@ -224,6 +236,11 @@ struct Connection::State {
     }
     delete subscription;
   }
+
+  static void open(const Shared& state);
+  static void subscribe(const Shared& state, const std::string& subject, const Handler& handler);
+  static void keep_open(const std::stop_token& stop, const Shared& state);
+  bool forget_handle(std::unique_lock<std::mutex>& lock);
 };
 
 namespace {
@@ -274,13 +291,10 @@ Options make_options(const ConnectionOptions& options) {
 
 }  // namespace
 
-Connection::Connection(const ConnectionOptions& options, Events events)
-    : state_(std::make_shared<State>()) {
-  check_connection(options);
-  state_->options = options;
-  state_->events = std::move(events);
-  const Options made = make_options(options);
-  auto closure = std::make_unique<State::Shared>(state_);
+/// Makes a handle, with all subscriptions.
+void Connection::State::open(const Shared& state) {
+  const Options made = make_options(state->options);
+  auto closure = std::make_unique<Shared>(state);
   natsOptions* const raw = made.get();
   const auto set = [](natsStatus status) { throw_unless(status, "libnats"); };
   set(natsOptions_SetRetryOnFailedConnect(raw, true, &State::on_up, closure.get()));
@@ -288,30 +302,106 @@ Connection::Connection(const ConnectionOptions& options, Events events)
   set(natsOptions_SetDisconnectedCB(raw, &State::on_down, closure.get()));
   set(natsOptions_SetClosedCB(raw, &State::on_closed, closure.get()));
   set(natsOptions_SetErrorHandler(raw, &State::on_error, closure.get()));
+  natsConnection* connection = nullptr;
+  const natsStatus status = natsConnection_Connect(&connection, raw);
+  if (status != NATS_OK && status != NATS_NOT_YET_CONNECTED) {
+    throw_unless(status, "server '" + public_url(state->options.server) + "'");
+  }
+  void* const given = closure.release();
+  std::vector<std::pair<std::string, Handler>> wanted;
+  {
+    const std::lock_guard lock(state->mutex);
+    state->handle.reset(connection, natsConnection_Destroy);
+    wanted = state->wanted;
+  }
+  for (const auto& [subject, handler] : wanted) subscribe(state, subject, handler);
+  if (status == NATS_OK) State::on_up(connection, given);
+}
+
+void Connection::State::subscribe(const Shared& state, const std::string& subject,
+                                  const Handler& handler) {
+  auto subscription = std::make_unique<Subscription>();
+  subscription->state = state;
+  subscription->handler = handler;
+  natsSubscription* made = nullptr;
+  throw_unless(natsConnection_Subscribe(&made, state->current().get(), subject.c_str(),
+                                        &State::on_message, subscription.get()),
+               "subscription to " + subject);
+  throw_unless(natsSubscription_SetPendingLimits(made, -1, -1), "subscription to " + subject);
+  {
+    const std::lock_guard lock(state->mutex);
+    ++state->dispatching;
+  }
+  throw_unless(natsSubscription_SetOnCompleteCB(made, &State::on_complete, subscription.get()),
+               "subscription to " + subject);
+  static_cast<void>(subscription.release());  // on_complete deletes it
+  const std::lock_guard lock(state->mutex);
+  state->subscriptions.push_back(made);
+}
+
+/// Forgets a handle that is closed. @return  False if something of the library's still runs, and
+/// keeps what it needs.
+bool Connection::State::forget_handle(std::unique_lock<std::mutex>& lock) {
+  const bool quiet = changed.wait_for(lock, kEnd, [&] { return closed && dispatching == 0; });
+  if (quiet) {
+    for (natsSubscription* const each : subscriptions) natsSubscription_Destroy(each);
+  } else if (handle != nullptr) {
+    static_cast<void>(new std::shared_ptr<natsConnection>(handle));  // for good
+    dispatching = 0;
+  }
+  subscriptions.clear();
+  handle.reset();
+  return quiet;
+}
+
+/// The library gives some connections up for good, such as one whose first handshake is cut off.
+void Connection::State::keep_open(const std::stop_token& stop, const Shared& state) {
+  name_thread("pirt-link");
+  std::unique_lock lock(state->mutex);
+  while (state->changed.wait(lock, stop, [&] { return state->closed; })) {
+    state->changed.wait_for(lock, stop, kAgain, [] { return false; });
+    if (stop.stop_requested()) return;
+    lock.unlock();
+    const std::lock_guard one_at_a_time(state->opening);
+    lock.lock();
+    static_cast<void>(state->forget_handle(lock));
+    state->closed = false;
+    lock.unlock();
+    bool is_open = false;
+    try {
+      open(state);
+      is_open = true;
+    } catch (const std::exception& error) {
+      if (state->events.problem) state->events.problem(error.what());
+    }
+    lock.lock();
+    if (!is_open) state->closed = true;  // Once more.
+  }
+}
+
+Connection::Connection(const ConnectionOptions& options, Events events)
+    : state_(std::make_shared<State>()) {
+  check_connection(options);
+  state_->options = options;
+  state_->events = std::move(events);
   natsInbox* inbox = nullptr;
-  set(natsInbox_Create(&inbox));
+  throw_unless(natsInbox_Create(&inbox), "libnats");
   state_->inbox = inbox;
   natsInbox_Destroy(inbox);
   // libnats takes its own prefix for that.
   state_->inbox = options.inbox + state_->inbox.substr(state_->inbox.find('.'));
-  const natsStatus status = natsConnection_Connect(&state_->handle, raw);
-  if (status != NATS_OK && status != NATS_NOT_YET_CONNECTED) {
-    throw_unless(status, "server '" + public_url(options.server) + "'");
-  }
-  void* const given = closure.release();
-  if (status == NATS_OK) State::on_up(state_->handle, given);
+  State::open(state_);
+  keeper_ = start_thread(
+      [state = state_](const std::stop_token& stop) { State::keep_open(stop, state); });
 }
 
 Connection::~Connection() {
-  State& state = *state_;
-  natsConnection_Close(state.handle);
-  std::unique_lock lock(state.mutex);
-  const bool quiet =
-      state.changed.wait_for(lock, kEnd, [&] { return state.closed && state.dispatching == 0; });
-  lock.unlock();
-  if (!quiet) return;  // Something of the library's still runs, and keeps what it needs.
-  for (natsSubscription* const each : state.subscriptions) natsSubscription_Destroy(each);
-  natsConnection_Destroy(state.handle);
+  keeper_ = {};  // Asks it to stop, and waits.
+  const auto handle = state_->current();
+  if (handle == nullptr) return;
+  natsConnection_Close(handle.get());
+  std::unique_lock lock(state_->mutex);
+  static_cast<void>(state_->forget_handle(lock));
 }
 
 bool Connection::wait_until_up(Nanos most) {
@@ -324,22 +414,13 @@ bool Connection::is_up() const { return state_->up; }
 const std::string& Connection::inbox() const { return state_->inbox; }
 
 void Connection::subscribe(const std::string& subject, Handler handler) {
-  auto subscription = std::make_unique<State::Subscription>();
-  subscription->state = state_;
-  subscription->handler = std::move(handler);
-  natsSubscription* handle = nullptr;
-  throw_unless(natsConnection_Subscribe(&handle, state_->handle, subject.c_str(),
-                                        &State::on_message, subscription.get()),
-               "subscription to " + subject);
-  throw_unless(natsSubscription_SetPendingLimits(handle, -1, -1), "subscription to " + subject);
+  const std::lock_guard one_at_a_time(state_->opening);
   {
     const std::lock_guard lock(state_->mutex);
-    ++state_->dispatching;
+    state_->wanted.emplace_back(subject, handler);
+    if (state_->closed) return;  // With the next handle.
   }
-  throw_unless(natsSubscription_SetOnCompleteCB(handle, &State::on_complete, subscription.get()),
-               "subscription to " + subject);
-  static_cast<void>(subscription.release());  // on_complete deletes it
-  state_->subscriptions.push_back(handle);
+  State::subscribe(state_, subject, handler);
 }
 
 bool Connection::publish(const std::string& subject, ByteView data, const std::string& reply,
@@ -352,7 +433,8 @@ bool Connection::publish(const std::string& subject, ByteView data, const std::s
   }
   const MessagePtr message(raw);
   if (!id.empty() && natsMsgHeader_Set(raw, "Nats-Msg-Id", id.c_str()) != NATS_OK) return false;
-  return natsConnection_PublishMsg(state_->handle, raw) == NATS_OK;
+  const auto handle = state_->current();
+  return handle != nullptr && natsConnection_PublishMsg(handle.get(), raw) == NATS_OK;
 }
 
 bool Connection::publish(const std::string& subject, std::string_view text,
@@ -370,8 +452,10 @@ Connection::Answer Connection::request(const std::string& subject, ByteView data
   }
   const MessagePtr message(raw);
   if (!id.empty() && natsMsgHeader_Set(raw, "Nats-Msg-Id", id.c_str()) != NATS_OK) return {};
+  const auto handle = state_->current();
+  if (handle == nullptr) return {};
   natsMsg* answer = nullptr;
-  const natsStatus status = natsConnection_RequestMsg(&answer, state_->handle, raw, ms(most));
+  const natsStatus status = natsConnection_RequestMsg(&answer, handle.get(), raw, ms(most));
   if (status == NATS_NO_RESPONDERS) return {true, kNobody, {}};
   if (status != NATS_OK) return {};
   const MessagePtr came(answer);
@@ -385,7 +469,8 @@ Connection::Answer Connection::request(const std::string& subject, std::string_v
 }
 
 std::size_t Connection::most_payload() const {
-  const std::int64_t most = natsConnection_GetMaxPayload(state_->handle);
+  const auto handle = state_->current();
+  const std::int64_t most = handle != nullptr ? natsConnection_GetMaxPayload(handle.get()) : 0;
   return most > 0 ? static_cast<std::size_t>(most) : kStandardPayload;
 }
 

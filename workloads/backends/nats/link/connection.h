@@ -10,6 +10,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <thread>
 
 #include "workloads/backends/nats/wire/wire.h"
 
@@ -90,6 +91,7 @@ class Connection {
  private:
   struct State;
   std::shared_ptr<State> state_;
+  std::jthread keeper_;  ///< Makes another one where the library has given it up.
 };
 
 [[nodiscard]] inline std::string_view text_of(ByteView bytes) {
