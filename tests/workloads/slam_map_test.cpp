@@ -2,7 +2,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <memory>
 
 #include "tests/support/long.h"
@@ -243,7 +245,7 @@ struct Rooms {
 
 // Run by `ctest -C long -L long`: 20 flights through a room whose map is known, from a rest or in
 // motion, and 20 each with maps that are none of it; otherwise one each, of a part of the room.
-TEST(SlamLong, AMapIsFoundByEachFlightThroughItsRoomAndByNoOther) {
+TEST(SlamMaps, AMapIsFoundByEachFlightThroughItsRoomAndByNoOther) {
   const int flights = test::repeats(1, 20);
   const double mapped_s = test::long_tests() ? 40.0 : 6.0;
   const auto first = Rooms::sequence(1, 1, mapped_s, 2.0);
@@ -277,6 +279,40 @@ TEST(SlamLong, AMapIsFoundByEachFlightThroughItsRoomAndByNoOther) {
     }
   }
   EXPECT_GE(found, flights - flights / 20);
+}
+
+// Run by `ctest -C long -L long`: ten times around the corridor, with what was lost from view known
+// again and without; otherwise its first seconds. Half-size pictures, for the time.
+TEST(SlamRing, DriftEndsWhereTheRobotHasBeenBefore) {
+  SceneOptions options = test::scene(1, test::long_tests() ? 575.0 : 6.0);
+  options.path.shape = PathShape::kRing;
+  options.path.rest_s = 1;
+  options.width = 320;
+  options.height = 240;
+  const auto sequence = generate_sequence(options);
+  std::array<double, 2> ends{};
+  for (const bool recognizes : {false, true}) {
+    RunOptions run;
+    run.setup = setup_of(sequence);
+    run.setup.recognize = recognizes;
+    const auto result = run_serially(sequence, run);
+    const auto poses = result.trajectory();
+    const auto error = evaluate(poses, sequence.truth, Alignment::kSe3);
+    const auto last = truth_at(sequence.truth, poses.back().time);
+    ASSERT_TRUE(last.has_value());
+    const auto to_truth = align(poses, sequence.truth, Alignment::kStartYaw);
+    ends[recognizes ? 1 : 0] = (to_truth * poses.back().body.position - last->position).norm();
+    std::printf("%s map: RMS %.3f m, %.3f %% of %.1f m; at the end off by %.3f m\n",
+                recognizes ? "with" : "without", error.ate_rms_m,
+                100 * error.ate_rms_m / error.path_m, error.path_m, ends[recognizes ? 1 : 0]);
+    EXPECT_EQ(result.frames.back().status, Status::kTracking);
+    if (recognizes || !test::long_tests()) {
+      EXPECT_LE(error.ate_rms_m, (test::long_tests() ? 0.001 : 0.01) * error.path_m);
+    }
+  }
+  if (test::long_tests()) {
+    EXPECT_LT(ends[1], ends[0]);
+  }
 }
 
 }  // namespace
