@@ -70,9 +70,14 @@ RunRecord run_live(const Platform& platform, const Profile* profile, const Mix& 
     }
     return result.tally;
   };
-  ScheduleOptions whole = options;
-  whole.slices = false;  // Calls that compute are not left.
-  RunRecord record = run_mix(platform, profile, mix, whole, driver, "live");
+  ScheduleOptions its = options;
+  if (!live.prepare_first) {
+    if (options.slices == true) {
+      throw_bad_input("--slices on: without set-up beforehand (--no-preinit) calls are not left");
+    }
+    its.slices = false;
+  }
+  RunRecord record = run_mix(platform, profile, mix, its, driver, "live");
   if (!trace_problem.empty()) record.trace_problem = trace_problem;
   add_live(platform, result, record);
   return record;

@@ -220,6 +220,7 @@ RuntimeStatistics Runtime::Engine::statistics() {
   RuntimeStatistics statistics = counts_;
   statistics.problems = problems_.first();
   statistics.returned = dispatcher_->counts().returned;
+  statistics.left = dispatcher_->counts().left;
   statistics.set_up = set_up_;
   statistics.live = statistics.submitted - statistics.completed - statistics.failed -
                     statistics.dropped - statistics.expired - statistics.cancelled;

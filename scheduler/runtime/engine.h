@@ -35,7 +35,7 @@ namespace pirt {
 /// A task from its submission to the last that knows of it. Fields of the engine are read and
 /// written by whoever has its turn, the others as is said there.
 struct runtime::Submitted {
-  enum class Event : std::uint8_t { kSubmit, kEnd };
+  enum class Event : std::uint8_t { kSubmit, kEnd, kSliceEnded };
   static constexpr int kLive = -1;
 
   Slab<Submitted>::Place place;
@@ -181,6 +181,7 @@ class Runtime::Engine {
   void take_first_inputs();
   void open_units();
   void ended(Call& call, CallEnd& end);
+  void slice_ended(Call& call);
   std::vector<Preparation> preparations(UnitId unit);
   [[nodiscard]] Support support(const Known& known, const UnitModel& unit) const;
   [[nodiscard]] UnitMask units_of(const Known& known) const;
@@ -208,6 +209,8 @@ class Runtime::Engine {
   [[nodiscard]] Task dispatched(const Submitted& task);
   TaskId never();
   void take_end(Submitted& task);
+  void take_slice(Submitted& task);
+  void note_arrival(const Submitted& task);
   void count_returns(const Submitted& task);
   void look();
   [[nodiscard]] const Service* expected(UnitId unit, std::uint64_t token);

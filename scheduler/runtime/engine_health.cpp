@@ -38,7 +38,8 @@ void Runtime::Engine::bring_back(std::string_view name) {
     known = live_units_.has(unit);
     lost = !units_[unit].in_service;
     if (known && !lost) ask_for_all(unit);
-    busy = known && lost && !live_units_.at(unit).abandoned() && dispatcher_->running(unit) > 0;
+    busy = known && lost && !live_units_.at(unit).abandoned() &&
+           dispatcher_->running(unit) + dispatcher_->left(unit) > 0;
   }
   work(Thread::kTheirs);  // What was left to who had the turn.
   if (!known) throw_bad_input("unit " + model.name + " computes nothing here");
@@ -112,6 +113,17 @@ void Runtime::Engine::give_up(const LiveUnits::Hung& hung) {
     each.event = Submitted::Event::kEnd;
     take_event(each);
   };
+  // What waits for it between two slices never ends either.
+  for (const std::uint64_t token : hung.left) {
+    Submitted& left = task_at(token);
+    TaskRef::hold(left);
+    if (const auto& id = workloads_[left.workload_index].state) {
+      states_[*id] = std::make_shared<StateValue>(*states_[*id]);
+    }
+    give_end(token, {.outcome = Outcome::kFailed,
+                     .problem = left.workload->name + ": left for " + task.workload->name +
+                                ", which hangs"});
+  }
   give_end(hung.token, {.outcome = Outcome::kFailed, .busy = hung.ran, .problem = problem});
   for (const std::uint64_t token : hung.behind) give_end(token, {.outcome = Outcome::kReturned});
 }

@@ -31,6 +31,11 @@ std::size_t checked(std::size_t most_tasks) {
   return most_tasks;
 }
 
+/// As set_up_mode has it, which may not be asked yet.
+bool leaves_calls(const RuntimeOptions& options) {
+  return options.prepare_first && options.slices.value_or(find_policy(options.mode).budgets);
+}
+
 Nanos checked_spin(Nanos spin) {
   if (spin < Nanos::zero() || spin > kSpin) {
     throw_bad_input("spin is " + std::to_string(to_us(spin)) + " us; it is 0 to " +
@@ -46,22 +51,26 @@ Runtime::Engine::Engine(RuntimeOptions options)
       options_(std::move(options)),
       samples_(1),
       room_(checked(options_.most_tasks)),
-      live_units_(options_.platform,
-                  {.prepare_first = options_.prepare_first,
-                   .time_limit = options_.time_limit,
-                   .priority = options_.priority,
-                   .spin = checked_spin(options_.spin),
-                   .keeps = own_,
-                   .stop = {},
-                   .progress = options_.progress},
-                  [this](UnitId, Call& call, CallEnd& end) { ended(call, end); }) {
+      live_units_(
+          options_.platform,
+          {.prepare_first = options_.prepare_first,
+           .time_limit = options_.time_limit,
+           .priority = options_.priority,
+           .spin = checked_spin(options_.spin),
+           .keeps = own_,
+           .stop = {},
+           .progress = options_.progress,
+           .slice_ended = leaves_calls(options_)
+                              ? std::function([this](UnitId, Call& call) { slice_ended(call); })
+                              : nullptr},
+          [this](UnitId, Call& call, CallEnd& end) { ended(call, end); }) {
   const Nanos begin = clock_.now();
   units_.resize(options_.platform.units.size());
   list_workloads();
   mix_ = mix();
   ScheduleOptions schedule;
   schedule.mode = options_.mode;
-  schedule.slices = false;  // Nobody hears of them here.
+  schedule.slices = leaves_calls(options_);
   setup_.emplace(set_up_mode(options_.platform, options_.profile ? &*options_.profile : nullptr,
                              mix_, schedule));
   if (setup_->mode.policy.planner != nullptr) {
@@ -246,6 +255,14 @@ void Runtime::Engine::open_units() {
   for (const auto& [unit, unused] : prepared) with_room_ |= unit_bit(unit);
   live_units_.open(std::move(prepared));
   for (const std::string& remark : live_units_.wait_until_ready()) add_problem(remark);
+}
+
+/// From the unit's thread, which waits for the answer.
+void Runtime::Engine::slice_ended(Call& call) {
+  Submitted& task = task_at(call.token);
+  task.call_end.at = now();
+  post(ended_calls_, task, Submitted::Event::kSliceEnded);
+  work(Thread::kOurs);
 }
 
 /// From the unit's thread.

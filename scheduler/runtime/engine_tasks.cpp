@@ -9,6 +9,7 @@ namespace pirt {
 
 /// Whatever is thrown meanwhile (there may be no memory) ends this task, and no other.
 void Runtime::Engine::take_event(Submitted& task) {
+  if (task.event == Submitted::Event::kSliceEnded) return take_slice(task);
   const bool submits = task.event == Submitted::Event::kSubmit;
   const bool was_cancelled = !submits && task.is_decided();
   now_ = std::max(now_, submits ? task.submitted_at : task.call_end.at);
@@ -130,6 +131,22 @@ void Runtime::Engine::count_running(UnitId id, int more) {
   with_room_ = unit.running < unit.slots ? with_room_ | unit_bit(id) : with_room_ & ~unit_bit(id);
 }
 
+/// Its unit's thread waits: it goes on, or with what is let in.
+void Runtime::Engine::take_slice(Submitted& task) {
+  const UnitId unit = task.unit;
+  now_ = std::max(now_, task.call_end.at);
+  bool leaves = false;
+  try {
+    dispatcher_->slice_ended(unit, task.id, now_, effects_);
+    leaves = !effects_.left.empty();
+    if (leaves && trace_) trace_->left(unit, task.place.index);
+    apply();
+  } catch (const std::exception& error) {
+    add_problem(task.workload->name + ": " + error.what());
+  }
+  if (!leaves) live_units_.go_on(unit);  // From now on the record may be posted again.
+}
+
 void Runtime::Engine::cancel_asked() {
   std::vector<TaskRef> cancels;
   {
@@ -169,6 +186,10 @@ void Runtime::Engine::cancel_asked() {
 void Runtime::Engine::apply() {
   std::swap(effects_, applied_);
   for (const Start& each : applied_.started) start(each);
+  for (const Sliced& each : applied_.resumed) {
+    if (const Submitted* const task = task_of(each.task)) note_arrival(*task);
+    live_units_.go_on(each.unit);
+  }
   for (const Recalled& each : applied_.recalled) {
     Submitted* const task = task_of(each.task);
     if (task != nullptr && task->running) request_stop(*task);
@@ -200,18 +221,21 @@ void Runtime::Engine::start(const Start& start) {
   // Later calls are looked at when this one is.
   if (running_ == 0) look_at_ = later_by(now_, live_units_.look_every());
   count_running(start.unit, 1);
-  if (trace_) {
-    trace_->arrived(start.unit, task.place.index, options_.platform.units[start.unit].active_w);
-  }
+  note_arrival(task);
   try {
     fill_call(task);
-    live_units_.run(start.unit, task.call);
+    live_units_.run(start.unit, task.call, start.let_in);
   } catch (const std::exception& error) {  // No memory for what it makes.
     task.call_end = {
         .outcome = Outcome::kFailed,
         .problem = task.workload->name + " on " + task.unit_name + ": " + error.what()};
     post(ended_calls_, task, Submitted::Event::kEnd);
   }
+}
+
+void Runtime::Engine::note_arrival(const Submitted& task) {
+  if (!trace_) return;
+  trace_->arrived(task.unit, task.place.index, options_.platform.units[task.unit].active_w);
 }
 
 void Runtime::Engine::fill_call(Submitted& task) {

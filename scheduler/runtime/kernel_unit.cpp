@@ -238,6 +238,19 @@ bool KernelUnit::serve_calls(Lane& lane) {
   return true;
 }
 
+class KernelUnit::Slices final : public SliceListener {
+ public:
+  Slices(KernelUnit& unit, Lane& lane, Call& call, Nanos begin)
+      : unit_(unit), lane_(lane), call_(call), begin_(begin) {}
+  void slice_ended() override { unit_.between_slices_of(lane_, call_, begin_); }
+
+ private:
+  KernelUnit& unit_;
+  Lane& lane_;
+  Call& call_;
+  Nanos begin_;
+};
+
 /// False if it was given up: nobody knows of the call any more; what it holds goes with it.
 bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
   const Nanos begin = clock_.now();
@@ -246,10 +259,13 @@ bool KernelUnit::run_call(Lane& lane, Call& call, CallEnd& end) {
   // Who wants it no more, or stops the unit, saw this call or is seen here.
   const bool begins = remote == nullptr || (!call.unwanted && !stopping_);
   if (remote == nullptr && call.unwanted) lane.stop.request_stop();
+  lane.paused = Nanos::zero();
+  Slices slices(*this, lane, call, begin);
+  const HearsSlices hears(leaves_calls() ? &slices : nullptr);
   const bool in_phases = !begins || execute(lane, call, end);
   if (!begins) end.outcome = Outcome::kReturned;
   end.at = clock_.now();
-  end.busy = end.at - begin;
+  end.busy = end.at - begin - lane.paused;
   if (!in_phases) end.times.execute = end.busy - end.preparing.value_or(Nanos::zero());
   if (!lane.running.end()) return false;
   end.awake = std::exchange(lane.awake, Nanos::zero());
@@ -401,7 +417,7 @@ std::uint64_t KernelUnit::compute(Lane& lane, Prepared& prepared, Call& call, Ca
   const Nanos executed = clock_.now();
   kernel.download();
   times.upload = uploaded - begin;
-  times.execute = executed - uploaded - times.launch.value_or(Nanos::zero());
+  times.execute = executed - uploaded - times.launch.value_or(Nanos::zero()) - lane.paused;
   times.download = clock_.now() - executed;
   if (call.state == nullptr || call.intended != Outcome::kCompleted) return 0;
   static std::atomic<std::uint64_t> versions = 0;

@@ -53,7 +53,11 @@ class LiveRun final : public Executor {
                {.prepare_first = options.prepare_first,
                 .time_limit = options.time_limit,
                 .stop = options.stop,
-                .progress = options.progress},
+                .progress = options.progress,
+                .slice_ended = scenario.slices ? std::function([this](UnitId unit, Call& call) {
+                  slice_ended(unit, call);
+                })
+                                               : nullptr},
                [this](UnitId unit, Call& call, const CallEnd& end) { ended(unit, call, end); }) {
     for (const MixState& state : scenario.mix.states) {
       states_.push_back(std::make_shared<StateValue>(find_workload(state.workload)));
@@ -88,7 +92,6 @@ class LiveRun final : public Executor {
 
   /// Behind the mutex, from within what a thread tells the driver.
   void start(JobIndex job, UnitId unit, bool let_in) override {
-    static_cast<void>(let_in);
     if (closing_) return;  // Nobody waits for what comes now.
     ++computing_;
     const Firings::TaskPlace& place = time_.firings().place(job);
@@ -114,11 +117,12 @@ class LiveRun final : public Executor {
       if (made.data == nullptr) continue;  // Of a paced unit.
       call.inputs[port.input] = (*made.data)[port.output].share();
     }
-    units_.run(unit, call);
+    units_.run(unit, call, let_in);
   }
-  /// Nobody hears of slices here, so that nothing is left.
+  /// As start.
   void resume(JobIndex job, UnitId unit) override {
-    static_cast<void>(job), static_cast<void>(unit);
+    static_cast<void>(job);
+    units_.go_on(unit);
   }
   /// As start.
   void recall(JobIndex job, UnitId unit) override {
@@ -158,7 +162,9 @@ class LiveRun final : public Executor {
   void set_up() {
     std::map<UnitId, std::vector<Preparation>> prepared;
     for (UnitId unit = 0; unit < scenario_.platform.units.size(); ++unit) {
-      if (scenario_.platform.units[unit].measured()) prepared.emplace(unit, preparations(unit));
+      if (!scenario_.platform.units[unit].measured()) continue;
+      // What serves nothing is not opened.
+      if (auto its = preparations(unit); !its.empty()) prepared.emplace(unit, std::move(its));
     }
     units_.open(std::move(prepared));
     for (const std::string& remark : units_.wait_until_ready()) problems_.add(remark);
@@ -260,10 +266,30 @@ class LiveRun final : public Executor {
     const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
     if (task.state) states_[*task.state] = std::make_shared<StateValue>(*states_[*task.state]);
     problems_.add(overdue(task.workload, units_.at(hung.unit).name(), hung.ran));
+    for (const std::uint64_t token : hung.left) give_up_left(static_cast<JobIndex>(token));
     end_computing(job, {.outcome = Outcome::kFailed, .busy = hung.ran});
     for (const std::uint64_t token : hung.behind) {
       end_computing(static_cast<JobIndex>(token), {.outcome = Outcome::kReturned});
     }
+  }
+
+  /// It waits between two slices for a call that hangs.
+  void give_up_left(JobIndex job) {
+    static_cast<void>(calls_[job].release());
+    const Firings::TaskPlace place = time_.firings().place(job);
+    const MixTask& task = scenario_.mix.pipelines[place.pipeline].tasks[place.task];
+    if (task.state) states_[*task.state] = std::make_shared<StateValue>(*states_[*task.state]);
+    end_computing(job, {.outcome = Outcome::kFailed});
+  }
+
+  /// From a unit's thread.
+  void slice_ended(UnitId unit, const Call& call) {
+    const std::lock_guard lock(mutex_);
+    if (closing_) return units_.go_on(unit);
+    const Nanos next = time_.next();
+    const bool goes_on = time_.slice_ended(static_cast<JobIndex>(call.token), now());
+    if (goes_on) units_.go_on(unit);
+    if (time_.next() < next) changed_.notify_all();
   }
 
   void end_computing(JobIndex job, ComputedEnd end) {

@@ -54,7 +54,11 @@ std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation
                 .lanes = model.measured() ? model.servers : 1,
                 .priority = options_.priority,
                 .spin = is_elsewhere(model) ? Nanos::zero() : spin_,
-                .keeps = options_.keeps},
+                .keeps = options_.keeps,
+                .slice_ended = options_.slice_ended ? std::function([this, unit](Call& call) {
+                  options_.slice_ended(unit, call);
+                })
+                                                    : nullptr},
       [this, unit](Call& call, CallEnd& end) { done_(unit, call, end); });
 }
 

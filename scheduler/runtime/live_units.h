@@ -46,6 +46,8 @@ struct LiveUnitsOptions {
   std::shared_ptr<const void> keeps = {};
   std::function<int()> stop = {};  ///< Whether somebody wants no start any more; empty = never.
   std::function<void(const std::string&)> progress = {};
+  /// As UnitSetup. Empty = calls are not left.
+  std::function<void(UnitId unit, Call& call)> slice_ended = {};
 };
 
 /// Threads: whoever drives them, one at a time, but for `done`.
@@ -72,7 +74,14 @@ class LiveUnits {
 
   [[nodiscard]] bool has(UnitId unit) const { return units_[unit] != nullptr; }
   [[nodiscard]] const KernelUnit& at(UnitId unit) const { return *units_[unit]; }
-  void run(UnitId unit, Call& call) { units_[unit]->run(call); }
+  void run(UnitId unit, Call& call, bool let_in = false) {
+    if (let_in) {
+      units_[unit]->let_in(call);
+    } else {
+      units_[unit]->run(call);
+    }
+  }
+  void go_on(UnitId unit) { units_[unit]->go_on(); }
   bool request_stop(UnitId unit, Call& call) { return units_[unit]->request_stop(call); }
 
   /// Another one in place of a unit that is out of service; any thread may make it, and hands it to
@@ -91,7 +100,8 @@ class LiveUnits {
   struct Hung {
     UnitId unit = 0;
     std::uint64_t token = 0;
-    std::vector<std::uint64_t> behind;  ///< Of the calls that waited behind it.
+    std::vector<std::uint64_t> behind;  ///< Of the calls that waited behind it,
+    std::vector<std::uint64_t> left;    ///< and of those that it was let into: they never end.
     Nanos ran{0};
     std::string problem;
   };
@@ -118,7 +128,9 @@ class LiveUnits {
           continue;
         }
         auto behind = units_[unit]->abandon(call);
-        if (behind) hung.push_back({unit, call.token, *std::move(behind), ran, {}});
+        if (behind) {
+          hung.push_back({unit, call.token, *std::move(behind), units_[unit]->left(), ran, {}});
+        }
       }
     }
     return hung;

@@ -192,6 +192,11 @@ struct RuntimeOptions {
   /// expected to take, and at least 5 s; never where that is not known (no profile, and an own
   /// workload that does not say what it expects of the unit).
   std::optional<Nanos> time_limit = {};
+  /// Tasks with a nearer deadline are let in between two slices of a call, where it says that it
+  /// can be left: some of the catalog's do (WorkloadSpec::slices), and an own function may by
+  /// between_slices() of workloads/model/slices.h. Absent = in mode budget alone. Not on units with
+  /// contexts, elsewhere or without prepare_first.
+  std::optional<bool> slices = {};
   /// How long a unit that has nothing to do stays awake before its thread sleeps, 0 to 20 us: a
   /// task that comes by then begins sooner. It draws active_w meanwhile (`powered`). 0 = not at
   /// all, as where more units compute here than the machine has cores.
@@ -231,6 +236,7 @@ struct RuntimeStatistics {
   std::int64_t live = 0;
   std::int64_t late = 0;              ///< Of those that have ended: after their deadline.
   std::int64_t returned = 0;          ///< How often a unit gave a task back, to be tried elsewhere.
+  std::int64_t left = 0;              ///< How often a call was left for a more urgent one.
   Nanos set_up{0};                    ///< What the start took.
   std::vector<std::string> problems;  ///< The first few: failed calls, lost units, callbacks.
 };

@@ -313,6 +313,27 @@ TEST(Live, AUnitThatHangsIsTakenOutOfServiceAndItsStateIsThatOfBefore) {
   EXPECT_FALSE(replay(load_trace_log(trace), trace).difference);
 }
 
+TEST(Live, AUnitThatServesNothingIsNotOpened) {
+  const auto platform = parse_platform("board.yaml", R"(
+platform: board
+units:
+  gpu: {backend: cpu, device: there is none, slots: 1, active_w: 1}
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+workloads:
+  gaussian_blur: {gpu: [{on: gpu, ms: 0.1}], cpu: [{on: cpu, ms: 0.1}]}
+)",
+                                       {}, 2);
+  const auto mix = mix_of(R"(
+mix: m
+pipelines: {p: {closed_loop: {frames: 5}, tasks: [{workload: gaussian_blur}]}}
+)");
+  ScheduleOptions options;
+  options.mode = "ect";
+  EXPECT_THROW(static_cast<void>(run_live(platform, nullptr, mix, options, {})), Error);
+  options.without = {"gpu"};
+  EXPECT_EQ(run_live(platform, nullptr, mix, options, {}).completed, 5);
+}
+
 TEST(Live, SaysWhichUnitsTellTimeByAClockOfTheirOwn) {
   const auto warnings_with = [](const std::string& script) {
     std::string board = kHanging;

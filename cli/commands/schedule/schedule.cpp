@@ -373,7 +373,6 @@ void add_schedule(CLI::App& app, Action& action) {
     command.option("--pareto").excludes(command.option(name));
   for (const auto* name : {"--no-preinit", "--update-profile"})
     command.option(name).needs(command.option("--live"));
-  command.option("--slices").excludes(command.option("--live"));
   for (const auto* name : {"--allow-invalid", "--update-profile"})
     command.option(name).needs(command.option("--profile"));
   command.footer(

@@ -1,0 +1,74 @@
+// What a unit's thread does between two slices of a call.
+#include <algorithm>
+#include <utility>
+
+#include "scheduler/runtime/kernel_unit.h"
+
+namespace pirt {
+
+bool KernelUnit::leaves_calls() const {
+  return setup_.slice_ended && setup_.prepare_first && !setup_.contexts && lanes_.size() == 1 &&
+         !is_remote();
+}
+
+void KernelUnit::let_in(Call& call) {
+  lanes_.front().let_in = &call;
+  bell_.ring(1);
+}
+
+void KernelUnit::go_on() {
+  lanes_.front().goes_on = true;
+  bell_.ring(1);
+}
+
+std::vector<std::uint64_t> KernelUnit::left() {
+  const std::lock_guard lock(taking_);
+  std::vector<std::uint64_t> tokens;
+  for (const Call* each : lanes_.front().left) tokens.push_back(each->token);
+  return tokens;
+}
+
+/// While it asks and is left the call does not run, for whoever looks: it does not hang.
+/// @param begin  Of the call.
+void KernelUnit::between_slices_of(Lane& lane, Call& call, Nanos begin) {
+  if (stopping_ || abandoned_) return;
+  const Nanos since = clock_.now();
+  lane.goes_on = false;
+  // Whoever gives it up has done so before this, or sees it no more.
+  if (!lane.running.end()) return;
+  {
+    const std::lock_guard lock(taking_);
+    lane.left.push_back(&call);
+  }
+  const Nanos paused = std::exchange(lane.paused, Nanos::zero());
+  std::stop_source stop = std::exchange(lane.stop, std::stop_source());
+  setup_.slice_ended(call);
+  while (!lane.goes_on.exchange(false) && !stopping_) {
+    if (lane.let_in.load() == nullptr) {
+      bell_.sleep_until([&] { return stopping_ || lane.let_in.load() != nullptr || lane.goes_on; });
+    } else if (!run_let_in(lane)) {
+      return;  // Nobody knows of it either.
+    }
+  }
+  {
+    const std::lock_guard lock(taking_);
+    lane.left.pop_back();
+  }
+  lane.stop = std::move(stop);
+  lane.paused = paused + (clock_.now() - since);
+  lane.running.begin(call.token, begin + lane.paused);
+  if (call.unwanted) lane.stop.request_stop();
+}
+
+/// False if it was given up.
+bool KernelUnit::run_let_in(Lane& lane) {
+  Call& call = *lane.let_in.exchange(nullptr);
+  CallEnd end;
+  if (!run_call(lane, call, end)) return false;
+  const bool telling = std::exchange(lane.telling, true);
+  done_(call, end);
+  lane.telling = telling;
+  return true;
+}
+
+}  // namespace pirt
