@@ -41,7 +41,7 @@ struct LiveUnitsOptions {
   bool prepare_first = true;
   std::optional<Nanos> time_limit = {};  ///< Of each call; absent = by what is expected of it.
   int priority = 0;                      ///< As UnitSetup.
-  /// The same; where there are more units that compute here than cores: none.
+  /// The same; where units that compute here, and who gives them calls, have no core each: none.
   Nanos spin = kSpin;
   std::shared_ptr<const void> keeps = {};
   std::function<int()> stop = {};  ///< Whether somebody wants no start any more; empty = never.
