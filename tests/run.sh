@@ -99,6 +99,10 @@ run_stage() {
   )
   code=$?
   set -e
+  if [[ $code -eq 77 ]]; then
+    say "$current: SKIPPED, see above"
+    return
+  fi
   took=$(printf '%d:%02d min' $(((SECONDS - begun) / 60)) $(((SECONDS - begun) % 60)))
   if [[ $code -ne 0 ]]; then
     failed+=("$current")

@@ -1,7 +1,7 @@
 # The stages of tests/run.sh, in the order in which --long runs them; sourced. A stage is a line:
 #   stage NAME READS INSTALLS SHOWS COMMAND...
 # READS: the paths (pathspecs of git) that it compiles and reads; it is run again when one of them has changed. INSTALLS: packages.
-# COMMAND: words, or a function below. None takes longer than 20 minutes on two quiet cores.
+# COMMAND: words, or a function below; exit code 77 = skipped, for what it has said. None takes longer than 20 minutes on two quiet cores.
 
 base="${PIRT_PACKAGES[*]} ${PIRT_TEST_PACKAGES[*]} ${PIRT_DSP_PACKAGES[*]} ${PIRT_NATS_PACKAGES[*]} ${PIRT_BAG_PACKAGES[*]} ${PIRT_FPGA_PACKAGES[*]}"
 all='. :!tests/run.sh :!tests/stages.sh :!cli/demo.sh :!tests/bench/README.md'
@@ -31,6 +31,7 @@ stage cloud "${code[workloads]}" "$base" "robots, workers and a server: 200 faul
 stage oclgrind "${code[workloads]} tests/oclgrind.sh" "$base oclgrind" "each OpenCL kernel on a simulated device: races, values nobody wrote" long_test oclgrind
 stage rusticl "${code[workloads]}" "$base mesa-opencl-icd" "every workload's OpenCL kernels on Mesa's driver" long_test rusticl
 stage subdirectory "$all" "$base" "pirt as a part of another project" long_test subdirectory
+stage packages "$all" "$base debootstrap lintian" "packages of Debian, installed, used and removed in a fresh root" check_packages
 for layer in "${layers[@]}"; do
   stage "asan-$layer" "${code[$layer]}" "$base" "tests of $layer/ under address and undefined-behaviour sanitizers" asan "$layer"
 done
@@ -90,6 +91,8 @@ long_test() {
   build_pirt build -DPIRT_TESTS=ON
   run_left build -C long -R "^long\.$1"
 }
+
+check_packages() { tests/packages.sh || exit $?; }
 
 # asan LAYER. LLVM within PoCL sets signal stacks of its own, which the sanitizer would free as its own; and the leak checker dies of PoCL's
 # threads that are about to end, so that tests with a driver go without it. Sequences of 10 s take more than 5 minutes there;

@@ -1,0 +1,87 @@
+#!/usr/bin/env bash
+# The packages of Debian as somebody has them: built, looked at by lintian, installed in a fresh root where nothing else is, used there, and
+# removed without a trace.
+#
+# Usage: tests/packages.sh     as root, since it makes a root folder (build-package/root) and enters it; else it is skipped (exit code 77)
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+source cli/packages.sh
+if [[ $EUID -ne 0 ]]; then
+  echo "packages.sh: skipped: only root can enter another root folder" >&2
+  exit 77
+fi
+
+say "build: build-package"
+rm -f build-package/*.deb
+cmake --preset package >/dev/null
+cmake --build --preset package
+say "lintian"
+lintian --allow-root --fail-on error build-package/*.deb
+
+root=build-package/root
+in_root() { chroot "$root" env -i PATH="$PATH" HOME=/tmp/home LANG=C.UTF-8 DEBIAN_FRONTEND=noninteractive bash -euo pipefail -c "$1"; }
+install_there() { in_root "apt-get install -y -qq --no-install-recommends $1" >"$root.log" 2>&1 || { tail -n 20 "$root.log" >&2; return 1; }; }
+leave() { for each in proc sys; do if mountpoint -q "$root/$each"; then umount "$root/$each"; fi; done; }
+trap leave EXIT
+
+say "a fresh root"
+leave
+rm -rf "$root"
+debootstrap --variant=minbase bookworm "$root" http://deb.debian.org/debian >"$root.log" || { tail -n 20 "$root.log" >&2; exit 4; }
+cat >"$root/etc/apt/sources.list" <<'LINES'
+deb http://deb.debian.org/debian bookworm main
+deb http://deb.debian.org/debian bookworm-updates main
+deb http://deb.debian.org/debian-security bookworm-security main
+LINES
+mount -t proc proc "$root/proc"
+mount -t sysfs -o ro sysfs "$root/sys"  # drivers of OpenCL count cores there
+mkdir "$root/tmp/home" "$root/tmp/debs"
+cp build-package/*.deb "$root/tmp/debs"
+cp -r tests/examples "$root/tmp/examples"
+in_root 'apt-get update -qq'
+
+say "the program, without what is recommended"
+install_there '/tmp/debs/pirt_*.deb'
+in_root 'pirt --version
+  pirt schedule --platform snapdragon820 --mix convolution-1000 --compare
+  for each in g++ gcc clang cmake; do if command -v "$each"; then echo "packages.sh: pirt brings $each" >&2; exit 1; fi; done'
+
+say "its manual, and completion"
+install_there 'man-db bash-completion'
+in_root 'man pirt >/tmp/page
+  grep -q "^NAME" /tmp/page
+  man pirt-schedule >/tmp/page
+  grep -q -e --compare /tmp/page
+  rm /tmp/page'
+in_root 'set +euo pipefail; . /usr/share/bash-completion/bash_completion; _completion_loader pirt
+  COMP_WORDS=(pirt sche) COMP_CWORD=1 COMP_LINE="pirt sche" COMP_POINT=9; compopt() { :; }; _pirt
+  if [[ ${COMPREPLY[*]} != schedule* ]]; then echo "packages.sh: bash completes with: ${COMPREPLY[*]}" >&2; exit 1; fi'
+
+say "the examples, by CMake and by pkg-config"
+recommended=$(in_root 'dpkg-deb --field /tmp/debs/libpirt-dev_*.deb Recommends')
+# The archives of pirt::runtime link what is recommended; the robot of the example computes on a driver of OpenCL.
+install_there "/tmp/debs/*.deb g++ cmake make pocl-opencl-icd ${recommended//,/}"
+in_root 'cd /tmp/examples
+  for each in . schedule; do cmake -S "$each" -B "$each/build" -DCMAKE_BUILD_TYPE=Release >/dev/null; cmake --build "$each/build"; done
+  build/robot 5
+  schedule/build/schedule
+  g++ -O2 robot.cpp -o robot $(pkg-config --cflags --libs pirt-runtime)
+  ./robot 5
+  g++ -O2 schedule/schedule.cpp -o once $(pkg-config --cflags --libs pirt-scheduler)
+  ./once
+  if ldd once | grep -E "opencv|dnnl|OpenCL"; then echo "packages.sh: pirt-scheduler brings what computes" >&2; exit 1; fi
+  if ldd /usr/lib/*/pirt/*.so | grep "not found"; then exit 1; fi'
+
+say "removed"
+in_root 'names="pirt libpirt-dev pirt-pictures"
+  rm -r /tmp/debs /tmp/examples /tmp/home
+  dpkg -L $names | sort -u >/tmp/files
+  apt-get purge -y -qq $names >/dev/null
+  while read -r file; do
+    if [[ -e $file ]] && ! dpkg -S "$file" >/dev/null 2>&1; then echo "$file"; fi
+  done </tmp/files >/tmp/left
+  find / -xdev -iname "*pirt*" -not -path "/var/cache/man/*" >>/tmp/left
+  if [[ -s /tmp/left ]]; then echo "packages.sh: left behind:" >&2; cat /tmp/left >&2; exit 1; fi'
+leave
+rm -rf "$root"
+say "packages: OK"
