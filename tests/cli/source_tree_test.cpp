@@ -180,7 +180,7 @@ TEST(SourceTree, BackendHeadersStayInTheirFolder) {
       {"Eigen/",
        {"characterize/energy/fit.cpp", "workloads/base/geometry/", "workloads/inputs/",
         "workloads/vision/features", "workloads/vision/feature_parts.cpp",
-        "workloads/vision/pyramid", "workloads/slam/", "workloads/mapping/keyframes"}},
+        "workloads/vision/pyramid", "workloads/slam/"}},
       // For the time that they take to compile.
       {"nlohmann/", {"workloads/base/text/json.cpp"}},
       {"yaml-cpp/",
