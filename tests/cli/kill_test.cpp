@@ -101,7 +101,6 @@ TEST_F(Kill, LosesNothingThatWasAcknowledgedAndResumes) {
   std::set<std::string> promised;
   int kills = 0;
   int completed = 0;
-  std::uint64_t whole_run_us = 1;
   const auto check = [&](int status) {
     for (const auto& cell : acknowledged()) promised.insert(cell);
     if (!std::filesystem::exists(database())) {
@@ -119,16 +118,28 @@ TEST_F(Kill, LosesNothingThatWasAcknowledgedAndResumes) {
     std::filesystem::remove(database());
     promised.clear();
   };
+  using Clock = std::chrono::steady_clock;
+  // How long a run takes that nobody kills, at best: the moments are spread over that.
+  Clock::duration whole_run = std::chrono::hours(1);
   const auto run = [&](bool to_be_killed) {
     const bool resume =
         std::filesystem::exists(database()) && (static_cast<void>(stored()), has_unfinished_run());
+    const auto begin = Clock::now();
     const pid_t child = start(resume);
-    if (to_be_killed) {
-      std::this_thread::sleep_for(std::chrono::microseconds(random.below(whole_run_us)));
-      ::kill(child, SIGKILL);
-    }
+    const auto moment =
+        begin + std::chrono::nanoseconds(to_be_killed ? random.below(whole_run.count()) : 0);
     int status = 0;
-    ::waitpid(child, &status, 0);
+    while (::waitpid(child, &status, WNOHANG) == 0) {
+      if (to_be_killed && Clock::now() >= moment) {
+        ::kill(child, SIGKILL);
+        ::waitpid(child, &status, 0);
+        break;
+      }
+      std::this_thread::sleep_for(std::chrono::microseconds(100));
+    }
+    if (!resume && !WIFSIGNALED(status)) {
+      whole_run = std::min(whole_run, Clock::duration(Clock::now() - begin));
+    }
     kills += WIFSIGNALED(status) ? 1 : 0;
     check(status);
     if (to_be_killed && random.below(4) == 0) {
@@ -136,12 +147,7 @@ TEST_F(Kill, LosesNothingThatWasAcknowledgedAndResumes) {
       promised.clear();
     }
   };
-  // How long a run takes that is not killed: the moments are spread over that.
-  const auto begun = std::chrono::steady_clock::now();
   run(false);
-  const auto took = std::chrono::steady_clock::now() - begun;
-  whole_run_us = static_cast<std::uint64_t>(
-      std::chrono::duration_cast<std::chrono::microseconds>(took).count());
   while (kills < wanted && !HasFatalFailure()) run(true);
   run(false);
   EXPECT_GE(completed, 2);
