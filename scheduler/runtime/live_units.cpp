@@ -38,8 +38,9 @@ void LiveUnits::open(std::map<UnitId, std::vector<Preparation>> preparations) {
   const auto here = std::ranges::count_if(preparations, [this](const auto& each) {
     return !is_elsewhere(platform_.units[each.first]);
   });
-  // Who spins on the core that a woken thread was put on keeps that from beginning.
-  if (static_cast<std::size_t>(here) < current_cores().size()) spin_ = options_.spin;
+  // Who spins on the core that a woken thread was put on keeps that from beginning; where each has
+  // a core that is rare, and what is woken takes longer than that.
+  if (static_cast<std::size_t>(here) <= current_cores().size()) spin_ = options_.spin;
   for (auto& [unit, each] : preparations) units_[unit] = make(unit, std::move(each));
 }
 
