@@ -5,6 +5,7 @@
 #include "characterize/campaign/run_facts.h"
 #include "characterize/campaign/validity.h"
 #include "characterize/energy/model.h"
+#include "characterize/statistics/statistics.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"
 
@@ -16,16 +17,15 @@ constexpr double kPrecision = 0.02;  // As characterize asks for.
 /// What is too short for the clock shows in the call, which phases add up to.
 constexpr ClockQuality kNotJudged{.cost_ns = 0, .resolution = Nanos(0)};
 
-PhaseRecord phase_record(Phase phase, const std::vector<Nanos>& samples, bool unstable,
-                         const ClockQuality& clock) {
+/// @param known  What is alike for all phases of the cell.
+PhaseRecord phase_record(Phase phase, const std::vector<Nanos>& samples,
+                         const CellConditions& known, const ClockQuality& clock) {
   CellSamples taken;
   taken.phase = phase;
   taken.samples = samples;
   taken.processes.assign(samples.size(), 0);
-  CellConditions conditions;
+  CellConditions conditions = known;
   conditions.clock = phase == Phase::kCall ? clock : kNotJudged;
-  conditions.unstable = unstable;
-  conditions.live = true;
   PhaseRecord record;
   record.phase = phase;
   record.reasons = judge(taken, conditions);
@@ -61,9 +61,13 @@ std::int64_t write_live_rows(ProfileWriter& writer, const Platform& platform,
     cell.ops = row.ops;
     cell.bytes = row.bytes;
     cell.verification = "not verified: calls of a live run";
-    const bool unstable = is_unstable(row.samples.at(Phase::kCall));
+    const std::vector<Nanos>& calls = row.samples.at(Phase::kCall);
+    CellConditions known;
+    known.unstable = is_unstable(calls);
+    known.live = true;
+    if (!calls.empty()) known.call = median(calls);
     for (const auto& [phase, samples] : row.samples) {
-      cell.phases.push_back(phase_record(phase, samples, unstable, clock));
+      cell.phases.push_back(phase_record(phase, samples, known, clock));
     }
     if (!row.metered) {
       const auto call = std::ranges::find(cell.phases, Phase::kCall, &PhaseRecord::phase);
