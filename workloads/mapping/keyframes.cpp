@@ -173,6 +173,19 @@ Pose Keyframes::camera(std::size_t index) const {
                            index / keyframes_.size());
 }
 
+template <typename Cameras>
+std::vector<slam::View> Keyframes::rays_of(std::span<const View> views,
+                                           const Cameras& cameras) const {
+  std::vector<slam::View> rays;
+  for (const View& each : views) {
+    rays.push_back({cameras(each.keyframe), each.seen->ray});
+    if (each.seen->right) {
+      rays.push_back({cameras(keyframes_.size() + each.keyframe), *each.seen->right});
+    }
+  }
+  return rays;
+}
+
 std::vector<Keyframes::Point> Keyframes::points() const {
   std::map<std::int64_t, std::vector<View>> seen;
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
@@ -185,13 +198,7 @@ std::vector<Keyframes::Point> Keyframes::points() const {
   std::vector<Point> points;
   for (auto& [id, views] : seen) {
     if (views.size() < kLeastViews) continue;
-    std::vector<slam::View> rays;
-    for (const View& each : views) {
-      rays.push_back({camera(each.keyframe), each.seen->ray});
-      if (each.seen->right) {
-        rays.push_back({camera(keyframes_.size() + each.keyframe), *each.seen->right});
-      }
-    }
+    const auto rays = rays_of(views, [this](std::size_t index) { return camera(index); });
     const double sigma = setup_.pixel_sigma / setup_.cameras[0].focal();
     const auto point = slam::triangulate(rays, sigma);
     if (!point || point->rms > 3 * sigma || point->relative_sigma > kMostRelativeSigma) continue;
@@ -306,13 +313,9 @@ std::vector<slam::MapPoint> Keyframes::map_points(const BalProblem& adjusted,
     slam::MapPoint better;
     better.id = point.id;
     better.position = back * Eigen::Vector3d(&adjusted.points[i * kPointSize]);
-    std::vector<slam::View> rays;
+    const auto rays = rays_of(point.views, cameras);
     double variance = 0;
     for (const View& each : point.views) {
-      rays.push_back({cameras(each.keyframe), each.seen->ray});
-      if (each.seen->right) {
-        rays.push_back({cameras(keyframes_.size() + each.keyframe), *each.seen->right});
-      }
       const double sigma_m = keyframes_[each.keyframe].sigma_m;
       variance += sigma_m * sigma_m / static_cast<double>(point.views.size());
     }

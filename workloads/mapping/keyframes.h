@@ -10,6 +10,7 @@
 
 #include "workloads/inputs/sequence/trajectory.h"
 #include "workloads/mapping/bundle_adjust.h"
+#include "workloads/slam/filter/measure.h"
 #include "workloads/slam/filter/state.h"
 
 namespace pirt::mapping {
@@ -96,6 +97,10 @@ class Keyframes {
   [[nodiscard]] std::size_t camera_count() const;
   /// Of keyframe i the left camera is i, the right one as many further on as there are keyframes.
   [[nodiscard]] Pose camera(std::size_t index) const;
+  /// Of both cameras. @param cameras  Pose(index), as camera().
+  template <typename Cameras>
+  [[nodiscard]] std::vector<slam::View> rays_of(std::span<const View> views,
+                                                const Cameras& cameras) const;
   /// Those of problem(), in its order.
   [[nodiscard]] std::vector<Point> points() const;
   [[nodiscard]] std::vector<slam::MapPoint> map_points(const BalProblem& adjusted,
