@@ -78,8 +78,12 @@ Environment unit_facts(const UnitModel& unit, const DeviceInfo& device) {
   if (!options.empty()) facts[prefix + "options"] = options;
   if (device.cache_bytes) facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);
   if (device.is_cpu) {
-    const auto own = own_cache_bytes(unit.cores.empty() ? usable_cores() : unit.cores);
-    if (own) facts[prefix + std::string(kOwnCacheBytes)] = std::to_string(*own);
+    const auto cores = unit.cores.empty() ? usable_cores() : unit.cores;
+    const auto put = [&](std::string_view fact, const std::optional<std::int64_t>& bytes) {
+      if (bytes) facts[prefix + std::string(fact)] = std::to_string(*bytes);
+    };
+    put(kOwnCacheBytes, own_cache_bytes(cores));
+    put(kLastCacheBytes, reached_cache_bytes(cores));
   }
   return facts;
 }

@@ -6,7 +6,7 @@ namespace pirt {
 namespace {
 
 constexpr std::array<std::string_view, kAllConditions.size()> kNames = {
-    "steady", "cold_cache", "beside_memory", "beside_compute"};
+    "steady", "cold_cache", "cold_memory", "beside_memory", "beside_compute"};
 
 }  // namespace
 

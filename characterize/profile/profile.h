@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "characterize/profile/condition.h"
+#include "characterize/profile/unit_phase.h"
 #include "workloads/base/time.h"
 #include "workloads/model/peak.h"
 #include "workloads/model/phase.h"
@@ -68,12 +69,15 @@ struct EnergyRow {
   bool idle_subtracted = false;  ///< What the domain takes anyway is not in energy_j.
 };
 
-/// A row of view handover_summary: from handing a call to a unit that is a thread of the host until
-/// it begins, after the unit has had nothing to do for a while. It is no part of `call`.
-struct HandoverRow {
+/// A row of view unit_time_summary: what a unit that is a thread of the host takes beside its
+/// calls.
+struct UnitTimeRow {
   std::int64_t run_id = 0;
   std::string unit;
-  Nanos sleep{0};  ///< 0: from the end of one call to the beginning of the next, which waits.
+  UnitPhase phase = UnitPhase::kHandover;
+  /// It had nothing to do for so long; a hand-over after 0 is from the end of one call to the
+  /// beginning of the next, which waits.
+  Nanos sleep{0};
   bool valid = false;
   std::vector<std::string> reasons;
   std::int64_t samples = 0;
@@ -100,8 +104,10 @@ struct UnitRecord {
   std::vector<int> cores;
 };
 
-/// Fact "unit.NAME.own_cache_bytes" of a run: what rows of kColdCache found full of other bytes.
+/// Facts "unit.NAME.own_cache_bytes", "unit.NAME.last_cache_bytes" of a run: what rows of
+/// kColdCache and of kColdMemory found full of other bytes.
 inline constexpr std::string_view kOwnCacheBytes = "own_cache_bytes";
+inline constexpr std::string_view kLastCacheBytes = "last_cache_bytes";
 
 struct RunInfo {
   std::int64_t run_id = 0;
@@ -123,9 +129,10 @@ struct Profile {
   /// Of all conditions but kSteady; for each (workload, unit): those of the newest cell that has
   /// any.
   std::vector<PhaseRow> conditions;
-  std::vector<HandoverRow> handovers;  ///< For each unit: the newest run's that has any, by sleep.
-  std::vector<EnergyRow> energies;     ///< For each (workload, unit): as `phases`.
-  std::vector<PeakRow> peaks;          ///< For each (unit, kind): the newest run's row.
+  /// For each unit: the newest run's that has any, by phase and sleep.
+  std::vector<UnitTimeRow> unit_times;
+  std::vector<EnergyRow> energies;  ///< For each (workload, unit): as `phases`.
+  std::vector<PeakRow> peaks;       ///< For each (unit, kind): the newest run's row.
 
   /// Null if there is no such row.
   [[nodiscard]] const PhaseRow* find(std::string_view workload, std::string_view unit, Phase phase,

@@ -51,9 +51,10 @@ struct EnergyRecord {
   bool idle_subtracted = true;       ///< What the domain takes anyway is not in energy_j.
 };
 
-/// What handing a call to a unit took, after one time of sleep: HandoverRow with its samples.
-struct HandoverRecord {
+/// UnitTimeRow with its samples.
+struct UnitTimeRecord {
   std::string unit;
+  UnitPhase phase = UnitPhase::kHandover;
   Nanos sleep{0};
   std::vector<std::string> reasons;  ///< Empty = valid; never empty without samples.
   std::vector<Nanos> samples;

@@ -1,23 +1,22 @@
-// Filling a unit's own caches with other bytes than its workload's.
+// Filling the caches that a unit reaches with other bytes than its workload's.
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "workloads/base/time.h"
 
 namespace pirt {
 
-/// Streams through as many bytes as the unit's own caches hold (own_cache_bytes), on each of its
-/// cores its part. What other cores share, others fill and empty: it says nothing of this unit.
+/// Streams through so many bytes, on each of the unit's cores its part. As many as its own caches
+/// hold (own_cache_bytes) empty those; what other cores share, others fill and empty as well, and
+/// that takes as many as the last ones hold (reached_cache_bytes).
 class CacheSweep {
  public:
-  /// @param cores  The unit's; empty = all that the calling thread may use.
-  explicit CacheSweep(std::vector<int> cores);
+  /// @param cores  The unit's; at least one.
+  /// @param bytes  At least one line of 64.
+  CacheSweep(std::vector<int> cores, std::int64_t bytes);
 
-  /// Whether there is a cache to sweep.
-  [[nodiscard]] bool possible() const { return !words_.empty(); }
   /// Reads and writes each line. The calling thread visits the cores and may use those afterwards
   /// that it could before.
   void run();

@@ -20,6 +20,8 @@
 #include "characterize/worker/peaks.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/affinity.h"
+#include "workloads/base/system/caches.h"
 #include "workloads/base/text/json.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"
@@ -353,25 +355,31 @@ class Worker {
     return device_->own_clock() == nullptr && device_->info().is_cpu;
   }
 
+  void sample_cold() {
+    if (job_.sampling.condition_samples == 0 || !computes_on_host()) return;
+    const auto cores = job_.unit.cores.empty() ? current_cores() : job_.unit.cores;
+    const auto own = own_cache_bytes(cores);
+    const auto last = reached_cache_bytes(cores);
+    sample_after_sweep(Condition::kColdCache, cores, own);
+    if (last && last != own) sample_after_sweep(Condition::kColdMemory, cores, last);
+  }
+
   /// Not of calls beside which filling the caches again is nothing: at most what emptying them
   /// takes.
-  void sample_cold() {
+  void sample_after_sweep(Condition condition, const std::vector<int>& cores,
+                          std::optional<std::int64_t> bytes) {
     constexpr int kNothingBeside = 20;
     const auto execute = std::ranges::find(result_.phases, Phase::kExecute, &PhaseSamples::phase);
-    if (job_.sampling.condition_samples == 0 || !computes_on_host() ||
-        execute == result_.phases.end()) {
-      return;
-    }
-    CacheSweep sweep(job_.unit.cores);
-    if (!sweep.possible()) return;
+    if (!bytes || execute == result_.phases.end()) return;
+    begin(fmt::format("sampling {}", to_string(condition)));
+    CacheSweep sweep(cores, *bytes);
     const Nanos start = machine_.now();
     sweep.run();
     if (median(execute->samples) > kNothingBeside * (machine_.now() - start)) return;
-    begin("sampling with cold caches");
     result_.conditions.push_back(
-        {Condition::kColdCache, sample_executions(
-                                    player_->kernel(), machine_, job_.sampling.condition_samples,
-                                    [&sweep] { sweep.run(); }, sequence())});
+        {condition, sample_executions(
+                        player_->kernel(), machine_, job_.sampling.condition_samples,
+                        [&sweep] { sweep.run(); }, sequence())});
   }
 
   /// Of several neighbours the one that slows it most.

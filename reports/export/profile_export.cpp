@@ -56,9 +56,9 @@ Json export_json(const Profile& profile) {
   };
   add_samples("profile_summary", profile.phases);
   add_samples("condition_summary", profile.conditions);
-  for (std::size_t i = 0; i < profile.handovers.size(); ++i) {
-    auto& samples = json["handover_summary"][i]["samples_ns"] = Json::array();
-    for (const Nanos sample : profile.handovers[i].values) samples.push_back(sample.count());
+  for (std::size_t i = 0; i < profile.unit_times.size(); ++i) {
+    auto& samples = json["unit_time_summary"][i]["samples_ns"] = Json::array();
+    for (const Nanos sample : profile.unit_times[i].values) samples.push_back(sample.count());
   }
   for (std::size_t i = 0; i < profile.runs.size(); ++i) {
     json["runs"][i]["identity"] = profile.runs[i].identity;
@@ -126,12 +126,12 @@ std::string phases_csv(const std::vector<PhaseRow>& rows) {
   return csv.text();
 }
 
-std::string handovers_csv(const Profile& profile) {
+std::string unit_times_csv(const Profile& profile) {
   Csv csv(
       "run_id,unit,phase,sleep_ns,provenance,valid,reasons,samples,median_ns,mad_ns,p95_ns,p99_ns,"
       "ci_low_ns,ci_high_ns");
-  for (const HandoverRow& row : profile.handovers) {
-    csv.add(row.run_id).add(row.unit).add(std::string_view("handover")).add(row.sleep);
+  for (const UnitTimeRow& row : profile.unit_times) {
+    csv.add(row.run_id).add(row.unit).add(to_string(row.phase)).add(row.sleep);
     csv.add(to_string(Provenance::kMeasured)).add(row.valid).add(row.reasons).add(row.samples);
     csv.add(row.median).add(row.mad).add(row.p95).add(row.p99).add(row.ci_low).add(row.ci_high);
     csv.end_line();
@@ -181,8 +181,8 @@ std::string export_csv(const Profile& profile, CsvTable table) {
       return phases_csv(profile.phases);
     case CsvTable::kConditions:
       return phases_csv(profile.conditions);
-    case CsvTable::kHandovers:
-      return handovers_csv(profile);
+    case CsvTable::kUnitTimes:
+      return unit_times_csv(profile);
     case CsvTable::kEnergy:
       return energy_csv(profile);
     case CsvTable::kPeaks:

@@ -32,10 +32,10 @@ void keep_workloads(Profile& profile, const std::string& filter);
 [[nodiscard]] Json export_json(const Profile& profile);
 
 /// The tables that CSV has, each with a header: `profile`, `conditions`, `handovers` and `energy`
-/// with the columns of the views profile_summary, condition_summary, handover_summary and
+/// with the columns of the views profile_summary, condition_summary, unit_time_summary and
 /// energy_summary, `peaks`, and `samples` of profile_summary (one line a sample). Quoted as
 /// RFC 4180 says, lines end in \n, what is unknown is an empty field.
-enum class CsvTable : std::uint8_t { kProfile, kConditions, kHandovers, kEnergy, kPeaks, kSamples };
+enum class CsvTable : std::uint8_t { kProfile, kConditions, kUnitTimes, kEnergy, kPeaks, kSamples };
 [[nodiscard]] std::string export_csv(const Profile& profile, CsvTable table);
 
 /// What Google Benchmark writes with --benchmark_format=json, for its compare.py and what else

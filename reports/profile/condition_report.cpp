@@ -23,8 +23,22 @@ std::string times(const PhaseRow* row, const PhaseRow* steady) {
   return fmt::format("{:.2f}x", to_s(*row->median) / to_s(*steady->median));
 }
 
-std::string sleep_text(Nanos sleep) {
-  return sleep == Nanos(0) ? "none, it is called" : figure_ms(sleep) + " ms";
+/// What is measured; `sleep` is said of where there is one.
+std::string what_text(const UnitTimeRow& row) {
+  switch (row.phase) {
+    case UnitPhase::kHandover:
+      return row.sleep == Nanos(0)
+                 ? "handing over a call behind another"
+                 : "handing over a call, asleep for " + figure_ms(row.sleep) + " ms";
+    case UnitPhase::kLeave:
+      return "leaving a call between two slices, and on again";
+    case UnitPhase::kReread:
+      return row.sleep == Nanos(0) ? "reading part of the last cache again"
+                                   : "reading it again after " + figure_ms(row.sleep) + " ms";
+    case UnitPhase::kRereadCold:
+      return "reading it after as much else as it holds";
+  }
+  return "";
 }
 
 template <typename T>
@@ -71,52 +85,55 @@ std::optional<Table> condition_table(const Profile& profile) {
     }
   }
   table.footnotes = {
-      "steady: calls in a row. cold cache: the unit's own caches hold other bytes when a call "
-      "begins. beside memory, compute: a unit of the same memory streams, or computes, meanwhile. "
+      "steady: calls in a row. cold cache, cold memory: the unit's own caches, or the last ones "
+      "that it reaches, hold other bytes when a call begins. beside memory, compute: a unit of the "
+      "same memory streams, or computes, meanwhile. "
       "- where a call is so long that it makes no difference.",
       std::string(provenance_legend())};
   return table;
 }
 
-std::optional<Table> handover_table(const Profile& profile) {
-  if (profile.handovers.empty()) return std::nullopt;
-  Table table{.title = "Until a call begins that is handed to a unit (us)",
+std::optional<Table> unit_time_table(const Profile& profile) {
+  if (profile.unit_times.empty()) return std::nullopt;
+  Table table{.title = "What units take beside their calls (us)",
               .columns = {{"unit", Align::kLeft},
-                          {"it slept", Align::kLeft},
+                          {"what", Align::kLeft},
                           {"median"},
                           {"p95"},
                           {"p99"},
                           {"samples"},
                           {"remarks", Align::kLeft}}};
-  const auto us = [](const HandoverRow& row, const std::optional<Nanos>& time) {
+  const auto us = [](const UnitTimeRow& row, const std::optional<Nanos>& time) {
     return row.valid && time ? figure(1e6 * to_s(*time)) : std::string("invalid");
   };
-  for (const HandoverRow& row : profile.handovers) {
-    table.rows.push_back({row.unit, sleep_text(row.sleep), us(row, row.median), us(row, row.p95),
+  for (const UnitTimeRow& row : profile.unit_times) {
+    table.rows.push_back({row.unit, what_text(row), us(row, row.median), us(row, row.p95),
                           us(row, row.p99), fmt::format("{}", row.samples),
                           row.valid ? "" : "INVALID: " + join(row.reasons, ", ")});
   }
   table.footnotes = {
-      "With the runtime's own queue; no part of `call`. Not asleep: from the end of one call to "
-      "the "
-      "beginning of the next, which waits."};
+      "No part of `call`. Handing over: with the runtime's own queue, until the call begins; "
+      "behind "
+      "another: from the end of one call to the beginning of the next, which waits. Reading: an "
+      "eighth of what the last cache holds, on one core; where it takes longer after a while, "
+      "caches forget by themselves."};
   return table;
 }
 
 std::vector<Table> condition_tables(const Profile& profile) {
   std::vector<Table> tables;
-  for (auto& table : {condition_table(profile), handover_table(profile)}) {
+  for (auto& table : {condition_table(profile), unit_time_table(profile)}) {
     if (table) tables.push_back(*table);
   }
   return tables;
 }
 
-Json handover_json(const Profile& profile) {
+Json unit_time_json(const Profile& profile) {
   Json rows = Json::array();
-  for (const HandoverRow& row : profile.handovers) {
+  for (const UnitTimeRow& row : profile.unit_times) {
     Json json = {{"run_id", row.run_id},
                  {"unit", row.unit},
-                 {"phase", "handover"},
+                 {"phase", to_string(row.phase)},
                  {"sleep_ns", row.sleep.count()},
                  {"provenance", to_string(Provenance::kMeasured)},
                  {"valid", row.valid},

@@ -13,12 +13,12 @@ namespace pirt {
 
 /// `execute` under each condition; absent without rows of any but steady.
 [[nodiscard]] std::optional<Table> condition_table(const Profile& profile);
-/// From handing a call to a unit until it begins, by how long the unit slept; absent without rows.
-[[nodiscard]] std::optional<Table> handover_table(const Profile& profile);
+/// What units take beside their calls; absent without rows.
+[[nodiscard]] std::optional<Table> unit_time_table(const Profile& profile);
 /// Those of both that are there.
 [[nodiscard]] std::vector<Table> condition_tables(const Profile& profile);
 
-/// Rows with the columns of view handover_summary.
-[[nodiscard]] Json handover_json(const Profile& profile);
+/// Rows with the columns of view unit_time_summary.
+[[nodiscard]] Json unit_time_json(const Profile& profile);
 
 }  // namespace pirt

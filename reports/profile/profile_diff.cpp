@@ -189,14 +189,20 @@ Table figure_table(const ProfileDiff& diff) {
   return table;
 }
 
-Table handover_table(const ProfileDiff& diff) {
-  Table table{.title = "Until a call begins, side by side (medians, us)",
-              .columns = {{"unit", Align::kLeft}, {"it slept, ms"}, {"a"}, {"b"}, {"b/a"}}};
-  for (const HandoverPair& pair : diff.handovers) {
-    const auto us = [](const HandoverRow& row) {
+Table unit_time_table(const ProfileDiff& diff) {
+  Table table{.title = "What units take beside their calls, side by side (medians, us)",
+              .columns = {{"unit", Align::kLeft},
+                          {"phase", Align::kLeft},
+                          {"it slept, ms"},
+                          {"a"},
+                          {"b"},
+                          {"b/a"}}};
+  for (const UnitTimePair& pair : diff.unit_times) {
+    const auto us = [](const UnitTimeRow& row) {
       return row.valid && row.median ? figure(1e6 * to_s(*row.median)) : std::string("invalid");
     };
-    table.rows.push_back({pair.a->unit, figure_ms(pair.a->sleep), us(*pair.a), us(*pair.b),
+    table.rows.push_back({pair.a->unit, std::string(to_string(pair.a->phase)),
+                          figure_ms(pair.a->sleep), us(*pair.a), us(*pair.b),
                           ratio_text(pair.ratio())});
   }
   return table;
@@ -287,7 +293,7 @@ std::optional<bool> PhasePair::overlap() const {
   return *a->ci_low <= *b->ci_high && *b->ci_low <= *a->ci_high;
 }
 
-std::optional<double> HandoverPair::ratio() const {
+std::optional<double> UnitTimePair::ratio() const {
   if (!a->valid || !b->valid || !a->median || !b->median || a->median->count() <= 0) {
     return std::nullopt;
   }
@@ -313,11 +319,11 @@ ProfileDiff diff_profiles(const Profile& a, const Profile& b) {
     const auto* other = b.find_condition(row.workload, row.unit, row.condition);
     if (other != nullptr) diff.conditions.push_back({&row, other});
   }
-  for (const HandoverRow& row : a.handovers) {
-    const auto other = std::ranges::find_if(b.handovers, [&row](const HandoverRow& each) {
-      return each.unit == row.unit && each.sleep == row.sleep;
+  for (const UnitTimeRow& row : a.unit_times) {
+    const auto other = std::ranges::find_if(b.unit_times, [&row](const UnitTimeRow& each) {
+      return each.unit == row.unit && each.phase == row.phase && each.sleep == row.sleep;
     });
-    if (other != b.handovers.end()) diff.handovers.push_back({&row, &*other});
+    if (other != b.unit_times.end()) diff.unit_times.push_back({&row, &*other});
   }
   for (const EnergyRow& row : a.energies) {
     const auto* other = b.find_energy(row.workload, row.unit);
@@ -350,7 +356,7 @@ Document diff_document(const ProfileDiff& diff) {
   document.parts.emplace_back(std::move(head));
   if (!diff.identity.empty()) document.parts.emplace_back(identity_table(diff));
   document.parts.emplace_back(figure_table(diff));
-  if (!diff.handovers.empty()) document.parts.emplace_back(handover_table(diff));
+  if (!diff.unit_times.empty()) document.parts.emplace_back(unit_time_table(diff));
   if (!diff.energies.empty()) document.parts.emplace_back(energy_table(diff));
   return document;
 }
@@ -363,7 +369,7 @@ Json diff_json(const ProfileDiff& diff) {
                {"information", facts_json(diff.information)},
                {"figures", Json::array()},
                {"conditions", Json::array()},
-               {"handovers", Json::array()},
+               {"unit_times", Json::array()},
                {"energies", Json::array()},
                {"only_in_a", diff.only_a},
                {"only_in_b", diff.only_b}};
@@ -381,12 +387,14 @@ Json diff_json(const ProfileDiff& diff) {
   };
   for (const PhasePair& pair : diff.phases) json["figures"].push_back(figure_json(pair));
   for (const PhasePair& pair : diff.conditions) json["conditions"].push_back(figure_json(pair));
-  for (const HandoverPair& pair : diff.handovers) {
-    Json row = {{"unit", pair.a->unit}, {"sleep_ns", pair.a->sleep.count()}};
+  for (const UnitTimePair& pair : diff.unit_times) {
+    Json row = {{"unit", pair.a->unit},
+                {"phase", to_string(pair.a->phase)},
+                {"sleep_ns", pair.a->sleep.count()}};
     put(row, "a_median_ns", pair.a->median);
     put(row, "b_median_ns", pair.b->median);
     put(row, "ratio", pair.ratio());
-    json["handovers"].push_back(std::move(row));
+    json["unit_times"].push_back(std::move(row));
   }
   for (const EnergyPair& pair : diff.energies) {
     Json row = {{"workload", pair.a->workload},

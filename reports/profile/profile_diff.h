@@ -30,9 +30,9 @@ struct PhasePair {
   [[nodiscard]] std::optional<bool> overlap() const;
 };
 
-struct HandoverPair {
-  const HandoverRow* a = nullptr;
-  const HandoverRow* b = nullptr;
+struct UnitTimePair {
+  const UnitTimeRow* a = nullptr;
+  const UnitTimeRow* b = nullptr;
 
   [[nodiscard]] std::optional<double> ratio() const;
 };
@@ -53,7 +53,7 @@ struct ProfileDiff {
   std::vector<FactDifference> information;  ///< All other facts.
   std::vector<PhasePair> phases;            ///< In the order of a.
   std::vector<PhasePair> conditions;        ///< Of all but steady.
-  std::vector<HandoverPair> handovers;
+  std::vector<UnitTimePair> unit_times;
   std::vector<EnergyPair> energies;
   std::vector<std::string> only_a, only_b;  ///< "workload on unit" of cells that the other lacks.
 };

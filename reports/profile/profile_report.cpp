@@ -430,7 +430,7 @@ Json profile_json(const Profile& profile, const std::vector<Preference>& prefere
   Json json = {{"runs", Json::array()},
                {"profile_summary", Json::array()},
                {"condition_summary", Json::array()},
-               {"handover_summary", handover_json(profile)},
+               {"unit_time_summary", unit_time_json(profile)},
                {"energy_summary", Json::array()},
                {"preferable", preference_json(preferences)},
                {"roofline", roofline_json(rooflines(profile))}};

@@ -23,7 +23,9 @@ std::string explanation_of(const RowCheck& check, const Profile& profile) {
   if (check.finding != RowFinding::kContradicted || !check.median_ms) return "";
   const double more_ms = check.live.p50_ms - *check.median_ms;
   if (more_ms < 0) return "nothing: faster than its row";
-  const auto cold = added_ms(profile, check.live, Condition::kColdCache);
+  // Absent is less than any.
+  const auto cold = std::max(added_ms(profile, check.live, Condition::kColdCache),
+                             added_ms(profile, check.live, Condition::kColdMemory));
   const auto memory = added_ms(profile, check.live, Condition::kBesideMemory);
   const auto compute = added_ms(profile, check.live, Condition::kBesideCompute);
   const double slack_ms = kSameMedian * *check.median_ms;

@@ -15,11 +15,11 @@ namespace {
 using std::chrono::microseconds;
 using std::chrono::milliseconds;
 
-constexpr std::array<HandoverPlan, 5> kPlans = {{{Nanos(0), 200},
-                                                 {microseconds(100), 60},
-                                                 {milliseconds(1), 40},
-                                                 {milliseconds(10), 20},
-                                                 {milliseconds(100), 5}}};
+constexpr std::array<SleepPlan, 5> kPlans = {{{Nanos(0), 200},
+                                              {microseconds(100), 60},
+                                              {milliseconds(1), 40},
+                                              {milliseconds(10), 20},
+                                              {milliseconds(100), 5}}};
 
 /// A unit that computes nothing, and who hands it calls.
 class EmptyUnit {
@@ -30,7 +30,7 @@ class EmptyUnit {
     wait_for(1);
   }
 
-  std::vector<Nanos> measure(const HandoverPlan& plan) {
+  std::vector<Nanos> measure(const SleepPlan& plan) {
     const auto first = static_cast<std::size_t>(count());
     const auto last = static_cast<std::int64_t>(first) + plan.samples;
     std::vector<Nanos> handed;
@@ -121,9 +121,9 @@ class EmptyUnit {
 
 }  // namespace
 
-std::span<const HandoverPlan> handover_plans() { return kPlans; }
+std::span<const SleepPlan> handover_plans() { return kPlans; }
 
-std::vector<Nanos> measure_handover(const std::vector<int>& cores, const HandoverPlan& plan) {
+std::vector<Nanos> measure_handover(const std::vector<int>& cores, const SleepPlan& plan) {
   return EmptyUnit(cores).measure(plan);
 }
 

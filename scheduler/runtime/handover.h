@@ -4,17 +4,14 @@
 #include <span>
 #include <vector>
 
+#include "characterize/worker/sleep_plan.h"
 #include "workloads/base/time.h"
 
 namespace pirt {
 
-/// How often to hand over after so long a sleep.
-struct HandoverPlan {
-  Nanos sleep{0};  ///< 0: the call is handed over from the end of the one before.
-  int samples = 0;
-};
-/// 0, 0.1, 1, 10 and 100 ms, fewer of the longer ones: 0.8 s in all.
-[[nodiscard]] std::span<const HandoverPlan> handover_plans();
+/// 0 (the call is handed over from the end of the one before), 0.1, 1, 10 and 100 ms, fewer of the
+/// longer ones: 0.8 s in all.
+[[nodiscard]] std::span<const SleepPlan> handover_plans();
 
 /// Hands empty calls to a unit (KernelUnit, its own queue) whose thread runs on @p cores; no device
 /// is opened.
@@ -23,6 +20,6 @@ struct HandoverPlan {
 /// call before.
 /// @throws Error{kEnvironment} if the thread cannot be started, or not run there.
 [[nodiscard]] std::vector<Nanos> measure_handover(const std::vector<int>& cores,
-                                                  const HandoverPlan& plan);
+                                                  const SleepPlan& plan);
 
 }  // namespace pirt

@@ -35,6 +35,39 @@ bool waits_for_memory(const Profile& profile, const PhaseRow& steady) {
          static_cast<double>(*steady.ops) / *f32->per_second;
 }
 
+/// What reading again after a while took, between reading at once and after a sweep. Nothing where
+/// those two are as good as the same: then there is nothing to lose.
+std::vector<UnitConditions::Forgotten> forgotten_by(const Profile& profile,
+                                                    const std::string& unit) {
+  constexpr double kSame = 1.1;
+  std::vector<const UnitTimeRow*> after;
+  const UnitTimeRow* cold = nullptr;
+  for (const UnitTimeRow& row : profile.unit_times) {
+    if (row.unit != unit || !row.valid || !row.median) continue;
+    if (row.phase == UnitPhase::kReread) after.push_back(&row);
+    if (row.phase == UnitPhase::kRereadCold) cold = &row;
+  }
+  std::vector<UnitConditions::Forgotten> forgotten;
+  if (cold == nullptr || after.empty() || after.front()->sleep != Nanos::zero()) return forgotten;
+  const double at_once = to_s(*after.front()->median);
+  const double lost = to_s(*cold->median) - at_once;
+  if (lost <= (kSame - 1) * at_once) return forgotten;
+  for (const UnitTimeRow* row : after) {
+    forgotten.push_back({row->sleep, std::clamp((to_s(*row->median) - at_once) / lost, 0.0, 1.0)});
+  }
+  return forgotten;
+}
+
+/// Of the newest run that has it; 0 = none.
+std::int64_t fact_of(const Profile& profile, const std::string& unit, std::string_view name) {
+  const std::string fact = "unit." + unit + "." + std::string(name);
+  for (const RunInfo& run : profile.runs) {
+    const auto bytes = run.environment.find(fact);
+    if (bytes != run.environment.end()) return std::strtoll(bytes->second.c_str(), nullptr, 10);
+  }
+  return 0;
+}
+
 }  // namespace
 
 Distribution time_of(const PhaseRow& row, Draw draw) {
@@ -58,7 +91,13 @@ std::optional<CallConditions> call_conditions(const Profile& profile, const std:
     return std::max(1.0, to_s(*row->median) / to_s(*steady->median));
   };
   CallConditions found;
-  if (const PhaseRow* cold = find(Condition::kColdCache)) found.cold = time_of(*cold, draw);
+  const auto drawn_of = [&](Condition condition) -> std::optional<Distribution> {
+    const PhaseRow* row = find(condition);
+    if (row == nullptr) return std::nullopt;
+    return time_of(*row, draw);
+  };
+  found.cold_cache = drawn_of(Condition::kColdCache);
+  found.cold_memory = drawn_of(Condition::kColdMemory);
   found.beside_memory = slowdown(Condition::kBesideMemory);
   found.beside_compute = slowdown(Condition::kBesideCompute);
   found.bytes = bytes;
@@ -69,17 +108,17 @@ std::optional<CallConditions> call_conditions(const Profile& profile, const std:
 UnitConditions unit_conditions(const Profile& profile, const UnitModel& unit, Draw draw) {
   UnitConditions found;
   found.memory = unit.memory;
-  for (const HandoverRow& row : profile.handovers) {
+  for (const UnitTimeRow& row : profile.unit_times) {
     if (row.unit != unit.name || !row.valid || !row.median) continue;
-    found.handovers.push_back({row.sleep, drawn(*row.median, *row.p95, row.values, draw)});
+    if (row.phase == UnitPhase::kHandover) {
+      found.handovers.push_back({row.sleep, drawn(*row.median, *row.p95, row.values, draw)});
+    } else if (row.phase == UnitPhase::kLeave) {
+      found.leave = drawn(*row.median, *row.p95, row.values, draw);
+    }
   }
-  const std::string fact = "unit." + unit.name + "." + std::string(kOwnCacheBytes);
-  for (const RunInfo& run : profile.runs) {
-    const auto bytes = run.environment.find(fact);
-    if (bytes == run.environment.end()) continue;
-    found.cache_bytes = std::strtoll(bytes->second.c_str(), nullptr, 10);
-    break;
-  }
+  found.forgotten = forgotten_by(profile, unit.name);
+  found.cache_bytes = fact_of(profile, unit.name, kOwnCacheBytes);
+  found.last_cache_bytes = fact_of(profile, unit.name, kLastCacheBytes);
   return found;
 }
 

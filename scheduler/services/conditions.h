@@ -17,11 +17,13 @@ enum class Draw : std::uint8_t;
 
 /// Of one workload on one unit.
 struct CallConditions {
-  std::optional<Distribution> cold;  ///< `execute` with cold caches; absent = as steady.
-  double beside_memory = 1;          ///< `execute` beside a unit that streams, over steady.
-  double beside_compute = 1;         ///< The same beside one that computes.
-  std::int64_t bytes = 0;            ///< A call touches: Workload::bytes().
-  bool streams = false;              ///< Memory, not arithmetic, is what its calls wait for.
+  /// `execute` with the unit's own caches full of other bytes, and with all that it reaches;
+  /// absent = as steady, and as with its own ones.
+  std::optional<Distribution> cold_cache, cold_memory;
+  double beside_memory = 1;   ///< `execute` beside a unit that streams, over steady.
+  double beside_compute = 1;  ///< The same beside one that computes.
+  std::int64_t bytes = 0;     ///< A call touches: Workload::bytes().
+  bool streams = false;       ///< Memory, not arithmetic, is what its calls wait for.
 };
 
 /// Of a unit.
@@ -30,9 +32,17 @@ struct UnitConditions {
     Nanos sleep{0};
     Distribution time;
   };
-  std::vector<Handover> handovers;  ///< By sleep; empty = it takes no time.
-  std::int64_t cache_bytes = 0;     ///< Its own; 0 = not known.
-  std::string memory;               ///< UnitModel::memory.
+  /// Which part of what its caches held they have lost after a while, other calls apart.
+  struct Forgotten {
+    Nanos after{0};
+    double part = 0;
+  };
+  std::vector<Handover> handovers;    ///< By sleep; empty = it takes no time.
+  std::optional<Distribution> leave;  ///< UnitPhase::kLeave; absent = two hand-overs behind a call.
+  std::vector<Forgotten> forgotten;   ///< By time; empty = nothing.
+  std::int64_t cache_bytes = 0;       ///< Its own; 0 = not known.
+  std::int64_t last_cache_bytes = 0;  ///< The last that it reaches; 0 = not known.
+  std::string memory;                 ///< UnitModel::memory.
 };
 
 /// A row as --draw says.

@@ -348,7 +348,7 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
   ServiceTable table;
   table.workloads = workloads;
   warn_of_power(platform, profile, table.warnings);
-  if (profile != nullptr && !(profile->conditions.empty() && profile->handovers.empty())) {
+  if (profile != nullptr && !(profile->conditions.empty() && profile->unit_times.empty())) {
     for (const UnitModel& unit : platform.units) {
       table.units.push_back(unit_conditions(*profile, unit, options.draw));
     }

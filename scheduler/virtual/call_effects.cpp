@@ -6,8 +6,13 @@
 namespace pirt {
 namespace {
 
-/// Between the rows whose sleeps are next to it, linear in the logarithm of the sleep: what wakes a
-/// core up are states of sleep, each about ten times as deep as the one before.
+/// How far @p time is from the time below to the one above, linear in its logarithm: states of
+/// sleep, and what others do meanwhile, are each about ten times as long as the one before.
+double part_between(Nanos below, Nanos above, Nanos time) {
+  if (below == Nanos::zero()) return to_s(time) / to_s(above);
+  return std::log(to_s(time) / to_s(below)) / std::log(to_s(above) / to_s(below));
+}
+
 Nanos handover(const std::vector<UnitConditions::Handover>& rows, Nanos sleep,
                std::uint64_t random) {
   const auto above = std::ranges::lower_bound(rows, sleep, {}, &UnitConditions::Handover::sleep);
@@ -16,11 +21,21 @@ Nanos handover(const std::vector<UnitConditions::Handover>& rows, Nanos sleep,
   if (above == rows.begin() || above->sleep == sleep) return high;
   const auto& below = *(above - 1);
   const Nanos low = below.time.draw(random);
-  const double part = below.sleep == Nanos::zero()
-                          ? to_s(sleep) / to_s(above->sleep)
-                          : std::log(to_s(sleep) / to_s(below.sleep)) /
-                                std::log(to_s(above->sleep) / to_s(below.sleep));
-  return low + scaled(high - low, part);
+  return low + scaled(high - low, part_between(below.sleep, above->sleep, sleep));
+}
+
+double forgotten(const std::vector<UnitConditions::Forgotten>& rows, Nanos after) {
+  const auto above = std::ranges::lower_bound(rows, after, {}, &UnitConditions::Forgotten::after);
+  if (rows.empty()) return 0;
+  if (above == rows.end()) return rows.back().part;
+  if (above == rows.begin() || above->after == after) return above->part;
+  const auto& below = *(above - 1);
+  return below.part + part_between(below.after, above->after, after) * (above->part - below.part);
+}
+
+double part_of(std::int64_t bytes, std::int64_t cache) {
+  if (cache <= 0) return 0;
+  return std::min(1.0, static_cast<double>(bytes) / static_cast<double>(cache));
 }
 
 /// @param other  What runs beside it.
@@ -32,7 +47,7 @@ double slowdown(const CallConditions& conditions, const CallConditions& other) {
 
 CallEffects::CallEffects(const Scenario& scenario)
     : scenario_(scenario), units_(scenario.services.units.size()) {
-  for (Unit& unit : units_) unit.touched_at.assign(scenario.services.workloads.size(), kNever);
+  for (Unit& unit : units_) unit.last.resize(scenario.services.workloads.size());
 }
 
 Nanos CallEffects::handed_over(UnitId id, Nanos now, std::uint64_t random) {
@@ -42,22 +57,40 @@ Nanos CallEffects::handed_over(UnitId id, Nanos now, std::uint64_t random) {
   return rows.empty() ? Nanos::zero() : handover(rows, sleep, random);
 }
 
-/// What others touched since the workload's last call ended, over the unit's own caches.
-double CallEffects::coldness(const Unit& unit, UnitId id, WorkloadId workload) const {
-  const std::int64_t cache = scenario_.services.units[id].cache_bytes;
-  const std::int64_t last = unit.touched_at[workload];
-  if (last == kNever || cache <= 0) return 1;
-  return std::min(1.0, static_cast<double>(unit.touched - last) / static_cast<double>(cache));
+/// What the unit's caches have lost since the workload's last call there ended.
+CallEffects::Coldness CallEffects::coldness(const Unit& unit, UnitId id, WorkloadId workload,
+                                            Nanos now) const {
+  const UnitConditions& known = scenario_.services.units[id];
+  const Touched& last = unit.last[workload];
+  if (!last.any) return {1, 1};
+  const double by_time = forgotten(known.forgotten, now - last.at);
+  // Caches of unknown size hold nothing.
+  if (known.cache_bytes <= 0) return {1, by_time};
+  return {std::max(by_time, part_of(unit.touched - last.by_unit, known.cache_bytes)),
+          std::max(by_time, part_of(touched_beside(id) - last.by_all, known.last_cache_bytes))};
+}
+
+/// By calls of all units that share the unit's memory, its own included.
+std::int64_t CallEffects::touched_beside(UnitId id) const {
+  const std::string& memory = scenario_.services.units[id].memory;
+  if (memory.empty()) return units_[id].touched;
+  std::int64_t bytes = 0;
+  for (UnitId each = 0; each < units_.size(); ++each) {
+    if (scenario_.services.units[each].memory == memory) bytes += units_[each].touched;
+  }
+  return bytes;
 }
 
 Nanos CallEffects::executes(const Execution& execution, const CallConditions& conditions, Nanos now,
                             std::uint64_t random, std::vector<Slowed>& slowed) {
   Unit& unit = units_[execution.unit];
   Nanos takes = execution.steady;
-  if (conditions.cold) {
-    const double f = coldness(unit, execution.unit, execution.workload);
-    takes += scaled(conditions.cold->draw(random) - takes, f);
-  }
+  const Coldness cold = coldness(unit, execution.unit, execution.workload, now);
+  const auto towards = [&](const std::optional<Distribution>& row, double part) {
+    if (row && part > 0) takes += scaled(row->draw(random) - takes, part);
+  };
+  towards(conditions.cold_cache, cold.own);
+  towards(conditions.cold_memory, cold.last);
   Nanos more{0};
   const std::string& memory = scenario_.services.units[execution.unit].memory;
   for (UnitId id = 0; id < units_.size(); ++id) {
@@ -89,8 +122,12 @@ CallEffects::Rest CallEffects::leave(UnitId id, Nanos now) {
 
 Nanos CallEffects::resume(UnitId id, const Rest& rest, Nanos now, std::uint64_t random) {
   Unit& unit = units_[id];
-  const auto& rows = scenario_.services.units[id].handovers;
-  const Nanos passes = rows.empty() ? Nanos::zero() : handover(rows, Nanos::zero(), random);
+  const UnitConditions& known = scenario_.services.units[id];
+  // Handing over what was let in, which is part of leaving, has been counted.
+  const Nanos handed =
+      known.handovers.empty() ? Nanos::zero() : handover(known.handovers, Nanos::zero(), random);
+  const Nanos passes =
+      known.leave ? std::max(Nanos::zero(), known.leave->draw(random) - handed) : handed;
   unit.executing = rest.executing;
   unit.ends = now + passes + rest.takes;
   unit.conditions = rest.conditions;
@@ -102,7 +139,7 @@ void CallEffects::ended(UnitId id, WorkloadId workload, Nanos now) {
   if (--unit.tasks == 0) unit.idle_since = now;
   const Service* service = scenario_.services.find(workload, id);
   if (service != nullptr && service->conditions) unit.touched += service->conditions->bytes;
-  unit.touched_at[workload] = unit.touched;
+  unit.last[workload] = {true, now, unit.touched, touched_beside(id)};
   unit.ends = std::min(unit.ends, now);
 }
 

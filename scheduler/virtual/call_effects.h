@@ -49,25 +49,36 @@ class CallEffects {
   };
   /// The call on the unit is left.
   [[nodiscard]] Rest leave(UnitId unit, Nanos now);
-  /// It goes on. @return  What passes until it does: handing it over, behind the call before.
+  /// It goes on. @return  What passes until it does.
   [[nodiscard]] Nanos resume(UnitId unit, const Rest& rest, Nanos now, std::uint64_t random);
 
   /// The task has ended on the unit.
   void ended(UnitId unit, WorkloadId workload, Nanos now);
 
  private:
-  static constexpr std::int64_t kNever = -1;
+  /// When a workload's last call on a unit had ended, and the bytes that had been touched by then.
+  struct Touched {
+    bool any = false;  ///< There was one.
+    Nanos at{0};
+    std::int64_t by_unit = 0;
+    std::int64_t by_all = 0;  ///< Units of the same memory.
+  };
+  /// Which part of the caches holds nothing of a workload's any more: the unit's own, and the last.
+  struct Coldness {
+    double own = 1, last = 1;
+  };
   struct Unit {
     int tasks = 0;  ///< That are on it.
     Nanos idle_since{0};
-    std::int64_t touched = 0;  ///< Bytes, by all calls so far,
-    /// and when the last one of each workload had ended; kNever if there was none.
-    std::vector<std::int64_t> touched_at;
+    std::int64_t touched = 0;                    ///< Bytes, by all calls so far.
+    std::vector<Touched> last;                   ///< By workload.
     Execution executing;                         ///< The last that began,
     Nanos ends{0};                               ///< and when it does.
     const CallConditions* conditions = nullptr;  ///< Its own.
   };
-  [[nodiscard]] double coldness(const Unit& unit, UnitId id, WorkloadId workload) const;
+  [[nodiscard]] Coldness coldness(const Unit& unit, UnitId id, WorkloadId workload,
+                                  Nanos now) const;
+  [[nodiscard]] std::int64_t touched_beside(UnitId id) const;
 
   const Scenario& scenario_;
   std::vector<Unit> units_;  ///< Empty where nothing is known of any.

@@ -131,9 +131,10 @@ TEST(Database, OtherConditionsAreRowsOfTheirOwn) {
     ProfileWriter writer(folder / "p.db");
     const auto run = writer.begin_run(small_run());
     writer.write_cell(run, cell);
-    writer.write_handovers(run, std::vector<HandoverRecord>{
-                                    {"cpu", Nanos(0), {}, test::ramp(1000, 20)},
-                                    {"cpu", std::chrono::milliseconds(1), {"few_samples"}, {}}});
+    writer.write_unit_times(
+        run, std::vector<UnitTimeRecord>{
+                 {"cpu", UnitPhase::kHandover, Nanos(0), {}, test::ramp(1000, 20)},
+                 {"cpu", UnitPhase::kReread, std::chrono::milliseconds(1), {"few_samples"}, {}}});
     // A newer run has neither: rows of a live run.
     const auto live = writer.begin_run(small_run());
     writer.write_cell(live, small_cell("sobel", "cpu", 7000));
@@ -152,10 +153,11 @@ TEST(Database, OtherConditionsAreRowsOfTheirOwn) {
   EXPECT_EQ(profile.find_condition("sobel", "cpu", Condition::kBesideMemory)->values.front(),
             Nanos(500));
   EXPECT_EQ(profile.find_condition("sobel", "cpu", Condition::kBesideCompute), nullptr);
-  ASSERT_EQ(profile.handovers.size(), 2U);
-  EXPECT_EQ(profile.handovers[0].median, Nanos(1009));
-  EXPECT_EQ(profile.handovers[0].values.size(), 20U);
-  EXPECT_FALSE(profile.handovers[1].valid);
+  ASSERT_EQ(profile.unit_times.size(), 2U);
+  EXPECT_EQ(profile.unit_times[0].median, Nanos(1009));
+  EXPECT_EQ(profile.unit_times[0].values.size(), 20U);
+  EXPECT_FALSE(profile.unit_times[1].valid);
+  EXPECT_EQ(profile.unit_times[1].phase, UnitPhase::kReread);
   EXPECT_EQ(profile.runs.size(), 2U);
   const Profile first = reader.read({}, {1, 1});
   EXPECT_EQ(first.find("sobel", "cpu", Phase::kExecute)->median, Nanos(109));
@@ -167,10 +169,11 @@ TEST(Database, DamageOfAHandoverIsFound) {
     ProfileWriter writer(folder / "p.db");
     const auto run = writer.begin_run(small_run());
     writer.write_cell(run, small_cell("sobel", "cpu"));
-    writer.write_handovers(
-        run, std::vector<HandoverRecord>{{"cpu", Nanos(0), {}, test::ramp(1000, 20)}});
+    writer.write_unit_times(run,
+                            std::vector<UnitTimeRecord>{
+                                {"cpu", UnitPhase::kHandover, Nanos(0), {}, test::ramp(1000, 20)}});
   }
-  run_sql(folder / "p.db", "UPDATE handover_sample SET ns = 7 WHERE position = 3");
+  run_sql(folder / "p.db", "UPDATE unit_time_sample SET ns = 7 WHERE position = 3");
   EXPECT_THAT(error_of(ErrorCode::kBadInput, [&] { return load_profile(folder / "p.db"); }),
               HasSubstr("checksum of run 1"));
 }
@@ -184,7 +187,7 @@ TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
   test::write_bytes(folder / "cut.db", std::string("SQLite format 3\0 and the end", 28));
   run_sql(folder / "other.db", "PRAGMA application_id = 7; CREATE TABLE t (x)");
   write_one_run(folder / "newer.db");
-  run_sql(folder / "newer.db", "PRAGMA user_version = 6");
+  run_sql(folder / "newer.db", fmt::format("PRAGMA user_version = {}", kDatabaseVersion + 1));
   write_one_run(folder / "older.db");
   run_sql(folder / "older.db", "PRAGMA user_version = 2; DROP VIEW energy_summary");
   write_one_run(folder / "wal.db");
@@ -198,8 +201,8 @@ TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
       {"short.db", "not a profile database"},
       {"cut.db", "damaged (cut off after 28 bytes)"},
       {"other.db", "another application"},
-      {"newer.db", "is of version 6, and this pirt reads version 5: use a newer pirt"},
-      {"older.db", "is of version 2, and this pirt reads version 5: characterize again"},
+      {"newer.db", "is of version 7, and this pirt reads version 6: use a newer pirt"},
+      {"older.db", "is of version 2, and this pirt reads version 6: characterize again"},
       {"wal.db", "journal_mode=DELETE"},
       {"", "is not a file but a folder"},
       {"pipe.db", "is not a file but a device or pipe"}};

@@ -10,10 +10,10 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// What write_one_run wrote, as version 3 or 4 had it.
+/// What write_one_run wrote, as an older version had it; version 5 with a hand-over of 1009 ns.
 void make_old(const std::filesystem::path& path, int version) {
   write_one_run(path);
-  const std::string less = version == 4 ? "" : R"(
+  const std::string less = version > 3 ? "" : R"(
 ALTER TABLE temp.m DROP COLUMN mixture; ALTER TABLE temp.m DROP COLUMN bound_ns;
 ALTER TABLE temp.j DROP COLUMN mixture;)";
   const std::string schema = fmt::format("schema-{}.sql", version);
@@ -24,7 +24,8 @@ CREATE TEMP TABLE u AS SELECT * FROM unit; CREATE TEMP TABLE c AS SELECT * FROM 
 CREATE TEMP TABLE m AS SELECT * FROM measurement; CREATE TEMP TABLE s AS SELECT * FROM sample;
 CREATE TEMP TABLE j AS SELECT * FROM energy;
 DROP VIEW profile_summary; DROP VIEW energy_summary; DROP VIEW condition_summary;
-DROP VIEW handover_summary; DROP TABLE handover_sample; DROP TABLE handover; DROP TABLE sample;
+DROP VIEW handover_summary; DROP VIEW unit_time_summary; DROP TABLE unit_time_sample;
+DROP TABLE unit_time; DROP TABLE sample;
 DROP TABLE measurement; DROP TABLE energy; DROP TABLE cell; DROP TABLE peak; DROP TABLE visit;
 DROP TABLE unit; DROP TABLE environment; DROP TABLE run;)" +
                     std::string(find_embedded(schema_files::files(), schema).value()) + less + R"(
@@ -32,6 +33,11 @@ INSERT INTO run SELECT * FROM r; INSERT INTO environment SELECT * FROM e;
 INSERT INTO unit SELECT * FROM u; INSERT INTO cell SELECT * FROM c;
 INSERT INTO measurement SELECT * FROM m; INSERT INTO sample SELECT * FROM s;
 INSERT INTO energy SELECT * FROM j;)");
+  if (version == 5) {
+    run_sql(path, R"(
+INSERT INTO handover VALUES (1, 1, 'cpu', 0, 1, '', 1, 1009, 0, 1009, 1009, NULL, NULL);
+INSERT INTO handover_sample VALUES (1, 0, 1009);)");
+  }
   const sqlite::Connection old(path, sqlite::Connection::Mode::kReadWrite, Nanos(0));
   for (const std::int64_t cell : {1, 2}) {
     run_sql(path, fmt::format("UPDATE cell SET checksum = {} WHERE cell_id = {}",
@@ -41,7 +47,7 @@ INSERT INTO energy SELECT * FROM j;)");
 }
 
 class DatabaseUpgrade : public ::testing::TestWithParam<int> {};
-INSTANTIATE_TEST_SUITE_P(From, DatabaseUpgrade, ::testing::Values(3, 4));
+INSTANTIATE_TEST_SUITE_P(From, DatabaseUpgrade, ::testing::Values(3, 4, 5));
 
 TEST_P(DatabaseUpgrade, AnOldFileIsReadAsItIsAndNotWritten) {
   const TemporaryFolder folder;
@@ -69,6 +75,11 @@ TEST_P(DatabaseUpgrade, AnOldFileThatIsWrittenBecomesANewOne) {
   const Profile profile = load_profile(folder / "old.db");
   EXPECT_EQ(profile.find("sobel", "cpu", Phase::kCall)->median, Nanos(7009));
   EXPECT_EQ(profile.find("sobel", "gpu", Phase::kCall)->median, Nanos(3009));  // of the old run
+  ASSERT_EQ(profile.unit_times.size(), GetParam() == 5 ? 1U : 0U);
+  for (const UnitTimeRow& row : profile.unit_times) {
+    EXPECT_EQ(row.phase, UnitPhase::kHandover);
+    EXPECT_EQ(row.median, Nanos(1009));
+  }
   const sqlite::Connection file(folder / "old.db", sqlite::Connection::Mode::kReadOnly, Nanos(0));
   EXPECT_EQ(version_of(file), kDatabaseVersion);
 }

@@ -52,7 +52,7 @@ Profile profile_of(double cold_ms) {
   profile.conditions.push_back(execute(Condition::kBesideMemory, 3));
   profile.conditions.back().valid = false;
   profile.conditions.back().reasons = {"few_samples"};
-  HandoverRow handover;
+  UnitTimeRow handover;
   handover.run_id = 1;
   handover.unit = "cpu";
   handover.sleep = from_ms(10);
@@ -60,7 +60,7 @@ Profile profile_of(double cold_ms) {
   handover.samples = 10;
   handover.median = handover.mad = handover.p95 = handover.p99 = Nanos(71'000);
   handover.values = {Nanos(70'000), Nanos(72'000)};
-  profile.handovers = {handover};
+  profile.unit_times = {handover};
   return profile;
 }
 
@@ -70,8 +70,9 @@ TEST(ConditionReport, HasARowOfEachConditionBesideSteady) {
   EXPECT_THAT(table.rows[0], ElementsAre("sobel", "cpu", "2.00", "5.00", "2.50x", "invalid", "-",
                                          "INVALID beside_memory: few_samples"));
   EXPECT_EQ(table.columns[3].header, "cold cache");
-  const auto handovers = handover_table(profile_of(5)).value();
-  EXPECT_THAT(handovers.rows[0], ElementsAre("cpu", "10.0 ms", "71.0", "71.0", "71.0", "10", ""));
+  const auto handovers = unit_time_table(profile_of(5)).value();
+  EXPECT_THAT(handovers.rows[0], ElementsAre("cpu", "handing over a call, asleep for 10.0 ms",
+                                             "71.0", "71.0", "71.0", "10", ""));
   EXPECT_THAT(condition_tables({}), IsEmpty());
 }
 
@@ -83,19 +84,19 @@ TEST(ConditionReport, TheProfileTableKnowsOnlySteadyRows) {
   EXPECT_THAT(json["profile_summary"], SizeIs(1));
   EXPECT_EQ(json["profile_summary"][0]["median_ns"], 2'000'000);
   EXPECT_EQ(json["condition_summary"][0]["state"], "cold_cache");
-  EXPECT_EQ(json["handover_summary"][0]["sleep_ns"], 10'000'000);
+  EXPECT_EQ(json["unit_time_summary"][0]["sleep_ns"], 10'000'000);
 }
 
 TEST(ConditionReport, AreExportedApart) {
   const Profile profile = profile_of(5);
   const Json json = export_json(profile);
   EXPECT_EQ(json["condition_summary"][0]["samples_ns"], std::vector{5'000'000});
-  EXPECT_EQ(json["handover_summary"][0]["samples_ns"], (std::vector{70'000, 72'000}));
+  EXPECT_EQ(json["unit_time_summary"][0]["samples_ns"], (std::vector{70'000, 72'000}));
   EXPECT_THAT(export_csv(profile, CsvTable::kProfile), Not(HasSubstr("cold_cache")));
   EXPECT_THAT(export_csv(profile, CsvTable::kSamples), Not(HasSubstr("5000000")));
   EXPECT_THAT(export_csv(profile, CsvTable::kConditions),
               HasSubstr("\n1,board,sobel,cpu,cpu,execute,cold_cache,measured,1,,,20,5000000,"));
-  EXPECT_THAT(export_csv(profile, CsvTable::kHandovers),
+  EXPECT_THAT(export_csv(profile, CsvTable::kUnitTimes),
               HasSubstr("\n1,cpu,handover,10000000,measured,1,,10,71000,"));
   EXPECT_THAT(export_google_benchmark(profile).json["benchmarks"], SizeIs(5));
   EXPECT_THAT(export_history(profile).json, SizeIs(1));
@@ -108,7 +109,7 @@ TEST(ConditionReport, AreComparedWithTheirLike) {
   EXPECT_THAT(diff.phases, SizeIs(1));
   ASSERT_THAT(diff.conditions, SizeIs(2));
   EXPECT_DOUBLE_EQ(diff.conditions[0].ratio().value(), 1.2);
-  EXPECT_DOUBLE_EQ(diff.handovers.at(0).ratio().value(), 1);
+  EXPECT_DOUBLE_EQ(diff.unit_times.at(0).ratio().value(), 1);
   EXPECT_THAT(render(diff_document(diff), Format::kText), HasSubstr("execute cold_cache"));
   const Json json = diff_json(diff);
   EXPECT_EQ(json["figures"].size(), 1U);

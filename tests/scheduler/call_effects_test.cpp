@@ -2,6 +2,8 @@
 // filled, a neighbour of the same memory.
 #include <gmock/gmock.h>
 
+#include <cmath>
+
 #include "scheduler/schedule.h"
 #include "tests/scheduler/support.h"
 #include "workloads/catalog/specs.h"
@@ -51,15 +53,27 @@ void set_cache(Profile& profile, std::int64_t bytes) {
   profile.runs[0].environment["unit.cpu.own_cache_bytes"] = std::to_string(bytes);
 }
 
-void add_handover(Profile& profile, double sleep_ms, double ms) {
-  HandoverRow row;
+void set_last_cache(Profile& profile, std::int64_t bytes) {
+  for (const char* unit : {"cpu", "gpu"}) {
+    profile.runs[0].environment[std::string("unit.") + unit + ".last_cache_bytes"] =
+        std::to_string(bytes);
+  }
+}
+
+void add_unit_time(Profile& profile, UnitPhase phase, double sleep_ms, double ms) {
+  UnitTimeRow row;
   row.run_id = 1;
   row.unit = "cpu";
+  row.phase = phase;
   row.sleep = from_ms(sleep_ms);
   row.valid = true;
   row.samples = 20;
   row.median = row.p95 = from_ms(ms);
-  profile.handovers.push_back(row);
+  profile.unit_times.push_back(row);
+}
+
+void add_handover(Profile& profile, double sleep_ms, double ms) {
+  add_unit_time(profile, UnitPhase::kHandover, sleep_ms, ms);
 }
 
 /// Of the pipelines, in order.
@@ -155,6 +169,54 @@ pipelines:
       - {name: b, workload: sobel, eligible: [cpu], after: [a]}
 )");
   EXPECT_NEAR(p50[0], 6 + 2, 8 * kHistogram);
+}
+
+// The unit's own caches hold nothing of it, and of the last ones, which gpu fills as well, half is
+// others' when it comes again: one call of sobel on each unit.
+TEST(CallEffects, TheLastCachesAreAsColdAsAllUnitsOfTheMemoryMadeThem) {
+  const std::string sobel_name = "sobel";
+  const std::int64_t sobel_bytes = find_spec(sobel_name).bytes;
+  Profile profile = steady_profile();
+  set_cache(profile, 1);
+  set_last_cache(profile, 4 * sobel_bytes);
+  profile.conditions = {execute("gaussian_blur", "cpu", 6, Condition::kColdCache),
+                        execute("gaussian_blur", "cpu", 10, Condition::kColdMemory)};
+  const auto p50 = p50s_ms(profile, R"(
+mix: m
+pipelines:
+  p:
+    closed_loop: {frames: 50}
+    tasks:
+      - {name: a, workload: gaussian_blur, eligible: [cpu]}
+      - {name: b, workload: sobel, eligible: [cpu], after: [a]}
+      - {name: c, workload: sobel, eligible: [gpu], after: [a]}
+)");
+  EXPECT_NEAR(p50[0], (6 + (10 - 6) / 2.0) + 2, 10 * kHistogram);
+}
+
+// 100 firings a second: 6 ms after one call had ended, the next begins. Reading again takes 1 ms at
+// once and 3 ms from memory; 1.5 after 1 ms and 2.5 after 10 ms, so that a quarter and three
+// quarters are lost by then, and 0.25 + 0.5 x log10(6) after 6 ms. (Those 6 ms are a little less:
+// the call is longer by what it lost.)
+TEST(CallEffects, CachesForgetInTimeWhatNobodyOfTheMixTouched) {
+  Profile profile = steady_profile();
+  set_cache(profile, std::int64_t{1} << 40);
+  set_last_cache(profile, std::int64_t{1} << 40);
+  profile.conditions = {execute("gaussian_blur", "cpu", 4.1, Condition::kColdMemory)};
+  for (const auto& [sleep_ms, ms] : {std::pair(0.0, 1.0), {1.0, 1.5}, {10.0, 2.5}}) {
+    add_unit_time(profile, UnitPhase::kReread, sleep_ms, ms);
+  }
+  const std::string mix = R"(
+mix: m
+pipelines:
+  p: {rate_hz: 100, tasks: [{name: a, workload: gaussian_blur, eligible: [cpu]}]}
+)";
+  EXPECT_NEAR(p50s_ms(profile, mix)[0], 4, 4 * kHistogram) << "nobody knows what memory would cost";
+  add_unit_time(profile, UnitPhase::kRereadCold, 0, 3);
+  const double lost = 0.25 + 0.5 * std::log10(5.94);
+  EXPECT_NEAR(p50s_ms(profile, mix)[0], 4 + 0.1 * lost, 4 * kHistogram);
+  profile.unit_times.back().median = from_ms(1.05);
+  EXPECT_NEAR(p50s_ms(profile, mix)[0], 4, 4 * kHistogram) << "nothing to lose";
 }
 
 // Both begin at once. Of sobel all 2 ms are beside gaussian_blur, of that 2 of its 4 ms: 2 x 1.5

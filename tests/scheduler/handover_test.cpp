@@ -12,8 +12,8 @@ namespace {
 
 TEST(Handover, TakesAsManySamplesAsAskedForAndNoneBeforeItBegan) {
   const std::vector<int> core = {usable_cores().front()};
-  for (const HandoverPlan& plan :
-       {HandoverPlan{Nanos(0), 20}, HandoverPlan{std::chrono::microseconds(100), 5}}) {
+  for (const SleepPlan& plan :
+       {SleepPlan{Nanos(0), 20}, SleepPlan{std::chrono::microseconds(100), 5}}) {
     const auto times = measure_handover(core, plan);
     ASSERT_EQ(times.size(), static_cast<std::size_t>(plan.samples));
     EXPECT_GE(std::ranges::min(times), Nanos(0));
@@ -28,7 +28,7 @@ TEST(Handover, SaysThatItsCoresAreNotThere) {
 TEST(Handover, PlansRiseFromNoSleep) {
   const auto plans = handover_plans();
   EXPECT_EQ(plans.front().sleep, Nanos(0));
-  EXPECT_TRUE(std::ranges::is_sorted(plans, {}, &HandoverPlan::sleep));
+  EXPECT_TRUE(std::ranges::is_sorted(plans, {}, &SleepPlan::sleep));
 }
 
 }  // namespace

@@ -79,7 +79,19 @@ TEST_F(Caches, OwnAreTheLargestThatNoOtherCoreShares) {
   EXPECT_EQ(own({3}), 1 << 19);
 }
 
-TEST_F(Caches, OwnAreAbsentWhereTheMachineDoesNotSay) {
+TEST_F(Caches, ReachedAreTheLargestWithWhatOthersShare) {
+  for (const int core : {0, 1, 2, 3}) {
+    put(0, "1", "Data", "32K", core, std::to_string(core));
+    put(1, "2", "Unified", "1M", core, std::to_string(core));
+    put(2, "3", "Unified", "32M", core, core < 2 ? "0-1" : "2-3");
+  }
+  EXPECT_EQ(reached_cache_bytes(std::vector{0}, root_), 32 << 20);
+  EXPECT_EQ(reached_cache_bytes(std::vector{0, 1}, root_), 32 << 20);
+  EXPECT_EQ(reached_cache_bytes(std::vector{1, 2}, root_), 64 << 20);
+}
+
+TEST_F(Caches, OwnAndReachedAreAbsentWhereTheMachineDoesNotSay) {
+  EXPECT_EQ(reached_cache_bytes(std::vector{0}, root_), std::nullopt);
   EXPECT_EQ(own_cache_bytes(std::vector{0}, root_), std::nullopt);
 }
 

@@ -28,12 +28,25 @@ constexpr std::array<std::string_view, 8> kRunQueries = {
     "SELECT workload, unit, checksum FROM cell WHERE run_id = ? ORDER BY workload, unit",
     "SELECT workload, unit, position, checksum FROM visit WHERE run_id = ? "
     "ORDER BY workload, unit, position",
+    "SELECT unit, phase, sleep_ns, valid, reasons, samples, median_ns, mad_ns, p95_ns, p99_ns, "
+    "ci_low_ns, ci_high_ns FROM unit_time WHERE run_id = ? ORDER BY unit, phase, sleep_ns",
+    "SELECT unit, phase, sleep_ns, position, ns FROM unit_time JOIN unit_time_sample "
+    "USING (unit_time_id) WHERE run_id = ? ORDER BY unit, phase, sleep_ns, position"};
+/// Those of versions 3 and 4, which have no times of units.
+constexpr std::span kRunQueries4 = std::span(kRunQueries).first(6);
+/// Those of version 5, whose only ones are hand-overs; as all old ones, as they stood then: what
+/// they hash is part of their text.
+constexpr std::array<std::string_view, 8> kRunQueries5 = {
+    kRunQueries[0],
+    kRunQueries[1],
+    kRunQueries[2],
+    kRunQueries[3],
+    kRunQueries[4],
+    kRunQueries[5],
     "SELECT unit, sleep_ns, valid, reasons, samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, "
     "ci_high_ns FROM handover WHERE run_id = ? ORDER BY unit, sleep_ns",
     "SELECT unit, sleep_ns, position, ns FROM handover JOIN handover_sample USING (handover_id) "
     "WHERE run_id = ? ORDER BY unit, sleep_ns, position"};
-/// Those of versions 3 and 4, which have no hand-overs.
-constexpr std::span kRunQueries4 = std::span(kRunQueries).first(6);
 constexpr std::array<std::string_view, 4> kCellQueries = {
     "SELECT run_id, workload, unit, ops, bytes, verification FROM cell WHERE cell_id = ?",
     "SELECT phase, state, provenance, valid, reasons, notes, samples, processes, median_ns, "
@@ -46,7 +59,7 @@ constexpr std::array<std::string_view, 4> kCellQueries = {
     "energy "
     "WHERE cell_id = ?"};
 
-/// Those of version 3, as they stood then: what they hash is part of their text.
+/// Those of version 3.
 constexpr std::array<std::string_view, 4> kCellQueries3 = {
     kCellQueries[0],
     "SELECT phase, state, provenance, valid, reasons, notes, samples, processes, median_ns, "
@@ -56,11 +69,11 @@ constexpr std::array<std::string_view, 4> kCellQueries3 = {
     "SELECT energy_j, provenance, source, valid, reasons, domain, idle_subtracted FROM energy "
     "WHERE cell_id = ?"};
 
-/// Tables in the order in which they refer to each other, with what they have beside the columns of
-/// version 3 from version 4 on. Others begin empty.
+/// A table, with what it has beside the columns of version 3 from version 4 on.
 struct UpgradedTable {
   std::string_view name, added;
 };
+/// In the order in which they refer to each other. Others begin empty.
 constexpr std::array<UpgradedTable, 9> kUpgradedTables = {{{"run", ""},
                                                            {"environment", ""},
                                                            {"unit", ""},
@@ -70,6 +83,15 @@ constexpr std::array<UpgradedTable, 9> kUpgradedTables = {{{"run", ""},
                                                            {"measurement", ", 0, NULL"},
                                                            {"sample", ""},
                                                            {"energy", ", 0"}}};
+/// What version 5 had of units' times.
+constexpr std::string_view kUpgradeHandovers = R"(
+INSERT INTO main.unit_time
+SELECT handover_id, run_id, unit, 'handover', sleep_ns, valid, reasons, samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns
+FROM main.handover;
+INSERT INTO main.unit_time_sample SELECT * FROM main.handover_sample;
+DROP TABLE main.handover_sample;
+DROP TABLE main.handover;
+)";
 
 std::string_view schema_of(std::int64_t version) {
   const std::string name =
@@ -123,8 +145,15 @@ std::int64_t version_of(const Connection& connection) {
 }
 
 std::int64_t run_checksum(const Connection& connection, std::int64_t run_id) {
-  const bool old = version_of(connection) < kDatabaseVersion;
-  return checksum(connection, run_id, old ? kRunQueries4 : std::span(kRunQueries));
+  switch (version_of(connection)) {
+    case 3:
+    case 4:
+      return checksum(connection, run_id, kRunQueries4);
+    case 5:
+      return checksum(connection, run_id, kRunQueries5);
+    default:
+      return checksum(connection, run_id, kRunQueries);
+  }
 }
 
 std::int64_t cell_checksum(const Connection& connection, std::int64_t cell_id) {
@@ -196,7 +225,10 @@ void upgrade(Connection& connection) {
     for (const auto& [name, added] : kUpgradedTables) {
       sql += fmt::format("CREATE TEMP TABLE old_{0} AS SELECT * FROM main.{0};", name);
     }
-    sql += "DROP VIEW main.profile_summary; DROP VIEW main.energy_summary;";
+    for (const auto* view :
+         {"profile_summary", "energy_summary", "condition_summary", "handover_summary"}) {
+      sql += fmt::format("DROP VIEW IF EXISTS main.{};", view);
+    }
     for (const auto& [name, added] : kUpgradedTables) {
       sql += fmt::format("DROP TABLE main.{};", name);
     }
@@ -206,6 +238,7 @@ void upgrade(Connection& connection) {
                          version == kOldestVersion ? added : "");
       sql += fmt::format("DROP TABLE temp.old_{};", name);
     }
+    if (version == 5) sql += kUpgradeHandovers;
     connection.run(sql);
     renew_checksums(connection, "cell", cell_checksum);
     renew_checksums(connection, "run", run_checksum);

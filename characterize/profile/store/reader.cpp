@@ -123,17 +123,18 @@ std::vector<EnergyRow> read_energies(const Connection& connection, const std::st
   return rows;
 }
 
-std::vector<HandoverRow> read_handovers(const Connection& connection, const std::string& platform,
-                                        RunRange runs) {
-  std::vector<HandoverRow> rows;
+std::vector<UnitTimeRow> read_unit_times(const Connection& connection, const std::string& platform,
+                                         RunRange runs) {
+  std::vector<UnitTimeRow> rows;
   std::map<std::string, std::int64_t> chosen;
-  Statement query(connection,
-                  "SELECT run_id, unit, sleep_ns, valid, reasons, samples, median_ns, mad_ns, "
-                  "p95_ns, p99_ns, ci_low_ns, ci_high_ns FROM handover_summary WHERE platform = ? "
-                  "AND run_id BETWEEN ? AND ? ORDER BY run_id DESC, unit, sleep_ns");
+  Statement query(
+      connection,
+      "SELECT run_id, unit, sleep_ns, valid, reasons, samples, median_ns, mad_ns, p95_ns, "
+      "p99_ns, ci_low_ns, ci_high_ns, phase FROM unit_time_summary WHERE platform = ? "
+      "AND run_id BETWEEN ? AND ? ORDER BY run_id DESC");
   query.bind(platform).bind(runs.first).bind(runs.last);
   while (query.step()) {
-    HandoverRow row;
+    UnitTimeRow row;
     row.run_id = query.integer(0);
     row.unit = query.text(1);
     row.sleep = Nanos(query.integer(2));
@@ -146,6 +147,7 @@ std::vector<HandoverRow> read_handovers(const Connection& connection, const std:
     row.p99 = query.optional_nanos(9);
     row.ci_low = query.optional_nanos(10);
     row.ci_high = query.optional_nanos(11);
+    row.phase = unit_phase_from_string(query.text(12)).value();
     if (chosen.try_emplace(row.unit, row.run_id).first->second == row.run_id) {
       rows.push_back(std::move(row));
     }
@@ -264,8 +266,8 @@ void sort_rows(Profile& profile) {
                         row.state, row.condition);
     });
   }
-  std::ranges::sort(profile.handovers, {}, [&](const HandoverRow& row) {
-    return std::tuple(unit_rank(row.unit), row.unit, row.sleep);
+  std::ranges::sort(profile.unit_times, {}, [&](const UnitTimeRow& row) {
+    return std::tuple(unit_rank(row.unit), row.unit, row.phase, row.sleep);
   });
   std::ranges::sort(profile.energies, {}, [&](const EnergyRow& row) {
     return std::tuple(workload_rank(row.workload), row.workload, unit_rank(row.unit));
@@ -364,13 +366,13 @@ Profile ProfileReader::read(std::string_view platform, RunRange runs) const {
   profile.path = connection_->path().string();
   profile.phases = read_phases(*connection_, "profile_summary", chosen, runs);
   profile.conditions = read_phases(*connection_, "condition_summary", chosen, runs);
-  profile.handovers = read_handovers(*connection_, chosen, runs);
+  profile.unit_times = read_unit_times(*connection_, chosen, runs);
   profile.energies = read_energies(*connection_, chosen, runs);
   profile.peaks = read_peaks(*connection_, chosen, runs);
   std::set<std::int64_t, std::greater<>> run_ids;
   for (const PhaseRow& row : profile.phases) run_ids.insert(row.run_id);
   for (const PhaseRow& row : profile.conditions) run_ids.insert(row.run_id);
-  for (const HandoverRow& row : profile.handovers) run_ids.insert(row.run_id);
+  for (const UnitTimeRow& row : profile.unit_times) run_ids.insert(row.run_id);
   for (const EnergyRow& row : profile.energies) run_ids.insert(row.run_id);
   for (const PeakRow& row : profile.peaks) run_ids.insert(row.run_id);
   for (const std::int64_t run_id : run_ids) {
@@ -401,11 +403,11 @@ void ProfileReader::read_samples(Profile& profile) const {
       row->value_processes = std::move(each.processes);
     }
   }
-  for (HandoverRow& row : profile.handovers) {
+  for (UnitTimeRow& row : profile.unit_times) {
     Statement query(*connection_,
-                    "SELECT ns FROM handover JOIN handover_sample USING (handover_id) "
-                    "WHERE run_id = ? AND unit = ? AND sleep_ns = ? ORDER BY position");
-    query.bind(row.run_id).bind(row.unit).bind(row.sleep);
+                    "SELECT ns FROM unit_time JOIN unit_time_sample USING (unit_time_id) WHERE "
+                    "run_id = ? AND unit = ? AND phase = ? AND sleep_ns = ? ORDER BY position");
+    query.bind(row.run_id).bind(row.unit).bind(to_string(row.phase)).bind(row.sleep);
     while (query.step()) row.values.emplace_back(query.integer(0));
   }
 }

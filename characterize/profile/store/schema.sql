@@ -1,9 +1,9 @@
--- The profile database of pirt, version 5. One SQLite file, journal mode DELETE: closed, it is one file and opens read-only.
+-- The profile database of pirt, version 6. One SQLite file, journal mode DELETE: closed, it is one file and opens read-only.
 --
--- Other tools read the views profile_summary, energy_summary, condition_summary and handover_summary: their columns, in this order, are
--- stable; new ones come at their end. profile_summary has one row a phase and set-up state, so that who asks it for phase 'execute' gets
--- the figure of calls in a row; what else a call may take is in condition_summary, and what handing it to its unit takes in
--- handover_summary.
+-- Other tools read the views profile_summary, energy_summary, condition_summary, handover_summary and unit_time_summary: their columns, in
+-- this order, are stable; new ones come at their end. profile_summary has one row a phase and set-up state, so that who asks it for phase
+-- 'execute' gets the figure of calls in a row; what else a call may take is in condition_summary, what handing it to its unit takes in
+-- handover_summary, and what is known of units beside their calls, that included, in unit_time_summary.
 -- The tables are pirt's own. Readers refuse every other user_version. All times are integer nanoseconds, started/finished are UTC (ISO 8601).
 --
 -- Words in `reasons` (why a row is not valid) and `notes` (what to know about a valid one) are separated by "; ", and "" means none.
@@ -33,11 +33,11 @@
 --            live (calls of a live run, `pirt schedule --update-profile`: one process, other calls between them)
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %
 -- interval over processes (characterize/statistics/statistics.h), NULL with 2; of a single process, that of its samples, NULL below 6.
--- `checksum` columns are FNV-1a over what a run (with its environment, units, peaks, hand-overs, and which cells and visits it has) or a cell
+-- `checksum` columns are FNV-1a over what a run (with its environment, units, peaks, times, and which cells and visits it has) or a cell
 -- (with its measurements, samples and energy) holds (database_format.h): damage that SQLite cannot see is an error.
 
 PRAGMA application_id = 1346982484;  -- "PIRT"
-PRAGMA user_version = 5;
+PRAGMA user_version = 6;
 
 -- One `pirt characterize`. `finished` is NULL if it did not end; its cells are complete all the same.
 CREATE TABLE run (
@@ -100,12 +100,17 @@ CREATE TABLE peak (
   CHECK (per_second IS NOT NULL OR valid = 0)
 ) STRICT, WITHOUT ROWID;
 
--- From handing a call to a unit that is a thread of the host until it begins, after the unit has slept for that long (0: the call waits
--- while another one runs, and the time is that between them). With the runtime's own queue; no part of `call`.
-CREATE TABLE handover (
-  handover_id INTEGER PRIMARY KEY,
+-- What units that are threads of the host take beside their calls, no part of `call`; of one process.
+--   handover     with the runtime's own queue, from handing a call to the unit until it begins, after the unit has slept for that long (0:
+--                the call waits while another one runs, and the time is that between them)
+--   leave        with the runtime, from the end of a slice at which a call is left until it goes on, with nothing of what was let in
+--   reread       reading an eighth of what the last cache holds, for that long after it was read before, the unit asleep meanwhile
+--   reread_cold  the same after as many other bytes as the last cache holds
+CREATE TABLE unit_time (
+  unit_time_id INTEGER PRIMARY KEY,
   run_id     INTEGER NOT NULL,
   unit       TEXT NOT NULL,
+  phase      TEXT NOT NULL CHECK (phase IN ('handover', 'leave', 'reread', 'reread_cold')),
   sleep_ns   INTEGER NOT NULL CHECK (sleep_ns >= 0),
   valid      INTEGER NOT NULL CHECK (valid IN (0, 1)),
   reasons    TEXT NOT NULL,
@@ -116,8 +121,9 @@ CREATE TABLE handover (
   p99_ns     INTEGER CHECK (p99_ns >= p95_ns),
   ci_low_ns  INTEGER CHECK (ci_low_ns <= median_ns),
   ci_high_ns INTEGER CHECK (ci_high_ns >= median_ns),
-  UNIQUE (run_id, unit, sleep_ns),
+  UNIQUE (run_id, unit, phase, sleep_ns),
   FOREIGN KEY (run_id, unit) REFERENCES unit,
+  CHECK (sleep_ns = 0 OR phase IN ('handover', 'reread')),
   CHECK ((valid = 1) = (reasons = '')),
   CHECK (samples > 0 OR valid = 0),
   CHECK ((samples = 0) = (median_ns IS NULL) AND (median_ns IS NULL) = (mad_ns IS NULL)),
@@ -126,11 +132,11 @@ CREATE TABLE handover (
 ) STRICT;
 
 -- In the order in which they were taken.
-CREATE TABLE handover_sample (
-  handover_id INTEGER NOT NULL REFERENCES handover,
-  position    INTEGER NOT NULL CHECK (position >= 0),
-  ns          INTEGER NOT NULL CHECK (ns >= 0),
-  PRIMARY KEY (handover_id, position)
+CREATE TABLE unit_time_sample (
+  unit_time_id INTEGER NOT NULL REFERENCES unit_time,
+  position     INTEGER NOT NULL CHECK (position >= 0),
+  ns           INTEGER NOT NULL CHECK (ns >= 0),
+  PRIMARY KEY (unit_time_id, position)
 ) STRICT, WITHOUT ROWID;
 
 -- One workload on one unit; written in one transaction with everything below it.
@@ -152,8 +158,9 @@ CREATE TABLE measurement (
   cell_id    INTEGER NOT NULL REFERENCES cell,
   phase      TEXT NOT NULL CHECK (phase IN ('device_init', 'prepare', 'upload', 'launch', 'execute', 'download', 'call')),
   -- cold, warm: of a set-up, which met an empty kernel cache or a filled one. The others are of calls: in a row, or after the unit's own
-  -- caches were filled with other bytes, or while another unit of the same memory streams through it, or computes.
-  state      TEXT NOT NULL CHECK (state IN ('cold', 'warm', 'steady', 'cold_cache', 'beside_memory', 'beside_compute')),
+  -- caches, or the last ones with all before it, were filled with other bytes, or while another unit of the same memory streams through it,
+  -- or computes.
+  state      TEXT NOT NULL CHECK (state IN ('cold', 'warm', 'steady', 'cold_cache', 'cold_memory', 'beside_memory', 'beside_compute')),
   provenance TEXT NOT NULL CHECK (provenance IN ('measured', 'counted', 'modelled', 'fitted', 'published')),
   valid      INTEGER NOT NULL CHECK (valid IN (0, 1)),
   reasons    TEXT NOT NULL,
@@ -170,7 +177,7 @@ CREATE TABLE measurement (
   bound_ns   INTEGER CHECK (bound_ns >= 0),               -- what the phase takes at least, where the device knows
   UNIQUE (cell_id, phase, state),
   CHECK ((phase IN ('device_init', 'prepare')) = (state IN ('cold', 'warm'))),
-  CHECK (phase = 'execute' OR state NOT IN ('cold_cache', 'beside_memory', 'beside_compute')),
+  CHECK (phase = 'execute' OR state NOT IN ('cold_cache', 'cold_memory', 'beside_memory', 'beside_compute')),
   CHECK ((valid = 1) = (reasons = '')),
   CHECK (samples > 0 OR valid = 0),
   CHECK ((samples = 0) = (processes = 0)),
@@ -225,12 +232,16 @@ FROM measurement JOIN cell USING (cell_id) JOIN run USING (run_id)
      JOIN unit ON unit.run_id = cell.run_id AND unit.unit = cell.unit
 WHERE measurement.state NOT IN ('cold', 'warm', 'steady');
 
--- One row per (run, unit, sleep_ns).
+-- One row per (run, unit, phase, sleep_ns).
+CREATE VIEW unit_time_summary AS
+SELECT run.run_id, run.platform, unit_time.unit, unit.backend, unit_time.phase, unit_time.sleep_ns, 'measured' AS provenance,
+       unit_time.valid, unit_time.reasons, unit_time.samples, unit_time.median_ns, unit_time.mad_ns, unit_time.p95_ns, unit_time.p99_ns,
+       unit_time.ci_low_ns, unit_time.ci_high_ns
+FROM unit_time JOIN run USING (run_id) JOIN unit ON unit.run_id = unit_time.run_id AND unit.unit = unit_time.unit;
+
+-- Of these, hand-overs: one row per (run, unit, sleep_ns).
 CREATE VIEW handover_summary AS
-SELECT run.run_id, run.platform, handover.unit, unit.backend, 'handover' AS phase, handover.sleep_ns, 'measured' AS provenance,
-       handover.valid, handover.reasons, handover.samples, handover.median_ns, handover.mad_ns, handover.p95_ns, handover.p99_ns,
-       handover.ci_low_ns, handover.ci_high_ns
-FROM handover JOIN run USING (run_id) JOIN unit ON unit.run_id = handover.run_id AND unit.unit = handover.unit;
+SELECT * FROM unit_time_summary WHERE phase = 'handover';
 
 -- One row per (run, workload, unit).
 CREATE VIEW energy_summary AS

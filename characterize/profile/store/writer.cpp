@@ -314,17 +314,16 @@ void ProfileWriter::write_peaks(std::int64_t run_id, std::span<const PeakRecord>
   transaction.commit();
 }
 
-void ProfileWriter::write_handovers(std::int64_t run_id,
-                                    std::span<const HandoverRecord> handovers) {
+void ProfileWriter::write_unit_times(std::int64_t run_id, std::span<const UnitTimeRecord> times) {
   Connection& connection = impl_->connection;
   Transaction transaction(connection);
   Statement insert(connection,
-                   "INSERT INTO handover (run_id, unit, sleep_ns, valid, reasons, samples, "
+                   "INSERT INTO unit_time (run_id, unit, phase, sleep_ns, valid, reasons, samples, "
                    "median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns) "
-                   "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+                   "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   Statement sample(connection,
-                   "INSERT INTO handover_sample (handover_id, position, ns) VALUES (?, ?, ?)");
-  for (const HandoverRecord& record : handovers) {
+                   "INSERT INTO unit_time_sample (unit_time_id, position, ns) VALUES (?, ?, ?)");
+  for (const UnitTimeRecord& record : times) {
     assert((!record.samples.empty() || !record.reasons.empty()) && "no samples need a reason");
     std::optional<Statistics> s;
     if (!record.samples.empty()) s = summarize(record.samples);
@@ -332,7 +331,7 @@ void ProfileWriter::write_handovers(std::int64_t run_id,
       return s ? std::optional((*s).*member) : std::nullopt;
     };
     const auto interval = s ? s->interval : std::nullopt;
-    insert.bind(run_id).bind(record.unit).bind(record.sleep);
+    insert.bind(run_id).bind(record.unit).bind(to_string(record.phase)).bind(record.sleep);
     insert.bind(std::int64_t{record.reasons.empty()}).bind(join_words(record.reasons));
     insert.bind(static_cast<std::int64_t>(record.samples.size()));
     insert.bind(of(&Statistics::median)).bind(of(&Statistics::mad));

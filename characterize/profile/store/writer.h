@@ -51,7 +51,7 @@ class ProfileWriter {
   /// Peaks of units of the run; takes the place of earlier ones of the same unit and kind.
   void write_peaks(std::int64_t run_id, std::span<const PeakRecord> peaks);
   /// Of units of the run, each pair of unit and sleep once.
-  void write_handovers(std::int64_t run_id, std::span<const HandoverRecord> handovers);
+  void write_unit_times(std::int64_t run_id, std::span<const UnitTimeRecord> times);
   /// @param facts  What is known of the run now that it is over; added to its environment.
   void finish_run(std::int64_t run_id, const std::string& finished,
                   const std::map<std::string, std::string>& facts = {});

@@ -13,7 +13,7 @@
 #include "characterize/profile/store/reader.h"
 #include "cli/commands.h"
 #include "cli/commands/measure/fit_energy.h"
-#include "cli/commands/measure/handovers.h"
+#include "cli/commands/measure/unit_times.h"
 #include "cli/long_run.h"
 #include "cli/options/duration.h"
 #include "cli/options/files.h"
@@ -294,8 +294,8 @@ int characterize(const Options& options) {
     return load_profile(options.database, campaign.platform.name, {summary.run_id, summary.run_id});
   };
   auto profile = load();
-  if (!summary.interrupted && profile.handovers.empty()) {
-    measure_handovers(options.database, profile);
+  if (!summary.interrupted && profile.unit_times.empty()) {
+    measure_unit_times(options.database, profile);
     profile = load();
   }
   Document document{.title = "pirt characterize",

@@ -33,9 +33,9 @@ const std::vector<std::string>& formats() {
 
 CsvTable parse_table(const std::string& name) {
   constexpr std::array kTables = {
-      std::pair("profile", CsvTable::kProfile),     std::pair("conditions", CsvTable::kConditions),
-      std::pair("handovers", CsvTable::kHandovers), std::pair("energy", CsvTable::kEnergy),
-      std::pair("peaks", CsvTable::kPeaks),         std::pair("samples", CsvTable::kSamples)};
+      std::pair("profile", CsvTable::kProfile), std::pair("conditions", CsvTable::kConditions),
+      std::pair("units", CsvTable::kUnitTimes), std::pair("energy", CsvTable::kEnergy),
+      std::pair("peaks", CsvTable::kPeaks),     std::pair("samples", CsvTable::kSamples)};
   std::vector<std::string> known;
   for (const auto& [text, table] : kTables) {
     if (name == text) return table;
@@ -98,10 +98,10 @@ void add_export(CLI::App& app, Action& action) {
            "benchmark-history actions, smaller is better")
       .offers(std::vector<std::string>{"json", "csv", "gbench", "history"});
   add_text(command, "--table", &options->table, "TABLE",
-           "With csv: profile | conditions (cold caches, beside others) | handovers | energy | "
-           "peaks | samples (default: profile)")
-      .offers(std::vector<std::string>{"profile", "conditions", "handovers", "energy", "peaks",
-                                       "samples"});
+           "With csv: profile | conditions (cold caches, beside others) | units (hand-overs and "
+           "what else they take beside calls) | energy | peaks | samples (default: profile)")
+      .offers(
+          std::vector<std::string>{"profile", "conditions", "units", "energy", "peaks", "samples"});
   add_filter(command, options->filter);
   add_text(command, "--platform", &options->platform, "NAME",
            "The runs of this platform (default: that of the newest run)")

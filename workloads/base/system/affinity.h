@@ -18,4 +18,21 @@ int bind_to_cores(std::span<const int> cores, const std::string& unit);
 /// @throws Error{kEnvironment} if the system does not say.
 [[nodiscard]] std::vector<int> current_cores();
 
+/// When it goes, the thread that made it may use the cores again that it could.
+class CoresRestored {
+ public:
+  CoresRestored() : before_(current_cores()) {}
+  ~CoresRestored() {
+    try {
+      bind_to_cores(before_, "");
+    } catch (...) {  // Those cores are gone: it keeps what it has.
+    }
+  }
+  CoresRestored(const CoresRestored&) = delete;
+  CoresRestored& operator=(const CoresRestored&) = delete;
+
+ private:
+  std::vector<int> before_;
+};
+
 }  // namespace pirt

@@ -77,6 +77,12 @@ struct Level {
   std::map<std::string, std::int64_t> bytes;  ///< Of each, by the cores that share it.
   double part = 0;  ///< Bytes, each cache by the part that is these cores'.
   bool own = true;  ///< No other core shares any.
+
+  [[nodiscard]] std::int64_t sum() const {
+    std::int64_t sum = 0;
+    for (const auto& [sharing, each] : bytes) sum += each;
+    return sum;
+  }
 };
 
 std::map<long, Level> levels_of(std::span<const int> cores, const std::filesystem::path& root) {
@@ -103,13 +109,17 @@ std::optional<std::int64_t> own_cache_bytes(std::span<const int> cores,
                                             const std::filesystem::path& root) {
   const auto levels = levels_of(cores, root);
   for (auto level = levels.rbegin(); level != levels.rend(); ++level) {
-    if (!level->second.own) continue;
-    std::int64_t sum = 0;
-    for (const auto& [sharing, bytes] : level->second.bytes) sum += bytes;
-    return sum;
+    if (level->second.own) return level->second.sum();
   }
   if (levels.empty()) return read_cache_sizes(cores.front(), root).l2_bytes;
   return static_cast<std::int64_t>(levels.begin()->second.part);
+}
+
+std::optional<std::int64_t> reached_cache_bytes(std::span<const int> cores,
+                                                const std::filesystem::path& root) {
+  const auto levels = levels_of(cores, root);
+  if (levels.empty()) return read_cache_sizes(cores.front(), root).last_bytes;
+  return levels.rbegin()->second.sum();
 }
 
 CacheSizes read_cache_sizes(int core, const std::filesystem::path& root) {

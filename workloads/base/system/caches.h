@@ -29,6 +29,13 @@ struct CacheSizes {
 [[nodiscard]] std::optional<std::int64_t> own_cache_bytes(std::span<const int> cores,
                                                           const std::filesystem::path& root = "/");
 
+/// All caches of the largest level that @p cores reach, those that others share with them, too.
+/// Absent where the machine does not say.
+/// @param cores  At least one.
+/// @param root   As for read_cache_sizes.
+[[nodiscard]] std::optional<std::int64_t> reached_cache_bytes(
+    std::span<const int> cores, const std::filesystem::path& root = "/");
+
 /// Data and unified caches of @p core.
 /// @param root  Where /sys is found; another folder in tests. Where it has no caches and is "/",
 /// the C library is asked (which knows them by CPUID).

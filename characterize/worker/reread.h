@@ -1,0 +1,41 @@
+// How fast caches forget: what a robot's call finds of its data depends on how long ago it ran.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "characterize/worker/cache_sweep.h"
+#include "characterize/worker/sleep_plan.h"
+#include "workloads/base/time.h"
+
+namespace pirt {
+
+/// Reads an eighth of what the last caches that a unit reaches hold, again and again. Where others
+/// use those caches, too (other units, other machines on the same processor), they lose it in time,
+/// whether the unit sleeps or not.
+class Reread {
+ public:
+  /// Whether the machine says how much its caches hold.
+  [[nodiscard]] static bool possible(const std::vector<int>& cores);
+  /// 0 to 100 ms, fewer of the longer ones: with cold() about 1 s in all.
+  [[nodiscard]] static std::span<const SleepPlan> plans();
+
+  /// @param cores  The unit's; at least one. It reads on the first of them.
+  explicit Reread(std::vector<int> cores);
+
+  /// @return What reading takes after each sleep, before which the same was read.
+  /// @throws Error{kEnvironment} if the thread cannot run there.
+  [[nodiscard]] std::vector<Nanos> after(const SleepPlan& plan);
+  /// The same after as many other bytes as the caches hold.
+  [[nodiscard]] std::vector<Nanos> cold();
+
+ private:
+  [[nodiscard]] Nanos read() const;
+
+  std::vector<int> cores_;
+  std::vector<std::uint64_t> words_;
+  CacheSweep sweep_;
+};
+
+}  // namespace pirt

@@ -1,0 +1,56 @@
+#include "scheduler/runtime/leave.h"
+
+#include <span>
+#include <utility>
+
+#include "characterize/platform/platform.h"
+#include "scheduler/runtime/runtime.h"
+#include "workloads/base/error.h"
+#include "workloads/model/slices.h"
+
+namespace pirt {
+namespace {
+
+constexpr const char* kUnit = "cpu";
+
+Platform platform_on(const std::vector<int>& cores) {
+  Platform platform = parse_platform(
+      "leave", "platform: leave\nunits: {cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}}\n",
+      {}, static_cast<int>(usable_cores().size()));
+  if (!cores.empty()) platform.units.front().cores = cores;
+  return platform;
+}
+
+}  // namespace
+
+std::vector<Nanos> measure_leave(const std::vector<int>& cores, int samples) {
+  const MachineClock clock;
+  std::vector<Nanos> times;  // Of the unit's thread, until all has ended.
+  Runtime* running = nullptr;
+  RuntimeOptions options;
+  options.platform = platform_on(cores);
+  options.mode = "edf";
+  options.slices = true;
+  const auto nothing = [](std::span<const Tensor>, std::span<Tensor>) {};
+  const auto left = [&](std::span<const Tensor>, std::span<Tensor>) {
+    for (int i = 0; i < samples; ++i) {
+      static_cast<void>(running->submit("let_in", {}, {.deadline = std::chrono::seconds(1)}));
+      const Nanos before = clock.now();
+      between_slices();
+      times.push_back(clock.now() - before);
+    }
+  };
+  options.own.push_back(
+      {.name = "let_in", .inputs = {}, .outputs = {}, .kernels = {{kUnit, nothing}}});
+  options.own.push_back({.name = "left", .inputs = {}, .outputs = {}, .kernels = {{kUnit, left}}});
+  Runtime runtime(std::move(options));
+  running = &runtime;
+  static_cast<void>(runtime.submit("left", {}, {}));
+  runtime.wait_all();
+  if (runtime.statistics().left != samples) {
+    throw_environment("the unit was not left between two slices each time");
+  }
+  return times;
+}
+
+}  // namespace pirt
