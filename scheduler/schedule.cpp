@@ -104,7 +104,10 @@ RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& m
                   const ScheduleOptions& options, const Driver& driver, const std::string& time) {
   ModeSetup setup = set_up_mode(platform, profile, mix, options);
   const Mode& mode = setup.mode;
-  if (mode.policy.budgets) plan_budget(setup, options);
+  if (mode.policy.budgets) {
+    plan_budget(setup, options);
+    if (time == "live") plan_for_losses(setup, options);
+  }
   const Scenario& scenario = setup.scenario;
   Dispatcher dispatcher(setup.slots, std::move(setup.policy));
   std::optional<TraceWriter> trace;

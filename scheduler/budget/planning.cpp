@@ -13,8 +13,10 @@
 namespace pirt {
 namespace {
 
-constexpr std::int64_t kMostTasks = 100'000;  ///< In all trials.
-constexpr double kAlike = 0.003;              ///< Figures that differ by less count as the same.
+// In all trials of a plan, and of one for when a unit is away.
+constexpr std::int64_t kMostTasks = 100'000;
+constexpr std::int64_t kMostTasksWithout = 20'000;
+constexpr double kAlike = 0.003;  ///< Figures that differ by less count as the same.
 /// What may be given away of the objective for the figures behind it, all in all.
 constexpr double kSlack = 0.005;
 constexpr double kPart = 1e-3;  ///< Of a task's calls: less elsewhere is nothing.
@@ -42,9 +44,10 @@ void follow(const Assignment& assignment, BudgetPlan& plan) {
 
 class Planning {
  public:
-  Planning(ModeSetup& setup, const ScheduleOptions& options)
+  Planning(ModeSetup& setup, const ScheduleOptions& options, std::int64_t most_tasks = kMostTasks)
       : setup_(setup),
         options_(options),
+        most_tasks_(most_tasks),
         trial_(setup),
         choice_{setup.policy_setup.budget, setup.scenario.in_flight} {
     goals_ = {.objective = options.objective.value_or(Objective::kRate),
@@ -93,7 +96,7 @@ class Planning {
     }
   }
 
-  [[nodiscard]] bool may_try() const { return trial_.tasks_run() < kMostTasks; }
+  [[nodiscard]] bool may_try() const { return trial_.tasks_run() < most_tasks_; }
 
   /// What counts, most important first; less is better.
   [[nodiscard]] std::array<double, 5> keys(const TrialResult& of) const {
@@ -260,6 +263,7 @@ class Planning {
 
   ModeSetup& setup_;
   const ScheduleOptions& options_;
+  std::int64_t most_tasks_;
   Goals goals_;
   Trial trial_;
   BudgetChoice choice_;
@@ -267,7 +271,48 @@ class Planning {
   double least_ = 1e300;  ///< Of the objective's figure, the least that was taken.
 };
 
+/// Of @p plan, what holds while the unit is away: it comes last, where another may serve.
+void put_last(BudgetPlan& plan, UnitId away) {
+  for (BudgetPlan::Task& task : plan.tasks) {
+    const auto found = std::ranges::find(task.units, away);
+    if (found == task.units.end() || task.units.size() == 1) continue;
+    std::rotate(found, found + 1, task.units.end());
+    task.capacity[away] = 0;
+  }
+}
+
 }  // namespace
+
+void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options) {
+  if (setup.scenario.mix.fires_once()) return;
+  ScheduleOptions same = options;
+  same.in_flight = 1;  // Given: the scenario's are not chosen anew.
+  const BudgetPlan& whole = setup.policy_setup.budget;
+  std::vector<BudgetPlan> without(setup.scenario.platform.units.size());
+  for (UnitId away = 0; away < without.size(); ++away) {
+    const bool serves = std::ranges::any_of(whole.tasks, [away](const BudgetPlan::Task& task) {
+      return task.units.size() > 1 && std::ranges::find(task.units, away) != task.units.end();
+    });
+    if (!serves) continue;
+    ModeSetup other{.mode = setup.mode,
+                    .scenario = setup.scenario,
+                    .slots = setup.slots,
+                    .policy_setup = setup.policy_setup,
+                    .policy = nullptr,
+                    .weights_from = {}};
+    for (auto& pipeline : other.scenario.classes) {
+      for (TaskClass& kind : pipeline) {
+        const UnitMask others = kind.eligible & ~unit_bit(away);
+        if (others != 0) kind.eligible = others;
+      }
+    }
+    put_last(other.policy_setup.budget, away);
+    Planning(other, same, kMostTasksWithout).run();
+    without[away] = std::move(other.policy_setup.budget);
+  }
+  setup.policy_setup.budget_without = std::move(without);
+  setup.policy = setup.mode.policy.make(setup.policy_setup);
+}
 
 void plan_budget(ModeSetup& setup, const ScheduleOptions& options) {
   if (!setup.scenario.mix.fires_once()) return Planning(setup, options).run();

@@ -12,4 +12,10 @@ namespace pirt {
 /// @param setup  Of mode budget.
 void plan_budget(ModeSetup& setup, const ScheduleOptions& options);
 
+/// Adds a plan for each unit that may go away (PolicySetup::budget_without), and makes the policy
+/// of @p setup anew: for live runs, where units do. Frames in flight stay what they are. Nothing
+/// for a mix that fires once.
+/// @param setup  Of plan_budget.
+void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options);
+
 }  // namespace pirt

@@ -256,6 +256,7 @@ void Dispatcher::give_back(TaskSlot slot, UnitId unit, Effects& out) {
     return fail(slot, out);
   }
   tasks_[slot].class_index = waiting_.class_of(kind, up_);
+  policy_->came_back(kind, tasks_[slot].rank);
   waiting_.hold(slot);
   if (ties.recall) recalls_.watch(slot, ties.recall->at);
   if (ties.expires_at) expiries_.watch(slot, *ties.expires_at);
@@ -294,6 +295,7 @@ bool Dispatcher::set_unit(UnitId unit, UnitState state, Nanos now, Effects& out)
     up_ = state == UnitState::kUp ? up_ | unit_bit(unit) : up_ & ~unit_bit(unit);
     gone_ = state == UnitState::kGone ? gone_ | unit_bit(unit) : gone_ & ~unit_bit(unit);
     waiting_.set_up(up_);
+    policy_->units_changed(up_);
     note_running(unit);
     if (state != UnitState::kUp) hand_on(unit);
     waiting_.forget_refusals();
@@ -360,6 +362,7 @@ void Dispatcher::take_back(TaskSlot slot, Effects& out) {
   if (waits) unlink(slot);
   record.class_index = waiting_.class_of(kind, up_);
   if (!waits) return;
+  if (there) policy_->came_back(kind, record.rank);
   waiting_.forget_refusals();
   waiting_.hold(slot);
 }
@@ -370,6 +373,7 @@ void Dispatcher::hand_on(UnitId unit) {
   while (!units_[unit].queue.empty()) {
     waiting.push_back(units_[unit].queue.front());
     unlink(waiting.back());
+    policy_->came_back(waiting_.class_at(waiting.back()).kind, tasks_[waiting.back()].rank);
   }
   waiting_.take_those_of(unit, gone_, waiting);
   for (const TaskSlot slot : waiting) {

@@ -11,7 +11,8 @@
 //   or is foreseen (foresight.h), unless what asks would be late then itself;
 //   what has no deadline waits while it would break the cap of power (power_window.h); what has one
 //   does not, and is counted;
-//   where two units do, a unit that holds the task's program goes before one that has to load it.
+//   where two units do, a unit that holds the task's program goes before one that has to load it;
+//   while a unit is away, the plan is the one that was made for that.
 //
 // With no plan from budget/, as in a runtime that knows no mix, the cheapest unit that has room
 // serves a task. A mix that fires once follows a static plan (planned.cpp).
@@ -32,7 +33,9 @@ constexpr Nanos kRest = Nanos::max();
 class BudgetPolicy final : public Policy {
  public:
   explicit BudgetPolicy(const PolicySetup& setup)
-      : plan_(setup.budget),
+      : whole_(setup.budget),
+        without_(setup.budget_without),
+        plan_(whole_),
         servers_(setup.servers),
         foresight_(plan_),
         calls_(plan_.tasks.size()),
@@ -44,9 +47,21 @@ class BudgetPolicy final : public Policy {
 
   Nanos rank(const Task& task) override {
     foresight_.submitted(task);
-    const BudgetPlan::Task& planned = plan_.tasks[task.kind.entry];
     if (!task.deadline) return task.kind.real_time ? kRealTime : kRest;
-    return *task.deadline - planned.behind - planned.worst[planned.units.front()];
+    return *task.deadline - margin(task.kind.entry);
+  }
+
+  void came_back(const TaskClass& task, Nanos rank) override {
+    if (rank < kRealTime) foresight_.came_back(task.entry, rank + margin(task.entry));
+  }
+
+  void units_changed(UnitMask up) override {
+    plan_ = whole_;
+    for (UnitId unit = 0; unit < without_.size(); ++unit) {
+      if (contains(up, unit) || without_[unit].tasks.empty()) continue;
+      plan_ = without_[unit];
+      return;
+    }
   }
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
@@ -80,6 +95,13 @@ class BudgetPolicy final : public Policy {
   [[nodiscard]] std::int64_t over_cap() const override { return over_cap_; }
 
  private:
+  /// Between a task's latest start and its firing's deadline; whoever is away, so that ranks of one
+  /// entry compare.
+  [[nodiscard]] Nanos margin(std::uint32_t entry) const {
+    const BudgetPlan::Task& planned = whole_.tasks[entry];
+    return planned.behind + planned.worst[planned.units.front()];
+  }
+
   struct Calls {
     std::int64_t all = 0;
     std::vector<std::int64_t> by_unit;
@@ -146,7 +168,9 @@ class BudgetPolicy final : public Policy {
     return cold;
   }
 
-  BudgetPlan plan_;
+  BudgetPlan whole_;                 ///< With all units,
+  std::vector<BudgetPlan> without_;  ///< without one of them, by unit,
+  BudgetPlan plan_;                  ///< and what holds now.
   std::vector<int> servers_;
   Foresight foresight_;
   std::optional<PowerWindow> window_;

@@ -49,6 +49,11 @@ void Foresight::submitted(const Task& task) {
   missed_[planned.pipeline] = 0;
 }
 
+void Foresight::came_back(std::uint32_t entry, Nanos deadline) {
+  auto& waiting = waiting_[entry];
+  waiting.insert(std::ranges::upper_bound(waiting, deadline), deadline);
+}
+
 void Foresight::left(std::uint32_t entry) {
   if (!waiting_[entry].empty()) waiting_[entry].pop_front();
 }

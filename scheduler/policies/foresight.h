@@ -17,10 +17,12 @@ namespace pirt {
 
 class Foresight {
  public:
-  /// @param plan  Must outlive it.
+  /// @param plan  Must outlive it; in time its tasks may get other units.
   explicit Foresight(const BudgetPlan& plan);
 
   void submitted(const Task& task);
+  /// A task of the entry waits again. @param deadline  Of its firing.
+  void came_back(std::uint32_t entry, Nanos deadline);
   /// One task of the entry, the oldest, waits no more.
   void left(std::uint32_t entry);
   /// By when the oldest waiting task of the entry has to end; Nanos::max() = nobody says.

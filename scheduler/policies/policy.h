@@ -65,6 +65,14 @@ class Policy {
     static_cast<void>(unit);
     static_cast<void>(units);
   }
+  /// Other units are up than before.
+  virtual void units_changed(UnitMask up) { static_cast<void>(up); }
+  /// A task of the class that was placed waits again: its unit gave it back, or is gone.
+  /// @param rank  What rank() said of it.
+  virtual void came_back(const TaskClass& task, Nanos rank) {
+    static_cast<void>(task);
+    static_cast<void>(rank);
+  }
   /// A task of the class was dropped or expired before it was placed.
   virtual void gone(const TaskClass& task) { static_cast<void>(task); }
   /// A task of the class counts no more in the load of the unit that it was given to.
@@ -90,6 +98,9 @@ struct PolicySetup {
   CostTable costs;
   MixPlan plan;       ///< Of modes that follow a static plan; otherwise empty.
   BudgetPlan budget;  ///< Of mode budget; otherwise empty.
+  /// The same for when one unit is away, by unit; none, or one without tasks, where nothing else
+  /// was planned.
+  std::vector<BudgetPlan> budget_without = {};
   WeightTable weights;
   /// Algorithms 2 and 3: take the printed `else` instead of holding.
   bool literal_overflow = false;

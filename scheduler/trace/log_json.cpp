@@ -96,14 +96,18 @@ Json plan_json(const MixPlan& plan) {
 /// By its members in order, so that one that is added does not compile until it is written here
 /// and read below.
 Json policy_json(const PolicySetup& setup) {
-  const auto& [roles, servers, costs, plan, budget, weights, literal_overflow, basic, seed] = setup;
+  const auto& [roles, servers, costs, plan, budget, budget_without, weights, literal_overflow,
+               basic, seed] = setup;
   Json role_names = Json::array();
   for (const Role role : roles) role_names.push_back(to_string(role));
+  Json without = Json::array();
+  for (const BudgetPlan& each : budget_without) without.push_back(to_json(each));
   return {{"roles", role_names},
           {"servers", servers},
           {"costs", costs_json(costs)},
           {"plan", plan_json(plan)},
           {"budget", to_json(budget)},
+          {"budget_without", without},
           {"weights", weights},
           {"literal_overflow", literal_overflow},
           {"basic", basic == nullptr ? Json() : Json(basic->name)},
@@ -130,6 +134,10 @@ PolicySetup policy_from_json(const Json& json) {
   setup.plan.makespan = time_from_json(json.at("plan").at("makespan_ns"));
   if (json.contains("budget") && !json.at("budget").is_null()) {
     setup.budget = budget_plan_from_json(json.at("budget"), setup.roles.size());
+  }
+  for (const Json& each : json.value("budget_without", Json::array())) {
+    setup.budget_without.push_back(
+        each.is_null() ? BudgetPlan{} : budget_plan_from_json(each, setup.roles.size()));
   }
   setup.weights = json.at("weights").get<WeightTable>();
   setup.literal_overflow = json.at("literal_overflow").get<bool>();
@@ -164,6 +172,12 @@ void check_sizes(const DispatcherSetup& setup) {
   };
   require(has_role(*setup.mode) && has_role(basic), "roles");
   require(setup.mode->budgets == !policy.budget.tasks.empty(), "the plan");
+  require(policy.budget_without.empty() || policy.budget_without.size() == units, "the plans");
+  for (const BudgetPlan& each : policy.budget_without) {
+    require(each.tasks.empty() || (each.tasks.size() == policy.budget.tasks.size() &&
+                                   each.pipelines.size() == policy.budget.pipelines.size()),
+            "the plans");
+  }
   const bool weighed = basic.rule != WeightRule::kNone;
   require(policy.weights.size() == (weighed ? policy.costs.size() : 0) &&
               std::ranges::all_of(policy.weights, of_units),

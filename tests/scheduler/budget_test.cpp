@@ -2,10 +2,16 @@
 // power.
 #include <algorithm>
 
+#include "scheduler/budget/planning.h"
+#include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/mix/dag_generator.h"
 #include "scheduler/policies/foresight.h"
 #include "scheduler/policies/power_window.h"
+#include "scheduler/policies/setup.h"
+#include "scheduler/record/summary.h"
+#include "scheduler/trace/log_json.h"
 #include "scheduler/trace/power_peak.h"
+#include "scheduler/virtual/virtual_time.h"
 #include "tests/scheduler/support.h"
 
 namespace pirt::test {
@@ -184,6 +190,76 @@ TEST(Foresight, WhatWouldBeLateItselfDoesNotWait) {
   // It takes 50 of its 56 ms, the plan 2: it can wait until 4 ms.
   EXPECT_EQ(foresight.conflict(1, 0, 1, Nanos(0))->ask_again, milliseconds(4));
   EXPECT_FALSE(foresight.conflict(1, 0, 1, milliseconds(4)));
+}
+
+TEST(Foresight, WhatComesBackWaitsAgainInItsPlace) {
+  const BudgetPlan plan = small_plan();
+  Foresight foresight(plan);
+  foresight.submitted(firing(Nanos(0)));
+  foresight.submitted(firing(milliseconds(5)));
+  foresight.left(0);
+  EXPECT_EQ(foresight.latest_end(0), milliseconds(15));
+  foresight.came_back(0, milliseconds(10));
+  EXPECT_EQ(foresight.latest_end(0), milliseconds(10));
+  foresight.left(0);
+  EXPECT_EQ(foresight.latest_end(0), milliseconds(15));
+}
+
+/// `heavy` needs most of b. `light` is a's; the next best for it is b, where it would not fit.
+ModeSetup three_units(const Platform& platform, const Mix& mix, bool losses) {
+  ScheduleOptions options;
+  options.mode = "budget";
+  options.duration = from_s(5);
+  ModeSetup setup = set_up_mode(platform, nullptr, mix, options);
+  plan_budget(setup, options);
+  if (losses) plan_for_losses(setup, options);
+  return setup;
+}
+
+const char* const kThreeUnits = R"(
+platform: three
+units:
+  a: {slots: 1, active_w: 1}
+  b: {slots: 1, active_w: 2}
+  c: {slots: 1, active_w: 9}
+)";
+const char* const kLightAndHeavy = R"(
+mix: m
+pipelines:
+  light: {rate_hz: 10, deadline_ms: 20, tasks: [{name: l, service_ms: {a: 10, b: 10, c: 10}}]}
+  heavy: {rate_hz: 10, deadline_ms: 20, tasks: [{name: h, service_ms: {b: 15}}]}
+)";
+
+TEST(Budget, HasAPlanForWhenAUnitGoesAwayAndForWhenItComesBack) {
+  const Platform platform = platform_of(kThreeUnits);
+  const Mix mix = mix_of(kLightAndHeavy);
+  const auto misses_after = [&](bool losses, const std::vector<UnitState>& states) {
+    ModeSetup setup = three_units(platform, mix, losses);
+    Dispatcher dispatcher(setup.slots, std::move(setup.policy));
+    Effects effects;
+    for (const UnitState state : states) dispatcher.set_unit(0, state, Nanos(0), effects);
+    return misses(
+        summarize(setup.scenario, nullptr, {}, VirtualTime(setup.scenario, dispatcher).run()));
+  };
+  EXPECT_GT(misses_after(false, {UnitState::kDown}), 25) << "light would follow heavy's calls on b";
+  EXPECT_EQ(misses_after(true, {UnitState::kDown}), 0);
+  EXPECT_EQ(misses_after(true, {UnitState::kGone}), 0);
+  EXPECT_EQ(misses_after(true, {UnitState::kDown, UnitState::kUp}), 0);
+}
+
+TEST(Budget, ThePlansForLossesLeaveTheUnitForLastAndAreInATrace) {
+  const Platform platform = platform_of(kThreeUnits);
+  const Mix mix = mix_of(kLightAndHeavy);
+  const ModeSetup setup = three_units(platform, mix, true);
+  const auto& without = setup.policy_setup.budget_without;
+  ASSERT_EQ(without.size(), 3U);
+  EXPECT_EQ(without[0].tasks[0].units.front(), 2U);
+  EXPECT_EQ(without[0].tasks[0].units.back(), 0U);
+  EXPECT_EQ(without[0].tasks[1].units, std::vector<UnitId>{1}) << "there is no other";
+  EXPECT_EQ(setup.policy_setup.budget.tasks[0].units.front(), 0U);
+  DispatcherSetup made{&setup.mode.policy, platform.unit_names(), setup.slots, setup.policy_setup};
+  const DispatcherSetup read = dispatcher_setup_from_json(to_json(made));
+  EXPECT_EQ(read.policy.budget_without, without);
 }
 
 TEST(PowerWindow, CountsACallUntilASecondAfterItsEnd) {

@@ -119,6 +119,9 @@ class Model {
       setup.weights.push_back({1 + pick(4), 1 + pick(4), 1 + pick(4), 0});
     }
     setup.budget = any_budget();
+    for (std::size_t unit = 0; unit < kRoles.size(); ++unit) {
+      setup.budget_without.push_back(random_.below(2) == 0 ? BudgetPlan{} : any_budget());
+    }
     setup.literal_overflow = random_.below(2) == 0;
     setup.basic = basic[random_.below(basic.size())];
     std::vector<std::optional<int>> slots;
