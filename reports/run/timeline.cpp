@@ -8,6 +8,7 @@
 
 #include "reports/document/figures.h"
 #include "scheduler/trace/log_json.h"
+#include "scheduler/trace/trace_document.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
@@ -48,9 +49,6 @@ Slice slice_of(const Json& event, std::size_t units) {
 }
 
 Timeline timeline_of(const Json& json) {
-  if (!json.is_object() || !json.contains("traceEvents") || !json.contains("pirt")) {
-    throw_bad_input("not a trace of pirt's; `pirt schedule --trace FILE` writes one");
-  }
   const Json& part = json.at("pirt");
   check_trace_version(part);
   Timeline timeline;
@@ -59,6 +57,7 @@ Timeline timeline_of(const Json& json) {
   timeline.mix = part.at("mix").get<std::string>();
   timeline.seed = part.at("seed").get<std::uint64_t>();
   timeline.time = part.value("time", timeline.time);
+  timeline.complete = !part.value("inputs", Json(0)).is_null();
   timeline.units = part.at("units").get<std::vector<std::string>>();
   for (const Json& event : json.at("traceEvents")) {
     if (event.at("ph") == "X") timeline.slices.push_back(slice_of(event, timeline.units.size()));
@@ -66,6 +65,9 @@ Timeline timeline_of(const Json& json) {
   std::ranges::stable_sort(timeline.slices, {}, &Slice::start_ms);
   return timeline;
 }
+
+constexpr const char* kInTheMiddle =
+    "The trace ends in the middle: its run did not come to its end. ";
 
 /// Where the chart ends: with the first task that it has no more room for; and before a few last
 /// ones (of the cloud) that would make everything else too small to see.
@@ -105,7 +107,7 @@ Timeline load_timeline(const std::filesystem::path& path) {
 
 Timeline parse_timeline(const std::string& text, const std::string& source) {
   try {
-    Timeline timeline = timeline_of(parse_json(text));
+    Timeline timeline = timeline_of(parse_trace(text));
     timeline.source = source;
     return timeline;
   } catch (const JsonError& error) {
@@ -151,6 +153,7 @@ Chart timeline_chart(const Timeline& timeline) {
                              {"end ms"},
                              {"waited ms"}},
                  .footnotes = {(timeline.time == "live" ? "Live. " : "Virtual time. ") +
+                               std::string(timeline.complete ? "" : kInTheMiddle) +
                                std::string("waited: from the end of its predecessors to its "
                                            "start.")},
                  .origin = timeline.source};

@@ -27,6 +27,7 @@ struct Timeline {
   std::string platform, mix, mode;
   std::uint64_t seed = 0;
   std::string time = "virtual";  ///< Or "live".
+  bool complete = true;          ///< False: of a run that did not come to its end.
   std::vector<std::string> units = {};
   std::vector<Slice> slices = {};  ///< By start.
 };

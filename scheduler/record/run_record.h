@@ -142,7 +142,7 @@ struct RunRecord {
   /// How often a unit gave a task back. Absent where nothing ever does.
   std::optional<std::int64_t> returned;
   std::int64_t stalled = 0;  ///< Of the queued ones, those that nothing was ever going to start.
-  std::string trace_problem = {};  ///< Why a live run has no trace; not part of what is stored.
+  std::string trace_problem = {};  ///< Why that of a live run is not complete; not stored.
   std::int64_t offloaded = 0;      ///< Of the completed ones, those that the cloud served.
   std::optional<double> throughput_per_ms;
   std::optional<double> mean_latency_ms, p99_latency_ms;  ///< Of all tasks, dispatch to completion.

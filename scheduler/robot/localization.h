@@ -59,7 +59,7 @@ struct LocalizationResult {
   Nanos busy{0};                      ///< Of the calling thread, without the runtime.
   std::vector<std::string> problems;  ///< The first few, of calls that failed.
   bool stopped = false;               ///< Before its time, by LocalizationOptions::stops.
-  std::string trace_problem;  ///< Why there is no trace; empty if there is, or none was wanted.
+  std::string trace_problem;  ///< Why it is not complete; empty if it is, or none was wanted.
 
   [[nodiscard]] double rate_hz() const;  ///< Localized frames over the duration.
 };

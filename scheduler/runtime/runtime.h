@@ -284,8 +284,8 @@ class Runtime {
   /// A copy of what the tasks that have completed left in the state of that name.
   /// @throws Error{kBadInput} if no workload has it.
   [[nodiscard]] std::vector<Tensor> state(std::string_view name) const;
-  /// Waits for all tasks, and the file of RuntimeOptions::trace is there (for Perfetto and `pirt
-  /// replay`); without this call it never is. Once, and nothing is submitted afterwards.
+  /// Waits for all tasks, and the file of RuntimeOptions::trace is complete (for Perfetto and `pirt
+  /// replay`); without this call it ends in the middle. Once, and nothing is submitted afterwards.
   /// @throws Error{kBadInput} if it cannot be written.
   void write_trace();
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "scheduler/trace/trace_document.h"
 #include "scheduler/trace/trace_reader.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
@@ -205,15 +206,13 @@ TraceLog load_trace_log(const std::filesystem::path& path) {
 TraceLog parse_trace_log(const std::string& text, const std::string& source) {
   TraceLog log;
   try {
-    const auto json = parse_json(text);
-    if (!json.is_object() || !json.contains("traceEvents") || !json.contains("pirt")) {
-      throw_bad_input("not a trace of pirt's; `pirt schedule --trace FILE` writes one");
-    }
+    const auto json = parse_trace(text);
     const auto& part = json.at("pirt");
     log.setup = dispatcher_setup_from_json(part);
     for (const auto& entry : part.at("log"))
       log.entries.push_back(log_entry_from_json(entry, log.entries.size() + 1));
-    if (part.at("inputs").get<std::size_t>() != log.entries.size()) {
+    log.complete = !part.at("inputs").is_null();
+    if (log.complete && part.at("inputs").get<std::size_t>() != log.entries.size()) {
       throw_bad_input("its log is not as long as it says");
     }
   } catch (const JsonError& error) {
@@ -236,10 +235,10 @@ FileReplay replay_file(const std::filesystem::path& path) {
   TraceReader reader(path);
   if (reader.is_laid_out_otherwise()) {
     const TraceLog log = load_trace_log(path);
-    return {log.setup.mode, log.entries.size(), replay(log, path.string())};
+    return {log.setup.mode, log.entries.size(), replay(log, path.string()), log.complete};
   }
   auto result = Replay(reader.setup(), path.string()).run([&] { return reader.next(); });
-  return {reader.setup().mode, reader.size(), std::move(result)};
+  return {reader.setup().mode, reader.size(), std::move(result), !reader.ends_in_the_middle()};
 }
 
 }  // namespace pirt

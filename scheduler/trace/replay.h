@@ -15,6 +15,7 @@ namespace pirt {
 struct TraceLog {
   DispatcherSetup setup;
   std::vector<LogEntry> entries;
+  bool complete = true;  ///< False: the run did not come to its end, and the log not to that.
 };
 
 /// @throws Error{kBadInput} naming the file: not there, not JSON, not a trace of pirt's, another
@@ -42,8 +43,9 @@ struct ReplayResult {
 
 struct FileReplay {
   const PolicyInfo* mode = nullptr;
-  std::size_t size = 0;  ///< Of the log.
+  std::optional<std::size_t> size;  ///< Of the log; absent if that was not read to its end.
   ReplayResult result;
+  bool complete = true;  ///< As TraceLog's.
 };
 /// The same of a file, in memory that does not follow its length.
 /// @throws Error{kBadInput} as load_trace_log and replay.

@@ -11,6 +11,15 @@
 namespace pirt {
 namespace {
 
+/// What stands between @p begin and a brace with a comma or without, on lines that begin so.
+std::optional<std::string_view> arguments(std::string_view line, std::string_view begin) {
+  if (!line.starts_with(begin)) return std::nullopt;
+  line.remove_prefix(begin.size());
+  if (line.ends_with(',')) line.remove_suffix(1);
+  if (line.ends_with('}')) line.remove_suffix(1);
+  return line;
+}
+
 /// What @p read throws is about the file.
 template <typename Read>
 auto naming(const std::string& source, const Read& read) {
@@ -32,7 +41,14 @@ TraceReader::TraceReader(const std::filesystem::path& path)
 }
 
 void TraceReader::begin() {
-  if (!std::getline(in_, line_) || line_ != TraceFile::kFirstLine) {
+  std::getline(in_, line_);
+  const auto header = arguments(line_, TraceFile::kHeaderLine);
+  lines_ = header && !in_.eof();
+  if (lines_) {
+    setup_ = dispatcher_setup_from_json(parse_json(*header));
+    return;
+  }
+  if (line_ != TraceFile::kFirstLine) {
     otherwise_ = true;
     return;
   }
@@ -40,8 +56,8 @@ void TraceReader::begin() {
     const std::string_view line = line_;
     if (!line.starts_with(TraceFile::kPart) || !line.ends_with(TraceFile::kLog)) continue;
     const auto begin = TraceFile::kPart.size();
-    const auto header = line.substr(begin, line.size() - begin - TraceFile::kLog.size());
-    const Json part = parse_json(std::string(header) + "}");
+    const auto open = line.substr(begin, line.size() - begin - TraceFile::kLog.size());
+    const Json part = parse_json(std::string(open) + "}");
     setup_ = dispatcher_setup_from_json(part);
     size_ = part.at("inputs").get<std::size_t>();
     return;
@@ -51,17 +67,36 @@ void TraceReader::begin() {
 
 std::optional<LogEntry> TraceReader::next() {
   return naming(source_, [this]() -> std::optional<LogEntry> {
+    if (lines_) return next_of_lines();
     const bool read = static_cast<bool>(std::getline(in_, line_));
     std::string_view line = line_;
     if (!read) throw_bad_input("its log is cut off after " + std::to_string(read_) + " inputs");
-    if (line == TraceFile::kEnd) {
-      if (read_ != size_) throw_bad_input("its log is not as long as it says");
-      return std::nullopt;
-    }
+    if (line == TraceFile::kEnd) return last(*size_);
     if (line.ends_with(',')) line.remove_suffix(1);
     ++read_;
     return log_entry_from_json(parse_json(line), read_);
   });
+}
+
+std::optional<LogEntry> TraceReader::next_of_lines() {
+  // A line without its end is one that was being written.
+  while (std::getline(in_, line_) && !in_.eof()) {
+    if (const auto entry = arguments(line_, TraceFile::kEntryLine)) {
+      ++read_;
+      return log_entry_from_json(parse_json(*entry), read_);
+    }
+    if (const auto end = arguments(line_, TraceFile::kEndLine)) {
+      return last(parse_json(*end).at("inputs").get<std::size_t>());
+    }
+  }
+  torn_ = true;
+  return last(read_);
+}
+
+std::optional<LogEntry> TraceReader::last(std::size_t size) {
+  size_ = size;
+  if (read_ != size) throw_bad_input("its log is not as long as it says");
+  return std::nullopt;
 }
 
 }  // namespace pirt

@@ -11,7 +11,7 @@
 
 namespace pirt {
 
-/// Of a file as TraceFile lays it out: the log begins on a line of its own, and each entry has one.
+/// Of a file as TraceFile lays it out, in either way: each entry has a line of its own.
 class TraceReader {
  public:
   /// @throws Error{kBadInput} naming the file: not there, not a trace of pirt's, another version.
@@ -21,8 +21,10 @@ class TraceReader {
   /// to read, and parse_trace_log takes it as a whole.
   [[nodiscard]] bool is_laid_out_otherwise() const { return otherwise_; }
   [[nodiscard]] const DispatcherSetup& setup() const { return setup_; }
-  /// How many entries there are, as the file says.
-  [[nodiscard]] std::size_t size() const { return size_; }
+  /// How many entries there are, as the file says; lines say it at their end.
+  [[nodiscard]] std::optional<std::size_t> size() const { return size_; }
+  /// Whether the end is missing of what was written as lines; known after the last entry.
+  [[nodiscard]] bool ends_in_the_middle() const { return torn_; }
   /// Absent after the last.
   /// @throws Error{kBadInput} for an entry that makes no sense, or if there are more or fewer than
   /// size().
@@ -30,13 +32,16 @@ class TraceReader {
 
  private:
   void begin();
+  [[nodiscard]] std::optional<LogEntry> next_of_lines();
+  [[nodiscard]] std::optional<LogEntry> last(std::size_t size);
 
   std::string source_;
   std::ifstream in_;
   std::string line_;
   DispatcherSetup setup_;
-  std::size_t size_ = 0, read_ = 0;
-  bool otherwise_ = false;
+  std::optional<std::size_t> size_;
+  std::size_t read_ = 0;
+  bool otherwise_ = false, lines_ = false, torn_ = false;
 };
 
 }  // namespace pirt

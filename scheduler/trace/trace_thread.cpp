@@ -1,5 +1,6 @@
 #include "scheduler/trace/trace_thread.h"
 
+#include <chrono>
 #include <utility>
 
 #include "workloads/base/system/thread.h"
@@ -7,9 +8,11 @@
 namespace pirt {
 namespace {
 
-/// So many are there before the thread is woken,
+/// The thread writes when there are so many, or when so much time has passed since the first: a
+/// crash costs no more. It never wakes for nothing.
+constexpr std::chrono::milliseconds kLatest(100);
 constexpr std::size_t kWakes = 4096;
-/// and so many before whoever has more waits for it.
+/// So many there are before whoever has more waits for it.
 constexpr std::size_t kMost = 4 * kWakes;
 
 template <typename To, typename From>
@@ -101,13 +104,18 @@ void TraceThread::write() {
   Batch batch;
   std::unique_lock lock(mutex_);
   while (true) {
-    changed_.wait(lock, [this] { return stopping_ || filling_.events.size() >= kWakes; });
+    changed_.wait(lock, [this] { return stopping_ || !filling_.events.empty(); });
+    changed_.wait_for(lock, kLatest,
+                      [this] { return stopping_ || filling_.events.size() >= kWakes; });
     if (filling_.events.empty()) return;
     std::swap(batch, filling_);
     lock.unlock();
     changed_.notify_all();
     try {
-      if (failure_ == nullptr) Teller(batch, writer_).tell();
+      if (failure_ == nullptr) {
+        Teller(batch, writer_).tell();
+        writer_.flush();
+      }
     } catch (...) {
       failure_ = std::current_exception();
     }
@@ -119,7 +127,7 @@ void TraceThread::write() {
 /// With the mutex, after what the event shows.
 void TraceThread::add(const Event& event) {
   filling_.events.push_back(event);
-  if (filling_.events.size() == kWakes) changed_.notify_all();
+  if (filling_.events.size() == 1 || filling_.events.size() == kWakes) changed_.notify_all();
 }
 
 void TraceThread::on_input(const DispatcherInput& input, const Answer& answer) {

@@ -1,5 +1,6 @@
 // A trace is written by a thread of its own: whoever runs something live leaves what happened, as a
-// few numbers, and goes on; the text is made of it elsewhere.
+// few numbers, and goes on; the text is made of it elsewhere, and is in the file a tenth of a
+// second later at most.
 //
 // Threads: what an observer hears may come from any thread, one at a time. Memory is bounded: who
 // is more than some thousands of events ahead of the writer waits for it.

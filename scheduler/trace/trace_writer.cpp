@@ -18,17 +18,25 @@ std::string us(Nanos time) {
 
 std::string quoted(const std::string& text) { return json_text(text); }
 
+Json header_of(const Scenario& run, const DispatcherSetup& setup, const std::string& time) {
+  auto header = to_json(setup);
+  header["platform"] = run.platform.name;
+  header["mix"] = run.mix.name;
+  header["seed"] = run.seed;
+  header["time"] = time;
+  return header;
+}
+
 /// Process 0 is the run; units follow.
 std::size_t process(UnitId unit) { return unit + std::size_t{1}; }
 
 }  // namespace
 
 TraceWriter::TraceWriter(const std::filesystem::path& path, const Scenario& run,
-                         DispatcherSetup setup, std::string time)
+                         const DispatcherSetup& setup, const std::string& time)
     : run_(run),
-      setup_(std::move(setup)),
-      time_(std::move(time)),
-      file_(path),
+      file_(path, time == "live" ? TraceFile::Layout::kLines : TraceFile::Layout::kWhole,
+            header_of(run, setup, time)),
       free_lanes_(run.platform.units.size()),
       lanes_(run.platform.units.size(), 0),
       loads_(server_loads(run.platform)) {
@@ -40,11 +48,11 @@ TraceWriter::TraceWriter(const std::filesystem::path& path, const Scenario& run,
     power_keys_.push_back(quoted("link " + name));
   }
   depth_keys_.push_back(quoted("in no queue"));
-  name_tracks();
+  name_tracks(setup.mode->name);
   settled(Nanos::zero(), std::vector<int>(depth_keys_.size(), 0));
 }
 
-void TraceWriter::name_tracks() {
+void TraceWriter::name_tracks(std::string_view mode) {
   const auto name = [&](std::size_t pid, const std::string& text) {
     file_.event(fmt::format(R"({{"name":"process_name","ph":"M","pid":{},"args":{{"name":{}}}}})",
                             pid, quoted(text)));
@@ -52,7 +60,7 @@ void TraceWriter::name_tracks() {
         R"({{"name":"process_sort_index","ph":"M","pid":{},"args":{{"sort_index":{}}}}})", pid,
         pid));
   };
-  name(0, "mix " + run_.mix.name + ", mode " + std::string(setup_.mode->name));
+  name(0, "mix " + run_.mix.name + ", mode " + std::string(mode));
   for (UnitId unit = 0; unit < run_.platform.units.size(); ++unit) {
     name(process(unit), run_.platform.units[unit].name);
   }
@@ -204,12 +212,7 @@ void TraceWriter::finish(const Tally& tally) {
         R"({{"name":"duration: counts and energy are of this moment","ph":"i","s":"g","pid":0,"tid":0,"ts":{}}})",
         us(tally.end)));
   }
-  auto header = to_json(setup_);
-  header["platform"] = run_.platform.name;
-  header["mix"] = run_.mix.name;
-  header["seed"] = run_.seed;
-  header["time"] = time_;
-  file_.finish(header);
+  file_.finish();
 }
 
 }  // namespace pirt

@@ -32,10 +32,10 @@ namespace pirt {
 class TraceWriter final : public DispatcherObserver, public RunObserver {
  public:
   /// @param run   For names; its references must outlive the writer.
-  /// @param time  "virtual" or "live", as in the run's record.
+  /// @param time  "virtual" or "live", as in the run's record: a live one is written as lines.
   /// @throws Error{kBadInput} if nothing can be written there.
-  TraceWriter(const std::filesystem::path& path, const Scenario& run, DispatcherSetup setup,
-              std::string time = "virtual");
+  TraceWriter(const std::filesystem::path& path, const Scenario& run, const DispatcherSetup& setup,
+              const std::string& time = "virtual");
 
   void on_input(const DispatcherInput& input, const Answer& answer) override;
   void submitting(TaskId task, std::size_t pipeline, std::size_t position,
@@ -45,8 +45,11 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
   void preparing(TaskId task, Nanos now, Nanos takes) override;
   void settled(Nanos now, std::span<const int> waiting) override;
 
-  /// The trace is there after this. It runs to the last completion; where counts and energy are of
-  /// an earlier moment, the duration, that is marked.
+  /// What has been written survives the process, if the run is live.
+  /// @throws Error{kBadInput} if something could not be written.
+  void flush() { file_.flush(); }
+  /// The trace is complete after this. It runs to the last completion; where counts and energy are
+  /// of an earlier moment, the duration, that is marked.
   /// @throws Error{kBadInput} if it cannot be written.
   void finish(const Tally& tally);
 
@@ -71,7 +74,7 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
     bool over = false;  ///< For the dispatcher; it may still run.
   };
 
-  void name_tracks();
+  void name_tracks(std::string_view mode);
   void start(const Start& start, Nanos now);
   void end_slice(TaskId task, Outcome outcome, Nanos now);
   std::size_t take_lane(UnitId unit);
@@ -80,8 +83,6 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
   void write_counters();
 
   const Scenario& run_;
-  DispatcherSetup setup_;
-  std::string time_;
   TraceFile file_;
   std::unordered_map<TaskId, TaskTrack> tasks_;
   std::vector<std::set<std::size_t>> free_lanes_;  ///< By unit.

@@ -68,12 +68,36 @@ TEST_F(LiveCommand, KeepsWhatRanWhenItIsInterrupted) {
   EXPECT_EQ(pirt({"replay", scratch_.file("t.json")}).exit_code, 0);
 }
 
+// Who looks for what led to a crash finds it.
+TEST_F(LiveCommand, ARunThatIsKilledLeavesATraceThatReplays) {
+  const std::string trace = quoted(scratch_.file("t.json"));
+  // Some seconds of it are there before it is killed.
+  const auto outcome = run(command("--duration 600s") +
+                           " 2>/dev/null & pid=$!; until [ 20000 -lt $(wc -c <" + trace +
+                           " || echo 0) ]; do kill -0 $pid || exit 99; sleep 0.05; done; "
+                           "kill -KILL $pid; wait $pid");
+  ASSERT_EQ(outcome.exit_code, 128 + 9) << outcome.err;
+  EXPECT_FALSE(std::filesystem::exists(scratch_.file("run.json")));
+  const auto replayed = pirt({"replay", scratch_.file("t.json"), "--json", "-"});
+  EXPECT_EQ(replayed.exit_code, 0) << replayed.err;
+  EXPECT_EQ(replayed.json()["complete"], false);
+  EXPECT_GT(replayed.json()["decisions"], 10);
+  EXPECT_THAT(pirt({"replay", scratch_.file("t.json")}).out, HasSubstr("ends in the middle"));
+  // The next run of that name has one of its own, and nothing else is left.
+  ASSERT_EQ(run(command("--duration 100ms")).exit_code, 0);
+  const auto next = pirt({"replay", scratch_.file("t.json"), "--json", "-"});
+  EXPECT_EQ(next.json()["complete"], true);
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(scratch_.file("")), {}), 4);
+}
+
 // What cannot be had again is written wherever it can be: the disk is full, some way into the run.
 TEST_F(LiveCommand, ATraceThatCannotBeWrittenCostsNothingElse) {
   const auto outcome = run("ulimit -f 64; " + command("--duration 2s"));
   EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("t.json"));
-  EXPECT_FALSE(std::filesystem::exists(scratch_.file("t.json")));
+  const auto replayed = pirt({"replay", scratch_.file("t.json"), "--json", "-"});
+  EXPECT_EQ(replayed.exit_code, 0) << replayed.err;
+  EXPECT_EQ(replayed.json()["complete"], false);
   EXPECT_EQ(record()["submitted"], 200);
   EXPECT_THAT(outcome.out, HasSubstr("200 tasks submitted"));
 }

@@ -41,6 +41,18 @@ TEST(Timeline, HasTheSlicesOfATrace) {
   EXPECT_EQ(timeline.seed, 5U);
 }
 
+TEST(Timeline, OfALiveRunThatWasKilledIsOfWhatItLeft) {
+  const std::string lines =
+      R"([{"name":"pirt","ph":"M","pid":0,"args":{"schema_version":4,"mode":"latency",)"
+      R"("units":["cpu","gpu"],"platform":"board","mix":"m","seed":5,"time":"live"}},)"
+      "\n" +
+      slice(1, 0, 0, 500) + ",\n" + slice(2, 0, 2000, 1000).substr(0, 60);
+  const auto timeline = parse_timeline(lines, "t");
+  ASSERT_EQ(timeline.slices.size(), 1U);
+  EXPECT_EQ(timeline.time, "live");
+  EXPECT_THAT(timeline_chart(timeline).table.footnotes.front(), HasSubstr("in the middle"));
+}
+
 TEST(Timeline, DrawsALaneASlotInTheUnitsOrder) {
   const auto chart = timeline_chart(parse_timeline(
       trace(slice(2, 0, 0, 1000) + "," + slice(1, 1, 10, 900) + "," + slice(1, 0, 20, 900)), "t"));

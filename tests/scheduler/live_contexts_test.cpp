@@ -1,10 +1,10 @@
 // Units that hold one program at a time, live beside virtual time: the same calls load another one,
 // as a phase of their own in record and trace.
 #include <filesystem>
-#include <nlohmann/json.hpp>
 
 #include "scheduler/schedule_live.h"
 #include "scheduler/trace/replay.h"
+#include "scheduler/trace/trace_document.h"
 #include "tests/scheduler/support.h"
 #include "workloads/base/text/text.h"
 
@@ -55,10 +55,10 @@ Outcomes run(const std::string& board, const char* mix, const LiveOptions* live,
   result.record = live != nullptr ? pirt::run_live(platform, nullptr, mix_of(mix), options, *live)
                                   : run_virtual(platform, nullptr, mix_of(mix), options);
   EXPECT_FALSE(replay(load_trace_log(path), path).difference);
-  const auto trace = nlohmann::json::parse(read_file(path.string()));
+  const Json trace = parse_trace(read_file(path.string()));
   std::filesystem::remove(path);
-  for (const auto& event : trace["traceEvents"]) {
-    if (event.value("name", "") == "prepare") result.prepared.push_back(event["cat"]);
+  for (const Json& event : trace.at("traceEvents")) {
+    if (event.value("name", "") == "prepare") result.prepared.push_back(event.at("cat"));
   }
   return result;
 }

@@ -395,13 +395,18 @@ TEST_F(Traces, AreNeverHalfWritten) {
               HasSubstr("npu"));
   EXPECT_EQ(read_file(path()), "what was there");
   {
-    TraceFile file(path());
+    TraceFile file(path(), TraceFile::Layout::kWhole, Json::object());
     file.event("{}");  // And then something throws.
   }
   EXPECT_EQ(read_file(path()), "what was there");
   EXPECT_EQ(files(), 1U);
-  EXPECT_THAT(bad_input([&] { TraceFile file(folder_ / "none" / "t.json"); }), HasSubstr("none"));
-  EXPECT_THAT(bad_input([&] { TraceFile file("/dev/full"); }), HasSubstr("/dev/full"));
+  for (const auto layout : {TraceFile::Layout::kWhole, TraceFile::Layout::kLines}) {
+    const auto refused = [&](const std::filesystem::path& path) {
+      return bad_input([&] { TraceFile(path, layout, Json::object()); });
+    };
+    EXPECT_THAT(refused(folder_ / "none" / "t.json"), HasSubstr("none"));
+    EXPECT_THAT(refused("/dev/full"), HasSubstr("/dev/full"));
+  }
   static_cast<void>(run(load_platform("fake"), busy_mix(), "ect"));
   EXPECT_EQ(files(), 1U);
   EXPECT_TRUE(trace().contains("pirt"));
@@ -409,10 +414,10 @@ TEST_F(Traces, AreNeverHalfWritten) {
 
 TEST_F(Traces, ThatCannotBeCompletedSayIt) {
   std::filesystem::create_directories(folder_ / "sub");
-  TraceFile file(folder_ / "sub" / "t.json");
+  TraceFile file(folder_ / "sub" / "t.json", TraceFile::Layout::kWhole, Json::object({{"a", 1}}));
   file.event("{}");
   std::filesystem::remove_all(folder_ / "sub");
-  EXPECT_THAT(bad_input([&] { file.finish(Json::object({{"a", 1}})); }), HasSubstr("t.json"));
+  EXPECT_THAT(bad_input([&] { file.finish(); }), HasSubstr("t.json"));
 }
 
 }  // namespace

@@ -1,11 +1,13 @@
 // A trace that another thread writes is the one that is written on the spot, however far that
-// thread is behind.
+// thread is behind; and one of lines can be read wherever it ends.
 #include "scheduler/trace/trace_thread.h"
 
 #include <filesystem>
+#include <nlohmann/json.hpp>
 
 #include "scheduler/policies/setup.h"
 #include "scheduler/trace/replay.h"
+#include "scheduler/trace/trace_file.h"
 #include "scheduler/virtual/virtual_time.h"
 #include "tests/scheduler/support.h"
 #include "workloads/base/text/text.h"
@@ -38,10 +40,12 @@ pipelines:
       - {name: model, workload: background_model, inputs: {image: undistort.image}}
 )";
 
-std::string trace_of(bool thread) {
+/// @param time  Of the record: "live" makes it one of lines.
+std::string trace_of(bool thread, const std::string& time = "virtual", int frames = 3000) {
   const auto path = std::filesystem::path(testing::TempDir()) / "pirt_trace_thread.json";
   const Platform platform = platform_of(kBoard);
-  const Mix mix = mix_of(kMix);
+  Mix mix = mix_of(kMix);
+  mix.pipelines[0].frames = frames;
   ScheduleOptions options;
   options.mode = "ect";
   options.in_flight = 5;
@@ -49,7 +53,8 @@ std::string trace_of(bool thread) {
   ModeSetup setup = set_up_mode(platform, nullptr, mix, options);
   Dispatcher dispatcher(setup.slots, std::move(setup.policy));
   TraceWriter writer(path, setup.scenario,
-                     {&setup.mode.policy, platform.unit_names(), setup.slots, setup.policy_setup});
+                     {&setup.mode.policy, platform.unit_names(), setup.slots, setup.policy_setup},
+                     time);
   if (thread) {
     TraceThread aside(writer);
     dispatcher.observe(&aside);
@@ -69,9 +74,99 @@ std::string trace_of(bool thread) {
 }
 
 TEST(TraceThread, WritesWhatIsWrittenOnTheSpot) {
-  const std::string here = trace_of(false);
-  EXPECT_GT(here.size(), 4'000'000U);  // More events than are ever kept.
-  EXPECT_EQ(here == trace_of(true), true);
+  for (const auto* time : {"virtual", "live"}) {
+    const std::string here = trace_of(false, time);
+    EXPECT_GT(here.size(), 4'000'000U);  // More events than are ever kept.
+    EXPECT_EQ(here == trace_of(true, time), true) << time;
+  }
+}
+
+class TraceLines : public testing::Test {
+ protected:
+  /// What a reader makes of a file with that text: entry by entry, and the whole document.
+  [[nodiscard]] FileReplay read(const std::string& text) const {
+    write_file(path_, text);
+    const TraceLog log = load_trace_log(path_);
+    const FileReplay result = replay_file(path_);
+    EXPECT_EQ(log.complete, result.complete);
+    EXPECT_EQ(log.entries.size(), result.size);
+    EXPECT_FALSE(result.result.difference);
+    return result;
+  }
+  ~TraceLines() override { std::filesystem::remove(path_); }
+
+  const std::string path_ =
+      (std::filesystem::path(testing::TempDir()) / "pirt_lines.json").string();
+};
+
+TEST_F(TraceLines, HoldWhatAWholeTraceHolds) {
+  const auto whole = nlohmann::json::parse(trace_of(true, "virtual", 20));
+  const std::string text = trace_of(true, "live", 20);
+  const auto lines = nlohmann::json::parse(text);
+  auto log = nlohmann::json::array();
+  auto events = nlohmann::json::array();
+  for (const auto& line : lines) {
+    const auto name = line["name"].get<std::string>();
+    if (name == "pirt log") log.push_back(line["args"]);
+    if (name.starts_with("pirt")) {
+      EXPECT_TRUE(line["ph"] == "M") << "Perfetto ignores metadata that it does not know";
+    } else {
+      events.push_back(line);
+    }
+  }
+  EXPECT_EQ(log, whole["pirt"]["log"]);
+  EXPECT_EQ(events, whole["traceEvents"]);
+  EXPECT_EQ(lines[0]["args"]["policy"], whole["pirt"]["policy"]);
+  const FileReplay replayed = read(text);
+  EXPECT_TRUE(replayed.complete);
+  EXPECT_EQ(replayed.size, log.size());
+  // Laid out anew, as by a formatter.
+  EXPECT_EQ(read(lines.dump(1)).size, log.size());
+}
+
+TEST_F(TraceLines, ReplayUpToWhereTheyEnd) {
+  const std::string text = trace_of(true, "live", 12);
+  const auto first = text.find("pirt log");
+  std::size_t before = 0;
+  for (std::size_t end = first; end < text.find("pirt end"); end += 101) {
+    const FileReplay result = read(text.substr(0, end));
+    EXPECT_FALSE(result.complete);
+    EXPECT_GE(result.size.value(), before);
+    before = *result.size;
+  }
+  EXPECT_EQ(before + 1 >= read(text).size.value(), true);
+}
+
+TEST_F(TraceLines, ThatAreDamagedAreRefused) {
+  const std::string text = trace_of(true, "live", 12);
+  const auto refused = [&](const std::string& each) {
+    write_file(path_, each);
+    return bad_input([&] { static_cast<void>(replay_file(path_)); });
+  };
+  // An entry that is not there; what stops within the header; one that makes no sense.
+  const auto entry = text.rfind("{\"name\":\"pirt log\"");
+  auto less = text;
+  less.erase(entry, less.find('\n', entry) + 1 - entry);
+  EXPECT_THAT(refused(less), testing::AllOf(testing::HasSubstr(path_), testing::HasSubstr("log")));
+  EXPECT_THAT(refused(text.substr(0, 100)), testing::HasSubstr("cut off"));
+  auto word = text;
+  word.replace(word.find("submit"), 6, "sumbit");
+  EXPECT_THAT(refused(word), testing::HasSubstr("sumbit"));
+  EXPECT_THAT(refused("[]"), testing::HasSubstr("--trace"));
+}
+
+TEST_F(TraceLines, AreUnderTheirNameFromTheFirstInputOn) {
+  write_file(path_, "what was there");
+  TraceFile file(path_, TraceFile::Layout::kLines, Json::object({{"a", 1}}));
+  file.event("{}");
+  EXPECT_EQ(read_file(path_), "what was there");
+  file.log("{}");
+  file.event("{}");
+  file.flush();
+  const auto text = read_file(path_);
+  EXPECT_EQ(std::ranges::count(text, '\n'), 4);
+  file.finish();
+  EXPECT_EQ(nlohmann::json::parse(read_file(path_)).back()["args"]["inputs"], 1);
 }
 
 TEST(TraceThread, LeavesNothingBehindIfTheRunDoesNotEnd) {

@@ -22,14 +22,16 @@ struct Options {
 std::string text_of(const FileReplay& replay) {
   const ReplayResult& result = replay.result;
   if (!result.difference) {
-    return fmt::format("{} inputs replayed, mode {}: all {} decisions are the same\n",
-                       result.inputs, std::string(replay.mode->name), result.decisions);
+    return fmt::format(
+        "{} inputs replayed, mode {}: all {} decisions are the same\n{}", result.inputs,
+        std::string(replay.mode->name), result.decisions,
+        replay.complete ? "" : "The trace ends in the middle: its run did not come to its end.\n");
   }
   const ReplayDifference& difference = *result.difference;
   return fmt::format(
-      "The decisions differ at input {} of {}, {:.6f} ms, {}:\n  recorded: {}\n  replayed: {}\n",
-      difference.entry + 1, replay.size, to_ms(difference.at), difference.input,
-      difference.recorded, difference.replayed);
+      "The decisions differ at input {}{}, {:.6f} ms, {}:\n  recorded: {}\n  replayed: {}\n",
+      difference.entry + 1, replay.size ? fmt::format(" of {}", *replay.size) : "",
+      to_ms(difference.at), difference.input, difference.recorded, difference.replayed);
 }
 
 Json json_of(const FileReplay& replay) {
@@ -39,6 +41,8 @@ Json json_of(const FileReplay& replay) {
                {"inputs", result.inputs},
                {"decisions", result.decisions},
                {"same", !result.difference.has_value()}};
+  // Behind a difference nothing is read.
+  if (!result.difference) json["complete"] = replay.complete;
   if (result.difference) {
     const ReplayDifference& difference = *result.difference;
     json["difference"] = {{"input", difference.entry + 1},

@@ -92,7 +92,7 @@ Files sort_files(const std::vector<std::string>& files) {
     const std::string_view text(begin.data(), begin.size());
     if (sorted.databases.empty() || text.starts_with("SQLite format 3")) {
       sorted.databases.push_back(file);
-    } else if (text.find("\"traceEvents\"") != std::string_view::npos) {
+    } else if (text.starts_with('[') || text.find("\"traceEvents\"") != std::string_view::npos) {
       sorted.traces.push_back(file);
     } else {
       sorted.runs.push_back(file);

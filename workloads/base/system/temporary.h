@@ -26,16 +26,19 @@ class TemporaryFile {
   TemporaryFile(const TemporaryFile&) = delete;
   TemporaryFile& operator=(const TemporaryFile&) = delete;
 
-  // A write that fails shows when it is published.
+  // A write that fails shows when it is published or flushed; nothing is written after it.
 
   void write(std::string_view bytes);
   /// All that was written to @p other, which is not written to any more.
   void append(TemporaryFile& other);
 
-  /// That all of it is on the disk's side by now.
+  /// All of it is with the system by now, and survives the process if it has its name.
+  /// @throws Error{kBadInput} if something could not be written.
+  void flush();
+  /// The same, for those to whom it is the disk's fault.
   /// @throws Error{kEnvironment} if something could not be written: the disk is full.
   void check_written();
-  /// Puts it where the target is. It is not written to any more.
+  /// Puts it where the target is. What is written afterwards is there once it is flushed.
   /// @throws Error{kBadInput} if something could not be written; the target is then as it was.
   void publish();
   /// The same, unless something has the target's name by now: that stays.
@@ -43,7 +46,6 @@ class TemporaryFile {
 
  private:
   [[noreturn]] void fail(int error) const;
-  void flush();
   /// @return  The system's error, 0 = none.
   [[nodiscard]] int link_to(const std::filesystem::path& name) const;
 
