@@ -6,6 +6,8 @@
 #include <optional>
 #include <string_view>
 
+#include "workloads/base/time.h"
+
 namespace pirt {
 
 /// Of units that are threads of the host; no part of `call`.
@@ -21,5 +23,11 @@ inline constexpr std::array kAllUnitPhases = {UnitPhase::kHandover, UnitPhase::k
 /// "handover", "leave", "reread", "reread_cold": `phase` in view unit_time_summary.
 [[nodiscard]] std::string_view to_string(UnitPhase phase);
 [[nodiscard]] std::optional<UnitPhase> unit_phase_from_string(std::string_view text);
+
+/// How often to measure what follows so long a sleep.
+struct SleepPlan {
+  Nanos sleep{0};
+  int samples = 0;
+};
 
 }  // namespace pirt

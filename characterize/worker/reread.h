@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
+#include "characterize/profile/unit_phase.h"
 #include "characterize/worker/cache_sweep.h"
-#include "characterize/worker/sleep_plan.h"
 #include "workloads/base/time.h"
 
 namespace pirt {

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "characterize/worker/sleep_plan.h"
+#include "characterize/profile/unit_phase.h"
 #include "workloads/base/time.h"
 
 namespace pirt {
