@@ -5,6 +5,7 @@
 
 #include "workloads/base/math/pixel_index.h"
 #include "workloads/slam/filter/measure.h"
+#include "workloads/slam/filter/milestones.h"
 #include "workloads/slam/filter/steps.h"
 
 namespace pirt::slam {
@@ -12,52 +13,12 @@ namespace {
 
 constexpr double kLandmarkSigma = 0.10;  // of a landmark's depth when it enters, relative
 constexpr std::size_t kLandmarkViews = 5;
-constexpr int kMostMisses = 8;           // after which a landmark is not what it was
 constexpr double kLeastBase = 0.015;     // of a clone to the one before, in median depths
 constexpr float kTrackDistance = 14.0F;  // pixels between tracks
 
 std::size_t active_landmarks(const State& state) {
   return static_cast<std::size_t>(
       std::ranges::count_if(state.tracks, [](const Track& track) { return track.landmark >= 0; }));
-}
-
-bool is_followed(const State& state, std::int64_t landmark) {
-  return std::ranges::any_of(state.tracks,
-                             [&](const Track& track) { return track.landmark == landmark; });
-}
-
-/// Makes room for @p wanted landmarks: those that were not found again where they should be, else
-/// those that were used least, among those that are not seen.
-/// @return  For how many there is room.
-std::size_t make_room(State& state, const Setup& setup, std::size_t wanted) {
-  const auto most = static_cast<std::size_t>(setup.most_landmarks);
-  struct Unseen {
-    std::size_t index;
-    double worth;
-  };
-  std::vector<Unseen> unseen;
-  for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
-    const Landmark& landmark = state.landmarks[i];
-    if (is_followed(state, landmark.id)) continue;
-    unseen.push_back({i, landmark.uses - 10.0 * landmark.misses -
-                             0.02 * static_cast<double>(state.frame - landmark.last_frame)});
-  }
-  std::ranges::stable_sort(unseen, {}, &Unseen::worth);
-  std::vector<std::size_t> leaving;
-  while (state.landmarks.size() - leaving.size() + wanted > most &&
-         leaving.size() < unseen.size()) {
-    const std::size_t index = unseen[leaving.size()].index;
-    if (state.landmarks[index].misses < kMostMisses) {
-      const Landmark& gone = state.landmarks[index];
-      add_map_point(state, setup,
-                    {gone.id, gone.position, landmark_covariance(state, index), gone.descriptor,
-                     gone.seen_from, gone.last_frame});
-    }
-    leaving.push_back(index);
-  }
-  std::ranges::sort(leaving);
-  remove_landmarks(state, leaving);
-  return std::min(wanted, most - std::min(most, state.landmarks.size()));
 }
 
 void remove_bad_landmarks(State& state) {
@@ -130,8 +91,7 @@ void promote_tracks(State& state, const Setup& setup) {
   }
   add_landmarks(state, added);
   if (!rows.empty()) {
-    const int columns = kCloneSize * static_cast<int>(state.clones.size());
-    kalman_update(state, {compressed(rows, kMotionSize, columns)});
+    kalman_update(state, {compressed_window(state, rows)});
   }
   std::erase_if(state.tracks, [](const Track& track) { return track.age < 0; });
 }
@@ -168,7 +128,7 @@ double median_depth(const State& state) {
 /// Keeps the clones' number: a clone that hardly differs from the one before goes first, so that a
 /// robot at rest keeps its base line.
 void forget_clones(State& state, const Setup& setup) {
-  while (std::ssize(state.clones) > setup.most_clones) {
+  while (std::ssize(state.clones) - state.milestones > setup.most_clones) {
     const auto n = state.clones.size();
     if (state.status == Status::kStarting) {
       remove_clone(state, 1);  // the first one is what motion is measured from
@@ -177,7 +137,12 @@ void forget_clones(State& state, const Setup& setup) {
     const Pose& newer = state.clones[n - 2].body;
     const Pose& older = state.clones[n - 3].body;
     const double base = (newer.position - older.position).norm();
-    remove_clone(state, base < kLeastBase * median_depth(state) ? n - 2 : 0);
+    const double depth = median_depth(state);
+    if (base < kLeastBase * depth) {
+      remove_clone(state, n - 2);
+    } else {
+      leave_window(state, setup, depth);
+    }
   }
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <utility>
 
 #include "workloads/slam/filter/rank_update.h"
 
@@ -21,6 +22,23 @@ Eigen::Matrix3d left_jacobian(const Eigen::Vector3d& w) {
          (angle - std::sin(angle)) / (square * angle) * k * k;
 }
 
+/// Points go with their milestones, whose poses were @p before.
+void move_map(State& state, std::span<const Pose> before) {
+  std::vector<Pose> moves;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    moves.push_back(state.clones[i].body * before[i].inverse());
+  }
+  const auto milestones = std::span(state.clones).first(before.size());
+  for (MapPoint& point : state.map) {
+    if (point.milestone < 0) continue;
+    const auto its = std::ranges::lower_bound(milestones, point.milestone, {}, &Clone::frame);
+    if (its == milestones.end()) continue;
+    const Pose& move = moves[static_cast<std::size_t>(its - milestones.begin())];
+    point.position = move * point.position;
+    point.seen_from = move * point.seen_from;
+  }
+}
+
 /// Adds a correction, each group of vectors along the screw of its own rotation error.
 void correct(State& state, const Eigen::VectorXd& d) {
   MotionState& m = state.motion;
@@ -32,6 +50,10 @@ void correct(State& state, const Eigen::VectorXd& d) {
   m.position = rotation * m.position + screw * d.segment<3>(kPositionAt);
   m.gyro_bias += d.segment<3>(kGyroBiasAt);
   m.accel_bias += d.segment<3>(kAccelBiasAt);
+  std::vector<Pose> milestones;
+  for (int i = 0; i < state.milestones; ++i) {
+    milestones.push_back(state.clones[static_cast<std::size_t>(i)].body);
+  }
   Eigen::Vector3d anchor_turn = turn;
   for (std::size_t i = 0; i < state.clones.size(); ++i) {
     Pose& body = state.clones[i].body;
@@ -47,6 +69,7 @@ void correct(State& state, const Eigen::VectorXd& d) {
     Eigen::Vector3d& p = state.landmarks[i].position;
     p = anchor * p + anchor_screw * d.segment<3>(state.landmark_at(i));
   }
+  move_map(state, milestones);
 }
 
 /// Rows [at, at + count) and columns alike, taken out.
@@ -84,9 +107,9 @@ Eigen::Index rows_of(const std::vector<RowBlock>& blocks) {
 
 }  // namespace
 
-double innovation(const State& state, const RowBlock& block) {
+Eigen::MatrixXd predicted_covariance(const State& state, const RowBlock& block) {
   const auto rows = block.residual.size();
-  Eigen::MatrixXd s = block.sigma * block.sigma * Eigen::MatrixXd::Identity(rows, rows);
+  Eigen::MatrixXd s = Eigen::MatrixXd::Zero(rows, rows);
   for (const auto& a : block.parts) {
     for (const auto& b : block.parts) {
       s.noalias() += a.values *
@@ -94,6 +117,12 @@ double innovation(const State& state, const RowBlock& block) {
                      b.values.transpose();
     }
   }
+  return s;
+}
+
+double innovation(const State& state, const RowBlock& block) {
+  Eigen::MatrixXd s = predicted_covariance(state, block);
+  s.diagonal().array() += block.sigma * block.sigma;
   return block.residual.dot(s.ldlt().solve(block.residual));
 }
 
@@ -168,6 +197,7 @@ void remove_clone(State& state, std::size_t index) {
     assert(state.landmarks.empty() || index > 0);
     if (index > 0) change_anchor(state, State::clone_at(index), State::clone_at(index - 1));
   }
+  if (std::cmp_less(index, state.milestones)) --state.milestones;
   erase_from(state.covariance, State::clone_at(index), kCloneSize);
   state.clones.erase(state.clones.begin() + static_cast<std::ptrdiff_t>(index));
   for (auto& track : state.tracks) {

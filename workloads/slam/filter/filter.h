@@ -22,6 +22,9 @@ struct RowBlock {
   double sigma = 1.0;
 };
 
+/// What is to be expected of a block's residual, without the noise. f64 [rows,rows]
+[[nodiscard]] Eigen::MatrixXd predicted_covariance(const State& state, const RowBlock& block);
+
 /// Squared Mahalanobis distance of a block's residual.
 [[nodiscard]] double innovation(const State& state, const RowBlock& block);
 
@@ -37,8 +40,8 @@ bool kalman_update(State& state, const std::vector<RowBlock>& blocks);
 /// Adds the body's pose as the newest clone; landmarks change over to its rotation error.
 void add_clone(State& state, std::int64_t frame);
 
-/// Forgets clone @p index, and what tracks saw from it. If it is the newest, landmarks change over
-/// to the one before.
+/// Forgets clone @p index, which may be a milestone, and what tracks saw from it. If it is the
+/// newest, landmarks change over to the one before.
 void remove_clone(State& state, std::size_t index);
 
 /// @param indices  Of landmarks, rising.

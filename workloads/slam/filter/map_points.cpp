@@ -3,10 +3,12 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
+#include <limits>
+#include <map>
 #include <unordered_map>
 #include <unordered_set>
 
-#include "workloads/slam/filter/filter.h"
+#include "workloads/slam/filter/milestones.h"
 
 namespace pirt::slam {
 namespace {
@@ -36,9 +38,49 @@ void intersect(MapPoint& point, const MapPoint& other) {
 void add_map_point(State& state, const Setup& setup, const MapPoint& point) {
   if (setup.most_map_points <= 0) return;
   if (std::ssize(state.map) >= setup.most_map_points) {
-    state.map.erase(std::ranges::min_element(state.map, {}, &MapPoint::last_frame));
+    std::map<std::int64_t, int> counts;
+    for (const MapPoint& each : state.map) ++counts[each.milestone];
+    const auto most =
+        std::ranges::max_element(counts, {}, [](const auto& of) { return of.second; });
+    state.map.erase(std::ranges::min_element(state.map, {}, [&](const MapPoint& each) {
+      return each.milestone == most->first ? each.last_frame
+                                           : std::numeric_limits<std::int64_t>::max();
+    }));
   }
   state.map.push_back(point);
+}
+
+bool is_followed(const State& state, std::int64_t landmark) {
+  return std::ranges::any_of(state.tracks,
+                             [&](const Track& track) { return track.landmark == landmark; });
+}
+
+std::size_t make_room(State& state, const Setup& setup, std::size_t wanted) {
+  const auto most = static_cast<std::size_t>(setup.most_landmarks);
+  struct Unseen {
+    std::size_t index;
+    double worth;
+  };
+  std::vector<Unseen> unseen;
+  for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
+    const Landmark& landmark = state.landmarks[i];
+    if (is_followed(state, landmark.id)) continue;
+    unseen.push_back({i, landmark.uses - 10.0 * landmark.misses -
+                             0.02 * static_cast<double>(state.frame - landmark.last_frame)});
+  }
+  std::ranges::stable_sort(unseen, {}, &Unseen::worth);
+  std::vector<std::size_t> leaving;
+  while (state.landmarks.size() - leaving.size() + wanted > most &&
+         leaving.size() < unseen.size()) {
+    const std::size_t index = unseen[leaving.size()].index;
+    if (state.landmarks[index].misses < kMostMisses) {
+      add_map_point(state, setup, map_point_of(state, index));
+    }
+    leaving.push_back(index);
+  }
+  std::ranges::sort(leaving);
+  remove_landmarks(state, leaving);
+  return std::min(wanted, most - std::min(most, state.landmarks.size()));
 }
 
 MapChange correct_map(State& state, const Setup& setup, const BetterMap& better) {
@@ -69,7 +111,10 @@ MapChange correct_map(State& state, const Setup& setup, const BetterMap& better)
     intersect(mine, point);
     ++change.replaced;
   }
-  for (const MapPoint& point : added) add_map_point(state, setup, point);
+  for (MapPoint& point : added) {
+    point.milestone = nearest_milestone(state, point.seen_from);
+    add_map_point(state, setup, point);
+  }
   change.added = static_cast<int>(added.size());
   return change;
 }

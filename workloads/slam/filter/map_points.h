@@ -8,8 +8,20 @@
 
 namespace pirt::slam {
 
-/// Where there are too many, the one that was seen longest ago goes.
+/// Where there are too many, the milestone with the most points loses the one that was seen longest
+/// ago.
 void add_map_point(State& state, const Setup& setup, const MapPoint& point);
+
+/// Whether a track follows it.
+[[nodiscard]] bool is_followed(const State& state, std::int64_t landmark);
+
+/// Makes room for @p wanted landmarks: those that were not found again where they should be, else
+/// those that were used least, among those that are not seen, become points of the map.
+/// @return  For how many there is room.
+std::size_t make_room(State& state, const Setup& setup, std::size_t wanted);
+
+/// A landmark that was not found so often where it should be seen is not what it was.
+inline constexpr int kMostMisses = 8;
 
 /// Points as somebody knows them who has looked at more than the last pictures.
 struct BetterMap {

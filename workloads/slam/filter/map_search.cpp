@@ -1,11 +1,14 @@
 #include "workloads/slam/filter/map_search.h"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "workloads/slam/filter/filter.h"
 #include "workloads/slam/filter/measure.h"
+#include "workloads/slam/filter/milestones.h"
 #include "workloads/slam/views/places.h"
 #include "workloads/slam/views/pnp.h"
 
@@ -167,32 +170,49 @@ void move_to_map(State& state, const Setup& setup, const MapView& view) {
 
 /// A point of a map that was seen where it should be.
 struct Sighting {
-  const MapPoint* point;
+  MapPoint point;
   bool known;  ///< Of the setup's map.
   std::size_t index;
   std::size_t feature;
   int bits;
 };
 
-/// Rows of a point that is not in the filter, in pixels.
+/// What a point that is not in the filter says in a picture, in pixels.
 struct OutsideRows {
-  Eigen::Vector2d residual;
-  Eigen::Matrix2d covariance;  ///< Of what may be expected, without the measurement's noise.
+  RowBlock rows;
+  Eigen::Matrix2d by_pose;   ///< Of what may be expected, by what robot and milestone are off.
+  Eigen::Matrix2d by_point;  ///< The same, by what the point is off.
+
+  [[nodiscard]] double spread() const {
+    return std::sqrt((by_pose + by_point).diagonal().maxCoeff());
+  }
+  [[nodiscard]] bool passes() const {
+    const Eigen::Matrix2d expected =
+        by_pose + by_point + rows.sigma * rows.sigma * Eigen::Matrix2d::Identity();
+    return rows.residual.dot(expected.inverse() * rows.residual) < chi_square_95(2);
+  }
 };
 
 OutsideRows rows_outside(const State& state, const Setup& setup, const MapPoint& point,
                          const Eigen::Vector2d& ray) {
-  const Pose camera = camera_pose(setup, state.clones.back().body, 0);
-  const RayRows seen = rows_of_ray(camera, point.position, ray);
-  const Eigen::Matrix<double, 2, 3> slope = setup.cameras[0].focal() * seen.slope;
+  const RayRows seen =
+      rows_of_ray(camera_pose(setup, state.clones.back().body, 0), point.position, ray);
+  const double focal = setup.cameras[0].focal();
+  const Eigen::Matrix<double, 2, 3> slope = focal * seen.slope;
   Eigen::Matrix<double, 2, 6> pose;
   pose << slope * cross_matrix(point.position), -slope;
-  const int at = State::clone_at(state.clones.size() - 1);
-  OutsideRows rows;
-  rows.residual = setup.cameras[0].focal() * seen.miss;
-  rows.covariance = pose * state.covariance.block<6, 6>(at, at) * pose.transpose() +
-                    slope * point.covariance * slope.transpose();
-  return rows;
+  OutsideRows all;
+  all.rows.residual = focal * seen.miss;
+  all.rows.sigma = setup.landmark_sigma;
+  all.rows.parts.push_back({State::clone_at(state.clones.size() - 1), pose});
+  if (point.milestone >= 0) {
+    JacobianPart milestone = moves_with(state, point);
+    milestone.values = slope * milestone.values;
+    all.rows.parts.push_back(std::move(milestone));
+  }
+  all.by_pose = predicted_covariance(state, all.rows);
+  all.by_point = slope * point.covariance * slope.transpose();
+  return all;
 }
 
 class MapUse {
@@ -201,9 +221,9 @@ class MapUse {
       : state_(state),
         setup_(setup),
         features_(features),
-        camera_(camera_pose(setup, state.clones.back().body, 0)),
-        drift_(position_covariance(state).trace()) {}
+        camera_(camera_pose(setup, state.clones.back().body, 0)) {}
 
+  /// Those that look most alike; the run's own points first.
   [[nodiscard]] std::vector<Sighting> sightings(std::size_t most) const {
     std::vector<Sighting> seen;
     if (state_.in_map && setup_.known != nullptr) {
@@ -212,7 +232,9 @@ class MapUse {
     }
     for (std::size_t i = 0; i < state_.map.size(); ++i) look(state_.map[i], false, i, seen);
     std::ranges::stable_sort(seen, {}, &Sighting::bits);
-    if (seen.size() > most) seen.resize(most);
+    if (seen.size() > most)
+      seen.erase(seen.begin() + static_cast<std::ptrdiff_t>(most), seen.end());
+    std::ranges::stable_partition(seen, [](const Sighting& each) { return !each.known; });
     return seen;
   }
 
@@ -221,74 +243,58 @@ class MapUse {
             std::vector<Sighting>& seen) const {
     constexpr double kNear = 4.0;
     constexpr double kFar = 40.0;     // pixels
-    constexpr double kDrifted = 4.0;  // times the variance with which a point was left
-    if (!known && drift_ < kDrifted * point.covariance.trace()) return;
+    constexpr double kDrifted = 1.0;  // times what a point was off by when it was left
+    if (!known && point.milestone < 0) return;
     const auto pixel = pixel_of(setup_.cameras[0], camera_, point.position);
     if (!pixel || !setup_.cameras[0].contains(*pixel, 24.0)) return;
     if (!looks_alike(point.position, point.seen_from, camera_.position)) return;
     if (known && is_taken(state_, index)) return;
-    const OutsideRows rows = rows_outside(state_, setup_, point, setup_.cameras[0].ray(*pixel));
-    const double spread = std::sqrt(rows.covariance.diagonal().maxCoeff());
-    const Candidate best =
-        best_feature(features_, *pixel, std::clamp(3 * spread, kNear, kFar), point.descriptor);
+    const OutsideRows there = rows_outside(state_, setup_, point, setup_.cameras[0].ray(*pixel));
+    if (!known && there.by_pose.trace() < kDrifted * there.by_point.trace()) return;
+    const Candidate best = best_feature(
+        features_, *pixel, std::clamp(3 * there.spread(), kNear, kFar), point.descriptor);
     if (!best.clear()) return;
     const auto feature = static_cast<std::size_t>(best.feature);
     const OutsideRows found = rows_outside(
         state_, setup_, point, setup_.cameras[0].ray(features_.pixels[feature].cast<double>()));
-    const Eigen::Matrix2d expected = found.covariance + setup_.landmark_sigma *
-                                                            setup_.landmark_sigma *
-                                                            Eigen::Matrix2d::Identity();
-    if (found.residual.dot(expected.inverse() * found.residual) > chi_square_95(2)) return;
+    if (!found.passes()) return;
     const bool other =
         std::ranges::any_of(seen, [&](const Sighting& each) { return each.feature == feature; });
-    if (!other) seen.push_back({&point, known, index, feature, best.bits});
+    if (!other) seen.push_back({point, known, index, feature, best.bits});
   }
 
   const State& state_;
   const Setup& setup_;
   const Features& features_;
   Pose camera_;
-  double drift_;
 };
 
-/// Of places that were left by one state, or come from another run.
-Eigen::MatrixXd covariance_of(std::span<const Sighting> seen) {
-  const auto n = 3 * std::ssize(seen);
-  Eigen::MatrixXd all = Eigen::MatrixXd::Zero(n, n);
-  // Those of one's own were off by the same drift: what the least uncertain one has at least.
-  double common = 1e300;
+/// Puts what was seen into the filter, in its order: points of one's own as they go with their
+/// milestones, those of the known map as they are known there.
+void enter(State& state, std::span<const Sighting> seen) {
+  std::vector<NewLandmark> own;
+  std::vector<Landmark> known;
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(3 * std::ssize(seen), 3 * std::ssize(seen));
   for (const auto& each : seen) {
-    if (each.known) continue;
-    const auto axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(each.point->covariance,
-                                                                     Eigen::EigenvaluesOnly);
-    common = std::min(common, 0.99 * std::max(axes.eigenvalues()(0), 0.0));
-  }
-  for (Eigen::Index i = 0; i < std::ssize(seen); ++i) {
-    const auto& a = seen[static_cast<std::size_t>(i)];
-    for (Eigen::Index k = 0; k < std::ssize(seen); ++k) {
-      const auto& b = seen[static_cast<std::size_t>(k)];
-      if (i != k && !a.known && !b.known) {
-        all.block<3, 3>(3 * i, 3 * k) = common * Eigen::Matrix3d::Identity();
-      }
-    }
-    all.block<3, 3>(3 * i, 3 * i) = a.point->covariance;
-  }
-  return all;
-}
-
-std::vector<Landmark> landmarks_of(State& state, std::span<const Sighting> seen) {
-  std::vector<Landmark> landmarks;
-  for (const auto& each : seen) {
-    Landmark landmark;
-    landmark.id = each.point->id >= 0 ? each.point->id : state.next_id++;
-    landmark.position = each.point->position;
-    landmark.descriptor = each.point->descriptor;
-    landmark.seen_from = each.point->seen_from;
+    NewLandmark made = each.known ? NewLandmark{} : landmark_of(state, each.point);
+    Landmark& landmark = made.landmark;
+    landmark.id = each.point.id >= 0 ? each.point.id : state.next_id++;
+    landmark.position = each.point.position;
+    landmark.descriptor = each.point.descriptor;
+    landmark.seen_from = each.point.seen_from;
     landmark.last_frame = state.frame;
     landmark.uses = 1;
-    landmarks.push_back(landmark);
+    if (!each.known) {
+      own.push_back(std::move(made));
+      continue;
+    }
+    const auto at = 3 * std::ssize(known);
+    covariance.block<3, 3>(at, at) = each.point.covariance;
+    known.push_back(landmark);
   }
-  return landmarks;
+  const auto n = 3 * std::ssize(known);
+  add_landmarks(state, own);
+  if (n > 0) add_known_landmarks(state, known, covariance.topLeftCorner(n, n));
 }
 
 /// Points that became landmarks are in the maps no longer.
@@ -342,13 +348,16 @@ bool seek_map(State& state, const Setup& setup, const Features& features) {
 }
 
 void use_map(State& state, const Setup& setup, const Features& features, FrameReport& report) {
-  constexpr std::size_t kMostAtOnce = 8;
-  const auto room = static_cast<std::size_t>(
-      std::max<std::ptrdiff_t>(0, setup.most_landmarks - std::ssize(state.landmarks)));
-  const auto seen = MapUse(state, setup, features).sightings(std::min(kMostAtOnce, room));
+  constexpr std::ptrdiff_t kMostAtOnce = 8;
+  const auto followed =
+      std::ranges::count_if(state.tracks, [](const Track& track) { return track.landmark >= 0; });
+  const auto room = std::clamp<std::ptrdiff_t>(setup.most_landmarks - followed, 0, kMostAtOnce);
+  const auto seen = MapUse(state, setup, features).sightings(static_cast<std::size_t>(room));
   if (seen.empty()) return;
+  leave_maps(state, seen);
+  make_room(state, setup, seen.size());
   const std::size_t first = state.landmarks.size();
-  add_known_landmarks(state, landmarks_of(state, seen), covariance_of(seen));
+  enter(state, seen);
   std::vector<RowBlock> rows;
   const Pose camera = camera_pose(setup, state.clones.back().body, 0);
   for (std::size_t i = 0; i < seen.size(); ++i) {
@@ -369,7 +378,6 @@ void use_map(State& state, const Setup& setup, const Features& features, FrameRe
     track.descriptor = landmark.descriptor;
     state.tracks.push_back(std::move(track));
   }
-  leave_maps(state, seen);
   if (!kalman_update(state, rows)) {
     report.rejected += static_cast<int>(rows.size());
     return;

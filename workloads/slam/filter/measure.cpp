@@ -208,6 +208,11 @@ PointRows rows_of_track(const State& state, const Setup& setup, const Track& tra
   return all;
 }
 
+RowBlock compressed_window(const State& state, const std::vector<RowBlock>& blocks) {
+  const int first = State::clone_at(static_cast<std::size_t>(state.milestones));
+  return compressed(blocks, first, State::clone_at(state.clones.size()) - first);
+}
+
 RowBlock rows_of_landmark(const State& state, const Setup& setup, std::size_t landmark,
                           const Observation& seen, double sigma) {
   const Eigen::Index count = seen.has_right ? 4 : 2;

@@ -62,6 +62,9 @@ struct PointRows {
 [[nodiscard]] PointRows rows_of_track(const State& state, const Setup& setup, const Track& track,
                                       const Eigen::Vector3d& point);
 
+/// compressed(), of blocks of the clones that tracks are seen from.
+[[nodiscard]] RowBlock compressed_window(const State& state, const std::vector<RowBlock>& blocks);
+
 /// One observation of a landmark from the newest clone, in pixels.
 [[nodiscard]] RowBlock rows_of_landmark(const State& state, const Setup& setup,
                                         std::size_t landmark, const Observation& seen,

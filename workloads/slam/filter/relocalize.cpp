@@ -6,6 +6,7 @@
 #include "workloads/slam/filter/filter.h"
 #include "workloads/slam/filter/map_search.h"
 #include "workloads/slam/filter/measure.h"
+#include "workloads/slam/filter/milestones.h"
 #include "workloads/slam/filter/steps.h"
 #include "workloads/slam/views/places.h"
 #include "workloads/slam/views/pnp.h"
@@ -297,6 +298,7 @@ bool relocalize(State& state, const Setup& setup, const Features& features) {
       followed.emplace_back(match.feature, added.add(match.place));
     }
   }
+  forget_milestones(state);
   added.insert();
   std::ranges::nth_element(depths, depths.begin() + std::ssize(depths) / 2);
   const double depth = depths[depths.size() / 2];

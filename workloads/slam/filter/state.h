@@ -34,10 +34,12 @@ enum class Status : std::uint8_t {
 struct MapPoint {
   std::int64_t id = -1;  ///< Of the landmark or track that it was; -1 = of another run.
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  /// Of the place against its milestone, world axes; without one against the world.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   Descriptor descriptor{};
   Eigen::Vector3d seen_from = Eigen::Vector3d::Zero();  ///< Where it was described.
   std::int64_t last_frame = 0;
+  std::int64_t milestone = -1;  ///< Frame of the milestone that it moves with; -1 = of none.
 };
 
 /// What the robot is built of, and how much work is done. Does not change during a run.
@@ -46,8 +48,9 @@ struct Setup {
   std::optional<ImuModel> imu;       ///< Absent: the motion model is constant velocity.
 
   int most_tracks = 150;       ///< Points followed from frame to frame.
-  int most_clones = 11;        ///< Past poses in the filter.
-  int most_landmarks = 100;    ///< Points in the filter.
+  int most_clones = 11;        ///< Past poses in the filter that tracks are seen from.
+  int most_milestones = 24;    ///< Past poses that stay in the filter (milestones.h).
+  int most_landmarks = 60;     ///< Points in the filter.
   int most_active = 30;        ///< Of those, how many are followed at once.
   int most_map_points = 2000;  ///< Points that are known again, outside of the filter.
   double pixel_sigma = 2.0;    ///< Of a followed point, in pixels.
@@ -126,6 +129,7 @@ struct State {
   std::int64_t frame = -1;  ///< Of the last clone.
   MotionState motion;
   std::vector<Clone> clones;        ///< Oldest first.
+  int milestones = 0;               ///< Of the clones the first so many stay.
   std::vector<Landmark> landmarks;  ///< Their rotation error is that of the newest clone.
   /// f64 [n,n], n = 15 + 6 clones + 3 landmarks, in this order.
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(kMotionSize, kMotionSize);

@@ -330,20 +330,7 @@ void find_again(State& state, const Setup& setup, const Features& features) {
 }  // namespace
 
 double predicted_sigma(const State& state, const RowBlock& block) {
-  double most = 0;
-  for (Eigen::Index row = 0; row < 2; ++row) {
-    double variance = 0;
-    for (const auto& a : block.parts) {
-      for (const auto& b : block.parts) {
-        variance += (a.values.row(row) *
-                     state.covariance.block(a.at, b.at, a.values.cols(), b.values.cols()) *
-                     b.values.row(row).transpose())
-                        .value();
-      }
-    }
-    most = std::max(most, variance);
-  }
-  return std::sqrt(most);
+  return std::sqrt(predicted_covariance(state, block).diagonal().head<2>().maxCoeff());
 }
 
 void use_points(State& state, const Setup& setup, std::vector<Track>& ended, std::size_t most,
@@ -374,8 +361,7 @@ void use_points(State& state, const Setup& setup, std::vector<Track>& ended, std
     rows.push_back(std::move(block));
   }
   if (rows.empty()) return;
-  const int columns = kCloneSize * static_cast<int>(state.clones.size());
-  const bool used = kalman_update(state, {compressed(rows, kMotionSize, columns)});
+  const bool used = kalman_update(state, {compressed_window(state, rows)});
   (used ? report.points : report.rejected) += static_cast<int>(rows.size());
 }
 

@@ -10,6 +10,7 @@
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 #include "workloads/slam/filter/map_search.h"
+#include "workloads/slam/filter/milestones.h"
 
 namespace pirt::slam {
 namespace {
@@ -25,8 +26,8 @@ std::string hex_of(const Descriptor& descriptor) {
   return text;
 }
 
-/// @param point  A landmark or a map point.
-Json row_of(const auto& point, const Eigen::Matrix3d& c) {
+Json row_of(const MapPoint& point) {
+  const Eigen::Matrix3d& c = point.covariance;
   const Eigen::Vector3d& p = point.position;
   const Eigen::Vector3d& s = point.seen_from;
   return Json::array({p.x(), p.y(), p.z(), c(0, 0), c(0, 1), c(0, 2), c(1, 1), c(1, 2), c(2, 2),
@@ -73,13 +74,13 @@ std::string problem_of(const Json& row, MapPoint& point) {
 std::string map_text(const State& state, const Setup& setup) {
   Json points = Json::array();
   for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
-    points.push_back(row_of(state.landmarks[i], landmark_covariance(state, i)));
+    points.push_back(row_of(map_point_of(state, i)));
   }
-  for (const auto& p : state.map) points.push_back(row_of(p, p.covariance));
+  for (const auto& p : state.map) points.push_back(row_of(p));
   if (state.in_map && setup.known != nullptr) {
     for (std::size_t i = 0; i < setup.known->size(); ++i) {
       const MapPoint& p = (*setup.known)[i];
-      if (!is_taken(state, i)) points.push_back(row_of(p, p.covariance));
+      if (!is_taken(state, i)) points.push_back(row_of(p));
     }
   }
   const Json map = {{"schema_version", kVersion},

@@ -173,6 +173,7 @@ void visit_point(auto& a, auto& point) {
   a.bytes(point.descriptor);
   a.matrix(point.seen_from);
   a.integer(point.last_frame);
+  a.integer(point.milestone);
 }
 
 /// The one place that knows the order, for both directions.
@@ -209,6 +210,10 @@ void visit(auto& a, auto& state) {
     a.integer(clone.frame);
     visit_pose(a, clone.body);
   });
+  a.integer(state.milestones);
+  if (state.milestones < 0 || std::cmp_greater(state.milestones, state.clones.size())) {
+    throw_bad_input("these tensors are no state of the SLAM: more milestones than poses");
+  }
   visit_points(a, state);
   a.integer(state.next_id);
   visit_sample(a, state.last_imu);
@@ -230,7 +235,8 @@ void visit(auto& a, auto& state) {
 }  // namespace
 
 std::vector<TensorSpec> state_specs(const Setup& setup) {
-  const std::int64_t clones = setup.most_clones + 1;
+  const std::int64_t window = setup.most_clones + 1;
+  const std::int64_t clones = window + setup.most_milestones;
   const std::int64_t landmarks = setup.most_landmarks;
   // Landmarks that are known again are followed beyond the others' number.
   const std::int64_t tracks = setup.most_tracks + setup.most_landmarks;
@@ -238,9 +244,9 @@ std::vector<TensorSpec> state_specs(const Setup& setup) {
   const std::int64_t size = kMotionSize + kCloneSize * clones + 3 * landmarks;
   const auto known = setup.known ? std::ssize(*setup.known) : std::int64_t{0};
   const std::int64_t numbers = size * size + 47 + 12 * clones + 6 * landmarks + 15 * points +
-                               tracks * (7 + 4 * clones) + 6 * (kMostWaiting + 1);
-  const std::int64_t integers = 20 + clones + 4 * landmarks + 2 * points +
-                                tracks * (5 + 2 * clones) + kMostWaiting + 1 + 2 * known;
+                               tracks * (7 + 4 * window) + 6 * (kMostWaiting + 1);
+  const std::int64_t integers = 21 + clones + 4 * landmarks + 3 * points +
+                                tracks * (5 + 2 * window) + kMostWaiting + 1 + 2 * known;
   return {{"numbers", Element::kF64, {numbers}, true},
           {"integers", Element::kI32, {integers, 2}, true},
           {"descriptors", Element::kU8, {landmarks + tracks + points, kDescriptorBytes}, true}};
