@@ -26,7 +26,33 @@ std::array<int, 2> parse_size(const std::string& text) {
   return {side(0), side(1)};
 }
 
+/// The option of a model as it is called with a prefix.
+std::string option_name(const std::string& prefix, const std::string& option) {
+  return prefix.empty() ? "--" + option : "--" + prefix + "-" + option;
+}
+
+/// Of the weights.
+std::string model_option(const std::string& prefix) {
+  return prefix.empty() ? "--model" : "--" + prefix;
+}
+
 }  // namespace
+
+std::vector<std::string> ModelFlags::arguments(const std::string& prefix) const {
+  std::vector<std::string> arguments;
+  const auto add = [&](const std::string& option, const std::optional<std::string>& value) {
+    if (!value) return;
+    arguments.push_back(option);
+    arguments.push_back(*value);
+  };
+  add(model_option(prefix), model);
+  add(option_name(prefix, "config"), config);
+  add(option_name(prefix, "names"), names);
+  add(option_name(prefix, "size"), size);
+  add(option_name(prefix, "preprocess"), preprocess);
+  add("--fit", fit);
+  return arguments;
+}
 
 recognition::ModelOptions ModelFlags::options() const {
   recognition::ModelOptions options;
@@ -55,11 +81,9 @@ void add_fit(Command& command, ModelFlags& flags) {
 
 void add_model(Command& command, ModelFlags& flags, const std::string& prefix,
                const std::string& what) {
-  const auto name = [&](const std::string& option) {
-    return prefix.empty() ? "--" + option : "--" + prefix + "-" + option;
-  };
+  const auto name = [&](const std::string& option) { return option_name(prefix, option); };
   const Option model =
-      add_input(command, prefix.empty() ? "--model" : "--" + prefix, &flags.model,
+      add_input(command, model_option(prefix), &flags.model,
                 "Weights of " + what + ": .weights of Darknet, .caffemodel, .onnx");
   flags.config_option = name("config");
   add_input(command, name("config"), &flags.config,

@@ -16,6 +16,8 @@ struct ModelFlags {
   std::string config_option = "--config";  ///< As it is called.
 
   [[nodiscard]] recognition::ModelOptions options() const;
+  /// The same again, for another program. @param prefix  As add_model's.
+  [[nodiscard]] std::vector<std::string> arguments(const std::string& prefix) const;
 };
 
 /// @param prefix  "" for --model, --config, --names, --size and --preprocess; "classifier" for

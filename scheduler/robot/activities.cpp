@@ -6,14 +6,14 @@
 #include <utility>
 
 #include "workloads/base/error.h"
-#include "workloads/base/text/json.h"
 #include "workloads/mapping/keyframes.h"
 #include "workloads/mapping/workloads.h"
 #include "workloads/planning/map_files.h"
 #include "workloads/planning/path_follower.h"
 #include "workloads/planning/prepared_map.h"
 #include "workloads/planning/workloads.h"
-#include "workloads/recognition/describe_scene.h"
+#include "workloads/recognition/detect_objects.h"
+#include "workloads/recognition/scene_workload.h"
 #include "workloads/recognition/specs.h"
 #include "workloads/slam/workload/specs.h"
 
@@ -28,8 +28,6 @@ namespace {
 constexpr int kAlexnetSide = 227;
 constexpr double kWindow_m = 6;
 constexpr double kAhead_m = 1;
-constexpr std::int64_t kMostName = 32;
-constexpr std::int64_t kMostText = std::int64_t{1} << 18;  ///< Of a scene's description, in bytes.
 
 double heading_of(const Pose& body) { return std::atan2(body.rotation(1, 0), body.rotation(0, 0)); }
 
@@ -44,24 +42,6 @@ Tensor coloured(const GreyImage& image) {
   auto out = tensor.as<std::uint8_t>().begin();
   for (int i = 0; i < 3; ++i) out = std::ranges::copy(image.pixels, out).out;
   return tensor;
-}
-
-TensorSpec text_spec(const char* name, std::int64_t most_bytes) {
-  return {.name = name, .element = Element::kU8, .shape = {most_bytes}, .varies = true};
-}
-
-std::string text_of(const Tensor& tensor) {
-  const auto bytes = tensor.used<std::uint8_t>();
-  return {bytes.begin(), bytes.end()};
-}
-
-/// @throws Error{kBadInput} if it is too long.
-void set_text(Tensor& tensor, const std::string& text) {
-  if (std::ssize(text) > tensor.spec().shape[0]) {
-    throw_bad_input("a picture with too many objects to describe");
-  }
-  tensor.set_rows(std::ssize(text));
-  std::ranges::copy(text, tensor.as<std::uint8_t>().begin());
 }
 
 /// Whether something that comes @p hz times a second is due at @p time; sets when it is next.
@@ -142,16 +122,13 @@ class Activities::Activity {
 
 /// One thread at a time uses its models: neither is that of the recognition.
 struct Activities::Describer {
-  explicit Describer(const ActivityOptions& options) : detector(*options.model) {
-    if (options.classifier) classifier.emplace(*options.classifier);
-  }
-  [[nodiscard]] recognition::Scene scene(const std::string& name, const Tensor& image) {
-    return recognition::describe_scene(name, image, detector, classifier ? &*classifier : nullptr,
-                                       {}, recognition::kLabels);
-  }
+  explicit Describer(const ActivityOptions& options)
+      : workload(std::make_shared<const Workload>(recognition::make_describe(
+            {*options.model, options.classifier}, options.width, options.height))),
+        describe(recognition::open_described(*workload)) {}
 
-  recognition::Model detector;
-  std::optional<recognition::Model> classifier;
+  std::shared_ptr<const Workload> workload;
+  KernelFunction describe;
 };
 
 /// What planning knows.
@@ -203,7 +180,6 @@ Activities::Activities(ActivityOptions options) : options_(std::move(options)) {
   if (options_.scenes_hz > 0) {
     if (options_.model) {
       describer_ = std::make_shared<Describer>(options_);
-      static_cast<void>(describer_->scene("", blank));
     }
     scene_ = std::make_unique<Activity>(describer_ ? "describe" : "describe_scene", Nanos::zero());
   }
@@ -260,15 +236,13 @@ void Activities::list_workloads(RuntimeOptions& options) const {
   }
   if (scene_ && !describer_) options.workloads.emplace_back("describe_scene");
   if (scene_ && describer_) {
-    const auto describe = [describer = describer_](std::span<const Tensor> inputs,
-                                                   std::span<Tensor> outputs) {
-      const auto scene = describer->scene(text_of(inputs[1]), inputs[0]);
-      set_text(outputs[0], json_text(recognition::to_json(scene)));
-    };
-    options.own.push_back({.name = "describe",
-                           .inputs = {image, text_spec("name", kMostName)},
-                           .outputs = {text_spec("text", kMostText)},
-                           .kernels = {{"cpu", describe}}});
+    // A worker in the cloud may have the same models.
+    const Workload& describe = *describer_->workload;
+    options.own.push_back({.name = describe.name,
+                           .inputs = describe.inputs,
+                           .outputs = describe.outputs,
+                           .kernels = {{"cpu", describer_->describe}},
+                           .known_as = describer_->workload});
   }
 }
 
@@ -317,10 +291,11 @@ void Activities::describe(Nanos time, const GreyImage& picture) {
     return;
   }
   inputs.push_back(std::move(image));
-  inputs.emplace_back(text_spec("name", kMostName));
-  set_text(inputs[1], std::to_string(time.count()));
-  scene_->fire(inputs,
-               [this](std::span<const Tensor> outputs) { scenes_.push_back(text_of(outputs[0])); });
+  inputs.emplace_back(describer_->workload->inputs[1]);
+  recognition::set_text(inputs[1], std::to_string(time.count()));
+  scene_->fire(inputs, [this](std::span<const Tensor> outputs) {
+    scenes_.push_back(recognition::text_of(outputs[0]));
+  });
 }
 
 void Activities::localized(const slam::FrameResult& frame,

@@ -183,6 +183,9 @@ class Runtime::Engine {
   void ended(Call& call, CallEnd& end);
   void slice_ended(Call& call);
   std::vector<Preparation> preparations(UnitId unit);
+  /// Null: it has none there.
+  [[nodiscard]] static const KernelFunction* own_kernel(const OwnWorkload& own,
+                                                        const UnitModel& unit);
   [[nodiscard]] Support support(const Known& known, const UnitModel& unit) const;
   [[nodiscard]] UnitMask units_of(const Known& known) const;
   [[nodiscard]] Mix mix() const;

@@ -132,7 +132,7 @@ void Runtime::Engine::list_workloads() {
   }
   for (const OwnWorkload& own : options_.own) {
     if (own.kernels.empty()) throw_bad_input("workload '" + own.name + "' has no kernel");
-    Workload& workload = own_->emplace_back();
+    Workload& workload = own_->emplace_back(own.known_as != nullptr ? *own.known_as : Workload{});
     workload.name = own.name;
     workload.inputs = own.inputs;
     workload.outputs = own.outputs;
@@ -159,11 +159,18 @@ void Runtime::Engine::list_states() {
   }
 }
 
+const KernelFunction* Runtime::Engine::own_kernel(const OwnWorkload& own, const UnitModel& unit) {
+  for (const std::string& name : {unit.name, unit.backend}) {
+    const auto at = own.kernels.find(name);
+    if (at != own.kernels.end()) return &at->second;
+  }
+  return nullptr;
+}
+
 Support Runtime::Engine::support(const Known& known, const UnitModel& unit) const {
   if (known.own != nullptr) {
-    const auto& kernels = known.own->kernels;
-    const bool given = kernels.contains(unit.name) || kernels.contains(unit.backend);
-    return {given, given ? "" : "no kernel was given for it"};
+    if (own_kernel(*known.own, unit) != nullptr) return {true, ""};
+    if (known.own->known_as == nullptr) return {false, "no kernel was given for it"};
   }
   if (!unit.measured()) return {false, "it has no backend"};
   return find_backend(unit.backend)
@@ -219,14 +226,11 @@ std::vector<Preparation> Runtime::Engine::preparations(UnitId unit) {
     if (!contains(known.runs_on, unit)) continue;
     Preparation& each = preparations.emplace_back();
     each.workload = known.workload;
-    if (known.own == nullptr) {
+    const auto* const own = known.own != nullptr ? own_kernel(*known.own, model) : nullptr;
+    if (own == nullptr) {
       each.sample = samples_.of(*known.workload, 0);
     } else {
-      const auto by_unit = known.own->kernels.find(model.name);
-      each.function = [function = by_unit != known.own->kernels.end()
-                                      ? by_unit->second
-                                      : known.own->kernels.at(model.backend)](
-                          std::span<const Tensor> inputs, std::span<Tensor> outputs) {
+      each.function = [function = *own](std::span<const Tensor> inputs, std::span<Tensor> outputs) {
         const runtime::MustNotWait within;
         function(inputs, outputs);
       };
@@ -255,6 +259,12 @@ void Runtime::Engine::open_units() {
   for (const auto& [unit, unused] : prepared) with_room_ |= unit_bit(unit);
   live_units_.open(std::move(prepared));
   for (const std::string& remark : live_units_.wait_until_ready()) add_problem(remark);
+  for (Known& known : workloads_) {
+    for (UnitId unit = 0; unit < units_.size(); ++unit) {
+      if (!contains(known.runs_on, unit) || !live_units_.has(unit)) continue;
+      if (!live_units_.at(unit).serves(*known.workload)) known.gave_up |= unit_bit(unit);
+    }
+  }
 }
 
 /// From the unit's thread, which waits for the answer.

@@ -299,10 +299,21 @@ void KernelUnit::set_up() {
   // The first one last, where one program at a time is held.
   for (auto each = setup_.preparations.rbegin(); each != setup_.preparations.rend(); ++each) {
     if (stopping_) return;
+    if (is_remote() && !each->function && !is_served(*each->workload)) continue;
     Lane& lane = lanes_.front();
     Prepared& made = prepare(lane, *each);
     if (!each->function) run_once(lane, *each, made);
   }
+}
+
+/// Whether what is elsewhere has it: others may come, so that one that nobody has is no failure.
+bool KernelUnit::is_served(const Workload& workload) {
+  const Support support = device_->supports(workload);
+  if (support.ok) return true;
+  unserved_.push_back(&workload);
+  remark_ +=
+      (remark_.empty() ? "" : "; ") + workload.name + " is not asked for there: " + support.reason;
+  return false;
 }
 
 /// Whether the unit holds both at once.

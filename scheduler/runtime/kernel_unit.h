@@ -3,6 +3,7 @@
 // a thread with kernels of its own.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <condition_variable>
 #include <deque>
@@ -90,6 +91,10 @@ class KernelUnit {
   bool wait_until_ready(Nanos most);
   /// What is not as it was asked for, once it is ready; empty if all is.
   [[nodiscard]] const std::string& remark() const { return remark_; }
+  /// Whether what is elsewhere had the workload as the unit became ready; once it is.
+  [[nodiscard]] bool serves(const Workload& workload) const {
+    return std::ranges::find(unserved_, &workload) == unserved_.end();
+  }
   /// Runs the call after those before it. Any thread, which waits for nobody; from `done` the
   /// thread that called it goes on with it.
   void run(Call& call);
@@ -179,6 +184,7 @@ class KernelUnit {
   bool stop_call(Lane& lane, const runtime::RunningCall::Seen& call);
   [[nodiscard]] bool go_together(const Workload& one, const Workload& other) const;
   static Prepared* find(Lane& lane, const Workload& workload);
+  [[nodiscard]] bool is_served(const Workload& workload);
   Prepared& prepare(Lane& lane, const Preparation& preparation);
   void run_once(Lane& lane, const Preparation& preparation, Prepared& prepared);
   Prepared& prepared(Lane& lane, const Workload& workload, CallEnd& end);
@@ -199,6 +205,7 @@ class KernelUnit {
   std::condition_variable changed_;
   bool ready_ = false;
   std::string remark_;
+  std::vector<const Workload*> unserved_;
   std::optional<DeviceInfo> device_info_;
   std::atomic<Remote*> remote_ = nullptr;  ///< The device, if it is one.
   bool has_own_clock_ = false;

@@ -167,6 +167,9 @@ struct OwnWorkload {
   std::map<std::string, std::function<void(std::span<const Tensor>, std::span<Tensor>)>> kernels;
   /// What a call takes, by unit, for modes that look at it; absent = one millisecond.
   std::map<std::string, Nanos> expected = {};
+  /// What it is to others: units whose backend has it serve it besides those of `kernels`, such as
+  /// workers elsewhere. Of these inputs and outputs, with make_data, without a state.
+  std::shared_ptr<const Workload> known_as = {};
 };
 
 struct RuntimeOptions {

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "tests/cli/program.h"
+#include "tests/support/data.h"
 
 namespace pirt::test {
 namespace {
@@ -31,16 +32,18 @@ class CloudTest : public testing::Test {
   }
 
   /// The server is at $url; both are killed when the script ends.
-  static Outcome run_with_cloud(const std::string& script) {
+  /// @param worker  Its further options.
+  static Outcome run_with_cloud(const std::string& script, const std::string& worker = "") {
     return run("cd " + quoted(scratch->file("")) + "; rm -rf store *.ports; " +
                quoted(nats_server()) +
                " -a 127.0.0.1 -p -1 --ports_file_dir . -js -sd store >server.log 2>&1 & server=$!; "
                "trap 'kill -9 $server $worker 2>/dev/null' EXIT; "
                "until url=$(grep -ho 'nats://127.0.0.1:[0-9]*' *.ports 2>/dev/null); do "
                "kill -0 $server || exit 9; sleep 0.05; done; " +
-               quoted(kProgram) +
-               " cloud-worker --server $url --slots 2 >worker.log 2>&1 & worker=$!; "
-               "until grep -q 'with 2 slots' worker.log; do sleep 0.05; done; " +
+               quoted(kProgram) + " cloud-worker --server $url --slots 2 " + worker +
+               " >worker.log 2>&1 & worker=$!; "
+               "until grep -q 'with 2 slots' worker.log; do "
+               "kill -0 $worker || { cat worker.log; exit 9; }; sleep 0.05; done; " +
                script);
   }
   static std::string kill_server() { return "kill -9 $server; wait $server; "; }
@@ -48,15 +51,21 @@ class CloudTest : public testing::Test {
     return quoted(nats_server()) +
            " -a 127.0.0.1 -p ${url##*:} -js -sd store >>server.log 2>&1 & server=$!; ";
   }
-  /// A command on host-cloud; the script goes on once its cloud is ready, and meets it again at its
-  /// end. Then the worker says what it has done.
-  static Outcome run_on_cloud(const std::string& command, const std::string& meanwhile) {
+  struct Script {
+    std::string meanwhile = {};  ///< Once the robot's cloud is ready.
+    std::string after = {};      ///< Once the robot has ended.
+    std::string worker = {};     ///< Further options of the worker.
+  };
+  /// A command on host-cloud. At the end the worker says what it has done.
+  static Outcome run_on_cloud(const std::string& command, const Script& script) {
     return run_with_cloud(
         quoted(kProgram) + " " + command +
-        " --mode advanced --platform host-cloud --set cloud.server=$url --json run.json 2>heard & "
-        "run=$!; until grep -q 'cloud is ready' heard || ! kill -0 $run; do sleep 0.05; done; " +
-        meanwhile +
-        "wait $run; rc=$?; kill $worker; wait $worker; cat heard >&2; cat worker.log; exit $rc");
+            " --mode advanced --platform host-cloud --set cloud.server=$url --json run.json "
+            "2>heard & run=$!; "
+            "until grep -q 'cloud is ready' heard || ! kill -0 $run; do sleep 0.05; done; " +
+            script.meanwhile + "wait $run; rc=$?; " + script.after +
+            "kill $worker; wait $worker; cat heard >&2; cat worker.log; exit $rc",
+        script.worker);
   }
   static nlohmann::json record() { return nlohmann::json::parse(slurp(scratch->file("run.json"))); }
   /// By the worker's word, e.g. "replied".
@@ -95,7 +104,7 @@ pipelines:
   }
   static Outcome live(const std::string& options, const std::string& meanwhile) {
     return run_on_cloud("schedule --live --profile p.db --allow-invalid --mix mix.yaml " + options,
-                        meanwhile);
+                        {.meanwhile = meanwhile});
   }
   static Outcome measured;
 };
@@ -187,7 +196,7 @@ class CloudRobot : public CloudTest {
 Outcome CloudRobot::made;
 
 TEST_F(CloudRobot, TakesItsRefinedMapBackFromTheCloud) {
-  const auto outcome = run_on_cloud("run-robot room", "");
+  const auto outcome = run_on_cloud("run-robot room", {});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(record()["problems"].size(), 0U) << record()["problems"];
   EXPECT_GE(completed("activities", "bundle_adjust"), 1);
@@ -198,7 +207,7 @@ TEST_F(CloudRobot, TakesItsRefinedMapBackFromTheCloud) {
 }
 
 TEST_F(CloudRobot, GoesOnWithoutACloudThatIsGone) {
-  const auto outcome = run_on_cloud("run-robot room", kill_server());
+  const auto outcome = run_on_cloud("run-robot room", {.meanwhile = kill_server()});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(record()["frames"].get<int>() + record()["dropped"].get<int>(), 200);
   EXPECT_GE(completed("activities", "bundle_adjust"), 1);
@@ -207,6 +216,82 @@ TEST_F(CloudRobot, GoesOnWithoutACloudThatIsGone) {
   EXPECT_LT(completed("units", "cloud"),
             completed("activities", "bundle_adjust") + completed("activities", "describe_scene"));
   EXPECT_GT(record()["keyframes_ate_rms_m"]["after"], 0);
+}
+
+// The link is lost while keyframes are on their way: the robot goes on, and takes its refined map
+// back when there is a link again.
+TEST_F(CloudRobot, TakesBackAMapThatWasUnderWayWhenTheLinkWasLost) {
+  const auto outcome = run_on_cloud(
+      "run-robot room --set cloud.outbox=outbox.db",
+      {.meanwhile =
+           "kill -STOP $worker; "
+           "until grep -qs bundle_adjust outbox.db* || ! kill -0 $run; do sleep 0.05; done; " +
+           kill_server() +
+           "until grep -q 'out of reach' heard || ! kill -0 $run; do sleep 0.05; done; " +
+           start_server() + "kill -CONT $worker; "});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("cloud is within reach again"));
+  EXPECT_EQ(record()["frames"].get<int>() + record()["dropped"].get<int>(), 200);
+  EXPECT_GE(completed("activities", "bundle_adjust"), 1);
+  EXPECT_GE(completed("units", "cloud"), 1);
+  EXPECT_EQ(record()["problems"].size(), 0U) << record()["problems"];
+  EXPECT_GT(record()["keyframes_ate_rms_m"]["after"], 0);
+}
+
+/// The same with a user's models, of which the worker has some.
+class CloudScenes : public CloudRobot {
+ protected:
+  void SetUp() override {
+    CloudRobot::SetUp();
+    PIRT_DATA_OR_SKIP(yolo, "yolo-fastest-1.1");
+    PIRT_DATA_OR_SKIP(squeezenet, "squeezenet-v1.0-deepcompressed");
+    detector_ = " --model " + quoted(yolo / "yolo-fastest-1.1.weights") + " --config " +
+                quoted(yolo / "yolo-fastest-1.1.cfg");
+    classifier_ = " --classifier " + quoted(squeezenet / "squeezenet_v1.0_dc.caffemodel") +
+                  " --classifier-config " + quoted(squeezenet / "SqueezeNet_deploy.prototxt");
+  }
+  [[nodiscard]] Outcome run_robot(const std::string& worker) const {
+    return run_on_cloud(
+        "run-robot room --duration 4s --scenes scenes.jsonl" + detector_ + classifier_,
+        {.worker = worker});
+  }
+  static nlohmann::json scene() {
+    return nlohmann::json::parse(slurp(scratch->file("scenes.jsonl")));
+  }
+  std::string detector_, classifier_;
+};
+
+TEST_F(CloudScenes, AreDescribedByAWorkerWithTheSameModels) {
+  const auto outcome = run_robot(detector_ + classifier_);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(record()["problems"].size(), 0U) << record()["problems"];
+  EXPECT_EQ(completed("activities", "describe"), 1);
+  EXPECT_GE(completed("units", "cloud"), 1);
+  EXPECT_EQ(scene()["labels"].size(), 5U);
+}
+
+TEST_F(CloudScenes, StayWithTheRobotWhereTheWorkerHasOtherModels) {
+  const auto outcome = run_robot(detector_);
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("has another describe: other models"));
+  EXPECT_EQ(completed("activities", "describe"), 1);
+  EXPECT_EQ(completed("units", "cloud"), completed("activities", "bundle_adjust"));
+  EXPECT_EQ(scene()["labels"].size(), 5U);
+}
+
+TEST_F(CloudScenes, StayWithTheRobotWhereTheWorkerHasNone) {
+  const auto outcome = run_robot("");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("does not know describe: it was given no models"));
+  EXPECT_EQ(completed("activities", "describe"), 1);
+  EXPECT_EQ(completed("units", "cloud"), completed("activities", "bundle_adjust"));
+}
+
+TEST_F(CloudScenes, AWorkerRefusesWhatIsNoDetector) {
+  const auto refused =
+      pirt({"cloud-worker", "--model", scratch->write("m.onnx", "none"), "--size", "8x8"});
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("m.onnx"));
 }
 
 }  // namespace

@@ -304,9 +304,9 @@ TEST_F(CloudServer, RefusesWhatNoWorkerKnows) {
   RobotLink robot(robot_options(server_->url()));
   ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
   const Workload other = adding("small", 999), unknown = adding("unknown", 10);
-  EXPECT_THAT(robot.why_not("small", spec_digest(other)), HasSubstr("has another small"));
-  EXPECT_THAT(robot.why_not("unknown", spec_digest(unknown)), HasSubstr("does not know unknown"));
-  EXPECT_EQ(robot.why_not("small", spec_digest(small_)), "");
+  EXPECT_THAT(robot.why_not(other), HasSubstr("has another small"));
+  EXPECT_THAT(robot.why_not(unknown), HasSubstr("does not know unknown"));
+  EXPECT_EQ(robot.why_not(small_), "");
   auto future = submit(robot, make_submission(other, {}));
   const TaskEnd end = end_of(future);
   EXPECT_EQ(end.how, CallEndKind::kRefused);

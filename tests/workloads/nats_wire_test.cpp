@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <cstring>
 
+#include "tests/support/data.h"
 #include "workloads/backends/nats/robot/caller.h"
 #include "workloads/backends/nats/worker/admission.h"
 #include "workloads/backends/nats/worker/attendant.h"
 #include "workloads/base/math/random.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/recognition/scene_workload.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt::cloud {
@@ -174,6 +176,39 @@ TEST(CloudWire, SizesOfOnesOwnAreMadeWhereTheyArrive) {
     last = problem(each, sizes_of(each));
   }
   EXPECT_THAT(last, HasSubstr("other sizes are known already"));
+}
+
+TEST(CloudWire, ScenesAreDescribedByTheSameModelsInAnySize) {
+  PIRT_DATA_OR_SKIP(folder, "yolo-fastest-1.1");
+  recognition::ModelOptions detector{folder / "yolo-fastest-1.1.weights",
+                                     folder / "yolo-fastest-1.1.cfg"};
+  const auto describe = [&](int width, int height) {
+    return recognition::make_describe({.detector = detector}, width, height);
+  };
+  const Workload here = describe(640, 480);
+  const Workload* const known[] = {&here};
+  const Admission admission(known);
+  const auto admit = [&](const Workload& workload) {
+    auto inputs = make_tensors(workload.inputs);
+    recognition::set_text(inputs[1], "17");
+    const Bytes tensors = encode_tensors(inputs);
+    const Kind kind = kind_of(workload);
+    return admission.admit(encode(TaskBody{.workload = kind.name,
+                                           .sizes = kind.sizes,
+                                           .spec = spec_digest(workload),
+                                           .tensors = tensors}));
+  };
+  const Workload own = describe(320, 240);
+  const auto admitted = admit(own);
+  ASSERT_TRUE(admitted.value) << admitted.problem;
+  EXPECT_EQ(admitted.value->inputs[0].spec(), own.inputs[0]);
+  EXPECT_EQ(recognition::text_of(admitted.value->inputs[1]), "17");
+  EXPECT_EQ(kind_of(own).known_by, admission.known().at(0).spec);
+  // Other names of the classes are other models.
+  detector.names = folder / "coco.names";
+  const Workload named = describe(320, 240);
+  EXPECT_NE(kind_of(named).known_by, admission.known().at(0).spec);
+  EXPECT_THAT(admit(named).problem, HasSubstr("other models"));
 }
 
 TEST(CloudWire, ABatchTravelsAsItsLayerAndTheNumberOfImages) {

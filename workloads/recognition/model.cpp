@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "workloads/base/error.h"
+#include "workloads/base/hash.h"
 #include "workloads/base/system/module.h"
 #include "workloads/base/text/numbers.h"
 #include "workloads/base/text/printable.h"
@@ -109,6 +110,31 @@ std::vector<std::string> read_names(const fs::path& file) {
   return names;
 }
 
+/// What the files hold, and how it is used.
+struct ReadModel {
+  ModelBytes bytes;
+  std::vector<std::string> names = {};
+  std::array<int, 2> size = {};
+  Preprocess preprocess = Preprocess::kUnit;
+  Fit fit = Fit::kStretch;
+};
+
+ReadModel read_model(const ModelOptions& options) {
+  const Format& format = format_of(options);
+  ReadModel read{.bytes = {format.format, read_file(options.model, kMostModelBytes), ""},
+                 .preprocess = options.preprocess.value_or(format.preprocess)};
+  if (options.config) read.bytes.config = read_file(*options.config);
+  if (options.names) read.names = read_names(*options.names);
+  read.fit = options.fit.value_or(fit_of(format.format, read.bytes.config));
+  const auto size = options.size ? options.size : configured_size(format.format, read.bytes.config);
+  if (!size) {
+    throw_bad_input("the size of the input of '" + options.model.string() +
+                    "' is not known; give it with --size WIDTHxHEIGHT, e.g. --size 640x640");
+  }
+  read.size = *size;
+  return read;
+}
+
 /// @param what  The model, for the message: "'net.onnx' as a model of ONNX".
 std::unique_ptr<Network> open_network(const ModelBytes& bytes, const std::string& what) {
   static auto* const open = reinterpret_cast<OpenNetworkFunction*>(
@@ -174,24 +200,28 @@ std::vector<std::string> preprocess_names() {
 }
 
 Model::Model(const ModelOptions& options) : file_(options.model.string()) {
-  const Format& format = format_of(options);
-  format_ = format.format;
-  preprocess_ = options.preprocess.value_or(format.preprocess);
-  ModelBytes bytes{format.format, read_file(options.model, kMostModelBytes), ""};
-  if (options.config) bytes.config = read_file(*options.config);
-  if (options.names) names_ = read_names(*options.names);
-  fit_ = options.fit.value_or(fit_of(format.format, bytes.config));
-  const auto size = options.size ? options.size : configured_size(format.format, bytes.config);
-  if (!size) {
-    throw_bad_input("the size of the input of '" + file_ +
-                    "' is not known; give it with --size WIDTHxHEIGHT, e.g. --size 640x640");
-  }
-  width_ = (*size)[0];
-  height_ = (*size)[1];
+  ReadModel read = read_model(options);
+  format_ = read.bytes.format;
+  preprocess_ = read.preprocess;
+  fit_ = read.fit;
+  names_ = std::move(read.names);
+  width_ = read.size[0];
+  height_ = read.size[1];
   network_ = open_network(
-      bytes,
-      fmt::format("'{}'{} as a model of {}", file_,
-                  options.config ? " with '" + options.config->string() + "'" : "", format.name));
+      read.bytes, fmt::format("'{}'{} as a model of {}", file_,
+                              options.config ? " with '" + options.config->string() + "'" : "",
+                              format_of(options).name));
+}
+
+std::uint64_t fingerprint(const ModelOptions& options) {
+  const ReadModel read = read_model(options);
+  Hash64 hash;
+  hash.add(static_cast<std::uint64_t>(read.bytes.format)).add(read.bytes.model);
+  hash.add(read.bytes.config).add(std::uint64_t{read.names.size()});
+  for (const std::string& name : read.names) hash.add(name);
+  for (const int side : read.size) hash.add(static_cast<std::uint64_t>(side));
+  hash.add(static_cast<std::uint64_t>(read.preprocess)).add(static_cast<std::uint64_t>(read.fit));
+  return hash.value();
 }
 
 Model::Model(std::string name, const ModelBytes& bytes, int width, int height,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -53,6 +54,11 @@ struct ModelOptions {
   std::optional<Fit> fit = std::nullopt;
   std::string config_option = "--config";  ///< What the user gives `config` with.
 };
+
+/// Of all that its answers follow from but the picture: what the files hold, and how it is used.
+/// @throws Error{kBadInput} for files that cannot be read, or do not say what the options leave
+/// open.
+[[nodiscard]] std::uint64_t fingerprint(const ModelOptions& options);
 
 /// What a network of that size is given for a picture: f32 [3, height, width].
 /// @param image  u8 [3, height, width], order R, G, B, of any size.

@@ -4,17 +4,21 @@
 
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "characterize/machine/build_info.h"
 #include "cli/commands.h"
 #include "cli/long_run.h"
 #include "cli/options/files.h"
+#include "cli/options/models.h"
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "workloads/backends/nats/worker/cloud_service.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/recognition/scene_workload.h"
+#include "workloads/recognition/specs.h"
 
 namespace pirt::cli {
 namespace {
@@ -25,6 +29,7 @@ struct Options {
   std::string unit = "cpu";
   int slots = 1;
   std::int64_t cache_mb = 512;
+  ModelFlags model, classifier;
   std::vector<std::string> robots = {"robot"};
 };
 
@@ -57,15 +62,20 @@ void add_computing(Command& command, Options& options) {
             not_within<std::int64_t>(1, 1'000'000),
             "Of parameters, and of a slot's kernels, each, in MB")
       .shows_default();
+  add_model(command, options.model, "",
+            "a detector, to describe the scenes of robots that have the same models");
+  add_fit(command, options.model);
+  add_model(command, options.classifier, "classifier", "the classifier of those robots");
+  command.option("--classifier").needs(command.option("--model"));
 }
 
-std::vector<const Workload*> known_workloads() {
-  std::vector<const Workload*> known;
-  for (const Workload& each : catalog()) known.push_back(&each);
-  for (const Variant& variant : variants()) {
-    for (const Workload* each : workloads_in_variant(variant.name)) known.push_back(each);
-  }
-  return known;
+/// By the user's models, in the size that is announced.
+std::optional<Workload> description(const Options& options) {
+  if (!options.model.model) return std::nullopt;
+  recognition::SceneModels models{.detector = options.model.options()};
+  if (options.classifier.model) models.classifier = options.classifier.options();
+  return recognition::make_describe(models, recognition::kPictureWidth,
+                                    recognition::kPictureHeight);
 }
 
 /// Something that two workers do not share.
@@ -75,12 +85,30 @@ std::string default_name() {
   return fmt::format("{}-{}", host, ::getpid());
 }
 
-std::vector<const Workload*> known_on(const Backend& backend) {
+/// @param own  May be none; else there as long as what is returned.
+std::vector<const Workload*> known_on(const Backend& backend, const std::optional<Workload>& own) {
   std::vector<const Workload*> known;
-  for (const Workload* each : known_workloads()) {
-    if (backend.supports(*each).ok) known.push_back(each);
+  for (const Workload& each : catalog()) known.push_back(&each);
+  for (const Variant& variant : variants()) {
+    for (const Workload* each : workloads_in_variant(variant.name)) known.push_back(each);
+  }
+  if (own) known.push_back(&*own);
+  std::erase_if(known, [&](const Workload* each) { return !backend.supports(*each).ok; });
+  if (own && (known.empty() || known.back() != &*own)) {
+    throw_bad_input("scenes are described on backend cpu; leave --model out, or --units");
   }
   return known;
+}
+
+/// What every process of it computes with.
+std::vector<std::string> slot_arguments(const Options& options) {
+  std::vector<std::string> arguments = {"cloud-slot", "--units", options.unit, "--cache-mb",
+                                        std::to_string(options.cache_mb)};
+  for (const auto& more :
+       {options.model.arguments(""), options.classifier.arguments("classifier")}) {
+    arguments.insert(arguments.end(), more.begin(), more.end());
+  }
+  return arguments;
 }
 
 /// A process of a worker's: what it computes may crash.
@@ -89,7 +117,8 @@ int work_in_slot(const Options& options) {
   const auto kept = static_cast<std::uint64_t>(options.cache_mb) << 20;
   const auto computer = cloud::computer_on(
       backend, {.unit = options.unit, .cores = {}, .device = {}, .script = {}}, kept);
-  return cloud::serve_slot(*computer, known_on(backend), kept) ? 0 : kExitEnvironment;
+  const auto own = description(options);
+  return cloud::serve_slot(*computer, known_on(backend, own), kept) ? 0 : kExitEnvironment;
 }
 
 int work(const Options& options) {
@@ -101,13 +130,15 @@ int work(const Options& options) {
                               .limits = {.slots = options.slots},
                               .cache_bytes = static_cast<std::uint64_t>(options.cache_mb) << 20,
                               .make_computer = [&options] {
-                                return cloud::computer_in(
-                                    "/proc/self/exe",
-                                    {"cloud-slot", "--units", options.unit, "--cache-mb",
-                                     std::to_string(options.cache_mb)});
+                                return cloud::computer_in("/proc/self/exe",
+                                                          slot_arguments(options));
                               }};
+  const auto own = description(options);
+  const auto known = known_on(backend, own);
+  // Whether they are models that can be run shows now, and not at the first task.
+  if (own) static_cast<void>(recognition::open_described(*own));
   const std::atomic<bool>* const stop = stop_on_signal();
-  cloud::serve(worker, known_on(backend),
+  cloud::serve(worker, known,
                {.stop = [stop] { return stop->load(); },
                 .say =
                     [](const std::string& line) {

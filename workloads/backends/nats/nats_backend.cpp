@@ -301,9 +301,7 @@ class CloudDevice : public Device, public Remote {
   [[nodiscard]] Support supports(const Workload& workload) const override {
     const Support support = support_of(workload);
     if (!support.ok) return support;
-    const cloud::Kind kind = cloud::kind_of(workload);
-    const std::string why =
-        link_.why_not(kind.name, cloud::spec_digest(workload), !kind.sizes.empty());
+    const std::string why = link_.why_not(workload);
     return {why.empty(), why};
   }
 

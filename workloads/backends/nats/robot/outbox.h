@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -27,19 +28,41 @@ class Outbox {
   };
 
   virtual ~Outbox() = default;
+  Outbox(const Outbox&) = delete;
+  Outbox& operator=(const Outbox&) = delete;
   /// @return  False if it would hold more than it may, or has the task: nothing has changed.
-  [[nodiscard]] virtual bool put(const TaskId& task, const std::string& key, std::uint32_t sends,
-                                 ByteView body) = 0;
-  virtual void note(const TaskId& task, std::uint32_t sends, std::uint32_t tries) = 0;
+  [[nodiscard]] bool put(const TaskId& task, const std::string& key, std::uint32_t sends,
+                         ByteView body);
+  void note(const TaskId& task, std::uint32_t sends, std::uint32_t tries);
   /// Keeps the reply (a frame) beside it, whatever the limit.
-  virtual void answer(const TaskId& task, ByteView reply) = 0;
-  virtual void erase(const TaskId& task) = 0;
+  void answer(const TaskId& task, ByteView reply);
+  void erase(const TaskId& task);
   /// Empty if it is not there.
   [[nodiscard]] virtual Bytes body(const TaskId& task) = 0;
   [[nodiscard]] virtual Bytes reply(const TaskId& task) = 0;
-  [[nodiscard]] virtual std::vector<Kept> all() = 0;
-  [[nodiscard]] virtual std::uint64_t size_bytes() const = 0;
-  [[nodiscard]] virtual std::uint64_t limit_bytes() const = 0;
+  [[nodiscard]] std::vector<Kept> all() const;
+  [[nodiscard]] std::uint64_t size_bytes() const { return size_; }
+  [[nodiscard]] std::uint64_t limit_bytes() const { return limit_; }
+
+ protected:
+  explicit Outbox(std::uint64_t limit) : limit_(limit) {}
+  /// It was there before.
+  void found(Kept kept, std::uint64_t body_bytes, std::uint64_t reply_bytes);
+  [[nodiscard]] bool holds(const TaskId& task) const { return entries_.contains(task); }
+
+ private:
+  // Where it lies. What throws has changed nothing.
+  virtual void keep(const Kept& task, ByteView body) = 0;
+  virtual void keep_counts(const Kept& task) = 0;
+  virtual void keep_reply(const TaskId& task, ByteView reply) = 0;
+  virtual void drop(const TaskId& task) = 0;
+
+  struct Entry {
+    Kept kept;
+    std::uint64_t body_bytes = 0, reply_bytes = 0;
+  };
+  std::uint64_t limit_, size_ = 0;
+  std::map<TaskId, Entry> entries_;
 };
 
 /// One that ends with the program.

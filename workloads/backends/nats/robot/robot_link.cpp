@@ -6,6 +6,7 @@
 #include <random>
 #include <utility>
 
+#include "workloads/backends/nats/wire/own_sizes.h"
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/thread.h"
@@ -248,17 +249,17 @@ std::int64_t RobotLink::malformed() const {
   return malformed_;
 }
 
-std::string RobotLink::why_not(const std::string& workload, const Digest& spec,
-                               bool any_size) const {
+std::string RobotLink::why_not(const Workload& workload) const {
+  const Kind kind = kind_of(workload);
   const std::lock_guard lock(mutex_);
   std::string why;
   for (const auto& [name, worker] : workers_) {
-    why = "worker " + name + " (pirt " + worker.version + ") does not know " + workload;
+    const std::string who = fmt::format("worker {} (pirt {})", name, worker.version);
+    why = fmt::format("{} does not know {}{}", who, kind.name, kind.missing);
     for (const auto& known : worker.workloads) {
-      if (known.workload != workload) continue;
-      if (any_size || known.spec == spec) return "";
-      why = "worker " + name + " (pirt " + worker.version + ") has another " + workload +
-            ": other sizes, or another version of pirt";
+      if (known.workload != kind.name) continue;
+      if (!kind.known_by || known.spec == *kind.known_by) return "";
+      why = fmt::format("{} has another {}: {}", who, kind.name, kind.differs);
     }
   }
   return why;

@@ -20,6 +20,7 @@
 #include "workloads/backends/nats/link/connection.h"
 #include "workloads/backends/nats/link/mailbox.h"
 #include "workloads/backends/nats/robot/caller.h"
+#include "workloads/backends/nats/wire/tensors.h"
 #include "workloads/model/remote.h"
 
 namespace pirt::cloud {
@@ -90,9 +91,7 @@ class RobotLink {
   [[nodiscard]] std::int64_t malformed() const;
   /// Why no worker that was heard computes it: nobody knows it, or it is something else there;
   /// empty if one does, or nobody was heard.
-  /// @param any_size  A worker that has it in other sizes makes it in these.
-  [[nodiscard]] std::string why_not(const std::string& workload, const Digest& spec,
-                                    bool any_size = false) const;
+  [[nodiscard]] std::string why_not(const Workload& workload) const;
 
  private:
   struct Running {

@@ -2,7 +2,6 @@
 #include <sqlite3.h>
 
 #include <filesystem>
-#include <map>
 #include <utility>
 
 #include "workloads/backends/nats/robot/outbox.h"
@@ -172,21 +171,18 @@ void begin_or_check(File& file, std::string_view robot) {
 class SqliteOutbox final : public Outbox {
  public:
   SqliteOutbox(const std::filesystem::path& path, std::string_view robot, std::uint64_t limit)
-      : file_(path), limit_(limit) {
+      : Outbox(limit), file_(path) {
     begin_or_check(file_, robot);
     Statement all(file_,
                   "SELECT run, number, key, sends, tries, length(body), ifnull(length(reply), 0), "
                   "reply IS NOT NULL FROM task");
     while (all.step()) {
-      const TaskId task{all.number(0), all.number(1)};
-      entries_[task] = {{.task = task,
-                         .key = all.text(2),
-                         .sends = static_cast<std::uint32_t>(all.number(3)),
-                         .tries = static_cast<std::uint32_t>(all.number(4)),
-                         .answered = all.number(7) != 0},
-                        all.number(5),
-                        all.number(6)};
-      size_ += all.number(5) + all.number(6);
+      found({.task = {all.number(0), all.number(1)},
+             .key = all.text(2),
+             .sends = static_cast<std::uint32_t>(all.number(3)),
+             .tries = static_cast<std::uint32_t>(all.number(4)),
+             .answered = all.number(7) != 0},
+            all.number(5), all.number(6));
     }
     put_.emplace(file_, "INSERT INTO task VALUES (?, ?, ?, ?, 0, ?, NULL)");
     erase_.emplace(file_, "DELETE FROM task WHERE run = ? AND number = ?");
@@ -198,66 +194,42 @@ class SqliteOutbox final : public Outbox {
     }
   }
 
-  bool put(const TaskId& task, const std::string& key, std::uint32_t sends,
-           ByteView body) override {
-    if (size_ + body.size() > limit_ || entries_.contains(task)) return false;
+  Bytes body(const TaskId& task) override { return read(task, "body"); }
+  Bytes reply(const TaskId& task) override { return read(task, "reply"); }
+
+ private:
+  static constexpr std::size_t kMostErased = 64;
+
+  void keep(const Kept& task, ByteView body) override {
     change([&] {
-      put_->bind(task).bind(std::string_view(key)).bind(std::uint64_t{sends}).bind(body).run();
-    });
-    entries_[task] = {{.task = task, .key = key, .sends = sends}, body.size(), 0};
-    size_ += body.size();
-    return true;
-  }
-  void note(const TaskId& task, std::uint32_t sends, std::uint32_t tries) override {
-    const auto entry = entries_.find(task);
-    if (entry == entries_.end()) return;
-    change([&] {
-      Statement(file_, "UPDATE task SET sends = ?, tries = ? WHERE run = ? AND number = ?")
-          .bind(std::uint64_t{sends})
-          .bind(std::uint64_t{tries})
-          .bind(task)
+      put_->bind(task.task)
+          .bind(std::string_view(task.key))
+          .bind(std::uint64_t{task.sends})
+          .bind(body)
           .run();
     });
-    entry->second.kept.sends = sends;
-    entry->second.kept.tries = tries;
   }
-  void answer(const TaskId& task, ByteView reply) override {
-    const auto entry = entries_.find(task);
-    if (entry == entries_.end()) return;
+  void keep_counts(const Kept& task) override {
+    change([&] {
+      Statement(file_, "UPDATE task SET sends = ?, tries = ? WHERE run = ? AND number = ?")
+          .bind(std::uint64_t{task.sends})
+          .bind(std::uint64_t{task.tries})
+          .bind(task.task)
+          .run();
+    });
+  }
+  void keep_reply(const TaskId& task, ByteView reply) override {
     change([&] {
       Statement(file_, "UPDATE task SET reply = ? WHERE run = ? AND number = ?")
           .bind(reply)
           .bind(task)
           .run();
     });
-    size_ += reply.size() - entry->second.reply_bytes;
-    entry->second.reply_bytes = reply.size();
-    entry->second.kept.answered = true;
   }
-  void erase(const TaskId& task) override {
-    const auto entry = entries_.find(task);
-    if (entry == entries_.end()) return;
-    size_ -= entry->second.body_bytes + entry->second.reply_bytes;
-    entries_.erase(entry);
+  void drop(const TaskId& task) override {
     erased_.push_back(task);
     if (erased_.size() >= kMostErased) change([] {});
   }
-  Bytes body(const TaskId& task) override { return read(task, "body"); }
-  Bytes reply(const TaskId& task) override { return read(task, "reply"); }
-  std::vector<Kept> all() override {
-    std::vector<Kept> all;
-    for (const auto& [task, entry] : entries_) all.push_back(entry.kept);
-    return all;
-  }
-  [[nodiscard]] std::uint64_t size_bytes() const override { return size_; }
-  [[nodiscard]] std::uint64_t limit_bytes() const override { return limit_; }
-
- private:
-  static constexpr std::size_t kMostErased = 64;
-  struct Entry {
-    Kept kept;
-    std::uint64_t body_bytes = 0, reply_bytes = 0;
-  };
 
   /// One transaction: what was erased since the last, and @p what.
   template <typename Change>
@@ -276,7 +248,7 @@ class SqliteOutbox final : public Outbox {
     erased_.clear();
   }
   Bytes read(const TaskId& task, const char* column) {
-    if (!entries_.contains(task)) return {};
+    if (!holds(task)) return {};
     Statement read(file_,
                    fmt::format("SELECT {} FROM task WHERE run = ? AND number = ?", column).c_str());
     read.bind(task);
@@ -284,8 +256,6 @@ class SqliteOutbox final : public Outbox {
   }
 
   File file_;
-  std::uint64_t limit_, size_ = 0;
-  std::map<TaskId, Entry> entries_;
   std::vector<TaskId> erased_;
   std::optional<Statement> put_, erase_;
 };

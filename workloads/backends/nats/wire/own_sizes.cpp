@@ -6,6 +6,8 @@
 #include <algorithm>
 
 #include "workloads/dnn/dnn.h"
+#include "workloads/recognition/scene_workload.h"
+#include "workloads/recognition/specs.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt::cloud {
@@ -41,8 +43,20 @@ Kind kind_of(const Workload& workload) {
   if (workload.batch > 1 && workload.variant == suffix && workload.name.ends_with("@" + suffix)) {
     return {workload.name.substr(0, workload.name.size() - suffix.size() - 1), {workload.batch}};
   }
-  const auto* const image = dynamic_cast<const vision::ImageOperation*>(workload.operation.get());
-  if (image == nullptr || !workload.variant.empty() || workload.batch > 1) return {workload.name};
+  const Operation* const operation = workload.operation.get();
+  if (const auto* const scene = dynamic_cast<const recognition::DescribeByModels*>(operation)) {
+    const Workload known =
+        recognition::resized(*scene, recognition::kPictureWidth, recognition::kPictureHeight);
+    return {.name = workload.name,
+            .sizes = {scene->width, scene->height},
+            .known_by = spec_digest(known),
+            .differs = "other models, or another version of pirt",
+            .missing = ": it was given no models (pirt cloud-worker --model)"};
+  }
+  const auto* const image = dynamic_cast<const vision::ImageOperation*>(operation);
+  if (image == nullptr || !workload.variant.empty() || workload.batch > 1) {
+    return {.name = workload.name, .known_by = spec_digest(workload)};
+  }
   return {workload.name, {image->width, image->height}};
 }
 
@@ -64,7 +78,8 @@ OwnSizes::Found OwnSizes::find(const Workload& kind, std::span<const std::int64_
     at = made_.emplace(key, *std::move(made)).first;
   }
   if (spec_digest(at->second) != spec) {
-    return {nullptr, kind.name + " is something else here: another version of pirt"};
+    return {nullptr,
+            kind.name + " is something else here: other models, or another version of pirt"};
   }
   return {&at->second, ""};
 }
@@ -76,6 +91,10 @@ std::optional<Workload> OwnSizes::make(const Workload& kind, std::span<const std
     made.variant = batch_suffix(sizes[0]);
     made.name = kind.name + "@" + made.variant;
     return made;
+  }
+  if (const auto* const scene =
+          dynamic_cast<const recognition::DescribeByModels*>(kind.operation.get())) {
+    return recognition::resized(*scene, static_cast<int>(sizes[0]), static_cast<int>(sizes[1]));
   }
   for (const vision::Entry& entry : vision::entries()) {
     // What others' makers take, nobody asked.

@@ -8,10 +8,11 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
-#include "workloads/backends/nats/wire/wire.h"
+#include "workloads/backends/nats/wire/tensors.h"
 
 namespace pirt::cloud {
 
@@ -20,6 +21,10 @@ struct Kind {
   std::string name;                      ///< Of the workload that whoever reads it knows.
   std::vector<std::int64_t> sizes = {};  ///< What its maker takes: a picture's width and height, or
                                          ///< images a call; empty = made in one size.
+  /// What whoever knows it announces; absent = of sizes that do not tell.
+  std::optional<Digest> known_by = {};
+  std::string_view differs = "other sizes, or another version of pirt";  ///< Where that is another.
+  std::string_view missing = {};  ///< What somebody lacks who does not know it; empty = unknown.
 };
 [[nodiscard]] Kind kind_of(const Workload& workload);
 

@@ -5,8 +5,7 @@
 //     body
 // Nothing that comes in is trusted: every length is checked against what is there, every count and
 // text against a limit, before anything is allocated. What does not fit is no message, with a
-// reason. Tensors are read by the specs of a workload that the reader knows: their sizes never come
-// from the wire.
+// reason.
 #pragma once
 
 #include <compare>
@@ -20,7 +19,6 @@
 
 #include "workloads/backends/nats/wire/digest.h"
 #include "workloads/base/time.h"
-#include "workloads/model/workload.h"
 
 namespace pirt::cloud {
 
@@ -126,17 +124,5 @@ struct Decoded {
 [[nodiscard]] Decoded<Message> decode(ByteView frame);
 /// @param bytes  Are there as long as the body is.
 [[nodiscard]] Decoded<TaskBody> decode_body(ByteView bytes);
-
-/// The rows that they have.
-[[nodiscard]] Bytes encode_tensors(std::span<const Tensor> tensors);
-/// @param specs  Of the tensors that are expected: all others are a problem.
-[[nodiscard]] Decoded<std::vector<Tensor>> decode_tensors(ByteView bytes,
-                                                          std::span<const TensorSpec> specs);
-/// Into tensors that are there. @return  The problem; the tensors are as they were then.
-[[nodiscard]] std::string decode_tensors_into(ByteView bytes, std::span<Tensor> tensors);
-
-/// Of all that has to be the same for two programs to mean the same computation: kernel, variant,
-/// precision, batch, and the specs of its tensors.
-[[nodiscard]] Digest spec_digest(const Workload& workload);
 
 }  // namespace pirt::cloud

@@ -156,4 +156,11 @@ class WorkerLink {
   std::unique_ptr<Connection> connection_;  ///< Last: its handlers use the rest.
 };
 
+template <typename Step>
+void WorkerLink::with_attendant(Step step) {
+  AttendantActions actions;
+  step(mailbox_.now(), actions);
+  apply(std::move(actions));
+}
+
 }  // namespace pirt::cloud
