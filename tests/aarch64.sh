@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # pirt for ARM's boards: built for aarch64 against Debian's packages of that architecture, and run under qemu: the scheduler's tests but for
-# those that run live, and the whole program, which has to say what the one built for this machine says.
+# those that run live, and the whole program, which has to say what the one built for this machine says, and to replay its traces.
 #
 # Usage: tests/aarch64.sh [PROGRAM]
 #   PROGRAM is pirt, built for this machine (default: build/pirt). Everything is made in build-aarch64; its sysroot is kept.
@@ -14,7 +14,8 @@ sysroot=$PWD/build-aarch64/sysroot
 # What of pirt's packages is linked, as of Debian's release: libopencv-dev and libyaml-cpp-dev cannot be installed beside this machine's.
 make_sysroot() {
   local packages link libraries=$sysroot/usr/lib/aarch64-linux-gnu
-  packages=$(printf '%s\n' "${PIRT_PACKAGES[@]}" "${PIRT_BAG_PACKAGES[@]}" libgtest-dev libgmock-dev libc6-dev | grep -- '-\(dev\|headers\)$' | paste -sd,)
+  packages=$(printf '%s\n' "${PIRT_PACKAGES[@]}" "${PIRT_NATS_PACKAGES[@]}" "${PIRT_BAG_PACKAGES[@]}" libgtest-dev libgmock-dev libc6-dev |
+    grep -- '-\(dev\|headers\)$' | paste -sd,)
   if [[ $(cat "$sysroot.packages" 2>/dev/null) == "$packages" ]]; then return; fi
   say "sysroot: Debian's packages for arm64"
   rm -rf "$sysroot"
@@ -26,6 +27,8 @@ make_sysroot() {
     ln -sfn "$link/lib$link.so.3" "$libraries/lib$link.so.3"
     ln -sfn "$link/lib$link.so" "$libraries/lib$link.so"
   done
+  # And paths that their packages of CMake have written out.
+  find "$libraries/cmake" -name '*.cmake' -exec sed -i "s#\([;\"]\)/usr/lib/aarch64-linux-gnu/#\1$libraries/#g" {} +
   printf '%s\n' "$packages" >"$sysroot.packages"
 }
 
@@ -38,8 +41,17 @@ cmake --preset aarch64 >/dev/null
 cmake --build --preset aarch64
 say "tests under qemu: the scheduler, in virtual time"
 on_arm build-aarch64/tests/scheduler_test --gtest_brief=1 --gtest_filter='-*Runtime*:*Live*:Localization.*:Activities.*:TraceThread.*'
+
+# same ARGUMENT...: pirt says the same, to the last digit.
+same() { diff <("$program" "$@") <(on_arm build-aarch64/pirt "$@") || { echo "aarch64.sh: pirt $* differs" >&2; return 1; }; }
 say "pirt under qemu"
 on_arm build-aarch64/pirt --version
-modes=(schedule --platform snapdragon820 --mix convolution-1000 --compare)
-diff <("$program" "${modes[@]}") <(on_arm build-aarch64/pirt "${modes[@]}")
+for each in platforms mixes modes; do same list "$each"; done
+same schedule --platform snapdragon820 --mix convolution-1000 --compare
+for mode in latency throughput energy advanced budget heft; do
+  same schedule --platform snapdragon820-section5 --mix section5 --mode "$mode" --quiet --json -
+done
+trace=build-aarch64/trace.json
+"$program" schedule --platform snapdragon820-section5 --mix section5 --mode budget --faults seed=7 --quiet --trace "$trace" >/dev/null
+on_arm build-aarch64/pirt replay "$trace"
 say "aarch64: OK"

@@ -25,9 +25,9 @@ set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS "pirt-pictures ${same}, pocl-opencl-icd | opencl-icd")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS "qemu-user, bash-completion")
 set(CPACK_DEBIAN_PROGRAM_DESCRIPTION "measures and schedules robot workloads on several processing units
- pirt measures image filters, features, layers of networks, steps of a SLAM,
- planning and mapping on every processing unit of a machine, and schedules a
- robot's mix of them for latency, throughput or energy, in virtual time or live.")
+pirt measures image filters, features, layers of networks, steps of a SLAM,
+planning and mapping on every processing unit of a machine, and schedules a
+robot's mix of them for latency, throughput or energy, in virtual time or live.")
 
 set(needed libyaml-cpp-dev libfmt-dev libeigen3-dev coinor-libclp-dev pkg-config)
 if(PIRT_SHARED)
@@ -37,9 +37,11 @@ if(PIRT_SHARED)
   set(CPACK_DEBIAN_LIBRARY_PACKAGE_RECOMMENDS "pocl-opencl-icd | opencl-icd")
   set(CPACK_DEBIAN_LIBRARY_PACKAGE_SUGGESTS "pirt, pirt-pictures ${same}")
   set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
+  file(WRITE ${PROJECT_BINARY_DIR}/triggers "activate-noawait ldconfig\n")
+  set(CPACK_DEBIAN_LIBRARY_PACKAGE_CONTROL_EXTRA ${PROJECT_BINARY_DIR}/triggers)
   set(CPACK_DEBIAN_LIBRARY_DESCRIPTION "runtime library for robots with several processing units
- Programs submit tasks and name no device; the library chooses the units by a
- profile that pirt has measured.")
+Programs submit tasks and name no device; the library chooses the units by a
+profile that pirt has measured.")
   list(PREPEND needed "libpirt1 ${same}")
   set(runtime_link "-lpirt")
 else()
@@ -74,15 +76,15 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "${needed}")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS "pirt-pictures ${same}")
 set(CPACK_DEBIAN_DEVELOPMENT_DESCRIPTION "runtime library for robots with several processing units (development)
- Headers, a CMake package (pirt::runtime, pirt::scheduler) and pkg-config
- (pirt-runtime, pirt-scheduler); with them a scheduler in virtual time that
- links nothing that computes.")
+Headers, a CMake package (pirt::runtime, pirt::scheduler) and pkg-config
+(pirt-runtime, pirt-scheduler); with them a scheduler in virtual time that
+links nothing that computes.")
 
 set(CPACK_DEBIAN_PICTURES_PACKAGE_NAME pirt-pictures)
 set(CPACK_DEBIAN_PICTURES_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PICTURES_DESCRIPTION "pictures and trained networks for pirt
- Modules that pirt loads when it first reads a picture or a trained network:
- OpenCV's codecs and its dnn, with all that these link.")
+Modules that pirt loads when it first reads a picture or a trained network:
+OpenCV's codecs and its dnn, with all that these link.")
 
 # What every package has.
 find_program(GZIP gzip)
