@@ -13,7 +13,7 @@ PIRT_TEST_PACKAGES=(ccache make libgtest-dev libgmock-dev chromium chromium-driv
 # Backend dsp: its program's compiler and linker, and the emulator; without them it says so, and its tests are skipped.
 PIRT_DSP_PACKAGES=(clang-14 lld-14 qemu-user)
 # Backend nats, the cloud: its libraries, and the server that tests start; likewise.
-PIRT_NATS_PACKAGES=(libnats-dev nats-server)
+PIRT_NATS_PACKAGES=(libnats-dev libssl-dev nats-server)
 # Bags of ROS 1 that are compressed; without them such a bag is refused by name.
 PIRT_BAG_PACKAGES=(libbz2-dev liblz4-dev)
 PIRT_FPGA_PACKAGES=(verilator)  # backend fpga, in the same way

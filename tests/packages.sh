@@ -41,9 +41,12 @@ cp -r tests/examples "$root/tmp/examples"
 in_root 'apt-get update -qq'
 
 say "the program, without what is recommended"
-install_there '/tmp/debs/pirt_*.deb'
+install_there '/tmp/debs/pirt_*.deb /tmp/debs/libpirt1_*.deb'
 in_root 'pirt --version
   pirt schedule --platform snapdragon820 --mix convolution-1000 --compare
+  ldd /usr/bin/pirt >/tmp/libraries
+  grep libpirt.so.1 /tmp/libraries
+  rm /tmp/libraries
   for each in g++ gcc clang cmake; do if command -v "$each"; then echo "packages.sh: pirt brings $each" >&2; exit 1; fi; done'
 
 say "its manual, and completion"
@@ -58,22 +61,28 @@ in_root 'set +euo pipefail; . /usr/share/bash-completion/bash_completion; _compl
   if [[ ${COMPREPLY[*]} != schedule* ]]; then echo "packages.sh: bash completes with: ${COMPREPLY[*]}" >&2; exit 1; fi'
 
 say "the examples, by CMake and by pkg-config"
-recommended=$(in_root 'dpkg-deb --field /tmp/debs/libpirt-dev_*.deb Recommends')
-# The archives of pirt::runtime link what is recommended; the robot of the example computes on a driver of OpenCL.
-install_there "/tmp/debs/*.deb g++ cmake make pocl-opencl-icd ${recommended//,/}"
+install_there '/tmp/debs/*.deb g++ cmake make'
 in_root 'cd /tmp/examples
   for each in . schedule; do cmake -S "$each" -B "$each/build" -DCMAKE_BUILD_TYPE=Release >/dev/null; cmake --build "$each/build"; done
+  build/robot 5 host-cpu
+  code=0
+  build/robot 5 2>said || code=$?
+  if [[ $code -ne 4 ]] || ! grep -q pocl-opencl-icd said; then echo "packages.sh: without a driver: $code, $(cat said)" >&2; exit 1; fi'
+install_there pocl-opencl-icd
+in_root 'cd /tmp/examples
   build/robot 5
   schedule/build/schedule
+  ldd build/robot >libraries
+  grep libpirt.so.1 libraries
   g++ -O2 robot.cpp -o robot $(pkg-config --cflags --libs pirt-runtime)
   ./robot 5
   g++ -O2 schedule/schedule.cpp -o once $(pkg-config --cflags --libs pirt-scheduler)
   ./once
-  if ldd once | grep -E "opencv|dnnl|OpenCL"; then echo "packages.sh: pirt-scheduler brings what computes" >&2; exit 1; fi
+  if ldd once | grep -E "opencv|dnnl|OpenCL|libpirt.so"; then echo "packages.sh: pirt-scheduler brings what computes" >&2; exit 1; fi
   if ldd /usr/lib/*/pirt/*.so | grep "not found"; then exit 1; fi'
 
 say "removed"
-in_root 'names="pirt libpirt-dev pirt-pictures"
+in_root 'names="pirt libpirt1 libpirt-dev pirt-pictures"
   rm -r /tmp/debs /tmp/examples /tmp/home
   dpkg -L $names | sort -u >/tmp/files
   apt-get purge -y -qq $names >/dev/null

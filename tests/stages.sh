@@ -32,6 +32,7 @@ stage oclgrind "${code[workloads]} tests/oclgrind.sh" "$base oclgrind" "each Ope
 stage rusticl "${code[workloads]}" "$base mesa-opencl-icd" "every workload's OpenCL kernels on Mesa's driver" long_test rusticl
 stage subdirectory "$all" "$base" "pirt as a part of another project" long_test subdirectory
 stage packages "$all" "$base debootstrap lintian" "packages of Debian, installed, used and removed in a fresh root" check_packages
+stage aarch64 "$all" "$base g++-aarch64-linux-gnu qemu-user mmdebstrap" "built for ARM's processors, run under qemu" check_aarch64
 for layer in "${layers[@]}"; do
   stage "asan-$layer" "${code[$layer]}" "$base" "tests of $layer/ under address and undefined-behaviour sanitizers" asan "$layer"
 done
@@ -93,6 +94,12 @@ long_test() {
 }
 
 check_packages() { tests/packages.sh || exit $?; }
+
+check_aarch64() {
+  cmake -S . -B build -G Ninja >/dev/null
+  cmake --build build --target pirt
+  tests/aarch64.sh build/pirt
+}
 
 # asan LAYER. LLVM within PoCL sets signal stacks of its own, which the sanitizer would free as its own; and the leak checker dies of PoCL's
 # threads that are about to end, so that tests with a driver go without it. Sequences of 10 s take more than 5 minutes there;

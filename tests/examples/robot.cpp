@@ -1,7 +1,7 @@
 // A small robot: a camera at 25 Hz whose pictures are flattened, blurred and searched for corners,
 // and a controller of its own that steers by them. It names no device: the runtime decides.
 //
-// Usage: robot [frames]
+// Usage: robot [frames [platform]]    host-cpu where there is no driver of OpenCL
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "scheduler/runtime/runtime.h"
+#include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
 
 namespace {
@@ -49,12 +50,13 @@ pirt::OwnWorkload make_steering(const pirt::TensorSpec& corners) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
   const int frames = argc > 1 ? std::atoi(argv[1]) : 50;
   const pirt::Workload& undistort = pirt::find_workload("undistort");
   const pirt::Workload& detect = pirt::find_workload("feature_detect");
 
   pirt::RuntimeOptions options;
+  if (argc > 2) options.platform = pirt::load_platform(argv[2]);
   options.workloads = {"undistort", "gaussian_blur", "feature_detect"};
   options.own.push_back(make_steering(detect.outputs[0]));
   options.progress = [](const std::string& line) { std::printf("%s\n", line.c_str()); };
@@ -98,4 +100,7 @@ int main(int argc, char** argv) {
     std::printf("last turn: %+.3f rad/s\n", static_cast<double>(last.get()[0].as<float>()[0]));
   }
   return statistics.failed == 0 ? 0 : 1;  // What is late is let go; that is no failure.
+} catch (const pirt::Error& error) {      // A unit that is not there, say: what, and the remedy.
+  std::fprintf(stderr, "robot: %s\n", error.what());
+  return pirt::exit_code(error.code());
 }

@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# pirt for ARM's boards: built for aarch64 against Debian's packages of that architecture, and run under qemu: the scheduler's tests but for
+# those that run live, and the whole program, which has to say what the one built for this machine says, and to replay its traces.
+#
+# Usage: tests/aarch64.sh [PROGRAM]
+#   PROGRAM is pirt, built for this machine (default: build/pirt). Everything is made in build-aarch64; its sysroot is kept.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+source cli/packages.sh
+program=${1:-build/pirt}
+sysroot=$PWD/build-aarch64/sysroot
+[[ -x $program ]] || { echo "aarch64.sh: there is no program '$program'; build pirt for this machine first" >&2; exit 2; }
+
+# What of pirt's packages is linked, as of Debian's release: libopencv-dev and libyaml-cpp-dev cannot be installed beside this machine's.
+make_sysroot() {
+  local packages link libraries=$sysroot/usr/lib/aarch64-linux-gnu
+  packages=$(printf '%s\n' "${PIRT_PACKAGES[@]}" "${PIRT_NATS_PACKAGES[@]}" "${PIRT_BAG_PACKAGES[@]}" libgtest-dev libgmock-dev libc6-dev |
+    grep -- '-\(dev\|headers\)$' | paste -sd,)
+  if [[ $(cat "$sysroot.packages" 2>/dev/null) == "$packages" ]]; then return; fi
+  say "sysroot: Debian's packages for arm64"
+  rm -rf "$sysroot"
+  mmdebstrap --variant=extract --architectures=arm64 --include="$packages" --logfile="$sysroot.log" bookworm "$sysroot" \
+    http://deb.debian.org/debian || { tail -n 5 "$sysroot.log" >&2; exit 4; }
+  # Links within it, which would lead out of it; and those that its packages' scripts would have made.
+  find "$sysroot/usr/lib" "$sysroot/lib" -lname '/*' | while read -r link; do ln -srfn "$sysroot$(readlink "$link")" "$link"; done
+  for link in blas lapack; do
+    ln -sfn "$link/lib$link.so.3" "$libraries/lib$link.so.3"
+    ln -sfn "$link/lib$link.so" "$libraries/lib$link.so"
+  done
+  # And paths that their packages of CMake have written out.
+  find "$libraries/cmake" -name '*.cmake' -exec sed -i "s#\([;\"]\)/usr/lib/aarch64-linux-gnu/#\1$libraries/#g" {} +
+  printf '%s\n' "$packages" >"$sysroot.packages"
+}
+
+on_arm() { qemu-aarch64 -L "$sysroot" "$@"; }
+
+mkdir -p build-aarch64
+make_sysroot
+say "build: build-aarch64"
+cmake --preset aarch64 >/dev/null
+cmake --build --preset aarch64
+say "tests under qemu: the scheduler, in virtual time"
+on_arm build-aarch64/tests/scheduler_test --gtest_brief=1 --gtest_filter='-*Runtime*:*Live*:Localization.*:Activities.*:TraceThread.*'
+
+# same ARGUMENT...: pirt says the same, to the last digit.
+same() { diff <("$program" "$@") <(on_arm build-aarch64/pirt "$@") || { echo "aarch64.sh: pirt $* differs" >&2; return 1; }; }
+say "pirt under qemu"
+on_arm build-aarch64/pirt --version
+for each in platforms mixes modes; do same list "$each"; done
+same schedule --platform snapdragon820 --mix convolution-1000 --compare
+for mode in latency throughput energy advanced budget heft; do
+  same schedule --platform snapdragon820-section5 --mix section5 --mode "$mode" --quiet --json -
+done
+trace=build-aarch64/trace.json
+"$program" schedule --platform snapdragon820-section5 --mix section5 --mode budget --faults seed=7 --quiet --trace "$trace" >/dev/null
+on_arm build-aarch64/pirt replay "$trace"
+say "aarch64: OK"
