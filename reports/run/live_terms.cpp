@@ -17,6 +17,14 @@ std::optional<double> added_ms(const Profile& profile, const CallResult& call,
   return std::max(0.0, to_ms(*row->median) - to_ms(*steady->median));
 }
 
+/// Whether the row was played from a sequence of frames, and calls as long were among its samples.
+bool depends_on_data(const Profile& profile, const CallResult& call) {
+  const PhaseRow* row = profile.find(call.workload, call.unit, Phase::kCall);
+  return row != nullptr && row->p95 && call.p50_ms <= to_ms(*row->p95) * (1 + kSameMedian) &&
+         std::ranges::any_of(row->notes,
+                             [](const auto& note) { return note.starts_with("sequence"); });
+}
+
 }  // namespace
 
 std::string explanation_of(const RowCheck& check, const Profile& profile) {
@@ -35,6 +43,7 @@ std::string explanation_of(const RowCheck& check, const Profile& profile) {
   if (cold && beside_ms > 0 && more_ms <= *cold + beside_ms + slack_ms) {
     return "cold caches and a busy neighbour";
   }
+  if (depends_on_data(profile, check.live)) return "its data: within 95 % of its row's samples";
   if (!cold && !memory) return "not known: no row of cold_cache or beside_memory";
   return "more than its rows of other conditions: the operating system, or the clock";
 }

@@ -9,7 +9,7 @@
 
 namespace pirt {
 
-/// Of a row that is contradicted: "cold caches", "cold caches and a busy neighbour", or what else;
+/// Of a row that is contradicted: "cold caches", "cold caches and a busy neighbour", "its data", or what else;
 /// empty for others.
 [[nodiscard]] std::string explanation_of(const RowCheck& check, const Profile& profile);
 

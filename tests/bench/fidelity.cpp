@@ -6,9 +6,10 @@
 // of
 //        20 s a run, 20 to 30 minutes in all. Nothing else should run meanwhile.
 //
-// Each round measures a profile (--quick --interference), runs every mix in every mode live, and
-// predicts each with --draw samples. Figures are medians over the rounds. Exit code 1: a goal is
-// missed.
+// Each round measures a profile (--quick --interference), runs every mix in every mode live, pairs
+// of workloads side by side, and two that alternate with others on one unit (what caches lose by
+// that: scheduler/README.md), and predicts each with --draw samples. Figures are medians over the
+// rounds. Exit code 1: a goal is missed.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -94,6 +95,12 @@ class Rounds {
       const auto both = live_and_predicted(pair_mix(a, b), "throughput", "", round);
       makespans_[a + " and " + b].add(both.first.makespan_s, both.second.makespan_s);
     }
+    for (const std::size_t others : {0, 2, 4, 6}) {
+      const auto both =
+          live_and_predicted(alternating_mix(others), "latency", "--in-flight 1", round);
+      alternating_[fmt::format("{} and {}, {} others between", kShort[0], kShort[1], others)].add(
+          both.first.makespan_s, both.second.makespan_s);
+    }
   }
 
   /// @return  Whether all goals are met.
@@ -124,6 +131,10 @@ class Rounds {
       const double of_500 = pipeline.misses.off() * 500 / static_cast<double>(pipeline.fired);
       line(name, "misses", median(pipeline.misses.live), median(pipeline.misses.predicted),
            fmt::format("{:+.1f}/500", of_500), std::abs(of_500) <= kMissesOf500);
+    }
+    for (const auto& [name, figure] : alternating_) {
+      line(name, "makespan", median(figure.live), median(figure.predicted), relative(figure),
+           figure.share() <= kMakespanWorst);
     }
     std::vector<double> off;
     for (const auto& [name, figure] : makespans_) {
@@ -211,12 +222,24 @@ class Rounds {
     return file.string();
   }
 
+  /// The first two of kShort and as many others in a chain on one unit, again and again.
+  [[nodiscard]] std::string alternating_mix(std::size_t others) const {
+    const auto file = folder_ / "alternating.yaml";
+    std::ofstream out(file);
+    out << "mix: alternating\npipelines:\n  p:\n    closed_loop: {frames: 200}\n    tasks:\n";
+    for (std::size_t i = 0; i < others + 2; ++i) {
+      out << fmt::format("      - {{name: {0}, workload: {0}, eligible: [cpu]{1}}}\n", kShort[i],
+                         i == 0 ? "" : fmt::format(", after: [{}]", kShort[i - 1]));
+    }
+    return file.string();
+  }
+
   std::string program_;
   std::filesystem::path folder_;
   std::filesystem::path database_;
   int seconds_;
   std::map<std::string, Pipeline> pipelines_;
-  std::map<std::string, Figure> makespans_;
+  std::map<std::string, Figure> makespans_, alternating_;
 };
 
 }  // namespace

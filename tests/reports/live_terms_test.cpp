@@ -42,6 +42,20 @@ TEST(LiveTerms, TheSmallestThatIsEnoughExplainsIt) {
   EXPECT_EQ(explained(8, profile), "nothing: faster than its row");
 }
 
+TEST(LiveTerms, OfASequenceItMayBeTheFrames) {
+  Profile profile;
+  profile.phases = {execute(Condition::kSteady, 10), execute(Condition::kSteady, 10)};
+  PhaseRow& call = profile.phases.back();
+  call.phase = Phase::kCall;
+  call.p95 = from_ms(20);
+  EXPECT_EQ(explained(20, profile), "not known: no row of cold_cache or beside_memory");
+  call.notes = {"sequence of 4 frames"};
+  EXPECT_EQ(explained(20, profile), "its data: within 95 % of its row's samples");
+  EXPECT_EQ(explained(25, profile), "not known: no row of cold_cache or beside_memory");
+  profile.conditions = {execute(Condition::kColdMemory, 14)};
+  EXPECT_EQ(explained(14, profile), "cold caches");
+}
+
 TEST(LiveTerms, NothingIsSaidOfARowThatAgrees) {
   RowCheck check;
   check.median_ms = 10;
