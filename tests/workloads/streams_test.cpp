@@ -62,16 +62,33 @@ TEST(Lists, BytesOfACallFollowFromItsRows) {
   EXPECT_EQ(vision::make_background_model(8, 4).bytes(), 64 + 2 * (4 * 32 + 4));
 }
 
-// Per point and level: 17x17 samples of 7 operations and 225 of 10 to set up, 8 iterations of 225
-// samples of 12: 25 873 in all. Pyramids of 8x4: two of 4x2 and 2x1 pixels of 50 operations.
-TEST(Lists, OperationsOfACallFollowFromItsRows) {
-  const auto tracking = vision::make_track_features(8, 4);
+// A window: 17x17 samples of 7 operations and 225 of 12. A step: 225 samples of 13; a look: 225
+// of 3. Pyramids of 64x48: two of 32x24, 16x12 and 8x6 pixels of 18 operations.
+TEST(Lists, OperationsOfACallAreWhatItsPointsTake) {
+  constexpr std::int64_t kWindow = 289 * 7 + 225 * 12, kStep = 225 * 13, kLook = 225 * 3;
+  constexpr std::int64_t kPyramids = 2 * 18 * (32 * 24 + 16 * 12 + 8 * 6);
+  const auto tracking = vision::make_track_features(64, 48);
   EXPECT_EQ(tracking.ops, std::nullopt);
   Data data = first_frame(tracking);
-  for (const std::int64_t rows : {0, 1, 500}) {
-    data.inputs[2].set_rows(rows);
-    EXPECT_EQ(tracking.ops_of(data), 2 * 50 * (8 + 2) + rows * 3 * 25'873);
+  data.inputs[2].set_rows(0);
+  EXPECT_EQ(tracking.ops_of(data), kPyramids);
+  // At (20,20) the window leaves the pictures of the third and fourth level. One picture twice:
+  // each level and the way back take a window, a step and a look; where nothing is, there is no
+  // step.
+  data.inputs[2].set_rows(1);
+  std::ranges::fill(data.inputs[2].as<float>().first(2), 20.0F);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto pixels = data.inputs[i].as<std::uint8_t>();
+    for (std::size_t at = 0; at < pixels.size(); ++at) {
+      const double x = static_cast<double>(at % 64), y = static_cast<double>(at / 64);
+      pixels[at] = static_cast<std::uint8_t>(128 + 100 * std::sin(0.5 * x) * std::sin(0.4 * y));
+    }
   }
+  EXPECT_EQ(tracking.ops_of(data), kPyramids + 3 * (kWindow + kStep + kLook));
+  for (std::size_t i = 0; i < 2; ++i) {
+    std::ranges::fill(data.inputs[i].as<std::uint8_t>(), std::uint8_t{128});
+  }
+  EXPECT_EQ(tracking.ops_of(data), kPyramids + 2 * kWindow);
 }
 
 // --------------------------------------------------------------------------------------- sequences
@@ -222,7 +239,8 @@ TEST(BackgroundModel, FollowsThePicturesEverMoreSlowly) {
   EXPECT_EQ(state[1].as<std::int32_t>()[0], 4);
 }
 
-// What the generated pictures are known to have moved by, where the window lies inside.
+// What the generated pictures are known to have moved by, where the window lies inside. What says too
+// little there may be lost, but is not said to be elsewhere.
 TEST(TrackFeatures, FindsTheMotionOfThePictures) {
   const auto workload = vision::make_track_features(320, 240);
   const Data data = first_frame(workload);
@@ -231,16 +249,18 @@ TEST(TrackFeatures, FindsTheMotionOfThePictures) {
   const auto tracks = outputs[0].used<double>();
   const auto status = outputs[1].used<std::uint8_t>();
   ASSERT_GT(status.size(), 50U);
-  std::size_t inside = 0, close = 0;
+  std::size_t inside = 0, found = 0, close = 0;
   for (std::size_t i = 0; i < status.size(); ++i) {
     const float x = corners[2 * i], y = corners[2 * i + 1];
     if (x < 40 || x > 279 || y < 40 || y > 199) continue;
     ++inside;
     const double off = std::hypot(tracks[2 * i] - x - 0.75, tracks[2 * i + 1] - y + 0.5);
+    found += status[i];
     close += status[i] == 1 && off < 0.15 ? 1 : 0;
   }
   EXPECT_GT(inside, 20U);
-  EXPECT_GE(close * 10, inside * 9) << close << " of " << inside;
+  EXPECT_GE(close * 10, found * 9) << close << " of " << found;
+  EXPECT_GE(close * 10, inside * 8) << close << " of " << inside;
 }
 
 TEST(TrackFeatures, LosesWhatIsOutsideOrSaysNothing) {

@@ -87,13 +87,15 @@ struct Template {
   float xx = 0, xy = 0, yy = 0;
   float mean_x = 0, mean_y = 0;
 
-  [[nodiscard]] bool make(const GreyImage& image, const Eigen::Vector2f& centre,
-                          float least_corner);
+  [[nodiscard]] bool make(const GreyImage& image, const Eigen::Vector2f& centre, float least_corner,
+                          TrackWork& work);
 };
 
-bool Template::make(const GreyImage& image, const Eigen::Vector2f& centre, float least_corner) {
+bool Template::make(const GreyImage& image, const Eigen::Vector2f& centre, float least_corner,
+                    TrackWork& work) {
   Anchor anchor{};
   if (!anchor_at(image, centre, 1, anchor)) return false;
+  ++work.windows;
   alignas(64) std::array<float, kOuterTexels> outer;
   sample<kOuter, kOuterStride>(image, anchor, outer.data());
   xx = xy = yy = mean_x = mean_y = 0;
@@ -127,13 +129,14 @@ enum class Match { kGood, kOutside, kDifferent };
 
 /// Moves @p at to where the window looks like @p wanted.
 Match align(const Template& wanted, const GreyImage& image, const TrackOptions& options,
-            Eigen::Vector2f& at, float& error) {
+            Eigen::Vector2f& at, float& error, TrackWork& work) {
   const float determinant = wanted.xx * wanted.yy - wanted.xy * wanted.xy;
   alignas(64) std::array<float, kTexels> seen;
   const Eigen::Vector2f start = at;
   for (int i = 0; i < options.iterations; ++i) {
     Anchor anchor{};
     if (!anchor_at(image, at, 0, anchor)) return Match::kOutside;
+    ++work.steps;
     sample<kWindow, kStride>(image, anchor, seen.data());
     // Four sums each, so that they vectorize without reordering being allowed.
     std::array<float, 4> bx{};
@@ -168,6 +171,7 @@ Match align(const Template& wanted, const GreyImage& image, const TrackOptions& 
       }
     }
     error = difference / kCount;
+    ++work.looks;
     break;
   }
   return Match::kGood;
@@ -175,38 +179,6 @@ Match align(const Template& wanted, const GreyImage& image, const TrackOptions& 
 
 Eigen::Vector2f at_level(const Eigen::Vector2f& pixel, std::size_t level) {
   return pixel / static_cast<float>(1U << level);
-}
-
-TrackedPoint track_one(const Pyramid& from, const Pyramid& to, const Eigen::Vector2f& point,
-                       const Eigen::Vector2f& guess, const TrackOptions& options) {
-  TrackedPoint tracked{guess, false};
-  Template wanted;
-  const auto least = static_cast<float>(options.least_corner);
-  for (std::size_t level = from.levels.size(); level-- > 0;) {
-    // Coarse levels help where they can; only the finest one must succeed.
-    const bool finest = level == 0;
-    if (!wanted.make(from.levels[level], at_level(point, level), finest ? least : least / 4)) {
-      if (finest) return tracked;
-      continue;
-    }
-    Eigen::Vector2f at = at_level(tracked.pixel, level);
-    float error = 0;
-    const Match match = align(wanted, to.levels[level], options, at, error);
-    if (match != Match::kGood || (finest && error > static_cast<float>(options.most_error))) {
-      if (finest) return tracked;
-      continue;
-    }
-    tracked.pixel = at * static_cast<float>(1U << level);
-  }
-  if (options.back > 0) {
-    Eigen::Vector2f at = point;
-    float error = 0;
-    if (!wanted.make(to.levels[0], tracked.pixel, 0.0F)) return tracked;
-    if (align(wanted, from.levels[0], options, at, error) != Match::kGood) return tracked;
-    if ((at - point).norm() > static_cast<float>(options.back)) return tracked;
-  }
-  tracked.found = true;
-  return tracked;
 }
 
 }  // namespace
@@ -220,6 +192,42 @@ Pyramid make_pyramid(GreyImage image, int levels) {
   return pyramid;
 }
 
+TrackedPoint track_feature(const Pyramid& from, const Pyramid& to, const Eigen::Vector2f& point,
+                           const Eigen::Vector2f& guess, const TrackOptions& options,
+                           TrackWork* work) {
+  TrackWork ignored;
+  TrackWork& done = work != nullptr ? *work : ignored;
+  TrackedPoint tracked{guess, false};
+  Template wanted;
+  const auto least = static_cast<float>(options.least_corner);
+  for (std::size_t level = from.levels.size(); level-- > 0;) {
+    // Coarse levels help where they can; only the finest one must succeed.
+    const bool finest = level == 0;
+    if (!wanted.make(from.levels[level], at_level(point, level), finest ? least : least / 4,
+                     done)) {
+      if (finest) return tracked;
+      continue;
+    }
+    Eigen::Vector2f at = at_level(tracked.pixel, level);
+    float error = 0;
+    const Match match = align(wanted, to.levels[level], options, at, error, done);
+    if (match != Match::kGood || (finest && error > static_cast<float>(options.most_error))) {
+      if (finest) return tracked;
+      continue;
+    }
+    tracked.pixel = at * static_cast<float>(1U << level);
+  }
+  if (options.back > 0) {
+    Eigen::Vector2f at = point;
+    float error = 0;
+    if (!wanted.make(to.levels[0], tracked.pixel, 0.0F, done)) return tracked;
+    if (align(wanted, from.levels[0], options, at, error, done) != Match::kGood) return tracked;
+    if ((at - point).norm() > static_cast<float>(options.back)) return tracked;
+  }
+  tracked.found = true;
+  return tracked;
+}
+
 std::vector<TrackedPoint> track_features(const Pyramid& from, const Pyramid& to,
                                          std::span<const Eigen::Vector2f> points,
                                          std::span<const Eigen::Vector2f> guesses,
@@ -229,7 +237,7 @@ std::vector<TrackedPoint> track_features(const Pyramid& from, const Pyramid& to,
   std::vector<TrackedPoint> tracked;
   tracked.reserve(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
-    tracked.push_back(track_one(from, to, points[i], guesses[i], options));
+    tracked.push_back(track_feature(from, to, points[i], guesses[i], options));
   }
   return tracked;
 }

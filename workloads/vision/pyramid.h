@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -35,16 +36,29 @@ struct TrackedPoint {
   bool found = false;
 };
 
+/// What following points took.
+struct TrackWork {
+  std::int64_t windows = 0;  ///< That were taken of a picture, with their gradients.
+  std::int64_t steps = 0;    ///< Of all windows, levels and directions.
+  std::int64_t looks = 0;    ///< Whether what was found looks alike.
+};
+
 /// @param from, to  Of pictures of one size.
 /// @param points    Pixels in @p from, f32 [n,2].
 /// @param guesses   Where they may be in @p to, f32 [n,2].
-/// @return          [n]; not found where a window of 15x15 leaves the picture, has no corner, or
-///                  does not look alike.
+/// @return          [n]; not found where a window of 15x15 comes within a pixel of the left or
+/// upper
+///                  rim, 6 of the right or 3 of the lower one, has no corner, or does not look
+///                  alike.
 /// @source  Bouguet, Pyramidal implementation of the Lucas Kanade feature tracker, 2001. A constant
 /// difference in brightness over the window is taken out.
 [[nodiscard]] std::vector<TrackedPoint> track_features(const Pyramid& from, const Pyramid& to,
                                                        std::span<const Eigen::Vector2f> points,
                                                        std::span<const Eigen::Vector2f> guesses,
                                                        const TrackOptions& options);
+/// The same, of one point.
+[[nodiscard]] TrackedPoint track_feature(const Pyramid& from, const Pyramid& to,
+                                         const Eigen::Vector2f& point, const Eigen::Vector2f& guess,
+                                         const TrackOptions& options, TrackWork* work = nullptr);
 
 }  // namespace pirt::slam

@@ -57,10 +57,8 @@ struct ExtractFeatures : ImageOperation {
 
 struct TrackFeatures : ImageOperation {
   static constexpr int kMaxPoints = FeatureDetect::kMaxCorners;
-  static constexpr int kLevels = 3;
-  static constexpr int kIterations = 8;
-  static constexpr int kRadius = 7;                ///< The window is 15x15.
-  static constexpr double kLeastEigenvalue = 1.0;  ///< Grey levels per pixel, squared.
+  static constexpr int kLevels = 4;
+  static constexpr int kRadius = 7;  ///< The window is 15x15.
 
   struct Level {
     int width, height;
@@ -133,19 +131,17 @@ Workload make_optical_flow(int width, int height);
 /// [<=400,32], strongest first.
 Workload make_extract_features(int width, int height);
 
-/// Sparse pyramidal Lucas-Kanade: where the points of a list have moved to. Pyramids of kLevels
-/// levels, each the one below blurred by the binomial of gaussian_blur and every second pixel of
-/// every second row taken. From the coarsest level (a point is at p / 2^level) to the finest: a
-/// window of 15x15 samples around p of `previous`, bilinear, with central differences ix, iy of the
-/// samples; G = [mean ix*ix, mean ix*iy; ., mean iy*iy]. If G's smaller eigenvalue is below
-/// kLeastEigenvalue the level is left out. Otherwise kIterations times: e = mean of (previous -
-/// next, sampled around q) * (ix, iy), q += G^-1 e. The next finer level starts at 2q. Pixels
-/// beyond the border repeat it. A point is lost (status 0) if it is not within the picture, more
-/// than a pixel outside it on any level and step, outside it at the end, or the finest level was
-/// left out; its track is then the point itself. Kernel "track_features". Inputs previous u8 [h,w],
-/// next u8 [h,w], list corners f32 [<=500,2]; outputs tracks f32 [<=500,2] and status u8 [<=500],
-/// as many rows as corners. Measured with a sequence of 4 pairs and corners of the first of each,
-/// of which each pair has fewer, as a tracker loses them.
+/// What slam::track_features gives (pyramid.h), by its rules, where a point is its own guess: what
+/// a robot follows its points with. Pyramids of kLevels levels, each the one below under
+/// [1 2 1]^2/16 and every second pixel. From the coarsest to the finest: a window of 15x15 samples
+/// of `previous`, bilinear, with central differences and without their means; steps of Lucas-Kanade
+/// until one is shorter than 0.01 pixels, 12 at most, with the windows' difference in brightness
+/// taken out. A level that says too little is left out, but for the finest. What does not look
+/// alike, or does not come back to within 0.8 pixels when it is followed back, is lost (status 0);
+/// its track is then the point itself. Kernel "track_features". Inputs previous u8 [h,w], next u8
+/// [h,w], list corners f32 [<=500,2]; outputs tracks f32 [<=500,2] and status u8 [<=500], as many
+/// rows as corners. Measured with a sequence of 4 pairs and corners of the first of each, of which
+/// each pair has fewer, as a tracker loses them. Its operations are those of the points' own steps.
 Workload make_track_features(int width, int height);
 
 /// Exponential background of a picture's pixels, and what differs from it. With b the state's

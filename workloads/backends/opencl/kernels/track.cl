@@ -1,38 +1,32 @@
-// track_features (definition: make_track_features in workloads/vision/vision.h): the levels of the
+// track_features (definition: slam::track_features in workloads/vision/pyramid.h): the levels of the
 // pyramids, and one work item a point.
 
-#define LEVELS 3
-#define ITERATIONS 8
+#define LEVELS 4
+#define ITERATIONS 12
+#define ENOUGH 0.01f
+#define MOST_ERROR 14.0f
+#define LEAST_CORNER 4.0f
+#define BACK 0.8f
 #define RADIUS 7
 #define WINDOW (2 * RADIUS + 1)
-#define LEAST_EIGENVALUE 1.0f
 #define BORDERED (WINDOW + 2)  // With what central differences need.
-#define PIXELS (BORDERED + 1)  // Around as many samples.
+#define COUNT ((float)(WINDOW * WINDOW))
 
-#include "border.cl"
-
-/// Blurs by [1 4 6 4 1]^2 / 256, border reflect-101, and takes every second pixel of every second
-/// row. Global ids are those of the result's pixels.
+/// Under [1 2 1]^2 / 16, edges repeating, every second pixel of every second row. Global ids are those
+/// of the result's pixels.
 __kernel void next_level(__global const uchar* restrict below, __global uchar* restrict level,
                          int below_width, int below_height, int width, int height) {
   const int x = (int)get_global_id(0), y = (int)get_global_id(1);
   if (x >= width) return;
-  const int weights[5] = {1, 4, 6, 4, 1};
-  const int centre = 2 * x;
-  int sum = 128;
-  for (int j = 0; j < 5; ++j) {
-    __global const uchar* row = below + reflect(2 * y + j - 2, below_height) * below_width;
-    int across;
-    if (centre >= 2 && centre + 2 < below_width) {
-      __global const uchar* p = row + centre;
-      across = p[-2] + p[2] + 4 * (p[-1] + p[1]) + 6 * p[0];
-    } else {
-      across = 0;
-      for (int i = 0; i < 5; ++i) across += weights[i] * row[reflect(centre + i - 2, below_width)];
-    }
-    sum += weights[j] * across;
+  __global const uchar* above = below + max(2 * y - 1, 0) * below_width;
+  __global const uchar* here = below + 2 * y * below_width;
+  __global const uchar* under = below + min(2 * y + 1, below_height - 1) * below_width;
+  int sum = 8;
+  for (int i = -1; i <= 1; ++i) {
+    const int at = clamp(2 * x + i, 0, below_width - 1);
+    sum += (i == 0 ? 2 : 1) * (above[at] + 2 * here[at] + under[at]);
   }
-  level[y * width + x] = (uchar)(sum >> 8);
+  level[y * width + x] = (uchar)(sum >> 4);
 }
 
 typedef struct {
@@ -40,113 +34,143 @@ typedef struct {
   int width, height;
 } Picture;
 
-bool is_inside(Picture picture, float2 p, float margin) {
-  return p.x >= -margin && p.x <= (float)(picture.width - 1) + margin && p.y >= -margin &&
-         p.y <= (float)(picture.height - 1) + margin;
-}
-
-/// size x size samples around p, row by row, each from its four pixels; those beyond the border
-/// repeat it.
-void sample(Picture picture, float2 p, const int size, float* samples) {
-  const float2 base = floor(p);
-  const float a = p.x - base.x, b = p.y - base.y;
+/// size x size samples from @p corner, row by row, each from its four pixels. @p room is what the
+/// definition leaves on the right and below. False, and nothing, where the window leaves the picture.
+bool sample(Picture picture, float2 corner, const int size, float2 room, float* samples) {
+  if (!(corner.x >= 0.0f && corner.y >= 0.0f && corner.x < (float)picture.width - room.x &&
+        corner.y < (float)picture.height - room.y)) {
+    return false;
+  }
+  const int left = (int)corner.x, top = (int)corner.y;
+  const float a = corner.x - (float)left, b = corner.y - (float)top;
   const float w00 = (1.0f - a) * (1.0f - b), w10 = a * (1.0f - b);
   const float w01 = (1.0f - a) * b, w11 = a * b;
-  const int left = (int)base.x - size / 2, top = (int)base.y - size / 2;
-  const bool whole =
-      left >= 0 && left + size < picture.width && top >= 0 && top + size < picture.height;
   for (int j = 0; j < size; ++j) {
-    if (whole) {
-      __global const uchar* upper = picture.pixels + (top + j) * picture.width + left;
-      __global const uchar* lower = upper + picture.width;
-      for (int i = 0; i < size; ++i) {
-        samples[j * size + i] = w00 * (float)upper[i] + w10 * (float)upper[i + 1] +
-                                w01 * (float)lower[i] + w11 * (float)lower[i + 1];
-      }
-    } else {
-      __global const uchar* upper =
-          picture.pixels + clamp(top + j, 0, picture.height - 1) * picture.width;
-      __global const uchar* lower =
-          picture.pixels + clamp(top + j + 1, 0, picture.height - 1) * picture.width;
-      for (int i = 0; i < size; ++i) {
-        const int x0 = clamp(left + i, 0, picture.width - 1);
-        const int x1 = clamp(left + i + 1, 0, picture.width - 1);
-        samples[j * size + i] = w00 * (float)upper[x0] + w10 * (float)upper[x1] +
-                                w01 * (float)lower[x0] + w11 * (float)lower[x1];
-      }
+    __global const uchar* upper = picture.pixels + (top + j) * picture.width + left;
+    __global const uchar* lower = upper + picture.width;
+    for (int i = 0; i < size; ++i) {
+      samples[j * size + i] = w00 * (float)upper[i] + w10 * (float)upper[i + 1] +
+                              w01 * (float)lower[i] + w11 * (float)lower[i + 1];
     }
   }
+  return true;
 }
 
-/// Iterates on one level. 1 = q is found, 0 = the level says too little, -1 = the point is lost.
-int track_level(Picture previous, Picture next, float2 p, float2* q) {
-  const float share = 1.0f / (float)(WINDOW * WINDOW);
+/// A window: its samples with a border, and sums of its differences without their means.
+typedef struct {
   float bordered[BORDERED * BORDERED];
-  sample(previous, p, BORDERED, bordered);
-  float xx = 0.0f, xy = 0.0f, yy = 0.0f;
+  float xx, xy, yy, mean_x, mean_y;
+} Wanted;
+
+float2 slope(const Wanted* wanted, int i, int j) {
+  const float* at = wanted->bordered + (j + 1) * BORDERED + i + 1;
+  return 0.5f * (float2)(at[1] - at[-1], at[BORDERED] - at[-BORDERED]);
+}
+
+bool take(Picture picture, float2 p, float least_corner, Wanted* wanted) {
+  const float2 room = (float2)(21.0f, 18.0f);
+  if (!sample(picture, p - (float)(RADIUS + 1), BORDERED, room, wanted->bordered)) return false;
+  float xx = 0.0f, xy = 0.0f, yy = 0.0f, mean_x = 0.0f, mean_y = 0.0f;
   for (int j = 0; j < WINDOW; ++j) {
     for (int i = 0; i < WINDOW; ++i) {
-      const float* at = bordered + (j + 1) * BORDERED + i + 1;
-      const float ix = (at[1] - at[-1]) * 0.5f;
-      const float iy = (at[BORDERED] - at[-BORDERED]) * 0.5f;
-      xx += ix * ix, xy += ix * iy, yy += iy * iy;
+      const float2 g = slope(wanted, i, j);
+      xx += g.x * g.x, xy += g.x * g.y, yy += g.y * g.y;
+      mean_x += g.x, mean_y += g.y;
     }
   }
-  xx *= share, xy *= share, yy *= share;
-  const float difference = xx - yy;
-  const float root = sqrt(difference * difference + 4.0f * xy * xy);
-  if (!((xx + yy - root) * 0.5f >= LEAST_EIGENVALUE)) return 0;
-  const float det = xx * yy - xy * xy;
-  float moved[WINDOW * WINDOW];
+  mean_x /= COUNT, mean_y /= COUNT;
+  xx -= COUNT * mean_x * mean_x, xy -= COUNT * mean_x * mean_y, yy -= COUNT * mean_y * mean_y;
+  wanted->xx = xx, wanted->xy = xy, wanted->yy = yy;
+  wanted->mean_x = mean_x, wanted->mean_y = mean_y;
+  const float least = 0.5f * (xx + yy) - sqrt(0.25f * (xx - yy) * (xx - yy) + xy * xy);
+  return least >= least_corner * COUNT;
+}
+
+/// Moves @p q to where the picture looks like the window. False where it leaves the picture or goes
+/// too far. @param error  Mean difference of what was found.
+bool align(const Wanted* wanted, Picture picture, float2* q, float* error) {
+  const float2 room = (float2)(21.0f, 18.0f);
+  const float det = wanted->xx * wanted->yy - wanted->xy * wanted->xy;
+  const float2 start = *q;
+  float seen[WINDOW * WINDOW];
   for (int k = 0; k < ITERATIONS; ++k) {
-    if (!is_inside(next, *q, 1.0f)) return -1;
-    sample(next, *q, WINDOW, moved);
-    float ex = 0.0f, ey = 0.0f;
+    if (!sample(picture, *q - (float)RADIUS, WINDOW, room, seen)) return false;
+    float x = 0.0f, y = 0.0f, sum = 0.0f;
     for (int j = 0; j < WINDOW; ++j) {
       for (int i = 0; i < WINDOW; ++i) {
-        const float* at = bordered + (j + 1) * BORDERED + i + 1;
-        const float error = at[0] - moved[j * WINDOW + i];
-        ex += error * (at[1] - at[-1]);
-        ey += error * (at[BORDERED] - at[-BORDERED]);
+        const float difference =
+            seen[j * WINDOW + i] - wanted->bordered[(j + 1) * BORDERED + i + 1];
+        const float2 g = slope(wanted, i, j);
+        x += difference * g.x, y += difference * g.y;
+        sum += difference;
       }
     }
-    ex *= 0.5f * share, ey *= 0.5f * share;
-    *q += (float2)(yy * ex - xy * ey, xx * ey - xy * ex) / det;
+    x -= sum * wanted->mean_x, y -= sum * wanted->mean_y;
+    const float2 move =
+        (float2)(wanted->yy * x - wanted->xy * y, wanted->xx * y - wanted->xy * x) / det;
+    *q -= move;
+    if (!(length(*q - start) < 2.0f * WINDOW)) return false;
+    if (dot(move, move) > ENOUGH * ENOUGH && k + 1 < ITERATIONS) continue;
+    float difference = 0.0f;
+    for (int j = 0; j < WINDOW; ++j) {
+      for (int i = 0; i < WINDOW; ++i) {
+        difference += fabs(seen[j * WINDOW + i] -
+                           wanted->bordered[(j + 1) * BORDERED + i + 1] - sum / COUNT);
+      }
+    }
+    *error = difference / COUNT;
+    break;
   }
-  return is_inside(next, *q, 1.0f) ? 1 : -1;
+  return true;
+}
+
+/// Whether @p p is found again; then @p q is where.
+bool track(const Picture* previous, const Picture* next, float2 p, float2* q) {
+  Wanted wanted;
+  float error = 0.0f;
+  *q = p;
+  for (int level = LEVELS - 1; level >= 0; --level) {
+    const float scale = (float)(1 << level);
+    float2 at = *q / scale;
+    // Coarse levels help where they can; the finest one must succeed.
+    const bool found =
+        take(previous[level], p / scale, level == 0 ? LEAST_CORNER : LEAST_CORNER / 4.0f,
+             &wanted) &&
+        align(&wanted, next[level], &at, &error);
+    if (found) *q = at * scale;
+    if (level == 0 && !(found && error <= MOST_ERROR)) return false;
+  }
+  float2 back = p;
+  return take(next[0], *q, 0.0f, &wanted) && align(&wanted, previous[0], &back, &error) &&
+         length(back - p) <= BACK;
 }
 
 /// A work item a point.
 /// @param points, rows    f32 [<=capacity,2] and how many there are.
 /// @param tracks, status  f32 [<=capacity,2] and u8 [<=capacity]; get as many.
-__kernel void track_points(__global const uchar* restrict previous0,
-                           __global const uchar* restrict previous1,
-                           __global const uchar* restrict previous2,
-                           __global const uchar* restrict next0,
-                           __global const uchar* restrict next1,
-                           __global const uchar* restrict next2,
-                           __global const float* restrict points, __global const int* restrict rows,
-                           __global float* restrict tracks, __global int* restrict tracks_rows,
-                           __global uchar* restrict status, __global int* restrict status_rows,
-                           int width, int height, int capacity) {
+__kernel void track_points(
+    __global const uchar* restrict previous0, __global const uchar* restrict previous1,
+    __global const uchar* restrict previous2, __global const uchar* restrict previous3,
+    __global const uchar* restrict next0, __global const uchar* restrict next1,
+    __global const uchar* restrict next2, __global const uchar* restrict next3,
+    __global const float* restrict points, __global const int* restrict rows,
+    __global float* restrict tracks, __global int* restrict tracks_rows,
+    __global uchar* restrict status, __global int* restrict status_rows, int width, int height,
+    int capacity) {
   const int point = (int)get_global_id(0);
   const int count = clamp(rows[0], 0, capacity);
   if (point == 0) tracks_rows[0] = status_rows[0] = count;
   if (point >= count) return;
-  Picture previous[LEVELS] = {{previous0, width, height}, {previous1, 0, 0}, {previous2, 0, 0}};
-  Picture next[LEVELS] = {{next0, width, height}, {next1, 0, 0}, {next2, 0, 0}};
+  Picture previous[LEVELS] = {
+      {previous0, width, height}, {previous1, 0, 0}, {previous2, 0, 0}, {previous3, 0, 0}};
+  Picture next[LEVELS] = {{next0, width, height}, {next1, 0, 0}, {next2, 0, 0}, {next3, 0, 0}};
   for (int level = 1; level < LEVELS; ++level) {
     previous[level].width = next[level].width = (previous[level - 1].width + 1) / 2;
     previous[level].height = next[level].height = (previous[level - 1].height + 1) / 2;
   }
   const float2 p = vload2(point, points);
-  float2 q = p / (float)(1 << LEVELS);
-  int found = is_inside(previous[0], p, 0.0f) ? 0 : -1;
-  for (int level = LEVELS - 1; level >= 0 && found >= 0; --level) {
-    q *= 2.0f;
-    found = track_level(previous[level], next[level], p / (float)(1 << level), &q);
-  }
-  const bool is_tracked = found > 0 && is_inside(next[0], q, 0.0f);
-  vstore2(is_tracked ? q : p, point, tracks);
-  status[point] = is_tracked ? 1 : 0;
+  float2 q = p;
+  const bool found = track(previous, next, p, &q);
+  vstore2(found ? q : p, point, tracks);
+  status[point] = found ? 1 : 0;
 }

@@ -8,6 +8,7 @@
 #include "workloads/backends/opencl/kernels/strips.h"
 #include "workloads/backends/opencl/kernels/tiles.h"
 #include "workloads/backends/opencl/plan/kernel_table.h"
+#include "workloads/vision/pyramid.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt::opencl {
@@ -104,9 +105,11 @@ void append_track_features(PlanBuilder& builder, const Workload& workload, std::
                            std::span<const DeviceTensor> inputs,
                            std::span<const DeviceTensor> outputs) {
   using Op = vision::TrackFeatures;
-  static_assert(
-      Op::kLevels == 3 && Op::kIterations == 8 && Op::kRadius == 7 && Op::kLeastEigenvalue == 1.0,
-      "track.cl has them as constants");
+  constexpr slam::TrackOptions kOptions;
+  static_assert(Op::kLevels == 4 && Op::kRadius == 7 && kOptions.iterations == 12 &&
+                    kOptions.enough == 0.01 && kOptions.most_error == 14.0 &&
+                    kOptions.least_corner == 4.0 && kOptions.back == 0.8,
+                "track.cl has them as constants");
   const auto& op = operation_as<Op>(workload);
   const auto levels = op.levels();
   const auto pyramid = [&](const DeviceTensor& image) {
@@ -122,8 +125,9 @@ void append_track_features(PlanBuilder& builder, const Workload& workload, std::
   const auto previous = pyramid(inputs[0]);
   const auto next = pyramid(inputs[1]);
   builder.step("track.cl", "track_points", {Op::kMaxPoints, 1}, previous[0], previous[1],
-               previous[2], next[0], next[1], next[2], inputs[2], inputs[2].rows, outputs[0],
-               outputs[0].rows, outputs[1], outputs[1].rows, op.width, op.height, Op::kMaxPoints);
+               previous[2], previous[3], next[0], next[1], next[2], next[3], inputs[2],
+               inputs[2].rows, outputs[0], outputs[0].rows, outputs[1], outputs[1].rows, op.width,
+               op.height, Op::kMaxPoints);
 }
 
 constexpr std::array kKernels = {
