@@ -239,8 +239,8 @@ TEST(BackgroundModel, FollowsThePicturesEverMoreSlowly) {
   EXPECT_EQ(state[1].as<std::int32_t>()[0], 4);
 }
 
-// What the generated pictures are known to have moved by, where the window lies inside. What says too
-// little there may be lost, but is not said to be elsewhere.
+// What the generated pictures are known to have moved by, where the window lies inside. What says
+// too little there may be lost, but is not said to be elsewhere.
 TEST(TrackFeatures, FindsTheMotionOfThePictures) {
   const auto workload = vision::make_track_features(320, 240);
   const Data data = first_frame(workload);
