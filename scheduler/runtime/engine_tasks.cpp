@@ -21,13 +21,16 @@ void Runtime::Engine::take_event(Submitted& task) {
     }
     apply();
   } catch (const std::exception& error) {
-    task.problem = task.workload->name + ": " + error.what();
-    add_problem(task.problem);
-    if (!task.is_decided() && task.taken_in) {
-      finish(task, TaskEnd::kFailed);
-    } else if (!task.is_decided()) {
-      decide(task, TaskEnd::kFailed);
-      ended_.push(task);
+    const std::string problem = task.workload->name + ": " + error.what();
+    add_problem(problem);
+    if (!task.is_decided()) {
+      task.problem = problem;
+      if (task.taken_in) {
+        finish(task, TaskEnd::kFailed);
+      } else {
+        decide(task, TaskEnd::kFailed);
+        ended_.push(task);
+      }
     }
   }
   // It has been told; the engine waited for the end of its call alone.
@@ -259,7 +262,8 @@ void Runtime::Engine::fill_call(Submitted& task) {
   }
 }
 
-/// How it ends is known, and counted.
+/// How it ends is known, and counted. Its future says so before what comes after it can begin,
+/// whoever tells of that first.
 void Runtime::Engine::decide(Submitted& task, TaskEnd end) {
   task.decided.store(static_cast<int>(end), std::memory_order_release);
   task.ended_at = now_;
@@ -267,6 +271,7 @@ void Runtime::Engine::decide(Submitted& task, TaskEnd end) {
     task.name = task.workload->name;
     some_did_not_complete_ = true;
   }
+  task.end.store(static_cast<int>(end), std::memory_order_release);
   const auto& deadline = task.options.deadline;
   if (deadline && now_ > later_by(task.submitted_at, *deadline)) ++counts_.late;
   switch (end) {

@@ -20,7 +20,6 @@ void Runtime::Engine::tell(TaskChain& ended, Thread thread) {
   bool left = false;
   while (!ended.empty()) {
     TaskRef task(ended.take_first());
-    task->end.store(task->decided.load(std::memory_order_relaxed), std::memory_order_release);
     if (!task->callback) {
       told(std::move(task));
     } else if (ours) {

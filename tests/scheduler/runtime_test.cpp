@@ -299,6 +299,25 @@ TEST(Runtime, ItsTraceReplaysWhateverHappened) {
   EXPECT_THAT(bad_input([&] { runtime.write_trace(); }), HasSubstr("trace"));
 }
 
+// Of what a turn has decided, who hears of one thing may ask for all: threads tell one by one.
+TEST(Runtime, AFutureHasEndedBeforeAnyoneIsToldOfWhatFollows) {
+  std::latch submitted(1);
+  Runtime runtime(options_with({own("throws", 1,
+                                    [&](std::span<const Tensor>, std::span<Tensor>) {
+                                      submitted.wait();
+                                      throw std::runtime_error("no");
+                                    }),
+                                adding()}));
+  TaskFuture dropped;
+  std::optional<TaskEnd> seen;
+  const TaskFuture first = runtime.submit(
+      "throws", {number(1)}, {}, [&](const TaskFuture&, TaskEnd) { seen = dropped.end(); });
+  dropped = runtime.submit("add", {first.output(0), number(1)});
+  submitted.count_down();
+  runtime.wait_all();
+  EXPECT_EQ(seen, TaskEnd::kDropped);
+}
+
 TEST(Runtime, CallbacksHearOfEachEndOnceAndMaySubmit) {
   Runtime runtime(options_with({adding()}));
   std::atomic<int> heard = 0;
