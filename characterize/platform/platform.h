@@ -58,6 +58,9 @@ struct Contexts {
   [[nodiscard]] std::optional<std::size_t> program_of(const std::string& workload) const;
 };
 
+/// The longest that a unit stays awake for its next call: less than waking up takes.
+inline constexpr Nanos kMostSpin = std::chrono::microseconds(20);
+
 struct UnitModel {
   std::string name;
   Role role = Role::kOther;
@@ -87,6 +90,7 @@ struct UnitModel {
   /// Meters that its energy is read from: a name of `pirt list meters` or a sum "A + B"; "none" =
   /// the model; empty = the widest one that the machine has (energy/choice.h).
   std::string meter;
+  Nanos spin = kMostSpin;  ///< How long it stays awake for the next call when it runs live.
 
   [[nodiscard]] bool measured() const { return !backend.empty(); }
 };

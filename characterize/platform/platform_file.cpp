@@ -164,14 +164,17 @@ void read_contexts(const YamlNode& node, UnitModel& unit) {
   unit.slots = 1;
 }
 
+Nanos read_spin(const YamlNode& node) { return from_ms(node.number(0, to_us(kMostSpin)) / 1e3); }
+
 void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitModel& unit) {
   if (node.has("backend")) {
     unit.backend = one_of(node.at("backend"), backend_names());
   }
-  for (const char* key : {"cores", "device", "script", "meter", "options"}) {
+  for (const char* key : {"cores", "device", "script", "meter", "options", "spin_us"}) {
     if (node.has(key) && unit.backend.empty()) node.at(key).fail("needs a `backend:` beside it");
   }
   if (node.has("cores")) unit.cores = read_cores(node.at("cores"), usable);
+  if (node.has("spin_us")) unit.spin = read_spin(node.at("spin_us"));
   unit.device = text_or_empty(node, "device");
   unit.meter = text_or_empty(node, "meter");
   if (node.has("options")) read_options(node.at("options"), unit);
@@ -186,9 +189,10 @@ void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitMode
 }
 
 UnitModel read_unit(const YamlNode& node, const std::string& name, const std::vector<int>& usable) {
-  std::vector<std::string> known = {
-      "servers", "discipline", "slots",  "active_w", "idle_w", "role",    "energy",   "link",
-      "backend", "cores",      "device", "script",   "meter",  "options", "contexts", "memory"};
+  std::vector<std::string> known = {"servers", "discipline", "slots", "active_w", "idle_w",
+                                    "role",    "energy",     "link",  "backend",  "cores",
+                                    "device",  "script",     "meter", "options",  "contexts",
+                                    "memory",  "spin_us"};
   for (const std::string& backend : backend_names()) {
     for (const std::string& key : settings_of(backend)) known.push_back(key);
   }

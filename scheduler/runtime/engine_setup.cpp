@@ -37,9 +37,9 @@ bool leaves_calls(const RuntimeOptions& options) {
 }
 
 Nanos checked_spin(Nanos spin) {
-  if (spin < Nanos::zero() || spin > kSpin) {
+  if (spin < Nanos::zero() || spin > kMostSpin) {
     throw_bad_input("spin is " + std::to_string(to_us(spin)) + " us; it is 0 to " +
-                    std::to_string(to_us(kSpin)) + " us");
+                    std::to_string(to_us(kMostSpin)) + " us");
   }
   return spin;
 }

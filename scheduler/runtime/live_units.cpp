@@ -55,7 +55,7 @@ std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation
                 .contexts = model.contexts,
                 .lanes = model.measured() ? model.servers : 1,
                 .priority = options_.priority,
-                .spin = is_elsewhere(model) ? Nanos::zero() : spin_,
+                .spin = is_elsewhere(model) ? Nanos::zero() : std::min(spin_, model.spin),
                 .keeps = options_.keeps,
                 .slice_ended = options_.slice_ended ? std::function([this, unit](Call& call) {
                   options_.slice_ended(unit, call);

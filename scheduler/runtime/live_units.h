@@ -34,15 +34,13 @@ class Problems {
   std::int64_t count_ = 0;
 };
 
-/// How long a unit stays awake for the next call: less than waking up takes.
-inline constexpr Nanos kSpin = std::chrono::microseconds(20);
-
 struct LiveUnitsOptions {
   bool prepare_first = true;
   std::optional<Nanos> time_limit = {};  ///< Of each call; absent = by what is expected of it.
   int priority = 0;                      ///< As UnitSetup.
-  /// The same; where units that compute here, and who gives them calls, have no core each: none.
-  Nanos spin = kSpin;
+  /// The same, of units whose platform says no less; where units that compute here have no core
+  /// each: none.
+  Nanos spin = kMostSpin;
   std::shared_ptr<const void> keeps = {};
   std::function<int()> stop = {};  ///< Whether somebody wants no start any more; empty = never.
   std::function<void(const std::string&)> progress = {};

@@ -202,8 +202,9 @@ struct RuntimeOptions {
   std::optional<bool> slices = {};
   /// How long a unit that has nothing to do stays awake before its thread sleeps, 0 to 20 us: a
   /// task that comes by then begins sooner. It draws active_w meanwhile (`powered`). 0 = not at
-  /// all, as where the machine has no core for each unit that computes here.
-  Nanos spin = std::chrono::microseconds(20);
+  /// all, as where the machine has no core for each unit that computes here. A platform may say
+  /// less of a unit (`spin_us`).
+  Nanos spin = kMostSpin;
   std::optional<std::string> trace = {};  ///< A file; see write_trace.
   int priority = 0;  ///< Above 0: units' threads at this real-time priority, where permitted.
   std::function<void(const std::string&)> progress = {};  ///< A line each while it starts.

@@ -101,6 +101,15 @@ modes:
   EXPECT_EQ(mode.stage_scale.at("npu.setup"), 1.299);
 }
 
+TEST(Platform, SaysHowLongAUnitStaysAwake) {
+  const auto platform = parse(
+      "platform: p\nunits:\n  a: {backend: cpu}\n  b: {backend: cpu, spin_us: 0}\n"
+      "  c: {backend: cpu, spin_us: 2.5}\n");
+  EXPECT_EQ(platform.unit("a").spin, Nanos(20'000));
+  EXPECT_EQ(platform.unit("b").spin, Nanos(0));
+  EXPECT_EQ(platform.unit("c").spin, Nanos(2'500));
+}
+
 TEST(Platform, SaysFileLineAndPathOfAWrongUnit) {
   EXPECT_EQ(refused("platform: p\nunits:\n  cpu:\n    slotz: 3\n"),
             "p.yaml:4: units.cpu.slotz: unknown key (did you mean slots?)");
@@ -119,6 +128,13 @@ TEST(Platform, SaysFileLineAndPathOfAWrongUnit) {
   EXPECT_THAT(refused_unit("backend: cpuu"),
               AllOf(HasSubstr("units.cpu.backend"), HasSubstr("did you mean cpu")));
   EXPECT_THAT(refused_unit("cores: all"), HasSubstr("needs a `backend:`"));
+  EXPECT_THAT(refused_unit("spin_us: 5"), HasSubstr("needs a `backend:`"));
+  for (const char* value : {"-1", "20.5", ".inf", "long"}) {
+    EXPECT_THAT(refused_unit(std::string("backend: cpu, spin_us: ") + value),
+                StartsWith("p.yaml:2: units.cpu.spin_us: "))
+        << value;
+  }
+  EXPECT_THAT(refused_unit("backend: cpu, spin: 5"), HasSubstr("did you mean spin_us"));
   EXPECT_THAT(refused_unit("backend: cpu, script: {a: 1}"), HasSubstr("only backend fake"));
   EXPECT_THAT(refused_unit("backend: fake, script: text"), HasSubstr("must be a map"));
 }
