@@ -451,20 +451,25 @@ void Dispatcher::make_ready(TaskSlot slot, bool alone) {
 
 /// Asks the policy. False if it refuses; the task is then in no queue.
 bool Dispatcher::place(TaskSlot slot) {
+  if (waiting_.class_at(slot).parked) return false;
   const TaskClass& kind = waiting_.class_at(slot).kind;
   const Placement placement = policy_->place(kind, view());
   switch (placement.kind) {
     case Placement::Kind::kHold:
       return false;
+    case Placement::Kind::kHoldBehind:
+      waiting_.park(waiting_.class_at(slot), placement.entry);
+      return false;
     case Placement::Kind::kHighPriority:
       waiting_.prioritize(slot);
-      return true;
+      break;
     case Placement::Kind::kUnit:
       assert(contains(kind.eligible & up_, placement.unit));
       put_in_queue(slot, placement.unit);
-      return true;
+      break;
   }
-  return false;
+  waiting_.had_turn(kind.entry);
+  return true;
 }
 
 void Dispatcher::put_in_queue(TaskSlot slot, UnitId unit) {
@@ -594,6 +599,7 @@ void Dispatcher::end(TaskSlot slot) {
   const TaskState state = tasks_[slot].state;
   if (state == TaskState::kWaiting || state == TaskState::kHeld) {
     policy_->gone(waiting_.class_at(slot).kind);
+    waiting_.had_turn(waiting_.class_at(slot).kind.entry);
   }
   expiries_.forget(slot);
   recalls_.forget(slot);

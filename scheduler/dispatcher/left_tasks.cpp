@@ -83,7 +83,8 @@ bool Dispatcher::take_in(TaskSlot slot, UnitId unit) {
   shown_ = load_;
   shown_[unit] -= left(unit);
   const Placement placement = policy_->place(kind, {.load = shown_, .up = up_, .now = now_});
-  if (placement.kind == Placement::Kind::kHold) return false;
+  if (placement.holds()) return false;
+  waiting_.had_turn(kind.entry);
   unlink(slot);
   if (placement.kind == Placement::Kind::kHighPriority) {
     waiting_.prioritize(slot);

@@ -26,7 +26,28 @@ void Waiting::hold(TaskSlot slot) {
   entry.held.insert(tasks_, slot);
   ++held_count_;
   despair_ = despair_ || entry.hopeless;
-  if (!std::exchange(entry.in_holding, true)) holding_.push_back(record.class_index);
+  note_holding(record.class_index);
+}
+
+void Waiting::note_holding(std::uint32_t index) {
+  Class& entry = classes_[index];
+  if (!entry.parked && !std::exchange(entry.in_holding, true)) holding_.push_back(index);
+}
+
+void Waiting::park(Class& entry_class, std::uint32_t entry) {
+  if (first_parked_.size() <= entry) first_parked_.resize(entry + std::size_t{1}, kNone);
+  const auto index = static_cast<std::uint32_t>(&entry_class - classes_.data());
+  entry_class.parked = true;
+  entry_class.next_parked = std::exchange(first_parked_[entry], index);
+}
+
+void Waiting::wake_parked(std::uint32_t entry) {
+  for (std::uint32_t i = std::exchange(first_parked_[entry], kNone); i != kNone;) {
+    Class& each = classes_[i];
+    each.parked = each.refused = false;
+    if (!each.held.empty()) note_holding(i);
+    i = std::exchange(each.next_parked, kNone);
+  }
 }
 
 void Waiting::prioritize(TaskSlot slot) {
@@ -54,7 +75,7 @@ void Waiting::list_asking() {
   std::erase_if(holding_, [this](std::uint32_t index) {
     Class& entry = classes_[index];
     entry.refused = entry.refused && refusals_stand_ && !entry.held.empty();
-    entry.in_holding = !entry.held.empty();
+    entry.in_holding = !entry.held.empty() && !entry.parked;
     if (entry.in_holding && !entry.refused) asking_.push_back(&entry);
     return !entry.in_holding;
   });

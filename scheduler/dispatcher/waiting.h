@@ -16,16 +16,19 @@ namespace pirt {
 
 class Waiting {
  public:
+  static constexpr std::uint32_t kNone = ~std::uint32_t{0};
   /// Tasks of one class are placed, and refused, together.
   struct Class {
     TaskClass kind;
     UnitMask takers = 0;  ///< Of the units that are up.
     TaskList held = {};
     TaskList high_priority = {};
-    bool in_holding = false;      ///< It is in holding_,
-    bool in_prioritized = false;  ///< and in prioritized_.
-    bool refused = false;         ///< Since the last fall of a load.
-    bool hopeless = false;        ///< All that would have taken it are gone.
+    bool in_holding = false;            ///< It is in holding_,
+    bool in_prioritized = false;        ///< and in prioritized_.
+    bool refused = false;               ///< Since the last fall of a load.
+    bool parked = false;                ///< Refused until another entry has had its turn.
+    bool hopeless = false;              ///< All that would have taken it are gone.
+    std::uint32_t next_parked = kNone;  ///< Behind the same entry.
   };
 
   /// @param tasks  Must outlive it, as must the policy.
@@ -51,6 +54,13 @@ class Waiting {
   /// @param slot  Is held, or in the high-priority queue.
   void erase(TaskSlot slot);
 
+  /// The class is not asked for, whatever happens, until had_turn() of @p entry: a graph's tasks
+  /// are a class each, and most of them wait for their turn.
+  void park(Class& entry_class, std::uint32_t entry);
+  /// A task of the entry was placed, or is gone.
+  void had_turn(std::uint32_t entry) {
+    if (entry < first_parked_.size() && first_parked_[entry] != kNone) wake_parked(entry);
+  }
   /// A load fell, a unit changed, or something left: what was refused is asked for again.
   void forget_refusals() { refusals_stand_ = false; }
   /// Places what is held, in the order of all queues, until every class is refused: what has become
@@ -118,6 +128,8 @@ class Waiting {
   };
 
   std::uint32_t find_class(const TaskClass& kind, UnitMask up);
+  void wake_parked(std::uint32_t entry);
+  void note_holding(std::uint32_t index);
   void list_asking();
   [[nodiscard]] Class* next_asking();
   void ask_again(Class& entry);
@@ -128,8 +140,10 @@ class Waiting {
   std::vector<Class> classes_;
   std::unordered_map<TaskClass, std::uint32_t, ClassHash> class_indices_;
   std::uint32_t last_class_ = 0;
-  std::vector<std::uint32_t> holding_;      ///< Classes with held tasks, and some that had.
-  std::vector<std::uint32_t> prioritized_;  ///< The same for the high-priority queue.
+  std::vector<std::uint32_t>
+      holding_;  ///< Classes with held tasks, and some that had; none parked.
+  std::vector<std::uint32_t> first_parked_;  ///< By entry: the classes that are parked behind it.
+  std::vector<std::uint32_t> prioritized_;   ///< The same for the high-priority queue.
   std::vector<Class*> asking_;  ///< Of place_held: a heap, that of the first task on top.
   bool refusals_stand_ = true;  ///< No load fell, no unit changed and nothing left since.
   bool despair_ = false;

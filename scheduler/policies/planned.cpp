@@ -22,7 +22,8 @@ class PlannedPolicy final : public Policy {
     const auto& entry = plan_.entries[task.entry];
     const bool free = contains(units.up, entry.unit) && units.load[entry.unit] == 0;
     const bool in_turn = !entry.previous || turns_[*entry.previous] > turns_[task.entry];
-    if (!free || !in_turn) return Placement::hold();
+    if (!in_turn) return Placement::hold_behind(*entry.previous);
+    if (!free) return Placement::hold();
     ++turns_[task.entry];
     return Placement::on(entry.unit);
   }

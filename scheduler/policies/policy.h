@@ -25,13 +25,19 @@ namespace pirt {
 using WeightTable = std::vector<std::vector<int>>;
 
 struct Placement {
-  enum class Kind : std::uint8_t { kUnit, kHold, kHighPriority };
+  enum class Kind : std::uint8_t { kUnit, kHold, kHoldBehind, kHighPriority };
   Kind kind = Kind::kHold;
-  UnitId unit = 0;  ///< Of kUnit only.
+  UnitId unit = 0;          ///< Of kUnit only.
+  std::uint32_t entry = 0;  ///< Of kHoldBehind only.
 
   [[nodiscard]] static Placement on(UnitId unit) { return {Kind::kUnit, unit}; }
-  [[nodiscard]] static Placement hold() { return {Kind::kHold, 0}; }
-  [[nodiscard]] static Placement high_priority() { return {Kind::kHighPriority, 0}; }
+  [[nodiscard]] static Placement hold() { return {}; }
+  /// The same whatever loads and units do, until a task of that entry is placed, or gone.
+  [[nodiscard]] static Placement hold_behind(std::uint32_t entry) {
+    return {.kind = Kind::kHoldBehind, .entry = entry};
+  }
+  [[nodiscard]] static Placement high_priority() { return {.kind = Kind::kHighPriority}; }
+  [[nodiscard]] bool holds() const { return kind == Kind::kHold || kind == Kind::kHoldBehind; }
 };
 
 /// What the dispatcher shows when it asks.
@@ -45,8 +51,8 @@ struct UnitsView {
 class Policy {
  public:
   virtual ~Policy() = default;
-  /// Where a waiting task goes. A refusal (kHold) stands for every task of the class until a load
-  /// falls or a unit changes.
+  /// Where a waiting task goes. A refusal stands for every task of the class until a load falls or
+  /// a unit changes, if it does not say more.
   [[nodiscard]] virtual Placement place(const TaskClass& task, const UnitsView& units) = 0;
   /// The units of @p up that the policy might ever let serve the class; those take it from the
   /// high-priority queue.
