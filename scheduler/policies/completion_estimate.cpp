@@ -7,11 +7,30 @@
 #include "scheduler/policies/unit_order.h"
 
 namespace pirt {
+namespace {
+
+std::int64_t tasks_in_service(const CallCost& service, int servers) {
+  if (service.occupied <= Nanos::zero()) return std::numeric_limits<std::int64_t>::max();
+  // Wide, since servers x total may not fit.
+  __extension__ using Wide = __int128;
+  const Wide occupied = service.occupied.count();
+  return static_cast<std::int64_t>(
+      std::min<Wide>((Wide{servers} * service.total.count() + occupied - 1) / occupied,
+                     std::numeric_limits<std::int64_t>::max()));
+}
+
+}  // namespace
 
 CompletionEstimate::CompletionEstimate(const PolicySetup& setup)
     : local_(local_units(setup.roles)), costs_(setup.costs) {
   for (const int servers : setup.servers) {
     accounts_.emplace_back().idle_at.resize(static_cast<std::size_t>(servers), Nanos::zero());
+  }
+  for (const auto& row : costs_) {
+    auto& counts = in_service_.emplace_back();
+    for (std::size_t unit = 0; unit < row.size(); ++unit) {
+      counts.push_back(row[unit] ? tasks_in_service(*row[unit], setup.servers[unit]) : 0);
+    }
   }
 }
 
@@ -35,19 +54,6 @@ bool CompletionEstimate::has_idle_server(UnitId unit, const UnitsView& units) co
   return static_cast<std::size_t>(units.load[unit]) < accounts_[unit].idle_at.size();
 }
 
-/// The least number of tasks that keeps all servers busy: more than these have to wait.
-std::int64_t CompletionEstimate::in_service(const TaskClass& task, UnitId unit) const {
-  const CallCost& service = time(task, unit);
-  if (service.occupied <= Nanos::zero()) return std::numeric_limits<std::int64_t>::max();
-  // Wide, since servers x total may not fit.
-  __extension__ using Wide = __int128;
-  const Wide occupied = service.occupied.count();
-  const Wide servers = static_cast<Wide>(accounts_[unit].idle_at.size());
-  return static_cast<std::int64_t>(
-      std::min<Wide>((servers * service.total.count() + occupied - 1) / occupied,
-                     std::numeric_limits<std::int64_t>::max()));
-}
-
 Nanos CompletionEstimate::Account::work_of_last(std::int64_t tasks) const {
   if (tasks <= 0 || given.empty()) return Nanos::zero();
   const auto known = static_cast<std::int64_t>(given.size());
@@ -65,7 +71,8 @@ std::optional<Nanos> CompletionEstimate::corrected_idle(const TaskClass& task, U
   for (const Nanos idle_at : account.idle_at) left += std::max(Nanos::zero(), idle_at - units.now);
   const auto load = std::int64_t{units.load[unit]};
   const auto servers = static_cast<std::int64_t>(account.idle_at.size());
-  const Nanos least = account.work_of_last(load - std::max(servers, in_service(task, unit)));
+  const Nanos least =
+      account.work_of_last(load - std::max(servers, in_service_[task.workload][unit]));
   const Nanos most = account.work_of_last(load);
   const Nanos right = std::clamp(left, least, most);
   if (right == left) return std::nullopt;

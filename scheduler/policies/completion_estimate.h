@@ -28,7 +28,7 @@ class CompletionEstimate {
   /// Whether the unit has something to gain from one more task now: by Little's law it is busy with
   /// servers x total / occupied of them.
   [[nodiscard]] bool has_room(const TaskClass& task, UnitId unit, const UnitsView& units) const {
-    return units.load[unit] < in_service(task, unit);
+    return units.load[unit] < in_service_[task.workload][unit];
   }
   /// The task goes to the unit.
   void add(const TaskClass& task, UnitId unit, const UnitsView& units);
@@ -49,12 +49,14 @@ class CompletionEstimate {
     return *costs_[task.workload][unit];
   }
   [[nodiscard]] bool has_idle_server(UnitId unit, const UnitsView& units) const;
-  [[nodiscard]] std::int64_t in_service(const TaskClass& task, UnitId unit) const;
   [[nodiscard]] std::optional<Nanos> corrected_idle(const TaskClass& task, UnitId unit,
                                                     const UnitsView& units) const;
 
   UnitMask local_;
   CostTable costs_;
+  /// By workload and unit: the least number of tasks that keeps all servers busy; more than these
+  /// have to wait.
+  std::vector<std::vector<std::int64_t>> in_service_;
   std::vector<Account> accounts_;  ///< By unit.
 };
 

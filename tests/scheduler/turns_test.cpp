@@ -1,0 +1,75 @@
+// Tasks that wait for their turn, as a plan has it, are asked for when it comes and not before.
+#include "tests/scheduler/support.h"
+
+namespace pirt::test {
+namespace {
+
+/// One unit takes entry after entry, one at a time; counts what it is asked.
+class InTurn final : public Policy {
+ public:
+  InTurn(std::size_t entries, int& asked) : had_(entries, false), asked_(asked) {}
+
+  Placement place(const TaskClass& task, const UnitsView& units) override {
+    ++asked_;
+    if (task.entry > 0 && !had_[task.entry - 1]) return Placement::hold_behind(task.entry - 1);
+    if (units.load[0] > 0) return Placement::hold();
+    had_[task.entry] = true;
+    return Placement::on(0);
+  }
+  UnitMask takers(const TaskClass&, UnitMask up) const override { return up; }
+  const std::vector<UnitId>& order() const override { return order_; }
+  void gone(const TaskClass& task) override { had_[task.entry] = true; }
+
+ private:
+  std::vector<bool> had_;
+  std::vector<UnitId> order_ = {0};
+  int& asked_;
+};
+
+constexpr std::uint32_t kTasks = 500;
+
+/// Entries in falling order, so that the last that becomes ready goes first.
+std::vector<Task> backwards() {
+  std::vector<Task> tasks;
+  for (std::uint32_t i = 0; i < kTasks; ++i) {
+    tasks.push_back({.id = i,
+                     .kind = {.eligible = 1, .entry = kTasks - 1 - i},
+                     .deadline = {},
+                     .expires_at = {},
+                     .after = {},
+                     .state = {},
+                     .series = {},
+                     .reads = {}});
+  }
+  return tasks;
+}
+
+TEST(Turns, AreTakenWithoutAskingForAllThatWait) {
+  int asked = 0;
+  Dispatcher dispatcher({1}, std::make_unique<InTurn>(kTasks, asked));
+  Effects out;
+  ASSERT_TRUE(dispatcher.submit(0, backwards(), Nanos(0), out));
+  for (std::uint32_t entry = 0; entry < kTasks; ++entry) {
+    ASSERT_EQ(out.started.size(), entry + 1U);
+    EXPECT_EQ(out.started.back().task, kTasks - 1 - entry);
+    ASSERT_TRUE(dispatcher.complete(0, out.started.back().task, Outcome::kCompleted,
+                                    Nanos(entry + 1), out));
+  }
+  EXPECT_EQ(dispatcher.counts().completed, kTasks);
+  EXPECT_LE(asked, 4 * static_cast<int>(kTasks));
+}
+
+TEST(Turns, OfWhatIsGoneAreOver) {
+  int asked = 0;
+  Dispatcher dispatcher({1}, std::make_unique<InTurn>(kTasks, asked));
+  Effects out;
+  ASSERT_TRUE(dispatcher.submit(0, backwards(), Nanos(0), out));
+  // Entry 0 runs; 1 is cancelled while it waits, and 2 goes next.
+  dispatcher.cancel(kTasks - 2, Nanos(1), out);
+  ASSERT_TRUE(dispatcher.complete(0, kTasks - 1, Outcome::kCompleted, Nanos(2), out));
+  ASSERT_EQ(out.started.size(), 2U);
+  EXPECT_EQ(out.started.back().task, kTasks - 3);
+}
+
+}  // namespace
+}  // namespace pirt::test
