@@ -29,7 +29,7 @@ pirt measures image filters, features, layers of networks, steps of a SLAM,
 planning and mapping on every processing unit of a machine, and schedules a
 robot's mix of them for latency, throughput or energy, in virtual time or live.")
 
-set(needed libyaml-cpp-dev libfmt-dev libeigen3-dev coinor-libclp-dev pkg-config)
+set(needed libyaml-cpp-dev libfmt-dev libeigen3-dev coinor-libclp-dev libbz2-dev zlib1g-dev pkg-config)  # clp.pc names the last two libraries
 if(PIRT_SHARED)
   set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "libpirt1 ${same}")  # with what is computed
   set(CPACK_DEBIAN_LIBRARY_PACKAGE_NAME libpirt1)
@@ -61,7 +61,6 @@ else()
     string(APPEND runtime_link " -lnats -lcrypto")
   endif()
   if(PIRT_BZ2 IN_LIST unpackers)
-    list(APPEND needed libbz2-dev)
     string(APPEND runtime_link " -lbz2")
   endif()
   if(PIRT_LZ4 IN_LIST unpackers)
