@@ -92,6 +92,19 @@ std::optional<Nanos> read_quota_wait(const std::filesystem::path& root) {
   return longest;
 }
 
+/// The second of three numbers of each thread: nanoseconds on a queue of the scheduler's. Those
+/// that have ended are not counted. @source Documentation/scheduler/sched-stats.
+std::optional<Nanos> read_waited(const std::filesystem::path& root) {
+  std::optional<Nanos> waited;
+  std::error_code gone;
+  for (const auto& thread : std::filesystem::directory_iterator(root / "proc/self/task", gone)) {
+    std::ifstream in(thread.path() / "schedstat");
+    std::int64_t ran = 0, queued = 0;
+    if (in >> ran >> queued) waited = waited.value_or(Nanos(0)) + Nanos(queued);
+  }
+  return waited;
+}
+
 /// The limit of one group in cores; 0 = none; absent if the folder has no such files.
 std::optional<double> quota_of(const std::filesystem::path& folder) {
   // Version 2: "150000 100000" or "max 100000"; version 1 has a file for each, -1 for no limit.
@@ -132,6 +145,7 @@ HostCounters read_host_counters(const std::vector<int>& cores, const std::filesy
     counters.steal = times->steal;
   }
   counters.own = process_time();
+  counters.waited = read_waited(root);
   counters.heat_events = read_heat(cores, root);
   counters.quota_wait = read_quota_wait(root);
   return counters;
@@ -148,6 +162,19 @@ std::optional<double> read_cpu_quota(const std::filesystem::path& root) {
   return tightest;
 }
 
+namespace {
+
+bool was_throttled(const HostCounters& before, const HostCounters& after) {
+  const double wall_s = to_s(after.at - before.at);
+  const bool heat =
+      before.heat_events && after.heat_events && *after.heat_events > *before.heat_events;
+  const bool quota = before.quota_wait && after.quota_wait &&
+                     to_s(*after.quota_wait - *before.quota_wait) > kThrottledShare * wall_s;
+  return heat || quota;
+}
+
+}  // namespace
+
 Interference interference(const HostCounters& before, const HostCounters& after, int core_count) {
   Interference result;
   const double wall_s = to_s(after.at - before.at);
@@ -161,11 +188,19 @@ Interference interference(const HostCounters& before, const HostCounters& after,
     result.contended = exceed(kContendedShare);
     result.crowded = exceed(kCrowdedShare);
   }
-  const bool heat =
-      before.heat_events && after.heat_events && *after.heat_events > *before.heat_events;
-  const bool quota = before.quota_wait && after.quota_wait &&
-                     to_s(*after.quota_wait - *before.quota_wait) > kThrottledShare * wall_s;
-  result.throttled = heat || quota;
+  result.throttled = was_throttled(before, after);
+  return result;
+}
+
+Interference interference_elsewhere(const HostCounters& before, const HostCounters& after) {
+  Interference result;
+  const double wall_s = to_s(after.at - before.at);
+  if (before.waited && after.waited) {
+    const double waited_s = to_s(*after.waited - *before.waited);
+    result.contended = waited_s > kContendedShare * wall_s;
+    result.crowded = waited_s > kCrowdedShare * wall_s;
+  }
+  result.throttled = was_throttled(before, after);
   return result;
 }
 

@@ -20,6 +20,7 @@ struct HostCounters {
   std::optional<Nanos> steal;  ///< Of the same cores: taken by the hypervisor for others.
   Nanos own{0};  ///< Processor time of this process, all threads, and of the children (a driver's
                  ///< compiler, say) that it has waited for.
+  std::optional<Nanos> waited;  ///< How long threads of this process could run and had no core.
   std::optional<std::int64_t> heat_events;  ///< Thermal throttling of the cores asked for.
   std::optional<Nanos>
       quota_wait;  ///< Time that this process' control group was held back by its quota.
@@ -46,5 +47,9 @@ struct Interference {
 /// @param core_count  How many cores `busy` was summed over.
 [[nodiscard]] Interference interference(const HostCounters& before, const HostCounters& after,
                                         int core_count);
+/// Of what is computed elsewhere: what others use here, perhaps its own workers, counts as far as
+/// this process waited for a core because of it, for so much of the time.
+[[nodiscard]] Interference interference_elsewhere(const HostCounters& before,
+                                                  const HostCounters& after);
 
 }  // namespace pirt

@@ -26,6 +26,7 @@
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/model/player.h"
+#include "workloads/model/remote.h"
 #include "workloads/model/tensor_file.h"
 
 namespace pirt {
@@ -230,6 +231,9 @@ class Worker {
   /// On the unit's cores; nothing on a device with a clock of its own, which others do not hold up.
   [[nodiscard]] Interference interference_since(const HostCounters& before) const {
     if (device_->own_clock() != nullptr) return {};
+    if (dynamic_cast<const Remote*>(device_.get()) != nullptr) {
+      return interference_elsewhere(before, read_host_counters({}));
+    }
     const int cores = job_.unit.cores.empty() ? static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))
                                               : static_cast<int>(job_.unit.cores.size());
     return interference(before, read_host_counters(job_.unit.cores), cores);

@@ -174,6 +174,24 @@ TEST(HostLoad, NoticesOthersOnTheSameCores) {
   EXPECT_TRUE(interference(before, at(seconds(2), milliseconds(103'010), seconds(12)), 2).crowded);
 }
 
+// Its worker may be a program of this machine, too.
+TEST(HostLoad, OfWhatIsElsewhereCountsWaitingForACore) {
+  auto before = at(Nanos(0), seconds(100), seconds(10));
+  auto after = at(seconds(2), seconds(104), seconds(10));
+  EXPECT_FALSE(interference_elsewhere(before, after).contended);  // Nobody counts it.
+  before.waited = seconds(1);
+  after.waited = milliseconds(1100);  // 5 % of 2 s
+  EXPECT_FALSE(interference_elsewhere(before, after).contended);
+  after.waited = milliseconds(1110);
+  EXPECT_TRUE(interference_elsewhere(before, after).contended);
+  EXPECT_FALSE(interference_elsewhere(before, after).crowded);
+  after.waited = milliseconds(1510);
+  EXPECT_TRUE(interference_elsewhere(before, after).crowded);
+  before.quota_wait = Nanos(0);
+  after.quota_wait = seconds(1);
+  EXPECT_TRUE(interference_elsewhere(before, after).throttled);
+}
+
 TEST(HostLoad, NoticesThrottling) {
   auto before = at(Nanos(0), Nanos(0), Nanos(0));
   auto after = at(seconds(1), Nanos(0), Nanos(0));

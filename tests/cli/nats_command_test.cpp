@@ -169,6 +169,29 @@ TEST_F(CloudCommand, IsMeasuredAndComparedWithTheRobot) {
   EXPECT_GT(row["cloud"]["ms"], 0);
 }
 
+// A task that the cloud would not have ready in time comes back when it can just be computed here.
+TEST_F(CloudCommand, ATaskWithADeadlineComesBackAtItsLatestSafeStart) {
+  scratch->write("urgent.yaml", R"(
+mix: urgent
+pipelines:
+  map: {rate_hz: 4, real_time: false, deadline_ms: 1000, tasks: [{workload: pool5}]}
+)");
+  const auto outcome =
+      run_on_cloud("schedule --live --profile p.db --allow-invalid --mix urgent.yaml --duration 3s",
+                   {.meanwhile = "kill -STOP $worker; ", .after = "kill -CONT $worker; sleep 2; "});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto made = record();
+  EXPECT_EQ(made["submitted"], 12);
+  EXPECT_EQ(made["failed"], 0);
+  EXPECT_EQ(made["offloaded"], 0);
+  EXPECT_EQ(made["completed"].get<int>() + made["queued"].get<int>(), 12);
+  EXPECT_GE(made["units"]["cpu"]["completed"], 1);
+  // They were in the cloud until it was time.
+  EXPECT_GT(made["pipelines"]["map"]["p50_ms"], 900);
+  // The worker that goes on finds them withdrawn, or their time over.
+  EXPECT_GT(counted(outcome, "expired") + counted(outcome, "withdrawn"), 0);
+}
+
 /// A robot that runs through a room: long enough for a batch of keyframes, and one description.
 class CloudRobot : public CloudTest {
  protected:

@@ -275,6 +275,14 @@ std::unique_ptr<Kernel> make_layer(const Workload& workload, std::span<const Ten
   return kernel;
 }
 
+std::unique_ptr<Kernel> make_fully_connected(const Workload& workload,
+                                             std::span<const Tensor> parameters,
+                                             const std::shared_ptr<BandTeam>& team) {
+  return workload.precision == Precision::kInt8 && workload.batch == 1
+             ? make_int8_product(workload, parameters, team)
+             : make_layer(workload, parameters, team);
+}
+
 std::unique_ptr<Kernel> make_sequence(const Workload& workload, std::span<const Tensor> parameters,
                                       const std::shared_ptr<BandTeam>&) {
   auto kernel = std::make_unique<DnnKernel>(workload.batch);
@@ -290,7 +298,7 @@ std::unique_ptr<Kernel> make_sequence(const Workload& workload, std::span<const 
 
 constexpr std::array<CpuKernelEntry, 4> kKernels = {{{"conv2d_relu", make_layer},
                                                      {"max_pool", make_layer},
-                                                     {"fully_connected", make_layer},
+                                                     {"fully_connected", make_fully_connected},
                                                      {"sequence", make_sequence}}};
 
 }  // namespace

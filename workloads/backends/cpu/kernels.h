@@ -33,6 +33,11 @@ struct CpuKernelEntry {
                                                             std::span<const Tensor> parameters,
                                                             const std::shared_ptr<BandTeam>& team);
 
+/// Of a fully connected layer in int8, on one image.
+[[nodiscard]] std::unique_ptr<Kernel> make_int8_product(const Workload& workload,
+                                                        std::span<const Tensor> parameters,
+                                                        const std::shared_ptr<BandTeam>& team);
+
 [[nodiscard]] std::span<const CpuKernelEntry> vision_kernels();
 [[nodiscard]] std::span<const CpuKernelEntry> dnn_kernels();
 [[nodiscard]] std::span<const CpuKernelEntry> slam_kernels();

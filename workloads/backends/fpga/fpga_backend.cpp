@@ -23,7 +23,12 @@ Support support_of(const Workload& workload) {
     return {false, "backend fpga has a memory of its own: nothing to map"};
   }
   const auto* const entry = fpga::find_kernel(workload.kernel);
-  if (entry == nullptr) return {false, "backend fpga has no core for '" + workload.kernel + "'"};
+  if (entry == nullptr) {
+    const std::string_view here =
+        workload.operation != nullptr ? workload.operation->host_only() : "";
+    return {false, here.empty() ? "backend fpga has no core for '" + workload.kernel + "'"
+                                : std::string(here)};
+  }
   const std::string fault = entry->fault(*entry, workload);
   return {fault.empty(), fault};
 }
