@@ -103,7 +103,7 @@ MapChange correct_map(State& state, const Setup& setup, const BetterMap& better)
     }
     MapPoint& mine = state.map[old->second];
     const Eigen::Vector3d off = point.position - mine.position;
-    const Eigen::Matrix3d both = point.covariance + mine.covariance;
+    const Eigen::Matrix3d both = point.covariance + world_covariance(state, mine);
     if (off.dot(both.ldlt().solve(off)) > kGate * chi_square_95(3)) {
       ++change.refused;
       continue;

@@ -8,7 +8,9 @@
 namespace pirt::slam {
 namespace {
 
-constexpr double kNear = 0.25;     // of the depth: what is nearer to a milestone needs none
+constexpr double kNear = 0.25;  // of the depth: what is nearer to a milestone needs none
+// Points that were seen together are off together; as if each were alone, they say less.
+constexpr double kTogether = 4.0;  // in variance
 constexpr double kTurnArm = 0.25;  // of the depth, for a turn of a radian
 
 /// How much two poses' views differ, as a way.
@@ -127,6 +129,13 @@ JacobianPart moves_with(const State& state, const MapPoint& point) {
   return {State::clone_at(index_of(state, point.milestone)), place_of_pose(point.position)};
 }
 
+Eigen::Matrix3d world_covariance(const State& state, const MapPoint& point) {
+  if (point.milestone < 0) return point.covariance;
+  RowBlock off = of_a_place();
+  off.parts.push_back(moves_with(state, point));
+  return kTogether * point.covariance + predicted_covariance(state, off);
+}
+
 NewLandmark landmark_of(const State& state, const MapPoint& point) {
   NewLandmark made;
   made.landmark.id = point.id;
@@ -136,8 +145,6 @@ NewLandmark landmark_of(const State& state, const MapPoint& point) {
   // What the landmark's error and the newest clone's turn make of the place differs from what the
   // milestone makes of it by the point's own error.
   constexpr double kLeast = 1e-10;
-  // Points that were seen together are off together; as if each were alone, they say less.
-  constexpr double kTogether = 4.0;
   const Eigen::LLT<Eigen::Matrix3d> root(kTogether * point.covariance +
                                          kLeast * Eigen::Matrix3d::Identity());
   const Eigen::Matrix3d whiten = root.matrixL().solve(Eigen::Matrix3d::Identity());

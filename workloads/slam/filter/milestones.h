@@ -25,6 +25,10 @@ void leave_window(State& state, const Setup& setup, double depth);
 /// What a point with a milestone is off by in the world, of the milestone's errors. f64 [3,6]
 [[nodiscard]] JacobianPart moves_with(const State& state, const MapPoint& point);
 
+/// What a point of the map is off by in the world: against its milestone twice what it says, since
+/// points that were seen together are off together, and as its milestone is. f64 [3,3]
+[[nodiscard]] Eigen::Matrix3d world_covariance(const State& state, const MapPoint& point);
+
 /// A landmark of a point that has a milestone, known half as well: what it shares with those beside
 /// it is not counted.
 [[nodiscard]] NewLandmark landmark_of(const State& state, const MapPoint& point);
