@@ -41,7 +41,8 @@ struct CampaignOptions {
   double precision =
       0.02;  ///< Half the 95 % interval of the median, relative; within 0 and 1, both excluded.
   bool quick = false;  ///< 4 processes a cell, 2 of them cold, instead of 10 and 5.
-  /// Sample beside the units of the same memory, too. A run that is not quick does.
+  /// Sample beside the units of the same memory, and after all caches were emptied, too. A run that
+  /// is not quick does.
   bool interference = false;
   std::optional<Nanos> max_time;  ///< See CampaignPlan::max_time; absent = kQuickTime or kFullTime
                                   ///< a cell.

@@ -71,6 +71,7 @@ int needed_processes(const CampaignOptions& options) { return options.quick ? 4 
 SamplingOptions sampling_options(const CampaignOptions& options) {
   SamplingOptions sampling;
   sampling.condition_samples = kFewestSamples / needed_processes(options);
+  sampling.cold_memory = options.interference || !options.quick;
   if (!options.quick) {
     sampling.condition_samples *= 5;
     sampling.warm_up = std::chrono::milliseconds(80);

@@ -44,7 +44,8 @@ Json encode(const SamplingOptions& o) {
           {"limit_ns", o.limit.count()},
           {"min_samples", o.min_samples},
           {"max_samples", o.max_samples},
-          {"condition_samples", o.condition_samples}};
+          {"condition_samples", o.condition_samples},
+          {"cold_memory", o.cold_memory}};
 }
 
 SamplingOptions decode_sampling(const Json& j) {
@@ -56,6 +57,7 @@ SamplingOptions decode_sampling(const Json& j) {
   o.min_samples = j.at("min_samples");
   o.max_samples = j.at("max_samples");
   o.condition_samples = j.at("condition_samples");
+  o.cold_memory = j.at("cold_memory");
   return o;
 }
 

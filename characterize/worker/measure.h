@@ -41,6 +41,7 @@ struct SamplingOptions {
   std::int64_t max_samples = 1'000;
   /// Besides, executions under each other condition (condition.h); 0 = none.
   std::int64_t condition_samples = 0;
+  bool cold_memory = false;  ///< That of kColdMemory, too, which takes the longest.
 };
 
 /// Samples of one phase, with what else is needed to judge them.

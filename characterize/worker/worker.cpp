@@ -365,7 +365,8 @@ class Worker {
     const auto own = own_cache_bytes(cores);
     const auto last = reached_cache_bytes(cores);
     sample_after_sweep(Condition::kColdCache, cores, own);
-    if (last && last != own) sample_after_sweep(Condition::kColdMemory, cores, last);
+    if (job_.sampling.cold_memory && last && last != own)
+      sample_after_sweep(Condition::kColdMemory, cores, last);
   }
 
   /// Not of calls beside which filling the caches again is nothing: at most what emptying them

@@ -374,8 +374,8 @@ void add_characterize(CLI::App& app, Action& action) {
       "--quick", options->quick,
       "4 processes a cell, 2 of them with cold set-ups, instead of 10 and 5, and less sampling");
   command.add_flag("--interference", options->interference,
-                   "Measure calls beside a busy unit of the same memory as well, which a run "
-                   "without --quick does anyway");
+                   "Measure calls beside a busy unit of the same memory, and after all caches were "
+                   "emptied, as well, which a run without --quick does anyway");
   command.add_flag("--dry-run", options->dry_run,
                    "Show the cells and the estimated time; measure nothing");
   add_output(command, "--fit-energy", options->fit.file,
