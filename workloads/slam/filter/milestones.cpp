@@ -39,6 +39,13 @@ Eigen::Matrix<double, 3, 6> place_of_pose(const Eigen::Vector3d& place) {
   return j;
 }
 
+/// What a point that has a milestone is off by in the world because that is.
+Eigen::Matrix3d covariance_by_milestone(const State& state, const MapPoint& point) {
+  RowBlock off = of_a_place();
+  off.parts.push_back(moves_with(state, point));
+  return predicted_covariance(state, off);
+}
+
 /// Its points are known against another one from now on.
 void remove_milestone(State& state, std::size_t index) {
   const std::int64_t frame = state.clones[index].frame;
@@ -131,9 +138,7 @@ JacobianPart moves_with(const State& state, const MapPoint& point) {
 
 Eigen::Matrix3d world_covariance(const State& state, const MapPoint& point) {
   if (point.milestone < 0) return point.covariance;
-  RowBlock off = of_a_place();
-  off.parts.push_back(moves_with(state, point));
-  return kTogether * point.covariance + predicted_covariance(state, off);
+  return kTogether * point.covariance + covariance_by_milestone(state, point);
 }
 
 NewLandmark landmark_of(const State& state, const MapPoint& point) {
@@ -161,9 +166,7 @@ NewLandmark landmark_of(const State& state, const MapPoint& point) {
 void forget_milestones(State& state) {
   for (MapPoint& point : state.map) {
     if (point.milestone < 0) continue;
-    RowBlock off = of_a_place();
-    off.parts.push_back(moves_with(state, point));
-    point.covariance += predicted_covariance(state, off);
+    point.covariance += covariance_by_milestone(state, point);
     point.milestone = -1;
   }
   while (state.milestones > 0) remove_clone(state, 0);
