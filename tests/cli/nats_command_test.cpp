@@ -174,10 +174,11 @@ TEST_F(CloudCommand, ATaskWithADeadlineComesBackAtItsLatestSafeStart) {
   scratch->write("urgent.yaml", R"(
 mix: urgent
 pipelines:
-  map: {rate_hz: 4, real_time: false, deadline_ms: 1000, tasks: [{workload: pool5}]}
+  map: {rate_hz: 4, offset_ms: 1000, real_time: false, deadline_ms: 1000, tasks: [{workload: pool5}]}
 )");
+  // The first is submitted once the worker has long been stopped.
   const auto outcome =
-      run_on_cloud("schedule --live --profile p.db --allow-invalid --mix urgent.yaml --duration 3s",
+      run_on_cloud("schedule --live --profile p.db --allow-invalid --mix urgent.yaml --duration 4s",
                    {.meanwhile = "kill -STOP $worker; ", .after = "kill -CONT $worker; sleep 2; "});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const auto made = record();
