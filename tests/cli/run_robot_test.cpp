@@ -1,6 +1,7 @@
 // pirt run-robot as a process, on a small sequence.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 
@@ -63,6 +64,24 @@ TEST_F(RunRobot, LiveWritesTheTrajectoryOfTheSerialRun) {
   int updates = 0;
   for (const auto& calls : a["served"]["update_pose"]) updates += calls.get<int>();
   EXPECT_EQ(updates, 50);
+}
+
+// What is compiled for vectors besides is chosen at run time.
+TEST_F(RunRobot, LocalizesOnAProcessorWithoutVectorsOfFourNumbers) {
+  const std::string emulator = "/usr/bin/qemu-x86_64";
+#ifdef __x86_64__
+  if (::access(emulator.c_str(), X_OK) != 0) GTEST_SKIP() << "skipped: no qemu-x86_64";
+#else
+  GTEST_SKIP() << "skipped: for x86-64 only";
+#endif
+  const auto command = arguments({"--serial", "--fast", "--localize-only", "--json", "-"});
+  const auto old = pirt(command, emulator + " -cpu Westmere");
+  ASSERT_EQ(old.exit_code, 0) << old.err;
+  const auto usual = pirt(command);
+  ASSERT_EQ(usual.exit_code, 0) << usual.err;
+  EXPECT_EQ(old.json()["frames_tracking"], usual.json()["frames_tracking"]);
+  EXPECT_GT(old.json()["frames_tracking"], 30);
+  EXPECT_NEAR(old.json()["ate_rms_m"], usual.json()["ate_rms_m"], 2e-3);
 }
 
 TEST_F(RunRobot, SaysWhetherTheMapThatWasLoadedWasFoundAndSavesItsOwnIfNot) {

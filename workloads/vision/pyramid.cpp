@@ -1,8 +1,11 @@
+// A point is followed by code that is compiled twice, for any processor and for AVX2; which one
+// runs is decided when it is first needed. Without fused products both have the same bits.
 #include "workloads/vision/pyramid.h"
 
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <cstring>
 
 #include "workloads/base/math/pixel_index.h"
 
@@ -49,7 +52,8 @@ struct Anchor {
 };
 
 /// Absent (false) where the window with @p rim leaves the picture.
-bool anchor_at(const GreyImage& image, const Eigen::Vector2f& centre, int rim, Anchor& anchor) {
+[[gnu::always_inline]] inline bool anchor_at(const GreyImage& image, const Eigen::Vector2f& centre,
+                                             int rim, Anchor& anchor) {
   const float left = centre.x() - static_cast<float>(kHalf + rim);
   const float top = centre.y() - static_cast<float>(kHalf + rim);
   // One column more is read than the window has (kStride, kOuterStride), and one for the fraction.
@@ -67,17 +71,39 @@ bool anchor_at(const GreyImage& image, const Eigen::Vector2f& centre, int rim, A
   return true;
 }
 
+/// Each row of pixels is converted once, with some more columns, for whole vectors.
 template <int kRows, int kColumns>
-void sample(const GreyImage& image, const Anchor& a, float* out) {
+[[gnu::always_inline]] inline void sample(const GreyImage& image, const Anchor& a, float* out) {
+  constexpr int kRead = (kColumns + 1 + 7) / 8 * 8;
+  alignas(32) float rows[2][kRead];
+  const auto convert = [&](int y) {
+    const auto* pixels = image.row(a.y + y) + a.x;
+    for (int x = 0; x < kRead; ++x) rows[y % 2][x] = static_cast<float>(pixels[x]);
+  };
+  convert(0);
   for (int y = 0; y < kRows; ++y) {
-    const auto* top = image.row(a.y + y) + a.x;
-    const auto* low = image.row(a.y + y + 1) + a.x;
+    convert(y + 1);
+    const float* top = rows[y % 2];
+    const float* low = rows[(y + 1) % 2];
     for (int x = 0; x < kColumns; ++x) {
       out[y * kColumns + x] =
-          a.w00 * static_cast<float>(top[x]) + a.w01 * static_cast<float>(top[x + 1]) +
-          a.w10 * static_cast<float>(low[x]) + a.w11 * static_cast<float>(low[x + 1]);
+          a.w00 * top[x] + a.w01 * top[x + 1] + a.w10 * low[x] + a.w11 * low[x + 1];
     }
   }
+}
+
+constexpr std::size_t kLanes = 8;
+using Lanes = float __attribute__((vector_size(kLanes * sizeof(float))));
+
+/// A window's next texels. (A value of this type is not returned: without AVX, that has no ABI.)
+[[gnu::always_inline]] inline void load(const std::array<float, kTexels>& window, std::size_t i,
+                                        Lanes& lanes) {
+  std::memcpy(&lanes, window.data() + i, sizeof lanes);
+}
+
+[[gnu::always_inline]] inline float sum_of(const Lanes& lanes) {
+  return ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) +
+         ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
 }
 
 /// What is known of a window before it is looked for. Columns beyond the window have no gradient
@@ -91,14 +117,14 @@ struct Template {
                           TrackWork& work);
 };
 
-bool Template::make(const GreyImage& image, const Eigen::Vector2f& centre, float least_corner,
-                    TrackWork& work) {
+[[gnu::always_inline]] inline bool Template::make(const GreyImage& image,
+                                                  const Eigen::Vector2f& centre, float least_corner,
+                                                  TrackWork& work) {
   Anchor anchor{};
   if (!anchor_at(image, centre, 1, anchor)) return false;
   ++work.windows;
   alignas(64) std::array<float, kOuterTexels> outer;
   sample<kOuter, kOuterStride>(image, anchor, outer.data());
-  xx = xy = yy = mean_x = mean_y = 0;
   for (int y = 0; y < kWindow; ++y) {
     const float* row = &outer[pixel_index(1, y + 1, kOuterStride)];
     for (int x = 0; x < kWindow; ++x) {
@@ -108,13 +134,22 @@ bool Template::make(const GreyImage& image, const Eigen::Vector2f& centre, float
       gy[i] = 0.5F * (row[x + kOuterStride] - row[x - kOuterStride]);
     }
   }
-  for (std::size_t i = 0; i < gx.size(); ++i) {
-    xx += gx[i] * gx[i];
-    xy += gx[i] * gy[i];
-    yy += gy[i] * gy[i];
-    mean_x += gx[i];
-    mean_y += gy[i];
+  Lanes sums[5] = {};
+  for (std::size_t i = 0; i < kTexels; i += kLanes) {
+    Lanes x, y;
+    load(gx, i, x);
+    load(gy, i, y);
+    sums[0] += x * x;
+    sums[1] += x * y;
+    sums[2] += y * y;
+    sums[3] += x;
+    sums[4] += y;
   }
+  xx = sum_of(sums[0]);
+  xy = sum_of(sums[1]);
+  yy = sum_of(sums[2]);
+  mean_x = sum_of(sums[3]);
+  mean_y = sum_of(sums[4]);
   mean_x /= kCount;
   mean_y /= kCount;
   xx -= kCount * mean_x * mean_x;
@@ -128,8 +163,9 @@ bool Template::make(const GreyImage& image, const Eigen::Vector2f& centre, float
 enum class Match { kGood, kOutside, kDifferent };
 
 /// Moves @p at to where the window looks like @p wanted.
-Match align(const Template& wanted, const GreyImage& image, const TrackOptions& options,
-            Eigen::Vector2f& at, float& error, TrackWork& work) {
+[[gnu::always_inline]] inline Match align(const Template& wanted, const GreyImage& image,
+                                          const TrackOptions& options, Eigen::Vector2f& at,
+                                          float& error, TrackWork& work) {
   const float determinant = wanted.xx * wanted.yy - wanted.xy * wanted.xy;
   alignas(64) std::array<float, kTexels> seen;
   const Eigen::Vector2f start = at;
@@ -138,25 +174,27 @@ Match align(const Template& wanted, const GreyImage& image, const TrackOptions& 
     if (!anchor_at(image, at, 0, anchor)) return Match::kOutside;
     ++work.steps;
     sample<kWindow, kStride>(image, anchor, seen.data());
-    // Four sums each, so that they vectorize without reordering being allowed.
-    std::array<float, 4> bx{};
-    std::array<float, 4> by{};
-    std::array<float, 4> all{};
-    for (std::size_t k = 0; k < seen.size(); k += 4) {
-      for (std::size_t j = 0; j < 4; ++j) {
-        const float difference = seen[k + j] - wanted.value[k + j];
-        bx[j] += difference * wanted.gx[k + j];
-        by[j] += difference * wanted.gy[k + j];
-        all[j] += difference;
-      }
+    Lanes along_x = {};
+    Lanes along_y = {};
+    Lanes all = {};
+    for (std::size_t k = 0; k < kTexels; k += kLanes) {
+      Lanes difference, value, x, y;
+      load(seen, k, difference);
+      load(wanted.value, k, value);
+      load(wanted.gx, k, x);
+      load(wanted.gy, k, y);
+      difference -= value;
+      along_x += difference * x;
+      along_y += difference * y;
+      all += difference;
     }
     float extra = 0;  // of the padding column
     for (std::size_t y = 0; y < kWindow; ++y) {
       extra += seen[y * kStride + kWindow] - wanted.value[y * kStride + kWindow];
     }
-    const float sum = all[0] + all[1] + all[2] + all[3] - extra;
-    const float x = bx[0] + bx[1] + bx[2] + bx[3] - sum * wanted.mean_x;
-    const float y = by[0] + by[1] + by[2] + by[3] - sum * wanted.mean_y;
+    const float sum = sum_of(all) - extra;
+    const float x = sum_of(along_x) - sum * wanted.mean_x;
+    const float y = sum_of(along_y) - sum * wanted.mean_y;
     const Eigen::Vector2f step((wanted.yy * x - wanted.xy * y) / determinant,
                                (wanted.xx * y - wanted.xy * x) / determinant);
     at -= step;
@@ -181,22 +219,10 @@ Eigen::Vector2f at_level(const Eigen::Vector2f& pixel, std::size_t level) {
   return pixel / static_cast<float>(1U << level);
 }
 
-}  // namespace
-
-Pyramid make_pyramid(GreyImage image, int levels) {
-  Pyramid pyramid;
-  pyramid.levels.push_back(std::move(image));
-  while (std::ssize(pyramid.levels) < levels) {
-    pyramid.levels.push_back(half_of(pyramid.levels.back()));
-  }
-  return pyramid;
-}
-
-TrackedPoint track_feature(const Pyramid& from, const Pyramid& to, const Eigen::Vector2f& point,
-                           const Eigen::Vector2f& guess, const TrackOptions& options,
-                           TrackWork* work) {
-  TrackWork ignored;
-  TrackWork& done = work != nullptr ? *work : ignored;
+[[gnu::always_inline]] inline TrackedPoint track(const Pyramid& from, const Pyramid& to,
+                                                 const Eigen::Vector2f& point,
+                                                 const Eigen::Vector2f& guess,
+                                                 const TrackOptions& options, TrackWork& done) {
   TrackedPoint tracked{guess, false};
   Template wanted;
   const auto least = static_cast<float>(options.least_corner);
@@ -226,6 +252,44 @@ TrackedPoint track_feature(const Pyramid& from, const Pyramid& to, const Eigen::
   }
   tracked.found = true;
   return tracked;
+}
+
+TrackedPoint track_anywhere(const Pyramid& from, const Pyramid& to, const Eigen::Vector2f& point,
+                            const Eigen::Vector2f& guess, const TrackOptions& options,
+                            TrackWork& work) {
+  return track(from, to, point, guess, options, work);
+}
+
+#ifdef __x86_64__
+[[gnu::target("avx2")]] TrackedPoint track_with_avx2(const Pyramid& from, const Pyramid& to,
+                                                     const Eigen::Vector2f& point,
+                                                     const Eigen::Vector2f& guess,
+                                                     const TrackOptions& options, TrackWork& work) {
+  return track(from, to, point, guess, options, work);
+}
+bool has_avx2() { return __builtin_cpu_supports("avx2") != 0; }
+#else
+constexpr auto track_with_avx2 = track_anywhere;
+bool has_avx2() { return false; }
+#endif
+
+}  // namespace
+
+Pyramid make_pyramid(GreyImage image, int levels) {
+  Pyramid pyramid;
+  pyramid.levels.push_back(std::move(image));
+  while (std::ssize(pyramid.levels) < levels) {
+    pyramid.levels.push_back(half_of(pyramid.levels.back()));
+  }
+  return pyramid;
+}
+
+TrackedPoint track_feature(const Pyramid& from, const Pyramid& to, const Eigen::Vector2f& point,
+                           const Eigen::Vector2f& guess, const TrackOptions& options,
+                           TrackWork* work) {
+  static const auto best = has_avx2() ? track_with_avx2 : track_anywhere;
+  TrackWork ignored;
+  return best(from, to, point, guess, options, work != nullptr ? *work : ignored);
 }
 
 std::vector<TrackedPoint> track_features(const Pyramid& from, const Pyramid& to,

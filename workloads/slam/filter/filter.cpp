@@ -7,7 +7,7 @@
 #include <cmath>
 #include <utility>
 
-#include "workloads/slam/filter/rank_update.h"
+#include "workloads/slam/filter/dense_update.h"
 
 namespace pirt::slam {
 namespace {
@@ -99,6 +99,17 @@ void change_anchor(State& state, int from, int to) {
   }
 }
 
+/// to += a * b. Of few columns of a, packing them for Eigen's blocks takes longer than the product.
+template <class A, class B>
+void add_product(Eigen::Ref<Eigen::MatrixXd> to, const A& a, const B& b) {
+  constexpr Eigen::Index kFew = 8;
+  if (a.cols() <= kFew) {
+    to += a.lazyProduct(b);
+  } else {
+    to.noalias() += a * b;
+  }
+}
+
 Eigen::Index rows_of(const std::vector<RowBlock>& blocks) {
   Eigen::Index rows = 0;
   for (const auto& block : blocks) rows += block.residual.size();
@@ -108,16 +119,18 @@ Eigen::Index rows_of(const std::vector<RowBlock>& blocks) {
 }  // namespace
 
 Eigen::MatrixXd predicted_covariance(const State& state, const RowBlock& block) {
-  const auto rows = block.residual.size();
-  Eigen::MatrixXd s = Eigen::MatrixXd::Zero(rows, rows);
-  for (const auto& a : block.parts) {
-    for (const auto& b : block.parts) {
-      s.noalias() += a.values *
-                     state.covariance.block(a.at, b.at, a.values.cols(), b.values.cols()) *
-                     b.values.transpose();
-    }
+  std::vector<Eigen::Index> columns;
+  for (const auto& part : block.parts) {
+    for (Eigen::Index i = 0; i < part.values.cols(); ++i) columns.push_back(part.at + i);
   }
-  return s;
+  Eigen::MatrixXd jacobian(block.residual.size(), std::ssize(columns));
+  Eigen::Index at = 0;
+  for (const auto& part : block.parts) {
+    jacobian.middleCols(at, part.values.cols()) = part.values;
+    at += part.values.cols();
+  }
+  const Eigen::MatrixXd its = state.covariance(columns, columns);
+  return jacobian * its * jacobian.transpose();
 }
 
 double innovation(const State& state, const RowBlock& block) {
@@ -143,8 +156,9 @@ bool kalman_update(State& state, const std::vector<RowBlock>& blocks) {
   for (const auto& block : blocks) {
     const auto count = block.residual.size();
     for (const auto& part : block.parts) {
-      ph.middleCols(at, count).noalias() +=
-          state.covariance.middleCols(part.at, part.values.cols()) * part.values.transpose();
+      add_product(ph.middleCols(at, count),
+                  state.covariance.middleCols(part.at, part.values.cols()),
+                  part.values.transpose());
     }
     residual.segment(at, count) = block.residual;
     at += count;
@@ -153,19 +167,14 @@ bool kalman_update(State& state, const std::vector<RowBlock>& blocks) {
   for (const auto& block : blocks) {
     const auto count = block.residual.size();
     for (const auto& part : block.parts) {
-      s.middleRows(at, count).noalias() += part.values * ph.middleRows(part.at, part.values.cols());
+      add_product(s.middleRows(at, count), part.values, ph.middleRows(part.at, part.values.cols()));
     }
     s.diagonal().segment(at, count).array() += block.sigma * block.sigma;
     at += count;
   }
-  // P - K S K^T = P - W W^T with W = P H^T L^-T, S = L L^T.
-  const Eigen::LLT<Eigen::MatrixXd> cholesky(s);
-  if (cholesky.info() != Eigen::Success) return false;
-  const Eigen::VectorXd correction = ph * cholesky.solve(residual);
-  if (!correction.allFinite()) return false;
-  cholesky.matrixU().solveInPlace<Eigen::OnTheRight>(ph);
-  subtract_square(state.covariance, ph);
-  correct(state, correction);
+  const auto correction = dense_update(state.covariance, s, ph, residual);
+  if (!correction) return false;
+  correct(state, *correction);
   return true;
 }
 
