@@ -7,7 +7,8 @@
 //   CONV_CHANNELS  output channels of a work item of conv2d_relu, a vector's width or twice the
 //                  widest; layers need not have a multiple of it;
 //   CONV_PIXELS    its output pixels: 6 x 16 sums are 12 of the 16 vector registers of AVX2,
-//                  12 x 32 are 24 of the 32 of AVX-512, where a loaded pixel serves two products;
+//                  13 x 32 are 26 of the 32 of AVX-512, where a loaded pixel serves two products,
+//                  and divide the 169 pixels of conv3 to conv5;
 //   FC_ROWS        output rows of a work item of fully_connected.
 #define CHANNELS CONV_CHANNELS
 #define PIXELS CONV_PIXELS

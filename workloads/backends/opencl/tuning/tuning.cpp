@@ -22,7 +22,7 @@ constexpr std::array kFeatureGpu = {8, 16, 32};
 constexpr std::array kRunsCpu = {kWholeRun, 64, 128, 256};
 constexpr std::array kRunsGpu = {16, 32, 64, 128, 256};
 constexpr std::array kChannels = {kByVectors, 4, 8, 16, 32};
-constexpr std::array kPixels = {kByVectors, 2, 4, 6, 8, 12};
+constexpr std::array kPixels = {kByVectors, 2, 4, 6, 8, 12, 13};
 // GPUs have the tiles of tiles.cl, and these where a group does not fit them: nothing to search.
 constexpr std::array kChannelsGpu = {16};
 constexpr std::array kPixelsGpu = {6};
@@ -166,7 +166,7 @@ Tuning for_vectors(Tuning tuning, int lanes) {
     tuning.set(Parameter::kConvChannels, is_wide ? 32 : 16);
   }
   if (tuning[Parameter::kConvPixels] == kByVectors) {
-    tuning.set(Parameter::kConvPixels, is_wide ? 12 : 6);
+    tuning.set(Parameter::kConvPixels, is_wide ? 13 : 6);
   }
   return tuning;
 }
