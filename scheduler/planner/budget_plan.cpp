@@ -19,24 +19,15 @@ double idle_w(const Platform& platform) {
   return sum;
 }
 
-/// Of a call with all its stages, one after the other.
-Nanos worst_of(const Service& service) {
-  Nanos sum{0};
-  for (const ServiceStage& stage : service.stages) {
-    sum += scaled(usual_worst(stage.time), stage.scale);
-  }
-  return sum;
-}
-
 /// The longest time until a call ends or can be left.
 Nanos longest_slice(const Service& service, UnitId unit) {
   const auto sliced = service.sliced_stage(unit);
-  if (!sliced) return worst_of(service);
+  if (!sliced) return service.usual_worst();
   Nanos longest{0};
   Nanos since{0};  // It could be left.
   for (std::size_t i = 0; i < service.stages.size(); ++i) {
     const ServiceStage& stage = service.stages[i];
-    const Nanos takes = scaled(usual_worst(stage.time), stage.scale);
+    const Nanos takes = stage.usual_worst();
     if (i != *sliced) {
       since += takes;
       continue;
@@ -79,8 +70,8 @@ int busy_with(const Service& service, const UnitModel& unit, UnitId id) {
   return static_cast<int>(std::clamp(tasks, 1.0, double{kNoLimit}));
 }
 
-BudgetPlan::Task first_task(const Scenario& scenario, const ServiceTable& upper,
-                            std::uint32_t pipeline, std::uint32_t position) {
+BudgetPlan::Task first_task(const Scenario& scenario, std::uint32_t pipeline,
+                            std::uint32_t position) {
   const Platform& platform = scenario.platform;
   const TaskClass& kind = scenario.classes[pipeline][position];
   const std::size_t units = platform.units.size();
@@ -101,13 +92,8 @@ BudgetPlan::Task first_task(const Scenario& scenario, const ServiceTable& upper,
     const Service& service = *scenario.services.find(kind.workload, unit);
     task.units.push_back(unit);
     task.capacity[unit] = busy_with(service, platform.units[unit], unit);
-    const Service* slow = upper.find(kind.workload, unit);
-    task.worst[unit] = std::max(worst_of(service), slow != nullptr ? worst_of(*slow) : Nanos(0));
-    if (scenario.slices) {
-      task.slice[unit] = longest_slice(service, unit);
-      if (slow != nullptr)
-        task.slice[unit] = std::max(task.slice[unit], longest_slice(*slow, unit));
-    }
+    task.worst[unit] = service.usual_worst();
+    if (scenario.slices) task.slice[unit] = longest_slice(service, unit);
     if (const auto& contexts = platform.units[unit].contexts) {
       task.context[unit] =
           context_of(*contexts, kind.workload, scenario.services.workloads[kind.workload]);
@@ -146,15 +132,6 @@ void check_energy_known(const Scenario& scenario, const BudgetPlan& plan) {
 
 }  // namespace
 
-Nanos usual_worst(const Distribution& time) {
-  if (time.kind != Distribution::Kind::kSamples) return time.high;
-  std::vector<Nanos> samples = *time.samples;
-  const auto place =
-      samples.begin() + static_cast<std::ptrdiff_t>((samples.size() * 95 + 99) / 100 - 1);
-  std::ranges::nth_element(samples, place);
-  return *place;
-}
-
 double above_idle_j(const Platform& platform, double power_cap_w) {
   return (power_cap_w - idle_w(platform)) * kWindowS;
 }
@@ -164,8 +141,7 @@ std::string infeasible_cap(const Platform& platform, double power_cap_w) {
                      power_cap_w, platform.name, idle_w(platform));
 }
 
-BudgetPlan first_budget_plan(const Scenario& scenario, const ServiceTable& upper,
-                             std::optional<double> power_cap_w) {
+BudgetPlan first_budget_plan(const Scenario& scenario, std::optional<double> power_cap_w) {
   BudgetPlan plan;
   for (std::uint32_t p = 0; p < scenario.mix.pipelines.size(); ++p) {
     const Pipeline& pipeline = scenario.mix.pipelines[p];
@@ -175,7 +151,7 @@ BudgetPlan first_budget_plan(const Scenario& scenario, const ServiceTable& upper
                               .deadline = pipeline.deadline,
                               .real_time = pipeline.real_time});
     for (std::uint32_t t = 0; t < pipeline.tasks.size(); ++t) {
-      plan.tasks.push_back(first_task(scenario, upper, p, t));
+      plan.tasks.push_back(first_task(scenario, p, t));
     }
   }
   measure_ways(scenario, plan);

@@ -59,15 +59,11 @@ struct BudgetPlan {
 /// A plan that nobody has improved: the cheapest unit first, tasks with a deadline on one unit,
 /// queues no longer than what keeps a unit busy.
 /// @param scenario  Its classes have their entries.
-/// @param upper     Services whose times are those of calls that take long.
 /// @throws Error{kBadInput} for a cap where nobody knows what a unit that may serve a task draws.
-[[nodiscard]] BudgetPlan first_budget_plan(const Scenario& scenario, const ServiceTable& upper,
+[[nodiscard]] BudgetPlan first_budget_plan(const Scenario& scenario,
                                            std::optional<double> power_cap_w);
 
 /// Sets what follows from the first of each task's units: the ways behind them.
 void measure_ways(const Scenario& scenario, BudgetPlan& plan);
-
-/// Of a drawn time, what 95 of 100 do not exceed; the value itself, or the highest, of others.
-[[nodiscard]] Nanos usual_worst(const Distribution& time);
 
 }  // namespace pirt

@@ -148,19 +148,15 @@ void number_entries(Scenario& scenario) {
 }
 
 /// What the mode plans before a run: what a planner does, or the beginning of a budget.
-void make_plan(const Mode& mode, Scenario& scenario, const Profile* profile,
-               ServiceOptions service_options, const ScheduleOptions& options, PolicySetup& setup) {
+void make_plan(const Mode& mode, Scenario& scenario, const ScheduleOptions& options,
+               PolicySetup& setup) {
   if (mode.policy.planner == nullptr && !mode.policy.budgets) return;
   number_entries(scenario);
   if (mode.policy.planner != nullptr) {
     setup.plan = plan_mix(scenario, mode.policy.planner);
     return;
   }
-  if (service_options.draw == Draw::kMedian) service_options.draw = Draw::kP95;
-  service_options.given = given_services(scenario.platform, scenario.mix);
-  const ServiceTable upper =
-      resolve_services(scenario.platform, profile, scenario.services.workloads, service_options);
-  setup.budget = first_budget_plan(scenario, upper, options.power_cap_w);
+  setup.budget = first_budget_plan(scenario, options.power_cap_w);
 }
 
 void check_budget(const Platform& platform, const ScheduleOptions& options, const Mode& mode) {
@@ -222,7 +218,7 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
   setup.roles = roles_of(platform);
   for (const auto& unit : platform.units) setup.servers.push_back(unit.servers);
   setup.costs = call_costs(platform, scenario.services);
-  make_plan(mode, scenario, profile, std::move(service_options), options, setup);
+  make_plan(mode, scenario, options, setup);
   ChosenWeights weights = choose_weights(scenario, options, mode, defaults);
   setup.weights = std::move(weights.table);
   setup.literal_overflow = options.overflow == Overflow::kLiteral;

@@ -94,6 +94,7 @@ std::optional<CallConditions> call_conditions(const Profile& profile, const std:
   const auto drawn_of = [&](Condition condition) -> std::optional<Distribution> {
     const PhaseRow* row = find(condition);
     if (row == nullptr) return std::nullopt;
+    found.usual_worst = std::max(found.usual_worst, *row->p95);
     return time_of(*row, draw);
   };
   found.cold_cache = drawn_of(Condition::kColdCache);
@@ -112,6 +113,7 @@ UnitConditions unit_conditions(const Profile& profile, const UnitModel& unit, Dr
     if (row.unit != unit.name || !row.valid || !row.median) continue;
     if (row.phase == UnitPhase::kHandover) {
       found.handovers.push_back({row.sleep, drawn(*row.median, *row.p95, row.values, draw)});
+      found.longest_handover = std::max(found.longest_handover, *row.p95);
     } else if (row.phase == UnitPhase::kLeave) {
       found.leave = drawn(*row.median, *row.p95, row.values, draw);
     }

@@ -22,6 +22,7 @@ struct CallConditions {
   std::optional<Distribution> cold_cache, cold_memory;
   double beside_memory = 1;   ///< `execute` beside a unit that streams, over steady.
   double beside_compute = 1;  ///< The same beside one that computes.
+  Nanos usual_worst{0};       ///< p95 of the slowest of these, the slowdowns apart.
   std::int64_t bytes = 0;     ///< A call touches: Workload::bytes().
   bool streams = false;       ///< Memory, not arithmetic, is what its calls wait for.
 };
@@ -38,6 +39,7 @@ struct UnitConditions {
     double part = 0;
   };
   std::vector<Handover> handovers;    ///< By sleep; empty = it takes no time.
+  Nanos longest_handover{0};          ///< p95, after the sleep where that is the longest.
   std::optional<Distribution> leave;  ///< UnitPhase::kLeave; absent = two hand-overs behind a call.
   std::vector<Forgotten> forgotten;   ///< By time; empty = nothing.
   std::int64_t cache_bytes = 0;       ///< Its own; 0 = not known.

@@ -19,9 +19,11 @@ struct RecallLead {
   [[nodiscard]] Recall recall(Nanos deadline) const { return {deadline - before_deadline, from}; }
 };
 
-/// By task of the pipeline: what it, and the longest way from it to the end, take on the robot's
-/// own units, on the slowest that may serve each, since nobody knows which will. Absent for a task
-/// that no cloud may serve, or nobody else.
+/// By task of the pipeline: what taking it back takes, and what it and the longest way from it to
+/// the end take on the robot's own units, on the slowest that may serve each, since nobody knows
+/// which will. Each when it takes long: handed to a unit that slept, with cold caches and beside
+/// others, as far as the profile knows of that (p95). Absent for a task that no cloud may serve, or
+/// nobody else.
 [[nodiscard]] std::vector<std::optional<RecallLead>> recall_leads(const Scenario& scenario,
                                                                   std::size_t pipeline);
 

@@ -121,7 +121,8 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
          .time = time,
          .energy_scale = draws_in(cell.unit(), row->phase) || row->phase == Phase::kCall
                              ? energy_scale(*row, time)
-                             : 0});
+                             : 0,
+         .p95 = row->p95});
     service.time_provenance = sum_of(service.time_provenance, row->provenance);
   }
   service.conditions = call_conditions(*cell.profile, cell.workload.name, cell.unit().name,
@@ -220,6 +221,15 @@ ServiceEntry resolve(const Cell& cell, std::vector<std::string>& warnings) {
   return entry;
 }
 
+Nanos usual_worst_of(const Distribution& time) {
+  if (time.kind != Distribution::Kind::kSamples) return time.high;
+  std::vector<Nanos> samples = *time.samples;
+  const auto place =
+      samples.begin() + static_cast<std::ptrdiff_t>((samples.size() * 95 + 99) / 100 - 1);
+  std::ranges::nth_element(samples, place);
+  return *place;
+}
+
 /// One stage on the unit itself.
 ServiceEntry from_mix(const std::map<UnitId, Nanos>& times, UnitId unit) {
   const auto time = times.find(unit);
@@ -249,9 +259,24 @@ Nanos ServiceStage::mean() const {
   return scale == 1 ? time_at_rate_1 : scaled(time_at_rate_1, scale);
 }
 
+Nanos ServiceStage::usual_worst() const {
+  return scaled(std::max(usual_worst_of(time), p95.value_or(Nanos::zero())), scale);
+}
+
+const CallConditions* Service::conditions_of(const ServiceStage& stage, UnitId unit) const {
+  const bool varies = conditions && stage.on == unit && stage.name == to_string(Phase::kExecute);
+  return varies ? &*conditions : nullptr;
+}
+
 Nanos Service::total() const {
   Nanos sum{0};
   for (const auto& stage : stages) sum += stage.mean();
+  return sum;
+}
+
+Nanos Service::usual_worst() const {
+  Nanos sum{0};
+  for (const auto& stage : stages) sum += stage.usual_worst();
   return sum;
 }
 

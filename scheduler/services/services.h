@@ -26,8 +26,11 @@ struct ServiceStage {
   /// Of the time before the scale, what draws active_w: joules add up, so that a stage whose time
   /// is a median or a percentile draws for its mean.
   double energy_scale = 1;
+  std::optional<Nanos> p95 = {};  ///< Of a measured row, before the scale, whatever is drawn of it.
 
   [[nodiscard]] Nanos mean() const;  ///< Scaled.
+  /// Scaled: what 95 of 100 do not exceed; the value itself, or the highest, of what is modelled.
+  [[nodiscard]] Nanos usual_worst() const;
 };
 
 struct Service {
@@ -55,10 +58,14 @@ struct Service {
   }
   /// Joules of a call beyond busy servers and links.
   [[nodiscard]] double fixed_j() const { return metered_j.value_or(extra_j); }
+  /// What lengthens the stage of a call on @p unit by what else happens; null = nothing does.
+  [[nodiscard]] const CallConditions* conditions_of(const ServiceStage& stage, UnitId unit) const;
   /// Position of the stage that has the slices; absent if none has.
   [[nodiscard]] std::optional<std::size_t> sliced_stage(UnitId unit) const;
   /// All stages, scaled.
   [[nodiscard]] Nanos total() const;
+  /// The same when each takes long.
+  [[nodiscard]] Nanos usual_worst() const;
   /// The longest stage on @p unit itself, or the longest of all where none is.
   [[nodiscard]] Nanos bottleneck(UnitId unit) const;
 };

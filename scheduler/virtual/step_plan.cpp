@@ -72,10 +72,8 @@ std::vector<TaskStep> plan_steps(const Scenario& scenario, const MixTask& task,
                      .time = stage.time,
                      .scaled = stage.mean(),
                      .scale = stage.scale,
-                     .energy_scale = service.energy_scale(stage)});
-    if (service.conditions && stage.on == unit && stage.name == to_string(Phase::kExecute)) {
-      steps.back().conditions = &*service.conditions;
-    }
+                     .energy_scale = service.energy_scale(stage),
+                     .conditions = service.conditions_of(stage, unit)});
     if (i == sliced) steps.back().slices = &service.slices;
   }
   if (moves_data) add_transfer(scenario.platform, unit, bytes.out, steps);

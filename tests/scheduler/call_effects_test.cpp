@@ -259,5 +259,64 @@ pipelines:
   EXPECT_NEAR(p50[0], 4, 4 * kHistogram);
 }
 
+/// A board whose cloud would take half a second for what is due in 100 ms.
+RunRecord with_a_cloud(const Profile& profile, Draw draw, const std::string& more_tasks = "") {
+  ScheduleOptions options;
+  options.mode = "advanced";
+  options.draw = draw;
+  options.duration = from_ms(500);
+  const std::string tasks =
+      "tasks: [{name: a, workload: gaussian_blur, eligible: [cpu, cloud]}" + more_tasks + "]";
+  return run_virtual(
+      platform_of(std::string(kBoard) + "  cloud: {servers: 4}\n" +
+                  "workloads: {gaussian_blur: {cloud: [{delay_ms: 500}]}}\n"),
+      &profile,
+      mix_of("mix: m\npipelines:\n  p: {rate_hz: 1, real_time: false, deadline_ms: 100, " + tasks +
+             "}\n"),
+      options);
+}
+
+/// A call takes 4 ms, with cold caches 6, and 7 at p95; handing it over 0.2 ms, and 0.4 at p95.
+Profile with_late_calls() {
+  Profile profile = steady_profile();
+  profile.phases[0].p95 = from_ms(5);
+  set_cache(profile, 1);
+  profile.conditions = {execute("gaussian_blur", "cpu", 6, Condition::kColdCache)};
+  profile.conditions[0].p95 = from_ms(7);
+  for (const double sleep_ms : {0.0, 1.0}) add_handover(profile, sleep_ms, 0.2);
+  profile.unit_times[1].p95 = from_ms(0.4);
+  return profile;
+}
+
+// Three wake-ups of 0.4 ms and a call of 7 ms before the deadline it is taken back, at 91.8 ms;
+// then it takes 0.2 + 6 ms, or, when all of it takes long, 0.4 + 7.
+TEST(CallEffects, ATaskComesBackFromTheCloudInTimeToBeHandedOverToAColdUnit) {
+  const RunRecord usual = with_a_cloud(with_late_calls(), Draw::kMedian);
+  EXPECT_EQ(usual.offloaded, 0);
+  EXPECT_EQ(usual.pipelines[0].completed, 1);
+  EXPECT_EQ(usual.pipelines[0].deadline_misses, 0);
+  EXPECT_NEAR(usual.pipelines[0].p50_ms.value(), 91.8 + 0.2 + 6, 98 * kHistogram);
+  const RunRecord slow = with_a_cloud(with_late_calls(), Draw::kP95);
+  EXPECT_EQ(slow.pipelines[0].deadline_misses, 0);
+  EXPECT_NEAR(slow.pipelines[0].p50_ms.value(), 91.8 + 0.4 + 7, 99 * kHistogram);
+}
+
+// What comes after it is handed over as well: 0.4 + 2 ms more.
+TEST(CallEffects, ATaskComesBackFromTheCloudInTimeForThoseAfterItToBeHandedOver) {
+  const RunRecord record = with_a_cloud(
+      with_late_calls(), Draw::kP95, ", {name: b, workload: sobel, eligible: [cpu], after: [a]}");
+  EXPECT_EQ(record.pipelines[0].deadline_misses, 0);
+  // b follows a: handed over to a unit that is awake, in 0.2 ms.
+  EXPECT_NEAR(record.pipelines[0].p50_ms.value(), 91.8 - 2.4 + 0.4 + 7 + 0.2 + 2, 99 * kHistogram);
+}
+
+// Beside another unit of its memory it takes half as long again.
+TEST(CallEffects, ATaskComesBackFromTheCloudInTimeToBeSlowedByANeighbour) {
+  Profile profile = with_late_calls();
+  profile.conditions.push_back(execute("gaussian_blur", "cpu", 6, Condition::kBesideCompute));
+  const RunRecord record = with_a_cloud(profile, Draw::kMedian);
+  EXPECT_NEAR(record.pipelines[0].p50_ms.value(), 91.8 - 3.5 + 0.2 + 6, 99 * kHistogram);
+}
+
 }  // namespace
 }  // namespace pirt::test
