@@ -161,13 +161,15 @@ class Runtime::Engine {
     const Workload* workload = nullptr;
     const OwnWorkload* own = nullptr;
     UnitMask runs_on = 0;
-    UnitMask gave_up = 0;      ///< Units that gave back too many calls of it: of who has the turn.
+    /// Units that gave back too many calls of it, or where nobody has it: of who has the turn.
+    UnitMask gave_up = 0;
     bool takes_image = false;  ///< See TaskOptions::image_input.
     std::optional<StateId> state = {};  ///< Index of states_.
     std::optional<RecallLead> lead = {};
   };
   struct Unit {
     bool in_service = true;
+    std::uint64_t heard = 0;  ///< KernelUnit::heard when it was asked last what it serves.
     int slots = 0, running = 0;
     std::int64_t completed = 0;
     Nanos busy{0}, powered{0};
@@ -220,7 +222,8 @@ class Runtime::Engine {
   void give_up(const LiveUnits::Hung& hung);
   void lose(UnitId unit);
   void note_reach();
-  void ask_for_all(UnitId unit);
+  std::vector<std::string> ask_for_all(UnitId unit);
+  void hear_of_others();
   void cancel_asked();
   void apply();
   void start(const Start& start);
@@ -287,6 +290,7 @@ class Runtime::Engine {
   Effects effects_;
   Effects applied_;  ///< For its memory.
   std::vector<Unit> units_;
+  std::vector<UnitId> elsewhere_;  ///< Those that compute there.
   OutputPool pool_;
   std::vector<std::shared_ptr<StateValue>> states_;  ///< Workloads may share them.
   std::map<std::string, StateId, std::less<>> state_names_;

@@ -37,7 +37,7 @@ void Runtime::Engine::bring_back(std::string_view name) {
     const auto turn = turn_.take();
     known = live_units_.has(unit);
     lost = !units_[unit].in_service;
-    if (known && !lost) ask_for_all(unit);
+    if (known && !lost) static_cast<void>(ask_for_all(unit));
     busy = known && lost && !live_units_.at(unit).abandoned() &&
            dispatcher_->running(unit) + dispatcher_->left(unit) > 0;
   }
@@ -51,7 +51,7 @@ void Runtime::Engine::bring_back(std::string_view name) {
   {
     const auto turn = turn_.take();
     other = live_units_.replace(unit, std::move(other));
-    ask_for_all(unit);
+    for (std::string& each : ask_for_all(unit)) add_problem(std::move(each));
     units_[unit].in_service = true;
     dispatcher_->set_unit(unit, UnitState::kUp, now(), effects_);
     asked_.fetch_or(kLook);  // There may be something to start.
@@ -60,10 +60,35 @@ void Runtime::Engine::bring_back(std::string_view name) {
   LiveUnits::close(std::move(other));
 }
 
-/// Also for what it gave back too often.
-void Runtime::Engine::ask_for_all(UnitId unit) {
+/// Also for what it gave back too often; not for what nobody there has.
+/// @return  What to say of the latter, if that is news.
+std::vector<std::string> Runtime::Engine::ask_for_all(UnitId unit) {
+  std::vector<std::string> news;
   live_units_.forget_returns(unit);
-  for (Known& each : workloads_) each.gave_up &= ~unit_bit(unit);
+  units_[unit].heard = live_units_.at(unit).heard();
+  for (Known& each : workloads_) {
+    if (!contains(each.runs_on, unit)) continue;
+    const Support served = live_units_.at(unit).serves(*each.workload);
+    const bool had_it = !contains(each.gave_up, unit);
+    each.gave_up = served.ok ? each.gave_up & ~unit_bit(unit) : each.gave_up | unit_bit(unit);
+    if (had_it && !served.ok) {
+      news.push_back(live_units_.at(unit).name() + ": " + not_asked_for(*each.workload, served));
+    }
+  }
+  return news;
+}
+
+/// Others have come to what is elsewhere, or gone: it may serve what it did not, whatever became of
+/// it before.
+void Runtime::Engine::hear_of_others() {
+  for (const UnitId unit : elsewhere_) {
+    const KernelUnit& there = live_units_.at(unit);
+    if (there.heard() == units_[unit].heard) continue;
+    for (std::string& each : ask_for_all(unit)) add_problem(std::move(each));
+    if (std::exchange(units_[unit].in_service, true)) continue;
+    dispatcher_->set_unit(unit, there.is_reachable() ? UnitState::kUp : UnitState::kDraining, now_,
+                          effects_);
+  }
 }
 
 /// What time has brought: tasks that were to start by now, and calls that do not end.

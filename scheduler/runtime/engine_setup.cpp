@@ -259,11 +259,10 @@ void Runtime::Engine::open_units() {
   for (const auto& [unit, unused] : prepared) with_room_ |= unit_bit(unit);
   live_units_.open(std::move(prepared));
   for (const std::string& remark : live_units_.wait_until_ready()) add_problem(remark);
-  for (Known& known : workloads_) {
-    for (UnitId unit = 0; unit < units_.size(); ++unit) {
-      if (!contains(known.runs_on, unit) || !live_units_.has(unit)) continue;
-      if (!live_units_.at(unit).serves(*known.workload)) known.gave_up |= unit_bit(unit);
-    }
+  for (UnitId unit = 0; unit < units_.size(); ++unit) {
+    if (!live_units_.has(unit) || !live_units_.at(unit).is_remote()) continue;
+    elsewhere_.push_back(unit);
+    static_cast<void>(ask_for_all(unit));  // The unit has said it.
   }
 }
 

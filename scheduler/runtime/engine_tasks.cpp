@@ -44,6 +44,7 @@ void Runtime::Engine::take_in(Submitted& task) {
   tasks_[place] = &task;
   task.id = TaskId{task.place.generation} << 32 | place;
   task.taken_in = true;
+  hear_of_others();
   const Task submitted = dispatched(task);
   task.recall = submitted.recall;
   if (trace_) trace_->submitting(task.id, task.workload_index, 0, ++number_);

@@ -44,6 +44,10 @@ std::string take_priority(int priority) {
          "; it needs CAP_SYS_NICE or a limit (ulimit -r)";
 }
 
+std::string not_asked_for(const Workload& workload, const Support& served) {
+  return workload.name + " is not asked for there: " + served.reason;
+}
+
 KernelUnit::KernelUnit(UnitSetup setup, Done done)
     : setup_(std::move(setup)),
       done_(std::move(done)),
@@ -299,21 +303,22 @@ void KernelUnit::set_up() {
   // The first one last, where one program at a time is held.
   for (auto each = setup_.preparations.rbegin(); each != setup_.preparations.rend(); ++each) {
     if (stopping_) return;
-    if (is_remote() && !each->function && !is_served(*each->workload)) continue;
+    // Others may come, so that one that nobody there has is no failure.
+    if (const Support served = serves(*each->workload); !served.ok) {
+      remark_ += (remark_.empty() ? "" : "; ") + not_asked_for(*each->workload, served);
+      continue;
+    }
     Lane& lane = lanes_.front();
     Prepared& made = prepare(lane, *each);
     if (!each->function) run_once(lane, *each, made);
   }
 }
 
-/// Whether what is elsewhere has it: others may come, so that one that nobody has is no failure.
-bool KernelUnit::is_served(const Workload& workload) {
-  const Support support = device_->supports(workload);
-  if (support.ok) return true;
-  unserved_.push_back(&workload);
-  remark_ +=
-      (remark_.empty() ? "" : "; ") + workload.name + " is not asked for there: " + support.reason;
-  return false;
+Support KernelUnit::serves(const Workload& workload) const {
+  if (!is_remote()) return {true, ""};
+  const auto its = std::ranges::find(setup_.preparations, &workload, &Preparation::workload);
+  if (its != setup_.preparations.end() && its->function) return {true, ""};
+  return device_->supports(workload);
 }
 
 /// Whether the unit holds both at once.

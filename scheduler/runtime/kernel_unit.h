@@ -63,6 +63,9 @@ struct UnitSetup {
 /// @return  Why it did not get it; empty if it did, or wants none.
 [[nodiscard]] std::string take_priority(int priority);
 
+/// What to say of a workload that nobody elsewhere has.
+[[nodiscard]] std::string not_asked_for(const Workload& workload, const Support& served);
+
 class KernelUnit {
  public:
   /// After each call, from the thread that ran it; must not throw, may call run() and run the call
@@ -91,9 +94,13 @@ class KernelUnit {
   bool wait_until_ready(Nanos most);
   /// What is not as it was asked for, once it is ready; empty if all is.
   [[nodiscard]] const std::string& remark() const { return remark_; }
-  /// Whether what is elsewhere had the workload as the unit became ready; once it is.
-  [[nodiscard]] bool serves(const Workload& workload) const {
-    return std::ranges::find(unserved_, &workload) == unserved_.end();
+  /// Whether those elsewhere have the workload, which is one of the preparations, by what was heard
+  /// of them so far; once it is ready and until it is stopped. One that computes here has it.
+  [[nodiscard]] Support serves(const Workload& workload) const;
+  /// Remote::heard, likewise; 0 if it computes here.
+  [[nodiscard]] std::uint64_t heard() const {
+    const Remote* const remote = remote_;
+    return remote == nullptr ? 0 : remote->heard();
   }
   /// Runs the call after those before it. Any thread, which waits for nobody; from `done` the
   /// thread that called it goes on with it.
@@ -184,7 +191,6 @@ class KernelUnit {
   bool stop_call(Lane& lane, const runtime::RunningCall::Seen& call);
   [[nodiscard]] bool go_together(const Workload& one, const Workload& other) const;
   static Prepared* find(Lane& lane, const Workload& workload);
-  [[nodiscard]] bool is_served(const Workload& workload);
   Prepared& prepare(Lane& lane, const Preparation& preparation);
   void run_once(Lane& lane, const Preparation& preparation, Prepared& prepared);
   Prepared& prepared(Lane& lane, const Workload& workload, CallEnd& end);
@@ -205,7 +211,6 @@ class KernelUnit {
   std::condition_variable changed_;
   bool ready_ = false;
   std::string remark_;
-  std::vector<const Workload*> unserved_;
   std::optional<DeviceInfo> device_info_;
   std::atomic<Remote*> remote_ = nullptr;  ///< The device, if it is one.
   bool has_own_clock_ = false;

@@ -92,6 +92,7 @@ class FarDevice : public HereDevice, public Remote {
     return there_.reachable;
   }
   [[nodiscard]] LinkEstimate link() const override { return {from_ms(3), 1e6, 0}; }
+  [[nodiscard]] std::uint64_t heard() const override { return 0; }
   [[nodiscard]] Nanos patience() const override { return 1s; }
   void expires_in(Kernel&, Nanos) override {}
   void withdraw(Kernel& kernel) override { dynamic_cast<FarKernel&>(kernel).give_up(); }

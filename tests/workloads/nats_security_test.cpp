@@ -181,7 +181,7 @@ TEST(CloudNKey, LetsInWhoHasTheSeedAndNobodyElse) {
       .nkey = key};
   ASSERT_TRUE(server.start()) << server.log();
   Connection good(right, {});
-  ASSERT_TRUE(good.wait_until_up(5s)) << server.log();
+  ASSERT_TRUE(good.wait_until_up(kLong)) << server.log();
   EXPECT_TRUE(good.request("$JS.API.INFO", "", 5s).came);
   good.publish("pirt.task.r2", std::string_view("not its own"));
   EXPECT_TRUE(good.request("$JS.API.INFO", "", 5s).came);
@@ -220,7 +220,7 @@ TEST(CloudTls, VerifiesTheServerAndShowsTheClientsCertificate) {
   const ConnectionOptions right{
       .server = url, .ca = in("cert.pem"), .certificate = in("cert.pem"), .key = in("key.pem")};
   Connection good(right, {});
-  EXPECT_TRUE(good.wait_until_up(5s)) << server.log();
+  EXPECT_TRUE(good.wait_until_up(kLong)) << server.log();
   ConnectionOptions wrong_ca = right;
   wrong_ca.ca = in("othercert.pem");
   EXPECT_FALSE(Connection(wrong_ca, {}).wait_until_up(1s)) << "another server's certificate";

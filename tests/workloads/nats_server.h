@@ -5,6 +5,7 @@
 #include <sys/types.h>
 
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <list>
@@ -24,6 +25,17 @@ namespace pirt::cloud::test {
 /// Where it is; empty = nowhere.
 [[nodiscard]] std::string nats_server_program();
 
+/// Until it holds, for half a minute at most. @return  Whether it does.
+template <typename Condition>
+[[nodiscard]] bool eventually(const Condition& holds) {
+  constexpr auto kLook = std::chrono::milliseconds(20);
+  for (auto left = std::chrono::milliseconds(30'000); left.count() > 0; left -= kLook) {
+    if (holds()) return true;
+    std::this_thread::sleep_for(kLook);
+  }
+  return holds();
+}
+
 class NatsServer {
  public:
   /// @param config  More of its configuration.
@@ -40,6 +52,8 @@ class NatsServer {
   [[nodiscard]] int port() const { return port_; }
   [[nodiscard]] std::string url() const { return "nats://127.0.0.1:" + std::to_string(port_); }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+  /// Its id while it runs.
+  [[nodiscard]] pid_t process() const { return process_; }
   /// What it said.
   [[nodiscard]] std::string log() const;
 

@@ -32,6 +32,8 @@ class Remote {
   [[nodiscard]] virtual Nanos patience() const = 0;
   /// Any thread.
   [[nodiscard]] virtual LinkEstimate link() const = 0;
+  /// Another number whenever those there may serve other workloads than before. Any thread.
+  [[nodiscard]] virtual std::uint64_t heard() const = 0;
 
  protected:
   ~Remote() = default;

@@ -293,6 +293,7 @@ class CloudDevice : public Device, public Remote {
     return link_.availability() == cloud::Availability::kUp;
   }
   [[nodiscard]] LinkEstimate link() const override { return link_.estimate(); }
+  [[nodiscard]] std::uint64_t heard() const override { return link_.heard(); }
   [[nodiscard]] Nanos patience() const override { return patience_; }
   void expires_in(Kernel& kernel, Nanos time_left) override {
     dynamic_cast<CloudKernel&>(kernel).expires_in(time_left);

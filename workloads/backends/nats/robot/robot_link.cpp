@@ -254,9 +254,9 @@ std::string RobotLink::why_not(const Workload& workload) const {
   const std::lock_guard lock(mutex_);
   std::string why;
   for (const auto& [name, worker] : workers_) {
-    const std::string who = fmt::format("worker {} (pirt {})", name, worker.version);
+    const std::string who = fmt::format("worker {} (pirt {})", name, worker.announced.version);
     why = fmt::format("{} does not know {}{}", who, kind.name, kind.missing);
-    for (const auto& known : worker.workloads) {
+    for (const auto& known : worker.announced.workloads) {
       if (known.workload != kind.name) continue;
       if (!kind.known_by || known.spec == *kind.known_by) return "";
       why = fmt::format("{} has another {}: {}", who, kind.name, kind.differs);

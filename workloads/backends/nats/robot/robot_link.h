@@ -92,6 +92,9 @@ class RobotLink {
   /// Why no worker that was heard computes it: nobody knows it, or it is something else there;
   /// empty if one does, or nobody was heard.
   [[nodiscard]] std::string why_not(const Workload& workload) const;
+  /// How often other workers, or other workloads of theirs, were announced, or some had fallen
+  /// silent.
+  [[nodiscard]] std::uint64_t heard() const { return heard_; }
 
  private:
   struct Running {
@@ -151,7 +154,12 @@ class RobotLink {
   std::int64_t malformed_ = 0;
   std::string problem_;
   bool unknown_ = false;  ///< The server has no replies for this robot.
-  std::map<std::string, AnnouncementMessage> workers_;
+  struct Worker {
+    AnnouncementMessage announced;
+    Nanos at{0};
+  };
+  std::map<std::string, Worker> workers_;  ///< That are not silent.
+  std::atomic<std::uint64_t> heard_ = 0;
   std::uint64_t run_ = 0, number_ = 0;
 
   Mailbox mailbox_, moves_;

@@ -287,10 +287,15 @@ void RobotLink::on_hello(const Incoming& message) {
   }
   {
     constexpr std::size_t kMostWorkers = 1024;
+    const Nanos now = mailbox_.now();
     const std::lock_guard lock(mutex_);
     if (workers_.size() >= kMostWorkers) workers_.clear();
-    const std::string name = hello->worker;
-    workers_[name] = std::move(*hello);
+    const auto silent = std::erase_if(workers_, [&](const auto& entry) {
+      return entry.second.at + options_.limits.worker < now && entry.first != hello->worker;
+    });
+    const auto [known, is_new] = workers_.try_emplace(hello->worker);
+    if (is_new || silent > 0 || known->second.announced.workloads != hello->workloads) ++heard_;
+    known->second = {std::move(*hello), now};
   }
   mailbox_.post([this] {
     with_caller([this](Nanos now, CallerActions& out) { caller_->worker_heard(now, out); });

@@ -104,6 +104,7 @@ struct AnnouncementMessage {
   struct Known {
     std::string workload;
     Digest spec;
+    friend bool operator==(const Known&, const Known&) = default;
   };
   std::string worker = {}, version = {};
   std::uint32_t slots = 1;
