@@ -192,13 +192,21 @@ Interference interference(const HostCounters& before, const HostCounters& after,
   return result;
 }
 
-Interference interference_elsewhere(const HostCounters& before, const HostCounters& after) {
+Interference interference_elsewhere(const HostCounters& before, const HostCounters& after,
+                                    Nanos answering) {
   Interference result;
   const double wall_s = to_s(after.at - before.at);
   if (before.waited && after.waited) {
-    const double waited_s = to_s(*after.waited - *before.waited);
-    result.contended = waited_s > kContendedShare * wall_s;
-    result.crowded = waited_s > kCrowdedShare * wall_s;
+    Nanos waited = *after.waited - *before.waited;
+    if (before.busy && after.busy) {
+      waited = std::min(waited, *after.busy - *before.busy - (after.own - before.own) - answering);
+    }
+    const double grain_s = before.busy && after.busy ? 2 * to_s(tick()) : 0;
+    const auto exceed = [&](double share) {
+      return to_s(waited) > std::max(share * wall_s, grain_s);
+    };
+    result.contended = exceed(kContendedShare);
+    result.crowded = exceed(kCrowdedShare);
   }
   result.throttled = was_throttled(before, after);
   return result;

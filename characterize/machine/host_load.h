@@ -47,9 +47,11 @@ struct Interference {
 /// @param core_count  How many cores `busy` was summed over.
 [[nodiscard]] Interference interference(const HostCounters& before, const HostCounters& after,
                                         int core_count);
-/// Of what is computed elsewhere: what others use here, perhaps its own workers, counts as far as
-/// this process waited for a core because of it, for so much of the time.
+/// Of what is computed elsewhere: what others use here counts as far as this process waited for a
+/// core, which it did because of them for as long as they had one at most.
+/// @param answering  What the programs of this machine used of it that answered this process: they
+///                   are no others.
 [[nodiscard]] Interference interference_elsewhere(const HostCounters& before,
-                                                  const HostCounters& after);
+                                                  const HostCounters& after, Nanos answering);
 
 }  // namespace pirt

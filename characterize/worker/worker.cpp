@@ -12,6 +12,7 @@
 #include <optional>
 #include <ostream>
 
+#include "characterize/machine/answering.h"
 #include "characterize/machine/host_load.h"
 #include "characterize/statistics/statistics.h"
 #include "characterize/worker/cache_sweep.h"
@@ -196,7 +197,7 @@ class Worker {
     result_.notes = notes_of(workload, data_);
 
     begin("opening the device");
-    const auto before = read_host_counters(job_.unit.cores);
+    const Before before = counters_before();
     const Nanos start = machine_.now();
     device_ = backend_.open(job_.unit);
     const Nanos opened = machine_.now();
@@ -228,15 +229,26 @@ class Worker {
     });
   }
 
+  struct Before {
+    HostCounters host;
+    ProcessTimes processes;
+  };
+  [[nodiscard]] Before counters_before() const {
+    return {read_host_counters(job_.unit.cores), read_process_times()};
+  }
+
   /// On the unit's cores; nothing on a device with a clock of its own, which others do not hold up.
-  [[nodiscard]] Interference interference_since(const HostCounters& before) const {
+  [[nodiscard]] Interference interference_since(const Before& before) const {
     if (device_->own_clock() != nullptr) return {};
     if (dynamic_cast<const Remote*>(device_.get()) != nullptr) {
-      return interference_elsewhere(before, read_host_counters({}));
+      const HostCounters after = read_host_counters(job_.unit.cores);
+      const ProcessTimes processes = read_process_times();
+      return interference_elsewhere(
+          before.host, after, used_by(answering_processes(processes), before.processes, processes));
     }
     const int cores = job_.unit.cores.empty() ? static_cast<int>(::sysconf(_SC_NPROCESSORS_ONLN))
                                               : static_cast<int>(job_.unit.cores.size());
-    return interference(before, read_host_counters(job_.unit.cores), cores);
+    return interference(before.host, read_host_counters(job_.unit.cores), cores);
   }
 
   /// @return What of it is measured beside the device's own clock, which tells the preparation.
@@ -345,7 +357,7 @@ class Worker {
     begin("sampling");
     player_->scribble();
     const auto phases = backend_.phases();
-    const auto before = read_host_counters(job_.unit.cores);
+    const Before before = counters_before();
     result_.phases = sample_calls(player_->kernel(), clocks(), phases, sampling(), sequence());
     sample_cold();
     result_.during_calls = interference_since(before);

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "characterize/machine/answering.h"
 #include "characterize/machine/environment_keys.h"
 #include "characterize/machine/host_load.h"
 #include "tests/characterize/support.h"
@@ -174,22 +175,100 @@ TEST(HostLoad, NoticesOthersOnTheSameCores) {
   EXPECT_TRUE(interference(before, at(seconds(2), milliseconds(103'010), seconds(12)), 2).crowded);
 }
 
-// Its worker may be a program of this machine, too.
 TEST(HostLoad, OfWhatIsElsewhereCountsWaitingForACore) {
   auto before = at(Nanos(0), seconds(100), seconds(10));
   auto after = at(seconds(2), seconds(104), seconds(10));
-  EXPECT_FALSE(interference_elsewhere(before, after).contended);  // Nobody counts it.
+  const auto found = [&] { return interference_elsewhere(before, after, Nanos(0)); };
+  EXPECT_FALSE(found().contended);  // Nobody counts it.
   before.waited = seconds(1);
   after.waited = milliseconds(1100);  // 5 % of 2 s
-  EXPECT_FALSE(interference_elsewhere(before, after).contended);
+  EXPECT_FALSE(found().contended);
   after.waited = milliseconds(1110);
-  EXPECT_TRUE(interference_elsewhere(before, after).contended);
-  EXPECT_FALSE(interference_elsewhere(before, after).crowded);
+  EXPECT_TRUE(found().contended);
+  EXPECT_FALSE(found().crowded);
   after.waited = milliseconds(1510);
-  EXPECT_TRUE(interference_elsewhere(before, after).crowded);
+  EXPECT_TRUE(found().crowded);
+  before.busy = after.busy = std::nullopt;
+  EXPECT_TRUE(found().crowded) << "whoever had the cores";
   before.quota_wait = Nanos(0);
   after.quota_wait = seconds(1);
-  EXPECT_TRUE(interference_elsewhere(before, after).throttled);
+  EXPECT_TRUE(found().throttled);
+}
+
+// A server and a worker of this machine had the cores that the process waited for.
+TEST(HostLoad, OfWhatIsElsewhereNobodyWaitsForOthersLongerThanTheyRan) {
+  auto before = at(Nanos(0), seconds(100), seconds(10));
+  auto after = at(seconds(2), seconds(104), seconds(11));  // 3 s, of which 1 s not its own
+  before.waited = seconds(0);
+  after.waited = seconds(1);
+  const auto others_ran = [&](Nanos others) {
+    return interference_elsewhere(before, after, seconds(3) - others);
+  };
+  EXPECT_TRUE(others_ran(seconds(3)).crowded);
+  EXPECT_FALSE(others_ran(milliseconds(500)).crowded);  // 25 % of 2 s
+  EXPECT_TRUE(others_ran(milliseconds(500)).contended);
+  EXPECT_FALSE(others_ran(milliseconds(100)).contended);  // 5 %
+  EXPECT_FALSE(others_ran(Nanos(0)).contended);
+  // Within what ticks can tell, though it is 10 % of the time.
+  after.at = milliseconds(200);
+  EXPECT_FALSE(others_ran(milliseconds(20)).contended);
+}
+
+/// Columns that nobody reads are left as they are on a machine.
+std::string socket_row(const std::string& here, const std::string& there, const std::string& state,
+                       int inode) {
+  return "   0: " + here + ' ' + there + ' ' + state +
+         " 00000000:00000000 00:00000000 00000000  1000        0 " + std::to_string(inode) +
+         " 1 0000000000000000 20 4 30 10 -1\n";
+}
+
+// This process (7) is connected to a server (20), as are a worker (30), whose child (31) computes,
+// and, in IPv6's words, another worker (40); 50 is connected to something else, and 20 was started
+// by 10.
+TEST(Answering, AreTheServerItsOtherClientsAndWhatTheyHaveStarted) {
+  const TemporaryFolder root;
+  const std::string server = "0100007F:107E", mapped = "0000000000000000FFFF00000100007F:107E";
+  put(root, "proc/self/net/tcp",
+      "  sl  local_address rem_address   st\n" + socket_row(server, "00000000:0000", "0A", 200) +
+          socket_row("0100007F:A001", server, "01", 70) +
+          socket_row(server, "0100007F:A001", "01", 201) +
+          socket_row("0100007F:A002", server, "01", 300) +
+          socket_row("0100007F:A004", server, "06", 600) +
+          socket_row("0100007F:A003", "0100007F:2222", "01", 500));
+  put(root, "proc/self/net/tcp6",
+      "  sl  local_address rem_address   st\n" +
+          socket_row("0000000000000000FFFF00000100007F:A005", mapped, "01", 400));
+  const auto process = [&](const std::string& id, int parent, int ticks, int inode) {
+    put(root, "proc/" + id + "/stat",
+        id + " (a (b) c) S " + std::to_string(parent) + " 1 1 0 -1 4194560 1 2 3 4 " +
+            std::to_string(ticks) + " 2 9 9 20 0 1 0 100\n");
+    std::filesystem::create_directories(root / "proc" / id / "fd");
+    std::filesystem::create_symlink("/dev/null", root / "proc" / id / "fd" / "0");
+    std::filesystem::create_symlink("socket:[" + std::to_string(inode) + "]",
+                                    root / "proc" / id / "fd" / "3");
+  };
+  std::filesystem::create_directories(root / "proc/self/fd");
+  std::filesystem::create_symlink("socket:[70]", root / "proc/self/fd/3");
+  process("7", 1, 500, 70);
+  process("10", 1, 0, 99);
+  process("20", 10, 100, 201);
+  process("30", 1, 10, 300);
+  process("31", 30, 40, 98);
+  process("40", 1, 5, 400);
+  process("50", 1, 5, 500);
+  process("60", 1, 5, 600);
+  const ProcessTimes all = read_process_times(root.path());
+  ASSERT_EQ(all.size(), 8U);
+  EXPECT_EQ(all.at(31).parent, 30);
+  EXPECT_EQ(all.at(31).used, milliseconds(420));
+  const auto found = answering_processes(all, root.path());
+  EXPECT_THAT(found, testing::ElementsAre(20, 30, 31, 40));
+  // 40 came meanwhile: all of it counts, of the others what is new.
+  ProcessTimes before = all;
+  before.erase(40);
+  before[20].used -= milliseconds(500);
+  EXPECT_EQ(used_by(found, before, all), milliseconds(500 + 70));
+  EXPECT_TRUE(answering_processes(all, root / "nowhere").empty());
 }
 
 TEST(HostLoad, NoticesThrottling) {
