@@ -1,10 +1,14 @@
 // The cloud's queue over a real nats-server on loopback: how many tasks a second, how long each
 // takes, where it saturates; and what a task costs beside bare JetStream.
 //
-// Usage: cloud scale [SECONDS]      default 3, for each of 1, 2, 4 workers and 1 to 64 robots
+// Usage: cloud scale [SECONDS]      default 20, for each of 1, 2, 4 workers and 1 to 64 robots:
+// five
+//                                   minutes, and a table for README.md
 //        cloud overhead [TASKS]     default 500
 // A worker has one slot and sleeps 10 ms for a task, so that two cores do not measure themselves.
 #include <fmt/format.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <condition_variable>
@@ -30,6 +34,9 @@ using pirt::Workload;
 
 constexpr Nanos kLong = 30s;
 constexpr double kGoal = 1.6;
+constexpr int kServiceMs = 10;
+constexpr int kUnderWay = 2;  // Tasks of a robot.
+constexpr double kRowS = 20;
 
 double quantile(std::vector<double>& values, double q) {
   if (values.empty()) return 0;
@@ -37,9 +44,9 @@ double quantile(std::vector<double>& values, double q) {
   return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1))];
 }
 
-/// Of this process, in MB.
-double resident_mb() {
-  std::ifstream statm("/proc/self/statm");
+/// In MB. @param process  Its id, or "self".
+double resident_mb(const std::string& process) {
+  std::ifstream statm("/proc/" + process + "/statm");
   std::uint64_t total = 0, resident = 0;
   statm >> total >> resident;
   return static_cast<double>(resident) * 4096e-6;
@@ -68,7 +75,7 @@ WorkerOptions worker_options(const std::string& url, int number) {
   return options;
 }
 
-/// A robot that has two tasks on their way at any time, as long as it is told to.
+/// A robot that has kUnderWay tasks on their way at any time, as long as it is told to.
 class Robot {
  public:
   Robot(const std::string& url, const std::string& name, const Workload& workload)
@@ -77,7 +84,7 @@ class Robot {
     if (!link_.wait_until_up(kLong)) throw std::runtime_error(link_.why_down());
   }
   void begin() {
-    for (int i = 0; i < 2; ++i) submit();
+    for (int i = 0; i < kUnderWay; ++i) submit();
   }
   void end() {
     const std::lock_guard lock(mutex_);
@@ -97,7 +104,7 @@ class Robot {
       if (ends_) return;
       ++under_way_;
     }
-    Submission submission = test::make_submission(workload_, {.tens_of_ms = 1});
+    Submission submission = test::make_submission(workload_, {.tens_of_ms = kServiceMs / 10});
     submission.ended = [this](const TaskEnd& end) {
       {
         const std::lock_guard lock(mutex_);
@@ -119,52 +126,75 @@ class Robot {
   const Workload& workload_;
 };
 
-void scale(double seconds) {
-  fmt::print("10 ms of service, two tasks a robot on their way, 1 KB each way; {} s each\n",
-             seconds);
-  fmt::print("{:>7} {:>6} {:>8} {:>9} {:>9} {:>9} {:>8} {:>8}\n", "workers", "robots", "tasks/s",
-             "busy %", "median ms", "p99 ms", "least", "MB");
+/// One row: so many workers and robots for so long.
+void measure_fleet(int workers, int robots, double seconds) {
   const Workload small = test::adding("small", 1000);
   const std::vector<const Workload*> known = {&small};
+  test::NatsServer server;
+  Setup setup;
+  setup.robots.clear();
+  for (int r = 0; r < robots; ++r) setup.robots.push_back("r" + std::to_string(r));
+  start(server, setup);
+  std::vector<std::unique_ptr<WorkerLink>> all;
+  for (int w = 0; w < workers; ++w) {
+    all.push_back(std::make_unique<WorkerLink>(worker_options(server.url(), w), known));
+  }
+  std::vector<std::unique_ptr<Robot>> fleet;
+  for (const std::string& name : setup.robots) {
+    fleet.push_back(std::make_unique<Robot>(server.url(), name, small));
+  }
+  for (const auto& each : fleet) each->wait_until_up();
+  const auto begin = std::chrono::steady_clock::now();
+  for (const auto& each : fleet) each->begin();
+  std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
+  for (const auto& each : fleet) each->end();
+  std::vector<double> took;
+  std::size_t least = SIZE_MAX, most = 0;
+  for (const auto& each : fleet) {
+    const auto of_one = each->take();
+    least = std::min(least, of_one.size());
+    most = std::max(most, of_one.size());
+    took.insert(took.end(), of_one.begin(), of_one.end());
+  }
+  const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - begin;
+  const double rate = static_cast<double>(took.size()) / passed.count();
+  const double busy = kServiceMs * 1e-3 * rate / workers;
+  fmt::print(
+      "| {} | {} | {:.0f} | {:.0f} | {:.1f} | {:.1f} | {:.1f} to {:.1f} | {:.0f} | {:.0f} |\n",
+      workers, robots, rate, 100 * busy, quantile(took, 0.5), quantile(took, 0.99),
+      static_cast<double>(least) / passed.count(), static_cast<double>(most) / passed.count(),
+      resident_mb("self"), resident_mb(std::to_string(server.process())));
+  std::fflush(stdout);
+}
+
+/// Each row in a process of its own, so that its memory is its own.
+/// @return  Whether all of them came to their end.
+bool scale(double seconds) {
+  fmt::print(
+      "A worker has one slot and sleeps {} ms for a task; a robot has {} tasks of 1 KB each way on "
+      "their way at a time; {} s a row, on {} cores.\n\n"
+      "| workers | robots | tasks/s | of the workers' most, % | median ms | p99 ms | tasks/s of a "
+      "robot | robots and workers, MB | server, MB |\n|---|---|---|---|---|---|---|---|---|\n",
+      kServiceMs, kUnderWay, seconds, std::thread::hardware_concurrency());
   for (const int workers : {1, 2, 4}) {
     for (const int robots : {1, 4, 16, 64}) {
-      test::NatsServer server;
-      Setup setup;
-      setup.robots.clear();
-      for (int r = 0; r < robots; ++r) setup.robots.push_back("r" + std::to_string(r));
-      start(server, setup);
-      std::vector<std::unique_ptr<WorkerLink>> all;
-      for (int w = 0; w < workers; ++w) {
-        all.push_back(std::make_unique<WorkerLink>(worker_options(server.url(), w), known));
-      }
-      std::vector<std::unique_ptr<Robot>> fleet;
-      for (const std::string& name : setup.robots) {
-        fleet.push_back(std::make_unique<Robot>(server.url(), name, small));
-      }
-      for (const auto& each : fleet) each->wait_until_up();
-      const auto begin = std::chrono::steady_clock::now();
-      for (const auto& each : fleet) each->begin();
-      std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
-      for (const auto& each : fleet) each->end();
-      std::vector<double> took;
-      std::size_t least = SIZE_MAX;
-      for (const auto& each : fleet) {
-        const auto of_one = each->take();
-        least = std::min(least, of_one.size());
-        took.insert(took.end(), of_one.begin(), of_one.end());
-      }
-      const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - begin;
-      const double rate = static_cast<double>(took.size()) / passed.count();
-      constexpr double kServiceS = 0.010;
-      fmt::print("{:>7} {:>6} {:>8.0f} {:>9.0f} {:>9.1f} {:>9.1f} {:>8.1f} {:>8.0f}\n", workers,
-                 robots, rate, 100 * kServiceS * rate / workers, quantile(took, 0.5),
-                 quantile(took, 0.99), static_cast<double>(least) / passed.count(), resident_mb());
       std::fflush(stdout);
+      const pid_t child = ::fork();
+      if (child == 0) {
+        try {
+          measure_fleet(workers, robots, seconds);
+        } catch (const std::exception& error) {
+          fmt::print(stderr, "{} workers, {} robots: {}\n", workers, robots, error.what());
+          std::_Exit(4);
+        }
+        std::_Exit(0);
+      }
+      int status = 0;
+      ::waitpid(child, &status, 0);
+      if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) return false;
     }
   }
-  fmt::print(
-      "busy: of what the workers could do at most. least: tasks/s of the robot that got the "
-      "fewest.\n");
+  return true;
 }
 
 /// What bare JetStream takes: a task is stored, pulled, its reply stored, delivered, and both are
@@ -306,8 +336,7 @@ int main(int argc, char** argv) {
   const std::string_view what = argc > 1 ? argv[1] : "";
   try {
     if (what == "scale") {
-      scale(argc > 2 ? std::atof(argv[2]) : 3);
-      return 0;
+      return scale(argc > 2 ? std::atof(argv[2]) : kRowS) ? 0 : 4;
     }
     if (what == "overhead") return overhead(argc > 2 ? std::atoi(argv[2]) : 500) ? 0 : 1;
   } catch (const std::exception& error) {
