@@ -265,7 +265,10 @@ Table weights_table(const RunRecord& run) {
     }
     table.rows.push_back(std::move(row));
   }
-  table.footnotes = {"-: the unit has no valid profile or model of the workload."};
+  const bool cloud = std::ranges::any_of(
+      run.units, [](const UnitResult& unit) { return unit.role == to_string(Role::kCloud); });
+  table.footnotes = {std::string("-: the unit has no valid profile or model of the workload") +
+                     (cloud ? "; a cloud, to which a task goes or not, has no weights." : ".")};
   return table;
 }
 

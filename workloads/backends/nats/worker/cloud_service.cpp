@@ -43,7 +43,8 @@ void serve(const WorkerOptions& options, std::span<const Workload* const> worklo
       if (const std::string missing = what_is_missing(connection, ""); !missing.empty()) {
         for (const std::string& line : set_up(connection, {})) events.say(line);
       }
-      events.say(fmt::format("worker {} with {} slots", options.name, options.limits.slots));
+      events.say(fmt::format("worker {} with {} slot{}", options.name, options.limits.slots,
+                             options.limits.slots == 1 ? "" : "s"));
     }
     if (const std::string problem = worker.problem(); problem != said) {
       said = problem;
