@@ -2,10 +2,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <regex>
+#include <set>
 #include <utility>
 
 #include "tests/cli/program.h"
 #include "tests/support/data.h"
+#include "workloads/base/time.h"
 
 namespace pirt::test {
 namespace {
@@ -40,13 +43,20 @@ class CloudTest : public testing::Test {
                "trap 'kill -9 $server $worker 2>/dev/null' EXIT; "
                "until url=$(grep -ho 'nats://127.0.0.1:[0-9]*' *.ports 2>/dev/null); do "
                "kill -0 $server || exit 9; sleep 0.05; done; " +
-               quoted(kProgram) + " cloud-worker --server $url --slots 2 " + worker +
-               " >worker.log 2>&1 & worker=$!; "
-               "until grep -q 'with 2 slots' worker.log; do "
-               "kill -0 $worker || { cat worker.log; exit 9; }; sleep 0.05; done; " +
-               script);
+               start_worker(worker) + script);
   }
+  static std::string start_worker(const std::string& options = "") {
+    return quoted(kProgram) + " cloud-worker --server $url --slots 2 " + options +
+           " >worker.log 2>&1 & worker=$!; "
+           "until grep -q 'with 2 slots' worker.log; do "
+           "kill -0 $worker || { cat worker.log; exit 9; }; sleep 0.05; done; ";
+  }
+  static std::string kill_worker() { return "kill -9 $worker; wait $worker; "; }
   static std::string kill_server() { return "kill -9 $server; wait $server; "; }
+  /// Until the robot has said so, or ended.
+  static std::string until_robot_says(const std::string& what) {
+    return "until grep -q '" + what + "' heard || ! kill -0 $run; do sleep 0.05; done; ";
+  }
   static std::string start_server() {
     return quoted(nats_server()) +
            " -a 127.0.0.1 -p ${url##*:} -js -sd store >>server.log 2>&1 & server=$!; ";
@@ -55,16 +65,16 @@ class CloudTest : public testing::Test {
     std::string meanwhile = {};  ///< Once the robot's cloud is ready.
     std::string after = {};      ///< Once the robot has ended.
     std::string worker = {};     ///< Further options of the worker.
+    std::string before = {};     ///< Before the robot starts.
   };
   /// A command on host-cloud. At the end the worker says what it has done.
   static Outcome run_on_cloud(const std::string& command, const Script& script) {
     return run_with_cloud(
-        quoted(kProgram) + " " + command +
+        script.before + quoted(kProgram) + " " + command +
             " --mode advanced --platform host-cloud --set cloud.server=$url --json run.json "
-            "2>heard & run=$!; "
-            "until grep -q 'cloud is ready' heard || ! kill -0 $run; do sleep 0.05; done; " +
-            script.meanwhile + "wait $run; rc=$?; " + script.after +
-            "kill $worker; wait $worker; cat heard >&2; cat worker.log; exit $rc",
+            "2>heard & run=$!; " +
+            until_robot_says("cloud is ready") + script.meanwhile + "wait $run; rc=$?; " +
+            script.after + "kill $worker; wait $worker; cat heard >&2; cat worker.log; exit $rc",
         script.worker);
   }
   static nlohmann::json record() { return nlohmann::json::parse(slurp(scratch->file("run.json"))); }
@@ -106,6 +116,16 @@ pipelines:
     return run_on_cloud("schedule --live --profile p.db --allow-invalid --mix mix.yaml " + options,
                         {.meanwhile = meanwhile});
   }
+  /// By how much before their deadlines a trace's tasks are taken back from the cloud, in ms.
+  static std::set<double> recall_leads(const std::string& trace) {
+    const std::regex both(R"("deadline":(\d+),"recall":\[(\d+),)");
+    const std::string text = slurp(scratch->file(trace));
+    std::set<double> leads;
+    for (std::sregex_iterator each(text.begin(), text.end(), both), end; each != end; ++each) {
+      leads.insert(to_ms(Nanos(std::stoll((*each)[1])) - Nanos(std::stoll((*each)[2]))));
+    }
+    return leads;
+  }
   static Outcome measured;
 };
 Outcome CloudCommand::measured;
@@ -113,7 +133,8 @@ Outcome CloudCommand::measured;
 // Half-way through, the server is killed, and comes back.
 TEST_F(CloudCommand, ALiveRunLosesNothingWithItsServer) {
   const auto outcome =
-      live("--duration 5s", "sleep 2; " + kill_server() + "sleep 1; " + start_server());
+      live("--duration 5s", "sleep 2; " + kill_server() + until_robot_says("out of reach") +
+                                "sleep 1; " + start_server());
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("cloud is out of reach"));
   EXPECT_THAT(outcome.err, HasSubstr("cloud is within reach again"));
@@ -125,9 +146,26 @@ TEST_F(CloudCommand, ALiveRunLosesNothingWithItsServer) {
   EXPECT_EQ(made["stalled"], 0);
   EXPECT_EQ(made["completed"].get<int>() + made["queued"].get<int>(), 150);
   EXPECT_GT(made["units"]["cloud"]["link_mbit_s"], 0);
+  EXPECT_THAT(outcome.out, HasSubstr("a cloud, to which a task goes or not, has no weights"));
   // Those of the map are computed there in any case, also the ones that were queued at the end.
   EXPECT_GE(counted(outcome, "replied"), 50);
   EXPECT_EQ(counted(outcome, "failed"), 0);
+}
+
+// Neither is there when the robot starts.
+TEST_F(CloudCommand, ALiveRunTakesInAServerAndAWorkerThatStartAfterIt) {
+  const auto outcome =
+      run_on_cloud("schedule --live --profile p.db --allow-invalid --mix mix.yaml --duration 5s",
+                   {.meanwhile = start_server() + start_worker(),
+                    .before = kill_worker() + kill_server() + "rm -rf store; "});
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("cloud: no connection to server nats://127.0.0.1:"));
+  EXPECT_THAT(outcome.err, HasSubstr("cloud is within reach again"));
+  const auto made = record();
+  EXPECT_EQ(made["failed"], 0);
+  EXPECT_EQ(made["stalled"], 0);
+  EXPECT_EQ(made["completed"].get<int>() + made["queued"].get<int>(), 150);
+  EXPECT_GE(counted(outcome, "replied"), 50) << "what it alone may serve";
 }
 
 // The run is over, and what waits for the cloud is computed when it comes back.
@@ -177,9 +215,10 @@ pipelines:
   map: {rate_hz: 4, offset_ms: 1000, real_time: false, deadline_ms: 1000, tasks: [{workload: pool5}]}
 )");
   // The first is submitted once the worker has long been stopped.
-  const auto outcome =
-      run_on_cloud("schedule --live --profile p.db --allow-invalid --mix urgent.yaml --duration 4s",
-                   {.meanwhile = "kill -STOP $worker; ", .after = "kill -CONT $worker; sleep 2; "});
+  const auto outcome = run_on_cloud(
+      "schedule --live --profile p.db --allow-invalid --mix urgent.yaml "
+      "--duration 4s --trace live.json",
+      {.meanwhile = "kill -STOP $worker; ", .after = "kill -CONT $worker; sleep 2; "});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const auto made = record();
   EXPECT_EQ(made["submitted"], 12);
@@ -187,8 +226,16 @@ pipelines:
   EXPECT_EQ(made["offloaded"], 0);
   EXPECT_EQ(made["completed"].get<int>() + made["queued"].get<int>(), 12);
   EXPECT_GE(made["units"]["cpu"]["completed"], 1);
-  // They were in the cloud until it was time.
-  EXPECT_GT(made["pipelines"]["map"]["p50_ms"], 900);
+  // They were in the cloud until it was time: the same one as in virtual time.
+  const auto leads = recall_leads("live.json");
+  ASSERT_EQ(leads.size(), 1U);
+  EXPECT_GE(made["pipelines"]["map"]["p50_ms"], 0.998 * (1000 - *leads.begin()));
+  const auto virtual_time =
+      run("cd " + quoted(scratch->file("")) + "; " + quoted(kProgram) +
+          " schedule --profile p.db --allow-invalid --mix urgent.yaml --mode advanced "
+          "--platform host-cloud --duration 4s --trace virtual.json");
+  ASSERT_EQ(virtual_time.exit_code, 0) << virtual_time.err;
+  EXPECT_EQ(recall_leads("virtual.json"), leads);
   // The worker that goes on finds them withdrawn, or their time over.
   EXPECT_GT(counted(outcome, "expired") + counted(outcome, "withdrawn"), 0);
 }
@@ -250,9 +297,8 @@ TEST_F(CloudRobot, TakesBackAMapThatWasUnderWayWhenTheLinkWasLost) {
       {.meanwhile =
            "kill -STOP $worker; "
            "until grep -qs bundle_adjust outbox.db* || ! kill -0 $run; do sleep 0.05; done; " +
-           kill_server() +
-           "until grep -q 'out of reach' heard || ! kill -0 $run; do sleep 0.05; done; " +
-           start_server() + "kill -CONT $worker; "});
+           kill_server() + until_robot_says("out of reach") + start_server() +
+           "kill -CONT $worker; "});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("cloud is within reach again"));
   EXPECT_EQ(record()["frames"].get<int>() + record()["dropped"].get<int>(), 200);
