@@ -3,125 +3,19 @@
 
 #include "scheduler/record/summary.h"
 #include "scheduler/services/scenario.h"
-#include "tests/scheduler/support.h"
+#include "tests/scheduler/virtual_support.h"
 #include "workloads/base/math/random.h"
 #include "workloads/base/text/json.h"
 
 namespace pirt::test {
 namespace {
 
-using testing::AllOf;
-using testing::Contains;
 using testing::HasSubstr;
-using testing::IsEmpty;
-
-RunRecord run(const Platform& platform, const Mix& mix, ScheduleOptions options) {
-  return run_virtual(platform, nullptr, mix, options);
-}
-
-ScheduleOptions mode(const std::string& name, double duration_s = 0) {
-  ScheduleOptions options;
-  options.mode = name;
-  if (duration_s > 0) options.duration = from_s(duration_s);
-  return options;
-}
-
-const UnitResult& unit(const RunRecord& record, const std::string& name) {
-  return *std::ranges::find(record.units, name, &UnitResult::unit);
-}
-
-void expect_balanced(const RunRecord& record) {
-  EXPECT_EQ(record.submitted,
-            record.completed + record.dropped + record.expired + record.failed + record.queued);
-}
-
-/// One unit `cpu` that serves fc8 in 30 ms, one at a time.
-const std::string kOneUnit = R"(
-platform: one
-units: {cpu: {slots: 1, active_w: 2, idle_w: 0.5}}
-workloads: {fc8: {cpu: [{on: cpu, ms: 30}]}}
-)";
-
-TEST(VirtualTime, DropsAFiringThatFindsNoImageBuffer) {
-  // 100 Hz for 50 ms: firings at 0, 10, 20, 30, 40; two buffers; 30 ms each. 0 runs [0, 30), 1
-  // waits. 2 finds no buffer. At 30 the completion of 0 comes before the firing of 3 (it was set
-  // going earlier), which takes its buffer; 1 runs [30, 60), 3 [60, 90). 4 finds none. At 50 one is
-  // complete, 1 has 20 of its 30 ms; 40 ms more and all are. Fired at 10 and 30, with a deadline of
-  // 35 1 is late by then, 3 is not.
-  const auto record = run(platform_of(kOneUnit), mix_of(R"(
-mix: m
-image_buffers: 2
-pipelines:
-  camera:
-    rate_hz: 100
-    deadline_ms: 35
-    tasks: [{workload: fc8, image_input: true}]
-)"),
-                          mode("throughput", 0.05));
-  EXPECT_EQ(record.submitted, 5);
-  EXPECT_EQ(record.completed, 1);
-  EXPECT_EQ(record.dropped, 2);
-  EXPECT_EQ(record.queued, 2);
-  EXPECT_EQ(record.stalled, 0);
-  const PipelineResult& camera = record.pipelines[0];
-  EXPECT_EQ(camera.fired, 5);
-  EXPECT_EQ(camera.completed, 1);
-  EXPECT_EQ(camera.dropped, 2);
-  EXPECT_EQ(camera.unfinished, 2);
-  EXPECT_EQ(camera.deadline_misses, 1);
-  EXPECT_NEAR(*camera.p50_ms, 30, 0.05);
-  EXPECT_DOUBLE_EQ(record.makespan_s, 0.05);
-  EXPECT_DOUBLE_EQ(*record.drain_s, 0.04);
-  // 50 ms busy at 2 W, 50 ms at 0.5 W.
-  EXPECT_DOUBLE_EQ(unit(record, "cpu").busy_s, 0.05);
-  EXPECT_NEAR(record.energy_j.value(), 0.1 + 0.025, 1e-12);
-  EXPECT_NEAR(*camera.rate_hz, 1 / 0.05, 1e-9);
-}
-
-TEST(VirtualTime, CountsEveryTaskOfADroppedFiring) {
-  // One buffer, held until the last image task is done. 50 Hz for 40 ms: the second firing, at 20
-  // ms, finds it taken.
-  const auto record = run(platform_of(kOneUnit), mix_of(R"(
-mix: m
-image_buffers: 1
-pipelines:
-  camera:
-    rate_hz: 50
-    tasks:
-      - {name: a, workload: fc8, image_input: true}
-      - {name: b, workload: fc8, after: [a]}
-      - {name: c, workload: fc8, after: [b]}
-)"),
-                          mode("throughput", 0.04));
-  EXPECT_EQ(record.submitted, 6);
-  EXPECT_EQ(record.dropped, 3);
-  EXPECT_EQ(record.completed, 1);  // At 40 ms: a since 30; b has begun.
-  EXPECT_EQ(record.queued, 2);
-  EXPECT_DOUBLE_EQ(*record.drain_s, 0.05);
-  EXPECT_FALSE(record.pipelines[0].deadline_misses);
-}
-
-TEST(VirtualTime, FreesABufferWithTheLastImageTask) {
-  // As above, but at 40 ms only b and c, which take no image, are under way: the buffer is free
-  // again since 30.
-  const auto record = run(platform_of(kOneUnit), mix_of(R"(
-mix: m
-image_buffers: 1
-pipelines:
-  camera:
-    rate_hz: 25
-    tasks: [{name: a, workload: fc8, image_input: true}, {name: b, workload: fc8, after: [a]}]
-)"),
-                          mode("throughput", 0.08));
-  EXPECT_EQ(record.dropped, 0);
-  EXPECT_EQ(record.completed, 2);  // By 80 ms; b of 0 and a of 1 follow one another.
-  EXPECT_EQ(record.queued, 2);
-}
 
 TEST(VirtualTime, ExpiresTasksThatDoNotStartInTime) {
   // 100 Hz for 50 ms, 30 ms each, to be started within 25 ms: 0 runs [0, 30); 1 (fired 10) would
   // start at 30, in time; 2 (fired 20) at 60, expires at 45.
-  const auto record = run(platform_of(kOneUnit), mix_of(R"(
+  const auto record = run(platform_of(kOneModelled), mix_of(R"(
 mix: m
 pipelines:
   p: {rate_hz: 100, expires_ms: 25, tasks: [{name: a, workload: fc8}, {name: b, workload: fc8, after: [a]}]}
@@ -138,41 +32,6 @@ pipelines:
   EXPECT_EQ(record.pipelines[0].dropped, 2);
   EXPECT_EQ(record.pipelines[0].unfinished, 3);
   EXPECT_FALSE(record.pipelines[0].p50_ms);
-}
-
-TEST(VirtualTime, FiresAtMultiplesOfThePeriodUntilTheDuration) {
-  // 3 Hz for 2 s: 0, 1/3, ..., 5/3: six firings, and the last one does not come at 2.
-  const auto record = run(platform_of(kOneUnit),
-                          mix_of("mix: m\npipelines: {p: {rate_hz: 3, tasks: [{workload: fc8}]}}"),
-                          mode("throughput", 2));
-  EXPECT_EQ(record.pipelines[0].fired, 6);
-  EXPECT_DOUBLE_EQ(*record.pipelines[0].rate_hz, 3);
-  EXPECT_DOUBLE_EQ(record.makespan_s,
-                   2);  // The last completion is at 1.697 s, but the robot is on for 2 s.
-  EXPECT_EQ(record.duration_s, 2);
-  EXPECT_FALSE(record.in_flight);
-}
-
-TEST(VirtualTime, AnOffsetAndJitterMoveFirings) {
-  // 3 Hz for 2 s, from 0.5 on: 0.5, 0.833, ..., 1.833: five firings.
-  const std::string line = "rate_hz: 3, offset_ms: 500, tasks: [{workload: fc8}]";
-  const auto platform = platform_of(kOneUnit);
-  const auto late =
-      run(platform, mix_of("mix: m\npipelines: {p: {" + line + "}}"), mode("throughput", 2));
-  EXPECT_EQ(late.pipelines[0].fired, 5);
-  // Each up to 30 ms later: beside an equal pipeline at the nominal time, whose 30 ms it waits for,
-  // it takes 30 + 30 - jitter, 45 on average.
-  const auto mix =
-      mix_of("mix: m\npipelines:\n  p: {" + line + "}\n  q: {jitter_ms: 30, " + line + "}\n");
-  auto options = mode("throughput", 300);
-  const auto one = run(platform, mix, options);
-  EXPECT_NEAR(*one.pipelines[0].p99_ms, 30, 0.1);
-  EXPECT_NEAR(*one.pipelines[1].p50_ms, 45, 2);
-  EXPECT_GT(*one.pipelines[1].p99_ms, 58);
-  EXPECT_LE(*one.pipelines[1].p99_ms, 60.1);
-  EXPECT_EQ(one, run(platform, mix, options));
-  options.seed = 2;
-  EXPECT_NE(one.pipelines[1], run(platform, mix, options).pipelines[1]);
 }
 
 TEST(VirtualTime, SharesCoresBetweenStagesOfSeveralUnits) {
@@ -222,7 +81,7 @@ TEST(VirtualTime, RefusesRunsThatNoNanosecondsCount) {
 }
 
 TEST(VirtualTime, ScaledStagesTakeLongerAndCostTheSame) {
-  auto platform = platform_of(kOneUnit);
+  auto platform = platform_of(kOneModelled);
   platform.modes["throughput"].stage_scale = {{"cpu.execute", 1.5}};
   platform.units[0].idle_w = 0;
   const auto record =
@@ -386,112 +245,6 @@ TEST(VirtualTime, DrawsUniformDelaysWithinTheirBoundsFromTheSeed) {
   EXPECT_NE(run(platform, mix, options).mean_latency_ms, record.mean_latency_ms);
 }
 
-TEST(VirtualTime, ClosedLoopsKeepTheirFramesWhenBuffersRunOut) {
-  // In flight 3, but two buffers: of the first three firings one is dropped; the other two go on,
-  // one for one, to the end: whoever has no buffer then waits for one.
-  ScheduleOptions options = mode("throughput");
-  options.in_flight = 3;
-  const auto record = run(platform_of(kOneUnit), mix_of(R"(
-mix: m
-image_buffers: 2
-pipelines: {p: {closed_loop: {frames: 10}, tasks: [{workload: fc8, image_input: true}]}}
-)"),
-                          options);
-  EXPECT_EQ(record.pipelines[0].fired, 10);
-  EXPECT_EQ(record.pipelines[0].completed, 9);
-  EXPECT_EQ(record.dropped, 1);
-}
-
-TEST(VirtualTime, AClosedLoopThatFoundNoBufferAtAllGoesOnWhenOneIsFree) {
-  // `first` holds the only buffer until 30 ms; `loop`, which found none at 0, fires again then.
-  const auto record = run(platform_of(kOneUnit), mix_of(R"(
-mix: m
-image_buffers: 1
-pipelines:
-  first: {closed_loop: {frames: 1}, tasks: [{workload: fc8, image_input: true}]}
-  loop: {closed_loop: {frames: 3}, tasks: [{workload: fc8, image_input: true}]}
-)"),
-                          [] {
-                            auto options = mode("throughput");
-                            options.in_flight = 1;
-                            return options;
-                          }());
-  EXPECT_EQ(record.pipelines[1].fired, 3);
-  EXPECT_EQ(record.pipelines[1].completed, 2);
-  EXPECT_DOUBLE_EQ(record.makespan_s, 0.09);
-}
-
-TEST(VirtualTime, AClosedLoopThatMissedABufferHasAllItsFramesInFlightAgainWhenOneIsFree) {
-  // Six servers of 30 ms, two buffers: `other` has one of them until 30 ms and then no frame more,
-  // so that of the loop's two frames at 0 one is dropped; from 30 ms on two are in flight: two each
-  // at 30, 60 and 90. One at a time they would take till 210.
-  ScheduleOptions options = mode("throughput");
-  options.in_flight = 2;
-  options.weights = {{"cpu", 6}};
-  const auto record = run(platform_of(R"(
-platform: six
-units: {cpu: {servers: 6}}
-workloads: {fc8: {cpu: [{on: cpu, ms: 30}]}}
-)"),
-                          mix_of(R"(
-mix: m
-image_buffers: 2
-pipelines:
-  other: {closed_loop: {frames: 1}, tasks: [{workload: fc8, image_input: true}]}
-  loop: {closed_loop: {frames: 8}, tasks: [{workload: fc8, image_input: true}]}
-)"),
-                          options);
-  EXPECT_EQ(record.pipelines[1].fired, 8);
-  EXPECT_EQ(record.pipelines[1].completed, 7);
-  EXPECT_EQ(record.dropped, 1);
-  EXPECT_DOUBLE_EQ(record.makespan_s, 0.12);  // 1 + 2 + 2 + 2.
-}
-
-TEST(VirtualTime, FiresAsManyFramesAsAClosedLoopHasWhenItsFirstFindsNoBuffer) {
-  // Both frames are fired at 0; the first finds no buffer, and none is left for its place.
-  ScheduleOptions options = mode("throughput");
-  options.in_flight = 2;
-  const auto record = run(platform_of(kOneUnit), mix_of(R"(
-mix: m
-image_buffers: 1
-pipelines:
-  first: {closed_loop: {frames: 1}, tasks: [{workload: fc8, image_input: true}]}
-  loop: {closed_loop: {frames: 2}, tasks: [{workload: fc8, image_input: true}]}
-)"),
-                          options);
-  EXPECT_EQ(record.pipelines[1].fired, 2);
-  EXPECT_EQ(record.pipelines[1].dropped, 2);
-  expect_balanced(record);
-}
-
-TEST(VirtualTime, AStarvedPipelineShowsTheRateThatItHad) {
-  // 10 Hz of 150 ms each for 60 s: 400 are complete by then. Latency of the n-th: 150 n - 100 (n -
-  // 1) ms; deadline 1 s: n = 18 is at 1 s, so that 382 were late. Of the 200 unfinished those fired
-  // before 59 s are: all but 59.0 to 59.9, 190.
-  auto platform = platform_of(R"(
-platform: slow
-units: {cpu: {slots: 1, active_w: 2, idle_w: 0.5}}
-workloads: {fc8: {cpu: [{on: cpu, ms: 150}], call_j: {cpu: 0.01}}}
-)");
-  const auto mix =
-      mix_of("mix: m\npipelines: {p: {rate_hz: 10, deadline_ms: 1000, tasks: [{workload: fc8}]}}");
-  for (const char* name : {"throughput", "ect", "edf", "latency", "olb"}) {
-    const auto record = run(platform, mix, mode(name));
-    const PipelineResult& p = record.pipelines[0];
-    EXPECT_EQ(p.fired, 600) << name;
-    EXPECT_EQ(p.completed, 400) << name;
-    EXPECT_EQ(p.unfinished, 200) << name;
-    EXPECT_EQ(record.queued, 200) << name;
-    EXPECT_DOUBLE_EQ(*p.rate_hz, 400 / 60.0) << name;
-    EXPECT_EQ(p.deadline_misses, 382 + 190) << name;
-    EXPECT_DOUBLE_EQ(record.makespan_s, 60) << name;
-    EXPECT_DOUBLE_EQ(*record.drain_s, 30) << name;
-    EXPECT_DOUBLE_EQ(unit(record, "cpu").busy_s, 60) << name;
-    EXPECT_NEAR(record.energy_j.value(), 60 * 2.5 + 400 * 0.01, 1e-9) << name;
-    EXPECT_EQ(record.stalled, 0) << name;
-  }
-}
-
 TEST(VirtualTime, CountsWhatSharedServersAndLinksServedByTheEnd) {
   // Two cores, shared by three calls of 40 ms, all fired at 0: 60 ms each. At 45 ms 30 of 40 ms are
   // done of each: 90 core-ms. Over the link (1 Mbit/s: 16384 B in 131.072 ms) the cloud's call is
@@ -524,27 +277,6 @@ pipelines:
   EXPECT_NEAR(unit(record, "cloud").energy_j.value(), 0.045 * 4, 1e-8);
 }
 
-TEST(VirtualTime, NothingFiresAtOrAfterTheDurationNotEvenAClosedLoop) {
-  // 30 ms each: the loop's first [0, 30), the clock's [30, 60), the loop's second, fired at 30,
-  // ends at 90, the duration: it is the last.
-  const auto record = run(platform_of(kOneUnit), mix_of(R"(
-mix: m
-pipelines:
-  loop: {closed_loop: {frames: 100}, tasks: [{workload: fc8}]}
-  clock: {rate_hz: 1, tasks: [{workload: fc8}]}
-)"),
-                          [] {
-                            auto options = mode("throughput", 0.09);
-                            options.in_flight = 1;
-                            return options;
-                          }());
-  EXPECT_EQ(record.pipelines[0].fired, 2);
-  EXPECT_EQ(record.pipelines[0].completed, 2);
-  EXPECT_EQ(record.pipelines[1].completed, 1);
-  EXPECT_EQ(record.queued, 0);
-  EXPECT_EQ(record.drain_s, 0);
-}
-
 TEST(VirtualTime, SaysWhichTasksNothingIsEverGoingToStart) {
   // A policy that takes two tasks and then refuses for ever.
   class TakesTwo final : public Policy {
@@ -559,7 +291,7 @@ TEST(VirtualTime, SaysWhichTasksNothingIsEverGoingToStart) {
     int taken_ = 0;
     std::vector<UnitId> order_ = {0};
   };
-  const auto platform = platform_of(kOneUnit);
+  const auto platform = platform_of(kOneModelled);
   const auto mix =
       mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 5}, tasks: [{workload: fc8}]}}");
   Scenario scenario = make_scenario(platform, nullptr, mix, {}, CloudUse::kNone);
@@ -572,24 +304,6 @@ TEST(VirtualTime, SaysWhichTasksNothingIsEverGoingToStart) {
   EXPECT_EQ(record.stalled, 3);
   EXPECT_EQ(record.pipelines[0].unfinished, 3);
   expect_balanced(record);
-}
-
-TEST(VirtualTime, HoldsClosedLoopTasksBeyondTheWeights) {
-  // In flight 4, but the unit's weight is 1: latency counts from the dispatch, so that it is 30 ms
-  // for each.
-  ScheduleOptions options = mode("throughput");
-  options.in_flight = 4;
-  options.weights = {{"cpu", 1}};
-  const auto mix =
-      mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 8}, tasks: [{workload: fc8}]}}");
-  const auto held = run(platform_of(kOneUnit), mix, options);
-  EXPECT_DOUBLE_EQ(*held.mean_latency_ms, 30);
-  EXPECT_EQ(held.overflow, "hold");
-  // Literally all four are queued on the CPU: 30, 60, 90 and then five times 120: 780 / 8.
-  options.overflow = Overflow::kLiteral;
-  const auto literal = run(platform_of(kOneUnit), mix, options);
-  EXPECT_DOUBLE_EQ(*literal.mean_latency_ms, 97.5);
-  EXPECT_EQ(literal.overflow, "literal");
 }
 
 TEST(VirtualTime, EverythingBalancesInRandomMixes) {
@@ -645,186 +359,6 @@ TEST(VirtualTime, EverythingBalancesInRandomMixes) {
     ASSERT_EQ(to_json(run(platform, mix, options)), to_json(record));
     ASSERT_FALSE(testing::Test::HasFailure());
   }
-}
-
-TEST(Schedule, OffloadsExactlyTheNonRealTimeTasksOfTheFullRobot) {
-  // 60 s: scene_understanding fires 6 times, map_generation at 0 and 50 s. The others: 1500 firings
-  // of 6 tasks, 180, 600 and 600 of 1.
-  const auto record = run(load_platform("fake"), load_mix("full-robot"), mode("advanced"));
-  EXPECT_EQ(record.submitted, 10388);
-  // The first frame has none before it to track from; its pose and its map come after that.
-  EXPECT_EQ(record.completed, 10385);
-  EXPECT_EQ(record.no_predecessor, 3);
-  EXPECT_EQ(unit(record, "cloud").completed, 8);
-  EXPECT_EQ(record.offloaded, 8);
-  for (const char* name : {"cpu-only", "latency", "throughput", "energy", "ect", "edf"}) {
-    const auto basic = run(load_platform("fake"), load_mix("full-robot"), mode(name));
-    EXPECT_EQ(basic.offloaded, 0) << name;
-    expect_balanced(basic);
-  }
-}
-
-TEST(Schedule, OffloadsExactlyTheNonRealTimeTasksOfTheRobotOfTableOne) {
-  // 60 s: scene_understanding at 0.1 Hz fires 6 times one task; map_generation at 0.02 Hz at 0 and
-  // 50 s, two tasks each: 10. The others: 1500 firings of 4, 180 and 600 of 1: 6780.
-  const auto record = run(load_platform("fake"), load_mix("table1-robot"), mode("advanced"));
-  EXPECT_EQ(record.submitted, 6790);
-  // The first frame has none before it to track from.
-  EXPECT_EQ(record.completed, 6789);
-  EXPECT_EQ(record.no_predecessor, 1);
-  EXPECT_EQ(record.offloaded, 10);
-  EXPECT_EQ(unit(record, "cloud").completed, 10);
-  EXPECT_THAT(record.warnings, ElementsAre(HasSubstr("(@-1)")));
-  for (const char* name : {"latency", "throughput", "energy"}) {
-    const auto basic = run(load_platform("fake"), load_mix("table1-robot"), mode(name));
-    EXPECT_EQ(basic.offloaded, 0) << name;
-    expect_balanced(basic);
-  }
-}
-
-TEST(Schedule, WarnsWhenAdvancedHasNoCloudAndWhenThereIsNoDsp) {
-  const auto record = run(
-      platform_of(kOneUnit),
-      mix_of("mix: m\npipelines: {p: {rate_hz: 1, real_time: false, tasks: [{workload: fc8}]}}"),
-      mode("advanced", 1));
-  EXPECT_EQ(record.completed, 1);
-  EXPECT_EQ(record.offloaded, 0);
-  EXPECT_THAT(record.warnings, Contains(AllOf(HasSubstr("pipeline p"), HasSubstr("cloud"))));
-  EXPECT_THAT(record.warnings, Contains(HasSubstr("no unit of role dsp")));
-}
-
-TEST(Schedule, SaysWhichWorkloadNobodyServesAndHowToMeasureIt) {
-  const auto message = bad_input([] {
-    static_cast<void>(run(load_platform("host"), load_mix("convolution-1000"), mode("latency")));
-  });
-  EXPECT_THAT(
-      message,
-      AllOf(HasSubstr("convolution"), HasSubstr("cpu: no profile given"),
-            HasSubstr("pirt characterize --platform host --filter '^(convolution)$' --db")));
-  const auto modelled = bad_input([] {
-    static_cast<void>(run(load_platform("snapdragon820"), load_mix("full-robot"), mode("latency")));
-  });
-  EXPECT_THAT(modelled, AllOf(HasSubstr("no stages"), HasSubstr("workloads:")));
-}
-
-TEST(Schedule, DoesNotTakeTheCloudForARealTimeTask) {
-  // Without a profile host has the cloud's alexnet only: recognition needs it here,
-  // scene_understanding alone would not.
-  const auto message = bad_input([] {
-    static_cast<void>(run(load_platform("host"), load_mix("full-robot"), mode("advanced")));
-  });
-  EXPECT_THAT(message,
-              HasSubstr("'^(undistort|extract_features|track_features|imu_propagate|update_pose|"
-                        "extend_map|alexnet|plan_path|avoid_obstacles)$'"));
-  const auto offline = mix_of(
-      "mix: m\npipelines: {p: {rate_hz: 1, real_time: false, tasks: [{workload: alexnet}]}}");
-  EXPECT_GE(run(load_platform("host"), offline, mode("advanced", 20)).offloaded,
-            15);  // In 5 s each.
-  EXPECT_THAT(bad_input([&] {
-                static_cast<void>(run(load_platform("host"), offline, mode("latency", 2)));
-              }),
-              HasSubstr("'^(alexnet)$'"));
-}
-
-TEST(Schedule, LeavesOutTheUnitsThatItIsTold) {
-  const auto mix = mix_of("mix: m\npipelines: {p: {rate_hz: 10, tasks: [{workload: alexnet}]}}");
-  auto options = mode("met", 1);
-  const auto with = run(load_platform("fake"), mix, options);
-  EXPECT_EQ(unit(with, "gpu").completed, 10);
-  options.without = {"gpu", "cloud"};
-  const auto record = run(load_platform("fake"), mix, options);
-  EXPECT_EQ(unit(record, "gpu").completed, 0);
-  EXPECT_NEAR(*unit(record, "gpu").energy_j, 0.1, 1e-12);  // 1 s idle.
-  EXPECT_GT(unit(record, "cpu").completed, 0);
-  options.without = {"gpuu"};
-  EXPECT_THAT(bad_input([&] { static_cast<void>(run(load_platform("fake"), mix, options)); }),
-              AllOf(HasSubstr("'gpuu'"), HasSubstr("did you mean gpu")));
-  options.without = {"cpu", "gpu", "dsp"};
-  EXPECT_THAT(bad_input([&] { static_cast<void>(run(load_platform("fake"), mix, options)); }),
-              HasSubstr("left out by --without"));
-}
-
-TEST(Schedule, RefusesEligibleThatNamesNothingOrLeavesNothing) {
-  const auto refused = [](const std::string& eligible, const std::string& name = "throughput") {
-    return bad_input([&] {
-      static_cast<void>(run(load_platform("fake"),
-                            mix_of("mix: m\npipelines: {p: {rate_hz: 1, eligible: [" + eligible +
-                                   "], tasks: [{workload: alexnet}]}}"),
-                            mode(name, 1)));
-    });
-  };
-  EXPECT_THAT(refused("gpuu"), AllOf(HasSubstr("'gpuu'"), HasSubstr("did you mean gpu")));
-  EXPECT_THAT(refused("fpga"), HasSubstr("leaves no unit"));
-  // alexnet on the DSP is too slow for Algorithm 2's weights, and a real-time task never goes to
-  // the cloud.
-  EXPECT_THAT(refused("dsp"), HasSubstr("gives no weight"));
-  EXPECT_THAT(refused("cloud", "advanced"), HasSubstr("would never place it"));
-}
-
-TEST(Schedule, RefusesBadOptions) {
-  const auto refused = [](const ScheduleOptions& options,
-                          const std::string& mix = "convolution-1000") {
-    return bad_input(
-        [&] { static_cast<void>(run(load_platform("snapdragon820"), load_mix(mix), options)); });
-  };
-  EXPECT_THAT(refused(mode("latencyy")), HasSubstr("did you mean latency"));
-  auto options = mode("latency");
-  options.in_flight = 0;
-  EXPECT_THAT(refused(options), HasSubstr("--in-flight"));
-  EXPECT_THAT(refused(mode("latency", 5)), HasSubstr("--duration"));
-  options = mode("advanced");
-  options.basic = "advanced";
-  EXPECT_THAT(refused(options), HasSubstr("not a basic scheduler"));
-  options = mode("latency");
-  options.weights = {{"npu", 1}};
-  EXPECT_THAT(refused(options), HasSubstr("--weights"));
-}
-
-TEST(Schedule, RefusesAPlatformModeThatDoesNotExist) {
-  auto platform = platform_of(kOneUnit);
-  platform.modes["througput"].in_flight = 3;
-  EXPECT_THAT(
-      bad_input([&] {
-        static_cast<void>(
-            run(platform, mix_of("mix: m\npipelines: {p: {rate_hz: 1, tasks: [{workload: fc8}]}}"),
-                mode("latency", 1)));
-      }),
-      AllOf(HasSubstr("'througput'"), HasSubstr("did you mean throughput")));
-}
-
-TEST(Schedule, MetersReplaceTheModelOfACall) {
-  // 30 ms at 2 W would be 60 mJ; the meter says 10 mJ a call. Idle stays the platform's: 0.5 W for
-  // 60 ms.
-  auto platform = platform_of(kOneUnit);
-  platform.units[0].backend = "fake";
-  Profile profile;
-  profile.path = "p.db";
-  profile.runs.resize(1);
-  profile.runs[0].platform = "one";
-  profile.runs[0].units = {
-      {.unit = "cpu", .backend = "fake", .device = "a device", .device_is_cpu = true, .cores = {}}};
-  PhaseRow row;
-  row.workload = "fc8";
-  row.unit = "cpu";
-  row.valid = true;
-  row.median = from_ms(30);
-  profile.phases = {row};
-  EnergyRow energy;
-  energy.workload = "fc8";
-  energy.unit = "cpu";
-  energy.energy_j = 0.010;
-  energy.provenance = Provenance::kMeasured;
-  energy.valid = true;
-  profile.energies = {energy};
-  const auto mix =
-      mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 2}, tasks: [{workload: fc8}]}}");
-  const auto record = run_virtual(platform, &profile, mix, mode("throughput"));
-  EXPECT_NEAR(record.energy_j.value(), 2 * 0.010 + 0.5 * 0.06, 1e-12);
-  EXPECT_EQ(record.profile, "p.db");
-  EXPECT_EQ(record.units[0].device, "a device");
-  EXPECT_EQ(record.units[0].device_is_cpu, true);
-  EXPECT_EQ(record.units[0].provenance, std::vector<std::string>{"measured"});
-  EXPECT_EQ(record.units[0].energy_provenance, std::vector<std::string>{"measured"});
 }
 
 TEST(VirtualTime, AnImageOnTheJetsonTakesWhatTableFourPrints) {
