@@ -127,11 +127,6 @@ void Dispatcher::bind(std::span<const Task> tasks) {
   for (std::size_t i = 0; i < tasks.size(); ++i) ties_.join(added_[i], tasks[i]);
 }
 
-/// Each may leave others unmet.
-void Dispatcher::drop_unmet(Effects& out) {
-  ties_.take_unmet([&](TaskSlot slot) { drop(slot, TaskEnd::kNoPredecessor, out); });
-}
-
 /// False if the task comes after itself or one that is not linked yet.
 bool Dispatcher::link(TaskSlot slot, const Task& task) {
   bool doomed = false;
@@ -232,37 +227,6 @@ bool Dispatcher::slice_ended(UnitId unit, TaskId task, Nanos now, Effects& out) 
   });
 }
 
-/// The task has failed, and was running.
-void Dispatcher::fail(TaskSlot slot, Effects& out) {
-  ++counts_.failed;
-  drop_successors(slot, TaskEnd::kDropped, out);
-  end(slot);
-}
-
-/// The task waits for another unit, in the place in line that it had. A plan knows no other unit:
-/// the policy takes it nowhere.
-void Dispatcher::give_back(TaskSlot slot, UnitId unit, Effects& out) {
-  ++counts_.returned;
-  waiting_.forget_refusals();
-  TaskTies& ties = tasks_.tie(slot);
-  const bool recalled = contains(ties.returned_by, unit);  // Which is no try.
-  ties.returned_by |= unit_bit(unit);
-  TaskClass kind = waiting_.class_at(slot).kind;
-  kind.eligible &= ~(ties.returned_by | gone_);
-  if (!recalled) ++ties.returns;
-  if (ties.returns == kMostTries || kind.eligible == 0 ||
-      policy_->takers(kind, kind.eligible) == 0) {
-    out.ended.push_back({tasks_[slot].id, TaskEnd::kFailed});
-    return fail(slot, out);
-  }
-  tasks_[slot].class_index = waiting_.class_of(kind, up_);
-  policy_->came_back(kind, tasks_[slot].rank);
-  waiting_.hold(slot);
-  if (ties.recall) recalls_.watch(slot, ties.recall->at);
-  if (ties.expires_at) expiries_.watch(slot, *ties.expires_at);
-  if (ties.recall || ties.expires_at) expire(Expire::kBeforeNow, out);
-}
-
 void Dispatcher::cancel(TaskId task, Nanos now, Effects& out) {
   const auto input = [&] {
     return DispatcherInput{.kind = DispatcherInput::Kind::kCancel, .now = now_, .task = task};
@@ -315,90 +279,6 @@ void Dispatcher::wake(Nanos now, Effects& out) {
   });
 }
 
-bool Dispatcher::is_due(const Expiries& timers, Expire which) const {
-  return timers.any() && (which == Expire::kByNow ? timers.next() <= now_ : timers.next() < now_);
-}
-
-/// Ends what should have started by now, or before now, and takes back what should have completed.
-void Dispatcher::expire_watched(Expire which, Effects& out) {
-  expiries_.tidy();
-  while (is_due(expiries_, which)) {
-    const TaskSlot slot = expiries_.first();
-    ++counts_.expired;
-    out.ended.push_back({tasks_[slot].id, TaskEnd::kExpired});
-    unlink(slot);
-    drop_successors(slot, TaskEnd::kDropped, out);
-    end(slot);
-    expiries_.tidy();
-  }
-  recalls_.tidy();
-  while (is_due(recalls_, which)) {
-    const TaskSlot slot = recalls_.first();
-    recalls_.forget(slot);
-    take_back(slot, out);
-    recalls_.tidy();
-  }
-}
-
-/// From the units that it was to complete on by now, if others would take it.
-void Dispatcher::take_back(TaskSlot slot, Effects& out) {
-  TaskRecord& record = tasks_[slot];
-  TaskTies& ties = tasks_.tie(slot);
-  TaskClass kind = waiting_.class_at(slot).kind;
-  const UnitMask from = ties.recall->from;
-  kind.eligible &= ~(from | ties.returned_by | gone_);
-  if (is_over(record.state) || kind.eligible == 0 || policy_->takers(kind, kind.eligible) == 0) {
-    return;
-  }
-  ties.returned_by |= from;  // It goes there no more.
-  const bool placed = record.state == TaskState::kRunning || record.state == TaskState::kQueued;
-  const bool there = placed && contains(from, record.unit);
-  if (record.state == TaskState::kRunning) {
-    if (there) out.recalled.push_back({record.id, record.unit});
-    return;
-  }
-  const bool waits =
-      there || record.state == TaskState::kHeld || record.state == TaskState::kHighPriority;
-  if (waits) unlink(slot);
-  record.class_index = waiting_.class_of(kind, up_);
-  if (!waits) return;
-  if (there) policy_->came_back(kind, record.rank);
-  waiting_.forget_refusals();
-  waiting_.hold(slot);
-}
-
-/// What waits in the unit's queue waits for others; if it is gone, all that it could have taken.
-void Dispatcher::hand_on(UnitId unit) {
-  std::vector<TaskSlot> waiting;
-  while (!units_[unit].queue.empty()) {
-    waiting.push_back(units_[unit].queue.front());
-    unlink(waiting.back());
-    policy_->came_back(waiting_.class_at(waiting.back()).kind, tasks_[waiting.back()].rank);
-  }
-  waiting_.take_those_of(unit, gone_, waiting);
-  for (const TaskSlot slot : waiting) {
-    leave_gone(slot);
-    waiting_.hold(slot);
-  }
-}
-
-/// The task is of the class that does without the units that are gone, from now on.
-void Dispatcher::leave_gone(TaskSlot slot) {
-  TaskClass kind = waiting_.class_at(slot).kind;
-  if ((kind.eligible & gone_) == 0) return;
-  kind.eligible &= ~gone_;
-  tasks_[slot].class_index = waiting_.class_of(kind, up_);
-  waiting_.class_at(slot).hopeless = policy_->takers(kind, kind.eligible) == 0;
-}
-
-/// What waits for units that are gone for good.
-void Dispatcher::fail_hopeless(Effects& out) {
-  waiting_.take_hopeless([&](TaskSlot slot) {
-    out.ended.push_back({tasks_[slot].id, TaskEnd::kFailed});
-    fail(slot, out);
-  });
-}
-
 /// What every input but release ends with.
 void Dispatcher::settle(Effects& out) {
   if (ties_.has_news() || waiting_.despairs()) take_news(out);
@@ -410,19 +290,6 @@ void Dispatcher::settle(Effects& out) {
   start_all(out);
   expiries_.tidy();
   recalls_.tidy();
-}
-
-void Dispatcher::take_news(Effects& out) {
-  while (true) {
-    drop_unmet(out);
-    ties_.take_freed([this](TaskSlot slot) {
-      if (tasks_[slot].state == TaskState::kWaiting && tasks_[slot].pending == 0) {
-        make_ready(slot, false);
-      }
-    });
-    if (!waiting_.despairs()) break;
-    fail_hopeless(out);  // Others may hold their states now, or have nothing to read.
-  }
 }
 
 void Dispatcher::list_waiting(std::vector<int>& waiting) const {
@@ -538,74 +405,6 @@ void Dispatcher::take_from_queue(TaskSlot slot, UnitId unit) {
   TaskList& queue = units_[unit].queue;
   queue.erase(tasks_, slot);
   if (queue.empty()) queued_ &= ~unit_bit(unit);
-}
-
-/// Takes a task that has not started out of the queue that it is in.
-void Dispatcher::unlink(TaskSlot slot) {
-  const TaskRecord& record = tasks_[slot];
-  switch (record.state) {
-    case TaskState::kHeld:
-    case TaskState::kHighPriority:
-      waiting_.erase(slot);
-      break;
-    case TaskState::kQueued:
-      take_from_queue(slot, record.unit);
-      remove_load(slot, record.unit);
-      break;
-    case TaskState::kNew:
-    case TaskState::kWaiting:
-    case TaskState::kRunning:
-    case TaskState::kCancelled:
-    case TaskState::kEnded:
-      break;
-  }
-}
-
-void Dispatcher::count_drop(TaskSlot slot, TaskEnd how, Effects& out) {
-  ++counts_.dropped;
-  if (how == TaskEnd::kNoPredecessor) ++counts_.no_predecessor;
-  out.ended.push_back({tasks_[slot].id, how});
-}
-
-/// Drops a task that has not started, and its successors.
-void Dispatcher::drop(TaskSlot slot, TaskEnd how, Effects& out) {
-  count_drop(slot, how, out);
-  unlink(slot);
-  drop_successors(slot, how, out);
-  end(slot);
-}
-
-/// Successors of a task that did not complete; all of them still wait. Not recursive: a chain may
-/// be long.
-void Dispatcher::drop_successors(TaskSlot slot, TaskEnd how, Effects& out) {
-  std::vector<TaskSlot> doomed = {slot};
-  std::vector<TaskSlot> successors;
-  for (std::size_t i = 0; i < doomed.size(); ++i) {
-    successors.clear();
-    tasks_.successors(doomed[i], successors);
-    for (const TaskSlot each : successors) {
-      // A diamond's end is reached twice; whoever waits has a predecessor pending, so that 0 marks
-      // the doomed.
-      if (std::exchange(tasks_[each].pending, 0) != 0) doomed.push_back(each);
-    }
-    if (i == 0) continue;
-    count_drop(doomed[i], how, out);
-    end(doomed[i]);
-  }
-}
-
-/// The task is in no queue and will not complete.
-void Dispatcher::end(TaskSlot slot) {
-  const TaskState state = tasks_[slot].state;
-  if (state == TaskState::kWaiting || state == TaskState::kHeld) {
-    policy_->gone(waiting_.class_at(slot).kind);
-    waiting_.had_turn(waiting_.class_at(slot).kind.entry);
-  }
-  expiries_.forget(slot);
-  recalls_.forget(slot);
-  ties_.leave(slot, false);
-  tasks_.end(slot);
-  waiting_.forget_refusals();
 }
 
 }  // namespace pirt

@@ -31,6 +31,11 @@ struct TaskStep {
   /// Parts after each of which but the last the call can be left, as shares; of the scenario's
   /// services. Null = none.
   const std::vector<double>* slices = nullptr;
+
+  /// The part of its time, before the scale, that draws the unit's active_w.
+  [[nodiscard]] Nanos powered(Nanos unscaled) const {
+    return energy_scale == 1 ? unscaled : pirt::scaled(unscaled, energy_scale);
+  }
 };
 
 /// Data that a task waits for once it has started, with what it moves over links.

@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cmath>
 #include <functional>
 #include <iterator>
-#include <stdexcept>
 #include <utility>
 
 #include "characterize/platform/elsewhere.h"
-#include "scheduler/services/transfers.h"
+#include "scheduler/virtual/job.h"
 #include "workloads/base/error.h"
 #include "workloads/base/math/random.h"
 
@@ -18,50 +16,6 @@ namespace {
 
 /// 64 bits of nanoseconds are 292 years, and times are added up.
 constexpr Nanos kLongestRun = std::chrono::years(20);
-
-}  // namespace
-
-struct VirtualTime::Job {
-  TaskId id = 0;
-  std::uint32_t plan = 0;
-  UnitId unit = 0;
-  std::uint32_t step = 0;   ///< Position in steps_.
-  std::uint32_t tries = 0;  ///< Before this one.
-  bool computing = false;   ///< By the executor.
-  Nanos started_at{0};
-  Nanos dispatched_at{0};
-  Nanos takes{0};      ///< Server time of its step,
-  Nanos powered{0};    ///< and the part of it that draws the unit's active_w.
-  Nanos preparing{0};  ///< What this try has spent on it.
-  Nanos handover{0};   ///< Until its first step on its unit; then zero.
-  // Of a step with slices: all of it, and what follows the slice that is served.
-  Nanos whole{0}, whole_powered{0}, rest{0};
-  std::uint32_t slice = 0;
-  // Of a task that was left between two slices.
-  bool left = false;  ///< It is,
-  Nanos left_at{0};   ///< since then,
-  Nanos paused{0};    ///< and was before for so long.
-  CallEffects::Rest effects = {};
-};
-
-struct VirtualTime::Timer {
-  Moment moment;
-  bool fires = false;       ///< A pipeline; otherwise the end of a job's delay.
-  std::uint32_t index = 0;  ///< Of the pipeline or the job.
-  friend auto operator<=>(const Timer&, const Timer&) = default;
-};
-
-namespace {
-
-/// The part of a step's time that draws its unit's active_w.
-Nanos powered(Nanos unscaled, const TaskStep& step) {
-  return step.energy_scale == 1 ? unscaled : scaled(unscaled, step.energy_scale);
-}
-
-/// What the dispatcher refuses here would be this driver's mistake.
-void must(bool taken) {
-  if (!taken) throw std::logic_error("the dispatcher refused an input of virtual time");
-}
 
 }  // namespace
 
@@ -104,7 +58,7 @@ void VirtualTime::lay_out_steps() {
         const bool affected = step.servers == unit && call_effects_.any();
         steps_.push_back({.plan = &step,
                           .takes = step.scaled,
-                          .powered = same ? powered(step.time.low, step) : Nanos::zero(),
+                          .powered = same ? step.powered(step.time.low) : Nanos::zero(),
                           .constant = same && !step.prepares && !step.for_data && !affected});
       }
       steps_.emplace_back();
@@ -227,65 +181,6 @@ void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
   settle();
 }
 
-bool VirtualTime::slice_ended(JobIndex index, Nanos now) {
-  while (next() <= now) advance(now);
-  now_ = std::max(now_, now);
-  if (now_ > firings_.end() && !at_end_) close_books(firings_.end());
-  Job& job = jobs_[index];
-  must(dispatcher_.slice_ended(job.unit, job.id, now_, effects_));
-  const bool leaves = !effects_.left.empty();
-  if (leaves) leave(index);
-  settle();
-  return !leaves;
-}
-
-/// Of a modelled task.
-void VirtualTime::end_slice(JobIndex index) {
-  const Job& job = jobs_[index];
-  must(dispatcher_.slice_ended(job.unit, job.id, now_, effects_));
-  if (effects_.left.empty()) return go_on(index);
-  leave(index);
-}
-
-void VirtualTime::leave(JobIndex index) {
-  Job& job = jobs_[index];
-  job.left = true;
-  job.left_at = now_;
-  if (job.computing) {
-    if (observer_ != nullptr) observer_->left(job.unit, index);
-  } else if (call_effects_.any()) {
-    job.effects = call_effects_.leave(job.unit, now_);
-  }
-}
-
-/// Between two slices, whether it was left there or not.
-void VirtualTime::go_on(JobIndex index) {
-  Job& job = jobs_[index];
-  const bool was_left = std::exchange(job.left, false);
-  if (was_left) job.paused += now_ - job.left_at;
-  if (job.computing) {
-    note_arrival(index);
-    return executor_->resume(index, job.unit);
-  }
-  const TaskStep& step = step_of(job);
-  cut(job, step);
-  if (was_left && call_effects_.any()) {
-    job.takes += call_effects_.resume(job.unit, job.effects, now_,
-                                      hash_u64(random(index), 3 + std::uint64_t{job.slice}));
-  }
-  work_on(index, step);
-}
-
-/// The next slice is what it takes; of a new step, the first.
-void VirtualTime::cut(Job& job, const TaskStep& step) const {
-  const double share = (*step.slices)[job.slice];
-  const bool last = ++job.slice == step.slices->size();
-  job.takes = last ? job.rest : std::min(job.rest, scaled(job.whole, share));
-  job.rest -= job.takes;
-  job.powered =
-      scaled(job.whole_powered, job.whole > Nanos::zero() ? to_s(job.takes) / to_s(job.whole) : 0);
-}
-
 void VirtualTime::set_unit(UnitId unit, UnitState state, Nanos now) {
   while (next() <= now) advance(now);
   now_ = std::max(now_, now);
@@ -382,67 +277,6 @@ void VirtualTime::note_arrival(JobIndex index) {
   observer_->arrived(job.unit, index, books_.is_metered(workload_of(job), job.unit) ? 0 : active_w);
 }
 
-/// The task does not go on where it is, and is placed anew.
-void VirtualTime::take_back(const Recalled& recalled) {
-  const JobIndex index = Firings::job_of(recalled.task);
-  Job& job = jobs_[index];
-  if (job.computing) return executor_->recall(index, recalled.unit);
-  const TaskStep& step = step_of(job);
-  if (job.left) {
-    job.paused += now_ - job.left_at;
-  } else if (!step.for_data && step.servers != TaskStep::kDelay) {
-    const Nanos left = servers_[step.servers]->remove(index, now_).value();
-    note_next(step.servers);
-    const Nanos served = job.takes - left;
-    if (served > Nanos::zero()) {
-      books_.charge(step, job.unit, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
-    }
-    if (observer_ != nullptr) observer_->left(step.servers, index);
-  } else {
-    std::erase_if(timers_,
-                  [index](const Timer& each) { return !each.fires && each.index == index; });
-    std::ranges::make_heap(timers_, std::greater{});
-  }
-  complete(index, Outcome::kReturned, now_ - job.started_at - job.paused, nullptr);
-}
-
-/// Data sets out to the unit when its predecessor completes; other transfers do not hold it up. A
-/// state moves when who holds it next is known, which is now.
-Nanos VirtualTime::data_arrival(JobIndex index) {
-  const Job& job = jobs_[index];
-  const TaskPlan& plan = plans_[job.plan];
-  Nanos arrival = now_;
-  for (const auto& [edge, size_bytes, earlier] : plan.edges) {
-    const Firings::Made& made =
-        earlier ? firings_.made_earlier(index, edge.from) : firings_.made(index, edge.from);
-    arrival = std::max(arrival, made.at + edge.transfer(made.unit, job.unit));
-    if (made.unit == job.unit) continue;
-    const bool leaves = !edge.leave.empty() && edge.leave[made.unit] > Nanos::zero();
-    if (leaves) send(made.unit, size_bytes, made.at);
-    if (!edge.enter.empty() && edge.enter[job.unit] > Nanos::zero()) {
-      send(job.unit, size_bytes, leaves ? made.at + edge.leave[made.unit] : made.at);
-    }
-  }
-  if (!plan.state) return arrival;
-  const std::optional<UnitId> from = std::exchange(state_units_[*plan.state], job.unit);
-  if (!from || *from == job.unit) return arrival;
-  Nanos moved = now_;
-  for (const UnitId end : {*from, job.unit}) {
-    const Link* link = link_of(scenario_.platform, end);
-    if (link == nullptr) continue;
-    const std::int64_t size_bytes = scenario_.mix.states[*plan.state].size_bytes;
-    send(end, size_bytes, moved);
-    moved += sending_time(*link, size_bytes) + link->latency.mean();
-  }
-  return std::max(arrival, moved);
-}
-
-/// The unit's link is busy with it; what of that is after the end does not count.
-void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from) {
-  const Nanos takes = sending_time(*link_of(scenario_.platform, unit), size_bytes);
-  books_.charge_link(unit, std::clamp(firings_.end() - from, Nanos::zero(), takes));
-}
-
 /// What the unit holds at first: the first of the mix that it may have to.
 std::optional<std::uint32_t> VirtualTime::first_context(UnitId unit) const {
   for (const TaskPlan& plan : plans_) {
@@ -484,20 +318,6 @@ void VirtualTime::begin_step(JobIndex index) {
   work_on(index, *step.plan);
 }
 
-/// Sets what the step takes, where that is not always the same.
-void VirtualTime::measure(JobIndex index, const TaskStep& step) {
-  Job& job = jobs_[index];
-  const bool constant = step.time.kind == Distribution::Kind::kConstant;
-  Nanos unscaled = constant ? step.time.low : step.time.draw(random(index));
-  job.takes = constant ? step.scaled : scaled(unscaled, step.scale);
-  if (step.servers == job.unit) {
-    const Nanos longer = with_effects(index, step, job.takes);
-    unscaled += longer - job.takes;
-    job.takes = longer + std::exchange(job.handover, Nanos::zero());
-  }
-  job.powered = powered(unscaled, step);
-}
-
 void VirtualTime::work_on(JobIndex index, const TaskStep& step) {
   if (observer_ != nullptr) {
     observer_->arrived(step.servers, index, power_w(jobs_[index], step));
@@ -517,40 +337,6 @@ bool VirtualTime::holds_context(Job& job, const TaskStep& step) {
   if (std::exchange(contexts_[job.unit], step.context) == step.context) return true;
   prepared(job, now_, step.scaled);
   return false;
-}
-
-/// While a server works on the step. A scaled stage draws less for longer: its energy stays.
-double VirtualTime::power_w(const Job& job, const TaskStep& step) const {
-  if (step.servers < scenario_.platform.units.size()) {
-    return scenario_.platform.units[step.servers].active_w * step.energy_scale / step.scale;
-  }
-  return scenario_.platform.links.at(scenario_.platform.units[job.unit].link).active_w;
-}
-
-/// What the step takes by what else happened; others that it slows end later from now on.
-Nanos VirtualTime::with_effects(JobIndex job, const TaskStep& step, Nanos takes) {
-  if (step.conditions == nullptr) return takes;
-  const CallEffects::Execution execution{job, jobs_[job].unit, workload_of(jobs_[job]), takes};
-  slowed_.clear();
-  const Nanos longer =
-      call_effects_.executes(execution, *step.conditions, now_, hash_u64(random(job), 2), slowed_);
-  for (const auto& [other, unit, by] : slowed_) {
-    jobs_[other].takes += by;
-    jobs_[other].powered += scaled(by, step_of(jobs_[other]).energy_scale);
-    servers_[unit]->lengthen(other, by);
-    note_next(unit);
-  }
-  return longer;
-}
-
-/// A pure function of seed, pipeline, firing, task and step, so that two policies meet the same
-/// luck.
-std::uint64_t VirtualTime::random(JobIndex job) const {
-  const Firings::TaskPlace& place = firings_.place(job);
-  const std::uint64_t stream = hash_u64(hash_u64(seeds_[place.pipeline], place.firing), place.task);
-  const Job& its = jobs_[job];
-  const std::size_t first = first_steps_[its.plan * scenario_.platform.units.size() + its.unit];
-  return hash_u64(stream, its.step - first);
 }
 
 UnitId VirtualTime::unit_of(JobIndex job) const { return jobs_[job].unit; }

@@ -1,0 +1,50 @@
+// What virtual time knows of a live task, and of what is to come; for the files of this room that
+// make it up alone.
+#pragma once
+
+#include <compare>
+#include <cstdint>
+#include <stdexcept>
+
+#include "scheduler/virtual/call_effects.h"
+#include "scheduler/virtual/moments.h"
+#include "scheduler/virtual/virtual_time.h"
+
+namespace pirt {
+
+struct VirtualTime::Job {
+  TaskId id = 0;
+  std::uint32_t plan = 0;
+  UnitId unit = 0;
+  std::uint32_t step = 0;   ///< Position in steps_.
+  std::uint32_t tries = 0;  ///< Before this one.
+  bool computing = false;   ///< By the executor.
+  Nanos started_at{0};
+  Nanos dispatched_at{0};
+  Nanos takes{0};      ///< Server time of its step,
+  Nanos powered{0};    ///< and the part of it that draws the unit's active_w.
+  Nanos preparing{0};  ///< What this try has spent on it.
+  Nanos handover{0};   ///< Until its first step on its unit; then zero.
+  // Of a step with slices: all of it, and what follows the slice that is served.
+  Nanos whole{0}, whole_powered{0}, rest{0};
+  std::uint32_t slice = 0;
+  // Of a task that was left between two slices.
+  bool left = false;  ///< It is,
+  Nanos left_at{0};   ///< since then,
+  Nanos paused{0};    ///< and was before for so long.
+  CallEffects::Rest effects = {};
+};
+
+struct VirtualTime::Timer {
+  Moment moment;
+  bool fires = false;       ///< A pipeline; otherwise the end of a job's delay.
+  std::uint32_t index = 0;  ///< Of the pipeline or the job.
+  friend auto operator<=>(const Timer&, const Timer&) = default;
+};
+
+/// What the dispatcher refuses here would be this driver's mistake.
+inline void must(bool taken) {
+  if (!taken) throw std::logic_error("the dispatcher refused an input of virtual time");
+}
+
+}  // namespace pirt

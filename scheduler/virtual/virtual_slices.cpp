@@ -1,0 +1,95 @@
+// What becomes of calls that are left between two slices, or wanted back before they have ended.
+#include <algorithm>
+#include <functional>
+#include <utility>
+
+#include "scheduler/virtual/job.h"
+#include "scheduler/virtual/virtual_time.h"
+#include "workloads/base/math/random.h"
+
+namespace pirt {
+
+bool VirtualTime::slice_ended(JobIndex index, Nanos now) {
+  while (next() <= now) advance(now);
+  now_ = std::max(now_, now);
+  if (now_ > firings_.end() && !at_end_) close_books(firings_.end());
+  Job& job = jobs_[index];
+  must(dispatcher_.slice_ended(job.unit, job.id, now_, effects_));
+  const bool leaves = !effects_.left.empty();
+  if (leaves) leave(index);
+  settle();
+  return !leaves;
+}
+
+/// Of a modelled task.
+void VirtualTime::end_slice(JobIndex index) {
+  const Job& job = jobs_[index];
+  must(dispatcher_.slice_ended(job.unit, job.id, now_, effects_));
+  if (effects_.left.empty()) return go_on(index);
+  leave(index);
+}
+
+void VirtualTime::leave(JobIndex index) {
+  Job& job = jobs_[index];
+  job.left = true;
+  job.left_at = now_;
+  if (job.computing) {
+    if (observer_ != nullptr) observer_->left(job.unit, index);
+  } else if (call_effects_.any()) {
+    job.effects = call_effects_.leave(job.unit, now_);
+  }
+}
+
+/// Between two slices, whether it was left there or not.
+void VirtualTime::go_on(JobIndex index) {
+  Job& job = jobs_[index];
+  const bool was_left = std::exchange(job.left, false);
+  if (was_left) job.paused += now_ - job.left_at;
+  if (job.computing) {
+    note_arrival(index);
+    return executor_->resume(index, job.unit);
+  }
+  const TaskStep& step = step_of(job);
+  cut(job, step);
+  if (was_left && call_effects_.any()) {
+    job.takes += call_effects_.resume(job.unit, job.effects, now_,
+                                      hash_u64(random(index), 3 + std::uint64_t{job.slice}));
+  }
+  work_on(index, step);
+}
+
+/// The next slice is what it takes; of a new step, the first.
+void VirtualTime::cut(Job& job, const TaskStep& step) const {
+  const double share = (*step.slices)[job.slice];
+  const bool last = ++job.slice == step.slices->size();
+  job.takes = last ? job.rest : std::min(job.rest, scaled(job.whole, share));
+  job.rest -= job.takes;
+  job.powered =
+      scaled(job.whole_powered, job.whole > Nanos::zero() ? to_s(job.takes) / to_s(job.whole) : 0);
+}
+
+/// The task does not go on where it is, and is placed anew.
+void VirtualTime::take_back(const Recalled& recalled) {
+  const JobIndex index = Firings::job_of(recalled.task);
+  Job& job = jobs_[index];
+  if (job.computing) return executor_->recall(index, recalled.unit);
+  const TaskStep& step = step_of(job);
+  if (job.left) {
+    job.paused += now_ - job.left_at;
+  } else if (!step.for_data && step.servers != TaskStep::kDelay) {
+    const Nanos left = servers_[step.servers]->remove(index, now_).value();
+    note_next(step.servers);
+    const Nanos served = job.takes - left;
+    if (served > Nanos::zero()) {
+      books_.charge(step, job.unit, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
+    }
+    if (observer_ != nullptr) observer_->left(step.servers, index);
+  } else {
+    std::erase_if(timers_,
+                  [index](const Timer& each) { return !each.fires && each.index == index; });
+    std::ranges::make_heap(timers_, std::greater{});
+  }
+  complete(index, Outcome::kReturned, now_ - job.started_at - job.paused, nullptr);
+}
+
+}  // namespace pirt
