@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <limits>
+#include <utility>
 
 #include "scheduler/policies/unit_order.h"
 
@@ -22,7 +23,7 @@ std::int64_t tasks_in_service(const CallCost& service, int servers) {
 }  // namespace
 
 CompletionEstimate::CompletionEstimate(const PolicySetup& setup)
-    : local_(local_units(setup.roles)), costs_(setup.costs) {
+    : local_(local_units(setup.roles)), costs_(setup.costs), earliest_(setup.servers.size()) {
   for (const int servers : setup.servers) {
     accounts_.emplace_back().idle_at.resize(static_cast<std::size_t>(servers), Nanos::zero());
   }
@@ -30,20 +31,20 @@ CompletionEstimate::CompletionEstimate(const PolicySetup& setup)
     auto& counts = in_service_.emplace_back();
     for (std::size_t unit = 0; unit < row.size(); ++unit) {
       counts.push_back(row[unit] ? tasks_in_service(*row[unit], setup.servers[unit]) : 0);
+      totals_.push_back(row[unit] ? row[unit]->total : Nanos::zero());
     }
   }
 }
 
-std::optional<UnitId> CompletionEstimate::best_unit(const TaskClass& task,
-                                                    const UnitsView& units) const {
+std::optional<UnitId> CompletionEstimate::best_unit(const TaskClass& task, const UnitsView& units) {
   std::optional<UnitId> best;
-  Nanos first_end{0};
+  Nanos first_end = Nanos::max();
+  const Nanos* const totals = &totals_[task.workload * accounts_.size()];
   for (UnitMask left = task.eligible & units.up & local_; left != 0; left &= left - 1) {
     const auto unit = static_cast<UnitId>(std::countr_zero(left));
-    // No unit ends it before the time that it takes there.
-    if (best && units.now + time(task, unit).total >= first_end) continue;
+    if (earliest_begin(unit, units) + totals[unit] >= first_end) continue;
     const Nanos end = completion(task, unit, units);
-    if (best && end >= first_end) continue;
+    if (end >= first_end) continue;
     best = unit;
     first_end = end;
   }
@@ -54,12 +55,16 @@ bool CompletionEstimate::has_idle_server(UnitId unit, const UnitsView& units) co
   return static_cast<std::size_t>(units.load[unit]) < accounts_[unit].idle_at.size();
 }
 
-Nanos CompletionEstimate::Account::work_of_last(std::int64_t tasks) const {
-  if (tasks <= 0 || given.empty()) return Nanos::zero();
-  const auto known = static_cast<std::int64_t>(given.size());
-  const Nanos before =
-      tasks >= known ? given_before : given[static_cast<std::size_t>(known - tasks - 1)];
-  return given.back() - before;
+void CompletionEstimate::Account::give(Nanos work, int load) {
+  if (known + 1 == sums.size()) {
+    std::vector<Nanos> more(2 * sums.size());
+    for (std::uint64_t i = given - known; i <= given; ++i)
+      more[i & (more.size() - 1)] = sum_after(i);
+    sums = std::move(more);
+  }
+  const Nanos before = sum_after(given);
+  sums[++given & (sums.size() - 1)] = before + work;
+  known = std::min(known + 1, static_cast<std::uint64_t>(load) + 1);
 }
 
 /// When all servers are taken to be idle alike, where the account cannot be right; absent where it
@@ -79,29 +84,28 @@ std::optional<Nanos> CompletionEstimate::corrected_idle(const TaskClass& task, U
   return units.now + right / servers;
 }
 
-Nanos CompletionEstimate::completion(const TaskClass& task, UnitId unit,
-                                     const UnitsView& units) const {
-  const Account& account = accounts_[unit];
+Nanos CompletionEstimate::completion(const TaskClass& task, UnitId unit, const UnitsView& units) {
   const Nanos total = time(task, unit).total;
   if (has_idle_server(unit, units)) return units.now + total;
-  if (const auto corrected = corrected_idle(task, unit, units)) return *corrected + total;
-  return std::max(std::ranges::min(account.idle_at), units.now) + total;
+  const Nanos idle = std::max(std::ranges::min(accounts_[unit].idle_at), units.now);
+  const auto corrected = corrected_idle(task, unit, units);
+  const Nanos begin = corrected.value_or(idle);
+  // While the account is right it begins when the first server is idle, and that is never later
+  // than all of them are on average; where there is more left to do than that, so far from now.
+  earliest_[unit] = {.begin = std::min(begin, idle), .load = units.load[unit]};
+  return begin + total;
 }
 
 void CompletionEstimate::add(const TaskClass& task, UnitId unit, const UnitsView& units) {
   Account& account = accounts_[unit];
+  earliest_[unit] = {};
   if (const auto corrected = corrected_idle(task, unit, units)) {
     std::ranges::fill(account.idle_at, *corrected);
   }
   const Nanos work = time(task, unit).occupied;
   const auto first = std::ranges::min_element(account.idle_at);
   *first = (has_idle_server(unit, units) ? units.now : std::max(*first, units.now)) + work;
-  account.given.push_back((account.given.empty() ? account.given_before : account.given.back()) +
-                          work);
-  while (account.given.size() > static_cast<std::size_t>(units.load[unit]) + 1) {
-    account.given_before = account.given.front();
-    account.given.pop_front();
-  }
+  account.give(work, units.load[unit]);
 }
 
 }  // namespace pirt
