@@ -20,133 +20,6 @@ Dispatcher::Dispatcher(std::vector<std::optional<int>> slots, std::unique_ptr<Po
   for (UnitId unit = 0; unit < units_.size(); ++unit) note_running(unit);
 }
 
-/// Every input goes through here.
-/// @param input  Makes what observers hear; only where somebody listens.
-/// @param body   Carries it out; false if it is refused, and then has changed nothing.
-template <typename Make, typename Body>
-bool Dispatcher::take(Nanos now, Effects& out, const Make& input, const Body& body) {
-  now_ = std::max(now_, now);
-  const std::size_t started = out.started.size();
-  const std::size_t ended = out.ended.size();
-  const std::size_t left = out.left.size();
-  const std::size_t resumed = out.resumed.size();
-  const bool taken = body();
-  if (!taken) ++refused_;
-  if (observer_ != nullptr) {
-    observer_->on_input(input(), {.taken = taken,
-                                  .started = std::span(out.started).subspan(started),
-                                  .ended = std::span(out.ended).subspan(ended),
-                                  .left = std::span(out.left).subspan(left),
-                                  .resumed = std::span(out.resumed).subspan(resumed)});
-  }
-  return taken;
-}
-
-bool Dispatcher::submit(FiringId firing, std::span<const Task> tasks, Nanos now, Effects& out) {
-  const auto input = [&] {
-    return DispatcherInput{
-        .kind = DispatcherInput::Kind::kSubmit, .now = now_, .firing = firing, .tasks = tasks};
-  };
-  return take(now, out, input, [&] {
-    if (!add(firing, tasks)) return false;
-    counts_.submitted += static_cast<std::int64_t>(tasks.size());
-    // A task may have been dropped with one before it.
-    for (const TaskSlot each : doomed_) {
-      if (tasks_[each].state == TaskState::kWaiting) drop(each, TaskEnd::kDropped, out);
-    }
-    drop_unmet(out);
-    expire(Expire::kBeforeNow, out);
-    const bool alone = added_.size() == 1;
-    for (const TaskSlot each : added_) {
-      if (tasks_[each].state == TaskState::kWaiting && tasks_[each].pending == 0) {
-        make_ready(each, alone);
-      }
-    }
-    settle(out);
-    return true;
-  });
-}
-
-/// Registers the tasks and links them to those that they come after. False, and nothing changed, if
-/// one makes no sense.
-bool Dispatcher::add(FiringId firing, std::span<const Task> tasks) {
-  const auto [place, is_new] = tasks_.open_firing(firing);
-  if (place == kNoSlot) return false;
-  added_.clear();
-  doomed_.clear();
-  bool good = register_all(place, tasks);
-  for (std::size_t i = 0; good && i < tasks.size(); ++i) good = link(added_[i], tasks[i]);
-  if (!good) {
-    for (const TaskSlot each : added_) tasks_.remove(each);
-    if (is_new) tasks_.release(firing);
-    return false;
-  }
-  bool binds = false;
-  for (std::size_t i = 0; i < tasks.size(); ++i) {
-    const Task& task = tasks[i];
-    TaskRecord& record = tasks_[added_[i]];
-    record.class_index = waiting_.class_of(task.kind, up_);
-    record.rank = policy_->rank(task);
-    if (task.deadline) record.deadline = *task.deadline;
-    binds =
-        binds || task.expires_at || task.recall || task.state || task.series || !task.reads.empty();
-  }
-  if (binds) bind(tasks);
-  return true;
-}
-
-bool Dispatcher::is_sound(const Task& task) const {
-  return task.kind.eligible != 0 && (task.kind.eligible & ~all_) == 0 &&
-         task.state.value_or(0) < kMaxStates && task.series.value_or(0) < kMaxSeries &&
-         std::ranges::all_of(task.reads, [](SeriesId each) { return each < kMaxSeries; });
-}
-
-/// Those before one that makes no sense.
-bool Dispatcher::register_all(std::uint32_t firing, std::span<const Task> tasks) {
-  for (const Task& task : tasks) {
-    const TaskSlot slot = is_sound(task) ? tasks_.add(task.id, firing) : kNoSlot;
-    if (slot == kNoSlot) return false;
-    added_.push_back(slot);
-  }
-  return true;
-}
-
-/// What only some tasks have.
-void Dispatcher::bind(std::span<const Task> tasks) {
-  for (std::size_t i = 0; i < tasks.size(); ++i) {
-    if (tasks[i].expires_at) {
-      tasks_.tie(added_[i]).expires_at = tasks[i].expires_at;
-      expiries_.watch(added_[i], *tasks[i].expires_at);
-    }
-    if (tasks[i].recall) {
-      tasks_.tie(added_[i]).recall = tasks[i].recall;
-      recalls_.watch(added_[i], tasks[i].recall->at);
-    }
-    ties_.await_earlier(added_[i], tasks[i]);
-  }
-  for (std::size_t i = 0; i < tasks.size(); ++i) ties_.join(added_[i], tasks[i]);
-}
-
-/// False if the task comes after itself or one that is not linked yet.
-bool Dispatcher::link(TaskSlot slot, const Task& task) {
-  bool doomed = false;
-  for (const TaskId id : task.after) {
-    const TaskSlot predecessor = tasks_.find(id);
-    if (predecessor == kNoSlot) continue;
-    const TaskState state = tasks_[predecessor].state;
-    if (state == TaskState::kNew) return false;
-    if (is_over(state)) {
-      doomed = true;
-    } else {
-      tasks_.add_successor(predecessor, slot);
-      ++tasks_[slot].pending;
-    }
-  }
-  tasks_[slot].state = TaskState::kWaiting;
-  if (doomed) doomed_.push_back(slot);
-  return true;
-}
-
 bool Dispatcher::release(FiringId firing, Nanos now) {
   now_ = std::max(now_, now);
   const bool taken = tasks_.release(firing);
@@ -323,9 +196,13 @@ bool Dispatcher::place(TaskSlot slot) {
   const Placement placement = policy_->place(kind, view());
   switch (placement.kind) {
     case Placement::Kind::kHold:
+      waiting_.class_at(slot).awaits = std::nullopt;
+      return false;
+    case Placement::Kind::kHoldFor:
+      waiting_.class_at(slot).awaits = placement.awaits;
       return false;
     case Placement::Kind::kHoldBehind:
-      waiting_.park(waiting_.class_at(slot), placement.entry);
+      waiting_.park(waiting_.class_at(slot), static_cast<std::uint32_t>(placement.awaits));
       return false;
     case Placement::Kind::kHighPriority:
       waiting_.prioritize(slot);
@@ -352,7 +229,7 @@ void Dispatcher::put_in_queue(TaskSlot slot, UnitId unit) {
 void Dispatcher::start_all(Effects& out) {
   const UnitMask able = idle_ & (waiting_.prioritizes_any() ? all_ : queued_);
   if (able == 0) return;
-  if (std::has_single_bit(able)) return fill(static_cast<UnitId>(std::countr_zero(able)), out);
+  if ((able & (able - 1)) == 0) return fill(static_cast<UnitId>(std::countr_zero(able)), out);
   for (const UnitId id : start_order_) {
     if (contains(able, id)) fill(id, out);
   }

@@ -13,9 +13,11 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "scheduler/dispatcher/expiries.h"
+#include "scheduler/dispatcher/task_list.h"
 #include "scheduler/dispatcher/task_store.h"
 #include "scheduler/dispatcher/ties.h"
 #include "scheduler/dispatcher/waiting.h"
@@ -64,6 +66,8 @@ class DispatcherObserver {
 
 class Dispatcher {
  public:
+  using TemplateId = std::uint32_t;  ///< Of one dispatcher.
+
   /// @param slots   By unit: how many tasks may be started on it and not be complete; absent = no
   /// limit. At most kMaxUnits.
   Dispatcher(std::vector<std::optional<int>> slots, std::unique_ptr<Policy> policy);
@@ -79,6 +83,13 @@ class Dispatcher {
   /// Refused: a task whose id is known, that comes after itself or a later one of @p tasks, or that
   /// no unit may serve; a state or series out of range; a firing that is released.
   bool submit(FiringId firing, std::span<const Task> tasks, Nanos now, Effects& out);
+  /// What firings that come again and again have in common: all but ids and times.
+  /// @param tasks  Each makes sense, and comes after earlier ones of these alone.
+  [[nodiscard]] TemplateId add_template(std::span<const Task> tasks);
+  /// The same in the end, without looking again at what the template says. Refused: also what is
+  /// not as many tasks as that has, or of no template.
+  /// @param tasks  As those of the template, but for ids and times.
+  bool submit(FiringId firing, TemplateId of, std::span<const Task> tasks, Nanos now, Effects& out);
   /// No task that is submitted from now on names one of this firing: those of its ids that ended
   /// without completing are forgotten, and those that have yet to end will be as they do. A firing
   /// that is never released is kept. Refused: a firing that is not known, or released.
@@ -138,12 +149,20 @@ class Dispatcher {
     TaskList queue = {};
     std::vector<TaskSlot> left = {};  ///< Between two slices, the innermost last.
   };
+  struct Template {
+    std::vector<std::uint32_t> class_of;  ///< By task; kNone until it was submitted once.
+    /// Pairs of positions: the second task comes after the first. By the second, rising.
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> after;
+    bool binds = false;  ///< By states and series.
+  };
   template <typename Make, typename Body>
   bool take(Nanos now, Effects& out, const Make& input, const Body& body);
-  bool add(FiringId firing, std::span<const Task> tasks);
-  bool register_all(std::uint32_t firing, std::span<const Task> tasks);
+  bool add(FiringId firing, std::span<const Task> tasks, Template* known);
+  void place_added(Effects& out);
+  bool register_all(std::uint32_t firing, std::span<const Task> tasks, bool are_sound);
   [[nodiscard]] bool is_sound(const Task& task) const;
   bool link(TaskSlot slot, const Task& task);
+  void link_all(const Template& known);
   void bind(std::span<const Task> tasks);
   void drop_unmet(Effects& out);
   void give_back(TaskSlot slot, UnitId unit, Effects& out);
@@ -183,6 +202,7 @@ class Dispatcher {
   [[nodiscard]] UnitsView view() const { return {.load = load_, .up = up_, .now = now_}; }
   void remove_load(TaskSlot slot, UnitId unit) {
     --load_[unit];
+    waiting_.note_fall(unit);
     policy_->left(waiting_.class_at(slot).kind, unit, now_);
   }
 
@@ -203,6 +223,7 @@ class Dispatcher {
   Expiries expiries_{tasks_, &TaskRecord::expires};
   Expiries recalls_{tasks_, &TaskRecord::recalled};
   std::uint64_t ready_sequence_ = 0;
+  std::vector<Template> templates_;
   // Kept for their memory.
   std::vector<TaskSlot> added_;     ///< Of submit.
   std::vector<TaskSlot> doomed_;    ///< Those of them with a predecessor that did not complete.
@@ -214,5 +235,27 @@ class Dispatcher {
   Nanos ask_again_ = Nanos::max();  ///< The policy's wish, while something is held.
   Nanos now_ = Nanos::min();
 };
+
+/// Every input goes through here.
+/// @param input  Makes what observers hear; only where somebody listens.
+/// @param body   Carries it out; false if it is refused, and then has changed nothing.
+template <typename Make, typename Body>
+bool Dispatcher::take(Nanos now, Effects& out, const Make& input, const Body& body) {
+  now_ = std::max(now_, now);
+  const std::size_t started = out.started.size();
+  const std::size_t ended = out.ended.size();
+  const std::size_t left = out.left.size();
+  const std::size_t resumed = out.resumed.size();
+  const bool taken = body();
+  if (!taken) ++refused_;
+  if (observer_ != nullptr) {
+    observer_->on_input(input(), {.taken = taken,
+                                  .started = std::span(out.started).subspan(started),
+                                  .ended = std::span(out.ended).subspan(ended),
+                                  .left = std::span(out.left).subspan(left),
+                                  .resumed = std::span(out.resumed).subspan(resumed)});
+  }
+  return taken;
+}
 
 }  // namespace pirt

@@ -1,5 +1,5 @@
-// The dispatcher's memory: records of the tasks of firings that are not released, their successors,
-// and lists of them. A task that completed is forgotten at once, one that ended otherwise with its
+// The dispatcher's memory: records of the tasks of firings that are not released, and their
+// successors. A task that completed is forgotten at once, one that ended otherwise with its
 // firing.
 #pragma once
 
@@ -244,53 +244,6 @@ class TaskStore {
   IdMap slots_;
   SlotTable<FiringRecord> firings_;
   IdMap firing_slots_;
-};
-
-/// Whether all queues serve @p a before @p b.
-[[nodiscard]] inline bool precedes(const TaskRecord& a, const TaskRecord& b) {
-  return a.rank != b.rank ? a.rank < b.rank : a.sequence < b.sequence;
-}
-
-/// A queue in order of `rank` and `sequence`, linked through the records.
-class TaskList {
- public:
-  [[nodiscard]] bool empty() const { return head_ == kNoSlot; }
-  [[nodiscard]] TaskSlot front() const { return head_; }
-
-  /// New tasks go to the end at once, or near it; one that comes back is older than most and goes
-  /// near the front. So its place is sought from both sides.
-  void insert(TaskStore& store, TaskSlot slot) {
-    TaskRecord& record = store[slot];
-    TaskSlot after = kNoSlot;
-    if (tail_ != kNoSlot && precedes(record, store[tail_])) {
-      TaskSlot last = tail_;  // Comes after the record, as all behind it.
-      after = head_;
-      while (precedes(store[after], record)) {
-        const TaskSlot before = store[last].previous;
-        if (before == kNoSlot || precedes(store[before], record)) {
-          after = last;
-          break;
-        }
-        last = before;
-        after = store[after].next;
-      }
-    }
-    record.next = after;
-    record.previous = after == kNoSlot ? tail_ : store[after].previous;
-    (record.previous == kNoSlot ? head_ : store[record.previous].next) = slot;
-    (after == kNoSlot ? tail_ : store[after].previous) = slot;
-  }
-
-  void erase(TaskStore& store, TaskSlot slot) {
-    TaskRecord& record = store[slot];
-    (record.previous == kNoSlot ? head_ : store[record.previous].next) = record.next;
-    (record.next == kNoSlot ? tail_ : store[record.next].previous) = record.previous;
-    record.previous = record.next = kNoSlot;
-  }
-
- private:
-  TaskSlot head_ = kNoSlot;
-  TaskSlot tail_ = kNoSlot;
 };
 
 }  // namespace pirt

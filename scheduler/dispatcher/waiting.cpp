@@ -74,12 +74,13 @@ void Waiting::list_asking() {
   asking_.clear();
   std::erase_if(holding_, [this](std::uint32_t index) {
     Class& entry = classes_[index];
-    entry.refused = entry.refused && refusals_stand_ && !entry.held.empty();
+    entry.refused = is_refused(entry);
     entry.in_holding = !entry.held.empty() && !entry.parked;
     if (entry.in_holding && !entry.refused) asking_.push_back(&entry);
     return !entry.in_holding;
   });
   refusals_stand_ = true;
+  fallen_ = 0;
   std::ranges::make_heap(asking_, Later{tasks_});
 }
 

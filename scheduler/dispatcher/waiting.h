@@ -4,10 +4,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <unordered_map>
 #include <utility>
 #include <vector>
 
+#include "scheduler/dispatcher/task_list.h"
 #include "scheduler/dispatcher/task_store.h"
 #include "scheduler/mix/task.h"
 #include "scheduler/policies/policy.h"
@@ -25,10 +27,12 @@ class Waiting {
     TaskList high_priority = {};
     bool in_holding = false;            ///< It is in holding_,
     bool in_prioritized = false;        ///< and in prioritized_.
-    bool refused = false;               ///< Since the last fall of a load.
+    bool refused = false;               ///< For as long as its refusal stands.
     bool parked = false;                ///< Refused until another entry has had its turn.
     bool hopeless = false;              ///< All that would have taken it are gone.
     std::uint32_t next_parked = kNone;  ///< Behind the same entry.
+    /// It is refused until the load of one of these falls; absent = until anything happens.
+    std::optional<UnitMask> awaits = {};
   };
 
   /// @param tasks  Must outlive it, as must the policy.
@@ -43,7 +47,10 @@ class Waiting {
   [[nodiscard]] Class& operator[](std::uint32_t index) { return classes_[index]; }
   [[nodiscard]] Class& class_at(TaskSlot slot) { return classes_[tasks_[slot].class_index]; }
   void set_up(UnitMask up) {
-    for (Class& each : classes_) each.takers = policy_.takers(each.kind, up);
+    for (Class& each : classes_) {
+      each.takers = policy_.takers(each.kind, up);
+      each.refused = each.parked;
+    }
   }
 
   [[nodiscard]] std::size_t size() const { return held_count_ + high_priority_count_; }
@@ -61,8 +68,11 @@ class Waiting {
   void had_turn(std::uint32_t entry) {
     if (entry < first_parked_.size() && first_parked_[entry] != kNone) wake_parked(entry);
   }
-  /// A load fell, a unit changed, or something left: what was refused is asked for again.
+  /// A load fell, a unit changed, or something left: what was refused is asked for again, if it
+  /// does not await what has not happened.
   void forget_refusals() { refusals_stand_ = false; }
+  /// The load of the unit fell.
+  void note_fall(UnitId unit) { fallen_ |= unit_bit(unit); }
   /// Places what is held, in the order of all queues, until every class is refused: what has become
   /// ready competes with what was held. Loads only rise meanwhile, so that a refusal stands.
   /// @param place  bool(TaskSlot): false if the policy refuses it.
@@ -130,6 +140,10 @@ class Waiting {
   std::uint32_t find_class(const TaskClass& kind, UnitMask up);
   void wake_parked(std::uint32_t entry);
   void note_holding(std::uint32_t index);
+  [[nodiscard]] bool is_refused(const Class& entry) const {
+    return entry.refused && !entry.held.empty() &&
+           (entry.awaits ? (*entry.awaits & fallen_) == 0 : refusals_stand_);
+  }
   void list_asking();
   [[nodiscard]] Class* next_asking();
   void ask_again(Class& entry);
@@ -145,7 +159,8 @@ class Waiting {
   std::vector<std::uint32_t> first_parked_;  ///< By entry: the classes that are parked behind it.
   std::vector<std::uint32_t> prioritized_;   ///< The same for the high-priority queue.
   std::vector<Class*> asking_;  ///< Of place_held: a heap, that of the first task on top.
-  bool refusals_stand_ = true;  ///< No load fell, no unit changed and nothing left since.
+  bool refusals_stand_ = true;  ///< Those that await anything.
+  UnitMask fallen_ = 0;         ///< Units whose load fell since they were asked for.
   bool despair_ = false;
   std::size_t held_count_ = 0;
   std::size_t high_priority_count_ = 0;

@@ -153,6 +153,9 @@ struct Effects {
   std::vector<Recalled> recalled;
   std::vector<Sliced> left;     ///< It keeps its unit; what starts there comes first.
   std::vector<Sliced> resumed;  ///< The last one of its unit that was left.
+  [[nodiscard]] bool empty() const {
+    return started.empty() && ended.empty() && recalled.empty() && left.empty() && resumed.empty();
+  }
   void clear() {
     started.clear();
     ended.clear();

@@ -35,7 +35,7 @@ class AdvancedPolicy final : public Policy {
       for (UnitId unit = 0; unit < kMaxUnits; ++unit) {
         if (contains(task.eligible & cloud_ & units.up, unit)) return Placement::on(unit);
       }
-      if (basic_->takers(task, units.up) == 0) return Placement::hold();
+      if (basic_->takers(task, units.up) == 0) return Placement::hold_for(0);
     }
     if (task.real_time && task.image_input) return Placement::high_priority();
     return basic_->place(task, units);

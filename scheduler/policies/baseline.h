@@ -16,7 +16,7 @@ class Baseline : public Policy {
   }
   const std::vector<UnitId>& order() const override { return order_; }
   static Placement on_or_hold(std::optional<UnitId> unit) {
-    return unit ? Placement::on(*unit) : Placement::hold();
+    return unit ? Placement::on(*unit) : Placement::hold_for(0);
   }
 
  protected:

@@ -16,7 +16,7 @@ class EctPolicy final : public Baseline {
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
     const auto best = estimate_.best_unit(task, units);
-    if (!best) return Placement::hold();
+    if (!best) return Placement::hold_for(0);
     estimate_.add(task, *best, units);
     return Placement::on(*best);
   }

@@ -18,7 +18,8 @@ class EdfPolicy final : public Baseline {
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
     const auto best = estimate_.best_unit(task, units);
-    if (!best || !estimate_.has_room(task, *best, units)) return Placement::hold();
+    if (!best) return Placement::hold_for(0);
+    if (!estimate_.has_room(task, *best, units)) return Placement::hold();
     estimate_.add(task, *best, units);
     return Placement::on(*best);
   }

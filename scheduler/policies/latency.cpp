@@ -37,7 +37,7 @@ class LatencyPolicy final : public Policy {
       }
     }
     const auto otherwise = else_target(order_, roles_, Role::kCpu, mask);
-    if (!otherwise) return Placement::hold();
+    if (!otherwise) return Placement::hold_for(0);
     n = 0;
     return Placement::on(*otherwise);
   }

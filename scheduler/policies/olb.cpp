@@ -16,11 +16,12 @@ class OlbPolicy final : public Baseline {
   explicit OlbPolicy(const PolicySetup& setup) : Baseline(setup), servers_(setup.servers) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
-    for (UnitMask mask = takers(task, units.up); mask != 0; mask &= mask - 1) {
+    const UnitMask usable = takers(task, units.up);
+    for (UnitMask mask = usable; mask != 0; mask &= mask - 1) {
       const auto unit = static_cast<UnitId>(std::countr_zero(mask));
       if (units.load[unit] < servers_[unit]) return Placement::on(unit);
     }
-    return Placement::hold();
+    return Placement::hold_for(usable);
   }
 
  private:

@@ -23,7 +23,7 @@ class PlannedPolicy final : public Policy {
     const bool free = contains(units.up, entry.unit) && units.load[entry.unit] == 0;
     const bool in_turn = !entry.previous || turns_[*entry.previous] > turns_[task.entry];
     if (!in_turn) return Placement::hold_behind(*entry.previous);
-    if (!free) return Placement::hold();
+    if (!free) return Placement::hold_for(unit_bit(entry.unit));
     ++turns_[task.entry];
     return Placement::on(entry.unit);
   }

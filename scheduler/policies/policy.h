@@ -25,19 +25,24 @@ namespace pirt {
 using WeightTable = std::vector<std::vector<int>>;
 
 struct Placement {
-  enum class Kind : std::uint8_t { kUnit, kHold, kHoldBehind, kHighPriority };
+  enum class Kind : std::uint8_t { kUnit, kHold, kHoldFor, kHoldBehind, kHighPriority };
   Kind kind = Kind::kHold;
-  UnitId unit = 0;          ///< Of kUnit only.
-  std::uint32_t entry = 0;  ///< Of kHoldBehind only.
+  UnitId unit = 0;           ///< Of kUnit only.
+  std::uint64_t awaits = 0;  ///< Of kHoldFor a UnitMask, of kHoldBehind an entry.
 
   [[nodiscard]] static Placement on(UnitId unit) { return {Kind::kUnit, unit}; }
+  /// The same until a load falls, a unit changes, or a task that waits is gone.
   [[nodiscard]] static Placement hold() { return {}; }
+  /// The same, whatever the time, until the load of one of these falls or a unit changes.
+  [[nodiscard]] static Placement hold_for(UnitMask units) {
+    return {.kind = Kind::kHoldFor, .awaits = units};
+  }
   /// The same whatever loads and units do, until a task of that entry is placed, or gone.
   [[nodiscard]] static Placement hold_behind(std::uint32_t entry) {
-    return {.kind = Kind::kHoldBehind, .entry = entry};
+    return {.kind = Kind::kHoldBehind, .awaits = entry};
   }
   [[nodiscard]] static Placement high_priority() { return {.kind = Kind::kHighPriority}; }
-  [[nodiscard]] bool holds() const { return kind == Kind::kHold || kind == Kind::kHoldBehind; }
+  [[nodiscard]] bool holds() const { return kind != Kind::kUnit && kind != Kind::kHighPriority; }
 };
 
 /// What the dispatcher shows when it asks.
@@ -51,8 +56,8 @@ struct UnitsView {
 class Policy {
  public:
   virtual ~Policy() = default;
-  /// Where a waiting task goes. A refusal stands for every task of the class until a load falls or
-  /// a unit changes, if it does not say more.
+  /// Where a waiting task goes. A refusal stands for every task of the class, for as long as it
+  /// says.
   [[nodiscard]] virtual Placement place(const TaskClass& task, const UnitsView& units) = 0;
   /// The units of @p up that the policy might ever let serve the class; those take it from the
   /// high-priority queue.

@@ -21,13 +21,14 @@ class QueueFillingPolicy final : public Policy {
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
     const UnitMask mask = task.eligible & units.up;
+    UnitMask full = 0;
     for (const UnitId unit : order_) {
-      if (contains(mask, unit) && units.load[unit] < weights_[task.workload][unit]) {
-        return Placement::on(unit);
-      }
+      const int weight = contains(mask, unit) ? weights_[task.workload][unit] : 0;
+      if (units.load[unit] < weight) return Placement::on(unit);
+      if (weight > 0) full |= unit_bit(unit);
     }
     const auto overflow = overflow_target(mask);
-    return overflow ? Placement::on(*overflow) : Placement::hold();
+    return overflow ? Placement::on(*overflow) : Placement::hold_for(full);
   }
 
   UnitMask takers(const TaskClass& task, UnitMask up) const override {

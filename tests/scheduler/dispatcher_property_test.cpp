@@ -37,7 +37,11 @@ enum class Fate : std::uint8_t { kOpen, kCompleted, kLost };
 class Model {
  public:
   Model(std::uint64_t seed, bool keep_log)
-      : random_(seed), keep_log_(keep_log), handles_(seed % 2 == 0), dispatcher_(make()) {}
+      : random_(seed),
+        keep_log_(keep_log),
+        handles_(seed % 2 == 0),
+        templates_(seed % 3 == 0),
+        dispatcher_(make()) {}
 
   void step() {
     switch (random_.below(14)) {
@@ -172,10 +176,11 @@ class Model {
                     .image_input = random_.below(2) == 0};
       if (random_.below(2) == 0) known.kind.eligible |= unit_bit(kCloud);
       for (const auto& [id, each] : tasks_) {
-        if (random_.below(tasks_.size()) < 2) after[i].push_back(id);
+        if (templates_ && each.firing != firing) continue;
+        if (random_.below(templates_ ? 3 : tasks_.size()) < 2) after[i].push_back(id);
       }
       for (const auto& [id, of] : ended_) {
-        if (random_.below(20 * ended_.size()) == 0) after[i].push_back(id);
+        if (!templates_ && random_.below(20 * ended_.size()) == 0) after[i].push_back(id);
       }
       known.waits_for.insert(after[i].begin(), after[i].end());
       if (random_.below(4) == 0) known.state = static_cast<StateId>(random_.below(2));
@@ -205,8 +210,27 @@ class Model {
       }
       tasks_[id] = known;
     }
-    ASSERT_TRUE(dispatcher_.submit(firing, tasks, said_time(), out_));
+    if (templates_) {
+      const auto of = add_template(tasks);
+      ASSERT_FALSE(dispatcher_.submit(firing, of + 1, tasks, now_, out_)) << "no such template";
+      ASSERT_TRUE(dispatcher_.submit(firing, of, tasks, said_time(), out_));
+    } else {
+      ASSERT_TRUE(dispatcher_.submit(firing, tasks, said_time(), out_));
+    }
     absorb();
+  }
+
+  /// Of such tasks, under other ids and without times.
+  Dispatcher::TemplateId add_template(std::vector<Task> tasks) {
+    std::vector<std::vector<TaskId>> after(tasks.size());
+    for (std::size_t i = 0; i < tasks.size(); ++i) {
+      for (const TaskId id : tasks[i].after) after[i].push_back(~id);
+      tasks[i].id = ~tasks[i].id;
+      tasks[i].after = after[i];
+      tasks[i].deadline = tasks[i].expires_at = {};
+      tasks[i].recall = {};
+    }
+    return dispatcher_.add_template(tasks);
   }
 
   /// In order of submission; with handles below, as drivers have them, which are used again while
@@ -500,6 +524,7 @@ class Model {
   Random random_;
   bool keep_log_;
   bool handles_;
+  bool templates_;  ///< Firings are submitted by them, and come after nothing outside.
   std::vector<int> slots_;
   Dispatcher dispatcher_;
   std::map<TaskId, Known> tasks_;
@@ -519,34 +544,6 @@ class Model {
   Nanos taken_as_ = Nanos::min();  ///< By the dispatcher: never before what it was told last.
   std::string log_;
 };
-
-// Dense ids, rising ones, handles that are used again and ids that share their lower bits, each
-// beside a map of the library.
-TEST(DispatcherProperties, IdsAreFoundWhateverTheyAre) {
-  for (std::uint64_t seed = 0; seed < 60; ++seed) {
-    Random random(seed);
-    IdMap map;
-    std::map<TaskId, std::uint32_t> model;
-    TaskId number = 0;
-    for (std::uint32_t step = 0; step < 3000; ++step) {
-      const TaskId ids[] = {random.below(300), ++number, number << 32 | random.below(100),
-                            random.below(200) << 20, ~random.below(50)};
-      const TaskId id = ids[seed % 6 < 5 ? seed % 6 : random.below(5)];
-      ASSERT_EQ(map.insert(id, step), model.emplace(id, step).second);
-      while (!model.empty() && random.below(200) < model.size()) {
-        const auto gone = std::next(model.begin(), static_cast<int>(random.below(model.size())));
-        map.erase(gone->first);
-        ASSERT_EQ(map.find(gone->first), IdMap::kAbsent);
-        model.erase(gone);
-      }
-      const TaskId asked =
-          step % 2 == 0 || model.empty() ? random.below(300) : model.begin()->first;
-      const auto known = model.find(asked);
-      ASSERT_EQ(map.find(asked), known == model.end() ? IdMap::kAbsent : known->second);
-    }
-    for (const auto& [id, value] : model) ASSERT_EQ(map.find(id), value);
-  }
-}
 
 TEST(DispatcherProperties, HoldInRandomCallSequences) {
   for (std::uint64_t seed = 0; seed < kSequences; ++seed) {

@@ -14,6 +14,7 @@ std::string placements(Policy& policy, int count, TaskClass kind = {.eligible = 
     const Placement placement = policy.place(kind, {.load = load, .up = up});
     switch (placement.kind) {
       case Placement::Kind::kHold:
+      case Placement::Kind::kHoldFor:
       case Placement::Kind::kHoldBehind:
         text += '.';
         break;

@@ -7,6 +7,7 @@
 #include "scheduler/trace/replay.h"
 #include "tests/scheduler/runtime_support.h"
 #include "tests/support/long.h"
+#include "tests/workloads/sequence_support.h"
 #include "workloads/base/math/random.h"
 #include "workloads/catalog/catalog.h"
 

@@ -67,6 +67,10 @@ class Script {
   std::string submit_all(FiringId firing, const std::vector<Task>& tasks) {
     return taken(dispatcher_->submit(firing, tasks, now_, out_));
   }
+  std::string submit_all(FiringId firing, const std::vector<Task>& tasks,
+                         Dispatcher::TemplateId of) {
+    return taken(dispatcher_->submit(firing, of, tasks, now_, out_));
+  }
   /// One that is to have completed elsewhere than in the cloud by then.
   std::string submit_recalled(TaskId id, TaskClass kind, Nanos at) {
     return submit_all(id, {{.id = id,
@@ -96,6 +100,7 @@ class Script {
   }
   void at(Nanos now) { now_ = now; }
   const Dispatcher& dispatcher() const { return *dispatcher_; }
+  Dispatcher& dispatcher() { return *dispatcher_; }
 
  private:
   std::string taken(bool taken) {

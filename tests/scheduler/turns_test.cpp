@@ -1,4 +1,5 @@
-// Tasks that wait for their turn, as a plan has it, are asked for when it comes and not before.
+// Tasks that wait for their turn, as a plan has it, or for a unit, are asked for when that comes
+// and not before.
 #include "tests/scheduler/support.h"
 
 namespace pirt::test {
@@ -57,6 +58,58 @@ TEST(Turns, AreTakenWithoutAskingForAllThatWait) {
   }
   EXPECT_EQ(dispatcher.counts().completed, kTasks);
   EXPECT_LE(asked, 4 * static_cast<int>(kTasks));
+}
+
+/// As Algorithms 2 and 3 with weights of 1, and what it is asked by workload.
+class Counted final : public Policy {
+ public:
+  Counted(std::unique_ptr<Policy> policy, std::vector<int>& asked)
+      : policy_(std::move(policy)), asked_(asked) {}
+  Placement place(const TaskClass& task, const UnitsView& units) override {
+    ++asked_[task.workload];
+    return policy_->place(task, units);
+  }
+  UnitMask takers(const TaskClass& task, UnitMask up) const override {
+    return policy_->takers(task, up);
+  }
+  const std::vector<UnitId>& order() const override { return policy_->order(); }
+
+ private:
+  std::unique_ptr<Policy> policy_;
+  std::vector<int>& asked_;
+};
+
+// One workload is served on the GPU alone, the other on the DSP: each is asked for once a call that
+// ends there, and when a unit changes.
+TEST(Turns, WhatWaitsForUnitsIsAskedForWhenTheirLoadsFall) {
+  for (const char* mode : {"throughput", "energy", "olb"}) {
+    SCOPED_TRACE(mode);
+    PolicySetup setup = setup_of(1, 1, 1);
+    setup.weights = {{1, 1, 1, 0}, {1, 1, 1, 0}};
+    setup.servers = {1, 1, 1, 1};
+    std::vector<int> asked(2, 0);
+    Dispatcher dispatcher({1, 1, 1, 1}, std::make_unique<Counted>(policy_of(mode, setup), asked));
+    Effects out;
+    TaskId next = 0;
+    for (int i = 0; i < 20; ++i) {
+      for (const WorkloadId workload : {0, 1}) {
+        const Task task = task_of(
+            next, {.workload = workload, .eligible = unit_bit(workload == 0 ? kGpu : kDsp)});
+        ASSERT_TRUE(dispatcher.submit(next++, std::span(&task, 1), Nanos(0), out));
+      }
+    }
+    ASSERT_EQ(out.started.size(), 2U);  // Tasks 0 and 1.
+    asked = {0, 0};
+    for (TaskId task = 0; task < 20; task += 2) {
+      ASSERT_TRUE(dispatcher.complete(kGpu, task, Outcome::kCompleted, Nanos(1), out));
+      ASSERT_EQ(out.started.back().task, task + 2);
+    }
+    EXPECT_EQ(asked, (std::vector{20, 0}));  // The next, and then one more, which is refused.
+    dispatcher.set_unit(kCpu, UnitState::kDown, Nanos(2), out);
+    EXPECT_EQ(asked, (std::vector{21, 1}));
+    dispatcher.cancel(39, Nanos(3), out);  // It waits, which changes nothing for the others.
+    EXPECT_EQ(asked, (std::vector{21, 1}));
+  }
 }
 
 TEST(Turns, OfWhatIsGoneAreOver) {
