@@ -96,8 +96,8 @@ std::string graph(int tasks, bool chain) {
   return text;
 }
 
-Case runtime_case(bool chain) {
-  return [chain](int tasks) {
+Case runtime_case(std::string mode, bool chain) {
+  return [mode = std::move(mode), chain](int tasks) {
     pirt::RuntimeOptions options;
     options.platform = pirt::parse_platform("bench", R"(
 platform: bench
@@ -106,7 +106,7 @@ units:
   dsp: {backend: cpu, cores: all, slots: 1, active_w: 1}
 )",
                                             {}, 2);
-    options.mode = "olb";
+    options.mode = mode;
     const auto nothing = [](std::span<const pirt::Tensor>, std::span<pirt::Tensor>) {};
     options.own.push_back(
         {.name = "empty", .inputs = {}, .outputs = {}, .kernels = {{"cpu", nothing}}});
@@ -138,7 +138,9 @@ std::map<std::string, Case> cases() {
   for (const bool chain : {false, true}) {
     all[chain ? "graph-chain" : "graph-independent"] = virtual_case(
         kThreeUnits, [chain](int tasks) { return graph(tasks, chain); }, "ect", 0);
-    all[chain ? "live-chain" : "live-independent"] = runtime_case(chain);
+    const std::string name = chain ? "live-chain" : "live-independent";
+    all[name] = runtime_case("olb", chain);
+    all[name + "-latency"] = runtime_case("latency", chain);
   }
   all["robot"] = robot_case();
   return all;
