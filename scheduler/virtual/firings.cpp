@@ -61,6 +61,9 @@ void Firings::plan_submission(std::uint32_t p, SeriesId first_series) {
   for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
     const MixTask& definition = pipeline.tasks[t];
     Task& task = state.tasks.emplace_back();
+    task.id = t;  // Until it is fired; `after` likewise.
+    std::ranges::copy(definition.after,
+                      state.after.end() - static_cast<std::ptrdiff_t>(after.size()));
     task.kind = scenario_.classes[p][t];
     const bool may_leave = pipeline.deadline && !task.kind.real_time;
     state.leads.push_back(may_leave ? leads[t] : std::nullopt);
@@ -194,7 +197,7 @@ void Firings::keep(PipelineState& state, std::size_t task, const Made& made) {
   const auto behind = std::ranges::upper_bound(series->made, made.firing, {}, &Made::firing);
   series->made.insert(behind, made);
   if (series->image) ++state.kept[made.firing];
-  forget_read(state);
+  forget_read(state, *series);
 }
 
 std::optional<FiringId> Firings::lose(JobIndex job, Nanos now) { return end_task(job, false, now); }
@@ -240,20 +243,18 @@ void Firings::advance(PipelineState& state) {
     state.over.pop_front();
     ++state.first_live;
   }
-  forget_read(state);
+  for (Series& each : state.series) forget_read(state, each);
 }
 
 /// Of what was made before all firings that are not over, they and those to come read the newest.
-void Firings::forget_read(PipelineState& state) {
-  for (Series& series : state.series) {
-    auto& made = series.made;
-    while (made.size() > 1 && made[1].firing < state.first_live) {
-      const std::uint64_t firing = made.front().firing;
-      made.pop_front();
-      if (!series.image || --state.kept[firing] > 0) continue;
-      state.kept.erase(firing);
-      --buffers_used_;
-    }
+void Firings::forget_read(PipelineState& state, Series& series) {
+  auto& made = series.made;
+  while (made.size() > 1 && made[1].firing < state.first_live) {
+    const std::uint64_t firing = made.front().firing;
+    made.pop_front();
+    if (!series.image || --state.kept[firing] > 0) continue;
+    state.kept.erase(firing);
+    --buffers_used_;
   }
 }
 

@@ -57,6 +57,10 @@ class Firings {
   };
   /// The pipeline fires. Absent if it finds no image buffer: the firing is dropped, and counted.
   [[nodiscard]] std::optional<Submission> fire(std::uint32_t pipeline, Nanos now);
+  /// What all submissions of the pipeline have in common but for ids and times.
+  [[nodiscard]] std::span<const Task> tasks(std::uint32_t pipeline) const {
+    return pipelines_[pipeline].tasks;
+  }
 
   /// Where a live task stands.
   struct TaskPlace {
@@ -142,7 +146,7 @@ class Firings {
   std::optional<FiringId> end_task(JobIndex job, bool completed, Nanos now);
   void end_firing(const Firing& firing, Nanos now);
   void advance(PipelineState& state);
-  void forget_read(PipelineState& state);
+  void forget_read(PipelineState& state, Series& series);
   void fire_anew(std::uint32_t pipeline);
   [[nodiscard]] bool finds_buffer(const PipelineState& state) const;
 

@@ -33,6 +33,14 @@ struct VirtualTime::Job {
   Nanos left_at{0};   ///< since then,
   Nanos paused{0};    ///< and was before for so long.
   CallEffects::Rest effects = {};
+
+  /// The task is submitted. What else is here is set where it comes to that.
+  void begin(TaskId task, std::uint32_t its_plan) {
+    id = task;
+    plan = its_plan;
+    tries = 0;
+    computing = left = false;
+  }
 };
 
 struct VirtualTime::Timer {

@@ -6,6 +6,7 @@
 #include <compare>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "workloads/base/time.h"
@@ -23,38 +24,35 @@ class Moments {
  public:
   /// All of them never.
   explicit Moments(std::size_t count)
-      : moments_(std::bit_ceil(count + std::size_t{count == 0})), winners_(moments_.size()) {
+      : moments_(std::bit_ceil(count + std::size_t{count == 0})), winners_(2 * moments_.size()) {
+    for (std::uint32_t i = 0; i < moments_.size(); ++i) winners_[moments_.size() + i] = i;
     for (std::size_t node = moments_.size() - 1; node > 0; --node) winners_[node] = winner(node);
   }
 
   void set(std::size_t position, const Moment& moment) {
     moments_[position] = moment;
     for (std::size_t node = (moments_.size() + position) / 2; node > 0; node /= 2) {
-      winners_[node] = winner(node);
+      const std::uint32_t before = std::exchange(winners_[node], winner(node));
+      // Who has won against it, and still does, wins above as well.
+      if (before == winners_[node] && before != position) break;
     }
   }
   /// Of all; Moment{} if none ever happens.
   [[nodiscard]] const Moment& first() const { return moments_[first_position()]; }
-  [[nodiscard]] std::size_t first_position() const {
-    return moments_.size() == 1 ? 0 : winners_[1];
-  }
+  [[nodiscard]] std::size_t first_position() const { return winners_[1]; }
 
  private:
-  /// Of what is below a node: nodes 2n and 2n + 1, and last the moments.
+  /// Of what is below a node: nodes 2n and 2n + 1.
   [[nodiscard]] std::uint32_t winner(std::size_t node) const {
-    const std::uint32_t left = player(2 * node);
-    const std::uint32_t right = player(2 * node + 1);
+    const std::uint32_t left = winners_[2 * node];
+    const std::uint32_t right = winners_[2 * node + 1];
     const Moment& a = moments_[left];
     const Moment& b = moments_[right];
     return b.time < a.time || (b.time == a.time && b.sequence < a.sequence) ? right : left;
   }
-  [[nodiscard]] std::uint32_t player(std::size_t node) const {
-    return node < moments_.size() ? winners_[node]
-                                  : static_cast<std::uint32_t>(node - moments_.size());
-  }
-
-  std::vector<Moment> moments_;         ///< As many as a power of two.
-  std::vector<std::uint32_t> winners_;  ///< By node, from 1: positions in moments_.
+  std::vector<Moment> moments_;  ///< As many as a power of two.
+  /// By node, from 1: positions in moments_; last those of the moments themselves.
+  std::vector<std::uint32_t> winners_;
 };
 
 }  // namespace pirt

@@ -47,6 +47,17 @@ class FifoServers final : public Servers {
     return done.job;
   }
 
+  std::optional<JobId> unchallenged() const override {
+    return waiting_.empty() ? std::optional(busy_.front().job) : std::nullopt;
+  }
+
+  void go_on(Nanos work, std::uint64_t sequence) override {
+    if (busy_.size() > 1) std::ranges::pop_heap(busy_, std::greater{});
+    busy_.back().end = {busy_.back().end.time + work, sequence};
+    if (busy_.size() > 1) std::ranges::push_heap(busy_, std::greater{});
+    next_ = busy_.front().end;
+  }
+
   std::optional<Nanos> remove(JobId job, Nanos now) override {
     if (const auto at = std::ranges::find(waiting_, job, &Waiting::job); at != waiting_.end()) {
       const Nanos work = at->work;

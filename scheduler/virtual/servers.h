@@ -28,6 +28,12 @@ class Servers {
   virtual void lengthen(JobId job, Nanos by) { static_cast<void>(job), static_cast<void>(by); }
   /// Takes the job whose completion is next(); now == next().time.
   virtual JobId complete_next() = 0;
+  /// The job whose completion is next(), if nobody waits to be served in its place.
+  [[nodiscard]] virtual std::optional<JobId> unchallenged() const { return std::nullopt; }
+  /// It has more work, and stays where it is: what complete_next and arrive come to then.
+  virtual void go_on(Nanos work, std::uint64_t sequence) {
+    static_cast<void>(work), static_cast<void>(sequence);
+  }
   /// The job leaves without being complete. @return  The server time that it still needed; absent
   /// if it is not here.
   /// @param now  Not after next().

@@ -41,6 +41,7 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunOb
     first_plans_.push_back(static_cast<std::uint32_t>(plans_.size()));
     std::ranges::move(plan_tasks(scenario, p), std::back_inserter(plans_));
     seeds_.push_back(derive_seed(scenario.seed, scenario.mix.pipelines[p].name));
+    templates_.push_back(dispatcher.add_template(firings_.tasks(static_cast<std::uint32_t>(p))));
   }
   lay_out_steps();
   for (UnitId unit = 0; unit < scenario.platform.units.size(); ++unit) {
@@ -60,6 +61,13 @@ void VirtualTime::lay_out_steps() {
                           .takes = step.scaled,
                           .powered = same ? step.powered(step.time.low) : Nanos::zero(),
                           .constant = same && !step.prepares && !step.for_data && !affected});
+      }
+      for (std::size_t i = first_steps_.back(); i + 1 < steps_.size(); ++i) {
+        const TaskStep& step = *steps_[i].plan;
+        const TaskStep& next = *steps_[i + 1].plan;
+        steps_[i].goes_on = steps_[i + 1].constant && step.servers == next.servers &&
+                            step.servers != TaskStep::kDelay && step.slices == nullptr &&
+                            next.slices == nullptr;
       }
       steps_.emplace_back();
     }
@@ -138,6 +146,7 @@ bool VirtualTime::advance(Nanos now) {
     dispatcher_.wake(now_, effects_);
   } else if (completes) {
     const std::size_t position = completions_.first_position();
+    if (go_on_serving(position)) return true;
     const JobIndex index = servers_[position]->complete_next();
     note_next(position);
     Job& job = jobs_[index];
@@ -162,6 +171,24 @@ bool VirtualTime::advance(Nanos now) {
     }
   }
   settle();
+  return true;
+}
+
+/// What most steps come to: the first task there goes on with its next one, which concerns nobody
+/// else. False, and nothing has happened, where it is not so.
+bool VirtualTime::go_on_serving(std::size_t servers) {
+  Servers& its = *servers_[servers];
+  const auto index = observer_ == nullptr ? its.unchallenged() : std::nullopt;
+  if (!index) return false;
+  Job& job = jobs_[*index];
+  const Step& step = steps_[job.step];
+  if (!step.goes_on) return false;
+  books_.charge(*step.plan, job.unit, job.takes, job.powered);
+  const Step& next = steps_[++job.step];
+  job.takes = next.takes;
+  job.powered = next.powered;
+  its.go_on(next.takes, sequence_++);
+  completions_.set(servers, its.next());
   return true;
 }
 
@@ -214,20 +241,21 @@ void VirtualTime::fire(std::uint32_t pipeline) {
     const JobIndex job = Firings::job_of(task.id);
     const Firings::TaskPlace& place = firings_.place(job);
     if (job >= jobs_.size()) jobs_.resize(job + std::size_t{1});
-    jobs_[job] = {.id = task.id, .plan = first_plans_[pipeline] + place.task};
+    jobs_[job].begin(task.id, first_plans_[pipeline] + place.task);
     if (observer_ != nullptr) observer_->submitting(task.id, pipeline, place.task, place.firing);
   }
-  must(dispatcher_.submit(firing->firing, firing->tasks, now_, effects_));
+  must(dispatcher_.submit(firing->firing, templates_[pipeline], firing->tasks, now_, effects_));
 }
 
 /// Carries out what the dispatcher said, and what follows at the same moment.
 void VirtualTime::settle() {
-  apply_starts();
+  if (!effects_.empty()) apply_starts();
   for (auto loop = firings_.next_loop(now_); loop != Firings::kNoLoop;
        loop = firings_.next_loop(now_)) {
     fire(loop);
     apply_starts();
   }
+  note_next(kNone);
   if (observer_ == nullptr) return;
   dispatcher_.list_waiting(waiting_);
   observer_->settled(now_, waiting_);
@@ -324,11 +352,6 @@ void VirtualTime::work_on(JobIndex index, const TaskStep& step) {
   }
   servers_[step.servers]->arrive(index, jobs_[index].takes, sequence_++, now_);
   note_next(step.servers);
-}
-
-/// They have changed: their next completion may be another.
-void VirtualTime::note_next(std::size_t servers) {
-  completions_.set(servers, servers_[servers]->next());
 }
 
 /// Whether the step prepares what its unit holds already. From now on it holds it.

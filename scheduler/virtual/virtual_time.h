@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "scheduler/dispatcher/dispatcher.h"
@@ -92,6 +93,8 @@ class VirtualTime {
     const TaskStep* plan = nullptr;
     Nanos takes{0}, powered{0};  ///< As Job, if it is always the same.
     bool constant = false;       ///< It is, and begins whatever happened before.
+    /// The one behind it is, too, and is served by the same servers; neither has slices.
+    bool goes_on = false;
   };
 
   void lay_out_steps();
@@ -110,7 +113,16 @@ class VirtualTime {
   void leave(JobIndex job);
   void go_on(JobIndex job);
   void note_arrival(JobIndex job);
-  void note_next(std::size_t servers);
+  bool go_on_serving(std::size_t servers);
+  /// They have changed: their next completion may be another. It is looked for when others have, or
+  /// all that happens now is settled: a task's next step is mostly where the last one was.
+  void note_next(std::size_t servers) {
+    if (servers != changed_) note_changed(std::exchange(changed_, servers));
+  }
+  void note_changed(std::size_t servers) {
+    if (servers != kNone) completions_.set(servers, servers_[servers]->next());
+  }
+  static constexpr std::size_t kNone = SIZE_MAX;
   Nanos data_arrival(JobIndex job);
   void send(UnitId unit, std::int64_t size_bytes, Nanos from);
   [[nodiscard]] const TaskStep& step_of(const Job& job) const;
@@ -132,12 +144,14 @@ class VirtualTime {
   UnitMask computed_;
   Firings firings_;
   std::vector<std::unique_ptr<Servers>> servers_;  ///< Units in order, then links.
-  Moments completions_;                            ///< The next of each of these.
+  Moments completions_;                            ///< The next of each of these,
+  std::size_t changed_ = kNone;                    ///< but of one that may have another by now.
   std::vector<TaskPlan> plans_;                    ///< Of all tasks of all pipelines.
   std::vector<Step> steps_;                        ///< Of these.
   std::vector<std::uint32_t> first_steps_;         ///< By plan and unit: positions in steps_.
   std::vector<std::uint32_t> first_plans_;         ///< By pipeline,
-  std::vector<std::uint64_t> seeds_;               ///< and likewise.
+  std::vector<std::uint64_t> seeds_;               ///< likewise,
+  std::vector<Dispatcher::TemplateId> templates_;  ///< and likewise.
   std::vector<std::optional<UnitId>>
       state_units_;  ///< By state: where it is; absent = nowhere yet.
   std::vector<std::optional<std::uint32_t>> contexts_;  ///< By unit with contexts: which it holds.
