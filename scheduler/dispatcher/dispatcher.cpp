@@ -22,8 +22,7 @@ Dispatcher::Dispatcher(std::vector<std::optional<int>> slots, std::unique_ptr<Po
 
 bool Dispatcher::release(FiringId firing, Nanos now) {
   now_ = std::max(now_, now);
-  const bool taken = tasks_.release(firing);
-  if (!taken) ++refused_;
+  const bool taken = count_refused(tasks_.release(firing));
   if (observer_ != nullptr) {
     observer_->on_input({.kind = DispatcherInput::Kind::kRelease, .now = now_, .firing = firing},
                         {.taken = taken, .started = {}, .ended = {}});
@@ -163,6 +162,7 @@ void Dispatcher::settle(Effects& out) {
   start_all(out);
   expiries_.tidy();
   recalls_.tidy();
+  next_wake_ = std::min({expiries_.next(), recalls_.next(), ask_again_});
 }
 
 void Dispatcher::list_waiting(std::vector<int>& waiting) const {

@@ -120,9 +120,7 @@ class Dispatcher {
   /// @param observer  Null = none (the default); must outlive what follows.
   void observe(DispatcherObserver* observer) { observer_ = observer; }
   /// When to call wake next; Nanos::max() = never.
-  [[nodiscard]] Nanos next_wake() const {
-    return std::min({expiries_.next(), recalls_.next(), ask_again_});
-  }
+  [[nodiscard]] Nanos next_wake() const { return next_wake_; }
 
   [[nodiscard]] const TaskCounts& counts() const { return counts_; }
   [[nodiscard]] const Policy& policy() const { return *policy_; }
@@ -157,6 +155,10 @@ class Dispatcher {
   };
   template <typename Make, typename Body>
   bool take(Nanos now, Effects& out, const Make& input, const Body& body);
+  bool count_refused(bool taken) {
+    if (!taken) ++refused_;
+    return taken;
+  }
   bool add(FiringId firing, std::span<const Task> tasks, Template* known);
   void place_added(Effects& out);
   bool register_all(std::uint32_t firing, std::span<const Task> tasks, bool are_sound);
@@ -233,6 +235,7 @@ class Dispatcher {
   TaskCounts counts_;
   std::int64_t refused_ = 0;
   Nanos ask_again_ = Nanos::max();  ///< The policy's wish, while something is held.
+  Nanos next_wake_ = Nanos::max();
   Nanos now_ = Nanos::min();
 };
 
@@ -242,12 +245,14 @@ class Dispatcher {
 template <typename Make, typename Body>
 bool Dispatcher::take(Nanos now, Effects& out, const Make& input, const Body& body) {
   now_ = std::max(now_, now);
-  const std::size_t started = out.started.size();
-  const std::size_t ended = out.ended.size();
-  const std::size_t left = out.left.size();
-  const std::size_t resumed = out.resumed.size();
-  const bool taken = body();
-  if (!taken) ++refused_;
+  std::size_t started = 0, ended = 0, left = 0, resumed = 0;
+  if (observer_ != nullptr) {
+    started = out.started.size();
+    ended = out.ended.size();
+    left = out.left.size();
+    resumed = out.resumed.size();
+  }
+  const bool taken = count_refused(body());
   if (observer_ != nullptr) {
     observer_->on_input(input(), {.taken = taken,
                                   .started = std::span(out.started).subspan(started),
