@@ -24,7 +24,7 @@ std::vector<Task> shape(TaskId first, std::vector<TaskId>& after) {
 
 // The template is used again and again while its tasks wait, run, fail and are
 // cancelled.
-TEST(DispatcherProperties, ATemplateIsWhatItsTasksAreSubmittedOneFiringAfterTheOther) {
+TEST(DispatcherTemplates, ATemplateIsWhatItsTasksAreSubmittedOneFiringAfterTheOther) {
   for (std::uint64_t seed = 0; seed < 60; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
