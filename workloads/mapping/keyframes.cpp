@@ -8,7 +8,9 @@
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/slam/filter/filter.h"
 #include "workloads/slam/filter/measure.h"
+#include "workloads/slam/filter/milestones.h"
 
 namespace pirt::mapping {
 namespace {
@@ -119,6 +121,7 @@ bool Keyframes::add(const slam::State& state) {
     if (track.landmark >= 0) landmarks_[track.id] = track.landmark;
   }
   if (state.status != slam::Status::kTracking) return false;
+  follow_milestones(state);
   const Pose body = state.body();
   if (!keyframes_.empty()) {
     const Pose moved = keyframes_.back().pose.body.inverse() * body;
@@ -135,6 +138,9 @@ bool Keyframes::add(const slam::State& state) {
   made.frame = state.frame;
   // Where nothing is uncertain, rounding may leave less than 0.
   made.sigma_m = std::sqrt(std::max(0.0, slam::position_covariance(state).trace() / 3));
+  made.milestone = slam::nearest_milestone(state, body.position);
+  const auto near = step_since(state, made.milestone);
+  made.near_sigma_m = near ? near->move_m : made.sigma_m;
   for (const slam::Track& track : state.tracks) {
     Sighting& seen = made.seen.emplace_back();
     seen.point = track.id;
@@ -143,6 +149,19 @@ bool Keyframes::add(const slam::State& state) {
     seen.descriptor = track.descriptor;
   }
   return true;
+}
+
+void Keyframes::follow_milestones(const slam::State& state) {
+  for (Keyframe& each : keyframes_) {
+    if (slam::find_milestone(state, each.milestone) == nullptr) {
+      each.milestone = slam::nearest_milestone(state, each.pose.body.position);
+    }
+    const auto before = std::ranges::find(milestones_, each.milestone, &slam::Clone::frame);
+    if (before == milestones_.end()) continue;
+    const Pose& now = slam::find_milestone(state, each.milestone)->body;
+    each.pose.body = now * (before->body.inverse() * each.pose.body);
+  }
+  milestones_.assign(state.clones.begin(), state.clones.begin() + state.milestones);
 }
 
 void Keyframes::thin_out() {
@@ -297,6 +316,7 @@ RefinedMap Keyframes::refined(const BalProblem& adjusted) const {
     map.keyframes.back().body = moved(back, after[next++]) * camera_from_body;
   }
   map.points = map_points(adjusted, back);
+  map.milestones = milestones_;
   return map;
 }
 
@@ -316,7 +336,7 @@ std::vector<slam::MapPoint> Keyframes::map_points(const BalProblem& adjusted,
     const auto rays = rays_of(point.views, cameras);
     double variance = 0;
     for (const View& each : point.views) {
-      const double sigma_m = keyframes_[each.keyframe].sigma_m;
+      const double sigma_m = keyframes_[each.keyframe].near_sigma_m;
       variance += sigma_m * sigma_m / static_cast<double>(point.views.size());
     }
     const double sigma = setup_.pixel_sigma / setup_.cameras[0].focal();
@@ -327,10 +347,24 @@ std::vector<slam::MapPoint> Keyframes::map_points(const BalProblem& adjusted,
     const View& first = point.views.front();
     better.descriptor = first.seen->descriptor;
     better.seen_from = cameras(first.keyframe).position;
+    better.milestone = keyframes_[first.keyframe].milestone;
     better.last_frame = keyframes_[point.views.back().keyframe].frame;
     made.push_back(better);
   }
   return made;
+}
+
+slam::BetterMap better_map(const RefinedMap& refined, bool in_map) {
+  slam::BetterMap better{.points = refined.points, .in_map = in_map};
+  for (slam::MapPoint& point : better.points) {
+    const auto its = std::ranges::find(refined.milestones, point.milestone, &slam::Clone::frame);
+    if (its == refined.milestones.end()) {
+      point.milestone = -1;
+    } else {
+      slam::move_point(point, {1.0, its->body.inverse()});
+    }
+  }
+  return better;
 }
 
 RefinedMap refine(const Keyframes& keyframes) {
