@@ -218,7 +218,7 @@ std::vector<Keyframes::Point> Keyframes::points() const {
   for (auto& [id, views] : seen) {
     if (views.size() < kLeastViews) continue;
     const auto rays = rays_of(views, [this](std::size_t index) { return camera(index); });
-    const double sigma = setup_.pixel_sigma / setup_.cameras[0].focal();
+    const double sigma = setup_.ray_sigma_rad;
     const auto point = slam::triangulate(rays, sigma);
     if (!point || point->rms > 3 * sigma || point->relative_sigma > kMostRelativeSigma) continue;
     points.push_back({id, point->point, std::move(views)});
@@ -263,7 +263,7 @@ std::vector<CentrePrior> Keyframes::priors() const {
     const Eigen::Vector3d place = camera(i).position;
     std::ranges::copy(place, prior.centre.begin());
     prior.px_per_unit =
-        setup_.pixel_sigma / (alone * std::max(keyframes_[i].sigma_m, kLeastSigma_m));
+        setup_.pixel_sigma() / (alone * std::max(keyframes_[i].sigma_m, kLeastSigma_m));
   }
   return priors;
 }
@@ -273,7 +273,7 @@ std::vector<RelativePose> Keyframes::relative() const {
   const std::size_t count = keyframes_.size();
   const Pose& left = setup_.cameras[0].body_from_camera;
   for (std::size_t i = count; i < camera_count(); ++i) {
-    const double weight = setup_.pixel_sigma / kMounted;
+    const double weight = setup_.pixel_sigma() / kMounted;
     const Pose mounted = left.inverse() * setup_.cameras[1].body_from_camera;
     all.push_back(relative_of(i - count, i, mounted, weight, weight));
   }
@@ -281,8 +281,8 @@ std::vector<RelativePose> Keyframes::relative() const {
     const auto& step = keyframes_[i].step;
     if (!step) continue;
     all.push_back(relative_of(i - 1, i, left.inverse() * step->way * left,
-                              setup_.pixel_sigma / std::max(step->turn_rad, kLeastTurn_rad),
-                              setup_.pixel_sigma / std::max(step->move_m, kLeastSigma_m)));
+                              setup_.pixel_sigma() / std::max(step->turn_rad, kLeastTurn_rad),
+                              setup_.pixel_sigma() / std::max(step->move_m, kLeastSigma_m)));
   }
   return all;
 }
@@ -339,7 +339,7 @@ std::vector<slam::MapPoint> Keyframes::map_points(const BalProblem& adjusted,
       const double sigma_m = keyframes_[each.keyframe].near_sigma_m;
       variance += sigma_m * sigma_m / static_cast<double>(point.views.size());
     }
-    const double sigma = setup_.pixel_sigma / setup_.cameras[0].focal();
+    const double sigma = setup_.ray_sigma_rad;
     const auto fit = slam::fit_of(rays, better.position, sigma);
     constexpr double kMostRms = 0.7;  // of sigma: outliers are no points
     if (!fit || fit->rms > kMostRms * sigma) continue;
