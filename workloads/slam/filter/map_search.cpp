@@ -147,9 +147,11 @@ bool are_in_space(const State& state, const Setup& setup, double depth) {
   // Of the depth: a point that lies off by so much and is seen at 10 degrees from the axis is off
   // by more than kMostMiss in the mirror.
   constexpr double kOff = 0.03;
-  constexpr std::ptrdiff_t kLeastOff = 4;
+  // Mirrored maps had one in 74 at most; where a flight begins before a wall, 3 in 26 of its own.
+  constexpr std::ptrdiff_t kLeastOff = 3;
+  constexpr std::ptrdiff_t kOffOf = 20;
   return std::ranges::count_if(points, [&](const auto& p) { return off(p) > kOff * depth; }) >=
-         std::max(kLeastOff, std::ssize(points) / 10);
+         std::max(kLeastOff, std::ssize(points) / kOffOf);
 }
 
 void move_to_map(State& state, const Setup& setup, const MapView& view) {
