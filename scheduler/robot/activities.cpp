@@ -413,7 +413,7 @@ void Activities::map(const slam::FrameResult& frame, const std::function<slam::S
                    if (refined.points.size() > slam::kMostBetter) {
                      refined.points.resize(slam::kMostBetter);
                    }
-                   mapped_->better = {std::move(refined.points), in_map};
+                   mapped_->better = mapping::better_map(refined, in_map);
                  });
 }
 

@@ -1,6 +1,7 @@
 // Poses that stay in the filter, and the points that go with them.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "tests/workloads/slam_support.h"
@@ -44,6 +45,15 @@ TEST(Milestones, APointComesBackWhereItWasAgainstItsMilestone) {
   EXPECT_LT((landmark_covariance(state, 1) - expected).norm(), 1e-6 * expected.norm());
 }
 
+/// A loop closes: the milestone was off.
+void move_milestone(State& state) {
+  RowBlock moved;
+  moved.residual = Eigen::VectorXd::Constant(6, 0.05);
+  moved.parts.push_back({State::clone_at(0), Eigen::MatrixXd::Identity(6, 6)});
+  moved.sigma = 0.01;
+  ASSERT_TRUE(kalman_update(state, {moved}));
+}
+
 TEST(Milestones, PointsMoveWithThem) {
   const slam::Setup setup = one_camera();
   State state = with_milestone(setup);
@@ -51,11 +61,7 @@ TEST(Milestones, PointsMoveWithThem) {
   state.map.push_back(state.map[0]);
   state.map[1].milestone = -1;
   const State before = state;
-  RowBlock moved;
-  moved.residual = Eigen::VectorXd::Constant(6, 0.05);
-  moved.parts.push_back({State::clone_at(0), Eigen::MatrixXd::Identity(6, 6)});
-  moved.sigma = 0.01;
-  ASSERT_TRUE(kalman_update(state, {moved}));
+  move_milestone(state);
   ASSERT_GT((state.clones[0].body.position - before.clones[0].body.position).norm(), 0.01);
   EXPECT_LT((from_milestone(state, 0, state.map[0].position) -
              from_milestone(before, 0, before.map[0].position))
@@ -88,6 +94,66 @@ State walk(const slam::Setup& setup, int frames, double until) {
     state.map.push_back(point);
   }
   return state;
+}
+
+// Somebody looks at a stretch of the way; before the points come back, a loop closes.
+TEST(CorrectMap, TakesPointsToWhereTheirMilestonesAreNow) {
+  const slam::Setup setup = one_camera();
+  State state = with_milestone(setup);
+  state.map.push_back(map_point_of(state, 0));
+  state.map[0].id = 1;
+  remove_landmarks(state, std::array<std::size_t, 1>{0});
+  state.tracks.clear();
+  const State before = state;
+  BetterMap better;
+  for (const std::int64_t id : {1, 2, 3}) {
+    MapPoint point = before.map[0];
+    point.id = id;
+    point.covariance *= 0.01;
+    if (id == 3) point.milestone = 77;
+    move_point(point, {1.0, before.clones[0].body.inverse()});
+    better.points.push_back(point);
+  }
+  move_milestone(state);
+  const MapChange change = correct_map(state, setup, better);
+  EXPECT_EQ(change.replaced, 1);
+  EXPECT_EQ(change.added, 1);
+  EXPECT_EQ(change.refused, 1) << "its milestone has gone";
+  ASSERT_EQ(state.map.size(), 2U);
+  ASSERT_GT((state.map[0].position - before.map[0].position).norm(), 0.01);
+  for (const MapPoint& point : state.map) {
+    EXPECT_EQ(point.milestone, before.map[0].milestone);
+    EXPECT_LT((from_milestone(state, 0, point.position) -
+               from_milestone(before, 0, before.map[0].position))
+                  .norm(),
+              1e-9);
+    EXPECT_LT(point.covariance.trace(), 0.011 * before.map[0].covariance.trace());
+  }
+}
+
+// Of a milestone that has drifted against the map's, a point is known less well by that.
+TEST(CorrectMap, CountsWhatTwoMilestonesAreOffAgainstEachOther) {
+  const slam::Setup setup = one_camera();
+  State state = walk(setup, 40, 8.0);
+  ASSERT_GT(state.milestones, 2);
+  const auto newest = static_cast<std::size_t>(state.milestones) - 1;
+  MapPoint mine = state.map.back();
+  mine.milestone = state.clones[0].frame;
+  mine.covariance = 1e-8 * Eigen::Matrix3d::Identity();
+  state.map = {mine};
+  MapPoint point = mine;
+  point.milestone = state.clones[newest].frame;
+  point.covariance = 1e-8 * Eigen::Matrix3d::Identity();
+  // Two centimetres, where either says a tenth of a millimetre of its own, and their milestones
+  // are off by centimetres.
+  point.position.x() += 0.02;
+  move_point(point, {1.0, state.clones[newest].body.inverse()});
+  EXPECT_EQ(correct_map(state, setup, {.points = {point}}).replaced, 1);
+  EXPECT_EQ(state.map[0].position, mine.position) << "it knew better";
+  move_point(point, {1.0, state.clones[newest].body});
+  point.milestone = mine.milestone;
+  move_point(point, {1.0, state.clones[0].body.inverse()});
+  EXPECT_EQ(correct_map(state, setup, {.points = {point}}).refused, 1);
 }
 
 TEST(Milestones, StandAlongTheWayAndNotWhereOneIs) {

@@ -8,7 +8,9 @@
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/slam/filter/filter.h"
 #include "workloads/slam/filter/measure.h"
+#include "workloads/slam/filter/milestones.h"
 
 namespace pirt::mapping {
 namespace {
@@ -119,6 +121,7 @@ bool Keyframes::add(const slam::State& state) {
     if (track.landmark >= 0) landmarks_[track.id] = track.landmark;
   }
   if (state.status != slam::Status::kTracking) return false;
+  follow_milestones(state);
   const Pose body = state.body();
   if (!keyframes_.empty()) {
     const Pose moved = keyframes_.back().pose.body.inverse() * body;
@@ -135,6 +138,9 @@ bool Keyframes::add(const slam::State& state) {
   made.frame = state.frame;
   // Where nothing is uncertain, rounding may leave less than 0.
   made.sigma_m = std::sqrt(std::max(0.0, slam::position_covariance(state).trace() / 3));
+  made.milestone = slam::nearest_milestone(state, body.position);
+  const auto near = step_since(state, made.milestone);
+  made.near_sigma_m = near ? near->move_m : made.sigma_m;
   for (const slam::Track& track : state.tracks) {
     Sighting& seen = made.seen.emplace_back();
     seen.point = track.id;
@@ -143,6 +149,19 @@ bool Keyframes::add(const slam::State& state) {
     seen.descriptor = track.descriptor;
   }
   return true;
+}
+
+void Keyframes::follow_milestones(const slam::State& state) {
+  for (Keyframe& each : keyframes_) {
+    if (slam::find_milestone(state, each.milestone) == nullptr) {
+      each.milestone = slam::nearest_milestone(state, each.pose.body.position);
+    }
+    const auto before = std::ranges::find(milestones_, each.milestone, &slam::Clone::frame);
+    if (before == milestones_.end()) continue;
+    const Pose& now = slam::find_milestone(state, each.milestone)->body;
+    each.pose.body = now * (before->body.inverse() * each.pose.body);
+  }
+  milestones_.assign(state.clones.begin(), state.clones.begin() + state.milestones);
 }
 
 void Keyframes::thin_out() {
@@ -199,7 +218,7 @@ std::vector<Keyframes::Point> Keyframes::points() const {
   for (auto& [id, views] : seen) {
     if (views.size() < kLeastViews) continue;
     const auto rays = rays_of(views, [this](std::size_t index) { return camera(index); });
-    const double sigma = setup_.pixel_sigma / setup_.cameras[0].focal();
+    const double sigma = setup_.ray_sigma_rad;
     const auto point = slam::triangulate(rays, sigma);
     if (!point || point->rms > 3 * sigma || point->relative_sigma > kMostRelativeSigma) continue;
     points.push_back({id, point->point, std::move(views)});
@@ -244,7 +263,7 @@ std::vector<CentrePrior> Keyframes::priors() const {
     const Eigen::Vector3d place = camera(i).position;
     std::ranges::copy(place, prior.centre.begin());
     prior.px_per_unit =
-        setup_.pixel_sigma / (alone * std::max(keyframes_[i].sigma_m, kLeastSigma_m));
+        setup_.pixel_sigma() / (alone * std::max(keyframes_[i].sigma_m, kLeastSigma_m));
   }
   return priors;
 }
@@ -254,7 +273,7 @@ std::vector<RelativePose> Keyframes::relative() const {
   const std::size_t count = keyframes_.size();
   const Pose& left = setup_.cameras[0].body_from_camera;
   for (std::size_t i = count; i < camera_count(); ++i) {
-    const double weight = setup_.pixel_sigma / kMounted;
+    const double weight = setup_.pixel_sigma() / kMounted;
     const Pose mounted = left.inverse() * setup_.cameras[1].body_from_camera;
     all.push_back(relative_of(i - count, i, mounted, weight, weight));
   }
@@ -262,8 +281,8 @@ std::vector<RelativePose> Keyframes::relative() const {
     const auto& step = keyframes_[i].step;
     if (!step) continue;
     all.push_back(relative_of(i - 1, i, left.inverse() * step->way * left,
-                              setup_.pixel_sigma / std::max(step->turn_rad, kLeastTurn_rad),
-                              setup_.pixel_sigma / std::max(step->move_m, kLeastSigma_m)));
+                              setup_.pixel_sigma() / std::max(step->turn_rad, kLeastTurn_rad),
+                              setup_.pixel_sigma() / std::max(step->move_m, kLeastSigma_m)));
   }
   return all;
 }
@@ -297,6 +316,7 @@ RefinedMap Keyframes::refined(const BalProblem& adjusted) const {
     map.keyframes.back().body = moved(back, after[next++]) * camera_from_body;
   }
   map.points = map_points(adjusted, back);
+  map.milestones = milestones_;
   return map;
 }
 
@@ -316,10 +336,10 @@ std::vector<slam::MapPoint> Keyframes::map_points(const BalProblem& adjusted,
     const auto rays = rays_of(point.views, cameras);
     double variance = 0;
     for (const View& each : point.views) {
-      const double sigma_m = keyframes_[each.keyframe].sigma_m;
+      const double sigma_m = keyframes_[each.keyframe].near_sigma_m;
       variance += sigma_m * sigma_m / static_cast<double>(point.views.size());
     }
-    const double sigma = setup_.pixel_sigma / setup_.cameras[0].focal();
+    const double sigma = setup_.ray_sigma_rad;
     const auto fit = slam::fit_of(rays, better.position, sigma);
     constexpr double kMostRms = 0.7;  // of sigma: outliers are no points
     if (!fit || fit->rms > kMostRms * sigma) continue;
@@ -327,10 +347,24 @@ std::vector<slam::MapPoint> Keyframes::map_points(const BalProblem& adjusted,
     const View& first = point.views.front();
     better.descriptor = first.seen->descriptor;
     better.seen_from = cameras(first.keyframe).position;
+    better.milestone = keyframes_[first.keyframe].milestone;
     better.last_frame = keyframes_[point.views.back().keyframe].frame;
     made.push_back(better);
   }
   return made;
+}
+
+slam::BetterMap better_map(const RefinedMap& refined, bool in_map) {
+  slam::BetterMap better{.points = refined.points, .in_map = in_map};
+  for (slam::MapPoint& point : better.points) {
+    const auto its = std::ranges::find(refined.milestones, point.milestone, &slam::Clone::frame);
+    if (its == refined.milestones.end()) {
+      point.milestone = -1;
+    } else {
+      slam::move_point(point, {1.0, its->body.inverse()});
+    }
+  }
+  return better;
 }
 
 RefinedMap refine(const Keyframes& keyframes) {

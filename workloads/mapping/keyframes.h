@@ -10,6 +10,7 @@
 
 #include "workloads/inputs/sequence/trajectory.h"
 #include "workloads/mapping/bundle_adjust.h"
+#include "workloads/slam/filter/map_points.h"
 #include "workloads/slam/filter/measure.h"
 #include "workloads/slam/filter/state.h"
 
@@ -34,6 +35,8 @@ struct Keyframe {
   StampedPose pose;
   std::int64_t frame = 0;
   double sigma_m = 0;             ///< Of the position, an axis, as the localization knows it.
+  std::int64_t milestone = -1;    ///< Of the localization, that it moves with; -1 = of none.
+  double near_sigma_m = 0;        ///< Of the position against it; without one, sigma_m.
   std::optional<Step> step = {};  ///< From the keyframe before; absent = not known.
   std::vector<Sighting> seen;
 };
@@ -49,17 +52,23 @@ struct KeyframeOptions {
 /// What bundle adjustment made of keyframes.
 struct RefinedMap {
   std::vector<StampedPose> keyframes;  ///< As many as there were, in their order.
-  /// Of the world, those of the problem that are seen where they are; their ids are those of
-  /// landmarks, or of tracks that were none (slam::correct_map).
+  /// Of the world, those of the problem that are seen where they are, against the milestones of the
+  /// keyframes that saw them first; their ids are those of landmarks, or of tracks that were none.
   std::vector<slam::MapPoint> points;
+  std::vector<slam::Clone> milestones;  ///< As they were when the last keyframe was taken.
   BundleSummary summary;
 };
+
+/// Points for slam::correct_map, which may come while milestones have moved on.
+/// @param in_map  The localization was in the world of a map that it found.
+[[nodiscard]] slam::BetterMap better_map(const RefinedMap& refined, bool in_map = false);
 
 class Keyframes {
  public:
   explicit Keyframes(slam::Setup setup, KeyframeOptions options = {});
 
-  /// Takes the state after a frame (slam::extend_map).
+  /// Takes the state after a frame (slam::extend_map). What was taken before moves with its
+  /// milestones: the localization may have learnt since where these are.
   /// @return  Whether it became a keyframe; never before the state tracks.
   bool add(const slam::State& state);
   [[nodiscard]] std::span<const Keyframe> all() const { return keyframes_; }
@@ -93,6 +102,7 @@ class Keyframes {
     Eigen::Vector3d place;
     std::vector<View> views;
   };
+  void follow_milestones(const slam::State& state);
   void thin_out();
   [[nodiscard]] std::size_t camera_count() const;
   /// Of keyframe i the left camera is i, the right one as many further on as there are keyframes.
@@ -109,6 +119,7 @@ class Keyframes {
   slam::Setup setup_;
   KeyframeOptions options_;
   std::vector<Keyframe> keyframes_;
+  std::vector<slam::Clone> milestones_;  ///< As they were when a state was last taken.
   /// Tracks that became landmarks: one point, whichever of them a keyframe saw.
   std::map<std::int64_t, std::int64_t> landmarks_;
 };

@@ -14,6 +14,7 @@
 #include "tests/support/errors.h"
 #include "tests/support/long.h"
 #include "tests/workloads/sequence_support.h"
+#include "tests/workloads/slam_support.h"
 #include "workloads/backends/cpu/cpu_backend.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/mapping/workloads.h"
@@ -106,7 +107,7 @@ Corrected corrected_run(const Sequence& sequence) {
     corrected.change.added += frame.map_change.added;
     corrected.change.refused += frame.map_change.refused;
     if (!batch.add(state) || batch.all().size() < kBatch) return;
-    better.points = refine(std::exchange(batch, Keyframes(options.setup))).points;
+    better = better_map(refine(std::exchange(batch, Keyframes(options.setup))));
   };
   corrected.run = slam::run_serially(sequence, options);
   return corrected;
@@ -175,6 +176,32 @@ TEST(Keyframes, PointsAreOffByWhatTheirCovarianceSays) {
     EXPECT_GT(Eigen::LLT<Eigen::Matrix3d>(point.covariance).info() == Eigen::Success, false);
   }
   EXPECT_GE(inside, 0.9 * static_cast<double>(map.points.size()));
+}
+
+// A loop closes within a batch: what was taken before goes with the milestone that it was near.
+TEST(Keyframes, MoveWithTheirMilestones) {
+  const slam::Setup setup = slam::one_camera();
+  slam::State state = slam::small_state(setup);
+  state.status = slam::Status::kTracking;
+  state.milestones = 1;
+  Keyframes keyframes(setup);
+  ASSERT_TRUE(keyframes.add(state));
+  const Pose milestone = state.clones[0].body;
+  const Pose first = keyframes.all()[0].pose.body;
+  slam::RowBlock moved;
+  moved.residual = Eigen::VectorXd::Constant(6, 0.05);
+  moved.parts.push_back({slam::State::clone_at(0), Eigen::MatrixXd::Identity(6, 6)});
+  moved.sigma = 0.01;
+  ASSERT_TRUE(slam::kalman_update(state, {moved}));
+  state.motion.position.x() += 1;
+  slam::add_clone(state, 2);
+  ASSERT_TRUE(keyframes.add(state));
+  const Pose& corrected = keyframes.all()[0].pose.body;
+  EXPECT_GT((corrected.position - first.position).norm(), 0.01);
+  const Pose& now = state.clones[0].body;
+  EXPECT_LT((now.inverse() * corrected.position - milestone.inverse() * first.position).norm(),
+            1e-9);
+  EXPECT_EQ(keyframes.all()[0].milestone, state.clones[0].frame);
 }
 
 // What was not adjusted comes back as it went in, whatever the camera's place in the body.

@@ -39,7 +39,7 @@ struct Promotion {
 };
 
 std::optional<Promotion> promotion_of(const State& state, const Setup& setup, Track& track) {
-  const double ray_sigma = setup.pixel_sigma / setup.cameras[0].focal();
+  const double ray_sigma = setup.ray_sigma_rad;
   const auto point = triangulate(views_of(state, setup, track), ray_sigma);
   if (!point || point->rms > 3 * ray_sigma || point->relative_sigma > kLandmarkSigma) return {};
   PointRows all = rows_of_track(state, setup, track, point->point);
@@ -155,7 +155,7 @@ void guess_depths(State& state, const Setup& setup) {
       track.depth = (camera.inverse() * it->position).z();
     } else if (!track.has_right && track.seen.size() >= kLandmarkViews &&
                track.seen.size() % 3 == 0) {
-      const double ray_sigma = setup.pixel_sigma / setup.cameras[0].focal();
+      const double ray_sigma = setup.ray_sigma_rad;
       const auto point = triangulate(views_of(state, setup, track), ray_sigma);
       if (point && point->relative_sigma < 0.3) {
         track.depth = (camera.inverse() * point->point).z();

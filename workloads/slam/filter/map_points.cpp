@@ -33,6 +33,20 @@ void intersect(MapPoint& point, const MapPoint& other) {
   }
 }
 
+/// A point of a better map as it is in the world now.
+/// @return  False if its milestone has gone: nothing tells where it is any more.
+bool place(const State& state, bool in_map, MapPoint& point) {
+  const bool moves = state.in_map && !in_map;  // The map was found since.
+  if (point.milestone < 0) {
+    if (moves) move_point(point, state.map_from_start);
+    return true;
+  }
+  const Clone* its = find_milestone(state, point.milestone);
+  if (its == nullptr) return false;
+  move_point(point, {moves ? state.map_from_start.scale : 1.0, its->body});
+  return true;
+}
+
 }  // namespace
 
 void add_map_point(State& state, const Setup& setup, const MapPoint& point) {
@@ -94,8 +108,10 @@ MapChange correct_map(State& state, const Setup& setup, const BetterMap& better)
   std::vector<MapPoint> added;
   for (MapPoint point : better.points) {
     if (elsewhere.contains(point.id)) continue;
-    // The map was found since.
-    if (state.in_map && !better.in_map) move_point(point, state.map_from_start);
+    if (!place(state, better.in_map, point)) {
+      ++change.refused;
+      continue;
+    }
     const auto old = map.find(point.id);
     if (old == map.end()) {
       added.push_back(point);
@@ -103,7 +119,10 @@ MapChange correct_map(State& state, const Setup& setup, const BetterMap& better)
     }
     MapPoint& mine = state.map[old->second];
     const Eigen::Vector3d off = point.position - mine.position;
-    const Eigen::Matrix3d both = point.covariance + world_covariance(state, mine);
+    if (point.milestone >= 0) change_milestone(state, point, mine.milestone);
+    const Eigen::Matrix3d both = point.covariance + (point.milestone >= 0
+                                                         ? shared_covariance(mine)
+                                                         : world_covariance(state, mine));
     if (off.dot(both.ldlt().solve(off)) > kGate * chi_square_95(3)) {
       ++change.refused;
       continue;
@@ -112,7 +131,7 @@ MapChange correct_map(State& state, const Setup& setup, const BetterMap& better)
     ++change.replaced;
   }
   for (MapPoint& point : added) {
-    point.milestone = nearest_milestone(state, point.seen_from);
+    if (point.milestone < 0) point.milestone = nearest_milestone(state, point.seen_from);
     add_map_point(state, setup, point);
   }
   change.added = static_cast<int>(added.size());

@@ -25,6 +25,8 @@ inline constexpr int kMostMisses = 8;
 
 /// Points as somebody knows them who has looked at more than the last pictures.
 struct BetterMap {
+  /// Those that have a milestone are in its body's axes: while somebody looked, it may have moved,
+  /// and they go with it. The others are of the world.
   std::vector<MapPoint> points;
   bool in_map = false;  ///< Of the setup's known map's world; otherwise of that of the start.
 };
@@ -33,7 +35,8 @@ struct BetterMap {
 struct MapChange {
   int replaced = 0;
   int added = 0;    ///< Of tracks that were no landmarks.
-  int refused = 0;  ///< Farther from where the map has them than both covariances say.
+  /// Farther from where the map has them than both covariances say, or of a milestone that went.
+  int refused = 0;
 };
 
 /// Points of bundle adjustment take the place of those of the map that have their id. Both come

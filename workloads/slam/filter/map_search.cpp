@@ -147,9 +147,11 @@ bool are_in_space(const State& state, const Setup& setup, double depth) {
   // Of the depth: a point that lies off by so much and is seen at 10 degrees from the axis is off
   // by more than kMostMiss in the mirror.
   constexpr double kOff = 0.03;
-  constexpr std::ptrdiff_t kLeastOff = 4;
+  // Mirrored maps had one in 74 at most; where a flight begins before a wall, 3 in 26 of its own.
+  constexpr std::ptrdiff_t kLeastOff = 3;
+  constexpr std::ptrdiff_t kOffOf = 20;
   return std::ranges::count_if(points, [&](const auto& p) { return off(p) > kOff * depth; }) >=
-         std::max(kLeastOff, std::ssize(points) / 10);
+         std::max(kLeastOff, std::ssize(points) / kOffOf);
 }
 
 void move_to_map(State& state, const Setup& setup, const MapView& view) {
@@ -203,7 +205,7 @@ OutsideRows rows_outside(const State& state, const Setup& setup, const MapPoint&
   pose << slope * cross_matrix(point.position), -slope;
   OutsideRows all;
   all.rows.residual = focal * seen.miss;
-  all.rows.sigma = setup.landmark_sigma;
+  all.rows.sigma = setup.landmark_sigma();
   all.rows.parts.push_back({State::clone_at(state.clones.size() - 1), pose});
   if (point.milestone >= 0) {
     JacobianPart milestone = moves_with(state, point);
@@ -365,7 +367,7 @@ void use_map(State& state, const Setup& setup, const Features& features, FrameRe
     Observation view;
     view.frame = state.frame;
     view.left = setup.cameras[0].ray(pixel.cast<double>());
-    rows.push_back(rows_of_landmark(state, setup, first + i, view, setup.landmark_sigma));
+    rows.push_back(rows_of_landmark(state, setup, first + i, view, setup.landmark_sigma()));
     const Landmark& landmark = state.landmarks[first + i];
     std::erase_if(state.tracks, [&](const Track& other) {
       return other.landmark < 0 && (other.pixel - pixel).squaredNorm() < 16.0F;

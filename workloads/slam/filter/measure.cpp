@@ -183,7 +183,7 @@ PointRows rows_of_track(const State& state, const Setup& setup, const Track& tra
   Eigen::Index count = 0;
   for (const auto& seen : track.seen) count += seen.has_right ? 4 : 2;
   PointRows all;
-  all.rows.sigma = setup.pixel_sigma;
+  all.rows.sigma = setup.pixel_sigma();
   all.rows.residual = Eigen::VectorXd::Zero(count);
   all.to_point = Eigen::MatrixXd::Zero(count, 3);
   const Eigen::Matrix3d turned = cross_matrix(point);

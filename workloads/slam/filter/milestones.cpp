@@ -39,29 +39,18 @@ Eigen::Matrix<double, 3, 6> place_of_pose(const Eigen::Vector3d& place) {
   return j;
 }
 
-/// What a point that has a milestone is off by in the world because that is.
-Eigen::Matrix3d covariance_by_milestone(const State& state, const MapPoint& point) {
-  RowBlock off = of_a_place();
-  off.parts.push_back(moves_with(state, point));
-  return predicted_covariance(state, off);
-}
-
 /// Its points are known against another one from now on.
 void remove_milestone(State& state, std::size_t index) {
   const std::int64_t frame = state.clones[index].frame;
   for (MapPoint& point : state.map) {
     if (point.milestone != frame) continue;
-    RowBlock off = of_a_place();
-    off.parts.push_back(moves_with(state, point));
     double least = std::numeric_limits<double>::max();
     std::size_t other = index;
     for (std::size_t i = 0; std::cmp_less(i, state.milestones); ++i) {
       const double way = (state.clones[i].body.position - point.seen_from).norm();
       if (i != index && way < least) least = way, other = i;
     }
-    point.milestone = state.clones[other].frame;
-    off.parts.push_back({State::clone_at(other), -place_of_pose(point.position)});
-    point.covariance += predicted_covariance(state, off);
+    change_milestone(state, point, state.clones[other].frame);
   }
   remove_clone(state, index);
 }
@@ -136,9 +125,31 @@ JacobianPart moves_with(const State& state, const MapPoint& point) {
   return {State::clone_at(index_of(state, point.milestone)), place_of_pose(point.position)};
 }
 
+const Clone* find_milestone(const State& state, std::int64_t milestone) {
+  const std::size_t index = index_of(state, milestone);
+  const bool there = std::cmp_less(index, state.milestones);
+  return there && state.clones[index].frame == milestone ? &state.clones[index] : nullptr;
+}
+
+void change_milestone(const State& state, MapPoint& point, std::int64_t milestone) {
+  if (point.milestone == milestone) return;
+  RowBlock off = of_a_place();
+  off.parts.push_back(moves_with(state, point));
+  if (milestone >= 0) {
+    off.parts.push_back(
+        {State::clone_at(index_of(state, milestone)), -place_of_pose(point.position)});
+  }
+  point.covariance += predicted_covariance(state, off);
+  point.milestone = milestone;
+}
+
+Eigen::Matrix3d shared_covariance(const MapPoint& point) { return kTogether * point.covariance; }
+
 Eigen::Matrix3d world_covariance(const State& state, const MapPoint& point) {
   if (point.milestone < 0) return point.covariance;
-  return kTogether * point.covariance + covariance_by_milestone(state, point);
+  RowBlock off = of_a_place();
+  off.parts.push_back(moves_with(state, point));
+  return shared_covariance(point) + predicted_covariance(state, off);
 }
 
 NewLandmark landmark_of(const State& state, const MapPoint& point) {
@@ -150,7 +161,7 @@ NewLandmark landmark_of(const State& state, const MapPoint& point) {
   // What the landmark's error and the newest clone's turn make of the place differs from what the
   // milestone makes of it by the point's own error.
   constexpr double kLeast = 1e-10;
-  const Eigen::LLT<Eigen::Matrix3d> root(kTogether * point.covariance +
+  const Eigen::LLT<Eigen::Matrix3d> root(shared_covariance(point) +
                                          kLeast * Eigen::Matrix3d::Identity());
   const Eigen::Matrix3d whiten = root.matrixL().solve(Eigen::Matrix3d::Identity());
   made.to_point = whiten;
@@ -165,9 +176,7 @@ NewLandmark landmark_of(const State& state, const MapPoint& point) {
 
 void forget_milestones(State& state) {
   for (MapPoint& point : state.map) {
-    if (point.milestone < 0) continue;
-    point.covariance += covariance_by_milestone(state, point);
-    point.milestone = -1;
+    if (point.milestone >= 0) change_milestone(state, point, -1);
   }
   while (state.milestones > 0) remove_clone(state, 0);
 }

@@ -25,8 +25,18 @@ void leave_window(State& state, const Setup& setup, double depth);
 /// What a point with a milestone is off by in the world, of the milestone's errors. f64 [3,6]
 [[nodiscard]] JacobianPart moves_with(const State& state, const MapPoint& point);
 
-/// What a point of the map is off by in the world: against its milestone twice what it says, since
-/// points that were seen together are off together, and as its milestone is. f64 [3,3]
+/// The milestone of a frame; null = it has gone.
+[[nodiscard]] const Clone* find_milestone(const State& state, std::int64_t milestone);
+
+/// A point that has a milestone is known against another one from now on, or against the world
+/// (-1), less well by what the one is off by against the other.
+void change_milestone(const State& state, MapPoint& point, std::int64_t milestone);
+
+/// What a point of the map is off by against its milestone: twice what it says, since points that
+/// were seen together are off together. f64 [3,3]
+[[nodiscard]] Eigen::Matrix3d shared_covariance(const MapPoint& point);
+
+/// What a point of the map is off by in the world: the same, and as its milestone is. f64 [3,3]
 [[nodiscard]] Eigen::Matrix3d world_covariance(const State& state, const MapPoint& point);
 
 /// A landmark of a point that has a milestone, known half as well: what it shares with those beside

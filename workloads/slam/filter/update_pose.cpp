@@ -210,7 +210,7 @@ void landmark_update(State& state, const Setup& setup, FrameReport& report) {
     if (track.landmark < 0 || track.seen.empty()) continue;
     const std::size_t landmark = index.at(track.landmark);
     RowBlock block =
-        rows_of_landmark(state, setup, landmark, track.seen.back(), setup.landmark_sigma);
+        rows_of_landmark(state, setup, landmark, track.seen.back(), setup.landmark_sigma());
     track.seen.clear();
     if (!passes(state, block)) {
       ++report.rejected;
@@ -273,7 +273,7 @@ void recognize(State& state, const Setup& setup, const Features& features, Frame
     if (!looks_alike(landmark.position, landmark.seen_from, camera.position)) continue;
     Observation none;
     none.left = setup.cameras[0].ray(*pixel);
-    RowBlock block = rows_of_landmark(state, setup, i, none, setup.pixel_sigma);
+    RowBlock block = rows_of_landmark(state, setup, i, none, setup.pixel_sigma());
     // Where it may be: three sigma of the prediction, from the innovation's covariance.
     const double spread = predicted_sigma(state, block);
     const double radius = std::clamp(3 * spread, kNear, kFar);
@@ -286,7 +286,7 @@ void recognize(State& state, const Setup& setup, const Features& features, Frame
     Observation seen;
     seen.frame = state.frame;
     seen.left = setup.cameras[0].ray(features.pixels[feature].cast<double>());
-    block = rows_of_landmark(state, setup, i, seen, setup.landmark_sigma);
+    block = rows_of_landmark(state, setup, i, seen, setup.landmark_sigma());
     if (!passes(state, block)) {
       ++landmark.misses;
       continue;
@@ -342,7 +342,7 @@ void use_points(State& state, const Setup& setup, std::vector<Track>& ended, std
       ended, [](const Track& a, const Track& b) { return a.seen.size() > b.seen.size(); });
   if (ended.size() > most) ended.resize(most);
   std::vector<RowBlock> rows;
-  const double ray_sigma = setup.pixel_sigma / setup.cameras[0].focal();
+  const double ray_sigma = setup.ray_sigma_rad;
   for (auto& track : ended) {
     const auto views = views_of(state, setup, track);
     const auto point = triangulate(views, ray_sigma);

@@ -60,7 +60,7 @@ std::vector<TensorSpec> feature_specs() {
 
 std::vector<TensorSpec> better_specs() {
   return {{"better", Element::kF64, {kMostBetter, std::int64_t{kBetterSize}}, true},
-          {"better_ids", Element::kI32, {kMostBetter, 4}, true},
+          {"better_ids", Element::kI32, {kMostBetter, 6}, true},
           {"better_descriptors", Element::kU8, {kMostBetter, 32}, true},
           {"better_world", Element::kI32, {1}}};
 }

@@ -27,7 +27,7 @@ inline constexpr std::int64_t kMostBetter =
     2000;                                       ///< Points of a map that are known better, a call.
 inline constexpr std::size_t kBetterSize = 15;  ///< Position, covariance by rows, seen from.
 
-/// better f64 [<=2000,15], better_ids i32 [<=2000,4] (id and last frame, low and high words),
+/// better f64 [<=2000,15], better_ids i32 [<=2000,6] (id, last frame, milestone; low, high words),
 /// better_descriptors u8 [<=2000,32] and better_world i32 [1] (1 = the known map's).
 [[nodiscard]] std::vector<TensorSpec> better_specs();
 /// Pixels f32 [<=n,2] and found u8 [<=n], n of most_tracks(). @param side  Before the names: "" or

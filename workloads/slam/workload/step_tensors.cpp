@@ -101,8 +101,9 @@ std::vector<Tensor> tensors_of(const BetterMap& better) {
     std::copy_n(point.covariance.data(), 9, values + 3);
     std::copy_n(point.seen_from.data(), 3, values + 12);
     const auto ids = tensors[1].as<std::int32_t>();
-    put_words(point.id, ids.subspan(4 * i, 2));
-    put_words(point.last_frame, ids.subspan(4 * i + 2, 2));
+    put_words(point.id, ids.subspan(6 * i, 2));
+    put_words(point.last_frame, ids.subspan(6 * i + 2, 2));
+    put_words(point.milestone, ids.subspan(6 * i + 4, 2));
     std::ranges::copy(point.descriptor,
                       &tensors[2].as<std::uint8_t>()[i * point.descriptor.size()]);
   }
@@ -123,8 +124,9 @@ BetterMap better_of(std::span<const Tensor> tensors) {
     point.covariance = Eigen::Matrix3d(values + 3);
     point.seen_from = Eigen::Vector3d(values + 12);
     const auto ids = tensors[1].as<std::int32_t>();
-    point.id = whole_of(ids.subspan(4 * i, 2));
-    point.last_frame = whole_of(ids.subspan(4 * i + 2, 2));
+    point.id = whole_of(ids.subspan(6 * i, 2));
+    point.last_frame = whole_of(ids.subspan(6 * i + 2, 2));
+    point.milestone = whole_of(ids.subspan(6 * i + 4, 2));
     std::copy_n(&tensors[2].as<std::uint8_t>()[i * point.descriptor.size()],
                 point.descriptor.size(), point.descriptor.begin());
   }
