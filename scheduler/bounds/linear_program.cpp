@@ -2,7 +2,11 @@
 
 #include <coin/Clp_C_Interface.h>
 
+#include <algorithm>
+#include <array>
+#include <charconv>
 #include <coin/CoinFinite.hpp>
+#include <iterator>
 #include <memory>
 
 namespace pirt {
@@ -20,6 +24,17 @@ struct DeleteModel {
 double limit(double value) {
   if (value == LinearProgram::kUnlimited) return COIN_DBL_MAX;
   return value == -LinearProgram::kUnlimited ? -COIN_DBL_MAX : value;
+}
+
+/// Of a number, the digits that the tolerance leaves. What follows them depends on the processor
+/// that Clp was compiled for, and bounds and plans are to be the same on all.
+double known_digits(double value) {
+  constexpr int kAfterThePoint = 11;
+  std::array<char, 32> text{};
+  const auto written = std::to_chars(text.data(), text.data() + text.size(), value,
+                                     std::chars_format::scientific, kAfterThePoint);
+  std::from_chars(text.data(), written.ptr, value);
+  return value;
 }
 
 }  // namespace
@@ -80,9 +95,12 @@ std::optional<LinearProgram::Solution> LinearProgram::solve() const {
   constexpr int kNoValuesPass = 0;
   Clp_primal(model.get(), kNoValuesPass);
   if (Clp_status(model.get()) != kOptimal) return std::nullopt;
-  const double* values = Clp_getColSolution(model.get());
-  return Solution{.minimum = Clp_objectiveValue(model.get()),
-                  .values = std::vector<double>(values, values + costs_.size())};
+  const double* found = Clp_getColSolution(model.get());
+  Solution solution{.minimum = known_digits(Clp_objectiveValue(model.get())), .values = {}};
+  solution.values.reserve(costs_.size());
+  std::transform(found, found + std::ssize(costs_), std::back_inserter(solution.values),
+                 known_digits);
+  return solution;
 }
 
 }  // namespace pirt

@@ -22,6 +22,16 @@ TEST(LinearProgram, FindsTheMinimum) {
   EXPECT_NEAR(*program.minimum(), -11, 1e-9);
 }
 
+TEST(LinearProgram, GivesTwelveDigits) {
+  LinearProgram program;
+  const int x = program.add_variable(1);
+  program.add_row({{x, 3}}, 2, LinearProgram::kUnlimited);
+  const auto solution = program.solve();
+  ASSERT_TRUE(solution.has_value());
+  EXPECT_EQ(solution->minimum, 0.666666666667);
+  EXPECT_EQ(solution->values.at(0), 0.666666666667);
+}
+
 TEST(LinearProgram, HasNoneIfRowsContradictOrNothingLimits) {
   LinearProgram contradiction;
   contradiction.add_row({{contradiction.add_variable(1), 1}}, -5, -1);
