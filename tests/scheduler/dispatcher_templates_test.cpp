@@ -8,8 +8,8 @@
 namespace pirt::test {
 namespace {
 
-/// Firings of one shape that come again and again: a chain of two that shares a
-/// state, and one that reads what the last of its kind made.
+/// Firings of one shape that come again and again: a chain of two that shares a state, and one that
+/// reads what the last of its kind made.
 std::vector<Task> shape(TaskId first, std::vector<TaskId>& after) {
   after = {first};
   static constexpr SeriesId kRead[] = {0};
@@ -22,8 +22,7 @@ std::vector<Task> shape(TaskId first, std::vector<TaskId>& after) {
   return tasks;
 }
 
-// The template is used again and again while its tasks wait, run, fail and are
-// cancelled.
+// The template is used again and again while its tasks wait, run and fail.
 TEST(DispatcherTemplates, ATemplateIsWhatItsTasksAreSubmittedOneFiringAfterTheOther) {
   for (std::uint64_t seed = 0; seed < 60; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));

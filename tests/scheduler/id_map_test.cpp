@@ -11,8 +11,7 @@
 namespace pirt::test {
 namespace {
 
-// Dense ids, rising ones, handles that are used again and ids that share their
-// lower bits, each beside a map of the library.
+// Dense ids, rising ones, handles that are used again and ids that share their lower bits.
 TEST(IdMap, IdsAreFoundWhateverTheyAre) {
   for (std::uint64_t seed = 0; seed < 60; ++seed) {
     Random random(seed);
