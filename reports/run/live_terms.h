@@ -9,8 +9,8 @@
 
 namespace pirt {
 
-/// Of a row that is contradicted: "cold caches", "cold caches and a busy neighbour", "its data", or what else;
-/// empty for others.
+/// Of a row that is contradicted: "cold caches", "cold caches and a busy neighbour", "its data", or
+/// what else; empty for others.
 [[nodiscard]] std::string explanation_of(const RowCheck& check, const Profile& profile);
 
 /// What a prediction with @p profile leaves out that a live run has. @param profile  May be null.

@@ -163,7 +163,7 @@ class Runtime::Engine {
     UnitMask runs_on = 0;
     /// Units that gave back too many calls of it, or where nobody has it: of who has the turn.
     UnitMask gave_up = 0;
-    bool takes_image = false;  ///< See TaskOptions::image_input.
+    bool takes_image = false;           ///< See TaskOptions::image_input.
     std::optional<StateId> state = {};  ///< Index of states_.
     std::optional<RecallLead> lead = {};
   };

@@ -200,8 +200,8 @@ class Correcting final : public Companion {
     replaced += frame.map_change.replaced;
     added += frame.map_change.added;
     if (!keyframes_.add(state()) || keyframes_.all().size() < 5) return;
-    better_ = mapping::better_map(
-        mapping::refine(std::exchange(keyframes_, mapping::Keyframes(setup_))));
+    better_ =
+        mapping::better_map(mapping::refine(std::exchange(keyframes_, mapping::Keyframes(setup_))));
   }
   slam::BetterMap better_map() override { return std::exchange(better_, {}); }
 
