@@ -120,9 +120,9 @@ MapChange correct_map(State& state, const Setup& setup, const BetterMap& better)
     MapPoint& mine = state.map[old->second];
     const Eigen::Vector3d off = point.position - mine.position;
     if (point.milestone >= 0) change_milestone(state, point, mine.milestone);
-    const Eigen::Matrix3d both = point.covariance + (point.milestone >= 0
-                                                         ? shared_covariance(mine)
-                                                         : world_covariance(state, mine));
+    const Eigen::Matrix3d both =
+        point.covariance +
+        (point.milestone >= 0 ? shared_covariance(mine) : world_covariance(state, mine));
     if (off.dot(both.ldlt().solve(off)) > kGate * chi_square_95(3)) {
       ++change.refused;
       continue;

@@ -34,7 +34,7 @@ struct BetterMap {
 /// What became of them.
 struct MapChange {
   int replaced = 0;
-  int added = 0;    ///< Of tracks that were no landmarks.
+  int added = 0;  ///< Of tracks that were no landmarks.
   /// Farther from where the map has them than both covariances say, or of a milestone that went.
   int refused = 0;
 };

@@ -18,6 +18,8 @@ namespace {
 constexpr std::size_t kLeastInliers = 8;  // of one view
 constexpr std::size_t kLeastPoints = 16;  // that all views saw together
 constexpr int kLeastViews = 3;            // that agree
+constexpr int kLeastDirect = 4;           // sightings that tell the map from its mirror image
+constexpr int kDirectToMirrored = 4;      // so many, at least, to one that tells the contrary
 constexpr double kMostMiss = 4.0;         // pixels
 constexpr std::size_t kFeatures = 200;    // that are looked at, strongest first
 constexpr std::size_t kPairs = 150'000;   // of descriptors, a frame in the mean: about 2 ms
@@ -42,6 +44,7 @@ struct MapView {
   Eigen::Vector3d camera;            ///< In the map.
   double depth = 0;                  ///< Median.
   std::vector<std::int32_t> points;  ///< Of the map, rising.
+  int direct = 0, mirrored = 0;      ///< As MapSearch has them.
 };
 
 /// How much longer a way is in the map than in a world without scale, by the depths of what both
@@ -71,6 +74,52 @@ Eigen::Matrix3d heading_of(const Eigen::Matrix3d& rotation) {
       {0, 0, std::atan2(rotation(1, 0) - rotation(0, 1), rotation(0, 0) + rotation(1, 1))});
 }
 
+/// The plane that most of some points share.
+struct Plane {
+  Eigen::Vector3d normal, centre;
+
+  [[nodiscard]] double off(const Eigen::Vector3d& p) const { return normal.dot(p - centre); }
+  [[nodiscard]] Eigen::Vector3d mirrored(const Eigen::Vector3d& p) const {
+    return p - 2 * off(p) * normal;
+  }
+};
+
+Plane plane_of(std::vector<Eigen::Vector3d> points) {
+  Plane plane;
+  auto nearest = points;
+  constexpr int kRounds = 5;  // each of the plane of those that were nearest to the one before
+  for (int round = 0; round < kRounds; ++round) {
+    plane.centre.setZero();
+    for (const auto& p : nearest) plane.centre += p / static_cast<double>(nearest.size());
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+    for (const auto& p : nearest) spread += (p - plane.centre) * (p - plane.centre).transpose();
+    plane.normal = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(0);
+    std::ranges::sort(points, {}, [&](const auto& p) { return std::abs(plane.off(p)); });
+    nearest.assign(points.begin(), points.begin() + 6 * std::ssize(points) / 10);
+  }
+  return plane;
+}
+
+/// Counts the matches that tell the map from its mirror image: those on the wall that most of them
+/// are on are the same in both, those beside it are seen where the one has them or the other.
+void count_mirrored(std::span<const PointMatch> matches, const PnpResult& found, double most_miss,
+                    MapView& view) {
+  std::vector<Eigen::Vector3d> inliers;
+  for (const std::size_t i : found.inliers) inliers.push_back(matches[i].point);
+  const Plane plane = plane_of(std::move(inliers));
+  const Pose from_map = found.camera.inverse();
+  for (const PointMatch& match : matches) {
+    const auto miss = [&](const Eigen::Vector3d& point) {
+      const Eigen::Vector3d p = from_map * point;
+      return p.z() > 0 ? (p.head<2>() / p.z() - match.ray).norm() : 1e9;
+    };
+    const double here = miss(match.point);
+    const double there = miss(plane.mirrored(match.point));
+    if (here < most_miss && there > 2 * most_miss) ++view.direct;
+    if (there < most_miss && here > 2 * most_miss) ++view.mirrored;
+  }
+}
+
 std::optional<MapView> view_of(const State& state, const Setup& setup, const Features& features) {
   std::vector<KnownPlace> places;
   for (const MapPoint& point : *setup.known) {
@@ -82,7 +131,8 @@ std::optional<MapView> view_of(const State& state, const Setup& setup, const Fea
     points.push_back({(*setup.known)[match.place].position,
                       setup.cameras[0].ray(features.pixels[match.feature].cast<double>())});
   }
-  const auto found = robust_pnp(points, kMostMiss / setup.cameras[0].focal());
+  const double most_miss = kMostMiss / setup.cameras[0].focal();
+  const auto found = robust_pnp(points, most_miss);
   if (!found || found->inliers.size() < kLeastInliers) return std::nullopt;
   // Some 20 of 200 features look like some point by chance.
   if (3 * found->inliers.size() < points.size()) return std::nullopt;
@@ -96,6 +146,7 @@ std::optional<MapView> view_of(const State& state, const Setup& setup, const Fea
     view.points.push_back(static_cast<std::int32_t>(matches[i].place));
   }
   view.depth = median(depths);
+  count_mirrored(points, *found, most_miss, view);
   const Pose here = camera_pose(setup, state.clones.back().body, 0);
   Eigen::Matrix3d turn = found->camera.rotation * here.rotation.transpose();
   double scale = 1;
@@ -121,37 +172,6 @@ bool agree(const MapSearch& search, const MapView& view, const Pose& camera) {
   return angle_of(before.pose.rotation.transpose() * now.pose.rotation) < kMostTurn_rad &&
          (before * camera.position - now * camera.position).norm() < kMostMove * view.depth &&
          std::abs(before.scale / now.scale - 1) < kMostScale;
-}
-
-/// Whether the points tell a world from its mirror image: enough of them lie off the plane that
-/// most of them share.
-bool are_in_space(const State& state, const Setup& setup, double depth) {
-  std::vector<Eigen::Vector3d> points;
-  for (const auto i : state.search.points) {
-    points.push_back((*setup.known)[static_cast<std::size_t>(i)].position);
-  }
-  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-  const auto off = [&](const Eigen::Vector3d& p) { return std::abs(normal.dot(p - centre)); };
-  auto nearest = points;
-  constexpr int kRounds = 5;  // each of the plane of those that were nearest to the one before
-  for (int round = 0; round < kRounds; ++round) {
-    centre.setZero();
-    for (const auto& p : nearest) centre += p / static_cast<double>(nearest.size());
-    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
-    for (const auto& p : nearest) spread += (p - centre) * (p - centre).transpose();
-    normal = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(0);
-    std::ranges::sort(points, {}, off);
-    nearest.assign(points.begin(), points.begin() + 6 * std::ssize(points) / 10);
-  }
-  // Of the depth: a point that lies off by so much and is seen at 10 degrees from the axis is off
-  // by more than kMostMiss in the mirror.
-  constexpr double kOff = 0.03;
-  // Mirrored maps had one in 74 at most; where a flight begins before a wall, 3 in 26 of its own.
-  constexpr std::ptrdiff_t kLeastOff = 3;
-  constexpr std::ptrdiff_t kOffOf = 20;
-  return std::ranges::count_if(points, [&](const auto& p) { return off(p) > kOff * depth; }) >=
-         std::max(kLeastOff, std::ssize(points) / kOffOf);
 }
 
 void move_to_map(State& state, const Setup& setup, const MapView& view) {
@@ -338,11 +358,14 @@ bool seek_map(State& state, const Setup& setup, const Features& features) {
   if (search.views > 0 && !agree(search, *view, camera)) search = {};
   ++search.views;
   search.map_from_world = view->map_from_world;
+  search.direct += view->direct;
+  search.mirrored += view->mirrored;
   std::vector<std::int32_t> all;
   std::ranges::set_union(search.points, view->points, std::back_inserter(all));
   search.points = std::move(all);
-  if (search.views < kLeastViews || search.points.size() < kLeastPoints ||
-      !are_in_space(state, setup, view->depth)) {
+  const bool is_no_mirror =
+      search.direct >= std::max(kLeastDirect, kDirectToMirrored * search.mirrored);
+  if (search.views < kLeastViews || search.points.size() < kLeastPoints || !is_no_mirror) {
     return false;
   }
   move_to_map(state, setup, *view);

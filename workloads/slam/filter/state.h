@@ -123,6 +123,9 @@ struct MapSearch {
   Similarity map_from_world;         ///< By the last view.
   int views = 0;                     ///< In a row that agree.
   std::vector<std::int32_t> points;  ///< Of the known map that they saw, rising.
+  /// How often a point was seen where the map has it and its mirror image has not, and how often
+  /// the other way round.
+  int direct = 0, mirrored = 0;
 };
 
 inline constexpr int kMotionSize = 15;  ///< rotation, velocity, position, gyro and accel bias.

@@ -221,6 +221,8 @@ void visit(auto& a, auto& state) {
   visit_similarity(a, state.search.map_from_world);
   a.integer(state.search.views);
   a.list(state.search.points, [&](auto& point) { a.integer(point); });
+  a.integer(state.search.direct);
+  a.integer(state.search.mirrored);
   a.integer(state.in_map);
   visit_similarity(a, state.map_from_start);
   a.list(state.taken, [&](auto& point) { a.integer(point); });
@@ -245,7 +247,7 @@ std::vector<TensorSpec> state_specs(const Setup& setup) {
   const auto known = setup.known ? std::ssize(*setup.known) : std::int64_t{0};
   const std::int64_t numbers = size * size + 47 + 12 * clones + 6 * landmarks + 15 * points +
                                tracks * (7 + 4 * window) + 6 * (kMostWaiting + 1);
-  const std::int64_t integers = 21 + clones + 4 * landmarks + 3 * points +
+  const std::int64_t integers = 23 + clones + 4 * landmarks + 3 * points +
                                 tracks * (5 + 2 * window) + kMostWaiting + 1 + 2 * known;
   return {{"numbers", Element::kF64, {numbers}, true},
           {"integers", Element::kI32, {integers, 2}, true},
