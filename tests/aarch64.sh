@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# pirt for ARM's boards: built for aarch64 against Debian's packages of that architecture, and run under qemu: the scheduler's tests but for
-# those that run live, and the whole program, which has to say what the one built for this machine says, and to replay its traces.
+# pirt for ARM's boards: built for aarch64 against Debian's packages of that architecture, and run under qemu: the tests of scheduler/ but
+# for those that run live, those of characterize/ that measure nothing, and the whole program, which has to say what the one built for this machine says, and to replay its traces.
 #
 # Usage: tests/aarch64.sh [PROGRAM]
 #   PROGRAM is pirt, built for this machine (default: build/pirt). Everything is made in build-aarch64; its sysroot is kept.
@@ -48,6 +48,9 @@ tests_of() {
   on_arm "build-aarch64/tests/$1_test" --gtest_brief=1 --gtest_filter="-$(IFS=:; echo "${*:2}")"
 }
 tests_of scheduler '*Runtime*' '*Live*' 'Localization.*' 'Activities.*' 'TraceThread.*'
+# qemu follows no process and knows no limit of threads.
+tests_of characterize '*Survival*' 'Process.*' 'Worker.*' 'Job.*' 'TuneOpenCl.*' 'DuetRun*' 'Doctor*' 'Rounds*' 'HostLoad*' 'Campaign*' \
+  'ForeignTime*' 'IntervalOverProcesses*' '*Database*' 'Measure*' 'Scratch*' 'Jitter*' 'DuetLanes*' '*CannotStart'
 
 # both AS ARGUMENT...: what pirt says on stdout, through filter AS, is the same. Either has to succeed.
 both() {
