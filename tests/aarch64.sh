@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # pirt for ARM's boards: built for aarch64 against Debian's packages of that architecture, and run under qemu: the tests of scheduler/ but
-# for those that run live, those of characterize/ that measure nothing, and the whole program, which has to say what the one built for this machine says, and to replay its traces.
+# for those that run live, those of characterize/ that measure nothing, and the whole program, which has to say and write what the one built
+# for this machine does, and to replay its traces.
 #
 # Usage: tests/aarch64.sh [PROGRAM]
 #   PROGRAM is pirt, built for this machine (default: build/pirt). Everything is made in build-aarch64; its sysroot is kept.
