@@ -225,7 +225,7 @@ OutsideRows rows_outside(const State& state, const Setup& setup, const MapPoint&
   pose << slope * cross_matrix(point.position), -slope;
   OutsideRows all;
   all.rows.residual = focal * seen.miss;
-  all.rows.sigma = setup.landmark_sigma();
+  all.rows.sigma = setup.landmark_sigma;
   all.rows.parts.push_back({State::clone_at(state.clones.size() - 1), pose});
   if (point.milestone >= 0) {
     JacobianPart milestone = moves_with(state, point);
@@ -390,7 +390,7 @@ void use_map(State& state, const Setup& setup, const Features& features, FrameRe
     Observation view;
     view.frame = state.frame;
     view.left = setup.cameras[0].ray(pixel.cast<double>());
-    rows.push_back(rows_of_landmark(state, setup, first + i, view, setup.landmark_sigma()));
+    rows.push_back(rows_of_landmark(state, setup, first + i, view, setup.landmark_sigma));
     const Landmark& landmark = state.landmarks[first + i];
     std::erase_if(state.tracks, [&](const Track& other) {
       return other.landmark < 0 && (other.pixel - pixel).squaredNorm() < 16.0F;

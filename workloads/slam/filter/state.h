@@ -57,18 +57,18 @@ struct Setup {
   /// picture: of whole tracks some 5 % of it is left as residual at 320 and 640 pixels of a
   /// generated room and at 1241 of a street.
   double ray_sigma_rad = 0.00513;
-  /// Of a landmark's in one picture. What a window has drifted by is seen in many frames: counted
-  /// as independent, each must weigh less.
-  double landmark_sigma_rad = 0.0154;
+  /// Of a landmark's place in one picture, in pixels: what a window has drifted by, some 0.01
+  /// pixels a frame at any size. It is seen in many frames: counted as independent, each must weigh
+  /// less.
+  double landmark_sigma = 6.0;
   bool update = true;     ///< false: motion only, to see what the updates correct.
   bool recognize = true;  ///< false: what was lost from view is not known again.
   /// A map of an earlier run, in a world of its own, to be found; null = there is none. Its points
   /// are independent of what this run sees.
   std::shared_ptr<const std::vector<MapPoint>> known = {};
 
-  /// Both in pixels of the left camera.
+  /// Of a followed point, in pixels of the left camera.
   [[nodiscard]] double pixel_sigma() const { return ray_sigma_rad * cameras[0].focal(); }
-  [[nodiscard]] double landmark_sigma() const { return landmark_sigma_rad * cameras[0].focal(); }
 };
 
 struct MotionState {

@@ -210,7 +210,7 @@ void landmark_update(State& state, const Setup& setup, FrameReport& report) {
     if (track.landmark < 0 || track.seen.empty()) continue;
     const std::size_t landmark = index.at(track.landmark);
     RowBlock block =
-        rows_of_landmark(state, setup, landmark, track.seen.back(), setup.landmark_sigma());
+        rows_of_landmark(state, setup, landmark, track.seen.back(), setup.landmark_sigma);
     track.seen.clear();
     if (!passes(state, block)) {
       ++report.rejected;
@@ -286,7 +286,7 @@ void recognize(State& state, const Setup& setup, const Features& features, Frame
     Observation seen;
     seen.frame = state.frame;
     seen.left = setup.cameras[0].ray(features.pixels[feature].cast<double>());
-    block = rows_of_landmark(state, setup, i, seen, setup.landmark_sigma());
+    block = rows_of_landmark(state, setup, i, seen, setup.landmark_sigma);
     if (!passes(state, block)) {
       ++landmark.misses;
       continue;
