@@ -60,7 +60,7 @@ struct Setup {
   /// Of a landmark's place in one picture, in pixels: what a window has drifted by, some 0.01
   /// pixels a frame at any size. It is seen in many frames: counted as independent, each must weigh
   /// less.
-  double landmark_sigma = 6.0;
+  double landmark_sigma = 5.0;
   bool update = true;     ///< false: motion only, to see what the updates correct.
   bool recognize = true;  ///< false: what was lost from view is not known again.
   /// A map of an earlier run, in a world of its own, to be found; null = there is none. Its points
