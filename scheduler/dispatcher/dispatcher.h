@@ -10,6 +10,7 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -67,6 +68,8 @@ class DispatcherObserver {
 class Dispatcher {
  public:
   using TemplateId = std::uint32_t;  ///< Of one dispatcher.
+  /// Of no template: what is submitted with it is refused.
+  static constexpr TemplateId kNoTemplate = std::numeric_limits<TemplateId>::max();
 
   /// @param slots   By unit: how many tasks may be started on it and not be complete; absent = no
   /// limit. At most kMaxUnits.
@@ -83,8 +86,8 @@ class Dispatcher {
   /// Refused: a task whose id is known, that comes after itself or a later one of @p tasks, or that
   /// no unit may serve; a state or series out of range; a firing that is released.
   bool submit(FiringId firing, std::span<const Task> tasks, Nanos now, Effects& out);
-  /// What firings that come again and again have in common: all but ids and times.
-  /// @param tasks  Each makes sense, and comes after earlier ones of these alone.
+  /// What firings that come again and again have in common: all but ids and times. kNoTemplate if a
+  /// task makes no sense, or comes after another than an earlier one of these.
   [[nodiscard]] TemplateId add_template(std::span<const Task> tasks);
   /// The same in the end, without looking again at what the template says. Refused: also what is
   /// not as many tasks as that has, or of no template.

@@ -1,6 +1,5 @@
 // How tasks come in: registered, linked to what they come after, and placed where they may start.
 #include <algorithm>
-#include <cassert>
 #include <utility>
 
 #include "scheduler/dispatcher/dispatcher.h"
@@ -103,17 +102,18 @@ bool Dispatcher::is_sound(const Task& task) const {
 }
 
 Dispatcher::TemplateId Dispatcher::add_template(std::span<const Task> tasks) {
-  Template& made = templates_.emplace_back();
+  Template made;
   made.class_of.assign(tasks.size(), Waiting::kNone);
   for (std::uint32_t i = 0; i < tasks.size(); ++i) {
-    assert(is_sound(tasks[i]));
+    if (!is_sound(tasks[i])) return kNoTemplate;
     made.binds = made.binds || is_tied(tasks[i]);
     for (const TaskId id : tasks[i].after) {
       const auto before = std::ranges::find(tasks.first(i), id, &Task::id);
-      assert(before != tasks.first(i).end());
+      if (before == tasks.first(i).end()) return kNoTemplate;
       made.after.emplace_back(static_cast<std::uint32_t>(before - tasks.first(i).begin()), i);
     }
   }
+  templates_.push_back(std::move(made));
   return static_cast<TemplateId>(templates_.size() - 1);
 }
 

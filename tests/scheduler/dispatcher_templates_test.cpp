@@ -58,5 +58,20 @@ TEST(DispatcherTemplates, ATemplateIsWhatItsTasksAreSubmittedOneFiringAfterTheOt
   }
 }
 
+TEST(DispatcherTemplates, OfTasksThatMakeNoSenseThereIsNoneAndNothingIsSubmittedByIt) {
+  Script script(policy_of("throughput", setup_of(2, 1, 2)), {1, 1, 2, 1});
+  Dispatcher& dispatcher = script.dispatcher();
+  std::vector<TaskId> after;
+  auto tasks = shape(0, after);
+  tasks[2].kind.eligible = 0;
+  EXPECT_EQ(dispatcher.add_template(tasks), Dispatcher::kNoTemplate);
+  tasks = shape(0, after);
+  after = {7};  // It is none of these.
+  EXPECT_EQ(dispatcher.add_template(tasks), Dispatcher::kNoTemplate);
+  Effects out;
+  EXPECT_FALSE(dispatcher.submit(1, Dispatcher::kNoTemplate, tasks, Nanos(0), out));
+  EXPECT_EQ(dispatcher.counts().submitted, 0);
+}
+
 }  // namespace
 }  // namespace pirt::test
