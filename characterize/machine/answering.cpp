@@ -3,9 +3,9 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cstdint>
 #include <fstream>
+#include <limits>
 #include <optional>
 #include <sstream>
 #include <string>
@@ -13,16 +13,10 @@
 #include <vector>
 
 #include "characterize/machine/system_files.h"
+#include "workloads/base/text/numbers.h"
 
 namespace pirt {
 namespace {
-
-std::optional<int> number_in(std::string_view text) {
-  int value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
 
 /// The fields after the name, which is in parentheses and may hold any character: state, parent,
 /// nine others, and the ticks in user and in kernel mode.
@@ -90,9 +84,9 @@ std::set<std::string> sockets_of(const std::filesystem::path& folder) {
 ProcessTimes read_process_times(const std::filesystem::path& root) {
   ProcessTimes all;
   for (const auto& folder : folder_entries(root / "proc")) {
-    const auto id = number_in(folder.filename().string());
-    if (!id) continue;
-    if (const auto found = read_process(folder)) all.emplace(*id, *found);
+    const auto id = whole_number(folder.filename().string(), 1, std::numeric_limits<int>::max());
+    if (!id.value) continue;
+    if (const auto found = read_process(folder)) all.emplace(*id.value, *found);
   }
   return all;
 }

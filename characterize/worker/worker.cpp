@@ -233,14 +233,19 @@ class Worker {
     HostCounters host;
     ProcessTimes processes;
   };
+  /// Processes where they may answer the device: elsewhere, or not yet known.
   [[nodiscard]] Before counters_before() const {
-    return {read_host_counters(job_.unit.cores), read_process_times()};
+    return {read_host_counters(job_.unit.cores),
+            device_ == nullptr || is_elsewhere() ? read_process_times() : ProcessTimes{}};
+  }
+  [[nodiscard]] bool is_elsewhere() const {
+    return dynamic_cast<const Remote*>(device_.get()) != nullptr;
   }
 
   /// On the unit's cores; nothing on a device with a clock of its own, which others do not hold up.
   [[nodiscard]] Interference interference_since(const Before& before) const {
     if (device_->own_clock() != nullptr) return {};
-    if (dynamic_cast<const Remote*>(device_.get()) != nullptr) {
+    if (is_elsewhere()) {
       const HostCounters after = read_host_counters(job_.unit.cores);
       const ProcessTimes processes = read_process_times();
       return interference_elsewhere(

@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "workloads/base/math/pixel_index.h"
+#include "workloads/base/system/processor.h"
 
 namespace pirt::slam {
 namespace {
@@ -267,10 +268,8 @@ TrackedPoint track_anywhere(const Pyramid& from, const Pyramid& to, const Eigen:
                                                      const TrackOptions& options, TrackWork& work) {
   return track(from, to, point, guess, options, work);
 }
-bool has_avx2() { return __builtin_cpu_supports("avx2") != 0; }
 #else
 constexpr auto track_with_avx2 = track_anywhere;
-bool has_avx2() { return false; }
 #endif
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "workloads/backends/cpu/peak_loops.h"
 #include "workloads/base/math/peak_math.h"
+#include "workloads/base/system/processor.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -36,7 +37,6 @@ template <int kChains>
 
 #if defined(__x86_64__)
 
-bool has_avx2() { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
 bool has_avx512() {
   return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw");
 }
@@ -160,19 +160,19 @@ template <int kWeights>
 constexpr std::array kChainLoops = {
     ChainLoop{"128-bit vectors, 8 chains", always, 4 * 8, portable_chains<8>},
     ChainLoop{"128-bit vectors, 12 chains", always, 4 * 12, portable_chains<12>},
-    ChainLoop{"AVX2 FMA, 8 chains", has_avx2, 8 * 8, avx2_chains<8>},
-    ChainLoop{"AVX2 FMA, 10 chains", has_avx2, 8 * 10, avx2_chains<10>},
-    ChainLoop{"AVX2 FMA, 12 chains", has_avx2, 8 * 12, avx2_chains<12>},
+    ChainLoop{"AVX2 FMA, 8 chains", has_avx2_and_fma, 8 * 8, avx2_chains<8>},
+    ChainLoop{"AVX2 FMA, 10 chains", has_avx2_and_fma, 8 * 10, avx2_chains<10>},
+    ChainLoop{"AVX2 FMA, 12 chains", has_avx2_and_fma, 8 * 12, avx2_chains<12>},
     ChainLoop{"AVX-512 FMA, 8 chains", has_avx512, 16 * 8, avx512_chains<8>},
     ChainLoop{"AVX-512 FMA, 12 chains", has_avx512, 16 * 12, avx512_chains<12>},
     ChainLoop{"AVX-512 FMA, 20 chains", has_avx512, 16 * 20, avx512_chains<20>}};
 
 constexpr std::array kDotLoops = {
-    DotLoop{"AVX2 maddubs, 4 weights", has_avx2, 8, 4, avx2_dots<4>},
-    DotLoop{"AVX2 maddubs, 6 weights", has_avx2, 8, 6, avx2_dots<6>},
-    DotLoop{"AVX2 maddubs, 10 weights", has_avx2, 8, 10, avx2_dots<10>},
-    DotLoop{"AVX2 maddubs, 4 weights, two rows", has_avx2, 8, 4, avx2_paired_dots<4>},
-    DotLoop{"AVX2 maddubs, 8 weights, two rows", has_avx2, 8, 8, avx2_paired_dots<8>},
+    DotLoop{"AVX2 maddubs, 4 weights", has_avx2_and_fma, 8, 4, avx2_dots<4>},
+    DotLoop{"AVX2 maddubs, 6 weights", has_avx2_and_fma, 8, 6, avx2_dots<6>},
+    DotLoop{"AVX2 maddubs, 10 weights", has_avx2_and_fma, 8, 10, avx2_dots<10>},
+    DotLoop{"AVX2 maddubs, 4 weights, two rows", has_avx2_and_fma, 8, 4, avx2_paired_dots<4>},
+    DotLoop{"AVX2 maddubs, 8 weights, two rows", has_avx2_and_fma, 8, 8, avx2_paired_dots<8>},
     DotLoop{"AVX-512 maddubs, 8 weights", has_avx512, 16, 8, avx512_dots<8>},
     DotLoop{"AVX-512 VNNI, 8 weights", has_avx512_vnni, 16, 8, avx512_vnni_dots<8>},
     DotLoop{"AVX-512 VNNI, 12 weights", has_avx512_vnni, 16, 12, avx512_vnni_dots<12>}};

@@ -9,6 +9,7 @@
 
 #include "workloads/backends/cpu/dnn_precision.h"
 #include "workloads/backends/cpu/kernels.h"
+#include "workloads/base/system/processor.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -54,7 +55,7 @@ std::int32_t portable_dot(const std::int16_t* values, const std::int8_t* weights
 
 Dot best_dot() {
 #if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2")) return avx2_dot;
+  if (has_avx2()) return avx2_dot;
 #endif
   return portable_dot;
 }

@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "workloads/backends/cpu/peak_loops.h"
+#include "workloads/base/system/processor.h"
 
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -37,7 +38,6 @@ template <int kStreams>
 
 #if defined(__x86_64__)
 
-bool has_avx2() { return __builtin_cpu_supports("avx2"); }
 bool has_avx512() { return __builtin_cpu_supports("avx512f"); }
 
 /// @p kAhead  Bytes that are asked for in advance; 0 = the hardware's own guess alone.

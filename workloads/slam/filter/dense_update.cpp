@@ -11,6 +11,8 @@
 #include <cstring>
 #include <vector>
 
+#include "workloads/base/system/processor.h"
+
 namespace pirt::slam {
 namespace {
 
@@ -180,11 +182,9 @@ void subtract_anywhere(double* square, Index n, const Strips& w, Index begin) {
                                                    Index begin) {
   subtract_square(square, n, w, begin);
 }
-bool has_fma() { return __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("fma") != 0; }
 #else
 constexpr auto factor_with_fma = factor_anywhere;
 constexpr auto subtract_with_fma = subtract_anywhere;
-bool has_fma() { return false; }
 #endif
 
 }  // namespace
@@ -193,7 +193,7 @@ std::optional<Eigen::VectorXd> dense_update(Eigen::MatrixXd& covariance,
                                             const Eigen::MatrixXd& innovation,
                                             const Eigen::MatrixXd& gain,
                                             const Eigen::VectorXd& residual) {
-  static const bool fma = has_fma();
+  static const bool fma = has_avx2_and_fma();
   const Index n = covariance.rows();
   const Index m = innovation.rows();
   // Each part begins with a strip: rows between are 0, and stay so.
