@@ -44,7 +44,9 @@ TEST(Yaml, RefusesDocumentsThatAreNotOne) {
   EXPECT_THAT(refused_text(""), StartsWith("f.yaml:1: the document is empty"));
   EXPECT_THAT(refused_text("# only a comment\n"), HasSubstr("empty"));
   EXPECT_THAT(refused_text("---\n"), HasSubstr("empty"));
-  EXPECT_THAT(refused_text("a: 1\n---\nb: 2\n"), HasSubstr("more than one document"));
+  EXPECT_THAT(refused_text("a: 1\n---\nb: 2\n"),
+              AllOf(HasSubstr(":3:"), HasSubstr("more than one document"),
+                    HasSubstr("files of their own")));
   EXPECT_THAT(refused_text(std::string("a: \0b", 5)), HasSubstr("f.yaml:1: not a text file"));
 }
 

@@ -99,7 +99,11 @@ YAML::Node load_one(const std::string& file, const std::string& text) {
     if (documents.empty() || documents.front().IsNull()) {
       throw_bad_input(file + ":1: the document is empty");
     }
-    if (documents.size() > 1) fail_at(file, documents[1], "", "more than one document in a file");
+    if (documents.size() > 1) {
+      fail_at(file, documents[1], "",
+              "more than one document in a file; keep one here and move the others, each without "
+              "its ---, into files of their own");
+    }
     std::int64_t nodes = 0;
     check_node(file, documents.front(), 0, nodes);
     return documents.front();
