@@ -2,6 +2,7 @@
 // each cell, which is sequential, on the host within execute().
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -95,6 +96,18 @@ class ExtractFeaturesKernel final : public PlanKernel {
   std::vector<slam::FastCorner> found_;
 };
 
+/// Work items of 16 pixels.
+std::int64_t segments(int pixels) { return (pixels + 15) / 16; }
+
+/// Where the two pixels of each bit are, from the corner's, in a picture of this width.
+std::array<std::array<cl_int, 2>, 256> offsets_of_pattern(int width) {
+  std::array<std::array<cl_int, 2>, 256> offsets{};
+  std::ranges::transform(slam::descriptor_pattern(), offsets.begin(), [&](const auto& pair) {
+    return std::array<cl_int, 2>{pair.ay * width + pair.ax, pair.by * width + pair.bx};
+  });
+  return offsets;
+}
+
 }  // namespace
 
 std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
@@ -104,7 +117,6 @@ std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
                     slam::kFeatureWindowHalf == 7 && slam::kFeatureRefineSteps == 3 &&
                     slam::kFeatureFarthest == 4.0F,
                 "extract.cl has them as constants");
-  static_assert(sizeof(slam::PatchPair) == sizeof(cl_char4), "the pattern is uploaded as it is");
   const auto& op = operation_as<Op>(workload);
   const std::int64_t area = std::int64_t{op.width} * op.height;
   PlanBuilder builder(session);
@@ -112,24 +124,34 @@ std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
   const DeviceTensor pixels = builder.resident(workload.outputs[0]);
   const DeviceTensor scores = builder.resident(workload.outputs[1]);
   const DeviceTensor descriptors = builder.resident(workload.outputs[2]);
-  const cl::Buffer contrast = builder.scratch(area);
+  const cl::Buffer contrast = builder.zeroed(static_cast<std::size_t>(area));
   const cl::Buffer rows = builder.scratch(area * std::int64_t{sizeof(cl_ushort)});
+  const cl::Buffer blurred = builder.scratch(area);
   const FeatureBuffers buffers{
       .count = builder.scratch(std::int64_t{sizeof(cl_int)}),
       .candidates = builder.scratch(area * std::int64_t{sizeof(cl_int4)}),
       .corners = builder.scratch(Op::kMost * std::int64_t{sizeof(cl_int)})};
   const auto weights = builder.constant(std::as_bytes(std::span(slam::kFeatureBlur)));
-  const auto pattern = builder.constant(std::as_bytes(slam::descriptor_pattern()));
-  const Extent picture{op.width, op.height};
-  builder.step("extract.cl", "fast_contrast", picture, image, contrast, op.width, op.height,
-               Op::kThreshold);
-  builder.step("extract.cl", "fast_candidates", picture, image, contrast, buffers.count,
-               buffers.candidates, op.width, op.height);
-  builder.step("extract.cl", "blur_rows", picture, image, rows, weights, op.width);
+  const auto offsets = offsets_of_pattern(op.width);
+  const auto pattern = builder.constant(std::as_bytes(std::span(offsets)));
+  // What is left of a picture without its rim.
+  const int columns = op.width - 2 * slam::kFeatureRim;
+  const int lines = op.height - 2 * slam::kFeatureRim;
+  if (columns > 0 && lines > 0) {
+    // From column 16 on, with a pixel at each side of what is left.
+    builder.step("extract.cl", "fast_contrast", {segments(columns + 5), lines + 2}, image, contrast,
+                 op.width, op.height, Op::kThreshold);
+    builder.step("extract.cl", "fast_candidates", {segments(columns + 4), lines}, image, contrast,
+                 buffers.count, buffers.candidates, op.width, op.height);
+    builder.step("extract.cl", "blur_rows", {segments(op.width - 6), op.height}, image, rows,
+                 weights, op.width);
+    builder.step("extract.cl", "blur_columns", {segments(op.width - 6), op.height - 6}, rows,
+                 blurred, weights, op.width);
+  }
   Plan find = builder.finish({image}, {pixels, scores, descriptors});
   PlanBuilder second(session);
-  second.step("extract.cl", "describe_corners", {Op::kMost, 1}, image, rows, buffers.corners,
-              pixels.rows, pattern, weights, pixels, descriptors, op.width);
+  second.step("extract.cl", "describe_corners", {Op::kMost, 1}, image, blurred, buffers.corners,
+              pixels.rows, pattern, pixels, descriptors, op.width);
   return std::make_unique<ExtractFeaturesKernel>(session, workload, std::move(find),
                                                  second.finish({}, {}), buffers);
 }
