@@ -9,6 +9,7 @@
 #include <thread>
 #include <utility>
 
+#include "scheduler/robot/read_ahead.h"
 #include "scheduler/robot/tracking.h"
 #include "workloads/slam/workload/state_tensors.h"
 #include "workloads/slam/workload/step_tensors.h"
@@ -30,6 +31,13 @@ struct Flight {
   TaskFuture pyramid, pyramid_right, features;                 ///< Of the pictures alone.
   TaskFuture propagate, track, track_right, update_pose = {};  ///< After the frame before.
 };
+
+/// Absent where there are not two frames.
+std::optional<Nanos> mean_period(const Sequence& sequence) {
+  const auto& frames = sequence.frames;
+  if (frames.size() < 2) return std::nullopt;
+  return (frames.back().time - frames.front().time) / (std::ssize(frames) - 1);
+}
 
 class RuntimeCaller final : public Caller {
  public:
@@ -55,7 +63,8 @@ class LiveLocalization {
         options_(std::move(options)),
         no_tracks_(empty(slam::track_specs(options_.setup))),
         no_features_(empty(slam::feature_specs())),
-        no_better_(slam::tensors_of(slam::BetterMap{})) {
+        no_better_(slam::tensors_of(slam::BetterMap{})),
+        period_(mean_period(sequence)) {
     const auto& camera = options_.setup.cameras[0];
     RuntimeOptions& runtime = options_.runtime;
     runtime.made = slam::steps(options_.setup);
@@ -72,13 +81,15 @@ class LiveLocalization {
   LiveLocalization& operator=(const LiveLocalization&) = delete;
 
   LocalizationResult run() {
+    // At the sequence's own rate frames are read long before they come.
+    ReadAhead pictures(
+        sequence_.frames.size(), [this](std::size_t frame) { return read(frame); },
+        !options_.own_rate);
     begin_ = clock_.now();
     for (std::size_t i = 0; i < sequence_.frames.size() && stops() == 0 && !failed(); ++i) {
       auto flight = std::make_shared<Flight>();
       flight->frame = i;
-      const GreyImage left = picture(i, 0);
-      const bool has_right = options_.setup.cameras.size() > 1 && sequence_.frames[i].present[1];
-      const GreyImage right = has_right ? picture(i, 1) : GreyImage{};
+      const auto [left, right, failure] = pictures.next();
       if (!comes(*flight)) continue;
       look_at(*flight, left, right);
       if (options_.companion != nullptr) {
@@ -103,6 +114,10 @@ class LiveLocalization {
   }
   [[nodiscard]] int stops() const { return options_.stops ? options_.stops() : 0; }
 
+  [[nodiscard]] ReadAhead::Pictures read(std::size_t frame) const {
+    const bool has_right = options_.setup.cameras.size() > 1 && sequence_.frames[frame].present[1];
+    return {picture(frame, 0), has_right ? picture(frame, 1) : GreyImage{}};
+  }
   GreyImage picture(std::size_t frame, std::size_t camera) const {
     GreyImage image = sequence_.image(frame, camera);
     if (options_.spoil) options_.spoil(frame, camera, image);
@@ -143,7 +158,8 @@ class LiveLocalization {
                                   std::vector<TaskFuture> after = {},
                                   Runtime::Callback callback = {}) {
     return runtime_->submit(workload, std::move(inputs),
-                            {.real_time = true, .after = std::move(after)}, std::move(callback));
+                            {.real_time = true, .deadline = period_, .after = std::move(after)},
+                            std::move(callback));
   }
 
   static void add(std::vector<TaskInput>& inputs, const TaskFuture& task, std::size_t first,
@@ -375,6 +391,7 @@ class LiveLocalization {
   const Sequence& sequence_;
   LocalizationOptions options_;
   const std::vector<Tensor> no_tracks_, no_features_, no_better_;
+  const std::optional<Nanos> period_;  ///< Between two frames; a pose is due before the next comes.
   MachineClock clock_;
   Nanos begin_{0};
   Nanos first_{0}, last_{0};  ///< Arrival of the first frame, pose of the last.

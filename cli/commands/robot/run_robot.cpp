@@ -36,7 +36,7 @@ struct Options {
   ActivityFlags activities;
   bool no_update = false, no_map = false, mono = false, no_imu = false;
   bool serial = false, fast = false, comparing = false;
-  std::optional<std::string> mode;
+  std::optional<std::string> mode, slices;
   std::string compare;  ///< Modes, with commas; empty = the paper's.
   std::optional<std::string> profile, platform;
   std::vector<std::string> settings;
@@ -87,6 +87,7 @@ RuntimeOptions runtime_options(const Options& options) {
   runtime.platform = std::move(read.platform);
   runtime.profile = std::move(read.profile);
   runtime.mode = options.mode.value_or("ect");
+  runtime.slices = options.slices != "off";
   if (options.trace) runtime.trace = options.trace.path();
   runtime.progress = [](const std::string& line) { fmt::print(stderr, "pirt: {}\n", line); };
   return runtime;
@@ -242,6 +243,10 @@ void add_run_robot(CLI::App& app, Action& action) {
             "Only so much of the sequence, e.g. 20s (default: all)");
   add_choice(command, "--mode", &options->mode, "MODE", runtime_policy_names(),
              "Policy that chooses the units (default: ect)");
+  add_choice(
+      command, "--slices", &options->slices, "WHETHER", {"on", "off"},
+      "Let the next frame's steps in between two slices of a longer call, where its workload "
+      "can be left there (default: on)");
   const Option compare = command.add(
       "--compare", &options->compare,
       "Instead of --mode: first serially without the runtime, then live in these modes, with "

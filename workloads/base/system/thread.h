@@ -2,6 +2,7 @@
 #pragma once
 
 #include <pthread.h>
+#include <sys/resource.h>
 
 #include <string>
 #include <system_error>
@@ -17,6 +18,13 @@ namespace pirt {
 inline void name_thread(const std::string& name) {
   constexpr std::size_t kLongest = 15;
   static_cast<void>(::pthread_setname_np(::pthread_self(), name.substr(0, kLongest).c_str()));
+}
+
+/// The calling thread gets what other threads leave of the cores. It must hold nothing that they
+/// wait for.
+inline void give_way() {
+  constexpr int kLast = 19;
+  static_cast<void>(::setpriority(PRIO_PROCESS, 0, kLast));  // 0: of this thread alone.
 }
 
 /// @throws Error{kEnvironment} if the thread cannot be started; those that run already must then be
