@@ -10,6 +10,7 @@
 #include "tests/scheduler/support.h"
 #include "tests/support/data.h"
 #include "tests/workloads/sequence_support.h"
+#include "workloads/base/text/text.h"
 #include "workloads/base/text/yaml.h"
 #include "workloads/planning/map_files.h"
 #include "workloads/planning/workloads.h"
@@ -24,6 +25,12 @@ platform: two
 units:
   cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
   gpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+)";
+
+constexpr const char* kOneUnit = R"(
+platform: one
+units:
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
 )";
 
 /// A short flight through a room, and the room's map.
@@ -111,6 +118,23 @@ TEST(Activities, RunLiveBesideTheLocalizationAndChangeNothingOfItButTheMap) {
     EXPECT_EQ(seen.fired + seen.skipped, 8);
     EXPECT_EQ(tum_text(live.run.trajectory()), tum_text(alone.run.trajectory()));
   }
+}
+
+TEST(Activities, AreLeftForTheNextFrameOnTheOnlyUnit) {
+  Room room;
+  room.activities.corrects_map = false;
+  auto options = room.localization();
+  options.runtime.platform = parse_platform("test.yaml", kOneUnit, {}, 2);
+  const auto alone = localize_serially(room.sequence, options);
+  Activities activities(room.activities);
+  options.companion = &activities;
+  options.runtime.slices = true;
+  options.runtime.trace = (room.folder.path() / "trace.json").string();
+  const auto live = localize_live(room.sequence, options);
+  EXPECT_TRUE(live.problems.empty());
+  expect_done(activities, poses_of(live));
+  EXPECT_EQ(tum_text(live.run.trajectory()), tum_text(alone.run.trajectory()));
+  EXPECT_THAT(read_file(room.folder.path() / "trace.json"), HasSubstr("\"leave\""));
 }
 
 // For long enough that points of the first keyframes are no longer followed.
