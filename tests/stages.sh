@@ -118,5 +118,5 @@ asan() {
 tsan() {
   cmake --preset tsan -DPIRT_WERROR=ON >/dev/null
   cmake --build --preset tsan --target scheduler_test
-  TSAN_OPTIONS=suppressions=$PWD/tests/support/tsan.txt run_tests build-tsan -R '^scheduler\.(Runtime|Live|TraceThread|Localization|Activities)'
+  TSAN_OPTIONS=suppressions=$PWD/tests/support/tsan.txt run_tests build-tsan -R '^scheduler\.(Runtime|Live|TraceThread|Localization|Activities|ReadAhead)'
 }
