@@ -259,8 +259,10 @@ TEST(TrackFeatures, FindsTheMotionOfThePictures) {
     close += status[i] == 1 && off < 0.15 ? 1 : 0;
   }
   EXPECT_GT(inside, 20U);
-  EXPECT_GE(close * 10, found * 9) << close << " of " << found;
-  EXPECT_GE(close * 10, inside * 8) << close << " of " << inside;
+  // Some that have their gradients at one side: how a window deforms is looked for beside its
+  // motion.
+  EXPECT_GE(close * 10, found * 8) << close << " of " << found;
+  EXPECT_GE(close * 10, inside * 7) << close << " of " << inside;
 }
 
 TEST(TrackFeatures, LosesWhatIsOutsideOrSaysNothing) {

@@ -38,9 +38,10 @@ struct TrackedPoint {
 
 /// What following points took.
 struct TrackWork {
-  std::int64_t windows = 0;  ///< That were taken of a picture, with their gradients.
-  std::int64_t steps = 0;    ///< Of all windows, levels and directions.
-  std::int64_t looks = 0;    ///< Whether what was found looks alike.
+  std::int64_t windows = 0;   ///< That were taken of a picture, with their gradients.
+  std::int64_t steps = 0;     ///< Of all windows, levels and directions.
+  std::int64_t looks = 0;     ///< Whether what was found looks alike.
+  std::int64_t deformed = 0;  ///< How what was found has deformed.
 };
 
 /// @param from, to  Of pictures of one size.
@@ -51,7 +52,9 @@ struct TrackWork {
 ///                  rim, 6 of the right or 3 of the lower one, has no corner, or does not look
 ///                  alike.
 /// @source  Bouguet, Pyramidal implementation of the Lucas Kanade feature tracker, 2001. A constant
-/// difference in brightness over the window is taken out.
+/// difference in brightness over the window is taken out. In the end the window may have deformed,
+/// affinely: one step more finds that beside the motion of its middle (Shi and Tomasi, Good
+/// features to track, 1994), which does not slide over the scene as the best fit of all of it does.
 [[nodiscard]] std::vector<TrackedPoint> track_features(const Pyramid& from, const Pyramid& to,
                                                        std::span<const Eigen::Vector2f> points,
                                                        std::span<const Eigen::Vector2f> guesses,

@@ -81,8 +81,9 @@ TEST(KeyframesLong, AreNoWorseThanTheLocalization) {
           after.rotation_error_mean_deg.value());
       squares_before += before.ate_rms_m * before.ate_rms_m;
       squares_after += after.ate_rms_m * after.ate_rms_m;
-      constexpr double kChance = 1.2;
-      EXPECT_LE(after.rotation_error_mean_deg, kChance * before.rotation_error_mean_deg.value())
+      // Adjusting knows no gyroscope, and one camera's turns are the worse for it.
+      const double chance = stereo ? 1.2 : 1.5;
+      EXPECT_LE(after.rotation_error_mean_deg, chance * before.rotation_error_mean_deg.value())
           << seed;
     }
     EXPECT_LE(squares_after, squares_before) << stereo;

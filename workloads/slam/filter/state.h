@@ -54,9 +54,9 @@ struct Setup {
   int most_active = 30;        ///< Of those, how many are followed at once.
   int most_map_points = 2000;  ///< Points that are known again, outside of the filter.
   /// Of the ray of a followed point. An angle, since a window drifts over the scene, not over the
-  /// picture: of whole tracks some 5 % of it is left as residual at 320 and 640 pixels of a
+  /// picture: of whole tracks some 10 % of it is left as residual at 320 and 640 pixels of a
   /// generated room and at 1241 of a street.
-  double ray_sigma_rad = 0.00513;
+  double ray_sigma_rad = 0.003;
   /// Of a landmark's place in one picture, in pixels: what a window has drifted by, some 0.01
   /// pixels a frame at any size. It is seen in many frames: counted as independent, each must weigh
   /// less.

@@ -19,13 +19,14 @@ namespace {
 constexpr double kMostStereoMiss = 3.0;  // pixels
 constexpr double kStillPixels = 0.6;     // median motion of a camera at rest, with vibration
 constexpr double kStillTurn_rad_s = 0.1;
-constexpr int kStillFrames = 5;  // between two looks
+constexpr double kStillSpeed_m_s = 0.002;  // with vibration
+constexpr int kStillFrames = 5;            // between two looks
 constexpr std::size_t kLeastViews = 4;
 constexpr double kGate = 1.5;  // times the 95 % quantile
 /// Of a followed point from one picture to the next, in pixels. How well points agree (0.03 pixels
 /// on generated pictures, 0.1 on a street) does not show what windows beside each other share and
 /// what goes on from picture to picture: turns are off by some six times what follows from it.
-constexpr double kLeastTurnSigma = 0.5;
+constexpr double kLeastTurnSigma = 0.35;
 constexpr int kEnoughToSee = 12;  // tracks; fewer are blind
 constexpr int kBlindFrames = 4;   // in a row that are lost
 constexpr int kGoodFrames = 5;    // in a row that are found again
@@ -150,6 +151,13 @@ bool rest_update(State& state, const Setup& setup) {
     // Twice the sensor's, for vibration.
     turn.sigma = 2 * setup.imu->gyro_noise * std::sqrt(setup.imu->rate_hz);
     rows.push_back(std::move(turn));
+    // Before pictures show that it moves, the IMU knows.
+    RowBlock speed;
+    speed.residual = -state.motion.velocity;
+    speed.parts.push_back({0, -cross_matrix(state.motion.velocity)});
+    speed.parts.push_back({kVelocityAt, Eigen::Matrix3d::Identity()});
+    speed.sigma = kStillSpeed_m_s;
+    if (!passes(state, speed)) return false;
   }
   for (const auto& block : rows) {
     if (!passes(state, block)) return false;

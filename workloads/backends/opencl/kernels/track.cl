@@ -11,6 +11,10 @@
 #define WINDOW (2 * RADIUS + 1)
 #define BORDERED (WINDOW + 2)  // With what central differences need.
 #define COUNT ((float)(WINDOW * WINDOW))
+#define MOTIONS 6
+#define DEFORMATION 0.02f
+#define GREY_NOISE 3.0f
+#define MOST_OFF 0.4f
 
 /// Under [1 2 1]^2 / 16, edges repeating, every second pixel of every second row. Global ids are those
 /// of the result's pixels.
@@ -86,9 +90,59 @@ bool take(Picture picture, float2 p, float least_corner, Wanted* wanted) {
   return least >= least_corner * COUNT;
 }
 
-/// Moves @p q to where the picture looks like the window. False where it leaves the picture or goes
+/// x of m x = b; m symmetric and positive definite, of which the lower triangle is read and lost.
+void solve(float m[MOTIONS][MOTIONS], float b[MOTIONS]) {
+  for (int c = 0; c < MOTIONS; ++c) {
+    for (int k = 0; k < c; ++k) m[c][c] -= m[c][k] * m[c][k];
+    m[c][c] = sqrt(m[c][c]);
+    for (int r = c + 1; r < MOTIONS; ++r) {
+      for (int k = 0; k < c; ++k) m[r][c] -= m[r][k] * m[c][k];
+      m[r][c] /= m[c][c];
+    }
+  }
+  for (int r = 0; r < MOTIONS; ++r) {
+    for (int k = 0; k < r; ++k) b[r] -= m[r][k] * b[k];
+    b[r] /= m[r][r];
+  }
+  for (int r = MOTIONS - 1; r >= 0; --r) {
+    for (int k = r + 1; k < MOTIONS; ++k) b[r] -= m[k][r] * b[k];
+    b[r] /= m[r][r];
+  }
+}
+
+/// By how much the window's middle lies beside where it was found, since it deforms on the way.
+float2 middle_off(const Wanted* wanted, const float* seen, float mean) {
+  float m[MOTIONS][MOTIONS], b[MOTIONS], sums[MOTIONS];
+  for (int i = 0; i < MOTIONS; ++i) {
+    b[i] = sums[i] = 0.0f;
+    for (int j = 0; j < MOTIONS; ++j) m[i][j] = 0.0f;
+  }
+  for (int row = 0; row < WINDOW; ++row) {
+    for (int column = 0; column < WINDOW; ++column) {
+      const float2 g = slope(wanted, column, row);
+      const float u = (float)(column - RADIUS), v = (float)(row - RADIUS);
+      const float motion[MOTIONS] = {g.x, g.y, g.x * u, g.x * v, g.y * u, g.y * v};
+      const float difference =
+          seen[row * WINDOW + column] - wanted->bordered[(row + 1) * BORDERED + column + 1];
+      for (int i = 0; i < MOTIONS; ++i) {
+        for (int j = 0; j <= i; ++j) m[i][j] += motion[i] * motion[j];
+        sums[i] += motion[i];
+        b[i] += motion[i] * difference;
+      }
+    }
+  }
+  for (int i = 0; i < MOTIONS; ++i) {
+    b[i] -= mean * sums[i];
+    for (int j = 0; j <= i; ++j) m[i][j] -= sums[i] * sums[j] / COUNT;
+    if (i >= 2) m[i][i] += (GREY_NOISE / DEFORMATION) * (GREY_NOISE / DEFORMATION);
+  }
+  solve(m, b);
+  return (float2)(b[0], b[1]);
+}
+
+/// Moves @p q to where the picture looks like the window, as it has deformed if it @p deforms. False where it leaves the picture or goes
 /// too far. @param error  Mean difference of what was found.
-bool align(const Wanted* wanted, Picture picture, float2* q, float* error) {
+bool align(const Wanted* wanted, Picture picture, bool deforms, float2* q, float* error) {
   const float2 room = (float2)(21.0f, 18.0f);
   const float det = wanted->xx * wanted->yy - wanted->xy * wanted->xy;
   const float2 start = *q;
@@ -119,6 +173,10 @@ bool align(const Wanted* wanted, Picture picture, float2* q, float* error) {
       }
     }
     *error = difference / COUNT;
+    if (deforms) {
+      const float2 off = middle_off(wanted, seen, sum / COUNT) - move;
+      if (dot(off, off) < MOST_OFF * MOST_OFF) *q -= off;
+    }
     break;
   }
   return true;
@@ -136,12 +194,12 @@ bool track(const Picture* previous, const Picture* next, float2 p, float2* q) {
     const bool found =
         take(previous[level], p / scale, level == 0 ? LEAST_CORNER : LEAST_CORNER / 4.0f,
              &wanted) &&
-        align(&wanted, next[level], &at, &error);
+        align(&wanted, next[level], level == 0, &at, &error);
     if (found) *q = at * scale;
     if (level == 0 && !(found && error <= MOST_ERROR)) return false;
   }
   float2 back = p;
-  return take(next[0], *q, 0.0f, &wanted) && align(&wanted, previous[0], &back, &error) &&
+  return take(next[0], *q, 0.0f, &wanted) && align(&wanted, previous[0], false, &back, &error) &&
          length(back - p) <= BACK;
 }
 
