@@ -105,7 +105,7 @@ check_aarch64() {
 # threads that are about to end, so that tests with a driver go without it. Sequences of 10 s take more than 5 minutes there;
 # SlamQuality.SameInputsGiveTheSameBits goes the same ways.
 asan() {
-  local driver='(OpenCl|Batch|Tun|Peak)' too_long='SlamQuality\.(Stereo|Mono|OneCameraAloneF|ASecond)' leaks="^$1\\." program=$1_test
+  local driver='(Open[Cc]l|Batch|Tun|Peak)' too_long='SlamQuality\.(Stereo|Mono|OneCameraAloneF|ASecond)' leaks="^$1\\." program=$1_test
   local driven="^$1\\..*$driver"
   if [[ $1 == cli ]]; then leaks='^examples\.' driven='^cli\.' program=all; fi
   export ASAN_OPTIONS=use_sigaltstack=0 LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.txt:print_suppressions=0

@@ -68,7 +68,11 @@ void KernelUnit::stop() {
 
 void KernelUnit::leave(std::unique_ptr<KernelUnit> unit) {
   unit->thread_.detach();
-  static_cast<void>(unit.release());
+  // For ever, and where whoever looks for leaks finds them.
+  static auto& mutex = *new std::mutex;
+  static auto& left = *new std::vector<std::unique_ptr<KernelUnit>>;
+  const std::lock_guard lock(mutex);
+  left.push_back(std::move(unit));
 }
 
 bool KernelUnit::is_over_start(Nanos most) {
