@@ -25,10 +25,13 @@ void intersect(MapPoint& point, const MapPoint& other) {
   double least = point.covariance.trace();
   for (int i = 1; i <= kParts; ++i) {
     const double part = static_cast<double>(i) / kParts;
-    const Eigen::Matrix3d covariance = ((1 - part) * mine + part * theirs).inverse();
-    if (!covariance.allFinite() || covariance.trace() >= least) continue;
+    const Eigen::Matrix3d inverse = ((1 - part) * mine + part * theirs).inverse();
+    const Eigen::Matrix3d covariance = 0.5 * (inverse + inverse.transpose());
+    const bool is_covariance =
+        covariance.allFinite() && Eigen::LLT<Eigen::Matrix3d>(covariance).info() == Eigen::Success;
+    if (!is_covariance || covariance.trace() >= least) continue;
     least = covariance.trace();
-    point.covariance = 0.5 * (covariance + covariance.transpose());
+    point.covariance = covariance;
     point.position = covariance * ((1 - part) * my_part + part * their_part);
   }
 }
