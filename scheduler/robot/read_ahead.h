@@ -22,8 +22,7 @@ class ReadAhead {
   using Read = std::function<Pictures(std::size_t frame)>;
 
   /// @param read       Of frames 0, 1, ... to @p frames, one after the other.
-  /// @param gives_way  To every other thread: what computes does not wait for what it needs later.
-  ///                   Where somebody waits for the pictures, cores are idle.
+  /// @param gives_way  To other threads: what computes does not wait for what it needs later.
   /// @throws Error{kEnvironment} if the thread cannot be started.
   ReadAhead(std::size_t frames, Read read, bool gives_way);
   /// Waits for the frame that is being read.

@@ -64,7 +64,7 @@ TEST(ReadAhead, GivesWayOnItsThreadAlone) {
       },
       true);
   static_cast<void>(pictures.next());
-  EXPECT_EQ(its, 19);
+  EXPECT_GT(its, before);
   EXPECT_EQ(mine(), before);
 }
 

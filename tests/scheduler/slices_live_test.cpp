@@ -252,8 +252,8 @@ TEST(LiveSlices, ManyTasksFromManyThreadsEndOnce) {
   EXPECT_FALSE(replay_file(trace_path()).result.difference);
 }
 
-// A mix live: plans come while a map is adjusted, and are let in; seldom enough that there is time to
-// adjust between them where all takes fifty times as long. The trace replays.
+// A mix live: plans come while a map is adjusted, and are let in; seldom enough that there is time
+// to adjust between them where all takes fifty times as long. The trace replays.
 TEST(LiveSlices, ALiveRunLeavesCallsToo) {
   const auto platform = parse_platform("test.yaml", R"(
 platform: one

@@ -63,9 +63,11 @@ TEST(Lists, BytesOfACallFollowFromItsRows) {
 }
 
 // A window: 17x17 samples of 7 operations and 225 of 12. A step: 225 samples of 13; a look: 225
-// of 3. Pyramids of 64x48: two of 32x24, 16x12 and 8x6 pixels of 18 operations.
+// of 3; how it has deformed, where it is not followed back: 225 of 64. Pyramids of 64x48: two of
+// 32x24, 16x12 and 8x6 pixels of 18 operations.
 TEST(Lists, OperationsOfACallAreWhatItsPointsTake) {
   constexpr std::int64_t kWindow = 289 * 7 + 225 * 12, kStep = 225 * 13, kLook = 225 * 3;
+  constexpr std::int64_t kDeform = 225 * 64;
   constexpr std::int64_t kPyramids = 2 * 18 * (32 * 24 + 16 * 12 + 8 * 6);
   const auto tracking = vision::make_track_features(64, 48);
   EXPECT_EQ(tracking.ops, std::nullopt);
@@ -84,7 +86,7 @@ TEST(Lists, OperationsOfACallAreWhatItsPointsTake) {
       pixels[at] = static_cast<std::uint8_t>(128 + 100 * std::sin(0.5 * x) * std::sin(0.4 * y));
     }
   }
-  EXPECT_EQ(tracking.ops_of(data), kPyramids + 3 * (kWindow + kStep + kLook));
+  EXPECT_EQ(tracking.ops_of(data), kPyramids + 3 * (kWindow + kStep + kLook) + kDeform);
   for (std::size_t i = 0; i < 2; ++i) {
     std::ranges::fill(data.inputs[i].as<std::uint8_t>(), std::uint8_t{128});
   }

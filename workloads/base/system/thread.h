@@ -20,11 +20,11 @@ inline void name_thread(const std::string& name) {
   static_cast<void>(::pthread_setname_np(::pthread_self(), name.substr(0, kLongest).c_str()));
 }
 
-/// The calling thread gets what other threads leave of the cores. It must hold nothing that they
-/// wait for.
+/// The calling thread gives way to others, of which each gets ten times as much of a core that both
+/// want. It must hold nothing that they wait for.
 inline void give_way() {
-  constexpr int kLast = 19;
-  static_cast<void>(::setpriority(PRIO_PROCESS, 0, kLast));  // 0: of this thread alone.
+  constexpr int kNice = 10;
+  static_cast<void>(::setpriority(PRIO_PROCESS, 0, kNice));  // 0: of this thread alone.
 }
 
 /// @throws Error{kEnvironment} if the thread cannot be started; those that run already must then be
