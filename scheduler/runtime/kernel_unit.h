@@ -223,7 +223,8 @@ class KernelUnit {
   std::mutex taking_;                    ///< Lanes' alone, and of who abandons one.
   std::atomic<Call*> queued_ = nullptr;  ///< Oldest first, before posted_; changed with taking_.
   runtime::Bell bell_;
-  std::jthread thread_;  ///< Last: all else is there before it and after it.
+  KernelUnit* left_before_ = nullptr;  ///< Of those that stay for ever.
+  std::jthread thread_;                ///< Last: all else is there before it and after it.
 };
 
 }  // namespace pirt

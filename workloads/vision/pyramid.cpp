@@ -198,9 +198,10 @@ struct Template {
 enum class Match { kGood, kOutside, kDifferent };
 
 /// By how much the middle of @p wanted lies beside where the window was found, in pixels.
-/// @param seen  The window there.
+/// @param seen  The window there. @param mean  By how much it is brighter.
 [[gnu::always_inline]] inline Eigen::Vector2f middle_off(const Template& wanted,
-                                                         const std::array<float, kTexels>& seen) {
+                                                         const std::array<float, kTexels>& seen,
+                                                         float mean) {
   // Columns and rows from the middle.
   alignas(64) static constexpr auto places = [] {
     std::array<std::array<float, kTexels>, 2> at{};
@@ -215,7 +216,6 @@ enum class Match { kGood, kOutside, kDifferent };
   Lanes products[kMotions][kMotions] = {};
   Lanes sums[kMotions] = {};
   Lanes differences[kMotions] = {};
-  Lanes all = {};
   for (std::size_t k = 0; k < kTexels; k += kLanes) {
     Lanes difference, value, column, row, motion[kMotions];
     load(seen, k, difference);
@@ -229,18 +229,12 @@ enum class Match { kGood, kOutside, kDifferent };
     motion[4] = motion[1] * column;
     motion[5] = motion[1] * row;
     difference -= value;
-    all += difference;
     for (std::size_t i = 0; i < kMotions; ++i) {
       for (std::size_t j = 0; j <= i; ++j) products[i][j] += motion[i] * motion[j];
       sums[i] += motion[i];
       differences[i] += motion[i] * difference;
     }
   }
-  float extra = 0;  // of the padding column
-  for (std::size_t y = 0; y < kWindow; ++y) {
-    extra += seen[y * kStride + kWindow] - wanted.value[y * kStride + kWindow];
-  }
-  const float mean = (sum_of(all) - extra) / kCount;
   std::array<Motions, kMotions> m{};
   Motions b{};
   for (std::size_t i = 0; i < kMotions; ++i) {
@@ -305,7 +299,7 @@ enum class Match { kGood, kOutside, kDifferent };
     ++work.looks;
     if (deforms) {
       ++work.deformed;
-      const Eigen::Vector2f off = middle_off(wanted, seen) - step;
+      const Eigen::Vector2f off = middle_off(wanted, seen, mean) - step;
       if (off.squaredNorm() < kMostOff * kMostOff) at -= off;
     }
     break;

@@ -57,9 +57,8 @@ struct Setup {
   /// picture: of whole tracks some 10 % of it is left as residual at 320 and 640 pixels of a
   /// generated room and at 1241 of a street.
   double ray_sigma_rad = 0.003;
-  /// Of a landmark's place in one picture, in pixels: what a window has drifted by, some 0.01
-  /// pixels a frame at any size. It is seen in many frames: counted as independent, each must weigh
-  /// less.
+  /// Of a landmark's place in one picture, in pixels: what a window has drifted by (README.md).
+  /// It is seen in many frames: counted as independent, each must weigh less.
   double landmark_sigma = 5.0;
   bool update = true;     ///< false: motion only, to see what the updates correct.
   bool recognize = true;  ///< false: what was lost from view is not known again.

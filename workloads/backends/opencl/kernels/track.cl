@@ -140,8 +140,8 @@ float2 middle_off(const Wanted* wanted, const float* seen, float mean) {
   return (float2)(b[0], b[1]);
 }
 
-/// Moves @p q to where the picture looks like the window, as it has deformed if it @p deforms. False where it leaves the picture or goes
-/// too far. @param error  Mean difference of what was found.
+/// Moves @p q to where the picture looks like the window, as it has deformed if it @p deforms. False
+/// where it leaves the picture or goes too far. @param error  Mean difference of what was found.
 bool align(const Wanted* wanted, Picture picture, bool deforms, float2* q, float* error) {
   const float2 room = (float2)(21.0f, 18.0f);
   const float det = wanted->xx * wanted->yy - wanted->xy * wanted->xy;
