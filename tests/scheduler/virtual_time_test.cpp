@@ -124,6 +124,32 @@ pipelines:
   }
 }
 
+// A driver with a clock slept past the end: what was due before has been fired.
+TEST(VirtualTime, CountsWhatWasDueBeforeTheEndHoweverLate) {
+  const auto platform = platform_of(R"(
+platform: p
+units: {cpu: {slots: 1, active_w: 1}, shared: {servers: 1, discipline: processor_sharing, active_w: 1}}
+workloads: {sobel: {cpu: [{on: cpu, ms: 1}], shared: [{on: shared, ms: 1}]}}
+)");
+  const auto mix = mix_of(R"(
+mix: m
+pipelines: {p: {rate_hz: 100, tasks: [{workload: sobel}]}}
+)");
+  const auto driver = [](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter*) {
+    VirtualTime time(scenario, dispatcher);
+    time.begin();
+    while (time.next() < from_s(0.9)) static_cast<void>(time.advance(time.next()));
+    while (time.next() <= from_s(1.2)) static_cast<void>(time.advance(from_s(1.2)));
+    while (time.advance()) continue;
+    return time.finish();
+  };
+  const auto record = run_mix(platform, nullptr, mix, mode("ect", 1), driver, "virtual");
+  EXPECT_EQ(record.submitted, 100);
+  EXPECT_EQ(record.completed, 90) << "nothing that began after the end";
+  EXPECT_EQ(record.queued, 10) << "begun or not";
+  EXPECT_NEAR(unit(record, "cpu").busy_s + unit(record, "shared").busy_s, 0.09, 1e-9);
+}
+
 // Ten minutes without the cloud, at 10 tasks a second that are meant for it.
 TEST(VirtualTime, AnOutageOfTheCloudCostsNoRealTimeTaskItsDeadline) {
   const auto platform = platform_of(R"(
