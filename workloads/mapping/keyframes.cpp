@@ -253,6 +253,9 @@ BalProblem Keyframes::problem() const {
   return problem;
 }
 
+// Weights of priors and ways are against what an observation is off by: what the window has drifted
+// by, as a landmark's.
+
 std::vector<CentrePrior> Keyframes::priors() const {
   std::vector<CentrePrior> priors;
   // A drift is one error of all of them: together they weigh as one.
@@ -263,7 +266,7 @@ std::vector<CentrePrior> Keyframes::priors() const {
     const Eigen::Vector3d place = camera(i).position;
     std::ranges::copy(place, prior.centre.begin());
     prior.px_per_unit =
-        setup_.pixel_sigma() / (alone * std::max(keyframes_[i].sigma_m, kLeastSigma_m));
+        setup_.landmark_sigma / (alone * std::max(keyframes_[i].sigma_m, kLeastSigma_m));
   }
   return priors;
 }
@@ -273,7 +276,7 @@ std::vector<RelativePose> Keyframes::relative() const {
   const std::size_t count = keyframes_.size();
   const Pose& left = setup_.cameras[0].body_from_camera;
   for (std::size_t i = count; i < camera_count(); ++i) {
-    const double weight = setup_.pixel_sigma() / kMounted;
+    const double weight = setup_.landmark_sigma / kMounted;
     const Pose mounted = left.inverse() * setup_.cameras[1].body_from_camera;
     all.push_back(relative_of(i - count, i, mounted, weight, weight));
   }
@@ -281,8 +284,8 @@ std::vector<RelativePose> Keyframes::relative() const {
     const auto& step = keyframes_[i].step;
     if (!step) continue;
     all.push_back(relative_of(i - 1, i, left.inverse() * step->way * left,
-                              setup_.pixel_sigma() / std::max(step->turn_rad, kLeastTurn_rad),
-                              setup_.pixel_sigma() / std::max(step->move_m, kLeastSigma_m)));
+                              setup_.landmark_sigma / std::max(step->turn_rad, kLeastTurn_rad),
+                              setup_.landmark_sigma / std::max(step->move_m, kLeastSigma_m)));
   }
   return all;
 }

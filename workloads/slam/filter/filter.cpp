@@ -39,6 +39,62 @@ void move_map(State& state, std::span<const Pose> before) {
   }
 }
 
+/// A landmark's own error, which is that beside the newest clone's place, grows by this.
+struct Growth {
+  std::size_t landmark = 0;
+  Eigen::Matrix3d by;
+};
+
+void grow_errors(State& state, std::span<const Growth> growths) {
+  if (growths.empty()) return;
+  Eigen::MatrixXd& p = state.covariance;
+  const int place = State::clone_at(state.clones.size() - 1) + 3;
+  for (Eigen::Index c = 0; c < p.cols(); ++c) {
+    for (const auto& [landmark, by] : growths) {
+      auto its = p.block<3, 1>(state.landmark_at(landmark), c);
+      const Eigen::Vector3d shared = p.block<3, 1>(place, c);
+      its = shared + by * (its - shared);
+    }
+  }
+  for (const auto& [landmark, by] : growths) {
+    auto its = p.middleCols<3>(state.landmark_at(landmark));
+    const auto shared = p.middleCols<3>(place);
+    its = (shared + (its - shared) * by.transpose()).eval();
+  }
+}
+
+/// Moves landmarks with the newest clone, and then each by its own correction: its direction from
+/// there, and the inverse of its range, in which what is seen of it is nearly linear. Its range is
+/// what is known least; corrected in metres, one camera's scale comes out too small, since the
+/// square of each error has the same sign.
+/// @param moved  What the clone is moved by.
+/// @source  Civera, Davison and Montiel, Inverse depth parametrization for monocular SLAM, TRO
+/// 2008.
+void correct_landmarks(State& state, const Eigen::VectorXd& d, const Pose& moved,
+                       const Eigen::Matrix3d& screw) {
+  constexpr double kMost = 0.5;    // of a range, in one correction
+  constexpr double kLeast = 1e-3;  // of a range, that errors change by
+  const Eigen::Vector3d& from = state.clones.back().body.position;
+  const Eigen::Vector3d shared = d.segment<3>(State::clone_at(state.clones.size() - 1) + 3);
+  std::vector<Growth> growths;
+  for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
+    Eigen::Vector3d& p = state.landmarks[i].position;
+    const Eigen::Vector3d arm = moved * p - from;
+    const double range = std::max(arm.norm(), 1e-6);
+    const Eigen::Vector3d along = arm / range;
+    const Eigen::Vector3d own = screw * (d.segment<3>(state.landmark_at(i)) - shared) / range;
+    const double farther = along.dot(own);
+    const double grows = 1 / (1 - std::clamp(farther, -1.0, kMost));
+    const Eigen::Vector3d across = own - farther * along;
+    p = from + grows * range * (along + across).normalized();
+    if (std::abs(grows - 1) < kLeast) continue;
+    // Of what lies across as the range, of what lies along as its square.
+    growths.push_back(
+        {i, grows * (Eigen::Matrix3d::Identity() + (grows - 1) * along * along.transpose())});
+  }
+  grow_errors(state, growths);
+}
+
 /// Adds a correction, each group of vectors along the screw of its own rotation error.
 void correct(State& state, const Eigen::VectorXd& d) {
   MotionState& m = state.motion;
@@ -54,21 +110,16 @@ void correct(State& state, const Eigen::VectorXd& d) {
   for (int i = 0; i < state.milestones; ++i) {
     milestones.push_back(state.clones[static_cast<std::size_t>(i)].body);
   }
-  Eigen::Vector3d anchor_turn = turn;
+  Pose moved;
+  Eigen::Matrix3d its_screw = screw;
   for (std::size_t i = 0; i < state.clones.size(); ++i) {
+    const Eigen::Vector3d its_turn = d.segment<3>(State::clone_at(i));
+    its_screw = left_jacobian(its_turn);
+    moved = {rotation_of(its_turn), its_screw * d.segment<3>(State::clone_at(i) + 3)};
     Pose& body = state.clones[i].body;
-    anchor_turn = d.segment<3>(State::clone_at(i));
-    const Eigen::Matrix3d r = rotation_of(anchor_turn);
-    body.rotation = nearest_rotation(r * body.rotation);
-    body.position =
-        r * body.position + left_jacobian(anchor_turn) * d.segment<3>(State::clone_at(i) + 3);
+    body = {nearest_rotation(moved.rotation * body.rotation), moved * body.position};
   }
-  const Eigen::Matrix3d anchor = rotation_of(anchor_turn);
-  const Eigen::Matrix3d anchor_screw = left_jacobian(anchor_turn);
-  for (std::size_t i = 0; i < state.landmarks.size(); ++i) {
-    Eigen::Vector3d& p = state.landmarks[i].position;
-    p = anchor * p + anchor_screw * d.segment<3>(state.landmark_at(i));
-  }
+  if (!state.landmarks.empty()) correct_landmarks(state, d, moved, its_screw);
   move_map(state, milestones);
 }
 

@@ -56,7 +56,7 @@ struct Setup {
   /// Of the ray of a followed point. An angle, since a window drifts over the scene, not over the
   /// picture: of whole tracks some 10 % of it is left as residual at 320 and 640 pixels of a
   /// generated room and at 1241 of a street.
-  double ray_sigma_rad = 0.003;
+  double ray_sigma_rad = 0.0018;
   /// Of a landmark's place in one picture, in pixels: what a window has drifted by (README.md).
   /// It is seen in many frames: counted as independent, each must weigh less.
   double landmark_sigma = 5.0;
