@@ -11,7 +11,6 @@
 #include "tests/workloads/sequence_support.h"
 #include "workloads/base/math/random.h"
 #include "workloads/slam/filter/map_points.h"
-#include "workloads/slam/filter/map_search.h"
 #include "workloads/slam/filter/steps.h"
 #include "workloads/slam/run/map_file.h"
 #include "workloads/slam/run/pipeline.h"

@@ -175,7 +175,7 @@ TEST(SlamQuality, OneCameraAloneKnowsTheTurnsOfARealDrive) {
       "(constant velocity: %.3f m)\n",
       one.mean_deg, ten.mean_deg, one.trivial_deg, ten.trivial_deg, summary.error->ate_rms_m,
       summary.error->path_m, summary.constant_velocity_ate_rms_m.value_or(-1));
-  // 0.0322 and 0.109 when this was written; processors round differently.
+  // 0.0328 and 0.100 when this was written; processors round differently.
   EXPECT_LE(one.mean_deg, 0.036);
   EXPECT_LE(ten.mean_deg, 0.14);
 }

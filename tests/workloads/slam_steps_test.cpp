@@ -16,7 +16,7 @@
 #include "workloads/base/math/random.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/sequence/trajectory.h"
-#include "workloads/slam/filter/map_search.h"
+#include "workloads/slam/filter/map_use.h"
 #include "workloads/slam/filter/measure.h"
 #include "workloads/slam/filter/propagate.h"
 #include "workloads/slam/filter/steps.h"

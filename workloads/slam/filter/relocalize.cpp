@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "workloads/slam/filter/filter.h"
-#include "workloads/slam/filter/map_search.h"
+#include "workloads/slam/filter/map_use.h"
 #include "workloads/slam/filter/measure.h"
 #include "workloads/slam/filter/milestones.h"
 #include "workloads/slam/filter/steps.h"

@@ -7,6 +7,7 @@
 #include <unordered_map>
 
 #include "workloads/slam/filter/map_search.h"
+#include "workloads/slam/filter/map_use.h"
 #include "workloads/slam/filter/measure.h"
 #include "workloads/slam/filter/steps.h"
 #include "workloads/slam/views/places.h"

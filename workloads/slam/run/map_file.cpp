@@ -9,7 +9,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
-#include "workloads/slam/filter/map_search.h"
+#include "workloads/slam/filter/map_use.h"
 #include "workloads/slam/filter/milestones.h"
 
 namespace pirt::slam {
