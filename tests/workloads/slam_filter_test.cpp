@@ -9,6 +9,18 @@
 namespace pirt::slam {
 namespace {
 
+/// A body that knows where it is, and a landmark that was known before.
+State at_known_place(const Eigen::Vector3d& place, const Eigen::Matrix3d& own) {
+  State state;
+  state.covariance.setZero();
+  state.motion.position = {1, 2, 0};
+  add_clone(state, 0);
+  Landmark landmark;
+  landmark.position = place;
+  add_known_landmarks(state, std::span(&landmark, 1), own);
+  return state;
+}
+
 TEST(ChiSquare, IsThatOfTables) {
   EXPECT_NEAR(chi_square_95(1), 3.84, 0.12);
   EXPECT_NEAR(chi_square_95(2), 5.99, 0.06);
@@ -48,14 +60,8 @@ TEST(KalmanUpdate, LeavesTheStateAsItIsWhereNothingCanBeFactored) {
 // Seen from the clone at 4 m: half a metre farther in the inverse of the range is 4 / (1 - 1/8) m,
 // and what it is off by there grows with it, along with its square.
 TEST(KalmanUpdate, CorrectsALandmarkInItsInverseRange) {
-  State state;
-  state.covariance.setZero();
-  state.motion.position = {1, 2, 0};
-  add_clone(state, 0);
-  Landmark landmark;
-  landmark.position = {5, 2, 0};
   const Eigen::Vector3d own(0.36, 0.01, 0.01);
-  add_known_landmarks(state, std::span(&landmark, 1), own.asDiagonal());
+  State state = at_known_place({5, 2, 0}, own.asDiagonal());
   RowBlock block;
   block.residual = Eigen::Vector3d(1, 0, 0);
   block.parts.push_back({state.landmark_at(0), Eigen::Matrix3d::Identity()});
@@ -117,13 +123,7 @@ TEST(MoveWorld, ChangesNothingThatIsSeen) {
 // Known to 3 cm where the body is, and to 0.01 rad in heading: a point 2 m beside it is off by 2 cm
 // more, across the way to it.
 TEST(MoveWorld, AddsWhatTheOtherWorldsPlaceIsOffBy) {
-  State state;
-  state.covariance.setZero();
-  state.motion.position = {1, 2, 0};
-  add_clone(state, 0);
-  Landmark landmark;
-  landmark.position = {3, 2, 0};
-  add_known_landmarks(state, std::span(&landmark, 1), Eigen::Matrix3d::Zero());
+  State state = at_known_place({3, 2, 0}, Eigen::Matrix3d::Zero());
   move_world(state, {}, covariance_at(state.motion.position, {0, 0, 0.01}, 0.03, 0));
   EXPECT_LT((position_covariance(state) - 9e-4 * Eigen::Matrix3d::Identity()).norm(), 1e-12);
   Eigen::Vector3d expected(9e-4, 9e-4 + 4e-4, 9e-4);

@@ -92,13 +92,8 @@ using Lanes = int __attribute__((vector_size(kLanes * sizeof(int))));
   return centre;
 }
 
-/// What is computed of many pixels, compiled twice, for any processor and for AVX2: integers, so
-/// that both have the same bits.
-struct Loops {
-  void (*score)(const GreyImage& image, std::span<FastCorner> corners);
-  void (*refine)(const GreyImage& image, std::span<const FastCorner> corners,
-                 std::vector<Eigen::Vector2f>& pixels);
-};
+// What is computed of many pixels is compiled twice, for any processor and for AVX2: integers, so
+// that both have the same bits.
 
 [[gnu::always_inline]] inline void score_all(const GreyImage& image,
                                              std::span<FastCorner> corners) {
@@ -133,16 +128,9 @@ void refine_anywhere(const GreyImage& image, std::span<const FastCorner> corners
   refine_all(image, corners, pixels);
 }
 
-const Loops& loops() {
-  static const Loops best = has_avx2() ? Loops{score_with_avx2, refine_with_avx2}
-                                       : Loops{score_anywhere, refine_anywhere};
-  return best;
-}
 #else
-const Loops& loops() {
-  static constexpr Loops kBest{score_anywhere, refine_anywhere};
-  return kBest;
-}
+constexpr auto score_with_avx2 = score_anywhere;
+constexpr auto refine_with_avx2 = refine_anywhere;
 #endif
 
 /// Where a descriptor looks, from a picture's pixel on.
@@ -180,7 +168,7 @@ std::vector<FastCorner> corners_of(const GreyImage& image, const std::vector<cv:
     if (x < kRim || y < kRim || x >= image.width - kRim || y >= image.height - kRim) continue;
     corners.push_back({x, y, 0});
   }
-  loops().score(image, corners);
+  (has_avx2() ? score_with_avx2 : score_anywhere)(image, corners);
   return corners;
 }
 
@@ -203,7 +191,7 @@ Features extract_features(const GreyImage& image, const FeatureOptions& options)
     cv::Mat blurred;
     cv::GaussianBlur(pixels, blurred, {7, 7}, 2.0);
     const auto looks = looks_of(descriptor_pattern(), static_cast<std::ptrdiff_t>(blurred.step));
-    loops().refine(image, corners, features.pixels);
+    (has_avx2() ? refine_with_avx2 : refine_anywhere)(image, corners, features.pixels);
     for (const FastCorner& corner : corners) {
       features.scores.push_back(corner.score);
       features.descriptors.push_back(describe(blurred.ptr(corner.y) + corner.x, looks));
