@@ -5,7 +5,7 @@ PIRT_PACKAGES=(
   g++ cmake ninja-build pkg-config git ca-certificates sqlite3
   libopencv-dev libdnnl-dev
   ocl-icd-opencl-dev opencl-headers opencl-clhpp-headers pocl-opencl-icd
-  libsqlite3-dev libyaml-cpp-dev libre2-dev nlohmann-json3-dev libcli11-dev libfmt-dev
+  libsqlite3-dev zlib1g-dev libyaml-cpp-dev libre2-dev nlohmann-json3-dev libcli11-dev libfmt-dev
   coinor-libclp-dev libceres-dev
   node-d3
 )

@@ -181,5 +181,25 @@ TEST(Compressed, SaysTheSameInFewerRows) {
   EXPECT_LT((all.motion.position - few.motion.position).norm(), 1e-9);
 }
 
+TEST(InThreeRows, SaysTheSameOfAPoint) {
+  const slam::Setup setup = one_camera();
+  const State state = small_state(setup);
+  RowBlock block;
+  block.residual = Eigen::VectorXd::Random(4);
+  const Eigen::MatrixXd slope = Eigen::MatrixXd::Random(4, 3);
+  block.parts.push_back({State::clone_at(1), slope * Eigen::MatrixXd::Random(3, kCloneSize)});
+  block.parts.push_back({State::clone_at(0) + 3, -slope});
+  block.parts.push_back({kPositionAt, slope});
+  const RowBlock few = in_three_rows(block);
+  ASSERT_EQ(few.residual.size(), 3);
+  State all = state;
+  ASSERT_TRUE(kalman_update(all, {block}));
+  State reduced = state;
+  ASSERT_TRUE(kalman_update(reduced, {few}));
+  EXPECT_LT((all.covariance - reduced.covariance).norm(), 1e-9);
+  EXPECT_LT((all.motion.position - reduced.motion.position).norm(), 1e-9);
+  EXPECT_GT((all.motion.position - state.motion.position).norm(), 1e-6);
+}
+
 }  // namespace
 }  // namespace pirt::slam

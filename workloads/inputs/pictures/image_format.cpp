@@ -1,6 +1,7 @@
 #include "workloads/inputs/pictures/image_format.h"
 
-#include <array>
+#include <zlib.h>
+
 #include <utility>
 
 namespace pirt {
@@ -19,23 +20,9 @@ std::uint32_t big_endian(std::string_view bytes, std::size_t at, std::size_t cou
   return value;
 }
 
-constexpr std::array<std::uint32_t, 256> make_crc_table() {
-  std::array<std::uint32_t, 256> table{};
-  for (std::uint32_t n = 0; n < table.size(); ++n) {
-    std::uint32_t c = n;
-    for (int bit = 0; bit < 8; ++bit) c = (c & 1) != 0 ? 0xedb88320U ^ (c >> 1) : c >> 1;
-    table[n] = c;
-  }
-  return table;
-}
-
-std::uint32_t crc32(std::string_view bytes) {
-  static constexpr auto kTable = make_crc_table();
-  std::uint32_t crc = 0xffffffffU;
-  for (const char c : bytes) {
-    crc = kTable[(crc ^ static_cast<unsigned char>(c)) & 0xff] ^ (crc >> 8);
-  }
-  return ~crc;
+std::uint32_t crc_of(std::string_view bytes) {
+  return static_cast<std::uint32_t>(
+      crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
 
 /// A chunk is its length (4 bytes), type (4), data, and a checksum (4) of type and data.
@@ -50,7 +37,7 @@ ImageCheck check_png(std::string_view bytes) {
       return problem("it is cut off: the end of the PNG is missing");
     }
     const std::string_view type = bytes.substr(at + 4, 4);
-    if (crc32(bytes.substr(at + 4, 4 + length)) != big_endian(bytes, at + 8 + length, 4)) {
+    if (crc_of(bytes.substr(at + 4, 4 + length)) != big_endian(bytes, at + 8 + length, 4)) {
       return problem("it is corrupt: a PNG checksum is wrong");
     }
     const bool first = at == kPngSignature.size();

@@ -167,6 +167,21 @@ Eigen::Index rows_of(const std::vector<RowBlock>& blocks) {
   return rows;
 }
 
+/// Rows [at, at + count) of a block turned so that only its first three see a point.
+RowBlock turned(const RowBlock& block, const Eigen::MatrixXd& to_point, Eigen::Index at,
+                Eigen::Index count) {
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(to_point);
+  const auto part_of = [&](const Eigen::MatrixXd& m) -> Eigen::MatrixXd {
+    const Eigen::MatrixXd all = qr.householderQ().transpose() * m;
+    return all.middleRows(at, count);
+  };
+  RowBlock some;
+  some.sigma = block.sigma;
+  some.residual = part_of(block.residual);
+  for (const auto& part : block.parts) some.parts.push_back({part.at, part_of(part.values)});
+  return some;
+}
+
 }  // namespace
 
 Eigen::MatrixXd predicted_covariance(const State& state, const RowBlock& block) {
@@ -429,17 +444,12 @@ void move_point(MapPoint& point, const Similarity& to_world) {
 }
 
 RowBlock without_point(const RowBlock& block, const Eigen::MatrixXd& to_point) {
-  const auto rows = block.residual.size();
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(to_point);
-  const auto turned = [&](const Eigen::MatrixXd& m) -> Eigen::MatrixXd {
-    const Eigen::MatrixXd all = qr.householderQ().transpose() * m;
-    return all.bottomRows(rows - 3);
-  };
-  RowBlock left;
-  left.sigma = block.sigma;
-  left.residual = turned(block.residual);
-  for (const auto& part : block.parts) left.parts.push_back({part.at, turned(part.values)});
-  return left;
+  return turned(block, to_point, 3, block.residual.size() - 3);
+}
+
+RowBlock in_three_rows(const RowBlock& block) {
+  if (block.residual.size() <= 3) return block;
+  return turned(block, block.parts.back().values, 0, 3);
 }
 
 RowBlock compressed(const std::vector<RowBlock>& blocks, int first_column, int columns) {

@@ -78,6 +78,10 @@ void move_point(MapPoint& point, const Similarity& to_world);
 /// Takes a point's own error out of a block: what is left says something of the poses alone.
 [[nodiscard]] RowBlock without_point(const RowBlock& block, const Eigen::MatrixXd& to_point);
 
+/// The same information in at most three rows, of a block whose parts all see one point: the
+/// last part's [rows,3] times anything. Rows beyond are noise alone; gate them first.
+[[nodiscard]] RowBlock in_three_rows(const RowBlock& block);
+
 /// The same information in at most as many rows as the blocks have columns. All have the same
 /// sigma.
 [[nodiscard]] RowBlock compressed(const std::vector<RowBlock>& blocks, int first_column,

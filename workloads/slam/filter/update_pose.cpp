@@ -231,7 +231,7 @@ void landmark_update(State& state, const Setup& setup, FrameReport& report) {
     point.last_frame = state.frame;
     ++point.uses;
     point.misses = 0;
-    rows.push_back(std::move(block));
+    rows.push_back(in_three_rows(block));
   }
   std::erase_if(state.tracks, [](const Track& track) { return track.age < 0; });
   const auto count = static_cast<int>(rows.size());
