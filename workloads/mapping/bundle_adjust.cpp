@@ -60,10 +60,21 @@ class ReprojectionError {
   double x_, y_;
 };
 
-/// How far a camera's centre is from where it is expected, in pixels.
-class CentreError {
+/// What is left of a camera's rotation beside the expected one.
+/// @param expected  A quaternion.
+template <typename T>
+void turn_beside(const std::array<T, 4>& expected, const T* camera, T* turn) {
+  const std::array<T, 4> back = {expected[0], -expected[1], -expected[2], -expected[3]};
+  std::array<T, 4> now, left;
+  ceres::AngleAxisToQuaternion(camera, now.data());
+  ceres::QuaternionProduct(now.data(), back.data(), left.data());
+  ceres::QuaternionToAngleAxis(left.data(), turn);
+}
+
+/// How far a camera's centre is from where it is expected, and how far it is turned, in pixels.
+class PriorError {
  public:
-  explicit CentreError(const CentrePrior& prior) : prior_(prior) {}
+  explicit PriorError(const PosePrior& prior) : prior_(prior) {}
 
   template <typename T>
   bool operator()(const T* camera, T* residuals) const {
@@ -73,11 +84,16 @@ class CentreError {
     for (std::size_t i = 0; i < 3; ++i) {
       residuals[i] = prior_.px_per_unit * (-residuals[i] - prior_.centre[i]);
     }
+    const std::array<T, 3> turn = {T(prior_.turn[0]), T(prior_.turn[1]), T(prior_.turn[2])};
+    std::array<T, 4> expected;
+    ceres::AngleAxisToQuaternion(turn.data(), expected.data());
+    turn_beside(expected, camera, residuals + 3);
+    for (std::size_t i = 3; i < 6; ++i) residuals[i] *= prior_.px_per_rad;
     return true;
   }
 
  private:
-  CentrePrior prior_;
+  PosePrior prior_;
 };
 
 /// How a camera stands against another, beside how it should, in pixels.
@@ -90,14 +106,11 @@ class RelativeError {
     // What is left of R_to (R(turn) R_from)^T.
     const std::array<T, 3> turn = {T(expected_.turn[0]), T(expected_.turn[1]),
                                    T(expected_.turn[2])};
-    std::array<T, 4> turned, start, between, now, left;
+    std::array<T, 4> turned, start, expected;
     ceres::AngleAxisToQuaternion(turn.data(), turned.data());
     ceres::AngleAxisToQuaternion(from, start.data());
-    ceres::QuaternionProduct(turned.data(), start.data(), between.data());
-    for (std::size_t i = 1; i < 4; ++i) between[i] = -between[i];
-    ceres::AngleAxisToQuaternion(to, now.data());
-    ceres::QuaternionProduct(now.data(), between.data(), left.data());
-    ceres::QuaternionToAngleAxis(left.data(), residuals);
+    ceres::QuaternionProduct(turned.data(), start.data(), expected.data());
+    turn_beside(expected, to, residuals);
     // t_to - R_to R_from^T t_from: where the camera `from` is seen from `to`.
     const std::array<T, 3> back = {-from[0], -from[1], -from[2]};
     std::array<T, 3> centre, carried;
@@ -204,12 +217,12 @@ class Adjustment {
   }
 
   /// Of cameras that see nothing, nothing is expected: they stay as they are.
-  void expect(BalProblem& problem, std::span<const CentrePrior> priors) {
-    for (const CentrePrior& prior : priors) {
+  void expect(BalProblem& problem, std::span<const PosePrior> priors) {
+    for (const PosePrior& prior : priors) {
       double* const camera = &problem.cameras[static_cast<std::size_t>(prior.camera) * kCameraSize];
       if (!problem_.HasParameterBlock(camera)) continue;
       problem_.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<CentreError, 3, kCameraSize>(new CentreError(prior)),
+          new ceres::AutoDiffCostFunction<PriorError, 6, kCameraSize>(new PriorError(prior)),
           nullptr, camera);
     }
   }

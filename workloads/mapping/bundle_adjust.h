@@ -20,11 +20,13 @@ enum class Loss : std::uint8_t { kNone, kHuber, kCauchy };
 /// The names of all, in their order.
 [[nodiscard]] std::vector<std::string> loss_names();
 
-/// Where a camera's centre is expected, by somebody who does not look at the pictures.
-struct CentrePrior {
+/// Where a camera is expected and how it is turned, by somebody who does not look at the pictures.
+struct PosePrior {
   std::int32_t camera = 0;
   std::array<double, 3> centre = {};
   double px_per_unit = 0;  ///< An error's weight: as much as one of so many pixels for each unit.
+  std::array<double, 3> turn = {};  ///< The camera's rotation, as bal.h has it.
+  double px_per_rad = 0;
 };
 
 /// How a camera is expected to stand against another, by somebody who does not look at these
@@ -33,7 +35,7 @@ struct RelativePose {
   std::int32_t from = 0, to = 0;
   std::array<double, 3> turn = {};  ///< x_to = R(turn) x_from + move, as bal.h has cameras.
   std::array<double, 3> move = {};
-  double px_per_rad = 0, px_per_unit = 0;  ///< Weights, as CentrePrior's.
+  double px_per_rad = 0, px_per_unit = 0;  ///< Weights, as PosePrior's.
 };
 
 struct BundleOptions {
@@ -49,7 +51,7 @@ struct BundleOptions {
   /// which no observation tells.
   std::vector<std::int32_t> fixed_cameras = {};
   /// No loss is taken of them, and no cost of the summary counts them.
-  std::vector<CentrePrior> priors = {};
+  std::vector<PosePrior> priors = {};
   std::vector<RelativePose> relative = {};  ///< Likewise.
   /// Told after each iteration the cost that it reached, in px^2; false = stop.
   std::function<bool(int iteration, double cost)> goes_on = {};

@@ -138,6 +138,7 @@ bool Keyframes::add(const slam::State& state) {
   made.frame = state.frame;
   // Where nothing is uncertain, rounding may leave less than 0.
   made.sigma_m = std::sqrt(std::max(0.0, slam::position_covariance(state).trace() / 3));
+  made.sigma_rad = std::sqrt(std::max(0.0, state.covariance.topLeftCorner<3, 3>().trace() / 3));
   made.milestone = slam::nearest_milestone(state, body.position);
   const auto near = step_since(state, made.milestone);
   made.near_sigma_m = near ? near->move_m : made.sigma_m;
@@ -256,17 +257,21 @@ BalProblem Keyframes::problem() const {
 // Weights of priors and ways are against what an observation is off by: what the window has drifted
 // by, as a landmark's.
 
-std::vector<CentrePrior> Keyframes::priors() const {
-  std::vector<CentrePrior> priors;
+std::vector<PosePrior> Keyframes::priors() const {
+  std::vector<PosePrior> priors;
   // A drift is one error of all of them: together they weigh as one.
   const double alone = std::sqrt(static_cast<double>(keyframes_.size()));
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
-    CentrePrior& prior = priors.emplace_back();
+    PosePrior& prior = priors.emplace_back();
     prior.camera = static_cast<std::int32_t>(i);
     const Eigen::Vector3d place = camera(i).position;
     std::ranges::copy(place, prior.centre.begin());
     prior.px_per_unit =
         setup_.landmark_sigma / (alone * std::max(keyframes_[i].sigma_m, kLeastSigma_m));
+    const Eigen::Vector3d turn = vector_of(kFlip * camera(i).inverse().rotation);
+    std::ranges::copy(turn, prior.turn.begin());
+    prior.px_per_rad =
+        setup_.landmark_sigma / (alone * std::max(keyframes_[i].sigma_rad, kLeastTurn_rad));
   }
   return priors;
 }

@@ -15,8 +15,8 @@ inline constexpr int kRoomForObservations = 50'000;
 /// Rotation and translation of a camera, the first of the numbers that bal.h has of it.
 inline constexpr std::size_t kPoseSize = 6;
 
-/// A camera's expected centre and its weight, as CentrePrior has them.
-inline constexpr std::size_t kPriorSize = 4;
+/// A camera's expected centre and turn, each with its weight, as PosePrior has them.
+inline constexpr std::size_t kPriorSize = 8;
 
 /// Relative poses: a pair that is mounted together for each two images, and the step to the next.
 inline constexpr int kRoomForRelative = 2 * kRoomForImages;

@@ -54,10 +54,13 @@ BundleOptions options_of(std::span<const Tensor> inputs) {
   }
   const auto priors = inputs[5].used<double>();
   for (std::size_t i = 0; i < priors.size(); i += kPriorSize) {
-    if (priors[i + 3] <= 0) continue;
+    const auto row = priors.subspan(i, kPriorSize);
+    if (row[3] <= 0 && row[7] <= 0) continue;
     options.priors.push_back({.camera = static_cast<std::int32_t>(i / kPriorSize),
-                              .centre = {priors[i], priors[i + 1], priors[i + 2]},
-                              .px_per_unit = priors[i + 3]});
+                              .centre = {row[0], row[1], row[2]},
+                              .px_per_unit = row[3],
+                              .turn = {row[4], row[5], row[6]},
+                              .px_per_rad = row[7]});
   }
   const auto pairs = inputs[6].used<std::int32_t>();
   const auto relative = inputs[7].used<double>();
@@ -159,7 +162,7 @@ void check_room(std::size_t count, int room, std::string_view what) {
 }  // namespace
 
 std::vector<Tensor> bundle_inputs(const BalProblem& problem, std::span<const std::int32_t> fixed,
-                                  std::span<const CentrePrior> priors,
+                                  std::span<const PosePrior> priors,
                                   std::span<const RelativePose> relative) {
   check_room(problem.observations.size(), kRoomForObservations, "observations");
   check_room(problem.camera_count(), kRoomForImages, "cameras");
@@ -190,7 +193,7 @@ std::vector<Tensor> bundle_inputs(const BalProblem& problem, std::span<const std
     inputs[4].as<std::uint8_t>()[static_cast<std::size_t>(camera)] = 1;
   }
   inputs[5].set_rows(priors.empty() ? 0 : cameras);
-  for (const CentrePrior& prior : priors) {
+  for (const PosePrior& prior : priors) {
     if (prior.camera < 0 || prior.camera >= cameras) {
       throw_bad_input(fmt::format("camera {} cannot be expected anywhere: there are {}",
                                   prior.camera, cameras));
@@ -199,6 +202,8 @@ std::vector<Tensor> bundle_inputs(const BalProblem& problem, std::span<const std
         &inputs[5].as<double>()[kPriorSize * static_cast<std::size_t>(prior.camera)];
     std::ranges::copy(prior.centre, row);
     row[3] = prior.px_per_unit;
+    std::ranges::copy(prior.turn, row + 4);
+    row[7] = prior.px_per_rad;
   }
   inputs[6].set_rows(std::ssize(relative));
   inputs[7].set_rows(std::ssize(relative));

@@ -15,9 +15,9 @@ namespace pirt::mapping {
 /// are seen where they were seen; the focal lengths and distortions are calibrated and stay, as do
 /// cameras that are said to be fixed (robot_options()). Inputs seen_by i32 [<=50000,2]
 /// (camera, point), pixels f64 [<=50000,2], cameras f64 [<=100,9] and points f64 [<=5000,3], as
-/// bal.h has them, fixed u8 [<=100], one a camera, priors f64 [<=100,4], none or one a camera
-/// (CentrePrior; of weight 0 none), and pairs i32 [<=200,2] (from, to) with relative f64 [<=200,8]
-/// (RelativePose: turn, move, weights). Outputs poses f64
+/// bal.h has them, fixed u8 [<=100], one a camera, priors f64 [<=100,8], none or one a camera
+/// (PosePrior: centre, weight, turn, weight; of weights 0 none), and pairs i32 [<=200,2] (from, to)
+/// with relative f64 [<=200,8] (RelativePose: turn, move, weights). Outputs poses f64
 /// [<=100,6] (rotation and translation of bal.h), points f64 [<=5000,3], costs f64 [2] (initial and
 /// final) and noise f64 [2] (the inliers' RMS and the noise in px), of BundleSummary. Measured with
 /// a generated problem of 16 images and 200 points, 1 px of noise, 2 % outliers, the first two
@@ -33,7 +33,7 @@ namespace pirt::mapping {
 /// fixed or expected that it has not.
 [[nodiscard]] std::vector<Tensor> bundle_inputs(const BalProblem& problem,
                                                 std::span<const std::int32_t> fixed,
-                                                std::span<const CentrePrior> priors = {},
+                                                std::span<const PosePrior> priors = {},
                                                 std::span<const RelativePose> relative = {});
 /// Moves @p problem's cameras and points to where the outputs have them.
 void take_outputs(std::span<const Tensor> outputs, BalProblem& problem);

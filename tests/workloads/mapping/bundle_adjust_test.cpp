@@ -137,6 +137,40 @@ TEST(BundleAdjust, PriorsTellHowLargeAllIsAndWhere) {
               HasSubstr("prior 4: camera 12"));
 }
 
+TEST(BundleAdjust, APriorTellsWhichWayAllIsTurned) {
+  const auto made = generate_bal({.images = 12, .points = 150, .noise_px = 0});
+  const auto pose = [](const BalProblem& problem, std::size_t i) {
+    const double* const camera = &problem.cameras[i * kCameraSize];
+    return Pose{rotation_of(Eigen::Vector3d(camera)), Eigen::Vector3d(camera + 3)};
+  };
+  const Pose held = pose(made.truth, 2);
+  PosePrior prior{.camera = 2, .px_per_unit = 1e4, .px_per_rad = 1e4};
+  const Eigen::Vector3d centre = held.inverse().position;
+  const Eigen::Vector3d turn = vector_of(held.rotation);
+  std::copy_n(centre.data(), 3, prior.centre.begin());
+  std::copy_n(turn.data(), 3, prior.turn.begin());
+  BundleOptions options{.fixed_intrinsics = true, .priors = {prior}};
+  // All of it turned about that camera, which no picture would notice.
+  auto problem = made.truth;
+  const Eigen::Matrix3d off = rotation_of({0.1, -0.2, 0.3});
+  for (std::size_t i = 0; i < problem.points.size(); i += kPointSize) {
+    Eigen::Map<Eigen::Vector3d> point(&problem.points[i]);
+    point = centre + off * (point - centre);
+  }
+  for (std::size_t i = 0; i < problem.camera_count(); ++i) {
+    const Pose camera = pose(problem, i);
+    const Eigen::Matrix3d turned = camera.rotation * off.transpose();
+    Eigen::Map<Eigen::Vector3d>(&problem.cameras[i * kCameraSize]) = vector_of(turned);
+    Eigen::Map<Eigen::Vector3d>(&problem.cameras[i * kCameraSize + 3]) =
+        -turned * (centre + off * (camera.inverse().position - centre));
+  }
+  static_cast<void>(bundle_adjust(problem, options));
+  for (std::size_t i = 0; i < 12; ++i) {
+    EXPECT_LT(angle_of(pose(problem, i).rotation.transpose() * pose(made.truth, i).rotation), 1e-4)
+        << i;
+  }
+}
+
 TEST(BundleAdjust, AWayThatIsKnownTellsHowLargeAllIs) {
   const auto made = generate_bal({.images = 12, .points = 150, .noise_px = 0});
   const auto pose = [](const BalProblem& problem, std::size_t i) {

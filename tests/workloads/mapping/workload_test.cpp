@@ -65,7 +65,7 @@ TEST_F(BundleAdjustOnCpu, RefusesWhatDoesNotFit) {
   EXPECT_THAT(
       test::bad_input([&] { static_cast<void>(bundle_inputs(made.problem, std::array{8})); }),
       HasSubstr("camera 8 cannot be fixed"));
-  const std::array priors = {CentrePrior{.camera = 8}};
+  const std::array priors = {PosePrior{.camera = 8}};
   EXPECT_THAT(test::bad_input([&] { static_cast<void>(bundle_inputs(made.problem, {}, priors)); }),
               HasSubstr("camera 8 cannot be expected"));
   inputs = bundle_inputs(made.problem, {});
