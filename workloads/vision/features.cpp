@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "workloads/base/error.h"
+#include "workloads/base/math/lanes.h"
 #include "workloads/base/system/processor.h"
 
 namespace pirt::slam {
@@ -34,11 +35,6 @@ using Lanes = int __attribute__((vector_size(kLanes * sizeof(int))));
   std::memcpy(&gy, y, sizeof gy);
 }
 
-[[gnu::always_inline]] inline int sum_of(const Lanes& lanes) {
-  return ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) +
-         ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
-}
-
 /// Shi and Tomasi's score of the window around a pixel.
 [[gnu::always_inline]] inline float score_at(const GreyImage& image, int x, int y) {
   static_assert(2 * kHalf + 2 == kLanes);  // The last one is beside the window.
@@ -52,7 +48,8 @@ using Lanes = int __attribute__((vector_size(kLanes * sizeof(int))));
     xy += gx * gy;
     yy += gy * gy;
   }
-  return corner_score(sum_of(xx * kInside), sum_of(xy * kInside), sum_of(yy * kInside));
+  return corner_score(sum_of_eight(xx * kInside), sum_of_eight(xy * kInside),
+                      sum_of_eight(yy * kInside));
 }
 
 /// The centre of the gradients' energy in the window that is followed (mean shift). A tracker that
@@ -78,9 +75,9 @@ using Lanes = int __attribute__((vector_size(kLanes * sizeof(int))));
         energies += gx * gx + gy * gy;
         sums += energies;  // In the end each row's, 8 - dy times.
       }
-      weight += sum_of(energies * kInside[part]);
-      sum_x += sum_of(energies * kColumns[part]);
-      sum_y += sum_of(((kWindowHalf + 1) * energies - sums) * kInside[part]);
+      weight += sum_of_eight(energies * kInside[part]);
+      sum_x += sum_of_eight(energies * kColumns[part]);
+      sum_y += sum_of_eight(((kWindowHalf + 1) * energies - sums) * kInside[part]);
     }
     if (weight == 0) break;
     const Eigen::Vector2f next(

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "workloads/base/math/lanes.h"
 #include "workloads/base/math/pixel_index.h"
 #include "workloads/base/system/processor.h"
 
@@ -102,11 +103,6 @@ using Lanes = float __attribute__((vector_size(kLanes * sizeof(float))));
   std::memcpy(&lanes, window.data() + i, sizeof lanes);
 }
 
-[[gnu::always_inline]] inline float sum_of(const Lanes& lanes) {
-  return ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) +
-         ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
-}
-
 /// A window that is followed deforms from one picture to the next: what it shows comes nearer, or
 /// is seen more from the side. To first order its texels move by d + A u, u from its middle;
 /// whoever looks for d alone finds the mean of that, weighted by the gradients, and so a place
@@ -180,11 +176,11 @@ struct Template {
     sums[3] += x;
     sums[4] += y;
   }
-  xx = sum_of(sums[0]);
-  xy = sum_of(sums[1]);
-  yy = sum_of(sums[2]);
-  mean_x = sum_of(sums[3]);
-  mean_y = sum_of(sums[4]);
+  xx = sum_of_eight(sums[0]);
+  xy = sum_of_eight(sums[1]);
+  yy = sum_of_eight(sums[2]);
+  mean_x = sum_of_eight(sums[3]);
+  mean_y = sum_of_eight(sums[4]);
   mean_x /= kCount;
   mean_y /= kCount;
   xx -= kCount * mean_x * mean_x;
@@ -238,10 +234,10 @@ enum class Match { kGood, kOutside, kDifferent };
   std::array<Motions, kMotions> m{};
   Motions b{};
   for (std::size_t i = 0; i < kMotions; ++i) {
-    const float sum = sum_of(sums[i]);
-    b[i] = sum_of(differences[i]) - mean * sum;
+    const float sum = sum_of_eight(sums[i]);
+    b[i] = sum_of_eight(differences[i]) - mean * sum;
     for (std::size_t j = 0; j <= i; ++j) {
-      m[i][j] = sum_of(products[i][j]) - sum * sum_of(sums[j]) / kCount;
+      m[i][j] = sum_of_eight(products[i][j]) - sum * sum_of_eight(sums[j]) / kCount;
     }
     if (i >= 2) m[i][i] += (kGreyNoise / kDeformation) * (kGreyNoise / kDeformation);
   }
@@ -279,9 +275,9 @@ enum class Match { kGood, kOutside, kDifferent };
     for (std::size_t y = 0; y < kWindow; ++y) {
       extra += seen[y * kStride + kWindow] - wanted.value[y * kStride + kWindow];
     }
-    const float sum = sum_of(all) - extra;
-    const float x = sum_of(along_x) - sum * wanted.mean_x;
-    const float y = sum_of(along_y) - sum * wanted.mean_y;
+    const float sum = sum_of_eight(all) - extra;
+    const float x = sum_of_eight(along_x) - sum * wanted.mean_x;
+    const float y = sum_of_eight(along_y) - sum * wanted.mean_y;
     const Eigen::Vector2f step((wanted.yy * x - wanted.xy * y) / determinant,
                                (wanted.xx * y - wanted.xy * x) / determinant);
     at -= step;
