@@ -161,33 +161,7 @@ class Json {
   /// objects become maps of texts.
   /// @throws JsonError if this is of another type or a whole number that T cannot hold.
   template <typename T>
-  [[nodiscard]] T get() const {
-    if constexpr (std::same_as<T, Json>) {
-      return *this;
-    } else if constexpr (std::same_as<T, bool>) {
-      return boolean();
-    } else if constexpr (std::signed_integral<T>) {
-      return static_cast<T>(whole(std::numeric_limits<T>::min(), std::numeric_limits<T>::max()));
-    } else if constexpr (std::unsigned_integral<T>) {
-      return static_cast<T>(whole_up_to(std::numeric_limits<T>::max()));
-    } else if constexpr (std::floating_point<T>) {
-      return static_cast<T>(number());
-    } else if constexpr (std::same_as<T, std::string>) {
-      return text();
-    } else if constexpr (requires { typename T::mapped_type; }) {
-      T map;
-      for (const auto& [key, each] : checked_members()) {
-        map.emplace(key, each.template get<typename T::mapped_type>());
-      }
-      return map;
-    } else {
-      T list;
-      for (const Json& each : elements()) {
-        list.insert(list.end(), each.get<typename T::value_type>());
-      }
-      return list;
-    }
-  }
+  [[nodiscard]] T get() const;
   template <JsonScalar T>
   operator T() const {  // NOLINT(google-explicit-constructor): a field is read by assigning it
     return get<T>();
@@ -263,6 +237,35 @@ struct JsonMember {
   std::string key;
   Json value;
 };
+
+template <typename T>
+T Json::get() const {
+  if constexpr (std::same_as<T, Json>) {
+    return *this;
+  } else if constexpr (std::same_as<T, bool>) {
+    return boolean();
+  } else if constexpr (std::signed_integral<T>) {
+    return static_cast<T>(whole(std::numeric_limits<T>::min(), std::numeric_limits<T>::max()));
+  } else if constexpr (std::unsigned_integral<T>) {
+    return static_cast<T>(whole_up_to(std::numeric_limits<T>::max()));
+  } else if constexpr (std::floating_point<T>) {
+    return static_cast<T>(number());
+  } else if constexpr (std::same_as<T, std::string>) {
+    return text();
+  } else if constexpr (requires { typename T::mapped_type; }) {
+    T map;
+    for (const auto& [key, each] : checked_members()) {
+      map.emplace(key, each.template get<typename T::mapped_type>());
+    }
+    return map;
+  } else {
+    T list;
+    for (const Json& each : elements()) {
+      list.insert(list.end(), each.get<typename T::value_type>());
+    }
+    return list;
+  }
+}
 
 template <typename Of>
 class Json::Iterator {
