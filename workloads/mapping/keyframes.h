@@ -35,7 +35,7 @@ struct Keyframe {
   StampedPose pose;
   std::int64_t frame = 0;
   double sigma_m = 0;             ///< Of the position, an axis, as the localization knows it.
-  double sigma_rad = 0;           ///< Likewise of the attitude, which gravity holds.
+  double sigma_rad = 0;           ///< Likewise of the attitude; with an IMU gravity holds it.
   std::int64_t milestone = -1;    ///< Of the localization, that it moves with; -1 = of none.
   double near_sigma_m = 0;        ///< Of the position against it; without one, sigma_m.
   std::optional<Step> step = {};  ///< From the keyframe before; absent = not known.
@@ -80,7 +80,7 @@ class Keyframes {
   /// are.
   [[nodiscard]] BalProblem problem() const;
   /// Of the cameras of problem(): where the localization has them, how they are turned, and how
-  /// sure it is. It has seen more than the points that are followed, and feels gravity; these
+  /// sure it is. It has seen more than the points that are followed, and may feel gravity; these
   /// points bend and tilt a map as a whole, since they drift over what they show.
   [[nodiscard]] std::vector<PosePrior> priors() const;
   /// How the two cameras are mounted, and how the localization has each keyframe against the one

@@ -137,12 +137,14 @@ TEST(BundleAdjust, PriorsTellHowLargeAllIsAndWhere) {
               HasSubstr("prior 4: camera 12"));
 }
 
+/// World to camera.
+Pose pose(const BalProblem& problem, std::size_t i) {
+  const double* const camera = &problem.cameras[i * kCameraSize];
+  return {rotation_of(Eigen::Vector3d(camera)), Eigen::Vector3d(camera + 3)};
+}
+
 TEST(BundleAdjust, APriorTellsWhichWayAllIsTurned) {
   const auto made = generate_bal({.images = 12, .points = 150, .noise_px = 0});
-  const auto pose = [](const BalProblem& problem, std::size_t i) {
-    const double* const camera = &problem.cameras[i * kCameraSize];
-    return Pose{rotation_of(Eigen::Vector3d(camera)), Eigen::Vector3d(camera + 3)};
-  };
   const Pose held = pose(made.truth, 2);
   PosePrior prior{.camera = 2, .px_per_unit = 1e4, .px_per_rad = 1e4};
   const Eigen::Vector3d centre = held.inverse().position;
@@ -173,10 +175,6 @@ TEST(BundleAdjust, APriorTellsWhichWayAllIsTurned) {
 
 TEST(BundleAdjust, AWayThatIsKnownTellsHowLargeAllIs) {
   const auto made = generate_bal({.images = 12, .points = 150, .noise_px = 0});
-  const auto pose = [](const BalProblem& problem, std::size_t i) {
-    const double* const camera = &problem.cameras[i * kCameraSize];
-    return Pose{rotation_of(Eigen::Vector3d(camera)), Eigen::Vector3d(camera + 3)};
-  };
   BundleOptions options{.fixed_intrinsics = true, .fixed_cameras = {2}};
   const Pose way = pose(made.truth, 7) * pose(made.truth, 2).inverse();
   const Eigen::Vector3d turn = vector_of(way.rotation);
