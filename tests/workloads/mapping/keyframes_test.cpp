@@ -9,7 +9,9 @@
 #include <cmath>
 #include <cstdio>
 #include <memory>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include "tests/support/errors.h"
 #include "tests/support/long.h"
@@ -117,11 +119,21 @@ Corrected corrected_run(const Sequence& sequence) {
   return corrected;
 }
 
-// By `ctest -C long -L long` five seeds of 40 s, otherwise one of 8 s.
+/// Whether numbers are above 0 in the mean, beyond what their scatter makes of so few.
+bool shown_above_0(std::span<const double> numbers) {
+  const auto count = static_cast<double>(numbers.size());
+  double mean = 0, squares = 0;
+  for (const double each : numbers) mean += each / count;
+  for (const double each : numbers) squares += (each - mean) * (each - mean);
+  return mean > 2 * std::sqrt(squares / (count * (count - 1)));
+}
+
+// By `ctest -C long -L long` ten seeds of 40 s, otherwise one of 8 s. Which points a flight happens
+// to find again makes it better or worse by a sixth, so that a few flights tell nothing.
 TEST(KeyframesLong, TheirPointsReplaceThoseOfTheMapAndThePoseDoesNotJump) {
   const double duration_s = test::long_tests() ? 40 : 8;
-  double squares_without = 0, squares_with = 0;
-  for (int seed = 1; seed <= test::repeats(1, 5); ++seed) {
+  std::vector<double> worse;
+  for (int seed = 1; seed <= test::repeats(1, 10); ++seed) {
     const Sequence sequence = test::remembering(
         generate_sequence(test::scene(static_cast<std::uint64_t>(seed), duration_s)));
     slam::RunOptions options;
@@ -150,10 +162,13 @@ TEST(KeyframesLong, TheirPointsReplaceThoseOfTheMapAndThePoseDoesNotJump) {
     EXPECT_GT(change.added + change.replaced, 20) << seed;
     EXPECT_LT(change.refused, 0.1 * (change.added + change.replaced)) << seed;
     EXPECT_LT(most_sigmas, 3.0) << seed;
-    squares_without += before.ate_rms_m * before.ate_rms_m;
-    squares_with += after.ate_rms_m * after.ate_rms_m;
+    worse.push_back(std::log(after.ate_rms_m / before.ate_rms_m));
   }
-  EXPECT_LE(squares_with, 1.1 * squares_without);
+  if (worse.size() > 1) {
+    EXPECT_FALSE(shown_above_0(worse));
+  } else {
+    EXPECT_LT(worse[0], 0.045);
+  }
 }
 
 // Each is off by less than three times what its covariance says, in nine of ten cases: the world is
