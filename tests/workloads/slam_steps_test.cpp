@@ -311,6 +311,7 @@ TEST(RobustPnp, FindsThePoseAmongOutliers) {
 }
 
 constexpr double kRaySigma = 1.0 / 4000;
+const Eigen::Matrix3d kNoTurn = Eigen::Matrix3d::Identity();
 
 /// 80 points at depths of 4 to 30; of @p outliers of them, what they are anywhere in the second
 /// picture.
@@ -350,7 +351,7 @@ TEST(TurnOf, IsAsFarOffAsItSaysAndKnownWithoutMotionToo) {
     double squares = 0;
     constexpr int kTrials = 30;
     for (std::uint64_t trial = 1; trial <= kTrials; ++trial) {
-      const auto turn = turn_of(pairs_seen(motion, 0, trial), 10 * kRaySigma);
+      const auto turn = turn_of(pairs_seen(motion, 0, trial), 10 * kRaySigma, kNoTurn);
       ASSERT_TRUE(turn.has_value()) << motion.position.transpose() << ", trial " << trial;
       const Eigen::Vector3d miss = vector_of(motion.rotation * turn->rotation.transpose());
       squares += miss.dot(turn->covariance.inverse() * miss) / kTrials;
@@ -362,7 +363,7 @@ TEST(TurnOf, IsAsFarOffAsItSaysAndKnownWithoutMotionToo) {
 
 TEST(TurnOf, IsFoundAmongOutliers) {
   for (const Pose& motion : small_motions()) {
-    const auto turn = turn_of(pairs_seen(motion, 16, 1), 10 * kRaySigma);
+    const auto turn = turn_of(pairs_seen(motion, 16, 1), 10 * kRaySigma, kNoTurn);
     ASSERT_TRUE(turn.has_value()) << motion.position.transpose();
     EXPECT_LT(angle_of(motion.rotation * turn->rotation.transpose()), 0.003);
     EXPECT_GE(turn->inliers, 60U);
@@ -370,12 +371,46 @@ TEST(TurnOf, IsFoundAmongOutliers) {
   }
 }
 
+/// A wall 4 to 5 m away; of each tenth point the picture shows something before it.
+std::vector<RayPair> pairs_of_a_wall(const Pose& second_from_first, std::uint64_t seed,
+                                     double before_m) {
+  Gaussian gaussian(seed);
+  Random random(seed);
+  std::vector<RayPair> pairs;
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Vector3d ray(random.uniform(-0.6, 0.6), random.uniform(-0.4, 0.4), 1.0);
+    const double depth = 4.5 / (1 + 0.2 * ray.x()) - (i % 10 == 0 ? before_m : 0.0);
+    RayPair pair{ray.hnormalized(), (second_from_first * (depth * ray)).hnormalized()};
+    pair.first += 0.2 * kRaySigma * Eigen::Vector2d(gaussian.next(), gaussian.next());
+    pair.second += 0.2 * kRaySigma * Eigen::Vector2d(gaussian.next(), gaussian.next());
+    pairs.push_back(pair);
+  }
+  return pairs;
+}
+
+// A wall alone fits two motions as well, of which the nearer to what is expected is meant. Where a
+// few points lie before it, they tell, whatever is expected.
+TEST(TurnOf, IsTheRightOneOfTheTwoThatAWallFits) {
+  const Pose motion{rotation_of({0.01, -0.03, 0.02}), {-0.08, 0.02, 0.03}};
+  for (std::uint64_t trial = 1; trial <= 20; ++trial) {
+    const auto wall = turn_of(pairs_of_a_wall(motion, trial, 0), 10 * kRaySigma,
+                              motion.rotation * rotation_of({0.001, 0, 0.001}));
+    ASSERT_TRUE(wall.has_value()) << trial;
+    EXPECT_LT(angle_of(motion.rotation * wall->rotation.transpose()), 0.002) << trial;
+    for (const auto& expected : {kNoTurn, motion.rotation}) {
+      const auto room = turn_of(pairs_of_a_wall(motion, trial, 1.0), 10 * kRaySigma, expected);
+      ASSERT_TRUE(room.has_value()) << trial;
+      EXPECT_LT(angle_of(motion.rotation * room->rotation.transpose()), 0.002) << trial;
+    }
+  }
+}
+
 TEST(TurnOf, SaysNothingOfChaosOrOfFewPoints) {
   auto pairs = pairs_seen(small_motions()[0], 0, 1);
-  EXPECT_EQ(turn_of(std::span(pairs).first(19), 10 * kRaySigma), std::nullopt);
+  EXPECT_EQ(turn_of(std::span(pairs).first(19), 10 * kRaySigma, kNoTurn), std::nullopt);
   Random random(1);
   for (auto& pair : pairs) pair.second = {random.uniform() - 0.5, random.uniform() - 0.5};
-  EXPECT_EQ(turn_of(pairs, 2 * kRaySigma), std::nullopt);
+  EXPECT_EQ(turn_of(pairs, 2 * kRaySigma, kNoTurn), std::nullopt);
 }
 
 TEST(StateTensors, BringTheStateBackBitForBitAndRefuseWhatIsNone) {

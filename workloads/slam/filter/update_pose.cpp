@@ -185,11 +185,12 @@ void turn_update(State& state, const Setup& setup, std::span<const RayPair> pair
   const auto n = state.clones.size();
   if (n < 2 || state.clones[n - 2].frame + 1 != state.clones[n - 1].frame) return;
   constexpr double kMostPixels = 1.0;
-  const auto turn = turn_of(pairs, kMostPixels / setup.cameras[0].focal());
-  if (!turn) return;
   const Eigen::Matrix3d& mount = setup.cameras[0].body_from_camera.rotation;
   const Eigen::Matrix3d& before = state.clones[n - 2].body.rotation;
   const Eigen::Matrix3d expected = before.transpose() * state.clones[n - 1].body.rotation;
+  const auto turn = turn_of(pairs, kMostPixels / setup.cameras[0].focal(),
+                            mount.transpose() * expected.transpose() * mount);
+  if (!turn) return;
   const Eigen::Matrix3d measured = mount * turn->rotation.transpose() * mount.transpose();
   // In the axes of the body then: measured = rotation_of(residual) * expected.
   const Eigen::Matrix3d axes = measured * mount;

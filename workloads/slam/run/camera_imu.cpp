@@ -129,8 +129,10 @@ void see_turns(const Sequence& sequence, std::size_t first, const Gyroscope& gyr
     }
     const Nanos from = sequence.frames[i].time;
     const Nanos to = sequence.frames[i + kChain].time;
-    const auto turn = turn_of(pairs, 1.0 / camera.focal());
-    if (!turn || !gyroscope.covers(from, to)) continue;
+    if (!gyroscope.covers(from, to)) continue;
+    const Eigen::Matrix3d expected = rotation_of(gyroscope.between(from, to, 0)).transpose();
+    const auto turn = turn_of(pairs, 1.0 / camera.focal(), mount.transpose() * expected * mount);
+    if (!turn) continue;
     turns.push_back({from, to, vector_of(mount * turn->rotation.transpose() * mount.transpose())});
   }
 }

@@ -1,10 +1,12 @@
 #include "workloads/slam/views/two_views.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
 #include <vector>
 
 #include "workloads/base/error.h"
@@ -14,6 +16,7 @@ namespace {
 
 constexpr double kConfidence = 0.999;
 constexpr std::size_t kLeastPoints = 20;
+constexpr double kCauchy = 2.385;  // sigma: 95 % efficient where all is Gaussian
 
 struct Points {
   std::vector<cv::Point2d> first, second;
@@ -103,8 +106,7 @@ Turn refined(RelativeMotion& motion, std::span<const RayPair> pairs) {
           (residuals_of(moved(motion, by), pairs) - residuals_of(moved(motion, -by), pairs)) /
           (2 * kStep);
     }
-    // Cauchy's weights, for an efficiency of 95 % where all is Gaussian.
-    const double scale = 2.385 * turn.ray_sigma;
+    const double scale = kCauchy * turn.ray_sigma;
     const Eigen::VectorXd weights = 1.0 / (1.0 + (residuals.array() / scale).square());
     const Eigen::MatrixXd weighted =
         jacobian.transpose() * weights.asDiagonal() / (turn.ray_sigma * turn.ray_sigma);
@@ -131,31 +133,30 @@ std::vector<RayPair> inliers_of(const RelativeMotion& motion, std::span<const Ra
   return inliers;
 }
 
-}  // namespace
+/// A motion and what it is known by.
+struct Fit {
+  RelativeMotion motion;
+  Turn turn;
+};
 
-std::optional<Pose> two_views(std::span<const RayPair> pairs, double most_miss) {
-  const Points points = points_of(pairs);
-  try {
-    cv::Mat inliers;
-    const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
-    const cv::Mat essential = cv::findEssentialMat(points.first, points.second, identity,
-                                                   cv::RANSAC, kConfidence, most_miss, inliers);
-    if (essential.rows != 3) return std::nullopt;
-    cv::Mat r;
-    cv::Mat t;
-    const int count =
-        cv::recoverPose(essential, points.first, points.second, identity, r, t, inliers);
-    if (2 * count < static_cast<int>(pairs.size())) return std::nullopt;
-    return Pose{matrix_of(r), vector_of_column(t)}.inverse();
-  } catch (const cv::Exception& error) {
-    throw_environment("OpenCV cannot find a motion: " + error.err);
+std::optional<Fit> fit_from(const RelativeMotion& start, std::span<const RayPair> pairs,
+                            double most_miss) {
+  if (!start.rotation.allFinite() || !start.direction.allFinite()) return std::nullopt;
+  Fit fit{start, {}};
+  // Again with what the refined motion takes in: the start knew few points or none.
+  constexpr int kRounds = 3;
+  for (int round = 0; round < kRounds; ++round) {
+    const auto inliers = inliers_of(fit.motion, pairs, most_miss);
+    if (inliers.size() < kLeastPoints || 2 * inliers.size() < pairs.size()) return std::nullopt;
+    fit.turn = refined(fit.motion, inliers);
   }
+  if (!fit.turn.rotation.allFinite() || !fit.turn.covariance.allFinite()) return std::nullopt;
+  return fit;
 }
 
-std::optional<Turn> turn_of(std::span<const RayPair> pairs, double most_miss) {
-  if (pairs.size() < kLeastPoints) return std::nullopt;
+/// Five points' motion that most agree with.
+std::optional<RelativeMotion> drawn_motion(std::span<const RayPair> pairs, double most_miss) {
   const Points points = points_of(pairs);
-  RelativeMotion motion;
   try {
     const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
     const cv::Mat essential = cv::findEssentialMat(points.first, points.second, identity,
@@ -168,21 +169,73 @@ std::optional<Turn> turn_of(std::span<const RayPair> pairs, double most_miss) {
     // The two differ by half a turn about the direction: the smaller one is meant.
     const Eigen::Matrix3d a = matrix_of(one);
     const Eigen::Matrix3d b = matrix_of(other);
-    motion = {angle_of(a) <= angle_of(b) ? a : b, vector_of_column(t).normalized()};
+    return RelativeMotion{angle_of(a) <= angle_of(b) ? a : b, vector_of_column(t).normalized()};
   } catch (const cv::Exception& error) {
     throw_environment("OpenCV cannot find a motion: " + error.err);
   }
-  if (!motion.rotation.allFinite() || !motion.direction.allFinite()) return std::nullopt;
-  // Again with what the refined motion takes in: RANSAC's came from 5 points.
-  constexpr int kRounds = 3;
-  std::optional<Turn> turn;
-  for (int round = 0; round < kRounds; ++round) {
-    const auto inliers = inliers_of(motion, pairs, most_miss);
-    if (inliers.size() < kLeastPoints || 2 * inliers.size() < pairs.size()) return std::nullopt;
-    turn = refined(motion, inliers);
+}
+
+/// The direction in which all points move by what is left after a turn.
+RelativeMotion motion_with(const Eigen::Matrix3d& turn, std::span<const RayPair> pairs) {
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const auto& pair : pairs) {
+    const Eigen::Vector3d turned = turn * pair.first.homogeneous();
+    const Eigen::Vector3d seen = pair.second.homogeneous();
+    const Eigen::Vector3d normal = turned.cross(seen);
+    scatter += normal * normal.transpose();
   }
-  if (!turn->rotation.allFinite() || !turn->covariance.allFinite()) return std::nullopt;
-  return turn;
+  return {turn, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvectors().col(0)};
+}
+
+/// How badly a motion fits all pairs, with Cauchy's loss, in squares of @p ray_sigma.
+double misfit(const RelativeMotion& motion, std::span<const RayPair> pairs, double ray_sigma) {
+  const double scale = kCauchy * ray_sigma;
+  return kCauchy * kCauchy *
+         (1.0 + (residuals_of(motion, pairs).array() / scale).square()).log().sum();
+}
+
+/// A picture of a wall is fitted by two motions nearly as well, whose turns differ by a degree, and
+/// the points that RANSAC draws do not tell which is which. All points do; where they do not by
+/// five sigma, it is the one that is reached from the turn that was expected.
+std::optional<Fit> best_fit(std::span<const RayPair> pairs, double most_miss,
+                            const Eigen::Matrix3d& expected) {
+  if (pairs.size() < kLeastPoints) return std::nullopt;
+  auto near = fit_from(motion_with(expected, pairs), pairs, most_miss);
+  const auto start = drawn_motion(pairs, most_miss);
+  auto drawn = start ? fit_from(*start, pairs, most_miss) : std::nullopt;
+  if (!near || !drawn) return near ? near : drawn;
+  constexpr double kClearly = 25.0;
+  const double sigma = std::min(near->turn.ray_sigma, drawn->turn.ray_sigma);
+  const bool clearly =
+      misfit(drawn->motion, pairs, sigma) + kClearly < misfit(near->motion, pairs, sigma);
+  return clearly ? drawn : near;
+}
+
+}  // namespace
+
+std::optional<Pose> two_views(std::span<const RayPair> pairs, double most_miss) {
+  const auto fit = best_fit(pairs, most_miss, Eigen::Matrix3d::Identity());
+  if (!fit) return std::nullopt;
+  const auto inliers = inliers_of(fit->motion, pairs, most_miss);
+  const Points points = points_of(inliers);
+  try {
+    cv::Mat essential;
+    cv::eigen2cv(essential_of(fit->motion), essential);
+    cv::Mat r;
+    cv::Mat t;
+    const int count =
+        cv::recoverPose(essential, points.first, points.second, cv::Mat::eye(3, 3, CV_64F), r, t);
+    if (2 * count < static_cast<int>(pairs.size())) return std::nullopt;
+    return Pose{matrix_of(r), vector_of_column(t)}.inverse();
+  } catch (const cv::Exception& error) {
+    throw_environment("OpenCV cannot find a motion: " + error.err);
+  }
+}
+
+std::optional<Turn> turn_of(std::span<const RayPair> pairs, double most_miss,
+                            const Eigen::Matrix3d& expected) {
+  const auto fit = best_fit(pairs, most_miss, expected);
+  return fit ? std::optional(fit->turn) : std::nullopt;
 }
 
 }  // namespace pirt::slam
