@@ -64,11 +64,18 @@ const Flight& short_flight() {
 // are chance to some part: of one flight that was localized to 6 mm of 27 m, 7 are left.
 TEST(KeyframesLong, AreNoWorseThanTheLocalization) {
   const double duration_s = test::long_tests() ? 30 : 8;
-  for (const bool stereo : {false, true}) {
+  struct Sensors {
+    const char* name;
+    bool stereo, imu;
+  };
+  for (const auto& [name, stereo, imu] : {Sensors{"mono", false, true},
+                                          {"stereo", true, true},
+                                          {"stereo without IMU", true, false}}) {
     double squares_before = 0, squares_after = 0, turns_before = 0, turns_after = 0;
     for (int seed = 1; seed <= test::repeats(1, 5); ++seed) {
-      const Sequence sequence =
+      Sequence sequence =
           generate_sequence(test::scene(static_cast<std::uint64_t>(seed), duration_s, stereo));
+      if (!imu) sequence.imu.clear();
       const Keyframes keyframes = flight_of(sequence).all;
       const RefinedMap map = refine(keyframes);
       ASSERT_EQ(map.keyframes.size(), keyframes.all().size());
@@ -77,7 +84,7 @@ TEST(KeyframesLong, AreNoWorseThanTheLocalization) {
       std::printf(
           "seed %d, %s: %zu keyframes, %zu points, %lld inliers, noise %.3f px; error %.4f to "
           "%.4f m of %.1f m, %.3f to %.3f degrees\n",
-          seed, stereo ? "stereo" : "mono", map.keyframes.size(), map.points.size(),
+          seed, name, map.keyframes.size(), map.points.size(),
           static_cast<long long>(map.summary.inliers), map.summary.noise_px, before.ate_rms_m,
           after.ate_rms_m, before.path_m, before.rotation_error_mean_deg.value(),
           after.rotation_error_mean_deg.value());
@@ -88,8 +95,8 @@ TEST(KeyframesLong, AreNoWorseThanTheLocalization) {
     }
     // Adjusting knows gyroscope and gravity by the localization alone. Of one flight, where the
     // path turns what its places are aligned by is chance.
-    EXPECT_LE(turns_after, (test::long_tests() ? 1.0 : 1.2) * turns_before) << stereo;
-    EXPECT_LE(squares_after, squares_before) << stereo;
+    EXPECT_LE(turns_after, (test::long_tests() ? 1.0 : 1.2) * turns_before) << name;
+    EXPECT_LE(squares_after, squares_before) << name;
   }
 }
 

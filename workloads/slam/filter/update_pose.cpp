@@ -24,10 +24,10 @@ constexpr double kStillSpeed_m_s = 0.002;  // with vibration
 constexpr int kStillFrames = 5;            // between two looks
 constexpr std::size_t kLeastViews = 4;
 constexpr double kGate = 1.5;  // times the 95 % quantile
-/// Of a followed point from one picture to the next, in pixels. How well points agree (0.03 pixels
-/// on generated pictures, 0.1 on a street) does not show what windows beside each other share and
-/// what goes on from picture to picture: turns are off by some six times what follows from it.
-constexpr double kLeastTurnSigma = 0.35;
+/// Of a followed point from one picture to the next, in pixels. Points agree within 0.03 pixels on
+/// generated pictures (0.1 on a street), and turns are off by what follows from 0.05; the rest is
+/// for what windows beside each other share and what goes on from picture to picture.
+constexpr double kLeastTurnSigma = 0.1;
 constexpr int kEnoughToSee = 12;  // tracks; fewer are blind
 constexpr int kBlindFrames = 4;   // in a row that are lost
 constexpr int kGoodFrames = 5;    // in a row that are found again
