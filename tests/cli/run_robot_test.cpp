@@ -50,7 +50,7 @@ TEST_F(RunRobot, LiveWritesTheTrajectoryOfTheSerialRun) {
   ASSERT_EQ(serial.exit_code, 0) << serial.err;
   EXPECT_EQ(slurp(scratch_.file("live.txt")), slurp(scratch_.file("serial.txt")));
   EXPECT_EQ(slurp(scratch_.file("live.map")), slurp(scratch_.file("serial.map")));
-  EXPECT_THAT(slurp(scratch_.file("p.svg")), HasSubstr("<svg"));
+  EXPECT_THAT(slurp(scratch_.file("p.svg")), HasSubstr("truth grey, estimate blue, map brown"));
   EXPECT_EQ(pirt({"replay", scratch_.file("t.json")}).exit_code, 0);
   const auto a = fast.json();
   const auto b = serial.json();

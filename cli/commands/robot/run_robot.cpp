@@ -165,8 +165,7 @@ bool has_tracked(const RobotRun& run) {
 }
 
 std::string picture(const Options& options, const Sequence& sequence, const RobotRun& run) {
-  slam::Plot plot;
-  plot.trajectory = run.result.run.trajectory();
+  slam::Plot plot = slam::plot_of(run.result.run, run.setup);
   if (run.summary.error) plot.truth = sequence.truth;
   plot.alignment = run.summary.scale_known ? Alignment::kSe3 : Alignment::kSim3;
   plot.frame = run.result.shown;
@@ -282,9 +281,11 @@ void add_run_robot(CLI::App& app, Action& action) {
              StdoutUse::kRefused);
   add_output(command, "--trajectory", options->trajectory,
              "Write the trajectory in the TUM format (s, x y z, qx qy qz qw)");
-  add_output(command, "--plot", options->plot,
-             "Draw the trajectory, with truth, and a frame's features: .png or .svg",
-             StdoutUse::kRefused);
+  add_output(
+      command, "--plot", options->plot,
+      "Draw the trajectory with truth, map and where it was known again, and a frame's features: "
+      ".png or .svg",
+      StdoutUse::kRefused);
   add_output(command, "--trace", options->trace,
              "Write what happened to a file, for Perfetto (ui.perfetto.dev) and pirt replay",
              StdoutUse::kRefused);

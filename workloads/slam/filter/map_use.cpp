@@ -205,7 +205,8 @@ void use_map(State& state, const Setup& setup, const Features& features, FrameRe
     report.rejected += static_cast<int>(rows.size());
     return;
   }
-  report.recognized += static_cast<int>(rows.size());
+  report.from_map = static_cast<int>(rows.size());
+  report.recognized += report.from_map;
   report.landmarks += static_cast<int>(rows.size());
 }
 

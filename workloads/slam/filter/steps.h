@@ -52,6 +52,7 @@ struct FrameReport {
   int recognized = 0;  ///< Of those, known again by their descriptors.
   int points = 0;      ///< Tracks that ended and were used.
   int rejected = 0;    ///< Measurements that were no inliers.
+  int from_map = 0;    ///< Of those recognized, points of a map, which had left the filter.
 };
 
 /// Corrects the state by what was followed and what is known again. Adds a clone of the pose.

@@ -24,7 +24,8 @@ using Line = std::vector<Eigen::Vector2d>;
 struct Drawing {
   int width = 0, height = 0;
   Line estimate, truth;
-  double metre = 1;  ///< Pixels.
+  Line map, known_again;  ///< Of single points.
+  double metre = 1;       ///< Pixels.
   double frame_scale = 1;
   Eigen::Vector2d frame_at;
 };
@@ -42,10 +43,21 @@ std::array<int, 2> widest_axes(const std::vector<Eigen::Vector3d>& points) {
   return {least == 0 ? 1 : 0, least == 2 ? 1 : 2};
 }
 
+/// What nine of ten points lie within along an axis: some of a map's are far off.
+std::array<double, 2> usual_extent(const std::vector<Eigen::Vector3d>& points, int axis) {
+  std::vector<double> at;
+  for (const auto& p : points) at.push_back(p(axis));
+  std::ranges::sort(at);
+  const std::size_t beyond = at.size() / 20;
+  return {at[beyond], at[at.size() - 1 - beyond]};
+}
+
 Drawing draw(const Plot& plot) {
   Drawing d;
   std::vector<Eigen::Vector3d> estimate;
   std::vector<Eigen::Vector3d> truth;
+  std::vector<Eigen::Vector3d> map;
+  std::vector<Eigen::Vector3d> known_again;
   Similarity to_truth;
   if (!plot.truth.empty() && plot.trajectory.size() >= 3) {
     to_truth = align(plot.trajectory, plot.truth, plot.alignment);
@@ -53,7 +65,10 @@ Drawing draw(const Plot& plot) {
   for (const auto& pose : plot.trajectory) {
     estimate.push_back(to_truth * pose.body.position);
     if (const auto t = truth_at(plot.truth, pose.time)) truth.push_back(t->position);
+    const bool again = std::ranges::binary_search(plot.known_again, pose.time);
+    if (again) known_again.push_back(estimate.back());
   }
+  for (const auto& point : plot.map) map.push_back(to_truth * point);
   auto all = estimate;
   all.insert(all.end(), truth.begin(), truth.end());
   if (!all.empty()) {
@@ -64,6 +79,12 @@ Drawing draw(const Plot& plot) {
       low = low.cwiseMin(Eigen::Vector2d(p(a), p(b)));
       high = high.cwiseMax(Eigen::Vector2d(p(a), p(b)));
     }
+    if (!map.empty()) {
+      const auto x = usual_extent(map, a);
+      const auto y = usual_extent(map, b);
+      low = low.cwiseMin(Eigen::Vector2d(x[0], y[0]));
+      high = high.cwiseMax(Eigen::Vector2d(x[1], y[1]));
+    }
     d.metre = (kSide - 2 * kMargin) / std::max({(high - low).maxCoeff(), 0.1});
     const auto pixel = [&, a = a, b = b](const Eigen::Vector3d& p) {
       return Eigen::Vector2d(kMargin + d.metre * (p(a) - low.x()),
@@ -71,6 +92,13 @@ Drawing draw(const Plot& plot) {
     };
     for (const auto& p : estimate) d.estimate.push_back(pixel(p));
     for (const auto& p : truth) d.truth.push_back(pixel(p));
+    for (const auto& p : known_again) d.known_again.push_back(pixel(p));
+    for (const auto& p : map) {
+      const Eigen::Vector2d at = pixel(p);
+      const bool shown =
+          at.x() > 0 && at.x() < kSide && at.y() > kTop && at.y() < kTop + kSide - kMargin / 2;
+      if (shown) d.map.push_back(at);
+    }
   }
   const GreyImage& image = plot.frame.image;
   d.frame_scale = image.empty() ? 1.0 : static_cast<double>(kSide) / image.height;
@@ -94,6 +122,21 @@ std::string svg_line(const Line& line, const char* colour, double width) {
   for (const auto& p : line) points += fmt::format("{:.1f},{:.1f} ", p.x(), p.y());
   return fmt::format("<polyline fill='none' stroke='{}' stroke-width='{}' points='{}'/>\n", colour,
                      width, points);
+}
+
+std::string svg_dots(const Line& points, const char* colour, int width) {
+  std::string path;
+  for (const auto& p : points) path += fmt::format("M{:.1f} {:.1f}h0", p.x(), p.y());
+  return fmt::format("<path stroke='{}' stroke-width='{}' stroke-linecap='round' d='{}'/>\n",
+                     colour, width, path);
+}
+
+/// What the lines and dots of the trajectory's part are.
+std::string legend(const Plot& plot) {
+  std::string text = plot.truth.empty() ? "estimate blue" : "truth grey, estimate blue";
+  if (!plot.map.empty()) text += ", map brown";
+  if (!plot.known_again.empty()) text += ", known again orange";
+  return text;
 }
 
 std::string base64(const std::string& bytes) {
@@ -132,10 +175,19 @@ void paint(const Plot& plot, const Drawing& d, cv::Mat& canvas) {
   const auto text = [&](const std::string& what, int x, int y, const cv::Scalar& colour) {
     cv::putText(canvas, what, {x, y}, cv::FONT_HERSHEY_SIMPLEX, 0.5, colour, 1, cv::LINE_AA);
   };
+  const cv::Scalar brown(140, 170, 200);
+  const cv::Scalar orange(0, 140, 255);
+  const auto points = [&](const Line& at, const cv::Scalar& colour, int radius) {
+    for (const auto& p : at) {
+      cv::circle(canvas, {cvRound(p.x()), cvRound(p.y())}, radius, colour, -1, cv::LINE_AA);
+    }
+  };
+  points(d.map, brown, 1);
   paint_line(canvas, d.truth, grey, 3);
+  points(d.known_again, orange, 2);
   paint_line(canvas, d.estimate, blue, 1);
   text(plot.title, kMargin, 20, {0, 0, 0});
-  text(plot.truth.empty() ? "estimate" : "truth (grey), estimate (blue)", kMargin, 40, grey);
+  text(legend(plot), kMargin, 40, grey);
   const double bar = bar_length_m(d.metre);
   const int end = kMargin + cvRound(bar * d.metre);
   cv::line(canvas, {kMargin, kTop + kSide - 10}, {end, kTop + kSide - 10}, {0, 0, 0}, 2);
@@ -154,7 +206,7 @@ void paint(const Plot& plot, const Drawing& d, cv::Mat& canvas) {
   };
   dots(plot.frame.tracks, green);
   dots(plot.frame.landmarks, red);
-  text("followed points (green), landmarks (red)", static_cast<int>(d.frame_at.x()), 40, grey);
+  text("followed points green, landmarks red", static_cast<int>(d.frame_at.x()), 40, grey);
 }
 
 }  // namespace
@@ -167,6 +219,20 @@ ShownFrame show(const State& state, const GreyImage& image) {
   return shown;
 }
 
+Plot plot_of(const RunResult& run, const Setup& setup) {
+  Plot plot;
+  plot.trajectory = run.trajectory();
+  for (const auto& frame : run.frames) {
+    if (frame.report.from_map > 0) plot.known_again.push_back(frame.pose.time);
+  }
+  for (const auto& point : run.last.map) plot.map.push_back(point.position);
+  for (const auto& landmark : run.last.landmarks) plot.map.push_back(landmark.position);
+  if (run.last.in_map && setup.known != nullptr) {
+    for (const auto& point : *setup.known) plot.map.push_back(point.position);
+  }
+  return plot;
+}
+
 std::string plot_svg(const Plot& plot) {
   const Drawing d = draw(plot);
   std::string svg = fmt::format(
@@ -174,9 +240,9 @@ std::string plot_svg(const Plot& plot) {
       "font-family='sans-serif' font-size='13'>\n<rect width='100%' height='100%' fill='white'/>\n",
       d.width, d.height);
   svg += fmt::format("<text x='{}' y='20'>{}</text>\n", kMargin, escape_markup(plot.title));
-  svg += fmt::format("<text x='{}' y='40' fill='#777'>{}</text>\n", kMargin,
-                     plot.truth.empty() ? "estimate" : "truth (grey), estimate (blue)");
-  svg += svg_line(d.truth, "#999", 3) + svg_line(d.estimate, "#1450c8", 1);
+  svg += fmt::format("<text x='{}' y='40' fill='#777'>{}</text>\n", kMargin, legend(plot));
+  svg += svg_dots(d.map, "#c8aa8c", 2) + svg_line(d.truth, "#999", 3) +
+         svg_dots(d.known_again, "#ff8c00", 5) + svg_line(d.estimate, "#1450c8", 1);
   const double bar = bar_length_m(d.metre);
   svg += fmt::format("<path d='M{} {}h{:.1f}' stroke='black' stroke-width='2'/>\n", kMargin,
                      kTop + kSide - 10, bar * d.metre);
@@ -199,7 +265,7 @@ std::string plot_svg(const Plot& plot) {
     dots(plot.frame.tracks, "#3cb43c");
     dots(plot.frame.landmarks, "#dc2828");
     svg += fmt::format(
-        "<text x='{}' y='40' fill='#777'>followed points (green), landmarks (red)"
+        "<text x='{}' y='40' fill='#777'>followed points green, landmarks red"
         "</text>\n",
         d.frame_at.x());
   }

@@ -1,4 +1,4 @@
-// A picture of a run: the trajectory over the truth, and what was followed in one frame.
+// A picture of a run: the trajectory over truth and map, and what was followed in one frame.
 #pragma once
 
 #include <string>
@@ -18,10 +18,16 @@ struct ShownFrame {
 struct Plot {
   std::vector<StampedPose> trajectory;  ///< As estimated; shown aligned if there is truth.
   std::vector<TruthRow> truth;          ///< May be empty.
+  std::vector<Eigen::Vector3d> map;     ///< Points, in the trajectory's world.
+  std::vector<Nanos> known_again;       ///< Of poses: where points of the map were known again.
   Alignment alignment = Alignment::kSe3;
   ShownFrame frame;
   std::string title;
 };
+
+/// Of a run's end: its trajectory, its points with those of a map that it found, and where it knew
+/// them again; no truth, frame or title.
+[[nodiscard]] Plot plot_of(const RunResult& run, const Setup& setup);
 
 /// Both are looked at along the axis in which the trajectory extends least.
 [[nodiscard]] std::string plot_svg(const Plot& plot);
