@@ -1,6 +1,7 @@
 // pirt run-robot: localization on a recorded sequence, live through the runtime, or serially
 // without it.
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <algorithm>
 #include <memory>
@@ -176,8 +177,16 @@ std::string picture(const Options& options, const Sequence& sequence, const Robo
   return options.plot.path().ends_with(".svg") ? slam::plot_svg(plot) : slam::plot_png(plot);
 }
 
+/// Each frame's pictures and matrices are as large as the last one's: what was freed is kept, not
+/// given to the system and asked for again, page by page (0.4 of 6.2 ms a frame).
+void keep_freed_memory() {
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);
+  mallopt(M_TRIM_THRESHOLD, 512 << 20);
+}
+
 int run_robot(const Options& options) {
   check(options);
+  keep_freed_memory();
   const Sequence sequence = read(options);
   warn_all(sequence.warnings);
   if (const auto fit = slam::fit_camera_to_imu(sequence)) warn_all(slam::warnings_of(*fit));
