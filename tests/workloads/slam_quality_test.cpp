@@ -159,9 +159,8 @@ TEST(SlamQuality, OneCameraAloneFollowsTwoTurns) {
   EXPECT_GT(result.trajectory().size(), 22U * 25 * 8 / 10);
 }
 
-// No rotation at all scores 0.082 and 0.495. The truth of the first
-// 12 frames is a straight line between its ends, so that what the car did in between counts as
-// error.
+// No rotation at all scores 0.082 and 0.495. The truth of the first 12 frames is a straight line
+// between its ends, so that what the car did in between counts as error.
 TEST(SlamQuality, OneCameraAloneKnowsTheTurnsOfARealDrive) {
   PIRT_DATA_OR_SKIP(data, "kitti-odometry-urban");
   const auto sequence = read_sequence(data);

@@ -31,16 +31,12 @@ Points points_of(std::span<const RayPair> pairs) {
   return points;
 }
 
-Eigen::Matrix3d matrix_of(const cv::Mat& m) {
-  Eigen::Matrix3d matrix;
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) matrix(row, column) = m.at<double>(row, column);
-  }
+/// Of a matrix of doubles, of the same size.
+template <typename Matrix>
+Matrix eigen_of(const cv::Mat& m) {
+  Matrix matrix;
+  cv::cv2eigen(m, matrix);
   return matrix;
-}
-
-Eigen::Vector3d vector_of_column(const cv::Mat& m) {
-  return {m.at<double>(0), m.at<double>(1), m.at<double>(2)};
 }
 
 /// x_second ~ rotation * x_first + (something) * direction.
@@ -167,9 +163,10 @@ std::optional<RelativeMotion> drawn_motion(std::span<const RayPair> pairs, doubl
     cv::Mat t;
     cv::decomposeEssentialMat(essential, one, other, t);
     // The two differ by half a turn about the direction: the smaller one is meant.
-    const Eigen::Matrix3d a = matrix_of(one);
-    const Eigen::Matrix3d b = matrix_of(other);
-    return RelativeMotion{angle_of(a) <= angle_of(b) ? a : b, vector_of_column(t).normalized()};
+    const Eigen::Matrix3d a = eigen_of<Eigen::Matrix3d>(one);
+    const Eigen::Matrix3d b = eigen_of<Eigen::Matrix3d>(other);
+    return RelativeMotion{angle_of(a) <= angle_of(b) ? a : b,
+                          eigen_of<Eigen::Vector3d>(t).normalized()};
   } catch (const cv::Exception& error) {
     throw_environment("OpenCV cannot find a motion: " + error.err);
   }
@@ -226,7 +223,7 @@ std::optional<Pose> two_views(std::span<const RayPair> pairs, double most_miss) 
     const int count =
         cv::recoverPose(essential, points.first, points.second, cv::Mat::eye(3, 3, CV_64F), r, t);
     if (2 * count < static_cast<int>(pairs.size())) return std::nullopt;
-    return Pose{matrix_of(r), vector_of_column(t)}.inverse();
+    return Pose{eigen_of<Eigen::Matrix3d>(r), eigen_of<Eigen::Vector3d>(t)}.inverse();
   } catch (const cv::Exception& error) {
     throw_environment("OpenCV cannot find a motion: " + error.err);
   }
