@@ -12,8 +12,6 @@
 #include "tests/support/errors.h"
 #include "tests/workloads/sequence_support.h"
 #include "tests/workloads/slam_support.h"
-#include "workloads/base/math/gaussian.h"
-#include "workloads/base/math/random.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/sequence/trajectory.h"
 #include "workloads/slam/filter/map_use.h"
