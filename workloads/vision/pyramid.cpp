@@ -18,7 +18,8 @@ constexpr int kHalf = 7;
 constexpr int kWindow = 2 * kHalf + 1;
 constexpr int kOuter = kWindow + 2;
 constexpr int kStride = 16;       // columns of a window, padded for vectors
-constexpr int kOuterStride = 20;  // of a window with a rim of one
+constexpr int kOuterStride = 24;  // of a window with a rim of one
+constexpr int kRight = 20;        // columns that are within the picture
 constexpr float kCount = kWindow * kWindow;
 constexpr std::size_t kTexels = std::size_t{kWindow} * kStride;
 constexpr std::size_t kOuterTexels = std::size_t{kOuter} * kOuterStride;
@@ -58,8 +59,7 @@ struct Anchor {
                                              int rim, Anchor& anchor) {
   const float left = centre.x() - static_cast<float>(kHalf + rim);
   const float top = centre.y() - static_cast<float>(kHalf + rim);
-  // One column more is read than the window has (kStride, kOuterStride), and one for the fraction.
-  const auto right = static_cast<float>(image.width - kOuterStride - 1);
+  const auto right = static_cast<float>(image.width - kRight - 1);
   const auto bottom = static_cast<float>(image.height - kOuter - 1);
   if (!(left >= 0 && top >= 0 && left < right && top < bottom)) return false;
   anchor.x = static_cast<int>(left);
@@ -73,34 +73,49 @@ struct Anchor {
   return true;
 }
 
-/// Each row of pixels is converted once, with some more columns, for whole vectors.
-template <int kRows, int kColumns>
-[[gnu::always_inline]] inline void sample(const GreyImage& image, const Anchor& a, float* out) {
-  constexpr int kRead = (kColumns + 1 + 7) / 8 * 8;
-  alignas(32) float rows[2][kRead];
-  const auto convert = [&](int y) {
-    const auto* pixels = image.row(a.y + y) + a.x;
-    for (int x = 0; x < kRead; ++x) rows[y % 2][x] = static_cast<float>(pixels[x]);
-  };
-  convert(0);
-  for (int y = 0; y < kRows; ++y) {
-    convert(y + 1);
-    const float* top = rows[y % 2];
-    const float* low = rows[(y + 1) % 2];
-    for (int x = 0; x < kColumns; ++x) {
-      out[y * kColumns + x] =
-          a.w00 * top[x] + a.w01 * top[x + 1] + a.w10 * low[x] + a.w11 * low[x + 1];
-    }
-  }
-}
-
 constexpr std::size_t kLanes = 8;
 using Lanes = float __attribute__((vector_size(kLanes * sizeof(float))));
 
 /// A window's next texels. (A value of this type is not returned: without AVX, that has no ABI.)
-[[gnu::always_inline]] inline void load(const std::array<float, kTexels>& window, std::size_t i,
+template <std::size_t kSize>
+[[gnu::always_inline]] inline void load(const std::array<float, kSize>& window, std::size_t i,
                                         Lanes& lanes) {
   std::memcpy(&lanes, window.data() + i, sizeof lanes);
+}
+
+constexpr Lanes kInside = {1, 1, 1, 1, 1, 1, 1, 0};  // of the right half of a window's row
+
+template <std::size_t kSize>
+[[gnu::always_inline]] inline void store(const Lanes& lanes, std::array<float, kSize>& window,
+                                         std::size_t i) {
+  std::memcpy(window.data() + i, &lanes, sizeof lanes);
+}
+
+/// All pixels are converted first: what is loaded at once after it was stored in other pieces waits
+/// until that has reached the cache. Those beyond what is within the picture are of the next row,
+/// and not used.
+template <int kRows, int kColumns>
+[[gnu::always_inline]] inline void sample(const GreyImage& image, const Anchor& a,
+                                          std::array<float, kRows * kColumns>& out) {
+  constexpr std::size_t kPixels = (kRows + 1) * kColumns;
+  alignas(64) std::array<float, kPixels + kLanes> pixels;
+  for (int y = 0; y <= kRows; ++y) {
+    const std::uint8_t* from = image.row(a.y + y) + a.x;
+    float* to = &pixels[pixel_index(0, y, kColumns)];
+    for (std::size_t x = 0; x < kColumns; ++x) to[x] = static_cast<float>(from[x]);
+  }
+  store(Lanes{}, pixels, kPixels);
+  for (int y = 0; y < kRows; ++y) {
+    for (std::size_t x = 0; x < kColumns; x += kLanes) {
+      const std::size_t i = pixel_index(0, y, kColumns) + x;
+      Lanes top, top_right, low, low_right;
+      load(pixels, i, top);
+      load(pixels, i + 1, top_right);
+      load(pixels, i + kColumns, low);
+      load(pixels, i + kColumns + 1, low_right);
+      store(a.w00 * top + a.w01 * top_right + a.w10 * low + a.w11 * low_right, out, i);
+    }
+  }
 }
 
 /// A window that is followed deforms from one picture to the next: what it shows comes nearer, or
@@ -155,26 +170,32 @@ struct Template {
   if (!anchor_at(image, centre, 1, anchor)) return false;
   ++work.windows;
   alignas(64) std::array<float, kOuterTexels> outer;
-  sample<kOuter, kOuterStride>(image, anchor, outer.data());
-  for (int y = 0; y < kWindow; ++y) {
-    const float* row = &outer[pixel_index(1, y + 1, kOuterStride)];
-    for (int x = 0; x < kWindow; ++x) {
-      const auto i = pixel_index(x, y, kStride);
-      value[i] = row[x];
-      gx[i] = 0.5F * (row[x + 1] - row[x - 1]);
-      gy[i] = 0.5F * (row[x + kOuterStride] - row[x - kOuterStride]);
-    }
-  }
+  sample<kOuter, kOuterStride>(image, anchor, outer);
   Lanes sums[5] = {};
-  for (std::size_t i = 0; i < kTexels; i += kLanes) {
-    Lanes x, y;
-    load(gx, i, x);
-    load(gy, i, y);
-    sums[0] += x * x;
-    sums[1] += x * y;
-    sums[2] += y * y;
-    sums[3] += x;
-    sums[4] += y;
+  for (std::size_t y = 0; y < kWindow; ++y) {
+    for (std::size_t x = 0; x < kStride; x += kLanes) {
+      const std::size_t middle = (y + 1) * kOuterStride + x + 1;
+      Lanes here, left, right, above, below;
+      load(outer, middle, here);
+      load(outer, middle - 1, left);
+      load(outer, middle + 1, right);
+      load(outer, middle - kOuterStride, above);
+      load(outer, middle + kOuterStride, below);
+      Lanes along_x = 0.5F * (right - left);
+      Lanes along_y = 0.5F * (below - above);
+      if (x > 0) {
+        along_x *= kInside;
+        along_y *= kInside;
+      }
+      store(here, value, y * kStride + x);
+      store(along_x, gx, y * kStride + x);
+      store(along_y, gy, y * kStride + x);
+      sums[0] += along_x * along_x;
+      sums[1] += along_x * along_y;
+      sums[2] += along_y * along_y;
+      sums[3] += along_x;
+      sums[4] += along_y;
+    }
   }
   xx = sum_of_eight(sums[0]);
   xy = sum_of_eight(sums[1]);
@@ -192,6 +213,22 @@ struct Template {
 }
 
 enum class Match { kGood, kOutside, kDifferent };
+
+/// The mean absolute difference but for @p mean, by which the window is brighter.
+[[gnu::always_inline]] inline float difference_of(const Template& wanted,
+                                                  const std::array<float, kTexels>& seen,
+                                                  float mean) {
+  Lanes sums = {};
+  for (std::size_t k = 0; k < kTexels; k += kLanes) {
+    Lanes difference, value;
+    load(seen, k, difference);
+    load(wanted.value, k, value);
+    difference -= value + mean;
+    if (k % kStride > 0) difference *= kInside;
+    sums += difference < 0 ? -difference : difference;
+  }
+  return sum_of_eight(sums) / kCount;
+}
 
 /// By how much the middle of @p wanted lies beside where the window was found, in pixels.
 /// @param seen  The window there. @param mean  By how much it is brighter.
@@ -246,8 +283,9 @@ enum class Match { kGood, kOutside, kDifferent };
 }
 
 /// Moves @p at to where the window looks like @p wanted.
+/// @param finest  Then the window may have deformed, too. @param error  Then how unlike it looks.
 [[gnu::always_inline]] inline Match align(const Template& wanted, const GreyImage& image,
-                                          const TrackOptions& options, bool deforms,
+                                          const TrackOptions& options, bool finest,
                                           Eigen::Vector2f& at, float& error, TrackWork& work) {
   const float determinant = wanted.xx * wanted.yy - wanted.xy * wanted.xy;
   alignas(64) std::array<float, kTexels> seen;
@@ -256,7 +294,7 @@ enum class Match { kGood, kOutside, kDifferent };
     Anchor anchor{};
     if (!anchor_at(image, at, 0, anchor)) return Match::kOutside;
     ++work.steps;
-    sample<kWindow, kStride>(image, anchor, seen.data());
+    sample<kWindow, kStride>(image, anchor, seen);
     Lanes along_x = {};
     Lanes along_y = {};
     Lanes all = {};
@@ -269,13 +307,10 @@ enum class Match { kGood, kOutside, kDifferent };
       difference -= value;
       along_x += difference * x;
       along_y += difference * y;
+      if (k % kStride > 0) difference *= kInside;
       all += difference;
     }
-    float extra = 0;  // of the padding column
-    for (std::size_t y = 0; y < kWindow; ++y) {
-      extra += seen[y * kStride + kWindow] - wanted.value[y * kStride + kWindow];
-    }
-    const float sum = sum_of_eight(all) - extra;
+    const float sum = sum_of_eight(all);
     const float x = sum_of_eight(along_x) - sum * wanted.mean_x;
     const float y = sum_of_eight(along_y) - sum * wanted.mean_y;
     const Eigen::Vector2f step((wanted.yy * x - wanted.xy * y) / determinant,
@@ -284,17 +319,10 @@ enum class Match { kGood, kOutside, kDifferent };
     if (!((at - start).norm() < 2.0F * kWindow)) return Match::kDifferent;
     if (step.squaredNorm() > options.enough * options.enough && i + 1 < options.iterations)
       continue;
-    const float mean = sum / kCount;
-    float difference = 0;
-    for (std::size_t r = 0; r < kWindow; ++r) {
-      for (std::size_t c = 0; c < kWindow; ++c) {
-        difference += std::abs(seen[r * kStride + c] - wanted.value[r * kStride + c] - mean);
-      }
-    }
-    error = difference / kCount;
-    ++work.looks;
-    if (deforms) {
-      ++work.deformed;
+    if (finest) {
+      ++work.looks;
+      const float mean = sum / kCount;
+      error = difference_of(wanted, seen, mean);
       const Eigen::Vector2f off = middle_off(wanted, seen, mean) - step;
       if (off.squaredNorm() < kMostOff * kMostOff) at -= off;
     }

@@ -38,10 +38,9 @@ struct TrackedPoint {
 
 /// What following points took.
 struct TrackWork {
-  std::int64_t windows = 0;   ///< That were taken of a picture, with their gradients.
-  std::int64_t steps = 0;     ///< Of all windows, levels and directions.
-  std::int64_t looks = 0;     ///< Whether what was found looks alike.
-  std::int64_t deformed = 0;  ///< How what was found has deformed.
+  std::int64_t windows = 0;  ///< That were taken of a picture, with their gradients.
+  std::int64_t steps = 0;    ///< Of all windows, levels and directions.
+  std::int64_t looks = 0;    ///< Whether what was found looks alike, and how it has deformed.
 };
 
 /// @param from, to  Of pictures of one size.

@@ -57,10 +57,9 @@ std::int64_t count_ops(const Op& op, const Data& data) {
   constexpr std::int64_t kTake = (kWindow + 2) * (kWindow + 2) * kSample + kSamples * (4 + 2 + 6);
   // The difference, its sum and its two products' sums.
   constexpr std::int64_t kStep = kSamples * (kSample + 2 + 4);
-  // And how what was found has deformed, but where it is followed back: four products of gradients
-  // and places, and of the six motions 21 products' sums, six sums, six with the difference.
-  constexpr std::int64_t kLook = kSamples * 3;
-  constexpr std::int64_t kDeform = kSamples * (4 + 42 + 6 + 12);
+  // Whether what was found looks alike, and how it has deformed: four products of gradients and
+  // places, and of the six motions 21 products' sums, six sums, six with the difference.
+  constexpr std::int64_t kLook = kSamples * (3 + 4 + 42 + 6 + 12);
   std::int64_t pyramids = 0;
   const auto levels = op.levels();
   for (std::size_t i = 1; i < levels.size(); ++i) {
@@ -74,8 +73,7 @@ std::int64_t count_ops(const Op& op, const Data& data) {
     const Eigen::Vector2f p(corners[2 * i], corners[2 * i + 1]);
     static_cast<void>(slam::track_feature(previous, next, p, p, {}, &work));
   }
-  return pyramids + work.windows * kTake + work.steps * kStep + work.looks * kLook +
-         work.deformed * kDeform;
+  return pyramids + work.windows * kTake + work.steps * kStep + work.looks * kLook;
 }
 
 /// Each frame has the strongest corners of its first picture: all of them, 3/4, half, a quarter.
