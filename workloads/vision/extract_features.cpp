@@ -2,7 +2,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
@@ -35,29 +34,13 @@ struct Grid {
 /// By how much the arc of 9 of the 16 pixels around (x, y) that differs most, brighter or darker,
 /// does so at least.
 int arc_contrast(const Grid& image, int x, int y) {
-  constexpr std::array<std::pair<int, int>, 16> kCircle = {{{0, 3},
-                                                            {1, 3},
-                                                            {2, 2},
-                                                            {3, 1},
-                                                            {3, 0},
-                                                            {3, -1},
-                                                            {2, -2},
-                                                            {1, -3},
-                                                            {0, -3},
-                                                            {-1, -3},
-                                                            {-2, -2},
-                                                            {-3, -1},
-                                                            {-3, 0},
-                                                            {-3, 1},
-                                                            {-2, 2},
-                                                            {-1, 3}}};
   constexpr std::size_t kArc = 9;
   int most = 0;
-  for (std::size_t first = 0; first < kCircle.size(); ++first) {
+  for (std::size_t first = 0; first < slam::kFastCircle.size(); ++first) {
     int brighter = 255;
     int darker = 255;
     for (std::size_t i = 0; i < kArc; ++i) {
-      const auto [dx, dy] = kCircle[(first + i) % kCircle.size()];
+      const auto [dx, dy] = slam::kFastCircle[(first + i) % slam::kFastCircle.size()];
       const int difference = image.at(x + dx, y + dy) - image.at(x, y);
       brighter = std::min(brighter, difference);
       darker = std::min(darker, -difference);

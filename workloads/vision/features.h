@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "workloads/model/grey_image.h"
@@ -47,10 +48,35 @@ inline constexpr float kFeatureFarthest = 4.0F;  ///< Pixels by which refining m
 /// directions is divided by 2^16 and rounded, halves up.
 inline constexpr std::array<int, 7> kFeatureBlur = {18, 34, 48, 56, 48, 34, 18};
 
+/// FAST's circle: x and y from its middle, in order.
+inline constexpr std::array<std::pair<int, int>, 16> kFastCircle = {{{0, 3},
+                                                                     {1, 3},
+                                                                     {2, 2},
+                                                                     {3, 1},
+                                                                     {3, 0},
+                                                                     {3, -1},
+                                                                     {2, -2},
+                                                                     {1, -3},
+                                                                     {0, -3},
+                                                                     {-1, -3},
+                                                                     {-2, -2},
+                                                                     {-3, -1},
+                                                                     {-3, 0},
+                                                                     {-3, 1},
+                                                                     {-2, 2},
+                                                                     {-1, 3}}};
+
 struct FastCorner {
   int x = 0, y = 0;
   float score = 0;  ///< Shi and Tomasi's.
 };
+
+/// Pixels whose contrast is more than @p threshold and than that of each of their 8 neighbours, by
+/// rows, without scores; the contrast is by how much the arc of 9 pixels of the circle that differs
+/// most, brighter or darker, does so at least. They are cv::FAST's; all pixels of a vector are
+/// judged at once, without a branch.
+/// @param threshold  Grey levels.
+[[nodiscard]] std::vector<FastCorner> fast_corners(const GreyImage& image, int threshold);
 
 /// The smaller eigenvalue of [xx xy; xy yy], the sums of the gradients' products.
 [[nodiscard]] float corner_score(int xx, int xy, int yy);
