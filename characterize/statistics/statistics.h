@@ -90,7 +90,7 @@ struct Ranks {
 /// them say less than n independent ones would. From 8 processes on the interval is therefore wider
 /// by dependence_factor.
 ///
-/// Simulated coverage, 20000 runs each: tests/characterize/coverage_test.cpp.
+/// Simulated coverage, 20000 runs each: tests/characterize/campaign/coverage_test.cpp.
 /// @param medians  One of each process, in order of time.
 [[nodiscard]] std::optional<Interval> interval_over_processes(std::span<const Nanos> medians);
 

@@ -20,7 +20,7 @@
 #include <thread>
 #include <vector>
 
-#include "tests/workloads/nats_server.h"
+#include "tests/workloads/backends/nats/nats_server.h"
 #include "workloads/backends/nats/robot/outbox.h"
 #include "workloads/backends/nats/wire/subjects.h"
 #include "workloads/base/text/json.h"

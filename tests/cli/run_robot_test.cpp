@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "tests/cli/program.h"
-#include "tests/workloads/sequence_support.h"
+#include "tests/workloads/inputs/sequence_support.h"
 
 namespace pirt::test {
 namespace {

@@ -2,8 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "reports/paper/offloaded_call.h"
-#include "tests/workloads/dsp_support.h"
-#include "tests/workloads/workload_support.h"
+#include "tests/workloads/backends/dsp/dsp_support.h"
+#include "tests/workloads/catalog/workload_support.h"
 #include "workloads/backends/dsp/kernels.h"
 #include "workloads/catalog/catalog.h"
 

@@ -1,5 +1,5 @@
 // What `pirt schedule` is asked for, and what it refuses.
-#include "tests/scheduler/virtual_support.h"
+#include "tests/scheduler/virtual/virtual_support.h"
 
 namespace pirt::test {
 namespace {

@@ -9,7 +9,7 @@
 #include "characterize/profile/identity.h"
 #include "tests/characterize/support.h"
 #include "tests/support/paths.h"
-#include "tests/workloads/tuning_support.h"
+#include "tests/workloads/backends/opencl/tuning_support.h"
 #include "workloads/backends/opencl/tuning/tuning_file.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"

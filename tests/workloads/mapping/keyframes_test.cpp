@@ -15,8 +15,8 @@
 
 #include "tests/support/errors.h"
 #include "tests/support/long.h"
-#include "tests/workloads/sequence_support.h"
-#include "tests/workloads/slam_support.h"
+#include "tests/workloads/inputs/sequence_support.h"
+#include "tests/workloads/slam/support.h"
 #include "workloads/backends/cpu/cpu_backend.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/mapping/workloads.h"

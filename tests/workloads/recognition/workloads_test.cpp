@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/workloads/workload_support.h"
+#include "tests/workloads/catalog/workload_support.h"
 #include "workloads/backends/cpu/cpu_backend.h"
 #include "workloads/catalog/catalog.h"
 #include "workloads/inputs/pictures/images.h"

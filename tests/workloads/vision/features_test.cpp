@@ -10,7 +10,7 @@
 #include <functional>
 #include <opencv2/features2d.hpp>
 
-#include "tests/workloads/sequence_support.h"
+#include "tests/workloads/inputs/sequence_support.h"
 #include "workloads/base/math/random.h"
 #include "workloads/vision/pyramid.h"
 

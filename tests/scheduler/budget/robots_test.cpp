@@ -1,0 +1,181 @@
+// Ten invented robots (robots/): mode budget against every static placement, and its guarantees
+// against what is seen.
+#include <algorithm>
+#include <filesystem>
+#include <map>
+
+#include "scheduler/dispatcher/dispatcher.h"
+#include "scheduler/virtual/virtual_time.h"
+#include "tests/scheduler/support.h"
+#include "tests/support/paths.h"
+#include "workloads/base/math/random.h"
+
+namespace pirt::test {
+namespace {
+
+const std::filesystem::path kRobots =
+    std::filesystem::path(kSourceFolder) / "tests/scheduler/budget/robots";
+
+Platform board() { return load_platform((kRobots / "board.yaml").string()); }
+
+std::vector<Mix> robots() {
+  std::vector<std::string> files;
+  for (const auto& entry : std::filesystem::directory_iterator(kRobots)) {
+    if (entry.path().filename() != "board.yaml") files.push_back(entry.path().string());
+  }
+  std::ranges::sort(files);
+  std::vector<Mix> mixes;
+  for (const auto& file : files) mixes.push_back(load_mix(file));
+  return mixes;
+}
+
+ScheduleOptions options_of(const std::string& mode, double duration_s, std::uint64_t seed = 1) {
+  ScheduleOptions options;
+  options.mode = mode;
+  options.duration = from_s(duration_s);
+  options.seed = seed;
+  return options;
+}
+
+bool meets_all(const RunRecord& record) {
+  return std::ranges::all_of(record.pipelines, [](const PipelineResult& each) {
+    return each.deadline_misses.value_or(0) == 0 && each.dropped == 0;
+  });
+}
+
+/// Calls @p visit with every mix in which each task may be served by one unit, until it says true.
+template <typename Visit>
+bool any_placement(const Platform& platform, const Mix& mix, const Visit& visit) {
+  ModeSetup setup = set_up_mode(platform, nullptr, mix, options_of("edf", 1));
+  Mix placed = mix;
+  std::vector<std::pair<MixTask*, UnitMask>> tasks;
+  for (std::size_t p = 0; p < mix.pipelines.size(); ++p) {
+    for (std::size_t t = 0; t < mix.pipelines[p].tasks.size(); ++t) {
+      tasks.emplace_back(&placed.pipelines[p].tasks[t], setup.scenario.classes[p][t].eligible);
+    }
+  }
+  const auto place = [&](const auto& self, std::size_t next) -> bool {
+    if (next == tasks.size()) return visit(placed);
+    for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+      if (!contains(tasks[next].second, unit)) continue;
+      tasks[next].first->eligible = {platform.units[unit].name};
+      if (self(self, next + 1)) return true;
+    }
+    return false;
+  };
+  return place(place, 0);
+}
+
+TEST(Robots, BudgetIsFeasibleWheneverSomeStaticPlacementIs) {
+  const Platform platform = board();
+  const auto mixes = robots();
+  ASSERT_EQ(mixes.size(), 10U);
+  int feasible = 0;
+  for (const Mix& mix : mixes) {
+    std::size_t tasks = 0;
+    for (const Pipeline& pipeline : mix.pipelines) tasks += pipeline.tasks.size();
+    EXPECT_LE(tasks, 8U) << mix.name;
+    const bool placeable = any_placement(platform, mix, [&](const Mix& placed) {
+      return meets_all(run_virtual(platform, nullptr, placed, options_of("edf", 3)));
+    });
+    const RunRecord budget = run_virtual(platform, nullptr, mix, options_of("budget", 3));
+    feasible += placeable ? 1 : 0;
+    if (placeable) {
+      EXPECT_TRUE(meets_all(budget)) << mix.name;
+    }
+  }
+  EXPECT_GE(feasible, 5);
+}
+
+/// The longest that a firing of each pipeline took.
+struct Seen {
+  RunRecord record;
+  std::map<std::string, double> longest_ms;
+};
+
+Seen watch(const Platform& platform, const Mix& mix, const ScheduleOptions& options) {
+  Seen seen;
+  const auto driver = [&](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter*) {
+    Tally tally = VirtualTime(scenario, dispatcher).run();
+    for (std::size_t p = 0; p < mix.pipelines.size(); ++p) {
+      const auto longest = tally.pipelines[p].latency.percentile(1);
+      seen.longest_ms[mix.pipelines[p].name] = longest ? to_ms(*longest) : 0;
+    }
+    return tally;
+  };
+  seen.record = run_mix(platform, nullptr, mix, options, driver, "virtual");
+  return seen;
+}
+
+TEST(Robots, NoFiringTakesLongerThanGuaranteed) {
+  // 1,000 runs: a hundred a robot, each with drawn times up to the worst, and its own offsets.
+  constexpr std::uint64_t kSeeds = 100;
+  const Platform platform = board();
+  int tight = 0;
+  int guaranteed = 0;
+  for (const Mix& mix : robots()) {
+    std::map<std::string, double> bounds, longest;
+    for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+      Mix drawn = mix;
+      Random random(hash_u64(seed, 7));
+      for (Pipeline& pipeline : drawn.pipelines) {
+        pipeline.offset = from_ms(random.uniform(0, 1e3 / *pipeline.rate_hz));
+      }
+      const Seen seen = watch(platform, drawn, options_of("budget", 4, seed));
+      for (const PipelineResult& result : seen.record.pipelines) {
+        if (!result.response_bound_ms) continue;
+        const double bound_ms = *result.response_bound_ms;
+        // A histogram is off by at most 0.1 %.
+        EXPECT_LE(seen.longest_ms.at(result.pipeline), bound_ms * 1.001)
+            << mix.name << " " << result.pipeline << " seed " << seed;
+        if (*result.guaranteed) {
+          EXPECT_EQ(result.deadline_misses, 0) << mix.name << " " << result.pipeline;
+        }
+        bounds[result.pipeline] = std::max(bounds[result.pipeline], bound_ms);
+        auto& worst = longest[result.pipeline];
+        worst = std::max(worst, seen.longest_ms.at(result.pipeline));
+        guaranteed += *result.guaranteed ? 1 : 0;
+      }
+    }
+    const bool is_tight = !bounds.empty() && std::ranges::all_of(bounds, [&](const auto& each) {
+      return each.second <= 2 * longest.at(each.first);
+    });
+    tight += is_tight ? 1 : 0;
+    for (const auto& [pipeline, bound] : bounds) {
+      RecordProperty(mix.name + "." + pipeline, std::to_string(bound / longest.at(pipeline)));
+    }
+  }
+  EXPECT_GE(tight, 8) << "robots whose bounds are at most twice what was seen";
+  EXPECT_GT(guaranteed, 1000);
+}
+
+TEST(Guarantees, AreWhatIsWorkedByHand) {
+  // One unit. Planning: 1 ms, 10 Hz, within 6; a job of 4 ms that may have begun; a camera of 2 ms
+  // within 50. Planning waits for the job, or the camera: 4 + 1 = 5 ms. The camera waits for the
+  // job and, once, for planning: 4 + 1 + 2 = 7.
+  const auto platform = platform_of("platform: one\nunits: {cpu: {slots: 1}}\n");
+  const auto mix = mix_of(R"(
+mix: m
+pipelines:
+  planning: {rate_hz: 10, deadline_ms: 6, tasks: [{name: a, service_ms: {cpu: 1}}]}
+  camera: {rate_hz: 20, deadline_ms: 50, tasks: [{name: a, service_ms: {cpu: 2}}]}
+  job: {rate_hz: 1, tasks: [{name: a, service_ms: {cpu: 4}}]}
+)");
+  const auto record = run_virtual(platform, nullptr, mix, options_of("budget", 2));
+  EXPECT_DOUBLE_EQ(*record.pipelines[0].response_bound_ms, 5);
+  EXPECT_EQ(record.pipelines[0].guaranteed, true);
+  EXPECT_DOUBLE_EQ(*record.pipelines[1].response_bound_ms, 7);
+  EXPECT_FALSE(record.pipelines[2].guaranteed);
+  EXPECT_FALSE(record.pipelines[2].not_analysed);
+}
+
+TEST(Guarantees, SayWhatIsNotAnalysed) {
+  const auto record = run_virtual(load_platform("snapdragon820-section5"), nullptr,
+                                  load_mix("section5"), options_of("budget", 5));
+  const auto planning = std::ranges::find(record.pipelines, "planning", &PipelineResult::pipeline);
+  ASSERT_TRUE(planning->not_analysed);
+  EXPECT_THAT(*planning->not_analysed, testing::HasSubstr("served on another's cores"));
+}
+
+}  // namespace
+}  // namespace pirt::test

@@ -1,0 +1,238 @@
+// Who may say what to a real server, and whom robots and workers speak to.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <future>
+#include <sstream>
+
+#include "tests/support/paths.h"
+#include "tests/workloads/backends/nats/nats_server.h"
+#include "workloads/backends/nats/wire/subjects.h"
+#include "workloads/base/error.h"
+#include "workloads/base/text/json.h"
+
+namespace pirt::cloud::test {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+constexpr Nanos kLong = 30s;
+
+std::string error_of(const ConnectionOptions& options) {
+  try {
+    check_connection(options);
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kBadInput);
+    return error.what();
+  }
+  return "";
+}
+
+TEST(CloudConnection, IsRefusedBeyondThisMachineWithoutTls) {
+  for (const char* loopback : {"nats://127.0.0.1:4222", "nats://localhost", "nats://[::1]:4222",
+                               "nats://u:p@127.1.2.3:1"}) {
+    EXPECT_EQ(error_of({.server = loopback}), "") << loopback;
+  }
+  for (const char* beyond :
+       {"nats://10.0.0.1:4222", "nats://robots.example:4222", "nats://127.0.0.1.example.org:4222",
+        "nats://[::2]:4222", "nats://127.0.0.1@example.org:4222", "nats://localhost.example:1"}) {
+    EXPECT_THAT(error_of({.server = beyond}), HasSubstr("without TLS")) << beyond;
+    EXPECT_EQ(error_of({.server = beyond, .insecure = true}), "") << beyond;
+  }
+  EXPECT_EQ(error_of({.server = "tls://robots.example:4222"}), "");
+}
+
+TEST(CloudConnection, TellsNobodyItsPassword) {
+  EXPECT_EQ(public_url("nats://robot:secret@127.0.0.1:4222"), "nats://127.0.0.1:4222");
+  EXPECT_EQ(public_url("tls://robots.example"), "tls://robots.example");
+  EXPECT_EQ(error_of({.server = "nats://robot:secret@10.0.0.1"}).find("secret"), std::string::npos);
+  EXPECT_EQ(error_of({.server = "http://robot:secret@10.0.0.1"}).find("secret"), std::string::npos);
+}
+
+TEST(CloudConnection, NamesWhatIsNoServer) {
+  for (const char* wrong :
+       {"", "4222", "http://127.0.0.1", "nats://", "nats://127.0.0.1:0", "nats://127.0.0.1:99999",
+        "nats://127.0.0.1:x", "nats://127.0.0.1/a", "nats://[::1", "nats://127.0.0.1:"}) {
+    EXPECT_THAT(error_of({.server = wrong}), HasSubstr("a server is nats://HOST:PORT")) << wrong;
+  }
+  EXPECT_THAT(error_of({.server = "tls://h", .ca = "/nowhere/ca.pem"}),
+              HasSubstr("'/nowhere/ca.pem' is no file"));
+  EXPECT_THAT(error_of({.server = "tls://h", .nkey = "U"}), HasSubstr("belong together"));
+}
+
+class CloudPermissions : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (nats_server_program().empty()) GTEST_SKIP() << "skipped: nats-server is not installed";
+    const std::vector<std::string> robots = {"r1", "r2"};
+    server_ = std::make_unique<NatsServer>(permissions(robots));
+    ASSERT_TRUE(
+        server_->start({"PIRT_ADMIN=a", "PIRT_WORKER=w", "PIRT_ROBOT_R1=one", "PIRT_ROBOT_R2=two"}))
+        << server_->log();
+    admin_ = connect("admin", "a", "_INBOX");
+    ASSERT_TRUE(admin_->wait_until_up(kLong)) << server_->log();
+    set_up(*admin_, {.robots = robots, .redelivered = 1s});
+  }
+
+  [[nodiscard]] std::string url_of(const std::string& user, const std::string& password) const {
+    return "nats://" + user + ":" + password + "@127.0.0.1:" + std::to_string(server_->port());
+  }
+  [[nodiscard]] std::unique_ptr<Connection> connect(const std::string& user,
+                                                    const std::string& password,
+                                                    const std::string& inbox) const {
+    return std::make_unique<Connection>(
+        ConnectionOptions{.server = url_of(user, password), .inbox = inbox}, Connection::Events{});
+  }
+  std::int64_t messages(const std::string& stream) {
+    const auto answer = admin_->request("$JS.API.STREAM.INFO." + stream, "", 5s);
+    return parse_json(text_of(answer.data)).at("state").at("messages").get<std::int64_t>();
+  }
+
+  std::unique_ptr<NatsServer> server_;
+  std::unique_ptr<Connection> admin_;
+};
+
+TEST(CloudPermissionFile, IsWhatTheCommandWrites) {
+  std::ostringstream file;
+  file << std::ifstream(std::string(pirt::test::kSourceFolder) +
+                        "/workloads/backends/nats/link/permissions.conf")
+              .rdbuf();
+  const std::vector<std::string> robots = {"robot"};
+  EXPECT_EQ(file.str(), permissions(robots));
+}
+
+TEST_F(CloudPermissions, LetARobotAndAWorkerDoAllThatTheyNeed) {
+  const Workload small = adding("small", 1000), large = adding("large", 3'000'000),
+                 weighed = adding("weighed", 100, 1'500'000);
+  const std::vector<const Workload*> known = {&small, &large, &weighed};
+  WorkerOptions options;
+  options.connection.server = url_of("worker", "w");
+  options.hello = 300ms;
+  options.make_computer = make_adding_computer;
+  const WorkerLink worker(options, known);
+  RobotOptions robot_options;
+  robot_options.connection.server = url_of("r1", "one");
+  robot_options.robot = "r1";
+  RobotLink robot(robot_options);
+  ASSERT_TRUE(robot.wait_until_up(kLong)) << robot.why_down();
+  for (const Workload* each : known) {
+    Submission submission = make_submission(*each, {.value = 5}, 2);
+    auto told = std::make_shared<std::promise<TaskEnd>>();
+    auto end = told->get_future();
+    submission.ended = [told](TaskEnd how) { told->set_value(std::move(how)); };
+    const bool weighs = submission.parameters.has_value();
+    static_cast<void>(robot.submit(std::move(submission)));
+    ASSERT_EQ(end.wait_for(kLong), std::future_status::ready)
+        << each->name << ": " << robot.why_down() << worker.problem();
+    const TaskEnd how = end.get();
+    EXPECT_EQ(how.how, CallEndKind::kDone) << each->name << ": " << how.problem;
+    EXPECT_EQ(check_outputs(*each, {.value = 5}, how.outputs, weighs ? 2 : 0), "");
+  }
+  EXPECT_EQ(worker.problem(), "");
+  EXPECT_EQ(server_->log().find("Violation"), std::string::npos) << server_->log();
+}
+
+TEST_F(CloudPermissions, BindARobotToItsOwnSubjects) {
+  const auto robot = connect("r2", "two", "_INBOX_r2");
+  ASSERT_TRUE(robot->wait_until_up(kLong));
+  const Bytes frame = encode(TaskMessage{.task = {1, 2}, .body = Bytes(1)});
+  std::atomic<int> heard = 0;
+  robot->subscribe(deliver_subject("r1"), [&](const Incoming&) { ++heard; });
+  robot->publish(task_subject("r1"), frame);
+  robot->publish(withdraw_subject("r1"), frame);
+  robot->publish(reply_subject("r2"), frame);
+  robot->publish(kHelloSubject, frame);
+  robot->publish("pirt.par.r1.x.0", frame);
+  EXPECT_FALSE(robot->request("$JS.API.STREAM.PURGE.PIRT_TASKS", "", 300ms).came);
+  EXPECT_FALSE(robot->request("$JS.API.STREAM.DELETE.PIRT_TASKS", "", 300ms).came);
+  EXPECT_FALSE(robot->request("$JS.API.STREAM.CREATE.MINE", R"({"name":"MINE"})", 300ms).came);
+  EXPECT_FALSE(robot->request("$JS.API.STREAM.MSG.GET.PIRT_TASKS", R"({"seq":1})", 300ms).came);
+  EXPECT_FALSE(robot->request("$JS.API.DIRECT.GET.PIRT_BLOBS.pirt.out.r1.x.0", "", 300ms).came);
+  EXPECT_EQ(messages(kTaskStream), 0);
+  EXPECT_EQ(messages(kWithdrawStream), 0);
+  EXPECT_EQ(messages(kReplyStream), 0);
+  EXPECT_EQ(messages(kBlobStream), 0);
+  // Its own it may.
+  EXPECT_TRUE(robot->request(task_subject("r2"), frame, 5s).came);
+  EXPECT_EQ(messages(kTaskStream), 1);
+  admin_->publish(deliver_subject("r1"), frame);
+  EXPECT_TRUE(admin_->request("$JS.API.INFO", "", 5s).came);
+  std::this_thread::sleep_for(50ms);
+  EXPECT_EQ(heard, 0);
+  EXPECT_THAT(server_->log(), HasSubstr("Violation"));
+}
+
+// The key pair is the one that the documentation of NATS prints.
+TEST(CloudNKey, LetsInWhoHasTheSeedAndNobodyElse) {
+  if (nats_server_program().empty()) GTEST_SKIP() << "skipped: nats-server is not installed";
+  const std::string key = "UDXU4RCSJNZOIQHZNWXHXORDPRTGNJAHAHFRGZNEEJCPQTT2M7NLCNF4";
+  NatsServer server("authorization { users = [ { nkey: " + key +
+                    ", permissions: { publish: { allow: [\"pirt.task.r1\", \"$JS.API.INFO\"] }, "
+                    "subscribe: { allow: [\"_INBOX.>\"] } } } ] }\n");
+  const auto file = [&](const std::string& name, const std::string& text) {
+    std::ofstream(server.folder() / name) << text;
+    return (server.folder() / name).string();
+  };
+  const ConnectionOptions right{
+      .server = server.url(),
+      .nkey_seed = file("seed", "SUACSSL3UAHUDXKFSNVUZRF5UHPMWZ6BFDTJ7M6USDXIEDNPPQYYYCU3VY"),
+      .nkey = key};
+  ASSERT_TRUE(server.start()) << server.log();
+  Connection good(right, {});
+  ASSERT_TRUE(good.wait_until_up(kLong)) << server.log();
+  EXPECT_TRUE(good.request("$JS.API.INFO", "", 5s).came);
+  good.publish("pirt.task.r2", std::string_view("not its own"));
+  EXPECT_TRUE(good.request("$JS.API.INFO", "", 5s).came);
+  EXPECT_THAT(server.log(), HasSubstr("pirt.task.r2")) << "it may not, and the server says so";
+  ConnectionOptions nobody = right;
+  nobody.nkey = nobody.nkey_seed = "";
+  EXPECT_FALSE(Connection(nobody, {}).wait_until_up(1s)) << "no key";
+  ConnectionOptions other = right;
+  other.nkey_seed = file("other", "SUAMLK2ZNL35WSMW37E7UD4VZ7ELPKW7DHC3BWBSD2GCZ7IUQQXZIORRBU");
+  EXPECT_FALSE(Connection(other, {}).wait_until_up(1s)) << "another's seed";
+}
+
+TEST(CloudTls, VerifiesTheServerAndShowsTheClientsCertificate) {
+  if (nats_server_program().empty()) GTEST_SKIP() << "skipped: nats-server is not installed";
+  if (std::system("openssl version > /dev/null 2>&1") != 0) {  // NOLINT: a test's tool
+    GTEST_SKIP() << "skipped: openssl, which makes the certificates, is not installed";
+  }
+  NatsServer server(
+      R"(tls { cert_file: "cert.pem", key_file: "key.pem", ca_file: "cert.pem", verify: true }
+)");
+  const auto in = [&](const std::string& name) { return (server.folder() / name).string(); };
+  const auto make = [&](const std::string& name) {
+    const std::string command =
+        "openssl req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=" + name +
+        " -addext subjectAltName=DNS:localhost -keyout " + in(name + "key.pem") + " -out " +
+        in(name + "cert.pem") + " > /dev/null 2>&1";
+    return std::system(command.c_str()) == 0;  // NOLINT
+  };
+  ASSERT_TRUE(make(""));
+  ASSERT_TRUE(make("other"));
+  std::filesystem::current_path(server.folder());
+  const bool started = server.start();
+  std::filesystem::current_path(pirt::test::kSourceFolder);
+  ASSERT_TRUE(started) << server.log();
+  const std::string url = "tls://localhost:" + std::to_string(server.port());
+  const ConnectionOptions right{
+      .server = url, .ca = in("cert.pem"), .certificate = in("cert.pem"), .key = in("key.pem")};
+  Connection good(right, {});
+  EXPECT_TRUE(good.wait_until_up(kLong)) << server.log();
+  ConnectionOptions wrong_ca = right;
+  wrong_ca.ca = in("othercert.pem");
+  EXPECT_FALSE(Connection(wrong_ca, {}).wait_until_up(1s)) << "another server's certificate";
+  ConnectionOptions wrong_host = right;
+  wrong_host.server = "tls://127.0.0.1:" + std::to_string(server.port());
+  EXPECT_FALSE(Connection(wrong_host, {}).wait_until_up(1s)) << "it is localhost's";
+  ConnectionOptions nobody = right;
+  nobody.certificate = nobody.key = "";
+  EXPECT_FALSE(Connection(nobody, {}).wait_until_up(1s)) << "no certificate";
+  const ConnectionOptions plain{.server = "nats://127.0.0.1:" + std::to_string(server.port())};
+  EXPECT_FALSE(Connection(plain, {}).wait_until_up(1s)) << "no TLS";
+}
+
+}  // namespace
+}  // namespace pirt::cloud::test

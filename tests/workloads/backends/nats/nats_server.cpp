@@ -1,0 +1,292 @@
+#include "tests/workloads/backends/nats/nats_server.h"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+
+namespace pirt::cloud::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+sockaddr_in loopback(int port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<std::uint16_t>(port));
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  return address;
+}
+
+/// A socket that listens on a port that was free.
+int listen_anywhere(int& port) {
+  const int listener = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address = loopback(0);
+  if (::bind(listener, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0 ||
+      ::listen(listener, 64) != 0) {
+    throw std::runtime_error("no free port on loopback");
+  }
+  socklen_t size = sizeof address;
+  ::getsockname(listener, reinterpret_cast<sockaddr*>(&address), &size);
+  port = ntohs(address.sin_port);
+  return listener;
+}
+
+int connect_to(int port) {
+  const int client = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const sockaddr_in address = loopback(port);
+  if (::connect(client, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0) {
+    const int on = 1;
+    ::setsockopt(client, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    return client;
+  }
+  ::close(client);
+  return -1;
+}
+
+/// Starts @p arguments, with standard output and error in @p log; it ends with this thread's
+/// process.
+pid_t start_process(std::vector<std::string> arguments, const std::string& log,
+                    const std::vector<std::string>& environment = {}) {
+  std::vector<char*> raw;
+  for (std::string& each : arguments) raw.push_back(each.data());
+  raw.push_back(nullptr);
+  const pid_t parent = ::getpid();
+  const pid_t child = ::fork();
+  if (child != 0) return child;
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != parent) ::_exit(1);
+  const int out = ::open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
+  ::dup2(out, STDOUT_FILENO);
+  ::dup2(out, STDERR_FILENO);
+  for (const std::string& each : environment) ::putenv(const_cast<char*>(each.c_str()));
+  ::execv(raw[0], raw.data());
+  ::_exit(127);
+}
+
+void end_process(pid_t& process, int signal) {
+  if (process <= 0) return;
+  ::kill(process, signal);
+  ::waitpid(process, nullptr, 0);
+  process = -1;
+}
+
+}  // namespace
+
+std::string nats_server_program() {
+  for (const char* each :
+       {"/usr/sbin/nats-server", "/usr/bin/nats-server", "/usr/local/bin/nats-server"}) {
+    if (::access(each, X_OK) == 0) return each;
+  }
+  return "";
+}
+
+NatsServer::NatsServer(std::string config) {
+  std::string folder = (std::filesystem::temp_directory_path() / "pirt-nats-XXXXXX").string();
+  if (::mkdtemp(folder.data()) == nullptr) throw std::runtime_error("no folder for a server");
+  folder_ = folder;
+  ::close(listen_anywhere(port_));
+  std::ofstream(folder_ / "server.conf")
+      << "listen: 127.0.0.1:" << port_ << "\njetstream { store_dir: \"" << folder_.string()
+      << "/store\" }\n"
+      << config;
+}
+
+NatsServer::~NatsServer() {
+  end_process(process_, SIGKILL);
+  std::error_code ignored;
+  std::filesystem::remove_all(folder_, ignored);
+}
+
+bool NatsServer::start(const std::vector<std::string>& environment) {
+  process_ = start_process({nats_server_program(), "-c", (folder_ / "server.conf").string()},
+                           (folder_ / "log").string(), environment);
+  for (int i = 0; i < 300; ++i) {
+    const int client = connect_to(port_);
+    if (client >= 0) {
+      ::close(client);
+      return true;
+    }
+    if (::waitpid(process_, nullptr, WNOHANG) == process_) {
+      process_ = -1;
+      return false;
+    }
+    std::this_thread::sleep_for(20ms);
+  }
+  return false;
+}
+
+void NatsServer::kill() { end_process(process_, SIGKILL); }
+
+std::string NatsServer::log() const {
+  std::ostringstream text;
+  text << std::ifstream(folder_ / "log").rdbuf();
+  return text.str();
+}
+
+Wire::Wire(int to_port) : to_port_(to_port) {
+  listener_ = listen_anywhere(port_);
+  acceptor_ = std::jthread([this] { accept_all(); });
+}
+
+Wire::~Wire() {
+  stopping_ = true;
+  acceptor_.join();
+  ::close(listener_);
+}
+
+void Wire::cut(bool is_cut) { cut_ = is_cut; }
+
+void Wire::accept_all() {
+  while (!stopping_) {
+    pollfd ready{listener_, POLLIN, 0};
+    if (::poll(&ready, 1, 20) <= 0) continue;
+    const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+    if (client < 0) continue;
+    if (cut_) {
+      ::close(client);
+      continue;
+    }
+    const std::lock_guard lock(mutex_);
+    forwarders_.emplace_back([this, client] { forward(client); });
+  }
+  const std::lock_guard lock(mutex_);
+  forwarders_.clear();
+}
+
+void Wire::forward(int client) {
+  const int server = connect_to(to_port_);
+  const int on = 1;
+  ::setsockopt(client, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+  std::vector<char> buffer(1 << 16);
+  const auto move = [&](int from, int to) {
+    const auto got = ::recv(from, buffer.data(), buffer.size(), 0);
+    for (ssize_t sent = 0; sent < got;) {
+      const auto now =
+          ::send(to, buffer.data() + sent, static_cast<std::size_t>(got - sent), MSG_NOSIGNAL);
+      if (now <= 0) return false;
+      sent += now;
+    }
+    return got > 0;
+  };
+  for (bool open = server >= 0; open && !cut_ && !stopping_;) {
+    if (held_) {
+      std::this_thread::sleep_for(5ms);
+      continue;
+    }
+    pollfd ready[2] = {{client, POLLIN, 0}, {server, POLLIN, 0}};
+    if (::poll(ready, 2, 20) <= 0) continue;
+    if (ready[0].revents != 0) open = move(client, server);
+    if (open && ready[1].revents != 0) open = move(server, client);
+  }
+  ::close(client);
+  if (server >= 0) ::close(server);
+}
+
+Workload adding(const std::string& name, std::int64_t size, std::int64_t parameters) {
+  Workload workload;
+  workload.name = name;
+  workload.kernel = "adding";
+  workload.inputs = {{"x", Element::kU8, {size}}};
+  workload.outputs = {{"y", Element::kU8, {size}}};
+  if (parameters > 0) workload.parameters = {{"p", Element::kU8, {parameters}}};
+  return workload;
+}
+
+namespace {
+
+class AddingComputer : public Computer {
+ public:
+  std::vector<Tensor> compute(const Workload& workload, const SharedTensors& parameters,
+                              const Digest&, std::span<const Tensor> inputs, Nanos& took) override {
+    const auto in = inputs[0].as<std::uint8_t>();
+    const Nanos pause = in[1] * 10ms;
+    if (pause > 0ms) std::this_thread::sleep_for(pause);
+    if (in[0] == static_cast<std::uint8_t>(Ask::kThrow)) throw std::runtime_error("boom");
+    if (in[0] == static_cast<std::uint8_t>(Ask::kDie)) ::kill(::getpid(), SIGKILL);
+    auto outputs = make_tensors(workload.outputs);
+    const int more = 1 + (parameters == nullptr ? 0 : parameters->at(0).as<std::uint8_t>()[0]);
+    const auto out = outputs[0].as<std::uint8_t>();
+    for (std::size_t i = 0; i < in.size(); ++i) out[i] = static_cast<std::uint8_t>(in[i] + more);
+    took = pause;
+    return outputs;
+  }
+};
+
+Bytes input_of(const Workload& workload, const AddingTask& task) {
+  std::vector<Tensor> inputs = make_tensors(workload.inputs);
+  const auto x = inputs[0].as<std::uint8_t>();
+  for (std::size_t i = 0; i < x.size(); ++i) x[i] = static_cast<std::uint8_t>(task.value + i * 7);
+  x[0] = static_cast<std::uint8_t>(task.ask);
+  x[1] = task.tens_of_ms;
+  return encode_tensors(inputs);
+}
+
+}  // namespace
+
+std::unique_ptr<Computer> make_adding_computer() { return std::make_unique<AddingComputer>(); }
+
+Submission make_submission(const Workload& workload, const AddingTask& task,
+                           std::uint8_t parameter) {
+  Submission submission;
+  const Bytes tensors = input_of(workload, task);
+  TaskBody body{.workload = workload.name, .spec = spec_digest(workload), .tensors = tensors};
+  if (!workload.parameters.empty()) {
+    std::vector<Tensor> parameters = make_tensors(workload.parameters);
+    for (auto& each : parameters[0].as<std::uint8_t>()) each = parameter;
+    const auto bytes = std::make_shared<const Bytes>(encode_tensors(parameters));
+    submission.parameters = {.blob = {digest_of(*bytes), bytes->size(), 256 << 10}, .bytes = bytes};
+    body.parameters = submission.parameters->blob;
+  }
+  submission.body = std::make_shared<const Bytes>(encode(body));
+  return submission;
+}
+
+std::string check_outputs(const Workload& workload, const AddingTask& task, const Bytes& outputs,
+                          std::uint8_t parameter) {
+  auto expected = decode_tensors(input_of(workload, task), workload.inputs);
+  const auto found = decode_tensors(outputs, workload.outputs);
+  if (!found.value) return found.problem;
+  const auto x = expected.value->at(0).as<std::uint8_t>();
+  const auto y = found.value->at(0).as<std::uint8_t>();
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const auto right = static_cast<std::uint8_t>(x[i] + 1 + parameter);
+    if (y[i] != right) return fmt::format("at {}: {} where {} is right", i, y[i], right);
+  }
+  return "";
+}
+
+void run_worker_process() {
+  const Workload small = adding("small", 1000), large = adding("large", 3'000'000);
+  const std::vector<const Workload*> all = {&small, &large};
+  WorkerOptions options;
+  options.connection.server = std::getenv("PIRT_TEST_CLOUD");
+  options.connection.reconnect_wait = 50ms;
+  options.name = "process-" + std::to_string(::getpid());
+  options.limits.slots = std::atoi(std::getenv("PIRT_TEST_SLOTS"));
+  options.limits.progress = 300ms;
+  options.limits.confirm = 1s;
+  options.hello = 300ms;
+  options.make_computer = make_adding_computer;
+  const WorkerLink worker(options, all);
+  while (true) std::this_thread::sleep_for(1s);
+}
+
+pid_t start_worker_process(const std::string& url, int slots) {
+  return start_process({"/proc/self/exe", "--gtest_filter=CloudProcess.IsAWorker"}, "/dev/null",
+                       {"PIRT_TEST_CLOUD=" + url, "PIRT_TEST_SLOTS=" + std::to_string(slots)});
+}
+
+}  // namespace pirt::cloud::test

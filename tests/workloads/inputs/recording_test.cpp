@@ -1,0 +1,373 @@
+// Recordings of ROS: what is written is read as it was, bytes are those of the formats, and what
+// cannot be read is said by name.
+#include "workloads/inputs/recording/recording.h"
+
+#include <fmt/core.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "tests/support/data.h"
+#include "tests/support/errors.h"
+#include "tests/workloads/inputs/sequence_support.h"
+#include "workloads/inputs/pictures/images.h"
+#include "workloads/inputs/recording/bag_format.h"
+#include "workloads/inputs/recording/messages.h"
+#include "workloads/inputs/sequence/recorded.h"
+
+namespace pirt {
+namespace {
+
+namespace fs = std::filesystem;
+using test::bad_input;
+using test::put;
+using test::text_of;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+SceneOptions small_scene(bool stereo = true) {
+  SceneOptions options = test::scene(3, 1.0, stereo);
+  options.path.rest_s = 0.2;
+  options.width = 160;
+  options.height = 120;
+  options.camera_rate_hz = 10;
+  return options;
+}
+
+class Recorded : public testing::TestWithParam<const char*> {
+ protected:
+  [[nodiscard]] fs::path file() const { return scratch_.path() / ("r" + std::string(GetParam())); }
+  const test::ScratchFolder scratch_;
+};
+
+TEST_P(Recorded, ReadsAsTheFolderOfTheSameSequence) {
+  const Sequence written = generate_sequence(small_scene());
+  write_euroc(written, scratch_.path() / "folder", 1);
+  ASSERT_TRUE(write_recording(written, file()));
+  const Sequence read = read_sequence(file());
+  const Sequence folder = read_sequence(scratch_.path() / "folder");
+  EXPECT_THAT(read.warnings, IsEmpty());
+  ASSERT_EQ(read.cameras.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const CameraModel& ours = read.cameras[i];
+    const CameraModel& theirs = folder.cameras[i];
+    EXPECT_EQ(ours.width, theirs.width);
+    EXPECT_EQ(ours.height, theirs.height);
+    EXPECT_NEAR(ours.rate_hz, theirs.rate_hz, 1e-6);
+    for (const auto part :
+         {&CameraModel::fx, &CameraModel::fy, &CameraModel::cx, &CameraModel::cy, &CameraModel::k1,
+          &CameraModel::k2, &CameraModel::p1, &CameraModel::p2}) {
+      EXPECT_DOUBLE_EQ(ours.*part, theirs.*part);
+    }
+    EXPECT_TRUE(ours.body_from_camera.rotation.isApprox(theirs.body_from_camera.rotation, 1e-12));
+    EXPECT_TRUE(ours.body_from_camera.position.isApprox(theirs.body_from_camera.position, 1e-12));
+  }
+  ASSERT_EQ(read.frames.size(), folder.frames.size());
+  for (std::size_t i = 0; i < read.frames.size(); ++i) {
+    EXPECT_EQ(read.frames[i].time, folder.frames[i].time);
+    EXPECT_EQ(read.frames[i].present, folder.frames[i].present);
+    for (std::size_t camera = 0; camera < 2; ++camera) {
+      EXPECT_EQ(read.image(i, camera).pixels, folder.image(i, camera).pixels);
+    }
+  }
+  ASSERT_EQ(read.imu.size(), folder.imu.size());
+  for (std::size_t i = 0; i < read.imu.size(); ++i) {
+    EXPECT_EQ(read.imu[i].time, folder.imu[i].time);
+    // The folder has 12 digits.
+    EXPECT_TRUE(read.imu[i].gyro_rad_s.isApprox(folder.imu[i].gyro_rad_s, 1e-11));
+    EXPECT_TRUE(read.imu[i].accel_m_s2.isApprox(folder.imu[i].accel_m_s2, 1e-11));
+  }
+  EXPECT_NEAR(read.imu_model->rate_hz, folder.imu_model->rate_hz, 1e-6);
+  EXPECT_EQ(read.imu_model->gyro_noise, folder.imu_model->gyro_noise);
+  ASSERT_EQ(read.truth.size(), folder.truth.size());
+  for (std::size_t i = 0; i < read.truth.size(); ++i) {
+    EXPECT_EQ(read.truth[i].time, folder.truth[i].time);
+    EXPECT_TRUE(read.truth[i].body.position.isApprox(folder.truth[i].body.position, 1e-11));
+    EXPECT_TRUE(read.truth[i].body.rotation.isApprox(folder.truth[i].body.rotation, 1e-10));
+  }
+}
+
+TEST_P(Recorded, TakesTheTopicsThatAreChosen) {
+  ASSERT_TRUE(write_recording(generate_sequence(small_scene()), file()));
+  const Sequence right = read_recording(file(), parse_topics("left=/cam1/image_raw,imu=none"));
+  EXPECT_EQ(right.cameras.size(), 1U);
+  EXPECT_THAT(right.imu, IsEmpty());
+  EXPECT_FALSE(right.imu_model);
+  const Sequence both = read_sequence(file());
+  EXPECT_EQ(right.image(2, 0).pixels, both.image(2, 1).pixels);
+  // Without an IMU the camera is the body.
+  EXPECT_TRUE(right.cameras[0].body_from_camera.rotation.isIdentity(1e-12));
+  EXPECT_EQ(read_recording(file(), parse_topics("right=none")).cameras.size(), 1U);
+}
+
+TEST_P(Recorded, SaysWhichTopicsThereAreWhereOneIsMissing) {
+  ASSERT_TRUE(write_recording(generate_sequence(small_scene(false)), file()));
+  const auto problem = [&](const std::string& topics) {
+    return bad_input([&] { static_cast<void>(read_recording(file(), parse_topics(topics))); });
+  };
+  EXPECT_THAT(problem("left=/cam1/image_raw"),
+              AllOf(HasSubstr("no topic '/cam1/image_raw'"),
+                    HasSubstr("/cam0/image_raw (sensor_msgs/Image, 1")));
+  EXPECT_THAT(problem("imu=/truth"), AllOf(HasSubstr("/truth as geometry_msgs/PoseStamped"),
+                                           HasSubstr("sensor_msgs/Imu is needed")));
+  EXPECT_THAT(problem("lift=/cam0/image_raw"), HasSubstr("did you mean left"));
+  EXPECT_THAT(problem("left=none"), HasSubstr("leaves no camera"));
+}
+
+TEST_P(Recorded, GivesPicturesToMeasureWith) {
+  const Sequence sequence = generate_sequence(small_scene(false));
+  ASSERT_TRUE(write_recording(sequence, file()));
+  const auto images = images_from(file());
+  EXPECT_THAT(images->describe(), AllOf(HasSubstr("10 images"), HasSubstr("/cam0/image_raw")));
+  const Picture picture = images->gray(3, 160, 120);
+  EXPECT_THAT(picture.notes, IsEmpty());
+  const auto expected = sequence.image(3, 0);
+  EXPECT_TRUE(std::ranges::equal(picture.pixels.as<std::uint8_t>(), expected.pixels));
+}
+
+TEST_P(Recorded, LeavesNothingBehindWhenStopped) {
+  EXPECT_FALSE(write_recording(generate_sequence(small_scene()), file(),
+                               [](std::size_t written, std::size_t) { return written < 3; }));
+  EXPECT_TRUE(fs::is_empty(scratch_.path()));
+  ASSERT_TRUE(write_recording(generate_sequence(small_scene(false)), file()));
+  EXPECT_THAT(bad_input([&] { write_recording(generate_sequence(small_scene(false)), file()); }),
+              HasSubstr("exists"));
+}
+
+TEST_P(Recorded, SaysThatAFileIsCut) {
+  ASSERT_TRUE(write_recording(generate_sequence(small_scene(false)), file()));
+  const std::string whole = text_of(file());
+  for (const std::size_t kept : {whole.size() - 1, whole.size() / 2, std::size_t{5000},
+                                 std::size_t{100}, std::size_t{5}, std::size_t{0}}) {
+    put(file(), whole.substr(0, kept));
+    EXPECT_THAT(bad_input([&] {
+                  // The database shows some cuts only where its pages are.
+                  const Sequence read = read_sequence(file());
+                  for (std::size_t i = 0; i < read.frames.size(); ++i) {
+                    static_cast<void>(read.image(i, 0));
+                  }
+                }),
+                HasSubstr(file().string()))
+        << kept;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Formats, Recorded, testing::Values(".bag", ".db3"),
+                         [](const auto& test) { return std::string(test.param).substr(1); });
+
+/// Topics of a recording that a test makes message by message.
+class OwnRecording : public testing::Test {
+ protected:
+  void add(const std::string& topic, std::string_view type, const std::string& message) {
+    writer_->write(topic, type, Nanos(++written_), message);
+  }
+  void add_picture(const std::string& topic, const std::string& encoding, int width, int height,
+                   const std::string& data) {
+    add(topic, ImageMessage::kType,
+        written(ImageMessage{.head = {Nanos(written_ + 1), "camera"},
+                             .compressed = false,
+                             .width = width,
+                             .height = height,
+                             .encoding = encoding,
+                             .step = data.size() / static_cast<std::size_t>(height),
+                             .data = data},
+                WireFormat::kRos1));
+  }
+  void add_info(const std::string& topic, const std::string& lens = "plumb_bob",
+                std::vector<double> d = {}) {
+    CameraInfoMessage info;
+    info.width = info.height = 16;
+    info.distortion_model = lens;
+    info.d = std::move(d);
+    info.k = {20, 0, 8, 0, 20, 8, 0, 0, 1};
+    info.p = {20, 0, 8, 0, 0, 20, 8, 0, 0, 0, 1, 0};
+    add(topic, CameraInfoMessage::kType, written(info, WireFormat::kRos1));
+  }
+  [[nodiscard]] Sequence read() {
+    writer_->publish();
+    return read_sequence(file_);
+  }
+  [[nodiscard]] std::string problem() {
+    return bad_input([&] {
+      const Sequence sequence = read();
+      static_cast<void>(sequence.image(0, 0));
+    });
+  }
+
+  const test::ScratchFolder scratch_;
+  fs::path file_ = scratch_.path() / "own.bag";
+  std::unique_ptr<RecordingWriter> writer_ = make_bag(file_);
+  std::int64_t written_ = 0;
+};
+
+TEST_F(OwnRecording, TurnsColoursIntoGrey) {
+  // OpenCV's luma of pure red is 0.299 * 255.
+  add_info("/camera/camera_info");
+  std::string red;
+  for (int i = 0; i < 16 * 16; ++i) red += std::string("\xff\0\0", 3);
+  add_picture("/camera/image_color", "rgb8", 16, 16, red);
+  const Sequence sequence = read();
+  EXPECT_THAT(sequence.image(0, 0).pixels, testing::Each(76));
+}
+
+TEST_F(OwnRecording, SaysWhatIsNotKnown) {
+  add_info("/camera/camera_info");
+  add_picture("/camera/image_raw", "bayer_rggb8", 16, 16, std::string(256, 'a'));
+  EXPECT_THAT(problem(), AllOf(HasSubstr("bayer_rggb8"),
+                               HasSubstr("message 1 of /camera/image_raw"), HasSubstr("mono8")));
+}
+
+TEST_F(OwnRecording, NeedsACalibration) {
+  add_picture("/camera/image_raw", "mono8", 16, 16, std::string(256, 'a'));
+  EXPECT_THAT(problem(), AllOf(HasSubstr("no calibration of /camera/image_raw"),
+                               HasSubstr("/camera/camera_info")));
+}
+
+TEST_F(OwnRecording, RefusesALensThatItDoesNotKnow) {
+  add_info("/camera/camera_info", "equidistant", {0.1, 0.1, 0.1, 0.1});
+  add_picture("/camera/image_raw", "mono8", 16, 16, std::string(256, 'a'));
+  EXPECT_THAT(problem(), AllOf(HasSubstr("equidistant"), HasSubstr("plumb_bob")));
+}
+
+TEST_F(OwnRecording, NeedsPictures) {
+  add_info("/camera/camera_info");
+  EXPECT_THAT(problem(), HasSubstr("has no pictures"));
+}
+
+TEST_F(OwnRecording, AsksWhichOfManyCamerasIsMeant) {
+  for (const char* name : {"/a", "/b", "/c"}) {
+    add_info(std::string(name) + "/camera_info");
+    add_picture(std::string(name) + "/image_raw", "mono8", 16, 16, std::string(256, 'a'));
+  }
+  EXPECT_THAT(problem(), HasSubstr("--topics left=/a/image_raw,right=/b/image_raw"));
+}
+
+TEST_F(OwnRecording, LeavesOutAnImuThatIsNowhere) {
+  add_info("/camera/camera_info");
+  add_picture("/camera/image_raw", "mono8", 16, 16, std::string(256, 'a'));
+  add("/imu", ImuMessage::kType,
+      written(ImuMessage{.head = {Nanos(1), "imu"}, .accel_m_s2 = {0, 0, 9.81}},
+              WireFormat::kRos1));
+  const Sequence sequence = read();
+  EXPECT_THAT(sequence.imu, IsEmpty());
+  EXPECT_THAT(sequence.warnings,
+              ElementsAre(AllOf(HasSubstr("/imu is not used"), HasSubstr("/tf_static"))));
+}
+
+TEST_F(OwnRecording, SaysThatPicturesHaveAnotherSizeThanTheirCalibration) {
+  add_info("/camera/camera_info");
+  add_picture("/camera/image_raw", "mono8", 17, 16, std::string(17 * 16, 'a'));
+  EXPECT_THAT(problem(), AllOf(HasSubstr("17x16"), HasSubstr("16x16")));
+}
+
+/// A bag of one chunk, with that chunk packed by a program.
+class PackedBag : public testing::Test {
+ protected:
+  void write(const std::string& compression, const std::string& command) {
+    SceneOptions options = small_scene(false);
+    options.camera_rate_hz = 5;
+    sequence_ = generate_sequence(options);
+    ASSERT_TRUE(write_recording(sequence_, file_));
+    const std::string text = text_of(file_);
+    const std::size_t begin = bag::kVersion.size() + bag::kHeadBytes;
+    const auto number = [&](std::size_t at) {
+      std::uint32_t value = 0;
+      std::memcpy(&value, text.data() + at, sizeof value);
+      return value;
+    };
+    const std::size_t data = begin + 8 + number(begin);
+    const std::size_t size = number(data - 4);
+    put(plain_, text.substr(data, size));
+    if (!command.empty()) {
+      if (std::system((command + " <" + plain_.string() + " >" + packed_.string()).c_str()) != 0) {
+        GTEST_SKIP() << "there is no " << command;
+      }
+    } else {
+      put(packed_, text_of(plain_));
+    }
+    const std::string chunk =
+        bag::record(bag::op_field(bag::Op::kChunk) + bag::field("compression", compression) +
+                        bag::field("size", bag::raw(static_cast<std::uint32_t>(size))),
+                    text_of(packed_));
+    std::string head = text.substr(0, begin);
+    const auto at = head.find("index_pos=") + 10;
+    std::uint64_t index = 0;
+    std::memcpy(&index, head.data() + at, sizeof index);
+    head.replace(at, 8, bag::raw(index + chunk.size() - (data + size - begin)));
+    put(file_, head + chunk + text.substr(data + size));
+  }
+
+  const test::ScratchFolder scratch_;
+  fs::path file_ = scratch_.path() / "packed.bag";
+  fs::path plain_ = scratch_.path() / "plain", packed_ = scratch_.path() / "chunk";
+  Sequence sequence_;
+};
+
+TEST_F(PackedBag, OfBz2IsUnpacked) {
+  write("bz2", "bzip2");
+  if (IsSkipped()) return;
+  EXPECT_EQ(read_sequence(file_).image(1, 0).pixels, sequence_.image(1, 0).pixels);
+}
+
+TEST_F(PackedBag, OfLz4IsUnpacked) {
+  write("lz4", "lz4 -q");
+  if (IsSkipped()) return;
+  EXPECT_EQ(read_sequence(file_).image(1, 0).pixels, sequence_.image(1, 0).pixels);
+}
+
+TEST_F(PackedBag, SaysWhichCompressionIsNotKnown) {
+  write("zstd", "");
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(file_)); }),
+              AllOf(HasSubstr("'zstd'"), HasSubstr("none, bz2 or lz4")));
+}
+
+TEST_F(PackedBag, SaysThatAChunkIsDamaged) {
+  write("bz2", "");
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(file_)); }),
+              HasSubstr("a chunk of bz2 does not unpack"));
+}
+
+TEST(Bag, ThatWasNotClosedNamesTheRemedy) {
+  const test::ScratchFolder scratch;
+  const auto file = scratch.path() / "open.bag";
+  ASSERT_TRUE(write_recording(generate_sequence(small_scene(false)), file));
+  std::string text = text_of(file);
+  text.replace(text.find("index_pos=") + 10, 8, std::string(8, '\0'));
+  put(file, text);
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(file)); }),
+              AllOf(HasSubstr("was not closed"), HasSubstr("rosbag reindex")));
+}
+
+TEST(Wire, PutsCdrFieldsAtMultiplesOfTheirSize) {
+  // OMG CDR, little-endian: a text of 2 letters takes 4 + 3 bytes, the number behind it begins
+  // at 8.
+  WireWriter out(WireFormat::kCdr);
+  out.text("ab");
+  out.f64(1.0);
+  out.u8(7);
+  out.u32(5);
+  EXPECT_EQ(out.written(), std::string("\0\1\0\0"
+                                       "\3\0\0\0ab\0\0"
+                                       "\0\0\0\0\0\0\xf0\x3f"
+                                       "\7\0\0\0\5\0\0\0",
+                                       28));
+  WireReader in(out.written(), WireFormat::kCdr, "it");
+  EXPECT_EQ(in.text(), "ab");
+  EXPECT_EQ(in.f64(), 1.0);
+  EXPECT_EQ(in.u8(), 7);
+  EXPECT_EQ(in.u32(), 5U);
+  EXPECT_EQ(bad_input([&] { in.u8(); }), "it ends within a field");
+}
+
+TEST(Recording, ThatIsOfAnotherKindIsNamed) {
+  const test::ScratchFolder scratch;
+  put(scratch.path() / "a.mcap", "x");
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(scratch.path() / "a.mcap")); }),
+              AllOf(HasSubstr(".bag"), HasSubstr(".db3"), HasSubstr("ros2 bag convert")));
+}
+
+}  // namespace
+}  // namespace pirt

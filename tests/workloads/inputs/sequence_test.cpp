@@ -1,0 +1,342 @@
+// Readers of recorded sequences: what they read, and what they refuse with which words. Errors of
+// trajectories against values worked by hand.
+#include "workloads/inputs/sequence/sequence.h"
+
+#include <fmt/core.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <fstream>
+#include <opencv2/calib3d.hpp>
+
+#include "tests/support/data.h"
+#include "tests/support/errors.h"
+#include "tests/workloads/inputs/sequence_support.h"
+#include "workloads/inputs/sequence/trajectory.h"
+#include "workloads/vision/vision.h"
+
+namespace pirt {
+namespace {
+
+namespace fs = std::filesystem;
+using test::bad_input;
+using test::put;
+using test::text_of;
+using testing::HasSubstr;
+
+TEST(Camera, RayIsTheInverseOfProject) {
+  const auto sequence = generate_sequence(test::scene(1, 1.0));
+  for (const auto& camera : sequence.cameras) {
+    for (int y = 0; y < camera.height; y += 37) {
+      for (int x = 0; x < camera.width; x += 41) {
+        const Eigen::Vector2d pixel(x, y);
+        EXPECT_LT((camera.project(camera.ray(pixel)) - pixel).norm(), 1e-6);
+      }
+    }
+  }
+}
+
+// The goal for a real lens: OpenCV's to a grey level.
+TEST(Camera, UndistortsARealLensAsOpenCvDoes) {
+  PIRT_DATA_OR_SKIP(data, "euroc-v1_01-static-camera");
+  const CameraModel c = read_camera_yaml(data / "cam0" / "sensor.yaml");
+  EXPECT_EQ(c.width, 752);
+  EXPECT_DOUBLE_EQ(c.k1, -0.28340811);
+  GreyImage image = read_grey_image(data / "cam0" / "1403715273262142976.png", c.width, c.height);
+  vision::Undistort lens;
+  lens.width = c.width;
+  lens.height = c.height;
+  lens.camera = {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2};
+  const GreyImage ours{c.width, c.height, vision::undistorted(lens, image.pixels)};
+  cv::Mat theirs;
+  const cv::Matx33d k(c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1);
+  cv::undistort(cv::Mat(c.height, c.width, CV_8U, image.pixels.data()), theirs, k,
+                cv::Vec4d(c.k1, c.k2, c.p1, c.p2));
+  int most = 0;
+  for (int y = 0; y < c.height; ++y) {
+    for (int x = 0; x < c.width; ++x) {
+      most = std::max(most, std::abs(ours.row(y)[x] - theirs.at<std::uint8_t>(y, x)));
+    }
+  }
+  EXPECT_LE(most, 1);
+  int untouched = 0;  // what not undistorting scores
+  for (int y = 0; y < c.height; ++y) {
+    for (int x = 0; x < c.width; ++x) {
+      untouched = std::max(untouched, std::abs(image.row(y)[x] - theirs.at<std::uint8_t>(y, x)));
+    }
+  }
+  EXPECT_GT(untouched, 50);
+}
+
+TEST(Euroc, ReadsWhatWasWritten) {
+  const test::ScratchFolder scratch;
+  const fs::path folder = scratch.path() / "out";
+  SceneOptions options = test::scene(3, 1.0);
+  options.width = 160;
+  options.height = 120;
+  const Sequence written = generate_sequence(options);
+  write_euroc(written, folder, 2);
+  const Sequence read = read_sequence(folder);
+  EXPECT_THAT(read.warnings, testing::IsEmpty());
+  ASSERT_EQ(read.cameras.size(), 2U);
+  EXPECT_DOUBLE_EQ(read.cameras[1].fx, written.cameras[1].fx);
+  EXPECT_TRUE(read.cameras[1].body_from_camera.rotation.isApprox(
+      written.cameras[1].body_from_camera.rotation, 1e-12));
+  ASSERT_EQ(read.frames.size(), written.frames.size());
+  EXPECT_EQ(read.frames[7].time, written.frames[7].time);
+  EXPECT_EQ(read.image(7, 1).pixels, written.image(7, 1).pixels);
+  ASSERT_EQ(read.imu.size(), written.imu.size());
+  EXPECT_TRUE(read.imu[50].gyro_rad_s.isApprox(written.imu[50].gyro_rad_s, 1e-9));
+  ASSERT_EQ(read.truth.size(), written.truth.size());
+  EXPECT_TRUE(read.truth[99].body.position.isApprox(written.truth[99].body.position, 1e-9));
+}
+
+/// A good folder, whose files each case spoils.
+class SpoiledEuroc : public testing::Test {
+ protected:
+  void SetUp() override { test::write_small_sequence(folder_); }
+  [[nodiscard]] std::string problem() const {
+    return bad_input([&] { static_cast<void>(read_sequence(folder_)); });
+  }
+  void edit(const fs::path& file, const std::string& from, const std::string& to) const {
+    put(folder_ / "mav0" / file, test::replaced(text_of(folder_ / "mav0" / file), from, to));
+  }
+  [[nodiscard]] std::string row(const fs::path& file, int number) const {
+    return test::line_of(text_of(folder_ / "mav0" / file), number);
+  }
+
+  test::ScratchFolder scratch_;
+  fs::path folder_ = scratch_.path() / "seq";
+};
+
+TEST_F(SpoiledEuroc, RefusesAMissingCalibration) {
+  fs::remove(folder_ / "mav0/cam0/sensor.yaml");
+  EXPECT_THAT(problem(), testing::AllOf(HasSubstr("calibration"), HasSubstr("sensor.yaml")));
+}
+
+TEST_F(SpoiledEuroc, RefusesStampsThatRepeatOrFall) {
+  const std::string stamp = row("imu0/data.csv", 5).substr(0, 19);
+  const std::string next = row("imu0/data.csv", 6).substr(0, 19);
+  edit("imu0/data.csv", next, stamp);
+  EXPECT_THAT(problem(), testing::AllOf(HasSubstr("data.csv:7"), HasSubstr("repeats")));
+  edit("imu0/data.csv", row("imu0/data.csv", 6).substr(0, 19), "1403715273000000000");
+  EXPECT_THAT(problem(), HasSubstr("earlier"));
+}
+
+TEST_F(SpoiledEuroc, RefusesRowsThatAreCutOffOrNoNumbers) {
+  const std::string whole = row("imu0/data.csv", 9);
+  edit("imu0/data.csv", whole, whole.substr(0, whole.rfind(',')));
+  EXPECT_THAT(problem(), testing::AllOf(HasSubstr("data.csv:10"), HasSubstr("6 columns")));
+  edit("imu0/data.csv", row("imu0/data.csv", 9), whole.substr(0, whole.rfind(',')) + ",nan");
+  EXPECT_THAT(problem(), testing::AllOf(HasSubstr("data.csv:10"), HasSubstr("column 7")));
+}
+
+TEST_F(SpoiledEuroc, NoticesDegreesAndG) {
+  const Sequence good = read_sequence(folder_);
+  const auto rewrite = [&](double gyro, double accel) {
+    std::ofstream out(folder_ / "mav0/imu0/data.csv");
+    for (const auto& s : good.imu) {
+      // A turn of a radian a second, so that degrees are seen to be too fast.
+      const Eigen::Vector3d w = gyro * (s.gyro_rad_s + Eigen::Vector3d::UnitZ());
+      const Eigen::Vector3d a = accel * s.accel_m_s2;
+      out << s.time.count() << ',' << w.x() << ',' << w.y() << ',' << w.z() << ',' << a.x() << ','
+          << a.y() << ',' << a.z() << '\n';
+    }
+  };
+  rewrite(1, 1);
+  EXPECT_NO_THROW(static_cast<void>(read_sequence(folder_)));
+  rewrite(kDegreesPerRadian, 1);
+  EXPECT_THAT(problem(), HasSubstr("degrees"));
+  rewrite(1, 1 / kGravity);
+  EXPECT_THAT(problem(), HasSubstr("looks like g"));
+  rewrite(1, 0.0);
+  EXPECT_THAT(problem(), HasSubstr("gravity"));
+}
+
+TEST_F(SpoiledEuroc, RefusesExtrinsicsThatAreNone) {
+  edit("cam0/sensor.yaml", "0.061,", "61.0,");
+  EXPECT_THAT(problem(), HasSubstr("millimetres"));
+  edit("cam0/sensor.yaml", "61.0,", "0.061,");
+  edit("cam0/sensor.yaml", "data: [", "data: [2");
+  EXPECT_THAT(problem(), HasSubstr("no rotation"));
+}
+
+TEST_F(SpoiledEuroc, RefusesPicturesThatAreTruncatedMissingOrOfAnotherSize) {
+  const Sequence sequence = read_sequence(folder_);
+  const fs::path picture = folder_ / "mav0/cam0/data" / row("cam0/data.csv", 3).substr(20);
+  const std::string whole = text_of(picture);
+  const auto load = [&] { return bad_input([&] { static_cast<void>(sequence.image(2, 0)); }); };
+  put(picture, whole.substr(0, whole.size() / 2));
+  EXPECT_THAT(load(), HasSubstr(picture.filename().string()));
+  put(picture, "\xff\xd8\xff no picture");
+  EXPECT_THAT(load(), HasSubstr("cannot use the picture"));
+  edit("cam0/sensor.yaml", "resolution: [160, 120]", "resolution: [168, 120]");
+  put(picture, whole);
+  const Sequence other = read_sequence(folder_);
+  EXPECT_THAT(bad_input([&] { static_cast<void>(other.image(2, 0)); }), HasSubstr("160x120"));
+  fs::remove(picture);
+  EXPECT_THAT(problem(), HasSubstr("is missing"));
+}
+
+TEST_F(SpoiledEuroc, SaysThatTheImuStopsAndThatFramesAreMissing) {
+  std::string imu;
+  for (int i = 0; i < 100; ++i) imu += row("imu0/data.csv", i) + "\n";
+  put(folder_ / "mav0/imu0/data.csv", imu);
+  edit("cam0/data.csv", row("cam0/data.csv", 4) + "\n", "");
+  edit("cam0/data.csv", row("cam0/data.csv", 4) + "\n", "");
+  const auto warnings = read_sequence(folder_).warnings;
+  EXPECT_THAT(warnings, testing::Contains(HasSubstr("IMU stops")));
+  EXPECT_THAT(warnings, testing::Contains(HasSubstr("camera: 1 gap")));
+}
+
+TEST(ReadSequence, NamesBothLayoutsForAFolderThatIsNeither) {
+  const test::ScratchFolder scratch;
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(scratch.path())); }),
+              testing::AllOf(HasSubstr("cam0"), HasSubstr("calib.txt")));
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(scratch.path() / "none")); }),
+              HasSubstr("no folder"));
+}
+
+TEST(WriteEuroc, LeavesAFolderThatIsNotEmptyAlone) {
+  const test::ScratchFolder scratch;
+  put(scratch.path() / "mine", "text");
+  EXPECT_THAT(
+      bad_input([&] { write_euroc(generate_sequence(test::scene(1, 1.0)), scratch.path(), 1); }),
+      HasSubstr("not empty"));
+  EXPECT_EQ(text_of(scratch.path() / "mine"), "text");
+}
+
+TEST(Kitti, ReadsTheRealDrive) {
+  PIRT_DATA_OR_SKIP(data, "kitti-odometry-urban");
+  const Sequence sequence = read_sequence(data);
+  ASSERT_EQ(sequence.frames.size(), 51U);
+  ASSERT_EQ(sequence.cameras.size(), 1U);
+  EXPECT_EQ(sequence.cameras[0].width, 1226);
+  EXPECT_DOUBLE_EQ(sequence.cameras[0].fx, 707.0912);
+  EXPECT_EQ(sequence.frames[50].time, from_s(5.0));
+  EXPECT_THAT(sequence.warnings, testing::ElementsAre(HasSubstr("0.1 s")));
+  EXPECT_EQ(sequence.image(0, 0).height, 370);
+  double path_m = 0;
+  for (std::size_t i = 1; i < 51; ++i) {
+    path_m += (sequence.truth[i].body.position - sequence.truth[i - 1].body.position).norm();
+  }
+  EXPECT_NEAR(path_m, 59.9, 0.1);  // as its README says
+}
+
+TEST(Kitti, RefusesPosesThatAreTooFew) {
+  const test::ScratchFolder scratch;
+  fs::create_directories(scratch.path() / "image_0");
+  const fs::path small = scratch.path() / "small";
+  test::write_small_sequence(small);
+  int i = 0;
+  for (const auto& entry : fs::directory_iterator(small / "mav0/cam0/data")) {
+    fs::copy(entry.path(), scratch.path() / "image_0" / (std::to_string(i++) + ".png"));
+  }
+  put(scratch.path() / "calib.txt", "P0: 700 0 80 0 0 700 60 0 0 0 1 0\n");
+  EXPECT_EQ(read_kitti(scratch.path()).frames.size(), 10U);
+  put(scratch.path() / "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n");
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read_kitti(scratch.path())); }),
+              HasSubstr("1 poses for 10 pictures"));
+  put(scratch.path() / "calib.txt", "P0: 700 0 80 0 0 700 60 0 0 0 1\n");
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read_kitti(scratch.path())); }),
+              HasSubstr("calib.txt:1"));
+}
+
+/// A square of 2 m, a pose a second.
+std::vector<TruthRow> square() {
+  std::vector<TruthRow> truth;
+  const std::array<Eigen::Vector3d, 4> corners = {
+      Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(2, 0, 0), Eigen::Vector3d(2, 2, 0),
+      Eigen::Vector3d(0, 2, 1)};
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    TruthRow row;
+    row.time = from_s(static_cast<double>(i) / 10);
+    row.body = {rotation_of({0, 0, 0.1 * static_cast<double>(i)}), corners[i]};
+    truth.push_back(row);
+  }
+  return truth;
+}
+
+TEST(Trajectory, AlignmentTakesOutWhatItMay) {
+  const auto truth = square();
+  const Pose moved{rotation_of({0.1, -0.4, 1.0}), {5, -3, 2}};
+  std::vector<StampedPose> same;
+  std::vector<StampedPose> half;
+  for (const auto& row : truth) {
+    const Pose body = moved * row.body;
+    same.push_back({row.time, body});
+    half.push_back({row.time, {body.rotation, 0.5 * body.position}});
+  }
+  EXPECT_NEAR(evaluate(same, truth, Alignment::kSe3).ate_rms_m, 0, 1e-9);
+  EXPECT_NEAR(evaluate(same, truth, Alignment::kSe3).rotation_error_mean_deg.value(), 0, 1e-5);
+  EXPECT_NEAR(evaluate(half, truth, Alignment::kSim3).ate_rms_m, 0, 1e-9);
+  EXPECT_NEAR(evaluate(half, truth, Alignment::kSim3).scale, 2.0, 1e-9);
+  EXPECT_GT(evaluate(half, truth, Alignment::kSe3).ate_rms_m, 0.3);
+  EXPECT_NEAR(relative_rotation_error_deg(same, truth, 1).value(), 0, 1e-5);
+  EXPECT_EQ(relative_rotation_error_deg(same, truth, same.size()), std::nullopt);
+  EXPECT_THROW(static_cast<void>(align(std::span(same).first(2), truth, Alignment::kSe3)), Error);
+}
+
+// Along a line nothing tells how the whole is turned about it, and in a point nothing at all.
+TEST(Trajectory, AttitudeIsKnownOnlyWherePositionsTellIt) {
+  for (const auto alignment : {Alignment::kSe3, Alignment::kSim3}) {
+    for (const double step : {0.0, 1.0}) {
+      for (const double aside : {0.0, 1.0}) {
+        for (const double noise : {0.0, 0.001}) {
+          SCOPED_TRACE(fmt::format("{} {} {} {}", static_cast<int>(alignment), step, aside, noise));
+          std::vector<TruthRow> truth(20);
+          std::vector<StampedPose> poses;
+          for (int i = 0; i < 20; ++i) {
+            TruthRow& row = truth[static_cast<std::size_t>(i)];
+            row.time = from_s(0.1 * i);
+            row.body.position = {step * i, i % 3 == 0 ? step * aside : 0.0, 0};
+            poses.push_back({row.time, row.body});
+            poses.back().body.position.z() += i % 2 == 0 ? noise : 0.0;
+          }
+          const auto error = evaluate(poses, truth, alignment);
+          EXPECT_LE(error.ate_rms_m, 0.001);
+          const bool told = step > 0 && aside > 0;
+          ASSERT_EQ(error.rotation_error_mean_deg.has_value(), told);
+          EXPECT_LT(error.rotation_error_mean_deg.value_or(0), 0.1);
+        }
+      }
+    }
+  }
+}
+
+// All poses 0.3 m too high but one, 0.1 m too low: after aligning the start, errors are 0, 0, 0 and
+// 0.4 m, so that the RMS is sqrt(0.16 / 4) = 0.2 m.
+TEST(Trajectory, RmsIsThatOfTheAlignedPositions) {
+  const auto truth = square();
+  std::vector<StampedPose> poses;
+  for (const auto& row : truth) {
+    poses.push_back({row.time, row.body});
+    poses.back().body.position.z() += 0.3;
+  }
+  poses.back().body.position.z() -= 0.4;
+  const auto error = evaluate(poses, truth, Alignment::kStartYaw);
+  EXPECT_NEAR(error.ate_rms_m, 0.2, 1e-12);
+  EXPECT_NEAR(error.ate_max_m, 0.4, 1e-12);
+  EXPECT_NEAR(error.path_m, 2 + 2 + std::sqrt(5.0), 1e-12);
+}
+
+TEST(Trajectory, TumTextHasNanosecondsAndTheQuaternionLast) {
+  const std::vector<StampedPose> poses = {
+      {Nanos(1'403'715'273'262'142'976), {rotation_of({0, 0, M_PI / 2}), {1, 2, 3}}}};
+  EXPECT_EQ(test::line_of(tum_text(poses), 1),
+            "1403715273.262142976 1.000000000 2.000000000 3.000000000 0.000000000 0.000000000 "
+            "0.707106781 0.707106781");
+}
+
+TEST(Trajectory, TruthIsNotMadeUpAcrossGaps) {
+  auto truth = square();
+  EXPECT_TRUE(truth_at(truth, from_s(0.15)).has_value());
+  EXPECT_FALSE(truth_at(truth, from_s(0.35)).has_value());
+  truth[3].time = from_s(2.0);
+  EXPECT_FALSE(truth_at(truth, from_s(1.0)).has_value());
+}
+
+}  // namespace
+}  // namespace pirt

@@ -1,0 +1,80 @@
+// Pictures and IMU that do not belong together are told, and those that do are not.
+#include "workloads/slam/run/camera_imu.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/support/long.h"
+#include "tests/workloads/inputs/sequence_support.h"
+
+namespace pirt::slam {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+Sequence flight(std::uint64_t seed) {
+  SceneOptions options = test::scene(seed, 8, false);
+  options.width = 320;
+  options.height = 240;
+  return test::remembering(generate_sequence(options));
+}
+
+Sequence late(Sequence sequence, double s) {
+  for (Frame& frame : sequence.frames) frame.time += from_s(s);
+  return sequence;
+}
+
+TEST(CameraImu, FindsHowLatePicturesAre) {
+  for (int seed = 1; seed <= test::repeats(1, 10); ++seed) {
+    const Sequence sequence = flight(static_cast<std::uint64_t>(seed));
+    for (const double late_s : {0.0, 0.02, -0.02}) {
+      const auto fit = fit_camera_to_imu(late(sequence, late_s));
+      ASSERT_TRUE(fit.has_value()) << seed;
+      std::printf("seed %d: late by %.2f ms, said %.2f ms, sigma %.2f ms; tilt %.2f degrees\n",
+                  seed, 1e3 * late_s, 1e3 * fit->late_s, 1e3 * fit->sigma_s,
+                  kDegreesPerRadian * fit->tilt_rad.norm());
+      EXPECT_NEAR(fit->late_s, late_s, 0.003) << seed;
+      if (late_s == 0) {
+        EXPECT_THAT(warnings_of(*fit), IsEmpty()) << seed;
+      } else {
+        EXPECT_THAT(warnings_of(*fit), ElementsAre(HasSubstr(late_s > 0 ? "later" : "earlier")));
+      }
+    }
+  }
+}
+
+TEST(CameraImu, FindsHowTheCameraIsTurned) {
+  Sequence sequence = flight(2);
+  Pose& mount = sequence.cameras[0].body_from_camera;
+  const Eigen::Vector3d tilt =
+      Eigen::Vector3d(0.6, -0.5, 0.62).normalized() * 3 / kDegreesPerRadian;
+  mount.rotation = rotation_of(tilt) * mount.rotation;
+  const auto fit = fit_camera_to_imu(sequence);
+  ASSERT_TRUE(fit.has_value());
+  EXPECT_LT((fit->tilt_rad - tilt).norm() * kDegreesPerRadian, 0.7)
+      << fit->tilt_rad.transpose() << " where it is " << tilt.transpose();
+  EXPECT_THAT(warnings_of(*fit), ElementsAre(HasSubstr("degrees from what its calibration says")));
+}
+
+TEST(CameraImu, SaysNothingWhereNothingTells) {
+  SceneOptions options = test::scene(1, 2, false);
+  options.path.rest_s = 2;
+  options.width = 320;
+  options.height = 240;
+  EXPECT_FALSE(fit_camera_to_imu(generate_sequence(options)).has_value()) << "at rest";
+  Sequence blind = flight(1);
+  blind.imu.clear();
+  EXPECT_FALSE(fit_camera_to_imu(blind).has_value()) << "without an IMU";
+  Sequence black = flight(1);
+  black.image = [](std::size_t, std::size_t) {
+    return GreyImage{320, 240, std::vector<std::uint8_t>(320 * 240)};
+  };
+  EXPECT_FALSE(fit_camera_to_imu(black).has_value()) << "without a picture";
+}
+
+}  // namespace
+}  // namespace pirt::slam
