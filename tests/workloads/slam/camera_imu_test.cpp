@@ -28,22 +28,39 @@ Sequence late(Sequence sequence, double s) {
   return sequence;
 }
 
+// Where a flight turns too little to tell, it is not said that they fit; those that are late are
+// told all the same.
 TEST(CameraImu, FindsHowLatePicturesAre) {
-  for (int seed = 1; seed <= test::repeats(1, 10); ++seed) {
+  constexpr double kSigmas = 4;
+  const int seeds = test::repeats(1, 10);
+  int told = 0;
+  double squares = 0;
+  for (int seed = 1; seed <= seeds; ++seed) {
     const Sequence sequence = flight(static_cast<std::uint64_t>(seed));
     for (const double late_s : {0.0, 0.02, -0.02}) {
       const auto fit = fit_camera_to_imu(late(sequence, late_s));
-      ASSERT_TRUE(fit.has_value()) << seed;
+      if (!fit) {
+        EXPECT_EQ(late_s, 0) << seed;
+        continue;
+      }
+      ++told;
       std::printf("seed %d: late by %.2f ms, said %.2f ms, sigma %.2f ms; tilt %.2f degrees\n",
                   seed, 1e3 * late_s, 1e3 * fit->late_s, 1e3 * fit->sigma_s,
                   kDegreesPerRadian * fit->tilt_rad.norm());
-      EXPECT_NEAR(fit->late_s, late_s, 0.003) << seed;
+      const double sigmas = (fit->late_s - late_s) / fit->sigma_s;
+      EXPECT_LE(std::abs(sigmas), kSigmas) << seed;
+      EXPECT_LE(fit->sigma_s, 0.002) << seed;
+      squares += sigmas * sigmas;
       if (late_s == 0) {
         EXPECT_THAT(warnings_of(*fit), IsEmpty()) << seed;
       } else {
         EXPECT_THAT(warnings_of(*fit), ElementsAre(HasSubstr(late_s > 0 ? "later" : "earlier")));
       }
     }
+  }
+  EXPECT_GE(told, 3 * seeds - seeds / 5);
+  if (test::long_tests()) {
+    EXPECT_LE(squares / told, 3);
   }
 }
 

@@ -22,7 +22,7 @@ struct CameraImuFit {
 
 /// Reads some 100 pictures from where the body turns most differently; lateness is looked for
 /// within 60 ms. What is not looked at: where the camera sits in the body, which turns do not tell.
-/// @return  Absent without an IMU, or where it turns too little to tell 5 ms.
+/// @return  Absent without an IMU, or where it turns too little to tell what is found, or 5 ms.
 /// @throws  Error as Sequence::image.
 /// @source  Furgale, Rehder and Siegwart, Unified temporal and spatial calibration for multi-sensor
 /// systems, IROS 2013, which fits both to turns alone, too.
