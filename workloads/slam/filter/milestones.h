@@ -32,15 +32,14 @@ void leave_window(State& state, const Setup& setup, double depth);
 /// (-1), less well by what the one is off by against the other.
 void change_milestone(const State& state, MapPoint& point, std::int64_t milestone);
 
-/// What a point of the map is off by against its milestone: twice what it says, since points that
+/// What a point of the map is off by against its milestone: more than it says, since points that
 /// were seen together are off together. f64 [3,3]
 [[nodiscard]] Eigen::Matrix3d shared_covariance(const MapPoint& point);
 
 /// What a point of the map is off by in the world: the same, and as its milestone is. f64 [3,3]
 [[nodiscard]] Eigen::Matrix3d world_covariance(const State& state, const MapPoint& point);
 
-/// A landmark of a point that has a milestone, known half as well: what it shares with those beside
-/// it is not counted.
+/// A landmark of a point that has a milestone, known as shared_covariance() says.
 [[nodiscard]] NewLandmark landmark_of(const State& state, const MapPoint& point);
 
 /// All milestones go; their points are known against the world from now on.
