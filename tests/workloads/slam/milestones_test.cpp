@@ -37,12 +37,14 @@ TEST(Milestones, APointComesBackWhereItWasAgainstItsMilestone) {
   ASSERT_EQ(state.landmarks.size(), 2U);
   EXPECT_EQ(state.landmarks[1].position, state.landmarks[0].position);
   const MapPoint back = map_point_of(state, 1);
-  EXPECT_LT((back.covariance - 4 * left.covariance).norm(), 1e-6 * left.covariance.norm());
+  const Eigen::Matrix3d shared = shared_covariance(left);
+  EXPECT_GT(shared.trace(), 2 * left.covariance.trace());
+  EXPECT_LT((back.covariance - shared).norm(), 1e-6 * shared.norm());
   // The first one is correlated with what told where it is; of the second that is forgotten.
   RowBlock milestone;
   milestone.residual = Eigen::VectorXd::Zero(3);
   milestone.parts.push_back(moves_with(state, left));
-  const Eigen::Matrix3d expected = predicted_covariance(state, milestone) + 4 * left.covariance;
+  const Eigen::Matrix3d expected = predicted_covariance(state, milestone) + shared;
   EXPECT_LT((landmark_covariance(state, 1) - expected).norm(), 1e-6 * expected.norm());
 }
 
