@@ -99,7 +99,7 @@ template <typename Bytes>
   static_assert(kRim >= 5 && 2 * kRim >= kLanes);
   const int columns = image.width - 2 * kRim;
   const int vectors = (columns + 2 + kLanes - 1) / kLanes;
-  const auto stride = static_cast<std::size_t>((vectors + 1) * kLanes);
+  const auto stride = (static_cast<std::size_t>(vectors) + 1) * kLanes;
   std::vector<std::uint8_t> rows(3 * stride);
   const auto row = [&](int y) { return rows.data() + static_cast<std::size_t>(y % 3) * stride; };
   Bytes least;

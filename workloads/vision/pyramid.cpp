@@ -96,8 +96,8 @@ template <std::size_t kSize>
 /// and not used.
 template <int kRows, int kColumns>
 [[gnu::always_inline]] inline void sample(const GreyImage& image, const Anchor& a,
-                                          std::array<float, kRows * kColumns>& out) {
-  constexpr std::size_t kPixels = (kRows + 1) * kColumns;
+                                          std::array<float, std::size_t{kRows} * kColumns>& out) {
+  constexpr std::size_t kPixels = std::size_t{kRows + 1} * kColumns;
   alignas(64) std::array<float, kPixels + kLanes> pixels;
   for (int y = 0; y <= kRows; ++y) {
     const std::uint8_t* from = image.row(a.y + y) + a.x;

@@ -88,7 +88,7 @@ TEST(CameraImu, SaysNothingWhereNothingTells) {
   EXPECT_FALSE(fit_camera_to_imu(blind).has_value()) << "without an IMU";
   Sequence black = flight(1);
   black.image = [](std::size_t, std::size_t) {
-    return GreyImage{320, 240, std::vector<std::uint8_t>(320 * 240)};
+    return GreyImage{320, 240, std::vector<std::uint8_t>(std::size_t{320} * 240)};
   };
   EXPECT_FALSE(fit_camera_to_imu(black).has_value()) << "without a picture";
 }

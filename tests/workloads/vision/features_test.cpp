@@ -64,7 +64,7 @@ TEST(TrackFeatures, FindsAKnownShiftToAFewHundredthsOfAPixel) {
 
 TEST(TrackFeatures, FindsNothingInABlackPictureOrAtTheRim) {
   const Pyramid from = make_pyramid(shifted_pattern(0, 0));
-  GreyImage black{200, 160, std::vector<std::uint8_t>(200 * 160, 0)};
+  GreyImage black{200, 160, std::vector<std::uint8_t>(std::size_t{200} * 160, 0)};
   const std::vector<Eigen::Vector2f> points = {{100, 80}, {2, 2}, {199, 159}};
   for (const auto& t : track_features(from, make_pyramid(black), points, points, {})) {
     EXPECT_FALSE(t.found);
@@ -149,7 +149,8 @@ TEST(ExtractFeatures, KnowsPlacesAgainInTheNextPicture) {
 
 TEST(ExtractFeatures, FindsNoneInAConstantPicture) {
   EXPECT_TRUE(
-      extract_features({320, 240, std::vector<std::uint8_t>(320 * 240, 90)}, {}).pixels.empty());
+      extract_features({320, 240, std::vector<std::uint8_t>(std::size_t{320} * 240, 90)}, {})
+          .pixels.empty());
 }
 
 }  // namespace
