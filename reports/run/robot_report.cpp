@@ -149,12 +149,15 @@ std::string activities_text(const RobotRun& run) {
   return text;
 }
 
+/// Not by less than a centimetre, of which an error is no part that tells anything.
+bool moves(const TrajectoryError& error) { return error.path_m >= 0.01; }
+
 std::string errors_text(const slam::RunSummary& s) {
   if (!s.error) return "\nfewer than 3 poses have truth: errors are not known\n";
   const auto& e = *s.error;
   std::string text = fmt::format(
       "\nposition       RMS {:.4f} m, most {:.4f} m, {} ({})\n", e.ate_rms_m, e.ate_max_m,
-      e.path_m > 0
+      moves(e)
           ? fmt::format("{:.3f} % of the path of {:.2f} m", 100 * e.ate_rms_m / e.path_m, e.path_m)
           : "standing still",
       s.scale_known ? "SE(3)-aligned" : "Sim(3)-aligned: one camera has no scale");
@@ -389,7 +392,7 @@ Table robot_comparison(std::span<const RobotRun> runs) {
                  : "-",
          powered ? mark(run.watts) + fmt::format("{:.1f}", run.energy_j) : "-",
          number(known, "{:.4f}", known ? s.error->ate_rms_m : 0),
-         number(known && s.error->path_m > 0, "{:.3f}",
+         number(known && moves(*s.error), "{:.3f}",
                 known ? 100 * s.error->ate_rms_m / s.error->path_m : 0),
          s.turns.empty() ? "-" : fmt::format("{:.4f}", s.turns.front().mean_deg)});
   }

@@ -135,6 +135,11 @@ TEST_F(RunRobot, ComparesTheSerialRunWithEachMode) {
   EXPECT_THAT(text.out, HasSubstr("Not run: heft"));
 }
 
+TEST_F(RunRobot, SaysNoPartOfAPathThatIsNone) {
+  const auto text = pirt(arguments({"--serial", "--fast", "--duration", "400ms"}));
+  EXPECT_THAT(text.out, HasSubstr("standing still (SE(3)-aligned)"));
+}
+
 TEST_F(RunRobot, TakesOutByHowMuchPicturesAreLate) {
   const auto path = [&](const char* late) {
     const auto file = scratch_.file("late.txt");
