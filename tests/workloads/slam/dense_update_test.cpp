@@ -1,10 +1,10 @@
 // The filter's dense products beside Eigen's, at sizes that end within a strip or a panel.
+#include "workloads/slam/filter/dense_update.h"
+
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
 #include <limits>
-
-#include "workloads/slam/filter/dense_update.h"
 
 namespace pirt::slam {
 namespace {
