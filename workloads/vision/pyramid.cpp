@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstring>
 
-#include "workloads/base/math/lanes.h"
 #include "workloads/base/math/pixel_index.h"
 #include "workloads/base/system/processor.h"
 
@@ -89,6 +88,12 @@ template <std::size_t kSize>
 [[gnu::always_inline]] inline void store(const Lanes& lanes, std::array<float, kSize>& window,
                                          std::size_t i) {
   std::memcpy(window.data() + i, &lanes, sizeof lanes);
+}
+
+/// In an order that any width of registers can keep, so that all give the same bits.
+[[gnu::always_inline]] inline float sum_of_eight(const Lanes& lanes) {
+  return ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) +
+         ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
 }
 
 /// All pixels are converted first: what is loaded at once after it was stored in other pieces waits
