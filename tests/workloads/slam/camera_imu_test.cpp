@@ -28,29 +28,23 @@ Sequence late(Sequence sequence, double s) {
   return sequence;
 }
 
-// Where a flight turns too little to tell, it is not said that they fit; those that are late are
-// told all the same.
+// To 3 ms where the flight tells that; of ten flights one has a sigma of 1.3 ms.
 TEST(CameraImu, FindsHowLatePicturesAre) {
   constexpr double kSigmas = 4;
   const int seeds = test::repeats(1, 10);
-  int told = 0;
   double squares = 0;
   for (int seed = 1; seed <= seeds; ++seed) {
     const Sequence sequence = flight(static_cast<std::uint64_t>(seed));
     for (const double late_s : {0.0, 0.02, -0.02}) {
       const auto fit = fit_camera_to_imu(late(sequence, late_s));
-      if (!fit) {
-        EXPECT_EQ(late_s, 0) << seed;
-        continue;
-      }
-      ++told;
+      ASSERT_TRUE(fit.has_value()) << seed;
       std::printf("seed %d: late by %.2f ms, said %.2f ms, sigma %.2f ms; tilt %.2f degrees\n",
                   seed, 1e3 * late_s, 1e3 * fit->late_s, 1e3 * fit->sigma_s,
                   kDegreesPerRadian * fit->tilt_rad.norm());
+      const double most_s = fit->sigma_s <= 0.001 ? 0.003 : kSigmas * fit->sigma_s;
+      EXPECT_NEAR(fit->late_s, late_s, most_s) << seed;
       const double sigmas = (fit->late_s - late_s) / fit->sigma_s;
-      EXPECT_LE(std::abs(sigmas), kSigmas) << seed;
-      EXPECT_LE(fit->sigma_s, 0.002) << seed;
-      squares += sigmas * sigmas;
+      squares += sigmas * sigmas / (3 * seeds);
       if (late_s == 0) {
         EXPECT_THAT(warnings_of(*fit), IsEmpty()) << seed;
       } else {
@@ -58,10 +52,7 @@ TEST(CameraImu, FindsHowLatePicturesAre) {
       }
     }
   }
-  EXPECT_GE(told, 3 * seeds - seeds / 5);
-  if (test::long_tests()) {
-    EXPECT_LE(squares / told, 3);
-  }
+  EXPECT_LE(squares, 3);
 }
 
 TEST(CameraImu, FindsHowTheCameraIsTurned) {

@@ -191,7 +191,7 @@ std::optional<CameraImuFit> fit_camera_to_imu(const Sequence& sequence) {
   for (const std::size_t first : stretches_of(sequence, gyroscope)) {
     see_turns(sequence, first, gyroscope, turns);
   }
-  if (turns.size() < kLeastPairs) return std::nullopt;  // Of their weights half are above 0.8.
+  if (turns.size() < kLeastPairs) return std::nullopt;
   // Cauchy's weights of what the fit before leaves: some pairs of pictures show little.
   std::vector<double> weights(turns.size(), 1.0);
   double late_s = 0;
@@ -217,8 +217,9 @@ std::optional<CameraImuFit> fit_camera_to_imu(const Sequence& sequence) {
   fit.late_s = late_s + 0.5 * kStep_s * (low - high) / bend;
   double sum = 0;
   for (const double weight : weights) sum += weight;
-  constexpr double kUnknowns = 7;                             // and the lateness
-  const double variance = best.cost / (3 * sum - kUnknowns);  // of a turn, an axis
+  // Of a turn, an axis. Half of the weights are at least 0.8, so that more is seen than is unknown.
+  constexpr double kUnknowns = 7;  // the fit's, and the lateness
+  const double variance = best.cost / (3 * sum - kUnknowns);
   // Half the second derivative of the cost, over the variance, is the information.
   fit.sigma_s = kStep_s * std::sqrt(2 * variance / bend);
   if (!(kSigmas * fit.sigma_s <= std::max(kLeastTold_s, std::abs(fit.late_s)))) return std::nullopt;
