@@ -18,8 +18,6 @@ namespace {
 using peak_math::kAddend;
 using peak_math::kFactor;
 
-bool always() { return true; }
-
 /// The compiler's own vectors: 128 bits, which every 64-bit processor has, fused where its
 /// multiply-add is.
 template <int kChains>

@@ -12,8 +12,6 @@
 namespace pirt::cpu {
 namespace {
 
-using Op = vision::BackgroundModel;
-
 class BackgroundModel : public Kernel {
  public:
   explicit BackgroundModel(std::shared_ptr<BandTeam> team) : team_(std::move(team)) {}
@@ -38,20 +36,21 @@ class BackgroundModel : public Kernel {
 
  private:
   void compute() {
-    const int shift = std::clamp(frames_[0], 0, Op::kMaxShift);
+    const int shift = std::clamp(frames_[0], 0, vision::BackgroundModel::kMaxShift);
     const std::size_t width = image_.size() / static_cast<std::size_t>(height_);
     for_bands(*team_, height_, Halo(0), [&](const Band& band) {
       update(static_cast<std::size_t>(band.rows.start) * width,
              static_cast<std::size_t>(band.rows.end) * width, shift);
     });
-    next_frames_[0] = std::min(shift + 1, Op::kMaxShift);
+    next_frames_[0] = std::min(shift + 1, vision::BackgroundModel::kMaxShift);
   }
 
   /// Pixels from @p begin to before @p end.
   void update(std::size_t begin, std::size_t end, int shift) const {
     const float rate = std::ldexp(1.0F, -shift);
     // Nothing differs from what was never seen.
-    const float threshold = shift > 0 ? Op::kThreshold : std::numeric_limits<float>::infinity();
+    const float threshold =
+        shift > 0 ? vision::BackgroundModel::kThreshold : std::numeric_limits<float>::infinity();
     const std::uint8_t* const image = image_.data();
     const float* const background = background_.data();
     std::uint8_t* const mask = mask_.data();
@@ -77,7 +76,7 @@ class BackgroundModel : public Kernel {
 
 std::unique_ptr<Kernel> make_background_model(const Workload& workload, std::span<const Tensor>,
                                               const std::shared_ptr<BandTeam>& team) {
-  static_cast<void>(operation_as<Op>(workload));
+  static_cast<void>(operation_as<vision::BackgroundModel>(workload));
   return std::make_unique<BackgroundModel>(team);
 }
 

@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <cctype>
 #include <fstream>
-#include <oneapi/dnnl/dnnl.hpp>
 #include <opencv2/core.hpp>
 #include <string>
 #include <utility>
 
 #include "workloads/backends/cpu/dnn_precision.h"
 #include "workloads/backends/cpu/kernels.h"
+#include "workloads/backends/cpu/onednn.h"
 #include "workloads/backends/cpu/peak_loops.h"
 #include "workloads/backends/cpu/threads.h"
 #include "workloads/base/error.h"

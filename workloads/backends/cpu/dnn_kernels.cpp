@@ -5,13 +5,14 @@
 // the two ends, where the host's plain tensors are used in place if the primitive takes them so.
 #include <algorithm>
 #include <array>
-#include <oneapi/dnnl/dnnl.hpp>
-#include <unordered_map>
+#include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
 #include "workloads/backends/cpu/dnn_precision.h"
 #include "workloads/backends/cpu/kernels.h"
+#include "workloads/backends/cpu/onednn.h"
 #include "workloads/dnn/dnn.h"
 #include "workloads/model/slices.h"
 
@@ -21,12 +22,11 @@ namespace {
 using dnnl::memory;
 using Format = memory::format_tag;
 
-constexpr auto kInference = dnnl::prop_kind::forward_inference;
 constexpr auto kF32 = memory::data_type::f32;
 
-memory::desc plain(const memory::dims& dims) {
+memory::desc plain(const memory::dims& dims, memory::data_type type = kF32) {
   constexpr std::array kFormats = {Format::a, Format::ab, Format::abc, Format::abcd};
-  return {dims, kF32, kFormats[dims.size() - 1]};
+  return {dims, type, kFormats[dims.size() - 1]};
 }
 
 /// The same values in whatever layout the primitive likes best.
@@ -35,16 +35,14 @@ memory::desc any(const memory::dims& dims) { return {dims, kF32, Format::any}; }
 /// Whether the values of @p part, some output channels of one image, lie in memory one after the
 /// other as in @p whole, which has all.
 bool is_part_of(const memory::desc& part, const memory::desc& whole) {
-  const auto& a = part.data.format_desc.blocking;
-  const auto& b = whole.data.format_desc.blocking;
-  const int inner = a.inner_nblks;
-  const int dims = part.data.ndims;
-  return inner == b.inner_nblks && std::equal(a.inner_blks, a.inner_blks + inner, b.inner_blks) &&
-         std::equal(a.inner_idxs, a.inner_idxs + inner, b.inner_idxs) &&
-         std::equal(a.strides + 1, a.strides + dims, b.strides + 1) && whole.dims()[0] == 1 &&
-         whole.data.ndims == dims &&
-         whole.get_size() * static_cast<std::size_t>(part.dims()[1]) ==
-             part.get_size() * static_cast<std::size_t>(whole.dims()[1]);
+  const memory::dims part_strides = strides_of(part), whole_strides = strides_of(whole);
+  const memory::dims some = dims_of(part), all = dims_of(whole);
+  return some.size() == all.size() && blocks_of(part) == blocks_of(whole) &&
+         std::ranges::equal(std::span(part_strides).subspan(1),
+                            std::span(whole_strides).subspan(1)) &&
+         all[0] == 1 &&
+         whole.get_size() * static_cast<std::size_t>(some[1]) ==
+             part.get_size() * static_cast<std::size_t>(all[1]);
 }
 
 /// Dimensions of an activation with its batch in front, which the tensor of a single image has not.
@@ -109,14 +107,13 @@ class DnnKernel : public Kernel {
       return;
     }
     output_ = memory(desc, engine_, DNNL_MEMORY_NONE);
-    steps_.push_back(
-        {dnnl::reorder(current_, output_), {{DNNL_ARG_FROM, current_}, {DNNL_ARG_TO, output_}}});
+    add_reorder(current_, output_);
   }
 
  private:
   struct PrimitiveCall {
     dnnl::primitive primitive;
-    std::unordered_map<int, memory> arguments;
+    Arguments arguments;
     bool ends_slice = false;  ///< The call can be left behind it.
   };
 
@@ -124,25 +121,38 @@ class DnnKernel : public Kernel {
   memory current_as(const memory::desc& desc, float scale = 1) {
     if (current_.get_desc() == desc) return current_;
     memory reordered(desc, engine_);
-    dnnl::primitive_attr attributes;
-    if (scale != 1) attributes.set_output_scales(0, {scale});
-    steps_.push_back({dnnl::reorder(current_, reordered, attributes),
-                      {{DNNL_ARG_FROM, current_}, {DNNL_ARG_TO, reordered}}});
+    add_reorder(current_, reordered, scale);
     return reordered;
   }
 
-  /// A copy of the values in the primitive's layout, made now. @param scales  What the values of
-  /// each output channel are multiplied by; empty = nothing.
-  memory parameter_as(const memory::desc& desc, const memory::dims& dims, const float* values,
-                      const std::vector<float>& scales = {}) {
-    memory from(plain(dims), engine_, const_cast<float*>(values));
+  void add_reorder(const memory& from, const memory& to, float scale = 1) {
+    Reorder reorder(engine_, from, to, scale);
+    steps_.push_back({std::move(reorder.primitive), std::move(reorder.arguments)});
+  }
+
+  /// A copy of the values in the primitive's layout, made now.
+  memory parameter_as(const memory::desc& desc, memory from) {
     memory to(desc, engine_);
-    dnnl::primitive_attr attributes;
-    constexpr int kEachOutput = 1 << 0;
-    if (!scales.empty()) attributes.set_output_scales(kEachOutput, scales);
-    dnnl::reorder(from, to, attributes).execute(stream_, from, to);
+    dnnl::reorder(from, to).execute(stream_, from, to);
     stream_.wait();
     return to;
+  }
+  memory parameter_as(const memory::desc& desc, const memory::dims& dims, const float* values) {
+    return parameter_as(desc, memory(plain(dims), engine_, const_cast<float*>(values)));
+  }
+  /// The same of values that are multiplied by the scale of their output channel and rounded.
+  memory quantized_as(const memory::desc& desc, const memory::dims& dims,
+                      std::span<const float> values, const std::vector<float>& scales) {
+    const std::size_t length = values.size() / scales.size();
+    std::vector<std::int8_t> rounded;
+    rounded.reserve(values.size());
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      using Limits = std::numeric_limits<std::int8_t>;
+      rounded.push_back(
+          static_cast<std::int8_t>(std::clamp(std::nearbyint(values[i] * scales[i / length]),
+                                              float{Limits::min()}, float{Limits::max()})));
+    }
+    return parameter_as(desc, memory(plain(dims, memory::data_type::s8), engine_, rounded.data()));
   }
 
   /// One step of a layer with weights and bias.
@@ -151,15 +161,20 @@ class DnnKernel : public Kernel {
                     const Arithmetic& arithmetic, std::span<const Tensor> parameters) {
     const memory source = current_as(primitive.src_desc(), arithmetic.source_scale);
     const auto bias = arithmetic.scaled_bias(parameters[1]);
+    const auto values = parameters[0].as<float>();
     current_ = memory(primitive.dst_desc(), engine_);
-    steps_.push_back(
-        {Primitive(primitive),
-         {{DNNL_ARG_SRC, source},
-          {DNNL_ARG_WEIGHTS,
-           parameter_as(primitive.weights_desc(), weights, parameters[0].as<float>().data(),
-                        arithmetic.weight_scales)},
-          {DNNL_ARG_BIAS, parameter_as(primitive.bias_desc(), {weights[0]}, bias.data())},
-          {DNNL_ARG_DST, current_}}});
+    Arguments arguments = {
+        {DNNL_ARG_SRC, source},
+        {DNNL_ARG_WEIGHTS,
+         arithmetic.quantized()
+             ? quantized_as(primitive.weights_desc(), weights, values, arithmetic.weight_scales)
+             : parameter_as(primitive.weights_desc(), weights, values.data())},
+        {DNNL_ARG_BIAS, parameter_as(primitive.bias_desc(), {weights[0]}, bias.data())},
+        {DNNL_ARG_DST, current_}};
+    if (arithmetic.quantized()) {
+      add_scales(arguments, DNNL_ARG_WEIGHTS, engine_, arithmetic.output_scales());
+    }
+    steps_.push_back({Primitive(primitive), std::move(arguments)});
   }
 
   /// The same in several steps, each of as many output channels, in f32.
@@ -190,10 +205,11 @@ class DnnKernel : public Kernel {
             {DNNL_ARG_DST, to}}});
       if (!in_place) {
         // Channels-last: they lie between those of other parts.
-        memory::dims offsets(result.dims().size(), 0);
+        memory::dims offsets(dims_of(result).size(), 0);
         offsets[1] = static_cast<memory::dim>(i * channels);
-        const memory place(whole.dst_desc().submemory_desc(result.dims(), offsets), engine_, begin);
-        steps_.push_back({dnnl::reorder(to, place), {{DNNL_ARG_FROM, to}, {DNNL_ARG_TO, place}}});
+        const memory place(whole.dst_desc().submemory_desc(dims_of(result), offsets), engine_,
+                           begin);
+        add_reorder(to, place);
       }
       steps_.back().ends_slice = true;
     }
@@ -221,11 +237,9 @@ class DnnKernel : public Kernel {
     const memory source = current_.get_desc() == plain(source_dims)
                               ? current_as({source_dims, kF32, Format::nhwc})
                               : current_;
-    const dnnl::pooling_forward::desc desc(
-        kInference, dnnl::algorithm::pooling_max, source.get_desc(),
-        any({batch_, op.channels, op.out_h(), op.out_w()}), memory::dims{op.stride, op.stride},
-        memory::dims{op.size, op.size}, memory::dims{0, 0}, memory::dims{0, 0});
-    const dnnl::pooling_forward::primitive_desc primitive(desc, engine_);
+    const auto primitive = describe_max_pool(engine_, source.get_desc(),
+                                             any({batch_, op.channels, op.out_h(), op.out_w()}),
+                                             {op.stride, op.stride}, {op.size, op.size});
     current_ = memory(primitive.dst_desc(), engine_);
     steps_.push_back(
         {dnnl::pooling_forward(primitive), {{DNNL_ARG_SRC, source}, {DNNL_ARG_DST, current_}}});
@@ -235,7 +249,7 @@ class DnnKernel : public Kernel {
                            std::span<const Tensor> parameters, int parts) {
     // After a convolution or a pool the activation keeps its three dimensions, and the weights are
     // laid out to fit.
-    const memory::dims source = current_.get_desc().dims();
+    const memory::dims source = dims_of(current_.get_desc());
     memory::dims weights = source;
     dnn::FullyConnected some = op;
     some.out /= parts;
@@ -252,8 +266,7 @@ class DnnKernel : public Kernel {
 
   /// In place.
   void add_softmax() {
-    const dnnl::softmax_forward::desc desc(kInference, current_.get_desc(), 1);
-    const dnnl::softmax_forward::primitive_desc primitive(desc, engine_);
+    const auto primitive = describe_softmax(engine_, current_.get_desc(), 1);
     steps_.push_back(
         {dnnl::softmax_forward(primitive), {{DNNL_ARG_SRC, current_}, {DNNL_ARG_DST, current_}}});
   }
@@ -296,13 +309,13 @@ std::unique_ptr<Kernel> make_sequence(const Workload& workload, std::span<const 
   return kernel;
 }
 
-constexpr std::array<CpuKernelEntry, 4> kKernels = {{{"conv2d_relu", make_layer},
-                                                     {"max_pool", make_layer},
-                                                     {"fully_connected", make_fully_connected},
-                                                     {"sequence", make_sequence}}};
+constexpr std::array<CpuKernelEntry, 4> kDnnKernels = {{{"conv2d_relu", make_layer},
+                                                        {"max_pool", make_layer},
+                                                        {"fully_connected", make_fully_connected},
+                                                        {"sequence", make_sequence}}};
 
 }  // namespace
 
-std::span<const CpuKernelEntry> dnn_kernels() { return kKernels; }
+std::span<const CpuKernelEntry> dnn_kernels() { return kDnnKernels; }
 
 }  // namespace pirt::cpu

@@ -12,27 +12,8 @@ namespace {
 using dnnl::memory;
 using Type = memory::data_type;
 
-constexpr auto kInference = dnnl::prop_kind::forward_inference;
-
 memory::desc any(const memory::dims& dims, Type type) {
   return {dims, type, memory::format_tag::any};
-}
-
-/// Whether the CPU sums products of 8 bits without rounding pairs of them to 16: unsigned 255 times
-/// signed 127, twice, is more than these hold.
-bool has_wide_dot_products() {
-  switch (dnnl::get_effective_cpu_isa()) {
-    case dnnl::cpu_isa::all:
-    case dnnl::cpu_isa::sse41:
-    case dnnl::cpu_isa::avx:
-    case dnnl::cpu_isa::avx2:
-    case dnnl::cpu_isa::avx512_mic:
-    case dnnl::cpu_isa::avx512_mic_4ops:
-    case dnnl::cpu_isa::avx512_core:
-      return false;
-    default:
-      return true;
-  }
 }
 
 /// Each output channel's largest weight becomes @p limit.
@@ -52,17 +33,7 @@ std::vector<float> channel_scales(const Tensor& weights, float limit) {
 }
 
 dnnl::primitive_attr attributes_of(const Arithmetic& arithmetic, bool relu) {
-  dnnl::primitive_attr attributes;
-  constexpr int kEachChannel = 1 << 1;
-  if (arithmetic.quantized()) {
-    attributes.set_output_scales(kEachChannel, arithmetic.output_scales());
-  }
-  if (relu) {
-    dnnl::post_ops after;
-    after.append_eltwise(1.0F, dnnl::algorithm::eltwise_relu, 0.0F, 0.0F);
-    attributes.set_post_ops(after);
-  }
-  return attributes;
+  return attributes_after(arithmetic.quantized(), arithmetic.output_scales(), relu);
 }
 
 /// For looking what there is, before there are weights.
@@ -105,6 +76,7 @@ std::vector<float> Arithmetic::output_scales() const {
 std::vector<float> Arithmetic::scaled_bias(const Tensor& bias) const {
   const auto values = bias.as<float>();
   std::vector<float> scaled(values.begin(), values.end());
+  if (!kScalesBias) return scaled;
   for (std::size_t c = 0; c < weight_scales.size(); ++c) {
     scaled[c] *= source_scale * weight_scales[c];
   }
@@ -128,13 +100,12 @@ dnnl::convolution_forward::primitive_desc describe(const dnn::Conv2dRelu& layer,
                                                    const dnnl::engine& engine) {
   const dnn::ConvShape& s = layer.shape;
   const memory::dims pad = {s.pad, s.pad};
-  const dnnl::convolution_forward::desc desc(
-      kInference, dnnl::algorithm::convolution_direct,
+  return describe_forward<dnnl::convolution_forward>(
+      engine, attributes_of(arithmetic, true), dnnl::algorithm::convolution_direct,
       any({batch, s.in_c, s.in_h, s.in_w}, arithmetic.source),
       any({s.out_c, s.in_c, s.k_h, s.k_w}, arithmetic.weights), any({s.out_c}, Type::f32),
       any({batch, s.out_c, s.out_h(), s.out_w()}, Type::f32), memory::dims{s.stride, s.stride}, pad,
       pad);
-  return {desc, attributes_of(arithmetic, true), engine};
 }
 
 dnnl::inner_product_forward::primitive_desc describe(const dnn::FullyConnected& layer,
@@ -143,10 +114,10 @@ dnnl::inner_product_forward::primitive_desc describe(const dnn::FullyConnected& 
                                                      const dnnl::engine& engine) {
   memory::dims weights = source;
   weights[0] = layer.out;
-  const dnnl::inner_product_forward::desc desc(
-      kInference, any(source, arithmetic.source), any(weights, arithmetic.weights),
-      any({layer.out}, Type::f32), any({source[0], layer.out}, Type::f32));
-  return {desc, attributes_of(arithmetic, false), engine};
+  return describe_forward<dnnl::inner_product_forward>(
+      engine, attributes_of(arithmetic, false), any(source, arithmetic.source),
+      any(weights, arithmetic.weights), any({layer.out}, Type::f32),
+      any({source[0], layer.out}, Type::f32));
 }
 
 std::string missing_precision(const Workload& layer) {

@@ -1,10 +1,10 @@
 // The element types and scales in which oneDNN computes a layer of each precision.
 #pragma once
 
-#include <oneapi/dnnl/dnnl.hpp>
 #include <string>
 #include <vector>
 
+#include "workloads/backends/cpu/onednn.h"
 #include "workloads/dnn/dnn.h"
 
 namespace pirt::cpu {
@@ -19,7 +19,7 @@ struct Arithmetic {
   [[nodiscard]] bool quantized() const { return !weight_scales.empty(); }
   /// What turns the sums of each output channel back into f32.
   [[nodiscard]] std::vector<float> output_scales() const;
-  /// The bias of each output channel in the units of its sums.
+  /// The bias of each output channel, in the units of its sums where it is scaled with them.
   [[nodiscard]] std::vector<float> scaled_bias(const Tensor& bias) const;
 };
 

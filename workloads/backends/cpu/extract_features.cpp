@@ -11,11 +11,10 @@
 namespace pirt::cpu {
 namespace {
 
-using Op = vision::ExtractFeatures;
-
 class ExtractFeatures : public Kernel {
  public:
-  explicit ExtractFeatures(const Op& operation) : image_{operation.width, operation.height, {}} {}
+  explicit ExtractFeatures(const vision::ExtractFeatures& operation)
+      : image_{operation.width, operation.height, {}} {}
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
     input_ = inputs[0].as<std::uint8_t>();
@@ -30,8 +29,10 @@ class ExtractFeatures : public Kernel {
  private:
   void compute() {
     image_.pixels.assign(input_.begin(), input_.end());
-    const auto features = slam::extract_features(
-        image_, {.most = Op::kMost, .cell = Op::kCell, .threshold = Op::kThreshold});
+    const auto features =
+        slam::extract_features(image_, {.most = vision::ExtractFeatures::kMost,
+                                        .cell = vision::ExtractFeatures::kCell,
+                                        .threshold = vision::ExtractFeatures::kThreshold});
     for (Tensor& output : outputs_) output.set_rows(std::ssize(features.pixels));
     const auto pixels = outputs_[0].used<float>();
     for (std::size_t i = 0; i < features.pixels.size(); ++i) {
@@ -54,7 +55,7 @@ class ExtractFeatures : public Kernel {
 
 std::unique_ptr<Kernel> make_extract_features(const Workload& workload, std::span<const Tensor>,
                                               const std::shared_ptr<BandTeam>&) {
-  return std::make_unique<ExtractFeatures>(operation_as<Op>(workload));
+  return std::make_unique<ExtractFeatures>(operation_as<vision::ExtractFeatures>(workload));
 }
 
 }  // namespace pirt::cpu

@@ -13,7 +13,7 @@ std::unique_ptr<Kernel> make_function(const Workload& workload, std::span<const 
   return std::make_unique<FunctionKernel>(operation_as<HostFunction>(workload).prepare(parameters));
 }
 
-constexpr std::array kKernels = {
+constexpr std::array kHostFunctions = {
     CpuKernelEntry{"plan_path", make_function},
     CpuKernelEntry{"avoid_obstacles", make_function},
     CpuKernelEntry{"bundle_adjust", make_function},
@@ -23,6 +23,6 @@ constexpr std::array kKernels = {
 
 }  // namespace
 
-std::span<const CpuKernelEntry> host_functions() { return kKernels; }
+std::span<const CpuKernelEntry> host_functions() { return kHostFunctions; }
 
 }  // namespace pirt::cpu

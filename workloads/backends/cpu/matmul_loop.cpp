@@ -5,8 +5,8 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <oneapi/dnnl/dnnl.hpp>
 
+#include "workloads/backends/cpu/onednn.h"
 #include "workloads/backends/cpu/peak_loops.h"
 #include "workloads/backends/cpu/threads.h"
 #include "workloads/base/math/peak_math.h"
@@ -34,7 +34,7 @@ class MatmulPeak final : public PeakLoop {
         a_(desc(a), engine_),
         b_(desc(b), engine_),
         c_(desc(c), engine_),
-        matmul_(dnnl::matmul::primitive_desc({desc(a), desc(b), desc(c)}, engine_)) {
+        matmul_(describe_matmul(engine_, desc(a), desc(b), desc(c))) {
     for (int i = 0; i < kSize * kSize; ++i) {
       const auto at = static_cast<std::uint64_t>(i);
       static_cast<A*>(a_.get_data_handle())[i] = static_cast<A>(hash_u64(1, at) % 16);

@@ -7,9 +7,9 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
-#include <oneapi/dnnl/dnnl.hpp>
 #include <utility>
 
+#include "workloads/backends/cpu/onednn.h"
 #include "workloads/backends/cpu/threads.h"
 #include "workloads/base/error.h"
 #include "workloads/base/math/peak_math.h"
@@ -19,7 +19,7 @@
 namespace pirt::cpu {
 namespace {
 
-using Team = std::shared_ptr<CoreTeam>;
+using Cores = std::shared_ptr<CoreTeam>;
 
 /// Short enough to be followed value by value when it is checked, long enough that its call costs
 /// nothing: 20 us and more.
@@ -55,7 +55,7 @@ class Memory {
 
 class ChainPeak final : public PeakLoop {
  public:
-  ChainPeak(const ChainLoop& loop, Team team) : loop_(loop), team_(std::move(team)) {
+  ChainPeak(const ChainLoop& loop, Cores team) : loop_(loop), team_(std::move(team)) {
     for (int i = 0; i < team_->size(); ++i) {
       values_.push_back(
           std::make_unique<Memory>(sizeof(float) * static_cast<std::size_t>(loop.values)));
@@ -107,13 +107,13 @@ class ChainPeak final : public PeakLoop {
   }
 
   const ChainLoop& loop_;
-  Team team_;
+  Cores team_;
   std::vector<std::unique_ptr<Memory>> values_;  ///< Of each core.
 };
 
 class DotPeak final : public PeakLoop {
  public:
-  DotPeak(const DotLoop& loop, Team team)
+  DotPeak(const DotLoop& loop, Cores team)
       : loop_(loop),
         team_(std::move(team)),
         data_(static_cast<std::size_t>(DotLoop::kRows * loop.lanes * 4)),
@@ -177,7 +177,7 @@ class DotPeak final : public PeakLoop {
   }
 
   const DotLoop& loop_;
-  Team team_;
+  Cores team_;
   Memory data_, weights_;                      ///< Shared; only read.
   std::vector<std::unique_ptr<Memory>> sums_;  ///< Of each core.
 };
@@ -200,7 +200,7 @@ struct Slices {
 
 class ReadPeak final : public PeakLoop {
  public:
-  ReadPeak(const ReadLoop& loop, PeakKind kind, Team team, std::shared_ptr<const Slices> slices)
+  ReadPeak(const ReadLoop& loop, PeakKind kind, Cores team, std::shared_ptr<const Slices> slices)
       : loop_(loop), kind_(kind), team_(std::move(team)), slices_(std::move(slices)) {
     found_.resize(slices_->sums.size());
   }
@@ -238,13 +238,13 @@ class ReadPeak final : public PeakLoop {
  private:
   const ReadLoop& loop_;
   PeakKind kind_;
-  Team team_;
+  Cores team_;
   std::shared_ptr<const Slices> slices_;
   std::vector<std::uint32_t> found_;  ///< Of each core.
   int repeats_ = 0;
 };
 
-void add_reads(PeakKind kind, std::size_t slice_bytes, const Team& team, PeakLoops& all) {
+void add_reads(PeakKind kind, std::size_t slice_bytes, const Cores& team, PeakLoops& all) {
   const auto slices = std::make_shared<const Slices>(*team, slice_bytes);
   for (const ReadLoop& loop : read_loops()) {
     if (loop.available()) all.loops.push_back(std::make_unique<ReadPeak>(loop, kind, team, slices));
@@ -257,7 +257,7 @@ std::size_t rounded_down(std::int64_t bytes) {
 }
 
 /// Half a core's L2: what else is in use finds room beside it.
-void add_l2_reads(const CacheSizes& caches, const Team& team, PeakLoops& all) {
+void add_l2_reads(const CacheSizes& caches, const Cores& team, PeakLoops& all) {
   if (!caches.l2_bytes) {
     all.unavailable[PeakKind::kBandwidthL2] = "the machine does not say how large its caches are";
     return;
@@ -268,7 +268,7 @@ void add_l2_reads(const CacheSizes& caches, const Team& team, PeakLoops& all) {
 /// Four times the last caches of the whole machine, over all cores of the unit, so that a pass
 /// finds next to nothing of the one before in whatever cache it may lie; no more than an eighth of
 /// the memory.
-void add_memory_reads(const Team& team, PeakLoops& all) {
+void add_memory_reads(const Cores& team, PeakLoops& all) {
   constexpr std::int64_t kWithoutCacheSizes = std::int64_t{128} << 20;
   const auto caches = all_last_cache_bytes();
   const std::int64_t memory = std::int64_t{::sysconf(_SC_PHYS_PAGES)} * ::sysconf(_SC_PAGE_SIZE);

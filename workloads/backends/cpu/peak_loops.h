@@ -16,6 +16,9 @@
 
 namespace pirt::cpu {
 
+/// For loops that every processor has the instructions of.
+inline bool always() { return true; }
+
 /// An arithmetic loop on one core.
 struct ChainLoop {
   std::string_view name;

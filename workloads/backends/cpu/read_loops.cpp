@@ -12,8 +12,6 @@
 namespace pirt::cpu {
 namespace {
 
-bool always() { return true; }
-
 using Vector [[gnu::vector_size(16), gnu::may_alias]] = std::uint32_t;
 
 /// @p kStreams  Parts of the memory that are read in turn: hardware prefetchers follow several.
@@ -38,7 +36,7 @@ template <int kStreams>
 
 #if defined(__x86_64__)
 
-bool has_avx512() { return __builtin_cpu_supports("avx512f"); }
+bool has_avx512f() { return __builtin_cpu_supports("avx512f"); }
 
 /// @p kAhead  Bytes that are asked for in advance; 0 = the hardware's own guess alone.
 template <int kStreams, int kAhead>
@@ -99,7 +97,7 @@ constexpr std::array kReadLoops = {
     ReadLoop{"AVX2 loads, one stream", has_avx2, avx2_sum<1, 0>},
     ReadLoop{"AVX2 loads, four streams", has_avx2, avx2_sum<4, 0>},
     ReadLoop{"AVX2 loads, prefetching 1 KiB ahead", has_avx2, avx2_sum<1, 1024>},
-    ReadLoop{"AVX-512 loads, one stream", has_avx512, avx512_sum}};
+    ReadLoop{"AVX-512 loads, one stream", has_avx512f, avx512_sum}};
 
 #else
 

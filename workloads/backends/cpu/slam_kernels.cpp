@@ -64,7 +64,7 @@ std::unique_ptr<Kernel> make_step(const Workload& workload, std::span<const Tens
   return std::make_unique<SlamStep>(workload);
 }
 
-constexpr std::array kKernels = {
+constexpr std::array kSlamKernels = {
     CpuKernelEntry{"imu_propagate", make_step},
     CpuKernelEntry{"update_pose", make_step},
     CpuKernelEntry{"extend_map", make_step},
@@ -72,6 +72,6 @@ constexpr std::array kKernels = {
 
 }  // namespace
 
-std::span<const CpuKernelEntry> slam_kernels() { return kKernels; }
+std::span<const CpuKernelEntry> slam_kernels() { return kSlamKernels; }
 
 }  // namespace pirt::cpu

@@ -2,7 +2,7 @@
 
 #include <dlfcn.h>
 
-#include <oneapi/dnnl/dnnl.hpp>
+#include "workloads/backends/cpu/onednn.h"
 
 namespace pirt::cpu {
 
@@ -22,8 +22,7 @@ void start_openmp_team(int threads) {
   const dnnl::memory::desc desc({dnnl::memory::dim{16'384} * threads}, dnnl::memory::data_type::f32,
                                 dnnl::memory::format_tag::a);
   const dnnl::memory values(desc, engine);
-  const dnnl::eltwise_forward::primitive_desc relu(
-      {dnnl::prop_kind::forward_inference, dnnl::algorithm::eltwise_relu, desc, 0.0F}, engine);
+  const auto relu = describe_relu(engine, desc);
   dnnl::eltwise_forward(relu).execute(stream, {{DNNL_ARG_SRC, values}, {DNNL_ARG_DST, values}});
   stream.wait();
 }

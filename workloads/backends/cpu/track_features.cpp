@@ -12,11 +12,9 @@
 namespace pirt::cpu {
 namespace {
 
-using Op = vision::TrackFeatures;
-
 class TrackFeatures : public Kernel {
  public:
-  TrackFeatures(const Op& operation, std::shared_ptr<BandTeam> team)
+  TrackFeatures(const vision::TrackFeatures& operation, std::shared_ptr<BandTeam> team)
       : operation_(operation), team_(std::move(team)) {}
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
@@ -38,7 +36,8 @@ class TrackFeatures : public Kernel {
            ++i) {
         const auto pixels = inputs_[i].as<std::uint8_t>();
         pyramids[i] = slam::make_pyramid(
-            {operation_.width, operation_.height, {pixels.begin(), pixels.end()}}, Op::kLevels);
+            {operation_.width, operation_.height, {pixels.begin(), pixels.end()}},
+            vision::TrackFeatures::kLevels);
       }
     });
     const auto points = inputs_[2].used<float>();
@@ -58,7 +57,7 @@ class TrackFeatures : public Kernel {
     });
   }
 
-  Op operation_;
+  vision::TrackFeatures operation_;
   std::shared_ptr<BandTeam> team_;
   std::span<const Tensor> inputs_;
   std::span<Tensor> outputs_;
@@ -68,7 +67,7 @@ class TrackFeatures : public Kernel {
 
 std::unique_ptr<Kernel> make_track_features(const Workload& workload, std::span<const Tensor>,
                                             const std::shared_ptr<BandTeam>& team) {
-  return std::make_unique<TrackFeatures>(operation_as<Op>(workload), team);
+  return std::make_unique<TrackFeatures>(operation_as<vision::TrackFeatures>(workload), team);
 }
 
 }  // namespace pirt::cpu

@@ -323,7 +323,7 @@ std::unique_ptr<Kernel> make_optical_flow(const Workload& workload, std::span<co
   return make(OpticalFlow(op.width, op.height, team));
 }
 
-constexpr std::array kKernels = {
+constexpr std::array kVisionKernels = {
     CpuKernelEntry{"gaussian_blur", make_gaussian_blur},
     CpuKernelEntry{"filter7x7", make_filter7x7},
     CpuKernelEntry{"sobel", make_sobel},
@@ -337,6 +337,6 @@ constexpr std::array kKernels = {
 
 }  // namespace
 
-std::span<const CpuKernelEntry> vision_kernels() { return kKernels; }
+std::span<const CpuKernelEntry> vision_kernels() { return kVisionKernels; }
 
 }  // namespace pirt::cpu
