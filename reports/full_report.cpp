@@ -89,7 +89,8 @@ class Sections {
     add(peak_table(rooflines(machine_.profile)));
   }
   void choices(bool with_modes) {
-    heading("Which unit, which mode");
+    const bool modes_ran = !machine_.modes.runs.empty() || !machine_.modes.skipped.empty();
+    heading(modes_ran ? "Which unit, which mode" : "Which unit");
     add(preference_table(preferences(machine_.profile)));
     const auto modes = papers_modes(machine_);
     if (with_modes && !modes.empty()) parts_.emplace_back(modes_table(modes));
@@ -265,7 +266,7 @@ Json full_report_json(const ReportInputs& inputs) {
 }
 
 Document brief_document(const Profile& profile, const ModeRuns& modes, const Mix& mix) {
-  Document document{.title = "pirt report --brief", .parts = {}};
+  Document document{.title = "pirt report compare", .parts = {}};
   document.parts.emplace_back(profile_header(profile));
   document.parts.emplace_back(preference_table(preferences(profile)));
   for (Part& part : comparison_document(modes, mix).parts) {
@@ -282,7 +283,7 @@ Json brief_json(const Profile& profile, const ModeRuns& modes) {
 
 Document paper_document(const Machine* machine, const std::vector<Profile>& others, const Mix& mix,
                         const PaperRuns& paper) {
-  Document document{.title = "pirt report --paper", .parts = {}};
+  Document document{.title = "pirt report paper", .parts = {}};
   if (machine != nullptr) document.parts.emplace_back(profile_header(machine->profile));
   document.parts.emplace_back(scorecard_table(scorecard(evidence_of(machine, mix, paper))));
   document.parts.emplace_back(contradictions_table());

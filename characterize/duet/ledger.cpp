@@ -17,7 +17,7 @@
 namespace pirt {
 namespace {
 
-constexpr int kFormat = 1;
+constexpr int kLedgerFormat = 1;
 constexpr const char* kFormatKey = "pirt_ledger";
 
 std::string value_text(const Ledger::Event& key, const std::string& field) {
@@ -89,7 +89,7 @@ void Ledger::read(const Event& key, const std::function<void(const Event&)>& rep
     text.resize(complete);
   }
   if (text.empty()) {
-    Event header = {{kFormatKey, kFormat}};
+    Event header = {{kFormatKey, kLedgerFormat}};
     header["of"] = key;
     append(header);
     return;
@@ -112,7 +112,7 @@ void Ledger::read(const Event& key, const std::function<void(const Event&)>& rep
       }
       continue;
     }
-    if (event[kFormatKey] != kFormat || !event.contains("of")) {
+    if (event[kFormatKey] != kLedgerFormat || !event.contains("of")) {
       throw_bad_input(
           fmt::format("ledger '{}' is of another version of pirt; remove it", path_.string()));
     }

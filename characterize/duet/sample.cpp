@@ -20,7 +20,7 @@
 namespace pirt {
 namespace {
 
-constexpr int kFormat = 1;
+constexpr int kSampleFormat = 1;
 
 Job job_for(const Platform& platform, const SampleRequest& request) {
   const UnitModel& unit = platform.unit(request.cell.unit);
@@ -99,7 +99,7 @@ Sample take_sample(const Platform& platform, const SampleRequest& request) {
 }
 
 Json to_json(const Sample& sample) {
-  Json json = {{"pirt_sample", kFormat},
+  Json json = {{"pirt_sample", kSampleFormat},
                {"version", sample.version},
                {"device", sample.device},
                {"driver", sample.driver}};
@@ -116,7 +116,7 @@ Json to_json(const Sample& sample) {
 Sample sample_from_json(const std::string& text) {
   try {
     const auto json = parse_json(text);
-    if (json.at("pirt_sample").get<int>() < kFormat) throw_bad_input("an unknown format");
+    if (json.at("pirt_sample").get<int>() < kSampleFormat) throw_bad_input("an unknown format");
     Sample sample;
     sample.version = json.at("version");
     sample.device = json.at("device");

@@ -8,13 +8,13 @@
 #include <array>
 #include <cmath>
 
+#include "characterize/energy/model.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
 
-constexpr double kPico = 1e-12;
 constexpr double kHuberFrom = 0.05;
 constexpr double kLargestCondition = 30;
 constexpr double kShareOfDependency = 0.3;  // of the vector of the smallest singular value

@@ -11,8 +11,6 @@
 namespace pirt {
 namespace {
 
-constexpr double kPico = 1e-12;
-
 double stated_call_j(const Platform& platform, const UnitModel& unit, const std::string& workload) {
   const auto model = platform.workloads.find(workload);
   if (model == platform.workloads.end()) return 0;

@@ -12,6 +12,8 @@
 
 namespace pirt {
 
+inline constexpr double kPico = 1e-12;
+
 /// active_w * mean call + op_pj * operations + byte_pj * bytes + call_j + the link's active_w * the
 /// time that inputs and outputs take over it, with the terms that the platform gives: what the call
 /// adds to the idle power. The mean, since joules of calls add up: a robot that makes n calls uses

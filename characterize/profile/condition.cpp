@@ -5,19 +5,19 @@
 namespace pirt {
 namespace {
 
-constexpr std::array<std::string_view, kAllConditions.size()> kNames = {
+constexpr std::array<std::string_view, kAllConditions.size()> kConditionNames = {
     "steady", "cold_cache", "cold_memory", "beside_memory", "beside_compute"};
 
 }  // namespace
 
 std::string_view to_string(Condition condition) {
-  return kNames[static_cast<std::size_t>(condition)];
+  return kConditionNames[static_cast<std::size_t>(condition)];
 }
 
 std::optional<Condition> condition_from_string(std::string_view text) {
-  const auto found = std::ranges::find(kNames, text);
-  if (found == kNames.end()) return std::nullopt;
-  return static_cast<Condition>(found - kNames.begin());
+  const auto found = std::ranges::find(kConditionNames, text);
+  if (found == kConditionNames.end()) return std::nullopt;
+  return static_cast<Condition>(found - kConditionNames.begin());
 }
 
 }  // namespace pirt

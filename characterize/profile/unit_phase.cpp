@@ -5,17 +5,19 @@
 namespace pirt {
 namespace {
 
-constexpr std::array<std::string_view, kAllUnitPhases.size()> kNames = {"handover", "leave",
-                                                                        "reread", "reread_cold"};
+constexpr std::array<std::string_view, kAllUnitPhases.size()> kUnitPhaseNames = {
+    "handover", "leave", "reread", "reread_cold"};
 
 }  // namespace
 
-std::string_view to_string(UnitPhase phase) { return kNames[static_cast<std::size_t>(phase)]; }
+std::string_view to_string(UnitPhase phase) {
+  return kUnitPhaseNames[static_cast<std::size_t>(phase)];
+}
 
 std::optional<UnitPhase> unit_phase_from_string(std::string_view text) {
-  const auto found = std::ranges::find(kNames, text);
-  if (found == kNames.end()) return std::nullopt;
-  return static_cast<UnitPhase>(found - kNames.begin());
+  const auto found = std::ranges::find(kUnitPhaseNames, text);
+  if (found == kUnitPhaseNames.end()) return std::nullopt;
+  return static_cast<UnitPhase>(found - kUnitPhaseNames.begin());
 }
 
 }  // namespace pirt

@@ -3,13 +3,10 @@
 #include <utility>
 
 #include "workloads/base/system/affinity.h"
+#include "workloads/base/system/caches.h"
 
 namespace pirt {
-namespace {
-
-constexpr std::size_t kLineWords = 64 / sizeof(std::uint64_t);
-
-}  // namespace
+namespace {}  // namespace
 
 CacheSweep::CacheSweep(std::vector<int> cores, std::int64_t bytes)
     : cores_(std::move(cores)),

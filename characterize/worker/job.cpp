@@ -12,7 +12,7 @@ namespace pirt {
 namespace {
 
 constexpr int kProtocol = 5;
-constexpr std::string_view kPrefix = "pirt-record ";
+constexpr std::string_view kRecordPrefix = "pirt-record ";
 constexpr std::string_view kProgress = "pirt-progress ";
 
 Json encode(const std::vector<Nanos>& times) {
@@ -386,7 +386,7 @@ std::string to_record(const JobResult& r) {
                   {"metered", encode(r.metered)},
                   {"peaks", peaks}};
   // Drivers' texts need not be UTF-8.
-  return std::string(kPrefix) + json_text(j);
+  return std::string(kRecordPrefix) + json_text(j);
 }
 
 std::string progress_record(const std::string& what) { return std::string(kProgress) + what; }
@@ -407,9 +407,9 @@ JobResult last_record(std::string_view output) {
     const auto line = output.substr(line_begin, line_end - line_begin);
     output = output.substr(0, line_begin);
     // A library that prints without an end of line may stand before the record.
-    const auto prefix = line.find(kPrefix);
+    const auto prefix = line.find(kRecordPrefix);
     if (prefix == std::string_view::npos) continue;
-    const auto json = try_parse_json(line.substr(prefix + kPrefix.size()));
+    const auto json = try_parse_json(line.substr(prefix + kRecordPrefix.size()));
     if (json) return result_from(*json);
   }
   return {};

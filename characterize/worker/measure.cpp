@@ -15,7 +15,7 @@ namespace pirt {
 namespace {
 
 constexpr Nanos kBatchTime = std::chrono::milliseconds(1);
-constexpr std::int64_t kLargestBatch = 100'000;
+constexpr std::int64_t kMostCallsAtOnce = 100'000;
 constexpr double kClockShare = 0.001;                     // what the clock may cost within a sample
 constexpr double kClockBoundShare = 0.01;                 // what invalidates
 constexpr std::int64_t kMostSimulatedWarmUpCalls = 1000;  // they may take no time at all
@@ -379,7 +379,7 @@ PhaseSamples sample_executions(Kernel& kernel, const Clock& clock, std::int64_t 
 std::int64_t batch_size(Nanos one_call) {
   if (one_call >= kBatchTime) return 1;
   const std::int64_t call_ns = std::max<std::int64_t>(1, one_call.count());
-  return std::min(kLargestBatch, (kBatchTime.count() + call_ns - 1) / call_ns);
+  return std::min(kMostCallsAtOnce, (kBatchTime.count() + call_ns - 1) / call_ns);
 }
 
 double clock_share(Nanos median_sample, std::int64_t batch, const ClockQuality& quality) {

@@ -20,7 +20,6 @@ constexpr std::array<SleepPlan, 5> kPlans = {{{Nanos(0), 20},
                                               {milliseconds(100), 7}}};
 constexpr int kColdSamples = 10;
 constexpr std::int64_t kPartOfLast = 8;
-constexpr std::size_t kLineWords = 64 / sizeof(std::uint64_t);
 
 std::int64_t last_of(const std::vector<int>& cores) {
   const auto bytes = reached_cache_bytes(cores);

@@ -17,7 +17,7 @@
 namespace pirt {
 namespace {
 
-constexpr std::string_view kPrefix = "pirt-scratch-";
+constexpr std::string_view kScratchPrefix = "pirt-scratch-";
 constexpr std::string_view kRandom = "XXXXXX";
 constexpr const char* kLock = "lock";
 
@@ -38,7 +38,8 @@ void remove_locked(const std::filesystem::path& folder) {
 
 bool is_own_scratch(const std::filesystem::path& path) {
   const std::string name = path.filename().string();
-  if (!name.starts_with(kPrefix) || name.size() != kPrefix.size() + kRandom.size()) return false;
+  if (!name.starts_with(kScratchPrefix) || name.size() != kScratchPrefix.size() + kRandom.size())
+    return false;
   struct stat status {};
   return ::lstat(path.c_str(), &status) == 0 && S_ISDIR(status.st_mode) &&
          status.st_uid == ::geteuid();
@@ -101,7 +102,7 @@ ScratchFolder::ScratchFolder() {
   const auto base = scratch_base();
   remove_what_was_left(base);
   while (lock_.get() < 0) {
-    std::string name = (base / kPrefix).string() + std::string(kRandom);
+    std::string name = (base / kScratchPrefix).string() + std::string(kRandom);
     if (::mkdtemp(name.data()) == nullptr) throw_cannot_make(base.string(), std::strerror(errno));
     try {
       if (auto lock = lock_new(name)) lock_ = std::move(*lock);

@@ -64,17 +64,12 @@ std::string notes(const Table& table) {
   return out;
 }
 
-template <typename T>
-void put(Json& json, const char* key, const std::optional<T>& value) {
-  if (value) json[key] = *value;
-}
-
 Json json_of(const Mark& mark) {
   Json json = {{"group", mark.group}, {"series", mark.series}};
-  put(json, "x", mark.x);
-  put(json, "y", mark.y);
-  put(json, "low", mark.low);
-  put(json, "high", mark.high);
+  json.put("x", mark.x);
+  json.put("y", mark.y);
+  json.put("low", mark.low);
+  json.put("high", mark.high);
   if (!mark.values.empty()) json["values"] = mark.values;
   if (mark.provenance != Provenance::kMeasured) {
     json["provenance"] = to_string(mark.provenance);
@@ -97,8 +92,8 @@ Json json_of(const Chart& chart) {
                {"marks", Json::array()}};
   for (const ReferenceLine& line : chart.lines) {
     Json each = {{"label", line.label}, {"points", line.points}};
-    put(each, "x", line.x);
-    put(each, "y", line.y);
+    each.put("x", line.x);
+    each.put("y", line.y);
     json["lines"].push_back(std::move(each));
   }
   for (const Mark& mark : chart.marks) json["marks"].push_back(json_of(mark));

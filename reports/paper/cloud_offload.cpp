@@ -17,8 +17,6 @@
 namespace pirt {
 namespace {
 
-constexpr const char* kInference = "alexnet";
-
 std::int64_t bytes_of(const std::vector<TensorSpec>& specs) {
   std::int64_t sum = 0;
   for (const TensorSpec& each : specs) sum += each.size_bytes();
@@ -268,7 +266,7 @@ Table offload_table(const OffloadChoices& choices, const Platform& platform) {
   bool printed = false;
   for (const OffloadChoice& each : choices.choices) {
     table.rows.push_back(row_of(each));
-    if (each.workload != kInference) continue;
+    if (each.workload != paper::kInference) continue;
     table.rows.push_back(printed_row());
     printed = true;
   }

@@ -11,8 +11,6 @@
 namespace pirt {
 namespace {
 
-constexpr const char* kInference = "alexnet";
-
 std::string range_text(std::optional<double> low, std::optional<double> high, Origin from) {
   if (!low || !high) return "-";
   if (*low == *high) return marked(figure(*low), from);
@@ -20,7 +18,7 @@ std::string range_text(std::optional<double> low, std::optional<double> high, Or
 }
 
 std::optional<Inference> in_the_cloud(const Platform& platform, const UnitModel& unit) {
-  const auto model = platform.workloads.find(kInference);
+  const auto model = platform.workloads.find(paper::kInference);
   if (unit.role != Role::kCloud || model == platform.workloads.end()) return std::nullopt;
   const auto stages = model->second.stages.find(unit.name);
   if (stages == model->second.stages.end()) return std::nullopt;
@@ -86,9 +84,9 @@ std::vector<std::string> printed_row(const paper::Scheduling& printed, const Run
 std::vector<Inference> inferences(const Profile& profile, const Platform* platform) {
   std::vector<Inference> found;
   for (const auto& unit : profile.units()) {
-    const PhaseRow* call = profile.find(kInference, unit, Phase::kCall);
+    const PhaseRow* call = profile.find(paper::kInference, unit, Phase::kCall);
     if (call == nullptr || !call->valid || !call->median) continue;
-    const EnergyRow* energy = profile.find_energy(kInference, unit);
+    const EnergyRow* energy = profile.find_energy(paper::kInference, unit);
     Inference here{.where = unit, .energy_j = std::nullopt};
     here.low_s = here.high_s = to_s(*call->median);
     here.time_provenance = call->provenance;

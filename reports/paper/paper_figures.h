@@ -20,6 +20,8 @@ inline constexpr std::array kTable1 = {
 /// @source Table II, the Snapdragon 820's DSP: a hardware thread's clock, and the peak.
 inline constexpr double kDspThreadHz = 500e6, kDspOpsPerSecond = 4e9;
 
+/// What Table IV calls inference.
+inline constexpr const char* kInference = "alexnet";
 /// @source Table IV.
 struct Inference {
   std::string_view where;

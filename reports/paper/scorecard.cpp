@@ -51,10 +51,6 @@ constexpr std::array kContradictions = {
                   "Section V, in that mode, places by kind: vision on the DSP, networks on the "
                   "GPU, the rest on the CPU"}};
 
-void append(std::vector<Claim>& to, std::vector<Claim> more) {
-  to.insert(to.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
-}
-
 /// With a sign, so that the eye finds it in a long table.
 std::string_view short_word(Finding finding) {
   switch (finding) {
@@ -97,6 +93,10 @@ std::string_view to_string(Finding finding) {
       return "by construction";
   }
   return "";
+}
+
+void append(std::vector<Claim>& to, std::vector<Claim> more) {
+  to.insert(to.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
 }
 
 Claim decided(Claim claim, bool holds, const std::string& here, std::string_view from,

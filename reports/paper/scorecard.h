@@ -59,6 +59,8 @@ struct Evidence {
 /// In the paper's order. Observation One runs the mix a few times, in virtual time.
 [[nodiscard]] std::vector<Claim> scorecard(const Evidence& evidence);
 
+void append(std::vector<Claim>& to, std::vector<Claim> more);
+
 /// A claim that was looked at, with what was found; one that was not, and why.
 [[nodiscard]] Claim decided(Claim claim, bool holds, const std::string& here, std::string_view from,
                             const std::string& why = "");

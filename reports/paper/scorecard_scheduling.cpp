@@ -107,10 +107,6 @@ std::string missing_here(const Evidence& evidence, const Goal& goal) {
   return joules && run != nullptr && !watts_are_known(evidence, *run) ? kAssumedWatts : "";
 }
 
-void append(std::vector<Claim>& to, std::vector<Claim> more) {
-  to.insert(to.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
-}
-
 }  // namespace
 
 std::vector<Claim> scheduling_claims(const Evidence& evidence) {

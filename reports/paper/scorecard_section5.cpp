@@ -193,10 +193,6 @@ std::vector<Claim> on_this_machine(const Evidence& evidence) {
   return claims;
 }
 
-void append(std::vector<Claim>& to, std::vector<Claim> more) {
-  to.insert(to.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
-}
-
 }  // namespace
 
 std::vector<Claim> section5_claims(const Evidence& evidence) {

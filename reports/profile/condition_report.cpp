@@ -10,7 +10,7 @@
 namespace pirt {
 namespace {
 
-std::string cell(const PhaseRow* row) {
+std::string time_cell(const PhaseRow* row) {
   if (row == nullptr) return "-";
   return row->valid ? marked(figure_ms(row->median), row->provenance) : "invalid";
 }
@@ -41,11 +41,6 @@ std::string what_text(const UnitTimeRow& row) {
   return "";
 }
 
-template <typename T>
-void put(Json& object, const char* key, const std::optional<T>& value) {
-  if (value) object[key] = value->count();
-}
-
 }  // namespace
 
 std::optional<Table> condition_table(const Profile& profile) {
@@ -68,13 +63,13 @@ std::optional<Table> condition_table(const Profile& profile) {
   for (const auto& workload : profile.workloads()) {
     for (const auto& unit : profile.units()) {
       const PhaseRow* steady = profile.find(workload, unit, Phase::kExecute);
-      std::vector<std::string> row = {workload, unit, cell(steady)};
+      std::vector<std::string> row = {workload, unit, time_cell(steady)};
       std::vector<std::string> remarks;
       bool any = false;
       for (const Condition condition : shown) {
         const PhaseRow* found = profile.find_condition(workload, unit, condition);
         any = any || found != nullptr;
-        row.push_back(cell(found));
+        row.push_back(time_cell(found));
         row.push_back(times(found, steady));
         if (found == nullptr || found->valid) continue;
         remarks.push_back(
@@ -139,12 +134,12 @@ Json unit_time_json(const Profile& profile) {
                  {"valid", row.valid},
                  {"reasons", row.reasons},
                  {"samples", row.samples}};
-    put(json, "median_ns", row.median);
-    put(json, "mad_ns", row.mad);
-    put(json, "p95_ns", row.p95);
-    put(json, "p99_ns", row.p99);
-    put(json, "ci_low_ns", row.ci_low);
-    put(json, "ci_high_ns", row.ci_high);
+    json.put("median_ns", row.median);
+    json.put("mad_ns", row.mad);
+    json.put("p95_ns", row.p95);
+    json.put("p99_ns", row.p99);
+    json.put("ci_low_ns", row.ci_low);
+    json.put("ci_high_ns", row.ci_high);
     rows.push_back(std::move(json));
   }
   return rows;

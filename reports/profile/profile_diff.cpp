@@ -18,7 +18,7 @@
 namespace pirt {
 namespace {
 
-using Facts = std::map<std::string, std::set<std::string>>;
+using Information = std::map<std::string, std::set<std::string>>;
 
 std::string text_of(const std::set<std::string>& values) {
   return fmt::format("{}", fmt::join(values, " / "));
@@ -43,8 +43,8 @@ std::set<std::string> units_in_common(const Profile& a, const Profile& b) {
 }
 
 /// All facts of the runs that are no identity.
-Facts information_of(const Profile& profile, const std::set<std::string>& units) {
-  Facts facts;
+Information information_of(const Profile& profile, const std::set<std::string>& units) {
+  Information facts;
   for (const RunInfo& run : profile.runs) {
     const auto identity = identity_of(run);
     for (const auto& [key, value] : run.environment) {
@@ -60,8 +60,8 @@ Facts information_of(const Profile& profile, const std::set<std::string>& units)
 std::vector<FactDifference> identity_differences(const Profile& a, const Profile& b,
                                                  const std::set<std::string>& units) {
   std::vector<std::string> fields;
-  Facts values_a;
-  Facts values_b;
+  Information values_a;
+  Information values_b;
   for (const RunInfo& run_a : a.runs) {
     for (const RunInfo& run_b : b.runs) {
       for (const auto& found : compare_identity(run_a, run_b)) {
@@ -74,7 +74,7 @@ std::vector<FactDifference> identity_differences(const Profile& a, const Profile
   }
   std::vector<FactDifference> differences;
   for (const std::string& field : fields) {
-    const auto text = [&field](const Facts& values) -> std::optional<std::string> {
+    const auto text = [&field](const Information& values) -> std::optional<std::string> {
       const auto it = values.find(field);
       return it == values.end() ? std::nullopt : std::optional(text_of(it->second));
     };
@@ -86,13 +86,13 @@ std::vector<FactDifference> identity_differences(const Profile& a, const Profile
 void diff_facts(ProfileDiff& diff) {
   const auto units = units_in_common(*diff.a, *diff.b);
   diff.identity = identity_differences(*diff.a, *diff.b, units);
-  const Facts a = information_of(*diff.a, units);
-  const Facts b = information_of(*diff.b, units);
+  const Information a = information_of(*diff.a, units);
+  const Information b = information_of(*diff.b, units);
   std::set<std::string> keys;
   for (const auto& [key, values] : a) keys.insert(key);
   for (const auto& [key, values] : b) keys.insert(key);
   for (const auto& key : keys) {
-    const auto value = [&key](const Facts& facts) -> std::optional<std::string> {
+    const auto value = [&key](const Information& facts) -> std::optional<std::string> {
       const auto it = facts.find(key);
       return it == facts.end() ? std::nullopt : std::optional(text_of(it->second));
     };
@@ -231,14 +231,6 @@ Table energy_table(const ProfileDiff& diff) {
   return table;
 }
 
-template <typename T>
-void put(Json& object, const char* key, const std::optional<T>& value) {
-  if (value) object[key] = *value;
-}
-void put(Json& object, const char* key, const std::optional<Nanos>& value) {
-  if (value) object[key] = value->count();
-}
-
 Json side_json(const PhaseRow& row) {
   Json json = {{"run_id", row.run_id},
                {"provenance", to_string(row.provenance)},
@@ -247,9 +239,9 @@ Json side_json(const PhaseRow& row) {
                {"reasons", row.reasons},
                {"notes", row.notes},
                {"samples", row.samples}};
-  put(json, "median_ns", row.median);
-  put(json, "ci_low_ns", row.ci_low);
-  put(json, "ci_high_ns", row.ci_high);
+  json.put("median_ns", row.median);
+  json.put("ci_low_ns", row.ci_low);
+  json.put("ci_high_ns", row.ci_high);
   return json;
 }
 
@@ -258,7 +250,7 @@ Json side_json(const EnergyRow& row) {
       {"run_id", row.run_id},  {"provenance", to_string(row.provenance)}, {"source", row.source},
       {"domain", row.domain},  {"idle_subtracted", row.idle_subtracted},  {"valid", row.valid},
       {"reasons", row.reasons}};
-  put(json, "energy_j", row.energy_j);
+  json.put("energy_j", row.energy_j);
   return json;
 }
 
@@ -272,8 +264,8 @@ Json facts_json(const std::vector<FactDifference>& facts) {
   Json json = Json::array();
   for (const auto& difference : facts) {
     Json entry = {{"fact", difference.fact}};
-    put(entry, "a", difference.a);
-    put(entry, "b", difference.b);
+    entry.put("a", difference.a);
+    entry.put("b", difference.b);
     json.push_back(std::move(entry));
   }
   return json;
@@ -381,8 +373,8 @@ Json diff_json(const ProfileDiff& diff) {
                 {"state", steady ? to_string(pair.a->state) : to_string(pair.a->condition)},
                 {"a", side_json(*pair.a)},
                 {"b", side_json(*pair.b)}};
-    put(row, "ratio", pair.ratio());
-    put(row, "intervals_overlap", pair.overlap());
+    row.put("ratio", pair.ratio());
+    row.put("intervals_overlap", pair.overlap());
     return row;
   };
   for (const PhasePair& pair : diff.phases) json["figures"].push_back(figure_json(pair));
@@ -391,9 +383,9 @@ Json diff_json(const ProfileDiff& diff) {
     Json row = {{"unit", pair.a->unit},
                 {"phase", to_string(pair.a->phase)},
                 {"sleep_ns", pair.a->sleep.count()}};
-    put(row, "a_median_ns", pair.a->median);
-    put(row, "b_median_ns", pair.b->median);
-    put(row, "ratio", pair.ratio());
+    row.put("a_median_ns", pair.a->median);
+    row.put("b_median_ns", pair.b->median);
+    row.put("ratio", pair.ratio());
     json["unit_times"].push_back(std::move(row));
   }
   for (const EnergyPair& pair : diff.energies) {
@@ -401,7 +393,7 @@ Json diff_json(const ProfileDiff& diff) {
                 {"unit", pair.a->unit},
                 {"a", side_json(*pair.a)},
                 {"b", side_json(*pair.b)}};
-    put(row, "ratio", pair.ratio());
+    row.put("ratio", pair.ratio());
     json["energies"].push_back(std::move(row));
   }
   return json;

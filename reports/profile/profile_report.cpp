@@ -196,14 +196,6 @@ std::vector<std::string> glossary(const Profile& profile) {
   return lines;
 }
 
-template <typename T>
-void put(Json& object, const char* key, const std::optional<T>& value) {
-  if (value) object[key] = *value;
-}
-void put(Json& object, const char* key, const std::optional<Nanos>& value) {
-  if (value) object[key] = value->count();
-}
-
 Json phase_json(const PhaseRow& row) {
   Json json = {{"run_id", row.run_id},
                {"platform", row.platform},
@@ -222,14 +214,14 @@ Json phase_json(const PhaseRow& row) {
                {"processes", row.processes},
                {"mixture", row.provenance.mixture}};
   if (const int batch = batch_of(row.workload); batch > 1) json["batch"] = batch;
-  put(json, "median_ns", row.median);
-  put(json, "mad_ns", row.mad);
-  put(json, "p95_ns", row.p95);
-  put(json, "p99_ns", row.p99);
-  put(json, "ci_low_ns", row.ci_low);
-  put(json, "ci_high_ns", row.ci_high);
-  put(json, "ops", row.ops);
-  put(json, "bound_ns", row.bound);
+  json.put("median_ns", row.median);
+  json.put("mad_ns", row.mad);
+  json.put("p95_ns", row.p95);
+  json.put("p99_ns", row.p99);
+  json.put("ci_low_ns", row.ci_low);
+  json.put("ci_high_ns", row.ci_high);
+  json.put("ops", row.ops);
+  json.put("bound_ns", row.bound);
   return json;
 }
 
@@ -244,7 +236,7 @@ Json energy_json(const EnergyRow& row) {
                {"domain", row.domain},
                {"idle_subtracted", row.idle_subtracted},
                {"mixture", row.provenance.mixture}};
-  put(json, "energy_j", row.energy_j);
+  json.put("energy_j", row.energy_j);
   return json;
 }
 
@@ -412,7 +404,7 @@ Json ranking_json(const Ranking& ranking, const char* value_key) {
         {{"unit", unit.unit}, {value_key, unit.value}, {"provenance", to_string(unit.provenance)}});
   }
   Json json = {{"preferable", ranking.preferable()}, {"units", units}};
-  put(json, "advantage", ranking.advantage());
+  json.put("advantage", ranking.advantage());
   return json;
 }
 

@@ -1,4 +1,4 @@
-// `pirt report --setup`: total offloading time by phase, and crossovers between units.
+// `pirt report setup`: total offloading time by phase, and crossovers between units.
 #pragma once
 
 #include "reports/document/chart.h"

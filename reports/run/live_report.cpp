@@ -25,16 +25,6 @@ constexpr PipelineFigure kPipelineFigures[] = {{"rate", "Hz", "rate_hz", &Pipeli
                                                {"p50", "ms", "p50_ms", &PipelineResult::p50_ms},
                                                {"p95", "ms", "p95_ms", &PipelineResult::p95_ms}};
 
-const PipelineResult* find_pipeline(const RunRecord& run, const std::string& name) {
-  const auto found = std::ranges::find(run.pipelines, name, &PipelineResult::pipeline);
-  return found == run.pipelines.end() ? nullptr : &*found;
-}
-
-const UnitResult* find_unit(const RunRecord& run, const std::string& name) {
-  const auto found = std::ranges::find(run.units, name, &UnitResult::unit);
-  return found == run.units.end() ? nullptr : &*found;
-}
-
 std::string name_of(const RunRecord& run) {
   return fmt::format("mode {}, mix {} on {}",
                      run.basic ? run.mode + " over " + *run.basic : run.mode, run.mix,
@@ -73,7 +63,7 @@ Chart pipeline_chart(const RunRecord& live, const RunRecord& predicted) {
                     "task.",
                     std::string(provenance_legend())}};
   for (const PipelineResult& pipeline : live.pipelines) {
-    const PipelineResult* other = find_pipeline(predicted, pipeline.pipeline);
+    const PipelineResult* other = predicted.find_pipeline(pipeline.pipeline);
     for (const PipelineFigure& what : kPipelineFigures) {
       chart.series.emplace_back(what.name);
       const auto there = pipeline.*what.value;
@@ -110,7 +100,7 @@ Table units_table(const RunRecord& live, const RunRecord& predicted) {
                           {"off by, points"}},
               .footnotes = {std::string(provenance_legend())}};
   for (const UnitResult& unit : live.units) {
-    const UnitResult* other = find_unit(predicted, unit.unit);
+    const UnitResult* other = predicted.find_unit(unit.unit);
     const auto percent = [](const std::optional<double>& part) {
       return part ? std::optional(100 * *part) : std::nullopt;
     };
@@ -200,27 +190,22 @@ RowCheck check_row(const CallResult& call, const UnitResult& unit, const Profile
   return check;
 }
 
-template <typename T>
-void put(Json& json, const char* key, const std::optional<T>& value) {
-  if (value) json[key] = *value;
-}
-
 Json pair_json(const RunRecord& live, const RunRecord& predicted) {
   Json json = {{"draw", predicted.draw.value_or("median")},
                {"seed", predicted.seed},
                {"pipelines", Json::object()},
                {"units", Json::object()}};
   for (const PipelineResult& pipeline : live.pipelines) {
-    const PipelineResult* other = find_pipeline(predicted, pipeline.pipeline);
+    const PipelineResult* other = predicted.find_pipeline(pipeline.pipeline);
     if (other == nullptr) continue;
     Json& errors = json["pipelines"][pipeline.pipeline] = Json::object();
     for (const PipelineFigure& what : kPipelineFigures) {
-      put(errors, (std::string(what.key) + "_error").c_str(),
-          gap(other->*what.value, pipeline.*what.value));
+      errors.put((std::string(what.key) + "_error").c_str(),
+                 gap(other->*what.value, pipeline.*what.value));
     }
   }
   for (const UnitResult& unit : live.units) {
-    const UnitResult* other = find_unit(predicted, unit.unit);
+    const UnitResult* other = predicted.find_unit(unit.unit);
     if (other == nullptr || !unit.utilization || !other->utilization) continue;
     json["units"][unit.unit] = {{"utilization_error", *other->utilization - *unit.utilization}};
   }
@@ -231,9 +216,9 @@ Json row_json(const RowCheck& row, const Profile* profile) {
   Json json = {{"workload", row.live.workload},  {"unit", row.live.unit},
                {"calls", row.live.completed},    {"live_p50_ms", row.live.p50_ms},
                {"live_p95_ms", row.live.p95_ms}, {"finding", to_string(row.finding)}};
-  put(json, "median_ms", row.median_ms);
-  put(json, "ci_low_ms", row.low_ms);
-  put(json, "ci_high_ms", row.high_ms);
+  json.put("median_ms", row.median_ms);
+  json.put("ci_low_ms", row.low_ms);
+  json.put("ci_high_ms", row.high_ms);
   if (profile != nullptr) {
     if (auto why = explanation_of(row, *profile); !why.empty()) json["explained_by"] = why;
   }
@@ -277,7 +262,7 @@ std::vector<LiveRun> live_runs(std::span<const RunRecord> runs) {
 std::vector<RowCheck> check_rows(const RunRecord& live, const Profile* profile) {
   std::vector<RowCheck> checks;
   for (const CallResult& call : live.calls) {
-    const UnitResult* unit = find_unit(live, call.unit);
+    const UnitResult* unit = live.find_unit(call.unit);
     if (unit != nullptr && unit->backend) checks.push_back(check_row(call, *unit, profile));
   }
   return checks;

@@ -275,16 +275,6 @@ Table weights_table(const RunRecord& run) {
 /// One figure of a run, as it is printed.
 using Cell = std::function<std::string(const RunRecord&)>;
 
-const UnitResult* find_unit(const RunRecord& run, const std::string& name) {
-  const auto found = std::ranges::find(run.units, name, &UnitResult::unit);
-  return found == run.units.end() ? nullptr : &*found;
-}
-
-const PipelineResult* find_pipeline(const RunRecord& run, const std::string& name) {
-  const auto found = std::ranges::find(run.pipelines, name, &PipelineResult::pipeline);
-  return found == run.pipelines.end() ? nullptr : &*found;
-}
-
 /// Names in order of first appearance.
 template <typename Part>
 std::vector<std::string> names_of(std::span<const RunRecord> runs,
@@ -313,14 +303,14 @@ class ModesTable {
   void unit_row(const std::string& unit, const std::string& what,
                 const std::function<std::string(const UnitResult&, Origin)>& cell) {
     row(unit + ": " + what, [&](const RunRecord& run) {
-      const auto* found = find_unit(run, unit);
+      const auto* found = run.find_unit(unit);
       return found == nullptr ? std::string("-") : cell(*found, time_of(run, *found));
     });
   }
   void pipeline_row(const std::string& pipeline, const std::string& what,
                     const std::function<std::string(const PipelineResult&, Origin)>& cell) {
     row(pipeline + ": " + what, [&](const RunRecord& run) {
-      const auto* found = find_pipeline(run, pipeline);
+      const auto* found = run.find_pipeline(pipeline);
       return found == nullptr ? std::string("-") : cell(*found, marks_of(run).time);
     });
   }

@@ -56,7 +56,7 @@ UnitId path_unit(const PlanningGraph& graph, const std::vector<bool>& on_path) {
   return std::get<UnitId>(best);
 }
 
-Plan make_plan(const PlanningGraph& graph) {
+Plan plan_cpop(const PlanningGraph& graph) {
   auto priorities = graph.upward_ranks();
   const auto downward = graph.downward_ranks();
   for (std::size_t task = 0; task < graph.tasks(); ++task) priorities[task] += downward[task];
@@ -77,6 +77,6 @@ Plan make_plan(const PlanningGraph& graph) {
 constinit const PlannerInfo planner::cpop = {
     .name = "cpop",
     .description = "Static plan, critical path on a processor: the longest path stays on one unit",
-    .plan = make_plan};
+    .plan = plan_cpop};
 
 }  // namespace pirt

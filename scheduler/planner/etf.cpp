@@ -27,7 +27,7 @@ std::vector<Nanos> static_levels(const PlanningGraph& graph) {
   return levels;
 }
 
-Plan make_plan(const PlanningGraph& graph) {
+Plan plan_etf(const PlanningGraph& graph) {
   const auto levels = static_levels(graph);
   // Start; level, negated, so that the highest is the least; cost; then the first task and unit.
   using Pair = std::tuple<Nanos, Nanos, Nanos, std::size_t, UnitId>;
@@ -54,6 +54,6 @@ Plan make_plan(const PlanningGraph& graph) {
 constinit const PlannerInfo planner::etf = {
     .name = "etf",
     .description = "Static plan, earliest time first: of ready tasks the one that can start first",
-    .plan = make_plan};
+    .plan = plan_etf};
 
 }  // namespace pirt

@@ -14,7 +14,7 @@ namespace pirt {
 
 namespace {
 
-Plan make_plan(const PlanningGraph& graph) {
+Plan plan_heft(const PlanningGraph& graph) {
   const auto ranks = graph.upward_ranks();
   // Costs are above 0, so that a predecessor's rank is above its successors'.
   auto order = graph.order();
@@ -34,6 +34,6 @@ constinit const PlannerInfo planner::heft = {
     .name = "heft",
     .description =
         "Static plan, heterogeneous earliest finish time: by upward rank, with insertion",
-    .plan = make_plan};
+    .plan = plan_heft};
 
 }  // namespace pirt

@@ -52,7 +52,7 @@ std::vector<Nanos> ranks_of(const PlanningGraph& graph,
   return ranks;
 }
 
-Plan make_plan(const PlanningGraph& graph) {
+Plan plan_peft(const PlanningGraph& graph) {
   const auto table = optimistic_costs(graph);
   const auto ranks = ranks_of(graph, table);
   PlanBuilder builder(graph);
@@ -70,6 +70,6 @@ constinit const PlannerInfo planner::peft = {
     .name = "peft",
     .description =
         "Static plan, predict earliest finish time: looks ahead by an optimistic cost table",
-    .plan = make_plan};
+    .plan = plan_peft};
 
 }  // namespace pirt

@@ -8,7 +8,7 @@ namespace pirt {
 
 namespace {
 
-Plan make_plan(const PlanningGraph& graph) {
+Plan plan_shortest(const PlanningGraph& graph) {
   std::optional<Plan> best;
   for (const PlannerInfo* planner : planners()) {
     if (planner == &planner::shortest) continue;
@@ -23,6 +23,6 @@ Plan make_plan(const PlanningGraph& graph) {
 constinit const PlannerInfo planner::shortest = {
     .name = "shortest",
     .description = "Static plan: the shortest of those of all other planners",
-    .plan = make_plan};
+    .plan = plan_shortest};
 
 }  // namespace pirt

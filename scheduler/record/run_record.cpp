@@ -2,6 +2,7 @@
 // drift apart.
 #include "scheduler/record/run_record.h"
 
+#include <algorithm>
 #include <type_traits>
 
 #include "workloads/base/error.h"
@@ -197,6 +198,16 @@ void check_version(const Json& json, const std::string& source) {
 std::optional<double> gap(std::optional<double> reached, std::optional<double> bound) {
   if (!reached || !bound || *bound <= 0) return std::nullopt;
   return *reached / *bound - 1;
+}
+
+const UnitResult* RunRecord::find_unit(const std::string& name) const {
+  const auto found = std::ranges::find(units, name, &UnitResult::unit);
+  return found == units.end() ? nullptr : &*found;
+}
+
+const PipelineResult* RunRecord::find_pipeline(const std::string& name) const {
+  const auto found = std::ranges::find(pipelines, name, &PipelineResult::pipeline);
+  return found == pipelines.end() ? nullptr : &*found;
 }
 
 Json to_json(const RunRecord& record) {

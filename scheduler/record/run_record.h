@@ -161,6 +161,8 @@ struct RunRecord {
   std::vector<std::string> warnings;
 
   [[nodiscard]] bool is_live() const { return time == "live"; }
+  [[nodiscard]] const UnitResult* find_unit(const std::string& name) const;  ///< Null: none.
+  [[nodiscard]] const PipelineResult* find_pipeline(const std::string& name) const;
   friend bool operator==(const RunRecord&, const RunRecord&) = default;
 };
 

@@ -19,9 +19,6 @@
 namespace pirt {
 namespace {
 
-/// How often a driver that waits looks whether it shall stop.
-constexpr Nanos kLook = std::chrono::milliseconds(50);
-
 /// A frame on its way; futures of what it does not need stay empty.
 struct Flight {
   std::size_t frame = 0;

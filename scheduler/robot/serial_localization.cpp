@@ -16,8 +16,6 @@
 namespace pirt {
 namespace {
 
-constexpr Nanos kLook = std::chrono::milliseconds(50);
-
 Nanos steps_of(const slam::FrameResult& frame) {
   return std::accumulate(frame.stage_time.begin(), frame.stage_time.end(), Nanos::zero());
 }

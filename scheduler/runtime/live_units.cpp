@@ -12,7 +12,7 @@ namespace pirt {
 namespace {
 
 /// How often it is asked whether to go on while units start.
-constexpr Nanos kLook = std::chrono::milliseconds(50);
+constexpr Nanos kLookForStop = std::chrono::milliseconds(50);
 constexpr Nanos kLeastLook = std::chrono::milliseconds(1);
 /// How often it is asked whether what is elsewhere is within reach.
 constexpr Nanos kLookForReach = std::chrono::milliseconds(50);
@@ -69,7 +69,7 @@ namespace {
 /// Whether it is ready by now, after a while.
 bool look_at(KernelUnit& unit) {
   try {
-    return unit.wait_until_ready(kLook);
+    return unit.wait_until_ready(kLookForStop);
   } catch (const Error& error) {
     throw Error(error.code(), "unit " + unit.name() + ": " + error.what());
   }

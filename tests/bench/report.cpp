@@ -148,8 +148,8 @@ int run(int argc, char** argv) {
              page = (folder / "report.html").string();
   write_profile(profile);
   pirt::write_file(platform, board());
-  const auto command = fmt::format("'{}' report '{}' --platform '{}' --format html -o '{}'",
-                                   argv[1], profile, platform, page);
+  const auto command = fmt::format("'{}' report page '{}' --platform '{}' -o '{}'", argv[1],
+                                   profile, platform, page);
   std::vector<double> made, drawn;
   for (int i = 0; i < kRounds; ++i) made.push_back(seconds_to_run(command));
   const double size_mb = static_cast<double>(std::filesystem::file_size(page)) / 1e6;

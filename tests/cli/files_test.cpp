@@ -253,9 +253,9 @@ TEST_F(SameFile, OfARunThatIsGoneOnWithIsRefusedToo) {
 }
 
 TEST(StandardOutput, TakesOneResult) {
-  expect_refused(pirt({"report", "--paper", "-o", "-", "--json", "/dev/stdout"}),
+  expect_refused(pirt({"report", "paper", "-o", "-", "--json", "/dev/stdout"}),
                  {"--output", "--json", "stdout"});
-  const auto json = pirt({"report", "--paper", "--format", "html", "--json", "-"});
+  const auto json = pirt({"report", "paper", "--format", "html", "--json", "-"});
   EXPECT_EQ(json.json()["schema_version"], 1);
 }
 
@@ -294,10 +294,10 @@ TEST(Databases, KeepWhatLiesBesideThem) {
 TEST(Report, WritesJsonBesideADocument) {
   const Scratch scratch;
   const auto outcome =
-      pirt({"report", "--paper", "--format", "md", "--json", scratch.file("x.json")});
+      pirt({"report", "paper", "--format", "md", "--json", scratch.file("x.json")});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, testing::StartsWith("# "));
-  EXPECT_EQ(slurp(scratch.file("x.json")), pirt({"report", "--paper", "--json", "-"}).out);
+  EXPECT_EQ(slurp(scratch.file("x.json")), pirt({"report", "paper", "--json", "-"}).out);
 }
 
 TEST(Outputs, AreTriedBeforeAnythingIsMeasured) {

@@ -45,7 +45,7 @@ class ForeignTime : public testing::Test {
 TEST_F(ForeignTime, GoesFromCharacterizeThroughReportAndExportToSchedules) {
   characterize("c.db", "1");
   const std::string db = scratch_.file("c.db");
-  const auto report = pirt({"report", db, "--setup"});
+  const auto report = pirt({"report", "setup", db});
   EXPECT_EQ(report.exit_code, 0) << report.err;
   EXPECT_THAT(report.out, HasSubstr("prepare is unknown: loading is not modelled"));
   EXPECT_THAT(pirt({"report", db}).out, HasSubstr("+*1.21"));

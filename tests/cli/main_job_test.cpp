@@ -34,7 +34,8 @@ class MainJob : public testing::Test {
   static void TearDownTestSuite() { scratch_.reset(); }
   static std::string profile() { return scratch_->file("profile.db"); }
   static Outcome report(std::vector<std::string> more) {
-    more.insert(more.begin(), {"report", "--mix", "table1-robot"});
+    more.insert(more.begin(), "report");
+    more.insert(more.end(), {"--mix", "table1-robot"});
     return pirt(more);
   }
   static Outcome schedule(const std::string& mode) {
@@ -79,23 +80,53 @@ TEST_F(MainJob, ReportShowsProfilePreferenceAndTheFourModes) {
   const auto json = report({profile(), "--json", "-"}).json();
   EXPECT_EQ(json["modes"].size(), 4U);
   EXPECT_FALSE(json["profile_summary"].empty());
-  EXPECT_THAT(report({profile(), "--format", "html"}).out, HasSubstr("</html>"));
+  EXPECT_THAT(report({"page", profile()}).out, HasSubstr("</html>"));
   EXPECT_THAT(report({profile(), "--format", "md"}).out, HasSubstr("| workload |"));
 }
 
 TEST_F(MainJob, ABriefReportIsAScreenOfUnitsAndModes) {
-  const auto text = report({profile(), "--brief"});
+  const auto text = report({"compare", profile()});
   ASSERT_EQ(text.exit_code, 0) << text.err;
   for (const auto* part : {"Table III", "gaussian_blur", "latency", "throughput", "energy"}) {
     EXPECT_THAT(text.out, HasSubstr(part));
   }
   EXPECT_THAT(text.out, Not(HasSubstr("Profile (medians, ms)")));
   EXPECT_LE(std::ranges::count(text.out, '\n'), 45);  // 14 workloads, 4 modes, what they mean
-  const auto json = report({profile(), "--brief", "--json", "-"}).json();
+  const auto json = report({"compare", profile(), "--json", "-"}).json();
   EXPECT_EQ(json["runs"].size(), 4U);
   EXPECT_EQ(json["preferable"], report({profile(), "--json", "-"}).json()["preferable"]);
-  EXPECT_EQ(report({profile(), profile(), "--brief"}).exit_code, 2);
+  EXPECT_EQ(report({"compare", profile(), profile()}).exit_code, 2);
   EXPECT_EQ(report({profile(), "--brief", "--setup"}).exit_code, 2);
+}
+
+TEST_F(MainJob, WhatWereFlagsOfReportStillWorkAndSayTheWords) {
+  const std::pair<std::vector<std::string>, std::string> old_ones[] = {
+      {{"--brief"}, "compare"},
+      {{"--setup"}, "setup"},
+      {{"--offload"}, "offload"},
+      {{"--paper"}, "paper"},
+      {{"--format", "html"}, "page"}};
+  for (const auto& [flags, word] : old_ones) {
+    std::vector<std::string> before = {"report", profile()};
+    before.insert(before.end(), flags.begin(), flags.end());
+    const auto old = pirt(before);
+    const auto now = pirt({"report", word, profile()});
+    EXPECT_EQ(old.exit_code, now.exit_code) << word;
+    EXPECT_EQ(old.out, now.out) << word;
+    EXPECT_THAT(old.err, HasSubstr("'pirt report " + word + "' now")) << word;
+    EXPECT_THAT(now.err, Not(HasSubstr("next release"))) << word;
+  }
+  const auto text = pirt({"report", profile()});
+  EXPECT_EQ(text.out, pirt({"report", "text", profile()}).out);
+  EXPECT_THAT(text.err, Not(HasSubstr("next release")));
+}
+
+TEST_F(MainJob, AReportOfTheProfileRunsNoMode) {
+  const auto shown = pirt({"report", "profile", profile()});
+  ASSERT_EQ(shown.exit_code, 0) << shown.err;
+  EXPECT_THAT(shown.out, HasSubstr("Profile (medians, ms)"));
+  EXPECT_THAT(shown.out, Not(HasSubstr("Modes")));
+  EXPECT_EQ(pirt({"report", "profile", profile(), "--mix", "full-robot"}).exit_code, 2);
 }
 
 TEST_F(MainJob, ReportTakesStoredRuns) {
@@ -126,7 +157,7 @@ TEST_F(MainJob, ReportShowsATraceAsATimeline) {
   EXPECT_THAT(given.out, HasSubstr("What ran where and when: mode energy"));
   EXPECT_THAT(given.out, HasSubstr("trace.json"));
   // Without one, the first seconds are simulated, for a page.
-  EXPECT_THAT(report({profile(), "--format", "html"}).out,
+  EXPECT_THAT(report({"page", profile()}).out,
               HasSubstr("What ran where and when: mode advanced"));
   EXPECT_THAT(report({profile()}).out, Not(HasSubstr("What ran where and when")));
 }
@@ -143,7 +174,7 @@ TEST_F(MainJob, ReportSaysThatARunIsOfAnotherPlatform) {
 }
 
 TEST_F(MainJob, PaperClaimsAreHeldAgainstAProfile) {
-  const auto report = pirt({"report", "--paper", profile(), "--json", "-"});
+  const auto report = pirt({"report", "paper", profile(), "--json", "-"});
   ASSERT_EQ(report.exit_code, 0) << report.err;
   int units = 0;
   const auto json = report.json();
@@ -224,12 +255,12 @@ TEST(Schedule, ComparesModesAndListsThoseThatCannotRun) {
 }
 
 TEST(Report, ShowsThePapersTable) {
-  const auto json = pirt({"report", "--paper", "--json", "-"}).json();
+  const auto json = pirt({"report", "paper", "--json", "-"}).json();
   EXPECT_EQ(json["table5"].size(), 13U);
   EXPECT_EQ(pirt({"report"}).exit_code, 2);
-  expect_refused(pirt({"report", "--paper", "--format", "json"}), {"--json -"});
-  EXPECT_EQ(pirt({"report", "--paper", "none.db"}).exit_code, 2);
-  EXPECT_EQ(pirt({"report", "--paper", "a.db", "b.db"}).exit_code, 2);
+  expect_refused(pirt({"report", "paper", "--format", "json"}), {"--json -"});
+  EXPECT_EQ(pirt({"report", "paper", "none.db"}).exit_code, 2);
+  EXPECT_EQ(pirt({"report", "paper", "a.db", "b.db"}).exit_code, 2);
 }
 
 TEST(Schedule, RefusesBadWeightsAndDurations) {
@@ -355,7 +386,7 @@ TEST(Characterize, KeepsWhatWasMeasuredOnCtrlCAndGoesOnWithIt) {
 
   // Of platform fake: device 1 ms, preparing 10 ms cold, 2 ms warm and a call; calls of pool5 take
   // 0.1 ms on cpu and 0.1 + 0.1 + 0.05 + 0.05 = 0.3 ms on gpu: never faster.
-  const auto report = pirt({"report", database, "--setup", "--json", "-"});
+  const auto report = pirt({"report", "setup", database, "--json", "-"});
   ASSERT_EQ(report.exit_code, 0) << report.err;
   const auto shown = report.json();
   for (const auto& crossover : shown.at("crossovers")) {

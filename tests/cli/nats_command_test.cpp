@@ -192,7 +192,7 @@ TEST_F(CloudCommand, ALiveRunEndsWithoutACloudThatDoesNot) {
 }
 
 TEST_F(CloudCommand, IsMeasuredAndComparedWithTheRobot) {
-  const auto report = pirt({"report", scratch->file("p.db"), "--offload", "--json", "-"});
+  const auto report = pirt({"report", "offload", scratch->file("p.db"), "--json", "-"});
   ASSERT_EQ(report.exit_code, 0) << report.err;
   const auto made = report.json();
   // On a busy machine its rows are not valid, and the report says which.

@@ -1,4 +1,4 @@
-// `pirt report --offload` of a profile whose every figure is known: each workload here and in the
+// `pirt report offload` of a profile whose every figure is known: each workload here and in the
 // cloud.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -91,7 +91,7 @@ class Offload : public testing::Test {
 };
 
 TEST_F(Offload, ComparesEachWorkloadHereAndInTheCloud) {
-  const auto report = pirt({"report", profile_, "--offload", "--json", "-"});
+  const auto report = pirt({"report", "offload", profile_, "--json", "-"});
   ASSERT_EQ(report.exit_code, 0) << report.err;
   const auto made = report.json();
   std::map<std::string, nlohmann::json> rows;
@@ -154,7 +154,7 @@ std::vector<std::string> lines_of(const std::string& text) {
 
 // The paper's behind alexnet's.
 TEST_F(Offload, ShowsThePapersRowBesideThem) {
-  const auto report = pirt({"report", profile_, "--offload"});
+  const auto report = pirt({"report", "offload", profile_});
   ASSERT_EQ(report.exit_code, 0) << report.err;
   const auto lines = lines_of(report.out);
   const auto first = std::ranges::find_if(

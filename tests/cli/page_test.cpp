@@ -23,7 +23,7 @@ class Page : public testing::Test {
                             "^(convolution|gaussian_blur|fc8)$", "--db", database()});
     ASSERT_EQ(made.exit_code, 0) << made.err;
     const auto report =
-        pirt({"report", database(), "--mix", kMix, "--format", "html", "-o", page()});
+        pirt({"report", "page", database(), "--mix", kMix, "-o", page()});
     ASSERT_EQ(report.exit_code, 0) << report.err;
   }
   static void TearDownTestSuite() { scratch_.reset(); }
@@ -180,7 +180,7 @@ TEST_F(Page, ShowsNamesThatAreMarkupAsTheyAre) {
   const auto evil_trace = scratch_->write("evil-trace.json", events.dump());
   const auto out = scratch_->file("evil.html");
   const auto report =
-      pirt({"report", database(), run, evil_trace, "--mix", kMix, "--format", "html", "-o", out});
+      pirt({"report", "page", database(), run, evil_trace, "--mix", kMix, "-o", out});
   ASSERT_EQ(report.exit_code, 0) << report.err;
   const auto html = slurp(out);
   EXPECT_EQ(html.find("<script>window.broken"), std::string::npos);

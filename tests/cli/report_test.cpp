@@ -75,7 +75,7 @@ TEST_F(ReportOfRuns, RefusesARunOfAnotherSchemaVersion) {
 
 TEST_F(ReportOfRuns, SaysWhereItCannotWrite) {
   const auto file = scratch_->file("missing/report.html");
-  const auto report = pirt({"report", database(), "--format", "html", "-o", file});
+  const auto report = pirt({"report", "page", database(), "-o", file});
   EXPECT_EQ(report.exit_code, 2);
   EXPECT_THAT(report.err, AllOf(HasSubstr(file), HasSubstr("No such file or directory")));
 }
@@ -101,13 +101,13 @@ TEST_F(ReportOfRuns, AnswersFirst) {
 
 TEST_F(ReportOfRuns, OfThePaperHasSectionFiveInEachForm) {
   for (const char* format : {"text", "md", "html"}) {
-    const auto report = pirt({"report", "--paper", "--format", format});
+    const auto report = pirt({"report", "paper", "--format", format});
     ASSERT_EQ(report.exit_code, 0) << report.err;
     EXPECT_THAT(report.out, AllOf(HasSubstr("Section V of the Pi-RT paper, in virtual time"),
                                   HasSubstr("25.0 localizations a second, in throughput mode")))
         << format;
   }
-  const auto json = pirt({"report", "--paper", "--json", "-"}).json();
+  const auto json = pirt({"report", "paper", "--json", "-"}).json();
   EXPECT_EQ(json["section5"]["paper_with"]["power_w"], 11);
 }
 

@@ -118,11 +118,12 @@ TEST_F(Schema, OfProfiles) {
   add("characterize-dry-run", dry);
   const auto mix = scratch_.write("loop.yaml", kLoop);
   add("report", {"report", database, "--platform", board, "--mix", mix});
-  add("report-brief", {"report", "--brief", database, "--platform", board, "--mix", mix});
-  add("report-setup", {"report", "--setup", database, "--platform", board});
-  add("report-offload", {"report", "--offload", database, "--platform", board});
-  add("report-paper", {"report", "--paper"});
-  add("report-paper", {"report", "--paper", database, "--platform", board, "--mix", mix});
+  add("report", {"report", "profile", database, "--platform", board});
+  add("report-compare", {"report", "compare", database, "--platform", board, "--mix", mix});
+  add("report-setup", {"report", "setup", database, "--platform", board});
+  add("report-offload", {"report", "offload", database, "--platform", board});
+  add("report-paper", {"report", "paper"});
+  add("report-paper", {"report", "paper", database, "--platform", board, "--mix", mix});
   const auto copy = scratch_.write("copy.db", slurp(database));
   add("diff", {"diff", database, copy});
   add("regress", {"regress", database, copy, "--mix", "none"});

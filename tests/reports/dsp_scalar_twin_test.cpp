@@ -1,4 +1,4 @@
-// What `pirt report --setup` says of scalar code on the DSP, counted again.
+// What `pirt report setup` says of scalar code on the DSP, counted again.
 #include <gtest/gtest.h>
 
 #include "reports/paper/offloaded_call.h"

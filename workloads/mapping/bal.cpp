@@ -128,4 +128,10 @@ std::vector<double> residuals_px(const BalProblem& problem) {
   return residuals;
 }
 
+double half_squares(std::span<const double> residuals) {
+  double sum = 0;
+  for (const double residual : residuals) sum += residual * residual;
+  return sum / 2;
+}
+
 }  // namespace pirt::mapping

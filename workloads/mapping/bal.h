@@ -45,5 +45,7 @@ struct BalProblem {
 /// Where the point of @p observation is predicted to be minus where it was seen, in pixels, x and y
 /// of each observation in their order. Not finite for a point in the plane of its camera.
 [[nodiscard]] std::vector<double> residuals_px(const BalProblem& problem);
+/// Half the sum of their squares: what an adjustment makes small.
+[[nodiscard]] double half_squares(std::span<const double> residuals);
 
 }  // namespace pirt::mapping

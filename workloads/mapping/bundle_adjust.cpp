@@ -139,12 +139,6 @@ std::unique_ptr<ceres::LossFunction> make_loss(const BundleOptions& options) {
   return std::make_unique<ceres::CauchyLoss>(options.loss_px);
 }
 
-double half_squares(std::span<const double> residuals) {
-  double sum = 0;
-  for (const double residual : residuals) sum += residual * residual;
-  return sum / 2;
-}
-
 void refuse_degenerate(const BalProblem& problem, std::span<const double> residuals) {
   const auto bad =
       std::ranges::find_if(residuals, [](double residual) { return !std::isfinite(residual); });

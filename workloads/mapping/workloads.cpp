@@ -93,12 +93,6 @@ void adjust(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
   outputs[3].as<double>()[1] = summary.noise_px;
 }
 
-double half_squares(std::span<const double> residuals) {
-  double sum = 0;
-  for (const double residual : residuals) sum += residual * residual;
-  return sum / 2;
-}
-
 /// Of the residuals within 4 px, over what the free parameters take up.
 double noise_of(std::span<const double> residuals, double parameters) {
   double sum = 0;

@@ -23,7 +23,7 @@ constexpr double kContactWorthM = 3;
 constexpr double kFacingWorthM = 0.1;
 
 /// Not std::hypot: nothing here overflows, and it takes ten times as long.
-double distance(Point a, Point b) {
+double quick_distance(Point a, Point b) {
   return std::sqrt((a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y));
 }
 
@@ -109,7 +109,7 @@ class Choice {
   [[nodiscard]] bool is_clear(const RobotState& robot, double reach_m) const {
     if (room_.at(robot.position) < least_room_m_) return false;
     return std::ranges::all_of(moving_, [&](const MovingObstacle& other) {
-      return distance(robot.position, other.position) >=
+      return quick_distance(robot.position, other.position) >=
              options_.limits.radius_m + other.radius_m + reach_m;
     });
   }
@@ -140,11 +140,11 @@ class Choice {
     RobotState robot = with(command);
     double worth = 0;
     double least_room = kRoomM;
-    double nearest = distance(robot.position, target_);
+    double nearest = quick_distance(robot.position, target_);
     const double before = nearest;
     for (double seconds = kLookS; seconds <= options_.horizon_s + 1e-9; seconds += kLookS) {
       robot = moved(robot, kLookS);
-      nearest = std::min(nearest, distance(robot.position, target_));
+      nearest = std::min(nearest, quick_distance(robot.position, target_));
       const double room = room_at(robot, seconds);
       if (room < 0) {
         worth -= kContactWorthM * (1 - seconds / (options_.horizon_s + kLookS));
@@ -165,8 +165,8 @@ class Choice {
     for (const auto& other : moving_) {
       const Point then{other.position.x + seconds * other.velocity.x,
                        other.position.y + seconds * other.velocity.y};
-      room = std::min(room,
-                      distance(robot.position, then) - options_.limits.radius_m - other.radius_m);
+      room = std::min(
+          room, quick_distance(robot.position, then) - options_.limits.radius_m - other.radius_m);
     }
     return room;
   }

@@ -1,6 +1,7 @@
 // An occupancy grid and its place in the world. Files of grids: map_files.h.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -23,6 +24,7 @@ struct Point {
   double x = 0;
   double y = 0;
 };
+[[nodiscard]] inline double distance(Point a, Point b) { return std::hypot(a.x - b.x, a.y - b.y); }
 
 /// More is no map of a robot's surroundings; jump distances have 16 bits.
 inline constexpr int kLongestSide = 32'767;

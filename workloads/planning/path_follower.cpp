@@ -3,11 +3,7 @@
 #include <cmath>
 
 namespace pirt::planning {
-namespace {
-
-double distance(Point a, Point b) { return std::hypot(a.x - b.x, a.y - b.y); }
-
-}  // namespace
+namespace {}  // namespace
 
 Point PathFollower::ahead(Point position, double ahead_m) {
   double reach = ahead_m + (asked_ ? distance(before_, position) : 0);

@@ -101,8 +101,6 @@ void add_person(Grid& grid, std::uint64_t seed, int number) {
        kSide, CellState::kOccupied);
 }
 
-double distance(Point a, Point b) { return std::hypot(a.x - b.x, a.y - b.y); }
-
 }  // namespace
 
 PlanSample plan_sample(std::uint64_t seed, int query) {

@@ -42,8 +42,6 @@ std::string obstacle_of(const Path& path, int width, std::span<const std::uint8_
   return "";
 }
 
-double distance(Point a, Point b) { return std::hypot(a.x - b.x, a.y - b.y); }
-
 /// Small steps, unlike the planner's arcs.
 constexpr double kStepS = 0.001;
 void integrate(RobotState& robot) {

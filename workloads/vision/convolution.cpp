@@ -9,7 +9,7 @@ namespace pirt::vision {
 namespace {
 
 constexpr int kSize = Filter7x7::kSize;
-constexpr int kRadius = kSize / 2;
+constexpr int kMargin = kSize / 2;
 
 /// Seeded weights whose sum is exactly 2^kShift, so that the brightness of a picture stays.
 Tensor make_weights(const TensorSpec& spec, std::uint64_t seed) {
@@ -40,7 +40,7 @@ std::uint8_t scale(int sum) {
 }
 
 std::vector<Tensor> reference(const Filter7x7& op, const Data& data) {
-  const Padded image(data.inputs[0].as<std::uint8_t>(), op.width, op.height, kRadius, reflect101);
+  const Padded image(data.inputs[0].as<std::uint8_t>(), op.width, op.height, kMargin, reflect101);
   const auto weights = data.parameters[0].as<std::int16_t>();
   Tensor filtered(gray_spec("image", op.width, op.height));
   auto* out = filtered.as<std::uint8_t>().data();
@@ -48,7 +48,7 @@ std::vector<Tensor> reference(const Filter7x7& op, const Data& data) {
     for (int x = 0; x < op.width; ++x) {
       int sum = 0;
       for (int j = 0; j < kSize; ++j) {
-        const int* line = image.row(y + j - kRadius) + x - kRadius;
+        const int* line = image.row(y + j - kMargin) + x - kMargin;
         const auto* row = &weights[static_cast<std::size_t>(j) * kSize];
         for (int i = 0; i < kSize; ++i) sum += row[i] * line[i];
       }

@@ -12,16 +12,15 @@
 namespace pirt::vision {
 namespace {
 
-using Op = ExtractFeatures;
 using slam::FastCorner;
 using slam::kFeatureRim;
 
 constexpr std::int64_t kBytes = 32;  // of a descriptor
 
 std::vector<TensorSpec> feature_specs(Element element) {
-  return {{"pixels", element, {Op::kMost, 2}, true},
-          {"scores", element, {Op::kMost}, true},
-          {"descriptors", Element::kU8, {Op::kMost, kBytes}, true}};
+  return {{"pixels", element, {ExtractFeatures::kMost, 2}, true},
+          {"scores", element, {ExtractFeatures::kMost}, true},
+          {"descriptors", Element::kU8, {ExtractFeatures::kMost, kBytes}, true}};
 }
 
 /// A picture of integers; only what lies within is asked for.
@@ -72,7 +71,7 @@ std::vector<FastCorner> corners_of(const Grid& image) {
   for (int y = 3; y < image.height - 3; ++y) {
     for (int x = 3; x < image.width - 3; ++x) {
       const int most = arc_contrast(image, x, y);
-      if (most <= Op::kThreshold) continue;
+      if (most <= ExtractFeatures::kThreshold) continue;
       contrast.values[pixel_index(x, y, image.width)] = most;
     }
   }
@@ -133,13 +132,15 @@ int blurred_at(const Grid& image, int x, int y) {
   return (sum + (1 << 15)) >> 16;
 }
 
-std::vector<Tensor> reference(const Op& op, const Data& data) {
+std::vector<Tensor> reference(const ExtractFeatures& op, const Data& data) {
   const auto pixels = data.inputs[0].as<std::uint8_t>();
   const Grid image{op.width, op.height, {pixels.begin(), pixels.end()}};
   std::vector<FastCorner> best;
   if (op.width > 2 * kFeatureRim && op.height > 2 * kFeatureRim) {
     best = slam::best_corners(corners_of(image), op.width, op.height,
-                              {.most = Op::kMost, .cell = Op::kCell, .threshold = Op::kThreshold});
+                              {.most = ExtractFeatures::kMost,
+                               .cell = ExtractFeatures::kCell,
+                               .threshold = ExtractFeatures::kThreshold});
   }
   auto outputs = make_tensors(feature_specs(Element::kF64));
   for (Tensor& output : outputs) output.set_rows(std::ssize(best));
@@ -165,7 +166,7 @@ std::vector<Tensor> reference(const Op& op, const Data& data) {
 /// As many, of the same scores (relative 1e-5) and bits, and within 0.01 pixels. What decides is
 /// integers or, for the order, f32 in one way; the centres' f32 divisions err by 1e-7 of 640.
 /// Observed on both backends: at most 4e-5 pixels.
-Verdict verify(std::span<const Tensor> outputs, std::span<const Tensor> expected) {
+Verdict verify_features(std::span<const Tensor> outputs, std::span<const Tensor> expected) {
   constexpr double kBoundPixels = 0.01;
   constexpr double kBoundScore = 1e-5;
   const auto fail = [](std::string why) {
@@ -209,7 +210,7 @@ Verdict verify(std::span<const Tensor> outputs, std::span<const Tensor> expected
 }  // namespace
 
 Workload make_extract_features(int width, int height) {
-  auto op = std::make_shared<Op>();
+  auto op = std::make_shared<ExtractFeatures>();
   op->width = width;
   op->height = height;
 
@@ -224,7 +225,7 @@ Workload make_extract_features(int width, int height) {
   w.outputs = feature_specs(Element::kF32);
   w.make_data = [=](const DataRequest& request) { return gray_data(request, width, height); };
   w.reference = [op](const Data& data) { return reference(*op, data); };
-  w.verify = verify;
+  w.verify = verify_features;
   return w;
 }
 

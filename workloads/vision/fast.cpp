@@ -20,7 +20,7 @@ static_assert(std::endian::native == std::endian::little);  // bytes of words, i
 
 constexpr int kRim = kFeatureRim;
 constexpr std::size_t kCircle = kFastCircle.size();
-constexpr std::size_t kHalf = kCircle / 2;
+constexpr std::size_t kOpposite = kCircle / 2;
 using Circle = std::array<std::ptrdiff_t, kCircle>;
 
 template <typename Bytes>
@@ -43,23 +43,23 @@ template <typename Bytes>
 /// Two arcs that begin beside each other share 8 pixels: with these, the better of the two ends.
 template <typename Bytes, auto Down, auto Up>
 [[gnu::always_inline]] inline void arcs(const std::array<Bytes, kCircle>& at, Bytes& best) {
-  std::array<Bytes, kHalf> two, four;
+  std::array<Bytes, kOpposite> two, four;
 #pragma GCC unroll 8
-  for (std::size_t i = 0; i < kHalf; ++i) {
+  for (std::size_t i = 0; i < kOpposite; ++i) {
     two[i] = at[2 * i + 1];
     Down(two[i], at[(2 * i + 2) % kCircle]);
   }
 #pragma GCC unroll 8
-  for (std::size_t i = 0; i < kHalf; ++i) {
+  for (std::size_t i = 0; i < kOpposite; ++i) {
     four[i] = two[i];
-    Down(four[i], two[(i + 1) % kHalf]);
+    Down(four[i], two[(i + 1) % kOpposite]);
   }
 #pragma GCC unroll 8
-  for (std::size_t i = 0; i < kHalf; ++i) {
+  for (std::size_t i = 0; i < kOpposite; ++i) {
     Bytes nine = at[2 * i];
     Up(nine, at[(2 * i + 9) % kCircle]);
     Down(nine, four[i]);
-    Down(nine, four[(i + 2) % kHalf]);
+    Down(nine, four[(i + 2) % kOpposite]);
     if (i == 0) {
       best = nine;
     } else {

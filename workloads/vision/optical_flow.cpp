@@ -92,7 +92,7 @@ std::vector<Tensor> reference(const OpticalFlow& op, const Data& data) {
 /// by definition; what is left is their conversion to f32 (2^-24 each) and the division (2.5 ulp
 /// allowed by OpenCL), together at most 4.2e-7. A backend that divides in double has 2^-24
 /// = 6.0e-8. Relative to the peak would not do: near-singular windows give huge flows.
-Verdict verify(std::span<const Tensor> outputs, std::span<const Tensor> expected) {
+Verdict verify_flow(std::span<const Tensor> outputs, std::span<const Tensor> expected) {
   constexpr double kRelative = 1e-6;
   const auto fail = [](std::string why) {
     return Verdict{false, std::numeric_limits<double>::infinity(), std::move(why)};
@@ -139,7 +139,7 @@ Workload make_optical_flow(int width, int height) {
   w.outputs = {{"flow", Element::kF32, {height, width, 2}}};
   w.make_data = [=](const DataRequest& request) { return gray_pair_data(request, width, height); };
   w.reference = [op](const Data& data) { return reference(*op, data); };
-  w.verify = verify;
+  w.verify = verify_flow;
   return w;
 }
 

@@ -11,12 +11,11 @@
 namespace pirt::vision {
 namespace {
 
-using Op = TrackFeatures;
-
-constexpr int kFrames = 4;
-slam::Pyramid pyramid(const Op& op, const Tensor& image) {
+constexpr int kTrackedFrames = 4;
+slam::Pyramid pyramid(const TrackFeatures& op, const Tensor& image) {
   const auto pixels = image.as<std::uint8_t>();
-  return slam::make_pyramid({op.width, op.height, {pixels.begin(), pixels.end()}}, Op::kLevels);
+  return slam::make_pyramid({op.width, op.height, {pixels.begin(), pixels.end()}},
+                            TrackFeatures::kLevels);
 }
 
 TensorSpec tracks_spec(Element element) {
@@ -25,9 +24,9 @@ TensorSpec tracks_spec(Element element) {
   return spec;
 }
 
-TensorSpec status_spec() { return {"status", Element::kU8, {Op::kMaxPoints}, true}; }
+TensorSpec status_spec() { return {"status", Element::kU8, {TrackFeatures::kMaxPoints}, true}; }
 
-std::vector<Tensor> reference(const Op& op, const Data& data) {
+std::vector<Tensor> track(const TrackFeatures& op, const Data& data) {
   const slam::Pyramid previous = pyramid(op, data.inputs[0]);
   const slam::Pyramid next = pyramid(op, data.inputs[1]);
   const auto corners = data.inputs[2].used<float>();
@@ -48,8 +47,8 @@ std::vector<Tensor> reference(const Op& op, const Data& data) {
 }
 
 /// What these points take: how many steps there are, they decide.
-std::int64_t count_ops(const Op& op, const Data& data) {
-  constexpr std::int64_t kWindow = 2 * Op::kRadius + 1;
+std::int64_t count_ops(const TrackFeatures& op, const Data& data) {
+  constexpr std::int64_t kWindow = 2 * TrackFeatures::kRadius + 1;
   constexpr std::int64_t kSamples = kWindow * kWindow;
   constexpr std::int64_t kSample = 7;  // four products, three sums
   // The window with a border of 1 for its differences; two differences halved and summed, three
@@ -86,7 +85,8 @@ Data make_data(const Workload& detect, const DataRequest& request, int width, in
   Tensor corners(corners_spec(Element::kF32));
   std::ranges::transform(from, corners.as<float>().begin(),
                          [](double value) { return static_cast<float>(value); });
-  corners.set_rows(found[0].rows() * (kFrames - request.frame % kFrames) / kFrames);
+  corners.set_rows(found[0].rows() * (kTrackedFrames - request.frame % kTrackedFrames) /
+                   kTrackedFrames);
   data.inputs.push_back(std::move(corners));
   return data;
 }
@@ -95,7 +95,7 @@ Data make_data(const Workload& detect, const DataRequest& request, int width, in
 /// in another order may end the steps one earlier or later, and this one is no longer. Where a
 /// window repeats itself or moved farther than the steps reach, small errors grow, and what nearly
 /// is lost may be: at most 0.5 % of the points (none below 200) may differ by more, or in status.
-Verdict verify(std::span<const Tensor> outputs, std::span<const Tensor> expected) {
+Verdict verify_tracks(std::span<const Tensor> outputs, std::span<const Tensor> expected) {
   constexpr double kAllowed = 0.005;
   constexpr double kBoundPixels = 0.01;
   const auto fail = [](std::string why) {
@@ -161,13 +161,13 @@ Workload make_track_features(int width, int height) {
   w.inputs = {gray_spec("previous", width, height), gray_spec("image", width, height),
               corners_spec(Element::kF32)};
   w.outputs = {tracks_spec(Element::kF32), status_spec()};
-  w.frames = kFrames;
+  w.frames = kTrackedFrames;
   w.ops_of = [op](const Data& data) { return count_ops(*op, data); };
   w.make_data = [=, detect = make_feature_detect(width, height)](const DataRequest& request) {
     return make_data(detect, request, width, height);
   };
-  w.reference = [op](const Data& data) { return reference(*op, data); };
-  w.verify = verify;
+  w.reference = [op](const Data& data) { return track(*op, data); };
+  w.verify = verify_tracks;
   return w;
 }
 

@@ -178,29 +178,6 @@ void update_run_checksum(const Connection& connection, std::int64_t run_id) {
   update.bind(run_checksum(connection, run_id)).bind(run_id).run();
 }
 
-/// What says that a run is being measured: a lock on a byte far behind the file's end, one a run.
-/// It goes with the process, however that ends. It is one of the open file and not of the process
-/// (F_OFD_SETLK), so that SQLite's locks, which are of the process, do not meet it.
-class RunLock {
- public:
-  explicit RunLock(const std::filesystem::path& path)
-      : file_(::open(path.c_str(), O_RDWR | O_CLOEXEC)) {}
-
-  /// @return False if another program has it. True as well where there are no such locks.
-  [[nodiscard]] bool take(std::int64_t run_id) const {
-    constexpr std::int64_t kBehindEveryFile = std::int64_t{1} << 62;
-    struct flock lock {};
-    lock.l_type = F_WRLCK;
-    lock.l_whence = SEEK_SET;
-    lock.l_start = kBehindEveryFile + run_id;
-    lock.l_len = 1;
-    return ::fcntl(file_.get(), F_OFD_SETLK, &lock) == 0 || (errno != EAGAIN && errno != EACCES);
-  }
-
- private:
-  FileDescriptor file_;
-};
-
 [[noreturn]] void throw_measured(const Connection& connection, std::int64_t run_id) {
   throw_environment(fmt::format(
       "run {} of profile database '{}' is being measured by another program; let that one end, or "
@@ -211,6 +188,29 @@ class RunLock {
 }  // namespace
 
 struct ProfileWriter::Impl {
+  /// What says that a run is being measured: a lock on a byte far behind the file's end, one a run.
+  /// It goes with the process, however that ends. It is one of the open file and not of the process
+  /// (F_OFD_SETLK), so that SQLite's locks, which are of the process, do not meet it.
+  class RunLock {
+   public:
+    explicit RunLock(const std::filesystem::path& path)
+        : file_(::open(path.c_str(), O_RDWR | O_CLOEXEC)) {}
+
+    /// @return False if another program has it. True as well where there are no such locks.
+    [[nodiscard]] bool take(std::int64_t run_id) const {
+      constexpr std::int64_t kBehindEveryFile = std::int64_t{1} << 62;
+      struct flock lock {};
+      lock.l_type = F_WRLCK;
+      lock.l_whence = SEEK_SET;
+      lock.l_start = kBehindEveryFile + run_id;
+      lock.l_len = 1;
+      return ::fcntl(file_.get(), F_OFD_SETLK, &lock) == 0 || (errno != EAGAIN && errno != EACCES);
+    }
+
+   private:
+    FileDescriptor file_;
+  };
+
   Connection connection;
   RunLock lock{connection.path()};
 };

@@ -34,7 +34,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct CharacterizeFlags {
   std::string database;
   std::string platform = "host";
   std::vector<std::string> settings;
@@ -72,7 +72,7 @@ void acknowledge(const CellName& cell) {
   std::fprintf(stderr, "stored: %s on %s\n", cell.workload.c_str(), cell.unit.c_str());
 }
 
-CampaignOptions campaign_options(const Options& options) {
+CampaignOptions campaign_options(const CharacterizeFlags& options) {
   if (options.resume) return resume_options(options.database);
   CampaignOptions campaign;
   campaign.database = options.database;
@@ -140,7 +140,7 @@ std::string plan_text(const CampaignPlan& plan) {
   return render({.parts = {table}}, Format::kText);
 }
 
-std::string resume_hint(const Options& options) {
+std::string resume_hint(const CharacterizeFlags& options) {
   return fmt::format("go on with: pirt characterize --resume --db {}", options.database);
 }
 
@@ -252,7 +252,7 @@ bool has_measured_row(const Profile& profile) {
 }
 
 /// The files of a run that is gone on with stand in its database and not on the command line.
-void check_resumed_files(const Options& options, const CampaignOptions& campaign) {
+void check_resumed_files(const CharacterizeFlags& options, const CampaignOptions& campaign) {
   auto files = written_files({&options.json, &options.fit.file});
   if (names_a_file(campaign.platform_argument)) {
     files.push_back({"the run's platform", campaign.platform_argument, FileUse::kRead});
@@ -263,7 +263,7 @@ void check_resumed_files(const Options& options, const CampaignOptions& campaign
   check_files(std::move(files));
 }
 
-int characterize(const Options& options) {
+int characterize(const CharacterizeFlags& options) {
   if (options.database.empty() && (!options.dry_run || options.resume)) {
     throw_bad_input("--db is required (or --dry-run to see what would be measured)");
   }
@@ -337,7 +337,7 @@ int characterize(const Options& options) {
 }  // namespace
 
 void add_characterize(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<CharacterizeFlags>();
   Command command(app, "characterize",
                   "Measure every workload on every unit of a platform, into a profile database");
   add_continued(command, "--db", &options->database,

@@ -21,7 +21,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct DoctorFlags {
   std::string platform = "host";
   double seconds = 1;
   std::optional<std::string> root;
@@ -43,7 +43,7 @@ DoctorInput recorded(const std::filesystem::path& root) {
   return input;
 }
 
-DoctorInput this_machine(const Options& options) {
+DoctorInput this_machine(const DoctorFlags& options) {
   const Platform platform = load_platform(options.platform);
   DoctorInput input;
   input.cores = usable_cores();
@@ -58,7 +58,7 @@ DoctorInput this_machine(const Options& options) {
   return input;
 }
 
-int doctor(const Options& options) {
+int doctor(const DoctorFlags& options) {
   DoctorInput input = options.root ? recorded(*options.root) : this_machine(options);
   input.build = build_environment();
   input.readable = [](const std::filesystem::path& path) {
@@ -81,7 +81,7 @@ int doctor(const Options& options) {
 }  // namespace
 
 void add_doctor(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<DoctorFlags>();
   Command command(app, "doctor",
                   "Say what would spoil a measurement on this machine, and what to do about it");
   add_input(command, "--platform", &options->platform,

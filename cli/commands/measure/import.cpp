@@ -18,7 +18,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct ImportFlags {
   std::string file;
   std::string database;
   std::optional<std::string> board, name, source;
@@ -27,7 +27,7 @@ struct Options {
 };
 
 /// Those that are asked for, called as is asked for.
-void choose(Publication& publication, const Options& options) {
+void choose(Publication& publication, const ImportFlags& options) {
   std::vector<std::string> names;
   for (const auto& board : publication.boards) {
     if (std::ranges::find(names, board.name) == names.end()) names.push_back(board.name);
@@ -57,7 +57,7 @@ std::string medians(const PublishedFigure& figure) {
                      : fmt::format("{:.4g} to {:.4g}", to_ms(low), to_ms(high));
 }
 
-int import(const Options& options) {
+int import(const ImportFlags& options) {
   Publication publication = read_publication(options.file, read_file(options.file));
   choose(publication, options);
   const std::string source = options.source.value_or(options.file);
@@ -122,7 +122,7 @@ std::string no_platform_name(const std::string& text) {
 }  // namespace
 
 void add_import(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ImportFlags>();
   Command command(app, "import",
                   "Take figures that others have published into a profile database: JSON of "
                   "ros2_benchmark, a benchmark.yaml of RobotPerf, a table of ncnn as CSV");

@@ -22,7 +22,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct SampleFlags {
   std::string workload, unit;
   std::string platform = "host";
   std::uint64_t seed = 1;
@@ -51,7 +51,7 @@ Sample sample_scheduler(const SampleRequest& request) {
   return sample;
 }
 
-int sample(const Options& options) {
+int sample(const SampleFlags& options) {
   SampleRequest request;
   request.cell = {options.workload, options.unit};
   request.seed = options.seed;
@@ -70,7 +70,7 @@ int sample(const Options& options) {
 }  // namespace
 
 void add_sample(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<SampleFlags>();
   Command command(app, "sample", "Time one workload on one unit in this process, as JSON");
   command.hide();  // not in the help
   add_text(command, "--workload", &options->workload, "WORKLOAD", "A workload, or scheduler")

@@ -24,7 +24,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct TuneFlags {
   std::string platform = "host";
   std::vector<std::string> units;
   std::string filter;
@@ -35,7 +35,7 @@ struct Options {
   bool dry_run = false;
 };
 
-std::filesystem::path output_of(const Options& options) {
+std::filesystem::path output_of(const TuneFlags& options) {
   if (options.output) return *options.output;
   const auto path = opencl::tuning_path();
   if (!path) {
@@ -62,7 +62,7 @@ bool measured_anything(const TunedUnit& tuned) {
   });
 }
 
-int show_plan(const TunePlan& plan, const TuneOptions& tune, const Options& options) {
+int show_plan(const TunePlan& plan, const TuneOptions& tune, const TuneFlags& options) {
   Document document{.title = "pirt tune", .parts = {}};
   Json json = {{"schema_version", 1}, {"output", tune.output.string()}, {"units", nullptr}};
   json["units"] = Json::array();
@@ -102,7 +102,7 @@ std::vector<TunedUnit> search(const TunePlan& plan, const TuneOptions& tune) {
   return all;
 }
 
-int tune(const Options& options) {
+int tune(const TuneFlags& options) {
   TuneOptions tune;
   tune.platform = load_platform(options.platform);
   tune.units = options.units;
@@ -143,7 +143,7 @@ int tune(const Options& options) {
 }  // namespace
 
 void add_tune(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<TuneFlags>();
   Command command(
       app, "tune",
       "Search the parameters of the OpenCL kernels on this machine, and keep what is faster");

@@ -16,7 +16,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct BundleAdjustFlags {
   std::string problem;
   std::string loss = "none";
   std::optional<double> loss_px;
@@ -55,7 +55,7 @@ Json json_of(const mapping::BalProblem& problem, const mapping::BundleSummary& s
   return json;
 }
 
-int adjust(Options options) {
+int adjust(BundleAdjustFlags options) {
   const auto losses = mapping::loss_names();
   options.adjust.loss =
       static_cast<mapping::Loss>(std::ranges::find(losses, options.loss) - losses.begin());
@@ -91,7 +91,7 @@ int adjust(Options options) {
 }  // namespace
 
 void add_bundle_adjust(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<BundleAdjustFlags>();
   Command command(app, "bundle-adjust",
                   "Move the cameras and points of a map to where they fit what was seen");
   add_input(command, "problem", &options->problem,

@@ -23,7 +23,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct CloudFlags {
   cloud::ConnectionOptions connection;
   std::string name;
   std::string unit = "cpu";
@@ -53,7 +53,7 @@ void add_connection(Command& command, cloud::ConnectionOptions& connection) {
   seed.needs(nkey);
 }
 
-void add_computing(Command& command, Options& options) {
+void add_computing(Command& command, CloudFlags& options) {
   add_text(command, "--units", &options.unit, "UNIT",
            "What computes: a backend of `pirt list backends`")
       .offers(offer_backends())
@@ -70,7 +70,7 @@ void add_computing(Command& command, Options& options) {
 }
 
 /// By the user's models, in the size that is announced.
-std::optional<Workload> description(const Options& options) {
+std::optional<Workload> description(const CloudFlags& options) {
   if (!options.model.model) return std::nullopt;
   recognition::SceneModels models{.detector = options.model.options()};
   if (options.classifier.model) models.classifier = options.classifier.options();
@@ -101,7 +101,7 @@ std::vector<const Workload*> known_on(const Backend& backend, const std::optiona
 }
 
 /// What every process of it computes with.
-std::vector<std::string> slot_arguments(const Options& options) {
+std::vector<std::string> slot_arguments(const CloudFlags& options) {
   std::vector<std::string> arguments = {"cloud-slot", "--units", options.unit, "--cache-mb",
                                         std::to_string(options.cache_mb)};
   for (const auto& more :
@@ -112,7 +112,7 @@ std::vector<std::string> slot_arguments(const Options& options) {
 }
 
 /// A process of a worker's: what it computes may crash.
-int work_in_slot(const Options& options) {
+int work_in_slot(const CloudFlags& options) {
   const Backend& backend = find_backend(options.unit);
   const auto kept = static_cast<std::uint64_t>(options.cache_mb) << 20;
   const auto computer = cloud::computer_on(
@@ -121,7 +121,7 @@ int work_in_slot(const Options& options) {
   return cloud::serve_slot(*computer, known_on(backend, own), kept) ? 0 : kExitEnvironment;
 }
 
-int work(const Options& options) {
+int work(const CloudFlags& options) {
   const Backend& backend = find_backend(options.unit);
   if (const Probe probe = backend.probe(); !probe.available) throw_environment(probe.reason);
   cloud::WorkerOptions worker{.connection = options.connection,
@@ -148,7 +148,7 @@ int work(const Options& options) {
   return 0;
 }
 
-int administer(const Options& options) {
+int administer(const CloudFlags& options) {
   const auto done = cloud::administer(options.connection, {.robots = options.robots});
   for (const std::string& line : done) std::printf("%s\n", line.c_str());
   if (done.empty()) std::puts("all is there");
@@ -158,7 +158,7 @@ int administer(const Options& options) {
 }  // namespace
 
 void add_cloud_worker(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<CloudFlags>();
   Command command(app, "cloud-worker", "Compute the tasks that robots send to the cloud");
   add_connection(command, options->connection);
   add_computing(command, *options);
@@ -174,7 +174,7 @@ void add_cloud_worker(CLI::App& app, Action& action) {
 }
 
 void add_cloud_slot(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<CloudFlags>();
   Command command(app, "cloud-slot", "Computes what a cloud-worker hands to it");
   command.hide();
   add_computing(command, *options);
@@ -182,7 +182,7 @@ void add_cloud_slot(CLI::App& app, Action& action) {
 }
 
 void add_cloud_admin(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<CloudFlags>();
   auto what = std::make_shared<std::string>();
   Command command(app, "cloud-admin",
                   "Make a NATS server ready for workers and robots, or say what each may do there");

@@ -16,7 +16,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct DescribeFlags {
   std::vector<std::string> pictures;
   ModelFlags detector, classifier;
   recognition::DetectOptions detect;
@@ -36,7 +36,7 @@ void append_rows(const recognition::Scene& scene, Table& table) {
   if (scene.objects.empty()) table.rows.push_back({scene.image, "-", "-", "-", "-", "-"});
 }
 
-int describe(const Options& options) {
+int describe(const DescribeFlags& options) {
   recognition::Model detector(options.detector.options());
   std::optional<recognition::Model> classifier;
   if (options.classifier.model) classifier.emplace(options.classifier.options());
@@ -59,7 +59,7 @@ int describe(const Options& options) {
 }  // namespace
 
 void add_describe(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<DescribeFlags>();
   Command command(app, "describe",
                   "Describe what pictures show, one line of JSON each: objects, where they are, "
                   "and what a classifier calls the whole");

@@ -19,7 +19,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct GenerateFlags {
   std::string folder;
   std::string format = "euroc";
   std::string duration = "60s";
@@ -35,7 +35,7 @@ constexpr double kRest = 2;  ///< Seconds.
 
 bool is_zero(const std::string& duration) { return duration == "0" || duration == "0s"; }
 
-int generate(const Options& options) {
+int generate(const GenerateFlags& options) {
   if (options.folder.empty()) {
     throw_bad_input(
         "name the folder that is to be made: pirt generate FOLDER (or a kind: dag, bal)");
@@ -98,7 +98,7 @@ std::string no_rest(const std::string& text) { return is_zero(text) ? "" : no_du
 }  // namespace
 
 void add_generate(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<GenerateFlags>();
   auto& scene = options->scene;
   Command command(
       app, "generate",

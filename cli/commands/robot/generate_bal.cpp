@@ -11,12 +11,12 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct GenerateBalFlags {
   mapping::BalParameters parameters;
   Output output, truth;
 };
 
-int generate(const Options& options) {
+int generate(const GenerateBalFlags& options) {
   const auto made = mapping::generate_bal(options.parameters);
   if (options.truth) emit_text(mapping::bal_text(made.truth), options.truth);
   emit_text(mapping::bal_text(made.problem), options.output);
@@ -26,7 +26,7 @@ int generate(const Options& options) {
 }  // namespace
 
 void add_generate_bal(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<GenerateBalFlags>();
   auto& parameters = options->parameters;
   Command command(app, "generate bal",
                   "Write a bundle adjustment problem of a camera that goes round a scene");

@@ -27,7 +27,7 @@ using planning::Point;
 using planning::PreparedMap;
 using planning::Unit;
 
-struct Options {
+struct PlanFlags {
   std::string map;
   std::optional<std::string> scenario, start, goal;
   double radius = 0;
@@ -83,7 +83,8 @@ Cell find_cell(const std::string& option, const std::string& text, const Grid& g
                               text_of(grid.centre_of(*nearest))));
 }
 
-std::vector<Query> read_queries(const Options& options, const Grid& grid, const PreparedMap& map) {
+std::vector<Query> read_queries(const PlanFlags& options, const Grid& grid,
+                                const PreparedMap& map) {
   if (!options.scenario) {
     return {{find_cell("--start", *options.start, grid, map, options.radius),
              find_cell("--goal", *options.goal, grid, map, options.radius), std::nullopt}};
@@ -98,7 +99,7 @@ std::vector<Query> read_queries(const Options& options, const Grid& grid, const 
 }
 
 /// A scenario counts cells from the first of the file, whatever the map's unit.
-struct Frame {
+struct MapFrame {
   const Grid& grid;
   bool in_cells;
 
@@ -114,7 +115,7 @@ struct Frame {
   }
 };
 
-Json json_of(const Query& query, const Frame& frame, bool with_path) {
+Json json_of(const Query& query, const MapFrame& frame, bool with_path) {
   const auto point = [&](Cell cell) {
     const Point at = frame.place(cell);
     return Json{at.x, at.y};
@@ -130,7 +131,7 @@ Json json_of(const Query& query, const Frame& frame, bool with_path) {
   return json;
 }
 
-Document document_of(const std::vector<Query>& queries, const Frame& frame) {
+Document document_of(const std::vector<Query>& queries, const MapFrame& frame) {
   Table table;
   table.columns = {{"start", Align::kLeft},
                    {"goal", Align::kLeft},
@@ -154,7 +155,7 @@ Document document_of(const std::vector<Query>& queries, const Frame& frame) {
   return {"", {std::move(table)}};
 }
 
-int plan(const Options& options) {
+int plan(const PlanFlags& options) {
   if (options.scenario.has_value() == (options.start && options.goal) ||
       options.start.has_value() != options.goal.has_value()) {
     throw_bad_input("give --scenario FILE, or --start x,y and --goal x,y");
@@ -168,7 +169,7 @@ int plan(const Options& options) {
     query.path = planner.plan(query.start, query.goal);
     good = good && query.path.status == PathStatus::kFound && !query.differs();
   }
-  const Frame frame{grid, options.scenario.has_value()};
+  const MapFrame frame{grid, options.scenario.has_value()};
   Json json = {{"schema_version", 1},   {"map", options.map},       {"width", grid.width},
                {"height", grid.height}, {"radius", options.radius}, {"unit", frame.unit()}};
   auto& rows = json["queries"] = Json::array();
@@ -182,7 +183,7 @@ int plan(const Options& options) {
 }  // namespace
 
 void add_plan(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PlanFlags>();
   Command command(app, "plan", "Find shortest paths on an occupancy grid");
   add_input(command, "--map", &options->map,
             "Map: the .yaml of ROS's map_server, or a .map of Moving AI")

@@ -31,7 +31,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct RunRobotFlags {
   std::string dataset;
   std::optional<std::string> slam_map, topics;
   ActivityFlags activities;
@@ -47,7 +47,7 @@ struct Options {
   Output json, trajectory, plot, save_map, trace;
 };
 
-Sequence read(const Options& options) {
+Sequence read(const RunRobotFlags& options) {
   if (options.dataset.empty()) throw_bad_input("name the folder of a sequence, or a recording");
   if (options.topics && !names_a_recording(options.dataset)) {
     throw_bad_input("--topics are of recordings (.bag, .db3), and '" + options.dataset +
@@ -72,14 +72,14 @@ Sequence read(const Options& options) {
   return sequence;
 }
 
-void check(const Options& options) {
+void check(const RunRobotFlags& options) {
   if (options.plot && !options.plot.path().ends_with(".svg") &&
       !options.plot.path().ends_with(".png")) {
     throw_bad_input("--plot '" + options.plot.path() + "' must end in .png or .svg");
   }
 }
 
-RuntimeOptions runtime_options(const Options& options) {
+RuntimeOptions runtime_options(const RunRobotFlags& options) {
   // Without a profile, what is usual of this machine.
   auto platform = options.platform;
   if (!platform && !options.profile) platform = "host";
@@ -115,7 +115,7 @@ struct Robot {
   }
 };
 
-int compare(const Options& options, Robot robot) {
+int compare(const RunRobotFlags& options, Robot robot) {
   const auto modes = options.compare.empty() ? paper_modes() : find_policies(options.compare);
   std::vector<RobotRun> runs;
   runs.push_back(robot.run(false));
@@ -165,7 +165,7 @@ bool has_tracked(const RobotRun& run) {
   });
 }
 
-std::string picture(const Options& options, const Sequence& sequence, const RobotRun& run) {
+std::string picture(const RunRobotFlags& options, const Sequence& sequence, const RobotRun& run) {
   slam::Plot plot = slam::plot_of(run.result.run, run.setup);
   if (run.summary.error) plot.truth = sequence.truth;
   plot.alignment = run.summary.scale_known ? Alignment::kSe3 : Alignment::kSim3;
@@ -184,7 +184,7 @@ void keep_freed_memory() {
   mallopt(M_TRIM_THRESHOLD, 512 << 20);
 }
 
-int run_robot(const Options& options) {
+int run_robot(const RunRobotFlags& options) {
   check(options);
   keep_freed_memory();
   const Sequence sequence = read(options);
@@ -235,7 +235,7 @@ int run_robot(const Options& options) {
 }  // namespace
 
 void add_run_robot(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<RunRobotFlags>();
   Command command(app, "run-robot",
                   "Localize a robot on a recorded sequence (EuRoC's layout, KITTI odometry, a "
                   "recording of ROS), "

@@ -12,13 +12,13 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct GenerateDagFlags {
   DagParameters parameters;
   std::string units = "cpu,gpu,dsp";
   Output output;
 };
 
-int generate(const Options& options) {
+int generate(const GenerateDagFlags& options) {
   DagParameters parameters = options.parameters;
   parameters.units = split(options.units, ',');
   emit_text(generate_dag(parameters), options.output);
@@ -28,7 +28,7 @@ int generate(const Options& options) {
 }  // namespace
 
 void add_generate_dag(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<GenerateDagFlags>();
   auto& parameters = options->parameters;
   Command command(app, "generate dag",
                   "Write a random task graph as a mix, by the parameters of the HEFT paper");

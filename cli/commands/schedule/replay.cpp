@@ -14,7 +14,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct ReplayFlags {
   std::string file;
   Output json;
 };
@@ -54,7 +54,7 @@ Json json_of(const FileReplay& replay) {
   return json;
 }
 
-int replay_trace(const Options& options) {
+int replay_trace(const ReplayFlags& options) {
   const FileReplay replay = replay_file(options.file);
   emit(text_of(replay), json_of(replay), options.json);
   return replay.result.difference ? kExitCheckFailed : 0;
@@ -63,7 +63,7 @@ int replay_trace(const Options& options) {
 }  // namespace
 
 void add_replay(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ReplayFlags>();
   Command command(app, "replay",
                   "Check that the inputs of a trace give a fresh dispatcher the same decisions");
   add_input(command, "trace", &options->file, "A trace of pirt schedule --trace").required();

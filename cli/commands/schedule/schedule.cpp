@@ -38,7 +38,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct ScheduleFlags {
   std::string mode;
   std::string compare;  ///< Modes, with commas; empty = all.
   bool comparing = false;
@@ -99,7 +99,8 @@ Faults parse_faults(const std::string& text) {
   return faults;
 }
 
-ScheduleOptions schedule_options(const Options& options, const std::vector<std::string>& modes) {
+ScheduleOptions schedule_options(const ScheduleFlags& options,
+                                 const std::vector<std::string>& modes) {
   const auto falls_back = [](const std::string& mode) { return find_policy(mode).has_basic(); };
   if (options.basic && std::ranges::none_of(modes, falls_back)) {
     throw_bad_input("--basic is about mode advanced, which falls back to it; leave it out");
@@ -140,7 +141,7 @@ struct Inputs {
   }
 };
 
-Inputs read_inputs(const Options& options) {
+Inputs read_inputs(const ScheduleFlags& options) {
   Inputs inputs;
   inputs.mix = load_mix(options.mix);  // First, since it costs nothing to mend.
   if (!options.profile && !options.platform) {
@@ -182,7 +183,7 @@ bool is_infeasible(const Inputs& inputs, const ScheduleOptions& settings) {
   return true;
 }
 
-int compare(const Options& options) {
+int compare(const ScheduleFlags& options) {
   const auto modes = options.compare.empty() ? policy_names() : find_policies(options.compare);
   const auto settings = schedule_options(options, modes);
   const Inputs inputs = read_inputs(options);
@@ -197,7 +198,7 @@ int compare(const Options& options) {
   return stalled ? kExitCheckFailed : 0;
 }
 
-int show_pareto(const Options& options) {
+int show_pareto(const ScheduleFlags& options) {
   const auto settings = schedule_options(options, paper_modes());
   const Inputs inputs = read_inputs(options);
   if (is_infeasible(inputs, settings)) return kExitCheckFailed;
@@ -264,7 +265,7 @@ void update_profile(ProfileWriter& writer, const Inputs& inputs, const RunRecord
              inputs.profile->path, run_id, join(names, ", "));
 }
 
-int schedule(const Options& options) {
+int schedule(const ScheduleFlags& options) {
   if (options.comparing) return compare(options);
   if (options.pareto) return show_pareto(options);
   if (options.mode.empty()) {
@@ -298,7 +299,7 @@ int schedule(const Options& options) {
 }  // namespace
 
 void add_schedule(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ScheduleFlags>();
   Command command(app, "schedule", "Schedule a robot's mix on a platform, in virtual time or live");
   add_choice(command, "--mode", &options->mode, "MODE", policy_names(), "Policy");
   const Option compare = command.add(

@@ -22,7 +22,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct WhatIfFlags {
   std::string mix = "full-robot";
   std::optional<std::string> profile, platform;
   std::vector<std::string> settings, without;
@@ -33,7 +33,7 @@ struct Options {
   Output markdown, json;
 };
 
-WhatIfChange change_of(const Options& options, const Mix& mix) {
+WhatIfChange change_of(const WhatIfFlags& options, const Mix& mix) {
   if (options.lower) {
     if (*options.lower != "power-cap") {
       throw_bad_input("--lower '" + *options.lower + "': what can be lowered is power-cap");
@@ -43,7 +43,7 @@ WhatIfChange change_of(const Options& options, const Mix& mix) {
   return parse_raise(options.raise.value_or("all.rate_hz"), mix);
 }
 
-int find_what_breaks(const Options& options) {
+int find_what_breaks(const WhatIfFlags& options) {
   const Mix mix = load_mix(options.mix);
   const WhatIfChange change = change_of(options, mix);
   if (!options.profile && !options.platform) {
@@ -84,7 +84,7 @@ int find_what_breaks(const Options& options) {
 }  // namespace
 
 void add_what_if(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<WhatIfFlags>();
   Command command(app, "what-if",
                   "Find what breaks first when a rate rises or the power shrinks, mode by mode");
   add_input(command, "--mix", &options->mix, "A name of `pirt list mixes`, or a YAML file",

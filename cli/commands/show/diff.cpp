@@ -18,20 +18,20 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct DiffFlags {
   std::vector<std::string> files;
   std::string filter;
   std::string platform;
   Output json;
 };
 
-Profile open_profile(const Options& options, const std::string& path) {
+Profile open_profile(const DiffFlags& options, const std::string& path) {
   auto profile = load_profile(path, options.platform);
   if (!options.filter.empty()) keep_workloads(profile, options.filter);
   return profile;
 }
 
-int diff(const Options& options) {
+int diff(const DiffFlags& options) {
   if (options.files.size() != 2) {
     throw_bad_input(
         fmt::format("pirt diff takes two profile databases, not {}; see 'pirt diff --help'",
@@ -55,7 +55,7 @@ int diff(const Options& options) {
 }  // namespace
 
 void add_diff(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<DiffFlags>();
   Command command(app, "diff",
                   "Show the figures of two profiles side by side: medians, "
                   "their ratio, whether their intervals meet");

@@ -17,7 +17,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct ExportFlags {
   std::string database;
   std::string format;
   std::string table;
@@ -44,7 +44,7 @@ CsvTable parse_table(const std::string& name) {
   throw_bad_input("unknown --table '" + name + "'" + suggestion(name, known));
 }
 
-std::string exported(const Options& options) {
+std::string exported(const ExportFlags& options) {
   const auto load = [&options] {
     return load_with_samples(options.database, options.platform, options.filter);
   };
@@ -68,7 +68,7 @@ std::string exported(const Options& options) {
   return json_text(result.json, 1) + "\n";
 }
 
-int run_export(const Options& options) {
+int run_export(const ExportFlags& options) {
   if (options.format.empty()) {
     throw_bad_input("--format is required: " + join(formats(), ", ") +
                     "; see 'pirt export --help'");
@@ -87,7 +87,7 @@ int run_export(const Options& options) {
 }  // namespace
 
 void add_export(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ExportFlags>();
   Command command(
       app, "export",
       "Write a profile for other tools: the newest rows of one platform, with provenance");

@@ -25,7 +25,7 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct ListFlags {
   std::string what;
   std::optional<std::string> platform;  ///< Of units; absent = host.
   Output json;
@@ -330,7 +330,7 @@ std::vector<std::string> what_is_listed() {
   return {"workloads", "backends", "units", "platforms", "mixes", "modes", "meters"};
 }
 
-Listing list(const Options& options) {
+Listing list(const ListFlags& options) {
   if (options.platform && options.what != "units") {
     throw_bad_input("--platform says whose units are listed, and " + options.what +
                     " are none; leave it out");
@@ -355,7 +355,7 @@ Listing list(const Options& options) {
 }  // namespace
 
 void add_list(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ListFlags>();
   Command command(app, "list",
                   "Show the workloads, backends, units, platforms, mixes, modes or energy meters");
   add_text(command, "what", &options->what, "WHAT", join(what_is_listed(), " | "))

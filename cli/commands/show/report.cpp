@@ -31,17 +31,14 @@
 namespace pirt::cli {
 namespace {
 
-struct Options {
+struct ReportFlags {
   std::vector<std::string> files;
   std::string format = "text";
   Output output;
   std::optional<std::string> platform;
   std::vector<std::string> settings;
   std::string mix = "full-robot";
-  bool paper = false;
-  bool setup = false;
-  bool offload = false;
-  bool brief = false;
+  bool paper = false, setup = false, offload = false, brief = false;  ///< What they were once.
   Output json;
 };
 
@@ -58,7 +55,7 @@ Format parse_format(const std::string& name) {
 /// What is asked for, where and as what.
 /// @param make_json  Called only if that is asked for: of a large profile it has every sample.
 template <typename MakeJson>
-void write(const Options& options, const Document& document, const MakeJson& make_json) {
+void write(const ReportFlags& options, const Document& document, const MakeJson& make_json) {
   const Format format = parse_format(options.format);
   Json json;
   if (options.json) {
@@ -101,7 +98,7 @@ Files sort_files(const std::vector<std::string>& files) {
   return sorted;
 }
 
-Profile open_profile(const Options& options, const std::string& file, bool samples) {
+Profile open_profile(const ReportFlags& options, const std::string& file, bool samples) {
   const ProfileReader reader(file);
   auto profile =
       options.platform ? reader.read(load_platform(*options.platform).name) : reader.read();
@@ -119,7 +116,7 @@ Profile open_other(const std::string& file) {
 
 /// The platform that is given, or the profile's.
 /// @throws Error{kBadInput} if that is none that is shipped.
-Platform platform_for(const Options& options, const Profile& profile) {
+Platform platform_for(const ReportFlags& options, const Profile& profile) {
   const auto overrides = parse_overrides(options.settings);
   return options.platform ? load_platform(*options.platform, overrides)
                           : platform_of(profile, overrides);
@@ -130,7 +127,7 @@ struct FoundPlatform {
   std::optional<Platform> platform;
   std::string why_not;
 };
-FoundPlatform find_platform(const Options& options, const Profile& profile) {
+FoundPlatform find_platform(const ReportFlags& options, const Profile& profile) {
   try {
     return {platform_for(options, profile), ""};
   } catch (const Error& error) {
@@ -139,7 +136,7 @@ FoundPlatform find_platform(const Options& options, const Profile& profile) {
 }
 
 /// With all modes in virtual time; a profile of a platform that is not known goes without.
-Machine read_machine(const Options& options, const std::string& file, const Mix& mix,
+Machine read_machine(const ReportFlags& options, const std::string& file, const Mix& mix,
                      bool samples) {
   auto profile = open_profile(options, file, samples);
   auto found = find_platform(options, profile);
@@ -179,7 +176,18 @@ std::optional<Timeline> make_timeline(const Machine& machine, const Mix& mix,
   return timeline;
 }
 
-int report_profile(const Options& options) {
+/// The one database of a document that has no place for more.
+const std::string& only_file(const ReportFlags& options, const char* kind) {
+  if (options.files.size() > 1) {
+    throw_bad_input(
+        fmt::format("pirt report {} takes one profile database, and no run records, "
+                    "not '{}'",
+                    kind, options.files[1]));
+  }
+  return options.files.front();
+}
+
+int report_all(const ReportFlags& options) {
   const Files files = sort_files(options.files);
   ReportInputs inputs;
   for (const auto& file : files.runs) inputs.runs.push_back(load_run_record(file));
@@ -204,11 +212,23 @@ int report_profile(const Options& options) {
   return 0;
 }
 
-int report_setup(const Options& options) {
-  if (options.files.size() > 1) {
-    throw_bad_input("--setup takes one profile database and no run records");
+int report_profile(const ReportFlags& options) {
+  ReportInputs inputs;
+  for (const auto& file : options.files) {
+    inputs.machines.push_back(
+        {.profile = inputs.machines.empty() ? open_profile(options, file, true) : open_other(file),
+         .platform = std::nullopt,
+         .modes = {},
+         .table5 = {}});
   }
-  const auto profile = open_profile(options, options.files.front(), false);
+  Document document = full_report(inputs);
+  document.title = "pirt report profile";
+  write(options, document, [&] { return full_report_json(inputs); });
+  return 0;
+}
+
+int report_setup(const ReportFlags& options) {
+  const auto profile = open_profile(options, only_file(options, "setup"), false);
   std::vector<OffloadedCall> calls;
   try {
     calls = offloaded_calls(profile, platform_for(options, profile), "convolution");
@@ -217,7 +237,7 @@ int report_setup(const Options& options) {
     warn(error.what());
   }
   const auto costs = offloading_costs(profile);
-  Document document{.title = "pirt report --setup", .parts = {profile_header(profile)}};
+  Document document{.title = "pirt report setup", .parts = {profile_header(profile)}};
   document.parts.emplace_back(offloading_chart(costs));
   if (auto crossovers = crossover_table(costs); !crossovers.rows.empty()) {
     document.parts.emplace_back(std::move(crossovers));
@@ -233,26 +253,20 @@ int report_setup(const Options& options) {
   return 0;
 }
 
-int report_offload(const Options& options) {
-  if (options.files.size() > 1) {
-    throw_bad_input("--offload takes one profile database and no run records");
-  }
-  const auto profile = open_profile(options, options.files.front(), false);
+int report_offload(const ReportFlags& options) {
+  const auto profile = open_profile(options, only_file(options, "offload"), false);
   const Platform platform = platform_for(options, profile);
   const OffloadChoices choices = offload_choices(profile, platform);
   write(options,
-        {.title = "pirt report --offload",
+        {.title = "pirt report offload",
          .parts = {profile_header(profile), offload_table(choices, platform)}},
         [&] { return offload_json(choices); });
   return 0;
 }
 
-int report_brief(const Options& options) {
-  if (options.files.size() > 1) {
-    throw_bad_input("--brief takes one profile database and no run records");
-  }
+int report_compare(const ReportFlags& options) {
   const auto mix = load_mix(options.mix);
-  const auto profile = open_profile(options, options.files.front(), false);
+  const auto profile = open_profile(options, only_file(options, "compare"), false);
   const auto found = find_platform(options, profile);
   const auto modes = runs_of(profile, found.platform, mix, paper_modes(), found.why_not);
   write(options, brief_document(profile, modes, mix), [&] { return brief_json(profile, modes); });
@@ -260,10 +274,10 @@ int report_brief(const Options& options) {
 }
 
 /// @return kExitCheckFailed if a cell of Table V is farther off than its limit.
-int report_paper(const Options& options) {
+int report_paper(const ReportFlags& options) {
   const Files files = sort_files(options.files);
   if (!files.runs.empty() || !files.traces.empty()) {
-    throw_bad_input("--paper takes profile databases, not '" +
+    throw_bad_input("pirt report paper takes profile databases, not '" +
                     (files.runs.empty() ? files.traces : files.runs).front() + "'");
   }
   const auto mix = load_mix(options.mix);
@@ -284,67 +298,158 @@ int report_paper(const Options& options) {
   return std::ranges::all_of(paper.cells, &PaperCell::holds) ? 0 : kExitCheckFailed;
 }
 
-int report(const Options& options) {
+/// A document that can be asked for: `pirt report NAME`.
+struct Kind {
+  const char* name;
+  const char* description;
+  const char* files;    ///< What the help says of them.
+  const char* formats;  ///< "FORMAT|FORMAT"; the first is the default.
+  const char* example;
+  bool runs_modes;  ///< On --mix.
+  int (*write)(const ReportFlags& options);
+};
+constexpr const char* kOneDatabase = "The profile database";
+constexpr const char* kEverything =
+    "The profile database; then more of them, to be shown side by side, run records of pirt "
+    "schedule --json (default: the modes are simulated now), and traces of its --trace";
+constexpr Kind kText = {
+    "text",       "Show all that is known: which unit, which mode, and what that follows from",
+    kEverything,  "text|md",
+    "profile.db", true,
+    report_all};
+constexpr Kind kPage = {
+    "page",
+    "Write the same as one page of HTML, with charts and a timeline; it needs no "
+    "network",
+    kEverything,
+    "html",
+    "profile.db -o report.html",
+    true,
+    report_all};
+constexpr Kind kCompare = {
+    "compare",
+    "Show the preferable unit of each workload and the paper's four modes, on a screen",
+    kOneDatabase,
+    "text|md|html",
+    "profile.db",
+    true,
+    report_compare};
+constexpr Kind kProfile = {"profile",
+                           "Show what was measured, without running any mode",
+                           "The profile database; then more of them, to be shown side by side",
+                           "text|md|html",
+                           "profile.db",
+                           false,
+                           report_profile};
+constexpr Kind kSetup = {
+    "setup",
+    "Show offloading time by phase, cold and warm (ms), from how many calls on "
+    "one unit beats another, and a convolution beside the paper's Fig. 7",
+    kOneDatabase,
+    "text|md|html",
+    "profile.db",
+    false,
+    report_setup};
+constexpr Kind kOffload = {
+    "offload",
+    "Show each workload here or in the cloud, in time and in the robot's energy, and from which "
+    "bandwidth on; the paper's Table IV",
+    kOneDatabase,
+    "text|md|html",
+    "profile.db",
+    false,
+    report_offload};
+constexpr Kind kPaper = {
+    "paper",
+    "Show the Pi-RT paper's claims, one by one: confirmed, refuted or not testable here; with a "
+    "profile database also those about units",
+    "A profile database; then those of other boards (dsp.db fpga.db), for Table III over all of "
+    "their units",
+    "text|md|html",
+    "profile.db",
+    true,
+    report_paper};
+
+int report(const ReportFlags& options, const Kind& kind) {
   static_cast<void>(parse_format(options.format));  // before anything is computed
-  if (options.paper) return report_paper(options);
-  if (options.files.empty()) {
+  if (options.files.empty() && kind.write != report_paper) {
     throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one");
   }
-  if (options.brief) return report_brief(options);
-  if (options.offload) return report_offload(options);
-  return options.setup ? report_setup(options) : report_profile(options);
+  return kind.write(options);
 }
 
-}  // namespace
+/// Flags that say what is a word now.
+int report_as_before(const ReportFlags& options) {
+  struct Old {
+    bool given;
+    const char* flag;
+    const Kind& kind;
+  };
+  const Old old[] = {{options.paper, "--paper", kPaper},
+                     {options.brief, "--brief", kCompare},
+                     {options.offload, "--offload", kOffload},
+                     {options.setup, "--setup", kSetup},
+                     {options.format == "html", "--format html", kPage}};
+  const auto* const found = std::ranges::find_if(old, &Old::given);
+  if (found == std::end(old)) return report(options, kText);
+  warn(fmt::format("'pirt report {}' is 'pirt report {}' now; the next release knows that only",
+                   found->flag, found->kind.name));
+  return report(options, found->kind);
+}
 
-void add_report(CLI::App& app, Action& action) {
-  auto options = std::make_shared<Options>();
-  Command command(
-      app, "report",
-      "Show the preferable unit of each workload, the modes side by side, and the profiles that "
-      "they follow from");
-  add_input(command, "files", &options->files,
-            "The profile database; then more of them, to be shown side by side, run records of "
-            "pirt schedule --json (default: the modes are simulated now), and traces of its "
-            "--trace");
-  add_text(command, "--format", &options->format, "FORMAT", "text | md | html")
-      .offers(std::vector<std::string>{"text", "md", "html"})
-      .shows_default();
+void add_common(Command& command, const std::shared_ptr<ReportFlags>& options, const char* files,
+                const std::vector<std::string>& formats, bool runs_modes) {
+  add_input(command, "files", &options->files, files);
+  options->format = formats.front();
+  if (formats.size() > 1) {
+    add_text(command, "--format", &options->format, "FORMAT", join(formats, " | "))
+        .offers(formats)
+        .shows_default();
+  }
   add_output(command, "-o,--output", options->output, "Write to a file instead of stdout");
   add_input(command, "--platform", &options->platform,
             "Show the runs of this platform (default: that of the newest run)",
             FileUse::kReadIfFile)
       .offers(offer_platforms());
   add_settings(command, options->settings);
-  add_input(command, "--mix", &options->mix,
-            "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file",
-            FileUse::kReadIfFile)
-      .offers(offer_mixes())
-      .shows_default();
-  command.add_flag("--brief", options->brief,
-                   "Only the preferable unit of each workload and the paper's four modes, on a "
-                   "screen");
-  command.add_flag(
-      "--paper", options->paper,
-      "Instead of all that: the Pi-RT paper's claims, one by one: confirmed, refuted or "
-      "not testable here; with a profile database also those about units; with those of other "
-      "boards "
-      "behind it (dsp.db fpga.db) Table III over all of their units");
-  command.add_flag("--setup", options->setup,
-                   "Instead of the profile: offloading time by phase, cold and warm (ms), from how "
-                   "many calls on one unit beats another, and a convolution beside the paper's "
-                   "Fig. 7");
-  command.add_flag("--offload", options->offload,
-                   "Instead of the profile: each workload here or in the cloud, in time and in the "
-                   "robot's energy, and from which bandwidth on; the paper's Table IV");
+  if (runs_modes) {
+    add_input(command, "--mix", &options->mix,
+              "Mix of the simulated modes: a name of `pirt list mixes`, or a YAML file",
+              FileUse::kReadIfFile)
+        .offers(offer_mixes())
+        .shows_default();
+  }
   add_json(command, options->json);
+}
+
+}  // namespace
+
+void add_report(CLI::App& app, Action& action) {
+  auto options = std::make_shared<ReportFlags>();
+  Command command(
+      app, "report",
+      "Show the preferable unit of each workload, the modes side by side, and the profiles that "
+      "they follow from: without a further word as text");
+  add_common(command, options, kText.files, {"text", "md", "html"}, true);
+  command.add_flag("--brief", options->brief, "Is pirt report compare now");
+  command.add_flag("--paper", options->paper, "Is pirt report paper now");
+  command.add_flag("--setup", options->setup, "Is pirt report setup now");
+  command.add_flag("--offload", options->offload, "Is pirt report offload now");
   command.option("--brief").excludes(command.option("--paper"));
   for (const auto* name : {"--paper", "--brief", "--mix"})
     command.option("--setup").excludes(command.option(name));
   for (const auto* name : {"--paper", "--brief", "--mix", "--setup"})
     command.option("--offload").excludes(command.option(name));
-  command.footer("Example: pirt report profile.db --format html -o report.html");
-  command.runs(action, [options] { return report(*options); });
+  command.footer("Example: pirt report page profile.db -o report.html");
+  command.runs(action, [options] { return report_as_before(*options); });
+
+  for (const Kind& kind : {kText, kPage, kCompare, kProfile, kSetup, kOffload, kPaper}) {
+    auto own = std::make_shared<ReportFlags>();
+    Command one(app, fmt::format("report {}", kind.name), kind.description);
+    add_common(one, own, kind.files, split(kind.formats, '|'), kind.runs_modes);
+    one.footer(fmt::format("Example: pirt report {} {}", kind.name, kind.example));
+    one.runs(action, [own, kind] { return report(*own, kind); });
+  }
 }
 
 }  // namespace pirt::cli

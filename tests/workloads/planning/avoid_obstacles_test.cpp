@@ -22,7 +22,7 @@ constexpr Point kGoal = {9, 5};
 constexpr double kReachedM = 0.2;
 
 /// Not std::hypot: nothing here overflows, and it takes ten times as long.
-double distance(Point a, Point b) {
+double quick_distance(Point a, Point b) {
   return std::sqrt((a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y));
 }
 
@@ -49,7 +49,7 @@ class People {
   explicit People(std::uint64_t seed) : random_(seed) {
     while (walkers_.size() < 20) {
       const Point at = anywhere();
-      if (distance(at, kStart) < 1) continue;
+      if (quick_distance(at, kStart) < 1) continue;
       walkers_.push_back({{at, {}, kPersonM}, anywhere(), random_.uniform(0.3, 1.0)});
       head_for(walkers_.back());
     }
@@ -57,7 +57,7 @@ class People {
 
   void move(double seconds) {
     for (auto& walker : walkers_) {
-      if (distance(walker.disc.position, walker.place) < walker.speed_mps * seconds) {
+      if (quick_distance(walker.disc.position, walker.place) < walker.speed_mps * seconds) {
         walker.place = anywhere();
         head_for(walker);
       }
@@ -73,7 +73,7 @@ class People {
   }
   [[nodiscard]] bool touch(Point robot, double radius_m) const {
     return std::ranges::any_of(walkers_, [&](const Walker& walker) {
-      return distance(walker.disc.position, robot) < walker.disc.radius_m + radius_m;
+      return quick_distance(walker.disc.position, robot) < walker.disc.radius_m + radius_m;
     });
   }
 
@@ -87,7 +87,7 @@ class People {
     return {random_.uniform(0.3, kSideM - 0.3), random_.uniform(0.3, kSideM - 0.3)};
   }
   static void head_for(Walker& walker) {
-    const double way = std::max(1e-9, distance(walker.disc.position, walker.place));
+    const double way = std::max(1e-9, quick_distance(walker.disc.position, walker.place));
     walker.disc.velocity = {walker.speed_mps * (walker.place.x - walker.disc.position.x) / way,
                             walker.speed_mps * (walker.place.y - walker.disc.position.y) / way};
   }
@@ -138,7 +138,7 @@ Outcome drive(std::uint64_t seed, const Command& command) {
         outcome.touched_while_moving = true;
       }
     }
-    outcome.reached = distance(robot.position, kGoal) < kReachedM;
+    outcome.reached = quick_distance(robot.position, kGoal) < kReachedM;
   }
   return outcome;
 }
@@ -177,7 +177,8 @@ TEST(AvoidObstacles, FollowsAPathRoundAWall) {
   for (const Cell cell : path.cells) points.push_back(map.centre_of(cell));
   PathFollower follower(points);
   RobotState robot{kStart};
-  for (int period = 0; period < 600 && distance(robot.position, kGoal) > kReachedM; ++period) {
+  for (int period = 0; period < 600 && quick_distance(robot.position, kGoal) > kReachedM;
+       ++period) {
     const auto command = avoid_obstacles(robot, window_of(map, robot.position, 4), {},
                                          follower.ahead(robot.position, 0.8), options);
     robot.speed_mps = command.speed_mps;
@@ -185,7 +186,7 @@ TEST(AvoidObstacles, FollowsAPathRoundAWall) {
     for (int step = 0; step < 10; ++step) integrate(robot, 0.01);
     ASSERT_TRUE(prepared.passable(map.cell_of(robot.position))) << "too close to a wall";
   }
-  EXPECT_LT(distance(robot.position, kGoal), kReachedM);
+  EXPECT_LT(quick_distance(robot.position, kGoal), kReachedM);
 }
 
 TEST(AvoidObstacles, StandsWhereNothingIsSafe) {

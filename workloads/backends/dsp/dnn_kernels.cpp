@@ -183,13 +183,13 @@ Call make_fully_connected(ProgramSession& session, const Workload& workload,
   return call;
 }
 
-constexpr std::array kKernels = {
+constexpr std::array kDnnKernels = {
     DspKernelEntry{"conv2d_relu", convolution_fault, make_convolution},
     DspKernelEntry{"fully_connected", precision_fault, make_fully_connected},
 };
 
 }  // namespace
 
-std::span<const DspKernelEntry> dnn_kernels() { return kKernels; }
+std::span<const DspKernelEntry> dnn_kernels() { return kDnnKernels; }
 
 }  // namespace pirt::dsp

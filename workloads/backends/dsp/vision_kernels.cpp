@@ -118,7 +118,7 @@ Call make_optical_flow(ProgramSession& session, const Workload& workload, std::s
   return call;
 }
 
-constexpr std::array kKernels = {
+constexpr std::array kVisionKernels = {
     DspKernelEntry{"gaussian_blur", too_small, make_gaussian_blur},
     DspKernelEntry{"sobel", too_small, make_sobel},
     DspKernelEntry{"filter7x7", too_small, make_filter7x7},
@@ -129,6 +129,6 @@ constexpr std::array kKernels = {
 
 }  // namespace
 
-std::span<const DspKernelEntry> vision_kernels() { return kKernels; }
+std::span<const DspKernelEntry> vision_kernels() { return kVisionKernels; }
 
 }  // namespace pirt::dsp

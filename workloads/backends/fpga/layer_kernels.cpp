@@ -212,7 +212,7 @@ double input_scale(dnn::ValueRange range) {
   return kLimit / std::max(std::abs(double{range.low}), std::abs(double{range.high}));
 }
 
-Call make_convolution(const Workload& workload, std::span<const Tensor> parameters) {
+Call make_conv_layer(const Workload& workload, std::span<const Tensor> parameters) {
   const auto& op = operation_as<dnn::Conv2dRelu>(workload);
   const dnn::ConvShape& s = op.shape;
   return call_of({.shape = shape_of(s),
@@ -239,14 +239,14 @@ Call make_fully_connected(const Workload& workload, std::span<const Tensor> para
                  parameters);
 }
 
-constexpr std::array kKernels = {
-    FpgaKernelEntry{"conv2d_relu", "mac_array", "layers", convolution_fault, make_convolution},
+constexpr std::array kLayerKernels = {
+    FpgaKernelEntry{"conv2d_relu", "mac_array", "layers", convolution_fault, make_conv_layer},
     FpgaKernelEntry{"fully_connected", "mac_array", "layers", fully_connected_fault,
                     make_fully_connected},
 };
 
 }  // namespace
 
-std::span<const FpgaKernelEntry> layer_kernels() { return kKernels; }
+std::span<const FpgaKernelEntry> layer_kernels() { return kLayerKernels; }
 
 }  // namespace pirt::fpga

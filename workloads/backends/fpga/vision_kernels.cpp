@@ -189,7 +189,7 @@ Call make_feature_detect(const Workload& workload, std::span<const Tensor>) {
   return call;
 }
 
-constexpr std::array kKernels = {
+constexpr std::array kVisionKernels = {
     FpgaKernelEntry{"gaussian_blur", "gaussian_blur", kVision, picture_fault, make_gaussian_blur},
     FpgaKernelEntry{"filter7x7", "convolution", kVision, picture_fault, make_convolution},
     FpgaKernelEntry{"sobel", "sobel", kVision, picture_fault, make_sobel},
@@ -200,7 +200,7 @@ constexpr std::array kKernels = {
 
 }  // namespace
 
-std::span<const FpgaKernelEntry> vision_kernels() { return kKernels; }
+std::span<const FpgaKernelEntry> vision_kernels() { return kVisionKernels; }
 
 const FpgaKernelEntry* find_kernel(std::string_view kernel) {
   for (const auto table : {vision_kernels(), layer_kernels()}) {

@@ -1,12 +1,16 @@
 // The sizes of the host's caches: what a probe of bandwidth has to fit into, or to exceed.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <span>
 
 namespace pirt {
+
+/// Of a line of the host's caches.
+inline constexpr std::size_t kLineWords = 64 / sizeof(std::uint64_t);
 
 /// Absent where the machine does not say.
 struct CacheSizes {

@@ -167,6 +167,15 @@ class Json {
     return get<T>();
   }
 
+  /// The member, if @p value is known; of a duration its count.
+  template <typename T>
+  void put(std::string_view key, const std::optional<T>& value) {
+    if constexpr (requires { value->count(); }) {
+      if (value) (*this)[key] = value->count();
+    } else {
+      if (value) (*this)[key] = *value;
+    }
+  }
   /// Null becomes a list.
   /// @throws JsonError if this is neither.
   void push_back(const Json& value);

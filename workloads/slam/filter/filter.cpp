@@ -205,6 +205,12 @@ double innovation(const State& state, const RowBlock& block) {
   return block.residual.dot(s.ldlt().solve(block.residual));
 }
 
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + std::ssize(values) / 2;
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
 double chi_square_95(int degrees) {
   const double k = degrees;
   const double root = 1 - 2 / (9 * k) + 1.6448536 * std::sqrt(2 / (9 * k));

@@ -31,6 +31,11 @@ struct RowBlock {
 /// The 95 % quantile of chi^2 with @p degrees degrees of freedom (1 to 200 and beyond, to 1 %).
 /// @source  Wilson and Hilferty, The distribution of chi-square, 1931.
 [[nodiscard]] double chi_square_95(int degrees);
+/// What is further off than so many times that quantile is no measurement of what it claims to be.
+inline constexpr double kGate = 1.5;
+
+/// The upper one of the middle. @param values  At least one.
+[[nodiscard]] double median(std::vector<double> values);
 
 /// Corrects the state by all blocks at once.
 /// @return  Whether it did: false, and the state as before, where rounding has left no covariance

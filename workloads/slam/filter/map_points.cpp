@@ -8,12 +8,11 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "workloads/slam/filter/filter.h"
 #include "workloads/slam/filter/milestones.h"
 
 namespace pirt::slam {
 namespace {
-
-constexpr double kGate = 1.5;  // times the 95 % quantile
 
 /// Of two estimates whose errors may be the same, that of the least trace.
 void intersect(MapPoint& point, const MapPoint& other) {

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kLeastInliers = 8;  // of one view
 constexpr std::size_t kLeastPoints = 16;  // that all views saw together
-constexpr int kLeastViews = 3;            // that agree
+constexpr int kLeastAgreeing = 3;         // that agree
 constexpr int kLeastDirect = 4;           // sightings that tell the map from its mirror image
 constexpr int kDirectToMirrored = 4;      // so many, at least, to one that tells the contrary
 constexpr double kMostMiss = 4.0;         // pixels
@@ -23,12 +23,6 @@ constexpr std::size_t kFeatures = 200;    // that are looked at, strongest first
 constexpr std::size_t kPairs = 150'000;   // of descriptors, a frame in the mean: about 2 ms
 constexpr std::int64_t kLookFrames = 3;   // from one look to the next, at least
 constexpr double kMostTilt_rad = 0.05;    // between two worlds that are level
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
 
 bool is_time_to_look(const State& state, const Setup& setup) {
   const auto pairs = std::min(kFeatures, std::size_t{400}) * setup.known->size();
@@ -249,7 +243,7 @@ bool seek_map(State& state, const Setup& setup, const Features& features) {
   search.points = std::move(all);
   const bool is_no_mirror =
       search.direct >= std::max(kLeastDirect, kDirectToMirrored * search.mirrored);
-  if (search.views < kLeastViews || search.points.size() < kLeastPoints || !is_no_mirror) {
+  if (search.views < kLeastAgreeing || search.points.size() < kLeastPoints || !is_no_mirror) {
     return false;
   }
   move_to_map(state, setup, *view);

@@ -8,7 +8,7 @@
 namespace pirt::slam {
 namespace {
 
-constexpr double kNear = 0.25;  // of the depth: what is nearer to a milestone needs none
+constexpr double kNearShare = 0.25;  // of the depth: what is nearer to a milestone needs none
 // Points that were seen together are off together; as if each were alone, they say less. With 4,
 // four flights of a minute had a mean NEES of 8.5 with one camera, with 16 of 5.6 (of 5.6 and 5.4
 // with two), and were off by as much: what points share, more of them do not tell.
@@ -78,7 +78,7 @@ void leave_window(State& state, const Setup& setup, double depth) {
     way = std::min(way, apart(state.clones[i].body, state.clones[index].body, depth));
   }
   const bool wanted = setup.recognize && setup.update && setup.most_milestones > 1 &&
-                      state.status == Status::kTracking && way > kNear * depth;
+                      state.status == Status::kTracking && way > kNearShare * depth;
   if (!wanted) {
     remove_clone(state, index);
     return;

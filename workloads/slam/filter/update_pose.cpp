@@ -6,6 +6,7 @@
 #include <numeric>
 #include <unordered_map>
 
+#include "workloads/slam/filter/filter.h"
 #include "workloads/slam/filter/map_search.h"
 #include "workloads/slam/filter/map_use.h"
 #include "workloads/slam/filter/measure.h"
@@ -23,7 +24,6 @@ constexpr double kStillTurn_rad_s = 0.1;
 constexpr double kStillSpeed_m_s = 0.002;  // with vibration
 constexpr int kStillFrames = 5;            // between two looks
 constexpr std::size_t kLeastViews = 4;
-constexpr double kGate = 1.5;  // times the 95 % quantile
 /// Of a followed point from one picture to the next, in pixels. Points agree within 0.03 pixels on
 /// generated pictures (0.1 on a street), and turns are off by what follows from 0.05; the rest is
 /// for what windows beside each other share and what goes on from picture to picture.
@@ -31,12 +31,6 @@ constexpr double kLeastTurnSigma = 0.1;
 constexpr int kEnoughToSee = 12;  // tracks; fewer are blind
 constexpr int kBlindFrames = 4;   // in a row that are lost
 constexpr int kGoodFrames = 5;    // in a row that are found again
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
 
 std::unordered_map<std::int64_t, std::size_t> landmark_index(const State& state) {
   std::unordered_map<std::int64_t, std::size_t> index;

@@ -12,7 +12,6 @@
 namespace pirt::cloud {
 namespace {
 
-constexpr Nanos kAnswer = std::chrono::seconds(5);
 constexpr std::int64_t kDay = std::chrono::nanoseconds(std::chrono::hours(24)).count();
 constexpr int kStreamNameExists = 10058;
 constexpr const char* kConsumerDelivered = "deliver_subject";
@@ -24,7 +23,7 @@ struct Answer {
 };
 
 Answer ask(Connection& connection, const std::string& api, const Json& what) {
-  const auto answer = connection.request("$JS.API." + api, json_text(what), kAnswer);
+  const auto answer = connection.request("$JS.API." + api, json_text(what), Connection::kAnswer);
   if (!answer.came) {
     throw_environment("the server did not answer to " + api +
                       "; is it there, and may this user ask that (pirt cloud-admin permissions)?");

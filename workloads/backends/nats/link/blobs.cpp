@@ -15,7 +15,6 @@
 namespace pirt::cloud {
 namespace {
 
-constexpr Nanos kAnswer = std::chrono::seconds(5);
 constexpr std::uint32_t kWindow = 4;  ///< Chunks under way.
 
 /// Calls @p work with each number below @p count, some at a time, until one says no.
@@ -57,7 +56,8 @@ Put put_blob(Connection& connection, const std::string& prefix, ByteView bytes,
         bytes.subspan(from, std::min<std::size_t>(chunk_bytes, bytes.size() - from));
     while (true) {
       if (stop()) return fail("stopped");
-      const auto answer = connection.request(prefix + "." + std::to_string(number), chunk, kAnswer);
+      const auto answer =
+          connection.request(prefix + "." + std::to_string(number), chunk, Connection::kAnswer);
       if (!answer.came) {  // Goes on where it was once there is a link.
         static_cast<void>(connection.wait_until_up(std::chrono::milliseconds(100)));
         continue;
@@ -83,7 +83,7 @@ Fetched fetch_blob(Connection& connection, const std::string& prefix, const Blob
     std::array<Connection::Answer, kWindow> answers;
     const std::uint32_t count = std::min(kWindow, blob.chunks() - first);
     in_window(count, [&](std::uint32_t i) {
-      answers[i] = connection.request(direct + std::to_string(first + i), "", kAnswer);
+      answers[i] = connection.request(direct + std::to_string(first + i), "", Connection::kAnswer);
       return answers[i].came && answers[i].status == 0;
     });
     for (std::uint32_t i = 0; i < count; ++i) {

@@ -60,6 +60,8 @@ class Connection {
     int status = 0;
     Bytes data = {};
   };
+  /// How long the server may take to answer what it knows itself.
+  static constexpr Nanos kAnswer = std::chrono::seconds(5);
   /// Blocks; not from a handler.
   [[nodiscard]] Answer request(const std::string& subject, ByteView data, Nanos most,
                                const std::string& id = "");

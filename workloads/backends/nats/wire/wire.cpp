@@ -16,7 +16,7 @@ constexpr std::size_t kChecksumBytes = 8;
 constexpr std::size_t kHeaderBytes = 4 + 2 + 1 + 1 + 8 + kChecksumBytes;
 
 // The order is that of Message.
-enum class Kind : std::uint8_t { kTask = 1, kReply, kWithdraw, kAnnouncement };
+enum class FrameKind : std::uint8_t { kTask = 1, kReply, kWithdraw, kAnnouncement };
 
 void write(Writer& out, const TaskMessage& task) {
   out.id(task.task).number(task.send);
@@ -93,15 +93,15 @@ Message read_announcement(Reader& in) {
   return announcement;
 }
 
-Message read_body(Kind kind, Reader& in) {
+Message read_body(FrameKind kind, Reader& in) {
   switch (kind) {
-    case Kind::kTask:
+    case FrameKind::kTask:
       return read_task(in);
-    case Kind::kReply:
+    case FrameKind::kReply:
       return read_reply(in);
-    case Kind::kWithdraw:
+    case FrameKind::kWithdraw:
       return read_withdraw(in);
-    case Kind::kAnnouncement:
+    case FrameKind::kAnnouncement:
       return read_announcement(in);
   }
   in.fail(fmt::format("frame of unknown kind {}", static_cast<int>(kind)));
@@ -138,7 +138,7 @@ Decoded<Message> decode(ByteView frame) {
   if (in.ok() && protocol != kProtocol) {
     return {std::nullopt, fmt::format("protocol {}, and this pirt speaks {}", protocol, kProtocol)};
   }
-  const auto kind = static_cast<Kind>(in.number<std::uint8_t>());
+  const auto kind = static_cast<FrameKind>(in.number<std::uint8_t>());
   if (in.number<std::uint8_t>() != 0) in.fail("a reserved byte that is not 0");
   const auto length = in.number<std::uint64_t>();
   const ByteView sum = in.raw(kChecksumBytes, "the checksum");

@@ -101,7 +101,7 @@ void append_sequence(PlanBuilder& builder, const Workload& workload,
   }
 }
 
-constexpr std::array kKernels = {
+constexpr std::array kDnnKernels = {
     OpenclKernelEntry{
         .kernel = "conv2d_relu", .append = append_conv2d_relu, .input_pad = conv2d_relu_pad},
     OpenclKernelEntry{.kernel = "max_pool", .append = append_max_pool},
@@ -112,6 +112,6 @@ constexpr std::array kKernels = {
 
 }  // namespace
 
-std::span<const OpenclKernelEntry> dnn_kernels() { return kKernels; }
+std::span<const OpenclKernelEntry> dnn_kernels() { return kDnnKernels; }
 
 }  // namespace pirt::opencl

@@ -14,8 +14,6 @@
 namespace pirt::opencl {
 namespace {
 
-using Op = vision::ExtractFeatures;
-
 /// Buffers that the host part resets, reads and fills.
 struct FeatureBuffers {
   cl::Buffer count;       ///< i32 [1] of candidates.
@@ -29,7 +27,7 @@ class ExtractFeaturesKernel final : public PlanKernel {
   ExtractFeaturesKernel(DeviceSession session, const Workload& workload, Plan find, Plan describe,
                         FeatureBuffers buffers)
       : PlanKernel(std::move(session), workload.name, std::move(find)),
-        operation_(operation_as<Op>(workload)),
+        operation_(operation_as<vision::ExtractFeatures>(workload)),
         describe_(std::move(describe)),
         buffers_(std::move(buffers)) {}
 
@@ -38,9 +36,10 @@ class ExtractFeaturesKernel final : public PlanKernel {
       LaunchTimes times(session().has_clock);
       for (int i = 0; i < repeats; ++i) {
         find_candidates(times);
-        hand_over(slam::best_corners(
-            found_, operation_.width, operation_.height,
-            {.most = Op::kMost, .cell = Op::kCell, .threshold = Op::kThreshold}));
+        hand_over(slam::best_corners(found_, operation_.width, operation_.height,
+                                     {.most = vision::ExtractFeatures::kMost,
+                                      .cell = vision::ExtractFeatures::kCell,
+                                      .threshold = vision::ExtractFeatures::kThreshold}));
         enqueue(session(), describe_, times);
       }
       return times.finish();
@@ -89,7 +88,7 @@ class ExtractFeaturesKernel final : public PlanKernel {
                              scores.data());
   }
 
-  Op operation_;
+  vision::ExtractFeatures operation_;
   Plan describe_;
   FeatureBuffers buffers_;
   std::vector<std::array<cl_int, 4>> candidates_;
@@ -117,7 +116,7 @@ std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
                     slam::kFeatureWindowHalf == 7 && slam::kFeatureRefineSteps == 3 &&
                     slam::kFeatureFarthest == 4.0F,
                 "extract.cl has them as constants");
-  const auto& op = operation_as<Op>(workload);
+  const auto& op = operation_as<vision::ExtractFeatures>(workload);
   const std::int64_t area = std::int64_t{op.width} * op.height;
   PlanBuilder builder(session);
   const DeviceTensor image = builder.resident(workload.inputs[0]);
@@ -130,7 +129,7 @@ std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
   const FeatureBuffers buffers{
       .count = builder.scratch(std::int64_t{sizeof(cl_int)}),
       .candidates = builder.scratch(area * std::int64_t{sizeof(cl_int4)}),
-      .corners = builder.scratch(Op::kMost * std::int64_t{sizeof(cl_int)})};
+      .corners = builder.scratch(vision::ExtractFeatures::kMost * std::int64_t{sizeof(cl_int)})};
   const auto weights = builder.constant(std::as_bytes(std::span(slam::kFeatureBlur)));
   const auto offsets = offsets_of_pattern(op.width);
   const auto pattern = builder.constant(std::as_bytes(std::span(offsets)));
@@ -140,7 +139,7 @@ std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
   if (columns > 0 && lines > 0) {
     // From column 16 on, with a pixel at each side of what is left.
     builder.step("extract.cl", "fast_contrast", {segments(columns + 5), lines + 2}, image, contrast,
-                 op.width, op.height, Op::kThreshold);
+                 op.width, op.height, vision::ExtractFeatures::kThreshold);
     builder.step("extract.cl", "fast_candidates", {segments(columns + 4), lines}, image, contrast,
                  buffers.count, buffers.candidates, op.width, op.height);
     builder.step("extract.cl", "blur_rows", {segments(op.width - 6), op.height}, image, rows,
@@ -150,8 +149,8 @@ std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
   }
   Plan find = builder.finish({image}, {pixels, scores, descriptors});
   PlanBuilder second(session);
-  second.step("extract.cl", "describe_corners", {Op::kMost, 1}, image, blurred, buffers.corners,
-              pixels.rows, pattern, pixels, descriptors, op.width);
+  second.step("extract.cl", "describe_corners", {vision::ExtractFeatures::kMost, 1}, image, blurred,
+              buffers.corners, pixels.rows, pattern, pixels, descriptors, op.width);
   return std::make_unique<ExtractFeaturesKernel>(session, workload, std::move(find),
                                                  second.finish({}, {}), buffers);
 }

@@ -130,7 +130,7 @@ void append_track_features(PlanBuilder& builder, const Workload& workload, std::
                op.height, Op::kMaxPoints);
 }
 
-constexpr std::array kKernels = {
+constexpr std::array kVisionKernels = {
     OpenclKernelEntry{.kernel = "gaussian_blur", .append = append_gaussian_blur},
     OpenclKernelEntry{.kernel = "filter7x7", .append = append_filter7x7},
     OpenclKernelEntry{.kernel = "sobel", .append = append_sobel},
@@ -157,6 +157,6 @@ void append_gradients(PlanBuilder& builder, std::string_view source,
   builder.step(source, "sobel", strips.extent, image, gx, gy, op.width, op.height, strips.rows);
 }
 
-std::span<const OpenclKernelEntry> vision_kernels() { return kKernels; }
+std::span<const OpenclKernelEntry> vision_kernels() { return kVisionKernels; }
 
 }  // namespace pirt::opencl
