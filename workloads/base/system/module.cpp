@@ -2,6 +2,7 @@
 
 #include <dlfcn.h>
 #include <fmt/core.h>
+#include <link.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -9,15 +10,37 @@
 
 #include "workloads/base/error.h"
 
+/// Where modules were built: of programs that are not installed, which have a source more for it
+/// (build_folder.cpp.in). Others look into no build folder, which may be somebody else's by then.
+extern "C" [[gnu::weak]] const char* pirt_build_folder();
+
 namespace pirt {
 
 namespace fs = std::filesystem;
 
-std::vector<fs::path> module_folders() {
+namespace {
+
+/// The file that this code is in: a library, or the program itself.
+fs::path own_file() {
+  Dl_info info{};
+  link_map* object = nullptr;
+  const bool known = ::dladdr1(reinterpret_cast<const void*>(&own_file), &info,
+                               reinterpret_cast<void**>(&object), RTLD_DL_LINKMAP) != 0;
+  const bool is_library = known && object->l_name != nullptr && *object->l_name != '\0';
   std::error_code unknown;
-  const fs::path program = fs::read_symlink("/proc/self/exe", unknown);
-  return {program.parent_path().parent_path() / PIRT_MODULE_FOLDER, fs::path(PIRT_BUILD_FOLDER),
-          fs::path(PIRT_INSTALLED_FOLDER)};
+  return is_library ? fs::canonical(object->l_name, unknown)
+                    : fs::read_symlink("/proc/self/exe", unknown);
+}
+
+}  // namespace
+
+std::vector<fs::path> module_folders() {
+  const fs::path beside = own_file().parent_path();
+  std::vector<fs::path> folders = {beside, beside / "pirt",
+                                   beside.parent_path() / PIRT_MODULE_FOLDER};
+  if (pirt_build_folder != nullptr) folders.emplace_back(pirt_build_folder());
+  folders.emplace_back(PIRT_INSTALLED_FOLDER);
+  return folders;
 }
 
 std::vector<fs::path> modules() {
@@ -46,7 +69,8 @@ void* module_symbol(const char* module, const char* symbol, const std::string& r
     why = ::dlerror();
   }
   if (why.empty()) {
-    why = fmt::format("it is neither in {} nor in {}", places[0].string(), places[2].string());
+    why = fmt::format("it is neither in {} nor in {}", places.front().string(),
+                      places.back().string());
   }
   throw_environment(
       fmt::format("cannot load {}, {}: {}; install pirt with it", module, remedy, why));

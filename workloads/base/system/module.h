@@ -8,8 +8,10 @@
 
 namespace pirt {
 
-/// Where modules and what else pirt installs for itself may be, best first: seen from the program,
-/// where it was built, where its libraries are installed.
+/// Where modules and what else pirt installs for itself may be, best first: beside the library or
+/// the program that this code is in, so that a copied build folder has its own; where that is
+/// installed; of a program that is not to be installed, where it was built; where libraries are
+/// installed.
 [[nodiscard]] std::vector<std::filesystem::path> module_folders();
 
 /// The files of all modules that there are, in order of their names.
@@ -18,7 +20,7 @@ namespace pirt {
 /// A function that a module exports, with C linkage. Modules stay loaded.
 /// @param module  Its file: "libpirt_pictures.so".
 /// @param remedy  For the message: "which reads pictures; leave out --images".
-/// @throws Error{kEnvironment} if it is not beside the program or where it was built.
+/// @throws Error{kEnvironment} if it is in none of module_folders().
 [[nodiscard]] void* module_symbol(const char* module, const char* symbol,
                                   const std::string& remedy);
 
