@@ -4,22 +4,29 @@
 #
 # Usage: cli/demo.sh [IMAGES]     IMAGES: a folder with your own PNG or JPEG pictures (default: generated ones)
 set -euo pipefail
+if [[ $# -gt 1 || ${1:-} == -* ]]; then echo "usage: cli/demo.sh [IMAGES]" >&2; exit 2; fi
+images=()
+if [[ $# -eq 1 ]]; then
+  if [[ ! -e $1 ]]; then echo "demo: there is no folder '$1'" >&2; exit 2; fi
+  images=(--images "$(realpath -- "$1")")
+fi
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source cli/packages.sh
-
-images=()
-if [[ $# -gt 1 || ${1:-} == -* ]]; then echo "usage: cli/demo.sh [IMAGES]" >&2; exit 2; fi
-if [[ $# -eq 1 ]]; then images=(--images "$1"); fi
 out=build/demo
 mkdir -p "$out"
 steps=5 number=0
 
-# show: the last line that a step has printed, where somebody looks at a terminal; all of them go to file $1.
+# show: the last line that a step has printed, on a terminal at once, elsewhere once a minute; all of them go to file $1.
 show() {
-  local line
+  local line begun=$SECONDS minutes=0
   while IFS= read -r line; do
     printf '%s\n' "$line"
-    if [[ -t 2 ]]; then printf '\r\e[K  %.*s' $((${COLUMNS:-80} - 3)) "$line" >&2; fi
+    if [[ -t 2 ]]; then
+      printf '\r\e[K  %.*s' $((${COLUMNS:-80} - 3)) "$line" >&2
+    elif (((SECONDS - begun) / 60 > minutes)); then
+      minutes=$(((SECONDS - begun) / 60))
+      printf '      %d min: %.100s\n' "$minutes" "$line" >&2
+    fi
   done >"$1"
   if [[ -t 2 ]]; then printf '\r\e[K' >&2; fi
 }
@@ -49,8 +56,8 @@ schedule() {
 }
 
 report() {
-  build/pirt report "$out/profile.db" "$out"/{latency,throughput,energy,advanced}.json
-  build/pirt report "$out/profile.db" "$out"/{latency,throughput,energy,advanced}.json --format html -o "$out/report.html"
+  build/pirt report text "$out/profile.db" "$out"/{latency,throughput,energy,advanced}.json
+  build/pirt report page "$out/profile.db" "$out"/{latency,throughput,energy,advanced}.json -o "$out/report.html"
 }
 
 rm -f "$out/profile.db"
@@ -62,7 +69,7 @@ step characterize "characterize: every workload on every unit of this machine, s
 step schedule "schedule: a robot's tasks (mix full-robot), 60 s of virtual time in each of four modes" schedule
 step report "report: as text, and as a page to look at" report
 echo
-build/pirt report "$out/profile.db" --brief
+build/pirt report compare "$out/profile.db"
 echo
 grep 'rows are not valid' "$out/characterize.log" || true  # which the schedules above then use, with a warning in their log
 echo "demo: OK"

@@ -1,4 +1,4 @@
-# What pirt needs on Debian 12, and how to get it. Sourced by cli/demo.sh and tests/run.sh; one list for both.
+# What pirt needs on Debian 12 and 13, and how to get it. Sourced by cli/demo.sh and tests/run.sh; one list for both.
 #
 # Run packages come first, then what only building or testing needs.
 PIRT_PACKAGES=(
@@ -11,7 +11,7 @@ PIRT_PACKAGES=(
 )
 PIRT_TEST_PACKAGES=(ccache make libgtest-dev libgmock-dev chromium chromium-driver bash-completion mandoc yamllint python3-jsonschema)
 # Backend dsp: its program's compiler and linker, and the emulator; without them it says so, and its tests are skipped.
-PIRT_DSP_PACKAGES=(clang-14 lld-14 qemu-user)
+PIRT_DSP_PACKAGES=(clang lld qemu-user)
 # Backend nats, the cloud: its libraries, and the server that tests start; likewise.
 PIRT_NATS_PACKAGES=(libnats-dev libssl-dev nats-server)
 # Bags of ROS 1 that are compressed; without them such a bag is refused by name.
@@ -46,11 +46,20 @@ install_packages() {
     apt-get install -y -qq --no-install-recommends -o DPkg::Lock::Timeout=300 "${missing[@]}" >/dev/null
 }
 
+# jobs: how many sources are compiled at a time: as many as there are cores, and as memory has room for, since the largest take 1.2 GB.
+jobs() {
+  local fit
+  fit=$(awk '/^MemAvailable:/ { print int($2 / 1250000) }' /proc/meminfo)
+  local cores
+  cores=$(nproc)
+  printf '%s\n' $((fit < 1 ? 1 : fit < cores ? fit : cores))
+}
+
 # build_pirt FOLDER [CMAKE_ARGUMENT...]: configures and builds.
 build_pirt() {
   local folder=$1
   shift
   say "build: $folder"
   cmake -S . -B "$folder" -G Ninja "$@" >/dev/null
-  cmake --build "$folder"
+  cmake --build "$folder" -j "$(jobs)"
 }

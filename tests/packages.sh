@@ -6,10 +6,8 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source cli/packages.sh
-if [[ $EUID -ne 0 ]]; then
-  echo "packages.sh: skipped: only root can enter another root folder" >&2
-  exit 77
-fi
+root=build-package/root
+source tests/root.sh
 
 say "build: build-package"
 rm -f build-package/*.deb
@@ -18,27 +16,10 @@ cmake --build --preset package
 say "lintian"
 lintian --allow-root --fail-on error build-package/*.deb
 
-root=build-package/root
-in_root() { chroot "$root" env -i PATH="$PATH" HOME=/tmp/home LANG=C.UTF-8 DEBIAN_FRONTEND=noninteractive bash -euo pipefail -c "$1"; }
-install_there() { in_root "apt-get install -y -qq --no-install-recommends $1" >"$root.log" 2>&1 || { tail -n 20 "$root.log" >&2; return 1; }; }
-leave() { for each in proc sys; do if mountpoint -q "$root/$each"; then umount "$root/$each"; fi; done; }
-trap leave EXIT
-
-say "a fresh root"
-leave
-rm -rf "$root"
-debootstrap --variant=minbase bookworm "$root" http://deb.debian.org/debian >"$root.log" || { tail -n 20 "$root.log" >&2; exit 4; }
-cat >"$root/etc/apt/sources.list" <<'LINES'
-deb http://deb.debian.org/debian bookworm main
-deb http://deb.debian.org/debian bookworm-updates main
-deb http://deb.debian.org/debian-security bookworm-security main
-LINES
-mount -t proc proc "$root/proc"
-mount -t sysfs -o ro sysfs "$root/sys"  # drivers of OpenCL count cores there
-mkdir "$root/tmp/home" "$root/tmp/debs"
+make_root bookworm
+mkdir "$root/tmp/debs"
 cp build-package/*.deb "$root/tmp/debs"
 cp -r tests/examples "$root/tmp/examples"
-in_root 'apt-get update -qq'
 
 say "the program, without what is recommended"
 install_there '/tmp/debs/pirt_*.deb /tmp/debs/libpirt1_*.deb'
@@ -91,6 +72,6 @@ in_root 'names="pirt libpirt1 libpirt-dev pirt-pictures"
   done </tmp/files >/tmp/left
   find / -xdev -iname "*pirt*" -not -path "/var/cache/man/*" >>/tmp/left
   if [[ -s /tmp/left ]]; then echo "packages.sh: left behind:" >&2; cat /tmp/left >&2; exit 1; fi'
-leave
+leave_root
 rm -rf "$root"
 say "packages: OK"

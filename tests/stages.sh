@@ -32,6 +32,9 @@ stage oclgrind "${code[workloads]} tests/oclgrind.sh" "$base oclgrind" "each Ope
 stage rusticl "${code[workloads]}" "$base mesa-opencl-icd" "every workload's OpenCL kernels on Mesa's driver" long_test rusticl
 stage subdirectory "$all" "$base" "pirt as a part of another project" long_test subdirectory
 stage packages "$all" "$base debootstrap lintian" "packages of Debian, installed, used and removed in a fresh root" check_packages
+stage unity "$all" "$base" "the tests of a build whose rooms are one source each, as who builds once has it" unity
+stage trixie-build "$all" "git debootstrap" "Debian 13 builds it, with g++ 14 and clang 19, without a warning" on_trixie build
+stage trixie-tests "$all" "git debootstrap" "every test on Debian 13" on_trixie tests
 stage aarch64 "$all" "$base g++-aarch64-linux-gnu qemu-user mmdebstrap" "built for ARM's processors, run under qemu" check_aarch64
 for layer in "${layers[@]}"; do
   stage "asan-$layer" "${code[$layer]}" "$base" "tests of $layer/ under address and undefined-behaviour sanitizers" asan "$layer"
@@ -49,10 +52,10 @@ check_format() { git ls-files '*.cpp' '*.h' | xargs clang-format-14 --dry-run --
 
 check_page_script() { NODE_PATH=/usr/share/nodejs eslint --format unix reports/document/charts.js; }
 
-build_clang() { build_pirt build-clang -DCMAKE_CXX_COMPILER=clang++-14 -DPIRT_TESTS=ON -DPIRT_WERROR=ON; }
+build_clang() { build_pirt build-clang -DCMAKE_CXX_COMPILER=clang++-14 -DPIRT_TESTS=ON -DPIRT_WERROR=ON -DPIRT_PRECOMPILE=OFF; }
 
 check_headers() {
-  cmake -S . -B build-clang -G Ninja -DCMAKE_CXX_COMPILER=clang++-14 -DPIRT_TESTS=ON -DPIRT_WERROR=ON >/dev/null
+  cmake -S . -B build-clang -G Ninja -DCMAKE_CXX_COMPILER=clang++-14 -DPIRT_TESTS=ON -DPIRT_WERROR=ON -DPIRT_PRECOMPILE=OFF >/dev/null
   cmake --build build-clang --target all_verify_interface_header_sets
 }
 
@@ -94,6 +97,13 @@ long_test() {
 }
 
 check_packages() { tests/packages.sh || exit $?; }
+
+on_trixie() { tests/trixie.sh "$1" || exit $?; }
+
+unity() {
+  build_pirt build-unity -DPIRT_TESTS=ON -DPIRT_UNITY=ON
+  run_tests build-unity
+}
 
 check_aarch64() {
   cmake -S . -B build -G Ninja >/dev/null
