@@ -30,7 +30,7 @@ else
   in_root 'cd /pirt; source cli/packages.sh
     install_packages "${PIRT_PACKAGES[@]}" "${PIRT_DSP_PACKAGES[@]}" "${PIRT_NATS_PACKAGES[@]}" "${PIRT_BAG_PACKAGES[@]}" ccache
     for compiler in g++ clang++; do
-      build_pirt "build-$compiler" -DCMAKE_CXX_COMPILER="$compiler" -DPIRT_TESTS=OFF -DPIRT_WERROR=ON -DPIRT_PRECOMPILE=OFF
+      build_pirt "build-$compiler" -DCMAKE_CXX_COMPILER="$compiler" -DPIRT_TESTS=OFF -DPIRT_UNITY=ON -DPIRT_WERROR=ON -DPIRT_PRECOMPILE=OFF
       "build-$compiler/pirt" --version
       "build-$compiler/pirt" schedule --platform snapdragon820 --mix convolution-1000 --compare >/dev/null
     done'

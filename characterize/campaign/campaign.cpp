@@ -166,8 +166,8 @@ class Campaign {
   /// What an interrupted campaign found, as if it had just been found.
   void replay(const std::vector<std::pair<CellName, VisitRecord>>& visits) {
     for (const auto& [name, visit] : visits) {
-      const auto cell = std::ranges::find_if(cells_, [&name = name](const Cell& c) {
-        return c.planned->workload->name == name.workload && c.planned->unit == name.unit;
+      const auto cell = std::ranges::find_if(cells_, [&of = name](const Cell& c) {
+        return c.planned->workload->name == of.workload && c.planned->unit == of.unit;
       });
       if (cell != cells_.end()) cell->measurement->add(visit.setup, last_record(visit.record));
     }

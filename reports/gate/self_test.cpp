@@ -97,7 +97,8 @@ Event SelfTest::event_of(const Trial& trial, TrialAnswer answer, double elapsed_
 void SelfTest::apply(const Event& event) {
   try {
     const Event& body = event.at("decision");
-    const Trial& trial = find_trial(body.at("trial"));
+    const std::string name = body.at("trial");
+    const Trial& trial = find_trial(name);
     const std::string answer = body.at("answer");
     TrialCount& count = counts_[std::string(trial.name)];
     std::int64_t* const of = answer == "right"          ? &count.right

@@ -11,9 +11,9 @@
 namespace pirt {
 namespace {
 
-const PipelineResult& pipeline_of(const RunRecord& run, const std::string& name) {
-  const auto found = std::ranges::find(run.pipelines, name, &PipelineResult::pipeline);
-  assert(found != run.pipelines.end());
+const PipelineResult& pipeline_of(const RunRecord& run, const char* name) {
+  const PipelineResult* const found = run.find_pipeline(name);
+  assert(found != nullptr);
   return *found;
 }
 

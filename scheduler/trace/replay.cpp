@@ -14,7 +14,7 @@
 namespace pirt {
 namespace {
 
-using Kind = DispatcherInput::Kind;
+using InputKind = DispatcherInput::Kind;
 
 bool same(const std::vector<Start>& a, const std::vector<Start>& b) {
   return std::ranges::equal(a, b, [](const Start& x, const Start& y) {
@@ -120,20 +120,20 @@ class Replay {
       tasks[i].reads = entry.reads[i];
     }
     switch (input.kind) {
-      case Kind::kSubmit:
+      case InputKind::kSubmit:
         return dispatcher_.submit(input.firing, tasks, now_, out);
-      case Kind::kRelease:
+      case InputKind::kRelease:
         return dispatcher_.release(input.firing, now_);
-      case Kind::kComplete:
+      case InputKind::kComplete:
         return dispatcher_.complete(input.unit, input.task, input.outcome, now_, out);
-      case Kind::kCancel:
+      case InputKind::kCancel:
         dispatcher_.cancel(input.task, now_, out);
         return true;
-      case Kind::kSetUnit:
+      case InputKind::kSetUnit:
         return dispatcher_.set_unit(input.unit, input.state, now_, out);
-      case Kind::kSliceEnded:
+      case InputKind::kSliceEnded:
         return dispatcher_.slice_ended(input.unit, input.task, now_, out);
-      case Kind::kWake:
+      case InputKind::kWake:
         break;
     }
     dispatcher_.wake(now_, out);
@@ -147,23 +147,23 @@ class Replay {
   std::string describe(const LogEntry& entry) const {
     const DispatcherInput& input = entry.input;
     switch (input.kind) {
-      case Kind::kSubmit: {
+      case InputKind::kSubmit: {
         std::vector<std::string> ids;
         for (const Task& task : entry.tasks) ids.push_back(std::to_string(task.id));
         return fmt::format("submit firing {}: task {}", input.firing, join(ids, ", "));
       }
-      case Kind::kRelease:
+      case InputKind::kRelease:
         return fmt::format("release firing {}", input.firing);
-      case Kind::kComplete:
+      case InputKind::kComplete:
         return fmt::format("complete task {} on {}{}", input.task, unit_name(input.unit),
                            input.outcome == Outcome::kReturned ? ", which gives it back" : "");
-      case Kind::kCancel:
+      case InputKind::kCancel:
         return fmt::format("cancel task {}", input.task);
-      case Kind::kSetUnit:
+      case InputKind::kSetUnit:
         return fmt::format("change of unit {}", unit_name(input.unit));
-      case Kind::kSliceEnded:
+      case InputKind::kSliceEnded:
         return fmt::format("slice of task {} on {}", input.task, unit_name(input.unit));
-      case Kind::kWake:
+      case InputKind::kWake:
         break;
     }
     return "wake";

@@ -199,12 +199,12 @@ struct ProfileWriter::Impl {
     /// @return False if another program has it. True as well where there are no such locks.
     [[nodiscard]] bool take(std::int64_t run_id) const {
       constexpr std::int64_t kBehindEveryFile = std::int64_t{1} << 62;
-      struct flock lock {};
-      lock.l_type = F_WRLCK;
-      lock.l_whence = SEEK_SET;
-      lock.l_start = kBehindEveryFile + run_id;
-      lock.l_len = 1;
-      return ::fcntl(file_.get(), F_OFD_SETLK, &lock) == 0 || (errno != EAGAIN && errno != EACCES);
+      struct flock byte {};
+      byte.l_type = F_WRLCK;
+      byte.l_whence = SEEK_SET;
+      byte.l_start = kBehindEveryFile + run_id;
+      byte.l_len = 1;
+      return ::fcntl(file_.get(), F_OFD_SETLK, &byte) == 0 || (errno != EAGAIN && errno != EACCES);
     }
 
    private:

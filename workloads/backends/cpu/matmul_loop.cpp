@@ -94,14 +94,14 @@ class MatmulPeak final : public PeakLoop {
 }  // namespace
 
 std::unique_ptr<PeakLoop> make_matmul_loop(PeakKind kind, int threads) {
-  using Type = memory::data_type;
+  using Element = memory::data_type;
   set_openmp_threads(threads);
   if (kind == PeakKind::kF32) {
-    return std::make_unique<MatmulPeak<float, float, float>>(kind, Type::f32, Type::f32, Type::f32,
-                                                             threads);
+    return std::make_unique<MatmulPeak<float, float, float>>(kind, Element::f32, Element::f32,
+                                                             Element::f32, threads);
   }
   return std::make_unique<MatmulPeak<std::uint8_t, std::int8_t, std::int32_t>>(
-      kind, Type::u8, Type::s8, Type::s32, threads);
+      kind, Element::u8, Element::s8, Element::s32, threads);
 }
 
 }  // namespace pirt::cpu

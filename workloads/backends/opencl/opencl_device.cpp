@@ -42,7 +42,9 @@ bool is_usable(const cl::Device& device) {
 }
 
 cl::Platform platform_of(const cl::Device& device) {
-  return cl::Platform(device.getInfo<CL_DEVICE_PLATFORM>(), true);
+  cl_platform_id platform = nullptr;  // of which newer headers make a cl::Platform by themselves
+  device.getInfo(CL_DEVICE_PLATFORM, &platform);
+  return cl::Platform(platform, true);
 }
 
 /// The compute units that a unit uses of a device of `available` ones.

@@ -86,9 +86,9 @@ Drawing draw(const Plot& plot) {
       high = high.cwiseMax(Eigen::Vector2d(x[1], y[1]));
     }
     d.metre = (kSide - 2 * kMargin) / std::max({(high - low).maxCoeff(), 0.1});
-    const auto pixel = [&, a = a, b = b](const Eigen::Vector3d& p) {
-      return Eigen::Vector2d(kMargin + d.metre * (p(a) - low.x()),
-                             kTop + kSide - kMargin - d.metre * (p(b) - low.y()));
+    const auto pixel = [&, across = a, along = b](const Eigen::Vector3d& p) {
+      return Eigen::Vector2d(kMargin + d.metre * (p(across) - low.x()),
+                             kTop + kSide - kMargin - d.metre * (p(along) - low.y()));
     };
     for (const auto& p : estimate) d.estimate.push_back(pixel(p));
     for (const auto& p : truth) d.truth.push_back(pixel(p));

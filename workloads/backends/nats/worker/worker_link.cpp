@@ -51,14 +51,14 @@ WorkerLink::WorkerLink(const WorkerOptions& options, std::span<const Workload* c
                    stored = read_stored(message.status, message.data)] {
       const auto at = replies_.find(number);
       if (at == replies_.end()) return;
-      const auto [key, send] = at->second;
+      const auto [sent_key, sent_as] = at->second;
       replies_.erase(at);
       if (!stored.ok) {  // It goes out again after a while.
         const std::lock_guard lock(mutex_);
         problem_ = stored.problem;
         return;
       }
-      with_attendant([&, &key = key, send = send](Nanos now, AttendantActions& out) {
+      with_attendant([&, &key = sent_key, send = sent_as](Nanos now, AttendantActions& out) {
         attendant_.stored(key, send, now, out);
       });
     });
