@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Set-up and the main job on a Debian 12 machine that has nothing: installs, builds, characterizes this machine, schedules a robot's mix in
+# Set-up and the main job on a Debian 12 or 13 machine that has nothing: installs, builds, characterizes this machine, schedules a robot's mix in
 # all four modes, reports. Prints a screen or two; everything else goes to files in build/demo. Can be run again at any time.
 #
 # Usage: cli/demo.sh [IMAGES]     IMAGES: a folder with your own PNG or JPEG pictures (default: generated ones)
@@ -63,7 +63,7 @@ report() {
 rm -f "$out/profile.db"
 echo "pirt: measures robot workloads on every processing unit of this machine, and schedules a robot's tasks with what it finds."
 step packages "packages: what is missing of Debian's" install_packages "${PIRT_PACKAGES[@]}"
-step build "build: some 8 minutes on two cores the first time" build_pirt build -DPIRT_TESTS=OFF
+step build "build: some 5 minutes on two cores the first time" build_pirt build -DPIRT_TESTS=OFF
 step characterize "characterize: every workload on every unit of this machine, some 2 minutes" \
   build/pirt characterize --quick --db "$out/profile.db" "${images[@]}"
 step schedule "schedule: a robot's tasks (mix full-robot), 60 s of virtual time in each of four modes" schedule
