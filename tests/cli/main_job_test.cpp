@@ -157,8 +157,7 @@ TEST_F(MainJob, ReportShowsATraceAsATimeline) {
   EXPECT_THAT(given.out, HasSubstr("What ran where and when: mode energy"));
   EXPECT_THAT(given.out, HasSubstr("trace.json"));
   // Without one, the first seconds are simulated, for a page.
-  EXPECT_THAT(report({"page", profile()}).out,
-              HasSubstr("What ran where and when: mode advanced"));
+  EXPECT_THAT(report({"page", profile()}).out, HasSubstr("What ran where and when: mode advanced"));
   EXPECT_THAT(report({profile()}).out, Not(HasSubstr("What ran where and when")));
 }
 

@@ -22,8 +22,7 @@ class Page : public testing::Test {
     const auto made = pirt({"characterize", "--quick", "--platform", "fake", "--filter",
                             "^(convolution|gaussian_blur|fc8)$", "--db", database()});
     ASSERT_EQ(made.exit_code, 0) << made.err;
-    const auto report =
-        pirt({"report", "page", database(), "--mix", kMix, "-o", page()});
+    const auto report = pirt({"report", "page", database(), "--mix", kMix, "-o", page()});
     ASSERT_EQ(report.exit_code, 0) << report.err;
   }
   static void TearDownTestSuite() { scratch_.reset(); }
