@@ -46,8 +46,8 @@ install_packages() {
     apt-get install -y -qq --no-install-recommends -o DPkg::Lock::Timeout=300 "${missing[@]}" >/dev/null
 }
 
-# jobs: how many sources are compiled at a time: as many as there are cores, and as memory has room for, since the largest take 1.2 GB.
-jobs() {
+# compile_jobs: how many sources are compiled at a time: as many as there are cores, and as memory has room for, since the largest take 1.2 GB.
+compile_jobs() {
   local fit
   fit=$(awk '/^MemAvailable:/ { print int($2 / 1250000) }' /proc/meminfo)
   local cores
@@ -61,5 +61,5 @@ build_pirt() {
   shift
   say "build: $folder"
   cmake -S . -B "$folder" -G Ninja "$@" >/dev/null
-  cmake --build "$folder" -j "$(jobs)"
+  cmake --build "$folder" -j "$(compile_jobs)"
 }

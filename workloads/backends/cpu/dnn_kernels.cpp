@@ -160,7 +160,10 @@ class DnnKernel : public Kernel {
   void add_weighted(const Description& primitive, const memory::dims& weights,
                     const Arithmetic& arithmetic, std::span<const Tensor> parameters) {
     const memory source = current_as(primitive.src_desc(), arithmetic.source_scale);
-    const auto bias = arithmetic.scaled_bias(parameters[1]);
+    const auto unscaled = parameters[1].as<float>();
+    const std::vector<float> bias = kScalesBias
+                                        ? arithmetic.scaled_bias(parameters[1])
+                                        : std::vector<float>(unscaled.begin(), unscaled.end());
     const auto values = parameters[0].as<float>();
     current_ = memory(primitive.dst_desc(), engine_);
     Arguments arguments = {

@@ -76,7 +76,6 @@ std::vector<float> Arithmetic::output_scales() const {
 std::vector<float> Arithmetic::scaled_bias(const Tensor& bias) const {
   const auto values = bias.as<float>();
   std::vector<float> scaled(values.begin(), values.end());
-  if (!kScalesBias) return scaled;
   for (std::size_t c = 0; c < weight_scales.size(); ++c) {
     scaled[c] *= source_scale * weight_scales[c];
   }

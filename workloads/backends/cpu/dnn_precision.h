@@ -19,7 +19,7 @@ struct Arithmetic {
   [[nodiscard]] bool quantized() const { return !weight_scales.empty(); }
   /// What turns the sums of each output channel back into f32.
   [[nodiscard]] std::vector<float> output_scales() const;
-  /// The bias of each output channel, in the units of its sums where it is scaled with them.
+  /// The bias of each output channel in the units of its sums.
   [[nodiscard]] std::vector<float> scaled_bias(const Tensor& bias) const;
 };
 
