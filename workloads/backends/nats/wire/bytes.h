@@ -4,6 +4,7 @@
 
 #include <fmt/core.h>
 
+#include <array>
 #include <cstring>
 #include <string_view>
 #include <type_traits>
@@ -22,10 +23,11 @@ class Writer {
   requires std::is_integral_v<T> Writer& number(T value) {
     using Unsigned = std::make_unsigned_t<T>;
     const auto bits = static_cast<Unsigned>(value);
+    std::array<std::byte, sizeof bits> little;
     for (std::size_t i = 0; i < sizeof bits; ++i) {
-      bytes_.push_back(static_cast<std::byte>(static_cast<std::uint64_t>(bits) >> (8 * i)));
+      little[i] = static_cast<std::byte>(static_cast<std::uint64_t>(bits) >> (8 * i));
     }
-    return *this;
+    return raw(little);
   }
   Writer& raw(ByteView bytes) {
     bytes_.insert(bytes_.end(), bytes.begin(), bytes.end());
