@@ -35,6 +35,7 @@ class SlowedKernel final : public Kernel {
     kernel_->bind(inputs, outputs);
   }
   void upload() override { kernel_->upload(); }
+  std::optional<Nanos> stamped_launch() override { return kernel_->stamped_launch(); }
   std::optional<Nanos> execute(int repeats) override {
     const auto launch = kernel_->execute(repeats);
     ExtraWork::run(steps_ * repeats);

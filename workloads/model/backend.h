@@ -101,10 +101,13 @@ class Kernel {
   /// Host to device; complete on return. Nothing to do for a backend without that phase.
   virtual void upload() {}
   /// Computes @p repeats times on the resident data, one after the other, and waits once for the
-  /// last. Returns the time that the device's own stamps give for launching (submit to start,
-  /// summed over the repeats), where it has such stamps.
+  /// last. Returns the time that launching took of it (submit to start, summed over the repeats),
+  /// where the device knows it without being asked.
   /// With a state every repeat reads the current one and writes the next: all are the same call.
   virtual std::optional<Nanos> execute(int repeats) = 0;
+  /// The same for a device that has to be asked, which takes time that calls do without: computes
+  /// once more, with the device's stamps. Absent where it has none, or execute() gives it anyway.
+  [[nodiscard]] virtual std::optional<Nanos> stamped_launch() { return std::nullopt; }
   /// The least that @p phase of the last call can have taken on such a device, where the device
   /// knows that beside its time; never above it.
   [[nodiscard]] virtual std::optional<Nanos> bound(Phase phase) const {

@@ -19,8 +19,7 @@ struct Corner {
 /// FeatureDetect::kMinDistance from every one accepted before, at most FeatureDetect::kMaxCorners.
 ///
 /// @param candidates  Bits of the response (f32, not negative) << 32 | y * width + x, in any order:
-/// as integers they
-///                    order as the rule wants. Sorted in place.
+///                    as integers they order as the rule wants. Sorted in place, as far as needed.
 [[nodiscard]] std::vector<Corner> select_corners(std::vector<std::uint64_t>& candidates,
                                                  const FeatureDetect& operation);
 

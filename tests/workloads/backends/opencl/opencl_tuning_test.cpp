@@ -8,6 +8,7 @@
 #include "opencl_files.h"
 #include "tests/workloads/backends/opencl/opencl_support.h"
 #include "tests/workloads/backends/opencl/tuning_support.h"
+#include "workloads/backends/opencl/kernels/product.h"
 #include "workloads/backends/opencl/opencl_device.h"
 #include "workloads/backends/opencl/tuning/tuning.h"
 #include "workloads/base/embedded.h"
@@ -34,10 +35,11 @@ TEST(OpenClParameters, HaveDefaultsAmongTheirCandidates) {
     for (const bool is_cpu : {true, false}) {
       const ParameterRange& range = info.range(is_cpu);
       EXPECT_THAT(range.candidates, Contains(range.standard)) << info.name;
-      EXPECT_GE(range.candidates.size(), is_cpu ? 2U : 1U) << info.name;
+      EXPECT_GE(range.candidates.size(), 1U) << info.name;
       EXPECT_TRUE(std::ranges::is_sorted(range.candidates)) << info.name;
       EXPECT_EQ(Tuning(is_cpu)[info.parameter], range.standard) << info.name;
     }
+    EXPECT_GE(std::max(info.cpu.candidates.size(), info.gpu.candidates.size()), 2U) << info.name;
   }
 }
 
@@ -135,6 +137,48 @@ TEST(OpenClTiles, ComputeBatchesAndTheChain) {
     const Verdict verdict = test::run_and_verify(session, workload);
     EXPECT_TRUE(verdict.ok) << workload.description << ": " << verdict.detail;
   }
+}
+
+// Each tile, with terms that are no multiple of it, in one piece and in several; columns that end
+// within a tile, and few of them.
+TEST(OpenClProduct, ComputesWithEachTileInOnePieceAndInSeveral) {
+  const auto first = test::open_first_device();
+  if (!first) GTEST_SKIP() << "skipped: no OpenCL device";
+  std::vector<Workload> workloads;
+  for (const int channels : {9, 40, 96, 130}) {
+    const auto conv = dnn::make_conv2d_relu("conv", {11, 9, 10, channels, 3, 3, 1, 1});
+    workloads.push_back(conv);
+    workloads.push_back(dnn::batched(conv, 2));
+  }
+  const auto layer = dnn::make_fully_connected("fc", 203, 130, dnn::Activation::kSoftmax);
+  for (const int images : {2, 17, 40}) workloads.push_back(dnn::batched(layer, images));
+  for (const int groups : {1, 2, 8}) {
+    DeviceSession session = gpu_session(64);
+    session.tuning.set(Parameter::kProductGroups, groups);
+    for (const Workload& workload : workloads) {
+      const Verdict verdict = test::run_and_verify(session, workload);
+      EXPECT_TRUE(verdict.ok) << groups << ", " << workload.description << ": " << verdict.detail;
+    }
+  }
+}
+
+TEST(OpenClProduct, TilesAreThoseOfLeastWasteAndPiecesFillTheDevice) {
+  EXPECT_EQ(opencl::tile_for(384, 169).channels, 128);
+  EXPECT_EQ(opencl::tile_for(96, 3025).channels, 96);
+  EXPECT_EQ(opencl::tile_for(40, 169).channels, 64);
+  EXPECT_EQ(opencl::tile_for(9, 169).channels, 32);
+  EXPECT_EQ(opencl::tile_for(4096, 16).columns, 16);
+  for (const int terms : {1, 9, 363, 3456}) {
+    for (const int groups : {1, 6, 396}) {
+      const opencl::ProductTile& tile = opencl::tile_for(384, 169);
+      const int piece = opencl::terms_of_a_piece(tile, 384, 169, terms, groups);
+      EXPECT_EQ(piece % tile.terms, 0) << terms << " terms, " << groups << " groups";
+      // 9 tiles of 128 x 64.
+      EXPECT_LE(9 * ((terms + piece - 1) / piece), std::max(9, groups));
+    }
+  }
+  const opencl::ProductTile& tile = opencl::tile_for(384, 169);
+  EXPECT_EQ(opencl::terms_of_a_piece(tile, 384, 169, 3456, 396), 80) << "44 pieces";
 }
 
 // Rows of a tile and of what is computed at once need not fit each other.

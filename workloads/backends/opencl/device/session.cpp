@@ -49,11 +49,16 @@ std::string with_includes(std::string_view source) {
 }  // namespace
 
 cl::Program build_program(const DeviceSession& session, std::string_view name,
-                          std::string_view source) {
+                          std::string_view source, const std::string& definitions) {
   // -w: PoCL would print "12 warnings generated." to stderr, all of them about the ABI of wide
   // vectors in functions that are inlined anyway.
-  const std::string options =
-      "-cl-std=CL1.2 -w" + definitions_of(for_vectors(session.tuning, session.lanes), name);
+  const std::string options = "-cl-std=CL1.2 -w" +
+                              definitions_of(for_vectors(session.tuning, session.lanes), name) +
+                              definitions;
+  const std::lock_guard lock(session.programs->mutex);
+  const auto [entry, is_new] =
+      session.programs->built.try_emplace(options + '\n' + std::string(source));
+  if (!is_new && entry->second() != nullptr) return entry->second;
   cl::Program program(session.context, with_includes(source), false);
   try {
     program.build(session.device, options.c_str());
@@ -70,7 +75,7 @@ cl::Program build_program(const DeviceSession& session, std::string_view name,
   } catch (const cl::Error& error) {
     throw_translated(fmt::format("building {}", name), error);
   }
-  return program;
+  return entry->second = program;
 }
 
 }  // namespace pirt::opencl

@@ -2,12 +2,21 @@
 #pragma once
 
 #include <cstddef>
+#include <map>
+#include <memory>
+#include <mutex>
 #include <string>
 
 #include "workloads/backends/opencl/device/api.h"
 #include "workloads/backends/opencl/tuning/tuning.h"
 
 namespace pirt::opencl {
+
+/// What was built for a device, by options and source: plans share it.
+struct Programs {
+  std::mutex mutex;
+  std::map<std::string, cl::Program> built;
+};
 
 /// Handles that count their references: a copy keeps the device's objects alive.
 struct DeviceSession {
@@ -23,6 +32,7 @@ struct DeviceSession {
   std::size_t local_x = 8;
   bool has_clock = true;    ///< Whether the stamps of events tell the time.
   std::string remark = {};  ///< DeviceInfo::remark.
+  std::shared_ptr<Programs> programs = std::make_shared<Programs>();
 
   /// What a kernel is to be computed with.
   [[nodiscard]] int value(Parameter parameter) const {
@@ -30,11 +40,13 @@ struct DeviceSession {
   }
 };
 
-/// Builds OpenCL C 1.2 source, with the parameters of the session's tuning that it has as
-/// definitions (definitions_of) and the embedded .cl files that it includes.
+/// Builds OpenCL C 1.2 source, once a session, with the parameters of the session's tuning that it
+/// has as definitions (definitions_of), and the embedded .cl files that it includes.
 /// @param name  Of the source: "dnn.cl".
+/// @param definitions  Further ones, each with a blank before it.
 /// @throws Error{kEnvironment} with the first lines of the build log if it does not build.
 [[nodiscard]] cl::Program build_program(const DeviceSession& session, std::string_view name,
-                                        std::string_view source);
+                                        std::string_view source,
+                                        const std::string& definitions = {});
 
 }  // namespace pirt::opencl

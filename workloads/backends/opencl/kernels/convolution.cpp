@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "workloads/backends/opencl/kernels/packing.h"
-#include "workloads/backends/opencl/kernels/tiles.h"
+#include "workloads/backends/opencl/kernels/product.h"
 
 namespace pirt::opencl {
 namespace {
@@ -20,45 +20,45 @@ cl::Buffer packed(PlanBuilder& builder, std::span<const float> values, int out_c
   return builder.constant(std::as_bytes(std::span(interleaved)));
 }
 
-/// Where the pixel of each term of a sum is, from the first one of an output's window.
-std::vector<cl_int> term_offsets(const dnn::ConvShape& s, const DeviceTensor& in) {
-  std::vector<cl_int> offsets;
+/// As a product: a column is an output pixel, a term a tap of a channel.
+Product product_of(const Convolution& convolution, const DeviceTensor& in,
+                   const DeviceTensor& out) {
+  const dnn::ConvShape& s = convolution.shape;
+  Product product{.weights = convolution.weights,
+                  .bias = convolution.bias,
+                  .channels = s.out_c,
+                  .images = convolution.images,
+                  .out_h = s.out_h(),
+                  .out_w = s.out_w(),
+                  .in_image = s.in_c * in.plane(),
+                  .in_row = s.stride * in.pitch(),
+                  .stride = s.stride,
+                  .out_image = s.out_c * out.plane(),
+                  .out_plane = out.plane(),
+                  .out_pitch = out.pitch(),
+                  .out_offset = out.offset(),
+                  .least = floor_of(convolution)};
   for (int c = 0; c < s.in_c; ++c) {
     for (int y = 0; y < s.k_h; ++y) {
-      for (int x = 0; x < s.k_w; ++x) offsets.push_back(c * in.plane() + y * in.pitch() + x);
+      for (int x = 0; x < s.k_w; ++x) {
+        product.offsets.push_back(c * in.plane() + y * in.pitch() + x);
+      }
     }
   }
-  return offsets;
-}
-
-void append_tiles(PlanBuilder& builder, const ConvTile& tile, const Convolution& convolution,
-                  const DeviceTensor& in, const DeviceTensor& out) {
-  const dnn::ConvShape& s = convolution.shape;
-  const auto offsets = term_offsets(s, in);
-  builder.step(
-      "tiles.cl", "conv2d_relu_tile",
-      {.x = static_cast<std::int64_t>(tile.items) * blocks(s.out_h() * s.out_w(), tile.pixels),
-       .y = std::int64_t{convolution.images} * blocks(s.out_c, ConvTile::kChannels),
-       .group = tile.items},
-      in, packed(builder, convolution.weights, s.out_c, ConvTile::kChannels),
-      packed(builder, convolution.bias, s.out_c, ConvTile::kChannels), out,
-      builder.constant(std::as_bytes(std::span(offsets))),
-      static_cast<std::int32_t>(offsets.size()), in.pitch(), s.stride, s.out_c, s.out_h(),
-      s.out_w(), out.plane(), out.pitch(), out.offset(), s.in_c * in.plane(), s.out_c * out.plane(),
-      floor_of(convolution), tile.pixel_memory, tile.weight_memory);
+  return product;
 }
 
 }  // namespace
 
 void append_convolution(PlanBuilder& builder, const Convolution& convolution,
                         const DeviceTensor& in, const DeviceTensor& out) {
-  if (!builder.session().is_cpu) {
-    if (const ConvTile tile(builder); tile.fits()) {
-      append_tiles(builder, tile, convolution, in, out);
-      return;
-    }
-  }
   const dnn::ConvShape& s = convolution.shape;
+  if (!builder.session().is_cpu &&
+      fits(builder.session(),
+           tile_for(s.out_c, std::int64_t{convolution.images} * s.out_h() * s.out_w()))) {
+    append_product(builder, product_of(convolution, in, out), in, out);
+    return;
+  }
   const int channels = builder.session().value(Parameter::kConvChannels);
   const int pixels = builder.session().value(Parameter::kConvPixels);
   builder.step("dnn.cl", "conv2d_relu",

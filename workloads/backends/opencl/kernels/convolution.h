@@ -1,4 +1,4 @@
-// Convolutions of dnn.cl and tiles.cl, for layers and for networks of other families.
+// Convolutions of dnn.cl and product.cl, for layers and for networks of other families.
 #pragma once
 
 #include <span>
@@ -16,7 +16,7 @@ struct Convolution {
   bool relu = true;                ///< max(0, sum) afterwards.
 };
 
-/// Appends the launch that computes it.
+/// Appends the launches that compute it.
 /// @param in   With the border that the shape pads. @param out  With whatever border.
 void append_convolution(PlanBuilder& builder, const Convolution& convolution,
                         const DeviceTensor& in, const DeviceTensor& out);

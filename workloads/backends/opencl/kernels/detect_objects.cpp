@@ -8,19 +8,19 @@
 
 #include "workloads/backends/opencl/kernels/convolution.h"
 #include "workloads/backends/opencl/plan/kernel_table.h"
-#include "workloads/backends/opencl/plan/launch_times.h"
+#include "workloads/backends/opencl/plan/plan_kernel.h"
 #include "workloads/recognition/generated_network.h"
 #include "workloads/recognition/workloads.h"
 
 namespace pirt::opencl {
 namespace {
 
-class DetectObjectsKernel final : public Kernel {
+class DetectObjectsKernel final : public LaunchingKernel {
  public:
   DetectObjectsKernel(DeviceSession session, std::string workload, Plan plan)
-      : session_(std::move(session)),
-        workload_(std::move(workload)),
+      : LaunchingKernel(std::move(session), std::move(workload)),
         plan_(std::move(plan)),
+        transfers_(this->session()),
         input_(plan_.inputs[0].spec),
         head_(plan_.outputs[0].spec) {}
 
@@ -30,33 +30,26 @@ class DetectObjectsKernel final : public Kernel {
   }
 
   void upload() override {
-    translated(fmt::format("uploading the picture of {}", workload_), [&] {
+    translated(fmt::format("uploading the picture of {}", workload()), [&] {
       const auto numbers =
           recognition::network_input(*picture_, detector_.width, detector_.height,
                                      recognition::Fit::kStretch, recognition::Preprocess::kUnit);
       std::ranges::copy(numbers, input_.as<float>().begin());
-      write(session_, plan_.inputs[0], input_);
-    });
-  }
-
-  std::optional<Nanos> execute(int repeats) override {
-    return translated(fmt::format("executing {}", workload_), [&] {
-      LaunchTimes times(session_.has_clock);
-      for (int i = 0; i < repeats; ++i) {
-        enqueue(session_, plan_, times);
-        read(session_, plan_.outputs[0], head_);
-        found_ = recognition::candidates_of_head(detector_, head_.as<float>(),
-                                                 recognition::least_score());
-        recognition::write_objects(found_, outputs_);
-      }
-      return times.finish();
+      transfers_.write(plan_.inputs, std::span(&input_, 1));
     });
   }
 
  private:
-  DeviceSession session_;
-  std::string workload_;
+  void compute(Launches& launches) override {
+    enqueue(session(), plan_, launches);
+    transfers_.read({{plan_.outputs, std::span(&head_, 1)}});
+    found_ =
+        recognition::candidates_of_head(detector_, head_.as<float>(), recognition::least_score());
+    recognition::write_objects(found_, outputs_);
+  }
+
   Plan plan_;
+  Transfers transfers_;
   recognition::GeneratedNetwork detector_ = recognition::generated_detector();
   Tensor input_, head_;  ///< The network's own.
   const Tensor* picture_ = nullptr;

@@ -9,6 +9,7 @@
 #define WINDOW_HALF 7
 #define REFINE_STEPS 3
 #define FARTHEST 4.0f
+#define MOST 400
 
 typedef uchar8 Bytes8 __attribute__((aligned(1)));
 typedef ushort16 Ushorts16 __attribute__((aligned(2)));
@@ -146,18 +147,23 @@ __kernel void blur_columns(__global const ushort* restrict rows, __global uchar*
 }
 
 /// An item has a corner.
-/// @param corners  Pixel indices, RIM away from the border; [count].
+/// @param chosen   i32: how many corners, their pixel indices, RIM away from the border, [MOST], and
+///                 the bits of their scores, [MOST].
 /// @param pattern  Where the two pixels of each bit are, from the corner's.
 /// @param pixels   f32 [capacity,2]: the centre of the gradients' energy around each.
 /// @param bits     u8 [capacity,32].
 __kernel void describe_corners(__global const uchar* restrict image,
                                __global const uchar* restrict blurred,
-                               __global const int* restrict corners,
-                               __global const int* restrict count, __constant int2* pattern,
-                               __global float* restrict pixels, __global uchar* restrict bits,
+                               __global const int* restrict chosen, __constant int2* pattern,
+                               __global float* restrict pixels, __global int* restrict pixel_rows,
+                               __global float* restrict scores, __global int* restrict score_rows,
+                               __global uchar* restrict bits, __global int* restrict bit_rows,
                                int width) {
   const int item = (int)get_global_id(0);
-  if (item >= count[0]) return;
+  if (item == 0) pixel_rows[0] = score_rows[0] = bit_rows[0] = chosen[0];
+  if (item >= chosen[0]) return;
+  __global const int* corners = chosen + 1;
+  scores[item] = as_float(corners[MOST + item]);
   const int x = corners[item] % width, y = corners[item] / width;
   const int16 column = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 0) - WINDOW_HALF;
   float centre_x = (float)x, centre_y = (float)y;

@@ -1,9 +1,8 @@
 // extract_features: contrast, candidates, blur, refining and descriptors on the device; the best of
 // each cell, which is sequential, on the host within execute().
-#include <fmt/core.h>
-
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <utility>
 
 #include "workloads/backends/opencl/plan/kernel_table.h"
@@ -14,16 +13,23 @@
 namespace pirt::opencl {
 namespace {
 
-/// Buffers that the host part resets, reads and fills.
+/// What the device found, and what the host chose of it.
 struct FeatureBuffers {
   cl::Buffer count;       ///< i32 [1] of candidates.
   cl::Buffer candidates;  ///< i32 [pixels,4]: index, xx, xy, yy.
-  cl::Buffer corners;     ///< i32 [400]: indices of the selected.
+  cl::Buffer chosen;      ///< ChosenCorners.
+};
+
+/// As describe_corners of extract.cl reads them.
+struct ChosenCorners {
+  cl_int count = 0;
+  std::array<cl_int, vision::ExtractFeatures::kMost> indices;
+  std::array<cl_float, vision::ExtractFeatures::kMost> scores;
 };
 
 class ExtractFeaturesKernel final : public PlanKernel {
  public:
-  /// @param find  Ends with the candidates. @param describe  Begins with the selected.
+  /// @param find  Ends with the candidates. @param describe  Begins with the chosen.
   ExtractFeaturesKernel(DeviceSession session, const Workload& workload, Plan find, Plan describe,
                         FeatureBuffers buffers)
       : PlanKernel(std::move(session), workload.name, std::move(find)),
@@ -31,68 +37,48 @@ class ExtractFeaturesKernel final : public PlanKernel {
         describe_(std::move(describe)),
         buffers_(std::move(buffers)) {}
 
-  std::optional<Nanos> execute(int repeats) override {
-    return translated(fmt::format("executing {}", workload()), [&] {
-      LaunchTimes times(session().has_clock);
-      for (int i = 0; i < repeats; ++i) {
-        find_candidates(times);
-        hand_over(slam::best_corners(found_, operation_.width, operation_.height,
-                                     {.most = vision::ExtractFeatures::kMost,
-                                      .cell = vision::ExtractFeatures::kCell,
-                                      .threshold = vision::ExtractFeatures::kThreshold}));
-        enqueue(session(), describe_, times);
-      }
-      return times.finish();
-    });
+ private:
+  void compute(Launches& launches) override {
+    session().queue.enqueueFillBuffer(buffers_.count, cl_int{0}, 0, sizeof(cl_int), nullptr,
+                                      launches.next());
+    enqueue(session(), plan(), launches);
+    choose(transfers().read({.count = buffers_.count,
+                             .list = buffers_.candidates,
+                             .entry_bytes = sizeof(Candidate),
+                             .most = std::int64_t{operation_.width} * operation_.height,
+                             .of = "candidates"}));
+    session().queue.enqueueWriteBuffer(buffers_.chosen, CL_FALSE, 0, sizeof(chosen_), &chosen_);
+    enqueue(session(), describe_, launches);
   }
 
- private:
-  void find_candidates(LaunchTimes& times) {
-    const cl::CommandQueue& queue = session().queue;
-    cl::Event reset;
-    queue.enqueueFillBuffer(buffers_.count, cl_int{0}, 0, sizeof(cl_int), nullptr, &reset);
-    times.add(std::move(reset));
-    enqueue(session(), plan(), times);
-    cl_int count = 0;
-    queue.enqueueReadBuffer(buffers_.count, CL_TRUE, 0, sizeof(count), &count);
-    const std::int64_t most = std::int64_t{operation_.width} * operation_.height;
-    candidates_.resize(static_cast<std::size_t>(checked_count(count, most, "candidates")));
-    if (count > 0) {
-      queue.enqueueReadBuffer(buffers_.candidates, CL_TRUE, 0,
-                              candidates_.size() * sizeof(candidates_[0]), candidates_.data());
-    }
+  /// Index, xx, xy, yy.
+  using Candidate = std::array<cl_int, 4>;
+
+  void choose(std::span<const std::byte> candidates) {
     found_.clear();
-    for (const auto& [index, xx, xy, yy] : candidates_) {
+    for (std::size_t at = 0; at < candidates.size(); at += sizeof(Candidate)) {
+      Candidate candidate;
+      std::memcpy(candidate.data(), &candidates[at], sizeof(candidate));
+      const auto& [index, xx, xy, yy] = candidate;
       found_.push_back(
           {index % operation_.width, index / operation_.width, slam::corner_score(xx, xy, yy)});
     }
-  }
-
-  /// The selected to the device, with how many rows all outputs have.
-  void hand_over(const std::vector<slam::FastCorner>& best) {
-    const cl::CommandQueue& queue = session().queue;
-    const auto rows = static_cast<cl_int>(best.size());
-    for (const DeviceTensor& output : plan().outputs) {
-      queue.enqueueWriteBuffer(output.rows, CL_TRUE, 0, sizeof(rows), &rows);
+    const auto best = slam::best_corners(found_, operation_.width, operation_.height,
+                                         {.most = vision::ExtractFeatures::kMost,
+                                          .cell = vision::ExtractFeatures::kCell,
+                                          .threshold = vision::ExtractFeatures::kThreshold});
+    chosen_.count = static_cast<cl_int>(best.size());
+    for (std::size_t i = 0; i < best.size(); ++i) {
+      chosen_.indices[i] = best[i].y * operation_.width + best[i].x;
+      chosen_.scores[i] = best[i].score;
     }
-    if (best.empty()) return;
-    std::vector<cl_int> corners;
-    std::vector<cl_float> scores;
-    for (const auto& corner : best) {
-      corners.push_back(corner.y * operation_.width + corner.x);
-      scores.push_back(corner.score);
-    }
-    queue.enqueueWriteBuffer(buffers_.corners, CL_TRUE, 0, corners.size() * sizeof(cl_int),
-                             corners.data());
-    queue.enqueueWriteBuffer(plan().outputs[1].buffer, CL_TRUE, 0, scores.size() * sizeof(cl_float),
-                             scores.data());
   }
 
   vision::ExtractFeatures operation_;
   Plan describe_;
   FeatureBuffers buffers_;
-  std::vector<std::array<cl_int, 4>> candidates_;
   std::vector<slam::FastCorner> found_;
+  ChosenCorners chosen_;  ///< The device may read it until the call's end.
 };
 
 /// Work items of 16 pixels.
@@ -112,9 +98,9 @@ std::array<std::array<cl_int, 2>, 256> offsets_of_pattern(int width) {
 std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
                                               const Workload& workload,
                                               std::span<const Tensor> /*parameters*/) {
-  static_assert(slam::kFeatureRim == 20 && slam::kFeatureScoreHalf == 3 &&
-                    slam::kFeatureWindowHalf == 7 && slam::kFeatureRefineSteps == 3 &&
-                    slam::kFeatureFarthest == 4.0F,
+  static_assert(vision::ExtractFeatures::kMost == 400 && slam::kFeatureRim == 20 &&
+                    slam::kFeatureScoreHalf == 3 && slam::kFeatureWindowHalf == 7 &&
+                    slam::kFeatureRefineSteps == 3 && slam::kFeatureFarthest == 4.0F,
                 "extract.cl has them as constants");
   const auto& op = operation_as<vision::ExtractFeatures>(workload);
   const std::int64_t area = std::int64_t{op.width} * op.height;
@@ -126,10 +112,9 @@ std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
   const cl::Buffer contrast = builder.zeroed(static_cast<std::size_t>(area));
   const cl::Buffer rows = builder.scratch(area * std::int64_t{sizeof(cl_ushort)});
   const cl::Buffer blurred = builder.scratch(area);
-  const FeatureBuffers buffers{
-      .count = builder.scratch(std::int64_t{sizeof(cl_int)}),
-      .candidates = builder.scratch(area * std::int64_t{sizeof(cl_int4)}),
-      .corners = builder.scratch(vision::ExtractFeatures::kMost * std::int64_t{sizeof(cl_int)})};
+  const FeatureBuffers buffers{.count = builder.scratch(std::int64_t{sizeof(cl_int)}),
+                               .candidates = builder.scratch(area * std::int64_t{sizeof(cl_int4)}),
+                               .chosen = builder.scratch(std::int64_t{sizeof(ChosenCorners)})};
   const auto weights = builder.constant(std::as_bytes(std::span(slam::kFeatureBlur)));
   const auto offsets = offsets_of_pattern(op.width);
   const auto pattern = builder.constant(std::as_bytes(std::span(offsets)));
@@ -150,7 +135,8 @@ std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
   Plan find = builder.finish({image}, {pixels, scores, descriptors});
   PlanBuilder second(session);
   second.step("extract.cl", "describe_corners", {vision::ExtractFeatures::kMost, 1}, image, blurred,
-              buffers.corners, pixels.rows, pattern, pixels, descriptors, op.width);
+              buffers.chosen, pattern, pixels, pixels.rows, scores, scores.rows, descriptors,
+              descriptors.rows, op.width);
   return std::make_unique<ExtractFeaturesKernel>(session, workload, std::move(find),
                                                  second.finish({}, {}), buffers);
 }

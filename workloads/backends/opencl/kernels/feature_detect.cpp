@@ -1,10 +1,7 @@
 // feature_detect: responses, threshold and local maxima on the device; sorting and the distance
 // rule, which are sequential, on the host within execute(). The result lies on the host, as the
 // workload has it.
-#include <fmt/core.h>
-
-#include <algorithm>
-#include <array>
+#include <cstring>
 
 #include "workloads/backends/opencl/kernels/gradients.h"
 #include "workloads/backends/opencl/plan/kernel_table.h"
@@ -28,42 +25,25 @@ class FeatureDetectKernel final : public PlanKernel {
         operation_(operation_as<vision::FeatureDetect>(workload)),
         buffers_(std::move(buffers)) {}
 
-  std::optional<Nanos> execute(int repeats) override {
-    return translated(fmt::format("executing {}", workload()), [&] {
-      LaunchTimes times(session().has_clock);
-      for (int i = 0; i < repeats; ++i) {
-        find_candidates(times);
-        corners_ = vision::select_corners(found_, operation_);
-      }
-      return times.finish();
-    });
-  }
-
   /// Hands over what execute() left on the host.
   void download() override {
     if (!host_outputs().empty()) vision::write_corners(corners_, host_outputs()[0]);
   }
 
  private:
-  /// Fills found_ with the device's candidates.
-  void find_candidates(LaunchTimes& times) {
-    const cl::CommandQueue& queue = session().queue;
-    std::array<cl_uint, 2> state{};
-    cl::Event reset;
-    queue.enqueueFillBuffer(buffers_.state, cl_uint{0}, 0, sizeof(state), nullptr, &reset);
-    times.add(std::move(reset));
-    enqueue(session(), plan(), times);
-    cl::Event count_read;
-    queue.enqueueReadBuffer(buffers_.state, CL_TRUE, 0, sizeof(state), state.data(), nullptr,
-                            &count_read);
-    times.add(std::move(count_read));
-    const std::int64_t most = std::int64_t{operation_.width} * operation_.height;
-    found_.resize(static_cast<std::size_t>(checked_count(state[1], most, "candidates")));
-    if (found_.empty()) return;
-    cl::Event candidates_read;
-    queue.enqueueReadBuffer(buffers_.candidates, CL_TRUE, 0, found_.size() * sizeof(found_[0]),
-                            found_.data(), nullptr, &candidates_read);
-    times.add(std::move(candidates_read));
+  void compute(Launches& launches) override {
+    session().queue.enqueueFillBuffer(buffers_.state, cl_uint{0}, 0, 2 * sizeof(cl_uint), nullptr,
+                                      launches.next());
+    enqueue(session(), plan(), launches);
+    const auto found = transfers().read({.count = buffers_.state,
+                                         .index = 1,
+                                         .list = buffers_.candidates,
+                                         .entry_bytes = sizeof(cl_ulong),
+                                         .most = std::int64_t{operation_.width} * operation_.height,
+                                         .of = "candidates"});
+    found_.resize(found.size() / sizeof(cl_ulong));
+    std::memcpy(found_.data(), found.data(), found.size());
+    corners_ = vision::select_corners(found_, operation_);
   }
 
   vision::FeatureDetect operation_;

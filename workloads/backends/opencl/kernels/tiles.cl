@@ -1,6 +1,5 @@
-// Stencils, convolutions and fully connected layers for devices with local memory of their own:
-// GPUs. What the items of a work group share is read once, into local memory. Definitions and
-// arguments as in gaussian_blur.cl, filter7x7.cl, sobel.cl and dnn.cl, whose kernels do the same for CPUs; integer results are
+// Stencils and fully connected layers for devices with local memory of their own: GPUs. What the
+// items of a work group share is read once, into local memory. Definitions and arguments as in gaussian_blur.cl, filter7x7.cl, sobel.cl and dnn.cl, whose kernels do the same for CPUs; integer results are
 // exact.
 //
 // Groups have any number of items along x, one along y. Local memory comes as an argument, so that
@@ -98,79 +97,6 @@ __kernel void sobel_tile(__global const uchar* restrict image, __global short* r
   }
 }
 
-// The tile of a group of conv2d_relu_tile: 32 channels, and pixels for half of its items. An item
-// computes 4 x 4 of it. ConvTile of tiles.h has the same figures.
-#define TILE_CHANNELS 32
-#define TILE_TERMS 8
-
-/// max(least, conv + bias) as a product of matrices whose pixels are gathered on the way. Groups
-/// along x are blocks of pixels; global id 1 is the block of TILE_CHANNELS output channels of an image.
-/// Items are a multiple of TILE_CHANNELS / 4.
-///
-/// @param weights     [ceil(out_c/TILE_CHANNELS), terms, TILE_CHANNELS], missing channels 0.
-/// @param bias        [ceil(out_c/TILE_CHANNELS), TILE_CHANNELS], alike.
-/// @param offsets     [terms]: where a term's pixel is, from the first pixel of an output's window.
-/// @param pixel_tile  [TILE_TERMS, items / 2]; weight_tile [TILE_TERMS, TILE_CHANNELS].
-__kernel void conv2d_relu_tile(__global const float* restrict input,
-                               __global const float* restrict weights,
-                               __global const float* restrict bias, __global float* restrict output,
-                               __global const int* restrict offsets, int terms, int in_pitch,
-                               int stride, int out_c, int out_h, int out_w, int out_plane,
-                               int out_pitch, int out_offset, int in_image, int out_image,
-                               float least, __local float* pixel_tile, __local float* weight_tile) {
-  const int items = (int)get_local_size(0), me = (int)get_local_id(0);
-  const int tile_pixels = items / 2;
-  const int blocks = (out_c + TILE_CHANNELS - 1) / TILE_CHANNELS;
-  const int block = (int)get_global_id(1) % blocks;
-  const int image = (int)get_global_id(1) / blocks;
-  const int pixels = out_h * out_w;
-  const int first = (int)get_group_id(0) * tile_pixels;
-  weights += block * terms * TILE_CHANNELS;
-
-  // What this item gathers: one pixel's terms.
-  const int gathered = min(first + me % tile_pixels, pixels - 1);
-  __global const float* window = input + image * in_image +
-                                 gathered / out_w * stride * in_pitch + gathered % out_w * stride;
-  // What it computes.
-  const int my_pixels = me / (TILE_CHANNELS / 4) * 4, my_channels = me % (TILE_CHANNELS / 4) * 4;
-  float4 sum[4];
-#pragma unroll
-  for (int p = 0; p < 4; ++p) sum[p] = vload4(0, bias + block * TILE_CHANNELS + my_channels);
-
-  for (int term = 0; term < terms; term += TILE_TERMS) {
-    barrier(CLK_LOCAL_MEM_FENCE);
-    for (int k = me / tile_pixels; k < TILE_TERMS; k += 2) {
-      pixel_tile[k * tile_pixels + me % tile_pixels] =
-          term + k < terms ? window[offsets[term + k]] : 0.0f;
-    }
-    for (int i = me; i < TILE_TERMS * TILE_CHANNELS; i += items) {
-      const int at = term * TILE_CHANNELS + i;
-      weight_tile[i] = at < terms * TILE_CHANNELS ? weights[at] : 0.0f;
-    }
-    barrier(CLK_LOCAL_MEM_FENCE);
-#pragma unroll
-    for (int k = 0; k < TILE_TERMS; ++k) {
-      const float4 weight = vload4(0, weight_tile + k * TILE_CHANNELS + my_channels);
-#pragma unroll
-      for (int p = 0; p < 4; ++p) sum[p] += weight * pixel_tile[k * tile_pixels + my_pixels + p];
-    }
-  }
-
-#pragma unroll
-  for (int p = 0; p < 4; ++p) {
-    const int pixel = first + my_pixels + p;
-    if (pixel >= pixels) continue;
-    __global float* to = output + image * out_image + out_offset + pixel / out_w * out_pitch +
-                         pixel % out_w;
-    float lanes[4];
-    vstore4(fmax(sum[p], least), 0, lanes);
-    for (int c = 0; c < 4; ++c) {
-      const int channel = block * TILE_CHANNELS + my_channels + c;
-      if (channel < out_c) to[channel * out_plane] = lanes[c];
-    }
-  }
-}
-
 /// FC_ROWS output rows a work group, whose items read neighbouring weights.
 /// @param partial  [FC_ROWS, items].
 __kernel void fully_connected_group(__global const float* restrict input,
@@ -187,6 +113,7 @@ __kernel void fully_connected_group(__global const float* restrict input,
     row[r] = weights + (size_t)min(first + r, out - 1) * in;
     sum[r] = 0.0f;
   }
+#pragma unroll 4
   for (int i = 4 * me; i + 4 <= in; i += 4 * items) {
     const float4 x = vload4(0, input + i);
 #pragma unroll
@@ -198,11 +125,16 @@ __kernel void fully_connected_group(__global const float* restrict input,
     for (int i = in / 4 * 4 + me; i < in; i += items) total += row[r][i] * input[i];
     partial[r * items + me] = total;
   }
-  barrier(CLK_LOCAL_MEM_FENCE);
-  for (int r = me; r < FC_ROWS; r += items) {
-    if (first + r >= out) continue;
-    float total = bias[first + r];
-    for (int i = 0; i < items; ++i) total += partial[r * items + i];
-    output[first + r] = total;
+  for (int left = items; left > 1; left = (left + 1) / 2) {
+    barrier(CLK_LOCAL_MEM_FENCE);
+    const int kept = (left + 1) / 2;
+    if (me + kept >= left) continue;
+#pragma unroll
+    for (int r = 0; r < FC_ROWS; ++r) partial[r * items + me] += partial[r * items + me + kept];
+  }
+  if (me > 0) return;
+#pragma unroll
+  for (int r = 0; r < FC_ROWS; ++r) {
+    if (first + r < out) output[first + r] = bias[first + r] + partial[r * items];
   }
 }

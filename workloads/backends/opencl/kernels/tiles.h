@@ -39,28 +39,4 @@ struct PictureTiles {
   }
 };
 
-/// A group's pixels and channels of a convolution.
-struct ConvTile {
-  static constexpr int kChannels = 32;
-  static constexpr int kTerms = 8;
-
-  explicit ConvTile(PlanBuilder& builder)
-      : items(builder.group_items("tiles.cl", "conv2d_relu_tile", kNeed, kChannels / 4)),
-        pixels(static_cast<int>(items) / 2),
-        pixel_memory{kNeed.per_item * items},
-        weight_memory{kNeed.per_group} {}
-
-  /// Whether the device has room for a group.
-  [[nodiscard]] bool fits() const { return items > 0; }
-
-  std::size_t items;
-  int pixels;
-  LocalMemory pixel_memory, weight_memory;
-
- private:
-  /// Of each term, the pixels of half the items and the channels.
-  static constexpr LocalNeed kNeed{.per_item = sizeof(float) * kTerms / 2,
-                                   .per_group = sizeof(float) * kTerms * kChannels};
-};
-
 }  // namespace pirt::opencl

@@ -6,33 +6,29 @@ namespace pirt::opencl {
 
 void LaunchSum::add(Nanos queued, Nanos start, Nanos end) {
   total_ += std::max(Nanos{0}, start - std::max(queued, previous_end_));
+  if (first_start_ == Nanos::min()) first_start_ = start;
   previous_end_ = end;
 }
 
-void LaunchTimes::add(cl::Event event) {
-  live_.push_back(std::move(event));
-  if (live_.size() == kMaxLive) fold(kMaxLive / 2);
+cl::Event* Launches::next() {
+  if (waiting_ == kMostWaiting) finish();
+  ++waiting_;
+  return stamped_ ? &events_.emplace_back() : nullptr;
 }
 
-std::optional<Nanos> LaunchTimes::finish() {
-  if (!live_.empty()) fold(live_.size());
-  return has_clock_ ? std::optional(sum_.total()) : std::nullopt;
-}
-
-void LaunchTimes::fold(std::size_t count) {
+void Launches::finish() {
   const auto stamp = [](const cl::Event& event, cl_profiling_info which) {
     cl_ulong value = 0;
     event.getProfilingInfo(which, &value);
     return Nanos(static_cast<Nanos::rep>(value));
   };
-  // The queue is in order: the last one's end is everybody's. wait() flushes the queue as well.
-  live_[count - 1].wait();
-  for (std::size_t i = 0; has_clock_ && i < count; ++i) {
-    sum_.add(stamp(live_[i], CL_PROFILING_COMMAND_QUEUED),
-             stamp(live_[i], CL_PROFILING_COMMAND_START),
-             stamp(live_[i], CL_PROFILING_COMMAND_END));
+  queue_.finish();
+  for (const cl::Event& event : events_) {
+    stamps_.add(stamp(event, CL_PROFILING_COMMAND_QUEUED), stamp(event, CL_PROFILING_COMMAND_START),
+             stamp(event, CL_PROFILING_COMMAND_END));
   }
-  live_.erase(live_.begin(), live_.begin() + static_cast<std::ptrdiff_t>(count));
+  events_.clear();
+  waiting_ = 0;
 }
 
 }  // namespace pirt::opencl

@@ -6,10 +6,6 @@
 
 namespace pirt::opencl {
 
-bool shares_memory(const cl::Device& device) {
-  return device.getInfo<CL_DEVICE_HOST_UNIFIED_MEMORY>() == CL_TRUE;
-}
-
 MappedKernel::~MappedKernel() {
   try {
     unmap_all();
@@ -20,7 +16,7 @@ MappedKernel::~MappedKernel() {
 
 void MappedKernel::bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
   assert(inputs.size() == plan_.inputs.size() && outputs.size() == plan_.outputs.size());
-  translated(fmt::format("mapping the tensors of {}", workload_), [&] {
+  translated(fmt::format("mapping the tensors of {}", workload()), [&] {
     unmap_all();
     shared_.clear();
     for (std::size_t i = 0; i < inputs.size(); ++i) {
@@ -37,7 +33,7 @@ void MappedKernel::bind(std::span<const Tensor> inputs, std::span<Tensor> output
 
 /// A driver that works on memory of its own writes to the host's, or reads it, when it is unmapped.
 void MappedKernel::unbind() {
-  translated(fmt::format("letting go of the tensors of {}", workload_), [&] {
+  translated(fmt::format("letting go of the tensors of {}", workload()), [&] {
     unmap_all();
     shared_.clear();
   });
@@ -46,7 +42,7 @@ void MappedKernel::unbind() {
 void MappedKernel::share(DeviceTensor& resident, const std::byte* data, std::size_t size_bytes,
                          cl_mem_flags access, cl_map_flags flags) {
   // The device only reads inputs; OpenCL has no constant host pointer.
-  Shared shared{.buffer = cl::Buffer(session_.context, access | CL_MEM_USE_HOST_PTR, size_bytes,
+  Shared shared{.buffer = cl::Buffer(session().context, access | CL_MEM_USE_HOST_PTR, size_bytes,
                                      const_cast<std::byte*>(data)),
                 .size_bytes = size_bytes,
                 .flags = flags};
@@ -55,40 +51,36 @@ void MappedKernel::share(DeviceTensor& resident, const std::byte* data, std::siz
 }
 
 void MappedKernel::upload() {
-  translated(fmt::format("handing over the inputs of {}", workload_), [&] { unmap_all(); });
+  translated(fmt::format("handing over the inputs of {}", workload()), [&] { unmap_all(); });
 }
 
-std::optional<Nanos> MappedKernel::execute(int repeats) {
-  return translated(fmt::format("executing {}", workload_), [&] {
-    unmap_all();  // executing again without another upload is allowed
-    LaunchTimes times(session_.has_clock);
-    for (int i = 0; i < repeats; ++i) enqueue(session_, plan_, times);
-    return times.finish();
-  });
+void MappedKernel::compute(Launches& launches) {
+  unmap_all();  // executing again without another upload is allowed
+  enqueue(session(), plan_, launches);
 }
 
 void MappedKernel::download() {
-  translated(fmt::format("taking back the outputs of {}", workload_), [&] { map_all(); });
+  translated(fmt::format("taking back the outputs of {}", workload()), [&] { map_all(); });
 }
 
 void MappedKernel::map_all() {
   for (Shared& shared : shared_) {
     if (shared.pointer != nullptr) continue;
-    shared.pointer = session_.queue.enqueueMapBuffer(shared.buffer, CL_FALSE, shared.flags, 0,
-                                                     shared.size_bytes);
+    shared.pointer = session().queue.enqueueMapBuffer(shared.buffer, CL_FALSE, shared.flags, 0,
+                                                      shared.size_bytes);
   }
-  session_.queue.finish();
+  session().queue.finish();
 }
 
 void MappedKernel::unmap_all() {
   bool any = false;
   for (Shared& shared : shared_) {
     if (shared.pointer == nullptr) continue;
-    session_.queue.enqueueUnmapMemObject(shared.buffer, shared.pointer);
+    session().queue.enqueueUnmapMemObject(shared.buffer, shared.pointer);
     shared.pointer = nullptr;
     any = true;
   }
-  if (any) session_.queue.finish();
+  if (any) session().queue.finish();
 }
 
 }  // namespace pirt::opencl

@@ -12,21 +12,17 @@
 
 namespace pirt::opencl {
 
-/// Whether the device of @p session works on the host's memory.
-[[nodiscard]] bool shares_memory(const cl::Device& device);
-
-class MappedKernel final : public Kernel {
+class MappedKernel final : public LaunchingKernel {
  public:
   /// @param plan  Its inputs and outputs have no border.
   MappedKernel(DeviceSession session, std::string workload, Plan plan)
-      : session_(std::move(session)), workload_(std::move(workload)), plan_(std::move(plan)) {}
+      : LaunchingKernel(std::move(session), std::move(workload)), plan_(std::move(plan)) {}
   /// Takes back what the device holds: the tensors are the caller's again.
   ~MappedKernel() override;
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override;
   void unbind() override;
   void upload() override;
-  std::optional<Nanos> execute(int repeats) override;
   void download() override;
 
  private:
@@ -40,9 +36,8 @@ class MappedKernel final : public Kernel {
              cl_mem_flags access, cl_map_flags flags);
   void map_all();
   void unmap_all();
+  void compute(Launches& launches) override;
 
-  DeviceSession session_;
-  std::string workload_;
   Plan plan_;
   std::vector<Shared> shared_;
 };

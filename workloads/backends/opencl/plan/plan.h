@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -76,6 +75,19 @@ struct Extent {
   std::optional<std::size_t> group = std::nullopt;
 };
 
+/// One of the embedded .cl files, with definitions of its own besides those of the tuning.
+struct Source {
+  std::string_view file;
+  std::string definitions = {};  ///< Build options, each with a blank before it.
+
+  // NOLINTNEXTLINE(google-explicit-constructor): most have none.
+  Source(const char* name) : file(name) {}
+  // NOLINTNEXTLINE(google-explicit-constructor)
+  Source(std::string_view name) : file(name) {}
+  Source(std::string_view name, std::string options)
+      : file(name), definitions(std::move(options)) {}
+};
+
 /// Local memory that a group's arguments need.
 struct LocalNeed {
   std::size_t per_item = 0;
@@ -84,7 +96,7 @@ struct LocalNeed {
   [[nodiscard]] LocalMemory of(std::size_t items) const { return {per_item * items + per_group}; }
 };
 
-/// Collects a plan: builds each program once, allocates buffers, sets arguments. Not kept after
+/// Collects a plan: builds programs, allocates buffers, sets arguments. Not kept after
 /// `prepare`.
 class PlanBuilder {
  public:
@@ -108,18 +120,15 @@ class PlanBuilder {
   [[nodiscard]] cl::Buffer constant(std::span<const std::byte> bytes);
 
   /// How many work items a group of the kernel can have along x: as many as the session wishes, or
-  /// less where the kernel (its registers) or the local memory that is left take no more; a
-  /// multiple of @p multiple, and then of what the device likes, where it can be. 0 = it cannot
-  /// have any.
-  [[nodiscard]] std::size_t group_items(std::string_view source, const char* kernel, LocalNeed need,
-                                        std::size_t multiple = 1);
+  /// less where the kernel (its registers) or the local memory that is left take no more; then a
+  /// multiple of what the device likes, where it can be. 0 = it cannot have any.
+  [[nodiscard]] std::size_t group_items(const Source& source, const char* kernel, LocalNeed need);
 
   /// Appends the launch of a kernel. Buffers, residents, int32, float and local memory are
   /// arguments.
-  /// @param source  Name of one of the embedded .cl files.
   /// @throws Error{kEnvironment} if the device takes no group of it.
   template <typename... Arguments>
-  void step(std::string_view source, const char* kernel, Extent extent,
+  void step(const Source& source, const char* kernel, Extent extent,
             const Arguments&... arguments) {
     cl::Kernel built(program(source), kernel);
     cl_uint index = 0;
@@ -148,29 +157,18 @@ class PlanBuilder {
     kernel.setArg(index, static_cast<cl_float>(value));
   }
 
-  [[nodiscard]] const cl::Program& program(std::string_view source);
+  [[nodiscard]] cl::Program program(const Source& source) const;
   [[nodiscard]] cl::Buffer allocate(cl_mem_flags flags, std::size_t size_bytes);
   void append(cl::Kernel kernel, const char* name, Extent extent);
 
   const DeviceSession& session_;
-  std::map<std::string, cl::Program, std::less<>> programs_;
   std::vector<Launch> steps_;
   std::vector<cl::Buffer> held_;
   std::vector<Use> uses_;
   std::vector<DeviceTensor> current_, next_;
 };
 
-/// What the device counted, which is to be allocated and read.
-/// @throws Error{kEnvironment} if it is not from 0 to @p most.
-[[nodiscard]] std::int64_t checked_count(std::int64_t count, std::int64_t most,
-                                         const std::string& of);
-
-/// Host to device, of a list the rows that it has; blocks. @param from  Without border.
-void write(const DeviceSession& session, const DeviceTensor& to, const Tensor& from);
-/// Device to host, of a list the rows that the device says; blocks. Residents without border only.
-/// @throws Error{kEnvironment} as checked_count.
-void read(const DeviceSession& session, const DeviceTensor& from, Tensor& to);
-/// Enqueues all steps and adds their events to @p times.
-void enqueue(const DeviceSession& session, const Plan& plan, LaunchTimes& times);
+/// Enqueues all steps.
+void enqueue(const DeviceSession& session, const Plan& plan, Launches& launches);
 
 }  // namespace pirt::opencl

@@ -6,6 +6,30 @@
 
 namespace pirt::opencl {
 
+std::optional<Nanos> LaunchingKernel::execute(int repeats) {
+  translated(fmt::format("executing {}", workload_), [&] {
+    Launches launches(session_.queue, false);
+    for (int i = 0; i < repeats; ++i) compute(launches);
+    launches.finish();
+  });
+  return std::nullopt;
+}
+
+std::optional<Nanos> LaunchingKernel::stamped_launch() {
+  const auto stamps = stamped();
+  return stamps ? std::optional(stamps->total()) : std::nullopt;
+}
+
+std::optional<LaunchSum> LaunchingKernel::stamped() {
+  if (!session_.has_clock) return std::nullopt;
+  return translated(fmt::format("executing {}", workload_), [&] {
+    Launches launches(session_.queue, true);
+    compute(launches);
+    launches.finish();
+    return launches.stamps();
+  });
+}
+
 void PlanKernel::bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
   assert(inputs.size() == plan_.inputs.size());
   for (std::size_t i = 0; i < inputs.size(); ++i) {
@@ -16,27 +40,15 @@ void PlanKernel::bind(std::span<const Tensor> inputs, std::span<Tensor> outputs)
 }
 
 void PlanKernel::upload() {
-  translated(fmt::format("uploading the inputs of {}", workload_), [&] {
-    for (std::size_t i = 0; i < inputs_.size(); ++i) {
-      write(session_, plan_.inputs[i], inputs_[i]);
-    }
-  });
+  translated(fmt::format("uploading the inputs of {}", workload()),
+             [&] { transfers_.write(plan_.inputs, inputs_); });
 }
 
-std::optional<Nanos> PlanKernel::execute(int repeats) {
-  return translated(fmt::format("executing {}", workload_), [&] {
-    LaunchTimes times(session_.has_clock);
-    for (int i = 0; i < repeats; ++i) enqueue(session_, plan_, times);
-    return times.finish();
-  });
-}
+void PlanKernel::compute(Launches& launches) { enqueue(session(), plan_, launches); }
 
 void PlanKernel::download() {
-  translated(fmt::format("downloading the outputs of {}", workload_), [&] {
-    for (std::size_t i = 0; i < outputs_.size(); ++i) {
-      read(session_, plan_.outputs[i], outputs_[i]);
-    }
-    for (std::size_t i = 0; i < next_.size(); ++i) read(session_, plan_.next[i], next_[i]);
+  translated(fmt::format("downloading the outputs of {}", workload()), [&] {
+    transfers_.read({{plan_.outputs, outputs_}, {plan_.next, next_}});
   });
 }
 
@@ -51,15 +63,12 @@ void PlanKernel::bind_state(std::span<const Tensor> current, std::span<Tensor> n
 }
 
 void PlanKernel::upload_state() {
-  translated(fmt::format("uploading the state of {}", workload_), [&] {
-    for (std::size_t i = 0; i < current_.size(); ++i) {
-      write(session_, plan_.current[i], current_[i]);
-    }
-  });
+  translated(fmt::format("uploading the state of {}", workload()),
+             [&] { transfers_.write(plan_.current, current_); });
 }
 
 void PlanKernel::commit_state() {
-  translated(fmt::format("committing the state of {}", workload_), [&] { plan_.swap_state(); });
+  translated(fmt::format("committing the state of {}", workload()), [&] { plan_.swap_state(); });
 }
 
 }  // namespace pirt::opencl

@@ -1,38 +1,64 @@
-// The kernel of a workload that the device computes entirely.
+// Kernels that launch plans.
 #pragma once
 
 #include <string>
 #include <vector>
 
 #include "workloads/backends/opencl/plan/plan.h"
+#include "workloads/backends/opencl/plan/transfers.h"
 #include "workloads/model/backend.h"
 
 namespace pirt::opencl {
 
-class PlanKernel : public Kernel {
+/// What all of them share: how a call is computed, once or more, with stamps or without.
+class LaunchingKernel : public Kernel {
  public:
   /// @param workload  Its name, for messages.
+  LaunchingKernel(DeviceSession session, std::string workload)
+      : session_(std::move(session)), workload_(std::move(workload)) {}
+
+  std::optional<Nanos> execute(int repeats) override;
+  std::optional<Nanos> stamped_launch() override;
+  /// Computes once more; what the device stamps of it, where it has a clock.
+  [[nodiscard]] std::optional<LaunchSum> stamped();
+
+ protected:
+  [[nodiscard]] const DeviceSession& session() const { return session_; }
+  [[nodiscard]] const std::string& workload() const { return workload_; }
+
+ private:
+  /// Enqueues one call; may wait for parts of it.
+  virtual void compute(Launches& launches) = 0;
+
+  DeviceSession session_;
+  std::string workload_;
+};
+
+/// The kernel of a workload that the device computes entirely.
+class PlanKernel : public LaunchingKernel {
+ public:
   PlanKernel(DeviceSession session, std::string workload, Plan plan)
-      : session_(std::move(session)), workload_(std::move(workload)), plan_(std::move(plan)) {}
+      : LaunchingKernel(std::move(session), std::move(workload)),
+        plan_(std::move(plan)),
+        transfers_(this->session()) {}
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override;
   void upload() override;
-  std::optional<Nanos> execute(int repeats) override;
   void download() override;
   void bind_state(std::span<const Tensor> current, std::span<Tensor> next) override;
   void upload_state() override;
   void commit_state() override;
 
  protected:
-  [[nodiscard]] const DeviceSession& session() const { return session_; }
-  [[nodiscard]] const std::string& workload() const { return workload_; }
   [[nodiscard]] const Plan& plan() const { return plan_; }
+  [[nodiscard]] Transfers& transfers() { return transfers_; }
   [[nodiscard]] std::span<Tensor> host_outputs() const { return outputs_; }
 
  private:
-  DeviceSession session_;
-  std::string workload_;
+  void compute(Launches& launches) override;
+
   Plan plan_;
+  Transfers transfers_;
   std::span<const Tensor> inputs_;
   std::span<Tensor> outputs_;
   std::span<const Tensor> current_;

@@ -23,10 +23,12 @@ constexpr std::array kRunsCpu = {kWholeRun, 64, 128, 256};
 constexpr std::array kRunsGpu = {16, 32, 64, 128, 256};
 constexpr std::array kChannels = {kByVectors, 4, 8, 16, 32};
 constexpr std::array kPixels = {kByVectors, 2, 4, 6, 8, 12, 13};
-// GPUs have the tiles of tiles.cl, and these where a group does not fit them: nothing to search.
+// GPUs have the tiles of product.cl, and these where a group does not fit them: nothing to search.
 constexpr std::array kChannelsGpu = {16};
 constexpr std::array kPixelsGpu = {6};
 constexpr std::array kFcRowsCandidates = {1, 2, 4, 8};
+constexpr std::array kNoGroups = {1};
+constexpr std::array kGroups = {1, 2, 3, 4, 6, 8};
 
 }  // namespace
 
@@ -116,9 +118,15 @@ std::span<const ParameterInfo> parameter_table() {
        .meaning = "output rows of a work item of fully_connected, of a group on a GPU",
        .kernels = {"fully_connected"},
        .cpu = {8, kFcRowsCandidates},
-       .gpu = {4, kFcRowsCandidates},
+       .gpu = {2, kFcRowsCandidates},
        .definition = "FC_ROWS",
        .sources = {"dnn.cl", "tiles.cl"}},
+      {.parameter = Parameter::kProductGroups,
+       .name = "product_groups",
+       .meaning = "work groups a compute unit that conv2d_relu's sums are cut into",
+       .kernels = {"conv2d_relu"},
+       .cpu = {1, kNoGroups},
+       .gpu = {3, kGroups}},
   }};
   return kTable;
 }

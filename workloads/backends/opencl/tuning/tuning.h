@@ -26,8 +26,9 @@ enum class Parameter : std::uint8_t {
   kConvChannels,
   kConvPixels,
   kFcRows,
+  kProductGroups,
 };
-inline constexpr std::size_t kParameters = 12;
+inline constexpr std::size_t kParameters = 13;
 
 /// Value of flow_run_x and flow_run_y: one run goes over the whole picture.
 inline constexpr int kWholeRun = 0;

@@ -1,0 +1,222 @@
+#include "workloads/backends/opencl/plan/transfers.h"
+
+#include <fmt/core.h>
+
+#include <cstring>
+
+#include "workloads/base/error.h"
+
+namespace pirt::opencl {
+namespace {
+
+/// Dense tensors of more go the driver's way: above it, copying into the stage and out of it takes
+/// as long as what the driver does (seen on an H200: 1.2 MB up in 108 us and 130 by the stage).
+constexpr std::size_t kMostStaged = std::size_t{1} << 20;
+/// Lists of no more come whole, together with how many rows they have, instead of after it.
+constexpr std::size_t kComesWhole = std::size_t{1} << 16;
+
+/// Rows and planes of a resident with a border, in bytes, as the rectangle commands want them.
+struct Rectangle {
+  cl::array<cl::size_type, 3> device_origin, host_origin, region;
+  std::size_t row_pitch, slice_pitch;
+};
+
+Rectangle rectangle(const DeviceTensor& resident) {
+  const std::size_t element = size_bytes(resident.spec.element);
+  const auto pad = static_cast<std::size_t>(resident.pad);
+  const auto& shape = resident.spec.shape;
+  return {.device_origin = {pad * element, pad, 0},
+          .host_origin = {0, 0, 0},
+          .region = {static_cast<std::size_t>(shape.back()) * element,
+                     static_cast<std::size_t>(shape.end()[-2]),
+                     static_cast<std::size_t>(resident.planes())},
+          .row_pitch = static_cast<std::size_t>(resident.pitch()) * element,
+          .slice_pitch = static_cast<std::size_t>(resident.plane()) * element};
+}
+
+/// Waits for what is queued, on all ways out: the device has the caller's memory until then.
+class Waiting {
+ public:
+  explicit Waiting(const cl::CommandQueue& queue) : queue_(queue) {}
+  ~Waiting() { clFinish(queue_()); }
+  Waiting(const Waiting&) = delete;
+  Waiting& operator=(const Waiting&) = delete;
+
+  void finish() const { queue_.finish(); }
+
+ private:
+  const cl::CommandQueue& queue_;
+};
+
+}  // namespace
+
+bool shares_memory(const cl::Device& device) {
+  return device.getInfo<CL_DEVICE_HOST_UNIFIED_MEMORY>() == CL_TRUE;
+}
+
+std::int64_t checked_count(std::int64_t count, std::int64_t most, const std::string& of) {
+  if (count >= 0 && count <= most) return count;
+  throw_environment(
+      fmt::format("opencl: the device counts {} {}, of which there are at most {}; its driver is "
+                  "broken, choose another device",
+                  count, of, most));
+}
+
+PinnedMemory::PinnedMemory(const DeviceSession& session, std::size_t size_bytes)
+    : queue_(session.queue),
+      buffer_(session.context, CL_MEM_READ_WRITE | CL_MEM_ALLOC_HOST_PTR, size_bytes),
+      data_(static_cast<std::byte*>(
+          queue_.enqueueMapBuffer(buffer_, CL_TRUE, CL_MAP_READ | CL_MAP_WRITE, 0, size_bytes))),
+      size_bytes_(size_bytes) {}
+
+PinnedMemory::~PinnedMemory() {
+  clEnqueueUnmapMemObject(queue_(), buffer_(), data_, 0, nullptr, nullptr);
+  clFinish(queue_());
+}
+
+/// Parts of the stage, one after the other.
+class Transfers::Parts {
+ public:
+  /// @param size_bytes  Of all, each rounded up to rounded().
+  Parts(Transfers& transfers, std::size_t size_bytes) {
+    auto& stage = transfers.stage_;
+    if (size_bytes > 0 && (!stage || stage->bytes().size() < size_bytes)) {
+      stage.reset();
+      stage = std::make_unique<PinnedMemory>(transfers.session_, size_bytes);
+    }
+    if (stage) left_ = stage->bytes();
+  }
+  [[nodiscard]] static std::size_t rounded(std::size_t size_bytes) {
+    return (size_bytes + Tensor::kAlignment - 1) / Tensor::kAlignment * Tensor::kAlignment;
+  }
+  [[nodiscard]] std::byte* take(std::size_t size_bytes) {
+    std::byte* const part = left_.data();
+    left_ = left_.subspan(rounded(size_bytes));
+    return part;
+  }
+
+ private:
+  std::span<std::byte> left_;
+};
+
+Transfers::Transfers(const DeviceSession& session)
+    : session_(session), has_stage_(!shares_memory(session.device)) {}
+
+bool Transfers::by_stage(const DeviceTensor& tensor, std::size_t size_bytes) const {
+  return has_stage_ && (tensor.pad > 0 || size_bytes <= kMostStaged);
+}
+
+void Transfers::write(std::span<const DeviceTensor> to, std::span<const Tensor> from) {
+  const cl::CommandQueue& queue = session_.queue;
+  std::vector<cl_int> rows(from.size());
+  std::size_t staged = 0;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    const std::size_t bytes = from[i].used_bytes().size();
+    if (by_stage(to[i], bytes)) staged += Parts::rounded(bytes);
+  }
+  Parts parts(*this, staged);
+  const Waiting waiting(queue);
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    if (to[i].spec.varies) {
+      rows[i] = static_cast<cl_int>(from[i].rows());
+      queue.enqueueWriteBuffer(to[i].rows, CL_FALSE, 0, sizeof(cl_int), &rows[i]);
+    }
+    const auto bytes = from[i].used_bytes();
+    if (bytes.empty()) continue;
+    const std::byte* data = bytes.data();
+    if (by_stage(to[i], bytes.size())) {
+      std::byte* const part = parts.take(bytes.size());
+      std::memcpy(part, data, bytes.size());
+      data = part;
+    }
+    if (to[i].pad == 0) {
+      queue.enqueueWriteBuffer(to[i].buffer, CL_FALSE, 0, bytes.size(), data);
+    } else {
+      const Rectangle r = rectangle(to[i]);
+      queue.enqueueWriteBufferRect(to[i].buffer, CL_FALSE, r.device_origin, r.host_origin, r.region,
+                                   r.row_pitch, r.slice_pitch, 0, 0, data);
+    }
+  }
+  waiting.finish();
+}
+
+void Transfers::read(std::initializer_list<Download> all) {
+  struct Item {
+    const DeviceTensor& from;
+    Tensor& to;
+    cl_int rows = 0;
+    std::byte* part = nullptr;  ///< Of the stage; null = it goes to the tensor itself.
+  };
+  const cl::CommandQueue& queue = session_.queue;
+  std::vector<Item> items;
+  std::size_t staged = 0;
+  for (const Download& each : all) {
+    for (std::size_t i = 0; i < each.to.size(); ++i) {
+      items.push_back({each.from[i], each.to[i]});
+      const std::size_t bytes = each.to[i].bytes().size();
+      if (by_stage(each.from[i], bytes)) staged += Parts::rounded(bytes);
+    }
+  }
+  Parts parts(*this, staged);
+  const Waiting waiting(queue);
+  const auto fetch = [&queue](const Item& item, std::size_t bytes) {
+    if (bytes == 0) return;
+    queue.enqueueReadBuffer(item.from.buffer, CL_FALSE, 0, bytes,
+                            item.part != nullptr ? item.part : item.to.data());
+  };
+  const auto comes_whole = [](const Item& item) {
+    return !item.from.spec.varies || item.to.bytes().size() <= kComesWhole;
+  };
+  for (Item& item : items) {
+    if (by_stage(item.from, item.to.bytes().size())) item.part = parts.take(item.to.bytes().size());
+    if (item.from.spec.varies) {
+      queue.enqueueReadBuffer(item.from.rows, CL_FALSE, 0, sizeof(cl_int), &item.rows);
+    }
+    if (comes_whole(item)) fetch(item, item.to.bytes().size());
+  }
+  waiting.finish();
+  bool more = false;
+  for (const Item& item : items) {
+    if (!item.from.spec.varies) continue;
+    item.to.set_rows(checked_count(item.rows, item.from.spec.shape.front(),
+                                   "rows of " + item.from.spec.describe()));
+    if (comes_whole(item)) continue;
+    fetch(item, item.to.used_bytes().size());
+    more = true;
+  }
+  if (more) waiting.finish();
+  for (const Item& item : items) {
+    if (item.part != nullptr) {
+      std::memcpy(item.to.data(), item.part, item.to.used_bytes().size());
+    }
+  }
+}
+
+std::span<const std::byte> Transfers::read(const Counted& counted) {
+  const cl::CommandQueue& queue = session_.queue;
+  const std::size_t all = counted.entry_bytes * static_cast<std::size_t>(counted.most);
+  const std::size_t first = std::min(all, kComesWhole);
+  cl_int count = 0;
+  const auto room = [&](std::size_t size_bytes) {
+    if (has_stage_) return Parts(*this, size_bytes).take(size_bytes);
+    if (list_.size() < size_bytes) list_.resize(size_bytes);
+    return list_.data();
+  };
+  const Waiting waiting(queue);
+  std::byte* to = room(first);
+  queue.enqueueReadBuffer(counted.count, CL_FALSE, counted.index * sizeof(cl_int), sizeof(cl_int),
+                          &count);
+  queue.enqueueReadBuffer(counted.list, CL_FALSE, 0, first, to);
+  waiting.finish();
+  const std::size_t bytes =
+      counted.entry_bytes *
+      static_cast<std::size_t>(checked_count(count, counted.most, std::string(counted.of)));
+  if (bytes > first) {
+    to = room(bytes);
+    queue.enqueueReadBuffer(counted.list, CL_FALSE, 0, bytes, to);
+    waiting.finish();
+  }
+  return {to, bytes};
+}
+
+}  // namespace pirt::opencl
