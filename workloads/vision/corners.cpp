@@ -64,7 +64,7 @@ std::vector<Corner> select_corners(std::vector<std::uint64_t>& candidates,
   constexpr std::size_t kInOrderAtATime = std::size_t{2} * FeatureDetect::kMaxCorners;
   CornerGrid grid(operation.width, operation.height);
   std::vector<Corner> corners;
-  std::size_t in_order = 0;
+  std::size_t in_order = std::ranges::is_sorted(candidates, std::greater{}) ? candidates.size() : 0;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     // As many as are looked at, which mostly are a part.
     if (i == in_order) {

@@ -267,7 +267,7 @@ TEST(OpenClTuning, OfTheFileReachesTheKernels) {
   const auto device = test::open_first_device();
   if (!device) GTEST_SKIP() << "skipped: no OpenCL device";
   TunedDevice entry = test::entry_for(device->info());
-  entry.tuning.set(Parameter::kConvPixels, 2);
+  entry.tuning.set(Parameter::kFcRows, 1);
   entry.tuning.set(Parameter::kLocalX, entry.tuning[Parameter::kLocalX] / 2);
   const test::TuningInUse file({entry});
   const DeviceSession session = open_session(test::unit_request());
@@ -275,7 +275,7 @@ TEST(OpenClTuning, OfTheFileReachesTheKernels) {
   EXPECT_EQ(session.local_x, static_cast<std::size_t>(entry.tuning[Parameter::kLocalX]));
   EXPECT_NO_THROW(
       static_cast<void>(build_program(session, "dnn.cl",
-                                      "#if CONV_PIXELS != 2\n#error wrong\n#endif\n__kernel void "
+                                      "#if FC_ROWS != 1\n#error wrong\n#endif\n__kernel void "
                                       "k(__global int* p) { p[0] = 1; }")));
 }
 

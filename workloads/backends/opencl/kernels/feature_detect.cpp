@@ -1,6 +1,6 @@
-// feature_detect: responses, threshold and local maxima on the device; sorting and the distance
-// rule, which are sequential, on the host within execute(). The result lies on the host, as the
-// workload has it.
+// feature_detect: responses, threshold and local maxima on the device, which puts them in order too
+// unless it is the host's cores; the distance rule, which is sequential, on the host within
+// execute(). The result lies on the host, as the workload has it.
 #include <cstring>
 
 #include "workloads/backends/opencl/kernels/gradients.h"
@@ -73,9 +73,15 @@ std::unique_ptr<Kernel> make_feature_detect(const DeviceSession& session, const 
   append_gradients(builder, "features.cl", op, image, gx, gy);
   builder.step("features.cl", "corner_response", segments, gx, gy, response, buffers.state,
                op.width, op.height, pixels);
-  builder.step("features.cl", "corner_candidates", segments, response, buffers.state,
-               buffers.candidates, static_cast<float>(FeatureDetect::kQuality), op.width, op.height,
-               pixels);
+  // Sorting is quick on one core of the host's, and quicker on a thousand of a GPU's.
+  const cl::Buffer found =
+      session.is_cpu ? buffers.candidates : builder.scratch(area * std::int64_t{sizeof(cl_ulong)});
+  builder.step("features.cl", "corner_candidates", segments, response, buffers.state, found,
+               static_cast<float>(FeatureDetect::kQuality), op.width, op.height, pixels);
+  if (!session.is_cpu) {
+    builder.step("features.cl", "order_candidates", {.x = area}, buffers.state, found,
+                 buffers.candidates);
+  }
   return std::make_unique<FeatureDetectKernel>(session, workload, builder.finish({image}, {}),
                                                buffers);
 }

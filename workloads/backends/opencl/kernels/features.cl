@@ -100,3 +100,21 @@ __kernel void corner_candidates(__global const float* restrict response,
     candidates[atomic_inc(state + 1)] = upsample(as_uint(value), (uint)(y * width + x));
   }
 }
+
+/// Puts up to MOST_ORDERED candidates in order, the largest first, each by how many are larger: no
+/// two are equal. More are only copied. Global id: candidate.
+/// @param ordered  As candidates.
+#define MOST_ORDERED 8192
+__kernel void order_candidates(__global const uint* restrict state,
+                               __global const ulong* restrict candidates,
+                               __global ulong* restrict ordered) {
+  const int count = (int)state[1], me = (int)get_global_id(0);
+  if (me >= count) return;
+  const ulong mine = candidates[me];
+  int place = me;
+  if (count <= MOST_ORDERED) {
+    place = 0;
+    for (int i = 0; i < count; ++i) place += candidates[i] > mine;
+  }
+  ordered[place] = mine;
+}

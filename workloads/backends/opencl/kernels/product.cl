@@ -10,6 +10,13 @@
 //   TILE_CHANNELS, TILE_COLUMNS  of a group's tile, TILE_TERMS of what it has in local memory;
 //   ITEM_CHANNELS, ITEM_COLUMNS  of an item's part; multiples of 4.
 
+// Left to themselves, NVIDIA's compilers do not fuse them here, which takes half as long again.
+#ifdef FP_FAST_FMAF
+#define PRODUCT_AND_SUM(a, b, c) fma(a, b, c)
+#else
+#define PRODUCT_AND_SUM(a, b, c) ((a) * (b) + (c))
+#endif
+
 #define ITEMS_ACROSS (TILE_COLUMNS / ITEM_COLUMNS)
 #define ITEMS_DOWN (TILE_CHANNELS / ITEM_CHANNELS)
 #define ITEMS (ITEMS_ACROSS * ITEMS_DOWN)
@@ -100,7 +107,7 @@ void product(__global const float* restrict input, __global const float4* restri
 #pragma unroll
         for (int i = 0; i < ITEM_CHANNELS; ++i)
 #pragma unroll
-          for (int j = 0; j < ITEM_COLUMNS; ++j) sum[i][j] += a[i] * b[j];
+          for (int j = 0; j < ITEM_COLUMNS; ++j) sum[i][j] = PRODUCT_AND_SUM(a[i], b[j], sum[i][j]);
       }
     }
     barrier(CLK_LOCAL_MEM_FENCE);

@@ -25,7 +25,7 @@ void Launches::finish() {
   queue_.finish();
   for (const cl::Event& event : events_) {
     stamps_.add(stamp(event, CL_PROFILING_COMMAND_QUEUED), stamp(event, CL_PROFILING_COMMAND_START),
-             stamp(event, CL_PROFILING_COMMAND_END));
+                stamp(event, CL_PROFILING_COMMAND_END));
   }
   events_.clear();
   waiting_ = 0;

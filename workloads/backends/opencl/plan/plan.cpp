@@ -114,6 +114,12 @@ cl::Program PlanBuilder::program(const Source& source) const {
 }
 
 cl::Buffer PlanBuilder::allocate(cl_mem_flags flags, std::size_t size_bytes) {
+  // Drivers may take the memory when it is used first: what cannot be is refused here.
+  all_bytes_ += size_bytes;
+  if (size_bytes > session_.device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>() ||
+      all_bytes_ > session_.device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>()) {
+    throw cl::Error(CL_MEM_OBJECT_ALLOCATION_FAILURE, "clCreateBuffer");
+  }
   return held_.emplace_back(session_.context, flags, size_bytes);
 }
 

@@ -162,6 +162,7 @@ class PlanBuilder {
   void append(cl::Kernel kernel, const char* name, Extent extent);
 
   const DeviceSession& session_;
+  std::size_t all_bytes_ = 0;
   std::vector<Launch> steps_;
   std::vector<cl::Buffer> held_;
   std::vector<Use> uses_;

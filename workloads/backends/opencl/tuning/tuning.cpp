@@ -20,7 +20,7 @@ constexpr std::array kUndistortGpu = {1, 2, 4, 8, 16};
 constexpr std::array kFeatureCpu = {8, 16, 32, 64};
 constexpr std::array kFeatureGpu = {8, 16, 32};
 constexpr std::array kRunsCpu = {kWholeRun, 64, 128, 256};
-constexpr std::array kRunsGpu = {16, 32, 64, 128, 256};
+constexpr std::array kRunsGpu = {8, 16, 32, 64, 128};
 constexpr std::array kChannels = {kByVectors, 4, 8, 16, 32};
 constexpr std::array kPixels = {kByVectors, 2, 4, 6, 8, 12, 13};
 // GPUs have the tiles of product.cl, and these where a group does not fit them: nothing to search.
@@ -68,7 +68,7 @@ std::span<const ParameterInfo> parameter_table() {
        .meaning = "rows that a work item of sobel slides down",
        .kernels = {"sobel", "feature_detect"},
        .cpu = {32, kStripsCpu},
-       .gpu = {4, kStripsGpu}},
+       .gpu = {16, kStripsGpu}},
       {.parameter = Parameter::kUndistortPixels,
        .name = "undistort_pixels",
        .meaning = "neighbouring pixels of a work item of undistort, a vector's width or 1",
@@ -84,19 +84,19 @@ std::span<const ParameterInfo> parameter_table() {
        .cpu = {8, kFeatureCpu},
        .gpu = {8, kFeatureGpu}},
       // A CPU slides along whole rows and columns, the least work; other devices want thousands of
-      // work items and pay one window's filling (52 steps) for each 64 steps.
+      // work items and pay one window's filling (52 steps) for each 16 steps.
       {.parameter = Parameter::kFlowRunX,
        .name = "flow_run_x",
        .meaning = "columns that a work item of optical_flow slides along, 0 = the whole row",
        .kernels = {"optical_flow"},
        .cpu = {kWholeRun, kRunsCpu},
-       .gpu = {64, kRunsGpu}},
+       .gpu = {16, kRunsGpu}},
       {.parameter = Parameter::kFlowRunY,
        .name = "flow_run_y",
        .meaning = "rows that a work item of optical_flow slides down, 0 = the whole column",
        .kernels = {"optical_flow"},
        .cpu = {kWholeRun, kRunsCpu},
-       .gpu = {64, kRunsGpu}},
+       .gpu = {16, kRunsGpu}},
       {.parameter = Parameter::kConvChannels,
        .name = "conv_channels",
        .meaning = "output channels of a work item of conv2d_relu, 0 = by the device's vectors",
