@@ -214,8 +214,10 @@ class Worker {
     begin("preparing");
     const Clock& clock = is_own(Phase::kPrepare) ? *device_->own_clock() : machine_;
     const Nanos begun = clock.now();
+    const auto memory = device_->output_memory();
     player_.emplace(device_->prepare(workload, data_.front().parameters), workload, data_,
-                    std::move(initial_));
+                    std::move(initial_), memory.get());
+    if (memory != nullptr) result_.notes.emplace_back("pinned_outputs");
     const Nanos beside = first_call();
     if (extra) {
       const auto taken = static_cast<double>((clock.now() - begun).count());

@@ -246,7 +246,9 @@ void Runtime::Engine::fill_call(Submitted& task) {
   Call& call = task.call;
   const auto& state = workloads_[task.workload_index].state;
   call.workload = task.workload;
-  if (!task.workload->outputs.empty()) call.outputs = pool_.take(*task.workload);
+  if (!task.workload->outputs.empty()) {
+    call.outputs = pool_.take(*task.workload, live_units_.at(task.unit).output_memory());
+  }
   if (state) call.state = states_[*state];
   call.token = reinterpret_cast<std::uintptr_t>(&task);
   call.unwanted.store(false, std::memory_order_relaxed);

@@ -291,6 +291,7 @@ void KernelUnit::set_up() {
   if (setup_.backend != nullptr) {
     device_ = setup_.backend->open(setup_.request);
     device_info_ = device_->info();
+    output_memory_ = device_->output_memory();
     const std::string& remark = device_info_->remark;
     if (!remark.empty()) remark_ += (remark_.empty() ? "" : "; ") + remark;
     has_own_clock_ = device_->own_clock() != nullptr;
@@ -399,13 +400,28 @@ bool KernelUnit::execute(Lane& lane, Call& call, CallEnd& end) {
   } catch (const Error& error) {
     // The device could not; another may.
     const bool environment = error.code() == ErrorCode::kEnvironment;
-    ended(environment ? Outcome::kReturned : Outcome::kFailed, error.what());
+    const bool lost = environment && device_ != nullptr && device_->is_lost();
+    ended(environment ? Outcome::kReturned : Outcome::kFailed,
+          error.what() + (lost ? open_again(lane) : ""));
   } catch (const std::exception& error) {
     ended(Outcome::kFailed, error.what());
   } catch (...) {
     ended(Outcome::kFailed, "an exception of an unknown type");
   }
   return true;
+}
+
+/// The device is lost: other workloads are not to fail for the one that ended it. That one counts
+/// as given back, and is not asked for any more once it is so too often.
+/// @return  What came of it.
+std::string KernelUnit::open_again(Lane& lane) {
+  lane.kernels.clear();
+  try {
+    device_ = setup_.backend->open(setup_.request);
+    return "; its device was lost, and is opened again";
+  } catch (const Error& error) {
+    return std::string("; its device is lost: ") + error.what();
+  }
 }
 
 /// @return  The version of the state that it wrote; 0 if it has none, or is not to count.

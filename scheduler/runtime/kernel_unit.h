@@ -132,6 +132,8 @@ class KernelUnit {
   [[nodiscard]] const std::string& name() const { return setup_.request.unit; }
   /// What it computes on, once it is ready; null = only functions run there.
   [[nodiscard]] const DeviceInfo* device() const { return device_info_ ? &*device_info_ : nullptr; }
+  /// Where its outputs are best, once it is ready; null = the heap.
+  [[nodiscard]] TensorMemory* output_memory() const { return output_memory_.get(); }
   /// Whether it computes elsewhere, once it is ready.
   [[nodiscard]] bool is_remote() const { return remote_ != nullptr; }
   /// The way there, as it was measured so far; absent if it computes here.
@@ -199,6 +201,7 @@ class KernelUnit {
   bool run_let_in(Lane& lane);
   bool run_call(Lane& lane, Call& call, CallEnd& end);
   bool execute(Lane& lane, Call& call, CallEnd& end);
+  std::string open_again(Lane& lane);
   std::uint64_t compute(Lane& lane, Prepared& prepared, Call& call, CallTimes& times);
 
   UnitSetup setup_;
@@ -212,6 +215,7 @@ class KernelUnit {
   bool ready_ = false;
   std::string remark_;
   std::optional<DeviceInfo> device_info_;
+  std::shared_ptr<TensorMemory> output_memory_;
   std::atomic<Remote*> remote_ = nullptr;  ///< The device, if it is one.
   bool has_own_clock_ = false;
   std::exception_ptr failure_;

@@ -100,7 +100,7 @@ class LiveRun final : public Executor {
     if (task.state && task.inputs.empty()) follow_sequence(*task.state, workload, place.firing);
     Call& call = call_of(job);
     call.workload = &workload;
-    call.outputs = outputs_.take(workload);
+    call.outputs = outputs_.take(workload, units_.at(unit).output_memory());
     call.state = task.state ? states_[*task.state] : nullptr;
     call.intended = time_.intended(job);
     call.token = job;

@@ -20,22 +20,25 @@ class OutputPool {
   using Outputs = std::shared_ptr<std::vector<Tensor>>;
 
   /// Tensors as Workload::outputs that nobody else has, of which some may have held earlier ones.
-  /// They come back when the last to hold what is returned lets go of it, but for those of which
-  /// somebody shares a tensor: these are his.
-  [[nodiscard]] Outputs take(const Workload& workload) {
-    std::unique_ptr<std::vector<Tensor>> outputs = free_->take(&workload);
+  /// @param memory  Device::output_memory of the unit that writes them, which lives as long as
+  /// this. They come back when the last to hold what is returned lets go of it, but for those of
+  /// which somebody shares a tensor: these are his.
+  [[nodiscard]] Outputs take(const Workload& workload, TensorMemory* memory) {
+    const Key key{&workload, memory};
+    std::unique_ptr<std::vector<Tensor>> outputs = free_->take(key);
     if (outputs == nullptr) {
-      outputs = std::make_unique<std::vector<Tensor>>(make_tensors(workload.outputs));
+      outputs = std::make_unique<std::vector<Tensor>>(make_tensors(workload.outputs, memory));
     }
-    return {outputs.release(), [free = free_, key = &workload](std::vector<Tensor>* back) {
+    return {outputs.release(), [free = free_, key](std::vector<Tensor>* back) {
               free->put(key, std::unique_ptr<std::vector<Tensor>>(back));
             }};
   }
 
  private:
+  using Key = std::pair<const Workload*, const TensorMemory*>;
   class Free {
    public:
-    std::unique_ptr<std::vector<Tensor>> take(const Workload* key) {
+    std::unique_ptr<std::vector<Tensor>> take(const Key& key) {
       const std::lock_guard lock(mutex_);
       auto& sets = sets_[key];
       sets.reserve(kMost);  // So that nothing is asked for where it comes back.
@@ -44,7 +47,7 @@ class OutputPool {
       sets.pop_back();
       return last;
     }
-    void put(const Workload* key, std::unique_ptr<std::vector<Tensor>> outputs) noexcept {
+    void put(const Key& key, std::unique_ptr<std::vector<Tensor>> outputs) noexcept {
       // Nobody but its sharers could share a tensor anew, and they let go of it before this is
       // read. What they read is read before anybody writes: counting up and down again acquires,
       // as a fence would, which the thread sanitizer does not know.
@@ -64,7 +67,7 @@ class OutputPool {
    private:
     static constexpr std::size_t kMost = 64;  ///< Of a workload: what a burst took is given back.
     std::mutex mutex_;
-    std::map<const Workload*, std::vector<std::unique_ptr<std::vector<Tensor>>>> sets_;
+    std::map<Key, std::vector<std::unique_ptr<std::vector<Tensor>>>> sets_;
   };
   std::shared_ptr<Free> free_ = std::make_shared<Free>();
 };

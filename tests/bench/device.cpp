@@ -68,7 +68,7 @@ class PinnedCopies {
       parts_.push_back({.tensor = tensor,
                         .bytes = bytes,
                         .device = cl::Buffer(session.context, CL_MEM_READ_WRITE, bytes),
-                        .pinned = std::make_unique<opencl::PinnedMemory>(session, bytes),
+                        .pinned = std::make_unique<opencl::PinnedMemory>(session.queue, bytes),
                         .host = std::vector<std::byte>(bytes)});
     }
   }
@@ -116,7 +116,7 @@ std::vector<std::string> row_of(const opencl::DeviceSession& session, const Work
                                 const std::map<std::string, double>& peers) {
   const auto images = generated_images(1);
   const Data data = workload.make_data({.seed = 1, .images = images.get()});
-  std::vector<Tensor> outputs = make_tensors(workload.outputs);
+  std::vector<Tensor> outputs = make_tensors(workload.outputs, session.pinned.get());
   const auto kernel = opencl::make_kernel(session, workload, data.parameters);
   kernel->bind(data.inputs, outputs);
   std::vector<Tensor> state, next;

@@ -158,6 +158,11 @@ class Device {
     }
     return make_kernel(workload, parameters);
   }
+  /// Whether it will never compute again, as a GPU whose context a kernel's fault has ended: asked
+  /// after a call that failed. Who uses it lets go of its kernels and opens the unit anew.
+  [[nodiscard]] virtual bool is_lost() const { return false; }
+  /// Where outputs that come from it are best, if that is not the heap; it may outlive the device.
+  [[nodiscard]] virtual std::shared_ptr<TensorMemory> output_memory() const { return nullptr; }
   /// Loops that try to reach the unit's limits; optional: a device without any says why.
   /// @throws Error{kEnvironment} if the device cannot (build failure, out of memory).
   [[nodiscard]] virtual PeakLoops peak_loops() {

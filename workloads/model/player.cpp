@@ -32,10 +32,11 @@ std::string sequence_note(const Workload& workload) {
 }
 
 Player::Player(std::unique_ptr<Kernel> kernel, const Workload& workload,
-               std::span<const Data> frames, std::optional<std::vector<Tensor>> initial)
+               std::span<const Data> frames, std::optional<std::vector<Tensor>> initial,
+               TensorMemory* memory)
     : workload_(workload), frames_(frames), was_called_(frames.size()), kernel_(std::move(kernel)) {
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    outputs_.push_back(make_tensors(workload.outputs));
+    outputs_.push_back(make_tensors(workload.outputs, memory));
   }
   if (workload.state) {
     initial_ = initial ? std::move(*initial) : workload.make_state();

@@ -29,9 +29,11 @@ class Player {
   /// @param workload, frames  Outlive this.
   /// @param initial           The state before the first frame, where somebody has made it; absent
   /// = it is made here, which may take as long as what it comes from.
+  /// @param memory  Of the outputs: Device::output_memory.
   /// @throws Whatever the kernel throws, here and below.
   Player(std::unique_ptr<Kernel> kernel, const Workload& workload, std::span<const Data> frames,
-         std::optional<std::vector<Tensor>> initial = std::nullopt);
+         std::optional<std::vector<Tensor>> initial = std::nullopt,
+         TensorMemory* memory = nullptr);
 
   [[nodiscard]] Kernel& kernel() { return *kernel_; }
   /// Gives the kernel away and goes on with what @p wrap makes of it; what is bound stays so.

@@ -76,12 +76,15 @@ std::string TensorSpec::describe() const {
   return text + "]";
 }
 
-Tensor::Tensor(TensorSpec spec)
+Tensor::Tensor(TensorSpec spec, TensorMemory* memory)
     : spec_(std::move(spec)), rows_(spec_.shape.empty() ? 1 : spec_.shape.front()) {
   const auto bytes = static_cast<std::size_t>(spec_.size_bytes());
-  const std::align_val_t alignment = alignment_of(bytes);
-  data_.reset(static_cast<std::byte*>(::operator new[](whole_lines(bytes), alignment)),
-              [alignment](std::byte* p) { ::operator delete[](p, alignment); });
+  if (memory != nullptr) data_ = memory->take(whole_lines(bytes));
+  if (data_ == nullptr) {
+    const std::align_val_t alignment = alignment_of(bytes);
+    data_.reset(static_cast<std::byte*>(::operator new[](whole_lines(bytes), alignment)),
+                [alignment](std::byte* p) { ::operator delete[](p, alignment); });
+  }
   std::memset(data_.get(), 0, bytes);
 }
 
@@ -120,10 +123,10 @@ std::int64_t Tensor::used_count() const {
   return spec_.varies ? count() / spec_.shape.front() * rows_ : count();
 }
 
-std::vector<Tensor> make_tensors(std::span<const TensorSpec> specs) {
+std::vector<Tensor> make_tensors(std::span<const TensorSpec> specs, TensorMemory* memory) {
   std::vector<Tensor> tensors;
   tensors.reserve(specs.size());
-  for (const auto& spec : specs) tensors.emplace_back(spec);
+  for (const auto& spec : specs) tensors.emplace_back(spec, memory);
   return tensors;
 }
 

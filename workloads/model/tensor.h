@@ -49,11 +49,24 @@ struct TensorSpec {
   friend bool operator==(const TensorSpec&, const TensorSpec&) = default;
 };
 
+/// Where the memory of tensors can come from besides the host's heap: such as a device reads and
+/// writes at once. Any thread.
+class TensorMemory {
+ public:
+  virtual ~TensorMemory() = default;
+  /// Aligned to a page; whoever lets go of it last gives it back, also after this is gone. Null
+  /// where there is no more: the heap has some.
+  [[nodiscard]] virtual std::shared_ptr<std::byte> take(std::size_t size_bytes) = 0;
+  /// Whether it is memory of this.
+  [[nodiscard]] virtual bool holds(const std::byte* data) const = 0;
+};
+
 class Tensor {
  public:
   Tensor() = default;
   /// Zeroed; every page touched.
-  explicit Tensor(TensorSpec spec);
+  /// @param memory  Null = the heap.
+  explicit Tensor(TensorSpec spec, TensorMemory* memory = nullptr);
   Tensor(Tensor&&) = default;
   Tensor& operator=(Tensor&&) = default;
 
@@ -126,7 +139,9 @@ class Tensor {
   std::shared_ptr<std::byte> data_;
 };
 
-[[nodiscard]] std::vector<Tensor> make_tensors(std::span<const TensorSpec> specs);
+/// @param memory  As of Tensor.
+[[nodiscard]] std::vector<Tensor> make_tensors(std::span<const TensorSpec> specs,
+                                               TensorMemory* memory = nullptr);
 
 /// Elements and rows of @p from. The specs are the same, but for their names.
 /// @throws std::logic_error if they are not.

@@ -72,6 +72,10 @@ class HereDevice : public Device {
     return {.name = "test", .platform = {}, .version = {}};
   }
   [[nodiscard]] Support supports(const Workload&) const override { return {true, ""}; }
+  [[nodiscard]] bool is_lost() const override {
+    const std::lock_guard lock(there_.mutex);
+    return !there_.reachable;
+  }
 
  protected:
   Elsewhere& there_;
@@ -166,6 +170,22 @@ TEST_F(KernelUnitElsewhere, HasAsManyCallsUnderWayAsLanes) {
     EXPECT_FALSE(ends_[token].excused);
   }
   EXPECT_EQ(there_.prepared, 3) << "a kernel is used by one thread at a time";
+}
+
+TEST_F(KernelUnitElsewhere, OpensALostDeviceAgain) {
+  there_.change([this] { there_.reachable = false; });
+  const auto unit = open(1, false);
+  ASSERT_TRUE(unit->wait_until_ready(20s));
+  unit->run(call(1));
+  ASSERT_TRUE(wait_for_end(1));
+  EXPECT_EQ(ends_[1].outcome, Outcome::kReturned);
+  EXPECT_THAT(ends_[1].problem, testing::HasSubstr("lost, and is opened again"));
+  EXPECT_FALSE(ends_[1].excused) << "who breaks it each time is not asked for any more";
+  there_.change([this] { there_.reachable = there_.answers = true; });
+  unit->run(call(2));
+  ASSERT_TRUE(wait_for_end(2));
+  EXPECT_EQ(ends_[2].outcome, Outcome::kCompleted);
+  EXPECT_EQ(there_.prepared, 2) << "kernels went with the device";
 }
 
 TEST_F(KernelUnitElsewhere, GivesBackWhatNobodyWantsThereAndThatAlone) {

@@ -182,6 +182,22 @@ class OpenClDevice final : public Device {
     return support_of(workload, session_.device);
   }
 
+  /// The least that a context can do.
+  [[nodiscard]] bool is_lost() const override {
+    try {
+      const cl::Buffer word(session_.context, CL_MEM_READ_WRITE, sizeof(cl_uint));
+      session_.queue.enqueueFillBuffer(word, cl_uint{0}, 0, sizeof(cl_uint));
+      session_.queue.finish();
+      return false;
+    } catch (const cl::Error&) {
+      return true;
+    }
+  }
+
+  [[nodiscard]] std::shared_ptr<TensorMemory> output_memory() const override {
+    return session_.pinned;
+  }
+
   [[nodiscard]] PeakLoops peak_loops() override {
     return translated(fmt::format("preparing peak loops on \"{}\"", info_.name),
                       [&] { return make_peak_loops(session_); });
@@ -266,6 +282,9 @@ DeviceSession open_session(const UnitRequest& request) {
     session.context = context_on(session.device);
     session.queue = cl::CommandQueue(session.context, session.device, CL_QUEUE_PROFILING_ENABLE);
     session.has_clock = has_clock(session);
+    if (!shares_memory(session.device)) {
+      session.pinned = std::make_shared<PinnedPool>(session.queue);
+    }
     return session;
   });
 }

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "workloads/backends/opencl/device/api.h"
+#include "workloads/backends/opencl/device/pinned.h"
 #include "workloads/backends/opencl/tuning/tuning.h"
 
 namespace pirt::opencl {
@@ -33,6 +34,8 @@ struct DeviceSession {
   bool has_clock = true;    ///< Whether the stamps of events tell the time.
   std::string remark = {};  ///< DeviceInfo::remark.
   std::shared_ptr<Programs> programs = std::make_shared<Programs>();
+  /// Null where the device works on the host's memory.
+  std::shared_ptr<PinnedPool> pinned = nullptr;
 
   /// What a kernel is to be computed with.
   [[nodiscard]] int value(Parameter parameter) const {

@@ -106,9 +106,8 @@ std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
   const std::int64_t area = std::int64_t{op.width} * op.height;
   PlanBuilder builder(session);
   const DeviceTensor image = builder.resident(workload.inputs[0]);
-  const DeviceTensor pixels = builder.resident(workload.outputs[0]);
-  const DeviceTensor scores = builder.resident(workload.outputs[1]);
-  const DeviceTensor descriptors = builder.resident(workload.outputs[2]);
+  const auto outputs = builder.residents(workload.outputs);
+  const DeviceTensor &pixels = outputs[0], &scores = outputs[1], &descriptors = outputs[2];
   const cl::Buffer contrast = builder.zeroed(static_cast<std::size_t>(area));
   const cl::Buffer rows = builder.scratch(area * std::int64_t{sizeof(cl_ushort)});
   const cl::Buffer blurred = builder.scratch(area);
@@ -132,7 +131,7 @@ std::unique_ptr<Kernel> make_extract_features(const DeviceSession& session,
     builder.step("extract.cl", "blur_columns", {segments(op.width - 6), op.height - 6}, rows,
                  blurred, weights, op.width);
   }
-  Plan find = builder.finish({image}, {pixels, scores, descriptors});
+  Plan find = builder.finish({image}, outputs);
   PlanBuilder second(session);
   second.step("extract.cl", "describe_corners", {vision::ExtractFeatures::kMost, 1}, image, blurred,
               buffers.chosen, pattern, pixels, pixels.rows, scores, scores.rows, descriptors,

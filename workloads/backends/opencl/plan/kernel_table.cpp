@@ -93,12 +93,14 @@ std::unique_ptr<Kernel> make_kernel(const DeviceSession& session, const Workload
 
   PlanBuilder builder(session);
   std::vector<DeviceTensor> inputs;
-  for (const TensorSpec& spec : workload.inputs) {
-    const bool bordered = inputs.empty() && entry.input_pad != nullptr;
-    inputs.push_back(builder.resident(spec, bordered ? entry.input_pad(workload) : 0));
+  if (const int pad = entry.input_pad != nullptr ? entry.input_pad(workload) : 0; pad > 0) {
+    for (const TensorSpec& spec : workload.inputs) {
+      inputs.push_back(builder.resident(spec, inputs.empty() ? pad : 0));
+    }
+  } else {
+    inputs = builder.residents(workload.inputs);
   }
-  std::vector<DeviceTensor> outputs;
-  for (const TensorSpec& spec : workload.outputs) outputs.push_back(builder.resident(spec));
+  std::vector<DeviceTensor> outputs = builder.residents(workload.outputs);
   if (workload.state) builder.make_state(workload.state->tensors);
   entry.append(builder, workload, parameters, inputs, outputs);
   Plan plan = builder.finish(std::move(inputs), std::move(outputs));

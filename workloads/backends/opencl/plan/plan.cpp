@@ -12,6 +12,9 @@
 namespace pirt::opencl {
 namespace {
 
+/// What one command moves by the stage rather than each tensor by one of its own.
+constexpr std::size_t kMostInABlock = std::size_t{1} << 20;
+
 std::size_t to_size(std::int64_t value) { return static_cast<std::size_t>(value); }
 
 /// The work items of a group of @p kernel: PlanBuilder::group_items.
@@ -80,6 +83,43 @@ DeviceTensor PlanBuilder::resident(const TensorSpec& spec, int pad) {
   }
   const std::size_t bytes = to_size(made.planes() * made.plane()) * size_bytes(spec.element);
   made.buffer = zeroed(bytes);
+  return made;
+}
+
+std::vector<DeviceTensor> PlanBuilder::residents(std::span<const TensorSpec> specs) {
+  std::vector<DeviceTensor> made;
+  const std::size_t align = std::max<std::size_t>(
+      Tensor::kAlignment, session_.device.getInfo<CL_DEVICE_MEM_BASE_ADDR_ALIGN>() / 8);
+  std::size_t all = 0;
+  const auto part_of = [&all, align](std::size_t size_bytes) {
+    const std::size_t at = all;
+    all += (size_bytes + align - 1) / align * align;
+    return at;
+  };
+  for (const TensorSpec& spec : specs) {
+    DeviceTensor part{.buffer = {}, .spec = spec};
+    part.at = part_of(to_size(spec.size_bytes()));
+    if (spec.varies) part.rows_at = part_of(sizeof(cl_int));
+    made.push_back(std::move(part));
+  }
+  const bool several = specs.size() > 1 || (specs.size() == 1 && specs[0].varies);
+  if (session_.pinned == nullptr || !several || all > kMostInABlock) {
+    made.clear();
+    for (const TensorSpec& spec : specs) made.push_back(resident(spec));
+    return made;
+  }
+  const cl::Buffer block = zeroed(all);
+  const auto part = [&](std::size_t at, std::size_t size_bytes) {
+    const cl_buffer_region region{at, size_bytes};
+    cl::Buffer whole = block;
+    return held_.emplace_back(
+        whole.createSubBuffer(CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region));
+  };
+  for (DeviceTensor& each : made) {
+    each.block = block;
+    each.buffer = part(each.at, to_size(each.spec.size_bytes()));
+    if (each.spec.varies) each.rows = part(each.rows_at, sizeof(cl_int));
+  }
   return made;
 }
 

@@ -22,6 +22,9 @@ struct DeviceTensor {
   TensorSpec spec;
   int pad = 0;
   cl::Buffer rows = {};  ///< i32 [1]: how many it has; only where the spec varies.
+  /// Where it is a part of a buffer with others: that, and where in it, in bytes.
+  cl::Buffer block = {};
+  std::size_t at = 0, rows_at = 0;
 
   /// In elements: from a row to the next, from a plane to the next, and of the first element. Spec
   /// of 3 dimensions or 4.
@@ -106,6 +109,9 @@ class PlanBuilder {
 
   /// Uninitialized if pad is 0, otherwise zeroed for the sake of its border. No rows yet.
   [[nodiscard]] DeviceTensor resident(const TensorSpec& spec, int pad = 0);
+  /// Several that a call moves together, without a border: where they are small and the device has
+  /// memory of its own, parts of one buffer, which go by one command.
+  [[nodiscard]] std::vector<DeviceTensor> residents(std::span<const TensorSpec> specs);
   /// Allocates both sets of a state, which the plan will have.
   void make_state(std::span<const TensorSpec> specs);
   /// For the steps: what a call reads and what it writes.

@@ -34,6 +34,12 @@ Rectangle rectangle(const DeviceTensor& resident) {
           .slice_pitch = static_cast<std::size_t>(resident.plane()) * element};
 }
 
+/// Of the buffer that @p residents are parts of; 0 if they are none.
+std::size_t block_size(std::span<const DeviceTensor> residents) {
+  if (residents.empty() || residents.front().block() == nullptr) return 0;
+  return residents.front().block.getInfo<CL_MEM_SIZE>();
+}
+
 /// Waits for what is queued, on all ways out: the device has the caller's memory until then.
 class Waiting {
  public:
@@ -50,28 +56,12 @@ class Waiting {
 
 }  // namespace
 
-bool shares_memory(const cl::Device& device) {
-  return device.getInfo<CL_DEVICE_HOST_UNIFIED_MEMORY>() == CL_TRUE;
-}
-
 std::int64_t checked_count(std::int64_t count, std::int64_t most, const std::string& of) {
   if (count >= 0 && count <= most) return count;
   throw_environment(
       fmt::format("opencl: the device counts {} {}, of which there are at most {}; its driver is "
                   "broken, choose another device",
                   count, of, most));
-}
-
-PinnedMemory::PinnedMemory(const DeviceSession& session, std::size_t size_bytes)
-    : queue_(session.queue),
-      buffer_(session.context, CL_MEM_READ_WRITE | CL_MEM_ALLOC_HOST_PTR, size_bytes),
-      data_(static_cast<std::byte*>(
-          queue_.enqueueMapBuffer(buffer_, CL_TRUE, CL_MAP_READ | CL_MAP_WRITE, 0, size_bytes))),
-      size_bytes_(size_bytes) {}
-
-PinnedMemory::~PinnedMemory() {
-  clEnqueueUnmapMemObject(queue_(), buffer_(), data_, 0, nullptr, nullptr);
-  clFinish(queue_());
 }
 
 /// Parts of the stage, one after the other.
@@ -82,7 +72,7 @@ class Transfers::Parts {
     auto& stage = transfers.stage_;
     if (size_bytes > 0 && (!stage || stage->bytes().size() < size_bytes)) {
       stage.reset();
-      stage = std::make_unique<PinnedMemory>(transfers.session_, size_bytes);
+      stage = std::make_unique<PinnedMemory>(transfers.session_.queue, size_bytes);
     }
     if (stage) left_ = stage->bytes();
   }
@@ -99,11 +89,14 @@ class Transfers::Parts {
   std::span<std::byte> left_;
 };
 
-Transfers::Transfers(const DeviceSession& session)
-    : session_(session), has_stage_(!shares_memory(session.device)) {}
+Transfers::Transfers(const DeviceSession& session) : session_(session) {}
 
-bool Transfers::by_stage(const DeviceTensor& tensor, std::size_t size_bytes) const {
-  return has_stage_ && (tensor.pad > 0 || size_bytes <= kMostStaged);
+bool Transfers::by_stage(const DeviceTensor& resident, const std::byte* data,
+                         std::size_t size_bytes) const {
+  if (session_.pinned == nullptr) return false;
+  if (resident.block() != nullptr) return true;
+  if (session_.pinned->holds(data)) return false;
+  return resident.pad > 0 || size_bytes <= kMostStaged;
 }
 
 void Transfers::write(std::span<const DeviceTensor> to, std::span<const Tensor> from) {
@@ -111,20 +104,29 @@ void Transfers::write(std::span<const DeviceTensor> to, std::span<const Tensor> 
   std::vector<cl_int> rows(from.size());
   std::size_t staged = 0;
   for (std::size_t i = 0; i < from.size(); ++i) {
-    const std::size_t bytes = from[i].used_bytes().size();
-    if (by_stage(to[i], bytes)) staged += Parts::rounded(bytes);
+    const auto bytes = from[i].used_bytes();
+    if (to[i].block() == nullptr && by_stage(to[i], bytes.data(), bytes.size())) {
+      staged += Parts::rounded(bytes.size());
+    }
   }
-  Parts parts(*this, staged);
+  const std::size_t block_bytes = block_size(to);
+  Parts parts(*this, staged + Parts::rounded(block_bytes));
+  std::byte* const block = block_bytes > 0 ? parts.take(block_bytes) : nullptr;
   const Waiting waiting(queue);
   for (std::size_t i = 0; i < from.size(); ++i) {
+    rows[i] = static_cast<cl_int>(from[i].rows());
+    const auto bytes = from[i].used_bytes();
+    const std::byte* data = bytes.data();
+    if (to[i].block() != nullptr) {
+      if (!bytes.empty()) std::memcpy(block + to[i].at, data, bytes.size());
+      if (to[i].spec.varies) std::memcpy(block + to[i].rows_at, &rows[i], sizeof(cl_int));
+      continue;
+    }
     if (to[i].spec.varies) {
-      rows[i] = static_cast<cl_int>(from[i].rows());
       queue.enqueueWriteBuffer(to[i].rows, CL_FALSE, 0, sizeof(cl_int), &rows[i]);
     }
-    const auto bytes = from[i].used_bytes();
     if (bytes.empty()) continue;
-    const std::byte* data = bytes.data();
-    if (by_stage(to[i], bytes.size())) {
+    if (by_stage(to[i], data, bytes.size())) {
       std::byte* const part = parts.take(bytes.size());
       std::memcpy(part, data, bytes.size());
       data = part;
@@ -136,6 +138,9 @@ void Transfers::write(std::span<const DeviceTensor> to, std::span<const Tensor> 
       queue.enqueueWriteBufferRect(to[i].buffer, CL_FALSE, r.device_origin, r.host_origin, r.region,
                                    r.row_pitch, r.slice_pitch, 0, 0, data);
     }
+  }
+  if (block != nullptr) {
+    queue.enqueueWriteBuffer(to.front().block, CL_FALSE, 0, block_bytes, block);
   }
   waiting.finish();
 }
@@ -151,10 +156,13 @@ void Transfers::read(std::initializer_list<Download> all) {
   std::vector<Item> items;
   std::size_t staged = 0;
   for (const Download& each : all) {
+    staged += Parts::rounded(each.to.empty() ? 0 : block_size(each.from));
     for (std::size_t i = 0; i < each.to.size(); ++i) {
       items.push_back({each.from[i], each.to[i]});
       const std::size_t bytes = each.to[i].bytes().size();
-      if (by_stage(each.from[i], bytes)) staged += Parts::rounded(bytes);
+      if (each.from[i].block() == nullptr && by_stage(each.from[i], each.to[i].data(), bytes)) {
+        staged += Parts::rounded(bytes);
+      }
     }
   }
   Parts parts(*this, staged);
@@ -165,19 +173,34 @@ void Transfers::read(std::initializer_list<Download> all) {
                             item.part != nullptr ? item.part : item.to.data());
   };
   const auto comes_whole = [](const Item& item) {
-    return !item.from.spec.varies || item.to.bytes().size() <= kComesWhole;
+    return !item.from.spec.varies || item.from.block() != nullptr ||
+           item.to.bytes().size() <= kComesWhole;
   };
+  for (const Download& each : all) {
+    const std::size_t bytes = each.to.empty() ? 0 : block_size(each.from);
+    if (bytes == 0) continue;
+    std::byte* const block = parts.take(bytes);
+    queue.enqueueReadBuffer(each.from.front().block, CL_FALSE, 0, bytes, block);
+    for (Item& item : items) {
+      if (item.from.block() == each.from.front().block()) item.part = block + item.from.at;
+    }
+  }
   for (Item& item : items) {
-    if (by_stage(item.from, item.to.bytes().size())) item.part = parts.take(item.to.bytes().size());
+    if (item.from.block() != nullptr) continue;
+    const std::size_t bytes = item.to.bytes().size();
+    if (by_stage(item.from, item.to.data(), bytes)) item.part = parts.take(bytes);
     if (item.from.spec.varies) {
       queue.enqueueReadBuffer(item.from.rows, CL_FALSE, 0, sizeof(cl_int), &item.rows);
     }
-    if (comes_whole(item)) fetch(item, item.to.bytes().size());
+    if (comes_whole(item)) fetch(item, bytes);
   }
   waiting.finish();
   bool more = false;
-  for (const Item& item : items) {
+  for (Item& item : items) {
     if (!item.from.spec.varies) continue;
+    if (item.from.block() != nullptr) {
+      std::memcpy(&item.rows, item.part - item.from.at + item.from.rows_at, sizeof(cl_int));
+    }
     item.to.set_rows(checked_count(item.rows, item.from.spec.shape.front(),
                                    "rows of " + item.from.spec.describe()));
     if (comes_whole(item)) continue;
@@ -198,7 +221,7 @@ std::span<const std::byte> Transfers::read(const Counted& counted) {
   const std::size_t first = std::min(all, kComesWhole);
   cl_int count = 0;
   const auto room = [&](std::size_t size_bytes) {
-    if (has_stage_) return Parts(*this, size_bytes).take(size_bytes);
+    if (session_.pinned != nullptr) return Parts(*this, size_bytes).take(size_bytes);
     if (list_.size() < size_bytes) list_.resize(size_bytes);
     return list_.data();
   };

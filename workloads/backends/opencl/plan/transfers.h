@@ -10,35 +10,15 @@
 
 namespace pirt::opencl {
 
-/// Whether the device of @p session works on the host's memory.
-[[nodiscard]] bool shares_memory(const cl::Device& device);
-
 /// What the device counted, which is to be allocated and read.
 /// @throws Error{kEnvironment} if it is not from 0 to @p most.
 [[nodiscard]] std::int64_t checked_count(std::int64_t count, std::int64_t most,
                                          const std::string& of);
 
-/// Memory of the host's that a device with memory of its own reads and writes without a copy of the
-/// driver's in between.
-class PinnedMemory {
- public:
-  PinnedMemory(const DeviceSession& session, std::size_t size_bytes);
-  ~PinnedMemory();
-  PinnedMemory(const PinnedMemory&) = delete;
-  PinnedMemory& operator=(const PinnedMemory&) = delete;
-
-  [[nodiscard]] std::span<std::byte> bytes() const { return {data_, size_bytes_}; }
-
- private:
-  cl::CommandQueue queue_;
-  cl::Buffer buffer_;
-  std::byte* data_ = nullptr;
-  std::size_t size_bytes_ = 0;
-};
-
 /// Commands are queued and waited for once. To and from a device with memory of its own they go by
 /// a pinned stage: drivers move rectangles out of other memory row by row (NVIDIA's: 2 ms for 250
-/// KB, pinned 32 us). What is large and dense goes the driver's way, which does not copy it twice.
+/// KB, pinned 32 us). What is pinned itself needs none, and what is large and dense goes the
+/// driver's way, which does not copy it twice.
 class Transfers {
  public:
   explicit Transfers(const DeviceSession& session);
@@ -71,10 +51,11 @@ class Transfers {
  private:
   /// A part of the stage, which is made larger where it has to be.
   class Parts;
-  [[nodiscard]] bool by_stage(const DeviceTensor& tensor, std::size_t size_bytes) const;
+  /// Whether what is, or comes, at @p data goes by the stage.
+  [[nodiscard]] bool by_stage(const DeviceTensor& resident, const std::byte* data,
+                              std::size_t size_bytes) const;
 
   DeviceSession session_;
-  bool has_stage_;
   std::unique_ptr<PinnedMemory> stage_;
   std::vector<std::byte> list_;  ///< Without a stage.
 };
