@@ -141,6 +141,8 @@ struct Platform {
 /// The unit on the device that it turned out to have: watts of the host's cores, unless the user
 /// set them or they were fitted, are none of a device of its own, and then nobody knows them.
 [[nodiscard]] UnitModel on_device(UnitModel unit, bool device_is_cpu);
+/// What to add where such a unit "states no power".
+inline constexpr std::string_view kOfItsDevice = " of its device, only of the host's cores";
 
 /// A shipped name, or a file if @p name contains '/' or ends in ".yaml".
 /// @param overrides  Applied to `units` first: {"cpu.active_w", "15"} sets units.cpu.active_w.

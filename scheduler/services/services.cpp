@@ -364,8 +364,8 @@ void warn_of_power(const Platform& platform, const Profile* profile,
     if (metered) continue;
     warnings.push_back(fmt::format(
         "the energy of {} is not known, nor that of a run that uses it: the platform states no "
-        "power; give it with --set {}.active_w=W",
-        unit.name, unit.name));
+        "power{}; give it with --set {}.active_w=W",
+        unit.name, unit.watts_of_host_cores ? kOfItsDevice : "", unit.name));
   }
 }
 
