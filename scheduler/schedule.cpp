@@ -1,5 +1,7 @@
 #include "scheduler/schedule.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -10,6 +12,7 @@
 #include "scheduler/policies/policy.h"
 #include "scheduler/policies/unit_order.h"
 #include "scheduler/record/summary.h"
+#include "scheduler/services/devices.h"
 #include "scheduler/services/scenario.h"
 #include "scheduler/trace/power_peak.h"
 #include "scheduler/trace/trace_writer.h"
@@ -20,11 +23,29 @@
 namespace pirt {
 namespace {
 
+/// Units that may serve something, and nobody knows what that draws.
+std::vector<std::string> units_without_joules(const Scenario& scenario) {
+  std::vector<std::string> names;
+  for (UnitId unit = 0; unit < scenario.platform.units.size(); ++unit) {
+    for (const auto& row : scenario.services.entries) {
+      if (!row[unit].service || row[unit].service->energy_known) continue;
+      names.push_back(scenario.platform.units[unit].name);
+      break;
+    }
+  }
+  return names;
+}
+
 /// What a reader of the result has to know about how the algorithms apply to this platform.
 void add_warnings(const Scenario& scenario, const Mode& mode, std::vector<std::string>& warnings) {
   const Platform& platform = scenario.platform;
   const auto roles = roles_of(platform);
   const PolicyInfo& filling = mode.weighed();
+  const auto without_joules = units_without_joules(scenario);
+  if (!without_joules.empty() && !filling.without_joules.empty()) {
+    warnings.push_back(fmt::format("mode {} {}: nobody knows the joules of {}", filling.name,
+                                   filling.without_joules, join(without_joules, ", ")));
+  }
   if (filling.overflows &&
       units_by_role(roles, kThroughputOrder) == units_by_role(roles, kEnergyOrder)) {
     warnings.push_back("platform " + platform.name +
@@ -100,8 +121,9 @@ std::vector<PlanRow> planned_tasks(const Scenario& scenario, const MixPlan& plan
 
 }  // namespace
 
-RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& mix,
+RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
                   const ScheduleOptions& options, const Driver& driver, const std::string& time) {
+  const Platform platform = on_devices(named, profile, options.without);
   ModeSetup setup = set_up_mode(platform, profile, mix, options);
   const Mode& mode = setup.mode;
   if (mode.policy.budgets) {
@@ -157,8 +179,9 @@ RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& m
   return record;
 }
 
-RunRecord run_virtual(const Platform& platform, const Profile* profile, const Mix& mix,
+RunRecord run_virtual(const Platform& named, const Profile* profile, const Mix& mix,
                       const ScheduleOptions& options) {
+  const Platform platform = on_devices(named, profile, options.without);
   std::optional<PowerPeak> peak;
   const auto driver = [&](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter* trace) {
     dispatcher.observe(trace);

@@ -90,8 +90,9 @@ class Campaign {
     if (summary_.interrupted) {
       store_interrupted();
     } else {
-      writer_.finish_run(summary_.run_id, utc_now(),
-                         end_environment(counters_, read_host_counters({})));
+      Environment at_end = end_environment(counters_, read_host_counters({}));
+      at_end.merge(awake_facts(plan_, awake_w_));
+      writer_.finish_run(summary_.run_id, utc_now(), at_end);
     }
     summary_.elapsed = elapsed();
     return summary_;
@@ -251,6 +252,9 @@ class Campaign {
   /// Reads the energy meters first. @return False if stopped; then nothing was stored.
   bool complete(Cell& cell) {
     if (cell.measurement->metering_due() && !cell.measurement->meter()) return false;
+    if (const auto idle_w = cell.measurement->idle_w()) {
+      awake_w_[cell.planned->unit].push_back(*idle_w);
+    }
     store(cell);
     return true;
   }
@@ -390,6 +394,7 @@ class Campaign {
   std::vector<Cell> cells_;
   std::map<std::string, std::string> references_;
   std::map<std::string, std::vector<PeakRecord>> peaks_;  ///< By unit.
+  std::map<std::string, std::vector<double>> awake_w_;    ///< By unit: idle_w() of its cells.
   CampaignSummary summary_;
 };
 

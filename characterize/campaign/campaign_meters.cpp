@@ -1,5 +1,9 @@
 #include "characterize/campaign/campaign_meters.h"
 
+#include <fmt/core.h>
+
+#include <algorithm>
+
 #include "characterize/energy/choice.h"
 
 namespace pirt {
@@ -24,8 +28,11 @@ void plan_meters(const CampaignOptions& options, CampaignPlan& plan) {
   const MeterDiscovery found = discover_meters(options.sysfs);
   for (std::size_t i = 0; i < plan.units.size(); ++i) {
     const UnitRecord& unit = plan.units[i];
-    const MeterUser user{options.platform.unit(unit.unit), unit.device_is_cpu,
-                         plan.provenances[i] != Provenance::kMeasured};
+    const auto pci = plan.facts.find("unit." + unit.unit + ".pci");
+    const MeterUser user{.unit = options.platform.unit(unit.unit),
+                         .device_is_cpu = unit.device_is_cpu,
+                         .simulated = plan.provenances[i] != Provenance::kMeasured,
+                         .pci = pci == plan.facts.end() ? "" : pci->second};
     const MeterChoice choice = choose_meters(found, user, options.sysfs);
     if (!choice.remark.empty()) plan.remarks.push_back(choice.remark);
     const std::string fact = "meter." + unit.unit;
@@ -56,6 +63,19 @@ Environment idle_facts(const CampaignPlan& plan) {
     const bool is_figure = !known[request.meters].empty();
     facts["meter." + unit + (is_figure ? ".idle_w" : ".idle_w_unknown")] =
         is_figure ? known[request.meters] : "the meter shows none";
+  }
+  return facts;
+}
+
+Environment awake_facts(const CampaignPlan& plan,
+                        const std::map<std::string, std::vector<double>>& idle_w) {
+  Environment facts;
+  for (const auto& [unit, request] : plan.meters) {
+    const auto known = idle_w.find(unit);
+    if (request.domain != kCoversGpu || known == idle_w.end()) continue;
+    std::vector<double> sorted = known->second;
+    std::ranges::sort(sorted);
+    facts["meter." + unit + ".awake_w"] = fmt::format("{:.4g}", sorted[sorted.size() / 2]);
   }
   return facts;
 }

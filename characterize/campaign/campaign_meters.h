@@ -13,8 +13,13 @@ void plan_meters(const CampaignOptions& options, CampaignPlan& plan);
 /// What metering adds to the campaign: three windows a cell (metered_calls.h).
 [[nodiscard]] Nanos metering_time(const CampaignPlan& plan);
 
-/// The machine's power before the first cell, by each unit's meter: "meter.UNIT.idle_w". Takes a
-/// window a meter.
+/// The machine's power before the first cell, while no device is open, by each unit's meter:
+/// "meter.UNIT.idle_w". Takes a window a meter, and of a GPU's until it is at rest.
 [[nodiscard]] Environment idle_facts(const CampaignPlan& plan);
+
+/// The median power of a GPU that is open and idle: "meter.UNIT.awake_w".
+/// @param idle_w  By unit: what its cells' meterings had before their calls.
+[[nodiscard]] Environment awake_facts(const CampaignPlan& plan,
+                                      const std::map<std::string, std::vector<double>>& idle_w);
 
 }  // namespace pirt

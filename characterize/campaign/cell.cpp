@@ -278,11 +278,18 @@ bool CellMeasurement::meter() {
   return metered_.has_value();
 }
 
+std::optional<double> CellMeasurement::idle_w() const {
+  return metered_ && metered_->metered ? metered_->metered->idle_before_w : std::nullopt;
+}
+
 EnergyRecord CellMeasurement::energy(const PhaseRecord& call,
                                      std::span<const PhaseRecord> phases) const {
   const MeterRequest& request = request_.job.metering;
   if (request.meters.empty() || (!metered_ && !metering_due())) {
-    return model_energy(request_.platform, request_.unit, request_.workload, call, work(), phases);
+    const JobResult* const device = opened();
+    const UnitModel unit =
+        device != nullptr ? on_device(request_.unit, device->device->is_cpu) : request_.unit;
+    return model_energy(request_.platform, unit, request_.workload, call, work(), phases);
   }
   if (metered_ && metered_->metered) {
     MeteredCalls metered = *metered_->metered;

@@ -87,6 +87,8 @@ class CellMeasurement {
   [[nodiscard]] bool metering_due() const;
   /// Reads the meters, in a process of its own. @return False if the runner was stopped.
   [[nodiscard]] bool meter();
+  /// Of the open device before the calls that were metered; absent where no meter showed it.
+  [[nodiscard]] std::optional<double> idle_w() const;
   [[nodiscard]] CellRecord record() const;
 
  private:

@@ -71,8 +71,9 @@ std::int64_t write_live_rows(ProfileWriter& writer, const Platform& platform,
     }
     if (!row.metered) {
       const auto call = std::ranges::find(cell.phases, Phase::kCall, &PhaseRecord::phase);
-      cell.energy = model_energy(platform, platform.unit(row.unit), find_workload(row.workload),
-                                 *call, CallWork{row.ops, row.bytes}, cell.phases);
+      const UnitModel unit = on_device(platform.unit(row.unit), devices.at(row.unit).is_cpu);
+      cell.energy = model_energy(platform, unit, find_workload(row.workload), *call,
+                                 CallWork{row.ops, row.bytes}, cell.phases);
     }
     writer.write_cell(run_id, cell);
   }

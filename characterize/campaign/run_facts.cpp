@@ -74,6 +74,7 @@ Environment unit_facts(const UnitModel& unit, const DeviceInfo& device) {
   if (!device.version.empty()) facts[prefix + "version"] = device.version;
   if (!device.tuning.empty()) facts[prefix + "tuning"] = device.tuning;
   if (!device.remark.empty()) facts[prefix + "remark"] = device.remark;
+  if (!device.pci.empty()) facts[prefix + "pci"] = device.pci;
   const std::string options = describe_options(unit);
   if (!options.empty()) facts[prefix + "options"] = options;
   if (device.cache_bytes) facts[prefix + "cache_bytes"] = std::to_string(*device.cache_bytes);

@@ -67,7 +67,8 @@ Findings energy_meter(const DoctorInput& input) {
                   "sudo chmod a+r /sys/class/powercap/*/energy_uj (until the next start), or run "
                   "as root");
     }
-    if (info.problem.empty() && input.readable(info.path)) {
+    const bool may_be_read = info.driver == "nvml" || input.readable(info.path);  // No file.
+    if (info.problem.empty() && may_be_read) {
       readable.push_back(info.name);
     } else if (problem.empty()) {
       problem = info.name + ": " + (info.problem.empty() ? "may not be read" : info.problem);
@@ -79,7 +80,7 @@ Findings energy_meter(const DoctorInput& input) {
   if (!problem.empty()) return note(problem, "pirt list meters says more");
   return {unknown("energy_meter",
                   "no RAPL, INA3221, hwmon sensor or discharging battery in /sys (most virtual "
-                  "machines have none)")};
+                  "machines have none), and no board of NVIDIA's")};
 }
 
 Findings disk(const DoctorInput& input) {

@@ -40,6 +40,16 @@ Meters packages_of(const MeterDiscovery& found, const std::vector<int>& cores,
   return chosen.empty() ? all : chosen;
 }
 
+/// Those of the device's own board; of a device or a meter that does not say which, all the same.
+Meters gpus_of(const MeterDiscovery& found, const std::string& pci) {
+  Meters all = of_domain(found, MeterDomain::kGpu);
+  Meters own = all;
+  std::erase_if(own, [&](const Meter* meter) { return meter->info().pci != pci; });
+  if (pci.empty() || !own.empty()) return pci.empty() ? all : own;
+  std::erase_if(all, [](const Meter* meter) { return !meter->info().pci.empty(); });
+  return all;
+}
+
 /// The first of several is taken only where one must contain the others.
 Meters single(const Meters& meters) { return meters.size() == 1 ? meters : Meters(); }
 
@@ -70,7 +80,7 @@ MeterChoice choose_meters(const MeterDiscovery& found, const MeterUser& user,
   const Meters board = single(of_domain(found, MeterDomain::kBoard));
   const Meters battery = single(of_domain(found, MeterDomain::kBattery));
   const Meters own = user.device_is_cpu ? packages_of(found, user.unit.cores, sys)
-                                        : single(of_domain(found, MeterDomain::kGpu));
+                                        : single(gpus_of(found, user.pci));
   const auto candidates =
       user.device_is_cpu ? std::vector{own, board, battery} : std::vector{board, own, battery};
   MeterChoice choice;
@@ -84,17 +94,33 @@ MeterChoice choose_meters(const MeterDiscovery& found, const MeterUser& user,
     }
     problems.push_back(problem);
   }
+  const bool has_model = on_device(user.unit, user.device_is_cpu).active_w >= user.unit.active_w;
+  const std::string without = has_model ? "modelled" : "not known";
   if (!problems.empty()) {
     const std::string instead =
-        choice.meters.empty() ? "modelled" : "read from " + choice.meters.front()->info().name;
+        choice.meters.empty() ? without : "read from " + choice.meters.front()->info().name;
     choice.remark =
         fmt::format("energy of unit {} is {}: {}", user.unit.name, instead, join(problems, "; "));
   } else if (choice.meters.empty() && !found.meters.empty()) {
     choice.remark = fmt::format(
-        "energy of unit {} is modelled: none of the meters {} clearly covers it; name one, or a "
+        "energy of unit {} is {}: none of the meters {} clearly covers it; name one, or a "
         "sum "
         "of them, with --set {}.meter=NAME",
-        user.unit.name, join(found.names(), ", "), user.unit.name);
+        user.unit.name, without, join(found.names(), ", "), user.unit.name);
+  } else if (choice.meters.empty() && !has_model) {
+    choice.remark = fmt::format(
+        "energy of unit {} is not known: its device has no meter, and the platform's watts are of "
+        "the host's cores; give it with --set {}.active_w=W",
+        user.unit.name, user.unit.name);
+  }
+  const auto is_guess = [&](const Meter* meter) {
+    return !meter->info().pci.empty() && meter->info().pci != user.pci;
+  };
+  if (choice.remark.empty() && std::ranges::any_of(choice.meters, is_guess)) {
+    choice.remark = fmt::format(
+        "energy of unit {} is read from {}, the only board with a meter: its driver does not say "
+        "which one it is; name another with --set {}.meter=NAME",
+        user.unit.name, choice.meters.front()->info().name, user.unit.name);
   }
   return choice;
 }

@@ -3,7 +3,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <charconv>
 
 namespace pirt {
 namespace {
@@ -17,15 +16,12 @@ std::optional<std::string> fact(const RunInfo& run, const std::string& key) {
 /// Units that share a meter share its idle power, so that the platform's sum is what was measured.
 std::optional<double> idle_share_w(const RunInfo& run, const std::string& unit,
                                    const std::string& meter) {
-  const auto text = fact(run, "meter." + unit + ".idle_w");
-  if (!text) return std::nullopt;
-  double idle_w = 0;
-  const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), idle_w);
-  if (error != std::errc() || end != text->data() + text->size()) return std::nullopt;
+  const auto idle_w = run.figure("meter." + unit + ".idle_w");
+  if (!idle_w) return std::nullopt;
   const auto sharing = std::ranges::count_if(run.units, [&](const UnitRecord& other) {
     return fact(run, "meter." + other.unit) == meter;
   });
-  return idle_w / static_cast<double>(std::max<std::ptrdiff_t>(1, sharing));
+  return *idle_w / static_cast<double>(std::max<std::ptrdiff_t>(1, sharing));
 }
 
 double value_of(const EnergyFit& fit, EnergyParameter parameter) {
@@ -47,6 +43,8 @@ std::vector<UnitFit> fit_units(const Profile& profile,
     result.meter = *meter;
     result.run = fmt::format("run {} of {}", run.run_id, run.started);
     result.idle_w = idle_share_w(run, unit.unit, *meter);
+    const auto awake_w = run.figure("meter." + unit.unit + ".awake_w");
+    if (result.idle_w && awake_w) result.held_w = std::max(0.0, *awake_w - *result.idle_w);
     const auto cells = fit_cells(profile, unit.unit);
     result.fit = parameters.empty() ? fit_energy_parameters(cells, result.dropped)
                                     : fit_energy(cells, parameters);
@@ -65,6 +63,8 @@ std::vector<YamlOverride> fitted_settings(std::span<const UnitFit> fits) {
     settings.push_back({each.unit + ".active_w", value(EnergyParameter::kActive)});
     if (each.idle_w)
       settings.push_back({each.unit + ".idle_w", fmt::format("{:.6g}", *each.idle_w)});
+    if (each.held_w)
+      settings.push_back({each.unit + ".held_w", fmt::format("{:.6g}", *each.held_w)});
     settings.push_back({each.unit + ".energy",
                         fmt::format("{{op_pj: {}, byte_pj: {}, call_j: {}, provenance: fitted, "
                                     "source: 'fitted to {} cells of {}, {}'}}",

@@ -17,8 +17,9 @@ struct UnitFit {
   std::string meter;  ///< "rapl: package-0 (package)"
   std::string run;    ///< "run 3 of 2026-11-21T04:43:05Z"
   EnergyFit fit;
-  std::vector<std::string> dropped;  ///< Parameters that were left out, and why.
-  std::optional<double> idle_w;      ///< The meter's idle power over the units that share it.
+  std::vector<std::string> dropped;   ///< Parameters that were left out, and why.
+  std::optional<double> idle_w;       ///< The meter's idle power over the units that share it.
+  std::optional<double> held_w = {};  ///< Of a GPU: what it draws more while it is open.
 };
 
 /// One entry for each unit of the newest run that had a meter.

@@ -129,7 +129,7 @@ MeterInfo sensor_info(const std::string& chip, const std::string& label) {
   info.covers = "sensor " + label + " of " + chip;
   if (std::ranges::find(kGpuDrivers, chip) != kGpuDrivers.end()) {
     info.domain = MeterDomain::kGpu;
-    info.covers = "gpu";
+    info.covers = kCoversGpu;
   } else if (chip == "power_meter") {  // Documentation/hwmon/acpi_power_meter.rst
     info.domain = MeterDomain::kBoard;
     info.covers = "board input";

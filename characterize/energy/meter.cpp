@@ -71,10 +71,11 @@ std::vector<std::string> MeterDiscovery::names() const {
   return names;
 }
 
-MeterDiscovery discover_meters(const std::filesystem::path& sys) {
+MeterDiscovery discover_meters(const std::filesystem::path& sys, bool device_open) {
   MeterDiscovery found;
   find_rapl(sys, found);
   find_hwmon(sys, found);
+  find_nvml(device_open, found);
   find_power_supplies(sys, found);
   make_names_unique(found);
   for (auto& meter : found.meters) meter->mutable_info().problem = problem_of(*meter);

@@ -15,6 +15,14 @@ namespace {
 
 constexpr int kPeriodsAWindow = 5;
 constexpr double kUnstableShare = 0.20;  // as for times, validity.cpp
+constexpr double kStepShare = 0.05;
+constexpr double kMargin = 1.1;  // the power so far is known to a step, a part of 20 by then
+constexpr Nanos kLongestWindow = std::chrono::seconds(20);  // of a process of 120 s
+// A board that was used a moment ago keeps its clocks for seconds: at rest once so many windows
+// in a row draw no less than the one before them, or after so many in all.
+constexpr int kRestWindows = 5;
+constexpr int kMostWindows = 30;
+constexpr double kNoLess = 0.97;
 
 /// Joules of all meters together, or the first one's complaint.
 struct Sum {
@@ -30,7 +38,11 @@ Sum sum_of(std::span<const Meter* const> meters, const std::vector<MeterTrace>& 
     const WindowEnergy energy = integrate(meters[i]->info(), traces[i]);
     if (!energy.energy_j)
       return {.energy_j = std::nullopt, .duration = sum.duration, .reason = energy.reason};
-    *sum.energy_j += *energy.energy_j;
+    // A counter that steps has its own window.
+    const Nanos own = traces[i].end - traces[i].begin;
+    *sum.energy_j += own == sum.duration || own.count() <= 0
+                         ? *energy.energy_j
+                         : *energy.energy_j * to_s(sum.duration) / to_s(own);
     sum.constant_uw.push_back(energy.constant_uw);
   }
   if (*sum.energy_j <= 0)
@@ -65,7 +77,25 @@ void keep_reason(const Sum& sum, std::vector<std::string>& reasons) {
   reasons.push_back(sum.reason);
 }
 
-void judge(MeteredCalls& metered) {
+/// How long calls must go on that draw @p active_w, for a step to be below kStepShare of what is
+/// above idle; absent if they draw no more than idling.
+std::optional<double> needed_s(double active_w, double idle_w, Nanos step) {
+  if (active_w <= idle_w) return std::nullopt;
+  return active_w * to_s(step) / (kStepShare * (active_w - idle_w));
+}
+
+/// The longest of the meters' steps; 0 if none has any, or shows it.
+Nanos step_of(std::span<const Meter* const> meters, const Clock& clock) {
+  Nanos longest{0};
+  for (const Meter* meter : meters) {
+    if (!meter->info().steps) continue;
+    longest = std::max(longest, update_period(*meter, clock).value_or(Nanos(0)));
+  }
+  return longest;
+}
+
+/// @param step  0 = the meters have none.
+void judge(MeteredCalls& metered, Nanos step) {
   if (!metered.reasons.empty()) return;
   const auto net_j = metered.call_j();
   if (!net_j) {
@@ -74,7 +104,15 @@ void judge(MeteredCalls& metered) {
         *metered.active_j / to_s(metered.duration), *metered.idle_before_w, *metered.idle_after_w));
     return;
   }
-  const double net_w = *net_j * static_cast<double>(metered.calls) / to_s(metered.duration);
+  const double calls_s = to_s(metered.duration);
+  const double net_w = *net_j * static_cast<double>(metered.calls) / calls_s;
+  const double active_w = *metered.active_j / calls_s;
+  if (needed_s(active_w, active_w - net_w, step).value_or(0) > calls_s) {
+    metered.reasons.push_back(fmt::format(
+        "not_measurable: a step of the meter is {:.3g} J, more than {:.0f} % of the {:.3g} J that "
+        "{} calls drew above idle",
+        active_w * to_s(step), kStepShare * 100, net_w * calls_s, metered.calls));
+  }
   if (std::abs(*metered.idle_after_w - *metered.idle_before_w) > kUnstableShare * net_w) {
     metered.reasons.push_back(
         fmt::format("unstable: {:.4g} W idle before and {:.4g} W after, {:.4g} W above it between",
@@ -106,6 +144,9 @@ MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& cloc
   MeteredCalls metered;
   metered.source = source_of(meters);
   metered.domain = domain_of(meters);
+  const Nanos step = step_of(meters, clock);
+  window = std::max(window, kPeriodsAWindow * step);
+  if (step.count() > 0) metered.source += fmt::format("; a step each {:.3g} ms", to_ms(step));
   const Sum before = idle(meters, clock, window);
   if (!before.energy_j) {
     metered.reasons.push_back(before.reason);
@@ -114,23 +155,41 @@ MeteredCalls meter_calls(std::span<const Meter* const> meters, const Clock& cloc
 
   MeterRecorder recorder(meters, clock);
   const Nanos start = clock.now();
-  while (clock.now() - start < window || (may_end && !may_end())) {
-    call();
-    ++metered.calls;
-  }
+  Nanos wanted = window;
+  Nanos called{0};
+  const auto takes_longer = [&] {
+    const auto energy_j = step.count() > 0 ? recorder.stepped_j() : std::nullopt;
+    if (!energy_j) return false;
+    // What is shown may be of a step ago.
+    const auto needed = needed_s(*energy_j / to_s(called - step), *power_w(before), step);
+    if (!needed || *needed <= to_s(called) || *needed > to_s(kLongestWindow)) return false;
+    wanted = from_s(kMargin * *needed);
+    return true;
+  };
+  do {
+    while (clock.now() - start < wanted || (may_end && !may_end())) {
+      call();
+      ++metered.calls;
+    }
+    called = clock.now() - start;
+  } while (takes_longer());
   const Sum active = sum_of(meters, recorder.stop());
 
   const Sum after = idle(meters, clock, window);
-  metered.duration = active.duration;
+  metered.duration = step.count() > 0 ? called : active.duration;
   metered.active_j = active.energy_j;
   metered.idle_before_w = power_w(before);
   metered.idle_after_w = power_w(after);
+  if (metered.active_j && metered.idle_after_w) {
+    // From the last call to the next step.
+    *metered.active_j -= *metered.idle_after_w * to_s(active.duration - metered.duration);
+  }
   for (const Sum* sum : {&before, &active, &after}) keep_reason(*sum, metered.reasons);
   if (stood_still(before, active, after)) {
     metered.active_j.reset();
     metered.reasons.emplace_back("meter_frozen");
   }
-  judge(metered);
+  judge(metered, step);
   return metered;
 }
 
@@ -152,7 +211,16 @@ std::string idle_power_text(const MeterRequest& request) {
   } catch (const Error&) {
     return "";  // gone since it was chosen; each cell's row will say so
   }
-  const auto idle_w = power_w(idle(meters, MachineClock(), request.window));
+  const auto draw_w = [&] { return power_w(idle(meters, MachineClock(), request.window)); };
+  auto idle_w = draw_w();
+  const bool rests = std::ranges::any_of(
+      meters, [](const Meter* meter) { return meter->info().domain == MeterDomain::kGpu; });
+  int alike = rests ? 0 : kRestWindows;
+  for (int i = 1; idle_w && alike < kRestWindows && i < kMostWindows; ++i) {
+    const auto next_w = draw_w();
+    alike = next_w && *next_w >= kNoLess * *idle_w ? alike + 1 : 0;
+    idle_w = next_w;
+  }
   return idle_w ? fmt::format("{:.4g}", *idle_w) : "";
 }
 

@@ -1,5 +1,8 @@
 // The energy of a kernel's calls from a machine's meters: idle, then calls for as long as the
 // meters need, then idle again; the idle power is subtracted, the rest divided by the calls.
+//
+// A device that is open idles at more than at rest, when nobody has it open: the two windows beside
+// the calls are of an open one, idle_power_text is of one at rest.
 #pragma once
 
 #include <cstdint>
@@ -43,9 +46,11 @@ struct MeteredCalls {
 
 /// Joules and seconds of the same calls.
 ///
+/// Where all meters step, the calls go on until a step is below 5 % of what they drew above idle.
+///
 /// reasons: those of integrate (window.h); not_above_idle; unstable, if the idle power before and
 /// after differs by more than 20 % of what the calls drew above it: then something else on the
-/// machine changed meanwhile.
+/// machine changed meanwhile; not_measurable, if the step would be above 5 % even after 20 s.
 /// @param call    One call, complete on return; whatever it throws ends the measurement.
 /// @param window   From metering_window.
 /// @param may_end  Whether the calls so far are all that belong together; empty = each by itself.
@@ -59,7 +64,8 @@ struct MeteredCalls {
 void check_call_time(MeteredCalls& metered, Nanos timed);
 
 /// The machine's idle power over one window, in watts with 4 digits; "" if the meters do not show
-/// it, or cannot be read any more.
+/// it, or cannot be read any more. Of a GPU's own meter, once it has come to rest: no device may be
+/// open.
 [[nodiscard]] std::string idle_power_text(const MeterRequest& request);
 
 /// "package-0 + package-0/dram", as find_meters takes it.

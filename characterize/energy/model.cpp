@@ -84,8 +84,8 @@ EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const
 
   if (terms.empty()) {
     result.source =
-        fmt::format("model: none, unit '{}' states no power; give it with --set {}.active_w=W",
-                    unit.name, unit.name);
+        fmt::format("model: none, unit '{}' states no power{}; give it with --set {}.active_w=W",
+                    unit.name, unit.watts_of_host_cores ? kOfItsDevice : "", unit.name);
     result.reasons.emplace_back("no_power");
     return result;
   }

@@ -15,6 +15,9 @@ namespace {
 
 constexpr double kMicro = 1e-6;
 constexpr std::int64_t kReadingsAFailure = 10;  // failures below a tenth of all reads are bridged
+constexpr Nanos kPoll = std::chrono::milliseconds(1);  // of a step of 20 ms at least
+constexpr Nanos kLongestStep = std::chrono::milliseconds(500);
+constexpr int kStepsAPeriod = 8;
 
 WindowEnergy failed(const std::string& text) {
   return {.energy_j = std::nullopt, .reason = "meter_error: " + text};
@@ -47,6 +50,18 @@ WindowEnergy count(const MeterInfo& meter, const MeterTrace& trace) {
   return {.energy_j = static_cast<double>(energy_uj) * kMicro, .reason = ""};
 }
 
+/// The counter's next value; the same one if there is none for kLongestStep.
+Attribute<std::int64_t> next_value(const Meter& meter, const Clock& clock) {
+  const auto first = meter.read();
+  auto latest = first;
+  const Nanos begin = clock.now();
+  while (latest.value && latest.value == first.value && clock.now() - begin < kLongestStep) {
+    std::this_thread::sleep_for(kPoll);
+    latest = meter.read();
+  }
+  return latest;
+}
+
 WindowEnergy add_trapezoids(const MeterTrace& trace) {
   const auto& readings = trace.readings;
   const auto power_w = [](const MeterReading& r) { return static_cast<double>(r.value) * kMicro; };
@@ -77,6 +92,17 @@ WindowEnergy integrate(const MeterInfo& meter, const MeterTrace& trace) {
   return energy;
 }
 
+std::optional<Nanos> update_period(const Meter& meter, const Clock& clock) {
+  auto value = next_value(meter, clock);
+  const Nanos begin = clock.now();
+  for (int i = 0; i < kStepsAPeriod; ++i) {
+    const auto next = next_value(meter, clock);
+    if (!next.value || next.value == value.value) return std::nullopt;
+    value = next;
+  }
+  return (clock.now() - begin) / kStepsAPeriod;
+}
+
 struct MeterRecorder::Impl {
   Impl(std::span<const Meter* const> read, const Clock& time)
       : meters(read), clock(time), traces(read.size()) {}
@@ -90,7 +116,8 @@ struct MeterRecorder::Impl {
   std::jthread thread;
 
   void read(std::size_t i) {
-    const auto reading = meters[i]->read();
+    const bool steps = meters[i]->info().steps;
+    const auto reading = steps ? next_value(*meters[i], clock) : meters[i]->read();
     // Behind the read: what a sensor gives is never newer than that.
     const Nanos at = clock.now();
     if (reading.value) {
@@ -99,6 +126,19 @@ struct MeterRecorder::Impl {
       ++traces[i].failures;
       traces[i].last_error = reading.error;
     }
+  }
+
+  /// Those that step, or all others.
+  void read_those(bool steps) {
+    for (std::size_t i = 0; i < meters.size(); ++i) {
+      if (meters[i]->info().steps == steps) read(i);
+    }
+  }
+
+  /// Where the window of meter @p i begins or ends: with its last reading if it steps.
+  [[nodiscard]] Nanos edge(std::size_t i, Nanos of_others) const {
+    const auto& readings = traces[i].readings;
+    return meters[i]->info().steps && !readings.empty() ? readings.back().at : of_others;
   }
 
   /// The shortest period of the power sensors; nothing if there are only counters.
@@ -136,19 +176,34 @@ struct MeterRecorder::Impl {
 MeterRecorder::MeterRecorder(std::span<const Meter* const> meters, const Clock& clock)
     : impl_(new Impl(meters, clock)) {
   assert(!meters.empty());
-  for (std::size_t i = 0; i < meters.size(); ++i) impl_->read(i);
-  for (auto& trace : impl_->traces) trace.begin = clock.now();
+  impl_->read_those(true);
+  impl_->read_those(false);
+  const Nanos begin = clock.now();
+  for (std::size_t i = 0; i < meters.size(); ++i) impl_->traces[i].begin = impl_->edge(i, begin);
   if (const auto every = impl_->period()) {
     impl_->thread = start_thread([impl = impl_.get(), every] { impl->sample(*every); });
   }
+}
+
+std::optional<double> MeterRecorder::stepped_j() const {
+  std::int64_t energy_uj = 0;
+  for (std::size_t i = 0; i < impl_->meters.size(); ++i) {
+    const auto reading = impl_->meters[i]->read();
+    const auto& begin = impl_->traces[i].readings;
+    if (!impl_->meters[i]->info().steps || !reading.value || begin.empty()) return std::nullopt;
+    energy_uj += *reading.value - begin.front().value;
+  }
+  return static_cast<double>(energy_uj) * kMicro;
 }
 
 MeterRecorder::~MeterRecorder() { impl_->end(); }
 
 std::vector<MeterTrace> MeterRecorder::stop() {
   impl_->end();
-  for (auto& trace : impl_->traces) trace.end = impl_->clock.now();
-  for (std::size_t i = 0; i < impl_->meters.size(); ++i) impl_->read(i);
+  const Nanos end = impl_->clock.now();
+  impl_->read_those(false);
+  impl_->read_those(true);
+  for (std::size_t i = 0; i < impl_->meters.size(); ++i) impl_->traces[i].end = impl_->edge(i, end);
   return std::move(impl_->traces);
 }
 

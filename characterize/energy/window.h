@@ -45,9 +45,14 @@ struct WindowEnergy {
 /// sensor's readings failed, or a counter that went back without a known range.
 [[nodiscard]] WindowEnergy integrate(const MeterInfo& meter, const MeterTrace& trace);
 
+/// How long one value of a counter that steps lasts: the mean over 8 of them. Absent if it cannot
+/// be read, or stands still for half a second.
+[[nodiscard]] std::optional<Nanos> update_period(const Meter& meter, const Clock& clock);
+
 /// Reads meters while something else happens: counters when it is made and when it is stopped,
 /// power sensors at their own rate in between as well, from a thread of its own that stop() or the
-/// destructor joins.
+/// destructor joins. The window of a counter that steps begins and ends at a step, which is waited
+/// for.
 class MeterRecorder {
  public:
   /// @param meters  Not empty; they outlive this, and nobody else reads them meanwhile.
@@ -56,6 +61,8 @@ class MeterRecorder {
   MeterRecorder(const MeterRecorder&) = delete;
   MeterRecorder& operator=(const MeterRecorder&) = delete;
 
+  /// Joules so far; absent if a meter is none that steps, or cannot be read.
+  [[nodiscard]] std::optional<double> stepped_j() const;
   /// One trace a meter, in their order. Called once.
   [[nodiscard]] std::vector<MeterTrace> stop();
 

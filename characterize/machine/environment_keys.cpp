@@ -54,6 +54,7 @@ constexpr std::array kKeys = {
     EnvironmentKey{"unit.*.own_cache_bytes", kInformation,
                    "what rows of cold_cache found full of other bytes"},
     EnvironmentKey{"unit.*.last_cache_bytes", kInformation, "the same of rows of cold_memory"},
+    EnvironmentKey{"unit.*.pci", kInformation, "the slot is not the device"},
     EnvironmentKey{"images", kInformation,
                    "where the pictures lie; images_hash says what they are"},
     EnvironmentKey{"pirt_version", kInformation, "versions are what one compares"},

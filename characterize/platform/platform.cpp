@@ -25,10 +25,17 @@ Platform read(const std::string& file, const std::string& text,
   const auto document = parse_yaml(file, text, "units", overrides);
   Platform platform = read_platform(document, cores);
   platform.text = document.dump() + "\n";
-  platform.watts_set = std::ranges::any_of(overrides, [](const YamlOverride& each) {
-    const std::string key = each.path.substr(each.path.find('.') + 1);
-    return key == "active_w" || key == "idle_w" || key.starts_with("energy");
-  });
+  for (const YamlOverride& each : overrides) {
+    const auto dot = each.path.find('.');
+    const std::string key = each.path.substr(dot + 1);
+    const bool active = key == "active_w" || key.starts_with("energy");
+    const bool idle = key == "idle_w" || key == "held_w";
+    platform.watts_set = platform.watts_set || active || idle;
+    const auto unit = std::ranges::find(platform.units, each.path.substr(0, dot), &UnitModel::name);
+    if (unit == platform.units.end()) continue;
+    unit->active_set = unit->active_set || active;
+    unit->idle_set = unit->idle_set || idle;
+  }
   return platform;
 }
 
@@ -74,11 +81,19 @@ std::vector<const UnitModel*> Platform::neighbours(const UnitModel& unit) const 
 }
 
 bool Platform::states_power(const UnitModel& unit) const {
-  const double figures = unit.active_w + unit.idle_w + unit.op_pj + unit.byte_pj + unit.call_j;
+  const double figures = unit.active_w + unit.op_pj + unit.byte_pj + unit.call_j;
   return figures > 0 || !unit.link.empty() ||
          std::ranges::any_of(workloads, [&unit](const auto& entry) {
            return entry.second.call_j.contains(unit.name);
          });
+}
+
+UnitModel on_device(UnitModel unit, bool device_is_cpu) {
+  const bool fitted = unit.energy_provenance == Provenance::kFitted;
+  if (!unit.watts_of_host_cores || device_is_cpu || fitted) return unit;
+  if (!unit.active_set) unit.active_w = unit.op_pj = unit.byte_pj = unit.call_j = 0;
+  if (!unit.idle_set) unit.idle_w = unit.held_w = 0;
+  return unit;
 }
 
 std::vector<std::string> Platform::unit_names() const {

@@ -68,11 +68,14 @@ struct UnitModel {
   Discipline discipline = Discipline::kFifo;
   std::optional<int>
       slots;  ///< Tasks started and not complete; absent = 1 for one that computes, else no limit.
-  double active_w = 0;  ///< Per busy server.
-  double idle_w = 0;
-  double op_pj = 0;    ///< Additional energy per operation of the workload.
-  double byte_pj = 0;  ///< Additional energy per byte of the workload.
-  double call_j = 0;   ///< Additional energy per call, whatever the workload.
+  double active_w = 0;               ///< Per busy server.
+  double idle_w = 0;                 ///< Whether a run uses it or not.
+  double held_w = 0;                 ///< Besides, while a run holds its device open.
+  bool watts_of_host_cores = false;  ///< Of another device these figures say nothing; on_device.
+  bool active_set = false, idle_set = false;  ///< By the user: they are of whatever it has.
+  double op_pj = 0;                           ///< Additional energy per operation of the workload.
+  double byte_pj = 0;                         ///< Additional energy per byte of the workload.
+  double call_j = 0;  ///< Additional energy per call, whatever the workload.
   Provenance energy_provenance = Provenance::kModelled;  ///< Of these figures and active_w.
   std::string energy_source;  ///< Where they come from; empty = the platform's assumptions.
   std::string link;  ///< Name of the link that inputs and outputs travel over; empty = none.
@@ -93,6 +96,8 @@ struct UnitModel {
   Nanos spin = kMostSpin;  ///< How long it stays awake for the next call when it runs live.
 
   [[nodiscard]] bool measured() const { return !backend.empty(); }
+  /// Drawn from a run's begin to its end.
+  [[nodiscard]] double standing_w() const { return idle_w + held_w; }
 };
 
 /// What the platform file says about one workload on its modelled units.
@@ -129,9 +134,15 @@ struct Platform {
   [[nodiscard]] std::vector<std::string> unit_names() const;
   /// The other units that share @p unit's memory, in file order.
   [[nodiscard]] std::vector<const UnitModel*> neighbours(const UnitModel& unit) const;
-  /// Whether the file says anything of what the unit draws, if only for one workload.
+  /// Whether the file says anything of what the unit's calls draw, if only for one workload.
   [[nodiscard]] bool states_power(const UnitModel& unit) const;
 };
+
+/// The unit on the device that it turned out to have: watts of the host's cores, unless the user
+/// set them or they were fitted, are none of a device of its own, and then nobody knows them.
+[[nodiscard]] UnitModel on_device(UnitModel unit, bool device_is_cpu);
+/// What to add where such a unit "states no power".
+inline constexpr std::string_view kOfItsDevice = " of its device, only of the host's cores";
 
 /// A shipped name, or a file if @p name contains '/' or ends in ".yaml".
 /// @param overrides  Applied to `units` first: {"cpu.active_w", "15"} sets units.cpu.active_w.

@@ -189,10 +189,10 @@ void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitMode
 }
 
 UnitModel read_unit(const YamlNode& node, const std::string& name, const std::vector<int>& usable) {
-  std::vector<std::string> known = {"servers", "discipline", "slots", "active_w", "idle_w",
-                                    "role",    "energy",     "link",  "backend",  "cores",
-                                    "device",  "script",     "meter", "options",  "contexts",
-                                    "memory",  "spin_us"};
+  std::vector<std::string> known = {"servers", "discipline", "slots",  "active_w", "idle_w",
+                                    "role",    "energy",     "link",   "backend",  "cores",
+                                    "device",  "script",     "meter",  "options",  "contexts",
+                                    "memory",  "spin_us",    "held_w", "watts_of"};
   for (const std::string& backend : backend_names()) {
     for (const std::string& key : settings_of(backend)) known.push_back(key);
   }
@@ -213,6 +213,9 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, const std::ve
   if (node.has("slots")) unit.slots = static_cast<int>(node.at("slots").integer(1, kMaxServers));
   unit.active_w = number_or_zero(node, "active_w", kMaxWatts);
   unit.idle_w = number_or_zero(node, "idle_w", kMaxWatts);
+  unit.held_w = number_or_zero(node, "held_w", kMaxWatts);
+  unit.watts_of_host_cores =
+      node.has("watts_of") && one_of(node.at("watts_of"), {"device", "host_cores"}) == "host_cores";
   if (node.has("energy")) {
     const auto energy = node.at("energy");
     energy.check_keys({"op_pj", "byte_pj", "call_j", "provenance", "source"});

@@ -1,6 +1,8 @@
 #include "characterize/profile/profile.h"
 
 #include <algorithm>
+#include <charconv>
+#include <cmath>
 
 namespace pirt {
 namespace {
@@ -24,6 +26,16 @@ std::string PhaseRow::unknown() const {
   const auto reason = std::ranges::find_if(
       reasons, [](const std::string& each) { return each.starts_with(kUnknownPhase); });
   return reason == reasons.end() ? "" : reason->substr(kUnknownPhase.size());
+}
+
+std::optional<double> RunInfo::figure(const std::string& key) const {
+  const auto fact = environment.find(key);
+  if (fact == environment.end()) return std::nullopt;
+  const std::string& text = fact->second;
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  const bool whole = error == std::errc() && end == text.data() + text.size();
+  return whole && std::isfinite(value) ? std::optional(value) : std::nullopt;
 }
 
 const PhaseRow* Profile::find(std::string_view workload, std::string_view unit, Phase phase,

@@ -119,6 +119,9 @@ struct RunInfo {
   std::set<std::string> identity =
       {};  ///< Keys of those facts that must match for runs to compare.
   std::vector<UnitRecord> units;
+
+  /// The fact as a number; absent where there is none, or it is none.
+  [[nodiscard]] std::optional<double> figure(const std::string& key) const;
 };
 
 struct Profile {

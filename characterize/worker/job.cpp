@@ -113,7 +113,8 @@ Json encode(const DeviceInfo& device) {
           {"is_cpu", device.is_cpu},
           {"cache_bytes", device.cache_bytes ? Json(*device.cache_bytes) : Json()},
           {"tuning", device.tuning},
-          {"remark", device.remark}};
+          {"remark", device.remark},
+          {"pci", device.pci}};
 }
 
 DeviceInfo decode_device(const Json& j) {
@@ -121,7 +122,8 @@ DeviceInfo decode_device(const Json& j) {
                     j.at("is_cpu")};
   if (!j.at("cache_bytes").is_null()) device.cache_bytes = j.at("cache_bytes").get<std::int64_t>();
   device.tuning = j.value("tuning", "");  // Records of interrupted runs of before have none,
-  device.remark = j.value("remark", "");  // of this neither.
+  device.remark = j.value("remark", "");  // of this neither,
+  device.pci = j.value("pci", "");        // and of this.
   return device;
 }
 

@@ -421,12 +421,23 @@ class Worker {
     if (worst) result_.conditions.push_back({condition, *std::move(worst)});
   }
 
+  /// A board that idles for long lowers its clocks also while it is open: before the first window
+  /// it is as awake as after the calls.
+  void wake(std::span<const Meter* const> meters) {
+    constexpr Nanos kWaking = std::chrono::milliseconds(300);
+    const bool is_board = std::ranges::any_of(
+        meters, [](const Meter* meter) { return meter->info().domain == MeterDomain::kGpu; });
+    const Nanos begin = machine_.now();
+    while (is_board && machine_.now() - begin < kWaking) player_->call();
+  }
+
   /// The same calls, on the machine's clock even if the device has its own: meters know no other.
   void meter() {
     if (!is_right()) return;
     begin("metering");
-    const auto found = discover_meters(job_.metering.sysfs);
+    const auto found = discover_meters(job_.metering.sysfs, device_->own_clock() == nullptr);
     const auto meters = find_meters(found, job_.metering.meters);
+    wake(meters);
     player_->restart();
     player_->scribble();
     const Nanos window = metering_window(meters, job_.metering.window);

@@ -1,8 +1,10 @@
 #include "cli/options/profile_platform.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "characterize/profile/store/reader.h"
+#include "scheduler/services/devices.h"
 #include "workloads/base/error.h"
 
 namespace pirt::cli {
@@ -24,6 +26,7 @@ ProfiledPlatform read_platform(const std::optional<std::string>& platform,
   if (platform) read.platform = load_platform(*platform, overrides);
   if (profile) read.profile = ProfileReader(*profile).read(read.platform.name);
   if (!platform) read.platform = platform_of(read.profile.value(), overrides);
+  read.platform = on_devices(std::move(read.platform), read.profile ? &*read.profile : nullptr);
   return read;
 }
 

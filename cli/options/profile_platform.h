@@ -19,6 +19,7 @@ struct ProfiledPlatform {
   Platform platform;
   std::optional<Profile> profile;
 };
+/// The platform is on the devices that the profile names (on_devices).
 /// @param platform  A name or a file; absent = the profile's.
 /// @param profile   A profile database; absent = none, and then there is a platform.
 /// @throws Error{kBadInput} as load_platform, ProfileReader::read and platform_of.

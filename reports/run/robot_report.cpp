@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "reports/document/figures.h"
+#include "scheduler/services/devices.h"
 #include "workloads/base/text/json.h"
 
 namespace pirt {
@@ -76,8 +77,11 @@ double per_second(const RobotRun& run, const ActivityCounts& counts) {
   return s > 0 ? static_cast<double>(counts.completed) / s : 0.0;
 }
 
-/// Servers of one unit at work and at rest, by the platform's watts.
-double energy_of(const Platform& platform, const LocalizationResult& result, bool live) {
+/// Servers of one unit at work and at rest, by the platform's watts; 0 if it states none of a unit
+/// that served.
+double energy_of(const RuntimeOptions& runtime, const LocalizationResult& result, bool live) {
+  const Platform platform =
+      on_devices(runtime.platform, runtime.profile ? &*runtime.profile : nullptr);
   double energy_j = 0;
   bool charged = live;  // Without the runtime all is the work of one unit.
   for (const UnitModel& unit : platform.units) {
@@ -87,8 +91,10 @@ double energy_of(const Platform& platform, const LocalizationResult& result, boo
       if (each.name == unit.name) busy = each.powered;
     }
     if (unit.backend == "cpu" && !std::exchange(charged, true)) busy = result.busy;
+    if (busy > Nanos::zero() && !platform.states_power(unit)) return 0;
     const Nanos idle = std::max(result.duration - busy, Nanos::zero());
-    energy_j += unit.active_w * to_s(busy) + unit.idle_w * to_s(idle);
+    energy_j +=
+        unit.active_w * to_s(busy) + unit.idle_w * to_s(idle) + unit.held_w * to_s(result.duration);
   }
   return energy_j;
 }
@@ -238,7 +244,7 @@ RobotRun robot_run(std::string driver, std::string mode, const Sequence& sequenc
     }
   }
   if (options.own_rate) {
-    run.energy_j = energy_of(options.runtime.platform, run.result, !run.mode.empty());
+    run.energy_j = energy_of(options.runtime, run.result, !run.mode.empty());
   }
   return run;
 }

@@ -38,6 +38,7 @@ Table parameter_table(const UnitFit& each) {
                           std::string(unit_of(parameter.parameter)), verdict(parameter)});
   }
   if (each.idle_w) table.rows.push_back({"idle_w", figure(*each.idle_w), "-", "W", "read"});
+  if (each.held_w) table.rows.push_back({"held_w", figure(*each.held_w), "-", "W", "read"});
   if (!fit.refusal.empty()) table.footnotes.push_back("Not fitted: " + fit.refusal);
   for (const auto& line : each.dropped) table.footnotes.push_back(line);
   if (!fit.left_out.empty()) {
@@ -107,6 +108,7 @@ Json fit_json(std::span<const UnitFit> fits) {
                  {"parameters", parameters}, {"residuals", residuals},
                  {"dropped", each.dropped},  {"left_out", each.fit.left_out}};
     if (each.idle_w) unit["idle_w"] = *each.idle_w;
+    if (each.held_w) unit["held_w"] = *each.held_w;
     if (each.fit.condition > 0 && std::isfinite(each.fit.condition)) {
       unit["condition"] = each.fit.condition;
     }

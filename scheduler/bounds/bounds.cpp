@@ -208,7 +208,7 @@ Work work_of(const Scenario& run, CloudUse cloud_use, TimesTaken taken) {
   Work work;
   for (const UnitModel& unit : run.platform.units) {
     work.units.push_back({static_cast<double>(unit.servers), unit.slots});
-    work.idle_w += unit.idle_w;
+    work.idle_w += unit.standing_w();
   }
   const UnitMask cloud = cloud_units(run.platform);
   for (std::size_t p = 0; p < run.mix.pipelines.size(); ++p) {

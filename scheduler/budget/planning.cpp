@@ -42,6 +42,15 @@ void follow(const Assignment& assignment, BudgetPlan& plan) {
   }
 }
 
+/// What is known of some units only cannot be compared: nothing may look free.
+void forget_joules(Work& work) {
+  for (PipelineWork& pipeline : work.pipelines) {
+    for (TaskWork& task : pipeline.tasks) {
+      for (UnitWork& unit : task.units) unit.energy_j.reset();
+    }
+  }
+}
+
 class Planning {
  public:
   Planning(ModeSetup& setup, const ScheduleOptions& options, std::int64_t most_tasks = kMostTasks)
@@ -53,6 +62,8 @@ class Planning {
     goals_ = {.objective = options.objective.value_or(Objective::kRate),
               .min_rate_per_ms = options.min_rate_per_ms,
               .most_w = choice_.plan.window_j};
+    if (!joules_known_ && goals_.objective == Objective::kEnergy)
+      goals_.objective = Objective::kRate;
   }
 
   void run() {
@@ -71,7 +82,8 @@ class Planning {
     std::vector<bool> urgent;
     for (const Pipeline& pipeline : run.mix.pipelines)
       urgent.push_back(pipeline.deadline.has_value());
-    const Work work = work_of(run, setup_.mode.policy.cloud_use, TimesTaken::kMean);
+    Work work = work_of(run, setup_.mode.policy.cloud_use, TimesTaken::kMean);
+    if (!joules_known_) forget_joules(work);
     if (const auto assignment = assign(work, urgent, goals_)) follow(*assignment, choice_.plan);
     measure_ways(run, choice_.plan);
     choose_in_flight();
@@ -267,6 +279,7 @@ class Planning {
   Goals goals_;
   Trial trial_;
   BudgetChoice choice_;
+  bool joules_known_ = without_joules(setup_.scenario, choice_.plan) == nullptr;
   TrialResult best_;
   double least_ = 1e300;  ///< Of the objective's figure, the least that was taken.
 };

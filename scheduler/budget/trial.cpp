@@ -23,7 +23,10 @@ double task_rate(const Mix& mix) {
 
 }  // namespace
 
-Trial::Trial(const ModeSetup& setup) : setup_(setup), mix_(setup.scenario.mix) {
+Trial::Trial(const ModeSetup& setup)
+    : setup_(setup),
+      mix_(setup.scenario.mix),
+      joules_known_(without_joules(setup.scenario, setup.policy_setup.budget) == nullptr) {
   const Scenario& run = setup.scenario;
   for (Pipeline& pipeline : mix_.pipelines) {
     if (!pipeline.frames) continue;
@@ -55,7 +58,7 @@ TrialResult Trial::run(const BudgetChoice& choice) {
   tasks_run_ += record.submitted;
   TrialResult result{.rate_per_ms = record.throughput_per_ms.value_or(0),
                      .latency_ms = record.mean_latency_ms.value_or(0)};
-  if (record.energy_j && record.completed > 0) {
+  if (joules_known_ && record.energy_j && record.completed > 0) {
     result.energy_mj = *record.energy_j * 1e3 / static_cast<double>(record.completed);
   }
   result.misses += record.stalled;

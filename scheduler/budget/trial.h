@@ -20,7 +20,7 @@ struct BudgetChoice {
 struct TrialResult {
   std::int64_t misses = 0;  ///< Of deadlines; firings that were dropped, too.
   double rate_per_ms = 0;   ///< Completed tasks.
-  double energy_mj = 0;     ///< A completed task; 0 where nobody knows.
+  double energy_mj = 0;     ///< A completed task; 0 where nobody knows some unit's.
   double latency_ms = 0;    ///< Mean of a task, dispatch to completion.
 };
 
@@ -38,6 +38,7 @@ class Trial {
   const ModeSetup& setup_;
   Mix mix_;
   std::optional<Scenario> scenario_;
+  bool joules_known_;
   std::int64_t tasks_run_ = 0;
 };
 

@@ -13,9 +13,9 @@ namespace {
 
 constexpr double kWindowS = 1;
 
-double idle_w(const Platform& platform) {
+double standing_w(const Platform& platform) {
   double sum = 0;
-  for (const UnitModel& unit : platform.units) sum += unit.idle_w;
+  for (const UnitModel& unit : platform.units) sum += unit.standing_w();
   return sum;
 }
 
@@ -118,27 +118,33 @@ BudgetPlan::Task first_task(const Scenario& scenario, std::uint32_t pipeline,
 }
 
 void check_energy_known(const Scenario& scenario, const BudgetPlan& plan) {
-  for (std::size_t p = 0; p < scenario.classes.size(); ++p) {
-    for (const TaskClass& kind : scenario.classes[p]) {
-      for (const UnitId unit : plan.tasks[kind.entry].units) {
-        if (scenario.services.find(kind.workload, unit)->energy_known) continue;
-        const std::string& name = scenario.platform.units[unit].name;
-        throw_bad_input("--power-cap: nobody knows what " + name + " draws; give it with --set " +
-                        name + ".active_w=W, or leave it out with --without " + name);
-      }
-    }
-  }
+  const UnitModel* unit = without_joules(scenario, plan);
+  if (unit == nullptr) return;
+  throw_bad_input("--power-cap: nobody knows what " + unit->name + " draws; give it with --set " +
+                  unit->name + ".active_w=W, or leave it out with --without " + unit->name);
 }
 
 }  // namespace
 
+const UnitModel* without_joules(const Scenario& scenario, const BudgetPlan& plan) {
+  for (const auto& pipeline : scenario.classes) {
+    for (const TaskClass& kind : pipeline) {
+      for (const UnitId unit : plan.tasks[kind.entry].units) {
+        if (scenario.services.find(kind.workload, unit)->energy_known) continue;
+        return &scenario.platform.units[unit];
+      }
+    }
+  }
+  return nullptr;
+}
+
 double above_idle_j(const Platform& platform, double power_cap_w) {
-  return (power_cap_w - idle_w(platform)) * kWindowS;
+  return (power_cap_w - standing_w(platform)) * kWindowS;
 }
 
 std::string infeasible_cap(const Platform& platform, double power_cap_w) {
   return fmt::format("--power-cap {:g} W is infeasible: the units of {} draw {:g} W idle",
-                     power_cap_w, platform.name, idle_w(platform));
+                     power_cap_w, platform.name, standing_w(platform));
 }
 
 BudgetPlan first_budget_plan(const Scenario& scenario, std::optional<double> power_cap_w) {

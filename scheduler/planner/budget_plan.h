@@ -51,6 +51,9 @@ struct BudgetPlan {
   friend bool operator==(const BudgetPlan&, const BudgetPlan&) = default;
 };
 
+/// A unit that one of the plan's tasks may go to, and nobody knows what that draws; null = none.
+[[nodiscard]] const UnitModel* without_joules(const Scenario& scenario, const BudgetPlan& plan);
+
 /// Joules in a second that a cap leaves above what all units draw idle; below 0: infeasible.
 [[nodiscard]] double above_idle_j(const Platform& platform, double power_cap_w);
 /// What to say of such a cap.

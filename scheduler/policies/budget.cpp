@@ -193,6 +193,7 @@ constinit const PolicyInfo policy::budget = {
     },
     .cloud_use = CloudUse::kNotRealTime,
     .budgets = true,
+    .without_joules = "plans for deadlines and rate or latency, whatever its objective",
 };
 
 }  // namespace pirt

@@ -20,6 +20,7 @@ constinit const PolicyInfo policy::energy = {
         },
     .rule = WeightRule::kQueue,
     .overflows = true,
+    .without_joules = "goes by the units' roles alone, as Algorithm 3 does",
 };
 
 }  // namespace pirt

@@ -31,6 +31,7 @@ constinit const PolicyInfo policy::mee = {
     .name = "mee",
     .description = "Baseline, minimum energy execution: the unit that takes the fewest joules",
     .make = make_policy<MeePolicy>,
+    .without_joules = "takes such a unit where no other can serve",
 };
 
 }  // namespace pirt

@@ -138,6 +138,8 @@ struct PolicyInfo {
   std::optional<Role> needs_role = {};  ///< Of some unit of the platform.
   Planner planner = nullptr;            ///< What makes its plan; null = it has none.
   bool budgets = false;                 ///< It follows a BudgetPlan.
+  /// What it does where nobody knows a unit's joules: "takes it last"; empty = it asks for none.
+  std::string_view without_joules = {};
 
   /// Whether it falls back to a basic policy, as advanced does.
   [[nodiscard]] bool has_basic() const { return rule == WeightRule::kOfBasic; }

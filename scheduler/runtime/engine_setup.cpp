@@ -5,6 +5,7 @@
 
 #include "characterize/platform/unit_request.h"
 #include "scheduler/runtime/engine.h"
+#include "scheduler/services/devices.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
@@ -36,6 +37,12 @@ bool leaves_calls(const RuntimeOptions& options) {
   return options.prepare_first && options.slices.value_or(find_policy(options.mode).budgets);
 }
 
+RuntimeOptions on_devices_of_profile(RuntimeOptions options) {
+  options.platform =
+      on_devices(std::move(options.platform), options.profile ? &*options.profile : nullptr);
+  return options;
+}
+
 Nanos checked_spin(Nanos spin) {
   if (spin < Nanos::zero() || spin > kMostSpin) {
     throw_bad_input("spin is " + std::to_string(to_us(spin)) + " us; it is 0 to " +
@@ -48,7 +55,7 @@ Nanos checked_spin(Nanos spin) {
 
 Runtime::Engine::Engine(RuntimeOptions options)
     : number_of_engine_(next_number()),
-      options_(std::move(options)),
+      options_(on_devices_of_profile(std::move(options))),
       samples_(1),
       room_(checked(options_.most_tasks)),
       live_units_(

@@ -347,16 +347,25 @@ bool states_power(const Platform& platform, const UnitModel& unit, const Profile
 void warn_of_power(const Platform& platform, const Profile* profile,
                    std::vector<std::string>& warnings) {
   for (const UnitModel& unit : platform.units) {
+    const UnitRecord* device = profile == nullptr ? nullptr : profile->find_unit(unit.name);
+    const bool idles_unknown = device != nullptr && !device->device_is_cpu &&
+                               unit.watts_of_host_cores && !unit.idle_set && unit.idle_w == 0;
     if (states_power(platform, unit, profile)) continue;
     const bool metered =
         profile != nullptr && std::ranges::any_of(profile->energies, [&unit](const EnergyRow& row) {
           return row.unit == unit.name && row.valid;
         });
+    if (metered && idles_unknown) {
+      warnings.push_back(fmt::format(
+          "what {} draws idle is not known, and nothing is counted for it; give it with --set "
+          "{}.idle_w=W",
+          unit.name, unit.name));
+    }
     if (metered) continue;
     warnings.push_back(fmt::format(
         "the energy of {} is not known, nor that of a run that uses it: the platform states no "
-        "power; give it with --set {}.active_w=W",
-        unit.name, unit.name));
+        "power{}; give it with --set {}.active_w=W",
+        unit.name, unit.watts_of_host_cores ? kOfItsDevice : "", unit.name));
   }
 }
 

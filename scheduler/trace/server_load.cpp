@@ -16,7 +16,7 @@ double ServerLoad::power_w() const {
 std::vector<ServerLoad> server_loads(const Platform& platform) {
   std::vector<ServerLoad> loads;
   for (const auto& unit : platform.units) {
-    loads.push_back({unit.servers, unit.discipline, unit.idle_w});
+    loads.push_back({unit.servers, unit.discipline, unit.standing_w()});
   }
   loads.resize(loads.size() + platform.links.size());
   return loads;

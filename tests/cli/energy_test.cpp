@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "tests/cli/program.h"
+#include "tests/support/paths.h"
 
 namespace pirt::test {
 namespace {
@@ -188,6 +189,38 @@ TEST(Energy, AnUnknownMeterIsAnErrorBeforeAnythingIsMeasured) {
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.err, HasSubstr("package-0"));
   EXPECT_FALSE(fs::exists(machine.database()));
+}
+
+TEST(Energy, ABoardIsMeteredAtRestAwakeAndUnderLoadAndARunIsChargedForHoldingIt) {
+  const Scratch scratch;
+  const std::string platform = scratch.write(
+      "board.yaml",
+      "platform: board\nunits:\n  gpu: {backend: fake, meter: 'nvidia/0000:01:00.0'}\n");
+  const std::string board = "PIRT_NVML=" + quoted(kNvmlStandIn) +
+                            " NVML_STAND_IN='boards=01 step_ms=20 call_w=400'"
+                            " PIRT_SYSFS=/nonexistent";
+  const auto made = pirt({"characterize", "--quick", "--platform", platform, "--filter", "^pool5$",
+                          "--db", scratch.file("p.db"), "--json", "-"},
+                         board);
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const auto row = made.json()["energy_summary"][0];
+  SCOPED_TRACE(row.dump());
+  EXPECT_EQ(row["provenance"], "measured");
+  EXPECT_THAT(row["source"], HasSubstr("nvml: nvidia/0000:01:00.0; a step each "));
+  EXPECT_EQ(row["domain"], "gpu");
+  // A real machine that is busy with something else may have disturbed the calls.
+  if (row["valid"] != true) GTEST_SKIP() << row["reasons"];
+  EXPECT_GT(row["energy_j"], 0);
+  const auto run =
+      pirt({"schedule", "--platform", platform, "--profile", scratch.file("p.db"), "--mix",
+            scratch.write("mix.yaml",
+                          "mix: m\npipelines: {p: {rate_hz: 10, tasks: "
+                          "[{name: t, workload: pool5}]}}\n"),
+            "--mode", "ect", "--duration", "1s", "--json", "-"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  // Awake for a second, and ten calls.
+  const double energy_j = run.json()["energy_j"];
+  EXPECT_NEAR(energy_j - 10 * row["energy_j"].get<double>(), 124, 6);
 }
 
 TEST(Energy, ListShowsTheMetersAndWhatIsMissing) {

@@ -1,7 +1,7 @@
 // Linked into every test program: the tests' devices have their default parameters, whatever the
-// user who runs them has tuned, and signals do what they do by default, also under nohup and in a
-// shell's background. Programs that tests start inherit both. testing::TempDir() is a folder of the
-// process's own, since tests run side by side.
+// user who runs them has tuned, no board of this machine is a meter, and signals do what they do by
+// default, also under nohup and in a shell's background. Programs that tests start inherit both.
+// testing::TempDir() is a folder of the process's own, since tests run side by side.
 #include <unistd.h>
 
 #include <csignal>
@@ -13,6 +13,7 @@
 namespace {
 
 [[maybe_unused]] const int kUntuned = ::setenv("PIRT_TUNING", "none", 1);
+[[maybe_unused]] const int kNoBoards = ::setenv("PIRT_NVML", "none", 1);
 [[maybe_unused]] const bool kHeard = [] {
   for (const int signal : {SIGINT, SIGHUP, SIGPIPE}) std::signal(signal, SIG_DFL);
   return true;

@@ -5,5 +5,7 @@ namespace pirt::test {
 const char* const kSourceFolder = PIRT_SOURCE_FOLDER;
 const char* const kProgram = PIRT_PROGRAM;
 const char* const kTestWorker = PIRT_TEST_WORKER;
+const char* const kNvmlStandIn = PIRT_NVML_STAND_IN;
+const char* const kNvmlStandInOld = PIRT_NVML_STAND_IN_OLD;
 
 }  // namespace pirt::test

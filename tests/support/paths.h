@@ -8,5 +8,8 @@ namespace pirt::test {
 extern const char* const kSourceFolder;  ///< The root of the source tree.
 extern const char* const kProgram;       ///< pirt itself.
 extern const char* const kTestWorker;    ///< characterize/worker_main.cc: a worker on its own.
+/// characterize/nvml_stand_in.cc, as it is and as an old driver's.
+extern const char* const kNvmlStandIn;
+extern const char* const kNvmlStandInOld;
 
 }  // namespace pirt::test

@@ -44,6 +44,7 @@ struct DeviceInfo {
   std::string tuning = {};
   /// Where an open device is not what its unit asks for, in one line; empty = it is.
   std::string remark = {};
+  std::string pci = {};  ///< "0000:01:00.0"; empty where its driver does not say it.
 };
 
 struct Probe {

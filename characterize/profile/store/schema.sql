@@ -16,10 +16,11 @@
 --                              set-ups, and more than 1 ms (of two, the interval is what they span)
 --            contended         others used more than 5 % of the unit's cores beside a quarter of the processes, also after one
 --                              re-measurement, and the cell's precision was not reached, or they used 25 %; of set-ups, they used 25 %
---            no_power          energy only: the platform gives no watts for the unit
+--            no_power          energy only: the platform gives no watts for the unit, or none of the device that it has
 --            ops_unknown       energy only: op_pj is given but the workload's operations depend on the data
 --            meter_frozen      energy only: the meter reads 0, or the same all the time, under load too
 --            meter_error: TEXT energy only: the meter could not be read
+--            not_measurable: TEXT  energy only: a step of the meter is more than 5 % of what the calls drew above idle, also after 20 s
 --            not_above_idle: TEXT, unstable: TEXT  energy only: the calls drew no more than idling did; idling before and after, or calls metered and timed, differ
 --            error: TEXT       the worker failed; the row has then what was sampled before, or no samples
 --            counts_differ: TEXT  the device says that its figures repeat exactly, and they did not

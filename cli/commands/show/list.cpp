@@ -223,8 +223,9 @@ std::string core_list(const std::vector<int>& cores) {
   return parts.empty() ? "-" : join(parts, ",");
 }
 
-/// The device that a unit of the platform would compute on, or why it cannot.
-std::string unit_status(const UnitModel& unit, bool& available) {
+/// The device that a unit of the platform would compute on, or why it cannot; the unit's watts
+/// become that device's.
+std::string unit_status(UnitModel& unit, bool& available) {
   available = true;
   if (!unit.measured()) return "modelled by the platform file";
   const auto probe = find_backend(unit.backend).probe();
@@ -233,6 +234,7 @@ std::string unit_status(const UnitModel& unit, bool& available) {
   for (const auto& device : probe.devices) {
     if (unit.device.empty() || device.name.find(unit.device) != std::string::npos ||
         device.platform.find(unit.device) != std::string::npos) {
+      unit = on_device(std::move(unit), device.is_cpu);
       return device.name +
              (device.is_cpu && unit.role != Role::kCpu ? " (computes on the host's cores)" : "");
     }
@@ -255,21 +257,23 @@ Listing list_units(const std::string& platform_name) {
                           {"device", Align::kLeft}}};
   if (!platform.assumptions.empty()) table.footnotes.push_back(platform.assumptions);
   Json rows = Json::array();
-  for (const auto& unit : platform.units) {
+  for (UnitModel unit : platform.units) {
+    const bool stated = platform.states_power(unit);
     bool available = true;
     const auto status = unit_status(unit, available);
-    table.rows.push_back({unit.name, std::string(to_string(unit.role)),
-                          unit.measured() ? unit.backend : "-",
-                          core_list(unit.cores) + (unit.shares_cores ? " (shared)" : ""),
-                          fmt::format("{}", unit.servers), fmt::format("{}", unit.active_w),
-                          fmt::format("{}", unit.idle_w), status});
+    const bool known = !stated || platform.states_power(unit);
+    const auto watts = [known](double power_w) { return known ? fmt::format("{}", power_w) : "-"; };
+    table.rows.push_back(
+        {unit.name, std::string(to_string(unit.role)), unit.measured() ? unit.backend : "-",
+         core_list(unit.cores) + (unit.shares_cores ? " (shared)" : ""),
+         fmt::format("{}", unit.servers), watts(unit.active_w), watts(unit.idle_w), status});
     rows.push_back({{"name", unit.name},
                     {"role", to_string(unit.role)},
                     {"backend", unit.backend},
                     {"cores", unit.cores},
                     {"servers", unit.servers},
-                    {"active_w", unit.active_w},
-                    {"idle_w", unit.idle_w},
+                    {"active_w", known ? Json(unit.active_w) : Json()},
+                    {"idle_w", known ? Json(unit.idle_w) : Json()},
                     {"available", available},
                     {"device", status}});
   }

@@ -113,6 +113,19 @@ TEST(MeterChoice, SimulatedUnitsHaveOneOnlyByName) {
   EXPECT_THAT(choose(tree, unit_with("none")).remark, IsEmpty());
 }
 
+TEST(MeterChoice, ADeviceOfItsOwnHasNoWattsOfTheHostsCores) {
+  const test::SysfsTree tree;
+  UnitModel unit = unit_with("");
+  unit.active_w = 10;
+  unit.watts_of_host_cores = true;
+  EXPECT_EQ(choose(tree, unit, true).remark, "");
+  EXPECT_THAT(choose(tree, unit, false).remark,
+              HasSubstr("energy of unit cpu is not known: its device has no meter"));
+  tree.write("class/hwmon/hwmon0/name", "amdgpu");
+  tree.fail_with_eio("class/hwmon/hwmon0/power1_input");
+  EXPECT_THAT(choose(tree, unit, false).remark, HasSubstr("is not known: amdgpu/power1: "));
+}
+
 TEST(MeterChoice, WithoutMetersThereIsNothingToSay) {
   const test::SysfsTree tree;
   EXPECT_THAT(choose(tree, unit_with("")).remark, IsEmpty());

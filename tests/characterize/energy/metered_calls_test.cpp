@@ -20,15 +20,16 @@ using testing::IsEmpty;
 /// A counter that advances by what a function of the time since its first reading says.
 class SimulatedCounter : public Meter {
  public:
-  explicit SimulatedCounter(std::function<double(double seconds)> energy_j)
-      : Meter(info_of_it()), energy_j_(std::move(energy_j)) {}
+  explicit SimulatedCounter(std::function<double(double seconds)> energy_j, bool steps = false)
+      : Meter(info_of_it(steps)), energy_j_(std::move(energy_j)) {}
   [[nodiscard]] Attribute<std::int64_t> read() const override {
     return {static_cast<std::int64_t>(energy_j_(to_s(clock_.now() - start_)) * 1e6), "", 0};
   }
 
  private:
-  static MeterInfo info_of_it() {
+  static MeterInfo info_of_it(bool steps) {
     MeterInfo info;
+    info.steps = steps;
     info.name = "package-0";
     info.driver = "rapl";
     info.covers = "package";
@@ -151,6 +152,68 @@ TEST(MeteredCalls, AnIdlePowerThatChangesIsUnstable) {
   ASSERT_EQ(metered.reasons.size(), 1U);
   EXPECT_THAT(metered.reasons[0], HasSubstr("unstable"));
   EXPECT_TRUE(metered_energy(metered).energy_j.has_value());  // kept and shown
+}
+
+/// A board that idles at 100 W and shows a new figure each 10 ms, in a time of its own: reading it
+/// takes 1 ms, a call 2 ms.
+class SteppingBoard : public Clock {
+ public:
+  [[nodiscard]] Nanos now() const override { return now_; }
+
+  MeteredCalls measure(double call_j) {
+    const std::vector<const Meter*> meters = {&meter_};
+    return meter_calls(meters, *this, kWindow, [&] {
+      now_ += std::chrono::milliseconds(2);
+      used_j_ += call_j;
+    });
+  }
+
+ private:
+  double read_j() {
+    now_ += std::chrono::milliseconds(1);
+    const auto step = now_ / std::chrono::milliseconds(10);
+    if (step != step_) shown_j_ = 100 * to_s(now_) + used_j_;
+    step_ = step;
+    return shown_j_;
+  }
+
+  Nanos now_{0};
+  std::int64_t step_ = -1;
+  double used_j_ = 0, shown_j_ = 0;
+  SimulatedCounter meter_{[this](double) { return read_j(); }, true};
+};
+
+TEST(MeteredCalls, GoOnUntilAStepOfTheMeterIsFivePercentOfWhatTheyDraw) {
+  // 0.2 J each 2 ms are 100 W above 100 W: a step is 2 J, which is a part of 20 of 40 J, after
+  // 0.4 s.
+  SteppingBoard board;
+  const auto metered = board.measure(0.2);
+  EXPECT_THAT(metered.reasons, IsEmpty());
+  EXPECT_GE(metered.duration, std::chrono::milliseconds(400));
+  EXPECT_LE(metered.duration, std::chrono::milliseconds(600));
+  EXPECT_NEAR(metered.call_j().value(), 0.2, 1e-4);
+  EXPECT_EQ(metered.source, "rapl: package-0; a step each 10 ms");
+}
+
+TEST(MeteredCalls, WhatIsBelowTheStepsOfTheMeterIsNotMeasurable) {
+  // 2 mJ each 2 ms are 1 W: a step of 1.01 J is a part of 20 of what they draw after 20.2 s.
+  SteppingBoard board;
+  const auto metered = board.measure(0.002);
+  ASSERT_THAT(metered.reasons,
+              ElementsAre(HasSubstr("not_measurable: a step of the meter is 1.0")));
+  EXPECT_LT(board.now(), std::chrono::seconds(30));
+  EXPECT_TRUE(metered_energy(metered).energy_j.has_value());  // kept and shown
+}
+
+TEST(MeteredCalls, ACounterThatWasResetIsAnError) {
+  double reset_j = 0;
+  const SimulatedCounter meter([&](double seconds) { return 100 * seconds - reset_j; }, true);
+  const auto metered = measure(meter, [&] {
+    nap();
+    reset_j = 1e6;
+  });
+  ASSERT_FALSE(metered.reasons.empty());
+  EXPECT_THAT(metered.reasons[0], HasSubstr("meter_error: energy_uj went back"));
 }
 
 TEST(MeteredCalls, AFailingCallEndsTheMeasurement) {

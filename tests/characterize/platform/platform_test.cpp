@@ -139,15 +139,35 @@ TEST(Platform, SaysFileLineAndPathOfAWrongUnit) {
   EXPECT_THAT(refused_unit("backend: fake, script: text"), HasSubstr("must be a map"));
 }
 
+TEST(Platform, SaysWhichDevicesItsWattsAreOf) {
+  const auto unit = [](const std::string& keys, const std::vector<YamlOverride>& set = {}) {
+    return parse_platform("p.yaml", "platform: p\nunits:\n  gpu: {backend: opencl, " + keys + "}\n",
+                          set, 1)
+        .units[0];
+  };
+  const std::string watts = "active_w: 9, idle_w: 1, held_w: 2";
+  EXPECT_EQ(on_device(unit(watts), false).active_w, 9);
+  EXPECT_EQ(on_device(unit(watts + ", watts_of: device"), false).standing_w(), 3);
+  const std::string assumed = watts + ", watts_of: host_cores";
+  EXPECT_EQ(on_device(unit(assumed), true).standing_w(), 3);
+  EXPECT_EQ(on_device(unit(assumed), false).active_w, 0);
+  EXPECT_EQ(on_device(unit(assumed), false).standing_w(), 0);
+  EXPECT_EQ(on_device(unit(assumed, {{"gpu.active_w", "5"}}), false).active_w, 5);
+  const std::string fitted = assumed + ", energy: {call_j: 1, provenance: fitted}";
+  EXPECT_EQ(on_device(unit(fitted), false).call_j, 1) << "to what a meter showed of the device";
+  EXPECT_THAT(refused_unit("watts_of: hostcores"), HasSubstr("host_cores"));
+}
+
 /// The platform with one number in each place that takes one; @p bad in the place called @p key.
 std::string with_number(const std::string& key, const std::string& bad) {
   const auto number = [&](const std::string& name, const std::string& good) {
     return name + ": " + (name == key ? bad : good);
   };
   return "platform: p\nunits:\n  cpu: {" + number("servers", "1") + ", " + number("slots", "1") +
-         ", " + number("active_w", "1") + ", " + number("idle_w", "0") + ",\n    energy: {" +
-         number("op_pj", "1") + ", " + number("byte_pj", "1") + ", " + number("call_j", "1") +
-         "}}\nlinks: {l: {" + number("mbit_s", "1") + ", " + number("latency_ms", "1") +
+         ", " + number("active_w", "1") + ", " + number("idle_w", "0") + ", " +
+         number("held_w", "0") + ",\n    energy: {" + number("op_pj", "1") + ", " +
+         number("byte_pj", "1") + ", " + number("call_j", "1") + "}}\nlinks: {l: {" +
+         number("mbit_s", "1") + ", " + number("latency_ms", "1") +
          "}}\nworkloads:\n  sobel: {cpu: [{on: cpu, " + number("ms", "1") + "}, {" +
          number("delay_ms", "{uniform: [0, 1]}") + "}]}\nmodes:\n  latency: {weights: {" +
          number("cpu", "1") + "}, " + number("in_flight", "1") + ", stage_scale: {" +
@@ -168,7 +188,7 @@ TEST(Platform, RefusesEachNumberOutsideItsRange) {
     }
   }
   for (const char* key :
-       {"active_w", "idle_w", "op_pj", "byte_pj", "call_j", "mbit_s", "cpu.execute"}) {
+       {"active_w", "idle_w", "held_w", "op_pj", "byte_pj", "call_j", "mbit_s", "cpu.execute"}) {
     for (const char* bad : {"-1", "1e300", "1e-999", ".inf", ".nan", "010", "0x1", "+1", "'1'"}) {
       expect_refused(key, bad);
     }

@@ -15,6 +15,7 @@
 #include "workloads/backends/opencl/tuning/tuning_file.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
+#include "workloads/base/system/pci.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt::opencl {
@@ -161,6 +162,29 @@ bool has_clock(const DeviceSession& session) {
          goes_on(CL_PROFILING_COMMAND_END);
 }
 
+/// Its place on the PCI bus, by the extension that the driver has for it; asked by number, since
+/// headers of OpenCL 1.2 know neither.
+std::string pci_of(const cl::Device& device) {
+  constexpr cl_device_info kPciBusInfoKhr = 0x410F;
+  constexpr std::array<cl_device_info, 3> kDomainBusSlotNv = {0x400A, 0x4008, 0x4009};
+  const auto extensions = split(device.getInfo<CL_DEVICE_EXTENSIONS>(), ' ');
+  const auto has = [&](const char* name) {
+    return std::ranges::find(extensions, name) != extensions.end();
+  };
+  const auto ask = [&](cl_device_info what, auto& answer) {
+    return clGetDeviceInfo(device(), what, sizeof(answer), &answer, nullptr) == CL_SUCCESS;
+  };
+  std::array<cl_uint, 4> place{};  // domain, bus, device, function
+  if (has("cl_khr_pci_bus_info") && ask(kPciBusInfoKhr, place)) {
+    return pci_address(place[0], place[1], place[2], place[3]);
+  }
+  if (!has("cl_nv_device_attribute_query")) return "";
+  std::array<cl_uint, 3> nv{};
+  if (!ask(kDomainBusSlotNv[1], nv[1]) || !ask(kDomainBusSlotNv[2], nv[2])) return "";
+  static_cast<void>(ask(kDomainBusSlotNv[0], nv[0]));       // Older drivers have domain 0 only.
+  return pci_address(nv[0], nv[1], nv[2] >> 3, nv[2] & 7);  // A slot is device and function.
+}
+
 /// The most work items along x that a group can have on the device, whatever the kernel.
 std::size_t most_items(const cl::Device& device) {
   const auto along = device.getInfo<CL_DEVICE_MAX_WORK_ITEM_SIZES>();
@@ -248,7 +272,8 @@ DeviceInfo describe(const cl::Device& device) {
                                  device.getInfo<CL_DRIVER_VERSION>()),
           .compute_units = static_cast<int>(device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>()),
           .is_cpu = computes_on_host(device),
-          .cache_bytes = cache_bytes(device, computes_on_host(device))};
+          .cache_bytes = cache_bytes(device, computes_on_host(device)),
+          .pci = pci_of(device)};
 }
 
 cl::Device choose_device(const std::vector<cl::Device>& devices, const std::string& wanted) {

@@ -1,0 +1,235 @@
+// NVML: the meter of an NVIDIA board, through the library of its driver. It is opened when meters
+// are looked for: nothing is needed to build with it, and a machine without it has no such meter.
+//
+// Source: NVML API Reference. nvmlDeviceGetTotalEnergyConsumption gives millijoules since the
+// driver was loaded, since Volta, in steps some 20 to 100 ms apart; nvmlDeviceGetPowerUsage
+// milliwatts. Names with a version are those that the library exports, and give the layouts here.
+#include <dlfcn.h>
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <limits>
+#include <type_traits>
+
+#include "characterize/energy/meter.h"
+#include "workloads/base/system/pci.h"
+
+namespace pirt {
+namespace {
+
+using NvmlStatus = int;
+using NvmlBoard = void*;
+constexpr NvmlStatus kNvmlSuccess = 0;
+constexpr NvmlStatus kNvmlNotSupported = 3;
+constexpr NvmlStatus kNvmlInsufficientSize = 7;
+
+struct NvmlPci {
+  std::array<char, 16> legacy_id;
+  unsigned domain, bus, device, device_id, subsystem_id;
+  std::array<char, 32> id;
+};
+struct NvmlProcess {
+  unsigned pid;
+  unsigned long long memory_bytes;
+  unsigned instance, compute_instance;
+};
+
+// Power is only read of boards that count no energy, and those average it over less.
+constexpr Nanos kNvmlPeriod = std::chrono::milliseconds(100);
+constexpr std::int64_t kMicroAMilli = 1000;
+
+/// The library, initialized as long as this lives. Functions that an older driver lacks are null.
+struct Nvml {
+  Nvml() = default;
+  ~Nvml() {
+    if (initialized) shutdown();
+  }
+  Nvml(const Nvml&) = delete;
+  Nvml& operator=(const Nvml&) = delete;
+
+  bool initialized = false;
+  NvmlStatus (*init)() = nullptr;
+  NvmlStatus (*shutdown)() = nullptr;
+  const char* (*text)(NvmlStatus) = nullptr;
+  NvmlStatus (*count)(unsigned*) = nullptr;
+  NvmlStatus (*board)(unsigned, NvmlBoard*) = nullptr;
+  NvmlStatus (*pci)(NvmlBoard, NvmlPci*) = nullptr;
+  NvmlStatus (*energy_mj)(NvmlBoard, unsigned long long*) = nullptr;
+  NvmlStatus (*power_mw)(NvmlBoard, unsigned*) = nullptr;
+  NvmlStatus (*mig)(NvmlBoard, unsigned* now, unsigned* pending) = nullptr;
+  NvmlStatus (*processes)(NvmlBoard, unsigned*, NvmlProcess*) = nullptr;
+};
+
+/// PIRT_NVML names another file, or none.
+std::string nvml_file() {
+  const char* const file = std::getenv("PIRT_NVML");
+  return file == nullptr || *file == '\0' ? "libnvidia-ml.so.1" : file;
+}
+
+/// Null with the reason in @p why. The library stays loaded.
+std::shared_ptr<const Nvml> open_nvml(std::string& why) {
+  const std::string file = nvml_file();
+  if (file == "none") {
+    why = "not asked, PIRT_NVML is none";
+    return nullptr;
+  }
+  void* const library = ::dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (library == nullptr) {
+    why = fmt::format("{}; the driver of an NVIDIA board brings it", ::dlerror());
+    return nullptr;
+  }
+  const auto nvml = std::make_shared<Nvml>();
+  const auto find = [&](const char* name, auto& function) {
+    function =
+        reinterpret_cast<std::remove_reference_t<decltype(function)>>(::dlsym(library, name));
+    return function != nullptr;
+  };
+  const bool complete = find("nvmlInit_v2", nvml->init) && find("nvmlShutdown", nvml->shutdown) &&
+                        find("nvmlErrorString", nvml->text) &&
+                        find("nvmlDeviceGetCount_v2", nvml->count) &&
+                        find("nvmlDeviceGetHandleByIndex_v2", nvml->board) &&
+                        find("nvmlDeviceGetPciInfo_v3", nvml->pci);
+  if (!complete) {
+    why = file + " is too old; update the board's driver";
+    return nullptr;
+  }
+  find("nvmlDeviceGetTotalEnergyConsumption", nvml->energy_mj);
+  find("nvmlDeviceGetPowerUsage", nvml->power_mw);
+  find("nvmlDeviceGetMigMode", nvml->mig);
+  find("nvmlDeviceGetComputeRunningProcesses_v3", nvml->processes);
+  const NvmlStatus status = nvml->init();
+  nvml->initialized = status == kNvmlSuccess;
+  if (nvml->initialized) return nvml;
+  why = fmt::format("{}: {}; nvidia-smi says more", file, nvml->text(status));
+  return nullptr;
+}
+
+/// Processes that compute on the board and are not this program's: neither this process nor the one
+/// that started it. In a container their numbers may be those outside; then one of them is this
+/// process, if it has a device open.
+int others_on(const Nvml& nvml, NvmlBoard board, bool device_open) {
+  if (nvml.processes == nullptr) return 0;
+  std::array<NvmlProcess, 64> list{};
+  auto count = static_cast<unsigned>(list.size());
+  const NvmlStatus status = nvml.processes(board, &count, list.data());
+  if (status == kNvmlInsufficientSize) return static_cast<int>(list.size());
+  if (status != kNvmlSuccess) return 0;
+  const auto is_own = [](const NvmlProcess& each) {
+    const auto pid = static_cast<pid_t>(each.pid);
+    return pid == ::getpid() || pid == ::getppid();
+  };
+  const auto all = static_cast<int>(std::min<std::size_t>(count, list.size()));
+  const auto own = static_cast<int>(std::count_if(list.begin(), list.begin() + all, is_own));
+  return own > 0 ? all - own : std::max(0, all - (device_open ? 1 : 0));
+}
+
+/// Why the board's joules are not those of this program's calls, or "".
+std::string not_ours(const Nvml& nvml, NvmlBoard board, bool device_open) {
+  unsigned mig = 0;
+  unsigned pending = 0;
+  if (nvml.mig != nullptr && nvml.mig(board, &mig, &pending) == kNvmlSuccess && mig != 0) {
+    return "MIG is on, and the board does not tell its instances' joules apart; turn it off with "
+           "nvidia-smi -mig 0";
+  }
+  const int others = others_on(nvml, board, device_open);
+  if (others == 0) return "";
+  return fmt::format("{} other process{} on the board; end {} (nvidia-smi shows them)", others,
+                     others == 1 ? " computes" : "es compute", others == 1 ? "it" : "them");
+}
+
+class NvmlMeter : public Meter {
+ public:
+  NvmlMeter(MeterInfo info, std::shared_ptr<const Nvml> nvml, NvmlBoard board, std::string unusable)
+      : Meter(std::move(info)),
+        nvml_(std::move(nvml)),
+        board_(board),
+        unusable_(std::move(unusable)) {}
+
+  [[nodiscard]] Attribute<std::int64_t> read() const override {
+    if (!unusable_.empty()) return {std::nullopt, unusable_, 0};
+    unsigned long long milli = 0;
+    unsigned power_mw = 0;
+    NvmlStatus status = kNvmlSuccess;
+    if (info().kind == MeterKind::kCounter) {
+      status = nvml_->energy_mj(board_, &milli);
+    } else {
+      status = nvml_->power_mw(board_, &power_mw);
+      milli = power_mw;
+    }
+    if (status != kNvmlSuccess) return {std::nullopt, info().path + ": " + nvml_->text(status), 0};
+    if (milli > std::numeric_limits<std::int64_t>::max() / kMicroAMilli) {
+      return {std::nullopt, fmt::format("{}: {} is no reading", info().path, milli), 0};
+    }
+    return {static_cast<std::int64_t>(milli) * kMicroAMilli, "", 0};
+  }
+
+ private:
+  std::shared_ptr<const Nvml> nvml_;
+  NvmlBoard board_;
+  std::string unusable_;
+};
+
+/// What the driver gives of the board, energy rather than power; absent if neither.
+std::optional<MeterKind> kind_of(const Nvml& nvml, NvmlBoard board) {
+  unsigned long long energy_mj = 0;
+  if (nvml.energy_mj != nullptr && nvml.energy_mj(board, &energy_mj) != kNvmlNotSupported) {
+    return MeterKind::kCounter;
+  }
+  unsigned power_mw = 0;
+  if (nvml.power_mw != nullptr && nvml.power_mw(board, &power_mw) != kNvmlNotSupported) {
+    return MeterKind::kPower;
+  }
+  return std::nullopt;
+}
+
+void add_board(const std::shared_ptr<const Nvml>& nvml, unsigned index, bool device_open,
+               MeterDiscovery& found) {
+  NvmlBoard board = nullptr;
+  NvmlPci pci{};
+  NvmlStatus status = nvml->board(index, &board);
+  if (status == kNvmlSuccess) status = nvml->pci(board, &pci);
+  if (status != kNvmlSuccess) {
+    found.missing.push_back(fmt::format("NVML: board {}: {}", index, nvml->text(status)));
+    return;
+  }
+  MeterInfo info;
+  info.pci = pci_address(pci.domain, pci.bus, pci.device, 0);
+  const auto kind = kind_of(*nvml, board);
+  if (!kind) {
+    found.missing.push_back("NVML: the driver tells neither energy nor power of board " + info.pci);
+    return;
+  }
+  info.name = "nvidia/" + info.pci;
+  info.driver = "nvml";
+  info.kind = *kind;
+  info.domain = MeterDomain::kGpu;
+  info.covers = kCoversGpu;
+  info.steps = *kind == MeterKind::kCounter;
+  if (!info.steps) info.period = kNvmlPeriod;
+  info.path = nvml_file() + " of board " + info.pci;
+  found.meters.push_back(std::make_unique<NvmlMeter>(std::move(info), nvml, board,
+                                                     not_ours(*nvml, board, device_open)));
+}
+
+}  // namespace
+
+void find_nvml(bool device_open, MeterDiscovery& found) {
+  std::string why;
+  const auto nvml = open_nvml(why);
+  unsigned boards = 0;
+  if (nvml != nullptr) {
+    const NvmlStatus status = nvml->count(&boards);
+    if (status != kNvmlSuccess) {
+      why = nvml->text(status);
+    } else if (boards == 0) {
+      why = "the driver has no board";
+    }
+  }
+  if (!why.empty()) found.missing.push_back("NVML: " + why);
+  for (unsigned index = 0; index < boards; ++index) add_board(nvml, index, device_open, found);
+}
+
+}  // namespace pirt
