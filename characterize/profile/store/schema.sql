@@ -29,7 +29,8 @@
 --            exceeded by TEXT  peak only: that workload ran faster, so the peak was measured too low
 --   notes:   input_resized, input_cropped, precision_not_reached (see ci_low_ns, ci_high_ns), contended (and precise all the same),
 --            bimodal (two groups of samples, or of processes), no_kernel_cache,
---            shared_core, sequence of N frames (played; ops and bytes are the mean over them),
+--            shared_core, pinned_outputs (downloaded to memory that the device
+--            writes at once), sequence of N frames (played; ops and bytes are the mean over them),
 --            deterministic (the figure repeats exactly: one sample is all there is, its interval has no width)
 --            live (calls of a live run, `pirt schedule --update-profile`: one process, other calls between them)
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %

@@ -206,17 +206,7 @@ class OpenClDevice final : public Device {
     return support_of(workload, session_.device);
   }
 
-  /// The least that a context can do.
-  [[nodiscard]] bool is_lost() const override {
-    try {
-      const cl::Buffer word(session_.context, CL_MEM_READ_WRITE, sizeof(cl_uint));
-      session_.queue.enqueueFillBuffer(word, cl_uint{0}, 0, sizeof(cl_uint));
-      session_.queue.finish();
-      return false;
-    } catch (const cl::Error&) {
-      return true;
-    }
-  }
+  [[nodiscard]] bool is_lost() const override { return opencl::is_lost(session_); }
 
   [[nodiscard]] std::shared_ptr<TensorMemory> output_memory() const override {
     return session_.pinned;

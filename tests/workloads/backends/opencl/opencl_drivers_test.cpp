@@ -134,6 +134,35 @@ TEST(OpenClLimits, LocalMemoryBoundsTheGroup) {
 
 // -------------------------------------------------------------------------------- other drivers
 
+/// Ends the context by a kernel that writes beyond all memory, then opens the device anew.
+[[noreturn]] void lose_the_context() {
+  const opencl::DeviceSession lost = opencl::open_session(test::unit_request());
+  bool knows = !opencl::is_lost(lost);
+  try {
+    cl::Program wild = opencl::build_program(
+        lost, "wild.cl", "__kernel void wild(__global int* p) { p[(size_t)1 << 44] = 1; }");
+    cl::Kernel kernel(wild, "wild");
+    const cl::Buffer buffer(lost.context, CL_MEM_READ_WRITE, 64);  // kernels hold none
+    kernel.setArg(0, buffer);
+    lost.queue.enqueueNDRangeKernel(kernel, cl::NullRange, cl::NDRange(1));
+    lost.queue.finish();
+  } catch (const cl::Error&) {
+    knows = knows && opencl::is_lost(lost);
+  }
+  const opencl::DeviceSession again = opencl::open_session(test::unit_request());
+  const bool computes =
+      !opencl::is_lost(again) && test::run_and_verify(again, vision::make_gaussian_blur(33, 21)).ok;
+  std::fprintf(stderr, "knows: %d, computes again: %d\n", knows, computes);
+  std::_Exit(knows && computes ? 0 : 1);
+}
+
+TEST(OpenClLostDeathTest, ADeviceWhoseContextIsLostSaysSoAndOpensAnew) {
+  const auto device = test::open_first_device();
+  if (!device || device->info().is_cpu) GTEST_SKIP() << "skipped: no device of its own";
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  EXPECT_EXIT(lose_the_context(), testing::ExitedWithCode(0), "computes again: 1");
+}
+
 TEST(OpenClLaunches, AreUnknownWithoutAClock) {
   if (!test::open_first_device()) GTEST_SKIP() << "skipped: no OpenCL device";
   opencl::DeviceSession session = opencl::open_session(test::unit_request());

@@ -48,6 +48,17 @@ std::string with_includes(std::string_view source) {
 
 }  // namespace
 
+bool is_lost(const DeviceSession& session) {
+  try {
+    const cl::Buffer word(session.context, CL_MEM_READ_WRITE, sizeof(cl_uint));
+    session.queue.enqueueFillBuffer(word, cl_uint{0}, 0, sizeof(cl_uint));
+    session.queue.finish();
+    return false;
+  } catch (const cl::Error&) {
+    return true;
+  }
+}
+
 cl::Program build_program(const DeviceSession& session, std::string_view name,
                           std::string_view source, const std::string& definitions) {
   // -w: PoCL would print "12 warnings generated." to stderr, all of them about the ABI of wide

@@ -43,6 +43,9 @@ struct DeviceSession {
   }
 };
 
+/// Whether its context does nothing any more, not even the least.
+[[nodiscard]] bool is_lost(const DeviceSession& session);
+
 /// Builds OpenCL C 1.2 source, once a session, with the parameters of the session's tuning that it
 /// has as definitions (definitions_of), and the embedded .cl files that it includes.
 /// @param name  Of the source: "dnn.cl".

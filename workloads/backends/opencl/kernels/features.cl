@@ -114,6 +114,7 @@ __kernel void order_candidates(__global const uint* restrict state,
   int place = me;
   if (count <= MOST_ORDERED) {
     place = 0;
+#pragma unroll 8
     for (int i = 0; i < count; ++i) place += candidates[i] > mine;
   }
   ordered[place] = mine;

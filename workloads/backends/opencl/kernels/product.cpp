@@ -67,11 +67,12 @@ void append_product(PlanBuilder& builder, const Product& product, const DeviceTe
   const int pieces = blocks(terms, piece);
   const int rows = blocks(product.channels, tile.channels) * tile.channels;
   const auto in_a_row = static_cast<int>(blocks_of(columns, tile.columns) * tile.columns);
-  const Source source(
-      "product.cl",
-      fmt::format(" -DTILE_CHANNELS={} -DTILE_COLUMNS={} -DTILE_TERMS={} "
-                  "-DITEM_CHANNELS={} -DITEM_COLUMNS={}",
-                  tile.channels, tile.columns, tile.terms, tile.item_channels, tile.item_columns));
+  const bool fuses = (session.device.getInfo<CL_DEVICE_SINGLE_FP_CONFIG>() & CL_FP_FMA) != 0;
+  const Source source("product.cl",
+                      fmt::format(" -DTILE_CHANNELS={} -DTILE_COLUMNS={} -DTILE_TERMS={} "
+                                  "-DITEM_CHANNELS={} -DITEM_COLUMNS={}{}",
+                                  tile.channels, tile.columns, tile.terms, tile.item_channels,
+                                  tile.item_columns, fuses ? " -DFUSED" : ""));
   const auto interleaved = interleave_channels(product.weights, product.channels, tile.channels);
   const auto weights = builder.constant(std::as_bytes(std::span(interleaved)));
   const auto bias = builder.constant(std::as_bytes(product.bias));

@@ -74,7 +74,7 @@ std::span<const ParameterInfo> parameter_table() {
        .meaning = "neighbouring pixels of a work item of undistort, a vector's width or 1",
        .kernels = {"undistort"},
        .cpu = {16, kUndistortCpu},
-       .gpu = {1, kUndistortGpu},
+       .gpu = {4, kUndistortGpu},
        .definition = "UNDISTORT_PIXELS",
        .sources = {"undistort.cl"}},
       {.parameter = Parameter::kFeaturePixels,
