@@ -64,8 +64,10 @@ rm -f "$out/profile.db"
 echo "pirt: measures robot workloads on every processing unit of this machine, and schedules a robot's tasks with what it finds."
 step packages "packages: what is missing of Debian's" install_packages "${PIRT_PACKAGES[@]}"
 step build "build: some 5 minutes on two cores the first time" build_pirt build -DPIRT_TESTS=OFF
-step characterize "characterize: every workload on every unit of this machine, some 2 minutes" \
-  build/pirt characterize --quick --db "$out/profile.db" "${images[@]}"
+platform=host
+if build/pirt list platforms | grep '^host-gpu  *yes ' >/dev/null; then platform=host-gpu; fi
+step characterize "characterize: every workload on every unit of this machine (platform $platform), some 2 minutes" \
+  build/pirt characterize --quick --platform "$platform" --db "$out/profile.db" "${images[@]}"
 step schedule "schedule: a robot's tasks (mix full-robot), 60 s of virtual time in each of four modes" schedule
 step report "report: as text, and as a page to look at" report
 echo

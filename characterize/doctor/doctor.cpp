@@ -179,9 +179,9 @@ Finding look_at_load(const std::vector<int>& cores, const DoctorSnapshot& before
 std::vector<Finding> diagnose(const DoctorInput& input) {
   using namespace doctor;
   constexpr std::array kChecks = {
-      build,        units,        cores,    siblings,        load,         steal,
-      jitter,       quota,        governor, frequency_limit, turbo,        heat,
-      power_supply, clock_source, memory,   swapping,        energy_meter, disk};
+      build,        units,  gpus,     cores,           siblings, load, steal,
+      jitter,       quota,  governor, frequency_limit, turbo,    heat, power_supply,
+      clock_source, memory, swapping, energy_meter,    disk};
   std::vector<Finding> findings;
   for (const auto& check : kChecks) {
     for (Finding& finding : check(input)) findings.push_back(std::move(finding));

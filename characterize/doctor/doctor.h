@@ -14,9 +14,11 @@
 #include <vector>
 
 #include "characterize/doctor/jitter.h"
+#include "characterize/energy/nvml.h"
 #include "characterize/machine/environment.h"
 #include "characterize/machine/host_load.h"
 #include "characterize/platform/platform.h"
+#include "workloads/model/backend.h"
 
 namespace pirt {
 
@@ -68,6 +70,8 @@ struct DoctorInput {
   std::optional<Jitter> jitter;                 ///< Between the two; absent if nothing computed.
   Environment build;                            ///< build_environment().
   std::optional<std::vector<UnitProbe>> units;  ///< Absent if they were not probed.
+  std::optional<std::vector<DeviceInfo>> devices;  ///< Of OpenCL; absent for a recorded machine.
+  std::optional<NvmlFacts> nvml;                   ///< Likewise.
   std::vector<DiskSpace> disks;
   /// Whether a file may be read by this user.
   std::function<bool(const std::filesystem::path&)> readable;

@@ -28,6 +28,9 @@ using Findings = std::vector<Finding>;
 [[nodiscard]] Findings memory(const DoctorInput& input);
 [[nodiscard]] Findings swapping(const DoctorInput& input);
 
+// doctor_gpu.cpp: graphics cards.
+[[nodiscard]] Findings gpus(const DoctorInput& input);
+
 // doctor.cpp: pirt itself.
 [[nodiscard]] Findings build(const DoctorInput& input);
 [[nodiscard]] Findings units(const DoctorInput& input);

@@ -1,9 +1,12 @@
-// NVML: the meter of an NVIDIA board, through the library of its driver. It is opened when meters
-// are looked for: nothing is needed to build with it, and a machine without it has no such meter.
+// NVML: the meter of an NVIDIA board, and what else its driver tells of it, through the library of
+// its driver. It is opened when meters are looked for: nothing is needed to build with it, and a
+// machine without it has no such meter.
 //
 // Source: NVML API Reference. nvmlDeviceGetTotalEnergyConsumption gives millijoules since the
 // driver was loaded, since Volta, in steps some 20 to 100 ms apart; nvmlDeviceGetPowerUsage
 // milliwatts. Names with a version are those that the library exports, and give the layouts here.
+#include "characterize/energy/nvml.h"
+
 #include <dlfcn.h>
 #include <fmt/core.h>
 #include <unistd.h>
@@ -30,6 +33,9 @@ struct NvmlPci {
   std::array<char, 16> legacy_id;
   unsigned domain, bus, device, device_id, subsystem_id;
   std::array<char, 32> id;
+};
+struct NvmlMemory {
+  unsigned long long total_bytes, free_bytes, used_bytes;
 };
 struct NvmlProcess {
   unsigned pid;
@@ -61,6 +67,12 @@ struct Nvml {
   NvmlStatus (*power_mw)(NvmlBoard, unsigned*) = nullptr;
   NvmlStatus (*mig)(NvmlBoard, unsigned* now, unsigned* pending) = nullptr;
   NvmlStatus (*processes)(NvmlBoard, unsigned*, NvmlProcess*) = nullptr;
+  NvmlStatus (*memory)(NvmlBoard, NvmlMemory*) = nullptr;
+  NvmlStatus (*ecc)(NvmlBoard, unsigned* now, unsigned* pending) = nullptr;
+  using Number = NvmlStatus (*)(NvmlBoard, unsigned*);
+  Number limit_mw = nullptr, default_limit_mw = nullptr;
+  Number link_generation = nullptr, most_generation = nullptr;
+  Number link_width = nullptr, most_width = nullptr;
 };
 
 /// PIRT_NVML names another file, or none.
@@ -100,6 +112,14 @@ std::shared_ptr<const Nvml> open_nvml(std::string& why) {
   find("nvmlDeviceGetPowerUsage", nvml->power_mw);
   find("nvmlDeviceGetMigMode", nvml->mig);
   find("nvmlDeviceGetComputeRunningProcesses_v3", nvml->processes);
+  find("nvmlDeviceGetMemoryInfo", nvml->memory);
+  find("nvmlDeviceGetEccMode", nvml->ecc);
+  find("nvmlDeviceGetEnforcedPowerLimit", nvml->limit_mw);
+  find("nvmlDeviceGetPowerManagementDefaultLimit", nvml->default_limit_mw);
+  find("nvmlDeviceGetCurrPcieLinkGeneration", nvml->link_generation);
+  find("nvmlDeviceGetMaxPcieLinkGeneration", nvml->most_generation);
+  find("nvmlDeviceGetCurrPcieLinkWidth", nvml->link_width);
+  find("nvmlDeviceGetMaxPcieLinkWidth", nvml->most_width);
   const NvmlStatus status = nvml->init();
   nvml->initialized = status == kNvmlSuccess;
   if (nvml->initialized) return nvml;
@@ -126,11 +146,15 @@ int others_on(const Nvml& nvml, NvmlBoard board, bool device_open) {
   return own > 0 ? all - own : std::max(0, all - (device_open ? 1 : 0));
 }
 
-/// Why the board's joules are not those of this program's calls, or "".
-std::string not_ours(const Nvml& nvml, NvmlBoard board, bool device_open) {
+bool mig_is_on(const Nvml& nvml, NvmlBoard board) {
   unsigned mig = 0;
   unsigned pending = 0;
-  if (nvml.mig != nullptr && nvml.mig(board, &mig, &pending) == kNvmlSuccess && mig != 0) {
+  return nvml.mig != nullptr && nvml.mig(board, &mig, &pending) == kNvmlSuccess && mig != 0;
+}
+
+/// Why the board's joules are not those of this program's calls, or "".
+std::string not_ours(const Nvml& nvml, NvmlBoard board, bool device_open) {
+  if (mig_is_on(nvml, board)) {
     return "MIG is on, and the board does not tell its instances' joules apart; turn it off with "
            "nvidia-smi -mig 0";
   }
@@ -185,18 +209,24 @@ std::optional<MeterKind> kind_of(const Nvml& nvml, NvmlBoard board) {
   return std::nullopt;
 }
 
+/// Null with the reason in @p why.
+NvmlBoard board_at(const Nvml& nvml, unsigned index, std::string& pci, std::string& why) {
+  NvmlBoard board = nullptr;
+  NvmlPci place{};
+  NvmlStatus status = nvml.board(index, &board);
+  if (status == kNvmlSuccess) status = nvml.pci(board, &place);
+  pci = pci_address(place.domain, place.bus, place.device, 0);
+  if (status == kNvmlSuccess) return board;
+  why = fmt::format("board {}: {}", index, nvml.text(status));
+  return nullptr;
+}
+
 void add_board(const std::shared_ptr<const Nvml>& nvml, unsigned index, bool device_open,
                MeterDiscovery& found) {
-  NvmlBoard board = nullptr;
-  NvmlPci pci{};
-  NvmlStatus status = nvml->board(index, &board);
-  if (status == kNvmlSuccess) status = nvml->pci(board, &pci);
-  if (status != kNvmlSuccess) {
-    found.missing.push_back(fmt::format("NVML: board {}: {}", index, nvml->text(status)));
-    return;
-  }
   MeterInfo info;
-  info.pci = pci_address(pci.domain, pci.bus, pci.device, 0);
+  std::string why;
+  const NvmlBoard board = board_at(*nvml, index, info.pci, why);
+  if (board == nullptr) return found.missing.push_back("NVML: " + why);
   const auto kind = kind_of(*nvml, board);
   if (!kind) {
     found.missing.push_back("NVML: the driver tells neither energy nor power of board " + info.pci);
@@ -214,20 +244,67 @@ void add_board(const std::shared_ptr<const Nvml>& nvml, unsigned index, bool dev
                                                      not_ours(*nvml, board, device_open)));
 }
 
+/// None with the reason in @p why.
+unsigned count_boards(const Nvml* nvml, std::string& why) {
+  if (nvml == nullptr) return 0;
+  unsigned boards = 0;
+  const NvmlStatus status = nvml->count(&boards);
+  if (status == kNvmlSuccess && boards > 0) return boards;
+  why = status == kNvmlSuccess ? "the driver has no board" : nvml->text(status);
+  return 0;
+}
+
+std::optional<unsigned> number_of_board(Nvml::Number ask, NvmlBoard board) {
+  unsigned value = 0;
+  if (ask == nullptr || ask(board, &value) != kNvmlSuccess) return std::nullopt;
+  return value;
+}
+
+NvmlBoardFacts facts_of(const Nvml& nvml, NvmlBoard board) {
+  NvmlBoardFacts facts;
+  NvmlMemory memory{};
+  if (nvml.memory != nullptr && nvml.memory(board, &memory) == kNvmlSuccess) {
+    facts.memory_gb = static_cast<double>(memory.total_bytes) / 1e9;
+    facts.free_gb = static_cast<double>(memory.free_bytes) / 1e9;
+  }
+  const auto watts = [&](Nvml::Number ask) -> std::optional<double> {
+    const auto milli = number_of_board(ask, board);
+    return milli ? std::optional(*milli / 1e3) : std::nullopt;
+  };
+  facts.limit_w = watts(nvml.limit_mw);
+  facts.default_limit_w = watts(nvml.default_limit_mw);
+  unsigned ecc = 0;
+  unsigned pending = 0;
+  if (nvml.ecc != nullptr && nvml.ecc(board, &ecc, &pending) == kNvmlSuccess) facts.ecc = ecc != 0;
+  facts.mig = mig_is_on(nvml, board);
+  facts.others = others_on(nvml, board, false);
+  facts.link_generation = number_of_board(nvml.link_generation, board);
+  facts.most_generation = number_of_board(nvml.most_generation, board);
+  facts.link_width = number_of_board(nvml.link_width, board);
+  facts.most_width = number_of_board(nvml.most_width, board);
+  return facts;
+}
+
 }  // namespace
+
+NvmlFacts read_nvml() {
+  NvmlFacts facts;
+  const auto nvml = open_nvml(facts.missing);
+  const unsigned boards = count_boards(nvml.get(), facts.missing);
+  for (unsigned index = 0; index < boards; ++index) {
+    std::string pci;
+    const NvmlBoard board = board_at(*nvml, index, pci, facts.missing);
+    if (board == nullptr) continue;
+    facts.boards.push_back(facts_of(*nvml, board));
+    facts.boards.back().pci = pci;
+  }
+  return facts;
+}
 
 void find_nvml(bool device_open, MeterDiscovery& found) {
   std::string why;
   const auto nvml = open_nvml(why);
-  unsigned boards = 0;
-  if (nvml != nullptr) {
-    const NvmlStatus status = nvml->count(&boards);
-    if (status != kNvmlSuccess) {
-      why = nvml->text(status);
-    } else if (boards == 0) {
-      why = "the driver has no board";
-    }
-  }
+  const unsigned boards = count_boards(nvml.get(), why);
   if (!why.empty()) found.missing.push_back("NVML: " + why);
   for (unsigned index = 0; index < boards; ++index) add_board(nvml, index, device_open, found);
 }

@@ -86,7 +86,7 @@ struct UnitModel {
   std::vector<int>
       cores;  ///< Host cores that it owns; resolved to numbers when the platform is read.
   bool shares_cores = false;  ///< Another unit owns one of them too (one-core machines).
-  std::string device;         ///< Which device of the backend; empty = the first.
+  std::string device;         ///< Which device of the backend, as choose_device() takes it.
   std::string script;  ///< Fake backend: its script, as YAML text; of others, their settings.
   std::map<std::string, double> options;  ///< Of the backend, those that the file gives.
   std::optional<Contexts> contexts;       ///< With one server and one slot; absent = holds all.
@@ -149,7 +149,8 @@ inline constexpr std::string_view kOfItsDevice = " of its device, only of the ho
 /// @throws Error{kBadInput} with file:line; unknown shipped names come with the nearest ones.
 [[nodiscard]] Platform load_platform(const std::string& name,
                                      const std::vector<YamlOverride>& overrides = {});
-/// @param host_cores  Number of cores that "first_half", "second_half" and "all" are taken of.
+/// @param host_cores  Number of cores that "all", the halves, "all_but_two" and "last_two" are
+/// taken of.
 [[nodiscard]] Platform parse_platform(const std::string& file, const std::string& text,
                                       const std::vector<YamlOverride>& overrides, int host_cores);
 

@@ -87,11 +87,14 @@ std::vector<int> read_cores(const YamlNode& node, const std::vector<int>& usable
     if (cores.empty()) node.fail("must name at least one core");
     return cores;
   }
-  const std::string which = one_of(node, {"first_half", "second_half", "all"});
-  // An odd core goes to the first half; a single one to both.
-  const auto middle = usable.begin() + static_cast<std::ptrdiff_t>((usable.size() + 1) / 2);
+  const std::string which =
+      one_of(node, {"first_half", "second_half", "all_but_two", "last_two", "all"});
   if (which == "all" || usable.size() < 2) return usable;
-  if (which == "first_half") return {usable.begin(), middle};
+  // An odd core goes to the first part; a single one to both. Of fewer than four, two are too many.
+  const auto half = std::ssize(usable) / 2;
+  const auto last = which.ends_with("_half") ? half : std::min<std::ptrdiff_t>(2, half);
+  const auto middle = usable.end() - last;
+  if (which == "first_half" || which == "all_but_two") return {usable.begin(), middle};
   return {middle, usable.end()};
 }
 

@@ -7,8 +7,8 @@
 
 namespace pirt {
 
-/// @param usable  The machine's cores that "first_half", "second_half" and "all" are taken of; at
-/// least one.
+/// @param usable  The machine's cores that "all", the halves, "all_but_two" and "last_two" are
+/// taken of; at least one.
 /// @throws Error{kBadInput} with file:line.
 [[nodiscard]] Platform read_platform(const YamlNode& document, const std::vector<int>& usable);
 

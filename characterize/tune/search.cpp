@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
+#include <optional>
 #include <span>
 #include <utility>
 
@@ -18,6 +20,71 @@ using opencl::Tuning;
 
 /// The user stopped it; caught in search_tuning().
 struct Stopped {};
+/// The time is over; likewise.
+struct TimeUp {};
+
+TuneSample measure_once(const TuneSearch& search, const TuneStep& step, const Tuning& tuning,
+                        const std::string& workload, const std::string& what) {
+  if (search.time_up()) throw TimeUp{};
+  const auto& parameter = *step.parameter;
+  search.progress(step, fmt::format("{}={}, {}, {}", parameter.name, tuning[parameter.parameter],
+                                    workload, what));
+  auto sample = search.measure(tuning, workload);
+  if (!sample) throw Stopped{};
+  return *std::move(sample);
+}
+
+/// What a step may gain, by what the search starts with and the candidates at both ends.
+class FirstLook {
+ public:
+  explicit FirstLook(const TuneSearch& search) : search_(search) {}
+
+  /// Log of the start's time over the best candidate's; 0 where none is faster.
+  [[nodiscard]] double gain(const TuneStep& step) {
+    const auto parameter = step.parameter->parameter;
+    const auto candidates = step.parameter->range(search_.start.is_cpu()).candidates;
+    double best = 0;
+    for (const int value : {candidates.front(), candidates.back()}) {
+      Tuning tuning = search_.start;
+      tuning.set(parameter, value);
+      if (tuning == search_.start) continue;
+      const auto theirs = seconds_of_start(step);
+      if (!theirs) return 0;
+      if (const auto ours = seconds(step, tuning)) best = std::max(best, std::log(*theirs / *ours));
+    }
+    return best;
+  }
+
+ private:
+  [[nodiscard]] std::optional<double> seconds(const TuneStep& step, const Tuning& tuning) {
+    const auto sample = measure_once(search_, step, tuning, step.workloads.front(), "first look");
+    if (sample.status != TuneSample::Status::kGood) return std::nullopt;
+    return to_s(sample.time);
+  }
+
+  [[nodiscard]] std::optional<double> seconds_of_start(const TuneStep& step) {
+    const auto known = start_.find(step.workloads.front());
+    if (known != start_.end()) return known->second;
+    return start_[step.workloads.front()] = seconds(step, search_.start);
+  }
+
+  const TuneSearch& search_;
+  std::map<std::string, std::optional<double>> start_;  ///< By workload.
+};
+
+std::vector<const TuneStep*> in_order(const TuneSearch& search) {
+  std::vector<const TuneStep*> order;
+  for (const TuneStep& step : search.steps) order.push_back(&step);
+  if (order.size() < 2) return order;
+  FirstLook look(search);
+  std::map<const TuneStep*, double> gains;
+  for (const TuneStep* step : order) {
+    gains[step] = step->parameter->kernels.empty() ? -1 : look.gain(*step);
+  }
+  std::ranges::stable_sort(order, std::ranges::greater{},
+                           [&](const TuneStep* step) { return gains.at(step); });
+  return order;
+}
 
 /// One parameter's search.
 class StepSearch {
@@ -74,19 +141,16 @@ class StepSearch {
   }
 
   void measure(int value, const std::string& workload, const std::string& what) {
-    search_.progress(step_,
-                     fmt::format("{}={}, {}, {}", step_.parameter->name, value, workload, what));
     Tuning tuning = base_;
     tuning.set(step_.parameter->parameter, value);
-    const auto sample = search_.measure(tuning, workload);
-    if (!sample) throw Stopped{};
-    if (sample->status == TuneSample::Status::kGood) {
-      times_[value][workload].push_back(std::log(to_s(sample->time)));
+    const TuneSample sample = measure_once(search_, step_, tuning, workload, what);
+    if (sample.status == TuneSample::Status::kGood) {
+      times_[value][workload].push_back(std::log(to_s(sample.time)));
     } else if (value == finding_.standard) {
-      leave_out(workload, sample->reason);
+      leave_out(workload, sample.reason);
     } else {
       finding_.rejected.push_back(
-          {value, sample->status == TuneSample::Status::kWrong, workload + ": " + sample->reason});
+          {value, sample.status == TuneSample::Status::kWrong, workload + ": " + sample.reason});
       std::erase(race_, value);
     }
   }
@@ -179,8 +243,8 @@ class StepSearch {
 /// Steps to take, each with how often it was taken.
 class Agenda {
  public:
-  explicit Agenda(const std::vector<TuneStep>& steps) {
-    for (const TuneStep& step : steps) entries_.push_back({&step});
+  explicit Agenda(const std::vector<const TuneStep*>& steps) {
+    for (const TuneStep* step : steps) entries_.push_back({step});
   }
 
   /// Null when all is done.
@@ -224,11 +288,9 @@ void keep(TuneFinding finding, std::vector<TuneFinding>& findings) {
 TuneOutcome search_tuning(const TuneSearch& search) {
   TuneOutcome outcome{.tuning = search.start, .findings = {}, .not_reached = {}};
   Random random(search.seed);
-  Agenda agenda(search.steps);
   try {
-    while (!search.time_up()) {
-      const TuneStep* step = agenda.next();
-      if (step == nullptr) break;
+    Agenda agenda(in_order(search));
+    while (const TuneStep* step = agenda.next()) {
       TuneFinding finding = StepSearch(search, outcome.tuning, *step, random).run();
       const auto parameter = step->parameter->parameter;
       const bool changed = outcome.tuning[parameter] != finding.best;
@@ -240,6 +302,7 @@ TuneOutcome search_tuning(const TuneSearch& search) {
     }
   } catch (const Stopped&) {
     outcome.stopped = true;
+  } catch (const TimeUp&) {
   }
   for (const TuneStep& step : search.steps) {
     const auto& found = outcome.findings;

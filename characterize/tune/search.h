@@ -5,6 +5,11 @@
 // that changed afterwards. Candidates are measured in rounds, each with a process for every
 // candidate still in the race, in a random order. The fastest is then held against the default in
 // fresh rounds, since the best of several measurements looks better than it is.
+//
+// What gains most at a first look (the candidates at both ends of a range, once each, by one
+// workload) comes first, so that a search that is short of time spends it there; what is of all
+// kernels takes longest, gains little and comes last. A parameter that was begun and not decided
+// when the time was over counts as not reached.
 #pragma once
 
 #include <functional>
@@ -90,7 +95,7 @@ struct TuneFinding {
 struct TuneOutcome {
   opencl::Tuning tuning;
   std::vector<TuneFinding> findings;     ///< One a parameter that was examined, in order.
-  std::vector<std::string> not_reached;  ///< Parameters that there was no time for.
+  std::vector<std::string> not_reached;  ///< Parameters that there was no time to decide.
   bool stopped = false;                  ///< By the user; findings are those that were complete.
 };
 
@@ -100,7 +105,7 @@ struct TuneSearch {
   TuneMeasure measure;
   TuneRules rules = {};
   std::uint64_t seed = 1;  ///< Of the order in which candidates are measured.
-  std::function<bool()> time_up = [] { return false; };  ///< Then no further parameter is begun.
+  std::function<bool()> time_up = [] { return false; };  ///< Then nothing more is measured.
   /// Told before each process.
   std::function<void(const TuneStep& step, const std::string& what)> progress =
       [](const TuneStep&, const std::string&) {};

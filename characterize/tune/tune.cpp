@@ -85,7 +85,6 @@ std::vector<const Workload*> tunable_workloads(const std::string& filter) {
   return workloads;
 }
 
-/// The steps of a unit, those that concern most kernels first.
 void add_steps(const std::vector<const Workload*>& workloads, TuneUnit& unit) {
   for (const ParameterInfo& info : opencl::parameter_table()) {
     if (info.range(unit.device.is_cpu).candidates.size() < 2) continue;
@@ -106,8 +105,6 @@ void add_steps(const std::vector<const Workload*>& workloads, TuneUnit& unit) {
     }
     if (!step.workloads.empty()) unit.steps.push_back(std::move(step));
   }
-  std::ranges::stable_sort(
-      unit.steps, {}, [](const TuneStep& step) { return step.parameter->kernels.empty() ? 0 : 1; });
 }
 
 /// Measures candidates of one unit in worker processes.
@@ -238,7 +235,7 @@ TunePlan plan_tuning(const TuneOptions& options) {
 }
 
 std::int64_t expected_processes(const TuneUnit& unit, const TuneRules& rules) {
-  std::size_t processes = 0;
+  std::size_t processes = unit.steps.size() < 2 ? 0 : 3 * unit.steps.size();  // the first look
   for (const TuneStep& step : unit.steps) {
     processes += step.parameter->range(unit.device.is_cpu).candidates.size() *
                  step.workloads.size() * static_cast<std::size_t>(rules.rounds);

@@ -20,7 +20,7 @@ struct TuneOptions {
   Platform platform;
   std::vector<std::string> units;  ///< Empty = all with backend opencl.
   std::string filter;              ///< Of the workloads that parameters are judged by; empty = all.
-  Nanos max_time = std::chrono::minutes(15);  ///< After that no parameter is begun.
+  Nanos max_time = std::chrono::minutes(15);  ///< After that nothing more is measured.
   std::uint64_t seed = 1;                     ///< Of inputs, weights and the order of measuring.
   std::filesystem::path output;               ///< The file of tuned parameters; need not exist.
   std::filesystem::path program = "/proc/self/exe";  ///< Started as `PROGRAM worker`.
@@ -54,12 +54,12 @@ struct TunedUnit {
 /// named is not available, or none is.
 [[nodiscard]] TunePlan plan_tuning(const TuneOptions& options);
 
-/// Processes that a plan takes at most, confirmations and second looks excluded.
+/// Processes that a plan takes at most, confirmations and what is looked at again excluded.
 [[nodiscard]] std::int64_t expected_processes(const TuneUnit& unit, const TuneRules& rules);
 
 /// Searches one unit's parameters. Reads and writes nothing of the user's.
 /// @param progress  "conv_pixels=8, conv2, round 1"
-/// @param time_up   Whether to begin no further parameter.
+/// @param time_up   Whether to measure nothing more.
 [[nodiscard]] TunedUnit tune_unit(const TuneOptions& options, const TuneUnit& unit,
                                   const std::function<void(const std::string&)>& progress,
                                   const std::function<bool()>& time_up);

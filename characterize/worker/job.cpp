@@ -114,7 +114,8 @@ Json encode(const DeviceInfo& device) {
           {"cache_bytes", device.cache_bytes ? Json(*device.cache_bytes) : Json()},
           {"tuning", device.tuning},
           {"remark", device.remark},
-          {"pci", device.pci}};
+          {"pci", device.pci},
+          {"own_memory", device.own_memory}};
 }
 
 DeviceInfo decode_device(const Json& j) {
@@ -123,7 +124,8 @@ DeviceInfo decode_device(const Json& j) {
   if (!j.at("cache_bytes").is_null()) device.cache_bytes = j.at("cache_bytes").get<std::int64_t>();
   device.tuning = j.value("tuning", "");  // Records of interrupted runs of before have none,
   device.remark = j.value("remark", "");  // of this neither,
-  device.pci = j.value("pci", "");        // and of this.
+  device.pci = j.value("pci", "");        // nor these.
+  device.own_memory = j.value("own_memory", false);
   return device;
 }
 

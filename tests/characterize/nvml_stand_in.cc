@@ -92,6 +92,40 @@ int nvmlDeviceGetPowerUsage(void*, unsigned* power_mw) {
   *power_mw = static_cast<unsigned>(std::lround(power_w() * 1e3));
   return static_cast<int>(number("power_status", 0));
 }
+int nvmlDeviceGetEnforcedPowerLimit(void*, unsigned* limit_mw) {
+  *limit_mw = static_cast<unsigned>(std::lround(number("limit_w", 700) * 1e3));
+  return 0;
+}
+int nvmlDeviceGetPowerManagementDefaultLimit(void*, unsigned* limit_mw) {
+  *limit_mw = 700'000;
+  return 0;
+}
+int nvmlDeviceGetMemoryInfo(void*, unsigned long long* total_free_used) {
+  total_free_used[0] = 80'000'000'000;
+  total_free_used[1] = 79'000'000'000;
+  total_free_used[2] = 1'000'000'000;
+  return 0;
+}
+int nvmlDeviceGetEccMode(void*, unsigned* now, unsigned* pending) {
+  *now = *pending = static_cast<unsigned>(number("ecc", 1));
+  return static_cast<int>(number("ecc_status", 0));
+}
+int nvmlDeviceGetCurrPcieLinkGeneration(void*, unsigned* generation) {
+  *generation = 3;
+  return 0;
+}
+int nvmlDeviceGetMaxPcieLinkGeneration(void*, unsigned* generation) {
+  *generation = 5;
+  return 0;
+}
+int nvmlDeviceGetCurrPcieLinkWidth(void*, unsigned* lanes) {
+  *lanes = static_cast<unsigned>(number("lanes", 16));
+  return 0;
+}
+int nvmlDeviceGetMaxPcieLinkWidth(void*, unsigned* lanes) {
+  *lanes = 16;
+  return 0;
+}
 int nvmlDeviceGetMigMode(void*, unsigned* now, unsigned* pending) {
   *now = *pending = static_cast<unsigned>(number("mig", 0));
   return 0;

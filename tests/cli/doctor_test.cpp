@@ -53,6 +53,7 @@ TEST(Doctor, LooksAtThisMachine) {
   EXPECT_EQ(outcome.exit_code, report["verdict"] == "spoils" ? 1 : 0) << outcome.err;
   EXPECT_NE(finding(report, "jitter")["found"], "a recorded machine: nothing is computed");
   EXPECT_NE(finding(report, "load")["level"], "unknown");
+  EXPECT_THAT(report.dump(), HasSubstr("\"gpu")) << "cards, or that there are none";
 }
 
 TEST(Doctor, ExitsWith4WhereNoUnitCanBeMeasured) {

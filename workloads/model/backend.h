@@ -44,7 +44,8 @@ struct DeviceInfo {
   std::string tuning = {};
   /// Where an open device is not what its unit asks for, in one line; empty = it is.
   std::string remark = {};
-  std::string pci = {};  ///< "0000:01:00.0"; empty where its driver does not say it.
+  std::string pci = {};     ///< "0000:01:00.0"; empty where its driver does not say it.
+  bool own_memory = false;  ///< It computes in memory of its own, not in the host's: a GPU's card.
 };
 
 struct Probe {
@@ -75,7 +76,7 @@ struct UnitRequest {
   std::string unit;        ///< The platform's name of the unit, for messages.
   std::vector<int> cores;  ///< Host cores that the unit owns; empty = all. Applied as the calling
                            ///< thread's affinity.
-  std::string device;      ///< Part of a device's name or platform to pick by; empty = the first.
+  std::string device;      ///< Which of the backend's devices, as choose_device() takes it.
   std::string script;      ///< Backend-specific: the fake backend's script (YAML text).
   std::map<std::string, double> options = {};  ///< Of options_of; others have their default.
 

@@ -15,6 +15,7 @@
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "reports/tools/doctor_report.h"
+#include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 
@@ -55,6 +56,9 @@ DoctorInput this_machine(const DoctorFlags& options) {
   // Steal is counted of cores that want to compute only: so they do.
   input.jitter = measure_jitter(input.cores, Nanos(std::llround(options.seconds * 1e9)));
   input.after = read_doctor_snapshot(input.cores);
+  // Last, since drivers start threads of their own; that of a board may open it besides.
+  input.nvml = read_nvml();
+  input.devices = find_backend("opencl").probe().devices;
   return input;
 }
 

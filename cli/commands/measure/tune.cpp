@@ -158,7 +158,7 @@ void add_tune(CLI::App& app, Action& action) {
   add_filter(command, options->filter,
              "only parameters of workloads whose names contain it, judged by those");
   add_value(command, "--max-time", &options->max_time, "DURATION", no_duration,
-            "Time after which no parameter is begun")
+            "Time after which nothing more is measured; what gains most comes first")
       .shows_default();
   add_seed(command, options->seed, "Seed of inputs, weights and the order of measuring");
   command.add_flag("--dry-run", options->dry_run,

@@ -21,6 +21,7 @@
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/model/device_choice.h"
 
 namespace pirt::cli {
 namespace {
@@ -171,7 +172,12 @@ Listing list_backends() {
     std::vector<std::string> phases;
     for (const Phase phase : backend->phases()) phases.emplace_back(to_string(phase));
     std::vector<std::string> devices;
-    for (const auto& device : probe.devices) devices.push_back(device.name);
+    std::vector<std::string> shown;
+    const bool several = probe.devices.size() > 1;  // of which a platform file chooses one
+    for (std::size_t i = 0; i < probe.devices.size(); ++i) {
+      devices.push_back(probe.devices[i].name);
+      shown.push_back(several ? numbered(probe.devices, i) : devices.back());
+    }
     std::size_t supported = catalog().size();
     Json reasons = Json::array();
     for (const Unsupported& group : missing) {
@@ -184,7 +190,7 @@ Listing list_backends() {
     if (!probe.available) {
       table.footnotes.push_back(fmt::format("{}: {}", backend->name(), probe.reason));
     } else if (!devices.empty()) {
-      table.footnotes.push_back(fmt::format("{}: {}", backend->name(), join(devices, "; ")));
+      table.footnotes.push_back(fmt::format("{}: {}", backend->name(), join(shown, "; ")));
     }
     Json options = Json::array();
     for (const OptionSpec& option : options_of(backend->name())) {
@@ -228,20 +234,19 @@ std::string core_list(const std::vector<int>& cores) {
 std::string unit_status(UnitModel& unit, bool& available) {
   available = true;
   if (!unit.measured()) return "modelled by the platform file";
-  const auto probe = find_backend(unit.backend).probe();
+  const auto probe = probe_of(find_backend(unit.backend));
   available = probe.available;
   if (!probe.available) return "unavailable: " + probe.reason;
-  for (const auto& device : probe.devices) {
-    if (unit.device.empty() || device.name.find(unit.device) != std::string::npos ||
-        device.platform.find(unit.device) != std::string::npos) {
-      unit = on_device(std::move(unit), device.is_cpu);
-      return device.name +
-             (device.is_cpu && unit.role != Role::kCpu ? " (computes on the host's cores)" : "");
-    }
+  if (probe.devices.empty()) return std::string(find_backend(unit.backend).description());
+  try {
+    const DeviceInfo& device = probe.devices[choose_device(probe.devices, unit.device).index];
+    unit = on_device(std::move(unit), device.is_cpu);
+    return device.name +
+           (device.is_cpu && unit.role != Role::kCpu ? " (computes on the host's cores)" : "");
+  } catch (const Error& error) {
+    available = false;
+    return std::string("unavailable: ") + error.what();
   }
-  available = probe.devices.empty();
-  return available ? std::string(find_backend(unit.backend).description())
-                   : "unavailable: no device named like '" + unit.device + "'";
 }
 
 Listing list_units(const std::string& platform_name) {
@@ -258,10 +263,9 @@ Listing list_units(const std::string& platform_name) {
   if (!platform.assumptions.empty()) table.footnotes.push_back(platform.assumptions);
   Json rows = Json::array();
   for (UnitModel unit : platform.units) {
-    const bool stated = platform.states_power(unit);
     bool available = true;
     const auto status = unit_status(unit, available);
-    const bool known = !stated || platform.states_power(unit);
+    const bool known = !unit.measured() || platform.states_power(unit);
     const auto watts = [known](double power_w) { return known ? fmt::format("{}", power_w) : "-"; };
     table.rows.push_back(
         {unit.name, std::string(to_string(unit.role)), unit.measured() ? unit.backend : "-",
@@ -322,6 +326,34 @@ Listing list_named(const std::string& what, const std::vector<std::string>& name
   return {{.title = "pirt " + what, .parts = {table}}, {{what, rows}}};
 }
 
+/// Those that need a device which is not here say so.
+Listing list_platforms() {
+  Table table{
+      .title = "platforms",
+      .columns = {
+          {"name", Align::kLeft}, {"available", Align::kLeft}, {"description", Align::kLeft}}};
+  Json rows = Json::array();
+  for (const std::string& name : shipped_platforms()) {
+    const Platform platform = load_platform(name);
+    std::string reason;
+    for (UnitModel unit : platform.units) {
+      bool available = true;
+      if (unit.device.empty()) continue;
+      const std::string status = unit_status(unit, available);
+      if (!available) reason = fmt::format("{}: {}", unit.name, status);
+    }
+    table.rows.push_back({name, reason.empty() ? "yes" : "no", platform.description});
+    Json row = {
+        {"name", name}, {"description", platform.description}, {"available", reason.empty()}};
+    if (!reason.empty()) {
+      table.footnotes.push_back(fmt::format("{}, {}", name, reason));
+      row["reason"] = reason;
+    }
+    rows.push_back(std::move(row));
+  }
+  return {{.title = "pirt platforms", .parts = {table}}, {{"platforms", rows}}};
+}
+
 Listing list_modes() {
   std::vector<std::string> names;
   for (const auto& policy : policies()) names.emplace_back(policy.name);
@@ -344,10 +376,7 @@ Listing list(const ListFlags& options) {
   if (options.what == "units") return list_units(options.platform.value_or("host"));
   if (options.what == "modes") return list_modes();
   if (options.what == "meters") return list_meters();
-  if (options.what == "platforms") {
-    return list_named("platforms", shipped_platforms(),
-                      [](const std::string& name) { return load_platform(name).description; });
-  }
+  if (options.what == "platforms") return list_platforms();
   if (options.what == "mixes") {
     return list_named("mixes", shipped_mixes(),
                       [](const std::string& name) { return load_mix(name).description; });

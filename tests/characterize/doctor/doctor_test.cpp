@@ -2,10 +2,15 @@
 // machine.
 #include "characterize/doctor/doctor.h"
 
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdlib>
+
 #include "tests/characterize/support.h"
+#include "tests/support/paths.h"
 #include "tests/support/recorded_machines.h"
 
 namespace pirt {
@@ -62,6 +67,24 @@ Finding finding_of(const DoctorInput& input, const std::string& check) {
   }
   ADD_FAILURE() << "no check " << check;
   return {};
+}
+
+/// As the machine's OpenCL has them: the host's cores, and a card.
+std::vector<DeviceInfo> with_card(const std::string& name = "NVIDIA H100") {
+  DeviceInfo card{.name = name, .platform = "a platform", .version = "OpenCL 3.0, driver 535"};
+  card.pci = "0000:01:00.0";
+  card.own_memory = true;
+  return {card, {.name = "cpu-EPYC", .platform = "PoCL", .version = "1", .is_cpu = true}};
+}
+
+/// What read_nvml() finds with the library that stands in for the driver's.
+NvmlFacts nvml_facts(const std::string& script) {
+  ::setenv("PIRT_NVML", test::kNvmlStandIn, 1);
+  ::setenv("NVML_STAND_IN", script.c_str(), 1);
+  NvmlFacts facts = read_nvml();
+  ::setenv("PIRT_NVML", "none", 1);
+  ::unsetenv("NVML_STAND_IN");
+  return facts;
 }
 
 class Doctor : public testing::Test {
@@ -134,6 +157,94 @@ TEST_F(Doctor, LooksForEveryMeter) {
   input.readable = [](const auto&) { return false; };
   EXPECT_EQ(finding_of(input, "energy_meter").level, Level::kNote);
   EXPECT_THAT(finding_of(input, "energy_meter").found, HasSubstr("VDD_IN"));
+}
+
+TEST_F(Doctor, SaysWhatAGpuIs) {
+  auto input = input_of(test::healthy_board(folder.path()));
+  EXPECT_THAT(checks_at(diagnose(input), Level::kGood), testing::Not(testing::Contains("gpu")));
+  input.devices = {with_card().back()};
+  EXPECT_EQ(finding_of(input, "gpu").found, "none with memory of its own");
+  input.devices = with_card();
+  input.nvml = nvml_facts("boards=01,41");
+  EXPECT_EQ(finding_of(input, "gpu 0").found,
+            "NVIDIA H100 (OpenCL 3.0, driver 535), 0000:01:00.0, PCIe 3.0 x16 (at most 5.0 x16), "
+            "80.0 GB, 79.0 GB free, at most 700 W, ECC on");
+  EXPECT_EQ(verdict(diagnose(input)), Level::kGood);
+  input.nvml = nvml_facts("boards=01 ecc_status=3");
+  EXPECT_THAT(finding_of(input, "gpu 0").found, testing::Not(HasSubstr("ECC")));
+  input.nvml = nvml_facts("boards=41");
+  EXPECT_EQ(finding_of(input, "gpu 0").found,
+            "NVIDIA H100 (OpenCL 3.0, driver 535), 0000:01:00.0, link not known");
+}
+
+TEST_F(Doctor, ReadsAnyBoardsLinkFromTheKernel) {
+  auto machine = test::healthy_board(folder.path());
+  const std::string board = "sys/bus/pci/devices/0000:01:00.0/";
+  machine.put(board + "current_link_speed", "2.5 GT/s PCIe\n");
+  machine.put(board + "current_link_width", "8\n");
+  auto input = input_of(machine);
+  input.devices = with_card("gfx1100");
+  EXPECT_THAT(finding_of(input, "gpu 0").found, testing::EndsWith("PCIe 1.0 x8"));
+  machine.put(board + "max_link_speed", "16.0 GT/s PCIe\n");
+  machine.put(board + "max_link_width", "16\n");
+  EXPECT_THAT(finding_of(input, "gpu 0").found, testing::EndsWith("(at most 4.0 x16)"));
+  const auto findings = diagnose(input);
+  EXPECT_THAT(checks_at(findings, Level::kNote), ElementsAre("gpu 0")) << "half of its lanes";
+  machine.put(board + "current_link_width", "16\n");
+  EXPECT_THAT(checks_at(diagnose(input), Level::kNote), IsEmpty()) << "slow at rest, as all are";
+}
+
+TEST_F(Doctor, FindsWhatSpoilsAGpu) {
+  auto input = input_of(test::healthy_board(folder.path()));
+  input.devices = with_card();
+  const auto found = [&](const std::string& script) {
+    input.nvml = nvml_facts(script);
+    const auto findings = diagnose(input);
+    const auto problem = std::ranges::find_if(
+        findings, [](const Finding& each) { return each.level >= Level::kNote; });
+    if (problem == findings.end()) return std::string("nothing");
+    return fmt::format("{}: {}; {}", to_string(problem->level), problem->found, problem->remedy);
+  };
+  EXPECT_EQ(found("pids=1,2"),
+            "spoils: 2 other processes compute on it; end them; see: nvidia-smi");
+  EXPECT_EQ(found("mig=1"), "note: MIG is on; sudo nvidia-smi -i 0000:01:00.0 -mig 0");
+  EXPECT_EQ(found("limit_w=300"),
+            "note: at most 300 W, 700 W by default; sudo nvidia-smi -i 0000:01:00.0 -pl 700");
+  EXPECT_EQ(found("lanes=8"),
+            "note: x8 of x16 lanes; another slot; see: sudo lspci -vvs 0000:01:00.0");
+  EXPECT_EQ(found("limit_w=699"), "nothing");
+}
+
+TEST_F(Doctor, FindsABoardOfNvidiasThatOpenClDoesNotReach) {
+  for (const std::string& trace :
+       {std::string("sys/bus/pci/devices/0000:01:00.0/vendor"), std::string("dev/nvidia0"),
+        std::string("proc/driver/nvidia/version")}) {
+    const TemporaryFolder root;
+    auto machine = test::healthy_board(root.path());
+    machine.put("sys/bus/pci/devices/0000:01:00.0/class", "0x030200\n");
+    machine.put(trace, "0x10de\n");
+    auto input = input_of(machine);
+    EXPECT_THAT(finding_of(input, "gpu").found, HasSubstr("recorded machine")) << trace;
+    input.devices = {with_card().back()};
+    input.nvml = nvml_facts("");
+    EXPECT_THAT(finding_of(input, "gpu driver").remedy,
+                HasSubstr("echo libnvidia-opencl.so.1 > /etc/OpenCL/vendors/nvidia.icd"));
+    machine.put("etc/OpenCL/vendors/nvidia.icd", "libnvidia-opencl.so.1\n");
+    EXPECT_THAT(finding_of(input, "gpu driver").remedy,
+                HasSubstr("NVIDIA_DRIVER_CAPABILITIES=compute,utility"));
+    input.devices = with_card();
+    EXPECT_THAT(checks_at(diagnose(input), Level::kNote), IsEmpty());
+    input.nvml = NvmlFacts{.boards = {}, .missing = "libnvidia-ml.so.1: not found"};
+    EXPECT_EQ(finding_of(input, "gpu driver").found, "NVML: libnvidia-ml.so.1: not found");
+    EXPECT_EQ(verdict(diagnose(input)), Level::kGood) << "what is measured is right";
+  }
+  // A sound card of the same maker is no board.
+  auto machine = test::healthy_board(folder.path());
+  machine.put("sys/bus/pci/devices/0000:01:00.1/class", "0x040300\n");
+  machine.put("sys/bus/pci/devices/0000:01:00.1/vendor", "0x10de\n");
+  auto input = input_of(machine);
+  input.devices.emplace();
+  EXPECT_EQ(finding_of(input, "gpu").level, Level::kGood);
 }
 
 TEST_F(Doctor, OnlyTheCoresInUseCount) {

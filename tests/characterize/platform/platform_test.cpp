@@ -287,6 +287,25 @@ TEST(PlatformCores, AreHalvedWithTheOddOneInTheFirstHalf) {
   EXPECT_THAT(three.unit("second").cores, ElementsAre(2));
 }
 
+TEST(PlatformCores, OfAGpuAreTwoOrHalfOfFewerThanFour) {
+  const auto cores_of = [](const std::string& unit, int cores) {
+    return parse(
+               "platform: p\nunits:\n  cpu: {backend: cpu, cores: all_but_two}\n"
+               "  gpu: {backend: cpu, cores: last_two}\n",
+               cores)
+        .unit(unit)
+        .cores;
+  };
+  EXPECT_THAT(cores_of("cpu", 6), ElementsAre(0, 1, 2, 3));
+  EXPECT_THAT(cores_of("gpu", 6), ElementsAre(4, 5));
+  EXPECT_THAT(cores_of("cpu", 4), ElementsAre(0, 1));
+  EXPECT_THAT(cores_of("cpu", 3), ElementsAre(0, 1));
+  EXPECT_THAT(cores_of("gpu", 3), ElementsAre(2));
+  EXPECT_THAT(cores_of("cpu", 2), ElementsAre(0));
+  EXPECT_THAT(cores_of("gpu", 2), ElementsAre(1));
+  EXPECT_THAT(cores_of("gpu", 1), ElementsAre(0));
+}
+
 TEST(PlatformCores, AreSharedAndMarkedWhereThereIsOne) {
   const auto one = parse(kHalves, 1);
   for (const char* unit : {"first", "second"}) {
@@ -366,9 +385,10 @@ TEST(PlatformOverrides, WithAMisspeltMapAreRefused) {
 }
 
 TEST(ShippedPlatforms, AllLoadUnderTheirNames) {
-  EXPECT_THAT(shipped_platforms(), ElementsAre("de1-soc", "fake", "host", "host-cloud", "host-cpu",
-                                               "host-opencl", "jetson-tx1", "snapdragon820",
-                                               "snapdragon820-counted", "snapdragon820-section5"));
+  EXPECT_THAT(shipped_platforms(),
+              ElementsAre("de1-soc", "fake", "host", "host-cloud", "host-cpu", "host-gpu",
+                          "host-opencl", "jetson-tx1", "snapdragon820", "snapdragon820-counted",
+                          "snapdragon820-section5"));
   for (const auto& name : shipped_platforms()) {
     const auto platform = load_platform(name);
     EXPECT_EQ(platform.name, name);
@@ -405,6 +425,16 @@ TEST(ShippedPlatforms, HostMeasuresTwoUnitsAndPublishesTheCloud) {
   EXPECT_EQ(alexnet.stages.at("cloud")[0].time.low, from_ms(2000));
   EXPECT_EQ(alexnet.stages.at("cloud")[0].time.high, from_ms(5000));
   EXPECT_THAT(host.assumptions, HasSubstr("--set cpu.active_w=15"));
+}
+
+TEST(ShippedPlatforms, HostGpuComputesOnADeviceWithMemoryOfItsOwn) {
+  const auto host = load_platform("host-gpu");
+  const UnitModel& gpu = host.unit("gpu");
+  EXPECT_EQ(gpu.role, Role::kGpu);
+  EXPECT_EQ(gpu.device, "own_memory");
+  EXPECT_THAT(host.neighbours(gpu), IsEmpty()) << "it shares no memory";
+  EXPECT_FALSE(host.states_power(gpu)) << "the meter's, or none";
+  EXPECT_FALSE(host.unit("cloud").measured());
 }
 
 TEST(ShippedPlatforms, UnknownNamesComeWithTheNearest) {

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <set>
@@ -180,7 +181,8 @@ TEST(TuneSearch, LooksAgainAtWhatSharesAKernelWithWhatChanged) {
   auto search =
       search_of({Parameter::kConvPixels, Parameter::kConvChannels, Parameter::kFcRows}, time);
   std::vector<std::string_view> order;
-  search.progress = [&](const TuneStep& step, const std::string&) {
+  search.progress = [&](const TuneStep& step, const std::string& what) {
+    if (what.ends_with("first look")) return;
     if (order.empty() || order.back() != step.parameter->name)
       order.push_back(step.parameter->name);
   };
@@ -198,17 +200,61 @@ TEST(TuneSearch, KeepsWhatIsStoredOfOtherParametersAndGoesBackToADefaultThatIsBe
   EXPECT_EQ(search_tuning(search).tuning.describe(), "conv_pixels=2");
 }
 
-TEST(TuneSearch, BeginsNothingAfterItsTimeAndSaysWhat) {
-  int measured = 0;
-  auto search = search_of({Parameter::kFcRows, Parameter::kConvPixels}, [&](auto&, auto&) {
-    ++measured;
-    return taking(10);
-  });
-  search.time_up = [&] { return measured > 0; };
+TEST(TuneSearch, MeasuresNothingAfterItsTimeAndSaysWhatItDidNotReach) {
+  // First look: the start once, fc_rows 1 (8 is its default), conv_pixels 13 (0 is its default): 3.
+  // Then fc_rows in 3 rounds of 4 candidates: 15 in all; conv_pixels in 3 of 7: 36.
+  for (const auto& [limit, reached] :
+       {std::pair{0, 0}, {1, 0}, {3, 0}, {14, 0}, {15, 1}, {35, 1}, {36, 2}, {100, 2}}) {
+    int measured = 0;
+    auto search = search_of({Parameter::kFcRows, Parameter::kConvPixels}, [&](auto&, auto&) {
+      ++measured;
+      return taking(10);
+    });
+    search.time_up = [&measured, limit = limit] { return measured >= limit; };
+    const auto outcome = search_tuning(search);
+    EXPECT_EQ(measured, std::min(limit, 36));
+    EXPECT_THAT(outcome.findings, SizeIs(static_cast<std::size_t>(reached))) << limit;
+    EXPECT_THAT(outcome.not_reached, SizeIs(static_cast<std::size_t>(2 - reached))) << limit;
+    EXPECT_FALSE(outcome.stopped);
+    EXPECT_EQ(outcome.tuning, Tuning(true));
+  }
+}
+
+TEST(TuneSearch, KeepsWhatWasDecidedBeforeItsTimeAndNothingThatWasNot) {
+  // fc_rows=1 is twice as fast; its time ends in its confirming rounds, or with the last of them.
+  for (const int left_out : {1, 0}) {
+    int measured = 0;
+    auto search = search_of({Parameter::kFcRows}, [&](const Tuning& t, auto&) {
+      ++measured;
+      return taking(t[Parameter::kFcRows] == 1 ? 5 : 10);
+    });
+    // Of 1, 2, 4 and 8 rows, after a round 1 and the default are left: 4 + 2 + 2, then 8 * 2.
+    search.time_up = [&] { return measured >= 24 - left_out; };
+    EXPECT_EQ(search_tuning(search).tuning.describe(), left_out == 0 ? "fc_rows=1" : "default");
+  }
+}
+
+TEST(TuneSearch, BeginsWithWhatGainsMostAtAFirstLook) {
+  // flow_run_y 1.87x at one end of its range, sobel_strip_rows 1.2x at the other, blur none; what
+  // is of all kernels comes last, whatever it gains.
+  const auto time = [](const Tuning& t, auto&) {
+    return taking(100 / (t[Parameter::kFlowRunY] == 256 ? 1.87 : 1) /
+                  (t[Parameter::kSobelStripRows] == 8 ? 1.2 : 1) /
+                  (t[Parameter::kLocalX] == 32 ? 3 : 1));
+  };
+  auto search = search_of({Parameter::kLocalX, Parameter::kBlurStripRows,
+                           Parameter::kSobelStripRows, Parameter::kFlowRunY},
+                          time);
+  std::vector<std::string_view> order;
+  search.progress = [&](const TuneStep& step, const std::string& what) {
+    if (what.ends_with("first look")) return;
+    if (order.empty() || order.back() != step.parameter->name) {
+      order.push_back(step.parameter->name);
+    }
+  };
   const auto outcome = search_tuning(search);
-  EXPECT_THAT(outcome.findings, SizeIs(1));
-  EXPECT_THAT(outcome.not_reached, ElementsAre("conv_pixels"));
-  EXPECT_FALSE(outcome.stopped);
+  EXPECT_THAT(order, ElementsAre("flow_run_y", "sobel_strip_rows", "blur_strip_rows", "local_x"));
+  EXPECT_EQ(outcome.tuning.describe(), "local_x=32, sobel_strip_rows=8, flow_run_y=256");
 }
 
 TEST(TuneSearch, StoppedByTheUserKeepsWhatWasComplete) {

@@ -47,7 +47,6 @@ TEST_F(TuneOpenCl, PlansEachParameterOfTheChosenWorkloads) {
   ASSERT_THAT(plan.units, SizeIs(1));
   const TuneUnit& unit = plan.units[0];
   EXPECT_THAT(unit.steps, SizeIs(opencl::kParameters));
-  EXPECT_EQ(unit.steps[0].parameter->parameter, Parameter::kLocalX) << "it concerns all kernels";
   for (const TuneStep& step : unit.steps) EXPECT_THAT(step.workloads, testing::Not(IsEmpty()));
   EXPECT_THAT(unit.remarks, IsEmpty());
   EXPECT_EQ(unit.start, opencl::Tuning(unit.device.is_cpu));

@@ -48,8 +48,7 @@ class OpenClBackend final : public Backend {
     static_cast<void>(opencl::load_tuning());
     if (workload.variant != "map") return supports(workload);
     try {
-      return opencl::support_of(workload,
-                                opencl::choose_device(opencl::all_devices(), request.device));
+      return opencl::support_of(workload, opencl::find_device(request.device).device);
     } catch (const std::exception& error) {
       return {.ok = false, .reason = error.what()};
     }

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <optional>
 
 #include "workloads/backends/opencl/device/kernel_cache.h"
@@ -17,15 +16,10 @@
 #include "workloads/base/system/affinity.h"
 #include "workloads/base/system/pci.h"
 #include "workloads/base/text/text.h"
+#include "workloads/model/device_choice.h"
 
 namespace pirt::opencl {
 namespace {
-
-std::string lower(std::string text) {
-  std::ranges::transform(text, text.begin(),
-                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
 
 bool computes_on_host(const cl::Device& device) {
   return (device.getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_CPU) != 0;
@@ -137,7 +131,8 @@ void restrict_to_cores(DeviceSession& session, const UnitRequest& request) {
     return;
   }
   if (request.cores.size() >= static_cast<std::size_t>(::sysconf(_SC_NPROCESSORS_ONLN))) return;
-  session.remark = fmt::format(
+  if (!session.remark.empty()) session.remark += "; ";
+  session.remark += fmt::format(
       "its driver does not divide \"{}\": it has all {} compute units of it instead of {}, and may "
       "use the cores of other units as well; leave `cores:` out of the platform file",
       session.device.getInfo<CL_DEVICE_NAME>(), units.available, units.count);
@@ -263,31 +258,27 @@ DeviceInfo describe(const cl::Device& device) {
           .compute_units = static_cast<int>(device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>()),
           .is_cpu = computes_on_host(device),
           .cache_bytes = cache_bytes(device, computes_on_host(device)),
-          .pci = pci_of(device)};
+          .pci = pci_of(device),
+          .own_memory = !computes_on_host(device) &&
+                        device.getInfo<CL_DEVICE_HOST_UNIFIED_MEMORY>() == CL_FALSE};
 }
 
-cl::Device choose_device(const std::vector<cl::Device>& devices, const std::string& wanted) {
-  if (devices.empty()) {
-    throw_environment("opencl: " + why_no_device());
-  }
-  std::vector<std::string> names;
-  for (const cl::Device& device : devices) {
-    const DeviceInfo info = describe(device);
-    if (lower(info.name).find(lower(wanted)) != std::string::npos ||
-        lower(info.platform).find(lower(wanted)) != std::string::npos) {
-      return device;
-    }
-    names.push_back(fmt::format("\"{}\" ({})", info.name, info.platform));
-  }
-  throw_environment(
-      fmt::format("opencl: no device matches \"{}\"; there are: {}", wanted, join(names, ", ")));
+ChosenDevice find_device(const std::string& wanted) {
+  const std::vector<cl::Device> devices = all_devices();
+  if (devices.empty()) throw_environment("opencl: " + why_no_device());
+  std::vector<DeviceInfo> infos;
+  for (const cl::Device& device : devices) infos.push_back(describe(device));
+  DeviceChoice choice = choose_device(infos, wanted);
+  return {devices[choice.index], std::move(choice.remark)};
 }
 
 DeviceSession open_session(const UnitRequest& request) {
   bind_to_cores(request.cores, request.unit);
   return translated(fmt::format("opening unit {}", request.unit), [&] {
     DeviceSession session;
-    session.device = choose_device(all_devices(), request.device);
+    ChosenDevice chosen = find_device(request.device);
+    session.device = std::move(chosen.device);
+    session.remark = std::move(chosen.remark);
     session.is_cpu = computes_on_host(session.device);
     session.lanes = static_cast<int>(session.device.getInfo<CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT>());
     session.tuning = tuning_for(describe(session.device));

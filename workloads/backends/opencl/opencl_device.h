@@ -17,10 +17,14 @@ namespace pirt::opencl {
 
 [[nodiscard]] DeviceInfo describe(const cl::Device& device);
 
-/// @param wanted  Part of a device's or platform's name, in any case; empty = the first.
+struct ChosenDevice {
+  cl::Device device;
+  std::string remark;
+};
+
+/// Of all devices, as pirt::choose_device() does.
 /// @throws Error{kEnvironment} naming the devices that there are, or how to get one.
-[[nodiscard]] cl::Device choose_device(const std::vector<cl::Device>& devices,
-                                       const std::string& wanted);
+[[nodiscard]] ChosenDevice find_device(const std::string& wanted);
 
 /// Opens a unit: pins the calling thread to the unit's cores and, on a device that computes on the
 /// host's cores, the driver's worker threads as well, on a sub-device with as many compute units as

@@ -88,6 +88,26 @@ TEST(OpenClDevice, IsChosenByPartOfItsPlatformsNameInAnyCase) {
   EXPECT_EQ(device->info().platform, probe.devices.back().platform);
 }
 
+TEST(OpenClDevice, IsChosenByItsNumberAmongThoseOfTheProbe) {
+  const auto backend = make_opencl_backend();
+  const Probe probe = backend->probe();
+  if (!probe.available) GTEST_SKIP() << "skipped: " << probe.reason;
+  const auto last = probe.devices.size() - 1;
+  const auto device = backend->open(test::unit_request("opencl", {}, std::to_string(last)));
+  EXPECT_EQ(device->info().name, probe.devices[last].name);
+  const std::string message = environment_error(
+      [&] { static_cast<void>(backend->open(test::unit_request("opencl", {}, "99"))); });
+  EXPECT_THAT(message, HasSubstr("no device has number 99"));
+}
+
+TEST(OpenClDevice, OnTheHostsCoresHasNoMemoryOfItsOwn) {
+  const Probe probe = make_opencl_backend()->probe();
+  if (!probe.available) GTEST_SKIP() << "skipped: " << probe.reason;
+  for (const DeviceInfo& info : probe.devices) {
+    if (info.is_cpu) EXPECT_FALSE(info.own_memory) << info.name;
+  }
+}
+
 TEST(OpenClDevice, ThatNobodyHasIsAnErrorThatNamesThoseThereAre) {
   const auto backend = make_opencl_backend();
   const Probe probe = backend->probe();

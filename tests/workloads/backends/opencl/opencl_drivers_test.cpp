@@ -221,9 +221,34 @@ TEST(OpenClDriversDeathTest, ADeviceThatCannotBeDividedIsUsedAsAWhole) {
   EXPECT_EXIT(exit_if_an_undivided_device_opens(), testing::ExitedWithCode(0), "");
 }
 
+/// Ends the process: 0 if the host's cores are there by Mesa's driver and another, the first is
+/// taken with a remark, and a number chooses the other.
+[[noreturn]] void exit_if_two_drivers_are_told_apart() {
+  try {
+    const auto devices = make_opencl_backend()->probe().devices;
+    if (devices.size() != 2 || !devices[0].is_cpu || !devices[1].is_cpu) std::exit(0);
+    const auto open = [](const std::string& device) {
+      return make_opencl_backend()->open(test::unit_request("opencl", {}, device))->info();
+    };
+    if (open("").remark.find("1: \"" + devices[1].name) == std::string::npos) std::exit(1);
+    std::exit(open("1").name == devices[1].name && open("1").remark.empty() ? 0 : 2);
+  } catch (const Error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    std::exit(3);
+  }
+}
+
+TEST(OpenClDriversDeathTest, TwoDriversOfTheHostsCoresAreToldApart) {
+  if (!has_platform("rusticl")) GTEST_SKIP() << "skipped: no rusticl (mesa-opencl-icd)";
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const Environment mesa({{"RUSTICL_ENABLE", "llvmpipe"}});
+  EXPECT_EXIT(exit_if_two_drivers_are_told_apart(), testing::ExitedWithCode(0), "");
+}
+
 TEST(OpenClDevice, OnAllCoresHasNoRemark) {
-  const auto device = test::open_first_device();
-  if (!device) GTEST_SKIP() << "skipped: no OpenCL device";
+  if (!test::open_first_device()) GTEST_SKIP() << "skipped: no OpenCL device";
+  const std::string named = test::tested_device().empty() ? "0" : test::tested_device();
+  const auto device = make_opencl_backend()->open(test::unit_request("opencl", {}, named));
   EXPECT_THAT(device->info().remark, IsEmpty());
 }
 

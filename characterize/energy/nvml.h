@@ -1,0 +1,29 @@
+// What NVML says of NVIDIA's boards besides their energy, for whoever judges a machine.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace pirt {
+
+/// Absent is what the board or its driver does not tell.
+struct NvmlBoardFacts {
+  std::string pci;  ///< As pci_address has it.
+  std::optional<double> memory_gb, free_gb;
+  std::optional<double> limit_w, default_limit_w;
+  std::optional<bool> ecc;
+  bool mig = false;
+  int others = 0;  ///< Processes with a context on it that are not this program's.
+  std::optional<unsigned> link_generation, most_generation;  ///< Of PCIe: now, and at most.
+  std::optional<unsigned> link_width, most_width;            ///< Lanes.
+};
+
+struct NvmlFacts {
+  std::vector<NvmlBoardFacts> boards;
+  std::string missing;  ///< Why there are none.
+};
+
+[[nodiscard]] NvmlFacts read_nvml();
+
+}  // namespace pirt

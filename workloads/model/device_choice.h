@@ -1,0 +1,31 @@
+// Which of a backend's devices a platform file means by `device:`.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "workloads/model/backend.h"
+
+namespace pirt {
+
+/// `device:` of the first device with memory of its own.
+inline constexpr std::string_view kOwnMemory = "own_memory";
+
+struct DeviceChoice {
+  std::size_t index = 0;
+  std::string remark;  ///< By which other driver the device is there too; empty = by none.
+};
+
+/// @param devices  At least one.
+/// @param wanted   Empty = the first; kOwnMemory; a number of one or two digits = the place in
+/// @p devices, from 0; a PCI id ("0000:01:00.0", "01:00.0"); or part of one device's name or
+/// platform, in any case.
+/// @throws Error{kEnvironment} naming the devices, where none or several are meant.
+[[nodiscard]] DeviceChoice choose_device(std::span<const DeviceInfo> devices,
+                                         const std::string& wanted);
+
+/// `1: "NVIDIA H100" (NVIDIA CUDA, 0000:01:00.0)`
+[[nodiscard]] std::string numbered(std::span<const DeviceInfo> devices, std::size_t index);
+
+}  // namespace pirt
