@@ -259,8 +259,7 @@ DeviceInfo describe(const cl::Device& device) {
           .is_cpu = computes_on_host(device),
           .cache_bytes = cache_bytes(device, computes_on_host(device)),
           .pci = pci_of(device),
-          .own_memory = !computes_on_host(device) &&
-                        device.getInfo<CL_DEVICE_HOST_UNIFIED_MEMORY>() == CL_FALSE};
+          .own_memory = !computes_on_host(device) && !shares_memory(device)};
 }
 
 ChosenDevice find_device(const std::string& wanted) {
