@@ -7,6 +7,12 @@
 namespace pirt {
 /// A unit that cannot run one workload may well run others.
 void Runtime::Engine::count_returns(const Submitted& task) {
+  if (task.call_end.lost && units_[task.unit].in_service) {
+    add_problem("unit " + options_.platform.units[task.unit].name +
+                " is out of service: its device is lost");
+    lose(task.unit);
+    return;
+  }
   const auto workload = static_cast<WorkloadId>(task.workload_index);
   const int returns = live_units_.count_returns(task.unit, workload, task.call_end);
   Known& known = workloads_[task.workload_index];

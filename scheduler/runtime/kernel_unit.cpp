@@ -341,6 +341,9 @@ KernelUnit::Prepared* KernelUnit::find(Lane& lane, const Workload& workload) {
 
 KernelUnit::Prepared& KernelUnit::prepare(Lane& lane, const Preparation& preparation) {
   const Workload& workload = *preparation.workload;
+  if (!preparation.function && device_ == nullptr) {
+    device_ = setup_.backend->open(setup_.request);  // It was lost.
+  }
   std::erase_if(lane.kernels, [&](const auto& held) {
     return held->workload == &workload || !go_together(*held->workload, workload);
   });
@@ -400,9 +403,9 @@ bool KernelUnit::execute(Lane& lane, Call& call, CallEnd& end) {
   } catch (const Error& error) {
     // The device could not; another may.
     const bool environment = error.code() == ErrorCode::kEnvironment;
-    const bool lost = environment && device_ != nullptr && device_->is_lost();
-    ended(environment ? Outcome::kReturned : Outcome::kFailed,
-          error.what() + (lost ? open_again(lane) : ""));
+    ended(environment ? Outcome::kReturned : Outcome::kFailed, error.what());
+    const bool lost = setup_.backend != nullptr && (device_ == nullptr || device_->is_lost());
+    if (environment && lost) open_again(lane, end);
   } catch (const std::exception& error) {
     ended(Outcome::kFailed, error.what());
   } catch (...) {
@@ -413,14 +416,15 @@ bool KernelUnit::execute(Lane& lane, Call& call, CallEnd& end) {
 
 /// The device is lost: other workloads are not to fail for the one that ended it. That one counts
 /// as given back, and is not asked for any more once it is so too often.
-/// @return  What came of it.
-std::string KernelUnit::open_again(Lane& lane) {
+void KernelUnit::open_again(Lane& lane, CallEnd& end) {
   lane.kernels.clear();
+  device_.reset();  // First: a driver may have one context a process.
   try {
     device_ = setup_.backend->open(setup_.request);
-    return "; its device was lost, and is opened again";
+    end.problem += "; its device was lost, and is opened again";
   } catch (const Error& error) {
-    return std::string("; its device is lost: ") + error.what();
+    end.lost = true;
+    end.problem += std::string("; its device is lost: ") + error.what();
   }
 }
 

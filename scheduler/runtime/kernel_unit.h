@@ -201,7 +201,7 @@ class KernelUnit {
   bool run_let_in(Lane& lane);
   bool run_call(Lane& lane, Call& call, CallEnd& end);
   bool execute(Lane& lane, Call& call, CallEnd& end);
-  std::string open_again(Lane& lane);
+  void open_again(Lane& lane, CallEnd& end);
   std::uint64_t compute(Lane& lane, Prepared& prepared, Call& call, CallTimes& times);
 
   UnitSetup setup_;

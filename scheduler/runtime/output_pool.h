@@ -23,7 +23,7 @@ class OutputPool {
   /// @param memory  Device::output_memory of the unit that writes them, which lives as long as
   /// this. They come back when the last to hold what is returned lets go of it, but for those of
   /// which somebody shares a tensor: these are his.
-  [[nodiscard]] Outputs take(const Workload& workload, TensorMemory* memory) {
+  [[nodiscard]] Outputs take(const Workload& workload, TensorMemory* memory = nullptr) {
     const Key key{&workload, memory};
     std::unique_ptr<std::vector<Tensor>> outputs = free_->take(key);
     if (outputs == nullptr) {

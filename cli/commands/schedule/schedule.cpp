@@ -209,14 +209,19 @@ int show_pareto(const ScheduleFlags& options) {
 }
 
 /// The phases of calls, each with its times.
+/// @param launch  Of the profile, whose row stays where nobody asked the device: a part of what the
+/// calls took to execute.
 std::map<Phase, std::vector<Nanos>> samples_of(const std::vector<CallTimes>& calls,
-                                               const std::vector<Phase>& phases) {
+                                               const std::vector<Phase>& phases, Nanos launch) {
   std::map<Phase, std::vector<Nanos>> samples;
   const bool stamped =
       std::ranges::all_of(calls, [](const CallTimes& call) { return call.launch.has_value(); });
   for (const Phase phase : phases) {
     if (is_setup(phase) || (phase == Phase::kLaunch && !stamped)) continue;
-    for (const CallTimes& call : calls) samples[phase].push_back(call.of(phase));
+    const Nanos other = phase == Phase::kExecute && !stamped ? launch : Nanos(0);
+    for (const CallTimes& call : calls) {
+      samples[phase].push_back(std::max(Nanos(0), call.of(phase) - other));
+    }
   }
   return samples;
 }
@@ -235,13 +240,16 @@ std::vector<LiveRow> rows_to_update(const RunRecord& record, const LiveCalls& ca
     if (unit == calls.units.end() || series == calls.series.end()) continue;
     const PhaseRow& row = *profile.find(series->workload, series->unit, Phase::kCall);
     const EnergyRow* energy = profile.find_energy(series->workload, series->unit);
+    const PhaseRow* launch = profile.find(series->workload, series->unit, Phase::kLaunch);
     const bool metered = energy != nullptr && energy->provenance == Provenance::kMeasured;
-    rows.push_back({.workload = series->workload,
-                    .unit = series->unit,
-                    .ops = row.ops,
-                    .bytes = row.bytes,
-                    .metered = metered,
-                    .samples = samples_of(series->calls, find_backend(row.backend).phases())});
+    rows.push_back(
+        {.workload = series->workload,
+         .unit = series->unit,
+         .ops = row.ops,
+         .bytes = row.bytes,
+         .metered = metered,
+         .samples = samples_of(series->calls, find_backend(row.backend).phases(),
+                               launch != nullptr ? launch->median.value_or(Nanos(0)) : Nanos(0))});
   }
   return rows;
 }

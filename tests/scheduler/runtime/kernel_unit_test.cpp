@@ -22,7 +22,7 @@ struct Elsewhere {
   std::mutex mutex;
   std::condition_variable changed;
   int under_way = 0, prepared = 0;
-  bool answers = false, reachable = true;
+  bool answers = false, reachable = true, opens = true;
 
   template <typename Until>
   [[nodiscard]] bool wait(Until until) {
@@ -111,6 +111,10 @@ class TestBackend : public Backend {
   [[nodiscard]] Probe probe() const override { return {true, "", {}}; }
   [[nodiscard]] Support supports(const Workload&) const override { return {true, ""}; }
   [[nodiscard]] std::unique_ptr<Device> open(const UnitRequest&) const override {
+    {
+      const std::lock_guard lock(there_.mutex);
+      if (!there_.opens) throw_environment("no context");
+    }
     if (far_) return std::make_unique<FarDevice>(there_);
     return std::make_unique<HereDevice>(there_);
   }
@@ -186,6 +190,25 @@ TEST_F(KernelUnitElsewhere, OpensALostDeviceAgain) {
   ASSERT_TRUE(wait_for_end(2));
   EXPECT_EQ(ends_[2].outcome, Outcome::kCompleted);
   EXPECT_EQ(there_.prepared, 2) << "kernels went with the device";
+}
+
+TEST_F(KernelUnitElsewhere, SaysThatADeviceIsLostForGoodAndOpensItWhenItCan) {
+  there_.change([this] { there_.reachable = false; });
+  const auto unit = open(1, false);
+  ASSERT_TRUE(unit->wait_until_ready(20s));
+  there_.change([this] { there_.opens = false; });
+  for (const std::uint64_t token : {1, 2}) {
+    unit->run(call(token));
+    ASSERT_TRUE(wait_for_end(token));
+    EXPECT_TRUE(ends_[token].lost);
+    EXPECT_EQ(ends_[token].outcome, Outcome::kReturned);
+    EXPECT_THAT(ends_[token].problem, testing::HasSubstr("its device is lost: no context"));
+  }
+  there_.change([this] { there_.opens = there_.reachable = there_.answers = true; });
+  unit->run(call(3));
+  ASSERT_TRUE(wait_for_end(3));
+  EXPECT_FALSE(ends_[3].lost);
+  EXPECT_EQ(ends_[3].outcome, Outcome::kCompleted);
 }
 
 TEST_F(KernelUnitElsewhere, GivesBackWhatNobodyWantsThereAndThatAlone) {

@@ -33,6 +33,12 @@ class Launches {
  public:
   /// @param stamped  Whether stamps() are wanted.
   Launches(const cl::CommandQueue& queue, bool stamped) : queue_(queue), stamped_(stamped) {}
+  /// Waits for what a failure has left under way: it may read what the caller has.
+  ~Launches() {
+    if (waiting_ > 0) clFinish(queue_());
+  }
+  Launches(const Launches&) = delete;
+  Launches& operator=(const Launches&) = delete;
 
   /// For the next command: where its event goes, null = nowhere. Waits now and then, so that no
   /// driver has to hold thousands of commands.
