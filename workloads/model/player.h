@@ -32,8 +32,7 @@ class Player {
   /// @param memory  Of the outputs: Device::output_memory.
   /// @throws Whatever the kernel throws, here and below.
   Player(std::unique_ptr<Kernel> kernel, const Workload& workload, std::span<const Data> frames,
-         std::optional<std::vector<Tensor>> initial = std::nullopt,
-         TensorMemory* memory = nullptr);
+         std::optional<std::vector<Tensor>> initial = std::nullopt, TensorMemory* memory = nullptr);
 
   [[nodiscard]] Kernel& kernel() { return *kernel_; }
   /// Gives the kernel away and goes on with what @p wrap makes of it; what is bound stays so.

@@ -136,7 +136,9 @@ int tune(const TuneFlags& options) {
     throw_environment(any ? "interrupted; the parameters above are stored"
                           : "interrupted; nothing was stored");
   }
-  if (!any) throw_environment("nothing could be measured; see the reasons above");
+  if (!any)
+    throw_environment(
+        "nothing could be measured; see the reasons above, or give it more --max-time");
   return 0;
 }
 

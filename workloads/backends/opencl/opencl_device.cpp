@@ -288,7 +288,9 @@ DeviceSession open_session(const UnitRequest& request) {
     session.queue = cl::CommandQueue(session.context, session.device, CL_QUEUE_PROFILING_ENABLE);
     session.has_clock = has_clock(session);
     if (!shares_memory(session.device)) {
-      session.pinned = std::make_shared<PinnedPool>(session.queue);
+      // A queue of its own: who wants memory does not wait for what the unit computes.
+      session.pinned =
+          std::make_shared<PinnedPool>(cl::CommandQueue(session.context, session.device));
     }
     return session;
   });
