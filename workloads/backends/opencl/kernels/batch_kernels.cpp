@@ -41,9 +41,7 @@ void append_fully_connected_batch(PlanBuilder& builder, const Workload& workload
                                   std::span<const Tensor> parameters, const DeviceTensor& in,
                                   const DeviceTensor& out) {
   const auto& op = operation_as<dnn::FullyConnected>(workload);
-  if (!builder.session().is_cpu && fits(builder.session(), tile_for(op.out, workload.batch))) {
-    append_product(builder, product_of(op, parameters, workload.batch), in, out);
-  } else {
+  if (!append_product(builder, product_of(op, parameters, workload.batch), in, out)) {
     const auto weights = interleave_channels(parameters[0].as<float>(), op.out, kOutputsPerItem);
     const auto bias = interleave_channels(parameters[1].as<float>(), op.out, kOutputsPerItem);
     const int items = blocks(op.out, kOutputsPerItem);

@@ -52,13 +52,8 @@ Product product_of(const Convolution& convolution, const DeviceTensor& in,
 
 void append_convolution(PlanBuilder& builder, const Convolution& convolution,
                         const DeviceTensor& in, const DeviceTensor& out) {
+  if (append_product(builder, product_of(convolution, in, out), in, out)) return;
   const dnn::ConvShape& s = convolution.shape;
-  if (!builder.session().is_cpu &&
-      fits(builder.session(),
-           tile_for(s.out_c, std::int64_t{convolution.images} * s.out_h() * s.out_w()))) {
-    append_product(builder, product_of(convolution, in, out), in, out);
-    return;
-  }
   const int channels = builder.session().value(Parameter::kConvChannels);
   const int pixels = builder.session().value(Parameter::kConvPixels);
   builder.step("dnn.cl", "conv2d_relu",

@@ -21,11 +21,18 @@ constexpr std::array kTiles = {
         .channels = 128, .columns = 16, .terms = 16, .item_channels = 4, .item_columns = 4}};
 constexpr std::int64_t kFewColumns = 32;
 
-std::int64_t blocks_of(std::int64_t count, int size) { return (count + size - 1) / size; }
-
 /// Groups of one piece.
 std::int64_t tiles_of(const ProductTile& tile, int channels, std::int64_t columns) {
-  return blocks_of(channels, tile.channels) * blocks_of(columns, tile.columns);
+  return blocks(channels, tile.channels) * blocks(columns, tile.columns);
+}
+
+/// Whether the device of @p session has room for a group of such a tile.
+bool fits(const DeviceSession& session, const ProductTile& tile) {
+  const auto items = static_cast<std::size_t>(tile.items());
+  const auto along = session.device.getInfo<CL_DEVICE_MAX_WORK_ITEM_SIZES>();
+  return items <= session.device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>() && !along.empty() &&
+         items <= along.front() &&
+         tile.local_bytes() <= session.device.getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
 }
 
 }  // namespace
@@ -42,31 +49,24 @@ int terms_of_a_piece(const ProductTile& tile, int channels, std::int64_t columns
                      int groups) {
   const auto pieces = std::max<std::int64_t>(1, groups / tiles_of(tile, channels, columns));
   const auto wished =
-      static_cast<int>(blocks_of(terms, static_cast<int>(std::min<std::int64_t>(pieces, terms))));
+      static_cast<int>(blocks(terms, static_cast<int>(std::min<std::int64_t>(pieces, terms))));
   // Two tiles at least: of one, nothing is fetched ahead.
   return std::max(pieces > 1 ? 2 : 1, blocks(wished, tile.terms)) * tile.terms;
 }
 
-bool fits(const DeviceSession& session, const ProductTile& tile) {
-  const auto items = static_cast<std::size_t>(tile.items());
-  const auto along = session.device.getInfo<CL_DEVICE_MAX_WORK_ITEM_SIZES>();
-  return items <= session.device.getInfo<CL_DEVICE_MAX_WORK_GROUP_SIZE>() && !along.empty() &&
-         items <= along.front() &&
-         tile.local_bytes() <= session.device.getInfo<CL_DEVICE_LOCAL_MEM_SIZE>();
-}
-
-void append_product(PlanBuilder& builder, const Product& product, const DeviceTensor& in,
+bool append_product(PlanBuilder& builder, const Product& product, const DeviceTensor& in,
                     const DeviceTensor& out) {
   const std::int64_t columns = std::int64_t{product.images} * product.out_h * product.out_w;
   const ProductTile& tile = tile_for(product.channels, columns);
-  const auto terms = static_cast<int>(product.offsets.size());
   const DeviceSession& session = builder.session();
+  if (session.is_cpu || !fits(session, tile)) return false;
+  const auto terms = static_cast<int>(product.offsets.size());
   const int groups = session.value(Parameter::kProductGroups) *
                      static_cast<int>(session.device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>());
   const int piece = terms_of_a_piece(tile, product.channels, columns, terms, groups);
   const int pieces = blocks(terms, piece);
   const int rows = blocks(product.channels, tile.channels) * tile.channels;
-  const auto in_a_row = static_cast<int>(blocks_of(columns, tile.columns) * tile.columns);
+  const auto in_a_row = static_cast<int>(blocks(columns, tile.columns) * tile.columns);
   const bool fuses = (session.device.getInfo<CL_DEVICE_SINGLE_FP_CONFIG>() & CL_FP_FMA) != 0;
   const Source source("product.cl",
                       fmt::format(" -DTILE_CHANNELS={} -DTILE_COLUMNS={} -DTILE_TERMS={} "
@@ -90,11 +90,12 @@ void append_product(PlanBuilder& builder, const Product& product, const DeviceTe
                static_cast<std::int32_t>(columns), product.in_image, product.in_row, product.stride,
                product.out_h * product.out_w, product.out_w, product.out_image, product.out_plane,
                product.out_pitch, product.out_offset, product.least);
-  if (pieces == 1) return;
+  if (pieces == 1) return true;
   builder.step(source, "sum_pieces", {.x = columns, .y = product.channels}, sums, bias, out, pieces,
                rows, in_a_row, static_cast<std::int32_t>(columns), product.out_h * product.out_w,
                product.out_w, product.out_image, product.out_plane, product.out_pitch,
                product.out_offset, product.least);
+  return true;
 }
 
 }  // namespace pirt::opencl

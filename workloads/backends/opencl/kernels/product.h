@@ -45,11 +45,10 @@ struct ProductTile {
 [[nodiscard]] int terms_of_a_piece(const ProductTile& tile, int channels, std::int64_t columns,
                                    int terms, int groups);
 
-/// Whether the device of @p session has room for a group of such a tile.
-[[nodiscard]] bool fits(const DeviceSession& session, const ProductTile& tile);
-
-/// Appends the launches that compute it; fits() holds for its tile.
-void append_product(PlanBuilder& builder, const Product& product, const DeviceTensor& in,
-                    const DeviceTensor& out);
+/// Appends the launches that compute it.
+/// @return  False, and nothing, where the device computes on the host's cores, or has no room for a
+/// group.
+[[nodiscard]] bool append_product(PlanBuilder& builder, const Product& product,
+                                  const DeviceTensor& in, const DeviceTensor& out);
 
 }  // namespace pirt::opencl

@@ -8,7 +8,6 @@
 
 #include "workloads/backends/opencl/plan/mapped_kernel.h"
 #include "workloads/backends/opencl/plan/plan_kernel.h"
-#include "workloads/backends/opencl/plan/transfers.h"
 #include "workloads/base/text/text.h"
 #include "workloads/dnn/dnn.h"
 

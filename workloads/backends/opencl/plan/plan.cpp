@@ -12,9 +12,6 @@
 namespace pirt::opencl {
 namespace {
 
-/// What one command moves by the stage rather than each tensor by one of its own.
-constexpr std::size_t kMostInABlock = std::size_t{1} << 20;
-
 std::size_t to_size(std::int64_t value) { return static_cast<std::size_t>(value); }
 
 /// The work items of a group of @p kernel: PlanBuilder::group_items.
@@ -103,7 +100,7 @@ std::vector<DeviceTensor> PlanBuilder::residents(std::span<const TensorSpec> spe
     made.push_back(std::move(part));
   }
   const bool several = specs.size() > 1 || (specs.size() == 1 && specs[0].varies);
-  if (session_.pinned == nullptr || !several || all > kMostInABlock) {
+  if (session_.pinned == nullptr || !several || all > kMostStaged) {
     made.clear();
     for (const TensorSpec& spec : specs) made.push_back(resident(spec));
     return made;

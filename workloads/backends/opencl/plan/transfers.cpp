@@ -3,15 +3,13 @@
 #include <fmt/core.h>
 
 #include <cstring>
+#include <exception>
 
 #include "workloads/base/error.h"
 
 namespace pirt::opencl {
 namespace {
 
-/// Dense tensors of more go the driver's way: above it, copying into the stage and out of it takes
-/// as long as what the driver does (seen on an H200: 1.2 MB up in 108 us and 130 by the stage).
-constexpr std::size_t kMostStaged = std::size_t{1} << 20;
 /// Lists of no more come whole, together with how many rows they have, instead of after it.
 constexpr std::size_t kComesWhole = std::size_t{1} << 16;
 
@@ -40,11 +38,14 @@ std::size_t block_size(std::span<const DeviceTensor> residents) {
   return residents.front().block.getInfo<CL_MEM_SIZE>();
 }
 
-/// Waits for what is queued, on all ways out: the device has the caller's memory until then.
+/// Waits for what is queued, where something is thrown as well: the device has the caller's memory
+/// until then.
 class Waiting {
  public:
   explicit Waiting(const cl::CommandQueue& queue) : queue_(queue) {}
-  ~Waiting() { clFinish(queue_()); }
+  ~Waiting() {
+    if (std::uncaught_exceptions() > exceptions_) clFinish(queue_());
+  }
   Waiting(const Waiting&) = delete;
   Waiting& operator=(const Waiting&) = delete;
 
@@ -52,6 +53,7 @@ class Waiting {
 
  private:
   const cl::CommandQueue& queue_;
+  int exceptions_ = std::uncaught_exceptions();
 };
 
 }  // namespace
@@ -94,7 +96,6 @@ Transfers::Transfers(const DeviceSession& session) : session_(session) {}
 bool Transfers::by_stage(const DeviceTensor& resident, const std::byte* data,
                          std::size_t size_bytes) const {
   if (session_.pinned == nullptr) return false;
-  if (resident.block() != nullptr) return true;
   if (session_.pinned->holds(data)) return false;
   return resident.pad > 0 || size_bytes <= kMostStaged;
 }
