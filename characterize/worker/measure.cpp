@@ -16,6 +16,7 @@ namespace {
 
 constexpr Nanos kBatchTime = std::chrono::milliseconds(1);
 constexpr std::int64_t kMostCallsAtOnce = 100'000;
+constexpr std::int64_t kMostAskedAtOnce = 16;
 constexpr double kClockShare = 0.001;                     // what the clock may cost within a sample
 constexpr double kClockBoundShare = 0.01;                 // what invalidates
 constexpr std::int64_t kMostSimulatedWarmUpCalls = 1000;  // they may take no time at all
@@ -36,8 +37,15 @@ struct CallTimes {
 /// time; it is a part of each execution.
 class AskedLaunches {
  public:
-  void ask(Kernel& kernel) {
-    if (const auto launch = kernel.stamped_launch()) launches_.push_back(*launch);
+  /// @param times  A sample is the mean of so many calls.
+  void ask(Kernel& kernel, std::int64_t times) {
+    Nanos sum{0};
+    for (std::int64_t i = 0; i < times; ++i) {
+      const auto launch = kernel.stamped_launch();
+      if (!launch) return;
+      sum += *launch;
+    }
+    launches_.push_back(sum / times);
   }
   [[nodiscard]] const std::vector<Nanos>& launches() const { return launches_; }
   /// Executions without their launching.
@@ -121,7 +129,7 @@ class Sampler {
     if (has_download_ && plan_.download != 0) {
       downloads_.push_back(timed(Phase::kDownload, plan_.download, [this] { kernel_.download(); }));
     }
-    asked_.ask(kernel_);
+    asked_.ask(kernel_, asked_batch());
     if (sequence_.next) sequence_.next();
   }
 
@@ -141,7 +149,7 @@ class Sampler {
       case Phase::kUpload:
         return {phase, uploads_, size(plan_.upload)};
       case Phase::kLaunch:
-        if (!asked_.launches().empty()) return {phase, asked_.launches(), 1};
+        if (!asked_.launches().empty()) return {phase, asked_.launches(), asked_batch()};
         return {phase, launches_, execute_batch()};
       case Phase::kExecute:
         return {phase, asked_.taken_off(executes_), execute_batch()};
@@ -176,6 +184,11 @@ class Sampler {
 
   [[nodiscard]] std::int64_t execute_batch() const {
     return plan_.execute != 0 && !execute_is_call() ? plan_.execute : plan_.call;
+  }
+
+  /// As a batch, but for the shortest calls, whose launches would take longer than all the rest.
+  [[nodiscard]] std::int64_t asked_batch() const {
+    return std::min(execute_batch(), kMostAskedAtOnce);
   }
 
   /// A batch's phases cannot be told apart by several clocks.
@@ -395,7 +408,7 @@ PhaseSamples sample_executions(Kernel& kernel, const Clock& clock, std::int64_t 
     check_launch(launch, wall);
     taken.samples.push_back(wall - launch.value_or(Nanos(0)));
     kernel.download();
-    asked.ask(kernel);
+    asked.ask(kernel, 1);
     if (sequence.next) sequence.next();
   }
   taken.samples = asked.taken_off(std::move(taken.samples));
