@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 
+#include "characterize/statistics/rank_tests.h"
 #include "characterize/statistics/statistics.h"
 #include "workloads/base/error.h"
 
@@ -33,33 +34,6 @@ struct CallTimes {
   }
 };
 
-/// What launching takes on a device that has to be asked: by calls of its own, since asking takes
-/// time; it is a part of each execution.
-class AskedLaunches {
- public:
-  /// @param times  A sample is the mean of so many calls.
-  void ask(Kernel& kernel, std::int64_t times) {
-    Nanos sum{0};
-    for (std::int64_t i = 0; i < times; ++i) {
-      const auto launch = kernel.stamped_launch();
-      if (!launch) return;
-      sum += *launch;
-    }
-    launches_.push_back(sum / times);
-  }
-  [[nodiscard]] const std::vector<Nanos>& launches() const { return launches_; }
-  /// Executions without their launching.
-  [[nodiscard]] std::vector<Nanos> taken_off(std::vector<Nanos> executions) const {
-    if (launches_.empty()) return executions;
-    const Nanos launch = median(launches_);
-    for (Nanos& each : executions) each = std::max(Nanos(0), each - launch);
-    return executions;
-  }
-
- private:
-  std::vector<Nanos> launches_;
-};
-
 void check_launch(std::optional<Nanos> launch, Nanos wall) {
   if (launch && *launch > wall) {
     throw_environment(
@@ -69,6 +43,44 @@ void check_launch(std::optional<Nanos> launch, Nanos wall) {
                     launch->count(), wall.count()));
   }
 }
+
+/// What launching takes on a device that has to be asked: its share of calls of its own, since
+/// asking takes time, and what disturbs such a call makes all of it longer; it is a part of each
+/// execution.
+class AskedLaunches {
+ public:
+  /// @param times  A sample is the mean of so many calls.
+  void ask(Kernel& kernel, const Clock& clock, std::int64_t times) {
+    Nanos launches{0};
+    const Nanos start = clock.now();
+    for (std::int64_t i = 0; i < times; ++i) {
+      const auto launch = kernel.stamped_launch();
+      if (!launch) return;
+      launches += *launch;
+    }
+    const Nanos wall = clock.now() - start;
+    check_launch(launches, wall);
+    shares_.push_back(wall.count() > 0 ? to_s(launches) / to_s(wall) : 0);
+  }
+  [[nodiscard]] bool any() const { return !shares_.empty(); }
+  /// Of executions, the part that is launching.
+  [[nodiscard]] std::vector<Nanos> part_of(std::vector<Nanos> executions) const {
+    const double share = any() ? median_of(shares_) : 0;
+    for (Nanos& each : executions) {
+      each = Nanos(std::llround(share * static_cast<double>(each.count())));
+    }
+    return executions;
+  }
+  /// Executions without it.
+  [[nodiscard]] std::vector<Nanos> taken_off(std::vector<Nanos> executions) const {
+    const auto launches = part_of(executions);
+    for (std::size_t i = 0; i < launches.size(); ++i) executions[i] -= launches[i];
+    return executions;
+  }
+
+ private:
+  std::vector<double> shares_;
+};
 
 /// How the phases of one kernel are sampled, decided after the warm-up.
 struct Plan {
@@ -129,7 +141,7 @@ class Sampler {
     if (has_download_ && plan_.download != 0) {
       downloads_.push_back(timed(Phase::kDownload, plan_.download, [this] { kernel_.download(); }));
     }
-    asked_.ask(kernel_, asked_batch());
+    asked_.ask(kernel_, clock_, asked_batch());
     if (sequence_.next) sequence_.next();
   }
 
@@ -149,7 +161,7 @@ class Sampler {
       case Phase::kUpload:
         return {phase, uploads_, size(plan_.upload)};
       case Phase::kLaunch:
-        if (!asked_.launches().empty()) return {phase, asked_.launches(), asked_batch()};
+        if (asked_.any()) return {phase, asked_.part_of(executes_), execute_batch()};
         return {phase, launches_, execute_batch()};
       case Phase::kExecute:
         return {phase, asked_.taken_off(executes_), execute_batch()};
@@ -408,7 +420,7 @@ PhaseSamples sample_executions(Kernel& kernel, const Clock& clock, std::int64_t 
     check_launch(launch, wall);
     taken.samples.push_back(wall - launch.value_or(Nanos(0)));
     kernel.download();
-    asked.ask(kernel, 1);
+    asked.ask(kernel, clock, 1);
     if (sequence.next) sequence.next();
   }
   taken.samples = asked.taken_off(std::move(taken.samples));
