@@ -43,6 +43,12 @@ class TimedKernel : public Kernel {
     clock_.advance(launch_time.value_or(Nanos(0)) + time);
     return reported_launch ? reported_launch : launch_time;
   }
+  std::optional<Nanos> stamped_launch() override {
+    if (asked_calls.empty()) return std::nullopt;
+    const Nanos call = asked_calls[static_cast<std::size_t>(asked++) % asked_calls.size()];
+    clock_.advance(call);
+    return call / 4;
+  }
   void download() override {
     clock_.advance(download_time);
     ++downloads;
@@ -51,7 +57,8 @@ class TimedKernel : public Kernel {
   Nanos upload_time{0}, download_time{0};
   std::optional<Nanos> launch_time, reported_launch;
   std::vector<Nanos> execute_times = {milliseconds(5)};
-  int uploads = 0, executes = 0, downloads = 0;
+  std::vector<Nanos> asked_calls;  ///< A quarter of each is launching.
+  int uploads = 0, executes = 0, downloads = 0, asked = 0;
 
  private:
   TickingClock& clock_;
@@ -95,6 +102,20 @@ TEST(Measure, GivesThePhasesOfOneCallThatSumUpToIt) {
     EXPECT_EQ(phase.samples.size(), 20U);
     EXPECT_EQ(phase.batch, 1);
   }
+}
+
+// One that is asked takes longer than the others, and may be held up: its share counts.
+TEST(Measure, AsksADeviceForWhatLaunchingTakesByCallsOfTheirOwn) {
+  TickingClock clock{Nanos(0)};
+  TimedKernel kernel(clock);
+  kernel.execute_times = {milliseconds(4)};
+  kernel.upload_time = kernel.download_time = milliseconds(1);
+  kernel.asked_calls = {milliseconds(6), milliseconds(60)};
+  const auto result = sample_calls(kernel, clock, kSimulated, kTransfers, twenty());
+  EXPECT_EQ(kernel.asked, 20) << "one each sample of single calls";
+  EXPECT_THAT(find(result, Phase::kLaunch).samples, Each(Nanos(milliseconds(1))));
+  EXPECT_THAT(find(result, Phase::kExecute).samples, Each(Nanos(milliseconds(3))));
+  EXPECT_THAT(find(result, Phase::kCall).samples, Each(Nanos(milliseconds(6))));
 }
 
 TEST(Measure, HasNoLaunchWithoutDeviceStamps) {
