@@ -179,4 +179,4 @@ if [[ ${#failed[@]} -gt 0 ]]; then
   exit 1
 fi
 say "tests: OK"
-if [[ $wanted == tests && -f $stamps/closing ]]; then cat "$stamps/closing"; fi
+if [[ -f $stamps/closing ]]; then cat "$stamps/closing"; fi

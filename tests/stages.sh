@@ -32,7 +32,8 @@ stage oclgrind "${code[workloads]} tests/oclgrind.sh" "$base oclgrind" "each Ope
 stage rusticl "${code[workloads]}" "$base mesa-opencl-icd" "every workload's OpenCL kernels on Mesa's driver" long_test rusticl
 stage subdirectory "$all" "$base" "pirt as a part of another project" long_test subdirectory
 stage packages "$all" "$base debootstrap lintian" "packages of Debian, installed, used and removed in a fresh root" check_packages
-stage unity "$all" "$base" "the tests of a build whose rooms are one source each, as who builds once has it" unity
+stage unity-build "$all" "${PIRT_PACKAGES[*]}" "what cli/demo.sh builds, whose rooms are one source each, without a warning" build_united
+stage unity-tests "$all" "$base" "the tests of a build whose rooms are one source each, as who builds once has it" unity
 stage trixie-build "$all" "git debootstrap" "Debian 13 builds it, with g++ 14 and clang 19, without a warning" on_trixie build
 stage trixie-tests "$all" "git debootstrap" "every test on Debian 13" on_trixie tests
 stage aarch64 "$all" "$base g++-aarch64-linux-gnu qemu-user mmdebstrap" "built for ARM's processors, run under qemu" check_aarch64
@@ -99,6 +100,8 @@ long_test() {
 check_packages() { tests/packages.sh || exit $?; }
 
 on_trixie() { tests/trixie.sh "$1" || exit $?; }
+
+build_united() { build_pirt build-united -DPIRT_TESTS=OFF -DPIRT_UNITY=ON -DPIRT_WERROR=ON; }
 
 unity() {
   build_pirt build-unity -DPIRT_TESTS=ON -DPIRT_UNITY=ON

@@ -14,7 +14,7 @@ namespace pirt::opencl {
 namespace {
 
 constexpr std::string_view kSource = "dnn.cl";
-constexpr std::string_view kTiles = "tiles.cl";
+constexpr std::string_view kTileSource = "tiles.cl";
 
 int conv2d_relu_pad(const Workload& workload) {
   return operation_as<dnn::Conv2dRelu>(workload).shape.pad;
@@ -58,8 +58,8 @@ void append_fully_connected(PlanBuilder& builder, const Workload& workload,
                  outputs[0], op.in, op.out);
   } else {
     const LocalNeed need{.per_item = sizeof(float) * static_cast<std::size_t>(rows)};
-    const std::size_t items = builder.group_items(kTiles, "fully_connected_group", need);
-    builder.step(kTiles, "fully_connected_group",
+    const std::size_t items = builder.group_items(kTileSource, "fully_connected_group", need);
+    builder.step(kTileSource, "fully_connected_group",
                  {.x = static_cast<std::int64_t>(items) * blocks(op.out, rows), .group = items},
                  inputs[0], weights, bias, outputs[0], op.in, op.out, need.of(items));
   }
