@@ -66,6 +66,21 @@ struct ScaledProblem {
   Eigen::VectorXd norm;
 };
 
+/// As many rows and columns as there are parameters.
+using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 4, 4>;
+static_assert(kAllParameters.size() <= 4);
+
+/// The matrix' transpose times it, its rows weighed.
+Small gram(const Eigen::MatrixXd& matrix, const Eigen::VectorXd& weights) {
+  Small products(matrix.cols(), matrix.cols());
+  for (Eigen::Index i = 0; i < matrix.cols(); ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      products(i, j) = products(j, i) = matrix.col(i).cwiseProduct(weights).dot(matrix.col(j));
+    }
+  }
+  return products;
+}
+
 ScaledProblem scale(std::span<const FitCell> cells, std::span<const EnergyParameter> parameters) {
   ScaledProblem problem;
   problem.matrix.resize(static_cast<Eigen::Index>(cells.size()),
@@ -98,14 +113,15 @@ void refuse_if_undetermined(const ScaledProblem& problem,
     fit.collinear = {parameters[j]};
     return;
   }
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(problem.matrix, Eigen::ComputeThinV);
-  const auto& singular = svd.singularValues();
-  const Eigen::Index last = singular.size() - 1;
-  fit.condition =
-      singular(last) > 0 ? singular(0) / singular(last) : std::numeric_limits<double>::infinity();
+  // The squares of the singular values, rising.
+  const auto ones = Eigen::VectorXd::Ones(problem.matrix.rows());
+  const Eigen::SelfAdjointEigenSolver<Small> eigen(gram(problem.matrix, ones));
+  const auto& squares = eigen.eigenvalues();
+  fit.condition = squares(0) > 0 ? std::sqrt(squares(squares.size() - 1) / squares(0))
+                                 : std::numeric_limits<double>::infinity();
   if (fit.condition <= kLargestCondition) return;
   for (std::size_t j = 0; j < parameters.size(); ++j) {
-    if (std::abs(svd.matrixV()(static_cast<Eigen::Index>(j), last)) > kShareOfDependency) {
+    if (std::abs(eigen.eigenvectors()(static_cast<Eigen::Index>(j), 0)) > kShareOfDependency) {
       fit.collinear.push_back(parameters[j]);
     }
   }
@@ -150,19 +166,22 @@ std::vector<std::optional<double>> standard_errors(const ScaledProblem& problem,
   }
   std::vector<std::optional<double>> errors(static_cast<std::size_t>(x.size()));
   if (free.empty()) return errors;
-  const Eigen::VectorXd residuals =
-      problem.matrix * x - Eigen::VectorXd::Ones(problem.matrix.rows());
+  const Eigen::VectorXd residuals = (problem.matrix.lazyProduct(x)).array() - 1.0;
   const Eigen::VectorXd weights = residuals.unaryExpr(
       [](double r) { return std::abs(r) <= kHuberFrom ? 1.0 : kHuberFrom / std::abs(r); });
-  const Eigen::MatrixXd used = problem.matrix(Eigen::all, free);
-  const double freedom = static_cast<double>(problem.matrix.rows() - used.cols());
-  const double variance = residuals.dot(weights.asDiagonal() * residuals) / freedom;
-  const Eigen::MatrixXd covariance =
-      variance * (used.transpose() * weights.asDiagonal() * used).inverse();
+  Eigen::MatrixXd used(problem.matrix.rows(), std::ssize(free));
+  for (Eigen::Index k = 0; k < used.cols(); ++k) {
+    used.col(k) = problem.matrix.col(free[static_cast<std::size_t>(k)]);
+  }
+  const double freedom = static_cast<double>(used.rows() - used.cols());
+  const double variance = residuals.cwiseAbs2().dot(weights) / freedom;
+  const Eigen::SelfAdjointEigenSolver<Small> eigen(gram(used, weights));
   for (std::size_t k = 0; k < free.size(); ++k) {
-    const auto at = static_cast<Eigen::Index>(k);
+    // Of the inverse, on its diagonal.
+    const auto row = eigen.eigenvectors().row(static_cast<Eigen::Index>(k)).array();
+    const double inverse = (row.square() / eigen.eigenvalues().transpose().array()).sum();
     errors[static_cast<std::size_t>(free[k])] =
-        std::sqrt(covariance(at, at)) / problem.norm(free[k]);
+        std::sqrt(variance * inverse) / problem.norm(free[k]);
   }
   return errors;
 }
