@@ -16,11 +16,13 @@
 #include "reports/profile/roofline_report.h"
 #include "reports/profile/setup_report.h"
 #include "reports/profile/side_by_side.h"
+#include "reports/run/answer.h"
 #include "reports/run/comparison_report.h"
 #include "reports/run/live_report.h"
 #include "reports/run/pareto.h"
 #include "reports/run/run_report.h"
 #include "scheduler/policies/policy.h"
+#include "scheduler/record/keeping_up.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
@@ -44,14 +46,19 @@ std::vector<RunRecord> papers_modes(const Machine& machine) {
   return runs;
 }
 
-/// Why some of the paper's modes are not shown.
-std::vector<std::string> missing_modes(const Machine& machine) {
-  std::vector<ModeRuns::Skipped> missing;
+/// With those that could not run.
+ModeRuns paper_modes_of(const Machine& machine) {
+  ModeRuns modes{.runs = papers_modes(machine), .skipped = {}};
   for (const auto& each : machine.modes.skipped) {
     const auto shown = paper_modes();
-    if (std::ranges::find(shown, each.mode) != shown.end()) missing.push_back(each);
+    if (std::ranges::find(shown, each.mode) != shown.end()) modes.skipped.push_back(each);
   }
-  return reason_lines(missing);
+  return modes;
+}
+
+/// Why some of the paper's modes are not shown.
+std::vector<std::string> missing_modes(const Machine& machine) {
+  return reason_lines(paper_modes_of(machine).skipped);
 }
 
 /// Adds the parts of one machine's sections.
@@ -93,7 +100,10 @@ class Sections {
     heading(modes_ran ? "Which unit, which mode" : "Which unit");
     add(preference_table(preferences(machine_.profile)));
     const auto modes = papers_modes(machine_);
-    if (with_modes && !modes.empty()) parts_.emplace_back(modes_table(modes));
+    if (with_modes && !modes.empty()) {
+      for (Table& table : answer_tables(modes)) parts_.emplace_back(std::move(table));
+      parts_.emplace_back(modes_table(modes));
+    }
     const auto missing = missing_modes(machine_);
     if (!missing.empty()) {
       parts_.emplace_back(Paragraph{{"Modes that are not shown: " + join(missing, "; ")}});
@@ -101,7 +111,7 @@ class Sections {
     add(pareto_charts(mode_points(machine_.modes.runs)));
     std::vector<std::string> behind;
     for (const RunRecord& run : machine_.modes.runs) {
-      if (keeps_up(run, machine_.modes.runs)) continue;
+      if (keeps_up(run)) continue;
       behind.push_back(fmt::format("{} ({} of {} tasks)", run.mode, run.completed, run.submitted));
     }
     if (!behind.empty()) {
@@ -138,6 +148,24 @@ void add_side_by_side(Document& document, const std::vector<Profile>& profiles) 
   document.parts.emplace_back(best_units_table(profiles));
 }
 
+ModeRuns modes_without_machine(const ReportInputs& inputs) {
+  return inputs.runs.empty() ? inputs.modelled : ModeRuns{.runs = inputs.runs, .skipped = {}};
+}
+
+/// What the modes make of a mix where nothing was measured.
+void add_modelled(const ReportInputs& inputs, Document& document) {
+  const ModeRuns modes = modes_without_machine(inputs);
+  for (Part& part : comparison_document(modes, inputs.mix).parts) {
+    document.parts.push_back(std::move(part));
+  }
+  for (Chart& chart : pareto_charts(mode_points(modes.runs))) {
+    document.parts.emplace_back(std::move(chart));
+  }
+  if (inputs.runs.empty() && !modes.runs.empty()) {
+    document.parts.emplace_back(modes_table(modes.runs));
+  }
+}
+
 std::vector<const Profile*> profiles_of(const ReportInputs& inputs) {
   std::vector<const Profile*> profiles;
   for (const Machine& machine : inputs.machines) profiles.push_back(&machine.profile);
@@ -164,20 +192,22 @@ Evidence evidence_of(const Machine* machine, const Mix& mix, const PaperRuns& pa
 }  // namespace
 
 ModeRuns runs_of(const Profile& profile, const std::optional<Platform>& platform, const Mix& mix,
-                 const std::vector<std::string>& modes, const std::string& why) {
+                 const std::vector<std::string>& modes, const std::string& why, bool strict) {
   if (!platform) return skipped(modes, why);
+  ScheduleOptions options;
+  options.strict = strict;
   try {
-    return run_modes(*platform, &profile, mix, modes, {});
+    return run_modes(*platform, &profile, mix, modes, options);
   } catch (const Error& error) {
     return skipped(modes, error.what());
   }
 }
 
 Machine machine_of(Profile profile, std::optional<Platform> platform, const Mix& mix,
-                   const std::string& why) {
+                   const std::string& why, bool strict) {
   Machine machine{
       .profile = std::move(profile), .platform = std::move(platform), .modes = {}, .table5 = {}};
-  machine.modes = runs_of(machine.profile, machine.platform, mix, policy_names(), why);
+  machine.modes = runs_of(machine.profile, machine.platform, mix, policy_names(), why, strict);
   return machine;
 }
 
@@ -193,6 +223,7 @@ std::vector<std::string> mismatches(const ReportInputs& inputs) {
       return machine.profile.platform() == platform;
     });
   };
+  if (inputs.machines.empty()) return notes;
   for (const RunRecord& run : inputs.runs) {
     if (is_of(run.platform)) continue;
     notes.push_back(
@@ -218,6 +249,13 @@ Document full_report(const ReportInputs& inputs) {
   const auto names = names_of(profiles);
   Document document{.title = "pirt report", .parts = {}};
   if (several) add_side_by_side(document, profiles);
+  if (inputs.machines.size() == 1) {
+    const ModeRuns modes = paper_modes_of(inputs.machines.front());
+    if (!(modes.runs.empty() && modes.skipped.empty())) {
+      document.parts.emplace_back(Paragraph{answer_of(modes).lines()});
+    }
+  }
+  if (inputs.machines.empty()) add_modelled(inputs, document);
   std::vector<Sections> sections;
   for (std::size_t i = 0; i < inputs.machines.size(); ++i) {
     sections.emplace_back(document, inputs.machines[i], several ? names[i] + ": " : "");
@@ -243,6 +281,13 @@ Document full_report(const ReportInputs& inputs) {
 
 Json full_report_json(const ReportInputs& inputs) {
   Json json;
+  if (inputs.machines.empty()) {
+    json = comparison_json(modes_without_machine(inputs));
+    Json runs = json["runs"];
+    json.erase("runs");
+    json["modes"] = std::move(runs);
+    return json;
+  }
   for (const Machine& machine : inputs.machines) {
     Json one = profile_json(machine.profile, preferences(machine.profile));
     one["setup"] = setup_json(offloading_costs(machine.profile));
@@ -267,11 +312,9 @@ Json full_report_json(const ReportInputs& inputs) {
 
 Document brief_document(const Profile& profile, const ModeRuns& modes, const Mix& mix) {
   Document document{.title = "pirt report compare", .parts = {}};
-  document.parts.emplace_back(profile_header(profile));
+  document.parts = comparison_document(modes, mix, false).parts;
   document.parts.emplace_back(preference_table(preferences(profile)));
-  for (Part& part : comparison_document(modes, mix).parts) {
-    document.parts.push_back(std::move(part));
-  }
+  document.parts.emplace_back(profile_header(profile));
   return document;
 }
 
@@ -293,7 +336,7 @@ Document paper_document(const Machine* machine, const std::vector<Profile>& othe
   for (Table& table : table3_tables(table3_of(*machine, others))) {
     document.parts.emplace_back(std::move(table));
   }
-  document.parts.emplace_back(preference_table(preferences(machine->profile)));
+  document.parts.emplace_back(preference_table(preferences(machine->profile), true));
   const auto platform = machine->platform ? &*machine->platform : nullptr;
   document.parts.emplace_back(cloud_table(inferences(machine->profile, platform)));
   if (!machine->table5.runs.empty()) {

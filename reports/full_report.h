@@ -27,21 +27,23 @@ struct Machine {
 /// Modes of a profile's machine on a mix, in virtual time. What cannot run is skipped, with the
 /// reason:
 /// @p why where there is no platform.
+/// @param strict  ScheduleOptions::strict.
 [[nodiscard]] ModeRuns runs_of(const Profile& profile, const std::optional<Platform>& platform,
                                const Mix& mix, const std::vector<std::string>& modes,
-                               const std::string& why = "");
+                               const std::string& why = "", bool strict = false);
 
 /// @param platform  Absent = `why` says so in place of each mode.
 /// @param mix       Of `modes`. A profile that lacks some of its workloads makes a report all the
 /// same: the modes are skipped, with the reason.
 [[nodiscard]] Machine machine_of(Profile profile, std::optional<Platform> platform, const Mix& mix,
-                                 const std::string& why = "");
+                                 const std::string& why = "", bool strict = false);
 
 /// The paper's three modes on its closed loop of convolutions.
 [[nodiscard]] ModeRuns table5_of(const Machine& machine);
 
 struct ReportInputs {
-  std::vector<Machine> machines;    ///< At least one.
+  std::vector<Machine> machines;    ///< Empty: nothing was measured, there are modes or runs alone.
+  ModeRuns modelled = {};           ///< Without a machine: of a platform that its file describes.
   Mix mix;                          ///< Of their modes.
   std::vector<RunRecord> runs;      ///< Given; where there are none, the paper's modes are shown.
   std::vector<Timeline> timelines;  ///< Given, or made for the report.

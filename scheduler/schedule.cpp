@@ -11,6 +11,7 @@
 #include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/policies/policy.h"
 #include "scheduler/policies/unit_order.h"
+#include "scheduler/record/interval.h"
 #include "scheduler/record/summary.h"
 #include "scheduler/services/devices.h"
 #include "scheduler/services/scenario.h"
@@ -130,6 +131,7 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
     plan_budget(setup, options);
     if (time == "live") plan_for_losses(setup, options);
   }
+  if (options.redraw) redraw(platform, *options.redraw, setup.scenario.services);
   const Scenario& scenario = setup.scenario;
   Dispatcher dispatcher(setup.slots, std::move(setup.policy));
   std::optional<TraceWriter> trace;
@@ -170,6 +172,7 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
   record.weights_from = setup.weights_from;
   if (mode.weighed().overflows)
     record.overflow = setup.policy_setup.literal_overflow ? "literal" : "hold";
+  record.uncertain = is_uncertain(scenario.services);
   record.warnings = scenario.services.warnings;
   if (record.stalled > 0) {
     record.warnings.push_back("stalled: nothing is ever going to start " +
@@ -191,6 +194,56 @@ RunRecord run_virtual(const Platform& named, const Profile* profile, const Mix& 
   };
   RunRecord record = run_mix(platform, profile, mix, options, driver, "virtual");
   if (peak) record.power_highest_w = peak->highest_w();
+  return record;
+}
+
+namespace {
+
+constexpr std::int64_t kMostRedrawnTasks = 100'000;
+
+/// Of a run of so many tasks, a part that has no more than are redrawn.
+void shorten(std::int64_t tasks, Nanos given, ScheduleOptions& options, Mix& mix) {
+  const double part = static_cast<double>(kMostRedrawnTasks) / static_cast<double>(tasks);
+  if (part >= 1) return;
+  options.duration = scaled(given, part);
+  for (Pipeline& pipeline : mix.pipelines) {
+    if (pipeline.frames) {
+      pipeline.frames = std::max<std::int64_t>(
+          1, static_cast<std::int64_t>(part * static_cast<double>(*pipeline.frames)));
+    }
+  }
+}
+
+/// What a part of the run says of the whole.
+RunFigures as_whole(RunFigures redrawn, const RunFigures& part, const RunFigures& whole) {
+  for (auto& [name, value] : redrawn) {
+    const auto of_part = part.find(name);
+    const auto of_whole = whole.find(name);
+    if (of_part == part.end() || of_whole == whole.end() || of_part->second == 0) continue;
+    value *= of_whole->second / of_part->second;
+  }
+  return redrawn;
+}
+
+}  // namespace
+
+RunRecord run_with_intervals(const Platform& platform, const Profile* profile, const Mix& mix,
+                             const ScheduleOptions& options) {
+  RunRecord record = run_virtual(platform, profile, mix, options);
+  if (!record.uncertain || options.trace) return record;
+  Mix part = mix;
+  ScheduleOptions redrawn = options;
+  shorten(record.submitted, options.duration.value_or(kDefaultDuration), redrawn, part);
+  const RunFigures whole = figures_of(record);
+  const RunFigures of_part = record.submitted <= kMostRedrawnTasks
+                                 ? whole
+                                 : figures_of(run_virtual(platform, profile, part, redrawn));
+  for (int i = 0; i < kRedraws; ++i) {
+    redrawn.redraw = Redraw{.number = i};
+    const auto figures = figures_of(run_virtual(platform, profile, part, redrawn));
+    record.redrawn.push_back(as_whole(figures, of_part, whole));
+  }
+  record.intervals = intervals_of(record.redrawn);
   return record;
 }
 
@@ -235,7 +288,7 @@ ModeRuns run_modes(const Platform& platform, const Profile* profile, const Mix& 
     options.mode = name;
     options.overflow = overflows(name) ? overflow : std::nullopt;
     try {
-      result.runs.push_back(run_virtual(platform, profile, mix, options));
+      result.runs.push_back(run_with_intervals(platform, profile, mix, options));
     } catch (const Error& error) {
       result.skipped.push_back({name, error.what()});
     }

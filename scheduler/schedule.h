@@ -22,6 +22,11 @@ class TraceWriter;
 [[nodiscard]] RunRecord run_virtual(const Platform& platform, const Profile* profile,
                                     const Mix& mix, const ScheduleOptions& options);
 
+/// The same, and then on kRedraws redrawn profiles (services/redraw.h): the record has the
+/// intervals of its figures, where something that it rests on was measured.
+[[nodiscard]] RunRecord run_with_intervals(const Platform& platform, const Profile* profile,
+                                           const Mix& mix, const ScheduleOptions& options);
+
 /// What spends the time of a run.
 /// @param trace  Is to hear of all that happens; null = nobody.
 using Driver =
@@ -50,7 +55,7 @@ struct ModeRuns {
 /// Each reason once: "latency, energy: no unit can serve sobel".
 [[nodiscard]] std::vector<std::string> reason_lines(const std::vector<ModeRuns::Skipped>& skipped);
 
-/// Runs each of the modes.
+/// Runs each of the modes, with intervals.
 /// @param options  Its overflow is for those modes that have one.
 /// @throws Error{kBadInput}: unknown mode, an overflow that none of them has.
 [[nodiscard]] ModeRuns run_modes(const Platform& platform, const Profile* profile, const Mix& mix,

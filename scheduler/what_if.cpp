@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "scheduler/planner/budget_plan.h"
+#include "scheduler/record/keeping_up.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/text.h"
@@ -17,25 +17,6 @@ constexpr double kStep = 0.05;
 constexpr int kMostSteps = 60;
 constexpr int kHalvings = 7;  ///< 5 % / 2^7 is below a two-thousandth.
 constexpr const char* kAll = "all";
-
-/// Firings that may be unfinished at the end, since they have just come.
-std::int64_t just_come(const PipelineResult& result, const Pipeline& pipeline) {
-  const double while_one_takes = *pipeline.rate_hz * std::max(result.p99_ms.value_or(0), 1.0) / 1e3;
-  const double part = 0.01 * static_cast<double>(result.fired);
-  return 1 + static_cast<std::int64_t>(std::ceil(std::min(while_one_takes, part)));
-}
-
-/// What part of the pipeline's firings went wrong; 0 = nothing is amiss.
-double amiss(const PipelineResult& result, const Pipeline& pipeline) {
-  if (!pipeline.rate_hz || result.fired == 0) return 0;
-  std::int64_t bad = result.dropped;
-  if (pipeline.real_time) {
-    bad += result.deadline_misses.value_or(0);
-    const std::int64_t allowed = just_come(result, pipeline);
-    if (result.unfinished > allowed) bad += result.unfinished - allowed;
-  }
-  return static_cast<double>(bad) / static_cast<double>(result.fired);
-}
 
 /// The busiest unit of those that served the pipeline's workloads, or that could have.
 const UnitResult* unit_of(const RunRecord& run, const Pipeline& pipeline) {
@@ -56,15 +37,14 @@ const UnitResult* unit_of(const RunRecord& run, const Pipeline& pipeline) {
 }
 
 std::string what_of(const PipelineResult& result) {
+  const Shortfall shortfall = shortfall_of(result);
   std::vector<std::string> parts;
-  if (result.deadline_misses.value_or(0) > 0) {
-    parts.push_back(fmt::format("{} of {} late", *result.deadline_misses, result.fired));
-  }
-  if (result.dropped > 0)
-    parts.push_back(fmt::format("{} of {} dropped", result.dropped, result.fired));
-  if (result.unfinished > 0 && parts.empty()) {
-    parts.push_back(fmt::format("{} of {} unfinished", result.unfinished, result.fired));
-  }
+  const auto add = [&](std::int64_t firings, const char* what) {
+    if (firings > 0) parts.push_back(fmt::format("{} of {} {}", firings, result.fired, what));
+  };
+  add(shortfall.late, "late");
+  add(shortfall.dropped, "dropped");
+  add(shortfall.queued, "unfinished for more than a period");
   return join(parts, ", ");
 }
 
@@ -77,7 +57,7 @@ std::string resource_of(const RunRecord& run, const Mix& mix, const UnitResult* 
   if (power_cap_w && run.average_power_w.value_or(0) >= 0.85 * *power_cap_w) {
     return fmt::format("power ({:.3g} of {:.3g} W)", *run.average_power_w, *power_cap_w);
   }
-  if (result.dropped > 0 && mix.image_buffers && pipeline.has_image_input()) {
+  if (shortfall_of(result).dropped > 0 && mix.image_buffers && pipeline.has_image_input()) {
     return fmt::format("image buffers ({})", *mix.image_buffers);
   }
   return fmt::format("its turn: calls before it are not interrupted ({:.0f} % busy)", 100 * busy);
@@ -109,7 +89,25 @@ class Search {
 
   /// @param values  The given one, then so far as is tried.
   WhatIfRow run(const std::string& mode, const std::vector<double>& values) {
-    WhatIfRow row{.mode = mode, .not_run = "", .holds = {}, .breaks = {}, .breakage = {}};
+    redraw_.reset();
+    WhatIfRow row = found(mode, values);
+    if (!uncertain_ || !row.not_run.empty()) return row;
+    redraw_ = Redraw{.kind = Redraw::Kind::kLongest};
+    row.holds_if_long = found(mode, values).holds;
+    redraw_ = Redraw{.kind = Redraw::Kind::kShortest};
+    row.holds_if_short = found(mode, values).holds;
+    return row;
+  }
+
+ private:
+  WhatIfRow found(const std::string& mode, const std::vector<double>& values) {
+    WhatIfRow row{.mode = mode,
+                  .not_run = "",
+                  .holds = {},
+                  .holds_if_long = {},
+                  .holds_if_short = {},
+                  .breaks = {},
+                  .breakage = {}};
     try {
       for (const double value : values) {
         if (auto breakage = breakage_at(mode, value)) {
@@ -126,12 +124,12 @@ class Search {
     return row;
   }
 
- private:
   std::optional<Breakage> breakage_at(const std::string& mode, double value) {
     const Mix mix = changed(mix_, change_, value);
     const bool budgets = find_policy(mode).budgets;
     ScheduleOptions options = budgets ? options_ : options_.without_budget();
     options.mode = mode;
+    options.redraw = redraw_;
     options.watch_power = true;
     std::optional<double> cap_w = options_.power_cap_w;
     if (change_.kind == WhatIfChange::Kind::kPowerCap) cap_w = value;
@@ -142,7 +140,9 @@ class Search {
                       .resource = "power",
                       .what = infeasible_cap(platform_, *cap_w)};
     }
-    return breakage_of(run_virtual(platform_, profile_, mix, options), mix, cap_w);
+    const RunRecord run = run_virtual(platform_, profile_, mix, options);
+    uncertain_ = run.uncertain;
+    return breakage_of(run, mix, cap_w);
   }
 
   void bisect(WhatIfRow& row) {
@@ -163,6 +163,8 @@ class Search {
   const Mix& mix_;
   const WhatIfChange& change_;
   const ScheduleOptions& options_;
+  std::optional<Redraw> redraw_;
+  bool uncertain_ = false;
 };
 
 std::vector<double> values_of(const WhatIfChange& change, double given) {
@@ -183,7 +185,10 @@ std::optional<Breakage> breakage_of(const RunRecord& run, const Mix& mix,
   double worst = 0;
   std::size_t position = 0;
   for (std::size_t p = 0; p < mix.pipelines.size(); ++p) {
-    const double each = amiss(run.pipelines[p], mix.pipelines[p]);
+    const PipelineResult& result = run.pipelines[p];
+    if (result.fired == 0) continue;
+    const double each =
+        static_cast<double>(shortfall_of(result).firings()) / static_cast<double>(result.fired);
     if (each <= worst) continue;
     worst = each;
     position = p;

@@ -23,9 +23,7 @@ struct Breakage {
   std::string what;      ///< "31 of 1500 late", "rate 18.5 of 25 Hz".
 };
 
-/// Absent if the run keeps everything: no deadline of a real-time pipeline is missed, no firing
-/// dropped, no more is unfinished at the end than what has just come, and no second draws more than
-/// the cap.
+/// Absent if the run keeps up (record/keeping_up.h), and no second draws more than the cap.
 /// @param mix  Of the run.
 [[nodiscard]] std::optional<Breakage> breakage_of(const RunRecord& run, const Mix& mix,
                                                   std::optional<double> power_cap_w);
@@ -41,8 +39,11 @@ struct WhatIfChange {
 
 struct WhatIfRow {
   std::string mode;
-  std::string not_run;               ///< Why not; empty = it was.
-  std::optional<double> holds;       ///< The last value that was found to hold,
+  std::string not_run;          ///< Why not; empty = it was.
+  std::optional<double> holds;  ///< The last value that was found to hold,
+  /// the same where all calls take as long, or as short, as the intervals of a measured profile let
+  /// them (absent without such, or where none is found),
+  std::optional<double> holds_if_long, holds_if_short;
   std::optional<double> breaks;      ///< and the first that was not. Absent: none was found.
   std::optional<Breakage> breakage;  ///< At `breaks`.
 };

@@ -36,6 +36,11 @@ stage unity-build "$all" "${PIRT_PACKAGES[*]}" "what cli/demo.sh builds, whose r
 stage unity-tests "$all" "$base" "the tests of a build whose rooms are one source each, as who builds once has it" unity
 stage trixie-build "$all" "git debootstrap" "Debian 13 builds it, with g++ 14 and clang 19, without a warning" on_trixie build
 stage trixie-tests "$all" "git debootstrap" "every test on Debian 13" on_trixie tests
+stage noisy "$all" "$base" "the demo's steps beside two busy loops a core: four modes and an answer" beside_loops noisy
+for round in 1 2 3; do
+  stage "loaded-$round" "$all" "$base" "every test beside two busy loops a core, round $round of 3" beside_loops suite
+done
+stage loaded-threads "$all" "$base" "50 times beside two busy loops a core: tests that start threads or processes" beside_loops threads
 stage aarch64 "$all" "$base g++-aarch64-linux-gnu qemu-user mmdebstrap" "built for ARM's processors, run under qemu" check_aarch64
 for layer in "${layers[@]}"; do
   stage "asan-$layer" "${code[$layer]}" "$base" "tests of $layer/ under address and undefined-behaviour sanitizers" asan "$layer"
@@ -100,6 +105,28 @@ long_test() {
 check_packages() { tests/packages.sh || exit $?; }
 
 on_trixie() { tests/trixie.sh "$1" || exit $?; }
+
+# beside_loops WHAT: beside two busy loops a core, what rests on time has to be a condition.
+beside_loops() {
+  build_pirt build -DPIRT_TESTS=ON
+  if [[ $1 == noisy ]]; then
+    tests/noisy.sh build/pirt
+    return
+  fi
+  local loops=() code=0 i
+  for ((i = 0; i < 2 * $(nproc); ++i)); do
+    (while :; do :; done) &
+    loops+=($!)
+  done
+  if [[ $1 == suite ]]; then
+    run_tests build --timeout 1500 || code=$?
+  else
+    run_tests build --timeout 1500 --repeat until-fail:50 -R '^(scheduler\.(Runtime|Live|Leave|Handover|Engine|Spin)|cli\.(Cloud|Live|Worker))' || code=$?
+  fi
+  kill "${loops[@]}"
+  wait "${loops[@]}" 2>/dev/null || true
+  return "$code"
+}
 
 build_united() { build_pirt build-united -DPIRT_TESTS=OFF -DPIRT_UNITY=ON -DPIRT_WERROR=ON; }
 

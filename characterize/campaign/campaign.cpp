@@ -367,8 +367,10 @@ class Campaign {
     for (const PhaseRecord& row : record.phases) {
       const bool unknown = !row.reasons.empty() && row.reasons.front().starts_with(kUnknownPhase);
       if (unknown) continue;
-      ++(row.reasons.empty() ? summary_.rows_valid : summary_.rows_invalid);
-      if (row.reasons.empty()) continue;
+      ++(is_valid(row)  ? summary_.rows_valid
+         : is_used(row) ? summary_.rows_doubted
+                        : summary_.rows_invalid);
+      if (is_used(row)) continue;
       auto& phases = invalid[join(row.reasons, ", ")];
       const std::string phase(to_string(row.phase));
       if (std::ranges::find(phases, phase) == phases.end()) phases.push_back(phase);

@@ -125,8 +125,7 @@ struct CampaignSummary {
   std::int64_t run_id = 0;
   int cells = 0;        ///< Stored.
   int cells_begun = 0;  ///< Not complete when the run was interrupted, and stored as they are.
-  int rows_valid = 0;
-  int rows_invalid = 0;
+  int rows_valid = 0, rows_doubted = 0, rows_invalid = 0;
   int processes = 0;         ///< That were run to their end.
   int within_precision = 0;  ///< Stored cells whose `call` and `execute` reached the precision.
   bool interrupted = false;  ///< By options.stop; what was measured is kept.

@@ -9,6 +9,7 @@
 #include <map>
 
 #include "characterize/energy/model.h"
+#include "characterize/statistics/rank_tests.h"
 #include "characterize/statistics/statistics.h"
 
 namespace pirt {
@@ -176,13 +177,15 @@ std::span<const CellMeasurement::Taken> CellMeasurement::shown() const {
 }
 
 CellSamples CellMeasurement::samples(Phase phase) const {
-  CellSamples all{phase, {}, {}, 0};
+  CellSamples all{.phase = phase, .batch = 0};
   std::int32_t process = 0;
   for (const Taken& taken : shown()) {
     const auto found = std::ranges::find(taken.result.phases, phase, &PhaseSamples::phase);
     if (found == taken.result.phases.end() || found->samples.empty()) continue;
+    const bool has_cpu = all.cpu.size() == all.samples.size() && !found->cpu.empty();
     all.samples.insert(all.samples.end(), found->samples.begin(), found->samples.end());
     all.processes.resize(all.samples.size(), process++);
+    if (has_cpu) all.cpu.insert(all.cpu.end(), found->cpu.begin(), found->cpu.end());
     all.batch = all.batch == 0 ? found->batch : std::min(all.batch, found->batch);
   }
   return all;
@@ -237,6 +240,21 @@ void take_in(std::span<const Interference> processes, CellConditions& conditions
 
 }  // namespace
 
+/// Of the time of calls, what they did not have of their cores, by their processor time.
+std::optional<double> CellMeasurement::taken(const CellSamples& calls) const {
+  if (calls.cpu.size() != calls.samples.size()) return std::nullopt;
+  const auto cores =
+      request_.unit.cores.empty() ? usable_cores().size() : request_.unit.cores.size();
+  const auto wall = process_medians(calls.samples, calls.processes);
+  const auto cpu = process_medians(calls.cpu, calls.processes);
+  std::vector<double> shares;
+  for (std::size_t i = 0; i < wall.size(); ++i) {
+    if (wall[i] <= Nanos::zero()) return std::nullopt;
+    shares.push_back(1 - to_s(cpu[i]) / to_s(wall[i]) / static_cast<double>(cores));
+  }
+  return std::clamp(median_of(shares), 0.0, 1.0);
+}
+
 /// Of calls.
 CellConditions CellMeasurement::conditions() const {
   CellConditions found;
@@ -251,7 +269,9 @@ CellConditions CellMeasurement::conditions() const {
   found.unstable = unstable_;
   found.precise = reached_ && *reached_ <= request_.precision;
   const CellSamples calls = samples(Phase::kCall);
-  if (!calls.samples.empty()) found.call = median(calls.samples, calls.processes);
+  if (calls.samples.empty()) return found;
+  found.call = median(calls.samples, calls.processes);
+  if (found.contended) found.taken = taken(calls);
   return found;
 }
 
@@ -430,7 +450,7 @@ PhaseRecord CellMeasurement::setup_row(Phase phase, State state) const {
     if (result.is_measured(phase)) clock = result.clock;
   }
   if (row.deterministic && !row.samples.empty()) {
-    CellSamples found{phase, std::move(row.samples), std::move(row.processes), 1};
+    CellSamples found{phase, std::move(row.samples), std::move(row.processes)};
     if (const std::string why = keep_first(found); !why.empty()) row.reasons.push_back(why);
     row.samples = std::move(found.samples);
     row.processes = std::move(found.processes);
@@ -439,13 +459,17 @@ PhaseRecord CellMeasurement::setup_row(Phase phase, State state) const {
   const int needed = row.deterministic ? 1 : request_.setup_repeats;
   const bool complete = static_cast<int>(row.samples.size()) >= needed;
   if (!complete) {
-    append(row.reasons, failed() ? failure() : std::vector<std::string>{"few_samples"});
+    if (failed()) {
+      append(row.reasons, failure());
+    } else {
+      hold_against(row, judgement_of({"few_samples"}, !row.samples.empty()));
+    }
   } else if (is_clock_bound(median(row.samples), 1, clock)) {
     row.reasons.emplace_back("clock_bound");
   }
   if (!row.deterministic) {
     const CellConditions known = setup_conditions(state);
-    append(row.reasons, judge_setups(row.samples, known));
+    hold_against(row, judge_setups(row.samples, known));
     if (known.contended && !known.crowded) row.notes.emplace_back("contended");
   }
   if (phase == Phase::kPrepare) {
@@ -482,7 +506,9 @@ std::optional<PhaseRecord> CellMeasurement::call_row(Phase phase) const {
     if (known.deterministic) {
       if (const std::string why = keep_first(found); !why.empty()) row.reasons.push_back(why);
     }
-    append(row.reasons, judge(found, known));
+    hold_against(row, judge(found, known));
+    row.taken = known.taken;
+    row.cpu = std::move(found.cpu);
     append(row.notes, annotate(found, known, request_.precision));
     row.samples = std::move(found.samples);
     row.processes = std::move(found.processes);
@@ -499,7 +525,7 @@ std::vector<PhaseRecord> CellMeasurement::condition_rows() const {
   for (const Taken& taken : shown()) {
     for (const auto& [condition, samples] : taken.result.conditions) {
       CellSamples& all =
-          found.try_emplace(condition, CellSamples{samples.phase, {}, {}, 1}).first->second;
+          found.try_emplace(condition, CellSamples{.phase = samples.phase}).first->second;
       all.samples.insert(all.samples.end(), samples.samples.begin(), samples.samples.end());
       all.processes.resize(all.samples.size(), process);
     }
@@ -513,7 +539,8 @@ std::vector<PhaseRecord> CellMeasurement::condition_rows() const {
     row.provenance = provenance(samples.phase);
     const CellConditions known = conditions();
     row.reasons = failure();
-    append(row.reasons, judge(samples, known));
+    hold_against(row, judge(samples, known));
+    row.taken = known.taken;
     row.notes = notes();
     append(row.notes, annotate(samples, known, request_.precision));
     row.samples = std::move(samples.samples);

@@ -110,6 +110,7 @@ class CellMeasurement {
   [[nodiscard]] std::span<const Taken> shown() const;
   [[nodiscard]] CellSamples samples(Phase phase) const;
   [[nodiscard]] bool is_precise() const;
+  [[nodiscard]] std::optional<double> taken(const CellSamples& calls) const;
   [[nodiscard]] CellConditions conditions() const;
   [[nodiscard]] CellConditions setup_conditions(State state) const;
   [[nodiscard]] std::optional<Nanos> bound(Phase phase) const;

@@ -28,7 +28,7 @@ PhaseRecord phase_record(Phase phase, const std::vector<Nanos>& samples,
   conditions.clock = phase == Phase::kCall ? clock : kNotJudged;
   PhaseRecord record;
   record.phase = phase;
-  record.reasons = judge(taken, conditions);
+  hold_against(record, judge(taken, conditions));
   record.notes = annotate(taken, conditions, kPrecision);
   record.samples = samples;
   return record;

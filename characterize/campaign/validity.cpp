@@ -78,51 +78,50 @@ bool is_imprecise(const std::optional<Interval>& interval, Nanos median,
   return share_of(median, kImprecise) && (!call || share_of(*call, kPartOfCall));
 }
 
-std::vector<std::string> judge_setups(std::span<const Nanos> times,
-                                      const CellConditions& conditions) {
-  std::vector<std::string> reasons;
-  if (times.empty()) return reasons;
-  if (conditions.throttled) reasons.emplace_back("throttled");
+Judgement judge_setups(std::span<const Nanos> times, const CellConditions& conditions) {
+  Judgement found;
+  if (times.empty()) return found;
+  if (conditions.throttled) found.add("throttled");
   const auto halves = halves_apart(times);
   if (halves && far_apart(halves->first, halves->second) &&
       std::chrono::abs(halves->first - halves->second) > kSetupGrain) {
-    reasons.emplace_back("unstable");
+    found.add("unstable");
   }
   auto interval = interval_over_processes(times);
   if (times.size() == 2) interval = {std::min(times[0], times[1]), std::max(times[0], times[1])};
   if (is_imprecise(interval, median(times), std::nullopt) && half_of(*interval) > kSetupGrain) {
-    reasons.emplace_back("imprecise");
+    found.add("imprecise");
   }
-  if (conditions.crowded) reasons.emplace_back("contended");
-  return reasons;
+  if (conditions.crowded) found.add("contended");
+  return found;
 }
 
-std::vector<std::string> judge(const CellSamples& samples, const CellConditions& conditions) {
-  std::vector<std::string> reasons;
+Judgement judge(const CellSamples& samples, const CellConditions& conditions) {
+  Judgement found;
   const auto medians = process_medians(samples.samples, samples.processes);
   if (conditions.wrong_output) {
-    reasons.emplace_back("wrong_output");  // which ended the sampling
+    found.add("wrong_output");  // which ended the sampling
   } else if (conditions.deterministic) {
-    return reasons;
+    return found;
   } else if (static_cast<std::int64_t>(samples.samples.size()) < kFewestSamples ||
              (!conditions.live && static_cast<std::int64_t>(medians.size()) < kFewestProcesses)) {
-    reasons.emplace_back("few_samples");
+    found.add(samples.samples.empty() ? "no_samples" : "few_samples");
   }
   if (samples.phase != Phase::kLaunch && !medians.empty() &&
       is_clock_bound(median(medians), samples.batch, conditions.clock)) {
-    reasons.emplace_back("clock_bound");
+    found.add("clock_bound");
   }
-  if (conditions.throttled) reasons.emplace_back("throttled");
-  if (conditions.unstable) reasons.emplace_back("unstable");
+  if (conditions.throttled) found.add("throttled");
+  if (conditions.unstable) found.add("unstable");
   if (!samples.samples.empty()) {
     const auto summary = summarize(samples.samples, samples.processes);
     const bool whole = samples.phase == Phase::kCall;
     if (is_imprecise(summary.interval, summary.median, whole ? std::nullopt : conditions.call)) {
-      reasons.emplace_back("imprecise");
+      found.add("imprecise");
     }
   }
-  if (is_spoilt_by_others(conditions)) reasons.emplace_back("contended");
-  return reasons;
+  if (is_spoilt_by_others(conditions)) found.add("contended");
+  return found;
 }
 
 std::vector<std::string> annotate(const CellSamples& samples, const CellConditions& conditions,

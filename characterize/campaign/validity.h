@@ -1,5 +1,5 @@
-// When a measured row counts: the reasons that invalidate it and the notes that do not. The
-// vocabulary is documented in schema.sql.
+// What is held against a measured row, and what is noted of it. The vocabulary is documented in
+// schema.sql.
 #pragma once
 
 #include <cstdint>
@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "characterize/profile/judgement.h"
 #include "characterize/statistics/statistics.h"
 #include "characterize/worker/measure.h"
 
@@ -23,6 +24,7 @@ struct CellSamples {
   Phase phase = Phase::kCall;
   std::vector<Nanos> samples;
   std::vector<std::int32_t> processes;  ///< Which process took each, from 0 in order of time.
+  std::vector<Nanos> cpu = {};          ///< Processor time of each one's call; empty = not known.
   std::int64_t batch = 1;  ///< Calls between two readings of the clock: the fewest of any process.
 };
 
@@ -37,7 +39,8 @@ struct CellConditions {
   bool live = false;           ///< Calls of a live run: one process took them all.
   bool crowded = false;  ///< `contended`, and others took so much that it may be in all of it.
   bool precise = true;   ///< The cell's `call` and `execute` reached the wished precision.
-  std::optional<Nanos> call = {};  ///< Median of the whole call that a phase is part of.
+  std::optional<Nanos> call = {};    ///< Median of the whole call that a phase is part of.
+  std::optional<double> taken = {};  ///< PhaseRow::taken, where contended.
 };
 
 /// Whether what others took of the cores spoils the cell: it is not precise either, or they took so
@@ -68,15 +71,14 @@ struct CellConditions {
 [[nodiscard]] bool is_imprecise(const std::optional<Interval>& interval, Nanos median,
                                 const std::optional<Nanos>& call);
 
-/// Reasons of one per-call row. `launch` is stamped by the device and cannot be clock-bound.
-[[nodiscard]] std::vector<std::string> judge(const CellSamples& samples,
-                                             const CellConditions& conditions);
+/// Of one per-call row. `launch` is stamped by the device and cannot be clock-bound.
+[[nodiscard]] Judgement judge(const CellSamples& samples, const CellConditions& conditions);
 
-/// Reasons of the set-ups of one phase and state, one a process in order of time: throttled,
+/// Of the set-ups of one phase and state, one a process in order of time: throttled,
 /// unstable, imprecise, contended. Of two, the interval is what they span; differences of less than
 /// 1 ms, which a page fault makes, are not judged.
-[[nodiscard]] std::vector<std::string> judge_setups(std::span<const Nanos> times,
-                                                    const CellConditions& conditions);
+[[nodiscard]] Judgement judge_setups(std::span<const Nanos> times,
+                                     const CellConditions& conditions);
 
 /// deterministic, or precision_not_reached, contended, bimodal, live, where they apply.
 /// @param precision  Half the 95 % interval over processes, relative to the median.

@@ -268,10 +268,10 @@ std::vector<FitCell> fit_cells(const Profile& profile, std::string_view unit) {
   std::vector<FitCell> cells;
   for (const EnergyRow& energy : profile.energies) {
     if (energy.run_id != profile.runs.front().run_id) continue;
-    if (energy.unit != unit || energy.provenance != Provenance::kMeasured || !energy.valid)
+    if (energy.unit != unit || energy.provenance != Provenance::kMeasured || !is_valid(energy))
       continue;
     const PhaseRow* call = profile.find(energy.workload, unit, Phase::kCall);
-    if (call == nullptr || !call->valid || call->run_id != energy.run_id) continue;
+    if (call == nullptr || !is_valid(*call) || call->run_id != energy.run_id) continue;
     cells.push_back({energy.workload, to_s(call->mean.value_or(*call->median)), call->ops,
                      call->bytes, energy.energy_j.value()});
   }

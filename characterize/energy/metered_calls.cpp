@@ -244,8 +244,15 @@ EnergyRecord metered_energy(const MeteredCalls& metered) {
   EnergyRecord record;
   record.provenance = Provenance::kMeasured;
   record.source = metered.source;
-  record.reasons = metered.reasons;
   record.energy_j = metered.call_j();
+  hold_against(record, judgement_of(metered.reasons, record.energy_j.has_value()));
+  if (record.energy_j) {
+    // What idling drew meanwhile is not known better than that it was between the two.
+    const double apart_j = std::abs(*metered.idle_after_w - *metered.idle_before_w) / 2 *
+                           to_s(metered.duration) / static_cast<double>(metered.calls);
+    record.ci_low_j = std::max(0.0, *record.energy_j - apart_j);
+    record.ci_high_j = *record.energy_j + apart_j;
+  }
   record.domain = metered.domain;
   record.idle_subtracted = true;
   return record;

@@ -41,6 +41,17 @@ Nanos drawing(const UnitModel& unit, const PhaseRecord& call, std::span<const Ph
   return sum;
 }
 
+/// That of the call's time.
+void add_interval(const PhaseRecord& call, double fixed_j, double timed_j, EnergyRecord& energy) {
+  const Statistics time = statistics_of(call);
+  if (!time.interval || time.median <= Nanos::zero()) return;
+  const double energy_j = energy.energy_j.value();  // which rounding must not leave out
+  const double low_j = fixed_j + timed_j * to_s(time.interval->low) / to_s(time.median);
+  const double high_j = fixed_j + timed_j * to_s(time.interval->high) / to_s(time.median);
+  energy.ci_low_j = std::min(low_j, energy_j);
+  energy.ci_high_j = std::max(high_j, energy_j);
+}
+
 /// The platform's own words, in one line.
 std::string remark(const Platform& platform, const UnitModel& unit) {
   std::string text = unit.energy_source.empty() ? platform.assumptions : unit.energy_source;
@@ -60,11 +71,14 @@ EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const
   EnergyRecord result;
   result.provenance = weakest(unit.energy_provenance, call.provenance);
   result.reasons = call.reasons;
+  result.doubts = call.doubts;
   double energy_j = call_j;
+  double timed_j = 0;  // of it, what goes with the time of the call
   if (unit.active_w > 0) {
     terms.push_back(fmt::format("active_w {} W x mean {}", unit.active_w,
                                 is_elsewhere(unit) ? "upload and download" : "call"));
-    if (!call.samples.empty()) energy_j += unit.active_w * to_s(drawing(unit, call, phases));
+    if (!call.samples.empty()) timed_j = unit.active_w * to_s(drawing(unit, call, phases));
+    energy_j += timed_j;
   }
   if (unit.op_pj > 0) {
     terms.push_back(fmt::format("op_pj {} pJ x ops", unit.op_pj));
@@ -91,7 +105,10 @@ EnergyRecord model_energy(const Platform& platform, const UnitModel& unit, const
   }
   result.source = "model: " + join(terms, " + ") + remark(platform, unit);
   const bool has_ops = unit.op_pj <= 0 || ops.has_value();
-  if (!call.samples.empty() && has_ops) result.energy_j = energy_j;
+  if (!call.samples.empty() && has_ops) {
+    result.energy_j = energy_j;
+    add_interval(call, energy_j - timed_j, timed_j, result);
+  }
   return result;
 }
 

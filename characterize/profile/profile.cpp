@@ -28,6 +28,10 @@ std::string PhaseRow::unknown() const {
   return reason == reasons.end() ? "" : reason->substr(kUnknownPhase.size());
 }
 
+bool PhaseRow::is_wild() const {
+  return is_doubted(*this) && ci_low && ci_high && to_s(*ci_high) > kWildSpan * to_s(*ci_low);
+}
+
 std::optional<double> RunInfo::figure(const std::string& key) const {
   const auto fact = environment.find(key);
   if (fact == environment.end()) return std::nullopt;
@@ -49,7 +53,8 @@ const PhaseRow* Profile::find(std::string_view workload, std::string_view unit, 
 const PhaseRow* Profile::find_condition(std::string_view workload, std::string_view unit,
                                         Condition condition) const {
   const auto it = std::ranges::find_if(conditions, [&](const PhaseRow& row) {
-    return row.workload == workload && row.unit == unit && row.condition == condition;
+    return row.workload == workload && row.unit == unit && row.phase == Phase::kExecute &&
+           row.condition == condition;
   });
   return it == conditions.end() ? nullptr : &*it;
 }

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "characterize/profile/condition.h"
+#include "characterize/profile/judgement.h"
 #include "characterize/profile/unit_phase.h"
 #include "workloads/base/time.h"
 #include "workloads/model/peak.h"
@@ -28,18 +29,22 @@ struct PhaseRow {
   State state = State::kSteady;
   Condition condition = Condition::kSteady;
   Origin provenance = {};
-  bool valid = false;
-  std::vector<std::string> reasons;  ///< Why it is not valid.
+  std::vector<std::string> reasons;  ///< Why it is no figure (judgement.h).
   std::vector<std::string> notes;
   std::int64_t samples = 0;
   std::optional<Nanos> median, mad, p95, p99, ci_low, ci_high;  ///< Absent if there are no samples.
   std::optional<std::int64_t> ops;
   std::int64_t bytes = 0;
-  std::int64_t processes = 0;  ///< Fresh worker processes that the samples come from.
+  std::int64_t processes = 0;            ///< Fresh worker processes that the samples come from.
+  std::vector<std::string> doubts = {};  ///< Why its interval is wide.
   std::optional<Nanos> bound = std::nullopt;  ///< The least that the phase can take, where known.
   /// Mean of the process means (statistics.h), for what adds up; absent if there are no samples. In
   /// no view: read from the samples.
   std::optional<Nanos> mean = std::nullopt;
+  std::optional<Nanos> cpu = std::nullopt;     ///< Processor time of a call on the host's cores.
+  std::optional<double> taken = std::nullopt;  ///< The share of its time that others had its cores.
+  std::optional<std::int64_t> host_memory_bytes = std::nullopt;    ///< What a call's process has,
+  std::optional<std::int64_t> device_memory_bytes = std::nullopt;  ///< and its device.
   // Its samples as they were taken, and of each the process that took it; empty until
   // ProfileReader::read_samples.
   std::vector<Nanos> values;
@@ -49,6 +54,9 @@ struct PhaseRow {
   [[nodiscard]] bool is_deterministic() const;
   /// Why nobody knows the phase's time; empty if there is one, or it was not to be had otherwise.
   [[nodiscard]] std::string unknown() const;
+  /// Whether it is doubted, and its interval spans so much that it tells nothing of the order of
+  /// units.
+  [[nodiscard]] bool is_wild() const;
 };
 
 /// A note of rows whose figure repeats exactly.
@@ -63,10 +71,11 @@ struct EnergyRow {
   std::optional<double> energy_j;
   Origin provenance = Provenance::kModelled;
   std::string source;  ///< "model: active_w 10 W x call", "rapl: package-0".
-  bool valid = false;
   std::vector<std::string> reasons;
   std::string domain = {};       ///< What the meter or model covers: "unit", "package".
   bool idle_subtracted = false;  ///< What the domain takes anyway is not in energy_j.
+  std::optional<double> ci_low_j = std::nullopt, ci_high_j = std::nullopt;
+  std::vector<std::string> doubts = {};
 };
 
 /// A row of view unit_time_summary: what a unit that is a thread of the host takes beside its
@@ -78,11 +87,11 @@ struct UnitTimeRow {
   /// It had nothing to do for so long; a hand-over after 0 is from the end of one call to the
   /// beginning of the next, which waits.
   Nanos sleep{0};
-  bool valid = false;
   std::vector<std::string> reasons;
   std::int64_t samples = 0;
   std::optional<Nanos> median, mad, p95, p99, ci_low, ci_high;  ///< Absent if there are no samples.
   std::vector<Nanos> values;  ///< Its samples; empty until ProfileReader::read_samples.
+  std::vector<std::string> doubts = {};
 };
 
 /// What a unit can do at most: operations (f32, int8) or bytes (bandwidth) a second.
@@ -93,8 +102,8 @@ struct PeakRow {
   std::optional<double> per_second;
   std::string variant;  ///< Which loop was the fastest.
   Provenance provenance = Provenance::kMeasured;
-  bool valid = false;
   std::vector<std::string> reasons;
+  std::vector<std::string> doubts = {};
 };
 
 /// A device that a unit of the run computed on.

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "characterize/profile/profile.h"
+#include "characterize/statistics/statistics.h"
 #include "workloads/base/time.h"
 #include "workloads/model/phase.h"
 
@@ -30,7 +31,7 @@ struct PhaseRecord {
   Phase phase = Phase::kCall;
   State state = State::kSteady;
   Origin provenance = {};
-  std::vector<std::string> reasons;  ///< Empty = valid; never empty without samples.
+  std::vector<std::string> reasons;  ///< Never empty without samples.
   std::vector<std::string> notes;
   std::vector<Nanos> samples;
   /// Of each sample the worker process that took it, from 0. Empty = one process took all, or, in a
@@ -38,17 +39,28 @@ struct PhaseRecord {
   std::vector<std::int32_t> processes = {};
   std::optional<Nanos> bound = {};  ///< What no sample can be below, where the device knows that.
   bool deterministic = false;       ///< Each sample is the figure: nothing varies.
-  Condition condition = Condition::kSteady;  ///< Another one: of phase kExecute, state kSteady.
+  Condition condition = Condition::kSteady;  ///< Another one: of a call's phase, state kSteady.
+  std::vector<std::string> doubts = {};
+  std::vector<Nanos> cpu = {};       ///< Processor time of each sample's call; empty = not known.
+  std::optional<double> taken = {};  ///< See PhaseRow.
 };
+
+/// The process of each sample, as PhaseRecord::processes says.
+[[nodiscard]] std::vector<std::int32_t> processes_of(const PhaseRecord& record);
+/// Of a record with samples. What repeats exactly has an interval without width; what others took
+/// of its cores may be in all of its samples, so that its interval begins below them.
+[[nodiscard]] Statistics statistics_of(const PhaseRecord& record);
 
 /// The defaults are those of model_energy, whose watts are above idle.
 struct EnergyRecord {
   std::optional<double> energy_j;
   Origin provenance = Provenance::kModelled;
   std::string source;
-  std::vector<std::string> reasons;  ///< Empty = valid; never empty without energy_j.
+  std::vector<std::string> reasons;  ///< Never empty without energy_j.
   std::string domain = "unit";       ///< What the meter or model covers.
   bool idle_subtracted = true;       ///< What the domain takes anyway is not in energy_j.
+  std::optional<double> ci_low_j = {}, ci_high_j = {};
+  std::vector<std::string> doubts = {};
 };
 
 /// UnitTimeRow with its samples.
@@ -56,8 +68,9 @@ struct UnitTimeRecord {
   std::string unit;
   UnitPhase phase = UnitPhase::kHandover;
   Nanos sleep{0};
-  std::vector<std::string> reasons;  ///< Empty = valid; never empty without samples.
+  std::vector<std::string> reasons;  ///< Never empty without samples.
   std::vector<Nanos> samples;
+  std::vector<std::string> doubts = {};
 };
 
 /// What a unit can do at most.
@@ -67,7 +80,8 @@ struct PeakRecord {
   std::optional<double> per_second;  ///< Operations or bytes, above 0.
   std::string variant;               ///< Which loop was the fastest; empty if none ran.
   Provenance provenance = Provenance::kMeasured;
-  std::vector<std::string> reasons;  ///< Empty = valid; never empty without per_second.
+  std::vector<std::string> reasons;  ///< Never empty without per_second.
+  std::vector<std::string> doubts = {};
 };
 
 /// What a call computes and moves at least.
@@ -85,6 +99,7 @@ struct CellRecord {
   std::vector<PhaseRecord> phases;
   std::optional<EnergyRecord> energy;
   std::vector<PhaseRecord> conditions = {};  ///< Of another one than kSteady.
+  std::optional<std::int64_t> host_memory_bytes = {}, device_memory_bytes = {};  ///< See PhaseRow.
 };
 
 struct CellName {

@@ -43,7 +43,7 @@ Limits limits_of(const Profile& profile, const std::string& unit) {
   for (const PeakRow& peak : profile.peaks) {
     if (peak.unit != unit) continue;
     limits.run = find_run(profile, peak.run_id);
-    if (peak.valid && peak.per_second) {
+    if (is_used(peak) && peak.per_second) {
       limits.per_second[peak.kind] = *peak.per_second;
       limits.provenance = weakest(limits.provenance, peak.provenance);
     } else {
@@ -214,7 +214,7 @@ Rooflines rooflines(const Profile& profile) {
   for (const auto& unit : profile.units()) limits[unit] = limits_of(profile, unit);
   Exceeded exceeded;
   for (const PhaseRow& row : profile.phases) {
-    if (row.phase != Phase::kExecute || !row.valid || !row.median || row.median->count() <= 0) {
+    if (row.phase != Phase::kExecute || !is_used(row) || !row.median || row.median->count() <= 0) {
       continue;
     }
     const Workload* workload = try_find_workload(row.workload);
@@ -225,14 +225,15 @@ Rooflines rooflines(const Profile& profile) {
       continue;
     }
     const LeastTimes times = least_times(row, *workload, unit);
-    if (times.arithmetic) exceeded.consider(row, *times.arithmetic, times.arithmetic_s);
-    exceeded.consider(row, times.transfer, times.transfer_s);
+    if (is_valid(row)) {  // a doubted row says nothing of a peak
+      if (times.arithmetic) exceeded.consider(row, *times.arithmetic, times.arithmetic_s);
+      exceeded.consider(row, times.transfer, times.transfer_s);
+    }
     result.cells.push_back(roofline(row, times, *workload, unit));
   }
   for (PeakRow& peak : result.peaks) {
     const std::string by = exceeded.by(peak.unit, peak.kind);
     if (by.empty()) continue;
-    peak.valid = false;
     peak.reasons.push_back(std::string(kExceededBy) + by);
   }
   for (Roofline& cell : result.cells) {

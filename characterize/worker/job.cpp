@@ -192,12 +192,14 @@ Json encode(const PhaseSamples& p) {
   return {{"phase", to_string(p.phase)},
           {"samples_ns", encode(p.samples)},
           {"batch", p.batch},
-          {"bound_ns", encode(p.bound)}};
+          {"bound_ns", encode(p.bound)},
+          {"cpu_ns", encode(p.cpu)}};
 }
 
 PhaseSamples decode_phase(const Json& j) {
   return {decode_word(j.at("phase"), phase_from_string), decode_times(j.at("samples_ns")),
-          j.at("batch"), decode_time(j.value("bound_ns", Json()))};
+          j.at("batch"), decode_time(j.value("bound_ns", Json())),
+          decode_times(j.value("cpu_ns", Json::array()))};
 }
 
 JobResult decode_result(const Json& j) {

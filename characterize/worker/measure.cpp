@@ -1,6 +1,7 @@
 #include "characterize/worker/measure.h"
 
 #include <fmt/core.h>
+#include <time.h>
 
 #include <algorithm>
 #include <array>
@@ -129,11 +130,13 @@ class Sampler {
   }
 
   void sample() {
+    const Nanos processor = processor_time();
     if (plan_.call == 1) {
       keep(timed_call());
     } else {
       sample_call_batch();
     }
+    if (clocks_.processor != nullptr) cpu_.push_back((processor_time() - processor) / plan_.call);
     if (has_upload_ && plan_.upload != 0) {
       uploads_.push_back(timed(Phase::kUpload, plan_.upload, [this] { kernel_.upload(); }));
     }
@@ -164,16 +167,24 @@ class Sampler {
         if (asked_.any()) return {phase, asked_.part_of(executes_), execute_batch()};
         return {phase, launches_, execute_batch()};
       case Phase::kExecute:
-        return {phase, asked_.taken_off(executes_), execute_batch()};
+        return {phase,
+                asked_.taken_off(executes_),
+                execute_batch(),
+                {},
+                execute_is_call() ? cpu_ : std::vector<Nanos>()};
       case Phase::kDownload:
         return {phase, downloads_, size(plan_.download)};
       case Phase::kCall:
-        return {phase, calls_, plan_.call};
+        return {phase, calls_, plan_.call, {}, cpu_};
       case Phase::kDeviceInit:
       case Phase::kPrepare:
         break;
     }
     return {phase, {}, 1};
+  }
+
+  [[nodiscard]] Nanos processor_time() const {
+    return clocks_.processor == nullptr ? Nanos(0) : clocks_.processor->now();
   }
 
   /// Without transfers a call is its execution: one timing serves both.
@@ -332,7 +343,7 @@ class Sampler {
   bool has_upload_ = false;
   bool has_download_ = false;
   Plan plan_;
-  std::vector<Nanos> uploads_, launches_, executes_, downloads_, calls_;
+  std::vector<Nanos> uploads_, launches_, executes_, downloads_, calls_, cpu_;
   AskedLaunches asked_;
   std::map<Phase, std::vector<Nanos>> bounds_;
 };
@@ -357,6 +368,12 @@ void sample_for(Sampler& sampler, const PhaseClocks& clocks, const SamplingOptio
 }
 
 }  // namespace
+
+Nanos ProcessorClock::now() const {
+  timespec time{};
+  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return std::chrono::seconds(time.tv_sec) + Nanos(time.tv_nsec);
+}
 
 ClockQuality measure_clock(const Clock& clock) {
   constexpr int kRounds = 21;

@@ -51,6 +51,15 @@ struct PhaseSamples {
   std::int64_t batch = 1;      ///< Calls between two readings of the clock.
   /// The median of what the calls say that the phase takes at least; absent where they do not.
   std::optional<Nanos> bound = {};
+  /// The processor time of each sample's call; empty where PhaseClocks::processor is null, and of
+  /// phases that are not timed as calls.
+  std::vector<Nanos> cpu = {};
+};
+
+/// Processor time of this process, all threads.
+class ProcessorClock : public Clock {
+ public:
+  [[nodiscard]] Nanos now() const override;
 };
 
 /// Which clock tells the time of which phase.
@@ -62,6 +71,7 @@ struct PhaseClocks {
   ClockQuality machine_quality = {};
   std::set<Phase> measured = {};  ///< Beside an own clock: those that the machine's clock tells.
   std::set<Phase> unknown = {};   ///< Those that nobody knows the time of; then there is no call.
+  const Clock* processor = nullptr;  ///< Of calls on the host's cores, beside their time.
   /// After each sample, and each call before the first, with how many there are; may be empty.
   std::function<void(std::int64_t)> on_sample = {};
 

@@ -342,7 +342,11 @@ class Worker {
 
   [[nodiscard]] PhaseClocks clocks() {
     const Clock* own = device_->own_clock();
-    if (own == nullptr) return {.clock = machine_, .quality = result_.clock};
+    if (own == nullptr) {
+      PhaseClocks clocks{.clock = machine_, .quality = result_.clock};
+      if (computes_on_host()) clocks.processor = &processor_;
+      return clocks;
+    }
     PhaseClocks clocks{.clock = *own,
                        .quality = {},
                        .machine = &machine_,
@@ -463,6 +467,7 @@ class Worker {
   JobResult& result_;
   const Backend& backend_;
   MachineClock machine_;
+  ProcessorClock processor_;
   Nanos begun_{0};  ///< The step.
   Nanos life_shown_ = machine_.now();
   std::vector<Data> data_;                     ///< Of each frame of the sequence.

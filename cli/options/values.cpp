@@ -88,6 +88,11 @@ Option add_seed(Command& command, std::uint64_t& seed, const std::string& help) 
   return add_value(command, "--seed", &seed, "INTEGER", problem, help).shows_default();
 }
 
+Option add_strict(Command& command, bool& strict) {
+  return command.add_flag("--strict", strict,
+                          "Do not use figures of the profile that are uncertain (?)");
+}
+
 Option add_settings(Command& command, std::vector<std::string>& settings) {
   return add_text(command, "--set", &settings, "UNIT.KEY=VALUE",
                   "Set one value of the platform's units, e.g. cpu.active_w=15 (watts); repeatable")

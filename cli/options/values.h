@@ -57,6 +57,9 @@ Option add_list_of(Command& command, const std::string& name, std::vector<std::s
 
 Option add_seed(Command& command, std::uint64_t& seed, const std::string& help);
 
+/// --strict, as every command that uses a profile has it.
+Option add_strict(Command& command, bool& strict);
+
 /// --set, as every command with a platform has it.
 Option add_settings(Command& command, std::vector<std::string>& settings);
 

@@ -39,6 +39,7 @@ struct Mark {
   Origin provenance = Provenance::kMeasured;
   /// Why its figure must not be believed, or why there is none; empty if it may be.
   std::string invalid = {};
+  std::string doubt = {};  ///< Stands behind its figure: "?", "??".
   /// Said in place of a figure that is none: "never". Such a mark stands at the edge. Of a timeline
   /// the slice's name.
   std::string word = {};

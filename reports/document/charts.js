@@ -193,7 +193,7 @@
       });
       if (mark.invalid) sign(group.append("g").attr("transform", `translate(${x(0) + 8},${y})`), mark, 0);
       group.append("text").attr("class", "halo").attr("x", x(from) + (mark.invalid ? 18 : 5)).attr("y", y + 4)
-        .text(mark.invalid ? `invalid: ${mark.invalid}` : `${mark.mark || ""}${short(from)}`);
+        .text(mark.invalid ? `invalid: ${mark.invalid}` : `${mark.mark || ""}${short(from)}${mark.doubt || ""}`);
     });
   }
 
@@ -280,11 +280,11 @@
     drawLines(box, chart, x, y);
     const places = [];
     markGroups(box, chart).each(function (mark) {
-      const place = {x: known(mark.x) ? x(mark.x) : box.left, y: known(mark.y) ? y(mark.y) : box.bottom, name: mark.group};
+      const place = {x: known(mark.x) ? x(mark.x) : box.left, y: known(mark.y) ? y(mark.y) : box.bottom, name: mark.group, rank: series.indexOf(mark.series)};
       places.push(place);
       sign(d3.select(this).append("g").attr("transform", `translate(${place.x},${place.y})`), mark, series.indexOf(mark.series), 70);
     });
-    nameMarks(box, places);
+    nameMarks(box, places.sort((a, b) => a.rank - b.rank)); // The first series, those that nobody beats, find a place first.
   }
 
   // A lane a group; a slice a mark, with its name where it fits.

@@ -28,6 +28,9 @@ namespace pirt {
 /// A figure of that provenance: mark in front.
 [[nodiscard]] std::string marked(const std::string& text, Origin provenance);
 
+/// Begins a cell that says that something is missed; pages highlight it.
+inline constexpr std::string_view kMiss = "✗ ";
+
 /// A figure of somebody's; absent = not known.
 struct NamedFigure {
   std::string name;

@@ -35,7 +35,8 @@ std::string row(const Table& table, const std::vector<std::string>& cells, std::
   for (std::size_t c = 0; c < cells.size(); ++c) {
     const bool right = table.columns[c].align == Align::kRight;
     const std::string_view scope = tag == "th" ? " scope=\"col\"" : "";
-    const std::string_view kind = right                                 ? " class=\"r\""
+    const std::string_view kind = cells[c].starts_with(kMiss)           ? " class=\"r miss\""
+                                  : right                               ? " class=\"r\""
                                   : display_width(cells[c]) > kLongCell ? " class=\"long\""
                                                                         : "";
     line += fmt::format("<{}{}{}>{}</{}>", tag, scope, kind, escape_markup(cells[c]), tag);
@@ -76,6 +77,7 @@ Json json_of(const Mark& mark) {
     json["mark"] = ::pirt::mark(mark.provenance);
   }
   if (!mark.invalid.empty()) json["invalid"] = mark.invalid;
+  if (!mark.doubt.empty()) json["doubt"] = mark.doubt;
   if (!mark.word.empty()) json["word"] = mark.word;
   if (mark.at_far_edge) json["far"] = true;
   return json;

@@ -104,10 +104,10 @@ BenchmarkExport export_google_benchmark(const Profile& profile) {
   BenchmarkExport result;
   Json benchmarks = Json::array();
   for (const PhaseRow& row : profile.phases) {
-    if (row.valid && !row.values.empty()) {
+    if (is_valid(row) && !row.values.empty()) {
       add_row(row, benchmarks);
     } else {
-      result.left_out.push_back(benchmark_name(row) + ": " + join(row.reasons, ", "));
+      result.left_out.push_back(benchmark_name(row) + ": " + join(held_against(row), ", "));
     }
   }
   result.json = {{"context", context(profile)}, {"benchmarks", std::move(benchmarks)}};

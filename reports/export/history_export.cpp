@@ -28,8 +28,8 @@ HistoryExport export_history(const Profile& profile) {
   HistoryExport result{.json = Json::array(), .left_out = {}};
   for (const PhaseRow& row : profile.phases) {
     const std::string name = benchmark_name(row);
-    if (!row.valid || !row.median) {
-      result.left_out.push_back(name + ": " + join(row.reasons, ", "));
+    if (!is_valid(row) || !row.median) {
+      result.left_out.push_back(name + ": " + join(held_against(row), ", "));
       continue;
     }
     std::optional<double> half;
@@ -42,8 +42,8 @@ HistoryExport export_history(const Profile& profile) {
   }
   for (const EnergyRow& row : profile.energies) {
     const std::string name = fmt::format("{}/{}/energy", row.workload, row.unit);
-    if (!row.valid || !row.energy_j) {
-      result.left_out.push_back(name + ": " + join(row.reasons, ", "));
+    if (!is_valid(row) || !row.energy_j) {
+      result.left_out.push_back(name + ": " + join(held_against(row), ", "));
       continue;
     }
     result.json.push_back(entry(name, "J", *row.energy_j, std::nullopt,

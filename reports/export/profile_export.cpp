@@ -113,15 +113,17 @@ std::string phases_csv(const std::vector<PhaseRow>& rows) {
   Csv csv(
       "run_id,platform,workload,unit,backend,phase,state,provenance,valid,reasons,notes,samples,"
       "median_ns,mad_ns,p95_ns,p99_ns,ci_low_ns,ci_high_ns,ops,bytes,processes,mixture,"
-      "bound_ns");
+      "bound_ns,cpu_ns,taken,host_memory_bytes,device_memory_bytes,doubts");
   for (const PhaseRow& row : rows) {
     const bool steady = row.condition == Condition::kSteady;
     csv.add(row.run_id).add(row.platform).add(row.workload).add(row.unit).add(row.backend);
     csv.add(to_string(row.phase)).add(steady ? to_string(row.state) : to_string(row.condition));
     csv.add(to_string(row.provenance));
-    csv.add(row.valid).add(row.reasons).add(row.notes).add(row.samples).add(row.median);
+    csv.add(is_valid(row)).add(row.reasons).add(row.notes).add(row.samples).add(row.median);
     csv.add(row.mad).add(row.p95).add(row.p99).add(row.ci_low).add(row.ci_high).add(row.ops);
-    csv.add(row.bytes).add(row.processes).add(row.provenance.mixture).add(row.bound).end_line();
+    csv.add(row.bytes).add(row.processes).add(row.provenance.mixture).add(row.bound).add(row.cpu);
+    csv.add(row.taken).add(row.host_memory_bytes).add(row.device_memory_bytes).add(row.doubts);
+    csv.end_line();
   }
   return csv.text();
 }
@@ -129,12 +131,12 @@ std::string phases_csv(const std::vector<PhaseRow>& rows) {
 std::string unit_times_csv(const Profile& profile) {
   Csv csv(
       "run_id,unit,phase,sleep_ns,provenance,valid,reasons,samples,median_ns,mad_ns,p95_ns,p99_ns,"
-      "ci_low_ns,ci_high_ns");
+      "ci_low_ns,ci_high_ns,doubts");
   for (const UnitTimeRow& row : profile.unit_times) {
     csv.add(row.run_id).add(row.unit).add(to_string(row.phase)).add(row.sleep);
-    csv.add(to_string(Provenance::kMeasured)).add(row.valid).add(row.reasons).add(row.samples);
+    csv.add(to_string(Provenance::kMeasured)).add(is_valid(row)).add(row.reasons).add(row.samples);
     csv.add(row.median).add(row.mad).add(row.p95).add(row.p99).add(row.ci_low).add(row.ci_high);
-    csv.end_line();
+    csv.add(row.doubts).end_line();
   }
   return csv.text();
 }
@@ -142,20 +144,26 @@ std::string unit_times_csv(const Profile& profile) {
 std::string energy_csv(const Profile& profile) {
   Csv csv(
       "run_id,workload,unit,energy_j,provenance,source,valid,reasons,domain,idle_subtracted,"
-      "mixture");
+      "mixture,ci_low_j,ci_high_j,doubts");
   for (const EnergyRow& row : profile.energies) {
     csv.add(row.run_id).add(row.workload).add(row.unit).add(row.energy_j);
-    csv.add(to_string(row.provenance)).add(row.source).add(row.valid).add(row.reasons);
-    csv.add(row.domain).add(row.idle_subtracted).add(row.provenance.mixture).end_line();
+    csv.add(to_string(row.provenance)).add(row.source).add(is_valid(row)).add(row.reasons);
+    csv.add(row.domain).add(row.idle_subtracted).add(row.provenance.mixture).add(row.ci_low_j);
+    csv.add(row.ci_high_j).add(row.doubts).end_line();
   }
   return csv.text();
 }
 
 std::string peaks_csv(const Profile& profile) {
-  Csv csv("run_id,unit,kind,per_second,variant,provenance,valid,reasons");
+  Csv csv("run_id,unit,kind,per_second,variant,provenance,valid,reasons,doubts");
   for (const PeakRow& row : profile.peaks) {
     csv.add(row.run_id).add(row.unit).add(to_string(row.kind)).add(row.per_second);
-    csv.add(row.variant).add(to_string(row.provenance)).add(row.valid).add(row.reasons).end_line();
+    csv.add(row.variant)
+        .add(to_string(row.provenance))
+        .add(is_valid(row))
+        .add(row.reasons)
+        .add(row.doubts);
+    csv.end_line();
   }
   return csv.text();
 }
@@ -165,7 +173,7 @@ std::string samples_csv(const Profile& profile) {
   for (const PhaseRow& row : profile.phases) {
     for (std::size_t i = 0; i < row.values.size(); ++i) {
       csv.add(row.run_id).add(row.workload).add(row.unit).add(to_string(row.phase));
-      csv.add(to_string(row.state)).add(to_string(row.provenance)).add(row.valid);
+      csv.add(to_string(row.state)).add(to_string(row.provenance)).add(is_valid(row));
       csv.add(static_cast<std::int64_t>(i)).add(std::int64_t{row.value_processes[i]});
       csv.add(row.values[i]).end_line();
     }

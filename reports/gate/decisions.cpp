@@ -30,7 +30,7 @@ std::optional<std::string> cheapest(const std::vector<std::string>& units, const
 const PhaseRow* valid_call(const Profile& profile, const std::string& workload,
                            const std::string& unit) {
   const auto* row = profile.find(workload, unit, Phase::kCall);
-  return row != nullptr && row->valid && row->median ? row : nullptr;
+  return row != nullptr && is_valid(*row) && row->median ? row : nullptr;
 }
 
 bool apart(const Profile& profile, const std::string& workload, const std::string& faster,
@@ -69,7 +69,7 @@ std::vector<Flip> find_flips(const Profile& base, const Profile& candidate) {
       return cheapest(units, [&](const std::string& unit) -> std::optional<double> {
         const auto valid = [&](const Profile& each) {
           const auto* row = each.find_energy(workload, unit);
-          return row != nullptr && row->valid;
+          return row != nullptr && is_valid(*row);
         };
         return valid(base) && valid(candidate) ? profile.find_energy(workload, unit)->energy_j
                                                : std::nullopt;

@@ -26,7 +26,7 @@ std::set<std::string> units_apart(const RunInfo& a, const RunInfo& b) {
 }
 
 bool is_same(const PhaseRow& a, const PhaseRow& b) {
-  return b.valid && a.ops == b.ops && a.bytes == b.bytes && a.provenance == b.provenance;
+  return is_valid(b) && a.ops == b.ops && a.bytes == b.bytes && a.provenance == b.provenance;
 }
 
 void add(const PhaseRow& other, std::int32_t offset, PhaseRow& row) {
@@ -56,7 +56,7 @@ Pooled pool_samples(const ProfileReader& reader, Profile& profile) {
     bool any = false;
     bool others = false;
     for (PhaseRow& row : profile.phases) {
-      if (row.run_id == id || !row.valid || row.is_deterministic()) continue;
+      if (row.run_id == id || !is_valid(row) || row.is_deterministic()) continue;
       const RunInfo& own = run_of(profile, row.run_id);
       const auto apart = units_apart(own, other.runs.front());
       if (apart.contains("") || apart.contains(row.unit)) continue;
@@ -74,7 +74,7 @@ Pooled pool_samples(const ProfileReader& reader, Profile& profile) {
   }
   if (pooled.runs == 1) return pooled;
   for (PhaseRow& row : profile.phases) {
-    if (row.valid && !row.values.empty() && !row.is_deterministic()) summarize_all(row);
+    if (is_valid(row) && !row.values.empty() && !row.is_deterministic()) summarize_all(row);
   }
   return pooled;
 }

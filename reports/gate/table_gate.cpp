@@ -40,8 +40,11 @@ std::string complaint(const ProfileDiff& diff, const PhasePair& pair) {
   const PhaseRow& candidate = *pair.b;
   std::string identity = identity_complaint(diff, base.unit);
   if (!identity.empty()) return identity;
-  if (!base.valid) return "the base's row is invalid: " + join(base.reasons, ", ");
-  if (!candidate.valid) return "the candidate's row is invalid: " + join(candidate.reasons, ", ");
+  for (const auto& [row, whose] : {std::pair(&base, "base"), std::pair(&candidate, "candidate")}) {
+    if (is_valid(*row)) continue;
+    return fmt::format("the {}'s row is {}: {}", whose, is_used(*row) ? "uncertain" : "invalid",
+                       join(held_against(*row), ", "));
+  }
   if (base.ops != candidate.ops || base.bytes != candidate.bytes)
     return "the workload is of another size";
   if (base.provenance != candidate.provenance) {
@@ -156,8 +159,8 @@ GateRow compare_energy(const ProfileDiff& diff, const EnergyPair& pair) {
     return row;
   }
   row.reason = identity_complaint(diff, row.unit);
-  if (row.reason.empty() && (!pair.a->valid || !pair.b->valid))
-    row.reason = "an energy row is invalid";
+  if (row.reason.empty() && (!is_valid(*pair.a) || !is_valid(*pair.b)))
+    row.reason = "an energy row is invalid or uncertain";
   if (row.reason.empty() && pair.a->provenance != pair.b->provenance) {
     row.reason = fmt::format("energy is {} and {}", to_string(pair.a->provenance),
                              to_string(pair.b->provenance));

@@ -64,7 +64,7 @@ std::optional<Nanos> worst_of(const Row& row, UnitId unit) {
   const UnitModel& model = row.platform.units[unit];
   if (is_elsewhere(model)) {
     const PhaseRow* const call = row.profile.find(row.name(), model.name, Phase::kCall);
-    return call != nullptr && call->valid && model.link.empty() ? call->p99 : std::nullopt;
+    return call != nullptr && is_used(*call) && model.link.empty() ? call->p99 : std::nullopt;
   }
   Nanos sum{0};
   for (const ServiceStage& stage : row.services.find(row.workload, unit)->stages) {

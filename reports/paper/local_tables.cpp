@@ -85,12 +85,12 @@ std::vector<Inference> inferences(const Profile& profile, const Platform* platfo
   std::vector<Inference> found;
   for (const auto& unit : profile.units()) {
     const PhaseRow* call = profile.find(paper::kInference, unit, Phase::kCall);
-    if (call == nullptr || !call->valid || !call->median) continue;
+    if (call == nullptr || !is_used(*call) || !call->median) continue;
     const EnergyRow* energy = profile.find_energy(paper::kInference, unit);
     Inference here{.where = unit, .energy_j = std::nullopt};
     here.low_s = here.high_s = to_s(*call->median);
     here.time_provenance = call->provenance;
-    if (energy != nullptr && energy->valid) {
+    if (energy != nullptr && is_used(*energy)) {
       here.energy_j = energy->energy_j;
       here.energy_provenance = energy->provenance;
     }

@@ -18,7 +18,7 @@ void add(std::optional<TimeFigure>& sum, TimeFigure part) {
 }
 
 std::optional<TimeFigure> figure_of(const PhaseRow* row) {
-  if (row == nullptr || !row->valid || !row->median) return std::nullopt;
+  if (row == nullptr || !is_used(*row) || !row->median) return std::nullopt;
   return TimeFigure{*row->median, row->provenance};
 }
 

@@ -43,7 +43,7 @@ Role paper_role(const std::string& unit) {
 /// Joules that are a model say nothing that times do not.
 bool energy_is_modelled(const Profile& profile) {
   return std::ranges::none_of(profile.energies, [](const EnergyRow& row) {
-    return row.valid && row.energy_j && row.provenance.provenance < Provenance::kModelled;
+    return is_used(row) && row.energy_j && row.provenance.provenance < Provenance::kModelled;
   });
 }
 
@@ -189,8 +189,8 @@ Claim layers(const Evidence& evidence, bool energy) {
     const auto figure_of = [&](const std::string& unit) -> std::optional<double> {
       const auto* row = profile.find(workload, unit, Phase::kCall);
       const auto* joules = profile.find_energy(workload, unit);
-      if (energy) return joules != nullptr && joules->valid ? joules->energy_j : std::nullopt;
-      if (row == nullptr || !row->valid || !row->median) return std::nullopt;
+      if (energy) return joules != nullptr && is_used(*joules) ? joules->energy_j : std::nullopt;
+      if (row == nullptr || !is_used(*row) || !row->median) return std::nullopt;
       from = weakest(from, row->provenance);
       return to_ms(*row->median);
     };

@@ -26,6 +26,15 @@ std::vector<Claim> fitted_cells(const std::vector<PaperCell>& cells) {
   return claims;
 }
 
+/// From a firing to its completion, whoever holds it meanwhile; the slowest pipeline's.
+std::optional<double> firing_p99_ms(const RunRecord& run) {
+  std::optional<double> most;
+  for (const PipelineResult& pipeline : run.pipelines) {
+    if (pipeline.p99_ms) most = std::max(most.value_or(0), *pipeline.p99_ms);
+  }
+  return most;
+}
+
 /// A figure of a run, and whether less of it is better.
 struct Goal {
   const char* mode;
@@ -35,8 +44,8 @@ struct Goal {
 };
 constexpr Goal kGoals[] = {
     {"throughput", "tasks/ms", [](const RunRecord& r) { return r.throughput_per_ms; }, false},
-    {"latency", "ms mean latency", [](const RunRecord& r) { return r.mean_latency_ms; }, true},
-    {"latency", "ms p99 latency", [](const RunRecord& r) { return r.p99_latency_ms; }, true},
+    {"latency", "ms mean task latency", [](const RunRecord& r) { return r.mean_latency_ms; }, true},
+    {"latency", "ms p99 from firing to completion", firing_p99_ms, true},
     {"energy", "J", [](const RunRecord& r) { return r.energy_j; }, true}};
 
 /// Whether a mode is the best of some runs in what it is named after.

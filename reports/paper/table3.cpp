@@ -58,7 +58,7 @@ std::vector<Source> sources_of(std::span<const Profile* const> profiles) {
 
 const PhaseRow* valid_row(const Source& source, const std::string& workload, Phase phase) {
   const PhaseRow* row = source.profile->find(workload, source.unit, phase);
-  return row != nullptr && row->valid && row->median && row->median->count() > 0 ? row : nullptr;
+  return row != nullptr && is_used(*row) && row->median && row->median->count() > 0 ? row : nullptr;
 }
 
 RankedUnit ranked(const std::string& name, const PhaseRow& row, double scale, Origin provenance) {
@@ -73,7 +73,7 @@ RankedUnit ranked(const std::string& name, const PhaseRow& row, double scale, Or
 std::optional<double> scale_to(const Board& board, const Source& source, const PhaseRow& row) {
   const auto limit = [&](PeakKind kind) -> std::optional<double> {
     const PeakRow* peak = source.profile->find_peak(source.unit, kind);
-    return peak != nullptr && peak->valid ? peak->per_second : std::nullopt;
+    return peak != nullptr && is_used(*peak) ? peak->per_second : std::nullopt;
   };
   const auto peak = limit(PeakKind::kF32), bandwidth = limit(PeakKind::kBandwidthMemory);
   const auto ops = static_cast<double>(row.ops.value_or(0));
@@ -157,7 +157,7 @@ Table3Row row_of(const std::vector<Source>& sources, const PaperPreference& pape
     if (call == nullptr) continue;
     row.here.units.push_back(ranked(source.name, *call, 1, call->provenance));
     const EnergyRow* energy = source.profile->find_energy(row.workload, source.unit);
-    if (energy != nullptr && energy->valid && energy->energy_j) {
+    if (energy != nullptr && is_used(*energy) && energy->energy_j) {
       const double joules = *energy->energy_j;
       row.energy.units.push_back({source.name, joules, joules, joules, energy->provenance});
     } else {

@@ -5,19 +5,19 @@
 #include <algorithm>
 
 #include "reports/document/figures.h"
+#include "reports/profile/shown_row.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
 
 std::string time_cell(const PhaseRow* row) {
-  if (row == nullptr) return "-";
-  return row->valid ? marked(figure_ms(row->median), row->provenance) : "invalid";
+  return row == nullptr ? "-" : shown_figure(*row, figure_ms(row->median), row->provenance);
 }
 
 /// Of steady; "-" where one of them is not known.
 std::string times(const PhaseRow* row, const PhaseRow* steady) {
-  const bool known = row != nullptr && steady != nullptr && row->valid && steady->valid &&
+  const bool known = row != nullptr && steady != nullptr && is_used(*row) && is_used(*steady) &&
                      row->median && steady->median && steady->median->count() > 0;
   if (!known) return "-";
   return fmt::format("{:.2f}x", to_s(*row->median) / to_s(*steady->median));
@@ -71,9 +71,8 @@ std::optional<Table> condition_table(const Profile& profile) {
         any = any || found != nullptr;
         row.push_back(time_cell(found));
         row.push_back(times(found, steady));
-        if (found == nullptr || found->valid) continue;
-        remarks.push_back(
-            fmt::format("INVALID {}: {}", to_string(condition), join(found->reasons, ", ")));
+        if (found == nullptr || is_valid(*found)) continue;
+        remarks.push_back(fmt::format("{}, {}", to_string(condition), judgement_text(*found)));
       }
       row.push_back(join(remarks, "; "));
       if (any) table.rows.push_back(std::move(row));
@@ -99,12 +98,11 @@ std::optional<Table> unit_time_table(const Profile& profile) {
                           {"samples"},
                           {"remarks", Align::kLeft}}};
   const auto us = [](const UnitTimeRow& row, const std::optional<Nanos>& time) {
-    return row.valid && time ? figure(1e6 * to_s(*time)) : std::string("invalid");
+    return time ? shown_figure(row, figure(1e6 * to_s(*time)), Provenance::kMeasured) : "invalid";
   };
   for (const UnitTimeRow& row : profile.unit_times) {
     table.rows.push_back({row.unit, what_text(row), us(row, row.median), us(row, row.p95),
-                          us(row, row.p99), fmt::format("{}", row.samples),
-                          row.valid ? "" : "INVALID: " + join(row.reasons, ", ")});
+                          us(row, row.p99), fmt::format("{}", row.samples), judgement_text(row)});
   }
   table.footnotes = {
       "No part of `call`. Handing over: with the runtime's own queue, until the call begins; "
@@ -131,8 +129,9 @@ Json unit_time_json(const Profile& profile) {
                  {"phase", to_string(row.phase)},
                  {"sleep_ns", row.sleep.count()},
                  {"provenance", to_string(Provenance::kMeasured)},
-                 {"valid", row.valid},
+                 {"valid", is_valid(row)},
                  {"reasons", row.reasons},
+                 {"doubts", row.doubts},
                  {"samples", row.samples}};
     json.put("median_ns", row.median);
     json.put("mad_ns", row.mad);

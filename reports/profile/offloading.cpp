@@ -11,7 +11,7 @@ namespace {
 constexpr std::array kStates = {State::kCold, State::kWarm};
 
 std::optional<Nanos> median_of(const PhaseRow* row) {
-  return row != nullptr && row->valid ? row->median : std::nullopt;
+  return row != nullptr && is_used(*row) ? row->median : std::nullopt;
 }
 
 /// Why @p row gives no figure; empty if it does.
@@ -19,7 +19,7 @@ std::string reason_of(const PhaseRow* row, Phase phase) {
   const std::string name(to_string(phase));
   if (row == nullptr) return name + " was not measured";
   if (const std::string why = row->unknown(); !why.empty()) return name + " is unknown: " + why;
-  if (!row->valid) return name + " is not valid: " + join(row->reasons, ", ");
+  if (!is_used(*row)) return name + " is not valid: " + join(row->reasons, ", ");
   return row->median ? "" : name + " has no samples";
 }
 

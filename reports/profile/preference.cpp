@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "reports/profile/shown_row.h"
+
 namespace pirt {
 namespace {
 
@@ -21,12 +23,13 @@ Ranking rank_time(const Profile& profile, const std::string& workload) {
   Ranking ranking;
   for (const auto& unit : profile.units()) {
     const auto* row = profile.find(workload, unit, Phase::kCall);
-    if (row == nullptr || !row->valid || !row->median) continue;
+    if (row == nullptr || !is_used(*row) || !row->median) continue;
     ranking.units.push_back({.unit = unit,
                              .value = to_ms(*row->median),
                              .low = to_ms(row->ci_low.value_or(*row->median)),
                              .high = to_ms(row->ci_high.value_or(*row->median)),
-                             .provenance = row->provenance});
+                             .provenance = row->provenance,
+                             .doubt = doubt_mark(*row)});
   }
   sort_best_first(ranking);
   return ranking;
@@ -36,9 +39,10 @@ Ranking rank_energy(const Profile& profile, const std::string& workload) {
   Ranking ranking;
   for (const auto& unit : profile.units()) {
     const auto* row = profile.find_energy(workload, unit);
-    if (row == nullptr || !row->valid || !row->energy_j) continue;
+    if (row == nullptr || !is_used(*row) || !row->energy_j) continue;
     const double value = *row->energy_j;
-    ranking.units.push_back({unit, value, value, value, row->provenance});
+    ranking.units.push_back({unit, value, row->ci_low_j.value_or(value),
+                             row->ci_high_j.value_or(value), row->provenance, doubt_mark(*row)});
   }
   sort_best_first(ranking);
   return ranking;

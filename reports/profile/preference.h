@@ -19,6 +19,7 @@ struct RankedUnit {
   double low = 0;  ///< 95 % confidence interval of the median; equal to value where there is none.
   double high = 0;
   Origin provenance = Provenance::kMeasured;
+  std::string doubt = {};  ///< "?", "??" of a row that is doubted.
 };
 
 /// Units of one workload, best first; only those with a valid figure.

@@ -8,6 +8,7 @@
 
 #include "reports/document/figures.h"
 #include "reports/profile/roofline_report.h"
+#include "reports/profile/shown_row.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
 
@@ -37,14 +38,9 @@ std::string title_of(const char* what, const Family& family, const char* figure)
                      figure == nullptr ? "" : fmt::format(" (the paper's {})", figure));
 }
 
-std::string invalid_text(bool valid, const std::vector<std::string>& reasons, bool has_figure) {
-  if (valid && has_figure) return "";
-  return reasons.empty() ? (has_figure ? "not valid" : "no samples") : join(reasons, ", ");
-}
-
-std::string remarks_of(const std::string& invalid, const std::vector<std::string>& notes) {
+std::string remarks_of(const std::string& judged, const std::vector<std::string>& notes) {
   auto parts = notes;
-  if (!invalid.empty()) parts.insert(parts.begin(), "INVALID: " + invalid);
+  if (!judged.empty()) parts.insert(parts.begin(), judged);
   return join(parts, "; ");
 }
 
@@ -53,9 +49,18 @@ std::optional<double> ms(std::optional<Nanos> time) {
 }
 
 /// Group and series of a cell, with what is the same for each of its figures.
-Mark cell_mark(const std::string& workload, const std::string& unit, Origin provenance,
-               const std::string& invalid) {
-  return {.group = workload, .series = unit, .provenance = provenance, .invalid = invalid};
+Mark cell_mark(const std::string& workload, const std::string& unit, Origin provenance) {
+  return {.group = workload, .series = unit, .provenance = provenance};
+}
+
+/// That of a row, with what it is worth.
+template <typename Row>
+Mark cell_mark(const Row& row, bool has_figure) {
+  Mark mark = cell_mark(row.workload, row.unit, row.provenance);
+  if (!is_used(row)) mark.invalid = join(row.reasons, ", ");
+  if (mark.invalid.empty() && !has_figure) mark.invalid = "no samples";
+  mark.doubt = doubt_mark(row);
+  return mark;
 }
 
 /// The fastest unit of each workload, counted.
@@ -95,15 +100,14 @@ Chart time_chart(const Profile& profile, const Family& family) {
     for (const auto& unit : profile.units()) {
       const PhaseRow* row = profile.find(workload, unit, Phase::kCall);
       if (row == nullptr) continue;
-      const auto invalid = invalid_text(row->valid, row->reasons, row->median.has_value());
       const auto shown = [&](std::optional<Nanos> time) {
         return time ? marked(figure_ms(time), row->provenance) : "-";
       };
       chart.table.rows.push_back({workload, unit, shown(row->median), shown(row->ci_low),
                                   shown(row->ci_high), shown(row->p95), shown(row->p99),
                                   fmt::format("{}", row->samples),
-                                  remarks_of(invalid, row->notes)});
-      Mark mark = cell_mark(workload, unit, row->provenance, invalid);
+                                  remarks_of(judgement_text(*row), row->notes)});
+      Mark mark = cell_mark(*row, row->median.has_value());
       mark.x = ms(row->median);
       mark.low = ms(row->ci_low);
       mark.high = ms(row->ci_high);
@@ -129,12 +133,11 @@ Chart energy_chart(const Profile& profile, const Family& family) {
     for (const auto& unit : profile.units()) {
       const EnergyRow* row = profile.find_energy(workload, unit);
       if (row == nullptr) continue;
-      const auto invalid = invalid_text(row->valid, row->reasons, row->energy_j.has_value());
       chart.table.rows.push_back(
           {workload, unit,
            row->energy_j ? marked(figure(*row->energy_j * 1e3), row->provenance) : "-", row->source,
-           remarks_of(invalid, {})});
-      Mark mark = cell_mark(workload, unit, row->provenance, invalid);
+           remarks_of(judgement_text(*row), {})});
+      Mark mark = cell_mark(*row, row->energy_j.has_value());
       if (row->energy_j) mark.x = *row->energy_j * 1e3;
       chart.marks.push_back(std::move(mark));
     }
@@ -169,7 +172,8 @@ double rounded(double value) { return value > 0 ? std::stod(fmt::format("{:.4g}"
 
 const PeakRow* find_peak(const Rooflines& roofs, const std::string& unit, PeakKind kind) {
   const auto found = std::ranges::find_if(roofs.peaks, [&](const PeakRow& peak) {
-    return peak.unit == unit && peak.kind == kind && peak.valid && peak.per_second.value_or(0) > 0;
+    return peak.unit == unit && peak.kind == kind && is_used(peak) &&
+           peak.per_second.value_or(0) > 0;
   });
   return found == roofs.peaks.end() ? nullptr : &*found;
 }
@@ -240,7 +244,7 @@ Chart roofline_chart(const Profile& profile, const Rooflines& roofs, const std::
     chart.table.rows.push_back({cell.workload, std::string(to_string(cell.bound)),
                                 figure(*cell.intensity), shown(cell.reached_per_second / 1e9),
                                 shown(cell.roof_per_second / 1e9), roofline_cell(&cell)});
-    Mark mark = cell_mark(cell.workload, limit_name(cell.bound), cell.provenance, "");
+    Mark mark = cell_mark(cell.workload, limit_name(cell.bound), cell.provenance);
     mark.x = *cell.intensity;
     mark.y = cell.reached_per_second / 1e9;
     least = chart.marks.empty() ? *mark.x : std::min(least, *mark.x);
@@ -265,7 +269,7 @@ Chart share_chart(const Profile& profile, const Rooflines& roofs) {
   for (const Roofline& cell : roofs.cells) {
     const auto remark = cell.missing.empty() ? cell.why_not : "without: " + cell.missing;
     chart.table.rows.push_back({cell.workload, cell.unit, roofline_cell(&cell), remark});
-    Mark mark = cell_mark(cell.workload, cell.unit, cell.provenance, "");
+    Mark mark = cell_mark(cell.workload, cell.unit, cell.provenance);
     if (cell.fraction) {
       mark.x = 100 * *cell.fraction;
       most = std::max(most, *mark.x);
@@ -332,13 +336,13 @@ Chart distribution_chart(const Profile& profile) {
       return quantiles.empty() ? std::nullopt
                                : std::optional(last ? quantiles.back() : quantiles.front());
     };
-    const auto invalid = invalid_text(row.valid, row.reasons, row.median.has_value());
     chart.table.rows.push_back(
         {row.workload, row.unit, row.median ? marked(figure_ms(row.median), row.provenance) : "-",
          ratio(end(false)), ratio(row.p95), ratio(row.p99), ratio(end(true)),
          fmt::format("{}", row.samples), fmt::format("{}", row.processes),
-         fmt::format("{}", quantiles.size()), remarks_of(invalid, row.notes)});
-    Mark mark = cell_mark(row.workload + ", " + row.unit, row.unit, row.provenance, invalid);
+         fmt::format("{}", quantiles.size()), remarks_of(judgement_text(row), row.notes)});
+    Mark mark = cell_mark(row, row.median.has_value());
+    mark.group += ", " + row.unit;
     if (median_ns > 0) mark.x = 1;
     for (const Nanos each : quantiles) {
       if (median_ns > 0) {

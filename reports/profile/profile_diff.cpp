@@ -11,6 +11,7 @@
 #include "characterize/machine/environment_keys.h"
 #include "characterize/profile/identity.h"
 #include "reports/document/figures.h"
+#include "reports/profile/shown_row.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
@@ -121,12 +122,12 @@ std::string phase_name(const PhaseRow& row) {
 }
 
 std::string shown(const PhaseRow& row) {
-  return row.valid ? marked(figure_ms(row.median), row.provenance) : "invalid";
+  return shown_figure(row, figure_ms(row.median), row.provenance);
 }
 
 std::string shown(const EnergyRow& row) {
-  if (!row.valid || !row.energy_j) return "invalid";
-  return marked(figure(*row.energy_j * 1e3), row.provenance);
+  if (!row.energy_j) return "invalid";
+  return shown_figure(row, figure(*row.energy_j * 1e3), row.provenance);
 }
 
 /// Three decimals: differences of a percent are what is looked for.
@@ -199,7 +200,8 @@ Table unit_time_table(const ProfileDiff& diff) {
                           {"b/a"}}};
   for (const UnitTimePair& pair : diff.unit_times) {
     const auto us = [](const UnitTimeRow& row) {
-      return row.valid && row.median ? figure(1e6 * to_s(*row.median)) : std::string("invalid");
+      return row.median ? shown_figure(row, figure(1e6 * to_s(*row.median)), Provenance::kMeasured)
+                        : std::string("invalid");
     };
     table.rows.push_back({pair.a->unit, std::string(to_string(pair.a->phase)),
                           figure_ms(pair.a->sleep), us(*pair.a), us(*pair.b),
@@ -235,8 +237,9 @@ Json side_json(const PhaseRow& row) {
   Json json = {{"run_id", row.run_id},
                {"provenance", to_string(row.provenance)},
                {"mixture", row.provenance.mixture},
-               {"valid", row.valid},
+               {"valid", is_valid(row)},
                {"reasons", row.reasons},
+               {"doubts", row.doubts},
                {"notes", row.notes},
                {"samples", row.samples}};
   json.put("median_ns", row.median);
@@ -246,10 +249,14 @@ Json side_json(const PhaseRow& row) {
 }
 
 Json side_json(const EnergyRow& row) {
-  Json json = {
-      {"run_id", row.run_id},  {"provenance", to_string(row.provenance)}, {"source", row.source},
-      {"domain", row.domain},  {"idle_subtracted", row.idle_subtracted},  {"valid", row.valid},
-      {"reasons", row.reasons}};
+  Json json = {{"run_id", row.run_id},
+               {"provenance", to_string(row.provenance)},
+               {"source", row.source},
+               {"domain", row.domain},
+               {"idle_subtracted", row.idle_subtracted},
+               {"valid", is_valid(row)},
+               {"reasons", row.reasons},
+               {"doubts", row.doubts}};
   json.put("energy_j", row.energy_j);
   return json;
 }
@@ -274,26 +281,26 @@ Json facts_json(const std::vector<FactDifference>& facts) {
 }  // namespace
 
 std::optional<double> PhasePair::ratio() const {
-  if (!a->valid || !b->valid || !a->median || !b->median || a->median->count() <= 0) {
+  if (!is_used(*a) || !is_used(*b) || !a->median || !b->median || a->median->count() <= 0) {
     return std::nullopt;
   }
   return static_cast<double>(b->median->count()) / static_cast<double>(a->median->count());
 }
 
 std::optional<bool> PhasePair::overlap() const {
-  if (!a->valid || !b->valid || !a->ci_low || !b->ci_low) return std::nullopt;
+  if (!is_used(*a) || !is_used(*b) || !a->ci_low || !b->ci_low) return std::nullopt;
   return *a->ci_low <= *b->ci_high && *b->ci_low <= *a->ci_high;
 }
 
 std::optional<double> UnitTimePair::ratio() const {
-  if (!a->valid || !b->valid || !a->median || !b->median || a->median->count() <= 0) {
+  if (!is_used(*a) || !is_used(*b) || !a->median || !b->median || a->median->count() <= 0) {
     return std::nullopt;
   }
   return to_s(*b->median) / to_s(*a->median);
 }
 
 std::optional<double> EnergyPair::ratio() const {
-  if (!a->valid || !b->valid || !a->energy_j || !b->energy_j || *a->energy_j <= 0) {
+  if (!is_used(*a) || !is_used(*b) || !a->energy_j || !b->energy_j || *a->energy_j <= 0) {
     return std::nullopt;
   }
   return *b->energy_j / *a->energy_j;

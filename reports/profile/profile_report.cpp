@@ -16,6 +16,7 @@
 #include "reports/profile/condition_report.h"
 #include "reports/profile/environment_report.h"
 #include "reports/profile/roofline_report.h"
+#include "reports/profile/shown_row.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
@@ -26,8 +27,7 @@ namespace {
 /// The median with its mark; "invalid" stands where a figure must not be believed.
 std::string cell(const PhaseRow* row) {
   if (row == nullptr || !row->unknown().empty()) return "-";
-  if (!row->valid) return "invalid";
-  return marked(figure_ms(row->median), row->provenance);
+  return shown_figure(*row, figure_ms(row->median), row->provenance);
 }
 
 /// Images a call.
@@ -39,8 +39,8 @@ int batch_of(const std::string& workload) {
 /// A call's share for each image of its batch; "-" where it has one image.
 std::string image_cell(const PhaseRow* row) {
   if (row == nullptr || batch_of(row->workload) == 1) return "-";
-  if (!row->valid || !row->median) return cell(row);
-  return marked(figure_ms(*row->median / batch_of(row->workload)), row->provenance);
+  if (!row->median) return cell(row);
+  return shown_figure(*row, figure_ms(*row->median / batch_of(row->workload)), row->provenance);
 }
 
 /// Puts the time per image beside that per call, where some workload has a batch.
@@ -57,8 +57,11 @@ void add_image_column(const Profile& profile, Table& table) {
 }
 
 std::string spread(const PhaseRow* row) {
-  if (row == nullptr || !row->valid || !row->median || !row->ci_low || !row->ci_high) return "-";
+  if (row == nullptr || !is_used(*row) || !row->median || !row->ci_low || !row->ci_high) return "-";
   if (row->median->count() <= 0) return "-";
+  if (is_doubted(*row)) {
+    return figure_ms(row->ci_low) + " to " + figure_ms(row->ci_high);
+  }
   const double half = static_cast<double>((*row->ci_high - *row->ci_low).count()) / 2;
   return fmt::format("{:.1f}%", 100 * half / static_cast<double>(row->median->count()));
 }
@@ -67,8 +70,7 @@ std::string energy_cell(const EnergyRow* row) {
   if (row == nullptr) return "-";
   const bool is_model = row->provenance != Provenance::kMeasured;
   if (!row->energy_j) return is_model ? "-" : "invalid";
-  if (!row->valid) return "invalid";
-  return marked(figure(*row->energy_j * 1e3), row->provenance);
+  return shown_mj(*row);
 }
 
 struct Word {
@@ -78,6 +80,9 @@ struct Word {
 /// Of the reasons and notes that characterize/profile/store/schema.sql lists.
 constexpr std::array kWords = std::to_array<Word>(
     {{"imprecise", "the interval of the median is more than 20 % either way"},
+     {"unstable", "the first half of the samples differs from the second"},
+     {"throttled", "the processor was throttled meanwhile"},
+     {"few_samples", "fewer samples or processes than asked for"},
      {"input_resized", "the picture was scaled to the workload's size"},
      {"input_cropped", "its edges were cut to keep its proportions"},
      {"precision_not_reached", "the interval of the median is wider than was asked for"},
@@ -89,6 +94,12 @@ constexpr std::array kWords = std::to_array<Word>(
 
 /// What is said of a cell, with the phases that it is said of, in order of first appearance.
 using Remarks = std::vector<std::pair<std::string, std::vector<Phase>>>;
+
+/// "contended: 31 % of its time was taken".
+std::string uncertain_text(const PhaseRow& row, const std::string& doubt) {
+  if (doubt != "contended" || !row.taken || row.phase != Phase::kCall) return doubt;
+  return fmt::format("{}: others had its cores for {:.0f} % of its time", doubt, 100 * *row.taken);
+}
 
 Remarks remarks_of(const Profile& profile, const std::string& workload, const std::string& unit) {
   Remarks remarks;
@@ -104,6 +115,7 @@ Remarks remarks_of(const Profile& profile, const std::string& workload, const st
     for (const auto& reason : row.reasons) {
       add(row.unknown().empty() ? "INVALID: " + reason : reason, row.phase);
     }
+    for (const auto& doubt : row.doubts) add(uncertain_text(row, doubt), row.phase);
     if (row.bound) {
       add(fmt::format("{} at least {} ms", to_string(row.phase), figure_ms(row.bound)), row.phase);
     }
@@ -113,6 +125,9 @@ Remarks remarks_of(const Profile& profile, const std::string& workload, const st
   if (energy != nullptr && energy->provenance == Provenance::kMeasured) {
     for (const auto& reason : energy->reasons) {
       remarks.push_back({"INVALID energy: " + reason, {Phase::kCall}});
+    }
+    for (const auto& doubt : energy->doubts) {
+      remarks.push_back({"uncertain energy: " + doubt, {Phase::kCall}});
     }
   }
   return remarks;
@@ -187,7 +202,7 @@ std::vector<std::string> glossary(const Profile& profile) {
   for (const Word& word : kWords) {
     const auto has = [&](const PhaseRow& row) {
       return std::ranges::find(row.notes, word.name) != row.notes.end() ||
-             std::ranges::find(row.reasons, word.name) != row.reasons.end();
+             std::ranges::find(row.doubts, word.name) != row.doubts.end();
     };
     if (std::ranges::any_of(profile.phases, has)) {
       lines.push_back(fmt::format("{}: {}.", word.name, word.meaning));
@@ -206,8 +221,9 @@ Json phase_json(const PhaseRow& row) {
                {"state", row.condition == Condition::kSteady ? to_string(row.state)
                                                              : to_string(row.condition)},
                {"provenance", to_string(row.provenance)},
-               {"valid", row.valid},
+               {"valid", is_valid(row)},
                {"reasons", row.reasons},
+               {"doubts", row.doubts},
                {"notes", row.notes},
                {"samples", row.samples},
                {"bytes", row.bytes},
@@ -222,6 +238,10 @@ Json phase_json(const PhaseRow& row) {
   json.put("ci_high_ns", row.ci_high);
   json.put("ops", row.ops);
   json.put("bound_ns", row.bound);
+  json.put("cpu_ns", row.cpu);
+  json.put("taken", row.taken);
+  json.put("host_memory_bytes", row.host_memory_bytes);
+  json.put("device_memory_bytes", row.device_memory_bytes);
   return json;
 }
 
@@ -231,12 +251,15 @@ Json energy_json(const EnergyRow& row) {
                {"unit", row.unit},
                {"provenance", to_string(row.provenance)},
                {"source", row.source},
-               {"valid", row.valid},
+               {"valid", is_valid(row)},
                {"reasons", row.reasons},
+               {"doubts", row.doubts},
                {"domain", row.domain},
                {"idle_subtracted", row.idle_subtracted},
                {"mixture", row.provenance.mixture}};
   json.put("energy_j", row.energy_j);
+  json.put("ci_low_j", row.ci_low_j);
+  json.put("ci_high_j", row.ci_high_j);
   return json;
 }
 
@@ -294,11 +317,15 @@ std::string in_short(const Profile& profile, std::size_t rows) {
     counts.push_back(unit == "-" ? fmt::format("none {}", count)
                                  : fmt::format("{} {}", unit, count));
   }
-  const auto invalid = std::ranges::count_if(profile.phases, [](const PhaseRow& row) {
-    return row.phase == Phase::kCall && row.state == State::kSteady && !row.valid;
-  });
-  return fmt::format("In short: {} rows of {} workloads, {} not valid; fastest at so many: {}.",
-                     rows, profile.workloads().size(), invalid, join(counts, ", "));
+  const auto calls = [&profile](bool (*is)(const PhaseRow&)) {
+    return std::ranges::count_if(profile.phases, [is](const PhaseRow& row) {
+      return row.phase == Phase::kCall && row.state == State::kSteady && is(row);
+    });
+  };
+  return fmt::format(
+      "In short: {} rows of {} workloads, {} uncertain, {} not valid; fastest at so many: {}.",
+      rows, profile.workloads().size(), calls(is_doubted<PhaseRow>),
+      calls([](const PhaseRow& row) { return !is_used(row); }), join(counts, ", "));
 }
 
 }  // namespace
@@ -343,7 +370,7 @@ Table profile_table(const Profile& profile) {
   table.footnotes = {
       "call = upload + launch + execute + download of one call; +/-: half the 95 % confidence "
       "interval of its "
-      "median; - a phase that the unit does not have.",
+      "median, or, of an uncertain figure, all of it; - a phase that the unit does not have.",
       std::string(provenance_legend())};
   for (auto& line : roofline_footnotes(roofs)) table.footnotes.push_back(std::move(line));
   for (const auto& [unit, notes] : common) {
@@ -364,35 +391,42 @@ Table profile_table(const Profile& profile) {
   return table;
 }
 
-Table preference_table(const std::vector<Preference>& preferences) {
+Table preference_table(const std::vector<Preference>& preferences, bool with_paper) {
   Table table{.title = "Preferable unit for each workload (the paper's Table III for this machine)",
               .columns = {{"workload", Align::kLeft},
                           {"by time", Align::kLeft},
                           {"ms"},
                           {"next takes"},
                           {"by energy", Align::kLeft},
-                          {"mJ"},
-                          {"next takes"},
-                          {"paper: time", Align::kLeft},
-                          {"energy", Align::kLeft}}};
-  const auto times = [](std::optional<double> x) {
-    return x ? figure(*x) + "x" : std::string("-");
-  };
+                          {"mJ"}}};
+  if (with_paper) {
+    table.columns.push_back({"paper: time", Align::kLeft});
+    table.columns.push_back({"paper: energy", Align::kLeft});
+  }
   for (const auto& p : preferences) {
     const auto best = [](const Ranking& ranking, double scale) {
       if (ranking.units.empty()) return std::string("-");
-      return marked(figure(ranking.units[0].value * scale), ranking.units[0].provenance);
+      const RankedUnit& first = ranking.units[0];
+      return marked(figure(first.value * scale), first.provenance) + first.doubt;
     };
-    table.rows.push_back({p.workload, p.by_time.preferable(), best(p.by_time, 1),
-                          times(p.by_time.advantage()), p.by_energy.preferable(),
-                          best(p.by_energy, 1e3), times(p.by_energy.advantage()),
-                          p.paper_time ? marked(*p.paper_time, Provenance::kPublished) : "-",
-                          p.paper_energy ? marked(*p.paper_energy, Provenance::kPublished) : "-"});
+    const auto advantage = p.by_time.advantage();
+    auto& row = table.rows.emplace_back();
+    row = {p.workload,
+           p.by_time.preferable(),
+           best(p.by_time, 1),
+           advantage ? figure(*advantage) + "x" : "-",
+           p.by_energy.preferable(),
+           best(p.by_energy, 1e3)};
+    if (!with_paper) continue;
+    for (const auto& paper : {p.paper_time, p.paper_energy}) {
+      row.push_back(paper ? marked(*paper, Provenance::kPublished) : "-");
+    }
   }
   table.footnotes = {
-      "By phase call, transfers included; a = b where the confidence intervals overlap. The "
-      "paper's units are "
-      "those of its three boards.",
+      std::string(
+          "By phase call, transfers included; a = b where the confidence intervals overlap. "
+          "next takes: by time.") +
+          (with_paper ? " The paper's units are those of its three boards." : ""),
       std::string(provenance_legend())};
   return table;
 }

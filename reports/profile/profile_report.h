@@ -19,7 +19,9 @@ namespace pirt {
 [[nodiscard]] Table profile_table(const Profile& profile);
 
 /// This machine's Table III, beside the paper's.
-[[nodiscard]] Table preference_table(const std::vector<Preference>& preferences);
+/// @param with_paper  With the units that the paper's Table III prefers.
+[[nodiscard]] Table preference_table(const std::vector<Preference>& preferences,
+                                     bool with_paper = false);
 
 /// Units best first, each with its figure under @p value_key; the preferable one, and by how much.
 [[nodiscard]] Json ranking_json(const Ranking& ranking, const char* value_key);

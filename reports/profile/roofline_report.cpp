@@ -5,6 +5,7 @@
 #include <set>
 
 #include "reports/document/figures.h"
+#include "reports/profile/shown_row.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
@@ -60,10 +61,9 @@ Table peak_table(const Rooflines& rooflines) {
                           {"fastest loop", Align::kLeft},
                           {"remarks", Align::kLeft}}};
   for (const PeakRow& peak : rooflines.peaks) {
-    const std::string reasons = join(peak.reasons, "; ");
     table.rows.push_back({peak.unit, std::string(to_string(peak.kind)), rate(peak),
                           peak.variant.empty() ? "-" : peak.variant,
-                          peak.valid || !peak.per_second ? reasons : "INVALID: " + reasons});
+                          peak.per_second ? judgement_text(peak) : join(peak.reasons, "; ")});
   }
   table.footnotes = {
       "f32, int8: operations a second, 2 a multiply-add; bandwidth: bytes a second, reading data "
@@ -109,7 +109,8 @@ Json peak_json(const PeakRow& peak) {
                {"kind", to_string(peak.kind)},
                {"variant", peak.variant},
                {"provenance", to_string(peak.provenance)},
-               {"valid", peak.valid},
+               {"valid", is_valid(peak)},
+               {"doubts", peak.doubts},
                {"reasons", peak.reasons}};
   if (peak.per_second) json["per_second"] = *peak.per_second;
   return json;

@@ -9,6 +9,7 @@
 #include "characterize/profile/identity.h"
 #include "reports/document/figures.h"
 #include "reports/profile/preference.h"
+#include "reports/profile/shown_row.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -30,7 +31,7 @@ std::vector<std::string> all_workloads(std::span<const Profile> profiles) {
 }
 
 std::string ratio_text(const PhaseRow* row, const PhaseRow* first) {
-  const bool both = row != nullptr && first != nullptr && row->valid && first->valid &&
+  const bool both = row != nullptr && first != nullptr && is_used(*row) && is_used(*first) &&
                     row->median && first->median && first->median->count() > 0;
   if (!both) return "-";
   return fmt::format("{:.2f}x", static_cast<double>(row->median->count()) /
@@ -107,14 +108,14 @@ Chart side_by_side_chart(std::span<const Profile> profiles) {
       for (std::size_t i = 0; i < profiles.size(); ++i) {
         const PhaseRow* row = profiles[i].find(workload, unit, Phase::kCall);
         if (row == nullptr) continue;
-        const std::string invalid = row->valid ? "" : join(row->reasons, ", ");
-        chart.table.rows.push_back(
-            {workload, unit, names[i], marked(figure_ms(row->median), row->provenance),
-             i == 0 ? "-" : ratio_text(row, first), row->valid ? "" : "INVALID: " + invalid});
+        chart.table.rows.push_back({workload, unit, names[i],
+                                    shown_figure(*row, figure_ms(row->median), row->provenance),
+                                    i == 0 ? "-" : ratio_text(row, first), judgement_text(*row)});
         Mark mark{.group = fmt::format("{}, {}", workload, unit),
                   .series = names[i],
                   .provenance = row->provenance,
-                  .invalid = row->valid ? "" : (invalid.empty() ? "not valid" : invalid)};
+                  .invalid = join(row->reasons, ", "),
+                  .doubt = doubt_mark(*row)};
         if (row->median) mark.x = to_ms(*row->median);
         if (row->ci_low) mark.low = to_ms(*row->ci_low);
         if (row->ci_high) mark.high = to_ms(*row->ci_high);

@@ -3,27 +3,19 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <limits>
 #include <set>
 #include <string>
 
 #include "reports/document/figures.h"
+#include "reports/run/answer.h"
+#include "reports/run/pareto.h"
 #include "reports/run/run_report.h"
+#include "scheduler/record/keeping_up.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
-
-std::string ratio(std::optional<double> value, double best) {
-  return value && best > 0 ? fmt::format("{:.2f}x", *value / best) : "-";
-}
-
-template <typename Figure>
-double least(const std::vector<RunRecord>& runs, const Figure& figure) {
-  double best = std::numeric_limits<double>::infinity();
-  for (const auto& run : runs) best = std::min(best, figure(run).value_or(best));
-  return best == std::numeric_limits<double>::infinity() ? 0 : best;
-}
 
 /// Units that serve something and draw nobody knows what.
 std::set<std::string> unknown_power(const std::vector<RunRecord>& runs) {
@@ -42,68 +34,94 @@ std::int64_t deadline_misses(const RunRecord& run) {
   return misses;
 }
 
-std::string in_short(const std::vector<RunRecord>& runs) {
-  std::vector<NamedFigure> rates, joules, tails;
-  for (const RunRecord& run : runs) {
-    rates.push_back({run.mode, run.throughput_per_ms});
-    joules.push_back({run.mode, run.energy_j});
-    tails.push_back({run.mode, run.p99_latency_ms});
-  }
-  return fmt::format("In short: most tasks/ms: {}; least energy: {}; least p99: {}.",
-                     best_of(rates, true), best_of(joules), best_of(tails));
+std::string names(const std::vector<const RunRecord*>& runs) {
+  std::vector<std::string> modes;
+  for (const RunRecord* run : runs) modes.push_back(run->mode);
+  return modes.empty() ? "-" : join(modes, " = ");
 }
 
+/// Of those that keep up, or of all where none does.
+std::string in_short(const std::vector<RunRecord>& runs) {
+  std::vector<const RunRecord*> among;
+  for (const RunRecord& run : runs) {
+    if (keeps_up(run)) among.push_back(&run);
+  }
+  if (among.empty()) {
+    for (const RunRecord& run : runs) among.push_back(&run);
+  }
+  return fmt::format("In short: most tasks/ms: {}; least energy: {}; least {}: {}.",
+                     names(best_by(among, "throughput_per_ms", true)),
+                     names(best_by(among, "energy_j")), tail_name(runs),
+                     names(best_by_tail(among, runs)));
+}
+
+/// Counts, weights and figures of tasks.
 Table table_of(const ModeRuns& comparison) {
-  Table table{.title = "Modes",
+  Table table{.title = "Modes in detail",
               .columns = {{"mode", Align::kLeft},
-                          {"tasks/ms"},
-                          {"gap %"},
-                          {"energy J"},
-                          {"gap %"},
-                          {"costs"},
-                          {"mean ms"},
-                          {"p99 ms"},
-                          {"costs"},
+                          {"rate gap %"},
+                          {"energy gap %"},
+                          {"task mean ms"},
+                          {"task p99 ms"},
                           {"late"},
                           {"dropped"},
+                          {"no predecessor"},
                           {"queued"},
                           {"offloaded"},
                           {"in flight"},
                           {"weights", Align::kLeft}}};
-  const auto energy = [](const RunRecord& run) { return run.energy_j; };
-  const auto tail = [](const RunRecord& run) { return run.p99_latency_ms; };
-  const double least_energy = least(comparison.runs, energy);
-  const double least_tail = least(comparison.runs, tail);
+  const auto least_mj = least_energy_mj(comparison.runs);
   for (const auto& run : comparison.runs) {
     const RunBounds bounds = run.bounds.value_or(RunBounds{});
     const RunMarks marks = marks_of(run);
     table.rows.push_back(
-        {run.mode, shown(run.throughput_per_ms, marks.time),
-         gap_text(run.throughput_per_ms, bounds.throughput_per_ms),
-         shown(run.energy_j, marks.energy), gap_text(run.energy_j, bounds.energy_j),
-         ratio(energy(run), least_energy), shown(run.mean_latency_ms, marks.time),
-         shown(run.p99_latency_ms, marks.time), ratio(tail(run), least_tail),
-         fmt::format("{}", deadline_misses(run)), fmt::format("{}", run.dropped + run.expired),
+        {run.mode, gap_text(run.throughput_per_ms, bounds.throughput_per_ms),
+         gap_text(energy_mj(run), least_mj),
+         shown_figure_of(run, "mean_latency_ms", run.mean_latency_ms, marks.time),
+         shown_figure_of(run, "p99_latency_ms", run.p99_latency_ms, marks.time),
+         fmt::format("{}", deadline_misses(run)),
+         fmt::format("{}", run.dropped + run.expired - run.no_predecessor.value_or(0)),
+         run.no_predecessor ? fmt::format("{}", *run.no_predecessor) : "-",
          fmt::format("{}", run.queued), fmt::format("{}", run.offloaded),
          run.in_flight ? fmt::format("{}", *run.in_flight) : "-", run.weights_from.value_or("-")});
   }
   table.footnotes = {
-      "gap = reached / bound - 1: to the throughput that no scheduler can exceed, and to the least "
-      "energy for what the "
-      "mode completed in its makespan.",
-      "costs: times the least energy and the least p99 task latency of the table. late: firings "
-      "past their deadline. in flight: frames of a closed loop at a time. weights: where they come "
-      "from."};
-  for (const std::string& unit : unknown_power(comparison.runs)) {
-    table.footnotes.push_back(fmt::format(
-        "energy -: nobody knows what {} draws; give it with --set {}.active_w=W.", unit, unit));
-  }
-  for (const auto& skipped : comparison.skipped) {
-    table.footnotes.push_back(fmt::format("Not run: {}: {}", skipped.mode, skipped.reason));
-  }
+      "gap = reached / bound - 1: to the throughput that no scheduler can exceed, and, a task, to "
+      "the least energy for what any of these completed.",
+      "task: dispatch to completion, as the paper counts. late: firings past their deadline. "
+      "dropped, no predecessor (of the first firings, which have none), queued, offloaded: tasks. "
+      "in "
+      "flight: frames of a closed loop at a time. weights: where they come from."};
   table.footnotes.emplace_back(provenance_legend());
   if (comparison.runs.size() > 1) table.footnotes.push_back(in_short(comparison.runs));
   return table;
+}
+
+/// What is not in the tables, and why.
+Paragraph missing_of(const ModeRuns& comparison) {
+  Paragraph paragraph;
+  for (const std::string& unit : unknown_power(comparison.runs)) {
+    paragraph.lines.push_back(fmt::format(
+        "energy -: nobody knows what {} draws; give it with --set {}.active_w=W.", unit, unit));
+  }
+  for (const std::string& line : reason_lines(comparison.skipped)) {
+    paragraph.lines.push_back("Not run: " + line);
+  }
+  return paragraph;
+}
+
+/// What single modes warn of, once.
+Paragraph warnings_of(const std::vector<RunRecord>& runs) {
+  Paragraph paragraph;
+  for (const RunRecord& run : runs) {
+    for (const std::string& warning : run.warnings) {
+      const std::string line = "Note: " + warning;
+      if (std::ranges::find(paragraph.lines, line) == paragraph.lines.end()) {
+        paragraph.lines.push_back(line);
+      }
+    }
+  }
+  return paragraph;
 }
 
 const RunRecord* find_run(const ModeRuns& comparison, const std::string& mode) {
@@ -140,8 +158,9 @@ Paragraph starvation(const ModeRuns& comparison, const Mix& mix) {
 
 }  // namespace
 
-Document comparison_document(const ModeRuns& comparison, const Mix& mix) {
+Document comparison_document(const ModeRuns& comparison, const Mix& mix, bool details) {
   Document document{.title = "pirt schedule --compare", .parts = {}};
+  document.parts.emplace_back(Paragraph{answer_of(comparison).lines()});
   if (!comparison.runs.empty()) {
     const RunRecord& run = comparison.runs.front();
     Paragraph header{{fmt::format("Mix {} on platform {}, {} time, seed {}", run.mix, run.platform,
@@ -149,9 +168,12 @@ Document comparison_document(const ModeRuns& comparison, const Mix& mix) {
     if (run.assumptions) header.lines.push_back(*run.assumptions);
     document.parts.emplace_back(std::move(header));
   }
-  document.parts.emplace_back(table_of(comparison));
-  auto lines = starvation(comparison, mix);
-  if (!lines.lines.empty()) document.parts.emplace_back(std::move(lines));
+  for (Table& table : answer_tables(comparison.runs)) document.parts.emplace_back(std::move(table));
+  if (details) document.parts.emplace_back(table_of(comparison));
+  for (Paragraph lines :
+       {missing_of(comparison), starvation(comparison, mix), warnings_of(comparison.runs)}) {
+    if (!lines.lines.empty()) document.parts.emplace_back(std::move(lines));
+  }
   return document;
 }
 
@@ -162,7 +184,12 @@ Json comparison_json(const ModeRuns& comparison) {
   for (const auto& each : comparison.skipped) {
     skipped.push_back({{"mode", each.mode}, {"reason", each.reason}});
   }
-  return {{"schema_version", RunRecord::kSchemaVersion}, {"runs", runs}, {"skipped", skipped}};
+  const Answer answer = answer_of(comparison);
+  return {{"schema_version", RunRecord::kSchemaVersion},
+          {"answer",
+           {{"modes", answer.modes}, {"sentence", answer.sentence}, {"doubts", answer.doubts}}},
+          {"runs", runs},
+          {"skipped", skipped}};
 }
 
 }  // namespace pirt

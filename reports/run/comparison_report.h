@@ -15,7 +15,9 @@ namespace pirt {
 /// Where mode advanced is among the runs, and its basic scheduler too, the footnotes say what
 /// strict priority does to real-time pipelines without images: their p99 latency and missed
 /// deadlines under both.
-[[nodiscard]] Document comparison_document(const ModeRuns& comparison, const Mix& mix);
+/// @param details  With counts, weights and gaps to the bounds.
+[[nodiscard]] Document comparison_document(const ModeRuns& comparison, const Mix& mix,
+                                           bool details = true);
 [[nodiscard]] Json comparison_json(const ModeRuns& comparison);
 
 }  // namespace pirt

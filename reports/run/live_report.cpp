@@ -177,7 +177,8 @@ RowCheck check_row(const CallResult& call, const UnitResult& unit, const Profile
   RowCheck check{.live = call};
   const PhaseRow* row =
       profile == nullptr ? nullptr : profile->find(call.workload, call.unit, Phase::kCall);
-  if (row == nullptr || !row->valid || !row->median || !row->ci_low || !row->ci_high) return check;
+  if (row == nullptr || !is_used(*row) || !row->median || !row->ci_low || !row->ci_high)
+    return check;
   check.median_ms = to_ms(*row->median);
   check.low_ms = to_ms(*row->ci_low);
   check.high_ms = to_ms(*row->ci_high);

@@ -11,7 +11,7 @@ std::optional<double> added_ms(const Profile& profile, const CallResult& call,
                                Condition condition) {
   const PhaseRow* steady = profile.find(call.workload, call.unit, Phase::kExecute);
   const PhaseRow* row = profile.find_condition(call.workload, call.unit, condition);
-  const bool known = steady != nullptr && row != nullptr && steady->valid && row->valid &&
+  const bool known = steady != nullptr && row != nullptr && is_used(*steady) && is_used(*row) &&
                      steady->median && row->median;
   if (!known) return std::nullopt;
   return std::max(0.0, to_ms(*row->median) - to_ms(*steady->median));

@@ -3,11 +3,12 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <limits>
 #include <tuple>
 
 #include "reports/document/figures.h"
+#include "reports/run/answer.h"
 #include "reports/run/run_report.h"
+#include "scheduler/record/keeping_up.h"
 #include "workloads/base/text/json.h"
 
 namespace pirt {
@@ -19,9 +20,8 @@ constexpr const char* kBeaten = "another mode is as good in all, better in some"
 /// At least as good in all three, and better in one.
 bool beats(const ModePoint& a, const ModePoint& b) {
   const bool as_good =
-      a.rate_per_ms >= b.rate_per_ms && a.energy_mj <= b.energy_mj && a.latency_ms <= b.latency_ms;
-  return as_good && (a.rate_per_ms > b.rate_per_ms || a.energy_mj < b.energy_mj ||
-                     a.latency_ms < b.latency_ms);
+      a.rate_per_ms >= b.rate_per_ms && a.energy_mj <= b.energy_mj && a.tail <= b.tail;
+  return as_good && (a.rate_per_ms > b.rate_per_ms || a.energy_mj < b.energy_mj || a.tail < b.tail);
 }
 
 bool comparable(const RunRecord& a, const RunRecord& b) {
@@ -44,6 +44,12 @@ Origin provenance_of(const RunRecord& run) {
 
 std::string front_text(const ModePoint& point) {
   return point.beaten_by == nullptr ? "nobody" : point.beaten_by->mode;
+}
+
+std::string tail_label(const std::vector<ModePoint>& points) {
+  const bool deadlines = std::ranges::any_of(
+      points, [](const ModePoint& point) { return p99_of_deadline(*point.run).has_value(); });
+  return deadlines ? "p99 / deadline" : "p99 / least p99";
 }
 
 /// The points that no other beats in these two figures, as a line from left to right. @param
@@ -70,15 +76,19 @@ std::string origin_of(const RunRecord& run) {
   return text + fmt::format(" --seed {}", run.seed);
 }
 
-/// Of the run that completed most: what no schedule of as much work needs less than.
-std::optional<double> least_energy_mj(const std::vector<ModePoint>& points) {
-  const RunRecord* most = nullptr;
-  for (const ModePoint& point : points) {
-    if (!point.run->bounds || !point.run->bounds->energy_j) continue;
-    if (most == nullptr || point.run->completed > most->completed) most = point.run;
-  }
-  if (most == nullptr) return std::nullopt;
-  return *most->bounds->energy_j * 1e3 / static_cast<double>(most->completed);
+std::optional<double> bound_mj(const RunRecord& run) {
+  if (!run.bounds || !run.bounds->energy_j || run.completed == 0) return std::nullopt;
+  return *run.bounds->energy_j * 1e3 / static_cast<double>(run.completed);
+}
+
+std::optional<double> lesser(std::optional<double> a, std::optional<double> b) {
+  return a && b ? std::min(*a, *b) : a ? a : b;
+}
+
+std::optional<double> least_mj(const std::vector<ModePoint>& points) {
+  std::optional<double> least;
+  for (const ModePoint& point : points) least = lesser(least, bound_mj(*point.run));
+  return least;
 }
 
 std::optional<double> most_rate(const std::vector<ModePoint>& points) {
@@ -108,14 +118,15 @@ Chart rate_chart(const std::vector<ModePoint>& points) {
       .title = fmt::format("Modes: rate and energy, mix {} on {}", first.mix, first.platform),
       .columns = {{"mode", Align::kLeft},
                   {"tasks/ms"},
-                  {"gap %"},
+                  {"rate gap %"},
                   {"mJ/task"},
-                  {"gap %"},
+                  {"energy gap %"},
                   {"beaten by", Align::kLeft}},
-      .footnotes = {"gap = reached / bound - 1, to the most tasks a ms and to the least "
-                    "energy for what the mode completed, which no scheduler can beat. "
-                    "all three: rate, energy and p99 latency.",
-                    std::string(provenance_legend())},
+      .footnotes =
+          {"gap = reached / bound - 1, to the most tasks a ms, and, a task, to the least energy "
+           "for what the mode with most tasks completed, which no scheduler can beat. "
+           "beaten by: in rate, energy and p99 from firing to completion.",
+           std::string(provenance_legend())},
       .origin = origin_of(first)};
   for (const ModePoint& point : points) {
     const RunBounds bounds = point.run->bounds.value_or(RunBounds{});
@@ -123,13 +134,13 @@ Chart rate_chart(const std::vector<ModePoint>& points) {
     chart.table.rows.push_back({point.run->mode, shown(point.rate_per_ms, marks.time),
                                 gap_text(point.rate_per_ms, bounds.throughput_per_ms),
                                 shown(point.energy_mj, marks.energy),
-                                gap_text(point.run->energy_j, bounds.energy_j), front_text(point)});
+                                gap_text(point.energy_mj, least_mj(points)), front_text(point)});
     chart.marks.push_back(mark_of(point, point.rate_per_ms));
   }
   chart.lines = {front(
       points, [](const ModePoint& p) { return p.rate_per_ms; }, std::greater<>())};
   if (const auto most = most_rate(points)) chart.lines.push_back({.label = "bound", .y = most});
-  if (const auto least = least_energy_mj(points)) {
+  if (const auto least = least_mj(points)) {
     chart.lines.push_back({.label = "bound", .x = least});
   }
   const auto best = std::ranges::count(points, nullptr, &ModePoint::beaten_by);
@@ -146,60 +157,75 @@ Chart latency_chart(const std::vector<ModePoint>& points) {
   Chart chart{.kind = ChartKind::kScatter,
               .summary = "Down and left is better; dashed: the front, and the least energy.",
               .x = {"mJ a task"},
-              .y = {"p99 latency, ms", true},
+              .y = {tail_label(points), true},
               .series = {kBest, kBeaten}};
   chart.table = {
       .title = fmt::format("Modes: latency and energy, mix {} on {}", first.mix, first.platform),
       .columns = {{"mode", Align::kLeft},
-                  {"p99 ms"},
-                  {"mean ms"},
+                  {tail_label(points)},
+                  {"task mean ms"},
                   {"mJ/task"},
                   {"late"},
                   {"dropped"},
                   {"queued"},
                   {"offloaded"}},
-      .footnotes = {"Of tasks, dispatch to completion. late: firings past their "
+      .footnotes = {"p99 from firing to completion. late: firings past their "
                     "deadline. A mode that drops or offloads has less to serve.",
                     std::string(provenance_legend())},
       .origin = origin_of(first)};
   for (const ModePoint& point : points) {
     const RunRecord& run = *point.run;
     const RunMarks marks = marks_of(run);
-    chart.table.rows.push_back({run.mode, shown(point.latency_ms, marks.time),
+    chart.table.rows.push_back({run.mode, shown(point.tail, marks.time),
                                 shown(run.mean_latency_ms, marks.time),
                                 shown(point.energy_mj, marks.energy), fmt::format("{}", late(run)),
                                 fmt::format("{}", run.dropped + run.expired),
                                 fmt::format("{}", run.queued), fmt::format("{}", run.offloaded)});
-    chart.marks.push_back(mark_of(point, point.latency_ms));
+    chart.marks.push_back(mark_of(point, point.tail));
   }
   chart.lines = {front(
-      points, [](const ModePoint& p) { return p.latency_ms; }, std::less<>())};
-  if (const auto least = least_energy_mj(points)) {
+      points, [](const ModePoint& p) { return p.tail; }, std::less<>())};
+  if (const auto least = least_mj(points)) {
     chart.lines.push_back({.label = "bound", .x = least});
   }
   return chart;
 }
 
+/// Equal rows are one.
+void add_row(std::vector<std::string> row, Table& table) {
+  const auto same = std::ranges::find_if(table.rows, [&row](const std::vector<std::string>& other) {
+    return std::equal(row.begin() + 1, row.end(), other.begin() + 1);
+  });
+  if (same == table.rows.end()) {
+    table.rows.push_back(std::move(row));
+  } else {
+    same->front() += " = " + row.front();
+  }
+}
+
 }  // namespace
 
-bool keeps_up(const RunRecord& run, std::span<const RunRecord> runs) {
-  std::int64_t most = 0;
-  for (const RunRecord& each : runs) most = std::max(most, each.completed);
-  return static_cast<double>(run.completed) >= kKeepsUp * static_cast<double>(most);
+std::optional<double> energy_mj(const RunRecord& run) {
+  if (!run.energy_j || run.completed == 0) return std::nullopt;
+  return *run.energy_j * 1e3 / static_cast<double>(run.completed);
+}
+
+std::optional<double> least_energy_mj(std::span<const RunRecord> runs) {
+  std::optional<double> least;
+  for (const RunRecord& run : runs) least = lesser(least, bound_mj(run));
+  return least;
 }
 
 std::vector<ModePoint> mode_points(std::span<const RunRecord> runs) {
   std::vector<ModePoint> points;
+  const bool some_keep_up = std::ranges::any_of(runs, keeps_up);
   for (const RunRecord& run : runs) {
-    if (run.completed == 0 || !run.throughput_per_ms || !run.p99_latency_ms || !run.energy_j) {
-      continue;
-    }
-    if (!comparable(run, runs.front()) || !keeps_up(run, runs)) continue;
-    points.push_back({.run = &run,
-                      .rate_per_ms = *run.throughput_per_ms,
-
-                      .energy_mj = *run.energy_j * 1e3 / static_cast<double>(run.completed),
-                      .latency_ms = *run.p99_latency_ms});
+    const auto mj = energy_mj(run);
+    const auto tail = tail_of(run, runs);
+    if (!run.throughput_per_ms || !tail || !mj) continue;
+    if (!comparable(run, runs.front()) || (some_keep_up && !keeps_up(run))) continue;
+    points.push_back(
+        {.run = &run, .rate_per_ms = *run.throughput_per_ms, .energy_mj = *mj, .tail = *tail});
   }
   for (ModePoint& point : points) {
     const auto better =
@@ -225,29 +251,31 @@ Document pareto_document(const ModeRuns& frontier) {
   Table table{.title = "What can be had",
               .columns = {{"mode, goal", Align::kLeft},
                           {"tasks/ms"},
-                          {"gap %"},
+                          {"rate gap %"},
                           {"mJ/task"},
-                          {"gap %"},
-                          {"p99 ms"},
+                          {"energy gap %"},
+                          {tail_label(points)},
                           {"late"},
                           {"beaten by", Align::kLeft}}};
   for (const ModePoint& point : points) {
     const RunBounds bounds = point.run->bounds.value_or(RunBounds{});
     const RunMarks marks = marks_of(*point.run);
-    table.rows.push_back({goal_of(*point.run), shown(point.rate_per_ms, marks.time),
-                          gap_text(point.rate_per_ms, bounds.throughput_per_ms),
-                          shown(point.energy_mj, marks.energy),
-                          gap_text(point.run->energy_j, bounds.energy_j),
-                          shown(point.latency_ms, marks.time), fmt::format("{}", late(*point.run)),
-                          point.beaten_by == nullptr ? "nobody" : goal_of(*point.beaten_by)});
+    std::vector<std::string> row(
+        {goal_of(*point.run), shown(point.rate_per_ms, marks.time),
+         gap_text(point.rate_per_ms, bounds.throughput_per_ms),
+         shown(point.energy_mj, marks.energy), gap_text(point.energy_mj, least_mj(points)),
+         shown(point.tail, marks.time), fmt::format("{}", late(*point.run)),
+         point.beaten_by == nullptr ? "nobody" : goal_of(*point.beaten_by)});
+    add_row(std::move(row), table);
   }
   if (const auto most = most_rate(points)) {
     table.footnotes.push_back(
         fmt::format("No scheduler completes more than {} tasks a ms.", figure(*most)));
   }
   table.footnotes.emplace_back(
-      "gap = reached / bound - 1; energy: to the least for what was completed in the same time. "
-      "beaten by: as good in rate, energy and p99, and better in one.");
+      "gap = reached / bound - 1; energy: a task, to the least for what any of these completed. "
+      "p99 from firing to completion. beaten by: as good in rate, energy and p99, and "
+      "better in one.");
   for (const auto& skipped : frontier.skipped) {
     table.footnotes.push_back(fmt::format("Not run: {}: {}", skipped.mode, skipped.reason));
   }
@@ -265,7 +293,8 @@ Json pareto_json(const ModeRuns& frontier) {
                  {"mode", run.mode},
                  {"rate_per_ms", point.rate_per_ms},
                  {"energy_mj", point.energy_mj},
-                 {"p99_latency_ms", point.latency_ms},
+                 {"tail", point.tail},
+                 {"p99_latency_ms", *run.p99_latency_ms},
                  {"on_the_frontier", point.beaten_by == nullptr}};
     if (point.beaten_by != nullptr) each["beaten_by"] = goal_of(*point.beaten_by);
     if (run.in_flight) each["in_flight"] = *run.in_flight;
@@ -285,7 +314,8 @@ Json pareto_json(const std::vector<ModePoint>& points) {
     json.push_back({{"mode", point.run->mode},
                     {"rate_per_ms", point.rate_per_ms},
                     {"energy_mj", point.energy_mj},
-                    {"p99_latency_ms", point.latency_ms}});
+                    {"tail", point.tail},
+                    {"p99_latency_ms", *point.run->p99_latency_ms}});
     if (point.beaten_by != nullptr) json.back()["beaten_by"] = point.beaten_by->mode;
   }
   return json;

@@ -19,17 +19,18 @@ struct ModePoint {
   const RunRecord* run = nullptr;  ///< Outlives it.
   double rate_per_ms = 0;          ///< Completed tasks; more is better.
   double energy_mj = 0;            ///< A completed task; less is better.
-  double latency_ms = 0;           ///< p99 of a task, dispatch to completion; less is better.
+  double tail = 0;                 ///< tail_of() it (answer.h); less is better.
   /// A mode that is at least as good in all three and better in one; null = on the front.
   const RunRecord* beaten_by = nullptr;
 };
 
-/// A mode that completes less than this part of what the best completes is no choice.
-inline constexpr double kKeepsUp = 0.9;
-[[nodiscard]] bool keeps_up(const RunRecord& run, std::span<const RunRecord> runs);
+/// Joules a completed task, in mJ; absent where nobody knows them.
+[[nodiscard]] std::optional<double> energy_mj(const RunRecord& run);
+/// What no schedule of what any of these completed needs less than, in mJ a task.
+[[nodiscard]] std::optional<double> least_energy_mj(std::span<const RunRecord> runs);
 
-/// Runs that keep up, in their order. Those that compare: of one platform, mix, duration and seed
-/// as the first.
+/// Runs that keep up (scheduler/record/keeping_up.h), or all where none does, in their order. Those
+/// that compare: of one platform, mix, duration and seed as the first.
 [[nodiscard]] std::vector<ModePoint> mode_points(std::span<const RunRecord> runs);
 
 /// Rate over energy, with both bounds; latency over energy, with that of energy. Each with the
@@ -40,7 +41,7 @@ inline constexpr double kKeepsUp = 0.9;
 [[nodiscard]] Document pareto_document(const ModeRuns& frontier);
 [[nodiscard]] Json pareto_json(const ModeRuns& frontier);
 
-/// [{"mode", "rate_per_ms", "energy_mj", "p99_latency_ms", "beaten_by"}]
+/// [{"mode", "rate_per_ms", "energy_mj", "tail", "beaten_by"}]
 [[nodiscard]] Json pareto_json(const std::vector<ModePoint>& points);
 
 }  // namespace pirt

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <map>
 #include <set>
 
 #include "characterize/platform/platform.h"
@@ -13,6 +14,8 @@
 
 namespace pirt {
 namespace {
+
+constexpr double kShownSpread = 0.02;
 
 /// Where what a figure is computed from comes from.
 struct Inputs {
@@ -88,9 +91,15 @@ Paragraph totals(const RunRecord& run) {
                    run.failed, run.queued),
        fmt::format("makespan {} s, {} tasks/ms, latency mean {} ms, p99 {} ms, energy {} J, "
                    "average power {} W",
-                   shown(run.makespan_s, marks.time), shown(run.throughput_per_ms, marks.time),
-                   shown(run.mean_latency_ms, marks.time), shown(run.p99_latency_ms, marks.time),
-                   shown(run.energy_j, marks.energy), shown(run.average_power_w, marks.energy))}};
+                   shown(run.makespan_s, marks.time),
+                   shown_figure_of(run, "throughput_per_ms", run.throughput_per_ms, marks.time),
+                   shown_figure_of(run, "mean_latency_ms", run.mean_latency_ms, marks.time),
+                   shown_figure_of(run, "p99_latency_ms", run.p99_latency_ms, marks.time),
+                   shown_figure_of(run, "energy_j", run.energy_j, marks.energy),
+                   shown_figure_of(run, "average_power_w", run.average_power_w, marks.energy))}};
+  if (const std::string doubts = doubts_text(run); !doubts.empty()) {
+    paragraph.lines.push_back(doubts);
+  }
   if (run.drain_s && *run.drain_s > 0) {
     paragraph.lines.push_back("all as of the end of the duration; what was unfinished then takes " +
                               shown(run.drain_s, marks.time) + " s more");
@@ -203,6 +212,13 @@ std::string guarantee_text(const PipelineResult& pipeline, Origin time) {
   return (*pipeline.guaranteed ? "yes, " : "no, ") + bound;
 }
 
+/// "3", "3 (1 without a predecessor)".
+std::string dropped_text(const PipelineResult& pipeline) {
+  const std::int64_t first = pipeline.no_predecessor.value_or(0);
+  return fmt::format("{}", pipeline.dropped) +
+         (first > 0 ? fmt::format(" ({} without a predecessor)", first) : "");
+}
+
 Table pipelines_table(const RunRecord& run) {
   const RunMarks marks = marks_of(run);
   Table table{.title = "Pipelines",
@@ -220,10 +236,11 @@ Table pipelines_table(const RunRecord& run) {
   for (const auto& pipeline : run.pipelines) {
     table.rows.push_back(
         {pipeline.pipeline, fmt::format("{}", pipeline.fired),
-         fmt::format("{}", pipeline.completed), fmt::format("{}", pipeline.dropped),
+         fmt::format("{}", pipeline.completed), dropped_text(pipeline),
          fmt::format("{}", pipeline.unfinished), shown(pipeline.rate_hz, marks.time),
          shown(pipeline.p50_ms, marks.time), shown(pipeline.p95_ms, marks.time),
-         shown(pipeline.p99_ms, marks.time),
+         shown_figure_of(run, "pipelines." + pipeline.pipeline + ".p99_ms", pipeline.p99_ms,
+                         marks.time),
          pipeline.deadline_ms ? figure(*pipeline.deadline_ms) : "-",
          pipeline.deadline_misses ? fmt::format("{}", *pipeline.deadline_misses) : "-"});
     if (run.objective) table.rows.back().push_back(guarantee_text(pipeline, marks.time));
@@ -329,16 +346,21 @@ void add_totals(ModesTable& table) {
   table.count("failed", &RunRecord::failed);
   table.count("queued", &RunRecord::queued);
   table.count("offloaded to the cloud", &RunRecord::offloaded);
-  table.row("throughput, tasks/ms",
-            [](const RunRecord& run) { return shown(run.throughput_per_ms, marks_of(run).time); });
-  table.row("mean latency, ms",
-            [](const RunRecord& run) { return shown(run.mean_latency_ms, marks_of(run).time); });
-  table.row("p99 latency, ms",
-            [](const RunRecord& run) { return shown(run.p99_latency_ms, marks_of(run).time); });
-  table.row("energy, J",
-            [](const RunRecord& run) { return shown(run.energy_j, marks_of(run).energy); });
-  table.row("average power, W",
-            [](const RunRecord& run) { return shown(run.average_power_w, marks_of(run).energy); });
+  table.row("throughput, tasks/ms", [](const RunRecord& run) {
+    return shown_figure_of(run, "throughput_per_ms", run.throughput_per_ms, marks_of(run).time);
+  });
+  table.row("task latency, mean ms", [](const RunRecord& run) {
+    return shown_figure_of(run, "mean_latency_ms", run.mean_latency_ms, marks_of(run).time);
+  });
+  table.row("task latency, p99 ms", [](const RunRecord& run) {
+    return shown_figure_of(run, "p99_latency_ms", run.p99_latency_ms, marks_of(run).time);
+  });
+  table.row("energy, J", [](const RunRecord& run) {
+    return shown_figure_of(run, "energy_j", run.energy_j, marks_of(run).energy);
+  });
+  table.row("average power, W", [](const RunRecord& run) {
+    return shown_figure_of(run, "average_power_w", run.average_power_w, marks_of(run).energy);
+  });
   table.row("throughput gap to the bound, %", [](const RunRecord& run) {
     return run.bounds ? gap_text(run.throughput_per_ms, run.bounds->throughput_per_ms) : "-";
   });
@@ -464,6 +486,40 @@ Table modes_table(std::span<const RunRecord> runs) {
   table.rows = rows.take();
   table.footnotes = footnotes(runs);
   return table;
+}
+
+std::string shown_figure_of(const RunRecord& run, const std::string& name,
+                            const std::optional<double>& value, Origin origin) {
+  if (!value) return "-";
+  const auto interval = run.intervals.find(name);
+  const bool wide = interval != run.intervals.end() &&
+                    interval->second.high - interval->second.low > kShownSpread * *value;
+  const std::string text = marked(figure(*value), origin);
+  if (!wide) return text;
+  return text +
+         fmt::format(" ({} to {})", figure(interval->second.low), figure(interval->second.high));
+}
+
+std::string doubts_text(const RunRecord& run) {
+  if (run.doubted.empty()) return "";
+  std::set<std::string> words;
+  std::map<std::string, double> taken;
+  bool wild = false;
+  for (const DoubtedFigure& each : run.doubted) {
+    for (const std::string& doubt : each.doubts) words.insert(doubt.substr(0, doubt.find(':')));
+    if (each.taken) taken[each.unit] = std::max(taken[each.unit], *each.taken);
+    wild = wild || each.wild.value_or(false);
+  }
+  std::string text =
+      fmt::format("{} of {} figures are uncertain ({})", run.doubted.size(),
+                  run.figures.value_or(0), join(std::vector(words.begin(), words.end()), ", "));
+  std::vector<std::string> parts;
+  for (const auto& [unit, share] : taken) {
+    parts.push_back(fmt::format("{:.0f} % of the time of {}", 100 * share, unit));
+  }
+  if (!parts.empty()) text += ": other programs took up to " + join(parts, " and ");
+  if (wild) text += "; some by more than a factor of 4 (??)";
+  return text + "; `pirt doctor` says what disturbs this machine.";
 }
 
 }  // namespace pirt

@@ -35,4 +35,14 @@ struct RunMarks {
 /// comparable.
 [[nodiscard]] Table modes_table(std::span<const RunRecord> runs);
 
+/// A figure of the run with its mark, and its interval where that spans more than 2 % of it: "~4.67
+/// (4.1 to 5.3)".
+/// @param name  scheduler/record/interval.h.
+[[nodiscard]] std::string shown_figure_of(const RunRecord& run, const std::string& name,
+                                          const std::optional<double>& value, Origin origin);
+
+/// "9 of 62 figures are uncertain (contended): other programs took up to 31 % of the time of cpu;
+/// ..."; empty where none is.
+[[nodiscard]] std::string doubts_text(const RunRecord& run);
+
 }  // namespace pirt

@@ -16,6 +16,13 @@ std::string verdict(const WhatIfRow& row) {
   return row.breaks ? "gives" : "holds as far as was tried";
 }
 
+/// "1.20 (1.05 to 1.40)": with all calls as long as they may be, and as short; "-": not as it is.
+std::string holds_text(const WhatIfRow& row) {
+  if (!row.holds_if_long && !row.holds_if_short) return figure(row.holds);
+  return fmt::format("{} ({} to {})", figure(row.holds), figure(row.holds_if_long),
+                     figure(row.holds_if_short));
+}
+
 }  // namespace
 
 Document what_if_document(const WhatIf& found, const Platform& platform, const Mix& mix) {
@@ -36,7 +43,7 @@ Document what_if_document(const WhatIf& found, const Platform& platform, const M
   for (const WhatIfRow& row : found.rows) {
     const Breakage none;
     const Breakage& breakage = row.breakage ? *row.breakage : none;
-    table.rows.push_back({row.mode, verdict(row), figure(row.holds), figure(row.breaks),
+    table.rows.push_back({row.mode, verdict(row), holds_text(row), figure(row.breaks),
                           or_dash(breakage.pipeline), or_dash(breakage.unit),
                           or_dash(breakage.resource), or_dash(breakage.what)});
     if (!row.not_run.empty()) {
@@ -44,8 +51,11 @@ Document what_if_document(const WhatIf& found, const Platform& platform, const M
     }
   }
   table.footnotes.emplace_back(
-      "holds: no deadline missed, no firing dropped, all rates kept, no second above the cap, in "
-      "virtual time. Steps of 5 %, then halves of the first that fails; beyond it more may hold "
+      "holds: the mode keeps up, no deadline missed, no firing dropped but the first that has no "
+      "predecessor, nothing queued for more than a period, no second above the cap, in virtual "
+      "time; "
+      "in brackets with all calls as long, and as short, as their figures' intervals let them. "
+      "Steps of 5 %, then halves of the first that fails; beyond it more may hold "
       "again.");
   document.parts.emplace_back(std::move(table));
   return document;
@@ -57,6 +67,8 @@ Json what_if_json(const WhatIf& found, const Platform& platform, const Mix& mix)
     Json each = {{"mode", row.mode}};
     if (!row.not_run.empty()) each["not_run"] = row.not_run;
     if (row.holds) each["holds"] = *row.holds;
+    each.put("holds_if_long", row.holds_if_long);
+    each.put("holds_if_short", row.holds_if_short);
     if (row.breaks) each["breaks"] = *row.breaks;
     if (row.breakage) {
       each["breakage"] = {{"pipeline", row.breakage->pipeline},

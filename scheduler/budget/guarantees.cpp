@@ -171,6 +171,12 @@ class Analysis {
       const BudgetPlan::Task& planned = plan_.tasks[scenario_.classes[pipeline][t].entry];
       if (!planned.pinned) return "served by several units";
       const UnitId unit = planned.units.front();
+      const TaskClass& kind = scenario_.classes[pipeline][t];
+      const Service* service = scenario_.services.find(kind.workload, unit);
+      if (service != nullptr && !service->doubts.empty()) {
+        return "rests on an uncertain figure: " + scenario_.services.workloads[kind.workload] +
+               " on " + scenario_.platform.units[unit].name;
+      }
       const UnitModel& model = scenario_.platform.units[unit];
       if (shares_servers(unit)) return "served on another's cores: " + model.name;
       if (model.servers != 1) return "several servers: " + model.name;

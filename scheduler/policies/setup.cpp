@@ -204,7 +204,7 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
   check_role(platform, mode.weighed());
   ServiceOptions service_options;
   service_options.without = options.without;
-  service_options.allow_invalid = options.allow_invalid;
+  service_options.strict = options.strict;
   service_options.draw = options.draw;
   service_options.slices = options.slices.value_or(mode.policy.budgets);
   if (defaults.mode != nullptr) service_options.stage_scale = defaults.mode->stage_scale;

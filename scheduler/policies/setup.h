@@ -14,6 +14,7 @@
 #include "scheduler/mix/mix.h"
 #include "scheduler/policies/policy.h"
 #include "scheduler/services/faults.h"
+#include "scheduler/services/redraw.h"
 #include "scheduler/services/scenario.h"
 #include "scheduler/services/services.h"
 #include "workloads/base/time.h"
@@ -48,7 +49,7 @@ struct ScheduleOptions {
                                  ///< else what keeps the units busy.
   std::optional<Overflow> overflow;  ///< Absent = hold.
   std::vector<std::string> without;  ///< Units that serve nothing; they draw idle power.
-  bool allow_invalid = false;        ///< Use profile rows that are not valid.
+  bool strict = false;               ///< Profile rows that are doubted are not used.
   /// Tasks with a nearer deadline are let in between two slices of a call, where its workload says
   /// that it can be left; absent = in mode budget alone.
   std::optional<bool> slices = {};
@@ -60,8 +61,9 @@ struct ScheduleOptions {
   std::optional<double> power_cap_w;      ///< In any second; see policies/power_window.h.
   bool watch_power = false;  ///< RunRecord::power_highest_w without a cap, too; in virtual time.
   std::uint64_t seed = 1;
-  std::optional<Faults> faults;      ///< Calls that do not complete; absent = none.
-  std::optional<std::string> trace;  ///< Path; see trace/trace_writer.h.
+  std::optional<Redraw> redraw = {};  ///< What calls take is redrawn.
+  std::optional<Faults> faults;       ///< Calls that do not complete; absent = none.
+  std::optional<std::string> trace;   ///< Path; see trace/trace_writer.h.
 
   /// Whether something is wanted that only mode budget gives.
   [[nodiscard]] bool has_budget() const { return objective || min_rate_per_ms || power_cap_w; }

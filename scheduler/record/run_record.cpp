@@ -76,6 +76,9 @@ void visit_pipeline(Visitor& visitor, Pipeline& pipeline) {
   visitor.field("completed", pipeline.completed);
   visitor.field("dropped", pipeline.dropped);
   visitor.field("unfinished", pipeline.unfinished);
+  visitor.field("no_predecessor", pipeline.no_predecessor);
+  visitor.field("queued", pipeline.queued);
+  visitor.field("real_time", pipeline.real_time);
   visitor.field("rate_hz", pipeline.rate_hz);
   visitor.field("p50_ms", pipeline.p50_ms);
   visitor.field("p95_ms", pipeline.p95_ms);
@@ -85,6 +88,17 @@ void visit_pipeline(Visitor& visitor, Pipeline& pipeline) {
   visitor.field("response_bound_ms", pipeline.response_bound_ms);
   visitor.field("guaranteed", pipeline.guaranteed);
   visitor.field("not_analysed", pipeline.not_analysed);
+}
+
+template <typename Visitor, typename Figure>
+void visit_doubted(Visitor& visitor, Figure& figure) {
+  visitor.field("workload", figure.workload);
+  visitor.field("unit", figure.unit);
+  visitor.field("doubts", figure.doubts);
+  visitor.field("low", figure.low);
+  visitor.field("high", figure.high);
+  visitor.field("taken", figure.taken);
+  visitor.field("wild", figure.wild);
 }
 
 template <typename Visitor, typename Call>
@@ -155,6 +169,7 @@ void visit_record(Visitor& visitor, Record& record) {
   visitor.field("average_power_w", record.average_power_w);
   visitor.field("weights", record.weights);
   visitor.field("weights_from", record.weights_from);
+  visitor.field("figures", record.figures);
   visitor.field("warnings", record.warnings);
 }
 
@@ -229,6 +244,8 @@ Json to_json(const RunRecord& record) {
   writer.field("units", units);
   writer.field("pipelines", pipelines);
   write_list(writer, "calls", record.calls, [](auto& to, auto& call) { visit_call(to, call); });
+  write_list(writer, "doubted", record.doubted,
+             [](auto& to, auto& figure) { visit_doubted(to, figure); });
   write_list(writer, "plan", record.plan, [](auto& to, auto& task) { visit_planned(to, task); });
   if (record.bounds) {
     Writer bounds;
@@ -239,6 +256,9 @@ Json to_json(const RunRecord& record) {
     gaps.field("energy", gap(record.energy_j, record.bounds->energy_j));
     gaps.field("makespan", gap(record.makespan_s, record.bounds->makespan_s));
     writer.field("gaps", gaps.json);
+  }
+  for (const auto& [figure, interval] : record.intervals) {
+    writer.json["intervals"][figure] = {interval.low, interval.high};
   }
   return std::move(writer.json);
 }
@@ -263,7 +283,14 @@ RunRecord run_record_from_json(const Json& json, const std::string& source) {
       record.pipelines.back().pipeline = name;
     }
     read_list(json, "calls", record.calls, [](auto& of, auto& call) { visit_call(of, call); });
+    read_list(json, "doubted", record.doubted,
+              [](auto& of, auto& figure) { visit_doubted(of, figure); });
     read_list(json, "plan", record.plan, [](auto& of, auto& task) { visit_planned(of, task); });
+    if (json.contains("intervals")) {
+      for (const auto& [figure, ends] : json.at("intervals").items()) {
+        record.intervals[figure] = {ends.at(0).get<double>(), ends.at(1).get<double>()};
+      }
+    }
     if (json.contains("bounds")) {
       Reader bounds(json.at("bounds"));
       visit_bounds(bounds, record.bounds.emplace());

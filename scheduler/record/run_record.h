@@ -50,9 +50,16 @@ struct UnitResult {
 struct PipelineResult {
   std::string pipeline;
   std::int64_t fired = 0;
-  std::int64_t completed = 0;     ///< Firings of which every task completed.
-  std::int64_t dropped = 0;       ///< No image buffer, or a task was dropped, expired or failed.
-  std::int64_t unfinished = 0;    ///< The others: fired = completed + dropped + unfinished.
+  std::int64_t completed = 0;   ///< Firings of which every task completed.
+  std::int64_t dropped = 0;     ///< No image buffer, or a task was dropped, expired or failed.
+  std::int64_t unfinished = 0;  ///< The others: fired = completed + dropped + unfinished.
+  /// Of the dropped ones, those that no earlier firing had made data for. Absent where none is
+  /// read.
+  std::optional<std::int64_t> no_predecessor;
+  /// Of the unfinished ones, those that came more than a period ago, and their deadline if that is
+  /// later. Open loops only.
+  std::optional<std::int64_t> queued;
+  std::optional<bool> real_time;  ///< Absent in records of before; then it is.
   std::optional<double> rate_hz;  ///< Completed firings a second. Absent if no time passed.
   std::optional<double> p50_ms, p95_ms,
       p99_ms;  ///< Firing to last completion. Absent if none completed.
@@ -65,6 +72,16 @@ struct PipelineResult {
   std::optional<bool> guaranteed;
   std::optional<std::string> not_analysed;
   friend bool operator==(const PipelineResult&, const PipelineResult&) = default;
+};
+
+/// A figure of the profile that the run rests on, and that is uncertain.
+struct DoubtedFigure {
+  std::string workload, unit;
+  std::vector<std::string> doubts;
+  double low = 1, high = 1;     ///< Its 95 % interval, as parts of it.
+  std::optional<double> taken;  ///< The share of its time that others had its cores.
+  std::optional<bool> wild;     ///< Used, since nothing else serves the workload.
+  friend bool operator==(const DoubtedFigure&, const DoubtedFigure&) = default;
 };
 
 /// Calls of one workload on one unit: how long each held its unit. In virtual time that is its
@@ -95,6 +112,12 @@ struct PlanRow {
   std::string pipeline, task, unit;
   double start_ms = 0, finish_ms = 0;
   friend bool operator==(const PlanRow&, const PlanRow&) = default;
+};
+
+/// Where 95 % of what a figure may be lies.
+struct FigureInterval {
+  double low = 0, high = 0;
+  friend bool operator==(const FigureInterval&, const FigureInterval&) = default;
 };
 
 struct RunRecord {
@@ -157,7 +180,15 @@ struct RunRecord {
   std::map<std::string, std::map<std::string, int>>
       weights;  ///< [workload][unit]; units that may serve it. Empty for modes without weights.
   std::optional<std::string> weights_from;  ///< "given", "platform", "derived".
+  std::optional<std::int64_t> figures;      ///< Of the profile, that the run could use.
+  std::vector<DoubtedFigure> doubted;       ///< Of these.
   std::optional<RunBounds> bounds;
+  bool uncertain = false;  ///< What it rests on was measured, and has an interval. Not stored.
+  /// By figure (record/interval.h), of runs that rest on a measured profile; empty = none.
+  std::map<std::string, FigureInterval> intervals;
+  /// The figures on redrawn profiles, one after the other: what two runs are compared by. Not
+  /// stored.
+  std::vector<std::map<std::string, double>> redrawn = {};
   std::vector<std::string> warnings;
 
   [[nodiscard]] bool is_live() const { return time == "live"; }

@@ -83,13 +83,16 @@ UnitResult summarize_unit(const Scenario& run, const Profile* profile, UnitId un
 }
 
 PipelineResult summarize_pipeline(const Pipeline& pipeline, const PipelineTally& tally,
-                                  Nanos makespan) {
+                                  bool reads_earlier, Nanos makespan) {
   PipelineResult result;
   result.pipeline = pipeline.name;
   result.fired = tally.fired;
   result.completed = tally.completed;
   result.dropped = tally.dropped;
   result.unfinished = tally.unfinished;
+  if (reads_earlier) result.no_predecessor = tally.no_predecessor;
+  if (pipeline.rate_hz) result.queued = tally.queued;
+  result.real_time = pipeline.real_time;
   if (makespan > Nanos::zero()) {
     result.rate_hz = static_cast<double>(tally.completed) / to_s(makespan);
   }
@@ -132,6 +135,30 @@ void add_calls(const Scenario& run, const Tally& tally, RunRecord& record) {
                               .p95_ms = to_ms(*calls.percentile(0.95))});
     }
   }
+}
+
+/// What is uncertain of what the run rests on.
+void add_doubts(const Scenario& run, RunRecord& record) {
+  std::int64_t figures = 0;
+  for (WorkloadId workload = 0; workload < run.services.workloads.size(); ++workload) {
+    for (UnitId unit = 0; unit < run.platform.units.size(); ++unit) {
+      const Service* service = run.services.find(workload, unit);
+      if (service == nullptr || !service->of_rows) continue;
+      ++figures;
+      if (service->doubts.empty()) continue;
+      DoubtedFigure figure{.workload = run.services.workloads[workload],
+                           .unit = run.platform.units[unit].name,
+                           .doubts = service->doubts,
+                           .low = service->spread.low,
+                           .high = service->spread.high,
+                           .taken = {},
+                           .wild = {}};
+      if (service->taken > 0) figure.taken = service->taken;
+      if (service->wild) figure.wild = true;
+      record.doubted.push_back(std::move(figure));
+    }
+  }
+  if (figures > 0) record.figures = figures;
 }
 
 void add_weights(const Scenario& run, const WeightTable& weights, RunRecord& record) {
@@ -182,10 +209,11 @@ RunRecord summarize(const Scenario& run, const Profile* profile, const WeightTab
     if (known) record.average_power_w = energy_j / record.makespan_s;
   }
   for (std::size_t p = 0; p < run.mix.pipelines.size(); ++p) {
-    record.pipelines.push_back(
-        summarize_pipeline(run.mix.pipelines[p], tally.pipelines[p], makespan));
+    record.pipelines.push_back(summarize_pipeline(run.mix.pipelines[p], tally.pipelines[p],
+                                                  run.mix.reads_earlier(), makespan));
   }
   add_calls(run, tally, record);
+  add_doubts(run, record);
   add_weights(run, weights, record);
   return record;
 }

@@ -77,6 +77,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
   mix_ = mix();
   ScheduleOptions schedule;
   schedule.mode = options_.mode;
+  schedule.strict = options_.strict;
   schedule.slices = leaves_calls(options_);
   setup_.emplace(set_up_mode(options_.platform, options_.profile ? &*options_.profile : nullptr,
                              mix_, schedule));

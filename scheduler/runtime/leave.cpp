@@ -12,6 +12,7 @@ namespace pirt {
 namespace {
 
 constexpr const char* kUnit = "cpu";
+constexpr Nanos kLongest = std::chrono::seconds(5);  // that a submission takes on a busy machine
 
 Platform platform_on(const std::vector<int>& cores) {
   Platform platform = parse_platform(
@@ -31,12 +32,19 @@ std::vector<Nanos> measure_leave(const std::vector<int>& cores, int samples) {
   options.platform = platform_on(cores);
   options.mode = "edf";
   options.slices = true;
-  const auto nothing = [](std::span<const Tensor>, std::span<Tensor>) {};
+  int let_in = 0;  // Of the unit's thread, too.
+  const auto nothing = [&let_in](std::span<const Tensor>, std::span<Tensor>) { ++let_in; };
   const auto left = [&](std::span<const Tensor>, std::span<Tensor>) {
     for (int i = 0; i < samples; ++i) {
       static_cast<void>(running->submit("let_in", {}, {.deadline = std::chrono::seconds(1)}));
-      const Nanos before = clock.now();
-      between_slices();
+      const Nanos given_up = clock.now() + kLongest;
+      Nanos before{0};
+      // Another thread's turn may have the submission still: it is seen at the end of a later slice.
+      do {
+        before = clock.now();
+        between_slices();
+      } while (let_in <= i && before < given_up);
+      if (let_in <= i) return;
       times.push_back(clock.now() - before);
     }
   };
@@ -47,8 +55,8 @@ std::vector<Nanos> measure_leave(const std::vector<int>& cores, int samples) {
   running = &runtime;
   static_cast<void>(runtime.submit("left", {}, {}));
   runtime.wait_all();
-  if (runtime.statistics().left != samples) {
-    throw_environment("the unit was not left between two slices each time");
+  if (static_cast<int>(times.size()) != samples) {
+    throw_environment("the unit was not left between two slices for 5 s");
   }
   return times;
 }

@@ -176,8 +176,9 @@ struct RuntimeOptions {
   /// Its units with a backend are used, and others for which some workload has a kernel.
   Platform platform = load_platform("host");
   /// Measured on the platform. Absent = all units count as equally fast; with one, a unit serves
-  /// what it has a valid row of.
+  /// what it has a usable row of.
   std::optional<Profile> profile = {};
+  bool strict = false;                      ///< Rows that are doubted are not used.
   std::string mode = "ect";                 ///< Any that plans nothing ahead (pirt list modes).
   std::vector<std::string> workloads = {};  ///< Of the catalogue, that will be submitted.
   /// Of the catalogue's kinds, made for sizes of one's own (vision::make_sobel(1280, 720)). Those

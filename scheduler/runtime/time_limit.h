@@ -19,7 +19,8 @@ inline constexpr Nanos kLeastTimeLimit = std::chrono::seconds(5);
   // Its own clock may be that of an emulator.
   const Nanos least = own_clock ? std::chrono::seconds(60) : kLeastTimeLimit;
   constexpr int kTimes = 50;
-  return std::max(least, kTimes * (service.total() + service.prepare.value_or(Nanos::zero())));
+  const Nanos longest = scaled(service.total(), service.spread.high);
+  return std::max(least, kTimes * (longest + service.prepare.value_or(Nanos::zero())));
 }
 
 /// For whoever reads what went wrong.

@@ -21,7 +21,15 @@ Distribution drawn(Nanos median, Nanos p95, const std::vector<Nanos>& values, Dr
 }
 
 const PhaseRow* usable(const PhaseRow* row) {
-  return row != nullptr && row->valid && row->median ? row : nullptr;
+  return row != nullptr && is_used(*row) && row->median ? row : nullptr;
+}
+
+/// Of a row with samples, what 95 of 100 calls do not exceed; of a doubted one, no less than where
+/// the median may be.
+template <typename Row>
+Nanos worst_of(const Row& row) {
+  const Nanos usual = row.p95.value_or(*row.median);
+  return is_doubted(row) ? std::max(usual, row.ci_high.value_or(usual)) : usual;
 }
 
 /// Which limit its roofline has: the time of its bytes from memory against that of its operations.
@@ -43,7 +51,7 @@ std::vector<UnitConditions::Forgotten> forgotten_by(const Profile& profile,
   std::vector<const UnitTimeRow*> after;
   const UnitTimeRow* cold = nullptr;
   for (const UnitTimeRow& row : profile.unit_times) {
-    if (row.unit != unit || !row.valid || !row.median) continue;
+    if (row.unit != unit || !is_used(row) || !row.median) continue;
     if (row.phase == UnitPhase::kReread) after.push_back(&row);
     if (row.phase == UnitPhase::kRereadCold) cold = &row;
   }
@@ -70,6 +78,8 @@ std::int64_t fact_of(const Profile& profile, const std::string& unit, std::strin
 
 }  // namespace
 
+Nanos usual_worst_of(const PhaseRow& row) { return worst_of(row); }
+
 Distribution time_of(const PhaseRow& row, Draw draw) {
   return drawn(*row.median, *row.p95, row.values, draw);
 }
@@ -94,7 +104,7 @@ std::optional<CallConditions> call_conditions(const Profile& profile, const std:
   const auto drawn_of = [&](Condition condition) -> std::optional<Distribution> {
     const PhaseRow* row = find(condition);
     if (row == nullptr) return std::nullopt;
-    found.usual_worst = std::max(found.usual_worst, *row->p95);
+    found.usual_worst = std::max(found.usual_worst, worst_of(*row));
     return time_of(*row, draw);
   };
   found.cold_cache = drawn_of(Condition::kColdCache);
@@ -110,10 +120,10 @@ UnitConditions unit_conditions(const Profile& profile, const UnitModel& unit, Dr
   UnitConditions found;
   found.memory = unit.memory;
   for (const UnitTimeRow& row : profile.unit_times) {
-    if (row.unit != unit.name || !row.valid || !row.median) continue;
+    if (row.unit != unit.name || !is_used(row) || !row.median) continue;
     if (row.phase == UnitPhase::kHandover) {
       found.handovers.push_back({row.sleep, drawn(*row.median, *row.p95, row.values, draw)});
-      found.longest_handover = std::max(found.longest_handover, *row.p95);
+      found.longest_handover = std::max(found.longest_handover, worst_of(row));
     } else if (row.phase == UnitPhase::kLeave) {
       found.leave = drawn(*row.median, *row.p95, row.values, draw);
     }

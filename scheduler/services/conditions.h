@@ -47,6 +47,10 @@ struct UnitConditions {
   std::string memory;                 ///< UnitModel::memory.
 };
 
+/// Of a row with samples, what 95 of 100 calls do not exceed; of a doubted one, no less than where
+/// its median may be.
+[[nodiscard]] Nanos usual_worst_of(const PhaseRow& row);
+
 /// A row as --draw says.
 /// @param row  Has samples.
 [[nodiscard]] Distribution time_of(const PhaseRow& row, Draw draw);

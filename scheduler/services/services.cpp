@@ -88,8 +88,37 @@ std::string complaint(const PhaseRow& row) {
   if (!row.median)
     return "its " + phase + " row has no samples" +
            (row.reasons.empty() ? "" : " (" + join(row.reasons, ", ") + ")");
-  if (!row.valid) return "its " + phase + " row is invalid (" + join(row.reasons, ", ") + ")";
+  if (!is_used(row)) return "its " + phase + " row is invalid (" + join(row.reasons, ", ") + ")";
   return "";
+}
+
+/// Relative to the median; absent where the row has no interval.
+std::optional<Service::Spread> spread_of(const PhaseRow& row) {
+  if (!row.ci_low || !row.ci_high || *row.median <= Nanos::zero()) return std::nullopt;
+  return Service::Spread{to_s(*row.ci_low) / to_s(*row.median),
+                         to_s(*row.ci_high) / to_s(*row.median)};
+}
+
+/// Of fewer than 3 processes: the widest of the unit's.
+Service::Spread widest_spread(const Profile& profile, const std::string& unit) {
+  Service::Spread widest;
+  for (const PhaseRow& row : profile.phases) {
+    if (row.unit != unit || row.phase != Phase::kCall || !is_used(row) || !row.median) continue;
+    const auto spread = spread_of(row);
+    if (!spread) continue;
+    widest = {std::min(widest.low, spread->low), std::max(widest.high, spread->high)};
+  }
+  return widest;
+}
+
+void take_doubts(const PhaseRow& row, Service& service) {
+  for (const std::string& doubt : row.doubts) {
+    if (std::ranges::find(service.doubts, doubt) == service.doubts.end()) {
+      service.doubts.push_back(doubt);
+    }
+  }
+  service.wild = service.wild || row.is_wild();
+  service.taken = std::max(service.taken, row.taken.value_or(0));
 }
 
 double energy_scale(const PhaseRow& row, const Distribution& time) {
@@ -102,16 +131,17 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
   auto judged = rows.stages;
   if (rows.whole != nullptr && rows.whole != judged.front()) judged.push_back(rows.whole);
   for (const auto* row : judged) {
-    const std::string problem = complaint(*row);
-    if (problem.empty()) continue;
-    const bool needs_figure = std::ranges::find(rows.stages, row) != rows.stages.end();
-    if (!cell.options.allow_invalid || (needs_figure && !row->median)) {
-      warnings.push_back(fmt::format("{} is not used: {}", where, problem));
-      return {.service = std::nullopt, .reason = problem};
+    std::string problem = complaint(*row);
+    if (problem.empty() && cell.options.strict && is_doubted(*row)) {
+      problem = "its " + std::string(to_string(row->phase)) + " row is doubted (" +
+                join(row->doubts, ", ") + "), which --strict refuses";
     }
-    warnings.push_back(fmt::format("{} is used although {}", where, problem));
+    if (problem.empty()) continue;
+    warnings.push_back(fmt::format("{} is not used: {}", where, problem));
+    return {.service = std::nullopt, .reason = problem};
   }
   Service service;
+  service.of_rows = true;
   service.time_provenance = rows.stages.front()->provenance;
   for (const auto* row : rows.stages) {
     const Distribution time = time_of(*row, cell.options.draw);
@@ -122,9 +152,12 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
          .energy_scale = draws_in(cell.unit(), row->phase) || row->phase == Phase::kCall
                              ? energy_scale(*row, time)
                              : 0,
-         .p95 = row->p95});
+         .p95 = usual_worst_of(*row)});
     service.time_provenance = sum_of(service.time_provenance, row->provenance);
   }
+  for (const auto* row : judged) take_doubts(*row, service);
+  const PhaseRow& call = rows.whole != nullptr ? *rows.whole : *rows.stages.front();
+  service.spread = spread_of(call).value_or(widest_spread(*cell.profile, cell.unit().name));
   service.conditions = call_conditions(*cell.profile, cell.workload.name, cell.unit().name,
                                        cell.workload.bytes, cell.options.draw);
   service.energy_provenance = weakest(cell.unit().energy_provenance, service.time_provenance);
@@ -132,12 +165,12 @@ ServiceEntry from_rows(const Cell& cell, const CallRows& rows, std::vector<std::
   const auto* energy = cell.profile->find_energy(cell.workload.name, cell.unit().name);
   // Modelled joules are modelled anew, so that watts given for this run count.
   if (energy != nullptr && energy->energy_j && energy->provenance == Provenance::kMeasured) {
-    if (energy->valid || cell.options.allow_invalid) {
+    if (cell.options.strict ? is_valid(*energy) : is_used(*energy)) {
       service.metered_j = *energy->energy_j;
       service.energy_provenance = Provenance::kMeasured;
     } else {
       warnings.push_back(where + ": its metered energy is not used (" +
-                         join(energy->reasons, ", ") + ")");
+                         join(held_against(*energy), ", ") + ")");
     }
   }
   return {.service = std::move(service), .reason = ""};
@@ -353,7 +386,7 @@ void warn_of_power(const Platform& platform, const Profile* profile,
     if (states_power(platform, unit, profile)) continue;
     const bool metered =
         profile != nullptr && std::ranges::any_of(profile->energies, [&unit](const EnergyRow& row) {
-          return row.unit == unit.name && row.valid;
+          return row.unit == unit.name && is_used(row);
         });
     if (metered && idles_unknown) {
       warnings.push_back(fmt::format(
@@ -366,6 +399,26 @@ void warn_of_power(const Platform& platform, const Profile* profile,
         "the energy of {} is not known, nor that of a run that uses it: the platform states no "
         "power{}; give it with --set {}.active_w=W",
         unit.name, unit.watts_of_host_cores ? kOfItsDevice : "", unit.name));
+  }
+}
+
+/// Intervals that tell nothing of the order of units are used where nothing else serves the
+/// workload.
+void leave_out_wild(const Platform& platform, const std::string& workload,
+                    std::vector<ServiceEntry>& row, std::vector<std::string>& warnings) {
+  const auto serves = [](const ServiceEntry& entry) {
+    return entry.service && !entry.service->wild;
+  };
+  if (std::ranges::none_of(row, serves)) return;
+  for (UnitId unit = 0; unit < row.size(); ++unit) {
+    ServiceEntry& entry = row[unit];
+    if (!entry.service || serves(entry)) continue;
+    entry = {.service = std::nullopt,
+             .reason = fmt::format("its figure is uncertain by more than a factor of {} ({}), and "
+                                   "another unit serves the workload",
+                                   kWildSpan, join(entry.service->doubts, ", "))};
+    warnings.push_back(
+        fmt::format("{} on {} is not used: {}", workload, platform.units[unit].name, entry.reason));
   }
 }
 
@@ -405,6 +458,7 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
       service.energy_known =
           service.metered_j || states_power(platform, platform.units[unit], profile);
     }
+    leave_out_wild(platform, name, row, table.warnings);
   }
   return table;
 }

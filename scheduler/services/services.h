@@ -43,6 +43,15 @@ struct Service {
   double extra_j = 0;
   /// A meter's joules a call; stands in place of all modelled energy of a call.
   std::optional<double> metered_j;
+  bool of_rows = false;  ///< Its time is that of rows of a profile.
+  /// Where the 95 % interval of what a call takes begins and ends, as parts of its median.
+  struct Spread {
+    double low = 1, high = 1;
+  };
+  Spread spread = {};
+  std::vector<std::string> doubts = {};  ///< Of its rows, each once (judgement.h).
+  double taken = 0;  ///< The share of a call's time that others had its cores when it was measured.
+  bool wild = false;  ///< PhaseRow::is_wild of one of its rows.
   /// False: no meter and no platform says what a call draws, and nobody may take it for nothing.
   bool energy_known = true;
   /// Of a stage that is the phase `execute` of a measured row; absent = it takes its time whatever
@@ -142,7 +151,7 @@ struct ServiceOptions {
   GivenServices given;  ///< Of the mix's own tasks; in place of a workload of the catalog.
   std::map<std::string, double> stage_scale;  ///< "unit.stage" -> factor.
   std::vector<std::string> without;           ///< Units that serve nothing.
-  bool allow_invalid = false;                 ///< Use rows that say that they are not valid.
+  bool strict = false;                        ///< Rows that are doubted are not used either.
   Draw draw = Draw::kMedian;                  ///< kSamples: the profile's samples have been read.
   bool slices = false;                        ///< Calls are left where their workloads say so.
 };

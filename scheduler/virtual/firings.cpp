@@ -135,7 +135,7 @@ std::optional<Firings::Submission> Firings::fire(std::uint32_t p, Nanos now) {
   firing.pipeline = p;
   firing.tasks_left = static_cast<std::uint32_t>(pipeline.tasks.size());
   firing.images_left = state.image_tasks;
-  firing.complete = true;
+  firing.complete = firing.only_no_predecessor = true;
   firing.number = number;
   firing.fired_at = now;
   if (state.moves_data) firing.made.resize(pipeline.tasks.size());
@@ -187,7 +187,7 @@ std::optional<FiringId> Firings::complete(JobIndex job, UnitId unit, Nanos now,
     if (state.moves_data) firings_[place.slot].made[place.task] = made;
     keep(state, place.task, made);
   }
-  return end_task(job, true, now);
+  return end_task(job, TaskEnd::kCompleted, now);
 }
 
 /// For later firings, if one may read what this task makes.
@@ -200,13 +200,18 @@ void Firings::keep(PipelineState& state, std::size_t task, const Made& made) {
   forget_read(state, *series);
 }
 
-std::optional<FiringId> Firings::lose(JobIndex job, Nanos now) { return end_task(job, false, now); }
+std::optional<FiringId> Firings::lose(JobIndex job, TaskEnd how, Nanos now) {
+  return end_task(job, how, now);
+}
 
-std::optional<FiringId> Firings::end_task(JobIndex job, bool completed, Nanos now) {
+std::optional<FiringId> Firings::end_task(JobIndex job, TaskEnd how, Nanos now) {
   const TaskPlace& place = places_[job];
   Firing& firing = firings_[place.slot];
   PipelineState& state = pipelines_[place.pipeline];
-  firing.complete = firing.complete && completed;
+  if (how != TaskEnd::kCompleted) {
+    firing.complete = false;
+    firing.only_no_predecessor = firing.only_no_predecessor && how == TaskEnd::kNoPredecessor;
+  }
   if (state.pipeline->tasks[place.task].image_input && --firing.images_left == 0 &&
       (state.kept.empty() || !state.kept.contains(firing.number))) {
     --buffers_used_;
@@ -230,6 +235,7 @@ void Firings::end_firing(const Firing& firing, Nanos now) {
     if (deadline && latency > *deadline) ++tally.deadline_misses;
   } else {
     ++tally.dropped;
+    if (firing.only_no_predecessor) ++tally.no_predecessor;
   }
   if (!state.series.empty()) {
     state.over[firing.number - state.first_live] = true;
@@ -278,8 +284,14 @@ void Firings::count_unfinished(std::vector<PipelineTally>& tallies, Nanos end) c
     if (firing.tasks_left == 0) continue;
     PipelineTally& tally = tallies[firing.pipeline];
     ++tally.unfinished;
-    const auto& deadline = pipelines_[firing.pipeline].pipeline->deadline;
-    if (deadline && end - firing.fired_at > *deadline) ++tally.deadline_misses;
+    const Pipeline& pipeline = *pipelines_[firing.pipeline].pipeline;
+    const Nanos age = end - firing.fired_at;
+    if (pipeline.deadline && age > *pipeline.deadline) ++tally.deadline_misses;
+    const bool has_period = pipeline.rate_hz.has_value();
+    const Nanos allowed = has_period ? std::max(from_s(1 / *pipeline.rate_hz),
+                                                pipeline.deadline.value_or(Nanos::zero()))
+                                     : Nanos::max();
+    if (age > allowed) ++tally.queued;
   }
 }
 

@@ -95,7 +95,7 @@ class Firings {
   /// that is over with it, which the dispatcher may forget.
   [[nodiscard]] std::optional<FiringId> complete(
       JobIndex job, UnitId unit, Nanos now, std::shared_ptr<const std::vector<Tensor>> data = {});
-  [[nodiscard]] std::optional<FiringId> lose(JobIndex job, Nanos now);
+  [[nodiscard]] std::optional<FiringId> lose(JobIndex job, TaskEnd how, Nanos now);
 
   /// By pipeline, of all that has happened.
   [[nodiscard]] const std::vector<PipelineTally>& tallies() const { return tallies_; }
@@ -112,6 +112,7 @@ class Firings {
     std::uint32_t tasks_left = 0;  ///< 0: over.
     std::uint32_t images_left = 0;
     bool complete = true;
+    bool only_no_predecessor = true;  ///< Of the tasks that it lost.
     std::uint64_t number = 0;
     Nanos fired_at{0};
     std::vector<Made> made = {};  ///< By task; empty unless data of the pipeline moves.
@@ -143,7 +144,7 @@ class Firings {
   void number_tasks(std::uint32_t pipeline, std::uint32_t slot, Nanos now);
   void keep(PipelineState& state, std::size_t task, const Made& made);
   [[nodiscard]] std::uint32_t take_loop(Nanos now);
-  std::optional<FiringId> end_task(JobIndex job, bool completed, Nanos now);
+  std::optional<FiringId> end_task(JobIndex job, TaskEnd how, Nanos now);
   void end_firing(const Firing& firing, Nanos now);
   void advance(PipelineState& state);
   void forget_read(PipelineState& state, Series& series);

@@ -290,7 +290,7 @@ void VirtualTime::apply_starts() {
   }
   for (const Sliced& each : effects_.resumed) go_on(Firings::job_of(each.task));
   for (const Ended& ended : effects_.ended) {
-    release(firings_.lose(Firings::job_of(ended.task), now_));
+    release(firings_.lose(Firings::job_of(ended.task), ended.how, now_));
   }
   std::swap(recalled_, effects_.recalled);
   effects_.clear();
@@ -384,7 +384,7 @@ void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
     ++done.tries;
     return;
   }
-  if (outcome == Outcome::kFailed) return release(firings_.lose(job, now_));
+  if (outcome == Outcome::kFailed) return release(firings_.lose(job, TaskEnd::kFailed, now_));
   const Nanos latency = now_ - done.dispatched_at;
   books_.count_completed(workload_of(done), done.unit, took - done.preparing, latency);
   release(firings_.complete(job, done.unit, now_, std::move(data)));

@@ -164,7 +164,7 @@ class Rounds {
     for (const char* time : {"--live", "--draw samples"}) {
       const auto file = folder_ / "record.json";
       pirt_do(
-          fmt::format("schedule --mode {} --mix {} --profile {} --allow-invalid --seed {} {} {} "
+          fmt::format("schedule --mode {} --mix {} --profile {} --seed {} {} {} "
                       "--json {}",
                       mode, mix, database_.string(), round, more, time, file.string()));
       records.push_back(pirt::load_run_record(file));

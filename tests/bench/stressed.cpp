@@ -85,7 +85,7 @@ void compare(const Profile& stressed, const Profile& truth, Count& count) {
   for (const PhaseRow& row : stressed.phases) {
     for (const std::string& reason : row.reasons) ++count.reasons[reason];
     const PhaseRow* quiet = truth.find(row.workload, row.unit, row.phase, row.state);
-    if (!row.valid || quiet == nullptr || !quiet->valid) continue;
+    if (!is_valid(row) || quiet == nullptr || !is_valid(*quiet)) continue;
     ++count.valid;
     if (!is_off(row, *quiet)) continue;
     ++count.off;

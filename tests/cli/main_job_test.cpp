@@ -294,8 +294,9 @@ Outcome characterize_interrupted(const std::string& options, const std::string& 
              " ]; do sleep 0.02; done; kill -INT $pid; wait $pid");
 }
 
-// Two busy loops a core. Whether all of a row's processes wait alike or not, none is believed.
-TEST(Characterize, BelievesNoCallBesideOtherPrograms) {
+// Two busy loops a core. Whether all of a row's processes wait alike or not, each is doubted, and
+// used all the same.
+TEST(Characterize, DoubtsEachCallBesideOtherPrograms) {
   const Scratch scratch;
   const std::string database = scratch.file("p.db");
   const auto made =
@@ -305,17 +306,30 @@ TEST(Characterize, BelievesNoCallBesideOtherPrograms) {
           "--max-time 6s --db " + quoted(database) + " --json -");
   ASSERT_EQ(made.exit_code, 0) << made.err;
   EXPECT_THAT(made.err, HasSubstr("other programs take"));
-  EXPECT_THAT(made.err, HasSubstr("fc8 on cpu: not valid"));
+  EXPECT_THAT(made.err, Not(HasSubstr("not valid")));
   int calls = 0;
   const auto shown = made.json();
   for (const auto& row : shown.at("profile_summary")) {
     if (row["phase"] != "call" && row["phase"] != "execute") continue;
     ++calls;
     EXPECT_EQ(row["valid"], false);
-    EXPECT_THAT(row["reasons"].dump(), HasSubstr("contended"));
+    EXPECT_EQ(row["reasons"].size(), 0U);
+    EXPECT_THAT(row["doubts"].dump(), HasSubstr("contended"));
+    EXPECT_GT(row["taken"], 0.1);
+    EXPECT_LT(row["ci_low_ns"], row["median_ns"]);
   }
   EXPECT_EQ(calls, 2);
   EXPECT_EQ(pirt({"report", database}).exit_code, 0);
+  const auto mix =
+      scratch.write("mix.yaml", "mix: m\npipelines: {p: {rate_hz: 1, tasks: [{workload: fc8}]}}\n");
+  const auto used =
+      pirt({"schedule", "--mode", "edf", "--profile", database, "--mix", mix, "--json", "-"});
+  ASSERT_EQ(used.exit_code, 0) << used.err;
+  EXPECT_THAT(used.json()["doubted"][0]["doubts"].dump(), HasSubstr("contended"));
+  const auto strict =
+      pirt({"schedule", "--mode", "edf", "--profile", database, "--mix", mix, "--strict"});
+  EXPECT_EQ(strict.exit_code, 2);
+  EXPECT_THAT(strict.err, HasSubstr("--strict refuses"));
 }
 
 TEST(Characterize, MeasuresBatchesBesideThePlainRows) {

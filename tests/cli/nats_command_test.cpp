@@ -55,7 +55,7 @@ class CloudTest : public testing::Test {
   static std::string kill_server() { return "kill -9 $server; wait $server; "; }
   /// Until the robot has said so, or ended.
   static std::string until_robot_says(const std::string& what) {
-    return "until grep -q '" + what + "' heard || ! kill -0 $run; do sleep 0.05; done; ";
+    return "until grep -qs '" + what + "' heard || ! kill -0 $run; do sleep 0.05; done; ";
   }
   static std::string start_server() {
     return quoted(nats_server()) +
@@ -70,7 +70,8 @@ class CloudTest : public testing::Test {
   /// A command on host-cloud. At the end the worker says what it has done.
   static Outcome run_on_cloud(const std::string& command, const Script& script) {
     return run_with_cloud(
-        script.before + quoted(kProgram) + " " + command +
+        // What another robot has said is none of this one's.
+        script.before + "rm -f heard; " + quoted(kProgram) + " " + command +
             " --mode advanced --platform host-cloud --set cloud.server=$url --json run.json "
             "2>heard & run=$!; " +
             until_robot_says("cloud is ready") + script.meanwhile + "wait $run; rc=$?; " +
@@ -113,7 +114,7 @@ pipelines:
     ASSERT_EQ(measured.exit_code, 0) << measured.err;
   }
   static Outcome live(const std::string& options, const std::string& meanwhile) {
-    return run_on_cloud("schedule --live --profile p.db --allow-invalid --mix mix.yaml " + options,
+    return run_on_cloud("schedule --live --profile p.db --mix mix.yaml " + options,
                         {.meanwhile = meanwhile});
   }
   /// By how much before their deadlines a trace's tasks are taken back from the cloud, in ms.
@@ -154,10 +155,9 @@ TEST_F(CloudCommand, ALiveRunLosesNothingWithItsServer) {
 
 // Neither is there when the robot starts.
 TEST_F(CloudCommand, ALiveRunTakesInAServerAndAWorkerThatStartAfterIt) {
-  const auto outcome =
-      run_on_cloud("schedule --live --profile p.db --allow-invalid --mix mix.yaml --duration 5s",
-                   {.meanwhile = start_server() + start_worker(),
-                    .before = kill_worker() + kill_server() + "rm -rf store; "});
+  const auto outcome = run_on_cloud("schedule --live --profile p.db --mix mix.yaml --duration 5s",
+                                    {.meanwhile = start_server() + start_worker(),
+                                     .before = kill_worker() + kill_server() + "rm -rf store; "});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("cloud: no connection to server nats://127.0.0.1:"));
   EXPECT_THAT(outcome.err, HasSubstr("cloud is within reach again"));
@@ -216,7 +216,7 @@ pipelines:
 )");
   // The first is submitted once the worker has long been stopped.
   const auto outcome = run_on_cloud(
-      "schedule --live --profile p.db --allow-invalid --mix urgent.yaml "
+      "schedule --live --profile p.db --mix urgent.yaml "
       "--duration 4s --trace live.json",
       {.meanwhile = "kill -STOP $worker; ", .after = "kill -CONT $worker; sleep 2; "});
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
@@ -230,10 +230,9 @@ pipelines:
   const auto leads = recall_leads("live.json");
   ASSERT_EQ(leads.size(), 1U);
   EXPECT_GE(made["pipelines"]["map"]["p50_ms"], 0.998 * (1000 - *leads.begin()));
-  const auto virtual_time =
-      run("cd " + quoted(scratch->file("")) + "; " + quoted(kProgram) +
-          " schedule --profile p.db --allow-invalid --mix urgent.yaml --mode advanced "
-          "--platform host-cloud --duration 4s --trace virtual.json");
+  const auto virtual_time = run("cd " + quoted(scratch->file("")) + "; " + quoted(kProgram) +
+                                " schedule --profile p.db --mix urgent.yaml --mode advanced "
+                                "--platform host-cloud --duration 4s --trace virtual.json");
   ASSERT_EQ(virtual_time.exit_code, 0) << virtual_time.err;
   EXPECT_EQ(recall_leads("virtual.json"), leads);
   // The worker that goes on finds them withdrawn, or their time over.

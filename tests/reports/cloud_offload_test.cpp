@@ -20,7 +20,6 @@ PhaseRow row(const std::string& workload, const std::string& unit, Phase phase, 
   row.workload = workload;
   row.unit = unit;
   row.phase = phase;
-  row.valid = true;
   row.samples = 20;
   row.median = row.mean = row.p95 = row.p99 = from_ms(ms);
   return row;

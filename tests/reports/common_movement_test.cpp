@@ -23,7 +23,6 @@ PhaseRow row_of(const std::string& workload, const std::string& unit, double us,
   row.workload = workload;
   row.unit = unit;
   row.phase = Phase::kExecute;
-  row.valid = true;
   for (int p = 0; p < 12; ++p) {
     const double middle = us * (1 + spread * (p - 5.5) / 5.5);
     for (int i = 0; i < 20; ++i) {

@@ -22,6 +22,12 @@ RunRecord run_of(const std::string& mode, double energy_j, double p99_ms) {
   run.mix = "m";
   run.energy_j = energy_j;
   run.p99_latency_ms = p99_ms;
+  run.completed = 1000;
+  PipelineResult pipeline;
+  pipeline.pipeline = "camera";
+  pipeline.fired = pipeline.completed = 1000;
+  pipeline.p99_ms = 2 * p99_ms;
+  run.pipelines = {pipeline};
   run.throughput_per_ms = 0.5;
   run.bounds = RunBounds{
       .throughput_per_ms = 1.0, .energy_j = 2.0, .makespan_s = {}, .critical_path_ms = {}};
@@ -39,12 +45,16 @@ RunRecord run_of(const std::string& mode, double energy_j, double p99_ms) {
 TEST(Comparison, ShowsGapsAndCostsAgainstTheBestOfTheTable) {
   const ModeRuns comparison = {{run_of("a", 4, 10), run_of("b", 2, 25)}, {}};
   const auto document = comparison_document(comparison, {});
-  const auto& table = std::get<Table>(document.parts[1]);
-  EXPECT_EQ(table.rows[0],
-            (std::vector<std::string>{"a", "^0.500", "-50.0", "~4.00", "+100.0", "2.00x", "-",
-                                      "^10.0", "1.00x", "0", "0", "0", "0", "6", "derived"}));
-  EXPECT_EQ(table.rows[1][4], "+0.0");
-  EXPECT_EQ(table.rows[1][8], "2.50x");
+  const auto& modes = std::get<Table>(document.parts[2]);
+  EXPECT_EQ(modes.columns.size(), 3U);
+  EXPECT_EQ(modes.rows[1], (std::vector<std::string>{"energy, J", "~4.00", "~2.00"}));
+  EXPECT_EQ(modes.rows[3], (std::vector<std::string>{"camera, p99 ms", "^20.0", "^50.0"}))
+      << "from firing to completion";
+  // 4 J for 1000 tasks against 2 J.
+  const auto& table = std::get<Table>(document.parts[3]);
+  EXPECT_EQ(table.rows[0], (std::vector<std::string>{"a", "-50.0", "+100.0", "-", "^10.0", "0", "0",
+                                                     "-", "0", "0", "6", "derived"}));
+  EXPECT_EQ(table.rows[1][2], "+0.0");
 }
 
 TEST(Comparison, EndsWithWhatItComesTo) {
@@ -52,8 +62,9 @@ TEST(Comparison, EndsWithWhatItComesTo) {
   ModeRuns comparison = {{run_of("a", 4, 10), run_of("b", 2, 25), run_of("c", 2, 25)}, {}};
   comparison.runs[0].throughput_per_ms = 0.75;
   const auto document = comparison_document(comparison, {});
-  EXPECT_EQ(std::get<Table>(document.parts[1]).footnotes.back(),
-            "In short: most tasks/ms: a; least energy: b = c; least p99: a.");
+  EXPECT_EQ(std::get<Table>(document.parts[3]).footnotes.back(),
+            "In short: most tasks/ms: a; least energy: b = c; least p99 from firing to completion: "
+            "a.");
   comparison.runs.resize(1);
   EXPECT_THAT(render(comparison_document(comparison, {}), Format::kText),
               Not(HasSubstr("In short")));
@@ -64,12 +75,10 @@ TEST(Comparison, OfAModeWhoseEnergyNobodyKnowsSaysWhy) {
   comparison.runs[1].energy_j.reset();
   comparison.runs[1].units[0].busy_s = 1;
   const auto document = comparison_document(comparison, {});
-  const auto& table = std::get<Table>(document.parts[1]);
-  EXPECT_EQ(table.rows[0][5], "1.00x");
-  EXPECT_EQ(table.rows[1][3], "-");
-  EXPECT_EQ(table.rows[1][4], "-");
-  EXPECT_EQ(table.rows[1][5], "-");
-  EXPECT_THAT(table.footnotes, Contains(HasSubstr("cpu.active_w")));
+  EXPECT_EQ(std::get<Table>(document.parts[2]).rows[1][2], "-");
+  const auto& table = std::get<Table>(document.parts[3]);
+  EXPECT_EQ(table.rows[1][2], "-");
+  EXPECT_THAT(std::get<Paragraph>(document.parts[4]).lines, Contains(HasSubstr("cpu.active_w")));
 }
 
 TEST(Comparison, SaysWhichModesCouldNotRunAndWhy) {

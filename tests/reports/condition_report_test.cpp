@@ -26,7 +26,6 @@ PhaseRow execute(Condition condition, double ms) {
   row.backend = "cpu";
   row.phase = Phase::kExecute;
   row.condition = condition;
-  row.valid = true;
   row.samples = 20;
   row.processes = 4;
   row.median = row.mad = row.p95 = row.p99 = from_ms(ms);
@@ -50,13 +49,11 @@ Profile profile_of(double cold_ms) {
   profile.phases = {execute(Condition::kSteady, 2)};
   profile.conditions = {execute(Condition::kColdCache, cold_ms)};
   profile.conditions.push_back(execute(Condition::kBesideMemory, 3));
-  profile.conditions.back().valid = false;
   profile.conditions.back().reasons = {"few_samples"};
   UnitTimeRow handover;
   handover.run_id = 1;
   handover.unit = "cpu";
   handover.sleep = from_ms(10);
-  handover.valid = true;
   handover.samples = 10;
   handover.median = handover.mad = handover.p95 = handover.p99 = Nanos(71'000);
   handover.values = {Nanos(70'000), Nanos(72'000)};
@@ -68,7 +65,7 @@ TEST(ConditionReport, HasARowOfEachConditionBesideSteady) {
   const auto table = condition_table(profile_of(5)).value();
   ASSERT_THAT(table.rows, SizeIs(1));
   EXPECT_THAT(table.rows[0], ElementsAre("sobel", "cpu", "2.00", "5.00", "2.50x", "invalid", "-",
-                                         "INVALID beside_memory: few_samples"));
+                                         "beside_memory, INVALID: few_samples"));
   EXPECT_EQ(table.columns[3].header, "cold cache");
   const auto handovers = unit_time_table(profile_of(5)).value();
   EXPECT_THAT(handovers.rows[0], ElementsAre("cpu", "handing over a call, asleep for 10.0 ms",

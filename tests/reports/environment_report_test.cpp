@@ -37,7 +37,6 @@ Profile profile_of(double ms) {
   row.backend = "cpu";
   row.platform = "board";
   row.phase = Phase::kExecute;
-  row.valid = true;
   row.samples = 20;
   row.median = from_ms(ms);
   row.ops = 8'192'000;
@@ -51,12 +50,10 @@ Profile profile_of(double ms) {
   peak.kind = PeakKind::kF32;
   peak.per_second = 1e9;
   peak.variant = "a loop";
-  peak.valid = true;
   profile.peaks = {peak};
   peak.kind = PeakKind::kInt8;
   peak.per_second.reset();
   peak.variant = "";
-  peak.valid = false;
   peak.reasons = {"unavailable: no dot product"};
   profile.peaks.push_back(peak);
   return profile;

@@ -34,7 +34,6 @@ class Machine {
     row.backend = "fake";
     row.phase = phase;
     row.state = state;
-    row.valid = true;
     row.ops = 100;
     row.bytes = 10;
     for (int p = 0; p < processes; ++p) {
@@ -170,7 +169,6 @@ TEST(TableGate, SaysWhyARowCannotBeCompared) {
                                    machine.row("fc7", 20), machine.row("fc8", 1)});
   Profile candidate =
       profile_of({machine.row("sobel", 10), machine.row("fc6", 20), machine.row("fc7", 20)});
-  candidate.phases[0].valid = false;
   candidate.phases[0].reasons = {"wrong_output"};
   candidate.phases[1].ops = 200;
   const auto result = judge_both(base, candidate);
@@ -202,7 +200,6 @@ TEST(TableGate, JudgesMeteredEnergyOnly) {
   energy.workload = "sobel";
   energy.unit = "cpu";
   energy.energy_j = 1.0;
-  energy.valid = true;
   base.energies = {energy};
   energy.energy_j = 1.3;
   candidate.energies = {energy};
@@ -223,7 +220,6 @@ Profile metered_run(const std::vector<double>& factors) {
     energy.unit = "cpu";
     energy.energy_j = factors[i] * static_cast<double>(i + 1);
     energy.provenance = Provenance::kMeasured;
-    energy.valid = true;
     profile.energies.push_back(energy);
   }
   return profile;
@@ -259,7 +255,6 @@ PhaseRow of_processes(std::vector<std::int64_t> ns) {
     row.values.emplace_back(ns[p]);
     row.value_processes.push_back(static_cast<std::int32_t>(p));
   }
-  row.valid = true;
   std::ranges::sort(ns);
   row.median = Nanos(ns[ns.size() / 2]);
   return row;
@@ -411,7 +406,6 @@ PhaseRow call_row(const std::string& unit, std::int64_t low, std::int64_t median
   row.workload = "sobel";
   row.unit = unit;
   row.phase = Phase::kCall;
-  row.valid = true;
   row.ci_low = Nanos(low);
   row.median = Nanos(median);
   row.ci_high = Nanos(high);
@@ -503,7 +497,6 @@ TEST(GateReport, WritesJUnitThatEscapesItsTexts) {
   Machine machine(0.005, 0.01, 1);
   const Profile base = profile_of({machine.row("sobel", 10), machine.row("fc6", 20)});
   Profile candidate = profile_of({machine.row("sobel", 13), machine.row("fc6", 20)});
-  candidate.phases[1].valid = false;
   candidate.phases[1].reasons = {"error: \"<&>\""};
   const auto xml = gate_junit(report_of(base, candidate));
   EXPECT_THAT(xml, AllOf(HasSubstr("<testsuite name=\"cpu\" tests=\"2\" failures=\"1\" "

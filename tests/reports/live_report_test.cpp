@@ -57,7 +57,6 @@ Profile profile() {
   PhaseRow row;
   row.workload = "sobel";
   row.unit = "cpu";
-  row.valid = true;
   row.median = from_ms(10);
   row.ci_low = from_ms(9);
   row.ci_high = from_ms(11);
@@ -146,7 +145,7 @@ TEST(LiveReport, ARowIsContradictedFarFromTheIntervalOfItsMedian) {
   EXPECT_EQ(finding_of(12.2, kFewestCalls - 1, &measured), RowFinding::kTooFewCalls);
   EXPECT_EQ(finding_of(10, 200, nullptr), RowFinding::kNoRow);
   auto invalid = profile();
-  invalid.phases[0].valid = false;
+  invalid.phases[0].reasons = {"wrong_output"};
   EXPECT_EQ(finding_of(10, 200, &invalid), RowFinding::kNoRow);
 }
 

@@ -12,7 +12,6 @@ PhaseRow execute(Condition condition, double ms) {
   row.unit = "cpu";
   row.phase = Phase::kExecute;
   row.condition = condition;
-  row.valid = true;
   row.median = from_ms(ms);
   return row;
 }

@@ -31,7 +31,6 @@ PhaseRow row(Phase phase, Origin provenance, double ms) {
   row.unit = "dsp";
   row.phase = phase;
   row.provenance = provenance;
-  row.valid = true;
   row.median = from_ms(ms);
   return row;
 }
@@ -76,12 +75,12 @@ TEST(OffloadedCall, SaysWhetherThePaperHoldsHere) {
 
 TEST(OffloadedCall, LeavesOutWhatIsNotValid) {
   auto profile = dsp_profile();
-  profile.phases[2].valid = false;
+  profile.phases[2].reasons = {"wrong_output"};
   const auto calls = calls_of(profile);
   ASSERT_EQ(calls.size(), 3U);
   EXPECT_FALSE(calls[2].execute || calls[2].bound);
   EXPECT_FALSE(paper_dsp(calls));
-  profile.phases[4].valid = false;
+  profile.phases[4].reasons = {"wrong_output"};
   EXPECT_EQ(calls_of(profile).size(), 2U);
 }
 

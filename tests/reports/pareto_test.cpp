@@ -17,6 +17,13 @@ RunRecord run(const std::string& mode, double rate, double energy_j, double p99_
   record.throughput_per_ms = rate;
   record.p99_latency_ms = p99_ms;
   record.energy_j = energy_j;
+  PipelineResult pipeline;
+  pipeline.pipeline = "camera";
+  pipeline.fired = 1000;
+  pipeline.completed = completed;
+  pipeline.dropped = 1000 - completed;
+  pipeline.p99_ms = p99_ms;
+  record.pipelines = {pipeline};
   record.bounds.emplace().throughput_per_ms = 2;
   record.bounds->energy_j = 0.5;
   return record;

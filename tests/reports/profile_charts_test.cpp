@@ -30,7 +30,6 @@ TEST(ProfileCharts, ShowFamiliesApart) {
 
 TEST(ProfileCharts, KeepInvalidRowsAndSayWhy) {
   auto profile = small_profile(2);
-  profile.phases[1].valid = false;
   profile.phases[1].reasons = {"unstable"};
   const auto chart = time_charts(profile)[0];
   ASSERT_EQ(chart.marks.size(), 1U);

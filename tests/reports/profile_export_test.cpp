@@ -25,7 +25,6 @@ Profile small_data() {
     row.values = {from_ms(99), from_ms(101)};
     row.value_processes = {0, 1};
   }
-  data.phases[0].valid = false;
   data.phases[0].reasons = {"few_samples", "clock_bound"};
   data.phases[1].notes = {"bimodal"};
   data.energies[0].provenance = Provenance::kModelled;
@@ -34,7 +33,6 @@ Profile small_data() {
   peak.unit = "cpu";
   peak.per_second = 1.5e11;
   peak.variant = "fma";
-  peak.valid = true;
   data.peaks = {peak};
   return data;
 }
@@ -62,23 +60,23 @@ TEST(ProfileExport, CsvHasTheColumnsOfTheViews) {
   EXPECT_EQ(profile[0],
             "run_id,platform,workload,unit,backend,phase,state,provenance,valid,reasons,notes,"
             "samples,median_ns,mad_ns,p95_ns,p99_ns,ci_low_ns,ci_high_ns,ops,bytes,processes,"
-            "mixture,bound_ns");
+            "mixture,bound_ns,cpu_ns,taken,host_memory_bytes,device_memory_bytes,doubts");
   EXPECT_EQ(profile[1],
             "1,board,sobel,cpu,fake,prepare,cold,measured,0,few_samples; clock_bound,,20,"
-            "100000000,100000000,100000000,100000000,,,,0,1,0,");
+            "100000000,100000000,100000000,100000000,,,,0,1,0,,,,,,");
   EXPECT_EQ(profile[2],
             "1,board,sobel,cpu,fake,call,steady,measured,1,,bimodal,20,"
-            "100000000,100000000,100000000,100000000,98000000,102000000,,0,1,0,");
+            "100000000,100000000,100000000,100000000,98000000,102000000,,0,1,0,,,,,,");
   // A comma inside a field is quoted.
   EXPECT_THAT(split(export_csv(data, CsvTable::kEnergy), '\n'),
               ElementsAre("run_id,workload,unit,energy_j,provenance,source,valid,reasons,domain,"
-                          "idle_subtracted,mixture",
+                          "idle_subtracted,mixture,ci_low_j,ci_high_j,doubts",
                           "1,sobel,cpu,0.1,modelled,\"model: active_w 1 W x call, guessed\",1,,"
-                          "unit,0,0",
+                          "unit,0,0,,,",
                           ""));
   EXPECT_THAT(split(export_csv(data, CsvTable::kPeaks), '\n'),
-              ElementsAre("run_id,unit,kind,per_second,variant,provenance,valid,reasons",
-                          "1,cpu,f32,150000000000,fma,measured,1,", ""));
+              ElementsAre("run_id,unit,kind,per_second,variant,provenance,valid,reasons,doubts",
+                          "1,cpu,f32,150000000000,fma,measured,1,,", ""));
   const auto samples = split(export_csv(data, CsvTable::kSamples), '\n');
   ASSERT_THAT(samples, SizeIs(8));
   EXPECT_EQ(samples[0], "run_id,workload,unit,phase,state,provenance,valid,position,process,ns");

@@ -24,7 +24,6 @@ PhaseRow row(const std::string& workload, const std::string& unit, Phase phase, 
   row.unit = unit;
   row.backend = unit;
   row.phase = phase;
-  row.valid = true;
   row.samples = 20;
   row.median = from_ms(ms);
   row.ci_low = from_ms(ms * 0.98);
@@ -39,7 +38,6 @@ EnergyRow energy(const std::string& workload, const std::string& unit, double jo
           .energy_j = joules,
           .provenance = Provenance::kModelled,
           .source = "model: active_w 10 W x call",
-          .valid = true,
           .reasons = {}};
 }
 
@@ -70,7 +68,6 @@ TEST(ProfileTable, MarksModelledEnergyAndLeavesOutPhasesThatAreNotThere) {
 
 TEST(ProfileTable, NeverPrintsAnInvalidFigure) {
   auto call = row("sobel", "cpu", Phase::kCall, 123);
-  call.valid = false;
   call.reasons = {"wrong_output"};
   const auto table = profile_table(profile_of({call}));
   EXPECT_EQ(table.rows[0][2], "invalid");
@@ -91,12 +88,13 @@ TEST(ProfileTable, NamesThePhasesOfRemarksUnlessTheCallIsMeant) {
 
 TEST(ProfileTable, EndsWithWhatItComesTo) {
   auto broken = row("conv2", "cpu", Phase::kCall, 1);
-  broken.valid = false;
+  broken.reasons = {"wrong_output"};
   const auto table = profile_table(
       profile_of({row("sobel", "cpu", Phase::kCall, 1), row("sobel", "opencl", Phase::kCall, 2),
                   row("fc8", "cpu", Phase::kCall, 1), broken}));
   EXPECT_EQ(table.footnotes.back(),
-            "In short: 4 rows of 3 workloads, 1 not valid; fastest at so many: none 1, cpu 2.");
+            "In short: 4 rows of 3 workloads, 0 uncertain, 1 not valid; fastest at so many: none "
+            "1, cpu 2.");
 }
 
 TEST(ProfileTable, SaysOnceWhatHoldsForAllRowsOfAUnit) {
@@ -159,7 +157,7 @@ TEST(Preference, RanksByTheCallAndJoinsWhatCannotBeToldApart) {
 
 TEST(Preference, LeavesOutWhatIsInvalid) {
   auto fast = row("sobel", "opencl", Phase::kCall, 1);
-  fast.valid = false;
+  fast.reasons = {"wrong_output"};
   const auto list = preferences(profile_of({row("sobel", "cpu", Phase::kCall, 2), fast}));
   EXPECT_EQ(list[0].by_time.preferable(), "cpu");
   EXPECT_FALSE(list[0].by_time.advantage().has_value());

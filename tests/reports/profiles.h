@@ -16,7 +16,6 @@ inline PhaseRow small_row(const std::string& workload, Phase phase, State state,
   row.backend = "fake";
   row.phase = phase;
   row.state = state;
-  row.valid = true;
   row.samples = 20;
   row.processes = 1;
   row.median = row.mad = row.p95 = row.p99 = from_ms(ms);
@@ -50,7 +49,6 @@ inline Profile small_profile(double ms) {
   energy.energy_j = ms / 1000;
   energy.source = "model: active_w 1 W x call, guessed";
   energy.domain = "unit";
-  energy.valid = true;
   profile.energies = {energy};
   return profile;
 }

@@ -62,7 +62,7 @@ TEST(ModesTable, HasAColumnARun) {
 TEST(ModesTable, WhatVirtualTimeComputesFromMeasurementsIsModelled) {
   const std::vector<RunRecord> runs = {run_of("latency")};
   const auto table = modes_table(runs);
-  EXPECT_EQ(row_of(table, "mean latency, ms")[1], "~3.00");
+  EXPECT_EQ(row_of(table, "task latency, mean ms")[1], "~3.00");
   EXPECT_EQ(row_of(table, "energy, J")[1], "~7.00");
 }
 
@@ -71,7 +71,7 @@ TEST(ModesTable, WhatRestsOnFittedInputsIsFitted) {
   run.units[0].provenance = {"fitted"};
   run.units[0].energy_provenance = {"fitted"};
   const std::vector<RunRecord> runs = {run};
-  EXPECT_EQ(row_of(modes_table(runs), "mean latency, ms")[1], "^3.00");
+  EXPECT_EQ(row_of(modes_table(runs), "task latency, mean ms")[1], "^3.00");
 }
 
 TEST(ModesTable, SaysThatRunsOfDifferentMixesCannotBeCompared) {

@@ -18,7 +18,6 @@ PhaseRow row(const std::string& workload, const std::string& unit, Phase phase, 
   row.unit = unit;
   row.phase = phase;
   row.state = state;
-  row.valid = true;
   row.samples = 20;
   row.median = from_ms(ms);
   row.ci_low = from_ms(ms * 0.99);
@@ -130,7 +129,6 @@ TEST(Scorecard, TestsNothingAboutEnergyOnAssumedWatts) {
                        .energy_j = 1,
                        .provenance = Provenance::kModelled,
                        .source = "model",
-                       .valid = true,
                        .reasons = {}}};
   const auto claim = find(claims_of(profile), "convolution prefers the GPU by energy");
   EXPECT_EQ(claim.finding, Finding::kNotTestable);

@@ -24,7 +24,6 @@ PhaseRow row(const std::string& unit, Phase phase, State state, double ms) {
   row.unit = unit;
   row.phase = phase;
   row.state = state;
-  row.valid = true;
   row.median = from_ms(ms);
   return row;
 }
@@ -195,7 +194,6 @@ TEST(Offloading, LeavesOutWhatIsNotValidAndSaysWhy) {
   auto profile = two_units();
   for (auto& r : profile.phases) {
     if (r.unit == "gpu" && r.phase == Phase::kPrepare && r.state == State::kCold) {
-      r.valid = false;
       r.reasons = {"few_samples"};
     }
   }

@@ -57,7 +57,6 @@ void add_peaks(Profile& profile, const std::string& unit, double ops, double byt
     peak.unit = unit;
     peak.kind = kind;
     peak.per_second = rate;
-    peak.valid = true;
   }
 }
 
@@ -118,7 +117,6 @@ TEST(Table3, EnergyWithoutAFigureIsNamedAndInNoCount) {
   energy.workload = "sobel";
   energy.unit = "opencl";
   energy.energy_j = 0.002;
-  energy.valid = true;
   here.energies = {energy};
   const Profile dsp = counted("counted", kDsp, 5.0);
   const std::vector<const Profile*> profiles = {&here, &dsp};
@@ -144,7 +142,7 @@ TEST(Table3, SaysNothingThatItDoesNotKnow) {
   EXPECT_THAT(without_peaks.rows[0].boards.units, IsEmpty());
   EXPECT_EQ(without_peaks.rows[0].difference, "");
   EXPECT_EQ(table3_tables(without_peaks)[0].rows[0][2], "-");
-  for (PhaseRow& row : here.phases) row.valid = false;
+  for (PhaseRow& row : here.phases) row.reasons = {"wrong_output"};
   EXPECT_THAT(table3(profiles).rows, IsEmpty());
   EXPECT_THAT(table3_tables(table3(profiles)), IsEmpty());
 }

@@ -167,7 +167,6 @@ TEST(Schedule, MetersReplaceTheModelOfACall) {
   PhaseRow row;
   row.workload = "fc8";
   row.unit = "cpu";
-  row.valid = true;
   row.median = from_ms(30);
   profile.phases = {row};
   EnergyRow energy;
@@ -175,7 +174,6 @@ TEST(Schedule, MetersReplaceTheModelOfACall) {
   energy.unit = "cpu";
   energy.energy_j = 0.010;
   energy.provenance = Provenance::kMeasured;
-  energy.valid = true;
   profile.energies = {energy};
   const auto mix =
       mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 2}, tasks: [{workload: fc8}]}}");

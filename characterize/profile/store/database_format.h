@@ -16,7 +16,7 @@ namespace pirt {
 inline constexpr std::string_view kSpent = "run.spent_s";
 
 inline constexpr std::int64_t kDatabaseApplicationId = 0x50495254;  ///< "PIRT", as in schema.sql.
-inline constexpr std::int64_t kDatabaseVersion = 6;                 ///< user_version.
+inline constexpr std::int64_t kDatabaseVersion = 7;                 ///< user_version.
 inline constexpr std::int64_t kOldestVersion = 3;                   ///< What upgrade() takes.
 
 /// Definitions, which a file has byte for byte.
@@ -46,9 +46,11 @@ void verify_all(const sqlite::Connection& connection);
 [[nodiscard]] std::int64_t version_of(const sqlite::Connection& connection);
 
 /// Makes a database of an older version, which verify_all has passed, one of today's, in one
-/// transaction: of version 5, its only times of units are hand-overs; of version 4, it has none,
-/// and no other conditions than steady; of version 3 besides, no figure is a mixture, and none has
-/// a bound. Nothing to do where another program did it meanwhile.
+/// transaction: of version 6 and before, doubts stand among its reasons, and what is memory of a
+/// call, processor time and interval of joules is not known; of version 5, its only times of units
+/// are hand-overs; of version 4, it has none, and no other conditions than steady; of version 3
+/// besides, no figure is a mixture, and none has a bound. Nothing to do where another program did
+/// it meanwhile.
 void upgrade(sqlite::Connection& connection);
 
 }  // namespace pirt

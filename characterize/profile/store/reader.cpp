@@ -42,21 +42,25 @@ PhaseRow read_phase_row(const Statement& q) {
   row.phase = phase_from_string(q.text(5)).value();
   take_state(q.text(6), row.state, row.condition);
   row.provenance = provenance_from_string(q.text(7)).value();
-  row.valid = q.integer(8) != 0;
-  row.reasons = split_words(q.text(9));
-  row.notes = split_words(q.text(10));
-  row.samples = q.integer(11);
-  row.median = q.optional_nanos(12);
-  row.mad = q.optional_nanos(13);
-  row.p95 = q.optional_nanos(14);
-  row.p99 = q.optional_nanos(15);
-  row.ci_low = q.optional_nanos(16);
-  row.ci_high = q.optional_nanos(17);
-  row.ops = q.optional_integer(18);
-  row.bytes = q.integer(19);
-  row.processes = q.integer(20);
-  row.provenance.mixture = q.integer(21) != 0;
-  row.bound = q.optional_nanos(22);
+  row.reasons = split_words(q.text(8));
+  row.notes = split_words(q.text(9));
+  row.samples = q.integer(10);
+  row.median = q.optional_nanos(11);
+  row.mad = q.optional_nanos(12);
+  row.p95 = q.optional_nanos(13);
+  row.p99 = q.optional_nanos(14);
+  row.ci_low = q.optional_nanos(15);
+  row.ci_high = q.optional_nanos(16);
+  row.ops = q.optional_integer(17);
+  row.bytes = q.integer(18);
+  row.processes = q.integer(19);
+  row.provenance.mixture = q.integer(20) != 0;
+  row.bound = q.optional_nanos(21);
+  row.cpu = q.optional_nanos(22);
+  if (!q.is_null(23)) row.taken = q.real(23);
+  row.host_memory_bytes = q.optional_integer(24);
+  row.device_memory_bytes = q.optional_integer(25);
+  row.doubts = split_words(q.text(26));
   return row;
 }
 
@@ -78,9 +82,10 @@ std::vector<PhaseRow> read_phases(const Connection& connection, const std::strin
   std::map<std::tuple<std::string, std::string, bool>, std::int64_t> chosen;
   Statement query(
       connection,
-      "SELECT run_id, platform, workload, unit, backend, phase, state, provenance, valid, "
+      "SELECT run_id, platform, workload, unit, backend, phase, state, provenance, "
       "reasons, notes, samples, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, "
-      "ops, bytes, processes, mixture, bound_ns FROM " +
+      "ops, bytes, processes, mixture, bound_ns, cpu_ns, taken, host_memory_bytes, "
+      "device_memory_bytes, doubts FROM " +
           view + " WHERE platform = ? AND run_id BETWEEN ? AND ? ORDER BY " + is_unfinished(view) +
           ", run_id DESC");
   query.bind(platform).bind(runs.first).bind(runs.last);
@@ -99,10 +104,10 @@ std::vector<EnergyRow> read_energies(const Connection& connection, const std::st
   std::set<std::pair<std::string, std::string>> seen;
   Statement query(
       connection,
-      "SELECT run_id, workload, unit, energy_j, energy_summary.provenance, source, valid, "
-      "reasons, domain, idle_subtracted, mixture FROM energy_summary JOIN run USING (run_id) WHERE "
-      "platform "
-      "= ? AND run_id BETWEEN ? AND ? ORDER BY " +
+      "SELECT run_id, workload, unit, energy_j, energy_summary.provenance, source, reasons, "
+      "domain, "
+      "idle_subtracted, mixture, ci_low_j, ci_high_j, doubts FROM energy_summary JOIN run USING "
+      "(run_id) WHERE platform = ? AND run_id BETWEEN ? AND ? ORDER BY " +
           is_unfinished("energy_summary") + ", run_id DESC");
   query.bind(platform).bind(runs.first).bind(runs.last);
   while (query.step()) {
@@ -113,11 +118,13 @@ std::vector<EnergyRow> read_energies(const Connection& connection, const std::st
     if (!query.is_null(3)) row.energy_j = query.real(3);
     row.provenance = provenance_from_string(query.text(4)).value();
     row.source = query.text(5);
-    row.valid = query.integer(6) != 0;
-    row.reasons = split_words(query.text(7));
-    row.domain = query.text(8);
-    row.idle_subtracted = query.integer(9) != 0;
-    row.provenance.mixture = query.integer(10) != 0;
+    row.reasons = split_words(query.text(6));
+    row.domain = query.text(7);
+    row.idle_subtracted = query.integer(8) != 0;
+    row.provenance.mixture = query.integer(9) != 0;
+    if (!query.is_null(10)) row.ci_low_j = query.real(10);
+    if (!query.is_null(11)) row.ci_high_j = query.real(11);
+    row.doubts = split_words(query.text(12));
     if (seen.emplace(row.workload, row.unit).second) rows.push_back(std::move(row));
   }
   return rows;
@@ -129,7 +136,7 @@ std::vector<UnitTimeRow> read_unit_times(const Connection& connection, const std
   std::map<std::string, std::int64_t> chosen;
   Statement query(
       connection,
-      "SELECT run_id, unit, sleep_ns, valid, reasons, samples, median_ns, mad_ns, p95_ns, "
+      "SELECT run_id, unit, sleep_ns, doubts, reasons, samples, median_ns, mad_ns, p95_ns, "
       "p99_ns, ci_low_ns, ci_high_ns, phase FROM unit_time_summary WHERE platform = ? "
       "AND run_id BETWEEN ? AND ? ORDER BY run_id DESC");
   query.bind(platform).bind(runs.first).bind(runs.last);
@@ -138,7 +145,7 @@ std::vector<UnitTimeRow> read_unit_times(const Connection& connection, const std
     row.run_id = query.integer(0);
     row.unit = query.text(1);
     row.sleep = Nanos(query.integer(2));
-    row.valid = query.integer(3) != 0;
+    row.doubts = split_words(query.text(3));
     row.reasons = split_words(query.text(4));
     row.samples = query.integer(5);
     row.median = query.optional_nanos(6);
@@ -160,7 +167,7 @@ std::vector<PeakRow> read_peaks(const Connection& connection, const std::string&
   std::vector<PeakRow> rows;
   std::set<std::pair<std::string, PeakKind>> seen;
   Statement query(connection,
-                  "SELECT run_id, unit, kind, per_second, variant, provenance, valid, reasons "
+                  "SELECT run_id, unit, kind, per_second, variant, provenance, doubts, reasons "
                   "FROM peak JOIN run USING (run_id) WHERE platform = ? "
                   "AND run_id BETWEEN ? AND ? ORDER BY run_id DESC, unit, kind");
   query.bind(platform).bind(runs.first).bind(runs.last);
@@ -172,7 +179,7 @@ std::vector<PeakRow> read_peaks(const Connection& connection, const std::string&
     if (!query.is_null(3)) row.per_second = query.real(3);
     row.variant = query.text(4);
     row.provenance = provenance_from_string(query.text(5)).value();
-    row.valid = query.integer(6) != 0;
+    row.doubts = split_words(query.text(6));
     row.reasons = split_words(query.text(7));
     if (seen.emplace(row.unit, row.kind).second) rows.push_back(std::move(row));
   }

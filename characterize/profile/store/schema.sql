@@ -1,4 +1,4 @@
--- The profile database of pirt, version 6. One SQLite file, journal mode DELETE: closed, it is one file and opens read-only.
+-- The profile database of pirt, version 7. One SQLite file, journal mode DELETE: closed, it is one file and opens read-only.
 --
 -- Other tools read the views profile_summary, energy_summary, condition_summary, handover_summary and unit_time_summary: their columns, in
 -- this order, are stable; new ones come at their end. profile_summary has one row a phase and set-up state, so that who asks it for phase
@@ -6,22 +6,25 @@
 -- handover_summary, and what is known of units beside their calls, that included, in unit_time_summary.
 -- The tables are pirt's own. Readers refuse every other user_version. All times are integer nanoseconds, started/finished are UTC (ISO 8601).
 --
--- Words in `reasons` (why a row is not valid) and `notes` (what to know about a valid one) are separated by "; ", and "" means none.
---   reasons: wrong_output      the output did not match the reference, before or after timing
---            few_samples       fewer samples than asked for, or from fewer than 3 processes; fewer set-ups than asked for
---            clock_bound       the clock's cost or step is more than 1 % of what was timed in one go
+-- Words in `reasons` (why a row is no figure of its workload on its unit: it is shown, and never used), `doubts` (why its interval is wide:
+-- it is used, and marked) and `notes` (what to know about it) are separated by "; ", and "" means none. `valid` = 1: neither reasons nor doubts.
+--   doubts:  few_samples       fewer samples than asked for, or from fewer than 3 processes; fewer set-ups than asked for
 --            throttled         the processor or the container was throttled while a quarter of the processes or more were timed
 --            unstable          first and second half of the samples or of the processes differ, also after one re-measurement
 --            imprecise         half the interval is more than 20 % of the median; of a call's phases, and more than 5 % of the call; of
 --                              set-ups, and more than 1 ms (of two, the interval is what they span)
 --            contended         others used more than 5 % of the unit's cores beside a quarter of the processes, also after one
 --                              re-measurement, and the cell's precision was not reached, or they used 25 %; of set-ups, they used 25 %
+--            unstable: TEXT    energy only: idling before and after, or calls metered and timed, differ
+--   reasons: wrong_output      the output did not match the reference, before or after timing
+--            no_samples        the row has none
+--            clock_bound       the clock's cost or step is more than 1 % of what was timed in one go
 --            no_power          energy only: the platform gives no watts for the unit, or none of the device that it has
 --            ops_unknown       energy only: op_pj is given but the workload's operations depend on the data
 --            meter_frozen      energy only: the meter reads 0, or the same all the time, under load too
 --            meter_error: TEXT energy only: the meter could not be read
 --            not_measurable: TEXT  energy only: a step of the meter is more than 5 % of what the calls drew above idle, also after 20 s
---            not_above_idle: TEXT, unstable: TEXT  energy only: the calls drew no more than idling did; idling before and after, or calls metered and timed, differ
+--            not_above_idle: TEXT  energy only: the calls drew no more than idling did
 --            error: TEXT       the worker failed; the row has then what was sampled before, or no samples
 --            counts_differ: TEXT  the device says that its figures repeat exactly, and they did not
 --            unknown: TEXT     nobody knows the phase's time, and why; the row has no samples
@@ -35,11 +38,13 @@
 --            live (calls of a live run, `pirt schedule --update-profile`: one process, other calls between them)
 -- Statistics are NULL where there are no samples. median_ns is the median of the processes' medians; ci_low_ns and ci_high_ns its 95 %
 -- interval over processes (characterize/statistics/statistics.h), NULL with 2; of a single process, that of its samples, NULL below 6.
+-- cpu_ns is the processor time of a call on the host's cores, where that was told beside its time, median as that; `taken` the share of the
+-- time of a row with `contended` that others had its cores: its interval reaches down to what the call would have taken without them.
 -- `checksum` columns are FNV-1a over what a run (with its environment, units, peaks, times, and which cells and visits it has) or a cell
 -- (with its measurements, samples and energy) holds (database_format.h): damage that SQLite cannot see is an error.
 
 PRAGMA application_id = 1346982484;  -- "PIRT"
-PRAGMA user_version = 6;
+PRAGMA user_version = 7;
 
 -- One `pirt characterize`. `finished` is NULL if it did not end; its cells are complete all the same.
 CREATE TABLE run (
@@ -96,10 +101,11 @@ CREATE TABLE peak (
   provenance TEXT NOT NULL CHECK (provenance IN ('measured', 'counted', 'modelled', 'fitted', 'published')),
   valid      INTEGER NOT NULL CHECK (valid IN (0, 1)),
   reasons    TEXT NOT NULL,
+  doubts     TEXT NOT NULL,
   PRIMARY KEY (run_id, unit, kind),
   FOREIGN KEY (run_id, unit) REFERENCES unit,
-  CHECK ((valid = 1) = (reasons = '')),
-  CHECK (per_second IS NOT NULL OR valid = 0)
+  CHECK ((valid = 1) = (reasons = '' AND doubts = '')),
+  CHECK (per_second IS NOT NULL OR reasons <> '')
 ) STRICT, WITHOUT ROWID;
 
 -- What units that are threads of the host take beside their calls, no part of `call`; of one process.
@@ -123,11 +129,12 @@ CREATE TABLE unit_time (
   p99_ns     INTEGER CHECK (p99_ns >= p95_ns),
   ci_low_ns  INTEGER CHECK (ci_low_ns <= median_ns),
   ci_high_ns INTEGER CHECK (ci_high_ns >= median_ns),
+  doubts     TEXT NOT NULL,
   UNIQUE (run_id, unit, phase, sleep_ns),
   FOREIGN KEY (run_id, unit) REFERENCES unit,
   CHECK (sleep_ns = 0 OR phase IN ('handover', 'reread')),
-  CHECK ((valid = 1) = (reasons = '')),
-  CHECK (samples > 0 OR valid = 0),
+  CHECK ((valid = 1) = (reasons = '' AND doubts = '')),
+  CHECK (samples > 0 OR reasons <> ''),
   CHECK ((samples = 0) = (median_ns IS NULL) AND (median_ns IS NULL) = (mad_ns IS NULL)),
   CHECK ((median_ns IS NULL) = (p95_ns IS NULL) AND (median_ns IS NULL) = (p99_ns IS NULL)),
   CHECK ((ci_low_ns IS NULL) = (ci_high_ns IS NULL) AND (samples > 0 OR ci_low_ns IS NULL))
@@ -151,6 +158,8 @@ CREATE TABLE cell (
   bytes        INTEGER NOT NULL CHECK (bytes >= 0),
   verification TEXT NOT NULL,                   -- what the comparison with the reference found; "" if none took place
   checksum     INTEGER NOT NULL,
+  host_memory_bytes   INTEGER CHECK (host_memory_bytes >= 0),    -- what its process has for it there, and the device; NULL if unknown
+  device_memory_bytes INTEGER CHECK (device_memory_bytes >= 0),
   UNIQUE (run_id, workload, unit),
   FOREIGN KEY (run_id, unit) REFERENCES unit
 ) STRICT;
@@ -177,11 +186,13 @@ CREATE TABLE measurement (
   ci_high_ns INTEGER CHECK (ci_high_ns >= median_ns),
   mixture    INTEGER NOT NULL CHECK (mixture IN (0, 1)),  -- 1: a sum of several provenances, of which the weakest stands here
   bound_ns   INTEGER CHECK (bound_ns >= 0),               -- what the phase takes at least, where the device knows
+  cpu_ns     INTEGER CHECK (cpu_ns >= 0),
+  taken      REAL CHECK (taken BETWEEN 0 AND 1),
+  doubts     TEXT NOT NULL,
   UNIQUE (cell_id, phase, state),
   CHECK ((phase IN ('device_init', 'prepare')) = (state IN ('cold', 'warm'))),
-  CHECK (phase = 'execute' OR state NOT IN ('cold_cache', 'cold_memory', 'beside_memory', 'beside_compute')),
-  CHECK ((valid = 1) = (reasons = '')),
-  CHECK (samples > 0 OR valid = 0),
+  CHECK ((valid = 1) = (reasons = '' AND doubts = '')),
+  CHECK (samples > 0 OR reasons <> ''),
   CHECK ((samples = 0) = (processes = 0)),
   CHECK ((samples = 0) = (median_ns IS NULL) AND (median_ns IS NULL) = (mad_ns IS NULL)),
   CHECK ((median_ns IS NULL) = (p95_ns IS NULL) AND (median_ns IS NULL) = (p99_ns IS NULL)),
@@ -194,6 +205,7 @@ CREATE TABLE sample (
   position       INTEGER NOT NULL CHECK (position >= 0),
   ns             INTEGER NOT NULL CHECK (ns >= 0),
   process        INTEGER NOT NULL CHECK (process >= 0),  -- which of the measurement's processes took it
+  cpu_ns         INTEGER CHECK (cpu_ns >= 0),            -- as measurement.cpu_ns
   PRIMARY KEY (measurement_id, position)
 ) STRICT, WITHOUT ROWID;
 
@@ -208,8 +220,12 @@ CREATE TABLE energy (
   domain     TEXT NOT NULL CHECK (domain <> ''),  -- what the meter or model covers: 'unit', 'package', 'board input'
   idle_subtracted INTEGER NOT NULL CHECK (idle_subtracted IN (0, 1)),  -- 1: what the domain takes anyway is not in energy_j
   mixture    INTEGER NOT NULL CHECK (mixture IN (0, 1)),  -- as that of the time that it follows from
-  CHECK ((valid = 1) = (reasons = '')),
-  CHECK (energy_j IS NOT NULL OR valid = 0)
+  ci_low_j   REAL CHECK (ci_low_j <= energy_j),           -- 95 % interval; NULL if unknown
+  ci_high_j  REAL CHECK (ci_high_j >= energy_j),
+  doubts     TEXT NOT NULL,
+  CHECK ((ci_low_j IS NULL) = (ci_high_j IS NULL)),
+  CHECK ((valid = 1) = (reasons = '' AND doubts = '')),
+  CHECK (energy_j IS NOT NULL OR reasons <> '')
 ) STRICT;
 
 -- One row per (run, workload, unit, phase, state); runs are not collapsed, the newest has the highest run_id.
@@ -218,18 +234,20 @@ SELECT run.run_id, run.platform, cell.workload, cell.unit, unit.backend, measure
        measurement.provenance, measurement.valid, measurement.reasons, measurement.notes, measurement.samples,
        measurement.median_ns, measurement.mad_ns, measurement.p95_ns, measurement.p99_ns,
        measurement.ci_low_ns, measurement.ci_high_ns, cell.ops, cell.bytes, measurement.processes,
-       measurement.mixture, measurement.bound_ns
+       measurement.mixture, measurement.bound_ns, measurement.cpu_ns, measurement.taken, cell.host_memory_bytes, cell.device_memory_bytes,
+       measurement.doubts
 FROM measurement JOIN cell USING (cell_id) JOIN run USING (run_id)
      JOIN unit ON unit.run_id = cell.run_id AND unit.unit = cell.unit
 WHERE measurement.state IN ('cold', 'warm', 'steady');
 
--- The same of what profile_summary has not: `execute` under other conditions, in `state`.
+-- The same of what profile_summary has not: phases of calls under other conditions, in `state`.
 CREATE VIEW condition_summary AS
 SELECT run.run_id, run.platform, cell.workload, cell.unit, unit.backend, measurement.phase, measurement.state,
        measurement.provenance, measurement.valid, measurement.reasons, measurement.notes, measurement.samples,
        measurement.median_ns, measurement.mad_ns, measurement.p95_ns, measurement.p99_ns,
        measurement.ci_low_ns, measurement.ci_high_ns, cell.ops, cell.bytes, measurement.processes,
-       measurement.mixture, measurement.bound_ns
+       measurement.mixture, measurement.bound_ns, measurement.cpu_ns, measurement.taken, cell.host_memory_bytes, cell.device_memory_bytes,
+       measurement.doubts
 FROM measurement JOIN cell USING (cell_id) JOIN run USING (run_id)
      JOIN unit ON unit.run_id = cell.run_id AND unit.unit = cell.unit
 WHERE measurement.state NOT IN ('cold', 'warm', 'steady');
@@ -238,7 +256,7 @@ WHERE measurement.state NOT IN ('cold', 'warm', 'steady');
 CREATE VIEW unit_time_summary AS
 SELECT run.run_id, run.platform, unit_time.unit, unit.backend, unit_time.phase, unit_time.sleep_ns, 'measured' AS provenance,
        unit_time.valid, unit_time.reasons, unit_time.samples, unit_time.median_ns, unit_time.mad_ns, unit_time.p95_ns, unit_time.p99_ns,
-       unit_time.ci_low_ns, unit_time.ci_high_ns
+       unit_time.ci_low_ns, unit_time.ci_high_ns, unit_time.doubts
 FROM unit_time JOIN run USING (run_id) JOIN unit ON unit.run_id = unit_time.run_id AND unit.unit = unit_time.unit;
 
 -- Of these, hand-overs: one row per (run, unit, sleep_ns).
@@ -248,5 +266,5 @@ SELECT * FROM unit_time_summary WHERE phase = 'handover';
 -- One row per (run, workload, unit).
 CREATE VIEW energy_summary AS
 SELECT cell.run_id, cell.workload, cell.unit, energy.energy_j, energy.provenance, energy.source, energy.valid, energy.reasons,
-       energy.domain, energy.idle_subtracted, energy.mixture
+       energy.domain, energy.idle_subtracted, energy.mixture, energy.ci_low_j, energy.ci_high_j, energy.doubts
 FROM energy JOIN cell USING (cell_id);

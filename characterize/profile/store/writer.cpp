@@ -7,7 +7,6 @@
 #include <cassert>
 #include <cerrno>
 #include <cmath>
-#include <numeric>
 #include <set>
 
 #include "characterize/machine/environment.h"
@@ -39,25 +38,16 @@ std::string join_cores(const std::vector<int>& cores) {
   return fmt::format("{}", fmt::join(cores, ","));
 }
 
-/// The process of each sample, as PhaseRecord::processes says.
-std::vector<std::int32_t> processes_of(const PhaseRecord& record) {
-  if (!record.processes.empty()) {
-    assert(record.processes.size() == record.samples.size());
-    return record.processes;
-  }
-  std::vector<std::int32_t> processes(record.samples.size(), 0);
-  if (record.state != State::kSteady) std::iota(processes.begin(), processes.end(), 0);
-  return processes;
-}
-
 void insert_samples(const Connection& connection, std::int64_t id, const PhaseRecord& record) {
   const auto processes = processes_of(record);
   Statement insert(connection,
-                   "INSERT INTO sample (measurement_id, position, ns, process) "
-                   "VALUES (?, ?, ?, ?)");
+                   "INSERT INTO sample (measurement_id, position, ns, process, cpu_ns) "
+                   "VALUES (?, ?, ?, ?, ?)");
+  const bool has_cpu = record.cpu.size() == record.samples.size();
   for (std::size_t i = 0; i < record.samples.size(); ++i) {
     insert.bind(id).bind(static_cast<std::int64_t>(i)).bind(record.samples[i]);
-    insert.bind(std::int64_t{processes[i]}).run();
+    insert.bind(std::int64_t{processes[i]});
+    insert.bind(has_cpu ? std::optional(record.cpu[i]) : std::nullopt).run();
   }
 }
 
@@ -65,10 +55,12 @@ void insert_phase(const Connection& connection, std::int64_t cell_id, const Phas
   assert((!record.samples.empty() || !record.reasons.empty()) &&
          "a row without samples needs a reason");
   std::optional<Statistics> s;
-  std::optional<Interval> interval;
+  std::optional<Nanos> cpu;
   if (!record.samples.empty()) {
-    s = summarize(record.samples, processes_of(record));
-    interval = record.deterministic ? Interval{s->median, s->median} : s->interval;
+    s = statistics_of(record);
+    if (record.cpu.size() == record.samples.size()) {
+      cpu = median(record.cpu, processes_of(record));
+    }
   }
   const auto of = [&s](Nanos Statistics::*member) {
     return s ? std::optional((*s).*member) : std::nullopt;
@@ -77,21 +69,23 @@ void insert_phase(const Connection& connection, std::int64_t cell_id, const Phas
       connection,
       "INSERT INTO measurement (cell_id, phase, state, provenance, valid, reasons, notes, "
       "samples, processes, median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, mixture, "
-      "bound_ns) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+      "bound_ns, cpu_ns, taken, doubts) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, "
+      "?, ?, ?)");
   const bool other = record.condition != Condition::kSteady;
   insert.bind(cell_id).bind(to_string(record.phase));
   insert.bind(other ? to_string(record.condition) : to_string(record.state));
-  insert.bind(to_string(record.provenance)).bind(std::int64_t{record.reasons.empty()});
+  insert.bind(to_string(record.provenance)).bind(std::int64_t{is_valid(record)});
   insert.bind(join_words(record.reasons)).bind(join_words(record.notes));
   insert.bind(static_cast<std::int64_t>(record.samples.size()));
   const auto processes = processes_of(record);
   insert.bind(static_cast<std::int64_t>(std::set(processes.begin(), processes.end()).size()));
   insert.bind(of(&Statistics::median)).bind(of(&Statistics::mad));
   insert.bind(of(&Statistics::p95)).bind(of(&Statistics::p99));
+  const auto interval = s ? s->interval : std::nullopt;
   insert.bind(interval ? std::optional(interval->low) : std::nullopt);
   insert.bind(interval ? std::optional(interval->high) : std::nullopt);
   insert.bind(std::int64_t{record.provenance.mixture}).bind(record.bound);
-  insert.run();
+  insert.bind(cpu).bind(record.taken).bind(join_words(record.doubts)).run();
   insert_samples(connection, connection.last_row_id(), record);
 }
 
@@ -100,11 +94,13 @@ void insert_energy(const Connection& connection, std::int64_t cell_id, const Ene
   assert(!energy.energy_j || std::isfinite(*energy.energy_j));
   Statement insert(connection,
                    "INSERT INTO energy (cell_id, energy_j, provenance, source, valid, reasons, "
-                   "domain, idle_subtracted, mixture) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)");
+                   "domain, idle_subtracted, mixture, ci_low_j, ci_high_j, doubts) "
+                   "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   insert.bind(cell_id).bind(energy.energy_j).bind(to_string(energy.provenance)).bind(energy.source);
-  insert.bind(std::int64_t{energy.reasons.empty()}).bind(join_words(energy.reasons));
+  insert.bind(std::int64_t{is_valid(energy)}).bind(join_words(energy.reasons));
   insert.bind(energy.domain).bind(std::int64_t{energy.idle_subtracted});
-  insert.bind(std::int64_t{energy.provenance.mixture}).run();
+  insert.bind(std::int64_t{energy.provenance.mixture});
+  insert.bind(energy.ci_low_j).bind(energy.ci_high_j).bind(join_words(energy.doubts)).run();
 }
 
 /// Two programs that go on with the same run meet here.
@@ -151,10 +147,11 @@ void make_way(const Connection& connection, std::int64_t run_id, const CellName&
 
 void insert_cell(const Connection& connection, std::int64_t run_id, const CellRecord& cell) {
   Statement insert(connection,
-                   "INSERT INTO cell (run_id, workload, unit, ops, bytes, verification, checksum) "
-                   "VALUES (?, ?, ?, ?, ?, ?, 0)");
+                   "INSERT INTO cell (run_id, workload, unit, ops, bytes, verification, "
+                   "host_memory_bytes, device_memory_bytes, checksum) "
+                   "VALUES (?, ?, ?, ?, ?, ?, ?, ?, 0)");
   insert.bind(run_id).bind(cell.workload).bind(cell.unit).bind(cell.ops).bind(cell.bytes);
-  insert.bind(cell.verification).run();
+  insert.bind(cell.verification).bind(cell.host_memory_bytes).bind(cell.device_memory_bytes).run();
   const std::int64_t cell_id = connection.last_row_id();
   for (const PhaseRecord& record : cell.phases) insert_phase(connection, cell_id, record);
   for (const PhaseRecord& record : cell.conditions) insert_phase(connection, cell_id, record);
@@ -302,13 +299,14 @@ void ProfileWriter::write_peaks(std::int64_t run_id, std::span<const PeakRecord>
   Transaction transaction(connection);
   Statement insert(connection,
                    "INSERT OR REPLACE INTO peak (run_id, unit, kind, per_second, variant, "
-                   "provenance, valid, reasons) VALUES (?, ?, ?, ?, ?, ?, ?, ?)");
+                   "provenance, valid, reasons, doubts) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)");
   for (const PeakRecord& peak : peaks) {
     assert((peak.per_second || !peak.reasons.empty()) && "no figure needs a reason");
     assert(!peak.per_second || (std::isfinite(*peak.per_second) && *peak.per_second > 0));
     insert.bind(run_id).bind(peak.unit).bind(to_string(peak.kind)).bind(peak.per_second);
     insert.bind(peak.variant).bind(to_string(peak.provenance));
-    insert.bind(std::int64_t{peak.reasons.empty()}).bind(join_words(peak.reasons)).run();
+    insert.bind(std::int64_t{is_valid(peak)}).bind(join_words(peak.reasons));
+    insert.bind(join_words(peak.doubts)).run();
   }
   update_run_checksum(connection, run_id);
   transaction.commit();
@@ -319,8 +317,8 @@ void ProfileWriter::write_unit_times(std::int64_t run_id, std::span<const UnitTi
   Transaction transaction(connection);
   Statement insert(connection,
                    "INSERT INTO unit_time (run_id, unit, phase, sleep_ns, valid, reasons, samples, "
-                   "median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns) "
-                   "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+                   "median_ns, mad_ns, p95_ns, p99_ns, ci_low_ns, ci_high_ns, doubts) "
+                   "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   Statement sample(connection,
                    "INSERT INTO unit_time_sample (unit_time_id, position, ns) VALUES (?, ?, ?)");
   for (const UnitTimeRecord& record : times) {
@@ -332,12 +330,13 @@ void ProfileWriter::write_unit_times(std::int64_t run_id, std::span<const UnitTi
     };
     const auto interval = s ? s->interval : std::nullopt;
     insert.bind(run_id).bind(record.unit).bind(to_string(record.phase)).bind(record.sleep);
-    insert.bind(std::int64_t{record.reasons.empty()}).bind(join_words(record.reasons));
+    insert.bind(std::int64_t{is_valid(record)}).bind(join_words(record.reasons));
     insert.bind(static_cast<std::int64_t>(record.samples.size()));
     insert.bind(of(&Statistics::median)).bind(of(&Statistics::mad));
     insert.bind(of(&Statistics::p95)).bind(of(&Statistics::p99));
     insert.bind(interval ? std::optional(interval->low) : std::nullopt);
-    insert.bind(interval ? std::optional(interval->high) : std::nullopt).run();
+    insert.bind(interval ? std::optional(interval->high) : std::nullopt);
+    insert.bind(join_words(record.doubts)).run();
     const std::int64_t id = connection.last_row_id();
     std::int64_t position = 0;
     for (const Nanos each : record.samples) sample.bind(id).bind(position++).bind(each).run();

@@ -50,6 +50,7 @@ struct CharacterizeFlags {
   bool interference = false;
   bool resume = false;
   bool dry_run = false;
+  bool strict = false;
   FitOptions fit;
   Output json;
 };
@@ -157,25 +158,25 @@ CampaignSummary measure(const CampaignOptions& campaign, const CampaignPlan& pla
        .stored = [](const CellName& cell) { acknowledge(cell); }});
 }
 
-/// Said before the time is spent: rows that are measured beside other programs are not valid.
+/// Said before the time is spent: rows that are measured beside other programs are uncertain.
 void warn_of_load(const CampaignPlan& plan, const DoctorSnapshot& before) {
   const auto on_this_clock = std::ranges::count(plan.provenances, Provenance::kMeasured);
   if (on_this_clock == 0) return;
   const Finding load = look_at_load(usable_cores(), before);
   if (load.level != Level::kSpoils) return;
-  warn(fmt::format("{}: {}, and rows that this disturbs will not be valid; {}", load.found,
+  warn(fmt::format("{}: {}, and rows that this disturbs will be uncertain; {}", load.found,
                    load.why, load.remedy));
 }
 
 std::string summary_text(const CampaignSummary& summary, const CampaignPlan& plan,
                          const CampaignOptions& campaign) {
   return fmt::format(
-      "{} of {} cells in {} min from {} processes, {} within {:.3g} %; {} valid and {} invalid "
-      "rows, "
-      "in {}",
+      "{} of {} cells in {} min from {} processes, {} within {:.3g} %; {} good, {} uncertain and "
+      "{} "
+      "invalid rows, in {}",
       summary.cells, plan.cells.size(), minutes(summary.elapsed), summary.processes,
-      summary.within_precision, 100 * campaign.precision, summary.rows_valid, summary.rows_invalid,
-      campaign.database.string());
+      summary.within_precision, 100 * campaign.precision, summary.rows_valid, summary.rows_doubted,
+      summary.rows_invalid, campaign.database.string());
 }
 
 /// What to do where less than half of the cells became precise; "" elsewhere, and after --quick,
@@ -190,33 +191,21 @@ std::string precision_text(const CampaignSummary& summary, const CampaignPlan& p
       100 * campaign.precision, longer.count());
 }
 
-/// Reasons that the machine's state gives; the same row may be valid when it is quiet.
-bool is_disturbance(const std::string& reason) {
-  static constexpr std::array<std::string_view, 4> kWords = {"contended", "imprecise", "throttled",
-                                                             "unstable"};
-  return std::ranges::find(kWords, reason) != kWords.end();
-}
-
-/// What to do about rows that the machine's state spoilt.
-std::string disturbed_text(const Profile& profile, const CampaignOptions& campaign) {
+/// What to do about rows that are uncertain.
+std::string doubted_text(const Profile& profile, const CampaignOptions& campaign) {
   int rows = 0;
   std::set<std::string> workloads, why;
   for (const PhaseRow& row : profile.phases) {
-    bool disturbed = false;
-    for (const std::string& reason : row.reasons) {
-      if (!is_disturbance(reason)) continue;
-      why.insert(reason);
-      disturbed = true;
-    }
-    if (!disturbed) continue;
+    if (!is_doubted(row)) continue;
     ++rows;
     workloads.insert(row.workload);
+    why.insert(row.doubts.begin(), row.doubts.end());
   }
   if (rows == 0) return "";
   return fmt::format(
-      "{} rows are not valid ({}): `pirt doctor` says what disturbs this machine; when it is "
-      "quiet, or with more time (--max-time): pirt characterize --platform {} --db {} "
-      "--filter '^({})$'",
+      "{} rows are uncertain ({}), and used as they are: `pirt doctor` says what disturbs this "
+      "machine; when it is quiet, or with more time (--max-time): pirt characterize --platform {} "
+      "--db {} --filter '^({})$'",
       rows, join(std::vector(why.begin(), why.end()), ", "), campaign.platform_argument,
       campaign.database.string(), join(std::vector(workloads.begin(), workloads.end()), "|"));
 }
@@ -238,17 +227,10 @@ Json summary_json(const CampaignSummary& summary) {
           {"processes", summary.processes},
           {"within_precision", summary.within_precision},
           {"rows_valid", summary.rows_valid},
+          {"rows_doubted", summary.rows_doubted},
           {"rows_invalid", summary.rows_invalid},
           {"interrupted", summary.interrupted},
           {"elapsed_s", to_s(summary.elapsed)}};
-}
-
-/// Of the whole run: all of its cells may have been stored before it was interrupted. Rows that the
-/// machine's state spoilt were measured, and say what they are worth.
-bool has_measured_row(const Profile& profile) {
-  return std::ranges::any_of(profile.phases, [](const PhaseRow& row) {
-    return row.samples > 0 && std::ranges::all_of(row.reasons, is_disturbance);
-  });
 }
 
 /// The files of a run that is gone on with stand in its database and not on the command line.
@@ -302,7 +284,7 @@ int characterize(const CharacterizeFlags& options) {
                     .parts = {profile_header(profile), profile_table(profile)}};
   for (auto& table : condition_tables(profile)) document.parts.emplace_back(std::move(table));
   Paragraph closing{{summary_text(summary, plan, campaign), precision_text(summary, plan, campaign),
-                     disturbed_text(profile, campaign), clock_text(profile.runs.front())}};
+                     doubted_text(profile, campaign), clock_text(profile.runs.front())}};
   std::erase(closing.lines, "");
   document.parts.emplace_back(std::move(closing));
   auto json = profile_json(profile, preferences(profile));
@@ -321,11 +303,12 @@ int characterize(const CharacterizeFlags& options) {
     throw_environment(fmt::format("interrupted; {} cells are complete and {} were begun; {}",
                                   summary.cells, summary.cells_begun, resume_hint(options)));
   }
-  if (!has_measured_row(profile)) {
-    throw_environment("no valid row was measured; see the remarks for the reasons");
+  if (std::ranges::none_of(profile.phases, is_used<PhaseRow>)) {
+    throw_environment("nothing was measured; see the remarks for the reasons");
   }
-  if (std::ranges::none_of(profile.phases, &PhaseRow::valid)) {
-    warn(disturbed_text(profile, campaign));
+  if (options.strict && std::ranges::none_of(profile.phases, is_valid<PhaseRow>)) {
+    warn("no row is free of doubt, which --strict asks for");
+    return kExitInconclusive;
   }
   if (fits && !fit.complete) {
     warn("not every unit's energy model could be fitted; the tables say why");
@@ -369,6 +352,8 @@ void add_characterize(CLI::App& app, Action& action) {
   add_value(command, "--max-time", &options->max_time, "DURATION", no_duration,
             "Total time after which no process is started for precision alone, e.g. 5min; what "
             "valid rows need is measured all the same (default: 15 s a cell, 1.9 s with --quick)");
+  command.add_flag("--strict", options->strict,
+                   "Exit code 3 if every row that was measured is uncertain (?)");
   add_seed(command, options->seed, "Seed of inputs, weights and the order of measuring");
   command.add_flag(
       "--quick", options->quick,

@@ -36,7 +36,7 @@ struct RunRobotFlags {
   std::optional<std::string> slam_map, topics;
   ActivityFlags activities;
   bool no_update = false, no_map = false, mono = false, no_imu = false;
-  bool serial = false, fast = false, comparing = false;
+  bool serial = false, fast = false, comparing = false, strict = false;
   std::optional<std::string> mode, slices;
   std::string compare;  ///< Modes, with commas; empty = the paper's.
   std::optional<std::string> profile, platform;
@@ -87,6 +87,7 @@ RuntimeOptions runtime_options(const RunRobotFlags& options) {
   RuntimeOptions runtime;
   runtime.platform = std::move(read.platform);
   runtime.profile = std::move(read.profile);
+  runtime.strict = options.strict;
   runtime.mode = options.mode.value_or("ect");
   runtime.slices = options.slices != "off";
   if (options.trace) runtime.trace = options.trace.path();
@@ -265,6 +266,7 @@ void add_run_robot(CLI::App& app, Action& action) {
             "A name of `pirt list platforms`, or a YAML file (default: the profile's, else host)",
             FileUse::kReadIfFile)
       .offers(offer_platforms());
+  add_strict(command, options->strict);
   add_settings(command, options->settings);
   add_input(command, "--profile", &options->profile,
             "Profile database of pirt characterize; without one all units count as equally fast");
@@ -301,7 +303,8 @@ void add_run_robot(CLI::App& app, Action& action) {
   add_json(command, options->json);
   // --serial runs without the runtime, --compare has that run in it and more than one besides.
   command.option("--no-map").excludes(command.option("--load-slam-map"));
-  for (const auto* name : {"--mode", "--platform", "--profile", "--set", "--in-flight", "--trace"})
+  for (const auto* name :
+       {"--mode", "--platform", "--profile", "--set", "--in-flight", "--trace", "--strict"})
     command.option("--serial").excludes(command.option(name));
   for (const auto* name :
        {"--serial", "--mode", "--trace", "--trajectory", "--plot", "--save-slam-map", "--scenes"})

@@ -58,7 +58,7 @@ struct ScheduleFlags {
   std::optional<double> min_rate;
   std::optional<std::string> power_cap;
   std::string draw = "median";
-  bool allow_invalid = false;
+  bool strict = false;
   std::uint64_t seed = 1;
   bool seed_given = false;
   std::optional<std::string> faults;
@@ -118,7 +118,7 @@ ScheduleOptions schedule_options(const ScheduleFlags& options,
   if (options.objective) schedule.objective = find_objective(*options.objective);
   schedule.min_rate_per_ms = options.min_rate;
   if (options.power_cap) schedule.power_cap_w = parse_watts(*options.power_cap);
-  schedule.allow_invalid = options.allow_invalid;
+  schedule.strict = options.strict;
   schedule.draw = find_draw(options.draw);
   if (options.duration) schedule.duration = parse_duration(*options.duration);
   schedule.seed = options.seed;
@@ -134,7 +134,7 @@ struct Inputs {
   Mix mix;
 
   [[nodiscard]] RunRecord run(const ScheduleOptions& options) const {
-    return run_virtual(platform, profile ? &*profile : nullptr, mix, options);
+    return run_with_intervals(platform, profile ? &*profile : nullptr, mix, options);
   }
   [[nodiscard]] RunRecord run_live(const ScheduleOptions& options, const LiveOptions& live) const {
     return pirt::run_live(platform, profile ? &*profile : nullptr, mix, options, live);
@@ -354,8 +354,7 @@ void add_schedule(CLI::App& app, Action& action) {
   add_choice(command, "--slices", &options->slices, "WHETHER", {"on", "off"},
              "Let tasks with a nearer deadline in between two slices of a call, where its workload "
              "can be left there (default: on in mode budget, off in others)");
-  command.add_flag("--allow-invalid", options->allow_invalid,
-                   "Use profile rows that are marked invalid");
+  add_strict(command, options->strict);
   add_choice(command, "--draw", &options->draw, "HOW", draw_names(),
              "What a call on a profiled unit takes; samples: one of its samples at a time, drawn "
              "with --seed")
@@ -382,7 +381,7 @@ void add_schedule(CLI::App& app, Action& action) {
     command.option("--pareto").excludes(command.option(name));
   for (const auto* name : {"--no-preinit", "--update-profile"})
     command.option(name).needs(command.option("--live"));
-  for (const auto* name : {"--allow-invalid", "--update-profile"})
+  for (const auto* name : {"--strict", "--update-profile"})
     command.option(name).needs(command.option("--profile"));
   command.footer(
       "Example: pirt schedule --mode energy --platform snapdragon820 --mix convolution-1000");

@@ -30,6 +30,7 @@ struct WhatIfFlags {
   std::optional<std::string> raise, lower, power_cap, duration;
   std::string draw = "median";
   std::uint64_t seed = 1;
+  bool strict = false;
   Output markdown, json;
 };
 
@@ -57,6 +58,7 @@ int find_what_breaks(const WhatIfFlags& options) {
   }
   schedule.without = options.without;
   schedule.seed = options.seed;
+  schedule.strict = options.strict;
   if (options.duration) schedule.duration = parse_duration(*options.duration);
   if (options.power_cap) schedule.power_cap_w = parse_watts(*options.power_cap);
   std::vector<std::string> modes = options.modes;
@@ -110,6 +112,7 @@ void add_what_if(CLI::App& app, Action& action) {
   add_choice(command, "--draw", &options->draw, "HOW", draw_names(),
              "What a call on a profiled unit takes")
       .shows_default();
+  add_strict(command, options->strict);
   add_seed(command, options->seed, "Seed of drawn durations and of jitter");
   add_output(command, "--markdown", options->markdown, "Write the table as Markdown, - for stdout");
   add_json(command, options->json);

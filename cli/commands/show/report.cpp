@@ -22,7 +22,9 @@
 #include "reports/paper/offloaded_call.h"
 #include "reports/profile/profile_report.h"
 #include "reports/profile/setup_report.h"
+#include "reports/run/comparison_report.h"
 #include "reports/run/timeline.h"
+#include "scheduler/policies/policy.h"
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
@@ -39,6 +41,7 @@ struct ReportFlags {
   std::vector<std::string> settings;
   std::string mix = "full-robot";
   bool paper = false, setup = false, offload = false, brief = false;  ///< What they were once.
+  bool strict = false;
   Output json;
 };
 
@@ -77,7 +80,7 @@ struct Files {
   std::vector<std::string> databases, runs, traces;
 };
 
-/// Pipes cannot be looked into beforehand: the first is a database, others are run records.
+/// Pipes cannot be looked into beforehand: the first file is then a database, others are run records.
 Files sort_files(const std::vector<std::string>& files) {
   Files sorted;
   for (const auto& file : files) {
@@ -87,7 +90,8 @@ Files sort_files(const std::vector<std::string>& files) {
       std::ifstream(file, std::ios::binary).read(begin.data(), begin.size());
     }
     const std::string_view text(begin.data(), begin.size());
-    if (sorted.databases.empty() || text.starts_with("SQLite format 3")) {
+    if (text.starts_with("SQLite format 3") ||
+        (&file == &files.front() && !text.starts_with('[') && !text.starts_with('{'))) {
       sorted.databases.push_back(file);
     } else if (text.starts_with('[') || text.find("\"traceEvents\"") != std::string_view::npos) {
       sorted.traces.push_back(file);
@@ -140,16 +144,25 @@ Machine read_machine(const ReportFlags& options, const std::string& file, const 
                      bool samples) {
   auto profile = open_profile(options, file, samples);
   auto found = find_platform(options, profile);
-  return machine_of(std::move(profile), std::move(found.platform), mix, found.why_not);
+  return machine_of(std::move(profile), std::move(found.platform), mix, found.why_not,
+                    options.strict);
+}
+
+/// Modes on a platform that its file describes.
+ModeRuns modelled_runs(const ReportFlags& options, const Mix& mix,
+                       const std::vector<std::string>& modes) {
+  return run_modes(load_platform(options.platform.value(), parse_overrides(options.settings)),
+                   nullptr, mix, modes, {});
 }
 
 /// What the first seconds of virtual time look like, where no trace was given: of the given run, if
 /// it was made from what is here, else of the paper's whole scheduler.
 std::optional<Timeline> make_timeline(const Machine& machine, const Mix& mix,
-                                      const std::vector<RunRecord>& runs) {
+                                      const std::vector<RunRecord>& runs, bool strict) {
   if (!machine.platform) return std::nullopt;
   ScheduleOptions schedule;
   schedule.mode = "advanced";
+  schedule.strict = strict;
   if (!runs.empty()) {
     const RunRecord& run = runs.front();
     const bool same = run.platform == machine.profile.platform() && run.mix == mix.name &&
@@ -196,14 +209,18 @@ int report_all(const ReportFlags& options) {
   for (const auto& file : files.databases) {
     inputs.machines.push_back(read_machine(options, file, inputs.mix, true));
   }
+  if (inputs.machines.empty() && inputs.runs.empty()) {
+    inputs.modelled = modelled_runs(options, inputs.mix, policy_names());
+  }
   for (const RunRecord& run : inputs.runs) {
     if (auto planned = planned_timeline(run)) inputs.timelines.push_back(std::move(*planned));
   }
   // A page has room for them.
   const Format format = parse_format(options.format);
   inputs.facts = format != Format::kText;
-  if (inputs.timelines.empty() && format == Format::kHtml) {
-    if (auto made = make_timeline(inputs.machines.front(), inputs.mix, inputs.runs)) {
+  if (inputs.timelines.empty() && format == Format::kHtml && !inputs.machines.empty()) {
+    if (auto made =
+            make_timeline(inputs.machines.front(), inputs.mix, inputs.runs, options.strict)) {
       inputs.timelines.push_back(std::move(*made));
     }
   }
@@ -266,9 +283,17 @@ int report_offload(const ReportFlags& options) {
 
 int report_compare(const ReportFlags& options) {
   const auto mix = load_mix(options.mix);
+  if (options.files.empty()) {
+    const auto modes = modelled_runs(options, mix, paper_modes());
+    auto document = comparison_document(modes, mix, false);
+    document.title = "pirt report compare";
+    write(options, document, [&] { return comparison_json(modes); });
+    return 0;
+  }
   const auto profile = open_profile(options, only_file(options, "compare"), false);
   const auto found = find_platform(options, profile);
-  const auto modes = runs_of(profile, found.platform, mix, paper_modes(), found.why_not);
+  const auto modes =
+      runs_of(profile, found.platform, mix, paper_modes(), found.why_not, options.strict);
   write(options, brief_document(profile, modes, mix), [&] { return brief_json(profile, modes); });
   return 0;
 }
@@ -311,7 +336,8 @@ struct Kind {
 constexpr const char* kOneDatabase = "The profile database";
 constexpr const char* kEverything =
     "The profile database; then more of them, to be shown side by side, run records of pirt "
-    "schedule --json (default: the modes are simulated now), and traces of its --trace";
+    "schedule --json (default: the modes are simulated now), and traces of its --trace. Run records "
+    "alone, or nothing beside --platform of a modelled board, will do";
 constexpr Kind kText = {
     "text",       "Show all that is known: which unit, which mode, and what that follows from",
     kEverything,  "text|md",
@@ -372,8 +398,10 @@ constexpr Kind kPaper = {
 
 int report(const ReportFlags& options, const Kind& kind) {
   static_cast<void>(parse_format(options.format));  // before anything is computed
-  if (options.files.empty() && kind.write != report_paper) {
-    throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one");
+  const bool of_modes = kind.write == report_all || kind.write == report_compare;
+  if (options.files.empty() && kind.write != report_paper && !(of_modes && options.platform)) {
+    throw_bad_input("no profile database given; `pirt characterize --db FILE` makes one" +
+                    std::string(of_modes ? ", or give --platform of a modelled board" : ""));
   }
   return kind.write(options);
 }
@@ -418,6 +446,7 @@ void add_common(Command& command, const std::shared_ptr<ReportFlags>& options, c
               FileUse::kReadIfFile)
         .offers(offer_mixes())
         .shows_default();
+    add_strict(command, options->strict);
   }
   add_json(command, options->json);
 }

@@ -53,7 +53,7 @@ TEST_F(ForeignTime, AnUnknownPhaseIsAbsentWithItsReasonAndNoWarning) {
   for (const State state : {State::kCold, State::kWarm}) {
     const PhaseRow& prepare = row(profile, "pool2", Phase::kPrepare, state);
     EXPECT_EQ(prepare.median, std::nullopt);
-    EXPECT_FALSE(prepare.valid);
+    EXPECT_FALSE(is_valid(prepare));
     EXPECT_THAT(prepare.reasons, ElementsAre("unknown: loading is not modelled"));
     EXPECT_EQ(prepare.unknown(), "loading is not modelled");
   }
@@ -77,7 +77,7 @@ TEST_F(ForeignTime, OneCallInTwoProcessesIsEnoughForWhatRepeats) {
   for (const PhaseRow& each : profile.phases) {
     if (each.phase == Phase::kPrepare) continue;
     EXPECT_EQ(each.samples, 1) << to_string(each.phase);
-    EXPECT_TRUE(each.valid) << to_string(each.phase);
+    EXPECT_TRUE(is_valid(each)) << to_string(each.phase);
     EXPECT_THAT(each.notes, Contains("deterministic"));
     EXPECT_TRUE(each.is_deterministic());
     EXPECT_EQ(each.ci_low, each.median);

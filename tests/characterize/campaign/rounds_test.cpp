@@ -130,7 +130,7 @@ TEST_F(Rounds, EndAtTheBudgetButNotBeforeRowsAreValid) {
   EXPECT_EQ(summary.processes, 8);
   EXPECT_EQ(summary.within_precision, 0);
   const PhaseRow& call = row(profile, "pool5", Phase::kCall);
-  EXPECT_TRUE(call.valid);
+  EXPECT_TRUE(is_valid(call));
   EXPECT_THAT(call.notes, Contains("precision_not_reached"));
   EXPECT_TRUE(call.ci_low.has_value());  // what was reached
 }
@@ -176,7 +176,7 @@ TEST_F(Rounds, SampleAgainWhatIsUnstableAndThenSaySo) {
   for (std::size_t i = 4; i < 8; ++i) EXPECT_THAT(steps[i], HasSubstr("again (unstable)"));
   const Profile profile = load_profile(o.database);
   const PhaseRow& call = row(profile, "pool5", Phase::kCall);
-  EXPECT_THAT(call.reasons, ElementsAre("unstable"));
+  EXPECT_THAT(call.doubts, ElementsAre("unstable"));
   EXPECT_EQ(call.processes, 4);  // the later ones take the place of the earlier ones
 }
 
@@ -221,8 +221,8 @@ TEST_F(Rounds, KeepWhatWasMeasuredWhenInterrupted) {
   const Profile profile = load_profile(o.database);
   EXPECT_EQ(profile.runs.front().finished, "");
   EXPECT_EQ(row(profile, "pool5", Phase::kCall).processes, 3);
-  EXPECT_TRUE(row(profile, "pool5", Phase::kCall).valid);
-  EXPECT_THAT(row(profile, "pool5", Phase::kPrepare, State::kWarm).reasons,
+  EXPECT_TRUE(is_valid(row(profile, "pool5", Phase::kCall)));
+  EXPECT_THAT(row(profile, "pool5", Phase::kPrepare, State::kWarm).doubts,
               ElementsAre("few_samples"));
 }
 
@@ -244,7 +244,7 @@ TEST_F(Rounds, GoOnWithAnInterruptedRun) {
   EXPECT_EQ(profile.runs.size(), 1U);
   EXPECT_NE(profile.runs.front().finished, "");
   EXPECT_EQ(profile.runs.front().seed, 7U);
-  for (const PhaseRow& r : profile.phases) EXPECT_TRUE(r.valid) << to_string(r.phase);
+  for (const PhaseRow& r : profile.phases) EXPECT_TRUE(is_valid(r)) << to_string(r.phase);
   EXPECT_EQ(row(profile, "pool2", Phase::kCall).processes, 4);
   // None of the warm ones was cold: 2 ms and a call of 0.65 ms.
   EXPECT_EQ(row(profile, "pool2", Phase::kPrepare, State::kWarm).p99, from_ms(2.65));

@@ -21,7 +21,6 @@ PhaseRow call_row(const std::string& workload, const std::string& unit, double s
   row.run_id = 3;
   row.workload = workload;
   row.unit = unit;
-  row.valid = true;
   row.median = Nanos(static_cast<std::int64_t>(seconds * 1e9));
   row.ops = 1'000'000;
   row.bytes = 1000;
@@ -35,7 +34,6 @@ EnergyRow energy_row(const std::string& workload, const std::string& unit, doubl
   row.unit = unit;
   row.energy_j = energy_j;
   row.provenance = Provenance::kMeasured;
-  row.valid = true;
   return row;
 }
 
@@ -67,10 +65,10 @@ TEST(FittedPlatform, UsesTheNewestRunsValidMeteredRows) {
   Profile profile = metered_profile();
   EXPECT_THAT(fit_cells(profile, "cpu"), SizeIs(5));
   EXPECT_THAT(fit_cells(profile, "opencl"), IsEmpty());
-  profile.energies[0].valid = false;
+  profile.energies[0].reasons = {"wrong_output"};
   profile.energies[1].provenance = Provenance::kModelled;
   profile.energies[2].run_id = 2;
-  profile.phases[3].valid = false;
+  profile.phases[3].reasons = {"wrong_output"};
   ASSERT_THAT(fit_cells(profile, "cpu"), SizeIs(1));
   const FitCell cell = fit_cells(profile, "cpu")[0];
   EXPECT_EQ(cell.workload, "conv1");

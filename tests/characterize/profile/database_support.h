@@ -52,18 +52,21 @@ inline std::string dump(const std::filesystem::path& path) {
   };
   for (const PhaseRow& row : profile.phases) {
     add(row.run_id, row.platform, row.workload, row.unit, row.backend, to_string(row.phase));
-    add(to_string(row.state), to_string(row.provenance), row.valid, join_words(row.reasons));
+    add(to_string(row.state), to_string(row.provenance), is_valid(row), join_words(row.reasons),
+        join_words(row.doubts));
     add(join_words(row.notes), row.samples, row.processes, time(row.median), time(row.mad));
     add(time(row.p95), time(row.p99), time(row.ci_low), time(row.ci_high), row.ops.value_or(-1));
     add(row.bytes, "\n");
   }
   for (const EnergyRow& row : profile.energies) {
     add(row.run_id, row.workload, row.unit, row.energy_j.value_or(-1), to_string(row.provenance));
-    add(row.source, row.valid, join_words(row.reasons), row.domain, row.idle_subtracted, "\n");
+    add(row.source, is_valid(row), join_words(row.reasons), join_words(row.doubts), row.domain,
+        row.idle_subtracted, "\n");
   }
   for (const PeakRow& row : profile.peaks) {
     add(row.run_id, row.unit, to_string(row.kind), row.per_second.value_or(-1), row.variant);
-    add(to_string(row.provenance), row.valid, join_words(row.reasons), "\n");
+    add(to_string(row.provenance), is_valid(row), join_words(row.reasons), join_words(row.doubts),
+        "\n");
   }
   for (const RunInfo& run : profile.runs) {
     add(run.run_id, run.started, run.finished, run.platform, run.seed);
@@ -111,7 +114,7 @@ inline void die_in_transaction(const std::filesystem::path& path) {
         handle,
         "PRAGMA cache_size = 2; BEGIN IMMEDIATE; UPDATE sample SET ns = 0; "
         "WITH RECURSIVE n(i) AS (SELECT 1000 UNION ALL SELECT i + 1 FROM n WHERE i < 60000) "
-        "INSERT INTO sample SELECT 1, i, 0, 0 FROM n",
+        "INSERT INTO sample SELECT 1, i, 0, 0, NULL FROM n",
         nullptr, nullptr, nullptr);
     ::raise(SIGKILL);
   });

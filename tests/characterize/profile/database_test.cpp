@@ -52,10 +52,15 @@ TEST(Database, HasTheStableColumnsInTheirOrder) {
               ElementsAre("run_id", "platform", "workload", "unit", "backend", "phase", "state",
                           "provenance", "valid", "reasons", "notes", "samples", "median_ns",
                           "mad_ns", "p95_ns", "p99_ns", "ci_low_ns", "ci_high_ns", "ops", "bytes",
-                          "processes", "mixture", "bound_ns"));
+                          "processes", "mixture", "bound_ns", "cpu_ns", "taken",
+                          "host_memory_bytes", "device_memory_bytes", "doubts"));
   EXPECT_THAT(columns_of(folder / "p.db", "energy_summary"),
               ElementsAre("run_id", "workload", "unit", "energy_j", "provenance", "source", "valid",
-                          "reasons", "domain", "idle_subtracted", "mixture"));
+                          "reasons", "domain", "idle_subtracted", "mixture", "ci_low_j",
+                          "ci_high_j", "doubts"));
+  for (const char* view : {"condition_summary", "unit_time_summary", "handover_summary"}) {
+    EXPECT_EQ(columns_of(folder / "p.db", view).back(), "doubts") << view;
+  }
 }
 
 TEST(Database, IsOneFileWhenClosed) {
@@ -156,7 +161,7 @@ TEST(Database, OtherConditionsAreRowsOfTheirOwn) {
   ASSERT_EQ(profile.unit_times.size(), 2U);
   EXPECT_EQ(profile.unit_times[0].median, Nanos(1009));
   EXPECT_EQ(profile.unit_times[0].values.size(), 20U);
-  EXPECT_FALSE(profile.unit_times[1].valid);
+  EXPECT_FALSE(is_valid(profile.unit_times[1]));
   EXPECT_EQ(profile.unit_times[1].phase, UnitPhase::kReread);
   EXPECT_EQ(profile.runs.size(), 2U);
   const Profile first = reader.read({}, {1, 1});
@@ -201,8 +206,8 @@ TEST(Database, ExplainsWhatAFileIsInsteadOfADatabase) {
       {"short.db", "not a profile database"},
       {"cut.db", "damaged (cut off after 28 bytes)"},
       {"other.db", "another application"},
-      {"newer.db", "is of version 7, and this pirt reads version 6: use a newer pirt"},
-      {"older.db", "is of version 2, and this pirt reads version 6: characterize again"},
+      {"newer.db", "is of version 8, and this pirt reads version 7: use a newer pirt"},
+      {"older.db", "is of version 2, and this pirt reads version 7: characterize again"},
       {"wal.db", "journal_mode=DELETE"},
       {"", "is not a file but a folder"},
       {"pipe.db", "is not a file but a device or pipe"}};

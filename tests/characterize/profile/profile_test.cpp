@@ -54,7 +54,7 @@ TEST(Profile, RoundTripsEveryField) {
   ASSERT_NE(call, nullptr);
   EXPECT_EQ(call->backend, "fake");
   EXPECT_EQ(call->provenance, Provenance::kModelled);
-  EXPECT_TRUE(call->valid);
+  EXPECT_TRUE(is_valid(*call));
   EXPECT_THAT(call->notes, ElementsAre("bimodal"));
   EXPECT_EQ(call->samples, 20);
   // Samples 1000..1019 of processes with medians 1003, (1009 + 1010)/2 and 1016: median 1009;
@@ -83,7 +83,7 @@ TEST(Profile, RoundTripsEveryField) {
 
   const PhaseRow* upload = profile.find("sobel", "gpu", Phase::kUpload);
   ASSERT_NE(upload, nullptr);
-  EXPECT_FALSE(upload->valid);
+  EXPECT_FALSE(is_valid(*upload));
   EXPECT_THAT(upload->reasons, ElementsAre("error: it broke"));
   EXPECT_EQ(upload->samples, 0);
   EXPECT_EQ(upload->median, std::nullopt);
@@ -92,14 +92,14 @@ TEST(Profile, RoundTripsEveryField) {
   const EnergyRow* energy = profile.find_energy("sobel", "gpu");
   ASSERT_NE(energy, nullptr);
   EXPECT_EQ(energy->energy_j, std::nullopt);
-  EXPECT_FALSE(energy->valid);
+  EXPECT_FALSE(is_valid(*energy));
   EXPECT_THAT(energy->reasons, ElementsAre("no_power"));
   EXPECT_EQ(energy->domain, "package");
   EXPECT_FALSE(energy->idle_subtracted);
 
   const PeakRow* peak = profile.find_peak("gpu", PeakKind::kF32);
   ASSERT_NE(peak, nullptr);
-  EXPECT_TRUE(peak->valid);
+  EXPECT_TRUE(is_valid(*peak));
   EXPECT_EQ(peak->per_second, 1.5e11);
   EXPECT_EQ(peak->variant, "fma, 8 wide");
   const PeakRow* int8 = profile.find_peak("gpu", PeakKind::kInt8);
@@ -170,7 +170,7 @@ TEST(Profile, TakesEachRowFromTheNewestRunThatHasIt) {
   }
   const Profile profile = load_profile(folder / "p.db");
   EXPECT_EQ(profile.find("sobel", "cpu", Phase::kCall)->run_id, 2);
-  EXPECT_FALSE(profile.find("sobel", "cpu", Phase::kCall)->valid);
+  EXPECT_FALSE(is_valid(*profile.find("sobel", "cpu", Phase::kCall)));
   EXPECT_EQ(profile.find("sobel", "cpu", Phase::kPrepare, State::kCold)->run_id, 1);
   EXPECT_EQ(profile.find("conv1", "cpu", Phase::kCall)->run_id, 1);
   EXPECT_EQ(profile.find_energy("sobel", "cpu")->run_id, 2);
@@ -204,7 +204,7 @@ TEST(Profile, AnUnfinishedCellDisplacesNoCompleteOne) {
   const Profile profile = load_profile(folder / "p.db");
   EXPECT_EQ(profile.platform(), "board");
   EXPECT_EQ(profile.find("sobel", "cpu", Phase::kCall)->run_id, 1);
-  EXPECT_TRUE(profile.find("sobel", "cpu", Phase::kCall)->valid);
+  EXPECT_TRUE(is_valid(*profile.find("sobel", "cpu", Phase::kCall)));
   EXPECT_EQ(profile.find("sobel", "cpu", Phase::kPrepare, State::kCold)->run_id, 1);
   EXPECT_EQ(profile.find("sobel", "cpu", Phase::kExecute), nullptr);  // rows of one cell only
   EXPECT_EQ(profile.find_energy("sobel", "cpu")->run_id, 1);

@@ -145,7 +145,7 @@ TEST(Published, RowsAreOfProvenancePublishedWithTheirSource) {
   const PhaseRow* row = profile.find("ncnn.alexnet", "cpu", Phase::kCall);
   ASSERT_NE(row, nullptr);
   EXPECT_EQ(row->provenance, Origin(Provenance::kPublished));
-  EXPECT_TRUE(row->valid);
+  EXPECT_TRUE(is_valid(*row));
   EXPECT_EQ(row->median, Nanos(12'250'000));
   EXPECT_EQ(row->ops, std::nullopt);
   EXPECT_EQ(profile.find_energy("ncnn.alexnet", "cpu"), nullptr);

@@ -21,7 +21,6 @@ PhaseRow skewed_row(const std::string& workload, const std::string& unit, Phase 
   row.unit = unit;
   row.backend = "fake";
   row.phase = phase;
-  row.valid = true;
   for (int i = 0; i < 101; ++i) row.values.push_back(from_ms(times(engine)));
   row.value_processes.assign(row.values.size(), 0);
   row.median = median(row.values);

@@ -121,7 +121,6 @@ PhaseRow row(Phase phase, State state, double ms, Origin origin) {
   row.phase = phase;
   row.state = state;
   row.provenance = origin;
-  row.valid = true;
   row.samples = 1;
   row.median = row.mean = row.p95 = row.p99 = from_ms(ms);
   return row;
@@ -172,7 +171,6 @@ TEST(ForeignServices, TheRunSaysThatItsTimesAreMixtures) {
 
 TEST(ForeignServices, WhatNobodyKnowsThePreparationOfCannotBeLoadedAgain) {
   Profile profile = counted();
-  profile.phases[0].valid = false;
   profile.phases[0].median.reset();
   profile.phases[0].reasons = {"unknown: loading is not modelled"};
   const auto table = resolve_services(platform_of(kMeasured), &profile, {"fc8"}, {});
@@ -188,7 +186,6 @@ TEST(ForeignServices, WhatNobodyKnowsThePreparationOfCannotBeLoadedAgain) {
 
 TEST(ForeignServices, APhaseThatNobodyKnowsLeavesNoCall) {
   Profile profile = counted();
-  profile.phases[1].valid = false;
   profile.phases[1].median.reset();
   profile.phases[1].reasons = {"unknown: no link"};
   const auto table = resolve_services(platform_of(kMeasured), &profile, {"fc8"}, {});

@@ -34,7 +34,6 @@ Profile profile_of(bool metered, bool gpu_is_cpu = false) {
     energy.unit = "gpu";
     energy.energy_j = 0.05;
     energy.provenance = Provenance::kMeasured;
-    energy.valid = true;
     profile.energies = {energy};
   }
   profile.runs = {run};
@@ -45,7 +44,6 @@ Profile profile_of(bool metered, bool gpu_is_cpu = false) {
       row.workload = "fc8";
       row.unit = unit;
       row.phase = phase;
-      row.valid = true;
       row.provenance = Provenance::kMeasured;
       row.median = row.mean = from_ms(1);
       profile.phases.push_back(row);

@@ -8,6 +8,7 @@ namespace {
 
 using testing::AllOf;
 using testing::Contains;
+using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
@@ -32,7 +33,6 @@ PhaseRow row(const std::string& unit, Phase phase, std::int64_t ns, bool valid =
   row.unit = unit;
   row.backend = "fake";
   row.phase = phase;
-  row.valid = valid;
   row.median = Nanos(ns);
   if (!valid) row.reasons = {"wrong_output"};
   return row;
@@ -197,18 +197,46 @@ TEST(Services, TakeNoCallFromTransfersAlone) {
   EXPECT_EQ(services_of(&profile).find(0, 1)->total(), from_ms(9));
 }
 
-TEST(Services, UseInvalidRowsWhenAllowedIfTheyHaveAFigure) {
-  auto rows =
-      std::vector{row("gpu", Phase::kExecute, 3000, false), row("cpu", Phase::kCall, 1, false)};
-  rows[1].median.reset();
-  const Profile profile = profile_of(rows);
+/// With an interval from @p low to @p high times its median.
+PhaseRow doubted(PhaseRow row, double low, double high) {
+  row.doubts = {"contended"};
+  row.ci_low = scaled(*row.median, low);
+  row.ci_high = scaled(*row.median, high);
+  row.p95 = scaled(*row.median, 1.1);
+  return row;
+}
+
+TEST(Services, UseDoubtedRowsAndSayHowFarTheyAreKnown) {
+  const Profile profile =
+      profile_of({doubted(row("gpu", Phase::kCall, 3000), 0.5, 1.5), row("cpu", Phase::kCall, 100)});
+  const auto table = services_of(&profile);
+  const Service& service = *table.find(0, 1);
+  EXPECT_EQ(service.total(), Nanos(3000));
+  EXPECT_THAT(service.doubts, ElementsAre("contended"));
+  EXPECT_DOUBLE_EQ(service.spread.low, 0.5);
+  EXPECT_DOUBLE_EQ(service.spread.high, 1.5);
+  EXPECT_EQ(service.usual_worst(), Nanos(4500)) << "where its median may be";
+  EXPECT_TRUE(table.find(0, 0)->doubts.empty());
   ServiceOptions options;
-  options.allow_invalid = true;
-  const auto table = services_of(&profile, options);
-  EXPECT_EQ(table.find(0, 1)->total(), Nanos(3000));
-  EXPECT_EQ(table.find(0, 0), nullptr);
-  EXPECT_THAT(table.warnings, Contains(HasSubstr("used although")));
-  EXPECT_THAT(table.entries[0][0].reason, HasSubstr("no samples"));
+  options.strict = true;
+  const auto strict = services_of(&profile, options);
+  EXPECT_EQ(strict.find(0, 1), nullptr);
+  EXPECT_THAT(strict.entries[0][1].reason, HasSubstr("doubted (contended), which --strict refuses"));
+}
+
+TEST(Services, UseWhatSaysNothingOfTheOrderOfUnitsWhereNothingElseServes) {
+  const auto wild = doubted(row("gpu", Phase::kCall, 3000), 0.4, 2);
+  EXPECT_TRUE(wild.is_wild());
+  const Profile alone = profile_of({wild});
+  ServiceOptions options;
+  options.without = {"cpu", "cloud"};
+  const auto only = services_of(&alone, options);
+  ASSERT_NE(only.find(0, 1), nullptr);
+  EXPECT_TRUE(only.find(0, 1)->wild);
+  const Profile beside = profile_of({wild, row("cpu", Phase::kCall, 100'000)});
+  const auto table = services_of(&beside);
+  EXPECT_EQ(table.find(0, 1), nullptr);
+  EXPECT_THAT(table.entries[0][1].reason, HasSubstr("more than a factor of 4"));
 }
 
 TEST(Services, ModelEnergyAnewButBelieveAMeter) {
@@ -216,7 +244,6 @@ TEST(Services, ModelEnergyAnewButBelieveAMeter) {
   modelled.workload = "fc8";
   modelled.unit = "cpu";
   modelled.energy_j = 99;
-  modelled.valid = true;
   EnergyRow metered = modelled;
   metered.unit = "gpu";
   metered.energy_j = 0.125;

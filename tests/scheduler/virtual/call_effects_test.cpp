@@ -28,7 +28,6 @@ PhaseRow execute(const std::string& workload, const std::string& unit, double ms
   row.backend = "cpu";
   row.phase = Phase::kExecute;
   row.condition = condition;
-  row.valid = true;
   row.samples = 20;
   row.median = row.mean = row.p95 = from_ms(ms);
   return row;
@@ -66,7 +65,6 @@ void add_unit_time(Profile& profile, UnitPhase phase, double sleep_ms, double ms
   row.unit = "cpu";
   row.phase = phase;
   row.sleep = from_ms(sleep_ms);
-  row.valid = true;
   row.samples = 20;
   row.median = row.p95 = from_ms(ms);
   profile.unit_times.push_back(row);

@@ -1,0 +1,26 @@
+#include "characterize/profile/records.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace pirt {
+
+std::vector<std::int32_t> processes_of(const PhaseRecord& record) {
+  if (!record.processes.empty()) {
+    return record.processes;
+  }
+  std::vector<std::int32_t> processes(record.samples.size(), 0);
+  if (record.state != State::kSteady) std::iota(processes.begin(), processes.end(), 0);
+  return processes;
+}
+
+Statistics statistics_of(const PhaseRecord& record) {
+  Statistics found = summarize(record.samples, processes_of(record));
+  if (record.deterministic) found.interval = {found.median, found.median};
+  if (found.interval && record.taken) {
+    found.interval->low = std::min(found.interval->low, scaled(found.median, 1 - *record.taken));
+  }
+  return found;
+}
+
+}  // namespace pirt

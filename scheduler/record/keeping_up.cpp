@@ -1,0 +1,50 @@
+#include "scheduler/record/keeping_up.h"
+
+#include <algorithm>
+
+namespace pirt {
+namespace {
+
+bool is_real_time(const PipelineResult& pipeline) { return pipeline.real_time.value_or(true); }
+
+}  // namespace
+
+Shortfall shortfall_of(const PipelineResult& pipeline) {
+  Shortfall found{
+      .late = 0, .dropped = pipeline.dropped - pipeline.no_predecessor.value_or(0), .queued = 0};
+  if (!is_real_time(pipeline)) return found;
+  // What is unfinished after its deadline is late, and counts once.
+  if (pipeline.deadline_ms) {
+    found.late = pipeline.deadline_misses.value_or(0);
+  } else {
+    found.queued = pipeline.queued.value_or(0);
+  }
+  return found;
+}
+
+bool keeps_up(const RunRecord& run) {
+  return std::ranges::all_of(run.pipelines, [](const PipelineResult& pipeline) {
+    return shortfall_of(pipeline).firings() == 0;
+  });
+}
+
+std::int64_t real_time_losses(const RunRecord& run) {
+  std::int64_t losses = 0;
+  for (const PipelineResult& pipeline : run.pipelines) {
+    if (!is_real_time(pipeline)) continue;
+    const Shortfall shortfall = shortfall_of(pipeline);
+    losses += shortfall.late + shortfall.dropped;
+  }
+  return losses;
+}
+
+std::optional<double> p99_of_deadline(const RunRecord& run) {
+  std::optional<double> worst;
+  for (const PipelineResult& pipeline : run.pipelines) {
+    if (!is_real_time(pipeline) || !pipeline.deadline_ms || !pipeline.p99_ms) continue;
+    worst = std::max(worst.value_or(0), *pipeline.p99_ms / *pipeline.deadline_ms);
+  }
+  return worst;
+}
+
+}  // namespace pirt
