@@ -4,6 +4,7 @@
 
 #include "characterize/doctor/doctor_checks.h"
 #include "characterize/machine/system_files.h"
+#include "workloads/base/system/cores.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt::doctor {

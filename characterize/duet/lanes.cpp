@@ -4,7 +4,7 @@
 #include <numeric>
 #include <set>
 
-#include "characterize/machine/system_files.h"
+#include "workloads/base/system/cores.h"
 
 namespace pirt {
 namespace {

@@ -136,22 +136,6 @@ std::vector<int> numbered_folders(const std::filesystem::path& folder, std::stri
   return numbers;
 }
 
-std::set<int> core_siblings(const std::filesystem::path& root, int core) {
-  const auto topology =
-      root / "sys/devices/system/cpu" / ("cpu" + std::to_string(core)) / "topology";
-  std::set<int> cores = {core};
-  for (const auto& part : split(first_line(topology / "thread_siblings_list").value_or(""), ',')) {
-    int first = 0;
-    const char* const end = part.data() + part.size();
-    const auto [at, failed] = std::from_chars(part.data(), end, first);
-    if (failed != std::errc()) continue;
-    int last = first;
-    if (at != end && *at == '-') std::from_chars(at + 1, end, last);
-    for (int sibling = first; sibling <= last; ++sibling) cores.insert(sibling);
-  }
-  return cores;
-}
-
 std::vector<std::filesystem::path> control_groups(const std::filesystem::path& root,
                                                   std::string_view controller) {
   const auto tree = root / "sys/fs/cgroup";

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
-#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -54,12 +53,6 @@ struct Attribute {
 /// The numbers N of the folders "<prefix>N" in @p folder, in order ("cpu" -> 0, 1, ...).
 [[nodiscard]] std::vector<int> numbered_folders(const std::filesystem::path& folder,
                                                 std::string_view prefix);
-
-/// The logical cores of the physical core that @p core is on; itself alone where the kernel does
-/// not say.
-/// @param root  "/", or the folder of a recorded machine.
-/// @source Documentation/admin-guide/cputopology: thread_siblings_list, as "0-1,4".
-[[nodiscard]] std::set<int> core_siblings(const std::filesystem::path& root, int core);
 
 /// Where a controller's files of this process' control group may lie, in the unified hierarchy (v2)
 /// or that of the controller (v1): the process' own group, then all groups around it up to the

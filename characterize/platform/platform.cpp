@@ -11,6 +11,7 @@
 #include "characterize/platform/platform_file.h"
 #include "platform_files.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/cores.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -21,9 +22,9 @@ constexpr std::array<std::string_view, 6> kRoles = {"cpu", "gpu", "dsp", "fpga",
 constexpr std::string_view kSuffix = ".yaml";
 
 Platform read(const std::string& file, const std::string& text,
-              const std::vector<YamlOverride>& overrides, const std::vector<int>& cores) {
+              const std::vector<YamlOverride>& overrides, std::span<const PhysicalCore> machine) {
   const auto document = parse_yaml(file, text, "units", overrides);
-  Platform platform = read_platform(document, cores);
+  Platform platform = read_platform(document, machine);
   platform.text = document.dump() + "\n";
   for (const YamlOverride& each : overrides) {
     const auto dot = each.path.find('.');
@@ -116,19 +117,19 @@ Platform load_platform(const std::string& name, const std::vector<YamlOverride>&
     }
     text = *shipped;
   }
-  Platform platform = read(file, text, overrides, usable_cores());
+  Platform platform = read(file, text, overrides, physical_cores(usable_cores()));
   platform.argument = name;
   return platform;
 }
 
 std::string platform_text(const Platform& platform, const std::vector<YamlOverride>& overrides) {
-  return read(platform.name, platform.text, overrides, usable_cores()).text;
+  return read(platform.name, platform.text, overrides, physical_cores(usable_cores())).text;
 }
 
 Platform parse_platform(const std::string& file, const std::string& text,
                         const std::vector<YamlOverride>& overrides, int host_cores) {
-  std::vector<int> cores(static_cast<std::size_t>(std::max(1, host_cores)));
-  std::iota(cores.begin(), cores.end(), 0);
+  std::vector<PhysicalCore> cores;
+  for (int core = 0; core < std::max(1, host_cores); ++core) cores.push_back({.threads = {core}});
   return read(file, text, overrides, cores);
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "characterize/platform/platform_cores.h"
 #include "workloads/backends/backend_list.h"
 #include "workloads/backends/fake/fake_script.h"
 #include "workloads/base/error.h"
@@ -76,26 +77,18 @@ Distribution read_distribution(const YamlNode& node) {
   return {.kind = Distribution::Kind::kUniform, .low = low, .high = high};
 }
 
-std::vector<int> read_cores(const YamlNode& node, const std::vector<int>& usable) {
-  if (node.is_sequence()) {
-    std::vector<int> cores;
-    for (const auto& item : node.items()) {
-      const int core = static_cast<int>(item.integer(0, 65535));
-      if (std::ranges::find(cores, core) != cores.end()) item.fail("core given twice");
-      cores.push_back(core);
-    }
-    if (cores.empty()) node.fail("must name at least one core");
-    return cores;
+using Machine = std::span<const PhysicalCore>;
+
+std::vector<int> read_cores(const YamlNode& node, Machine machine) {
+  if (!node.is_sequence()) return cores_of_part(one_of(node, core_parts()), machine);
+  std::vector<int> cores;
+  for (const auto& item : node.items()) {
+    const int core = static_cast<int>(item.integer(0, 65535));
+    if (std::ranges::find(cores, core) != cores.end()) item.fail("core given twice");
+    cores.push_back(core);
   }
-  const std::string which =
-      one_of(node, {"first_half", "second_half", "all_but_two", "last_two", "all"});
-  if (which == "all" || usable.size() < 2) return usable;
-  // An odd core goes to the first part; a single one to both. Of fewer than four, two are too many.
-  const auto half = std::ssize(usable) / 2;
-  const auto last = which.ends_with("_half") ? half : std::min<std::ptrdiff_t>(2, half);
-  const auto middle = usable.end() - last;
-  if (which == "first_half" || which == "all_but_two") return {usable.begin(), middle};
-  return {middle, usable.end()};
+  if (cores.empty()) node.fail("must name at least one core");
+  return cores;
 }
 
 /// The backend reads it again when it opens the unit; only here are file and line known.
@@ -169,14 +162,14 @@ void read_contexts(const YamlNode& node, UnitModel& unit) {
 
 Nanos read_spin(const YamlNode& node) { return from_ms(node.number(0, to_us(kMostSpin)) / 1e3); }
 
-void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitModel& unit) {
+void read_backend(const YamlNode& node, Machine machine, UnitModel& unit) {
   if (node.has("backend")) {
     unit.backend = one_of(node.at("backend"), backend_names());
   }
   for (const char* key : {"cores", "device", "script", "meter", "options", "spin_us"}) {
     if (node.has(key) && unit.backend.empty()) node.at(key).fail("needs a `backend:` beside it");
   }
-  if (node.has("cores")) unit.cores = read_cores(node.at("cores"), usable);
+  if (node.has("cores")) unit.cores = read_cores(node.at("cores"), machine);
   if (node.has("spin_us")) unit.spin = read_spin(node.at("spin_us"));
   unit.device = text_or_empty(node, "device");
   unit.meter = text_or_empty(node, "meter");
@@ -191,7 +184,7 @@ void read_backend(const YamlNode& node, const std::vector<int>& usable, UnitMode
   }
 }
 
-UnitModel read_unit(const YamlNode& node, const std::string& name, const std::vector<int>& usable) {
+UnitModel read_unit(const YamlNode& node, const std::string& name, Machine machine) {
   std::vector<std::string> known = {"servers", "discipline", "slots",  "active_w", "idle_w",
                                     "role",    "energy",     "link",   "backend",  "cores",
                                     "device",  "script",     "meter",  "options",  "contexts",
@@ -233,7 +226,7 @@ UnitModel read_unit(const YamlNode& node, const std::string& name, const std::ve
   }
   unit.link = text_or_empty(node, "link");
   unit.memory = text_or_empty(node, "memory");
-  read_backend(node, usable, unit);
+  read_backend(node, machine, unit);
   if (node.has("contexts")) read_contexts(node.at("contexts"), unit);
   return unit;
 }
@@ -247,9 +240,9 @@ void mark_shared_cores(std::vector<UnitModel>& units) {
   }
 }
 
-void read_units(const YamlNode& node, const std::vector<int>& usable, Platform& platform) {
+void read_units(const YamlNode& node, Machine machine, Platform& platform) {
   for (const auto& name : node.keys()) {
-    platform.units.push_back(read_unit(node.at(name), name, usable));
+    platform.units.push_back(read_unit(node.at(name), name, machine));
   }
   if (platform.units.empty()) node.fail("a platform has at least one unit");
   mark_shared_cores(platform.units);
@@ -378,14 +371,14 @@ ModeDefaults read_mode(const YamlNode& node, const Platform& platform) {
 
 }  // namespace
 
-Platform read_platform(const YamlNode& document, const std::vector<int>& usable) {
+Platform read_platform(const YamlNode& document, std::span<const PhysicalCore> machine) {
   document.check_keys(
       {"platform", "description", "assumptions", "units", "links", "workloads", "modes"});
   Platform platform;
   platform.name = checked_name(document.at("platform"), document.at("platform").text());
   platform.description = paragraph_or_empty(document, "description");
   platform.assumptions = paragraph_or_empty(document, "assumptions");
-  read_units(document.at("units"), usable, platform);
+  read_units(document.at("units"), machine, platform);
   if (document.has("links")) read_links(document.at("links"), platform);
   check_links(document.at("units"), platform);
   if (document.has("workloads")) read_workloads(document.at("workloads"), platform);

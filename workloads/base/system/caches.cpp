@@ -3,14 +3,14 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <fstream>
 #include <map>
-#include <sstream>
 #include <string>
 #include <system_error>
 #include <utility>
 #include <vector>
+
+#include "workloads/base/system/cores.h"
 
 namespace pirt {
 namespace {
@@ -58,20 +58,6 @@ std::vector<Cache> caches_of(const std::filesystem::path& core) {
   }
 }
 
-/// "0-3,8" as numbers; empty where it is none.
-std::vector<int> parse_cores(const std::string& list) {
-  std::vector<int> cores;
-  std::istringstream parts(list);
-  for (std::string part; std::getline(parts, part, ',');) {
-    int first = 0;
-    int last = 0;
-    const int found = std::sscanf(part.c_str(), "%d-%d", &first, &last);
-    if (found < 1) return {};
-    for (int core = first; core <= (found == 2 ? last : first); ++core) cores.push_back(core);
-  }
-  return cores;
-}
-
 /// The caches of one level that some cores reach.
 struct Level {
   std::map<std::string, std::int64_t> bytes;  ///< Of each, by the cores that share it.
@@ -90,7 +76,7 @@ std::map<long, Level> levels_of(std::span<const int> cores, const std::filesyste
   for (const int core : cores) {
     for (const Cache& cache : caches_of(root / kCores / ("cpu" + std::to_string(core)))) {
       if (cache.level < 2) continue;
-      auto sharing = parse_cores(cache.cores);
+      auto sharing = parse_core_list(cache.cores);
       if (sharing.empty()) sharing = {core};
       Level& level = levels[cache.level];
       for (const int other : sharing) {
