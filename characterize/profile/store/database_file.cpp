@@ -105,13 +105,13 @@ void identify(const std::filesystem::path& path) {
 
 /// A writer that was killed in a transaction leaves a journal; only a connection that may write can
 /// roll it back.
-void recover(const std::filesystem::path& path, Nanos busy_wait) {
+void recover(const std::filesystem::path& path, const FileWait& waiting) {
   auto journal = follow_links(path);
   journal += "-journal";
   std::error_code failed;
   const auto size = std::filesystem::file_size(journal, failed);
   if (failed || size == 0) return;
-  const Connection connection(path, Connection::Mode::kReadWrite, busy_wait);
+  const Connection connection(path, Connection::Mode::kReadWrite, waiting);
   Statement(connection, "SELECT count(*) FROM sqlite_schema").run();
 }
 
@@ -164,10 +164,10 @@ std::string new_database(const std::filesystem::path& path) {
 }  // namespace
 
 sqlite::Connection open_database(const std::filesystem::path& path, sqlite::Connection::Mode mode,
-                                 Nanos busy_wait) {
+                                 const FileWait& waiting) {
   identify(path);
-  recover(path, busy_wait);
-  Connection connection(path, mode, busy_wait);
+  recover(path, waiting);
+  Connection connection(path, mode, waiting);
   // One state of the file, though another program may be appending a run.
   connection.run("BEGIN");
   verify_all(connection);

@@ -13,9 +13,6 @@ namespace pirt {
 /// What SQLite calls the files that it keeps beside a database, behind the database's name.
 inline constexpr std::array kSideFiles = {"-journal", "-wal", "-shm"};
 
-/// How long another writer is waited for.
-inline constexpr Nanos kBusyWait = std::chrono::seconds(10);
-
 /// Opens an existing profile database after checking what it is, its version, its structure
 /// (integrity_check), its schema and all its checksums. A journal left by a killed writer is rolled
 /// back; apart from that nothing is written, except that a file of the version before, opened for
@@ -25,7 +22,7 @@ inline constexpr Nanos kBusyWait = std::chrono::seconds(10);
 /// @throws Error{kEnvironment}: busy, unreadable disk.
 [[nodiscard]] sqlite::Connection open_database(const std::filesystem::path& path,
                                                sqlite::Connection::Mode mode,
-                                               Nanos busy_wait = kBusyWait);
+                                               const FileWait& waiting = {});
 
 /// Makes an empty profile database where no file is: built beside it and then linked to its name,
 /// so that no half-made one is ever seen. A journal that a killed writer left of a file that was

@@ -462,7 +462,9 @@ std::optional<UnfinishedRun> find_unfinished_run(const std::filesystem::path& pa
   if (spent != found.run.environment.end()) {
     found.spent = Nanos(std::llround(1e9 * std::strtod(spent->second.c_str(), nullptr)));
   }
-  found.peaks = read_peaks(connection, found.run.platform, {found.run.run_id, found.run.run_id});
+  const RunRange own{found.run.run_id, found.run.run_id};
+  found.peaks = read_peaks(connection, found.run.platform, own);
+  found.unit_times = read_unit_times(connection, found.run.platform, own);
   found.visits = read_visits(connection, found.run.run_id);
   Statement cells(connection,
                   "SELECT workload, unit FROM cell WHERE run_id = ? AND NOT EXISTS (SELECT 1 FROM "

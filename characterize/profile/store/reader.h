@@ -65,6 +65,7 @@ struct UnfinishedRun {
   std::int64_t checksum = 0;   ///< Of the state that this is.
   Nanos spent{0};              ///< What it took until its last process.
   std::vector<PeakRow> peaks;  ///< That were measured.
+  std::vector<UnitTimeRow> unit_times;
   std::vector<CellName> done;  ///< The cells that are complete, in the order of storing.
   std::vector<std::pair<CellName, VisitRecord>> visits;  ///< Of cells that are not; in order.
 };

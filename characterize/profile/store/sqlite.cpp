@@ -2,7 +2,9 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <bit>
+#include <thread>
 
 #include "workloads/base/error.h"
 
@@ -28,16 +30,63 @@ std::string file_name(const std::filesystem::path& path) {
 
 }  // namespace
 
-Connection::Connection(std::filesystem::path path, Mode mode, Nanos busy_wait)
-    : path_(std::move(path)), busy_wait_(busy_wait) {
+/// One wait after the other, for as long as each is to take.
+struct Connection::Wait {
+  static constexpr Nanos kStep = std::chrono::milliseconds(10);
+  static constexpr Nanos kUntilNotice = std::chrono::seconds(1);
+  /// For whoever only reads: what was measured is worth as much after a signal, too.
+  static constexpr Nanos kAfterStop = std::chrono::seconds(2);
+
+  FileWait waiting;
+  std::string path;
+  sqlite3* handle = nullptr;
+  MachineClock clock;
+  Nanos begun{0}, stopped{0}, waited{0};
+  bool noticed = false, given_up = false;
+
+  /// SQLite's busy handler. @param times  How often it was called for this lock.
+  /// @return 0 to give up.
+  static int again(void* wait, int times) { return static_cast<Wait*>(wait)->again(times); }
+
+  int again(int times) {
+    const Nanos now = clock.now();
+    if (times == 0) {
+      begun = now;
+      stopped = Nanos(0);
+      noticed = false;
+    }
+    waited = now - begun;
+    if (waiting.stop != nullptr && waiting.stop->load()) {
+      if (stopped == Nanos(0)) stopped = now;
+      given_up = now - stopped >= kAfterStop;
+      if (given_up) return 0;
+    }
+    if (waiting.longest && waited >= *waiting.longest) return 0;
+    if (waited >= kUntilNotice && !noticed && waiting.notice) {
+      noticed = true;
+      // Whoever has begun to write waits for readers only.
+      const bool writes = sqlite3_txn_state(handle, "main") == SQLITE_TXN_WRITE;
+      waiting.notice(
+          fmt::format("waiting for another program that {} {}", writes ? "reads" : "writes", path));
+    }
+    std::this_thread::sleep_for(kStep);
+    return 1;
+  }
+};
+
+Connection::Connection(std::filesystem::path path, Mode mode, FileWait waiting)
+    : path_(std::move(path)), wait_(std::make_shared<Wait>()) {
+  wait_->waiting = std::move(waiting);
+  wait_->path = path_.string();
   sqlite3* handle = nullptr;
   const std::string name = mode == Mode::kMemory ? ":memory:" : file_name(path_);
   const int code =
       sqlite3_open_v2(name.c_str(), &handle, open_flags(mode) | SQLITE_OPEN_NOMUTEX, nullptr);
   handle_.reset(handle);
+  wait_->handle = handle;
   if (code != SQLITE_OK) fail(code);
   sqlite3_extended_result_codes(handle, 1);
-  sqlite3_busy_timeout(handle, static_cast<int>(busy_wait.count() / 1'000'000));
+  sqlite3_busy_handler(handle, &Wait::again, wait_.get());
   sqlite3_db_config(handle, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   run("PRAGMA foreign_keys = ON; PRAGMA trusted_schema = OFF; PRAGMA temp_store = MEMORY");
 }
@@ -56,9 +105,13 @@ void Connection::fail(int code) const {
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
       throw_environment(
-          fmt::format("profile database '{}' is in use by another program (waited {:.3g} s); try "
-                      "again when that has ended, or give another --db",
-                      path, to_s(busy_wait_)));
+          wait_->given_up
+              ? fmt::format("interrupted while another program used profile database '{}' (waited "
+                            "{:.3g} s); what was stored before is kept",
+                            path, to_s(wait_->waited))
+              : fmt::format("profile database '{}' is in use by another program (waited {:.3g} s); "
+                            "try again when that has ended, or give another --db",
+                            path, to_s(wait_->waiting.longest.value_or(wait_->waited))));
     case SQLITE_FULL:
       throw_environment(fmt::format(
           "no space left to write profile database '{}'; what was stored before is kept: free "

@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 
+#include "characterize/profile/store/file_wait.h"
 #include "workloads/base/hash.h"
 #include "workloads/base/time.h"
 
@@ -28,8 +29,8 @@ class Connection {
   };
 
   /// @param path       A file's, whatever it looks like: ":memory:" and "file:p.db" are files too.
-  /// @param busy_wait  How long another writer is waited for.
-  Connection(std::filesystem::path path, Mode mode, Nanos busy_wait);
+  /// @param waiting  How others who use the file are waited for.
+  Connection(std::filesystem::path path, Mode mode, FileWait waiting);
 
   /// Runs one or several statements without results.
   void run(const std::string& sql);
@@ -45,8 +46,9 @@ class Connection {
   struct Close {
     void operator()(sqlite3* handle) const { sqlite3_close_v2(handle); }
   };
+  struct Wait;
   std::filesystem::path path_;
-  Nanos busy_wait_;
+  std::shared_ptr<Wait> wait_;  ///< Where SQLite finds it, whoever has the connection.
   std::unique_ptr<sqlite3, Close> handle_;
 };
 

@@ -26,12 +26,12 @@ using sqlite::Connection;
 using sqlite::Statement;
 using sqlite::Transaction;
 
-Connection open_or_create(const std::filesystem::path& path, Nanos busy_wait) {
+Connection open_or_create(const std::filesystem::path& path, const FileWait& waiting) {
   std::error_code failed;  // which opening it explains
   const auto made = follow_links(path);
   const auto status = std::filesystem::symlink_status(made, failed);
   if (status.type() == std::filesystem::file_type::not_found) create_database(made);
-  return open_database(path, Connection::Mode::kReadWrite, busy_wait);
+  return open_database(path, Connection::Mode::kReadWrite, waiting);
 }
 
 std::string join_cores(const std::vector<int>& cores) {
@@ -212,8 +212,8 @@ struct ProfileWriter::Impl {
   RunLock lock{connection.path()};
 };
 
-ProfileWriter::ProfileWriter(const std::filesystem::path& path, Nanos busy_wait)
-    : impl_(new Impl{open_or_create(path, busy_wait)}) {}
+ProfileWriter::ProfileWriter(const std::filesystem::path& path, const FileWait& waiting)
+    : impl_(new Impl{open_or_create(path, waiting)}) {}
 ProfileWriter::~ProfileWriter() = default;
 ProfileWriter::ProfileWriter(ProfileWriter&&) noexcept = default;
 
@@ -351,6 +351,15 @@ void ProfileWriter::finish_run(std::int64_t run_id, const std::string& finished,
   Transaction transaction(connection);
   Statement update(connection, "UPDATE run SET finished = ? WHERE run_id = ?");
   update.bind(finished).bind(run_id).run();
+  insert_facts(connection, run_id, facts);
+  update_run_checksum(connection, run_id);
+  transaction.commit();
+}
+
+void ProfileWriter::write_facts(std::int64_t run_id,
+                                const std::map<std::string, std::string>& facts) {
+  Connection& connection = impl_->connection;
+  Transaction transaction(connection);
   insert_facts(connection, run_id, facts);
   update_run_checksum(connection, run_id);
   transaction.commit();

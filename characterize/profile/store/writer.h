@@ -12,6 +12,7 @@
 #include <string>
 
 #include "characterize/profile/records.h"
+#include "characterize/profile/store/file_wait.h"
 #include "characterize/profile/store/reader.h"
 #include "workloads/base/time.h"
 
@@ -22,11 +23,11 @@ namespace pirt {
 class ProfileWriter {
  public:
   /// Opens the database, or creates it where no file is.
-  /// @param busy_wait  How long another writer is waited for.
+  /// @param waiting  How other programs that write are waited for, and those that read, whenever
+  /// something is stored.
   /// @throws Error{kBadInput}: not a profile database, damaged, newer, not writable, no such
   /// folder. Nothing is written or created then.
-  explicit ProfileWriter(const std::filesystem::path& path,
-                         Nanos busy_wait = std::chrono::seconds(10));
+  explicit ProfileWriter(const std::filesystem::path& path, const FileWait& waiting = {});
   ~ProfileWriter();
   ProfileWriter(ProfileWriter&&) noexcept;
   ProfileWriter& operator=(ProfileWriter&&) = delete;
@@ -55,6 +56,8 @@ class ProfileWriter {
   /// @param facts  What is known of the run now that it is over; added to its environment.
   void finish_run(std::int64_t run_id, const std::string& finished,
                   const std::map<std::string, std::string>& facts = {});
+  /// Of a run that is to be gone on with.
+  void write_facts(std::int64_t run_id, const std::map<std::string, std::string>& facts);
 
  private:
   struct Impl;
