@@ -17,8 +17,7 @@ constexpr std::array<SleepPlan, 5> kPlans = {{{Nanos(0), 20},
                                               {microseconds(100), 20},
                                               {milliseconds(1), 20},
                                               {milliseconds(10), 20},
-                                              {milliseconds(100), 7}}};
-constexpr int kColdSamples = 10;
+                                              {milliseconds(100), 20}}};
 constexpr std::int64_t kPartOfLast = 8;
 
 std::int64_t last_of(const std::vector<int>& cores) {
@@ -65,9 +64,9 @@ std::vector<Nanos> Reread::after(const SleepPlan& plan) {
   return times;
 }
 
-std::vector<Nanos> Reread::cold() {
+std::vector<Nanos> Reread::cold(int samples) {
   std::vector<Nanos> times;
-  for (int i = 0; i < kColdSamples; ++i) {
+  for (int i = 0; i < samples; ++i) {
     sweep_.run();
     const CoresRestored restored;
     bind_to_cores({cores_.data(), 1}, "reread");

@@ -18,7 +18,7 @@ class Reread {
  public:
   /// Whether the machine says how much its caches hold.
   [[nodiscard]] static bool possible(const std::vector<int>& cores);
-  /// 0 to 100 ms, fewer of the longer ones: with cold() about 1 s in all.
+  /// 0 to 100 ms: 2.3 s in all.
   [[nodiscard]] static std::span<const SleepPlan> plans();
 
   /// @param cores  The unit's; at least one. It reads on the first of them.
@@ -28,7 +28,7 @@ class Reread {
   /// @throws Error{kEnvironment} if the thread cannot run there.
   [[nodiscard]] std::vector<Nanos> after(const SleepPlan& plan);
   /// The same after as many other bytes as the caches hold.
-  [[nodiscard]] std::vector<Nanos> cold();
+  [[nodiscard]] std::vector<Nanos> cold(int samples);
 
  private:
   [[nodiscard]] Nanos read() const;

@@ -19,7 +19,7 @@ constexpr std::array<SleepPlan, 5> kPlans = {{{Nanos(0), 200},
                                               {microseconds(100), 60},
                                               {milliseconds(1), 40},
                                               {milliseconds(10), 20},
-                                              {milliseconds(100), 5}}};
+                                              {milliseconds(100), 20}}};
 
 /// A unit that computes nothing, and who hands it calls.
 class EmptyUnit {

@@ -10,7 +10,7 @@
 namespace pirt {
 
 /// 0 (the call is handed over from the end of the one before), 0.1, 1, 10 and 100 ms, fewer of the
-/// longer ones: 0.8 s in all.
+/// longer ones, and never less than a row needs (campaign/validity.h): 2.3 s in all.
 [[nodiscard]] std::span<const SleepPlan> handover_plans();
 
 /// Hands empty calls to a unit (KernelUnit, its own queue) whose thread runs on @p cores; no device
