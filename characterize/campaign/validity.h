@@ -22,9 +22,9 @@ inline constexpr std::int64_t kFewestProcesses = 3;
 /// Samples of one phase from all processes of a cell.
 struct CellSamples {
   Phase phase = Phase::kCall;
-  std::vector<Nanos> samples;
-  std::vector<std::int32_t> processes;  ///< Which process took each, from 0 in order of time.
-  std::vector<Nanos> cpu = {};          ///< Processor time of each one's call; empty = not known.
+  std::vector<Nanos> samples = {};
+  std::vector<std::int32_t> processes = {};  ///< Which process took each, from 0 in order of time.
+  std::vector<Nanos> cpu = {};  ///< Processor time of each one's call; empty = not known.
   std::int64_t batch = 1;  ///< Calls between two readings of the clock: the fewest of any process.
 };
 

@@ -159,8 +159,26 @@ void check_every_workload_served(const Platform& platform, const Profile* profil
                   remedy(platform, profile, missing));
 }
 
+namespace {
+
+/// What of @p among is uncertain so far that it tells nothing of the order of units, where another
+/// one of the robot's own is not.
+UnitMask too_uncertain(const Platform& platform, const ServiceTable& services, WorkloadId workload,
+                       UnitMask among) {
+  const UnitMask own = among & ~cloud_units(platform);
+  UnitMask wild = 0;
+  for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
+    const Service* service = services.find(workload, unit);
+    if (contains(own, unit) && service != nullptr && service->wild) wild |= unit_bit(unit);
+  }
+  return wild == own ? 0 : wild;
+}
+
+}  // namespace
+
 std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const Mix& mix,
-                                                 const ServiceTable& services) {
+                                                 const ServiceTable& services,
+                                                 std::vector<std::string>& warnings) {
   std::map<std::string_view, WorkloadId> ids;
   for (const auto& name : services.workloads)
     ids.emplace(name, static_cast<WorkloadId>(ids.size()));
@@ -179,8 +197,18 @@ std::vector<std::vector<TaskClass>> task_classes(const Platform& platform, const
                         unit_list(platform, served) + " of platform " + platform.name +
                         " can serve");
       }
+      const UnitMask left_out = too_uncertain(platform, services, workload, served & named);
+      if (left_out != 0) {
+        std::string warning =
+            task.workload + " on " + unit_list(platform, left_out) +
+            " is not used: its figure is uncertain by more than a factor of 4, and another unit "
+            "serves it";
+        if (std::ranges::find(warnings, warning) == warnings.end()) {
+          warnings.push_back(std::move(warning));
+        }
+      }
       row.push_back({.workload = workload,
-                     .eligible = served & named,
+                     .eligible = served & named & ~left_out,
                      .real_time = pipeline.real_time,
                      .image_input = task.image_input});
     }

@@ -33,10 +33,14 @@ void check_every_workload_served(const Platform& platform, const Profile* profil
                                  const ServiceTable& services, CloudUse cloud_use);
 
 /// [pipeline][task]: the units that have a service and that `eligible` names, by unit or by role.
+/// One whose figure is uncertain by more than a factor of 4 is among them only where nothing else
+/// of the robot's own is; the cloud is asked for other reasons than its time.
+/// @param warnings  Appended to: which is left out so.
 /// @throws Error{kBadInput} if `eligible` names neither a unit nor a role, or leaves no unit.
 [[nodiscard]] std::vector<std::vector<TaskClass>> task_classes(const Platform& platform,
                                                                const Mix& mix,
-                                                               const ServiceTable& services);
+                                                               const ServiceTable& services,
+                                                               std::vector<std::string>& warnings);
 
 /// "mix m: pipelines.p: task", for messages.
 [[nodiscard]] std::string task_name(const Mix& mix, const Pipeline& pipeline, const MixTask& task);

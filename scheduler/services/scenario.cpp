@@ -10,7 +10,9 @@ Scenario make_scenario(const Platform& platform, const Profile* profile, const M
   const bool slices = options.slices;
   ServiceTable services = resolve_services(platform, profile, workloads_of(mix), options);
   check_every_workload_served(platform, profile, mix, services, cloud_use);
-  auto classes = task_classes(platform, mix, services);
+  std::vector<std::string> warnings;
+  auto classes = task_classes(platform, mix, services, warnings);
+  services.warnings.insert(services.warnings.end(), warnings.begin(), warnings.end());
   return {.platform = platform,
           .mix = mix,
           .services = std::move(services),

@@ -402,26 +402,6 @@ void warn_of_power(const Platform& platform, const Profile* profile,
   }
 }
 
-/// Intervals that tell nothing of the order of units are used where nothing else serves the
-/// workload.
-void leave_out_wild(const Platform& platform, const std::string& workload,
-                    std::vector<ServiceEntry>& row, std::vector<std::string>& warnings) {
-  const auto serves = [](const ServiceEntry& entry) {
-    return entry.service && !entry.service->wild;
-  };
-  if (std::ranges::none_of(row, serves)) return;
-  for (UnitId unit = 0; unit < row.size(); ++unit) {
-    ServiceEntry& entry = row[unit];
-    if (!entry.service || serves(entry)) continue;
-    entry = {.service = std::nullopt,
-             .reason = fmt::format("its figure is uncertain by more than a factor of {} ({}), and "
-                                   "another unit serves the workload",
-                                   kWildSpan, join(entry.service->doubts, ", "))};
-    warnings.push_back(
-        fmt::format("{} on {} is not used: {}", workload, platform.units[unit].name, entry.reason));
-  }
-}
-
 }  // namespace
 
 ServiceTable resolve_services(const Platform& platform, const Profile* profile,
@@ -458,7 +438,6 @@ ServiceTable resolve_services(const Platform& platform, const Profile* profile,
       service.energy_known =
           service.metered_j || states_power(platform, platform.units[unit], profile);
     }
-    leave_out_wild(platform, name, row, table.warnings);
   }
   return table;
 }

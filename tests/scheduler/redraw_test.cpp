@@ -93,7 +93,7 @@ TEST(Redraw, AnIntervalHoldsWhatTheTrueProfileGives) {
   const Mix mix = mix_of(kThreePipelines);
   const Profile exact = true_profile();
   const RunFigures truth = figures_of(run_virtual(platform, &exact, mix, short_mode("ect")));
-  constexpr int kTrials = 60;
+  constexpr int kTrials = 40;
   for (const int processes : {4, 7, 10}) {
     std::map<std::string, int> held;
     for (int trial = 0; trial < kTrials; ++trial) {

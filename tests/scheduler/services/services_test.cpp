@@ -207,8 +207,8 @@ PhaseRow doubted(PhaseRow row, double low, double high) {
 }
 
 TEST(Services, UseDoubtedRowsAndSayHowFarTheyAreKnown) {
-  const Profile profile =
-      profile_of({doubted(row("gpu", Phase::kCall, 3000), 0.5, 1.5), row("cpu", Phase::kCall, 100)});
+  const Profile profile = profile_of(
+      {doubted(row("gpu", Phase::kCall, 3000), 0.5, 1.5), row("cpu", Phase::kCall, 100)});
   const auto table = services_of(&profile);
   const Service& service = *table.find(0, 1);
   EXPECT_EQ(service.total(), Nanos(3000));
@@ -221,22 +221,23 @@ TEST(Services, UseDoubtedRowsAndSayHowFarTheyAreKnown) {
   options.strict = true;
   const auto strict = services_of(&profile, options);
   EXPECT_EQ(strict.find(0, 1), nullptr);
-  EXPECT_THAT(strict.entries[0][1].reason, HasSubstr("doubted (contended), which --strict refuses"));
+  EXPECT_THAT(strict.entries[0][1].reason,
+              HasSubstr("doubted (contended), which --strict refuses"));
 }
 
 TEST(Services, UseWhatSaysNothingOfTheOrderOfUnitsWhereNothingElseServes) {
   const auto wild = doubted(row("gpu", Phase::kCall, 3000), 0.4, 2);
   EXPECT_TRUE(wild.is_wild());
-  const Profile alone = profile_of({wild});
-  ServiceOptions options;
-  options.without = {"cpu", "cloud"};
-  const auto only = services_of(&alone, options);
-  ASSERT_NE(only.find(0, 1), nullptr);
-  EXPECT_TRUE(only.find(0, 1)->wild);
-  const Profile beside = profile_of({wild, row("cpu", Phase::kCall, 100'000)});
-  const auto table = services_of(&beside);
-  EXPECT_EQ(table.find(0, 1), nullptr);
-  EXPECT_THAT(table.entries[0][1].reason, HasSubstr("more than a factor of 4"));
+  const Profile profile = profile_of({wild, row("cpu", Phase::kCall, 100'000)});
+  const Platform platform = platform_of(kPlatform);
+  const Mix mix = parse_mix("mix.yaml",
+                            "mix: m\npipelines:\n  a: {rate_hz: 1, tasks: [{workload: fc8}]}\n"
+                            "  b: {rate_hz: 1, tasks: [{workload: fc8, eligible: [gpu]}]}\n");
+  const auto scenario = make_scenario(platform, &profile, mix, {}, CloudUse::kAll);
+  // The cloud is not asked for its time; gpu is left where the mix wants it and nothing else.
+  EXPECT_EQ(scenario.classes[0][0].eligible, unit_bit(0) | unit_bit(2));
+  EXPECT_EQ(scenario.classes[1][0].eligible, unit_bit(1));
+  EXPECT_THAT(scenario.services.warnings, Contains(HasSubstr("fc8 on gpu is not used")));
 }
 
 TEST(Services, ModelEnergyAnewButBelieveAMeter) {
