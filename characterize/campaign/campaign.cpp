@@ -20,6 +20,7 @@
 #include "characterize/platform/unit_request.h"
 #include "characterize/profile/profile.h"
 #include "characterize/profile/roofline.h"
+#include "characterize/profile/store/database_format.h"
 #include "characterize/profile/store/reader.h"
 #include "characterize/profile/store/writer.h"
 #include "characterize/worker/job_runner.h"
@@ -47,6 +48,11 @@ Environment run_environment(const CampaignOptions& options, const CampaignPlan& 
   return facts;
 }
 
+/// One part in so many of the time is kept for times of units at most.
+constexpr int kMostReserved = 8;
+/// Of a set-up that a cell did not come to.
+constexpr std::string_view kMissing = "no_samples";
+
 /// One cell of a running campaign.
 struct Cell {
   const PlannedCell* planned = nullptr;
@@ -63,48 +69,99 @@ void shuffle(std::vector<T>& items, std::uint64_t seed) {
   for (std::size_t i = items.size(); i > 1; --i) std::swap(items[i - 1], items[random.below(i)]);
 }
 
+std::vector<PeakRecord> peaks_of(const std::string& unit, const std::vector<PeakRow>& rows) {
+  std::vector<PeakRecord> records;
+  for (const PeakRow& row : rows) {
+    if (row.unit != unit) continue;
+    records.push_back(
+        {row.unit, row.kind, row.per_second, row.variant, row.provenance, row.reasons, row.doubts});
+  }
+  return records;
+}
+
 class Campaign {
  public:
   Campaign(const CampaignOptions& options, const CampaignPlan& plan, const ProgressSink& sink)
       : options_(options),
         plan_(plan),
         sink_(sink),
-        writer_(options.database),
-        runner_(options.program, options.job_limit, options.stop) {}
+        writer_(options.database, waiting(options, sink)),
+        runner_(options.program, options.job_limit, options.stop,
+                [this] { return elapsed() >= end_of_part(); }) {}
 
   CampaignSummary run() {
+    begin();
+    visit_all_once();
+    measure_peaks_of_units();
+    measure_in_rounds();
+    store_begun();
+    measure_unit_times();
+    judge_peaks();
+    end();
+    return summary_;
+  }
+
+ private:
+  static FileWait waiting(const CampaignOptions& options, const ProgressSink& sink) {
+    FileWait waiting;
+    waiting.longest.reset();
+    waiting.stop = options.stop;
+    waiting.notice = sink.waiting;
+    return waiting;
+  }
+
+  [[nodiscard]] Nanos elapsed() const { return clock_.now() - start_; }
+  [[nodiscard]] bool stopped() const { return options_.stop != nullptr && options_.stop->load(); }
+  /// Of what is being measured.
+  [[nodiscard]] Nanos end_of_part() const {
+    return measures_cells_ ? end_of_cells() : plan_.max_time;
+  }
+  /// Whether the time for it is over, or somebody stopped the run.
+  [[nodiscard]] bool over() {
+    summary_.interrupted = summary_.interrupted || stopped();
+    return summary_.interrupted || elapsed() >= end_of_part();
+  }
+
+  void begin() {
     if (options_.resumed) writer_.resume_run(*options_.resumed);
     const Environment facts = run_environment(options_, plan_);
     if (options_.resumed) {
       check_identity(options_.resumed->run, facts);
       summary_.run_id = options_.resumed->run.run_id;
+      for (const UnitRecord& unit : plan_.units) {
+        peaks_[unit.unit] = peaks_of(unit.unit, options_.resumed->peaks);
+      }
     } else {
       summary_.run_id = writer_.begin_run({utc_now(), options_.platform.name, options_.seed, facts,
                                            plan_.units, stored_plan(options_, plan_)});
     }
-    measure_peaks_of_units();
+    if (sink_.begun) sink_.begun(summary_.run_id);
     make_cells();
     if (options_.resumed) replay(options_.resumed->visits);
-    if (!summary_.interrupted) measure();
-    if (!summary_.interrupted) judge_peaks();
-    if (summary_.interrupted) {
-      store_interrupted();
-    } else {
-      Environment at_end = end_environment(counters_, read_host_counters({}));
-      at_end.merge(awake_facts(plan_, awake_w_));
-      writer_.finish_run(summary_.run_id, utc_now(), at_end);
-    }
-    summary_.elapsed = elapsed();
-    return summary_;
   }
 
- private:
-  [[nodiscard]] Nanos elapsed() const { return clock_.now() - start_; }
+  void end() {
+    summary_.elapsed = elapsed();
+    Environment at_end = {{std::string(kSpent), fmt::format("{:.3f}", to_s(summary_.elapsed))}};
+    if (!summary_.interrupted) {
+      at_end.merge(end_environment(counters_, read_host_counters({})));
+      at_end.merge(awake_facts(plan_, awake_w_));
+    }
+    if (summary_.complete()) {
+      writer_.finish_run(summary_.run_id, utc_now(), at_end);
+    } else {
+      writer_.write_facts(summary_.run_id, at_end);
+    }
+  }
 
-  /// The limits of each unit, before its cells.
+  /// The limits of each unit.
   void measure_peaks_of_units() {
     for (const UnitRecord& unit : plan_.units) {
-      if (!summary_.interrupted) measure_peaks_of(unit.unit);
+      if (summary_.interrupted) return;
+      measure_peaks_of(unit.unit);
+      if (!summary_.interrupted && peaks_[unit.unit].empty()) {
+        summary_.peaks_left_out.push_back(unit.unit);
+      }
     }
   }
 
@@ -122,7 +179,7 @@ class Campaign {
     const auto result =
         runner_.run(job, find_backend(unit.backend).kernel_cache_environment(cache.string()));
     if (!result) {
-      summary_.interrupted = true;
+      summary_.interrupted = stopped();
       return;
     }
     auto& known = peaks_[name];
@@ -134,6 +191,7 @@ class Campaign {
   /// A cell above its roof shows that a peak was measured too low, in a busy spell perhaps: it is
   /// measured once more, and if it is still exceeded, it is stored as not valid.
   void judge_peaks() {
+    if (summary_.interrupted || summary_.cells + summary_.cells_begun == 0) return;
     const auto exceeded = [&] {
       const RunRange own{summary_.run_id, summary_.run_id};
       return exceeded_peaks(rooflines(load_profile(options_.database, options_.platform.name, own)),
@@ -155,12 +213,16 @@ class Campaign {
     }
   }
 
+  /// Those that the mix needs before the others, also where meters are read.
   void make_cells() {
     cells_.reserve(plan_.cells.size());
-    for (const PlannedCell& planned : plan_.cells) {
-      Cell cell{&planned, request_for(planned), nullptr, {}, false};
-      cell.measurement = std::make_unique<CellMeasurement>(cell.request, runner_);
-      cells_.push_back(std::move(cell));
+    for (const bool first : {true, false}) {
+      for (const PlannedCell& planned : plan_.cells) {
+        if (planned.first != first) continue;
+        Cell cell{&planned, request_for(planned), nullptr, {}, false};
+        cell.measurement = std::make_unique<CellMeasurement>(cell.request, runner_);
+        cells_.push_back(std::move(cell));
+      }
     }
   }
 
@@ -174,16 +236,38 @@ class Campaign {
     }
   }
 
-  void measure() {
-    for (int round = 0; !summary_.interrupted; ++round) {
-      const std::vector<Cell*> due = cells_of_round(round);
-      if (due.empty()) return;
-      for (Cell* cell : due) {
-        if (!visit(*cell)) {
-          summary_.interrupted = true;
-          break;
-        }
+  /// What is measured at the end is measured within the time, too: not more than a part of it,
+  /// where there is little.
+  [[nodiscard]] Nanos end_of_cells() const {
+    Nanos reserved{0};
+    for (const PlannedUnitTime& each : plan_.unit_times) reserved += each.part.expected;
+    return plan_.max_time - std::min(reserved, plan_.max_time / kMostReserved);
+  }
+
+  /// Those that the mix needs first: with one process each a robot can be scheduled.
+  void visit_all_once() {
+    std::vector<Cell*> first, others;
+    for (Cell& cell : cells_) {
+      if (cell.measurement->processes() == 0) {
+        (cell.planned->first ? first : others).push_back(&cell);
       }
+    }
+    const std::uint64_t seed = derive_seed(options_.seed, "round 0");
+    shuffle(first, seed);
+    shuffle(others, first.empty() ? seed : derive_seed(seed, "others"));
+    first.insert(first.end(), others.begin(), others.end());
+    visit_each(first);
+  }
+
+  /// @return False if the time is over, or somebody stopped it.
+  bool visit_each(const std::vector<Cell*>& cells) {
+    return std::ranges::all_of(cells, [this](Cell* cell) { return visit(*cell); });
+  }
+
+  void measure_in_rounds() {
+    for (int round = 1; !over(); ++round) {
+      const std::vector<Cell*> due = cells_of_round(round);
+      if (due.empty() || !visit_each(due)) return;
     }
   }
 
@@ -194,10 +278,9 @@ class Campaign {
     for (Cell& cell : cells_) {
       if (cell.stored) continue;
       const auto next = cell.measurement->next();
-      if (next && (next->needed || !time_is_over())) {
+      if (next && (next->needed || !precision_is_over())) {
         (next->needed ? needing : wanting).push_back(&cell);
       } else if (!complete(cell)) {
-        summary_.interrupted = true;
         return {};
       }
     }
@@ -216,18 +299,28 @@ class Campaign {
       needed.push_back(visits ? std::optional(*visits * cell->last_visit) : std::nullopt);
     }
     std::vector<Cell*> chosen;
-    for (const std::size_t i : within_reach(needed, plan_.max_time - elapsed())) {
+    for (const std::size_t i : within_reach(needed, end_of_precision() - elapsed())) {
       chosen.push_back(wanting[i]);
     }
     return chosen;
   }
 
-  [[nodiscard]] bool time_is_over() const { return elapsed() >= plan_.max_time; }
+  /// The meters are read after it, within the time.
+  [[nodiscard]] Nanos end_of_precision() const {
+    Nanos metering{0};
+    for (const Cell& cell : cells_) {
+      const auto meter = plan_.meters.find(cell.planned->unit);
+      if (!cell.stored && meter != plan_.meters.end()) metering += metering_time(meter->second);
+    }
+    return std::min(plan_.precision_time, end_of_cells() - metering);
+  }
+  [[nodiscard]] bool precision_is_over() const { return elapsed() >= end_of_precision(); }
 
-  /// @return False if stopped.
+  /// @return False if the time is over, or somebody stopped it.
   bool visit(Cell& cell) {
+    if (over()) return false;
     const auto next = cell.measurement->next();
-    if (!next->needed && time_is_over()) return true;
+    if (!next->needed && precision_is_over()) return true;
     const auto failure = reference(cell.request);
     if (!failure) return false;
     if (!failure->empty()) {
@@ -238,8 +331,9 @@ class Campaign {
     auto result = cell.measurement->visit();
     if (!result) return false;
     cell.last_visit = clock_.now() - begin;
-    writer_.write_visit(summary_.run_id, name_of(cell),
-                        {cell.measurement->processes(), next->setup, to_record(*result) + "\n"});
+    writer_.write_visit(
+        summary_.run_id, name_of(cell),
+        {cell.measurement->processes(), next->setup, to_record(*result) + "\n", elapsed()});
     cell.measurement->add(next->setup, std::move(*result));
     ++summary_.processes;
     return cell.measurement->next() || complete(cell);
@@ -249,7 +343,8 @@ class Campaign {
     return {cell.planned->workload->name, cell.planned->unit};
   }
 
-  /// Reads the energy meters first. @return False if stopped; then nothing was stored.
+  /// Reads the energy meters first. @return False if the time is over, or somebody stopped it; then
+  /// nothing was stored.
   bool complete(Cell& cell) {
     if (cell.measurement->metering_due() && !cell.measurement->meter()) return false;
     if (const auto idle_w = cell.measurement->idle_w()) {
@@ -264,6 +359,7 @@ class Campaign {
   void finish(Cell& cell, const CellRecord& record) {
     writer_.write_cell(summary_.run_id, record);
     if (sink_.stored) sink_.stored(name_of(cell));
+    ++summary_.cells;
     count(record);
     const auto reached = cell.measurement->reached();
     summary_.within_precision += reached && *reached <= options_.precision ? 1 : 0;
@@ -273,15 +369,39 @@ class Campaign {
 
   /// Cells whose valid rows need no more are done; of others what there is can be seen, and gone on
   /// with.
-  void store_interrupted() {
+  void store_begun() {
+    summary_.interrupted = summary_.interrupted || stopped();
     for (Cell& cell : cells_) {
-      if (cell.stored || cell.measurement->processes() == 0) continue;
-      if (cell.measurement->needed_visits() == 0 && !cell.measurement->metering_due()) {
+      if (cell.stored) continue;
+      const bool any = cell.measurement->processes() > 0;
+      if (any && cell.measurement->needed_visits() == 0 && !cell.measurement->metering_due()) {
         store(cell);
-      } else if (cell.measurement->processes() >= kFewestProcesses) {
-        writer_.write_interrupted_cell(summary_.run_id, cell.measurement->record());
+      } else if (any) {
+        const CellRecord record = cell.measurement->record();
+        writer_.write_interrupted_cell(summary_.run_id, record);
         ++summary_.cells_begun;
+        count(record, kMissing);
+      } else if (!summary_.interrupted) {
+        summary_.unmeasured.push_back(name_of(cell));
       }
+    }
+  }
+
+  void measure_unit_times() {
+    measures_cells_ = false;
+    UnitTimeSampler sampler(options_.precision, options_.stop);
+    for (const PlannedUnitTime& each : plan_.unit_times) {
+      if (over()) {
+        summary_.unit_times_left_out += summary_.interrupted ? 0 : 1;
+        continue;
+      }
+      if (sink_.progress) {
+        sink_.progress({std::string(to_string(each.part.phase)), each.unit, "beside its calls",
+                        summary_.cells, static_cast<int>(plan_.cells.size()), elapsed(),
+                        std::max(Nanos(0), plan_.max_time - elapsed())});
+      }
+      const auto record = sampler.measure(each);
+      if (record) writer_.write_unit_times(summary_.run_id, {&*record, 1});
     }
   }
 
@@ -354,14 +474,16 @@ class Campaign {
     }
     const auto all = static_cast<std::int64_t>(cells_.size());
     if (summary_.processes < all) {
-      return std::max(Nanos(0), plan_.estimate.total - elapsed());
+      return std::max(Nanos(0), plan_.estimate.total - (elapsed() - plan_.spent));
     }
-    const Nanos each = elapsed() / summary_.processes;
-    return std::max(needed * each, std::min(expected * each, plan_.max_time - elapsed()));
+    const Nanos each = (elapsed() - plan_.spent) / summary_.processes;
+    return std::min(
+        std::max(needed * each, std::min(expected * each, plan_.precision_time - elapsed())),
+        std::max(Nanos(0), plan_.max_time - elapsed()));
   }
 
-  void count(const CellRecord& record) {
-    ++summary_.cells;
+  /// @param expected  A reason that is no news.
+  void count(const CellRecord& record, std::string_view expected = {}) {
     std::map<std::string, std::vector<std::string>>
         invalid;  // reasons -> the phases that have them
     for (const PhaseRecord& row : record.phases) {
@@ -370,7 +492,7 @@ class Campaign {
       ++(is_valid(row)  ? summary_.rows_valid
          : is_used(row) ? summary_.rows_doubted
                         : summary_.rows_invalid);
-      if (is_used(row)) continue;
+      if (is_used(row) || row.reasons == std::vector{std::string(expected)}) continue;
       auto& phases = invalid[join(row.reasons, ", ")];
       const std::string phase(to_string(row.phase));
       if (std::ranges::find(phases, phase) == phases.end()) phases.push_back(phase);
@@ -389,10 +511,11 @@ class Campaign {
   const ProgressSink& sink_;
   ScratchFolder scratch_;  // before the writer: without it no database is made
   ProfileWriter writer_;
-  JobRunner runner_;
   MachineClock clock_;
-  Nanos start_ = clock_.now();
+  Nanos start_ = clock_.now() - plan_.spent;
+  bool measures_cells_ = true;  ///< Otherwise what comes behind them.
   HostCounters counters_ = read_host_counters({});
+  JobRunner runner_;  // asks those before it whether the time is over
   std::vector<Cell> cells_;
   std::map<std::string, std::string> references_;
   std::map<std::string, std::vector<PeakRecord>> peaks_;  ///< By unit.

@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "characterize/campaign/unit_times.h"
 #include "characterize/energy/metered_calls.h"
 #include "characterize/machine/environment.h"
 #include "characterize/platform/platform.h"
@@ -27,6 +28,13 @@
 #include "workloads/model/workload.h"
 
 namespace pirt {
+
+/// A workload of the mix that the profile is wanted for.
+struct NeededWorkload {
+  std::string workload;
+  std::vector<std::string> served_by;  ///< Units or roles; empty = all.
+  friend bool operator==(const NeededWorkload&, const NeededWorkload&) = default;
+};
 
 struct CampaignOptions {
   std::filesystem::path database;
@@ -44,8 +52,14 @@ struct CampaignOptions {
   /// Sample beside the units of the same memory, and after all caches were emptied, too. A run that
   /// is not quick does.
   bool interference = false;
-  std::optional<Nanos> max_time;  ///< See CampaignPlan::max_time; absent = kQuickTime or kFullTime
-                                  ///< a cell.
+  /// See CampaignPlan; absent = kMostQuickTime, or what the plan needs with kFullTime a cell.
+  std::optional<Nanos> max_time;
+  std::optional<Nanos> precision_time;  ///< Likewise; absent = max_time, if that is given.
+  std::string mix;                      ///< What `first` is from, for messages.
+  /// Their cells get a process before all others, and all cells one before any gets two.
+  std::vector<NeededWorkload> first;
+  /// What is to be measured of a unit beside its calls, in order; empty = nothing is.
+  std::function<std::vector<UnitTimePart>(const UnitRecord&)> unit_times;
   /// What `platform` was loaded from, so that the run can be gone on with.
   std::string platform_argument;
   std::vector<std::string> settings;
@@ -58,18 +72,21 @@ struct CampaignOptions {
                                             ///< finished cells stay. May be null.
 };
 
-/// The default of max_time, for each cell.
+/// The default of precision_time, for each cell, without what is not of cells.
 inline constexpr Nanos kQuickTime = std::chrono::milliseconds(1'900);
 inline constexpr Nanos kFullTime = std::chrono::milliseconds(15'000);
+/// The default of max_time of a quick run, and the least of another.
+inline constexpr Nanos kMostQuickTime = std::chrono::minutes(3);
 
 struct PlannedCell {
   const Workload* workload = nullptr;  ///< In the catalog.
   std::string unit;
+  bool first = false;  ///< See CampaignOptions::first.
 };
 
-/// How long a campaign will take.
+/// How long a campaign will take, or what is left of it.
 struct Estimate {
-  Nanos needed{0};     ///< What valid rows need.
+  Nanos needed{0};     ///< What valid rows, peaks, meters and times of units need.
   Nanos total{0};      ///< With what the precision will take, as far as max_time goes.
   std::string source;  ///< "run 3 of a.db", or what machine the constants are from.
 };
@@ -85,8 +102,11 @@ struct CampaignPlan {
   /// meter.
   std::vector<std::string> remarks;
   Environment facts;  ///< What probing found: "unit.cpu.version".
-  Nanos max_time{0};  ///< No process is started for precision alone after that; those that valid
-                      ///< rows need are run all the same.
+  /// Of all units, but those that an unfinished run has.
+  std::vector<PlannedUnitTime> unit_times;
+  Nanos max_time{0};        ///< From then on no process begins, and no time of a unit.
+  Nanos precision_time{0};  ///< No process is started for precision alone after that.
+  Nanos spent{0};           ///< Of max_time, by an unfinished run and by planning.
   Estimate estimate;
 };
 
@@ -94,7 +114,9 @@ struct CampaignPlan {
 /// nothing and makes no database.
 /// @throws Error{kBadInput}: a unit that the platform does not have or does not measure; a filter
 /// that is no regular expression or matches
-///         nothing (with the nearest names); bad images; a precision out of range.
+///         nothing (with the nearest names); bad images; a precision out of range; an unfinished
+///         run
+/// that has spent its time.
 /// @throws Error{kEnvironment}: a unit that was named is not available (with the remedy), or none
 /// is; no unit supports any chosen workload.
 [[nodiscard]] CampaignPlan plan_campaign(const CampaignOptions& options);
@@ -119,17 +141,30 @@ struct ProgressSink {
       warning;  ///< A row that turned out invalid, in one line; may be empty.
   std::function<void(const CellName&)>
       stored;  ///< A cell that is in the database from here on, whatever happens; may be empty.
+  /// The run is in the database, and can be gone on with; may be empty.
+  std::function<void(std::int64_t run_id)> begun = {};
+  /// That another program holds the database, which is waited for; may be empty.
+  std::function<void(const std::string&)> waiting = {};
 };
 
 struct CampaignSummary {
   std::int64_t run_id = 0;
-  int cells = 0;        ///< Stored.
-  int cells_begun = 0;  ///< Not complete when the run was interrupted, and stored as they are.
+  int cells = 0;                     ///< Complete.
+  int cells_begun = 0;               ///< Not complete when the run ended, and stored as they are.
+  std::vector<CellName> unmeasured;  ///< The time was over before they got a process.
+  int unit_times_left_out = 0;       ///< Likewise.
+  std::vector<std::string> peaks_left_out;  ///< Units; likewise.
   int rows_valid = 0, rows_doubted = 0, rows_invalid = 0;
   int processes = 0;         ///< That were run to their end.
   int within_precision = 0;  ///< Stored cells whose `call` and `execute` reached the precision.
   bool interrupted = false;  ///< By options.stop; what was measured is kept.
-  Nanos elapsed{0};
+  Nanos elapsed{0};          ///< Of max_time: with CampaignPlan::spent.
+
+  /// Whether the run is over, and not to be gone on with.
+  [[nodiscard]] bool complete() const {
+    return !interrupted && cells_begun == 0 && unmeasured.empty() && unit_times_left_out == 0 &&
+           peaks_left_out.empty();
+  }
 };
 
 /// Appends one run to the database, which is made if there is none, or goes on with one.

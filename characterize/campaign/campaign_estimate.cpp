@@ -3,7 +3,9 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <set>
 
+#include "characterize/campaign/campaign_meters.h"
 #include "characterize/campaign/validity.h"
 #include "characterize/profile/profile.h"
 #include "characterize/profile/store/reader.h"
@@ -20,6 +22,9 @@ constexpr Nanos kOverhead = std::chrono::milliseconds(250);
 constexpr Nanos kQuickProcess = std::chrono::milliseconds(550);
 constexpr Nanos kFullProcess = std::chrono::milliseconds(650);
 constexpr int kFurtherProcesses = 9;
+// Of one unit's peaks, and of the reference of a workload, there.
+constexpr Nanos kPeaks = std::chrono::milliseconds(2'500);
+constexpr Nanos kReference = std::chrono::milliseconds(400);
 
 std::optional<Profile> former_profile(const CampaignOptions& options) {
   std::error_code failed;
@@ -64,7 +69,27 @@ CellTime from_profile(const CampaignOptions& options, const Profile& profile,
   return {needed / 2 * (cold + warm), further * warm};
 }
 
+/// Of cells, and how many processes each has.
+std::map<std::pair<std::string, std::string>, int> done_before(const CampaignOptions& options) {
+  std::map<std::pair<std::string, std::string>, int> done;
+  if (!options.resumed) return done;
+  for (const auto& [cell, visit] : options.resumed->visits) ++done[{cell.workload, cell.unit}];
+  return done;
+}
+
+Nanos references_time(const CampaignPlan& plan) {
+  std::set<const Workload*> workloads;
+  for (const PlannedCell& cell : plan.cells) workloads.insert(cell.workload);
+  return static_cast<std::int64_t>(workloads.size()) * kReference;
+}
+
 }  // namespace
+
+Nanos time_beside_cells(const CampaignPlan& plan) {
+  Nanos time = static_cast<std::int64_t>(plan.units.size()) * kPeaks + metering_time(plan);
+  for (const PlannedUnitTime& each : plan.unit_times) time += each.part.expected;
+  return time;
+}
 
 int needed_processes(const CampaignOptions& options) { return options.quick ? 4 : 10; }
 
@@ -83,7 +108,10 @@ SamplingOptions sampling_options(const CampaignOptions& options) {
 
 Estimate estimate(const CampaignOptions& options, const CampaignPlan& plan) {
   const auto profile = former_profile(options);
+  const auto done = done_before(options);
+  const int all = needed_processes(options);
   Estimate result;
+  result.needed = time_beside_cells(plan) + references_time(plan);
   Nanos further{0};
   int known = 0;
   for (const PlannedCell& cell : plan.cells) {
@@ -93,10 +121,14 @@ Estimate estimate(const CampaignOptions& options, const CampaignPlan& plan) {
     const CellTime time =
         usable ? from_profile(options, *profile, cell, *call) : constants(options);
     known += usable ? 1 : 0;
-    result.needed += time.needed;
+    const auto before = done.find({cell.workload->name, cell.unit});
+    const int left = before == done.end() ? all : std::max(0, all - before->second);
+    result.needed += time.needed * left / all;
     further += time.further;
   }
-  result.total = std::max(result.needed, std::min(result.needed + further, plan.max_time));
+  const Nanos most = plan.max_time - plan.spent;
+  const Nanos with_precision = std::min(result.needed + further, plan.precision_time - plan.spent);
+  result.total = std::min(std::max(result.needed, with_precision), most);
   result.source = known == 0 ? "figures of a 2-core virtual machine"
                              : fmt::format("the figures that {} has of {} of the cells",
                                            options.database.string(), known);

@@ -46,11 +46,13 @@ void plan_meters(const CampaignOptions& options, CampaignPlan& plan) {
   }
 }
 
+Nanos metering_time(const MeterRequest& meter) { return kWindowsACell * meter.window; }
+
 Nanos metering_time(const CampaignPlan& plan) {
   Nanos time{0};
   for (const PlannedCell& cell : plan.cells) {
     const auto meter = plan.meters.find(cell.unit);
-    if (meter != plan.meters.end()) time += kWindowsACell * meter->second.window;
+    if (meter != plan.meters.end()) time += metering_time(meter->second);
   }
   return time;
 }

@@ -11,6 +11,7 @@ namespace pirt {
 void plan_meters(const CampaignOptions& options, CampaignPlan& plan);
 
 /// What metering adds to the campaign: three windows a cell (metered_calls.h).
+[[nodiscard]] Nanos metering_time(const MeterRequest& meter);
 [[nodiscard]] Nanos metering_time(const CampaignPlan& plan);
 
 /// The machine's power before the first cell, while no device is open, by each unit's meter:

@@ -9,6 +9,7 @@
 #include "characterize/campaign/campaign_meters.h"
 #include "characterize/campaign/campaign_resume.h"
 #include "characterize/campaign/run_facts.h"
+#include "characterize/platform/platform_cores.h"
 #include "characterize/platform/selection.h"
 #include "characterize/platform/unit_request.h"
 #include "characterize/worker/job_runner.h"
@@ -46,6 +47,63 @@ void add_cells(const CampaignOptions& options, const UnitModel& unit, const JobR
   if (any) add_unit(unit, probed, plan);
 }
 
+bool is_first(const CampaignOptions& options, const PlannedCell& cell) {
+  const UnitModel& unit = options.platform.unit(cell.unit);
+  return std::ranges::any_of(options.first, [&](const NeededWorkload& needed) {
+    const auto serves = [&unit](const std::string& name) {
+      return name == unit.name || name == to_string(unit.role);
+    };
+    return needed.workload == cell.workload->name &&
+           (needed.served_by.empty() || std::ranges::any_of(needed.served_by, serves));
+  });
+}
+
+/// The platform with the units alone that have cells.
+Platform chosen(const CampaignOptions& options, const CampaignPlan& plan) {
+  Platform platform = options.platform;
+  std::erase_if(platform.units, [&plan](const UnitModel& unit) {
+    return std::ranges::find(plan.units, unit.name, &UnitRecord::unit) == plan.units.end();
+  });
+  return platform;
+}
+
+/// Those that an unfinished run does not have.
+void plan_unit_times(const CampaignOptions& options, CampaignPlan& plan) {
+  if (!options.unit_times) return;
+  const auto is_known = [&options](const UnitRecord& unit, const UnitTimePart& part) {
+    return options.resumed &&
+           std::ranges::any_of(options.resumed->unit_times, [&](const UnitTimeRow& row) {
+             return row.unit == unit.unit && row.phase == part.phase && row.sleep == part.sleep;
+           });
+  };
+  for (const UnitRecord& unit : plan.units) {
+    for (UnitTimePart& part : options.unit_times(unit)) {
+      if (is_known(unit, part)) continue;
+      plan.unit_times.push_back(
+          {unit.unit, unit.cores.empty() ? usable_cores() : unit.cores, std::move(part)});
+    }
+  }
+}
+
+/// How long it may take, and how long it will.
+void plan_time(const CampaignOptions& options, CampaignPlan& plan) {
+  const Nanos beside_cells = time_beside_cells(plan);
+  const Nanos of_cells =
+      static_cast<std::int64_t>(plan.cells.size()) * (options.quick ? kQuickTime : kFullTime);
+  const Nanos usual = plan.spent + of_cells + beside_cells;
+  plan.max_time =
+      options.max_time.value_or(options.quick ? kMostQuickTime : std::max(kMostQuickTime, usual));
+  plan.precision_time = std::min(
+      plan.max_time, options.precision_time.value_or(options.max_time ? plan.max_time : usual));
+  if (options.resumed && plan.spent >= plan.max_time) {
+    throw_bad_input(fmt::format(
+        "run {} has spent its time ({:.3g} s of {:.3g} s); give more in all, e.g. --max-time {}min",
+        options.resumed->run.run_id, to_s(plan.spent), to_s(plan.max_time),
+        std::chrono::ceil<std::chrono::minutes>(2 * plan.max_time).count()));
+  }
+  plan.estimate = estimate(options, plan);
+}
+
 [[noreturn]] void throw_nothing_to_measure(const std::vector<Skip>& skipped) {
   std::vector<std::string> reasons;
   for (const Skip& skip : skipped) {
@@ -75,6 +133,8 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   }
   if (options.images) static_cast<void>(images_from(*options.images));
 
+  const MachineClock clock;
+  const Nanos begin = clock.now();
   CampaignPlan plan;
   const JobRunner runner(options.program, options.job_limit, options.stop);
   for (const UnitModel* unit : units) {
@@ -89,14 +149,15 @@ CampaignPlan plan_campaign(const CampaignOptions& options) {
   }
   if (plan.cells.empty()) throw_nothing_to_measure(plan.skipped);
   if (options.resumed) restrict_to_stored(*options.resumed, plan);
+  const auto of_cores = core_remarks(chosen(options, plan), physical_cores(usable_cores()));
+  plan.remarks.insert(plan.remarks.end(), of_cores.begin(), of_cores.end());
+  if (!of_cores.empty()) plan.facts["cores_remark"] = join(of_cores, "; ");
+  for (PlannedCell& cell : plan.cells) cell.first = is_first(options, cell);
   plan_meters(options, plan);
-  const Nanos metering = metering_time(plan);
-  plan.max_time = options.max_time.value_or(static_cast<std::int64_t>(plan.cells.size()) *
-                                                (options.quick ? kQuickTime : kFullTime) +
-                                            metering);
-  plan.estimate = estimate(options, plan);
-  plan.estimate.needed += metering;
-  plan.estimate.total += metering;
+  plan_unit_times(options, plan);
+  if (options.resumed) plan.spent = options.resumed->spent;
+  plan_time(options, plan);
+  plan.spent += clock.now() - begin;
   return plan;
 }
 

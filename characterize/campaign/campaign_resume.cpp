@@ -54,6 +54,23 @@ void check_visits(const UnfinishedRun& run) {
   }
 }
 
+Json first_json(const CampaignOptions& options) {
+  Json first = Json::array();
+  for (const NeededWorkload& each : options.first) {
+    first.push_back({{"workload", each.workload}, {"served_by", each.served_by}});
+  }
+  return first;
+}
+
+std::vector<NeededWorkload> first_of(const Json& json) {
+  std::vector<NeededWorkload> first;
+  for (const Json& each : json) {
+    first.push_back({each.at("workload").get<std::string>(),
+                     each.at("served_by").get<std::vector<std::string>>()});
+  }
+  return first;
+}
+
 std::string reason_of(const CampaignPlan& plan, const CellName& cell) {
   for (const Skip& skip : plan.skipped) {
     if (skip.unit == cell.unit && (skip.workload.empty() || skip.workload == cell.workload)) {
@@ -79,6 +96,9 @@ std::string stored_plan(const CampaignOptions& options, const CampaignPlan& plan
                {"quick", options.quick},
                {"interference", options.interference},
                {"max_time_ns", plan.max_time.count()},
+               {"precision_time_ns", plan.precision_time.count()},
+               {"mix", options.mix},
+               {"first", first_json(options)},
                {"cells", cells}};
   if (options.batch) json["batch"] = *options.batch;
   if (options.images) json["images"] = std::filesystem::absolute(*options.images).string();
@@ -109,6 +129,9 @@ CampaignOptions resume_options(const std::filesystem::path& database) {
     options.quick = json.at("quick").get<bool>();
     options.interference = json.value("interference", false);  // Plans of before have none.
     options.max_time = Nanos(json.at("max_time_ns").get<std::int64_t>());
+    options.precision_time = Nanos(json.value("precision_time_ns", options.max_time->count()));
+    options.mix = json.value("mix", std::string());
+    if (json.contains("first")) options.first = first_of(json.at("first"));
     if (json.contains("images")) options.images = json.at("images").get<std::string>();
     options.resumed = std::move(run);
     return options;

@@ -323,7 +323,7 @@ EnergyRecord CellMeasurement::energy(const PhaseRecord& call,
   none.source = request.source;
   none.domain = request.domain;
   if (!metered_) {
-    none.reasons = {"not_metered: the run was interrupted"};
+    none.reasons = {"not_metered: the run ended before"};
   } else {
     none.reasons = {metered_->error.empty() ? "wrong_output" : "error: " + metered_->error};
   }

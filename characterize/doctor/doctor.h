@@ -92,10 +92,13 @@ struct DoctorInput {
 
 [[nodiscard]] DiskSpace free_space(const std::filesystem::path& folder);
 
-/// The check of load alone, of the time since @p before, or of the next 200 ms if that was less:
-/// ten ticks of a core's counters are the least that tells 5 %. What this process and the children
-/// that it has waited for computed meanwhile is no load.
-[[nodiscard]] Finding look_at_load(const std::vector<int>& cores, const DoctorSnapshot& before);
+/// What spoils what is about to be measured on input.cores: findings of kSpoils. They compute for a
+/// second meanwhile, as `pirt doctor` has them do. What this process and the children that it has
+/// waited for computed since input.before is no load.
+/// @param input  Without `after` and `jitter`.
+[[nodiscard]] std::vector<Finding> look_before_measuring(DoctorInput input);
+/// Those of kSpoils.
+[[nodiscard]] std::vector<Finding> spoiling(std::vector<Finding> findings);
 
 /// Every check's finding, in a fixed order.
 [[nodiscard]] std::vector<Finding> diagnose(const DoctorInput& input);

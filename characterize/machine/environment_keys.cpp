@@ -73,6 +73,7 @@ constexpr std::array kKeys = {
     EnvironmentKey{"swap_used_mb", kInformation, "it describes the moment"},
     EnvironmentKey{"cpufreq_driver", kInformation, "governor and turbo say what it does"},
     EnvironmentKey{"cores_usable", kInformation, "a unit's cores have a key of their own"},
+    EnvironmentKey{"cores_remark", kInformation, "a unit's cores have a key of their own"},
     EnvironmentKey{"load_1m", kInformation, "it describes the moment"},
     EnvironmentKey{"temperature_c", kInformation, "it describes the moment"},
     EnvironmentKey{"steal_percent", kInformation, "since the machine started"},

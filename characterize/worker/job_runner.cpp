@@ -48,6 +48,7 @@ std::optional<JobResult> JobRunner::run(
     return !progress.empty();
   };
   if (stop_ != nullptr && stop_->load()) return std::nullopt;
+  if (over_ && over_()) return std::nullopt;
   const ProcessResult process = run_process(request);
   if (process.end == ProcessResult::End::kStopped) return std::nullopt;
   JobResult result = last_record(process.output);

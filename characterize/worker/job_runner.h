@@ -21,14 +21,16 @@ class JobRunner {
   /// @param limit    What a job may take before it is killed, without a sign of a slow device going
   ///                 on; a reference for each of its images.
   /// @param stop     Ends the running job and all later ones when set; may be null.
-  JobRunner(std::filesystem::path program, Nanos limit, const std::atomic<bool>* stop)
-      : program_(std::move(program)), limit_(limit), stop_(stop) {}
+  /// @param over     Asked before each job, which does not begin if it says so; may be empty.
+  JobRunner(std::filesystem::path program, Nanos limit, const std::atomic<bool>* stop,
+            std::function<bool()> over = {})
+      : program_(std::move(program)), limit_(limit), stop_(stop), over_(std::move(over)) {}
 
   /// @param environment  Variables on top of this process' own.
   /// @param on_progress  Told what a worker whose device is slow on this machine does; the limit
   ///                     begins anew each time. May be empty.
-  /// @return Nothing if stopped. Otherwise a result that is done, or has an error: what the worker
-  /// said, or how it died ("worker crashed
+  /// @return Nothing if stopped or not begun. Otherwise a result that is done, or has an error:
+  /// what the worker said, or how it died ("worker crashed
   ///         (SIGABRT) while sampling: last words"), in one line.
   /// @throws Error{kEnvironment} if no process can be started.
   [[nodiscard]] std::optional<JobResult> run(
@@ -41,6 +43,7 @@ class JobRunner {
   std::filesystem::path program_;
   Nanos limit_;
   const std::atomic<bool>* stop_;
+  std::function<bool()> over_;
 };
 
 /// Opens the unit's device, in a process of its own: which it is, or the error.

@@ -10,7 +10,9 @@
 
 #include "characterize/campaign/campaign.h"
 #include "characterize/doctor/doctor.h"
+#include "characterize/energy/nvml.h"
 #include "characterize/profile/store/reader.h"
+#include "characterize/worker/scratch.h"
 #include "cli/commands.h"
 #include "cli/commands/measure/fit_energy.h"
 #include "cli/commands/measure/unit_times.h"
@@ -25,10 +27,11 @@
 #include "reports/document/figures.h"
 #include "reports/profile/condition_report.h"
 #include "reports/profile/profile_report.h"
+#include "scheduler/mix/mix.h"
 #include "workloads/base/error.h"
-#include "workloads/base/system/affinity.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
+#include "workloads/base/time.h"
 #include "workloads/catalog/catalog.h"
 
 namespace pirt::cli {
@@ -37,6 +40,7 @@ namespace {
 struct CharacterizeFlags {
   std::string database;
   std::string platform = "host";
+  std::string mix = "full-robot";
   std::vector<std::string> settings;
   std::vector<std::string> units;
   std::string filter;
@@ -73,9 +77,36 @@ void acknowledge(const CellName& cell) {
   std::fprintf(stderr, "stored: %s on %s\n", cell.workload.c_str(), cell.unit.c_str());
 }
 
+/// Each workload of the mix once, with all who may serve some task of it.
+std::vector<NeededWorkload> needed_by(const Mix& mix) {
+  std::vector<NeededWorkload> needed;
+  for (const Pipeline& pipeline : mix.pipelines) {
+    for (const MixTask& task : pipeline.tasks) {
+      const auto known = std::ranges::find(needed, task.workload, &NeededWorkload::workload);
+      if (known == needed.end()) {
+        needed.push_back({task.workload, task.eligible});
+      } else if (task.eligible.empty()) {
+        known->served_by.clear();
+      } else if (!known->served_by.empty()) {
+        known->served_by.insert(known->served_by.end(), task.eligible.begin(), task.eligible.end());
+      }
+    }
+  }
+  return needed;
+}
+
 CampaignOptions campaign_options(const CharacterizeFlags& options) {
-  if (options.resume) return resume_options(options.database);
+  if (options.resume) {
+    CampaignOptions campaign = resume_options(options.database);
+    if (options.max_time) {
+      campaign.max_time = parse_duration(*options.max_time);
+      campaign.precision_time.reset();
+    }
+    return campaign;
+  }
   CampaignOptions campaign;
+  campaign.mix = options.mix;
+  campaign.first = needed_by(load_mix(options.mix));
   campaign.database = options.database;
   campaign.platform_argument = names_a_file(options.platform)
                                    ? std::filesystem::absolute(options.platform).string()
@@ -98,7 +129,8 @@ CampaignOptions campaign_options(const CharacterizeFlags& options) {
 Json plan_json(const CampaignPlan& plan) {
   auto cells = Json::array();
   for (const auto& cell : plan.cells) {
-    cells.push_back({{"workload", cell.workload->name}, {"unit", cell.unit}});
+    cells.push_back(
+        {{"workload", cell.workload->name}, {"unit", cell.unit}, {"first", cell.first}});
   }
   auto skipped = Json::array();
   for (const auto& skip : plan.skipped) {
@@ -117,17 +149,46 @@ Json plan_json(const CampaignPlan& plan) {
           {"estimate_s", to_s(plan.estimate.total)},
           {"needed_s", to_s(plan.estimate.needed)},
           {"max_time_s", to_s(plan.max_time)},
+          {"spent_s", to_s(plan.spent)},
           {"estimate_source", plan.estimate.source}};
 }
 
-std::string plan_text(const CampaignPlan& plan) {
-  Table table{.title = fmt::format("{} cells, about {} min", plan.cells.size(),
-                                   minutes(plan.estimate.total)),
+/// What the time suffices for, in a sentence or two.
+std::string time_text(const CampaignPlan& plan, const CampaignOptions& campaign) {
+  const Nanos before = campaign.resumed ? campaign.resumed->spent : Nanos(0);
+  const Nanos left = plan.max_time - before;
+  const Nanos precision = plan.precision_time - before;
+  std::string text;
+  if (campaign.resumed) {
+    text = fmt::format("{} min of {} min are spent. ", minutes(before), minutes(plan.max_time));
+  }
+  text +=
+      fmt::format("Valid rows, peaks{}{} need {} min", plan.meters.empty() ? "" : ", meters",
+                  plan.unit_times.empty() ? "" : ", times of units", minutes(plan.estimate.needed));
+  if (plan.estimate.needed > left) {
+    return text + fmt::format(
+                      ", and nothing begins after {} min (--max-time): some rows will be uncertain "
+                      "or missing; from {}.",
+                      minutes(left), plan.estimate.source);
+  }
+  if (precision > plan.estimate.needed) {
+    text += fmt::format(", the rest is for precision and ends at {} min", minutes(precision));
+  }
+  return text + fmt::format("; nothing begins after {} min (--max-time); from {}.", minutes(left),
+                            plan.estimate.source);
+}
+
+std::string plan_text(const CampaignPlan& plan, const CampaignOptions& campaign) {
+  Table table{.title = fmt::format("{} cells{}, about {} min", plan.cells.size(),
+                                   campaign.resumed ? " left" : "", minutes(plan.estimate.total)),
               .columns = {{"workload", Align::kLeft}, {"unit", Align::kLeft}}};
   for (const auto& cell : plan.cells) table.rows.push_back({cell.workload->name, cell.unit});
-  table.footnotes.push_back(fmt::format(
-      "Valid rows need {} min, the rest is for precision and ends at {} min (--max-time); from {}.",
-      minutes(plan.estimate.needed), minutes(plan.max_time), plan.estimate.source));
+  table.footnotes.push_back(time_text(plan, campaign));
+  const auto first = std::ranges::count_if(plan.cells, &PlannedCell::first);
+  if (first > 0) {
+    table.footnotes.push_back(
+        fmt::format("{} of them come first: mix {} needs them (--mix).", first, campaign.mix));
+  }
   for (const auto& skip : plan.skipped) {
     table.footnotes.push_back(fmt::format("Not measured: {}{}: {}", skip.unit,
                                           skip.workload.empty() ? "" : ", " + skip.workload,
@@ -145,27 +206,113 @@ std::string resume_hint(const CharacterizeFlags& options) {
   return fmt::format("go on with: pirt characterize --resume --db {}", options.database);
 }
 
-CampaignSummary measure(const CampaignOptions& campaign, const CampaignPlan& plan) {
+CampaignSummary measure(const CampaignOptions& campaign, const CampaignPlan& plan,
+                        const CharacterizeFlags& options) {
   const ProgressLine line;
   const auto warn_below = [&line](const std::string& message) {
     line.clear();
     warn(message);
   };
-  return run_campaign(
-      campaign, plan,
-      {.progress = [&](const Progress& progress) { line.show(progress_text(progress)); },
-       .warning = warn_below,
-       .stored = [](const CellName& cell) { acknowledge(cell); }});
+  bool begun = false;
+  const ProgressSink sink{
+      .progress = [&](const Progress& progress) { line.show(progress_text(progress)); },
+      .warning = warn_below,
+      .stored = [](const CellName& cell) { acknowledge(cell); },
+      .begun = [&begun](std::int64_t) { begun = true; },
+      .waiting = warn_below};
+  try {
+    return run_campaign(campaign, plan, sink);
+  } catch (const Error& error) {
+    // Whoever ends it while it waits for another program still has a run to go on with.
+    if (error.code() != ErrorCode::kEnvironment || !begun || !campaign.stop->load()) throw;
+    throw_environment(fmt::format("{}; {}", error.what(), resume_hint(options)));
+  }
 }
 
-/// Said before the time is spent: rows that are measured beside other programs are uncertain.
-void warn_of_load(const CampaignPlan& plan, const DoctorSnapshot& before) {
+/// The devices of the plan that have memory of their own, as doctor judges them.
+std::vector<DeviceInfo> devices_of(const CampaignPlan& plan) {
+  std::vector<DeviceInfo> devices;
+  for (const UnitRecord& unit : plan.units) {
+    const auto pci = plan.facts.find("unit." + unit.unit + ".pci");
+    if (unit.device_is_cpu || pci == plan.facts.end()) continue;
+    DeviceInfo device;
+    device.name = unit.device;
+    device.pci = pci->second;
+    device.own_memory = true;
+    devices.push_back(std::move(device));
+  }
+  return devices;
+}
+
+/// Said before the time is spent: what `pirt doctor` calls spoiling makes rows uncertain.
+void warn_of_what_spoils(const CampaignPlan& plan, const CampaignOptions& campaign,
+                         const DoctorSnapshot& before) {
   const auto on_this_clock = std::ranges::count(plan.provenances, Provenance::kMeasured);
   if (on_this_clock == 0) return;
-  const Finding load = look_at_load(usable_cores(), before);
-  if (load.level != Level::kSpoils) return;
-  warn(fmt::format("{}: {}, and rows that this disturbs will be uncertain; {}", load.found,
-                   load.why, load.remedy));
+  DoctorInput input;
+  input.cores = usable_cores();
+  input.before = before;
+  input.build = build_environment();
+  input.units.emplace();
+  for (const UnitRecord& unit : plan.units) {
+    input.units->push_back({unit.unit, unit.device, "", unit.cores});
+  }
+  input.devices = devices_of(plan);
+  if (!input.devices->empty()) input.nvml = read_nvml();
+  const auto folder = std::filesystem::absolute(campaign.database).parent_path();
+  for (const auto& each : {scratch_base(), folder}) input.disks.push_back(free_space(each));
+  input.readable = [](const std::filesystem::path&) { return true; };  // Meters are chosen.
+  for (const Finding& each : look_before_measuring(std::move(input))) {
+    warn(fmt::format("{}: {}, and rows that this disturbs will be uncertain; {}", each.found,
+                     each.why, each.remedy));
+  }
+}
+
+/// "conv1 (cpu, opencl), fc8 (cpu)"
+std::string cells_text(const std::vector<CellName>& cells) {
+  std::vector<std::pair<std::string, std::vector<std::string>>> by_workload;
+  for (const CellName& cell : cells) {
+    const auto known = std::ranges::find(by_workload, cell.workload,
+                                         [](const auto& entry) { return entry.first; });
+    auto& units = known != by_workload.end()
+                      ? known->second
+                      : by_workload.emplace_back(cell.workload, std::vector<std::string>()).second;
+    units.push_back(cell.unit);
+  }
+  std::vector<std::string> texts;
+  for (const auto& [workload, units] : by_workload) {
+    texts.push_back(fmt::format("{} ({})", workload, join(units, ", ")));
+  }
+  return join(texts, ", ");
+}
+
+/// What the time did not suffice for, and what to do; "" if it did.
+std::string out_of_time_text(const CampaignSummary& summary, const CampaignPlan& plan,
+                             const CharacterizeFlags& options) {
+  if (summary.interrupted || summary.complete()) return "";
+  std::vector<std::string> missing;
+  if (!summary.unmeasured.empty()) {
+    missing.push_back(fmt::format("{} cells have no figure: {}", summary.unmeasured.size(),
+                                  cells_text(summary.unmeasured)));
+  }
+  if (summary.cells_begun > 0) {
+    missing.push_back(
+        fmt::format("{} cells have fewer processes than they need, or no reading of "
+                    "their meter",
+                    summary.cells_begun));
+  }
+  if (!summary.peaks_left_out.empty()) {
+    missing.push_back("no peaks of " + join(summary.peaks_left_out, ", "));
+  }
+  if (summary.unit_times_left_out > 0) {
+    missing.push_back(fmt::format("{} of the times of units (handover, leave, reread) are missing",
+                                  summary.unit_times_left_out));
+  }
+  return fmt::format(
+      "The time was over (--max-time, {} min): {}. Go on with more in all: pirt characterize "
+      "--resume --max-time {}min --db {}",
+      minutes(plan.max_time), join(missing, "; "),
+      std::chrono::ceil<std::chrono::minutes>(2 * plan.max_time).count(), options.database);
 }
 
 std::string summary_text(const CampaignSummary& summary, const CampaignPlan& plan,
@@ -184,7 +331,7 @@ std::string summary_text(const CampaignSummary& summary, const CampaignPlan& pla
 std::string precision_text(const CampaignSummary& summary, const CampaignPlan& plan,
                            const CampaignOptions& campaign) {
   if (campaign.quick || 2 * summary.within_precision >= summary.cells) return "";
-  const auto longer = std::chrono::ceil<std::chrono::minutes>(4 * plan.max_time);
+  const auto longer = std::chrono::ceil<std::chrono::minutes>(4 * plan.precision_time);
   return fmt::format(
       "Less than half of the cells are within {:.3g} %: `pirt doctor` says what disturbs this "
       "machine; --max-time {}min halves the intervals where nothing helps",
@@ -221,7 +368,14 @@ std::string clock_text(const RunInfo& run) {
 }
 
 Json summary_json(const CampaignSummary& summary) {
+  Json unmeasured = Json::array();
+  for (const CellName& cell : summary.unmeasured) {
+    unmeasured.push_back({{"workload", cell.workload}, {"unit", cell.unit}});
+  }
   return {{"run_id", summary.run_id},
+          {"cells_unmeasured", unmeasured},
+          {"peaks_left_out", summary.peaks_left_out},
+          {"unit_times_left_out", summary.unit_times_left_out},
           {"cells", summary.cells},
           {"cells_begun", summary.cells_begun},
           {"processes", summary.processes},
@@ -253,38 +407,42 @@ int characterize(const CharacterizeFlags& options) {
   if (options.resume) check_resumed_files(options, campaign);
   campaign.sysfs = sysfs_root();
   campaign.stop = stop_on_signal();
+  campaign.unit_times = unit_time_parts;
   const auto before = read_doctor_snapshot(usable_cores());
-  const auto plan = plan_campaign(campaign);
+  auto plan = plan_campaign(campaign);
   check_fit(options.fit, plan);
   if (options.dry_run) {
     auto json = plan_json(plan);
     json["schema_version"] = 1;
-    emit(plan_text(plan), json, options.json);
+    emit(plan_text(plan, campaign), json, options.json);
     return 0;
   }
   warn_of_skipped(plan, "measured", "--dry-run");
   for (const auto& remark : plan.remarks) warn(remark);
-  warn_of_load(plan, before);
-  const auto summary = measure(campaign, plan);
-  if (summary.interrupted && summary.cells + summary.cells_begun == 0) {
+  const MachineClock clock;
+  const Nanos looked = clock.now();
+  warn_of_what_spoils(plan, campaign, before);
+  plan.spent += clock.now() - looked;
+  const auto summary = measure(campaign, plan, options);
+  const bool has_rows = campaign.resumed && !campaign.resumed->done.empty();
+  if (summary.cells + summary.cells_begun == 0 && !has_rows) {
     throw_environment(
-        fmt::format("interrupted before a cell had rows to show, {} processes are kept; {}",
-                    summary.processes, resume_hint(options)));
+        summary.interrupted
+            ? fmt::format("interrupted before a cell had rows to show; {}", resume_hint(options))
+            : out_of_time_text(summary, plan, options));
   }
   // This run alone: others may write to the same database meanwhile.
   const auto load = [&] {
     return load_profile(options.database, campaign.platform.name, {summary.run_id, summary.run_id});
   };
-  auto profile = load();
-  if (!summary.interrupted && profile.unit_times.empty()) {
-    measure_unit_times(options.database, profile);
-    profile = load();
-  }
+  const auto profile = load();
   Document document{.title = "pirt characterize",
                     .parts = {profile_header(profile), profile_table(profile)}};
   for (auto& table : condition_tables(profile)) document.parts.emplace_back(std::move(table));
-  Paragraph closing{{summary_text(summary, plan, campaign), precision_text(summary, plan, campaign),
-                     doubted_text(profile, campaign), clock_text(profile.runs.front())}};
+  Paragraph closing{{summary_text(summary, plan, campaign),
+                     out_of_time_text(summary, plan, options),
+                     precision_text(summary, plan, campaign), doubted_text(profile, campaign),
+                     clock_text(profile.runs.front())}};
   std::erase(closing.lines, "");
   document.parts.emplace_back(std::move(closing));
   auto json = profile_json(profile, preferences(profile));
@@ -330,6 +488,12 @@ void add_characterize(CLI::App& app, Action& action) {
       .offers(offer_platforms())
       .shows_default();
   add_settings(command, options->settings);
+  add_input(command, "--mix", &options->mix,
+            "What this mix's tasks need is measured first: a name of `pirt list mixes`, or a YAML "
+            "file",
+            FileUse::kReadIfFile)
+      .offers(offer_mixes())
+      .shows_default();
   add_list_of(command, "--units", options->units, "UNIT",
               "Units to measure, with commas (default: all)")
       .offers(offer_units());
@@ -350,8 +514,8 @@ void add_characterize(CLI::App& app, Action& action) {
             "within +/- this, or the time is up; a fraction or a percentage")
       .shows_default();
   add_value(command, "--max-time", &options->max_time, "DURATION", no_duration,
-            "Total time after which no process is started for precision alone, e.g. 5min; what "
-            "valid rows need is measured all the same (default: 15 s a cell, 1.9 s with --quick)");
+            "Total time after which nothing begins to be measured, e.g. 5min; with --resume, that "
+            "of the whole run (default: 15 s a cell, or 3min if that is more; 3min with --quick)");
   command.add_flag("--strict", options->strict,
                    "Exit code 3 if every row that was measured is uncertain (?)");
   add_seed(command, options->seed, "Seed of inputs, weights and the order of measuring");
@@ -376,8 +540,8 @@ void add_characterize(CLI::App& app, Action& action) {
       "--resume", options->resume,
       "Go on with the newest run of --db that did not end, with the options it was started with");
   for (const auto* name :
-       {"--platform", "--set", "--units", "--filter", "--variants", "--batch", "--images",
-        "--precision", "--max-time", "--seed", "--quick", "--interference"}) {
+       {"--platform", "--set", "--mix", "--units", "--filter", "--variants", "--batch", "--images",
+        "--precision", "--seed", "--quick", "--interference"}) {
     resume.excludes(command.option(name));
   }
   add_json(command, options->json);

@@ -1,65 +1,87 @@
 #include "cli/commands/measure/unit_times.h"
 
-#include <functional>
-#include <vector>
+#include <memory>
 
 #include "characterize/platform/platform.h"
-#include "characterize/profile/store/writer.h"
 #include "characterize/worker/reread.h"
 #include "scheduler/runtime/handover.h"
 #include "scheduler/runtime/leave.h"
-#include "workloads/base/error.h"
+#include "workloads/base/system/caches.h"
 
 namespace pirt::cli {
 namespace {
 
 constexpr int kLeaves = 200;
+constexpr int kCold = 20;
+/// Of samples that are taken at once.
+constexpr Nanos kPortion = std::chrono::milliseconds(400);
+/// What a sample takes beside its sleep; starting the threads that take them.
+constexpr Nanos kSample = std::chrono::microseconds(500);
+constexpr Nanos kStart = std::chrono::milliseconds(20);
+constexpr double kBytesASecond = 4e9;  // that a core writes at least
 
-using Measure = std::function<std::vector<Nanos>()>;
+Nanos expected(int samples, Nanos each) { return kStart + samples * each; }
 
-/// What fails is a row without samples that says why.
-UnitTimeRecord measured(const std::string& unit, UnitPhase phase, Nanos sleep,
-                        const Measure& measure) {
-  UnitTimeRecord record{.unit = unit, .phase = phase, .sleep = sleep, .reasons = {}, .samples = {}};
-  try {
-    record.samples = measure();
-  } catch (const Error& error) {
-    record.reasons.push_back(std::string("error: ") + error.what());
-  }
-  return record;
+int portion_of(const SleepPlan& plan) {
+  if (plan.sleep == Nanos(0)) return plan.samples;
+  return std::max(1, static_cast<int>(kPortion / plan.sleep));
 }
 
-void add_rereads(const UnitRecord& unit, std::vector<UnitTimeRecord>& records) {
-  const auto cores = unit.cores.empty() ? usable_cores() : unit.cores;
-  if (!Reread::possible(cores)) return;
-  Reread reread(cores);
+UnitTimePart part_of(UnitPhase phase, const SleepPlan& plan,
+                     std::function<std::vector<Nanos>(int)> measure) {
+  return {.phase = phase,
+          .sleep = plan.sleep,
+          .samples = plan.samples,
+          .portion = portion_of(plan),
+          .expected = expected(plan.samples, plan.sleep + kSample),
+          .measure = std::move(measure)};
+}
+
+void add_rereads(const std::vector<int>& cores, std::vector<UnitTimePart>& parts) {
+  const auto bytes = reached_cache_bytes(cores);
+  if (!bytes) return;
+  // Made where it is needed: it holds as much as the caches do.
+  const auto made = std::make_shared<std::unique_ptr<Reread>>();
+  const auto reread = [made, cores]() -> Reread& {
+    if (!*made) *made = std::make_unique<Reread>(cores);
+    return **made;
+  };
   for (const SleepPlan& plan : Reread::plans()) {
-    records.push_back(
-        measured(unit.unit, UnitPhase::kReread, plan.sleep, [&] { return reread.after(plan); }));
+    parts.push_back(part_of(UnitPhase::kReread, plan, [reread, sleep = plan.sleep](int samples) {
+      return reread().after({sleep, samples});
+    }));
   }
-  records.push_back(
-      measured(unit.unit, UnitPhase::kRereadCold, Nanos(0), [&] { return reread.cold(); }));
+  const Nanos sweep = from_ms(1e3 * static_cast<double>(*bytes) / kBytesASecond);
+  parts.push_back({.phase = UnitPhase::kRereadCold,
+                   .sleep = Nanos(0),
+                   .samples = kCold,
+                   .portion = 4,
+                   .expected = expected(kCold, sweep + kSample),
+                   .measure = [reread](int samples) { return reread().cold(samples); }});
 }
 
 }  // namespace
 
-void measure_unit_times(const std::filesystem::path& database, const Profile& profile) {
-  const RunInfo& run = profile.runs.front();
-  std::vector<UnitTimeRecord> records;
-  for (const UnitRecord& unit : run.units) {
-    if (!unit.device_is_cpu) continue;
-    for (const SleepPlan& plan : handover_plans()) {
-      records.push_back(measured(unit.unit, UnitPhase::kHandover, plan.sleep,
-                                 [&] { return measure_handover(unit.cores, plan); }));
-    }
-    if (unit.backend == "cpu") {
-      records.push_back(measured(unit.unit, UnitPhase::kLeave, Nanos(0),
-                                 [&] { return measure_leave(unit.cores, kLeaves); }));
-    }
-    add_rereads(unit, records);
+std::vector<UnitTimePart> unit_time_parts(const UnitRecord& unit) {
+  std::vector<UnitTimePart> parts;
+  if (!unit.device_is_cpu) return parts;
+  for (const SleepPlan& plan : handover_plans()) {
+    parts.push_back(
+        part_of(UnitPhase::kHandover, plan, [cores = unit.cores, sleep = plan.sleep](int samples) {
+          return measure_handover(cores, {sleep, samples});
+        }));
   }
-  if (records.empty()) return;
-  ProfileWriter(database).write_unit_times(run.run_id, records);
+  if (unit.backend == "cpu") {
+    parts.push_back(
+        {.phase = UnitPhase::kLeave,
+         .sleep = Nanos(0),
+         .samples = kLeaves,
+         .portion = kLeaves / 10,
+         .expected = expected(kLeaves, kSample),
+         .measure = [cores = unit.cores](int samples) { return measure_leave(cores, samples); }});
+  }
+  add_rereads(unit.cores.empty() ? usable_cores() : unit.cores, parts);
+  return parts;
 }
 
 }  // namespace pirt::cli

@@ -213,7 +213,7 @@ TEST_F(Campaign, NotesWhatDoesNotInvalidate) {
   auto o =
       options({{"gpu", "samples_ms: {pool5: [1, 1.3]}\nprocess_factors: [1, 1.04]"}}, "^pool5$");
   o.platform.units[0].shares_cores = true;
-  o.max_time = Nanos(1);
+  o.precision_time = Nanos(1);
   const Profile profile = measure(o);
   const PhaseRow& call = row(profile, "pool5", Phase::kCall);
   EXPECT_TRUE(is_valid(call));

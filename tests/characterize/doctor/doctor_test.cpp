@@ -120,6 +120,28 @@ TEST_F(Doctor, FindsWhatALaptopDoesToMeasurements) {
   }
 }
 
+// What characterize warns of before it begins.
+TEST_F(Doctor, SpoilingAreAllFindingsOfThatLevelAndNoOthers) {
+  const auto findings = spoiling(diagnose(input_of(test::laptop(folder.path()))));
+  EXPECT_THAT(checks_at(findings, Level::kSpoils),
+              ::testing::IsSupersetOf({"governor", "turbo", "siblings", "clock_source"}));
+  EXPECT_EQ(checks_at(findings, Level::kSpoils).size(), findings.size());
+  EXPECT_TRUE(spoiling({{"cores", Level::kNote, "", "", ""}}).empty());
+}
+
+// This machine's cores compute meanwhile; what they show is theirs.
+TEST(LookBeforeMeasuring, FindsWhatTheRecordedMachineSays) {
+  test::TemporaryFolder folder;
+  DoctorInput input;
+  input.root = test::laptop(folder.path()).root();
+  input.cores = {usable_cores().front()};
+  input.build = {{"build_type", "Release"}};
+  input.readable = [](const std::filesystem::path&) { return true; };
+  std::vector<std::string> checks;
+  for (const Finding& each : look_before_measuring(std::move(input))) checks.push_back(each.check);
+  EXPECT_THAT(checks, ::testing::IsSupersetOf({"turbo", "clock_source"}));
+}
+
 TEST_F(Doctor, NamesTheExactCommands) {
   auto input = input_of(test::laptop(folder.path()));
   EXPECT_EQ(finding_of(input, "governor").found, "powersave on cores 0,1");
