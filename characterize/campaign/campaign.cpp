@@ -367,14 +367,16 @@ class Campaign {
     cell.measurement.reset();  // and with it the kernel cache
   }
 
-  /// Cells whose valid rows need no more are done; of others what there is can be seen, and gone on
-  /// with.
+  /// Cells whose valid rows need no more are done, and without a signal those that were only to be
+  /// sampled again; of others what there is can be seen, and gone on with.
   void store_begun() {
     summary_.interrupted = summary_.interrupted || stopped();
     for (Cell& cell : cells_) {
       if (cell.stored) continue;
       const bool any = cell.measurement->processes() > 0;
-      if (any && cell.measurement->needed_visits() == 0 && !cell.measurement->metering_due()) {
+      const bool done = cell.measurement->needed_visits() == 0 ||
+                        (!summary_.interrupted && cell.measurement->has_set_ups());
+      if (any && done && !cell.measurement->metering_due()) {
         store(cell);
       } else if (any) {
         const CellRecord record = cell.measurement->record();

@@ -82,6 +82,8 @@ class CellMeasurement {
   /// Those of expected_visits() for the precision; nothing if a cell does not get as many.
   [[nodiscard]] std::optional<int> visits_to_precision() const;
   [[nodiscard]] int processes() const { return static_cast<int>(taken_.size()); }
+  /// Whether it had all its set-ups, so that no more would add but sampling again.
+  [[nodiscard]] bool has_set_ups() const { return failed() || processes() >= setups(); }
 
   /// Whether the unit has an energy meter and the cell has calls that it has not been read for.
   [[nodiscard]] bool metering_due() const;

@@ -317,11 +317,12 @@ std::string out_of_time_text(const CampaignSummary& summary, const CampaignPlan&
 
 std::string summary_text(const CampaignSummary& summary, const CampaignPlan& plan,
                          const CampaignOptions& campaign) {
+  const std::string begun =
+      summary.cells_begun > 0 ? fmt::format(" and {} in part", summary.cells_begun) : "";
   return fmt::format(
-      "{} of {} cells in {} min from {} processes, {} within {:.3g} %; {} good, {} uncertain and "
-      "{} "
-      "invalid rows, in {}",
-      summary.cells, plan.cells.size(), minutes(summary.elapsed), summary.processes,
+      "{} of {} cells{} in {} min from {} processes, {} within {:.3g} %; {} good, {} uncertain and "
+      "{} invalid rows, in {}",
+      summary.cells, plan.cells.size(), begun, minutes(summary.elapsed), summary.processes,
       summary.within_precision, 100 * campaign.precision, summary.rows_valid, summary.rows_doubted,
       summary.rows_invalid, campaign.database.string());
 }

@@ -91,6 +91,20 @@ TEST_F(TimeLimit, StoresACellWithOneProcessAsDoubted) {
   EXPECT_EQ(finished(), "");
 }
 
+// Sampling it again is what the time was to bring, and there is a figure without it.
+TEST_F(TimeLimit, ACellThatWasOnlyToBeSampledAgainIsComplete) {
+  // As in Rounds.SampleAgainWhatIsUnstableAndThenSaySo.
+  std::string samples = "samples_ms: {pool5: [";
+  for (int i = 0; i < 60; ++i) samples += "1, ";
+  for (int i = 0; i < 2000; ++i) samples += "2, ";
+  const auto o = options({{"gpu", samples + "2]}"}}, "^pool5$");
+  const auto steps = run(o, 6);
+  EXPECT_THAT(steps.back(), HasSubstr("again (unstable)"));
+  EXPECT_EQ(summary.cells, 1);
+  EXPECT_TRUE(summary.complete());
+  EXPECT_THAT(row(load_profile(o.database), "pool5", Phase::kCall).doubts, ElementsAre("unstable"));
+}
+
 TEST_F(TimeLimit, GoesOnWithWhatItDidNotSufficeFor) {
   run(shipped(), 2);  // One cell has a process, the other none.
   EXPECT_EQ(summary.cells_begun, 1);
