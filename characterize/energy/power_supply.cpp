@@ -22,7 +22,7 @@ class Battery : public Meter {
       : Meter(std::move(info)), folder_(std::move(folder)) {}
 
   [[nodiscard]] Attribute<std::int64_t> read() const override {
-    const auto status = read_text(folder_ / "status");
+    const auto status = read_attribute(folder_ / "status");
     if (!status.value) return {std::nullopt, status.error, status.code};
     if (*status.value != "Discharging") {
       return {std::nullopt,

@@ -44,7 +44,7 @@ std::optional<std::int64_t> leading_number(std::string_view text) {
 
 }  // namespace
 
-Attribute<std::string> read_text(const std::filesystem::path& path) {
+Attribute<std::string> read_attribute(const std::filesystem::path& path) {
   Attribute<std::string> result;
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     result = read_once(path);
@@ -55,7 +55,7 @@ Attribute<std::string> read_text(const std::filesystem::path& path) {
 }
 
 Attribute<std::int64_t> read_integer(const std::filesystem::path& path) {
-  const auto text = read_text(path);
+  const auto text = read_attribute(path);
   if (!text.value) return {std::nullopt, text.error, text.code};
   std::int64_t value = 0;
   const char* end = text.value->data() + text.value->size();
@@ -67,7 +67,7 @@ Attribute<std::int64_t> read_integer(const std::filesystem::path& path) {
 }
 
 std::string text_or_empty(const std::filesystem::path& path) {
-  return read_text(path).value.value_or("");
+  return read_attribute(path).value.value_or("");
 }
 
 std::vector<std::filesystem::path> folder_entries(const std::filesystem::path& folder) {
@@ -89,7 +89,7 @@ std::string trimmed(std::string_view text) {
 }
 
 std::optional<std::string> first_line(const std::filesystem::path& path) {
-  auto text = read_text(path).value;
+  auto text = read_attribute(path).value;
   if (!text || text->empty()) return std::nullopt;
   text->resize(std::min(text->find('\n'), text->size()));
   while (!text->empty() && (text->back() == '\0' || text->back() == ' ')) text->pop_back();

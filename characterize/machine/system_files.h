@@ -21,7 +21,7 @@ struct Attribute {
 
 /// The attribute's text without the white space around it. Never waits: a pipe in place of a file
 /// is an error. Reads that are refused for a moment (EIO on a busy bus, EAGAIN) are tried 3 times.
-[[nodiscard]] Attribute<std::string> read_text(const std::filesystem::path& path);
+[[nodiscard]] Attribute<std::string> read_attribute(const std::filesystem::path& path);
 
 /// A decimal number, with a sign or without.
 [[nodiscard]] Attribute<std::int64_t> read_integer(const std::filesystem::path& path);

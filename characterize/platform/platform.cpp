@@ -107,7 +107,7 @@ Platform load_platform(const std::string& name, const std::vector<YamlOverride>&
   std::string file = name;
   std::string text;
   if (names_a_file(name)) {
-    text = read_file(name);
+    text = read_text(name);
   } else {
     file += kSuffix;
     const auto shipped = find_embedded(platform_files::files(), file);

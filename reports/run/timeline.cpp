@@ -102,7 +102,7 @@ class Lanes {
 }  // namespace
 
 Timeline load_timeline(const std::filesystem::path& path) {
-  return parse_timeline(read_file(path, kAnySize), path.string());
+  return parse_timeline(read_text(path, kAnySize), path.string());
 }
 
 Timeline parse_timeline(const std::string& text, const std::string& source) {

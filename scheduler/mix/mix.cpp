@@ -433,7 +433,7 @@ Mix parse_mix(const std::string& file, const std::string& text) {
 }
 
 Mix load_mix(const std::string& name) {
-  if (names_a_file(name)) return parse_mix(name, read_file(name));
+  if (names_a_file(name)) return parse_mix(name, read_text(name));
   const std::string file = name + std::string(kSuffix);
   const auto text = find_embedded(mix_files::files(), file);
   if (!text) {

@@ -303,7 +303,7 @@ RunRecord run_record_from_json(const Json& json, const std::string& source) {
 }
 
 RunRecord load_run_record(const std::filesystem::path& path) {
-  const std::string text = read_file(path);
+  const std::string text = read_text(path);
   try {
     return run_record_from_json(parse_json(text), path.string());
   } catch (const JsonError& error) {  // Syntax, or a number that no double holds.

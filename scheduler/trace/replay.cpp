@@ -200,7 +200,7 @@ class Replay {
 }  // namespace
 
 TraceLog load_trace_log(const std::filesystem::path& path) {
-  return parse_trace_log(read_file(path, kAnySize), path.string());
+  return parse_trace_log(read_text(path, kAnySize), path.string());
 }
 
 TraceLog parse_trace_log(const std::string& text, const std::string& source) {

@@ -23,7 +23,7 @@ constexpr double kLargest = 1e100;
 class Numbers {
  public:
   explicit Numbers(const std::filesystem::path& file)
-      : file_(file.string()), text_(pirt::read_file(file, kMostBytes)) {}
+      : file_(file.string()), text_(read_text(file, kMostBytes)) {}
 
   std::int32_t index(std::int32_t low, std::int32_t high, std::string_view what) {
     return read(whole_number(take(what), low, high), what);

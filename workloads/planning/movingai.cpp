@@ -18,10 +18,7 @@ namespace fs = std::filesystem;
 class Lines {
  public:
   explicit Lines(const fs::path& file)
-      : file_(file.string()), lines_(split(read_file(file), '\n')) {
-    for (auto& line : lines_) {
-      if (line.ends_with('\r')) line.pop_back();
-    }
+      : file_(file.string()), lines_(split(read_text(file), '\n')) {
     while (!lines_.empty() && lines_.back().empty()) lines_.pop_back();
   }
 

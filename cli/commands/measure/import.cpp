@@ -58,7 +58,7 @@ std::string medians(const PublishedFigure& figure) {
 }
 
 int import(const ImportFlags& options) {
-  Publication publication = read_publication(options.file, read_file(options.file));
+  Publication publication = read_publication(options.file, read_text(options.file));
   choose(publication, options);
   const std::string source = options.source.value_or(options.file);
   ProfileWriter writer(options.database);

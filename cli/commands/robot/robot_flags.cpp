@@ -40,7 +40,7 @@ std::vector<double> numbers_of(const std::optional<std::string>& given, const st
                                const std::string& form) {
   if (given) return parse_numbers("--" + key, *given, count, form);
   if (std::filesystem::exists(file)) {
-    const YamlNode root = parse_yaml(file.string(), read_file(file));
+    const YamlNode root = parse_yaml(file.string(), read_text(file));
     if (root.is_map() && root.has(key)) {
       const YamlNode list = root.at(key);
       std::vector<double> numbers;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <ostream>
+#include <unordered_map>
 
 namespace pirt {
 
@@ -16,6 +17,40 @@ std::string JsonError::reason() const {
   const auto number = text.find("] ");
   return text.starts_with('[') && number != std::string::npos ? text.substr(number + 2) : text;
 }
+
+/// In their order. Of many, where each key is, so that reading a large object takes no time that
+/// grows with the square.
+struct Json::Members {
+  static constexpr std::size_t kFew = 32;
+
+  std::vector<JsonMember> list;
+  std::unordered_multimap<std::size_t, std::size_t> places;  ///< By the key's hash; few have none.
+
+  [[nodiscard]] const Json* find(std::string_view key) const {
+    if (list.size() < kFew) {
+      const auto found = std::ranges::find(list, key, &JsonMember::key);
+      return found == list.end() ? nullptr : &found->value;
+    }
+    const auto [begin, end] = places.equal_range(std::hash<std::string_view>{}(key));
+    for (auto place = begin; place != end; ++place) {
+      if (list[place->second].key == key) return &list[place->second].value;
+    }
+    return nullptr;
+  }
+  /// A key that is not there.
+  Json& add(std::string_view key) {
+    list.push_back({std::string(key), Json()});
+    if (list.size() == kFew) index();
+    if (list.size() > kFew) places.emplace(std::hash<std::string_view>{}(key), list.size() - 1);
+    return list.back().value;
+  }
+  void index() {
+    places.clear();
+    for (std::size_t i = 0; i < list.size() && list.size() >= kFew; ++i) {
+      places.emplace(std::hash<std::string_view>{}(list[i].key), i);
+    }
+  }
+};
 
 Json::Json() noexcept : value_(nullptr) {}
 Json::Json(std::nullptr_t) noexcept : value_(nullptr) {}
@@ -113,15 +148,14 @@ void Json::throw_cannot_use(int id, const char* what) const {
 
 std::size_t Json::size() const {
   if (const List* list = as<List>()) return list->size();
-  if (const Members* members = as<Members>()) return members->size();
+  if (const Members* members = as<Members>()) return members->list.size();
   return is_null() ? 0 : 1;
 }
 
 const Json* Json::find_member(std::string_view key) const {
   const Members* const members = as<Members>();
   if (members == nullptr) throw_cannot_use(306, "value()");
-  const auto found = std::ranges::find(*members, key, &JsonMember::key);
-  return found == members->end() ? nullptr : &found->value;
+  return members->find(key);
 }
 
 bool Json::contains(std::string_view key) const {
@@ -151,7 +185,7 @@ const Json& Json::at_index(std::size_t index) const {
 
 const Json& Json::element(std::size_t index) const {
   if (const List* list = as<List>()) return (*list)[index];
-  if (const Members* members = as<Members>()) return (*members)[index].value;
+  if (const Members* members = as<Members>()) return members->list[index].value;
   return *this;
 }
 
@@ -159,7 +193,7 @@ Json& Json::operator[](std::string_view key) {
   if (is_null()) *this = object();
   if (!is_object()) throw_cannot_use(305, "operator[] with a string argument");
   if (const Json* found = find_member(key)) return const_cast<Json&>(*found);
-  return std::get<std::unique_ptr<Members>>(value_)->emplace_back(std::string(key), Json()).value;
+  return std::get<std::unique_ptr<Members>>(value_)->add(key);
 }
 
 void Json::push_back(const Json& value) { emplace_back(Json(value)); }
@@ -173,16 +207,17 @@ Json& Json::emplace_back(Json&& value) {
 
 void Json::erase(std::string_view key) {
   if (!is_object()) throw_cannot_use(307, "erase()");
-  std::erase_if(*std::get<std::unique_ptr<Members>>(value_),
-                [key](const JsonMember& each) { return each.key == key; });
+  Members& members = *std::get<std::unique_ptr<Members>>(value_);
+  std::erase_if(members.list, [key](const JsonMember& each) { return each.key == key; });
+  members.index();
 }
 
 void Json::update(const Json& object) {
   for (const auto& [key, value] : object.checked_members()) (*this)[key] = value;
 }
 
-const Json::Members& Json::items() const {
-  static const Members kNone;
+const std::vector<JsonMember>& Json::items() const {
+  static const std::vector<JsonMember> kNone;
   return empty() ? kNone : checked_members();
 }
 
@@ -253,10 +288,10 @@ const Json::List& Json::elements() const {
   return *list;
 }
 
-const Json::Members& Json::checked_members() const {
+const std::vector<JsonMember>& Json::checked_members() const {
   const Members* const members = as<Members>();
   if (members == nullptr) throw_not("object");
-  return *members;
+  return members->list;
 }
 
 bool Json::equals(const Json& other) const {
@@ -280,7 +315,7 @@ bool Json::equals(const Json& other) const {
   if (value_.index() != other.value_.index()) return false;
   if (const List* list = as<List>()) return *list == *other.as<List>();
   if (const Members* members = as<Members>()) {
-    return std::ranges::equal(*members, *other.as<Members>(),
+    return std::ranges::equal(members->list, other.as<Members>()->list,
                               [](const JsonMember& a, const JsonMember& b) {
                                 return a.key == b.key && a.value == b.value;
                               });
@@ -353,10 +388,10 @@ nlohmann::ordered_json JsonCodec::library_value(const Json& json) {
   }
   if (const auto* members = json.as<Json::Members>()) {
     nlohmann::ordered_json::object_t object;
-    object.reserve(members->size());
+    object.reserve(members->list.size());
     // Keys are unique already: looking for each would take time that grows with the square.
     auto& pairs = static_cast<std::vector<nlohmann::ordered_json::object_t::value_type>&>(object);
-    for (const auto& [key, value] : *members) pairs.emplace_back(key, library_value(value));
+    for (const auto& [key, value] : members->list) pairs.emplace_back(key, library_value(value));
     return object;
   }
   if (const auto* text = json.as<std::string>()) return *text;

@@ -205,7 +205,7 @@ class Json {
 
  private:
   using List = std::vector<Json>;
-  using Members = std::vector<JsonMember>;
+  struct Members;
   using Value =
       std::variant<std::nullptr_t, bool, std::int64_t, std::uint64_t, double,
                    std::unique_ptr<std::string>, std::unique_ptr<List>, std::unique_ptr<Members>>;
@@ -234,7 +234,7 @@ class Json {
   [[nodiscard]] double number() const;
   [[nodiscard]] const std::string& text() const;
   [[nodiscard]] const List& elements() const;
-  [[nodiscard]] const Members& checked_members() const;
+  [[nodiscard]] const std::vector<JsonMember>& checked_members() const;
   [[nodiscard]] const char* type_name() const;
   [[noreturn]] void throw_not(const char* type) const;
   [[noreturn]] void throw_cannot_use(int id, const char* what) const;

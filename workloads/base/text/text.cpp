@@ -167,7 +167,29 @@ std::string read_file(const std::filesystem::path& path, std::size_t max_bytes) 
     size += got;
   }
   text.resize(size);
+  refuse_pointer(path, text);
   return text;
+}
+
+std::string read_text(const std::filesystem::path& path, std::size_t max_bytes) {
+  std::string text = read_file(path, max_bytes);
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff")) {
+    throw_bad_input("'" + path.string() + "' is in UTF-16; save it as UTF-8");
+  }
+  const std::size_t mark = text.starts_with("\xef\xbb\xbf") ? 3 : 0;
+  std::size_t kept = 0;
+  for (std::size_t i = mark; i < text.size(); ++i) {
+    if (text[i] != '\r' || i + 1 == text.size() || text[i + 1] != '\n') text[kept++] = text[i];
+  }
+  text.resize(kept);
+  return text;
+}
+
+void refuse_pointer(const std::filesystem::path& path, std::string_view head) {
+  if (!head.starts_with("version https://git-lfs.github.com/spec/")) return;
+  throw_bad_input(
+      "'" + path.string() +
+      "' is not the file itself but a pointer of Git LFS; fetch it with `git lfs pull`");
 }
 
 std::filesystem::path follow_links(std::filesystem::path path) {

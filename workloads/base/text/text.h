@@ -35,6 +35,13 @@ inline constexpr std::size_t kAnySize = SIZE_MAX;
 /// a terminal (/dev/zero has no end) are refused, and what is longer than @p max_bytes.
 [[nodiscard]] std::string read_file(const std::filesystem::path& path,
                                     std::size_t max_bytes = kMaxInputBytes);
+/// The same of text: without a byte order mark, and lines end in '\n' alone.
+/// @throws Error{kBadInput} also for UTF-16.
+[[nodiscard]] std::string read_text(const std::filesystem::path& path,
+                                    std::size_t max_bytes = kMaxInputBytes);
+/// For readers that open a file themselves. read_file() has asked.
+/// @throws Error{kBadInput} if its first bytes are those of a pointer of Git LFS, with the remedy.
+void refuse_pointer(const std::filesystem::path& path, std::string_view head);
 
 /// What opening @p path for writing would open: where it is a link, what that leads to, even if
 /// nothing is there yet.

@@ -45,6 +45,13 @@ double TableRow::number(std::size_t column) const {
   return *read.value;
 }
 
+Nanos TableRow::seconds(std::size_t column) const {
+  constexpr double kLatest_s = 9e9;
+  const auto read = decimal_number(plain(cells_[column]), 0, kLatest_s);
+  if (!read.value) fail(fmt::format("column {} (seconds) {}", column + 1, read.problem));
+  return from_s(*read.value);
+}
+
 Nanos TableRow::stamp(std::size_t column) const {
   const auto read =
       whole_number<std::int64_t>(cells_[column], 0, std::numeric_limits<std::int64_t>::max() / 4);
@@ -58,7 +65,7 @@ std::vector<TableRow> read_table(const std::filesystem::path& file, char separat
                                  std::size_t columns) {
   std::vector<TableRow> rows;
   int number = 0;
-  for (const auto& raw : split(read_file(file), '\n')) {
+  for (const auto& raw : split(read_text(file), '\n')) {
     ++number;
     const std::string line = trimmed(raw);
     if (line.empty() || line.front() == '#') continue;

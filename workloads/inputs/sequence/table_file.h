@@ -19,6 +19,8 @@ class TableRow {
   [[nodiscard]] const std::string& text(std::size_t column) const { return cells_[column]; }
   /// Finite, of at most 1e12. @throws Error{kBadInput} with file:line and column.
   [[nodiscard]] double number(std::size_t column) const;
+  /// A time in seconds, >= 0, and no more than Nanos holds.
+  [[nodiscard]] Nanos seconds(std::size_t column) const;
   /// A stamp in nanoseconds, >= 0.
   [[nodiscard]] Nanos stamp(std::size_t column) const;
   [[noreturn]] void fail(const std::string& message) const;

@@ -98,7 +98,7 @@ std::shared_ptr<const std::vector<MapPoint>> load_map(const std::filesystem::pat
                     "--save-slam-map",
                     file.string(), why));
   };
-  const Json map = try_parse_json(read_file(file)).value_or(Json());
+  const Json map = try_parse_json(read_text(file)).value_or(Json());
   if (!map.is_object()) refuse("it is no JSON object");
   if (!map.contains("kind") || map["kind"] != kKind) refuse("its kind is not pirt_slam_map");
   if (!map.contains("schema_version") || map["schema_version"] != kVersion) {

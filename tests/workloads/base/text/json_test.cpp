@@ -285,6 +285,27 @@ TEST(Json, IsEqualWhereTheLibrarysIs) {
   EXPECT_FALSE(Json(1) == true);
 }
 
+TEST(Json, FindsManyKeysAsItFindsFew) {
+  constexpr int kKeys = 50'000;
+  Json json;
+  for (int i = 0; i < kKeys; ++i) json[std::to_string(i)] = i;
+  const Json read = parse_json(json_text(json));
+  EXPECT_EQ(read, json);
+  for (int i = 0; i < kKeys; i += 7) EXPECT_EQ(read.at(std::to_string(i)), i);
+  EXPECT_FALSE(read.contains("x"));
+  // Around the number from which on there is an index.
+  Json some;
+  for (int i = 0; i < 34; ++i) some[std::to_string(i)] = i;
+  for (const int gone : {0, 33, 5, 31}) some.erase(std::to_string(gone));
+  EXPECT_EQ(some.size(), 30U);
+  some["a"] = 1, some["b"] = 2, some["c"] = 3, some["a"] = 4;
+  EXPECT_EQ(some.size(), 33U);
+  EXPECT_EQ(some.at("a"), 4);
+  EXPECT_EQ(some.at("32"), 32);
+  EXPECT_FALSE(some.contains("31"));
+  EXPECT_EQ(some.items().front().key, "1");
+}
+
 TEST(Json, IsAValue) {
   Json a = {{"l", {1, 2}}};
   const Json b = a;

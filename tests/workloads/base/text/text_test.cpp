@@ -61,6 +61,25 @@ TEST_F(ReadFile, GivesEveryByte) {
   EXPECT_EQ(read_file(write("")), "");
 }
 
+TEST_F(ReadFile, TakesTextAsOtherSystemsWriteIt) {
+  const auto text_of = [this](const std::string& bytes) { return read_text(write(bytes)); };
+  EXPECT_EQ(text_of("\xef\xbb\xbf"
+                    "a\r\nb\r\n"),
+            "a\nb\n");
+  EXPECT_EQ(text_of("a\rb\r"), "a\rb\r") << "no end of a line";
+  EXPECT_EQ(text_of(""), "");
+  EXPECT_EQ(text_of("\xef\xbb\xbf"), "");
+  EXPECT_THAT(bad_input([&] {
+                text_of(
+                    std::string("\xff\xfe"
+                                "a\0",
+                                4));
+              }),
+              HasSubstr("UTF-16"));
+  EXPECT_THAT(bad_input([&] { text_of("version https://git-lfs.github.com/spec/v1\noid x\n"); }),
+              AllOf(HasSubstr("Git LFS"), HasSubstr("git lfs pull")));
+}
+
 TEST_F(ReadFile, TakesAsMuchAsTheLimitAndNotAByteMore) {
   const std::size_t limit = std::size_t{1} << 20;
   EXPECT_EQ(read_file(write(std::string(limit, 'x')), limit).size(), limit);

@@ -165,7 +165,7 @@ TuningFile load_tuning(const std::filesystem::path& path) {
                     "or set PIRT_TUNING to a file of yours, or to none for the defaults",
                     path.string(), failed ? failed.message() : std::strerror(errno)));
   }
-  return parse_tuning(path, read_file(path));
+  return parse_tuning(path, read_text(path));
 }
 
 TuningFile load_tuning() {
