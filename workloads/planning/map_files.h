@@ -16,7 +16,10 @@ namespace pirt::planning {
 /// a cell is occupied, below `free_thresh` free, between them unknown; in mode `raw` the pixel says
 /// it in percent, and above 100 it is unknown. In mode `trinary` grey 205, which map_saver writes
 /// for unknown, stays unknown whatever the thresholds: many maps are saved with a `free_thresh`
-/// (0.25) that would make it free.
+/// (0.25) that would make it free; where `negate` is set, that is grey 50. A pixel that is
+/// transparent is unknown in mode `scale`, as map_server has it, and also in `trinary`, where
+/// map_server mixes alpha into the grey and may call it free; one that is partly so is free there
+/// only if it is both with and without alpha. `raw` knows no alpha.
 /// @throws Error{kBadInput} "file:line: ..." for the YAML; naming the picture if it is damaged, has
 /// more than 8 bits a channel or more than kMostCells pixels.
 /// @source https://wiki.ros.org/map_server, nav2_map_server/src/map_io.cpp

@@ -22,6 +22,8 @@ namespace fs = std::filesystem;
 struct MapPicture {
   GreyImage grey;
   int white = 255;  ///< The value of white.
+  /// Of each pixel, 0 = transparent; empty = none is.
+  std::vector<std::uint8_t> alpha = {};
 };
 
 [[noreturn]] void throw_unusable(const fs::path& file, const std::string& why) {
@@ -86,7 +88,11 @@ MapPicture read_pgm(const fs::path& file, std::string_view bytes) {
   const auto count =
       static_cast<std::size_t>(picture.grey.width) * static_cast<std::size_t>(picture.grey.height);
   if (bytes[1] == '5') {
-    const std::string_view pixels = text.rest();
+    std::string_view pixels = text.rest();
+    // Some programs end it as they end a text.
+    while (pixels.size() > count && std::isspace(static_cast<unsigned char>(pixels.back())) != 0) {
+      pixels.remove_suffix(1);
+    }
     if (pixels.size() != count) {
       throw_unusable(file, fmt::format("it has {} bytes of pixels where its header says {}",
                                        pixels.size(), count));
@@ -113,17 +119,19 @@ MapPicture read_png(const fs::path& file, const std::string& bytes) {
   if (checked.header->bits > 8) {
     throw_unusable(file, fmt::format("it has {} bits a channel", checked.header->bits));
   }
-  const Tensor planes = rgb_pixels(file);
+  const Tensor planes = rgb_pixels(file, true);
   MapPicture picture;
   picture.grey.height = static_cast<int>(planes.dim(1));
   picture.grey.width = static_cast<int>(planes.dim(2));
   const auto values = planes.as<std::uint8_t>();
-  const std::size_t count = values.size() / 3;
+  const std::size_t count = values.size() / static_cast<std::size_t>(planes.dim(0));
   picture.grey.pixels.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
     const int sum = values[i] + values[i + count] + values[i + 2 * count];
     picture.grey.pixels[i] = static_cast<std::uint8_t>(sum / 3);
   }
+  const auto alpha = values.subspan(3 * count);
+  picture.alpha.assign(alpha.begin(), alpha.end());
   return picture;
 }
 
@@ -145,9 +153,22 @@ struct Reading {
   double occupied_above = 0.65;
   double free_below = 0.196;
 
-  [[nodiscard]] CellState state_of(int pixel, int white) const {
+  [[nodiscard]] CellState state_of(int pixel, int white, int alpha) const {
+    constexpr int kOpaque = 255;
+    if (mode == Mode::kRaw || alpha == kOpaque) return opaque_state(pixel, white);
+    if (mode == Mode::kScale || alpha == 0) return CellState::kUnknown;
+    // map_server takes the mean with alpha. Free is what is so with it and without.
+    const CellState states[] = {opaque_state(pixel, white),
+                                opaque_state((3 * pixel + alpha) / 4, white)};
+    if (std::ranges::count(states, CellState::kOccupied) > 0) return CellState::kOccupied;
+    return states[0] == states[1] ? states[0] : CellState::kUnknown;
+  }
+
+ private:
+  [[nodiscard]] CellState opaque_state(int pixel, int white) const {
     constexpr int kSavedUnknown = 205;
-    if (mode == Mode::kTrinary && pixel == kSavedUnknown && white == 255) {
+    if (mode == Mode::kTrinary && (negate ? white - pixel : pixel) == kSavedUnknown &&
+        white == 255) {
       return CellState::kUnknown;
     }
     if (mode == Mode::kRaw && pixel > 100) return CellState::kUnknown;
@@ -169,7 +190,12 @@ Reading read_reading(const YamlNode& root) {
     }
     reading.mode = static_cast<Mode>(found - known.begin());
   }
-  if (root.has("negate")) reading.negate = root.at("negate").integer(0, 1) == 1;
+  if (root.has("negate")) {
+    const YamlNode negate = root.at("negate");
+    const std::string says = negate.text();
+    const bool is_word = says == "true" || says == "false";
+    reading.negate = is_word ? negate.boolean() : negate.integer(0, 1) == 1;
+  }
   reading.occupied_above = root.at("occupied_thresh").number(0, 1);
   reading.free_below = root.at("free_thresh").number(0, 1);
   if (reading.free_below > reading.occupied_above) {
@@ -194,9 +220,10 @@ void read_place(const YamlNode& root, Grid& grid) {
 }  // namespace
 
 Grid read_ros_map(const fs::path& yaml) {
-  const auto root = parse_yaml(yaml.string(), read_file(yaml));
-  root.check_keys(
-      {"image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"});
+  const auto root = parse_yaml(yaml.string(), read_text(yaml));
+  // Old map_savers wrote unknown_thresh, which nobody has read.
+  root.check_keys({"image", "mode", "resolution", "origin", "negate", "occupied_thresh",
+                   "free_thresh", "unknown_thresh"});
   Grid grid;
   read_place(root, grid);
   const Reading reading = read_reading(root);
@@ -204,8 +231,9 @@ Grid read_ros_map(const fs::path& yaml) {
   grid.width = picture.grey.width;
   grid.height = picture.grey.height;
   grid.cells.reserve(picture.grey.pixels.size());
-  for (const auto pixel : picture.grey.pixels) {
-    grid.cells.push_back(reading.state_of(pixel, picture.white));
+  for (std::size_t i = 0; i < picture.grey.pixels.size(); ++i) {
+    const int alpha = picture.alpha.empty() ? 255 : picture.alpha[i];
+    grid.cells.push_back(reading.state_of(picture.grey.pixels[i], picture.white, alpha));
   }
   return grid;
 }

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <zlib.h>
 
 #include <fstream>
 
@@ -98,9 +99,87 @@ TEST_F(MapFiles, ReadsPixelsByTheThresholds) {
   EXPECT_EQ(states(read_map(ros(pixels))),
             (std::vector<CellState>{kOccupied, kUnknown, kUnknown, kFree, kFree}));
   EXPECT_EQ(states(read_map(ros(pixels, "negate: 1\n"))),
-            (std::vector<CellState>{kFree, kUnknown, kUnknown, kOccupied, kOccupied}));
+            (std::vector<CellState>{kFree, kUnknown, kOccupied, kOccupied, kOccupied}));
+  // The negative of a map that map_saver wrote: its unknown is 255 - 205.
+  EXPECT_EQ(states(read_map(ros("P2 3 1 255 255 50 1", "negate: true\n"))),
+            (std::vector<CellState>{kOccupied, kUnknown, kFree}));
+  EXPECT_EQ(states(read_map(ros("P2 1 1 255 254", "negate: false\nunknown_thresh: 0.5\n"))),
+            (std::vector<CellState>{kFree}));
   EXPECT_EQ(states(read_map(ros("P2 4 1 255 0 19 100 101", "mode: raw\n"))),
             (std::vector<CellState>{kFree, kFree, kOccupied, kUnknown}));
+}
+
+/// A row of a PNG. @param colour  0 grey, 3 palette, 4 grey and alpha, 6 RGBA.
+std::string png(int colour, int depth, int width, const std::string& row,
+                const std::vector<std::pair<std::string, std::string>>& chunks = {}) {
+  const auto big_endian = [](std::uint32_t value) {
+    std::string bytes;
+    for (int shift = 24; shift >= 0; shift -= 8) bytes += static_cast<char>(value >> shift & 255);
+    return bytes;
+  };
+  const auto chunk = [&](const std::string& name, const std::string& data) {
+    const std::string covered = name + data;
+    return big_endian(static_cast<std::uint32_t>(data.size())) + covered +
+           big_endian(static_cast<std::uint32_t>(
+               crc32_z(0, reinterpret_cast<const Bytef*>(covered.data()), covered.size())));
+  };
+  std::string text =
+      "\x89PNG\r\n\x1a\n" + chunk("IHDR", big_endian(static_cast<std::uint32_t>(width)) +
+                                              big_endian(1) + static_cast<char>(depth) +
+                                              static_cast<char>(colour) + std::string(3, '\0'));
+  for (const auto& [name, data] : chunks) text += chunk(name, data);
+  const std::string rows = '\0' + row;
+  std::string packed(compressBound(rows.size()), '\0');
+  uLongf size = packed.size();
+  compress(reinterpret_cast<Bytef*>(packed.data()), &size,
+           reinterpret_cast<const Bytef*>(rows.data()), rows.size());
+  return text + chunk("IDAT", packed.substr(0, size)) + chunk("IEND", "");
+}
+
+TEST_F(MapFiles, ReadsTransparentPixelsByTheTable) {
+  using enum CellState;
+  struct Row {
+    const char* mode;
+    bool negate;
+    int grey, alpha;
+    CellState expected;
+  };
+  // Occupied above 0.65, free below 0.196. With alpha in the mean: (3 * 255 + 10) / 4 = 193 is an
+  // occupancy of 0.243.
+  const Row table[] = {
+      {"trinary", false, 255, 255, kFree},    {"trinary", false, 0, 255, kOccupied},
+      {"trinary", false, 205, 255, kUnknown}, {"trinary", false, 255, 0, kUnknown},
+      {"trinary", false, 0, 0, kUnknown},     {"trinary", false, 255, 254, kFree},
+      {"trinary", false, 255, 10, kUnknown},  {"trinary", false, 60, 128, kOccupied},
+      {"trinary", true, 0, 255, kFree},       {"trinary", true, 255, 255, kOccupied},
+      {"trinary", true, 50, 255, kUnknown},   {"trinary", true, 0, 0, kUnknown},
+      {"scale", false, 255, 255, kFree},      {"scale", false, 255, 254, kUnknown},
+      {"scale", false, 0, 0, kUnknown},       {"scale", false, 0, 255, kOccupied},
+      {"scale", true, 0, 254, kUnknown},      {"raw", false, 0, 255, kFree},
+      {"raw", false, 100, 0, kOccupied},      {"raw", false, 101, 255, kUnknown},
+      {"raw", true, 100, 255, kOccupied}};
+  for (const Row& row : table) {
+    const char grey = static_cast<char>(row.grey);
+    const char alpha = static_cast<char>(row.alpha);
+    const std::string more =
+        std::string("mode: ") + row.mode + "\nnegate: " + (row.negate ? "1" : "0") + "\n";
+    for (const auto& picture :
+         {png(6, 8, 1, {grey, grey, grey, alpha}), png(4, 8, 1, {grey, alpha}),
+          png(3, 8, 1, {'\1'}, {{"PLTE", {0, 0, 0, grey, grey, grey}}, {"tRNS", {'\0', alpha}}})}) {
+      EXPECT_EQ(read_map(ros(picture, more)).cells, std::vector{row.expected})
+          << more << row.grey << ' ' << row.alpha << " kind " << int(picture[25]);
+    }
+  }
+}
+
+TEST_F(MapFiles, ReadsTheTransparentGreyOfAPng) {
+  using enum CellState;
+  EXPECT_EQ(read_map(ros(png(0, 8, 3, {'\0', '\xfe', '\xff'}, {{"tRNS", {'\0', '\xff'}}}))).cells,
+            (std::vector{kOccupied, kFree, kUnknown}));
+  // Two bits a pixel: 0, 2, 3 are 0, 170, 255.
+  EXPECT_EQ(read_map(ros(png(0, 2, 3, {'\x2c'}, {{"tRNS", {'\0', '\3'}}}))).cells,
+            (std::vector{kOccupied, kUnknown, kUnknown}));
+  EXPECT_EQ(read_map(ros(png(0, 2, 3, {'\x2c'}))).cells, (std::vector{kOccupied, kUnknown, kFree}));
 }
 
 TEST_F(MapFiles, RefusesDamagedRosMaps) {
@@ -109,6 +188,7 @@ TEST_F(MapFiles, RefusesDamagedRosMaps) {
   };
   EXPECT_THAT(refused("P5\n2 2\n255\nabc"), HasSubstr("3 bytes of pixels"));
   EXPECT_THAT(refused("P5\n2 2\n255\nabcde"), HasSubstr("5 bytes of pixels"));
+  static_cast<void>(read_map(ros("P5\n2 2\n255\nabcd\r\n")));  // ends as a text does
   EXPECT_THAT(refused("P5\n1 1\n65535\nab"), HasSubstr("16 bits"));
   EXPECT_THAT(refused("P5\n1000000 1000000\n255\n"), HasSubstr("too many"));
   EXPECT_THAT(refused("P5\n0 1\n255\n"), HasSubstr("its width"));

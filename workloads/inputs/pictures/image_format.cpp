@@ -1,5 +1,6 @@
 #include "workloads/inputs/pictures/image_format.h"
 
+#include <fmt/core.h>
 #include <zlib.h>
 
 #include <utility>
@@ -50,6 +51,12 @@ ImageCheck check_png(std::string_view bytes) {
       header.bits = static_cast<int>(big_endian(bytes, at + 16, 1));
     }
     pixels = pixels || type == "IDAT";
+    const bool is_grey = big_endian(bytes, kPngSignature.size() + 17, 1) == 0;
+    if (type == "tRNS" && is_grey && length == 2 && header.bits <= 8) {
+      const int white = (1 << header.bits) - 1;
+      header.transparent_grey =
+          (static_cast<int>(big_endian(bytes, at + 8, 2)) & white) * 255 / white;
+    }
     at += 12 + length;
     if (type == "IEND") break;
   }
@@ -113,11 +120,21 @@ ImageCheck check_jpeg(std::string_view bytes) {
 
 }  // namespace
 
+bool is_image(std::string_view bytes) {
+  return bytes.starts_with(kPngSignature) || bytes.starts_with(kJpegSignature);
+}
+
 ImageCheck check_image(std::string_view bytes) {
   if (bytes.empty()) return problem("it is empty");
-  if (bytes.starts_with(kPngSignature)) return check_png(bytes);
-  if (bytes.starts_with(kJpegSignature)) return check_jpeg(bytes);
-  return problem("it is neither a PNG nor a JPEG file");
+  if (!is_image(bytes)) return problem("it is neither a PNG nor a JPEG file");
+  ImageCheck check = bytes.starts_with(kPngSignature) ? check_png(bytes) : check_jpeg(bytes);
+  if (!check.header) return check;
+  const auto [width, height] = std::pair(check.header->width, check.header->height);
+  if (width > kMostPixels || height > kMostPixels || width * height > kMostPixels) {
+    return problem(
+        fmt::format("{}x{} pixels are too many (the limit is {})", width, height, kMostPixels));
+  }
+  return check;
 }
 
 }  // namespace pirt

@@ -16,7 +16,13 @@ struct ImageHeader {
   std::int64_t width = 0;   ///< Pixels.
   std::int64_t height = 0;  ///< Pixels.
   int bits = 8;             ///< A channel; of a palette, its index.
+  /// Of a grey PNG the value, at 8 bits, of pixels that are transparent: decoders drop it.
+  std::optional<int> transparent_grey = {};
 };
+
+/// More than any camera of a robot has; a header that asks for more is taken for damage before
+/// memory is.
+inline constexpr std::int64_t kMostPixels = 100'000'000;
 
 struct ImageCheck {
   std::optional<ImageHeader> header;  ///< Present if the file is whole.
@@ -24,8 +30,10 @@ struct ImageCheck {
 };
 
 /// Walks the file's structure: PNG chunks with their checksums from IHDR to IEND; JPEG segments
-/// from SOI to EOI. Does not decode pixels.
+/// from SOI to EOI. Does not decode pixels; more than kMostPixels are a problem, too.
 /// @source  PNG (Third Edition), W3C 2025, sections 5 and D; ITU-T T.81, annex B.
 [[nodiscard]] ImageCheck check_image(std::string_view bytes);
+/// Whether it begins as one of them.
+[[nodiscard]] bool is_image(std::string_view bytes);
 
 }  // namespace pirt

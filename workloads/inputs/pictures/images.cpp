@@ -25,9 +25,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// More than any camera of a robot has; a header that asks for more is taken for damage before
-/// memory is.
-constexpr std::int64_t kMaxPixels = 100'000'000;
 constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
 constexpr std::string_view kRemedy =
     "; replace the file by a whole PNG or JPEG picture, or take it away";
@@ -49,12 +46,6 @@ std::string read_bytes(const fs::path& file) {
 cv::Mat decode(const fs::path& file, const std::string& bytes) {
   const auto check = check_image(bytes);
   if (!check.header) throw_unusable(file, check.problem);
-  const auto& header = *check.header;
-  if (header.width > kMaxPixels || header.height > kMaxPixels ||
-      header.width * header.height > kMaxPixels) {
-    throw_unusable(file, fmt::format("{}x{} pixels are too many (the limit is {})", header.width,
-                                     header.height, kMaxPixels));
-  }
   DecodedPicture decoded = decode_picture(bytes);
   if (!decoded.error.empty()) throw_unusable(file, "it does not decode: " + decoded.error);
   const std::string& warnings = decoded.warnings;
@@ -106,15 +97,32 @@ Picture gray_picture(const cv::Mat& picture, int width, int height) {
   return result;
 }
 
-/// Planar R, G, B of B, G, R.
+/// Planar R, G, B and, if there is one, alpha, of B, G, R, alpha.
 Tensor planes_of(const cv::Mat& pixels) {
-  Tensor planes({"image", Element::kU8, {3, pixels.rows, pixels.cols}});
-  for (int channel = 0; channel < 3; ++channel) {
+  const int channels = pixels.channels();
+  Tensor planes({"image", Element::kU8, {channels, pixels.rows, pixels.cols}});
+  for (int channel = 0; channel < channels; ++channel) {
     auto* plane = planes.data() + std::ptrdiff_t{channel} * pixels.rows * pixels.cols;
     cv::Mat target(pixels.rows, pixels.cols, CV_8U, plane);
-    cv::extractChannel(pixels, target, 2 - channel);
+    cv::extractChannel(pixels, target, channel < 3 ? 2 - channel : channel);
   }
   return planes;
+}
+
+/// B, G, R, alpha of a PNG: of any kind that has 8 bits or less.
+cv::Mat with_alpha(const fs::path& file, const std::string& bytes, const ImageHeader& header) {
+  const cv::Mat pixels = decode_unchanged(bytes);
+  if (pixels.empty() || pixels.depth() != CV_8U) {
+    throw_unusable(file, "it is corrupt: its pixels do not decode");
+  }
+  cv::Mat all = pixels;
+  if (pixels.channels() == 1) cv::cvtColor(pixels, all, cv::COLOR_GRAY2BGRA);
+  if (pixels.channels() == 3) cv::cvtColor(pixels, all, cv::COLOR_BGR2BGRA);
+  if (header.transparent_grey) {
+    const double grey = *header.transparent_grey;
+    all.setTo(cv::Scalar(grey, grey, grey, 0), pixels == grey);
+  }
+  return all;
 }
 
 Picture rgb_picture(const cv::Mat& picture, int width, int height) {
@@ -268,7 +276,7 @@ std::vector<fs::path> pictures_of(const fs::path& folder) {
   return files;
 }
 
-Tensor rgb_pixels(const fs::path& file) {
+Tensor rgb_pixels(const fs::path& file, bool alpha) {
   const std::string bytes = read_bytes(file);
   const auto header = check_image(bytes).header;
   if (header && header->bits > 8) {
@@ -276,7 +284,8 @@ Tensor rgb_pixels(const fs::path& file) {
         fmt::format("cannot use the picture '{}': it has {} bits a channel; convert it to 8 bits",
                     file.string(), header->bits));
   }
-  return planes_of(decode(file, bytes));
+  const bool has_alpha = alpha && header && header->format == ImageFormat::kPng;
+  return planes_of(has_alpha ? with_alpha(file, bytes, *header) : decode(file, bytes));
 }
 
 std::unique_ptr<ImageSource> images_from(const fs::path& path) {

@@ -20,10 +20,11 @@ namespace pirt {
 /// @throws Error{kBadInput} if it cannot be read or has none.
 [[nodiscard]] std::vector<std::filesystem::path> pictures_of(const std::filesystem::path& folder);
 
-/// The picture as it is, neither scaled nor cropped: u8 [3, height, width], order R, G, B.
+/// The picture as it is, neither scaled nor cropped: u8 [3, height, width], order R, G, B, and
+/// @p alpha of a PNG as the fourth, 255 where it has none.
 /// @throws Error{kBadInput} if it does not decode or has more than 8 bits a channel; the message
 /// names the file.
-[[nodiscard]] Tensor rgb_pixels(const std::filesystem::path& file);
+[[nodiscard]] Tensor rgb_pixels(const std::filesystem::path& file, bool alpha = false);
 
 /// The PNG and JPEG files of a folder in name order, or one such file. Other files in the folder
 /// are ignored; each picture is scaled to cover the wished size, keeping its aspect, and
