@@ -55,8 +55,9 @@ TEST(Messages, KeepWhatALibraryPrintsToThemselves) {
       "n.cfg",
       "[net]\nwidth=32\nheight=32\nchannels=3\n\n[convolutional]\nfilters=18\nsize=3\nstride=1\n"
       "pad=0\nactivation=linear\n\n[yolo]\nmask=0,1,2\nanchors=4,4,8,8,16,16\nclasses=1\nnum=3\n");
-  const auto model =
-      scratch.write("n.weights", std::string(20 + (18 + 18 * 3 * 9) * sizeof(float), '\0'));
+  std::string weights(20 + (18 + 18 * 3 * 9) * sizeof(float), '\0');
+  weights[4] = 2;  // version 0.2, whose header has 20 bytes
+  const auto model = scratch.write("n.weights", weights);
   const auto picture = std::string(kSourceFolder) + "/reports/report-dark.png";
   const std::vector<std::string> detector = {"describe", picture,    "--model",
                                              model,      "--config", config};

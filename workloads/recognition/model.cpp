@@ -59,7 +59,7 @@ const Format& format_of(const ModelOptions& options) {
 std::vector<int> numbers_after(const std::string& config, std::string_view key, char mark) {
   std::vector<int> numbers;
   for (std::string line : split(config, '\n')) {
-    std::erase_if(line, [](char c) { return c == ' ' || c == '\t' || c == '\r'; });
+    std::erase_if(line, [](char c) { return c == ' ' || c == '\t'; });
     if (!line.starts_with(std::string(key) + mark)) continue;
     const auto read =
         whole_number(std::string_view(line).substr(key.size() + 1), 1, kLargestSide).value;
@@ -94,11 +94,8 @@ Fit fit_of(ModelFormat format, const std::string& config) {
 }
 
 std::vector<std::string> read_names(const fs::path& file) {
-  auto names = split(read_file(file), '\n');
-  for (auto& name : names) {
-    if (name.ends_with('\r')) name.pop_back();
-    name = name.substr(name.find('|') + 1);
-  }
+  auto names = split(read_text(file), '\n');
+  for (auto& name : names) name = name.substr(name.find('|') + 1);
   while (!names.empty() && names.back().empty()) names.pop_back();
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto bad = find_unprintable(names[i]);
@@ -123,7 +120,7 @@ ReadModel read_model(const ModelOptions& options) {
   const Format& format = format_of(options);
   ReadModel read{.bytes = {format.format, read_file(options.model, kMostModelBytes), ""},
                  .preprocess = options.preprocess.value_or(format.preprocess)};
-  if (options.config) read.bytes.config = read_file(*options.config);
+  if (options.config) read.bytes.config = read_text(*options.config);
   if (options.names) read.names = read_names(*options.names);
   read.fit = options.fit.value_or(fit_of(format.format, read.bytes.config));
   const auto size = options.size ? options.size : configured_size(format.format, read.bytes.config);

@@ -1,5 +1,6 @@
 // The module libpirt_networks.so: OpenCV's dnn. See network.h.
 #include <algorithm>
+#include <cstring>
 #include <mutex>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/dnn.hpp>
@@ -82,18 +83,21 @@ class OpenCvNetwork : public Network {
 };
 
 /// OpenCV does not look whether the file has the weights that it takes.
-void check_darknet_size(cv::dnn::Net& net, std::size_t bytes) {
-  constexpr std::size_t kHeader = 20;
+void check_darknet_size(cv::dnn::Net& net, const std::string& model) {
+  // Version and revision, then the pictures of its training: 8 bytes from version 0.2 on, 4 before.
+  std::int32_t version[2] = {};
+  std::memcpy(version, model.data(), std::min(sizeof version, model.size()));
+  const std::size_t header = std::int64_t{version[0]} * 10 + version[1] >= 2 ? 20 : 16;
   std::size_t weights = 0;
   for (const auto& name : net.getLayerNames()) {
     const auto layer = net.getLayer(net.getLayerId(name));
     if (layer->type == "Region") continue;  // Its anchors come from the configuration.
     for (const cv::Mat& blob : layer->blobs) weights += blob.total();
   }
-  const std::size_t needed = kHeader + weights * sizeof(float);
-  if (bytes == needed) return;
+  const std::size_t needed = header + weights * sizeof(float);
+  if (model.size() == needed) return;
   CV_Error(cv::Error::StsBadArg,
-           cv::format("it has %zu bytes where its configuration needs %zu", bytes, needed));
+           cv::format("it has %zu bytes where its configuration needs %zu", model.size(), needed));
 }
 
 cv::dnn::Net read_net(const ModelBytes& bytes) {
@@ -101,7 +105,7 @@ cv::dnn::Net read_net(const ModelBytes& bytes) {
     case ModelFormat::kDarknet: {
       auto net = cv::dnn::readNetFromDarknet(bytes.config.data(), bytes.config.size(),
                                              bytes.model.data(), bytes.model.size());
-      check_darknet_size(net, bytes.model.size());
+      check_darknet_size(net, bytes.model);
       return net;
     }
     case ModelFormat::kCaffe:

@@ -2,6 +2,7 @@
 // models.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cstring>
 #include <fstream>
@@ -54,6 +55,22 @@ TEST(DetectObjects, FindsWhatThePhotosShow) {
   const auto box = std::ranges::find(dog, "dog", &Detection::name)->box;
   EXPECT_NEAR(box.x, 130, 40);
   EXPECT_NEAR(box.y + box.height, 545, 40);
+}
+
+TEST(DetectObjects, ReadsWeightsOfBothOfDarknetsHeaders) {
+  PIRT_DATA_OR_SKIP(photos, "photos-darknet");
+  PIRT_DATA_OR_SKIP(folder, "yolo-fastest-1.1");
+  const fs::path file = testing::TempDir() + "/pirt-old-" + std::to_string(::getpid()) + ".weights";
+  // Version 0.1 has 4 bytes for the pictures of its training, where 0.2 has 8.
+  std::string weights = read_file(folder / "yolo-fastest-1.1.weights");
+  weights.replace(0, 20, std::string("\0\0\0\0\1\0\0\0\0\0\0\0\0\1\0\0", 16));
+  std::ofstream(file, std::ios::binary) << weights;
+  ModelOptions options = yolo(folder);
+  options.model = file;
+  Model detector(options);
+  EXPECT_THAT(names_of(detect_objects(detector, rgb_pixels(photos / "dog.jpg"), {})),
+              UnorderedElementsAre("car", "dog", "bicycle"));
+  fs::remove(file);
 }
 
 TEST(DescribeScene, GivesObjectsAndLabels) {
