@@ -14,8 +14,8 @@ PIRT_TEST_PACKAGES=(ccache make libgtest-dev libgmock-dev chromium chromium-driv
 PIRT_DSP_PACKAGES=(clang lld qemu-user)
 # Backend nats, the cloud: its libraries, and the server that tests start; likewise.
 PIRT_NATS_PACKAGES=(libnats-dev libssl-dev nats-server)
-# Bags of ROS 1 that are compressed; without them such a bag is refused by name.
-PIRT_BAG_PACKAGES=(libbz2-dev liblz4-dev)
+# Recordings of ROS that are compressed; without them such a one is refused by name.
+PIRT_BAG_PACKAGES=(libbz2-dev liblz4-dev libzstd-dev)
 PIRT_FPGA_PACKAGES=(verilator)  # backend fpga, in the same way
 
 say() { printf '== %s\n' "$*"; }

@@ -30,6 +30,7 @@ stage slam "${code[workloads]}" "$base" "localization and maps on sequences of a
 stage cloud "${code[workloads]}" "$base" "robots, workers and a server: 200 faults over loopback, 100,000 in virtual time" long_test cloud
 stage oclgrind "${code[workloads]} tests/oclgrind.sh" "$base oclgrind" "each OpenCL kernel on a simulated device: races, values nobody wrote" long_test oclgrind
 stage rusticl "${code[workloads]}" "$base mesa-opencl-icd" "every workload's OpenCL kernels on Mesa's driver" long_test rusticl
+stage recordings "$all" "$base python3-numpy python3-opencv" "recordings, maps and models as others make them: ../shared/cases/recordings" check_recordings
 stage subdirectory "$all" "$base" "pirt as a part of another project" long_test subdirectory
 stage packages "$all" "$base debootstrap lintian" "packages of Debian, installed, used and removed in a fresh root" check_packages
 stage unity-build "$all" "${PIRT_PACKAGES[*]}" "what cli/demo.sh builds, whose rooms are one source each, without a warning" build_united
@@ -100,6 +101,21 @@ tidy_keys() {
 long_test() {
   build_pirt build -DPIRT_TESTS=ON
   run_left build -C long -R "^long\.$1"
+}
+
+check_recordings() {
+  local cases=../shared/cases/recordings out
+  if [[ ! -f $cases/check.py ]]; then
+    echo "skipped: no data"
+    return 77
+  fi
+  build_pirt build -DPIRT_TESTS=ON
+  out=$(mktemp -d)
+  export PIRT=$PWD/build/pirt
+  /usr/bin/python3 "$cases/make.py" "$out" >/dev/null && /usr/bin/python3 "$cases/check.py" "$out"
+  local code=$?
+  rm -rf "$out"
+  return $code
 }
 
 check_packages() { tests/packages.sh || exit $?; }

@@ -43,6 +43,10 @@ std::string frames_text(const RobotRun& run) {
     text += fmt::format("               of {} that came; {} dropped, {} failed\n", r.arrived,
                         r.dropped, r.failed);
   }
+  if (r.run.left_out > 0) {
+    text +=
+        fmt::format("               {} left out: their pictures cannot be read\n", r.run.left_out);
+  }
   const char* rate = "as fast as it goes";
   if (run.own_rate) rate = "at the sequence's own rate";
   if (!run.own_rate && run.mode.empty()) rate = "as fast as it goes, pictures are read apart";
@@ -277,6 +281,7 @@ Json robot_json(const RobotRun& run, const std::string& dataset) {
                {"arrived", r.arrived},
                {"dropped", r.dropped},
                {"failed", r.failed},
+               {"left_out", r.run.left_out},
                {"frames", s.frames},
                {"frames_tracking", s.tracking},
                {"frames_starting", s.starting},

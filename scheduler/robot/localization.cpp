@@ -87,6 +87,10 @@ class LiveLocalization {
       auto flight = std::make_shared<Flight>();
       flight->frame = i;
       const auto [left, right, failure] = pictures.next();
+      if (left.empty()) {
+        ++result_.run.left_out;
+        continue;
+      }
       if (!comes(*flight)) continue;
       look_at(*flight, left, right);
       if (options_.companion != nullptr) {
@@ -117,7 +121,7 @@ class LiveLocalization {
   }
   GreyImage picture(std::size_t frame, std::size_t camera) const {
     GreyImage image = sequence_.image(frame, camera);
-    if (options_.spoil) options_.spoil(frame, camera, image);
+    if (options_.spoil && !image.empty()) options_.spoil(frame, camera, image);
     return image;
   }
 

@@ -158,7 +158,7 @@ TEST_F(RunRobot, TakesOutByHowMuchPicturesAreLate) {
 TEST_F(RunRobot, KeepsWhatRanWhenItIsInterrupted) {
   const std::string heard = quoted(scratch_.file("heard"));
   std::string command = "env --default-signal " + quoted(kProgram);
-  // Frames that are a second apart: it would go on for a minute.
+  // Frames that are a second apart: it would go on for a minute. The IMU's clock is another one.
   for (const char* camera : {"cam0", "cam1"}) {
     const auto csv = scratch_.file("room/mav0/" + std::string(camera) + "/data.csv");
     std::istringstream old(slurp(csv));
@@ -170,7 +170,7 @@ TEST_F(RunRobot, KeepsWhatRanWhenItIsInterrupted) {
     put(csv, slow);
   }
   for (const auto& argument :
-       live({"--json", scratch_.file("run.json"), "--trace", scratch_.file("t.json"),
+       live({"--no-imu", "--json", scratch_.file("run.json"), "--trace", scratch_.file("t.json"),
              "--trajectory", scratch_.file("t.txt")})) {
     command += " " + quoted(argument);
   }
@@ -192,10 +192,35 @@ TEST_F(RunRobot, WithoutATrackedFrameAnEarlierMapAndTrajectoryStay) {
   const std::string path = scratch_.write("good.txt", "as good");
   const auto outcome = pirt(arguments(
       {"--serial", "--fast", "--duration", "100ms", "--save-slam-map", map, "--trajectory", path}));
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  ASSERT_EQ(outcome.exit_code, 4) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("leaves '" + map + "' as it is"));
+  EXPECT_THAT(outcome.err, HasSubstr("nothing was localized"));
   EXPECT_EQ(slurp(map), "a good one");
   EXPECT_EQ(slurp(path), "as good");
+}
+
+TEST_F(RunRobot, ADamagedPictureIsLeftOutAndManyEndTheRun) {
+  std::vector<std::filesystem::path> pictures;
+  for (const auto& entry :
+       std::filesystem::directory_iterator(scratch_.file("room/mav0/cam0/data"))) {
+    pictures.push_back(entry.path());
+  }
+  std::ranges::sort(pictures);
+  std::filesystem::resize_file(pictures[30], 100);
+  for (const bool serial : {true, false}) {
+    const auto once = pirt(serial ? arguments({"--serial", "--fast", "--json", "-"})
+                                  : live({"--fast", "--json", "-"}));
+    ASSERT_EQ(once.exit_code, 0) << once.err;
+    EXPECT_THAT(once.err, HasSubstr(pictures[30].filename().string()));
+    const auto json = nlohmann::json::parse(once.out);
+    EXPECT_EQ(json["left_out"], 1);
+    EXPECT_EQ(json["frames"], 49);
+  }
+  for (std::size_t i = 31; i < 36; ++i) std::filesystem::resize_file(pictures[i], 100);
+  const auto many = pirt(arguments({"--serial", "--fast", "--json", "-"}));
+  ASSERT_EQ(many.exit_code, 4) << many.err;
+  EXPECT_THAT(many.err, HasSubstr("more than 5 % of the pictures cannot be read"));
+  EXPECT_TRUE(nlohmann::json::parse(many.out)["stopped"]);
 }
 
 TEST_F(RunRobot, WhatCannotBeWrittenCostsNoOtherResult) {

@@ -44,7 +44,7 @@ int generate(const GenerateFlags& options) {
     throw_bad_input(fmt::format("--format {} makes a file, and '{}' does not end in .{}",
                                 options.format, options.folder, options.format));
   }
-  for (const std::string other : {"bag", "db3"}) {
+  for (const std::string other : {"bag", "db3", "mcap"}) {
     if (options.format == "euroc" && options.folder.ends_with("." + other)) {
       throw_bad_input("'" + options.folder + "' would be a folder; add --format " + other +
                       " for a recording");
@@ -105,7 +105,7 @@ void add_generate(CLI::App& app, Action& action) {
       "Generate a sequence of a robot in a textured room (cameras, IMU, truth), in "
       "EuRoC's layout with a floor map, or as a recording of ROS; or, by a kind, something else");
   add_text(command, "folder", &options->folder, "FOLDER", "Folder to make, or recording");
-  add_choice(command, "--format", &options->format, "FORMAT", {"euroc", "bag", "db3"},
+  add_choice(command, "--format", &options->format, "FORMAT", {"euroc", "bag", "db3", "mcap"},
              "A folder of EuRoC's with a floor map, or a recording of ROS 1 or ROS 2 without")
       .shows_default();
   add_value(command, "--duration", &options->duration, "DURATION", no_duration,

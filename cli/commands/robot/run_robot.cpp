@@ -24,6 +24,7 @@
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 #include "workloads/inputs/recording/recording.h"
+#include "workloads/inputs/sequence/bad_pictures.h"
 #include "workloads/inputs/sequence/recorded.h"
 #include "workloads/slam/run/camera_imu.h"
 #include "workloads/slam/run/map_file.h"
@@ -33,7 +34,7 @@ namespace {
 
 struct RunRobotFlags {
   std::string dataset;
-  std::optional<std::string> slam_map, topics;
+  std::optional<std::string> slam_map, topics, calibration;
   ActivityFlags activities;
   bool no_update = false, no_map = false, mono = false, no_imu = false;
   bool serial = false, fast = false, comparing = false, strict = false;
@@ -49,13 +50,16 @@ struct RunRobotFlags {
 
 Sequence read(const RunRobotFlags& options) {
   if (options.dataset.empty()) throw_bad_input("name the folder of a sequence, or a recording");
-  if (options.topics && !names_a_recording(options.dataset)) {
-    throw_bad_input("--topics are of recordings (.bag, .db3), and '" + options.dataset +
-                    "' is none");
+  const bool of_recording = options.topics || options.calibration;
+  if (of_recording && !names_a_recording(options.dataset)) {
+    throw_bad_input("--topics and --calibration are of recordings (.bag, .db3, .mcap), and '" +
+                    options.dataset + "' is none");
   }
-  Sequence sequence = options.topics
-                          ? read_recording(options.dataset, parse_topics(*options.topics))
-                          : read_sequence(options.dataset);
+  SequenceTopics topics = options.topics ? parse_topics(*options.topics) : SequenceTopics{};
+  if (options.no_imu) topics.imu = "none";
+  Sequence sequence =
+      of_recording ? read_recording(options.dataset, topics, options.calibration.value_or(""))
+                   : read_sequence(options.dataset, !options.no_imu);
   if (options.mono) {
     sequence.cameras.resize(1);
     for (auto& frame : sequence.frames) frame.present.resize(1);
@@ -188,8 +192,9 @@ void keep_freed_memory() {
 int run_robot(const RunRobotFlags& options) {
   check(options);
   keep_freed_memory();
-  const Sequence sequence = read(options);
+  Sequence sequence = read(options);
   warn_all(sequence.warnings);
+  const auto bad_pictures = leave_out_bad_pictures(sequence);
   if (const auto fit = slam::fit_camera_to_imu(sequence)) warn_all(slam::warnings_of(*fit));
   LocalizationOptions run;
   run.setup = slam::setup_of(sequence);
@@ -200,12 +205,26 @@ int run_robot(const RunRobotFlags& options) {
   run.own_rate = !options.fast;
   run.most_in_flight = static_cast<std::size_t>(options.in_flight);
   if (options.plot) run.show = sequence.frames.size() / 2;
-  run.stops = [stops = count_stop_signals()] { return stops->load(); };
+  run.stops = [stops = count_stop_signals(), bad_pictures] {
+    return std::max(stops->load(), bad_pictures->are_too_many() ? 1 : 0);
+  };
   Robot robot{.sequence = sequence,
               .localization = std::move(run),
               .activities = options.activities.options(options.dataset, sequence)};
-  if (options.comparing) return compare(options, std::move(robot));
+  const auto tell_of_pictures = [&bad_pictures] {
+    warn_all(bad_pictures->warnings());
+    if (bad_pictures->are_too_many()) {
+      warn(fmt::format("more than {:.0f} % of the pictures cannot be read: the run ends there",
+                       100 * BadPictures::kMostPart));
+    }
+  };
+  if (options.comparing) {
+    const int code = compare(options, std::move(robot));
+    tell_of_pictures();
+    return code;
+  }
   const RobotRun done = robot.run(!options.serial);
+  tell_of_pictures();
   Results results;
   const bool shown = !options.trajectory.to_stdout();  // Lines of two kinds would be of no use.
   results.emit(shown ? robot_text(done) : "", robot_json(done, options.dataset), options.json);
@@ -230,6 +249,13 @@ int run_robot(const RunRobotFlags& options) {
   if (options.plot) results.write(picture(options, sequence, done), options.plot);
   if (!done.result.trace_problem.empty()) results.add(done.result.trace_problem);
   results.check();
+  if (!tracked && !options.no_update && !done.result.stopped) {
+    warn(
+        fmt::format("nothing was localized: of {} frames {} were starting and {} lost; the first "
+                    "pictures need texture, and the robot has to move",
+                    done.summary.frames, done.summary.starting, done.summary.lost));
+    return kExitEnvironment;
+  }
   return done.result.stopped ? kExitEnvironment : 0;
 }
 
@@ -242,10 +268,15 @@ void add_run_robot(CLI::App& app, Action& action) {
                   "recording of ROS), "
                   "live");
   add_input(command, "dataset", &options->dataset,
-            "Folder of the sequence, or a .bag of ROS 1 or a .db3 of ROS 2");
+            "Folder of the sequence, or a recording: a .bag of ROS 1, a .db3 or .mcap of ROS 2, or "
+            "their folder");
   add_text(command, "--topics", &options->topics, "WHAT=TOPIC,...",
            "Topics of a recording: left, right, imu, truth, e.g. left=/cam0/image_raw,imu=none "
            "(default: found by their types)");
+  add_input(
+      command, "--calibration", &options->calibration,
+      "What a recording without CameraInfo does not say: Kalibr's camchain, EuRoC's sensor.yaml or "
+      "their folder, or the file of ROS's camera_calibration");
   command.add_flag("--fast", options->fast,
                    "As fast as it goes, not at the sequence's own rate; no frame is dropped");
   add_value(command, "--duration", &options->duration, "DURATION", no_duration,

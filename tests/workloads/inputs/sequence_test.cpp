@@ -14,6 +14,7 @@
 #include "tests/support/data.h"
 #include "tests/support/errors.h"
 #include "tests/workloads/inputs/sequence_support.h"
+#include "workloads/inputs/pictures/decoder.h"
 #include "workloads/inputs/sequence/trajectory.h"
 #include "workloads/vision/vision.h"
 
@@ -155,6 +156,23 @@ TEST_F(SpoiledEuroc, NoticesDegreesAndG) {
   EXPECT_THAT(problem(), HasSubstr("gravity"));
 }
 
+TEST_F(SpoiledEuroc, NoticesAnotherClockAndMicroseconds) {
+  const Sequence good = read_sequence(folder_);
+  const auto rewrite = [&](std::int64_t later, std::int64_t part) {
+    std::ofstream out(folder_ / "mav0/imu0/data.csv");
+    for (const auto& s : good.imu) {
+      out << (s.time.count() + later) / part << ',' << s.gyro_rad_s.x() << ',' << s.gyro_rad_s.y()
+          << ',' << s.gyro_rad_s.z() << ',' << s.accel_m_s2.x() << ',' << s.accel_m_s2.y() << ','
+          << s.accel_m_s2.z() << '\n';
+    }
+  };
+  rewrite(0, 1000);
+  EXPECT_THAT(problem(), testing::AllOf(HasSubstr("imu0/data.csv"), HasSubstr("microseconds?")));
+  rewrite(from_s(1000).count(), 1);
+  EXPECT_THAT(problem(), testing::AllOf(HasSubstr("no time in common"), HasSubstr("--no-imu")));
+  EXPECT_TRUE(read_sequence(folder_, false).imu.empty());
+}
+
 TEST_F(SpoiledEuroc, RefusesExtrinsicsThatAreNone) {
   edit("cam0/sensor.yaml", "0.061,", "61.0,");
   EXPECT_THAT(problem(), HasSubstr("millimetres"));
@@ -223,6 +241,63 @@ TEST(Kitti, ReadsTheRealDrive) {
     path_m += (sequence.truth[i].body.position - sequence.truth[i - 1].body.position).norm();
   }
   EXPECT_NEAR(path_m, 59.9, 0.1);  // as its README says
+}
+
+/// A drive in KITTI's layout, of pictures that are called by these numbers.
+class MadeKitti : public testing::Test {
+ protected:
+  void add(const std::string& folder, const std::vector<std::string>& names) {
+    fs::create_directories(scratch_.path() / folder);
+    for (const auto& name : names) {
+      GreyImage image{16, 16,
+                      std::vector<std::uint8_t>(256, static_cast<std::uint8_t>(std::stoi(name)))};
+      put(scratch_.path() / folder / (name + ".png"),
+          encode_png(cv::Mat(16, 16, CV_8U, image.pixels.data())));
+    }
+  }
+  void calibrate(const std::string& first, const std::string& second) {
+    const std::string numbers = " 20 0 8 0 0 20 8 0 0 0 1 0\n";
+    put(scratch_.path() / "calib.txt", first + numbers + second + " 20 0 8 -4 0 20 8 0 0 0 1 0\n");
+  }
+  void SetUp() override { calibrate("P0:", "P1:"); }
+  [[nodiscard]] Sequence read() const { return read_kitti(scratch_.path()); }
+
+  const test::ScratchFolder scratch_;
+};
+
+TEST_F(MadeKitti, OrdersAndPairsPicturesByTheirNumbers) {
+  add("image_0", {"1", "2", "9", "10"});
+  add("image_1", {"1", "9", "10", "11"});
+  put(scratch_.path() / "times.txt", "0\n0.1\n0.2\n0.3\n0.4\n0.5\n0.6\n0.7\n0.8\n0.9\n1.0\n");
+  const Sequence sequence = read();
+  ASSERT_EQ(sequence.frames.size(), 4U);
+  for (const auto& [frame, number] : {std::pair{0, 1}, {1, 2}, {2, 9}, {3, 10}}) {
+    const auto i = static_cast<std::size_t>(frame);
+    EXPECT_EQ(sequence.frames[i].time, from_s(0.1 * number));
+    EXPECT_EQ(sequence.image(i, 0).pixels[0], number);
+    EXPECT_EQ(sequence.frames[i].present[1], number != 2);
+    if (number == 2) continue;
+    EXPECT_EQ(sequence.image(i, 1).pixels[0], number);
+  }
+  add("image_0", {"09"});
+  EXPECT_THAT(bad_input([this] { static_cast<void>(read()); }), HasSubstr("the same number"));
+}
+
+TEST_F(MadeKitti, TakesProjectionsByTheirLabels) {
+  add("image_0", {"1"});
+  add("image_1", {"1"});
+  calibrate("P1:", "P0:");
+  EXPECT_NEAR(read().cameras[0].body_from_camera.position.x(), 0.2, 1e-12);
+  calibrate("P2:", "P1:");
+  EXPECT_THAT(bad_input([this] { static_cast<void>(read()); }), HasSubstr("has no P0"));
+}
+
+TEST_F(MadeKitti, ACameraWithoutPairsIsNoCamera) {
+  add("image_0", {"1", "2"});
+  add("image_1", {"3", "4"});
+  const Sequence sequence = read();
+  EXPECT_EQ(sequence.cameras.size(), 1U);
+  EXPECT_THAT(sequence.warnings, testing::Contains(HasSubstr("image_1 is not used")));
 }
 
 TEST(Kitti, RefusesPosesThatAreTooFew) {

@@ -116,6 +116,22 @@ TEST(ImuPropagate, AnImuThatStopsLeavesAnUncertainState) {
   EXPECT_GT(std::sqrt(position_covariance(stopped).trace()), 0.5);
 }
 
+// Ten days were 43 million steps of 20 ms.
+TEST(ImuPropagate, AGapOfDaysEndsAtOnceAndLeavesAnUncertainState) {
+  constexpr double kLate_s = 864'000;
+  for (const bool has_imu : {true, false}) {
+    slam::Setup setup;
+    if (has_imu) setup.imu = ImuModel{};
+    State state;
+    state.time = from_s(1.0);
+    const std::vector<ImuSample> imu = {{from_s(1.0), {0, 0, 0}, {0, 0, 9.81}}};
+    imu_propagate(state, setup, imu, from_s(kLate_s));
+    EXPECT_EQ(state.time, from_s(kLate_s));
+    EXPECT_GT(std::sqrt(position_covariance(state).trace()), 50);
+    EXPECT_TRUE(state.covariance.allFinite());
+  }
+}
+
 /// A block's rows in all columns of the state.
 Eigen::MatrixXd dense(const State& state, const RowBlock& block) {
   Eigen::MatrixXd h = Eigen::MatrixXd::Zero(block.residual.size(), state.size());

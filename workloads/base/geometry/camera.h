@@ -1,17 +1,25 @@
-// A pinhole camera with a radial-tangential lens, as EuRoC's sensor.yaml describes one.
+// A pinhole camera with a lens, as calibrations describe one.
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 
 #include "workloads/base/geometry/geometry.h"
 
 namespace pirt {
 
-/// Lens coefficients as OpenCV's (k1, k2, p1, p2); all 0 = a picture that is rectified already.
+enum class Lens : std::uint8_t {
+  kRadialTangential,  ///< OpenCV's (k1, k2, p1, p2, k3, k4, k5, k6): plumb_bob, rational.
+  kEquidistant,       ///< OpenCV's fisheye (k1, k2, k3, k4).
+};
+
+/// Coefficients of the lens that are all 0 are those of a picture that is rectified already; of an
+/// equidistant one they are not.
 struct CameraModel {
   int width = 0, height = 0;  ///< Pixels.
   double fx = 0, fy = 0, cx = 0, cy = 0;
-  double k1 = 0, k2 = 0, p1 = 0, p2 = 0;
+  Lens lens = Lens::kRadialTangential;
+  double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0, k4 = 0, k5 = 0, k6 = 0;
   Pose body_from_camera;
   double rate_hz = 0;
 
@@ -24,6 +32,8 @@ struct CameraModel {
     return pixel.x() >= border && pixel.y() >= border && pixel.x() <= width - 1 - border &&
            pixel.y() <= height - 1 - border;
   }
+  /// Between its two farthest edges; without the corners.
+  [[nodiscard]] double widest_view_deg() const;
   /// One figure for both axes: what turns an angle into pixels near the centre.
   [[nodiscard]] double focal() const { return 0.5 * (fx + fy); }
 };

@@ -5,11 +5,12 @@
 #include <algorithm>
 #include <cstring>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 
 #include "workloads/base/error.h"
+#include "workloads/base/text/printable.h"
 #include "workloads/inputs/pictures/decoder.h"
 #include "workloads/inputs/pictures/image_format.h"
-#include "workloads/inputs/recording/messages.h"
 
 namespace pirt {
 namespace {
@@ -29,10 +30,25 @@ const Encoding kEncodings[] = {{"mono8", CV_8UC1, kAsItIs},
                                {"bgra8", CV_8UC4, cv::COLOR_BGRA2BGR},
                                {"rgba8", CV_8UC4, cv::COLOR_RGBA2BGR}};
 
-cv::Mat decoded(const ImageMessage& message, const WireReader& in) {
+/// Its own, or what the calibration says.
+struct Size {
+  std::int64_t width, height;
+  bool operator==(const Size&) const = default;
+};
+
+/// Before memory is taken for the pixels.
+void check_size(const WireReader& in, const Size& size, const std::optional<Size>& expected) {
+  if (!expected || size == *expected) return;
+  in.fail(fmt::format("has {}x{} pixels, its camera's calibration says {}x{}", size.width,
+                      size.height, expected->width, expected->height));
+}
+
+cv::Mat decoded(const ImageMessage& message, const WireReader& in,
+                const std::optional<Size>& expected) {
   const std::string bytes(message.data);
   const ImageCheck check = check_image(bytes);
   if (!check.header) in.fail("is no whole PNG or JPEG picture: " + check.problem);
+  check_size(in, {check.header->width, check.header->height}, expected);
   cv::Mat pixels = decode_unchanged(bytes);
   if (pixels.empty()) in.fail("has pixels that do not decode");
   if (pixels.depth() != CV_8U) in.fail("has more than 8 bits a channel");
@@ -41,12 +57,10 @@ cv::Mat decoded(const ImageMessage& message, const WireReader& in) {
   return plain;
 }
 
-cv::Mat plain(const ImageMessage& message, const WireReader& in) {
+cv::Mat plain(const ImageMessage& message, const WireReader& in,
+              const std::optional<Size>& expected) {
   const auto* encoding = std::ranges::find(kEncodings, message.encoding, &Encoding::name);
-  if (encoding == std::end(kEncodings)) {
-    in.fail(fmt::format("is encoded as '{}'; known are mono8, 8UC1, bgr8, 8UC3, rgb8, bgra8, rgba8",
-                        message.encoding));
-  }
+  check_size(in, {message.width, message.height}, expected);
   const auto row = static_cast<std::size_t>(message.width) * CV_ELEM_SIZE(encoding->type);
   if (message.width == 0 || message.height == 0 || message.step < row) {
     in.fail("has rows that are shorter than its width");
@@ -63,40 +77,66 @@ cv::Mat plain(const ImageMessage& message, const WireReader& in) {
   return pixels;
 }
 
-}  // namespace
-
-std::size_t picture_topic(const Recording& recording) {
-  for (std::size_t i = 0; i < recording.topics().size(); ++i) {
-    const Topic& topic = recording.topics()[i];
-    const bool has_pictures =
-        topic.type == ImageMessage::kType || topic.type == ImageMessage::kCompressedType;
-    if (has_pictures && topic.messages > 0) return i;
-  }
-  throw_bad_input("'" + recording.file() +
-                  "' has no pictures: no topic of sensor_msgs/Image or CompressedImage");
-}
-
-cv::Mat recorded_picture(const Recording& recording, std::size_t topic, std::size_t index) {
+cv::Mat picture_of(const Recording& recording, std::size_t topic, std::size_t index,
+                   const std::optional<Size>& expected) {
   const std::string bytes = recording.message(topic, index);
   auto in = recording.reader(topic, index, bytes);
   const ImageMessage message =
       read_image(in, recording.topics()[topic].type == ImageMessage::kCompressedType);
-  return message.compressed ? decoded(message, in) : plain(message, in);
+  const std::string why_not = no_picture(message);
+  if (!why_not.empty()) {
+    in.fail(why_not +
+            "; known are mono8, 8UC1, bgr8, 8UC3, rgb8, bgra8, rgba8, and PNG and JPEG of them");
+  }
+  return message.compressed ? decoded(message, in, expected) : plain(message, in, expected);
+}
+
+}  // namespace
+
+std::string no_picture(const ImageMessage& message) {
+  // "bayer_rggb8; jpeg compressed "
+  const std::string encoding = message.encoding.substr(0, message.encoding.find(';'));
+  const std::string named = "is encoded as '" + printable(message.encoding) + "'";
+  if (encoding.starts_with("bayer_")) return named + ", the mosaic of a colour camera";
+  if (encoding == "16UC1" || encoding == "32FC1" ||
+      message.encoding.find("compressedDepth") != std::string::npos) {
+    return named + ", which is depth";
+  }
+  if (encoding.ends_with("16")) return named + ", which has 16 bits";
+  if (message.compressed) return is_image(message.data) ? "" : named;
+  const bool is_known =
+      std::ranges::find(kEncodings, message.encoding, &Encoding::name) != std::end(kEncodings);
+  return is_known ? "" : named;
+}
+
+std::size_t picture_topic(const Recording& recording) {
+  std::string why_not;
+  for (std::size_t i = 0; i < recording.topics().size(); ++i) {
+    const Topic& topic = recording.topics()[i];
+    const bool is_compressed = topic.type == ImageMessage::kCompressedType;
+    if ((topic.type != ImageMessage::kType && !is_compressed) || topic.messages == 0) continue;
+    const std::string bytes = recording.message(i, 0);
+    auto in = recording.reader(i, 0, bytes);
+    const std::string problem = no_picture(read_image(in, is_compressed));
+    if (problem.empty()) return i;
+    why_not += "; " + topic.name + " " + problem;
+  }
+  throw_bad_input("'" + recording.file() +
+                  "' has no pictures: no topic of sensor_msgs/Image or CompressedImage" +
+                  (why_not.empty() ? "; it has " + recording.describe() : why_not));
+}
+
+cv::Mat recorded_picture(const Recording& recording, std::size_t topic, std::size_t index) {
+  return picture_of(recording, topic, index, {});
 }
 
 GreyImage recorded_grey(const Recording& recording, std::size_t topic, std::size_t index, int width,
                         int height) {
-  cv::Mat pixels = recorded_picture(recording, topic, index);
+  cv::Mat pixels = picture_of(recording, topic, index, Size{width, height});
   if (pixels.channels() == 3) {
     cv::Mat grey;
     cv::cvtColor(pixels, grey, cv::COLOR_BGR2GRAY);
     pixels = grey;
-  }
-  if (pixels.cols != width || pixels.rows != height) {
-    throw_bad_input(
-        fmt::format("'{}': message {} of {} has {}x{} pixels, its camera's calibration says {}x{}",
-                    recording.file(), index + 1, recording.topics()[topic].name, pixels.cols,
-                    pixels.rows, width, height));
   }
   GreyImage image{width, height, {}};
   image.pixels.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));

@@ -3,10 +3,15 @@
 
 #include <opencv2/core.hpp>
 
+#include "workloads/inputs/recording/messages.h"
 #include "workloads/inputs/recording/recording.h"
 #include "workloads/model/grey_image.h"
 
 namespace pirt {
+
+/// Why a message is no picture, though its type says so: depth, a mosaic, 16 bits; empty = it may
+/// be one.
+[[nodiscard]] std::string no_picture(const ImageMessage& message);
 
 /// Position of the first topic with pictures, by name. @throws Error{kBadInput} if there is none.
 [[nodiscard]] std::size_t picture_topic(const Recording& recording);

@@ -1,19 +1,13 @@
 // Reading a bag of ROS 1 by its index. Of a chunk that is not compressed only the message is read.
-#include <fcntl.h>
 #include <fmt/core.h>
-#include <sys/stat.h>
 
-#include <algorithm>
-#include <cerrno>
 #include <cstring>
 #include <map>
-#include <mutex>
 
 #include "workloads/base/error.h"
-#include "workloads/base/system/file_descriptor.h"
-#include "workloads/base/text/text.h"
 #include "workloads/inputs/recording/bag_format.h"
 #include "workloads/inputs/recording/compression.h"
+#include "workloads/inputs/recording/random_file.h"
 #include "workloads/inputs/recording/recording.h"
 
 namespace pirt {
@@ -21,8 +15,6 @@ namespace {
 
 using bag::Op;
 
-/// A chunk is some hundred kilobytes; what says that it is more than this is damaged.
-constexpr std::uint32_t kMostBytes = std::uint32_t{1} << 30;
 constexpr const char* kCut =
     "is not whole: it ends within a record. Copy it again, or repair it with `rosbag reindex`";
 
@@ -41,61 +33,33 @@ struct Chunk {
   std::string compression;
 };
 
-struct Place {
-  Nanos time{};
-  std::size_t chunk = 0;
-  std::uint32_t offset = 0;  ///< Of the message's record in what the chunk holds.
-};
+/// Positions of topics.
+using Connections = std::map<std::uint32_t, std::size_t>;
 
 class Bag final : public Recording {
  public:
-  explicit Bag(const std::filesystem::path& file)
-      : Recording(file.string()), fd_(::open(file.c_str(), O_RDONLY | O_CLOEXEC)) {
-    struct stat about {};
-    if (fd_.get() < 0 || ::fstat(fd_.get(), &about) != 0) {
-      fail(std::string("cannot be read: ") + std::strerror(errno));
-    }
-    size_ = static_cast<std::uint64_t>(about.st_size);
+  explicit Bag(const std::filesystem::path& file) : Recording(file.string()), bytes_(file) {
     read_index();
   }
 
-  [[nodiscard]] WireFormat format() const override { return WireFormat::kRos1; }
-
-  [[nodiscard]] std::string message(std::size_t topic, std::size_t index) const override {
-    const Place& place = places_[topic][index];
-    const Chunk& chunk = chunks_[place.chunk];
+ private:
+  [[nodiscard]] std::string load(const Topic::Place& place) const override {
+    const Chunk& chunk = chunks_[place.at];
     if (chunk.compression == "none") {
-      const Record record = read_record(chunk.data_at + place.offset);
+      const Record record = read_record(chunk.data_at + place.part);
       check_message(record);
-      return read(record.data_at, record.data_size);
+      return bytes_.read(record.data_at, record.data_size);
     }
-    const std::lock_guard lock(mutex_);
-    if (unpacked_ != place.chunk + 1) {
-      content_ = unpack(chunk.compression, read(chunk.data_at, chunk.packed), chunk.size, file_);
-      unpacked_ = place.chunk + 1;
-    }
-    const Record record = parse_record(content_, place.offset);
+    const auto content = unpacked_.get(place.at, [&] {
+      return unpack(chunk.compression, bytes_.read(chunk.data_at, chunk.packed), chunk.size, file_);
+    });
+    const Record record = parse_record(*content, place.part);
     check_message(record);
-    return content_.substr(record.data_at, record.data_size);
+    return content->substr(record.data_at, record.data_size);
   }
 
- private:
   void check_message(const Record& record) const {
     if (op_of(record) != Op::kMessage) fail("is damaged: its index leads to no message");
-  }
-
-  [[nodiscard]] std::string read(std::uint64_t at, std::size_t count) const {
-    if (at > size_ || count > size_ - at) fail(kCut);
-    std::string bytes(count, '\0');
-    for (std::size_t done = 0; done < count;) {
-      const auto got =
-          ::pread(fd_.get(), bytes.data() + done, count - done, static_cast<off_t>(at + done));
-      if (got < 0 && errno == EINTR) continue;
-      if (got < 0) fail(std::string("cannot be read: ") + std::strerror(errno));
-      if (got == 0) fail(kCut);
-      done += static_cast<std::size_t>(got);
-    }
-    return bytes;
   }
 
   [[nodiscard]] std::uint32_t number(const std::string& bytes, std::size_t at) const {
@@ -121,14 +85,14 @@ class Bag final : public Recording {
   }
 
   [[nodiscard]] Record read_record(std::uint64_t at) const {
-    const std::uint32_t head_size = number(read(at, 4), 0);
-    if (head_size > kMostBytes) fail("is damaged: a record has no end");
-    const std::string head = read(at + 4, head_size + 4U);
+    const std::uint32_t head_size = number(bytes_.read(at, 4), 0);
+    if (head_size > kMostChunkBytes) fail("is damaged: a record has no end");
+    const std::string head = bytes_.read(at + 4, head_size + 4U);
     Record record;
     record.head = fields_of(head.substr(0, head_size));
     record.data_at = at + 8 + head_size;
     record.data_size = number(head, head_size);
-    if (record.data_size > size_ - record.data_at) fail(kCut);
+    if (record.data_size > bytes_.size() - record.data_at) fail(kCut);
     return record;
   }
 
@@ -165,8 +129,9 @@ class Bag final : public Recording {
   }
 
   void read_index() {
-    if (size_ < bag::kVersion.size() || read(0, bag::kVersion.size()) != bag::kVersion) {
-      fail(size_ == 0 ? "is empty" : "is no bag of ROS 1, version 2.0");
+    if (bytes_.size() < bag::kVersion.size() ||
+        bytes_.read(0, bag::kVersion.size()) != bag::kVersion) {
+      fail("is no bag of ROS 1, version 2.0");
     }
     const Record head = read_record(bag::kVersion.size());
     if (op_of(head) != Op::kBagHeader) fail("is damaged: its first record is no bag header");
@@ -178,70 +143,62 @@ class Bag final : public Recording {
     const auto connections = value<std::uint32_t>(head.head, "conn_count");
     const auto chunks = value<std::uint32_t>(head.head, "chunk_count");
     std::uint64_t next = index_at;
-    std::map<std::uint32_t, std::string> names;  // of topics, by connection
-    std::map<std::string, std::string> types;
+    Connections topics;
     for (std::uint32_t i = 0; i < connections; ++i) {
       const Record record = read_record(next);
       next = record.end();
-      const std::string topic = at(record.head, "topic");
-      names[value<std::uint32_t>(record.head, "conn")] = topic;
-      types[topic] = at(fields_of(read(record.data_at, record.data_size)), "type");
+      const Fields about = fields_of(bytes_.read(record.data_at, record.data_size));
+      const auto text = about.find("message_definition");
+      topics[value<std::uint32_t>(record.head, "conn")] =
+          add({.name = at(record.head, "topic"),
+               .type = at(about, "type"),
+               .encoding = "ros1",
+               .has_seq = defines_seq(text == about.end() ? "" : text->second, true)});
     }
-    for (const auto& [name, type] : types) topics_.push_back({name, type, 0});
-    places_.resize(topics_.size());
     for (std::uint32_t i = 0; i < chunks; ++i) {
       const Record record = read_record(next);
       next = record.end();
       read_chunk(value<std::uint64_t>(record.head, "chunk_pos"),
-                 value<std::uint32_t>(record.head, "count"), names);
+                 value<std::uint32_t>(record.head, "count"), topics);
     }
-    for (std::size_t i = 0; i < topics_.size(); ++i) {
-      std::ranges::stable_sort(places_[i], {}, &Place::time);
-      topics_[i].messages = places_[i].size();
-    }
+    finish();
   }
 
   /// @param indices  How many index records follow it.
-  void read_chunk(std::uint64_t position, std::uint32_t indices,
-                  const std::map<std::uint32_t, std::string>& names) {
+  void read_chunk(std::uint64_t position, std::uint32_t indices, const Connections& topics) {
     const Record record = read_record(position);
     Chunk chunk{.data_at = record.data_at,
                 .packed = record.data_size,
                 .size = value<std::uint32_t>(record.head, "size"),
                 .compression = at(record.head, "compression")};
     check_compression(chunk.compression, file_);
-    if (chunk.size > kMostBytes) fail("is damaged: a chunk has no end");
+    if (chunk.size > kMostChunkBytes) fail("is damaged: a chunk has no end");
     std::uint64_t next = record.end();
     for (std::uint32_t i = 0; i < indices; ++i) {
       const Record index = read_record(next);
       next = index.end();
       if (op_of(index) != Op::kIndex) fail("is damaged: a chunk has no index behind it");
-      const auto name = names.find(value<std::uint32_t>(index.head, "conn"));
-      if (name == names.end()) fail("is damaged: an index is of no connection");
+      const auto topic = topics.find(value<std::uint32_t>(index.head, "conn"));
+      if (topic == topics.end()) fail("is damaged: an index is of no connection");
       const auto count = value<std::uint32_t>(index.head, "count");
-      const std::string data = read(index.data_at, index.data_size);
+      const std::string data = bytes_.read(index.data_at, index.data_size);
       constexpr std::size_t kEntry = 12;
       if (data.size() < kEntry * count) fail("is damaged: an index is shorter than it says");
-      auto& places = places_[topic(name->second)];
+      auto& places = topics_[topic->second].places;
       for (std::size_t k = 0; k < count; ++k) {
         const std::size_t entry = kEntry * k;
         places.push_back({.time = Nanos(std::int64_t{number(data, entry)} * 1'000'000'000 +
                                         number(data, entry + 4)),
-                          .chunk = chunks_.size(),
-                          .offset = number(data, entry + 8)});
+                          .at = chunks_.size(),
+                          .part = number(data, entry + 8)});
       }
     }
     chunks_.push_back(std::move(chunk));
   }
 
-  FileDescriptor fd_;
-  std::uint64_t size_ = 0;
+  RandomFile bytes_;
   std::vector<Chunk> chunks_;
-  std::vector<std::vector<Place>> places_;  ///< By topic.
-  // The chunk that was unpacked last: its messages are asked for one after the other.
-  mutable std::mutex mutex_;
-  mutable std::string content_;
-  mutable std::size_t unpacked_ = 0;  ///< Its position + 1.
+  mutable ChunkCache unpacked_;
 };
 
 }  // namespace

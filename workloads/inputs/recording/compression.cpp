@@ -1,4 +1,4 @@
-// PIRT_BZ2 and PIRT_LZ4 say which libraries there were when pirt was built.
+// PIRT_BZ2, PIRT_LZ4 and PIRT_ZSTD say which libraries there were when pirt was built.
 #include "workloads/inputs/recording/compression.h"
 
 #ifdef PIRT_BZ2
@@ -7,8 +7,17 @@
 #ifdef PIRT_LZ4
 #include <lz4frame.h>
 #endif
+#ifdef PIRT_ZSTD
+#include <zstd.h>
+#endif
+
+#include <algorithm>
+#include <fstream>
+#include <functional>
+#include <memory>
 
 #include "workloads/base/error.h"
+#include "workloads/inputs/recording/random_file.h"
 
 namespace pirt {
 namespace {
@@ -17,7 +26,7 @@ namespace {
                                               const std::string& package) {
   throw_environment("'" + file + "' is compressed with " + name +
                     ", which pirt was built without; install " + package +
-                    " and build again, or unpack it: rosbag decompress");
+                    " and build again, or unpack it: `rosbag decompress`, `ros2 bag convert`");
 }
 
 #ifdef PIRT_BZ2
@@ -51,6 +60,32 @@ bool unpack_lz4(const std::string& packed, std::string& out) {
 }
 #endif
 
+#ifdef PIRT_ZSTD
+using Read = std::function<std::string(std::size_t most)>;
+using Write = std::function<void(std::string_view bytes)>;
+
+/// Of any number of frames, piece by piece. False if they are damaged or end early.
+bool unpack_zstd(const Read& read, const Write& write) {
+  const std::unique_ptr<ZSTD_DCtx, std::size_t (*)(ZSTD_DCtx*)> context(ZSTD_createDCtx(),
+                                                                        ZSTD_freeDCtx);
+  constexpr std::size_t kPiece = std::size_t{1} << 20;
+  std::string made(kPiece, '\0');
+  std::size_t hint = 1;
+  for (std::string piece = read(kPiece); !piece.empty(); piece = read(kPiece)) {
+    ZSTD_inBuffer in{piece.data(), piece.size(), 0};
+    bool is_full = true;
+    while (in.pos < in.size || is_full) {
+      ZSTD_outBuffer out{made.data(), made.size(), 0};
+      hint = ZSTD_decompressStream(context.get(), &out, &in);
+      if (ZSTD_isError(hint) != 0) return false;
+      write(std::string_view(made).substr(0, out.pos));
+      is_full = out.pos == out.size;
+    }
+  }
+  return hint == 0;
+}
+#endif
+
 }  // namespace
 
 void check_compression(std::string_view name, const std::string& file) {
@@ -67,12 +102,18 @@ void check_compression(std::string_view name, const std::string& file) {
 #endif
     return;
   }
+  if (name == "zstd") {
+#ifndef PIRT_ZSTD
+    throw_without(file, "zstd", "libzstd-dev");
+#endif
+    return;
+  }
   throw_bad_input("'" + file + "' is compressed with '" + std::string(name) +
-                  "', which is not known; bags have none, bz2 or lz4");
+                  "', which is not known; recordings have none, bz2, lz4 or zstd");
 }
 
-std::string unpack(std::string_view name, const std::string& packed, std::size_t size,
-                   const std::string& file) {
+std::string unpack(std::string_view name, [[maybe_unused]] const std::string& packed,
+                   std::size_t size, const std::string& file) {
   std::string out(size, '\0');
   bool done = false;
 #ifdef PIRT_BZ2
@@ -81,10 +122,69 @@ std::string unpack(std::string_view name, const std::string& packed, std::size_t
 #ifdef PIRT_LZ4
   if (name == "lz4") done = unpack_lz4(packed, out);
 #endif
+#ifdef PIRT_ZSTD
+  if (name == "zstd") {
+    done = ZSTD_decompress(out.data(), out.size(), packed.data(), packed.size()) == out.size();
+  }
+#endif
   if (!done)
     throw_bad_input("'" + file + "' is damaged: a chunk of " + std::string(name) +
                     " does not unpack");
   return out;
+}
+
+std::string unpack_message(std::string message, const std::string& file) {
+  constexpr std::string_view kMagic = "\x28\xb5\x2f\xfd";
+  if (!message.starts_with(kMagic)) return message;
+  check_compression("zstd", file);
+  std::string out;
+#ifdef PIRT_ZSTD
+  const Read read = [&](std::size_t) { return std::exchange(message, {}); };
+  const Write write = [&](std::string_view bytes) {
+    if (out.size() + bytes.size() > kMostChunkBytes) {
+      throw_bad_input("'" + file + "' is damaged: a message has no end");
+    }
+    out += bytes;
+  };
+  if (!unpack_zstd(read, write)) {
+    throw_bad_input("'" + file + "' is damaged: a message of zstd does not unpack");
+  }
+#endif
+  return out;
+}
+
+void unpack_file(const std::filesystem::path& packed,
+                 [[maybe_unused]] const std::filesystem::path& plain) {
+  check_compression("zstd", packed.string());
+#ifdef PIRT_ZSTD
+  const RandomFile from(packed);
+  std::ofstream to(plain, std::ios::binary);
+  std::uint64_t at = 0;
+  const Read read = [&](std::size_t most) {
+    std::string piece = from.read(at, std::min<std::uint64_t>(most, from.size() - at));
+    at += piece.size();
+    return piece;
+  };
+  const auto head = from.read(0, std::min<std::uint64_t>(from.size(), 18));
+  const auto says = ZSTD_getFrameContentSize(head.data(), head.size());
+  const auto need = says < ZSTD_CONTENTSIZE_ERROR ? std::uint64_t{says} : from.size();
+  const auto check_room = [&](std::uint64_t bytes) {
+    std::error_code failed;
+    const auto room = std::filesystem::space(plain.parent_path(), failed);
+    if (!failed && room.available >= bytes && to.good()) return;
+    throw_environment("'" + packed.string() + "' does not fit unpacked into '" +
+                      plain.parent_path().parent_path().string() +
+                      "'; name a folder with more room: TMPDIR=FOLDER");
+  };
+  check_room(need);
+  const Write write = [&](std::string_view bytes) {
+    if (!to.write(bytes.data(), static_cast<std::streamsize>(bytes.size()))) check_room(1);
+  };
+  if (!unpack_zstd(read, write)) {
+    throw_bad_input("'" + packed.string() + "' is damaged: it does not unpack. Copy it again");
+  }
+  if (!to.flush()) check_room(1);
+#endif
 }
 
 }  // namespace pirt

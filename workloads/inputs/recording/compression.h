@@ -1,13 +1,14 @@
-// What chunks of a bag are compressed with.
+// What recordings are compressed with.
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <string>
 #include <string_view>
 
 namespace pirt {
 
-/// @param name  "none", "bz2" or "lz4".
+/// @param name  "none", "bz2", "lz4" or "zstd".
 /// @param file  For the message.
 /// @throws Error{kBadInput} if it is none of them; Error{kEnvironment} if pirt was built without
 /// it.
@@ -17,5 +18,12 @@ void check_compression(std::string_view name, const std::string& file);
 /// @throws Error{kBadInput} if the bytes are damaged.
 [[nodiscard]] std::string unpack(std::string_view name, const std::string& packed, std::size_t size,
                                  const std::string& file);
+
+/// One message that was packed with zstd; what is not is given back.
+/// @throws Error{kBadInput} if it is damaged or larger than a chunk may be.
+[[nodiscard]] std::string unpack_message(std::string message, const std::string& file);
+/// A whole file that was packed with zstd.
+/// @throws Error{kBadInput} if it is damaged; Error{kEnvironment} if there is no room for it.
+void unpack_file(const std::filesystem::path& packed, const std::filesystem::path& plain);
 
 }  // namespace pirt

@@ -6,7 +6,7 @@
 #include <fmt/core.h>
 #include <sqlite3.h>
 
-#include <algorithm>
+#include <cctype>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -14,6 +14,8 @@
 #include "workloads/base/error.h"
 #include "workloads/base/system/temporary.h"
 #include "workloads/base/text/text.h"
+#include "workloads/inputs/recording/compression.h"
+#include "workloads/inputs/recording/random_file.h"
 #include "workloads/inputs/recording/recording.h"
 
 namespace pirt {
@@ -21,19 +23,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// "sensor_msgs/msg/Image" <-> "sensor_msgs/Image".
-std::string ros1_type(const std::string& type) {
-  const auto at = type.find("/msg/");
-  return at == std::string::npos ? type : type.substr(0, at) + type.substr(at + 4);
-}
-std::string ros2_type(std::string_view type) {
-  const auto slash = type.find('/');
-  return std::string(type.substr(0, slash)) + "/msg" + std::string(type.substr(slash));
-}
-
 class Database {
  public:
-  Database(const fs::path& file, int flags) : file_(file.string()) {
+  /// @param name  For messages.
+  /// @param file  As SQLite wants it, which may be a URI.
+  Database(std::string name, const std::string& file, int flags) : file_(std::move(name)) {
     sqlite3* opened = nullptr;
     const int code = sqlite3_open_v2(file.c_str(), &opened, flags, nullptr);
     handle_.reset(opened);
@@ -99,44 +93,98 @@ class Statement {
   std::unique_ptr<sqlite3_stmt, Finalize> handle_;
 };
 
+/// As SQLite wants the name of a file that nobody writes any more: it takes no lock, and leaves
+/// nothing beside it.
+std::string immutable_uri(const fs::path& file) {
+  std::string uri = "file:";
+  for (const char c : fs::absolute(file).string()) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '/' || c == '.';
+    uri += plain ? std::string(1, c) : fmt::format("%{:02x}", static_cast<unsigned char>(c));
+  }
+  return uri + "?immutable=1";
+}
+
 class Db3 final : public Recording {
  public:
-  explicit Db3(const fs::path& file)
-      : Recording(file.string()), database_(file, SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX) {
-    std::map<std::string, std::int64_t> ids;
-    Statement topics(database_, "SELECT id, name, type, serialization_format FROM topics");
-    while (topics.step()) {
-      if (const auto format = topics.bytes(3); format != "cdr") {
-        fail(fmt::format("has messages of {} as '{}'; only cdr is known", topics.bytes(1), format));
-      }
-      topics_.push_back({topics.bytes(1), ros1_type(topics.bytes(2)), 0});
-      ids[topics_.back().name] = topics.number(0);
+  explicit Db3(const fs::path& file) : Recording(file.string()) {
+    static_cast<void>(RandomFile(file));  // refuses what is empty, no file, or a pointer
+    open(file);
+    guard();
+    std::map<std::int64_t, std::size_t> topics;
+    Statement of(*database_, "SELECT id, name, type, serialization_format FROM topics");
+    while (of.step()) {
+      topics[of.number(0)] =
+          add({.name = of.bytes(1), .type = ros1_type(of.bytes(2)), .encoding = of.bytes(3)});
     }
-    std::ranges::sort(topics_, {}, &Topic::name);
-    rows_.resize(topics_.size());
-    Statement rows(database_, "SELECT id FROM messages WHERE topic_id = ? ORDER BY timestamp, id");
-    for (std::size_t i = 0; i < topics_.size(); ++i) {
-      rows.bind(1, ids.at(topics_[i].name));
-      while (rows.step()) rows_[i].push_back(rows.number(0));
-      rows.reset();
-      topics_[i].messages = rows_[i].size();
+    Statement rows(*database_, "SELECT id, topic_id, timestamp FROM messages ORDER BY id");
+    while (rows.step()) {
+      const auto topic = topics.find(rows.number(1));
+      if (topic == topics.end()) fail("is damaged: a message is of no topic");
+      if (rows.number(2) < 0) fail("is damaged: a message was recorded before 1970");
+      topics_[topic->second].places.push_back(
+          {Nanos(rows.number(2)), static_cast<std::uint64_t>(rows.number(0)), 0});
     }
-  }
-
-  [[nodiscard]] WireFormat format() const override { return WireFormat::kCdr; }
-
-  [[nodiscard]] std::string message(std::size_t topic, std::size_t index) const override {
-    const std::lock_guard lock(mutex_);
-    Statement row(database_, "SELECT data FROM messages WHERE id = ?");
-    row.bind(1, rows_[topic][index]);
-    if (!row.step()) fail("has changed while it was read");
-    return row.bytes(0);
+    finish();
   }
 
  private:
-  Database database_;
-  std::vector<std::vector<std::int64_t>> rows_;  ///< By topic.
-  mutable std::mutex mutex_;                     ///< Of the database, which has none.
+  [[nodiscard]] std::string load(const Topic::Place& place) const override {
+    const std::lock_guard lock(mutex_);
+    Statement row(*database_, "SELECT data FROM messages WHERE id = ?");
+    row.bind(1, static_cast<std::int64_t>(place.at));
+    if (!row.step()) fail("has changed while it was read");
+    return unpack_message(row.bytes(0), file_);
+  }
+
+  /// A recorder that was killed leaves what it had not put into the file beside it: with that it is
+  /// whole, in a copy, since the folder may be one that nobody may write.
+  void open(const fs::path& file) {
+    std::error_code failed;
+    std::vector<fs::path> beside;
+    for (const char* ending : {"-wal", "-journal"}) {
+      const fs::path other = file.string() + ending;
+      if (fs::exists(other, failed) && fs::file_size(other, failed) > 0) beside.push_back(other);
+    }
+    if (beside.empty()) {
+      database_.emplace(file_, immutable_uri(file),
+                        SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_URI);
+      return;
+    }
+    copy_.emplace(fs::temp_directory_path() / "pirt-recording");
+    beside.push_back(file);
+    for (const fs::path& each : beside) {
+      fs::copy_file(each, copy_->path() / each.filename(), failed);
+      if (!failed) continue;
+      throw_environment("'" + each.string() + "' is copied to be read, and that fails: " +
+                        failed.message() + "; name a folder with more room: TMPDIR=FOLDER");
+    }
+    database_.emplace(file_, (copy_->path() / file.filename()).string(),
+                      SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX);
+  }
+
+  /// The file is somebody else's: a view or a column may be a program.
+  void guard() const {
+    sqlite3* const handle = database_->get();
+    for (const int off : {SQLITE_DBCONFIG_TRUSTED_SCHEMA, SQLITE_DBCONFIG_ENABLE_TRIGGER,
+                          SQLITE_DBCONFIG_ENABLE_VIEW}) {
+      sqlite3_db_config(handle, off, 0, nullptr);
+    }
+    sqlite3_db_config(handle, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+    sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, static_cast<int>(kMostChunkBytes));
+    Statement tables(*database_,
+                     "SELECT (SELECT count(*) FROM sqlite_master WHERE type = 'table'"
+                     "  AND name IN ('topics', 'messages') AND sql NOT LIKE 'CREATE VIRTUAL%'),"
+                     " (SELECT count(*) FROM pragma_table_xinfo('topics') WHERE hidden <> 0),"
+                     " (SELECT count(*) FROM pragma_table_xinfo('messages') WHERE hidden <> 0)");
+    tables.step();
+    if (tables.number(0) != 2 || tables.number(1) != 0 || tables.number(2) != 0) {
+      fail("is no recording of ROS 2: it has no tables 'topics' and 'messages' of plain columns");
+    }
+  }
+
+  std::optional<TemporaryFolder> copy_;
+  std::optional<Database> database_;
+  mutable std::mutex mutex_;  ///< Of the database, which has none.
 };
 
 void run(const Database& database, const char* sql) {
@@ -149,7 +197,7 @@ class Db3Writer final : public RecordingWriter {
   explicit Db3Writer(const fs::path& file)
       : target_(follow_links(file)),
         folder_(target_),
-        database_(std::in_place, folder_.path() / "recording.db3",
+        database_(std::in_place, file.string(), (folder_.path() / "recording.db3").string(),
                   SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX) {
     run(*database_,
         "PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; BEGIN;"

@@ -16,7 +16,7 @@ constexpr std::uint32_t kWidest = 20000;   // pixels, as of EuRoC's folders
 constexpr double kUnknownCovariance = -1;  // in the first element: the field has no estimate
 
 MessageHead read_head(WireReader& in) {
-  if (in.format() == WireFormat::kRos1) in.u32();  // seq
+  if (in.has_seq()) in.u32();
   MessageHead head;
   head.time = in.stamp();
   head.frame = in.text();
@@ -104,7 +104,6 @@ constexpr std::array kDefinitions = {
         "MSG: geometry_msgs/Transform\nVector3 translation\nQuaternion rotation\n" PIRT_BAR
         "MSG: geometry_msgs/Vector3\n" PIRT_VECTOR PIRT_BAR PIRT_QUATERNION}};
 #undef PIRT_HEADER
-#undef PIRT_BAR
 #undef PIRT_VECTOR
 #undef PIRT_QUATERNION
 // NOLINTEND(bugprone-suspicious-missing-comma)
@@ -137,8 +136,9 @@ ImuMessage read_imu(WireReader& in) {
   message.head = read_head(in);
   in.numbers(4 + 9);  // orientation, which a gyroscope does not know
   message.gyro_rad_s = read_vector(in);
-  in.numbers(9);
+  message.has_gyro = in.numbers(9)[0] != kUnknownCovariance;
   message.accel_m_s2 = read_vector(in);
+  message.has_accel = in.numbers(9)[0] != kUnknownCovariance;
   return message;
 }
 
@@ -150,21 +150,28 @@ CameraInfoMessage read_camera_info(WireReader& in) {
   message.distortion_model = in.text();
   message.d = in.numbers();
   message.k = in.numbers(9);
-  in.numbers(9);  // R
+  message.r = in.numbers(9);
   message.p = in.numbers(12);
+  for (int* each : {&message.binning_x, &message.binning_y, &message.roi_x, &message.roi_y,
+                    &message.roi_height, &message.roi_width}) {
+    *each = side(in);
+  }
   return message;
 }
 
-PoseMessage read_pose(WireReader& in) {
+PoseMessage read_pose(WireReader& in, std::string_view type) {
   PoseMessage message;
   message.head = read_head(in);
+  if (type != PoseMessage::kType && type != PoseMessage::kWithCovariance) {
+    message.child = in.text();
+  }
   message.pose = read_rigid(in);
   return message;
 }
 
 std::vector<TransformMessage> read_transforms(WireReader& in) {
   std::vector<TransformMessage> messages;
-  for (std::uint32_t left = in.u32(); left > 0; --left) {
+  for (std::uint32_t left = in.count(); left > 0; --left) {
     TransformMessage message;
     message.head = read_head(in);
     message.child = in.text();
@@ -196,9 +203,9 @@ std::string written(const ImuMessage& message, WireFormat format) {
   for (const double part : {0.0, 0.0, 0.0, 1.0}) out.f64(part);
   write_zeros(out, 9, kUnknownCovariance);
   write_vector(out, message.gyro_rad_s);
-  write_zeros(out, 9);
+  write_zeros(out, 9, message.has_gyro ? 0 : kUnknownCovariance);
   write_vector(out, message.accel_m_s2);
-  write_zeros(out, 9);
+  write_zeros(out, 9, message.has_accel ? 0 : kUnknownCovariance);
   return out.written();
 }
 
@@ -238,5 +245,24 @@ std::string written(const std::vector<TransformMessage>& messages, WireFormat fo
 const MessageDefinition& definition_of(std::string_view type) {
   return *std::ranges::find(kDefinitions, type, &MessageDefinition::type);
 }
+
+std::string ros2_definition(std::string_view type) {
+  std::string text(definition_of(type).text);
+  const std::pair<std::string_view, std::string_view> changes[] = {
+      {"\nuint32 seq\n", "\n"},
+      {"Header header\n", "std_msgs/Header header\n"},
+      {"\ntime stamp\n", "\nbuiltin_interfaces/Time stamp\n"},
+      {"[] D\n", "[] d\n"},
+      {"[9] K\n", "[9] k\n"},
+      {"[9] R\n", "[9] r\n"},
+      {"[12] P\n", "[12] p\n"}};
+  for (const auto& [from, to] : changes) {
+    for (auto at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size())) {
+      text.replace(at, from.size(), to);
+    }
+  }
+  return text + PIRT_BAR "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
+}
+#undef PIRT_BAR
 
 }  // namespace pirt

@@ -36,6 +36,7 @@ struct ImuMessage {
   MessageHead head;
   Eigen::Vector3d gyro_rad_s = Eigen::Vector3d::Zero();
   Eigen::Vector3d accel_m_s2 = Eigen::Vector3d::Zero();
+  bool has_gyro = true, has_accel = true;  ///< Their covariances say so.
 };
 
 struct CameraInfoMessage {
@@ -44,11 +45,18 @@ struct CameraInfoMessage {
   int width = 0, height = 0;
   std::string distortion_model;
   std::vector<double> d, k, p;  ///< Lens; 3x3 and 3x4, row-major.
+  std::vector<double> r = {};   ///< 3x3: from the camera's axes to those of rectified pictures.
+  int binning_x = 0, binning_y = 0;                         ///< 0 = none, as 1.
+  int roi_x = 0, roi_y = 0, roi_height = 0, roi_width = 0;  ///< Before binning; 0 = all of it.
 };
 
 struct PoseMessage {
   static constexpr std::string_view kType = "geometry_msgs/PoseStamped";
+  static constexpr std::string_view kWithCovariance = "geometry_msgs/PoseWithCovarianceStamped";
+  static constexpr std::string_view kOdometry = "nav_msgs/Odometry";
+  static constexpr std::string_view kTransform = "geometry_msgs/TransformStamped";
   MessageHead head;
+  std::string child = {};  ///< Whose pose it is, where the type says it.
   Pose pose;
 };
 
@@ -63,7 +71,8 @@ struct TransformMessage {
 [[nodiscard]] ImageMessage read_image(WireReader& in, bool compressed);
 [[nodiscard]] ImuMessage read_imu(WireReader& in);
 [[nodiscard]] CameraInfoMessage read_camera_info(WireReader& in);
-[[nodiscard]] PoseMessage read_pose(WireReader& in);
+/// @param type  One of PoseMessage's.
+[[nodiscard]] PoseMessage read_pose(WireReader& in, std::string_view type = PoseMessage::kType);
 [[nodiscard]] std::vector<TransformMessage> read_transforms(WireReader& in);
 
 [[nodiscard]] std::string written(const ImageMessage& message, WireFormat format);
@@ -78,5 +87,7 @@ struct MessageDefinition {
 };
 /// @param type  One of the kType above.
 [[nodiscard]] const MessageDefinition& definition_of(std::string_view type);
+/// The text of the same type in ROS 2.
+[[nodiscard]] std::string ros2_definition(std::string_view type);
 
 }  // namespace pirt

@@ -3,50 +3,203 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <optional>
 
 #include "workloads/base/error.h"
+#include "workloads/base/system/temporary.h"
+#include "workloads/base/text/printable.h"
 #include "workloads/base/text/text.h"
+#include "workloads/base/text/yaml.h"
+#include "workloads/inputs/recording/compression.h"
 
 namespace pirt {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<fs::path> databases_in(const fs::path& folder) {
+bool ends_as_recording(const fs::path& file) {
+  const std::string name = file.filename().string();
+  const std::vector<std::string_view> known = {".bag", ".db3", ".mcap", ".db3.zstd", ".mcap.zstd"};
+  return !name.starts_with('.') &&
+         std::ranges::any_of(known, [&](auto ending) { return name.ends_with(ending); });
+}
+
+std::vector<fs::path> recordings_in(const fs::path& folder) {
   std::vector<fs::path> found;
   std::error_code failed;
   for (const auto& entry : fs::directory_iterator(folder, failed)) {
-    if (entry.path().extension() == ".db3") found.push_back(entry.path());
+    if (ends_as_recording(entry.path())) found.push_back(entry.path());
   }
   std::ranges::sort(found);
   return found;
 }
 
+/// Those that metadata.yaml names, in its order. Old ones name the folder, too.
+std::vector<fs::path> parts_of(const fs::path& folder) {
+  const fs::path metadata = folder / "metadata.yaml";
+  std::vector<fs::path> parts;
+  std::error_code failed;
+  if (!fs::exists(metadata, failed)) return parts;
+  const auto root =
+      parse_yaml(metadata.string(), read_text(metadata)).at("rosbag2_bagfile_information");
+  if (!root.has("relative_file_paths")) return parts;
+  for (const auto& item : root.at("relative_file_paths").items()) {
+    const fs::path named = folder / fs::path(item.text()).filename();
+    const fs::path packed = named.string() + ".zstd";
+    if (!fs::exists(named, failed) && !fs::exists(packed, failed)) {
+      item.fail("the part '" + named.string() + "' is missing; copy the whole folder");
+    }
+    parts.push_back(fs::exists(named, failed) ? named : packed);
+  }
+  return parts;
+}
+
+/// What was packed as a whole, for as long as it is read.
+class UnpackedFile final : public Recording {
+ public:
+  explicit UnpackedFile(const fs::path& packed)
+      : Recording(packed.string()), folder_(fs::temp_directory_path() / "pirt-recording") {
+    const fs::path plain = folder_.path() / packed.filename().stem();
+    unpack_file(packed, plain);
+    content_ = open_recording(plain);
+    topics_ = content_->topics();
+    for (std::size_t topic = 0; topic < topics_.size(); ++topic) {
+      for (std::size_t i = 0; i < topics_[topic].places.size(); ++i) {
+        topics_[topic].places[i].at = topic;
+        topics_[topic].places[i].part = i;
+      }
+    }
+    warnings_ = content_->warnings();
+  }
+
+ private:
+  [[nodiscard]] std::string load(const Topic::Place& place) const override {
+    return content_->message(place.at, place.part);
+  }
+
+  TemporaryFolder folder_;
+  std::unique_ptr<Recording> content_;
+};
+
+/// The parts of one recording, as one.
+class Joined final : public Recording {
+ public:
+  Joined(const fs::path& folder, const std::vector<fs::path>& parts) : Recording(folder.string()) {
+    for (const fs::path& part : parts) {
+      const std::uint64_t number = parts_.size();
+      parts_.push_back(open_recording(part));
+      const auto& topics = parts_.back()->topics();
+      for (std::size_t i = 0; i < topics.size(); ++i) {
+        Topic empty = topics[i];
+        empty.places.clear();
+        auto& places = topics_[add(std::move(empty))].places;
+        for (std::size_t k = 0; k < topics[i].places.size(); ++k) {
+          places.push_back({topics[i].places[k].time, number << 32 | i, k});
+        }
+      }
+      std::ranges::copy(parts_.back()->warnings(), std::back_inserter(warnings_));
+    }
+    finish();
+  }
+
+ private:
+  [[nodiscard]] std::string load(const Topic::Place& place) const override {
+    constexpr std::uint64_t kTopic = 0xffffffff;
+    return parts_[place.at >> 32]->message(place.at & kTopic, place.part);
+  }
+
+  std::vector<std::unique_ptr<Recording>> parts_;
+};
+
 }  // namespace
 
-std::size_t Recording::topic(const std::string& name) const {
-  const auto found = std::ranges::find(topics_, name, &Topic::name);
-  if (found != topics_.end()) return static_cast<std::size_t>(found - topics_.begin());
-  std::vector<std::string> names, known;
-  for (const Topic& each : topics_) {
-    names.push_back(each.name);
-    known.push_back(fmt::format("{} ({}, {})", each.name, each.type, each.messages));
+std::string ros1_type(const std::string& type) {
+  const auto at = type.find("/msg/");
+  return at == std::string::npos ? type : type.substr(0, at) + type.substr(at + 4);
+}
+
+std::string ros2_type(std::string_view type) {
+  const auto slash = type.find('/');
+  return std::string(type.substr(0, slash)) + "/msg" + std::string(type.substr(slash));
+}
+
+bool defines_seq(std::string_view definition, bool otherwise) {
+  const auto begin = definition.find("MSG: std_msgs/Header");
+  if (begin == std::string_view::npos) return otherwise;
+  const auto header = definition.substr(begin, definition.find("\n===", begin) - begin);
+  return header.find("uint32 seq") != std::string_view::npos;
+}
+
+std::string Topic::describe() const {
+  const bool is_known = encoding == "cdr" || encoding == "ros1";
+  return fmt::format("{} ({}, {}{})", printable(name), printable(type), messages,
+                     is_known ? "" : ", encoded as '" + printable(encoding) + "'");
+}
+
+std::string Recording::describe() const {
+  std::vector<std::string> known;
+  for (const Topic& each : topics_) known.push_back(each.describe());
+  return known.empty() ? "no topics" : join(known, ", ");
+}
+
+std::size_t Recording::topic(const std::string& name,
+                             const std::vector<std::string_view>& types) const {
+  std::optional<std::size_t> found;
+  for (std::size_t i = 0; i < topics_.size(); ++i) {
+    if (topics_[i].name != name) continue;
+    const bool fits = std::ranges::find(types, topics_[i].type) != types.end();
+    if (!found || fits) found = i;
+    if (fits) break;
   }
-  fail("has no topic '" + name + "'" + suggestion(name, names) + "; it has " +
-       (known.empty() ? "none" : join(known, ", ")));
+  if (found) return *found;
+  std::vector<std::string> names;
+  for (const Topic& each : topics_) names.push_back(each.name);
+  fail("has no topic '" + name + "'" + suggestion(name, names) + "; it has " + describe());
 }
 
 std::vector<std::size_t> Recording::of_type(std::string_view type) const {
   std::vector<std::size_t> found;
   for (std::size_t i = 0; i < topics_.size(); ++i) {
-    if (topics_[i].type == type && topics_[i].messages > 0) found.push_back(i);
+    const Topic& topic = topics_[i];
+    const bool is_known = topic.encoding == "cdr" || topic.encoding == "ros1";
+    // Of one name with two types the one that has more messages is meant.
+    const bool is_other = std::ranges::any_of(topics_, [&](const Topic& other) {
+      return other.name == topic.name && other.messages > topic.messages;
+    });
+    if (topic.type == type && topic.messages > 0 && is_known && !is_other) found.push_back(i);
   }
   return found;
 }
 
 WireReader Recording::reader(std::size_t topic, std::size_t index, std::string_view bytes) const {
-  return {bytes, format(),
-          fmt::format("'{}': message {} of {}", file_, index + 1, topics_[topic].name)};
+  const Topic& of = topics_[topic];
+  return {bytes, of.encoding == "ros1" ? WireFormat::kRos1 : WireFormat::kCdr,
+          fmt::format("'{}': message {} of {}", file_, index + 1, of.name), of.has_seq};
+}
+
+std::size_t Recording::add(Topic topic) {
+  for (std::size_t i = 0; i < topics_.size(); ++i) {
+    if (topics_[i].name == topic.name && topics_[i].type == topic.type &&
+        topics_[i].encoding == topic.encoding) {
+      return i;
+    }
+  }
+  topics_.push_back(std::move(topic));
+  return topics_.size() - 1;
+}
+
+void Recording::finish() {
+  for (Topic& topic : topics_) {
+    std::ranges::stable_sort(topic.places, {}, &Topic::Place::time);
+    topic.messages = topic.places.size();
+  }
+  std::ranges::stable_sort(topics_, {}, &Topic::name);
+  for (std::size_t i = 1; i < topics_.size(); ++i) {
+    if (topics_[i].name != topics_[i - 1].name) continue;
+    warnings_.push_back(fmt::format(
+        "'{}' has topic {} with two types, {} and {}: the one with more messages is used", file_,
+        printable(topics_[i].name), printable(topics_[i - 1].type), printable(topics_[i].type)));
+  }
 }
 
 void Recording::fail(const std::string& problem) const {
@@ -55,25 +208,36 @@ void Recording::fail(const std::string& problem) const {
 
 bool names_a_recording(const fs::path& path) {
   std::error_code failed;
-  if (fs::is_directory(path, failed)) return !databases_in(path).empty();
-  return path.extension() == ".bag" || path.extension() == ".db3" || path.extension() == ".mcap" ||
-         path.string().ends_with(".db3.zstd");
+  if (fs::is_directory(path, failed)) return !recordings_in(path).empty();
+  return ends_as_recording(path);
 }
 
 std::unique_ptr<Recording> open_recording(const fs::path& path) {
-  if (fs::is_directory(path)) {
-    const auto found = databases_in(path);
-    if (found.size() == 1) return open_db3(found.front());
-    throw_bad_input(fmt::format("'{}' has {} files that end in .db3; give one of them",
-                                path.string(), found.size()));
-  }
   std::error_code failed;
+  if (fs::is_directory(path, failed)) {
+    auto parts = parts_of(path);
+    if (parts.empty()) {
+      parts = recordings_in(path);
+      if (parts.size() != 1) {
+        throw_bad_input(fmt::format(
+            "'{}' has {} recordings and no metadata.yaml that says that they are one; give one of "
+            "them",
+            path.string(), parts.size()));
+      }
+    }
+    if (parts.size() == 1) return open_recording(parts.front());
+    return std::make_unique<Joined>(path, parts);
+  }
   if (!fs::exists(path, failed)) throw_bad_input("there is no recording '" + path.string() + "'");
-  if (path.extension() == ".bag") return open_bag(path);
-  if (path.extension() == ".db3") return open_db3(path);
-  throw_bad_input("'" + path.string() +
-                  "' is no recording that is known: .bag of ROS 1, .db3 of ROS 2 (`ros2 bag "
-                  "convert` makes the second of .mcap and of what is compressed with zstd)");
+  const auto extension = path.extension();
+  if (extension == ".bag") return open_bag(path);
+  if (extension == ".db3") return open_db3(path);
+  if (extension == ".mcap") return open_mcap(path);
+  if (ends_as_recording(path)) return std::make_unique<UnpackedFile>(path);
+  throw_bad_input(
+      "'" + path.string() +
+      "' is no recording that is known: .bag of ROS 1, .db3 and .mcap of ROS 2, the last "
+      "two also with .zstd behind");
 }
 
 }  // namespace pirt

@@ -1,5 +1,6 @@
-// What a robot's computer has recorded of its topics: a bag of ROS 1 (.bag) or ROS 2's database
-// (.db3). What the messages say is read elsewhere (messages.h, sequence/).
+// What a robot's computer has recorded of its topics: a bag of ROS 1 (.bag), ROS 2's database
+// (.db3) or MCAP, by themselves or in the folder that `ros2 bag record` makes. What the messages
+// say is read elsewhere (messages.h, sequence/).
 #pragma once
 
 #include <filesystem>
@@ -14,10 +15,25 @@
 namespace pirt {
 
 struct Topic {
-  std::string name;  ///< "/cam0/image_raw"
-  std::string type;  ///< Of ROS 1, "sensor_msgs/Image", also where ROS 2 wrote it.
+  std::string name;       ///< "/cam0/image_raw"
+  std::string type = {};  ///< Of ROS 1, "sensor_msgs/Image", also where ROS 2 wrote it.
   std::size_t messages = 0;
+  std::string encoding = "cdr";  ///< Of its messages; "ros1" is the other one that is read.
+  /// Whether heads of messages count, as those of ROS 1 do.
+  bool has_seq = false;
+
+  /// In order of time. What the numbers mean is the format's.
+  struct Place {
+    Nanos time{};  ///< Of recording.
+    std::uint64_t at = 0, part = 0;
+  };
+  std::vector<Place> places = {};
+  /// "/imu (sensor_msgs/Imu, 800)"
+  [[nodiscard]] std::string describe() const;
 };
+/// "sensor_msgs/msg/Image" as "sensor_msgs/Image".
+[[nodiscard]] std::string ros1_type(const std::string& type);
+[[nodiscard]] std::string ros2_type(std::string_view type);
 
 /// Any thread may read.
 class Recording {
@@ -29,14 +45,29 @@ class Recording {
   [[nodiscard]] const std::string& file() const { return file_; }
   /// By name.
   [[nodiscard]] const std::vector<Topic>& topics() const { return topics_; }
-  /// Position in topics(). @throws Error{kBadInput} with all that there are.
-  [[nodiscard]] std::size_t topic(const std::string& name) const;
-  /// Positions of the topics of a type that have messages.
+  /// Position in topics() of the one of that name whose type is among @p types, or that has
+  /// another.
+  /// @throws Error{kBadInput} with all that there are.
+  [[nodiscard]] std::size_t topic(const std::string& name,
+                                  const std::vector<std::string_view>& types = {}) const;
+  /// Positions of the topics of a type that have messages which can be read.
   [[nodiscard]] std::vector<std::size_t> of_type(std::string_view type) const;
+  /// All topics, for messages.
+  [[nodiscard]] std::string describe() const;
+  /// What a user should know of it: what is damaged and left out.
+  [[nodiscard]] const std::vector<std::string>& warnings() const { return warnings_; }
+  /// What MCAP holds besides messages.
+  [[nodiscard]] std::size_t attachments() const { return attachments_; }
+  [[nodiscard]] std::size_t metadata() const { return metadata_; }
   /// The bytes of a message, in the order in which they were recorded.
   /// @throws Error{kBadInput} if they are damaged.
-  [[nodiscard]] virtual std::string message(std::size_t topic, std::size_t index) const = 0;
-  [[nodiscard]] virtual WireFormat format() const = 0;
+  [[nodiscard]] std::string message(std::size_t topic, std::size_t index) const {
+    return load(topics_[topic].places[index]);
+  }
+  /// When it was recorded.
+  [[nodiscard]] Nanos time(std::size_t topic, std::size_t index) const {
+    return topics_[topic].places[index].time;
+  }
   /// Reads a message; @p bytes, which message() gave, has to stay.
   [[nodiscard]] WireReader reader(std::size_t topic, std::size_t index,
                                   std::string_view bytes) const;
@@ -44,15 +75,27 @@ class Recording {
  protected:
   explicit Recording(std::string file) : file_(std::move(file)) {}
   [[noreturn]] void fail(const std::string& problem) const;
+  [[nodiscard]] virtual std::string load(const Topic::Place& place) const = 0;
+  /// Position of the one with the same name, type and encoding, added if there is none.
+  std::size_t add(Topic topic);
+  /// When all places are known: puts everything in order.
+  void finish();
 
   std::string file_;
   std::vector<Topic> topics_;
+  std::vector<std::string> warnings_;
+  std::size_t attachments_ = 0, metadata_ = 0;
 };
 
-/// Whether a file's name, or what is in a folder, is that of a recording: .bag, .db3.
+/// Whether a definition's std_msgs/Header counts; what has none is as @p otherwise says.
+[[nodiscard]] bool defines_seq(std::string_view definition, bool otherwise);
+
+/// Whether a file's name, or what is in a folder, is that of a recording: .bag, .db3, .mcap, and
+/// the last two with .zstd behind.
 [[nodiscard]] bool names_a_recording(const std::filesystem::path& path);
 
-/// @param path  A .bag, a .db3, or a folder of ROS 2 with one .db3.
+/// @param path  A file, or a folder of ROS 2: the parts that its metadata.yaml names, which are one
+/// recording, or the only file that is there. What is packed as a whole is unpacked to TMPDIR.
 /// @throws Error{kBadInput} if it is damaged, was not closed, or is packed in a way that is not
 /// known.
 [[nodiscard]] std::unique_ptr<Recording> open_recording(const std::filesystem::path& path);
@@ -60,6 +103,11 @@ class Recording {
 /// Of each kind, as open_recording.
 [[nodiscard]] std::unique_ptr<Recording> open_bag(const std::filesystem::path& file);
 [[nodiscard]] std::unique_ptr<Recording> open_db3(const std::filesystem::path& file);
+/// @param checked_bytes  Up to this size all checksums are verified, and what is not whole is found
+/// when it is opened; of larger ones with an index each chunk's when it is read.
+[[nodiscard]] std::unique_ptr<Recording> open_mcap(const std::filesystem::path& file,
+                                                   std::uint64_t checked_bytes = std::uint64_t{64}
+                                                                                 << 20);
 
 /// Makes a recording, which has its name when it is complete.
 class RecordingWriter {
@@ -74,5 +122,6 @@ class RecordingWriter {
 };
 [[nodiscard]] std::unique_ptr<RecordingWriter> make_bag(const std::filesystem::path& file);
 [[nodiscard]] std::unique_ptr<RecordingWriter> make_db3(const std::filesystem::path& file);
+[[nodiscard]] std::unique_ptr<RecordingWriter> make_mcap(const std::filesystem::path& file);
 
 }  // namespace pirt

@@ -1,5 +1,9 @@
 #include "workloads/inputs/recording/wire.h"
 
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
 #include <bit>
 #include <cstring>
 #include <utility>
@@ -17,11 +21,22 @@ constexpr std::int64_t kNanosPerSecond = 1'000'000'000;
 
 }  // namespace
 
-WireReader::WireReader(std::string_view bytes, WireFormat format, std::string what)
-    : bytes_(bytes), format_(format), what_(std::move(what)) {
+WireReader::WireReader(std::string_view bytes, WireFormat format, std::string what,
+                       std::optional<bool> has_seq)
+    : bytes_(bytes),
+      format_(format),
+      has_seq_(has_seq.value_or(format == WireFormat::kRos1)),
+      what_(std::move(what)) {
   if (format_ != WireFormat::kCdr) return;
-  if (bytes_.size() < kCdrHead.size() || bytes_.substr(0, 2) != kCdrHead.substr(0, 2)) {
-    fail("is no little-endian CDR");
+  if (bytes_.size() < kCdrHead.size()) fail("ends within the head of CDR");
+  // Plain ones; those with lengths or numbers of fields are of types that may change.
+  constexpr unsigned kPlain = 0, kPlain2 = 6;
+  const unsigned kind =
+      static_cast<unsigned char>(bytes_[0]) * 256U + static_cast<unsigned char>(bytes_[1]);
+  is_big_endian_ = kind % 2 == 0;
+  is_xcdr2_ = kind / 2 == kPlain2 / 2;
+  if (kind / 2 != kPlain / 2 && !is_xcdr2_) {
+    fail(fmt::format("is CDR of kind {}; plain CDR and XCDR2 are known", kind));
   }
   bytes_.remove_prefix(kCdrHead.size());
 }
@@ -29,6 +44,7 @@ WireReader::WireReader(std::string_view bytes, WireFormat format, std::string wh
 void WireReader::fail(const std::string& problem) const { throw_bad_input(what_ + " " + problem); }
 
 std::string_view WireReader::take(std::size_t size, std::size_t align) {
+  if (is_xcdr2_) align = std::min<std::size_t>(align, 4);
   if (format_ == WireFormat::kCdr) at_ = (at_ + align - 1) / align * align;
   if (at_ > bytes_.size() || size > bytes_.size() - at_) fail("ends within a field");
   const auto part = bytes_.substr(at_, size);
@@ -38,16 +54,22 @@ std::string_view WireReader::take(std::size_t size, std::size_t align) {
 
 std::uint8_t WireReader::u8() { return static_cast<std::uint8_t>(take(1, 1).front()); }
 
-std::uint32_t WireReader::u32() {
-  std::uint32_t value = 0;
-  std::memcpy(&value, take(sizeof value, sizeof value).data(), sizeof value);
+template <typename T>
+T WireReader::number() {
+  std::array<char, sizeof(T)> bytes{};
+  std::ranges::copy(take(sizeof(T), sizeof(T)), bytes.begin());
+  if (is_big_endian_) std::ranges::reverse(bytes);
+  T value{};
+  std::memcpy(&value, bytes.data(), sizeof value);
   return value;
 }
 
-double WireReader::f64() {
-  double value = 0;
-  std::memcpy(&value, take(sizeof value, sizeof value).data(), sizeof value);
-  return value;
+std::uint32_t WireReader::u32() { return number<std::uint32_t>(); }
+double WireReader::f64() { return number<double>(); }
+
+std::uint32_t WireReader::count() {
+  if (is_xcdr2_) u32();  // the bytes that follow
+  return u32();
 }
 
 std::string_view WireReader::bytes() { return take(u32(), 1); }
@@ -59,6 +81,7 @@ std::string_view WireReader::text() {
 }
 
 std::vector<double> WireReader::numbers(std::size_t count) {
+  if (count > bytes_.size() / sizeof(double)) fail("ends within a field");
   std::vector<double> values;
   for (std::size_t i = 0; i < count; ++i) values.push_back(f64());
   return values;
@@ -68,6 +91,8 @@ std::vector<double> WireReader::numbers() { return numbers(u32()); }
 
 Nanos WireReader::stamp() {
   const std::int64_t seconds = u32();
+  // Of ROS 2 they have a sign.
+  if (format_ == WireFormat::kCdr && seconds > INT32_MAX) fail("has a stamp before 1970");
   return Nanos(seconds * kNanosPerSecond + u32());
 }
 

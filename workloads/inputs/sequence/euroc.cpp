@@ -6,13 +6,16 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "workloads/base/error.h"
 #include "workloads/base/math/pixel_index.h"
 #include "workloads/base/text/text.h"
 #include "workloads/base/text/yaml.h"
+#include "workloads/inputs/sequence/camera_info.h"
 #include "workloads/inputs/sequence/imu_check.h"
 #include "workloads/inputs/sequence/sequence.h"
+#include "workloads/inputs/sequence/stamps.h"
 #include "workloads/inputs/sequence/table_file.h"
 
 namespace pirt {
@@ -31,7 +34,7 @@ YamlNode read_sensor(const fs::path& file) {
     throw_bad_input(
         fmt::format("the calibration '{}' is missing; a sequence needs it", file.string()));
   }
-  std::string text = read_file(file);
+  std::string text = read_text(file);
   if (text.starts_with("%YAML:")) text.front() = '#';
   return parse_yaml(file.string(), text);
 }
@@ -89,6 +92,37 @@ std::vector<Stamped> read_frames(const fs::path& camera) {
 
 }  // namespace
 
+namespace {
+
+/// A sensor has noise: one axis that never moves while the others do is stuck, and where none does
+/// it is dead. Two that do not are a simulated robot's that turns in the plane.
+void check_axes(const std::string& what, const std::vector<ImuSample>& imu, const char* sensor,
+                Eigen::Vector3d ImuSample::*vector) {
+  constexpr std::size_t kEnough = 100;
+  if (imu.size() < kEnough) return;
+  Eigen::Array3i moves = Eigen::Array3i::Zero();
+  for (std::size_t i = 1; i < imu.size(); ++i) {
+    moves += ((imu[i].*vector).array() != (imu[i - 1].*vector).array()).cast<int>();
+  }
+  const auto still = (moves == 0).count();
+  if (still == 3) {
+    throw_bad_input(
+        fmt::format("{}: the {} is the same in all {} samples: it is not there, or does "
+                    "not work; leave the IMU out (--no-imu, --topics imu=none)",
+                    what, sensor, imu.size()));
+  }
+  if (still == 1 && 2 * (moves > 0).select(moves, std::numeric_limits<int>::max()).minCoeff() >
+                        static_cast<int>(imu.size())) {
+    const char axis = moves[0] == 0 ? 'x' : moves[1] == 0 ? 'y' : 'z';
+    throw_bad_input(
+        fmt::format("{}: axis {} of the {} is stuck: it is the same in all {} samples; "
+                    "leave the IMU out (--no-imu, --topics imu=none)",
+                    what, axis, sensor, imu.size()));
+  }
+}
+
+}  // namespace
+
 void check_imu(const std::string& what, const std::vector<ImuSample>& imu) {
   double fastest = 0;
   std::vector<double> accels;
@@ -116,6 +150,8 @@ void check_imu(const std::string& what, const std::vector<ImuSample>& imu) {
                     "is {}; give specific force in m/s^2",
                     what, usual, kGravity));
   }
+  check_axes(what, imu, "angular velocity", &ImuSample::gyro_rad_s);
+  check_axes(what, imu, "acceleration", &ImuSample::accel_m_s2);
 }
 
 namespace {
@@ -131,23 +167,20 @@ void read_cameras(const fs::path& root, Sequence& sequence) {
   }
   if (pictures.empty()) throw_bad_input("'" + root.string() + "' has no cam0");
   std::vector<std::vector<std::string>> files(pictures.size());
-  std::size_t partners = 0;
-  for (const auto& [time, file] : pictures[0]) {
-    Frame frame{time, {true}};
-    files[0].push_back(file);
-    if (pictures.size() > 1) {
-      const auto it = std::ranges::lower_bound(pictures[1], time, {}, &Stamped::time);
-      const bool there = it != pictures[1].end() && it->time == time;
-      frame.present.push_back(there);
-      files[1].push_back(there ? it->file : "");
-      partners += there ? 1U : 0U;
-    }
-    sequence.frames.push_back(std::move(frame));
+  for (std::size_t camera = 0; camera < pictures.size(); ++camera) {
+    check_step("'" + (folders[camera] / "data.csv").string() + "'", stamps_of(pictures[camera]),
+               sequence.cameras[camera].rate_hz);
   }
-  if (pictures.size() > 1 && partners < pictures[0].size()) {
-    sequence.warnings.push_back(fmt::format("{} of {} frames of cam0 have no picture of cam1",
-                                            pictures[0].size() - partners, pictures[0].size()));
+  Partners partners;
+  if (pictures.size() > 1) {
+    partners = pair_stamps(stamps_of(pictures[0]), stamps_of(pictures[1]), sequence.warnings);
   }
+  for (std::size_t i = 0; i < pictures[0].size(); ++i) {
+    files[0].push_back(pictures[0][i].file);
+    if (partners.empty()) continue;
+    files[1].push_back(partners[i] ? pictures[1][*partners[i]].file : "");
+  }
+  make_frames(sequence, stamps_of(pictures[0]), partners, {"cam0", "cam1"});
   sequence.image = [folders, files, cameras = sequence.cameras](std::size_t frame,
                                                                 std::size_t camera) {
     return read_grey_image(folders[camera] / "data" / files[camera][frame], cameras[camera].width,
@@ -159,6 +192,8 @@ void read_imu(const fs::path& root, Sequence& sequence) {
   if (!fs::exists(root / "imu0")) return;
   sequence.imu_model = read_imu_yaml(root / "imu0" / "sensor.yaml");
   sequence.imu = read_imu_csv(root / "imu0" / "data.csv");
+  check_step("'" + (root / "imu0" / "data.csv").string() + "'", stamps_of(sequence.imu),
+             sequence.imu_model->rate_hz);
   const Pose body_from_imu = read_extrinsics(read_sensor(root / "imu0" / "sensor.yaml"));
   if (body_from_imu.position.norm() > 1e-6) {
     throw_bad_input("'" + (root / "imu0" / "sensor.yaml").string() +
@@ -189,14 +224,15 @@ CameraModel read_camera_yaml(const fs::path& file) {
       camera.cx > camera.width || camera.cy > camera.height) {
     sensor.at("intrinsics").fail("fu, fv must be at least 10 pixels and cu, cv in the picture");
   }
-  if (sensor.has("distortion_model")) {
-    const auto model = sensor.at("distortion_model").text();
-    if (model != "radial-tangential") {
-      sensor.at("distortion_model").fail("'" + model + "' is not known; only radial-tangential is");
-    }
+  const auto model = sensor.has("distortion_model") ? sensor.at("distortion_model").text()
+                                                    : std::string("radial-tangential");
+  if (model != "radial-tangential" && model != "equidistant") {
+    sensor.at("distortion_model")
+        .fail("'" + model + "' is not known; radial-tangential and equidistant are");
   }
   const auto lens = numbers_of(sensor.at("distortion_coefficients"), 4, 10.0);
-  camera.k1 = lens[0], camera.k2 = lens[1], camera.p1 = lens[2], camera.p2 = lens[3];
+  const auto problem = set_lens(camera, model == "equidistant" ? model : "plumb_bob", lens);
+  if (!problem.empty()) sensor.at("distortion_coefficients").fail(problem);
   camera.body_from_camera = read_extrinsics(sensor);
   camera.rate_hz = sensor.at("rate_hz").number(0.01, 10000);
   return camera;
@@ -256,14 +292,17 @@ std::vector<TruthRow> read_truth_csv(const fs::path& file) {
   return truth;
 }
 
-Sequence read_euroc(const fs::path& folder) {
+Sequence read_euroc(const fs::path& folder, bool imu) {
   const fs::path root = fs::exists(folder / "mav0") ? folder / "mav0" : folder;
   Sequence sequence;
   sequence.name = folder.string();
   read_cameras(root, sequence);
-  read_imu(root, sequence);
+  if (imu) read_imu(root, sequence);
   const fs::path truth = root / "state_groundtruth_estimate0" / "data.csv";
-  if (fs::exists(truth)) sequence.truth = read_truth_csv(truth);
+  if (fs::exists(truth)) {
+    sequence.truth = read_truth_csv(truth);
+    check_step("'" + truth.string() + "'", stamps_of(sequence.truth));
+  }
   std::ranges::move(gaps_of(sequence), std::back_inserter(sequence.warnings));
   return sequence;
 }

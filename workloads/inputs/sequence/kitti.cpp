@@ -2,12 +2,16 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
+#include <map>
 
 #include "workloads/base/error.h"
 #include "workloads/base/math/pixel_index.h"
 #include "workloads/inputs/pictures/images.h"
 #include "workloads/inputs/sequence/sequence.h"
+#include "workloads/inputs/sequence/stamps.h"
 #include "workloads/inputs/sequence/table_file.h"
 
 namespace pirt {
@@ -17,21 +21,56 @@ namespace fs = std::filesystem;
 
 constexpr double kUsualRate_hz = 10.0;
 
-/// Rows of 12 numbers, of which calib.txt may begin with "P0:".
-std::vector<std::array<double, 12>> read_matrices(const fs::path& file, bool labelled) {
-  std::vector<std::array<double, 12>> matrices;
-  for (const auto& row : read_table(file, ' ', 0)) {
-    const bool label = labelled && row.size() == 13 && row.text(0).ends_with(':');
-    if (label && !row.text(0).starts_with('P')) continue;  // Tr: to the laser scanner
-    const std::size_t first = label ? 1 : 0;
-    if (row.size() != first + 12) {
-      row.fail(fmt::format("has {} numbers, expected a 3x4 matrix, row by row", row.size()));
-    }
-    std::array<double, 12> matrix{};
-    for (std::size_t i = 0; i < 12; ++i) matrix[i] = row.number(first + i);
-    matrices.push_back(matrix);
+using Matrix34 = std::array<double, 12>;
+
+/// @param first  The column that it begins in.
+Matrix34 matrix_of(const TableRow& row, std::size_t first = 0) {
+  if (row.size() != first + 12) {
+    row.fail(fmt::format("has {} numbers, expected a 3x4 matrix, row by row", row.size()));
   }
-  return matrices;
+  Matrix34 matrix{};
+  for (std::size_t i = 0; i < 12; ++i) matrix[i] = row.number(first + i);
+  return matrix;
+}
+
+/// P0 and P1 by their labels; without any, row by row.
+Matrix34 projection_of(const fs::path& file, std::size_t camera) {
+  const auto rows = read_table(file, ' ', 0);
+  const auto has_label = [](const TableRow& row) { return row.text(0).ends_with(':'); };
+  const std::string label = fmt::format("P{}", camera);
+  if (std::ranges::none_of(rows, has_label)) {
+    if (camera >= rows.size()) throw_bad_input("'" + file.string() + "' has no " + label);
+    return matrix_of(rows[camera]);
+  }
+  const auto found = std::ranges::find(rows, label + ":", [](const auto& r) { return r.text(0); });
+  if (found == rows.end()) throw_bad_input("'" + file.string() + "' has no " + label);
+  return matrix_of(*found, 1);
+}
+
+using Number = std::uint64_t;
+
+/// By the number in their names, the last one: "9.png" is before "10.png".
+std::map<Number, fs::path> numbered_pictures(const fs::path& folder) {
+  constexpr std::string_view kDigits = "0123456789";
+  std::map<Number, fs::path> pictures;
+  for (const fs::path& file : pictures_of(folder)) {
+    const std::string name = file.stem().string();
+    const auto end = name.find_last_of(kDigits);
+    const auto before = name.find_last_not_of(kDigits, end);
+    const std::size_t begin = before == std::string::npos ? 0 : before + 1;
+    Number number = 0;
+    if (end == std::string::npos ||
+        std::from_chars(name.data() + begin, name.data() + end + 1, number).ec != std::errc()) {
+      throw_bad_input("'" + file.string() +
+                      "' has no number in its name, which says where in the sequence it belongs");
+    }
+    const auto [place, is_new] = pictures.emplace(number, file);
+    if (!is_new) {
+      throw_bad_input(fmt::format("'{}' and '{}' have the same number; take one of them away",
+                                  place->second.string(), file.string()));
+    }
+  }
+  return pictures;
 }
 
 fs::path first_of(const fs::path& folder, std::initializer_list<const char*> names) {
@@ -41,7 +80,7 @@ fs::path first_of(const fs::path& folder, std::initializer_list<const char*> nam
   return {};
 }
 
-CameraModel camera_of(const std::array<double, 12>& p, const fs::path& file) {
+CameraModel camera_of(const Matrix34& p, const fs::path& file) {
   CameraModel camera;
   camera.fx = p[0], camera.fy = p[5], camera.cx = p[2], camera.cy = p[6];
   if (camera.fx < 10 || camera.fy < 10 || p[10] != 1.0) {
@@ -52,45 +91,61 @@ CameraModel camera_of(const std::array<double, 12>& p, const fs::path& file) {
   return camera;
 }
 
-void read_times(const fs::path& folder, Sequence& sequence, std::size_t count) {
-  const fs::path file = folder / "times.txt";
-  if (!fs::exists(file)) {
-    sequence.warnings.push_back("no times.txt: frames are taken to be 0.1 s apart");
-    for (std::size_t i = 0; i < count; ++i) {
-      sequence.frames.push_back({from_s(static_cast<double>(i) / kUsualRate_hz), {}});
-    }
-    return;
+/// Which row is of which picture: each has one, or they are counted from picture 0 on.
+std::vector<std::size_t> rows_of(const fs::path& file, std::size_t rows, const char* what,
+                                 const std::vector<Number>& numbers) {
+  const bool each = rows == numbers.size();
+  if (!each && numbers.back() >= rows) {
+    throw_bad_input(fmt::format("'{}' has {} {} for {} pictures, of numbers up to {}",
+                                file.string(), rows, what, numbers.size(), numbers.back()));
   }
-  for (const auto& row : read_table(file, ' ', 1)) {
-    const Nanos time = from_s(row.number(0));
-    if (!sequence.frames.empty()) check_rises(row, sequence.frames.back().time, time);
-    sequence.frames.push_back({time, {}});
-  }
-  if (sequence.frames.size() != count) {
-    throw_bad_input(fmt::format("'{}' has {} times for {} pictures", file.string(),
-                                sequence.frames.size(), count));
-  }
+  std::vector<std::size_t> positions;
+  for (std::size_t i = 0; i < numbers.size(); ++i) positions.push_back(each ? i : numbers[i]);
+  return positions;
 }
 
-void read_poses(const fs::path& file, Sequence& sequence) {
-  if (!fs::exists(file)) return;
-  const auto poses = read_matrices(file, false);
-  if (poses.size() != sequence.frames.size()) {
-    throw_bad_input(fmt::format("'{}' has {} poses for {} pictures", file.string(), poses.size(),
-                                sequence.frames.size()));
+std::vector<Nanos> read_times(const fs::path& folder, Sequence& sequence,
+                              const std::vector<Number>& numbers) {
+  const fs::path file = folder / "times.txt";
+  std::vector<Nanos> times;
+  if (!fs::exists(file)) {
+    sequence.warnings.push_back("no times.txt: frames are taken to be 0.1 s apart");
+    // Numbers of pictures that were lost leave a gap; others are no numbers of frames.
+    const bool counts = numbers.back() - numbers.front() < 2 * numbers.size();
+    for (std::size_t i = 0; i < numbers.size(); ++i) {
+      const Number frame = counts ? numbers[i] - numbers.front() : i;
+      times.push_back(from_s(static_cast<double>(frame) / kUsualRate_hz));
+    }
+    return times;
   }
-  for (std::size_t i = 0; i < poses.size(); ++i) {
+  std::vector<Nanos> all;
+  for (const auto& row : read_table(file, ' ', 1)) {
+    const Nanos time = row.seconds(0);
+    if (!all.empty()) check_rises(row, all.back(), time);
+    all.push_back(time);
+  }
+  for (const std::size_t row : rows_of(file, all.size(), "times", numbers)) {
+    times.push_back(all[row]);
+  }
+  check_step("'" + file.string() + "'", times);
+  return times;
+}
+
+void read_poses(const fs::path& file, Sequence& sequence, const std::vector<Number>& numbers) {
+  if (!fs::exists(file)) return;
+  const auto poses = read_table(file, ' ', 0);
+  const auto rows = rows_of(file, poses.size(), "poses", numbers);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const TableRow& from = poses[rows[i]];
+    const Matrix34 pose = matrix_of(from);
     TruthRow row;
     row.time = sequence.frames[i].time;
     for (int r = 0; r < 3; ++r) {
-      for (int c = 0; c < 3; ++c) {
-        row.body.rotation(r, c) = poses[i][pixel_index(c, r, 4)];
-      }
-      row.body.position(r) = poses[i][pixel_index(3, r, 4)];
+      for (int c = 0; c < 3; ++c) row.body.rotation(r, c) = pose[pixel_index(c, r, 4)];
+      row.body.position(r) = pose[pixel_index(3, r, 4)];
     }
     if (!(row.body.rotation * row.body.rotation.transpose()).isIdentity(1e-3)) {
-      throw_bad_input(
-          fmt::format("'{}': pose {} is no rotation and translation", file.string(), i));
+      from.fail("is no rotation and translation");
     }
     row.body.rotation = nearest_rotation(row.body.rotation);
     sequence.truth.push_back(row);
@@ -107,28 +162,34 @@ Sequence read_kitti(const fs::path& folder) {
     throw_bad_input("the calibration '" + calibration.string() +
                     "' is missing; a sequence needs it");
   }
-  const auto matrices = read_matrices(calibration, true);
-  std::vector<std::vector<fs::path>> files;
   const fs::path left = first_of(folder, {"image_0", "image_l"});
   if (left.empty()) throw_bad_input("'" + folder.string() + "' has neither image_0 nor image_l");
-  files.push_back(pictures_of(left));
-  if (const fs::path right = first_of(folder, {"image_1", "image_r"}); !right.empty()) {
-    files.push_back(pictures_of(right));
-    if (matrices.size() < 2) throw_bad_input("'" + calibration.string() + "' has no P1");
-    if (files[1].size() != files[0].size()) {
-      throw_bad_input(fmt::format("'{}' has {} left and {} right pictures", folder.string(),
-                                  files[0].size(), files[1].size()));
+  const fs::path right = first_of(folder, {"image_1", "image_r"});
+  std::vector<std::vector<fs::path>> files(right.empty() ? 1 : 2);
+  std::vector<Number> numbers;
+  for (const auto& [number, file] : numbered_pictures(left)) {
+    numbers.push_back(number);
+    files[0].push_back(file);
+  }
+  Partners partners;
+  if (!right.empty()) {
+    const auto others = numbered_pictures(right);
+    for (const Number number : numbers) {
+      const auto other = others.find(number);
+      const bool there = other != others.end();
+      partners.push_back(there ? std::optional(files[1].size()) : std::nullopt);
+      files[1].push_back(there ? other->second : fs::path());
     }
   }
-  read_times(folder, sequence, files[0].size());
-  for (auto& frame : sequence.frames) frame.present.assign(files.size(), true);
   const GreySize size = grey_size(files[0].front());
   for (std::size_t i = 0; i < files.size(); ++i) {
-    sequence.cameras.push_back(camera_of(matrices[i], calibration));
+    sequence.cameras.push_back(camera_of(projection_of(calibration, i), calibration));
     sequence.cameras.back().width = size.width;
     sequence.cameras.back().height = size.height;
   }
-  read_poses(folder / "poses.txt", sequence);
+  make_frames(sequence, read_times(folder, sequence, numbers), partners,
+              {left.filename().string(), right.filename().string()});
+  read_poses(folder / "poses.txt", sequence, numbers);
   sequence.image = [files, size](std::size_t frame, std::size_t camera) {
     return read_grey_image(files[camera][frame], size.width, size.height);
   };

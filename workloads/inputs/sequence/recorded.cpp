@@ -3,8 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <cmath>
-#include <map>
+#include <array>
 #include <memory>
 #include <opencv2/core.hpp>
 
@@ -13,57 +12,16 @@
 #include "workloads/inputs/pictures/recorded_picture.h"
 #include "workloads/inputs/recording/messages.h"
 #include "workloads/inputs/recording/recording.h"
+#include "workloads/inputs/sequence/calibration_file.h"
+#include "workloads/inputs/sequence/camera_info.h"
 #include "workloads/inputs/sequence/imu_check.h"
+#include "workloads/inputs/sequence/stamps.h"
+#include "workloads/inputs/sequence/transforms.h"
 
 namespace pirt {
 namespace {
 
 constexpr const char* kNone = "none";
-
-/// Where frames of coordinates are in each other.
-class Transforms {
- public:
-  explicit Transforms(const Recording& recording) {
-    for (const std::size_t topic : recording.of_type(TransformMessage::kType)) {
-      // What moves is no place of a sensor.
-      if (!recording.topics()[topic].name.ends_with("tf_static")) continue;
-      for (std::size_t i = 0; i < recording.topics()[topic].messages; ++i) {
-        const std::string bytes = recording.message(topic, i);
-        auto in = recording.reader(topic, i, bytes);
-        for (const auto& each : read_transforms(in)) {
-          parents_[plain(each.child)] = {plain(each.head.frame), each.parent_from_child};
-        }
-      }
-    }
-  }
-
-  /// Nothing if no transforms lead from one to the other.
-  [[nodiscard]] std::optional<Pose> between(const std::string& to, const std::string& from) const {
-    if (plain(to) == plain(from)) return Pose{};
-    const auto [to_root, root_from_to] = root_of(plain(to));
-    const auto [from_root, root_from_from] = root_of(plain(from));
-    if (to_root != from_root) return std::nullopt;
-    return root_from_to.inverse() * root_from_from;
-  }
-
- private:
-  /// ROS 1 had frames with a slash in front.
-  static std::string plain(const std::string& frame) {
-    return frame.starts_with('/') ? frame.substr(1) : frame;
-  }
-  [[nodiscard]] std::pair<std::string, Pose> root_of(std::string frame) const {
-    Pose pose;
-    for (std::size_t steps = 0; steps <= parents_.size(); ++steps) {  // a circle ends, too
-      const auto parent = parents_.find(frame);
-      if (parent == parents_.end()) break;
-      frame = parent->second.first;
-      pose = parent->second.second * pose;
-    }
-    return {frame, pose};
-  }
-
-  std::map<std::string, std::pair<std::string, Pose>> parents_;
-};
 
 /// Empty for one that is in none.
 std::string folder_of(const std::string& topic) {
@@ -71,27 +29,64 @@ std::string folder_of(const std::string& topic) {
   return slash == std::string::npos ? "" : topic.substr(0, slash);
 }
 
+struct PictureAt {
+  Nanos time{};
+  std::size_t message = 0;
+};
+
 /// One camera's messages.
 struct Camera {
   std::size_t topic = 0;
   bool compressed = false;
   std::string frame;  ///< Of coordinates.
-  CameraModel model;
-  double right_of_left_m = 0;  ///< What its projection says, of rectified pairs.
-  std::vector<std::pair<Nanos, std::size_t>> pictures;  ///< Stamp, message.
+  InfoCamera calibrated;
+  std::optional<GivenCamera> given;  ///< What a file says instead.
+  std::vector<PictureAt> pictures;
 };
+
+/// Without image_transport's part: "/cam0/image_raw" of "/cam0/image_raw/compressed".
+std::string base_topic(const std::string& topic) {
+  const bool is_part = topic.ends_with("/compressed") || topic.ends_with("/compressedDepth");
+  return is_part ? folder_of(topic) : topic;
+}
+
+bool is_rectified(const std::string& topic) {
+  const std::string base = base_topic(topic);
+  return base.substr(base.rfind('/') + 1).starts_with("image_rect");
+}
+
+/// Topics of one folder that are called so are one camera's, the first the plainest of them.
+constexpr std::array<std::string_view, 6> kSameCamera = {
+    "image_raw", "image_mono", "image_color", "image_rect", "image_rect_color", "image_rect_mono"};
+
+/// Whether @p other shows nothing that @p topic does not.
+bool is_same_camera(const std::string& topic, const std::string& other) {
+  const auto rank = [](const std::string& base) {
+    return std::ranges::find(kSameCamera, base.substr(base.rfind('/') + 1)) - kSameCamera.begin();
+  };
+  const std::string a = base_topic(topic);
+  const std::string b = base_topic(other);
+  if (a == b) return topic.size() < other.size();
+  return folder_of(a) == folder_of(b) && !folder_of(a).empty() && rank(a) < rank(b) &&
+         rank(b) < std::ssize(kSameCamera);
+}
 
 class Reader {
  public:
-  Reader(std::shared_ptr<const Recording> recording, const SequenceTopics& topics)
-      : recording_(std::move(recording)), chosen_(topics), transforms_(*recording_) {}
+  Reader(std::shared_ptr<const Recording> recording, const SequenceTopics& topics,
+         std::vector<GivenCamera> given)
+      : recording_(std::move(recording)),
+        chosen_(topics),
+        given_(std::move(given)),
+        transforms_(*recording_) {}
 
   Sequence read() {
     sequence_.name = recording_->file();
+    sequence_.warnings = recording_->warnings();
     read_cameras();
     read_inertial();
     place_cameras();
-    make_frames();
+    frame_pictures();
     read_truth();
     std::ranges::move(gaps_of(sequence_), std::back_inserter(sequence_.warnings));
     return std::move(sequence_);
@@ -120,37 +115,87 @@ class Reader {
 
   [[nodiscard]] std::size_t checked(const std::string& name,
                                     const std::vector<std::string_view>& types) const {
-    const std::size_t found = recording_->topic(name);
+    const std::size_t found = recording_->topic(name, types);
     if (std::ranges::find(types, topic(found).type) == types.end()) {
       fail(fmt::format("has {} as {}, and {} is needed", name, topic(found).type, types.front()));
+    }
+    if (topic(found).encoding != "cdr" && topic(found).encoding != "ros1") {
+      fail(fmt::format("has {} encoded as '{}', and cdr or ros1 is needed", name,
+                       topic(found).encoding));
     }
     if (topic(found).messages == 0) fail("has no message of " + name);
     return found;
   }
 
+  [[nodiscard]] static const std::vector<std::string_view>& picture_types() {
+    static const std::vector<std::string_view> types = {ImageMessage::kType,
+                                                        ImageMessage::kCompressedType};
+    return types;
+  }
+
   void read_cameras() {
-    auto found = recording_->of_type(ImageMessage::kType);
-    std::ranges::copy(recording_->of_type(ImageMessage::kCompressedType),
-                      std::back_inserter(found));
-    std::ranges::sort(found);
     std::vector<std::size_t> topics;
-    const std::vector<std::string_view> types = {ImageMessage::kType,
-                                                 ImageMessage::kCompressedType};
     if (chosen_.left) {
-      topics.push_back(checked(*chosen_.left, types));
-      if (chosen_.right && chosen_.right != kNone) topics.push_back(checked(*chosen_.right, types));
-    } else {
-      if (found.empty()) fail("has no pictures: no topic of sensor_msgs/Image or CompressedImage");
-      if (found.size() > 2) {
-        std::vector<std::string> names;
-        for (const auto each : found) names.push_back(topic(each).name);
-        fail(fmt::format("has {} topics with pictures; choose: --topics left={},right={}: {}",
-                         found.size(), names[0], names[1], join(names, ", ")));
+      topics.push_back(checked(*chosen_.left, picture_types()));
+      if (chosen_.right && chosen_.right != kNone) {
+        topics.push_back(checked(*chosen_.right, picture_types()));
       }
-      topics = found;
-      if (chosen_.right == kNone) topics.erase(topics.begin() + 1, topics.end());
+    } else {
+      topics = find_cameras();
+      if (chosen_.right == kNone) topics.resize(1);
     }
     for (const std::size_t each : topics) cameras_.push_back(read_camera(each));
+  }
+
+  /// The one or two topics with pictures, by what their first messages are.
+  [[nodiscard]] std::vector<std::size_t> find_cameras() {
+    std::vector<std::size_t> found;
+    for (const auto type : picture_types()) {
+      std::ranges::copy(recording_->of_type(type), std::back_inserter(found));
+    }
+    std::ranges::sort(found);
+    if (found.empty()) {
+      fail("has no pictures: no topic of sensor_msgs/Image or CompressedImage; it has " +
+           recording_->describe());
+    }
+    if (found.size() == 1) return found;
+    std::vector<std::size_t> usable;
+    std::vector<std::string> names, left_out;
+    for (const std::size_t each : found) {
+      const std::string why_not = no_camera(each, found);
+      if (why_not.empty()) {
+        usable.push_back(each);
+        names.push_back(topic(each).name);
+      } else {
+        left_out.push_back(topic(each).name + " " + why_not);
+      }
+    }
+    if (usable.empty()) fail("has no pictures that can be used: " + join(left_out, ", "));
+    if (usable.size() > 2) {
+      fail(fmt::format("has {} topics with pictures; choose: --topics left={},right={}: {}",
+                       usable.size(), names[0], names[1], join(names, ", ")));
+    }
+    if (!left_out.empty()) {
+      sequence_.warnings.push_back(fmt::format("pictures are those of {}; not used: {}",
+                                               join(names, " and "), join(left_out, ", ")));
+    }
+    return usable;
+  }
+
+  /// Why one of several topics is not to be taken; empty = it may be.
+  [[nodiscard]] std::string no_camera(std::size_t id, const std::vector<std::size_t>& all) const {
+    const std::string bytes = recording_->message(id, 0);
+    auto in = recording_->reader(id, 0, bytes);
+    const std::string why_not =
+        no_picture(read_image(in, topic(id).type == ImageMessage::kCompressedType));
+    if (!why_not.empty()) return why_not;
+    for (const std::size_t other : all) {
+      if (is_same_camera(topic(other).name, topic(id).name)) return "shows " + topic(other).name;
+    }
+    if (!given_.empty()) return "";
+    const bool any_info = std::ranges::any_of(
+        all, [this](std::size_t each) { return info_of(topic(each).name).has_value(); });
+    return info_of(topic(id).name) || !any_info ? "" : "has no camera_info";
   }
 
   Camera read_camera(std::size_t topic_id) {
@@ -162,77 +207,172 @@ class Reader {
       auto in = recording_->reader(topic_id, i, bytes);
       const auto image = read_image(in, camera.compressed);
       if (i == 0) camera.frame = image.head.frame;
-      camera.pictures.emplace_back(image.head.time, i);
+      camera.pictures.push_back({image.head.time, i});
     }
-    keep_rising(camera.pictures, topic(topic_id).name, [](const auto& each) { return each.first; });
+    order(camera.pictures, topic_id);
     calibrate(camera);
     if (camera.pictures.size() > 1) {
-      const Nanos span = camera.pictures.back().first - camera.pictures.front().first;
-      camera.model.rate_hz = static_cast<double>(camera.pictures.size() - 1) / to_s(span);
+      const Nanos span = camera.pictures.back().time - camera.pictures.front().time;
+      camera.calibrated.model.rate_hz =
+          static_cast<double>(camera.pictures.size() - 1) / to_s(span);
     }
     return camera;
   }
 
-  void calibrate(Camera& camera) {
-    const std::string& name = topic(camera.topic).name;
+  /// The topic of a camera's calibration. image_transport has the compressed one a level below.
+  [[nodiscard]] std::optional<std::size_t> info_of(const std::string& name) const {
     std::optional<std::size_t> info;
-    // image_transport has the compressed one a level below.
     const std::string beside = folder_of(name);
     for (const std::string& folder : {folder_of(beside), beside}) {
       for (const std::size_t each : recording_->of_type(CameraInfoMessage::kType)) {
         if (topic(each).name == folder + "/camera_info") info = each;
       }
     }
+    return info;
+  }
+
+  /// By the topic that the file names, else by its place among the cameras.
+  [[nodiscard]] const GivenCamera& given(const std::string& name) const {
+    const auto named = std::ranges::find(given_, name, &GivenCamera::topic);
+    if (named != given_.end()) return *named;
+    if (cameras_.size() >= given_.size()) {
+      fail(fmt::format("has no calibration of {}: --calibration has {} of other cameras", name,
+                       given_.size()));
+    }
+    return given_[cameras_.size()];
+  }
+
+  void calibrate(Camera& camera) {
+    const std::string& name = topic(camera.topic).name;
+    if (!given_.empty()) {
+      camera.given = given(name);
+      camera.calibrated.model = camera.given->model;
+      return;
+    }
+    const auto info = info_of(name);
     if (!info) {
-      fail(fmt::format("has no calibration of {}: no sensor_msgs/CameraInfo on {}/camera_info",
-                       name, folder_of(name)));
+      fail(
+          fmt::format("has no calibration of {}: no sensor_msgs/CameraInfo on {}/camera_info; "
+                      "give a file that has it: --calibration camchain.yaml",
+                      name, folder_of(base_topic(name))));
     }
     const std::string bytes = recording_->message(*info, 0);
     auto in = recording_->reader(*info, 0, bytes);
     const auto message = read_camera_info(in);
-    CameraModel& model = camera.model;
-    model.width = message.width, model.height = message.height;
-    model.fx = message.k[0], model.fy = message.k[4], model.cx = message.k[2],
-    model.cy = message.k[5];
-    if (model.width < 16 || model.height < 16 || !(model.fx >= 10) || !(model.fy >= 10) ||
-        !(model.cx >= 0 && model.cx <= model.width) ||
-        !(model.cy >= 0 && model.cy <= model.height)) {
-      in.fail("is no calibration: fx and fy are at least 10 pixels, cx and cy in the picture");
-    }
-    std::vector<double> lens = message.d;
-    while (!lens.empty() && lens.back() == 0) lens.pop_back();
-    if (lens.size() > 4 || (!lens.empty() && message.distortion_model != "plumb_bob")) {
-      in.fail(fmt::format("has lens '{}' with {} coefficients; only plumb_bob with 4 is known",
-                          message.distortion_model, lens.size()));
-    }
-    lens.resize(4, 0);
-    model.k1 = lens[0], model.k2 = lens[1], model.p1 = lens[2], model.p2 = lens[3];
-    if (message.p[0] > 0) camera.right_of_left_m = -message.p[3] / message.p[0];
+    camera.calibrated = camera_of(in, message, is_rectified(name));
   }
 
-  void read_inertial() {
-    const auto found = one_of(chosen_.imu, ImuMessage::kType, "imu");
-    if (!found) return;
-    std::string frame;
+  struct Inertial {
+    std::size_t topic = 0;
+    bool has_gyro = false, has_accel = false;
+  };
+  [[nodiscard]] Inertial look_at_imu(std::size_t id) const {
+    const std::string bytes = recording_->message(id, 0);
+    auto in = recording_->reader(id, 0, bytes);
+    const auto message = ::pirt::read_imu(in);
+    return {id, message.has_gyro, message.has_accel};
+  }
+
+  /// One topic, or the gyroscope's and the accelerometer's; none if there is no IMU.
+  [[nodiscard]] std::vector<std::size_t> find_imu() const {
+    std::vector<Inertial> found;
+    if (chosen_.imu == kNone) return {};
+    if (chosen_.imu) {
+      for (const auto& name : split(*chosen_.imu, '+')) {
+        found.push_back(look_at_imu(checked(name, {ImuMessage::kType})));
+      }
+    } else {
+      for (const auto each : recording_->of_type(ImuMessage::kType)) {
+        found.push_back(look_at_imu(each));
+      }
+    }
+    if (found.empty()) return {};
+    std::vector<std::size_t> whole, gyros, accels;
+    std::vector<std::string> names;
+    for (const Inertial& each : found) {
+      if (each.has_gyro && each.has_accel) {
+        whole.push_back(each.topic);
+        names.push_back(topic(each.topic).name);
+      } else if (each.has_gyro) {
+        gyros.push_back(each.topic);
+      } else if (each.has_accel) {
+        accels.push_back(each.topic);
+      }
+    }
+    if (whole.size() > 1) {
+      fail(fmt::format("has {} topics of {}; choose one: --topics imu={}, or none: {}",
+                       whole.size(), ImuMessage::kType, names.front(), join(names, ", ")));
+    }
+    if (whole.size() == 1) return whole;
+    if (gyros.size() == 1 && accels.size() == 1) return {gyros[0], accels[0]};
+    const std::string& first = topic(found.front().topic).name;
+    fail(fmt::format(
+        "has no whole IMU: {} has no {} (covariance[0] is -1); name the topics of gyroscope and "
+        "accelerometer, --topics imu={}+OTHER, or run without: imu=none",
+        first, found.front().has_gyro ? "linear acceleration" : "angular velocity", first));
+  }
+
+  [[nodiscard]] std::vector<ImuSample> read_samples(std::size_t id, std::string& frame) {
     std::vector<ImuSample> samples;
-    for (std::size_t i = 0; i < topic(*found).messages; ++i) {
-      const std::string bytes = recording_->message(*found, i);
-      auto in = recording_->reader(*found, i, bytes);
+    for (std::size_t i = 0; i < topic(id).messages; ++i) {
+      const std::string bytes = recording_->message(id, i);
+      auto in = recording_->reader(id, i, bytes);
       const auto message = ::pirt::read_imu(in);
       if (i == 0) frame = message.head.frame;
       samples.push_back({message.head.time, message.gyro_rad_s, message.accel_m_s2});
     }
-    if (!transforms_.between(frame, cameras_.front().frame)) {
+    order(samples, id);
+    return samples;
+  }
+
+  /// Puts the accelerometer's, between two of them, to the gyroscope's.
+  void join_samples(std::vector<ImuSample>& samples, const std::vector<ImuSample>& accels,
+                    const Eigen::Matrix3d& turn) const {
+    std::vector<ImuSample> joined;
+    for (ImuSample& sample : samples) {
+      const auto after = std::ranges::lower_bound(accels, sample.time, {}, &ImuSample::time);
+      if (after == accels.begin() || after == accels.end()) continue;
+      const ImuSample& a = *(after - 1);
+      constexpr Nanos kLongest = std::chrono::milliseconds(100);
+      if (after->time - a.time > kLongest) continue;
+      const double part = to_s(sample.time - a.time) / to_s(after->time - a.time);
+      sample.accel_m_s2 = turn * ((1 - part) * a.accel_m_s2 + part * after->accel_m_s2);
+      joined.push_back(sample);
+    }
+    samples = std::move(joined);
+  }
+
+  void read_inertial() {
+    const auto found = find_imu();
+    if (found.empty()) return;
+    const std::string& name = topic(found[0]).name;
+    std::string frame;
+    std::vector<ImuSample> samples = read_samples(found[0], frame);
+    const auto& given = cameras_.front().given;
+    const bool is_placed = given && given->body_from_camera;
+    if (!is_placed && !transforms_.between(frame, cameras_.front().frame)) {
       sequence_.warnings.push_back(
           fmt::format("{} is not used: no transform of /tf_static leads from {} to {}, so that "
                       "nobody knows where the IMU sits",
-                      topic(*found).name, cameras_.front().frame, frame));
+                      name, cameras_.front().frame, frame));
       return;
     }
-    keep_rising(samples, topic(*found).name, [](const ImuSample& sample) { return sample.time; });
+    if (found.size() > 1) {
+      std::string other;
+      const auto accels = read_samples(found[1], other);
+      const auto place = transforms_.between(frame, other);
+      if (!place) {
+        fail(fmt::format("has no transform of /tf_static from {} to {}, the frames of {} and {}",
+                         other, frame, topic(found[1]).name, name));
+      }
+      join_samples(samples, accels, place->rotation);
+      sequence_.warnings.push_back(
+          fmt::format("{} and {} are joined to one IMU", name, topic(found[1]).name));
+      if (samples.size() < 2) fail(fmt::format("has no accelerations at the times of {}", name));
+    }
     body_ = frame;
     sequence_.imu = std::move(samples);
-    check_imu("'" + recording_->file() + "': " + topic(*found).name, sequence_.imu);
+    check_imu("'" + recording_->file() + "': " + name, sequence_.imu);
     ImuModel& model = sequence_.imu_model.emplace();
     const Nanos span = sequence_.imu.back().time - sequence_.imu.front().time;
     if (span > Nanos::zero()) {
@@ -241,16 +381,32 @@ class Reader {
   }
 
   void place_cameras() {
-    if (body_.empty()) body_ = cameras_.front().frame;
-    cameras_.front().model.body_from_camera = *transforms_.between(body_, cameras_.front().frame);
+    Camera& left = cameras_.front();
+    if (body_.empty()) body_ = left.frame;
+    const auto place = [this](const Camera& camera) -> Pose {
+      if (camera.given && camera.given->body_from_camera) {
+        return sequence_.imu.empty() ? Pose{} : *camera.given->body_from_camera;
+      }
+      const Pose turned{camera.calibrated.picture_from_raw().transpose(), Eigen::Vector3d::Zero()};
+      return *transforms_.between(body_, camera.frame) * turned;
+    };
+    left.calibrated.model.body_from_camera = place(left);
     if (cameras_.size() > 1) {
       Camera& right = cameras_[1];
-      if (right.frame != cameras_.front().frame && transforms_.between(body_, right.frame)) {
-        right.model.body_from_camera = *transforms_.between(body_, right.frame);
-      } else if (right.right_of_left_m > 0) {
-        Pose beside;
-        beside.position.x() = right.right_of_left_m;
-        right.model.body_from_camera = cameras_.front().model.body_from_camera * beside;
+      const auto& to_left = right.given ? right.given->before_from_camera : std::nullopt;
+      const bool both = left.given && right.given && left.given->body_from_camera &&
+                        right.given->body_from_camera;
+      if (both) {
+        right.calibrated.model.body_from_camera =
+            left.calibrated.model.body_from_camera *
+            (left.given->body_from_camera->inverse() * *right.given->body_from_camera);
+      } else if (to_left) {
+        right.calibrated.model.body_from_camera = left.calibrated.model.body_from_camera * *to_left;
+      } else if (right.frame != left.frame && transforms_.between(body_, right.frame)) {
+        right.calibrated.model.body_from_camera = place(right);
+      } else if (right.calibrated.right_of_left_m > 0) {
+        right.calibrated.model.body_from_camera =
+            left.calibrated.model.body_from_camera * left.calibrated.pose_of(right.calibrated);
       } else {
         sequence_.warnings.push_back(
             topic(right.topic).name +
@@ -258,72 +414,79 @@ class Reader {
         cameras_.resize(1);
       }
     }
-    for (const Camera& camera : cameras_) sequence_.cameras.push_back(camera.model);
+    for (const Camera& camera : cameras_) sequence_.cameras.push_back(camera.calibrated.model);
   }
 
-  void make_frames() {
-    std::vector<std::vector<std::size_t>> messages(cameras_.size());
-    std::size_t alone = 0;
-    for (const auto& [time, message] : cameras_.front().pictures) {
-      Frame frame{time, {true}};
-      messages[0].push_back(message);
-      if (cameras_.size() > 1) {
-        const auto& others = cameras_[1].pictures;
-        const auto partner =
-            std::ranges::lower_bound(others, time, {}, [](const auto& each) { return each.first; });
-        const bool there = partner != others.end() && partner->first == time;
-        frame.present.push_back(there);
-        messages[1].push_back(there ? partner->second : 0);
-        alone += there ? 0U : 1U;
-      }
-      sequence_.frames.push_back(std::move(frame));
+  void frame_pictures() {
+    const auto left = stamps_of(cameras_.front().pictures);
+    Partners partners;
+    if (cameras_.size() > 1) {
+      partners = pair_stamps(left, stamps_of(cameras_[1].pictures), sequence_.warnings);
     }
-    if (alone > 0) {
-      sequence_.warnings.push_back(
-          fmt::format("{} of {} frames of {} have no picture of {}", alone, sequence_.frames.size(),
-                      topic(cameras_[0].topic).name, topic(cameras_[1].topic).name));
-    }
-    sequence_.image = [recording = recording_, messages = std::move(messages), cameras = cameras_](
-                          std::size_t frame, std::size_t camera) {
+    make_frames(sequence_, left, partners,
+                {topic(cameras_.front().topic).name, topic(cameras_.back().topic).name});
+    sequence_.image = [recording = recording_, partners, cameras = cameras_](std::size_t frame,
+                                                                             std::size_t camera) {
       const Camera& by = cameras[camera];
-      return recorded_grey(*recording, by.topic, messages[camera][frame], by.model.width,
-                           by.model.height);
+      const std::size_t picture = camera == 0 ? frame : partners[frame].value();
+      return recorded_grey(*recording, by.topic, by.pictures[picture].message,
+                           by.calibrated.model.width, by.calibrated.model.height);
     };
   }
 
+  /// A PoseStamped by its type alone; others, which may be what a robot believes of itself, by
+  /// name.
+  [[nodiscard]] std::optional<std::size_t> find_truth() const {
+    const std::vector<std::string_view> types = {PoseMessage::kType, PoseMessage::kWithCovariance,
+                                                 PoseMessage::kOdometry, PoseMessage::kTransform};
+    if (chosen_.truth && chosen_.truth != kNone) return checked(*chosen_.truth, types);
+    const auto plain = one_of(chosen_.truth, PoseMessage::kType, "truth");
+    if (plain || chosen_.truth == kNone) return plain;
+    for (std::size_t i = 0; i < recording_->topics().size(); ++i) {
+      const bool is_truth = topic(i).name.find("truth") != std::string::npos;
+      const bool fits = std::ranges::find(types, topic(i).type) != types.end();
+      if (is_truth && fits && topic(i).messages > 0) return i;
+    }
+    return std::nullopt;
+  }
+
   void read_truth() {
-    const auto found = one_of(chosen_.truth, PoseMessage::kType, "truth");
+    const auto found = find_truth();
     if (!found) return;
     for (std::size_t i = 0; i < topic(*found).messages; ++i) {
       const std::string bytes = recording_->message(*found, i);
       auto in = recording_->reader(*found, i, bytes);
-      const auto message = ::pirt::read_pose(in);
+      const auto message = ::pirt::read_pose(in, topic(*found).type);
+      const auto body =
+          message.child.empty() ? std::nullopt : transforms_.between(message.child, body_);
       TruthRow row;
       row.time = message.head.time;
-      row.body = message.pose;
+      row.body = body ? message.pose * *body : message.pose;
       sequence_.truth.push_back(row);
     }
-    keep_rising(sequence_.truth, topic(*found).name, [](const TruthRow& row) { return row.time; });
+    order(sequence_.truth, *found);
   }
 
-  /// What comes twice or late was recorded so: it is left out, and said.
-  template <typename Row, typename TimeOf>
-  void keep_rising(std::vector<Row>& rows, const std::string& name, const TimeOf& time_of) {
-    const std::size_t all = rows.size();
-    std::vector<Row> kept;
-    for (Row& row : rows) {
-      if (kept.empty() || time_of(row) > time_of(kept.back())) kept.push_back(std::move(row));
+  /// Rows of all messages of a topic, as recorded. Where most have no stamp, the times of recording
+  /// are taken.
+  template <typename Row>
+  void order(std::vector<Row>& rows, std::size_t id) {
+    const auto none =
+        std::ranges::count_if(rows, [](const Row& row) { return row.time == Nanos::zero(); });
+    if (2 * none > std::ssize(rows)) {
+      for (std::size_t i = 0; i < rows.size(); ++i) rows[i].time = recording_->time(id, i);
+      sequence_.warnings.push_back(
+          fmt::format("messages of {} have no stamps; the times of recording are taken, which are "
+                      "later and less even",
+                      topic(id).name));
     }
-    rows = std::move(kept);
-    if (rows.size() == all) return;
-    sequence_.warnings.push_back(
-        fmt::format("{} of {} messages of {} are not used: their stamps "
-                    "do not rise",
-                    all - rows.size(), all, name));
+    keep_rising(rows, topic(id).name, sequence_.warnings);
+    check_step("'" + recording_->file() + "': " + topic(id).name, stamps_of(rows));
   }
 
   std::shared_ptr<const Recording> recording_;
   const SequenceTopics& chosen_;
+  std::vector<GivenCamera> given_;
   Transforms transforms_;
   std::vector<Camera> cameras_;
   std::string body_;  ///< Frame of coordinates.
@@ -358,8 +521,11 @@ SequenceTopics parse_topics(const std::string& text) {
   return topics;
 }
 
-Sequence read_recording(const std::filesystem::path& file, const SequenceTopics& topics) {
-  return Reader(open_recording(file), topics).read();
+Sequence read_recording(const std::filesystem::path& file, const SequenceTopics& topics,
+                        const std::filesystem::path& calibration) {
+  return Reader(open_recording(file), topics,
+                calibration.empty() ? std::vector<GivenCamera>() : read_calibration(calibration))
+      .read();
 }
 
 }  // namespace pirt

@@ -17,18 +17,25 @@ struct SequenceTopics {
 /// "left=/cam0/image_raw,imu=none". @throws Error{kBadInput} for another key.
 [[nodiscard]] SequenceTopics parse_topics(const std::string& text);
 
-/// A .bag of ROS 1 or a .db3 of ROS 2.
+/// A recording, as open_recording() takes one.
 ///
 /// Pictures are sensor_msgs/Image or CompressedImage: the two topics, or the one, by name, left
-/// first; frames are those of the left one, and a picture of the right belongs to the frame of the
-/// same stamp. Calibrations are the sensor_msgs/CameraInfo beside each; where sensors sit says
-/// /tf_static, with the IMU as body, or, without one, the left camera. Truth is a
-/// geometry_msgs/PoseStamped of the body. What cannot be used is left out with a warning; how noisy
-/// the IMU is no message says: ImuModel's defaults are taken.
+/// first, whose first messages are grey or coloured pictures of 8 bits; frames are those of the
+/// left one, and a picture of the right belongs to the frame that is nearest (stamps.h).
+/// Calibrations are the sensor_msgs/CameraInfo beside each (camera_info.h); where sensors sit says
+/// /tf_static, or what of /tf never changes, with the IMU as body, or, without one, the left
+/// camera. An IMU may be two topics, of its gyroscope and its accelerometer. Truth is a
+/// geometry_msgs/PoseStamped of the body, or another pose on a topic that is chosen or has truth in
+/// its name. Stamps are those of messages; where most of a topic's are 0, the times of recording.
+/// What cannot be used is left out with a warning; how noisy the IMU is no message says: ImuModel's
+/// defaults are taken.
+/// @param calibration  Empty, or a file or folder (calibration_file.h) that says what CameraInfo
+///                     would, by the topics that it names, else left first; with the IMU as body.
 /// @throws Error{kBadInput} naming the topics that there are if one is missing or several could be
 /// meant.
 [[nodiscard]] Sequence read_recording(const std::filesystem::path& file,
-                                      const SequenceTopics& topics = {});
+                                      const SequenceTopics& topics = {},
+                                      const std::filesystem::path& calibration = {});
 
 /// Writes /cam0/image_raw, /cam0/camera_info, ..., /imu0, /truth and /tf_static, in order of time.
 /// @param file      .bag, or .db3.

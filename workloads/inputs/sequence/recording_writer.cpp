@@ -22,7 +22,7 @@ CameraInfoMessage info_of(const CameraModel& camera, const MessageHead& head) {
           .width = camera.width,
           .height = camera.height,
           .distortion_model = "plumb_bob",
-          .d = {camera.k1, camera.k2, camera.p1, camera.p2, 0},
+          .d = {camera.k1, camera.k2, camera.p1, camera.p2, camera.k3},
           .k = {camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1},
           .p = {camera.fx, 0, camera.cx, 0, 0, camera.fy, camera.cy, 0, 0, 0, 1, 0}};
 }
@@ -105,15 +105,18 @@ class Writer {
 
 bool write_recording(const Sequence& sequence, const std::filesystem::path& file,
                      const std::function<bool(std::size_t, std::size_t)>& progress) {
-  if (file.extension() != ".bag" && file.extension() != ".db3") {
-    throw_bad_input("'" + file.string() + "' must end in .bag (ROS 1) or .db3 (ROS 2)");
+  const auto extension = file.extension();
+  if (extension != ".bag" && extension != ".db3" && extension != ".mcap") {
+    throw_bad_input("'" + file.string() + "' must end in .bag (ROS 1), .db3 or .mcap (ROS 2)");
   }
   std::error_code failed;
   if (std::filesystem::exists(file, failed)) {
     throw_bad_input("'" + file.string() + "' exists; name another file");
   }
   remove_left_beside(follow_links(file));
-  const auto out = file.extension() == ".bag" ? make_bag(file) : make_db3(file);
+  const auto out = extension == ".bag"   ? make_bag(file)
+                   : extension == ".db3" ? make_db3(file)
+                                         : make_mcap(file);
   if (!Writer(sequence, *out).write(progress)) return false;
   out->publish();
   return true;

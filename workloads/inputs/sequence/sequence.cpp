@@ -7,6 +7,8 @@
 #include "workloads/base/error.h"
 #include "workloads/inputs/recording/recording.h"
 #include "workloads/inputs/sequence/recorded.h"
+#include "workloads/inputs/sequence/stamps.h"
+#include "workloads/inputs/sequence/trajectory.h"
 
 namespace pirt {
 namespace {
@@ -40,6 +42,28 @@ void find_gaps(const std::vector<Row>& rows, const std::string& what,
       fmt::format("{}: {} gap{} in its time stamps, the longest {:.3f} s at {:.3f} s "
                   "where {:.3f} s is usual",
                   what, gaps, gaps == 1 ? "" : "s", longest_s, at_s, usual_s));
+  if (longest_s > to_s(kLongestPrediction)) {
+    found.back() +=
+        fmt::format("; after more than {:.0f} s the robot is lost, and its pose a guess",
+                    to_s(kLongestPrediction));
+  }
+}
+
+/// Truth that is too rare is looked for between its stamps in vain.
+void judge_truth(const Sequence& sequence, std::vector<std::string>& found) {
+  const auto& truth = sequence.truth;
+  if (truth.empty() || sequence.frames.empty()) return;
+  std::size_t with = 0;
+  for (const Frame& frame : sequence.frames) with += truth_at(truth, frame.time) ? 1U : 0U;
+  if (2 * with >= sequence.frames.size()) return;
+  const double step_s =
+      to_s(truth.back().time - truth.front().time) / std::max(1.0, double(truth.size()) - 1);
+  found.push_back(fmt::format(
+      "truth is there at {} of {} frames: its stamps are {:.3f} s apart on average, from {:.3f} s "
+      "after the first frame to {:.3f} s after it, and it is not made up where they are more than "
+      "{:.1f} s apart",
+      with, sequence.frames.size(), step_s, to_s(truth.front().time - sequence.frames.front().time),
+      to_s(truth.back().time - sequence.frames.front().time), to_s(kLongestTruthGap)));
 }
 
 }  // namespace
@@ -47,10 +71,19 @@ void find_gaps(const std::vector<Row>& rows, const std::string& what,
 std::vector<std::string> gaps_of(const Sequence& sequence) {
   std::vector<std::string> found;
   find_gaps(sequence.frames, "camera", found);
+  judge_truth(sequence, found);
   find_gaps(sequence.imu, "IMU", found);
   if (sequence.imu.empty() || sequence.frames.empty()) return found;
   const Nanos begin = sequence.frames.front().time;
   const Nanos end = sequence.frames.back().time;
+  if (sequence.imu.front().time > end || sequence.imu.back().time < begin) {
+    throw_bad_input(
+        fmt::format("'{}': the IMU's stamps, {:.3f} s to {:.3f} s, and the pictures', {:.3f} s to "
+                    "{:.3f} s, have "
+                    "no time in common; give them one clock, or leave the IMU out (--no-imu)",
+                    sequence.name, to_s(sequence.imu.front().time), to_s(sequence.imu.back().time),
+                    to_s(begin), to_s(end)));
+  }
   const Nanos slack = from_ms(50);
   if (sequence.imu.front().time > begin + slack) {
     found.push_back(fmt::format("the IMU starts {:.3f} s after the camera",
@@ -63,15 +96,17 @@ std::vector<std::string> gaps_of(const Sequence& sequence) {
   return found;
 }
 
-Sequence read_sequence(const fs::path& path) {
-  if (names_a_recording(path)) return read_recording(path);
+Sequence read_sequence(const fs::path& path, bool imu) {
+  if (names_a_recording(path)) {
+    return read_recording(path, imu ? SequenceTopics{} : parse_topics("imu=none"));
+  }
   const fs::path& folder = path;
   if (!fs::is_directory(folder)) {
     throw_bad_input("'" + folder.string() +
                     "' is no folder; give the folder of a sequence, or a recording of ROS (.bag, "
-                    ".db3)");
+                    ".db3, .mcap)");
   }
-  if (fs::exists(folder / "mav0") || fs::exists(folder / "cam0")) return read_euroc(folder);
+  if (fs::exists(folder / "mav0") || fs::exists(folder / "cam0")) return read_euroc(folder, imu);
   if (fs::exists(folder / "calib.txt") || fs::exists(folder / "image_0") ||
       fs::exists(folder / "image_l")) {
     return read_kitti(folder);
@@ -79,7 +114,7 @@ Sequence read_sequence(const fs::path& path) {
   throw_bad_input(
       "'" + folder.string() +
       "' is no sequence: EuRoC's layout has mav0/cam0, KITTI's calib.txt and image_0, ROS 2's a "
-      ".db3");
+      ".db3 or .mcap");
 }
 
 }  // namespace pirt

@@ -53,7 +53,8 @@ struct Sequence {
   std::vector<Frame> frames;    ///< Stamps rise strictly.
   std::vector<TruthRow> truth;  ///< To evaluate only; may be empty.
   std::vector<std::string> warnings;
-  /// Picture of a frame; may be called by several threads at once.
+  /// Picture of a frame; may be called by several threads at once. Empty where it is to be left out
+  /// (bad_pictures.h).
   /// @throws Error{kBadInput} naming the file if it is damaged or of another size than its camera.
   std::function<GreyImage(std::size_t frame, std::size_t camera)> image;
 
@@ -61,18 +62,20 @@ struct Sequence {
 };
 
 /// Either layout, told apart by what is in the folder (mav0 or cam0: EuRoC; calib.txt: KITTI).
+/// @param imu  False: one that is there is not read, nor judged.
 /// @throws Error{kBadInput} naming both layouts if it is neither.
-[[nodiscard]] Sequence read_sequence(const std::filesystem::path& folder);
+[[nodiscard]] Sequence read_sequence(const std::filesystem::path& folder, bool imu = true);
 
 /// EuRoC's ASL layout: [mav0/]{cam0,cam1,imu0}/{data.csv,sensor.yaml}, camN/data/*.png, and, if it
 /// is there, state_groundtruth_estimate0/data.csv. Frames are those of cam0; a picture of cam1
-/// belongs to the frame of the same stamp. The second camera and the IMU may be absent.
+/// belongs to the frame that is nearest (stamps.h). The second camera and the IMU may be absent.
 /// @throws Error{kBadInput} with file:line for numbers that are none, stamps that do not rise, and
 /// units that cannot be (degrees, g, millimetres).
-[[nodiscard]] Sequence read_euroc(const std::filesystem::path& folder);
+[[nodiscard]] Sequence read_euroc(const std::filesystem::path& folder, bool imu = true);
 
 /// KITTI odometry: calib.txt (P0, P1), image_0 or image_l, image_1 or image_r, times.txt,
 /// poses.txt. Body = left camera. Without times.txt frames are 0.1 s apart, which a warning says.
+/// Pictures are in order of the numbers in their names, and those of one number belong together.
 [[nodiscard]] Sequence read_kitti(const std::filesystem::path& folder);
 
 /// The rows of EuRoC's imu0/data.csv and state_groundtruth_estimate0/data.csv.

@@ -105,9 +105,7 @@ std::optional<Pose> truth_at(std::span<const TruthRow> truth, Nanos time) {
   if (after->time == time) return after->body;
   if (after == truth.begin()) return std::nullopt;
   const auto& before = *std::prev(after);
-  // Truth that was lost for longer is not made up.
-  constexpr Nanos kLongestGap = std::chrono::milliseconds(300);
-  if (after->time - before.time > kLongestGap) return std::nullopt;
+  if (after->time - before.time > kLongestTruthGap) return std::nullopt;
   const double part = to_s(time - before.time) / to_s(after->time - before.time);
   const Eigen::Quaterniond q0(before.body.rotation);
   const Eigen::Quaterniond q1(after->body.rotation);

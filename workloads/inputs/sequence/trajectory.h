@@ -21,6 +21,8 @@ struct StampedPose {
 /// "seconds tx ty tz qx qy qz qw" a line, with a comment on top.
 [[nodiscard]] std::string tum_text(std::span<const StampedPose> trajectory);
 
+/// Truth that was lost for longer is not made up.
+inline constexpr Nanos kLongestTruthGap = std::chrono::milliseconds(300);
 /// Truth at @p time, between its rows; absent outside of them.
 [[nodiscard]] std::optional<Pose> truth_at(std::span<const TruthRow> truth, Nanos time);
 

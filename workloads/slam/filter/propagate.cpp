@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "workloads/inputs/sequence/stamps.h"
+
 namespace pirt::slam {
 namespace {
 
@@ -122,6 +124,7 @@ class Integration {
 
  private:
   void take(Propagation step, bool imu) {
+    step.dt = std::min(step.dt, to_s(kLongestPrediction));
     const int parts = std::max(1, static_cast<int>(std::ceil(step.dt / kLongestStep_s)));
     step.dt /= parts;
     for (int i = 0; i < parts; ++i) {

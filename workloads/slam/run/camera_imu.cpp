@@ -106,12 +106,16 @@ void see_turns(const Sequence& sequence, std::size_t first, const Gyroscope& gyr
   const CameraModel& camera = sequence.cameras[0];
   const Eigen::Matrix3d& mount = camera.body_from_camera.rotation;
   const std::size_t end = std::min(first + kStretch, sequence.frames.size());
-  Pyramid before = make_pyramid(sequence.image(first, 0));
+  GreyImage image = sequence.image(first, 0);
+  if (image.empty()) return;
+  Pyramid before = make_pyramid(std::move(image));
   for (std::size_t i = first; i + kChain < end; i += kChain) {
     auto begun = extract_features(before.levels[0], {.most = 150}).pixels;
     auto points = begun;
     for (std::size_t k = i + 1; k <= i + kChain; ++k) {
-      Pyramid now = make_pyramid(sequence.image(k, 0));
+      image = sequence.image(k, 0);
+      if (image.empty()) return;
+      Pyramid now = make_pyramid(std::move(image));
       const auto tracked = track_features(before, now, points, points, {});
       std::size_t kept = 0;
       for (std::size_t p = 0; p < points.size(); ++p) {

@@ -33,6 +33,10 @@ class SerialRun {
       GreyImage left = picture(i, 0);
       GreyImage right;
       if (setup_.cameras.size() > 1 && sequence_.frames[i].present[1]) right = picture(i, 1);
+      if (left.empty()) {
+        ++result.left_out;
+        continue;
+      }
       const Next next = options_.next ? options_.next(i) : Next::kTake;
       if (next == Next::kStop) break;
       if (next == Next::kDrop) continue;
@@ -46,7 +50,7 @@ class SerialRun {
  private:
   GreyImage picture(std::size_t frame, std::size_t camera) const {
     GreyImage image = sequence_.image(frame, camera);
-    if (options_.spoil) options_.spoil(frame, camera, image);
+    if (options_.spoil && !image.empty()) options_.spoil(frame, camera, image);
     return image;
   }
 

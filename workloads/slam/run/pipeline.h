@@ -62,6 +62,7 @@ struct RunOptions {
 struct RunResult {
   std::vector<FrameResult> frames;
   State last;
+  std::size_t left_out = 0;  ///< Frames whose left picture could not be read.
 
   /// The poses since there is one, all in the last one's world.
   [[nodiscard]] std::vector<StampedPose> trajectory() const;

@@ -1,0 +1,330 @@
+// MCAP and ROS 2's folders: other people's files are read as they say, and what is damaged is said.
+#include <fmt/core.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <cstdlib>
+#include <map>
+
+#include "tests/support/data.h"
+#include "tests/support/errors.h"
+#include "tests/workloads/inputs/sequence_support.h"
+#include "workloads/base/text/json.h"
+#include "workloads/base/text/text.h"
+#include "workloads/inputs/recording/mcap_format.h"
+#include "workloads/inputs/recording/recording.h"
+#include "workloads/inputs/sequence/recorded.h"
+
+namespace pirt {
+namespace {
+
+namespace fs = std::filesystem;
+using test::bad_input;
+using test::put;
+using test::text_of;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+std::vector<fs::path> files_below(const fs::path& folder, const std::string& extension) {
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (entry.path().extension() == extension) files.push_back(entry.path());
+  }
+  std::ranges::sort(files);
+  return files;
+}
+
+/// Topic, type, encoding and messages with their times, one a line.
+std::string content_of(const Recording& recording) {
+  std::string text;
+  for (std::size_t t = 0; t < recording.topics().size(); ++t) {
+    const Topic& topic = recording.topics()[t];
+    text += fmt::format("{} {} {}\n", topic.name, topic.type, topic.encoding);
+    for (std::size_t i = 0; i < topic.messages; ++i) {
+      text += fmt::format("{}:", recording.time(t, i).count());
+      for (const char c : recording.message(t, i)) text += fmt::format(" {}", int(c));
+      text += '\n';
+    }
+  }
+  return text +
+         fmt::format("{} attachments, {} metadata", recording.attachments(), recording.metadata());
+}
+
+/// The same, as the JSON beside a file of the conformance suite says it.
+std::string expected_content(const fs::path& file) {
+  const Json json = parse_json(text_of(file));
+  std::map<std::string, std::string> schemas, topics;
+  std::map<std::string, std::multimap<std::int64_t, std::string>> messages;
+  std::string text;
+  int attachments = 0, metadata = 0;
+  for (const Json& record : json.at("records")) {
+    std::map<std::string, const Json*> fields;
+    for (const Json& field : record.at("fields"))
+      fields[field.at(0).get<std::string>()] = &field.at(1);
+    const auto says = [&](const char* name) { return fields.at(name)->get<std::string>(); };
+    const auto type = record.at("type").get<std::string>();
+    if (type == "DataEnd") break;
+    if (type == "Schema") schemas[says("id")] = says("name");
+    if (type == "Channel") {
+      topics[says("id")] = fmt::format("{} {} {}\n", says("topic"), schemas[says("schema_id")],
+                                       says("message_encoding"));
+    }
+    if (type == "Message") {
+      std::string line = says("log_time") + ":";
+      for (const Json& byte : *fields.at("data")) line += " " + byte.get<std::string>();
+      messages[says("channel_id")].emplace(std::stoll(says("log_time")), line + "\n");
+    }
+    attachments += type == "Attachment" ? 1 : 0;
+    metadata += type == "Metadata" ? 1 : 0;
+  }
+  for (const auto& [id, topic] : topics) {
+    text += topic;
+    for (const auto& [time, line] : messages[id]) text += line;
+  }
+  return text + fmt::format("{} attachments, {} metadata", attachments, metadata);
+}
+
+TEST(Mcap, ReadsTheConformanceSuiteByItsIndexAndWithout) {
+  PIRT_DATA_OR_SKIP(folder, "mcap-conformance");
+  const auto files = files_below(folder, ".mcap");
+  ASSERT_EQ(files.size(), 416U);
+  for (const fs::path& file : files) {
+    const std::string expected = expected_content(fs::path(file).replace_extension(".json"));
+    EXPECT_EQ(content_of(*open_mcap(file)), expected) << file;
+    EXPECT_EQ(content_of(*open_mcap(file, 0)), expected) << file;
+  }
+}
+
+TEST(Mcap, RefusesABitThatChangedOrReadsTheRest) {
+  PIRT_DATA_OR_SKIP(folder, "mcap-conformance");
+  const test::ScratchFolder scratch;
+  const fs::path changed = scratch.path() / "changed.mcap";
+  for (const std::string name : {"TenMessages/TenMessages-ch-chx-mx-pad-rch-rsh-st-sum.mcap",
+                                 "OneMessage/OneMessage-rch-rsh-st-sum.mcap",
+                                 "OneAttachment/OneAttachment-ax-st-sum.mcap"}) {
+    ASSERT_TRUE(fs::exists(folder / name)) << name;
+    const std::string whole = text_of(folder / name);
+    const std::string expected = content_of(*open_mcap(folder / name));
+    for (std::size_t i = 0; i < whole.size(); ++i) {
+      std::string text = whole;
+      text[i] = static_cast<char>(text[i] ^ (1 << (i % 8)));
+      put(changed, text);
+      for (const std::uint64_t checked : {std::uint64_t{0}, std::uint64_t{1} << 20}) {
+        try {
+          const auto read = open_mcap(changed, checked);
+          const std::string content = content_of(*read);
+          // By its index alone what is between the chunks is not looked at.
+          EXPECT_TRUE(content == expected || !read->warnings().empty())
+              << name << " byte " << i << " checked " << checked << "\n"
+              << content;
+        } catch (const Error& error) {
+          EXPECT_EQ(error.code(), ErrorCode::kBadInput);
+          EXPECT_THAT(error.what(), HasSubstr("changed.mcap"));
+        }
+      }
+    }
+  }
+}
+
+/// A flight of a second as every kind of recording.
+class Packed : public testing::Test {
+ protected:
+  static SceneOptions options() {
+    SceneOptions options = test::scene(3, 1.0, false);
+    options.width = 160;
+    options.height = 120;
+    options.camera_rate_hz = 50;
+    return options;
+  }
+  void write(const std::string& name) { ASSERT_TRUE(write_recording(flight_, path(name))); }
+  [[nodiscard]] fs::path path(const std::string& name) const { return scratch_.path() / name; }
+  static bool run(const std::string& command) { return std::system(command.c_str()) == 0; }
+
+  /// The file with each of its chunks packed by a program, and no index.
+  static std::string repacked(const std::string& text, const std::string& compression,
+                              const std::string& command, const fs::path& scratch) {
+    std::string out(mcap::kMagic);
+    for (std::size_t at = out.size(); at < text.size() - mcap::kMagic.size();) {
+      std::uint64_t size = 0;
+      std::memcpy(&size, text.data() + at + 1, sizeof size);
+      const auto op = static_cast<mcap::Op>(text[at]);
+      std::string content = text.substr(at + mcap::kRecordHead, size);
+      at += mcap::kRecordHead + size;
+      if (op == mcap::Op::kMessageIndex) continue;
+      if (op == mcap::Op::kChunk) {
+        constexpr std::size_t kFixed = 8 + 8 + 8 + 4;
+        put(scratch / "plain", content.substr(kFixed + 4 + 8));
+        if (!run(command + " <" + (scratch / "plain").string() + " >" +
+                 (scratch / "packed").string())) {
+          return "";
+        }
+        const std::string packed = text_of(scratch / "packed");
+        content = content.substr(0, kFixed) + mcap::sized(compression) +
+                  mcap::raw(std::uint64_t{packed.size()}) + packed;
+      }
+      if (op == mcap::Op::kDataEnd) {
+        out += mcap::record(op, mcap::raw(std::uint32_t{0}));
+        out += mcap::record(mcap::Op::kFooter, std::string(20, '\0'));
+        break;
+      }
+      out += mcap::record(op, content);
+    }
+    return out + std::string(mcap::kMagic);
+  }
+
+  void expect_same(const Sequence& read) const {
+    EXPECT_THAT(read.warnings, IsEmpty());
+    ASSERT_EQ(read.frames.size(), flight_.frames.size());
+    ASSERT_EQ(read.imu.size(), flight_.imu.size());
+    EXPECT_EQ(read.truth.size(), flight_.truth.size());
+    for (std::size_t i = 0; i < read.frames.size(); ++i) {
+      EXPECT_EQ(read.frames[i].time, flight_.frames[i].time);
+      EXPECT_EQ(read.image(i, 0).pixels, flight_.image(i, 0).pixels);
+    }
+    for (std::size_t i = 0; i < read.imu.size(); ++i) {
+      EXPECT_EQ(read.imu[i].gyro_rad_s, flight_.imu[i].gyro_rad_s);
+    }
+  }
+
+  const test::ScratchFolder scratch_;
+  const Sequence flight_ = generate_sequence(options());
+};
+
+TEST_F(Packed, ChunksOfMcapAreUnpacked) {
+  write("a.mcap");
+  const std::pair<std::string, std::string> ways[] = {{"lz4", "lz4 -q"}, {"zstd", "zstd -q"}};
+  for (const auto& [compression, command] : ways) {
+    const std::string text =
+        repacked(text_of(path("a.mcap")), compression, command, scratch_.path());
+    if (text.empty()) GTEST_SKIP() << "there is no " << command;
+    put(path("packed.mcap"), text);
+    expect_same(read_sequence(path("packed.mcap")));
+    // A byte of a chunk: that one is left out, and said.
+    std::string damaged = text;
+    damaged[damaged.size() / 2] = static_cast<char>(damaged[damaged.size() / 2] ^ 4);
+    put(path("packed.mcap"), damaged);
+    EXPECT_THAT(open_recording(path("packed.mcap"))->warnings().front(),
+                AllOf(HasSubstr("a chunk of"), HasSubstr("is left out"), HasSubstr(compression)));
+  }
+}
+
+TEST_F(Packed, FileOfMcapThatIsCutIsReadAsFarAsItIsWhole) {
+  write("a.mcap");
+  const std::string text = text_of(path("a.mcap"));
+  put(path("a.mcap"), text.substr(0, text.size() - 100'000));
+  const auto recording = open_recording(path("a.mcap"));
+  EXPECT_THAT(recording->warnings().front(),
+              AllOf(HasSubstr("is not whole"), HasSubstr("messages")));
+  EXPECT_EQ(recording->of_type("sensor_msgs/Imu").size(), 1U);
+}
+
+TEST_F(Packed, FileOfZstdIsUnpackedAndLeavesNothing) {
+  write("a.db3");
+  if (!run("zstd -q " + path("a.db3").string() + " -o " + path("a.db3.zstd").string()))
+    GTEST_SKIP() << "there is no zstd";
+  fs::remove(path("a.db3"));
+  const fs::path temporary = path("tmp");
+  fs::create_directory(temporary);
+  ::setenv("TMPDIR", temporary.c_str(), 1);
+  expect_same(read_sequence(path("a.db3.zstd")));
+  ::unsetenv("TMPDIR");
+  EXPECT_TRUE(fs::is_empty(temporary));
+}
+
+/// All messages of @p from whose times are in [begin, end).
+void copy_part(const Recording& from, const fs::path& file, Nanos begin, Nanos end) {
+  const auto out = file.extension() == ".db3" ? make_db3(file) : make_mcap(file);
+  for (std::size_t t = 0; t < from.topics().size(); ++t) {
+    const Topic& topic = from.topics()[t];
+    for (std::size_t i = 0; i < topic.messages; ++i) {
+      const Nanos time = from.time(t, i);
+      if (time >= begin && time < end) out->write(topic.name, topic.type, time, from.message(t, i));
+    }
+  }
+  out->publish();
+}
+
+TEST_F(Packed, PartsOfAFolderAreOne) {
+  write("whole.db3");
+  const auto whole = open_recording(path("whole.db3"));
+  const Nanos middle = flight_.frames[flight_.frames.size() / 2].time;
+  for (const std::string ending : {".db3", ".mcap"}) {
+    const fs::path folder = path("rec" + ending.substr(1));
+    fs::create_directory(folder);
+    copy_part(*whole, folder / ("a_0" + ending), Nanos::zero(), middle);
+    copy_part(*whole, folder / ("a_1" + ending), middle, Nanos::max());
+    EXPECT_THAT(bad_input([&] { static_cast<void>(read_sequence(folder)); }),
+                AllOf(HasSubstr("2 recordings"), HasSubstr("metadata.yaml")));
+    const auto metadata = [&](const std::string& last) {
+      put(folder / "metadata.yaml",
+          "rosbag2_bagfile_information:\n  relative_file_paths:\n    - a_0" + ending +
+              "\n    - old_folder/" + last + ending + "\n");
+    };
+    metadata("a_1");
+    expect_same(read_sequence(folder));
+    metadata("a_2");
+    EXPECT_THAT(
+        bad_input([&] { static_cast<void>(read_sequence(folder)); }),
+        AllOf(HasSubstr("metadata.yaml:4"), HasSubstr("a_2" + ending), HasSubstr("missing")));
+  }
+}
+
+TEST_F(Packed, ForeignDatabaseRunsNoProgram) {
+  const fs::path file = path("view.db3");
+  if (!run("sqlite3 " + file.string() +
+           " \"CREATE TABLE topics(id, name, type, serialization_format);"
+           "CREATE VIEW messages AS WITH RECURSIVE r(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM "
+           "r)"
+           " SELECT id, 1 AS topic_id, id AS timestamp, x'00' AS data FROM r;\"")) {
+    GTEST_SKIP() << "there is no sqlite3";
+  }
+  EXPECT_THAT(bad_input([&] { static_cast<void>(open_recording(file)); }),
+              AllOf(HasSubstr("view.db3"), HasSubstr("no recording of ROS 2")));
+}
+
+TEST_F(Packed, WhatARecorderLeftBesideItsDatabaseIsRead) {
+  write("a.db3");
+  const fs::path live = path("live.db3");
+  // The log of a connection that is not closed: copied while it is open.
+  if (!run("cd " + scratch_.path().string() +
+           " && cp a.db3 live.db3 && sqlite3 live.db3 'PRAGMA journal_mode=WAL;' >/dev/null &&"
+           " sqlite3 live.db3 \"PRAGMA wal_autocheckpoint=0; DELETE FROM messages WHERE id < 10;\""
+           " '.shell mkdir kept && cp live.db3 live.db3-wal kept' >/dev/null")) {
+    GTEST_SKIP() << "there is no sqlite3";
+  }
+  const auto count = [](const Recording& recording) {
+    std::size_t messages = 0;
+    for (const Topic& topic : recording.topics()) messages += topic.messages;
+    return messages;
+  };
+  const fs::path kept = path("kept") / "live.db3";
+  ASSERT_GT(fs::file_size(kept.string() + "-wal"), 0U);
+  EXPECT_EQ(count(*open_recording(kept)) + 9, count(*open_recording(path("a.db3"))));
+  EXPECT_EQ(std::distance(fs::directory_iterator(path("kept")), {}), 2);
+}
+
+TEST(Rosbag2, RecordingsAreReadByWhatTheyHold) {
+  PIRT_DATA_OR_SKIP(folder, "rosbag2-recordings");
+  for (const char* storage : {"mcap", "sqlite3"}) {
+    const auto split = open_recording(folder / storage / "wbag");
+    EXPECT_EQ(split->topics().size(), 8U) << storage;
+    std::size_t messages = 0;
+    for (std::size_t t = 0; t < split->topics().size(); ++t) {
+      messages += split->topics()[t].messages;
+      for (std::size_t i = 0; i < split->topics()[t].messages; ++i) {
+        EXPECT_FALSE(split->message(t, i).empty());
+      }
+    }
+    EXPECT_EQ(messages, 6074U) << storage;
+    EXPECT_EQ(open_recording(folder / storage / "talker")->topics().size(), 3U) << storage;
+    EXPECT_THAT(
+        bad_input([&] { static_cast<void>(read_sequence(folder / storage / "wrong_rmw_test")); }),
+        HasSubstr("has no pictures"))
+        << storage;
+  }
+}
+
+}  // namespace
+}  // namespace pirt

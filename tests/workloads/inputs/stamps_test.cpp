@@ -1,0 +1,227 @@
+// Time and cameras of foreign sequences: what is kept, paired, converted and refused, by numbers
+// worked by hand.
+#include "workloads/inputs/sequence/stamps.h"
+
+#include <fmt/core.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numbers>
+#include <opencv2/calib3d.hpp>
+
+#include "tests/support/errors.h"
+#include "tests/workloads/inputs/sequence_support.h"
+#include "workloads/inputs/pictures/recorded_picture.h"
+#include "workloads/inputs/recording/recording.h"
+#include "workloads/inputs/sequence/bad_pictures.h"
+#include "workloads/inputs/sequence/calibration_file.h"
+#include "workloads/inputs/sequence/camera_info.h"
+#include "workloads/inputs/sequence/imu_check.h"
+#include "workloads/inputs/sequence/recorded.h"
+
+namespace pirt {
+namespace {
+
+namespace fs = std::filesystem;
+using test::bad_input;
+using test::put;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+std::vector<Nanos> ms(const std::vector<double>& times) {
+  std::vector<Nanos> stamps;
+  for (const double time : times) stamps.push_back(from_ms(time));
+  return stamps;
+}
+
+TEST(Stamps, KeepTheLongestRunThatRises) {
+  EXPECT_THAT(rising(ms({1, 2, 3})), ElementsAre(0, 1, 2));
+  // The one far ahead goes, not all that come after it.
+  EXPECT_THAT(rising(ms({1, 2, 86'400'000, 3, 4})), ElementsAre(0, 1, 3, 4));
+  EXPECT_THAT(rising(ms({5, 5, 6})), testing::SizeIs(2));
+  EXPECT_THAT(rising(ms({0, 7, 0, 8})), ElementsAre(1, 3)) << "0 is none";
+  EXPECT_THAT(rising({}), IsEmpty());
+  std::vector<std::string> warnings;
+  tell_of_rising("/t", 3, 4, warnings);
+  EXPECT_THAT(warnings, ElementsAre(HasSubstr("1 of 4 messages of /t")));
+  EXPECT_THAT(bad_input([&] { tell_of_rising("/t", 1, 4, warnings); }), HasSubstr("do not rise"));
+}
+
+TEST(Stamps, ArePairedByTimeAndNotByPosition) {
+  std::vector<std::string> warnings;
+  const auto pair = [&](const std::vector<double>& left, const std::vector<double>& right) {
+    return pair_stamps(ms(left), ms(right), warnings);
+  };
+  EXPECT_THAT(pair({0, 50, 100}, {0, 100, 150}), ElementsAre(0, std::nullopt, 1));
+  EXPECT_THAT(warnings, IsEmpty());
+  EXPECT_THAT(pair({0, 50, 100}, {2, 53, 104}), ElementsAre(0, 1, std::nullopt));
+  EXPECT_THAT(warnings, ElementsAre(AllOf(HasSubstr("3.000 ms apart"), HasSubstr("up to 3.0"))));
+  // Of 500 Hz a third of a period, and each has one partner.
+  EXPECT_THAT(pair({0, 2, 4}, {1, 3, 5}), testing::Each(std::nullopt));
+  EXPECT_THAT(pair({0, 50}, {}), testing::Each(std::nullopt));
+}
+
+TEST(Stamps, TellThatTheirUnitIsAnother) {
+  const auto microseconds = std::vector{Nanos(50'000), Nanos(100'000), Nanos(150'000)};
+  EXPECT_THAT(bad_input([&] { check_step("'data.csv'", microseconds, 20.0); }),
+              AllOf(HasSubstr("'data.csv'"), HasSubstr("20000 Hz"), HasSubstr("microseconds?")));
+  EXPECT_THAT(bad_input([] {
+                check_step("t", {Nanos(1), Nanos(6), Nanos(11)});
+              }),
+              HasSubstr("of another unit"));
+  check_step("t", ms({0, 1000, 2000}), 20.0);  // every twentieth picture
+}
+
+TEST(Lens, IsThatOfOpenCv) {
+  const CameraModel plain = [] {
+    CameraModel made;
+    made.width = 640, made.height = 480;
+    made.fx = 300, made.fy = 310, made.cx = 320, made.cy = 240;
+    return made;
+  }();
+  CameraModel camera = plain;
+  const cv::Matx33d k(300, 0, 320, 0, 310, 240, 0, 0, 1);
+  const std::vector<cv::Point3d> points = {
+      {0.2, -0.3, 1}, {0.7, 0.5, 1}, {-0.9, 0.1, 1}, {0, 0, 1}};
+  const auto expect = [&](const std::vector<cv::Point2d>& pixels) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Eigen::Vector2d ray(points[i].x, points[i].y);
+      const Eigen::Vector2d pixel = camera.project(ray);
+      EXPECT_NEAR(pixel.x(), pixels[i].x, 1e-9) << i;
+      EXPECT_NEAR(pixel.y(), pixels[i].y, 1e-9) << i;
+      EXPECT_LT((camera.ray(pixel) - ray).norm(), 1e-9) << i;
+    }
+  };
+  std::vector<cv::Point2d> pixels;
+  const std::vector<double> rational = {0.3, 0.02, 1e-3, -2e-3, 0.01, 0.5, 0.04, 0.003};
+  ASSERT_EQ(set_lens(camera, "rational_polynomial", rational), "");
+  cv::projectPoints(points, cv::Vec3d(), cv::Vec3d(), k, rational, pixels);
+  expect(pixels);
+  camera = plain;
+  ASSERT_EQ(set_lens(camera, "equidistant", {0.01, -0.02, 0.003, 0.001}), "");
+  cv::fisheye::projectPoints(points, pixels, cv::Vec3d(), cv::Vec3d(), k,
+                             cv::Vec4d(0.01, -0.02, 0.003, 0.001));
+  expect(pixels);
+  camera.fx = camera.fy = 200;  // 320 / 200 rad to either side
+  EXPECT_THAT(set_lens(camera, "equidistant", {}), HasSubstr("equidistant"));
+  EXPECT_THAT(set_lens(camera, "plumb_bob", {1, 2, 3, 4, 5, 6}), HasSubstr("6 coefficients"));
+}
+
+class Info : public testing::Test {
+ protected:
+  [[nodiscard]] InfoCamera camera(bool rectified) const {
+    return camera_of(WireReader("", WireFormat::kRos1, "it"), info_, rectified);
+  }
+  CameraInfoMessage info_{.head = {},
+                          .width = 640,
+                          .height = 480,
+                          .distortion_model = "plumb_bob",
+                          .d = {0.1, 0, 0, 0, 0.01},
+                          .k = {400, 0, 320, 0, 410, 240, 0, 0, 1},
+                          .p = {300, 0, 310, -60, 0, 300, 230, 0, 0, 0, 1, 0},
+                          .r = {0, -1, 0, 1, 0, 0, 0, 0, 1}};
+};
+
+TEST_F(Info, IsReadAsThePicturesAre) {
+  const InfoCamera raw = camera(false);
+  EXPECT_EQ(raw.model.fx, 400);
+  EXPECT_EQ(raw.model.k3, 0.01);
+  EXPECT_EQ(raw.right_of_left_m, 0.2);
+  const InfoCamera rectified = camera(true);
+  EXPECT_EQ(rectified.model.fx, 300);
+  EXPECT_EQ(rectified.model.cy, 230);
+  EXPECT_EQ(rectified.model.k1, 0);
+  // R turns x of the camera to y of the rectified picture. A right camera that is 0.2 m along x of
+  // the rectified pictures is, in the left camera's axes, at R^T (0.2, 0, 0) = (0, -0.2, 0).
+  EXPECT_TRUE(raw.pose_of(raw).position.isApprox(Eigen::Vector3d(0, -0.2, 0)));
+  EXPECT_TRUE(raw.pose_of(raw).rotation.isIdentity());
+  EXPECT_TRUE(rectified.pose_of(rectified).position.isApprox(Eigen::Vector3d(0.2, 0, 0)));
+  EXPECT_TRUE(rectified.pose_of(raw).rotation.isApprox(raw.rectified_from_raw));
+  info_.p.assign(12, 0);
+  EXPECT_THAT(bad_input([this] { static_cast<void>(camera(true)); }), HasSubstr("in P"));
+}
+
+TEST_F(Info, OfAPartOfTheSensorIsBroughtToThePicture) {
+  info_.binning_x = info_.binning_y = 2;
+  info_.roi_x = 100, info_.roi_y = 40, info_.roi_width = 400, info_.roi_height = 300;
+  const CameraModel model = camera(false).model;
+  EXPECT_EQ(std::pair(model.width, model.height), std::pair(200, 150));
+  EXPECT_EQ(std::pair(model.fx, model.fy), std::pair(200.0, 205.0));
+  EXPECT_EQ(std::pair(model.cx, model.cy), std::pair(110.0, 100.0));
+}
+
+TEST(Calibration, IsReadFromKalibrsFileAndThoseOfRos) {
+  const test::ScratchFolder scratch;
+  const fs::path file = scratch.path() / "camchain.yaml";
+  const std::string camera =
+      "  camera_model: pinhole\n  distortion_coeffs: [0.1, 0.2, 0.003, 0.004]\n"
+      "  distortion_model: radtan\n  intrinsics: [400, 410, 320, 240]\n  resolution: [640, 480]\n";
+  const std::string rows =
+      "\n  - [1, 0, 0, -0.1]\n  - [0, 1, 0, 0]\n  - [0, 0, 1, 0]\n"
+      "  - [0, 0, 0, 1]\n";
+  put(file, "cam0:\n" + camera + "  rostopic: /a\n  T_cam_imu:" + rows + "cam1:\n" + camera +
+                "  T_cn_cnm1:" + rows);
+  const auto cameras = read_calibration(file);
+  ASSERT_EQ(cameras.size(), 2U);
+  EXPECT_EQ(cameras[0].topic, "/a");
+  EXPECT_EQ(cameras[0].model.p2, 0.004);
+  EXPECT_EQ(cameras[0].body_from_camera->position.x(), 0.1);
+  EXPECT_EQ(cameras[1].before_from_camera->position.x(), 0.1);
+  put(file,
+      "image_width: 640\nimage_height: 480\ncamera_matrix: {rows: 3, cols: 3, data: [400, 0, 320, "
+      "0, 410, 240, 0, 0, 1]}\ndistortion_model: plumb_bob\ndistortion_coefficients: {data: [0.1, "
+      "0, 0, 0, 0]}\n");
+  EXPECT_EQ(read_calibration(file)[0].model.fy, 410);
+  put(file, "cam0: {camera_model: omni}\n");
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read_calibration(file)); }),
+              AllOf(HasSubstr("camchain.yaml:1"), HasSubstr("pinhole")));
+  put(file, "name: x\n");
+  EXPECT_THAT(bad_input([&] { static_cast<void>(read_calibration(file)); }), HasSubstr("Kalibr"));
+}
+
+TEST(Imu, ThatIsDeadOrStuckIsRefused) {
+  std::vector<ImuSample> imu;
+  for (int i = 0; i < 200; ++i) {
+    const double noise = 1e-3 * std::sin(i);
+    imu.push_back(
+        {from_ms(5.0 * (i + 1)), {noise, 2 * noise, -noise}, {noise, -noise, 9.8 + noise}});
+  }
+  check_imu("t", imu);
+  const auto with = [&](const auto& change) {
+    auto changed = imu;
+    for (ImuSample& sample : changed) change(sample);
+    return changed;
+  };
+  EXPECT_THAT(bad_input([&] { check_imu("t", with([](auto& s) { s.gyro_rad_s.setZero(); })); }),
+              AllOf(HasSubstr("angular velocity"), HasSubstr("all 200 samples")));
+  EXPECT_THAT(bad_input([&] { check_imu("t", with([](auto& s) { s.accel_m_s2.z() = 9.8; })); }),
+              HasSubstr("axis z of the acceleration is stuck"));
+  // A simulated robot in the plane, without noise.
+  check_imu("t", with([](auto& s) { s.gyro_rad_s.x() = s.gyro_rad_s.y() = 0; }));
+}
+
+TEST(BadPictures, AreLeftOutAndCounted) {
+  Sequence sequence = test::mono(generate_sequence(test::scene(3, 2.0, false)));
+  std::size_t most_bad = 1;
+  sequence.image = [&most_bad](std::size_t frame, std::size_t) {
+    if (frame < most_bad) throw_bad_input(fmt::format("picture {} is cut", frame));
+    return GreyImage{2, 1, {1, 2}};
+  };
+  const auto bad = leave_out_bad_pictures(sequence);
+  EXPECT_TRUE(sequence.image(0, 0).empty());
+  EXPECT_TRUE(sequence.image(0, 0).empty());
+  EXPECT_FALSE(sequence.image(1, 0).empty());
+  EXPECT_THAT(bad->warnings(), ElementsAre(HasSubstr("picture 0 is cut")));
+  EXPECT_FALSE(bad->are_too_many());
+  most_bad = sequence.frames.size();
+  for (std::size_t i = 0; i < most_bad; ++i) EXPECT_TRUE(sequence.image(i, 0).empty());
+  EXPECT_TRUE(bad->are_too_many());
+  // What none of the first can be read of is another kind of picture.
+  sequence.image = [](std::size_t, std::size_t) -> GreyImage { throw_bad_input("16 bits"); };
+  EXPECT_EQ(bad_input([&] { static_cast<void>(leave_out_bad_pictures(sequence)); }), "16 bits");
+}
+
+}  // namespace
+}  // namespace pirt

@@ -1,0 +1,71 @@
+#include "workloads/inputs/sequence/bad_pictures.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "workloads/base/error.h"
+
+namespace pirt {
+
+void BadPictures::add(std::size_t frame, std::size_t camera, const std::string& problem) {
+  const std::lock_guard lock(mutex_);
+  problems_.try_emplace({frame, camera}, problem);
+}
+
+bool BadPictures::are_too_many() const {
+  const std::lock_guard lock(mutex_);
+  return static_cast<double>(problems_.size()) > kMostPart * static_cast<double>(frames_);
+}
+
+std::vector<std::string> BadPictures::warnings() const {
+  constexpr std::size_t kShown = 3;
+  const std::lock_guard lock(mutex_);
+  std::vector<std::string> warnings;
+  for (const auto& [where, problem] : problems_) {
+    if (warnings.size() == kShown) break;
+    warnings.push_back(
+        fmt::format("the picture of frame {} is left out: {}", where.first, problem));
+  }
+  if (problems_.size() > kShown) {
+    warnings.push_back(
+        fmt::format("{} pictures of {} frames are left out in all", problems_.size(), frames_));
+  }
+  return warnings;
+}
+
+std::shared_ptr<const BadPictures> leave_out_bad_pictures(Sequence& sequence) {
+  const auto bad = std::make_shared<BadPictures>(sequence);
+  for (std::size_t camera = 0; camera < sequence.cameras.size(); ++camera) {
+    constexpr std::size_t kFirst = 3;
+    std::optional<Error> first;
+    std::size_t looked_at = 0;
+    std::size_t unusable = 0;
+    for (std::size_t i = 0; i < sequence.frames.size() && looked_at < kFirst; ++i) {
+      if (!sequence.frames[i].present[camera]) continue;
+      ++looked_at;
+      try {
+        static_cast<void>(sequence.image(i, camera));
+        break;
+      } catch (const Error& error) {
+        if (error.code() != ErrorCode::kBadInput) throw;
+        if (!first) first = error;
+        ++unusable;
+      }
+    }
+    if (first && unusable == looked_at) throw Error(*first);
+  }
+  sequence.image = [read = sequence.image, bad](std::size_t frame, std::size_t camera) {
+    try {
+      return read(frame, camera);
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kBadInput) throw;
+      bad->add(frame, camera, error.what());
+      return GreyImage{};
+    }
+  };
+  return bad;
+}
+
+}  // namespace pirt

@@ -1,0 +1,39 @@
+// A sequence goes on without the pictures that cannot be read: a cable, a full disk, a card that
+// was pulled out spoil one, not all.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "workloads/inputs/sequence/sequence.h"
+
+namespace pirt {
+
+/// Any thread may call it.
+class BadPictures {
+ public:
+  /// More than this part of a sequence's frames is not one bad picture any more.
+  static constexpr double kMostPart = 0.05;
+
+  explicit BadPictures(const Sequence& sequence) : frames_(sequence.frames.size()) {}
+
+  void add(std::size_t frame, std::size_t camera, const std::string& problem);
+  [[nodiscard]] bool are_too_many() const;
+  /// Of the first few, and how many there are.
+  [[nodiscard]] std::vector<std::string> warnings() const;
+
+ private:
+  std::size_t frames_;
+  mutable std::mutex mutex_;
+  std::map<std::pair<std::size_t, std::size_t>, std::string> problems_;  ///< By frame, camera.
+};
+
+/// From now on Sequence::image gives an empty picture in place of one that cannot be read.
+/// @throws Error{kBadInput} if that is so of all of the first few: then none will be better.
+[[nodiscard]] std::shared_ptr<const BadPictures> leave_out_bad_pictures(Sequence& sequence);
+
+}  // namespace pirt

@@ -1,0 +1,129 @@
+#include "workloads/inputs/sequence/calibration_file.h"
+
+#include <fmt/core.h>
+
+#include <Eigen/LU>
+
+#include "workloads/base/error.h"
+#include "workloads/base/text/text.h"
+#include "workloads/base/text/yaml.h"
+#include "workloads/inputs/sequence/camera_info.h"
+#include "workloads/inputs/sequence/sequence.h"
+
+namespace pirt {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<double> list_of(const YamlNode& node, std::size_t least, std::size_t most) {
+  std::vector<double> values;
+  for (const auto& item : node.items()) values.push_back(item.number(-1e6, 1e6));
+  if (values.size() < least || values.size() > most) {
+    node.fail(fmt::format("must be a list of {} numbers", least));
+  }
+  return values;
+}
+
+/// Rows of 4, as Kalibr writes them.
+Pose rigid_of(const YamlNode& node) {
+  const auto rows = node.items();
+  if (rows.size() != 4) node.fail("must be 4 rows of 4 numbers");
+  Pose pose;
+  for (Eigen::Index r = 0; r < 3; ++r) {
+    const auto row = list_of(rows[static_cast<std::size_t>(r)], 4, 4);
+    pose.rotation.row(r) << row[0], row[1], row[2];
+    pose.position(r) = row[3];
+  }
+  if (!(pose.rotation * pose.rotation.transpose()).isIdentity(1e-3) ||
+      pose.rotation.determinant() < 0 || pose.position.norm() > 5) {
+    node.fail("is no rotation and translation of a sensor, in metres");
+  }
+  pose.rotation = nearest_rotation(pose.rotation);
+  return pose;
+}
+
+/// @param k  fx, fy, cx, cy
+void set_pinhole(CameraModel& model, const YamlNode& at, const std::vector<double>& k) {
+  model.fx = k[0], model.fy = k[1], model.cx = k[2], model.cy = k[3];
+  if (model.fx < 10 || model.fy < 10 || model.cx < 0 || model.cy < 0 || model.cx > model.width ||
+      model.cy > model.height) {
+    at.fail("fx and fy must be at least 10 pixels, and cx and cy in the picture");
+  }
+}
+
+constexpr std::int64_t kSmallestSide = 16, kLargestSide = 20000;
+
+GivenCamera kalibr_camera(const YamlNode& node) {
+  if (node.has("camera_model") && node.at("camera_model").text() != "pinhole") {
+    node.at("camera_model").fail("only pinhole is known");
+  }
+  GivenCamera camera;
+  const auto size = node.at("resolution").items();
+  if (size.size() != 2) node.at("resolution").fail("must be [width, height]");
+  camera.model.width = static_cast<int>(size[0].integer(kSmallestSide, kLargestSide));
+  camera.model.height = static_cast<int>(size[1].integer(kSmallestSide, kLargestSide));
+  set_pinhole(camera.model, node.at("intrinsics"), list_of(node.at("intrinsics"), 4, 4));
+  std::string lens = node.has("distortion_model") ? node.at("distortion_model").text() : "none";
+  if (lens == "radtan") lens = "plumb_bob";
+  const bool has_lens = lens != "none" && node.has("distortion_coeffs");
+  const std::string problem =
+      set_lens(camera.model, lens,
+               has_lens ? list_of(node.at("distortion_coeffs"), 0, 8) : std::vector<double>());
+  if (!problem.empty()) node.fail(problem);
+  if (node.has("rostopic")) camera.topic = node.at("rostopic").text();
+  if (node.has("T_cam_imu")) camera.body_from_camera = rigid_of(node.at("T_cam_imu")).inverse();
+  if (node.has("T_cn_cnm1")) camera.before_from_camera = rigid_of(node.at("T_cn_cnm1")).inverse();
+  return camera;
+}
+
+GivenCamera ros_camera(const YamlNode& node) {
+  GivenCamera camera;
+  camera.model.width =
+      static_cast<int>(node.at("image_width").integer(kSmallestSide, kLargestSide));
+  camera.model.height =
+      static_cast<int>(node.at("image_height").integer(kSmallestSide, kLargestSide));
+  const auto k = list_of(node.at("camera_matrix").at("data"), 9, 9);
+  set_pinhole(camera.model, node.at("camera_matrix"), {k[0], k[4], k[2], k[5]});
+  const std::string lens =
+      node.has("distortion_model") ? node.at("distortion_model").text() : "plumb_bob";
+  const std::string problem =
+      set_lens(camera.model, lens, list_of(node.at("distortion_coefficients").at("data"), 0, 14));
+  if (!problem.empty()) node.at("distortion_coefficients").fail(problem);
+  return camera;
+}
+
+GivenCamera euroc_camera(const fs::path& file) {
+  GivenCamera camera{.model = read_camera_yaml(file)};
+  camera.body_from_camera = camera.model.body_from_camera;
+  return camera;
+}
+
+}  // namespace
+
+std::vector<GivenCamera> read_calibration(const fs::path& path) {
+  std::error_code failed;
+  std::vector<GivenCamera> cameras;
+  if (fs::is_directory(path, failed)) {
+    const fs::path root = fs::exists(path / "mav0", failed) ? path / "mav0" : path;
+    for (const char* name : {"cam0", "cam1"}) {
+      const fs::path file = root / name / "sensor.yaml";
+      if (fs::exists(file, failed)) cameras.push_back(euroc_camera(file));
+    }
+    if (!cameras.empty()) return cameras;
+    throw_bad_input("'" + path.string() + "' has no cam0/sensor.yaml, which is a calibration");
+  }
+  std::string text = read_text(path);
+  if (text.starts_with("%YAML:")) text.front() = '#';
+  const YamlNode root = parse_yaml(path.string(), text);
+  if (root.has("camera_matrix")) return {ros_camera(root)};
+  if (root.has("intrinsics")) return {euroc_camera(path)};
+  for (const char* name : {"cam0", "cam1"}) {
+    if (root.has(name)) cameras.push_back(kalibr_camera(root.at(name)));
+  }
+  if (cameras.empty()) {
+    root.fail("is no calibration: Kalibr's has cam0, EuRoC's intrinsics, ROS's camera_matrix");
+  }
+  return cameras;
+}
+
+}  // namespace pirt

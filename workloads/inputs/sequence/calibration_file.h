@@ -1,0 +1,27 @@
+// Calibrations of cameras in files of their own, for recordings that have no CameraInfo.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "workloads/base/geometry/camera.h"
+
+namespace pirt {
+
+struct GivenCamera {
+  CameraModel model;
+  std::string topic = {};  ///< Of its pictures; empty = the file does not say.
+  /// Where it sits; absent = the file does not say.
+  std::optional<Pose> body_from_camera = {},
+                      before_from_camera = {};  ///< Before: the camera before it.
+};
+
+/// @param path  Kalibr's camchain (cam0, cam1, also with T_cam_imu), EuRoC's sensor.yaml or the
+///              folder of cam0/sensor.yaml and cam1/sensor.yaml, or what ROS's camera_calibration
+///              writes (camera_matrix).
+/// @throws Error{kBadInput} with file:line.
+[[nodiscard]] std::vector<GivenCamera> read_calibration(const std::filesystem::path& path);
+
+}  // namespace pirt

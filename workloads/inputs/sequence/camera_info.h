@@ -1,0 +1,37 @@
+// A camera as its sensor_msgs/CameraInfo describes it.
+#pragma once
+
+#include "workloads/base/geometry/camera.h"
+#include "workloads/inputs/recording/messages.h"
+
+namespace pirt {
+
+struct InfoCamera {
+  CameraModel model;
+  /// From the axes of its frame of coordinates to those of rectified pictures.
+  Eigen::Matrix3d rectified_from_raw = Eigen::Matrix3d::Identity();
+  bool is_rectified = false;
+  double right_of_left_m =
+      0;  ///< Of the right one of a pair, along the axes of rectified pictures.
+
+  [[nodiscard]] Eigen::Matrix3d picture_from_raw() const {
+    return is_rectified ? rectified_from_raw : Eigen::Matrix3d::Identity();
+  }
+  /// Where the right camera's pictures are in this one's.
+  [[nodiscard]] Pose pose_of(const InfoCamera& right) const;
+};
+
+/// @param in         Of the message, for errors.
+/// @param rectified  Of which pictures: those of topics image_rect... have no lens and the focal
+///                   length of P, others those of K and D.
+/// @throws Error{kBadInput} for what is no calibration, and lenses that are not known.
+/// @source sensor_msgs/CameraInfo.msg; binning and region as image_geometry takes them.
+[[nodiscard]] InfoCamera camera_of(const WireReader& in, const CameraInfoMessage& message,
+                                   bool rectified);
+
+/// @param name   As CameraInfo has it: plumb_bob, rational_polynomial, equidistant.
+/// @return       Empty, or why the camera cannot be used.
+[[nodiscard]] std::string set_lens(CameraModel& camera, const std::string& name,
+                                   std::vector<double> coefficients);
+
+}  // namespace pirt

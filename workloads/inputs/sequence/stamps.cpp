@@ -1,0 +1,120 @@
+#include "workloads/inputs/sequence/stamps.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+
+#include "workloads/base/error.h"
+
+namespace pirt {
+namespace {
+
+/// Zero for less than two.
+Nanos usual_step(const std::vector<Nanos>& stamps) {
+  std::vector<Nanos> steps;
+  for (std::size_t i = 1; i < stamps.size(); ++i) steps.push_back(stamps[i] - stamps[i - 1]);
+  if (steps.empty()) return Nanos::zero();
+  const auto middle = steps.begin() + std::ssize(steps) / 2;
+  std::ranges::nth_element(steps, middle);
+  return *middle;
+}
+
+}  // namespace
+
+void check_step(const std::string& what, std::vector<Nanos> stamps, std::optional<double> rate_hz) {
+  if (stamps.size() < 3) return;
+  constexpr double kFinest_s = 1e-5;  // no sensor of a robot has 100 kHz
+  constexpr double kLongest_s = 60;
+  constexpr double kFactor = 10;  // sequences are thinned out, but not filled up
+  const double step_s = to_s(usual_step(stamps));
+  if (rate_hz && step_s * *rate_hz * kFactor < 1) {
+    throw_bad_input(fmt::format(
+        "{}: its stamps are usually {:g} s apart, which is {:.0f} Hz, and its sensor.yaml "
+        "says {:g} Hz; are they microseconds? Give nanoseconds",
+        what, step_s, 1 / std::max(step_s, 1e-9), *rate_hz));
+  }
+  if (step_s < kFinest_s || step_s > kLongest_s) {
+    throw_bad_input(fmt::format(
+        "{}: its stamps are usually {:g} s apart; are they of another unit than is read here?",
+        what, step_s));
+  }
+}
+
+std::vector<std::size_t> rising(const std::vector<Nanos>& stamps) {
+  // tails[n]: where a run of n + 1 stamps that rise ends earliest, so far.
+  std::vector<std::size_t> tails, before(stamps.size());
+  for (std::size_t i = 0; i < stamps.size(); ++i) {
+    if (stamps[i] == Nanos::zero()) continue;
+    const auto place = std::ranges::lower_bound(tails, stamps[i], {},
+                                                [&](std::size_t tail) { return stamps[tail]; });
+    before[i] = place == tails.begin() ? i : *(place - 1);
+    if (place == tails.end()) {
+      tails.push_back(i);
+    } else {
+      *place = i;
+    }
+  }
+  std::vector<std::size_t> kept(tails.size());
+  std::size_t at = tails.empty() ? 0 : tails.back();
+  for (auto slot = kept.rbegin(); slot != kept.rend(); ++slot) at = before[*slot = at];
+  return kept;
+}
+
+void tell_of_rising(const std::string& what, std::size_t kept, std::size_t all,
+                    std::vector<std::string>& warnings) {
+  if (kept == all) return;
+  const std::string left_out = fmt::format(
+      "{} of {} messages of {} are not used: their stamps do not rise", all - kept, all, what);
+  if (2 * kept < all) {
+    throw_bad_input(left_out + "; a sequence needs stamps of when its messages were made");
+  }
+  warnings.push_back(left_out);
+}
+
+Partners pair_stamps(const std::vector<Nanos>& left, const std::vector<Nanos>& right,
+                     std::vector<std::string>& warnings) {
+  const Nanos step = usual_step(left);
+  const Nanos tolerance =
+      step > Nanos::zero() ? std::min(kPairTolerance, step / 3) : kPairTolerance;
+  Partners partners;
+  Nanos farthest{};
+  std::size_t next = 0;  // of the right ones: each has one partner
+  for (const Nanos time : left) {
+    while (next + 1 < right.size() &&
+           std::chrono::abs(right[next + 1] - time) <= std::chrono::abs(right[next] - time)) {
+      ++next;
+    }
+    const bool there = next < right.size() && std::chrono::abs(right[next] - time) <= tolerance;
+    partners.push_back(there ? std::optional(next) : std::nullopt);
+    if (there) farthest = std::max(farthest, std::chrono::abs(right[next++] - time));
+  }
+  if (farthest > Nanos::zero()) {
+    warnings.push_back(
+        fmt::format("pictures of the two cameras are up to {:.3f} ms apart and taken to be of one "
+                    "moment (up to "
+                    "{:.1f} ms are)",
+                    to_ms(farthest), to_ms(tolerance)));
+  }
+  return partners;
+}
+
+void make_frames(Sequence& sequence, const std::vector<Nanos>& left, const Partners& partners,
+                 const std::pair<std::string, std::string>& names) {
+  const auto pairs = std::ranges::count_if(partners, [](const auto& p) { return p.has_value(); });
+  if (pairs == 0) sequence.cameras.resize(1);
+  for (std::size_t i = 0; i < left.size(); ++i) {
+    Frame frame{left[i], {true}};
+    if (pairs > 0) frame.present.push_back(partners[i].has_value());
+    sequence.frames.push_back(std::move(frame));
+  }
+  if (partners.empty() || pairs == std::ssize(left)) return;
+  sequence.warnings.push_back(
+      pairs == 0
+          ? fmt::format("{} is not used: none of its pictures is of the same moment as one of "
+                        "{}",
+                        names.second, names.first)
+          : fmt::format("{} of {} frames of {} have no picture of {}", std::ssize(left) - pairs,
+                        left.size(), names.first, names.second));
+}
+
+}  // namespace pirt

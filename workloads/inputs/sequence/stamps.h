@@ -1,0 +1,63 @@
+// Time, judged once for all layouts: its unit, its order, and which pictures of two cameras are of
+// one moment. Nothing is matched by its position.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "workloads/inputs/sequence/sequence.h"
+
+namespace pirt {
+
+/// Pictures of two cameras that are no farther apart are of one moment.
+inline constexpr Nanos kPairTolerance = std::chrono::milliseconds(3);
+
+/// For so long a robot is predicted that nothing is known of; after a longer gap where it is is a
+/// guess.
+inline constexpr Nanos kLongestPrediction = std::chrono::seconds(30);
+
+/// @param what     For the message: the file, the topic.
+/// @param rate_hz  What its calibration says, if that does.
+/// @throws Error{kBadInput} if the usual step between stamps cannot be: they are of another unit.
+void check_step(const std::string& what, std::vector<Nanos> stamps,
+                std::optional<double> rate_hz = {});
+
+/// Positions of the most stamps that rise strictly: one that is far ahead goes, not all after it.
+/// What is 0 has no stamp.
+[[nodiscard]] std::vector<std::size_t> rising(const std::vector<Nanos>& stamps);
+/// Says how many of a topic's messages are left out. @throws Error{kBadInput} for more than half.
+void tell_of_rising(const std::string& what, std::size_t kept, std::size_t all,
+                    std::vector<std::string>& warnings);
+
+/// Rows with a `time`.
+template <typename Row>
+[[nodiscard]] std::vector<Nanos> stamps_of(const std::vector<Row>& rows) {
+  std::vector<Nanos> stamps;
+  for (const Row& row : rows) stamps.push_back(row.time);
+  return stamps;
+}
+/// What comes twice or late was recorded so: it is left out, and said.
+template <typename Row>
+void keep_rising(std::vector<Row>& rows, const std::string& what,
+                 std::vector<std::string>& warnings) {
+  std::vector<Row> kept;
+  for (const std::size_t i : rising(stamps_of(rows))) kept.push_back(std::move(rows[i]));
+  tell_of_rising(what, kept.size(), rows.size(), warnings);
+  rows = std::move(kept);
+}
+
+/// Of each left picture the position of the right one.
+using Partners = std::vector<std::optional<std::size_t>>;
+/// The nearest within kPairTolerance, and a third of the usual step; warns if some are apart.
+[[nodiscard]] Partners pair_stamps(const std::vector<Nanos>& left, const std::vector<Nanos>& right,
+                                   std::vector<std::string>& warnings);
+/// Makes the frames of the left camera's stamps. A second camera none of whose pictures has a
+/// partner is taken away: it would tell no scale.
+/// @param partners  Empty = there is one camera.
+/// @param names     Of the cameras, for warnings.
+void make_frames(Sequence& sequence, const std::vector<Nanos>& left, const Partners& partners,
+                 const std::pair<std::string, std::string>& names);
+
+}  // namespace pirt
