@@ -2,6 +2,7 @@
 #include "characterize/platform/platform.h"
 
 #include <sched.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -145,13 +146,17 @@ std::vector<std::string> shipped_platforms() {
 std::vector<int> usable_cores() {
   std::vector<int> cores;
   // Machines with more cores than a mask of this size are refused by the kernel with EINVAL, so
-  // that it grows.
+  // that it grows. A robot's thread may be bound to a core of its own: that is no limit of ours.
   for (std::size_t count = 1024; cores.empty() && count <= 65536; count *= 4) {
     const auto size_bytes = CPU_ALLOC_SIZE(count);
-    std::vector<cpu_set_t> mask(size_bytes / sizeof(cpu_set_t) + 1);
-    if (sched_getaffinity(0, size_bytes, mask.data()) != 0) continue;
+    std::vector<cpu_set_t> own(size_bytes / sizeof(cpu_set_t) + 1), first = own;
+    if (sched_getaffinity(0, size_bytes, own.data()) != 0) continue;
+    static_cast<void>(sched_getaffinity(::getpid(), size_bytes, first.data()));
     for (std::size_t core = 0; core < count; ++core) {
-      if (CPU_ISSET_S(core, size_bytes, mask.data())) cores.push_back(static_cast<int>(core));
+      if (CPU_ISSET_S(core, size_bytes, own.data()) ||
+          CPU_ISSET_S(core, size_bytes, first.data())) {
+        cores.push_back(static_cast<int>(core));
+      }
     }
   }
   if (cores.empty()) {

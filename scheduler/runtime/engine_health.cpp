@@ -175,6 +175,7 @@ void Runtime::Engine::watch_by(Nanos due) {
 /// With nothing that runs and nothing to come it sleeps until somebody wakes it.
 void Runtime::Engine::watch(const std::stop_token& stop) {
   name_thread("pirt-watch");
+  take_class_of_process();
   static_cast<void>(take_priority(options_.priority));
   std::unique_lock lock(watch_mutex_);
   while (!stop.stop_requested()) {

@@ -8,6 +8,7 @@
 #include "scheduler/services/devices.h"
 #include "workloads/backends/registry.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/thread.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
 
@@ -114,7 +115,7 @@ Runtime::Engine::Engine(RuntimeOptions options)
   now_ = now();
   note_reach();  // Before the first task: nothing is given to what is out of reach.
   set_up_ = clock_.now() - begin;
-  watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
+  watcher_ = start_thread([this](const std::stop_token& stop) { watch(stop); });
   if (anything_left_) wake_watcher();
 }
 

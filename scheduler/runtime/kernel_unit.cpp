@@ -200,6 +200,7 @@ void KernelUnit::queue_posted() {
 
 void KernelUnit::serve() {
   name_thread(name());
+  take_class_of_process();
   for (Lane& lane : lanes_) lane.unit = this;
   stop_here = &lanes_.front().stop;
   std::vector<std::jthread> others;

@@ -9,15 +9,20 @@
 // for those that wait (TaskFuture::wait and get, Runtime::wait_all): there they would wait for
 // themselves, and throw std::logic_error instead. For the same reason submit waits there for no
 // room, and there may be more tasks than most_tasks.
+// Its threads hear no signals, which are for the robot's own, and are of the class of the process,
+// whatever real-time class the thread has that makes the runtime. Who binds that thread to a core
+// does not bind the units to it.
 // A callback runs on a thread of the runtime's, mostly that of the unit that ended the task, which
 // takes nothing new meanwhile, so that it should be short; never on one that submits, cancels or
 // asks. What it throws is counted, and told by statistics().
 //
 // Example:
 //     pirt::Runtime runtime({.workloads = {"undistort", "gaussian_blur"}});
-//     const auto undistort = runtime.workload("undistort"), blur =
-//     runtime.workload("gaussian_blur"); auto flat = runtime.submit(undistort, {frame}); auto
-//     blurred = runtime.submit(blur, {flat.output(0)}, {.real_time = true}); use(blurred.get()[0]);
+//     const auto undistort = runtime.workload("undistort");
+//     const auto blur = runtime.workload("gaussian_blur");
+//     auto flat = runtime.submit(undistort, {frame});
+//     auto blurred = runtime.submit(blur, {flat.output(0)}, {.real_time = true});
+//     use(blurred.get()[0]);
 // A whole robot: tests/examples/robot.cpp.
 #pragma once
 

@@ -5,7 +5,6 @@
 #include <poll.h>
 #include <signal.h>
 #include <sys/mman.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -19,6 +18,7 @@
 
 #include "workloads/backends/dsp/elf.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/child.h"
 
 namespace pirt::dsp {
 namespace {
@@ -58,12 +58,7 @@ using Inherited = std::array<std::pair<int, int>, 7>;
 
 /// Between fork and exec; only calls that POSIX allows there.
 [[noreturn]] void become(char* const* words, const Inherited& inherited, pid_t parent) {
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (::getppid() != parent) ::_exit(127);  // it died before prctl
-  sigset_t none;
-  sigemptyset(&none);
-  ::sigprocmask(SIG_SETMASK, &none, nullptr);
-  ::signal(SIGPIPE, SIG_DFL);
+  begin_child(parent, STDERR_FILENO + 1);
   for (const auto& [ours, its] : inherited) {
     if (::dup2(ours, its) < 0) ::_exit(127);
   }

@@ -2,8 +2,11 @@
 #pragma once
 
 #include <pthread.h>
+#include <sched.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
+#include <csignal>
 #include <string>
 #include <system_error>
 #include <thread>
@@ -27,11 +30,43 @@ inline void give_way() {
   static_cast<void>(::setpriority(PRIO_PROCESS, 0, kNice));  // 0: of this thread alone.
 }
 
+/// While it lives, threads that are started hear no signal but of what they do themselves: the rest
+/// is for those threads of the process that are not ours.
+class SignalsKept {
+ public:
+  SignalsKept() {
+    sigset_t others;
+    sigfillset(&others);
+    for (const int own : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGTRAP, SIGSYS, SIGPROF}) {
+      sigdelset(&others, own);
+    }
+    ::pthread_sigmask(SIG_BLOCK, &others, &before_);
+  }
+  ~SignalsKept() { ::pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  SignalsKept(const SignalsKept&) = delete;
+  SignalsKept& operator=(const SignalsKept&) = delete;
+
+ private:
+  sigset_t before_{};
+};
+
+/// What a real-time thread of a robot has started is no real-time thread, unless the process is
+/// one.
+inline void take_class_of_process() {
+  const int wanted = ::sched_getscheduler(::getpid());
+  sched_param parameters{};
+  if (wanted < 0 || ::sched_getscheduler(0) == wanted) return;
+  if (::sched_getparam(::getpid(), &parameters) == 0) {
+    ::sched_setscheduler(0, wanted, &parameters);
+  }
+}
+
 /// @throws Error{kEnvironment} if the thread cannot be started; those that run already must then be
 /// made to end by the caller, who joins them.
 template <typename Body>
 [[nodiscard]] std::jthread start_thread(Body&& body) {
   try {
+    const SignalsKept kept;
     return std::jthread(std::forward<Body>(body));
   } catch (const std::system_error& error) {
     throw_environment("cannot start a thread: " + error.code().message() +

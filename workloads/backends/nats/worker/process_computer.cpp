@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <signal.h>
-#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -15,6 +14,7 @@
 #include <utility>
 
 #include "workloads/base/error.h"
+#include "workloads/base/system/child.h"
 
 namespace pirt::cloud {
 namespace {
@@ -120,15 +120,13 @@ class ProcessComputer : public Computer {
     process_ = ::fork();
     if (process_ == 0) {
       // Only what is safe between fork and exec.
-      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-      if (::getppid() != parent) ::_exit(1);
+      begin_child(parent, STDERR_FILENO + 1);
       ::setpgid(0, 0);  // a terminal's Ctrl-C is for the worker
       if (ends[1] == kSlotDescriptor) {
         ::fcntl(ends[1], F_SETFD, 0);
       } else {
         ::dup2(ends[1], kSlotDescriptor);
       }
-      ::close_range(kSlotDescriptor + 1, ~0U, 0);
       ::execv(raw[0], raw.data());
       ::_exit(127);
     }

@@ -1,0 +1,23 @@
+// What every child process does between fork and exec: only calls that POSIX allows there.
+#pragma once
+
+#include <sys/prctl.h>
+#include <unistd.h>
+
+#include <csignal>
+
+namespace pirt {
+
+/// It dies with its parent, hears every signal, and takes no descriptors with it but those below
+/// @p kept: whoever waits for the end of a pipe would otherwise wait for it too.
+inline void begin_child(pid_t parent, unsigned kept) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != parent) ::_exit(127);  // it died before prctl
+  ::close_range(kept, ~0U, CLOSE_RANGE_CLOEXEC);
+  sigset_t none;
+  sigemptyset(&none);
+  ::sigprocmask(SIG_SETMASK, &none, nullptr);
+  ::signal(SIGPIPE, SIG_DFL);
+}
+
+}  // namespace pirt
