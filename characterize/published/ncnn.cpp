@@ -3,6 +3,8 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <map>
+#include <utility>
 
 #include "characterize/published/published.h"
 #include "workloads/base/error.h"
@@ -103,36 +105,37 @@ bool is_gpu(const Row& row) { return row.unit.starts_with("GPU"); }
 Publication read_ncnn(const std::string& file, const std::string& text) {
   const auto rows = rows_of(file, text);
   Publication publication{.format = "ncnn", .boards = {}, .left_out = {}};
+  std::map<std::string, int> most;  // threads, of each SoC
+  for (const Row& row : rows) {
+    int& threads = most[row.soc];
+    if (!is_gpu(row)) threads = std::max(threads, row.threads);
+  }
+  std::map<std::pair<std::string, std::string>, std::size_t> known;  // boards
   for (const Row& row : rows) {
     // The same cores with fewer threads are no unit beside themselves.
-    int most = 0;
-    for (const Row& other : rows) {
-      if (other.soc == row.soc && !is_gpu(other)) most = std::max(most, other.threads);
-    }
-    const bool fewer = !is_gpu(row) && row.threads < most;
+    const bool fewer = !is_gpu(row) && row.threads < most[row.soc];
     const std::string name =
         name_of(row.soc) +
         (fewer ? fmt::format("-{}-thread{}", row.threads, row.threads == 1 ? "" : "s") : "");
-    auto board = std::ranges::find_if(publication.boards, [&](const PublishedBoard& other) {
-      return other.name == name && other.edition == row.edition;
-    });
-    if (board == publication.boards.end()) {
-      board = publication.boards.insert(board, {.name = name,
-                                                .said = row.soc,
-                                                .edition = row.edition,
-                                                .units = {},
-                                                .figures = {},
-                                                .facts = {}});
+    const auto [at, is_new] = known.try_emplace({name, row.edition}, publication.boards.size());
+    if (is_new) {
+      publication.boards.push_back({.name = name,
+                                    .said = row.soc,
+                                    .edition = row.edition,
+                                    .units = {},
+                                    .figures = {},
+                                    .facts = {}});
     }
+    PublishedBoard& board = publication.boards[at->second];
     const std::string unit = is_gpu(row) ? "gpu" : "cpu";
-    add_unit(*board, {.name = unit,
-                      .device = fmt::format("{}, {} thread{}", row.unit, row.threads,
-                                            row.threads == 1 ? "" : "s"),
-                      .is_cpu = !is_gpu(row)});
-    add_figure(*board, {.workload = "ncnn." + name_of(row.network, '_'),
-                        .unit = unit,
-                        .samples = {row.mean},
-                        .notes = {"mean of an unknown number of calls" + row.range}});
+    add_unit(board, {.name = unit,
+                     .device = fmt::format("{}, {} thread{}", row.unit, row.threads,
+                                           row.threads == 1 ? "" : "s"),
+                     .is_cpu = !is_gpu(row)});
+    add_figure(board, {.workload = "ncnn." + name_of(row.network, '_'),
+                       .unit = unit,
+                       .samples = {row.mean},
+                       .notes = {"mean of an unknown number of calls" + row.range}});
   }
   return publication;
 }

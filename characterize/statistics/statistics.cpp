@@ -129,10 +129,13 @@ std::size_t outer_rank(std::size_t n, double tail) {
 /// P(low-th smallest <= median <= low-th largest) of n samples: 1 - 2 P(Binomial(n, 1/2) < low).
 double coverage(std::size_t n, std::size_t low) {
   double tail = 0;
-  double ways = 1;  // C(n, k)
+  double ways = 1;  // C(n, k) / 2^scale: of a thousand samples, no double holds C(n, k)
+  int scale = 0;
   for (std::size_t k = 0; k < low; ++k) {
-    tail += std::ldexp(ways, -static_cast<int>(n));
+    tail += std::ldexp(ways, scale - static_cast<int>(n));
     ways *= static_cast<double>(n - k) / static_cast<double>(k + 1);
+    constexpr int kStep = 512;
+    if (ways > 0x1p512) ways = std::ldexp(ways, -kStep), scale += kStep;
   }
   return 1 - 2 * tail;
 }

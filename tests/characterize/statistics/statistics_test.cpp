@@ -192,6 +192,17 @@ TEST(Statistics, GivesPrecisionAsHalfTheIntervalOverTheMedian) {
   EXPECT_EQ(relative_precision(std::vector<Nanos>(20, Nanos(0))), std::nullopt);
 }
 
+// C(1033, 516) is beyond a double.
+TEST(Statistics, HasAnIntervalOverThousandsOfProcesses) {
+  for (const std::size_t count : {1000U, 1032U, 1033U, 5000U}) {
+    const auto interval = interval_over_processes(shuffled_ramp(static_cast<int>(count))).value();
+    const double width = static_cast<double>((interval.high - interval.low).count());
+    const double root = std::sqrt(static_cast<double>(count));
+    EXPECT_GT(width, 1.9 * root / 2 * 0.9) << count;  // 2 * 1.96 * sqrt(n) / 2 of a ramp's ranks
+    EXPECT_LT(width, 2 * 2.5 * root) << count;        // and twice that where they are alike
+  }
+}
+
 TEST(Statistics, CoversTheMedianAsOftenAsItClaims) {
   // 2000 sets of 25 uniform draws with median 500000: coverage of ranks 8 and 18 is 95.67 %,
   // standard error 0.45 %. Seeded, so it cannot flicker; observed 95.15 %.
