@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cstdlib>
 #include <set>
 
 #include "characterize/energy/meter.h"
@@ -25,8 +26,6 @@ constexpr Nanos kUsualPeriod = std::chrono::milliseconds(50);
 // disturb what is measured.
 constexpr Nanos kShortestPeriod = std::chrono::milliseconds(5);
 constexpr Nanos kLongestPeriod = std::chrono::seconds(10);
-constexpr int kMostSensors = 16;  // powerN and energyN of one device
-
 // The rails that everything else on a Jetson board is fed from, by the device trees of their
 // kernels.
 constexpr std::array kInputRails = {"VDD_IN", "POM_5V_IN"};
@@ -77,6 +76,40 @@ std::string chip_name(const fs::path& device) {
   return on_a_bus ? chip : device.filename().string();
 }
 
+void add_rail(const std::string& label, const std::string& unlabelled, const fs::path& voltage,
+              const fs::path& current, Nanos period, MeterDiscovery& found) {
+  MeterInfo info;
+  info.driver = "ina3221";
+  info.name = label.empty() ? unlabelled : label;
+  info.covers = label.empty() ? "a rail without a label" : "rail " + label;
+  if (std::ranges::find(kInputRails, label) != kInputRails.end()) {
+    info.domain = MeterDomain::kBoard;
+    info.covers = "board input";
+  }
+  info.period = period;
+  info.path = current.string();
+  found.meters.push_back(std::make_unique<Ina3221Channel>(std::move(info), voltage, current));
+}
+
+/// Kernels 4.4 and 4.9 of JetPack 3 and 4, the last for TX1, TX2 and Nano, show the chip by a
+/// driver of NVIDIA's as channels 0..2 of an iio device, in mV and mA as well.
+/// @source nvidia/drivers/staging/iio/meter/ina3221.c of L4T.
+void add_iio_rails(const fs::path& sys, MeterDiscovery& found) {
+  for (const auto& chip : folder_entries(sys / "bus" / "i2c" / "drivers" / "ina3221x")) {
+    for (const auto& device : folder_entries(chip)) {
+      if (!device.filename().string().starts_with("iio:device")) continue;
+      for (int channel = 0; channel < 3; ++channel) {
+        const auto voltage = device / fmt::format("in_voltage{}_input", channel);
+        const auto current = device / fmt::format("in_current{}_input", channel);
+        const auto label = text_or_empty(device / fmt::format("rail_name_{}", channel));
+        if (label == "NC" || !is_there(voltage) || !is_there(current)) continue;
+        const auto unlabelled = fmt::format("{}:{}", chip.filename().string(), channel);
+        add_rail(label, unlabelled, voltage, current, kUsualPeriod, found);
+      }
+    }
+  }
+}
+
 void add_channel(const fs::path& device, int channel, MeterDiscovery& found) {
   const auto attribute = [&](const char* pattern) {
     return device / fmt::format(fmt::runtime(pattern), channel);
@@ -96,17 +129,8 @@ void add_channel(const fs::path& device, int channel, MeterDiscovery& found) {
                                         attribute("in{}_enable").string()));
     return;
   }
-  MeterInfo info;
-  info.driver = "ina3221";
-  info.name = label.empty() ? fmt::format("{}:{}", chip_name(device), channel) : label;
-  info.covers = label.empty() ? "a rail without a label" : "rail " + label;
-  if (std::ranges::find(kInputRails, label) != kInputRails.end()) {
-    info.domain = MeterDomain::kBoard;
-    info.covers = "board input";
-  }
-  info.period = period_from(device / "update_interval");
-  info.path = current.string();
-  found.meters.push_back(std::make_unique<Ina3221Channel>(std::move(info), voltage, current));
+  add_rail(label, fmt::format("{}:{}", chip_name(device), channel), voltage, current,
+           period_from(device / "update_interval"), found);
 }
 
 /// Every other rail of the board is fed from its input rail, whichever chip it is on.
@@ -130,6 +154,9 @@ MeterInfo sensor_info(const std::string& chip, const std::string& label) {
   if (std::ranges::find(kGpuDrivers, chip) != kGpuDrivers.end()) {
     info.domain = MeterDomain::kGpu;
     info.covers = kCoversGpu;
+  } else if (label.starts_with("Esocket")) {  // Documentation/hwmon/amd_energy.rst
+    info.domain = MeterDomain::kPackage;
+    info.covers = "package";
   } else if (chip == "power_meter") {  // Documentation/hwmon/acpi_power_meter.rst
     info.domain = MeterDomain::kBoard;
     info.covers = "board input";
@@ -137,8 +164,22 @@ MeterInfo sensor_info(const std::string& chip, const std::string& label) {
   return info;
 }
 
+/// The N of all powerN_ and energyN_ of a device: as many as it has, a socket's behind its cores'.
+std::set<int> sensors_of(const fs::path& device) {
+  std::set<int> numbers;
+  for (const auto& entry : folder_entries(device)) {
+    const std::string file = entry.filename().string();
+    for (const std::string_view kind : {"power", "energy"}) {
+      if (!file.starts_with(kind)) continue;
+      const int number = std::atoi(file.c_str() + kind.size());
+      if (number > 0) numbers.insert(number);
+    }
+  }
+  return numbers;
+}
+
 void add_sensors(const fs::path& device, const std::string& chip, MeterDiscovery& found) {
-  for (int n = 1; n <= kMostSensors; ++n) {
+  for (const int n : sensors_of(device)) {
     const auto attribute = [&](std::string_view kind, std::string_view what) {
       return device / fmt::format("{}{}_{}", kind, n, what);
     };
@@ -198,6 +239,7 @@ void find_hwmon(const std::filesystem::path& sys, MeterDiscovery& found) {
       add_sensors(device, chip, found);
     }
   }
+  add_iio_rails(sys, found);
   put_rails_under_input(found);
   if (found.meters.size() == before) {
     found.missing.push_back(

@@ -5,7 +5,10 @@
 // since their numbers differ from machine to machine.
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <chrono>
 #include <map>
+#include <utility>
 
 #include "characterize/energy/meter.h"
 
@@ -36,29 +39,56 @@ std::string what_it_covers(const std::string& zone) {
   return zone;  // "dram", "uncore"
 }
 
+/// Whether a zone counts what @p meter counts: both are read while this thread computes. Where
+/// neither moves, or one may not be read, their name decides.
+bool counts_the_same(const Meter& meter, const std::filesystem::path& file) {
+  constexpr Nanos kWatched = std::chrono::milliseconds(20);  // twenty updates
+  const auto used = [&](const auto& before) {
+    const auto a = meter.read().value, b = read_integer(file).value;
+    return std::pair(a.value_or(0) - before.first, b.value_or(0) - before.second);
+  };
+  const auto begin = used(std::pair<std::int64_t, std::int64_t>(0, 0));
+  const MachineClock clock;
+  const Nanos end = clock.now() + kWatched;
+  while (clock.now() < end) continue;
+  const auto [a, b] = used(begin);
+  return begin.first == 0 || begin.second == 0 || (a == 0 && b == 0) || (a < 2 * b && b < 2 * a);
+}
+
 }  // namespace
 
 void find_rapl(const std::filesystem::path& sys, MeterDiscovery& found) {
   const auto powercap = sys / "class" / "powercap";
   std::map<std::string, std::string> names;  // by folder
-  for (const auto& path : folder_entries(powercap)) {
+  // Through memory, the same counters may be seen once more.
+  auto zones = folder_entries(powercap);
+  const auto is_first = [](const std::filesystem::path& path) {
+    return !path.filename().string().starts_with("intel-rapl-mmio");
+  };
+  std::stable_partition(zones.begin(), zones.end(), is_first);
+  for (const auto& path : zones) {
     const std::string folder = path.filename().string();
     const std::string zone = text_or_empty(path / "name");
     if (folder.find(':') == std::string::npos || zone.empty()) continue;  // a control type
-    if (folder.starts_with("intel-rapl-mmio")) {
+    const auto file = path / "energy_uj";
+    auto parent = names.find(parent_folder(folder));
+    if (parent == names.end() && !is_first(path)) {
+      parent = names.find(parent_folder("intel-rapl" + folder.substr(folder.find(':'))));
+    }
+    const std::string name = parent == names.end() ? zone : parent->second + "/" + zone;
+    const Meter* const first = is_first(path) ? nullptr : found.find(name);
+    if (first != nullptr && counts_the_same(*first, file)) {
       found.missing.push_back(fmt::format(
           "{}: the counter of zone '{}' through another register; counted once", folder, zone));
       continue;
     }
-    const auto file = path / "energy_uj";
     std::error_code ignored;
     if (!std::filesystem::exists(file, ignored)) {
       found.missing.push_back(fmt::format("{}: zone '{}' counts no energy", folder, zone));
       continue;
     }
-    const auto parent = names.find(parent_folder(folder));
     MeterInfo info;
-    info.name = parent == names.end() ? zone : parent->second + "/" + zone;
+    info.name = name;
     info.driver = "rapl";
     info.kind = MeterKind::kCounter;
     info.domain = zone.starts_with("package") ? MeterDomain::kPackage : MeterDomain::kPart;

@@ -85,6 +85,50 @@ TEST(Meters, ZonesWithoutACounterAndSecondRegistersAreNoMeters) {
   EXPECT_THAT(found.missing, Contains(HasSubstr("intel-rapl-mmio:0")));
 }
 
+TEST(Meters, AZoneThroughASecondRegisterIsAMeterWhereNothingElseCountsIt) {
+  const test::SysfsTree tree;
+  tree.add_rapl("intel-rapl-mmio:0", "package-0", 7);
+  tree.add_rapl("intel-rapl-mmio:0:0", "dram", 3);
+  const auto found = discover_meters(tree.root());
+  EXPECT_THAT(found.names(), ElementsAre("package-0", "package-0/dram"));
+  EXPECT_EQ(reading(found, "package-0"), 7);
+  for (const auto& line : found.missing) EXPECT_THAT(line, Not(HasSubstr("counted once")));
+  tree.add_rapl("intel-rapl:0", "package-0", 7);
+  EXPECT_THAT(discover_meters(tree.root()).names(), ElementsAre("package-0", "package-0/dram"));
+}
+
+TEST(Meters, ASocketBehindItsCoresIsThePackage) {
+  const test::SysfsTree tree;
+  tree.write("class/hwmon/hwmon0/name", "amd_energy");
+  for (int core = 1; core <= 32; ++core) {
+    tree.write(fmt::format("class/hwmon/hwmon0/energy{}_label", core),
+               fmt::format("Ecore{:03}", core - 1));
+    tree.write(fmt::format("class/hwmon/hwmon0/energy{}_input", core), "1");
+  }
+  tree.write("class/hwmon/hwmon0/energy33_label", "Esocket0");
+  tree.write("class/hwmon/hwmon0/energy33_input", "99");
+  const auto found = discover_meters(tree.root());
+  EXPECT_EQ(reading(found, "amd_energy/Esocket0"), 99);
+  EXPECT_EQ(found.find("amd_energy/Esocket0")->info().domain, MeterDomain::kPackage);
+}
+
+TEST(Meters, RailsOfJetPack4AreThoseOfTheBoard) {
+  const test::SysfsTree tree;
+  const std::string device = "bus/i2c/drivers/ina3221x/1-0040/iio:device0/";
+  int channel = 0;
+  for (const auto& [rail, current] :
+       {std::pair{"VDD_IN", "742"}, {"VDD_GPU", "120"}, {"NC", "0"}}) {
+    tree.write(device + fmt::format("rail_name_{}", channel), rail);
+    tree.write(device + fmt::format("in_voltage{}_input", channel), "5000");
+    tree.write(device + fmt::format("in_current{}_input", channel++), current);
+  }
+  const auto found = discover_meters(tree.root());
+  EXPECT_THAT(found.names(), ElementsAre("VDD_IN", "VDD_GPU"));
+  EXPECT_EQ(reading(found, "VDD_IN"), 3'710'000);  // uW
+  EXPECT_EQ(found.find("VDD_IN")->info().domain, MeterDomain::kBoard);
+  EXPECT_EQ(found.find("VDD_GPU")->info().under, "VDD_IN");
+}
+
 TEST(Meters, APackageContainsItsCoresAndNotItsMemory) {
   const test::SysfsTree tree;
   tree.add_rapl("intel-rapl:0", "package-0", 1);
