@@ -7,6 +7,7 @@
 #include <ctime>
 #include <vector>
 
+#include "characterize/machine/inherited.h"
 #include "characterize/profile/profile.h"
 #include "characterize/worker/measure.h"
 #include "workloads/backends/backend_list.h"
@@ -50,6 +51,7 @@ Environment run_facts(const Platform& platform, const ImageSource& images,
                       const std::filesystem::path& program) {
   Environment facts = host_environment();
   facts.merge(build_environment());
+  facts.merge(inherited_environment());
   facts["cores_usable"] = fmt::format("{}", fmt::join(usable_cores(), ","));
   const ClockQuality clock = measure_clock(MachineClock());
   facts["clock_cost_ns"] = fmt::format("{:.1f}", clock.cost_ns);

@@ -105,6 +105,31 @@ Findings disk(const DoctorInput& input) {
   return findings;
 }
 
+Findings new_code(const DoctorInput& input) {
+  if (!input.inherited) return {};  // a recorded machine
+  if (input.no_new_code.empty()) return {good("new_code", "drivers can compile and load kernels")};
+  const auto end = input.no_new_code.find("; ");
+  return {{"new_code", Level::kSpoils, input.no_new_code.substr(0, end),
+           "kernels that are compiled on this machine have no figures",
+           input.no_new_code.substr(end + 2)}};
+}
+
+Findings inherited(const DoctorInput& input) {
+  if (!input.inherited) return {};
+  std::vector<std::string> found, names;
+  for (const auto& [key, value] : *input.inherited) {
+    const bool variable = key.starts_with("env.");
+    found.push_back(variable ? key.substr(4) + "=" + value : value);
+    if (variable) names.push_back(key.substr(4));
+  }
+  if (found.empty()) return {good("inherited", "no variable or priority that changes the speed")};
+  return {{"inherited", Level::kNote, join(found, ", "),
+           "figures are those of libraries and drivers that obey this; runs without it are not "
+           "comparable",
+           names.empty() ? "start pirt from a shell that has the usual priority"
+                         : "unset " + join(names, " ")}};
+}
+
 }  // namespace doctor
 
 std::string_view to_string(Level level) {
@@ -179,9 +204,9 @@ std::vector<Finding> spoiling(std::vector<Finding> findings) {
 std::vector<Finding> diagnose(const DoctorInput& input) {
   using namespace doctor;
   constexpr std::array kChecks = {
-      build,        units,  gpus,     cores,           siblings, load, steal,
-      jitter,       quota,  governor, frequency_limit, turbo,    heat, power_supply,
-      clock_source, memory, swapping, energy_meter,    disk};
+      build,        units,  gpus,     cores,           siblings, load,     steal,
+      jitter,       quota,  governor, frequency_limit, turbo,    heat,     power_supply,
+      clock_source, memory, swapping, energy_meter,    disk,     new_code, inherited};
   std::vector<Finding> findings;
   for (const auto& check : kChecks) {
     for (Finding& finding : check(input)) findings.push_back(std::move(finding));

@@ -73,6 +73,9 @@ struct DoctorInput {
   std::optional<std::vector<DeviceInfo>> devices;  ///< Of OpenCL; absent for a recorded machine.
   std::optional<NvmlFacts> nvml;                   ///< Likewise.
   std::vector<DiskSpace> disks;
+  std::optional<Environment>
+      inherited;            ///< inherited_environment(); absent for a recorded machine.
+  std::string no_new_code;  ///< no_new_code() of where scratch files go.
   /// Whether a file may be read by this user.
   std::function<bool(const std::filesystem::path&)> readable;
 };

@@ -36,6 +36,8 @@ using Findings = std::vector<Finding>;
 [[nodiscard]] Findings units(const DoctorInput& input);
 [[nodiscard]] Findings energy_meter(const DoctorInput& input);
 [[nodiscard]] Findings disk(const DoctorInput& input);
+[[nodiscard]] Findings new_code(const DoctorInput& input);
+[[nodiscard]] Findings inherited(const DoctorInput& input);
 
 [[nodiscard]] inline Finding good(std::string check, std::string found) {
   return {std::move(check), Level::kGood, std::move(found), "", ""};

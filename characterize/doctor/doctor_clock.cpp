@@ -98,16 +98,20 @@ Findings heat(const DoctorInput& input) {
 
 Findings power_supply(const DoctorInput& input) {
   std::error_code failed;
-  bool any = false;
-  bool online = false;
+  bool mains = false, online = false, battery = false, outlet = false;
   const auto folder = input.root / "sys/class/power_supply";
   for (const auto& supply : std::filesystem::directory_iterator(folder, failed)) {
     const auto type = first_line(supply.path() / "type");
-    if (!type || (*type != "Mains" && *type != "USB")) continue;
-    any = true;
+    if (!type) continue;
+    mains = mains || *type == "Mains";
+    outlet = outlet || *type == "Mains" || *type == "USB";
     online = online || read_number(supply.path() / "online").value_or(0) != 0;
+    // That of a mouse is no battery of the machine's.
+    battery = battery || (*type == "Battery" && first_line(supply.path() / "scope") != "Device" &&
+                          read_number(supply.path() / "present").value_or(1) != 0);
   }
-  if (!any) return {};  // no battery either, or nothing that says so: not worth a line
+  // An empty USB port alone is no supply; a battery alone need not be what the machine runs on.
+  if (!mains && !(outlet && (online || battery))) return {};
   if (online) return {good("power_supply", "on mains")};
   return {{"power_supply", Level::kSpoils, "on battery", "firmware and governor save power",
            "plug the machine in"}};

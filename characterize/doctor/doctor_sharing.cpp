@@ -1,6 +1,8 @@
 #include <fmt/core.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "characterize/doctor/doctor_checks.h"
 #include "characterize/machine/system_files.h"
@@ -29,7 +31,11 @@ std::optional<double> share(const std::optional<Nanos>& part_before,
 }  // namespace
 
 Findings cores(const DoctorInput& input) {
-  const std::string found = fmt::format("{} usable", input.cores.size());
+  const auto online = ::sysconf(_SC_NPROCESSORS_ONLN);
+  const bool fewer = input.inherited && std::cmp_less(input.cores.size(), online);
+  const std::string found = fmt::format(
+      "{}{} usable", input.cores.size(),
+      fewer ? fmt::format(" of {} (taskset, a launcher or a control group)", online) : "");
   if (input.cores.size() >= 2) return {good("cores", found)};
   return {{"cores", Level::kNote, found, "the units of platform host share one core",
            "give the machine or container more cores (taskset -p $$ shows what the shell may use), "
@@ -161,9 +167,14 @@ Findings quota(const DoctorInput& input) {
 Findings memory(const DoctorInput& input) {
   // The largest worker, which measures the AlexNet chain, takes 750 MiB.
   constexpr std::int64_t kEnoughKib = std::int64_t{1} << 20;
-  const auto available = number_of(input.root / "proc/meminfo", "MemAvailable", ':');
+  auto available = number_of(input.root / "proc/meminfo", "MemAvailable", ':');
+  const auto limit_bytes = memory_limit_bytes(input.root);
+  const bool limited =
+      limit_bytes && *limit_bytes / 1024 < available.value_or(*limit_bytes / 1024 + 1);
+  if (limited) available = *limit_bytes / 1024;
   if (!available) return {unknown("memory", "/proc/meminfo does not say")};
-  const std::string found = fmt::format("{} MB available", *available / 1024);
+  const std::string found = fmt::format("{} MB {}", *available / 1024,
+                                        limited ? "are the control group's limit" : "available");
   if (input.after && input.before.memory_stall && input.after->memory_stall) {
     const Nanos stalled = *input.after->memory_stall - *input.before.memory_stall;
     if (stalled.count() > 0) {
@@ -174,9 +185,13 @@ Findings memory(const DoctorInput& input) {
     }
   }
   if (*available >= kEnoughKib) return {good("memory", found)};
-  return {{"memory", Level::kSpoils, found, "a worker needs up to 750 MB",
-           "stop what uses memory (ps -eo rss,pid,comm --sort=-rss | head shows which), or leave "
-           "large workloads out with --filter"}};
+  return {
+      {"memory", Level::kSpoils, found, "a worker needs up to 750 MB",
+       limited
+           ? "give the container more (docker run -m 2g), or leave large workloads out with "
+             "--filter"
+           : "stop what uses memory (ps -eo rss,pid,comm --sort=-rss | head shows which), or leave "
+             "large workloads out with --filter"}};
 }
 
 Findings swapping(const DoctorInput& input) {

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "characterize/machine/build_info.h"
+#include "characterize/machine/inherited.h"
 #include "characterize/machine/system_files.h"
 #include "workloads/base/system/caches.h"
 #include "workloads/base/text/text.h"
@@ -82,9 +83,12 @@ std::optional<std::string> temperature(const std::filesystem::path& root) {
   std::optional<double> hottest;
   std::error_code failed;
   for (const auto& zone : std::filesystem::directory_iterator(root / "sys/class/thermal", failed)) {
+    // On Jetson boards, the power chip's is a constant 100 degrees; what is off says -256.
+    if (first_line(zone.path() / "type").value_or("").starts_with("PMIC")) continue;
     std::ifstream in(zone.path() / "temp");
     double millidegrees = 0;
-    if (in >> millidegrees) hottest = std::max(hottest.value_or(millidegrees), millidegrees);
+    if (in >> millidegrees && millidegrees > -50'000 && millidegrees < 200'000)
+      hottest = std::max(hottest.value_or(millidegrees), millidegrees);
   }
   if (!hottest) return std::nullopt;
   return fmt::format("{:.1f}", *hottest / 1000);
@@ -224,6 +228,7 @@ Environment host_environment(const std::filesystem::path& root) {
   put(facts, "steal_percent", steal_percent(root), "/proc/stat does not count it");
   put(facts, "temperature_c", temperature(root), "no readable zone in /sys/class/thermal");
   put(facts, "hypervisor", hypervisor(root), "/proc/cpuinfo has no flags line");
+  facts.merge(power_modes(root));
   return facts;
 }
 

@@ -42,6 +42,10 @@ constexpr std::array kKeys = {
     EnvironmentKey{"cpu_quota", kIdentity, "a group that has used its share waits"},
     EnvironmentKey{"huge_pages", kIdentity, "they decide what address translation costs"},
     EnvironmentKey{"kernel", kIdentity, "it holds drivers, the clock's control and mitigations"},
+    EnvironmentKey{"power_mode.*", kIdentity, "a board of 15 W and one of 30 W are two machines"},
+    // What the process has from who started it; absent where that is nothing.
+    EnvironmentKey{"env.*", kIdentity, "libraries and drivers choose kernels and threads by it"},
+    EnvironmentKey{"scheduling", kIdentity, "it decides when the process gets a core"},
     // The build.
     EnvironmentKey{"compiler", kIdentity, "it made the machine code of the same source"},
     EnvironmentKey{"compiler_flags", kIdentity, "they change the machine code of the same source"},

@@ -15,7 +15,7 @@ enum class FactKind : std::uint8_t { kIdentity, kInformation };
 [[nodiscard]] std::string_view to_string(FactKind kind);
 
 struct EnvironmentKey {
-  std::string_view key;  ///< "governor"; a '*' stands for a unit's name: "unit.*.version".
+  std::string_view key;  ///< "governor"; a '*' stands for a name: "unit.*.version".
   FactKind kind;
   std::string_view why;  ///< Why it is of that kind; one clause.
 };

@@ -169,4 +169,16 @@ std::vector<std::filesystem::path> control_groups(const std::filesystem::path& r
   return folders;
 }
 
+std::optional<std::int64_t> memory_limit_bytes(const std::filesystem::path& root) {
+  constexpr std::int64_t kNone = std::int64_t{1} << 60;  // version 1 says 2^63 less a page
+  std::optional<std::int64_t> least;
+  for (const auto& folder : control_groups(root, "memory")) {
+    for (const char* file : {"memory.max", "memory.high", "memory.limit_in_bytes"}) {
+      const auto limit = read_number(folder / file);  // "max" is none
+      if (limit && *limit > 0 && *limit < kNone) least = std::min(least.value_or(*limit), *limit);
+    }
+  }
+  return least;
+}
+
 }  // namespace pirt

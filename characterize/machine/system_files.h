@@ -61,4 +61,9 @@ struct Attribute {
 [[nodiscard]] std::vector<std::filesystem::path> control_groups(const std::filesystem::path& root,
                                                                 std::string_view controller);
 
+/// What this process' control groups leave it of memory, the least of them; absent without a limit.
+/// @source Documentation/admin-guide/cgroup-v2 (memory.max), cgroup-v1/memory.
+[[nodiscard]] std::optional<std::int64_t> memory_limit_bytes(
+    const std::filesystem::path& root = "/");
+
 }  // namespace pirt

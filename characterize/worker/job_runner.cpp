@@ -2,8 +2,10 @@
 
 #include <fmt/core.h>
 
+#include "characterize/machine/inherited.h"
 #include "characterize/platform/unit_request.h"
 #include "characterize/worker/process.h"
+#include "characterize/worker/scratch.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/catalog/catalog.h"
@@ -21,6 +23,12 @@ std::string failure(const ProcessResult& process, const JobResult& result, Nanos
   const std::string text = fmt::format("worker {} while {}", how_it_ended(process, limit), step);
   const std::string words = one_line(process.diagnostics, kLastWords);
   return words.empty() ? text : text + ": " + words;
+}
+
+/// Of a job that failed: what it may have failed of, if nothing here lets drivers make code.
+std::string with_cause(std::string text) {
+  const std::string cause = no_new_code(scratch_base());
+  return cause.empty() ? text : text + "; " + cause;
 }
 
 /// References of batches are computed image by image.
@@ -52,7 +60,7 @@ std::optional<JobResult> JobRunner::run(
   const ProcessResult process = run_process(request);
   if (process.end == ProcessResult::End::kStopped) return std::nullopt;
   JobResult result = last_record(process.output);
-  result.error = result.done ? "" : failure(process, result, request.limit);
+  result.error = result.done ? "" : with_cause(failure(process, result, request.limit));
   return result;
 }
 

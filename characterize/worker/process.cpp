@@ -6,7 +6,6 @@
 #include <signal.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -18,7 +17,9 @@
 #include <optional>
 #include <string_view>
 
+#include "characterize/machine/system_files.h"
 #include "workloads/base/error.h"
+#include "workloads/base/system/child.h"
 #include "workloads/base/system/file_descriptor.h"
 
 namespace pirt {
@@ -85,12 +86,7 @@ class ChildEnvironment {
 [[noreturn]] void become(const char* program, char* const* arguments, char* const* environment,
                          int in, int out, int err, pid_t parent) {
   ::setpgid(0, 0);
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (::getppid() != parent) ::_exit(kCannotStart);  // it died before prctl
-  sigset_t none;
-  sigemptyset(&none);
-  ::sigprocmask(SIG_SETMASK, &none, nullptr);
-  ::signal(SIGPIPE, SIG_DFL);
+  begin_child(parent, STDERR_FILENO + 1);
   ::signal(SIGINT, SIG_DFL);
   if (::dup2(in, STDIN_FILENO) >= 0 && ::dup2(out, STDOUT_FILENO) >= 0 &&
       ::dup2(err, STDERR_FILENO) >= 0) {
@@ -187,6 +183,9 @@ void drain(Child& child, ProcessResult& result) {
 
 ProcessResult run_process(const ProcessRequest& request) {
   using SteadyClock = std::chrono::steady_clock;
+  // Of the machine and of all control groups. @source mm/oom_kill.c
+  const auto killed_for_memory = [] { return number_of("/proc/vmstat", "oom_kill", ' '); };
+  const auto killed_before = killed_for_memory();
   Child child(request);
   auto deadline = SteadyClock::now() + request.limit;
   ProcessResult result;
@@ -211,6 +210,8 @@ ProcessResult run_process(const ProcessRequest& request) {
   result.end =
       info.si_code == CLD_EXITED ? ProcessResult::End::kExited : ProcessResult::End::kSignalled;
   result.code = info.si_status;
+  result.out_of_memory = result.end == ProcessResult::End::kSignalled && result.code == SIGKILL &&
+                         killed_for_memory().value_or(0) > killed_before.value_or(0);
   if (result.code == kCannotStart && result.end == ProcessResult::End::kExited) {
     throw_environment(fmt::format("cannot start '{}': {}; give the path of a pirt program",
                                   request.program.string(), result.diagnostics));
@@ -223,6 +224,15 @@ std::string how_it_ended(const ProcessResult& process, Nanos limit) {
     case ProcessResult::End::kTimedOut:
       return fmt::format("timed out after {:.3g} s", to_s(limit));
     case ProcessResult::End::kSignalled: {
+      if (process.out_of_memory) {
+        const auto limit_bytes = memory_limit_bytes();
+        return limit_bytes ? fmt::format(
+                                 "ran out of memory (its control group has {} MB; give the "
+                                 "container more)",
+                                 *limit_bytes >> 20)
+                           : "ran out of memory (the kernel killed it; stop other programs)";
+      }
+      if (process.code == SIGXCPU) return "used up its processor time (raise it: ulimit -t)";
       const char* name = ::sigabbrev_np(process.code);
       return name != nullptr ? fmt::format("crashed (SIG{})", name)
                              : fmt::format("crashed (signal {})", process.code);

@@ -28,9 +28,10 @@ struct ProcessRequest {
 struct ProcessResult {
   enum class End : std::uint8_t { kExited, kSignalled, kTimedOut, kStopped };
   End end = End::kExited;
-  int code = 0;             ///< Exit status, or the signal's number.
-  std::string output;       ///< Standard output.
-  std::string diagnostics;  ///< The end of standard error, at most 16 KiB.
+  int code = 0;                ///< Exit status, or the signal's number.
+  std::string output;          ///< Standard output.
+  std::string diagnostics;     ///< The end of standard error, at most 16 KiB.
+  bool out_of_memory = false;  ///< The kernel killed it for memory.
 };
 
 /// Runs the program to its end, or kills it and whatever it started (its process group) when the
@@ -39,7 +40,7 @@ struct ProcessResult {
 /// @throws Error{kEnvironment} if the program cannot be started.
 [[nodiscard]] ProcessResult run_process(const ProcessRequest& request);
 
-/// "timed out after 60 s", "crashed (SIGABRT)", "ended with code 3".
+/// "timed out after 60 s", "crashed (SIGABRT)", "ended with code 3", "ran out of memory (...)".
 /// @param limit  The request's.
 [[nodiscard]] std::string how_it_ended(const ProcessResult& process, Nanos limit);
 

@@ -494,6 +494,8 @@ int run_worker(std::istream& job, std::ostream& records) {
   } catch (const Error& error) {
     result.error = error.what();
     code = exit_code(error.code());
+  } catch (const std::bad_alloc&) {
+    result.error = "out of memory; raise the limit on it (ulimit -v), or leave this workload out";
   } catch (const std::exception& error) {
     result.error = fmt::format("unexpected: {}", error.what());
   }

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "characterize/machine/inherited.h"
 #include "characterize/worker/scratch.h"
 #include "cli/commands.h"
 #include "cli/options/files.h"
@@ -49,9 +50,12 @@ DoctorInput this_machine(const DoctorFlags& options) {
   DoctorInput input;
   input.cores = usable_cores();
   input.units = probe_units(platform, "/proc/self/exe");
-  for (const auto& folder : {scratch_base(), std::filesystem::current_path()}) {
-    input.disks.push_back(free_space(folder));
+  std::error_code removed;
+  for (const auto& folder : {scratch_base(), std::filesystem::current_path(removed)}) {
+    if (!folder.empty()) input.disks.push_back(free_space(folder));
   }
+  input.inherited = inherited_environment();
+  input.no_new_code = no_new_code(scratch_base());
   input.before = read_doctor_snapshot(input.cores);
   // Steal is counted of cores that want to compute only: so they do.
   input.jitter = measure_jitter(input.cores, Nanos(std::llround(options.seconds * 1e9)));

@@ -142,6 +142,50 @@ TEST(LookBeforeMeasuring, FindsWhatTheRecordedMachineSays) {
   EXPECT_THAT(checks, ::testing::IsSupersetOf({"turbo", "clock_source"}));
 }
 
+TEST_F(Doctor, TakesAnEmptyUsbPortForNoBattery) {
+  const auto level_with = [&](const std::map<std::string, std::string>& files) {
+    const TemporaryFolder root;
+    auto machine = test::healthy_board(root.path());
+    std::filesystem::remove_all(root / "sys/class/power_supply");
+    for (const auto& [file, text] : files)
+      machine.put("sys/class/power_supply/" + file, text + "\n");
+    const auto findings = diagnose(input_of(machine));
+    const auto found = std::ranges::find(findings, "power_supply", &Finding::check);
+    return found == findings.end() ? std::string("no word") : std::string(to_string(found->level));
+  };
+  const std::map<std::string, std::string> port = {{"ucsi/type", "USB"}, {"ucsi/online", "0"}};
+  EXPECT_EQ(level_with(port), "no word");
+  auto mouse = port;
+  mouse["hid/type"] = "Battery", mouse["hid/scope"] = "Device";
+  EXPECT_EQ(level_with(mouse), "no word");
+  auto laptop = port;
+  laptop["BAT0/type"] = "Battery";
+  EXPECT_EQ(level_with(laptop), "spoils");
+  laptop["ucsi/online"] = "1";
+  EXPECT_EQ(level_with(laptop), "good");
+  EXPECT_EQ(level_with({{"AC/type", "Mains"}, {"AC/online", "0"}}), "spoils");
+}
+
+TEST_F(Doctor, SaysThatTheControlGroupHasTooLittleMemory) {
+  auto machine = test::healthy_board(folder.path());
+  machine.put("proc/self/cgroup", "0::/\n");
+  machine.put("sys/fs/cgroup/memory.max", "419430400\n");
+  const Finding finding = finding_of(input_of(machine), "memory");
+  EXPECT_EQ(finding.level, Level::kSpoils);
+  EXPECT_EQ(finding.found, "400 MB are the control group's limit");
+}
+
+TEST_F(Doctor, SaysWhatLibrariesObey) {
+  auto input = input_of(test::healthy_board(folder.path()));
+  input.inherited = {{"env.OMP_NUM_THREADS", "1"}, {"scheduling", "nice 5"}};
+  input.no_new_code = "'/tmp' is mounted noexec; set TMPDIR";
+  const Finding inherited = finding_of(input, "inherited");
+  EXPECT_EQ(inherited.level, Level::kNote);
+  EXPECT_EQ(inherited.found, "OMP_NUM_THREADS=1, nice 5");
+  EXPECT_EQ(inherited.remedy, "unset OMP_NUM_THREADS");
+  EXPECT_EQ(finding_of(input, "new_code").level, Level::kSpoils);
+}
+
 TEST_F(Doctor, NamesTheExactCommands) {
   auto input = input_of(test::laptop(folder.path()));
   EXPECT_EQ(finding_of(input, "governor").found, "powersave on cores 0,1");

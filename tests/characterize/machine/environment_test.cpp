@@ -6,6 +6,8 @@
 #include "characterize/machine/answering.h"
 #include "characterize/machine/environment_keys.h"
 #include "characterize/machine/host_load.h"
+#include "characterize/machine/inherited.h"
+#include "characterize/machine/system_files.h"
 #include "tests/characterize/support.h"
 
 namespace pirt {
@@ -109,6 +111,32 @@ TEST(Environment, ReadsTheQuotaOfBothGenerationsOfControlGroups) {
   EXPECT_EQ(read_cpu_quota(none.path()), std::nullopt);
 }
 
+TEST(Environment, ReadsTheMemoryLimitOfBothGenerationsOfControlGroups) {
+  const TemporaryFolder v2;
+  put(v2, "proc/self/cgroup", "0::/jobs/one\n");
+  put(v2, "sys/fs/cgroup/jobs/one/memory.max", "max\n");
+  put(v2, "sys/fs/cgroup/jobs/memory.max", "419430400\n");
+  EXPECT_EQ(memory_limit_bytes(v2.path()), 419'430'400);
+  const TemporaryFolder v1;
+  put(v1, "proc/self/cgroup", "4:memory:/docker/x\n");
+  put(v1, "sys/fs/cgroup/memory/docker/x/memory.limit_in_bytes", "1000000\n");
+  put(v1, "sys/fs/cgroup/memory/memory.limit_in_bytes", "9223372036854771712\n");
+  EXPECT_EQ(memory_limit_bytes(v1.path()), 1'000'000);
+  EXPECT_EQ(memory_limit_bytes(TemporaryFolder().path()), std::nullopt);
+}
+
+TEST(Environment, TakesNoConstantOfAPowerChipForHeat) {
+  const TemporaryFolder root;
+  const auto zone = [&](const std::string& name, const std::string& type, const std::string& temp) {
+    put(root, "sys/class/thermal/" + name + "/type", type + "\n");
+    put(root, "sys/class/thermal/" + name + "/temp", temp + "\n");
+  };
+  zone("thermal_zone0", "AO-therm", "39500");
+  zone("thermal_zone1", "PMIC-Die", "100000");
+  zone("thermal_zone2", "gpu-thermal", "-256000");
+  EXPECT_EQ(host_environment(root.path()).at("temperature_c"), "39.5");
+}
+
 TEST(Environment, KnowsWhatHappenedDuringTheRun) {
   const TemporaryFolder root;
   put(root, "proc/loadavg", "1.25 0.40 0.30 1/100 1234\n");
@@ -128,8 +156,55 @@ TEST(Environment, KnowsWhatHappenedDuringTheRun) {
   EXPECT_TRUE(facts.contains("end.temperature_c_unknown"));
 }
 
+TEST(Environment, VariablesThatLibrariesObeyAreFacts) {
+  const char* const variables[] = {"ONEDNN_MAX_CPU_ISA=SSE41",
+                                   "OMP_NUM_THREADS=1",
+                                   "OPENBLAS_CORETYPE=Prescott",
+                                   "POCL_MAX_PTHREAD_COUNT=1",
+                                   "OPENCV_CPU_DISABLE=",
+                                   "GLIBC_TUNABLES=glibc.malloc.arena_max=1",
+                                   "LD_PRELOAD=libx.so",
+                                   "MALLOC_ARENA_MAX=1",
+                                   "POCL_CACHE_DIR=/tmp/x",
+                                   "HOME=/root",
+                                   "SLURM_JOB_ID=7",
+                                   nullptr};
+  const Environment expected = {{"env.ONEDNN_MAX_CPU_ISA", "SSE41"},
+                                {"env.OMP_NUM_THREADS", "1"},
+                                {"env.OPENBLAS_CORETYPE", "Prescott"},
+                                {"env.POCL_MAX_PTHREAD_COUNT", "1"},
+                                {"env.OPENCV_CPU_DISABLE", "set, and empty"},
+                                {"env.GLIBC_TUNABLES", "glibc.malloc.arena_max=1"},
+                                {"env.LD_PRELOAD", "libx.so"},
+                                {"env.MALLOC_ARENA_MAX", "1"}};
+  EXPECT_EQ(inherited_environment(variables), expected);
+  for (const auto& [key, value] : expected) EXPECT_EQ(fact_kind(key), FactKind::kIdentity) << key;
+}
+
+TEST(Environment, PowerModesAreFacts) {
+  const TemporaryFolder root;
+  put(root, "sys/firmware/acpi/platform_profile", "low-power\n");
+  put(root, "sys/firmware/acpi/platform_profile_choices", "low-power balanced\n");
+  put(root, "var/lib/nvpmodel/status", "pmode:0002\n");
+  put(root, "sys/class/devfreq/17000000.gpu/governor", "nvhost_podgov\n");
+  put(root, "sys/class/devfreq/17000000.gpu/max_freq", "1300500000\n");
+  put(root, "sys/class/drm/card0/gt_max_freq_mhz", "1150\n");
+  put(root, "sys/class/drm/card0-HDMI-A-1/status", "connected\n");
+  put(root, "sys/class/powercap/intel-rapl:0/constraint_0_power_limit_uw", "15000000\n");
+  const Environment expected = {
+      {"power_mode.platform_profile", "low-power"},
+      {"power_mode.nvpmodel", "pmode:0002"},
+      {"power_mode.17000000.gpu.governor", "nvhost_podgov"},
+      {"power_mode.17000000.gpu.max_freq", "1300500000"},
+      {"power_mode.card0.gt_max_freq_mhz", "1150"},
+      {"power_mode.intel-rapl:0.constraint_0_power_limit_uw", "15000000"}};
+  EXPECT_EQ(power_modes(root.path()), expected);
+  for (const auto& [key, value] : expected) EXPECT_EQ(fact_kind(key), FactKind::kIdentity) << key;
+}
+
 TEST(Environment, EveryFactHasItsKind) {
   Environment facts = host_environment();
+  facts.merge(inherited_environment());
   facts.merge(build_environment());
   facts.merge(end_environment({}, {}, "/"));
   for (const auto& [key, value] : facts) {

@@ -1,5 +1,6 @@
 #include "characterize/worker/process.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -59,6 +60,22 @@ TEST(Process, PassesVariablesOnTopOfItsOwn) {
   auto request = shell("echo $PIRT_TEST_KEPT $PIRT_TEST_REPLACED $PIRT_TEST_ADDED");
   request.environment = {{"PIRT_TEST_REPLACED", "new"}, {"PIRT_TEST_ADDED", "with space"}};
   EXPECT_EQ(run_process(request).output, "kept new with space\n");
+}
+
+// Whoever waits for the end of a pipe that this process has from its launcher would wait for it
+// too.
+TEST(Process, HandsDownNoDescriptors) {
+  const int inherited =
+      ::open("/dev/null", O_RDONLY);  // without O_CLOEXEC, as a launcher leaves it
+  EXPECT_EQ(
+      run_process(shell("[ -e /proc/self/fd/" + std::to_string(inherited) + " ]; echo $?")).output,
+      "1\n");
+  ::close(inherited);
+}
+
+TEST(Process, NamesTheLimitOnProcessorTime) {
+  const auto result = run_process(shell("kill -XCPU $$"));
+  EXPECT_THAT(how_it_ended(result, {}), HasSubstr("ulimit -t"));
 }
 
 /// Whether the process is gone or only waits to be reaped by init.
