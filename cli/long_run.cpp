@@ -41,6 +41,7 @@ const std::atomic<bool>* stop_on_signal() {
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) stop_on(signal, kOnce);
   // Not once: what is still to be said would end the process before it has cleaned up.
   stop_on(SIGPIPE, SA_RESTART);
+  stop_on(SIGXCPU, SA_RESTART);  // a limit on processor time, of which a second is left
   return &stop_requested;
 }
 

@@ -10,7 +10,8 @@
 namespace pirt::cli {
 
 /// A flag that the first Ctrl-C (or SIGTERM, SIGHUP) sets from here on; the second one ends the
-/// process at once. A reader of our output that goes away (SIGPIPE) sets it too. Signals that are
+/// process at once. A reader of our output that goes away (SIGPIPE) sets it too, and processor
+/// time that is about to be used up (SIGXCPU). Signals that are
 /// ignored stay ignored.
 [[nodiscard]] const std::atomic<bool>* stop_on_signal();
 

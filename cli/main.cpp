@@ -1,14 +1,14 @@
 // The pirt binary: runs a command, and turns errors into one message and an exit code. All catching
 // is here.
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <string>
 #include <system_error>
+#include <vector>
 
 #include "cli/commands.h"
+#include "cli/options/process_start.h"
 #include "cli/version.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/printable.h"
@@ -46,40 +46,32 @@ constexpr AddCommand* kCommands[] = {
     add_worker,
 };
 
-/// Makes sure that no file is ever opened as one of the standard streams: what is written to those
-/// would end up in it. A stream that was closed is open the wrong way round, so that using it fails
-/// as before.
-bool occupy_standard_streams() {
-  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
-    if (::fcntl(stream, F_GETFD) >= 0) continue;
-    // The lowest number that is free is the one that open takes.
-    if (::open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY) != stream) return false;
+int run_guarded(const std::vector<std::string>& undone, int argc, char** argv) {
+  try {
+    return run(kCommands, version_text, undone, argc, argv);
+  } catch (const Error& error) {
+    std::fprintf(stderr, "pirt: %s\n", printable(error.what()).c_str());
+    return exit_code(error.code());
+  } catch (const std::bad_alloc&) {
+    std::fputs("pirt: out of memory\n", stderr);
+    return kExitEnvironment;
+  } catch (const std::system_error& error) {  // of std::filesystem too, with the path
+    std::fprintf(stderr, "pirt: the system refused: %s; check that path, permission and space\n",
+                 error.what());
+    return kExitEnvironment;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "pirt: internal error: %s (please report this)\n",
+                 printable(error.what()).c_str());
+    return kExitEnvironment;
   }
-  return true;
 }
 
 }  // namespace
 }  // namespace pirt::cli
 
 int main(int argc, char** argv) {
+  const auto undone = pirt::cli::settle_process();
   // A limit on the size of files (ulimit -f) is then an error like a full disk, with its message.
   std::signal(SIGXFSZ, SIG_IGN);
-  if (!pirt::cli::occupy_standard_streams()) return pirt::kExitEnvironment;
-  try {
-    return pirt::cli::run(pirt::cli::kCommands, pirt::cli::version_text, argc, argv);
-  } catch (const pirt::Error& error) {
-    std::fprintf(stderr, "pirt: %s\n", pirt::printable(error.what()).c_str());
-    return pirt::exit_code(error.code());
-  } catch (const std::bad_alloc&) {
-    std::fputs("pirt: out of memory\n", stderr);
-    return pirt::kExitEnvironment;
-  } catch (const std::system_error& error) {  // of std::filesystem too, with the path
-    std::fprintf(stderr, "pirt: the system refused: %s; check that path, permission and space\n",
-                 error.what());
-    return pirt::kExitEnvironment;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "pirt: internal error: %s (please report this)\n",
-                 pirt::printable(error.what()).c_str());
-    return pirt::kExitEnvironment;
-  }
+  return pirt::cli::run_with_room([&] { return pirt::cli::run_guarded(undone, argc, argv); });
 }

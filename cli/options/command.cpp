@@ -7,11 +7,14 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <iostream>
 #include <map>
 #include <memory>
 #include <string_view>
 
 #include "cli/options/files.h"
+#include "cli/options/output.h"
+#include "cli/options/process_start.h"
 #include "cli/options/program.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/file_descriptor.h"
@@ -143,16 +146,22 @@ class Quiet {
     saved_ = FileDescriptor(::fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, STDERR_FILENO));
     std::fflush(stderr);
     const FileDescriptor nothing(::open("/dev/null", O_WRONLY | O_CLOEXEC));
-    if (saved_.get() >= 0 && nothing.get() >= 0) ::dup2(nothing.get(), STDERR_FILENO);
+    if (saved_.get() >= 0 && nothing.get() >= 0) lead_to(nothing);
   }
   ~Quiet() {
     std::fflush(stderr);
-    if (saved_.get() >= 0) ::dup2(saved_.get(), STDERR_FILENO);
+    if (saved_.get() >= 0) lead_to(saved_);
   }
   Quiet(const Quiet&) = delete;
   Quiet& operator=(const Quiet&) = delete;
 
  private:
+  /// What libraries write to standard output leads there, too.
+  static void lead_to(const FileDescriptor& file) {
+    ::dup2(file.get(), STDERR_FILENO);
+    if (results_descriptor() != STDOUT_FILENO) ::dup2(file.get(), STDOUT_FILENO);
+  }
+
   FileDescriptor saved_;
 };
 
@@ -291,7 +300,7 @@ CommandDescription describe(const CLI::App& app) {
 }
 
 int run(std::span<AddCommand* const> commands, const std::function<std::string()>& version,
-        int argc, char** argv) {
+        std::span<const std::string> warnings, int argc, char** argv) {
   CLI::App app{
       "Characterizes robot workloads on every processing unit of a machine and schedules a robot's "
       "mix\n"
@@ -313,7 +322,7 @@ int run(std::span<AddCommand* const> commands, const std::function<std::string()
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {  // --help, --version
-    return app.exit(success);
+    return app.exit(success, results_stream(), std::cerr);
   } catch (const CLI::ParseError& error) {
     for (const auto* command : chosen_commands(app)) reject_unknown(*command, app);
     reject_unknown(app, app);
@@ -329,6 +338,7 @@ int run(std::span<AddCommand* const> commands, const std::function<std::string()
   for (std::size_t i = 1; i < chosen.size(); ++i) reject_before_kind(*chosen[i - 1], *chosen[i]);
   check_files(given_files(*chosen.back()));
   const Quiet quiet(chosen.back()->count("--quiet") > 0);
+  warn_all(warnings);
   return action();
 }
 

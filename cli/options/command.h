@@ -142,9 +142,11 @@ using AddCommand = void(CLI::App& app, Action& action);
 
 /// Parses the command line, checks the files that it names, and runs the command.
 /// @param version  What --version prints.
+/// @param warnings  Said before the command runs.
 /// @throws Error{kBadInput} for what no command knows, with the nearest names.
 /// @return  The exit code.
 [[nodiscard]] int run(std::span<AddCommand* const> commands,
-                      const std::function<std::string()>& version, int argc, char** argv);
+                      const std::function<std::string()>& version,
+                      std::span<const std::string> warnings, int argc, char** argv);
 
 }  // namespace pirt::cli

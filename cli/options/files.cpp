@@ -7,6 +7,7 @@
 #include <iterator>
 
 #include "characterize/platform/platform.h"
+#include "cli/options/process_start.h"
 #include "workloads/backends/opencl/tuning/tuning_file.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
@@ -18,7 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kStdout = "/dev/stdout";
 constexpr const char* kStdin = "/dev/stdin";
 
 /// What --help shows for the value.
@@ -149,7 +149,8 @@ void check_beside_databases(const NamedFile& written, const std::vector<NamedFil
 /// What no option names: where stdout leads, and the tuned parameters that every command uses.
 std::vector<NamedFile> standing_files() {
   std::vector<NamedFile> files;
-  if (is_file(kStdout)) files.push_back({"standard output", kStdout, FileUse::kWritten});
+  const auto results = fmt::format("/proc/self/fd/{}", results_descriptor());
+  if (is_file(results)) files.push_back({"standard output", results, FileUse::kWritten});
   if (const auto tuning = opencl::tuning_path()) {
     files.push_back({"the tuning file", *tuning, FileUse::kContinued});
   }

@@ -3,11 +3,11 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
+#include <cstdlib>
 #include <filesystem>
 
+#include "cli/options/process_start.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
 #include "workloads/base/text/printable.h"
@@ -18,11 +18,7 @@ namespace {
 
 /// Files and pipes get what there is; a terminal would obey it.
 void write_stdout(const std::string& text) {
-  const std::string shown = ::isatty(STDOUT_FILENO) == 1 ? printable(text, "\n\t") : text;
-  if (std::fwrite(shown.data(), 1, shown.size(), stdout) != shown.size() ||
-      std::fflush(stdout) != 0) {
-    throw_environment(std::string("cannot write to standard output: ") + std::strerror(errno));
-  }
+  write_results(::isatty(results_descriptor()) == 1 ? printable(text, "\n\t") : text);
 }
 
 }  // namespace
@@ -90,10 +86,13 @@ void warn_all(std::span<const std::string> messages) {
 
 std::size_t stdout_columns() {
   winsize size{};
-  const bool known = ::isatty(STDOUT_FILENO) == 1 && ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0;
+  const bool known = ::ioctl(results_descriptor(), TIOCGWINSZ, &size) == 0;
   return known ? size.ws_col : 0;
 }
 
-bool stderr_is_terminal() { return ::isatty(STDERR_FILENO) == 1; }
+bool stderr_is_terminal() {
+  const char* const kind = std::getenv("TERM");
+  return ::isatty(STDERR_FILENO) == 1 && (kind == nullptr || std::string_view(kind) != "dumb");
+}
 
 }  // namespace pirt::cli

@@ -7,5 +7,6 @@ const char* const kProgram = PIRT_PROGRAM;
 const char* const kTestWorker = PIRT_TEST_WORKER;
 const char* const kNvmlStandIn = PIRT_NVML_STAND_IN;
 const char* const kNvmlStandInOld = PIRT_NVML_STAND_IN_OLD;
+const char* const kMeddlingLibrary = PIRT_MEDDLING_LIBRARY;
 
 }  // namespace pirt::test

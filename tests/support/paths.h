@@ -11,5 +11,6 @@ extern const char* const kTestWorker;    ///< characterize/worker_main.cc: a wor
 /// characterize/nvml_stand_in.cc, as it is and as an old driver's.
 extern const char* const kNvmlStandIn;
 extern const char* const kNvmlStandInOld;
+extern const char* const kMeddlingLibrary;  ///< cli/meddling_library.cc
 
 }  // namespace pirt::test

@@ -4,13 +4,14 @@
 #include <iostream>
 
 #include "cli/commands.h"
+#include "cli/options/process_start.h"
 
 namespace pirt::cli {
 
 void add_worker(CLI::App& app, Action& action) {
   Command command(app, "worker", "Does one job from standard input");
   command.hide();  // not in the help
-  command.runs(action, [] { return run_worker(std::cin, std::cout); });
+  command.runs(action, [] { return run_worker(std::cin, results_stream()); });
 }
 
 }  // namespace pirt::cli

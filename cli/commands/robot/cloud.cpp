@@ -2,7 +2,6 @@
 #include <fmt/core.h>
 #include <unistd.h>
 
-#include <cstdio>
 #include <memory>
 #include <optional>
 
@@ -11,6 +10,7 @@
 #include "cli/long_run.h"
 #include "cli/options/files.h"
 #include "cli/options/models.h"
+#include "cli/options/output.h"
 #include "cli/options/shipped.h"
 #include "cli/options/values.h"
 #include "workloads/backends/nats/worker/cloud_service.h"
@@ -140,18 +140,14 @@ int work(const CloudFlags& options) {
   const std::atomic<bool>* const stop = stop_on_signal();
   cloud::serve(worker, known,
                {.stop = [stop] { return stop->load(); },
-                .say =
-                    [](const std::string& line) {
-                      std::printf("%s\n", line.c_str());
-                      std::fflush(stdout);
-                    }});
+                .say = [](const std::string& line) { emit_text(line + "\n", {}); }});
   return 0;
 }
 
 int administer(const CloudFlags& options) {
   const auto done = cloud::administer(options.connection, {.robots = options.robots});
-  for (const std::string& line : done) std::printf("%s\n", line.c_str());
-  if (done.empty()) std::puts("all is there");
+  for (const std::string& line : done) emit_text(line + "\n", {});
+  if (done.empty()) emit_text("all is there\n", {});
   return 0;
 }
 
@@ -199,7 +195,7 @@ void add_cloud_admin(CLI::App& app, Action& action) {
       "r1,r2");
   command.runs(action, [options, what] {
     if (*what == "setup") return administer(*options);
-    std::fputs(cloud::permissions_of(options->robots).c_str(), stdout);
+    emit_text(cloud::permissions_of(options->robots), {});
     return 0;
   });
 }
