@@ -32,6 +32,7 @@ stage oclgrind "${code[workloads]} tests/oclgrind.sh" "$base oclgrind" "each Ope
 stage rusticl "${code[workloads]}" "$base mesa-opencl-icd" "every workload's OpenCL kernels on Mesa's driver" long_test rusticl
 stage recordings "$all" "$base python3-numpy python3-opencv" "recordings, maps and models as others make them: ../shared/cases/recordings" check_recordings
 stage subdirectory "$all" "$base" "pirt as a part of another project" long_test subdirectory
+stage systems "$all" "$base jq sqlite3" "launchers, containers, boards: cases that lie beside the project" check_systems
 stage packages "$all" "$base debootstrap lintian" "packages of Debian, installed, used and removed in a fresh root" check_packages
 stage unity-build "$all" "${PIRT_PACKAGES[*]}" "what cli/demo.sh builds, whose rooms are one source each, without a warning" build_united
 stage unity-tests "$all" "$base" "the tests of a build whose rooms are one source each, as who builds once has it" unity
@@ -116,6 +117,12 @@ check_recordings() {
   local code=$?
   rm -rf "$out"
   return $code
+}
+
+check_systems() {
+  cmake -S . -B build -G Ninja >/dev/null
+  cmake --build build --target pirt
+  tests/systems.sh build/pirt || exit $?
 }
 
 check_packages() { tests/packages.sh || exit $?; }
