@@ -91,12 +91,26 @@ std::string precision_fault(const Workload& workload) {
   return workload.batch > 1 ? "backend dsp computes one image a call" : "";
 }
 
+/// A bias below 2^28 and products of -128 by 127 are what a sum of 32 bits holds.
+std::string sum_fault(std::int64_t products) {
+  constexpr std::int64_t kMost = ((std::int64_t{1} << 31) - (1 << 28)) / (128 * 127);
+  return products <= kMost
+             ? ""
+             : fmt::format("backend dsp sums at most {} products in its 32 bits", kMost);
+}
+
+std::string fully_connected_fault(const Workload& workload) {
+  const std::string fault = precision_fault(workload);
+  return fault.empty() ? sum_fault(operation_as<dnn::FullyConnected>(workload).in) : fault;
+}
+
 std::string convolution_fault(const Workload& workload) {
   const auto& s = operation_as<dnn::Conv2dRelu>(workload).shape;
   if (s.stride % 4 != 0 || s.pad != 0 || s.out_w() < 4 || s.out_h() * s.out_w() < kLanes) {
     return "backend dsp has a convolution for strides of 4 without padding only";
   }
-  return precision_fault(workload);
+  const std::string fault = precision_fault(workload);
+  return fault.empty() ? sum_fault(std::int64_t{s.in_c} * s.k_h * s.k_w) : fault;
 }
 
 Call make_convolution(ProgramSession& session, const Workload& workload,
@@ -185,7 +199,7 @@ Call make_fully_connected(ProgramSession& session, const Workload& workload,
 
 constexpr std::array kDnnKernels = {
     DspKernelEntry{"conv2d_relu", convolution_fault, make_convolution},
-    DspKernelEntry{"fully_connected", precision_fault, make_fully_connected},
+    DspKernelEntry{"fully_connected", fully_connected_fault, make_fully_connected},
 };
 
 }  // namespace

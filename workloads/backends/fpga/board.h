@@ -18,7 +18,8 @@ struct Board {
 
   SdramTiming sdram = {};
 
-  /// HPS-to-FPGA bridge: bits of its data path, a transfer a cycle of the cores' clock.
+  /// HPS-to-FPGA bridge: bits of its data path. A transfer a cycle of the cores' clock is an
+  /// assumption, the most that the bus can do.
   /// @source Intel, Cyclone V Hard Processor System Technical Reference Manual, "HPS-FPGA bridges":
   /// AXI, 32, 64 or 128 bits.
   int bridge_bits = 64;

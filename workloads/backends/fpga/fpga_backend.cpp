@@ -5,6 +5,7 @@
 #include <cassert>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <string>
 #include <utility>
 
@@ -39,6 +40,7 @@ struct Running {
   CountedClock clock;
   std::string loaded = {};
   int loads = 0;
+  std::map<std::string_view, std::size_t> kept_bytes = {};  ///< In the SDRAM, by bitstream.
 
   /// What the SDRAM held is gone when a bitstream is loaded: its controller is part of it.
   void load(std::string_view bitstream) {
@@ -71,7 +73,11 @@ class FpgaKernel : public Kernel {
     refuse_more_than_there_is(workload.name);
     alone_ = fpga::cycles_alone(*core_, task_);
     load();
+    running_.kept_bytes[bitstream_] += size_bytes();
   }
+  ~FpgaKernel() override { running_.kept_bytes[bitstream_] -= size_bytes(); }
+  FpgaKernel(const FpgaKernel&) = delete;
+  FpgaKernel& operator=(const FpgaKernel&) = delete;
 
   void bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) override {
     inputs_ = inputs;
@@ -139,13 +145,20 @@ class FpgaKernel : public Kernel {
 
   void refuse_more_than_there_is(const std::string& name) const {
     constexpr std::size_t kMemory = std::size_t{64} << 20;
+    const std::size_t kept = running_.kept_bytes[bitstream_];
+    if (kept + size_bytes() > kMemory) {
+      throw_environment(
+          fmt::format("'{}' needs {} bytes of the board's SDRAM, which has {}, {} of them for what "
+                      "is prepared already; prepare less of it at a time",
+                      name, size_bytes(), kMemory, kept));
+    }
+  }
+
+  [[nodiscard]] std::size_t size_bytes() const {
     std::size_t bytes = 0;
     for (const auto& lane : call_.in) bytes += lane.memory.size();
     for (const auto& lane : out_) bytes += lane.size();
-    if (bytes > kMemory) {
-      throw_environment(fmt::format("'{}' needs {} bytes of the board's SDRAM, which has {}", name,
-                                    bytes, kMemory));
-    }
+    return bytes;
   }
 
   void move_inputs() {

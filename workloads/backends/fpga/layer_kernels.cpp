@@ -67,7 +67,9 @@ std::string precision_fault(const Workload& workload) {
 }
 
 std::string shape_fault(const Shape& s) {
-  const bool fits = s.input_words() <= kInputWords && s.filter <= 7 && s.rows <= 127 &&
+  // Within the bits of the core's settings, too: 14 of input_words do not hold 2^14.
+  const bool fits = s.input_words() < kInputWords && s.filter <= 7 && s.rows <= 127 &&
+                    s.out_h <= 127 && s.tiles() <= 15 && s.pad < std::max(s.filter, 1) &&
                     s.row_words() <= 15 && s.groups() <= 1023 && s.plane_words() <= 1023 &&
                     s.group_words() < kInputWords &&
                     (s.group_words() <= kRingWords || s.tiles() * s.out_h == 1);

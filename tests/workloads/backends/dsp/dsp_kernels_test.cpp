@@ -10,6 +10,7 @@
 #include "tests/workloads/catalog/workload_support.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/dnn/dnn.h"
 #include "workloads/vision/vision.h"
 
 namespace pirt {
@@ -176,6 +177,17 @@ class Path {
  private:
   std::string before_ = std::getenv("PATH");
 };
+
+TEST(DspBackend, RefusesMoreProductsThanASumHolds) {
+  const auto support_of = [](int in) {
+    return make_dsp_backend()->supports(
+        dnn::in_precision(dnn::make_fully_connected("layer", in, 1, dnn::Activation::kDropout),
+                          Precision::kInt8)
+            .value());
+  };
+  EXPECT_TRUE(support_of(115'591).ok);  // 128 * 127 of them are below 2^31 - 2^28
+  EXPECT_THAT(support_of(115'592).reason, testing::HasSubstr("at most 115591 products"));
+}
 
 TEST(DspBackend, SaysWhatToInstallWhereSomethingIsMissing) {
   const Path nowhere("/nowhere");

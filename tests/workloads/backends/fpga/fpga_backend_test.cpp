@@ -8,6 +8,7 @@
 #include "tests/workloads/backends/fpga/fpga_support.h"
 #include "workloads/base/error.h"
 #include "workloads/catalog/catalog.h"
+#include "workloads/dnn/dnn.h"
 
 namespace pirt {
 namespace {
@@ -150,6 +151,25 @@ TEST(FpgaBackend, IsConfiguredOnceForCoresOfOneBitstream) {
   const auto device = test::open_fpga();
   EXPECT_GE(times_of(*device, find_workload("gaussian_blur")).prepare, from_ms(28));
   EXPECT_EQ(times_of(*device, find_workload("sobel")).prepare, Nanos(0));
+}
+
+// Weights of 36 MB, twice: the board has 64.
+TEST(FpgaBackend, HoldsInItsMemoryAllThatIsPrepared) {
+  const Workload layer =
+      dnn::in_precision(dnn::make_fully_connected("layer", 9000, 4200, dnn::Activation::kDropout),
+                        Precision::kInt8)
+          .value();
+  const Data data = test::data_of_seed_1(layer);
+  const auto device = test::open_fpga();
+  auto first = device->prepare(layer, data.parameters);
+  try {
+    static_cast<void>(device->prepare(layer, data.parameters));
+    ADD_FAILURE() << "no error";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("for what is prepared already"));
+  }
+  first.reset();
+  EXPECT_NE(device->prepare(layer, data.parameters), nullptr);
 }
 
 TEST(FpgaBackend, SaysHowTheTimeOfEachPhaseIsKnown) {

@@ -78,33 +78,101 @@ std::vector<Workload> small_layers() {
   return layers;
 }
 
+/// What the core makes of what lies in the call's lane.
+/// @param seed  Of when its neighbours wait; 0 = never.
+std::vector<std::int32_t> run_core(fpga::Core& core, const fpga::Call& call, std::uint64_t seed) {
+  Random random(seed);
+  const auto stops = [&] { return seed != 0 && random.below(3) == 0; };
+  const auto& memory = call.in[0].memory;
+  const auto count = call.out[0].size_bytes / sizeof(std::int32_t);
+  core.start(0, 0, call.parameters);
+  std::vector<std::int32_t> sums;
+  std::size_t at = 0;
+  for (int cycle = 0; sums.size() < count && cycle < 3'000'000; ++cycle) {
+    fpga::Driven driven{.in_valid = at < memory.size() && !stops(), .out_ready = !stops()};
+    if (driven.in_valid) std::memcpy(&driven.in_data, &memory[at], 7);
+    const fpga::Shown shown = core.show(driven);
+    if (driven.in_valid && shown.in_ready) at += 7;
+    if (shown.out_valid && driven.out_ready) {
+      sums.push_back(static_cast<std::int32_t>(shown.out_data & 0xffffffff));
+      sums.push_back(static_cast<std::int32_t>(shown.out_data >> 32));
+    }
+    core.clock();
+  }
+  return sums;
+}
+
 TEST(FpgaLayers, GiveExactSumsWhoeverWaits) {
   for (const Workload& layer : small_layers()) {
     const Data data = test::data_of_seed_1(layer);
     auto call = fpga::find_kernel(layer.kernel)->make(layer, data.parameters);
     call.fill(data.inputs, call.in);
     const auto expected = sums_of(call);
-    const auto& memory = call.in[0].memory;
     const auto core = fpga::find_core("mac_array").make();
     for (std::uint64_t seed = 0; seed <= 10; ++seed) {
-      Random random(seed);
-      const auto stops = [&] { return seed != 0 && random.below(3) == 0; };
-      core->start(0, 0, call.parameters);
-      std::vector<std::int32_t> sums;
-      std::size_t at = 0;
-      for (int cycle = 0; sums.size() < expected.size() && cycle < 3'000'000; ++cycle) {
-        fpga::Driven driven{.in_valid = at < memory.size() && !stops(), .out_ready = !stops()};
-        if (driven.in_valid) std::memcpy(&driven.in_data, &memory[at], 7);
-        const fpga::Shown shown = core->show(driven);
-        if (driven.in_valid && shown.in_ready) at += 7;
-        if (shown.out_valid && driven.out_ready) {
-          sums.push_back(static_cast<std::int32_t>(shown.out_data & 0xffffffff));
-          sums.push_back(static_cast<std::int32_t>(shown.out_data >> 32));
-        }
-        core->clock();
-      }
-      ASSERT_EQ(sums, expected) << layer.description << ", seed " << seed;
+      ASSERT_EQ(run_core(*core, call, seed), expected) << layer.description << ", seed " << seed;
     }
+  }
+}
+
+fpga::Call fully_connected_call(int in) {
+  const Workload layer =
+      dnn::in_precision(dnn::make_fully_connected("layer", in, 1, dnn::Activation::kDropout),
+                        Precision::kInt8)
+          .value();
+  return fpga::find_kernel(layer.kernel)->make(layer, test::data_of_seed_1(layer).parameters);
+}
+
+// fc6: 9,216 * 127 * 127. The most inputs that are supported, of the largest and the smallest bytes
+// that a lane holds: 16,382 * 128 * 128 is within 2^28, which no sum of 28 bits with a sign holds.
+TEST(FpgaLayers, GiveExactSumsOfAllThatIsSupportedAtItsLargest) {
+  const auto core = fpga::find_core("mac_array").make();
+  struct Extreme {
+    int in;
+    std::int8_t input, weight;
+    std::int32_t sum;
+  };
+  for (const auto& [in, input, weight, sum] :
+       {Extreme{9216, 127, 127, 148'644'864}, Extreme{9216, -127, 127, -148'644'864},
+        Extreme{16'382, 127, -127, -264'225'278}, Extreme{16'382, -128, -128, 268'402'688},
+        Extreme{16'382, 127, -128, -266'305'792}}) {
+    auto call = fully_connected_call(in);
+    auto& memory = call.in[0].memory;
+    const auto inputs = static_cast<std::ptrdiff_t>(call.in[0].call_bytes);
+    std::fill(memory.begin(), memory.begin() + inputs, static_cast<std::byte>(input));
+    std::fill(memory.begin() + inputs, memory.end(), static_cast<std::byte>(weight));
+    EXPECT_EQ(run_core(*core, call, 0).front(), sum) << in << " of " << +input << " by " << +weight;
+  }
+}
+
+// Of rows, tiles and words there are as many as the core's settings have bits for.
+TEST(FpgaLayers, RefuseConvolutionsBeyondTheSettings) {
+  const auto supported = [](const dnn::ConvShape& shape) {
+    const Workload layer =
+        dnn::in_precision(dnn::make_conv2d_relu("layer", shape), Precision::kInt8).value();
+    return test::open_fpga()->supports(layer).ok;
+  };
+  dnn::ConvShape shape{
+      .in_c = 1, .in_h = 127, .in_w = 3, .out_c = 1, .k_h = 3, .k_w = 3, .stride = 1, .pad = 1};
+  EXPECT_TRUE(supported(shape));
+  shape.pad = 2;  // 129 rows out
+  EXPECT_FALSE(supported(shape));
+  shape.in_h = 125;
+  EXPECT_TRUE(supported(shape));
+  shape = {
+      .in_c = 1, .in_h = 1, .in_w = 210, .out_c = 1, .k_h = 1, .k_w = 1, .stride = 1, .pad = 0};
+  EXPECT_TRUE(supported(shape));
+  shape.in_w = 211;
+  EXPECT_FALSE(supported(shape));
+}
+
+TEST(FpgaLayers, RefuseMoreProductsThanASumHolds) {
+  for (const auto& [in, supported] : {std::pair{16'382, true}, std::pair{16'383, false}}) {
+    const Workload layer =
+        dnn::in_precision(dnn::make_fully_connected("layer", in, 1, dnn::Activation::kDropout),
+                          Precision::kInt8)
+            .value();
+    EXPECT_EQ(test::open_fpga()->supports(layer).ok, supported) << in;
   }
 }
 

@@ -25,7 +25,7 @@ module mac_array (
   localparam INPUTS = 13;   // address bits of half of the input words, even ones and odd ones
   localparam RING = 13;     // address bits of the weights
   localparam COUNT = 24;    // bits of a position in all weights of a layer
-  localparam SUM = 28;
+  localparam SUM = 29;      // 16,382 products, the most that fit (input_words), of -128 by -128
 
   reg [191:0] settings;
   always @(posedge clk) if (set_valid) settings <= {set_data, settings[191:8]};
@@ -208,7 +208,7 @@ module mac_array (
     end
   endgenerate
   assign out_valid = left != 0;
-  assign out_data = {{4{shown[2*SUM-1]}}, shown[SUM+:SUM], {4{shown[SUM-1]}}, shown[0+:SUM]};
+  assign out_data = {{(32-SUM){shown[2*SUM-1]}}, shown[SUM+:SUM], {(32-SUM){shown[SUM-1]}}, shown[0+:SUM]};
   always @(posedge clk)
     if (reset) left <= 0;
     else if (load) left <= 7'd98;
