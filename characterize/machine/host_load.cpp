@@ -75,6 +75,33 @@ std::optional<std::int64_t> read_heat(const std::vector<int>& cores,
   return total;
 }
 
+/// Boards of Arm count no thermal events: their kernels limit the clock by cooling devices.
+/// @source Documentation/driver-api/thermal/sysfs-api: cur_state, 0 = not active; the names that
+/// cpufreq_cooling.c (new and old), devfreq_cooling.c and the ACPI processor's driver give.
+std::optional<std::int64_t> read_cooled(const std::filesystem::path& root) {
+  std::optional<std::int64_t> total;
+  for (const auto& device : folder_entries(root / "sys/class/thermal")) {
+    const std::string type = first_line(device / "type").value_or("");
+    const bool slows = type.find("cpufreq") != std::string::npos ||
+                       type.find("devfreq") != std::string::npos || type == "Processor";
+    const auto state = slows ? read_number(device / "cur_state") : std::nullopt;
+    if (state) total = total.value_or(0) + *state;
+  }
+  return total;
+}
+
+std::optional<std::int64_t> read_max_khz(const std::vector<int>& cores,
+                                         const std::filesystem::path& root) {
+  const auto folder = root / "sys/devices/system/cpu";
+  std::optional<std::int64_t> total;
+  for (const int core : cores.empty() ? numbered_folders(folder, "cpu") : cores) {
+    const auto limit =
+        read_number(folder / ("cpu" + std::to_string(core)) / "cpufreq/scaling_max_freq");
+    if (limit) total = total.value_or(0) + *limit;
+  }
+  return total;
+}
+
 /// Version 2 counts microseconds, version 1 nanoseconds. @source
 /// Documentation/admin-guide/cgroup-v2, Documentation/scheduler/sched-bwc.
 std::optional<Nanos> read_quota_wait(const std::filesystem::path& root) {
@@ -147,6 +174,8 @@ HostCounters read_host_counters(const std::vector<int>& cores, const std::filesy
   counters.own = process_time();
   counters.waited = read_waited(root);
   counters.heat_events = read_heat(cores, root);
+  counters.cooled = read_cooled(root);
+  counters.max_khz = read_max_khz(cores, root);
   counters.quota_wait = read_quota_wait(root);
   return counters;
 }
@@ -170,7 +199,9 @@ bool was_throttled(const HostCounters& before, const HostCounters& after) {
       before.heat_events && after.heat_events && *after.heat_events > *before.heat_events;
   const bool quota = before.quota_wait && after.quota_wait &&
                      to_s(*after.quota_wait - *before.quota_wait) > kThrottledShare * wall_s;
-  return heat || quota;
+  const bool cooled = std::max(before.cooled.value_or(0), after.cooled.value_or(0)) > 0;
+  const bool limited = before.max_khz && after.max_khz && *after.max_khz != *before.max_khz;
+  return heat || quota || cooled || limited;
 }
 
 }  // namespace

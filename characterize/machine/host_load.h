@@ -22,6 +22,8 @@ struct HostCounters {
                  ///< compiler, say) that it has waited for.
   std::optional<Nanos> waited;  ///< How long threads of this process could run and had no core.
   std::optional<std::int64_t> heat_events;  ///< Thermal throttling of the cores asked for.
+  std::optional<std::int64_t> cooled;       ///< Steps by which processors are slowed down for heat.
+  std::optional<std::int64_t> max_khz;      ///< The sum of the cores' limits, which heat lowers.
   std::optional<Nanos>
       quota_wait;  ///< Time that this process' control group was held back by its quota.
 };
@@ -39,8 +41,8 @@ struct Interference {
   bool contended = false;  ///< Others (or the hypervisor) used more than 5 % of the cores' time,
                            ///< and more than the counters' grain.
   bool crowded = false;    ///< The same of 25 %: what was timed may have waited for much of it.
-  bool throttled =
-      false;  ///< A thermal event, or held back by a quota for more than 1 % of the time.
+  /// A thermal event, slowed down for heat, or held back by a quota for more than 1 % of the time.
+  bool throttled = false;
   friend bool operator==(const Interference&, const Interference&) = default;
 };
 

@@ -361,6 +361,27 @@ TEST(HostLoad, NoticesThrottling) {
   EXPECT_TRUE(interference(before, after, 1).throttled);
 }
 
+TEST(HostLoad, NoticesThatABoardIsSlowedDownForHeat) {
+  const TemporaryFolder root;
+  const std::string cpu = "sys/devices/system/cpu/";
+  put(root, "sys/class/thermal/cooling_device0/type", "thermal-cpufreq-0\n");
+  put(root, "sys/class/thermal/cooling_device0/cur_state", "0\n");
+  put(root, "sys/class/thermal/cooling_device1/type", "pwm-fan\n");
+  put(root, "sys/class/thermal/cooling_device1/cur_state", "3\n");
+  put(root, cpu + "cpu0/cpufreq/scaling_max_freq", "1900000\n");
+  put(root, cpu + "cpu1/cpufreq/scaling_max_freq", "1900000\n");
+  const auto before = read_host_counters({0}, root.path());
+  EXPECT_FALSE(interference(before, read_host_counters({0}, root.path()), 1).throttled);
+  put(root, cpu + "cpu1/cpufreq/scaling_max_freq", "1200000\n");
+  EXPECT_FALSE(interference(before, read_host_counters({0}, root.path()), 1).throttled);
+  put(root, cpu + "cpu0/cpufreq/scaling_max_freq", "1200000\n");
+  EXPECT_TRUE(interference(before, read_host_counters({0}, root.path()), 1).throttled);
+  put(root, cpu + "cpu0/cpufreq/scaling_max_freq", "1900000\n");
+  put(root, "sys/class/thermal/cooling_device0/cur_state", "1\n");
+  const auto cooled = read_host_counters({0}, root.path());
+  EXPECT_TRUE(interference(cooled, cooled, 1).throttled);
+}
+
 TEST(HostLoad, ReadsTheCountersOfTheCoresAskedFor) {
   const TemporaryFolder root;
   put(root, "proc/stat",
