@@ -115,7 +115,11 @@ Json to_json(const Sample& sample) {
 
 Sample sample_from_json(const std::string& text) {
   try {
-    const auto json = parse_json(text);
+    // Libraries of older versions may write to stdout before and behind it.
+    const auto begin = text.starts_with('{') ? 0 : text.rfind("\n{") + 1;
+    const auto end = text.find("\n}", begin);
+    const auto json =
+        parse_json(text.substr(begin, end == std::string::npos ? end : end + 2 - begin));
     if (json.at("pirt_sample").get<int>() < kSampleFormat) throw_bad_input("an unknown format");
     Sample sample;
     sample.version = json.at("version");

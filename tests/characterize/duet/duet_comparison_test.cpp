@@ -340,6 +340,9 @@ TEST(Sample, ReadsWhatItWritesAndNothingElse) {
   EXPECT_EQ(there.device, "CPU");
   EXPECT_EQ(there.right, true);
   EXPECT_EQ(there.seconds, answer(1e-3).seconds);
+  const Sample among = sample_from_json("onednn_verbose,info,oneDNN v2.6\n" +
+                                        json_text(to_json(answer(1e-3)), 2) + "\nbye\n");
+  EXPECT_EQ(among.seconds, there.seconds);
   for (const char* bad :
        {"", "{}", "[1]", "hello", R"({"pirt_sample": 1, "version": "1", "device": "d"})",
         R"({"pirt_sample": 1, "version": "1", "device": "d", "seconds": {"call": -1}})",
