@@ -73,6 +73,24 @@ TEST_P(FpgaCore, IsExactAtOddSizesWhoeverWaits) {
   EXPECT_GE(computed, 5 * 11);
 }
 
+// White, and edges of black and white in each direction, alone, in steps of two and all over: the
+// largest gradients, products and sums of them.
+TEST_P(FpgaCore, IsExactWherePicturesAreExtreme) {
+  constexpr std::array<test::Pixel*, 6> kPictures = {
+      [](int, int) -> std::uint8_t { return 255; },
+      [](int x, int y) -> std::uint8_t { return (x + y) % 2 == 0 ? 255 : 0; },
+      [](int x, int) -> std::uint8_t { return x / 2 % 2 == 0 ? 255 : 0; },
+      [](int, int y) -> std::uint8_t { return y / 2 % 2 == 0 ? 255 : 0; },
+      [](int x, int y) -> std::uint8_t { return (x / 2 + y / 2) % 2 == 0 ? 255 : 0; },
+      [](int x, int y) -> std::uint8_t { return x > 30 && y > 28 ? 255 : 0; }};
+  const auto core = fpga::find_core(GetParam()).make();
+  for (std::size_t i = 0; i < kPictures.size(); ++i) {
+    const auto one = test::core_case(GetParam(), 64, 60, kPictures[i]);
+    core->start(64, 60, one.parameters);
+    EXPECT_EQ(pass(*core, one, 0).out, one.expected) << "picture " << i;
+  }
+}
+
 // A pixel a cycle: 5 % for the rows that a window waits for and for the pipeline. optical_flow's
 // window waits for 26 rows of 480, which is its limit of 0.33 M cycles; undistort waits for as many
 // as the lens of the catalog bends lines by, and two.

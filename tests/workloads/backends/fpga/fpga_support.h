@@ -113,9 +113,20 @@ inline std::vector<std::uint64_t> score_model(const Data& data, int width, int h
 
 /// Noise through @p core: what goes in as the backend lays it, and what its definition or the model
 /// of its numbers says.
-inline CoreCase core_case(const std::string& core, int width, int height) {
+/// @param pixel  In place of noise; weights of filters are then the smallest that there are.
+using Pixel = std::uint8_t(int x, int y);
+inline CoreCase core_case(const std::string& core, int width, int height, Pixel* pixel = nullptr) {
   const Workload workload = workload_of_core(core, width, height);
-  const Data data = noise_data(workload);
+  Data data = noise_data(workload);
+  if (pixel != nullptr) {
+    for (Tensor& picture : data.inputs) {
+      const auto pixels = picture.as<std::uint8_t>();
+      for (int i = 0; i < std::ssize(pixels); ++i) {
+        pixels[static_cast<std::size_t>(i)] = pixel(i % width, i / width);
+      }
+    }
+    if (core == "convolution") std::ranges::fill(data.parameters[0].as<std::int16_t>(), -128);
+  }
   const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   const auto call = fpga::find_kernel(workload.kernel)->make(workload, data.parameters);
   CoreCase one{core, width, height, call.parameters, elements_of(data.inputs, pixels), {}};
