@@ -518,7 +518,7 @@ std::string doubts_text(const RunRecord& run) {
     parts.push_back(fmt::format("{:.0f} % of the time of {}", 100 * share, unit));
   }
   if (!parts.empty()) text += ": other programs took up to " + join(parts, " and ");
-  if (wild) text += "; some by more than a factor of 4 (??)";
+  if (wild) text += "; some by more than a factor of 4, marked ??";
   return text + "; `pirt doctor` says what disturbs this machine.";
 }
 
