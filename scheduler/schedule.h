@@ -48,8 +48,8 @@ struct ModeRuns {
     std::string mode;
     std::string reason;
   };
-  std::vector<RunRecord> runs;
-  std::vector<Skipped> skipped;  ///< Modes that cannot run there, and why.
+  std::vector<RunRecord> runs = {};
+  std::vector<Skipped> skipped = {};  ///< Modes that cannot run there, and why.
 };
 
 /// Each reason once: "latency, energy: no unit can serve sobel".

@@ -17,9 +17,14 @@ std::vector<std::int32_t> processes_of(const PhaseRecord& record) {
 Statistics statistics_of(const PhaseRecord& record) {
   Statistics found = summarize(record.samples, processes_of(record));
   if (record.deterministic) found.interval = {found.median, found.median};
-  if (found.interval && record.taken) {
-    found.interval->low = std::min(found.interval->low, scaled(found.median, 1 - *record.taken));
+  if (!record.taken) return found;
+  // Of fewer than 3 processes, what they span.
+  if (!found.interval) {
+    const auto [least, most] =
+        std::ranges::minmax(process_medians(record.samples, processes_of(record)));
+    found.interval = {least, most};
   }
+  found.interval->low = std::min(found.interval->low, scaled(found.median, 1 - *record.taken));
   return found;
 }
 

@@ -39,7 +39,8 @@ std::vector<Nanos> measure_leave(const std::vector<int>& cores, int samples) {
       static_cast<void>(running->submit("let_in", {}, {.deadline = std::chrono::seconds(1)}));
       const Nanos given_up = clock.now() + kLongest;
       Nanos before{0};
-      // Another thread's turn may have the submission still: it is seen at the end of a later slice.
+      // Another thread's turn may have the submission still: it is seen at the end of a later
+      // slice.
       do {
         before = clock.now();
         between_slices();

@@ -80,7 +80,8 @@ struct Files {
   std::vector<std::string> databases, runs, traces;
 };
 
-/// Pipes cannot be looked into beforehand: the first file is then a database, others are run records.
+/// Pipes cannot be looked into beforehand: the first file is then a database, others are run
+/// records.
 Files sort_files(const std::vector<std::string>& files) {
   Files sorted;
   for (const auto& file : files) {
@@ -336,7 +337,8 @@ struct Kind {
 constexpr const char* kOneDatabase = "The profile database";
 constexpr const char* kEverything =
     "The profile database; then more of them, to be shown side by side, run records of pirt "
-    "schedule --json (default: the modes are simulated now), and traces of its --trace. Run records "
+    "schedule --json (default: the modes are simulated now), and traces of its --trace. Run "
+    "records "
     "alone, or nothing beside --platform of a modelled board, will do";
 constexpr Kind kText = {
     "text",       "Show all that is known: which unit, which mode, and what that follows from",

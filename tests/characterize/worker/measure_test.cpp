@@ -409,16 +409,19 @@ TEST(Validity, DisregardsWhatBefellFewProcesses) {
 TEST(Validity, CollectsEveryReason) {
   CellConditions all{kReal, false, true, true, true};
   CellSamples call = processes_of(3, 6, Nanos(100));  // 18 samples
-  EXPECT_THAT(held_against(judge(call, all)), ElementsAre("clock_bound", "few_samples", "throttled", "unstable"));
+  EXPECT_THAT(held_against(judge(call, all)),
+              ElementsAre("clock_bound", "few_samples", "throttled", "unstable"));
   all.wrong_output = true;  // which is why there are few
   EXPECT_THAT(held_against(judge(call, all)),
               ElementsAre("wrong_output", "clock_bound", "throttled", "unstable"));
   const CellConditions fine{kReal, false, false, false, false};
   EXPECT_THAT(held_against(judge(processes_of(3, 7, Nanos(100'000)), fine)), IsEmpty());
-  EXPECT_THAT(held_against(judge(processes_of(2, 20, Nanos(100'000)), fine)), ElementsAre("few_samples"));
+  EXPECT_THAT(held_against(judge(processes_of(2, 20, Nanos(100'000)), fine)),
+              ElementsAre("few_samples"));
   CellSamples launch = processes_of(3, 7, Nanos(100));
   launch.phase = Phase::kLaunch;
-  EXPECT_THAT(held_against(judge(launch, fine)), IsEmpty());  // the device's stamps, not the clock's
+  EXPECT_THAT(held_against(judge(launch, fine)),
+              IsEmpty());  // the device's stamps, not the clock's
 }
 
 TEST(Validity, NotesWhatWasReachedAndWhatElseHappened) {
