@@ -11,7 +11,7 @@ std::string interval_text(std::optional<double> low, std::optional<double> high)
   return low && high ? fmt::format(" ({} to {})", figure(*low), figure(*high)) : "";
 }
 
-std::optional<double> ms(std::optional<Nanos> time) {
+std::optional<double> in_ms(std::optional<Nanos> time) {
   return time ? std::optional(to_ms(*time)) : std::nullopt;
 }
 
@@ -24,7 +24,7 @@ std::string doubt_mark(const PhaseRow& row) {
 
 std::string shown_ms(const PhaseRow& row) {
   const std::string text = shown_figure(row, figure_ms(row.median), row.provenance);
-  return is_doubted(row) ? text + interval_text(ms(row.ci_low), ms(row.ci_high)) : text;
+  return is_doubted(row) ? text + interval_text(in_ms(row.ci_low), in_ms(row.ci_high)) : text;
 }
 
 std::string shown_mj(const EnergyRow& row) {

@@ -132,14 +132,14 @@ Runs best_by_tail(std::span<const RunRecord* const> among, std::span<const RunRe
   });
 }
 
-std::vector<std::string> Answer::lines() const {
+std::vector<std::string> ModeAnswer::lines() const {
   std::vector<std::string> all = {sentence};
   if (!doubts.empty()) all.push_back(doubts);
   return all;
 }
 
-Answer answer_of(const ModeRuns& modes) {
-  Answer answer;
+ModeAnswer answer_of(const ModeRuns& modes) {
+  ModeAnswer answer;
   if (modes.runs.empty()) {
     answer.sentence = "No mode could run: " + join(reason_lines(modes.skipped), "; ");
     return answer;

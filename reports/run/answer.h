@@ -32,13 +32,13 @@ namespace pirt {
 [[nodiscard]] std::vector<const RunRecord*> best_by_tail(std::span<const RunRecord* const> among,
                                                          std::span<const RunRecord> runs);
 
-struct Answer {
+struct ModeAnswer {
   std::vector<std::string> modes = {};  ///< To take; empty: none ran.
   std::string sentence = {};
   std::string doubts = {};  ///< What of it is uncertain, and what to do; empty: nothing is.
   [[nodiscard]] std::vector<std::string> lines() const;
 };
-[[nodiscard]] Answer answer_of(const ModeRuns& modes);
+[[nodiscard]] ModeAnswer answer_of(const ModeRuns& modes);
 
 /// Its tables: a row a figure and a pipeline, a column a mode, at most six columns each. ✗ marks
 /// what does not keep up.

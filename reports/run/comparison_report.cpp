@@ -184,7 +184,7 @@ Json comparison_json(const ModeRuns& comparison) {
   for (const auto& each : comparison.skipped) {
     skipped.push_back({{"mode", each.mode}, {"reason", each.reason}});
   }
-  const Answer answer = answer_of(comparison);
+  const ModeAnswer answer = answer_of(comparison);
   return {{"schema_version", RunRecord::kSchemaVersion},
           {"answer",
            {{"modes", answer.modes}, {"sentence", answer.sentence}, {"doubts", answer.doubts}}},

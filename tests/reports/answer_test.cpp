@@ -73,45 +73,45 @@ TEST(KeepingUp, LateAndQueuedFiringsCountOfRealTimePipelines) {
   EXPECT_TRUE(keeps_up(record));
 }
 
-TEST(Answer, TakesTheLeastEnergyOfThoseThatKeepUp) {
+TEST(ModeAnswer, TakesTheLeastEnergyOfThoseThatKeepUp) {
   RunRecord late = run("cheap", 1, 50);
   late.pipelines[0].deadline_misses = 4;
-  const Answer answer = answer_of({.runs = {run("edf", 3, 10), run("energy", 2, 30), late}});
+  const ModeAnswer answer = answer_of({.runs = {run("edf", 3, 10), run("energy", 2, 30), late}});
   EXPECT_THAT(answer.modes, ElementsAre("energy"));
   EXPECT_THAT(answer.sentence, StartsWith("Take energy: of 3 modes 2 keep up"));
   EXPECT_THAT(answer.doubts, IsEmpty());
 }
 
-TEST(Answer, RanksByTheTailWhereEnergyIsNotKnownOfAll) {
+TEST(ModeAnswer, RanksByTheTailWhereEnergyIsNotKnownOfAll) {
   RunRecord dark = run("edf", 3, 10);
   dark.energy_j.reset();
-  const Answer answer = answer_of({.runs = {dark, run("energy", 2, 30)}});
+  const ModeAnswer answer = answer_of({.runs = {dark, run("energy", 2, 30)}});
   EXPECT_THAT(answer.modes, ElementsAre("edf"));
   EXPECT_THAT(answer.sentence, HasSubstr("least p99 / deadline, 0.250"));
 }
 
-TEST(Answer, NamesAllThatCannotBeToldApart) {
+TEST(ModeAnswer, NamesAllThatCannotBeToldApart) {
   const auto a = redrawn(run("a", 2, 10), {1.9, 2.0, 2.1});
   const auto b = redrawn(run("b", 2.05, 10), {2.0, 1.95, 2.15});  // less in one of three
   const auto c = redrawn(run("c", 2.5, 10), {2.4, 2.5, 2.6});     // more in each
-  const Answer answer = answer_of({.runs = {a, b, c}});
+  const ModeAnswer answer = answer_of({.runs = {a, b, c}});
   EXPECT_THAT(answer.modes, ElementsAre("a", "b"));
   EXPECT_THAT(answer.sentence, HasSubstr("a or b"));
   EXPECT_THAT(answer.sentence, HasSubstr("~2.00 (1.90 to 2.10) J"));
 }
 
-TEST(Answer, IfNoneKeepsUpTheFewestLosses) {
+TEST(ModeAnswer, IfNoneKeepsUpTheFewestLosses) {
   RunRecord a = run("a", 1, 50), b = run("b", 9, 50);
   a.pipelines[0].deadline_misses = 40;
   b.pipelines[0].deadline_misses = 7;
   b.pipelines[0].dropped = 1;
-  const Answer answer = answer_of({.runs = {a, b}});
+  const ModeAnswer answer = answer_of({.runs = {a, b}});
   EXPECT_EQ(
       answer.sentence,
       "No mode keeps up. Take b: with 8 real-time firings late or dropped, it loses the fewest.");
 }
 
-TEST(Answer, SaysWhatIsUncertain) {
+TEST(ModeAnswer, SaysWhatIsUncertain) {
   RunRecord record = run("a", 1, 10);
   record.figures = 62;
   for (int i = 0; i < 9; ++i) {
@@ -129,14 +129,14 @@ TEST(Answer, SaysWhatIsUncertain) {
                  "of the time of cpu"));
 }
 
-TEST(Answer, SaysWhyNothingRan) {
-  const Answer answer = answer_of(
+TEST(ModeAnswer, SaysWhyNothingRan) {
+  const ModeAnswer answer = answer_of(
       {.runs = {}, .skipped = {{"edf", "no unit serves sobel"}, {"ect", "no unit serves sobel"}}});
   EXPECT_EQ(answer.sentence, "No mode could run: edf, ect: no unit serves sobel");
   EXPECT_THAT(answer.modes, IsEmpty());
 }
 
-TEST(Answer, ItsTablesHaveSixColumnsAtMost) {
+TEST(ModeAnswer, ItsTablesHaveSixColumnsAtMost) {
   std::vector<RunRecord> runs;
   for (const char* mode : {"a", "b", "c", "d", "e", "f", "g"}) runs.push_back(run(mode, 1, 10));
   runs[1].pipelines[0].deadline_misses = 3;
@@ -149,7 +149,7 @@ TEST(Answer, ItsTablesHaveSixColumnsAtMost) {
   EXPECT_EQ(tables[0].rows.back()[2], "✗ ~10.0, 3 late");
 }
 
-TEST(Answer, ComparesTailsPipelineByPipelineWithoutDeadlines) {
+TEST(ModeAnswer, ComparesTailsPipelineByPipelineWithoutDeadlines) {
   RunRecord a = run("a", 1, 17.6), b = run("b", 2, 10.4);
   for (RunRecord* each : {&a, &b}) {
     each->pipelines[0].deadline_ms.reset();
