@@ -153,7 +153,8 @@ ModeAnswer answer_of(const ModeRuns& modes) {
   const auto known = [](const RunRecord* run) { return run->energy_j.has_value(); };
   const std::string of = kept.size() == all.size()
                              ? fmt::format("all {} modes keep up", all.size())
-                             : fmt::format("of {} modes {} keep up", all.size(), kept.size());
+                             : fmt::format("of {} modes {} keep{} up", all.size(), kept.size(),
+                                           kept.size() == 1 ? "s" : "");
   Runs best;
   if (kept.empty()) {
     best = best_by(all, "real_time_losses");
