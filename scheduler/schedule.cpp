@@ -163,7 +163,8 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
   }
   if (tally.tasks.left > 0) record.slices_left = tally.tasks.left;
   if (profile != nullptr) record.draw = to_string(options.draw);
-  record.bounds = bounds_of(scenario, mode.policy.cloud_use, record);
+  // Of a redrawn run only its figures are asked for.
+  if (!options.redraw) record.bounds = bounds_of(scenario, mode.policy.cloud_use, record);
   if (!setup.policy_setup.plan.entries.empty() && mix.fires_once()) {
     record.planned_makespan_s = to_s(setup.policy_setup.plan.makespan);
     record.plan = planned_tasks(scenario, setup.policy_setup.plan);

@@ -28,12 +28,6 @@ std::set<std::string> unknown_power(const std::vector<RunRecord>& runs) {
   return units;
 }
 
-std::int64_t deadline_misses(const RunRecord& run) {
-  std::int64_t misses = 0;
-  for (const auto& pipeline : run.pipelines) misses += pipeline.deadline_misses.value_or(0);
-  return misses;
-}
-
 std::string names(const std::vector<const RunRecord*>& runs) {
   std::vector<std::string> modes;
   for (const RunRecord* run : runs) modes.push_back(run->mode);

@@ -31,12 +31,6 @@ bool comparable(const RunRecord& a, const RunRecord& b) {
   return key(a) == key(b);
 }
 
-std::int64_t late(const RunRecord& run) {
-  std::int64_t misses = 0;
-  for (const auto& pipeline : run.pipelines) misses += pipeline.deadline_misses.value_or(0);
-  return misses;
-}
-
 Origin provenance_of(const RunRecord& run) {
   const RunMarks marks = marks_of(run);
   return weakest(marks.time, marks.energy);
@@ -176,11 +170,11 @@ Chart latency_chart(const std::vector<ModePoint>& points) {
   for (const ModePoint& point : points) {
     const RunRecord& run = *point.run;
     const RunMarks marks = marks_of(run);
-    chart.table.rows.push_back({run.mode, shown(point.tail, marks.time),
-                                shown(run.mean_latency_ms, marks.time),
-                                shown(point.energy_mj, marks.energy), fmt::format("{}", late(run)),
-                                fmt::format("{}", run.dropped + run.expired),
-                                fmt::format("{}", run.queued), fmt::format("{}", run.offloaded)});
+    chart.table.rows.push_back(
+        {run.mode, shown(point.tail, marks.time), shown(run.mean_latency_ms, marks.time),
+         shown(point.energy_mj, marks.energy), fmt::format("{}", deadline_misses(run)),
+         fmt::format("{}", run.dropped + run.expired), fmt::format("{}", run.queued),
+         fmt::format("{}", run.offloaded)});
     chart.marks.push_back(mark_of(point, point.tail));
   }
   chart.lines = {front(
@@ -264,7 +258,7 @@ Document pareto_document(const ModeRuns& frontier) {
         {goal_of(*point.run), shown(point.rate_per_ms, marks.time),
          gap_text(point.rate_per_ms, bounds.throughput_per_ms),
          shown(point.energy_mj, marks.energy), gap_text(point.energy_mj, least_mj(points)),
-         shown(point.tail, marks.time), fmt::format("{}", late(*point.run)),
+         shown(point.tail, marks.time), fmt::format("{}", deadline_misses(*point.run)),
          point.beaten_by == nullptr ? "nobody" : goal_of(*point.beaten_by)});
     add_row(std::move(row), table);
   }

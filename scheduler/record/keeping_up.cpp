@@ -28,6 +28,14 @@ bool keeps_up(const RunRecord& run) {
   });
 }
 
+std::int64_t deadline_misses(const RunRecord& run) {
+  std::int64_t misses = 0;
+  for (const PipelineResult& pipeline : run.pipelines) {
+    misses += pipeline.deadline_misses.value_or(0);
+  }
+  return misses;
+}
+
 std::int64_t real_time_losses(const RunRecord& run) {
   std::int64_t losses = 0;
   for (const PipelineResult& pipeline : run.pipelines) {

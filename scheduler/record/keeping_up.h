@@ -19,6 +19,8 @@ struct Shortfall {
 
 /// No pipeline has a shortfall.
 [[nodiscard]] bool keeps_up(const RunRecord& run);
+/// Firings of all pipelines past their deadline.
+[[nodiscard]] std::int64_t deadline_misses(const RunRecord& run);
 /// Late and dropped firings of its real-time pipelines.
 [[nodiscard]] std::int64_t real_time_losses(const RunRecord& run);
 
