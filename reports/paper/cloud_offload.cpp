@@ -8,6 +8,7 @@
 #include "characterize/platform/elsewhere.h"
 #include "reports/document/figures.h"
 #include "reports/paper/paper_figures.h"
+#include "scheduler/services/call_plan.h"
 #include "scheduler/services/services.h"
 #include "scheduler/services/transfers.h"
 #include "workloads/base/error.h"
@@ -29,32 +30,34 @@ struct Row {
   const Profile& profile;
   const ServiceTable& services;
   WorkloadId workload;
-  const std::vector<std::optional<CallCost>>& costs;
 
   [[nodiscard]] const std::string& name() const { return services.workloads[workload]; }
   [[nodiscard]] CallThere call(UnitId unit) const {
     const Service& service = *services.find(workload, unit);
+    const CallPlan its = plan(unit, {});
     return {.unit = platform.units[unit].name,
-            .time = costs[unit]->total,
-            .energy_j = costs[unit]->energy_j,
+            .time = its.takes(Taken::kMean),
+            .energy_j = its.energy_j(Taken::kMean),
             .time_from = service.time_provenance,
-            .energy_from = costs[unit]->energy_provenance};
+            .energy_from = service.energy_provenance};
+  }
+  [[nodiscard]] CallPlan plan(UnitId unit, const CallBytes& bytes) const {
+    return plan_call(platform, services, workload, unit, bytes);
   }
 };
 
 bool is_cloud(const UnitModel& unit) { return unit.role == Role::kCloud; }
 
-/// What the call moves over its unit's link, which no service has.
-void add_link(const Link& link, const WorkloadSpec& spec, OffloadChoice& choice) {
-  const Nanos sending =
-      sending_time(link, bytes_of(spec.inputs)) + sending_time(link, bytes_of(spec.outputs));
-  const Nanos latency = 2 * link.latency.mean();
-  choice.fixed = choice.cloud.time + latency;
-  choice.cloud.time += sending + latency;
-  if (choice.cloud_worst) *choice.cloud_worst += sending + 2 * link.latency.high;
+/// What the call moves over its unit's link: all that it reads and writes.
+void add_link(const Link& link, const CallPlan& call, OffloadChoice& choice) {
+  choice.fixed = choice.cloud.time + 2 * link.latency.mean();
+  choice.cloud.time = call.takes(Taken::kMean);
+  if (choice.cloud_worst) {
+    *choice.cloud_worst += choice.cloud.time - choice.fixed + 2 * link.latency.high;
+  }
   choice.radio_w = link.active_w;
   choice.fixed_j = choice.cloud.energy_j.value_or(0);
-  if (choice.cloud.energy_j) *choice.cloud.energy_j += link.active_w * to_s(sending);
+  choice.cloud.energy_j = call.energy_j(Taken::kMean);
   choice.cloud.time_from = sum_of(choice.cloud.time_from, Provenance::kModelled);
   choice.cloud.energy_from = sum_of(choice.cloud.energy_from, Provenance::kModelled);
 }
@@ -83,7 +86,8 @@ OffloadChoice cloud_choice(const Row& row, UnitId unit) {
   choice.cloud_worst = worst_of(row, unit);
   choice.fixed = choice.cloud.time;
   if (const Link* const link = link_of(row.platform, unit)) {
-    add_link(*link, spec, choice);
+    const CallBytes bytes{bytes_of(spec.inputs), bytes_of(spec.outputs), true};
+    add_link(*link, row.plan(unit, bytes), choice);
   } else if (is_elsewhere(model)) {
     choice.fixed = Nanos::zero();
     for (const ServiceStage& stage : row.services.find(row.workload, unit)->stages) {
@@ -238,11 +242,9 @@ OffloadChoices offload_choices(const Profile& profile, const Platform& platform)
   std::vector<std::string> workloads = profile.workloads();
   std::erase_if(workloads, [](const std::string& each) { return !try_find_spec(each); });
   const ServiceTable services = resolve_services(platform, &profile, workloads, {});
-  const CostTable costs = call_costs(platform, services);
   OffloadChoices result;
   for (WorkloadId workload = 0; workload < workloads.size(); ++workload) {
-    const std::string why =
-        add_choice({platform, profile, services, workload, costs[workload]}, result);
+    const std::string why = add_choice({platform, profile, services, workload}, result);
     if (!why.empty()) result.left_out.push_back(workloads[workload] + ": " + why);
   }
   return result;

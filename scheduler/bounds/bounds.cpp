@@ -7,33 +7,21 @@
 
 #include "scheduler/bounds/linear_program.h"
 #include "scheduler/services/eligibility.h"
-#include "scheduler/services/transfers.h"
 
 namespace pirt {
 namespace {
 
 using Terms = LinearProgram::Terms;
 
-/// What a call costs, drawn times at their lowest or their mean.
-UnitWork unit_work(const Scenario& run, const MixTask& task, WorkloadId workload, UnitId unit,
-                   TimesTaken taken) {
-  const auto time_of = [taken](const ServiceStage& stage) {
-    return taken == TimesTaken::kLeast ? stage.time.low : stage.time.mean();
-  };
-  const Service& service = *run.services.find(workload, unit);
-  UnitWork work{.unit = unit, .server_ms = std::vector<double>(run.platform.units.size(), 0.0)};
-  for (const ServiceStage& stage : service.stages) {
-    const double ms = to_ms(time_of(stage)) * stage.scale;
+/// What a call costs, as @p taken has it.
+UnitWork unit_work(const Scenario& run, const CallPlan& call, UnitId unit, Taken taken) {
+  UnitWork work{.unit = unit,
+                .server_ms = std::vector<double>(run.platform.units.size(), 0.0),
+                .energy_j = call.energy_j(taken)};
+  for (const CallStep& step : call.steps) {
+    const double ms = to_ms(step.before_scale(taken)) * step.scale;
     work.total_ms += ms;
-    if (!stage.on) continue;
-    work.server_ms[*stage.on] += ms;
-  }
-  work.energy_j = call_energy_j(run.platform, service, time_of);
-  if (const Link* link = link_of(run.platform, unit)) {
-    const CallBytes bytes = call_bytes(task);
-    const Nanos sending = sending_time(*link, bytes.in) + sending_time(*link, bytes.out);
-    if (work.energy_j) *work.energy_j += link->active_w * to_s(sending);
-    work.total_ms += to_ms(sending);
+    if (step.servers < work.server_ms.size()) work.server_ms[step.servers] += ms;
   }
   return work;
 }
@@ -204,7 +192,7 @@ void add_completeness(const std::vector<Group>& groups, LinearProgram& program) 
 
 }  // namespace
 
-Work work_of(const Scenario& run, CloudUse cloud_use, TimesTaken taken) {
+Work work_of(const Scenario& run, CloudUse cloud_use, Taken taken) {
   Work work;
   for (const UnitModel& unit : run.platform.units) {
     work.units.push_back({static_cast<double>(unit.servers), unit.slots});
@@ -219,6 +207,7 @@ Work work_of(const Scenario& run, CloudUse cloud_use, TimesTaken taken) {
       const double duration_ms = to_ms(run.duration);
       out.per_ms = *pipeline.rate_hz / 1e3 + 1.0 / duration_ms;
     }
+    const std::vector<TaskPlan> plans = plan_tasks(run, p);
     for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
       const TaskClass& kind = run.classes[p][t];
       TaskWork& task = out.tasks.emplace_back();
@@ -229,7 +218,7 @@ Work work_of(const Scenario& run, CloudUse cloud_use, TimesTaken taken) {
       const UnitMask eligible = may_leave || here == 0 ? kind.eligible : here;
       for (UnitId unit = 0; unit < run.platform.units.size(); ++unit) {
         if (!contains(eligible, unit)) continue;
-        task.units.push_back(unit_work(run, pipeline.tasks[t], kind.workload, unit, taken));
+        task.units.push_back(unit_work(run, plans[t].calls[unit], unit, taken));
       }
     }
   }

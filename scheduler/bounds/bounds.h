@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "scheduler/record/run_record.h"
+#include "scheduler/services/call_plan.h"
 #include "scheduler/services/eligibility.h"
 #include "scheduler/services/scenario.h"
 
@@ -49,13 +50,9 @@ struct Work {
   double idle_w = 0;  ///< Of all units.
 };
 
-/// What a drawn time counts for: the least for bounds, which have to be true.
-enum class TimesTaken : std::uint8_t { kLeast, kMean };
-
 /// @param cloud_use  Which tasks the mode gives to units of role cloud; others do not count as able
 /// to go there, since a cloud that misses every deadline is no alternative.
-[[nodiscard]] Work work_of(const Scenario& run, CloudUse cloud_use,
-                           TimesTaken taken = TimesTaken::kLeast);
+[[nodiscard]] Work work_of(const Scenario& run, CloudUse cloud_use, Taken taken = Taken::kLeast);
 
 /// Throughput programme: most tasks a millisecond, with no task more often than its predecessors or
 /// its pipeline's rate. Absent if nothing limits it.

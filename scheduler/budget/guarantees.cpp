@@ -5,8 +5,6 @@
 #include <set>
 #include <utility>
 
-#include "scheduler/services/transfers.h"
-
 namespace pirt {
 namespace {
 
@@ -235,10 +233,9 @@ class Analysis {
     const auto position = static_cast<std::size_t>(
         std::ranges::find(classes, task.entry, &TaskClass::entry) - classes.begin());
     Nanos ready{0};
-    for (const GraphEdge& edge :
-         edges_into(scenario_.platform, scenario_.mix.pipelines[task.pipeline], position)) {
-      const auto before = std::ranges::find(tasks_, classes[edge.from].entry, &Analysed::entry);
-      ready = std::max(ready, before->response + edge.transfer(before->unit, task.unit));
+    for (const std::size_t each : scenario_.mix.pipelines[task.pipeline].tasks[position].after) {
+      const auto before = std::ranges::find(tasks_, classes[each].entry, &Analysed::entry);
+      ready = std::max(ready, before->response);
     }
     return ready;
   }

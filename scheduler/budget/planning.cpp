@@ -82,7 +82,7 @@ class Planning {
     std::vector<bool> urgent;
     for (const Pipeline& pipeline : run.mix.pipelines)
       urgent.push_back(pipeline.deadline.has_value());
-    Work work = work_of(run, setup_.mode.policy.cloud_use, TimesTaken::kMean);
+    Work work = work_of(run, setup_.mode.policy.cloud_use, Taken::kMean);
     if (!joules_known_) forget_joules(work);
     if (const auto assignment = assign(work, urgent, goals_)) follow(*assignment, choice_.plan);
     measure_ways(run, choice_.plan);

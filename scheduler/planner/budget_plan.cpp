@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "scheduler/services/transfers.h"
+#include "scheduler/services/call_plan.h"
 #include "workloads/base/error.h"
 
 namespace pirt {
@@ -19,58 +19,21 @@ double standing_w(const Platform& platform) {
   return sum;
 }
 
-/// The longest time until a call ends or can be left.
-Nanos longest_slice(const Service& service, UnitId unit) {
-  const auto sliced = service.sliced_stage(unit);
-  if (!sliced) return service.usual_worst();
-  Nanos longest{0};
-  Nanos since{0};  // It could be left.
-  for (std::size_t i = 0; i < service.stages.size(); ++i) {
-    const ServiceStage& stage = service.stages[i];
-    const Nanos takes = stage.usual_worst();
-    if (i != *sliced) {
-      since += takes;
-      continue;
-    }
-    for (std::size_t part = 0; part < service.slices.size(); ++part) {
-      since += scaled(takes, service.slices[part]);
-      longest = std::max(longest, since);
-      if (part + 1 < service.slices.size()) since = Nanos::zero();
-    }
-  }
-  return std::max(longest, since);
-}
-
-/// The most joules of a call that fall into one second: all, or a second of its hungriest stage.
-double window_j_of(const Platform& platform, const Service& service) {
-  double energy_j = service.fixed_j();
-  double highest_w = 0;
-  for (const ServiceStage& stage : service.stages) {
-    if (!stage.on) continue;
-    const double power_w = platform.units[*stage.on].active_w * service.energy_scale(stage);
-    energy_j += power_w * to_s(stage.time.high);
-    highest_w = std::max(highest_w, power_w / stage.scale);
-  }
-  return std::min(energy_j, service.fixed_j() + highest_w * kWindowS);
-}
-
-/// By Little's law: what keeps the unit's own servers busy with calls of the kind.
-int busy_with(const Service& service, const UnitModel& unit, UnitId id) {
+/// By Little's law: what keeps the unit's own servers busy with calls of the kind; no more than it
+/// takes.
+int busy_with(const CallPlan& call, const UnitModel& unit, UnitId id) {
   constexpr int kNoLimit = 1'000'000;
-  Nanos own{0};
-  bool on_it = false;
-  for (const ServiceStage& stage : service.stages) {
-    if (stage.on != id) continue;
-    own += stage.mean();
-    on_it = true;
-  }
-  if (!on_it) return kNoLimit;
-  if (own <= Nanos::zero()) return unit.servers;
-  const double tasks = std::ceil(unit.servers * to_s(service.total()) / to_s(own) - 1e-9);
-  return static_cast<int>(std::clamp(tasks, 1.0, double{kNoLimit}));
+  const int most = unit.slots.value_or(kNoLimit);
+  const bool on_it = std::ranges::any_of(
+      call.steps, [id](const CallStep& step) { return step.servers == id && !step.prepares; });
+  if (!on_it) return most;
+  const Nanos own = call.on(id, Taken::kMean);
+  if (own <= Nanos::zero()) return std::min(most, unit.servers);
+  const double tasks = std::ceil(unit.servers * to_s(call.takes(Taken::kMean)) / to_s(own) - 1e-9);
+  return std::min(most, static_cast<int>(std::clamp(tasks, 1.0, double{kNoLimit})));
 }
 
-BudgetPlan::Task first_task(const Scenario& scenario, std::uint32_t pipeline,
+BudgetPlan::Task first_task(const Scenario& scenario, const TaskPlan& plan, std::uint32_t pipeline,
                             std::uint32_t position) {
   const Platform& platform = scenario.platform;
   const TaskClass& kind = scenario.classes[pipeline][position];
@@ -89,19 +52,18 @@ BudgetPlan::Task first_task(const Scenario& scenario, std::uint32_t pipeline,
   std::vector<std::optional<double>> energy_j(units);
   for (UnitId unit = 0; unit < units; ++unit) {
     if (!contains(kind.eligible, unit)) continue;
-    const Service& service = *scenario.services.find(kind.workload, unit);
+    const CallPlan& call = plan.calls[unit];
     task.units.push_back(unit);
-    task.capacity[unit] = busy_with(service, platform.units[unit], unit);
-    task.worst[unit] = service.usual_worst();
-    if (scenario.slices) task.slice[unit] = longest_slice(service, unit);
+    task.capacity[unit] = busy_with(call, platform.units[unit], unit);
+    task.prepare[unit] = call.prepares();
+    task.worst[unit] = call.takes(Taken::kUsualWorst) - task.prepare[unit];
+    if (scenario.slices) task.slice[unit] = call.longest_slice();
     if (const auto& contexts = platform.units[unit].contexts) {
       task.context[unit] =
           context_of(*contexts, kind.workload, scenario.services.workloads[kind.workload]);
     }
-    task.prepare[unit] = service.prepare.value_or(Nanos::zero());
-    task.window_j[unit] = window_j_of(platform, service);
-    energy_j[unit] = call_energy_j(platform, service,
-                                   [](const ServiceStage& stage) { return stage.time.mean(); });
+    task.window_j[unit] = call.window_j();
+    energy_j[unit] = call.energy_j(Taken::kMean);
   }
   // A real-time task has no use for the cloud while a unit of the robot may serve it.
   const UnitMask cloud = cloud_units(platform);
@@ -156,8 +118,9 @@ BudgetPlan first_budget_plan(const Scenario& scenario, std::optional<double> pow
                               .jitter = pipeline.jitter,
                               .deadline = pipeline.deadline,
                               .real_time = pipeline.real_time});
-    for (std::uint32_t t = 0; t < pipeline.tasks.size(); ++t) {
-      plan.tasks.push_back(first_task(scenario, p, t));
+    const std::vector<TaskPlan> plans = plan_tasks(scenario, p);
+    for (std::uint32_t t = 0; t < plans.size(); ++t) {
+      plan.tasks.push_back(first_task(scenario, plans[t], p, t));
     }
   }
   measure_ways(scenario, plan);
@@ -176,9 +139,9 @@ void measure_ways(const Scenario& scenario, BudgetPlan& plan) {
       const BudgetPlan::Task& task = plan.tasks[classes[t].entry];
       const UnitId unit = task.units.front();
       const Nanos whole = task.worst[unit] + task.prepare[unit] + task.behind;
-      for (const GraphEdge& edge : edges_into(scenario.platform, scenario.mix.pipelines[p], t)) {
-        BudgetPlan::Task& before = plan.tasks[classes[edge.from].entry];
-        before.behind = std::max(before.behind, edge.transfer(before.units.front(), unit) + whole);
+      for (const std::size_t each : scenario.mix.pipelines[p].tasks[t].after) {
+        BudgetPlan::Task& before = plan.tasks[classes[each].entry];
+        before.behind = std::max(before.behind, whole);
       }
     }
   }

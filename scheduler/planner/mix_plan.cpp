@@ -4,24 +4,9 @@
 #include <map>
 #include <utility>
 
-#include "scheduler/services/transfers.h"
+#include "scheduler/services/call_plan.h"
 
 namespace pirt {
-namespace {
-
-Nanos call_cost(const Platform& platform, const MixTask& task, const Service& service,
-                UnitId unit) {
-  Nanos cost = service.total();
-  if (const Link* link = link_of(platform, unit); link != nullptr && task.service.empty()) {
-    const CallBytes bytes = call_bytes(task);
-    cost +=
-        sending_time(*link, bytes.in) + sending_time(*link, bytes.out) + 2 * link->latency.mean();
-  }
-  return std::max(cost, Nanos(1));
-}
-
-}  // namespace
-
 TaskGraph graph_of(const Scenario& scenario) {
   const Platform& platform = scenario.platform;
   const Mix& mix = scenario.mix;
@@ -39,7 +24,9 @@ TaskGraph graph_of(const Scenario& scenario) {
       auto& row = graph.costs.emplace_back(platform.units.size(), kUnsupported);
       for (UnitId unit = 0; unit < row.size(); ++unit) {
         if (!contains(kind.eligible, unit)) continue;
-        row[unit] = call_cost(platform, task, *scenario.services.find(kind.workload, unit), unit);
+        const CallPlan call =
+            plan_call(platform, scenario.services, kind.workload, unit, call_bytes(task));
+        row[unit] = std::max(call.takes(Taken::kMean), Nanos(1));
       }
       for (auto& edge : edges_into(platform, pipeline, t)) {
         edge.from += first;

@@ -16,6 +16,7 @@
 #include "scheduler/planner/budget_plan.h"
 #include "scheduler/planner/mix_plan.h"
 #include "scheduler/planner/planner.h"
+#include "scheduler/services/call_plan.h"
 #include "scheduler/services/eligibility.h"
 #include "scheduler/services/services.h"
 

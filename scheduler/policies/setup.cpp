@@ -217,7 +217,7 @@ ModeSetup set_up_mode(const Platform& platform, const Profile* profile, const Mi
   PolicySetup setup;
   setup.roles = roles_of(platform);
   for (const auto& unit : platform.units) setup.servers.push_back(unit.servers);
-  setup.costs = call_costs(platform, scenario.services);
+  setup.costs = call_costs(scenario);
   make_plan(mode, scenario, options, setup);
   ChosenWeights weights = choose_weights(scenario, options, mode, defaults);
   setup.weights = std::move(weights.table);

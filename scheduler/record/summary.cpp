@@ -29,7 +29,7 @@ std::optional<double> unit_energy_j(const Scenario& run, UnitId unit, const Tall
   const UnitModel& model = run.platform.units[unit];
   const UnitTally& own = tally.units[unit];
   double energy_j =
-      model.active_w * to_s(own.powered) + model.standing_w() * to_s(tally.end) + own.extra_j;
+      model.active_w * to_s(own.powered) + model.standing_w() * to_s(tally.end) + own.own_j;
   if (!model.link.empty())
     energy_j += run.platform.links.at(model.link).active_w * to_s(own.transferring);
   return energy_j;

@@ -19,7 +19,7 @@ struct UnitTally {
   Nanos transferring{0};      ///< Time that the unit's link was busy for it.
   std::int64_t prepares = 0;  ///< Calls of another context than the last.
   Nanos preparing{0};         ///< The part of `busy` that these took.
-  double extra_j = 0;         ///< Filled in at the end of the run from `calls`.
+  double own_j = 0;           ///< Of its calls, beyond busy servers and links.
 };
 
 struct PipelineTally {

@@ -254,15 +254,6 @@ ServiceEntry resolve(const Cell& cell, std::vector<std::string>& warnings) {
   return entry;
 }
 
-Nanos usual_worst_of(const Distribution& time) {
-  if (time.kind != Distribution::Kind::kSamples) return time.high;
-  std::vector<Nanos> samples = *time.samples;
-  const auto place =
-      samples.begin() + static_cast<std::ptrdiff_t>((samples.size() * 95 + 99) / 100 - 1);
-  std::ranges::nth_element(samples, place);
-  return *place;
-}
-
 /// One stage on the unit itself.
 ServiceEntry from_mix(const std::map<UnitId, Nanos>& times, UnitId unit) {
   const auto time = times.find(unit);
@@ -287,13 +278,22 @@ Draw find_draw(const std::string& name) {
   return static_cast<Draw>(found - kDraws.begin());
 }
 
+Nanos usual_worst_of(const Distribution& time) {
+  if (time.kind != Distribution::Kind::kSamples) return time.high;
+  std::vector<Nanos> samples = *time.samples;
+  const auto place =
+      samples.begin() + static_cast<std::ptrdiff_t>((samples.size() * 95 + 99) / 100 - 1);
+  std::ranges::nth_element(samples, place);
+  return *place;
+}
+
 Nanos ServiceStage::mean() const {
   const Nanos time_at_rate_1 = time.mean();
   return scale == 1 ? time_at_rate_1 : scaled(time_at_rate_1, scale);
 }
 
-Nanos ServiceStage::usual_worst() const {
-  return scaled(std::max(usual_worst_of(time), p95.value_or(Nanos::zero())), scale);
+Nanos ServiceStage::usual() const {
+  return std::max(usual_worst_of(time), p95.value_or(Nanos::zero()));
 }
 
 const CallConditions* Service::conditions_of(const ServiceStage& stage, UnitId unit) const {
@@ -304,12 +304,6 @@ const CallConditions* Service::conditions_of(const ServiceStage& stage, UnitId u
 Nanos Service::total() const {
   Nanos sum{0};
   for (const auto& stage : stages) sum += stage.mean();
-  return sum;
-}
-
-Nanos Service::usual_worst() const {
-  Nanos sum{0};
-  for (const auto& stage : stages) sum += stage.usual_worst();
   return sum;
 }
 
@@ -343,24 +337,6 @@ UnitMask ServiceTable::units_of(WorkloadId workload) const {
 std::uint32_t context_of(const Contexts& contexts, WorkloadId workload, const std::string& name) {
   const auto program = contexts.program_of(name);
   return static_cast<std::uint32_t>(program ? *program : contexts.programs.size() + workload);
-}
-
-CostTable call_costs(const Platform& platform, const ServiceTable& services) {
-  CostTable costs;
-  for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {
-    auto& row = costs.emplace_back(platform.units.size());
-    for (UnitId unit = 0; unit < row.size(); ++unit) {
-      const Service* service = services.find(workload, unit);
-      if (service == nullptr) continue;
-      row[unit] = {
-          .total = service->total(),
-          .occupied = service->bottleneck(unit),
-          .energy_j = call_energy_j(platform, *service,
-                                    [](const ServiceStage& stage) { return stage.time.mean(); }),
-          .energy_provenance = service->energy_provenance};
-    }
-  }
-  return costs;
 }
 
 namespace {

@@ -29,8 +29,8 @@ struct ServiceStage {
   std::optional<Nanos> p95 = {};  ///< Of a measured row, before the scale, whatever is drawn of it.
 
   [[nodiscard]] Nanos mean() const;  ///< Scaled.
-  /// Scaled: what 95 of 100 do not exceed; the value itself, or the highest, of what is modelled.
-  [[nodiscard]] Nanos usual_worst() const;
+  /// Before the scale: what 95 of 100 do not exceed; the highest of what is modelled.
+  [[nodiscard]] Nanos usual() const;
 };
 
 struct Service {
@@ -73,8 +73,6 @@ struct Service {
   [[nodiscard]] std::optional<std::size_t> sliced_stage(UnitId unit) const;
   /// All stages, scaled.
   [[nodiscard]] Nanos total() const;
-  /// The same when each takes long.
-  [[nodiscard]] Nanos usual_worst() const;
   /// The longest stage on @p unit itself, or the longest of all where none is.
   [[nodiscard]] Nanos bottleneck(UnitId unit) const;
 };
@@ -98,39 +96,13 @@ struct ServiceTable {
   [[nodiscard]] UnitMask units_of(WorkloadId workload) const;
 };
 
+/// What 95 of 100 do not exceed; the value itself, or the highest, of what is modelled.
+[[nodiscard]] Nanos usual_worst_of(const Distribution& time);
+
 /// Which program a unit with contexts loads for the workload. Programs of several workloads come
 /// first, then each workload is its own.
 [[nodiscard]] std::uint32_t context_of(const Contexts& contexts, WorkloadId workload,
                                        const std::string& name);
-
-/// Joules of one call without what travels over a link and without idle power; absent where nobody
-/// knows them.
-/// @param stage_time  The time of a stage before its scale: Nanos(const ServiceStage&).
-template <typename StageTime>
-[[nodiscard]] std::optional<double> call_energy_j(const Platform& platform, const Service& service,
-                                                  const StageTime& stage_time) {
-  if (!service.energy_known) return std::nullopt;
-  double energy_j = service.fixed_j();
-  for (const ServiceStage& stage : service.stages) {
-    if (!stage.on) continue;
-    energy_j +=
-        platform.units[*stage.on].active_w * to_s(stage_time(stage)) * service.energy_scale(stage);
-  }
-  return energy_j;
-}
-
-/// What a call is expected to cost on a unit that nobody else uses: means, without what travels
-/// over the unit's link, which depends on the task.
-struct CallCost {
-  Nanos total{0};
-  /// Of which it occupies one of the unit's servers, so that the next one waits.
-  Nanos occupied{0};
-  std::optional<double> energy_j = 0;  ///< Above idle; absent where nobody knows it.
-  Origin energy_provenance = Provenance::kModelled;
-};
-/// [workload][unit]; absent where there is no service.
-using CostTable = std::vector<std::vector<std::optional<CallCost>>>;
-[[nodiscard]] CostTable call_costs(const Platform& platform, const ServiceTable& services);
 
 /// Times of a call by workload and unit that no platform and no profile has.
 using GivenServices = std::map<std::string, std::map<UnitId, Nanos>>;

@@ -22,12 +22,16 @@ Nanos at_or_none(const std::vector<Nanos>& by_unit, UnitId unit) {
   return by_unit.empty() ? Nanos::zero() : by_unit[unit];
 }
 
+/// Over the unit's link, at the mean of its latency.
+Nanos link_time(const Platform& platform, UnitId unit, std::int64_t size_bytes) {
+  const Link* link = link_of(platform, unit);
+  return link == nullptr ? Nanos::zero() : sending_time(*link, size_bytes) + link->latency.mean();
+}
+
 std::vector<Nanos> link_times(const Platform& platform, std::int64_t size_bytes) {
   std::vector<Nanos> times;
   for (UnitId unit = 0; unit < platform.units.size(); ++unit) {
-    const Link* link = link_of(platform, unit);
-    times.push_back(link == nullptr ? Nanos::zero()
-                                    : sending_time(*link, size_bytes) + link->latency.mean());
+    times.push_back(link_time(platform, unit, size_bytes));
   }
   return times;
 }
@@ -59,12 +63,18 @@ Nanos sending_time(const Link& link, std::int64_t size_bytes) {
 CallBytes call_bytes(const MixTask& task) {
   if (!task.service.empty()) return {};
   const WorkloadSpec workload = find_spec(task.workload);
-  CallBytes bytes{.in = total_bytes(workload.inputs), .out = total_bytes(workload.outputs)};
+  CallBytes bytes{
+      .in = total_bytes(workload.inputs), .out = total_bytes(workload.outputs), .moves = true};
   for (const PortInput& port : task.inputs) bytes.in -= workload.inputs[port.input].size_bytes();
   for (const std::size_t output : task.handed_on)
     bytes.out -= workload.outputs[output].size_bytes();
   if (task.input_bytes) bytes.in = *task.input_bytes;
   return bytes;
+}
+
+Nanos moving_time(const Platform& platform, UnitId from, UnitId to, std::int64_t size_bytes) {
+  if (from == to) return Nanos::zero();
+  return link_time(platform, from, size_bytes) + link_time(platform, to, size_bytes);
 }
 
 std::vector<GraphEdge> edges_into(const Platform& platform, const Pipeline& pipeline,

@@ -23,8 +23,13 @@ namespace pirt {
 struct CallBytes {
   std::int64_t in = 0;
   std::int64_t out = 0;
+  bool moves = false;  ///< It moves something, be it nothing but a message.
 };
 [[nodiscard]] CallBytes call_bytes(const MixTask& task);
+/// How long so much takes over the links of both units, one after the other, at the mean of their
+/// latencies; nothing between a unit and itself.
+[[nodiscard]] Nanos moving_time(const Platform& platform, UnitId from, UnitId to,
+                                std::int64_t size_bytes);
 
 /// Data that one task makes for another. On the same unit it costs nothing to hand on.
 struct GraphEdge {

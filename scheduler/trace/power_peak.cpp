@@ -1,6 +1,7 @@
 #include "scheduler/trace/power_peak.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace pirt {
 namespace {
@@ -8,6 +9,11 @@ namespace {
 constexpr Nanos kWindow = std::chrono::seconds(1);
 
 }  // namespace
+
+PowerPeak::PowerPeak(const Platform& platform, RunObserver* next)
+    : loads_(server_loads(platform)), next_(next) {
+  for (ServerLoad& load : loads_) idle_w_ += std::exchange(load.idle_w, 0);
+}
 
 void PowerPeak::submitting(TaskId task, std::size_t pipeline, std::size_t position,
                            std::uint64_t firing) {
@@ -22,6 +28,11 @@ void PowerPeak::arrived(std::size_t servers_index, std::uint32_t job, double pow
 void PowerPeak::left(std::size_t servers_index, std::uint32_t job) {
   loads_[servers_index].left(job);
   if (next_ != nullptr) next_->left(servers_index, job);
+}
+
+void PowerPeak::drawing(std::size_t servers_index, double by_w) {
+  loads_[servers_index].beside_w += by_w;
+  if (next_ != nullptr) next_->drawing(servers_index, by_w);
 }
 
 void PowerPeak::preparing(TaskId task, Nanos now, Nanos takes) {

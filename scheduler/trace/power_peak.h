@@ -1,6 +1,5 @@
-// The most that a run draws in any second: what a cap of power speaks of.
-//
-// As in a trace, joules that a call costs as a whole have no place in time and are left out.
+// The most that a run draws in any second: what a cap of power speaks of. What units draw idle they
+// draw before it and after it, too.
 #pragma once
 
 #include <deque>
@@ -14,25 +13,25 @@ namespace pirt {
 class PowerPeak final : public RunObserver {
  public:
   /// @param next  Hears of everything, too; null = nobody.
-  PowerPeak(const Platform& platform, RunObserver* next)
-      : loads_(server_loads(platform)), next_(next) {}
+  PowerPeak(const Platform& platform, RunObserver* next);
 
   void submitting(TaskId task, std::size_t pipeline, std::size_t position,
                   std::uint64_t firing) override;
   void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
   void left(std::size_t servers_index, std::uint32_t job) override;
+  void drawing(std::size_t servers_index, double by_w) override;
   void preparing(TaskId task, Nanos now, Nanos takes) override;
   void settled(Nanos now, std::span<const int> waiting) override;
 
   /// Joules of the fullest second so far, which is a mean power in watts.
-  [[nodiscard]] double highest_w() const { return highest_w_; }
+  [[nodiscard]] double highest_w() const { return idle_w_ + highest_w_; }
 
  private:
   /// From then on this power is drawn, until the next.
   struct Change {
     Nanos at{0};
-    double power_w = 0;
-    double before_j = 0;  ///< Joules of the run until then.
+    double power_w = 0;   ///< Above what is drawn idle.
+    double before_j = 0;  ///< Joules of the run until then, likewise.
   };
   [[nodiscard]] double joules_until(Nanos time) const;
   void consider(Nanos end);
@@ -40,6 +39,7 @@ class PowerPeak final : public RunObserver {
   std::vector<ServerLoad> loads_;
   RunObserver* next_;
   std::deque<Change> changes_;  ///< The last one, and those of a second before it.
+  double idle_w_ = 0;
   double highest_w_ = 0;
 };
 

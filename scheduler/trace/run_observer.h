@@ -23,6 +23,10 @@ class RunObserver {
   /// @param power_w  Drawn while a server works on it at full rate.
   virtual void arrived(std::size_t servers_index, std::uint32_t job, double power_w) = 0;
   virtual void left(std::size_t servers_index, std::uint32_t job) = 0;
+  /// Beside what its servers do, the unit or link draws so much more from now on, or less.
+  virtual void drawing(std::size_t servers_index, double by_w) {
+    static_cast<void>(servers_index), static_cast<void>(by_w);
+  }
   /// The unit of @p task, which it has begun, prepares its kernel from @p now on, which takes that
   /// long: a unit with contexts that holds another, or a live one that has not prepared it before.
   virtual void preparing(TaskId task, Nanos now, Nanos takes) {

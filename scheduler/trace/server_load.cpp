@@ -8,7 +8,7 @@ double ServerLoad::power_w() const {
   const double rate = shared && all > servers ? servers / all : 1;
   const std::size_t served =
       shared ? jobs.size() : std::min(jobs.size(), static_cast<std::size_t>(servers));
-  double sum = idle_w;
+  double sum = idle_w + beside_w;
   for (std::size_t i = 0; i < served; ++i) sum += rate * jobs[i].second;
   return sum;
 }
@@ -16,7 +16,8 @@ double ServerLoad::power_w() const {
 std::vector<ServerLoad> server_loads(const Platform& platform) {
   std::vector<ServerLoad> loads;
   for (const auto& unit : platform.units) {
-    loads.push_back({unit.servers, unit.discipline, unit.standing_w()});
+    loads.push_back(
+        {.servers = unit.servers, .discipline = unit.discipline, .idle_w = unit.standing_w()});
   }
   loads.resize(loads.size() + platform.links.size());
   return loads;

@@ -15,6 +15,7 @@ struct ServerLoad {
   int servers = 1;
   Discipline discipline = Discipline::kFifo;
   double idle_w = 0;
+  double beside_w = 0;  ///< What is drawn beside what the servers do.
   std::deque<std::pair<std::uint32_t, double>> jobs = {};  ///< By arrival, with their watts.
 
   void arrived(std::uint32_t job, double power_w) { jobs.emplace_back(job, power_w); }

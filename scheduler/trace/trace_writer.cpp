@@ -164,6 +164,10 @@ void TraceWriter::left(std::size_t servers_index, std::uint32_t job) {
   loads_[servers_index].left(job);
 }
 
+void TraceWriter::drawing(std::size_t servers_index, double by_w) {
+  loads_[servers_index].beside_w += by_w;
+}
+
 void TraceWriter::preparing(TaskId task, Nanos now, Nanos takes) {
   const auto found = tasks_.find(task);
   if (found == tasks_.end()) return;

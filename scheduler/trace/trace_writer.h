@@ -8,7 +8,7 @@
 // queue.
 //
 // Power is what servers and links draw and what units draw idle; joules that a call costs as a
-// whole (call_j, a meter's, those of operations and bytes) have no place in time and are left out.
+// whole (call_j, a meter's, those of operations and bytes) are drawn evenly while it is served.
 #pragma once
 
 #include <filesystem>
@@ -42,6 +42,7 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
                   std::uint64_t firing) override;
   void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
   void left(std::size_t servers_index, std::uint32_t job) override;
+  void drawing(std::size_t servers_index, double by_w) override;
   void preparing(TaskId task, Nanos now, Nanos takes) override;
   void settled(Nanos now, std::span<const int> waiting) override;
 

@@ -10,9 +10,12 @@ Books::Books(const Scenario& scenario) : scenario_(scenario) {
   tally_.calls.assign(scenario.services.workloads.size(), std::vector<Histogram>(units));
 }
 
-void Books::charge_computed(WorkloadId workload, UnitId unit, Nanos busy, Nanos powered) {
+void Books::charge_computed(WorkloadId workload, UnitId unit, Nanos busy, Nanos powered,
+                            double own_part) {
   tally_.units[unit].busy += busy;
   if (!is_metered(workload, unit)) tally_.units[unit].powered += powered;
+  const Service* service = scenario_.services.find(workload, unit);
+  if (service != nullptr) charge_own(unit, own_part * service->fixed_j());
 }
 
 void Books::count_completed(WorkloadId workload, UnitId unit, Nanos call, Nanos latency) {
@@ -33,14 +36,6 @@ Tally Books::close(Nanos end, const TaskCounts& tasks, const Firings& firings) &
   tally.pipelines = firings.tallies();
   tally.refused_tasks = firings.refused_tasks();
   firings.count_unfinished(tally.pipelines, end);
-  for (std::size_t w = 0; w < tally.calls.size(); ++w) {
-    for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
-      const Service* service = scenario_.services.find(static_cast<WorkloadId>(w), unit);
-      if (service == nullptr) continue;
-      tally.units[unit].extra_j +=
-          static_cast<double>(tally.calls[w][unit].count()) * service->fixed_j();
-    }
-  }
   return tally;
 }
 

@@ -3,9 +3,9 @@
 
 #include "scheduler/mix/task.h"
 #include "scheduler/record/tally.h"
+#include "scheduler/services/call_plan.h"
 #include "scheduler/services/scenario.h"
 #include "scheduler/virtual/firings.h"
-#include "scheduler/virtual/step_plan.h"
 #include "workloads/base/time.h"
 
 namespace pirt {
@@ -18,7 +18,9 @@ class Books {
   /// Servers have worked on a step of a task that is on @p unit: those of a unit, which may be
   /// another, or of its link.
   /// @param powered  The part that draws the unit's active_w.
-  void charge(const TaskStep& step, UnitId unit, Nanos served, Nanos powered) {
+  /// @param own_j    Of the call's own joules.
+  void charge(const CallStep& step, UnitId unit, Nanos served, Nanos powered, double own_j) {
+    charge_own(unit, own_j);
     if (step.servers < tally_.units.size()) {
       UnitTally& served_by = tally_.units[step.servers];
       served_by.busy += served;
@@ -28,9 +30,13 @@ class Books {
       charge_link(unit, served);
     }
   }
+  /// Joules of a call of the unit beyond busy servers and links.
+  void charge_own(UnitId unit, double own_j) { tally_.units[unit].own_j += own_j; }
   void charge_link(UnitId unit, Nanos sending) { tally_.units[unit].transferring += sending; }
   /// A call that is computed has occupied its unit, and drawn its active_w for part of that.
-  void charge_computed(WorkloadId workload, UnitId unit, Nanos busy, Nanos powered);
+  /// @param own_part  Of its own joules, the part that was served.
+  void charge_computed(WorkloadId workload, UnitId unit, Nanos busy, Nanos powered,
+                       double own_part);
   void count_prepare(UnitId unit) { ++tally_.units[unit].prepares; }
   /// Of what is computed: the part of what is charged.
   void count_preparing(UnitId unit, Nanos preparing) { tally_.units[unit].preparing += preparing; }

@@ -91,36 +91,55 @@ Nanos CallEffects::executes(const Execution& execution, const CallConditions& co
   };
   towards(conditions.cold_cache, cold.own);
   towards(conditions.cold_memory, cold.last);
+  run(execution, &conditions, takes, now, slowed);
+  return unit.ends - now;
+}
+
+bool CallEffects::is_beside(UnitId id, UnitId other) const {
+  const std::string& memory = scenario_.services.units[id].memory;
+  return id != other && !memory.empty() && scenario_.services.units[other].memory == memory;
+}
+
+/// The call runs on its unit from now on: it and what runs beside it slow each other while both do.
+/// None becomes longer than beside others all the time.
+void CallEffects::run(const Execution& execution, const CallConditions* conditions, Nanos alone,
+                      Nanos now, std::vector<Slowed>& slowed) {
+  Unit& unit = units_[execution.unit];
   Nanos more{0};
-  const std::string& memory = scenario_.services.units[execution.unit].memory;
-  for (UnitId id = 0; id < units_.size(); ++id) {
+  Nanos most{0};
+  for (UnitId id = 0; id < units_.size() && conditions != nullptr; ++id) {
     Unit& other = units_[id];
-    const bool beside = id != execution.unit && !memory.empty() &&
-                        scenario_.services.units[id].memory == memory && other.ends > now &&
-                        other.conditions != nullptr;
-    if (!beside) continue;
-    const Nanos both = std::min(takes, other.ends - now);
-    more += scaled(both, slowdown(conditions, *other.conditions) - 1);
-    const Nanos by = scaled(both, slowdown(*other.conditions, conditions) - 1);
+    if (!is_beside(execution.unit, id)) continue;
+    most +=
+        scaled(alone, std::max({1.0, conditions->beside_memory, conditions->beside_compute}) - 1);
+    if (other.ends <= now || other.conditions == nullptr) continue;
+    const Nanos both = std::min(alone, other.ends - now);
+    more += scaled(both, slowdown(*conditions, *other.conditions) - 1);
+    const Nanos by =
+        std::min(other.room, scaled(both, slowdown(*other.conditions, *conditions) - 1));
     if (by <= Nanos::zero()) continue;
     other.ends += by;
+    other.room -= by;
     slowed.push_back({other.executing.job, id, by});
   }
   unit.executing = execution;
-  unit.ends = now + takes + more;
-  unit.conditions = &conditions;
-  return takes + more;
+  unit.ends = now + alone + more;
+  unit.stretch = alone > Nanos::zero() ? to_s(alone + more) / to_s(alone) : 1;
+  unit.room = most - more;
+  unit.conditions = conditions;
 }
 
 CallEffects::Rest CallEffects::leave(UnitId id, Nanos now) {
   Unit& unit = units_[id];
-  const Rest rest{unit.executing, unit.ends - now, unit.conditions};
+  const Nanos takes = unit.ends - now;
+  const Rest rest{unit.executing, takes, scaled(takes, 1 / unit.stretch), unit.conditions};
   unit.ends = now;
   unit.conditions = nullptr;
   return rest;
 }
 
-Nanos CallEffects::resume(UnitId id, const Rest& rest, Nanos now, std::uint64_t random) {
+CallEffects::Resumed CallEffects::resume(UnitId id, const Rest& rest, Nanos now,
+                                         std::uint64_t random, std::vector<Slowed>& slowed) {
   Unit& unit = units_[id];
   const UnitConditions& known = scenario_.services.units[id];
   // Handing over what was let in, which is part of leaving, has been counted.
@@ -128,19 +147,20 @@ Nanos CallEffects::resume(UnitId id, const Rest& rest, Nanos now, std::uint64_t 
       known.handovers.empty() ? Nanos::zero() : handover(known.handovers, Nanos::zero(), random);
   const Nanos passes =
       known.leave ? std::max(Nanos::zero(), known.leave->draw(random) - handed) : handed;
-  unit.executing = rest.executing;
-  unit.ends = now + passes + rest.takes;
-  unit.conditions = rest.conditions;
-  return passes;
+  run(rest.executing, rest.conditions, rest.alone, now, slowed);
+  const double part = rest.takes > Nanos::zero() ? to_s(unit.ends - now) / to_s(rest.takes) : 1;
+  unit.ends += passes;
+  return {.passes = passes, .part = part};
 }
 
-void CallEffects::ended(UnitId id, WorkloadId workload, Nanos now) {
+void CallEffects::ended(UnitId id, WorkloadId workload, JobIndex job, Nanos now) {
   Unit& unit = units_[id];
   if (--unit.tasks == 0) unit.idle_since = now;
   const Service* service = scenario_.services.find(workload, id);
   if (service != nullptr && service->conditions) unit.touched += service->conditions->bytes;
   unit.last[workload] = {true, now, unit.touched, touched_beside(id)};
-  unit.ends = std::min(unit.ends, now);
+  // The next one may have begun by now.
+  if (unit.executing.job == job) unit.ends = std::min(unit.ends, now);
 }
 
 }  // namespace pirt

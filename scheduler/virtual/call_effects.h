@@ -44,16 +44,22 @@ class CallEffects {
   /// The rest of a call that is left between two slices, while it is.
   struct Rest {
     Execution executing;
-    Nanos takes{0};
+    Nanos takes{0};  ///< Beside what ran when it began,
+    Nanos alone{0};  ///< and beside nothing.
     const CallConditions* conditions = nullptr;
   };
   /// The call on the unit is left.
   [[nodiscard]] Rest leave(UnitId unit, Nanos now);
-  /// It goes on. @return  What passes until it does.
-  [[nodiscard]] Nanos resume(UnitId unit, const Rest& rest, Nanos now, std::uint64_t random);
+  struct Resumed {
+    Nanos passes{0};  ///< Until it goes on.
+    double part = 1;  ///< What the rest takes beside what runs now, of Rest::takes.
+  };
+  /// It goes on. @param slowed  As of executes.
+  [[nodiscard]] Resumed resume(UnitId unit, const Rest& rest, Nanos now, std::uint64_t random,
+                               std::vector<Slowed>& slowed);
 
   /// The task has ended on the unit.
-  void ended(UnitId unit, WorkloadId workload, Nanos now);
+  void ended(UnitId unit, WorkloadId workload, JobIndex job, Nanos now);
 
  private:
   /// When a workload's last call on a unit had ended, and the bytes that had been touched by then.
@@ -73,9 +79,14 @@ class CallEffects {
     std::int64_t touched = 0;                    ///< Bytes, by all calls so far.
     std::vector<Touched> last;                   ///< By workload.
     Execution executing;                         ///< The last that began,
-    Nanos ends{0};                               ///< and when it does.
+    Nanos ends{0};                               ///< when it does,
+    double stretch = 1;                          ///< by what it was lengthened at its begin,
+    Nanos room{0};                               ///< and by how much others may still slow it.
     const CallConditions* conditions = nullptr;  ///< Its own.
   };
+  void run(const Execution& execution, const CallConditions* conditions, Nanos alone, Nanos now,
+           std::vector<Slowed>& slowed);
+  [[nodiscard]] bool is_beside(UnitId id, UnitId other) const;
   [[nodiscard]] Coldness coldness(const Unit& unit, UnitId id, WorkloadId workload,
                                   Nanos now) const;
   [[nodiscard]] std::int64_t touched_beside(UnitId id) const;

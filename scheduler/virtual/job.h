@@ -22,7 +22,8 @@ struct VirtualTime::Job {
   Nanos started_at{0};
   Nanos dispatched_at{0};
   Nanos takes{0};      ///< Server time of its step,
-  Nanos powered{0};    ///< and the part of it that draws the unit's active_w.
+  Nanos powered{0};    ///< the part of it that draws the unit's active_w,
+  double own_w = 0;    ///< and what it draws beside that, of the call's own joules.
   Nanos preparing{0};  ///< What this try has spent on it.
   Nanos handover{0};   ///< Until its first step on its unit; then zero.
   // Of a step with slices: all of it, and what follows the slice that is served.
@@ -45,8 +46,8 @@ struct VirtualTime::Job {
 
 struct VirtualTime::Timer {
   Moment moment;
-  bool fires = false;       ///< A pipeline; otherwise the end of a job's delay.
-  std::uint32_t index = 0;  ///< Of the pipeline or the job.
+  TimerKind kind = TimerKind::kFires;
+  std::uint32_t index = 0;  ///< Of the pipeline, the job or the draw.
   friend auto operator<=>(const Timer&, const Timer&) = default;
 };
 

@@ -12,7 +12,7 @@ namespace {
 /// Each server takes one job at a time, in order of arrival.
 class FifoServers final : public Servers {
  public:
-  explicit FifoServers(int servers) : idle_(servers) {}
+  FifoServers(int servers, Owner* owner) : owner_(owner), idle_(servers) {}
 
   void arrive(JobId job, Nanos work, std::uint64_t sequence, Nanos now) override {
     if (idle_ == 0) {
@@ -23,12 +23,13 @@ class FifoServers final : public Servers {
     serve({job, work, sequence}, now);
   }
 
-  void lengthen(JobId job, Nanos by) override {
+  bool lengthen(JobId job, Nanos by, Nanos) override {
     const auto found = std::ranges::find(busy_, job, &Busy::job);
-    if (found == busy_.end()) return;
+    if (found == busy_.end()) return false;
     found->end.time += by;
     std::ranges::make_heap(busy_, std::greater{});
     next_ = busy_.front().end;
+    return true;
   }
 
   JobId complete_next() override {
@@ -100,11 +101,13 @@ class FifoServers final : public Servers {
   };
 
   void serve(const Waiting& job, Nanos now) {
-    busy_.push_back({{now + job.work, job.sequence}, job.job});
+    const Nanos work = owner_ == nullptr ? job.work : owner_->begins(job.job, job.work);
+    busy_.push_back({{now + work, job.sequence}, job.job});
     std::ranges::push_heap(busy_, std::greater{});
     next_ = busy_.front().end;
   }
 
+  Owner* owner_;
   int idle_;
   std::vector<Busy> busy_;  ///< A heap, earliest first.
   std::deque<Waiting> waiting_;
@@ -121,14 +124,24 @@ class FifoServers final : public Servers {
 /// 1989.
 class SharedServers final : public Servers {
  public:
-  explicit SharedServers(int servers) : servers_(servers) {}
+  SharedServers(int servers, Owner* owner) : owner_(owner), servers_(servers) {}
 
   void arrive(JobId job, Nanos work, std::uint64_t sequence, Nanos now) override {
     progress(fixed(now));
     if (jobs_.empty()) done_ = 0;
+    if (owner_ != nullptr) work = owner_->begins(job, work);
     jobs_.push_back({done_ + fixed(work), sequence, job});
     std::ranges::push_heap(jobs_, later);
     find_next();
+  }
+
+  bool lengthen(JobId job, Nanos by, Nanos now) override {
+    progress(fixed(now));
+    const auto found = std::ranges::find(jobs_, job, &Job::job);
+    if (found != jobs_.end()) found->end += fixed(by);
+    std::ranges::make_heap(jobs_, later);
+    find_next();
+    return found != jobs_.end();
   }
 
   JobId complete_next() override {
@@ -216,6 +229,7 @@ class SharedServers final : public Servers {
     }
   }
 
+  Owner* owner_;
   int servers_;
   std::vector<Job> jobs_;  ///< A heap, earliest end first.
   std::deque<Left> left_;  ///< Ended, and not yet taken.
@@ -225,9 +239,11 @@ class SharedServers final : public Servers {
 
 }  // namespace
 
-std::unique_ptr<Servers> make_servers(int servers, Discipline discipline) {
-  if (discipline == Discipline::kProcessorSharing) return std::make_unique<SharedServers>(servers);
-  return std::make_unique<FifoServers>(servers);
+std::unique_ptr<Servers> make_servers(int servers, Discipline discipline, Servers::Owner* owner) {
+  if (discipline == Discipline::kProcessorSharing) {
+    return std::make_unique<SharedServers>(servers, owner);
+  }
+  return std::make_unique<FifoServers>(servers, owner);
 }
 
 }  // namespace pirt

@@ -20,12 +20,20 @@ using JobId = std::uint32_t;
 
 class Servers {
  public:
+  /// Whose servers they are.
+  class Owner {
+   public:
+    virtual ~Owner() = default;
+    /// A server begins with the job. @return  The work that it is, @p work so far.
+    virtual Nanos begins(JobId job, Nanos work) = 0;
+  };
   virtual ~Servers() = default;
   /// @param work      Server time at rate 1, >= 0.
   /// @param sequence  Unique and rising over all arrivals.
   virtual void arrive(JobId job, Nanos work, std::uint64_t sequence, Nanos now) = 0;
-  /// A job that is being served needs so much more. Jobs that share servers finish as they would.
-  virtual void lengthen(JobId job, Nanos by) { static_cast<void>(job), static_cast<void>(by); }
+  /// A job needs so much more. False, and it does not, unless it is being served.
+  /// @param now  Not after next().
+  virtual bool lengthen(JobId job, Nanos by, Nanos now) = 0;
   /// Takes the job whose completion is next(); now == next().time.
   virtual JobId complete_next() = 0;
   /// The job whose completion is next(), if nobody waits to be served in its place.
@@ -48,6 +56,8 @@ class Servers {
 };
 
 /// @param servers  >= 1.
-[[nodiscard]] std::unique_ptr<Servers> make_servers(int servers, Discipline discipline);
+/// @param owner    Is asked when a server begins; null = what arrives is what it takes.
+[[nodiscard]] std::unique_ptr<Servers> make_servers(int servers, Discipline discipline,
+                                                    Servers::Owner* owner = nullptr);
 
 }  // namespace pirt

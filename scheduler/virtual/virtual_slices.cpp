@@ -49,17 +49,26 @@ void VirtualTime::go_on(JobIndex index) {
     note_arrival(index);
     return executor_->resume(index, job.unit);
   }
-  const TaskStep& step = step_of(job);
-  cut(job, step);
+  const CallStep& step = step_of(job);
+  Nanos passes{0};
   if (was_left && call_effects_.any()) {
-    job.takes += call_effects_.resume(job.unit, job.effects, now_,
-                                      hash_u64(random(index), 3 + std::uint64_t{job.slice}));
+    slowed_.clear();
+    const auto resumed =
+        call_effects_.resume(job.unit, job.effects, now_,
+                             hash_u64(random(index), 4 + std::uint64_t{job.slice}), slowed_);
+    passes = resumed.passes;
+    job.whole = scaled(job.whole, resumed.part);
+    job.whole_powered = scaled(job.whole_powered, resumed.part);
+    job.rest = scaled(job.rest, resumed.part);
+    lengthen_slowed();
   }
+  cut(job, step);
+  job.takes += passes;
   work_on(index, step);
 }
 
 /// The next slice is what it takes; of a new step, the first.
-void VirtualTime::cut(Job& job, const TaskStep& step) const {
+void VirtualTime::cut(Job& job, const CallStep& step) const {
   const double share = (*step.slices)[job.slice];
   const bool last = ++job.slice == step.slices->size();
   job.takes = last ? job.rest : std::min(job.rest, scaled(job.whole, share));
@@ -73,20 +82,23 @@ void VirtualTime::take_back(const Recalled& recalled) {
   const JobIndex index = Firings::job_of(recalled.task);
   Job& job = jobs_[index];
   if (job.computing) return executor_->recall(index, recalled.unit);
-  const TaskStep& step = step_of(job);
+  const CallStep& step = step_of(job);
   if (job.left) {
     job.paused += now_ - job.left_at;
-  } else if (!step.for_data && step.servers != TaskStep::kDelay) {
+  } else if (!step.for_data && step.servers != CallStep::kDelay) {
     const Nanos left = servers_[step.servers]->remove(index, now_).value();
     note_next(step.servers);
     const Nanos served = job.takes - left;
     if (served > Nanos::zero()) {
-      books_.charge(step, job.unit, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
+      charge(books_, job, served, scaled(job.powered, to_s(served) / to_s(job.takes)));
     }
     if (observer_ != nullptr) observer_->left(step.servers, index);
   } else {
-    std::erase_if(timers_,
-                  [index](const Timer& each) { return !each.fires && each.index == index; });
+    const auto timer = std::ranges::find_if(timers_, [index](const Timer& each) {
+      return each.kind == TimerKind::kDelay && each.index == index;
+    });
+    charge_delay(index, job.takes - (timer->moment.time - now_));
+    timers_.erase(timer);
     std::ranges::make_heap(timers_, std::greater{});
   }
   complete(index, Outcome::kReturned, now_ - job.started_at - job.paused, nullptr);

@@ -22,67 +22,105 @@ Nanos VirtualTime::data_arrival(JobIndex index) {
     arrival = std::max(arrival, made.at + edge.transfer(made.unit, job.unit));
     if (made.unit == job.unit) continue;
     const bool leaves = !edge.leave.empty() && edge.leave[made.unit] > Nanos::zero();
-    if (leaves) send(made.unit, size_bytes, made.at);
+    const Nanos wait = arrival - now_;
+    if (leaves) send(made.unit, size_bytes, made.at, wait);
     if (!edge.enter.empty() && edge.enter[job.unit] > Nanos::zero()) {
-      send(job.unit, size_bytes, leaves ? made.at + edge.leave[made.unit] : made.at);
+      send(job.unit, size_bytes, leaves ? made.at + edge.leave[made.unit] : made.at, wait);
     }
   }
   if (!plan.state) return arrival;
   const std::optional<UnitId> from = std::exchange(state_units_[*plan.state], job.unit);
   if (!from || *from == job.unit) return arrival;
-  Nanos moved = now_;
+  const std::int64_t size_bytes = scenario_.mix.states[*plan.state].size_bytes;
+  const Nanos wait = moving_time(scenario_.platform, *from, job.unit, size_bytes);
+  Nanos begin = now_;
   for (const UnitId end : {*from, job.unit}) {
     const Link* link = link_of(scenario_.platform, end);
     if (link == nullptr) continue;
-    const std::int64_t size_bytes = scenario_.mix.states[*plan.state].size_bytes;
-    send(end, size_bytes, moved);
-    moved += sending_time(*link, size_bytes) + link->latency.mean();
+    send(end, size_bytes, begin, wait);
+    begin += sending_time(*link, size_bytes) + link->latency.mean();
   }
-  return std::max(arrival, moved);
+  return std::max(arrival, now_ + wait);
 }
 
 /// The unit's link is busy with it; what of that is after the end does not count.
-void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from) {
-  const Nanos takes = sending_time(*link_of(scenario_.platform, unit), size_bytes);
+/// @param wait  From now until all of it is there. A run learns only now where the data goes, which
+/// may have been on its way before: who follows hears of its joules from now on, spread over that
+/// time, or over a second.
+void VirtualTime::send(UnitId unit, std::int64_t size_bytes, Nanos from, Nanos wait) {
+  constexpr Nanos kSecond = std::chrono::seconds(1);
+  const Link& link = *link_of(scenario_.platform, unit);
+  const Nanos takes = sending_time(link, size_bytes);
   books_.charge_link(unit, std::clamp(firings_.end() - from, Nanos::zero(), takes));
+  if (observer_ == nullptr || link.active_w == 0 || takes == Nanos::zero()) return;
+  const Nanos spread = std::min(takes, std::max(wait, kSecond));
+  const auto servers = scenario_.platform.units.size() +
+                       static_cast<std::size_t>(std::distance(
+                           scenario_.platform.links.begin(),
+                           scenario_.platform.links.find(scenario_.platform.units[unit].link)));
+  draw_for(servers, link.active_w * (to_s(takes) / to_s(spread)), spread);
+}
+
+/// Who follows hears that so much is drawn beside what servers do, for a time.
+void VirtualTime::draw_for(std::size_t servers, double watts, Nanos time) {
+  observer_->drawing(servers, watts);
+  add_timer(now_ + time, TimerKind::kDrawn, static_cast<std::uint32_t>(draws_.size()));
+  draws_.emplace_back(servers, watts);
 }
 
 /// Sets what the step takes, where that is not always the same.
-void VirtualTime::measure(JobIndex index, const TaskStep& step) {
+void VirtualTime::measure(JobIndex index, const CallStep& step) {
   Job& job = jobs_[index];
   const bool constant = step.time.kind == Distribution::Kind::kConstant;
   Nanos unscaled = constant ? step.time.low : step.time.draw(random(index));
   job.takes = constant ? step.scaled : scaled(unscaled, step.scale);
-  if (step.servers == job.unit) {
-    const Nanos longer = with_effects(index, step, job.takes);
-    unscaled += longer - job.takes;
-    job.takes = longer + std::exchange(job.handover, Nanos::zero());
-  }
   job.powered = step.powered(unscaled);
+  // A call that can be suspended has its unit to itself: its server begins with it at once.
+  if (step.slices != nullptr) add_effects(index, step);
+  if (step.servers == job.unit && step.conditions == nullptr) {
+    job.takes += std::exchange(job.handover, Nanos::zero());
+  }
+  job.own_w = step.own_w(job.takes);
+  if (step.own_j == 0 || job.takes > Nanos::zero()) return;
+  // Joules of what takes no time are drawn at once.
+  books_.charge_own(job.unit, step.own_j);
+  if (observer_ != nullptr) draw_for(job.unit, step.own_j / to_s(Nanos(1)), Nanos(1));
+}
+
+Nanos VirtualTime::begins(JobId index, Nanos work) {
+  const CallStep& step = step_of(jobs_[index]);
+  if (step.conditions == nullptr || step.slices != nullptr) return work;
+  add_effects(index, step);
+  return jobs_[index].takes;
 }
 
 /// While a server works on the step. A scaled stage draws less for longer: its energy stays.
-double VirtualTime::power_w(const Job& job, const TaskStep& step) const {
-  if (step.servers < scenario_.platform.units.size()) {
-    return scenario_.platform.units[step.servers].active_w * step.energy_scale / step.scale;
-  }
-  return scenario_.platform.links.at(scenario_.platform.units[job.unit].link).active_w;
+double VirtualTime::power_w(const Job& job, const CallStep& step) {
+  return step.watts * step.energy_scale / step.scale + job.own_w;
 }
 
-/// What the step takes by what else happened; others that it slows end later from now on.
-Nanos VirtualTime::with_effects(JobIndex job, const TaskStep& step, Nanos takes) {
-  if (step.conditions == nullptr) return takes;
-  const CallEffects::Execution execution{job, jobs_[job].unit, workload_of(jobs_[job]), takes};
+/// A server begins with the step, which takes what else happened, too; others that it slows end
+/// later from now on.
+void VirtualTime::add_effects(JobIndex index, const CallStep& step) {
+  Job& job = jobs_[index];
+  if (step.conditions == nullptr) return;
+  const CallEffects::Execution execution{index, job.unit, workload_of(job), job.takes};
   slowed_.clear();
-  const Nanos longer =
-      call_effects_.executes(execution, *step.conditions, now_, hash_u64(random(job), 2), slowed_);
+  const Nanos longer = call_effects_.executes(execution, *step.conditions, now_,
+                                              hash_u64(random(index), 2), slowed_);
+  job.powered += step.powered(longer - job.takes);
+  job.takes = longer + std::exchange(job.handover, Nanos::zero());
+  lengthen_slowed();
+}
+
+/// What call_effects_ said of others.
+void VirtualTime::lengthen_slowed() {
   for (const auto& [other, unit, by] : slowed_) {
+    if (!servers_[unit]->lengthen(other, by, now_)) continue;
     jobs_[other].takes += by;
     jobs_[other].powered += scaled(by, step_of(jobs_[other]).energy_scale);
-    servers_[unit]->lengthen(other, by);
     note_next(unit);
   }
-  return longer;
 }
 
 /// A pure function of seed, pipeline, firing, task and step, so that two policies meet the same

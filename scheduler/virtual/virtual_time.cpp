@@ -33,7 +33,8 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunOb
       books_(scenario),
       call_effects_(scenario) {
   for (const auto& unit : scenario.platform.units)
-    servers_.push_back(make_servers(unit.servers, unit.discipline));
+    servers_.push_back(
+        make_servers(unit.servers, unit.discipline, call_effects_.any() ? this : nullptr));
   for (std::size_t i = 0; i < scenario.platform.links.size(); ++i) {
     servers_.push_back(make_servers(1, Discipline::kFifo));
   }
@@ -52,21 +53,23 @@ VirtualTime::VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunOb
 
 void VirtualTime::lay_out_steps() {
   for (const TaskPlan& plan : plans_) {
-    for (UnitId unit = 0; unit < plan.steps.size(); ++unit) {
+    for (UnitId unit = 0; unit < plan.calls.size(); ++unit) {
       first_steps_.push_back(static_cast<std::uint32_t>(steps_.size()));
-      for (const TaskStep& step : plan.steps[unit]) {
+      for (const CallStep& step : plan.calls[unit].steps) {
         const bool same = step.time.kind == Distribution::Kind::kConstant;
         const bool affected = step.servers == unit && call_effects_.any();
         steps_.push_back({.plan = &step,
                           .takes = step.scaled,
                           .powered = same ? step.powered(step.time.low) : Nanos::zero(),
-                          .constant = same && !step.prepares && !step.for_data && !affected});
+                          .own_w = step.own_w(step.scaled),
+                          .constant = same && !step.prepares && !step.for_data && !affected &&
+                                      (step.own_j == 0 || step.scaled > Nanos::zero())});
       }
       for (std::size_t i = first_steps_.back(); i + 1 < steps_.size(); ++i) {
-        const TaskStep& step = *steps_[i].plan;
-        const TaskStep& next = *steps_[i + 1].plan;
+        const CallStep& step = *steps_[i].plan;
+        const CallStep& next = *steps_[i + 1].plan;
         steps_[i].goes_on = steps_[i + 1].constant && step.servers == next.servers &&
-                            step.servers != TaskStep::kDelay && step.slices == nullptr &&
+                            step.servers != CallStep::kDelay && step.slices == nullptr &&
                             next.slices == nullptr;
       }
       steps_.emplace_back();
@@ -99,26 +102,34 @@ void VirtualTime::close_books(Nanos end) {
       const Nanos served = job.takes - left;
       if (served <= Nanos::zero()) continue;
       const double part = to_s(served) / to_s(job.takes);
-      books.charge(step_of(job), job.unit, served, scaled(job.powered, part));
+      charge(books, job, served, scaled(job.powered, part));
     }
+  }
+  for (const Timer& timer : timers_) {
+    if (timer.kind != TimerKind::kDelay || jobs_[timer.index].own_w == 0) continue;
+    const Job& job = jobs_[timer.index];
+    const Nanos passed = job.takes - (timer.moment.time - end);
+    books.charge_own(job.unit, job.own_w * to_s(std::max(passed, Nanos::zero())));
   }
   for (const Job& job : jobs_) {
     if (!job.computing || job.started_at >= end) continue;
     const Nanos busy = (job.left ? std::min(job.left_at, end) : end) - job.started_at - job.paused;
     const bool draws = draws_in(scenario_.platform.units[job.unit], Phase::kExecute);
-    books.charge_computed(workload_of(job), job.unit, busy, draws ? busy : Nanos::zero());
+    books.charge_computed(workload_of(job), job.unit, busy, draws ? busy : Nanos::zero(),
+                          part_served(job, busy));
   }
   at_end_ = std::move(books).close(end, dispatcher_.counts(), firings_);
 }
 
 WorkloadId VirtualTime::workload_of(const Job& job) const { return plans_[job.plan].workload; }
 
-const TaskStep& VirtualTime::step_of(const Job& job) const { return *steps_[job.step].plan; }
+const CallStep& VirtualTime::step_of(const Job& job) const { return *steps_[job.step].plan; }
 
 void VirtualTime::begin() {
   for (std::uint32_t p = 0; p < scenario_.mix.pipelines.size(); ++p) {
     schedule_firing(p);
-    for (std::int64_t i = 0; i < firings_.at_begin(p); ++i) add_timer(Nanos::zero(), true, p);
+    for (std::int64_t i = 0; i < firings_.at_begin(p); ++i)
+      add_timer(Nanos::zero(), TimerKind::kFires, p);
   }
 }
 
@@ -152,8 +163,8 @@ bool VirtualTime::advance(Nanos now) {
     const JobIndex index = servers_[position]->complete_next();
     note_next(position);
     Job& job = jobs_[index];
-    const TaskStep& step = step_of(job);
-    books_.charge(step, job.unit, job.takes, job.powered);
+    const CallStep& step = step_of(job);
+    charge(books_, job, job.takes, job.powered);
     if (observer_ != nullptr) observer_->left(step.servers, index);
     if (step.slices != nullptr && job.rest > Nanos::zero()) {
       end_slice(index);
@@ -165,11 +176,18 @@ bool VirtualTime::advance(Nanos now) {
     std::ranges::pop_heap(timers_, std::greater{});
     const Timer due = timers_.back();
     timers_.pop_back();
-    if (due.fires) {
-      fire(due.index);
-    } else {
-      ++jobs_[due.index].step;
-      begin_step(due.index);
+    switch (due.kind) {
+      case TimerKind::kFires:
+        fire(due.index);
+        break;
+      case TimerKind::kDelay:
+        charge_delay(due.index, jobs_[due.index].takes);
+        ++jobs_[due.index].step;
+        begin_step(due.index);
+        break;
+      case TimerKind::kDrawn:
+        observer_->drawing(draws_[due.index].first, -draws_[due.index].second);
+        break;
     }
   }
   settle();
@@ -185,10 +203,11 @@ bool VirtualTime::go_on_serving(std::size_t servers) {
   Job& job = jobs_[*index];
   const Step& step = steps_[job.step];
   if (!step.goes_on) return false;
-  books_.charge(*step.plan, job.unit, job.takes, job.powered);
+  charge(books_, job, job.takes, job.powered);
   const Step& next = steps_[++job.step];
   job.takes = next.takes;
   job.powered = next.powered;
+  job.own_w = next.own_w;
   its.go_on(next.takes, sequence_++);
   completions_.set(servers, its.next());
   return true;
@@ -200,7 +219,8 @@ void VirtualTime::finished(JobIndex index, ComputedEnd end, Nanos now) {
   if (now_ > firings_.end() && !at_end_) close_books(firings_.end());
   Job& job = jobs_[index];
   job.computing = false;
-  books_.charge_computed(workload_of(job), job.unit, end.busy, end.powered.value_or(end.busy));
+  books_.charge_computed(workload_of(job), job.unit, end.busy, end.powered.value_or(end.busy),
+                         end.outcome == Outcome::kCompleted ? 1 : part_served(job, end.busy));
   if (end.preparing) {
     books_.count_preparing(job.unit, *end.preparing);
     prepared(job, job.started_at, *end.preparing);
@@ -222,17 +242,17 @@ void VirtualTime::stop(Nanos now) {
   now_ = std::max(now_, now);
   firings_.stop(now_);
   if (!at_end_) close_books(now_);
-  std::erase_if(timers_, &Timer::fires);
+  std::erase_if(timers_, [](const Timer& each) { return each.kind == TimerKind::kFires; });
   std::ranges::make_heap(timers_, std::greater{});
 }
 
-void VirtualTime::add_timer(Nanos at, bool fires, std::uint32_t index) {
-  timers_.push_back({{at, sequence_++}, fires, index});
+void VirtualTime::add_timer(Nanos at, TimerKind kind, std::uint32_t index) {
+  timers_.push_back({{at, sequence_++}, kind, index});
   std::ranges::push_heap(timers_, std::greater{});
 }
 
 void VirtualTime::schedule_firing(std::uint32_t pipeline) {
-  if (const auto at = firings_.due(pipeline)) add_timer(*at, true, pipeline);
+  if (const auto at = firings_.due(pipeline)) add_timer(*at, TimerKind::kFires, pipeline);
 }
 
 void VirtualTime::fire(std::uint32_t pipeline) {
@@ -304,14 +324,19 @@ void VirtualTime::note_arrival(JobIndex index) {
   if (observer_ == nullptr) return;
   const Job& job = jobs_[index];
   const double active_w = scenario_.platform.units[job.unit].active_w;
-  observer_->arrived(job.unit, index, books_.is_metered(workload_of(job), job.unit) ? 0 : active_w);
+  const CallPlan& call = plans_[job.plan].calls[job.unit];
+  const Nanos expected = call.takes(Taken::kMean);
+  const double own_w = expected > Nanos::zero() ? call.own_j() / to_s(expected) : 0;
+  const bool metered = books_.is_metered(workload_of(job), job.unit);
+  observer_->arrived(job.unit, index, own_w + (metered ? 0 : active_w));
 }
 
 /// What the unit holds at first: the first of the mix that it may have to.
 std::optional<std::uint32_t> VirtualTime::first_context(UnitId unit) const {
   for (const TaskPlan& plan : plans_) {
-    const auto first = std::ranges::find_if(plan.steps[unit], &TaskStep::prepares);
-    if (first != plan.steps[unit].end()) return first->context;
+    const auto& steps = plan.calls[unit].steps;
+    const auto first = std::ranges::find_if(steps, &CallStep::prepares);
+    if (first != steps.end()) return first->context;
   }
   return std::nullopt;
 }
@@ -333,8 +358,12 @@ void VirtualTime::begin_step(JobIndex index) {
   if (step.constant) {
     job.takes = step.takes;
     job.powered = step.powered;
+    job.own_w = step.own_w;
   } else if (step.plan->for_data) {
-    return add_timer(data_arrival(index), false, index);
+    const Nanos arrival = data_arrival(index);
+    job.takes = arrival - now_;
+    job.own_w = 0;
+    return add_timer(arrival, TimerKind::kDelay, index);
   } else {
     measure(index, *step.plan);
   }
@@ -344,11 +373,14 @@ void VirtualTime::begin_step(JobIndex index) {
     job.slice = 0;
     cut(job, *step.plan);
   }
-  if (step.plan->servers == TaskStep::kDelay) return add_timer(now_ + job.takes, false, index);
+  if (step.plan->servers == CallStep::kDelay) {
+    if (observer_ != nullptr && job.own_w > 0) observer_->drawing(job.unit, job.own_w);
+    return add_timer(now_ + job.takes, TimerKind::kDelay, index);
+  }
   work_on(index, *step.plan);
 }
 
-void VirtualTime::work_on(JobIndex index, const TaskStep& step) {
+void VirtualTime::work_on(JobIndex index, const CallStep& step) {
   if (observer_ != nullptr) {
     observer_->arrived(step.servers, index, power_w(jobs_[index], step));
   }
@@ -356,8 +388,28 @@ void VirtualTime::work_on(JobIndex index, const TaskStep& step) {
   note_next(step.servers);
 }
 
+/// @param job  At the servers of its step, which have worked on that for so long.
+void VirtualTime::charge(Books& books, const Job& job, Nanos served, Nanos powered) const {
+  books.charge(step_of(job), job.unit, served, powered,
+               job.own_w == 0 ? 0 : job.own_w * to_s(served));
+}
+
+/// Of the job's delay so much has passed, and no more of it will.
+void VirtualTime::charge_delay(JobIndex index, Nanos passed) {
+  const Job& job = jobs_[index];
+  if (job.own_w == 0) return;
+  books_.charge_own(job.unit, job.own_w * to_s(passed));
+  if (observer_ != nullptr) observer_->drawing(job.unit, -job.own_w);
+}
+
+/// Of a computed call's own joules, if it is not complete.
+double VirtualTime::part_served(const Job& job, Nanos busy) const {
+  const Nanos expected = plans_[job.plan].calls[job.unit].takes(Taken::kMean);
+  return busy < expected ? to_s(busy) / to_s(expected) : 1;
+}
+
 /// Whether the step prepares what its unit holds already. From now on it holds it.
-bool VirtualTime::holds_context(Job& job, const TaskStep& step) {
+bool VirtualTime::holds_context(Job& job, const CallStep& step) {
   if (!step.prepares) return false;
   if (std::exchange(contexts_[job.unit], step.context) == step.context) return true;
   prepared(job, now_, step.scaled);
@@ -376,7 +428,7 @@ void VirtualTime::complete(JobIndex job, Outcome outcome, Nanos took,
                            std::shared_ptr<const std::vector<Tensor>> data) {
   Job& done = jobs_[job];
   if (call_effects_.any() && !contains(computed_, done.unit)) {
-    call_effects_.ended(done.unit, workload_of(done), now_);
+    call_effects_.ended(done.unit, workload_of(done), job, now_);
   }
   must(dispatcher_.complete(done.unit, done.id, outcome, now_, effects_));
   books_.note_end(now_);

@@ -15,13 +15,13 @@
 
 #include "scheduler/dispatcher/dispatcher.h"
 #include "scheduler/record/tally.h"
+#include "scheduler/services/call_plan.h"
 #include "scheduler/services/scenario.h"
 #include "scheduler/trace/run_observer.h"
 #include "scheduler/virtual/books.h"
 #include "scheduler/virtual/call_effects.h"
 #include "scheduler/virtual/firings.h"
 #include "scheduler/virtual/servers.h"
-#include "scheduler/virtual/step_plan.h"
 
 namespace pirt {
 
@@ -48,13 +48,13 @@ class Executor {
 };
 
 /// One run. Its references must outlive it.
-class VirtualTime {
+class VirtualTime final : private Servers::Owner {
  public:
   /// @param observer  Null = none.
   /// @param executor  Of the units of @p computed; null = all are modelled.
   VirtualTime(const Scenario& scenario, Dispatcher& dispatcher, RunObserver* observer = nullptr,
               Executor* executor = nullptr, UnitMask computed = 0);
-  ~VirtualTime();
+  ~VirtualTime() override;
   /// Until nothing is left to happen. Call once.
   /// @return  What was counted by the end: the duration with an open loop, else the last event.
   [[nodiscard]] Tally run();
@@ -87,11 +87,17 @@ class VirtualTime {
  private:
   struct Job;
   struct Timer;
+  enum class TimerKind : std::uint8_t {
+    kFires,  ///< A pipeline.
+    kDelay,  ///< A job's delay ends.
+    kDrawn,  ///< Something has been drawn: a position in draws_.
+  };
   /// A step of a plan, laid out for the run: those of a task on a unit follow each other, and then
   /// one without a plan.
   struct Step {
-    const TaskStep* plan = nullptr;
-    Nanos takes{0}, powered{0};  ///< As Job, if it is always the same.
+    const CallStep* plan = nullptr;
+    Nanos takes{0}, powered{0};  ///< As Job, if it is always the same,
+    double own_w = 0;            ///< and likewise.
     bool constant = false;       ///< It is, and begins whatever happened before.
     /// The one behind it is, too, and is served by the same servers; neither has slices.
     bool goes_on = false;
@@ -105,10 +111,14 @@ class VirtualTime {
   void apply_starts();
   void take_back(const Recalled& recalled);
   void begin_step(JobIndex job);
-  [[nodiscard]] bool holds_context(Job& job, const TaskStep& step);
-  void measure(JobIndex job, const TaskStep& step);
-  void work_on(JobIndex job, const TaskStep& step);
-  void cut(Job& job, const TaskStep& step) const;
+  [[nodiscard]] bool holds_context(Job& job, const CallStep& step);
+  void measure(JobIndex job, const CallStep& step);
+  Nanos begins(JobId job, Nanos work) override;
+  void charge(Books& books, const Job& job, Nanos served, Nanos powered) const;
+  void charge_delay(JobIndex job, Nanos passed);
+  [[nodiscard]] double part_served(const Job& job, Nanos busy) const;
+  void work_on(JobIndex job, const CallStep& step);
+  void cut(Job& job, const CallStep& step) const;
   void end_slice(JobIndex job);
   void leave(JobIndex job);
   void go_on(JobIndex job);
@@ -124,18 +134,20 @@ class VirtualTime {
   }
   static constexpr std::size_t kNone = SIZE_MAX;
   Nanos data_arrival(JobIndex job);
-  void send(UnitId unit, std::int64_t size_bytes, Nanos from);
-  [[nodiscard]] const TaskStep& step_of(const Job& job) const;
+  void send(UnitId unit, std::int64_t size_bytes, Nanos from, Nanos wait);
+  void draw_for(std::size_t servers, double watts, Nanos time);
+  [[nodiscard]] const CallStep& step_of(const Job& job) const;
   [[nodiscard]] WorkloadId workload_of(const Job& job) const;
   [[nodiscard]] std::optional<std::uint32_t> first_context(UnitId unit) const;
   void prepared(Job& job, Nanos at, Nanos takes);
   [[nodiscard]] std::uint64_t random(JobIndex job) const;
-  Nanos with_effects(JobIndex job, const TaskStep& step, Nanos takes);
-  [[nodiscard]] double power_w(const Job& job, const TaskStep& step) const;
+  void add_effects(JobIndex job, const CallStep& step);
+  void lengthen_slowed();
+  [[nodiscard]] static double power_w(const Job& job, const CallStep& step);
   void complete(JobIndex job, Outcome outcome, Nanos took,
                 std::shared_ptr<const std::vector<Tensor>> data);
   void release(const std::optional<FiringId>& firing);
-  void add_timer(Nanos at, bool fires, std::uint32_t index);
+  void add_timer(Nanos at, TimerKind kind, std::uint32_t index);
 
   const Scenario& scenario_;
   RunObserver* observer_;
@@ -164,6 +176,8 @@ class VirtualTime {
   Books books_;
   CallEffects call_effects_;
   std::vector<CallEffects::Slowed> slowed_;
+  /// Servers, and what is drawn beside them; only where somebody follows.
+  std::vector<std::pair<std::size_t, double>> draws_;
   std::optional<Tally> at_end_;  ///< What is returned.
   Nanos now_{0};
 };

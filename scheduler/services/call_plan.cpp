@@ -1,0 +1,330 @@
+#include "scheduler/services/call_plan.h"
+
+#include <algorithm>
+#include <iterator>
+#include <numeric>
+#include <utility>
+
+namespace pirt {
+namespace {
+
+constexpr double kWindowS = 1;  ///< Of a cap of power.
+
+void add_link(const Platform& platform, UnitId unit, std::int64_t size_bytes,
+              std::vector<CallStep>& steps) {
+  const auto link = platform.links.find(platform.units[unit].link);
+  if (link == platform.links.end()) return;
+  const auto position = std::distance(platform.links.begin(), link);
+  const Nanos sending = sending_time(link->second, size_bytes);
+  const Distribution& latency = link->second.latency;
+  steps.push_back({.servers = static_cast<std::uint32_t>(platform.units.size()) +
+                              static_cast<std::uint32_t>(position),
+                   .time = Distribution::constant(sending),
+                   .usual = sending,
+                   .scaled = sending,
+                   .watts = link->second.active_w,
+                   .energy_scale = 1});
+  steps.push_back({.time = latency, .usual = usual_worst_of(latency), .scaled = latency.mean()});
+}
+
+/// How much longer a call takes at most beside one that runs all the time.
+double slowest_beside(const CallConditions& conditions) {
+  return std::max({1.0, conditions.beside_memory, conditions.beside_compute});
+}
+
+/// The same beside all that share the unit's memory.
+double beside_all(const ServiceTable& services, UnitId unit, const CallConditions& conditions) {
+  const std::string& memory = services.units[unit].memory;
+  if (memory.empty()) return 1;
+  const auto others =
+      std::ranges::count(services.units, memory, &UnitConditions::memory) - std::ptrdiff_t{1};
+  return 1 + static_cast<double>(others) * (slowest_beside(conditions) - 1);
+}
+
+void add_stages(const Platform& platform, const ServiceTable& services, const Service& service,
+                UnitId unit, std::vector<CallStep>& steps) {
+  const auto sliced = service.sliced_stage(unit);
+  for (std::size_t i = 0; i < service.stages.size(); ++i) {
+    const ServiceStage& stage = service.stages[i];
+    CallStep& step = steps.emplace_back();
+    step.time = stage.time;
+    step.usual = stage.usual();
+    step.scaled = stage.mean();
+    step.scale = stage.scale;
+    if (stage.on) {
+      step.servers = *stage.on;
+      step.watts = platform.units[*stage.on].active_w;
+      step.energy_scale = service.energy_scale(stage);
+    }
+    step.conditions = service.conditions_of(stage, unit);
+    if (step.conditions != nullptr) step.beside = beside_all(services, unit, *step.conditions);
+    if (i == sliced) step.slices = &service.slices;
+  }
+}
+
+/// A call's own joules are drawn while a server works on it, or, of one that has none, while it
+/// lasts: a second of it has as much of them as any other.
+void spread_own(double own_j, std::span<CallStep> stages) {
+  const bool served = std::ranges::any_of(stages, [](const CallStep& step) {
+    return step.servers != CallStep::kDelay && step.scaled > Nanos::zero();
+  });
+  const auto counts = [served](const CallStep& step) {
+    return !served || step.servers != CallStep::kDelay;
+  };
+  Nanos all{0};
+  for (const CallStep& step : stages) all += counts(step) ? step.scaled : Nanos::zero();
+  for (CallStep& step : stages) {
+    if (!counts(step)) continue;
+    step.own_j = all > Nanos::zero() ? own_j * (to_s(step.scaled) / to_s(all)) : 0;
+  }
+  if (all == Nanos::zero() && !stages.empty()) stages.front().own_j = own_j;
+}
+
+bool takes_time(const GraphEdge& edge) {
+  const auto any = [](const std::vector<Nanos>& times) {
+    return std::ranges::any_of(times, [](Nanos time) { return time > Nanos::zero(); });
+  };
+  return edge.delay > Nanos::zero() || any(edge.leave) || any(edge.enter);
+}
+
+/// Empty if none takes time.
+std::vector<DataEdge> data_edges(const Platform& platform, const Pipeline& pipeline,
+                                 std::size_t task) {
+  std::vector<DataEdge> edges;
+  const auto& given = pipeline.tasks[task].edges;
+  for (auto& edge : edges_into(platform, pipeline, task)) {
+    edges.push_back({std::move(edge), given[edges.size()].bytes.value_or(0), false});
+  }
+  for (auto& [edge, size_bytes] : earlier_edges_into(platform, pipeline, task)) {
+    edges.push_back({std::move(edge), size_bytes, true});
+  }
+  const auto takes = [](const DataEdge& each) { return takes_time(each.edge); };
+  return std::ranges::any_of(edges, takes) ? edges : std::vector<DataEdge>{};
+}
+
+/// Joules of the links of both ends; nothing where the data does not move.
+double moving_j(const Platform& platform, UnitId from, UnitId to, std::int64_t size_bytes) {
+  double energy_j = 0;
+  for (const UnitId end : {from, to}) {
+    const Link* link = from == to ? nullptr : link_of(platform, end);
+    if (link != nullptr) energy_j += link->active_w * to_s(sending_time(*link, size_bytes));
+  }
+  return energy_j;
+}
+
+/// The wait for data on its way, at its longest: from any unit that may have it.
+void add_wait(const Scenario& scenario, std::size_t pipeline, const TaskPlan& task, UnitId unit,
+              CallPlan& call) {
+  if (task.edges.empty() && !task.state) return;
+  const Platform& platform = scenario.platform;
+  Nanos longest{0};
+  for (const DataEdge& each : task.edges) {
+    double most_j = 0;
+    for (UnitId from = 0; from < platform.units.size(); ++from) {
+      if (!contains(scenario.classes[pipeline][each.edge.from].eligible, from)) continue;
+      longest = std::max(longest, each.edge.transfer(from, unit));
+      most_j = std::max(most_j, moving_j(platform, from, unit, each.size_bytes));
+    }
+    call.data_j += most_j;
+  }
+  if (task.state) {
+    const std::int64_t size_bytes = scenario.mix.states[*task.state].size_bytes;
+    double most_j = 0;
+    for (UnitId from = 0; from < platform.units.size(); ++from) {
+      longest = std::max(longest, moving_time(platform, from, unit, size_bytes));
+      most_j = std::max(most_j, moving_j(platform, from, unit, size_bytes));
+    }
+    call.data_j += most_j;
+  }
+  CallStep& wait = call.steps.emplace_back();
+  wait.usual = longest;
+  wait.for_data = true;
+}
+
+}  // namespace
+
+Nanos CallStep::before_scale(Taken taken) const {
+  const bool certain = taken == Taken::kLeast || taken == Taken::kMean;
+  if (prepares && certain) return Nanos::zero();
+  switch (taken) {
+    case Taken::kLeast:
+      return time.low;
+    case Taken::kMean:
+      return time.mean();
+    case Taken::kUsualWorst:
+      return usual;
+    case Taken::kWorst:
+      if (conditions == nullptr) return usual;
+      return pirt::scaled(std::max(usual, conditions->usual_worst), slowest_beside(*conditions));
+    case Taken::kHighest:
+      break;
+  }
+  Nanos most = std::max(time.high, usual);
+  if (conditions == nullptr) return most;
+  for (const auto& cold : {conditions->cold_cache, conditions->cold_memory}) {
+    if (cold) most = std::max(most, cold->high);
+  }
+  return pirt::scaled(most, beside);
+}
+
+Nanos CallStep::takes(Taken taken) const {
+  if (taken == Taken::kMean && !prepares) return scaled;
+  return scale == 1 ? before_scale(taken) : pirt::scaled(before_scale(taken), scale);
+}
+
+Nanos CallPlan::takes(Taken taken) const {
+  Nanos sum{0};
+  for (const CallStep& step : steps) sum += step.takes(taken);
+  return sum;
+}
+
+Nanos CallPlan::prepares() const {
+  Nanos sum{0};
+  for (const CallStep& step : steps) sum += step.prepares ? step.scaled : Nanos::zero();
+  return sum;
+}
+
+Nanos CallPlan::on(std::uint32_t servers, Taken taken) const {
+  Nanos sum{0};
+  for (const CallStep& step : steps) {
+    if (step.servers == servers) sum += step.takes(taken);
+  }
+  return sum;
+}
+
+Nanos CallPlan::bottleneck(UnitId unit) const {
+  Nanos own{0};
+  Nanos any{0};
+  for (const CallStep& step : steps) {
+    const Nanos takes = step.takes(Taken::kMean);
+    any = std::max(any, takes);
+    if (step.servers == unit) own = std::max(own, takes);
+  }
+  return own > Nanos::zero() ? own : any;
+}
+
+Nanos CallPlan::longest_slice() const {
+  Nanos longest{0};
+  Nanos since{0};  // It could be suspended.
+  for (const CallStep& step : steps) {
+    const Nanos takes = step.prepares ? Nanos::zero() : step.takes(Taken::kUsualWorst);
+    if (step.slices == nullptr) {
+      since += takes;
+      continue;
+    }
+    for (std::size_t part = 0; part < step.slices->size(); ++part) {
+      since += pirt::scaled(takes, (*step.slices)[part]);
+      longest = std::max(longest, since);
+      if (part + 1 < step.slices->size()) since = Nanos::zero();
+    }
+  }
+  return std::max(longest, since);
+}
+
+std::optional<double> CallPlan::energy_j(Taken taken) const {
+  if (!energy_known) return std::nullopt;
+  double energy_j = own_j();
+  for (const CallStep& step : steps) {
+    if (step.servers == CallStep::kDelay) continue;
+    energy_j += step.watts * to_s(step.before_scale(taken)) * step.energy_scale;
+  }
+  return energy_j;
+}
+
+double CallPlan::own_j() const {
+  double sum = 0;
+  for (const CallStep& step : steps) sum += step.own_j;
+  return sum;
+}
+
+double CallPlan::window_j() const {
+  double own_j = 0;
+  double energy_j = 0;
+  double highest_w = 0;
+  for (const CallStep& step : steps) {
+    // What lengthens a call lets it draw for longer.
+    const Nanos most = step.before_scale(Taken::kHighest);
+    const bool varies = step.conditions != nullptr && step.time.low > Nanos::zero();
+    own_j += step.own_j * (varies ? to_s(most) / to_s(step.time.low) : 1);
+    energy_j += step.watts * to_s(most) * step.energy_scale;
+    highest_w = std::max(highest_w, step.watts * step.energy_scale / step.scale);
+  }
+  return own_j + data_j + std::min(energy_j, highest_w * kWindowS);
+}
+
+CallPlan plan_call(const Platform& platform, const ServiceTable& services, WorkloadId workload,
+                   UnitId unit, const CallBytes& bytes) {
+  const Service& service = *services.find(workload, unit);
+  CallPlan call;
+  call.energy_known = service.energy_known;
+  if (bytes.moves) add_link(platform, unit, bytes.in, call.steps);
+  if (service.prepare) {
+    CallStep& load = call.steps.emplace_back();
+    load.servers = unit;
+    load.time = Distribution::constant(*service.prepare);
+    load.usual = load.scaled = *service.prepare;
+    load.watts = platform.units[unit].active_w;
+    load.energy_scale = service.metered_j ? 0.0 : 1.0;
+    load.prepares = true;
+    load.context =
+        context_of(*platform.units[unit].contexts, workload, services.workloads[workload]);
+  }
+  const std::size_t first = call.steps.size();
+  add_stages(platform, services, service, unit, call.steps);
+  spread_own(service.fixed_j(), std::span(call.steps).subspan(first));
+  if (bytes.moves) add_link(platform, unit, bytes.out, call.steps);
+  return call;
+}
+
+std::vector<TaskPlan> plan_tasks(const Scenario& scenario, std::size_t pipeline) {
+  std::vector<TaskPlan> plans;
+  const auto& tasks = scenario.mix.pipelines[pipeline].tasks;
+  const bool links = !scenario.platform.links.empty();
+  for (std::size_t t = 0; t < tasks.size(); ++t) {
+    const TaskClass& kind = scenario.classes[pipeline][t];
+    TaskPlan plan{.workload = kind.workload,
+                  .edges = data_edges(scenario.platform, scenario.mix.pipelines[pipeline], t),
+                  .state = links ? tasks[t].state : std::nullopt,
+                  .calls = {}};
+    for (UnitId unit = 0; unit < scenario.platform.units.size(); ++unit) {
+      CallPlan& call = plan.calls.emplace_back();
+      if (!contains(kind.eligible, unit)) continue;
+      add_wait(scenario, pipeline, plan, unit, call);
+      CallPlan alone = plan_call(scenario.platform, scenario.services, kind.workload, unit,
+                                 call_bytes(tasks[t]));
+      call.energy_known = alone.energy_known;
+      std::ranges::move(alone.steps, std::back_inserter(call.steps));
+    }
+    plans.push_back(std::move(plan));
+  }
+  return plans;
+}
+
+CostTable call_costs(const Scenario& scenario) {
+  const Platform& platform = scenario.platform;
+  const ServiceTable& services = scenario.services;
+  std::vector<CallBytes> bytes(services.workloads.size());
+  for (std::size_t p = 0; p < scenario.classes.size(); ++p) {
+    for (std::size_t t = 0; t < scenario.classes[p].size(); ++t) {
+      CallBytes& most = bytes[scenario.classes[p][t].workload];
+      const CallBytes its = call_bytes(scenario.mix.pipelines[p].tasks[t]);
+      if (its.in + its.out >= most.in + most.out) most = its;
+    }
+  }
+  CostTable costs;
+  for (WorkloadId workload = 0; workload < services.workloads.size(); ++workload) {
+    auto& row = costs.emplace_back(platform.units.size());
+    for (UnitId unit = 0; unit < row.size(); ++unit) {
+      const Service* service = services.find(workload, unit);
+      if (service == nullptr) continue;
+      const CallPlan call = plan_call(platform, services, workload, unit, bytes[workload]);
+      row[unit] = {.total = call.takes(Taken::kMean),
+                   .occupied = call.bottleneck(unit),
+                   .energy_j = call.energy_j(Taken::kMean),
+                   .energy_provenance = service->energy_provenance};
+    }
+  }
+  return costs;
+}
+
+}  // namespace pirt
