@@ -51,7 +51,8 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
     } else {
       --units_[unit].running;
     }
-    remove_load(slot, unit);
+    const bool returned = state == TaskState::kRunning && outcome == Outcome::kReturned;
+    if (!returned) depart(slot, unit, Whereabouts::nowhere());
     note_running(unit);
     if (state == TaskState::kRunning && outcome == Outcome::kCompleted) {
       ++counts_.completed;
@@ -66,7 +67,7 @@ bool Dispatcher::complete(UnitId unit, TaskId task, Outcome outcome, Nanos now, 
       }
     } else if (state == TaskState::kCancelled) {
       end(slot);
-    } else if (outcome == Outcome::kReturned) {
+    } else if (returned) {
       give_back(slot, unit, out);
     } else {
       fail(slot, out);
@@ -193,7 +194,8 @@ void Dispatcher::make_ready(TaskSlot slot, bool alone) {
 bool Dispatcher::place(TaskSlot slot) {
   if (waiting_.class_at(slot).parked) return false;
   const TaskClass& kind = waiting_.class_at(slot).kind;
-  const Placement placement = policy_->place(kind, view());
+  const UnitsView units = view();
+  const Placement placement = policy_->place(kind, units);
   switch (placement.kind) {
     case Placement::Kind::kHold:
       waiting_.class_at(slot).awaits = std::nullopt;
@@ -209,21 +211,45 @@ bool Dispatcher::place(TaskSlot slot) {
       break;
     case Placement::Kind::kUnit:
       assert(contains(kind.eligible & up_, placement.unit));
-      put_in_queue(slot, placement.unit);
+      put_in_queue(slot, placement.unit, units);
       break;
   }
   waiting_.had_turn(kind.entry);
   return true;
 }
 
-void Dispatcher::put_in_queue(TaskSlot slot, UnitId unit) {
+void Dispatcher::tell_moved(TaskSlot slot, Whereabouts from, Whereabouts to,
+                            const UnitsView& shown) {
+  const TaskRecord& record = tasks_[slot];
+  policy_->moved({.kind = waiting_.class_at(slot).kind,
+                  .id = record.id,
+                  .rank = record.rank,
+                  .deadline = record.deadline},
+                 from, to, shown);
+}
+
+/// The task, which waited, counts in the unit's load.
+/// @param shown  What the policy saw when it chose the unit.
+void Dispatcher::enter(TaskSlot slot, UnitId unit, const UnitsView& shown) {
+  tell_moved(slot, Whereabouts::waiting(), Whereabouts::on(unit), shown);
+  tasks_[slot].dispatched_at = now_;
+  ++load_[unit];
+}
+
+/// It counts there no more.
+void Dispatcher::depart(TaskSlot slot, UnitId unit, Whereabouts to) {
+  --load_[unit];
+  waiting_.note_fall(unit);
+  tell_moved(slot, Whereabouts::on(unit), to, view());
+}
+
+void Dispatcher::put_in_queue(TaskSlot slot, UnitId unit, const UnitsView& shown) {
+  enter(slot, unit, shown);
   TaskRecord& record = tasks_[slot];
   record.state = TaskState::kQueued;
   record.unit = unit;
-  record.dispatched_at = now_;
   units_[unit].queue.insert(tasks_, slot);
   queued_ |= unit_bit(unit);
-  ++load_[unit];
 }
 
 void Dispatcher::start_all(Effects& out) {
@@ -255,10 +281,8 @@ void Dispatcher::note_running(UnitId id) {
 TaskSlot Dispatcher::next_for(UnitId id) {
   Unit& unit = units_[id];
   if (const TaskSlot slot = waiting_.first_for(id); slot != kNoSlot) {
-    unlink(slot);
-    tasks_[slot].dispatched_at = now_;
-    policy_->took(waiting_.class_at(slot).kind, id, view());
-    ++load_[id];
+    waiting_.erase(slot);
+    enter(slot, id, view());
     return slot;
   }
   if (unit.queue.empty()) return kNoSlot;

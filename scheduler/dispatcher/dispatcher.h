@@ -191,7 +191,10 @@ class Dispatcher {
   void note_running(UnitId id);
   TaskSlot next_for(UnitId id);
   void start(TaskSlot slot, UnitId unit, Effects& out);
-  void put_in_queue(TaskSlot slot, UnitId unit);
+  void enter(TaskSlot slot, UnitId unit, const UnitsView& shown);
+  void depart(TaskSlot slot, UnitId unit, Whereabouts to);
+  void tell_moved(TaskSlot slot, Whereabouts from, Whereabouts to, const UnitsView& shown);
+  void put_in_queue(TaskSlot slot, UnitId unit, const UnitsView& shown);
   void take_from_queue(TaskSlot slot, UnitId unit);
   void leave(TaskSlot slot, UnitId unit);
   void resume(UnitId unit);
@@ -199,17 +202,12 @@ class Dispatcher {
   [[nodiscard]] bool may_let_in(TaskSlot slot, UnitId unit, Nanos before);
   bool take_in(TaskSlot slot, UnitId unit);
   void resume_left(Effects& out);
-  void unlink(TaskSlot slot);
+  void unlink(TaskSlot slot, Whereabouts to);
   void drop(TaskSlot slot, TaskEnd how, Effects& out);
   void drop_successors(TaskSlot slot, TaskEnd how, Effects& out);
   void count_drop(TaskSlot slot, TaskEnd how, Effects& out);
   void end(TaskSlot slot);
   [[nodiscard]] UnitsView view() const { return {.load = load_, .up = up_, .now = now_}; }
-  void remove_load(TaskSlot slot, UnitId unit) {
-    --load_[unit];
-    waiting_.note_fall(unit);
-    policy_->left(waiting_.class_at(slot).kind, unit, now_);
-  }
 
   std::unique_ptr<Policy> policy_;
   DispatcherObserver* observer_ = nullptr;

@@ -18,7 +18,7 @@ void Dispatcher::expire_watched(Expire which, Effects& out) {
     const TaskSlot slot = expiries_.first();
     ++counts_.expired;
     out.ended.push_back({tasks_[slot].id, TaskEnd::kExpired});
-    unlink(slot);
+    unlink(slot, Whereabouts::nowhere());
     drop_successors(slot, TaskEnd::kDropped, out);
     end(slot);
     expiries_.tidy();
@@ -65,24 +65,15 @@ void Dispatcher::fail(TaskSlot slot, Effects& out) {
   end(slot);
 }
 
-/// Takes a task that has not started out of the queue that it is in.
-void Dispatcher::unlink(TaskSlot slot) {
+/// Takes a task that has not started out of the queue that it is in, if it is in one.
+/// @param to  Where it is from now on; of one that was placed the policy hears it now.
+void Dispatcher::unlink(TaskSlot slot, Whereabouts to) {
   const TaskRecord& record = tasks_[slot];
-  switch (record.state) {
-    case TaskState::kHeld:
-    case TaskState::kHighPriority:
-      waiting_.erase(slot);
-      break;
-    case TaskState::kQueued:
-      take_from_queue(slot, record.unit);
-      remove_load(slot, record.unit);
-      break;
-    case TaskState::kNew:
-    case TaskState::kWaiting:
-    case TaskState::kRunning:
-    case TaskState::kCancelled:
-    case TaskState::kEnded:
-      break;
+  if (record.state == TaskState::kQueued) {
+    take_from_queue(slot, record.unit);
+    depart(slot, record.unit, to);
+  } else if (waits_for_unit(record.state)) {
+    waiting_.erase(slot);
   }
 }
 
@@ -95,7 +86,7 @@ void Dispatcher::count_drop(TaskSlot slot, TaskEnd how, Effects& out) {
 /// Drops a task that has not started, and its successors.
 void Dispatcher::drop(TaskSlot slot, TaskEnd how, Effects& out) {
   count_drop(slot, how, out);
-  unlink(slot);
+  unlink(slot, Whereabouts::nowhere());
   drop_successors(slot, how, out);
   end(slot);
 }
@@ -122,8 +113,8 @@ void Dispatcher::drop_successors(TaskSlot slot, TaskEnd how, Effects& out) {
 /// The task is in no queue and will not complete.
 void Dispatcher::end(TaskSlot slot) {
   const TaskState state = tasks_[slot].state;
-  if (state == TaskState::kWaiting || state == TaskState::kHeld) {
-    policy_->gone(waiting_.class_at(slot).kind);
+  if (state == TaskState::kWaiting || waits_for_unit(state)) {
+    tell_moved(slot, Whereabouts::waiting(), Whereabouts::nowhere(), view());
     waiting_.had_turn(waiting_.class_at(slot).kind.entry);
   }
   expiries_.forget(slot);

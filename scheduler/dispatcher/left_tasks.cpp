@@ -70,10 +70,8 @@ bool Dispatcher::take_in(TaskSlot slot, UnitId unit) {
       take_from_queue(slot, unit);
       return true;
     case TaskState::kHighPriority:
-      unlink(slot);
-      tasks_[slot].dispatched_at = now_;
-      policy_->took(kind, unit, view());
-      ++load_[unit];
+      waiting_.erase(slot);
+      enter(slot, unit, view());
       return true;
     case TaskState::kHeld:
       break;
@@ -82,15 +80,16 @@ bool Dispatcher::take_in(TaskSlot slot, UnitId unit) {
   }
   shown_ = load_;
   shown_[unit] -= left(unit);
-  const Placement placement = policy_->place(kind, {.load = shown_, .up = up_, .now = now_});
+  const UnitsView units = {.load = shown_, .up = up_, .now = now_};
+  const Placement placement = policy_->place(kind, units);
   if (placement.holds()) return false;
   waiting_.had_turn(kind.entry);
-  unlink(slot);
+  waiting_.erase(slot);
   if (placement.kind == Placement::Kind::kHighPriority) {
     waiting_.prioritize(slot);
     return false;
   }
-  put_in_queue(slot, placement.unit);
+  put_in_queue(slot, placement.unit, units);
   if (placement.unit != unit) return false;
   take_from_queue(slot, unit);
   return true;

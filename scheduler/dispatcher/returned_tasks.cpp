@@ -18,13 +18,14 @@ void Dispatcher::give_back(TaskSlot slot, UnitId unit, Effects& out) {
   TaskClass kind = waiting_.class_at(slot).kind;
   kind.eligible &= ~(ties.returned_by | gone_);
   if (!recalled) ++ties.returns;
-  if (ties.returns == kMostTries || kind.eligible == 0 ||
-      policy_->takers(kind, kind.eligible) == 0) {
+  const bool fails =
+      ties.returns == kMostTries || kind.eligible == 0 || policy_->takers(kind, kind.eligible) == 0;
+  depart(slot, unit, fails ? Whereabouts::nowhere() : Whereabouts::waiting());
+  if (fails) {
     out.ended.push_back({tasks_[slot].id, TaskEnd::kFailed});
     return fail(slot, out);
   }
   tasks_[slot].class_index = waiting_.class_of(kind, up_);
-  policy_->came_back(kind, tasks_[slot].rank);
   waiting_.hold(slot);
   if (ties.recall) recalls_.watch(slot, ties.recall->at);
   if (ties.expires_at) expiries_.watch(slot, *ties.expires_at);
@@ -48,12 +49,10 @@ void Dispatcher::take_back(TaskSlot slot, Effects& out) {
     if (there) out.recalled.push_back({record.id, record.unit});
     return;
   }
-  const bool waits =
-      there || record.state == TaskState::kHeld || record.state == TaskState::kHighPriority;
-  if (waits) unlink(slot);
+  const bool waits = there || waits_for_unit(record.state);
+  if (waits) unlink(slot, Whereabouts::waiting());
   record.class_index = waiting_.class_of(kind, up_);
   if (!waits) return;
-  if (there) policy_->came_back(kind, record.rank);
   waiting_.forget_refusals();
   waiting_.hold(slot);
 }
@@ -63,8 +62,7 @@ void Dispatcher::hand_on(UnitId unit) {
   std::vector<TaskSlot> waiting;
   while (!units_[unit].queue.empty()) {
     waiting.push_back(units_[unit].queue.front());
-    unlink(waiting.back());
-    policy_->came_back(waiting_.class_at(waiting.back()).kind, tasks_[waiting.back()].rank);
+    unlink(waiting.back(), Whereabouts::waiting());
   }
   waiting_.take_those_of(unit, gone_, waiting);
   for (const TaskSlot slot : waiting) {

@@ -26,6 +26,11 @@ enum class TaskState : std::uint8_t {
   kEnded,      ///< Without having completed; whoever comes after it is dropped.
 };
 
+/// Nothing else: it could start, and no unit was chosen.
+[[nodiscard]] constexpr bool waits_for_unit(TaskState state) {
+  return state == TaskState::kHeld || state == TaskState::kHighPriority;
+}
+
 /// It can no longer start, or has ended.
 [[nodiscard]] constexpr bool is_over(TaskState state) {
   return state == TaskState::kCancelled || state == TaskState::kEnded;

@@ -48,13 +48,13 @@ class AdvancedPolicy final : public Policy {
 
   const std::vector<UnitId>& order() const override { return basic_->order(); }
   Nanos rank(const Task& task) override { return basic_->rank(task); }
-  void took(const TaskClass& task, UnitId unit, const UnitsView& units) override {
-    basic_->took(task, unit, units);
+  void moved(const MovedTask& task, Whereabouts from, Whereabouts to,
+             const UnitsView& units) override {
+    basic_->moved(task, from, to, units);
   }
-  void gone(const TaskClass& task) override { basic_->gone(task); }
-  void left(const TaskClass& task, UnitId unit, Nanos now) override {
-    basic_->left(task, unit, now);
-  }
+  void units_changed(UnitMask up) override { basic_->units_changed(up); }
+  [[nodiscard]] Nanos ask_again() const override { return basic_->ask_again(); }
+  [[nodiscard]] std::int64_t over_cap() const override { return basic_->over_cap(); }
 
  private:
   bool offloads(const TaskClass& task) const {

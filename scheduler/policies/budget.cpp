@@ -51,10 +51,6 @@ class BudgetPolicy final : public Policy {
     return *task.deadline - margin(task.kind.entry);
   }
 
-  void came_back(const TaskClass& task, Nanos rank) override {
-    if (rank < kRealTime) foresight_.came_back(task.entry, rank + margin(task.entry));
-  }
-
   void units_changed(UnitMask up) override {
     plan_ = whole_;
     for (UnitId unit = 0; unit < without_.size(); ++unit) {
@@ -67,17 +63,18 @@ class BudgetPolicy final : public Policy {
   Placement place(const TaskClass& task, const UnitsView& units) override {
     if (units.now >= ask_again_) ask_again_ = Nanos::max();
     const auto unit = choose(task, units);
-    if (!unit) return Placement::hold();
-    const BudgetPlan::Task& planned = plan_.tasks[task.entry];
-    foresight_.left(task.entry);
-    ++calls_[task.entry].all;
-    ++calls_[task.entry].by_unit[*unit];
-    holds_[*unit] = planned.context[*unit];
-    if (window_) {
-      if (!window_->allows(planned.window_j[*unit], units.now)) ++over_cap_;
-      window_->started(planned.window_j[*unit]);
+    return unit ? Placement::on(*unit) : Placement::hold();
+  }
+
+  void moved(const MovedTask& task, Whereabouts from, Whereabouts to,
+             const UnitsView& units) override {
+    const std::uint32_t entry = task.kind.entry;
+    if (from.waits()) foresight_.left(entry, task.deadline);
+    if (to.waits()) foresight_.came_back(entry, task.deadline);
+    if (to.is_placed()) note_placed(entry, to.unit, units.now);
+    if (from.is_placed() && window_) {
+      window_->ended(plan_.tasks[entry].window_j[from.unit], units.now);
     }
-    return Placement::on(*unit);
   }
 
   UnitMask takers(const TaskClass& task, UnitMask up) const override {
@@ -87,10 +84,6 @@ class BudgetPolicy final : public Policy {
   }
 
   const std::vector<UnitId>& order() const override { return order_; }
-  void gone(const TaskClass& task) override { foresight_.left(task.entry); }
-  void left(const TaskClass& task, UnitId unit, Nanos now) override {
-    if (window_) window_->ended(plan_.tasks[task.entry].window_j[unit], now);
-  }
   [[nodiscard]] Nanos ask_again() const override { return ask_again_; }
   [[nodiscard]] std::int64_t over_cap() const override { return over_cap_; }
 
@@ -106,6 +99,16 @@ class BudgetPolicy final : public Policy {
     std::int64_t all = 0;
     std::vector<std::int64_t> by_unit;
   };
+
+  void note_placed(std::uint32_t entry, UnitId unit, Nanos now) {
+    const BudgetPlan::Task& planned = plan_.tasks[entry];
+    ++calls_[entry].all;
+    ++calls_[entry].by_unit[unit];
+    holds_[unit] = planned.context[unit];
+    if (!window_) return;
+    if (!window_->allows(planned.window_j[unit], now)) ++over_cap_;
+    window_->started(planned.window_j[unit]);
+  }
 
   /// Whether the unit may have one more of the task's calls; it may while all units are idle, whose
   /// tasks would change that.

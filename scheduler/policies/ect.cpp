@@ -15,14 +15,11 @@ class EctPolicy final : public Baseline {
   explicit EctPolicy(const PolicySetup& setup) : Baseline(setup), estimate_(setup) {}
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
-    const auto best = estimate_.best_unit(task, units);
-    if (!best) return Placement::hold_for(0);
-    estimate_.add(task, *best, units);
-    return Placement::on(*best);
+    return on_or_hold(estimate_.best_unit(task, units));
   }
 
-  void took(const TaskClass& task, UnitId unit, const UnitsView& units) override {
-    estimate_.add(task, unit, units);
+  void moved(const MovedTask& task, Whereabouts, Whereabouts to, const UnitsView& units) override {
+    if (to.is_placed()) estimate_.add(task.kind, to.unit, units);
   }
 
  private:

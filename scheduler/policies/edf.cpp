@@ -20,12 +20,11 @@ class EdfPolicy final : public Baseline {
     const auto best = estimate_.best_unit(task, units);
     if (!best) return Placement::hold_for(0);
     if (!estimate_.has_room(task, *best, units)) return Placement::hold();
-    estimate_.add(task, *best, units);
     return Placement::on(*best);
   }
 
-  void took(const TaskClass& task, UnitId unit, const UnitsView& units) override {
-    estimate_.add(task, unit, units);
+  void moved(const MovedTask& task, Whereabouts, Whereabouts to, const UnitsView& units) override {
+    if (to.is_placed()) estimate_.add(task.kind, to.unit, units);
   }
 
   Nanos rank(const Task& task) override { return task.deadline.value_or(Nanos::max()); }

@@ -35,7 +35,7 @@ Foresight::Foresight(const BudgetPlan& plan)
 void Foresight::submitted(const Task& task) {
   const std::uint32_t entry = task.kind.entry;
   if (!task.deadline) return;
-  waiting_[entry].push_back(*task.deadline);
+  came_back(entry, *task.deadline);
   if (!is_urgent_[entry]) urgent_.push_back(entry);
   is_urgent_[entry] = true;
   const BudgetPlan::Task& planned = plan_.tasks[entry];
@@ -51,11 +51,14 @@ void Foresight::submitted(const Task& task) {
 
 void Foresight::came_back(std::uint32_t entry, Nanos deadline) {
   auto& waiting = waiting_[entry];
+  if (deadline == Nanos::max()) return;
   waiting.insert(std::ranges::upper_bound(waiting, deadline), deadline);
 }
 
-void Foresight::left(std::uint32_t entry) {
-  if (!waiting_[entry].empty()) waiting_[entry].pop_front();
+void Foresight::left(std::uint32_t entry, Nanos deadline) {
+  auto& waiting = waiting_[entry];
+  const auto it = std::ranges::lower_bound(waiting, deadline);
+  if (it != waiting.end() && *it == deadline) waiting.erase(it);
 }
 
 Nanos Foresight::latest_end(std::uint32_t entry) const {

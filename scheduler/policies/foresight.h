@@ -21,18 +21,18 @@ class Foresight {
   explicit Foresight(const BudgetPlan& plan);
 
   void submitted(const Task& task);
-  /// A task of the entry waits again. @param deadline  Of its firing.
+  /// A task of the entry waits again. @param deadline  Of its firing; Nanos::max() = none.
   void came_back(std::uint32_t entry, Nanos deadline);
-  /// One task of the entry, the oldest, waits no more.
-  void left(std::uint32_t entry);
-  /// By when the oldest waiting task of the entry has to end; Nanos::max() = nobody says.
+  /// One that waited waits no more.
+  void left(std::uint32_t entry, Nanos deadline);
+  /// By when the most urgent waiting task of the entry has to end; Nanos::max() = nobody says.
   [[nodiscard]] Nanos latest_end(std::uint32_t entry) const;
 
   /// A refusal, and when it may be worth asking again if nothing else happens.
   struct Conflict {
     Nanos ask_again{0};
   };
-  /// Whether the oldest task of the entry, started on the unit now, would make something more
+  /// Whether the most urgent task of the entry, started on the unit now, would make something more
   /// urgent late that needs the unit: then it had better wait. Absent = no, or it cannot wait
   /// either.
   /// @param up  Units that are up.
@@ -56,7 +56,7 @@ class Foresight {
   void add_waiting(std::uint32_t asking, UnitId unit, UnitMask up, Nanos now);
 
   const BudgetPlan& plan_;
-  std::vector<std::deque<Nanos>> waiting_;  ///< By entry: deadlines of firings, oldest first.
+  std::vector<std::deque<Nanos>> waiting_;  ///< By entry: deadlines of firings, rising.
   std::vector<bool> is_urgent_;             ///< By entry: some task of it had a deadline,
   std::vector<std::uint32_t> urgent_;       ///< and those entries.
   std::vector<Stream> streams_;             ///< By pipeline.

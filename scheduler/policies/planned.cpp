@@ -24,7 +24,6 @@ class PlannedPolicy final : public Policy {
     const bool in_turn = !entry.previous || turns_[*entry.previous] > turns_[task.entry];
     if (!in_turn) return Placement::hold_behind(*entry.previous);
     if (!free) return Placement::hold_for(unit_bit(entry.unit));
-    ++turns_[task.entry];
     return Placement::on(entry.unit);
   }
 
@@ -33,7 +32,9 @@ class PlannedPolicy final : public Policy {
   }
 
   const std::vector<UnitId>& order() const override { return order_; }
-  void gone(const TaskClass& task) override { ++turns_[task.entry]; }
+  void moved(const MovedTask& task, Whereabouts from, Whereabouts, const UnitsView&) override {
+    if (from.waits()) ++turns_[task.kind.entry];
+  }
 
  private:
   MixPlan plan_;

@@ -53,12 +53,34 @@ struct UnitsView {
   Nanos now{0};
 };
 
+/// A task of which a policy hears.
+struct MovedTask {
+  const TaskClass& kind;
+  TaskId id = 0;
+  Nanos rank{0};                  ///< What Policy::rank() said of it.
+  Nanos deadline = Nanos::max();  ///< Of its firing; Nanos::max() = none.
+};
+
+/// Where a task is: with a unit, queued or running; or it waits; or, when it has ended, nowhere.
+struct Whereabouts {
+  enum class Kind : std::uint8_t { kNowhere, kWaiting, kUnit };
+  Kind kind = Kind::kNowhere;
+  UnitId unit = 0;  ///< Of kUnit only.
+
+  [[nodiscard]] static constexpr Whereabouts nowhere() { return {}; }
+  /// From its submission: for its predecessors, held, or in the high-priority queue.
+  [[nodiscard]] static constexpr Whereabouts waiting() { return {.kind = Kind::kWaiting}; }
+  [[nodiscard]] static constexpr Whereabouts on(UnitId unit) { return {Kind::kUnit, unit}; }
+  [[nodiscard]] bool waits() const { return kind == Kind::kWaiting; }
+  [[nodiscard]] bool is_placed() const { return kind == Kind::kUnit; }
+};
+
 /// Deterministic: the same calls in the same order give the same answers. Used by one dispatcher.
 class Policy {
  public:
   virtual ~Policy() = default;
-  /// Where a waiting task goes. A refusal stands for every task of the class, for as long as it
-  /// says.
+  /// Where a waiting task goes; moved() says when it does. A refusal stands for every task of the
+  /// class, for as long as it says.
   [[nodiscard]] virtual Placement place(const TaskClass& task, const UnitsView& units) = 0;
   /// The units of @p up that the policy might ever let serve the class; those take it from the
   /// high-priority queue.
@@ -71,28 +93,18 @@ class Policy {
     static_cast<void>(task);
     return Nanos::zero();
   }
-  /// The unit took a task of the class from the high-priority queue; the load shown is without it.
-  virtual void took(const TaskClass& task, UnitId unit, const UnitsView& units) {
+  /// A task was placed on a unit, by place() or out of the high-priority queue; waits again, since
+  /// its unit gave it back or is away; or has ended, on a unit or before it was placed.
+  /// @param units  The loads are without the task.
+  virtual void moved(const MovedTask& task, Whereabouts from, Whereabouts to,
+                     const UnitsView& units) {
     static_cast<void>(task);
-    static_cast<void>(unit);
+    static_cast<void>(from);
+    static_cast<void>(to);
     static_cast<void>(units);
   }
   /// Other units are up than before.
   virtual void units_changed(UnitMask up) { static_cast<void>(up); }
-  /// A task of the class that was placed waits again: its unit gave it back, or is gone.
-  /// @param rank  What rank() said of it.
-  virtual void came_back(const TaskClass& task, Nanos rank) {
-    static_cast<void>(task);
-    static_cast<void>(rank);
-  }
-  /// A task of the class was dropped or expired before it was placed.
-  virtual void gone(const TaskClass& task) { static_cast<void>(task); }
-  /// A task of the class counts no more in the load of the unit that it was given to.
-  virtual void left(const TaskClass& task, UnitId unit, Nanos now) {
-    static_cast<void>(task);
-    static_cast<void>(unit);
-    static_cast<void>(now);
-  }
   /// When what it holds is worth asking for again though nothing happens until then; what is past
   /// stands for never.
   [[nodiscard]] virtual Nanos ask_again() const { return Nanos::max(); }

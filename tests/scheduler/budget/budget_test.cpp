@@ -164,7 +164,7 @@ TEST(Foresight, KnowsWhatIsToComeAndWhatWaits) {
   // It waits now.
   EXPECT_TRUE(ask_again(2));
   EXPECT_EQ(foresight.latest_end(0), milliseconds(12));
-  foresight.left(0);
+  foresight.left(0, milliseconds(12));
   // Free until firing 1: from 100 on, to end by 110, so to be begun by 108.
   EXPECT_FALSE(ask_again(4));
   EXPECT_FALSE(ask_again(58));
@@ -175,7 +175,7 @@ TEST(Foresight, KnowsWhatIsToComeAndWhatWaits) {
   // Nor does that: the pipeline has ended.
   EXPECT_FALSE(ask_again(260));
   foresight.submitted(firing(milliseconds(400)));
-  foresight.left(0);
+  foresight.left(0, milliseconds(410));
   EXPECT_NEAR(*ask_again(470), 506, 0.001);
 }
 
@@ -197,12 +197,85 @@ TEST(Foresight, WhatComesBackWaitsAgainInItsPlace) {
   Foresight foresight(plan);
   foresight.submitted(firing(Nanos(0)));
   foresight.submitted(firing(milliseconds(5)));
-  foresight.left(0);
+  foresight.left(0, milliseconds(10));
   EXPECT_EQ(foresight.latest_end(0), milliseconds(15));
   foresight.came_back(0, milliseconds(10));
   EXPECT_EQ(foresight.latest_end(0), milliseconds(10));
-  foresight.left(0);
+  foresight.left(0, milliseconds(10));
   EXPECT_EQ(foresight.latest_end(0), milliseconds(15));
+}
+
+TEST(Foresight, WhatWaitsNoMoreIsTheTaskThatIsNamed) {
+  const BudgetPlan plan = small_plan();
+  Foresight foresight(plan);
+  for (const int at : {30, 0, 990}) foresight.submitted(firing(milliseconds(at)));
+  EXPECT_EQ(foresight.latest_end(0), milliseconds(10));
+  foresight.left(0, milliseconds(40));  // In the middle.
+  EXPECT_EQ(foresight.latest_end(0), milliseconds(10));
+  foresight.left(0, milliseconds(10));
+  EXPECT_EQ(foresight.latest_end(0), milliseconds(1000));
+  foresight.left(0, Nanos::max());  // One without a deadline, of which nothing is known.
+  EXPECT_EQ(foresight.latest_end(0), milliseconds(1000));
+}
+
+/// A GPU and a DSP of one server each, as a runtime has them that knows no mix: on the GPU entries
+/// 0 to 2 take 25, 50 and 20 ms, on the DSP entry 3 takes 10.
+Script without_a_mix() {
+  PolicySetup setup;
+  setup.roles = {Role::kGpu, Role::kDsp};
+  setup.servers = {1, 1};
+  const auto add = [&](UnitId unit, int ms) {
+    setup.budget.tasks.push_back({.pipeline = static_cast<std::uint32_t>(setup.budget.tasks.size()),
+                                  .units = {unit},
+                                  .capacity = {1, 1},
+                                  .share = {1, 1},
+                                  .worst = {milliseconds(ms), milliseconds(ms)},
+                                  .context = {0, 0},
+                                  .prepare = {Nanos(0), Nanos(0)},
+                                  .window_j = {0, 0}});
+    setup.budget.pipelines.emplace_back();
+  };
+  for (const int ms : {25, 50, 20}) add(kGpu, ms);
+  add(kDsp, 10);
+  return {policy_of("budget", setup), {1, 1}};
+}
+
+Task due(TaskId id, std::uint32_t entry, int deadline_ms, std::span<const TaskId> after = {}) {
+  return {.id = id,
+          .kind = {.eligible = unit_bit(entry == 3 ? kDsp : kGpu), .entry = entry},
+          .deadline = milliseconds(deadline_ms),
+          .expires_at = {},
+          .after = after};
+}
+
+TEST(Budget, ForeseesTheTaskThatWaitsAndNotThatWhichWentBeforeIt) {
+  Script script = without_a_mix();
+  EXPECT_EQ(script.submit(0, {.eligible = unit_bit(kGpu), .entry = 2}), "G0");
+  EXPECT_EQ(script.submit_all(1, {due(1, 0, 1000)}), "");
+  EXPECT_EQ(script.submit_all(2, {due(2, 0, 65)}), "");
+  EXPECT_EQ(script.submit_all(3, {due(3, 1, 200)}), "");
+  // 20 + 25 + 50 + 25 ms without a pause, the nearest deadline first.
+  script.at(milliseconds(20));
+  EXPECT_EQ(script.complete(kGpu, 0), "G2");
+  script.at(milliseconds(45));
+  EXPECT_EQ(script.complete(kGpu, 2), "G3");
+  script.at(milliseconds(95));
+  EXPECT_EQ(script.complete(kGpu, 3), "G1");
+}
+
+TEST(Budget, ForeseesWhatWaitsBesideOneThatIsDropped) {
+  Script script = without_a_mix();
+  const std::vector<TaskId> first = {0};
+  EXPECT_EQ(script.submit_all(0, {due(0, 3, 1000)}), "D0");
+  EXPECT_EQ(script.submit_all(1, {due(1, 0, 65, first)}), "");
+  EXPECT_EQ(script.submit_all(2, {due(2, 0, 1000, first)}), "");
+  EXPECT_EQ(script.cancel(2), "-2");
+  // 50 ms from 20 on leave no time for task 1, which has to begin by 40.
+  script.at(milliseconds(20));
+  EXPECT_EQ(script.submit_all(3, {due(3, 1, 200)}), "");
+  EXPECT_EQ(script.complete(kDsp, 0), "G1");
+  script.at(milliseconds(45));
+  EXPECT_EQ(script.complete(kGpu, 1), "G3");
 }
 
 /// `heavy` needs most of b. `light` is a's; the next best for it is b, where it would not fit.

@@ -14,12 +14,13 @@ class InTurn final : public Policy {
     ++asked_;
     if (task.entry > 0 && !had_[task.entry - 1]) return Placement::hold_behind(task.entry - 1);
     if (units.load[0] > 0) return Placement::hold();
-    had_[task.entry] = true;
     return Placement::on(0);
   }
   UnitMask takers(const TaskClass&, UnitMask up) const override { return up; }
   const std::vector<UnitId>& order() const override { return order_; }
-  void gone(const TaskClass& task) override { had_[task.entry] = true; }
+  void moved(const MovedTask& task, Whereabouts from, Whereabouts, const UnitsView&) override {
+    if (from.waits()) had_[task.kind.entry] = true;
+  }
 
  private:
   std::vector<bool> had_;
