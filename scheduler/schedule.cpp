@@ -123,13 +123,20 @@ std::vector<PlanRow> planned_tasks(const Scenario& scenario, const MixPlan& plan
 }  // namespace
 
 RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
-                  const ScheduleOptions& options, const Driver& driver, const std::string& time) {
+                  const ScheduleOptions& options, const Driver& driver, const std::string& time,
+                  std::optional<PlannedBudget>* planned) {
   const Platform platform = on_devices(named, profile, options.without);
   ModeSetup setup = set_up_mode(platform, profile, mix, options);
   const Mode& mode = setup.mode;
-  if (mode.policy.budgets) {
-    plan_budget(setup, options);
+  std::optional<PlannedBudget> own;
+  if (mode.policy.budgets && mix.fires_once()) {
+    plan_once(setup);
+  } else if (mode.policy.budgets) {
+    std::optional<PlannedBudget>& known = planned == nullptr ? own : *planned;
+    if (!known) known = plan_budget(setup, options);
+    follow(*known, setup);
     if (time == "live") plan_for_losses(setup, options);
+    own = known;
   }
   if (options.redraw) redraw(platform, *options.redraw, setup.scenario.services);
   const Scenario& scenario = setup.scenario;
@@ -159,7 +166,10 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
     record.min_rate_per_ms = options.min_rate_per_ms;
     record.power_cap_w = options.power_cap_w;
     if (options.power_cap_w) record.over_cap = dispatcher.policy().over_cap();
-    if (!mix.fires_once()) add_guarantees(scenario, setup.policy_setup.budget, record);
+    if (own) record.tried = own->tried;
+    if (!mix.fires_once() && setup.policy_setup.basic == nullptr) {
+      add_guarantees(scenario, setup.policy_setup.budget, record);
+    }
   }
   if (tally.tasks.left > 0) record.slices_left = tally.tasks.left;
   if (profile != nullptr) record.draw = to_string(options.draw);
@@ -184,7 +194,7 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
 }
 
 RunRecord run_virtual(const Platform& named, const Profile* profile, const Mix& mix,
-                      const ScheduleOptions& options) {
+                      const ScheduleOptions& options, std::optional<PlannedBudget>* planned) {
   const Platform platform = on_devices(named, profile, options.without);
   std::optional<PowerPeak> peak;
   const auto driver = [&](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter* trace) {
@@ -193,7 +203,7 @@ RunRecord run_virtual(const Platform& named, const Profile* profile, const Mix& 
     RunObserver* const observer = peak ? static_cast<RunObserver*>(&*peak) : trace;
     return VirtualTime(scenario, dispatcher, observer).run();
   };
-  RunRecord record = run_mix(platform, profile, mix, options, driver, "virtual");
+  RunRecord record = run_mix(platform, profile, mix, options, driver, "virtual", planned);
   if (peak) record.power_highest_w = peak->highest_w();
   return record;
 }
@@ -239,9 +249,10 @@ RunRecord run_with_intervals(const Platform& platform, const Profile* profile, c
   const RunFigures of_part = record.submitted <= kMostRedrawnTasks
                                  ? whole
                                  : figures_of(run_virtual(platform, profile, part, redrawn));
+  std::optional<PlannedBudget> planned;  // By the medians, and once.
   for (int i = 0; i < kRedraws; ++i) {
     redrawn.redraw = Redraw{.number = i};
-    const auto figures = figures_of(run_virtual(platform, profile, part, redrawn));
+    const auto figures = figures_of(run_virtual(platform, profile, part, redrawn, &planned));
     record.redrawn.push_back(as_whole(figures, of_part, whole));
   }
   record.intervals = intervals_of(record.redrawn);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,11 +17,15 @@ namespace pirt {
 
 class Dispatcher;
 class TraceWriter;
+struct PlannedBudget;
 
 /// @param profile  Null = only what the platform file says.
+/// @param planned  What mode budget planned before for the same, or where to keep it; null = it
+/// plans.
 /// @throws Error{kBadInput} as set_up_mode, and for a trace that cannot be written.
 [[nodiscard]] RunRecord run_virtual(const Platform& platform, const Profile* profile,
-                                    const Mix& mix, const ScheduleOptions& options);
+                                    const Mix& mix, const ScheduleOptions& options,
+                                    std::optional<PlannedBudget>* planned = nullptr);
 
 /// The same, and then on kRedraws redrawn profiles (services/redraw.h): the record has the
 /// intervals of its figures, where something that it rests on was measured.
@@ -37,7 +42,8 @@ using Driver =
 /// @throws As run_virtual, and what the driver throws.
 [[nodiscard]] RunRecord run_mix(const Platform& platform, const Profile* profile, const Mix& mix,
                                 const ScheduleOptions& options, const Driver& driver,
-                                const std::string& time);
+                                const std::string& time,
+                                std::optional<PlannedBudget>* planned = nullptr);
 
 /// "latency", "throughput", "energy", "advanced".
 [[nodiscard]] std::vector<std::string> paper_modes();

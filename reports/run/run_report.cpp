@@ -15,6 +15,18 @@
 namespace pirt {
 namespace {
 
+/// What mode budget follows, and what of.
+std::string tried_text(const std::vector<TriedPlan>& tried) {
+  std::string follows;
+  std::vector<std::string> figures;
+  for (const TriedPlan& each : tried) {
+    if (each.taken) follows = each.name;
+    figures.push_back(fmt::format("{} {} late, {} ms, {} mJ a task", each.name, each.late,
+                                  figure(each.latency_ms), figure(each.energy_mj)));
+  }
+  return "follows: " + follows + "; tried before: " + join(figures, "; ");
+}
+
 constexpr double kShownSpread = 0.02;
 
 /// Where what a figure is computed from comes from.
@@ -118,6 +130,7 @@ Paragraph totals(const RunRecord& run) {
     }
     paragraph.lines.push_back(line);
   }
+  if (!run.tried.empty()) paragraph.lines.push_back(tried_text(run.tried));
   if (run.slices_left) {
     paragraph.lines.push_back(
         fmt::format("calls were left between two slices {} times, for tasks with a nearer deadline",

@@ -1,6 +1,7 @@
 #include "scheduler/budget/guarantees.h"
 
 #include <algorithm>
+#include <functional>
 #include <iterator>
 #include <set>
 #include <utility>
@@ -22,12 +23,13 @@ struct Analysed {
   UnitId unit = 0;
   Nanos period{0};
   Nanos takes{0};
-  Nanos slice{0};     ///< Of these, until it can be left at most.
-  Nanos deadline{0};  ///< From its firing.
-  Nanos slack{0};     ///< From its firing to when it has to start.
-  Nanos late{0};      ///< From the nominal time to its firing, at most.
-  Nanos ready{0};     ///< From its firing to when it can start, at most.
-  Nanos response{0};  ///< From its firing to its end, at most.
+  Nanos slice{0};      ///< Of these, until it can be left at most.
+  Nanos deadline{0};   ///< From its firing.
+  Nanos slack{0};      ///< From its firing to when it has to start.
+  Nanos tolerates{0};  ///< At most so long others hold its unit when it is ready.
+  Nanos late{0};       ///< From the nominal time to its firing, at most.
+  Nanos ready{0};      ///< From its firing to when it can start, at most.
+  Nanos response{0};   ///< From its firing to its end, at most.
 };
 
 class Analysis {
@@ -64,7 +66,61 @@ class Analysis {
     return results;
   }
 
+  /// Sets how long others may hold the units of @p plan's tasks.
+  void protect(BudgetPlan& plan) {
+    const auto obstacles = all_obstacles();
+    std::erase_if(tasks_, [&](const Analysed& task) { return !obstacles[task.pipeline].empty(); });
+    const auto all = std::exchange(tasks_, {});
+    std::vector<bool> done(plan.tasks.size(), false);
+    for (const Analysed& first : all) {
+      if (done[first.entry]) continue;
+      tasks_ = together_with(first.pipeline, all);
+      for (const Analysed& each : tasks_) done[each.entry] = true;
+      if (!share_slack() || std::ranges::none_of(keeps_, std::identity{})) continue;
+      // Of those that keep no deadline, too: others count on how late they are.
+      for (const Analysed& each : tasks_) {
+        plan.tasks[each.entry].ready = each.ready;
+        plan.tasks[each.entry].tolerates = each.tolerates;
+      }
+    }
+  }
+
  private:
+  /// As much of what guaranteed tasks have time for as is left to others without a guarantee lost:
+  /// all of it, half and so on. False where nothing is guaranteed.
+  bool share_slack() {
+    const std::vector<Analysed> begin = tasks_;
+    std::vector<Nanos> alone;
+    for (double part = 0;; part = part == 0 ? 1 : part / 2) {
+      tasks_ = begin;
+      for (Analysed& each : tasks_) {
+        each.tolerates = Nanos::zero();
+        if (part == 0 || !keeps_[each.pipeline]) continue;
+        const auto tasks = static_cast<double>(scenario_.classes[each.pipeline].size());
+        each.tolerates = scaled(each.deadline - alone[each.pipeline], part / tasks);
+      }
+      const auto responses = settled_responses();
+      if (part == 0) {
+        if (!responses) return false;
+        alone = *responses;
+        keeps_.assign(alone.size(), false);
+        for (const Analysed& each : tasks_) {
+          keeps_[each.pipeline] = alone[each.pipeline] <= each.deadline;
+        }
+        continue;
+      }
+      const auto lost = [&](const Analysed& each) {
+        return keeps_[each.pipeline] && (*responses)[each.pipeline] > each.deadline;
+      };
+      if (responses && std::ranges::none_of(tasks_, lost)) return true;
+      if (part < kLeastPart) {
+        tasks_ = begin;
+        for (Analysed& each : tasks_) each.tolerates = Nanos::zero();
+        return settled_responses().has_value();
+      }
+    }
+  }
+
   /// The tasks of the pipeline, of those that share a unit with it, and so on.
   [[nodiscard]] static std::vector<Analysed> together_with(std::size_t pipeline,
                                                            const std::vector<Analysed>& all) {
@@ -135,14 +191,13 @@ class Analysis {
   }
 
   [[nodiscard]] bool is_periodic(std::size_t pipeline) const {
-    const auto& arrivals = plan_.pipelines[pipeline];
-    return arrivals.rate_hz && arrivals.deadline;
+    return plan_.pipelines[pipeline].is_periodic();
   }
 
   void add(std::size_t pipeline, std::uint32_t entry) {
     const BudgetPlan::Task& task = plan_.tasks[entry];
     const UnitId unit = task.units.front();
-    const Nanos takes = task.worst[unit] + task.prepare[unit];
+    const Nanos takes = task.takes(unit);
     if (!is_periodic(pipeline)) {
       for (const UnitId each : task.units) {
         if (task.capacity[each] == 0) continue;
@@ -159,6 +214,7 @@ class Analysis {
                       .slice = task.slice_on(unit) + task.prepare[unit],
                       .deadline = *arrivals.deadline,
                       .slack = *arrivals.deadline - task.behind - takes,
+                      .tolerates = task.tolerates.value_or(kNoLimit),
                       .late = arrivals.jitter});
   }
 
@@ -178,6 +234,16 @@ class Analysis {
       const UnitModel& model = scenario_.platform.units[unit];
       if (shares_servers(unit)) return "served on another's cores: " + model.name;
       if (model.servers != 1) return "several servers: " + model.name;
+      if (!model.link.empty()) {
+        const auto several = [unit](const BudgetPlan::Task& each) {
+          return each.capacity[unit] > 1;
+        };
+        if (std::ranges::any_of(plan_.tasks, several))
+          return "several calls at a time: " + model.name;
+        if (std::ranges::count(scenario_.platform.units, model.link, &UnitModel::link) > 1) {
+          return "shares link " + model.link;
+        }
+      }
       if (tasks[t].state && shared_state(pipeline, *tasks[t].state)) {
         return "shares state " + scenario_.mix.states[*tasks[t].state].name;
       }
@@ -265,16 +331,16 @@ class Analysis {
     for (const Analysed& each : tasks_) {
       if (compete(each, task) && each.entry != other.entry) others += each.takes;
     }
-    const Nanos over = task.slice + others - other.slack;
-    return over <= Nanos::zero() ? Nanos::zero() : other.late + over + blocking;
+    if (task.slice + others <= other.slack) return Nanos::zero();
+    // Where a slice is too long for the other, the call as a whole has to fit before it.
+    return other.late + task.takes + others - other.slack + blocking;
   }
 
   /// The longest of what may have begun before the task came, which nothing interrupts.
-  [[nodiscard]] Nanos blocking_of(const Analysed& task, Nanos into) const {
+  [[nodiscard]] Nanos blocking_of(const Analysed& task) const {
     Nanos longest{0};
     for (const auto& [unit, takes] : others_) {
-      // That was not begun if it would have made the task late.
-      if (unit == task.unit) longest = std::max(longest, std::min(takes, task.slack + into));
+      if (unit == task.unit) longest = std::max(longest, std::min(takes, task.tolerates));
     }
     for (const Analysed& other : tasks_) {
       if (compete(other, task)) longest = std::max(longest, other.slice);
@@ -284,7 +350,7 @@ class Analysis {
 
   /// From the begin of a busy period, in which the task becomes ready @p into, to its start.
   [[nodiscard]] Nanos start_of(const Analysed& task, Nanos into) const {
-    const Nanos blocking = blocking_of(task, into);
+    const Nanos blocking = blocking_of(task);
     const Nanos limit = 4 * (task.period + task.slack + blocking + into);
     // Its own firings before it.
     const std::int64_t own = (into + task.late + task.ready) / task.period;
@@ -347,6 +413,7 @@ class Analysis {
   }
 
   static constexpr std::size_t kMostPlaces = 2000;
+  static constexpr double kLeastPart = 0.1;
   struct Other {
     UnitId unit = 0;
     Nanos takes{0};
@@ -355,10 +422,16 @@ class Analysis {
   const BudgetPlan& plan_;
   std::vector<std::set<std::uint32_t>> before_;  ///< By entry: those that it comes after.
   std::vector<Analysed> tasks_;
+  std::vector<bool> keeps_;    ///< By pipeline: its deadline, if others held no unit.
   std::vector<Other> others_;  ///< Calls of tasks without rate or deadline, on all their units.
 };
 
 }  // namespace
+
+void protect(const Scenario& scenario, BudgetPlan& plan) {
+  for (BudgetPlan::Task& task : plan.tasks) task.tolerates.reset();
+  Analysis(scenario, plan).protect(plan);
+}
 
 std::vector<Guarantee> guarantees_of(const Scenario& scenario, const BudgetPlan& plan) {
   return Analysis(scenario, plan).run();

@@ -28,6 +28,10 @@ struct Guarantee {
   std::string not_analysed = {};  ///< Why.
 };
 
+/// Sets how long what has no rate or no deadline may hold a unit for which guaranteed tasks of the
+/// plan may wait, so that no guarantee is lost by it (BudgetPlan::Task::tolerates).
+void protect(const Scenario& scenario, BudgetPlan& plan);
+
 /// By pipeline; of those with a rate and a deadline. The others have no reason why not.
 [[nodiscard]] std::vector<Guarantee> guarantees_of(const Scenario& scenario,
                                                    const BudgetPlan& plan);

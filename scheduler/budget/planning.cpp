@@ -6,24 +6,28 @@
 #include <utility>
 
 #include "scheduler/budget/assignment.h"
+#include "scheduler/budget/guarantees.h"
 #include "scheduler/budget/trial.h"
 #include "scheduler/planner/mix_plan.h"
 #include "scheduler/planner/shortened.h"
+#include "scheduler/policies/policies.h"
 
 namespace pirt {
 namespace {
 
-// In all trials of a plan, and of one for when a unit is away.
+constexpr double kTrialTasks = 1000;
+// In all trials of a plan, and of one that is for another objective or for when a unit is away.
 constexpr std::int64_t kMostTasks = 100'000;
-constexpr std::int64_t kMostTasksWithout = 20'000;
-constexpr double kAlike = 0.003;  ///< Figures that differ by less count as the same.
+constexpr std::int64_t kMostTasksBeside = 20'000;
+constexpr double kCandidateTasks = 5000;  ///< Of the run that a candidate is judged by.
+constexpr double kAlike = 0.003;          ///< Figures that differ by less count as the same.
 /// What may be given away of the objective for the figures behind it, all in all.
 constexpr double kSlack = 0.005;
 constexpr double kPart = 1e-3;  ///< Of a task's calls: less elsewhere is nothing.
 constexpr double kNone = 1e-6;  ///< Of a task's calls: less than this part is none.
 
 /// Sets the plan's units, and how long queues may be, by what the programme gives them.
-void follow(const Assignment& assignment, BudgetPlan& plan) {
+void take_units(const Assignment& assignment, BudgetPlan& plan) {
   for (std::size_t entry = 0; entry < plan.tasks.size(); ++entry) {
     BudgetPlan::Task& task = plan.tasks[entry];
     const auto& calls = assignment.calls_per_ms[entry];
@@ -51,29 +55,63 @@ void forget_joules(Work& work) {
   }
 }
 
+/// What counts, most important first; less is better.
+using Keys = std::array<double, 6>;
+constexpr std::size_t kAim = 3;  ///< The objective's own figure, behind what has to be kept.
+
+Keys keys(const TrialResult& of, const Goals& goals) {
+  const double missing =
+      std::max(0.0, 1 - of.rate_per_ms / goals.min_rate_per_ms.value_or(of.rate_per_ms));
+  const auto late = static_cast<double>(of.late);
+  const auto misses = static_cast<double>(of.misses);
+  const double slowness = of.rate_per_ms > 0 ? 1 / of.rate_per_ms : 1e300;
+  switch (goals.objective) {
+    case Objective::kEnergy:
+      return {late, misses, missing, of.energy_mj, slowness, of.latency_ms};
+    case Objective::kLatency:
+      return {late, misses, missing, of.latency_ms, slowness, of.energy_mj};
+    case Objective::kRate:
+      break;
+  }
+  return {late, misses, missing, slowness, of.energy_mj, of.latency_ms};
+}
+
+bool is_better(const Keys& a, const Keys& b) {
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const double alike = i < kAim ? 0 : kAlike * std::abs(b[i]);
+    if (a[i] < b[i] - alike) return true;
+    if (a[i] > b[i] + alike) return false;
+  }
+  return false;
+}
+
 class Planning {
  public:
-  Planning(ModeSetup& setup, const ScheduleOptions& options, std::int64_t most_tasks = kMostTasks)
+  Planning(const ModeSetup& setup, const ScheduleOptions& options, Objective objective,
+           std::int64_t most_tasks = kMostTasks)
       : setup_(setup),
         options_(options),
         most_tasks_(most_tasks),
-        trial_(setup),
+        trial_(setup, kTrialTasks),
         choice_{setup.policy_setup.budget, setup.scenario.in_flight} {
-    goals_ = {.objective = options.objective.value_or(Objective::kRate),
+    goals_ = {.objective = objective,
               .min_rate_per_ms = options.min_rate_per_ms,
               .most_w = choice_.plan.window_j};
     if (!joules_known_ && goals_.objective == Objective::kEnergy)
       goals_.objective = Objective::kRate;
   }
 
-  void run() {
+  [[nodiscard]] const Goals& goals() const { return goals_; }
+
+  BudgetChoice run() {
     begin();
     best_ = trial_.run(choice_);
-    if (best_.misses == 0) least_ = keys(best_)[2];
+    if (best_.misses == 0) least_ = keys(best_, goals_)[kAim];
     if (best_.misses > 0) move_units();
     fit_queues();
     if (goals_.min_rate_per_ms) spare();
-    finish();
+    protect(setup_.scenario, choice_.plan);
+    return std::move(choice_);
   }
 
  private:
@@ -84,7 +122,7 @@ class Planning {
       urgent.push_back(pipeline.deadline.has_value());
     Work work = work_of(run, setup_.mode.policy.cloud_use, Taken::kMean);
     if (!joules_known_) forget_joules(work);
-    if (const auto assignment = assign(work, urgent, goals_)) follow(*assignment, choice_.plan);
+    if (const auto assignment = assign(work, urgent, goals_)) take_units(*assignment, choice_.plan);
     measure_ways(run, choice_.plan);
     choose_in_flight();
   }
@@ -110,36 +148,15 @@ class Planning {
 
   [[nodiscard]] bool may_try() const { return trial_.tasks_run() < most_tasks_; }
 
-  /// What counts, most important first; less is better.
-  [[nodiscard]] std::array<double, 5> keys(const TrialResult& of) const {
-    const double missing =
-        std::max(0.0, 1 - of.rate_per_ms / goals_.min_rate_per_ms.value_or(of.rate_per_ms));
-    const auto misses = static_cast<double>(of.misses);
-    const double slowness = of.rate_per_ms > 0 ? 1 / of.rate_per_ms : 1e300;
-    switch (goals_.objective) {
-      case Objective::kEnergy:
-        return {misses, missing, of.energy_mj, slowness, of.latency_ms};
-      case Objective::kLatency:
-        return {misses, missing, of.latency_ms, slowness, of.energy_mj};
-      case Objective::kRate:
-        break;
-    }
-    return {misses, missing, slowness, of.energy_mj, of.latency_ms};
-  }
-
   [[nodiscard]] bool better(const TrialResult& a, const TrialResult& b) const {
-    const auto first = keys(a);
-    const auto second = keys(b);
+    const auto first = keys(a, goals_);
+    const auto second = keys(b, goals_);
     // Small losses do not add up.
-    if (first[2] > least_ * (1 + kSlack) && first[0] == second[0] && first[1] >= second[1]) {
+    if (first[kAim] > least_ * (1 + kSlack) && first[0] == second[0] && first[1] == second[1] &&
+        first[2] >= second[2]) {
       return false;
     }
-    for (std::size_t i = 0; i < first.size(); ++i) {
-      const double alike = i < 2 ? 0 : kAlike * std::abs(second[i]);
-      if (first[i] < second[i] - alike) return true;
-      if (first[i] > second[i] + alike) return false;
-    }
-    return false;
+    return is_better(first, second);
   }
 
   /// Takes the choice if it is better than what there is.
@@ -148,7 +165,7 @@ class Planning {
     const bool takes = better(result, best_);
     if (!takes) return false;
     best_ = result;
-    if (best_.misses == 0) least_ = std::min(least_, keys(best_)[2]);
+    if (best_.misses == 0) least_ = std::min(least_, keys(best_, goals_)[kAim]);
     choice_ = std::move(choice);
     return true;
   }
@@ -267,13 +284,7 @@ class Planning {
     }
   }
 
-  void finish() {
-    setup_.policy_setup.budget = std::move(choice_.plan);
-    setup_.scenario.in_flight = std::move(choice_.in_flight);
-    setup_.policy = setup_.mode.policy.make(setup_.policy_setup);
-  }
-
-  ModeSetup& setup_;
+  const ModeSetup& setup_;
   const ScheduleOptions& options_;
   std::int64_t most_tasks_;
   Goals goals_;
@@ -294,10 +305,62 @@ void put_last(BudgetPlan& plan, UnitId away) {
   }
 }
 
+Objective objective_of(const ScheduleOptions& options) {
+  return options.objective.value_or(Objective::kRate);
+}
+
+/// What the mode may follow, and what it comes to.
+struct Candidate {
+  std::string name;
+  BudgetChoice choice;
+  const PolicyInfo* basic = nullptr;  ///< In place of a plan.
+  TrialResult result = {};
+};
+
+bool serves_all(const Scenario& scenario, const Policy& policy) {
+  return std::ranges::all_of(scenario.classes, [&policy](const auto& pipeline) {
+    return std::ranges::all_of(pipeline, [&policy](const TaskClass& kind) {
+      return policy.takers(kind, kind.eligible) != 0;
+    });
+  });
+}
+
+/// The plan of each objective, that of the options first, and modes that plan nothing; those know
+/// no cap and leave no call between slices.
+std::vector<Candidate> candidates_of(const ModeSetup& setup, const ScheduleOptions& options) {
+  std::vector<Candidate> candidates;
+  Trial trial(setup, kCandidateTasks);
+  const auto add_plan = [&](Objective objective, std::int64_t most_tasks) {
+    Candidate each{"plan for " + std::string(to_string(objective)),
+                   Planning(setup, options, objective, most_tasks).run()};
+    const auto same = [&each](const Candidate& other) {
+      return other.choice.plan == each.choice.plan &&
+             other.choice.in_flight == each.choice.in_flight;
+    };
+    if (std::ranges::any_of(candidates, same)) return;
+    each.result = trial.run(each.choice);
+    candidates.push_back(std::move(each));
+  };
+  add_plan(objective_of(options), kMostTasks);
+  for (const auto objective : {Objective::kRate, Objective::kEnergy, Objective::kLatency}) {
+    if (objective != objective_of(options)) add_plan(objective, kMostTasksBeside);
+  }
+  if (options.power_cap_w) return candidates;
+  Trial unsliced(setup, kCandidateTasks, false);
+  for (const PolicyInfo* basic : {&policy::edf, &policy::ect}) {
+    auto made = basic->make(setup.policy_setup);
+    if (!serves_all(setup.scenario, *made)) continue;
+    Candidate each{std::string(basic->name), {{}, setup.scenario.in_flight}, basic};
+    each.result = unsliced.run(std::move(made), each.choice.in_flight);
+    candidates.push_back(std::move(each));
+  }
+  return candidates;
+}
+
 }  // namespace
 
 void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options) {
-  if (setup.scenario.mix.fires_once()) return;
+  if (setup.scenario.mix.fires_once() || setup.policy_setup.basic != nullptr) return;
   ScheduleOptions same = options;
   same.in_flight = 1;  // Given: the scenario's are not chosen anew.
   const BudgetPlan& whole = setup.policy_setup.budget;
@@ -320,15 +383,44 @@ void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options) {
       }
     }
     put_last(other.policy_setup.budget, away);
-    Planning(other, same, kMostTasksWithout).run();
-    without[away] = std::move(other.policy_setup.budget);
+    without[away] = Planning(other, same, objective_of(options), kMostTasksBeside).run().plan;
   }
   setup.policy_setup.budget_without = std::move(without);
   setup.policy = setup.mode.policy.make(setup.policy_setup);
 }
 
-void plan_budget(ModeSetup& setup, const ScheduleOptions& options) {
-  if (!setup.scenario.mix.fires_once()) return Planning(setup, options).run();
+PlannedBudget plan_budget(const ModeSetup& setup, const ScheduleOptions& options) {
+  const Goals goals = Planning(setup, options, objective_of(options)).goals();
+  auto candidates = candidates_of(setup, options);
+  Candidate* best = &candidates.front();
+  for (Candidate& each : candidates) {
+    if (is_better(keys(each.result, goals), keys(best->result, goals))) best = &each;
+  }
+  PlannedBudget planned{.choice = std::move(best->choice), .basic = best->basic};
+  for (const Candidate& each : candidates) {
+    planned.tried.push_back({.name = each.name,
+                             .late = each.result.late,
+                             .rate_per_ms = each.result.rate_per_ms,
+                             .latency_ms = each.result.latency_ms,
+                             .energy_mj = each.result.energy_mj,
+                             .taken = &each == best});
+  }
+  return planned;
+}
+
+void follow(const PlannedBudget& planned, ModeSetup& setup) {
+  setup.scenario.in_flight = planned.choice.in_flight;
+  if (planned.basic == nullptr) {
+    setup.policy_setup.budget = planned.choice.plan;
+  } else {
+    setup.policy_setup.basic = planned.basic;
+    setup.scenario.slices = false;
+    setup.scenario.services.leave_no_call();
+  }
+  setup.policy = setup.mode.policy.make(setup.policy_setup);
+}
+
+void plan_once(ModeSetup& setup) {
   setup.policy_setup.plan = plan_mix(setup.scenario, shortened_plan);
   setup.policy = setup.mode.policy.make(setup.policy_setup);
 }

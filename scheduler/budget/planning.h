@@ -2,20 +2,36 @@
 // frames in flight. A linear programme says where to begin; virtual time what it comes to.
 #pragma once
 
+#include <vector>
+
+#include "scheduler/budget/trial.h"
 #include "scheduler/policies/setup.h"
+#include "scheduler/record/run_record.h"
 
 namespace pirt {
 
-/// Makes the plan of @p setup better, with frames in flight that nobody gave, and its policy anew.
-/// So much is tried as takes some tens of milliseconds; the same inputs give the same plan. A mix
-/// that fires once gets a static plan.
-/// @param setup  Of mode budget.
-void plan_budget(ModeSetup& setup, const ScheduleOptions& options);
+/// What mode budget follows: a plan, or a mode that plans nothing.
+struct PlannedBudget {
+  BudgetChoice choice;
+  const PolicyInfo* basic = nullptr;  ///< In place of the plan.
+  std::vector<TriedPlan> tried = {};  ///< It and what it was compared with.
+};
+
+/// Plans for each objective, with frames in flight that nobody gave, and runs these plans, and
+/// modes edf and ect, in virtual time, some thousand tasks each with the mix's jitter and a seed of
+/// its own: what has the fewest late firings of real-time pipelines, and of those the best by the
+/// objective. So much is tried as takes some tens of milliseconds; the same inputs give the same.
+/// @param setup  Of mode budget and a mix that does not fire once.
+[[nodiscard]] PlannedBudget plan_budget(const ModeSetup& setup, const ScheduleOptions& options);
+/// @p setup follows it, with its policy made anew.
+void follow(const PlannedBudget& planned, ModeSetup& setup);
+/// The same for a mix that fires once, which gets a static plan.
+void plan_once(ModeSetup& setup);
 
 /// Adds a plan for each unit that may go away (PolicySetup::budget_without), and makes the policy
 /// of @p setup anew: for live runs, where units do. Frames in flight stay what they are. Nothing
 /// for a mix that fires once.
-/// @param setup  Of plan_budget.
+/// @param setup  That follows what plan_budget planned.
 void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options);
 
 }  // namespace pirt

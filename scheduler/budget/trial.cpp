@@ -1,16 +1,16 @@
 #include "scheduler/budget/trial.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "scheduler/dispatcher/dispatcher.h"
+#include "scheduler/record/keeping_up.h"
 #include "scheduler/record/summary.h"
 #include "scheduler/virtual/virtual_time.h"
 #include "workloads/base/math/random.h"
 
 namespace pirt {
 namespace {
-
-constexpr double kTasks = 1000;
 
 /// Tasks a second of pipelines with a rate.
 double task_rate(const Mix& mix) {
@@ -23,15 +23,14 @@ double task_rate(const Mix& mix) {
 
 }  // namespace
 
-Trial::Trial(const ModeSetup& setup)
+Trial::Trial(const ModeSetup& setup, double tasks, bool slices)
     : setup_(setup),
       mix_(setup.scenario.mix),
       joules_known_(without_joules(setup.scenario, setup.policy_setup.budget) == nullptr) {
   const Scenario& run = setup.scenario;
   for (Pipeline& pipeline : mix_.pipelines) {
     if (!pipeline.frames) continue;
-    const auto most =
-        static_cast<std::int64_t>(kTasks / static_cast<double>(pipeline.tasks.size()));
+    const auto most = static_cast<std::int64_t>(tasks / static_cast<double>(pipeline.tasks.size()));
     pipeline.frames =
         std::clamp<std::int64_t>(*pipeline.frames, 1, std::max<std::int64_t>(1, most));
   }
@@ -42,17 +41,22 @@ Trial::Trial(const ModeSetup& setup)
                              .in_flight = run.in_flight,
                              .duration = run.duration,
                              .seed = derive_seed(run.seed, "trial"),
-                             .slices = run.slices});
+                             .slices = run.slices && slices});
+  if (!slices) scenario_->services.leave_no_call();
   if (mix_.open_loop()) {
-    scenario_->duration = std::min(run.duration, from_s(std::min(kTasks / task_rate(mix_), 60.0)));
+    scenario_->duration = std::min(run.duration, from_s(std::min(tasks / task_rate(mix_), 60.0)));
   }
 }
 
 TrialResult Trial::run(const BudgetChoice& choice) {
-  scenario_->in_flight = choice.in_flight;
   PolicySetup policy = setup_.policy_setup;
   policy.budget = choice.plan;
-  Dispatcher dispatcher(setup_.slots, setup_.mode.policy.make(policy));
+  return run(setup_.mode.policy.make(policy), choice.in_flight);
+}
+
+TrialResult Trial::run(std::unique_ptr<Policy> policy, std::vector<int> in_flight) {
+  scenario_->in_flight = std::move(in_flight);
+  Dispatcher dispatcher(setup_.slots, std::move(policy));
   const Tally tally = VirtualTime(*scenario_, dispatcher).run();
   const RunRecord record = summarize(*scenario_, nullptr, {}, tally);
   tasks_run_ += record.submitted;
@@ -62,6 +66,7 @@ TrialResult Trial::run(const BudgetChoice& choice) {
     result.energy_mj = *record.energy_j * 1e3 / static_cast<double>(record.completed);
   }
   result.misses += record.stalled;
+  result.late = record.stalled + real_time_losses(record);
   for (const PipelineResult& pipeline : record.pipelines) {
     if (!pipeline.deadline_ms) continue;
     result.misses += *pipeline.deadline_misses + pipeline.dropped;

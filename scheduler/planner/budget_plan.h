@@ -31,10 +31,17 @@ struct BudgetPlan {
     /// By unit: of such a call the longest time until it ends or can be left; empty = it cannot be
     /// left anywhere.
     std::vector<Nanos> slice = {};
+    /// Of a task of a pipeline that has a guarantee, on the first of its units: from its firing, it
+    /// is ready after `ready` at most, and calls of what has no rate or no deadline may hold the
+    /// unit for `tolerates` beyond that. Absent: nobody counts on it.
+    Nanos ready{0};
+    std::optional<Nanos> tolerates = {};
     [[nodiscard]] Nanos slice_on(UnitId unit) const {
       return slice.empty() ? worst[unit] : slice[unit];
     }
     [[nodiscard]] bool can_be_left(UnitId unit) const { return slice_on(unit) < worst[unit]; }
+    /// A call with a program that it has to load.
+    [[nodiscard]] Nanos takes(UnitId unit) const { return worst[unit] + prepare[unit]; }
     friend bool operator==(const Task&, const Task&) = default;
   };
   /// When a pipeline fires: at offset + n / rate and up to `jitter` later.
@@ -44,6 +51,8 @@ struct BudgetPlan {
     Nanos jitter{0};
     std::optional<Nanos> deadline = {};
     bool real_time = true;
+    /// Its firings are known beforehand, and have to end in time.
+    [[nodiscard]] bool is_periodic() const { return rate_hz && deadline; }
     friend bool operator==(const Arrivals&, const Arrivals&) = default;
   };
   std::vector<Task> tasks;  ///< Of all pipelines; the position is TaskClass::entry.

@@ -14,6 +14,7 @@
 //   where two units do, a unit that holds the task's program goes before one that has to load it;
 //   while a unit is away, the plan is the one that was made for that.
 //
+// Where a mode that plans nothing does better in a trial (../budget/planning.h), it decides.
 // With no plan from budget/, as in a runtime that knows no mix, the cheapest unit that has room
 // serves a task. A mix that fires once follows a static plan (planned.cpp).
 #include <algorithm>
@@ -52,12 +53,10 @@ class BudgetPolicy final : public Policy {
   }
 
   void units_changed(UnitMask up) override {
-    plan_ = whole_;
-    for (UnitId unit = 0; unit < without_.size(); ++unit) {
-      if (contains(up, unit) || without_[unit].tasks.empty()) continue;
-      plan_ = without_[unit];
-      return;
-    }
+    UnitId away = 0;
+    while (away < without_.size() && (contains(up, away) || without_[away].tasks.empty())) ++away;
+    plan_ = away < without_.size() ? without_[away] : whole_;
+    foresight_.find_units(up);
   }
 
   Placement place(const TaskClass& task, const UnitsView& units) override {
@@ -92,7 +91,7 @@ class BudgetPolicy final : public Policy {
   /// entry compare.
   [[nodiscard]] Nanos margin(std::uint32_t entry) const {
     const BudgetPlan::Task& planned = whole_.tasks[entry];
-    return planned.behind + planned.worst[planned.units.front()];
+    return planned.behind + planned.takes(planned.units.front());
   }
 
   struct Calls {
@@ -127,7 +126,7 @@ class BudgetPolicy final : public Policy {
     const BudgetPlan::Task& planned = plan_.tasks[task.entry];
     const bool last_server = units.load[unit] + 1 >= servers_[unit];
     if (last_server) {
-      if (const auto conflict = foresight_.conflict(task.entry, unit, units.up, units.now)) {
+      if (const auto conflict = foresight_.conflict(task.entry, unit, units.now)) {
         wait_until(conflict->ask_again, units.now);
         return false;
       }
@@ -192,6 +191,7 @@ constinit const PolicyInfo policy::budget = {
         "Meets deadlines under --power-cap, then gives what --objective says; foresees firings",
     .make = [](const PolicySetup& setup) -> std::unique_ptr<Policy> {
       if (!setup.plan.entries.empty()) return make_planned_policy(setup);
+      if (setup.basic != nullptr) return setup.basic->make(setup);
       return std::make_unique<BudgetPolicy>(setup);
     },
     .cloud_use = CloudUse::kNotRealTime,

@@ -6,15 +6,10 @@
 namespace pirt {
 namespace {
 
-constexpr std::int64_t kEnded = 2;                      ///< Firings in a row that did not come.
 constexpr Nanos kGrace = std::chrono::milliseconds(1);  ///< That a clock may be late.
 constexpr std::size_t kLooksAt = 8;  ///< Waiting tasks of one entry; more are late anyway.
-
-/// As Firings::due has it.
-Nanos nominal(const BudgetPlan::Arrivals& arrivals, std::int64_t number) {
-  return arrivals.offset +
-         Nanos(std::llround(static_cast<double>(number) * 1e9 / *arrivals.rate_hz));
-}
+/// Demands that are gone through for one answer: what is not late by then is taken not to be.
+constexpr int kMostDemands = 1000;
 
 }  // namespace
 
@@ -22,13 +17,21 @@ Foresight::Foresight(const BudgetPlan& plan)
     : plan_(plan),
       waiting_(plan.tasks.size()),
       is_urgent_(plan.tasks.size(), false),
-      streams_(plan.pipelines.size()),
-      missed_(plan.pipelines.size(), 0) {
+      streams_(plan.pipelines.size()) {
+  for (std::size_t p = 0; p < streams_.size(); ++p) {
+    streams_[p].foretold = plan.pipelines[p].is_periodic();
+  }
   for (std::uint32_t entry = 0; entry < plan.tasks.size(); ++entry) {
-    const std::uint32_t pipeline = plan.tasks[entry].pipeline;
-    streams_[pipeline].entries.push_back(entry);
-    is_urgent_[entry] = plan.pipelines[pipeline].deadline.has_value();
-    if (is_urgent_[entry]) urgent_.push_back(entry);
+    is_urgent_[entry] = plan.pipelines[plan.tasks[entry].pipeline].deadline.has_value();
+  }
+  find_units(up_);
+}
+
+void Foresight::find_units(UnitMask up) {
+  up_ = up;
+  on_.assign(plan_.tasks.empty() ? 0 : plan_.tasks.front().capacity.size(), {});
+  for (std::uint32_t entry = 0; entry < plan_.tasks.size(); ++entry) {
+    if (is_urgent_[entry]) on_[unit_of(entry, up)].push_back(entry);
   }
 }
 
@@ -36,29 +39,31 @@ void Foresight::submitted(const Task& task) {
   const std::uint32_t entry = task.kind.entry;
   if (!task.deadline) return;
   came_back(entry, *task.deadline);
-  if (!is_urgent_[entry]) urgent_.push_back(entry);
-  is_urgent_[entry] = true;
+  if (!is_urgent_[entry]) {
+    is_urgent_[entry] = true;
+    find_units(up_);
+  }
   const BudgetPlan::Task& planned = plan_.tasks[entry];
   const BudgetPlan::Arrivals& arrivals = plan_.pipelines[planned.pipeline];
-  if (!planned.first || !arrivals.rate_hz || !arrivals.deadline) return;
+  if (!planned.first || !arrivals.is_periodic()) return;
   const Nanos since = *task.deadline - *arrivals.deadline - arrivals.offset;
   // A firing is at its nominal time or after it, which was rounded to a nanosecond.
   const double number = std::floor((to_s(since) + 1e-9) * *arrivals.rate_hz + 1e-9);
   Stream& stream = streams_[planned.pipeline];
   stream.next = std::max(stream.next, static_cast<std::int64_t>(number) + 1);
-  missed_[planned.pipeline] = 0;
+  stream.missed = 0;
 }
 
 void Foresight::came_back(std::uint32_t entry, Nanos deadline) {
-  auto& waiting = waiting_[entry];
   if (deadline == Nanos::max()) return;
+  auto& waiting = waiting_[entry];
   waiting.insert(std::ranges::upper_bound(waiting, deadline), deadline);
 }
 
 void Foresight::left(std::uint32_t entry, Nanos deadline) {
   auto& waiting = waiting_[entry];
-  const auto it = std::ranges::lower_bound(waiting, deadline);
-  if (it != waiting.end() && *it == deadline) waiting.erase(it);
+  const auto found = std::ranges::lower_bound(waiting, deadline);
+  if (found != waiting.end() && *found == deadline) waiting.erase(found);
 }
 
 Nanos Foresight::latest_end(std::uint32_t entry) const {
@@ -72,82 +77,102 @@ UnitId Foresight::unit_of(std::uint32_t entry, UnitMask up) const {
   return first == units.end() ? units.front() : *first;
 }
 
+/// As Firings::due has it.
+Nanos Foresight::nominal(std::size_t pipeline, std::int64_t number) const {
+  const BudgetPlan::Arrivals& arrivals = plan_.pipelines[pipeline];
+  return arrivals.offset +
+         Nanos(std::llround(static_cast<double>(number) * 1e9 / *arrivals.rate_hz));
+}
+
+/// When the next firing should have come.
+Nanos Foresight::missing(std::size_t pipeline) const {
+  return nominal(pipeline, streams_[pipeline].next) + plan_.pipelines[pipeline].jitter + kGrace +
+         Nanos(1);
+}
+
 /// Firings that should have come are not waited for.
 void Foresight::skip_missing(std::size_t pipeline, Nanos now) {
-  const BudgetPlan::Arrivals& arrivals = plan_.pipelines[pipeline];
   Stream& stream = streams_[pipeline];
-  while (missed_[pipeline] < kEnded &&
-         nominal(arrivals, stream.next) + arrivals.jitter + kGrace < now) {
+  while (comes(pipeline) && missing(pipeline) <= now) {
     ++stream.next;
-    ++missed_[pipeline];
+    ++stream.missed;
   }
 }
 
-/// Adds what firings before @p until need of the unit. @return when the first of them is missing.
-Nanos Foresight::foresee(std::size_t pipeline, UnitId unit, UnitMask up, Nanos now, Nanos until) {
-  const BudgetPlan::Arrivals& arrivals = plan_.pipelines[pipeline];
-  if (!arrivals.rate_hz || !arrivals.deadline) return Nanos::max();
-  skip_missing(pipeline, now);
-  if (missed_[pipeline] >= kEnded) return Nanos::max();
-  Nanos missing = Nanos::max();
-  for (std::int64_t number = streams_[pipeline].next;; ++number) {
-    const Nanos at = std::max(now, nominal(arrivals, number));
-    if (at >= until) break;
-    for (const std::uint32_t entry : streams_[pipeline].entries) {
-      if (unit_of(entry, up) != unit) continue;
-      const BudgetPlan::Task& task = plan_.tasks[entry];
-      demands_.push_back({.latest_end = at + *arrivals.deadline - task.behind,
-                          .ready = at,
-                          .takes = task.worst[unit] + task.prepare[unit]});
-      missing = std::min(missing, nominal(arrivals, number) + arrivals.jitter + kGrace + Nanos(1));
-    }
+/// Of those that wait, or of firings that come.
+std::optional<Foresight::Demand> Foresight::demand(std::uint32_t entry, std::size_t place,
+                                                   bool waits, Nanos now) const {
+  const BudgetPlan::Task& task = plan_.tasks[entry];
+  // That it may have to wait for what it comes after is left out: it would be needed no earlier.
+  if (waits && place < std::min(waiting_[entry].size(), kLooksAt)) {
+    return Demand{waiting_[entry][place] - task.behind, now, entry, place, true};
   }
-  return missing;
+  const std::size_t number = waits ? static_cast<std::size_t>(streams_[task.pipeline].next) : place;
+  if (!comes(task.pipeline)) return std::nullopt;
+  const Nanos at = std::max(now, nominal(task.pipeline, static_cast<std::int64_t>(number)));
+  return Demand{at + *plan_.pipelines[task.pipeline].deadline - task.behind, at, entry, number,
+                false};
 }
 
-/// Adds what was submitted and has not been placed. That it may have to wait for what it comes
-/// after is left out: it would be needed no earlier.
-void Foresight::add_waiting(std::uint32_t asking, UnitId unit, UnitMask up, Nanos now) {
-  for (const std::uint32_t entry : urgent_) {
-    if (unit_of(entry, up) != unit) continue;
-    const BudgetPlan::Task& task = plan_.tasks[entry];
-    const auto& waiting = waiting_[entry];
-    const std::size_t most = std::min(waiting.size(), kLooksAt);
-    for (std::size_t i = entry == asking ? 1 : 0; i < most; ++i) {
-      demands_.push_back({.latest_end = waiting[i] - task.behind,
-                          .ready = now,
-                          .takes = task.worst[unit] + task.prepare[unit]});
-    }
-  }
+std::optional<Foresight::Demand> Foresight::next_demand(const Demand& last, Nanos now) const {
+  return demand(last.entry, last.place + 1, last.waits, now);
 }
 
 std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, UnitId unit,
-                                                       UnitMask up, Nanos now) {
-  if (urgent_.empty()) return std::nullopt;
+                                                       Nanos now) {
+  if (on_[unit].empty()) return std::nullopt;
   const BudgetPlan::Task& asking = plan_.tasks[entry];
-  const Nanos takes = asking.worst[unit] + asking.prepare[unit];
+  for (std::size_t p = 0; p < streams_.size(); ++p) skip_missing(p, now);
+  if (!plan_.pipelines[asking.pipeline].is_periodic()) {
+    if (const auto again = breaks_guarantee(asking, unit, now)) return Conflict{*again};
+  }
+  const Nanos takes = asking.takes(unit);
   const Nanos own_end = latest_end(entry);
+  const auto later = [](const Demand& a, const Demand& b) { return a.latest_end > b.latest_end; };
   demands_.clear();
   Nanos ask_again = Nanos::max();
-  for (std::size_t p = 0; p < streams_.size(); ++p) {
-    ask_again = std::min(ask_again, foresee(p, unit, up, now, now + takes));
+  for (const std::uint32_t each : on_[unit]) {
+    const std::size_t pipeline = plan_.tasks[each].pipeline;
+    if (comes(pipeline) && nominal(pipeline, streams_[pipeline].next) < now + takes) {
+      ask_again = std::min(ask_again, missing(pipeline));
+    }
+    if (const auto first = demand(each, each == entry ? 1 : 0, true, now)) {
+      demands_.push_back(*first);
+    }
   }
-  add_waiting(entry, unit, up, now);
-  std::erase_if(demands_, [own_end](const Demand& each) { return each.latest_end >= own_end; });
-  std::ranges::stable_sort(demands_, {}, &Demand::latest_end);
+  std::ranges::make_heap(demands_, later);
   // What can be left goes on while nothing more urgent is there, and holds the unit for a slice.
   const bool sliced = asking.can_be_left(unit);
   const Nanos slice = asking.slice_on(unit);
   Nanos free = now;  // Without the task, and behind it, or what it holds the unit for.
   Nanos free_behind = now + (sliced ? slice + asking.prepare[unit] : takes);
+  Nanos ends = now + takes;  // The task, which what is let in puts off.
   Nanos urgent{0};
   bool late = false;
-  for (const Demand& each : demands_) {
-    free = std::max(free, each.ready) + each.takes;
-    if (sliced && each.ready > free_behind) free_behind = each.ready + slice;
-    free_behind = std::max(free_behind, each.ready) + each.takes;
-    urgent += each.takes;
-    late = late || (free_behind > each.latest_end && free <= each.latest_end);
+  for (int i = 0; i < kMostDemands && !demands_.empty(); ++i) {
+    std::ranges::pop_heap(demands_, later);
+    const Demand each = demands_.back();
+    demands_.pop_back();
+    if (each.latest_end >= own_end) break;
+    if (each.ready >= std::max(ends, free_behind)) continue;  // Nor do later ones meet the task.
+    if (const auto next = next_demand(each, now)) {
+      demands_.push_back(*next);
+      std::ranges::push_heap(demands_, later);
+    }
+    const Nanos needs = plan_.tasks[each.entry].takes(unit);
+    free = std::max(free, each.ready) + needs;
+    // One that comes while the task has the unit waits for the end of a slice.
+    const bool meets = sliced && each.ready > now && each.ready < ends;
+    const Nanos begin =
+        std::max(free_behind, meets ? std::min(each.ready + slice, ends) : each.ready);
+    if (begin < ends) ends += needs;
+    free_behind = begin + needs;
+    urgent += needs;
+    if (free == free_behind && free >= ends) break;  // It makes no difference any more.
+    if (free_behind > each.latest_end && free <= each.latest_end) {
+      late = true;
+      if (own_end == Nanos::max()) break;
+    }
   }
   if (!late) return std::nullopt;
   if (own_end != Nanos::max()) {
@@ -156,6 +181,62 @@ std::optional<Foresight::Conflict> Foresight::conflict(std::uint32_t entry, Unit
     ask_again = std::min(ask_again, latest_start);
   }
   return Conflict{ask_again};
+}
+
+/// The firing of the most urgent task of the entry that is to be placed, or the next one that
+/// comes, at the earliest; Nanos::max() = none does.
+Nanos Foresight::next_firing(std::uint32_t entry, Nanos now) const {
+  const std::size_t pipeline = plan_.tasks[entry].pipeline;
+  if (!waiting_[entry].empty()) {
+    return waiting_[entry].front() - *plan_.pipelines[pipeline].deadline;
+  }
+  return comes(pipeline) ? std::max(now, nominal(pipeline, streams_[pipeline].next)) : Nanos::max();
+}
+
+/// What guaranteed tasks need of the unit that fire before @p until.
+Nanos Foresight::needed_until(UnitId unit, Nanos now, Nanos until) const {
+  Nanos sum{0};
+  for (const std::uint32_t each : on_[unit]) {
+    const BudgetPlan::Task& task = plan_.tasks[each];
+    const std::size_t pipeline = task.pipeline;
+    auto calls = static_cast<std::int64_t>(waiting_[each].size());
+    if (comes(pipeline)) {
+      const Nanos first = std::max(now, nominal(pipeline, streams_[pipeline].next));
+      const double period_s = 1 / *plan_.pipelines[pipeline].rate_hz;
+      if (first < until) calls += 1 + static_cast<std::int64_t>(to_s(until - first) / period_s);
+    }
+    sum += calls * task.takes(unit);
+  }
+  return sum;
+}
+
+/// Whether a call of what has no rate or no deadline would hold the unit longer than guarantees
+/// count on. @return  If so, when it is worth asking again.
+std::optional<Nanos> Foresight::breaks_guarantee(const BudgetPlan::Task& asking, UnitId unit,
+                                                 Nanos now) const {
+  constexpr int kMostRounds = 50;
+  const Nanos takes = asking.takes(unit);
+  const Nanos holds = asking.slice_on(unit) + asking.prepare[unit];
+  // It ends, or not before a guaranteed task may need the unit: with slices, only one that does not
+  // bear to wait for one of them counts, but then all that is let in puts the end off.
+  Nanos need = Nanos::max();
+  Nanos again = Nanos::max();
+  for (const std::uint32_t each : on_[unit]) {
+    const BudgetPlan::Task& task = plan_.tasks[each];
+    if (!task.tolerates || (asking.can_be_left(unit) && holds <= *task.tolerates)) continue;
+    const Nanos firing = next_firing(each, now);
+    if (firing == Nanos::max()) continue;
+    need = std::min(need, firing + task.ready + *task.tolerates);
+    if (waiting_[each].empty()) again = std::min(again, missing(task.pipeline));
+  }
+  if (need == Nanos::max()) return std::nullopt;
+  Nanos ends = now + takes;
+  for (int i = 0; asking.can_be_left(unit) && ends <= need && i < kMostRounds; ++i) {
+    const Nanos with_others = now + takes + needed_until(unit, now, ends);
+    if (with_others == ends) break;
+    ends = with_others;
+  }
+  return ends > need ? std::optional(again) : std::nullopt;
 }
 
 }  // namespace pirt

@@ -4,6 +4,11 @@
 // It knows what a policy hears: the tasks as they are submitted, placed and gone, and the plan. A
 // firing that does not come within its jitter is taken for dropped; a pipeline of which two in a
 // row did not come, for one that has ended.
+//
+// Two things keep a task from a unit. Nothing that is more urgent shall become late for it: what
+// is foreseen is gone through by deadline, as far as the task's call makes a difference. And what
+// has no rate or no deadline shall hold the unit no longer than guarantees count on
+// (BudgetPlan::Task::tolerates).
 #pragma once
 
 #include <deque>
@@ -35,33 +40,50 @@ class Foresight {
   /// Whether the most urgent task of the entry, started on the unit now, would make something more
   /// urgent late that needs the unit: then it had better wait. Absent = no, or it cannot wait
   /// either.
-  /// @param up  Units that are up.
-  [[nodiscard]] std::optional<Conflict> conflict(std::uint32_t entry, UnitId unit, UnitMask up,
-                                                 Nanos now);
+  [[nodiscard]] std::optional<Conflict> conflict(std::uint32_t entry, UnitId unit, Nanos now);
+  /// Other units are up, or the plan is another one.
+  /// @param up  Units that are up; before the first call all.
+  void find_units(UnitMask up);
 
  private:
+  /// What a task needs of the unit, one firing after the other.
   struct Demand {
     Nanos latest_end{0};
     Nanos ready{0};
-    Nanos takes{0};
+    std::uint32_t entry = 0;
+    std::size_t place = 0;  ///< Among those that wait; then the number of the firing that comes.
+    bool waits = false;
   };
   struct Stream {
-    std::int64_t next = 0;  ///< Number of the firing that comes next.
-    std::vector<std::uint32_t> entries;
+    std::int64_t next = 0;    ///< Number of the firing that comes next.
+    std::int64_t missed = 0;  ///< Firings in a row that did not come.
+    bool foretold = false;    ///< Its firings are known beforehand.
   };
 
   [[nodiscard]] UnitId unit_of(std::uint32_t entry, UnitMask up) const;
   void skip_missing(std::size_t pipeline, Nanos now);
-  Nanos foresee(std::size_t pipeline, UnitId unit, UnitMask up, Nanos now, Nanos until);
-  void add_waiting(std::uint32_t asking, UnitId unit, UnitMask up, Nanos now);
+  [[nodiscard]] bool comes(std::size_t pipeline) const {
+    return streams_[pipeline].foretold && streams_[pipeline].missed < kEnded;
+  }
+  [[nodiscard]] Nanos nominal(std::size_t pipeline, std::int64_t number) const;
+  [[nodiscard]] Nanos missing(std::size_t pipeline) const;
+  [[nodiscard]] std::optional<Demand> demand(std::uint32_t entry, std::size_t place, bool waits,
+                                             Nanos now) const;
+  [[nodiscard]] std::optional<Demand> next_demand(const Demand& last, Nanos now) const;
+  [[nodiscard]] std::optional<Nanos> breaks_guarantee(const BudgetPlan::Task& asking, UnitId unit,
+                                                      Nanos now) const;
+  [[nodiscard]] Nanos next_firing(std::uint32_t entry, Nanos now) const;
+  [[nodiscard]] Nanos needed_until(UnitId unit, Nanos now, Nanos until) const;
+
+  static constexpr std::int64_t kEnded = 2;  ///< Firings in a row that did not come.
 
   const BudgetPlan& plan_;
-  std::vector<std::deque<Nanos>> waiting_;  ///< By entry: deadlines of firings, rising.
-  std::vector<bool> is_urgent_;             ///< By entry: some task of it had a deadline,
-  std::vector<std::uint32_t> urgent_;       ///< and those entries.
-  std::vector<Stream> streams_;             ///< By pipeline.
-  std::vector<std::int64_t> missed_;        ///< By pipeline: firings in a row that did not come.
-  std::vector<Demand> demands_;             ///< Of conflict; kept for its memory.
+  UnitMask up_ = ~UnitMask{0};
+  std::vector<std::deque<Nanos>> waiting_;      ///< By entry: deadlines of firings, rising.
+  std::vector<bool> is_urgent_;                 ///< By entry: some task of it had a deadline.
+  std::vector<std::vector<std::uint32_t>> on_;  ///< By unit: those of these that it serves.
+  std::vector<Stream> streams_;                 ///< By pipeline.
+  std::vector<Demand> demands_;                 ///< Of conflict; kept for its memory.
 };
 
 }  // namespace pirt

@@ -119,6 +119,16 @@ void visit_planned(Visitor& visitor, Planned& planned) {
   visitor.field("finish_ms", planned.finish_ms);
 }
 
+template <typename Visitor, typename Tried>
+void visit_tried(Visitor& visitor, Tried& tried) {
+  visitor.field("plan", tried.name);
+  visitor.field("late", tried.late);
+  visitor.field("rate_per_ms", tried.rate_per_ms);
+  visitor.field("latency_ms", tried.latency_ms);
+  visitor.field("energy_mj", tried.energy_mj);
+  visitor.field("taken", tried.taken);
+}
+
 template <typename Visitor, typename Bounds>
 void visit_bounds(Visitor& visitor, Bounds& bounds) {
   visitor.field("throughput_per_ms", bounds.throughput_per_ms);
@@ -247,6 +257,7 @@ Json to_json(const RunRecord& record) {
   write_list(writer, "doubted", record.doubted,
              [](auto& to, auto& figure) { visit_doubted(to, figure); });
   write_list(writer, "plan", record.plan, [](auto& to, auto& task) { visit_planned(to, task); });
+  write_list(writer, "tried", record.tried, [](auto& to, auto& plan) { visit_tried(to, plan); });
   if (record.bounds) {
     Writer bounds;
     visit_bounds(bounds, *record.bounds);
@@ -286,6 +297,7 @@ RunRecord run_record_from_json(const Json& json, const std::string& source) {
     read_list(json, "doubted", record.doubted,
               [](auto& of, auto& figure) { visit_doubted(of, figure); });
     read_list(json, "plan", record.plan, [](auto& of, auto& task) { visit_planned(of, task); });
+    read_list(json, "tried", record.tried, [](auto& of, auto& plan) { visit_tried(of, plan); });
     if (json.contains("intervals")) {
       for (const auto& [figure, ends] : json.at("intervals").items()) {
         record.intervals[figure] = {ends.at(0).get<double>(), ends.at(1).get<double>()};

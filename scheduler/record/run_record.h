@@ -120,6 +120,15 @@ struct FigureInterval {
   friend bool operator==(const FigureInterval&, const FigureInterval&) = default;
 };
 
+/// What mode budget might have followed, as it ran in virtual time before.
+struct TriedPlan {
+  std::string name;
+  std::int64_t late = 0;  ///< Firings of real-time pipelines, dropped ones too.
+  double rate_per_ms = 0, latency_ms = 0, energy_mj = 0;  ///< Of a task, but for the rate.
+  bool taken = false;
+  friend bool operator==(const TriedPlan&, const TriedPlan&) = default;
+};
+
 struct RunRecord {
   static constexpr int kSchemaVersion = 2;
 
@@ -146,6 +155,7 @@ struct RunRecord {
   std::optional<double> power_cap_w;      ///< In any second.
   std::optional<std::int64_t> over_cap;   ///< Tasks with a deadline that were begun beyond it.
   std::optional<double> power_highest_w;  ///< Of any second, with a cap, in virtual time.
+  std::vector<TriedPlan> tried;           ///< What it might have followed.
 
   /// How often calls were left between two slices for more urgent ones; absent if they never were.
   std::optional<std::int64_t> slices_left;

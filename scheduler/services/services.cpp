@@ -334,6 +334,14 @@ UnitMask ServiceTable::units_of(WorkloadId workload) const {
   return mask;
 }
 
+void ServiceTable::leave_no_call() {
+  for (auto& row : entries) {
+    for (ServiceEntry& entry : row) {
+      if (entry.service) entry.service->slices.clear();
+    }
+  }
+}
+
 std::uint32_t context_of(const Contexts& contexts, WorkloadId workload, const std::string& name) {
   const auto program = contexts.program_of(name);
   return static_cast<std::uint32_t>(program ? *program : contexts.programs.size() + workload);

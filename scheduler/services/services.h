@@ -94,6 +94,8 @@ struct ServiceTable {
     return entry.service ? &*entry.service : nullptr;
   }
   [[nodiscard]] UnitMask units_of(WorkloadId workload) const;
+  /// From now on no call is left between two slices.
+  void leave_no_call();
 };
 
 /// What 95 of 100 do not exceed; the value itself, or the highest, of what is modelled.

@@ -24,6 +24,10 @@ void require(bool condition) {
 }
 
 BudgetPlan::Task task_from_json(const Json& json) {
+  const auto nanos = [&json](const char* key) {
+    return json.contains(key) ? std::optional(Nanos(json.at(key).get<std::int64_t>()))
+                              : std::nullopt;
+  };
   return {.pipeline = json.at("pipeline").get<std::uint32_t>(),
           .first = json.at("first").get<bool>(),
           .pinned = json.at("pinned").get<bool>(),
@@ -36,7 +40,9 @@ BudgetPlan::Task task_from_json(const Json& json) {
           .window_j = json.at("window_j").get<std::vector<double>>(),
           .behind = Nanos(json.at("behind_ns").get<std::int64_t>()),
           .slice = json.contains("slice_ns") ? times_from_json(json.at("slice_ns"))
-                                             : std::vector<Nanos>{}};
+                                             : std::vector<Nanos>{},
+          .ready = nanos("ready_ns").value_or(Nanos::zero()),
+          .tolerates = nanos("tolerates_ns")};
 }
 
 BudgetPlan::Arrivals arrivals_from_json(const Json& json) {
@@ -60,7 +66,7 @@ Json to_json(const BudgetPlan& plan) {
   if (tasks.empty()) return {};
   Json json = {{"tasks", Json::array()}, {"pipelines", Json::array()}};
   for (const auto& [pipeline, first, pinned, units, capacity, share, worst, context, prepare,
-                    call_window_j, behind, slice] : tasks) {
+                    call_window_j, behind, slice, ready, tolerates] : tasks) {
     json["tasks"].push_back({{"pipeline", pipeline},
                              {"first", first},
                              {"pinned", pinned},
@@ -73,6 +79,9 @@ Json to_json(const BudgetPlan& plan) {
                              {"window_j", call_window_j},
                              {"behind_ns", behind.count()}});
     if (!slice.empty()) json["tasks"].back()["slice_ns"] = in_nanos(slice);
+    if (!tolerates) continue;
+    json["tasks"].back()["ready_ns"] = ready.count();
+    json["tasks"].back()["tolerates_ns"] = tolerates->count();
   }
   for (const auto& [rate_hz, offset, jitter, deadline, real_time] : pipelines) {
     Json each = {

@@ -164,7 +164,9 @@ void check_sizes(const DispatcherSetup& setup) {
   require(std::ranges::all_of(setup.slots, [](const auto& each) { return each.value_or(1) >= 1; }),
           "slots");
   require(std::ranges::all_of(policy.costs, of_units), "costs");
-  require(setup.mode->has_basic() == (policy.basic != nullptr), "mode and basic");
+  require(policy.basic == nullptr ? !setup.mode->has_basic()
+                                  : setup.mode->has_basic() || setup.mode->budgets,
+          "mode and basic");
   const PolicyInfo& basic = policy.basic == nullptr ? *setup.mode : *policy.basic;
   const auto has_role = [&](const PolicyInfo& info) {
     return !info.needs_role ||

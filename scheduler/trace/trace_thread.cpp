@@ -62,6 +62,7 @@ class TraceThread::Teller {
   void operator()(const Arrived& event) {
     writer_.arrived(event.servers_index, event.job, event.power_w);
   }
+  void operator()(const Drawing& event) { writer_.drawing(event.servers_index, event.by_w); }
   void operator()(const Left& event) { writer_.left(event.servers_index, event.job); }
   void operator()(const Preparing& event) { writer_.preparing(event.task, event.now, event.takes); }
   void operator()(const Settled& event) {
@@ -163,6 +164,11 @@ void TraceThread::arrived(std::size_t servers_index, std::uint32_t job, double p
 void TraceThread::left(std::size_t servers_index, std::uint32_t job) {
   const auto lock = room();
   add(Left{servers_index, job});
+}
+
+void TraceThread::drawing(std::size_t servers_index, double by_w) {
+  const auto lock = room();
+  add(Drawing{servers_index, by_w});
 }
 
 void TraceThread::preparing(TaskId task, Nanos now, Nanos takes) {

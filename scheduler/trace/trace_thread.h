@@ -32,6 +32,7 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
                   std::uint64_t firing) override;
   void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
   void left(std::size_t servers_index, std::uint32_t job) override;
+  void drawing(std::size_t servers_index, double by_w) override;
   void preparing(TaskId task, Nanos now, Nanos takes) override;
   void settled(Nanos now, std::span<const int> waiting) override;
 
@@ -55,6 +56,10 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
     std::uint32_t job;
     double power_w;
   };
+  struct Drawing {
+    std::size_t servers_index;
+    double by_w;
+  };
   struct Left {
     std::size_t servers_index;
     std::uint32_t job;
@@ -67,7 +72,7 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
     Nanos now;
     std::size_t waiting;
   };
-  using Event = std::variant<Input, Submitting, Arrived, Left, Preparing, Settled>;
+  using Event = std::variant<Input, Submitting, Arrived, Left, Drawing, Preparing, Settled>;
 
   /// Events in order, and what they show, each kind in order too. Keeps its memory.
   struct Batch {

@@ -154,7 +154,7 @@ TEST(Foresight, KnowsWhatIsToComeAndWhatWaits) {
   const BudgetPlan plan = small_plan();
   Foresight foresight(plan);
   const auto ask_again = [&](int ms) -> std::optional<double> {
-    const auto conflict = foresight.conflict(1, 0, 1, milliseconds(ms));
+    const auto conflict = foresight.conflict(1, 0, milliseconds(ms));
     return conflict ? std::optional(to_ms(conflict->ask_again)) : std::nullopt;
   };
   // Firing 0 is to come at 0 to 5 ms; 50 ms from now on would be too late for it. If it has not
@@ -188,8 +188,8 @@ TEST(Foresight, WhatWouldBeLateItselfDoesNotWait) {
   own.deadline = milliseconds(56);
   foresight.submitted(own);
   // It takes 50 of its 56 ms, the plan 2: it can wait until 4 ms.
-  EXPECT_EQ(foresight.conflict(1, 0, 1, Nanos(0))->ask_again, milliseconds(4));
-  EXPECT_FALSE(foresight.conflict(1, 0, 1, milliseconds(4)));
+  EXPECT_EQ(foresight.conflict(1, 0, Nanos(0))->ask_again, milliseconds(4));
+  EXPECT_FALSE(foresight.conflict(1, 0, milliseconds(4)));
 }
 
 TEST(Foresight, WhatComesBackWaitsAgainInItsPlace) {
