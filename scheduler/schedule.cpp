@@ -14,6 +14,7 @@
 #include "scheduler/record/interval.h"
 #include "scheduler/record/summary.h"
 #include "scheduler/services/devices.h"
+#include "scheduler/services/recall.h"
 #include "scheduler/services/scenario.h"
 #include "scheduler/trace/power_peak.h"
 #include "scheduler/trace/trace_writer.h"
@@ -89,19 +90,19 @@ void add_warnings(const Scenario& scenario, const Mode& mode, std::vector<std::s
   }
 }
 
-/// What mode budget guarantees of pipelines with a rate and a deadline.
-void add_guarantees(const Scenario& scenario, const BudgetPlan& plan, RunRecord& record) {
+/// What mode budget guarantees of pipelines with a rate and a deadline: nothing where it follows
+/// another mode.
+void add_guarantees(const Scenario& scenario, const PolicySetup& setup, RunRecord& record) {
+  const BudgetPlan& plan = setup.budget;
   const auto guarantees = guarantees_of(scenario, plan);
   for (std::size_t p = 0; p < guarantees.size(); ++p) {
     const Guarantee& guarantee = guarantees[p];
     PipelineResult& result = record.pipelines[p];
-    if (!guarantee.analysed && guarantee.not_analysed.empty()) continue;
-    if (!guarantee.analysed) {
-      result.not_analysed = guarantee.not_analysed;
-      continue;
-    }
-    result.guaranteed = guarantee.response && *guarantee.response <= *plan.pipelines[p].deadline;
-    if (guarantee.response) result.response_bound_ms = to_ms(*guarantee.response);
+    if (!guarantee.not_analysed.empty()) result.not_analysed = guarantee.not_analysed;
+    if (!guarantee.analysed) continue;
+    const bool bounded = guarantee.response && setup.follows == nullptr;
+    result.guaranteed = bounded && *guarantee.response <= *plan.pipelines[p].deadline;
+    if (bounded) result.response_bound_ms = to_ms(*guarantee.response);
   }
 }
 
@@ -160,6 +161,9 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
     }
   }
   record.time = time;
+  if (time == "live" || may_return(scenario, mode.policy.cloud_use)) {
+    record.returned = tally.tasks.returned;
+  }
   record.mode = mode.policy.name;
   if (mode.policy.budgets) {
     record.objective = to_string(options.objective.value_or(Objective::kRate));
@@ -167,9 +171,7 @@ RunRecord run_mix(const Platform& named, const Profile* profile, const Mix& mix,
     record.power_cap_w = options.power_cap_w;
     if (options.power_cap_w) record.over_cap = dispatcher.policy().over_cap();
     if (own) record.tried = own->tried;
-    if (!mix.fires_once() && setup.policy_setup.basic == nullptr) {
-      add_guarantees(scenario, setup.policy_setup.budget, record);
-    }
+    if (!mix.fires_once()) add_guarantees(scenario, setup.policy_setup, record);
   }
   if (tally.tasks.left > 0) record.slices_left = tally.tasks.left;
   if (profile != nullptr) record.draw = to_string(options.draw);

@@ -1,6 +1,7 @@
 #include "scheduler/budget/guarantees.h"
 
 #include <algorithm>
+#include <array>
 #include <functional>
 #include <iterator>
 #include <set>
@@ -76,9 +77,10 @@ class Analysis {
       if (done[first.entry]) continue;
       tasks_ = together_with(first.pipeline, all);
       for (const Analysed& each : tasks_) done[each.entry] = true;
-      if (!share_slack() || std::ranges::none_of(keeps_, std::identity{})) continue;
+      if (!share_slack()) continue;
       // Of those that keep no deadline, too: others count on how late they are.
       for (const Analysed& each : tasks_) {
+        if (each.tolerates == kNoLimit) continue;
         plan.tasks[each.entry].ready = each.ready;
         plan.tasks[each.entry].tolerates = each.tolerates;
       }
@@ -86,39 +88,38 @@ class Analysis {
   }
 
  private:
-  /// As much of what guaranteed tasks have time for as is left to others without a guarantee lost:
-  /// all of it, half and so on. False where nothing is guaranteed.
+  /// As much of the time that guaranteed tasks have is left to others as no guarantee is lost by:
+  /// any, or all that they have alone, half of that and so on. False where nothing is guaranteed.
   bool share_slack() {
-    const std::vector<Analysed> begin = tasks_;
-    std::vector<Nanos> alone;
-    for (double part = 0;; part = part == 0 ? 1 : part / 2) {
-      tasks_ = begin;
+    constexpr std::array kParts = {1.0, 0.5, 0.25, 0.125, 0.0};
+    std::vector<Nanos> responses;  // If others held no unit.
+    const auto settles_with = [&](const auto& tolerates) {
       for (Analysed& each : tasks_) {
-        each.tolerates = Nanos::zero();
-        if (part == 0 || !keeps_[each.pipeline]) continue;
-        const auto tasks = static_cast<double>(scenario_.classes[each.pipeline].size());
-        each.tolerates = scaled(each.deadline - alone[each.pipeline], part / tasks);
+        each.tolerates = keeps_[each.pipeline] ? tolerates(each) : Nanos::zero();
+        each.ready = each.response = Nanos::zero();
       }
-      const auto responses = settled_responses();
-      if (part == 0) {
-        if (!responses) return false;
-        alone = *responses;
-        keeps_.assign(alone.size(), false);
-        for (const Analysed& each : tasks_) {
-          keeps_[each.pipeline] = alone[each.pipeline] <= each.deadline;
-        }
-        continue;
-      }
-      const auto lost = [&](const Analysed& each) {
-        return keeps_[each.pipeline] && (*responses)[each.pipeline] > each.deadline;
-      };
-      if (responses && std::ranges::none_of(tasks_, lost)) return true;
-      if (part < kLeastPart) {
-        tasks_ = begin;
-        for (Analysed& each : tasks_) each.tolerates = Nanos::zero();
-        return settled_responses().has_value();
-      }
+      const auto settled = settled_responses();
+      const bool keeps =
+          settled && std::ranges::none_of(tasks_, [&](const Analysed& each) {
+            return keeps_[each.pipeline] && (*settled)[each.pipeline] > each.deadline;
+          });
+      if (settled && responses.empty()) responses = *settled;
+      return keeps;
+    };
+    keeps_.assign(scenario_.mix.pipelines.size(), false);
+    settles_with([](const Analysed&) { return Nanos::zero(); });
+    if (responses.empty()) return false;
+    for (const Analysed& each : tasks_) {
+      keeps_[each.pipeline] = responses[each.pipeline] <= each.deadline;
     }
+    if (std::ranges::none_of(keeps_, std::identity{})) return false;
+    if (settles_with([](const Analysed&) { return kNoLimit; })) return true;
+    return std::ranges::any_of(kParts, [&](double part) {
+      return settles_with([&](const Analysed& each) {
+        const auto tasks = static_cast<double>(scenario_.classes[each.pipeline].size());
+        return scaled(each.deadline - responses[each.pipeline], part / tasks);
+      });
+    });
   }
 
   /// The tasks of the pipeline, of those that share a unit with it, and so on.
@@ -396,12 +397,13 @@ class Analysis {
   /// The longest time in which the unit always has something of these to do.
   [[nodiscard]] Nanos busy_period(UnitId unit) const {
     constexpr Nanos kLongest = std::chrono::seconds(100);
+    Nanos blocking{0};
+    for (const Analysed& task : tasks_) {
+      if (task.unit == unit) blocking = std::max(blocking, blocking_of(task));
+    }
     Nanos length{1};
     while (true) {
-      Nanos next{0};
-      for (const auto& [each, takes] : others_) {
-        if (each == unit) next = std::max(next, takes);
-      }
+      Nanos next = blocking;
       for (const Analysed& task : tasks_) {
         if (task.unit != unit) continue;
         next += count_in(length - Nanos(1) + task.late + task.ready, task.period) * task.takes;
@@ -413,7 +415,6 @@ class Analysis {
   }
 
   static constexpr std::size_t kMostPlaces = 2000;
-  static constexpr double kLeastPart = 0.1;
   struct Other {
     UnitId unit = 0;
     Nanos takes{0};

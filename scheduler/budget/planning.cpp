@@ -313,7 +313,7 @@ Objective objective_of(const ScheduleOptions& options) {
 struct Candidate {
   std::string name;
   BudgetChoice choice;
-  const PolicyInfo* basic = nullptr;  ///< In place of a plan.
+  const PolicyInfo* follows = nullptr;  ///< In place of a plan.
   TrialResult result = {};
 };
 
@@ -350,7 +350,9 @@ std::vector<Candidate> candidates_of(const ModeSetup& setup, const ScheduleOptio
   for (const PolicyInfo* basic : {&policy::edf, &policy::ect}) {
     auto made = basic->make(setup.policy_setup);
     if (!serves_all(setup.scenario, *made)) continue;
-    Candidate each{std::string(basic->name), {{}, setup.scenario.in_flight}, basic};
+    Candidate each{std::string(basic->name),
+                   {candidates.front().choice.plan, setup.scenario.in_flight},
+                   basic};
     each.result = unsliced.run(std::move(made), each.choice.in_flight);
     candidates.push_back(std::move(each));
   }
@@ -360,7 +362,7 @@ std::vector<Candidate> candidates_of(const ModeSetup& setup, const ScheduleOptio
 }  // namespace
 
 void plan_for_losses(ModeSetup& setup, const ScheduleOptions& options) {
-  if (setup.scenario.mix.fires_once() || setup.policy_setup.basic != nullptr) return;
+  if (setup.scenario.mix.fires_once() || setup.policy_setup.follows != nullptr) return;
   ScheduleOptions same = options;
   same.in_flight = 1;  // Given: the scenario's are not chosen anew.
   const BudgetPlan& whole = setup.policy_setup.budget;
@@ -396,7 +398,7 @@ PlannedBudget plan_budget(const ModeSetup& setup, const ScheduleOptions& options
   for (Candidate& each : candidates) {
     if (is_better(keys(each.result, goals), keys(best->result, goals))) best = &each;
   }
-  PlannedBudget planned{.choice = std::move(best->choice), .basic = best->basic};
+  PlannedBudget planned{.choice = std::move(best->choice), .follows = best->follows};
   for (const Candidate& each : candidates) {
     planned.tried.push_back({.name = each.name,
                              .late = each.result.late,
@@ -410,10 +412,9 @@ PlannedBudget plan_budget(const ModeSetup& setup, const ScheduleOptions& options
 
 void follow(const PlannedBudget& planned, ModeSetup& setup) {
   setup.scenario.in_flight = planned.choice.in_flight;
-  if (planned.basic == nullptr) {
-    setup.policy_setup.budget = planned.choice.plan;
-  } else {
-    setup.policy_setup.basic = planned.basic;
+  setup.policy_setup.budget = planned.choice.plan;
+  if (planned.follows != nullptr) {
+    setup.policy_setup.follows = planned.follows;
     setup.scenario.slices = false;
     setup.scenario.services.leave_no_call();
   }

@@ -13,8 +13,8 @@ namespace pirt {
 /// What mode budget follows: a plan, or a mode that plans nothing.
 struct PlannedBudget {
   BudgetChoice choice;
-  const PolicyInfo* basic = nullptr;  ///< In place of the plan.
-  std::vector<TriedPlan> tried = {};  ///< It and what it was compared with.
+  const PolicyInfo* follows = nullptr;  ///< In place of the plan.
+  std::vector<TriedPlan> tried = {};    ///< It and what it was compared with.
 };
 
 /// Plans for each objective, with frames in flight that nobody gave, and runs these plans, and

@@ -191,7 +191,7 @@ constinit const PolicyInfo policy::budget = {
         "Meets deadlines under --power-cap, then gives what --objective says; foresees firings",
     .make = [](const PolicySetup& setup) -> std::unique_ptr<Policy> {
       if (!setup.plan.entries.empty()) return make_planned_policy(setup);
-      if (setup.basic != nullptr) return setup.basic->make(setup);
+      if (setup.follows != nullptr) return setup.follows->make(setup);
       return std::make_unique<BudgetPolicy>(setup);
     },
     .cloud_use = CloudUse::kNotRealTime,

@@ -128,8 +128,9 @@ struct PolicySetup {
   WeightTable weights;
   /// Algorithms 2 and 3: take the printed `else` instead of holding.
   bool literal_overflow = false;
-  const PolicyInfo* basic = nullptr;  ///< Of a policy that falls back to one.
-  std::uint64_t seed = 1;             ///< Of one that draws: its only source of chance.
+  const PolicyInfo* basic = nullptr;    ///< Of a policy that falls back to one.
+  const PolicyInfo* follows = nullptr;  ///< Of mode budget: what decides in its place.
+  std::uint64_t seed = 1;               ///< Of one that draws: its only source of chance.
 };
 
 /// How weights are derived when none are given; see weights.h.

@@ -115,7 +115,6 @@ void add_counts(const Scenario& run, const Tally& tally, RunRecord& record) {
   record.failed = counts.failed;
   record.queued = counts.queued();
   if (run.mix.reads_earlier()) record.no_predecessor = counts.no_predecessor;
-  if (run.faults) record.returned = counts.returned;
   record.stalled = tally.stalled;
   for (UnitId unit = 0; unit < tally.units.size(); ++unit) {
     if (run.platform.units[unit].role == Role::kCloud)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "characterize/platform/elsewhere.h"
 #include "scheduler/services/call_plan.h"
 
 namespace pirt {
@@ -32,6 +33,17 @@ Slowest slowest(const ServiceTable& services, const TaskPlan& plan, UnitMask amo
 }
 
 }  // namespace
+
+bool may_return(const Scenario& scenario, CloudUse cloud_use) {
+  if (scenario.faults || std::ranges::any_of(scenario.platform.units, is_elsewhere)) return true;
+  for (std::size_t p = 0; p < scenario.mix.pipelines.size(); ++p) {
+    const Pipeline& pipeline = scenario.mix.pipelines[p];
+    if (!pipeline.deadline || pipeline.real_time || cloud_use == CloudUse::kNone) continue;
+    const auto leads = recall_leads(scenario, p);
+    if (std::ranges::any_of(leads, [](const auto& lead) { return lead.has_value(); })) return true;
+  }
+  return false;
+}
 
 std::vector<std::optional<RecallLead>> recall_leads(const Scenario& scenario,
                                                     std::size_t pipeline) {

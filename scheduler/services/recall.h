@@ -19,6 +19,10 @@ struct RecallLead {
   [[nodiscard]] Recall recall(Nanos deadline) const { return {deadline - before_deadline, from}; }
 };
 
+/// Whether a task may come back from the unit that it was given to: by faults, from elsewhere, or
+/// since it is wanted back from the cloud.
+[[nodiscard]] bool may_return(const Scenario& scenario, CloudUse cloud_use);
+
 /// By task of the pipeline: what taking it back takes, and what it and the longest way from it to
 /// the end take on the robot's own units, on the slowest that may serve each, since nobody knows
 /// which will. Each when it takes long: handed to a unit that slept, with cold caches and beside

@@ -97,7 +97,7 @@ Json plan_json(const MixPlan& plan) {
 /// and read below.
 Json policy_json(const PolicySetup& setup) {
   const auto& [roles, servers, costs, plan, budget, budget_without, weights, literal_overflow,
-               basic, seed] = setup;
+               basic, follows, seed] = setup;
   Json role_names = Json::array();
   for (const Role role : roles) role_names.push_back(to_string(role));
   Json without = Json::array();
@@ -111,6 +111,7 @@ Json policy_json(const PolicySetup& setup) {
           {"weights", weights},
           {"literal_overflow", literal_overflow},
           {"basic", basic == nullptr ? Json() : Json(basic->name)},
+          {"follows", follows == nullptr ? Json() : Json(follows->name)},
           {"seed", seed}};
 }
 
@@ -141,6 +142,9 @@ PolicySetup policy_from_json(const Json& json) {
   }
   setup.weights = json.at("weights").get<WeightTable>();
   setup.literal_overflow = json.at("literal_overflow").get<bool>();
+  if (json.contains("follows") && !json.at("follows").is_null()) {
+    setup.follows = &find_basic_policy(json.at("follows").get<std::string>());
+  }
   if (!json.at("basic").is_null()) {
     setup.basic = &find_basic_policy(json.at("basic").get<std::string>());
   }
@@ -164,9 +168,8 @@ void check_sizes(const DispatcherSetup& setup) {
   require(std::ranges::all_of(setup.slots, [](const auto& each) { return each.value_or(1) >= 1; }),
           "slots");
   require(std::ranges::all_of(policy.costs, of_units), "costs");
-  require(policy.basic == nullptr ? !setup.mode->has_basic()
-                                  : setup.mode->has_basic() || setup.mode->budgets,
-          "mode and basic");
+  require(setup.mode->has_basic() == (policy.basic != nullptr), "mode and basic");
+  require(setup.mode->budgets || policy.follows == nullptr, "mode and follows");
   const PolicyInfo& basic = policy.basic == nullptr ? *setup.mode : *policy.basic;
   const auto has_role = [&](const PolicyInfo& info) {
     return !info.needs_role ||

@@ -284,7 +284,7 @@ ModeSetup three_units(const Platform& platform, const Mix& mix, bool losses) {
   options.mode = "budget";
   options.duration = from_s(5);
   ModeSetup setup = set_up_mode(platform, nullptr, mix, options);
-  plan_budget(setup, options);
+  follow(plan_budget(setup, options), setup);
   if (losses) plan_for_losses(setup, options);
   return setup;
 }

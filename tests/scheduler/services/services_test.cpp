@@ -215,7 +215,7 @@ TEST(Services, UseDoubtedRowsAndSayHowFarTheyAreKnown) {
   EXPECT_THAT(service.doubts, ElementsAre("contended"));
   EXPECT_DOUBLE_EQ(service.spread.low, 0.5);
   EXPECT_DOUBLE_EQ(service.spread.high, 1.5);
-  EXPECT_EQ(service.usual_worst(), Nanos(4500)) << "where its median may be";
+  EXPECT_EQ(service.stages.front().usual(), Nanos(4500)) << "where its median may be";
   EXPECT_TRUE(table.find(0, 0)->doubts.empty());
   ServiceOptions options;
   options.strict = true;
