@@ -43,42 +43,15 @@ TraceReader::TraceReader(const std::filesystem::path& path)
 void TraceReader::begin() {
   std::getline(in_, line_);
   const auto header = arguments(line_, TraceFile::kHeaderLine);
-  lines_ = header && !in_.eof();
-  if (lines_) {
-    setup_ = dispatcher_setup_from_json(parse_json(*header));
-    return;
-  }
-  if (line_ != TraceFile::kFirstLine) {
-    otherwise_ = true;
-    return;
-  }
-  while (std::getline(in_, line_)) {
-    const std::string_view line = line_;
-    if (!line.starts_with(TraceFile::kPart) || !line.ends_with(TraceFile::kLog)) continue;
-    const auto begin = TraceFile::kPart.size();
-    const auto open = line.substr(begin, line.size() - begin - TraceFile::kLog.size());
-    const Json part = parse_json(std::string(open) + "}");
-    setup_ = dispatcher_setup_from_json(part);
-    size_ = part.at("inputs").get<std::size_t>();
-    return;
-  }
-  otherwise_ = true;
+  otherwise_ = !header || in_.eof();
+  if (!otherwise_) setup_ = dispatcher_setup_from_json(parse_json(*header));
 }
 
 std::optional<LogEntry> TraceReader::next() {
-  return naming(source_, [this]() -> std::optional<LogEntry> {
-    if (lines_) return next_of_lines();
-    const bool read = static_cast<bool>(std::getline(in_, line_));
-    std::string_view line = line_;
-    if (!read) throw_bad_input("its log is cut off after " + std::to_string(read_) + " inputs");
-    if (line == TraceFile::kEnd) return last(*size_);
-    if (line.ends_with(',')) line.remove_suffix(1);
-    ++read_;
-    return log_entry_from_json(parse_json(line), read_);
-  });
+  return naming(source_, [this] { return next_line(); });
 }
 
-std::optional<LogEntry> TraceReader::next_of_lines() {
+std::optional<LogEntry> TraceReader::next_line() {
   // A line without its end is one that was being written.
   while (std::getline(in_, line_) && !in_.eof()) {
     if (const auto entry = arguments(line_, TraceFile::kEntryLine)) {

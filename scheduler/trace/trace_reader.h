@@ -11,19 +11,19 @@
 
 namespace pirt {
 
-/// Of a file as TraceFile lays it out, in either way: each entry has a line of its own.
+/// Of a file as TraceFile lays it out: each entry has a line of its own.
 class TraceReader {
  public:
   /// @throws Error{kBadInput} naming the file: not there, not a trace of pirt's, another version.
   explicit TraceReader(const std::filesystem::path& path);
 
-  /// Whether somebody has laid the file out anew, as a formatter does; then there is nothing here
-  /// to read, and parse_trace_log takes it as a whole.
+  /// Whether a formatter, or an older pirt, has laid the file out; then there is nothing here to
+  /// read, and parse_trace_log takes it as a whole.
   [[nodiscard]] bool is_laid_out_otherwise() const { return otherwise_; }
   [[nodiscard]] const DispatcherSetup& setup() const { return setup_; }
-  /// How many entries there are, as the file says; lines say it at their end.
+  /// How many entries there are, as the file says at its end.
   [[nodiscard]] std::optional<std::size_t> size() const { return size_; }
-  /// Whether the end is missing of what was written as lines; known after the last entry.
+  /// Whether the end is missing; known after the last entry.
   [[nodiscard]] bool ends_in_the_middle() const { return torn_; }
   /// Absent after the last.
   /// @throws Error{kBadInput} for an entry that makes no sense, or if there are more or fewer than
@@ -32,7 +32,7 @@ class TraceReader {
 
  private:
   void begin();
-  [[nodiscard]] std::optional<LogEntry> next_of_lines();
+  [[nodiscard]] std::optional<LogEntry> next_line();
   [[nodiscard]] std::optional<LogEntry> last(std::size_t size);
 
   std::string source_;
@@ -41,7 +41,7 @@ class TraceReader {
   DispatcherSetup setup_;
   std::optional<std::size_t> size_;
   std::size_t read_ = 0;
-  bool otherwise_ = false, lines_ = false, torn_ = false;
+  bool otherwise_ = false, torn_ = false;
 };
 
 }  // namespace pirt

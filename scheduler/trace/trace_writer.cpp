@@ -35,8 +35,7 @@ std::size_t process(UnitId unit) { return unit + std::size_t{1}; }
 TraceWriter::TraceWriter(const std::filesystem::path& path, const Scenario& run,
                          const DispatcherSetup& setup, const std::string& time)
     : run_(run),
-      file_(path, time == "live" ? TraceFile::Layout::kLines : TraceFile::Layout::kWhole,
-            header_of(run, setup, time)),
+      file_(path, header_of(run, setup, time)),
       free_lanes_(run.platform.units.size()),
       lanes_(run.platform.units.size(), 0),
       loads_(server_loads(run.platform)) {

@@ -32,7 +32,7 @@ namespace pirt {
 class TraceWriter final : public DispatcherObserver, public RunObserver {
  public:
   /// @param run   For names; its references must outlive the writer.
-  /// @param time  "virtual" or "live", as in the run's record: a live one is written as lines.
+  /// @param time  "virtual" or "live", as in the run's record.
   /// @throws Error{kBadInput} if nothing can be written there.
   TraceWriter(const std::filesystem::path& path, const Scenario& run, const DispatcherSetup& setup,
               const std::string& time = "virtual");
@@ -46,7 +46,7 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
   void preparing(TaskId task, Nanos now, Nanos takes) override;
   void settled(Nanos now, std::span<const int> waiting) override;
 
-  /// What has been written survives the process, if the run is live.
+  /// What has been written survives the process, once the dispatcher has had an input.
   /// @throws Error{kBadInput} if something could not be written.
   void flush() { file_.flush(); }
   /// The trace is complete after this. It runs to the last completion; where counts and energy are

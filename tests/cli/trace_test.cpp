@@ -22,7 +22,9 @@ TEST(Replay, ExitsWithWhatItFound) {
   EXPECT_EQ(same.json()["same"], true);
 
   auto json = nlohmann::json::parse(slurp(trace));
-  json["pirt"]["log"][0]["start"][0][1] = 0;  // The CPU, which energy mode does not use here.
+  const auto first = std::ranges::find_if(
+      json, [](const auto& line) { return line.value("name", "") == "pirt log"; });
+  (*first)["args"]["start"][0][1] = 0;  // The CPU, which energy mode does not use here.
   const auto altered = pirt({"replay", scratch.write("altered.json", json.dump())});
   EXPECT_EQ(altered.exit_code, 1);
   EXPECT_THAT(altered.out,
@@ -34,8 +36,7 @@ TEST(Replay, RefusesWhatIsNoTrace) {
   const auto trace = scratch.file("t.json");
   ASSERT_EQ(pirt(convolutions(trace)).exit_code, 0);
   const auto text = slurp(trace);
-  expect_refused(pirt({"replay", scratch.write("cut.json", text.substr(0, text.size() / 3))}),
-                 {"cut.json"});
+  expect_refused(pirt({"replay", scratch.write("cut.json", text.substr(0, 100))}), {"cut.json"});
   expect_refused(pirt({"replay", scratch.file("none.json")}), {"none.json"});
 }
 

@@ -84,10 +84,10 @@ TEST(Contexts, PreparingIsASliceOfItsOwnInTheTrace) {
   const auto path = std::filesystem::path(testing::TempDir()) / "pirt_contexts_trace.json";
   static_cast<void>(run(
       kBoard, "[{name: a, workload: fc8}, {name: b, workload: pool5, after: [a]}]", path.string()));
-  const auto trace = nlohmann::json::parse(read_file(path.string()));
+  const auto events = nlohmann::json::parse(read_file(path.string()));
   std::filesystem::remove(path);
   std::vector<nlohmann::json> slices;
-  for (const auto& event : trace["traceEvents"]) {
+  for (const auto& event : events) {
     if (event.value("name", "") == "prepare") slices.push_back(event);
   }
   ASSERT_EQ(slices.size(), 1U);

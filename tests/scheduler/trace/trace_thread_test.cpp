@@ -1,5 +1,5 @@
 // A trace that another thread writes is the one that is written on the spot, however far that
-// thread is behind; and one of lines can be read wherever it ends.
+// thread is behind; and one can be read wherever it ends.
 #include "scheduler/trace/trace_thread.h"
 
 #include <filesystem>
@@ -7,6 +7,7 @@
 
 #include "scheduler/policies/setup.h"
 #include "scheduler/trace/replay.h"
+#include "scheduler/trace/trace_document.h"
 #include "scheduler/trace/trace_file.h"
 #include "scheduler/virtual/virtual_time.h"
 #include "tests/scheduler/support.h"
@@ -40,8 +41,7 @@ pipelines:
       - {name: model, workload: background_model, inputs: {image: undistort.image}}
 )";
 
-/// @param time  Of the record: "live" makes it one of lines.
-std::string trace_of(bool thread, const std::string& time = "virtual", int frames = 3000) {
+std::string trace_of(bool thread, int frames = 3000) {
   const auto path = std::filesystem::path(testing::TempDir()) / "pirt_trace_thread.json";
   const Platform platform = platform_of(kBoard);
   Mix mix = mix_of(kMix);
@@ -53,8 +53,7 @@ std::string trace_of(bool thread, const std::string& time = "virtual", int frame
   ModeSetup setup = set_up_mode(platform, nullptr, mix, options);
   Dispatcher dispatcher(setup.slots, std::move(setup.policy));
   TraceWriter writer(path, setup.scenario,
-                     {&setup.mode.policy, platform.unit_names(), setup.slots, setup.policy_setup},
-                     time);
+                     {&setup.mode.policy, platform.unit_names(), setup.slots, setup.policy_setup});
   if (thread) {
     TraceThread aside(writer);
     dispatcher.observe(&aside);
@@ -74,11 +73,9 @@ std::string trace_of(bool thread, const std::string& time = "virtual", int frame
 }
 
 TEST(TraceThread, WritesWhatIsWrittenOnTheSpot) {
-  for (const auto* time : {"virtual", "live"}) {
-    const std::string here = trace_of(false, time);
-    EXPECT_GT(here.size(), 4'000'000U);  // More events than are ever kept.
-    EXPECT_EQ(here == trace_of(true, time), true) << time;
-  }
+  const std::string here = trace_of(false);
+  EXPECT_GT(here.size(), 4'000'000U);  // More events than are ever kept.
+  EXPECT_EQ(here == trace_of(true), true);
 }
 
 class TraceLines : public testing::Test {
@@ -99,33 +96,26 @@ class TraceLines : public testing::Test {
       (std::filesystem::path(testing::TempDir()) / "pirt_lines.json").string();
 };
 
-TEST_F(TraceLines, HoldWhatAWholeTraceHolds) {
-  const auto whole = nlohmann::json::parse(trace_of(true, "virtual", 20));
-  const std::string text = trace_of(true, "live", 20);
+TEST_F(TraceLines, AreTheSameHoweverTheyAreLaidOut) {
+  const std::string text = trace_of(true, 20);
   const auto lines = nlohmann::json::parse(text);
-  auto log = nlohmann::json::array();
-  auto events = nlohmann::json::array();
+  std::size_t entries = 0;
   for (const auto& line : lines) {
     const auto name = line["name"].get<std::string>();
-    if (name == "pirt log") log.push_back(line["args"]);
-    if (name.starts_with("pirt")) {
-      EXPECT_TRUE(line["ph"] == "M") << "Perfetto ignores metadata that it does not know";
-    } else {
-      events.push_back(line);
-    }
+    entries += name == "pirt log" ? 1 : 0;
+    if (!name.starts_with("pirt")) continue;
+    EXPECT_TRUE(line["ph"] == "M") << "Perfetto ignores metadata that it does not know";
   }
-  EXPECT_EQ(log, whole["pirt"]["log"]);
-  EXPECT_EQ(events, whole["traceEvents"]);
-  EXPECT_EQ(lines[0]["args"]["policy"], whole["pirt"]["policy"]);
   const FileReplay replayed = read(text);
   EXPECT_TRUE(replayed.complete);
-  EXPECT_EQ(replayed.size, log.size());
-  // Laid out anew, as by a formatter.
-  EXPECT_EQ(read(lines.dump(1)).size, log.size());
+  EXPECT_EQ(replayed.size, entries);
+  // Laid out anew, as by a formatter, and as it was before it was lines.
+  EXPECT_EQ(read(lines.dump(1)).size, entries);
+  EXPECT_EQ(read(json_text(parse_trace(text))).size, entries);
 }
 
 TEST_F(TraceLines, ReplayUpToWhereTheyEnd) {
-  const std::string text = trace_of(true, "live", 12);
+  const std::string text = trace_of(true, 12);
   const auto first = text.find("pirt log");
   std::size_t before = 0;
   for (std::size_t end = first; end < text.find("pirt end"); end += 101) {
@@ -138,7 +128,7 @@ TEST_F(TraceLines, ReplayUpToWhereTheyEnd) {
 }
 
 TEST_F(TraceLines, ThatAreDamagedAreRefused) {
-  const std::string text = trace_of(true, "live", 12);
+  const std::string text = trace_of(true, 12);
   const auto refused = [&](const std::string& each) {
     write_file(path_, each);
     return bad_input([&] { static_cast<void>(replay_file(path_)); });
@@ -155,10 +145,11 @@ TEST_F(TraceLines, ThatAreDamagedAreRefused) {
   EXPECT_THAT(refused("[]"), testing::HasSubstr("--trace"));
 }
 
-TEST_F(TraceLines, AreUnderTheirNameFromTheFirstInputOn) {
+TEST_F(TraceLines, AreUnderTheirNameOnceTheyAreFlushed) {
   write_file(path_, "what was there");
-  TraceFile file(path_, TraceFile::Layout::kLines, Json::object({{"a", 1}}));
+  TraceFile file(path_, Json::object({{"a", 1}}));
   file.event("{}");
+  file.flush();  // Nothing that could be replayed.
   EXPECT_EQ(read_file(path_), "what was there");
   file.log("{}");
   file.event("{}");
@@ -169,7 +160,7 @@ TEST_F(TraceLines, AreUnderTheirNameFromTheFirstInputOn) {
   EXPECT_EQ(nlohmann::json::parse(read_file(path_)).back()["args"]["inputs"], 1);
 }
 
-TEST(TraceThread, LeavesNothingBehindIfTheRunDoesNotEnd) {
+TEST_F(TraceLines, LeaveNothingBehindIfARunInVirtualTimeDoesNotEnd) {
   const auto folder = std::filesystem::path(testing::TempDir()) / "pirt_trace_thread";
   std::filesystem::create_directories(folder);
   const Platform platform = platform_of(kBoard);
@@ -182,9 +173,8 @@ TEST(TraceThread, LeavesNothingBehindIfTheRunDoesNotEnd) {
     TraceWriter writer(
         folder / "t.json", setup.scenario,
         {&setup.mode.policy, platform.unit_names(), setup.slots, setup.policy_setup});
-    TraceThread aside(writer);
-    dispatcher.observe(&aside);
-    VirtualTime time(setup.scenario, dispatcher, &aside);
+    dispatcher.observe(&writer);
+    VirtualTime time(setup.scenario, dispatcher, &writer);
     time.begin();
     for (int i = 0; i < 100; ++i) EXPECT_TRUE(time.advance());
   }
