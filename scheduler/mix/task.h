@@ -96,8 +96,7 @@ inline constexpr int kMostTries = 3;
 enum class UnitState : std::uint8_t {
   kUp,
   kDraining,  ///< Starts nothing new; what waits for it goes elsewhere; what runs completes.
-  kDown,      ///< As draining; whoever drives the unit completes what runs there as failed.
-  kGone,      ///< As down, for good: tasks that no other unit can take have failed.
+  kGone,      ///< As draining, for good: tasks that no other unit can take have failed.
 };
 
 /// A task that may start now.

@@ -101,7 +101,6 @@ class LiveUnits {
     std::vector<std::uint64_t> behind;  ///< Of the calls that waited behind it,
     std::vector<std::uint64_t> left;    ///< and of those that it was let into: they never end.
     Nanos ran{0};
-    std::string problem;
   };
   /// @param expected  const Service*(UnitId, std::uint64_t token): what the call is expected to
   ///                  take; null = nobody knows, and it may take as long as it likes unless there
@@ -127,7 +126,7 @@ class LiveUnits {
         }
         auto behind = units_[unit]->abandon(call);
         if (behind) {
-          hung.push_back({unit, call.token, *std::move(behind), units_[unit]->left(), ran, {}});
+          hung.push_back({unit, call.token, *std::move(behind), units_[unit]->left(), ran});
         }
       }
     }

@@ -19,7 +19,7 @@ namespace {
 constexpr std::array<std::string_view, 7> kInputs = {"submit",   "release", "complete",   "cancel",
                                                      "set_unit", "wake",    "slice_ended"};
 constexpr std::array<std::string_view, 3> kOutcomes = {"completed", "failed", "returned"};
-constexpr std::array<std::string_view, 4> kUnitStates = {"up", "draining", "down", "gone"};
+constexpr std::array<std::string_view, 3> kUnitStates = {"up", "draining", "gone"};
 
 template <typename Enum, std::size_t N>
 std::string_view word(const std::array<std::string_view, N>& words, Enum value) {

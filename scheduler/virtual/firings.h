@@ -102,8 +102,6 @@ class Firings {
   [[nodiscard]] std::int64_t refused_tasks() const { return refused_tasks_; }
   /// Adds what is not over at @p end.
   void count_unfinished(std::vector<PipelineTally>& tallies, Nanos end) const;
-  /// Images of these are in use, or kept for a later firing.
-  [[nodiscard]] std::int64_t buffers_used() const { return buffers_used_; }
 
  private:
   struct Firing {
@@ -161,7 +159,7 @@ class Firings {
   std::deque<std::uint32_t> refires_;   ///< Closed loops that fire now.
   std::deque<std::uint32_t> starving_;  ///< Closed loops that fire when a buffer is free.
   SeriesId series_count_ = 0;
-  std::int64_t buffers_used_ = 0;
+  std::int64_t buffers_used_ = 0;  ///< Their images are in use, or kept for a later firing.
   std::int64_t refused_tasks_ = 0;
   FiringId firing_number_ = 0;
   std::uint32_t task_number_ = 0;

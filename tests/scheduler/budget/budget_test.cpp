@@ -314,10 +314,11 @@ TEST(Budget, HasAPlanForWhenAUnitGoesAwayAndForWhenItComesBack) {
     return misses(
         summarize(setup.scenario, nullptr, {}, VirtualTime(setup.scenario, dispatcher).run()));
   };
-  EXPECT_GT(misses_after(false, {UnitState::kDown}), 25) << "light would follow heavy's calls on b";
-  EXPECT_EQ(misses_after(true, {UnitState::kDown}), 0);
+  EXPECT_GT(misses_after(false, {UnitState::kDraining}), 25)
+      << "light would follow heavy's calls on b";
+  EXPECT_EQ(misses_after(true, {UnitState::kDraining}), 0);
   EXPECT_EQ(misses_after(true, {UnitState::kGone}), 0);
-  EXPECT_EQ(misses_after(true, {UnitState::kDown, UnitState::kUp}), 0);
+  EXPECT_EQ(misses_after(true, {UnitState::kDraining, UnitState::kUp}), 0);
 }
 
 TEST(Budget, ThePlansForLossesLeaveTheUnitForLastAndAreInATrace) {
@@ -441,7 +442,7 @@ TEST(Budget, ServesWithWhatIsLeftWhenAUnitGoes) {
   Script script(policy_of("budget", setup), {1, 1, 1, 1});
   EXPECT_EQ(script.submit(1), "G1");
   EXPECT_EQ(script.submit(2), "");
-  EXPECT_EQ(script.set(kGpu, UnitState::kDown), "C2");
+  EXPECT_EQ(script.set(kGpu, UnitState::kDraining), "C2");
   EXPECT_EQ(script.set(kGpu, UnitState::kUp), "");
   EXPECT_EQ(script.complete(kGpu, 1, Outcome::kReturned), "");
   EXPECT_EQ(script.submit(3), "G3");

@@ -376,10 +376,9 @@ class Model {
   void set_unit() {
     const auto unit = static_cast<UnitId>(random_.below(kRoles.size()));
     if (contains(gone_, unit)) return;
-    const UnitState states[] = {UnitState::kUp, UnitState::kUp, UnitState::kDraining,
-                                UnitState::kDown};
     const bool goes = random_.below(16) == 0;
-    const UnitState state = goes ? UnitState::kGone : states[random_.below(4)];
+    const UnitState otherwise = random_.below(2) == 0 ? UnitState::kUp : UnitState::kDraining;
+    const UnitState state = goes ? UnitState::kGone : otherwise;
     gone_ = state == UnitState::kGone ? gone_ | unit_bit(unit) : gone_ & ~unit_bit(unit);
     down_ = state == UnitState::kUp ? down_ & ~unit_bit(unit) : down_ | unit_bit(unit);
     dispatcher_.set_unit(unit, state, now_, out_);

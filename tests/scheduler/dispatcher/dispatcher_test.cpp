@@ -279,7 +279,7 @@ TEST(Dispatcher, AUnitThatGoesDownHandsOnWhatItHasNotStarted) {
   EXPECT_EQ(script.submit(1), "G1");
   EXPECT_EQ(script.submit(2), "");
   EXPECT_EQ(script.submit(3), "");
-  EXPECT_EQ(script.set(kGpu, UnitState::kDown), "C2");  // 3 waits in the CPU's queue.
+  EXPECT_EQ(script.set(kGpu, UnitState::kDraining), "C2");  // 3 waits in the CPU's queue.
   EXPECT_EQ(script.dispatcher().load(kGpu), 1);
   EXPECT_EQ(script.dispatcher().load(kCpu), 2);
   EXPECT_EQ(script.submit(4), "");  // Held: the CPU is at its weight.
@@ -305,7 +305,7 @@ TEST(Dispatcher, ReturnedTasksKeepTheirPlaceInLine) {
 
 TEST(Dispatcher, WaitsWhileNoUnitIsUp) {
   Script script = advanced(1, 0, 0);
-  EXPECT_EQ(script.set(kGpu, UnitState::kDown), "");
+  EXPECT_EQ(script.set(kGpu, UnitState::kDraining), "");
   EXPECT_EQ(script.submit(1, kPlain), "");
   EXPECT_EQ(script.submit(2, kImage), "");
   EXPECT_EQ(script.set(kGpu, UnitState::kUp), "G2");  // With an image first.
@@ -354,7 +354,7 @@ TEST(Dispatcher, ExpiresWhatShouldHaveStartedBeforeWhateverInputComes) {
   EXPECT_EQ(script.cancel(3), "!2 !3");
   script = waiting();
   script.at(Nanos(11));
-  EXPECT_EQ(script.set(kDsp, UnitState::kDown), "!2 !3");
+  EXPECT_EQ(script.set(kDsp, UnitState::kDraining), "!2 !3");
   // One that comes too late, with its successor.
   EXPECT_EQ(script.complete(kGpu, 1), "");
   EXPECT_EQ(script.submit(5, kPlain, {}, Nanos(11)), "G5");
@@ -383,7 +383,7 @@ TEST(Dispatcher, RefusesACompletionOfWhatDoesNotRunThere) {
   EXPECT_EQ(script.complete(kGpu, 1), "refused");  // Again.
   EXPECT_EQ(script.complete(kGpu, 2, Outcome::kFailed), "");
   EXPECT_EQ(script.complete(kGpu, 2), "refused");
-  EXPECT_EQ(script.set(77, UnitState::kDown), "refused");
+  EXPECT_EQ(script.set(77, UnitState::kDraining), "refused");
   EXPECT_EQ(script.dispatcher().refused(), 7);
   EXPECT_EQ(script.dispatcher().counts().completed, 1);
   EXPECT_EQ(script.dispatcher().counts().failed, 1);

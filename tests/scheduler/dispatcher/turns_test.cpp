@@ -106,7 +106,7 @@ TEST(Turns, WhatWaitsForUnitsIsAskedForWhenTheirLoadsFall) {
       ASSERT_EQ(out.started.back().task, task + 2);
     }
     EXPECT_EQ(asked, (std::vector{20, 0}));  // The next, and then one more, which is refused.
-    dispatcher.set_unit(kCpu, UnitState::kDown, Nanos(2), out);
+    dispatcher.set_unit(kCpu, UnitState::kDraining, Nanos(2), out);
     EXPECT_EQ(asked, (std::vector{21, 1}));
     dispatcher.cancel(39, Nanos(3), out);  // It waits, which changes nothing for the others.
     EXPECT_EQ(asked, (std::vector{21, 1}));
