@@ -5,7 +5,7 @@
 // threads drive it. One caller at a time.
 //
 // A firing's tasks are submitted together, and released when nothing that comes later can name
-// them: until then an id that ended without completing is known, so that no task runs on missing
+// them: until then a task that ended without completing is known, so that no task runs on missing
 // input.
 #pragma once
 
@@ -40,7 +40,7 @@ struct DispatcherInput {
   };
   Kind kind = Kind::kWake;
   Nanos now{0};
-  FiringId firing = 0;               ///< Of kSubmit and kRelease.
+  FiringId firing = kNoTask;         ///< Of kRelease, and of kSubmit unless that was refused.
   std::span<const Task> tasks = {};  ///< Of kSubmit.
   TaskId task = 0;                   ///< Of kComplete, kCancel and kSliceEnded.
   UnitId unit = 0;                   ///< Of kComplete, kSetUnit and kSliceEnded.
@@ -50,7 +50,8 @@ struct DispatcherInput {
 
 /// What an input brought about.
 struct Answer {
-  bool taken = true;  ///< False: it made no sense and changed nothing.
+  bool taken = true;                       ///< False: it made no sense and changed nothing.
+  std::span<const TaskId> submitted = {};  ///< Of DispatcherInput::tasks.
   std::span<const Start> started;
   std::span<const Ended> ended;
   std::span<const Sliced> left = {};
@@ -82,18 +83,19 @@ class Dispatcher {
   // before `now`; at its last moment a task may still start. An input that makes no sense is
   // refused: it changes nothing, is counted, and its caller hears `false`.
 
-  /// Registers the tasks of a firing, or more of them, and then places those that are ready.
-  /// Refused: a task whose id is known, that comes after itself or a later one of @p tasks, or that
-  /// no unit may serve; a state or series out of range; a firing that is released.
-  bool submit(FiringId firing, std::span<const Task> tasks, Nanos now, Effects& out);
-  /// What firings that come again and again have in common: all but ids and times. kNoTemplate if a
-  /// task makes no sense, or comes after another than an earlier one of these.
+  /// Registers the tasks of a firing (Effects::submitted), and then places those that are ready.
+  /// Absent if refused: a task that comes after itself or a later one of @p tasks, or that no unit
+  /// may serve; a state or series out of range.
+  std::optional<FiringId> submit(std::span<const Task> tasks, Nanos now, Effects& out);
+  /// What firings that come again and again have in common: all but times. kNoTemplate if a task
+  /// makes no sense, or comes after one of an earlier submission.
   [[nodiscard]] TemplateId add_template(std::span<const Task> tasks);
   /// The same in the end, without looking again at what the template says. Refused: also what is
   /// not as many tasks as that has, or of no template.
-  /// @param tasks  As those of the template, but for ids and times.
-  bool submit(FiringId firing, TemplateId of, std::span<const Task> tasks, Nanos now, Effects& out);
-  /// No task that is submitted from now on names one of this firing: those of its ids that ended
+  /// @param tasks  As those of the template, but for times.
+  std::optional<FiringId> submit(TemplateId of, std::span<const Task> tasks, Nanos now,
+                                 Effects& out);
+  /// No task that is submitted from now on names one of this firing: those of it that ended
   /// without completing are forgotten, and those that have yet to end will be as they do. A firing
   /// that is never released is kept. Refused: a firing that is not known, or released.
   bool release(FiringId firing, Nanos now);
@@ -162,11 +164,12 @@ class Dispatcher {
     if (!taken) ++refused_;
     return taken;
   }
-  bool add(FiringId firing, std::span<const Task> tasks, Template* known);
+  std::optional<FiringId> submit_if(bool sound, Template* known, std::span<const Task> tasks,
+                                    Nanos now, Effects& out);
+  void add(Slot firing, std::span<const Task> tasks, Template* known, Effects& out);
   void place_added(Effects& out);
-  bool register_all(std::uint32_t firing, std::span<const Task> tasks, bool are_sound);
-  [[nodiscard]] bool is_sound(const Task& task) const;
-  bool link(TaskSlot slot, const Task& task);
+  [[nodiscard]] bool are_sound(std::span<const Task> tasks) const;
+  void link(TaskSlot slot, const Task& task);
   void link_all(const Template& known);
   void bind(std::span<const Task> tasks);
   void drop_unmet(Effects& out);
@@ -246,8 +249,9 @@ class Dispatcher {
 template <typename Make, typename Body>
 bool Dispatcher::take(Nanos now, Effects& out, const Make& input, const Body& body) {
   now_ = std::max(now_, now);
-  std::size_t started = 0, ended = 0, left = 0, resumed = 0;
+  std::size_t submitted = 0, started = 0, ended = 0, left = 0, resumed = 0;
   if (observer_ != nullptr) {
+    submitted = out.submitted.size();
     started = out.started.size();
     ended = out.ended.size();
     left = out.left.size();
@@ -256,6 +260,7 @@ bool Dispatcher::take(Nanos now, Effects& out, const Make& input, const Body& bo
   const bool taken = count_refused(body());
   if (observer_ != nullptr) {
     observer_->on_input(input(), {.taken = taken,
+                                  .submitted = std::span(out.submitted).subspan(submitted),
                                   .started = std::span(out.started).subspan(started),
                                   .ended = std::span(out.ended).subspan(ended),
                                   .left = std::span(out.left).subspan(left),

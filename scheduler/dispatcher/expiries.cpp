@@ -8,7 +8,7 @@ namespace pirt {
 void Expiries::watch(TaskSlot slot, Nanos at) {
   tasks_[slot].*watched_ = true;
   ++live_;
-  heap_.push_back({at, sequence_++, slot, tasks_[slot].generation});
+  heap_.push_back({at, sequence_++, tasks_[slot].id});
   std::ranges::push_heap(heap_, std::greater{});
 }
 

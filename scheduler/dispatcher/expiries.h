@@ -31,19 +31,19 @@ class Expiries {
   /// When the time of the first of them comes; Nanos::max() = never.
   [[nodiscard]] Nanos next() const { return heap_.empty() ? Nanos::max() : heap_.front().at; }
   /// Its task. Of those of one moment that which was submitted first.
-  [[nodiscard]] TaskSlot first() const { return heap_.front().slot; }
+  [[nodiscard]] TaskSlot first() const { return slot_of(heap_.front().task); }
 
  private:
   struct Expiry {
     Nanos at{0};
     std::uint64_t sequence = 0;  ///< Ties go in order of submission.
-    TaskSlot slot = kNoSlot;
-    std::uint32_t generation = 0;
+    TaskId task = kNoTask;
     friend auto operator<=>(const Expiry&, const Expiry&) = default;
   };
 
   [[nodiscard]] bool is_stale(const Expiry& expiry) const {
-    return !tasks_.is_current(expiry.slot, expiry.generation) || !(tasks_[expiry.slot].*watched_);
+    const TaskSlot slot = tasks_.find_live(expiry.task);
+    return slot == kNoSlot || !(tasks_[slot].*watched_);
   }
   void drop_stale();
 

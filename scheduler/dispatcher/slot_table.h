@@ -10,6 +10,8 @@ namespace pirt {
 /// Of a record in a SlotTable: small enough to be the half of an id.
 using Slot = std::uint32_t;
 
+inline constexpr Slot kNoSlot = UINT32_MAX;
+
 /// Free records stay as their last owner left them, and so does their memory.
 template <typename Record>
 class SlotTable {

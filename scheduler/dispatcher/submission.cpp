@@ -12,30 +12,34 @@ bool is_tied(const Task& task) { return task.state || task.series || !task.reads
 
 }  // namespace
 
-bool Dispatcher::submit(FiringId firing, std::span<const Task> tasks, Nanos now, Effects& out) {
-  const auto input = [&] {
-    return DispatcherInput{
-        .kind = DispatcherInput::Kind::kSubmit, .now = now_, .firing = firing, .tasks = tasks};
-  };
-  return take(now, out, input, [&] {
-    if (!add(firing, tasks, nullptr)) return false;
-    place_added(out);
-    return true;
-  });
+std::optional<FiringId> Dispatcher::submit(std::span<const Task> tasks, Nanos now, Effects& out) {
+  return submit_if(are_sound(tasks), nullptr, tasks, now, out);
 }
 
-bool Dispatcher::submit(FiringId firing, TemplateId of, std::span<const Task> tasks, Nanos now,
-                        Effects& out) {
+std::optional<FiringId> Dispatcher::submit(TemplateId of, std::span<const Task> tasks, Nanos now,
+                                           Effects& out) {
+  const bool fits = of < templates_.size() && templates_[of].class_of.size() == tasks.size();
+  return submit_if(fits, fits ? &templates_[of] : nullptr, tasks, now, out);
+}
+
+/// @param known  Their template; null = they have none.
+std::optional<FiringId> Dispatcher::submit_if(bool sound, Template* known,
+                                              std::span<const Task> tasks, Nanos now,
+                                              Effects& out) {
+  FiringId firing = kNoTask;
   const auto input = [&] {
     return DispatcherInput{
         .kind = DispatcherInput::Kind::kSubmit, .now = now_, .firing = firing, .tasks = tasks};
   };
-  return take(now, out, input, [&] {
-    const bool fits = of < templates_.size() && templates_[of].class_of.size() == tasks.size();
-    if (!fits || !add(firing, tasks, &templates_[of])) return false;
+  take(now, out, input, [&] {
+    if (!sound) return false;
+    const Slot slot = tasks_.add_firing();
+    firing = tasks_.firing_id(slot);
+    add(slot, tasks, known, out);
     place_added(out);
     return true;
   });
+  return sound ? std::optional(firing) : std::nullopt;
 }
 
 /// What was added is submitted.
@@ -56,25 +60,17 @@ void Dispatcher::place_added(Effects& out) {
   settle(out);
 }
 
-/// Registers the tasks and links them to those that they come after. False, and nothing changed, if
-/// one makes no sense.
+/// Registers the tasks and links them to those that they come after.
 /// @param known  Their template; null = they have none.
-bool Dispatcher::add(FiringId firing, std::span<const Task> tasks, Template* known) {
-  const auto [place, is_new] = tasks_.open_firing(firing);
-  if (place == kNoSlot) return false;
+void Dispatcher::add(Slot firing, std::span<const Task> tasks, Template* known, Effects& out) {
   added_.clear();
   doomed_.clear();
-  bool good = register_all(place, tasks, known != nullptr);
-  if (good && known != nullptr) {
-    link_all(*known);
-  } else {
-    for (std::size_t i = 0; good && i < tasks.size(); ++i) good = link(added_[i], tasks[i]);
+  for (const Task& task : tasks) {
+    added_.push_back(tasks_.add(firing));
+    out.submitted.push_back(tasks_[added_.back()].id);
+    if (known == nullptr) link(added_.back(), task);
   }
-  if (!good) {
-    for (const TaskSlot each : added_) tasks_.remove(each);
-    if (is_new) tasks_.release(firing);
-    return false;
-  }
+  if (known != nullptr) link_all(*known);
   bool binds = known != nullptr && known->binds;
   for (std::size_t i = 0; i < tasks.size(); ++i) {
     const Task& task = tasks[i];
@@ -92,40 +88,32 @@ bool Dispatcher::add(FiringId firing, std::span<const Task> tasks, Template* kno
     binds = binds || task.expires_at || task.recall;
   }
   if (binds) bind(tasks);
-  return true;
 }
 
-bool Dispatcher::is_sound(const Task& task) const {
-  return task.kind.eligible != 0 && (task.kind.eligible & ~all_) == 0 &&
-         task.state.value_or(0) < kMaxStates && task.series.value_or(0) < kMaxSeries &&
-         std::ranges::all_of(task.reads, [](SeriesId each) { return each < kMaxSeries; });
+bool Dispatcher::are_sound(std::span<const Task> tasks) const {
+  const auto is_series = [](SeriesId each) { return each < kMaxSeries; };
+  for (std::uint32_t i = 0; i < tasks.size(); ++i) {
+    const Task& task = tasks[i];
+    const bool sound = task.kind.eligible != 0 && (task.kind.eligible & ~all_) == 0 &&
+                       task.state.value_or(0) < kMaxStates && is_series(task.series.value_or(0)) &&
+                       std::ranges::all_of(task.reads, is_series) &&
+                       std::ranges::all_of(task.after_own, [i](auto each) { return each < i; });
+    if (!sound) return false;
+  }
+  return true;
 }
 
 Dispatcher::TemplateId Dispatcher::add_template(std::span<const Task> tasks) {
+  if (!are_sound(tasks)) return kNoTemplate;
   Template made;
   made.class_of.assign(tasks.size(), Waiting::kNone);
   for (std::uint32_t i = 0; i < tasks.size(); ++i) {
-    if (!is_sound(tasks[i])) return kNoTemplate;
+    if (!tasks[i].after.empty()) return kNoTemplate;
     made.binds = made.binds || is_tied(tasks[i]);
-    for (const TaskId id : tasks[i].after) {
-      const auto before = std::ranges::find(tasks.first(i), id, &Task::id);
-      if (before == tasks.first(i).end()) return kNoTemplate;
-      made.after.emplace_back(static_cast<std::uint32_t>(before - tasks.first(i).begin()), i);
-    }
+    for (const std::uint32_t before : tasks[i].after_own) made.after.emplace_back(before, i);
   }
   templates_.push_back(std::move(made));
   return static_cast<TemplateId>(templates_.size() - 1);
-}
-
-/// Those before one that makes no sense.
-/// @param are_sound  Each by itself, as is known.
-bool Dispatcher::register_all(std::uint32_t firing, std::span<const Task> tasks, bool are_sound) {
-  for (const Task& task : tasks) {
-    const TaskSlot slot = are_sound || is_sound(task) ? tasks_.add(task.id, firing) : kNoSlot;
-    if (slot == kNoSlot) return false;
-    added_.push_back(slot);
-  }
-  return true;
 }
 
 /// What only some tasks have.
@@ -144,29 +132,25 @@ void Dispatcher::bind(std::span<const Task> tasks) {
   for (std::size_t i = 0; i < tasks.size(); ++i) ties_.join(added_[i], tasks[i]);
 }
 
-/// False if the task comes after itself or one that is not linked yet.
-bool Dispatcher::link(TaskSlot slot, const Task& task) {
+/// To what it comes after.
+void Dispatcher::link(TaskSlot slot, const Task& task) {
   bool doomed = false;
-  for (const TaskId id : task.after) {
-    const TaskSlot predecessor = tasks_.find(id);
-    if (predecessor == kNoSlot) continue;
-    const TaskState state = tasks_[predecessor].state;
-    if (state == TaskState::kNew) return false;
-    if (is_over(state)) {
+  const auto follow = [&](TaskSlot predecessor) {
+    if (predecessor == kNoSlot || predecessor == slot) return;  // Itself: a guess at its id.
+    if (is_over(tasks_[predecessor].state)) {
       doomed = true;
     } else {
       tasks_.add_successor(predecessor, slot);
       ++tasks_[slot].pending;
     }
-  }
-  tasks_[slot].state = TaskState::kWaiting;
+  };
+  for (const TaskId id : task.after) follow(tasks_.find(id));
+  for (const std::uint32_t position : task.after_own) follow(added_[position]);
   if (doomed) doomed_.push_back(slot);
-  return true;
 }
 
 /// As the template says, in the same order.
 void Dispatcher::link_all(const Template& known) {
-  for (const TaskSlot each : added_) tasks_[each].state = TaskState::kWaiting;
   for (const auto& [before, behind] : known.after) {
     tasks_.add_successor(added_[before], added_[behind]);
     ++tasks_[added_[behind]].pending;

@@ -9,14 +9,12 @@
 #include <utility>
 #include <vector>
 
-#include "scheduler/dispatcher/id_map.h"
 #include "scheduler/dispatcher/slot_table.h"
 #include "scheduler/mix/task.h"
 
 namespace pirt {
 
 enum class TaskState : std::uint8_t {
-  kNew,           ///< Registered; its predecessors have not been looked at.
   kWaiting,       ///< For predecessors.
   kHeld,          ///< The policy refuses it for now.
   kHighPriority,  ///< In the global high-priority queue.
@@ -37,17 +35,16 @@ enum class TaskState : std::uint8_t {
 }
 
 using TaskSlot = Slot;
-inline constexpr TaskSlot kNoSlot = IdMap::kAbsent;
 inline constexpr TaskSlot kDoneSlot = kNoSlot - 1;  ///< Stands for one that completed.
 
 struct TaskRecord {
-  TaskId id = 0;
+  TaskId id = kNoTask;  ///< kNoTask: the slot is free.
   std::uint32_t class_index = 0;
   TaskState state = TaskState::kWaiting;
   UnitId unit = 0;            ///< Of kQueued, kRunning and kCancelled.
   std::uint32_t pending = 0;  ///< Predecessors not complete.
   std::uint32_t first_edge = kNoSlot;
-  std::uint32_t generation = 0;  ///< Of the slot; what was noted of an earlier one is stale.
+  std::uint32_t generation = 0;  ///< How often the slot was used before.
   std::uint32_t firing = 0;      ///< Position in the store's firings.
   TaskSlot previous = kNoSlot;   ///< In the list that it is in.
   TaskSlot next = kNoSlot;
@@ -89,28 +86,34 @@ class TaskStore {
     if (ties_.size() <= slot) ties_.resize(records_.records().size());
     return ties_[slot];
   }
-  /// kNoSlot if there is no such task, any more or yet.
-  [[nodiscard]] TaskSlot find(TaskId id) const { return slots_.find(id); }
-
-  struct OpenFiring {
-    std::uint32_t slot = kNoSlot;  ///< kNoSlot if it is released and still has live tasks.
-    bool is_new = false;
-  };
-  /// The firing to add tasks to: a new one, or one that is not released.
-  OpenFiring open_firing(FiringId id) {
-    const std::uint32_t known = firing_slots_.find(id);
-    if (known != IdMap::kAbsent) return {firings_[known].released ? kNoSlot : known, false};
-    const Slot firing = firings_.take();
-    firings_[firing] = {.id = id};
-    firing_slots_.insert(id, firing);
-    return {firing, true};
+  /// kNoSlot if no such task is known, any more or yet.
+  [[nodiscard]] TaskSlot find(TaskId id) const {
+    const TaskSlot slot = slot_of(id);
+    return slot < records_.records().size() && records_[slot].id == id ? slot : kNoSlot;
   }
+
+  /// Also if it has ended.
+  [[nodiscard]] TaskSlot find_live(TaskId id) const {
+    const TaskSlot slot = find(id);
+    return slot == kNoSlot || records_[slot].state == TaskState::kEnded ? kNoSlot : slot;
+  }
+
+  /// A new one, to add tasks to.
+  Slot add_firing() {
+    const Slot firing = firings_.take();
+    firings_[firing] = {.id = FiringId{firing_number_++} << 32 | firing};
+    return firing;
+  }
+  [[nodiscard]] FiringId firing_id(Slot firing) const { return firings_[firing].id; }
 
   /// Nothing that comes later names its tasks. False if there is no such firing, or it is released
   /// already.
   bool release(FiringId id) {
-    const std::uint32_t firing = firing_slots_.find(id);
-    if (firing == IdMap::kAbsent || firings_[firing].released) return false;
+    const Slot firing = slot_of(id);
+    if (firing >= firings_.records().size() || firings_[firing].id != id ||
+        firings_[firing].released) {
+      return false;
+    }
     for (TaskSlot slot = firings_[firing].ended; slot != kNoSlot;) {
       const TaskSlot next = records_[slot].next;
       forget(slot);
@@ -127,16 +130,11 @@ class TaskStore {
   /// Tasks that are live, or ended without completing and are of a firing that is not released.
   [[nodiscard]] std::size_t tasks() const { return records_.used(); }
 
-  /// kNoSlot if the id is of a task that is known.
-  TaskSlot add(TaskId id, std::uint32_t firing) {
+  TaskSlot add(Slot firing) {
     const TaskSlot slot = records_.take();
-    if (!slots_.insert(id, slot)) {
-      records_.give_back(slot);
-      return kNoSlot;
-    }
     const std::uint32_t generation = records_[slot].generation;
-    records_[slot] =
-        TaskRecord{.id = id, .state = TaskState::kNew, .generation = generation, .firing = firing};
+    records_[slot] = {
+        .id = TaskId{generation} << 32 | slot, .generation = generation, .firing = firing};
     if (slot < ties_.size()) ties_[slot] = {};
     ++firings_[firing].live;
     return slot;
@@ -159,13 +157,8 @@ class TaskStore {
     free_edges(records_[slot].first_edge);
     TaskRecord& record = records_[slot];
     record.state = TaskState::kEnded;
-    ++record.generation;
     record.next = std::exchange(firing.ended, slot);
     --firing.live;
-  }
-
-  [[nodiscard]] bool is_current(TaskSlot slot, std::uint32_t generation) const {
-    return records_[slot].generation == generation;
   }
 
   void add_successor(TaskSlot predecessor, TaskSlot successor) {
@@ -190,8 +183,7 @@ class TaskStore {
 
  private:
   struct Edge {
-    TaskSlot successor = kNoSlot;
-    std::uint32_t generation = 0;
+    TaskId successor = kNoTask;
     std::uint32_t next = kNoSlot;
   };
   struct FiringRecord {
@@ -202,13 +194,13 @@ class TaskStore {
   };
 
   void forget(TaskSlot slot) {
-    slots_.erase(records_[slot].id);
+    records_[slot].id = kNoTask;
     ++records_[slot].generation;
     records_.give_back(slot);
   }
 
-  void forget_firing(std::uint32_t firing) {
-    firing_slots_.erase(firings_[firing].id);
+  void forget_firing(Slot firing) {
+    firings_[firing].id = kNoTask;
     firings_.give_back(firing);
   }
 
@@ -221,14 +213,15 @@ class TaskStore {
     } else {
       free_edge_ = edges_[edge].next;
     }
-    edges_[edge] = {successor, records_[successor].generation, first};
+    edges_[edge] = {records_[successor].id, first};
     first = edge;
   }
 
   void edges_from(std::uint32_t first, std::vector<TaskSlot>& out) const {
     const auto begin = static_cast<std::ptrdiff_t>(out.size());
     for (std::uint32_t e = first; e != kNoSlot; e = edges_[e].next) {
-      if (is_current(edges_[e].successor, edges_[e].generation)) out.push_back(edges_[e].successor);
+      const TaskSlot successor = find_live(edges_[e].successor);
+      if (successor != kNoSlot) out.push_back(successor);
     }
     std::reverse(out.begin() + begin, out.end());
   }
@@ -246,9 +239,8 @@ class TaskStore {
   std::vector<TaskTies> ties_;  ///< By slot, as far as there was need of them.
   std::vector<Edge> edges_;
   std::uint32_t free_edge_ = kNoSlot;
-  IdMap slots_;
   SlotTable<FiringRecord> firings_;
-  IdMap firing_slots_;
+  std::uint32_t firing_number_ = 0;
 };
 
 }  // namespace pirt

@@ -7,7 +7,7 @@ void Ties::await_earlier(TaskSlot slot, const Task& task) {
     const TaskSlot newest = series < series_.size() ? series_[series] : kNoSlot;
     if (newest == kDoneSlot) continue;
     if (newest == kNoSlot) {
-      note(unmet_, slot);
+      unmet_.push_back(tasks_[slot].id);
     } else {
       tasks_.add_reader(newest, slot);
       ++tasks_[slot].pending;
@@ -68,7 +68,7 @@ void Ties::decide(TaskSlot slot, bool completed) {
     if (stands == kDoneSlot) {
       free_from_one(reader);
     } else if (stands == kNoSlot) {
-      note(unmet_, reader);
+      unmet_.push_back(tasks_[reader].id);
     } else {
       tasks_.add_reader(stands, reader);
     }
@@ -78,7 +78,7 @@ void Ties::decide(TaskSlot slot, bool completed) {
 /// @param slot  Waits for one thing less. One that is about to be dropped waits for none.
 void Ties::free_from_one(TaskSlot slot) {
   TaskRecord& record = tasks_[slot];
-  if (record.pending != 0 && --record.pending == 0) note(freed_, slot);
+  if (record.pending != 0 && --record.pending == 0) freed_.push_back(record.id);
 }
 
 }  // namespace pirt

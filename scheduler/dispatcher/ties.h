@@ -11,12 +11,6 @@
 
 namespace pirt {
 
-/// A task that is of interest if it is still the same one.
-struct NotedTask {
-  TaskSlot slot = kNoSlot;
-  std::uint32_t generation = 0;
-};
-
 class Ties {
  public:
   /// @param tasks  Must outlive it.
@@ -63,15 +57,11 @@ class Ties {
   };
 
   template <typename Visit>
-  void take(std::vector<NotedTask>& noted, const Visit& visit) {
+  void take(std::vector<TaskId>& noted, const Visit& visit) {
     for (std::size_t i = 0; i < noted.size(); ++i) {
-      const auto [slot, generation] = noted[i];
-      if (tasks_.is_current(slot, generation)) visit(slot);
+      if (const TaskSlot slot = tasks_.find_live(noted[i]); slot != kNoSlot) visit(slot);
     }
     noted.clear();
-  }
-  void note(std::vector<NotedTask>& noted, TaskSlot slot) {
-    noted.push_back({slot, tasks_[slot].generation});
   }
   void leave_state(TaskSlot slot);
   void decide(TaskSlot slot, bool completed);
@@ -81,7 +71,7 @@ class Ties {
   std::vector<StateQueue> states_;
   /// By series: the newest that is not decided, kDoneSlot, kNoSlot.
   std::vector<TaskSlot> series_;
-  std::vector<NotedTask> unmet_, freed_;
+  std::vector<TaskId> unmet_, freed_;
   std::vector<TaskSlot> readers_;  ///< Of decide, kept for its memory.
 };
 

@@ -14,10 +14,14 @@
 
 namespace pirt {
 
-/// Chosen by whoever submits; unique among the tasks that are not done and those that ended without
-/// completing in a firing that is not released.
+/// Given out by the dispatcher: a slot below, which is used again once nobody may name the task any
+/// more, and above how often it was. Those of two tasks are never the same.
 using TaskId = std::uint64_t;
-using FiringId = std::uint64_t;    ///< Chosen likewise; unique among those that are not over.
+using FiringId = std::uint64_t;  ///< Likewise.
+inline constexpr TaskId kNoTask = ~TaskId{0};
+[[nodiscard]] constexpr std::uint32_t slot_of(std::uint64_t id) {
+  return static_cast<std::uint32_t>(id);
+}
 using UnitId = std::uint32_t;      ///< Position in Platform::units.
 using WorkloadId = std::uint32_t;  ///< Position in the workloads of a run.
 using StateId = std::uint32_t;     ///< Position in the states of a run; below kMaxStates.
@@ -65,14 +69,17 @@ struct Recall {
 };
 
 struct Task {
-  TaskId id = 0;
   TaskClass kind;
-  std::optional<Nanos> deadline;    ///< When it should be complete; for policies that look at it.
-  std::optional<Nanos> expires_at;  ///< Not started by then: expired, and its successors dropped.
+  /// When it should be complete; for policies that look at it.
+  std::optional<Nanos> deadline = {};
+  /// Not started by then: expired, and its successors dropped.
+  std::optional<Nanos> expires_at = {};
   std::optional<Recall> recall = {};
-  /// Tasks that have to complete first: earlier ones of the same firing, or submitted before. An id
-  /// that is not known counts as complete; one that ended otherwise drops this task.
+  /// Tasks of earlier submissions that have to complete first. One that is not known counts as
+  /// complete; one that ended otherwise drops this task.
   std::span<const TaskId> after = {};
+  /// The same of this submission: positions before the task's own.
+  std::span<const std::uint32_t> after_own = {};
   /// What it holds while it runs. Tasks get a state one at a time, in the order in which they were
   /// submitted; one that ends in another way than by completing stops nobody behind it.
   std::optional<StateId> state = {};
@@ -147,6 +154,7 @@ struct Sliced {
 
 /// What a call of the dispatcher brought about; calls append.
 struct Effects {
+  std::vector<TaskId> submitted;  ///< In the order in which they were given.
   std::vector<Start> started;
   std::vector<Ended> ended;
   std::vector<Recalled> recalled;
@@ -156,6 +164,7 @@ struct Effects {
     return started.empty() && ended.empty() && recalled.empty() && left.empty() && resumed.empty();
   }
   void clear() {
+    submitted.clear();
     started.clear();
     ended.clear();
     recalled.clear();

@@ -27,7 +27,6 @@ void runtime::MustNotWait::check(const char* what) {
 
 void runtime::Submitted::begin() {
   uses.store(2, std::memory_order_relaxed);  // The engine and who submits.
-  id = 0;
   taken_in = known = running = false;
   decided.store(kLive, std::memory_order_relaxed);
   unit_name.clear();

@@ -58,7 +58,8 @@ struct runtime::Submitted {
 
   // The engine's.
   std::vector<TaskInput> inputs;
-  TaskId id = 0;
+  TaskId id = kNoTask;
+  FiringId firing = kNoTask;
   std::optional<Recall> recall;
   UnitId unit = 0;
   Nanos dispatched_at{0};
@@ -212,6 +213,7 @@ class Runtime::Engine {
   void end_turn(runtime::Turn::Held& turn, TaskChain& ended);
   void take_in(Submitted& task);
   [[nodiscard]] Task dispatched(const Submitted& task);
+  std::pair<FiringId, TaskId> submit(const Task& task);
   TaskId never();
   void take_end(Submitted& task);
   void take_slice(Submitted& task);
@@ -243,7 +245,7 @@ class Runtime::Engine {
   void watch_by(Nanos due);
   /// Null if it is none of those that are known.
   [[nodiscard]] Submitted* task_of(TaskId id) {
-    Submitted* const task = tasks_[static_cast<std::uint32_t>(id)];
+    Submitted* const task = tasks_[slot_of(id)];
     return task != nullptr && task->id == id ? task : nullptr;
   }
   /// Of a call's token, which is the task's address: the unit's thread has no turn.
@@ -294,7 +296,7 @@ class Runtime::Engine {
   OutputPool pool_;
   std::vector<std::shared_ptr<StateValue>> states_;  ///< Workloads may share them.
   std::map<std::string, StateId, std::less<>> state_names_;
-  std::vector<Submitted*> tasks_;  ///< By their place in the slab; null = not known.
+  std::vector<Submitted*> tasks_;  ///< By slot of their ids; null = not known.
   std::vector<TaskId> after_;
   TaskChain ended_;                     ///< To be told when the turn is over.
   bool some_did_not_complete_ = false;  ///< Of those that ended in the turn.

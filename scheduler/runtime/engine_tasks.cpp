@@ -1,6 +1,7 @@
 // What becomes of tasks, within the engine's turn.
 #include <algorithm>
 #include <stdexcept>
+#include <tuple>
 
 #include "characterize/platform/elsewhere.h"
 #include "scheduler/runtime/engine.h"
@@ -34,24 +35,28 @@ void Runtime::Engine::take_event(Submitted& task) {
     }
   }
   // It has been told; the engine waited for the end of its call alone.
-  if (was_cancelled && tasks_[task.place.index] != &task) TaskRef::let_go(task);
+  if (was_cancelled && !task.known) TaskRef::let_go(task);
 }
 
 void Runtime::Engine::take_in(Submitted& task) {
   ++counts_.submitted;
-  const std::uint32_t place = task.place.index;
-  if (tasks_.size() <= place) tasks_.resize(place + std::size_t{1});
-  tasks_[place] = &task;
-  task.id = TaskId{task.place.generation} << 32 | place;
   task.taken_in = true;
   hear_of_others();
-  const Task submitted = dispatched(task);
-  task.recall = submitted.recall;
-  if (trace_) trace_->submitting(task.id, task.workload_index, 0, ++number_);
-  if (!dispatcher_->submit(task.id, std::span(&submitted, 1), now_, effects_)) {
-    throw std::logic_error("the dispatcher refused a task of the runtime");
-  }
+  const Task given = dispatched(task);
+  task.recall = given.recall;
+  std::tie(task.firing, task.id) = submit(given);
+  tasks_[slot_of(task.id)] = &task;
   task.known = true;
+  if (trace_) trace_->submitted(task.id, task.workload_index, 0, ++number_);
+}
+
+/// Tells the dispatcher of a task that is a firing by itself.
+std::pair<FiringId, TaskId> Runtime::Engine::submit(const Task& task) {
+  // First, since there may be no memory: a new slot is never beyond those in use.
+  tasks_.resize(std::max(tasks_.size(), dispatcher_->known_tasks() + 1));
+  const auto firing = dispatcher_->submit(std::span(&task, 1), now_, effects_);
+  if (!firing) throw std::logic_error("the dispatcher refused a task of the runtime");
+  return {*firing, effects_.submitted.back()};
 }
 
 /// The task as the dispatcher sees it.
@@ -71,7 +76,6 @@ Task Runtime::Engine::dispatched(const Submitted& task) {
   for (const TaskFuture& before : task.options.after) follow(before.task_.get());
   if (doomed) after_.push_back(never());
   Task submitted;
-  submitted.id = task.id;
   submitted.kind = setup_->scenario.classes[task.workload_index][0];
   const UnitMask willing = task.eligible & ~known.gave_up;
   submitted.kind.eligible = willing != 0 ? willing : task.eligible;
@@ -90,13 +94,10 @@ Task Runtime::Engine::dispatched(const Submitted& task) {
 /// A task that has not completed, and is known for good: the dispatcher drops what comes after it.
 TaskId Runtime::Engine::never() {
   if (!never_) {
-    never_ = ~TaskId{0};
     Task task;
-    task.id = *never_;
     task.kind = setup_->scenario.classes[0][0];
     task.expires_at = now_ - Nanos(1);  // Over before it could start.
-    if (trace_) trace_->submitting(*never_, 0, 0, 0);
-    dispatcher_->submit(*never_, std::span(&task, 1), now_, effects_);
+    never_ = submit(task).second;
   }
   return *never_;
 }
@@ -109,7 +110,7 @@ void Runtime::Engine::take_end(Submitted& task) {
   const bool wanted = !task.is_decided();
   unit.busy += end.busy;
   unit.powered += end.powered(is_elsewhere(options_.platform.units[task.unit]));
-  if (trace_) trace_->left(task.unit, task.place.index);
+  if (trace_) trace_->left(task.unit, slot_of(task.id));
   if (!end.problem.empty()) add_problem(end.problem);
   if (wanted) {
     task.busy = end.busy;
@@ -143,7 +144,7 @@ void Runtime::Engine::take_slice(Submitted& task) {
   try {
     dispatcher_->slice_ended(unit, task.id, now_, effects_);
     leaves = !effects_.left.empty();
-    if (leaves && trace_) trace_->left(unit, task.place.index);
+    if (leaves && trace_) trace_->left(unit, slot_of(task.id));
     apply();
   } catch (const std::exception& error) {
     add_problem(task.workload->name + ": " + error.what());
@@ -239,7 +240,7 @@ void Runtime::Engine::start(const Start& start) {
 
 void Runtime::Engine::note_arrival(const Submitted& task) {
   if (!trace_) return;
-  trace_->arrived(task.unit, task.place.index, options_.platform.units[task.unit].active_w);
+  trace_->arrived(task.unit, slot_of(task.id), options_.platform.units[task.unit].active_w);
 }
 
 void Runtime::Engine::fill_call(Submitted& task) {
@@ -308,10 +309,12 @@ void Runtime::Engine::finish(Submitted& task, TaskEnd end) {
 
 /// The dispatcher and the engine know it no more.
 void Runtime::Engine::forget(Submitted& task) {
-  if (task.known) dispatcher_->release(task.id, now_);
+  if (std::exchange(task.known, false)) {
+    dispatcher_->release(task.firing, now_);
+    tasks_[slot_of(task.id)] = nullptr;
+  }
   task.inputs.clear();
   task.options.after.clear();
-  tasks_[task.place.index] = nullptr;
 }
 
 }  // namespace pirt

@@ -20,7 +20,6 @@ class Slab {
   struct Place {
     Slab* slab = nullptr;
     std::uint32_t index = 0;
-    std::uint32_t generation = 0;  ///< How often it was given back.
     std::atomic<std::uint32_t> next_free = 0;
   };
 
@@ -41,7 +40,6 @@ class Slab {
   }
 
   void give_back(Record& record) {
-    ++record.place.generation;
     std::uint64_t head = head_.load();
     do {
       record.place.next_free.store(first(head), std::memory_order_relaxed);

@@ -196,14 +196,17 @@ void check_sizes(const DispatcherSetup& setup) {
 void add_task(const Task& task, std::string& line) {
   const auto out = std::back_inserter(line);
   const TaskClass& kind = task.kind;
-  fmt::format_to(out, R"({{"task":{},"class":[{},{},{},{},{}])", task.id, kind.workload,
-                 kind.eligible, kind.real_time, kind.image_input, kind.entry);
+  fmt::format_to(out, R"({{"class":[{},{},{},{},{}])", kind.workload, kind.eligible, kind.real_time,
+                 kind.image_input, kind.entry);
   if (task.deadline) fmt::format_to(out, R"(,"deadline":{})", task.deadline->count());
   if (task.expires_at) fmt::format_to(out, R"(,"expires":{})", task.expires_at->count());
   if (task.recall) {
     fmt::format_to(out, R"(,"recall":[{},{}])", task.recall->at.count(), task.recall->from);
   }
   if (!task.after.empty()) fmt::format_to(out, R"(,"after":[{}])", fmt::join(task.after, ","));
+  if (!task.after_own.empty()) {
+    fmt::format_to(out, R"(,"after_own":[{}])", fmt::join(task.after_own, ","));
+  }
   if (task.state) fmt::format_to(out, R"(,"state":{})", *task.state);
   if (task.series) fmt::format_to(out, R"(,"series":{})", *task.series);
   if (!task.reads.empty()) fmt::format_to(out, R"(,"reads":[{}])", fmt::join(task.reads, ","));
@@ -259,7 +262,7 @@ std::string log_line(const DispatcherInput& input, const Answer& answer) {
   std::string line;
   const auto out = std::back_inserter(line);
   fmt::format_to(out, R"({{"in":"{}","at":{})", word(kInputs, input.kind), input.now.count());
-  if (input.kind == Kind::kSubmit || input.kind == Kind::kRelease) {
+  if (input.kind == Kind::kRelease || (input.kind == Kind::kSubmit && answer.taken)) {
     fmt::format_to(out, R"(,"firing":{})", input.firing);
   }
   if (input.kind == Kind::kComplete || input.kind == Kind::kCancel ||
@@ -274,6 +277,7 @@ std::string log_line(const DispatcherInput& input, const Answer& answer) {
       separator = ",";
     }
     line += input.tasks.empty() ? R"(,"tasks":[])" : "]";
+    fmt::format_to(out, R"(,"ids":[{}])", fmt::join(answer.submitted, ","));
   }
   if (input.kind == Kind::kComplete) {
     fmt::format_to(out, R"(,"unit":{},"outcome":"{}")", input.unit, word(kOutcomes, input.outcome));
@@ -304,9 +308,17 @@ std::string log_line(const DispatcherInput& input, const Answer& answer) {
 
 namespace {
 
+/// None where there is no such key.
+template <typename Number>
+std::vector<Number> numbers_from_json(const Json& json, const char* key) {
+  std::vector<Number> numbers;
+  if (!json.contains(key)) return numbers;
+  for (const auto& each : json.at(key)) numbers.push_back(whole<Number>(each));
+  return numbers;
+}
+
 void add_task_from_json(const Json& json, LogEntry& entry) {
   Task& task = entry.tasks.emplace_back();
-  task.id = whole<TaskId>(json.at("task"));
   const auto& kind = json.at("class");
   task.kind = {.workload = whole<WorkloadId>(kind.at(0)),
                .eligible = whole<UnitMask>(kind.at(1)),
@@ -319,16 +331,11 @@ void add_task_from_json(const Json& json, LogEntry& entry) {
     const Json& recall = json.at("recall");
     task.recall = {Nanos(whole<std::int64_t>(recall.at(0))), whole<UnitMask>(recall.at(1))};
   }
-  auto& after = entry.after.emplace_back();
-  if (json.contains("after")) {
-    for (const auto& each : json.at("after")) after.push_back(whole<TaskId>(each));
-  }
+  entry.after.push_back(numbers_from_json<TaskId>(json, "after"));
+  entry.after_own.push_back(numbers_from_json<std::uint32_t>(json, "after_own"));
   if (json.contains("state")) task.state = whole<StateId>(json.at("state"));
   if (json.contains("series")) task.series = whole<SeriesId>(json.at("series"));
-  auto& reads = entry.reads.emplace_back();
-  if (json.contains("reads")) {
-    for (const auto& each : json.at("reads")) reads.push_back(whole<SeriesId>(each));
-  }
+  entry.reads.push_back(numbers_from_json<SeriesId>(json, "reads"));
 }
 
 std::vector<Sliced> sliced_from_json(const Json& json, const char* key) {
@@ -370,8 +377,9 @@ LogEntry entry_from_json(const Json& json) {
   input.now = time_from_json(json.at("at"));
   switch (input.kind) {
     case Kind::kSubmit:
-      input.firing = whole<FiringId>(json.at("firing"));
+      if (json.contains("firing")) input.firing = whole<FiringId>(json.at("firing"));
       for (const auto& task : json.at("tasks")) add_task_from_json(task, entry);
+      entry.submitted = numbers_from_json<TaskId>(json, "ids");
       break;
     case Kind::kRelease:
       input.firing = whole<FiringId>(json.at("firing"));

@@ -14,7 +14,7 @@ namespace pirt {
 
 /// All that a fresh dispatcher is made from.
 struct DispatcherSetup {
-  static constexpr int kSchemaVersion = 4;
+  static constexpr int kSchemaVersion = 5;
   const PolicyInfo* mode = nullptr;
   std::vector<std::string> units;
   std::vector<std::optional<int>> slots;  ///< By unit.
@@ -38,8 +38,10 @@ void check_trace_version(const Json& json);
 struct LogEntry {
   DispatcherInput input;
   std::vector<Task> tasks;
-  std::vector<std::vector<TaskId>> after;    ///< Of each task,
-  std::vector<std::vector<SeriesId>> reads;  ///< and likewise.
+  std::vector<std::vector<TaskId>> after;             ///< Of each task,
+  std::vector<std::vector<std::uint32_t>> after_own;  ///< likewise,
+  std::vector<std::vector<SeriesId>> reads;           ///< and likewise.
+  std::vector<TaskId> submitted;
   bool taken = true;
   std::vector<Start> started;
   std::vector<Ended> ended;

@@ -15,9 +15,9 @@ PowerPeak::PowerPeak(const Platform& platform, RunObserver* next)
   for (ServerLoad& load : loads_) idle_w_ += std::exchange(load.idle_w, 0);
 }
 
-void PowerPeak::submitting(TaskId task, std::size_t pipeline, std::size_t position,
-                           std::uint64_t firing) {
-  if (next_ != nullptr) next_->submitting(task, pipeline, position, firing);
+void PowerPeak::submitted(TaskId task, std::size_t pipeline, std::size_t position,
+                          std::uint64_t firing) {
+  if (next_ != nullptr) next_->submitted(task, pipeline, position, firing);
 }
 
 void PowerPeak::arrived(std::size_t servers_index, std::uint32_t job, double power_w) {

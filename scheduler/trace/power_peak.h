@@ -15,8 +15,8 @@ class PowerPeak final : public RunObserver {
   /// @param next  Hears of everything, too; null = nobody.
   PowerPeak(const Platform& platform, RunObserver* next);
 
-  void submitting(TaskId task, std::size_t pipeline, std::size_t position,
-                  std::uint64_t firing) override;
+  void submitted(TaskId task, std::size_t pipeline, std::size_t position,
+                 std::uint64_t firing) override;
   void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
   void left(std::size_t servers_index, std::uint32_t job) override;
   void drawing(std::size_t servers_index, double by_w) override;

@@ -1,6 +1,7 @@
 #include "scheduler/trace/replay.h"
 
 #include <fmt/core.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <utility>
@@ -59,9 +60,11 @@ class Replay {
       Effects out;
       const bool taken = give(entry, out);
       ++result.inputs;
-      if (taken != entry.taken || !same(entry.started, out.started) ||
-          !same(entry.ended, out.ended) || entry.left != out.left || entry.resumed != out.resumed) {
-        const Effects recorded{.started = entry.started,
+      if (taken != entry.taken || entry.submitted != out.submitted ||
+          !same(entry.started, out.started) || !same(entry.ended, out.ended) ||
+          entry.left != out.left || entry.resumed != out.resumed) {
+        const Effects recorded{.submitted = entry.submitted,
+                               .started = entry.started,
                                .ended = entry.ended,
                                .recalled = {},
                                .left = entry.left,
@@ -117,11 +120,12 @@ class Replay {
     std::vector<Task> tasks = entry.tasks;
     for (std::size_t i = 0; i < tasks.size(); ++i) {
       tasks[i].after = entry.after[i];
+      tasks[i].after_own = entry.after_own[i];
       tasks[i].reads = entry.reads[i];
     }
     switch (input.kind) {
       case InputKind::kSubmit:
-        return dispatcher_.submit(input.firing, tasks, now_, out);
+        return dispatcher_.submit(tasks, now_, out).has_value();
       case InputKind::kRelease:
         return dispatcher_.release(input.firing, now_);
       case InputKind::kComplete:
@@ -147,11 +151,9 @@ class Replay {
   std::string describe(const LogEntry& entry) const {
     const DispatcherInput& input = entry.input;
     switch (input.kind) {
-      case InputKind::kSubmit: {
-        std::vector<std::string> ids;
-        for (const Task& task : entry.tasks) ids.push_back(std::to_string(task.id));
-        return fmt::format("submit firing {}: task {}", input.firing, join(ids, ", "));
-      }
+      case InputKind::kSubmit:
+        return fmt::format("submit firing {}: task {}", input.firing,
+                           fmt::join(entry.submitted, ", "));
       case InputKind::kRelease:
         return fmt::format("release firing {}", input.firing);
       case InputKind::kComplete:

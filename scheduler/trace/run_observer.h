@@ -14,9 +14,9 @@ namespace pirt {
 class RunObserver {
  public:
   virtual ~RunObserver() = default;
-  /// Before the dispatcher gets the task.
-  virtual void submitting(TaskId task, std::size_t pipeline, std::size_t position,
-                          std::uint64_t firing) = 0;
+  /// The dispatcher has taken the task; nothing has been done yet that follows from that.
+  virtual void submitted(TaskId task, std::size_t pipeline, std::size_t position,
+                         std::uint64_t firing) = 0;
   /// A step arrives at, and leaves, the servers of a unit, or of a link.
   /// @param servers_index  Units in order, then links.
   /// @param job      Unique among those that have arrived and not left.

@@ -26,6 +26,8 @@ void TraceThread::Batch::clear() {
   events.clear();
   tasks.clear();
   after.clear();
+  submitted.clear();
+  after_own.clear();
   reads.clear();
   started.clear();
   ended.clear();
@@ -46,18 +48,20 @@ class TraceThread::Teller {
     const auto tasks = take(batch_.tasks, tasks_, event.input.tasks.size());
     for (Task& task : tasks) {
       task.after = take(batch_.after, after_, task.after.size());
+      task.after_own = take(batch_.after_own, after_own_, task.after_own.size());
       task.reads = take(batch_.reads, reads_, task.reads.size());
     }
     DispatcherInput input = event.input;
     input.tasks = tasks;
     writer_.on_input(input, {.taken = event.taken,
+                             .submitted = take(batch_.submitted, submitted_, event.submitted),
                              .started = take(batch_.started, started_, event.started),
                              .ended = take(batch_.ended, ended_, event.ended),
                              .left = take(batch_.left, left_, event.left),
                              .resumed = take(batch_.resumed, resumed_, event.resumed)});
   }
-  void operator()(const Submitting& event) {
-    writer_.submitting(event.task, event.pipeline, event.position, event.firing);
+  void operator()(const Submitted& event) {
+    writer_.submitted(event.task, event.pipeline, event.position, event.firing);
   }
   void operator()(const Arrived& event) {
     writer_.arrived(event.servers_index, event.job, event.power_w);
@@ -78,8 +82,8 @@ class TraceThread::Teller {
 
   Batch& batch_;
   TraceWriter& writer_;
-  std::size_t tasks_ = 0, after_ = 0, reads_ = 0, started_ = 0, ended_ = 0, left_ = 0;
-  std::size_t resumed_ = 0, waiting_ = 0;
+  std::size_t tasks_ = 0, after_ = 0, after_own_ = 0, reads_ = 0, submitted_ = 0, started_ = 0;
+  std::size_t ended_ = 0, left_ = 0, resumed_ = 0, waiting_ = 0;
 };
 
 TraceThread::TraceThread(TraceWriter& writer)
@@ -136,24 +140,27 @@ void TraceThread::on_input(const DispatcherInput& input, const Answer& answer) {
   append(filling_.tasks, input.tasks);
   for (const Task& task : input.tasks) {
     append(filling_.after, task.after);
+    append(filling_.after_own, task.after_own);
     append(filling_.reads, task.reads);
   }
+  append(filling_.submitted, answer.submitted);
   append(filling_.started, answer.started);
   append(filling_.ended, answer.ended);
   append(filling_.left, answer.left);
   append(filling_.resumed, answer.resumed);
   add(Input{.input = input,
             .taken = answer.taken,
+            .submitted = answer.submitted.size(),
             .started = answer.started.size(),
             .ended = answer.ended.size(),
             .left = answer.left.size(),
             .resumed = answer.resumed.size()});
 }
 
-void TraceThread::submitting(TaskId task, std::size_t pipeline, std::size_t position,
-                             std::uint64_t firing) {
+void TraceThread::submitted(TaskId task, std::size_t pipeline, std::size_t position,
+                            std::uint64_t firing) {
   const auto lock = room();
-  add(Submitting{task, pipeline, position, firing});
+  add(Submitted{task, pipeline, position, firing});
 }
 
 void TraceThread::arrived(std::size_t servers_index, std::uint32_t job, double power_w) {

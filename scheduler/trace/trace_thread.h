@@ -28,8 +28,8 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
   TraceThread& operator=(const TraceThread&) = delete;
 
   void on_input(const DispatcherInput& input, const Answer& answer) override;
-  void submitting(TaskId task, std::size_t pipeline, std::size_t position,
-                  std::uint64_t firing) override;
+  void submitted(TaskId task, std::size_t pipeline, std::size_t position,
+                 std::uint64_t firing) override;
   void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
   void left(std::size_t servers_index, std::uint32_t job) override;
   void drawing(std::size_t servers_index, double by_w) override;
@@ -44,9 +44,9 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
   struct Input {
     DispatcherInput input;  ///< Of its tasks only the number counts,
     bool taken = true;
-    std::size_t started = 0, ended = 0, left = 0, resumed = 0;  ///< as of these.
+    std::size_t submitted = 0, started = 0, ended = 0, left = 0, resumed = 0;  ///< as of these.
   };
-  struct Submitting {
+  struct Submitted {
     TaskId task;
     std::size_t pipeline, position;
     std::uint64_t firing;
@@ -72,13 +72,14 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
     Nanos now;
     std::size_t waiting;
   };
-  using Event = std::variant<Input, Submitting, Arrived, Left, Drawing, Preparing, Settled>;
+  using Event = std::variant<Input, Submitted, Arrived, Left, Drawing, Preparing, Settled>;
 
   /// Events in order, and what they show, each kind in order too. Keeps its memory.
   struct Batch {
     std::vector<Event> events;
     std::vector<Task> tasks;  ///< Of their predecessors and series only the number counts.
-    std::vector<TaskId> after;
+    std::vector<TaskId> after, submitted;
+    std::vector<std::uint32_t> after_own;
     std::vector<SeriesId> reads;
     std::vector<Start> started;
     std::vector<Ended> ended;

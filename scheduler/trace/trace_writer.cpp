@@ -65,23 +65,30 @@ void TraceWriter::name_tracks(std::string_view mode) {
   }
 }
 
-void TraceWriter::submitting(TaskId task, std::size_t pipeline, std::size_t position,
-                             std::uint64_t firing) {
-  TaskTrack& track = tasks_[task];
-  track.pipeline = pipeline;
-  track.position = position;
-  track.firing = firing;
+void TraceWriter::submitted(TaskId task, std::size_t pipeline, std::size_t position,
+                            std::uint64_t firing) {
+  const auto found = tasks_.find(task);
+  if (found == tasks_.end()) return;  // It has ended as it was submitted.
+  found->second.pipeline = pipeline;
+  found->second.position = position;
+  found->second.firing = firing;
 }
 
 void TraceWriter::on_input(const DispatcherInput& input, const Answer& answer) {
   file_.log(log_line(input, answer));
   if (!answer.taken) return;
   using Kind = DispatcherInput::Kind;
-  for (const Task& task : input.tasks) {
+  for (std::size_t i = 0; i < answer.submitted.size(); ++i) {
+    const TaskId id = answer.submitted[i];
+    const Task& task = input.tasks[i];
     for (const TaskId before : task.after) {
       const auto found = tasks_.find(before);
-      if (found != tasks_.end()) found->second.successors.push_back(task.id);
+      if (found != tasks_.end()) found->second.successors.push_back(id);
     }
+    for (const std::uint32_t before : task.after_own) {
+      tasks_.at(answer.submitted[before]).successors.push_back(id);
+    }
+    tasks_[id] = {};
   }
   for (const Ended& each : answer.ended) {
     const auto found = tasks_.find(each.task);

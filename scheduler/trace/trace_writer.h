@@ -38,8 +38,8 @@ class TraceWriter final : public DispatcherObserver, public RunObserver {
               const std::string& time = "virtual");
 
   void on_input(const DispatcherInput& input, const Answer& answer) override;
-  void submitting(TaskId task, std::size_t pipeline, std::size_t position,
-                  std::uint64_t firing) override;
+  void submitted(TaskId task, std::size_t pipeline, std::size_t position,
+                 std::uint64_t firing) override;
   void arrived(std::size_t servers_index, std::uint32_t job, double power_w) override;
   void left(std::size_t servers_index, std::uint32_t job) override;
   void drawing(std::size_t servers_index, double by_w) override;

@@ -56,18 +56,17 @@ void Firings::plan_submission(std::uint32_t p, SeriesId first_series) {
   std::size_t edges = 0;
   for (const MixTask& definition : pipeline.tasks) edges += definition.after.size();
   state.after.resize(edges);
-  std::span<const TaskId> after = state.after;
+  std::span<std::uint32_t> after = state.after;
   const auto leads = recall_leads(scenario_, p);
   for (std::size_t t = 0; t < pipeline.tasks.size(); ++t) {
     const MixTask& definition = pipeline.tasks[t];
     Task& task = state.tasks.emplace_back();
-    task.id = t;  // Until it is fired; `after` likewise.
-    std::ranges::copy(definition.after,
-                      state.after.end() - static_cast<std::ptrdiff_t>(after.size()));
     task.kind = scenario_.classes[p][t];
     const bool may_leave = pipeline.deadline && !task.kind.real_time;
     state.leads.push_back(may_leave ? leads[t] : std::nullopt);
-    task.after = after.first(definition.after.size());
+    std::ranges::transform(definition.after, after.begin(),
+                           [](std::size_t each) { return static_cast<std::uint32_t>(each); });
+    task.after_own = after.first(definition.after.size());
     after = after.subspan(definition.after.size());
     if (definition.state) task.state = static_cast<StateId>(*definition.state);
     if (definition.read_later) task.series = first_series++;
@@ -114,10 +113,10 @@ std::uint32_t Firings::take_loop(Nanos now) {
   return take(starving_);
 }
 
-std::optional<Firings::Submission> Firings::fire(std::uint32_t p, Nanos now) {
+std::optional<std::span<const Task>> Firings::fire(std::uint32_t p, Nanos now) {
   PipelineState& state = pipelines_[p];
   const Pipeline& pipeline = *state.pipeline;
-  const auto number = static_cast<std::uint64_t>(tallies_[p].fired++);
+  ++tallies_[p].fired;
   const bool has_buffer = finds_buffer(state);
   if (pipeline.frames) --state.to_fire;
   if (!state.series.empty()) state.over.push_back(!has_buffer);
@@ -129,37 +128,32 @@ std::optional<Firings::Submission> Firings::fire(std::uint32_t p, Nanos now) {
     return std::nullopt;
   }
   if (state.image_tasks > 0) ++buffers_used_;
-  const Slot slot = firings_.take();
-  Firing& firing = firings_[slot];
-  firing.id = firing_number_++;
-  firing.pipeline = p;
-  firing.tasks_left = static_cast<std::uint32_t>(pipeline.tasks.size());
-  firing.images_left = state.image_tasks;
-  firing.complete = firing.only_no_predecessor = true;
-  firing.number = number;
-  firing.fired_at = now;
-  if (state.moves_data) firing.made.resize(pipeline.tasks.size());
-  number_tasks(p, slot, now);
-  return Submission{.firing = firing.id, .tasks = state.tasks};
-}
-
-void Firings::number_tasks(std::uint32_t p, std::uint32_t slot, Nanos now) {
-  PipelineState& state = pipelines_[p];
-  const Pipeline& pipeline = *state.pipeline;
-  auto after = state.after.begin();
-  for (std::uint32_t t = 0; t < pipeline.tasks.size(); ++t) {
-    const JobIndex job = places_.take();
-    // The place below, a running number above: unique among live tasks, and found again without a
-    // search.
-    const TaskId id = TaskId{task_number_++} << 32 | job;
-    places_[job] = {
-        .id = id, .pipeline = p, .task = t, .firing = firings_[slot].number, .slot = slot};
+  for (std::size_t t = 0; t < state.tasks.size(); ++t) {
     Task& task = state.tasks[t];
-    task.id = id;
-    for (const std::size_t each : pipeline.tasks[t].after) *after++ = state.tasks[each].id;
     if (pipeline.deadline) task.deadline = now + *pipeline.deadline;
     if (state.leads[t]) task.recall = state.leads[t]->recall(*task.deadline);
     if (pipeline.expires) task.expires_at = now + *pipeline.expires;
+  }
+  return state.tasks;
+}
+
+void Firings::submitted(std::uint32_t p, FiringId id, std::span<const TaskId> tasks, Nanos now) {
+  const PipelineState& state = pipelines_[p];
+  const std::uint32_t slot = slot_of(id);
+  if (slot >= firings_.size()) firings_.resize(slot + std::size_t{1});
+  Firing& firing = firings_[slot];
+  firing.id = id;
+  firing.pipeline = p;
+  firing.tasks_left = static_cast<std::uint32_t>(tasks.size());
+  firing.images_left = state.image_tasks;
+  firing.complete = firing.only_no_predecessor = true;
+  firing.number = static_cast<std::uint64_t>(tallies_[p].fired - 1);
+  firing.fired_at = now;
+  if (state.moves_data) firing.made.resize(tasks.size());
+  for (std::uint32_t t = 0; t < tasks.size(); ++t) {
+    const JobIndex job = slot_of(tasks[t]);
+    if (job >= places_.size()) places_.resize(job + std::size_t{1});
+    places_[job] = {.pipeline = p, .task = t, .firing = firing.number, .slot = slot};
   }
 }
 
@@ -216,11 +210,9 @@ std::optional<FiringId> Firings::end_task(JobIndex job, TaskEnd how, Nanos now) 
       (state.kept.empty() || !state.kept.contains(firing.number))) {
     --buffers_used_;
   }
-  places_.give_back(job);
   if (--firing.tasks_left > 0) return std::nullopt;
   firing.made.clear();
   end_firing(firing, now);
-  firings_.give_back(place.slot);
   return firing.id;
 }
 
@@ -280,7 +272,7 @@ bool Firings::finds_buffer(const PipelineState& state) const {
 }
 
 void Firings::count_unfinished(std::vector<PipelineTally>& tallies, Nanos end) const {
-  for (const Firing& firing : firings_.records()) {
+  for (const Firing& firing : firings_) {
     if (firing.tasks_left == 0) continue;
     PipelineTally& tally = tallies[firing.pipeline];
     ++tally.unfinished;

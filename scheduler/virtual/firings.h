@@ -1,5 +1,5 @@
-// The firings of a mix's pipelines: when they come, who gets an image buffer, the ids of their
-// tasks, where and when data was made, and what a firing comes to. Pure: it reads no clock and
+// The firings of a mix's pipelines: when they come, who gets an image buffer, where and when data
+// was made, and what a firing comes to. Pure: it reads no clock and
 // calls nobody, so that virtual time and the live driver share it.
 #pragma once
 
@@ -13,7 +13,6 @@
 #include <utility>
 #include <vector>
 
-#include "scheduler/dispatcher/slot_table.h"
 #include "scheduler/mix/task.h"
 #include "scheduler/record/tally.h"
 #include "scheduler/services/recall.h"
@@ -22,8 +21,8 @@
 
 namespace pirt {
 
-/// Where the driver keeps what it knows of a live task: small, and used again.
-using JobIndex = Slot;
+/// Where the driver keeps what it knows of a live task: the slot of its id.
+using JobIndex = std::uint32_t;
 
 class Firings {
  public:
@@ -50,27 +49,24 @@ class Firings {
   }
   static constexpr std::uint32_t kNoLoop = UINT32_MAX;
 
-  /// What a dispatcher is given; true until the next call.
-  struct Submission {
-    FiringId firing = 0;
-    std::span<const Task> tasks;
-  };
-  /// The pipeline fires. Absent if it finds no image buffer: the firing is dropped, and counted.
-  [[nodiscard]] std::optional<Submission> fire(std::uint32_t pipeline, Nanos now);
-  /// What all submissions of the pipeline have in common but for ids and times.
+  /// The pipeline fires: what a dispatcher is given, true until the next call. Absent if it finds
+  /// no image buffer: the firing is dropped, and counted.
+  [[nodiscard]] std::optional<std::span<const Task>> fire(std::uint32_t pipeline, Nanos now);
+  /// The dispatcher has them.
+  void submitted(std::uint32_t pipeline, FiringId firing, std::span<const TaskId> tasks, Nanos now);
+  /// What all submissions of the pipeline have in common but for times.
   [[nodiscard]] std::span<const Task> tasks(std::uint32_t pipeline) const {
     return pipelines_[pipeline].tasks;
   }
 
   /// Where a live task stands.
   struct TaskPlace {
-    TaskId id = 0;
     std::uint32_t pipeline = 0;
     std::uint32_t task = 0;    ///< Position in the pipeline.
     std::uint64_t firing = 0;  ///< Number in the pipeline, from 0.
-    std::uint32_t slot = 0;    ///< Of the firing, in here.
+    std::uint32_t slot = 0;    ///< Of the firing's id.
   };
-  [[nodiscard]] static JobIndex job_of(TaskId id) { return static_cast<JobIndex>(id); }
+  [[nodiscard]] static JobIndex job_of(TaskId id) { return slot_of(id); }
   [[nodiscard]] const TaskPlace& place(JobIndex job) const { return places_[job]; }
 
   /// Where and when a task's data was made, and the data, where something is really computed. It is
@@ -105,7 +101,7 @@ class Firings {
 
  private:
   struct Firing {
-    FiringId id = 0;
+    FiringId id = kNoTask;
     std::uint32_t pipeline = 0;
     std::uint32_t tasks_left = 0;  ///< 0: over.
     std::uint32_t images_left = 0;
@@ -124,8 +120,8 @@ class Firings {
   struct PipelineState {
     const Pipeline* pipeline = nullptr;
     std::uint64_t jitter_seed = 0;
-    std::vector<Task> tasks = {};    ///< As submitted last; but for ids and times always the same.
-    std::vector<TaskId> after = {};  ///< What these refer to.
+    std::vector<Task> tasks = {};           ///< As submitted last; but for times always the same.
+    std::vector<std::uint32_t> after = {};  ///< What these refer to.
     std::vector<std::optional<RecallLead>> leads = {};  ///< By task; absent = it is not taken back.
     std::uint32_t image_tasks = 0;
     bool moves_data = false;
@@ -139,7 +135,6 @@ class Firings {
 
   void plan(std::uint32_t pipeline);
   void plan_submission(std::uint32_t pipeline, SeriesId first_series);
-  void number_tasks(std::uint32_t pipeline, std::uint32_t slot, Nanos now);
   void keep(PipelineState& state, std::size_t task, const Made& made);
   [[nodiscard]] std::uint32_t take_loop(Nanos now);
   std::optional<FiringId> end_task(JobIndex job, TaskEnd how, Nanos now);
@@ -154,15 +149,13 @@ class Firings {
   Nanos end_ = Nanos::max();
   std::vector<PipelineState> pipelines_;  ///< As many as they will be: tasks point into them.
   std::vector<PipelineTally> tallies_;
-  SlotTable<Firing> firings_;
-  SlotTable<TaskPlace> places_;         ///< By job.
+  std::vector<Firing> firings_;         ///< By slot of their ids,
+  std::vector<TaskPlace> places_;       ///< and by job.
   std::deque<std::uint32_t> refires_;   ///< Closed loops that fire now.
   std::deque<std::uint32_t> starving_;  ///< Closed loops that fire when a buffer is free.
   SeriesId series_count_ = 0;
   std::int64_t buffers_used_ = 0;  ///< Their images are in use, or kept for a later firing.
   std::int64_t refused_tasks_ = 0;
-  FiringId firing_number_ = 0;
-  std::uint32_t task_number_ = 0;
 };
 
 }  // namespace pirt

@@ -256,17 +256,20 @@ void VirtualTime::schedule_firing(std::uint32_t pipeline) {
 }
 
 void VirtualTime::fire(std::uint32_t pipeline) {
-  const auto firing = firings_.fire(pipeline, now_);
+  const auto tasks = firings_.fire(pipeline, now_);
   schedule_firing(pipeline);
-  if (!firing) return;
-  for (const Task& task : firing->tasks) {
-    const JobIndex job = Firings::job_of(task.id);
+  if (!tasks) return;
+  const auto firing = dispatcher_.submit(templates_[pipeline], *tasks, now_, effects_);
+  must(firing.has_value());
+  firings_.submitted(pipeline, *firing, effects_.submitted, now_);
+  for (const TaskId id : effects_.submitted) {
+    const JobIndex job = Firings::job_of(id);
     const Firings::TaskPlace& place = firings_.place(job);
     if (job >= jobs_.size()) jobs_.resize(job + std::size_t{1});
-    jobs_[job].begin(task.id, first_plans_[pipeline] + place.task);
-    if (observer_ != nullptr) observer_->submitting(task.id, pipeline, place.task, place.firing);
+    jobs_[job].begin(id, first_plans_[pipeline] + place.task);
+    if (observer_ != nullptr) observer_->submitted(id, pipeline, place.task, place.firing);
   }
-  must(dispatcher_.submit(firing->firing, templates_[pipeline], firing->tasks, now_, effects_));
+  effects_.submitted.clear();
 }
 
 /// Carries out what the dispatcher said, and what follows at the same moment.

@@ -124,7 +124,9 @@ Scenario scenario_of(const Platform& platform, const Mix& mix, const ScheduleOpt
   std::unordered_map<TaskId, WorkloadId> workloads;
   PeerStart now;  // At time 0, then at the latest completion.
   for (const auto& entry : log.entries) {
-    for (const Task& task : entry.tasks) workloads[task.id] = task.kind.workload;
+    for (std::size_t i = 0; i < entry.submitted.size(); ++i) {
+      workloads[entry.submitted[i]] = entry.tasks[i].kind.workload;
+    }
     if (entry.input.kind == DispatcherInput::Kind::kComplete) {
       scenario.starts.push_back(std::exchange(now, {}));
       auto& list = scenario.completions[entry.input.unit];

@@ -147,7 +147,7 @@ BudgetPlan small_plan() {
 }
 
 Task firing(Nanos at) {
-  return {.id = 1, .kind = {.entry = 0}, .deadline = at + milliseconds(10), .expires_at = {}};
+  return {.kind = {.entry = 0}, .deadline = at + milliseconds(10), .expires_at = {}};
 }
 
 TEST(Foresight, KnowsWhatIsToComeAndWhatWaits) {
@@ -240,7 +240,7 @@ Script without_a_mix() {
   return {policy_of("budget", setup), {1, 1}};
 }
 
-Task due(TaskId id, std::uint32_t entry, int deadline_ms, std::span<const TaskId> after = {}) {
+NamedTask due(TaskId id, std::uint32_t entry, int deadline_ms, std::span<const TaskId> after = {}) {
   return {.id = id,
           .kind = {.eligible = unit_bit(entry == 3 ? kDsp : kGpu), .entry = entry},
           .deadline = milliseconds(deadline_ms),

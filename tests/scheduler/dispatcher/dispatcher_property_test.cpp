@@ -37,11 +37,7 @@ enum class Fate : std::uint8_t { kOpen, kCompleted, kLost };
 class Model {
  public:
   Model(std::uint64_t seed, bool keep_log)
-      : random_(seed),
-        keep_log_(keep_log),
-        handles_(seed % 2 == 0),
-        templates_(seed % 3 == 0),
-        dispatcher_(make()) {}
+      : random_(seed), keep_log_(keep_log), templates_(seed % 3 == 0), dispatcher_(make()) {}
 
   void step() {
     switch (random_.below(14)) {
@@ -95,11 +91,11 @@ class Model {
     ASSERT_EQ(dispatcher_.known_firings(), 0U);
   }
 
-  const Dispatcher& dispatcher() const { return dispatcher_; }
+  const NamedDispatcher& dispatcher() const { return dispatcher_; }
   const std::string& log() const { return log_; }
 
  private:
-  Dispatcher make() {
+  NamedDispatcher make() {
     // Not those that would never place a task that only other roles can serve.
     std::vector<const PolicyInfo*> modes;
     std::vector<const PolicyInfo*> basic;
@@ -163,7 +159,7 @@ class Model {
   void submit() {
     const FiringId firing = next_firing_++;
     firings_.insert(firing);
-    std::vector<Task> tasks(1 + random_.below(3));
+    std::vector<NamedTask> tasks(1 + random_.below(3));
     std::vector<std::vector<TaskId>> after(tasks.size());
     std::vector<std::vector<SeriesId>> reads(tasks.size());
     const auto joined = series_;
@@ -190,7 +186,7 @@ class Model {
         known.reads.emplace_back(each, joined[each].size());
       }
       if (random_.below(3) == 0) known.expires_at = now_ + Nanos(pick(40) - 2);
-      const TaskId id = new_id();
+      const TaskId id = next_id_++;
       tasks[i] = {.id = id,
                   .kind = known.kind,
                   .deadline = {},
@@ -221,7 +217,7 @@ class Model {
   }
 
   /// Of such tasks, under other ids and without times.
-  Dispatcher::TemplateId add_template(std::vector<Task> tasks) {
+  Dispatcher::TemplateId add_template(std::vector<NamedTask> tasks) {
     std::vector<std::vector<TaskId>> after(tasks.size());
     for (std::size_t i = 0; i < tasks.size(); ++i) {
       for (const TaskId id : tasks[i].after) after[i].push_back(~id);
@@ -231,13 +227,6 @@ class Model {
       tasks[i].recall = {};
     }
     return dispatcher_.add_template(tasks);
-  }
-
-  /// In order of submission; with handles below, as drivers have them, which are used again while
-  /// others that have the same are known.
-  TaskId new_id() {
-    const TaskId number = next_id_++;
-    return handles_ ? number << 32 | random_.below(16) : number;
   }
 
   void release() {
@@ -522,10 +511,9 @@ class Model {
 
   Random random_;
   bool keep_log_;
-  bool handles_;
   bool templates_;  ///< Firings are submitted by them, and come after nothing outside.
   std::vector<int> slots_;
-  Dispatcher dispatcher_;
+  NamedDispatcher dispatcher_;
   std::map<TaskId, Known> tasks_;
   std::map<TaskId, FiringId> ended_;  ///< Without completing, of firings that are not released.
   std::set<FiringId> firings_;        ///< Not released.

@@ -10,12 +10,13 @@ namespace {
 
 /// Firings of one shape that come again and again: a chain of two that shares a state, and one that
 /// reads what the last of its kind made.
-std::vector<Task> shape(TaskId first, std::vector<TaskId>& after) {
+std::vector<NamedTask> shape(TaskId first, std::vector<TaskId>& after) {
   after = {first};
   static constexpr SeriesId kRead[] = {0};
-  std::vector<Task> tasks = {task_of(first, {.eligible = kLocal}),
-                             task_of(first + 1, {.eligible = kLocal, .real_time = false}, after),
-                             task_of(first + 2, {.eligible = unit_bit(kGpu)})};
+  std::vector<NamedTask> tasks = {
+      task_of(first, {.eligible = kLocal}),
+      task_of(first + 1, {.eligible = kLocal, .real_time = false}, after),
+      task_of(first + 2, {.eligible = unit_bit(kGpu)})};
   tasks[0].series = 0;
   tasks[1].state = 0;
   tasks[2].reads = kRead;
@@ -60,7 +61,7 @@ TEST(DispatcherTemplates, ATemplateIsWhatItsTasksAreSubmittedOneFiringAfterTheOt
 
 TEST(DispatcherTemplates, OfTasksThatMakeNoSenseThereIsNoneAndNothingIsSubmittedByIt) {
   Script script(policy_of("throughput", setup_of(2, 1, 2)), {1, 1, 2, 1});
-  Dispatcher& dispatcher = script.dispatcher();
+  NamedDispatcher& dispatcher = script.dispatcher();
   std::vector<TaskId> after;
   auto tasks = shape(0, after);
   tasks[2].kind.eligible = 0;

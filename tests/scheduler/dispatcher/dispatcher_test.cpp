@@ -315,7 +315,7 @@ TEST(Dispatcher, WaitsWhileNoUnitIsUp) {
 TEST(Dispatcher, SaysWhenATaskWasDispatched) {
   // Dispatch is when it enters the unit's queue; from the high-priority queue, when the unit takes
   // it.
-  Dispatcher dispatcher({1, 1, 1, {}}, policy_of("advanced", setup_of(2, 0, 0)));
+  NamedDispatcher dispatcher({1, 1, 1, {}}, policy_of("advanced", setup_of(2, 0, 0)));
   Effects out;
   dispatcher.submit(1, std::vector{task_of(1, kPlain)}, Nanos(1), out);
   dispatcher.submit(2, std::vector{task_of(2, kPlain)}, Nanos(2), out);
@@ -396,8 +396,6 @@ TEST(Dispatcher, RefusesAFiringThatMakesNoSenseAsAWhole) {
   const std::vector<TaskId> two = {2};
   const std::vector<TaskId> three = {3};
   EXPECT_EQ(script.submit(1), "G1");
-  EXPECT_EQ(script.submit_all(2, {task_of(2, kPlain), task_of(1, kPlain)}), "refused");
-  EXPECT_EQ(script.submit_all(2, {task_of(2, kPlain), task_of(2, kPlain)}), "refused");
   EXPECT_EQ(script.submit_all(2, {task_of(2, kPlain, two)}), "refused");
   EXPECT_EQ(script.submit_all(2, {task_of(2, kPlain, three), task_of(3, kPlain)}), "refused");
   EXPECT_EQ(script.submit_all(2, {task_of(2, kPlain), task_of(3, {.eligible = 0})}), "refused");
@@ -411,7 +409,7 @@ TEST(Dispatcher, RefusesAFiringThatMakesNoSenseAsAWhole) {
 }
 
 TEST(Dispatcher, TakesATimeBeforeTheLastAsTheLast) {
-  Dispatcher dispatcher({1, 1, 1, {}}, policy_of("throughput", setup_of(1, 0, 0)));
+  NamedDispatcher dispatcher({1, 1, 1, {}}, policy_of("throughput", setup_of(1, 0, 0)));
   Effects out;
   ASSERT_TRUE(dispatcher.submit(1, std::vector{task_of(1, kPlain)}, Nanos(10), out));
   ASSERT_TRUE(dispatcher.submit(2, std::vector{task_of(2, kPlain)}, Nanos(20), out));
@@ -424,7 +422,7 @@ TEST(Dispatcher, ATaskAfterOneThatDidNotCompleteIsDroppedUntilTheFiringIsRelease
   // Of firing 7, task 1 fails, 2 is dropped with it, 3 expires and 4 is cancelled while it runs.
   const std::vector<TaskId> one = {1};
   Script script = throughput(2, 0, 0, {2, 1, 1, {}});
-  Task late = task_of(3, kPlain);
+  NamedTask late = task_of(3, kPlain);
   late.expires_at = Nanos(5);
   EXPECT_EQ(
       script.submit_all(7, {task_of(1, kPlain), task_of(2, kPlain, one), task_of(4, kPlain), late}),
@@ -435,12 +433,10 @@ TEST(Dispatcher, ATaskAfterOneThatDidNotCompleteIsDroppedUntilTheFiringIsRelease
   for (const TaskId before : {TaskId{1}, TaskId{2}, TaskId{3}, TaskId{4}}) {
     EXPECT_EQ(script.submit(100 + before, kPlain, {before}), "-" + std::to_string(100 + before));
   }
-  EXPECT_EQ(script.submit(1), "refused");  // Its id is still known.
   EXPECT_TRUE(script.release(7));
   EXPECT_FALSE(script.release(7));
   EXPECT_FALSE(script.release(8));
-  // 4 has yet to complete. Its firing takes no more tasks; then nothing is known of it.
-  EXPECT_EQ(script.submit_all(7, {task_of(9, kPlain)}), "refused");
+  // 4 has yet to complete; then nothing is known of its firing.
   EXPECT_EQ(script.complete(kGpu, 4), "");
   for (const TaskId before : {TaskId{1}, TaskId{2}, TaskId{3}, TaskId{4}})
     EXPECT_TRUE(script.release(100 + before));
@@ -449,25 +445,50 @@ TEST(Dispatcher, ATaskAfterOneThatDidNotCompleteIsDroppedUntilTheFiringIsRelease
   EXPECT_EQ(script.submit_all(7, {task_of(1, kPlain, std::vector<TaskId>{4})}), "G1");
 }
 
+TEST(Dispatcher, TakesNoTaskForAnotherThatHadItsSlot) {
+  Dispatcher dispatcher({9, 1, 1, {}}, policy_of("throughput", setup_of(9, 0, 0)));
+  Effects out;
+  const auto submit = [&](std::span<const TaskId> after) {
+    const Task task{.kind = kPlain, .after = after};
+    EXPECT_TRUE(dispatcher.submit(std::span(&task, 1), Nanos(0), out));
+    return out.submitted.back();
+  };
+  const TaskId first = submit({});
+  EXPECT_TRUE(dispatcher.complete(kGpu, first, Outcome::kCompleted, Nanos(0), out));
+  const TaskId second = submit({});
+  EXPECT_EQ(slot_of(second), slot_of(first));
+  EXPECT_NE(second, first);
+  EXPECT_FALSE(dispatcher.complete(kGpu, first, Outcome::kCompleted, Nanos(0), out));
+  EXPECT_FALSE(dispatcher.state(first));
+  const std::vector<TaskId> after = {first};
+  submit(after);  // Not after the second.
+  EXPECT_EQ(out.started.size(), 3U);
+  // Whoever guesses the next id waits for nobody: not even itself.
+  EXPECT_TRUE(dispatcher.complete(kGpu, second, Outcome::kCompleted, Nanos(0), out));
+  const std::vector<TaskId> guessed = {second + (second - first), kNoTask};
+  EXPECT_EQ(submit(guessed), guessed[0]);
+  EXPECT_EQ(out.started.size(), 4U);
+}
+
 TEST(Dispatcher, MemoryIsFlatOverAMillionFiringsOfWhichATenthFails) {
   Dispatcher dispatcher({1, 1, 1, {}}, policy_of("throughput", setup_of(4, 0, 0)));
   Effects out;
   std::size_t most = 0;
-  for (FiringId firing = 0; firing < 1'000'000; ++firing) {
-    const TaskId first = 3 * firing;
-    const std::vector<TaskId> after = {first, first + 1};
-    const Task tasks[] = {task_of(first, kPlain), task_of(first + 1, kPlain),
-                          task_of(first + 2, kPlain, after)};
-    dispatcher.submit(firing, tasks, Nanos(firing), out);
+  static constexpr std::uint32_t kBoth[] = {0, 1};
+  std::vector<Task> tasks(3, Task{.kind = kPlain});
+  tasks[2].after_own = kBoth;
+  for (int i = 0; i < 1'000'000; ++i) {
+    const auto firing = dispatcher.submit(tasks, Nanos(i), out);
+    const TaskId second = out.submitted[1];
     while (!out.started.empty()) {
       const TaskId task = out.started.front().task;
       out.clear();
-      const bool fails = firing % 10 == 3 && task == first + 1;
-      dispatcher.complete(kGpu, task, fails ? Outcome::kFailed : Outcome::kCompleted, Nanos(firing),
+      const bool fails = i % 10 == 3 && task == second;
+      dispatcher.complete(kGpu, task, fails ? Outcome::kFailed : Outcome::kCompleted, Nanos(i),
                           out);
     }
     most = std::max(most, dispatcher.known_tasks() + dispatcher.known_firings());
-    ASSERT_TRUE(dispatcher.release(firing, Nanos(firing)));
+    ASSERT_TRUE(dispatcher.release(firing.value(), Nanos(i)));
   }
   EXPECT_EQ(dispatcher.counts().failed, 100'000);
   EXPECT_EQ(dispatcher.counts().dropped, 100'000);
@@ -484,12 +505,13 @@ TEST(Dispatcher, AnObserverThatThrowsReachesTheCallerAndLeavesTheDispatcherInOrd
   Dispatcher dispatcher({1, 1, 1, {}}, policy_of("throughput", setup_of(2, 0, 0)));
   Effects out;
   dispatcher.observe(&throws);
-  const std::vector tasks = {task_of(1, kPlain), task_of(2, kPlain)};
-  EXPECT_THROW(dispatcher.submit(1, tasks, Nanos(1), out), std::runtime_error);
-  EXPECT_THROW(dispatcher.complete(kGpu, 1, Outcome::kCompleted, Nanos(2), out),
+  const std::vector<Task> tasks(2, Task{.kind = kPlain});
+  EXPECT_THROW(dispatcher.submit(tasks, Nanos(1), out), std::runtime_error);
+  ASSERT_EQ(out.submitted.size(), 2U);
+  EXPECT_THROW(dispatcher.complete(kGpu, out.submitted[0], Outcome::kCompleted, Nanos(2), out),
                std::runtime_error);
   dispatcher.observe(nullptr);
-  EXPECT_TRUE(dispatcher.complete(kGpu, 2, Outcome::kCompleted, Nanos(3), out));
+  EXPECT_TRUE(dispatcher.complete(kGpu, out.submitted[1], Outcome::kCompleted, Nanos(3), out));
   EXPECT_EQ(dispatcher.counts().completed, 2);
 }
 

@@ -18,8 +18,8 @@ struct Counting {
   }
 };
 
-TaskSlot add(TaskStore& store, TaskId id, Nanos rank, std::uint64_t sequence) {
-  const TaskSlot slot = store.add(id, store.open_firing(id).slot);
+TaskSlot add(TaskStore& store, Nanos rank, std::uint64_t sequence) {
+  const TaskSlot slot = store.add(store.add_firing());
   store[slot].rank = rank;
   store[slot].sequence = sequence;
   return slot;
@@ -48,7 +48,7 @@ TEST(TaskList, ServesByRankAndThenInOrderWhateverComesAndLeaves) {
       } else if (grows) {
         ++sequence;
         const auto rank = Nanos(random.below(ranks));
-        const TaskSlot slot = add(store, sequence, rank, sequence);
+        const TaskSlot slot = add(store, rank, sequence);
         queue.insert(store, slot);
         model[{rank, sequence}] = slot;
       } else if (!model.empty()) {
@@ -79,8 +79,8 @@ TEST(TaskList, FindsAPlaceAmongManyInLogarithmicTime) {
     OrderedTasks<Counting> queue(Counting{&compared});
     for (int i = 0; i < 2 * tasks; ++i) {
       if (i == tasks) compared = 0;
-      queue.insert(store, add(store, static_cast<TaskId>(i), Nanos(random.below(1'000'000)),
-                              static_cast<std::uint64_t>(i)));
+      queue.insert(store,
+                   add(store, Nanos(random.below(1'000'000)), static_cast<std::uint64_t>(i)));
       if (i >= tasks) queue.erase(store, queue.front());
     }
     EXPECT_LE(static_cast<double>(compared) / tasks, 4 * std::log2(tasks)) << tasks;
@@ -93,14 +93,14 @@ TEST(TaskList, TasksThatWaitStartByTheirDeadlines) {
   setup.servers = {1, 1, 1, 1};
   setup.costs = {
       {CallCost{.total = Nanos(5), .occupied = Nanos(5)}, CallCost{}, CallCost{}, CallCost{}}};
-  Dispatcher dispatcher({1, 1, 1, 1}, policy_of("edf", setup));
+  NamedDispatcher dispatcher({1, 1, 1, 1}, policy_of("edf", setup));
   Random random(3);
   Effects out;
   std::multimap<Nanos, TaskId> waiting;  // Equal ones in order of submission.
   TaskId running = 0;
   for (TaskId id = 0; id < 500; ++id) {
     const auto deadline = Nanos(1'000 + random.below(300));
-    Task task = task_of(id, {.eligible = unit_bit(kGpu)});
+    NamedTask task = task_of(id, {.eligible = unit_bit(kGpu)});
     task.deadline = deadline;
     ASSERT_TRUE(dispatcher.submit(id, std::span(&task, 1), Nanos(0), out));
     if (id > 0) waiting.emplace(deadline, id);

@@ -31,8 +31,8 @@ class InTurn final : public Policy {
 constexpr std::uint32_t kTasks = 500;
 
 /// Entries in falling order, so that the last that becomes ready goes first.
-std::vector<Task> backwards() {
-  std::vector<Task> tasks;
+std::vector<NamedTask> backwards() {
+  std::vector<NamedTask> tasks;
   for (std::uint32_t i = 0; i < kTasks; ++i) {
     tasks.push_back({.id = i,
                      .kind = {.eligible = 1, .entry = kTasks - 1 - i},
@@ -48,7 +48,7 @@ std::vector<Task> backwards() {
 
 TEST(Turns, AreTakenWithoutAskingForAllThatWait) {
   int asked = 0;
-  Dispatcher dispatcher({1}, std::make_unique<InTurn>(kTasks, asked));
+  NamedDispatcher dispatcher({1}, std::make_unique<InTurn>(kTasks, asked));
   Effects out;
   ASSERT_TRUE(dispatcher.submit(0, backwards(), Nanos(0), out));
   for (std::uint32_t entry = 0; entry < kTasks; ++entry) {
@@ -89,12 +89,13 @@ TEST(Turns, WhatWaitsForUnitsIsAskedForWhenTheirLoadsFall) {
     setup.weights = {{1, 1, 1, 0}, {1, 1, 1, 0}};
     setup.servers = {1, 1, 1, 1};
     std::vector<int> asked(2, 0);
-    Dispatcher dispatcher({1, 1, 1, 1}, std::make_unique<Counted>(policy_of(mode, setup), asked));
+    NamedDispatcher dispatcher({1, 1, 1, 1},
+                               std::make_unique<Counted>(policy_of(mode, setup), asked));
     Effects out;
     TaskId next = 0;
     for (int i = 0; i < 20; ++i) {
       for (const WorkloadId workload : {0, 1}) {
-        const Task task = task_of(
+        const NamedTask task = task_of(
             next, {.workload = workload, .eligible = unit_bit(workload == 0 ? kGpu : kDsp)});
         ASSERT_TRUE(dispatcher.submit(next++, std::span(&task, 1), Nanos(0), out));
       }
@@ -115,7 +116,7 @@ TEST(Turns, WhatWaitsForUnitsIsAskedForWhenTheirLoadsFall) {
 
 TEST(Turns, OfWhatIsGoneAreOver) {
   int asked = 0;
-  Dispatcher dispatcher({1}, std::make_unique<InTurn>(kTasks, asked));
+  NamedDispatcher dispatcher({1}, std::make_unique<InTurn>(kTasks, asked));
   Effects out;
   ASSERT_TRUE(dispatcher.submit(0, backwards(), Nanos(0), out));
   // Entry 0 runs; 1 is cancelled while it waits, and 2 goes next.

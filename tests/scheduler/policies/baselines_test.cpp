@@ -108,11 +108,11 @@ TEST(Ect, LetsAPipelinedUnitTakeTheNextBeforeTheLastIsOut) {
 }
 
 TEST(Edf, ServesTheEarliestDeadlineFirst) {
-  Dispatcher dispatcher({1, 1, 1, 1}, policy_of("edf", timed(1, 100, 100)));
+  NamedDispatcher dispatcher({1, 1, 1, 1}, policy_of("edf", timed(1, 100, 100)));
   Effects out;
   const TaskClass kind{.eligible = unit_bit(kGpu)};
   const auto submit = [&](TaskId id, std::optional<Nanos> deadline) {
-    Task task = task_of(id, kind);
+    NamedTask task = task_of(id, kind);
     task.deadline = deadline;
     dispatcher.submit(id, std::vector{task}, Nanos::zero(), out);
   };
@@ -136,7 +136,7 @@ TEST(Edf, AReleasedTaskGoesBeforeAHeldOneWithALaterDeadline) {
   // The GPU has one slot: 1, then 2, deadline 40; 3, deadline 500, is held meanwhile.
   PolicySetup setup = timed(10, 1000, 1000);
   setup.servers = {1, 1, 1, 1};
-  Dispatcher dispatcher({1, 1, 1, 1}, policy_of("edf", setup));
+  NamedDispatcher dispatcher({1, 1, 1, 1}, policy_of("edf", setup));
   Effects out;
   const TaskClass first{.eligible = unit_bit(kGpu)};
   const TaskClass last{.eligible = unit_bit(kGpu), .entry = 1};

@@ -311,7 +311,7 @@ TEST_F(Traces, ThatAreDamagedAreRefused) {
                 part["policy"]["costs"][0][0] = {-1, -1, 0, "modelled"};
               }),
               HasSubstr("before the begin"));
-  EXPECT_THAT(with([](json& part) { part["log"][0]["tasks"][0]["task"] = -7; }),
+  EXPECT_THAT(with([](json& part) { part["log"][0]["ids"][0] = -7; }),
               HasSubstr("no whole number"));
   const auto with_class = [&](std::size_t position, std::uint64_t value) {
     return with([=](json& part) { part["log"][0]["tasks"][0]["class"][position] = value; });

@@ -91,9 +91,9 @@ TEST(Ports, ImagesThatAreKeptNeedABufferMore) {
   EXPECT_EQ(localization(tasks, "image_buffers: 2\n").image_buffers, 2);
 }
 
-Task with(TaskId id, std::optional<StateId> state, std::optional<SeriesId> series = {},
-          std::span<const SeriesId> reads = {}) {
-  Task task = task_of(id, {.eligible = kLocal});
+NamedTask with(TaskId id, std::optional<StateId> state, std::optional<SeriesId> series = {},
+               std::span<const SeriesId> reads = {}) {
+  NamedTask task = task_of(id, {.eligible = kLocal});
   task.state = state;
   task.series = series;
   task.reads = reads;
@@ -121,7 +121,7 @@ TEST(States, AreHeldByOneTaskAtATimeInOrder) {
 TEST(States, AreNotTakenOutOfTurnByWhoIsReadyEarlier) {
   Script script = wide();
   const std::vector<TaskId> after = {1};
-  Task second = with(2, 0);
+  NamedTask second = with(2, 0);
   second.after = after;
   EXPECT_EQ(script.submit_all(1, {with(1, {}), second}), "G1");
   EXPECT_EQ(script.submit_all(2, {with(3, 0)}), "");  // Ready, but 2 is before it.
@@ -161,7 +161,7 @@ TEST(EarlierFirings, WithoutAnyTheTaskAndItsSuccessorsAreDropped) {
   Script script = wide();
   const std::vector<SeriesId> reads = {0};
   const std::vector<TaskId> after = {11};
-  Task successor = with(12, {});
+  NamedTask successor = with(12, {});
   successor.after = after;
   EXPECT_EQ(script.submit_all(1, {with(1, {}, 0)}), "G1");
   EXPECT_EQ(script.submit_all(2, {with(11, {}, {}, reads), successor}), "");

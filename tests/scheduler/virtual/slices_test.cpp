@@ -15,7 +15,7 @@ Script script_of(const std::string& mode, int weight) {
   return {policy_of(mode, setup), {1, 1, 1, {}}};
 }
 
-Task task(TaskId id, WorkloadId workload, std::optional<Nanos> deadline, bool image = false) {
+NamedTask task(TaskId id, WorkloadId workload, std::optional<Nanos> deadline, bool image = false) {
   return {.id = id,
           .kind = {.workload = workload, .eligible = kLocal, .image_input = image},
           .deadline = deadline,
