@@ -57,11 +57,13 @@ void Foresight::submitted(const Task& task) {
 void Foresight::came_back(std::uint32_t entry, Nanos deadline) {
   if (deadline == Nanos::max()) return;
   auto& waiting = waiting_[entry];
+  if (waiting.empty() || waiting.back() <= deadline) return waiting.push_back(deadline);
   waiting.insert(std::ranges::upper_bound(waiting, deadline), deadline);
 }
 
 void Foresight::left(std::uint32_t entry, Nanos deadline) {
   auto& waiting = waiting_[entry];
+  if (!waiting.empty() && waiting.front() == deadline) return waiting.pop_front();
   const auto found = std::ranges::lower_bound(waiting, deadline);
   if (found != waiting.end() && *found == deadline) waiting.erase(found);
 }
