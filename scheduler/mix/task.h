@@ -136,6 +136,7 @@ inline constexpr std::array<std::string_view, 6> kTaskEnds = {
 struct Ended {
   TaskId task = 0;
   TaskEnd how = TaskEnd::kDropped;
+  friend bool operator==(const Ended&, const Ended&) = default;
 };
 
 /// A task that runs and is wanted back from its unit: whoever drives the unit completes it there as

@@ -71,7 +71,7 @@ CallCost cost_from_json(const Json& json) {
   if (!json.at(2).is_null()) cost.energy_j = json.at(2).get<double>();
   const auto provenance = provenance_from_string(json.at(3).get<std::string>());
   if (!provenance) throw_bad_input(json_text(json.at(3)) + " is no provenance");
-  cost.energy_provenance = {*provenance, json.size() > 4 && json.at(4).get<bool>()};
+  cost.energy_provenance = {*provenance, json.at(4).get<bool>()};
   return cost;
 }
 
@@ -133,10 +133,10 @@ PolicySetup policy_from_json(const Json& json) {
     }
   }
   setup.plan.makespan = time_from_json(json.at("plan").at("makespan_ns"));
-  if (json.contains("budget") && !json.at("budget").is_null()) {
+  if (!json.at("budget").is_null()) {
     setup.budget = budget_plan_from_json(json.at("budget"), setup.roles.size());
   }
-  for (const Json& each : json.value("budget_without", Json::array())) {
+  for (const Json& each : json.at("budget_without")) {
     setup.budget_without.push_back(
         each.is_null() ? BudgetPlan{} : budget_plan_from_json(each, setup.roles.size()));
   }
@@ -148,7 +148,7 @@ PolicySetup policy_from_json(const Json& json) {
   if (!json.at("basic").is_null()) {
     setup.basic = &find_basic_policy(json.at("basic").get<std::string>());
   }
-  if (json.contains("seed")) setup.seed = whole<std::uint64_t>(json.at("seed"));
+  setup.seed = whole<std::uint64_t>(json.at("seed"));
   return setup;
 }
 
@@ -193,33 +193,71 @@ void check_sizes(const DispatcherSetup& setup) {
   }
 }
 
+/// `,"key":[...]`, what @p write appends of each with commas between.
+template <typename Item, typename Write>
+void add_list(const char* key, std::span<const Item> items, std::string& line, const Write& write) {
+  fmt::format_to(std::back_inserter(line), R"(,"{}":)", key);
+  char separator = '[';
+  for (const Item& each : items) {
+    line += std::exchange(separator, ',');
+    write(each);
+  }
+  line += items.empty() ? "[]" : "]";
+}
+
 void add_task(const Task& task, std::string& line) {
   const auto out = std::back_inserter(line);
   const TaskClass& kind = task.kind;
   fmt::format_to(out, R"({{"class":[{},{},{},{},{}])", kind.workload, kind.eligible, kind.real_time,
                  kind.image_input, kind.entry);
+  const auto add_numbers = [&](const char* key, const auto& numbers) {
+    if (!numbers.empty()) fmt::format_to(out, R"(,"{}":[{}])", key, fmt::join(numbers, ","));
+  };
   if (task.deadline) fmt::format_to(out, R"(,"deadline":{})", task.deadline->count());
   if (task.expires_at) fmt::format_to(out, R"(,"expires":{})", task.expires_at->count());
   if (task.recall) {
     fmt::format_to(out, R"(,"recall":[{},{}])", task.recall->at.count(), task.recall->from);
   }
-  if (!task.after.empty()) fmt::format_to(out, R"(,"after":[{}])", fmt::join(task.after, ","));
-  if (!task.after_own.empty()) {
-    fmt::format_to(out, R"(,"after_own":[{}])", fmt::join(task.after_own, ","));
-  }
+  add_numbers("after", task.after);
+  add_numbers("after_own", task.after_own);
   if (task.state) fmt::format_to(out, R"(,"state":{})", *task.state);
   if (task.series) fmt::format_to(out, R"(,"series":{})", *task.series);
-  if (!task.reads.empty()) fmt::format_to(out, R"(,"reads":[{}])", fmt::join(task.reads, ","));
+  add_numbers("reads", task.reads);
   line += '}';
 }
 
-/// @param separator  Before the first.
-void add_sliced(std::string_view separator, std::span<const Sliced> tasks, std::string& line) {
-  for (const Sliced& each : tasks) {
-    fmt::format_to(std::back_inserter(line), "{}[{},{}]", separator, each.task, each.unit);
-    separator = ",";
+void add_decisions(const Answer& answer, std::string& line) {
+  const auto out = std::back_inserter(line);
+  const auto add_sliced = [&](const char* key, std::span<const Sliced> tasks) {
+    if (tasks.empty()) return;
+    add_list(key, tasks, line,
+             [&](const Sliced& each) { fmt::format_to(out, "[{},{}]", each.task, each.unit); });
+  };
+  if (!answer.started.empty()) {
+    add_list("start", answer.started, line, [&](const Start& each) {
+      fmt::format_to(out, "[{},{},{},{}]", each.task, each.unit, each.dispatched_at.count(),
+                     each.ready_at.count());
+    });
   }
-  if (!tasks.empty()) line += ']';
+  if (!answer.ended.empty()) {
+    add_list("end", answer.ended, line, [&](const Ended& each) {
+      fmt::format_to(out, R"([{},"{}"])", each.task, to_string(each.how));
+    });
+  }
+  add_sliced("leave", answer.left);
+  add_sliced("resume", answer.resumed);
+}
+
+using Kind = DispatcherInput::Kind;
+
+bool names_firing(Kind kind, bool taken) {
+  return kind == Kind::kRelease || (kind == Kind::kSubmit && taken);
+}
+bool names_task(Kind kind) {
+  return kind == Kind::kComplete || kind == Kind::kCancel || kind == Kind::kSliceEnded;
+}
+bool names_unit(Kind kind) {
+  return kind == Kind::kComplete || kind == Kind::kSetUnit || kind == Kind::kSliceEnded;
 }
 
 }  // namespace
@@ -258,63 +296,39 @@ DispatcherSetup dispatcher_setup_from_json(const Json& json) {
 std::string_view word(Outcome outcome) { return word(kOutcomes, outcome); }
 
 std::string log_line(const DispatcherInput& input, const Answer& answer) {
-  using Kind = DispatcherInput::Kind;
   std::string line;
   const auto out = std::back_inserter(line);
   fmt::format_to(out, R"({{"in":"{}","at":{})", word(kInputs, input.kind), input.now.count());
-  if (input.kind == Kind::kRelease || (input.kind == Kind::kSubmit && answer.taken)) {
+  if (names_firing(input.kind, answer.taken)) {
     fmt::format_to(out, R"(,"firing":{})", input.firing);
   }
-  if (input.kind == Kind::kComplete || input.kind == Kind::kCancel ||
-      input.kind == Kind::kSliceEnded) {
-    fmt::format_to(out, R"(,"task":{})", input.task);
-  }
   if (input.kind == Kind::kSubmit) {
-    std::string_view separator = R"(,"tasks":[)";
-    for (const Task& task : input.tasks) {
-      line += separator;
-      add_task(task, line);
-      separator = ",";
-    }
-    line += input.tasks.empty() ? R"(,"tasks":[])" : "]";
+    add_list("tasks", input.tasks, line, [&](const Task& each) { add_task(each, line); });
     fmt::format_to(out, R"(,"ids":[{}])", fmt::join(answer.submitted, ","));
   }
+  if (names_task(input.kind)) fmt::format_to(out, R"(,"task":{})", input.task);
+  if (names_unit(input.kind)) fmt::format_to(out, R"(,"unit":{})", input.unit);
   if (input.kind == Kind::kComplete) {
-    fmt::format_to(out, R"(,"unit":{},"outcome":"{}")", input.unit, word(kOutcomes, input.outcome));
+    fmt::format_to(out, R"(,"outcome":"{}")", word(kOutcomes, input.outcome));
   }
-  if (input.kind == Kind::kSliceEnded) fmt::format_to(out, R"(,"unit":{})", input.unit);
   if (input.kind == Kind::kSetUnit) {
-    fmt::format_to(out, R"(,"unit":{},"state":"{}")", input.unit, word(kUnitStates, input.state));
+    fmt::format_to(out, R"(,"state":"{}")", word(kUnitStates, input.state));
   }
   if (!answer.taken) line += R"(,"refused":true)";
-  std::string_view separator = R"(,"start":[)";
-  for (const Start& start : answer.started) {
-    fmt::format_to(out, "{}[{},{},{},{}]", separator, start.task, start.unit,
-                   start.dispatched_at.count(), start.ready_at.count());
-    separator = ",";
-  }
-  if (!answer.started.empty()) line += ']';
-  separator = R"(,"end":[)";
-  for (const Ended& each : answer.ended) {
-    fmt::format_to(out, R"({}[{},"{}"])", separator, each.task, to_string(each.how));
-    separator = ",";
-  }
-  if (!answer.ended.empty()) line += ']';
-  add_sliced(R"(,"leave":[)", answer.left, line);
-  add_sliced(R"(,"resume":[)", answer.resumed, line);
+  add_decisions(answer, line);
   line += '}';
   return line;
 }
 
 namespace {
 
-/// None where there is no such key.
-template <typename Number>
-std::vector<Number> numbers_from_json(const Json& json, const char* key) {
-  std::vector<Number> numbers;
-  if (!json.contains(key)) return numbers;
-  for (const auto& each : json.at(key)) numbers.push_back(whole<Number>(each));
-  return numbers;
+/// What @p read makes of each element; none where there is no such key.
+template <typename Read>
+auto list_from_json(const Json& json, const char* key, const Read& read) {
+  std::vector<decltype(read(json))> list;
+  if (!json.contains(key)) return list;
+  for (const Json& each : json.at(key)) list.push_back(read(each));
+  return list;
 }
 
 void add_task_from_json(const Json& json, LogEntry& entry) {
@@ -331,79 +345,54 @@ void add_task_from_json(const Json& json, LogEntry& entry) {
     const Json& recall = json.at("recall");
     task.recall = {Nanos(whole<std::int64_t>(recall.at(0))), whole<UnitMask>(recall.at(1))};
   }
-  entry.after.push_back(numbers_from_json<TaskId>(json, "after"));
-  entry.after_own.push_back(numbers_from_json<std::uint32_t>(json, "after_own"));
+  entry.after.push_back(list_from_json(json, "after", whole<TaskId>));
+  entry.after_own.push_back(list_from_json(json, "after_own", whole<std::uint32_t>));
   if (json.contains("state")) task.state = whole<StateId>(json.at("state"));
   if (json.contains("series")) task.series = whole<SeriesId>(json.at("series"));
-  entry.reads.push_back(numbers_from_json<SeriesId>(json, "reads"));
+  entry.reads.push_back(list_from_json(json, "reads", whole<SeriesId>));
 }
 
-std::vector<Sliced> sliced_from_json(const Json& json, const char* key) {
-  std::vector<Sliced> tasks;
-  if (!json.contains(key)) return tasks;
-  for (const auto& each : json.at(key)) {
-    tasks.push_back({whole<TaskId>(each.at(0)), whole<UnitId>(each.at(1))});
-  }
-  return tasks;
+Effects effects_from_json(const Json& json) {
+  const auto sliced = [](const Json& each) {
+    return Sliced{whole<TaskId>(each.at(0)), whole<UnitId>(each.at(1))};
+  };
+  const auto start = [](const Json& each) {
+    return Start{whole<TaskId>(each.at(0)), whole<UnitId>(each.at(1)), time_from_json(each.at(2)),
+                 time_from_json(each.at(3))};
+  };
+  const auto end = [](const Json& each) {
+    return Ended{whole<TaskId>(each.at(0)),
+                 value_of<TaskEnd>(kTaskEnds, each.at(1).get<std::string>())};
+  };
+  return {.submitted = list_from_json(json, "ids", whole<TaskId>),
+          .started = list_from_json(json, "start", start),
+          .ended = list_from_json(json, "end", end),
+          .recalled = {},
+          .left = list_from_json(json, "leave", sliced),
+          .resumed = list_from_json(json, "resume", sliced)};
 }
-
-void add_decisions_from_json(const Json& json, LogEntry& entry) {
-  entry.taken = !json.value("refused", false);
-  if (json.contains("start")) {
-    for (const auto& each : json.at("start")) {
-      entry.started.push_back({whole<TaskId>(each.at(0)), whole<UnitId>(each.at(1)),
-                               time_from_json(each.at(2)), time_from_json(each.at(3))});
-    }
-  }
-  entry.left = sliced_from_json(json, "leave");
-  entry.resumed = sliced_from_json(json, "resume");
-  if (json.contains("end")) {
-    for (const auto& each : json.at("end")) {
-      entry.ended.push_back(
-          {whole<TaskId>(each.at(0)), value_of<TaskEnd>(kTaskEnds, each.at(1).get<std::string>())});
-    }
-  }
-}
-
-}  // namespace
-
-namespace {
 
 LogEntry entry_from_json(const Json& json) {
-  using Kind = DispatcherInput::Kind;
   LogEntry entry;
   DispatcherInput& input = entry.input;
   input.kind = value_of<Kind>(kInputs, json.at("in").get<std::string>());
   input.now = time_from_json(json.at("at"));
-  switch (input.kind) {
-    case Kind::kSubmit:
-      if (json.contains("firing")) input.firing = whole<FiringId>(json.at("firing"));
-      for (const auto& task : json.at("tasks")) add_task_from_json(task, entry);
-      entry.submitted = numbers_from_json<TaskId>(json, "ids");
-      break;
-    case Kind::kRelease:
-      input.firing = whole<FiringId>(json.at("firing"));
-      break;
-    case Kind::kComplete:
-      input.task = whole<TaskId>(json.at("task"));
-      input.unit = whole<UnitId>(json.at("unit"));
-      input.outcome = value_of<Outcome>(kOutcomes, json.at("outcome").get<std::string>());
-      break;
-    case Kind::kCancel:
-      input.task = whole<TaskId>(json.at("task"));
-      break;
-    case Kind::kSetUnit:
-      input.unit = whole<UnitId>(json.at("unit"));
-      input.state = value_of<UnitState>(kUnitStates, json.at("state").get<std::string>());
-      break;
-    case Kind::kSliceEnded:
-      input.task = whole<TaskId>(json.at("task"));
-      input.unit = whole<UnitId>(json.at("unit"));
-      break;
-    case Kind::kWake:
-      break;
+  entry.taken = !json.value("refused", false);
+  if (names_firing(input.kind, entry.taken)) {
+    input.firing = whole<FiringId>(json.at("firing"));
   }
-  add_decisions_from_json(json, entry);
+  if (input.kind == Kind::kSubmit) {
+    for (const auto& task : json.at("tasks")) add_task_from_json(task, entry);
+  }
+  if (names_task(input.kind)) input.task = whole<TaskId>(json.at("task"));
+  if (names_unit(input.kind)) input.unit = whole<UnitId>(json.at("unit"));
+  if (input.kind == Kind::kComplete) {
+    input.outcome = value_of<Outcome>(kOutcomes, json.at("outcome").get<std::string>());
+  }
+  if (input.kind == Kind::kSetUnit) {
+    input.state = value_of<UnitState>(kUnitStates, json.at("state").get<std::string>());
+  }
+  entry.effects = effects_from_json(json);
   return entry;
 }
 

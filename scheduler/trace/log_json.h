@@ -41,11 +41,8 @@ struct LogEntry {
   std::vector<std::vector<TaskId>> after;             ///< Of each task,
   std::vector<std::vector<std::uint32_t>> after_own;  ///< likewise,
   std::vector<std::vector<SeriesId>> reads;           ///< and likewise.
-  std::vector<TaskId> submitted;
   bool taken = true;
-  std::vector<Start> started;
-  std::vector<Ended> ended;
-  std::vector<Sliced> left, resumed;
+  Effects effects;  ///< Without what was recalled.
 };
 
 /// "completed", "dropped": as they stand in the log.

@@ -17,16 +17,16 @@ namespace {
 
 using InputKind = DispatcherInput::Kind;
 
-bool same(const std::vector<Start>& a, const std::vector<Start>& b) {
-  return std::ranges::equal(a, b, [](const Start& x, const Start& y) {
-    return x.task == y.task && x.unit == y.unit && x.dispatched_at == y.dispatched_at &&
-           x.ready_at == y.ready_at;
-  });
+bool same(const Start& a, const Start& b) {
+  return a.task == b.task && a.unit == b.unit && a.dispatched_at == b.dispatched_at &&
+         a.ready_at == b.ready_at;
 }
 
-bool same(const std::vector<Ended>& a, const std::vector<Ended>& b) {
-  return std::ranges::equal(
-      a, b, [](const Ended& x, const Ended& y) { return x.task == y.task && x.how == y.how; });
+bool same(const Effects& a, const Effects& b) {
+  return a.submitted == b.submitted && a.ended == b.ended && a.left == b.left &&
+         a.resumed == b.resumed &&
+         std::ranges::equal(a.started, b.started,
+                            [](const Start& x, const Start& y) { return same(x, y); });
 }
 
 std::string_view verb(TaskEnd how) {
@@ -60,19 +60,11 @@ class Replay {
       Effects out;
       const bool taken = give(entry, out);
       ++result.inputs;
-      if (taken != entry.taken || entry.submitted != out.submitted ||
-          !same(entry.started, out.started) || !same(entry.ended, out.ended) ||
-          entry.left != out.left || entry.resumed != out.resumed) {
-        const Effects recorded{.submitted = entry.submitted,
-                               .started = entry.started,
-                               .ended = entry.ended,
-                               .recalled = {},
-                               .left = entry.left,
-                               .resumed = entry.resumed};
+      if (taken != entry.taken || !same(entry.effects, out)) {
         result.difference = {.entry = position_,
                              .at = entry.input.now,
                              .input = describe(entry),
-                             .recorded = describe(entry.taken, recorded),
+                             .recorded = describe(entry.taken, entry.effects),
                              .replayed = describe(taken, out)};
         return result;
       }
@@ -153,7 +145,7 @@ class Replay {
     switch (input.kind) {
       case InputKind::kSubmit:
         return fmt::format("submit firing {}: task {}", input.firing,
-                           fmt::join(entry.submitted, ", "));
+                           fmt::join(entry.effects.submitted, ", "));
       case InputKind::kRelease:
         return fmt::format("release firing {}", input.firing);
       case InputKind::kComplete:

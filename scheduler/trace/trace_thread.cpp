@@ -26,13 +26,9 @@ void TraceThread::Batch::clear() {
   events.clear();
   tasks.clear();
   after.clear();
-  submitted.clear();
   after_own.clear();
   reads.clear();
-  started.clear();
-  ended.clear();
-  left.clear();
-  resumed.clear();
+  effects.clear();
   waiting.clear();
 }
 
@@ -53,12 +49,14 @@ class TraceThread::Teller {
     }
     DispatcherInput input = event.input;
     input.tasks = tasks;
-    writer_.on_input(input, {.taken = event.taken,
-                             .submitted = take(batch_.submitted, submitted_, event.submitted),
-                             .started = take(batch_.started, started_, event.started),
-                             .ended = take(batch_.ended, ended_, event.ended),
-                             .left = take(batch_.left, left_, event.left),
-                             .resumed = take(batch_.resumed, resumed_, event.resumed)});
+    Effects& effects = batch_.effects;
+    Answer answer = event.answer;
+    answer.submitted = take(effects.submitted, submitted_, answer.submitted.size());
+    answer.started = take(effects.started, started_, answer.started.size());
+    answer.ended = take(effects.ended, ended_, answer.ended.size());
+    answer.left = take(effects.left, left_, answer.left.size());
+    answer.resumed = take(effects.resumed, resumed_, answer.resumed.size());
+    writer_.on_input(input, answer);
   }
   void operator()(const Submitted& event) {
     writer_.submitted(event.task, event.pipeline, event.position, event.firing);
@@ -143,18 +141,12 @@ void TraceThread::on_input(const DispatcherInput& input, const Answer& answer) {
     append(filling_.after_own, task.after_own);
     append(filling_.reads, task.reads);
   }
-  append(filling_.submitted, answer.submitted);
-  append(filling_.started, answer.started);
-  append(filling_.ended, answer.ended);
-  append(filling_.left, answer.left);
-  append(filling_.resumed, answer.resumed);
-  add(Input{.input = input,
-            .taken = answer.taken,
-            .submitted = answer.submitted.size(),
-            .started = answer.started.size(),
-            .ended = answer.ended.size(),
-            .left = answer.left.size(),
-            .resumed = answer.resumed.size()});
+  append(filling_.effects.submitted, answer.submitted);
+  append(filling_.effects.started, answer.started);
+  append(filling_.effects.ended, answer.ended);
+  append(filling_.effects.left, answer.left);
+  append(filling_.effects.resumed, answer.resumed);
+  add(Input{input, answer});
 }
 
 void TraceThread::submitted(TaskId task, std::size_t pipeline, std::size_t position,

@@ -42,9 +42,8 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
 
  private:
   struct Input {
-    DispatcherInput input;  ///< Of its tasks only the number counts,
-    bool taken = true;
-    std::size_t submitted = 0, started = 0, ended = 0, left = 0, resumed = 0;  ///< as of these.
+    DispatcherInput input;  ///< Of tasks and decisions only the number counts.
+    Answer answer;
   };
   struct Submitted {
     TaskId task;
@@ -78,12 +77,10 @@ class TraceThread final : public DispatcherObserver, public RunObserver {
   struct Batch {
     std::vector<Event> events;
     std::vector<Task> tasks;  ///< Of their predecessors and series only the number counts.
-    std::vector<TaskId> after, submitted;
+    std::vector<TaskId> after;
     std::vector<std::uint32_t> after_own;
     std::vector<SeriesId> reads;
-    std::vector<Start> started;
-    std::vector<Ended> ended;
-    std::vector<Sliced> left, resumed;
+    Effects effects;
     std::vector<int> waiting;
     void clear();
   };

@@ -124,8 +124,8 @@ Scenario scenario_of(const Platform& platform, const Mix& mix, const ScheduleOpt
   std::unordered_map<TaskId, WorkloadId> workloads;
   PeerStart now;  // At time 0, then at the latest completion.
   for (const auto& entry : log.entries) {
-    for (std::size_t i = 0; i < entry.submitted.size(); ++i) {
-      workloads[entry.submitted[i]] = entry.tasks[i].kind.workload;
+    for (std::size_t i = 0; i < entry.effects.submitted.size(); ++i) {
+      workloads[entry.effects.submitted[i]] = entry.tasks[i].kind.workload;
     }
     if (entry.input.kind == DispatcherInput::Kind::kComplete) {
       scenario.starts.push_back(std::exchange(now, {}));
@@ -133,7 +133,7 @@ Scenario scenario_of(const Platform& platform, const Mix& mix, const ScheduleOpt
       list.push_back(to_s(entry.input.now));
       now = {entry.input.unit, list.size(), {}};
     }
-    for (const Start& start : entry.started) {
+    for (const Start& start : entry.effects.started) {
       now.tasks.push_back(scenario.tasks.size());
       scenario.tasks.push_back(
           peer_task(*services.find(workloads.at(start.task), start.unit), start.unit));

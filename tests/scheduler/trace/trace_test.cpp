@@ -226,7 +226,8 @@ TEST_F(Traces, ReplayToTheSameDecisionsInEveryMode) {
   for (const auto& mode : policy_names()) {
     const auto record = run(load_platform("fake"), busy_mix(), mode);
     const auto log = load_trace_log(path());
-    for (const auto& entry : log.entries) ends += static_cast<std::int64_t>(entry.ended.size());
+    for (const auto& entry : log.entries)
+      ends += static_cast<std::int64_t>(entry.effects.ended.size());
     const auto result = replay(log, path());
     EXPECT_FALSE(result.difference) << mode;
     EXPECT_EQ(result.inputs, static_cast<std::int64_t>(log.entries.size()));
