@@ -88,6 +88,7 @@ bool Dispatcher::slice_ended(UnitId unit, TaskId task, Nanos now, Effects& out) 
     const TaskState state = tasks_[slot].state;
     if (state != TaskState::kRunning && state != TaskState::kCancelled) return false;
     expire(Expire::kBeforeNow, out);
+    note_urgent();
     leave(slot, unit);
     if (let_in(unit, tasks_[slot].deadline, out)) {
       out.left.push_back({task, unit});
@@ -249,6 +250,7 @@ void Dispatcher::put_in_queue(TaskSlot slot, UnitId unit, const UnitsView& shown
   record.state = TaskState::kQueued;
   record.unit = unit;
   units_[unit].queue.insert(tasks_, slot);
+  if (is_urgent(slot)) units_[unit].urgent.insert(by_deadline(slot));
   queued_ |= unit_bit(unit);
 }
 
@@ -305,6 +307,7 @@ void Dispatcher::start(TaskSlot slot, UnitId unit, Effects& out) {
 void Dispatcher::take_from_queue(TaskSlot slot, UnitId unit) {
   TaskList& queue = units_[unit].queue;
   queue.erase(tasks_, slot);
+  if (is_urgent(slot)) units_[unit].urgent.erase(by_deadline(slot));
   if (queue.empty()) queued_ &= ~unit_bit(unit);
 }
 

@@ -13,7 +13,9 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -145,12 +147,21 @@ class Dispatcher {
   [[nodiscard]] std::size_t known_firings() const { return tasks_.firings(); }
 
  private:
+  using ByDeadline = std::tuple<Nanos, std::uint64_t, TaskSlot>;
+  [[nodiscard]] ByDeadline by_deadline(TaskSlot slot) const {
+    return {tasks_[slot].deadline, tasks_[slot].sequence, slot};
+  }
+  [[nodiscard]] bool is_urgent(TaskSlot slot) const {
+    return leaves_calls_ && tasks_[slot].deadline != Nanos::max();
+  }
+  void note_urgent();
   struct Unit {
     int slots = 0;
     int running = 0;
     UnitState state = UnitState::kUp;
     TaskList queue = {};
-    std::vector<TaskSlot> left = {};  ///< Between two slices, the innermost last.
+    std::set<ByDeadline> urgent = {};  ///< Those there with a deadline; once calls are left.
+    std::vector<TaskSlot> left = {};   ///< Between two slices, the innermost last.
   };
   struct Template {
     std::vector<std::uint32_t> class_of;  ///< By task; kNone until it was submitted once.
@@ -222,6 +233,7 @@ class Dispatcher {
   UnitMask idle_ = 0;                ///< Those that are up and have a slot left.
   UnitMask queued_ = 0;              ///< Those with something in their queue.
   UnitMask left_ = 0;                ///< Those with tasks that are left between two slices.
+  bool leaves_calls_ = false;        ///< Some call has ended a slice.
   std::vector<UnitId> start_order_;  ///< The policy's order, then the units that it does not name.
   TaskStore tasks_;
   Ties ties_{tasks_};

@@ -6,6 +6,16 @@
 
 namespace pirt {
 
+/// From now on what waits in queues is looked at by deadline.
+void Dispatcher::note_urgent() {
+  if (std::exchange(leaves_calls_, true)) return;
+  for (Unit& unit : units_) {
+    for (TaskSlot slot = unit.queue.front(); slot != kNoSlot; slot = tasks_[slot].next) {
+      if (is_urgent(slot)) unit.urgent.insert(by_deadline(slot));
+    }
+  }
+}
+
 /// The task does not run for now.
 void Dispatcher::leave(TaskSlot slot, UnitId unit) {
   tasks_[slot].left = true;
@@ -43,8 +53,11 @@ bool Dispatcher::let_in(UnitId unit, Nanos before, Effects& out) {
   const auto consider = [&](TaskSlot slot) {
     if (may_let_in(slot, unit, before)) urgent_.push_back(slot);
   };
-  const TaskList& queue = units_[unit].queue;
-  for (TaskSlot slot = queue.front(); slot != kNoSlot; slot = tasks_[slot].next) consider(slot);
+  // Of those in its queue the first that may: no policy is asked for it.
+  for (const auto& [deadline, sequence, slot] : units_[unit].urgent) {
+    consider(slot);
+    if (deadline >= before || !urgent_.empty()) break;
+  }
   waiting_.visit_first_for(unit, consider);
   std::ranges::sort(urgent_, [this](TaskSlot a, TaskSlot b) {
     const TaskRecord& first = tasks_[a];

@@ -125,6 +125,10 @@ class LiveLocalization {
     return image;
   }
 
+  [[nodiscard]] Nanos due(std::size_t frame) const {
+    return begin_ + (sequence_.frames[frame].time - sequence_.frames.front().time);
+  }
+
   /// Waits for the frame's time, or for room. False: it is dropped, or nothing comes any more.
   bool comes(Flight& flight) {
     std::unique_lock lock(mutex_);
@@ -135,22 +139,24 @@ class LiveLocalization {
       }
     };
     const auto has_room = [this] { return in_flight_ < options_.most_in_flight; };
+    bool late = false;
     if (options_.own_rate) {
-      const Nanos due =
-          begin_ + (sequence_.frames[flight.frame].time - sequence_.frames.front().time);
-      until(due, [] { return false; });
-      flight.arrived = std::max(due, clock_.now());
+      // It counts from then, whenever it was there to be looked at; once the next one has come it
+      // is not looked at any more.
+      flight.arrived = due(flight.frame);
+      until(flight.arrived, [] { return false; });
+      late = flight.frame + 1 < sequence_.frames.size() && clock_.now() >= due(flight.frame + 1);
     } else {
       until(Nanos::max(), has_room);
       flight.arrived = clock_.now();
     }
     if (stops() > 0 || failure_ != nullptr) return false;
     ++result_.arrived;
-    if (!has_room()) {
+    if (result_.arrived == 1) first_ = flight.arrived;
+    if (late || !has_room()) {
       ++result_.dropped;
       return false;
     }
-    if (result_.arrived == 1) first_ = flight.arrived;
     ++in_flight_;
     return true;
   }

@@ -23,7 +23,8 @@ StateValue::StateValue(const Workload& workload)
 
 StateValue::StateValue(const StateValue& other)
     : initial_(other.initial_),
-      sets_{copy_tensors(other.committed()), copy_tensors(other.committed())} {}
+      sets_{copy_tensors(other.committed()), copy_tensors(other.committed())},
+      version_(other.version_) {}
 
 void StateValue::commit(std::uint64_t version) {
   current_ = 1 - current_;

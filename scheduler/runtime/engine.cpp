@@ -27,7 +27,7 @@ void runtime::MustNotWait::check(const char* what) {
 
 void runtime::Submitted::begin() {
   uses.store(2, std::memory_order_relaxed);  // The engine and who submits.
-  taken_in = known = running = false;
+  taken_in = known = running = suspended = false;
   decided.store(kLive, std::memory_order_relaxed);
   unit_name.clear();
   name.clear();
@@ -117,6 +117,15 @@ UnitMask Runtime::Engine::units_named(const std::vector<std::string>& names) con
   return mask;
 }
 
+Runtime::Engine::Submitted& Runtime::Engine::take_record() {
+  try {
+    return records_.slab.take();
+  } catch (...) {  // No memory.
+    room_.leave();
+    throw;
+  }
+}
+
 TaskFuture Runtime::Engine::submit(std::size_t index, std::vector<TaskInput> inputs,
                                    TaskOptions options, Callback callback) {
   const Known& known = workloads_[index];
@@ -134,11 +143,13 @@ TaskFuture Runtime::Engine::submit(std::size_t index, std::vector<TaskInput> inp
   if (closing_) {
     throw_environment(known.workload->name + ": the runtime is ending and takes nothing new");
   }
-  Submitted& task = records_.slab.take();
+  // Who waits for room has no record: there are no more than tasks that have not ended, or that
+  // somebody still holds.
   if (!room_.try_enter()) {
     if (!runtime::MustNotWait::here()) room_.wait_for_room();
     room_.enter();
   }
+  Submitted& task = take_record();
   task.begin();
   task.engine = number_of_engine_;
   task.workload = known.workload;

@@ -66,6 +66,7 @@ struct runtime::Submitted {
   bool taken_in = false;
   bool known = false;                ///< To the dispatcher.
   bool running = false;              ///< On its unit, whatever has become of it.
+  bool suspended = false;            ///< There, between two slices.
   Submitted* told_next = nullptr;    ///< Of those that are told together.
   std::atomic<int> decided = kLive;  ///< A TaskEnd, told soon; read by any who knows the task.
 
@@ -182,6 +183,7 @@ class Runtime::Engine {
   void list_workloads();
   void list_states();
   void take_first_inputs();
+  void tell_limits() const;
   void open_units();
   void ended(Call& call, CallEnd& end);
   void slice_ended(Call& call);
@@ -197,6 +199,7 @@ class Runtime::Engine {
 
   /// What is known of a task as it is submitted.
   enum class Prospect : std::uint8_t { kReady, kWaits, kUrgent };
+  Submitted& take_record();
   [[nodiscard]] static Prospect prospect(const Submitted& task);
   [[nodiscard]] bool may_wait(Prospect prospect, std::uint64_t turns);
   static void post(std::atomic<Submitted*>& list, Submitted& task, Submitted::Event event);
@@ -217,10 +220,11 @@ class Runtime::Engine {
   TaskId never();
   void take_end(Submitted& task);
   void take_slice(Submitted& task);
+  [[nodiscard]] static std::string why_dropped(const Submitted& task);
   void note_arrival(const Submitted& task);
   void count_returns(const Submitted& task);
   void look();
-  [[nodiscard]] const Service* expected(UnitId unit, std::uint64_t token);
+  [[nodiscard]] LiveUnits::Expectation expected(UnitId unit, std::uint64_t token);
   void give_up(const LiveUnits::Hung& hung);
   void lose(UnitId unit);
   void note_reach();

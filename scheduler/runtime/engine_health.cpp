@@ -119,13 +119,14 @@ void Runtime::Engine::note_reach() {
   out_of_reach_ = live_units_.any_out_of_reach();
 }
 
-const Service* Runtime::Engine::expected(UnitId unit, std::uint64_t token) {
+LiveUnits::Expectation Runtime::Engine::expected(UnitId unit, std::uint64_t token) {
   const std::size_t index = task_at(token).workload_index;
-  const OwnWorkload* own = workloads_[index].own;
-  const bool known = own != nullptr ? own->expected.contains(options_.platform.units[unit].name)
-                                    : options_.profile.has_value();
-  if (!known) return nullptr;
-  return setup_->scenario.services.find(static_cast<WorkloadId>(index), unit);
+  const Known& known = workloads_[index];
+  if (known.own != nullptr && !known.own->expected.contains(options_.platform.units[unit].name)) {
+    return {.otherwise = kUnknownTimeLimit};
+  }
+  if (known.own == nullptr && !options_.profile) return {};
+  return {setup_->scenario.services.find(static_cast<WorkloadId>(index), unit)};
 }
 
 /// The call never comes back to anybody. What it reads and writes is its own from then on, as is

@@ -260,7 +260,24 @@ void Runtime::Engine::take_first_inputs() {
   }
 }
 
+/// Of own functions that say nothing of what they take.
+void Runtime::Engine::tell_limits() const {
+  if (options_.time_limit || !options_.progress) return;
+  for (const Known& known : workloads_) {
+    for (UnitId unit = 0; unit < units_.size() && known.own != nullptr; ++unit) {
+      const std::string& name = options_.platform.units[unit].name;
+      if (!contains(known.runs_on, unit) || known.own->expected.contains(name)) continue;
+      options_.progress(
+          known.own->name + " on " + name +
+          " does not say what it is expected to take: a call that has not ended after " +
+          std::to_string(kUnknownTimeLimit / std::chrono::seconds(1)) +
+          " s is taken for one that hangs");
+    }
+  }
+}
+
 void Runtime::Engine::open_units() {
+  tell_limits();
   std::map<UnitId, std::vector<Preparation>> prepared;
   for (UnitId unit = 0; unit < units_.size(); ++unit) {
     if (auto each = preparations(unit); !each.empty()) prepared.emplace(unit, std::move(each));

@@ -110,7 +110,8 @@ void Runtime::Engine::take_end(Submitted& task) {
   const bool wanted = !task.is_decided();
   unit.busy += end.busy;
   unit.powered += end.powered(is_elsewhere(options_.platform.units[task.unit]));
-  if (trace_) trace_->left(task.unit, slot_of(task.id));
+  // Of one between two slices it has been told.
+  if (!std::exchange(task.suspended, false) && trace_) trace_->left(task.unit, slot_of(task.id));
   if (!end.problem.empty()) add_problem(end.problem);
   if (wanted) {
     task.busy = end.busy;
@@ -144,6 +145,7 @@ void Runtime::Engine::take_slice(Submitted& task) {
   try {
     dispatcher_->slice_ended(unit, task.id, now_, effects_);
     leaves = !effects_.left.empty();
+    task.suspended = leaves;
     if (leaves && trace_) trace_->left(unit, slot_of(task.id));
     apply();
   } catch (const std::exception& error) {
@@ -187,12 +189,43 @@ void Runtime::Engine::cancel_asked() {
   }
 }
 
+/// The first of those that the task comes after and that did not complete, in its own words.
+std::string Runtime::Engine::why_dropped(const Submitted& task) {
+  const auto says = [&task](const Submitted* before) -> std::string {
+    if (before == nullptr || !before->is_decided() ||
+        before->decided.load() == static_cast<int>(TaskEnd::kCompleted)) {
+      return "";
+    }
+    static constexpr std::string_view kSince = ": dropped, since ";
+    const auto end = static_cast<TaskEnd>(before->decided.load());
+    std::string first =
+        before->problem.empty()
+            ? before->workload->name + " before it has ended as " + std::string(to_string(end))
+            : before->problem;
+    if (const auto since = first.find(kSince); since != std::string::npos) {
+      first.erase(0, since + kSince.size());
+    }
+    return task.workload->name + std::string(kSince) + first;
+  };
+  std::string why;
+  for (const TaskInput& input : task.inputs) {
+    if (why.empty()) why = says(input.output_.task.get());
+  }
+  for (const TaskFuture& before : task.options.after) {
+    if (why.empty()) why = says(before.task_.get());
+  }
+  return why;
+}
+
 /// Carries out what the dispatcher has decided.
 void Runtime::Engine::apply() {
   std::swap(effects_, applied_);
   for (const Start& each : applied_.started) start(each);
   for (const Sliced& each : applied_.resumed) {
-    if (const Submitted* const task = task_of(each.task)) note_arrival(*task);
+    if (Submitted* const task = task_of(each.task)) {
+      task->suspended = false;
+      note_arrival(*task);
+    }
     live_units_.go_on(each.unit);
   }
   for (const Recalled& each : applied_.recalled) {
@@ -206,6 +239,7 @@ void Runtime::Engine::apply() {
     if (each.how == TaskEnd::kFailed && task->problem.empty()) {
       task->problem = task->workload->name + ": no unit is left that could run it";
     }
+    if (each.how == TaskEnd::kDropped) task->problem = why_dropped(*task);
     finish(*task, each.how);
   }
   applied_.clear();

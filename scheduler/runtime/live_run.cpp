@@ -108,6 +108,7 @@ class LiveRun final : public Executor {
     const auto recall = time_.firings().recall(job);
     call.wanted_until.reset();
     if (recall && contains(recall->from, unit)) call.wanted_until = start_ + recall->at;
+    call.inputs.clear();
     for (const Tensor& each : samples_.of(workload, place.firing)->inputs) {
       call.inputs.push_back(each.share());
     }
@@ -231,7 +232,8 @@ class LiveRun final : public Executor {
   /// Takes units out of service whose call does not end. False: nothing is waited for any more.
   bool goes_on() {
     const auto expected = [this](UnitId unit, std::uint64_t token) {
-      return scenario_.services.find(workload_of(static_cast<JobIndex>(token)), unit);
+      const WorkloadId workload = workload_of(static_cast<JobIndex>(token));
+      return LiveUnits::Expectation{scenario_.services.find(workload, unit)};
     };
     const auto all = units_.abandon_hung(expected);
     // All of them first: nothing of one may start on another.
@@ -269,6 +271,11 @@ class LiveRun final : public Executor {
     for (const std::uint64_t token : hung.left) give_up_left(static_cast<JobIndex>(token));
     end_computing(job, {.outcome = Outcome::kFailed, .busy = hung.ran});
     for (const std::uint64_t token : hung.behind) {
+      // Nobody has begun with it: what it reads is to be free for others.
+      Call& call = call_of(static_cast<JobIndex>(token));
+      call.inputs.clear();
+      call.state = nullptr;
+      call.outputs = nullptr;
       end_computing(static_cast<JobIndex>(token), {.outcome = Outcome::kReturned});
     }
   }

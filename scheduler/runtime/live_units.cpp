@@ -57,10 +57,11 @@ std::unique_ptr<KernelUnit> LiveUnits::make(UnitId unit, std::vector<Preparation
                 .priority = options_.priority,
                 .spin = is_elsewhere(model) ? Nanos::zero() : std::min(spin_, model.spin),
                 .keeps = options_.keeps,
-                .slice_ended = options_.slice_ended ? std::function([this, unit](Call& call) {
-                  options_.slice_ended(unit, call);
-                })
-                                                    : nullptr},
+                .slice_ended = options_.slice_ended && can_suspend_calls(model)
+                                   ? std::function([this, unit](Call& call) {
+                                       options_.slice_ended(unit, call);
+                                     })
+                                   : nullptr},
       [this, unit](Call& call, CallEnd& end) { done_(unit, call, end); });
 }
 
@@ -165,11 +166,12 @@ int LiveUnits::count_returns(UnitId unit, WorkloadId workload, const CallEnd& en
   return 0;
 }
 
-std::optional<Nanos> LiveUnits::limit_of(UnitId unit, const Service* expected) const {
+std::optional<Nanos> LiveUnits::limit_of(UnitId unit, const Expectation& expected) const {
   if (options_.time_limit) return options_.time_limit;
   // Waiting for a link, a server or a worker is not hanging: the unit's backend ends it.
-  if (expected == nullptr || units_[unit]->is_remote()) return std::nullopt;
-  return time_limit(*expected, units_[unit]->has_own_clock());
+  if (units_[unit]->is_remote()) return std::nullopt;
+  if (expected.service == nullptr) return expected.otherwise;
+  return time_limit(*expected.service, units_[unit]->has_own_clock());
 }
 
 }  // namespace pirt

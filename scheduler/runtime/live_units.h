@@ -102,9 +102,13 @@ class LiveUnits {
     std::vector<std::uint64_t> left;    ///< and of those that it was let into: they never end.
     Nanos ran{0};
   };
-  /// @param expected  const Service*(UnitId, std::uint64_t token): what the call is expected to
-  ///                  take; null = nobody knows, and it may take as long as it likes unless there
-  ///                  is a limit for all.
+  /// What a call is expected to take; where nobody says, how long it may: absent = as it likes,
+  /// unless there is a limit for all.
+  struct Expectation {
+    const Service* service = nullptr;
+    std::optional<Nanos> otherwise = {};
+  };
+  /// @param expected  Expectation(UnitId, std::uint64_t token).
   template <typename Expected>
   [[nodiscard]] std::vector<Hung> abandon_hung(const Expected& expected) {
     std::vector<Hung> hung;
@@ -164,7 +168,7 @@ class LiveUnits {
   [[nodiscard]] std::unique_ptr<KernelUnit> make(UnitId unit,
                                                  std::vector<Preparation> preparations);
   void wait_until_ready(KernelUnit& unit, Nanos until) const;
-  [[nodiscard]] std::optional<Nanos> limit_of(UnitId unit, const Service* expected) const;
+  [[nodiscard]] std::optional<Nanos> limit_of(UnitId unit, const Expectation& expected) const;
   void say(const std::string& line) const {
     if (options_.progress) options_.progress(line);
   }

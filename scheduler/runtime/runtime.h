@@ -198,8 +198,8 @@ struct RuntimeOptions {
   /// Tasks that have not ended: submit waits while there are so many.
   std::size_t most_tasks = 65'536;
   /// A call that takes longer puts its unit out of service for good. Absent = 50 times what it is
-  /// expected to take, and at least 5 s; never where that is not known (no profile, and an own
-  /// workload that does not say what it expects of the unit).
+  /// expected to take, and at least 5 s; 10 s of an own function that does not say what it expects
+  /// of the unit (`progress` hears of that); never of the catalog's without a profile.
   std::optional<Nanos> time_limit = {};
   /// Tasks with a nearer deadline are let in between two slices of a call, where it says that it
   /// can be left: some of the catalog's do (WorkloadSpec::slices), and an own function may by

@@ -29,14 +29,8 @@ class Slab {
   Slab& operator=(const Slab&) = delete;
 
   Record& take() {
-    std::uint64_t head = head_.load();
-    while (first(head) != kNone) {
-      Record& record = at(first(head));
-      // Of one that another thread takes meanwhile this may be anything; then the head is another.
-      const std::uint32_t next = record.place.next_free.load(std::memory_order_relaxed);
-      if (head_.compare_exchange_weak(head, changed(head, next))) return record;
-    }
-    return grow();
+    Record* const free = take_free();
+    return free != nullptr ? *free : grow();
   }
 
   void give_back(Record& record) {
@@ -67,6 +61,18 @@ class Slab {
   }
 
  private:
+  /// Null if none is free.
+  Record* take_free() {
+    std::uint64_t head = head_.load();
+    while (first(head) != kNone) {
+      Record& record = at(first(head));
+      // Of one that another thread takes meanwhile this may be anything; then the head is another.
+      const std::uint32_t next = record.place.next_free.load(std::memory_order_relaxed);
+      if (head_.compare_exchange_weak(head, changed(head, next))) return &record;
+    }
+    return nullptr;
+  }
+
   // The head of the list of free records: which is first, how often that changed, so that no thread
   // takes an old one for it, and whether the owner has gone.
   static constexpr std::uint32_t kNone = UINT32_MAX;
@@ -98,6 +104,8 @@ class Slab {
   /// One of a new chunk; the others are free.
   Record& grow() {
     const std::lock_guard lock(growing_);
+    // Who waited for the lock may find what another has made.
+    if (Record* const free = take_free()) return *free;
     const std::uint32_t chunk = chunk_of(made_);
     const std::uint32_t begin = first_of(chunk), size = size_of(chunk);
     auto* const records = new Record[size];

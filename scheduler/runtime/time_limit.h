@@ -12,6 +12,9 @@ namespace pirt {
 /// A busy machine, a kernel's first call.
 inline constexpr Nanos kLeastTimeLimit = std::chrono::seconds(5);
 
+/// Of a function of the robot's own of which nobody says what it takes.
+inline constexpr Nanos kUnknownTimeLimit = std::chrono::seconds(10);
+
 /// @param service    What the call is expected to take.
 /// @param own_clock  The unit tells time by a clock of its own: how long this machine takes for a
 ///                   call does not follow from that.

@@ -225,15 +225,6 @@ void add_context(const Cell& cell, ServiceEntry& entry) {
            .reason = why + "; give `contexts: {prepare_ms: N}` in the platform file"};
 }
 
-/// Units on which calls can be left: what runs there has one thing under way, which is here, and
-/// holds all programs at once.
-bool leaves_calls(const UnitModel& unit) {
-  const bool one_at_a_time = unit.servers == 1 && unit.discipline == Discipline::kFifo &&
-                             unit.slots.value_or(unit.measured() ? 1 : 0) == 1;
-  return one_at_a_time && !unit.contexts && !is_elsewhere(unit) && unit.role != Role::kCloud &&
-         (!unit.measured() || leaves_calls_of(unit.backend));
-}
-
 ServiceEntry resolve(const Cell& cell, std::vector<std::string>& warnings) {
   ServiceEntry entry;
   const auto rows = cell.profile == nullptr ? CallRows{} : call_rows(cell);
@@ -247,7 +238,7 @@ ServiceEntry resolve(const Cell& cell, std::vector<std::string>& warnings) {
   if (entry.service) {
     scale_stages(cell, *entry.service);
     add_energy(cell, *entry.service, warnings);
-    if (cell.options.slices && leaves_calls(cell.unit())) {
+    if (cell.options.slices && can_suspend_calls(cell.unit())) {
       entry.service->slices = cell.workload.slices;
     }
   }
@@ -332,6 +323,13 @@ UnitMask ServiceTable::units_of(WorkloadId workload) const {
     if (entries[workload][unit].service) mask |= unit_bit(unit);
   }
   return mask;
+}
+
+bool can_suspend_calls(const UnitModel& unit) {
+  const bool one_at_a_time = unit.servers == 1 && unit.discipline == Discipline::kFifo &&
+                             unit.slots.value_or(unit.measured() ? 1 : 0) == 1;
+  return one_at_a_time && !unit.contexts && !is_elsewhere(unit) && unit.role != Role::kCloud &&
+         (!unit.measured() || leaves_calls_of(unit.backend));
 }
 
 void ServiceTable::leave_no_call() {

@@ -98,6 +98,10 @@ struct ServiceTable {
   void leave_no_call();
 };
 
+/// Whether calls there may be suspended between two slices: what runs on the unit has one thing
+/// under way, which is here, and holds all programs at once.
+[[nodiscard]] bool can_suspend_calls(const UnitModel& unit);
+
 /// What 95 of 100 do not exceed; the value itself, or the highest, of what is modelled.
 [[nodiscard]] Nanos usual_worst_of(const Distribution& time);
 

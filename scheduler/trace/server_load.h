@@ -19,8 +19,9 @@ struct ServerLoad {
   std::deque<std::pair<std::uint32_t, double>> jobs = {};  ///< By arrival, with their watts.
 
   void arrived(std::uint32_t job, double power_w) { jobs.emplace_back(job, power_w); }
+  /// Nothing, if it is not there.
   void left(std::uint32_t job) {
-    jobs.erase(std::ranges::find(jobs, job, &std::pair<std::uint32_t, double>::first));
+    std::erase_if(jobs, [job](const auto& each) { return each.first == job; });
   }
   [[nodiscard]] double power_w() const;
 };

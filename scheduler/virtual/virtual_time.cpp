@@ -178,7 +178,7 @@ bool VirtualTime::advance(Nanos now) {
     timers_.pop_back();
     switch (due.kind) {
       case TimerKind::kFires:
-        fire(due.index);
+        fire(due.index, due.moment.time);
         break;
       case TimerKind::kDelay:
         charge_delay(due.index, jobs_[due.index].takes);
@@ -255,13 +255,15 @@ void VirtualTime::schedule_firing(std::uint32_t pipeline) {
   if (const auto at = firings_.due(pipeline)) add_timer(*at, TimerKind::kFires, pipeline);
 }
 
-void VirtualTime::fire(std::uint32_t pipeline) {
-  const auto tasks = firings_.fire(pipeline, now_);
+/// @param due  When it was to; a driver with a clock may notice that later, and its firing's clock
+/// runs from then all the same.
+void VirtualTime::fire(std::uint32_t pipeline, Nanos due) {
+  const auto tasks = firings_.fire(pipeline, due);
   schedule_firing(pipeline);
   if (!tasks) return;
   const auto firing = dispatcher_.submit(templates_[pipeline], *tasks, now_, effects_);
   must(firing.has_value());
-  firings_.submitted(pipeline, *firing, effects_.submitted, now_);
+  firings_.submitted(pipeline, *firing, effects_.submitted, due);
   for (const TaskId id : effects_.submitted) {
     const JobIndex job = Firings::job_of(id);
     const Firings::TaskPlace& place = firings_.place(job);
@@ -277,7 +279,7 @@ void VirtualTime::settle() {
   if (!effects_.empty()) apply_starts();
   for (auto loop = firings_.next_loop(now_); loop != Firings::kNoLoop;
        loop = firings_.next_loop(now_)) {
-    fire(loop);
+    fire(loop, now_);
     apply_starts();
   }
   note_next(kNone);

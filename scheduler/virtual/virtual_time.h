@@ -105,7 +105,7 @@ class VirtualTime final : private Servers::Owner {
 
   void lay_out_steps();
   void close_books(Nanos end);
-  void fire(std::uint32_t pipeline);
+  void fire(std::uint32_t pipeline, Nanos due);
   void schedule_firing(std::uint32_t pipeline);
   void settle();
   void apply_starts();

@@ -6,6 +6,7 @@
 #include "scheduler/runtime/kernel_unit.h"
 #include "scheduler/schedule_live.h"
 #include "scheduler/trace/replay.h"
+#include "scheduler/virtual/virtual_time.h"
 #include "tests/scheduler/support.h"
 #include "workloads/backends/registry.h"
 #include "workloads/catalog/catalog.h"
@@ -311,6 +312,57 @@ TEST(Live, AUnitThatHangsIsTakenOutOfServiceAndItsStateIsThatOfBefore) {
     EXPECT_EQ((outputs[{0, firing}] == bytes_of(made)), true) << firing;
   }
   EXPECT_FALSE(replay(load_trace_log(trace), trace).difference);
+}
+
+TEST(Live, WhatWaitedBehindAHungCallIsServedElsewhereWithItsOwnInputs) {
+  const auto platform = parse_platform("test.yaml", R"(
+platform: board
+units:
+  gpu: {backend: fake, slots: 2, active_w: 1, script: {clock: wall, hang: [gaussian_blur]}}
+  cpu: {backend: cpu, cores: all, slots: 1, active_w: 1}
+workloads:
+  gaussian_blur: {gpu: [{on: gpu, ms: 0.01, name: execute}], cpu: [{on: cpu, ms: 5}]}
+)",
+                                       {}, 1);
+  ScheduleOptions options;
+  options.mode = "met";  // First to the unit that hangs, which takes two.
+  options.in_flight = 4;
+  LiveOptions how;
+  how.prepare_first = false;
+  how.time_limit = std::chrono::milliseconds(200);
+  const RunRecord run =
+      run_live(platform, nullptr,
+               mix_of("mix: m\npipelines: {p: {closed_loop: {frames: 12}, tasks: [{workload: "
+                      "gaussian_blur}]}}\n"),
+               options, how);
+  EXPECT_EQ(run.failed, 1) << testing::PrintToString(run.warnings);
+  EXPECT_EQ(run.completed, 11);
+  EXPECT_EQ(run.returned, 1);
+}
+
+// A process that was stopped for a while: its firings come late, and their clocks ran on.
+TEST(Live, AFiringsClockBeginsWhenItWasDue) {
+  const auto platform = platform_of(
+      "platform: one\nunits: {cpu: {slots: 1}}\nworkloads: {fc8: {cpu: [{on: cpu, ms: 1}]}}\n");
+  const auto mix =
+      mix_of("mix: m\npipelines: {a: {rate_hz: 20, deadline_ms: 20, tasks: [{workload: fc8}]}}\n");
+  ScheduleOptions options;
+  options.mode = "edf";
+  options.duration = from_s(2);
+  const auto driver = [](const Scenario& scenario, Dispatcher& dispatcher, TraceWriter*) {
+    VirtualTime time(scenario, dispatcher);
+    time.begin();
+    // Nobody looks from 0.5 to 1.5 s.
+    while (time.next() != Nanos::max()) {
+      const bool stopped = time.next() > from_s(0.5) && time.next() < from_s(1.5);
+      time.advance(stopped ? from_s(1.5) : time.next());
+    }
+    return time.finish();
+  };
+  const RunRecord record = run_mix(platform, nullptr, mix, options, driver, "virtual");
+  // 0.55, 0.6, ... 1.45 s, of which each took 20 ms and more; 1.5 s itself waits for them.
+  EXPECT_GE(record.pipelines[0].deadline_misses, 19);
+  EXPECT_GT(*record.pipelines[0].p99_ms, 900);
 }
 
 TEST(Live, AUnitThatServesNothingIsNotOpened) {

@@ -28,6 +28,8 @@ TEST(Runtime, AKernelThatThrowsFailsByNameAndItsSuccessorsAreDropped) {
   EXPECT_THAT(failed.problem(), HasSubstr("no luck"));
   EXPECT_EQ(next.wait(), TaskEnd::kDropped);
   EXPECT_EQ(after.wait(), TaskEnd::kDropped);
+  EXPECT_THAT(next.problem(), HasSubstr("add: dropped, since fails on"));
+  EXPECT_THAT(after.problem(), HasSubstr("add: dropped, since fails on"));
   // Named when its end is long known.
   EXPECT_EQ(runtime.submit("add", {failed.output(0), number(1)}).wait(), TaskEnd::kDropped);
   try {
@@ -37,6 +39,19 @@ TEST(Runtime, AKernelThatThrowsFailsByNameAndItsSuccessorsAreDropped) {
     EXPECT_THAT(error.what(), HasSubstr("no luck"));
   }
   expect_balance(runtime.statistics());
+}
+
+TEST(Runtime, SaysHowLongAFunctionMayTakeThatSaysNothing) {
+  std::vector<std::string> said;
+  auto options = options_with({adding()});
+  options.progress = [&said](const std::string& line) { said.push_back(line); };
+  { const Runtime runtime(options); }
+  EXPECT_THAT(said, testing::Contains(HasSubstr("add on gpu does not say what it is expected to "
+                                                "take: a call that has not ended after 10 s")));
+  said.clear();
+  options.time_limit = std::chrono::seconds(1);
+  { const Runtime runtime(options); }
+  EXPECT_THAT(said, testing::Not(testing::Contains(HasSubstr("does not say"))));
 }
 
 TEST(Runtime, AUnitThatCannotGivesItsTasksToAnother) {

@@ -189,8 +189,9 @@ TEST(LiveSlices, AHungCallTakesWhatItWasLetIntoWithIt) {
                                        between_slices();
                                        gone->count_down();
                                      }),
-                                 own("short", [=] { ends->wait(); })});
+                                 own("short", [=] { ends->wait(); }), own("third", [] {})});
     options.time_limit = 300ms;
+    options.trace = trace_path();
     Runtime runtime(std::move(options));
     const auto task = runtime.submit("long", {}, {});
     begun->wait();
@@ -202,6 +203,9 @@ TEST(LiveSlices, AHungCallTakesWhatItWasLetIntoWithIt) {
     EXPECT_FALSE(runtime.statistics().units[0].in_service);
     runtime.bring_back("cpu");
     EXPECT_TRUE(runtime.statistics().units[0].in_service);
+    EXPECT_EQ(runtime.submit("third", {}, {}).wait(), TaskEnd::kCompleted);
+    runtime.write_trace();
+    EXPECT_FALSE(replay_file(trace_path()).result.difference);
   }
   ends->count_down();
   gone->wait();
@@ -281,6 +285,38 @@ pipelines:
   EXPECT_GT(record.slices_left.value_or(0), 0);
   EXPECT_EQ(record.submitted,
             record.completed + record.dropped + record.expired + record.failed + record.queued);
+  EXPECT_EQ(record.failed, 0) << testing::PrintToString(record.warnings);
+  EXPECT_FALSE(replay_file(trace_path()).result.difference);
+}
+
+// A unit with several slots is given the next call while one runs: it leaves none.
+TEST(LiveSlices, AUnitWithSeveralSlotsLeavesNoCall) {
+  const auto platform = parse_platform("test.yaml", R"(
+platform: one
+units:
+  cpu: {backend: cpu, cores: all, slots: 2, active_w: 1, idle_w: 0}
+workloads:
+  bundle_adjust: {cpu: [{on: cpu, ms: 60}]}
+  avoid_obstacles: {cpu: [{on: cpu, ms: 0.1}]}
+)",
+                                       {}, 2);
+  EXPECT_FALSE(can_suspend_calls(platform.units[0]));
+  const auto mix = mix_of(R"(
+mix: m
+pipelines:
+  planning: {rate_hz: 20, deadline_ms: 50, tasks: [{workload: avoid_obstacles}]}
+  mapping: {rate_hz: 4, tasks: [{workload: bundle_adjust}]}
+)");
+  ScheduleOptions options;
+  options.mode = "edf";
+  options.slices = true;
+  options.duration = from_s(1);
+  options.trace = trace_path();
+  LiveOptions live;
+  live.time_limit = 100s;
+  const auto record = run_live(platform, nullptr, mix, options, live);
+  EXPECT_FALSE(record.slices_left);
+  EXPECT_EQ(record.submitted, record.completed + record.dropped + record.queued);
   EXPECT_EQ(record.failed, 0) << testing::PrintToString(record.warnings);
   EXPECT_FALSE(replay_file(trace_path()).result.difference);
 }

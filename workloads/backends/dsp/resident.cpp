@@ -1,7 +1,7 @@
-#include <cassert>
 #include <cstring>
 
 #include "workloads/backends/dsp/kernels.h"
+#include "workloads/base/contract.h"
 
 namespace pirt::dsp {
 
@@ -24,7 +24,7 @@ Cost run(ProgramSession& session, const Call& call) {
 }
 
 void copy_in(ProgramSession& session, const MappedTensor& to, std::span<const std::byte> from) {
-  assert(from.size() == to.rows * to.row_bytes);
+  expect(from.size() == to.rows * to.row_bytes, "a tensor of another size than its place");
   std::byte* const at = session.bytes(to.buffer).data();
   for (std::size_t row = 0; row < to.rows; ++row) {
     std::memcpy(at + row * to.pitch_bytes, from.data() + row * to.row_bytes, to.row_bytes);
@@ -32,7 +32,7 @@ void copy_in(ProgramSession& session, const MappedTensor& to, std::span<const st
 }
 
 void copy_out(const ProgramSession& session, const MappedTensor& from, std::span<std::byte> to) {
-  assert(to.size() == from.rows * from.row_bytes);
+  expect(to.size() == from.rows * from.row_bytes, "a tensor of another size than its place");
   const std::byte* const at = session.bytes(from.buffer).data();
   for (std::size_t row = 0; row < from.rows; ++row) {
     std::memcpy(to.data() + row * from.row_bytes, at + row * from.pitch_bytes, from.row_bytes);

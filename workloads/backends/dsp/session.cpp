@@ -10,13 +10,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cassert>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
 #include <utility>
 
 #include "workloads/backends/dsp/elf.h"
+#include "workloads/base/contract.h"
 #include "workloads/base/error.h"
 #include "workloads/base/system/child.h"
 
@@ -246,7 +246,8 @@ std::span<std::byte> ProgramSession::bytes(Buffer buffer) const {
 
 Cost ProgramSession::run(std::uint32_t kernel, std::span<const Buffer> buffers,
                          std::span<const std::int32_t> values, std::string_view name) {
-  assert(buffers.size() <= PIRT_DSP_MAX_BUFFERS && values.size() <= PIRT_DSP_MAX_VALUES);
+  expect(buffers.size() <= PIRT_DSP_MAX_BUFFERS && values.size() <= PIRT_DSP_MAX_VALUES,
+         "more buffers or values than a command has room for");
   if (process_ < 0) start();
   PirtDspCommand command{};
   command.serial = ++serial_;

@@ -2,7 +2,6 @@
 
 #include <fmt/core.h>
 
-#include <cassert>
 #include <cmath>
 #include <cstring>
 #include <map>
@@ -13,6 +12,7 @@
 #include "workloads/backends/fpga/core.h"
 #include "workloads/backends/fpga/fpga_options.h"
 #include "workloads/backends/fpga/kernels.h"
+#include "workloads/base/contract.h"
 #include "workloads/base/system/affinity.h"
 #include "workloads/model/counted_clock.h"
 
@@ -91,7 +91,7 @@ class FpgaKernel : public Kernel {
     } else {
       for (std::size_t i = 0; i < inputs_.size(); ++i) {
         const auto bytes = inputs_[i].bytes();
-        assert(bytes.size() == call_.in[i].call_bytes);
+        expect(bytes.size() == call_.in[i].call_bytes, "an input of another size than the core's");
         std::memcpy(call_.in[i].memory.data(), bytes.data(), bytes.size());
       }
     }
@@ -117,7 +117,8 @@ class FpgaKernel : public Kernel {
       return;
     }
     for (std::size_t i = 0; i < out_.size(); ++i) {
-      assert(outputs_[i].bytes().size() == out_[i].size());
+      expect(outputs_[i].bytes().size() == out_[i].size(),
+             "an output of another size than the core's");
       std::memcpy(outputs_[i].data(), out_[i].data(), out_[i].size());
     }
   }

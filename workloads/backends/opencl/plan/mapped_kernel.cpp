@@ -2,7 +2,7 @@
 
 #include <fmt/core.h>
 
-#include <cassert>
+#include "workloads/base/contract.h"
 
 namespace pirt::opencl {
 
@@ -15,7 +15,8 @@ MappedKernel::~MappedKernel() {
 }
 
 void MappedKernel::bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
-  assert(inputs.size() == plan_.inputs.size() && outputs.size() == plan_.outputs.size());
+  expect(inputs.size() == plan_.inputs.size() && outputs.size() == plan_.outputs.size(),
+         "other tensors than the plan's");
   translated(fmt::format("mapping the tensors of {}", workload()), [&] {
     unmap_all();
     shared_.clear();

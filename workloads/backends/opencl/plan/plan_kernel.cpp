@@ -2,7 +2,7 @@
 
 #include <fmt/core.h>
 
-#include <cassert>
+#include "workloads/base/contract.h"
 
 namespace pirt::opencl {
 
@@ -31,9 +31,10 @@ std::optional<LaunchSum> LaunchingKernel::stamped() {
 }
 
 void PlanKernel::bind(std::span<const Tensor> inputs, std::span<Tensor> outputs) {
-  assert(inputs.size() == plan_.inputs.size());
+  expect(inputs.size() == plan_.inputs.size(), "other inputs than the plan's");
   for (std::size_t i = 0; i < inputs.size(); ++i) {
-    assert(inputs[i].spec().size_bytes() == plan_.inputs[i].spec.size_bytes());
+    expect(inputs[i].spec().size_bytes() == plan_.inputs[i].spec.size_bytes(),
+           "an input of another size than the plan's");
   }
   inputs_ = inputs;
   outputs_ = outputs;
@@ -57,7 +58,8 @@ void PlanKernel::bind_state(std::span<const Tensor> current, std::span<Tensor> n
     Kernel::bind_state(current, next);
     return;
   }
-  assert(current.size() == plan_.current.size() && next.size() == plan_.next.size());
+  expect(current.size() == plan_.current.size() && next.size() == plan_.next.size(),
+         "another state than the plan's");
   current_ = current;
   next_ = next;
 }
