@@ -6,10 +6,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "scheduler/trace/trace_document.h"
 #include "scheduler/trace/trace_reader.h"
 #include "workloads/base/error.h"
-#include "workloads/base/text/json.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -193,44 +191,8 @@ class Replay {
 
 }  // namespace
 
-TraceLog load_trace_log(const std::filesystem::path& path) {
-  return parse_trace_log(read_text(path, kAnySize), path.string());
-}
-
-TraceLog parse_trace_log(const std::string& text, const std::string& source) {
-  TraceLog log;
-  try {
-    const auto json = parse_trace(text);
-    const auto& part = json.at("pirt");
-    log.setup = dispatcher_setup_from_json(part);
-    for (const auto& entry : part.at("log"))
-      log.entries.push_back(log_entry_from_json(entry, log.entries.size() + 1));
-    log.complete = !part.at("inputs").is_null();
-    if (log.complete && part.at("inputs").get<std::size_t>() != log.entries.size()) {
-      throw_bad_input("its log is not as long as it says");
-    }
-  } catch (const JsonError& error) {
-    throw_bad_input(not_a_trace(source, error));
-  } catch (const Error& error) {
-    throw_bad_input(source + ": " + error.what());
-  }
-  return log;
-}
-
-ReplayResult replay(const TraceLog& log, const std::string& source) {
-  std::size_t position = 0;
-  return Replay(log.setup, source).run([&]() -> std::optional<LogEntry> {
-    if (position == log.entries.size()) return std::nullopt;
-    return log.entries[position++];
-  });
-}
-
 FileReplay replay_file(const std::filesystem::path& path) {
   TraceReader reader(path);
-  if (reader.is_laid_out_otherwise()) {
-    const TraceLog log = load_trace_log(path);
-    return {log.setup.mode, log.entries.size(), replay(log, path.string()), log.complete};
-  }
   auto result = Replay(reader.setup(), path.string()).run([&] { return reader.next(); });
   return {reader.setup().mode, reader.size(), std::move(result), !reader.ends_in_the_middle()};
 }

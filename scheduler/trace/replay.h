@@ -11,19 +11,6 @@
 
 namespace pirt {
 
-/// The log of a trace, read and checked: every input is one that a dispatcher may be given.
-struct TraceLog {
-  DispatcherSetup setup;
-  std::vector<LogEntry> entries;
-  bool complete = true;  ///< False: the run did not come to its end, and the log not to that.
-};
-
-/// @throws Error{kBadInput} naming the file: not there, not JSON, not a trace of pirt's, another
-/// version, a part is missing or does not make sense.
-[[nodiscard]] TraceLog load_trace_log(const std::filesystem::path& path);
-/// @param source  For messages.
-[[nodiscard]] TraceLog parse_trace_log(const std::string& text, const std::string& source);
-
 struct ReplayDifference {
   std::size_t entry = 0;  ///< Position in the log.
   Nanos at{0};
@@ -36,19 +23,17 @@ struct ReplayResult {
   std::optional<ReplayDifference> difference;  ///< The first; the replay stops there.
 };
 
-/// An input that was taken and now is refused, e.g. the completion of a task that does not run, is
-/// a difference.
-/// @throws Error{kBadInput} if the log names what its tables do not have.
-[[nodiscard]] ReplayResult replay(const TraceLog& log, const std::string& source);
-
 struct FileReplay {
   const PolicyInfo* mode = nullptr;
   std::optional<std::size_t> size;  ///< Of the log; absent if that was not read to its end.
   ReplayResult result;
-  bool complete = true;  ///< As TraceLog's.
+  bool complete = true;  ///< False: the run did not come to its end, and the log not to that.
 };
-/// The same of a file, in memory that does not follow its length.
-/// @throws Error{kBadInput} as load_trace_log and replay.
+/// In memory that does not follow the file's length, unless that is laid out otherwise than pirt
+/// does. An input that was taken and now is refused, e.g. the completion of a task that does not
+/// run, is a difference.
+/// @throws Error{kBadInput} naming the file: not there, not a trace of pirt's, another version, a
+/// part is missing or does not make sense, the log names what its tables do not have.
 [[nodiscard]] FileReplay replay_file(const std::filesystem::path& path);
 
 }  // namespace pirt

@@ -3,10 +3,13 @@
 #include <cerrno>
 #include <cstring>
 #include <string_view>
+#include <utility>
 
+#include "scheduler/trace/trace_document.h"
 #include "scheduler/trace/trace_file.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/text.h"
 
 namespace pirt {
 namespace {
@@ -37,18 +40,30 @@ auto naming(const std::string& source, const Read& read) {
 TraceReader::TraceReader(const std::filesystem::path& path)
     : source_(path.string()), in_(path, std::ios::binary) {
   if (!in_) throw_bad_input("cannot read '" + source_ + "': " + std::strerror(errno));
-  naming(source_, [this] { begin(); });
+  naming(source_, [&] { begin(path); });
 }
 
-void TraceReader::begin() {
+void TraceReader::begin(const std::filesystem::path& path) {
   std::getline(in_, line_);
-  const auto header = arguments(line_, TraceFile::kHeaderLine);
-  otherwise_ = !header || in_.eof();
-  if (!otherwise_) setup_ = dispatcher_setup_from_json(parse_json(*header));
+  if (const auto header = arguments(line_, TraceFile::kHeaderLine); header && !in_.eof()) {
+    setup_ = dispatcher_setup_from_json(parse_json(*header));
+    return;
+  }
+  Json document = parse_trace(read_text(path, kAnySize));
+  Json& part = document.at("pirt");
+  setup_ = dispatcher_setup_from_json(part);
+  torn_ = part.at("inputs").is_null();
+  if (!torn_) size_ = part.at("inputs").get<std::size_t>();
+  log_ = std::move(part.at("log"));
 }
 
 std::optional<LogEntry> TraceReader::next() {
-  return naming(source_, [this] { return next_line(); });
+  return naming(source_, [this]() -> std::optional<LogEntry> {
+    if (!log_) return next_line();
+    if (read_ == log_->size()) return last(size_.value_or(read_));
+    const Json& entry = log_->at(read_++);
+    return log_entry_from_json(entry, read_);
+  });
 }
 
 std::optional<LogEntry> TraceReader::next_line() {

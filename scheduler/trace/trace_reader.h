@@ -1,4 +1,5 @@
-// The log of a trace, entry by entry: what it takes in memory does not follow its length.
+// The log of a trace, entry by entry: what it takes in memory does not follow its length, unless a
+// formatter has laid the file out anew.
 #pragma once
 
 #include <cstddef>
@@ -8,18 +9,15 @@
 #include <string>
 
 #include "scheduler/trace/log_json.h"
+#include "workloads/base/text/json.h"
 
 namespace pirt {
 
-/// Of a file as TraceFile lays it out: each entry has a line of its own.
 class TraceReader {
  public:
   /// @throws Error{kBadInput} naming the file: not there, not a trace of pirt's, another version.
   explicit TraceReader(const std::filesystem::path& path);
 
-  /// Whether a formatter, or an older pirt, has laid the file out; then there is nothing here to
-  /// read, and parse_trace_log takes it as a whole.
-  [[nodiscard]] bool is_laid_out_otherwise() const { return otherwise_; }
   [[nodiscard]] const DispatcherSetup& setup() const { return setup_; }
   /// How many entries there are, as the file says at its end.
   [[nodiscard]] std::optional<std::size_t> size() const { return size_; }
@@ -31,7 +29,7 @@ class TraceReader {
   [[nodiscard]] std::optional<LogEntry> next();
 
  private:
-  void begin();
+  void begin(const std::filesystem::path& path);
   [[nodiscard]] std::optional<LogEntry> next_line();
   [[nodiscard]] std::optional<LogEntry> last(std::size_t size);
 
@@ -41,7 +39,8 @@ class TraceReader {
   DispatcherSetup setup_;
   std::optional<std::size_t> size_;
   std::size_t read_ = 0;
-  bool otherwise_ = false, torn_ = false;
+  std::optional<Json> log_;  ///< Of a file that is laid out otherwise.
+  bool torn_ = false;
 };
 
 }  // namespace pirt

@@ -15,9 +15,9 @@
 #include "scheduler/schedule.h"
 #include "scheduler/services/eligibility.h"
 #include "scheduler/services/services.h"
-#include "scheduler/trace/replay.h"
 #include "tests/bench/peers/comparison.h"
 #include "tests/bench/peers/simgrid.h"
+#include "tests/scheduler/trace_log.h"
 #include "workloads/base/math/random.h"
 #include "workloads/catalog/catalog.h"
 
@@ -111,7 +111,7 @@ Scenario scenario_of(const Platform& platform, const Mix& mix, const ScheduleOpt
   ScheduleOptions options = wished;
   options.trace = path.string();
   static_cast<void>(run_virtual(platform, nullptr, mix, options));
-  const TraceLog log = load_trace_log(path);
+  const test::TraceLog log = test::load_trace_log(path);
   std::filesystem::remove(path);
   const auto services = services_of(platform, mix, options.mode);
 

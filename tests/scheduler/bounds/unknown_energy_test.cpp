@@ -29,7 +29,7 @@ RunRecord run(const std::string& mode, const char* board = kBoard) {
   options.mode = mode;
   options.trace = (std::filesystem::path(testing::TempDir()) / "pirt_unknown_energy.json").string();
   const RunRecord record = run_virtual(platform_of(board), nullptr, mix_of(kMix), options);
-  EXPECT_FALSE(replay(load_trace_log(*options.trace), *options.trace).difference) << mode;
+  EXPECT_FALSE(replay_file(*options.trace).result.difference) << mode;
   EXPECT_EQ(run_record_from_json(to_json(record), "r"), record) << mode;
   std::filesystem::remove(*options.trace);
   return record;

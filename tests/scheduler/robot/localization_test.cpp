@@ -375,8 +375,7 @@ TEST(Localization, ItsTraceReplays) {
   auto options = options_of(sequence);
   options.runtime.trace = (folder.path() / "trace.json").string();
   const auto result = localize_live(sequence, options);
-  const auto log = load_trace_log(*options.runtime.trace);
-  const auto replayed = replay(log, "trace");
+  const auto replayed = replay_file(*options.runtime.trace).result;
   EXPECT_FALSE(replayed.difference.has_value());
   EXPECT_GT(replayed.decisions, static_cast<std::int64_t>(5 * result.run.frames.size()));
 }

@@ -54,7 +54,7 @@ Outcomes run(const std::string& board, const char* mix, const LiveOptions* live,
   Outcomes result;
   result.record = live != nullptr ? pirt::run_live(platform, nullptr, mix_of(mix), options, *live)
                                   : run_virtual(platform, nullptr, mix_of(mix), options);
-  EXPECT_FALSE(replay(load_trace_log(path), path).difference);
+  EXPECT_FALSE(replay_file(path).result.difference);
   const Json trace = parse_trace(read_file(path.string()));
   std::filesystem::remove(path);
   for (const Json& event : trace.at("traceEvents")) {

@@ -232,7 +232,7 @@ TEST(Live, TheTraceOfEveryModeReplays) {
       continue;
     }
     EXPECT_EQ(run.completed + run.dropped, 90);
-    const ReplayResult again = replay(load_trace_log(trace), trace);
+    const ReplayResult again = replay_file(trace).result;
     EXPECT_FALSE(again.difference) << again.difference->input << ": " << again.difference->recorded
                                    << " / " << again.difference->replayed;
   }
@@ -311,7 +311,7 @@ TEST(Live, AUnitThatHangsIsTakenOutOfServiceAndItsStateIsThatOfBefore) {
     const auto made = cpu.call(model, std::move(data.inputs), &state);
     EXPECT_EQ((outputs[{0, firing}] == bytes_of(made)), true) << firing;
   }
-  EXPECT_FALSE(replay(load_trace_log(trace), trace).difference);
+  EXPECT_FALSE(replay_file(trace).result.difference);
 }
 
 TEST(Live, WhatWaitedBehindAHungCallIsServedElsewhereWithItsOwnInputs) {

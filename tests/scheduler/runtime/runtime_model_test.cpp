@@ -4,8 +4,8 @@
 #include <stdexcept>
 #include <thread>
 
-#include "scheduler/trace/replay.h"
 #include "tests/scheduler/runtime/runtime_support.h"
+#include "tests/scheduler/trace_log.h"
 #include "tests/support/long.h"
 #include "tests/workloads/inputs/sequence_support.h"
 #include "workloads/base/math/random.h"
@@ -30,7 +30,7 @@ TEST(Runtime, ItsTraceReplaysWhateverHappened) {
     if (i % 10 == 0) runtime.cancel(dropped);
   }
   runtime.write_trace();
-  const auto replayed = replay(load_trace_log(*options.trace), "trace");
+  const auto replayed = replay_file(*options.trace).result;
   EXPECT_FALSE(replayed.difference.has_value());
   EXPECT_GE(replayed.decisions, 100);
   EXPECT_GT(sum.busy(), Nanos::zero());
@@ -50,7 +50,7 @@ TEST(Runtime, TasksAfterOneThatIsLongOverAreInTheTraceToo) {
   }
   runtime.write_trace();
   const auto log = load_trace_log(*options.trace);
-  EXPECT_FALSE(replay(log, "trace").difference.has_value());
+  EXPECT_FALSE(replay_file(*options.trace).result.difference.has_value());
   // The one that failed, five after it, and the one that stands for what is over.
   EXPECT_EQ(std::ranges::count(log.entries, DispatcherInput::Kind::kSubmit,
                                [](const LogEntry& each) { return each.input.kind; }),

@@ -279,7 +279,7 @@ TEST(Ports, RandomMixesWithFaultsLoseNothingAndReplay) {
       ASSERT_EQ(pipeline.fired, pipeline.completed + pipeline.dropped + pipeline.unfinished);
     }
     if (options.trace) {
-      const ReplayResult again = replay(load_trace_log(trace), trace);
+      const ReplayResult again = replay_file(trace).result;
       ASSERT_FALSE(again.difference)
           << again.difference->input << ": " << again.difference->recorded << " / "
           << again.difference->replayed;
