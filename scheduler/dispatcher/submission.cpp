@@ -134,7 +134,7 @@ void Dispatcher::bind(std::span<const Task> tasks) {
 
 /// To what it comes after.
 void Dispatcher::link(TaskSlot slot, const Task& task) {
-  bool doomed = false;
+  bool doomed = std::ranges::find(task.after, kNoTask) != task.after.end();
   const auto follow = [&](TaskSlot predecessor) {
     if (predecessor == kNoSlot || predecessor == slot) return;  // Itself: a guess at its id.
     if (is_over(tasks_[predecessor].state)) {

@@ -76,7 +76,7 @@ struct Task {
   std::optional<Nanos> expires_at = {};
   std::optional<Recall> recall = {};
   /// Tasks of earlier submissions that have to complete first. One that is not known counts as
-  /// complete; one that ended otherwise drops this task.
+  /// complete; one that ended otherwise drops this task, as does kNoTask.
   std::span<const TaskId> after = {};
   /// The same of this submission: positions before the task's own.
   std::span<const std::uint32_t> after_own = {};

@@ -216,8 +216,6 @@ class Runtime::Engine {
   void end_turn(runtime::Turn::Held& turn, TaskChain& ended);
   void take_in(Submitted& task);
   [[nodiscard]] Task dispatched(const Submitted& task);
-  std::pair<FiringId, TaskId> submit(const Task& task);
-  TaskId never();
   void take_end(Submitted& task);
   void take_slice(Submitted& task);
   [[nodiscard]] static std::string why_dropped(const Submitted& task);
@@ -307,7 +305,6 @@ class Runtime::Engine {
   UnitMask with_room_ = 0;              ///< Units that could start another task.
   Nanos now_{0};                        ///< Of the last event.
   Nanos look_at_{0};                    ///< At calls that run.
-  std::optional<TaskId> never_;         ///< For the dispatcher: what comes after it is dropped.
   std::uint32_t number_ = 0;
   std::int64_t running_ = 0;
   RuntimeStatistics counts_;

@@ -1,7 +1,6 @@
 // What becomes of tasks, within the engine's turn.
 #include <algorithm>
 #include <stdexcept>
-#include <tuple>
 
 #include "characterize/platform/elsewhere.h"
 #include "scheduler/runtime/engine.h"
@@ -44,19 +43,15 @@ void Runtime::Engine::take_in(Submitted& task) {
   hear_of_others();
   const Task given = dispatched(task);
   task.recall = given.recall;
-  std::tie(task.firing, task.id) = submit(given);
+  // First, since there may be no memory: a new slot is never beyond those in use.
+  tasks_.resize(std::max(tasks_.size(), dispatcher_->known_tasks() + 1));
+  const auto firing = dispatcher_->submit(std::span(&given, 1), now_, effects_);
+  if (!firing) throw std::logic_error("the dispatcher refused a task of the runtime");
+  task.firing = *firing;
+  task.id = effects_.submitted.back();
   tasks_[slot_of(task.id)] = &task;
   task.known = true;
   if (trace_) trace_->submitted(task.id, task.workload_index, 0, ++number_);
-}
-
-/// Tells the dispatcher of a task that is a firing by itself.
-std::pair<FiringId, TaskId> Runtime::Engine::submit(const Task& task) {
-  // First, since there may be no memory: a new slot is never beyond those in use.
-  tasks_.resize(std::max(tasks_.size(), dispatcher_->known_tasks() + 1));
-  const auto firing = dispatcher_->submit(std::span(&task, 1), now_, effects_);
-  if (!firing) throw std::logic_error("the dispatcher refused a task of the runtime");
-  return {*firing, effects_.submitted.back()};
 }
 
 /// The task as the dispatcher sees it.
@@ -64,17 +59,14 @@ Task Runtime::Engine::dispatched(const Submitted& task) {
   const Known& known = workloads_[task.workload_index];
   const Nanos now = task.submitted_at;
   after_.clear();
-  bool doomed = false;
   const auto follow = [&](const Submitted* before) {
     if (before == nullptr) return;
     const int decided = before->decided.load(std::memory_order_relaxed);
     if (decided == static_cast<int>(TaskEnd::kCompleted)) return;
-    doomed = doomed || decided != Submitted::kLive;
-    after_.push_back(before->id);
+    after_.push_back(decided == Submitted::kLive ? before->id : kNoTask);
   };
   for (const TaskInput& input : task.inputs) follow(input.output_.task.get());
   for (const TaskFuture& before : task.options.after) follow(before.task_.get());
-  if (doomed) after_.push_back(never());
   Task submitted;
   submitted.kind = setup_->scenario.classes[task.workload_index][0];
   const UnitMask willing = task.eligible & ~known.gave_up;
@@ -89,17 +81,6 @@ Task Runtime::Engine::dispatched(const Submitted& task) {
   submitted.after = after_;
   submitted.state = known.state;
   return submitted;
-}
-
-/// A task that has not completed, and is known for good: the dispatcher drops what comes after it.
-TaskId Runtime::Engine::never() {
-  if (!never_) {
-    Task task;
-    task.kind = setup_->scenario.classes[0][0];
-    task.expires_at = now_ - Nanos(1);  // Over before it could start.
-    never_ = submit(task).second;
-  }
-  return *never_;
 }
 
 void Runtime::Engine::take_end(Submitted& task) {
@@ -233,7 +214,6 @@ void Runtime::Engine::apply() {
     if (task != nullptr && task->running) request_stop(*task);
   }
   for (const Ended& each : applied_.ended) {
-    if (each.task == never_) continue;
     Submitted* const task = task_of(each.task);
     if (task == nullptr || task->is_decided()) continue;
     if (each.how == TaskEnd::kFailed && task->problem.empty()) {

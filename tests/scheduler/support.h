@@ -145,7 +145,7 @@ class NamedDispatcher : public Dispatcher {
 
   static std::uint64_t find(const Names& names, std::uint64_t name) {
     const auto found = names.find(name);
-    return found == names.end() ? kNoTask : found->second;
+    return found == names.end() ? kNoTask - 1 : found->second;  // Nobody has that.
   }
   template <typename Call>
   bool submitted(FiringId firing, std::span<const NamedTask> tasks, Effects& out,

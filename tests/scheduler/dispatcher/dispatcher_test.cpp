@@ -465,9 +465,13 @@ TEST(Dispatcher, TakesNoTaskForAnotherThatHadItsSlot) {
   EXPECT_EQ(out.started.size(), 3U);
   // Whoever guesses the next id waits for nobody: not even itself.
   EXPECT_TRUE(dispatcher.complete(kGpu, second, Outcome::kCompleted, Nanos(0), out));
-  const std::vector<TaskId> guessed = {second + (second - first), kNoTask};
+  const std::vector<TaskId> guessed = {second + (second - first)};
   EXPECT_EQ(submit(guessed), guessed[0]);
   EXPECT_EQ(out.started.size(), 4U);
+  const std::vector<TaskId> never = {kNoTask};
+  const TaskId dropped = submit(never);
+  ASSERT_EQ(out.ended.size(), 1U);
+  EXPECT_EQ(out.ended[0], (Ended{dropped, TaskEnd::kDropped}));
 }
 
 TEST(Dispatcher, MemoryIsFlatOverAMillionFiringsOfWhichATenthFails) {

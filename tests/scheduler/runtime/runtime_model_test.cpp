@@ -51,10 +51,10 @@ TEST(Runtime, TasksAfterOneThatIsLongOverAreInTheTraceToo) {
   runtime.write_trace();
   const auto log = load_trace_log(*options.trace);
   EXPECT_FALSE(replay_file(*options.trace).result.difference.has_value());
-  // The one that failed, five after it, and the one that stands for what is over.
+  // The one that failed, and five after it.
   EXPECT_EQ(std::ranges::count(log.entries, DispatcherInput::Kind::kSubmit,
                                [](const LogEntry& each) { return each.input.kind; }),
-            7);
+            6);
 }
 
 TEST(Runtime, APictureIsOneForTheModesThatAsk) {
