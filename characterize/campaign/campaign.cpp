@@ -45,6 +45,7 @@ Environment run_environment(const CampaignOptions& options, const CampaignPlan& 
   facts["mode"] = options.quick ? "quick" : "full";
   facts["precision"] = fmt::format("{}", options.precision);
   if (!options.filter.empty()) facts["filter"] = options.filter;
+  if (!options.command.empty()) facts["command"] = options.command;
   return facts;
 }
 

@@ -38,6 +38,7 @@ struct NeededWorkload {
 
 struct CampaignOptions {
   std::filesystem::path database;
+  std::string command;  ///< That measures the same again, but for the database; empty = none does.
   Platform platform;
   std::vector<std::string> units;     ///< Empty = all measured units of the platform.
   std::string filter;                 ///< A NameFilter of workload names; empty = all.

@@ -91,6 +91,7 @@ constexpr std::array kKeys = {
     EnvironmentKey{"mode", kInformation, "it decides how long one samples, not what"},
     EnvironmentKey{"max_time", kInformation, "it decides how long one samples, not what"},
     EnvironmentKey{"filter", kInformation, "it decides which cells there are"},
+    EnvironmentKey{"command", kInformation, "what of it matters is a fact of its own"},
     EnvironmentKey{"meter.*", kInformation, "each energy says its own source and domain"},
     EnvironmentKey{"assumptions", kInformation, "each energy says what it was computed from"},
 };

@@ -9,6 +9,7 @@
 #include "reports/document/figures.h"
 #include "reports/profile/roofline_report.h"
 #include "reports/profile/shown_row.h"
+#include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
 
@@ -286,12 +287,18 @@ Chart share_chart(const Profile& profile, const Rooflines& roofs) {
 
 std::string origin_of(const Profile& profile) {
   const RunInfo& run = profile.runs.front();
-  const auto mode = run.environment.find("mode");
-  const bool quick = mode != run.environment.end() && mode->second == "quick";
-  return fmt::format(
-      "run {} of {}, platform {}; again: pirt characterize{} --platform {} --seed {} --db {}",
-      run.run_id, run.started, run.platform, quick ? " --quick" : "", run.platform, run.seed,
-      profile.path);
+  std::string text =
+      fmt::format("run {} of {}, platform {}", run.run_id, run.started, run.platform);
+  const auto fact = [&run](const char* key) {
+    const auto found = run.environment.find(key);
+    return found == run.environment.end() ? std::string() : found->second;
+  };
+  if (const std::string command = fact("command"); !command.empty()) {
+    text += "; again: " + command + " --db " + path_in_shell(profile.path);
+  } else if (const std::string source = fact("source"); !source.empty()) {
+    text += "; published: " + source;
+  }
+  return text;
 }
 
 std::vector<Chart> time_charts(const Profile& profile) { return of_families(profile, time_chart); }

@@ -10,6 +10,7 @@
 #include "reports/run/run_report.h"
 #include "scheduler/record/keeping_up.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/shell.h"
 
 namespace pirt {
 namespace {
@@ -65,8 +66,9 @@ ReferenceLine front(const std::vector<ModePoint>& points, const Second& second,
 }
 
 std::string origin_of(const RunRecord& run) {
-  std::string text = "pirt schedule --compare --mix " + run.mix + " --platform " + run.platform;
-  if (run.profile) text += " --profile " + *run.profile;
+  std::string text = "pirt schedule --compare --mix " + in_shell(run.mix) + " --platform " +
+                     in_shell(run.platform);
+  if (run.profile) text += " --profile " + path_in_shell(*run.profile);
   return text + fmt::format(" --seed {}", run.seed);
 }
 

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "workloads/base/error.h"
+#include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -48,8 +49,9 @@ std::string remedy(const Platform& platform, const Profile* profile,
   if (std::ranges::none_of(platform.units, &UnitModel::measured)) {
     return "give their stages under `workloads:` in the platform file";
   }
-  const std::string path = profile == nullptr ? "profile.db" : profile->path;
-  const std::string& argument = platform.argument.empty() ? platform.name : platform.argument;
+  const std::string path = profile == nullptr ? "profile.db" : path_in_shell(profile->path);
+  const std::string argument =
+      path_in_shell(platform.argument.empty() ? platform.name : platform.argument);
   return "measure with: pirt characterize --platform " + argument + " --filter '^(" +
          join(missing, "|") + ")$' --db " + path +
          (profile == nullptr ? ", then give --profile " + path : "");

@@ -18,6 +18,7 @@
 #include "workloads/base/error.h"
 #include "workloads/base/system/file_descriptor.h"
 #include "workloads/base/system/temporary.h"
+#include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt {
@@ -56,8 +57,9 @@ void identify(const std::filesystem::path& path) {
                     failed.message()));
   }
   if (!std::filesystem::exists(status)) {
-    throw_bad_input(fmt::format(
-        "there is no profile database '{}'; make one with: pirt characterize --db {}", name, name));
+    throw_bad_input(
+        fmt::format("there is no profile database '{}'; make one with: pirt characterize --db {}",
+                    name, path_in_shell(name)));
   }
   if (!std::filesystem::is_regular_file(status)) {
     throw_bad_input(

@@ -16,6 +16,7 @@
 #include "characterize/profile/store/database_format.h"
 #include "characterize/profile/store/sqlite.h"
 #include "workloads/base/error.h"
+#include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
 #include "workloads/catalog/catalog.h"
 
@@ -240,14 +241,14 @@ std::string choose_platform(const Connection& connection, std::string_view wishe
   if (known.empty()) {
     throw_bad_input(fmt::format(
         "profile database '{}' holds no measurements; add some with: pirt characterize --db {}",
-        path, path));
+        path, path_in_shell(path)));
   }
   if (wished.empty()) return known.front();
   if (std::ranges::find(known, wished) == known.end()) {
     throw_bad_input(fmt::format(
         "profile database '{}' has no run of platform '{}'{}; measure it with: pirt characterize "
         "--db {} --platform {}",
-        path, wished, suggestion(wished, known), path, wished));
+        path, wished, suggestion(wished, known), path_in_shell(path), in_shell(wished)));
   }
   return std::string(wished);
 }

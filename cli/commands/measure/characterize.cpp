@@ -30,6 +30,7 @@
 #include "scheduler/mix/mix.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
 #include "workloads/base/time.h"
 #include "workloads/catalog/catalog.h"
@@ -95,6 +96,39 @@ std::vector<NeededWorkload> needed_by(const Mix& mix) {
   return needed;
 }
 
+/// What measures the same again, from any folder.
+std::string command_of(const CharacterizeFlags& options) {
+  const auto place = [](const std::string& path) {
+    return path_in_shell(std::filesystem::absolute(path).string());
+  };
+  std::string command = "pirt characterize";
+  const auto add = [&command](const char* flag, const std::string& value) {
+    command += std::string(" ") + flag + " " + value;
+  };
+  const auto add_list = [&](const char* flag, const std::vector<std::string>& values) {
+    if (!values.empty()) add(flag, in_shell(join(values, ",")));
+  };
+  if (options.quick) command += " --quick";
+  if (options.interference) command += " --interference";
+  add("--platform",
+      names_a_file(options.platform) ? place(options.platform) : in_shell(options.platform));
+  for (const std::string& setting : options.settings) add("--set", in_shell(setting));
+  add_list("--units", options.units);
+  if (!options.filter.empty()) add("--filter", in_shell(options.filter));
+  add_list("--variants", options.variants);
+  if (options.batch) add("--batch", std::to_string(*options.batch));
+  if (options.images) add("--images", place(*options.images));
+  if (options.mix != CharacterizeFlags{}.mix) {
+    add("--mix", names_a_file(options.mix) ? place(options.mix) : in_shell(options.mix));
+  }
+  if (options.precision != CharacterizeFlags{}.precision) {
+    add("--precision", in_shell(options.precision));
+  }
+  if (options.max_time) add("--max-time", in_shell(*options.max_time));
+  add("--seed", std::to_string(options.seed));
+  return command;
+}
+
 CampaignOptions campaign_options(const CharacterizeFlags& options) {
   if (options.resume) {
     CampaignOptions campaign = resume_options(options.database);
@@ -105,6 +139,7 @@ CampaignOptions campaign_options(const CharacterizeFlags& options) {
     return campaign;
   }
   CampaignOptions campaign;
+  campaign.command = command_of(options);
   campaign.mix = options.mix;
   campaign.first = needed_by(load_mix(options.mix));
   campaign.database = options.database;
@@ -203,7 +238,8 @@ std::string plan_text(const CampaignPlan& plan, const CampaignOptions& campaign)
 }
 
 std::string resume_hint(const CharacterizeFlags& options) {
-  return fmt::format("go on with: pirt characterize --resume --db {}", options.database);
+  return fmt::format("go on with: pirt characterize --resume --db {}",
+                     path_in_shell(options.database));
 }
 
 CampaignSummary measure(const CampaignOptions& campaign, const CampaignPlan& plan,
@@ -312,7 +348,8 @@ std::string out_of_time_text(const CampaignSummary& summary, const CampaignPlan&
       "The time was over (--max-time, {} min): {}. Go on with more in all: pirt characterize "
       "--resume --max-time {}min --db {}",
       minutes(plan.max_time), join(missing, "; "),
-      std::chrono::ceil<std::chrono::minutes>(2 * plan.max_time).count(), options.database);
+      std::chrono::ceil<std::chrono::minutes>(2 * plan.max_time).count(),
+      path_in_shell(options.database));
 }
 
 std::string summary_text(const CampaignSummary& summary, const CampaignPlan& plan,
@@ -354,8 +391,9 @@ std::string doubted_text(const Profile& profile, const CampaignOptions& campaign
       "{} rows are uncertain ({}), and used as they are: `pirt doctor` says what disturbs this "
       "machine; when it is quiet, or with more time (--max-time): pirt characterize --platform {} "
       "--db {} --filter '^({})$'",
-      rows, join(std::vector(why.begin(), why.end()), ", "), campaign.platform_argument,
-      campaign.database.string(), join(std::vector(workloads.begin(), workloads.end()), "|"));
+      rows, join(std::vector(why.begin(), why.end()), ", "),
+      path_in_shell(campaign.platform_argument), path_in_shell(campaign.database.string()),
+      join(std::vector(workloads.begin(), workloads.end()), "|"));
 }
 
 /// What the clock does to a sample: batches keep it below 0.1 % of any phase (measure.h).

@@ -28,6 +28,7 @@
 #include "scheduler/schedule.h"
 #include "workloads/base/error.h"
 #include "workloads/base/text/json.h"
+#include "workloads/base/text/shell.h"
 #include "workloads/base/text/text.h"
 
 namespace pirt::cli {
@@ -186,7 +187,7 @@ std::optional<Timeline> make_timeline(const Machine& machine, const Mix& mix,
   timeline.source = fmt::format(
       "virtual time; the whole of it: pirt schedule --mode {} --profile {} --mix {} --seed {} "
       "--trace trace.json",
-      schedule.mode, machine.profile.path, mix.name, schedule.seed);
+      schedule.mode, path_in_shell(machine.profile.path), in_shell(mix.name), schedule.seed);
   return timeline;
 }
 
