@@ -3,6 +3,8 @@
 #include <atomic>
 #include <cassert>
 #include <cstring>
+#include <exception>
+#include <mutex>
 #include <thread>
 #include <vector>
 
@@ -67,12 +69,22 @@ std::vector<Tensor> reference(const Workload& plain, TensorSpec output, const Da
   const auto to = batch.as<double>();
   const std::size_t length = to.size() / static_cast<std::size_t>(images);
   std::atomic<std::int64_t> next = 0;
-  const auto compute = [&] {
+  std::mutex mutex;
+  std::exception_ptr failure;
+  const auto compute_some = [&] {
     for (std::int64_t i = next++; i < images; i = next++) {
       const Tensor image = image_of(data.inputs[0], i);
       const auto values = image.as<float>();
       const auto result = run_layers(plain, {values.begin(), values.end()}, data.parameters);
       std::ranges::copy(result, to.subspan(static_cast<std::size_t>(i) * length, length).begin());
+    }
+  };
+  const auto compute = [&] {
+    try {
+      compute_some();
+    } catch (...) {
+      const std::lock_guard lock(mutex);
+      failure = std::current_exception();
     }
   };
   std::vector<std::jthread> others(std::max(1U, std::thread::hardware_concurrency()) - 1);
@@ -84,6 +96,7 @@ std::vector<Tensor> reference(const Workload& plain, TensorSpec output, const Da
   }
   compute();
   others.clear();
+  if (failure) std::rethrow_exception(failure);
   return outputs;
 }
 

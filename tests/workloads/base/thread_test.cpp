@@ -43,5 +43,17 @@ TEST(Thread, OfARealTimeThreadTakesTheClassOfTheProcess) {
   EXPECT_EQ(after, ::sched_getscheduler(::getpid()));
 }
 
+// Such as no memory, or no room on a disk.
+TEST(StartThread, AnExceptionEndsTheThreadAndNotTheProgram) {
+  testing::internal::CaptureStderr();
+  start_thread([] {
+    name_thread("worker");
+    throw std::runtime_error("no room is left");
+  }).join();
+  start_thread([](const std::stop_token&) { throw 5; }).join();
+  EXPECT_EQ(testing::internal::GetCapturedStderr().substr(0, 57),
+            "pirt: thread worker ended early: no room is left\npirt: th");
+}
+
 }  // namespace
 }  // namespace pirt

@@ -1,6 +1,7 @@
 #include "workloads/backends/cpu/core_team.h"
 
 #include <array>
+#include <utility>
 
 #include "workloads/base/error.h"
 #include "workloads/base/system/affinity.h"
@@ -34,18 +35,25 @@ void CoreTeam::run(const std::function<void(int)>& body) {
   body_ = &body;
   begin_.arrive_and_wait();
   end_.arrive_and_wait();
+  const std::lock_guard lock(mutex_);
+  if (failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
 }
 
 void CoreTeam::work(int index, int core) {
   try {
     bind_to_cores(std::array{core}, "cpu");
-  } catch (const Error&) {
+  } catch (const std::exception&) {
     // The core went away since it was listed: slower on another one, and still right.
   }
   while (true) {
     begin_.arrive_and_wait();
     if (body_ == nullptr) return;
-    (*body_)(index);
+    try {
+      (*body_)(index);
+    } catch (...) {
+      const std::lock_guard lock(mutex_);
+      if (!failure_) failure_ = std::current_exception();
+    }
     end_.arrive_and_wait();
   }
 }

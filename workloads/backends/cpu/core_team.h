@@ -2,7 +2,9 @@
 #pragma once
 
 #include <barrier>
+#include <exception>
 #include <functional>
+#include <mutex>
 #include <thread>
 #include <vector>
 
@@ -18,7 +20,8 @@ class CoreTeam {
   CoreTeam& operator=(const CoreTeam&) = delete;
 
   [[nodiscard]] int size() const { return static_cast<int>(threads_.size()); }
-  /// Runs @p body(index) on every core at once, and waits for all. It must not throw.
+  /// Runs @p body(index) on every core at once, and waits for all. What one throws is thrown
+  /// here then.
   void run(const std::function<void(int index)>& body);
 
  private:
@@ -26,6 +29,8 @@ class CoreTeam {
 
   std::barrier<> begin_, end_;
   const std::function<void(int)>* body_ = nullptr;  ///< Null between the barriers = stop.
+  std::mutex mutex_;
+  std::exception_ptr failure_;  ///< Of the run's bodies, the first.
   std::vector<std::jthread> threads_;
 };
 

@@ -7,9 +7,13 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <cstdio>
+#include <exception>
+#include <stop_token>
 #include <string>
 #include <system_error>
 #include <thread>
+#include <type_traits>
 #include <utility>
 
 #include "workloads/base/error.h"
@@ -61,13 +65,36 @@ inline void take_class_of_process() {
   }
 }
 
+/// A thread has ended early: on standard error, in one line, with its name.
+inline void report_thread(const char* what) {
+  char name[16] = "?";
+  static_cast<void>(::pthread_getname_np(::pthread_self(), name, sizeof name));
+  std::fprintf(stderr, "pirt: thread %s ended early: %s\n", name, what);
+}
+
+/// The only way to a thread: what is thrown out of @p body, such as for want of memory or of room
+/// on a disk, ends that thread with a line on standard error, and not the program. Whose work must
+/// go on, or be told, catches it itself.
+/// @param body  void(), or void(std::stop_token).
 /// @throws Error{kEnvironment} if the thread cannot be started; those that run already must then be
 /// made to end by the caller, who joins them.
 template <typename Body>
 [[nodiscard]] std::jthread start_thread(Body&& body) {
   try {
     const SignalsKept kept;
-    return std::jthread(std::forward<Body>(body));
+    return std::jthread([body = std::forward<Body>(body)](const std::stop_token& stop) mutable {
+      try {
+        if constexpr (std::is_invocable_v<Body&, std::stop_token>) {
+          body(stop);
+        } else {
+          body();
+        }
+      } catch (const std::exception& error) {
+        report_thread(error.what());
+      } catch (...) {
+        report_thread("something that is no std::exception was thrown");
+      }
+    });
   } catch (const std::system_error& error) {
     throw_environment("cannot start a thread: " + error.code().message() +
                       "; raise the limits on processes and memory (ulimit -u, ulimit -v, those of "
