@@ -6,6 +6,7 @@
 // folder.
 #pragma once
 
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <optional>
@@ -151,13 +152,15 @@ class Device {
   /// Does not run it: who prepares completes one run afterwards, which ends the `prepare` phase.
   /// The only way to a kernel, so that nothing is computed in another way than its name says.
   /// @throws Error{kEnvironment} if the device cannot (not supported, build failure, out of
-  /// memory).
+  /// memory); Error{kBadInput} for parameters that are none of the workload's: a kernel reads as
+  /// much of them as its workload says.
   [[nodiscard]] std::unique_ptr<Kernel> prepare(const Workload& workload,
                                                 std::span<const Tensor> parameters) {
     if (const Support support = supports(workload); !support.ok) {
       throw_environment("'" + workload.name + "' cannot run on " + info().name + ": " +
                         support.reason);
     }
+    check_parameters(workload, parameters);
     return make_kernel(workload, parameters);
   }
   /// Whether it will never compute again, as a GPU whose context a kernel's fault has ended: asked
@@ -187,6 +190,13 @@ class Device {
   [[nodiscard]] virtual bool is_deterministic() const { return false; }
 
  private:
+  static void check_parameters(const Workload& workload, std::span<const Tensor> parameters) {
+    const auto fits = [](const Tensor& tensor, const TensorSpec& spec) {
+      return tensor.spec().element == spec.element && tensor.spec().shape == spec.shape;
+    };
+    if (std::ranges::equal(parameters, workload.parameters, fits)) return;
+    throw_bad_input("'" + workload.name + "' was given parameters that are not its own");
+  }
   /// prepare() of a workload that supports() has.
   [[nodiscard]] virtual std::unique_ptr<Kernel> make_kernel(const Workload& workload,
                                                             std::span<const Tensor> parameters) = 0;

@@ -1,6 +1,7 @@
 #include "workloads/model/tensor.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <new>
@@ -128,6 +129,48 @@ std::vector<Tensor> make_tensors(std::span<const TensorSpec> specs, TensorMemory
   tensors.reserve(specs.size());
   for (const auto& spec : specs) tensors.emplace_back(spec, memory);
   return tensors;
+}
+
+namespace {
+
+template <typename T>
+std::string out_of_range_as(const Tensor& tensor) {
+  const auto values = tensor.used<T>();
+  const std::vector<Range>& ranges = tensor.spec().ranges;
+  if constexpr (std::is_integral_v<T>) {
+    if (ranges.empty()) return "";
+  }
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const auto value = static_cast<double>(values[i]);
+    const bool fits = ranges.empty() ? std::isfinite(value)
+                                     : value >= ranges[i % ranges.size()].low &&
+                                           value <= ranges[i % ranges.size()].high;
+    if (fits) continue;
+    std::string text =
+        tensor.spec().describe() + ": " + std::to_string(value) + " at " + std::to_string(i);
+    if (ranges.empty()) return text + " is no number";
+    const Range& range = ranges[i % ranges.size()];
+    return text + " is not from " + std::to_string(range.low) + " to " + std::to_string(range.high);
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string out_of_range(const Tensor& tensor) {
+  switch (tensor.spec().element) {
+    case Element::kU8:
+      return out_of_range_as<std::uint8_t>(tensor);
+    case Element::kI16:
+      return out_of_range_as<std::int16_t>(tensor);
+    case Element::kI32:
+      return out_of_range_as<std::int32_t>(tensor);
+    case Element::kF32:
+      return out_of_range_as<float>(tensor);
+    case Element::kF64:
+      return out_of_range_as<double>(tensor);
+  }
+  return "";
 }
 
 void copy_tensor(const Tensor& from, Tensor& to) {

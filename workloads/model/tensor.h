@@ -35,18 +35,28 @@ template <typename T>
   }
 }
 
+/// What a value may be, ends included.
+struct Range {
+  double low = 0, high = 0;
+};
+
 struct TensorSpec {
   std::string name;
   Element element = Element::kF32;
   std::vector<std::int64_t> shape;  ///< Slowest dimension first; all extents >= 1.
   /// The slowest dimension is a capacity; each tensor says how many of its rows it has.
   bool varies = false;
+  /// Of all its values, or one for each column (of the fastest dimension); empty = any that is a
+  /// number. Two specs are the same whatever these say.
+  std::vector<Range> ranges = {};
 
   [[nodiscard]] std::int64_t count() const;       ///< Of the capacity.
   [[nodiscard]] std::int64_t size_bytes() const;  ///< Of the capacity.
   /// "image u8[480,640]", "corners f32[<=500,2]"
   [[nodiscard]] std::string describe() const;
-  friend bool operator==(const TensorSpec&, const TensorSpec&) = default;
+  friend bool operator==(const TensorSpec& a, const TensorSpec& b) {
+    return a.name == b.name && a.element == b.element && a.shape == b.shape && a.varies == b.varies;
+  }
 };
 
 /// Where the memory of tensors can come from besides the host's heap: such as a device reads and
@@ -142,6 +152,10 @@ class Tensor {
 /// @param memory  As of Tensor.
 [[nodiscard]] std::vector<Tensor> make_tensors(std::span<const TensorSpec> specs,
                                                TensorMemory* memory = nullptr);
+
+/// The first value of the rows that it has that is no number, or out of the spec's ranges, in one
+/// line: what comes from outside is judged before anything computes with it. Empty = none.
+[[nodiscard]] std::string out_of_range(const Tensor& tensor);
 
 /// Elements and rows of @p from. The specs are the same, but for their names.
 /// @throws std::logic_error if they are not.

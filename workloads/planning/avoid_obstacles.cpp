@@ -14,6 +14,8 @@ constexpr int kSpeeds = 7;
 constexpr int kTurnRates = 15;
 constexpr double kLookS = 0.2;    ///< Between the places compared within the horizon,
 constexpr double kBrakeS = 0.05;  ///< and those checked until the robot stands.
+/// Who needs longer to stand is going to touch something, or was measured wrongly.
+constexpr double kLongestBrakeS = 60;
 /// Room beyond touching that is worth having, and what lacking all of it costs, in metres of way.
 constexpr double kRoomM = 0.5;
 constexpr double kRoomWorthM = 0.6;
@@ -120,6 +122,9 @@ class Choice {
   [[nodiscard]] bool is_safe(VelocityCommand command) const {
     const RobotLimits& limits = options_.limits;
     RobotState robot = with(command);
+    const double stands_s = std::max(robot.speed_mps / limits.acceleration_mps2,
+                                     std::abs(robot.turn_rate_rps) / limits.turn_acceleration_rps2);
+    if (!(stands_s <= kLongestBrakeS)) return false;  // Nor what is no number.
     double seconds = 0;
     while (robot.speed_mps > 0 || robot.turn_rate_rps != 0) {
       const bool braking = seconds >= options_.period_s - 1e-9;

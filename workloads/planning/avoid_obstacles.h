@@ -60,7 +60,8 @@ struct AvoidOptions {
 /// it comes to a stand before it touches anything: cells of the window that are not free (by the
 /// distance of centres, as passable_cells), and moving obstacles wherever they may be by then at
 /// people_speed_mps. Braking remains safe from one call to the next, so that the robot touches
-/// nothing while it moves; what walks into a robot that stands it cannot avoid. Among safe commands
+/// nothing while it moves, and no command is safe that it would need more than a minute to stand
+/// from; what walks into a robot that stands it cannot avoid. Among safe commands
 /// that one wins which comes closest to the target within the horizon, with room to where people
 /// will be if they walk on as they do.
 /// @param window  Of unit kMetres; what lies outside it cannot be entered.

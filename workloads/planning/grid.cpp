@@ -11,7 +11,7 @@ namespace {
 
 int to_int(double value) {
   constexpr double kLimit = std::numeric_limits<int>::max();
-  return static_cast<int>(std::clamp(value, -kLimit, kLimit));
+  return static_cast<int>(std::isnan(value) ? -kLimit : std::clamp(value, -kLimit, kLimit));
 }
 
 /// Lower envelope of the parabolas (x - i)^2 + f[i], sampled at x = 0 .. n - 1.

@@ -10,7 +10,7 @@ TensorSpec gray_spec(std::string name, int width, int height) {
 }
 
 TensorSpec corners_spec(Element element) {
-  return {"corners", element, {FeatureDetect::kMaxCorners, 2}, true};
+  return {"corners", element, {FeatureDetect::kMaxCorners, 2}, true, {{-1e5, 1e5}}};
 }
 
 std::string size_text(int width, int height) {

@@ -70,6 +70,20 @@ TEST_P(Supported, RefusesAKernelThatIsInNoTable) {
   EXPECT_THROW(static_cast<void>(device_->prepare(unknown, {})), Error);
 }
 
+// A kernel reads as much of its parameters as its workload says.
+TEST_P(Supported, RefusesParametersThatAreAnothersWorkloads) {
+  const Workload& conv3 = find_workload("conv3");
+  for (const char* const other : {"conv5", "fc8", "gaussian_blur"}) {
+    const auto parameters = make_tensors(find_workload(other).parameters);
+    try {
+      static_cast<void>(device_->prepare(conv3, parameters));
+      ADD_FAILURE() << "prepared with those of " << other;
+    } catch (const Error& error) {
+      EXPECT_STREQ(error.what(), "'conv3' was given parameters that are not its own");
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Backends, Supported, testing::Values("cpu", "opencl", "fake"),
                          [](const auto& test) { return test.param; });
 

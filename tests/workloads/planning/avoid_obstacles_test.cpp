@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "tests/support/errors.h"
@@ -195,6 +196,23 @@ TEST(AvoidObstacles, StandsWhereNothingIsSafe) {
   const auto command = avoid_obstacles({kStart}, window_of(map, kStart, 4), around, kGoal, {});
   EXPECT_EQ(command.speed_mps, 0);
   EXPECT_EQ(command.turn_rate_rps, 0);
+}
+
+// As a measurement may be that went wrong: it ends, with a command that brakes.
+TEST(AvoidObstacles, EndsWhateverTheRobotIsSaidToDo) {
+  const Grid map = room();
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  for (const double speed : {1e300, 1e9, 91.0, -1e300, none}) {
+    for (const double turn : {0.0, 1e300, -1e9, none}) {
+      for (const Point place : {Point{1e6, 1e6}, Point{5, 5}, Point{none, 0}}) {
+        const RobotState robot{place, 0, speed, turn};
+        const VelocityCommand command = avoid_obstacles(robot, map, {}, kGoal, {});
+        if (speed > 90) {
+          EXPECT_LE(command.speed_mps, speed);
+        }
+      }
+    }
+  }
 }
 
 TEST(Window, IsThePartOfTheMapAroundThePlace) {
